@@ -1,0 +1,192 @@
+"""Plan → a folder of files: the pad, its checks and its driver table.
+
+Knows when a folder is up to date without importing numpy or a CAD kernel.
+"""
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from padgen import __version__
+from padgen.errors import SpecError
+from padgen.files import OutputFolder, file_hash, is_current, read_manifest
+from padgen.finding import Finding
+from padgen.spec import Spec
+
+if TYPE_CHECKING:
+    from padgen.planner.plan import Plan
+    from padgen.solid.pad import PadSolid
+
+__all__ = ["DEFAULT_FORMATS", "FORMATS", "Built", "build", "parse_formats", "up_to_date"]
+
+FORMATS = ("stl", "3mf", "step", "glb")
+DEFAULT_FORMATS = ("stl", "3mf", "step")
+PACKAGES = ("build123d", "cadquery-ocp-novtk", "lib3mf", "manifold3d", "numpy", "pillow")
+THUMBNAIL_PX = (256, 256)
+PAD_COLOUR = (0.90, 0.88, 0.82)
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Built:
+    """What a build left: the folder, its files, the figures of the checks, all findings."""
+
+    folder: Path
+    files: tuple[str, ...]
+    figures: dict[str, Any]
+    findings: tuple[Finding, ...]
+    up_to_date: bool
+
+
+def parse_formats(text: str) -> tuple[str, ...]:
+    """Formats from a comma-separated list, in the order of `FORMATS`."""
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    for name in names:
+        if name not in FORMATS:
+            raise SpecError(f"must be among {', '.join(FORMATS)}, got {name!r}", "--formats")
+    if not names:
+        raise SpecError(f"must name one or more of {', '.join(FORMATS)}", "--formats")
+    return tuple(name for name in FORMATS if name in names)
+
+
+def up_to_date(spec: Spec, folder: Path, formats: tuple[str, ...], instances: bool) -> Built | None:
+    """The build in `folder` if nothing that went into it has changed, else None."""
+    if not is_current(folder, _inputs(spec, formats, instances)):
+        return None
+    checks = json.loads((folder / "checks.json").read_text(encoding="utf-8"))
+    findings = tuple(Finding(**entry) for entry in checks["findings"])
+    files = tuple(read_manifest(folder)["files"])
+    return Built(folder, files, checks["figures"], findings, True)
+
+
+def build(
+    spec: Spec,
+    folder: Path,
+    formats: tuple[str, ...] = DEFAULT_FORMATS,
+    instances: bool = False,
+    progress: Progress = lambda step: None,
+) -> Built:
+    """Plan, model, check and write the pad of `spec` into `folder`.
+
+    Raises
+    ------
+    SpecError, InfeasibleError
+        The spec cannot be met; nothing is written.
+    GeometryError
+        A kernel refused a part, or a file does not read back as written; nothing is written.
+    FileError
+        The folder cannot be written; what was there stays.
+    """
+    from padgen.driver import drive_csv, drive_json
+    from padgen.planner import make_plan, plan_to_json
+
+    progress("planning")
+    plan = make_plan(spec)
+    progress("loading the CAD kernel")
+    from padgen.solid.checks import check_pad
+    from padgen.solid.export import bill_of_materials
+    from padgen.solid.pad import build_pad
+
+    progress("modelling")
+    pad = build_pad(plan)
+    progress("checking")
+    report = check_pad(pad, plan)
+    findings = (*plan.findings, *report.findings)
+    inputs = _inputs(spec, formats, instances)
+    with OutputFolder(folder) as out:
+        out.write("plan.json", plan_to_json(plan))
+        out.write("drive.csv", drive_csv(plan))
+        out.write("drive.json", drive_json(plan))
+        out.write("bom.csv", bill_of_materials(plan, report.figures["plastic_g"]))
+        out.write("checks.json", _checks_json(report.figures, findings))
+        for name in formats:
+            progress(f"writing {name}")
+            _write_format(out, name, plan, pad, instances, inputs["spec"])
+        old = read_manifest(folder).get("files", {})
+        out.commit({"padgen": __version__, "inputs": inputs}, remove=old)
+    files = tuple(read_manifest(folder)["files"])
+    return Built(folder, files, report.figures, findings, False)
+
+
+def _write_format(
+    out: OutputFolder, name: str, plan: "Plan", pad: "PadSolid", instances: bool, spec_hash: str
+) -> None:
+    from padgen.solid import export
+
+    if name == "stl":
+        data = export.stl_bytes(pad.mesh, f"{__version__} {plan.name} {spec_hash[:16]}")
+        path = out.write_by("pad.stl", lambda path: _write_bytes(path, data))
+        export.verified("pad.stl", pad.mesh, export.stl_mesh(path.read_bytes()))
+    elif name == "3mf":
+        from padgen.solid.threemf import read_3mf, threemf_bytes
+
+        data = threemf_bytes(plan, pad, _metadata(plan, spec_hash), _thumbnail(pad), instances)
+        path = out.write_by("pad.3mf", lambda path: _write_bytes(path, data))
+        if not instances:
+            export.verified("pad.3mf", pad.mesh, read_3mf(path))
+    elif name == "step":
+        for channel in plan.channels:
+            out.write_by(f"taxel-{channel.index}.step", export.step_writer(plan, pad, channel.index))
+    elif name == "glb":
+        out.write("pad.glb", export.glb_bytes(plan, pad))
+
+
+def _write_bytes(path: Path, data: bytes) -> None:
+    path.write_bytes(data)
+
+
+def _thumbnail(pad: "PadSolid") -> bytes:
+    from padgen.solid.picture import picture_png
+
+    return picture_png([(pad.mesh, PAD_COLOUR)], THUMBNAIL_PX)
+
+
+def _metadata(plan: "Plan", spec_hash: str) -> dict[str, str]:
+    """3MF metadata; names of our own carry our namespace, as the format asks."""
+    own = "https://padgen.invalid/2026"
+    settings = "; ".join(f"{key} {value}" for key, value in plan.printing.items())
+    return {
+        "Title": plan.name,
+        "Application": f"padgen {__version__}",
+        "LicenseTerms": "the pad is yours; padgen is Apache-2.0",
+        "Description": f"{len(plan.taxels)} taxels over {plan.coils.rows} x {plan.coils.columns} coils",
+        f"{own}:SpecHash": spec_hash,
+        f"{own}:PrintSettings": settings,
+    }
+
+
+def _checks_json(figures: dict[str, Any], findings: tuple[Finding, ...]) -> str:
+    rounded = {k: float(f"{v:.8g}") if isinstance(v, float) else v for k, v in figures.items()}
+    table = {"figures": rounded, "findings": [asdict(f) for f in findings]}
+    return json.dumps(table, indent=1, ensure_ascii=False) + "\n"
+
+
+def _inputs(spec: Spec, formats: tuple[str, ...], instances: bool) -> dict[str, Any]:
+    """Everything that the bytes of a build depend on."""
+    text = json.dumps(asdict(spec), sort_keys=True)
+    return {
+        "spec": file_hash(text.encode()),
+        "formats": list(formats),
+        "instances": instances,
+        "code": _code_hash(),
+        "versions": {name: _version(name) for name in PACKAGES},
+    }
+
+
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "missing"
+
+
+@cache
+def _code_hash() -> str:
+    """Hash of padgen's own files, so that a changed checkout builds again."""
+    root = Path(__file__).parent
+    files = sorted(p for p in root.rglob("*") if p.suffix in (".py", ".csv"))
+    return file_hash(b"".join(p.read_bytes() for p in files))

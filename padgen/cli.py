@@ -1,0 +1,229 @@
+"""The ``padgen`` command: the only place that prints and sets exit codes.
+
+Exit codes: 0 done and every check holds; 1 done, but a check fails; 2 bad input or usage.
+"""
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NoReturn
+
+from padgen import __version__
+from padgen.errors import FileError, PadgenError
+
+__all__ = ["main", "run"]
+
+DONE, CHECK_FAILED, BAD_INPUT = 0, 1, 2
+
+
+def main() -> NoReturn:
+    """Entry point of the console script."""
+    code = run(sys.argv[1:])
+    try:
+        sys.stdout.flush()
+        sys.stderr.flush()
+    except OSError:
+        code = code or BAD_INPUT
+    # The CAD kernel takes up to half a second to take itself apart, for nothing.
+    os._exit(code)
+
+
+def run(arguments: list[str]) -> int:
+    """Run one command and return its exit code."""
+    parser = _parser()
+    try:
+        options = parser.parse_args(arguments)
+    except SystemExit as stop:
+        return BAD_INPUT if stop.code else DONE
+    as_json = getattr(options, "json", False)
+    try:
+        code: int = options.command(options)
+        return code
+    except PadgenError as error:
+        return _refused(str(error), error.code, as_json)
+    except KeyboardInterrupt:
+        return _refused("interrupted; files are as they were", "interrupted", as_json)
+    except BrokenPipeError:
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+        return BAD_INPUT
+    except MemoryError:
+        return _refused("the machine has not enough memory for this pad; ask for fewer taxels", "memory", as_json)
+
+
+def _refused(sentence: str, code: str, as_json: bool) -> int:
+    if as_json:
+        print(json.dumps({"error": {"code": code, "message": sentence}}, ensure_ascii=False))
+    else:
+        print(f"padgen: {sentence}", file=sys.stderr)
+    return BAD_INPUT
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="padgen", description="Vibrotactile pads with more taxels than coils, from a spec to a pad that prints."
+    )
+    parser.add_argument("--version", action="version", version=f"padgen {__version__}")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+
+    plan = commands.add_parser("plan", help="frequency allocation, beams, selectivity, feasibility")
+    plan.add_argument("spec", metavar="SPEC", help="a TOML file or the name of a template")
+    _output(plan)
+    plan.set_defaults(command=_plan)
+
+    build = commands.add_parser("build", help="the pad, its checks and its driver table")
+    build.add_argument("spec", metavar="SPEC", help="a TOML file or the name of a template")
+    build.add_argument("--formats", default="stl,3mf,step", help="of stl, 3mf, step, glb (default: %(default)s)")
+    build.add_argument("--instances", action="store_true", help="3MF with one mesh per distinct taxel, placed many times")
+    build.add_argument("--force", action="store_true", help="build again even if nothing changed")
+    _output(build)
+    build.set_defaults(command=_build)
+
+    check = commands.add_parser("check", help="print validation of any STL or 3MF")
+    check.add_argument("mesh", metavar="MESH", help="an STL, 3MF, OBJ, PLY or GLB file")
+    check.add_argument("--spec", metavar="SPEC", help="compare with the plan of this spec, and take its printer's limits")
+    check.add_argument("--json", action="store_true", help="one JSON object on standard output")
+    check.set_defaults(command=_check)
+
+    templates = commands.add_parser("templates", help="list the templates, or show one")
+    templates.add_argument("name", metavar="NAME", nargs="?")
+    templates.set_defaults(command=_templates)
+
+    init = commands.add_parser("init", help="copy a template to standard output")
+    init.add_argument("name", metavar="NAME")
+    init.set_defaults(command=_init)
+
+    schema = commands.add_parser("schema", help="the JSON schema of a spec, for editors")
+    schema.set_defaults(command=_schema)
+    return parser
+
+
+def _output(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("-o", "--output", metavar="DIR", help="folder of the results (default: out/NAME)")
+    parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
+
+
+def _folder(options: argparse.Namespace, name: str) -> Path:
+    return Path(options.output) if options.output else Path("out") / name
+
+
+def _plan(options: argparse.Namespace) -> int:
+    from padgen.files import OutputFolder
+    from padgen.planner import make_plan, plan_to_json
+    from padgen.spec import load_spec
+    from padgen.tell import findings_text, plan_text
+
+    plan = make_plan(load_spec(options.spec))
+    text = plan_to_json(plan)
+    folder = _folder(options, plan.name)
+    with OutputFolder(folder) as out:
+        out.write("plan.json", text)
+        out.commit()
+    if options.json:
+        print(text, end="")
+    else:
+        print(plan_text(plan))
+        print(findings_text(plan.findings))
+        print(f"\nwritten: {folder / 'plan.json'}")
+    return _code(plan.findings)
+
+
+def _build(options: argparse.Namespace) -> int:
+    from padgen.build import build, parse_formats, up_to_date
+    from padgen.spec import load_spec
+
+    spec = load_spec(options.spec)
+    formats = parse_formats(options.formats)
+    folder = _folder(options, spec.name)
+    built = None if options.force else up_to_date(spec, folder, formats, options.instances)
+    if built is None:
+        with _progress() as progress:
+            built = build(spec, folder, formats, options.instances, progress)
+    if options.json:
+        from dataclasses import asdict
+
+        table = {**asdict(built), "folder": str(built.folder)}
+        print(json.dumps(table, indent=1, ensure_ascii=False))
+    else:
+        from padgen.tell import built_text, findings_text
+
+        print(built_text(built))
+        print(findings_text(built.findings))
+    return _code(built.findings)
+
+
+def _check(options: argparse.Namespace) -> int:
+    from padgen.spec import make_spec
+
+    with _progress() as progress:
+        progress("reading")
+        from padgen.solid.foreign import check_file
+
+        spec = None
+        if options.spec:
+            from padgen.spec import load_spec
+
+            spec = load_spec(options.spec)
+        fallback = make_spec({"name": "check", "resolution": 1, "band_hz": [50, 200], "q_min": 15})
+        report = check_file(Path(options.mesh), spec, fallback, progress)
+    if options.json:
+        from dataclasses import asdict
+
+        print(json.dumps(asdict(report), indent=1, ensure_ascii=False))
+    else:
+        from padgen.tell import figures_text, findings_text
+
+        print(figures_text(report.figures))
+        print(findings_text(report.findings))
+    return _code(report.findings)
+
+
+def _templates(options: argparse.Namespace) -> int:
+    from padgen.spec import template_paths
+
+    if options.name:
+        return _init(options)
+    for name, path in template_paths().items():
+        first = path.read_text(encoding="utf-8").splitlines()[0].lstrip("# ")
+        print(f"{name:<12}  {first}")
+    return DONE
+
+
+def _init(options: argparse.Namespace) -> int:
+    from padgen.spec.fields import unknown_name
+    from padgen.spec.load import template_paths
+
+    templates = template_paths()
+    if options.name not in templates:
+        raise FileError(unknown_name(options.name, list(templates), "template", "").message, "NAME")
+    print(templates[options.name].read_text(encoding="utf-8"), end="")
+    return DONE
+
+
+def _schema(options: argparse.Namespace) -> int:
+    from padgen.spec.schema import spec_schema
+
+    print(json.dumps(spec_schema(), indent=1, ensure_ascii=False))
+    return DONE
+
+
+def _code(findings: Any) -> int:
+    return CHECK_FAILED if any(finding.level == "error" for finding in findings) else DONE
+
+
+@contextmanager
+def _progress() -> Iterator[Any]:
+    """A line that says what is being done, on a terminal only."""
+    if not sys.stderr.isatty():
+        yield lambda step: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("")
+        yield lambda step: bar.update(task, description=step)

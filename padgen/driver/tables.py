@@ -1,0 +1,87 @@
+"""The driver frequency table: what each channel's tone must be, as CSV and JSON."""
+
+import cmath
+import csv
+import io
+import json
+from dataclasses import asdict, dataclass, fields
+from math import degrees, sqrt
+
+from padgen.driver.tones import LARGEST_TABLE, coil_states
+from padgen.errors import number
+from padgen.physics.magnetics import impedance
+from padgen.planner.plan import Plan
+from padgen.units import MA, MH, MN
+
+__all__ = ["DriveRow", "drive_csv", "drive_json", "drive_rows"]
+
+
+@dataclass(frozen=True, slots=True)
+class DriveRow:
+    """One channel of the table; amplitudes are peaks, the phase is the voltage's over the current's."""
+
+    channel: int
+    resonance_hz: float
+    drive_hz: float
+    force_mn: float
+    current_ma_peak: float
+    voltage_v_peak: float
+    impedance_ohm: float
+    phase_deg: float
+    ring_up_ms: float
+
+
+def drive_rows(plan: Plan) -> tuple[DriveRow, ...]:
+    """The table for plain tones (paper Eq. 5): a tone of I at f pulls with c I²/2 at 2f."""
+    coil = plan.typed_spec.coil
+    rows = []
+    for channel in plan.channels:
+        current_a = sqrt(2 * channel.force_mn * MN / channel.force_constant_n_per_a2)
+        z = complex(impedance(coil.resistance_ohm, coil.inductance_mh * MH, channel.drive_hz))
+        rows.append(
+            DriveRow(
+                channel.index,
+                channel.resonance_hz,
+                channel.drive_hz,
+                channel.force_mn,
+                current_a / MA,
+                current_a * abs(z),
+                abs(z),
+                degrees(cmath.phase(z)),
+                channel.ring_up_ms,
+            )
+        )
+    return tuple(rows)
+
+
+def drive_csv(plan: Plan) -> str:
+    """The table as CSV, one row per channel."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([f.name for f in fields(DriveRow)])
+    for row in drive_rows(plan):
+        writer.writerow([value if isinstance(value, int) else f"{value:.6g}" for value in asdict(row).values()])
+    return text.getvalue()
+
+
+def drive_json(plan: Plan) -> str:
+    """The table, the states of one coil (up to six channels) and which taxel is which, as JSON."""
+    table = {
+        "name": plan.name,
+        "scheme": plan.selectivity.drive,
+        "channels": [asdict(row) for row in drive_rows(plan)],
+        "states": [asdict(state) for state in coil_states(plan)],
+        "states_note": ""
+        if len(plan.channels) <= LARGEST_TABLE
+        else f"{number(2 ** len(plan.channels))} states are not spelled out; at most {LARGEST_TABLE} channels are",
+        "taxels": [{"id": t.id, "coil": list(t.coil), "channel": t.channel} for t in plan.taxels],
+    }
+    return json.dumps(_rounded(table), indent=1, ensure_ascii=False) + "\n"
+
+
+def _rounded(value: object) -> object:
+    if isinstance(value, dict):
+        return {key: _rounded(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_rounded(entry) for entry in value]
+    return float(f"{value:.8g}") if isinstance(value, float) else value

@@ -1,0 +1,76 @@
+"""The exceptions that padgen raises on purpose.
+
+::
+
+    PadgenError            one sentence for the user, exit code 2
+    +-- SpecError          the spec: where, value, bound, unit, nearest value that would do
+    |   +-- InfeasibleError    the spec is well formed, yet no pad meets it
+    +-- FileError          a file or folder that cannot be read or written
+    |   +-- MeshFileError      a file that holds no mesh
+    +-- GeometryError      a CAD or mesh kernel (OCCT, manifold) could not make a part
+
+Findings (`padgen.finding`) are verdicts on a pad that was made; an exception means that none was.
+"""
+
+__all__ = [
+    "FileError",
+    "GeometryError",
+    "InfeasibleError",
+    "MeshFileError",
+    "PadgenError",
+    "SpecError",
+    "number",
+]
+
+
+class PadgenError(Exception):
+    """Base of all errors that end a command with one sentence and exit code 2."""
+
+    code = "padgen"
+
+    def __init__(self, message: str, where: str = "") -> None:
+        super().__init__(message)
+        self.message = message
+        self.where = where
+
+    def __str__(self) -> str:
+        return f"{self.where}: {self.message}" if self.where else self.message
+
+
+class SpecError(PadgenError):
+    """A field of the spec is unknown, of the wrong type or out of its bounds."""
+
+    code = "spec"
+
+
+class InfeasibleError(SpecError):
+    """No layout meets the spec; the message names the limit that binds and what would do."""
+
+    code = "infeasible"
+
+
+class FileError(PadgenError):
+    """A file or folder cannot be read or written."""
+
+    code = "file"
+
+
+class MeshFileError(FileError):
+    """A file given as a mesh holds none that can be read."""
+
+    code = "mesh"
+
+
+class GeometryError(PadgenError):
+    """A geometry kernel refused a part."""
+
+    code = "geometry"
+
+
+def number(value: float) -> str:
+    """Write `value` for a sentence: at most five significant digits, no trailing zeros.
+
+    >>> number(4.0), number(0.123456), number(1e6)
+    ('4', '0.12346', '1e+06')
+    """
+    return f"{value:.5g}"

@@ -1,0 +1,120 @@
+"""Output files that are whole or not there: written aside, renamed when complete.
+
+`OutputFolder` collects the files of one run in a hidden folder beside their place; `commit` moves
+them in, the manifest last. An error or Ctrl-C before that leaves the old files as they were.
+"""
+
+import json
+import os
+import shutil
+from collections.abc import Callable, Iterable
+from hashlib import sha256
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from padgen.errors import FileError
+
+__all__ = ["MANIFEST", "OutputFolder", "file_hash", "is_current", "read_manifest"]
+
+MANIFEST = "manifest.json"
+
+
+def file_hash(data: bytes) -> str:
+    """SHA-256 of some bytes, in hexadecimal."""
+    return sha256(data).hexdigest()
+
+
+class OutputFolder:
+    """A folder whose files change all at once; a context manager.
+
+    Parameters
+    ----------
+    path : Path
+        The folder; made with its parents when it is not there.
+
+    Raises
+    ------
+    FileError
+        On entry or when writing: the folder cannot be made or written to, or the disk is full.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._aside = path / f".partial-{os.getpid()}"
+        self._made: list[Path] = []
+        self._hashes: dict[str, str] = {}
+
+    def __enter__(self) -> "OutputFolder":
+        try:
+            missing = [p for p in (self.path, *self.path.parents) if not p.exists()]
+            self._aside.mkdir(parents=True)
+            self._made = missing
+        except OSError as error:
+            raise FileError(f"cannot be written to ({_reason(error)})", str(self.path)) from error
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        shutil.rmtree(self._aside, ignore_errors=True)
+        if kind is not None:
+            for folder in self._made:
+                try:
+                    folder.rmdir()
+                except OSError:
+                    return
+        if isinstance(error, OSError):
+            raise FileError(f"cannot be written ({_reason(error)})", str(self.path)) from error
+
+    def write(self, name: str, data: bytes | str) -> None:
+        """Add a file."""
+        raw = data.encode() if isinstance(data, str) else data
+        (self._aside / name).write_bytes(raw)
+        self._hashes[name] = file_hash(raw)
+
+    def write_by(self, name: str, writer: Callable[[Path], None]) -> Path:
+        """Add a file that `writer` writes to the path it is given; returns that path, for reading back."""
+        path = self._aside / name
+        writer(path)
+        self._hashes[name] = file_hash(path.read_bytes())
+        return path
+
+    def commit(self, manifest: dict[str, Any] | None = None, remove: Iterable[str] = ()) -> None:
+        """Move all files in, then the manifest (with every file's hash); drop stale files named in `remove`."""
+        if manifest is not None:
+            listed = dict(sorted(self._hashes.items()))
+            text = json.dumps({**manifest, "files": listed}, indent=1, ensure_ascii=False) + "\n"
+            (self._aside / MANIFEST).write_text(text, encoding="utf-8")
+            (self.path / MANIFEST).unlink(missing_ok=True)
+        for name in self._hashes:
+            os.replace(self._aside / name, self.path / name)
+        for name in set(remove) - set(self._hashes):
+            (self.path / name).unlink(missing_ok=True)
+        if manifest is not None:
+            os.replace(self._aside / MANIFEST, self.path / MANIFEST)
+
+
+def read_manifest(path: Path) -> dict[str, Any]:
+    """The manifest in a folder, empty when there is none that can be read."""
+    try:
+        manifest = json.loads((path / MANIFEST).read_bytes())
+    except (OSError, ValueError):
+        return {}
+    return manifest if isinstance(manifest, dict) else {}
+
+
+def is_current(path: Path, inputs: dict[str, Any]) -> bool:
+    """Whether a folder's manifest was made from `inputs` and its files are all there, unchanged."""
+    manifest = read_manifest(path)
+    files = manifest.get("files")
+    if manifest.get("inputs") != inputs or not isinstance(files, dict):
+        return False
+    try:
+        return all(file_hash((path / name).read_bytes()) == known for name, known in files.items())
+    except OSError:
+        return False
+
+
+def _reason(error: OSError) -> str:
+    return error.strerror or type(error).__name__

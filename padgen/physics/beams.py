@@ -1,0 +1,121 @@
+"""Stiffness and mass of one straight beam, clamped at its root, as its tip feels them.
+
+Beam axes: x from root to tip, z up, y so that the axes are right-handed. A tip has six degrees
+of freedom, in this order: displacements x, y, z, rotations about x, y, z.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+__all__ = ["BeamSection", "tip_mass", "tip_stiffness", "torsion_constant"]
+
+Array = Any
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
+_NODES, _WEIGHTS = (_NODES + 1) / 2, _WEIGHTS / 2
+
+
+class BeamSection(NamedTuple):
+    """Dimensions of a beam in m; arrays of one shape, or numbers.
+
+    `fillet` is the radius of the flares on both sides of the root. `give` is the rotation of the
+    ground at root and tip, as a length of beam that would turn as much under the same moment.
+    """
+
+    width: Array
+    thickness: Array
+    length: Array
+    fillet: Array
+    give: Array
+
+
+def torsion_constant(width: Array, thickness: Array) -> Array:
+    """Torsion constant in m⁴ of a rectangle (Roark's formula for a solid rectangle, within 0.5 %)."""
+    a, b = np.maximum(width, thickness), np.minimum(width, thickness)
+    slim = b / a
+    return a * b**3 * (1 / 3 - 0.21 * slim * (1 - slim**4 / 12))
+
+
+def tip_stiffness(section: BeamSection, modulus: Array, poisson: float) -> np.ndarray:
+    """Stiffness of the tip, shape (…, 6, 6), N/m and N·m/rad.
+
+    Timoshenko beam by the unit-load method: the flexibility is integrated along the flared width
+    and inverted, so that a flare stiffens as much as it should. Shear coefficient after Cowper
+    (1966).
+    """
+    length, give = np.asarray(section.length, float), np.asarray(section.give, float)
+    shear_modulus = modulus / (2 * (1 + poisson))
+    shear_factor = 10 * (1 + poisson) / (12 + 11 * poisson)
+    flare = _Integrals(section)
+    up0, up1, up2 = (v / modulus for v in flare.bending_vertical)
+    side0, side1, side2 = (v / modulus for v in flare.bending_lateral)
+    # The ground's give is a rotation at the root (arm: the whole length) and at the tip (no arm).
+    hinge = give / (modulus * section.width * np.asarray(section.thickness) ** 3 / 12)
+    up0, up1, up2 = up0 + 2 * hinge, up1 + hinge * length, up2 + hinge * length**2
+    area = flare.inverse_area
+    shear = area / (shear_factor * shear_modulus)
+    twist = flare.inverse_torsion / shear_modulus
+
+    stiffness = np.zeros((*np.shape(length), 6, 6))
+    stiffness[..., 0, 0] = modulus / area
+    stiffness[..., 3, 3] = 1 / twist
+    _fill_pair(stiffness, 2, 4, up2 + shear, -up1, up0)
+    _fill_pair(stiffness, 1, 5, side2 + shear, side1, side0)
+    return stiffness
+
+
+def tip_mass(section: BeamSection, density: float) -> np.ndarray:
+    """Consistent mass of the beam as its tip feels it, shape (…, 6, 6), kg, kg·m, kg·m².
+
+    Cubic deflection of a uniform beam clamped at its root; the flare's mass hardly moves and is
+    left out.
+    """
+    width, thickness, length = (np.asarray(v, float) for v in section[:3])
+    beam = density * width * thickness * length
+    polar = (width**2 + thickness**2) / 12
+    mass = np.zeros((*np.shape(beam), 6, 6))
+    mass[..., 0, 0] = beam / 3
+    mass[..., 3, 3] = beam * polar / 3
+    for shift, turn, sign in ((2, 4, 1), (1, 5, -1)):
+        mass[..., shift, shift] = beam * 13 / 35
+        mass[..., shift, turn] = mass[..., turn, shift] = sign * beam * length * 11 / 210
+        mass[..., turn, turn] = beam * length**2 / 105
+    return mass
+
+
+class _Integrals:
+    """Flexibility integrals along a beam whose width flares at the root.
+
+    ``bending_*`` are ∫ (l−s)^p ds / I for p = 0, 1, 2 (without the modulus).
+    """
+
+    def __init__(self, section: BeamSection) -> None:
+        width, thickness, length, fillet = (np.asarray(v, float)[..., None] for v in section[:4])
+        start = np.minimum(fillet, length)
+        at = _NODES * start
+        flared = width + 2 * (fillet - np.sqrt(np.maximum(fillet**2 - (fillet - at) ** 2, 0)))
+        arm = length - at
+        self._straight = (length - start)[..., 0]
+        self._flare = lambda integrand: (integrand * _WEIGHTS * start).sum(-1)
+        vertical, lateral = flared * thickness**3 / 12, thickness * flared**3 / 12
+        w, t = width[..., 0], thickness[..., 0]
+        self.bending_vertical = self._moments(vertical, arm, w * t**3 / 12)
+        self.bending_lateral = self._moments(lateral, arm, t * w**3 / 12)
+        self.inverse_area = self._flare(1 / (flared * thickness)) + self._straight / (w * t)
+        self.inverse_torsion = self._flare(1 / torsion_constant(flared, thickness)) + (
+            self._straight / torsion_constant(w, t)
+        )
+
+    def _moments(self, flared: Array, arm: Array, uniform: Array) -> list[Array]:
+        return [
+            self._flare(arm**p / flared) + self._straight ** (p + 1) / (p + 1) / uniform for p in range(3)
+        ]
+
+
+def _fill_pair(matrix: np.ndarray, i: int, j: int, ii: Array, ij: Array, jj: Array) -> None:
+    """Put the inverse of the 2 × 2 flexibility [[ii, ij], [ij, jj]] at rows and columns i, j."""
+    determinant = ii * jj - ij**2
+    matrix[..., i, i] = jj / determinant
+    matrix[..., j, j] = ii / determinant
+    matrix[..., i, j] = matrix[..., j, i] = -ij / determinant

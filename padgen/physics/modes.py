@@ -1,0 +1,97 @@
+"""The six modes of a rigid body on massive beams: the model that sizes the taxels.
+
+One rung above the point mass: Timoshenko beams with consistent mass on a rigid body with centroid
+offset and rotary inertia. All six rigid-body modes come out, for any arrangement of beams.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from padgen.physics.beams import BeamSection, tip_mass, tip_stiffness
+from padgen.physics.rigid_body import RigidBody
+
+__all__ = ["BeamPlacement", "Modes", "root_moment", "suspended_modes"]
+
+Array = Any
+
+
+class BeamPlacement(NamedTuple):
+    """A beam and where it meets the body: `tip` (…, 3) in m, `direction` (…, 2) from root to tip."""
+
+    section: BeamSection
+    tip: np.ndarray
+    direction: np.ndarray
+
+
+class Modes(NamedTuple):
+    """Modes of a suspended body, lowest first.
+
+    `frequency_hz` (…, 6); `shape` (…, 6, 6), one column a mode, mass-normalised, referred to
+    `reference` (…, 3), the centroid of the rigid body.
+    """
+
+    frequency_hz: np.ndarray
+    shape: np.ndarray
+    reference: np.ndarray
+
+    def at_point(self, point: np.ndarray) -> np.ndarray:
+        """Displacement (…, 3, 6) of a `point` (…, 3) of the body in each mode, in kg^-½."""
+        turn = self.shape[..., 3:, :]
+        arm = (point - self.reference)[..., :, None]
+        return self.shape[..., :3, :] + np.cross(turn, np.broadcast_to(arm, turn.shape), axis=-2)
+
+
+def suspended_modes(
+    body: RigidBody, beams: "list[BeamPlacement]", modulus: float, poisson: float, density: float
+) -> Modes:
+    """Modes of `body` on `beams` of one material; SI units, arrays of taxels at once.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        The mass matrix is not positive definite.
+    """
+    stiffness: Any = 0.0
+    mass: Any = _body_mass(body)
+    for beam in beams:
+        carry = _carry(beam, body.centroid)
+        carried = np.swapaxes(carry, -1, -2)
+        stiffness = stiffness + carried @ tip_stiffness(beam.section, modulus, poisson) @ carry
+        mass = mass + carried @ tip_mass(beam.section, density) @ carry
+    return _eigen(stiffness, mass, body.centroid)
+
+
+def root_moment(beam: BeamPlacement, displacement: np.ndarray, reference: np.ndarray, modulus: float, poisson: float) -> np.ndarray:
+    """Bending moment in N·m at the root of `beam` for a `displacement` (…, 6) of the body at `reference`."""
+    tip = _carry(beam, reference) @ displacement[..., None]
+    load = (tip_stiffness(beam.section, modulus, poisson) @ tip)[..., 0]
+    return load[..., 2] * beam.section.length - load[..., 4]
+
+
+def _body_mass(body: RigidBody) -> np.ndarray:
+    mass = np.zeros((*np.shape(body.mass), 6, 6))
+    mass[..., [0, 1, 2], [0, 1, 2]] = body.mass[..., None]
+    mass[..., 3:, 3:] = body.inertia
+    return mass
+
+
+def _carry(beam: BeamPlacement, reference: np.ndarray) -> np.ndarray:
+    """Matrix from the body's motion at `reference` to the tip's motion in beam axes."""
+    x, y, z = np.moveaxis(beam.tip - reference, -1, 0)
+    zero, one = np.zeros_like(x), np.ones_like(x)
+    arm = np.stack([zero, z, -y, -z, zero, x, y, -x, zero], -1).reshape(*x.shape, 3, 3)
+    c, s = np.moveaxis(np.broadcast_to(beam.direction, (*x.shape, 2)), -1, 0)
+    turn = np.stack([c, s, zero, -s, c, zero, zero, zero, one], -1).reshape(*x.shape, 3, 3)
+    carry = np.zeros((*x.shape, 6, 6))
+    carry[..., :3, :3] = carry[..., 3:, 3:] = turn
+    carry[..., :3, 3:] = turn @ arm
+    return carry
+
+
+def _eigen(stiffness: np.ndarray, mass: np.ndarray, reference: np.ndarray) -> Modes:
+    root = np.linalg.inv(np.linalg.cholesky(mass))
+    symmetric = root @ stiffness @ np.swapaxes(root, -1, -2)
+    squares, vectors = np.linalg.eigh((symmetric + np.swapaxes(symmetric, -1, -2)) / 2)
+    frequency_hz = np.sqrt(np.maximum(squares, 0)) / (2 * np.pi)
+    return Modes(frequency_hz, np.swapaxes(root, -1, -2) @ vectors, reference)

@@ -1,0 +1,53 @@
+"""One resonator: frequency, receptance, ring-up, sag (paper Eq. 1-3)."""
+
+from math import pi
+from typing import Any
+
+import numpy as np
+
+from padgen.units import GRAVITY_M_PER_S2
+
+__all__ = [
+    "natural_frequency",
+    "receptance",
+    "ring_up_time",
+    "rule_stiffness",
+    "static_sag",
+]
+
+Array = Any
+
+
+def natural_frequency(stiffness: Array, mass: Array) -> Array:
+    """Natural frequency in Hz of a point mass in kg on a spring in N/m (paper Eq. 1)."""
+    return np.sqrt(np.divide(stiffness, mass)) / (2 * pi)
+
+
+def rule_stiffness(modulus: Array, width: Array, thickness: Array, length: Array, end_factor: Array) -> Array:
+    """Stiffness in N/m of one beam by the point-mass rule ``k = c E w t³/l³`` (paper Eq. 2).
+
+    `end_factor` c is 1/4 for a cantilever with a free end slope and 1 for a guided beam; beams in
+    parallel add. Lengths in m, `modulus` in Pa.
+    """
+    return end_factor * modulus * width * (np.asarray(thickness) / length) ** 3
+
+
+def receptance(frequency: Array, resonance: Array, mass: Array, q: Array) -> Array:
+    """Complex displacement per force in m/N at force `frequency` in Hz.
+
+    ``H = 1/(4π² m) / (f_i² − f² + j f f_i/Q_i)``. The difference of squares is taken as a product,
+    so that a tone next to its resonance keeps its digits at large Q.
+    """
+    frequency, resonance = np.asarray(frequency, float), np.asarray(resonance, float)
+    detuning = (resonance - frequency) * (resonance + frequency)
+    return 1 / (4 * pi**2 * np.asarray(mass)) / (detuning + 1j * frequency * resonance / q)
+
+
+def ring_up_time(resonance: Array, q: Array) -> Array:
+    """Time constant in s with which a vibration grows and decays, ``Q/(π f)``."""
+    return np.asarray(q) / (pi * np.asarray(resonance))
+
+
+def static_sag(resonance: Array) -> Array:
+    """Sag in m under gravity of a resonator at `resonance` in Hz, ``g/(2π f)²``."""
+    return GRAVITY_M_PER_S2 / (2 * pi * np.asarray(resonance)) ** 2

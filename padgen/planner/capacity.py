@@ -1,0 +1,58 @@
+"""How many channels one coil holds: by the paper's bound and by the exact response."""
+
+import numpy as np
+
+from padgen.errors import SpecError
+from padgen.physics.ladder import capacity, geometric_ladder, ladder_ratio, whole_channels
+from padgen.physics.selectivity import all_states_db, crosstalk, one_hot_db
+from padgen.planner.plan import Capacity
+from padgen.planner.resonances import slot_band_hz
+from padgen.spec import Spec
+from padgen.units import decibel
+
+__all__ = ["channel_limit", "coil_capacity"]
+
+LARGEST_COUNT = 64
+"""Exact capacities are searched up to here: the spurs of n channels take n³ numbers."""
+
+
+def channel_limit(spec: Spec) -> int:
+    """Channels per coil that the paper's bound allows, at least one.
+
+    Raises
+    ------
+    SpecError
+        The band does not hold a single slot.
+    """
+    low, high = slot_band_hz(spec)
+    count = whole_channels(_paper(spec))
+    if count < 1:
+        raise SpecError(
+            f"holds no channel: at Q = {spec.q_min:g} one slot needs a band of 1 : {ladder_ratio(spec.q_min, spec.delta_y):.4g},"
+            f" e.g. [{spec.band_hz[0]:g}, {spec.band_hz[0] * ladder_ratio(spec.q_min, spec.delta_y) * 1.001:.4g}] Hz",
+            "band_hz",
+        )
+    return count
+
+
+def coil_capacity(spec: Spec, limit: str) -> Capacity:
+    """The plan's `Capacity`; `limit` names what keeps the pad from more."""
+    paper = _paper(spec)
+    target_db = decibel(spec.delta_y)
+    exact, one_hot = 1, 1
+    for count in range(2, min(max(whole_channels(paper) * 2, 4), LARGEST_COUNT) + 1):
+        ladder = geometric_ladder(*slot_band_hz(spec), count)
+        ones = np.ones(count)
+        talk = crosstalk(ladder, ones, spec.q_min * ones, spec.drive.level_law)
+        if one_hot_db(talk) >= target_db:
+            one_hot = count
+        if all_states_db(talk)[0] >= target_db:
+            exact = count
+        if one_hot < count:
+            break
+    ratio = ladder_ratio(spec.q_min, spec.delta_y)
+    return Capacity(whole_channels(paper), exact, ratio, limit, paper, one_hot)
+
+
+def _paper(spec: Spec) -> float:
+    return capacity(*spec.band_hz, spec.q_min, spec.delta_y)

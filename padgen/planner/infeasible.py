@@ -1,0 +1,103 @@
+"""The sentence for a spec that no pad meets: which limit binds, and the nearest specs that would do."""
+
+from collections.abc import Iterator
+from dataclasses import asdict
+from typing import Any
+
+from padgen.errors import SpecError, number
+from padgen.planner.layout import SLACK_MM, Layout, beam_room, candidates, explain, most_coils, whole_grids
+from padgen.planner.plan import without_none
+from padgen.planner.resonances import ladders, reachable_hz
+from padgen.planner.search import sized_layouts
+from padgen.spec import Spec, catalogue, make_spec
+
+__all__ = ["why_not"]
+
+
+def why_not(spec: Spec, options: list[Layout], limit: int) -> str:
+    """Why none of `options` holds with up to `limit` channels per coil, and what would do."""
+    pad = spec.pad
+    wanted = f"{spec.resolution} taxels on {number(pad.width_mm)} x {number(pad.depth_mm)} mm"
+    cures = list(_cures(spec, limit))
+    cure = "what would do: " + ", or ".join(cures) if cures else "no other washer, printer, pad or resolution would do"
+    return f"{wanted} cannot be laid out: {'; '.join(_reasons(spec, options, limit))}; {cure}"
+
+
+def _reasons(spec: Spec, options: list[Layout], limit: int) -> list[str]:
+    if not options:
+        return [_too_many(spec, limit)]
+    best = sorted(options, key=lambda layout: -layout.margin_mm)
+    if best[0].margin_mm >= -SLACK_MM:
+        return [_unreached(spec, best[0])]
+    kinds: dict[str, Layout] = {}
+    for layout in best:
+        kinds.setdefault(layout.binding[0], layout)
+    return [explain(spec, layout) for layout in list(kinds.values())[:2]]
+
+
+def _too_many(spec: Spec, limit: int) -> str:
+    grid = spec.coil.grid
+    per_coil = len(spec.resonances_hz) if spec.resonances_hz else limit
+    rows, columns = grid or most_coils(spec)
+    coils = rows * columns
+    which = "the grid has" if grid else "there is room for"
+    band = f"Q = {number(spec.q_min)} in {number(spec.band_hz[0])} … {number(spec.band_hz[1])} Hz"
+    exact = "exactly" if spec.resonances_hz else "at most"
+    return (
+        f"{which} {coils} coils of {number(spec.coil.outer_diameter_mm)} mm, each with {exact} {per_coil} channels"
+        f" ({band}), {coils * per_coil} taxels in all"
+    )
+
+
+def _unreached(spec: Spec, layout: Layout) -> str:
+    space = beam_room(spec, layout)
+    found = reachable_hz(spec, space)
+    wanted = ladders(spec, layout.channels, space)
+    asked = ", ".join(number(f) for f in wanted[0]) if wanted else "none in the band"
+    span = f"{number(found[0])} … {number(found[1])} Hz" if found else "no resonance"
+    return (
+        f"{layout.channels} channels per coil on the {layout.rows} x {layout.columns} grid: the"
+        f" {number(layout.sub_width_mm)} x {number(layout.sub_depth_mm)} mm sub-cell can be printed for {span},"
+        f" asked are {asked} Hz"
+    )
+
+
+def _cures(spec: Spec, limit: int) -> Iterator[str]:
+    """Nearest specs that hold: another washer, printer or pad, or fewer taxels."""
+    entries = catalogue("washer").values()
+    smaller = [w for w in entries if w["outer_diameter_mm"] < spec.washer.outer_diameter_mm]
+    for washer in sorted(smaller, key=lambda w: -float(w["outer_diameter_mm"])):
+        if found := _holds(spec, limit, washer=washer):
+            yield (
+                f"washer {washer['name']} ({number(washer['outer_diameter_mm'])} mm) on the"
+                f" {found.rows} x {found.columns} grid"
+            )
+            break
+    for printer in catalogue("printer").values():
+        if printer["line_width_mm"] < spec.printer.line_width_mm and printer["process"] == spec.printer.process:
+            if _holds(spec, limit, printer=printer):
+                yield f"printer {printer['name']}"
+                break
+    yield from _larger_pads(spec, limit)
+    fewer = next(sized_layouts(spec, whole_grids(spec, limit)), None)
+    if fewer:
+        yield f"{fewer[0].coils * fewer[0].channels} taxels ({fewer[0].rows} x {fewer[0].columns} coils)"
+
+
+def _larger_pads(spec: Spec, limit: int) -> Iterator[str]:
+    pad = asdict(spec.pad)
+    for percent in (110, 120, 130, 150, 175, 200):
+        sides = {key: round(pad[key] * percent / 100, 1) for key in ("width_mm", "depth_mm")}
+        if _holds(spec, limit, pad={**pad, **sides}):
+            yield f"a pad of {number(sides['width_mm'])} x {number(sides['depth_mm'])} mm"
+            return
+
+
+def _holds(spec: Spec, limit: int, **changes: Any) -> Layout | None:
+    """The best layout of the spec with some of its tables changed, None where it has none."""
+    try:
+        other = make_spec(without_none({**asdict(spec), **changes}))
+    except SpecError:
+        return None
+    found = next(sized_layouts(other, candidates(other, limit)), None)
+    return found[0] if found else None

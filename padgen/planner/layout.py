@@ -1,0 +1,269 @@
+"""Which coil grid, how many channels per coil, and how a cell is divided.
+
+Candidates are ranked before any beam is sized: grids without empty places first, then fewest
+coils, then the most margin in millimetres. A candidate that fails says which limit binds and by
+how much.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from math import ceil, floor, hypot, sqrt
+
+from padgen.errors import number
+from padgen.planner.suspensions import TOPOLOGIES, Room
+from padgen.planner.taxel_model import plate_shape, recess_mm
+from padgen.spec import Spec
+
+__all__ = [
+    "SLACK_MM",
+    "Layout",
+    "beam_room",
+    "candidates",
+    "coil_reach_mm",
+    "explain",
+    "most_coils",
+    "place",
+    "room",
+    "slots",
+    "whole_grids",
+]
+
+SLACK_MM = 1e-9
+"""Rounding that a slack may be short of zero by."""
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """A candidate: `rows` × `columns` coils with `channels` each, a cell of `sub_columns` × `sub_rows`."""
+
+    rows: int
+    columns: int
+    channels: int
+    sub_columns: int
+    sub_rows: int
+    sub_width_mm: float
+    sub_depth_mm: float
+    beam_axis: str
+    surplus: int
+    slacks: tuple[tuple[str, float], ...]
+    """Named slacks in mm, negative where a limit is broken."""
+
+    @property
+    def coils(self) -> int:
+        """Number of coils."""
+        return self.rows * self.columns
+
+    @property
+    def margin_mm(self) -> float:
+        """Smallest slack."""
+        return min(slack for _, slack in self.slacks)
+
+    @property
+    def binding(self) -> tuple[str, float]:
+        """The limit with the smallest slack."""
+        return min(self.slacks, key=lambda item: item[1])
+
+    @property
+    def rank(self) -> tuple[bool, int, float]:
+        """Sort key among feasible candidates, best first."""
+        return (self.surplus > 0, self.coils, -self.margin_mm)
+
+
+def candidates(spec: Spec, channel_limit: int) -> list[Layout]:
+    """All candidate layouts for the spec's resolution, best first, broken ones too."""
+    wanted = spec.resolution
+    found = [
+        layout
+        for channels in _channel_counts(spec, channel_limit)
+        for rows, columns in _grids(spec, ceil(wanted / channels))
+        if 0 <= rows * columns * channels - wanted < rows * columns
+        for layout in _divisions(spec, rows, columns, channels, wanted)
+    ]
+    found.sort(key=lambda layout: layout.rank)
+    return found
+
+
+def whole_grids(spec: Spec, channel_limit: int) -> list[Layout]:
+    """Layouts of fewer taxels than asked that have room for their parts, most taxels first."""
+    rows_, columns_ = most_coils(spec)
+    found = [
+        layout
+        for channels in _channel_counts(spec, channel_limit)
+        for rows in range(1, rows_ + 1)
+        for columns in range(1, columns_ + 1)
+        if rows * columns * channels < spec.resolution
+        for layout in _divisions(spec, rows, columns, channels, rows * columns * channels)
+        if layout.margin_mm >= -SLACK_MM
+    ]
+    found.sort(key=lambda layout: (-layout.coils * layout.channels, layout.rank))
+    return found
+
+
+def _channel_counts(spec: Spec, channel_limit: int) -> Iterable[int]:
+    return [len(spec.resonances_hz)] if spec.resonances_hz else range(1, channel_limit + 1)
+
+
+def most_coils(spec: Spec) -> tuple[int, int]:
+    """Rows and columns of the largest grid whose pitch holds the coil."""
+    coil = spec.coil.outer_diameter_mm
+    return floor(spec.pad.depth_mm / coil + 1e-9), floor(spec.pad.width_mm / coil + 1e-9)
+
+
+def _grids(spec: Spec, coils: int) -> Iterator[tuple[int, int]]:
+    """Grids of at least `coils` coils that hold the coil, each as small as its number of rows allows."""
+    if spec.coil.grid:
+        yield spec.coil.grid
+        return
+    most_rows, most_columns = most_coils(spec)
+    for rows in range(1, min(coils, most_rows) + 1):
+        columns = ceil(coils / rows)
+        if columns <= most_columns:
+            yield rows, columns
+
+
+def _divisions(spec: Spec, rows: int, columns: int, channels: int, wanted: int) -> Iterator[Layout]:
+    pitch_x, pitch_y = spec.pad.width_mm / columns, spec.pad.depth_mm / rows
+    for sub_columns in range(1, channels + 1):
+        sub_rows = ceil(channels / sub_columns)
+        if (sub_columns - 1) * sub_rows >= channels:
+            continue
+        width, depth = pitch_x / sub_columns, pitch_y / sub_rows
+        axis = "x" if width >= depth else "y"
+        bare = Layout(
+            rows, columns, channels, sub_columns, sub_rows, width, depth, axis, rows * columns * channels - wanted, ()
+        )
+        yield Layout(*(getattr(bare, name) for name in Layout.__slots__[:-1]), slacks=_slacks(spec, bare))
+
+
+def room(spec: Spec, layout: Layout) -> Room:
+    """The room between the ribs of one sub-cell, along and across the beams."""
+    sides = (layout.sub_width_mm - spec.pad.rib_mm, layout.sub_depth_mm - spec.pad.rib_mm)
+    return Room(*(sides if layout.beam_axis == "x" else sides[::-1]))
+
+
+def beam_room(spec: Spec, layout: Layout) -> Room:
+    """The part of `room` that beams may use: what lies so far past the coil axis that the washer would
+    leave the winding is left out."""
+    whole, plate = room(spec, layout), plate_shape(spec)
+    coil, longest = spec.coil.outer_diameter_mm / 2, whole.length_mm
+    for x, y in slots(layout):
+        u, v = (x, y) if layout.beam_axis == "x" else (y, x)
+        beyond = sqrt(max(coil**2 - v**2, 0.0)) + plate.length_mm / 2 + spec.printer.smallest_gap_mm
+        longest = min(longest, whole.length_mm / 2 + abs(u) + beyond)
+    return Room(longest, whole.width_mm)
+
+
+def _slacks(spec: Spec, layout: Layout) -> tuple[tuple[str, float], ...]:
+    gap, plate, inside = spec.printer.smallest_gap_mm, plate_shape(spec), beam_room(spec, layout)
+    pitch = min(spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows)
+    names = TOPOLOGIES if spec.suspension.topology == "auto" else [spec.suspension.topology]
+    lengths, widths = [], []
+    for name in names:
+        shape = TOPOLOGIES[name]
+        widest = shape.widest(inside, plate, gap)
+        widths.append(
+            widest - spec.printer.smallest_beam_mm if widest >= 0 else inside.width_mm - plate.width_mm - 2 * gap
+        )
+        lengths.append(shape.longest(inside, plate, gap) - shape.shortest(plate, gap))
+    best = max(range(len(widths)), key=lambda i: min(widths[i], lengths[i]))
+    slacks = [
+        ("coil", pitch - spec.coil.outer_diameter_mm),
+        ("width", widths[best]),
+        ("length", lengths[best]),
+    ]
+    if not spec.coil.grid:
+        slacks.append(("reach", _reach_slack_mm(spec, layout)))
+    return tuple(slacks)
+
+
+def coil_reach_mm(spec: Spec) -> float:
+    """Farthest that a washer's axis may lie from the coil's for the two to overlap."""
+    return (spec.coil.outer_diameter_mm + spec.washer.outer_diameter_mm) / 2
+
+
+def _reach_slack_mm(spec: Spec, layout: Layout) -> float:
+    """Slack of the farthest washer to the coil, for plates at the ends of their sub-cells."""
+    pocket = recess_mm(spec)[0] / 2 + spec.printer.line_width_mm + spec.printer.smallest_gap_mm + spec.pad.rib_mm / 2
+    worst = 0.0
+    for x, y in slots(layout):
+        away = [
+            max(abs(c) - max(side / 2 - pocket, 0), 0)
+            for c, side in ((x, layout.sub_width_mm), (y, layout.sub_depth_mm))
+        ]
+        worst = max(worst, hypot(*away))
+    return coil_reach_mm(spec) - worst
+
+
+def slots(layout: Layout) -> list[tuple[float, float]]:
+    """Centres in mm of the sub-cells that hold a channel, from the coil axis, channel 0 first.
+
+    The highest channels need the most force and lie nearest to the coil.
+    """
+    centres = [
+        ((c - (layout.sub_columns - 1) / 2) * layout.sub_width_mm, (r - (layout.sub_rows - 1) / 2) * layout.sub_depth_mm)
+        for r in range(layout.sub_rows)
+        for c in range(layout.sub_columns)
+    ]
+    nearest = sorted(centres, key=lambda at: (round(hypot(*at), 6), at[1], at[0]))[: layout.channels]
+    return nearest[::-1] if _distances_differ(nearest) else sorted(nearest, key=lambda at: (at[1], at[0]))
+
+
+def _distances_differ(centres: list[tuple[float, float]]) -> bool:
+    distances = [hypot(*at) for at in centres]
+    return max(distances) - min(distances) > 1e-6
+
+
+def place(
+    spec: Spec, layout: Layout, centre: tuple[float, float], window_mm: tuple[float, float], washer_x_mm: float
+) -> tuple[str, tuple[float, float], tuple[float, float]]:
+    """Put a taxel's window into its sub-cell so that its washer comes nearest to the coil axis.
+
+    Returns the direction of the beam, the origin of the taxel's own axes and the washer's place, in
+    mm from the coil axis. The root lies on the side away from the coil; where the sub-cell is not
+    split along the beams, roots alternate so that the pad stays balanced.
+    """
+    across_x = layout.beam_axis == "y"
+    u, v = centre[::-1] if across_x else centre
+    sides = room(spec, layout)
+    sign = -1.0 if u > 1e-9 or (abs(u) <= 1e-9 and v > 1e-9) else 1.0
+    # In the own direction: the window may slide by what the room leaves, towards the coil axis.
+    slide = (sides.length_mm - window_mm[0]) / 2
+    start = _clip(-sign * u - washer_x_mm + window_mm[0] / 2, slide) - window_mm[0] / 2
+    v_shift = _clip(-v, (sides.width_mm - window_mm[1]) / 2)
+    origin_u, origin_v = round(u + sign * start, 6), round(v + v_shift, 6)
+    washer_u = origin_u + sign * washer_x_mm
+    along = ("+" if sign > 0 else "-") + layout.beam_axis
+    if across_x:
+        return along, (origin_v, origin_u), (origin_v, washer_u)
+    return along, (origin_u, origin_v), (washer_u, origin_v)
+
+
+def _clip(value: float, limit: float) -> float:
+    return min(max(value, -limit), limit)
+
+
+def explain(spec: Spec, layout: Layout) -> str:
+    """One clause: which limit binds this layout, and by how much."""
+    kind, slack = layout.binding
+    pitch = min(spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows)
+    sub = f"{number(layout.sub_width_mm)} x {number(layout.sub_depth_mm)} mm sub-cell"
+    grid = f"{layout.channels} channels per coil on the {layout.rows} x {layout.columns} grid"
+    gap = spec.printer.smallest_gap_mm
+    if kind == "coil":
+        return f"{grid}: the coil ({number(spec.coil.outer_diameter_mm)} mm) exceeds the pitch of {number(pitch)} mm"
+    if kind == "reach":
+        return (
+            f"{grid}: the farthest washer lies {number(coil_reach_mm(spec) - slack)} mm off the coil axis,"
+            f" beyond the coil's reach of {number(coil_reach_mm(spec))} mm"
+        )
+    inside, plate = room(spec, layout), plate_shape(spec)
+    if kind == "width":
+        left = inside.width_mm - plate.width_mm
+        return (
+            f"{grid}: in the {sub} the washer {spec.washer.name} ({number(spec.washer.outer_diameter_mm)} mm) in its"
+            f" walls leaves {number(left)} mm for the two gaps of {number(gap)} mm"
+        )
+    return (
+        f"{grid}: in the {sub} the plate ({number(plate.length_mm)} mm) leaves no length for a beam"
+        f" ({number(-slack)} mm short)"
+    )

@@ -1,0 +1,227 @@
+"""`Plan`: what will be made. Frozen plain data with a JSON round trip; the contract between stages."""
+
+import json
+from dataclasses import asdict, dataclass, fields, is_dataclass
+from functools import cached_property
+from math import isfinite
+from typing import Any, get_args, get_origin
+
+from padgen.errors import FileError
+from padgen.finding import Finding
+from padgen.spec import Spec, make_spec
+
+__all__ = [
+    "Beam",
+    "Capacity",
+    "Cell",
+    "Channel",
+    "CoilGrid",
+    "LayoutOption",
+    "Plan",
+    "Selectivity",
+    "Site",
+    "Taxel",
+    "plan_from_json",
+    "plan_to_json",
+    "without_none",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Capacity:
+    """Channels of one coil: `paper` by Eq. 12, `exact` by the response in all states (plain tones).
+
+    `paper_unrounded` is Eq. 12 before rounding down, `exact_one_hot` counts one channel on at a
+    time, `ratio` the smallest ratio of neighbours, `limit` what keeps the pad from more.
+    """
+
+    paper: int
+    exact: int
+    ratio: float
+    limit: str
+    paper_unrounded: float
+    exact_one_hot: int
+
+
+@dataclass(frozen=True, slots=True)
+class CoilGrid:
+    """Coils in rows (along y) and columns (along x); `pitch_mm` is the smaller of the two."""
+
+    rows: int
+    columns: int
+    pitch_mm: float
+    pitch_x_mm: float
+    pitch_y_mm: float
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """How the cell over one coil is divided: sub-cells along x and y, their size, the beams' axis."""
+
+    columns: int
+    rows: int
+    width_mm: float
+    depth_mm: float
+    beam_axis: str
+
+
+@dataclass(frozen=True, slots=True)
+class Beam:
+    """The beams of one channel; `fillet_mm` at the roots, `count` in parallel."""
+
+    width_mm: float
+    thickness_mm: float
+    length_mm: float
+    topology: str
+    fillet_mm: float
+    count: int
+    layers: int
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """Where a channel's taxel lies in its cell, seen from the coil axis.
+
+    The taxel's own axes (beam along +x from the root, see `planner.suspensions`) have their origin
+    at `origin_mm`; `along` is the direction ('+x', '-x', '+y', '-y') of the own x axis. The
+    sub-cell's centre is `centre_mm`; `coil_distance_mm` is from the washer's to the coil's axis.
+    """
+
+    centre_mm: tuple[float, float]
+    origin_mm: tuple[float, float]
+    along: str
+    coil_distance_mm: float
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """One frequency slot of a coil, lowest first."""
+
+    index: int
+    resonance_hz: float
+    drive_hz: float
+    q: float
+    beam: Beam
+    effective_mass_g: float
+    stiffness_n_per_m: float
+    ring_up_ms: float
+    level_um: float
+    target_hz: float
+    rule_hz: float
+    second_mode_hz: float
+    modes_hz: tuple[float, ...]
+    mode_shares: tuple[float, ...]
+    sag_um: float
+    root_stress_mpa: float
+    print_spread: float
+    force_mn: float
+    force_constant_n_per_a2: float
+    site: Site
+
+
+@dataclass(frozen=True, slots=True)
+class Taxel:
+    """One tactile element: a place on the pad (of boss and washer, from its centre) and a channel."""
+
+    id: str
+    coil: tuple[int, int]
+    channel: int
+    x_mm: float
+    y_mm: float
+    coil_distance_mm: float
+
+
+@dataclass(frozen=True, slots=True)
+class Selectivity:
+    """How far OFF taxels stay below ON taxels with the planned drive; None where one channel has no other."""
+
+    drive: str
+    level_law: float
+    one_hot_db: float | None
+    all_states_db: float | None
+    worst_state: str
+    paper_bound_db: float
+
+
+@dataclass(frozen=True, slots=True)
+class LayoutOption:
+    """A layout that would do as well, or why one does not."""
+
+    rows: int
+    columns: int
+    channels: int
+    taxels: int
+    margin_mm: float
+    verdict: str
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The whole plan; every later stage reads this and nothing else."""
+
+    name: str
+    spec: dict[str, Any]
+    capacity: Capacity
+    coils: CoilGrid
+    cell: Cell
+    channels: tuple[Channel, ...]
+    taxels: tuple[Taxel, ...]
+    selectivity: Selectivity
+    layouts: tuple[LayoutOption, ...]
+    printing: dict[str, str]
+    findings: tuple[Finding, ...]
+
+    @cached_property
+    def typed_spec(self) -> Spec:
+        """The spec as the frozen `Spec` that the plan was made from."""
+        return make_spec(without_none(self.spec))
+
+
+def plan_to_json(plan: Plan) -> str:
+    """The plan as JSON text, keys in the order of the fields; the same plan gives the same bytes."""
+    return json.dumps(_plain(asdict(plan)), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def plan_from_json(text: str, where: str = "plan.json") -> Plan:
+    """Read a plan back.
+
+    Raises
+    ------
+    FileError
+        The text is not the JSON of a plan.
+    """
+    try:
+        plan: Plan = _read(Plan, json.loads(text))
+    except (KeyError, TypeError, ValueError) as error:
+        raise FileError(f"is not a plan ({type(error).__name__}: {error})", where) from error
+    return plan
+
+
+def _plain(value: Any) -> Any:
+    """Lists for tuples, and ten significant digits, so that platforms agree on the text."""
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, float):
+        return float(f"{value:.10g}") if isfinite(value) else None
+    return value
+
+
+def _read(kind: Any, value: Any) -> Any:
+    if is_dataclass(kind):
+        entries = {f.name: _read(f.type, value[f.name]) for f in fields(kind)}
+        return kind(**entries)  # type: ignore[operator]
+    if get_origin(kind) is tuple:
+        inner = get_args(kind)
+        if inner[-1] is Ellipsis:
+            return tuple(_read(inner[0], entry) for entry in value)
+        return tuple(_read(k, entry) for k, entry in zip(inner, value, strict=True))
+    return value
+
+
+def without_none(value: Any) -> Any:
+    """Nested tables without their empty entries, as TOML writes them."""
+    if isinstance(value, dict):
+        return {key: without_none(entry) for key, entry in value.items() if entry is not None}
+    return value

@@ -1,0 +1,63 @@
+"""Which resonances the channels of a coil get, within the band and within what a room can print."""
+
+import numpy as np
+
+from padgen.physics.ladder import geometric_ladder, ladder_ratio, paper_ladder, slot_half_width
+from padgen.planner.sizing import reach, topologies
+from padgen.planner.suspensions import Room
+from padgen.spec import Spec
+
+__all__ = ["ladders", "reachable_hz", "slot_band_hz"]
+
+
+def slot_band_hz(spec: Spec) -> tuple[float, float]:
+    """Lowest and highest resonance whose whole slot lies in the band."""
+    half = slot_half_width(spec.q_min, spec.delta_y)
+    return spec.band_hz[0] / (1 - half), spec.band_hz[1] / (1 + half)
+
+
+def reachable_hz(spec: Spec, room: Room) -> tuple[float, float] | None:
+    """Lowest and highest resonance that the allowed suspensions reach in `room`; None for no beam at all."""
+    spans = [item.span_hz for name in topologies(spec) if (item := reach(spec, name, room)) is not None]
+    if not spans:
+        return None
+    return min(low for low, _ in spans), max(high for _, high in spans)
+
+
+def ladders(spec: Spec, count: int, room: Room) -> list[tuple[float, ...]]:
+    """Candidate ladders of `count` resonances in Hz for a room, the best first.
+
+    Explicit resonances are the only candidate. Otherwise the band's ladder comes first, then the
+    ladder of the part of the band that the room reaches, then the closest one there: each keeps
+    the paper's ratio between neighbours.
+    """
+    if spec.resonances_hz:
+        return [spec.resonances_hz]
+    low, high = slot_band_hz(spec)
+    found = reachable_hz(spec, room)
+    spans = [(low, high)]
+    if found:
+        spans.append((max(low, found[0] * 1.01), min(high, found[1] / 1.01)))
+    options = [_ladder(spec, count, *span) for span in spans]
+    options += [_closest(spec, count, span[0]) for span in spans]
+    unique = dict.fromkeys(option for option in options if option and option[-1] <= high * (1 + 1e-9))
+    return list(unique)
+
+
+def _ladder(spec: Spec, count: int, low: float, high: float) -> tuple[float, ...] | None:
+    if spec.spacing == "closest":
+        return _closest(spec, count, low)
+    span = ladder_ratio(spec.q_min, spec.delta_y) ** (count - 1)
+    if high < low * span * (1 - 1e-9):
+        return None
+    return _rounded(geometric_ladder(low, max(high, low * span), count))
+
+
+def _closest(spec: Spec, count: int, low: float) -> tuple[float, ...]:
+    half = slot_half_width(spec.q_min, spec.delta_y)
+    return _rounded(paper_ladder(low * (1 - half), count, spec.q_min, spec.delta_y))
+
+
+def _rounded(ladder: np.ndarray) -> tuple[float, ...]:
+    """Six significant digits: no printer makes more, and the plan stays readable."""
+    return tuple(float(f"{value:.6g}") for value in ladder)

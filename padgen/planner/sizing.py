@@ -1,0 +1,288 @@
+"""Beams for given resonances: width only where it reaches, else thickness and length as well.
+
+A grid of thicknesses (whole layers) and lengths (what the room holds) is searched with the beam
+model at a few widths; among the choices that change equally little between channels, the one least
+sensitive to the printer's tolerances wins. The widths are then solved for exactly.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from itertools import product
+
+import numpy as np
+
+from padgen.physics.ladder import slot_half_width
+from padgen.physics.selectivity import wanted_force
+from padgen.planner.suspensions import TOPOLOGIES, BeamShape, Room
+from padgen.planner.taxel_model import TaxelModel, plate_shape
+from padgen.spec import Printer, Spec
+
+__all__ = ["Reach", "SizedChannel", "frequency_spread", "reach", "size_channels"]
+
+LENGTHS = 9
+WIDTHS = 4
+TRIES = 6
+THICKNESSES = 16
+WIDTH_STEP_MM = 1e-3
+LENGTH_STEP_MM = 0.05
+
+
+@dataclass(frozen=True)
+class SizedChannel:
+    """One channel's beam for `target_hz`; `model` evaluates it."""
+
+    target_hz: float
+    topology: str
+    beam: BeamShape
+    model: TaxelModel
+
+
+def frequency_spread(beam: BeamShape, printer: Printer) -> np.ndarray:
+    """Relative spread of a resonance from the printer's tolerances: ``f ∝ w^½ t^{3/2} l^{−3/2}``."""
+    terms = (
+        0.5 * printer.width_tolerance_mm / np.asarray(beam.width_mm),
+        1.5 * printer.thickness_tolerance_mm / np.asarray(beam.thickness_mm),
+        1.5 * printer.length_tolerance_mm / np.asarray(beam.length_mm),
+    )
+    return np.sqrt(sum(term**2 for term in terms))
+
+
+@dataclass(frozen=True)
+class Reach:
+    """What one topology reaches in one room: a grid of beams with their resonances.
+
+    `thickness_mm` (T,), `length_mm` (L,), `width_mm` (T, L, W), `resonance_hz` (T, L, W). The width
+    runs from the printer's smallest to what the room holds, and rises with the resonance.
+    """
+
+    topology: str
+    thickness_mm: np.ndarray
+    length_mm: np.ndarray
+    width_mm: np.ndarray
+    resonance_hz: np.ndarray
+
+    @cached_property
+    def span_hz(self) -> tuple[float, float]:
+        """Lowest and highest resonance."""
+        return float(self.resonance_hz.min()), float(self.resonance_hz.max())
+
+    def widths_for(self, resonance_hz: np.ndarray) -> np.ndarray:
+        """Widths in mm (n, T, L) that give each of `resonance_hz` (n,); nan where none does."""
+        target = np.log(resonance_hz)[:, None, None, None]
+        at = np.log(self.resonance_hz)
+        width = np.log(self.width_mm)
+        low, high = at[..., :-1], at[..., 1:]
+        slack = 1e-9
+        inside = (target >= low - slack) & (target <= high + slack)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = (target - low) / (high - low)
+        between = np.where(inside, width[..., :-1] + share * (width[..., 1:] - width[..., :-1]), -np.inf)
+        found = between.max(-1)
+        return np.where(np.isfinite(found), np.exp(found), np.nan)
+
+
+def layer_thicknesses_mm(printer: Printer, largest_mm: float) -> np.ndarray:
+    """Thicknesses of whole layers up to `largest_mm`, the thin ones all, the thick ones thinned out."""
+    count = int((largest_mm - printer.first_layer_mm) / printer.layer_mm + 1e-9) + 1
+    layers = np.arange(printer.smallest_beam_layers, max(count, 1) + 1)
+    if len(layers) > THICKNESSES:
+        layers = np.unique(np.geomspace(layers[0], layers[-1], THICKNESSES).round().astype(int))
+    return np.round(printer.first_layer_mm + (layers - 1) * printer.layer_mm, 6)
+
+
+@lru_cache(maxsize=256)
+def reach(spec: Spec, topology: str, room: Room) -> Reach | None:
+    """The `Reach` of `topology` in `room`, None where it does not fit at all."""
+    shape, gap = TOPOLOGIES[topology], spec.printer.smallest_gap_mm
+    plate = plate_shape(spec)
+    longest, widest = shape.longest(room, plate, gap), shape.widest(room, plate, gap)
+    shortest, narrowest = shape.shortest(plate, gap), spec.printer.smallest_beam_mm
+    if longest < shortest or widest < narrowest:
+        return None
+    thickness, length = _grid(spec, shortest, longest)
+    if not len(thickness) or not len(length):
+        return None
+    width = np.geomspace(narrowest, max(widest, narrowest * (1 + 1e-6)), WIDTHS)
+    t, l, w = np.meshgrid(thickness, length, width, indexing="ij")
+    model = TaxelModel(spec, topology, plate, BeamShape(w, t, l))
+    return Reach(topology, thickness, length, w, np.maximum.accumulate(model.resonance_hz, axis=-1))
+
+
+def _grid(spec: Spec, shortest: float, longest: float) -> tuple[np.ndarray, np.ndarray]:
+    wanted = spec.suspension
+    thickness = (
+        np.array([wanted.thickness_mm])
+        if wanted.thickness_mm
+        else layer_thicknesses_mm(spec.printer, spec.taxel.plate_thickness_mm)
+    )
+    if wanted.length_mm:
+        return thickness, np.array([wanted.length_mm] if shortest <= wanted.length_mm <= longest + 1e-9 else [])
+    floor = np.floor(longest / LENGTH_STEP_MM + 1e-6) * LENGTH_STEP_MM
+    length = np.linspace(min(shortest, floor), floor, LENGTHS)
+    return thickness, np.round(np.round(length / LENGTH_STEP_MM) * LENGTH_STEP_MM, 6)
+
+
+def topologies(spec: Spec) -> tuple[str, ...]:
+    """Names of the topologies that the spec allows."""
+    return tuple(TOPOLOGIES) if spec.suspension.topology == "auto" else (spec.suspension.topology,)
+
+
+def size_channels(spec: Spec, room: Room, resonance_hz: tuple[float, ...]) -> tuple[SizedChannel, ...] | None:
+    """Beams whose taxels resonate at `resonance_hz` in `room`; None where the room reaches not all.
+
+    The first choice (in the order of `_choices`) whose other modes stay clear of the channels wins;
+    if none does, the first choice at all, and the plan's findings tell.
+    """
+    targets = np.asarray(resonance_hz)
+    reaches = [r for name in topologies(spec) if (r := reach(spec, name, room)) is not None]
+    first = None
+    for tried, picks in enumerate(_choices(spec, reaches, targets)):
+        channels = _solved(spec, picks, targets)
+        if channels is None:
+            continue
+        if not crowded_modes(spec, channels):
+            return channels
+        first = first or channels
+        if tried >= TRIES * len(_STEPS):
+            break
+    return first
+
+
+Pick = tuple[Reach, int, int, float]
+"""Reach, index of thickness, index of length, first guess of the width in mm."""
+
+_STEPS = ("width", "width+thickness", "width+length", "width+thickness+length")
+
+
+def _choices(spec: Spec, reaches: list[Reach], targets: np.ndarray) -> Iterator[list[Pick]]:
+    """Choices of a beam per channel, those first that change fewest dimensions, then the least sensitive."""
+    tables = []
+    for item in reaches:
+        width = item.widths_for(targets)
+        beam = BeamShape(width, item.thickness_mm[:, None], item.length_mm)
+        spread = np.where(np.isnan(width), np.inf, frequency_spread(beam, spec.printer))
+        tables.append((item, width, spread))
+    allowed = set(spec.suspension.tune.split("+"))
+    for step in _STEPS:
+        if set(step.split("+")) <= allowed:
+            ranked = sorted(
+                (option for table in tables for option in _ranked(step, *table)), key=lambda option: option[0]
+            )
+            for _, picks in ranked[:TRIES]:
+                yield picks
+    if len(tables) > 1 and allowed > {"width"}:
+        yield from _mixed(tables)
+
+
+def _ranked(step: str, item: Reach, width: np.ndarray, spread: np.ndarray) -> list[tuple[float, list[Pick]]]:
+    """Choices of one topology in which only the dimensions of `step` differ, with their worst spread."""
+    count = len(spread)
+    # Freeze the dimensions that may not differ; for each frozen value take the best of the others.
+    free_t, free_l = "thickness" in step, "length" in step
+    frozen_t = [None] if free_t else range(len(item.thickness_mm))
+    frozen_l = [None] if free_l else range(len(item.length_mm))
+    options = []
+    for ti, li in product(frozen_t, frozen_l):
+        part = spread[:, slice(None) if ti is None else [ti]][:, :, slice(None) if li is None else [li]]
+        flat = part.reshape(count, -1)
+        best = flat.argmin(1)
+        worst = float(flat[np.arange(count), best].max())
+        if not np.isfinite(worst):
+            continue
+        t_index, l_index = np.unravel_index(best, part.shape[1:])
+        picks = [
+            (item, int(t) if ti is None else ti, int(v) if li is None else li)
+            for t, v in zip(t_index, l_index, strict=True)
+        ]
+        options.append((worst, [(*p, float(width[i, p[1], p[2]])) for i, p in enumerate(picks)]))
+    return options
+
+
+def _mixed(tables: list[tuple[Reach, np.ndarray, np.ndarray]]) -> Iterator[list[Pick]]:
+    """One choice in which every channel takes the topology that is least sensitive for it."""
+    count = len(tables[0][1])
+    picks: list[Pick] = []
+    for i in range(count):
+        best = min(tables, key=lambda table: float(table[2][i].min()))
+        if not np.isfinite(best[2][i].min()):
+            return
+        t, v = np.unravel_index(int(best[2][i].argmin()), best[2][i].shape)
+        picks.append((best[0], int(t), int(v), float(best[1][i, t, v])))
+    yield picks
+
+
+def _solved(spec: Spec, picks: list[Pick], targets: np.ndarray) -> tuple[SizedChannel, ...] | None:
+    """Solve for the widths; the resonance rises with the width, so a secant in log-log converges.
+
+    Channels of one topology are solved together.
+    """
+    channels: dict[int, SizedChannel] = {}
+    for name in {p[0].topology for p in picks}:
+        index = [i for i, p in enumerate(picks) if p[0].topology == name]
+        chosen = [picks[i] for i in index]
+        beam = BeamShape(
+            np.array([p[3] for p in chosen]),
+            np.array([p[0].thickness_mm[p[1]] for p in chosen]),
+            np.array([p[0].length_mm[p[2]] for p in chosen]),
+        )
+        bounds = (
+            np.array([p[0].width_mm[p[1], p[2], 0] for p in chosen]),
+            np.array([p[0].width_mm[p[1], p[2], -1] for p in chosen]),
+        )
+        beam = _width_solved(spec, name, beam, bounds, targets[index])
+        model = TaxelModel(spec, name, plate_shape(spec), beam)
+        if np.abs(model.resonance_hz / targets[index] - 1).max() > RESONANCE_TOLERANCE:
+            return None
+        for k, i in enumerate(index):
+            one = BeamShape(*(float(v[k]) for v in beam))
+            channels[i] = SizedChannel(float(targets[i]), name, one, TaxelModel(spec, name, plate_shape(spec), one))
+    return tuple(channels[i] for i in range(len(picks)))
+
+
+RESONANCE_TOLERANCE = 2e-3
+"""A width is drawn to a micrometre, 0.1 % of the smallest beam: 0.05 % in frequency."""
+
+
+def _width_solved(
+    spec: Spec, topology: str, beam: BeamShape, bounds: tuple[np.ndarray, np.ndarray], targets: np.ndarray
+) -> BeamShape:
+    plate = plate_shape(spec)
+    slope = np.full(len(targets), 0.5)
+    previous = None
+    for _ in range(5):
+        found = TaxelModel(spec, topology, plate, beam).resonance_hz
+        miss = np.log(targets / found)
+        if previous is not None:
+            step = np.log(beam.width_mm / previous[0])
+            moved = np.abs(step) > 1e-9
+            secant = np.divide(np.log(found / previous[1]), step, out=slope.copy(), where=moved)
+            slope = np.clip(secant, 0.1, 3)
+        previous = (beam.width_mm, found)
+        if np.abs(miss).max() < 1e-5:
+            break
+        beam = beam._replace(width_mm=np.clip(beam.width_mm * np.exp(miss / slope), *bounds))
+    return beam._replace(width_mm=np.clip(np.round(beam.width_mm / WIDTH_STEP_MM) * WIDTH_STEP_MM, *bounds))
+
+
+def crowded_modes(spec: Spec, channels: tuple[SizedChannel, ...]) -> list[tuple[int, float, int, float]]:
+    """Modes that sit on a channel: (channel, its other mode in Hz, channel sat on, response).
+
+    A mode sits on a channel when it lies in that channel's slot and answers its force with more than
+    1/Δy of the taxel's own ON amplitude; the response at the mode's peak is the ratio. Modes that a
+    vertical pull at the washer does not excite cannot.
+    """
+    half_slot = slot_half_width(spec.q_min, spec.delta_y)
+    resonance = np.array([float(c.model.resonance_hz) for c in channels])
+    mass = np.array([float(c.model.effective_mass_kg) for c in channels])
+    force = wanted_force(resonance, mass, np.full(len(channels), spec.q_min), spec.drive.level_law)
+    crowded = []
+    for i, channel in enumerate(channels):
+        working = int(channel.model.working)
+        share = channel.model.compliances / channel.model.compliances[working]
+        for k, frequency in enumerate(channel.model.modes.frequency_hz):
+            for j in np.flatnonzero(np.abs(frequency / resonance - 1) < half_slot):
+                response = float(share[k] * force[j] / force[i])
+                if k != working and response > 1 / spec.delta_y:
+                    crowded.append((i, float(frequency), int(j), response))
+    return crowded

@@ -1,0 +1,61 @@
+"""Two guided beams on opposite sides of the plate: piston motion, for high channels.
+
+::
+
+    +-----------------------------+
+    |        +-------+            |
+    |   l    | plate |     l      |
+    |========|   O   |============|      w: width of each beam
+    |        |       |            |
+    |        +-------+            |
+    +-----------------------------+
+    root (x = 0)              root
+
+Stiff in pitch; at large amplitude the beams stretch and harden, and shrinkage of the print
+pretensions them, which raises the resonance.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from padgen.planner.suspensions.arrangement import Arrangement, BeamShape, Block, PlateShape, Room, Strip
+
+__all__ = ["BEAMS", "END_FACTOR", "arrange", "longest", "shortest", "widest"]
+
+END_FACTOR = 1.0
+BEAMS = 2
+
+
+def longest(room: Room, plate: PlateShape, gap_mm: float) -> float:
+    """Longest beam in mm."""
+    return (room.length_mm - plate.length_mm) / 2
+
+
+def widest(room: Room, plate: PlateShape, gap_mm: float) -> float:
+    """Widest beam in mm: the plate's width, or none where the plate does not fit."""
+    return plate.width_mm if plate.width_mm + 2 * gap_mm <= room.width_mm + 1e-9 else -1.0
+
+
+def shortest(plate: PlateShape, gap_mm: float) -> float:
+    """Shortest beam in mm."""
+    return 2 * gap_mm
+
+
+def arrange(plate: PlateShape, beam: BeamShape, gap_mm: float) -> Arrangement:
+    """Beams and blocks in mm for one beam shape, or for arrays of them."""
+    length: Any = beam.length_mm
+    half = plate.width_mm / 2
+    whole = 2 * length + plate.length_mm
+    zero = 0.0 * length
+    window_width = np.maximum(plate.width_mm, beam.width_mm) + 2 * gap_mm
+    return Arrangement(
+        beams=(
+            Strip(zero, length, zero, beam.width_mm, beam.thickness_mm),
+            Strip(whole, length + plate.length_mm, zero, beam.width_mm, beam.thickness_mm),
+        ),
+        blocks=(Block(length, length + plate.length_mm, -half, half, plate.thickness_mm),),
+        window_mm=(whole, window_width),
+        washer_x_mm=whole / 2,
+        root_clearance_mm=(window_width - beam.width_mm - gap_mm) / 2,
+    )

@@ -1,0 +1,60 @@
+"""A straight beam with the plate at its tip: the paper's suspension.
+
+::
+
+         window
+    +--------------------+
+    |        +-------+   |
+    |   l    | plate | g |      g: gap
+    |========|   O   |   |      O: washer below, boss above
+    | w      |       |   |
+    |        +-------+   |
+    +--------------------+
+    root (x = 0)
+"""
+
+from typing import Any
+
+import numpy as np
+
+from padgen.planner.suspensions.arrangement import Arrangement, BeamShape, Block, PlateShape, Room, Strip
+
+__all__ = ["BEAMS", "END_FACTOR", "arrange", "longest", "shortest", "widest"]
+
+END_FACTOR = 0.25
+BEAMS = 1
+
+
+def longest(room: Room, plate: PlateShape, gap_mm: float) -> float:
+    """Longest beam in mm."""
+    return room.length_mm - plate.length_mm - gap_mm
+
+
+def widest(room: Room, plate: PlateShape, gap_mm: float) -> float:
+    """Widest beam in mm: the plate's width, or none where the plate does not fit."""
+    return min(plate.width_mm, room.width_mm - 2 * gap_mm) if _fits(room, plate, gap_mm) else -1.0
+
+
+def shortest(plate: PlateShape, gap_mm: float) -> float:
+    """Shortest beam in mm."""
+    return 2 * gap_mm
+
+
+def arrange(plate: PlateShape, beam: BeamShape, gap_mm: float) -> Arrangement:
+    """Beams and blocks in mm for one beam shape, or for arrays of them."""
+    length: Any = beam.length_mm
+    half = plate.width_mm / 2
+    strip = Strip(0.0 * length, length, 0.0 * length, beam.width_mm, beam.thickness_mm)
+    block = Block(length, length + plate.length_mm, -half, half, plate.thickness_mm)
+    window_width = np.maximum(plate.width_mm, beam.width_mm) + 2 * gap_mm
+    return Arrangement(
+        beams=(strip,),
+        blocks=(block,),
+        window_mm=(length + plate.length_mm + gap_mm, window_width),
+        washer_x_mm=length + plate.length_mm / 2,
+        root_clearance_mm=(window_width - beam.width_mm - gap_mm) / 2,
+    )
+
+
+def _fits(room: Room, plate: PlateShape, gap_mm: float) -> bool:
+    return plate.width_mm + 2 * gap_mm <= room.width_mm + 1e-9

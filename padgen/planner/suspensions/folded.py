@@ -1,0 +1,81 @@
+"""Two beams alongside the plate, joined to it by a crossbar at their tips.
+
+::
+
+    +-----------------------+
+    |===================+-+ |     two beams of width w and length l
+    |  +-----------+    | | |     crossbar at the tips
+    |  |   plate   |----+ | |
+    |  |       O   |neck  | |     O: washer below, boss above, at x = l/2
+    |  +-----------+----+ | |
+    |===================+-+ |
+    +-----------------------+
+    root (x = 0)
+
+A force at half the beams' length does not turn the tips; the plate reaches further to the root
+side so that the moving mass is centred there too, and then it moves like a piston and its pitch
+mode is not excited.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from padgen.planner.suspensions.arrangement import Arrangement, BeamShape, Block, PlateShape, Room, Strip
+
+__all__ = ["BEAMS", "END_FACTOR", "arrange", "longest", "shortest", "widest"]
+
+END_FACTOR = 1.0
+BEAMS = 2
+CROSSBAR_MM = 0.8
+CROSSBAR_HEIGHT_MM = 0.8
+CROSSBAR_HEIGHT_PER_BEAM = 2.5
+"""The crossbar is to be rigid beside the beams, and as light as that allows."""
+
+
+def longest(room: Room, plate: PlateShape, gap_mm: float) -> float:
+    """Longest beam in mm."""
+    return room.length_mm - CROSSBAR_MM - gap_mm
+
+
+def widest(room: Room, plate: PlateShape, gap_mm: float) -> float:
+    """Widest beam in mm: half of what the plate and four gaps leave."""
+    return (room.width_mm - plate.width_mm - 4 * gap_mm) / 2
+
+
+def shortest(plate: PlateShape, gap_mm: float) -> float:
+    """Shortest beam in mm: the plate and, at either end, two gaps (one for the fillets)."""
+    return plate.length_mm + 4 * gap_mm
+
+
+def arrange(plate: PlateShape, beam: BeamShape, gap_mm: float) -> Arrangement:
+    """Beams and blocks in mm for one beam shape, or for arrays of them."""
+    length: Any = beam.length_mm
+    zero, half, middle = 0.0 * length, plate.width_mm / 2, length / 2
+    y = half + gap_mm + beam.width_mm / 2
+    outside = y + beam.width_mm / 2
+    height = np.minimum(
+        plate.thickness_mm, np.maximum(CROSSBAR_HEIGHT_MM, CROSSBAR_HEIGHT_PER_BEAM * beam.thickness_mm)
+    )
+    back = _reach_to_root_mm(plate, middle, outside, height / plate.thickness_mm)
+    low_x = middle - np.clip(back, plate.length_mm / 2, middle - 2 * gap_mm)
+    high_x = middle + plate.length_mm / 2
+    return Arrangement(
+        beams=tuple(Strip(zero, length, side * y, beam.width_mm, beam.thickness_mm) for side in (-1, 1)),
+        blocks=(
+            Block(low_x, high_x, -half, half, plate.thickness_mm),
+            Block(high_x, length, -half / 2, half / 2, height),
+            Block(length, length + CROSSBAR_MM, -outside, outside, height),
+        ),
+        window_mm=(length + CROSSBAR_MM + gap_mm, 2 * (outside + gap_mm)),
+        washer_x_mm=middle,
+        root_clearance_mm=zero + gap_mm / 2,
+    )
+
+
+def _reach_to_root_mm(plate: PlateShape, middle: Any, outside: Any, lightness: Any) -> Any:
+    """How far the plate must reach from the washer to the root side to balance neck and crossbar."""
+    front = plate.length_mm / 2
+    neck = (middle**2 - front**2) / 2
+    crossbar = 4 * outside / plate.width_mm * CROSSBAR_MM * (middle + CROSSBAR_MM / 2)
+    return np.sqrt(front**2 + lightness * (neck + crossbar))

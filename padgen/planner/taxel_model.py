@@ -1,0 +1,183 @@
+"""The beam model of one taxel: from dimensions in mm to resonance, mass, modes and stress.
+
+This is where drawing dimensions become the SI arrays of `padgen.physics`. Everything takes arrays
+of beam shapes, so that a grid of candidates costs one call.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from padgen.physics.beams import BeamSection
+from padgen.physics.modes import BeamPlacement, Modes, root_moment, suspended_modes
+from padgen.physics.resonator import natural_frequency, rule_stiffness
+from padgen.physics.rigid_body import RigidBody, box, combine, ring
+from padgen.planner.suspensions import TOPOLOGIES, Arrangement, BeamShape, PlateShape
+from padgen.spec import Spec
+from padgen.units import G_PER_CM3, GPA, MM
+
+__all__ = ["TaxelModel", "fillet_mm", "plate_shape", "recess_mm"]
+
+GROUND_GIVE = 0.0
+"""Rotation of frame and plate under a beam's end, in beam thicknesses of extra beam at either end."""
+
+
+def plate_shape(spec: Spec) -> PlateShape:
+    """The plate: as the spec says, or just the washer recess and one wall around it."""
+    walled = recess_mm(spec)[0] + 2 * spec.printer.line_width_mm
+    taxel = spec.taxel
+    return PlateShape(
+        taxel.plate_length_mm or max(walled, taxel.boss_diameter_mm),
+        taxel.plate_width_mm or max(walled, taxel.boss_diameter_mm),
+        taxel.plate_thickness_mm,
+    )
+
+
+def recess_mm(spec: Spec) -> tuple[float, float]:
+    """Diameter and depth in mm of the recess below the plate."""
+    washer, taxel = spec.washer, spec.taxel
+    return washer.outer_diameter_mm + taxel.washer_clearance_mm, washer.thickness_mm + taxel.glue_gap_mm
+
+
+def post_diameter_mm(spec: Spec) -> float:
+    """Diameter in mm of the centre post, 0 for none."""
+    bore = spec.washer.inner_diameter_mm - spec.taxel.washer_clearance_mm
+    return bore if spec.taxel.centre_post and bore >= spec.printer.line_width_mm else 0.0
+
+
+def fillet_mm(spec: Spec, arrangement: Arrangement) -> Any:
+    """Radius in mm of the root fillets: as the spec says, less where the window leaves less room."""
+    return np.clip(arrangement.root_clearance_mm, 0, spec.taxel.fillet_mm)
+
+
+@dataclass(frozen=True)
+class TaxelModel:
+    """One taxel, or an array of taxels of one topology, by the beam model."""
+
+    spec: Spec
+    topology: str
+    plate: PlateShape
+    beam: BeamShape
+
+    @cached_property
+    def arrangement(self) -> Arrangement:
+        """Beams, blocks and window in mm."""
+        layout: Arrangement = TOPOLOGIES[self.topology].arrange(
+            self.plate, BeamShape(*(np.asarray(v, float) for v in self.beam)), self.spec.printer.smallest_gap_mm
+        )
+        return layout
+
+    @cached_property
+    def body(self) -> RigidBody:
+        """What moves as one, without the beams: plate, boss, washer, glue, less the recess."""
+        spec, taxel = self.spec, self.spec.taxel
+        density = spec.material.density_g_per_cm3 * G_PER_CM3
+        top = taxel.plate_thickness_mm * MM
+        boss_top = (spec.pad.frame_thickness_mm + taxel.boss_protrusion_mm) * MM
+        diameter, depth = (v * MM for v in recess_mm(spec))
+        low, high = depth - spec.washer.thickness_mm * MM, depth
+        outer, bore = spec.washer.outer_diameter_mm * MM, spec.washer.inner_diameter_mm * MM
+        washer_at = (self.arrangement.washer_x_mm * MM, 0.0)
+        parts = [
+            box(
+                (b.low_x_mm * MM, b.low_y_mm * MM, 0),
+                (b.high_x_mm * MM, b.high_y_mm * MM, b.height_mm * MM),
+                density,
+            )
+            for b in self.arrangement.blocks
+        ]
+        parts.append(ring(washer_at, top, boss_top, taxel.boss_diameter_mm * MM, 0, density))
+        parts.append(ring(washer_at, 0, depth, diameter, post_diameter_mm(spec) * MM, -density))
+        parts.append(ring(washer_at, low, high, outer, bore, spec.washer.density_g_per_cm3 * G_PER_CM3))
+        if taxel.glue_mg:
+            glue_density = taxel.glue_mg * 1e-6 / (np.pi / 4 * (outer**2 - bore**2) * (high - low))
+            parts.append(ring(washer_at, low, high, outer, bore, glue_density))
+        return combine(*parts)
+
+    @cached_property
+    def placements(self) -> list[BeamPlacement]:
+        """The beams in SI units, where they meet the body."""
+        fillet = fillet_mm(self.spec, self.arrangement) * MM
+        placements = []
+        for strip in self.arrangement.beams:
+            thickness = strip.thickness_mm * MM
+            run = (strip.tip_x_mm - strip.root_x_mm) * MM
+            section = BeamSection(strip.width_mm * MM, thickness, np.abs(run), fillet, GROUND_GIVE * thickness)
+            tip = np.stack(np.broadcast_arrays(strip.tip_x_mm * MM, strip.y_mm * MM, thickness / 2), -1)
+            direction = np.stack([np.sign(run), 0.0 * run], -1)
+            placements.append(BeamPlacement(section, tip, direction))
+        return placements
+
+    @property
+    def _elastic(self) -> tuple[float, float, float]:
+        material = self.spec.material
+        return (
+            material.youngs_modulus_gpa * GPA,
+            material.poisson_ratio,
+            material.density_g_per_cm3 * G_PER_CM3,
+        )
+
+    @cached_property
+    def modes(self) -> Modes:
+        """All six modes."""
+        return suspended_modes(self.body, self.placements, *self._elastic)
+
+    @cached_property
+    def washer_point_m(self) -> np.ndarray:
+        """Where the pull acts and the finger feels, in m: the washer's axis."""
+        x = np.asarray(self.arrangement.washer_x_mm * MM)
+        return np.stack([x, 0 * x, 0 * x], -1)
+
+    @cached_property
+    def compliances(self) -> np.ndarray:
+        """Static compliance (…, 6) in m/N that each mode adds to a vertical force at the washer."""
+        vertical = self.modes.at_point(self.washer_point_m)[..., 2, :]
+        angular = 2 * np.pi * self.modes.frequency_hz
+        return vertical**2 / angular**2
+
+    @cached_property
+    def working(self) -> np.ndarray:
+        """Index of the mode that the washer's pull moves most: the channel's own."""
+        return np.asarray(self.compliances.argmax(-1))
+
+    @cached_property
+    def resonance_hz(self) -> np.ndarray:
+        """Resonance of the working mode."""
+        return _take(self.modes.frequency_hz, self.working)
+
+    @cached_property
+    def stiffness_n_per_m(self) -> np.ndarray:
+        """Stiffness of the working mode at the washer."""
+        return 1 / _take(self.compliances, self.working)
+
+    @cached_property
+    def effective_mass_kg(self) -> np.ndarray:
+        """Mass of the working mode at the washer."""
+        return self.stiffness_n_per_m / (2 * np.pi * self.resonance_hz) ** 2
+
+    @cached_property
+    def rule_hz(self) -> np.ndarray:
+        """Resonance by the paper's point-mass rule (Eq. 1-2): all of the body at the beam's tip."""
+        topology = TOPOLOGIES[self.topology]
+        width, thickness, length = (np.asarray(v, float) * MM for v in self.beam)
+        one = rule_stiffness(self._elastic[0], width, thickness, length, topology.END_FACTOR)
+        return np.asarray(natural_frequency(topology.BEAMS * one, self.body.mass))
+
+    def root_stress_pa(self, level_m: np.ndarray) -> np.ndarray:
+        """Largest bending stress at a beam's root when the washer moves by `level_m`, in the working mode."""
+        shape = np.take_along_axis(self.modes.shape, self.working[..., None, None], -1)[..., 0]
+        vertical = _take(self.modes.at_point(self.washer_point_m)[..., 2, :], self.working)
+        motion = shape * (level_m / vertical)[..., None]
+        worst = 0.0
+        for beam in self.placements:
+            moment = root_moment(beam, motion, self.modes.reference, *self._elastic[:2])
+            width = beam.section.width + 2 * beam.section.fillet
+            worst = np.maximum(worst, np.abs(moment) * 6 / (width * beam.section.thickness**2))
+        return np.asarray(worst)
+
+
+def _take(values: np.ndarray, index: np.ndarray) -> np.ndarray:
+    result: np.ndarray = np.take_along_axis(values, index[..., None], -1)[..., 0]
+    return result

@@ -1,0 +1,1 @@
+"""Plan → build123d taxels → meshes → one pad → print checks → files."""

@@ -1,0 +1,314 @@
+"""Print checks: what a pad's final mesh must hold, as findings.
+
+Checks of the mesh alone need a printer's limits; with a plan come those that compare what was built
+with what was planned.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from padgen.errors import GeometryError, number
+from padgen.finding import Finding
+from padgen.planner.plan import Plan
+from padgen.solid.measure import Dimension, measured
+from padgen.solid.mesh import Mesh, as_manifold, from_manifold
+from padgen.solid.pad import PadSolid
+from padgen.solid.sections import Section, narrow_gaps, narrow_walls, sections, smallest, unsupported_spans
+from padgen.solid.topology import Topology, intersecting_pairs, topology
+from padgen.spec import Printer, Spec
+
+__all__ = ["Report", "check_mesh", "check_pad", "compare_mesh"]
+
+BUILT_MM = 0.01
+"""Largest difference of a built dimension from the planned one."""
+VOLUME_SHARE = 1e-3
+"""Largest relative difference of the mesh's volume from the exact one."""
+FACET_MM = 0.012
+"""What triangles may take off a wall or gap between round faces: the chord, on both sides."""
+AT_ONCE = 5
+"""Findings of one kind that are listed; the last says how many more there are."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """The findings of all checks and the figures they measured."""
+
+    figures: dict[str, Any]
+    findings: tuple[Finding, ...]
+
+
+def check_mesh(mesh: Mesh, printer: Printer, density_g_per_cm3: float) -> Report:
+    """The checks that need no plan, against the limits of `printer`."""
+    state = topology(mesh)
+    figures = _shape_figures(mesh, state, density_g_per_cm3)
+    findings = [*_closed(state), *_one_body(state), *_pierced(mesh), *_on_bed(mesh, printer)]
+    if state.closed and state.volume_mm3 > 0:
+        solid, refused = _manifold(mesh)
+        findings += refused
+        if solid is not None:
+            cuts = sections(solid, mesh)
+            findings += [*_walls_and_gaps(cuts, printer), *_overhangs(mesh, printer)]
+            findings += _narrowest(cuts, solid, mesh, printer, figures)
+    return Report(figures, tuple(findings))
+
+
+def check_pad(pad: PadSolid, plan: Plan) -> Report:
+    """All checks of a pad that was built from `plan`.
+
+    What one coil's cell can tell is looked for there once, since all cells are alike: pierced
+    triangles (a tile cannot leave its sub-cell), spans and the smallest widths. Everything that a
+    seam or a lost taxel could break is looked for in the whole pad.
+    """
+    spec = plan.typed_spec
+    state = topology(pad.mesh)
+    figures = _shape_figures(pad.mesh, state, spec.material.density_g_per_cm3)
+    findings = [*_closed(state), *_one_body(state), *_on_bed(pad.mesh, spec.printer)]
+    for name, tile in zip([*(f"taxel {c.index}" for c in plan.channels), "frame"], pad.tiles, strict=True):
+        findings += _pierced(tile.mesh, name)
+    findings += _volume(state.volume_mm3, pad.volume_mm3)
+    figures["exact_volume_mm3"] = pad.volume_mm3
+    if state.closed:
+        solid, refused = _manifold(pad.mesh)
+        findings += refused
+        if solid is not None:
+            findings += _walls_and_gaps(sections(solid, pad.mesh), spec.printer)
+            findings += _overhangs(pad.mesh, spec.printer)
+            findings += compare(plan, solid, figures)
+            cell = _one_cell(plan, solid)
+            mesh = from_manifold(cell)
+            findings += _narrowest(sections(cell, mesh), cell, mesh, spec.printer, figures)
+    return Report(figures, tuple(findings))
+
+
+def compare_mesh(report: Report, mesh: Mesh, plan: Plan) -> Report:
+    """Add to the `report` on a mesh what its comparison with `plan` finds; it must lie as it was built."""
+    solid, _ = _manifold(mesh) if topology(mesh).closed else (None, [])
+    if solid is None:
+        return report
+    figures = dict(report.figures)
+    return Report(figures, (*report.findings, *compare(plan, solid, figures)))
+
+
+def compare(plan: Plan, solid: Any, figures: dict[str, Any]) -> list[Finding]:
+    """Built against planned, for every taxel; adds the largest difference to `figures`."""
+    spec = plan.typed_spec
+    dimensions = list(measured(plan, solid))
+    gaps = [abs(d.built_mm - d.planned_mm) for d in dimensions]
+    finite = [gap for gap in gaps if isfinite(gap)]
+    figures["largest_difference_from_plan_mm"] = max(finite, default=None)
+    figures["measured_dimensions"] = len(dimensions)
+    return [
+        *_few(_differs(d) for d in dimensions if not abs(d.built_mm - d.planned_mm) <= BUILT_MM),
+        *_few(_washer_fits(spec, dimensions)),
+        *_few(_beam_sections(spec.printer, dimensions)),
+    ]
+
+
+def _differs(dimension: Dimension) -> Finding:
+    built = f"{number(dimension.built_mm)} mm" if isfinite(dimension.built_mm) else "missing"
+    return Finding(
+        "error",
+        "built.planned",
+        f"taxel {dimension.taxel}",
+        f"{dimension.name} is {built}, planned are {number(dimension.planned_mm)} mm within {number(BUILT_MM)} mm",
+    )
+
+
+def _washer_fits(spec: Spec, dimensions: Iterable[Dimension]) -> Iterator[Finding]:
+    bounds = {"recess diameter": spec.washer.outer_diameter_mm, "recess depth": spec.washer.thickness_mm}
+    for d in dimensions:
+        if d.name in bounds and not d.built_mm >= bounds[d.name]:
+            yield Finding(
+                "error",
+                "washer.fit",
+                f"taxel {d.taxel}",
+                f"{d.name} is {number(d.built_mm)} mm, the washer {spec.washer.name} needs {number(bounds[d.name])} mm",
+            )
+
+
+def _beam_sections(printer: Printer, dimensions: Iterable[Dimension]) -> Iterator[Finding]:
+    for d in dimensions:
+        if d.name.endswith("width") and d.built_mm < printer.smallest_beam_mm - 1e-3:
+            yield Finding(
+                "error",
+                "print.beam",
+                f"taxel {d.taxel}",
+                f"{d.name} is {number(d.built_mm)} mm, {printer.name} prints at least"
+                f" {number(printer.smallest_beam_mm)} mm",
+            )
+        if d.name.endswith("thickness") and isfinite(d.built_mm):
+            layers = (d.built_mm - printer.first_layer_mm) / printer.layer_mm + 1
+            whole = max(round(layers), printer.smallest_beam_layers)
+            if abs(layers - whole) * printer.layer_mm > BUILT_MM:
+                nearest = printer.first_layer_mm + (whole - 1) * printer.layer_mm
+                yield Finding(
+                    "error",
+                    "print.layers",
+                    f"taxel {d.taxel}",
+                    f"{d.name} is {number(d.built_mm)} mm, not a whole number of layers; {number(nearest)} mm would be",
+                )
+
+
+def _shape_figures(mesh: Mesh, state: Topology, density_g_per_cm3: float) -> dict[str, Any]:
+    size = np.ptp(mesh.vertices_mm, axis=0) if len(mesh.vertices_mm) else np.zeros(3)
+    return {
+        "triangles": len(mesh.triangles),
+        "size_mm": [round(float(v), 4) for v in size],
+        "volume_mm3": state.volume_mm3,
+        "plastic_g": state.volume_mm3 * 1e-3 * density_g_per_cm3,
+        "bodies": state.shells,
+    }
+
+
+def _closed(state: Topology) -> Iterator[Finding]:
+    for count, what in (
+        (state.open_edges, "edges have a triangle on one side only"),
+        (state.crowded_edges, "edges join more than two triangles"),
+        (state.turned_edges, "edges join triangles that disagree which side is out"),
+    ):
+        if count:
+            yield Finding("error", "mesh.closed", "mesh", f"{count} {what}, must be 0")
+    if state.closed and state.volume_mm3 <= 0:
+        yield Finding("error", "mesh.inside_out", "mesh", "the triangles face inwards; turn them all round")
+
+
+def _one_body(state: Topology) -> Iterator[Finding]:
+    if state.shells != 1:
+        yield Finding("error", "mesh.bodies", "mesh", f"it has {state.shells} separate bodies, must be 1")
+
+
+def _pierced(mesh: Mesh, where: str = "mesh") -> Iterator[Finding]:
+    pairs = intersecting_pairs(mesh)
+    if len(pairs):
+        x, y, z = (number(float(v)) for v in mesh.corners_mm[pairs[0, 0]].mean(0))
+        yield Finding(
+            "error",
+            "mesh.intersects",
+            where,
+            f"{len(pairs)} pairs of triangles pierce each other, must be 0; the first near ({x}, {y}, {z}) mm",
+        )
+
+
+def _on_bed(mesh: Mesh, printer: Printer) -> Iterator[Finding]:
+    if not len(mesh.vertices_mm):
+        return
+    size = np.ptp(mesh.vertices_mm, axis=0)
+    bed = (printer.bed_x_mm, printer.bed_y_mm, printer.bed_z_mm)
+    if np.any(np.sort(size[:2]) > np.sort(bed[:2])) or size[2] > bed[2]:
+        yield Finding(
+            "error",
+            "print.bed",
+            "mesh",
+            f"it measures {number(size[0])} x {number(size[1])} x {number(size[2])} mm, the bed of {printer.name} is"
+            f" {number(bed[0])} x {number(bed[1])} x {number(bed[2])} mm",
+        )
+
+
+def _volume(built: float, exact: float) -> Iterator[Finding]:
+    if abs(built / exact - 1) > VOLUME_SHARE:
+        yield Finding(
+            "error",
+            "mesh.volume",
+            "mesh",
+            f"its volume is {number(built)} mm³, the solids' is {number(exact)} mm³,"
+            f" within {VOLUME_SHARE:.1%}; a finer chord would do",
+        )
+
+
+def _manifold(mesh: Mesh) -> tuple[Any, list[Finding]]:
+    try:
+        return as_manifold(mesh, "the mesh"), []
+    except GeometryError as error:
+        return None, [Finding("error", "mesh.manifold", "mesh", error.message)]
+
+
+def _walls_and_gaps(cuts: list[Section], printer: Printer) -> list[Finding]:
+    return [*_few(_walls(cuts, printer)), *_few(_gaps(cuts, printer))]
+
+
+def _walls(cuts: list[Section], printer: Printer) -> Iterator[Finding]:
+    limit = min(printer.line_width_mm, printer.smallest_beam_mm)
+    for cut in cuts:
+        for place in narrow_walls(cut, limit - FACET_MM):
+            yield Finding(
+                "error",
+                "print.wall",
+                f"({number(place.x_mm)}, {number(place.y_mm)}, {number(place.z_mm)}) mm",
+                f"a wall is thinner than {number(limit)} mm, the least that {printer.name} lays",
+            )
+
+
+def _gaps(cuts: list[Section], printer: Printer) -> Iterator[Finding]:
+    for cut in cuts:
+        for place in narrow_gaps(cut, printer.smallest_gap_mm - FACET_MM):
+            yield Finding(
+                "error",
+                "print.gap",
+                f"({number(place.x_mm)}, {number(place.y_mm)}, {number(place.z_mm)}) mm",
+                f"a gap is narrower than {number(printer.smallest_gap_mm)} mm, the least that {printer.name}"
+                " keeps open",
+            )
+
+
+def _overhangs(mesh: Mesh, printer: Printer) -> Iterator[Finding]:
+    corners = mesh.corners_mm
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    size = np.linalg.norm(normal, axis=1)
+    down = -normal[:, 2] / np.maximum(size, 1e-30)
+    angle = np.degrees(np.arcsin(np.clip(down, -1, 1)))
+    steep = (angle > printer.steepest_overhang_deg + 0.1) & (angle < 89.9)
+    area = float(size[steep].sum() / 2)
+    if area > printer.line_width_mm**2:
+        worst = np.flatnonzero(steep)[angle[steep].argmax()]
+        x, y, z = (number(float(v)) for v in corners[worst].mean(0))
+        yield Finding(
+            "error",
+            "print.overhang",
+            f"({x}, {y}, {z}) mm",
+            f"{number(area)} mm² lean out by up to {number(float(angle[worst]))}°, {printer.name} prints"
+            f" {number(printer.steepest_overhang_deg)}° without supports",
+        )
+
+
+def _one_cell(plan: Plan, solid: Any) -> Any:
+    """The part of the pad over the first coil, which has all channels."""
+    import manifold3d
+
+    coils, size = plan.coils, plan.typed_spec.pad
+    low = (-coils.columns * coils.pitch_x_mm / 2, -coils.rows * coils.pitch_y_mm / 2, -1.0)
+    height = size.frame_thickness_mm + plan.typed_spec.taxel.boss_protrusion_mm + 2
+    room = manifold3d.Manifold.cube((coils.pitch_x_mm, coils.pitch_y_mm, height)).translate(low)
+    return solid ^ room
+
+
+def _narrowest(
+    cuts: list[Section], solid: Any, mesh: Mesh, printer: Printer, figures: dict[str, Any]
+) -> Iterator[Finding]:
+    """Adds the smallest wall and gap and the longest span to `figures`, and judges the span."""
+    bound = 4 * max(printer.line_width_mm, printer.smallest_gap_mm)
+    limit = printer.longest_bridge_mm
+    span, place = unsupported_spans(solid, mesh, limit + 1.0)
+    figures["smallest_wall_mm"] = min((smallest(cut, False, bound) for cut in cuts), default=None)
+    figures["smallest_gap_mm"] = min((smallest(cut, True, bound) for cut in cuts), default=None)
+    figures["longest_bridge_mm"] = span
+    if place and span > limit:
+        at_least = "at least " if span > limit + 0.99 else ""
+        yield Finding(
+            "error",
+            "print.bridge",
+            f"({number(place.x_mm)}, {number(place.y_mm)}, {number(place.z_mm)}) mm",
+            f"a face hangs free over {at_least}{number(span)} mm, {printer.name} bridges {number(limit)} mm",
+        )
+
+
+def _few(findings: Iterable[Finding]) -> Iterator[Finding]:
+    """The first findings of a kind, and how many more there are."""
+    listed = list(findings)
+    yield from listed[:AT_ONCE]
+    if len(listed) > AT_ONCE:
+        last = listed[-1]
+        yield Finding(last.level, last.code, "elsewhere", f"{len(listed) - AT_ONCE} more like the last")

@@ -1,0 +1,147 @@
+"""A pad as STL, 3MF, STEP and GLB, each read back after writing."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from padgen.errors import GeometryError, number
+from padgen.planner.plan import Plan
+from padgen.solid.frame import to_cell
+from padgen.solid.kernel import build123d, kernel_errors
+from padgen.solid.mesh import Mesh, signed_volume_mm3
+from padgen.solid.pad import PadSolid
+from padgen.solid.taxel import washer_solid
+
+__all__ = ["bill_of_materials", "glb_bytes", "step_writer", "stl_bytes", "stl_mesh", "verified"]
+
+_STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+REREAD_SHARE = 1e-4
+"""Largest relative difference in volume of a file from the mesh: single precision, many triangles."""
+
+
+def stl_bytes(mesh: Mesh, title: str) -> bytes:
+    """Binary STL."""
+    triangles = np.zeros(len(mesh.triangles), _STL_TRIANGLE)
+    corners = mesh.corners_mm
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    size = np.linalg.norm(normal, axis=1, keepdims=True)
+    triangles["normal"] = normal / np.maximum(size, 1e-30)
+    triangles["corners"] = corners
+    header = f"padgen {title}".encode("ascii", "replace")[:80].ljust(80)
+    return header + np.uint32(len(triangles)).tobytes() + triangles.tobytes()
+
+
+def stl_mesh(data: bytes) -> Mesh:
+    """The triangles of a binary STL, not welded."""
+    triangles = np.frombuffer(data, _STL_TRIANGLE, offset=84)
+    corners = triangles["corners"].astype(float).reshape(-1, 3)
+    return Mesh(corners, np.arange(len(corners)).reshape(-1, 3))
+
+
+def verified(name: str, mesh: Mesh, written: Mesh) -> None:
+    """Compare what a file holds with the mesh that was written.
+
+    Raises
+    ------
+    GeometryError
+        Its triangles or its volume differ.
+    """
+    if len(mesh.triangles) != len(written.triangles):
+        raise GeometryError(
+            f"read back it has {len(written.triangles)} triangles, written were {len(mesh.triangles)}", name
+        )
+    before, after = signed_volume_mm3(mesh), signed_volume_mm3(written)
+    if not abs(after / before - 1) <= REREAD_SHARE:
+        raise GeometryError(f"read back its volume is {number(after)} mm³, written were {number(before)} mm³", name)
+
+
+def step_writer(plan: Plan, pad: PadSolid, index: int) -> Any:
+    """A function that writes the STEP file of channel `index` to a path.
+
+    Two named solids in the taxel's own axes: ``printed``, the taxel in the frame of its sub-cell, and
+    ``washer`` where the glue holds it. Read back, they must have the same volumes.
+    """
+    printed, washer = pad.tiles[index].solid, washer_solid(plan, plan.channels[index])
+    name = f"taxel-{index}.step"
+
+    def write(path: Path) -> None:
+        b = build123d()
+        printed.label, washer.label = "printed", "washer"
+        with kernel_errors(name):
+            whole = b.Compound(label=f"{plan.name} taxel {index}", children=[printed, washer])
+            b.export_step(whole, path, timestamp="1970-01-01T00:00:00")
+            back = sorted(float(s.volume) for s in b.import_step(path).solids())
+        planned = sorted((float(printed.volume), float(washer.volume)))
+        if len(back) != 2 or not np.allclose(back, planned, rtol=1e-6):
+            raise GeometryError(f"read back its solids have {back} mm³, written were {planned} mm³", name)
+
+    return write
+
+
+def glb_bytes(plan: Plan, pad: PadSolid) -> bytes:
+    """The pad and its washers as binary glTF, in metres, y up, as viewers expect."""
+    import trimesh
+
+    turn = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], float)
+    turn[:3] *= 1e-3
+    scene = trimesh.Scene()
+    colours = {"pad": (225, 222, 214, 255), "washer": (120, 125, 135, 255)}
+    scene.add_geometry(_coloured(pad.mesh, colours["pad"]), geom_name="pad", node_name="pad", transform=turn)
+    for channel in plan.channels:
+        from padgen.solid.mesh import tessellated
+
+        washer = tessellated(washer_solid(plan, channel))
+        vertices = to_cell(washer.vertices_mm, channel)
+        part = _coloured(Mesh(vertices, washer.triangles), colours["washer"])
+        for taxel in plan.taxels:
+            if taxel.channel == channel.index:
+                centre = vertices.mean(0)
+                place = np.eye(4)
+                place[:2, 3] = np.array([taxel.x_mm, taxel.y_mm]) - centre[:2]
+                scene.add_geometry(
+                    part, geom_name=f"washer-{channel.index}", node_name=f"washer-{taxel.id}", transform=turn @ place
+                )
+    data = scene.export(file_type="glb")
+    back = trimesh.load(trimesh.util.wrap_as_stream(data), file_type="glb")
+    if len(back.graph.nodes_geometry) != 1 + len(plan.taxels):
+        raise GeometryError("read back it lacks parts", "pad.glb")
+    return bytes(data)
+
+
+def _coloured(mesh: Mesh, rgba: tuple[int, int, int, int]) -> Any:
+    import trimesh
+
+    material = trimesh.visual.material.PBRMaterial(
+        baseColorFactor=rgba, metallicFactor=0.0, roughnessFactor=0.8
+    )
+    part = trimesh.Trimesh(mesh.vertices_mm, mesh.triangles, process=False)
+    part.visual = trimesh.visual.TextureVisuals(material=material)
+    return part
+
+
+def bill_of_materials(plan: Plan, plastic_g: float) -> str:
+    """What to buy, as CSV."""
+    spec = plan.typed_spec
+    coils = plan.coils.rows * plan.coils.columns
+    washer, coil = spec.washer, spec.coil
+    rows = [
+        ("item", "quantity", "unit", "what"),
+        (
+            "washer",
+            len(plan.taxels),
+            "pieces",
+            f"{washer.name}: {number(washer.outer_diameter_mm)} x {number(washer.inner_diameter_mm)} x"
+            f" {number(washer.thickness_mm)} mm",
+        ),
+        (
+            "coil",
+            coils,
+            "pieces",
+            f"{coil.name}: {number(coil.outer_diameter_mm)} mm diameter {number(coil.length_mm)} mm long"
+            f" {number(coil.resistance_ohm)} ohm {number(coil.inductance_mh)} mH",
+        ),
+        ("plastic", f"{plastic_g:.2f}", "g", f"{spec.material.name} on {spec.printer.name}"),
+        ("screw", 4 if spec.pad.hole_diameter_mm else 0, "pieces", f"for {number(spec.pad.hole_diameter_mm)} mm holes"),
+    ]
+    return "".join(",".join(str(cell) for cell in row) + "\n" for row in rows)

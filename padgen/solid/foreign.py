@@ -1,0 +1,59 @@
+"""Checks of a mesh file from anywhere: read by trimesh or lib3mf, welded, judged."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from padgen.errors import MeshFileError
+from padgen.solid.checks import Report, check_mesh, compare_mesh
+from padgen.solid.mesh import Mesh, welded
+from padgen.spec import Spec
+
+__all__ = ["check_file", "read_mesh"]
+
+WELD_MM = 1e-5
+
+
+def read_mesh(path: Path) -> Mesh:
+    """Triangles of an STL, 3MF, OBJ, PLY or GLB, welded; STL, OBJ and PLY are taken as millimetres.
+
+    Raises
+    ------
+    MeshFileError
+        The file is not there, not a mesh, or holds no triangles.
+    """
+    if not path.is_file():
+        raise MeshFileError("there is no such file" if not path.exists() else "is not a file", str(path))
+    if path.suffix.lower() == ".3mf":
+        from padgen.solid.threemf import read_3mf
+
+        return read_3mf(path)
+    import trimesh
+
+    try:
+        part = trimesh.load(path, force="mesh", process=False)
+    except Exception as error:  # trimesh lets through whatever its many readers raise
+        raise MeshFileError(f"is not a mesh that can be read ({error or type(error).__name__})", str(path)) from error
+    if not isinstance(part, trimesh.Trimesh) or not len(part.faces):
+        raise MeshFileError("holds no triangles", str(path))
+    vertices, faces = np.asarray(part.vertices, float), np.asarray(part.faces, np.int64)
+    if not np.isfinite(vertices).all():
+        raise MeshFileError("has coordinates that are not finite", str(path))
+    scale = 1000.0 if path.suffix.lower() in (".glb", ".gltf") else 1.0
+    return welded(vertices * scale, faces, WELD_MM)
+
+
+def check_file(path: Path, spec: Spec | None, fallback: Spec, progress: Callable[[str], None]) -> Report:
+    """Check a mesh file; with a `spec` against its printer and its plan, else against `fallback`'s printer."""
+    progress("reading")
+    mesh = read_mesh(path)
+    limits = spec or fallback
+    progress("checking")
+    report = check_mesh(mesh, limits.printer, limits.material.density_g_per_cm3)
+    if spec is None:
+        return report
+    from padgen.planner import make_plan
+
+    progress("comparing with the plan")
+    return compare_mesh(report, mesh, make_plan(spec))

@@ -1,0 +1,115 @@
+"""Built = planned: dimensions of every taxel measured back from the final mesh by rays."""
+
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from padgen.planner.plan import Beam, Channel, Plan, Taxel
+from padgen.planner.suspensions import Strip
+from padgen.planner.taxel_model import post_diameter_mm, recess_mm
+from padgen.solid.frame import to_cell
+from padgen.solid.taxel import tile_model
+from padgen.spec import Spec
+
+__all__ = ["Dimension", "measured"]
+
+SPOKES = 16
+
+
+class Dimension(NamedTuple):
+    """One measured dimension: which taxel, what, as planned and as built, in mm (nan: not found)."""
+
+    taxel: str
+    name: str
+    planned_mm: float
+    built_mm: float
+
+
+class _Gauge(NamedTuple):
+    """A planned length, the rays (from, to, in own axes) that measure it, and how their runs make it up."""
+
+    name: str
+    planned_mm: float
+    rays: np.ndarray
+    combine: Callable[[list[float]], float]
+
+
+def measured(plan: Plan, solid: Any) -> Iterator[Dimension]:
+    """Measure beams, recess and boss of every taxel on the manifold `solid` of the pad.
+
+    A ray runs until it meets a face: from within a beam sideways (width), above it along its axis
+    (length), from below and above onto it (thickness), and within the recess.
+    """
+    gauges = {c.index: _placed(_gauges(plan, c), c) for c in plan.channels}
+    for taxel in plan.taxels:
+        centre = np.array([*_coil_axis_mm(plan, taxel), 0.0])
+        for gauge in gauges[taxel.channel]:
+            runs = [_run_mm(solid, *(ray + centre)) for ray in gauge.rays]
+            yield Dimension(taxel.id, gauge.name, gauge.planned_mm, gauge.combine(runs))
+
+
+def _gauges(plan: Plan, channel: Channel) -> Iterator[_Gauge]:
+    arrangement = tile_model(plan, channel).arrangement
+    lowest_block = min(float(block.height_mm) for block in arrangement.blocks)
+    for number, strip in enumerate(arrangement.beams):
+        name = f"beam {number + 1}" if len(arrangement.beams) > 1 else "beam"
+        yield from _beam_gauges(name, strip, channel.beam, lowest_block)
+    yield from _recess_gauges(plan.typed_spec, float(arrangement.washer_x_mm))
+
+
+def _beam_gauges(name: str, strip: Strip, beam: Beam, lowest_block: float) -> Iterator[_Gauge]:
+    x, y = float(strip.root_x_mm + strip.tip_x_mm) / 2, float(strip.y_mm)
+    inside = np.array([x, y, beam.thickness_mm / 2])
+    above = np.array([x, y, (beam.thickness_mm + lowest_block) / 2])
+    yield _Gauge(f"{name} width", beam.width_mm, _both_ways(inside, [0, beam.width_mm, 0]), sum)
+    yield _Gauge(f"{name} length", beam.length_mm, _both_ways(above, [beam.length_mm, 0, 0]), sum)
+    under, over = np.array([x, y, -1.0]), np.array([x, y, lowest_block])
+    span = lowest_block + 1
+    faces = np.array([[under, inside], [over, inside]])
+    yield _Gauge(f"{name} thickness", beam.thickness_mm, faces, lambda runs: span - sum(runs))
+    yield _Gauge(f"{name} height above the bed", 0.0, faces[:1], lambda runs: runs[0] - 1)
+
+
+def _recess_gauges(spec: Spec, washer_x: float) -> Iterator[_Gauge]:
+    washer = np.array([washer_x, 0.0, 0.0])
+    diameter, depth = recess_mm(spec)
+    inner = post_diameter_mm(spec) / 2
+    under = washer + [0.0, (inner + diameter / 2) / 2, -1.0]
+    up = np.array([[under, under + [0, 0, depth + 2]]])
+    yield _Gauge("recess depth", depth, up, lambda runs: runs[0] - 1)
+    angle = np.arange(SPOKES) * 2 * np.pi / SPOKES
+    out = np.stack([np.cos(angle), np.sin(angle), 0 * angle], -1)
+    offset = inner + 0.1 if inner else 0.0
+    start = washer + [0, 0, depth / 2] + out * offset
+    spokes = np.stack([start, start + out * diameter], 1)
+    # The triangles' corners lie on the circle, their sides within it.
+    yield _Gauge("recess diameter", diameter, spokes, lambda runs: 2 * (offset + max(runs)))
+    boss_top = spec.pad.frame_thickness_mm + spec.taxel.boss_protrusion_mm
+    over = washer + [0, 0, boss_top + 1]
+    down = np.array([[over, over - [0, 0, boss_top]]])
+    yield _Gauge("boss height", boss_top, down, lambda runs: boss_top + 1 - runs[0])
+
+
+def _both_ways(start: np.ndarray, reach: list[float]) -> np.ndarray:
+    return np.array([[start, start + reach], [start, start - reach]])
+
+
+def _placed(gauges: Iterator[_Gauge], channel: Channel) -> list[_Gauge]:
+    return [gauge._replace(rays=to_cell(gauge.rays, channel)) for gauge in gauges]
+
+
+def _coil_axis_mm(plan: Plan, taxel: Taxel) -> tuple[float, float]:
+    row, column = taxel.coil
+    coils = plan.coils
+    return (
+        (column - (coils.columns - 1) / 2) * coils.pitch_x_mm,
+        (row - (coils.rows - 1) / 2) * coils.pitch_y_mm,
+    )
+
+
+def _run_mm(solid: Any, start: np.ndarray, stop: np.ndarray) -> float:
+    """How far a ray runs until it meets a face; nan when it meets none."""
+    hits = solid.ray_cast(tuple(start), tuple(stop))
+    return float(hits[0].distance * np.linalg.norm(stop - start)) if hits else float("nan")
+

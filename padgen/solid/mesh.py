@@ -1,0 +1,102 @@
+"""Triangles: from a build123d solid to welded arrays, and from there to a manifold."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from padgen.errors import GeometryError
+from padgen.solid.kernel import build123d, kernel_errors
+
+__all__ = ["ANGLE_RAD", "CHORD_MM", "Mesh", "as_manifold", "from_manifold", "signed_volume_mm3", "tessellated", "welded"]
+
+CHORD_MM = 0.01
+"""Default largest distance between a curved face and its triangles (docs/performance.md has the table)."""
+ANGLE_RAD = 0.3
+WELD_MM = 1e-6
+
+
+class Mesh(NamedTuple):
+    """Welded triangles: `vertices_mm` (V, 3) float64, `triangles` (T, 3) int64, outward by right hand."""
+
+    vertices_mm: np.ndarray
+    triangles: np.ndarray
+
+    @property
+    def corners_mm(self) -> np.ndarray:
+        """Corner coordinates, (T, 3, 3)."""
+        corners: np.ndarray = self.vertices_mm[self.triangles]
+        return corners
+
+
+def tessellated(solid: Any, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_RAD) -> Mesh:
+    """Triangles of a build123d solid within `chord_mm`, absolute, and `angle_rad`; welded.
+
+    OCCT is called directly, since build123d's own `mesh` takes the chord relative to the shape.
+    """
+    build123d()
+    from OCP.BRep import BRep_Tool
+    from OCP.BRepMesh import BRepMesh_IncrementalMesh
+    from OCP.BRepTools import BRepTools
+    from OCP.TopAbs import TopAbs_Orientation
+    from OCP.TopLoc import TopLoc_Location
+
+    vertices, triangles, offset = [], [], 0
+    with kernel_errors("a mesh"):
+        BRepTools.Clean_s(solid.wrapped)
+        BRepMesh_IncrementalMesh(solid.wrapped, chord_mm, False, angle_rad, False)
+        for face in solid.faces():
+            location = TopLoc_Location()
+            part = BRep_Tool.Triangulation_s(face.wrapped, location)
+            if part is None:
+                raise GeometryError("the CAD kernel left a face without triangles")
+            move = location.Transformation()
+            nodes = (part.Node(i).Transformed(move) for i in range(1, part.NbNodes() + 1))
+            vertices += [(p.X(), p.Y(), p.Z()) for p in nodes]
+            order = (1, 3, 2) if face.wrapped.Orientation() == TopAbs_Orientation.TopAbs_REVERSED else (1, 2, 3)
+            corners = (part.Triangle(i) for i in range(1, part.NbTriangles() + 1))
+            triangles += [[t.Value(k) + offset - 1 for k in order] for t in corners]
+            offset += part.NbNodes()
+    return welded(np.array(vertices), np.array(triangles))
+
+
+def welded(vertices_mm: np.ndarray, triangles: np.ndarray, tolerance_mm: float = WELD_MM) -> Mesh:
+    """Join vertices that agree within `tolerance_mm` and drop triangles that lose a side by it."""
+    keys = np.round(vertices_mm / tolerance_mm).astype(np.int64)
+    _, first, joined = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    triangles = joined.reshape(-1)[triangles]
+    a, b, c = triangles.T
+    return Mesh(vertices_mm[first], triangles[(a != b) & (b != c) & (c != a)])
+
+
+def signed_volume_mm3(mesh: Mesh) -> float:
+    """Volume by the divergence theorem; negative for a mesh turned inside out."""
+    a, b, c = np.moveaxis(mesh.corners_mm, 1, 0)
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+
+def as_manifold(mesh: Mesh, what: str) -> Any:
+    """The mesh as a manifold in double precision.
+
+    Raises
+    ------
+    GeometryError
+        manifold refuses it; the message names `what` and manifold's own status.
+    """
+    import manifold3d
+
+    solid = manifold3d.Manifold(
+        manifold3d.Mesh64(
+            np.ascontiguousarray(mesh.vertices_mm, dtype=np.float64),
+            np.ascontiguousarray(mesh.triangles, dtype=np.uint64),
+        )
+    )
+    if solid.status() != manifold3d.Error.NoError:
+        raise GeometryError(f"{what} is not a manifold ({solid.status().name})")
+    return solid
+
+
+def from_manifold(solid: Any) -> Mesh:
+    """The triangles of a manifold."""
+    mesh = solid.to_mesh64()
+    vertices = np.asarray(mesh.vert_properties)[:, :3]
+    return Mesh(vertices, np.asarray(mesh.tri_verts).astype(np.int64))

@@ -1,0 +1,201 @@
+"""One pad from its distinct tiles: tiles are placed on a lattice and their seams welded.
+
+A tile is a taxel with the frame of its sub-cell; all tiles are the same rectangle. The faces where
+two tiles meet, or a tile meets the border, are left out and their corner vertices shared: the
+union of face-adjacent solids, in time linear in the number of tiles.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from padgen.planner.plan import Plan
+from padgen.solid.frame import Outline, outline, to_cell
+from padgen.solid.kernel import build123d, kernel_errors
+from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, Mesh, tessellated
+from padgen.solid.taxel import taxel_solid
+
+__all__ = ["PadSolid", "Tile", "assembled", "build_pad", "tile_grid"]
+
+SEAM_MM = 1e-7
+
+
+@dataclass(frozen=True)
+class Tile:
+    """A distinct tile: its exact volume and its triangles about the sub-cell's centre, as placed.
+
+    `solid` is the build123d solid in the taxel's own axes, None for a tile without a taxel.
+    """
+
+    mesh: Mesh
+    volume_mm3: float
+    solid: Any
+
+
+@dataclass(frozen=True)
+class PadSolid:
+    """The pad: its `mesh`, the exact `volume_mm3` of its solids, and what it was made from.
+
+    `tiles` has one tile per channel and, last, the bare tile; `grid` (rows, columns) of sub-cells
+    holds indices into it.
+    """
+
+    mesh: Mesh
+    volume_mm3: float
+    tiles: tuple[Tile, ...]
+    border: Tile
+    grid: np.ndarray
+
+
+def build_pad(plan: Plan, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_RAD) -> PadSolid:
+    """Model each distinct taxel once and make the pad of `plan`.
+
+    Raises
+    ------
+    GeometryError
+        A kernel refused a taxel, or a seam does not close.
+    """
+    tiles = [_taxel_tile(plan, index, chord_mm, angle_rad) for index in range(len(plan.channels))]
+    tiles.append(_bare_tile(plan))
+    grid = tile_grid(plan)
+    border = _border_tile(plan, grid.shape, chord_mm, angle_rad)
+    counts = np.bincount(grid.ravel(), minlength=len(tiles))
+    volume = border.volume_mm3 + sum(float(n) * t.volume_mm3 for n, t in zip(counts, tiles, strict=True))
+    return PadSolid(assembled(plan, tiles, border, grid), volume, tuple(tiles), border, grid)
+
+
+def tile_grid(plan: Plan) -> np.ndarray:
+    """Index of the tile at each sub-cell of the pad, (rows, columns) from the lower left."""
+    cell, coils = plan.cell, plan.coils
+    grid = np.full((coils.rows * cell.rows, coils.columns * cell.columns), len(plan.channels))
+    for taxel in plan.taxels:
+        x, y = plan.channels[taxel.channel].site.centre_mm
+        column = round(x / cell.width_mm + (cell.columns - 1) / 2) + taxel.coil[1] * cell.columns
+        row = round(y / cell.depth_mm + (cell.rows - 1) / 2) + taxel.coil[0] * cell.rows
+        grid[row, column] = taxel.channel
+    return grid
+
+
+def assembled(plan: Plan, tiles: list[Tile], border: Tile, grid: np.ndarray) -> Mesh:
+    """Place `tiles` by `grid` within `border` and weld the seams."""
+    rows, columns = grid.shape
+    spec = plan.typed_spec
+    x = np.linspace(-spec.pad.width_mm / 2, spec.pad.width_mm / 2, columns + 1)
+    y = np.linspace(-spec.pad.depth_mm / 2, spec.pad.depth_mm / 2, rows + 1)
+    z = np.array([0.0, spec.pad.frame_thickness_mm])
+    lattice = np.stack(np.meshgrid(x, y, z, indexing="ij"), -1).reshape(-1, 3)
+    vertices, triangles, offset = [lattice], [], len(lattice)
+    for index, tile in enumerate(tiles):
+        r, c = np.nonzero(grid == index)
+        if not len(r):
+            continue
+        inner, corner, faces = _open_seams(tile.mesh, plan.cell.width_mm / 2, plan.cell.depth_mm / 2, z)
+        # Vertex numbers per place: own ones follow each other, corner ones point into the lattice.
+        number = np.empty((len(r), len(inner)), dtype=np.int64)
+        place = np.flatnonzero(inner)
+        number[:, place] = offset + np.arange(len(r))[:, None] * len(place) + np.arange(len(place))
+        at = corner[~inner]
+        lattice_index = ((c[:, None] + at[:, 0]) * (rows + 1) + r[:, None] + at[:, 1]) * 2 + at[:, 2]
+        number[:, np.flatnonzero(~inner)] = lattice_index
+        centre = np.stack([(x[c] + x[c + 1]) / 2, (y[r] + y[r + 1]) / 2, np.zeros(len(r))], -1)
+        vertices.append((centre[:, None] + tile.mesh.vertices_mm[place]).reshape(-1, 3))
+        triangles.append(number[:, faces].reshape(-1, 3))
+        offset += len(r) * len(place)
+    on_lattice, faces = _open_border(border.mesh, x, y, z)
+    own = on_lattice < 0
+    number = np.where(own, offset + np.cumsum(own) - 1, on_lattice)
+    vertices.append(border.mesh.vertices_mm[own])
+    triangles.append(number[faces])
+    return _compact(Mesh(np.concatenate(vertices), np.concatenate(triangles)))
+
+
+def _taxel_tile(plan: Plan, index: int, chord_mm: float, angle_rad: float) -> Tile:
+    channel = plan.channels[index]
+    solid = taxel_solid(plan, channel)
+    mesh = tessellated(solid, chord_mm, angle_rad)
+    sides = outline(plan, channel)
+    placed = to_cell(_snapped(mesh.vertices_mm, sides), channel)
+    placed[:, :2] -= channel.site.centre_mm
+    return Tile(Mesh(placed, mesh.triangles), float(solid.volume), solid)
+
+
+def _snapped(vertices: np.ndarray, sides: Outline) -> np.ndarray:
+    """Vertices within rounding of the outline, put on it."""
+    snapped = vertices.copy()
+    for axis, value in ((0, sides.x0), (0, sides.x1), (1, sides.y0), (1, sides.y1)):
+        near = np.abs(snapped[:, axis] - value) < SEAM_MM
+        snapped[near, axis] = value
+    return snapped
+
+
+def _bare_tile(plan: Plan) -> Tile:
+    cell, height = plan.cell, plan.typed_spec.pad.frame_thickness_mm
+    sides = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]) * (cell.width_mm, cell.depth_mm)
+    vertices = np.concatenate([np.c_[sides, np.zeros(4)], np.c_[sides, np.full(4, height)]])
+    quads = [(3, 2, 1, 0), (4, 5, 6, 7)] + [(i, (i + 1) % 4, (i + 1) % 4 + 4, i + 4) for i in range(4)]
+    triangles = np.array([tri for a, b, c, d in quads for tri in ((a, b, c), (a, c, d))])
+    return Tile(Mesh(vertices, triangles), cell.width_mm * cell.depth_mm * height, None)
+
+
+def _border_tile(plan: Plan, shape: tuple[int, int], chord_mm: float, angle_rad: float) -> Tile:
+    """The border with its corner holes; its inner edge has a vertex wherever tiles meet."""
+    b = build123d()
+    pad = plan.typed_spec.pad
+    rows, columns = shape
+    half_x, half_y = pad.width_mm / 2, pad.depth_mm / 2
+    x, y = np.linspace(-half_x, half_x, columns + 1), np.linspace(-half_y, half_y, rows + 1)
+    inner = [(v, -half_y) for v in x] + [(half_x, v) for v in y[1:]]
+    inner += [(v, half_y) for v in x[-2::-1]] + [(-half_x, v) for v in y[-2:0:-1]]
+    with kernel_errors("the border"):
+        outside = b.Wire.make_rect(pad.width_mm + 2 * pad.border_mm, pad.depth_mm + 2 * pad.border_mm)
+        outside = outside.fillet_2d(pad.border_mm / 2, outside.vertices())
+        holes = [b.Wire.make_polygon([(float(u), float(v)) for u, v in inner], close=True)]
+        if pad.hole_diameter_mm:
+            off_x, off_y = half_x + pad.border_mm / 2, half_y + pad.border_mm / 2
+            holes += [
+                b.Wire.make_circle(pad.hole_diameter_mm / 2, b.Plane((sx * off_x, sy * off_y, 0)))
+                for sx in (-1, 1)
+                for sy in (-1, 1)
+            ]
+        solid = b.Solid.extrude(b.Face(outside, holes), b.Vector(0, 0, pad.frame_thickness_mm))
+        return Tile(tessellated(solid, chord_mm, angle_rad), float(solid.volume), solid)
+
+
+def _open_seams(
+    mesh: Mesh, half_x: float, half_y: float, z: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Which vertices are inner, the lattice step (0 or 1 per axis) of the others, and the kept triangles."""
+    v = mesh.vertices_mm
+    on_x, on_y = np.abs(np.abs(v[:, 0]) - half_x) < SEAM_MM, np.abs(np.abs(v[:, 1]) - half_y) < SEAM_MM
+    corner = np.stack([v[:, 0] > 0, v[:, 1] > 0, np.abs(v[:, 2] - z[1]) < SEAM_MM], -1).astype(np.int64)
+    side = np.stack([on_x & (v[:, 0] < 0), on_x & (v[:, 0] > 0), on_y & (v[:, 1] < 0), on_y & (v[:, 1] > 0)], -1)
+    seam = side[mesh.triangles].all(1).any(1)
+    return ~(on_x & on_y), corner, mesh.triangles[~seam]
+
+
+def _open_border(mesh: Mesh, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lattice number of the border's vertices (−1 for its own), and the triangles without the inner sides."""
+    v = mesh.vertices_mm
+    inside = (np.abs(v[:, 0]) < x[-1] + SEAM_MM) & (np.abs(v[:, 1]) < y[-1] + SEAM_MM)
+    step = [np.abs(v[:, i, None] - axis).argmin(1) for i, axis in enumerate((x, y, z))]
+    number = (step[0] * len(y) + step[1]) * 2 + step[2]
+    on_lattice = np.where(inside, number, -1)
+    return on_lattice, mesh.triangles[~inside[mesh.triangles].all(1) | _flat(mesh)]
+
+
+def _flat(mesh: Mesh) -> np.ndarray:
+    """Triangles in a horizontal plane."""
+    height = mesh.corners_mm[..., 2]
+    flat: np.ndarray = np.ptp(height, axis=1) < SEAM_MM
+    return flat
+
+
+def _compact(mesh: Mesh) -> Mesh:
+    """Drop vertices that no triangle uses: the lattice points within the bare frame all are used."""
+    used = np.zeros(len(mesh.vertices_mm), dtype=bool)
+    used[mesh.triangles] = True
+    if used.all():
+        return mesh
+    number = np.cumsum(used) - 1
+    return Mesh(mesh.vertices_mm[used], number[mesh.triangles])

@@ -1,0 +1,122 @@
+"""Pictures of a mesh: a depth buffer in numpy, so that no window and no graphics driver is needed."""
+
+import io
+from typing import NamedTuple
+
+import numpy as np
+
+from padgen.solid.mesh import Mesh
+
+__all__ = ["View", "picture_png"]
+
+BACKGROUND = np.array([1.0, 1.0, 1.0])
+LIGHTS = ((np.array([-0.35, -0.55, 0.76]), 0.75), (np.array([0.8, 0.1, 0.4]), 0.25))
+AMBIENT = 0.22
+
+
+class View(NamedTuple):
+    """Where the picture is taken from: degrees around z from −y, and above the horizon."""
+
+    azimuth_deg: float = -35.0
+    elevation_deg: float = 38.0
+
+
+def picture_png(
+    parts: "list[tuple[Mesh, tuple[float, float, float]]]", size_px: tuple[int, int], view: View | None = None
+) -> bytes:
+    """PNG of meshes with their colours (red, green, blue in 0 … 1), in parallel projection, fitted to the size."""
+    from PIL import Image
+
+    oversample = 2
+    width, height = (oversample * n for n in size_px)
+    corners = np.concatenate([mesh.corners_mm for mesh, _ in parts])
+    colours = np.concatenate([np.tile(colour, (len(mesh.triangles), 1)) for mesh, colour in parts])
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    shade = AMBIENT + sum(
+        share * np.clip(normal @ (light / np.linalg.norm(light)), 0, 1) for light, share in LIGHTS
+    )
+    axes = _camera(view or View())
+    screen = corners @ axes.T
+    facing = normal @ axes[2] > 0
+    screen = _fitted(screen, width, height)[facing]
+    pixels, owner = _visible(screen, width, height)
+    image = np.tile(BACKGROUND, (width * height, 1))
+    image[pixels] = np.clip(colours[facing] * shade[facing, None], 0, 1)[owner]
+    image = image.reshape(height // oversample, oversample, width // oversample, oversample, 3).mean((1, 3))
+    result = io.BytesIO()
+    Image.fromarray((image * 255 + 0.5).astype(np.uint8)).save(result, "PNG", optimize=False)
+    return result.getvalue()
+
+
+def _camera(view: View) -> np.ndarray:
+    """Rows: right, up and towards the viewer."""
+    a, e = np.radians(view.azimuth_deg), np.radians(view.elevation_deg)
+    right = np.array([np.cos(a), np.sin(a), 0])
+    toward = np.array([np.sin(a) * np.cos(e), -np.cos(a) * np.cos(e), np.sin(e)])
+    return np.stack([right, np.cross(toward, right), toward])
+
+
+def _fitted(screen: np.ndarray, width: int, height: int) -> np.ndarray:
+    flat = screen[..., :2].reshape(-1, 2)
+    low, high = flat.min(0), flat.max(0)
+    scale = 0.94 * min(width / (high[0] - low[0]), height / (high[1] - low[1]))
+    fitted = screen * scale
+    centre = (low + high) / 2 * scale
+    fitted[..., 0] += width / 2 - centre[0]
+    fitted[..., 1] = height / 2 + centre[1] - fitted[..., 1]
+    return fitted
+
+
+def _visible(screen: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
+    """Pixels that some triangle covers and the index of the nearest one, by scan lines."""
+    x, y, z = np.moveaxis(screen, -1, 0)
+    # One row per triangle and scan line through pixel centres.
+    first = np.clip(np.ceil(y.min(1) - 0.5), 0, height).astype(np.int64)
+    last = np.clip(np.floor(y.max(1) - 0.5), -1, height - 1).astype(np.int64)
+    rows, line = _runs(first, last)
+    centre = (first[rows] + line) + 0.5
+    left, right = np.full(len(rows), np.inf), np.full(len(rows), -np.inf)
+    for i, j in ((0, 1), (1, 2), (2, 0)):
+        y0, y1 = y[rows, i], y[rows, j]
+        rise = np.where(y1 == y0, 1.0, y1 - y0)
+        share = (centre - y0) / rise
+        hit = (y1 != y0) & (share >= 0) & (share <= 1)
+        at = x[rows, i] + share * (x[rows, j] - x[rows, i])
+        left, right = np.where(hit, np.minimum(left, at), left), np.where(hit, np.maximum(right, at), right)
+    empty = left > right
+    left, right = np.where(empty, 0, left), np.where(empty, -1, right)
+    start = np.clip(np.ceil(left - 0.5), 0, width).astype(np.int64)
+    stop = np.clip(np.floor(right - 0.5), -1, width - 1).astype(np.int64)
+    spans, step = _runs(start, stop)
+    owner = rows[spans]
+    column, row = start[spans] + step, (first[rows] + line)[spans]
+    depth = _depth_at(x, y, z, owner, column + 0.5, row + 0.5)
+    pixel = row * width + column
+    order = np.lexsort((depth, pixel))
+    pixel, owner = pixel[order], owner[order]
+    nearest = np.append(pixel[1:] != pixel[:-1], True) if len(pixel) else np.empty(0, bool)
+    return pixel[nearest], owner[nearest]
+
+
+def _runs(first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """For runs ``first … last``: the index of each one's run, and its step within."""
+    count = np.maximum(last - first + 1, 0)
+    index = np.repeat(np.arange(len(count)), count)
+    return index, np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count)
+
+
+def _depth_at(
+    x: np.ndarray, y: np.ndarray, z: np.ndarray, owner: np.ndarray, column: np.ndarray, row: np.ndarray
+) -> np.ndarray:
+    """Depth of the triangles' planes at pixel centres."""
+    ax, ay = x[:, 1] - x[:, 0], y[:, 1] - y[:, 0]
+    bx, by = x[:, 2] - x[:, 0], y[:, 2] - y[:, 0]
+    za, zb = z[:, 1] - z[:, 0], z[:, 2] - z[:, 0]
+    area = ax * by - ay * bx
+    area = np.where(np.abs(area) < 1e-12, 1e-12, area)
+    slope_x, slope_y = (za * by - zb * ay) / area, (zb * ax - za * bx) / area
+    result: np.ndarray = (
+        z[owner, 0] + slope_x[owner] * (column - x[owner, 0]) + slope_y[owner] * (row - y[owner, 0])
+    )
+    return result

@@ -1,0 +1,133 @@
+"""Walls, gaps and spans of a part, from its horizontal cross-sections.
+
+A cross-section is opened with a square-cornered offset: what does not come back when it is shrunk
+by r and grown again is narrower than 2 r. Done on the material it finds thin walls, on the empty
+space narrow gaps.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from padgen.solid.mesh import Mesh
+
+__all__ = ["Narrow", "Section", "narrow_gaps", "narrow_walls", "sections", "smallest", "unsupported_spans"]
+
+LEVELS = 16
+STEP_MM = 1e-4
+AREA_MM2 = 1e-6
+ROOM_MM = 5.0
+
+
+class Section(NamedTuple):
+    """The part between two heights: `z_mm` of the cut, and the manifold3d cross-section there."""
+
+    z_mm: float
+    shape: Any
+
+
+class Narrow(NamedTuple):
+    """Something narrower than it may be: where (mm), and the area in mm² that is."""
+
+    x_mm: float
+    y_mm: float
+    z_mm: float
+    area_mm2: float
+
+
+def sections(solid: Any, mesh: Mesh) -> list[Section]:
+    """One cross-section between any two neighbouring heights of the vertices, at most `LEVELS` of them."""
+    heights = np.unique(np.round(mesh.vertices_mm[:, 2] / STEP_MM) * STEP_MM)
+    if len(heights) > LEVELS + 1:
+        heights = np.quantile(heights, np.linspace(0, 1, LEVELS + 1))
+    return [Section(float(z), solid.slice(float(z))) for z in (heights[1:] + heights[:-1]) / 2]
+
+
+def narrow_walls(section: Section, limit_mm: float) -> list[Narrow]:
+    """Places where the material is narrower than `limit_mm`."""
+    return _narrow(section.shape, section.z_mm, limit_mm)
+
+
+def narrow_gaps(section: Section, limit_mm: float) -> list[Narrow]:
+    """Places where the empty space within or between parts is narrower than `limit_mm`."""
+    return _narrow(_empty(section.shape), section.z_mm, limit_mm)
+
+
+def smallest(section: Section, gaps: bool, bound_mm: float) -> float:
+    """Width in mm of the narrowest wall, or gap, below `bound_mm`; `bound_mm` where none is narrower."""
+    shape = _empty(section.shape) if gaps else section.shape
+    return _bisect(lambda width: bool(_narrow(shape, section.z_mm, width)), bound_mm)
+
+
+def unsupported_spans(solid: Any, mesh: Mesh, bound_mm: float) -> tuple[float, Narrow | None]:
+    """Longest span in mm that starts in mid-air, up to `bound_mm`, and where it is.
+
+    A horizontal face looking down is bridged from what lies beneath its rim; its span is twice the
+    largest distance from there. Beyond `bound_mm` the search stops.
+    """
+    worst, where = 0.0, None
+    for z in _down_facing_heights_mm(mesh):
+        below = solid.slice(z - STEP_MM)
+        hanging = solid.slice(z + STEP_MM) - below
+
+        def left(span: float, hanging: Any = hanging, below: Any = below) -> Any:
+            return hanging - below.offset(span / 2, _join("Round"), 2.0, 64)
+
+        if left(worst + STEP_MM).area() > AREA_MM2:
+            worst = _bisect(lambda span, left=left: left(span).area() <= AREA_MM2, bound_mm)
+            place = left(0.9 * worst)
+            where = _where(place if place.area() else hanging, z)
+    return worst, where
+
+
+def _down_facing_heights_mm(mesh: Mesh) -> np.ndarray:
+    """Heights of horizontal faces that look down, without the lowest, on the bed."""
+    corners = mesh.corners_mm
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    flat = (np.ptp(corners[..., 2], axis=1) < STEP_MM) & (normal[:, 2] < 0)
+    heights = np.unique(np.round(corners[flat][:, 0, 2] / STEP_MM) * STEP_MM)
+    bed = float(mesh.vertices_mm[:, 2].min())
+    return heights[heights > bed + 2 * STEP_MM]
+
+
+def _narrow(shape: Any, z_mm: float, limit_mm: float) -> list[Narrow]:
+    half = limit_mm / 2
+    opened = shape.offset(-half, _join("Miter")).offset(half * 1.001, _join("Miter"))
+    lost = shape - opened
+    if lost.area() < half**2:
+        return []
+    # Square corners come back; what is lost at rounded ones is less than a quarter of a square.
+    pieces = ((piece, piece.area()) for piece in lost.decompose())
+    return [_where(piece, z_mm) for piece, area in pieces if area > half**2]
+
+
+def _where(shape: Any, z_mm: float) -> Narrow:
+    x0, y0, x1, y1 = shape.bounds()
+    return Narrow((x0 + x1) / 2, (y0 + y1) / 2, z_mm, float(shape.area()))
+
+
+def _empty(shape: Any) -> Any:
+    """The space around and within a cross-section."""
+    import manifold3d
+
+    x0, y0, x1, y1 = shape.bounds()
+    room = manifold3d.CrossSection.square((x1 - x0 + 2 * ROOM_MM, y1 - y0 + 2 * ROOM_MM))
+    return room.translate((x0 - ROOM_MM, y0 - ROOM_MM)) - shape
+
+
+def _bisect(narrower: Callable[[float], bool], bound_mm: float) -> float:
+    """Width up to `bound_mm` below which `narrower` is false and above which it is true, within 0.2 %."""
+    if not narrower(bound_mm):
+        return bound_mm
+    low, high = 0.0, bound_mm
+    for _ in range(9):
+        middle = (low + high) / 2
+        low, high = (low, middle) if narrower(middle) else (middle, high)
+    return (low + high) / 2
+
+
+def _join(name: str) -> Any:
+    import manifold3d
+
+    return getattr(manifold3d.JoinType, name)

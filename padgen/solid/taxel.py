@@ -1,0 +1,149 @@
+"""One taxel as a build123d solid: a pure function of the plan's dimensions.
+
+Side view through the beam, own axes (x from the root, z from the bed)::
+
+            boss
+            +--+      ---- frame + protrusion
+    ####    |  |    ####   ---- frame
+    ####  +------+  ####
+    ####  |plate |  ####
+    ####  | +--+ |  ####      recess: washer + glue, open below
+    ####==| |  | |  ####   ---- beam thickness t
+    ####==+-+  +-+  ####   ---- z = 0
+    root  ^beam
+
+Top view: see the sketches in `padgen.planner.suspensions`.
+"""
+
+from typing import Any
+
+from padgen.planner.plan import Channel, Plan
+from padgen.planner.suspensions import BeamShape
+from padgen.planner.suspensions.arrangement import Strip
+from padgen.planner.taxel_model import TaxelModel, plate_shape, post_diameter_mm, recess_mm
+from padgen.solid.frame import Outline, outline
+from padgen.solid.kernel import build123d, kernel_errors
+from padgen.spec import Spec
+
+__all__ = ["taxel_solid", "tile_model", "washer_solid"]
+
+
+def tile_model(plan: Plan, channel: Channel) -> TaxelModel:
+    """The beam model of a planned channel, whose arrangement the solid is drawn from."""
+    beam = channel.beam
+    shape = BeamShape(beam.width_mm, beam.thickness_mm, beam.length_mm)
+    spec = plan.typed_spec
+    return TaxelModel(spec, beam.topology, plate_shape(spec), shape)
+
+
+def taxel_solid(plan: Plan, channel: Channel) -> Any:
+    """The printed solid of one taxel with the frame of its sub-cell, in its own axes, mm.
+
+    Raises
+    ------
+    GeometryError
+        The kernel refused the dimensions.
+    """
+    spec = plan.typed_spec
+    arrangement = tile_model(plan, channel).arrangement
+    length, width = (float(v) for v in arrangement.window_mm)
+    washer_x = float(arrangement.washer_x_mm)
+    with kernel_errors(f"the taxel of channel {channel.index}"):
+        frame = _ring(outline(plan, channel), Outline(0, length, -width / 2, width / 2), spec.pad.frame_thickness_mm)
+        beams = [_beam(strip, channel.beam.fillet_mm) for strip in arrangement.beams]
+        blocks = [
+            _box(Outline(*(float(v) for v in block[:4])), float(block.height_mm)) for block in arrangement.blocks
+        ]
+        first, *others = [*blocks, _boss(spec, washer_x)]
+        moving = first.fuse(*others).cut(_recess(spec, washer_x))
+        solid = frame.fuse(*beams, *moving.solids())
+        return _only_solid(solid, channel)
+
+
+def washer_solid(plan: Plan, channel: Channel) -> Any:
+    """The washer where the glue holds it, against the roof of its recess, in the taxel's own axes."""
+    spec = plan.typed_spec
+    washer_x = float(tile_model(plan, channel).arrangement.washer_x_mm)
+    depth = recess_mm(spec)[1]
+    low = depth - spec.washer.thickness_mm
+    with kernel_errors("the washer"):
+        return _disc(spec.washer.outer_diameter_mm, washer_x, low, depth).cut(
+            _disc(spec.washer.inner_diameter_mm, washer_x, low, depth)
+        )
+
+
+def _ring(outer: Outline, window: Outline, height: float) -> Any:
+    b = build123d()
+    face = b.Face(_wire(outer), [_wire(window)])
+    return b.Solid.extrude(face, b.Vector(0, 0, height))
+
+
+def _beam(strip: Strip, fillet: float) -> Any:
+    """A beam with a flare of radius `fillet` on both sides of its root."""
+    b = build123d()
+    root, tip, y = float(strip.root_x_mm), float(strip.tip_x_mm), float(strip.y_mm)
+    half = float(strip.width_mm) / 2
+    if fillet < 1e-6:
+        low, high = sorted((root, tip))
+        return _box(Outline(low, high, y - half, y + half), float(strip.thickness_mm))
+    step = fillet if tip > root else -fillet
+    edges = []
+    corners = {}
+    for side in (-1, 1):
+        wall = b.Vector(root, y + side * (half + fillet))
+        straight = b.Vector(root + step, y + side * half)
+        bow = 1 - 0.5**0.5
+        middle = b.Vector(root + step * bow, y + side * (half + fillet * bow))
+        edges.append(b.Edge.make_three_point_arc(wall, middle, straight))
+        end = b.Vector(tip, y + side * half)
+        edges.append(b.Edge.make_line(straight, end))
+        corners[side] = (wall, end)
+    edges.append(b.Edge.make_line(corners[-1][0], corners[1][0]))
+    edges.append(b.Edge.make_line(corners[-1][1], corners[1][1]))
+    (wire,) = b.Wire.combine(edges)
+    face = b.Face(wire)
+    return b.Solid.extrude(face, b.Vector(0, 0, float(strip.thickness_mm)))
+
+
+def _boss(spec: Spec, washer_x: float) -> Any:
+    """The touch boss with its edge broken, from the bottom of the roof up through the plate."""
+    taxel = spec.taxel
+    top = spec.pad.frame_thickness_mm + taxel.boss_protrusion_mm
+    boss = _disc(taxel.boss_diameter_mm, washer_x, taxel.plate_thickness_mm, top)
+    if taxel.boss_edge_mm < 1e-6:
+        return boss
+    edge = max(boss.edges(), key=lambda e: e.center().Z)
+    return boss.chamfer(taxel.boss_edge_mm, None, [edge])
+
+
+def _recess(spec: Spec, washer_x: float) -> Any:
+    diameter, depth = recess_mm(spec)
+    recess = _disc(diameter, washer_x, 0.0, depth)
+    post = post_diameter_mm(spec)
+    return recess.cut(_disc(post, washer_x, 0.0, depth)) if post else recess
+
+
+def _disc(diameter: float, x: float, low: float, high: float) -> Any:
+    b = build123d()
+    return b.Solid.make_cylinder(diameter / 2, high - low, b.Plane((x, 0, low)))
+
+
+def _box(sides: Outline, height: float) -> Any:
+    b = build123d()
+    return b.Solid.make_box(sides.x1 - sides.x0, sides.y1 - sides.y0, height, b.Plane((sides.x0, sides.y0, 0)))
+
+
+def _wire(sides: Outline) -> Any:
+    corners = [(sides.x0, sides.y0), (sides.x1, sides.y0), (sides.x1, sides.y1), (sides.x0, sides.y1)]
+    return build123d().Wire.make_polygon(corners, close=True)
+
+
+def _only_solid(shape: Any, channel: Channel) -> Any:
+    from padgen.errors import GeometryError
+
+    solids = shape.solids()
+    if len(solids) != 1 or not solids[0].is_valid:
+        raise GeometryError(
+            f"the taxel of channel {channel.index} came out as {len(solids)} solids, must be one valid solid"
+        )
+    return solids[0]

@@ -1,0 +1,157 @@
+"""The pad as 3MF, by lib3mf: millimetres, name, metadata, thumbnail; reading any 3MF."""
+
+import ctypes
+import io
+import zipfile
+from pathlib import Path
+from typing import Any
+from uuid import NAMESPACE_DNS, uuid5
+
+import numpy as np
+
+from padgen.errors import MeshFileError
+from padgen.planner.plan import Plan
+from padgen.solid.mesh import Mesh, welded
+from padgen.solid.pad import PadSolid
+
+__all__ = ["read_3mf", "threemf_bytes"]
+
+_NAMESPACE = uuid5(NAMESPACE_DNS, "padgen")
+"""Root of the name-based UUIDs: the same pad has the same ones."""
+
+
+def threemf_bytes(plan: Plan, pad: PadSolid, metadata: dict[str, str], thumbnail_png: bytes, instances: bool) -> bytes:
+    """The pad as one named object, or with `instances` as one mesh per distinct tile, placed many times."""
+    wrapper = _lib3mf().Wrapper()
+    model = wrapper.CreateModel()
+    model.SetUnit(_lib3mf().ModelUnit.MilliMeter)
+    notes = model.GetMetaDataGroup()
+    for key, value in metadata.items():
+        space, _, name = key.rpartition(":")
+        notes.AddMetaData(space, name, value, "xs:string", True)
+    if instances:
+        _add_instances(model, wrapper, plan, pad)
+    else:
+        model.AddBuildItem(_add_mesh(model, pad.mesh, plan.name), wrapper.GetIdentityTransform())
+    model.CreatePackageThumbnailAttachment().ReadFromBuffer((ctypes.c_uint8 * len(thumbnail_png))(*thumbnail_png))
+    _name_uuids(model, plan.name)
+    data = bytes(model.QueryWriter("3mf").WriteToBuffer())
+    return _without_times(data)
+
+
+def read_3mf(path: Path) -> Mesh:
+    """All triangles of the build items of a 3MF in mm, instances placed.
+
+    Raises
+    ------
+    MeshFileError
+        The file is not a 3MF, or holds no triangle.
+    """
+    lib3mf = _lib3mf()
+    wrapper = lib3mf.Wrapper()
+    model = wrapper.CreateModel()
+    try:
+        model.QueryReader("3mf").ReadFromFile(str(path))
+    except lib3mf.ELib3MFException as error:
+        raise MeshFileError(f"is not a 3MF that can be read ({error})", str(path)) from error
+    parts: list[tuple[np.ndarray, np.ndarray]] = []
+    items = model.GetBuildItems()
+    while items.MoveNext():
+        item = items.GetCurrent()
+        _collect(model, item.GetObjectResource(), _matrix(item.GetObjectTransform()), parts)
+    if not parts:
+        raise MeshFileError("holds no triangles", str(path))
+    scale = _MM_PER_UNIT[model.GetUnit()]
+    counts = np.cumsum([0] + [len(v) for v, _ in parts])
+    vertices = np.concatenate([v for v, _ in parts]) * scale
+    triangles = np.concatenate([t + n for (_, t), n in zip(parts, counts, strict=False)])
+    return welded(vertices, triangles, 1e-5)
+
+
+_MM_PER_UNIT = (1e-3, 1.0, 10.0, 25.4, 304.8, 1000.0)
+
+
+def _lib3mf() -> Any:
+    from lib3mf import Lib3MF
+
+    return Lib3MF
+
+
+def _add_mesh(model: Any, mesh: Mesh, name: str) -> Any:
+    lib3mf = _lib3mf()
+    part = model.AddMeshObject()
+    part.SetName(name)
+    vertices = np.ascontiguousarray(mesh.vertices_mm, np.float32)
+    triangles = np.ascontiguousarray(mesh.triangles, np.uint32)
+    part.SetGeometry(
+        (lib3mf.Position * len(vertices)).from_buffer(vertices), (lib3mf.Triangle * len(triangles)).from_buffer(triangles)
+    )
+    return part
+
+
+def _add_instances(model: Any, wrapper: Any, plan: Plan, pad: PadSolid) -> None:
+    spec = plan.typed_spec
+    rows, columns = pad.grid.shape
+    names = [f"taxel-{channel.index}" for channel in plan.channels] + ["frame"]
+    whole = model.AddComponentsObject()
+    whole.SetName(plan.name)
+    whole.AddComponent(_add_mesh(model, pad.border.mesh, "border"), wrapper.GetIdentityTransform())
+    for index, tile in enumerate(pad.tiles):
+        places = np.argwhere(pad.grid == index)
+        if not len(places):
+            continue
+        part = _add_mesh(model, tile.mesh, names[index])
+        for row, column in places:
+            x = (column + 0.5) * plan.cell.width_mm - spec.pad.width_mm / 2
+            y = (row + 0.5) * plan.cell.depth_mm - spec.pad.depth_mm / 2
+            whole.AddComponent(part, wrapper.GetTranslationTransform(float(x), float(y), 0.0))
+    model.AddBuildItem(whole, wrapper.GetIdentityTransform())
+
+
+def _name_uuids(model: Any, name: str) -> None:
+    """lib3mf draws random UUIDs; name-based ones keep the bytes the same."""
+    model.SetBuildUUID(str(uuid5(_NAMESPACE, f"{name}/build")))
+    resources = model.GetObjects()
+    count = 0
+    while resources.MoveNext():
+        part = resources.GetCurrentObject()
+        part.SetUUID(str(uuid5(_NAMESPACE, f"{name}/object/{count}")))
+        if part.IsComponentsObject():
+            components = model.GetComponentsObjectByID(part.GetUniqueResourceID())
+            for i in range(components.GetComponentCount()):
+                components.GetComponent(i).SetUUID(str(uuid5(_NAMESPACE, f"{name}/component/{i}")))
+        count += 1
+    items = model.GetBuildItems()
+    while items.MoveNext():
+        items.GetCurrent().SetUUID(str(uuid5(_NAMESPACE, f"{name}/item")))
+
+
+def _without_times(data: bytes) -> bytes:
+    """The same package with its zip entries dated 1980, the earliest a zip knows."""
+    result = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(result, "w", zipfile.ZIP_DEFLATED) as new:
+        for entry in sorted(old.infolist(), key=lambda e: (e.filename != "[Content_Types].xml", e.filename)):
+            info = zipfile.ZipInfo(entry.filename, (1980, 1, 1, 0, 0, 0))
+            new.writestr(info, old.read(entry), zipfile.ZIP_DEFLATED)
+    return result.getvalue()
+
+
+def _matrix(transform: Any) -> np.ndarray:
+    return np.array([list(row) for row in transform.Fields])
+
+
+def _collect(model: Any, part: Any, matrix: np.ndarray, parts: list[tuple[np.ndarray, np.ndarray]]) -> None:
+    if part.IsComponentsObject():
+        components = model.GetComponentsObjectByID(part.GetUniqueResourceID())
+        for i in range(components.GetComponentCount()):
+            component = components.GetComponent(i)
+            inner = _matrix(component.GetTransform())
+            turned = inner[:3] @ matrix[:3]
+            moved = inner[3] @ matrix[:3] + matrix[3]
+            _collect(model, component.GetObjectResource(), np.vstack([turned, moved]), parts)
+        return
+    mesh = model.GetMeshObjectByID(part.GetUniqueResourceID())
+    vertices = np.array([list(v.Coordinates) for v in mesh.GetVertices()])
+    triangles = np.array([list(t.Indices) for t in mesh.GetTriangleIndices()], dtype=np.int64)
+    if len(triangles):
+        parts.append((vertices @ matrix[:3] + matrix[3], triangles))

@@ -1,0 +1,137 @@
+"""What a mesh is, whatever it shows: closed, consistently wound, whole, free of self-intersections."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from padgen.solid.mesh import Mesh, signed_volume_mm3
+
+__all__ = ["Topology", "intersecting_pairs", "shells", "topology"]
+
+PAIRS_AT_ONCE = 2_000_000
+
+
+@dataclass(frozen=True)
+class Topology:
+    """Counts that are all zero for a printable mesh, but for `shells` (1) and `volume_mm3`."""
+
+    open_edges: int
+    crowded_edges: int
+    turned_edges: int
+    shells: int
+    volume_mm3: float
+
+    @property
+    def closed(self) -> bool:
+        """Every edge joins two triangles that agree which side is out."""
+        return not (self.open_edges or self.crowded_edges or self.turned_edges)
+
+
+def topology(mesh: Mesh) -> Topology:
+    """Count the edges that break a mesh, and its shells."""
+    edges = mesh.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    span = len(mesh.vertices_mm)
+    key = edges.min(1) * span + edges.max(1)
+    forward = edges[:, 0] < edges[:, 1]
+    _, index, counts = np.unique(key, return_inverse=True, return_counts=True)
+    balance = np.bincount(index, weights=np.where(forward, 1, -1))
+    return Topology(
+        open_edges=int((counts == 1).sum()),
+        crowded_edges=int((counts > 2).sum()),
+        turned_edges=int(((counts == 2) & (balance != 0)).sum()),
+        shells=int(shells(mesh).max()) + 1 if len(mesh.triangles) else 0,
+        volume_mm3=signed_volume_mm3(mesh),
+    )
+
+
+def shells(mesh: Mesh) -> np.ndarray:
+    """Number of the connected shell of each triangle, from 0."""
+    label = np.arange(len(mesh.vertices_mm))
+    while True:
+        least = label[mesh.triangles].min(1)
+        new = label.copy()
+        for corner in mesh.triangles.T:
+            np.minimum.at(new, corner, least)
+        new = new[new]
+        if np.array_equal(new, label):
+            break
+        label = new
+    _, number = np.unique(label[mesh.triangles[:, 0]], return_inverse=True)
+    return np.asarray(number)
+
+
+def intersecting_pairs(mesh: Mesh) -> np.ndarray:
+    """Pairs (P, 2) of triangles that pierce each other.
+
+    Triangles pierce when an edge of one passes through the inside of the other; touching and
+    coplanar overlap are left to the checks of closedness and volume. Candidates come from a grid
+    of columns in the plane, so that a flat part costs time linear in its triangles.
+    """
+    corners = mesh.corners_mm
+    low, high = corners.min(1), corners.max(1)
+    found = [
+        pairs[_pierce(mesh, *pairs.T)]
+        for pairs in _overlapping(low, high)
+        if len(pairs)
+    ]
+    pairs = np.concatenate(found) if found else np.empty((0, 2), dtype=np.int64)
+    return np.unique(pairs, axis=0)
+
+
+def _overlapping(low: np.ndarray, high: np.ndarray) -> Iterator[np.ndarray]:
+    """Pairs of triangles whose boxes overlap, each pair once, some millions of candidates at a time."""
+    count = len(low)
+    floor, extent = low[:, :2].min(0), np.ptp(np.concatenate([low, high])[:, :2], axis=0)
+    side = max(float(np.sqrt(extent.prod() / max(count / 12, 1))), 1e-9)
+    first, last = ((v[:, :2] - floor) // side for v in (low, high))
+    first, last = first.astype(np.int64), last.astype(np.int64)
+    spans = last - first + 1
+    cells = spans.prod(1)
+    owner = np.repeat(np.arange(count), cells)
+    at = np.arange(len(owner)) - np.repeat(np.cumsum(cells) - cells, cells)
+    column = first[owner, 0] + at % spans[owner, 0]
+    row = first[owner, 1] + at // spans[owner, 0]
+    key = column * (int(last[:, 1].max()) + 1) + row
+    order = np.argsort(key, kind="stable")
+    owner, key = owner[order], key[order]
+    end = np.searchsorted(key, key, side="right")
+    partners = end - np.arange(len(key)) - 1
+    stops = np.searchsorted(np.cumsum(partners), np.arange(PAIRS_AT_ONCE, partners.sum() + PAIRS_AT_ONCE, PAIRS_AT_ONCE))
+    for chunk in np.split(np.arange(len(key)), np.unique(np.minimum(stops + 1, len(key)))):
+        mine = np.repeat(chunk, partners[chunk])
+        step = np.arange(len(mine)) - np.repeat(np.cumsum(partners[chunk]) - partners[chunk], partners[chunk])
+        a, b = owner[mine], owner[mine + 1 + step]
+        touch = ((low[a] <= high[b]) & (low[b] <= high[a])).all(1)
+        pairs = np.sort(np.stack([a[touch], b[touch]], -1), axis=1)
+        yield np.unique(pairs, axis=0)
+
+
+def _pierce(mesh: Mesh, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Whether triangles a and b pierce each other, by all six pairs of an edge and a triangle."""
+    result = np.zeros(len(a), dtype=bool)
+    for one, other in ((a, b), (b, a)):
+        face = mesh.triangles[other]
+        for i, j in ((0, 1), (1, 2), (2, 0)):
+            start, stop = mesh.triangles[one, i], mesh.triangles[one, j]
+            shared = ((face == start[:, None]) | (face == stop[:, None])).any(1)
+            result |= ~shared & _through(mesh.vertices_mm[start], mesh.vertices_mm[stop], mesh.corners_mm[other])
+    return result
+
+
+def _through(start: np.ndarray, stop: np.ndarray, face: np.ndarray) -> np.ndarray:
+    """Whether segments pass through the inside of faces, by signed volumes."""
+    p, q, r = face[:, 0], face[:, 1], face[:, 2]
+    normal = np.cross(q - p, r - p)
+    size = np.linalg.norm(normal, axis=1)
+    margin = 1e-7 * np.maximum(size, 1e-30)
+    above = np.einsum("ij,ij->i", start - p, normal)
+    below = np.einsum("ij,ij->i", stop - p, normal)
+    crosses = (np.minimum(above, below) < -margin) & (np.maximum(above, below) > margin)
+    along = stop - start
+    turns = [np.einsum("ij,ij->i", np.cross(v - start, w - start), along) for v, w in ((p, q), (q, r), (r, p))]
+    bound = 1e-7 * size * np.linalg.norm(along, axis=1)
+    inside = np.minimum.reduce(turns) > bound
+    outside = np.maximum.reduce(turns) < -bound
+    result: np.ndarray = crosses & (inside | outside)
+    return result

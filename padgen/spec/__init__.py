@@ -1,0 +1,22 @@
+"""The spec: what the user asks for, read from TOML and checked field by field."""
+
+from padgen.spec.load import catalogue, find_spec, load_spec, make_spec, parse_spec, template_paths
+from padgen.spec.model import Coil, Drive, Material, Pad, Printer, Spec, Suspension, Taxel, Washer
+
+__all__ = [
+    "Coil",
+    "Drive",
+    "Material",
+    "Pad",
+    "Printer",
+    "Spec",
+    "Suspension",
+    "Taxel",
+    "Washer",
+    "catalogue",
+    "find_spec",
+    "load_spec",
+    "make_spec",
+    "parse_spec",
+    "template_paths",
+]

@@ -1,0 +1,148 @@
+"""Fields of a spec: each carries its unit, its bounds and one line of documentation.
+
+The same metadata checks a TOML file, writes the error sentence and makes the JSON schema, so that
+the three cannot disagree.
+"""
+
+import types
+from dataclasses import MISSING, Field, field, fields
+from difflib import get_close_matches
+from math import isfinite
+from typing import Any, Union, get_args, get_origin
+
+from padgen.errors import SpecError, number
+
+__all__ = ["build", "choice", "flag", "numbers", "optional_type", "quantity", "text", "unknown_name"]
+
+
+def quantity(
+    default: Any = MISSING, *, unit: str, low: float, high: float, doc: str, above: bool = False
+) -> Any:
+    """A number with `unit`, within ``low … high`` (``above``: greater than `low`)."""
+    meta = {"unit": unit, "low": low, "high": high, "above": above, "doc": doc}
+    return field(default=default, metadata=meta)
+
+
+def numbers(
+    default: Any = MISSING, *, unit: str, low: float, high: float, doc: str, count: int | None = None
+) -> Any:
+    """A list of numbers (of `count`, or of any length from one), each within ``low … high``."""
+    meta = {"unit": unit, "low": low, "high": high, "above": False, "doc": doc, "count": count}
+    return field(default=default, metadata=meta)
+
+
+def choice(default: Any = MISSING, *, of: tuple[str, ...], doc: str) -> Any:
+    """One of a few words."""
+    return field(default=default, metadata={"choices": of, "doc": doc})
+
+
+def text(default: Any = MISSING, *, doc: str, pattern: str | None = None) -> Any:
+    """A line of text."""
+    return field(default=default, metadata={"doc": doc, "pattern": pattern})
+
+
+def flag(default: bool, *, doc: str) -> Any:
+    """True or false."""
+    return field(default=default, metadata={"doc": doc})
+
+
+def optional_type(annotation: Any) -> tuple[Any, bool]:
+    """Split ``T | None`` into ``(T, True)``; any other annotation is ``(annotation, False)``."""
+    if get_origin(annotation) in (Union, types.UnionType):
+        inner = [a for a in get_args(annotation) if a is not type(None)]
+        return inner[0], True
+    return annotation, False
+
+
+def unknown_name(name: str, known: "list[str]", what: str, where: str) -> SpecError:
+    """The error for a `name` that is none of `known`, with the nearest one that is."""
+    near = get_close_matches(name, known, n=1, cutoff=0.5)
+    hint = f"did you mean {near[0]!r}?" if near else "known are " + ", ".join(sorted(known))
+    return SpecError(f"there is no {what} {name!r}; {hint}", where)
+
+
+def build(kind: type, table: Any, where: str, base: "dict[str, Any] | None" = None) -> Any:
+    """Make the frozen dataclass `kind` from a TOML `table` laid over the values of `base`.
+
+    Raises
+    ------
+    SpecError
+        The table has an unknown key, lacks one that has no default, or holds a bad value.
+    """
+    if not isinstance(table, dict):
+        raise SpecError(f"must be a table, got {table!r}", where)
+    known = {f.name: f for f in fields(kind)}
+    prefix = f"{where}." if where else ""
+    for key in table:
+        if key not in known:
+            raise unknown_name(key, list(known), "key", where or "spec")
+    values = dict(base or {})
+    for key, value in table.items():
+        values[key] = _checked(known[key], value, prefix + key)
+    for name, item in known.items():
+        if name not in values and item.default is MISSING and item.default_factory is MISSING:
+            raise SpecError(f"is missing; {item.metadata['doc']}", prefix + name)
+    return kind(**values)
+
+
+def _checked(item: "Field[Any]", value: Any, where: str) -> Any:
+    kind, _ = optional_type(item.type)
+    if kind is bool:
+        return _of_type(bool, value, where, "true or false")
+    if kind is str:
+        return _checked_text(item, _of_type(str, value, where, "text"), where)
+    if kind is int:
+        if isinstance(value, float) and value.is_integer():
+            value = int(value)
+        return _bounded(item, _of_type(int, value, where, "a whole number"), where)
+    if kind is float:
+        return _bounded(item, _of_type((int, float), value, where, "a number"), where)
+    return _checked_numbers(item, kind, value, where)
+
+
+def _of_type(kind: Any, value: Any, where: str, what: str) -> Any:
+    if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
+        raise SpecError(f"must be {what}, got {value!r}", where)
+    return value
+
+
+def _checked_text(item: "Field[Any]", value: str, where: str) -> str:
+    choices = item.metadata.get("choices")
+    if choices and value not in choices:
+        raise unknown_name(value, list(choices), "choice", where)
+    pattern = item.metadata.get("pattern")
+    if pattern:
+        import re
+
+        if not re.fullmatch(pattern, value):
+            raise SpecError(f"must match {pattern}, got {value!r}", where)
+    return value
+
+
+def _bounded(item: "Field[Any]", value: float, where: str) -> float:
+    meta = item.metadata
+    low, high, unit = meta["low"], meta["high"], meta["unit"]
+    too_low = value <= low if meta["above"] else value < low
+    if isfinite(value) and not too_low and value <= high:
+        return value if optional_type(item.type)[0] is int else float(value)
+    span = f"above {number(low)}" if meta["above"] else f"at least {number(low)}"
+    unit = f" {unit}" if unit not in ("", "1") else ""
+    nearest = high if value > high else low
+    hint = "" if meta["above"] and nearest == low else f"; the nearest that would do is {number(nearest)}{unit}"
+    raise SpecError(
+        f"must be {span} and at most {number(high)}{unit}, got {number(value)}{unit}{hint}", where
+    )
+
+
+def _checked_numbers(item: "Field[Any]", kind: Any, value: Any, where: str) -> tuple[Any, ...]:
+    count, unit = item.metadata["count"], item.metadata["unit"]
+    what = f"a list of {count or 'one or more'} numbers in {unit}"
+    if not isinstance(value, (list, tuple)) or not value or (count and len(value) != count):
+        raise SpecError(f"must be {what}, got {value!r}", where)
+    inner = get_args(kind)[0]
+    what = "a whole number" if inner is int else "a number"
+    allowed = int if inner is int else (int, float)
+    return tuple(
+        inner(_bounded(item, _of_type(allowed, entry, f"{where}[{i}]", what), f"{where}[{i}]"))
+        for i, entry in enumerate(value)
+    )

@@ -1,0 +1,125 @@
+"""A `Spec` from a TOML file or from the name of a template, with its catalogue entries filled in."""
+
+import csv
+from dataclasses import fields
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from padgen.errors import FileError, SpecError
+from padgen.spec.fields import build, optional_type, unknown_name
+from padgen.spec.model import Coil, Drive, Material, Pad, Printer, Spec, Suspension, Taxel, Washer
+from padgen.spec.refusals import refuse_contradictions
+
+__all__ = ["catalogue", "find_spec", "load_spec", "parse_spec", "template_paths"]
+
+CATALOGUES = {
+    "material": (Material, "materials.csv", {"fdm": "pla", "resin": "tough-resin"}),
+    "printer": (Printer, "printers.csv", "fdm-0.4"),
+    "washer": (Washer, "washers.csv", "iso7092-m1.6"),
+    "coil": (Coil, "coils.csv", "paper"),
+}
+PLAIN_TABLES = {"pad": Pad, "taxel": Taxel, "suspension": Suspension, "drive": Drive}
+
+
+@cache
+def catalogue(table: str) -> dict[str, dict[str, Any]]:
+    """The entries of one catalogue, by name; numbers are already numbers."""
+    kind, filename, _ = CATALOGUES[table]
+    types = {f.name: optional_type(f.type)[0] for f in fields(kind)}
+    with open(Path(__file__).with_name("catalogue") / filename, encoding="utf-8", newline="") as lines:
+        rows = csv.DictReader(lines)
+        return {row["name"]: {key: types[key](value) for key, value in row.items()} for row in rows}
+
+
+def template_paths() -> dict[str, Path]:
+    """The templates by name; in a checkout they lie at the top, in an installed wheel in the package."""
+    here = Path(__file__).resolve().parents[1]
+    for folder in (here / "templates", here.parent / "templates"):
+        if folder.is_dir():
+            return {path.stem: path for path in sorted(folder.glob("*.toml"))}
+    return {}
+
+
+def find_spec(spec: str) -> Path:
+    """The file that `spec`, a path or the name of a template, means.
+
+    Raises
+    ------
+    FileError
+        There is neither such a file nor such a template.
+    """
+    path = Path(spec)
+    if path.is_dir():
+        raise FileError("is a folder, must be a TOML file or the name of a template", spec)
+    if path.exists():
+        return path
+    templates = template_paths()
+    if spec in templates:
+        return templates[spec]
+    if path.suffix or len(path.parts) > 1:
+        raise FileError("there is no such file", spec)
+    raise FileError(unknown_name(spec, list(templates), "file or template", "").message, "spec")
+
+
+def load_spec(spec: str) -> Spec:
+    """Read a `Spec` from a path or from the name of a template."""
+    path = find_spec(spec)
+    try:
+        text = path.read_bytes().decode("utf-8")
+    except OSError as error:
+        raise FileError(f"cannot be read ({error.strerror})", spec) from error
+    except UnicodeDecodeError as error:
+        raise FileError(f"is not TOML: byte {error.start} is not UTF-8 text", spec) from error
+    return parse_spec(text, spec)
+
+
+def parse_spec(text: str, where: str = "spec") -> Spec:
+    """Make a `Spec` from TOML text; `where` names the text in errors.
+
+    Raises
+    ------
+    SpecError
+        The text is not TOML, or a field is unknown, missing or out of bounds.
+    """
+    import tomllib
+
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise SpecError(f"is not TOML: {error}", where) from error
+    return make_spec(table)
+
+
+def make_spec(table: dict[str, Any]) -> Spec:
+    """Make a `Spec` from the nested tables of a TOML file."""
+    table = dict(table)
+    parts: dict[str, Any] = {
+        name: build(kind, table.pop(name, {}), name) for name, kind in PLAIN_TABLES.items()
+    }
+    parts["printer"] = _entry("printer", table.pop("printer", {}))
+    parts["material"] = _entry("material", table.pop("material", {}), parts["printer"].process)
+    for name in ("washer", "coil"):
+        parts[name] = _entry(name, table.pop(name, {}))
+    spec: Spec = build(Spec, table, "", parts)
+    refuse_contradictions(spec)
+    return spec
+
+
+def _entry(table: str, value: Any, process: str = "") -> Any:
+    """A catalogue entry: named by a word, or by a table that may override its fields."""
+    kind, _, default = CATALOGUES[table]
+    entries = catalogue(table)
+    overrides = {"name": value} if isinstance(value, str) else value
+    if not isinstance(overrides, dict):
+        raise SpecError(f"must be a name or a table, got {value!r}", table)
+    fallback = default if isinstance(default, str) else default[process]
+    name = overrides.get("name", fallback)
+    if not isinstance(name, str):
+        raise SpecError(f"must be text, got {name!r}", f"{table}.name")
+    if name in entries:
+        return build(kind, overrides, table, entries[name])
+    required = {f.name for f in fields(kind)} & set(entries[fallback]) - {"source"}
+    if required <= set(overrides) | {"name"}:
+        return build(kind, overrides, table)
+    raise unknown_name(name, list(entries), table, f"{table}.name")

@@ -1,0 +1,183 @@
+"""`Spec`: what the user asks for. Frozen, every field with unit, bounds and one line of meaning.
+
+`Material`, `Printer`, `Washer` and `Coil` are catalogue entries: a spec names one and may override
+any of its fields.
+"""
+
+from dataclasses import dataclass, field
+
+from padgen.spec.fields import choice, flag, numbers, quantity, text
+
+__all__ = ["Coil", "Drive", "Material", "Pad", "Printer", "Spec", "Suspension", "Taxel", "Washer"]
+
+TOPOLOGIES = ("auto", "cantilever", "folded", "bridge")
+
+
+@dataclass(frozen=True, slots=True)
+class Pad:
+    """The plate that is printed: an active area of cells within a border."""
+
+    width_mm: float = quantity(50.0, unit="mm", low=5, high=500, doc="active area along x")
+    depth_mm: float = quantity(50.0, unit="mm", low=5, high=500, doc="active area along y")
+    frame_thickness_mm: float = quantity(4.0, unit="mm", low=0.5, high=20, doc="height of ribs and border")
+    rib_mm: float = quantity(1.0, unit="mm", low=0.2, high=20, doc="smallest width of the ribs between taxels")
+    border_mm: float = quantity(6.0, unit="mm", low=1, high=50, doc="width of the border around the active area")
+    hole_diameter_mm: float = quantity(
+        3.4, unit="mm", low=0, high=20, doc="corner mounting holes in the border; 0 leaves them out (3.4: M3)"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Taxel:
+    """The moving part: a plate with a boss above and a washer recess below."""
+
+    plate_thickness_mm: float = quantity(4.0, unit="mm", low=0.4, high=20, doc="thickness of the plate")
+    plate_length_mm: float | None = quantity(
+        None, unit="mm", low=1, high=100, doc="plate along the beam; washer recess and walls when absent"
+    )
+    plate_width_mm: float | None = quantity(
+        None, unit="mm", low=1, high=100, doc="plate across the beam; washer recess and walls when absent"
+    )
+    boss_diameter_mm: float = quantity(2.5, unit="mm", low=0.5, high=30, doc="touch boss")
+    boss_protrusion_mm: float = quantity(1.0, unit="mm", low=0, high=10, doc="height of the boss above the frame")
+    boss_edge_mm: float = quantity(0.3, unit="mm", low=0, high=5, doc="chamfer that breaks the edge of the boss")
+    fillet_mm: float = quantity(0.3, unit="mm", low=0, high=5, doc="fillets at the roots of the beams")
+    washer_clearance_mm: float = quantity(
+        0.2, unit="mm", low=0, high=2, doc="recess diameter over washer diameter"
+    )
+    glue_gap_mm: float = quantity(0.1, unit="mm", low=0, high=1, doc="recess depth over washer thickness")
+    glue_mg: float = quantity(0.0, unit="mg", low=0, high=1000, doc="mass of glue per taxel; weigh ten")
+    centre_post: bool = flag(False, doc="a post in the recess that centres the washer by its bore")
+
+
+@dataclass(frozen=True, slots=True)
+class Material:
+    """A printed polymer."""
+
+    name: str = text(doc="name in the catalogue")
+    process: str = choice(of=("fdm", "resin"), doc="process that prints it")
+    youngs_modulus_gpa: float = quantity(unit="GPa", low=1e-3, high=300, doc="flexural modulus of the print")
+    poisson_ratio: float = quantity(unit="1", low=0, high=0.499, doc="Poisson's ratio")
+    density_g_per_cm3: float = quantity(unit="g/cm³", low=0.1, high=20, doc="density")
+    fatigue_stress_mpa: float = quantity(unit="MPa", low=0.1, high=2000, doc="stress that many cycles allow")
+    source: str = text("", doc="where the figures come from")
+
+
+@dataclass(frozen=True, slots=True)
+class Printer:
+    """A printer with the settings that the pad is sized for."""
+
+    name: str = text(doc="name in the catalogue")
+    process: str = choice(of=("fdm", "resin"), doc="process")
+    nozzle_mm: float = quantity(unit="mm", low=0.01, high=2, doc="nozzle diameter (resin: pixel)")
+    line_width_mm: float = quantity(unit="mm", low=0.01, high=3, doc="one extrusion line; smallest wall")
+    smallest_beam_mm: float = quantity(unit="mm", low=0.01, high=3, doc="smallest width of a beam")
+    layer_mm: float = quantity(unit="mm", low=0.01, high=1, doc="layer height")
+    first_layer_mm: float = quantity(unit="mm", low=0.01, high=1, doc="height of the first layer")
+    smallest_beam_layers: int = quantity(unit="layers", low=1, high=100, doc="fewest layers of a beam")
+    smallest_gap_mm: float = quantity(unit="mm", low=0.01, high=3, doc="smallest gap that stays open")
+    longest_bridge_mm: float = quantity(unit="mm", low=0, high=100, doc="longest span without support")
+    steepest_overhang_deg: float = quantity(
+        unit="deg", low=0, high=89, doc="largest overhang from the vertical without support"
+    )
+    bed_x_mm: float = quantity(unit="mm", low=10, high=2000, doc="bed along x")
+    bed_y_mm: float = quantity(unit="mm", low=10, high=2000, doc="bed along y")
+    bed_z_mm: float = quantity(unit="mm", low=10, high=2000, doc="build height")
+    width_tolerance_mm: float = quantity(unit="mm", low=0, high=1, doc="spread of a beam's width")
+    thickness_tolerance_mm: float = quantity(unit="mm", low=0, high=1, doc="spread of a beam's thickness")
+    length_tolerance_mm: float = quantity(unit="mm", low=0, high=1, doc="spread of a beam's length")
+    xy_compensation_mm: float = quantity(
+        unit="mm", low=-1, high=1, doc="slicer's XY size compensation that lays beams at their drawn width"
+    )
+    source: str = text("", doc="where the figures come from")
+
+
+@dataclass(frozen=True, slots=True)
+class Washer:
+    """A flat washer."""
+
+    name: str = text(doc="name in the catalogue")
+    outer_diameter_mm: float = quantity(unit="mm", low=0.5, high=100, doc="outer diameter")
+    inner_diameter_mm: float = quantity(unit="mm", low=0, high=99, doc="bore")
+    thickness_mm: float = quantity(unit="mm", low=0.05, high=20, doc="thickness")
+    density_g_per_cm3: float = quantity(unit="g/cm³", low=0.5, high=25, doc="density")
+    relative_permeability: float = quantity(unit="1", low=1, high=1e6, doc="1 is not magnetic")
+    source: str = text("", doc="where the figures come from")
+
+
+@dataclass(frozen=True, slots=True)
+class Coil:
+    """A solenoid with a core of its own length, its top at `gap_mm` below the washers."""
+
+    name: str = text(doc="name in the catalogue")
+    outer_diameter_mm: float = quantity(unit="mm", low=0.5, high=200, doc="outside of the winding")
+    inner_diameter_mm: float = quantity(unit="mm", low=0.1, high=199, doc="inside of the winding")
+    length_mm: float = quantity(unit="mm", low=0.1, high=500, doc="length of winding and core")
+    turns: float = quantity(unit="turns", low=1, high=1e6, doc="turns")
+    resistance_ohm: float = quantity(unit="Ω", low=1e-3, high=1e6, doc="resistance")
+    inductance_mh: float = quantity(unit="mH", low=0, high=1e5, doc="inductance")
+    core_diameter_mm: float = quantity(unit="mm", low=0, high=199, doc="core; 0 is an air core")
+    core_relative_permeability: float = quantity(unit="1", low=1, high=1e6, doc="of the core")
+    gap_mm: float = quantity(1.0, unit="mm", low=0.05, high=100, doc="coil top to washer underside at rest")
+    grid: tuple[int, int] | None = numbers(
+        None, unit="coils", low=1, high=1000, count=2, doc="[rows, columns]; searched for when absent"
+    )
+    source: str = text("", doc="where the figures come from")
+
+
+@dataclass(frozen=True, slots=True)
+class Suspension:
+    """How the plates hang and what of their beams may be tuned."""
+
+    topology: str = choice("auto", of=TOPOLOGIES, doc="kind of suspension; auto takes the one least sensitive to printing")
+    tune: str = choice(
+        "width+thickness+length",
+        of=("width", "width+thickness", "width+length", "width+thickness+length"),
+        doc="what may differ between channels; the first that reaches is used",
+    )
+    thickness_mm: float | None = quantity(
+        None, unit="mm", low=0.01, high=20, doc="thickness of all beams; a whole number of layers"
+    )
+    length_mm: float | None = quantity(None, unit="mm", low=0.1, high=300, doc="length of all beams")
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """How the coils are driven and how strongly the taxels are to move."""
+
+    scheme: str = choice("tones", of=("tones",), doc="plain sum of sines (paper Eq. 5)")
+    level_um: float = quantity(10.0, unit="µm", low=1e-4, high=5000, doc="ON amplitude of the lowest channel")
+    level_law: float = quantity(
+        1.0, unit="1", low=0, high=2, doc="ON amplitude falls as 1/f^p: 0 equal displacement, 1 velocity, 2 acceleration"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Spec:
+    """The whole spec. `name`, `resolution`, `band_hz` and `q_min` have no default."""
+
+    name: str = text(doc="name of the pad and of its folder", pattern=r"[A-Za-z0-9][A-Za-z0-9._-]{0,79}")
+    resolution: int = quantity(unit="taxels", low=1, high=100_000, doc="target number of taxels")
+    band_hz: tuple[float, float] = numbers(
+        unit="Hz", low=0.01, high=1e6, count=2, doc="[lowest, highest] frequency of the resonances"
+    )
+    q_min: float = quantity(unit="1", low=0.5, high=1e9, doc="smallest quality factor of a taxel")
+    delta_y: float = quantity(
+        10.0, unit="1", low=0, high=1e9, above=True, doc="amplitude ratio ON over OFF that the slots are spaced for"
+    )
+    spacing: str = choice(
+        "spread",
+        of=("spread", "closest"),
+        doc="spread: the band is shared evenly in octaves; closest: the paper's ladder from the lowest slot",
+    )
+    resonances_hz: tuple[float, ...] | None = numbers(
+        None, unit="Hz", low=0.01, high=1e6, doc="explicit resonances, one per channel, lowest first"
+    )
+    pad: Pad = field(default_factory=Pad)
+    taxel: Taxel = field(default_factory=Taxel)
+    material: Material = field(kw_only=True)
+    printer: Printer = field(kw_only=True)
+    washer: Washer = field(kw_only=True)
+    coil: Coil = field(kw_only=True)
+    suspension: Suspension = field(default_factory=Suspension)
+    drive: Drive = field(default_factory=Drive)

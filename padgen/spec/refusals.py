@@ -1,0 +1,107 @@
+"""What no single field can tell: pairs of fields that contradict each other."""
+
+from padgen.errors import SpecError, number
+from padgen.spec.model import Spec
+
+__all__ = ["refuse_contradictions"]
+
+
+def refuse_contradictions(spec: Spec) -> None:
+    """Raise `SpecError` for the first contradiction between fields of `spec`."""
+    _refuse_band(spec)
+    _refuse_parts(spec)
+    _refuse_taxel(spec)
+
+
+def _refuse_band(spec: Spec) -> None:
+    low, high = spec.band_hz
+    if not low < high:
+        raise SpecError(
+            f"must run from low to high, got [{number(low)}, {number(high)}] Hz;"
+            + (" swap the two" if low > high else " widen it"),
+            "band_hz",
+        )
+    bound = spec.delta_y / 4
+    if spec.q_min <= bound:
+        raise SpecError(
+            f"must be above delta_y/4 = {number(bound)} for a coil to hold any channel,"
+            f" got {number(spec.q_min)}; raise Q, or take delta_y below {number(4 * spec.q_min)}",
+            "q_min",
+        )
+    tones = spec.resonances_hz or ()
+    for lower, upper in zip(tones, tones[1:], strict=False):
+        if not lower < upper:
+            raise SpecError(
+                f"must rise from channel to channel, got {number(lower)} before {number(upper)} Hz", "resonances_hz"
+            )
+    for tone in tones:
+        if not low <= tone <= high:
+            raise SpecError(
+                f"must lie in the band of {number(low)} … {number(high)} Hz, got {number(tone)} Hz;"
+                f" the nearest that would do is {number(min(max(tone, low), high))} Hz",
+                "resonances_hz",
+            )
+
+
+def _refuse_parts(spec: Spec) -> None:
+    if spec.material.process != spec.printer.process:
+        raise SpecError(
+            f"{spec.material.name!r} is for {spec.material.process} printers, but printer"
+            f" {spec.printer.name!r} is {spec.printer.process}; name a {spec.printer.process} material",
+            "material",
+        )
+    washer, coil = spec.washer, spec.coil
+    if washer.relative_permeability < 2:
+        raise SpecError(
+            f"{washer.name!r} is not magnetic (relative permeability {number(washer.relative_permeability)});"
+            " take plain steel or a ferritic or martensitic stainless steel",
+            "washer",
+        )
+    for where, inner, outer in (
+        ("washer", washer.inner_diameter_mm, washer.outer_diameter_mm),
+        ("coil", coil.inner_diameter_mm, coil.outer_diameter_mm),
+    ):
+        if not inner < outer:
+            raise SpecError(
+                f"must be below the outer diameter of {number(outer)} mm, got {number(inner)} mm",
+                f"{where}.inner_diameter_mm",
+            )
+    if coil.core_diameter_mm > coil.inner_diameter_mm:
+        raise SpecError(
+            f"must fit the winding's bore of {number(coil.inner_diameter_mm)} mm,"
+            f" got {number(coil.core_diameter_mm)} mm",
+            "coil.core_diameter_mm",
+        )
+
+
+def _refuse_taxel(spec: Spec) -> None:
+    taxel, pad, printer = spec.taxel, spec.pad, spec.printer
+    depth = spec.washer.thickness_mm + taxel.glue_gap_mm
+    roof = 2 * printer.layer_mm
+    if depth + roof > taxel.plate_thickness_mm:
+        raise SpecError(
+            f"must be at least {number(depth + roof)} mm (washer {number(spec.washer.thickness_mm)} mm,"
+            f" glue {number(taxel.glue_gap_mm)} mm, two layers of roof),"
+            f" got {number(taxel.plate_thickness_mm)} mm",
+            "taxel.plate_thickness_mm",
+        )
+    if taxel.plate_thickness_mm > pad.frame_thickness_mm:
+        raise SpecError(
+            f"must not exceed the frame's thickness of {number(pad.frame_thickness_mm)} mm,"
+            f" got {number(taxel.plate_thickness_mm)} mm",
+            "taxel.plate_thickness_mm",
+        )
+    boss_height = pad.frame_thickness_mm - taxel.plate_thickness_mm + taxel.boss_protrusion_mm
+    edge_bound = min(taxel.boss_diameter_mm / 2, boss_height) * 0.9
+    if taxel.boss_edge_mm > edge_bound:
+        raise SpecError(
+            f"must be at most {number(edge_bound)} mm on a boss of {number(taxel.boss_diameter_mm)} mm diameter"
+            f" and {number(boss_height)} mm height, got {number(taxel.boss_edge_mm)} mm",
+            "taxel.boss_edge_mm",
+        )
+    if pad.hole_diameter_mm and pad.hole_diameter_mm + 2 * printer.line_width_mm > pad.border_mm:
+        raise SpecError(
+            f"must leave a line of wall in the border of {number(pad.border_mm)} mm: at most"
+            f" {number(pad.border_mm - 2 * printer.line_width_mm)} mm, got {number(pad.hole_diameter_mm)} mm",
+            "pad.hole_diameter_mm",
+        )

@@ -1,0 +1,129 @@
+"""Plans, builds and findings as text for people. Makes text; the command line prints it."""
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from padgen.errors import number
+from padgen.finding import LEVELS, Finding
+
+if TYPE_CHECKING:
+    from padgen.build import Built
+    from padgen.planner.plan import Channel, Plan
+
+__all__ = ["built_text", "figures_text", "findings_text", "plan_text"]
+
+
+def plan_text(plan: "Plan") -> str:
+    """A plan as a table to read."""
+    pad, coils, capacity, figures = plan.spec["pad"], plan.coils, plan.capacity, plan.selectivity
+    head = (
+        f"{plan.name}: {len(plan.taxels)} taxels on {number(pad['width_mm'])} x {number(pad['depth_mm'])} mm,"
+        f" {coils.rows} x {coils.columns} coils at {number(coils.pitch_mm)} mm, {len(plan.channels)} channels per coil"
+    )
+    bound = (
+        f"capacity of a coil: {capacity.paper} channels by the paper's bound ({capacity.paper_unrounded:.2f},"
+        f" ratio {number(capacity.ratio)}), {capacity.exact_one_hot} by the exact response with one channel on,"
+        f" {capacity.exact} in all states; limited by {capacity.limit}"
+    )
+    lines = [head, bound, "", table(_HEADINGS, [_row(c) for c in plan.channels])]
+    if figures.one_hot_db is not None and figures.all_states_db is not None:
+        lines += [
+            "",
+            f"selectivity ({figures.drive}, amplitude ~ 1/f^{number(figures.level_law)}):"
+            f" {figures.one_hot_db:.1f} dB with one channel on, {figures.all_states_db:.1f} dB in all states"
+            f" (worst {figures.worst_state}), the paper's bound is {figures.paper_bound_db:.1f} dB",
+        ]
+    if plan.layouts:
+        others = ", ".join(f"{o.rows} x {o.columns} coils with {o.channels} channels" for o in plan.layouts)
+        lines.append(f"runners-up: {others}")
+    settings = ", ".join(f"{key.replace('_', ' ')} {value}" for key, value in plan.printing.items())
+    return "\n".join([*lines, f"print with: {settings}"])
+
+
+_HEADINGS = (
+    "ch",
+    "f Hz",
+    "drive Hz",
+    "suspension",
+    "w x t x l mm",
+    "layers",
+    "m mg",
+    "k N/m",
+    "rule Hz",
+    "2nd Hz",
+    "sag µm",
+    "ring-up ms",
+    "level µm",
+    "force µN",
+    "root MPa",
+    "spread %",
+    "off axis mm",
+)
+
+
+def _row(channel: "Channel") -> tuple[str, ...]:
+    beam = channel.beam
+    return (
+        str(channel.index),
+        f"{channel.resonance_hz:.2f}",
+        f"{channel.drive_hz:.2f}",
+        beam.topology,
+        f"{beam.width_mm:.3f} x {beam.thickness_mm:.2f} x {beam.length_mm:.2f}",
+        str(beam.layers),
+        f"{channel.effective_mass_g * 1e3:.1f}",
+        number(channel.stiffness_n_per_m),
+        f"{channel.rule_hz:.1f}",
+        f"{channel.second_mode_hz:.1f}",
+        f"{channel.sag_um:.1f}",
+        f"{channel.ring_up_ms:.1f}",
+        f"{channel.level_um:.2f}",
+        f"{channel.force_mn * 1e3:.2f}",
+        f"{channel.root_stress_mpa:.3f}",
+        f"{channel.print_spread * 100:.0f}",
+        f"{channel.site.coil_distance_mm:.2f}",
+    )
+
+
+def table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Right-aligned columns under their headings."""
+    cells = [tuple(headings), *rows]
+    widths = [max(len(row[i]) for row in cells) for i in range(len(headings))]
+    lines = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in cells]
+    lines.insert(1, "  ".join("-" * width for width in widths))
+    return "\n".join(lines)
+
+
+def findings_text(findings: Iterable[Finding]) -> str:
+    """Findings, the most severe first."""
+    ordered = sorted(findings, key=lambda f: -LEVELS.index(f.level))
+    if not ordered:
+        return "all checks hold"
+    return "\n".join(f"{f.level}: {f.where}: {f.message} [{f.code}]" for f in ordered)
+
+
+def built_text(built: "Built") -> str:
+    """What a build left."""
+    files = "  ".join(built.files)
+    state = "is up to date, nothing to do" if built.up_to_date else "written"
+    return f"{built.folder} {state}: {files}\n{figures_text(built.figures)}"
+
+
+def figures_text(figures: dict[str, Any]) -> str:
+    """The figures of the checks on one line."""
+    parts = []
+    if "size_mm" in figures:
+        parts.append(" x ".join(number(v) for v in figures["size_mm"]) + " mm")
+    for key, unit in (
+        ("triangles", "triangles"),
+        ("bodies", "body"),
+        ("plastic_g", "g of plastic"),
+        ("smallest_wall_mm", "mm smallest wall"),
+        ("smallest_gap_mm", "mm smallest gap"),
+        ("longest_bridge_mm", "mm longest bridge"),
+        ("largest_difference_from_plan_mm", "mm off the plan at most"),
+    ):
+        value = figures.get(key)
+        if value is not None:
+            text = str(value) if isinstance(value, int) else number(0.0 if abs(value) < 1e-9 else value)
+            parts.append(f"{text} {unit if value == 1 or key != 'bodies' else 'bodies'}")
+    return ", ".join(parts)

@@ -1,0 +1,39 @@
+"""The only unit conversions of padgen.
+
+Specs and plans speak millimetre, gram and gigapascal, as drawings and catalogues do; `physics`
+speaks SI. ``length_mm * MM`` is metres and ``length_m / MM`` is millimetres, and so for the others.
+"""
+
+from math import log10
+
+__all__ = [
+    "G_PER_CM3",
+    "GPA",
+    "GRAM",
+    "GRAVITY_M_PER_S2",
+    "MA",
+    "MH",
+    "MM",
+    "MN",
+    "MPA",
+    "MS",
+    "UM",
+    "decibel",
+]
+
+MM = 1e-3
+UM = 1e-6
+GRAM = 1e-3
+GPA = 1e9
+MPA = 1e6
+G_PER_CM3 = 1e3
+MH = 1e-3
+MN = 1e-3
+MA = 1e-3
+MS = 1e-3
+GRAVITY_M_PER_S2 = 9.80665
+
+
+def decibel(ratio: float) -> float:
+    """Amplitude ratio in dB; 0 is -inf."""
+    return 20.0 * log10(ratio) if ratio > 0 else float("-inf")
