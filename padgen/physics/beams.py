@@ -12,6 +12,9 @@ __all__ = ["BeamSection", "tip_mass", "tip_stiffness", "torsion_constant"]
 
 Array = Any
 
+ANTICLASTIC_RATIO = 1.6
+"""Width over length at which half of the anticlastic stiffening has come: fitted (docs/accuracy.md)."""
+
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 _NODES, _WEIGHTS = (_NODES + 1) / 2, _WEIGHTS / 2
 
@@ -19,15 +22,17 @@ _NODES, _WEIGHTS = (_NODES + 1) / 2, _WEIGHTS / 2
 class BeamSection(NamedTuple):
     """Dimensions of a beam in m; arrays of one shape, or numbers.
 
-    `fillet` is the radius of the flares on both sides of the root. `give` is the rotation of the
-    ground at root and tip, as a length of beam that would turn as much under the same moment.
+    `fillet` is the radius of the flares on both sides of the root. `root_give` and `tip_give` are
+    the rotations of what the ends are held by, as lengths of beam that would turn as much under the
+    same moment.
     """
 
     width: Array
     thickness: Array
     length: Array
-    fillet: Array
-    give: Array
+    fillet: Array = 0.0
+    root_give: Array = 0.0
+    tip_give: Array = 0.0
 
 
 def torsion_constant(width: Array, thickness: Array) -> Array:
@@ -44,15 +49,17 @@ def tip_stiffness(section: BeamSection, modulus: Array, poisson: float) -> np.nd
     and inverted, so that a flare stiffens as much as it should. Shear coefficient after Cowper
     (1966).
     """
-    length, give = np.asarray(section.length, float), np.asarray(section.give, float)
+    length = np.asarray(section.length, float)
     shear_modulus = modulus / (2 * (1 + poisson))
     shear_factor = 10 * (1 + poisson) / (12 + 11 * poisson)
     flare = _Integrals(section)
-    up0, up1, up2 = (v / modulus for v in flare.bending_vertical)
+    plate_like = modulus * anticlastic_stiffening(section, poisson)
+    up0, up1, up2 = (v / plate_like for v in flare.bending_vertical)
     side0, side1, side2 = (v / modulus for v in flare.bending_lateral)
-    # The ground's give is a rotation at the root (arm: the whole length) and at the tip (no arm).
-    hinge = give / (modulus * section.width * np.asarray(section.thickness) ** 3 / 12)
-    up0, up1, up2 = up0 + 2 * hinge, up1 + hinge * length, up2 + hinge * length**2
+    # What the ends give turns the beam about its root (arm: the whole length) and its tip (no arm).
+    bending = modulus * section.width * np.asarray(section.thickness, float) ** 3 / 12
+    root, tip = section.root_give / bending, section.tip_give / bending
+    up0, up1, up2 = up0 + root + tip, up1 + root * length, up2 + root * length**2
     area = flare.inverse_area
     shear = area / (shear_factor * shear_modulus)
     twist = flare.inverse_torsion / shear_modulus
@@ -63,6 +70,16 @@ def tip_stiffness(section: BeamSection, modulus: Array, poisson: float) -> np.nd
     _fill_pair(stiffness, 2, 4, up2 + shear, -up1, up0)
     _fill_pair(stiffness, 1, 5, side2 + shear, side1, side0)
     return stiffness
+
+
+def anticlastic_stiffening(section: BeamSection, poisson: float) -> np.ndarray:
+    """Factor on the modulus in vertical bending, from 1 (narrow) to ``1/(1−ν²)`` (wide and short).
+
+    The clamped ends keep a wide beam from curling across its width; how far along the beam that
+    reaches goes with its width. The form is empirical, fitted to elasticity (docs/accuracy.md).
+    """
+    slimness = ANTICLASTIC_RATIO * np.asarray(section.length, float) / section.width
+    return np.asarray(1 + poisson**2 / (1 - poisson**2) / (1 + slimness**2))
 
 
 def tip_mass(section: BeamSection, density: float) -> np.ndarray:

@@ -50,7 +50,7 @@ def suspended_modes(
     Raises
     ------
     numpy.linalg.LinAlgError
-        The mass matrix is not positive definite.
+        The stiffness is not positive definite: a beam of no length or thickness.
     """
     stiffness: Any = 0.0
     mass: Any = _body_mass(body)
@@ -90,8 +90,11 @@ def _carry(beam: BeamPlacement, reference: np.ndarray) -> np.ndarray:
 
 
 def _eigen(stiffness: np.ndarray, mass: np.ndarray, reference: np.ndarray) -> Modes:
-    root = np.linalg.inv(np.linalg.cholesky(mass))
-    symmetric = root @ stiffness @ np.swapaxes(root, -1, -2)
-    squares, vectors = np.linalg.eigh((symmetric + np.swapaxes(symmetric, -1, -2)) / 2)
-    frequency_hz = np.sqrt(np.maximum(squares, 0)) / (2 * np.pi)
-    return Modes(frequency_hz, np.swapaxes(root, -1, -2) @ vectors, reference)
+    """Modes by the flexibility form M φ = (1/ω²) K φ: its largest values, the lowest modes, are exact
+    to rounding however far away the stiffest mode is."""
+    root = np.linalg.inv(np.linalg.cholesky(stiffness))
+    rooted = np.swapaxes(root, -1, -2)
+    symmetric = root @ mass @ rooted
+    inverse, vectors = np.linalg.eigh((symmetric + np.swapaxes(symmetric, -1, -2)) / 2)
+    angular = 1 / np.sqrt(np.maximum(inverse[..., ::-1], 1e-300))
+    return Modes(angular / (2 * np.pi), rooted @ vectors[..., ::-1] * angular[..., None, :], reference)

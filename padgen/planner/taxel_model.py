@@ -14,14 +14,16 @@ from padgen.physics.beams import BeamSection
 from padgen.physics.modes import BeamPlacement, Modes, root_moment, suspended_modes
 from padgen.physics.resonator import natural_frequency, rule_stiffness
 from padgen.physics.rigid_body import RigidBody, box, combine, ring
-from padgen.planner.suspensions import TOPOLOGIES, Arrangement, BeamShape, PlateShape
+from padgen.planner.suspensions import TOPOLOGIES, Arrangement, BeamShape, PlateShape, Strip
 from padgen.spec import Spec
 from padgen.units import G_PER_CM3, GPA, MM
 
 __all__ = ["TaxelModel", "fillet_mm", "plate_shape", "recess_mm"]
 
-GROUND_GIVE = 0.0
-"""Rotation of frame and plate under a beam's end, in beam thicknesses of extra beam at either end."""
+ROOT_GIVE = 0.33
+TIP_GIVE = 0.75
+"""How far the frame and the plate turn under a beam's end, in thicknesses of extra beam: fitted to
+elasticity of the exported solids (docs/accuracy.md)."""
 
 
 def plate_shape(spec: Spec) -> PlateShape:
@@ -48,8 +50,11 @@ def post_diameter_mm(spec: Spec) -> float:
 
 
 def fillet_mm(spec: Spec, arrangement: Arrangement) -> Any:
-    """Radius in mm of the root fillets: as the spec says, less where the window leaves less room."""
-    return np.clip(arrangement.root_clearance_mm, 0, spec.taxel.fillet_mm)
+    """Radius in mm of the root fillets: as the spec says, less where the window or a short beam leaves
+    less room."""
+    strip = arrangement.beams[0]
+    short = np.abs(strip.tip_x_mm - strip.root_x_mm) / 3
+    return np.clip(np.minimum(arrangement.root_clearance_mm, short), 0, spec.taxel.fillet_mm)
 
 
 @dataclass(frozen=True)
@@ -104,11 +109,23 @@ class TaxelModel:
         for strip in self.arrangement.beams:
             thickness = strip.thickness_mm * MM
             run = (strip.tip_x_mm - strip.root_x_mm) * MM
-            section = BeamSection(strip.width_mm * MM, thickness, np.abs(run), fillet, GROUND_GIVE * thickness)
+            section = BeamSection(
+                strip.width_mm * MM,
+                thickness,
+                np.abs(run),
+                fillet,
+                ROOT_GIVE * thickness,
+                TIP_GIVE * thickness + self._twist_give_m(strip),
+            )
             tip = np.stack(np.broadcast_arrays(strip.tip_x_mm * MM, strip.y_mm * MM, thickness / 2), -1)
             direction = np.stack([np.sign(run), 0.0 * run], -1)
             placements.append(BeamPlacement(section, tip, direction))
         return placements
+
+    def _twist_give_m(self, strip: Strip) -> Any:
+        """What a crossbar's torsion adds to the tip's give: ``I_beam/J_bar · 2(1+ν) · arm``."""
+        inertia = strip.width_mm * strip.thickness_mm**3 / 12
+        return self.arrangement.tip_twist_per_mm3 * inertia * 2 * (1 + self.spec.material.poisson_ratio) * MM
 
     @property
     def _elastic(self) -> tuple[float, float, float]:

@@ -11,6 +11,8 @@ def refuse_contradictions(spec: Spec) -> None:
     _refuse_band(spec)
     _refuse_parts(spec)
     _refuse_taxel(spec)
+    _refuse_plate(spec)
+    _refuse_beam(spec)
 
 
 def _refuse_band(spec: Spec) -> None:
@@ -104,4 +106,39 @@ def _refuse_taxel(spec: Spec) -> None:
             f"must leave a line of wall in the border of {number(pad.border_mm)} mm: at most"
             f" {number(pad.border_mm - 2 * printer.line_width_mm)} mm, got {number(pad.hole_diameter_mm)} mm",
             "pad.hole_diameter_mm",
+        )
+
+
+def _refuse_plate(spec: Spec) -> None:
+    taxel = spec.taxel
+    walled = spec.washer.outer_diameter_mm + taxel.washer_clearance_mm + 2 * spec.printer.line_width_mm
+    bound = max(walled, taxel.boss_diameter_mm)
+    for name, value in (("plate_length_mm", taxel.plate_length_mm), ("plate_width_mm", taxel.plate_width_mm)):
+        if value is not None and value < bound - 1e-9:
+            raise SpecError(
+                f"must be at least {number(bound)} mm for the washer {spec.washer.name} in its walls and the boss,"
+                f" got {number(value)} mm",
+                f"taxel.{name}",
+            )
+
+
+def _refuse_beam(spec: Spec) -> None:
+    thickness, printer = spec.suspension.thickness_mm, spec.printer
+    if thickness is None:
+        return
+    layers = (thickness - printer.first_layer_mm) / printer.layer_mm + 1
+    whole = max(round(layers), printer.smallest_beam_layers)
+    if abs(layers - whole) > 1e-6:
+        nearest = printer.first_layer_mm + (whole - 1) * printer.layer_mm
+        raise SpecError(
+            f"must be a whole number of layers (first {number(printer.first_layer_mm)} mm, then"
+            f" {number(printer.layer_mm)} mm each), got {number(thickness)} mm; the nearest that would do is"
+            f" {number(nearest)} mm",
+            "suspension.thickness_mm",
+        )
+    if thickness > spec.taxel.plate_thickness_mm:
+        raise SpecError(
+            f"must not exceed the plate's thickness of {number(spec.taxel.plate_thickness_mm)} mm,"
+            f" got {number(thickness)} mm",
+            "suspension.thickness_mm",
         )

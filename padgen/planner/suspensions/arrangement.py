@@ -59,7 +59,8 @@ class Arrangement(NamedTuple):
 
     `window_mm` is (length, width) of the opening in the frame, from x = 0 and centred in y;
     `washer_x_mm` the place of washer and boss on y = 0; `root_clearance_mm` the room beside a root
-    that its fillets may take.
+    that its fillets may take. `tip_twist_per_mm3` is the arm over the torsion constant of what a tip
+    is joined to, 0 where it is the plate itself.
     """
 
     beams: tuple[Strip, ...]
@@ -67,3 +68,4 @@ class Arrangement(NamedTuple):
     window_mm: tuple[Number, Number]
     washer_x_mm: Number
     root_clearance_mm: Number
+    tip_twist_per_mm3: Number = 0.0

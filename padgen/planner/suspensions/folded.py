@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from padgen.physics.beams import torsion_constant
 from padgen.planner.suspensions.arrangement import Arrangement, BeamShape, Block, PlateShape, Room, Strip
 
 __all__ = ["BEAMS", "END_FACTOR", "arrange", "longest", "shortest", "widest"]
@@ -70,6 +71,7 @@ def arrange(plate: PlateShape, beam: BeamShape, gap_mm: float) -> Arrangement:
         window_mm=(length + CROSSBAR_MM + gap_mm, 2 * (outside + gap_mm)),
         washer_x_mm=middle,
         root_clearance_mm=zero + gap_mm / 2,
+        tip_twist_per_mm3=(y - half / 2) / torsion_constant(CROSSBAR_MM, height),
     )
 
 

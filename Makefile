@@ -1,0 +1,57 @@
+# padgen: make pad, make test; `make help` lists the rest.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+TEMPLATES := $(basename $(notdir $(wildcard templates/*.toml)))
+
+.DEFAULT_GOAL := help
+.PHONY: help setup pad test check format variants slice goldens performance pictures clean $(TEMPLATES:%=variant-%)
+
+help: ## list the targets
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
+
+$(STAMP): pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+	@touch $@
+
+setup: $(STAMP) ## make the environment in .venv, every extra included
+
+pad: $(STAMP) ## the paper's 32-taxel pad into out/paper-32
+	$(BIN)/padgen plan paper-32
+	$(BIN)/padgen build paper-32
+
+test: $(STAMP) ## the whole test suite
+	$(BIN)/python -m pytest
+
+check: $(STAMP) ## style and types
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+format: $(STAMP) ## put the style right
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+variants: $(TEMPLATES:%=variant-%) ## every template into out/, in parallel with make -j
+
+$(TEMPLATES:%=variant-%): variant-%: $(STAMP)
+	$(BIN)/padgen build $*
+
+slice: pad ## slice the paper's pad with PrusaSlicer (installed from Debian if missing) and measure its beams
+	@command -v prusa-slicer >/dev/null || { apt-get update -qq && apt-get install -y -qq --no-install-recommends prusa-slicer; }
+	$(BIN)/python -m pytest -m slicer tests/test_slicer.py
+
+goldens: $(STAMP) ## write the golden texts anew, after a wanted change of geometry
+	$(BIN)/python -m pytest tests/test_golden.py --regenerate
+
+performance: $(STAMP) ## measure what docs/performance.md reports
+	$(BIN)/python docs/measure.py
+
+pictures: $(STAMP) ## draw the README's pictures anew
+	$(BIN)/python docs/pictures.py
+
+clean: ## remove generated files, the environment too
+	rm -rf out $(VENV)

@@ -1,0 +1,36 @@
+"""Plans and pads that many tests look at, made once."""
+
+import pytest
+
+from padgen.planner import Plan, make_plan
+from padgen.spec import Spec, load_spec, parse_spec
+
+FOUR_LINES = 'name = "tiny"\nresolution = 4\nband_hz = [50, 200]\nq_min = 15\n'
+SMALL = FOUR_LINES + "[pad]\nwidth_mm = 25\ndepth_mm = 25\n"
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--regenerate", action="store_true", help="write the golden texts anew")
+
+
+@pytest.fixture(scope="session")
+def paper_spec() -> Spec:
+    return load_spec("paper-32")
+
+
+@pytest.fixture(scope="session")
+def paper_plan(paper_spec: Spec) -> Plan:
+    return make_plan(paper_spec)
+
+
+@pytest.fixture(scope="session")
+def small_plan() -> Plan:
+    """Four taxels, quick to build."""
+    return make_plan(parse_spec(SMALL))
+
+
+@pytest.fixture(scope="session")
+def small_pad(small_plan: Plan):
+    from padgen.solid.pad import build_pad
+
+    return build_pad(small_plan)

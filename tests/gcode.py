@@ -1,0 +1,102 @@
+"""Reads a slicer's G-code: how wide a beam is laid, and in how many layers.
+
+The laid width of a layer is the plastic it extrudes per length of beam and per layer height: a bead
+with round edges counts as the rectangle of the same area.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from padgen.planner.plan import Channel, Plan, Taxel
+from padgen.solid.frame import TURNS, to_cell
+from padgen.solid.taxel import tile_model
+
+
+@dataclass(frozen=True)
+class Extrusions:
+    """Straight extrusions: `start` and `stop` (n, 2) in mm, the `width` (n,) of a rectangle of the same
+    area and one layer's height, and the `layer` of each, from 0."""
+
+    start: np.ndarray
+    stop: np.ndarray
+    width: np.ndarray
+    layer: np.ndarray
+    layer_top_mm: np.ndarray
+
+
+def read_gcode(path: Path) -> Extrusions:
+    """Extruding moves of PrusaSlicer's G-code for 1.75 mm filament."""
+    x = y = e = 0.0
+    height, layer = 0.0, -1
+    filament = np.pi / 4 * 1.75**2
+    tops: list[float] = []
+    rows = []
+    for line in path.read_text().splitlines():
+        if line.startswith(";LAYER_CHANGE"):
+            layer += 1
+        elif line.startswith(";Z:"):
+            tops.append(float(line[3:]))
+        elif line.startswith(";HEIGHT:"):
+            height = float(line[8:])
+        elif line.startswith("G92"):
+            e = 0.0
+        elif line.startswith("G1 "):
+            words = {w[0]: float(w[1:]) for w in line.split(";")[0].split()[1:]}
+            nx, ny, ne = words.get("X", x), words.get("Y", y), words.get("E", e)
+            if ne > e and (nx, ny) != (x, y) and layer >= 0:
+                length = ((nx - x) ** 2 + (ny - y) ** 2) ** 0.5
+                rows.append((x, y, nx, ny, (ne - e) * filament / length / height, layer))
+            x, y, e = nx, ny, ne
+    table = np.array(rows)
+    return Extrusions(table[:, :2], table[:, 2:4], table[:, 4], table[:, 5].astype(int), np.array(tops))
+
+
+@dataclass(frozen=True)
+class LaidBeam:
+    """One beam as it is laid across its middle: planned and laid width in mm, layer by layer."""
+
+    taxel: str
+    planned_width_mm: float
+    planned_layers: int
+    laid_width_mm: tuple[float, ...]
+
+
+def laid_beams(plan: Plan, extrusions: Extrusions, centre_mm: tuple[float, float]) -> list[LaidBeam]:
+    """Every beam of the plan as laid, for a pad whose centre lies at `centre_mm` on the bed."""
+    result = []
+    for taxel in plan.taxels:
+        channel = plan.channels[taxel.channel]
+        for middle, across in _middles(plan, channel, taxel):
+            widths = []
+            for layer in range(channel.beam.layers + 1):
+                at = extrusions.layer == layer
+                widths.append(
+                    _laid_width(extrusions, at, middle + np.array(centre_mm), across, channel.beam.width_mm)
+                )
+            result.append(LaidBeam(taxel.id, channel.beam.width_mm, channel.beam.layers, tuple(widths)))
+    return result
+
+
+def _middles(plan: Plan, channel: Channel, taxel: Taxel) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Middle of each beam on the pad and the direction across it."""
+    arrangement = tile_model(plan, channel).arrangement
+    points = [[float(s.root_x_mm + s.tip_x_mm) / 2, float(s.y_mm), 0.0] for s in arrangement.beams]
+    washer = to_cell(np.array([float(arrangement.washer_x_mm), 0.0, 0.0]), channel)
+    places = to_cell(np.array(points), channel) - washer
+    cosine, sine = TURNS[channel.site.along]
+    across = np.array([-sine, cosine], float)
+    return [(place[:2] + (taxel.x_mm, taxel.y_mm), across) for place in places]
+
+
+def _laid_width(lines: Extrusions, at: np.ndarray, middle: np.ndarray, across: np.ndarray, width: float) -> float:
+    """Sum of the widths of the lines that cross the section through `middle`."""
+    along = np.array([across[1], -across[0]])
+    start, stop = lines.start[at] - middle, lines.stop[at] - middle
+    a, b = start @ along, stop @ along
+    crosses = (a * b <= 0) & (np.abs(a - b) > 1e-9)
+    share = np.divide(a, a - b, out=np.zeros_like(a), where=crosses)
+    place = (start @ across) + share * ((stop - start) @ across)
+    near = crosses & (np.abs(place) < width / 2 + 0.15)
+    return float(lines.width[at][near].sum())

@@ -1,0 +1,223 @@
+"""Agreement table: which model must equal which number, to what tolerance, and why.
+
+| model | reference | tolerance | reason |
+|---|---|---|---|
+| capacity, ladder, sag, ring-up | paper's and computed figures | as printed | they are printed to these digits |
+| one-hot and all-state selectivity | computed figures | 0.1 dB | printed to 0.1 dB |
+| closed form over states | all 2^n states | 1e-9 dB | same sums in another order |
+| asymmetry of the paper's pair | 40 log10 r, measured 25 and 20 dB | 0.1, 0.6 dB | exact; stated agreement |
+| impedance of the paper's coil | computed figures | as printed | |
+| beam model of a taxel, f1 | 3-D elasticity, converged | 0.6 % | Timoshenko's own error there |
+| beam model, modes 2 and 3 | 3-D elasticity, converged | 1.5 % | torsion and lateral |
+| point mass on a beam | Euler-Bernoulli closed forms | 1e-6 | slender limit |
+| coaxial force | axisymmetric field solution | 50 % | the rung's own error, see docs/accuracy.md |
+"""
+
+import json
+from math import log10
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from padgen.physics.beams import BeamSection, tip_mass, tip_stiffness, torsion_constant
+from padgen.physics.ladder import capacity, geometric_ladder, ladder_ratio, paper_ladder, whole_channels
+from padgen.physics.magnetics import (
+    SolenoidCoil,
+    SteelRing,
+    flux_density,
+    force_constant,
+    impedance,
+    paper_force_constant,
+)
+from padgen.physics.modes import BeamPlacement, suspended_modes
+from padgen.physics.resonator import natural_frequency, receptance, ring_up_time, rule_stiffness, static_sag
+from padgen.physics.rigid_body import box, combine, ring
+from padgen.physics.selectivity import all_states_db, crosstalk, exhaustive_states_db, one_hot_db
+
+REFERENCE = Path(__file__).parent / "reference"
+TAXELS = json.loads((REFERENCE / "taxel_modes.json").read_text())
+MAGNETS = json.loads((REFERENCE / "magnetostatics.json").read_text())
+MM = 1e-3
+
+
+def test_capacity_of_the_papers_case():
+    bound = capacity(20, 1000, q=15, delta_y=10)
+    assert bound == pytest.approx(11.627, abs=5e-4)
+    assert whole_channels(bound) == 11
+    assert ladder_ratio(15, 10) == pytest.approx(1.4)
+
+
+def test_capacity_keeps_its_digits_at_large_q():
+    # n -> ln(f2/f1) 2Q/dy as a -> 0; the plain logarithm of (1+a)/(1-a) loses 1e-8 there.
+    q = 1e8
+    assert capacity(20, 1000, q, 10) == pytest.approx(np.log(50) * 2 * q / 10, rel=1e-12)
+
+
+def test_no_capacity_when_slots_overlap_zero():
+    assert capacity(20, 1000, q=2.5, delta_y=10) == 0
+
+
+def test_paper_ladder_starts_with_its_slots_edge_on_the_band():
+    ladder = paper_ladder(20, 11, q=15, delta_y=10)
+    assert ladder[0] == pytest.approx(24.0)
+    assert ladder[-1] == pytest.approx(694, abs=0.5)
+    assert np.allclose(ladder[1:] / ladder[:-1], 1.4)
+
+
+def test_sag_and_ring_up():
+    assert static_sag(20.0) == pytest.approx(0.62 * MM, abs=0.005 * MM)
+    assert ring_up_time(20.0, 15.0) == pytest.approx(0.239, abs=5e-4)
+
+
+def test_receptance_peaks_with_q_and_is_static_at_zero():
+    k = 0.1 * (2 * np.pi * 60) ** 2
+    assert abs(receptance(0.0, 60.0, 0.1, 15.0)) == pytest.approx(1 / k)
+    assert abs(receptance(60.0, 60.0, 0.1, 15.0)) == pytest.approx(15 / k)
+
+
+@pytest.mark.parametrize(
+    ("ladder", "level_law", "one_hot", "states"),
+    [(paper_ladder(20, 11, 15, 10), 0.0, 17.4, -31.0)],
+)
+def test_selectivity_of_eleven_channels_with_plain_tones(ladder, level_law, one_hot, states):
+    ones = np.ones(11)
+    talk = crosstalk(ladder, ones, 15 * ones, level_law)
+    assert one_hot_db(talk) == pytest.approx(one_hot, abs=0.1)
+    assert all_states_db(talk)[0] == pytest.approx(states, abs=0.1)
+
+
+@pytest.mark.parametrize("count", [2, 3, 5, 9])
+@pytest.mark.parametrize("level_law", [0.0, 1.0, 2.0])
+def test_closed_form_equals_all_states(count, level_law):
+    seed = np.random.default_rng(count)
+    resonance = np.sort(seed.uniform(20, 1000, count))
+    talk = crosstalk(resonance, seed.uniform(0.05, 0.2, count), seed.uniform(5, 50, count), level_law)
+    assert all_states_db(talk)[0] == pytest.approx(exhaustive_states_db(talk), abs=1e-9)
+
+
+def test_asymmetry_of_the_papers_pair():
+    resonance, ones = np.array([60.0, 78.0]), np.ones(2)
+    talk = crosstalk(resonance, ones, 26 * ones, level_law=2.0)
+    strong, weak = -20 * np.log10(talk.tones[0, 1]), -20 * np.log10(talk.tones[1, 0])
+    assert strong - weak == pytest.approx(40 * log10(78 / 60), abs=0.1)
+    assert (strong, weak) == (pytest.approx(25.1, abs=0.1), pytest.approx(20.5, abs=0.1))
+    measured = (25, 20)
+    assert np.abs(np.array([strong, weak]) - measured).max() < 0.6
+
+
+def test_weaker_side_of_the_pair_at_q_15():
+    talk = crosstalk(np.array([61.0, 76.0]), np.ones(2), 15 * np.ones(2), level_law=2.0)
+    assert one_hot_db(talk) == pytest.approx(14.5, abs=0.15)
+
+
+def test_one_channel_has_nothing_to_be_told_from():
+    talk = crosstalk(np.array([60.0]), np.ones(1), 15 * np.ones(1), 0.0)
+    assert one_hot_db(talk) == all_states_db(talk)[0] == float("inf")
+
+
+def test_impedance_of_the_papers_coil():
+    assert abs(impedance(62.9, 41.7e-3, 38.0)) / 62.9 == pytest.approx(1.012, abs=1e-3)
+    assert abs(impedance(62.9, 41.7e-3, 500.0)) == pytest.approx(145, abs=0.5)
+    loss_db = 40 * log10(62.9 / abs(impedance(62.9, 41.7e-3, 500.0)))
+    assert loss_db == pytest.approx(-14.5, abs=0.05)
+
+
+def test_slender_tip_mass_is_the_closed_form():
+    """One slender beam with a heavy point at its tip: f = sqrt(3EI/(l³ m))/2π."""
+    width, thickness, length, modulus, mass = 1 * MM, 0.2 * MM, 50 * MM, 3e9, 1e-3
+    point = box((0, 0, 0), (1e-7, 1e-7, 1e-7), mass / 1e-21)
+    beam = BeamPlacement(
+        BeamSection(width, thickness, length), np.zeros(3) + point.centroid, np.array([1.0, 0.0])
+    )
+    modes = suspended_modes(point, [beam], modulus, 0.3, 1e-6)
+    stiffness = 3 * modulus * width * thickness**3 / 12 / length**3
+    # Shear adds (t/l)² = 1.6e-5 of compliance.
+    assert modes.frequency_hz[0] == pytest.approx(natural_frequency(stiffness, mass), rel=3e-5)
+
+
+def test_rule_is_the_cantilever_with_a_point_mass():
+    stiffness = rule_stiffness(3e9, 1 * MM, 0.2 * MM, 50 * MM, 0.25)
+    assert stiffness == pytest.approx(3 * 3e9 * (1 * MM * (0.2 * MM) ** 3 / 12) / (50 * MM) ** 3)
+
+
+def reference_taxel(case):
+    t, l, w = (case[key] * MM for key in ("t_mm", "l_mm", "w_mm"))  # noqa: E741
+    plate = box((0, -2.5 * MM, 0), (6.5 * MM, 2.5 * MM, 1.6 * MM), 1240.0)
+    boss = ring((3.25 * MM, 0), 1.6 * MM, 2.6 * MM, 2.5 * MM, 0, 1240.0)
+    # The washer's bore is filled by the plate, so steel replaces plastic.
+    washer = ring((3.25 * MM, 0), 0, 0.5 * MM, 4 * MM, 2 * MM, 7900.0 - 1240.0)
+    beam = BeamPlacement(BeamSection(w, t, l), np.array([0, 0, t / 2]), np.array([1.0, 0.0]))
+    return suspended_modes(combine(plate, boss, washer), [beam], 3e9, 0.36, 1240.0)
+
+
+@pytest.mark.parametrize("name", sorted(TAXELS["cases"]))
+def test_beam_model_against_elasticity(name):
+    case = TAXELS["cases"][name]
+    found, reference = reference_taxel(case).frequency_hz, case["modes_hz"]
+    assert found[0] == pytest.approx(reference[0], rel=6e-3)
+    assert found[1:3] == pytest.approx(reference[1:3], rel=1.5e-2)
+
+
+def test_flare_stiffens_between_the_beam_and_a_beam_shorter_by_its_radius():
+    def bending(length, fillet):
+        return tip_stiffness(BeamSection(1 * MM, 0.5 * MM, length, fillet), 3e9, 0.3)[2, 2]
+
+    plain, flared, shorter = bending(5 * MM, 0.0), bending(5 * MM, 0.5 * MM), bending(4.5 * MM, 0.0)
+    assert plain < flared < shorter
+
+
+def test_tip_matrices_are_positive_definite_over_extremes():
+    width, thickness, length = np.meshgrid([0.05, 1, 20], [0.05, 1, 5], [0.5, 5, 300])
+    section = BeamSection(width * MM, thickness * MM, length * MM)
+    for matrix in (tip_stiffness(section, 3e9, 0.36), tip_mass(section, 1240.0)):
+        scale = np.sqrt(np.einsum("...ii->...i", matrix))
+        normal = matrix / scale[..., :, None] / scale[..., None, :]
+        assert np.linalg.eigvalsh(normal).min() > 1e-4
+
+
+def test_torsion_constant_of_square_and_strip():
+    # Timoshenko, Theory of Elasticity, table of rectangles: 0.1406 a^4 and a b^3/3 in the limit.
+    assert torsion_constant(1.0, 1.0) == pytest.approx(0.1406, rel=5e-3)
+    assert torsion_constant(1000.0, 1.0) == pytest.approx(1000 / 3, rel=1e-3)
+
+
+def test_a_ring_of_quarters_is_a_ring():
+    whole = ring((1.0, 2.0), 0.0, 1.0, 4.0, 2.0, 3.0)
+    parts = combine(ring((1.0, 2.0), 0.0, 0.25, 4.0, 2.0, 3.0), ring((1.0, 2.0), 0.25, 1.0, 4.0, 2.0, 3.0))
+    for a, b in zip(whole, parts, strict=True):
+        assert a == pytest.approx(b)
+
+
+COIL = SolenoidCoil(10 * MM, 4 * MM, 10 * MM, 1000, 4 * MM, 1000)
+WASHER = SteelRing(4 * MM, 2 * MM, 0.5 * MM, 1000)
+CURRENT_A = 0.05
+
+
+@pytest.mark.parametrize("gap_mm", ["0.5", "1", "2", "3"])
+def test_coaxial_force_is_of_the_right_size(gap_mm):
+    found = force_constant(COIL, WASHER, float(gap_mm) * MM, np.array(0.0)) * CURRENT_A**2
+    assert found / MM == pytest.approx(MAGNETS["force_mn_by_gap_mm"][gap_mm], rel=0.5)
+
+
+def test_papers_equation_4_misses_by_decades():
+    area = np.pi / 4 * (4 * MM) ** 2
+    assert paper_force_constant(COIL, area) * CURRENT_A**2 == pytest.approx(1364, rel=1e-3)
+
+
+def test_field_on_the_axis_is_the_solenoids():
+    """A thin solenoid's axial field has a closed form."""
+    thin = SolenoidCoil(4.0002 * MM, 3.9998 * MM, 10 * MM, 1000, 0.0, 1.0)
+    height = np.array([0.5, 1.0, 3.0]) * MM
+    _, axial = flux_density(thin, np.zeros(3), height)
+    a, length = 2 * MM, 10 * MM
+    exact = (
+        4e-7 * np.pi * 1000 / length / 2
+        * ((height + length) / np.hypot(height + length, a) - height / np.hypot(height, a))
+    )
+    assert axial == pytest.approx(exact, rel=1e-5)
+
+
+def test_geometric_ladder_keeps_its_ends():
+    ladder = geometric_ladder(20, 1000, 11)
+    assert (ladder[0], ladder[-1]) == (pytest.approx(20), pytest.approx(1000))

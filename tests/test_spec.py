@@ -1,0 +1,130 @@
+"""The spec: what it fills in, what it refuses and how it says so."""
+
+import tomllib
+from dataclasses import FrozenInstanceError, fields
+
+import jsonschema
+import pytest
+
+from padgen.errors import FileError, SpecError
+from padgen.spec import catalogue, load_spec, parse_spec, template_paths
+from padgen.spec.load import CATALOGUES
+from padgen.spec.schema import spec_schema
+
+BASE = 'name = "a"\nresolution = 4\nband_hz = [50, 200]\nq_min = 15\n'
+
+
+def test_four_lines_are_a_spec():
+    spec = parse_spec(BASE)
+    assert (spec.pad.width_mm, spec.pad.depth_mm) == (50, 50)
+    assert spec.material.name == "pla"
+    with pytest.raises(FrozenInstanceError):
+        spec.resolution = 5
+
+
+def test_a_resin_printer_brings_its_material():
+    assert parse_spec(BASE + 'printer = "resin-0.05"\n').material.name == "tough-resin"
+
+
+def test_entries_are_overridden_field_by_field():
+    spec = parse_spec(BASE + '[washer]\nname = "iso7089-m2"\nthickness_mm = 0.4\n')
+    assert (spec.washer.outer_diameter_mm, spec.washer.thickness_mm) == (5.0, 0.4)
+
+
+def test_a_new_entry_needs_all_its_fields():
+    coil = (
+        "[coil]\nname = 'mine'\nouter_diameter_mm = 8\ninner_diameter_mm = 3\nlength_mm = 9\nturns = 700\n"
+        "resistance_ohm = 30\ninductance_mh = 12\ncore_diameter_mm = 3\ncore_relative_permeability = 500\n"
+    )
+    assert parse_spec(BASE + coil).coil.turns == 700
+    with pytest.raises(SpecError, match=r"coil\.name: there is no coil 'mine'"):
+        parse_spec(BASE + coil.replace("turns = 700\n", ""))
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", "name: is missing"),
+        (BASE.replace("resolution", "resolutoin"), "there is no key 'resolutoin'; did you mean 'resolution'?"),
+        (BASE.replace("= 4", "= 0"), "resolution: must be at least 1 .* got 0 taxels; the nearest that would do is 1"),
+        (BASE.replace("= 4", "= 1000000"), "resolution: .* at most 1e\\+05 taxels, got 1e\\+06"),
+        (BASE.replace("= 4", "= 4.5"), "resolution: must be a whole number, got 4.5"),
+        (BASE.replace("= 4", "= true"), "resolution: must be a whole number, got True"),
+        (BASE.replace("= 4", '= "4"'), "resolution: must be a whole number"),
+        (BASE.replace("[50, 200]", "[200, 50]"), "band_hz: must run from low to high.*swap the two"),
+        (BASE.replace("[50, 200]", "[50, 50]"), "band_hz: must run from low to high.*widen it"),
+        (BASE.replace("[50, 200]", "[]"), "band_hz: must be a list of 2 numbers in Hz"),
+        (BASE.replace("[50, 200]", "[0, 200]"), r"band_hz\[0\]: must be at least 0.01"),
+        (BASE.replace("[50, 200]", "[50, nan]"), r"band_hz\[1\]: must be at least"),
+        (BASE.replace("= 15", "= 2.5"), "q_min: must be above delta_y/4 = 2.5"),
+        (BASE.replace("= 15", "= inf"), "q_min: must be at least 0.5"),
+        (BASE + "[suspension]\nlength_mm = 3000\n", "suspension.length_mm: .* at most 300 mm, got 3000 mm"),
+        (BASE + "[pad]\nwidth_mm = -5\n", "pad.width_mm: must be at least 5"),
+        (BASE + "pad = 3\n", "pad: must be a table, got 3"),
+        (BASE + "[pads]\n", "there is no key 'pads'; did you mean 'pad'?"),
+        (BASE + 'material = "plaa"\n', "material.name: there is no material 'plaa'; did you mean 'pla'?"),
+        (BASE + "material = 3\n", "material: must be a name or a table"),
+        (BASE + 'material = "tough-resin"\n', "material: 'tough-resin' is for resin printers"),
+        (BASE + 'washer = "iso7089-m2-a2"\n', "washer: .* is not magnetic"),
+        (BASE + "[washer]\ninner_diameter_mm = 9\n", "washer.inner_diameter_mm: must be below the outer diameter"),
+        (BASE + "[coil]\ncore_diameter_mm = 5\n", "coil.core_diameter_mm: must fit the winding's bore of 4 mm"),
+        (BASE + "[coil]\ngrid = [4]\n", "coil.grid: must be a list of 2 numbers"),
+        (BASE + "[coil]\ngrid = [4, 2.5]\n", r"coil.grid\[1\]: must be a whole number"),
+        (BASE + "[taxel]\nplate_thickness_mm = 0.5\n", "taxel.plate_thickness_mm: must be at least 0.6 mm"),
+        (BASE + "[taxel]\nplate_thickness_mm = 9\n", "taxel.plate_thickness_mm: must not exceed the frame"),
+        (BASE + "[taxel]\nboss_edge_mm = 2\n", "taxel.boss_edge_mm: must be at most"),
+        (BASE + "[taxel]\nplate_width_mm = 3\n", "taxel.plate_width_mm: must be at least 4.6 mm"),
+        (BASE + "[pad]\nhole_diameter_mm = 8\n", "pad.hole_diameter_mm: must leave a line of wall"),
+        (BASE + "[suspension]\nthickness_mm = 0.35\n", "suspension.thickness_mm: must be a whole number of layers"),
+        (BASE + "[suspension]\nthickness_mm = 5\n", "suspension.thickness_mm: must not exceed the plate"),
+        (BASE + "resonances_hz = [76, 56]\n", "resonances_hz: must rise from channel to channel"),
+        (BASE + "resonances_hz = [56, 500]\n", "resonances_hz: must lie in the band"),
+        (BASE + '[drive]\nscheme = "tonez"\n', "drive.scheme: there is no choice 'tonez'; did you mean 'tones'?"),
+        (BASE.replace('"a"', '"../a"'), "name: must match"),
+        ("name = ", "is not TOML"),
+    ],
+)
+def test_refusals_are_one_clear_sentence(text, sentence):
+    with pytest.raises(SpecError, match=sentence) as refusal:
+        parse_spec(text)
+    assert "\n" not in str(refusal.value)
+
+
+def test_files_that_are_none(tmp_path):
+    with pytest.raises(FileError, match="is a folder"):
+        load_spec(str(tmp_path))
+    with pytest.raises(FileError, match="there is no such file"):
+        load_spec(str(tmp_path / "none.toml"))
+    with pytest.raises(FileError, match="did you mean 'paper-32'"):
+        load_spec("paper-23")
+    binary = tmp_path / "binary.toml"
+    binary.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(FileError, match="is not TOML: byte 0"):
+        load_spec(str(binary))
+
+
+def test_every_field_says_what_it_is():
+    spec = parse_spec(BASE)
+    for part in (spec, spec.pad, spec.taxel, spec.material, spec.printer, spec.washer, spec.coil, spec.drive):
+        for item in fields(part):
+            assert item.metadata.get("doc") or item.name in type(spec).__dataclass_fields__
+
+
+@pytest.mark.parametrize("table", CATALOGUES)
+def test_catalogue_entries_pass_their_own_checks(table):
+    for name, entry in catalogue(table).items():
+        assert entry["source"], f"{table} {name} has no source"
+        extra = ""
+        if table == "material":
+            extra = f'printer = "{"fdm-0.4" if entry["process"] == "fdm" else "resin-0.05"}"\n'
+        if name != "iso7089-m2-a2" and entry.get("outer_diameter_mm", 0) < 13:
+            parse_spec(BASE + extra + f'{table} = "{name}"\n[taxel]\n')
+
+
+def test_schema_accepts_every_template_and_refuses_a_slip():
+    schema = spec_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    for path in template_paths().values():
+        jsonschema.validate(tomllib.loads(path.read_text()), schema)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(tomllib.loads(BASE + "[pad]\nwidth = 50\n"), schema)
