@@ -7,7 +7,7 @@
 | closed form over states | all 2^n states | 1e-9 dB | same sums in another order |
 | asymmetry of the paper's pair | 40 log10 r, measured 25 and 20 dB | 0.1, 0.6 dB | exact; stated agreement |
 | impedance of the paper's coil | computed figures | as printed | |
-| beam model of a taxel, f1 | 3-D elasticity, converged | 0.6 % | Timoshenko's own error there |
+| beam model of a taxel, f1 | 3-D elasticity, converged | 0.8 % | Timoshenko's own error there |
 | beam model, modes 2 and 3 | 3-D elasticity, converged | 1.5 % | torsion and lateral |
 | point mass on a beam | Euler-Bernoulli closed forms | 1e-6 | slender limit |
 | coaxial force | axisymmetric field solution | 50 % | the rung's own error, see docs/accuracy.md |
@@ -155,7 +155,7 @@ def reference_taxel(case):
 def test_beam_model_against_elasticity(name):
     case = TAXELS["cases"][name]
     found, reference = reference_taxel(case).frequency_hz, case["modes_hz"]
-    assert found[0] == pytest.approx(reference[0], rel=6e-3)
+    assert found[0] == pytest.approx(reference[0], rel=8e-3)
     assert found[1:3] == pytest.approx(reference[1:3], rel=1.5e-2)
 
 

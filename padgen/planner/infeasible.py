@@ -63,7 +63,9 @@ def _unreached(spec: Spec, layout: Layout) -> str:
 
 
 def _cures(spec: Spec, limit: int) -> Iterator[str]:
-    """Nearest specs that hold: another washer, printer or pad, or fewer taxels."""
+    """Nearest specs that hold: another grid, washer, printer or pad, or fewer taxels."""
+    if spec.coil.grid and (found := _holds(spec, limit, coil={**asdict(spec.coil), "grid": None})):
+        yield f"coil.grid = [{found.rows}, {found.columns}]"
     entries = catalogue("washer").values()
     smaller = [w for w in entries if w["outer_diameter_mm"] < spec.washer.outer_diameter_mm]
     for washer in sorted(smaller, key=lambda w: -float(w["outer_diameter_mm"])):
@@ -80,7 +82,7 @@ def _cures(spec: Spec, limit: int) -> Iterator[str]:
                 break
     yield from _larger_pads(spec, limit)
     fewer = next(sized_layouts(spec, whole_grids(spec, limit)), None)
-    if fewer:
+    if fewer and not spec.coil.grid:
         yield f"{fewer[0].coils * fewer[0].channels} taxels ({fewer[0].rows} x {fewer[0].columns} coils)"
 
 

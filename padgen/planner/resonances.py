@@ -40,7 +40,7 @@ def ladders(spec: Spec, count: int, room: Room) -> list[tuple[float, ...]]:
         spans.append((max(low, found[0] * 1.01), min(high, found[1] / 1.01)))
     options = [_ladder(spec, count, *span) for span in spans]
     options += [_closest(spec, count, span[0]) for span in spans]
-    unique = dict.fromkeys(option for option in options if option and option[-1] <= high * (1 + 1e-9))
+    unique = dict.fromkeys(option for option in options if option and option[-1] <= high * (1 + 1e-5))
     return list(unique)
 
 

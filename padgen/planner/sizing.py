@@ -18,7 +18,7 @@ from padgen.planner.suspensions import TOPOLOGIES, BeamShape, Room
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.spec import Printer, Spec
 
-__all__ = ["Reach", "SizedChannel", "frequency_spread", "reach", "size_channels"]
+__all__ = ["Reach", "SizedChannel", "crowded_modes", "frequency_spread", "reach", "size_channels", "topologies"]
 
 LENGTHS = 9
 WIDTHS = 4

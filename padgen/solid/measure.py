@@ -83,12 +83,19 @@ def _recess_gauges(spec: Spec, washer_x: float) -> Iterator[_Gauge]:
     offset = inner + 0.1 if inner else 0.0
     start = washer + [0, 0, depth / 2] + out * offset
     spokes = np.stack([start, start + out * diameter], 1)
-    # The triangles' corners lie on the circle, their sides within it.
-    yield _Gauge("recess diameter", diameter, spokes, lambda runs: 2 * (offset + max(runs)))
+    # The triangles' corners lie on the circle, their sides within it: the longest chord counts.
+    yield _Gauge("recess diameter", diameter, spokes, lambda runs: 2 * offset + max(_opposite(runs, 1)))
+    yield _Gauge("recess centre offset", 0.0, spokes, lambda runs: max(_opposite(runs, -1)) / 2)
     boss_top = spec.pad.frame_thickness_mm + spec.taxel.boss_protrusion_mm
     over = washer + [0, 0, boss_top + 1]
     down = np.array([[over, over - [0, 0, boss_top]]])
     yield _Gauge("boss height", boss_top, down, lambda runs: boss_top + 1 - runs[0])
+
+
+def _opposite(runs: list[float], sign: int) -> list[float]:
+    """Sums (or differences) of the runs of opposite spokes."""
+    half = SPOKES // 2
+    return [abs(a + sign * b) for a, b in zip(runs[:half], runs[half:], strict=True)]
 
 
 def _both_ways(start: np.ndarray, reach: list[float]) -> np.ndarray:

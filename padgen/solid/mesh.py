@@ -98,5 +98,4 @@ def as_manifold(mesh: Mesh, what: str) -> Any:
 def from_manifold(solid: Any) -> Mesh:
     """The triangles of a manifold."""
     mesh = solid.to_mesh64()
-    vertices = np.asarray(mesh.vert_properties)[:, :3]
-    return Mesh(vertices, np.asarray(mesh.tri_verts).astype(np.int64))
+    return Mesh(np.array(mesh.vert_properties)[:, :3], np.array(mesh.tri_verts).astype(np.int64))

@@ -18,6 +18,7 @@ LEVELS = 16
 STEP_MM = 1e-4
 AREA_MM2 = 1e-6
 ROOM_MM = 5.0
+SPLINTER_SHARE = 0.05
 
 
 class Section(NamedTuple):
@@ -95,11 +96,11 @@ def _narrow(shape: Any, z_mm: float, limit_mm: float) -> list[Narrow]:
     half = limit_mm / 2
     opened = shape.offset(-half, _join("Miter")).offset(half * 1.001, _join("Miter"))
     lost = shape - opened
-    if lost.area() < half**2:
+    # Square corners come back whole; acute ones lose a splinter, which is no wall.
+    splinter = SPLINTER_SHARE * half**2
+    if lost.area() < splinter:
         return []
-    # Square corners come back; what is lost at rounded ones is less than a quarter of a square.
-    pieces = ((piece, piece.area()) for piece in lost.decompose())
-    return [_where(piece, z_mm) for piece, area in pieces if area > half**2]
+    return [_where(piece, z_mm) for piece in lost.decompose() if piece.area() > splinter]
 
 
 def _where(shape: Any, z_mm: float) -> Narrow:

@@ -1,0 +1,224 @@
+"""Every print check catches a pad that was broken for it, and lets a good one pass."""
+
+from dataclasses import replace
+
+import manifold3d
+import numpy as np
+import pytest
+
+from padgen.planner import make_plan
+from padgen.solid.checks import check_mesh, check_pad, compare_mesh
+from padgen.solid.mesh import Mesh, as_manifold, from_manifold
+from padgen.solid.pad import build_pad
+from padgen.solid.sections import sections, smallest, unsupported_spans
+from padgen.solid.topology import intersecting_pairs, topology
+from padgen.spec import parse_spec
+from tests.conftest import SMALL
+
+PRINTER = parse_spec(SMALL).printer
+
+
+def codes(report):
+    return {finding.code for finding in report.findings}
+
+
+def box(size, at=(0.0, 0.0, 0.0)):
+    return manifold3d.Manifold.cube(size).translate(at)
+
+
+def joined(*meshes):
+    """Meshes side by side in one, not united."""
+    counts = np.cumsum([0] + [len(m.vertices_mm) for m in meshes])
+    return Mesh(
+        np.concatenate([m.vertices_mm for m in meshes]),
+        np.concatenate([m.triangles + n for m, n in zip(meshes, counts, strict=False)]),
+    )
+
+
+def checked(solid):
+    return check_mesh(from_manifold(solid), PRINTER, 1.24)
+
+
+def with_beam(plan, index, **changes):
+    """A plan whose channel `index` has another beam than was sized."""
+    channels = list(plan.channels)
+    channels[index] = replace(channels[index], beam=replace(channels[index].beam, **changes))
+    return replace(plan, channels=tuple(channels))
+
+
+def test_a_good_pad_passes(small_pad, small_plan):
+    report = check_pad(small_pad, small_plan)
+    assert report.findings == ()
+    assert report.figures["bodies"] == 1
+    assert report.figures["largest_difference_from_plan_mm"] < 1e-6
+    assert report.figures["smallest_gap_mm"] == pytest.approx(0.3, abs=2e-3)
+
+
+def test_the_same_pad_passes_as_a_foreign_mesh(small_pad, small_plan):
+    report = check_mesh(small_pad.mesh, PRINTER, 1.24)
+    assert report.findings == ()
+    assert compare_mesh(report, small_pad.mesh, small_plan).findings == ()
+
+
+def test_a_hole(small_pad, small_plan):
+    broken = Mesh(small_pad.mesh.vertices_mm, small_pad.mesh.triangles[1:])
+    assert topology(broken).open_edges == 3
+    assert "mesh.closed" in codes(check_pad(replace(small_pad, mesh=broken), small_plan))
+
+
+def test_a_doubled_triangle(small_pad):
+    triangles = np.concatenate([small_pad.mesh.triangles, small_pad.mesh.triangles[:1]])
+    broken = Mesh(small_pad.mesh.vertices_mm, triangles)
+    assert topology(broken).crowded_edges == 3
+    assert "mesh.closed" in codes(check_mesh(broken, PRINTER, 1.24))
+
+
+def test_a_turned_triangle(small_pad):
+    triangles = small_pad.mesh.triangles.copy()
+    triangles[0] = triangles[0, ::-1]
+    broken = Mesh(small_pad.mesh.vertices_mm, triangles)
+    assert topology(broken).turned_edges == 3
+    assert "mesh.closed" in codes(check_mesh(broken, PRINTER, 1.24))
+
+
+def test_inside_out(small_pad):
+    broken = Mesh(small_pad.mesh.vertices_mm, small_pad.mesh.triangles[:, ::-1])
+    assert "mesh.inside_out" in codes(check_mesh(broken, PRINTER, 1.24))
+
+
+def test_a_taxel_cut_off(small_pad, small_plan):
+    solid = as_manifold(small_pad.mesh, "pad")
+    taxel = small_plan.taxels[0]
+    x, y = taxel.x_mm, taxel.y_mm
+    # A ring of air around the plate, wider than its gap.
+    moat = box((6.2, 6.2, 9.0), (x - 3.1, y - 3.1, -1.0)) - box((4.7, 4.7, 11.0), (x - 2.35, y - 2.35, -2.0))
+    broken = from_manifold(solid - moat)
+    found = check_pad(replace(small_pad, mesh=broken), small_plan)
+    assert "mesh.bodies" in codes(found)
+
+
+def test_pierced_triangles():
+    apart = joined(from_manifold(box((1, 1, 1))), from_manifold(box((1, 1, 1), (2, 0, 0))))
+    pierced = joined(from_manifold(box((1, 1, 1))), from_manifold(box((1, 1, 1), (0.5, 0.4, 0.3))))
+    assert len(intersecting_pairs(apart)) == 0
+    assert len(intersecting_pairs(pierced)) > 0
+    assert "mesh.intersects" in codes(check_mesh(pierced, PRINTER, 1.24))
+
+
+def test_pierced_tile(small_pad, small_plan):
+    tile = small_pad.tiles[0]
+    vertices = tile.mesh.vertices_mm.copy()
+    vertices[vertices[:, 2].argmax(), 2] = -20
+    tiles = (replace(tile, mesh=Mesh(vertices, tile.mesh.triangles)), *small_pad.tiles[1:])
+    assert "mesh.intersects" in codes(check_pad(replace(small_pad, tiles=tiles), small_plan))
+
+
+def test_pierced_pairs_agree_with_trying_all():
+    """The grid of columns finds what comparing every box with every other finds."""
+    from padgen.solid.topology import _overlapping, _pierce
+
+    seed = np.random.default_rng(1)
+    vertices = seed.uniform(0, 5, (90, 1, 3)) + seed.uniform(-1.2, 1.2, (90, 3, 3))
+    mesh = Mesh(vertices.reshape(-1, 3), np.arange(270).reshape(-1, 3))
+    a, b = np.triu_indices(90, 1)
+    tried = np.stack([a, b], -1)[_pierce(mesh, a, b)]
+    assert len(tried) > 5
+    assert intersecting_pairs(mesh).tolist() == tried.tolist()
+    corners = mesh.corners_mm
+    once = np.concatenate(list(_overlapping(corners.min(1), corners.max(1))))
+    assert (once[:, 0] < once[:, 1]).all()
+
+
+def test_a_coarse_mesh_has_the_wrong_volume(small_plan):
+    coarse = build_pad(small_plan, chord_mm=1.0, angle_rad=1.5)
+    assert "mesh.volume" in codes(check_pad(coarse, small_plan))
+
+
+def test_a_thin_beam(small_plan):
+    thin = with_beam(small_plan, 0, width_mm=0.3)
+    assert {"print.wall", "print.beam"} <= codes(check_pad(build_pad(thin), thin))
+
+
+def test_a_beam_of_half_a_layer(small_plan):
+    odd = with_beam(small_plan, 0, thickness_mm=small_plan.channels[0].beam.thickness_mm + 0.05)
+    assert "print.layers" in codes(check_pad(build_pad(odd), odd))
+
+
+@pytest.mark.parametrize(
+    ("change", "dimension"), [({"width_mm": 0.02}, "width"), ({"thickness_mm": 0.1}, "thickness"), ({"length_mm": 0.02}, "length")]
+)
+def test_built_other_than_planned(small_pad, small_plan, change, dimension):
+    beam = small_plan.channels[1].beam
+    other = with_beam(small_plan, 1, **{name: getattr(beam, name) + step for name, step in change.items()})
+    found = [f for f in check_pad(small_pad, other).findings if f.code == "built.planned"]
+    assert any(dimension in f.message for f in found)
+
+
+def test_a_lifted_beam(small_pad, small_plan):
+    """A beam that does not lie on the bed is found by its underside."""
+    solid = as_manifold(small_pad.mesh, "pad")
+    lifted = solid - box((100, 100, 0.1), (-50, -50, -0.05)) + box((30, 2, 0.2), (-15, -18.4, 0))
+    found = check_pad(replace(small_pad, mesh=from_manifold(lifted)), small_plan).findings
+    assert any("above the bed" in f.message for f in found if f.code == "built.planned")
+
+
+def test_a_washer_that_does_not_fit(small_pad, small_plan):
+    spec = {**small_plan.spec, "washer": {**small_plan.spec["washer"], "outer_diameter_mm": 3.8}}
+    other = replace(small_plan, spec=spec)
+    found = check_pad(small_pad, other).findings
+    assert any(f.code == "washer.fit" and "recess diameter" in f.message for f in found)
+
+
+def test_a_narrow_gap():
+    spec = parse_spec(SMALL + "[printer]\nname = 'fdm-0.4'\nsmallest_gap_mm = 0.2\n")
+    pad = build_pad(make_plan(spec))
+    assert "print.gap" in codes(check_mesh(pad.mesh, PRINTER, 1.24))
+    assert "print.gap" not in codes(check_mesh(pad.mesh, spec.printer, 1.24))
+
+
+def test_a_pad_larger_than_the_bed(small_pad):
+    small_bed = replace(PRINTER, bed_x_mm=30, bed_y_mm=30)
+    assert "print.bed" in codes(check_mesh(small_pad.mesh, small_bed, 1.24))
+    assert "print.bed" not in codes(check_mesh(small_pad.mesh, replace(PRINTER, bed_x_mm=38, bed_y_mm=40), 1.24))
+
+
+def test_a_long_bridge():
+    def table(span):
+        return box((2, 5, 5)) + box((2, 5, 5), (2 + span, 0, 0)) + box((4 + span, 5, 1), (0, 0, 5))
+
+    assert "print.bridge" in codes(checked(table(15)))
+    assert "print.bridge" not in codes(checked(table(8)))
+    solid = table(8)
+    # 2 steps of the bisection of 11 mm, and of 64 facets.
+    assert unsupported_spans(solid, from_manifold(solid), 11)[0] == pytest.approx(8, abs=0.05)
+
+
+def test_a_face_that_hangs_from_nothing():
+    assert "print.bridge" in codes(checked(box((5, 5, 1)) + box((25, 2, 1), (0, 0, 1))))
+
+
+def test_a_steep_overhang():
+    steep = manifold3d.Manifold.cylinder(2, 2, 5, 64)
+    mild = manifold3d.Manifold.cylinder(2, 2, 3, 64)
+    assert "print.overhang" in codes(checked(steep))
+    assert "print.overhang" not in codes(checked(mild))
+
+
+@pytest.mark.parametrize("width", [0.2, 0.37, 0.8])
+def test_walls_and_gaps_are_measured(width):
+    wall = box((10, width, 3)) + box((3, 10, 3)) + box((3, 10, 3), (7, 0, 0))
+    gap = box((10, 10, 3)) - box((8, width, 5), (1, 4, -1))
+    (cut,) = sections(wall, from_manifold(wall))
+    assert smallest(cut, False, 1.8) == pytest.approx(width, abs=5e-3)
+    (cut,) = sections(gap, from_manifold(gap))
+    assert smallest(cut, True, 1.8) == pytest.approx(width, abs=5e-3)
+
+
+def test_many_findings_are_summed_up(small_pad, small_plan):
+    beam = small_plan.channels[0].beam
+    other = small_plan
+    for index in range(len(small_plan.channels)):
+        other = with_beam(other, index, width_mm=beam.width_mm + 7, length_mm=beam.length_mm + 1)
+    found = [f for f in check_pad(small_pad, other).findings if f.code == "built.planned"]
+    assert len(found) <= 6
+    assert any("more like the last" in f.message for f in found)

@@ -1,0 +1,266 @@
+"""Plans: what is allotted, where it lies, and what is said when nothing holds."""
+
+import re
+from dataclasses import replace
+from itertools import pairwise
+from math import hypot
+
+import numpy as np
+import pytest
+
+from padgen.errors import FileError, InfeasibleError, SpecError
+from padgen.planner import make_plan, plan_from_json, plan_to_json
+from padgen.planner.layout import candidates
+from padgen.planner.sizing import reach
+from padgen.planner.suspensions import TOPOLOGIES, BeamShape, PlateShape, Room
+from padgen.planner.taxel_model import TaxelModel, plate_shape
+from padgen.spec import make_spec, parse_spec
+
+FOUR_LINES = 'name = "a"\nresolution = {}\nband_hz = [{}, {}]\nq_min = 15\n'
+
+
+def plan_of(resolution=32, low=50, high=200, extra=""):
+    return make_plan(parse_spec(FOUR_LINES.format(resolution, low, high) + extra))
+
+
+def test_the_papers_pad(paper_plan):
+    assert len(paper_plan.taxels) == 32
+    assert (paper_plan.coils.rows, paper_plan.coils.columns, paper_plan.coils.pitch_mm) == (4, 4, 12.5)
+    found = [c.resonance_hz for c in paper_plan.channels]
+    # A width is drawn to a micrometre: 0.05 % of the smallest beam's frequency, doubled.
+    assert found == pytest.approx([56, 76], rel=1e-3)
+    assert [c.drive_hz for c in paper_plan.channels] == pytest.approx([f / 2 for f in found], rel=1e-12)
+
+
+def test_capacity_of_the_papers_band():
+    capacity = plan_of(4, 20, 1000, "[pad]\nwidth_mm = 60\ndepth_mm = 60\n").capacity
+    assert capacity.paper == 11
+    assert capacity.paper_unrounded == pytest.approx(11.627, abs=1e-3)
+    assert capacity.ratio == pytest.approx(1.4)
+    assert capacity.exact <= capacity.exact_one_hot
+
+
+def test_fewest_coils_first():
+    plan = plan_of()
+    assert (plan.coils.rows * plan.coils.columns, len(plan.channels)) == (8, 4)
+    runners_up = [(o.rows * o.columns, o.channels) for o in plan.layouts]
+    assert (16, 2) in runners_up
+    assert sorted(runners_up) == runners_up
+
+
+def test_only_width_differs_where_it_reaches(paper_plan):
+    beams = [c.beam for c in paper_plan.channels]
+    assert len({(b.thickness_mm, b.length_mm, b.topology) for b in beams}) == 1
+    assert beams[0].width_mm < beams[1].width_mm
+
+
+def test_thickness_is_whole_layers_where_width_does_not_reach():
+    plan = plan_of(6, 60, 900, "resonances_hz = [80, 240, 800]\n[coil]\ngrid = [1, 2]\n")
+    printer = plan.typed_spec.printer
+    assert len({c.beam.thickness_mm for c in plan.channels}) > 1
+    for channel in plan.channels:
+        layers = (channel.beam.thickness_mm - printer.first_layer_mm) / printer.layer_mm + 1
+        assert layers == pytest.approx(channel.beam.layers, abs=1e-9)
+        assert channel.beam.width_mm >= printer.smallest_beam_mm
+
+
+def test_tune_width_only_is_obeyed_or_refused():
+    wide = "resonances_hz = [80, 240, 800]\n[coil]\ngrid = [1, 2]\n[suspension]\ntune = 'width'\n"
+    with pytest.raises(InfeasibleError, match="asked are 80, 240, 800 Hz"):
+        plan_of(6, 60, 900, wide)
+
+
+@pytest.mark.parametrize("topology", TOPOLOGIES)
+def test_every_topology_plans_and_resonates_as_asked(topology):
+    extra = f"resonances_hz = [150, 260]\n[pad]\nwidth_mm = 40\ndepth_mm = 40\n[suspension]\ntopology = '{topology}'\n"
+    plan = plan_of(8, 100, 400, extra)
+    assert {c.beam.topology for c in plan.channels} == {topology}
+    assert [c.resonance_hz for c in plan.channels] == pytest.approx([150, 260], rel=2e-3)
+
+
+@pytest.mark.parametrize("topology", TOPOLOGIES)
+@pytest.mark.parametrize("room", [Room(8, 7), Room(14, 8), Room(30, 20)])
+def test_arrangements_stay_in_their_room_and_apart(topology, room):
+    gap, plate = 0.3, PlateShape(4.6, 4.6, 4.0)
+    shape = TOPOLOGIES[topology]
+    length, width = shape.longest(room, plate, gap), shape.widest(room, plate, gap)
+    if length < shape.shortest(plate, gap) or width < 0.45:
+        return
+    made = shape.arrange(plate, BeamShape(width, 0.3, length), gap)
+    assert made.window_mm[0] <= room.length_mm + 1e-9
+    assert made.window_mm[1] <= room.width_mm + 1e-9
+    for block in made.blocks:
+        assert block.low_x_mm >= 0
+        assert block.high_x_mm <= made.window_mm[0]
+        assert max(abs(block.low_y_mm), abs(block.high_y_mm)) <= made.window_mm[1] / 2 - gap + 1e-9
+
+
+def test_resonance_rises_with_width_and_thickness_and_falls_with_length(paper_spec):
+    plate = plate_shape(paper_spec)
+    for topology in TOPOLOGIES:
+        length = np.array([9.0, 9.0, 9.0, 10.0])
+        beam = BeamShape(np.array([0.6, 0.9, 0.6, 0.6]), np.array([0.3, 0.3, 0.4, 0.3]), length)
+        base, wide, thick, long = TaxelModel(paper_spec, topology, plate, beam).resonance_hz
+        assert wide > base
+        assert thick > base
+        assert long < base
+
+
+def test_reach_is_what_the_model_says(paper_spec):
+    grid = reach(paper_spec, "cantilever", Room(11.5, 5.25))
+    widths = grid.widths_for(np.array([60.0]))[0]
+    t, n = np.argwhere(np.isfinite(widths))[0]
+    beam = BeamShape(widths[t, n], grid.thickness_mm[t], grid.length_mm[n])
+    found = TaxelModel(paper_spec, "cantilever", plate_shape(paper_spec), beam).resonance_hz
+    # Log-log interpolation between four widths.
+    assert found == pytest.approx(60, rel=0.02)
+
+
+def test_taxels_lie_on_the_pad_apart_and_level_with_their_coil(paper_plan):
+    places = [(t.x_mm, t.y_mm) for t in paper_plan.taxels]
+    assert max(max(abs(x), abs(y)) for x, y in places) < 25
+    nearest = min(hypot(a[0] - b[0], a[1] - b[1]) for i, a in enumerate(places) for b in places[:i])
+    assert nearest > 5
+    distances = {round(t.coil_distance_mm, 6) for t in paper_plan.taxels}
+    assert len(distances) == 1
+    for taxel in paper_plan.taxels:
+        row, column = taxel.coil
+        coil = ((column - 1.5) * 12.5, (row - 1.5) * 12.5)
+        assert hypot(taxel.x_mm - coil[0], taxel.y_mm - coil[1]) == pytest.approx(taxel.coil_distance_mm)
+
+
+def test_ids_are_unique_and_channels_complete(paper_plan):
+    assert len({t.id for t in paper_plan.taxels}) == 32
+    counts = np.bincount([t.channel for t in paper_plan.taxels])
+    assert counts.tolist() == [16, 16]
+
+
+@pytest.mark.parametrize("resolution", [7, 31, 13])
+def test_awkward_resolutions_leave_places_empty_and_say_so(resolution):
+    plan = plan_of(resolution)
+    assert len(plan.taxels) == resolution
+    assert "layout.surplus" in {f.code for f in plan.findings}
+
+
+def test_whole_grids_come_before_empty_places():
+    assert all(layout.surplus == 0 for layout in candidates(parse_spec(FOUR_LINES.format(32, 50, 200)), 4)[:3])
+
+
+@pytest.mark.parametrize(
+    ("resolution", "low", "high", "extra", "sentence"),
+    [
+        (128, 50, 200, "", "128 taxels .* room for 25 coils .* at most 4 channels .* what would do: .*taxels"),
+        (100000, 20, 1000, "", "room for 25 coils of 10 mm, each with at most 11 channels"),
+        (32, 50, 200, 'washer = "iso7089-m3"\n', "washer iso7089-m3 .* leaves .* what would do: washer"),
+        (64, 50, 400, "", "leaves no length for a beam .* what would do: printer fdm-0.25, or a pad of"),
+        (16, 5, 9, "", "can be printed for .* Hz, asked are"),
+        (4, 50, 200, "[coil]\ngrid = [9, 9]\n", "exceeds the pitch of 5.5556 mm; what would do: coil.grid = \\[1, 1\\]"),
+        (33, 50, 200, "resonances_hz = [56, 76]\n[coil]\ngrid = [4, 4]\n", "each with exactly 2 channels"),
+        (16, 50, 200, "[coil]\nouter_diameter_mm = 60\ngrid = [1, 4]\n", "the coil \\(60 mm\\) exceeds the pitch"),
+        (4, 50, 200, "[suspension]\nlength_mm = 200\n", "cannot be laid out"),
+    ],
+)
+def test_infeasible_specs_name_the_limit_and_a_cure(resolution, low, high, extra, sentence):
+    with pytest.raises(InfeasibleError, match=sentence) as refusal:
+        plan_of(resolution, low, high, extra)
+    assert "\n" not in str(refusal.value)
+
+
+def test_the_cure_holds():
+    with pytest.raises(InfeasibleError) as refusal:
+        plan_of(64, 50, 400)
+    side = float(re.search(r"a pad of ([\d.]+) x", str(refusal.value)).group(1))
+    plan_of(64, 50, 400, f"[pad]\nwidth_mm = {side}\ndepth_mm = {side}\n")
+    fewer = int(re.search(r"or (\d+) taxels", str(refusal.value)).group(1))
+    assert len(plan_of(fewer, 50, 400).taxels) == fewer
+
+
+def test_a_band_narrower_than_a_slot_is_refused():
+    with pytest.raises(SpecError, match=r"band_hz: holds no channel.*e\.g\. \[50, 70"):
+        plan_of(4, 50, 60)
+
+
+def test_closest_spacing_is_the_papers_ladder():
+    plan = plan_of(8, 50, 400, 'spacing = "closest"\n')
+    ratios = [b.target_hz / a.target_hz for a, b in pairwise(plan.channels)]
+    assert ratios == pytest.approx([1.4] * len(ratios), rel=1e-4)
+
+
+def test_spread_uses_the_band():
+    plan = plan_of(32, 50, 200, "[coil]\ngrid = [4, 4]\n")
+    half = 10 / 60
+    assert plan.channels[0].target_hz == pytest.approx(50 / (1 - half), rel=1e-4)
+    assert plan.channels[-1].target_hz == pytest.approx(200 / (1 + half), rel=1e-4)
+
+
+def test_plan_survives_json(paper_plan):
+    text = plan_to_json(paper_plan)
+    again = plan_from_json(text)
+    assert plan_to_json(again) == text
+    assert again.typed_spec == make_spec_like(paper_plan)
+
+
+def make_spec_like(plan):
+    return replace(plan).typed_spec
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"name": 3}'])
+def test_what_is_no_plan_is_refused(text):
+    with pytest.raises(FileError, match="is not a plan"):
+        plan_from_json(text)
+
+
+def test_a_plan_is_the_same_every_time(paper_spec):
+    assert plan_to_json(make_plan(paper_spec)) == plan_to_json(make_plan(paper_spec))
+
+
+def test_stress_beyond_fatigue_is_an_error():
+    plan = plan_of(32, 50, 200, "[drive]\nlevel_um = 3000\n")
+    assert {"beam.stress", "gap.travel"} <= {f.code for f in plan.findings}
+    assert any(f.level == "error" for f in plan.findings)
+
+
+def test_stress_grows_with_level():
+    one, two = (plan_of(4, extra=f"[drive]\nlevel_um = {n}\n").channels[0] for n in (10, 20))
+    assert two.root_stress_mpa == pytest.approx(2 * one.root_stress_mpa)
+    # By hand: tip deflection of a guided or free beam bounds M = 6EI/l² … 3EI/l² times the level.
+    beam, modulus = one.beam, 3000.0
+    bound = modulus * beam.thickness_mm / 2 * 10e-3 * 6 / beam.length_mm**2
+    assert 0.05 * bound < one.root_stress_mpa < bound
+
+
+def test_explicit_pair_too_close_is_judged(paper_plan):
+    codes = [f.code for f in paper_plan.findings]
+    assert "ladder.ratio" in codes
+    assert {f.level for f in paper_plan.findings} <= {"warning", "note"}
+
+
+def test_coil_far_from_its_washers_is_judged():
+    plan = plan_of(4, 50, 200, "resonances_hz = [60, 84, 118, 164]\n[coil]\ngrid = [1, 1]\nouter_diameter_mm = 5\n")
+    assert all(t.coil_distance_mm >= 0 for t in plan.taxels)
+    far = max(t.coil_distance_mm for t in plan.taxels)
+    assert ("coil.reach" in {f.code for f in plan.findings}) == (far > (5 + 3.5) / 2)
+
+
+def test_glue_and_post_change_the_mass(paper_spec):
+    def mass(**changes):
+        spec = replace(paper_spec, taxel=replace(paper_spec.taxel, **changes))
+        return float(TaxelModel(spec, "cantilever", plate_shape(spec), BeamShape(0.6, 0.3, 6.6)).body.mass)
+
+    assert mass(glue_mg=2.0) - mass() == pytest.approx(2e-6)
+    bore, depth = 1.7 - 0.2, 0.4
+    assert mass(centre_post=True) - mass() == pytest.approx(np.pi / 4 * bore**2 * depth * 1.24e-6)
+
+
+def test_body_mass_by_hand(paper_spec):
+    """Plate, boss, recess and washer of the default taxel."""
+    spec = paper_spec
+    model = TaxelModel(spec, "cantilever", plate_shape(spec), BeamShape(0.6, 0.3, 6.6))
+    plastic = 4.6**2 * 4 + np.pi / 4 * (2.5**2 * 1.0 - 3.7**2 * 0.4)
+    steel = np.pi / 4 * (3.5**2 - 1.7**2) * 0.3
+    assert float(model.body.mass) == pytest.approx((plastic * 1.24 + steel * 7.85) * 1e-6)
+
+
+def test_make_spec_refuses_what_is_no_table():
+    with pytest.raises(SpecError):
+        make_spec({"name": "a", "resolution": 1, "band_hz": [1, 2], "q_min": 15, "drive": 4})
