@@ -1,5 +1,7 @@
 """A pad as STL, 3MF, STEP and GLB, each read back after writing."""
 
+import itertools
+import re
 from pathlib import Path
 from typing import Any
 
@@ -71,12 +73,21 @@ def step_writer(plan: Plan, pad: PadSolid, index: int) -> Any:
         with kernel_errors(name):
             whole = b.Compound(label=f"{plan.name} taxel {index}", children=[printed, washer])
             b.export_step(whole, path, timestamp="1970-01-01T00:00:00")
+            path.write_text(_renumbered(path.read_text()))
             back = sorted(float(s.volume) for s in b.import_step(path).solids())
         planned = sorted((float(printed.volume), float(washer.volume)))
         if len(back) != 2 or not np.allclose(back, planned, rtol=1e-6):
             raise GeometryError(f"read back its solids have {back} mm³, written were {planned} mm³", name)
 
     return write
+
+
+def _renumbered(step: str) -> str:
+    """OCCT numbers the parts of an assembly through all files of a process; number them from 1 in each."""
+    count = itertools.count(1)
+    return re.sub(
+        r"(NEXT_ASSEMBLY_USAGE_OCCURRENCE\(')\d+'", lambda match: f"{match[1]}{next(count)}'", step
+    )
 
 
 def glb_bytes(plan: Plan, pad: PadSolid) -> bytes:

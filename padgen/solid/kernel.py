@@ -71,9 +71,15 @@ def kernel_errors(what: str) -> Iterator[None]:
     """Turn whatever OCCT or build123d raises within the block into a `GeometryError` about `what`."""
     try:
         yield
-    except GeometryError:
-        raise
-    except (RuntimeError, ValueError, TypeError, AttributeError, IndexError) as error:
-        # OCCT's own exceptions derive from RuntimeError in its Python bindings.
+    except Exception as error:
+        if not _from_kernel(error):
+            raise
         text = str(error).strip().splitlines()
         raise GeometryError(f"the CAD kernel refused {what} ({text[0] if text else type(error).__name__})") from error
+
+
+def _from_kernel(error: Exception) -> bool:
+    """OCCT's exceptions derive from Exception alone; build123d raises Python's own."""
+    if isinstance(error, (RuntimeError, ValueError, TypeError, AttributeError, IndexError)):
+        return True
+    return type(error).__module__.partition(".")[0] == "OCP"

@@ -14,8 +14,6 @@ from padgen.spec import Spec
 
 __all__ = ["Dimension", "measured"]
 
-SPOKES = 16
-
 
 class Dimension(NamedTuple):
     """One measured dimension: which taxel, what, as planned and as built, in mm (nan: not found)."""
@@ -39,10 +37,16 @@ def measured(plan: Plan, solid: Any) -> Iterator[Dimension]:
     """Measure beams, recess and boss of every taxel on the manifold `solid` of the pad.
 
     A ray runs until it meets a face: from within a beam sideways (width), above it along its axis
-    (length), from below and above onto it (thickness), and within the recess.
+    (length), from below and above onto it (thickness), and up into the recess (depth). The recess's
+    diameter and place are taken from a cross-section at half its depth.
     """
     gauges = {c.index: _placed(_gauges(plan, c), c) for c in plan.channels}
+    diameter, depth = recess_mm(plan.typed_spec)
+    recesses = _holes(plan, solid.slice(depth / 2))
     for taxel in plan.taxels:
+        built, offset = _nearest_hole(plan, recesses, taxel)
+        yield Dimension(taxel.id, "recess diameter", diameter, built)
+        yield Dimension(taxel.id, "recess centre offset", 0.0, offset)
         centre = np.array([*_coil_axis_mm(plan, taxel), 0.0])
         for gauge in gauges[taxel.channel]:
             runs = [_run_mm(solid, *(ray + centre)) for ray in gauge.rays]
@@ -78,24 +82,42 @@ def _recess_gauges(spec: Spec, washer_x: float) -> Iterator[_Gauge]:
     under = washer + [0.0, (inner + diameter / 2) / 2, -1.0]
     up = np.array([[under, under + [0, 0, depth + 2]]])
     yield _Gauge("recess depth", depth, up, lambda runs: runs[0] - 1)
-    angle = np.arange(SPOKES) * 2 * np.pi / SPOKES
-    out = np.stack([np.cos(angle), np.sin(angle), 0 * angle], -1)
-    offset = inner + 0.1 if inner else 0.0
-    start = washer + [0, 0, depth / 2] + out * offset
-    spokes = np.stack([start, start + out * diameter], 1)
-    # The triangles' corners lie on the circle, their sides within it: the longest chord counts.
-    yield _Gauge("recess diameter", diameter, spokes, lambda runs: 2 * offset + max(_opposite(runs, 1)))
-    yield _Gauge("recess centre offset", 0.0, spokes, lambda runs: max(_opposite(runs, -1)) / 2)
     boss_top = spec.pad.frame_thickness_mm + spec.taxel.boss_protrusion_mm
     over = washer + [0, 0, boss_top + 1]
     down = np.array([[over, over - [0, 0, boss_top]]])
     yield _Gauge("boss height", boss_top, down, lambda runs: boss_top + 1 - runs[0])
 
 
-def _opposite(runs: list[float], sign: int) -> list[float]:
-    """Sums (or differences) of the runs of opposite spokes."""
-    half = SPOKES // 2
-    return [abs(a + sign * b) for a, b in zip(runs[:half], runs[half:], strict=True)]
+Holes = dict[tuple[int, int], list[np.ndarray]]
+
+
+def _holes(plan: Plan, section: Any) -> Holes:
+    """Contours (n, 2) of the holes of a cross-section, by the sub-cell that their centre lies in."""
+    holes: Holes = {}
+    for contour in section.to_polygons():
+        x, y = contour.T
+        if (x * np.roll(y, -1) - y * np.roll(x, -1)).sum() < 0:
+            holes.setdefault(_sub_cell(plan, *contour.mean(0)), []).append(contour)
+    return holes
+
+
+def _sub_cell(plan: Plan, x: float, y: float) -> tuple[int, int]:
+    return int(np.floor(x / plan.cell.width_mm)), int(np.floor(y / plan.cell.depth_mm))
+
+
+def _nearest_hole(plan: Plan, holes: Holes, taxel: Taxel) -> tuple[float, float]:
+    """Diameter of the hole nearest to a taxel's washer and its distance from there; nan without one.
+
+    The corners of a round hole lie on its circle, the sides between them within it.
+    """
+    at = np.array([taxel.x_mm, taxel.y_mm])
+    near = holes.get(_sub_cell(plan, *at), [])
+    if not near:
+        return float("nan"), float("nan")
+    contour = min(near, key=lambda c: float(np.hypot(*(c.mean(0) - at))))
+    centre = contour.mean(0)
+    radius = np.hypot(*(contour - centre).T)
+    return 2 * float(radius.max()), float(np.hypot(*(centre - at)))
 
 
 def _both_ways(start: np.ndarray, reach: list[float]) -> np.ndarray:

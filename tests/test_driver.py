@@ -1,0 +1,96 @@
+"""The driver table: tones, currents and voltages, states and their spurs."""
+
+import csv
+import io
+import json
+from math import isclose, sqrt
+
+import numpy as np
+import pytest
+
+from padgen.driver import coil_states, drive_csv, drive_json, drive_rows
+from padgen.planner import make_plan
+from padgen.spec import parse_spec
+
+COLUMNS = (
+    "channel,resonance_hz,drive_hz,force_mn,current_ma_peak,voltage_v_peak,impedance_ohm,phase_deg,ring_up_ms"
+)
+
+
+def test_columns_are_the_contract(paper_plan):
+    assert drive_csv(paper_plan).splitlines()[0] == COLUMNS
+    rows = list(csv.DictReader(io.StringIO(drive_csv(paper_plan))))
+    assert [r["channel"] for r in rows] == ["0", "1"]
+    for row in rows:
+        assert float(row["drive_hz"]) == pytest.approx(float(row["resonance_hz"]) / 2, rel=1e-5)
+
+
+def test_current_gives_the_force_and_voltage_the_current(paper_plan):
+    for channel, row in zip(paper_plan.channels, drive_rows(paper_plan), strict=True):
+        current = row.current_ma_peak * 1e-3
+        assert channel.force_constant_n_per_a2 * current**2 / 2 == pytest.approx(channel.force_mn * 1e-3)
+        z = complex(62.9, 2 * np.pi * row.drive_hz * 41.7e-3)
+        assert row.impedance_ohm == pytest.approx(abs(z))
+        assert row.voltage_v_peak == pytest.approx(current * abs(z))
+        assert row.phase_deg == pytest.approx(np.degrees(np.angle(z)))
+
+
+def test_force_gives_the_level(paper_plan):
+    for channel in paper_plan.channels:
+        level = channel.force_mn * 1e-3 * channel.q / channel.stiffness_n_per_m
+        assert level * 1e6 == pytest.approx(channel.level_um)
+
+
+def test_table_one_of_the_paper(paper_plan):
+    states = coil_states(paper_plan)
+    assert [s.state for s in states] == ["00", "01", "10", "11"]
+    assert [len(s.lines) for s in states] == [0, 1, 1, 2]
+    assert [len(s.spurs) for s in states] == [0, 0, 0, 2]
+    low, high = (c.resonance_hz for c in paper_plan.channels)
+    assert [s.force_hz for s in states[3].spurs] == pytest.approx([(low + high) / 2, (high - low) / 2])
+    assert all(s.near_channel is None for s in states[3].spurs)
+
+
+def test_spurs_of_a_triple_fall_next_to_a_third_channel():
+    text = 'name = "a"\nresolution = 3\nband_hz = [40, 300]\nq_min = 15\nresonances_hz = [60, 100, 140]\n'
+    plan = make_plan(parse_spec(text))
+    full = coil_states(plan)[-1]
+    middle = next(s for s in full.spurs if s.channels == (0, 2) and s.kind == "sum")
+    assert middle.near_channel == 1
+    assert middle.offset_hz == pytest.approx(0, abs=0.1)
+
+
+def test_spectrum_of_the_squared_current(paper_plan):
+    """Square the current of state 11 sample by sample: its lines are the table's."""
+    rows, state = drive_rows(paper_plan), coil_states(paper_plan)[3]
+    rate, seconds = 2000, 200
+    time = np.arange(rate * seconds) / rate
+    current = sum(r.current_ma_peak * 1e-3 * np.sin(2 * np.pi * r.drive_hz * time) for r in rows)
+    window = np.hanning(len(time))
+    pull = paper_plan.channels[0].force_constant_n_per_a2 * current**2
+    for line in (*state.lines, *state.spurs):
+        carrier = np.exp(-2j * np.pi * line.force_hz * time)
+        amplitude = 2 * abs((pull * carrier * window).sum()) / window.sum()
+        assert isclose(amplitude * 1e3, line.force_mn, rel_tol=1e-3)
+    assert pull.mean() * 1e3 == pytest.approx(state.static_force_mn, rel=1e-3)
+
+
+def test_spurs_are_six_db_above_equal_lines(paper_plan):
+    spur = coil_states(paper_plan)[3].spurs[0]
+    forces = [c.force_mn for c in paper_plan.channels]
+    assert spur.force_mn == pytest.approx(2 * sqrt(forces[0] * forces[1]))
+
+
+def test_many_channels_are_not_spelled_out():
+    text = 'name = "a"\nresolution = 7\nband_hz = [40, 900]\nq_min = 30\n[coil]\ngrid = [1, 1]\nouter_diameter_mm = 50\n'
+    plan = make_plan(parse_spec(text))
+    assert len(plan.channels) == 7
+    table = json.loads(drive_json(plan))
+    assert table["states"] == []
+    assert "not spelled out" in table["states_note"]
+
+
+def test_json_says_which_taxel_is_which(paper_plan):
+    table = json.loads(drive_json(paper_plan))
+    assert len(table["taxels"]) == 32
+    assert table["scheme"] == "tones"

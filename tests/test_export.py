@@ -1,0 +1,148 @@
+"""Files: what they hold, read back by their own libraries and by others; the same bytes every time."""
+
+import csv
+import io
+import json
+import zipfile
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+from padgen.build import build, parse_formats
+from padgen.errors import GeometryError, SpecError
+from padgen.solid.export import bill_of_materials, stl_bytes, stl_mesh, verified
+from padgen.solid.kernel import build123d
+from padgen.solid.mesh import Mesh, signed_volume_mm3
+from padgen.solid.picture import View, picture_png
+from padgen.solid.threemf import read_3mf, threemf_bytes
+from padgen.spec import parse_spec
+from tests.conftest import SMALL
+
+ALL = ("stl", "3mf", "step", "glb")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp("out") / "tiny"
+    build(parse_spec(SMALL), path, ALL)
+    return path
+
+
+def test_what_lies_in_the_folder(folder):
+    names = {p.name for p in folder.iterdir()}
+    assert names == {
+        "plan.json", "drive.csv", "drive.json", "bom.csv", "checks.json", "manifest.json",
+        "pad.stl", "pad.3mf", "pad.glb", *(f"taxel-{i}.step" for i in range(4)),
+    }  # fmt: skip
+
+
+def test_same_spec_same_bytes(folder, tmp_path):
+    build(parse_spec(SMALL), tmp_path / "again", ALL)
+    for path in folder.iterdir():
+        assert path.read_bytes() == (tmp_path / "again" / path.name).read_bytes(), path.name
+
+
+def test_stl_is_read_alike_by_trimesh(folder, small_pad):
+    mesh = trimesh.load(folder / "pad.stl")
+    assert mesh.is_watertight
+    # Single precision.
+    assert mesh.volume == pytest.approx(signed_volume_mm3(small_pad.mesh), rel=1e-5)
+    assert mesh.bounds[:, 2] == pytest.approx([0, 5])
+
+
+def test_3mf_is_one_named_object_with_its_metadata(folder, small_pad):
+    package = zipfile.ZipFile(folder / "pad.3mf")
+    model = package.read("3D/3dmodel.model").decode()
+    assert 'unit="millimeter"' in model
+    assert model.count("<object ") == 1
+    assert 'name="tiny"' in model
+    for word in ("SpecHash", "padgen 0.", "Apache-2.0", "PrintSettings"):
+        assert word in model
+    assert package.read("Metadata/thumbnail.png").startswith(b"\x89PNG")
+    assert {info.date_time for info in package.infolist()} == {(1980, 1, 1, 0, 0, 0)}
+    assert signed_volume_mm3(read_3mf(folder / "pad.3mf")) == pytest.approx(signed_volume_mm3(small_pad.mesh), rel=1e-5)
+
+
+def test_3mf_with_instances_holds_each_distinct_taxel_once(small_plan, small_pad, tmp_path):
+    data = threemf_bytes(small_plan, small_pad, {"Title": "tiny"}, picture_png([(small_pad.mesh, (1, 1, 1))], (8, 8)), True)
+    model = zipfile.ZipFile(io.BytesIO(data)).read("3D/3dmodel.model").decode()
+    assert model.count("<mesh>") == len(small_plan.channels) + 1
+    assert model.count("<component ") == len(small_plan.taxels) + 1
+    path = tmp_path / "instances.3mf"
+    path.write_bytes(data)
+    # Tiles keep the faces where they meet, so the parts' volumes add up to the pad's.
+    assert signed_volume_mm3(read_3mf(path)) == pytest.approx(signed_volume_mm3(small_pad.mesh), rel=1e-4)
+
+
+def test_step_holds_the_printed_part_and_its_washer(folder, small_plan, small_pad):
+    whole = build123d().import_step(folder / "taxel-0.step")
+    solids = sorted(whole.solids(), key=lambda s: -s.volume)
+    assert len(solids) == 2
+    assert solids[0].volume == pytest.approx(small_pad.tiles[0].volume_mm3)
+    text = (folder / "taxel-0.step").read_text()
+    assert "'printed'" in text
+    assert "'washer'" in text
+
+
+def test_glb_has_every_washer(folder, small_plan):
+    scene = trimesh.load(folder / "pad.glb")
+    assert len(scene.geometry) == 1 + len(small_plan.channels)
+    # Metres, y up: 37 x 5 x 37 mm.
+    assert scene.extents == pytest.approx([0.037, 0.005, 0.037], rel=1e-3)
+
+
+def test_bill_of_materials(small_plan):
+    rows = list(csv.DictReader(io.StringIO(bill_of_materials(small_plan, 3.21))))
+    assert {r["item"]: r["quantity"] for r in rows} == {"washer": "4", "coil": "1", "plastic": "3.21", "screw": "4"}
+
+
+def test_a_file_that_reads_back_otherwise_is_refused(small_pad):
+    good = stl_mesh(stl_bytes(small_pad.mesh, "x"))
+    verified("pad.stl", small_pad.mesh, good)
+    with pytest.raises(GeometryError, match="read back it has"):
+        verified("pad.stl", small_pad.mesh, Mesh(good.vertices_mm, good.triangles[1:]))
+    with pytest.raises(GeometryError, match="volume"):
+        verified("pad.stl", small_pad.mesh, Mesh(good.vertices_mm * 1.01, good.triangles))
+
+
+def test_manifest_holds_hashes_and_versions(folder):
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert set(manifest["files"]) == {p.name for p in folder.iterdir()} - {"manifest.json"}
+    assert manifest["inputs"]["versions"]["numpy"] == np.__version__
+
+
+def test_formats_are_parsed_in_order():
+    assert parse_formats("step, stl") == ("stl", "step")
+    with pytest.raises(SpecError, match="must be among stl, 3mf, step, glb, got 'stp'"):
+        parse_formats("stp")
+    with pytest.raises(SpecError, match="must name"):
+        parse_formats(",")
+
+
+def test_picture_shows_the_nearer_part():
+    """A small red plate above a large blue one: red in the middle, blue around, white outside."""
+    from PIL import Image
+
+    def plate(half, z):
+        corners = np.array([[-half, -half, z], [half, -half, z], [half, half, z], [-half, half, z]], float)
+        return Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]]))
+
+    data = picture_png([(plate(1, 1), (1, 0, 0)), (plate(3, 0), (0, 0, 1))], (60, 40), View(0, 90))
+    image = np.asarray(Image.open(io.BytesIO(data)))
+    assert image.shape == (40, 60, 3)
+    red, blue, white = image[20, 30], image[20, 42], image[2, 2]
+    assert red[0] > 100 > red[2]
+    assert blue[2] > 100 > blue[0]
+    assert white.tolist() == [255, 255, 255]
+    again = picture_png([(plate(1, 1), (1, 0, 0)), (plate(3, 0), (0, 0, 1))], (60, 40), View(0, 90))
+    assert data == again
+
+
+def test_dropped_formats_leave_no_stale_files(tmp_path):
+    spec = replace(parse_spec(SMALL), resonances_hz=None)
+    path = tmp_path / "tiny"
+    build(spec, path, ("stl", "step"))
+    build(spec, path, ("stl",))
+    assert not list(path.glob("*.step"))
