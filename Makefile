@@ -45,7 +45,7 @@ slice: pad ## slice the paper's pad with PrusaSlicer (installed from Debian if m
 	$(BIN)/python -m pytest -m slicer tests/test_slicer.py
 
 goldens: $(STAMP) ## write the golden texts anew, after a wanted change of geometry
-	$(BIN)/python -m pytest tests/test_golden.py --regenerate
+	$(BIN)/python -m pytest tests/test_templates.py -k golden --regenerate
 
 performance: $(STAMP) ## measure what docs/performance.md reports
 	$(BIN)/python docs/measure.py

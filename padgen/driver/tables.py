@@ -5,7 +5,7 @@ import csv
 import io
 import json
 from dataclasses import asdict, dataclass, fields
-from math import degrees, sqrt
+from math import degrees, inf, isfinite, sqrt
 
 from padgen.driver.tones import LARGEST_TABLE, coil_states
 from padgen.errors import number
@@ -32,11 +32,15 @@ class DriveRow:
 
 
 def drive_rows(plan: Plan) -> tuple[DriveRow, ...]:
-    """The table for plain tones (paper Eq. 5): a tone of I at f pulls with c I²/2 at 2f."""
+    """The table for plain tones (paper Eq. 5): a tone of I at f pulls with c I²/2 at 2f.
+
+    A washer that the coil does not pull has an infinite current; the plan's findings say so.
+    """
     coil = plan.typed_spec.coil
     rows = []
     for channel in plan.channels:
-        current_a = sqrt(2 * channel.force_mn * MN / channel.force_constant_n_per_a2)
+        pull = channel.force_constant_n_per_a2
+        current_a = sqrt(2 * channel.force_mn * MN / pull) if pull > 0 else inf
         z = complex(impedance(coil.resistance_ohm, coil.inductance_mh * MH, channel.drive_hz))
         rows.append(
             DriveRow(
@@ -84,4 +88,6 @@ def _rounded(value: object) -> object:
         return {key: _rounded(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):
         return [_rounded(entry) for entry in value]
-    return float(f"{value:.8g}") if isinstance(value, float) else value
+    if isinstance(value, float):
+        return float(f"{value:.8g}") if isfinite(value) else None
+    return value

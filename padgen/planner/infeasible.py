@@ -5,7 +5,7 @@ from dataclasses import asdict
 from typing import Any
 
 from padgen.errors import SpecError, number
-from padgen.planner.layout import SLACK_MM, Layout, beam_room, candidates, explain, most_coils, whole_grids
+from padgen.planner.layout import SLACK_MM, Layout, candidates, explain, most_coils, room, whole_grids
 from padgen.planner.plan import without_none
 from padgen.planner.resonances import ladders, reachable_hz
 from padgen.planner.search import sized_layouts
@@ -50,7 +50,7 @@ def _too_many(spec: Spec, limit: int) -> str:
 
 
 def _unreached(spec: Spec, layout: Layout) -> str:
-    space = beam_room(spec, layout)
+    space = room(spec, layout)
     found = reachable_hz(spec, space)
     wanted = ladders(spec, layout.channels, space)
     asked = ", ".join(number(f) for f in wanted[0]) if wanted else "none in the band"

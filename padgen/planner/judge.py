@@ -92,13 +92,15 @@ def _coils(spec: Spec, plan: Plan, layout: Layout) -> Iterator[Finding]:
             f" {number(reach)} mm; take a coil of {number(2 * far.site.coil_distance_mm - spec.washer.outer_diameter_mm)}"
             " mm outer diameter or a finer grid",
         )
-    if spec.coil.outer_diameter_mm > plan.coils.pitch_mm:
-        yield Finding(
-            "error",
-            "coil.pitch",
-            "coils",
-            f"the coil is {number(spec.coil.outer_diameter_mm)} mm wide, the pitch is {number(plan.coils.pitch_mm)} mm",
-        )
+    for channel in plan.channels:
+        if channel.force_constant_n_per_a2 <= 0:
+            yield Finding(
+                "error",
+                "coil.force",
+                f"channel {channel.index}",
+                f"the coil does not pull its washer, {number(channel.site.coil_distance_mm)} mm off the axis;"
+                f" at most {number(reach)} mm would do",
+            )
 
 
 def _mechanics(spec: Spec, plan: Plan) -> Iterator[Finding]:

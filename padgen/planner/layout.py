@@ -7,17 +7,17 @@ how much.
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from math import ceil, floor, hypot, sqrt
+from math import ceil, floor, hypot, inf, sqrt
 
 from padgen.errors import number
-from padgen.planner.suspensions import TOPOLOGIES, Room
+from padgen.planner.plan import Site
+from padgen.planner.suspensions import TOPOLOGIES, Arrangement, Room
 from padgen.planner.taxel_model import plate_shape, recess_mm
 from padgen.spec import Spec
 
 __all__ = [
     "SLACK_MM",
     "Layout",
-    "beam_room",
     "candidates",
     "coil_reach_mm",
     "explain",
@@ -136,25 +136,27 @@ def _divisions(spec: Spec, rows: int, columns: int, channels: int, wanted: int) 
 
 
 def room(spec: Spec, layout: Layout) -> Room:
-    """The room between the ribs of one sub-cell, along and across the beams."""
+    """The room between the ribs of one sub-cell, along and across the beams.
+
+    Its two limits keep every washer over its coil's winding: with the sub-cell's centre at (u, v)
+    from the coil axis and the root on the side away from it, the washer must not pass the axis, nor
+    stay short of it, by more than the winding reaches there. On a grid that the user chose the
+    second is left to the findings.
+    """
     sides = (layout.sub_width_mm - spec.pad.rib_mm, layout.sub_depth_mm - spec.pad.rib_mm)
-    return Room(*(sides if layout.beam_axis == "x" else sides[::-1]))
-
-
-def beam_room(spec: Spec, layout: Layout) -> Room:
-    """The part of `room` that beams may use: what lies so far past the coil axis that the washer would
-    leave the winding is left out."""
-    whole, plate = room(spec, layout), plate_shape(spec)
-    coil, longest = spec.coil.outer_diameter_mm / 2, whole.length_mm
-    for x, y in slots(layout):
-        u, v = (x, y) if layout.beam_axis == "x" else (y, x)
-        beyond = sqrt(max(coil**2 - v**2, 0.0)) + plate.length_mm / 2 + spec.printer.smallest_gap_mm
-        longest = min(longest, whole.length_mm / 2 + abs(u) + beyond)
-    return Room(longest, whole.width_mm)
+    length, width = sides if layout.beam_axis == "x" else sides[::-1]
+    slide = max(width - plate_shape(spec).width_mm, 0) / 2 - spec.printer.smallest_gap_mm
+    before = behind = inf
+    for at in slots(layout):
+        u, v = (abs(w) for w in (at if layout.beam_axis == "x" else at[::-1]))
+        reach = sqrt(max((spec.coil.outer_diameter_mm / 2) ** 2 - max(v - max(slide, 0), 0) ** 2, 0.0))
+        before = min(before, length / 2 + u + reach)
+        behind = min(behind, length / 2 - u + reach)
+    return Room(length, width, before, inf if spec.coil.grid else behind)
 
 
 def _slacks(spec: Spec, layout: Layout) -> tuple[tuple[str, float], ...]:
-    gap, plate, inside = spec.printer.smallest_gap_mm, plate_shape(spec), beam_room(spec, layout)
+    gap, plate, inside = spec.printer.smallest_gap_mm, plate_shape(spec), room(spec, layout)
     pitch = min(spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows)
     names = TOPOLOGIES if spec.suspension.topology == "auto" else [spec.suspension.topology]
     lengths, widths = [], []
@@ -213,15 +215,13 @@ def _distances_differ(centres: list[tuple[float, float]]) -> bool:
     return max(distances) - min(distances) > 1e-6
 
 
-def place(
-    spec: Spec, layout: Layout, centre: tuple[float, float], window_mm: tuple[float, float], washer_x_mm: float
-) -> tuple[str, tuple[float, float], tuple[float, float]]:
-    """Put a taxel's window into its sub-cell so that its washer comes nearest to the coil axis.
+def place(spec: Spec, layout: Layout, centre: tuple[float, float], arrangement: Arrangement) -> Site:
+    """Put a taxel into its sub-cell so that its washer comes nearest to the coil axis.
 
-    Returns the direction of the beam, the origin of the taxel's own axes and the washer's place, in
-    mm from the coil axis. The root lies on the side away from the coil; where the sub-cell is not
-    split along the beams, roots alternate so that the pad stays balanced.
+    The root lies on the side away from the coil; where the sub-cell is not split along the beams,
+    roots alternate so that the pad stays balanced.
     """
+    window_mm, washer_x_mm = [float(side) for side in arrangement.window_mm], float(arrangement.washer_x_mm)
     across_x = layout.beam_axis == "y"
     u, v = centre[::-1] if across_x else centre
     sides = room(spec, layout)
@@ -233,9 +233,8 @@ def place(
     origin_u, origin_v = round(u + sign * start, 6), round(v + v_shift, 6)
     washer_u = origin_u + sign * washer_x_mm
     along = ("+" if sign > 0 else "-") + layout.beam_axis
-    if across_x:
-        return along, (origin_v, origin_u), (origin_v, washer_u)
-    return along, (origin_u, origin_v), (washer_u, origin_v)
+    origin = (origin_v, origin_u) if across_x else (origin_u, origin_v)
+    return Site(centre, origin, along, hypot(washer_u, origin_v))
 
 
 def _clip(value: float, limit: float) -> float:

@@ -11,10 +11,10 @@ from padgen.physics.resonator import ring_up_time, static_sag
 from padgen.physics.selectivity import all_states_db, crosstalk, one_hot_db
 from padgen.planner.capacity import channel_limit, coil_capacity
 from padgen.planner.judge import judge
-from padgen.planner.layout import Layout, candidates, place, slots
+from padgen.planner.layout import Layout, candidates
 from padgen.planner.plan import Beam, Cell, Channel, CoilGrid, LayoutOption, Plan, Selectivity, Site, Taxel
 from padgen.planner.printing import print_settings
-from padgen.planner.search import sized_layouts
+from padgen.planner.search import sites_of, sized_layouts
 from padgen.planner.sizing import SizedChannel, frequency_spread
 from padgen.planner.taxel_model import fillet_mm
 from padgen.spec import Spec
@@ -48,7 +48,7 @@ def make_plan(spec: Spec) -> Plan:
 def _assemble(
     spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...], layouts: tuple[LayoutOption, ...], limit: int
 ) -> Plan:
-    sites = tuple(_site(spec, layout, channel, at) for channel, at in zip(sized, slots(layout), strict=True))
+    sites = sites_of(spec, layout, sized)
     channels = _channels(spec, layout, sized, sites)
     pitch_x, pitch_y = spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows
     return Plan(
@@ -66,13 +66,6 @@ def _assemble(
         printing=print_settings(spec, [c.beam for c in channels]),
         findings=(),
     )
-
-
-def _site(spec: Spec, layout: Layout, channel: SizedChannel, centre: tuple[float, float]) -> Site:
-    arrangement = channel.model.arrangement
-    window = (float(arrangement.window_mm[0]), float(arrangement.window_mm[1]))
-    along, origin, washer = place(spec, layout, centre, window, float(arrangement.washer_x_mm))
-    return Site(centre, origin, along, float(np.hypot(*washer)))
 
 
 def _channels(

@@ -3,13 +3,14 @@
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
 
-from padgen.planner.layout import SLACK_MM, Layout, beam_room
+from padgen.planner.layout import SLACK_MM, Layout, coil_reach_mm, place, room, slots
+from padgen.planner.plan import Site
 from padgen.planner.resonances import ladders
 from padgen.planner.sizing import SizedChannel, size_channels
 from padgen.planner.suspensions import Room
 from padgen.spec import Spec
 
-__all__ = ["sized_layouts"]
+__all__ = ["sites_of", "sized_layouts"]
 
 LAYOUTS_SIZED = 24
 """Layouts with room whose beams are sized before giving up."""
@@ -25,16 +26,30 @@ def sized_layouts(spec: Spec, options: Iterable[Layout]) -> Iterator[tuple[Layou
         if tried >= LAYOUTS_SIZED:
             return
         tried += 1
-        channels = _beams(spec, layout.channels, beam_room(spec, layout))
-        if channels:
+        channels = _beams(spec, layout.channels, room(spec, layout))
+        if channels and (spec.coil.grid or _within_reach(spec, layout, channels)):
             seen.add(key)
             yield layout, channels
 
 
+def _within_reach(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> bool:
+    """Whether every washer overlaps its coil; a grid that the user chose is judged instead."""
+    sites = sites_of(spec, layout, channels)
+    return max(site.coil_distance_mm for site in sites) <= coil_reach_mm(spec) + SLACK_MM
+
+
+def sites_of(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> tuple[Site, ...]:
+    """Where each channel's taxel lies in its cell."""
+    return tuple(
+        place(spec, layout, centre, channel.model.arrangement)
+        for centre, channel in zip(slots(layout), channels, strict=True)
+    )
+
+
 @lru_cache(maxsize=64)
-def _beams(spec: Spec, count: int, room: Room) -> tuple[SizedChannel, ...] | None:
-    for resonances in ladders(spec, count, room):
-        channels = size_channels(spec, room, resonances)
+def _beams(spec: Spec, count: int, space: Room) -> tuple[SizedChannel, ...] | None:
+    for resonances in ladders(spec, count, space):
+        channels = size_channels(spec, space, resonances)
         if channels:
             return channels
     return None

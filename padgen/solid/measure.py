@@ -111,7 +111,8 @@ def _nearest_hole(plan: Plan, holes: Holes, taxel: Taxel) -> tuple[float, float]
     The corners of a round hole lie on its circle, the sides between them within it.
     """
     at = np.array([taxel.x_mm, taxel.y_mm])
-    near = holes.get(_sub_cell(plan, *at), [])
+    column, row = _sub_cell(plan, *at)
+    near = [hole for i in (-1, 0, 1) for j in (-1, 0, 1) for hole in holes.get((column + i, row + j), [])]
     if not near:
         return float("nan"), float("nan")
     contour = min(near, key=lambda c: float(np.hypot(*(c.mean(0) - at))))

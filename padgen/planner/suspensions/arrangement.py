@@ -1,5 +1,6 @@
 """The nouns that all suspensions share: what moves, what bends and the window it needs."""
 
+from math import inf
 from typing import Any, NamedTuple
 
 __all__ = ["Arrangement", "BeamShape", "Block", "PlateShape", "Room", "Strip"]
@@ -9,10 +10,16 @@ Number = Any
 
 
 class Room(NamedTuple):
-    """What a sub-cell leaves between its ribs, in mm."""
+    """What a sub-cell leaves between its ribs, in mm.
+
+    `before_washer_mm` and `behind_washer_mm` limit how far the washer may lie from the wall at the
+    root and from the other end of the window, so that it stays over its coil.
+    """
 
     length_mm: float
     width_mm: float
+    before_washer_mm: float = inf
+    behind_washer_mm: float = inf
 
 
 class PlateShape(NamedTuple):

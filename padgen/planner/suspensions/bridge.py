@@ -29,7 +29,7 @@ BEAMS = 2
 
 def longest(room: Room, plate: PlateShape, gap_mm: float) -> float:
     """Longest beam in mm."""
-    return (room.length_mm - plate.length_mm) / 2
+    return min(room.length_mm / 2, room.before_washer_mm, room.behind_washer_mm) - plate.length_mm / 2
 
 
 def widest(room: Room, plate: PlateShape, gap_mm: float) -> float:

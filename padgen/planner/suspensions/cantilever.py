@@ -27,7 +27,9 @@ BEAMS = 1
 
 def longest(room: Room, plate: PlateShape, gap_mm: float) -> float:
     """Longest beam in mm."""
-    return room.length_mm - plate.length_mm - gap_mm
+    if plate.length_mm / 2 + gap_mm > room.behind_washer_mm:
+        return -1.0
+    return min(room.length_mm - plate.length_mm - gap_mm, room.before_washer_mm - plate.length_mm / 2)
 
 
 def widest(room: Room, plate: PlateShape, gap_mm: float) -> float:

@@ -36,7 +36,8 @@ CROSSBAR_HEIGHT_PER_BEAM = 2.5
 
 def longest(room: Room, plate: PlateShape, gap_mm: float) -> float:
     """Longest beam in mm."""
-    return room.length_mm - CROSSBAR_MM - gap_mm
+    end = CROSSBAR_MM + gap_mm
+    return min(room.length_mm - end, 2 * room.before_washer_mm, 2 * (room.behind_washer_mm - end))
 
 
 def widest(room: Room, plate: PlateShape, gap_mm: float) -> float:

@@ -1,0 +1,258 @@
+"""The command line as a user meets it: exit codes, one sentence, whole files, nothing loaded in vain."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from padgen import cli
+from tests.conftest import SMALL
+
+HEAVY = ("build123d", "OCP", "manifold3d", "trimesh", "scipy", "rich", "lib3mf", "PIL")
+
+
+@pytest.fixture
+def work(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tiny.toml").write_text(SMALL)
+    return tmp_path
+
+
+def loaded_after(*arguments):
+    """Names of the top-level modules that a command loads, in a process of its own."""
+    code = (
+        "import sys; from padgen.cli import run; code = run(sys.argv[1:]);"
+        "print('loaded', *sorted({m.split('.')[0] for m in sys.modules}), file=sys.stderr); sys.exit(code)"
+    )
+    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False)
+    line = next(line for line in done.stderr.splitlines() if line.startswith("loaded "))
+    return set(line.split()[1:])
+
+
+def test_plan_loads_no_kernel(work):
+    assert not loaded_after("plan", "tiny.toml") & set(HEAVY)
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["plan", "--help"], ["templates"], ["init", "paper-32"], ["schema"]])
+def test_small_commands_load_no_numpy(work, arguments):
+    assert not loaded_after(*arguments) & {"numpy", *HEAVY}
+
+
+def test_an_up_to_date_build_loads_no_numpy(work):
+    assert cli.run(["build", "tiny.toml"]) == 0
+    assert not loaded_after("build", "tiny.toml") & {"numpy", *HEAVY}
+
+
+def test_plan_writes_and_tells(work, capsys):
+    assert cli.run(["plan", "tiny.toml"]) == 0
+    out = capsys.readouterr().out
+    assert "4 taxels on 25 x 25 mm" in out
+    assert "written: out/tiny/plan.json" in out
+    assert {p.name for p in (work / "out/tiny").iterdir()} == {"plan.json"}
+
+
+def test_json_is_one_object_on_standard_output(work, capsys):
+    assert cli.run(["plan", "tiny.toml", "--json", "-o", "elsewhere"]) == 0
+    table = json.loads(capsys.readouterr().out)
+    for key in ("name", "spec", "capacity", "coils", "channels", "taxels", "selectivity", "findings"):
+        assert key in table
+    assert set(table["capacity"]) >= {"paper", "exact", "ratio", "limit"}
+    assert set(table["coils"]) >= {"rows", "columns", "pitch_mm"}
+    assert set(table["channels"][0]) >= {
+        "index", "resonance_hz", "drive_hz", "q", "beam", "effective_mass_g", "stiffness_n_per_m", "ring_up_ms", "level_um",
+    }  # fmt: skip
+    assert set(table["channels"][0]["beam"]) >= {"width_mm", "thickness_mm", "length_mm", "topology"}
+    assert set(table["taxels"][0]) >= {"id", "coil", "channel", "x_mm", "y_mm"}
+    assert set(table["selectivity"]) >= {"drive", "level_law", "one_hot_db", "all_states_db", "worst_state"}
+    assert (work / "elsewhere/plan.json").exists()
+
+
+def test_build_then_nothing_to_do_then_again(work, capsys):
+    assert cli.run(["build", "tiny.toml"]) == 0
+    first = (work / "out/tiny/pad.stl").stat().st_mtime_ns
+    capsys.readouterr()
+    assert cli.run(["build", "tiny.toml"]) == 0
+    assert "is up to date" in capsys.readouterr().out
+    assert (work / "out/tiny/pad.stl").stat().st_mtime_ns == first
+    assert cli.run(["build", "tiny.toml", "--formats", "stl"]) == 0
+    assert "is up to date" not in capsys.readouterr().out
+    (work / "out/tiny/pad.stl").write_bytes(b"damaged")
+    assert cli.run(["build", "tiny.toml", "--formats", "stl", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["up_to_date"] is False
+
+
+def test_check_of_good_and_broken_files(work, capsys):
+    assert cli.run(["build", "tiny.toml"]) == 0
+    for name in ("pad.stl", "pad.3mf"):
+        assert cli.run(["check", f"out/tiny/{name}"]) == 0
+        assert cli.run(["check", f"out/tiny/{name}", "--spec", "tiny.toml"]) == 0
+    other = work / "other.toml"
+    other.write_text(SMALL.replace("[50, 200]", "[60, 300]"))
+    assert cli.run(["check", "out/tiny/pad.stl", "--spec", "other.toml"]) == 1
+    assert "built.planned" in capsys.readouterr().out
+    data = (work / "out/tiny/pad.stl").read_bytes()
+    hole = data[:80] + (int.from_bytes(data[80:84], "little") - 1).to_bytes(4, "little") + data[84:-50]
+    (work / "hole.stl").write_bytes(hole)
+    assert cli.run(["check", "hole.stl", "--json"]) == 1
+    report = json.loads(capsys.readouterr().out)
+    assert [f["code"] for f in report["findings"] if f["level"] == "error"] == ["mesh.closed"]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "sentence"),
+    [
+        ("none.stl", None, "there is no such file"),
+        ("text.stl", b"hello", "holds no triangles|cannot be read|is not a mesh"),
+        ("short.stl", b"\0" * 80 + b"\xff\xff\0\0", "is not a mesh|holds no triangles"),
+        ("bad.3mf", b"PK not really", "is not a 3MF"),
+        ("odd.xyz", b"1 2 3", "is not a mesh|holds no triangles"),
+        ("empty.stl", b"", "is not a mesh|holds no triangles"),
+        ("nan.stl", b"\0" * 80 + (1).to_bytes(4, "little") + b"\xff" * 48 + b"\0\0", "not finite|holds no triangles"),
+    ],
+)
+def test_what_is_no_mesh_is_refused(work, capsys, name, content, sentence):
+    import re
+
+    if content is not None:
+        (work / name).write_bytes(content)
+    assert cli.run(["check", name]) == 2
+    error = capsys.readouterr().err.strip()
+    assert re.search(sentence, error), error
+    assert "\n" not in error
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["plan", "none.toml"],
+        ["plan", "."],
+        ["plan", "no-such-template"],
+        ["plan", "bad.toml"],
+        ["plan", "huge.toml"],
+        ["build", "huge.toml"],
+        ["build", "tiny.toml", "--formats", "dwg"],
+        ["init", "papre-32"],
+        ["plan", "tiny.toml", "-o", "tiny.toml/below"],
+        ["build", "tiny.toml", "-o", "/proc/none"],
+        ["check", "none.stl"],
+        ["check", "."],
+    ],
+)
+def test_bad_input_is_one_sentence_and_exit_2(work, capsys, arguments):
+    (work / "bad.toml").write_text("name = ")
+    (work / "huge.toml").write_text(SMALL.replace("resolution = 4", "resolution = 5000"))
+    before = sorted(work.iterdir())
+    assert cli.run(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("padgen: ")
+    assert len(captured.err.strip().splitlines()) == 1
+    assert sorted(work.iterdir()) == before
+
+
+def test_bad_input_with_json_is_an_object(work, capsys):
+    assert cli.run(["plan", "none.toml", "--json"]) == 2
+    captured = capsys.readouterr()
+    assert json.loads(captured.out)["error"]["code"] == "file"
+    assert captured.err == ""
+
+
+def test_bad_usage_is_exit_2(capsys):
+    assert cli.run([]) == 2
+    assert cli.run(["fly"]) == 2
+    assert cli.run(["plan"]) == 2
+    assert cli.run(["--version"]) == 0
+
+
+def test_every_template_is_listed_on_one_line(capsys):
+    assert cli.run(["templates"]) == 0
+    lines = capsys.readouterr().out.strip().splitlines()
+    assert len(lines) == len(list((Path(__file__).parents[1] / "templates").glob("*.toml")))
+    assert all(len(line) <= 120 for line in lines)
+
+
+def test_init_gives_a_spec_that_plans(work, capsys):
+    assert cli.run(["init", "paper-32"]) == 0
+    (work / "mine.toml").write_text(capsys.readouterr().out)
+    assert cli.run(["plan", "mine.toml"]) == 0
+
+
+def test_a_failing_check_is_exit_1(work, capsys):
+    (work / "loud.toml").write_text(SMALL + "[drive]\nlevel_um = 5000\n")
+    assert cli.run(["plan", "loud.toml"]) == 1
+    assert "error:" in capsys.readouterr().out
+
+
+def disk_full(*_args, **_kwargs):
+    raise OSError(28, "No space left on device")
+
+
+@pytest.mark.parametrize("call", ["write_bytes", "write_text"])
+def test_a_full_disk_leaves_the_old_files(work, capsys, monkeypatch, call):
+    assert cli.run(["build", "tiny.toml"]) == 0
+    before = {p.name: p.read_bytes() for p in (work / "out/tiny").iterdir()}
+    (work / "tiny.toml").write_text(SMALL.replace("[50, 200]", "[60, 300]"))
+    capsys.readouterr()
+    monkeypatch.setattr(Path, call, disk_full)
+    assert cli.run(["build", "tiny.toml"]) == 2
+    assert "No space left on device" in capsys.readouterr().err
+    monkeypatch.undo()
+    assert {p.name: p.read_bytes() for p in (work / "out/tiny").iterdir()} == before
+
+
+def test_ctrl_c_leaves_the_old_files(work, capsys, monkeypatch):
+    from padgen.solid import export
+
+    assert cli.run(["build", "tiny.toml"]) == 0
+    before = {p.name: p.read_bytes() for p in (work / "out/tiny").iterdir()}
+    (work / "tiny.toml").write_text(SMALL.replace("[50, 200]", "[60, 300]"))
+
+    def interrupt(*_args):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(export, "stl_bytes", interrupt)
+    assert cli.run(["build", "tiny.toml"]) == 2
+    assert "interrupted" in capsys.readouterr().err
+    assert {p.name: p.read_bytes() for p in (work / "out/tiny").iterdir()} == before
+
+
+def test_a_real_ctrl_c_is_one_sentence(work):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "padgen", "build", "tiny.toml"], stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    time.sleep(1.0)
+    process.send_signal(signal.SIGINT)
+    out, error = process.communicate(timeout=60)
+    if process.returncode:  # a machine fast enough has finished
+        assert process.returncode == 2
+        assert error.strip().splitlines()[-1].startswith("padgen: interrupted")
+        assert "Traceback" not in error
+        assert not (work / "out/tiny/manifest.json").exists()
+    assert not list(work.rglob(".partial-*"))
+    assert out == "" or process.returncode == 0
+
+
+def test_a_folder_that_was_made_in_vain_is_taken_away(work, monkeypatch):
+    from padgen.solid import export
+
+    def interrupt(*_args):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(export, "stl_bytes", interrupt)
+    assert cli.run(["build", "tiny.toml"]) == 2
+    assert not (work / "out").exists()
+
+
+def test_a_closed_pipe_is_no_traceback(work):
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run(
+        [sys.executable, "-m", "padgen", "plan", "tiny.toml"], stdout=write, stderr=subprocess.PIPE, text=True, check=False
+    )
+    os.close(write)
+    assert "Traceback" not in done.stderr

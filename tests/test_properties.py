@@ -1,0 +1,103 @@
+"""Random specs: whatever is asked, a plan that holds or one sentence, never a traceback."""
+
+from dataclasses import asdict, replace
+from itertools import pairwise
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from padgen.errors import PadgenError
+from padgen.finding import worst_level
+from padgen.planner import make_plan, plan_from_json, plan_to_json
+from padgen.planner.plan import without_none
+from padgen.solid.checks import check_pad
+from padgen.solid.pad import build_pad
+from padgen.spec import catalogue, make_spec
+
+QUIET = {"deadline": None, "suppress_health_check": list(HealthCheck), "derandomize": True, "database": None}
+
+
+@st.composite
+def tables(draw):
+    """Specs that a person might write, most of them feasible."""
+    low = draw(st.floats(30, 150))
+    printer = draw(st.sampled_from(sorted(catalogue("printer"))))
+    washers = sorted(w for w, e in catalogue("washer").items() if e["relative_permeability"] > 2)
+    table = {
+        "name": "random",
+        "resolution": draw(st.integers(1, 120)),
+        "band_hz": [low, low * draw(st.floats(1.5, 12))],
+        "q_min": draw(st.floats(8, 60)),
+        "printer": printer,
+        "washer": draw(st.sampled_from(washers[-4:] + ["iso7092-m1.6"] * 4)),
+        "pad": {"width_mm": draw(st.floats(25, 130)), "depth_mm": draw(st.floats(25, 130))},
+        "spacing": draw(st.sampled_from(["spread", "closest"])),
+        "suspension": {"topology": draw(st.sampled_from(["auto", "auto", "cantilever", "folded", "bridge"]))},
+        "taxel": {"centre_post": draw(st.booleans())},
+    }
+    if draw(st.booleans()):
+        table["pad"]["rib_mm"] = draw(st.floats(0.6, 2.0))
+    return table
+
+
+def planned(table):
+    try:
+        return make_plan(make_spec(table))
+    except PadgenError as refusal:
+        assert "\n" not in str(refusal)
+        assert len(str(refusal)) < 1000
+        return None
+
+
+@settings(max_examples=200, **QUIET)
+@given(tables())
+def test_random_plans_hold_what_they_promise(table):
+    plan = planned(table)
+    if plan is None:
+        return
+    spec = plan.typed_spec
+    assert len(plan.taxels) == spec.resolution
+    assert len(plan.channels) <= plan.capacity.paper
+    assert plan_to_json(plan_from_json(plan_to_json(plan))) == plan_to_json(plan)
+    for channel in plan.channels:
+        beam = channel.beam
+        assert channel.resonance_hz == pytest.approx(channel.target_hz, rel=2e-3)
+        assert spec.band_hz[0] <= channel.resonance_hz <= spec.band_hz[1]
+        assert beam.width_mm >= spec.printer.smallest_beam_mm - 1e-9
+        assert beam.layers >= spec.printer.smallest_beam_layers
+        assert channel.force_constant_n_per_a2 > 0
+    for lower, upper in pairwise(plan.channels):
+        assert upper.resonance_hz / lower.resonance_hz >= plan.capacity.ratio * (1 - 3e-3)
+    half = (spec.pad.width_mm / 2, spec.pad.depth_mm / 2)
+    assert all(abs(t.x_mm) < half[0] and abs(t.y_mm) < half[1] for t in plan.taxels)
+
+
+@settings(max_examples=5, **QUIET)
+@given(tables().filter(lambda table: planned(table) is not None))
+def test_random_pads_pass_their_checks(table):
+    plan = planned(table)
+    spec = plan.typed_spec
+    # The bed is not what is tried here.
+    wide = replace(spec, printer=replace(spec.printer, bed_x_mm=500.0, bed_y_mm=500.0))
+    plan = replace(plan, spec=asdict(wide))
+    report = check_pad(build_pad(plan), plan)
+    assert worst_level(report.findings) != "error", report.findings
+
+
+@settings(max_examples=60, **QUIET)
+@given(
+    st.sampled_from(["resolution", "band_hz", "q_min", "pad", "coil", "washer", "printer", "taxel", "suspension"]),
+    st.one_of(
+        st.none(),
+        st.booleans(),
+        st.integers(-5, 10**7),
+        st.floats(allow_nan=True),
+        st.text(max_size=5),
+        st.lists(st.floats(allow_nan=True), max_size=3),
+        st.dictionaries(st.text(max_size=12), st.floats(), max_size=2),
+    ),
+)
+def test_nonsense_is_refused_in_one_sentence(key, value):
+    table = {"name": "a", "resolution": 4, "band_hz": [50, 200], "q_min": 15, key: value}
+    planned(without_none(table) if value is not None else table)

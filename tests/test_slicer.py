@@ -1,0 +1,65 @@
+"""A real slicer's judgement of the paper's pad (`make slice` installs it and runs this)."""
+
+import json
+import shutil
+import subprocess
+
+import pytest
+
+from padgen.build import build
+from padgen.planner import plan_from_json
+from padgen.spec import load_spec
+from tests.gcode import laid_beams, read_gcode
+
+pytestmark = pytest.mark.slicer
+
+CENTRE_MM = (125.0, 105.0)
+
+
+def slicer(*arguments):
+    program = shutil.which("prusa-slicer")
+    assert program, "prusa-slicer is not installed; make slice installs it"
+    done = subprocess.run([program, *map(str, arguments)], capture_output=True, text=True, check=True)
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp("sliced")
+    build(load_spec("paper-32"), path)
+    return path
+
+
+@pytest.mark.parametrize("name", ["pad.stl", "pad.3mf"])
+def test_it_is_one_manifold_part(folder, name):
+    lines = slicer("--info", folder / name).splitlines()
+    told = dict(part.split("=", 1) for part in (line.replace(" ", "") for line in lines) if "=" in part)
+    assert told["manifold"] == "yes"
+    assert told["number_of_parts"] == "1"
+    checks = json.loads((folder / "checks.json").read_text())
+    assert float(told["volume"]) == pytest.approx(checks["figures"]["volume_mm3"], rel=1e-4)
+
+
+def test_every_beam_is_laid_as_wide_and_as_thick_as_planned(folder):
+    plan = plan_from_json((folder / "plan.json").read_text())
+    printer = plan.typed_spec.printer
+    width = str(printer.line_width_mm)
+    widths = [
+        f"--{kind}extrusion-width={width}"
+        for kind in ("", "first-layer-", "perimeter-", "external-perimeter-", "infill-", "solid-infill-", "top-infill-")
+    ]
+    slicer(
+        "--export-gcode", folder / "pad.stl", "--output", folder / "pad.gcode", *widths,
+        f"--nozzle-diameter={printer.nozzle_mm}", f"--layer-height={printer.layer_mm}",
+        f"--first-layer-height={printer.first_layer_mm}", "--perimeter-generator=arachne",
+        "--elefant-foot-compensation=0", f"--xy-size-compensation={printer.xy_compensation_mm}",
+        "--filament-diameter=1.75", "--fill-density=100%", "--fill-pattern=rectilinear", "--skirts=0",
+        "--bed-shape=0x0,250x0,250x210,0x210", f"--center={CENTRE_MM[0]},{CENTRE_MM[1]}",
+    )  # fmt: skip
+    beams = laid_beams(plan, read_gcode(folder / "pad.gcode"), CENTRE_MM)
+    assert len(beams) == 32
+    for beam in beams:
+        *laid, above = beam.laid_width_mm
+        assert above == 0.0, beam
+        # Half of what a bead's round edges take off in the thickest layer: 0.215 * 0.2 mm / 2.
+        assert laid == pytest.approx([beam.planned_width_mm] * beam.planned_layers, abs=0.022), beam

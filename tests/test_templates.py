@@ -1,0 +1,129 @@
+"""Every template is planned and built, and one physical number of each is right."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from padgen.planner import make_plan
+from padgen.solid.checks import check_pad
+from padgen.solid.pad import build_pad
+from padgen.spec import load_spec, template_paths
+
+TEMPLATES = sorted(template_paths())
+
+
+def resonances(plan):
+    return [c.resonance_hz for c in plan.channels]
+
+
+def paper_16(plan):
+    assert resonances(plan) == pytest.approx([60], rel=1e-3)
+    # One channel has no other to be told from.
+    assert plan.selectivity.all_states_db is None
+    assert plan.findings == ()
+
+
+def paper_32(plan):
+    assert resonances(plan) == pytest.approx([56, 76], rel=1e-3)
+    # Equal velocity at Q = 15; the weaker side of the pair by hand: Q |r²−1|/r, r = 76/56.
+    r = plan.channels[1].resonance_hz / plan.channels[0].resonance_hz
+    mass = plan.channels[1].effective_mass_g / plan.channels[0].effective_mass_g
+    assert plan.selectivity.one_hot_db == pytest.approx(19.4, abs=0.1)
+    assert mass == pytest.approx(1, rel=0.01)
+    assert r == pytest.approx(76 / 56, rel=2e-3)
+
+
+def triple_48(plan):
+    assert len(plan.channels) == 3
+    assert plan.channels[0].resonance_hz == pytest.approx(50 / (1 - 1 / 6), rel=2e-3)
+
+
+def quad_64(plan):
+    assert len(plan.channels) == 4
+    assert plan.channels[-1].resonance_hz == pytest.approx(400 / (1 + 1 / 6), rel=2e-3)
+
+
+def wide_11(plan):
+    assert plan.capacity.paper == 11
+    assert resonances(plan) == pytest.approx([24.0 * 1.4**i for i in range(11)], rel=2e-3)
+    # The paper's ladder with plain tones, Q = 15, equal displacement: computed references, 0.1 dB.
+    assert plan.selectivity.one_hot_db == pytest.approx(17.4, abs=0.12)
+    assert plan.selectivity.all_states_db == pytest.approx(-31.0, abs=0.1)
+
+
+def resin_fine(plan):
+    assert (plan.coils.pitch_mm, plan.cell.width_mm) == (pytest.approx(11.5), pytest.approx(5.75))
+    assert all(c.beam.layers >= 3 for c in plan.channels)
+
+
+def big_512(plan):
+    assert len(plan.taxels) == 512
+    assert resonances(plan) == pytest.approx([56, 76], rel=1e-3)
+
+
+PHYSICS = {name: globals().get(name.replace("-", "_")) for name in TEMPLATES}
+
+
+@pytest.mark.parametrize("name", TEMPLATES)
+def test_template(name):
+    assert PHYSICS[name] is not None, f"template {name} has no physical number to hold"
+    plan = make_plan(load_spec(name))
+    assert plan.name == name
+    PHYSICS[name](plan)
+    report = check_pad(build_pad(plan), plan)
+    assert [f for f in (*plan.findings, *report.findings) if f.level == "error"] == []
+
+
+@pytest.mark.parametrize("name", TEMPLATES)
+def test_template_says_what_it_is_in_its_first_line(name):
+    first = template_paths()[name].read_text().splitlines()[0]
+    assert first.startswith("# ")
+    assert str(load_spec(name).resolution) in first
+
+
+GOLDEN = Path(__file__).parent / "golden"
+
+
+def summary(name):
+    """What a change of emitted geometry or frequency would change."""
+    plan = make_plan(load_spec(name))
+    pad = build_pad(plan)
+    from padgen.solid.mesh import as_manifold
+
+    solid = as_manifold(pad.mesh, name)
+    return {
+        "resonance_hz": [round(f, 2) for f in resonances(plan)],
+        "beams_mm": [
+            f"{c.beam.topology} {c.beam.width_mm:.3f} x {c.beam.thickness_mm:.2f} x {c.beam.length_mm:.2f}"
+            for c in plan.channels
+        ],
+        "washers_mm": [[round(t.x_mm, 3), round(t.y_mm, 3)] for t in plan.taxels[: len(plan.channels)]],
+        "volume_mm3": round(pad.volume_mm3, 2),
+        "area_mm2": round(solid.surface_area(), 1),
+        "bounding_box_mm": [round(v, 4) for v in solid.bounding_box()],
+        "genus": solid.genus(),
+    }
+
+
+@pytest.mark.parametrize("name", TEMPLATES)
+def test_golden(name, request):
+    path = GOLDEN / f"{name}.json"
+    found = summary(name)
+    if request.config.getoption("--regenerate"):
+        path.write_text(json.dumps(found, indent=1) + "\n")
+    assert path.exists(), "no golden text; make goldens writes it"
+    golden = json.loads(path.read_text())
+    for key in ("beams_mm", "genus"):
+        assert found[key] == golden[key]
+    # Rounded to the digits compared; other platforms may round the last one differently.
+    assert found["resonance_hz"] == pytest.approx(golden["resonance_hz"], abs=0.011)
+    assert found["volume_mm3"] == pytest.approx(golden["volume_mm3"], abs=0.011)
+    assert found["area_mm2"] == pytest.approx(golden["area_mm2"], rel=1e-5)
+    assert found["bounding_box_mm"] == pytest.approx(golden["bounding_box_mm"], abs=1e-4)
+    for place, known in zip(found["washers_mm"], golden["washers_mm"], strict=True):
+        assert place == pytest.approx(known, abs=1.1e-3)
+
+
+def test_no_golden_is_left_over():
+    assert sorted(p.stem for p in GOLDEN.glob("*.json")) == TEMPLATES
