@@ -112,9 +112,7 @@ def build(
     return Built(folder, files, report.figures, findings, False)
 
 
-def _write_format(
-    out: OutputFolder, name: str, plan: "Plan", pad: "PadSolid", instances: bool, spec_hash: str
-) -> None:
+def _write_format(out: OutputFolder, name: str, plan: "Plan", pad: "PadSolid", instances: bool, spec_hash: str) -> None:
     from padgen.solid import export
 
     if name == "stl":

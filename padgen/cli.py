@@ -77,14 +77,18 @@ def _parser() -> argparse.ArgumentParser:
     build = commands.add_parser("build", help="the pad, its checks and its driver table")
     build.add_argument("spec", metavar="SPEC", help="a TOML file or the name of a template")
     build.add_argument("--formats", default="stl,3mf,step", help="of stl, 3mf, step, glb (default: %(default)s)")
-    build.add_argument("--instances", action="store_true", help="3MF with one mesh per distinct taxel, placed many times")
+    build.add_argument(
+        "--instances", action="store_true", help="3MF with one mesh per distinct taxel, placed many times"
+    )
     build.add_argument("--force", action="store_true", help="build again even if nothing changed")
     _output(build)
     build.set_defaults(command=_build)
 
     check = commands.add_parser("check", help="print validation of any STL or 3MF")
     check.add_argument("mesh", metavar="MESH", help="an STL, 3MF, OBJ, PLY or GLB file")
-    check.add_argument("--spec", metavar="SPEC", help="compare with the plan of this spec, and take its printer's limits")
+    check.add_argument(
+        "--spec", metavar="SPEC", help="compare with the plan of this spec, and take its printer's limits"
+    )
     check.add_argument("--json", action="store_true", help="one JSON object on standard output")
     check.set_defaults(command=_check)
 

@@ -88,11 +88,11 @@ class OutputFolder:
             (self._aside / MANIFEST).write_text(text, encoding="utf-8")
             (self.path / MANIFEST).unlink(missing_ok=True)
         for name in self._hashes:
-            os.replace(self._aside / name, self.path / name)
+            (self._aside / name).replace(self.path / name)
         for name in set(remove) - set(self._hashes):
             (self.path / name).unlink(missing_ok=True)
         if manifest is not None:
-            os.replace(self._aside / MANIFEST, self.path / MANIFEST)
+            (self._aside / MANIFEST).replace(self.path / MANIFEST)
 
 
 def read_manifest(path: Path) -> dict[str, Any]:

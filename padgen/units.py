@@ -7,10 +7,10 @@ speaks SI. ``length_mm * MM`` is metres and ``length_m / MM`` is millimetres, an
 from math import log10
 
 __all__ = [
-    "G_PER_CM3",
     "GPA",
     "GRAM",
     "GRAVITY_M_PER_S2",
+    "G_PER_CM3",
     "MA",
     "MH",
     "MM",

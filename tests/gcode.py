@@ -72,9 +72,7 @@ def laid_beams(plan: Plan, extrusions: Extrusions, centre_mm: tuple[float, float
             widths = []
             for layer in range(channel.beam.layers + 1):
                 at = extrusions.layer == layer
-                widths.append(
-                    _laid_width(extrusions, at, middle + np.array(centre_mm), across, channel.beam.width_mm)
-                )
+                widths.append(_laid_width(extrusions, at, middle + np.array(centre_mm), across, channel.beam.width_mm))
             result.append(LaidBeam(taxel.id, channel.beam.width_mm, channel.beam.layers, tuple(widths)))
     return result
 
@@ -87,7 +85,7 @@ def _middles(plan: Plan, channel: Channel, taxel: Taxel) -> list[tuple[np.ndarra
     places = to_cell(np.array(points), channel) - washer
     cosine, sine = TURNS[channel.site.along]
     across = np.array([-sine, cosine], float)
-    return [(place[:2] + (taxel.x_mm, taxel.y_mm), across) for place in places]
+    return [(place[:2] + np.array([taxel.x_mm, taxel.y_mm]), across) for place in places]
 
 
 def _laid_width(lines: Extrusions, at: np.ndarray, middle: np.ndarray, across: np.ndarray, width: float) -> float:

@@ -145,7 +145,8 @@ def test_a_beam_of_half_a_layer(small_plan):
 
 
 @pytest.mark.parametrize(
-    ("change", "dimension"), [({"width_mm": 0.02}, "width"), ({"thickness_mm": 0.1}, "thickness"), ({"length_mm": 0.02}, "length")]
+    ("change", "dimension"),
+    [({"width_mm": 0.02}, "width"), ({"thickness_mm": 0.1}, "thickness"), ({"length_mm": 0.02}, "length")],
 )
 def test_built_other_than_planned(small_pad, small_plan, change, dimension):
     beam = small_plan.channels[1].beam

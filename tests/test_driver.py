@@ -12,9 +12,7 @@ from padgen.driver import coil_states, drive_csv, drive_json, drive_rows
 from padgen.planner import make_plan
 from padgen.spec import parse_spec
 
-COLUMNS = (
-    "channel,resonance_hz,drive_hz,force_mn,current_ma_peak,voltage_v_peak,impedance_ohm,phase_deg,ring_up_ms"
-)
+COLUMNS = "channel,resonance_hz,drive_hz,force_mn,current_ma_peak,voltage_v_peak,impedance_ohm,phase_deg,ring_up_ms"
 
 
 def test_columns_are_the_contract(paper_plan):
@@ -82,7 +80,9 @@ def test_spurs_are_six_db_above_equal_lines(paper_plan):
 
 
 def test_many_channels_are_not_spelled_out():
-    text = 'name = "a"\nresolution = 7\nband_hz = [40, 900]\nq_min = 30\n[coil]\ngrid = [1, 1]\nouter_diameter_mm = 50\n'
+    text = (
+        'name = "a"\nresolution = 7\nband_hz = [40, 900]\nq_min = 30\n[coil]\ngrid = [1, 1]\nouter_diameter_mm = 50\n'
+    )
     plan = make_plan(parse_spec(text))
     assert len(plan.channels) == 7
     table = json.loads(drive_json(plan))

@@ -66,7 +66,9 @@ def test_3mf_is_one_named_object_with_its_metadata(folder, small_pad):
 
 
 def test_3mf_with_instances_holds_each_distinct_taxel_once(small_plan, small_pad, tmp_path):
-    data = threemf_bytes(small_plan, small_pad, {"Title": "tiny"}, picture_png([(small_pad.mesh, (1, 1, 1))], (8, 8)), True)
+    data = threemf_bytes(
+        small_plan, small_pad, {"Title": "tiny"}, picture_png([(small_pad.mesh, (1, 1, 1))], (8, 8)), True
+    )
     model = zipfile.ZipFile(io.BytesIO(data)).read("3D/3dmodel.model").decode()
     assert model.count("<mesh>") == len(small_plan.channels) + 1
     assert model.count("<component ") == len(small_plan.taxels) + 1

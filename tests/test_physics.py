@@ -127,9 +127,7 @@ def test_slender_tip_mass_is_the_closed_form():
     """One slender beam with a heavy point at its tip: f = sqrt(3EI/(l³ m))/2π."""
     width, thickness, length, modulus, mass = 1 * MM, 0.2 * MM, 50 * MM, 3e9, 1e-3
     point = box((0, 0, 0), (1e-7, 1e-7, 1e-7), mass / 1e-21)
-    beam = BeamPlacement(
-        BeamSection(width, thickness, length), np.zeros(3) + point.centroid, np.array([1.0, 0.0])
-    )
+    beam = BeamPlacement(BeamSection(width, thickness, length), np.zeros(3) + point.centroid, np.array([1.0, 0.0]))
     modes = suspended_modes(point, [beam], modulus, 0.3, 1e-6)
     stiffness = 3 * modulus * width * thickness**3 / 12 / length**3
     # Shear adds (t/l)² = 1.6e-5 of compliance.
@@ -212,7 +210,11 @@ def test_field_on_the_axis_is_the_solenoids():
     _, axial = flux_density(thin, np.zeros(3), height)
     a, length = 2 * MM, 10 * MM
     exact = (
-        4e-7 * np.pi * 1000 / length / 2
+        4e-7
+        * np.pi
+        * 1000
+        / length
+        / 2
         * ((height + length) / np.hypot(height + length, a) - height / np.hypot(height, a))
     )
     assert axial == pytest.approx(exact, rel=1e-5)

@@ -26,15 +26,18 @@ def volume_by_hand(plan, channel):
     frame = (plan.cell.width_mm * plan.cell.depth_mm - float(np.prod(made.window_mm))) * pad.frame_thickness_mm
     flare = 2 * beam.fillet_mm**2 * (1 - np.pi / 4)
     beams = len(made.beams) * (beam.width_mm * beam.length_mm + flare) * beam.thickness_mm
-    blocks = sum(
-        (b.high_x_mm - b.low_x_mm) * (b.high_y_mm - b.low_y_mm) * b.height_mm for b in made.blocks
-    )
+    blocks = sum((b.high_x_mm - b.low_x_mm) * (b.high_y_mm - b.low_y_mm) * b.height_mm for b in made.blocks)
     radius, edge = taxel.boss_diameter_mm / 2, taxel.boss_edge_mm
     height = pad.frame_thickness_mm + taxel.boss_protrusion_mm - taxel.plate_thickness_mm
-    boss = np.pi * radius**2 * (height - edge) + np.pi * edge / 3 * (radius**2 + radius * (radius - edge) + (radius - edge) ** 2)
+    boss = np.pi * radius**2 * (height - edge) + np.pi * edge / 3 * (
+        radius**2 + radius * (radius - edge) + (radius - edge) ** 2
+    )
     washer = spec.washer
-    recess = np.pi / 4 * (washer.outer_diameter_mm + taxel.washer_clearance_mm) ** 2 * (
-        washer.thickness_mm + taxel.glue_gap_mm
+    recess = (
+        np.pi
+        / 4
+        * (washer.outer_diameter_mm + taxel.washer_clearance_mm) ** 2
+        * (washer.thickness_mm + taxel.glue_gap_mm)
     )
     return frame + beams + float(blocks) + boss - recess
 
@@ -60,7 +63,7 @@ def test_post_stands_in_the_recess(small_plan):
 def test_washer_touches_the_roof_of_its_recess(small_plan):
     washer = washer_solid(small_plan, small_plan.channels[0])
     box = washer.bounding_box()
-    assert (box.min.Z, box.max.Z) == (pytest.approx(0.1), pytest.approx(0.4))
+    assert (pytest.approx(0.1), pytest.approx(0.4)) == (box.min.Z, box.max.Z)
     assert float(washer.volume) == pytest.approx(np.pi / 4 * (3.5**2 - 1.7**2) * 0.3)
 
 
@@ -158,7 +161,9 @@ def test_every_occt_exception_is_mapped():
     build123d()
     from OCP import Standard, StdFail
 
-    kinds = [v for m in (Standard, StdFail) for v in vars(m).values() if isinstance(v, type) and issubclass(v, Exception)]
+    kinds = [
+        v for m in (Standard, StdFail) for v in vars(m).values() if isinstance(v, type) and issubclass(v, Exception)
+    ]
     assert len(kinds) > 10
     for kind in kinds:
         with pytest.raises(GeometryError), kernel_errors("a part"):

@@ -52,7 +52,7 @@ def tip_stiffness(section: BeamSection, modulus: Array, poisson: float) -> np.nd
     length = np.asarray(section.length, float)
     shear_modulus = modulus / (2 * (1 + poisson))
     shear_factor = 10 * (1 + poisson) / (12 + 11 * poisson)
-    flare = _Integrals(section)
+    flare = _flexibility(section)
     plate_like = modulus * anticlastic_stiffening(section, poisson)
     up0, up1, up2 = (v / plate_like for v in flare.bending_vertical)
     side0, side1, side2 = (v / modulus for v in flare.bending_lateral)
@@ -101,33 +101,37 @@ def tip_mass(section: BeamSection, density: float) -> np.ndarray:
     return mass
 
 
-class _Integrals:
-    """Flexibility integrals along a beam whose width flares at the root.
+class _Flexibility(NamedTuple):
+    """Integrals along a beam without its moduli: ``bending_*`` are ∫ (l−s)^p ds/I for p = 0, 1, 2."""
 
-    ``bending_*`` are ∫ (l−s)^p ds / I for p = 0, 1, 2 (without the modulus).
-    """
+    bending_vertical: list[Array]
+    bending_lateral: list[Array]
+    inverse_area: Array
+    inverse_torsion: Array
 
-    def __init__(self, section: BeamSection) -> None:
-        width, thickness, length, fillet = (np.asarray(v, float)[..., None] for v in section[:4])
-        start = np.minimum(fillet, length)
-        at = _NODES * start
-        flared = width + 2 * (fillet - np.sqrt(np.maximum(fillet**2 - (fillet - at) ** 2, 0)))
-        arm = length - at
-        self._straight = (length - start)[..., 0]
-        self._flare = lambda integrand: (integrand * _WEIGHTS * start).sum(-1)
-        vertical, lateral = flared * thickness**3 / 12, thickness * flared**3 / 12
-        w, t = width[..., 0], thickness[..., 0]
-        self.bending_vertical = self._moments(vertical, arm, w * t**3 / 12)
-        self.bending_lateral = self._moments(lateral, arm, t * w**3 / 12)
-        self.inverse_area = self._flare(1 / (flared * thickness)) + self._straight / (w * t)
-        self.inverse_torsion = self._flare(1 / torsion_constant(flared, thickness)) + (
-            self._straight / torsion_constant(w, t)
-        )
 
-    def _moments(self, flared: Array, arm: Array, uniform: Array) -> list[Array]:
+def _flexibility(section: BeamSection) -> _Flexibility:
+    """The integrals of a beam whose width flares at the root, by Gauss points within the flare."""
+    width, thickness, length, fillet = (np.asarray(v, float) for v in section[:4])
+    start = np.minimum(fillet, length)
+    at = _NODES * start[..., None]
+    radius = fillet[..., None]
+    flared = width[..., None] + 2 * (radius - np.sqrt(np.maximum(radius**2 - (radius - at) ** 2, 0)))
+    t = thickness[..., None]
+    weight, arm, straight = _WEIGHTS * start[..., None], length[..., None] - at, length - start
+
+    def moments(flared_inertia: Array, uniform_inertia: Array) -> list[Array]:
         return [
-            self._flare(arm**p / flared) + self._straight ** (p + 1) / (p + 1) / uniform for p in range(3)
+            (weight * arm**p / flared_inertia).sum(-1) + straight ** (p + 1) / (p + 1) / uniform_inertia
+            for p in range(3)
         ]
+
+    return _Flexibility(
+        moments(flared * t**3 / 12, width * thickness**3 / 12),
+        moments(t * flared**3 / 12, thickness * width**3 / 12),
+        (weight / (flared * t)).sum(-1) + straight / (width * thickness),
+        (weight / torsion_constant(flared, t)).sum(-1) + straight / torsion_constant(width, thickness),
+    )
 
 
 def _fill_pair(matrix: np.ndarray, i: int, j: int, ii: Array, ij: Array, jj: Array) -> None:

@@ -6,7 +6,7 @@ heights above the coil's top face.
 """
 
 from math import pi
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,9 +35,9 @@ class SteelRing(NamedTuple):
     permeability: float
 
 
-def impedance(resistance: float, inductance: float, frequency: np.ndarray) -> np.ndarray:
+def impedance(resistance: float, inductance: float, frequency: Any) -> Any:
     """Complex impedance in Ω at the *drive* frequency in Hz, ``R + j 2π f L``."""
-    return resistance + 2j * pi * np.asarray(frequency) * inductance
+    return resistance + 2j * pi * frequency * inductance
 
 
 def paper_force_constant(coil: SolenoidCoil, area: float) -> float:
@@ -153,4 +153,4 @@ def _core_magnetisation(coil: SolenoidCoil) -> float:
     inside = np.linspace(-0.95, -0.05, 10) * coil.length
     _, axial = _winding_field(coil, np.full(10, 0.5 * coil.core_diameter / 2), inside)
     field = float(axial.mean()) / MU_0
-    return chi / (1 + chi * factor) * field
+    return float(chi / (1 + chi * factor) * field)

@@ -62,11 +62,13 @@ def suspended_modes(
     return _eigen(stiffness, mass, body.centroid)
 
 
-def root_moment(beam: BeamPlacement, displacement: np.ndarray, reference: np.ndarray, modulus: float, poisson: float) -> np.ndarray:
+def root_moment(
+    beam: BeamPlacement, displacement: np.ndarray, reference: np.ndarray, modulus: float, poisson: float
+) -> np.ndarray:
     """Bending moment in N·m at the root of `beam` for a `displacement` (…, 6) of the body at `reference`."""
     tip = _carry(beam, reference) @ displacement[..., None]
     load = (tip_stiffness(beam.section, modulus, poisson) @ tip)[..., 0]
-    return load[..., 2] * beam.section.length - load[..., 4]
+    return np.asarray(load[..., 2] * beam.section.length - load[..., 4])
 
 
 def _body_mass(body: RigidBody) -> np.ndarray:

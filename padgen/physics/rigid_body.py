@@ -24,7 +24,7 @@ def box(low: tuple[Array, Array, Array], high: tuple[Array, Array, Array], densi
     mass = density * size.prod(-1)
     square = size**2
     moments = mass[..., None] / 12 * (square.sum(-1, keepdims=True) - square)
-    return RigidBody(mass, *np.broadcast_arrays(centre), moments[..., None] * np.eye(3))
+    return RigidBody(mass, centre, moments[..., None] * np.eye(3))
 
 
 def ring(
@@ -43,7 +43,7 @@ def ring(
 
 def combine(*bodies: RigidBody) -> RigidBody:
     """The bodies as one, by Steiner's theorem."""
-    mass = sum(b.mass for b in bodies)
+    mass: Any = sum(b.mass for b in bodies)
     centroid = sum(b.mass[..., None] * b.centroid for b in bodies) / mass[..., None]
     inertia: Any = 0.0
     for body in bodies:

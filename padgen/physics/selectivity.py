@@ -32,7 +32,8 @@ def wanted_force(resonance_hz: np.ndarray, mass: np.ndarray, q: np.ndarray, leve
     ``A_i = D_i 4π² m_i f_i²/Q_i``, here with D_1 = 1 m.
     """
     displacement = (resonance_hz[0] / resonance_hz) ** level_law
-    return displacement * 4 * np.pi**2 * mass * resonance_hz**2 / q
+    force: np.ndarray = displacement * 4 * np.pi**2 * mass * resonance_hz**2 / q
+    return force
 
 
 def crosstalk(resonance_hz: np.ndarray, mass: np.ndarray, q: np.ndarray, level_law: float) -> Crosstalk:

@@ -24,12 +24,12 @@ def channel_limit(spec: Spec) -> int:
     SpecError
         The band does not hold a single slot.
     """
-    low, high = slot_band_hz(spec)
     count = whole_channels(_paper(spec))
     if count < 1:
+        low, ratio = spec.band_hz[0], ladder_ratio(spec.q_min, spec.delta_y)
         raise SpecError(
-            f"holds no channel: at Q = {spec.q_min:g} one slot needs a band of 1 : {ladder_ratio(spec.q_min, spec.delta_y):.4g},"
-            f" e.g. [{spec.band_hz[0]:g}, {spec.band_hz[0] * ladder_ratio(spec.q_min, spec.delta_y) * 1.001:.4g}] Hz",
+            f"holds no channel: at Q = {spec.q_min:g} one slot needs a band of 1 : {ratio:.4g},"
+            f" e.g. [{low:g}, {low * ratio * 1.001:.4g}] Hz",
             "band_hz",
         )
     return count

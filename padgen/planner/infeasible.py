@@ -76,10 +76,10 @@ def _cures(spec: Spec, limit: int) -> Iterator[str]:
             )
             break
     for printer in catalogue("printer").values():
-        if printer["line_width_mm"] < spec.printer.line_width_mm and printer["process"] == spec.printer.process:
-            if _holds(spec, limit, printer=printer):
-                yield f"printer {printer['name']}"
-                break
+        finer = printer["line_width_mm"] < spec.printer.line_width_mm and printer["process"] == spec.printer.process
+        if finer and _holds(spec, limit, printer=printer):
+            yield f"printer {printer['name']}"
+            break
     yield from _larger_pads(spec, limit)
     fewer = next(sized_layouts(spec, whole_grids(spec, limit)), None)
     if fewer and not spec.coil.grid:

@@ -1,6 +1,7 @@
 """The findings of a plan: what holds only just, what does not, and what would."""
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 from padgen.errors import number
 from padgen.finding import Finding
@@ -29,15 +30,15 @@ def judge(spec: Spec, plan: Plan, layout: Layout, sized: tuple[SizedChannel, ...
 
 def _spacing(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Finding]:
     bound = ladder_ratio(spec.q_min, spec.delta_y)
-    for lower, upper in zip(channels, channels[1:], strict=False):
+    for lower, upper in pairwise(channels):
         ratio = upper.resonance_hz / lower.resonance_hz
         if ratio < bound * (1 - 2e-3):
             yield Finding(
                 "warning",
                 "ladder.ratio",
                 f"channels {lower.index} and {upper.index}",
-                f"{number(lower.resonance_hz)} and {number(upper.resonance_hz)} Hz are {number(ratio)} apart, the paper's"
-                f" slots need {number(bound)} at Q = {number(spec.q_min)}: move the upper to"
+                f"{number(lower.resonance_hz)} and {number(upper.resonance_hz)} Hz are {number(ratio)} apart,"
+                f" the paper's slots need {number(bound)} at Q = {number(spec.q_min)}: move the upper to"
                 f" {number(lower.resonance_hz * bound)} Hz, or raise Q to"
                 f" {number(spec.delta_y / 4 * (ratio + 1) / (ratio - 1))}",
             )
@@ -83,14 +84,14 @@ def _modes(spec: Spec, plan: Plan, sized: tuple[SizedChannel, ...]) -> Iterator[
 def _coils(spec: Spec, plan: Plan, layout: Layout) -> Iterator[Finding]:
     reach = coil_reach_mm(spec)
     far = max(plan.channels, key=lambda c: c.site.coil_distance_mm)
-    if far.site.coil_distance_mm > reach:
+    distance = far.site.coil_distance_mm
+    if distance > reach:
         yield Finding(
             "warning",
             "coil.reach",
             f"channel {far.index}",
-            f"its washer lies {number(far.site.coil_distance_mm)} mm off the coil axis, beyond the coil's reach of"
-            f" {number(reach)} mm; take a coil of {number(2 * far.site.coil_distance_mm - spec.washer.outer_diameter_mm)}"
-            " mm outer diameter or a finer grid",
+            f"its washer lies {number(distance)} mm off the coil axis, beyond the coil's reach of {number(reach)} mm;"
+            f" take a coil of {number(2 * distance - spec.washer.outer_diameter_mm)} mm outer diameter or a finer grid",
         )
     for channel in plan.channels:
         if channel.force_constant_n_per_a2 <= 0:

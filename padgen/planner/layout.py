@@ -6,7 +6,7 @@ how much.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil, floor, hypot, inf, sqrt
 
 from padgen.errors import number
@@ -132,7 +132,7 @@ def _divisions(spec: Spec, rows: int, columns: int, channels: int, wanted: int) 
         bare = Layout(
             rows, columns, channels, sub_columns, sub_rows, width, depth, axis, rows * columns * channels - wanted, ()
         )
-        yield Layout(*(getattr(bare, name) for name in Layout.__slots__[:-1]), slacks=_slacks(spec, bare))
+        yield replace(bare, slacks=_slacks(spec, bare))
 
 
 def room(spec: Spec, layout: Layout) -> Room:
@@ -202,7 +202,10 @@ def slots(layout: Layout) -> list[tuple[float, float]]:
     The highest channels need the most force and lie nearest to the coil.
     """
     centres = [
-        ((c - (layout.sub_columns - 1) / 2) * layout.sub_width_mm, (r - (layout.sub_rows - 1) / 2) * layout.sub_depth_mm)
+        (
+            (c - (layout.sub_columns - 1) / 2) * layout.sub_width_mm,
+            (r - (layout.sub_rows - 1) / 2) * layout.sub_depth_mm,
+        )
         for r in range(layout.sub_rows)
         for c in range(layout.sub_columns)
     ]

@@ -56,9 +56,7 @@ def _assemble(
         spec=asdict(spec),
         capacity=coil_capacity(spec, _what_limits(spec, layout, limit)),
         coils=CoilGrid(layout.rows, layout.columns, min(pitch_x, pitch_y), pitch_x, pitch_y),
-        cell=Cell(
-            layout.sub_columns, layout.sub_rows, layout.sub_width_mm, layout.sub_depth_mm, layout.beam_axis
-        ),
+        cell=Cell(layout.sub_columns, layout.sub_rows, layout.sub_width_mm, layout.sub_depth_mm, layout.beam_axis),
         channels=channels,
         taxels=_taxels(spec, layout, sites, sized),
         selectivity=_selectivity(spec, channels),
@@ -153,9 +151,7 @@ def _beam(spec: Spec, item: SizedChannel) -> Beam:
     )
 
 
-def _taxels(
-    spec: Spec, layout: Layout, sites: tuple[Site, ...], sized: tuple[SizedChannel, ...]
-) -> tuple[Taxel, ...]:
+def _taxels(spec: Spec, layout: Layout, sites: tuple[Site, ...], sized: tuple[SizedChannel, ...]) -> tuple[Taxel, ...]:
     """All taxels, coil by coil from the first row; surplus places are left out at the last coils."""
     pitch_x, pitch_y = spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows
     full = layout.coils - layout.surplus

@@ -104,9 +104,9 @@ def reach(spec: Spec, topology: str, room: Room) -> Reach | None:
     if not len(thickness) or not len(length):
         return None
     width = np.geomspace(narrowest, max(widest, narrowest * (1 + 1e-6)), WIDTHS)
-    t, l, w = np.meshgrid(thickness, length, width, indexing="ij")
-    model = TaxelModel(spec, topology, plate, BeamShape(w, t, l))
-    return Reach(topology, thickness, length, w, np.maximum.accumulate(model.resonance_hz, axis=-1))
+    thick, long, wide = np.meshgrid(thickness, length, width, indexing="ij")
+    model = TaxelModel(spec, topology, plate, BeamShape(wide, thick, long))
+    return Reach(topology, thickness, length, wide, np.maximum.accumulate(model.resonance_hz, axis=-1))
 
 
 def _grid(spec: Spec, shortest: float, longest: float) -> tuple[np.ndarray, np.ndarray]:

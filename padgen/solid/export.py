@@ -85,9 +85,7 @@ def step_writer(plan: Plan, pad: PadSolid, index: int) -> Any:
 def _renumbered(step: str) -> str:
     """OCCT numbers the parts of an assembly through all files of a process; number them from 1 in each."""
     count = itertools.count(1)
-    return re.sub(
-        r"(NEXT_ASSEMBLY_USAGE_OCCURRENCE\(')\d+'", lambda match: f"{match[1]}{next(count)}'", step
-    )
+    return re.sub(r"(NEXT_ASSEMBLY_USAGE_OCCURRENCE\(')\d+'", lambda match: f"{match[1]}{next(count)}'", step)
 
 
 def glb_bytes(plan: Plan, pad: PadSolid) -> bytes:
@@ -123,9 +121,7 @@ def glb_bytes(plan: Plan, pad: PadSolid) -> bytes:
 def _coloured(mesh: Mesh, rgba: tuple[int, int, int, int]) -> Any:
     import trimesh
 
-    material = trimesh.visual.material.PBRMaterial(
-        baseColorFactor=rgba, metallicFactor=0.0, roughnessFactor=0.8
-    )
+    material = trimesh.visual.material.PBRMaterial(baseColorFactor=rgba, metallicFactor=0.0, roughnessFactor=0.8)
     part = trimesh.Trimesh(mesh.vertices_mm, mesh.triangles, process=False)
     part.visual = trimesh.visual.TextureVisuals(material=material)
     return part

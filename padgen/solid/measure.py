@@ -79,12 +79,12 @@ def _recess_gauges(spec: Spec, washer_x: float) -> Iterator[_Gauge]:
     washer = np.array([washer_x, 0.0, 0.0])
     diameter, depth = recess_mm(spec)
     inner = post_diameter_mm(spec) / 2
-    under = washer + [0.0, (inner + diameter / 2) / 2, -1.0]
-    up = np.array([[under, under + [0, 0, depth + 2]]])
+    under = washer + np.array([0.0, (inner + diameter / 2) / 2, -1.0])
+    up = np.array([[under, under + np.array([0, 0, depth + 2])]])
     yield _Gauge("recess depth", depth, up, lambda runs: runs[0] - 1)
     boss_top = spec.pad.frame_thickness_mm + spec.taxel.boss_protrusion_mm
-    over = washer + [0, 0, boss_top + 1]
-    down = np.array([[over, over - [0, 0, boss_top]]])
+    over = washer + np.array([0, 0, boss_top + 1])
+    down = np.array([[over, over - np.array([0, 0, boss_top])]])
     yield _Gauge("boss height", boss_top, down, lambda runs: boss_top + 1 - runs[0])
 
 
@@ -142,4 +142,3 @@ def _run_mm(solid: Any, start: np.ndarray, stop: np.ndarray) -> float:
     """How far a ray runs until it meets a face; nan when it meets none."""
     hits = solid.ray_cast(tuple(start), tuple(stop))
     return float(hits[0].distance * np.linalg.norm(stop - start)) if hits else float("nan")
-

@@ -7,7 +7,16 @@ import numpy as np
 from padgen.errors import GeometryError
 from padgen.solid.kernel import build123d, kernel_errors
 
-__all__ = ["ANGLE_RAD", "CHORD_MM", "Mesh", "as_manifold", "from_manifold", "signed_volume_mm3", "tessellated", "welded"]
+__all__ = [
+    "ANGLE_RAD",
+    "CHORD_MM",
+    "Mesh",
+    "as_manifold",
+    "from_manifold",
+    "signed_volume_mm3",
+    "tessellated",
+    "welded",
+]
 
 CHORD_MM = 0.01
 """Default largest distance between a curved face and its triangles (docs/performance.md has the table)."""

@@ -162,9 +162,7 @@ def _border_tile(plan: Plan, shape: tuple[int, int], chord_mm: float, angle_rad:
         return Tile(tessellated(solid, chord_mm, angle_rad), float(solid.volume), solid)
 
 
-def _open_seams(
-    mesh: Mesh, half_x: float, half_y: float, z: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _open_seams(mesh: Mesh, half_x: float, half_y: float, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Which vertices are inner, the lattice step (0 or 1 per axis) of the others, and the kept triangles."""
     v = mesh.vertices_mm
     on_x, on_y = np.abs(np.abs(v[:, 0]) - half_x) < SEAM_MM, np.abs(np.abs(v[:, 1]) - half_y) < SEAM_MM

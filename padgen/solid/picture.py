@@ -33,9 +33,7 @@ def picture_png(
     colours = np.concatenate([np.tile(colour, (len(mesh.triangles), 1)) for mesh, colour in parts])
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
-    shade = AMBIENT + sum(
-        share * np.clip(normal @ (light / np.linalg.norm(light)), 0, 1) for light, share in LIGHTS
-    )
+    shade = AMBIENT + sum(share * np.clip(normal @ (light / np.linalg.norm(light)), 0, 1) for light, share in LIGHTS)
     axes = _camera(view or View())
     screen = corners @ axes.T
     facing = normal @ axes[2] > 0
@@ -61,7 +59,7 @@ def _fitted(screen: np.ndarray, width: int, height: int) -> np.ndarray:
     flat = screen[..., :2].reshape(-1, 2)
     low, high = flat.min(0), flat.max(0)
     scale = 0.94 * min(width / (high[0] - low[0]), height / (high[1] - low[1]))
-    fitted = screen * scale
+    fitted: np.ndarray = screen * scale
     centre = (low + high) / 2 * scale
     fitted[..., 0] += width / 2 - centre[0]
     fitted[..., 1] = height / 2 + centre[1] - fitted[..., 1]
@@ -116,7 +114,5 @@ def _depth_at(
     area = ax * by - ay * bx
     area = np.where(np.abs(area) < 1e-12, 1e-12, area)
     slope_x, slope_y = (za * by - zb * ay) / area, (zb * ax - za * bx) / area
-    result: np.ndarray = (
-        z[owner, 0] + slope_x[owner] * (column - x[owner, 0]) + slope_y[owner] * (row - y[owner, 0])
-    )
+    result: np.ndarray = z[owner, 0] + slope_x[owner] * (column - x[owner, 0]) + slope_y[owner] * (row - y[owner, 0])
     return result

@@ -6,6 +6,7 @@ space narrow gaps.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -72,14 +73,21 @@ def unsupported_spans(solid: Any, mesh: Mesh, bound_mm: float) -> tuple[float, N
         below = solid.slice(z - STEP_MM)
         hanging = solid.slice(z + STEP_MM) - below
 
-        def left(span: float, hanging: Any = hanging, below: Any = below) -> Any:
-            return hanging - below.offset(span / 2, _join("Round"), 2.0, 64)
-
+        left = partial(_beyond, hanging, below)
         if left(worst + STEP_MM).area() > AREA_MM2:
-            worst = _bisect(lambda span, left=left: left(span).area() <= AREA_MM2, bound_mm)
+            worst = _bisect(partial(_spanned, left), bound_mm)
             place = left(0.9 * worst)
             where = _where(place if place.area() else hanging, z)
     return worst, where
+
+
+def _beyond(hanging: Any, below: Any, span: float) -> Any:
+    """What of `hanging` is farther than half of `span` from what is `below`."""
+    return hanging - below.offset(span / 2, _join("Round"), 2.0, 64)
+
+
+def _spanned(left: Callable[[float], Any], span: float) -> bool:
+    return bool(left(span).area() <= AREA_MM2)
 
 
 def _down_facing_heights_mm(mesh: Mesh) -> np.ndarray:

@@ -51,9 +51,7 @@ def taxel_solid(plan: Plan, channel: Channel) -> Any:
     with kernel_errors(f"the taxel of channel {channel.index}"):
         frame = _ring(outline(plan, channel), Outline(0, length, -width / 2, width / 2), spec.pad.frame_thickness_mm)
         beams = [_beam(strip, channel.beam.fillet_mm) for strip in arrangement.beams]
-        blocks = [
-            _box(Outline(*(float(v) for v in block[:4])), float(block.height_mm)) for block in arrangement.blocks
-        ]
+        blocks = [_box(Outline(*(float(v) for v in block[:4])), float(block.height_mm)) for block in arrangement.blocks]
         first, *others = [*blocks, _boss(spec, washer_x)]
         moving = first.fuse(*others).cut(_recess(spec, washer_x))
         solid = frame.fuse(*beams, *moving.solids())

@@ -84,14 +84,14 @@ def _add_mesh(model: Any, mesh: Mesh, name: str) -> Any:
     vertices = np.ascontiguousarray(mesh.vertices_mm, np.float32)
     triangles = np.ascontiguousarray(mesh.triangles, np.uint32)
     part.SetGeometry(
-        (lib3mf.Position * len(vertices)).from_buffer(vertices), (lib3mf.Triangle * len(triangles)).from_buffer(triangles)
+        (lib3mf.Position * len(vertices)).from_buffer(vertices),
+        (lib3mf.Triangle * len(triangles)).from_buffer(triangles),
     )
     return part
 
 
 def _add_instances(model: Any, wrapper: Any, plan: Plan, pad: PadSolid) -> None:
     spec = plan.typed_spec
-    rows, columns = pad.grid.shape
     names = [f"taxel-{channel.index}" for channel in plan.channels] + ["frame"]
     whole = model.AddComponentsObject()
     whole.SetName(plan.name)

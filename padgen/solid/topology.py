@@ -70,11 +70,7 @@ def intersecting_pairs(mesh: Mesh) -> np.ndarray:
     """
     corners = mesh.corners_mm
     low, high = corners.min(1), corners.max(1)
-    found = [
-        pairs[_pierce(mesh, *pairs.T)]
-        for pairs in _overlapping(low, high)
-        if len(pairs)
-    ]
+    found = [pairs[_pierce(mesh, *pairs.T)] for pairs in _overlapping(low, high) if len(pairs)]
     pairs = np.concatenate(found) if found else np.empty((0, 2), dtype=np.int64)
     return np.unique(pairs, axis=0)
 
@@ -97,7 +93,9 @@ def _overlapping(low: np.ndarray, high: np.ndarray) -> Iterator[np.ndarray]:
     owner, key = owner[order], key[order]
     end = np.searchsorted(key, key, side="right")
     partners = end - np.arange(len(key)) - 1
-    stops = np.searchsorted(np.cumsum(partners), np.arange(PAIRS_AT_ONCE, partners.sum() + PAIRS_AT_ONCE, PAIRS_AT_ONCE))
+    stops = np.searchsorted(
+        np.cumsum(partners), np.arange(PAIRS_AT_ONCE, partners.sum() + PAIRS_AT_ONCE, PAIRS_AT_ONCE)
+    )
     for chunk in np.split(np.arange(len(key)), np.unique(np.minimum(stops + 1, len(key)))):
         mine = np.repeat(chunk, partners[chunk])
         step = np.arange(len(mine)) - np.repeat(np.cumsum(partners[chunk]) - partners[chunk], partners[chunk])

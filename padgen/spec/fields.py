@@ -15,17 +15,13 @@ from padgen.errors import SpecError, number
 __all__ = ["build", "choice", "flag", "numbers", "optional_type", "quantity", "text", "unknown_name"]
 
 
-def quantity(
-    default: Any = MISSING, *, unit: str, low: float, high: float, doc: str, above: bool = False
-) -> Any:
+def quantity(default: Any = MISSING, *, unit: str, low: float, high: float, doc: str, above: bool = False) -> Any:
     """A number with `unit`, within ``low … high`` (``above``: greater than `low`)."""
     meta = {"unit": unit, "low": low, "high": high, "above": above, "doc": doc}
     return field(default=default, metadata=meta)
 
 
-def numbers(
-    default: Any = MISSING, *, unit: str, low: float, high: float, doc: str, count: int | None = None
-) -> Any:
+def numbers(default: Any = MISSING, *, unit: str, low: float, high: float, doc: str, count: int | None = None) -> Any:
     """A list of numbers (of `count`, or of any length from one), each within ``low … high``."""
     meta = {"unit": unit, "low": low, "high": high, "above": False, "doc": doc, "count": count}
     return field(default=default, metadata=meta)
@@ -129,9 +125,7 @@ def _bounded(item: "Field[Any]", value: float, where: str) -> float:
     unit = f" {unit}" if unit not in ("", "1") else ""
     nearest = high if value > high else low
     hint = "" if meta["above"] and nearest == low else f"; the nearest that would do is {number(nearest)}{unit}"
-    raise SpecError(
-        f"must be {span} and at most {number(high)}{unit}, got {number(value)}{unit}{hint}", where
-    )
+    raise SpecError(f"must be {span} and at most {number(high)}{unit}, got {number(value)}{unit}{hint}", where)
 
 
 def _checked_numbers(item: "Field[Any]", kind: Any, value: Any, where: str) -> tuple[Any, ...]:

@@ -14,18 +14,20 @@ from padgen.spec.refusals import refuse_contradictions
 __all__ = ["catalogue", "find_spec", "load_spec", "parse_spec", "template_paths"]
 
 CATALOGUES = {
-    "material": (Material, "materials.csv", {"fdm": "pla", "resin": "tough-resin"}),
-    "printer": (Printer, "printers.csv", "fdm-0.4"),
-    "washer": (Washer, "washers.csv", "iso7092-m1.6"),
-    "coil": (Coil, "coils.csv", "paper"),
+    "material": (Material, "materials.csv"),
+    "printer": (Printer, "printers.csv"),
+    "washer": (Washer, "washers.csv"),
+    "coil": (Coil, "coils.csv"),
 }
+DEFAULTS = {"printer": "fdm-0.4", "washer": "iso7092-m1.6", "coil": "paper"}
+DEFAULT_MATERIALS = {"fdm": "pla", "resin": "tough-resin"}
 PLAIN_TABLES = {"pad": Pad, "taxel": Taxel, "suspension": Suspension, "drive": Drive}
 
 
 @cache
 def catalogue(table: str) -> dict[str, dict[str, Any]]:
     """The entries of one catalogue, by name; numbers are already numbers."""
-    kind, filename, _ = CATALOGUES[table]
+    kind, filename = CATALOGUES[table]
     types = {f.name: optional_type(f.type)[0] for f in fields(kind)}
     with open(Path(__file__).with_name("catalogue") / filename, encoding="utf-8", newline="") as lines:
         rows = csv.DictReader(lines)
@@ -94,32 +96,29 @@ def parse_spec(text: str, where: str = "spec") -> Spec:
 def make_spec(table: dict[str, Any]) -> Spec:
     """Make a `Spec` from the nested tables of a TOML file."""
     table = dict(table)
-    parts: dict[str, Any] = {
-        name: build(kind, table.pop(name, {}), name) for name, kind in PLAIN_TABLES.items()
-    }
-    parts["printer"] = _entry("printer", table.pop("printer", {}))
-    parts["material"] = _entry("material", table.pop("material", {}), parts["printer"].process)
+    parts: dict[str, Any] = {name: build(kind, table.pop(name, {}), name) for name, kind in PLAIN_TABLES.items()}
+    parts["printer"] = _entry("printer", table.pop("printer", {}), DEFAULTS["printer"])
+    parts["material"] = _entry("material", table.pop("material", {}), DEFAULT_MATERIALS[parts["printer"].process])
     for name in ("washer", "coil"):
-        parts[name] = _entry(name, table.pop(name, {}))
+        parts[name] = _entry(name, table.pop(name, {}), DEFAULTS[name])
     spec: Spec = build(Spec, table, "", parts)
     refuse_contradictions(spec)
     return spec
 
 
-def _entry(table: str, value: Any, process: str = "") -> Any:
+def _entry(table: str, value: Any, default: str) -> Any:
     """A catalogue entry: named by a word, or by a table that may override its fields."""
-    kind, _, default = CATALOGUES[table]
+    kind = CATALOGUES[table][0]
     entries = catalogue(table)
     overrides = {"name": value} if isinstance(value, str) else value
     if not isinstance(overrides, dict):
         raise SpecError(f"must be a name or a table, got {value!r}", table)
-    fallback = default if isinstance(default, str) else default[process]
-    name = overrides.get("name", fallback)
+    name = overrides.get("name", default)
     if not isinstance(name, str):
         raise SpecError(f"must be text, got {name!r}", f"{table}.name")
     if name in entries:
         return build(kind, overrides, table, entries[name])
-    required = {f.name for f in fields(kind)} & set(entries[fallback]) - {"source"}
+    required = {f.name for f in fields(kind)} & set(entries[default]) - {"source"}
     if required <= set(overrides) | {"name"}:
         return build(kind, overrides, table)
     raise unknown_name(name, list(entries), table, f"{table}.name")

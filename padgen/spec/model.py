@@ -42,9 +42,7 @@ class Taxel:
     boss_protrusion_mm: float = quantity(1.0, unit="mm", low=0, high=10, doc="height of the boss above the frame")
     boss_edge_mm: float = quantity(0.3, unit="mm", low=0, high=5, doc="chamfer that breaks the edge of the boss")
     fillet_mm: float = quantity(0.3, unit="mm", low=0, high=5, doc="fillets at the roots of the beams")
-    washer_clearance_mm: float = quantity(
-        0.2, unit="mm", low=0, high=2, doc="recess diameter over washer diameter"
-    )
+    washer_clearance_mm: float = quantity(0.2, unit="mm", low=0, high=2, doc="recess diameter over washer diameter")
     glue_gap_mm: float = quantity(0.1, unit="mm", low=0, high=1, doc="recess depth over washer thickness")
     glue_mg: float = quantity(0.0, unit="mg", low=0, high=1000, doc="mass of glue per taxel; weigh ten")
     centre_post: bool = flag(False, doc="a post in the recess that centres the washer by its bore")
@@ -129,7 +127,9 @@ class Coil:
 class Suspension:
     """How the plates hang and what of their beams may be tuned."""
 
-    topology: str = choice("auto", of=TOPOLOGIES, doc="kind of suspension; auto takes the one least sensitive to printing")
+    topology: str = choice(
+        "auto", of=TOPOLOGIES, doc="kind of suspension; auto takes the one least sensitive to printing"
+    )
     tune: str = choice(
         "width+thickness+length",
         of=("width", "width+thickness", "width+length", "width+thickness+length"),
@@ -148,7 +148,11 @@ class Drive:
     scheme: str = choice("tones", of=("tones",), doc="plain sum of sines (paper Eq. 5)")
     level_um: float = quantity(10.0, unit="µm", low=1e-4, high=5000, doc="ON amplitude of the lowest channel")
     level_law: float = quantity(
-        1.0, unit="1", low=0, high=2, doc="ON amplitude falls as 1/f^p: 0 equal displacement, 1 velocity, 2 acceleration"
+        1.0,
+        unit="1",
+        low=0,
+        high=2,
+        doc="ON amplitude falls as 1/f^p: 0 equal displacement, 1 velocity, 2 acceleration",
     )
 
 

@@ -1,5 +1,7 @@
 """What no single field can tell: pairs of fields that contradict each other."""
 
+from itertools import pairwise
+
 from padgen.errors import SpecError, number
 from padgen.spec.model import Spec
 
@@ -31,7 +33,7 @@ def _refuse_band(spec: Spec) -> None:
             "q_min",
         )
     tones = spec.resonances_hz or ()
-    for lower, upper in zip(tones, tones[1:], strict=False):
+    for lower, upper in pairwise(tones):
         if not lower < upper:
             raise SpecError(
                 f"must rise from channel to channel, got {number(lower)} before {number(upper)} Hz", "resonances_hz"

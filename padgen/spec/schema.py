@@ -23,15 +23,13 @@ def spec_schema() -> dict[str, Any]:
     return schema
 
 
-def _object(kind: type, required: bool = False) -> dict[str, Any]:
+def _object(kind: Any, required: bool = False) -> dict[str, Any]:
     properties = {
         item.name: _object(item.type) if is_dataclass(item.type) else _property(item) for item in fields(kind)
     }
     schema: dict[str, Any] = {"type": "object", "additionalProperties": False, "properties": properties}
     if required:
-        schema["required"] = [
-            f.name for f in fields(kind) if f.default is MISSING and not is_dataclass(f.type)
-        ]
+        schema["required"] = [f.name for f in fields(kind) if f.default is MISSING and not is_dataclass(f.type)]
     return schema
 
 
