@@ -106,19 +106,19 @@ def _sub_cell(plan: Plan, x: float, y: float) -> tuple[int, int]:
 
 
 def _nearest_hole(plan: Plan, holes: Holes, taxel: Taxel) -> tuple[float, float]:
-    """Diameter of the hole nearest to a taxel's washer and its distance from there; nan without one.
+    """Diameter of the hole around a taxel's washer and its centre's distance from there; nan without one.
 
     The corners of a round hole lie on its circle, the sides between them within it.
     """
     at = np.array([taxel.x_mm, taxel.y_mm])
     column, row = _sub_cell(plan, *at)
     near = [hole for i in (-1, 0, 1) for j in (-1, 0, 1) for hole in holes.get((column + i, row + j), [])]
-    if not near:
-        return float("nan"), float("nan")
-    contour = min(near, key=lambda c: float(np.hypot(*(c.mean(0) - at))))
-    centre = contour.mean(0)
-    radius = np.hypot(*(contour - centre).T)
-    return 2 * float(radius.max()), float(np.hypot(*(centre - at)))
+    round_here = [
+        (2 * float(np.hypot(*(hole - hole.mean(0)).T).max()), float(np.hypot(*(hole.mean(0) - at)))) for hole in near
+    ]
+    # The window around a plate may have the same centre as its recess, but is larger.
+    inside = [(diameter, offset) for diameter, offset in round_here if offset < diameter / 2]
+    return min(inside, default=(float("nan"), float("nan")))
 
 
 def _both_ways(start: np.ndarray, reach: list[float]) -> np.ndarray:
