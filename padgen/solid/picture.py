@@ -10,8 +10,9 @@ from padgen.solid.mesh import Mesh
 __all__ = ["View", "picture_png"]
 
 BACKGROUND = np.array([1.0, 1.0, 1.0])
-LIGHTS = ((np.array([-0.35, -0.55, 0.76]), 0.75), (np.array([0.8, 0.1, 0.4]), 0.25))
-AMBIENT = 0.22
+# In the viewer's axes: right, up, towards. Key light from the upper left, fill from the right.
+LIGHTS = ((np.array([-0.45, 0.75, 0.5]), 0.62), (np.array([0.7, -0.1, 0.7]), 0.28))
+AMBIENT = 0.24
 
 
 class View(NamedTuple):
@@ -33,8 +34,10 @@ def picture_png(
     colours = np.concatenate([np.tile(colour, (len(mesh.triangles), 1)) for mesh, colour in parts])
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
-    shade = AMBIENT + sum(share * np.clip(normal @ (light / np.linalg.norm(light)), 0, 1) for light, share in LIGHTS)
     axes = _camera(view or View())
+    shade = AMBIENT + sum(
+        share * np.clip(normal @ axes.T @ (light / np.linalg.norm(light)), 0, 1) for light, share in LIGHTS
+    )
     screen = corners @ axes.T
     facing = normal @ axes[2] > 0
     screen = _fitted(screen, width, height)[facing]
