@@ -25,7 +25,7 @@ __all__ = ["DEFAULT_FORMATS", "FORMATS", "Built", "build", "parse_formats", "up_
 
 FORMATS = ("stl", "3mf", "step", "glb")
 DEFAULT_FORMATS = ("stl", "3mf", "step")
-PACKAGES = ("build123d", "cadquery-ocp-novtk", "lib3mf", "manifold3d", "numpy", "pillow")
+PACKAGES = ("build123d", "cadquery-ocp-novtk", "lib3mf", "manifold3d", "numpy", "pillow", "trimesh")
 THUMBNAIL_PX = (256, 256)
 PAD_COLOUR = (0.90, 0.88, 0.82)
 Progress = Callable[[str], None]
@@ -124,8 +124,8 @@ def _write_format(out: OutputFolder, name: str, plan: "Plan", pad: "PadSolid", i
 
         data = threemf_bytes(plan, pad, _metadata(plan, spec_hash), _thumbnail(pad), instances)
         path = out.write_by("pad.3mf", lambda path: _write_bytes(path, data))
-        if not instances:
-            export.verified("pad.3mf", pad.mesh, read_3mf(path))
+        compare = export.verified_volume if instances else export.verified
+        compare("pad.3mf", pad.mesh, read_3mf(path, weld=instances))
     elif name == "step":
         for channel in plan.channels:
             out.write_by(f"taxel-{channel.index}.step", export.step_writer(plan, pad, channel.index))

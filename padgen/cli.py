@@ -117,7 +117,7 @@ def _folder(options: argparse.Namespace, name: str) -> Path:
 
 
 def _plan(options: argparse.Namespace) -> int:
-    from padgen.files import OutputFolder
+    from padgen.files import OutputFolder, stale_files
     from padgen.planner import make_plan, plan_to_json
     from padgen.spec import load_spec
     from padgen.tell import findings_text, plan_text
@@ -127,7 +127,7 @@ def _plan(options: argparse.Namespace) -> int:
     folder = _folder(options, plan.name)
     with OutputFolder(folder) as out:
         out.write("plan.json", text)
-        out.commit()
+        out.commit(remove=stale_files(folder, text))
     if options.json:
         print(text, end="")
     else:

@@ -15,7 +15,7 @@ from typing import Any
 
 from padgen.errors import FileError
 
-__all__ = ["MANIFEST", "OutputFolder", "file_hash", "is_current", "read_manifest"]
+__all__ = ["MANIFEST", "OutputFolder", "file_hash", "is_current", "read_manifest", "stale_files"]
 
 MANIFEST = "manifest.json"
 
@@ -48,6 +48,7 @@ class OutputFolder:
     def __enter__(self) -> "OutputFolder":
         try:
             missing = [p for p in (self.path, *self.path.parents) if not p.exists()]
+            shutil.rmtree(self._aside, ignore_errors=True)  # left by a killed run that had our number
             self._aside.mkdir(parents=True)
             self._made = missing
         except OSError as error:
@@ -86,6 +87,8 @@ class OutputFolder:
             listed = dict(sorted(self._hashes.items()))
             text = json.dumps({**manifest, "files": listed}, indent=1, ensure_ascii=False) + "\n"
             (self._aside / MANIFEST).write_text(text, encoding="utf-8")
+        known = read_manifest(self.path).get("files", {})
+        if any(known.get(name) != new for name, new in self._hashes.items()):
             (self.path / MANIFEST).unlink(missing_ok=True)
         for name in self._hashes:
             (self._aside / name).replace(self.path / name)
@@ -96,22 +99,30 @@ class OutputFolder:
 
 
 def read_manifest(path: Path) -> dict[str, Any]:
-    """The manifest in a folder, empty when there is none that can be read."""
+    """The manifest in a folder, empty when there is none of ours: its files lie in the folder itself."""
     try:
         manifest = json.loads((path / MANIFEST).read_bytes())
     except (OSError, ValueError):
         return {}
-    return manifest if isinstance(manifest, dict) else {}
+    files = manifest.get("files") if isinstance(manifest, dict) else None
+    if not isinstance(files, dict) or any(Path(name).name != name for name in files):
+        return {}
+    return dict(manifest)
+
+
+def stale_files(path: Path, plan: str) -> list[str]:
+    """Files of an earlier build in a folder that a new `plan.json` with this text would contradict."""
+    files = read_manifest(path).get("files", {})
+    return [] if files.get("plan.json") == file_hash(plan.encode()) else list(files)
 
 
 def is_current(path: Path, inputs: dict[str, Any]) -> bool:
     """Whether a folder's manifest was made from `inputs` and its files are all there, unchanged."""
     manifest = read_manifest(path)
-    files = manifest.get("files")
-    if manifest.get("inputs") != inputs or not isinstance(files, dict):
+    if not manifest or manifest.get("inputs") != inputs:
         return False
     try:
-        return all(file_hash((path / name).read_bytes()) == known for name, known in files.items())
+        return all(file_hash((path / name).read_bytes()) == known for name, known in manifest["files"].items())
     except OSError:
         return False
 

@@ -31,7 +31,7 @@ def plan_text(plan: "Plan") -> str:
             "",
             f"selectivity ({figures.drive}, amplitude ~ 1/f^{number(figures.level_law)}):"
             f" {figures.one_hot_db:.1f} dB with one channel on, {figures.all_states_db:.1f} dB in all states"
-            f" (worst {figures.worst_state}), the paper's bound is {figures.paper_bound_db:.1f} dB",
+            f" (worst {figures.worst_state}), asked are {figures.asked_db:.1f} dB (Δy)",
         ]
     if plan.layouts:
         others = ", ".join(f"{o.rows} x {o.columns} coils with {o.channels} channels" for o in plan.layouts)

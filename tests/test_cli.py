@@ -111,7 +111,11 @@ def test_check_of_good_and_broken_files(work, capsys):
         ("bad.3mf", b"PK not really", "is not a 3MF"),
         ("odd.xyz", b"1 2 3", "is not a mesh|holds no triangles"),
         ("empty.stl", b"", "is not a mesh|holds no triangles"),
-        ("nan.stl", b"\0" * 80 + (1).to_bytes(4, "little") + b"\xff" * 48 + b"\0\0", "not finite|holds no triangles"),
+        (
+            "nan.stl",
+            b"\0" * 80 + (1).to_bytes(4, "little") + b"\xff" * 48 + b"\0\0",
+            "coordinates beyond 10000 mm|holds no triangles",
+        ),
     ],
 )
 def test_what_is_no_mesh_is_refused(work, capsys, name, content, sentence):
@@ -248,6 +252,32 @@ def test_a_folder_that_was_made_in_vain_is_taken_away(work, monkeypatch):
     monkeypatch.setattr(export, "stl_bytes", interrupt)
     assert cli.run(["build", "tiny.toml"]) == 2
     assert not (work / "out").exists()
+
+
+def test_a_manifest_cannot_point_outside_its_folder(work, capsys):
+    victim = work / "victim.txt"
+    victim.write_text("mine")
+    (work / "out/tiny").mkdir(parents=True)
+    for files in ('{"../../victim.txt": "x"}', "null", "[]", '{"a/b": "x"}'):
+        (work / "out/tiny/manifest.json").write_text(f'{{"files": {files}}}')
+        assert cli.run(["build", "tiny.toml", "--formats", "stl"]) == 0
+        assert victim.read_text() == "mine"
+
+
+def test_a_killed_run_does_not_block_the_folder(work):
+    (work / f"out/tiny/.partial-{os.getpid()}").mkdir(parents=True)
+    assert cli.run(["plan", "tiny.toml"]) == 0
+    assert {p.name for p in (work / "out/tiny").iterdir()} == {"plan.json"}
+
+
+def test_a_new_plan_takes_away_what_it_contradicts(work):
+    assert cli.run(["build", "tiny.toml"]) == 0
+    assert cli.run(["plan", "tiny.toml"]) == 0
+    assert (work / "out/tiny/pad.stl").exists()
+    assert (work / "out/tiny/manifest.json").exists()
+    (work / "tiny.toml").write_text(SMALL.replace("[50, 200]", "[60, 300]"))
+    assert cli.run(["plan", "tiny.toml"]) == 0
+    assert {p.name for p in (work / "out/tiny").iterdir()} == {"plan.json"}
 
 
 def test_a_closed_pipe_is_no_traceback(work):

@@ -115,6 +115,17 @@ def test_weaker_side_of_the_pair_at_q_15():
     assert one_hot_db(talk) == pytest.approx(14.5, abs=0.15)
 
 
+def test_pull_scales_what_a_washer_feels():
+    """A washer pulled twice as strongly feels the other's tone 6 dB louder, and vice versa."""
+    resonance, ones = np.array([60.0, 78.0]), np.ones(2)
+    even = crosstalk(resonance, ones, 26 * ones, 2.0)
+    uneven = crosstalk(resonance, ones, 26 * ones, 2.0, np.array([2.0, 1.0]))
+    assert uneven.tones / even.tones == pytest.approx(np.array([[1, 2], [0.5, 1]]))
+    assert all_states_db(uneven)[0] == pytest.approx(exhaustive_states_db(uneven))
+    # Spurs: c_i sqrt(F_a F_b/(c_a c_b)).
+    assert uneven.spurs[0, 0, 1] / even.spurs[0, 0, 1] == pytest.approx(2 / 2**0.5)
+
+
 def test_one_channel_has_nothing_to_be_told_from():
     talk = crosstalk(np.array([60.0]), np.ones(1), 15 * np.ones(1), 0.0)
     assert one_hot_db(talk) == all_states_db(talk)[0] == float("inf")

@@ -47,7 +47,7 @@ def quad_64(plan):
 def wide_11(plan):
     assert plan.capacity.paper == 11
     assert resonances(plan) == pytest.approx([24.0 * 1.4**i for i in range(11)], rel=2e-3)
-    # The paper's ladder with plain tones, Q = 15, equal displacement: computed references, 0.1 dB.
+    # The paper's ladder with plain tones, Q = 15, equal displacement and pull: computed references, 0.1 dB.
     assert plan.selectivity.one_hot_db == pytest.approx(17.4, abs=0.12)
     assert plan.selectivity.all_states_db == pytest.approx(-31.0, abs=0.1)
 

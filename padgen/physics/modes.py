@@ -10,8 +10,9 @@ import numpy as np
 
 from padgen.physics.beams import BeamSection, tip_mass, tip_stiffness
 from padgen.physics.rigid_body import RigidBody
+from padgen.units import GRAVITY_M_PER_S2
 
-__all__ = ["BeamPlacement", "Modes", "root_moment", "suspended_modes"]
+__all__ = ["BeamPlacement", "Modes", "bending_stress", "suspended_modes"]
 
 Array = Any
 
@@ -41,6 +42,16 @@ class Modes(NamedTuple):
         arm = (point - self.reference)[..., :, None]
         return self.shape[..., :3, :] + np.cross(turn, np.broadcast_to(arm, turn.shape), axis=-2)
 
+    def sag(self, point: np.ndarray) -> np.ndarray:
+        """Static sag in m of a `point` of the body under gravity (…): the sum over all modes.
+
+        The load M g e_z takes part in mode k with the k-th entry of ``shape⁻¹ e_z``.
+        """
+        lift = np.broadcast_to(np.eye(6)[2], self.frequency_hz.shape)[..., None]
+        part = np.linalg.solve(self.shape, lift)[..., 0]
+        angular = 2 * np.pi * self.frequency_hz
+        return np.asarray((self.at_point(point)[..., 2, :] * part / angular**2).sum(-1) * GRAVITY_M_PER_S2)
+
 
 def suspended_modes(
     body: RigidBody, beams: "list[BeamPlacement]", modulus: float, poisson: float, density: float
@@ -62,13 +73,27 @@ def suspended_modes(
     return _eigen(stiffness, mass, body.centroid)
 
 
-def root_moment(
+def bending_stress(
     beam: BeamPlacement, displacement: np.ndarray, reference: np.ndarray, modulus: float, poisson: float
 ) -> np.ndarray:
-    """Bending moment in N·m at the root of `beam` for a `displacement` (…, 6) of the body at `reference`."""
+    """Largest vertical bending stress in Pa along `beam` for a `displacement` (…, 6) of the body at `reference`.
+
+    The moment is linear along the beam and the section uniform but for the flare, so the largest
+    stress is at the root, where the flare ends, or at the tip. Notch factors are left out.
+    """
+    section = beam.section
     tip = _carry(beam, reference) @ displacement[..., None]
-    load = (tip_stiffness(beam.section, modulus, poisson) @ tip)[..., 0]
-    return np.asarray(load[..., 2] * beam.section.length - load[..., 4])
+    load = (tip_stiffness(section, modulus, poisson) @ tip)[..., 0]
+    stations: list[tuple[Any, Any]] = [
+        (0.0, section.width + 2 * np.asarray(section.fillet)),
+        (section.fillet, section.width),
+        (section.length, section.width),
+    ]
+    stresses: list[Any] = [
+        np.abs(load[..., 2] * (section.length - at) - load[..., 4]) * 6 / (width * section.thickness**2)
+        for at, width in stations
+    ]
+    return np.asarray(np.maximum.reduce(np.broadcast_arrays(*stresses)))
 
 
 def _body_mass(body: RigidBody) -> np.ndarray:

@@ -36,19 +36,29 @@ def wanted_force(resonance_hz: np.ndarray, mass: np.ndarray, q: np.ndarray, leve
     return force
 
 
-def crosstalk(resonance_hz: np.ndarray, mass: np.ndarray, q: np.ndarray, level_law: float) -> Crosstalk:
+def crosstalk(
+    resonance_hz: np.ndarray,
+    mass: np.ndarray,
+    q: np.ndarray,
+    level_law: float,
+    pull: np.ndarray | None = None,
+) -> Crosstalk:
     """Relative amplitudes of all taxels of one coil under all tones and pairs of tones.
 
-    Arrays of shape (n,): resonances in Hz, effective masses in kg, quality factors.
+    Arrays of shape (n,): resonances in Hz, effective masses in kg, quality factors and, where the
+    washers are not all pulled alike by the coil, the force constants `pull` in N/A²: the current
+    that drives channel j pulls taxel i with c_i/c_j of the force on taxel j.
     """
     force = wanted_force(resonance_hz, mass, q, level_law)
+    pull = np.ones(len(force)) if pull is None else pull
     response = _Response(resonance_hz, mass, q, force)
-    tones = response.at(resonance_hz[None, :]) * force
+    tones = response.at(resonance_hz[None, :]) * force * pull[:, None] / pull
     sums = (resonance_hz[:, None] + resonance_hz) / 2
     differences = np.abs(resonance_hz[:, None] - resonance_hz) / 2
     # The spur is c I_j I_k against a wanted line of c I²/2: twice the geometric mean.
-    amplitude = 2 * np.sqrt(force[:, None] * force)
-    np.fill_diagonal(amplitude, 0.0)
+    current = np.sqrt(force / pull)
+    amplitude = 2 * current[:, None] * current * pull[:, None, None]
+    amplitude[:, np.arange(len(force)), np.arange(len(force))] = 0.0
     energy = response.at(sums[None]) ** 2 + response.at(differences[None]) ** 2
     return Crosstalk(tones, np.sqrt(energy) * amplitude)
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from padgen.errors import InfeasibleError
 from padgen.physics.magnetics import SolenoidCoil, SteelRing, force_constant
-from padgen.physics.resonator import ring_up_time, static_sag
+from padgen.physics.resonator import ring_up_time
 from padgen.physics.selectivity import all_states_db, crosstalk, one_hot_db
 from padgen.planner.capacity import channel_limit, coil_capacity
 from padgen.planner.judge import judge
@@ -41,12 +41,13 @@ def make_plan(spec: Spec) -> Plan:
 
         raise InfeasibleError(why_not(spec, options, limit), "resolution")
     layout, channels = sized
-    bare = _assemble(spec, layout, channels, _runners_up(spec, options, layout), limit)
-    return replace(bare, findings=judge(spec, bare, layout, channels))
+    limits = _what_limits(spec, options, layout, limit)
+    bare = _assemble(spec, layout, channels, _runners_up(spec, options, layout), limits)
+    return replace(bare, findings=judge(spec, bare, channels))
 
 
 def _assemble(
-    spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...], layouts: tuple[LayoutOption, ...], limit: int
+    spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...], layouts: tuple[LayoutOption, ...], limits: str
 ) -> Plan:
     sites = sites_of(spec, layout, sized)
     channels = _channels(spec, layout, sized, sites)
@@ -54,7 +55,7 @@ def _assemble(
     return Plan(
         name=spec.name,
         spec=asdict(spec),
-        capacity=coil_capacity(spec, _what_limits(spec, layout, limit)),
+        capacity=coil_capacity(spec, limits),
         coils=CoilGrid(layout.rows, layout.columns, min(pitch_x, pitch_y), pitch_x, pitch_y),
         cell=Cell(layout.sub_columns, layout.sub_rows, layout.sub_width_mm, layout.sub_depth_mm, layout.beam_axis),
         channels=channels,
@@ -89,10 +90,11 @@ def _channels(
                 level_um=float(level_um[i]),
                 rule_hz=float(item.model.rule_hz),
                 target_hz=item.target_hz,
-                second_mode_hz=second_mode_hz(item),
+                second_mode_hz=item.model.second_mode[0],
+                second_mode_share=item.model.second_mode[1],
                 modes_hz=tuple(item.model.modes.frequency_hz.tolist()),
                 mode_shares=tuple((item.model.compliances * stiffness).tolist()),
-                sag_um=float(static_sag(resonance[i])) / UM,
+                sag_um=float(item.model.sag_m) / UM,
                 root_stress_mpa=float(item.model.root_stress_pa(level_um[i] * UM)) / MPA,
                 print_spread=float(frequency_spread(item.beam, spec.printer)),
                 force_mn=float(level_um[i]) * UM * stiffness / spec.q_min / MN,
@@ -122,19 +124,6 @@ def magnetic_parts(spec: Spec) -> tuple[SolenoidCoil, SteelRing]:
             washer.relative_permeability,
         ),
     )
-
-
-def second_mode_hz(item: SizedChannel) -> float:
-    """The mode nearest above (or else below) the working one that a pull at the washer excites at all."""
-    share = item.model.compliances / item.model.compliances.max()
-    resonance = float(item.model.resonance_hz)
-    others = [
-        float(f)
-        for k, f in enumerate(item.model.modes.frequency_hz)
-        if k != int(item.model.working) and share[k] > 1e-6
-    ]
-    above = [f for f in others if f > resonance]
-    return min(above) if above else max(others, default=float("inf"))
 
 
 def _beam(spec: Spec, item: SizedChannel) -> Beam:
@@ -183,39 +172,57 @@ def washer_place(site: Site, washer_x_mm: float) -> tuple[float, float]:
 
 
 def _selectivity(spec: Spec, channels: tuple[Channel, ...]) -> Selectivity:
-    talk = crosstalk(
+    resonators = (
         np.array([c.resonance_hz for c in channels]),
         np.array([c.effective_mass_g for c in channels]),
         np.array([c.q for c in channels]),
-        spec.drive.level_law,
     )
-    states, worst = all_states_db(talk)
+    even = crosstalk(*resonators, spec.drive.level_law)
+    pull = np.array([c.force_constant_n_per_a2 for c in channels])
+    placed = crosstalk(*resonators, spec.drive.level_law, pull) if (pull > 0).all() else even
+    states, worst = all_states_db(even)
     alone = len(channels) < 2
     return Selectivity(
         drive=spec.drive.scheme,
         level_law=spec.drive.level_law,
-        one_hot_db=None if alone else one_hot_db(talk),
+        one_hot_db=None if alone else one_hot_db(even),
         all_states_db=None if alone else states,
         worst_state=worst,
-        paper_bound_db=decibel(spec.delta_y),
+        asked_db=decibel(spec.delta_y),
+        placed_one_hot_db=None if alone else one_hot_db(placed),
+        placed_all_states_db=None if alone else all_states_db(placed)[0],
     )
 
 
 def _runners_up(spec: Spec, options: list[Layout], chosen: Layout) -> tuple[LayoutOption, ...]:
     """The next layouts that hold as well."""
     others = (layout for layout, _ in sized_layouts(spec, options) if layout is not chosen)
-    return tuple(_option(layout, "holds") for layout in islice(others, RUNNERS_UP))
+    return tuple(_option(layout) for layout in islice(others, RUNNERS_UP))
 
 
-def _option(layout: Layout, verdict: str) -> LayoutOption:
+def _option(layout: Layout) -> LayoutOption:
     taxels = layout.coils * layout.channels - layout.surplus
-    return LayoutOption(layout.rows, layout.columns, layout.channels, taxels, layout.margin_mm, verdict)
+    return LayoutOption(layout.rows, layout.columns, layout.channels, taxels, layout.margin_mm)
 
 
-def _what_limits(spec: Spec, layout: Layout, limit: int) -> str:
-    """Which limit keeps this layout from one more channel per coil."""
+def _what_limits(spec: Spec, options: list[Layout], layout: Layout, limit: int) -> str:
+    """Which limit keeps this pad from more channels per coil, and so from fewer coils."""
     if spec.resonances_hz:
         return "resonances_hz"
     if layout.channels >= limit:
         return "band and Q"
-    return "resolution"
+    if layout.coils == 1 or spec.coil.grid:
+        return "resolution"
+    more = [o for o in options if o.channels > layout.channels and o.coils < layout.coils]
+    if not more:
+        return "resolution"
+    nearest = max(more, key=lambda o: o.margin_mm)
+    return LIMITS[nearest.binding[0]] if nearest.margin_mm < 0 else "resonances that print"
+
+
+LIMITS = {
+    "coil": "coil diameter",
+    "width": "washer in the sub-cell",
+    "length": "beam in the sub-cell",
+    "reach": "reach of the coil",
+}

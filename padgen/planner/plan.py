@@ -109,6 +109,7 @@ class Channel:
     target_hz: float
     rule_hz: float
     second_mode_hz: float
+    second_mode_share: float
     modes_hz: tuple[float, ...]
     mode_shares: tuple[float, ...]
     sag_um: float
@@ -133,26 +134,31 @@ class Taxel:
 
 @dataclass(frozen=True, slots=True)
 class Selectivity:
-    """How far OFF taxels stay below ON taxels with the planned drive; None where one channel has no other."""
+    """How far OFF taxels stay below ON taxels with the planned drive; None where one channel has no other.
+
+    The first figures take all washers of a coil as pulled alike, as the paper's bound does; the
+    `placed` ones count that a nearer washer feels every tone more. `asked_db` is Δy in dB.
+    """
 
     drive: str
     level_law: float
     one_hot_db: float | None
     all_states_db: float | None
     worst_state: str
-    paper_bound_db: float
+    asked_db: float
+    placed_one_hot_db: float | None
+    placed_all_states_db: float | None
 
 
 @dataclass(frozen=True, slots=True)
 class LayoutOption:
-    """A layout that would do as well, or why one does not."""
+    """A layout that would do as well."""
 
     rows: int
     columns: int
     channels: int
     taxels: int
     margin_mm: float
-    verdict: str
 
 
 @dataclass(frozen=True)

@@ -114,7 +114,7 @@ def _grid(spec: Spec, shortest: float, longest: float) -> tuple[np.ndarray, np.n
     thickness = (
         np.array([wanted.thickness_mm])
         if wanted.thickness_mm
-        else layer_thicknesses_mm(spec.printer, spec.taxel.plate_thickness_mm)
+        else layer_thicknesses_mm(spec.printer, spec.taxel.plate_thickness_mm - spec.printer.layer_mm)
     )
     if wanted.length_mm:
         return thickness, np.array([wanted.length_mm] if shortest <= wanted.length_mm <= longest + 1e-9 else [])

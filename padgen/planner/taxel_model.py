@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from padgen.physics.beams import BeamSection
-from padgen.physics.modes import BeamPlacement, Modes, root_moment, suspended_modes
+from padgen.physics.modes import BeamPlacement, Modes, bending_stress, suspended_modes
 from padgen.physics.resonator import natural_frequency, rule_stiffness
 from padgen.physics.rigid_body import RigidBody, box, combine, ring
 from padgen.planner.suspensions import TOPOLOGIES, Arrangement, BeamShape, PlateShape, Strip
@@ -182,17 +182,30 @@ class TaxelModel:
         one = rule_stiffness(self._elastic[0], width, thickness, length, topology.END_FACTOR)
         return np.asarray(natural_frequency(topology.BEAMS * one, self.body.mass))
 
+    @property
+    def sag_m(self) -> np.ndarray:
+        """Sag of the washer under the weight of body and beams."""
+        return self.modes.sag(self.washer_point_m)
+
+    @property
+    def second_mode(self) -> tuple[float, float]:
+        """Frequency in Hz and share of the static compliance of the mode nearest in ratio to the working one.
+
+        Of a single taxel. The share is 0 where a pull at the washer's axis does not excite it.
+        """
+        working = int(self.working)
+        others = [k for k in range(6) if k != working]
+        ratio = np.abs(np.log(self.modes.frequency_hz / self.modes.frequency_hz[working]))
+        nearest = min(others, key=lambda k: float(ratio[k]))
+        return float(self.modes.frequency_hz[nearest]), float(self.compliances[nearest] / self.compliances[working])
+
     def root_stress_pa(self, level_m: np.ndarray) -> np.ndarray:
-        """Largest bending stress at a beam's root when the washer moves by `level_m`, in the working mode."""
+        """Largest bending stress of the beams when the washer moves by `level_m`, in the working mode."""
         shape = np.take_along_axis(self.modes.shape, self.working[..., None, None], -1)[..., 0]
         vertical = _take(self.modes.at_point(self.washer_point_m)[..., 2, :], self.working)
         motion = shape * (level_m / vertical)[..., None]
-        worst = 0.0
-        for beam in self.placements:
-            moment = root_moment(beam, motion, self.modes.reference, *self._elastic[:2])
-            width = beam.section.width + 2 * beam.section.fillet
-            worst = np.maximum(worst, np.abs(moment) * 6 / (width * beam.section.thickness**2))
-        return np.asarray(worst)
+        stresses = [bending_stress(beam, motion, self.modes.reference, *self._elastic[:2]) for beam in self.placements]
+        return np.asarray(np.maximum.reduce(stresses))
 
 
 def _take(values: np.ndarray, index: np.ndarray) -> np.ndarray:

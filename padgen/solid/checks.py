@@ -68,7 +68,7 @@ def check_pad(pad: PadSolid, plan: Plan) -> Report:
     figures = _shape_figures(pad.mesh, state, spec.material.density_g_per_cm3)
     findings = [*_closed(state), *_one_body(state), *_on_bed(pad.mesh, spec.printer)]
     for name, tile in zip([*(f"taxel {c.index}" for c in plan.channels), "frame"], pad.tiles, strict=True):
-        findings += _pierced(tile.mesh, name)
+        findings += [*_pierced(tile.mesh, name), *_within_cell(tile.mesh, plan, name)]
     findings += _volume(state.volume_mm3, pad.volume_mm3)
     figures["exact_volume_mm3"] = pad.volume_mm3
     if state.closed:
@@ -193,6 +193,13 @@ def _pierced(mesh: Mesh, where: str = "mesh") -> Iterator[Finding]:
         )
 
 
+def _within_cell(mesh: Mesh, plan: Plan, where: str) -> Iterator[Finding]:
+    half = np.array([plan.cell.width_mm, plan.cell.depth_mm]) / 2
+    beyond = float((np.abs(mesh.vertices_mm[:, :2]) - half).max())
+    if beyond > BUILT_MM:
+        yield Finding("error", "mesh.cell", where, f"it reaches {number(beyond)} mm out of its sub-cell, must be 0")
+
+
 def _on_bed(mesh: Mesh, printer: Printer) -> Iterator[Finding]:
     if not len(mesh.vertices_mm):
         return
@@ -260,7 +267,8 @@ def _overhangs(mesh: Mesh, printer: Printer) -> Iterator[Finding]:
     size = np.linalg.norm(normal, axis=1)
     down = -normal[:, 2] / np.maximum(size, 1e-30)
     angle = np.degrees(np.arcsin(np.clip(down, -1, 1)))
-    steep = (angle > printer.steepest_overhang_deg + 0.1) & (angle < 89.9)
+    on_bed = corners[..., 2].max(1) < corners[..., 2].min(initial=np.inf) + printer.first_layer_mm
+    steep = (angle > printer.steepest_overhang_deg + 0.1) & (angle < 89.9) & ~on_bed
     area = float(size[steep].sum() / 2)
     if area > printer.line_width_mm**2:
         worst = np.flatnonzero(steep)[angle[steep].argmax()]

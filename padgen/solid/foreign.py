@@ -13,6 +13,7 @@ from padgen.spec import Spec
 __all__ = ["check_file", "read_mesh"]
 
 WELD_MM = 1e-5
+LARGEST_MM = 1e4
 
 
 def read_mesh(path: Path) -> Mesh:
@@ -38,10 +39,10 @@ def read_mesh(path: Path) -> Mesh:
     if not isinstance(part, trimesh.Trimesh) or not len(part.faces):
         raise MeshFileError("holds no triangles", str(path))
     vertices, faces = np.asarray(part.vertices, float), np.asarray(part.faces, np.int64)
-    if not np.isfinite(vertices).all():
-        raise MeshFileError("has coordinates that are not finite", str(path))
-    scale = 1000.0 if path.suffix.lower() in (".glb", ".gltf") else 1.0
-    return welded(vertices * scale, faces, WELD_MM)
+    vertices = vertices * (1000.0 if path.suffix.lower() in (".glb", ".gltf") else 1.0)
+    if not (np.abs(vertices) <= LARGEST_MM).all():
+        raise MeshFileError(f"has coordinates beyond {LARGEST_MM:g} mm, or none at all", str(path))
+    return welded(vertices, faces, WELD_MM)
 
 
 def check_file(path: Path, spec: Spec | None, fallback: Spec, progress: Callable[[str], None]) -> Report:

@@ -1,6 +1,7 @@
 """Built = planned: dimensions of every taxel measured back from the final mesh by rays."""
 
 from collections.abc import Callable, Iterator
+from math import inf, isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +14,10 @@ from padgen.solid.taxel import tile_model
 from padgen.spec import Spec
 
 __all__ = ["Dimension", "measured"]
+
+
+STATIONS = (0.4, 0.65, 0.9)
+"""Where along a beam, from the root, width and thickness are measured: outside the flare."""
 
 
 class Dimension(NamedTuple):
@@ -63,16 +68,23 @@ def _gauges(plan: Plan, channel: Channel) -> Iterator[_Gauge]:
 
 
 def _beam_gauges(name: str, strip: Strip, beam: Beam, lowest_block: float) -> Iterator[_Gauge]:
-    x, y = float(strip.root_x_mm + strip.tip_x_mm) / 2, float(strip.y_mm)
-    inside = np.array([x, y, beam.thickness_mm / 2])
-    above = np.array([x, y, (beam.thickness_mm + lowest_block) / 2])
-    yield _Gauge(f"{name} width", beam.width_mm, _both_ways(inside, [0, beam.width_mm, 0]), sum)
+    root, run, y = float(strip.root_x_mm), float(strip.tip_x_mm - strip.root_x_mm), float(strip.y_mm)
+    above = np.array([root + run / 2, y, (beam.thickness_mm + lowest_block) / 2])
     yield _Gauge(f"{name} length", beam.length_mm, _both_ways(above, [beam.length_mm, 0, 0]), sum)
-    under, over = np.array([x, y, -1.0]), np.array([x, y, lowest_block])
-    span = lowest_block + 1
-    faces = np.array([[under, inside], [over, inside]])
-    yield _Gauge(f"{name} thickness", beam.thickness_mm, faces, lambda runs: span - sum(runs))
-    yield _Gauge(f"{name} height above the bed", 0.0, faces[:1], lambda runs: runs[0] - 1)
+    inside = [np.array([root + share * run, y, beam.thickness_mm / 2]) for share in STATIONS]
+    across = np.concatenate([_both_ways(at, [0, beam.width_mm, 0]) for at in inside])
+    yield _Gauge(f"{name} width", beam.width_mm, across, lambda runs: _worst(runs, beam.width_mm, 0.0, 1.0))
+    span = lowest_block + 2
+    faces = np.array([[[*at[:2], z], at] for at in inside for z in (-1.0, lowest_block + 1)])
+    thickness = beam.thickness_mm
+    yield _Gauge(f"{name} thickness", thickness, faces, lambda runs: _worst(runs, thickness, span, -1.0))
+    yield _Gauge(f"{name} height above the bed", 0.0, faces[::2], lambda runs: max(runs) - 1)
+
+
+def _worst(runs: list[float], planned: float, span: float, sign: float) -> float:
+    """Of one sum of two runs (or what it leaves of `span`) per station, the one farthest from `planned`."""
+    sizes = [span + sign * (a + b) for a, b in zip(runs[::2], runs[1::2], strict=True)]
+    return max(sizes, key=lambda size: abs(size - planned) if isfinite(size) else inf)
 
 
 def _recess_gauges(spec: Spec, washer_x: float) -> Iterator[_Gauge]:

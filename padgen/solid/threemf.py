@@ -39,8 +39,8 @@ def threemf_bytes(plan: Plan, pad: PadSolid, metadata: dict[str, str], thumbnail
     return _without_times(data)
 
 
-def read_3mf(path: Path) -> Mesh:
-    """All triangles of the build items of a 3MF in mm, instances placed.
+def read_3mf(path: Path, weld: bool = True) -> Mesh:
+    """All triangles of the build items of a 3MF in mm, instances placed, parts joined where they touch.
 
     Raises
     ------
@@ -65,9 +65,10 @@ def read_3mf(path: Path) -> Mesh:
     counts = np.cumsum([0] + [len(v) for v, _ in parts])
     vertices = np.concatenate([v for v, _ in parts]) * scale
     triangles = np.concatenate([t + n for (_, t), n in zip(parts, counts, strict=False)])
-    return welded(vertices, triangles, 1e-5)
+    return welded(vertices, triangles, WELD_MM) if weld else Mesh(vertices, triangles)
 
 
+WELD_MM = 1e-5
 _MM_PER_UNIT = (1e-3, 1.0, 10.0, 25.4, 304.8, 1000.0)
 
 

@@ -10,7 +10,8 @@ from padgen.spec.fields import choice, flag, numbers, quantity, text
 
 __all__ = ["Coil", "Drive", "Material", "Pad", "Printer", "Spec", "Suspension", "Taxel", "Washer"]
 
-TOPOLOGIES = ("auto", "cantilever", "folded", "bridge")
+SUSPENSIONS = ("cantilever", "folded", "bridge")
+"""Each is a module of that name in `padgen.planner.suspensions`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +129,7 @@ class Suspension:
     """How the plates hang and what of their beams may be tuned."""
 
     topology: str = choice(
-        "auto", of=TOPOLOGIES, doc="kind of suspension; auto takes the one least sensitive to printing"
+        "auto", of=("auto", *SUSPENSIONS), doc="kind of suspension; auto takes the one least sensitive to printing"
     )
     tune: str = choice(
         "width+thickness+length",

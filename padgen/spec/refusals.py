@@ -112,7 +112,16 @@ def _refuse_taxel(spec: Spec) -> None:
 
 
 def _refuse_plate(spec: Spec) -> None:
-    taxel = spec.taxel
+    taxel, printer = spec.taxel, spec.printer
+    recess = spec.washer.outer_diameter_mm + taxel.washer_clearance_mm
+    span = (recess - spec.washer.inner_diameter_mm) / 2 if taxel.centre_post else recess
+    if span > printer.longest_bridge_mm:
+        raise SpecError(
+            f"{spec.washer.name!r} needs a recess whose roof spans {number(span)} mm, {printer.name} bridges"
+            f" {number(printer.longest_bridge_mm)} mm; take a washer of at most"
+            f" {number(printer.longest_bridge_mm - taxel.washer_clearance_mm)} mm, or taxel.centre_post = true",
+            "washer",
+        )
     walled = spec.washer.outer_diameter_mm + taxel.washer_clearance_mm + 2 * spec.printer.line_width_mm
     bound = max(walled, taxel.boss_diameter_mm)
     for name, value in (("plate_length_mm", taxel.plate_length_mm), ("plate_width_mm", taxel.plate_width_mm)):
@@ -138,9 +147,9 @@ def _refuse_beam(spec: Spec) -> None:
             f" {number(nearest)} mm",
             "suspension.thickness_mm",
         )
-    if thickness > spec.taxel.plate_thickness_mm:
+    bound = spec.taxel.plate_thickness_mm - printer.layer_mm
+    if thickness > bound + 1e-9:
         raise SpecError(
-            f"must not exceed the plate's thickness of {number(spec.taxel.plate_thickness_mm)} mm,"
-            f" got {number(thickness)} mm",
+            f"must stay a layer below the plate's thickness, at most {number(bound)} mm, got {number(thickness)} mm",
             "suspension.thickness_mm",
         )

@@ -1,4 +1,4 @@
-"""Suspension topologies, each one file; a new one is that file and one line of `TOPOLOGIES`.
+"""Suspension topologies, each one file; a new one is that file and its name in `padgen.spec.model.SUSPENSIONS`.
 
 A topology is a module with
 
@@ -11,15 +11,12 @@ A topology is a module with
 All take numbers or arrays, so that one call lays out a whole grid of candidates.
 """
 
+from importlib import import_module
 from types import ModuleType
 
-from padgen.planner.suspensions import bridge, cantilever, folded
 from padgen.planner.suspensions.arrangement import Arrangement, BeamShape, Block, PlateShape, Room, Strip
+from padgen.spec.model import SUSPENSIONS
 
 __all__ = ["TOPOLOGIES", "Arrangement", "BeamShape", "Block", "PlateShape", "Room", "Strip"]
 
-TOPOLOGIES: dict[str, ModuleType] = {
-    "cantilever": cantilever,
-    "folded": folded,
-    "bridge": bridge,
-}
+TOPOLOGIES: dict[str, ModuleType] = {name: import_module(f"{__name__}.{name}") for name in SUSPENSIONS}
