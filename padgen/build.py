@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from padgen import __version__
 from padgen.errors import SpecError
-from padgen.files import OutputFolder, file_hash, is_current, read_manifest
+from padgen.files import OutputFolder, file_hash, is_current, json_text, read_manifest
 from padgen.finding import Finding
 from padgen.spec import Spec
 
@@ -158,9 +158,7 @@ def _metadata(plan: "Plan", spec_hash: str) -> dict[str, str]:
 
 
 def _checks_json(figures: dict[str, Any], findings: tuple[Finding, ...]) -> str:
-    rounded = {k: float(f"{v:.8g}") if isinstance(v, float) else v for k, v in figures.items()}
-    table = {"figures": rounded, "findings": [asdict(f) for f in findings]}
-    return json.dumps(table, indent=1, ensure_ascii=False) + "\n"
+    return json_text({"figures": figures, "findings": [asdict(f) for f in findings]})
 
 
 def _inputs(spec: Spec, formats: tuple[str, ...], instances: bool) -> dict[str, Any]:

@@ -139,6 +139,7 @@ def _plan(options: argparse.Namespace) -> int:
 
 def _build(options: argparse.Namespace) -> int:
     from padgen.build import build, parse_formats, up_to_date
+    from padgen.files import json_text
     from padgen.spec import load_spec
 
     spec = load_spec(options.spec)
@@ -151,8 +152,7 @@ def _build(options: argparse.Namespace) -> int:
     if options.json:
         from dataclasses import asdict
 
-        table = {**asdict(built), "folder": str(built.folder)}
-        print(json.dumps(table, indent=1, ensure_ascii=False))
+        print(json_text({**asdict(built), "folder": str(built.folder)}), end="")
     else:
         from padgen.tell import built_text, findings_text
 
@@ -178,7 +178,9 @@ def _check(options: argparse.Namespace) -> int:
     if options.json:
         from dataclasses import asdict
 
-        print(json.dumps(asdict(report), indent=1, ensure_ascii=False))
+        from padgen.files import json_text
+
+        print(json_text(asdict(report)), end="")
     else:
         from padgen.tell import figures_text, findings_text
 

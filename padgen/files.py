@@ -9,15 +9,31 @@ import os
 import shutil
 from collections.abc import Callable, Iterable
 from hashlib import sha256
+from math import isfinite
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 from padgen.errors import FileError
 
-__all__ = ["MANIFEST", "OutputFolder", "file_hash", "is_current", "read_manifest", "stale_files"]
+__all__ = ["MANIFEST", "OutputFolder", "file_hash", "is_current", "json_text", "read_manifest", "stale_files"]
 
 MANIFEST = "manifest.json"
+
+
+def json_text(table: Any) -> str:
+    """JSON as all files hold it: ten significant digits, so that platforms agree, and null for no number."""
+    return json.dumps(_plain(table), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, float):
+        return float(f"{value:.10g}") if isfinite(value) else None
+    return value
 
 
 def file_hash(data: bytes) -> str:
@@ -85,8 +101,7 @@ class OutputFolder:
         """Move all files in, then the manifest (with every file's hash); drop stale files named in `remove`."""
         if manifest is not None:
             listed = dict(sorted(self._hashes.items()))
-            text = json.dumps({**manifest, "files": listed}, indent=1, ensure_ascii=False) + "\n"
-            (self._aside / MANIFEST).write_text(text, encoding="utf-8")
+            (self._aside / MANIFEST).write_text(json_text({**manifest, "files": listed}), encoding="utf-8")
         known = read_manifest(self.path).get("files", {})
         if any(known.get(name) != new for name, new in self._hashes.items()):
             (self.path / MANIFEST).unlink(missing_ok=True)

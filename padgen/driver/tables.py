@@ -3,12 +3,12 @@
 import cmath
 import csv
 import io
-import json
 from dataclasses import asdict, dataclass, fields
-from math import degrees, inf, isfinite, sqrt
+from math import degrees, inf, sqrt
 
 from padgen.driver.tones import LARGEST_TABLE, coil_states
 from padgen.errors import number
+from padgen.files import json_text
 from padgen.physics.magnetics import impedance
 from padgen.planner.plan import Plan
 from padgen.units import MA, MH, MN
@@ -80,14 +80,4 @@ def drive_json(plan: Plan) -> str:
         else f"{number(2 ** len(plan.channels))} states are not spelled out; at most {LARGEST_TABLE} channels are",
         "taxels": [{"id": t.id, "coil": list(t.coil), "channel": t.channel} for t in plan.taxels],
     }
-    return json.dumps(_rounded(table), indent=1, ensure_ascii=False) + "\n"
-
-
-def _rounded(value: object) -> object:
-    if isinstance(value, dict):
-        return {key: _rounded(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_rounded(entry) for entry in value]
-    if isinstance(value, float):
-        return float(f"{value:.8g}") if isfinite(value) else None
-    return value
+    return json_text(table)

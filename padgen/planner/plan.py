@@ -3,10 +3,10 @@
 import json
 from dataclasses import asdict, dataclass, fields, is_dataclass
 from functools import cached_property
-from math import isfinite
 from typing import Any, get_args, get_origin
 
 from padgen.errors import FileError
+from padgen.files import json_text
 from padgen.finding import Finding
 from padgen.spec import Spec, make_spec
 
@@ -185,7 +185,7 @@ class Plan:
 
 def plan_to_json(plan: Plan) -> str:
     """The plan as JSON text, keys in the order of the fields; the same plan gives the same bytes."""
-    return json.dumps(_plain(asdict(plan)), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return json_text(asdict(plan))
 
 
 def plan_from_json(text: str, where: str = "plan.json") -> Plan:
@@ -201,17 +201,6 @@ def plan_from_json(text: str, where: str = "plan.json") -> Plan:
     except (KeyError, TypeError, ValueError) as error:
         raise FileError(f"is not a plan ({type(error).__name__}: {error})", where) from error
     return plan
-
-
-def _plain(value: Any) -> Any:
-    """Lists for tuples, and ten significant digits, so that platforms agree on the text."""
-    if isinstance(value, dict):
-        return {key: _plain(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, float):
-        return float(f"{value:.10g}") if isfinite(value) else None
-    return value
 
 
 def _read(kind: Any, value: Any) -> Any:
