@@ -11,7 +11,6 @@ import numpy as np
 
 from padgen.planner.plan import Channel, Plan, Taxel
 from padgen.solid.frame import TURNS, to_cell
-from padgen.solid.taxel import tile_model
 
 
 @dataclass(frozen=True)
@@ -79,7 +78,7 @@ def laid_beams(plan: Plan, extrusions: Extrusions, centre_mm: tuple[float, float
 
 def _middles(plan: Plan, channel: Channel, taxel: Taxel) -> list[tuple[np.ndarray, np.ndarray]]:
     """Middle of each beam on the pad and the direction across it."""
-    arrangement = tile_model(plan, channel).arrangement
+    arrangement = plan.arrangement(channel)
     points = [[float(s.root_x_mm + s.tip_x_mm) / 2, float(s.y_mm), 0.0] for s in arrangement.beams]
     washer = to_cell(np.array([float(arrangement.washer_x_mm), 0.0, 0.0]), channel)
     places = to_cell(np.array(points), channel) - washer

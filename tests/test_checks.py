@@ -8,6 +8,7 @@ import pytest
 
 from padgen.planner import make_plan
 from padgen.solid.checks import check_mesh, check_pad, compare_mesh
+from padgen.solid.frame import to_cell
 from padgen.solid.mesh import Mesh, as_manifold, from_manifold
 from padgen.solid.pad import build_pad
 from padgen.solid.sections import sections, smallest, unsupported_spans
@@ -165,9 +166,12 @@ def test_a_lifted_beam(small_pad, small_plan):
 
 def test_a_washer_that_does_not_fit(small_pad, small_plan):
     spec = {**small_plan.spec, "washer": {**small_plan.spec["washer"], "outer_diameter_mm": 3.8}}
-    other = replace(small_plan, spec=spec)
-    found = check_pad(small_pad, other).findings
+    found = check_pad(small_pad, replace(small_plan, spec=spec)).findings
     assert any(f.code == "washer.fit" and "recess diameter" in f.message for f in found)
+    other = replace(small_plan, plate=replace(small_plan.plate, recess_diameter_mm=4.0, recess_depth_mm=0.5))
+    found = [f.message for f in check_pad(small_pad, other).findings if f.code == "built.planned"]
+    assert any("recess diameter is 3.7 mm, planned are 4 mm" in message for message in found)
+    assert any("recess depth is 0.4 mm, planned are 0.5 mm" in message for message in found)
 
 
 def test_a_narrow_gap():
@@ -196,6 +200,37 @@ def test_a_long_bridge():
 
 def test_a_face_that_hangs_from_nothing():
     assert "print.bridge" in codes(checked(box((5, 5, 1)) + box((25, 2, 1), (0, 0, 1))))
+
+
+def test_a_skin_thinner_than_a_layer():
+    def roofed(roof):
+        return box((6, 6, 1)) - box((3, 3, 1 - roof), (1.5, 1.5, 0))
+
+    assert "print.skin" in codes(checked(roofed(0.06)))
+    assert "print.skin" not in codes(checked(roofed(0.1)))
+    assert "print.skin" in codes(checked(box((6, 6, 0.06))))
+
+
+def test_a_tile_that_leaves_its_cell(small_pad, small_plan):
+    tile = small_pad.tiles[1]
+    moved = Mesh(tile.mesh.vertices_mm + np.array([0.2, 0, 0]), tile.mesh.triangles)
+    tiles = (small_pad.tiles[0], replace(tile, mesh=moved), *small_pad.tiles[2:])
+    assert "mesh.cell" in codes(check_pad(replace(small_pad, tiles=tiles), small_plan))
+
+
+def test_a_tapered_beam(small_pad, small_plan):
+    """A notch near the tip is found though the beam's middle is as planned."""
+    channel = small_plan.channels[0]
+    taxel = next(t for t in small_plan.taxels if t.channel == 0)
+    solid = as_manifold(small_pad.mesh, "pad")
+    spot = to_cell(np.array([0.9 * channel.beam.length_mm, 0.0, 0.0]), channel)
+    washer = to_cell(np.array([float(small_plan.arrangement(channel).washer_x_mm), 0.0, 0.0]), channel)
+    x, y = taxel.x_mm + spot[0] - washer[0], taxel.y_mm + spot[1] - washer[1]
+    half = channel.beam.width_mm / 2
+    across = abs(to_cell(np.array([0.0, 1.0, 0.0]), channel) - to_cell(np.zeros(3), channel))
+    notch = box((0.3, 0.3, 2.0), (-0.15, -0.15, -1.0)).translate((x + half * across[0], y + half * across[1], 0.0))
+    found = check_pad(replace(small_pad, mesh=from_manifold(solid - notch)), small_plan).findings
+    assert any("beam width" in f.message for f in found if f.code == "built.planned")
 
 
 def test_a_steep_overhang():

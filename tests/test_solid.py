@@ -12,7 +12,7 @@ from padgen.solid.frame import outline, to_cell
 from padgen.solid.kernel import build123d, kernel_errors
 from padgen.solid.mesh import as_manifold, signed_volume_mm3, tessellated, welded
 from padgen.solid.pad import build_pad, tile_grid
-from padgen.solid.taxel import taxel_solid, tile_model, washer_solid
+from padgen.solid.taxel import taxel_solid, washer_solid
 from padgen.solid.topology import topology
 from padgen.spec import parse_spec
 from tests.conftest import SMALL
@@ -20,8 +20,8 @@ from tests.conftest import SMALL
 
 def volume_by_hand(plan, channel):
     """Frame less window, beams with flares, blocks, boss with chamfer, less recess."""
-    spec, model = plan.typed_spec, tile_model(plan, channel)
-    made, taxel, pad = model.arrangement, spec.taxel, spec.pad
+    spec = plan.typed_spec
+    made, taxel, pad = plan.arrangement(channel), spec.taxel, spec.pad
     beam = channel.beam
     frame = (plan.cell.width_mm * plan.cell.depth_mm - float(np.prod(made.window_mm))) * pad.frame_thickness_mm
     flare = 2 * beam.fillet_mm**2 * (1 - np.pi / 4)
@@ -110,7 +110,7 @@ def test_bosses_stand_where_the_plan_says(small_pad, small_plan):
 
 def test_solid_washer_and_plan_agree_on_the_washers_place(paper_plan):
     for channel in paper_plan.channels:
-        own = np.array([float(tile_model(paper_plan, channel).arrangement.washer_x_mm), 0.0, 0.0])
+        own = np.array([float(paper_plan.arrangement(channel).washer_x_mm), 0.0, 0.0])
         x, y, _ = to_cell(own, channel)
         assert np.hypot(x, y) == pytest.approx(channel.site.coil_distance_mm)
 

@@ -12,11 +12,11 @@ from padgen.physics.selectivity import all_states_db, crosstalk, one_hot_db
 from padgen.planner.capacity import channel_limit, coil_capacity
 from padgen.planner.judge import judge
 from padgen.planner.layout import Layout, candidates
-from padgen.planner.plan import Beam, Cell, Channel, CoilGrid, LayoutOption, Plan, Selectivity, Site, Taxel
+from padgen.planner.plan import Beam, Cell, Channel, CoilGrid, LayoutOption, Plan, Plate, Selectivity, Site, Taxel
 from padgen.planner.printing import print_settings
 from padgen.planner.search import sites_of, sized_layouts
 from padgen.planner.sizing import SizedChannel, frequency_spread
-from padgen.planner.taxel_model import fillet_mm
+from padgen.planner.taxel_model import fillet_mm, plate_shape, post_diameter_mm, recess_mm
 from padgen.spec import Spec
 from padgen.units import GRAM, MM, MN, MPA, MS, UM, decibel
 
@@ -58,6 +58,7 @@ def _assemble(
         capacity=coil_capacity(spec, limits),
         coils=CoilGrid(layout.rows, layout.columns, min(pitch_x, pitch_y), pitch_x, pitch_y),
         cell=Cell(layout.sub_columns, layout.sub_rows, layout.sub_width_mm, layout.sub_depth_mm, layout.beam_axis),
+        plate=_plate(spec),
         channels=channels,
         taxels=_taxels(spec, layout, sites, sized),
         selectivity=_selectivity(spec, channels),
@@ -123,6 +124,21 @@ def magnetic_parts(spec: Spec) -> tuple[SolenoidCoil, SteelRing]:
             washer.thickness_mm * MM,
             washer.relative_permeability,
         ),
+    )
+
+
+def _plate(spec: Spec) -> Plate:
+    shape, taxel = plate_shape(spec), spec.taxel
+    diameter, depth = recess_mm(spec)
+    return Plate(
+        *shape,
+        recess_diameter_mm=diameter,
+        recess_depth_mm=depth,
+        post_diameter_mm=post_diameter_mm(spec),
+        boss_diameter_mm=taxel.boss_diameter_mm,
+        boss_top_mm=spec.pad.frame_thickness_mm + taxel.boss_protrusion_mm,
+        boss_edge_mm=taxel.boss_edge_mm,
+        gap_mm=spec.printer.smallest_gap_mm,
     )
 
 

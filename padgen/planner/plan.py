@@ -8,6 +8,7 @@ from typing import Any, get_args, get_origin
 from padgen.errors import FileError
 from padgen.files import json_text
 from padgen.finding import Finding
+from padgen.planner.suspensions import TOPOLOGIES, Arrangement, BeamShape, PlateShape
 from padgen.spec import Spec, make_spec
 
 __all__ = [
@@ -18,6 +19,7 @@ __all__ = [
     "CoilGrid",
     "LayoutOption",
     "Plan",
+    "Plate",
     "Selectivity",
     "Site",
     "Taxel",
@@ -63,6 +65,26 @@ class Cell:
     width_mm: float
     depth_mm: float
     beam_axis: str
+
+
+@dataclass(frozen=True, slots=True)
+class Plate:
+    """The moving part, alike on all channels: plate, recess below it, boss above it.
+
+    `boss_top_mm` is above the bed, `post_diameter_mm` 0 where the recess has no centre post;
+    `gap_mm` is kept between all that moves and the frame.
+    """
+
+    length_mm: float
+    width_mm: float
+    thickness_mm: float
+    recess_diameter_mm: float
+    recess_depth_mm: float
+    post_diameter_mm: float
+    boss_diameter_mm: float
+    boss_top_mm: float
+    boss_edge_mm: float
+    gap_mm: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,6 +192,7 @@ class Plan:
     capacity: Capacity
     coils: CoilGrid
     cell: Cell
+    plate: Plate
     channels: tuple[Channel, ...]
     taxels: tuple[Taxel, ...]
     selectivity: Selectivity
@@ -181,6 +204,15 @@ class Plan:
     def typed_spec(self) -> Spec:
         """The spec as the frozen `Spec` that the plan was made from."""
         return make_spec(without_none(self.spec))
+
+    def arrangement(self, channel: Channel) -> Arrangement:
+        """Beams, blocks and window of a channel's taxel in its own axes."""
+        beam, plate = channel.beam, self.plate
+        shape = PlateShape(plate.length_mm, plate.width_mm, plate.thickness_mm)
+        arranged: Arrangement = TOPOLOGIES[beam.topology].arrange(
+            shape, BeamShape(beam.width_mm, beam.thickness_mm, beam.length_mm), plate.gap_mm
+        )
+        return arranged
 
 
 def plan_to_json(plan: Plan) -> str:

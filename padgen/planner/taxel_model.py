@@ -18,7 +18,7 @@ from padgen.planner.suspensions import TOPOLOGIES, Arrangement, BeamShape, Plate
 from padgen.spec import Spec
 from padgen.units import G_PER_CM3, GPA, MM
 
-__all__ = ["TaxelModel", "fillet_mm", "plate_shape", "recess_mm"]
+__all__ = ["TaxelModel", "fillet_mm", "plate_shape", "post_diameter_mm", "recess_mm"]
 
 ROOT_GIVE = 0.33
 TIP_GIVE = 0.75

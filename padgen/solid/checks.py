@@ -17,7 +17,7 @@ from padgen.planner.plan import Plan
 from padgen.solid.measure import Dimension, measured
 from padgen.solid.mesh import Mesh, as_manifold, from_manifold
 from padgen.solid.pad import PadSolid
-from padgen.solid.sections import Section, narrow_gaps, narrow_walls, sections, smallest, unsupported_spans
+from padgen.solid.sections import Section, narrow_gaps, narrow_walls, sections, smallest, thin_skins, unsupported_spans
 from padgen.solid.topology import Topology, intersecting_pairs, topology
 from padgen.spec import Printer, Spec
 
@@ -303,6 +303,7 @@ def _narrowest(
     figures["smallest_wall_mm"] = min((smallest(cut, False, bound) for cut in cuts), default=None)
     figures["smallest_gap_mm"] = min((smallest(cut, True, bound) for cut in cuts), default=None)
     figures["longest_bridge_mm"] = span
+    yield from _few(_skins(solid, mesh, printer))
     if place and span > limit:
         at_least = "at least " if span > limit + 0.99 else ""
         yield Finding(
@@ -310,6 +311,16 @@ def _narrowest(
             "print.bridge",
             f"({number(place.x_mm)}, {number(place.y_mm)}, {number(place.z_mm)}) mm",
             f"a face hangs free over {at_least}{number(span)} mm, {printer.name} bridges {number(limit)} mm",
+        )
+
+
+def _skins(solid: Any, mesh: Mesh, printer: Printer) -> Iterator[Finding]:
+    for place in thin_skins(solid, mesh, printer.layer_mm):
+        yield Finding(
+            "error",
+            "print.skin",
+            f"({number(place.x_mm)}, {number(place.y_mm)}, {number(place.z_mm)}) mm",
+            f"{number(place.area_mm2)} mm² are thinner than a layer of {number(printer.layer_mm)} mm",
         )
 
 

@@ -6,12 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.planner.plan import Beam, Channel, Plan, Taxel
+from padgen.planner.plan import Beam, Channel, Plan, Plate, Taxel
 from padgen.planner.suspensions import Strip
-from padgen.planner.taxel_model import post_diameter_mm, recess_mm
 from padgen.solid.frame import to_cell
-from padgen.solid.taxel import tile_model
-from padgen.spec import Spec
 
 __all__ = ["Dimension", "measured"]
 
@@ -46,11 +43,10 @@ def measured(plan: Plan, solid: Any) -> Iterator[Dimension]:
     diameter and place are taken from a cross-section at half its depth.
     """
     gauges = {c.index: _placed(_gauges(plan, c), c) for c in plan.channels}
-    diameter, depth = recess_mm(plan.typed_spec)
-    recesses = _holes(plan, solid.slice(depth / 2))
+    recesses = _holes(plan, solid.slice(plan.plate.recess_depth_mm / 2))
     for taxel in plan.taxels:
         built, offset = _nearest_hole(plan, recesses, taxel)
-        yield Dimension(taxel.id, "recess diameter", diameter, built)
+        yield Dimension(taxel.id, "recess diameter", plan.plate.recess_diameter_mm, built)
         yield Dimension(taxel.id, "recess centre offset", 0.0, offset)
         centre = np.array([*_coil_axis_mm(plan, taxel), 0.0])
         for gauge in gauges[taxel.channel]:
@@ -59,12 +55,12 @@ def measured(plan: Plan, solid: Any) -> Iterator[Dimension]:
 
 
 def _gauges(plan: Plan, channel: Channel) -> Iterator[_Gauge]:
-    arrangement = tile_model(plan, channel).arrangement
+    arrangement = plan.arrangement(channel)
     lowest_block = min(float(block.height_mm) for block in arrangement.blocks)
     for number, strip in enumerate(arrangement.beams):
         name = f"beam {number + 1}" if len(arrangement.beams) > 1 else "beam"
         yield from _beam_gauges(name, strip, channel.beam, lowest_block)
-    yield from _recess_gauges(plan.typed_spec, float(arrangement.washer_x_mm))
+    yield from _recess_gauges(plan.plate, float(arrangement.washer_x_mm))
 
 
 def _beam_gauges(name: str, strip: Strip, beam: Beam, lowest_block: float) -> Iterator[_Gauge]:
@@ -87,29 +83,33 @@ def _worst(runs: list[float], planned: float, span: float, sign: float) -> float
     return max(sizes, key=lambda size: abs(size - planned) if isfinite(size) else inf)
 
 
-def _recess_gauges(spec: Spec, washer_x: float) -> Iterator[_Gauge]:
+def _recess_gauges(plate: Plate, washer_x: float) -> Iterator[_Gauge]:
     washer = np.array([washer_x, 0.0, 0.0])
-    diameter, depth = recess_mm(spec)
-    inner = post_diameter_mm(spec) / 2
-    under = washer + np.array([0.0, (inner + diameter / 2) / 2, -1.0])
-    up = np.array([[under, under + np.array([0, 0, depth + 2])]])
-    yield _Gauge("recess depth", depth, up, lambda runs: runs[0] - 1)
-    boss_top = spec.pad.frame_thickness_mm + spec.taxel.boss_protrusion_mm
-    over = washer + np.array([0, 0, boss_top + 1])
-    down = np.array([[over, over - np.array([0, 0, boss_top])]])
-    yield _Gauge("boss height", boss_top, down, lambda runs: boss_top + 1 - runs[0])
+    aside = (plate.post_diameter_mm + plate.recess_diameter_mm) / 4
+    under = washer + np.array([0.0, aside, -1.0])
+    up = np.array([[under, under + np.array([0, 0, plate.recess_depth_mm + 2])]])
+    yield _Gauge("recess depth", plate.recess_depth_mm, up, lambda runs: runs[0] - 1)
+    over = washer + np.array([0, 0, plate.boss_top_mm + 1])
+    down = np.array([[over, over - np.array([0, 0, plate.boss_top_mm])]])
+    yield _Gauge("boss height", plate.boss_top_mm, down, lambda runs: plate.boss_top_mm + 1 - runs[0])
 
 
-Holes = dict[tuple[int, int], list[np.ndarray]]
+Holes = dict[tuple[int, int], list[tuple[np.ndarray, float]]]
 
 
 def _holes(plan: Plan, section: Any) -> Holes:
-    """Contours (n, 2) of the holes of a cross-section, by the sub-cell that their centre lies in."""
+    """Centroid and largest diameter of each hole of a cross-section, by the sub-cell it lies in.
+
+    The corners of a round hole lie on its circle, the sides between them within it.
+    """
     holes: Holes = {}
     for contour in section.to_polygons():
-        x, y = contour.T
-        if (x * np.roll(y, -1) - y * np.roll(x, -1)).sum() < 0:
-            holes.setdefault(_sub_cell(plan, *contour.mean(0)), []).append(contour)
+        following = np.roll(contour, -1, axis=0)
+        cross = contour[:, 0] * following[:, 1] - contour[:, 1] * following[:, 0]
+        if cross.sum() < 0:
+            centre = ((contour + following) * cross[:, None]).sum(0) / (3 * cross.sum())
+            diameter = 2 * float(np.hypot(*(contour - centre).T).max())
+            holes.setdefault(_sub_cell(plan, *centre), []).append((centre, diameter))
     return holes
 
 
@@ -118,18 +118,12 @@ def _sub_cell(plan: Plan, x: float, y: float) -> tuple[int, int]:
 
 
 def _nearest_hole(plan: Plan, holes: Holes, taxel: Taxel) -> tuple[float, float]:
-    """Diameter of the hole around a taxel's washer and its centre's distance from there; nan without one.
-
-    The corners of a round hole lie on its circle, the sides between them within it.
-    """
-    at = np.array([taxel.x_mm, taxel.y_mm])
-    column, row = _sub_cell(plan, *at)
+    """Diameter of the hole around a taxel's washer and its centre's distance from there; nan without one."""
+    column, row = _sub_cell(plan, taxel.x_mm, taxel.y_mm)
     near = [hole for i in (-1, 0, 1) for j in (-1, 0, 1) for hole in holes.get((column + i, row + j), [])]
-    round_here = [
-        (2 * float(np.hypot(*(hole - hole.mean(0)).T).max()), float(np.hypot(*(hole.mean(0) - at)))) for hole in near
-    ]
+    sized = [(diameter, float(np.hypot(*(centre - (taxel.x_mm, taxel.y_mm))))) for centre, diameter in near]
     # The window around a plate may have the same centre as its recess, but is larger.
-    inside = [(diameter, offset) for diameter, offset in round_here if offset < diameter / 2]
+    inside = [(diameter, offset) for diameter, offset in sized if offset < diameter / 2]
     return min(inside, default=(float("nan"), float("nan")))
 
 

@@ -13,7 +13,16 @@ import numpy as np
 
 from padgen.solid.mesh import Mesh
 
-__all__ = ["Narrow", "Section", "narrow_gaps", "narrow_walls", "sections", "smallest", "unsupported_spans"]
+__all__ = [
+    "Narrow",
+    "Section",
+    "narrow_gaps",
+    "narrow_walls",
+    "sections",
+    "smallest",
+    "thin_skins",
+    "unsupported_spans",
+]
 
 LEVELS = 16
 STEP_MM = 1e-4
@@ -69,7 +78,8 @@ def unsupported_spans(solid: Any, mesh: Mesh, bound_mm: float) -> tuple[float, N
     largest distance from there. Beyond `bound_mm` the search stops.
     """
     worst, where = 0.0, None
-    for z in _down_facing_heights_mm(mesh):
+    bed = float(mesh.vertices_mm[:, 2].min())
+    for z in (height for height in _flat_heights_mm(mesh, up=False) if height > bed + 2 * STEP_MM):
         below = solid.slice(z - STEP_MM)
         hanging = solid.slice(z + STEP_MM) - below
 
@@ -81,6 +91,16 @@ def unsupported_spans(solid: Any, mesh: Mesh, bound_mm: float) -> tuple[float, N
     return worst, where
 
 
+def thin_skins(solid: Any, mesh: Mesh, limit_mm: float) -> list[Narrow]:
+    """Horizontal faces looking up with less than `limit_mm` of material beneath them."""
+    found = []
+    for z in _flat_heights_mm(mesh, up=True):
+        surface = solid.slice(z - STEP_MM) - solid.slice(z + STEP_MM)
+        thin = surface - solid.slice(z - limit_mm + 2 * STEP_MM)
+        found += [_where(piece, z) for piece in thin.decompose() if piece.area() > limit_mm**2]
+    return found
+
+
 def _beyond(hanging: Any, below: Any, span: float) -> Any:
     """What of `hanging` is farther than half of `span` from what is `below`."""
     return hanging - below.offset(span / 2, _join("Round"), 2.0, 64)
@@ -90,14 +110,12 @@ def _spanned(left: Callable[[float], Any], span: float) -> bool:
     return bool(left(span).area() <= AREA_MM2)
 
 
-def _down_facing_heights_mm(mesh: Mesh) -> np.ndarray:
-    """Heights of horizontal faces that look down, without the lowest, on the bed."""
+def _flat_heights_mm(mesh: Mesh, up: bool) -> np.ndarray:
+    """Heights of the horizontal faces that look up, or down."""
     corners = mesh.corners_mm
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    flat = (np.ptp(corners[..., 2], axis=1) < STEP_MM) & (normal[:, 2] < 0)
-    heights = np.unique(np.round(corners[flat][:, 0, 2] / STEP_MM) * STEP_MM)
-    bed = float(mesh.vertices_mm[:, 2].min())
-    return heights[heights > bed + 2 * STEP_MM]
+    flat = (np.ptp(corners[..., 2], axis=1) < STEP_MM) & ((normal[:, 2] > 0) == up)
+    return np.unique(np.round(corners[flat][:, 0, 2] / STEP_MM) * STEP_MM)
 
 
 def _narrow(shape: Any, z_mm: float, limit_mm: float) -> list[Narrow]:

@@ -17,23 +17,13 @@ Top view: see the sketches in `padgen.planner.suspensions`.
 
 from typing import Any
 
-from padgen.planner.plan import Channel, Plan
-from padgen.planner.suspensions import BeamShape
-from padgen.planner.suspensions.arrangement import Strip
-from padgen.planner.taxel_model import TaxelModel, plate_shape, post_diameter_mm, recess_mm
+from padgen.errors import GeometryError
+from padgen.planner.plan import Channel, Plan, Plate
+from padgen.planner.suspensions import Strip
 from padgen.solid.frame import Outline, outline
 from padgen.solid.kernel import build123d, kernel_errors
-from padgen.spec import Spec
 
-__all__ = ["taxel_solid", "tile_model", "washer_solid"]
-
-
-def tile_model(plan: Plan, channel: Channel) -> TaxelModel:
-    """The beam model of a planned channel, whose arrangement the solid is drawn from."""
-    beam = channel.beam
-    shape = BeamShape(beam.width_mm, beam.thickness_mm, beam.length_mm)
-    spec = plan.typed_spec
-    return TaxelModel(spec, beam.topology, plate_shape(spec), shape)
+__all__ = ["taxel_solid", "washer_solid"]
 
 
 def taxel_solid(plan: Plan, channel: Channel) -> Any:
@@ -44,29 +34,29 @@ def taxel_solid(plan: Plan, channel: Channel) -> Any:
     GeometryError
         The kernel refused the dimensions.
     """
-    spec = plan.typed_spec
-    arrangement = tile_model(plan, channel).arrangement
+    plate, thickness = plan.plate, plan.typed_spec.pad.frame_thickness_mm
+    arrangement = plan.arrangement(channel)
     length, width = (float(v) for v in arrangement.window_mm)
     washer_x = float(arrangement.washer_x_mm)
     with kernel_errors(f"the taxel of channel {channel.index}"):
-        frame = _ring(outline(plan, channel), Outline(0, length, -width / 2, width / 2), spec.pad.frame_thickness_mm)
+        frame = _ring(outline(plan, channel), Outline(0, length, -width / 2, width / 2), thickness)
         beams = [_beam(strip, channel.beam.fillet_mm) for strip in arrangement.beams]
         blocks = [_box(Outline(*(float(v) for v in block[:4])), float(block.height_mm)) for block in arrangement.blocks]
-        first, *others = [*blocks, _boss(spec, washer_x)]
-        moving = first.fuse(*others).cut(_recess(spec, washer_x))
+        first, *others = [*blocks, _boss(plate, washer_x)]
+        moving = first.fuse(*others).cut(_recess(plate, washer_x))
         solid = frame.fuse(*beams, *moving.solids())
         return _only_solid(solid, channel)
 
 
 def washer_solid(plan: Plan, channel: Channel) -> Any:
     """The washer where the glue holds it, against the roof of its recess, in the taxel's own axes."""
-    spec = plan.typed_spec
-    washer_x = float(tile_model(plan, channel).arrangement.washer_x_mm)
-    depth = recess_mm(spec)[1]
-    low = depth - spec.washer.thickness_mm
+    washer = plan.typed_spec.washer
+    washer_x = float(plan.arrangement(channel).washer_x_mm)
+    depth = plan.plate.recess_depth_mm
+    low = depth - washer.thickness_mm
     with kernel_errors("the washer"):
-        return _disc(spec.washer.outer_diameter_mm, washer_x, low, depth).cut(
-            _disc(spec.washer.inner_diameter_mm, washer_x, low, depth)
+        return _disc(washer.outer_diameter_mm, washer_x, low, depth).cut(
+            _disc(washer.inner_diameter_mm, washer_x, low, depth)
         )
 
 
@@ -103,22 +93,20 @@ def _beam(strip: Strip, fillet: float) -> Any:
     return b.Solid.extrude(face, b.Vector(0, 0, float(strip.thickness_mm)))
 
 
-def _boss(spec: Spec, washer_x: float) -> Any:
-    """The touch boss with its edge broken, from the bottom of the roof up through the plate."""
-    taxel = spec.taxel
-    top = spec.pad.frame_thickness_mm + taxel.boss_protrusion_mm
-    boss = _disc(taxel.boss_diameter_mm, washer_x, taxel.plate_thickness_mm, top)
-    if taxel.boss_edge_mm < 1e-6:
+def _boss(plate: Plate, washer_x: float) -> Any:
+    """The touch boss on the plate, with its edge broken."""
+    boss = _disc(plate.boss_diameter_mm, washer_x, plate.thickness_mm, plate.boss_top_mm)
+    if plate.boss_edge_mm < 1e-6:
         return boss
     edge = max(boss.edges(), key=lambda e: e.center().Z)
-    return boss.chamfer(taxel.boss_edge_mm, None, [edge])
+    return boss.chamfer(plate.boss_edge_mm, None, [edge])
 
 
-def _recess(spec: Spec, washer_x: float) -> Any:
-    diameter, depth = recess_mm(spec)
-    recess = _disc(diameter, washer_x, 0.0, depth)
-    post = post_diameter_mm(spec)
-    return recess.cut(_disc(post, washer_x, 0.0, depth)) if post else recess
+def _recess(plate: Plate, washer_x: float) -> Any:
+    recess = _disc(plate.recess_diameter_mm, washer_x, 0.0, plate.recess_depth_mm)
+    if not plate.post_diameter_mm:
+        return recess
+    return recess.cut(_disc(plate.post_diameter_mm, washer_x, 0.0, plate.recess_depth_mm))
 
 
 def _disc(diameter: float, x: float, low: float, high: float) -> Any:
@@ -137,8 +125,6 @@ def _wire(sides: Outline) -> Any:
 
 
 def _only_solid(shape: Any, channel: Channel) -> Any:
-    from padgen.errors import GeometryError
-
     solids = shape.solids()
     if len(solids) != 1 or not solids[0].is_valid:
         raise GeometryError(
