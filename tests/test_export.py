@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from padgen.build import build, parse_formats
+from padgen.build import build, parse_formats, up_to_date
 from padgen.errors import GeometryError, SpecError
 from padgen.solid.export import bill_of_materials, stl_bytes, stl_mesh, verified
 from padgen.solid.kernel import build123d
@@ -58,6 +58,21 @@ def test_same_spec_same_bytes(folder, tmp_path):
     subprocess.run(command, check=True, capture_output=True, env={**os.environ, "PYTHONHASHSEED": "7"})
     for path in folder.iterdir():
         assert path.read_bytes() == (tmp_path / "again" / path.name).read_bytes(), path.name
+
+
+def test_same_bytes_in_one_process(folder, tmp_path):
+    """OCCT counts the parts of assemblies through a process."""
+    build(parse_spec(SMALL), tmp_path / "again", ("step",))
+    for path in folder.glob("*.step"):
+        assert path.read_bytes() == (tmp_path / "again" / path.name).read_bytes()
+
+
+def test_changed_code_builds_again(folder, monkeypatch):
+    import padgen.build
+
+    assert up_to_date(parse_spec(SMALL), folder, ALL, False)
+    monkeypatch.setattr(padgen.build, "_code_hash", lambda: "other")
+    assert up_to_date(parse_spec(SMALL), folder, ALL, False) is None
 
 
 def test_stl_is_read_alike_by_trimesh(folder, small_pad):

@@ -7,7 +7,6 @@ the three cannot disagree.
 import types
 from dataclasses import MISSING, Field, field, fields
 from difflib import get_close_matches
-from math import isfinite
 from typing import Any, Union, get_args, get_origin
 
 from padgen.errors import SpecError, number
@@ -119,7 +118,7 @@ def _bounded(item: "Field[Any]", value: float, where: str) -> float:
     meta = item.metadata
     low, high, unit = meta["low"], meta["high"], meta["unit"]
     too_low = value <= low if meta["above"] else value < low
-    if isfinite(value) and not too_low and value <= high:
+    if not too_low and value <= high:  # false for nan, too
         return value if optional_type(item.type)[0] is int else float(value)
     span = f"above {number(low)}" if meta["above"] else f"at least {number(low)}"
     unit = f" {unit}" if unit not in ("", "1") else ""
