@@ -321,6 +321,14 @@ grid = [2, 2]
 """
 
 
+@pytest.mark.parametrize("q", [2.6, 1e3, 1e8])
+def test_extreme_q_is_planned_as_quickly(q):
+    """Ten million channels would fit the band at Q = 1e8; no more are tried than were asked for."""
+    plan = make_plan(parse_spec(f'name = "a"\nresolution = 9\nband_hz = [20, 9000]\nq_min = {q}\n'))
+    assert len(plan.taxels) == 9
+    assert plan.capacity.paper == int(np.log(450) / (2 * np.arctanh(2.5 / q)) * (1 + 1e-12))
+
+
 def test_single_layers_are_noted():
     plan = plan_of(4, 50, 200, "[suspension]\nthickness_mm = 0.2\n")
     assert "beam.single_layer" in {f.code for f in plan.findings}

@@ -12,7 +12,7 @@ from padgen.units import decibel
 
 __all__ = ["channel_limit", "coil_capacity"]
 
-LARGEST_COUNT = 64
+LARGEST_COUNT = 32
 """Exact capacities are searched up to here: the spurs of n channels take n³ numbers."""
 
 

@@ -100,7 +100,16 @@ def whole_grids(spec: Spec, channel_limit: int) -> list[Layout]:
 
 
 def _channel_counts(spec: Spec, channel_limit: int) -> Iterable[int]:
-    return [len(spec.resonances_hz)] if spec.resonances_hz else range(1, channel_limit + 1)
+    """Channels per coil worth trying: no more than taxels asked, or plates that the pad's area holds."""
+    if spec.resonances_hz:
+        return [len(spec.resonances_hz)]
+    plates = spec.pad.width_mm * spec.pad.depth_mm / _plate_side_mm(spec) ** 2
+    return range(1, min(channel_limit, spec.resolution, max(int(plates), 1)) + 1)
+
+
+def _plate_side_mm(spec: Spec) -> float:
+    plate = plate_shape(spec)
+    return min(plate.length_mm, plate.width_mm)
 
 
 def most_coils(spec: Spec) -> tuple[int, int]:
@@ -123,7 +132,9 @@ def _grids(spec: Spec, coils: int) -> Iterator[tuple[int, int]]:
 
 def _divisions(spec: Spec, rows: int, columns: int, channels: int, wanted: int) -> Iterator[Layout]:
     pitch_x, pitch_y = spec.pad.width_mm / columns, spec.pad.depth_mm / rows
-    for sub_columns in range(1, channels + 1):
+    # Half a plate's side leaves the near misses, which say what is lacking.
+    narrowest = _plate_side_mm(spec) / 2
+    for sub_columns in range(1, min(channels, max(int(pitch_x / narrowest), 1)) + 1):
         sub_rows = ceil(channels / sub_columns)
         if (sub_columns - 1) * sub_rows >= channels:
             continue
