@@ -4,6 +4,7 @@ Exit codes: 0 done and every check holds; 1 done, but a check fails; 2 bad input
 """
 
 import argparse
+import io
 import json
 import os
 import sys
@@ -24,12 +25,15 @@ def main() -> NoReturn:
     """Entry point of the console script."""
     # Thousands of 6 x 6 matrices gain nothing from threads, and wait for them under load.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
     code = run(sys.argv[1:])
     try:
         sys.stdout.flush()
         sys.stderr.flush()
     except OSError:
-        code = code or BAD_INPUT
+        code = BAD_INPUT
     # The CAD kernel takes up to half a second to take itself apart, for nothing.
     os._exit(code)
 
@@ -52,6 +56,8 @@ def run(arguments: list[str]) -> int:
     except BrokenPipeError:
         sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
         return BAD_INPUT
+    except OSError as error:
+        return _refused(f"cannot be written ({error.strerror or error})", "file", False)
     except MemoryError:
         return _refused("the machine has not enough memory for this pad; ask for fewer taxels", "memory", as_json)
 
@@ -87,7 +93,7 @@ def _parser() -> argparse.ArgumentParser:
     build.set_defaults(command=_build)
 
     check = commands.add_parser("check", help="print validation of any STL or 3MF")
-    check.add_argument("mesh", metavar="MESH", help="an STL, 3MF, OBJ, PLY or GLB file")
+    check.add_argument("mesh", metavar="MESH", help="an STL, 3MF, OBJ or PLY file")
     check.add_argument(
         "--spec", metavar="SPEC", help="compare with the plan of this spec, and take its printer's limits"
     )

@@ -12,6 +12,9 @@
 Findings (`padgen.finding`) are verdicts on a pad that was made; an exception means that none was.
 """
 
+from collections.abc import Callable
+from math import ceil, floor, log10
+
 __all__ = [
     "FileError",
     "GeometryError",
@@ -19,6 +22,8 @@ __all__ = [
     "MeshFileError",
     "PadgenError",
     "SpecError",
+    "at_least",
+    "at_most",
     "number",
 ]
 
@@ -68,9 +73,34 @@ class GeometryError(PadgenError):
 
 
 def number(value: float) -> str:
-    """Write `value` for a sentence: at most five significant digits, no trailing zeros.
+    """Write `value` for a sentence: whole numbers whole, others with at most five significant digits.
 
-    >>> number(4.0), number(0.123456), number(1e6)
-    ('4', '0.12346', '1e+06')
+    >>> number(4.0), number(0.123456), number(100_000)
+    ('4', '0.12346', '100000')
     """
-    return f"{value:.5g}"
+    return str(value) if isinstance(value, int) else f"{value:.5g}"
+
+
+def at_least(value: float) -> str:
+    """Write the smallest value that would do, rounded up to four digits so that it does.
+
+    >>> at_least(1.11201)
+    '1.113'
+    """
+    return _rounded_outwards(value, ceil)
+
+
+def at_most(value: float) -> str:
+    """Write the largest value that would do, rounded down to four digits so that it does.
+
+    >>> at_most(380.149)
+    '380.1'
+    """
+    return _rounded_outwards(value, floor)
+
+
+def _rounded_outwards(value: float, rounding: Callable[[float], int]) -> str:
+    if value <= 0:
+        return number(value)
+    step = 10.0 ** (floor(log10(value)) - 3)
+    return f"{rounding(value / step) * step:.4g}"

@@ -134,7 +134,7 @@ def stale_files(path: Path, plan: str) -> list[str]:
 def is_current(path: Path, inputs: dict[str, Any]) -> bool:
     """Whether a folder's manifest was made from `inputs` and its files are all there, unchanged."""
     manifest = read_manifest(path)
-    if not manifest or manifest.get("inputs") != inputs:
+    if not manifest.get("files") or manifest.get("inputs") != inputs:
         return False
     try:
         return all(file_hash((path / name).read_bytes()) == known for name, known in manifest["files"].items())

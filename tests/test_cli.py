@@ -107,7 +107,7 @@ def test_check_of_good_and_broken_files(work, capsys):
     [
         ("none.stl", None, "there is no such file"),
         ("text.stl", b"hello", "holds no triangles|cannot be read|is not a mesh"),
-        ("short.stl", b"\0" * 80 + b"\xff\xff\0\0", "is not a mesh|holds no triangles"),
+        ("short.stl", b"\0" * 80 + b"\xff\xff\0\0", "is cut short: it promises 65535 triangles and holds 0"),
         ("bad.3mf", b"PK not really", "is not a 3MF"),
         ("odd.xyz", b"1 2 3", "is not a mesh|holds no triangles"),
         ("empty.stl", b"", "is not a mesh|holds no triangles"),
@@ -133,6 +133,7 @@ def test_what_is_no_mesh_is_refused(work, capsys, name, content, sentence):
     "arguments",
     [
         ["plan", "none.toml"],
+        ["plan", ""],
         ["plan", "."],
         ["plan", "no-such-template"],
         ["plan", "bad.toml"],
@@ -163,6 +164,31 @@ def test_bad_input_with_json_is_an_object(work, capsys):
     captured = capsys.readouterr()
     assert json.loads(captured.out)["error"]["code"] == "file"
     assert captured.err == ""
+
+
+def test_a_full_standard_output_is_one_sentence(work):
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "padgen", "schema"], stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+
+
+def test_a_terminal_without_unicode(work):
+    for arguments in (["plan", "tiny.toml"], ["init", "wide-11"], ["schema"]):
+        done = subprocess.run(
+            [sys.executable, "-m", "padgen", *arguments],
+            capture_output=True,
+            check=False,
+            env={**os.environ, "PYTHONIOENCODING": "ascii"},
+        )
+        assert done.returncode == 0, done.stderr
+
+
+def test_a_byte_order_mark_is_no_matter(work):
+    (work / "bom.toml").write_bytes(b"\xef\xbb\xbf" + SMALL.encode())
+    assert cli.run(["plan", "bom.toml"]) == 0
 
 
 def test_bad_usage_is_exit_2(capsys):

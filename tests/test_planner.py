@@ -165,7 +165,14 @@ def test_whole_grids_come_before_empty_places():
         ),
         (33, 50, 200, "resonances_hz = [56, 76]\n[coil]\ngrid = [4, 4]\n", "each with exactly 2 channels"),
         (16, 50, 200, "[coil]\nouter_diameter_mm = 60\ngrid = [1, 4]\n", "the coil \\(60 mm\\) exceeds the pitch"),
-        (4, 50, 200, "[suspension]\nlength_mm = 200\n", "cannot be laid out"),
+        (
+            4,
+            50,
+            200,
+            "[suspension]\nlength_mm = 200\n",
+            "asked is suspension.length_mm = 200; .* no suspension.length_mm",
+        ),
+        (31, 50, 200, "[coil]\ngrid = [4, 4]\n[suspension]\ntopology = 'folded'\n", "suspension.topology = 'auto'"),
     ],
 )
 def test_infeasible_specs_name_the_limit_and_a_cure(resolution, low, high, extra, sentence):
@@ -327,6 +334,42 @@ def test_extreme_q_is_planned_as_quickly(q):
     plan = make_plan(parse_spec(f'name = "a"\nresolution = 9\nband_hz = [20, 9000]\nq_min = {q}\n'))
     assert len(plan.taxels) == 9
     assert plan.capacity.paper == int(np.log(450) / (2 * np.arctanh(2.5 / q)) * (1 + 1e-12))
+
+
+def test_resonances_finer_than_a_micrometre_of_beam():
+    plan = plan_of(2, 50, 200, "resonances_hz = [60, 60.0001]\n")
+    assert "ladder.ratio" in {f.code for f in plan.findings}
+    fine = make_plan(parse_spec(FOUR_LINES.format(4, 100, 100.01).replace("15", "1e6")))
+    assert {"resonance.off"} <= {f.code for f in fine.findings}
+    assert fine.selectivity.all_states_db <= fine.selectivity.one_hot_db
+
+
+def test_a_pad_beyond_the_bed_is_said_before_it_is_built():
+    long = plan_of(4, 50, 200, "[pad]\nwidth_mm = 300\ndepth_mm = 20\n")
+    (finding,) = [f for f in long.findings if f.code == "plan.bed"]
+    assert finding.level == "error"
+    assert "238 x 198 mm would fit" in finding.message
+    assert "plan.bed" not in {f.code for f in plan_of().findings}
+
+
+def test_no_beam_is_shorter_than_thick_and_stubby_ones_are_found():
+    plan = plan_of(7, 220, 22000, "[suspension]\ntopology = 'cantilever'\n")
+    assert all(c.beam.length_mm >= c.beam.thickness_mm for c in plan.channels)
+    stubby = {f.where for f in plan.findings if f.code == "beam.stubby"}
+    expected = {f"channel {c.index}" for c in plan.channels if c.beam.length_mm < 2 * c.beam.thickness_mm}
+    assert stubby == expected
+
+
+@pytest.mark.parametrize(("level_um", "gap_mm"), [(700, 1.0), (1234.5, 2.0)])
+def test_a_suggested_gap_would_do(level_um, gap_mm):
+    def found(gap):
+        plan = plan_of(4, 50, 200, f"[drive]\nlevel_um = {level_um}\n[coil]\ngap_mm = {gap}\n")
+        return [f.message for f in plan.findings if f.code == "gap.travel"]
+
+    first = found(gap_mm)
+    assert first
+    gaps = [float(re.search(r"a gap of ([\d.]+) mm", message).group(1)) for message in first]
+    assert found(max(gaps)) == []
 
 
 def test_single_layers_are_noted():

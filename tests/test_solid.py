@@ -52,6 +52,13 @@ def test_volume_of_a_taxel_by_hand(topology_name):
         assert float(solid.volume) == pytest.approx(volume_by_hand(plan, channel), rel=1e-9)
 
 
+def test_a_pad_without_bosses_is_built(small_plan):
+    spec = small_plan.typed_spec
+    flat = make_plan(replace(spec, taxel=replace(spec.taxel, boss_protrusion_mm=0.0, boss_edge_mm=0.0)))
+    for channel in flat.channels:
+        assert float(taxel_solid(flat, channel).volume) == pytest.approx(volume_by_hand(flat, channel), rel=1e-9)
+
+
 def test_post_stands_in_the_recess(small_plan):
     spec = small_plan.typed_spec
     with_post = make_plan(replace(spec, taxel=replace(spec.taxel, centre_post=True)))

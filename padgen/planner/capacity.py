@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from padgen.errors import SpecError
+from padgen.errors import SpecError, at_least
 from padgen.physics.ladder import capacity, geometric_ladder, ladder_ratio, whole_channels
 from padgen.physics.selectivity import all_states_db, crosstalk, one_hot_db
 from padgen.planner.plan import Capacity
@@ -12,6 +12,7 @@ from padgen.units import decibel
 
 __all__ = ["channel_limit", "coil_capacity"]
 
+WIDEST_HZ = 1e5
 LARGEST_COUNT = 32
 """Exact capacities are searched up to here: the spurs of n channels take n³ numbers."""
 
@@ -27,9 +28,11 @@ def channel_limit(spec: Spec) -> int:
     count = whole_channels(_paper(spec))
     if count < 1:
         low, ratio = spec.band_hz[0], ladder_ratio(spec.q_min, spec.delta_y)
+        cure = f"e.g. [{low:g}, {low * ratio * 1.001:.4g}] Hz"
+        if low * ratio > WIDEST_HZ:
+            cure = f"more than any band; raise Q or lower delta_y, e.g. q_min = {at_least(spec.delta_y)}"
         raise SpecError(
-            f"holds no channel: at Q = {spec.q_min:g} one slot needs a band of 1 : {ratio:.4g},"
-            f" e.g. [{low:g}, {low * ratio * 1.001:.4g}] Hz",
+            f"holds no channel: at Q = {spec.q_min:g} one slot needs a band of 1 : {ratio:.4g}, {cure}",
             "band_hz",
         )
     return count

@@ -9,7 +9,10 @@ from padgen.planner.layout import SLACK_MM, Layout, candidates, explain, most_co
 from padgen.planner.plan import without_none
 from padgen.planner.resonances import ladders, reachable_hz
 from padgen.planner.search import sized_layouts
-from padgen.spec import Spec, catalogue, make_spec
+from padgen.planner.sizing import topologies
+from padgen.planner.suspensions import TOPOLOGIES
+from padgen.planner.taxel_model import plate_shape
+from padgen.spec import Spec, Suspension, catalogue, make_spec
 
 __all__ = ["why_not"]
 
@@ -54,11 +57,33 @@ def _unreached(spec: Spec, layout: Layout) -> str:
     found = reachable_hz(spec, space)
     wanted = ladders(spec, layout.channels, space)
     asked = ", ".join(number(f) for f in wanted[0]) if wanted else "none in the band"
-    span = f"{number(found[0])} … {number(found[1])} Hz" if found else "no resonance"
+    if not found:
+        return _no_beam(spec, layout)
+    span = f"{number(found[0])} … {number(found[1])} Hz"
     return (
         f"{layout.channels} channels per coil on the {layout.rows} x {layout.columns} grid: the"
         f" {number(layout.sub_width_mm)} x {number(layout.sub_depth_mm)} mm sub-cell can be printed for {span},"
         f" asked are {asked} Hz"
+    )
+
+
+def _no_beam(spec: Spec, layout: Layout) -> str:
+    """Why no beam at all fits a sub-cell that has room for the plate."""
+    space, plate, gap = room(spec, layout), plate_shape(spec), spec.printer.smallest_gap_mm
+    spans = []
+    for name in topologies(spec):
+        shape = TOPOLOGIES[name]
+        longest, widest = shape.longest(space, plate, gap), shape.widest(space, plate, gap)
+        spans.append(
+            f"{name}: lengths of {number(shape.shortest(plate, gap))} … {number(longest)} mm,"
+            f" widths of {number(spec.printer.smallest_beam_mm)} … {number(widest)} mm"
+        )
+    asked = (
+        f", asked is suspension.length_mm = {number(spec.suspension.length_mm)}" if spec.suspension.length_mm else ""
+    )
+    return (
+        f"the {number(layout.sub_width_mm)} x {number(layout.sub_depth_mm)} mm sub-cell of the {layout.rows} x"
+        f" {layout.columns} grid holds no such beam ({'; '.join(spans)}){asked}"
     )
 
 
@@ -80,10 +105,19 @@ def _cures(spec: Spec, limit: int) -> Iterator[str]:
         if finer and _holds(spec, limit, printer=printer):
             yield f"printer {printer['name']}"
             break
+    yield from _freer_beams(spec, limit)
     yield from _larger_pads(spec, limit)
     fewer = next(sized_layouts(spec, whole_grids(spec, limit)), None)
     if fewer and not spec.coil.grid:
         yield f"{fewer[0].coils * fewer[0].channels} taxels ({fewer[0].rows} x {fewer[0].columns} coils)"
+
+
+def _freer_beams(spec: Spec, limit: int) -> Iterator[str]:
+    """Leaving one wish about the beams open."""
+    wishes, defaults = asdict(spec.suspension), asdict(Suspension())
+    for key, default in defaults.items():
+        if wishes[key] != default and _holds(spec, limit, suspension={**wishes, key: default}):
+            yield f"suspension.{key} = {default!r}" if default else f"no suspension.{key}"
 
 
 def _larger_pads(spec: Spec, limit: int) -> Iterator[str]:

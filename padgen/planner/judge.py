@@ -3,15 +3,19 @@
 from collections.abc import Iterator
 from itertools import pairwise
 
-from padgen.errors import number
+from padgen.errors import at_least, at_most, number
 from padgen.finding import Finding
-from padgen.physics.ladder import ladder_ratio
+from padgen.physics.ladder import ladder_ratio, slot_half_width
 from padgen.planner.layout import coil_reach_mm
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.sizing import SizedChannel, crowded_modes
 from padgen.spec import Spec
 from padgen.units import MM, MN, UM
 
+STUBBY = 2
+"""Length over thickness below which a beam is none (docs/accuracy.md)."""
+SPACING_SHARE = 0.05
+"""Share of a slot by which a resonance may be off before it is worth a finding."""
 PULL_DB = 1.0
 """Loss of selectivity by unequal pull that is worth a finding."""
 
@@ -22,6 +26,8 @@ def judge(spec: Spec, plan: Plan, sized: tuple[SizedChannel, ...]) -> tuple[Find
     """All findings of a plan, errors first."""
     found = [
         *_spacing(spec, plan.channels),
+        *_targets(spec, plan.channels),
+        *_bed(spec),
         *_selectivity(plan),
         *_unequal_pull(plan),
         *_modes(spec, plan, sized),
@@ -37,22 +43,62 @@ def _spacing(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Finding]:
     bound = ladder_ratio(spec.q_min, spec.delta_y)
     for lower, upper in pairwise(channels):
         ratio = upper.resonance_hz / lower.resonance_hz
-        if ratio < bound * (1 - 2e-3):
+        if ratio < 1 + (bound - 1) * (1 - SPACING_SHARE):
+            finer = (
+                f", or raise Q to {at_least(spec.delta_y / 4 * (ratio + 1) / (ratio - 1))}" if ratio > 1 + 1e-9 else ""
+            )
             yield Finding(
                 "warning",
                 "ladder.ratio",
                 f"channels {lower.index} and {upper.index}",
                 f"{number(lower.resonance_hz)} and {number(upper.resonance_hz)} Hz are {number(ratio)} apart,"
                 f" the paper's slots need {number(bound)} at Q = {number(spec.q_min)}: move the upper to"
-                f" {number(lower.resonance_hz * bound)} Hz, or raise Q to"
-                f" {number(spec.delta_y / 4 * (ratio + 1) / (ratio - 1))}",
+                f" {at_least(lower.resonance_hz * bound)} Hz{finer}",
             )
+
+
+def _targets(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Finding]:
+    """A beam is drawn to a micrometre: at a large Q that is coarser than a slot."""
+    share = slot_half_width(spec.q_min, spec.delta_y) * SPACING_SHARE
+    for channel in channels:
+        miss = abs(channel.resonance_hz / channel.target_hz - 1)
+        if miss > share:
+            yield Finding(
+                "warning",
+                "resonance.off",
+                f"channel {channel.index}",
+                f"it resonates {miss:.1e} off its target of {number(channel.target_hz)} Hz, its slot allows"
+                f" {share:.1e}: beams are drawn to a micrometre; tune the tones to the print, or ask for less Q",
+            )
+        if not spec.band_hz[0] * (1 - 1e-9) <= channel.resonance_hz <= spec.band_hz[1] * (1 + 1e-9):
+            yield Finding(
+                "error",
+                "resonance.band",
+                f"channel {channel.index}",
+                f"it resonates at {channel.resonance_hz:.9g} Hz, outside the band of {spec.band_hz[0]:.9g} …"
+                f" {spec.band_hz[1]:.9g} Hz; a wider band would do",
+            )
+
+
+def _bed(spec: Spec) -> Iterator[Finding]:
+    pad, printer = spec.pad, spec.printer
+    size = sorted((pad.width_mm + 2 * pad.border_mm, pad.depth_mm + 2 * pad.border_mm))
+    bed = sorted((printer.bed_x_mm, printer.bed_y_mm))
+    if size[0] > bed[0] or size[1] > bed[1]:
+        yield Finding(
+            "error",
+            "plan.bed",
+            "pad",
+            f"with its border it measures {number(size[1])} x {number(size[0])} mm, the bed of {printer.name} is"
+            f" {number(bed[1])} x {number(bed[0])} mm; an active area of {number(bed[1] - 2 * pad.border_mm)} x"
+            f" {number(bed[0] - 2 * pad.border_mm)} mm would fit",
+        )
 
 
 def _selectivity(plan: Plan) -> Iterator[Finding]:
     figures = plan.selectivity
     if figures.one_hot_db is None or figures.all_states_db is None:
-        return
+        return  # one channel has no other
     bound = figures.asked_db
     hint = "fewer channels per coil or a higher Q raise it"
     if figures.one_hot_db < bound:
@@ -106,12 +152,14 @@ def _coils(spec: Spec, plan: Plan) -> Iterator[Finding]:
     far = max(plan.channels, key=lambda c: c.site.coil_distance_mm)
     distance = far.site.coil_distance_mm
     if distance > reach:
+        needed = 2 * distance - spec.washer.outer_diameter_mm
+        wider = f"a coil of {at_least(needed)} mm outer diameter or " if needed < plan.coils.pitch_mm else ""
         yield Finding(
             "warning",
             "coil.reach",
             f"channel {far.index}",
             f"its washer lies {number(distance)} mm off the coil axis, beyond the coil's reach of {number(reach)} mm;"
-            f" take a coil of {number(2 * distance - spec.washer.outer_diameter_mm)} mm outer diameter or a finer grid",
+            f" {wider}a finer grid would do",
         )
     for channel in plan.channels:
         if channel.force_constant_n_per_a2 <= 0:
@@ -138,7 +186,7 @@ def _mechanics(spec: Spec, plan: Plan) -> Iterator[Finding]:
                 where,
                 f"sag ({number(channel.sag_um)} µm), static pull ({number(static_um)} µm) and amplitude together are"
                 f" {number(travel_mm)} mm, a third of the gap is {number(spec.coil.gap_mm / 3)} mm;"
-                f" a gap of {number(3 * travel_mm)} mm would do",
+                f" a gap of {at_least(3 * travel_mm)} mm would do",
             )
         if channel.root_stress_mpa > spec.material.fatigue_stress_mpa:
             level = channel.level_um * spec.material.fatigue_stress_mpa / channel.root_stress_mpa
@@ -148,7 +196,16 @@ def _mechanics(spec: Spec, plan: Plan) -> Iterator[Finding]:
                 where,
                 f"the root is stressed by {number(channel.root_stress_mpa)} MPa at {number(channel.level_um)} µm,"
                 f" {spec.material.name} bears {number(spec.material.fatigue_stress_mpa)} MPa;"
-                f" a level of {number(level)} µm would do",
+                f" a level of {at_most(level)} µm would do",
+            )
+        if channel.beam.length_mm < STUBBY * channel.beam.thickness_mm:
+            yield Finding(
+                "warning",
+                "beam.stubby",
+                where,
+                f"its beams are {number(channel.beam.length_mm)} mm long and {number(channel.beam.thickness_mm)} mm"
+                f" thick: below {STUBBY} thicknesses the beam model is several per cent off; solve its STEP by finite"
+                " elements",
             )
         if channel.beam.layers < 2 and spec.printer.process == "fdm":
             yield Finding(

@@ -40,7 +40,7 @@ def ladders(spec: Spec, count: int, room: Room) -> list[tuple[float, ...]]:
         spans.append((max(low, found[0] * 1.01), min(high, found[1] / 1.01)))
     options = [_ladder(spec, count, *span) for span in spans]
     options += [_closest(spec, count, span[0]) for span in spans]
-    unique = dict.fromkeys(option for option in options if option and option[-1] <= high * (1 + 1e-5))
+    unique = dict.fromkeys(option for option in options if option and option[-1] <= high * (1 + 1e-8))
     return list(unique)
 
 
@@ -59,5 +59,5 @@ def _closest(spec: Spec, count: int, low: float) -> tuple[float, ...]:
 
 
 def _rounded(ladder: np.ndarray) -> tuple[float, ...]:
-    """Six significant digits: no printer makes more, and the plan stays readable."""
-    return tuple(float(f"{value:.6g}") for value in ladder)
+    """Nine significant digits, so that the plan stays readable."""
+    return tuple(float(f"{value:.9g}") for value in ladder)

@@ -52,7 +52,8 @@ def frequency_spread(beam: BeamShape, printer: Printer) -> np.ndarray:
 class Reach:
     """What one topology reaches in one room: a grid of beams with their resonances.
 
-    `thickness_mm` (T,), `length_mm` (L,), `width_mm` (T, L, W), `resonance_hz` (T, L, W). The width
+    `thickness_mm` (T,), `length_mm` (L,), `width_mm` (T, L, W), `resonance_hz` (T, L, W), nan where it
+    would be no beam. The width
     runs from the printer's smallest to what the room holds, and rises with the resonance.
     """
 
@@ -65,7 +66,7 @@ class Reach:
     @cached_property
     def span_hz(self) -> tuple[float, float]:
         """Lowest and highest resonance."""
-        return float(self.resonance_hz.min()), float(self.resonance_hz.max())
+        return float(np.nanmin(self.resonance_hz)), float(np.nanmax(self.resonance_hz))
 
     def widths_for(self, resonance_hz: np.ndarray) -> np.ndarray:
         """Widths in mm (n, T, L) that give each of `resonance_hz` (n,); nan where none does."""
@@ -106,7 +107,9 @@ def reach(spec: Spec, topology: str, room: Room) -> Reach | None:
     width = np.geomspace(narrowest, max(widest, narrowest * (1 + 1e-6)), WIDTHS)
     thick, long, wide = np.meshgrid(thickness, length, width, indexing="ij")
     model = TaxelModel(spec, topology, plate, BeamShape(wide, thick, long))
-    return Reach(topology, thickness, length, wide, np.maximum.accumulate(model.resonance_hz, axis=-1))
+    # Nothing shorter than it is thick is a beam.
+    resonance = np.where(long >= thick, np.maximum.accumulate(model.resonance_hz, axis=-1), np.nan)
+    return None if np.isnan(resonance).all() else Reach(topology, thickness, length, wide, resonance)
 
 
 def _grid(spec: Spec, shortest: float, longest: float) -> tuple[np.ndarray, np.ndarray]:

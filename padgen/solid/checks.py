@@ -240,12 +240,15 @@ def _walls_and_gaps(cuts: list[Section], printer: Printer) -> list[Finding]:
 def _walls(cuts: list[Section], printer: Printer) -> Iterator[Finding]:
     limit = min(printer.line_width_mm, printer.smallest_beam_mm)
     for cut in cuts:
-        for place in narrow_walls(cut, limit - FACET_MM):
+        places = narrow_walls(cut, limit - FACET_MM)
+        thinnest = smallest(cut, False, limit) if places else limit
+        for place in places:
             yield Finding(
                 "error",
                 "print.wall",
                 f"({number(place.x_mm)}, {number(place.y_mm)}, {number(place.z_mm)}) mm",
-                f"a wall is thinner than {number(limit)} mm, the least that {printer.name} lays",
+                f"a wall is thinner than {number(limit)} mm, the least that {printer.name} lays (at this height down to"
+                f" {number(thinnest)} mm)",
             )
 
 

@@ -1,6 +1,7 @@
 """Checks of a mesh file from anywhere: read by trimesh or lib3mf, welded, judged."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ LARGEST_MM = 1e4
 
 
 def read_mesh(path: Path) -> Mesh:
-    """Triangles of an STL, 3MF, OBJ, PLY or GLB, welded; STL, OBJ and PLY are taken as millimetres.
+    """Triangles of an STL, 3MF, OBJ or PLY, welded; all but 3MF are taken as millimetres.
 
     Raises
     ------
@@ -30,6 +31,9 @@ def read_mesh(path: Path) -> Mesh:
         from padgen.solid.threemf import read_3mf
 
         return read_3mf(path)
+    if path.suffix.lower() not in (".stl", ".obj", ".ply"):
+        raise MeshFileError("is not a mesh that can be checked; must be an STL, 3MF, OBJ or PLY file", str(path))
+    _refuse_cut_short(path)
     import trimesh
 
     try:
@@ -39,10 +43,20 @@ def read_mesh(path: Path) -> Mesh:
     if not isinstance(part, trimesh.Trimesh) or not len(part.faces):
         raise MeshFileError("holds no triangles", str(path))
     vertices, faces = np.asarray(part.vertices, float), np.asarray(part.faces, np.int64)
-    vertices = vertices * (1000.0 if path.suffix.lower() in (".glb", ".gltf") else 1.0)
     if not (np.abs(vertices) <= LARGEST_MM).all():
         raise MeshFileError(f"has coordinates beyond {LARGEST_MM:g} mm, or none at all", str(path))
     return welded(vertices, faces, WELD_MM)
+
+
+def _refuse_cut_short(path: Path) -> None:
+    """Binary STL says how many triangles it holds."""
+    with path.open("rb") as file:
+        head = file.read(84)
+    if path.suffix.lower() != ".stl" or len(head) < 84 or head[:5] == b"solid":
+        return
+    promised, held = int.from_bytes(head[80:], "little"), (path.stat().st_size - 84) // 50
+    if held < promised:
+        raise MeshFileError(f"is cut short: it promises {promised} triangles and holds {held}", str(path))
 
 
 def check_file(path: Path, spec: Spec | None, fallback: Spec, progress: Callable[[str], None]) -> Report:
@@ -52,6 +66,7 @@ def check_file(path: Path, spec: Spec | None, fallback: Spec, progress: Callable
     limits = spec or fallback
     progress("checking")
     report = check_mesh(mesh, limits.printer, limits.material.density_g_per_cm3)
+    report = replace(report, figures={**report.figures, "limits_of": limits.printer.name})
     if spec is None:
         return report
     from padgen.planner import make_plan

@@ -63,7 +63,18 @@ def build123d() -> Any:
         with _deferred(DEFERRED):
             return importlib.import_module("build123d")
     except ImportError as error:
+        if _interrupted(error):
+            raise KeyboardInterrupt from error
         raise GeometryError(f"build123d cannot be imported ({error}); install padgen again") from error
+
+
+def _interrupted(error: BaseException | None) -> bool:
+    """Whether an import failed because of Ctrl-C: a library's start-up turns that into an ImportError."""
+    while error is not None:
+        if isinstance(error, KeyboardInterrupt) or "initialization failed" in str(error):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
 
 
 @contextmanager

@@ -42,8 +42,9 @@ def taxel_solid(plan: Plan, channel: Channel) -> Any:
         frame = _ring(outline(plan, channel), Outline(0, length, -width / 2, width / 2), thickness)
         beams = [_beam(strip, channel.beam.fillet_mm) for strip in arrangement.beams]
         blocks = [_box(Outline(*(float(v) for v in block[:4])), float(block.height_mm)) for block in arrangement.blocks]
-        first, *others = [*blocks, _boss(plate, washer_x)]
-        moving = first.fuse(*others).cut(_recess(plate, washer_x))
+        parts = [*blocks, _boss(plate, washer_x)] if plate.boss_top_mm - plate.thickness_mm > 1e-6 else blocks
+        first, *others = parts
+        moving = (first.fuse(*others) if others else first).cut(_recess(plate, washer_x))
         solid = frame.fuse(*beams, *moving.solids())
         return _only_solid(solid, channel)
 

@@ -52,6 +52,8 @@ def find_spec(spec: str) -> Path:
         There is neither such a file nor such a template.
     """
     path = Path(spec)
+    if not spec.strip():
+        raise FileError("must name a TOML file or a template, got nothing", "SPEC")
     if path.is_dir():
         raise FileError("is a folder, must be a TOML file or the name of a template", spec)
     if path.exists():
@@ -68,7 +70,7 @@ def load_spec(spec: str) -> Spec:
     """Read a `Spec` from a path or from the name of a template."""
     path = find_spec(spec)
     try:
-        text = path.read_bytes().decode("utf-8")
+        text = path.read_bytes().decode("utf-8-sig")
     except OSError as error:
         raise FileError(f"cannot be read ({error.strerror})", spec) from error
     except UnicodeDecodeError as error:
@@ -90,6 +92,8 @@ def parse_spec(text: str, where: str = "spec") -> Spec:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise SpecError(f"is not TOML: {error}", where) from error
+    except RecursionError as error:
+        raise SpecError("is not a spec: its values are nested too deeply", where) from error
     return make_spec(table)
 
 

@@ -7,6 +7,9 @@ from padgen.spec.model import Spec
 
 __all__ = ["refuse_contradictions"]
 
+SLACK_MM = 1e-9
+"""Rounding by which a sum of fields may exceed its bound."""
+
 
 def refuse_contradictions(spec: Spec) -> None:
     """Raise `SpecError` for the first contradiction between fields of `spec`."""
@@ -82,14 +85,14 @@ def _refuse_taxel(spec: Spec) -> None:
     taxel, pad, printer = spec.taxel, spec.pad, spec.printer
     depth = spec.washer.thickness_mm + taxel.glue_gap_mm
     roof = 2 * printer.layer_mm
-    if depth + roof > taxel.plate_thickness_mm:
+    if depth + roof > taxel.plate_thickness_mm + SLACK_MM:
         raise SpecError(
             f"must be at least {number(depth + roof)} mm (washer {number(spec.washer.thickness_mm)} mm,"
             f" glue {number(taxel.glue_gap_mm)} mm, two layers of roof),"
             f" got {number(taxel.plate_thickness_mm)} mm",
             "taxel.plate_thickness_mm",
         )
-    if taxel.plate_thickness_mm > pad.frame_thickness_mm:
+    if taxel.plate_thickness_mm > pad.frame_thickness_mm + SLACK_MM:
         raise SpecError(
             f"must not exceed the frame's thickness of {number(pad.frame_thickness_mm)} mm,"
             f" got {number(taxel.plate_thickness_mm)} mm",
@@ -97,13 +100,19 @@ def _refuse_taxel(spec: Spec) -> None:
         )
     boss_height = pad.frame_thickness_mm - taxel.plate_thickness_mm + taxel.boss_protrusion_mm
     edge_bound = min(taxel.boss_diameter_mm / 2, boss_height) * 0.9
-    if taxel.boss_edge_mm > edge_bound:
+    if taxel.boss_edge_mm > edge_bound + SLACK_MM:
         raise SpecError(
             f"must be at most {number(edge_bound)} mm on a boss of {number(taxel.boss_diameter_mm)} mm diameter"
             f" and {number(boss_height)} mm height, got {number(taxel.boss_edge_mm)} mm",
             "taxel.boss_edge_mm",
         )
-    if pad.hole_diameter_mm and pad.hole_diameter_mm + 2 * printer.line_width_mm > pad.border_mm:
+    if pad.rib_mm < printer.line_width_mm - SLACK_MM:
+        raise SpecError(
+            f"must be at least a line of {number(printer.line_width_mm)} mm, the thinnest wall of {printer.name},"
+            f" got {number(pad.rib_mm)} mm",
+            "pad.rib_mm",
+        )
+    if pad.hole_diameter_mm and pad.hole_diameter_mm + 2 * printer.line_width_mm > pad.border_mm + SLACK_MM:
         raise SpecError(
             f"must leave a line of wall in the border of {number(pad.border_mm)} mm: at most"
             f" {number(pad.border_mm - 2 * printer.line_width_mm)} mm, got {number(pad.hole_diameter_mm)} mm",
@@ -115,7 +124,7 @@ def _refuse_plate(spec: Spec) -> None:
     taxel, printer = spec.taxel, spec.printer
     recess = spec.washer.outer_diameter_mm + taxel.washer_clearance_mm
     span = (recess - spec.washer.inner_diameter_mm) / 2 if taxel.centre_post else recess
-    if span > printer.longest_bridge_mm:
+    if span > printer.longest_bridge_mm + SLACK_MM:
         raise SpecError(
             f"{spec.washer.name!r} needs a recess whose roof spans {number(span)} mm, {printer.name} bridges"
             f" {number(printer.longest_bridge_mm)} mm; take a washer of at most"
@@ -125,7 +134,7 @@ def _refuse_plate(spec: Spec) -> None:
     walled = spec.washer.outer_diameter_mm + taxel.washer_clearance_mm + 2 * spec.printer.line_width_mm
     bound = max(walled, taxel.boss_diameter_mm)
     for name, value in (("plate_length_mm", taxel.plate_length_mm), ("plate_width_mm", taxel.plate_width_mm)):
-        if value is not None and value < bound - 1e-9:
+        if value is not None and value < bound - SLACK_MM:
             raise SpecError(
                 f"must be at least {number(bound)} mm for the washer {spec.washer.name} in its walls and the boss,"
                 f" got {number(value)} mm",
@@ -148,7 +157,7 @@ def _refuse_beam(spec: Spec) -> None:
             "suspension.thickness_mm",
         )
     bound = spec.taxel.plate_thickness_mm - printer.layer_mm
-    if thickness > bound + 1e-9:
+    if thickness > bound + SLACK_MM:
         raise SpecError(
             f"must stay a layer below the plate's thickness, at most {number(bound)} mm, got {number(thickness)} mm",
             "suspension.thickness_mm",
