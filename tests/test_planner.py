@@ -195,6 +195,12 @@ def test_a_band_narrower_than_a_slot_is_refused():
         plan_of(4, 50, 60)
 
 
+def test_a_band_narrower_than_a_drawn_beam_is_refused():
+    with pytest.raises(SpecError, match=r"band_hz: is narrower than beams can be drawn, to 0\.2%.* up to 100\.3 Hz"):
+        make_plan(parse_spec(FOUR_LINES.format(4, 100, 100.0001).replace("15", "1e8")))
+    make_plan(parse_spec(FOUR_LINES.format(1, 100, 100.3).replace("15", "1e8")))
+
+
 def test_closest_spacing_is_the_papers_ladder():
     plan = plan_of(8, 50, 400, 'spacing = "closest"\n')
     ratios = [b.target_hz / a.target_hz for a, b in pairwise(plan.channels)]
@@ -339,7 +345,7 @@ def test_extreme_q_is_planned_as_quickly(q):
 def test_resonances_finer_than_a_micrometre_of_beam():
     plan = plan_of(2, 50, 200, "resonances_hz = [60, 60.0001]\n")
     assert "ladder.ratio" in {f.code for f in plan.findings}
-    fine = make_plan(parse_spec(FOUR_LINES.format(4, 100, 100.01).replace("15", "1e6")))
+    fine = make_plan(parse_spec(FOUR_LINES.format(4, 100, 101).replace("15", "1e6")))
     assert {"resonance.off"} <= {f.code for f in fine.findings}
     assert fine.selectivity.all_states_db <= fine.selectivity.one_hot_db
 

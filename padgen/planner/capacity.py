@@ -3,10 +3,10 @@
 import numpy as np
 
 from padgen.errors import SpecError, at_least
-from padgen.physics.ladder import capacity, geometric_ladder, ladder_ratio, whole_channels
+from padgen.physics.ladder import capacity, geometric_ladder, ladder_ratio, slot_half_width, whole_channels
 from padgen.physics.selectivity import all_states_db, crosstalk, one_hot_db
 from padgen.planner.plan import Capacity
-from padgen.planner.resonances import slot_band_hz
+from padgen.planner.resonances import DRAWN_SHARE, slot_band_hz
 from padgen.spec import Spec
 from padgen.units import decibel
 
@@ -25,6 +25,14 @@ def channel_limit(spec: Spec) -> int:
     SpecError
         The band does not hold a single slot.
     """
+    low, high = slot_band_hz(spec)
+    if low > high and slot_half_width(spec.q_min, spec.delta_y) < DRAWN_SHARE:
+        raise SpecError(
+            f"is narrower than beams can be drawn, to {2 * DRAWN_SHARE:.1%}, got {spec.band_hz[0]:.9g} …"
+            f" {spec.band_hz[1]:.9g} Hz; the nearest that would do is up to"
+            f" {at_least(spec.band_hz[0] * (1 + DRAWN_SHARE) / (1 - DRAWN_SHARE))} Hz",
+            "band_hz",
+        )
     count = whole_channels(_paper(spec))
     if count < 1:
         low, ratio = spec.band_hz[0], ladder_ratio(spec.q_min, spec.delta_y)

@@ -8,6 +8,7 @@ from padgen.finding import Finding
 from padgen.physics.ladder import ladder_ratio, slot_half_width
 from padgen.planner.layout import coil_reach_mm
 from padgen.planner.plan import Channel, Plan
+from padgen.planner.resonances import DRAWN_SHARE
 from padgen.planner.sizing import SizedChannel, crowded_modes
 from padgen.spec import Spec
 from padgen.units import MM, MN, UM
@@ -70,7 +71,7 @@ def _targets(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Finding]:
                 f"it resonates {miss:.1e} off its target of {number(channel.target_hz)} Hz, its slot allows"
                 f" {share:.1e}: beams are drawn to a micrometre; tune the tones to the print, or ask for less Q",
             )
-        if not spec.band_hz[0] * (1 - 1e-9) <= channel.resonance_hz <= spec.band_hz[1] * (1 + 1e-9):
+        if not spec.band_hz[0] * (1 - DRAWN_SHARE) <= channel.resonance_hz <= spec.band_hz[1] * (1 + DRAWN_SHARE):
             yield Finding(
                 "error",
                 "resonance.band",

@@ -7,12 +7,15 @@ from padgen.planner.sizing import reach, topologies
 from padgen.planner.suspensions import Room
 from padgen.spec import Spec
 
-__all__ = ["ladders", "reachable_hz", "slot_band_hz"]
+__all__ = ["DRAWN_SHARE", "ladders", "reachable_hz", "slot_band_hz"]
+
+DRAWN_SHARE = 1e-3
+"""What drawing a beam to a micrometre may move a resonance by: 0.05 % on the smallest beam, doubled."""
 
 
 def slot_band_hz(spec: Spec) -> tuple[float, float]:
-    """Lowest and highest resonance whose whole slot lies in the band."""
-    half = slot_half_width(spec.q_min, spec.delta_y)
+    """Lowest and highest resonance whose whole slot lies in the band, and no rounding of a beam leaves it."""
+    half = max(slot_half_width(spec.q_min, spec.delta_y), DRAWN_SHARE)
     return spec.band_hz[0] / (1 - half), spec.band_hz[1] / (1 + half)
 
 
