@@ -26,6 +26,8 @@ __all__ = ["DEFAULT_FORMATS", "FORMATS", "Built", "build", "parse_formats", "up_
 FORMATS = ("stl", "3mf", "step", "glb")
 DEFAULT_FORMATS = ("stl", "3mf", "step")
 PACKAGES = ("build123d", "cadquery-ocp-novtk", "lib3mf", "manifold3d", "numpy", "pillow", "trimesh")
+OWN_FILES = ("pad.stl", "pad.3mf", "pad.glb", "taxel-*.step")
+"""Files of a build that the next one of other formats or channels takes away."""
 THUMBNAIL_PX = (256, 256)
 PAD_COLOUR = (0.90, 0.88, 0.82)
 Progress = Callable[[str], None]
@@ -106,8 +108,8 @@ def build(
         for name in formats:
             progress(f"writing {name}")
             _write_format(out, name, plan, pad, instances, inputs["spec"])
-        old = read_manifest(folder).get("files", {})
-        out.commit({"padgen": __version__, "inputs": inputs}, remove=old)
+        stale = [path.name for pattern in OWN_FILES for path in folder.glob(pattern)]
+        out.commit({"padgen": __version__, "inputs": inputs}, remove=stale)
     files = tuple(read_manifest(folder)["files"])
     return Built(folder, files, report.figures, findings, False)
 

@@ -133,13 +133,16 @@ def _plan(options: argparse.Namespace) -> int:
     folder = _folder(options, plan.name)
     with OutputFolder(folder) as out:
         out.write("plan.json", text)
-        out.commit(remove=stale_files(folder, text))
+        stale = stale_files(folder, text)
+        out.commit()
     if options.json:
         print(text, end="")
     else:
         print(plan_text(plan))
         print(findings_text(plan.findings))
         print(f"\nwritten: {folder / 'plan.json'}")
+        if stale:
+            print(f"the other files in {folder} are of an earlier plan; padgen build makes them anew")
     return _code(plan.findings)
 
 

@@ -17,9 +17,12 @@ def plan_text(plan: "Plan") -> str:
     """A plan as a table to read."""
     pad, coils, capacity, figures = plan.spec["pad"], plan.coils, plan.capacity, plan.selectivity
     channels = "1 channel" if len(plan.channels) == 1 else f"{len(plan.channels)} channels"
+    pitch = number(coils.pitch_mm)
+    if coils.pitch_x_mm != coils.pitch_y_mm:
+        pitch = f"{number(coils.pitch_x_mm)} x {number(coils.pitch_y_mm)}"
     head = (
         f"{plan.name}: {len(plan.taxels)} taxels on {number(pad['width_mm'])} x {number(pad['depth_mm'])} mm,"
-        f" {coils.rows} x {coils.columns} coils at {number(coils.pitch_mm)} mm, {channels} per coil"
+        f" {coils.rows} x {coils.columns} coils at {pitch} mm, {channels} per coil"
     )
     bound = (
         f"capacity of a coil: {capacity.paper} channels by the paper's bound ({capacity.paper_unrounded:.2f},"
@@ -125,7 +128,7 @@ def figures_text(figures: dict[str, Any]) -> str:
     ):
         value = figures.get(key)
         if value is not None:
-            text = str(value) if isinstance(value, int) else number(0.0 if abs(value) < 1e-6 else value)
+            text = str(value) if isinstance(value, int) else f"{0.0 if abs(value) < 1e-6 else value:.3g}"
             parts.append(f"{text} {unit if value == 1 or key != 'bodies' else 'bodies'}")
     if "limits_of" in figures:
         parts.append(f"limits of printer {figures['limits_of']} (--spec takes those of a spec)")

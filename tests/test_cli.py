@@ -296,14 +296,19 @@ def test_a_killed_run_does_not_block_the_folder(work):
     assert {p.name for p in (work / "out/tiny").iterdir()} == {"plan.json"}
 
 
-def test_a_new_plan_takes_away_what_it_contradicts(work):
+def test_a_new_plan_says_what_it_contradicts(work, capsys):
     assert cli.run(["build", "tiny.toml"]) == 0
     assert cli.run(["plan", "tiny.toml"]) == 0
     assert (work / "out/tiny/pad.stl").exists()
     assert (work / "out/tiny/manifest.json").exists()
     (work / "tiny.toml").write_text(SMALL.replace("[50, 200]", "[60, 300]"))
+    assert "earlier plan" not in capsys.readouterr().out
     assert cli.run(["plan", "tiny.toml"]) == 0
-    assert {p.name for p in (work / "out/tiny").iterdir()} == {"plan.json"}
+    assert "are of an earlier plan" in capsys.readouterr().out
+    assert (work / "out/tiny/pad.stl").exists()
+    assert not (work / "out/tiny/manifest.json").exists()
+    assert cli.run(["build", "tiny.toml", "--formats", "stl"]) == 0
+    assert not list((work / "out/tiny").glob("*.step"))
 
 
 def test_a_closed_pipe_is_no_traceback(work):

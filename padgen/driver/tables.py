@@ -69,7 +69,10 @@ def drive_csv(plan: Plan) -> str:
 
 
 def drive_json(plan: Plan) -> str:
-    """The table, the states of one coil (up to six channels) and which taxel is which, as JSON."""
+    """The table, the states of one coil (up to six channels), where the coils lie and which taxel is which.
+
+    Places are from the pad's centre, x to the right and y upwards seen from the touch side.
+    """
     table = {
         "name": plan.name,
         "scheme": plan.selectivity.drive,
@@ -78,6 +81,15 @@ def drive_json(plan: Plan) -> str:
         "states_note": ""
         if len(plan.channels) <= LARGEST_TABLE
         else f"{number(2 ** len(plan.channels))} states are not spelled out; at most {LARGEST_TABLE} channels are",
+        "coils": [
+            {
+                "coil": [row, column],
+                "x_mm": (column - (plan.coils.columns - 1) / 2) * plan.coils.pitch_x_mm,
+                "y_mm": (row - (plan.coils.rows - 1) / 2) * plan.coils.pitch_y_mm,
+            }
+            for row in range(plan.coils.rows)
+            for column in range(plan.coils.columns)
+        ],
         "taxels": [{"id": t.id, "coil": list(t.coil), "channel": t.channel} for t in plan.taxels],
     }
     return json_text(table)

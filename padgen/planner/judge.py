@@ -31,6 +31,8 @@ def judge(spec: Spec, plan: Plan, sized: tuple[SizedChannel, ...]) -> tuple[Find
         *_bed(spec),
         *_selectivity(plan),
         *_unequal_pull(plan),
+        *_spread(plan),
+        *_single_layers(spec, plan.channels),
         *_modes(spec, plan, sized),
         *_coils(spec, plan),
         *_mechanics(spec, plan),
@@ -101,14 +103,17 @@ def _selectivity(plan: Plan) -> Iterator[Finding]:
     if figures.one_hot_db is None or figures.all_states_db is None:
         return  # one channel has no other
     bound = figures.asked_db
+    clean = [o for o in plan.layouts if o.channels <= plan.capacity.exact]
     hint = "fewer channels per coil or a higher Q raise it"
+    if clean and len(plan.channels) > clean[0].channels:
+        hint = f"coil.grid = [{clean[0].rows}, {clean[0].columns}] has {clean[0].channels} channels per coil"
     if figures.one_hot_db < bound:
         yield Finding(
             "warning",
             "selectivity.one_hot",
             "coil",
-            f"an OFF taxel is {figures.one_hot_db:.1f} dB below an ON one with one channel on,"
-            f" asked are {bound:.1f} dB (Δy); {hint}",
+            f"with one channel on, an OFF taxel vibrates {_below(figures.one_hot_db)} than it,"
+            f" asked: {bound:.1f} dB less (Δy); {hint}",
         )
     if figures.all_states_db < bound:
         few = "" if len(plan.channels) <= 2 else f", plain tones are clean up to {max(plan.capacity.exact, 1)} channels"
@@ -116,8 +121,36 @@ def _selectivity(plan: Plan) -> Iterator[Finding]:
             "warning",
             "selectivity.all_states",
             f"state {figures.worst_state}",
-            f"an OFF taxel is {figures.all_states_db:.1f} dB below an ON one (channel 0 first), asked are"
-            f" {bound:.1f} dB{few}; {hint}",
+            f"(channel 0 first, 1 is on) an OFF taxel vibrates {_below(figures.all_states_db)} than an ON one,"
+            f" asked: {bound:.1f} dB less{few}; {hint}",
+        )
+
+
+def _below(level_db: float) -> str:
+    return f"{abs(level_db):.1f} dB {'less' if level_db >= 0 else 'more'}"
+
+
+def _spread(plan: Plan) -> Iterator[Finding]:
+    worst = max(plan.channels, key=lambda c: c.print_spread)
+    steps = [b.resonance_hz / a.resonance_hz - 1 for a, b in pairwise(plan.channels)]
+    if steps and worst.print_spread > min(steps) / 2:
+        yield Finding(
+            "note",
+            "print.spread",
+            f"channel {worst.index}",
+            f"a print's resonance spreads by {worst.print_spread:.0%}, channels are as near as {min(steps):.0%}:"
+            " measure every taxel and put its own frequency into the driver table",
+        )
+
+
+def _single_layers(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Finding]:
+    single = [c for c in channels if c.beam.layers < 2 and spec.printer.process == "fdm"]
+    if single:
+        yield Finding(
+            "note",
+            "beam.single_layer",
+            "channels " + ", ".join(str(c.index) for c in single),
+            f"their beams are a single layer of {number(single[0].beam.thickness_mm)} mm: level the bed well",
         )
 
 
@@ -208,14 +241,6 @@ def _mechanics(spec: Spec, plan: Plan) -> Iterator[Finding]:
                 f" thick: below {STUBBY} thicknesses the beam model is several per cent off; solve its STEP by finite"
                 " elements",
             )
-        if channel.beam.layers < 2 and spec.printer.process == "fdm":
-            yield Finding(
-                "note",
-                "beam.single_layer",
-                where,
-                f"its beams are a single layer of {number(channel.beam.thickness_mm)} mm: level the bed well,"
-                f" their resonance spreads by {channel.print_spread:.0%}",
-            )
 
 
 def _places(plan: Plan) -> Iterator[Finding]:
@@ -225,5 +250,6 @@ def _places(plan: Plan) -> Iterator[Finding]:
             "note",
             "layout.surplus",
             "coils",
-            f"{places - len(plan.taxels)} of {places} places stay empty: no whole grid gives {len(plan.taxels)} taxels",
+            f"{places - len(plan.taxels)} of {places} places stay empty: no grid of exactly {len(plan.taxels)} taxels"
+            " can be made here",
         )
