@@ -15,7 +15,7 @@ from padgen.planner.layout import candidates
 from padgen.planner.sizing import SizedChannel, crowded_modes, reach
 from padgen.planner.suspensions import TOPOLOGIES, BeamShape, PlateShape, Room
 from padgen.planner.taxel_model import TaxelModel, plate_shape
-from padgen.spec import make_spec, parse_spec
+from padgen.spec import load_spec, make_spec, parse_spec
 from padgen.tell import plan_text
 
 FOUR_LINES = 'name = "a"\nresolution = {}\nband_hz = [{}, {}]\nq_min = 15\n'
@@ -301,6 +301,12 @@ def test_crowded_modes_are_found():
     assert [(i, j) for i, _, j, _ in found] == [(0, 1)]
     quiet = replace(spec, drive=replace(spec.drive, level_law=2.0))
     assert crowded_modes(quiet, (first, second)) == []
+
+
+def test_silent_second_modes_near_a_channel_are_noted():
+    (found,) = [f for f in make_plan(load_spec("quad-64")).findings if f.code == "modes.near"]
+    assert (found.level, found.where) == ("note", "channels 1")
+    assert "modes.near" not in {f.code for f in make_plan(load_spec("paper-32")).findings}
 
 
 def test_a_washer_that_the_coil_does_not_pull_is_an_error():

@@ -17,6 +17,8 @@ STUBBY = 2
 """Length over thickness below which a beam is none (docs/accuracy.md)."""
 SPACING_SHARE = 0.05
 """Share of a slot by which a resonance may be off before it is worth a finding."""
+QUIET_SHARE = 1e-6
+"""Share of the compliance below which a pull at the washer's axis does not excite a mode."""
 PULL_DB = 1.0
 """Loss of selectivity by unequal pull that is worth a finding."""
 
@@ -170,6 +172,24 @@ def _unequal_pull(plan: Plan) -> Iterator[Finding]:
 
 
 def _modes(spec: Spec, plan: Plan, sized: tuple[SizedChannel, ...]) -> Iterator[Finding]:
+    half = slot_half_width(spec.q_min, spec.delta_y)
+    silent = [
+        (channel, other)
+        for channel in plan.channels
+        for other in plan.channels
+        if channel is not other
+        and channel.second_mode_share < QUIET_SHARE
+        and abs(channel.second_mode_hz / other.resonance_hz - 1) < half
+    ]
+    if silent:
+        listed = ", ".join(f"{c.index} at {number(c.second_mode_hz)} Hz on {o.index}" for c, o in silent)
+        yield Finding(
+            "note",
+            "modes.near",
+            "channels " + ", ".join(str(index) for index in dict.fromkeys(c.index for c, _ in silent)),
+            f"a second mode lies in another channel's slot ({listed}); a pull at the washer's axis does not excite it,"
+            " a washer glued off its place would",
+        )
     for i, mode_hz, j, response in crowded_modes(spec, sized):
         yield Finding(
             "warning",
