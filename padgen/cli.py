@@ -19,6 +19,7 @@ from padgen.errors import FileError, PadgenError
 __all__ = ["main", "run"]
 
 DONE, CHECK_FAILED, BAD_INPUT = 0, 1, 2
+SMALLEST_SPEC = {"name": "default", "resolution": 1, "band_hz": [50, 200], "q_min": 15}
 
 
 def main() -> NoReturn:
@@ -54,7 +55,8 @@ def run(arguments: list[str]) -> int:
     except KeyboardInterrupt:
         return _refused("interrupted; files are as they were", "interrupted", as_json)
     except BrokenPipeError:
-        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+        # So that the flush at exit does not meet the closed pipe again.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BAD_INPUT
     except OSError as error:
         return _refused(f"cannot be written ({error.strerror or error})", "file", False)
@@ -171,19 +173,15 @@ def _build(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from padgen.spec import make_spec
+    from padgen.spec import load_spec, make_spec
 
     with _progress() as progress:
         progress("reading")
         from padgen.solid.foreign import check_file
 
-        spec = None
-        if options.spec:
-            from padgen.spec import load_spec
-
-            spec = load_spec(options.spec)
-        fallback = make_spec({"name": "check", "resolution": 1, "band_hz": [50, 200], "q_min": 15})
-        report = check_file(Path(options.mesh), spec, fallback, progress)
+        # Without a spec, the limits are the default printer's.
+        spec = load_spec(options.spec) if options.spec else make_spec(SMALLEST_SPEC)
+        report = check_file(Path(options.mesh), spec, bool(options.spec), progress)
     if options.json:
         from dataclasses import asdict
 

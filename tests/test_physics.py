@@ -155,12 +155,12 @@ def test_rule_is_the_cantilever_with_a_point_mass():
 
 
 def reference_taxel(case):
-    t, l, w = (case[key] * MM for key in ("t_mm", "l_mm", "w_mm"))  # noqa: E741
+    t, length, w = (case[key] * MM for key in ("t_mm", "l_mm", "w_mm"))
     plate = box((0, -2.5 * MM, 0), (6.5 * MM, 2.5 * MM, 1.6 * MM), 1240.0)
     boss = ring((3.25 * MM, 0), 1.6 * MM, 2.6 * MM, 2.5 * MM, 0, 1240.0)
     # The washer's bore is filled by the plate, so steel replaces plastic.
     washer = ring((3.25 * MM, 0), 0, 0.5 * MM, 4 * MM, 2 * MM, 7900.0 - 1240.0)
-    beam = BeamPlacement(BeamSection(w, t, l), np.array([0, 0, t / 2]), np.array([1.0, 0.0]))
+    beam = BeamPlacement(BeamSection(w, t, length), np.array([0, 0, t / 2]), np.array([1.0, 0.0]))
     return suspended_modes(combine(plate, boss, washer), [beam], 3e9, 0.36, 1240.0)
 
 

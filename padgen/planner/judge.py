@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 from padgen.errors import at_least, at_most, number
-from padgen.finding import Finding
+from padgen.finding import LEVELS, Finding
 from padgen.physics.ladder import ladder_ratio, slot_half_width
 from padgen.planner.layout import coil_reach_mm
 from padgen.planner.plan import Channel, Plan
@@ -40,8 +40,7 @@ def judge(spec: Spec, plan: Plan, sized: tuple[SizedChannel, ...]) -> tuple[Find
         *_mechanics(spec, plan),
         *_places(plan),
     ]
-    order = ("error", "warning", "note")
-    return tuple(sorted(found, key=lambda f: order.index(f.level)))
+    return tuple(sorted(found, key=lambda f: -LEVELS.index(f.level)))
 
 
 def _spacing(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Finding]:
@@ -166,7 +165,7 @@ def _unequal_pull(plan: Plan) -> Iterator[Finding]:
             "selectivity.pull",
             "coil",
             f"the nearest washer of a coil is pulled {number(max(pull) / min(pull))} times as strongly as the farthest:"
-            f" with that, an OFF taxel is {figures.placed_one_hot_db:.1f} dB below an ON one with one channel on;"
+            f" with one channel on, an OFF taxel then vibrates {_below(figures.placed_one_hot_db)} than it;"
             " fewer channels per coil or a wider coil even it out",
         )
 

@@ -11,7 +11,7 @@ from padgen.errors import GeometryError, number
 from padgen.planner.plan import Plan
 from padgen.solid.frame import to_cell
 from padgen.solid.kernel import build123d, kernel_errors
-from padgen.solid.mesh import Mesh, signed_volume_mm3
+from padgen.solid.mesh import Mesh, signed_volume_mm3, tessellated
 from padgen.solid.pad import PadSolid
 from padgen.solid.taxel import washer_solid
 
@@ -113,14 +113,12 @@ def glb_bytes(plan: Plan, pad: PadSolid) -> bytes:
     colours = {"pad": (225, 222, 214, 255), "washer": (120, 125, 135, 255)}
     scene.add_geometry(_coloured(pad.mesh, colours["pad"]), geom_name="pad", node_name="pad", transform=turn)
     for channel in plan.channels:
-        from padgen.solid.mesh import tessellated
-
         washer = tessellated(washer_solid(plan, channel))
         vertices = to_cell(washer.vertices_mm, channel)
+        centre = to_cell(np.array([float(plan.arrangement(channel).washer_x_mm), 0.0, 0.0]), channel)
         part = _coloured(Mesh(vertices, washer.triangles), colours["washer"])
         for taxel in plan.taxels:
             if taxel.channel == channel.index:
-                centre = vertices.mean(0)
                 place = np.eye(4)
                 place[:2, 3] = np.array([taxel.x_mm, taxel.y_mm]) - centre[:2]
                 scene.add_geometry(

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from padgen.errors import MeshFileError
+from padgen.planner import make_plan
 from padgen.solid.checks import Report, check_mesh, compare_mesh
 from padgen.solid.mesh import Mesh, welded
 from padgen.spec import Spec
@@ -59,17 +60,14 @@ def _refuse_cut_short(path: Path) -> None:
         raise MeshFileError(f"is cut short: it promises {promised} triangles and holds {held}", str(path))
 
 
-def check_file(path: Path, spec: Spec | None, fallback: Spec, progress: Callable[[str], None]) -> Report:
-    """Check a mesh file; with a `spec` against its printer and its plan, else against `fallback`'s printer."""
+def check_file(path: Path, spec: Spec, compare: bool, progress: Callable[[str], None]) -> Report:
+    """Check a mesh file against the limits of the spec's printer and, to `compare`, against its plan."""
     progress("reading")
     mesh = read_mesh(path)
-    limits = spec or fallback
     progress("checking")
-    report = check_mesh(mesh, limits.printer, limits.material.density_g_per_cm3)
-    report = replace(report, figures={**report.figures, "limits_of": limits.printer.name})
-    if spec is None:
+    report = check_mesh(mesh, spec.printer, spec.material.density_g_per_cm3)
+    report = replace(report, figures={**report.figures, "limits_of": spec.printer.name})
+    if not compare:
         return report
-    from padgen.planner import make_plan
-
     progress("comparing with the plan")
     return compare_mesh(report, mesh, make_plan(spec))
