@@ -124,6 +124,12 @@ def test_glb_has_every_washer(folder, small_plan):
     assert len(scene.geometry) == 1 + len(small_plan.channels)
     # Metres, y up: 37 x 5 x 37 mm.
     assert scene.extents == pytest.approx([0.037, 0.005, 0.037], rel=1e-3)
+    for taxel in small_plan.taxels:
+        transform, geometry = scene.graph[f"washer-{taxel.id}"]
+        corners = trimesh.transform_points(scene.geometry[geometry].bounds, transform)
+        x, _, depth = corners.mean(0) * 1e3
+        # Chords of the washer's rim.
+        assert (x, -depth) == (pytest.approx(taxel.x_mm, abs=0.02), pytest.approx(taxel.y_mm, abs=0.02))
 
 
 def test_bill_of_materials(small_plan):

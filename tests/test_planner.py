@@ -11,7 +11,7 @@ import pytest
 from padgen.errors import FileError, InfeasibleError, SpecError
 from padgen.planner import make_plan, plan_from_json, plan_to_json
 from padgen.planner.judge import _coils
-from padgen.planner.layout import candidates
+from padgen.planner.layout import _channel_counts, candidates
 from padgen.planner.sizing import SizedChannel, crowded_modes, reach
 from padgen.planner.suspensions import TOPOLOGIES, BeamShape, PlateShape, Room
 from padgen.planner.taxel_model import TaxelModel, plate_shape
@@ -345,6 +345,7 @@ def test_extreme_q_is_planned_as_quickly(q):
     """Ten million channels would fit the band at Q = 1e8; no more are tried than were asked for."""
     plan = make_plan(parse_spec(f'name = "a"\nresolution = 9\nband_hz = [20, 9000]\nq_min = {q}\n'))
     assert len(plan.taxels) == 9
+    assert len(_channel_counts(plan.typed_spec, 10**8)) <= 9
     assert plan.capacity.paper == int(np.log(450) / (2 * np.arctanh(2.5 / q)) * (1 + 1e-12))
 
 

@@ -9,7 +9,7 @@ from padgen.errors import GeometryError
 from padgen.planner import make_plan
 from padgen.planner.suspensions import TOPOLOGIES
 from padgen.solid.frame import outline, to_cell
-from padgen.solid.kernel import build123d, kernel_errors
+from padgen.solid.kernel import _interrupted, build123d, kernel_errors
 from padgen.solid.mesh import as_manifold, signed_volume_mm3, tessellated, welded
 from padgen.solid.pad import build_pad, tile_grid
 from padgen.solid.taxel import taxel_solid, washer_solid
@@ -192,6 +192,14 @@ def test_deferred_import_still_works():
 
     groups = brep_from_stl.DBSCAN(eps=1.0, min_samples=1).fit(np.array([[0.0], [0.1], [9.0]])).labels_
     assert len(set(groups)) == 2
+
+
+def test_an_interrupted_import_is_an_interrupt():
+    wrapped = ImportError("x")
+    wrapped.__cause__ = KeyboardInterrupt()
+    assert _interrupted(wrapped)
+    assert _interrupted(ImportError("initialization failed"))
+    assert not _interrupted(ImportError("No module named 'OCP'"))
 
 
 def test_welding_joins_and_drops():
