@@ -27,21 +27,58 @@ def plan_text(plan: "Plan") -> str:
     bound = (
         f"capacity of a coil: {capacity.paper} channels by the paper's bound ({capacity.paper_unrounded:.2f},"
         f" ratio {number(capacity.ratio)}), {capacity.exact_one_hot} by the exact response with one channel on,"
-        f" {capacity.exact} in all states; limited by {capacity.limit}"
+        f" {capacity.exact} in all states with {figures.drive}; limited by {capacity.limit}"
     )
     lines = [head, bound, "", table(_HEADINGS, [_row(c) for c in plan.channels])]
-    if figures.one_hot_db is not None and figures.all_states_db is not None:
-        lines += [
-            "",
-            f"selectivity ({figures.drive}, amplitude ~ 1/f^{number(figures.level_law)}):"
-            f" {figures.one_hot_db:.1f} dB with one channel on, {figures.all_states_db:.1f} dB in all states"
-            f" (worst {figures.worst_state}), asked are {figures.asked_db:.1f} dB (Δy)",
-        ]
+    lines += ["", *_drive_lines(plan)]
     if plan.layouts:
         others = ", ".join(f"{o.rows} x {o.columns} coils with {o.channels} channels" for o in plan.layouts)
         lines.append(f"runners-up: {others}")
     settings = ", ".join(f"{key.replace('_', ' ')} {value}" for key, value in plan.printing.items())
     return "\n".join([*lines, f"print with: {settings}"])
+
+
+def _drive_lines(plan: "Plan") -> list[str]:
+    """How the coils are driven, how selective that is, and what it asks of coil and amplifier."""
+    figures, load = plan.selectivity, plan.load
+    lines = [f"drive: {figures.drive}, {figures.why}"]
+    if figures.one_hot_db is not None:
+        lines += _selectivity_lines(plan)
+    frames = ", ".join(f"{rate.scheme} {number(round(rate.frames_per_s, 2))}" for rate in plan.refresh)
+    leak = "" if plan.reuse.leak_db is None else f"; the coils around leak {-plan.reuse.leak_db:.1f} dB"
+    return [
+        *lines,
+        f"frames per second until an OFF taxel is quiet: {frames}",
+        f"a coil with all channels on: {load.current_rms_ma:.1f} mA rms, up to {load.current_peak_ma:.1f} mA and"
+        f" {load.voltage_peak_v:.2f} V, {load.copper_loss_w:.3f} W; every limit allows"
+        f" {number(load.reachable_level_um)} µm on channel 0 ({load.reachable_by}){leak}",
+    ]
+
+
+def _selectivity_lines(plan: "Plan") -> list[str]:
+    from padgen.planner.selectivity import run_times_s
+
+    figures, (paper_s, exact_s) = plan.selectivity, run_times_s(plan)
+    states, one_hot, paper = figures.all_states_db or 0.0, figures.one_hot_db or 0.0, figures.paper_db or 0.0
+    law = "equal sensation" if isinstance(figures.level_law, str) else f"amplitude ~ 1/f^{figures.level_law:g}"
+    lines = [
+        f"selectivity ({law}): {one_hot:.1f} dB with one channel on, {states:.1f} dB in all states"
+        f" (worst {_short(figures.worst_state)}), asked are {figures.asked_db:.1f} dB (Δy)",
+        f"the paper's bound promises {paper:.1f} dB for the closest pair ({paper_s * 1e6:.1f} µs): one on"
+        f" {one_hot - paper:+.1f} dB, all states {states - paper:+.1f} dB off it ({exact_s * 1e6:.0f} µs)",
+    ]
+    if abs(figures.snapping_db or 0.0) >= SHOWN_DB:
+        lines.append(f"printing in steps costs {figures.snapping_db:.2f} dB of it")
+    return lines
+
+
+SHOWN_DB = 0.05
+SHOWN_BITS = 24
+
+
+def _short(state: str) -> str:
+    """A state's bits, the middle left out when there are many."""
+    return state if len(state) <= SHOWN_BITS else f"{state[:10]}…{state[-10:]} of {len(state)}"
 
 
 _HEADINGS = (

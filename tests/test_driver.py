@@ -51,6 +51,7 @@ def test_table_one_of_the_paper(paper_plan):
 
 def test_spurs_of_a_triple_fall_next_to_a_third_channel():
     text = 'name = "a"\nresolution = 3\nband_hz = [40, 300]\nq_min = 15\nresonances_hz = [60, 100, 140]\n'
+    text += 'drive = "tones"\n'
     plan = make_plan(parse_spec(text))
     full = coil_states(plan)[-1]
     middle = next(s for s in full.spurs if s.channels == (0, 2) and s.kind == "sum")

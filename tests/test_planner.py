@@ -10,7 +10,7 @@ import pytest
 
 from padgen.errors import FileError, InfeasibleError, SpecError
 from padgen.planner import make_plan, plan_from_json, plan_to_json
-from padgen.planner.judge import _coils
+from padgen.planner.judge_drive import judge_drive
 from padgen.planner.layout import _channel_counts, candidates
 from padgen.planner.sizing import SizedChannel, crowded_modes, reach
 from padgen.planner.suspensions import TOPOLOGIES, BeamShape, PlateShape, Room
@@ -314,7 +314,7 @@ def test_a_washer_that_the_coil_does_not_pull_is_an_error():
     plan = plan_of(1, 50, 200, extra + "[suspension]\ntopology = 'cantilever'\n")
     (channel,) = plan.channels
     broken = replace(plan, channels=(replace(channel, force_constant_n_per_a2=-1e-9),))
-    assert "coil.force" in {f.code for f in _coils(plan.typed_spec, broken)}
+    assert "coil.force" in {f.code for f in judge_drive(plan.typed_spec, broken)}
     assert "coil.force" not in {f.code for f in plan.findings}
 
 

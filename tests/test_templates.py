@@ -47,9 +47,12 @@ def quad_64(plan):
 def wide_11(plan):
     assert plan.capacity.paper == 11
     assert resonances(plan) == pytest.approx([24.0 * 1.4**i for i in range(11)], rel=2e-3)
-    # The paper's ladder with plain tones, Q = 15, equal displacement and pull: computed references, 0.1 dB.
+    # The paper's ladder at Q = 15, equal displacement and pull: computed references, 0.1 dB.
+    schemes = {figures.scheme: figures for figures in plan.selectivity.schemes}
     assert plan.selectivity.one_hot_db == pytest.approx(17.4, abs=0.12)
-    assert plan.selectivity.all_states_db == pytest.approx(-31.0, abs=0.1)
+    assert schemes["tones"].all_states_db == pytest.approx(-31.0, abs=0.1)
+    assert schemes["spur-free"].all_states_db == pytest.approx(11.9, abs=0.1)
+    assert plan.selectivity.drive == "spur-free"
 
 
 def resin_fine(plan):

@@ -1,26 +1,40 @@
-"""The driver frequency table: what each channel's tone must be, as CSV and JSON."""
+"""The driver frequency table: what each channel's line of the current must be, as CSV and JSON."""
 
 import cmath
 import csv
 import io
 from dataclasses import asdict, dataclass, fields
-from math import degrees, inf, sqrt
+from math import degrees, inf, pi, sqrt
+from typing import Any
 
-from padgen.driver.tones import LARGEST_TABLE, coil_states
+import numpy as np
+
+from padgen.driver.states import LARGEST_TABLE, coil_states
 from padgen.errors import number
 from padgen.files import json_text
+from padgen.physics.currents import bias_a, current_lines_a, mean_square_a2
 from padgen.physics.magnetics import impedance
-from padgen.planner.plan import Plan
+from padgen.physics.selectivity import Scheme
+from padgen.planner.channels import squared_current_lines
+from padgen.planner.plan import Channel, Plan
+from padgen.planner.selectivity import scheme_named
 from padgen.units import MA, MH, MN
 
 __all__ = ["DriveRow", "drive_csv", "drive_json", "drive_rows"]
 
+BIAS = "bias"
+
 
 @dataclass(frozen=True, slots=True)
 class DriveRow:
-    """One channel of the table; amplitudes are peaks, the phase is the voltage's over the current's."""
+    """One channel of the table, or the row of the constant part (channel 'bias', at 0 Hz).
 
-    channel: int
+    Amplitudes are peaks, the phase is the voltage's over the current's. The bias row's current is the
+    constant one, biased, and the root of the constant part of i², spur-free; its force is the mean
+    pull on the washer of channel 0.
+    """
+
+    channel: int | str
     resonance_hz: float
     drive_hz: float
     force_mn: float
@@ -32,51 +46,84 @@ class DriveRow:
 
 
 def drive_rows(plan: Plan) -> tuple[DriveRow, ...]:
-    """The table for plain tones (paper Eq. 5): a tone of I at f pulls with c I²/2 at 2f.
+    """The table: a row per channel and, where the current has a constant part, its row.
 
-    A washer that the coil does not pull has an infinite current; the plan's findings say so.
+    A plain tone of I at f pulls with c I²/2 at 2f; beside a constant current B one of b at r pulls with
+    2 c B b at r; spur-free, the current's peak with this channel alone on is given. A washer that the
+    coil does not pull has an infinite current; the plan's findings say so.
     """
-    coil = plan.typed_spec.coil
-    rows = []
-    for channel in plan.channels:
-        pull = channel.force_constant_n_per_a2
-        current_a = sqrt(2 * channel.force_mn * MN / pull) if pull > 0 else inf
-        z = complex(impedance(coil.resistance_ohm, coil.inductance_mh * MH, channel.drive_hz))
-        rows.append(
-            DriveRow(
-                channel.index,
-                channel.resonance_hz,
-                channel.drive_hz,
-                channel.force_mn,
-                current_a / MA,
-                current_a * abs(z),
-                abs(z),
-                degrees(cmath.phase(z)),
-                channel.ring_up_ms,
-            )
-        )
+    scheme = scheme_named(plan.typed_spec, plan.selectivity.drive)
+    lines = squared_current_lines(plan.channels)
+    current = current_lines_a(scheme, lines, plan.typed_spec.drive.headroom) if lines.max() > 0 else lines
+    rows = [_row(plan, scheme, c, float(i)) for c, i in zip(plan.channels, current, strict=True)]
+    if scheme.name in ("biased", "spur-free"):
+        rows.append(_bias_row(plan, scheme, lines))
     return tuple(rows)
 
 
+def _row(plan: Plan, scheme: Scheme, channel: Channel, current_a: float) -> DriveRow:
+    coil = plan.typed_spec.coil
+    z = complex(impedance(coil.resistance_ohm, coil.inductance_mh * MH, channel.drive_hz))
+    if channel.force_constant_n_per_a2 <= 0:
+        current_a = volts = inf
+    elif scheme.name == "spur-free":
+        volts = _root_voltage_v(plan, channel)
+    else:
+        volts = current_a * abs(z)
+    return DriveRow(
+        channel.index,
+        channel.resonance_hz,
+        channel.drive_hz,
+        channel.force_mn,
+        current_a / MA,
+        volts,
+        abs(z),
+        degrees(cmath.phase(z)),
+        channel.ring_up_ms,
+    )
+
+
+def _root_voltage_v(plan: Plan, channel: Channel) -> float:
+    """Peak of ``R i + L di/dt`` for ``i² = a (1 + h + cos 2π r t)``, over one period."""
+    coil, headroom = plan.typed_spec.coil, plan.typed_spec.drive.headroom
+    line = channel.force_mn * MN / channel.force_constant_n_per_a2
+    # The current's sharpest bend is √h wide.
+    phase = pi + 2 * pi * np.sinh(np.linspace(-4, 4, 4001)) / (2 * np.sinh(4))
+    current = np.sqrt(line * np.maximum(headroom + 2 * np.cos(phase / 2) ** 2, 1e-30))
+    slope = -line * np.sin(phase) * 2 * pi * channel.resonance_hz / (2 * current)
+    return float((coil.resistance_ohm * current + coil.inductance_mh * MH * slope).max())
+
+
+def _bias_row(plan: Plan, scheme: Scheme, lines: np.ndarray) -> DriveRow:
+    headroom, resistance = plan.typed_spec.drive.headroom, plan.typed_spec.coil.resistance_ohm
+    square = mean_square_a2(scheme, lines, headroom) if lines.max() > 0 else 0.0
+    constant = bias_a(scheme, lines) if scheme.name == "biased" else sqrt(square)
+    static_mn = square * plan.channels[0].force_constant_n_per_a2 / MN
+    return DriveRow(BIAS, 0.0, 0.0, static_mn, constant / MA, constant * resistance, resistance, 0.0, 0.0)
+
+
 def drive_csv(plan: Plan) -> str:
-    """The table as CSV, one row per channel."""
+    """The table as CSV."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([f.name for f in fields(DriveRow)])
     for row in drive_rows(plan):
-        writer.writerow([value if isinstance(value, int) else f"{value:.6g}" for value in asdict(row).values()])
+        writer.writerow([f"{value:.6g}" if isinstance(value, float) else value for value in asdict(row).values()])
     return text.getvalue()
 
 
 def drive_json(plan: Plan) -> str:
-    """The table, the states of one coil (up to six channels), where the coils lie and which taxel is which.
+    """The table, the recipe of the current, the states of one coil (up to six channels), where the coils
+    lie and which taxel is which.
 
     Places are from the pad's centre, x to the right and y upwards seen from the touch side.
     """
     table = {
         "name": plan.name,
         "scheme": plan.selectivity.drive,
+        "current": _recipe(plan),
         "channels": [asdict(row) for row in drive_rows(plan)],
+        "frames_per_s": {f.scheme: f.frames_per_s for f in plan.refresh}[plan.selectivity.drive],
         "states": [asdict(state) for state in coil_states(plan)],
         "states_note": ""
         if len(plan.channels) <= LARGEST_TABLE
@@ -93,3 +140,25 @@ def drive_json(plan: Plan) -> str:
         "taxels": [{"id": t.id, "coil": list(t.coil), "channel": t.channel} for t in plan.taxels],
     }
     return json_text(table)
+
+
+def _recipe(plan: Plan) -> dict[str, Any]:
+    """What the current is made of, as a formula and its numbers in A and A²."""
+    scheme = scheme_named(plan.typed_spec, plan.selectivity.drive)
+    lines = squared_current_lines(plan.channels)
+    recipe: dict[str, Any] = {"squared_lines_a2": lines.tolist()}
+    if scheme.name == "spur-free":
+        headroom = plan.typed_spec.drive.headroom
+        recipe["formula"] = "i(t) = sqrt(a0 + sum over ON channels of a_j cos(2 pi resonance_hz_j t))"
+        recipe["a0_all_on_a2"] = mean_square_a2(scheme, lines, headroom)
+        recipe["a0"] = f"{1 + headroom:g} times the sum of a_j over the ON channels"
+    elif scheme.name == "biased":
+        recipe["formula"] = "i(t) = B + sum over ON channels of b_j sin(2 pi resonance_hz_j t)"
+        recipe["bias_a"] = bias_a(scheme, lines) if lines.max() > 0 else 0.0
+    elif scheme.name == "time-shared":
+        slots_ms = [channel.ring_down_ms for channel in plan.channels]
+        recipe["formula"] = "i(t) = I_j sin(2 pi drive_hz_j t) in the slot of each ON channel j, one after the other"
+        recipe["slots_ms"] = slots_ms
+    else:
+        recipe["formula"] = "i(t) = sum over ON channels of I_j sin(2 pi drive_hz_j t)"
+    return recipe

@@ -10,6 +10,7 @@ from padgen.units import GRAVITY_M_PER_S2
 __all__ = [
     "natural_frequency",
     "receptance",
+    "relative_energy",
     "ring_up_time",
     "rule_stiffness",
     "static_sag",
@@ -41,6 +42,18 @@ def receptance(frequency: Array, resonance: Array, mass: Array, q: Array) -> Arr
     frequency, resonance = np.asarray(frequency, float), np.asarray(resonance, float)
     detuning = (resonance - frequency) * (resonance + frequency)
     return 1 / (4 * pi**2 * np.asarray(mass)) / (detuning + 1j * frequency * resonance / q)
+
+
+def relative_energy(frequency: Array, resonance: Array, q: Array, rest: Array = 0.0) -> Array:
+    """Squared receptance at `frequency` over that at resonance, ``1/((Q (1−s²))² + s²)``, s = f/f_i.
+
+    1 at the resonance, 1/Q² far below. `rest` is what rounding left out of `frequency`: the two are
+    subtracted from the resonance one after the other, so that a line keeps its distance to it.
+    """
+    offset = (resonance - frequency) - rest
+    share = frequency / resonance
+    bracket = offset / resonance * q * (1 + share)
+    return 1 / (bracket * bracket + share * share)
 
 
 def ring_up_time(resonance: Array, q: Array) -> Array:

@@ -1,113 +1,252 @@
-"""How far OFF taxels stay below ON taxels under plain tones, in every on/off state.
+"""How far OFF taxels stay below ON taxels, for every drive scheme and in every on/off state.
 
-A current i = Σ I_j sin 2πf_j t pulls with i² (paper Eq. 4-5), so channels a and b together make,
-besides their wanted lines at r_a and r_b, spurs at (r_a + r_b)/2 and |r_a − r_b|/2 of twice the
-geometric mean of the wanted forces. Lines of distinct frequency add as energies.
+A coil pulls with the square of its current, so that a drive scheme is a recipe for the lines of i².
+Each channel has its wanted line at its resonance r; what else a scheme makes are spurs:
+
+=============  ==========================================  ================================
+scheme         current                                     spurs of channels a, b
+=============  ==========================================  ================================
+tones          sum of sines at r/2 (paper Eq. 4-5)         (r_a + r_b)/2 and abs(r_a − r_b)/2
+spur-free      square root of the wanted force             none
+biased         a constant and sines at r                   r_a + r_b, abs(r_a − r_b) and 2 r_a
+time-shared    one channel at a time, a sine at r/2        none, and never two tones at once
+=============  ==========================================  ================================
+
+Lines of distinct frequency add as energies, and energies only add: an OFF taxel is loudest when
+all others are on. So the worst of 2ⁿ states is one of n (or one pair, where channels take turns).
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from padgen.physics.resonator import receptance
-from padgen.units import decibel
+from padgen.physics.resonator import relative_energy
 
-__all__ = ["Crosstalk", "all_states_db", "crosstalk", "exhaustive_states_db", "one_hot_db", "wanted_force"]
+__all__ = [
+    "SCHEMES",
+    "AllStates",
+    "Channels",
+    "Scheme",
+    "all_states",
+    "channels",
+    "exhaustive_states_db",
+    "loudest_line",
+    "off_energy",
+    "one_hot_db",
+    "pair_lines",
+    "tone_energy",
+]
+
+SCHEMES = ("tones", "spur-free", "biased", "time-shared")
+BLOCK = 1 << 15
+"""Lines that are worked on at a time: what stays in a core's cache."""
 
 
-class Crosstalk(NamedTuple):
-    """Relative amplitudes, each in units of the receiving taxel's own ON amplitude.
+class Scheme(NamedTuple):
+    """A drive scheme; `bias_ratio` is the constant current over the largest tone's (biased only)."""
 
-    `tones` (n, n): M_ij, taxel i at the tone of channel j; `spurs` (n, n, n): taxel i under both
-    spurs of channels j and k (energies added), symmetric, zero for j = k.
+    name: str
+    bias_ratio: float = 5.0
+
+
+class Channels(NamedTuple):
+    """The channels of one coil, arrays of shape (n,).
+
+    `line` is the amplitude of a channel's wanted line of i², up to one common factor: the force
+    ``A = D 4π² m f²/Q`` that its ON displacement D takes, over what the coil pulls its washer with.
     """
 
-    tones: np.ndarray
-    spurs: np.ndarray
+    resonance_hz: np.ndarray
+    q: np.ndarray
+    line: np.ndarray
 
 
-def wanted_force(resonance_hz: np.ndarray, mass: np.ndarray, q: np.ndarray, level_law: float) -> np.ndarray:
-    """Force amplitudes up to one common factor for ON displacements that fall as 1/f^p.
+class AllStates(NamedTuple):
+    """Selectivity over all states in dB, a worst state as bits (channel 0 first), the OFF taxel of it."""
 
-    ``A_i = D_i 4π² m_i f_i²/Q_i``, here with D_1 = 1 m.
-    """
-    displacement = (resonance_hz[0] / resonance_hz) ** level_law
-    force: np.ndarray = displacement * 4 * np.pi**2 * mass * resonance_hz**2 / q
-    return force
+    db: float
+    state: str
+    off: int
 
 
-def crosstalk(
+def channels(
     resonance_hz: np.ndarray,
-    mass: np.ndarray,
-    q: np.ndarray,
-    level_law: float,
-    pull: np.ndarray | None = None,
-) -> Crosstalk:
-    """Relative amplitudes of all taxels of one coil under all tones and pairs of tones.
+    q: np.ndarray | float,
+    level: np.ndarray,
+    mass: np.ndarray | float = 1.0,
+    pull: np.ndarray | float = 1.0,
+) -> Channels:
+    """`Channels` from ON displacements `level`, effective masses and force constants `pull`.
 
-    Arrays of shape (n,): resonances in Hz, effective masses in kg, quality factors and, where the
-    washers are not all pulled alike by the coil, the force constants `pull` in N/A²: the current
-    that drives channel j pulls taxel i with c_i/c_j of the force on taxel j.
+    Each up to a common factor; the defaults take all plates as alike and all washers as pulled alike.
     """
-    force = wanted_force(resonance_hz, mass, q, level_law)
-    pull = np.ones(len(force)) if pull is None else pull
-    response = _Response(resonance_hz, mass, q, force)
-    tones = response.at(resonance_hz[None, :]) * force * pull[:, None] / pull
-    sums = (resonance_hz[:, None] + resonance_hz) / 2
-    differences = np.abs(resonance_hz[:, None] - resonance_hz) / 2
-    # The spur is c I_j I_k against a wanted line of c I²/2: twice the geometric mean.
-    current = np.sqrt(force / pull)
-    amplitude = 2 * current[:, None] * current * pull[:, None, None]
-    amplitude[:, np.arange(len(force)), np.arange(len(force))] = 0.0
-    energy = response.at(sums[None]) ** 2 + response.at(differences[None]) ** 2
-    return Crosstalk(tones, np.sqrt(energy) * amplitude)
+    resonance = np.asarray(resonance_hz, float)
+    quality = np.broadcast_to(np.asarray(q, float), resonance.shape)
+    line = level * mass * resonance**2 / (quality * pull)
+    return Channels(resonance, quality, line)
 
 
-def one_hot_db(talk: Crosstalk) -> float:
-    """Selectivity with one channel on at a time, ``−20 log10 max_{i≠j} M_ij``; inf for one channel."""
-    others = talk.tones[~np.eye(len(talk.tones), dtype=bool)]
-    return -decibel(float(others.max())) if others.size else float("inf")
+def tone_energy(receivers: Channels, drivers: Channels) -> np.ndarray:
+    """M_ij² (receivers, drivers): energy of taxel i at the tone of channel j over that of its own ON state."""
+    response = relative_energy(drivers.resonance_hz, receivers.resonance_hz[:, None], receivers.q[:, None])
+    energy: np.ndarray = response * (drivers.line / receivers.line[:, None]) ** 2
+    return energy
 
 
-def all_states_db(talk: Crosstalk) -> tuple[float, str]:
-    """Selectivity over all 2ⁿ states, and the worst state as a bit string (channel 0 first).
+def pair_lines(which: Channels, scheme: Scheme) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Spurs of all pairs: frequencies (2, p), what rounding took off them (2, p), amplitudes (p,).
 
-    An OFF taxel is loudest when all others are on, since energies only add; so the worst of 2ⁿ
-    states is one of n, an O(n³) closed form with the spurs of every pair.
+    Pairs in the order of ``np.triu_indices(n, 1)``; first the sums, then the differences. Amplitudes
+    in the unit of `Channels.line`.
     """
-    count = len(talk.tones)
+    a, b = np.triu_indices(len(which.line), 1)
+    low, high = np.minimum(*which.resonance_hz[[a, b]]), np.maximum(*which.resonance_hz[[a, b]])
+    # A spur on a resonance of high Q needs its frequency to better than the last digit of a double.
+    total, difference = high + low, high - low
+    rest = np.stack([low - (total - high), (high - difference) - low])
+    frequency = np.stack([total, difference])
+    if scheme.name == "tones":
+        # I_a I_b against wanted lines of I²/2: twice the geometric mean.
+        return frequency / 2, rest / 2, 2 * np.sqrt(which.line[a] * which.line[b])
+    return frequency, rest, which.line[a] * which.line[b] / (2 * scheme.bias_ratio * which.line.max())
+
+
+def off_energy(which: Channels, scheme: Scheme) -> np.ndarray:
+    """Largest energy (n,) of each OFF taxel over all states, over that of its own ON state.
+
+    O(n²) without spurs, O(n³) with; memory O(n²) at most.
+    """
+    count = len(which.line)
+    own = _own_energies(which, scheme)
+    if scheme.name in ("tones", "biased") and count > 2:
+        own += _pair_energies(which, scheme)
+    return own
+
+
+def all_states(which: Channels, scheme: Scheme) -> AllStates:
+    """Selectivity over all 2ⁿ states: smallest ON amplitude over largest OFF amplitude, a closed form."""
+    count = len(which.line)
     if count < 2:
-        return float("inf"), "1" * count
-    # The taxel's own tone and spurs are left out before adding: taken off a sum they would leave its rounding.
-    off = ~np.eye(count, dtype=bool)
-    total = (talk.tones**2 * off).sum(1) + (talk.spurs**2 * off[:, :, None] * off[:, None, :]).sum((1, 2)) / 2
-    worst = int(total.argmax())
-    state = "".join("0" if i == worst else "1" for i in range(count))
-    return -decibel(float(np.sqrt(total[worst]))), state
+        return AllStates(float("inf"), "1" * count, 0)
+    energy = off_energy(which, scheme)
+    worst = int(energy.argmax())
+    on = set(range(count)) - {worst}
+    if scheme.name == "time-shared":
+        on = {_strongest_driver(which, worst)}
+    state = "".join("1" if i in on else "0" for i in range(count))
+    return AllStates(_below_db(float(energy[worst])), state, worst)
 
 
-def exhaustive_states_db(talk: Crosstalk) -> float:
-    """The same figure by trying all 2ⁿ states: smallest ON over largest OFF amplitude (n ≤ 16)."""
-    count = len(talk.tones)
+def one_hot_db(which: Channels, scheme: Scheme) -> float:
+    """Selectivity with one channel on at a time, ``−20 log10 max_{i≠j} M_ij``; inf for one channel."""
+    if len(which.line) < 2:
+        return float("inf")
+    alone = scheme if scheme.name == "biased" else Scheme("time-shared")
+    return _below_db(float(_own_energies(which, alone, together=False).max()))
+
+
+def exhaustive_states_db(which: Channels, scheme: Scheme) -> float:
+    """The figure of `all_states` by trying all 2ⁿ states (n ≤ 16)."""
+    count = len(which.line)
     if count > 16:
         raise ValueError(f"2^{count} states are too many to try, at most 2^16")
-    states = (np.arange(2**count)[:, None] >> np.arange(count)) & 1
-    energy = states @ (talk.tones**2).T
-    energy = energy + np.einsum("sj,ijk,sk->si", states, talk.spurs**2, states, optimize=True) / 2
+    tones, spurs = _tables(which, scheme)
+    states = ((np.arange(2**count)[:, None] >> np.arange(count)) & 1).astype(float)
+    if scheme.name == "time-shared":
+        energy = (states[:, None] * tones).max(-1)
+    else:
+        energy = states @ tones.T + np.einsum("sj,ijk,sk->si", states, spurs, states, optimize=True) / 2
     on = states.astype(bool)
     return float(10 * np.log10(energy[on].min() / energy[~on].max()))
 
 
-class _Response:
-    """Receptance of every taxel relative to its own ON amplitude, per unit force."""
+def loudest_line(which: Channels, scheme: Scheme, off: int) -> tuple[tuple[int, ...], str]:
+    """The channels and the kind ('tone', 'sum', 'difference') of the line that an OFF taxel hears loudest."""
+    tones = tone_energy(_only(which, off), which)[0]
+    tones[off] = 0.0
+    loudest = float(tones.max())
+    found: tuple[tuple[int, ...], str] = (int(tones.argmax()),), "tone"
+    if scheme.name in ("tones", "biased") and len(which.line) > 2:
+        frequency, rest, amplitude = pair_lines(which, scheme)
+        a, b = np.triu_indices(len(which.line), 1)
+        response = relative_energy(frequency, which.resonance_hz[off], which.q[off], rest)
+        energy = response * (amplitude / which.line[off]) ** 2 * ((a != off) & (b != off))
+        kind, pair = np.unravel_index(int(energy.argmax()), energy.shape)
+        if energy[kind, pair] > loudest:
+            found = (int(a[pair]), int(b[pair])), ("sum", "difference")[kind]
+    return found
 
-    def __init__(self, resonance: np.ndarray, mass: np.ndarray, q: np.ndarray, force: np.ndarray) -> None:
-        self._parts = (resonance, mass, q)
-        self._on = np.abs(receptance(resonance, resonance, mass, q)) * force
 
-    def at(self, frequency: np.ndarray) -> np.ndarray:
-        """Amplitudes of shape (n, …) for `frequency` of shape (1, …)."""
-        extra = (slice(None),) + (None,) * (frequency.ndim - 1)
-        resonance, mass, q = (part[extra] for part in self._parts)
-        result: np.ndarray = np.abs(receptance(frequency, resonance, mass, q)) / self._on[extra]
-        return result
+def _only(which: Channels, index: int) -> Channels:
+    return Channels(*(part[index : index + 1] for part in which))
+
+
+def _harmonic_energy(receivers: Channels, drivers: Channels, scheme: Scheme) -> np.ndarray:
+    """Energy of the second harmonic that each tone beside a constant current makes.
+
+    On the taxel itself it is no disturbance: it is there only when the taxel is ON.
+    """
+    amplitude = drivers.line**2 / (4 * scheme.bias_ratio * drivers.line.max())
+    response = relative_energy(2 * drivers.resonance_hz, receivers.resonance_hz[:, None], receivers.q[:, None])
+    energy: np.ndarray = response * (amplitude / receivers.line[:, None]) ** 2
+    return energy
+
+
+def _own_energies(which: Channels, scheme: Scheme, together: bool = True) -> np.ndarray:
+    """Energy (n,) of each OFF taxel by the lines that single channels make: summed, or the largest."""
+    count, result = len(which.line), np.empty(len(which.line))
+    rows = max(BLOCK // count, 1)
+    for start in range(0, count, rows):
+        part = slice(start, min(start + rows, count))
+        receivers = Channels(*(value[part] for value in which))
+        energy = tone_energy(receivers, which)
+        if scheme.name == "biased":
+            energy += _harmonic_energy(receivers, which, scheme)
+        energy[np.arange(part.stop - start), np.arange(start, part.stop)] = 0.0
+        result[part] = energy.sum(1) if together and scheme.name != "time-shared" else energy.max(1)
+    return result
+
+
+def _pair_energies(which: Channels, scheme: Scheme) -> np.ndarray:
+    """Energy (n,) of each OFF taxel by the spurs of all pairs of other channels."""
+    count = len(which.line)
+    frequency, rest, amplitude = pair_lines(which, scheme)
+    square = amplitude**2
+    a, b = np.triu_indices(count, 1)
+    result = np.zeros(count)
+    for start in range(0, len(square), BLOCK):
+        part = slice(start, start + BLOCK)
+        first, second = a[part], b[part]
+        for i in range(count):
+            energy = relative_energy(frequency[:, part], which.resonance_hz[i], which.q[i], rest[:, part]).sum(0)
+            # Pairs with the taxel itself are left out before adding: taken off a sum they would leave its rounding.
+            weight = np.where((first == i) | (second == i), 0.0, square[part])
+            result[i] += energy @ weight
+    scaled: np.ndarray = result / which.line**2
+    return scaled
+
+
+def _tables(which: Channels, scheme: Scheme) -> tuple[np.ndarray, np.ndarray]:
+    """Energies (n, n) of every channel's own lines and (n, n, n) of every pair's, symmetric."""
+    count = len(which.line)
+    tones, spurs = tone_energy(which, which), np.zeros((count, count, count))
+    if scheme.name == "biased":
+        tones += _harmonic_energy(which, which, scheme) * ~np.eye(count, dtype=bool)
+    if scheme.name in ("tones", "biased"):
+        a, b = np.triu_indices(count, 1)
+        frequency, rest, amplitude = pair_lines(which, scheme)
+        for i in range(count):
+            response = relative_energy(frequency, which.resonance_hz[i], which.q[i], rest).sum(0)
+            spurs[i, a, b] = spurs[i, b, a] = response * (amplitude / which.line[i]) ** 2
+    return tones, spurs
+
+
+def _strongest_driver(which: Channels, off: int) -> int:
+    energy = tone_energy(_only(which, off), which)[0]
+    energy[off] = -1.0
+    return int(energy.argmax())
+
+
+def _below_db(energy: float) -> float:
+    """How far an OFF energy lies below the smallest of an ON taxel: 1, alone on, since others only add."""
+    return float(-10 * np.log10(energy)) if energy > 0 else float("inf")

@@ -1,20 +1,24 @@
 """How many channels one coil holds: by the paper's bound and by the exact response."""
 
-import numpy as np
-
-from padgen.errors import SpecError, at_least
+from padgen.errors import SpecError, at_least, number
 from padgen.physics.ladder import capacity, geometric_ladder, ladder_ratio, slot_half_width, whole_channels
-from padgen.physics.selectivity import all_states_db, crosstalk, one_hot_db
+from padgen.physics.levels import LevelLaw
+from padgen.physics.selectivity import Channels, Scheme, all_states, channels, loudest_line, one_hot_db
 from padgen.planner.plan import Capacity
 from padgen.planner.resonances import DRAWN_SHARE, slot_band_hz
+from padgen.planner.selectivity import level_law, scheme_named
 from padgen.spec import Spec
 from padgen.units import decibel
 
-__all__ = ["channel_limit", "coil_capacity"]
+__all__ = ["channel_limit", "coil_capacity", "largest_counts"]
 
 WIDEST_HZ = 1e5
-LARGEST_COUNT = 32
+LARGEST_WITH_SPURS = 32
 """Exact capacities are searched up to here: the spurs of n channels take n³ numbers."""
+LARGEST = 4096
+"""The same without spurs."""
+SCANNED = 64
+"""Counts that are tried one by one; beyond, a figure that falls with the count is bisected."""
 
 
 def channel_limit(spec: Spec) -> int:
@@ -46,23 +50,73 @@ def channel_limit(spec: Spec) -> int:
     return count
 
 
-def coil_capacity(spec: Spec, limit: str) -> Capacity:
-    """The plan's `Capacity`; `limit` names what keeps the pad from more."""
+def coil_capacity(spec: Spec, drive: str, limit: str) -> Capacity:
+    """The plan's `Capacity` with the scheme `drive`; `limit` names what keeps the pad from more."""
     paper = _paper(spec)
-    target_db = decibel(spec.delta_y)
-    exact, one_hot = 1, 1
-    for count in range(2, min(max(whole_channels(paper) * 2, 4), LARGEST_COUNT) + 1):
-        ladder = geometric_ladder(*slot_band_hz(spec), count)
-        ones = np.ones(count)
-        talk = crosstalk(ladder, ones, spec.q_min * ones, spec.drive.level_law)
-        if one_hot_db(talk) >= target_db:
-            one_hot = count
-        if all_states_db(talk)[0] >= target_db:
-            exact = count
-        if one_hot < count:
-            break
+    scheme, law = scheme_named(spec, drive), level_law(spec)
+    states, one_hot = largest_counts(spec.band_hz, spec.q_min, law, scheme, decibel(spec.delta_y))
     ratio = ladder_ratio(spec.q_min, spec.delta_y)
-    return Capacity(whole_channels(paper), exact, ratio, limit, paper, one_hot)
+    breaks = _what_breaks(spec.band_hz, states + 1, spec.q_min, law, scheme)
+    return Capacity(whole_channels(paper), states, ratio, limit, paper, one_hot, breaks)
+
+
+def largest_counts(
+    band_hz: tuple[float, float], q: float, law: LevelLaw, scheme: Scheme, target_db: float
+) -> tuple[int, int]:
+    """Most channels on a geometric ladder from one end of the band to the other that keep `target_db`.
+
+    In all states and with one channel on; equal masses. Searched up to `LARGEST` (with spurs
+    `LARGEST_WITH_SPURS`) channels.
+    """
+
+    def one_hot_holds(count: int) -> bool:
+        return one_hot_db(_ladder(band_hz, count, q, law), scheme) >= target_db
+
+    def states_hold(count: int) -> bool:
+        return all_states(_ladder(band_hz, count, q, law), scheme).db >= target_db
+
+    with_spurs = scheme.name in ("tones", "biased")
+    most = LARGEST_WITH_SPURS if with_spurs else LARGEST
+    one_hot = states = 1
+    for count in range(2, min(SCANNED, most) + 1):
+        if states_hold(count):
+            states = count
+        if not one_hot_holds(count):
+            break
+        one_hot = count
+    if one_hot == SCANNED < most:
+        one_hot = _last(one_hot_holds, SCANNED, most)
+        if states == SCANNED:
+            states = _last(states_hold, SCANNED, one_hot)
+    return states, one_hot
+
+
+def _last(holds: Callable[[int], bool], low: int, high: int) -> int:
+    """Largest count from `low`, which holds, to `high` that holds, for a figure that falls with the count."""
+    if holds(high):
+        return high
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low
+
+
+def _ladder(band_hz: tuple[float, float], count: int, q: float, law: LevelLaw) -> Channels:
+    resonance = geometric_ladder(*band_hz, count)
+    return channels(resonance, q, law(resonance))
+
+
+def _what_breaks(band_hz: tuple[float, float], count: int, q: float, law: LevelLaw, scheme: Scheme) -> str:
+    """Which line makes `count` channels too many."""
+    if count > LARGEST or (scheme.name in ("tones", "biased") and count > LARGEST_WITH_SPURS):
+        return "none that was tried"
+    which = _ladder(band_hz, count, q, law)
+    off = all_states(which, scheme).off
+    drivers, kind = loudest_line(which, scheme, off)
+    heard = f"channel {off} of {count} at {number(float(which.resonance_hz[off]))} Hz"
+    if kind == "tone":
+        return f"the tone of channel {drivers[0]} on {heard}"
+    return f"the {kind} of channels {drivers[0]} and {drivers[1]} on {heard}"
 
 
 def _paper(spec: Spec) -> float:

@@ -6,12 +6,12 @@ from itertools import pairwise
 from padgen.errors import at_least, at_most, number
 from padgen.finding import LEVELS, Finding
 from padgen.physics.ladder import ladder_ratio, slot_half_width
-from padgen.planner.layout import coil_reach_mm
+from padgen.planner.judge_drive import judge_drive
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.resonances import DRAWN_SHARE
 from padgen.planner.sizing import SizedChannel, crowded_modes
 from padgen.spec import Spec
-from padgen.units import MM, MN, UM
+from padgen.units import MM, UM
 
 STUBBY = 2
 """Length over thickness below which a beam is none (docs/accuracy.md)."""
@@ -19,8 +19,6 @@ SPACING_SHARE = 0.05
 """Share of a slot by which a resonance may be off before it is worth a finding."""
 QUIET_SHARE = 1e-6
 """Share of the compliance below which a pull at the washer's axis does not excite a mode."""
-PULL_DB = 1.0
-"""Loss of selectivity by unequal pull that is worth a finding."""
 
 __all__ = ["judge"]
 
@@ -31,12 +29,10 @@ def judge(spec: Spec, plan: Plan, sized: tuple[SizedChannel, ...]) -> tuple[Find
         *_spacing(spec, plan.channels),
         *_targets(spec, plan.channels),
         *_bed(spec),
-        *_selectivity(plan),
-        *_unequal_pull(plan),
+        *judge_drive(spec, plan),
         *_spread(plan),
         *_single_layers(spec, plan.channels),
         *_modes(spec, plan, sized),
-        *_coils(spec, plan),
         *_mechanics(spec, plan),
         *_places(plan),
     ]
@@ -62,7 +58,7 @@ def _spacing(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Finding]:
 
 
 def _targets(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Finding]:
-    """A beam is drawn to a micrometre: at a large Q that is coarser than a slot."""
+    """Beams are made in steps: at a large Q, or with coarse ones, they are coarser than a slot."""
     share = slot_half_width(spec.q_min, spec.delta_y) * SPACING_SHARE
     for channel in channels:
         miss = abs(channel.resonance_hz / channel.target_hz - 1)
@@ -72,7 +68,8 @@ def _targets(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Finding]:
                 "resonance.off",
                 f"channel {channel.index}",
                 f"it resonates {miss:.1e} off its target of {number(channel.target_hz)} Hz, its slot allows"
-                f" {share:.1e}: beams are drawn to a micrometre; tune the tones to the print, or ask for less Q",
+                f" {share:.1e}: beams are made in steps of {number(spec.printer.width_step_mm)} mm of width; drive it"
+                " where it resonates, as the driver table does, or ask for less Q",
             )
         if not spec.band_hz[0] * (1 - DRAWN_SHARE) <= channel.resonance_hz <= spec.band_hz[1] * (1 + DRAWN_SHARE):
             yield Finding(
@@ -99,38 +96,6 @@ def _bed(spec: Spec) -> Iterator[Finding]:
         )
 
 
-def _selectivity(plan: Plan) -> Iterator[Finding]:
-    figures = plan.selectivity
-    if figures.one_hot_db is None or figures.all_states_db is None:
-        return  # one channel has no other
-    bound = figures.asked_db
-    clean = [o for o in plan.layouts if o.channels <= plan.capacity.exact]
-    hint = "fewer channels per coil or a higher Q raise it"
-    if clean and len(plan.channels) > clean[0].channels:
-        hint = f"coil.grid = [{clean[0].rows}, {clean[0].columns}] has {clean[0].channels} channels per coil"
-    if figures.one_hot_db < bound:
-        yield Finding(
-            "warning",
-            "selectivity.one_hot",
-            "coil",
-            f"with one channel on, an OFF taxel vibrates {_below(figures.one_hot_db)} than it,"
-            f" asked: {bound:.1f} dB less (Δy); {hint}",
-        )
-    if figures.all_states_db < bound:
-        few = "" if len(plan.channels) <= 2 else f", plain tones are clean up to {max(plan.capacity.exact, 1)} channels"
-        yield Finding(
-            "warning",
-            "selectivity.all_states",
-            f"state {figures.worst_state}",
-            f"(channel 0 first, 1 is on) an OFF taxel vibrates {_below(figures.all_states_db)} than an ON one,"
-            f" asked: {bound:.1f} dB less{few}; {hint}",
-        )
-
-
-def _below(level_db: float) -> str:
-    return f"{abs(level_db):.1f} dB {'less' if level_db >= 0 else 'more'}"
-
-
 def _spread(plan: Plan) -> Iterator[Finding]:
     worst = max(plan.channels, key=lambda c: c.print_spread)
     steps = [b.resonance_hz / a.resonance_hz - 1 for a, b in pairwise(plan.channels)]
@@ -152,21 +117,6 @@ def _single_layers(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Findin
             "beam.single_layer",
             "channels " + ", ".join(str(c.index) for c in single),
             f"their beams are a single layer of {number(single[0].beam.thickness_mm)} mm: level the bed well",
-        )
-
-
-def _unequal_pull(plan: Plan) -> Iterator[Finding]:
-    figures, pull = plan.selectivity, [c.force_constant_n_per_a2 for c in plan.channels]
-    if figures.one_hot_db is None or figures.placed_one_hot_db is None or min(pull) <= 0:
-        return
-    if figures.placed_one_hot_db < figures.one_hot_db - PULL_DB:
-        yield Finding(
-            "warning",
-            "selectivity.pull",
-            "coil",
-            f"the nearest washer of a coil is pulled {number(max(pull) / min(pull))} times as strongly as the farthest:"
-            f" with one channel on, an OFF taxel then vibrates {_below(figures.placed_one_hot_db)} than it;"
-            " fewer channels per coil or a wider coil even it out",
         )
 
 
@@ -200,45 +150,17 @@ def _modes(spec: Spec, plan: Plan, sized: tuple[SizedChannel, ...]) -> Iterator[
         )
 
 
-def _coils(spec: Spec, plan: Plan) -> Iterator[Finding]:
-    reach = coil_reach_mm(spec)
-    far = max(plan.channels, key=lambda c: c.site.coil_distance_mm)
-    distance = far.site.coil_distance_mm
-    if distance > reach:
-        needed = 2 * distance - spec.washer.outer_diameter_mm
-        wider = f"a coil of {at_least(needed)} mm outer diameter or " if needed < plan.coils.pitch_mm else ""
-        yield Finding(
-            "warning",
-            "coil.reach",
-            f"channel {far.index}",
-            f"its washer lies {number(distance)} mm off the coil axis, beyond the coil's reach of {number(reach)} mm;"
-            f" {wider}a finer grid would do",
-        )
-    for channel in plan.channels:
-        if channel.force_constant_n_per_a2 <= 0:
-            yield Finding(
-                "error",
-                "coil.force",
-                f"channel {channel.index}",
-                f"the coil does not pull its washer, {number(channel.site.coil_distance_mm)} mm off the axis;"
-                f" at most {number(reach)} mm would do",
-            )
-
-
 def _mechanics(spec: Spec, plan: Plan) -> Iterator[Finding]:
-    # All channels on: the mean of the squared current pulls every washer, c_i Σ F_j/c_j.
-    square = sum(c.force_mn / c.force_constant_n_per_a2 for c in plan.channels if c.force_constant_n_per_a2 > 0)
     for channel in plan.channels:
         where = f"channel {channel.index}"
-        static_um = square * channel.force_constant_n_per_a2 * MN / channel.stiffness_n_per_m / UM
-        travel_mm = (channel.level_um + channel.sag_um + static_um) * UM / MM
+        travel_mm = (channel.level_um + channel.sag_um + channel.static_um) * UM / MM
         if travel_mm > spec.coil.gap_mm / 3:
             yield Finding(
                 "warning",
                 "gap.travel",
                 where,
-                f"sag ({number(channel.sag_um)} µm), static pull ({number(static_um)} µm) and amplitude together are"
-                f" {number(travel_mm)} mm, a third of the gap is {number(spec.coil.gap_mm / 3)} mm;"
+                f"sag ({number(channel.sag_um)} µm), static pull ({number(channel.static_um)} µm) and amplitude"
+                f" together are {number(travel_mm)} mm, a third of the gap is {number(spec.coil.gap_mm / 3)} mm;"
                 f" a gap of {at_least(3 * travel_mm)} mm would do",
             )
         if channel.root_stress_mpa > spec.material.fatigue_stress_mpa:

@@ -248,7 +248,8 @@ def place(spec: Spec, layout: Layout, centre: tuple[float, float], arrangement: 
     washer_u = origin_u + sign * washer_x_mm
     along = ("+" if sign > 0 else "-") + layout.beam_axis
     origin = (origin_v, origin_u) if across_x else (origin_u, origin_v)
-    return Site(centre, origin, along, hypot(washer_u, origin_v))
+    washer = (origin_v, washer_u) if across_x else (washer_u, origin_v)
+    return Site(centre, origin, washer, along, hypot(*washer))
 
 
 def _clip(value: float, limit: float) -> float:

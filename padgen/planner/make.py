@@ -3,22 +3,20 @@
 from dataclasses import asdict, replace
 from itertools import islice
 
-import numpy as np
-
 from padgen.errors import InfeasibleError
-from padgen.physics.magnetics import SolenoidCoil, SteelRing, force_constant
-from padgen.physics.resonator import ring_up_time
-from padgen.physics.selectivity import all_states_db, crosstalk, one_hot_db
 from padgen.planner.capacity import channel_limit, coil_capacity
+from padgen.planner.channels import driven, plan_channels
 from padgen.planner.judge import judge
 from padgen.planner.layout import Layout, candidates
-from padgen.planner.plan import Beam, Cell, Channel, CoilGrid, LayoutOption, Plan, Plate, Selectivity, Site, Taxel
+from padgen.planner.load import coil_load, frame_rates
+from padgen.planner.plan import Cell, Channel, CoilGrid, LayoutOption, Plan, Plate, Taxel
 from padgen.planner.printing import print_settings
+from padgen.planner.reuse import cell_is_turned, coil_reuse
 from padgen.planner.search import sites_of, sized_layouts
-from padgen.planner.sizing import SizedChannel, frequency_spread
-from padgen.planner.taxel_model import fillet_mm, plate_shape, post_diameter_mm, recess_mm
+from padgen.planner.selectivity import plan_selectivity
+from padgen.planner.sizing import SizedChannel
+from padgen.planner.taxel_model import plate_shape, post_diameter_mm, recess_mm
 from padgen.spec import Spec
-from padgen.units import GRAM, MM, MN, MPA, MS, UM, decibel
 
 __all__ = ["make_plan"]
 
@@ -50,80 +48,27 @@ def _assemble(
     spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...], layouts: tuple[LayoutOption, ...], limits: str
 ) -> Plan:
     sites = sites_of(spec, layout, sized)
-    channels = _channels(spec, layout, sized, sites)
+    bare = plan_channels(spec, sized, sites)
+    selectivity = plan_selectivity(spec, bare)
+    channels = driven(spec, bare, selectivity.drive)
+    reuse = coil_reuse(spec, layout, channels, selectivity.drive)
     pitch_x, pitch_y = spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows
     return Plan(
         name=spec.name,
         spec=asdict(spec),
-        capacity=coil_capacity(spec, limits),
+        capacity=coil_capacity(spec, selectivity.drive, limits),
         coils=CoilGrid(layout.rows, layout.columns, min(pitch_x, pitch_y), pitch_x, pitch_y),
         cell=Cell(layout.sub_columns, layout.sub_rows, layout.sub_width_mm, layout.sub_depth_mm, layout.beam_axis),
         plate=_plate(spec),
         channels=channels,
-        taxels=_taxels(spec, layout, sites, sized),
-        selectivity=_selectivity(spec, channels),
+        taxels=_taxels(spec, layout, channels, reuse.turned),
+        selectivity=selectivity,
+        load=coil_load(spec, channels, selectivity.drive),
+        refresh=frame_rates(channels),
+        reuse=reuse,
         layouts=layouts,
         printing=print_settings(spec, [c.beam for c in channels]),
         findings=(),
-    )
-
-
-def _channels(
-    spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...], sites: tuple[Site, ...]
-) -> tuple[Channel, ...]:
-    resonance = np.array([float(s.model.resonance_hz) for s in sized])
-    level_um = spec.drive.level_um * (resonance[0] / resonance) ** spec.drive.level_law
-    distance_m = np.array([site.coil_distance_mm for site in sites]) * MM
-    force_constants = force_constant(*magnetic_parts(spec), spec.coil.gap_mm * MM, distance_m)
-    channels = []
-    for i, (item, site) in enumerate(zip(sized, sites, strict=True)):
-        stiffness = float(item.model.stiffness_n_per_m)
-        channels.append(
-            Channel(
-                index=i,
-                resonance_hz=float(resonance[i]),
-                drive_hz=float(resonance[i]) / 2,
-                q=spec.q_min,
-                beam=_beam(spec, item),
-                effective_mass_g=float(item.model.effective_mass_kg) / GRAM,
-                stiffness_n_per_m=stiffness,
-                ring_up_ms=float(ring_up_time(resonance[i], spec.q_min)) / MS,
-                level_um=float(level_um[i]),
-                rule_hz=float(item.model.rule_hz),
-                target_hz=item.target_hz,
-                second_mode_hz=item.model.second_mode[0],
-                second_mode_share=item.model.second_mode[1],
-                modes_hz=tuple(item.model.modes.frequency_hz.tolist()),
-                mode_shares=tuple((item.model.compliances * stiffness).tolist()),
-                sag_um=float(item.model.sag_m) / UM,
-                root_stress_mpa=float(item.model.root_stress_pa(level_um[i] * UM)) / MPA,
-                print_spread=float(frequency_spread(item.beam, spec.printer)),
-                force_mn=float(level_um[i]) * UM * stiffness / spec.q_min / MN,
-                force_constant_n_per_a2=float(force_constants[i]),
-                site=site,
-            )
-        )
-    return tuple(channels)
-
-
-def magnetic_parts(spec: Spec) -> tuple[SolenoidCoil, SteelRing]:
-    """The coil and the washer of a spec in SI units."""
-    coil, washer = spec.coil, spec.washer
-    return (
-        SolenoidCoil(
-            coil.outer_diameter_mm * MM,
-            coil.inner_diameter_mm * MM,
-            coil.length_mm * MM,
-            coil.turns,
-            coil.core_diameter_mm * MM,
-            coil.core_relative_permeability,
-        ),
-        SteelRing(
-            washer.outer_diameter_mm * MM,
-            washer.inner_diameter_mm * MM,
-            washer.thickness_mm * MM,
-            washer.relative_permeability,
-        ),
     )
 
 
@@ -142,21 +87,7 @@ def _plate(spec: Spec) -> Plate:
     )
 
 
-def _beam(spec: Spec, item: SizedChannel) -> Beam:
-    printer = spec.printer
-    width, thickness, length = (float(v) for v in item.beam)
-    return Beam(
-        width_mm=width,
-        thickness_mm=thickness,
-        length_mm=length,
-        topology=item.topology,
-        fillet_mm=float(fillet_mm(spec, item.model.arrangement)),
-        count=len(item.model.arrangement.beams),
-        layers=round((thickness - printer.first_layer_mm) / printer.layer_mm) + 1,
-    )
-
-
-def _taxels(spec: Spec, layout: Layout, sites: tuple[Site, ...], sized: tuple[SizedChannel, ...]) -> tuple[Taxel, ...]:
+def _taxels(spec: Spec, layout: Layout, channels: tuple[Channel, ...], turned: str) -> tuple[Taxel, ...]:
     """All taxels, coil by coil from the first row; surplus places are left out at the last coils."""
     pitch_x, pitch_y = spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows
     full = layout.coils - layout.surplus
@@ -165,49 +96,22 @@ def _taxels(spec: Spec, layout: Layout, sites: tuple[Site, ...], sized: tuple[Si
         row, column = divmod(coil, layout.columns)
         x0 = (column - (layout.columns - 1) / 2) * pitch_x
         y0 = (row - (layout.rows - 1) / 2) * pitch_y
-        for channel in range(layout.channels - (coil >= full)):
-            x, y = washer_place(sites[channel], float(sized[channel].model.arrangement.washer_x_mm))
+        around = cell_is_turned(turned, row, column)
+        sign = -1 if around else 1
+        for channel in channels[: layout.channels - (coil >= full)]:
+            x, y = channel.site.washer_mm
             taxels.append(
                 Taxel(
-                    f"r{row}c{column}k{channel}",
+                    f"r{row}c{column}k{channel.index}",
                     (row, column),
-                    channel,
-                    round(x0 + x, 6),
-                    round(y0 + y, 6),
-                    sites[channel].coil_distance_mm,
+                    channel.index,
+                    round(x0 + sign * x, 6),
+                    round(y0 + sign * y, 6),
+                    channel.site.coil_distance_mm,
+                    around,
                 )
             )
     return tuple(taxels)
-
-
-def washer_place(site: Site, washer_x_mm: float) -> tuple[float, float]:
-    """The washer's axis in mm from the coil axis."""
-    x, y = site.origin_mm
-    step = washer_x_mm if site.along[0] == "+" else -washer_x_mm
-    return (x + step, y) if site.along[1] == "x" else (x, y + step)
-
-
-def _selectivity(spec: Spec, channels: tuple[Channel, ...]) -> Selectivity:
-    resonators = (
-        np.array([c.resonance_hz for c in channels]),
-        np.array([c.effective_mass_g for c in channels]),
-        np.array([c.q for c in channels]),
-    )
-    even = crosstalk(*resonators, spec.drive.level_law)
-    pull = np.array([c.force_constant_n_per_a2 for c in channels])
-    placed = crosstalk(*resonators, spec.drive.level_law, pull) if (pull > 0).all() else even
-    states, worst = all_states_db(even)
-    alone = len(channels) < 2
-    return Selectivity(
-        drive=spec.drive.scheme,
-        level_law=spec.drive.level_law,
-        one_hot_db=None if alone else one_hot_db(even),
-        all_states_db=None if alone else states,
-        worst_state=worst,
-        asked_db=decibel(spec.delta_y),
-        placed_one_hot_db=None if alone else one_hot_db(placed),
-        placed_all_states_db=None if alone else all_states_db(placed)[0],
-    )
 
 
 def _runners_up(spec: Spec, options: list[Layout], chosen: Layout) -> tuple[LayoutOption, ...]:

@@ -17,9 +17,13 @@ __all__ = [
     "Cell",
     "Channel",
     "CoilGrid",
+    "CoilLoad",
+    "FrameRate",
     "LayoutOption",
     "Plan",
     "Plate",
+    "Reuse",
+    "SchemeFigures",
     "Selectivity",
     "Site",
     "Taxel",
@@ -31,10 +35,11 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class Capacity:
-    """Channels of one coil: `paper` by Eq. 12, `exact` by the response in all states (plain tones).
+    """Channels of one coil: `paper` by Eq. 12, `exact` by the response in all states with the plan's drive.
 
     `paper_unrounded` is Eq. 12 before rounding down, `exact_one_hot` counts one channel on at a
-    time, `ratio` the smallest ratio of neighbours, `limit` what keeps the pad from more.
+    time, `ratio` the smallest ratio of neighbours, `limit` what keeps the pad from more, `breaks`
+    the line that makes one channel more than `exact` too many.
     """
 
     paper: int
@@ -43,6 +48,7 @@ class Capacity:
     limit: str
     paper_unrounded: float
     exact_one_hot: int
+    breaks: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,18 +112,26 @@ class Site:
 
     The taxel's own axes (beam along +x from the root, see `planner.suspensions`) have their origin
     at `origin_mm`; `along` is the direction ('+x', '-x', '+y', '-y') of the own x axis. The
-    sub-cell's centre is `centre_mm`; `coil_distance_mm` is from the washer's to the coil's axis.
+    sub-cell's centre is `centre_mm`, the washer's axis `washer_mm`, `coil_distance_mm` away from the
+    coil's. In a cell that is turned (`Reuse.turned`) all of it is turned by 180°.
     """
 
     centre_mm: tuple[float, float]
     origin_mm: tuple[float, float]
+    washer_mm: tuple[float, float]
     along: str
     coil_distance_mm: float
 
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """One frequency slot of a coil, lowest first."""
+    """One frequency slot of a coil, lowest first.
+
+    `drive_hz` is the frequency of the channel's line of the current: half the resonance with tones,
+    the resonance itself where the current has a constant part. `ring_up_ms` is the time constant,
+    `ring_down_ms` the time from ON to quiet. `static_um` is the mean pull's deflection with all
+    channels on; the pull falls with the gap as ``gap^-pull_exponent``.
+    """
 
     index: int
     resonance_hz: float
@@ -127,6 +141,7 @@ class Channel:
     effective_mass_g: float
     stiffness_n_per_m: float
     ring_up_ms: float
+    ring_down_ms: float
     level_um: float
     target_hz: float
     rule_hz: float
@@ -139,12 +154,17 @@ class Channel:
     print_spread: float
     force_mn: float
     force_constant_n_per_a2: float
+    pull_exponent: float
+    static_um: float
     site: Site
 
 
 @dataclass(frozen=True, slots=True)
 class Taxel:
-    """One tactile element: a place on the pad (of boss and washer, from its centre) and a channel."""
+    """One tactile element: a place on the pad (of boss and washer, from its centre) and a channel.
+
+    `turned` tells that its whole cell is turned by 180° about the coil's axis.
+    """
 
     id: str
     coil: tuple[int, int]
@@ -152,6 +172,16 @@ class Taxel:
     x_mm: float
     y_mm: float
     coil_distance_mm: float
+    turned: bool
+
+
+@dataclass(frozen=True, slots=True)
+class SchemeFigures:
+    """What a drive scheme would reach with the same channels; None where it was not computed."""
+
+    scheme: str
+    one_hot_db: float | None
+    all_states_db: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,17 +189,59 @@ class Selectivity:
     """How far OFF taxels stay below ON taxels with the planned drive; None where one channel has no other.
 
     The first figures take all washers of a coil as pulled alike, as the paper's bound does; the
-    `placed` ones count that a nearer washer feels every tone more. `asked_db` is Δy in dB.
+    `placed` ones count that a nearer washer feels every tone more. `asked_db` is Δy in dB,
+    `paper_db` what Eq. 12 promises for the closest pair, `snapping_db` what it costs in all states
+    that beams print in steps. `level_law` is an exponent or 'threshold'.
     """
 
     drive: str
-    level_law: float
+    level_law: float | str
     one_hot_db: float | None
     all_states_db: float | None
     worst_state: str
     asked_db: float
     placed_one_hot_db: float | None
     placed_all_states_db: float | None
+    why: str
+    paper_db: float | None
+    snapping_db: float | None
+    schemes: tuple[SchemeFigures, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class CoilLoad:
+    """What the drive asks of one coil and its amplifier with all channels on.
+
+    `pull_in_share` is the mean pull over the one at which the softest washer snaps to the coil.
+    `reachable_level_um` is the largest `drive.level_um` that every limit allows, `reachable_by` the
+    limit that it meets.
+    """
+
+    current_peak_ma: float
+    current_rms_ma: float
+    voltage_peak_v: float
+    copper_loss_w: float
+    pull_in_share: float
+    reachable_level_um: float
+    reachable_by: str
+
+
+@dataclass(frozen=True, slots=True)
+class FrameRate:
+    """Frames a second at which an OFF taxel has become quiet before the next frame."""
+
+    scheme: str
+    frames_per_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Reuse:
+    """What the neighbouring coils do to a taxel that is OFF; `turned` names the cells that are turned by
+    180° so that taxels of one channel are not back to back ('none', 'odd rows', 'odd columns')."""
+
+    leak_db: float | None
+    leak_channel: int | None
+    turned: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,6 +268,9 @@ class Plan:
     channels: tuple[Channel, ...]
     taxels: tuple[Taxel, ...]
     selectivity: Selectivity
+    load: CoilLoad
+    refresh: tuple[FrameRate, ...]
+    reuse: Reuse
     layouts: tuple[LayoutOption, ...]
     printing: dict[str, str]
     findings: tuple[Finding, ...]

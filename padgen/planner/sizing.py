@@ -13,7 +13,8 @@ from itertools import product
 import numpy as np
 
 from padgen.physics.ladder import slot_half_width
-from padgen.physics.selectivity import wanted_force
+from padgen.physics.selectivity import channels as resonators
+from padgen.planner.selectivity import level_law
 from padgen.planner.suspensions import TOPOLOGIES, BeamShape, Room
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.spec import Printer, Spec
@@ -278,7 +279,7 @@ def crowded_modes(spec: Spec, channels: tuple[SizedChannel, ...]) -> list[tuple[
     half_slot = slot_half_width(spec.q_min, spec.delta_y)
     resonance = np.array([float(c.model.resonance_hz) for c in channels])
     mass = np.array([float(c.model.effective_mass_kg) for c in channels])
-    force = wanted_force(resonance, mass, np.full(len(channels), spec.q_min), spec.drive.level_law)
+    force = resonators(resonance, spec.q_min, level_law(spec)(resonance), mass).line
     crowded = []
     for i, channel in enumerate(channels):
         working = int(channel.model.working)

@@ -49,8 +49,9 @@ def measured(plan: Plan, solid: Any) -> Iterator[Dimension]:
         yield Dimension(taxel.id, "recess diameter", plan.plate.recess_diameter_mm, built)
         yield Dimension(taxel.id, "recess centre offset", 0.0, offset)
         centre = np.array([*_coil_axis_mm(plan, taxel), 0.0])
+        around = np.array([-1.0, -1.0, 1.0]) if taxel.turned else np.ones(3)
         for gauge in gauges[taxel.channel]:
-            runs = [_run_mm(solid, *(ray + centre)) for ray in gauge.rays]
+            runs = [_run_mm(solid, *(ray * around + centre)) for ray in gauge.rays]
             yield Dimension(taxel.id, gauge.name, gauge.planned_mm, gauge.combine(runs))
 
 

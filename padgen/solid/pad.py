@@ -6,6 +6,7 @@ union of face-adjacent solids, in time linear in the number of tiles.
 """
 
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from padgen.solid.kernel import build123d, kernel_errors
 from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, Mesh, tessellated
 from padgen.solid.taxel import taxel_solid
 
-__all__ = ["PadSolid", "Tile", "assembled", "build_pad", "tile_grid"]
+__all__ = ["PadSolid", "Tile", "assembled", "build_pad", "tile_grid", "turned_grid", "turned_mesh"]
 
 SEAM_MM = 1e-7
 
@@ -70,11 +71,19 @@ def tile_grid(plan: Plan) -> np.ndarray:
     cell, coils = plan.cell, plan.coils
     grid = np.full((coils.rows * cell.rows, coils.columns * cell.columns), len(plan.channels))
     for taxel in plan.taxels:
-        x, y = plan.channels[taxel.channel].site.centre_mm
+        x, y = (-v if taxel.turned else v for v in plan.channels[taxel.channel].site.centre_mm)
         column = round(x / cell.width_mm + (cell.columns - 1) / 2) + taxel.coil[1] * cell.columns
         row = round(y / cell.depth_mm + (cell.rows - 1) / 2) + taxel.coil[0] * cell.rows
         grid[row, column] = taxel.channel
     return grid
+
+
+def turned_grid(plan: Plan) -> np.ndarray:
+    """Which sub-cells belong to a cell that is turned by 180°, of the shape of `tile_grid`."""
+    cells = np.zeros((plan.coils.rows, plan.coils.columns), dtype=bool)
+    for taxel in plan.taxels:
+        cells[taxel.coil] = taxel.turned
+    return cells.repeat(plan.cell.rows, 0).repeat(plan.cell.columns, 1)
 
 
 def assembled(plan: Plan, tiles: list[Tile], border: Tile, grid: np.ndarray) -> Mesh:
@@ -86,11 +95,13 @@ def assembled(plan: Plan, tiles: list[Tile], border: Tile, grid: np.ndarray) -> 
     z = np.array([0.0, spec.pad.frame_thickness_mm])
     lattice = np.stack(np.meshgrid(x, y, z, indexing="ij"), -1).reshape(-1, 3)
     vertices, triangles, offset = [lattice], [], len(lattice)
-    for index, tile in enumerate(tiles):
-        r, c = np.nonzero(grid == index)
+    turned = turned_grid(plan)
+    for (index, tile), around in product(enumerate(tiles), (False, True)):
+        r, c = np.nonzero((grid == index) & (turned == around))
         if not len(r):
             continue
-        inner, corner, faces = _open_seams(tile.mesh, plan.cell.width_mm / 2, plan.cell.depth_mm / 2, z)
+        mesh = turned_mesh(tile.mesh) if around else tile.mesh
+        inner, corner, faces = _open_seams(mesh, plan.cell.width_mm / 2, plan.cell.depth_mm / 2, z)
         # Vertex numbers per place: own ones follow each other, corner ones point into the lattice.
         number = np.empty((len(r), len(inner)), dtype=np.int64)
         place = np.flatnonzero(inner)
@@ -99,7 +110,7 @@ def assembled(plan: Plan, tiles: list[Tile], border: Tile, grid: np.ndarray) -> 
         lattice_index = ((c[:, None] + at[:, 0]) * (rows + 1) + r[:, None] + at[:, 1]) * 2 + at[:, 2]
         number[:, np.flatnonzero(~inner)] = lattice_index
         centre = np.stack([(x[c] + x[c + 1]) / 2, (y[r] + y[r + 1]) / 2, np.zeros(len(r))], -1)
-        vertices.append((centre[:, None] + tile.mesh.vertices_mm[place]).reshape(-1, 3))
+        vertices.append((centre[:, None] + mesh.vertices_mm[place]).reshape(-1, 3))
         triangles.append(number[:, faces].reshape(-1, 3))
         offset += len(r) * len(place)
     on_lattice, faces = _open_border(border.mesh, x, y, z)
@@ -108,6 +119,11 @@ def assembled(plan: Plan, tiles: list[Tile], border: Tile, grid: np.ndarray) -> 
     vertices.append(border.mesh.vertices_mm[own])
     triangles.append(number[faces])
     return _compact(Mesh(np.concatenate(vertices), np.concatenate(triangles)))
+
+
+def turned_mesh(mesh: Mesh) -> Mesh:
+    """A mesh turned by 180° about z, exactly."""
+    return Mesh(mesh.vertices_mm * (-1.0, -1.0, 1.0), mesh.triangles)
 
 
 def _taxel_tile(plan: Plan, index: int, chord_mm: float, angle_rad: float) -> Tile:

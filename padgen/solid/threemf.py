@@ -12,7 +12,7 @@ import numpy as np
 from padgen.errors import MeshFileError
 from padgen.planner.plan import Plan
 from padgen.solid.mesh import Mesh, welded
-from padgen.solid.pad import PadSolid
+from padgen.solid.pad import PadSolid, turned_grid
 
 __all__ = ["read_3mf", "threemf_bytes"]
 
@@ -92,7 +92,7 @@ def _add_mesh(model: Any, mesh: Mesh, name: str) -> Any:
 
 
 def _add_instances(model: Any, wrapper: Any, plan: Plan, pad: PadSolid) -> None:
-    spec = plan.typed_spec
+    spec, turned = plan.typed_spec, turned_grid(plan)
     names = [f"taxel-{channel.index}" for channel in plan.channels] + ["frame"]
     whole = model.AddComponentsObject()
     whole.SetName(plan.name)
@@ -103,9 +103,13 @@ def _add_instances(model: Any, wrapper: Any, plan: Plan, pad: PadSolid) -> None:
             continue
         part = _add_mesh(model, tile.mesh, names[index])
         for row, column in places:
+            place = wrapper.GetIdentityTransform()
+            if turned[row, column]:
+                place.Fields[0][0] = place.Fields[1][1] = -1.0
             x = (column + 0.5) * plan.cell.width_mm - spec.pad.width_mm / 2
             y = (row + 0.5) * plan.cell.depth_mm - spec.pad.depth_mm / 2
-            whole.AddComponent(part, wrapper.GetTranslationTransform(float(x), float(y), 0.0))
+            place.Fields[3][0], place.Fields[3][1] = float(x), float(y)
+            whole.AddComponent(part, place)
     model.AddBuildItem(whole, wrapper.GetIdentityTransform())
 
 

@@ -10,6 +10,7 @@ from padgen.errors import FileError, SpecError
 from padgen.spec.fields import build, optional_type, unknown_name
 from padgen.spec.model import Coil, Drive, Material, Pad, Printer, Spec, Suspension, Taxel, Washer
 from padgen.spec.refusals import refuse_contradictions
+from padgen.spec.threshold import with_threshold
 
 __all__ = ["catalogue", "find_spec", "load_spec", "parse_spec", "template_paths"]
 
@@ -75,11 +76,11 @@ def load_spec(spec: str) -> Spec:
         raise FileError(f"cannot be read ({error.strerror})", spec) from error
     except UnicodeDecodeError as error:
         raise FileError(f"is not TOML: byte {error.start} is not UTF-8 text", spec) from error
-    return parse_spec(text, spec)
+    return parse_spec(text, spec, path.parent)
 
 
-def parse_spec(text: str, where: str = "spec") -> Spec:
-    """Make a `Spec` from TOML text; `where` names the text in errors.
+def parse_spec(text: str, where: str = "spec", folder: Path = Path()) -> Spec:
+    """Make a `Spec` from TOML text; `where` names the text in errors, `folder` is where its files lie.
 
     Raises
     ------
@@ -94,17 +95,20 @@ def parse_spec(text: str, where: str = "spec") -> Spec:
         raise SpecError(f"is not TOML: {error}", where) from error
     except RecursionError as error:
         raise SpecError("is not a spec: its values are nested too deeply", where) from error
-    return make_spec(table)
+    return make_spec(table, folder)
 
 
-def make_spec(table: dict[str, Any]) -> Spec:
-    """Make a `Spec` from the nested tables of a TOML file."""
+def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
+    """Make a `Spec` from the nested tables of a TOML file; other files that it names lie in `folder`."""
     table = dict(table)
+    if isinstance(table.get("drive"), str):
+        table["drive"] = {"scheme": table["drive"]}
     parts: dict[str, Any] = {name: build(kind, table.pop(name, {}), name) for name, kind in PLAIN_TABLES.items()}
     parts["printer"] = _entry("printer", table.pop("printer", {}), DEFAULTS["printer"])
     parts["material"] = _entry("material", table.pop("material", {}), DEFAULT_MATERIALS[parts["printer"].process])
     for name in ("washer", "coil"):
         parts[name] = _entry(name, table.pop(name, {}), DEFAULTS[name])
+    parts["drive"] = with_threshold(parts["drive"], folder)
     spec: Spec = build(Spec, table, "", parts)
     refuse_contradictions(spec)
     return spec

@@ -8,10 +8,12 @@ from dataclasses import dataclass, field
 
 from padgen.spec.fields import choice, flag, numbers, quantity, text
 
-__all__ = ["Coil", "Drive", "Material", "Pad", "Printer", "Spec", "Suspension", "Taxel", "Washer"]
+__all__ = ["DRIVE_SCHEMES", "Coil", "Drive", "Material", "Pad", "Printer", "Spec", "Suspension", "Taxel", "Washer"]
 
 SUSPENSIONS = ("cantilever", "folded", "bridge")
 """Each is a module of that name in `padgen.planner.suspensions`."""
+DRIVE_SCHEMES = ("tones", "spur-free", "biased", "time-shared")
+"""Explained in `padgen.physics.selectivity`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +48,7 @@ class Taxel:
     washer_clearance_mm: float = quantity(0.2, unit="mm", low=0, high=2, doc="recess diameter over washer diameter")
     glue_gap_mm: float = quantity(0.1, unit="mm", low=0, high=1, doc="recess depth over washer thickness")
     glue_mg: float = quantity(0.0, unit="mg", low=0, high=1000, doc="mass of glue per taxel; weigh ten")
+    glue_spread_mg: float = quantity(2.0, unit="mg", low=0, high=1000, doc="spread of the glue from taxel to taxel")
     centre_post: bool = flag(False, doc="a post in the recess that centres the washer by its bore")
 
 
@@ -59,6 +62,9 @@ class Material:
     poisson_ratio: float = quantity(unit="1", low=0, high=0.499, doc="Poisson's ratio")
     density_g_per_cm3: float = quantity(unit="g/cm³", low=0.1, high=20, doc="density")
     fatigue_stress_mpa: float = quantity(unit="MPa", low=0.1, high=2000, doc="stress that many cycles allow")
+    modulus_spread: float = quantity(
+        0.05, unit="1", low=0, high=1, doc="relative spread of the modulus from pad to pad (spool, dryness, warmth)"
+    )
     source: str = text("", doc="where the figures come from")
 
 
@@ -87,6 +93,15 @@ class Printer:
     length_tolerance_mm: float = quantity(unit="mm", low=0, high=1, doc="spread of a beam's length")
     xy_compensation_mm: float = quantity(
         unit="mm", low=-1, high=1, doc="slicer's XY size compensation that lays beams at their drawn width"
+    )
+    width_step_mm: float = quantity(
+        1e-3, unit="mm", low=1e-6, high=3, doc="steps in which a beam can be wider than the smallest (resin: pixel)"
+    )
+    thickness_drift_mm: float = quantity(
+        0.01, unit="mm", low=0, high=1, doc="spread of all beams' thickness together, from pad to pad"
+    )
+    plate_gradient: float = quantity(
+        0.0, unit="1", low=0, high=1, doc="relative spread of f from one side of the pad to the other (bed level)"
     )
     source: str = text("", doc="where the figures come from")
 
@@ -121,6 +136,7 @@ class Coil:
     grid: tuple[int, int] | None = numbers(
         None, unit="coils", low=1, high=1000, count=2, doc="[rows, columns]; searched for when absent"
     )
+    power_limit_w: float = quantity(0.5, unit="W", low=1e-4, high=1e4, doc="copper loss that the coil bears for long")
     source: str = text("", doc="where the figures come from")
 
 
@@ -146,7 +162,11 @@ class Suspension:
 class Drive:
     """How the coils are driven and how strongly the taxels are to move."""
 
-    scheme: str = choice("tones", of=("tones",), doc="plain sum of sines (paper Eq. 5)")
+    scheme: str = choice(
+        "auto",
+        of=("auto", *DRIVE_SCHEMES),
+        doc="what the coil's current is made of (docs/driving.md); auto takes the simplest that is selective enough",
+    )
     level_um: float = quantity(10.0, unit="µm", low=1e-4, high=5000, doc="ON amplitude of the lowest channel")
     level_law: float = quantity(
         1.0,
@@ -154,6 +174,24 @@ class Drive:
         low=0,
         high=2,
         doc="ON amplitude falls as 1/f^p: 0 equal displacement, 1 velocity, 2 acceleration",
+    )
+    threshold_file: str | None = text(
+        None, doc="CSV of frequency in Hz and detection threshold in µm, beside the spec: levels of equal sensation"
+    )
+    threshold_hz: tuple[float, ...] | None = numbers(
+        None, unit="Hz", low=1e-3, high=1e7, doc="the curve's frequencies, rising; in place of threshold_file"
+    )
+    threshold_um: tuple[float, ...] | None = numbers(
+        None, unit="µm", low=1e-6, high=1e5, doc="the curve's thresholds, one for each of threshold_hz"
+    )
+    bias_ratio: float = quantity(
+        5.0, unit="1", low=0.1, high=1e3, doc="biased: constant current over the largest tone's; 5 is spurs of -20 dB"
+    )
+    headroom: float = quantity(
+        0.05, unit="1", low=0, high=10, doc="spur-free: constant force above the sum of the tones', as a share of it"
+    )
+    voltage_limit_v: float = quantity(
+        30.0, unit="V", low=0.01, high=1e5, doc="peak voltage of the amplifier that feeds a coil"
     )
 
 
@@ -172,8 +210,9 @@ class Spec:
     )
     spacing: str = choice(
         "spread",
-        of=("spread", "closest"),
-        doc="spread: the band is shared evenly in octaves; closest: the paper's ladder from the lowest slot",
+        of=("spread", "closest", "optimised"),
+        doc="spread: the band is shared evenly in octaves; closest: the paper's ladder from the lowest slot;"
+        " optimised: the best all-state selectivity that the drive scheme can have",
     )
     resonances_hz: tuple[float, ...] | None = numbers(
         None, unit="Hz", low=0.01, high=1e6, doc="explicit resonances, one per channel, lowest first"

@@ -4,6 +4,7 @@ from itertools import pairwise
 
 from padgen.errors import SpecError, number
 from padgen.spec.model import Spec
+from padgen.spec.threshold import refuse_threshold
 
 __all__ = ["refuse_contradictions"]
 
@@ -18,6 +19,7 @@ def refuse_contradictions(spec: Spec) -> None:
     _refuse_taxel(spec)
     _refuse_plate(spec)
     _refuse_beam(spec)
+    refuse_threshold(spec)
 
 
 def _refuse_band(spec: Spec) -> None:

@@ -20,6 +20,11 @@ def spec_schema() -> dict[str, Any]:
         entry["properties"]["name"]["examples"] = sorted(catalogue(name))
         word = {"type": "string", "enum": sorted(catalogue(name))}
         schema["properties"][name] = {"anyOf": [word, entry], "description": f"{name}: a catalogue name or a table"}
+    drive = schema["properties"]["drive"]
+    schema["properties"]["drive"] = {
+        "anyOf": [{"type": "string", "enum": drive["properties"]["scheme"]["enum"]}, drive],
+        "description": "drive: a scheme or a table",
+    }
     return schema
 
 

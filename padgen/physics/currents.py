@@ -1,0 +1,68 @@
+"""What a drive scheme asks of a coil and its amplifier when all channels are on.
+
+`line_a2` (n,) are the amplitudes in A² of the wanted lines of i², one per channel.
+"""
+
+import numpy as np
+
+from padgen.physics.magnetics import impedance
+from padgen.physics.selectivity import Scheme
+
+__all__ = ["bias_a", "current_lines_a", "mean_square_a2", "peak_current_a", "peak_voltage_v"]
+
+
+def bias_a(scheme: Scheme, line_a2: np.ndarray) -> float:
+    """Constant current B in A of the biased scheme: `bias_ratio` times its largest tone ``b = a/(2B)``."""
+    return float(np.sqrt(scheme.bias_ratio * line_a2.max() / 2))
+
+
+def mean_square_a2(scheme: Scheme, line_a2: np.ndarray, headroom: float) -> float:
+    """Mean of i² in A²: times R the copper loss, times a force constant the static pull.
+
+    Spur-free: the constant F₀/c, here at its safe value (1 + headroom) Σ a, for any phases.
+    """
+    if scheme.name == "tones":
+        return float(line_a2.sum())
+    if scheme.name == "spur-free":
+        return float((1 + headroom) * line_a2.sum())
+    if scheme.name == "biased":
+        return float(bias_a(scheme, line_a2) ** 2 + (current_lines_a(scheme, line_a2) ** 2).sum() / 2)
+    return float(line_a2.max())
+
+
+def current_lines_a(scheme: Scheme, line_a2: np.ndarray, headroom: float = 0.0) -> np.ndarray:
+    """Peak current (n,) in A of each channel: of its tone, or spur-free of the coil with it alone on."""
+    if scheme.name == "biased":
+        tones: np.ndarray = line_a2 / (2 * bias_a(scheme, line_a2))
+        return tones
+    alone: np.ndarray = np.sqrt((2 + (headroom if scheme.name == "spur-free" else 0.0)) * line_a2)
+    return alone
+
+
+def peak_current_a(scheme: Scheme, line_a2: np.ndarray, headroom: float) -> float:
+    """Largest current in A, all peaks together."""
+    if scheme.name == "spur-free":
+        return float(np.sqrt((2 + headroom) * line_a2.sum()))
+    lines = current_lines_a(scheme, line_a2)
+    if scheme.name == "biased":
+        return bias_a(scheme, line_a2) + float(lines.sum())
+    return float(lines.max() if scheme.name == "time-shared" else lines.sum())
+
+
+def peak_voltage_v(
+    scheme: Scheme, line_a2: np.ndarray, resonance_hz: np.ndarray, resistance: float, inductance: float, headroom: float
+) -> float:
+    """Bound in V of what the coil asks for, all peaks together.
+
+    Spur-free: ``R √((2+h) Σa) + L √(Σ a ω²/2)``. The second is the steepest that the root can be:
+    with i² = h Σa + Σ a (1 + cos θ), Cauchy's inequality takes the sum out of ``(i²)'/(2i)``.
+    """
+    if scheme.name == "spur-free":
+        slope = np.sqrt((line_a2 * (2 * np.pi * resonance_hz) ** 2).sum() / 2)
+        return float(resistance * peak_current_a(scheme, line_a2, headroom) + inductance * slope)
+    lines = current_lines_a(scheme, line_a2)
+    if scheme.name == "biased":
+        volts = lines * np.abs(impedance(resistance, inductance, resonance_hz))
+        return float(resistance * bias_a(scheme, line_a2) + volts.sum())
+    volts = lines * np.abs(impedance(resistance, inductance, resonance_hz / 2))
+    return float(volts.max() if scheme.name == "time-shared" else volts.sum())

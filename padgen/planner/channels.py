@@ -1,0 +1,126 @@
+"""A layout's sized beams → the plan's `Channel`s: levels, forces and what the coil pulls."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import log
+
+import numpy as np
+
+from padgen.physics.currents import mean_square_a2
+from padgen.physics.magnetics import SolenoidCoil, SteelRing, pull_over_gap
+from padgen.physics.resonator import ring_up_time
+from padgen.planner.plan import Beam, Channel, Site
+from padgen.planner.selectivity import level_law, scheme_named
+from padgen.planner.sizing import SizedChannel, frequency_spread
+from padgen.planner.taxel_model import fillet_mm
+from padgen.spec import Spec
+from padgen.units import GRAM, MM, MN, MPA, MS, UM
+
+__all__ = ["driven", "magnetic_parts", "plan_channels", "squared_current_lines"]
+
+
+def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Site]) -> tuple[Channel, ...]:
+    """The channels of a coil; what depends on the drive scheme is `driven`'s to fill in."""
+    resonance = np.array([float(s.model.resonance_hz) for s in sized])
+    level = level_law(spec)(resonance)
+    level_um = spec.drive.level_um * level / level[0]
+    distance_m = np.array([site.coil_distance_mm for site in sites]) * MM
+    pull, exponent = pull_over_gap(*magnetic_parts(spec), spec.coil.gap_mm * MM, distance_m)
+    tau_ms = ring_up_time(resonance, spec.q_min) / MS
+    quiet = _quiet_ratios(spec, resonance, level_um)
+    channels = []
+    for i, (item, site) in enumerate(zip(sized, sites, strict=True)):
+        stiffness = float(item.model.stiffness_n_per_m)
+        channels.append(
+            Channel(
+                index=i,
+                resonance_hz=float(resonance[i]),
+                drive_hz=float(resonance[i]) / 2,
+                q=spec.q_min,
+                beam=_beam(spec, item),
+                effective_mass_g=float(item.model.effective_mass_kg) / GRAM,
+                stiffness_n_per_m=stiffness,
+                ring_up_ms=float(tau_ms[i]),
+                ring_down_ms=float(tau_ms[i]) * max(log(quiet[i]), 0.0),
+                level_um=float(level_um[i]),
+                rule_hz=float(item.model.rule_hz),
+                target_hz=item.target_hz,
+                second_mode_hz=item.model.second_mode[0],
+                second_mode_share=item.model.second_mode[1],
+                modes_hz=tuple(item.model.modes.frequency_hz.tolist()),
+                mode_shares=tuple((item.model.compliances * stiffness).tolist()),
+                sag_um=float(item.model.sag_m) / UM,
+                root_stress_mpa=float(item.model.root_stress_pa(level_um[i] * UM)) / MPA,
+                print_spread=float(frequency_spread(item.beam, spec.printer)),
+                force_mn=float(level_um[i]) * UM * stiffness / spec.q_min / MN,
+                force_constant_n_per_a2=float(pull[i]),
+                pull_exponent=float(exponent[i]),
+                static_um=0.0,
+                site=site,
+            )
+        )
+    return tuple(channels)
+
+
+def driven(spec: Spec, channels: Sequence[Channel], drive: str) -> tuple[Channel, ...]:
+    """`channels` with the drive frequencies and the static deflections that the scheme `drive` makes."""
+    half = drive in ("tones", "time-shared")
+    square_a2 = mean_square_a2(scheme_named(spec, drive), squared_current_lines(channels), spec.drive.headroom)
+    return tuple(
+        replace(
+            channel,
+            drive_hz=channel.resonance_hz / 2 if half else channel.resonance_hz,
+            static_um=square_a2 * channel.force_constant_n_per_a2 / channel.stiffness_n_per_m / UM,
+        )
+        for channel in channels
+    )
+
+
+def squared_current_lines(channels: Sequence[Channel]) -> np.ndarray:
+    """Amplitudes (n,) in A² of the wanted lines of i²; 0 for a washer that the coil does not pull."""
+    force = np.array([c.force_mn * MN for c in channels])
+    pull = np.array([c.force_constant_n_per_a2 for c in channels])
+    lines: np.ndarray = np.divide(force, pull, out=np.zeros(len(force)), where=pull > 0)
+    return lines
+
+
+def magnetic_parts(spec: Spec) -> tuple[SolenoidCoil, SteelRing]:
+    """The coil and the washer of a spec in SI units."""
+    coil, washer = spec.coil, spec.washer
+    return (
+        SolenoidCoil(
+            coil.outer_diameter_mm * MM,
+            coil.inner_diameter_mm * MM,
+            coil.length_mm * MM,
+            coil.turns,
+            coil.core_diameter_mm * MM,
+            coil.core_relative_permeability,
+        ),
+        SteelRing(
+            washer.outer_diameter_mm * MM,
+            washer.inner_diameter_mm * MM,
+            washer.thickness_mm * MM,
+            washer.relative_permeability,
+        ),
+    )
+
+
+def _quiet_ratios(spec: Spec, resonance: np.ndarray, level_um: np.ndarray) -> np.ndarray:
+    """ON amplitude over the one that counts as quiet: the threshold where it is known, else 1/Δy of ON."""
+    threshold = level_law(spec).threshold_um(resonance)
+    ratio: np.ndarray = np.full(len(resonance), spec.delta_y) if threshold is None else level_um / threshold
+    return ratio
+
+
+def _beam(spec: Spec, item: SizedChannel) -> Beam:
+    printer = spec.printer
+    width, thickness, length = (float(v) for v in item.beam)
+    return Beam(
+        width_mm=width,
+        thickness_mm=thickness,
+        length_mm=length,
+        topology=item.topology,
+        fillet_mm=float(fillet_mm(spec, item.model.arrangement)),
+        count=len(item.model.arrangement.beams),
+        layers=round((thickness - printer.first_layer_mm) / printer.layer_mm) + 1,
+    )
