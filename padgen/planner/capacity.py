@@ -1,5 +1,7 @@
 """How many channels one coil holds: by the paper's bound and by the exact response."""
 
+from collections.abc import Callable
+
 from padgen.errors import SpecError, at_least, number
 from padgen.physics.ladder import capacity, geometric_ladder, ladder_ratio, slot_half_width, whole_channels
 from padgen.physics.levels import LevelLaw
