@@ -8,13 +8,12 @@ from padgen.finding import LEVELS, Finding
 from padgen.physics.ladder import ladder_ratio, slot_half_width
 from padgen.planner.judge_drive import judge_drive
 from padgen.planner.plan import Channel, Plan
+from padgen.planner.printable import STUBBY, steps_are_coarse
 from padgen.planner.resonances import DRAWN_SHARE
 from padgen.planner.sizing import SizedChannel, crowded_modes
 from padgen.spec import Spec
 from padgen.units import MM, UM
 
-STUBBY = 2
-"""Length over thickness below which a beam is none (docs/accuracy.md)."""
 SPACING_SHARE = 0.05
 """Share of a slot by which a resonance may be off before it is worth a finding."""
 QUIET_SHARE = 1e-6
@@ -62,7 +61,8 @@ def _targets(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Finding]:
     share = slot_half_width(spec.q_min, spec.delta_y) * SPACING_SHARE
     for channel in channels:
         miss = abs(channel.resonance_hz / channel.target_hz - 1)
-        if miss > share:
+        # Coarse steps are re-fitted; what they cost is a finding of its own.
+        if miss > share and (spec.resonances_hz or not steps_are_coarse(spec)):
             yield Finding(
                 "warning",
                 "resonance.off",

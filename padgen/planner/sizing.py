@@ -14,6 +14,7 @@ import numpy as np
 
 from padgen.physics.ladder import slot_half_width
 from padgen.physics.selectivity import channels as resonators
+from padgen.planner.printable import LENGTH_STEP_MM, IdealBeam, printable_beams
 from padgen.planner.selectivity import level_law
 from padgen.planner.suspensions import TOPOLOGIES, BeamShape, Room
 from padgen.planner.taxel_model import TaxelModel, plate_shape
@@ -25,8 +26,6 @@ LENGTHS = 9
 WIDTHS = 4
 TRIES = 6
 THICKNESSES = 16
-WIDTH_STEP_MM = 1e-3
-LENGTH_STEP_MM = 0.05
 
 
 @dataclass(frozen=True)
@@ -217,11 +216,11 @@ def _mixed(tables: list[tuple[Reach, np.ndarray, np.ndarray]]) -> Iterator[list[
 
 
 def _solved(spec: Spec, picks: list[Pick], targets: np.ndarray) -> tuple[SizedChannel, ...] | None:
-    """Solve for the widths; the resonance rises with the width, so a secant in log-log converges.
+    """Solve for the widths, then take the beams that print; None where a target is not reached.
 
     Channels of one topology are solved together.
     """
-    channels: dict[int, SizedChannel] = {}
+    ideal: dict[int, IdealBeam] = {}
     for name in {p[0].topology for p in picks}:
         index = [i for i, p in enumerate(picks) if p[0].topology == name]
         chosen = [picks[i] for i in index]
@@ -230,27 +229,33 @@ def _solved(spec: Spec, picks: list[Pick], targets: np.ndarray) -> tuple[SizedCh
             np.array([p[0].thickness_mm[p[1]] for p in chosen]),
             np.array([p[0].length_mm[p[2]] for p in chosen]),
         )
-        bounds = (
-            np.array([p[0].width_mm[p[1], p[2], 0] for p in chosen]),
-            np.array([p[0].width_mm[p[1], p[2], -1] for p in chosen]),
-        )
-        beam = _width_solved(spec, name, beam, bounds, targets[index])
-        model = TaxelModel(spec, name, plate_shape(spec), beam)
-        if np.abs(model.resonance_hz / targets[index] - 1).max() > RESONANCE_TOLERANCE:
+        spans = np.array([p[0].width_mm[p[1], p[2], [0, -1]] for p in chosen])
+        beam, found = _width_solved(spec, name, beam, (spans[:, 0], spans[:, 1]), targets[index])
+        if np.abs(found / targets[index] - 1).max() > RESONANCE_TOLERANCE:
             return None
         for k, i in enumerate(index):
-            one = BeamShape(*(float(v[k]) for v in beam))
-            channels[i] = SizedChannel(float(targets[i]), name, one, TaxelModel(spec, name, plate_shape(spec), one))
-    return tuple(channels[i] for i in range(len(picks)))
+            lengths = chosen[k][0].length_mm
+            ideal[i] = IdealBeam(
+                name,
+                BeamShape(*(float(v[k]) for v in beam)),
+                (float(spans[k, 0]), float(spans[k, 1])),
+                (float(lengths[0]), float(lengths[-1])),
+            )
+    ordered = [ideal[i] for i in range(len(picks))]
+    return tuple(
+        SizedChannel(float(hz), item.topology, beam, TaxelModel(spec, item.topology, plate_shape(spec), beam))
+        for item, beam, hz in zip(ordered, printable_beams(spec, ordered, targets), targets, strict=True)
+    )
 
 
 RESONANCE_TOLERANCE = 2e-3
-"""A width is drawn to a micrometre, 0.1 % of the smallest beam: 0.05 % in frequency."""
+"""What the search for a width may leave; printing in steps adds to it."""
 
 
 def _width_solved(
     spec: Spec, topology: str, beam: BeamShape, bounds: tuple[np.ndarray, np.ndarray], targets: np.ndarray
-) -> BeamShape:
+) -> tuple[BeamShape, np.ndarray]:
+    """Beams of solved widths and their resonances: they rise with the width, so a secant in log-log converges."""
     plate = plate_shape(spec)
     slope = np.full(len(targets), 0.5)
     previous = None
@@ -266,7 +271,7 @@ def _width_solved(
         if np.abs(miss).max() < 1e-5:
             break
         beam = beam._replace(width_mm=np.clip(beam.width_mm * np.exp(miss / slope), *bounds))
-    return beam._replace(width_mm=np.clip(np.round(beam.width_mm / WIDTH_STEP_MM) * WIDTH_STEP_MM, *bounds))
+    return beam, TaxelModel(spec, topology, plate, beam).resonance_hz
 
 
 def crowded_modes(spec: Spec, channels: tuple[SizedChannel, ...]) -> list[tuple[int, float, int, float]]:

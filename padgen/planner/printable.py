@@ -1,0 +1,136 @@
+"""Beams in the steps that the printer makes, and the ladder re-fitted to what they give.
+
+Where the steps are fine (variable line width) a width is just rounded. Where they are coarse (whole
+pixels, whole lines) a step moves a resonance by per cents: layers and lengths then help to come near a
+target, and of all the beams near their targets those are taken whose resonances are best told apart.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from padgen.physics.ladder import slot_half_width
+from padgen.physics.selectivity import Scheme, all_states, channels
+from padgen.planner.selectivity import level_law, scheme_named
+from padgen.planner.suspensions import BeamShape
+from padgen.planner.taxel_model import TaxelModel, plate_shape
+from padgen.spec import Spec
+
+__all__ = ["LENGTH_STEP_MM", "STUBBY", "IdealBeam", "printable_beams", "steps_are_coarse"]
+
+LENGTH_STEP_MM = 0.05
+COARSE_SHARE = 2e-3
+"""Relative width of half a step from which on rounding moves a resonance by 0.1 %."""
+WIDTHS_TRIED = 2
+LENGTHS_TRIED = 12
+MOST_OPTIONS = 60
+ROUNDS = 8
+STUBBY = 2
+"""Length over thickness below which the beam model is off (docs/accuracy.md), and a longer beam is taken."""
+SLOT_SHARE = 0.5
+"""Share of its slot within which a resonance may move to be better told apart."""
+
+
+class IdealBeam(NamedTuple):
+    """A beam for one channel before rounding, with the spans in mm of width and length that its room has."""
+
+    topology: str
+    beam: BeamShape
+    width_span_mm: tuple[float, float]
+    length_span_mm: tuple[float, float]
+
+
+class _Options(NamedTuple):
+    """Printable beams for one channel, the nearest to its target first, with resonances and masses."""
+
+    beam: BeamShape
+    resonance_hz: np.ndarray
+    mass_kg: np.ndarray
+
+
+def steps_are_coarse(spec: Spec) -> bool:
+    """Whether rounding the smallest beam to the printer's steps moves its resonance noticeably."""
+    return spec.printer.width_step_mm / 2 > COARSE_SHARE * spec.printer.smallest_beam_mm
+
+
+def printable_beams(spec: Spec, ideal: Sequence[IdealBeam], target_hz: np.ndarray) -> list[BeamShape]:
+    """Beams that print, for `ideal` ones that resonate at `target_hz` (n,)."""
+    if not steps_are_coarse(spec):
+        return [item.beam._replace(width_mm=float(_on_grid(spec, item.beam.width_mm, item))) for item in ideal]
+    options = [_options(spec, item, float(f)) for item, f in zip(ideal, target_hz, strict=True)]
+    chosen = _told_apart(spec, options, target_hz) if not spec.resonances_hz else [0] * len(options)
+    return [BeamShape(*(float(axis[k]) for axis in o.beam)) for o, k in zip(options, chosen, strict=True)]
+
+
+def _on_grid(spec: Spec, width_mm: float | np.ndarray, item: IdealBeam) -> np.ndarray:
+    """The nearest widths that print: the smallest beam and whole steps more, within the room."""
+    smallest, step = spec.printer.smallest_beam_mm, spec.printer.width_step_mm
+    most = np.floor((item.width_span_mm[1] - smallest) / step + 1e-6)
+    return np.asarray(smallest + np.clip(np.round((np.asarray(width_mm) - smallest) / step), 0, most) * step)
+
+
+def _options(spec: Spec, item: IdealBeam, target_hz: float) -> _Options:
+    """Beams about the ideal one whose resonances lie near the target, at least the nearest."""
+    axes = _widths_mm(spec, item), _thicknesses_mm(spec, item), _lengths_mm(spec, item)
+    beam = BeamShape(*(axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")))
+    sound = beam.length_mm >= np.minimum(STUBBY * beam.thickness_mm, item.beam.length_mm) - 1e-9
+    beam = BeamShape(*(axis[sound] for axis in beam))
+    model = TaxelModel(spec, item.topology, plate_shape(spec), beam)
+    miss = np.abs(np.log(model.resonance_hz / target_hz))
+    order = np.lexsort((np.abs(beam.length_mm - item.beam.length_mm), miss.round(9)))
+    reach = max(slot_half_width(spec.q_min, spec.delta_y) * SLOT_SHARE, float(miss.min()) + 1e-12)
+    near = order[miss[order] <= reach][:MOST_OPTIONS]
+    return _Options(BeamShape(*(axis[near] for axis in beam)), model.resonance_hz[near], model.effective_mass_kg[near])
+
+
+def _widths_mm(spec: Spec, item: IdealBeam) -> np.ndarray:
+    step = spec.printer.width_step_mm
+    return np.unique(_on_grid(spec, item.beam.width_mm + step * np.arange(-WIDTHS_TRIED, WIDTHS_TRIED + 1), item))
+
+
+def _thicknesses_mm(spec: Spec, item: IdealBeam) -> np.ndarray:
+    """A layer or two more, where thicknesses may differ; fewer would print less surely."""
+    layer_mm, thickness = spec.printer.layer_mm, item.beam.thickness_mm
+    if "thickness" not in spec.suspension.tune or spec.suspension.thickness_mm is not None:
+        return np.array([thickness])
+    thicker = np.round(thickness + layer_mm * np.arange(3), 6)
+    return np.asarray(thicker[thicker <= spec.taxel.plate_thickness_mm - layer_mm + 1e-9])
+
+
+def _lengths_mm(spec: Spec, item: IdealBeam) -> np.ndarray:
+    length, (shortest, longest) = item.beam.length_mm, item.length_span_mm
+    if "length" not in spec.suspension.tune or spec.suspension.length_mm is not None:
+        return np.array([length])
+    around = np.round(length + LENGTH_STEP_MM * np.arange(-LENGTHS_TRIED, LENGTHS_TRIED + 1), 6)
+    return np.asarray(around[(around >= shortest - 1e-9) & (around <= longest + 1e-9)])
+
+
+def _told_apart(spec: Spec, options: Sequence[_Options], target_hz: np.ndarray) -> list[int]:
+    """Which option each channel takes: the nearest to its target, or, one channel at a time, those that bring
+    the all-state selectivity to what the targets have."""
+    drive = spec.drive.scheme
+    scheme = Scheme("spur-free") if drive == "auto" else scheme_named(spec, drive)
+    law = level_law(spec)
+
+    def figure(chosen: list[int], resonance: np.ndarray | None = None) -> float:
+        if resonance is None:
+            resonance = np.array([option.resonance_hz[k] for option, k in zip(options, chosen, strict=True)])
+        mass = np.array([option.mass_kg[k] for option, k in zip(options, chosen, strict=True)])
+        return all_states(channels(resonance, spec.q_min, law(resonance), mass), scheme).db
+
+    chosen = [0] * len(options)
+    best, enough = figure(chosen), figure(chosen, target_hz)
+    for _ in range(ROUNDS):
+        before = best
+        if best >= enough:
+            break
+        for i, option in enumerate(options):
+            for k in range(len(option.resonance_hz)):
+                tried = [*chosen[:i], k, *chosen[i + 1 :]]
+                found = figure(tried)
+                if found > best + 1e-9:
+                    chosen, best = tried, found
+        if best <= before + 1e-6:
+            break
+    return chosen
