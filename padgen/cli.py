@@ -81,6 +81,7 @@ def _parser() -> argparse.ArgumentParser:
 
     plan = commands.add_parser("plan", help="frequency allocation, beams, selectivity, feasibility")
     plan.add_argument("spec", metavar="SPEC", help="a TOML file or the name of a template")
+    plan.add_argument("--explain", action="store_true", help="which limit binds, and what the cheapest changes buy")
     _output(plan)
     plan.set_defaults(command=_plan)
 
@@ -130,22 +131,45 @@ def _plan(options: argparse.Namespace) -> int:
     from padgen.spec import load_spec
     from padgen.tell import findings_text, plan_text
 
-    plan = make_plan(load_spec(options.spec))
+    spec = load_spec(options.spec)
+    plan = make_plan(spec)
     text = plan_to_json(plan)
+    explanation = _explained(spec, plan) if options.explain else None
     folder = _folder(options, plan.name)
     with OutputFolder(folder) as out:
         out.write("plan.json", text)
         stale = stale_files(folder, text)
         out.commit()
     if options.json:
-        print(text, end="")
+        print(_joined(text, explain=explanation), end="")
     else:
         print(plan_text(plan))
         print(findings_text(plan.findings))
+        if explanation:
+            from padgen.tell import explanation_text
+
+            print(f"\n{explanation_text(explanation)}")
         print(f"\nwritten: {folder / 'plan.json'}")
         if stale:
             print(f"the other files in {folder} are of an earlier plan; padgen build makes them anew")
     return _code(plan.findings)
+
+
+def _explained(spec: Any, plan: Any) -> Any:
+    from padgen.planner.explain import explain_plan
+
+    with _progress() as progress:
+        return explain_plan(spec, plan, progress)
+
+
+def _joined(text: str, **parts: Any) -> str:
+    """The JSON object `text` with further `parts` that are there, as one object."""
+    from dataclasses import asdict
+
+    from padgen.files import json_text
+
+    present = {key: asdict(part) for key, part in parts.items() if part}
+    return json_text({**json.loads(text), **present}) if present else text
 
 
 def _build(options: argparse.Namespace) -> int:

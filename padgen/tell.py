@@ -8,9 +8,10 @@ from padgen.finding import LEVELS, Finding
 
 if TYPE_CHECKING:
     from padgen.build import Built
+    from padgen.planner.explain import Explanation
     from padgen.planner.plan import Channel, Plan
 
-__all__ = ["built_text", "figures_text", "findings_text", "plan_text"]
+__all__ = ["built_text", "explanation_text", "figures_text", "findings_text", "plan_text"]
 
 
 def plan_text(plan: "Plan") -> str:
@@ -140,6 +141,33 @@ def findings_text(findings: Iterable[Finding]) -> str:
     if not ordered:
         return "all checks hold"
     return "\n".join(f"{f.level}: {f.where}: {f.message} [{f.code}]" for f in ordered)
+
+
+def explanation_text(explanation: "Explanation") -> str:
+    """Which limit binds, what the cheapest changes buy, and the capacities by scheme and level law."""
+    held = explanation.channels
+    keep = "channel per coil keeps" if held == 1 else "channels per coil keep"
+    lines = [f"{held} {keep} what was asked; one more is stopped by"]
+    lines += [f"  - {limit}" for limit in explanation.limits] or ["  - nothing that was tried"]
+    if explanation.changes:
+        rows = [
+            (
+                change.change,
+                change.cost,
+                f"{change.gained:+d}" if change.gained else "",
+                f"{change.gained_in_band:+d}" if change.gained_in_band else "",
+                "" if change.gained_db is None else f"{change.gained_db:+.1f}",
+            )
+            for change in explanation.changes
+        ]
+        lines += ["", "what one change buys:", table(("change", "costs", "channels", "in the band", "dB now"), rows)]
+    laws = list(dict.fromkeys(row.level_law for row in explanation.capacities))
+    by_scheme: dict[str, list[str]] = {}
+    for row in explanation.capacities:
+        by_scheme.setdefault(row.scheme, []).append(f"{row.one_hot}, {row.all_states}")
+    headings = ["drive", *(law if isinstance(law, str) else f"1/f^{law:g}" for law in laws)]
+    lines += ["", "most channels in the band, with one on and in all states, by level law:"]
+    return "\n".join([*lines, table(headings, [(name, *cells) for name, cells in by_scheme.items()])])
 
 
 def built_text(built: "Built") -> str:

@@ -1,0 +1,218 @@
+"""Which limit keeps a coil from more channels, and what the cheapest changes would buy."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from padgen.errors import SpecError, number
+from padgen.physics.levels import LevelLaw
+from padgen.physics.selectivity import SCHEMES
+from padgen.planner.capacity import channel_limit, largest_counts
+from padgen.planner.channels import plan_channels
+from padgen.planner.layout import SLACK_MM, candidates, explain
+from padgen.planner.plan import Plan, Selectivity, without_none
+from padgen.planner.search import sites_of, sized_layouts
+from padgen.planner.selectivity import level_law, plan_selectivity, scheme_named
+from padgen.spec import Spec, catalogue, make_spec
+from padgen.units import decibel
+
+__all__ = ["CapacityRow", "Change", "Explanation", "explain_plan"]
+
+MOST_TRIED = 16
+"""Channels per coil that a change is tried up to."""
+PATIENCE = 2
+"""Counts in a row that fail before more channels are given up."""
+WORTH_DB = 0.1
+COSTS = ("a line of the spec", "another print", "other parts", "another pad")
+
+
+@dataclass(frozen=True, slots=True)
+class CapacityRow:
+    """Most channels of one coil on a geometric ladder over the band, by drive scheme and level law."""
+
+    scheme: str
+    level_law: float | str
+    one_hot: int
+    all_states: int
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One change of the spec and what it costs.
+
+    `channels` per coil then keep what was asked, `gained` more than now; `gained_in_band` more would
+    if there were room for all; `gained_db` is added to the all-state figure of the planned number.
+    """
+
+    change: str
+    cost: str
+    channels: int
+    gained: int
+    gained_in_band: int
+    gained_db: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """`channels` per coil keep what was asked on this grid; `limits` say in words what stops one more."""
+
+    channels: int
+    limits: tuple[str, ...]
+    changes: tuple[Change, ...]
+    capacities: tuple[CapacityRow, ...]
+
+
+def explain_plan(spec: Spec, plan: Plan, progress: Callable[[str], None] = lambda step: None) -> Explanation:
+    """Try what would help the pad of `plan`, on its own coil grid, with resonances that the search may choose."""
+    grid, count = (plan.coils.rows, plan.coils.columns), len(plan.channels)
+    progress("what stops one more channel")
+    held, in_band = _channels_held(spec, grid), _channels_in_band(spec)
+    now = plan.selectivity.all_states_db
+    changes = []
+    for cost, words, other in _changes(spec, plan):
+        progress(words)
+        channels = _channels_held(other, grid)
+        figures = _figures(other, grid, count)
+        after = figures.all_states_db if figures else None
+        gained_db = after - now if after is not None and now is not None else None
+        change = Change(words, COSTS[cost], channels, channels - held, _channels_in_band(other) - in_band, gained_db)
+        if change.gained > 0 or (change.gained == 0 and (change.gained_in_band > 0 or (gained_db or 0.0) > WORTH_DB)):
+            changes.append(change)
+    changes.sort(key=lambda c: (-c.gained, -c.gained_in_band, COSTS.index(c.cost), -(c.gained_db or 0.0)))
+    return Explanation(held, tuple(_limits(spec, plan, held)), tuple(changes), tuple(_capacities(spec)))
+
+
+def _channels_in_band(spec: Spec) -> int:
+    """Most channels that band, Q and drive allow, were there room for all; auto drives without spurs."""
+    name = "spur-free" if spec.drive.scheme == "auto" else spec.drive.scheme
+    law, asked_db = level_law(spec), decibel(spec.delta_y)
+    return largest_counts(spec.band_hz, spec.q_min, law, scheme_named(spec, name), asked_db)[0]
+
+
+def _capacities(spec: Spec) -> Iterator[CapacityRow]:
+    laws: list[tuple[float | str, LevelLaw]] = [(p, LevelLaw(p)) for p in (0.0, 1.0, 2.0)]
+    if spec.drive.threshold_hz:
+        laws.append(("threshold", level_law(spec)))
+    for name in SCHEMES:
+        for key, law in laws:
+            scheme = scheme_named(spec, name)
+            states, one_hot = largest_counts(spec.band_hz, spec.q_min, law, scheme, decibel(spec.delta_y))
+            yield CapacityRow(name, key, one_hot, states)
+
+
+def _channels_held(spec: Spec, grid: tuple[int, int]) -> int:
+    """Most channels per coil on `grid` that have room, print, and keep what was asked in all states."""
+    held, failed = 0, 0
+    for count in range(1, MOST_TRIED + 1):
+        figures = _figures(spec, grid, count)
+        keeps = figures is not None and (figures.all_states_db is None or figures.all_states_db >= figures.asked_db)
+        held, failed = (count, 0) if keeps else (held, failed + 1)
+        if failed >= PATIENCE:
+            break
+    return held
+
+
+def _figures(spec: Spec, grid: tuple[int, int], count: int) -> Selectivity | None:
+    """Selectivity of `count` channels per coil on `grid`; None where they have no room or do not print."""
+    try:
+        other = replace(spec, resolution=grid[0] * grid[1] * count, coil=replace(spec.coil, grid=grid))
+        if count != len(spec.resonances_hz or ()):
+            other = replace(other, resonances_hz=None)
+        sized = next(sized_layouts(other, candidates(other, channel_limit(other))), None)
+    except SpecError:
+        return None
+    if sized is None:
+        return None
+    layout, channels = sized
+    return plan_selectivity(other, plan_channels(other, channels, sites_of(other, layout, channels)))
+
+
+def _limits(spec: Spec, plan: Plan, held: int) -> Iterator[str]:
+    """What stops `held` + 1 channels per coil."""
+    grid, more = (plan.coils.rows, plan.coils.columns), held + 1
+    capacity, figures = plan.capacity, plan.selectivity
+    band = f"{number(spec.band_hz[0])} … {number(spec.band_hz[1])} Hz"
+    if spec.resonances_hz:
+        yield "resonances_hz: the spec lists them; other numbers of channels are taken as free to choose"
+    found = _figures(spec, grid, more)
+    if found is not None and found.all_states_db is not None and found.all_states_db < found.asked_db:
+        where = (
+            "at the listed resonances" if more == len(spec.resonances_hz or ()) else f"with {spec.spacing!r} spacing"
+        )
+        yield (
+            f"selectivity: {more} channels per coil {where} and {found.drive} reach {found.all_states_db:.1f} dB in all"
+            f" states, asked are {found.asked_db:.1f} dB"
+        )
+    if more > capacity.paper:
+        yield (
+            f"Q and band: at Q = {number(spec.q_min)} the paper's slots of {number(capacity.ratio)} fill {band} with"
+            f" {capacity.paper}"
+        )
+    if more > capacity.exact:
+        yield (
+            f"Q and band: with {figures.drive}, {capacity.exact + 1} channels in {band} no longer keep"
+            f" {figures.asked_db:.1f} dB in all states; what breaks it is {capacity.breaks}"
+        )
+    other = replace(spec, resolution=grid[0] * grid[1] * more, resonances_hz=None, coil=replace(spec.coil, grid=grid))
+    options = candidates(other, more)
+    if options:
+        best = max(options, key=lambda layout: layout.margin_mm)
+        if best.margin_mm < -SLACK_MM:
+            kind = {"coil": "coil", "width": "pitch and washer", "length": "pitch and beam", "reach": "coil's reach"}
+            yield f"{kind[best.binding[0]]}: {explain(other, best)}"
+        elif next(sized_layouts(other, options), None) is None:
+            yield f"printable beams: no set of beams in the sub-cells reaches {more} resonances in {band}"
+    load = plan.load
+    if load.reachable_level_um < spec.drive.level_um:
+        yield (
+            f"{load.reachable_by}: it allows {number(load.reachable_level_um)} µm on channel 0, asked are"
+            f" {number(spec.drive.level_um)} µm"
+        )
+    if load.pull_in_share > 1 / 3:
+        yield f"static pull: {load.pull_in_share:.0%} of the pull at which the softest washer snaps to the coil"
+
+
+def _changes(spec: Spec, plan: Plan) -> Iterator[tuple[int, str, Spec]]:
+    """Cost (index into `COSTS`), words and spec of what may be tried."""
+    table = without_none(asdict(spec))
+    for cost, words, changed in _tables(spec, plan):
+        try:
+            yield cost, words, make_spec(without_none({**table, **changed}))
+        except SpecError:
+            continue
+
+
+def _tables(spec: Spec, plan: Plan) -> Iterator[tuple[int, str, dict[str, Any]]]:
+    drive, (low, high) = asdict(spec.drive), spec.band_hz
+    if spec.resonances_hz:
+        yield 0, "no resonances_hz, so that the search spreads them", {"resonances_hz": None}
+    for name in SCHEMES:
+        if name != plan.selectivity.drive:
+            yield 0, f"drive = {name!r}", {"drive": {**drive, "scheme": name}}
+    for spacing in ("spread", "optimised"):
+        if spec.spacing not in (spacing, "optimised"):
+            yield 0, f"spacing = {spacing!r}", {"spacing": spacing}
+    for law in (0.0, 1.0, 2.0):
+        if law != spec.drive.level_law and not spec.drive.threshold_hz:
+            yield 0, f"drive.level_law = {law:g}", {"drive": {**drive, "level_law": law}}
+    yield 0, f"delta_y {number(spec.delta_y)} → {number(spec.delta_y * 0.7)}", {"delta_y": spec.delta_y * 0.7}
+    for factor in (1.25, 1.5, 2.0):
+        q = round(spec.q_min * factor, 1)
+        yield 1, f"Q {number(spec.q_min)} → {number(q)} (a material with less damping)", {"q_min": q}
+    for key, default in (("topology", "auto"), ("tune", "width+thickness+length")):
+        if getattr(spec.suspension, key) != default:
+            yield 0, f"suspension.{key} = {default!r}", {"suspension": {**asdict(spec.suspension), key: default}}
+    for factor in (1.5, 2.0):
+        yield 1, f"band up to {number(high * factor)} Hz", {"band_hz": (low, high * factor)}
+        yield 1, f"band from {number(low / factor)} Hz", {"band_hz": (low / factor, high)}
+    for printer in catalogue("printer").values():
+        if printer["line_width_mm"] < spec.printer.line_width_mm and printer["process"] == spec.printer.process:
+            yield 1, f"printer {printer['name']}", {"printer": printer}
+    for washer in catalogue("washer").values():
+        if washer["outer_diameter_mm"] < spec.washer.outer_diameter_mm:
+            yield 2, f"washer {washer['name']} ({number(washer['outer_diameter_mm'])} mm)", {"washer": washer}
+    pad = asdict(spec.pad)
+    for percent in (120, 150):
+        sides = {key: round(pad[key] * percent / 100, 1) for key in ("width_mm", "depth_mm")}
+        words = f"a pad of {number(sides['width_mm'])} x {number(sides['depth_mm'])} mm over the same coils"
+        yield 3, words, {"pad": {**pad, **sides}}
