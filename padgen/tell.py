@@ -68,6 +68,8 @@ def _selectivity_lines(plan: "Plan") -> list[str]:
         f"the paper's bound promises {paper:.1f} dB for the closest pair ({paper_s * 1e6:.1f} µs): one on"
         f" {one_hot - paper:+.1f} dB, all states {states - paper:+.1f} dB off it ({exact_s * 1e6:.0f} µs)",
     ]
+    if figures.bound_db is not None:
+        lines.append(f"no resonances in the band that prints here can exceed {figures.bound_db:.1f} dB in all states")
     if (figures.snapping_db or 0.0) >= SHOWN_DB:
         lines.append(f"printing in steps costs {figures.snapping_db:.2f} dB of it")
     return lines

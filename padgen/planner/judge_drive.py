@@ -132,22 +132,22 @@ def _reach(spec: Spec, plan: Plan) -> Iterator[Finding]:
 
 def _limits(spec: Spec, plan: Plan) -> Iterator[Finding]:
     load, level = plan.load, spec.drive.level_um
-    would = f"a level of {at_most(load.reachable_level_um)} µm on channel 0, which every limit allows, would do"
-    if load.voltage_peak_v > spec.drive.voltage_limit_v:
+    volts, watts = spec.drive.voltage_limit_v, spec.coil.power_limit_w
+    if load.voltage_peak_v > volts:
         yield Finding(
             "warning",
             "coil.voltage",
             "coil",
             f"{number(level)} µm with all channels on take up to {number(load.voltage_peak_v)} V, the amplifier has"
-            f" {number(spec.drive.voltage_limit_v)} V; {would}",
+            f" {number(volts)} V; drive.level_um = {at_most(level * (volts / load.voltage_peak_v) ** 2)} would do",
         )
-    if load.copper_loss_w > spec.coil.power_limit_w:
+    if load.copper_loss_w > watts:
         yield Finding(
             "warning",
             "coil.heat",
             "coil",
             f"{number(level)} µm with all channels on take {number(load.copper_loss_w)} W of copper loss, the coil"
-            f" bears {number(spec.coil.power_limit_w)} W; {would}",
+            f" bears {number(watts)} W; drive.level_um = {at_most(level * watts / load.copper_loss_w)} would do",
         )
     if load.pull_in_share >= 1:
         yield Finding(
@@ -155,5 +155,5 @@ def _limits(spec: Spec, plan: Plan) -> Iterator[Finding]:
             "coil.pull_in",
             "coil",
             f"the mean pull is {number(load.pull_in_share)} times the one at which the softest washer snaps to the"
-            f" coil; {would}",
+            f" coil; drive.level_um = {at_most(level / load.pull_in_share)} would just do",
         )

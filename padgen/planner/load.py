@@ -55,9 +55,12 @@ def pull_in_share(spec: Spec, channel: Channel) -> float:
 
 
 def _gap_share(spec: Spec, channel: Channel) -> float:
-    """Static pull and amplitude over what sag leaves of a third of the gap; infinite where it leaves nothing."""
+    """Static pull and amplitude over what sag leaves of a third of the gap.
+
+    0 where sag leaves nothing: no level is small enough then, and the finding on travel says so.
+    """
     free_um = spec.coil.gap_mm * MM / UM / 3 - channel.sag_um
-    return (channel.static_um + channel.level_um) / free_um if free_um > 0 else float("inf")
+    return (channel.static_um + channel.level_um) / free_um if free_um > 0 else 0.0
 
 
 def frame_rates(channels: Sequence[Channel]) -> tuple[FrameRate, ...]:

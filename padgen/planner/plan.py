@@ -191,7 +191,8 @@ class Selectivity:
     The first figures take all washers of a coil as pulled alike, as the paper's bound does; the
     `placed` ones count that a nearer washer feels every tone more. `asked_db` is Δy in dB,
     `paper_db` what Eq. 12 promises for the closest pair, `snapping_db` what it costs in all states
-    that beams print in steps. `level_law` is an exponent or 'threshold'.
+    that beams print in steps, `bound_db` what was proven that no resonances in the reachable band
+    exceed. `level_law` is an exponent or 'threshold'.
     """
 
     drive: str
@@ -205,6 +206,7 @@ class Selectivity:
     why: str
     paper_db: float | None
     snapping_db: float | None
+    bound_db: float | None
     schemes: tuple[SchemeFigures, ...]
 
 

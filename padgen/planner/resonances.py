@@ -1,16 +1,31 @@
 """Which resonances the channels of a coil get, within the band and within what a room can print."""
 
+from functools import lru_cache
+from typing import NamedTuple
+
 import numpy as np
 
 from padgen.physics.ladder import geometric_ladder, ladder_ratio, paper_ladder, slot_half_width
+from padgen.planner.selectivity import level_law, scheme_named
 from padgen.planner.sizing import reach, topologies
 from padgen.planner.suspensions import Room
 from padgen.spec import Spec
+from padgen.units import decibel
 
-__all__ = ["DRAWN_SHARE", "ladders", "reachable_hz", "slot_band_hz"]
+__all__ = ["DRAWN_SHARE", "Optimum", "bound_db", "ladders", "optimum", "reachable_hz", "slot_band_hz"]
+
+MOST_CLEAN = 12
+"""Channels up to which resonances are looked for whose spurs miss all third channels."""
 
 DRAWN_SHARE = 1e-3
 """What drawing a beam to a micrometre may move a resonance by: 0.05 % on the smallest beam, doubled."""
+
+
+class Optimum(NamedTuple):
+    """Resonances in Hz, and the all-state figure in dB that none can exceed, where that was proven."""
+
+    resonances_hz: tuple[float, ...]
+    bound_db: float | None
 
 
 def slot_band_hz(spec: Spec) -> tuple[float, float]:
@@ -36,6 +51,8 @@ def ladders(spec: Spec, count: int, room: Room) -> list[tuple[float, ...]]:
     """
     if spec.resonances_hz:
         return [spec.resonances_hz]
+    if spec.spacing == "optimised":
+        return [optimum(spec, count, *_span_hz(spec, room)).resonances_hz]
     low, high = slot_band_hz(spec)
     found = reachable_hz(spec, room)
     spans = [(low, high)]
@@ -45,6 +62,42 @@ def ladders(spec: Spec, count: int, room: Room) -> list[tuple[float, ...]]:
     options += [_closest(spec, count, span[0]) for span in spans]
     unique = dict.fromkeys(option for option in options if option and option[-1] <= high * (1 + 1e-8))
     return list(unique)
+
+
+def _span_hz(spec: Spec, room: Room) -> tuple[float, float]:
+    """The part of the band that the room reaches, or the band where it reaches none of it."""
+    found = reachable_hz(spec, room)
+    low, high = (spec.band_hz[0], spec.band_hz[1])
+    if found:
+        low, high = max(low, found[0] * 1.01), min(high, found[1] / 1.01)
+    return (low, high) if low < high else spec.band_hz
+
+
+@lru_cache(maxsize=64)
+def optimum(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
+    """The resonances in a band that the drive scheme of `spec` tells apart best, for equal masses.
+
+    An automatic scheme takes plain tones if a set of resonances keeps what is asked with them, else
+    what is best without spurs.
+    """
+    law, q, drive = level_law(spec), spec.q_min, spec.drive.scheme
+    if drive in ("tones", "biased") or (drive == "auto" and 2 < count <= MOST_CLEAN):
+        from padgen.physics.clean_sets import clean_set
+
+        found = clean_set(low_hz, high_hz, count, q, law, scheme_named(spec, "tones" if drive == "auto" else drive))
+        if drive != "auto" or found.all_states_db >= decibel(spec.delta_y):
+            return Optimum(_rounded(found.resonances_hz), found.bound_db)
+    from padgen.physics.minimax import minimax_ladder
+
+    scheme = scheme_named(spec, "spur-free" if drive == "auto" else drive)
+    return Optimum(_rounded(minimax_ladder(low_hz, high_hz, count, q, law, scheme)), None)
+
+
+def bound_db(spec: Spec, room: Room, targets_hz: tuple[float, ...]) -> float | None:
+    """What no resonances in the room's band can exceed in all states; None where nothing was proven."""
+    if spec.spacing != "optimised" or spec.resonances_hz:
+        return None
+    return optimum(spec, len(targets_hz), *_span_hz(spec, room)).bound_db
 
 
 def _ladder(spec: Spec, count: int, low: float, high: float) -> tuple[float, ...] | None:

@@ -32,8 +32,8 @@ def scheme_named(spec: Spec, name: str) -> Scheme:
     return Scheme(name, spec.drive.bias_ratio)
 
 
-def plan_selectivity(spec: Spec, planned: Sequence[Channel]) -> Selectivity:
-    """Choose the drive scheme for the channels of a coil, and judge it."""
+def plan_selectivity(spec: Spec, planned: Sequence[Channel], bound_db: float | None = None) -> Selectivity:
+    """Choose the drive scheme for the channels of a coil, and judge it; `bound_db` is passed on."""
     even, placed = _resonators(spec, planned, "printed"), _resonators(spec, planned, "placed")
     figures = {name: _figures(spec, even, name) for name in SCHEMES}
     name, why = _chosen(spec, figures, len(planned))
@@ -53,6 +53,7 @@ def plan_selectivity(spec: Spec, planned: Sequence[Channel]) -> Selectivity:
         why=why,
         paper_db=None if alone else _paper_db(spec, planned),
         snapping_db=None if alone else all_states(asked, scheme).db - states.db,
+        bound_db=bound_db,
         schemes=tuple(figures.values()),
     )
 
