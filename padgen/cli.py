@@ -10,15 +10,18 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NoReturn
 
 from padgen import __version__
-from padgen.errors import FileError, PadgenError
+from padgen.errors import FileError, PadgenError, SpecError
 
 __all__ = ["main", "run"]
 
 DONE, CHECK_FAILED, BAD_INPUT = 0, 1, 2
+MOST_PADS = 10_000_000
+YIELD_FILE = "yield.json"
 SMALLEST_SPEC = {"name": "default", "resolution": 1, "band_hz": [50, 200], "q_min": 15}
 
 
@@ -82,6 +85,16 @@ def _parser() -> argparse.ArgumentParser:
     plan = commands.add_parser("plan", help="frequency allocation, beams, selectivity, feasibility")
     plan.add_argument("spec", metavar="SPEC", help="a TOML file or the name of a template")
     plan.add_argument("--explain", action="store_true", help="which limit binds, and what the cheapest changes buy")
+    plan.add_argument(
+        "--yield",
+        dest="pads",
+        metavar="PADS",
+        type=int,
+        nargs="?",
+        const=100_000,
+        help="print it so many times in the computer (default: %(const)s): how many come out selective, and why not",
+    )
+    plan.add_argument("--seed", type=int, default=0, help="of --yield; the same seed, the same figures (default: 0)")
     _output(plan)
     plan.set_defaults(command=_plan)
 
@@ -126,33 +139,55 @@ def _folder(options: argparse.Namespace, name: str) -> Path:
 
 
 def _plan(options: argparse.Namespace) -> int:
-    from padgen.files import OutputFolder, stale_files
+    from padgen.files import OutputFolder, json_text, stale_files
     from padgen.planner import make_plan, plan_to_json
     from padgen.spec import load_spec
-    from padgen.tell import findings_text, plan_text
 
+    if options.pads is not None and not 1 <= options.pads <= MOST_PADS:
+        raise SpecError(f"must be 1 … {MOST_PADS} pads, got {options.pads}", "--yield")
+    if options.seed < 0:
+        raise SpecError(f"must be 0 or more, got {options.seed}", "--seed")
     spec = load_spec(options.spec)
     plan = make_plan(spec)
     text = plan_to_json(plan)
     explanation = _explained(spec, plan) if options.explain else None
+    printed = _printed(plan, options) if options.pads else None
     folder = _folder(options, plan.name)
     with OutputFolder(folder) as out:
         out.write("plan.json", text)
+        if printed:
+            out.write(YIELD_FILE, json_text(asdict(printed)))
         stale = stale_files(folder, text)
-        out.commit()
+        out.commit(remove=[] if printed or not stale else [YIELD_FILE])
     if options.json:
-        print(_joined(text, explain=explanation), end="")
+        parts = {"explain": explanation, "yield": printed}
+        present = {key: asdict(part) for key, part in parts.items() if part}
+        print(json_text({**json.loads(text), **present}) if present else text, end="")
     else:
-        print(plan_text(plan))
-        print(findings_text(plan.findings))
-        if explanation:
-            from padgen.tell import explanation_text
-
-            print(f"\n{explanation_text(explanation)}")
-        print(f"\nwritten: {folder / 'plan.json'}")
+        _print_plan(plan, explanation, printed)
+        print(f"\nwritten: {folder / 'plan.json'}{f'  {YIELD_FILE}' if printed else ''}")
         if stale:
             print(f"the other files in {folder} are of an earlier plan; padgen build makes them anew")
     return _code(plan.findings)
+
+
+def _print_plan(plan: Any, explanation: Any, printed: Any) -> None:
+    from padgen.tell import explanation_text, findings_text, plan_text, yield_text
+
+    print(plan_text(plan))
+    print(findings_text(plan.findings))
+    if explanation:
+        print(f"\n{explanation_text(explanation)}")
+    if printed:
+        print(f"\n{yield_text(printed)}")
+
+
+def _printed(plan: Any, options: argparse.Namespace) -> Any:
+    from padgen.planner.print_yield import print_yield
+
+    with _progress() as progress:
+        progress(f"printing {options.pads} pads")
+        return print_yield(plan, options.pads, options.seed)
 
 
 def _explained(spec: Any, plan: Any) -> Any:
@@ -160,16 +195,6 @@ def _explained(spec: Any, plan: Any) -> Any:
 
     with _progress() as progress:
         return explain_plan(spec, plan, progress)
-
-
-def _joined(text: str, **parts: Any) -> str:
-    """The JSON object `text` with further `parts` that are there, as one object."""
-    from dataclasses import asdict
-
-    from padgen.files import json_text
-
-    present = {key: asdict(part) for key, part in parts.items() if part}
-    return json_text({**json.loads(text), **present}) if present else text
 
 
 def _build(options: argparse.Namespace) -> int:
@@ -185,8 +210,6 @@ def _build(options: argparse.Namespace) -> int:
         with _progress() as progress:
             built = build(spec, folder, formats, options.instances, progress)
     if options.json:
-        from dataclasses import asdict
-
         print(json_text({**asdict(built), "folder": str(built.folder)}), end="")
     else:
         from padgen.tell import built_text, findings_text
@@ -207,8 +230,6 @@ def _check(options: argparse.Namespace) -> int:
         spec = load_spec(options.spec) if options.spec else make_spec(SMALLEST_SPEC)
         report = check_file(Path(options.mesh), spec, bool(options.spec), progress)
     if options.json:
-        from dataclasses import asdict
-
         from padgen.files import json_text
 
         print(json_text(asdict(report)), end="")

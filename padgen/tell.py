@@ -10,20 +10,23 @@ if TYPE_CHECKING:
     from padgen.build import Built
     from padgen.planner.explain import Explanation
     from padgen.planner.plan import Channel, Plan
+    from padgen.planner.print_yield import PrintYield, Share
 
-__all__ = ["built_text", "explanation_text", "figures_text", "findings_text", "plan_text"]
+__all__ = ["built_text", "explanation_text", "figures_text", "findings_text", "plan_text", "yield_text"]
 
 
 def plan_text(plan: "Plan") -> str:
     """A plan as a table to read."""
     pad, coils, capacity, figures = plan.spec["pad"], plan.coils, plan.capacity, plan.selectivity
-    channels = "1 channel" if len(plan.channels) == 1 else f"{len(plan.channels)} channels"
+    count = len(plan.sets[0])
+    channels = "1 channel" if count == 1 else f"{count} channels"
     pitch = number(coils.pitch_mm)
     if coils.pitch_x_mm != coils.pitch_y_mm:
         pitch = f"{number(coils.pitch_x_mm)} x {number(coils.pitch_y_mm)}"
     head = (
         f"{plan.name}: {len(plan.taxels)} taxels on {number(pad['width_mm'])} x {number(pad['depth_mm'])} mm,"
         f" {coils.rows} x {coils.columns} coils at {pitch} mm, {channels} per coil"
+        + (", of even and of odd number in turn" if coils.sets > 1 else "")
     )
     bound = (
         f"capacity of a coil: {capacity.paper} channels by the paper's bound ({capacity.paper_unrounded:.2f},"
@@ -68,6 +71,13 @@ def _selectivity_lines(plan: "Plan") -> list[str]:
         f"the paper's bound promises {paper:.1f} dB for the closest pair ({paper_s * 1e6:.1f} µs): one on"
         f" {one_hot - paper:+.1f} dB, all states {states - paper:+.1f} dB off it ({exact_s * 1e6:.0f} µs)",
     ]
+    if 2 <= len(plan.sets[0]) <= SHOWN_MATRIX:
+        for own, matrix in zip(plan.sets, figures.matrix_db, strict=True):
+            heard = "; ".join(
+                f"{channel.index}: " + ", ".join(f"{value:.1f}" for k, value in enumerate(row) if own[k] is not channel)
+                for channel, row in zip(own, matrix, strict=True)
+            )
+            lines.append(f"dB below its own ON amplitude at the other channels' tones: {heard}")
     if figures.bound_db is not None:
         lines.append(f"no resonances in the band that prints here can exceed {figures.bound_db:.1f} dB in all states")
     if (figures.snapping_db or 0.0) >= SHOWN_DB:
@@ -77,6 +87,7 @@ def _selectivity_lines(plan: "Plan") -> list[str]:
 
 SHOWN_DB = 0.05
 SHOWN_BITS = 24
+SHOWN_MATRIX = 4
 
 
 def _short(state: str) -> str:
@@ -170,6 +181,40 @@ def explanation_text(explanation: "Explanation") -> str:
     headings = ["drive", *(law if isinstance(law, str) else f"1/f^{law:g}" for law in laws)]
     lines += ["", "most channels in the band, with one on and in all states, by level law:"]
     return "\n".join([*lines, table(headings, [(name, *cells) for name, cells in by_scheme.items()])])
+
+
+def yield_text(result: "PrintYield") -> str:
+    """Yields before and after re-tuning, and what each spread costs."""
+    lines = [f"{result.pads} pads printed in the computer (seed {result.seed}): {result.criterion}"]
+    if result.pads < result.pads_asked:
+        lines[0] += f"; {result.pads_asked} would have been too much work"
+    rows = []
+    for name, outcome in (("tones as planned", result.planned), ("re-tuned to each print", result.retuned)):
+        decibels = (outcome.q05_db, outcome.median_db, outcome.q95_db, outcome.reached_by_90_percent_db)
+        rows.append((name, *(_percent(share) for share in (outcome.taxels, outcome.pads)), *map(_decibels, decibels)))
+    lines += ["", table(("", "good taxels", "good pads", "5 % dB", "median dB", "95 % dB", "90 % reach dB"), rows), ""]
+    costs = [
+        (
+            cost.spread.replace("_", " "),
+            number(round(cost.sigma, 6)),
+            *(f"{100 * gain:+.1f}" for gain in (cost.planned.taxels, cost.retuned.taxels, cost.retuned.pads)),
+            _decibels(cost.retuned.median_db, "+"),
+        )
+        for cost in result.costs
+    ]
+    headings = ("without the spread of", "1 sigma", "taxels %", "re-tuned %", "pads re-tuned %", "median re-tuned dB")
+    lines.append(table(headings, costs))
+    if result.costliest_retuned[0] != "none":
+        lines.append(f"costliest: {result.costliest_retuned[0].replace('_', ' ')}")
+    return "\n".join(lines)
+
+
+def _percent(share: "Share") -> str:
+    return f"{100 * share.share:.2f} % ({100 * share.low:.2f} … {100 * share.high:.2f})"
+
+
+def _decibels(value: float | None, sign: str = "") -> str:
+    return "" if value is None else f"{value:{sign}.1f}"
 
 
 def built_text(built: "Built") -> str:

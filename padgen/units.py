@@ -12,6 +12,7 @@ __all__ = [
     "GRAVITY_M_PER_S2",
     "G_PER_CM3",
     "MA",
+    "MG",
     "MH",
     "MM",
     "MN",
@@ -24,6 +25,7 @@ __all__ = [
 MM = 1e-3
 UM = 1e-6
 GRAM = 1e-3
+MG = 1e-6
 GPA = 1e9
 MPA = 1e6
 G_PER_CM3 = 1e3

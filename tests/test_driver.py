@@ -95,4 +95,4 @@ def test_json_says_which_taxel_is_which(paper_plan):
     table = json.loads(drive_json(paper_plan))
     assert len(table["taxels"]) == 32
     assert table["scheme"] == "tones"
-    assert table["coils"][0] == {"coil": [0, 0], "x_mm": -18.75, "y_mm": -18.75}
+    assert table["coils"][0] == {"coil": [0, 0], "set": 0, "x_mm": -18.75, "y_mm": -18.75}

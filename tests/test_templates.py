@@ -9,6 +9,7 @@ from padgen.planner import make_plan
 from padgen.solid.checks import check_pad
 from padgen.solid.pad import build_pad
 from padgen.spec import load_spec, template_paths
+from padgen.tell import plan_text
 
 TEMPLATES = sorted(template_paths())
 
@@ -32,6 +33,16 @@ def paper_32(plan):
     assert plan.selectivity.one_hot_db == pytest.approx(19.4, abs=0.1)
     assert mass == pytest.approx(1, rel=0.01)
     assert r == pytest.approx(76 / 56, rel=2e-3)
+
+
+def paper_pair(plan):
+    """The paper measured 25 and 20 dB; equal masses would give 25.1 and 20.5, theirs differ by 0.1 %."""
+    ((first, second),) = plan.selectivity.matrix_db
+    strong, weak = first[1], second[0]
+    assert (strong, weak) == (pytest.approx(25.1, abs=0.1), pytest.approx(20.5, abs=0.1))
+    assert strong - weak == pytest.approx(4.6, abs=0.1)
+    assert plan.selectivity.one_hot_db == pytest.approx(weak)
+    assert f"0: {strong:.1f}; 1: {weak:.1f}" in plan_text(plan)
 
 
 def triple_48(plan):

@@ -6,10 +6,11 @@ scheme's doing, see `padgen.physics.selectivity`.
 
 from dataclasses import dataclass
 from itertools import combinations, product
+from math import sqrt
 
 import numpy as np
 
-from padgen.physics.currents import mean_square_a2
+from padgen.physics.currents import bias_a, mean_square_a2
 from padgen.physics.selectivity import Scheme
 from padgen.planner.channels import squared_current_lines
 from padgen.planner.plan import Channel, Plan
@@ -48,11 +49,13 @@ class Spur:
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """One state of a coil: `state` has a 1 for every channel that is on, channel 0 first.
+    """One state of a coil: `state` has a 1 for every channel that is on, the lowest first.
 
-    `static_force_mn` is the mean pull on the washer of channel 0.
+    `set` says of which coils, see `CoilGrid`; `static_force_mn` is the mean pull on the lowest channel's
+    washer.
     """
 
+    set: int
     state: str
     drive_hz: tuple[float, ...]
     lines: tuple[Line, ...]
@@ -61,66 +64,64 @@ class State:
 
 
 def coil_states(plan: Plan) -> tuple[State, ...]:
-    """All states of one coil, channel 0 changing slowest; empty above `LARGEST_TABLE` channels."""
-    if len(plan.channels) > LARGEST_TABLE:
+    """All states of a coil of each set, the lowest channel changing slowest; empty above `LARGEST_TABLE` channels."""
+    if len(plan.sets[0]) > LARGEST_TABLE:
         return ()
     scheme = scheme_named(plan.typed_spec, plan.selectivity.drive)
-    return tuple(_state(plan, scheme, bits) for bits in product((0, 1), repeat=len(plan.channels)))
-
-
-def _state(plan: Plan, scheme: Scheme, bits: tuple[int, ...]) -> State:
-    on = [c for c, bit in zip(plan.channels, bits, strict=True) if bit]
-    return State(
-        state="".join(str(bit) for bit in bits),
-        drive_hz=tuple(c.drive_hz for c in on),
-        lines=tuple(Line(c.index, c.resonance_hz, c.force_mn) for c in on),
-        spurs=tuple(_spurs(plan, scheme, on)),
-        static_force_mn=_static_force_mn(plan, scheme, on),
+    return tuple(
+        _state(plan, scheme, number, bits)
+        for number, own in enumerate(plan.sets)
+        for bits in product((0, 1), repeat=len(own))
     )
 
 
-def _static_force_mn(plan: Plan, scheme: Scheme, on: list[Channel]) -> float:
+def _state(plan: Plan, scheme: Scheme, number: int, bits: tuple[int, ...]) -> State:
+    own = plan.sets[number]
+    on = [c for c, bit in zip(own, bits, strict=True) if bit]
+    return State(
+        set=number,
+        state="".join(str(bit) for bit in bits),
+        drive_hz=tuple(c.drive_hz for c in on),
+        lines=tuple(Line(c.index, c.resonance_hz, c.force_mn) for c in on),
+        spurs=tuple(_spurs(scheme, own, on)),
+        static_force_mn=_static_force_mn(plan, scheme, own, bits),
+    )
+
+
+def _static_force_mn(plan: Plan, scheme: Scheme, own: tuple[Channel, ...], bits: tuple[int, ...]) -> float:
     """Biased, the constant current stays on, as for all channels, whatever is off."""
-    lines = squared_current_lines(plan.channels)
-    playing = np.isin([c.index for c in plan.channels], [c.index for c in on])
-    if not on and scheme.name != "biased":
-        return 0.0
+    lines, playing = squared_current_lines(own), np.array(bits, dtype=bool)
     if scheme.name == "biased":
-        bias2 = scheme.bias_ratio * lines.max() / 2
-        square = float(bias2 + ((lines * playing) ** 2).sum() / (8 * bias2)) if bias2 else 0.0
+        bias2 = bias_a(scheme, lines) ** 2
+        square = bias2 + float((lines[playing] ** 2).sum()) / (8 * bias2) if bias2 else 0.0
     else:
-        square = mean_square_a2(scheme, lines[playing], plan.typed_spec.drive.headroom)
-    return square * plan.channels[0].force_constant_n_per_a2 / MN
+        square = mean_square_a2(scheme, lines[playing], plan.typed_spec.drive.headroom) if any(bits) else 0.0
+    return square * own[0].force_constant_n_per_a2 / MN
 
 
-def _spurs(plan: Plan, scheme: Scheme, on: list[Channel]) -> list[Spur]:
+def _spurs(scheme: Scheme, own: tuple[Channel, ...], on: list[Channel]) -> list[Spur]:
     if scheme.name not in ("tones", "biased"):
         return []
+    lines = {channel.index: line for channel, line in zip(own, squared_current_lines(own), strict=True)}
+    largest = max(lines.values())
     spurs = []
-    half = scheme.name == "tones"
-    # Of i², the spur's line over the square root of the product of its channels' lines.
-    largest = float(squared_current_lines(plan.channels).max())
     for a, b in combinations(on, 2):
-        force = 2 * (a.force_mn * b.force_mn) ** 0.5
-        if not half:
-            force *= _root_of_lines(plan, a, b) / (4 * scheme.bias_ratio * largest) if largest else 0.0
         total, difference = a.resonance_hz + b.resonance_hz, abs(a.resonance_hz - b.resonance_hz)
-        scale = 0.5 if half else 1.0
-        spurs.append(_spur(plan, (a.index, b.index), "sum", total * scale, force))
-        spurs.append(_spur(plan, (a.index, b.index), "difference", difference * scale, force))
-    if not half:
+        force = 2 * sqrt(a.force_mn * b.force_mn)
+        if scheme.name == "tones":
+            total, difference = total / 2, difference / 2
+        else:
+            force *= sqrt(lines[a.index] * lines[b.index]) / (4 * scheme.bias_ratio * largest)
+        spurs.append(_spur(own, (a.index, b.index), "sum", total, force))
+        spurs.append(_spur(own, (a.index, b.index), "difference", difference, force))
+    if scheme.name == "biased":
         for c in on:
-            force = c.force_mn * _root_of_lines(plan, c, c) / (4 * scheme.bias_ratio * largest) if largest else 0.0
-            spurs.append(_spur(plan, (c.index,), "harmonic", 2 * c.resonance_hz, force))
+            force = c.force_mn * lines[c.index] / (4 * scheme.bias_ratio * largest)
+            spurs.append(_spur(own, (c.index,), "harmonic", 2 * c.resonance_hz, force))
     return spurs
 
 
-def _root_of_lines(plan: Plan, a: Channel, b: Channel) -> float:
-    lines = squared_current_lines(plan.channels)
-    return float(np.sqrt(lines[a.index] * lines[b.index]))
-
-
-def _spur(plan: Plan, which: tuple[int, ...], kind: str, hz: float, force_mn: float) -> Spur:
-    thirds = [c for c in plan.channels if c.index not in which]
+def _spur(own: tuple[Channel, ...], which: tuple[int, ...], kind: str, hz: float, force_mn: float) -> Spur:
+    thirds = [c for c in own if c.index not in which]
     near = min(thirds, key=lambda c: abs(c.resonance_hz - hz), default=None)
     return Spur(which, kind, hz, force_mn, near.index if near else None, hz - near.resonance_hz if near else None)

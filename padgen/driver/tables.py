@@ -53,12 +53,15 @@ def drive_rows(plan: Plan) -> tuple[DriveRow, ...]:
     coil does not pull has an infinite current; the plan's findings say so.
     """
     scheme = scheme_named(plan.typed_spec, plan.selectivity.drive)
-    lines = squared_current_lines(plan.channels)
-    current = current_lines_a(scheme, lines, plan.typed_spec.drive.headroom) if lines.max() > 0 else lines
-    rows = [_row(plan, scheme, c, float(i)) for c, i in zip(plan.channels, current, strict=True)]
-    if scheme.name in ("biased", "spur-free"):
-        rows.append(_bias_row(plan, scheme, lines))
-    return tuple(rows)
+    rows: dict[int, DriveRow] = {}
+    constant: list[DriveRow] = []
+    for kind, own in enumerate(plan.sets):
+        lines = squared_current_lines(own)
+        current = current_lines_a(scheme, lines, plan.typed_spec.drive.headroom) if lines.max() > 0 else lines
+        rows |= {c.index: _row(plan, scheme, c, float(i)) for c, i in zip(own, current, strict=True)}
+        if scheme.name in ("biased", "spur-free"):
+            constant.append(_bias_row(plan, scheme, kind))
+    return (*(rows[c.index] for c in plan.channels), *constant)
 
 
 def _row(plan: Plan, scheme: Scheme, channel: Channel, current_a: float) -> DriveRow:
@@ -94,12 +97,14 @@ def _root_voltage_v(plan: Plan, channel: Channel) -> float:
     return float((coil.resistance_ohm * current + coil.inductance_mh * MH * slope).max())
 
 
-def _bias_row(plan: Plan, scheme: Scheme, lines: np.ndarray) -> DriveRow:
-    headroom, resistance = plan.typed_spec.drive.headroom, plan.typed_spec.coil.resistance_ohm
-    square = mean_square_a2(scheme, lines, headroom) if lines.max() > 0 else 0.0
+def _bias_row(plan: Plan, scheme: Scheme, kind: int) -> DriveRow:
+    own, resistance = plan.sets[kind], plan.typed_spec.coil.resistance_ohm
+    lines = squared_current_lines(own)
+    square = mean_square_a2(scheme, lines, plan.typed_spec.drive.headroom) if lines.max() > 0 else 0.0
     constant = bias_a(scheme, lines) if scheme.name == "biased" else sqrt(square)
-    static_mn = square * plan.channels[0].force_constant_n_per_a2 / MN
-    return DriveRow(BIAS, 0.0, 0.0, static_mn, constant / MA, constant * resistance, resistance, 0.0, 0.0)
+    static_mn = square * own[0].force_constant_n_per_a2 / MN
+    name = BIAS if len(plan.sets) == 1 else f"{BIAS} of set {kind}"
+    return DriveRow(name, 0.0, 0.0, static_mn, constant / MA, constant * resistance, resistance, 0.0, 0.0)
 
 
 def drive_csv(plan: Plan) -> str:
@@ -121,16 +126,17 @@ def drive_json(plan: Plan) -> str:
     table = {
         "name": plan.name,
         "scheme": plan.selectivity.drive,
-        "current": _recipe(plan),
+        "current": [_recipe(plan, kind) for kind in range(len(plan.sets))],
         "channels": [asdict(row) for row in drive_rows(plan)],
         "frames_per_s": {f.scheme: f.frames_per_s for f in plan.refresh}[plan.selectivity.drive],
         "states": [asdict(state) for state in coil_states(plan)],
         "states_note": ""
-        if len(plan.channels) <= LARGEST_TABLE
-        else f"{number(2 ** len(plan.channels))} states are not spelled out; at most {LARGEST_TABLE} channels are",
+        if len(plan.sets[0]) <= LARGEST_TABLE
+        else f"{number(2 ** len(plan.sets[0]))} states are not spelled out; at most {LARGEST_TABLE} channels are",
         "coils": [
             {
                 "coil": [row, column],
+                "set": (row + column) % len(plan.sets),
                 "x_mm": (column - (plan.coils.columns - 1) / 2) * plan.coils.pitch_x_mm,
                 "y_mm": (row - (plan.coils.rows - 1) / 2) * plan.coils.pitch_y_mm,
             }
@@ -142,23 +148,21 @@ def drive_json(plan: Plan) -> str:
     return json_text(table)
 
 
-def _recipe(plan: Plan) -> dict[str, Any]:
-    """What the current is made of, as a formula and its numbers in A and A²."""
-    scheme = scheme_named(plan.typed_spec, plan.selectivity.drive)
-    lines = squared_current_lines(plan.channels)
-    recipe: dict[str, Any] = {"squared_lines_a2": lines.tolist()}
+def _recipe(plan: Plan, kind: int) -> dict[str, Any]:
+    """What the current of a coil of set `kind` is made of, as a formula and its numbers in A and A²."""
+    scheme, own = scheme_named(plan.typed_spec, plan.selectivity.drive), plan.sets[kind]
+    lines, headroom = squared_current_lines(own), plan.typed_spec.drive.headroom
+    recipe: dict[str, Any] = {"channels": [c.index for c in own], "squared_lines_a2": lines.tolist()}
     if scheme.name == "spur-free":
-        headroom = plan.typed_spec.drive.headroom
         recipe["formula"] = "i(t) = sqrt(a0 + sum over ON channels of a_j cos(2 pi resonance_hz_j t))"
-        recipe["a0_all_on_a2"] = mean_square_a2(scheme, lines, headroom)
         recipe["a0"] = f"{1 + headroom:g} times the sum of a_j over the ON channels"
+        recipe["a0_all_on_a2"] = mean_square_a2(scheme, lines, headroom)
     elif scheme.name == "biased":
         recipe["formula"] = "i(t) = B + sum over ON channels of b_j sin(2 pi resonance_hz_j t)"
-        recipe["bias_a"] = bias_a(scheme, lines) if lines.max() > 0 else 0.0
+        recipe["bias_a"] = bias_a(scheme, lines)
     elif scheme.name == "time-shared":
-        slots_ms = [channel.ring_down_ms for channel in plan.channels]
         recipe["formula"] = "i(t) = I_j sin(2 pi drive_hz_j t) in the slot of each ON channel j, one after the other"
-        recipe["slots_ms"] = slots_ms
+        recipe["slots_ms"] = [channel.ring_down_ms for channel in own]
     else:
         recipe["formula"] = "i(t) = sum over ON channels of I_j sin(2 pi drive_hz_j t)"
     return recipe

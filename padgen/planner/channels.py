@@ -9,7 +9,7 @@ import numpy as np
 from padgen.physics.currents import mean_square_a2
 from padgen.physics.magnetics import SolenoidCoil, SteelRing, pull_over_gap
 from padgen.physics.resonator import ring_up_time
-from padgen.planner.plan import Beam, Channel, Site
+from padgen.planner.plan import Beam, Channel, Site, channel_sets
 from padgen.planner.selectivity import level_law, scheme_named
 from padgen.planner.sizing import SizedChannel, frequency_spread
 from padgen.planner.taxel_model import fillet_mm
@@ -64,13 +64,17 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
 
 def driven(spec: Spec, channels: Sequence[Channel], drive: str) -> tuple[Channel, ...]:
     """`channels` with the drive frequencies and the static deflections that the scheme `drive` makes."""
+    scheme, sets = scheme_named(spec, drive), channel_sets(channels, spec.coil.sets)
+    squares_a2 = [mean_square_a2(scheme, squared_current_lines(own), spec.drive.headroom) for own in sets]
     half = drive in ("tones", "time-shared")
-    square_a2 = mean_square_a2(scheme_named(spec, drive), squared_current_lines(channels), spec.drive.headroom)
     return tuple(
         replace(
             channel,
             drive_hz=channel.resonance_hz / 2 if half else channel.resonance_hz,
-            static_um=square_a2 * channel.force_constant_n_per_a2 / channel.stiffness_n_per_m / UM,
+            static_um=squares_a2[channel.index % len(sets)]
+            * channel.force_constant_n_per_a2
+            / channel.stiffness_n_per_m
+            / UM,
         )
         for channel in channels
     )

@@ -64,7 +64,7 @@ class Explanation:
 
 def explain_plan(spec: Spec, plan: Plan, progress: Callable[[str], None] = lambda step: None) -> Explanation:
     """Try what would help the pad of `plan`, on its own coil grid, with resonances that the search may choose."""
-    grid, count = (plan.coils.rows, plan.coils.columns), len(plan.channels)
+    grid, count = (plan.coils.rows, plan.coils.columns), len(plan.sets[0])
     progress("what stops one more channel")
     held, in_band = _channels_held(spec, grid), _channels_in_band(spec)
     now = plan.selectivity.all_states_db
@@ -116,7 +116,7 @@ def _figures(spec: Spec, grid: tuple[int, int], count: int) -> Selectivity | Non
     """Selectivity of `count` channels per coil on `grid`; None where they have no room or do not print."""
     try:
         other = replace(spec, resolution=grid[0] * grid[1] * count, coil=replace(spec.coil, grid=grid))
-        if count != len(spec.resonances_hz or ()):
+        if count * spec.coil.sets != len(spec.resonances_hz or ()):
             other = replace(other, resonances_hz=None)
         sized = next(sized_layouts(other, candidates(other, channel_limit(other))), None)
     except SpecError:
@@ -137,7 +137,9 @@ def _limits(spec: Spec, plan: Plan, held: int) -> Iterator[str]:
     found = _figures(spec, grid, more)
     if found is not None and found.all_states_db is not None and found.all_states_db < found.asked_db:
         where = (
-            "at the listed resonances" if more == len(spec.resonances_hz or ()) else f"with {spec.spacing!r} spacing"
+            "at the listed resonances"
+            if more * spec.coil.sets == len(spec.resonances_hz or ())
+            else f"with {spec.spacing!r} spacing"
         )
         yield (
             f"selectivity: {more} channels per coil {where} and {found.drive} reach {found.all_states_db:.1f} dB in all"

@@ -40,7 +40,7 @@ def _reasons(spec: Spec, options: list[Layout], limit: int) -> list[str]:
 
 def _too_many(spec: Spec, limit: int) -> str:
     grid = spec.coil.grid
-    per_coil = len(spec.resonances_hz) if spec.resonances_hz else limit
+    per_coil = len(spec.resonances_hz) // spec.coil.sets if spec.resonances_hz else limit
     rows, columns = grid or most_coils(spec)
     coils = rows * columns
     which = "the grid has" if grid else "there is room for"

@@ -1,7 +1,7 @@
 """The findings of a plan: what holds only just, what does not, and what would."""
 
 from collections.abc import Iterator
-from itertools import pairwise
+from itertools import pairwise, permutations
 
 from padgen.errors import at_least, at_most, number
 from padgen.finding import LEVELS, Finding
@@ -25,7 +25,7 @@ __all__ = ["judge"]
 def judge(spec: Spec, plan: Plan, sized: tuple[SizedChannel, ...]) -> tuple[Finding, ...]:
     """All findings of a plan, errors first."""
     found = [
-        *_spacing(spec, plan.channels),
+        *(found for own in plan.sets for found in _spacing(spec, own)),
         *_targets(spec, plan.channels),
         *_bed(spec),
         *judge_drive(spec, plan),
@@ -98,7 +98,7 @@ def _bed(spec: Spec) -> Iterator[Finding]:
 
 def _spread(plan: Plan) -> Iterator[Finding]:
     worst = max(plan.channels, key=lambda c: c.print_spread)
-    steps = [b.resonance_hz / a.resonance_hz - 1 for a, b in pairwise(plan.channels)]
+    steps = [b.resonance_hz / a.resonance_hz - 1 for own in plan.sets for a, b in pairwise(own)]
     if steps and worst.print_spread > min(steps) / 2:
         yield Finding(
             "note",
@@ -124,11 +124,9 @@ def _modes(spec: Spec, plan: Plan, sized: tuple[SizedChannel, ...]) -> Iterator[
     half = slot_half_width(spec.q_min, spec.delta_y)
     silent = [
         (channel, other)
-        for channel in plan.channels
-        for other in plan.channels
-        if channel is not other
-        and channel.second_mode_share < QUIET_SHARE
-        and abs(channel.second_mode_hz / other.resonance_hz - 1) < half
+        for own in plan.sets
+        for channel, other in permutations(own, 2)
+        if channel.second_mode_share < QUIET_SHARE and abs(channel.second_mode_hz / other.resonance_hz - 1) < half
     ]
     if silent:
         listed = ", ".join(f"{c.index} at {number(c.second_mode_hz)} Hz on {o.index}" for c, o in silent)
@@ -185,7 +183,7 @@ def _mechanics(spec: Spec, plan: Plan) -> Iterator[Finding]:
 
 
 def _places(plan: Plan) -> Iterator[Finding]:
-    places = plan.coils.rows * plan.coils.columns * len(plan.channels)
+    places = plan.coils.rows * plan.coils.columns * len(plan.sets[0])
     if places > len(plan.taxels):
         yield Finding(
             "note",

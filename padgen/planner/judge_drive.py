@@ -56,7 +56,7 @@ def _better(plan: Plan) -> str:
     if reach:
         return f"drive = {reach[0].scheme!r} reaches {reach[0].all_states_db:.1f} dB"
     clean = [o for o in plan.layouts if o.channels <= plan.capacity.exact]
-    if clean and len(plan.channels) > clean[0].channels:
+    if clean and len(plan.sets[0]) > clean[0].channels:
         return f"coil.grid = [{clean[0].rows}, {clean[0].columns}] has {clean[0].channels} channels per coil"
     return "fewer channels per coil or a higher Q raise it; padgen plan --explain ranks what would do"
 
@@ -94,14 +94,14 @@ def _snapping(plan: Plan) -> Iterator[Finding]:
 
 def _leak(plan: Plan) -> Iterator[Finding]:
     leak, asked = plan.reuse.leak_db, plan.selectivity.asked_db
+    other = "coil.reuse = 'alternate', " if plan.coils.sets == 1 else ""
     if leak is not None and leak < asked:
         yield Finding(
             "warning",
             "coil.leak",
             f"channel {plan.reuse.leak_channel}",
             f"the coils around an OFF taxel, all with its channel on, shake it {_below(leak)} than their own,"
-            f" asked: {asked:.1f} dB less; washers nearer to their coil, a wider pitch or fewer channels per coil"
-            " would do (the frequencies are used again over every coil)",
+            f" asked: {asked:.1f} dB less; {other}washers nearer to their coil or a wider pitch would do",
         )
 
 

@@ -102,7 +102,7 @@ def whole_grids(spec: Spec, channel_limit: int) -> list[Layout]:
 def _channel_counts(spec: Spec, channel_limit: int) -> Iterable[int]:
     """Channels per coil worth trying: no more than taxels asked, or plates that the pad's area holds."""
     if spec.resonances_hz:
-        return [len(spec.resonances_hz)]
+        return [len(spec.resonances_hz) // spec.coil.sets]
     plates = spec.pad.width_mm * spec.pad.depth_mm / _plate_side_mm(spec) ** 2
     return range(1, min(channel_limit, spec.resolution, max(int(plates), 1)) + 1)
 
@@ -126,7 +126,7 @@ def _grids(spec: Spec, coils: int) -> Iterator[tuple[int, int]]:
     most_rows, most_columns = most_coils(spec)
     for rows in range(1, min(coils, most_rows) + 1):
         columns = ceil(coils / rows)
-        if columns <= most_columns:
+        if spec.coil.sets <= rows * columns and columns <= most_columns:
             yield rows, columns
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from padgen.physics.currents import mean_square_a2, peak_current_a, peak_voltage_v
 from padgen.physics.selectivity import SCHEMES
 from padgen.planner.channels import squared_current_lines
-from padgen.planner.plan import Channel, CoilLoad, FrameRate
+from padgen.planner.plan import Channel, CoilLoad, FrameRate, channel_sets
 from padgen.planner.selectivity import scheme_named
 from padgen.spec import Spec
 from padgen.units import MA, MH, MM, MS, UM
@@ -16,7 +16,15 @@ __all__ = ["coil_load", "frame_rates", "pull_in_share"]
 
 
 def coil_load(spec: Spec, channels: Sequence[Channel], drive: str) -> CoilLoad:
-    """Currents, voltage and heat of a coil with all channels on, and the level that every limit allows."""
+    """Currents, voltage and heat of a coil with all channels on, and the level that every limit allows.
+
+    With two sets of channels, of the coil that allows less.
+    """
+    sets = channel_sets(channels, spec.coil.sets)
+    return min((_load(spec, own, drive) for own in sets), key=lambda load: load.reachable_level_um)
+
+
+def _load(spec: Spec, channels: Sequence[Channel], drive: str) -> CoilLoad:
     coil, headroom = spec.coil, spec.drive.headroom
     scheme, lines = scheme_named(spec, drive), squared_current_lines(channels)
     resonance = np.array([c.resonance_hz for c in channels])
@@ -63,14 +71,14 @@ def _gap_share(spec: Spec, channel: Channel) -> float:
     return (channel.static_um + channel.level_um) / free_um if free_um > 0 else 0.0
 
 
-def frame_rates(channels: Sequence[Channel]) -> tuple[FrameRate, ...]:
+def frame_rates(channels: Sequence[Channel], sets: int = 1) -> tuple[FrameRate, ...]:
     """Frames a second, per scheme, at which what is switched off is quiet before the next frame.
 
     All at once: the slowest channel's ring-down. In turns: every channel's slot lasts until it has
     rung up, which takes as long as ringing down, the one before ringing down meanwhile.
     """
-    down_s = [channel.ring_down_ms * MS for channel in channels]
-    together, in_turns = max(down_s), sum(down_s)
+    together = max(channel.ring_down_ms for channel in channels) * MS
+    in_turns = max(sum(channel.ring_down_ms for channel in own) for own in channel_sets(channels, sets)) * MS
     return tuple(
         FrameRate(name, 1 / time if (time := in_turns if name == "time-shared" else together) > 0 else float("inf"))
         for name in SCHEMES

@@ -9,7 +9,7 @@ from padgen.planner.channels import driven, plan_channels
 from padgen.planner.judge import judge
 from padgen.planner.layout import Layout, candidates, room
 from padgen.planner.load import coil_load, frame_rates
-from padgen.planner.plan import Cell, Channel, CoilGrid, LayoutOption, Plan, Plate, Taxel
+from padgen.planner.plan import Cell, Channel, CoilGrid, LayoutOption, Plan, Plate, Taxel, channel_sets
 from padgen.planner.printing import print_settings
 from padgen.planner.resonances import bound_db
 from padgen.planner.reuse import cell_is_turned, coil_reuse
@@ -50,8 +50,7 @@ def _assemble(
 ) -> Plan:
     sites = sites_of(spec, layout, sized)
     bare = plan_channels(spec, sized, sites)
-    targets_hz = tuple(item.target_hz for item in sized)
-    selectivity = plan_selectivity(spec, bare, bound_db(spec, room(spec, layout), targets_hz))
+    selectivity = plan_selectivity(spec, bare, bound_db(spec, layout.channels, room(spec, layout)))
     channels = driven(spec, bare, selectivity.drive)
     reuse = coil_reuse(spec, layout, channels, selectivity.drive)
     pitch_x, pitch_y = spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows
@@ -59,14 +58,14 @@ def _assemble(
         name=spec.name,
         spec=asdict(spec),
         capacity=coil_capacity(spec, selectivity.drive, limits),
-        coils=CoilGrid(layout.rows, layout.columns, min(pitch_x, pitch_y), pitch_x, pitch_y),
+        coils=CoilGrid(layout.rows, layout.columns, min(pitch_x, pitch_y), pitch_x, pitch_y, spec.coil.sets),
         cell=Cell(layout.sub_columns, layout.sub_rows, layout.sub_width_mm, layout.sub_depth_mm, layout.beam_axis),
         plate=_plate(spec),
         channels=channels,
         taxels=_taxels(spec, layout, channels, reuse.turned),
         selectivity=selectivity,
         load=coil_load(spec, channels, selectivity.drive),
-        refresh=frame_rates(channels),
+        refresh=frame_rates(channels, spec.coil.sets),
         reuse=reuse,
         layouts=layouts,
         printing=print_settings(spec, [c.beam for c in channels]),
@@ -93,6 +92,7 @@ def _taxels(spec: Spec, layout: Layout, channels: tuple[Channel, ...], turned: s
     """All taxels, coil by coil from the first row; surplus places are left out at the last coils."""
     pitch_x, pitch_y = spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows
     full = layout.coils - layout.surplus
+    sets = channel_sets(channels, spec.coil.sets)
     taxels = []
     for coil in range(layout.coils):
         row, column = divmod(coil, layout.columns)
@@ -100,11 +100,12 @@ def _taxels(spec: Spec, layout: Layout, channels: tuple[Channel, ...], turned: s
         y0 = (row - (layout.rows - 1) / 2) * pitch_y
         around = cell_is_turned(turned, row, column)
         sign = -1 if around else 1
-        for channel in channels[: layout.channels - (coil >= full)]:
+        own = sets[(row + column) % len(sets)]
+        for k, channel in enumerate(own[: layout.channels - (coil >= full)]):
             x, y = channel.site.washer_mm
             taxels.append(
                 Taxel(
-                    f"r{row}c{column}k{channel.index}",
+                    f"r{row}c{column}k{k}",
                     (row, column),
                     channel.index,
                     round(x0 + sign * x, 6),

@@ -1,6 +1,7 @@
 """`Plan`: what will be made. Frozen plain data with a JSON round trip; the contract between stages."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, is_dataclass
 from functools import cached_property
 from typing import Any, get_args, get_origin
@@ -27,6 +28,7 @@ __all__ = [
     "Selectivity",
     "Site",
     "Taxel",
+    "channel_sets",
     "plan_from_json",
     "plan_to_json",
     "without_none",
@@ -53,13 +55,18 @@ class Capacity:
 
 @dataclass(frozen=True, slots=True)
 class CoilGrid:
-    """Coils in rows (along y) and columns (along x); `pitch_mm` is the smaller of the two."""
+    """Coils in rows (along y) and columns (along x); `pitch_mm` is the smaller of the two.
+
+    With two `sets` of channels a coil has every second one: of even numbers where row + column is
+    even, of odd numbers elsewhere.
+    """
 
     rows: int
     columns: int
     pitch_mm: float
     pitch_x_mm: float
     pitch_y_mm: float
+    sets: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,11 +195,14 @@ class SchemeFigures:
 class Selectivity:
     """How far OFF taxels stay below ON taxels with the planned drive; None where one channel has no other.
 
+    With two sets of channels, of the worse one.
+
     The first figures take all washers of a coil as pulled alike, as the paper's bound does; the
     `placed` ones count that a nearer washer feels every tone more. `asked_db` is Δy in dB,
     `paper_db` what Eq. 12 promises for the closest pair, `snapping_db` what it costs in all states
     that beams print in steps, `bound_db` what was proven that no resonances in the reachable band
-    exceed. `level_law` is an exponent or 'threshold'.
+    exceed. `level_law` is an exponent or 'threshold'. `matrix_db` has, for each set of channels, how far
+    below its own ON amplitude taxel i (row) is at the tone of channel j; empty for many channels.
     """
 
     drive: str
@@ -207,6 +217,7 @@ class Selectivity:
     paper_db: float | None
     snapping_db: float | None
     bound_db: float | None
+    matrix_db: tuple[tuple[tuple[float, ...], ...], ...]
     schemes: tuple[SchemeFigures, ...]
 
 
@@ -282,6 +293,11 @@ class Plan:
         """The spec as the frozen `Spec` that the plan was made from."""
         return make_spec(without_none(self.spec))
 
+    @property
+    def sets(self) -> tuple[tuple[Channel, ...], ...]:
+        """The channels of one coil, for each kind of coil that there is."""
+        return channel_sets(self.channels, self.coils.sets)
+
     def arrangement(self, channel: Channel) -> Arrangement:
         """Beams, blocks and window of a channel's taxel in its own axes."""
         beam, plate = channel.beam, self.plate
@@ -290,6 +306,11 @@ class Plan:
             shape, BeamShape(beam.width_mm, beam.thickness_mm, beam.length_mm), plate.gap_mm
         )
         return arranged
+
+
+def channel_sets(channels: Sequence[Channel], sets: int) -> tuple[tuple[Channel, ...], ...]:
+    """Deal `channels` out in turn."""
+    return tuple(tuple(channels[k::sets]) for k in range(sets))
 
 
 def plan_to_json(plan: Plan) -> str:

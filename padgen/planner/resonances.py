@@ -43,16 +43,16 @@ def reachable_hz(spec: Spec, room: Room) -> tuple[float, float] | None:
 
 
 def ladders(spec: Spec, count: int, room: Room) -> list[tuple[float, ...]]:
-    """Candidate ladders of `count` resonances in Hz for a room, the best first.
+    """Candidate ladders of `count` resonances per set in Hz for a room, the best first.
 
     Explicit resonances are the only candidate. Otherwise the band's ladder comes first, then the
     ladder of the part of the band that the room reaches, then the closest one there: each keeps
-    the paper's ratio between neighbours.
+    the paper's ratio between neighbours of a set. A second set lies half way between.
     """
     if spec.resonances_hz:
         return [spec.resonances_hz]
     if spec.spacing == "optimised":
-        return [optimum(spec, count, *_span_hz(spec, room)).resonances_hz]
+        return [_both_sets(spec, _optimum(spec, count, room))]
     low, high = slot_band_hz(spec)
     found = reachable_hz(spec, room)
     spans = [(low, high)]
@@ -62,6 +62,21 @@ def ladders(spec: Spec, count: int, room: Room) -> list[tuple[float, ...]]:
     options += [_closest(spec, count, span[0]) for span in spans]
     unique = dict.fromkeys(option for option in options if option and option[-1] <= high * (1 + 1e-8))
     return list(unique)
+
+
+def _optimum(spec: Spec, count: int, room: Room) -> Optimum:
+    """The best single set; of a band that leaves room above for a second one, half a step higher."""
+    low, high = _span_hz(spec, room)
+    return optimum(spec, count, low, high / (high / low) ** ((spec.coil.sets - 1) / (2 * count)))
+
+
+def _both_sets(spec: Spec, best: Optimum) -> tuple[float, ...]:
+    """A second set is the first one moved up: by a power law it is as well separated."""
+    first = np.array(best.resonances_hz)
+    if spec.coil.sets == 1:
+        return best.resonances_hz
+    step = (first[1:] / first[:-1]).min() ** 0.5 if len(first) > 1 else (spec.band_hz[1] / first[0]) ** 0.5
+    return _rounded(np.stack([first, first * step], -1).ravel())
 
 
 def _span_hz(spec: Spec, room: Room) -> tuple[float, float]:
@@ -93,25 +108,28 @@ def optimum(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
     return Optimum(_rounded(minimax_ladder(low_hz, high_hz, count, q, law, scheme)), None)
 
 
-def bound_db(spec: Spec, room: Room, targets_hz: tuple[float, ...]) -> float | None:
+def bound_db(spec: Spec, count: int, room: Room) -> float | None:
     """What no resonances in the room's band can exceed in all states; None where nothing was proven."""
     if spec.spacing != "optimised" or spec.resonances_hz:
         return None
-    return optimum(spec, len(targets_hz), *_span_hz(spec, room)).bound_db
+    return _optimum(spec, count, room).bound_db
 
 
 def _ladder(spec: Spec, count: int, low: float, high: float) -> tuple[float, ...] | None:
     if spec.spacing == "closest":
         return _closest(spec, count, low)
-    span = ladder_ratio(spec.q_min, spec.delta_y) ** (count - 1)
+    sets = spec.coil.sets
+    span = ladder_ratio(spec.q_min, spec.delta_y) ** ((count * sets - 1) / sets)
     if high < low * span * (1 - 1e-9):
         return None
-    return _rounded(geometric_ladder(low, max(high, low * span), count))
+    return _rounded(geometric_ladder(low, max(high, low * span), count * sets))
 
 
 def _closest(spec: Spec, count: int, low: float) -> tuple[float, ...]:
-    half = slot_half_width(spec.q_min, spec.delta_y)
-    return _rounded(paper_ladder(low * (1 - half), count, spec.q_min, spec.delta_y))
+    sets, half = spec.coil.sets, slot_half_width(spec.q_min, spec.delta_y)
+    first = paper_ladder(low * (1 - half), count, spec.q_min, spec.delta_y)
+    step = ladder_ratio(spec.q_min, spec.delta_y) ** (1 / sets)
+    return _rounded(np.stack([first * step**k for k in range(sets)], -1).ravel())
 
 
 def _rounded(ladder: np.ndarray) -> tuple[float, ...]:

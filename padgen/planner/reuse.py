@@ -7,9 +7,12 @@ from math import hypot
 import numpy as np
 
 from padgen.physics.leakage import leakage
+from padgen.physics.selectivity import channels as resonators
+from padgen.physics.selectivity import tone_energy
 from padgen.planner.channels import magnetic_parts
 from padgen.planner.layout import Layout
 from padgen.planner.plan import Channel, Reuse, Site
+from padgen.planner.selectivity import level_law
 from padgen.spec import Spec
 from padgen.units import MM, decibel
 
@@ -19,19 +22,40 @@ TURNS = ("none", "odd rows", "odd columns")
 
 
 def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], drive: str) -> Reuse:
-    """Leakage of the neighbouring coils, all with the same channel on, onto an OFF taxel of that channel."""
+    """Leakage of the neighbouring coils, all their channels on, onto an OFF taxel.
+
+    Neighbours of the taxel's own set reach it at its resonance, their pulls in step; those of the
+    other set beside it.
+    """
     turned = turned_cells(spec, layout, [channel.site for channel in channels])
-    neighbours = _neighbours(spec, layout)
-    if not len(neighbours):
+    steps = _steps(layout)
+    if not len(steps):
         return Reuse(None, None, turned)
-    place = np.array([channel.site.washer_mm for channel in channels]) * MM
-    leak = leakage(*magnetic_parts(spec), spec.coil.gap_mm * MM, place, neighbours * MM)
-    amplitude = np.abs(leak.square).sum(1)
-    if drive in ("spur-free", "biased") and len(channels) > 1:
+    pitch = np.array([spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows])
+    place = np.array([channel.site.washer_mm for channel in channels])
+    leak = leakage(*magnetic_parts(spec), spec.coil.gap_mm * MM, place * MM, steps * pitch * MM)
+    amplitude = np.abs(leak.square)
+    if drive in ("spur-free", "biased") and layout.channels > 1:
         # The own coil is on for its other channels: its constant part beats with the neighbour's tone.
-        amplitude = amplitude + np.abs(leak.product).sum(1)
-    worst = int(amplitude.argmax())
-    return Reuse(-decibel(float(amplitude[worst])), worst, turned)
+        amplitude = amplitude + np.abs(leak.product)
+    energy = ((amplitude[:, :, None] * _lines_heard(spec, channels, steps)).sum(1) ** 2).sum(-1)
+    worst = int(energy.argmax())
+    return Reuse(-decibel(float(energy[worst]) ** 0.5), worst, turned)
+
+
+def _lines_heard(spec: Spec, channels: Sequence[Channel], steps: np.ndarray) -> np.ndarray:
+    """How much of its ON amplitude taxel i gets at the tone of channel j of the coil k steps away, were it its
+    own coil: (n, k, n), 0 where that coil has no such channel."""
+    resonance = np.array([channel.resonance_hz for channel in channels])
+    mass = np.array([channel.effective_mass_g for channel in channels])
+    which = resonators(resonance, spec.q_min, level_law(spec)(resonance), mass)
+    kind = np.arange(len(channels)) % spec.coil.sets
+    there = (kind[:, None] + np.abs(steps).sum(-1)) % spec.coil.sets
+    heard: np.ndarray = np.sqrt(tone_energy(which, which))[:, None] * (there[:, :, None] == kind)
+    if spec.coil.sets == 1:
+        # What other channels of the same set do is small beside a channel's own, and judged within the coil.
+        heard = heard * np.eye(len(channels))[:, None]
+    return heard
 
 
 def turned_cells(spec: Spec, layout: Layout, sites: Sequence[Site]) -> str:
@@ -60,9 +84,8 @@ def _distances_mm(spec: Spec, layout: Layout, sites: Sequence[Site], turned: str
     return sorted(distances)
 
 
-def _neighbours(spec: Spec, layout: Layout) -> np.ndarray:
-    """Axes (k, 2) in mm of the coils around one of the best surrounded."""
-    pitch_x, pitch_y = spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows
+def _steps(layout: Layout) -> np.ndarray:
+    """Steps (k, 2) along x and y to the coils around one of the best surrounded."""
     steps_x = range(-1, 2) if layout.columns > 2 else range(layout.columns)
     steps_y = range(-1, 2) if layout.rows > 2 else range(layout.rows)
-    return np.array([(x * pitch_x, y * pitch_y) for x, y in product(steps_x, steps_y) if (x, y) != (0, 0)])
+    return np.array([(x, y) for x, y in product(steps_x, steps_y) if (x, y) != (0, 0)])

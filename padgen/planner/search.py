@@ -40,9 +40,10 @@ def _within_reach(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]
 
 def sites_of(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> tuple[Site, ...]:
     """Where each channel's taxel lies in its cell."""
+    centres = slots(layout)
     return tuple(
-        place(spec, layout, centre, channel.model.arrangement)
-        for centre, channel in zip(slots(layout), channels, strict=True)
+        place(spec, layout, centres[k // spec.coil.sets], channel.model.arrangement)
+        for k, channel in enumerate(channels)
     )
 
 

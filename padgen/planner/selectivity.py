@@ -8,8 +8,8 @@ from time import perf_counter
 import numpy as np
 
 from padgen.physics.levels import LevelLaw
-from padgen.physics.selectivity import SCHEMES, Channels, Scheme, all_states, channels, one_hot_db
-from padgen.planner.plan import Channel, Plan, SchemeFigures, Selectivity
+from padgen.physics.selectivity import SCHEMES, Channels, Scheme, all_states, channels, one_hot_db, tone_energy
+from padgen.planner.plan import Channel, Plan, SchemeFigures, Selectivity, channel_sets
 from padgen.spec import Spec
 from padgen.units import decibel
 
@@ -17,6 +17,8 @@ __all__ = ["level_law", "plan_selectivity", "run_times_s", "scheme_named"]
 
 SIMPLEST_FIRST = ("tones", "biased", "spur-free", "time-shared")
 """By what the electronics must do: sines; sines on a constant; a root; and, slow, one at a time."""
+MOST_SPELLED_OUT = 16
+"""Channels up to which a plan lists how each hears each."""
 MOST_WITH_SPURS = 256
 """Channels up to which the n³ spurs of a scheme are counted that was not asked for."""
 
@@ -33,29 +35,44 @@ def scheme_named(spec: Spec, name: str) -> Scheme:
 
 
 def plan_selectivity(spec: Spec, planned: Sequence[Channel], bound_db: float | None = None) -> Selectivity:
-    """Choose the drive scheme for the channels of a coil, and judge it; `bound_db` is passed on."""
-    even, placed = _resonators(spec, planned, "printed"), _resonators(spec, planned, "placed")
+    """Choose the drive scheme for the channels of a coil, and judge it; `bound_db` is passed on.
+
+    With two sets of channels, for the worse one.
+    """
+    sets = channel_sets(planned, spec.coil.sets)
+    even = [_resonators(spec, own, "printed") for own in sets]
     figures = {name: _figures(spec, even, name) for name in SCHEMES}
-    name, why = _chosen(spec, figures, len(planned))
+    name, why = _chosen(spec, figures, len(sets[0]))
     scheme = scheme_named(spec, name)
-    alone = len(planned) < 2
-    states = all_states(even, scheme)
-    asked = _resonators(spec, planned, "asked")
+    states = min((all_states(which, scheme) for which in even), key=lambda found: found.db)
+    placed = [_resonators(spec, own, "placed") for own in sets]
+    asked = [_resonators(spec, own, "asked") for own in sets]
+    alone = len(sets[0]) < 2
     return Selectivity(
         drive=name,
         level_law="threshold" if spec.drive.threshold_hz else spec.drive.level_law,
-        one_hot_db=None if alone else one_hot_db(even, scheme),
+        one_hot_db=None if alone else min(one_hot_db(which, scheme) for which in even),
         all_states_db=None if alone else states.db,
         worst_state=states.state,
         asked_db=decibel(spec.delta_y),
-        placed_one_hot_db=None if alone else one_hot_db(placed, scheme),
-        placed_all_states_db=None if alone else all_states(placed, scheme).db,
+        placed_one_hot_db=None if alone else min(one_hot_db(which, scheme) for which in placed),
+        placed_all_states_db=None if alone else _worst_db(placed, scheme),
         why=why,
         paper_db=None if alone else _paper_db(spec, planned),
-        snapping_db=None if alone else all_states(asked, scheme).db - states.db,
+        snapping_db=None if alone else _worst_db(asked, scheme) - states.db,
         bound_db=bound_db,
+        matrix_db=tuple(_matrix_db(which) for which in even) if len(sets[0]) <= MOST_SPELLED_OUT else (),
         schemes=tuple(figures.values()),
     )
+
+
+def _matrix_db(which: Channels) -> tuple[tuple[float, ...], ...]:
+    below = -10 * np.log10(tone_energy(which, which))
+    return tuple(tuple(float(value) + 0.0 for value in row) for row in below)
+
+
+def _worst_db(sets: Sequence[Channels], scheme: Scheme) -> float:
+    return min(all_states(which, scheme).db for which in sets)
 
 
 def run_times_s(plan: Plan) -> tuple[float, float]:
@@ -64,9 +81,10 @@ def run_times_s(plan: Plan) -> tuple[float, float]:
     scheme = scheme_named(spec, figures.drive)
 
     def exact() -> None:
-        which = _resonators(spec, plan.channels, "printed")
-        one_hot_db(which, scheme)
-        all_states(which, scheme)
+        for own in plan.sets:
+            which = _resonators(spec, own, "printed")
+            one_hot_db(which, scheme)
+            all_states(which, scheme)
 
     return _best_of_three(lambda: _paper_db(spec, plan.channels)), _best_of_three(exact)
 
@@ -90,13 +108,13 @@ def _resonators(spec: Spec, planned: Sequence[Channel], which: str) -> Channels:
     return channels(resonance, q, level_law(spec)(resonance), mass, pull if use_pull else 1.0)
 
 
-def _figures(spec: Spec, even: Channels, name: str) -> SchemeFigures:
-    count = len(even.line)
+def _figures(spec: Spec, sets: Sequence[Channels], name: str) -> SchemeFigures:
+    count = len(sets[0].line)
     cubic = name in ("tones", "biased") and count > MOST_WITH_SPURS and name != spec.drive.scheme
     if count < 2 or cubic:
         return SchemeFigures(name, None, None)
     scheme = scheme_named(spec, name)
-    return SchemeFigures(name, one_hot_db(even, scheme), all_states(even, scheme).db)
+    return SchemeFigures(name, min(one_hot_db(which, scheme) for which in sets), _worst_db(sets, scheme))
 
 
 def _chosen(spec: Spec, figures: dict[str, SchemeFigures], count: int) -> tuple[str, str]:
@@ -127,5 +145,6 @@ def _reached(figures: SchemeFigures) -> float:
 
 def _paper_db(spec: Spec, planned: Sequence[Channel]) -> float:
     """What Eq. 12's slots promise for the closest pair: ``Δy = 4 Q (ρ − 1)/(ρ + 1)``."""
-    ratio = min(b.resonance_hz / a.resonance_hz for a, b in pairwise(planned))
+    sets = channel_sets(planned, spec.coil.sets)
+    ratio = min(b.resonance_hz / a.resonance_hz for own in sets for a, b in pairwise(own))
     return decibel(4 * spec.q_min * (ratio - 1) / (ratio + 1))

@@ -281,7 +281,7 @@ def crowded_modes(spec: Spec, channels: tuple[SizedChannel, ...]) -> list[tuple[
     1/Δy of the taxel's own ON amplitude; the response at the mode's peak is the ratio. Modes that a
     vertical pull at the washer does not excite cannot.
     """
-    half_slot = slot_half_width(spec.q_min, spec.delta_y)
+    half_slot, sets = slot_half_width(spec.q_min, spec.delta_y), spec.coil.sets
     resonance = np.array([float(c.model.resonance_hz) for c in channels])
     mass = np.array([float(c.model.effective_mass_kg) for c in channels])
     force = resonators(resonance, spec.q_min, level_law(spec)(resonance), mass).line
@@ -292,6 +292,6 @@ def crowded_modes(spec: Spec, channels: tuple[SizedChannel, ...]) -> list[tuple[
         for k, frequency in enumerate(channel.model.modes.frequency_hz):
             for j in np.flatnonzero(np.abs(frequency / resonance - 1) < half_slot):
                 response = float(share[k] * force[j] / force[i])
-                if k != working and response > 1 / spec.delta_y:
+                if k != working and (i - j) % sets == 0 and response > 1 / spec.delta_y:
                     crowded.append((i, float(frequency), int(j), response))
     return crowded

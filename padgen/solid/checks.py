@@ -286,13 +286,14 @@ def _overhangs(mesh: Mesh, printer: Printer) -> Iterator[Finding]:
 
 
 def _one_cell(plan: Plan, solid: Any) -> Any:
-    """The part of the pad over the first coil, which has all channels."""
+    """The part of the pad over the first coil, which has all channels, and over its neighbour where it has others."""
     import manifold3d
 
     coils, size = plan.coils, plan.typed_spec.pad
     low = (-coils.columns * coils.pitch_x_mm / 2, -coils.rows * coils.pitch_y_mm / 2, -1.0)
     height = size.frame_thickness_mm + plan.typed_spec.taxel.boss_protrusion_mm + 2
-    room = manifold3d.Manifold.cube((coils.pitch_x_mm, coils.pitch_y_mm, height)).translate(low)
+    wide, deep = (coils.sets, 1) if coils.columns > 1 else (1, coils.sets)
+    room = manifold3d.Manifold.cube((wide * coils.pitch_x_mm, deep * coils.pitch_y_mm, height)).translate(low)
     return solid ^ room
 
 

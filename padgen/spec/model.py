@@ -97,8 +97,12 @@ class Printer:
     width_step_mm: float = quantity(
         1e-3, unit="mm", low=1e-6, high=3, doc="steps in which a beam can be wider than the smallest (resin: pixel)"
     )
-    thickness_drift_mm: float = quantity(
-        0.01, unit="mm", low=0, high=1, doc="spread of all beams' thickness together, from pad to pad"
+    thickness_drift_share: float = quantity(
+        0.9,
+        unit="1",
+        low=0,
+        high=1,
+        doc="share of thickness_tolerance_mm that all beams of a pad have in common (first layer, layer height)",
     )
     plate_gradient: float = quantity(
         0.0, unit="1", low=0, high=1, doc="relative spread of f from one side of the pad to the other (bed level)"
@@ -136,8 +140,19 @@ class Coil:
     grid: tuple[int, int] | None = numbers(
         None, unit="coils", low=1, high=1000, count=2, doc="[rows, columns]; searched for when absent"
     )
+    reuse: str = choice(
+        "same",
+        of=("same", "alternate"),
+        doc="same: all coils have the same resonances; alternate: two sets take turns like a chessboard's colours,"
+        " so that a coil's tones fall between its neighbours' channels",
+    )
     power_limit_w: float = quantity(0.5, unit="W", low=1e-4, high=1e4, doc="copper loss that the coil bears for long")
     source: str = text("", doc="where the figures come from")
+
+    @property
+    def sets(self) -> int:
+        """Sets of channels that the coils have between them."""
+        return 2 if self.reuse == "alternate" else 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,7 +230,11 @@ class Spec:
         " optimised: the best all-state selectivity that the drive scheme can have",
     )
     resonances_hz: tuple[float, ...] | None = numbers(
-        None, unit="Hz", low=0.01, high=1e6, doc="explicit resonances, one per channel, lowest first"
+        None,
+        unit="Hz",
+        low=0.01,
+        high=1e6,
+        doc="explicit resonances, one per channel, lowest first (with alternate sets: one from each in turn)",
     )
     pad: Pad = field(default_factory=Pad)
     taxel: Taxel = field(default_factory=Taxel)

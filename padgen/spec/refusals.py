@@ -37,7 +37,15 @@ def _refuse_band(spec: Spec) -> None:
             f" got {number(spec.q_min)}; raise Q, or take delta_y below {number(4 * spec.q_min)}",
             "q_min",
         )
+    if spec.coil.sets > 1 and spec.coil.grid == (1, 1):
+        raise SpecError("'alternate' needs coils to alternate with, coil.grid is [1, 1]; take 'same'", "coil.reuse")
     tones = spec.resonances_hz or ()
+    if len(tones) % spec.coil.sets:
+        raise SpecError(
+            f"must be an even number with coil.reuse = 'alternate', which gives its two sets one each in turn,"
+            f" got {len(tones)}",
+            "resonances_hz",
+        )
     for lower, upper in pairwise(tones):
         if not lower < upper:
             raise SpecError(

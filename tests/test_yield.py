@@ -1,0 +1,352 @@
+"""Printed pads against the plan, the hand formula, the normal law and every state.
+
+| figure | reference | tolerance | reason |
+|---|---|---|---|
+| prints without spreads | the plan's all-state figure | 1e-9 dB | the same closed form, summed in another order |
+| sigma of f, one spread | rule of exponents | 2 %, and 4 sigma | beam and plate have mass, roots give; sampling |
+| sigma of f by length | rule of exponents | 0.6 … 1 of it | the plate's own length adds to the beam's arm |
+| sigma of f, all spreads | sum of squares | 4 sigma | sampling only |
+| sigma of f by gradient | g/√(2π) in a square's corner | 4 sigma | an integral over directions |
+| re-tuned, modulus alone | the plan's figure | 1e-9 dB | scaling all frequencies changes no ratio |
+| neighbours swapped, too close | normal law of their distance | 4 sigma | sampling only |
+| share of lone taxels | normal law over the half-power band | 4 sigma | independent taxels |
+| one printed coil | all 2^n states with complex receptances | 1e-9 dB | the same sums in another order |
+| intervals | Wilson's formula | 1e-3 of the width | whole numbers of independent taxels |
+"""
+
+import json
+import subprocess
+import sys
+from dataclasses import asdict, astuple, replace
+from functools import cache
+from itertools import combinations, pairwise, product
+from math import hypot, log, pi, sqrt
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from padgen.physics.ladder import ladder_ratio
+from padgen.physics.resonator import receptance
+from padgen.physics.selectivity import SCHEMES
+from padgen.planner import Plan, make_plan
+from padgen.planner import printed_pads as module
+from padgen.planner.print_yield import print_yield, shuffled_places_mm
+from padgen.planner.printed_pads import Spreads, spreads_of
+from padgen.spec import parse_spec
+
+NONE = Spreads(*[0.0] * 7)
+USUAL = Spreads(0.05, 0.01, 0.05, 0.05, 0.02, 0.1, 2.0)
+DB = 1e-9
+
+
+@cache
+def plan_of(
+    hz=(50.0, 70.0, 105.0, 160.0), scheme="spur-free", q=30.0, coils=(2, 2), taxels=None, law=1.0, delta_y=10.0
+) -> Plan:
+    """A pad of 25 mm cells with channels at `hz`."""
+    rows, columns = coils
+    taxels = taxels or rows * columns * len(hz)
+    return make_plan(
+        parse_spec(f"""
+name = "t"
+resolution = {taxels}
+band_hz = [{min(hz) * 0.7}, {max(hz) * 1.4}]
+q_min = {q}
+delta_y = {delta_y}
+resonances_hz = {list(hz)}
+pad = {{ width_mm = {25 * columns}, depth_mm = {25 * rows} }}
+coil = {{ grid = [{rows}, {columns}] }}
+drive = {{ scheme = "{scheme}", level_law = {law} }}
+""")
+    )
+
+
+def only(**spreads: float) -> Spreads:
+    return replace(NONE, **spreads)
+
+
+def dbs(outcome):
+    return [outcome.q05_db, outcome.reached_by_90_percent_db, outcome.median_db, outcome.q95_db]
+
+
+# Without spreads, and where nothing may change
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_prints_without_spreads_are_the_plan(scheme):
+    plan = plan_of(scheme=scheme)
+    result = print_yield(plan, 50, spreads=NONE)
+    assert result.drive == scheme
+    for outcome in (result.planned, result.retuned):
+        assert dbs(outcome) == pytest.approx([plan.selectivity.all_states_db] * 4, abs=DB)
+
+
+def test_the_paper_s_pad_as_planned_and_as_printed(paper_plan):
+    exact = print_yield(paper_plan, 50, spreads=NONE)
+    assert dbs(exact.planned) == pytest.approx([paper_plan.selectivity.all_states_db] * 4, abs=DB)
+    printed = print_yield(paper_plan, 2000)
+    assert printed.spreads == spreads_of(paper_plan.typed_spec)
+    assert printed.planned.median_db < -10 < 0 < printed.retuned.median_db < exact.nominal_db
+    assert printed.planned.taxels.share < 0.01 < 0.4 < printed.retuned.taxels.share
+
+
+def test_a_pad_that_is_scaled_as_a_whole_is_as_selective_after_tuning():
+    plan = plan_of()
+    result = print_yield(plan, 2000, spreads=only(modulus=0.2))
+    assert dbs(result.retuned) == pytest.approx([plan.selectivity.all_states_db] * 4, abs=DB)
+    assert result.planned.median_db < result.retuned.median_db - 10
+    assert result.swapped_share == 0
+
+
+def test_tuning_never_costs_yield_where_channels_are_far_apart():
+    plan = plan_of(hz=(50.0, 160.0), scheme="tones", q=15.0)
+    for size in (0.1, 0.3, 1.0, 3.0):
+        spreads = Spreads(*(size * v for v in astuple(USUAL)))
+        result = print_yield(plan, 1000, spreads=spreads)
+        assert result.retuned.taxels.share >= result.planned.taxels.share
+        assert result.retuned.pads.share >= result.planned.pads.share
+        assert all(np.greater_equal(dbs(result.retuned), dbs(result.planned)))
+    assert result.planned.taxels.share < result.retuned.taxels.share
+
+
+# The resonances of prints
+
+
+@pytest.mark.parametrize(
+    ("name", "sigma", "per_unit", "low", "high"),
+    [
+        ("modulus", 0.01, lambda c: 0.5, 1, 1),
+        ("thickness_drift_mm", 0.002, lambda c: 1.5 / c.beam.thickness_mm, 0.98, 1.02),
+        ("width_mm", 0.01, lambda c: 0.5 / c.beam.width_mm, 0.98, 1.02),
+        ("thickness_mm", 0.002, lambda c: 1.5 / c.beam.thickness_mm, 0.98, 1.02),
+        ("length_mm", 0.05, lambda c: 1.5 / c.beam.length_mm, 0.6, 1.0),
+        ("glue_mg", 3.0, lambda c: 0.5 / (c.effective_mass_g * 1e3), 1, 1),
+    ],
+)
+def test_sigma_of_one_spread_is_by_the_rule(name, sigma, per_unit, low, high):
+    plan = plan_of()
+    result = print_yield(plan, 4000, spreads=only(**{name: sigma}))
+    draws = 4000 * (1 if name in module.OF_A_PAD else 4)
+    sampling = 4 / sqrt(2 * draws)
+    for channel, found in zip(plan.channels, result.channels, strict=True):
+        ratio = found.sigma_f / (sigma * per_unit(channel))
+        assert low * (1 - sampling) < ratio < high * (1 + sampling)
+
+
+def test_sigma_of_all_spreads_adds_in_squares():
+    plan, z = plan_of(), replace(USUAL, plate_gradient=0.0, modulus=0.0, thickness_drift_mm=0.0)
+    for channel, found in zip(plan.channels, print_yield(plan, 4000, spreads=z).channels, strict=True):
+        terms = (
+            found.per_width * z.width_mm / channel.beam.width_mm,
+            found.per_thickness * z.thickness_mm / channel.beam.thickness_mm,
+            found.per_length * z.length_mm / channel.beam.length_mm,
+            0.5 * z.glue_mg / (channel.effective_mass_g * 1e3),
+        )
+        assert found.sigma_f == pytest.approx(sqrt(sum(t**2 for t in terms)), rel=4 / sqrt(2 * 16000))
+
+
+def test_a_gradient_acts_by_place():
+    plan = plan_of()
+    spreads, middle = only(plate_gradient=0.1), np.zeros((len(plan.taxels), 2))
+    corner = print_yield(plan, 20_000, spreads=spreads, places_mm=middle + 25.0)
+    assert corner.channels[0].sigma_f == pytest.approx(0.1 / sqrt(2 * pi), rel=4 * sqrt(2 / 20_000))
+    assert print_yield(plan, 10, spreads=spreads, places_mm=middle).channels[0].sigma_f == 0
+
+
+def test_taxels_far_apart_drift_apart_under_a_gradient():
+    plan, spreads = plan_of(), only(plate_gradient=0.3)
+    planned = print_yield(plan, 2000, spreads=spreads)
+    shuffled = shuffled_places_mm(plan, 1)
+    cells = [sorted(map(tuple, np.array(p).reshape(4, 4, 2)[0])) for p in (shuffled, module.places_of_mm(plan))]
+    assert cells[0] == cells[1] and not np.array_equal(shuffled, module.places_of_mm(plan))
+    anywhere = np.random.default_rng(1).permutation(shuffled)
+    scattered = print_yield(plan, 2000, spreads=spreads, places_mm=anywhere)
+    assert scattered.retuned.q05_db < planned.retuned.q05_db - 0.3
+
+
+# One printed coil, state by state
+
+
+def lines_of(scheme, tone, force, ratio, state):
+    """Lines of i² as (frequency, amplitude, channel that it belongs to as a harmonic), by multiplying sines out."""
+    active = np.flatnonzero(state)
+    lines = [(tone[j], force[j], None) for j in active]
+    if scheme == "tones":
+        current, at = np.sqrt(2 * force), tone / 2
+    elif scheme == "biased":
+        bias = sqrt(ratio * force.max() / 2)
+        current, at = force / (2 * bias), tone
+        lines += [(2 * at[j], current[j] ** 2 / 2, j) for j in active]
+    else:
+        return lines
+    for a, b in combinations(active, 2):
+        lines += [(f, current[a] * current[b], None) for f in (at[a] + at[b], abs(at[a] - at[b]))]
+    return lines
+
+
+def states_db(plan, off_by, retuned):
+    """Smallest ON over largest OFF amplitude of a coil with resonances `off_by` times the plan's, by all states."""
+    names = ("resonance_hz", "q", "effective_mass_g")
+    planned, q, mass = (np.array([getattr(c, name) for c in plan.channels]) for name in names)
+    drive, scheme = plan.typed_spec.drive, plan.selectivity.drive
+    hz = planned * off_by
+    tone = hz if retuned else planned
+    level = tone**-drive.level_law
+    force = level / np.abs(receptance(tone, tone, mass, q))
+    on, off = [], []
+    for state in product((0, 1), repeat=len(hz)):
+        lines = lines_of(scheme, tone, force, drive.bias_ratio, state)
+        for i, active in enumerate(state):
+            heard = [abs(a * receptance(f, hz[i], mass[i], q[i]) / level[i]) ** 2 for f, a, own in lines if own != i]
+            energy = max(heard, default=0.0) if scheme == "time-shared" else sum(heard)
+            (on if active else off).append(energy)
+    return 10 * np.log10(min(on) / max(off))
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_printed_coil_state_by_state(scheme, seed):
+    plan = plan_of(scheme=scheme, coils=(1, 1), law=0.7)
+    design = module.design_of(plan, None)
+    off_by = np.exp(module._log_detuning(design, USUAL, seed, 0, module.MOST_DRAWN)[:, 0])
+    result = print_yield(plan, 1, seed, spreads=USUAL)
+    assert np.abs(off_by - 1).max() > 0.01
+    assert result.planned.median_db == pytest.approx(states_db(plan, off_by, False), abs=DB)
+    assert result.retuned.median_db == pytest.approx(states_db(plan, off_by, True), abs=DB)
+
+
+# Yields
+
+
+def test_taxels_that_have_a_coil_each_follow_the_normal_law():
+    plan, sigma_mm = plan_of(hz=(80.0,), q=15.0), 0.04
+    result = print_yield(plan, 5000, spreads=only(width_mm=sigma_mm))
+    sigma = result.channels[0].per_width * sigma_mm / plan.channels[0].beam.width_mm
+    # ON energy 1/((Q (u - 1))² + u) of a fixed force at least half, in u = (f'/f)².
+    q = 15.0
+    low, high = np.sort(np.roots([q**2, 1 - 2 * q**2, q**2 - 2]))
+    share = norm.cdf(log(high) / 2 / sigma) - norm.cdf(log(low) / 2 / sigma)
+    assert 0.2 < share < 0.95
+    found, pads = result.planned.taxels, result.planned.pads
+    assert found.made == 20_000
+    assert found.share == pytest.approx(share, abs=4 * sqrt(share * (1 - share) / 20_000))
+    assert pads.share == pytest.approx(share**4, abs=4 * sqrt(share**4 * (1 - share**4) / 5000))
+    assert result.retuned.taxels.share == 1
+    assert (result.planned.median_db, result.nominal_db, result.swapped_share) == (None, None, None)
+    assert "1/sqrt(2)" in result.criterion and "no selectivity" in result.criterion
+
+
+def test_a_coil_with_one_taxel_beside_coils_with_two():
+    plan = plan_of(hz=(50.0, 160.0), taxels=7)
+    assert len(plan.taxels) == 7
+    exact = print_yield(plan, 20, spreads=NONE)
+    assert exact.planned.pads.share == exact.planned.taxels.share == exact.retuned.pads.share == 1
+    assert exact.planned.median_db == pytest.approx(plan.selectivity.all_states_db, abs=DB)
+    assert "to itself" in exact.criterion
+    spoilt = print_yield(plan, 500, spreads=only(modulus=0.5))
+    assert spoilt.planned.taxels.share < 0.5 and spoilt.retuned.pads.share == 1
+
+
+def test_yields_are_of_the_asked_selectivity():
+    plan = plan_of()
+    high = replace(plan, selectivity=replace(plan.selectivity, asked_db=plan.selectivity.all_states_db))
+    assert print_yield(high, 10, spreads=NONE).planned.pads.share == 1
+    higher = replace(plan, selectivity=replace(plan.selectivity, asked_db=plan.selectivity.all_states_db + 1e-6))
+    none = print_yield(higher, 10, spreads=NONE).planned
+    assert none.pads.share == 0
+    assert none.taxels.share == 0.75, "the worst taxel of four is the one that misses"
+
+
+def test_quantiles_rise_and_intervals_are_wilson_s():
+    result = print_yield(plan_of(), 2000, spreads=USUAL)
+    for outcome in (result.planned, result.retuned):
+        assert dbs(outcome) == sorted(set(dbs(outcome)))
+        share = outcome.pads
+        z, n, p = norm.ppf(0.975), share.made, share.share
+        middle, half = p + z**2 / (2 * n), z * sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
+        expected = [(middle - half) / (1 + z**2 / n), (middle + half) / (1 + z**2 / n)]
+        assert [share.low, share.high] == pytest.approx(expected, abs=1e-3 * half)
+        # Taxels share their pad's drift: less is known than from as many independent ones, more than from pads.
+        taxels = outcome.taxels
+        alone = 2 * z * sqrt(taxels.share * (1 - taxels.share) / taxels.made)
+        assert 1.01 * alone < taxels.high - taxels.low < 4 * alone
+
+
+def test_neighbours_that_swapped_or_came_too_close():
+    plan, sigma_mm = plan_of(), 0.1
+    result = print_yield(plan, 2000, spreads=only(thickness_mm=sigma_mm))
+    limit, swapped, crowded = log(ladder_ratio(30.0, 10.0)), [], []
+    pairs = pairwise(zip(plan.channels, result.channels, strict=True))
+    for (a, low), (b, high) in pairs:
+        sigma = sigma_mm * hypot(low.per_thickness / a.beam.thickness_mm, high.per_thickness / b.beam.thickness_mm)
+        apart = norm(log(b.resonance_hz / a.resonance_hz), sigma)
+        swapped.append(apart.cdf(0))
+        crowded.append(apart.cdf(limit) - apart.cdf(-limit))
+    # The pairs of a coil share channels: as sure as from one pair of each of 8000 coils.
+    sampling = 4 * 0.5 / sqrt(8000)
+    assert min(np.mean(swapped), np.mean(crowded)) > 2 * sampling
+    assert result.swapped_share == pytest.approx(np.mean(swapped), abs=sampling)
+    assert result.crowded_share == pytest.approx(np.mean(crowded), abs=sampling)
+
+
+# What costs most
+
+
+def test_the_only_spread_is_the_costliest_and_all_of_the_loss():
+    plan = plan_of()
+    result = print_yield(plan, 300, spreads=only(thickness_mm=0.03, modulus=1e-5))
+    assert [cost.spread for cost in result.costs] == list(module.NAMES)
+    cost = result.costs[module.NAMES.index("thickness_mm")]
+    assert result.cost_pads == 300
+    for name in ("planned", "retuned"):
+        outcome, gain = getattr(result, name), getattr(cost, name)
+        assert getattr(result, f"costliest_{name}") == ("thickness_mm", "pads")
+        assert gain.pads == pytest.approx(1 - outcome.pads.share)
+        assert gain.taxels == pytest.approx(1 - outcome.taxels.share)
+        assert gain.median_db == pytest.approx(plan.selectivity.all_states_db - outcome.median_db, abs=0.05)
+    assert print_yield(plan, 50, spreads=NONE).costliest_retuned == ("none", "none")
+
+
+# The same bits, bounded work, plain data
+
+
+def test_a_seed_gives_the_same_bits_in_blocks_of_any_size(monkeypatch):
+    for plan in (plan_of(), plan_of(scheme="tones"), plan_of(scheme="biased", coils=(1, 1))):
+        first = print_yield(plan, 40, 7, spreads=USUAL)
+        assert print_yield(plan, 40, 7, spreads=USUAL) == first
+        assert dbs(print_yield(plan, 40, 8, spreads=USUAL).planned) != dbs(first.planned)
+        for block in (1, 300):
+            monkeypatch.setattr(module, "BLOCK", block)
+            assert print_yield(plan, 40, 7, spreads=USUAL) == first
+        monkeypatch.undo()
+
+
+def test_the_first_pads_are_the_same_however_many():
+    plan = plan_of()
+    design = module.design_of(plan, None)
+    few, many = (module.printed(design, USUAL, pads, 0) for pads in (100, 5000))
+    assert np.array_equal(few.ratio, many.ratio[:, :100])
+    assert len(np.unique(many.ratio[0])) > 4990, "streams must differ"
+
+
+def test_pads_are_limited_by_work():
+    plan = plan_of(scheme="tones")
+    responses = 4 * 2 * (4**2 + 4 * 4 * 3) + 10 * 16
+    result = print_yield(plan, 1000, spreads=USUAL, budget=100 * responses)
+    assert (result.pads, result.pads_asked, result.cost_pads) == (100, 1000, 5)
+    assert result.planned.pads.made == 100
+    with pytest.raises(ValueError, match="pads must be at least 1, got 0"):
+        print_yield(plan, 0)
+
+
+def test_the_result_is_plain_data(small_plan):
+    result = print_yield(small_plan, 20)
+    assert json.loads(json.dumps(asdict(result), allow_nan=False))["pads"] == 20
+    absurd = print_yield(small_plan, 200, spreads=only(thickness_mm=100.0))
+    json.dumps(asdict(absurd), allow_nan=False)
+
+
+def test_planning_does_not_load_it():
+    code = "import sys, padgen.planner; sys.exit('padgen.planner.print_yield' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
