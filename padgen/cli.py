@@ -139,7 +139,7 @@ def _folder(options: argparse.Namespace, name: str) -> Path:
 
 
 def _plan(options: argparse.Namespace) -> int:
-    from padgen.files import OutputFolder, json_text, stale_files
+    from padgen.files import OutputFolder, differs, json_text, stale_files
     from padgen.planner import make_plan, plan_to_json
     from padgen.spec import load_spec
 
@@ -158,7 +158,7 @@ def _plan(options: argparse.Namespace) -> int:
         if printed:
             out.write(YIELD_FILE, json_text(asdict(printed)))
         stale = stale_files(folder, text)
-        out.commit(remove=[] if printed or not stale else [YIELD_FILE])
+        out.commit(remove=[YIELD_FILE] if differs(folder, "plan.json", text) else [])
     if options.json:
         parts = {"explain": explanation, "yield": printed}
         present = {key: asdict(part) for key, part in parts.items() if part}

@@ -131,6 +131,14 @@ def stale_files(path: Path, plan: str) -> list[str]:
     return [] if files.get("plan.json") == file_hash(plan.encode()) else list(files)
 
 
+def differs(path: Path, name: str, text: str) -> bool:
+    """Whether a folder has a file of this name with another text."""
+    try:
+        return (path / name).read_bytes() != text.encode()
+    except OSError:
+        return False
+
+
 def is_current(path: Path, inputs: dict[str, Any]) -> bool:
     """Whether a folder's manifest was made from `inputs` and its files are all there, unchanged."""
     manifest = read_manifest(path)

@@ -160,14 +160,14 @@ def explanation_text(explanation: "Explanation") -> str:
     """Which limit binds, what the cheapest changes buy, and the capacities by scheme and level law."""
     held = explanation.channels
     keep = "channel per coil keeps" if held == 1 else "channels per coil keep"
-    lines = [f"{held} {keep} what was asked; one more is stopped by"]
+    lines = [f"{held} {keep} what was asked (driven {explanation.drive}); one more is stopped by"]
     lines += [f"  - {limit}" for limit in explanation.limits] or ["  - nothing that was tried"]
     if explanation.changes:
         rows = [
             (
                 change.change,
                 change.cost,
-                f"{change.gained:+d}" if change.gained else "",
+                f"{change.gained:+d} ({change.drive})" if change.gained else "",
                 f"{change.gained_in_band:+d}" if change.gained_in_band else "",
                 "" if change.gained_db is None else f"{change.gained_db:+.1f}",
             )

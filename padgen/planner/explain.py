@@ -42,11 +42,13 @@ class Change:
 
     `channels` per coil then keep what was asked, `gained` more than now; `gained_in_band` more would
     if there were room for all; `gained_db` is added to the all-state figure of the planned number.
+    `drive` is the scheme that `channels` per coil take.
     """
 
     change: str
     cost: str
     channels: int
+    drive: str
     gained: int
     gained_in_band: int
     gained_db: float | None
@@ -54,9 +56,10 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """`channels` per coil keep what was asked on this grid; `limits` say in words what stops one more."""
+    """`channels` per coil keep what was asked on this grid with `drive`; `limits` say what stops one more."""
 
     channels: int
+    drive: str
     limits: tuple[str, ...]
     changes: tuple[Change, ...]
     capacities: tuple[CapacityRow, ...]
@@ -66,20 +69,22 @@ def explain_plan(spec: Spec, plan: Plan, progress: Callable[[str], None] = lambd
     """Try what would help the pad of `plan`, on its own coil grid, with resonances that the search may choose."""
     grid, count = (plan.coils.rows, plan.coils.columns), len(plan.sets[0])
     progress("what stops one more channel")
-    held, in_band = _channels_held(spec, grid), _channels_in_band(spec)
+    (held, drive), in_band = _channels_held(spec, grid), _channels_in_band(spec)
     now = plan.selectivity.all_states_db
     changes = []
     for cost, words, other in _changes(spec, plan):
         progress(words)
-        channels = _channels_held(other, grid)
+        channels, scheme = _channels_held(other, grid)
         figures = _figures(other, grid, count)
         after = figures.all_states_db if figures else None
         gained_db = after - now if after is not None and now is not None else None
-        change = Change(words, COSTS[cost], channels, channels - held, _channels_in_band(other) - in_band, gained_db)
+        change = Change(
+            words, COSTS[cost], channels, scheme, channels - held, _channels_in_band(other) - in_band, gained_db
+        )
         if change.gained > 0 or (change.gained == 0 and (change.gained_in_band > 0 or (gained_db or 0.0) > WORTH_DB)):
             changes.append(change)
     changes.sort(key=lambda c: (-c.gained, -c.gained_in_band, COSTS.index(c.cost), -(c.gained_db or 0.0)))
-    return Explanation(held, tuple(_limits(spec, plan, held)), tuple(changes), tuple(_capacities(spec)))
+    return Explanation(held, drive, tuple(_limits(spec, plan, held)), tuple(changes), tuple(_capacities(spec)))
 
 
 def _channels_in_band(spec: Spec) -> int:
@@ -100,16 +105,17 @@ def _capacities(spec: Spec) -> Iterator[CapacityRow]:
             yield CapacityRow(name, key, one_hot, states)
 
 
-def _channels_held(spec: Spec, grid: tuple[int, int]) -> int:
-    """Most channels per coil on `grid` that have room, print, and keep what was asked in all states."""
-    held, failed = 0, 0
+def _channels_held(spec: Spec, grid: tuple[int, int]) -> tuple[int, str]:
+    """Most channels per coil on `grid` that have room, print, and keep what was asked in all states, and how."""
+    held, drive, failed = 0, spec.drive.scheme, 0
     for count in range(1, MOST_TRIED + 1):
         figures = _figures(spec, grid, count)
-        keeps = figures is not None and (figures.all_states_db is None or figures.all_states_db >= figures.asked_db)
-        held, failed = (count, 0) if keeps else (held, failed + 1)
+        failed += 1
+        if figures and (figures.all_states_db is None or figures.all_states_db >= figures.asked_db):
+            held, drive, failed = count, figures.drive, 0
         if failed >= PATIENCE:
             break
-    return held
+    return held, drive
 
 
 def _figures(spec: Spec, grid: tuple[int, int], count: int) -> Selectivity | None:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.physics.ladder import geometric_ladder, ladder_ratio, paper_ladder, slot_half_width
+from padgen.physics.selectivity import all_states, channels
 from padgen.planner.selectivity import level_law, scheme_named
 from padgen.planner.sizing import reach, topologies
 from padgen.planner.suspensions import Room
@@ -14,17 +15,15 @@ from padgen.units import decibel
 
 __all__ = ["DRAWN_SHARE", "Optimum", "bound_db", "ladders", "optimum", "reachable_hz", "slot_band_hz"]
 
-MOST_CLEAN = 12
-"""Channels up to which resonances are looked for whose spurs miss all third channels."""
-
 DRAWN_SHARE = 1e-3
 """What drawing a beam to a micrometre may move a resonance by: 0.05 % on the smallest beam, doubled."""
 
 
 class Optimum(NamedTuple):
-    """Resonances in Hz, and the all-state figure in dB that none can exceed, where that was proven."""
+    """Resonances in Hz, their all-state figure in dB, and the one that none can exceed, where that was proven."""
 
     resonances_hz: tuple[float, ...]
+    all_states_db: float
     bound_db: float | None
 
 
@@ -93,19 +92,42 @@ def optimum(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
     """The resonances in a band that the drive scheme of `spec` tells apart best, for equal masses.
 
     An automatic scheme takes plain tones if a set of resonances keeps what is asked with them, else
-    what is best without spurs.
+    what is best without spurs, else in turns.
     """
     law, q, drive = level_law(spec), spec.q_min, spec.drive.scheme
-    if drive in ("tones", "biased") or (drive == "auto" and 2 < count <= MOST_CLEAN):
+    if drive == "auto":
+        drive = "tones" if count > 2 and _tones_can_be_clean(spec, count, low_hz, high_hz) else "spur-free"
+    if drive in ("tones", "biased"):
         from padgen.physics.clean_sets import clean_set
 
-        found = clean_set(low_hz, high_hz, count, q, law, scheme_named(spec, "tones" if drive == "auto" else drive))
-        if drive != "auto" or found.all_states_db >= decibel(spec.delta_y):
-            return Optimum(_rounded(found.resonances_hz), found.bound_db)
+        found = clean_set(low_hz, high_hz, count, q, law, scheme_named(spec, drive))
+        return Optimum(_rounded(found.resonances_hz), found.all_states_db, found.bound_db)
+    best = _minimax(spec, count, low_hz, high_hz, drive)
+    if spec.drive.scheme == "auto" and best.all_states_db < decibel(spec.delta_y):
+        turns = _minimax(spec, count, low_hz, high_hz, "time-shared")
+        best = turns if turns.all_states_db >= decibel(spec.delta_y) else best
+    return best
+
+
+def _minimax(spec: Spec, count: int, low_hz: float, high_hz: float, drive: str) -> Optimum:
     from padgen.physics.minimax import minimax_ladder
 
-    scheme = scheme_named(spec, "spur-free" if drive == "auto" else drive)
-    return Optimum(_rounded(minimax_ladder(low_hz, high_hz, count, q, law, scheme)), None)
+    law, scheme = level_law(spec), scheme_named(spec, drive)
+    ladder = minimax_ladder(low_hz, high_hz, count, spec.q_min, law, scheme)
+    return Optimum(_rounded(ladder), all_states(channels(ladder, spec.q_min, law(ladder)), scheme).db, None)
+
+
+@lru_cache(maxsize=256)
+def _tones_can_be_clean(spec: Spec, count: int, low_hz: float, high_hz: float) -> bool:
+    """Whether plain tones can keep what is asked. Where one channel fewer cannot, `count` cannot either."""
+    if count <= 2:
+        return True
+    if not _tones_can_be_clean(spec, count - 1, low_hz, high_hz):
+        return False
+    from padgen.physics.clean_sets import clean_set
+
+    law, tones = level_law(spec), scheme_named(spec, "tones")
+    return clean_set(low_hz, high_hz, count, spec.q_min, law, tones, budget=0).all_states_db >= decibel(spec.delta_y)
 
 
 def bound_db(spec: Spec, count: int, room: Room) -> float | None:

@@ -1,0 +1,232 @@
+"""`plan --explain`, `plan --yield`, beams in the printer's steps, and optimised spacing, as a user meets them."""
+
+import json
+import subprocess
+import sys
+import tempfile
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+
+from padgen.cli import run
+from padgen.errors import InfeasibleError
+from padgen.physics.selectivity import SCHEMES
+from padgen.planner import make_plan
+from padgen.planner.explain import _changes, _channels_held, _limits, explain_plan
+from padgen.planner.plan import without_none
+from padgen.planner.print_yield import print_yield
+from padgen.spec import load_spec, make_spec, parse_spec
+from padgen.tell import explanation_text, plan_text, yield_text
+
+FOUR = 'name = "four"\nresolution = 32\nband_hz = [50, 400]\nq_min = 15\n[coil]\ngrid = [2, 4]\n'
+
+
+# Explaining
+
+
+@pytest.fixture(scope="module")
+def explained():
+    spec = parse_spec(FOUR)
+    plan = make_plan(spec)
+    return spec, plan, explain_plan(spec, plan)
+
+
+def test_changes_keep_what_they_promise(explained):
+    """Plan each change anew with the channels that it is said to hold: all states reach what is asked."""
+    spec, plan, explanation = explained
+    specs = {words: other for _, words, other in _changes(spec, plan)}
+    assert len(explanation.changes) >= 5
+    for change in explanation.changes:
+        other = specs[change.change]
+        again = make_plan(replace(other, resolution=8 * change.channels, coil=replace(other.coil, grid=(2, 4))))
+        assert len(again.channels) == change.channels
+        assert again.selectivity.all_states_db >= again.selectivity.asked_db
+        if change.gained_db is not None:
+            planned = make_plan(replace(other, coil=replace(other.coil, grid=(2, 4))))
+            gained = planned.selectivity.all_states_db - plan.selectivity.all_states_db
+            assert gained == pytest.approx(change.gained_db)
+
+
+def test_one_more_than_held_does_not_hold(explained):
+    spec, _, explanation = explained
+    # The paper's slots are six, one more has no ladder; with biased it would have been four.
+    assert (explanation.channels, explanation.drive) == (6, "time-shared")
+    assert explanation.limits[0].startswith("Q and band: at Q = 15 the paper's slots of 1.4 fill 50 … 400 Hz with 6")
+    with pytest.raises(InfeasibleError):
+        make_plan(replace(spec, resolution=8 * 7))
+    biased = replace(spec, drive=replace(spec.drive, scheme="biased"))
+    assert _channels_held(biased, (2, 4)) == (4, "biased")
+    assert any("selectivity: 5 channels per coil" in limit for limit in _limits(biased, make_plan(biased), 4))
+    more = make_plan(replace(biased, resolution=8 * 5))
+    assert more.selectivity.all_states_db < more.selectivity.asked_db
+
+
+def test_changes_are_ranked_by_what_they_buy_then_by_cost(explained):
+    changes = explained[2].changes
+    assert [c.gained for c in changes] == sorted((c.gained for c in changes), reverse=True)
+    assert any("Q 15 → " in c.change and c.gained_in_band > 0 for c in changes)
+
+
+def test_the_limit_that_binds_is_named():
+    room = load_spec("quad-64")
+    limits = _limits(room, make_plan(room), 4)
+    assert any(limit.startswith("pitch and washer: 5 channels per coil") for limit in limits)
+    weak = parse_spec(FOUR + "[drive]\nlevel_um = 60\n")
+    assert any(limit.startswith("copper loss: it allows") for limit in _limits(weak, make_plan(weak), 6))
+
+
+def test_capacities_by_scheme_and_law(explained):
+    rows = explained[2].capacities
+    assert {(row.scheme, row.level_law) for row in rows} == {(s, p) for s in SCHEMES for p in (0.0, 1.0, 2.0)}
+    assert all(1 <= row.all_states <= row.one_hot for row in rows)
+    text = explanation_text(explained[2])
+    assert "6 channels per coil keep what was asked (driven time-shared); one more is stopped by" in text
+    assert "time-shared  " in text
+
+
+def test_explain_on_the_command_line(tmp_path, capsys):
+    assert run(["plan", "paper-32", "--explain", "--json", "-o", str(tmp_path)]) == 0
+    table = json.loads(capsys.readouterr().out)
+    assert table["explain"]["channels"] == 1
+    assert "explain" not in json.loads((tmp_path / "plan.json").read_text())
+    assert run(["plan", "paper-32", "--explain", "-o", str(tmp_path)]) == 0
+    assert "1 channel per coil keeps what was asked" in capsys.readouterr().out
+
+
+# Yield
+
+
+def test_yield_on_the_command_line(tmp_path, capsys):
+    def figures(*arguments):
+        assert run(["plan", "paper-32", "--yield", "500", "--json", "-o", str(tmp_path), *arguments]) == 0
+        return json.loads(capsys.readouterr().out)["yield"]
+
+    first = figures()
+    assert figures() == first
+    assert figures("--seed", "1") != first
+    assert json.loads((tmp_path / "yield.json").read_text())["pads"] == 500
+    assert run(["plan", "paper-32", "-o", str(tmp_path)]) == 0
+    assert (tmp_path / "yield.json").exists(), "the plan has not changed"
+
+
+def test_a_yield_of_another_plan_is_taken_away(tmp_path, capsys):
+    assert run(["plan", "paper-32", "--yield", "50", "-o", str(tmp_path)]) == 0
+    assert run(["plan", "paper-16", "-o", str(tmp_path)]) == 0
+    capsys.readouterr()
+    assert not (tmp_path / "yield.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["--yield", "0"], "--yield: must be 1 … 10000000 pads, got 0"),
+        (["--yield", "99999999"], "--yield: must be 1 … 10000000 pads, got 99999999"),
+        (["--yield", "5", "--seed", "-1"], "--seed: must be 0 or more, got -1"),
+    ],
+)
+def test_bad_yields_are_refused(arguments, sentence, tmp_path, capsys):
+    assert run(["plan", "paper-32", *arguments, "-o", str(tmp_path / "new")]) == 2
+    assert sentence in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()
+
+
+def test_yield_text_says_what_costs_most(paper_plan):
+    text = yield_text(print_yield(paper_plan, 200))
+    assert "200 pads printed in the computer (seed 0)" in text
+    assert "costliest: thickness mm" in text
+
+
+# Steps of the printer
+
+
+def coarse(step_mm, extra=""):
+    return make_plan(
+        parse_spec(
+            f'name = "lines"\nresolution = 32\nband_hz = [40, 400]\nq_min = 15\n{extra}'
+            f'[printer]\nname = "fdm-0.4"\nwidth_step_mm = {step_mm}\n'
+        )
+    )
+
+
+@pytest.mark.parametrize("step_mm", [0.05, 0.2, 0.45])
+def test_beams_are_whole_steps_wide(step_mm):
+    plan = coarse(step_mm)
+    for channel in plan.channels:
+        steps = (channel.beam.width_mm - 0.45) / step_mm
+        assert steps == pytest.approx(round(steps), abs=1e-6)
+        layers = (channel.beam.thickness_mm - 0.2) / 0.1
+        assert layers == pytest.approx(round(layers), abs=1e-6)
+    # Nearest widths alone would cost 2 dB and more at whole lines; the re-fitted ladder has them back.
+    assert plan.selectivity.snapping_db < 0.3
+    assert plan.selectivity.all_states_db > 20
+
+
+def test_resonances_are_those_of_the_beams_that_print():
+    from padgen.planner.suspensions import BeamShape
+    from padgen.planner.taxel_model import TaxelModel, plate_shape
+
+    plan = coarse(0.45)
+    for channel in plan.channels:
+        beam, spec = channel.beam, plan.typed_spec
+        shape = BeamShape(beam.width_mm, beam.thickness_mm, beam.length_mm)
+        model = TaxelModel(spec, beam.topology, plate_shape(spec), shape)
+        assert channel.resonance_hz == pytest.approx(float(model.resonance_hz))
+
+
+def test_what_steps_cost_is_shown():
+    """With explicit resonances nothing may be re-fitted: the nearest beams, and their cost in dB."""
+    # Only the width may change, so whole lines come nowhere near.
+    text = (
+        'name = "pair"\nresolution = 32\nband_hz = [50, 200]\nq_min = 15\nresonances_hz = [56, 70]\n'
+        '[coil]\ngrid = [4, 4]\n[suspension]\ntopology = "cantilever"\ntune = "width"\n[printer]\nname = "fdm-0.4"\n'
+    )
+    fine, steps = (make_plan(parse_spec(f"{text}width_step_mm = {step}\n")) for step in (0.001, 0.45))
+    assert abs(fine.selectivity.snapping_db) < 0.01
+    nearest = [c.beam.width_mm for c in steps.channels]
+    assert nearest != [c.beam.width_mm for c in fine.channels]
+    expected = 10 ** ((fine.selectivity.all_states_db - steps.selectivity.all_states_db) / 20)
+    assert steps.selectivity.snapping_db == pytest.approx(20 * np.log10(expected), abs=0.05)
+    assert {"resonance.off"} <= {f.code for f in steps.findings}
+    if steps.selectivity.snapping_db > 0.5:
+        assert "selectivity.snapping" in {f.code for f in steps.findings}
+        assert "printing in steps costs" in plan_text(steps)
+
+
+# Optimised spacing
+
+
+def optimised(text, spacing):
+    table = asdict(parse_spec(text)) | {"spacing": spacing}
+    return make_plan(make_spec(without_none(table)))
+
+
+@pytest.mark.parametrize("scheme", ["spur-free", "time-shared", "tones", "auto"])
+def test_optimised_spacing_is_no_worse(scheme):
+    text = FOUR + f"[drive]\nscheme = '{scheme}'\n"
+    spread, best = (optimised(text, spacing) for spacing in ("spread", "optimised"))
+    key = "one_hot_db" if scheme == "time-shared" else "all_states_db"
+    # The spread ladder leaves half a slot at the band's ends, which the optimised one uses.
+    assert getattr(best.selectivity, key) >= getattr(spread.selectivity, key)
+    if scheme == "tones":
+        assert best.selectivity.all_states_db > spread.selectivity.all_states_db + 5
+        assert best.selectivity.bound_db >= best.selectivity.all_states_db - 0.5
+        assert "no resonances in the band that prints here can exceed" in plan_text(best)
+
+
+def test_three_plain_tones_can_be_clean():
+    """Automatic drive with optimised spacing stays with plain tones where their spurs can miss all channels."""
+    text = FOUR.replace("resolution = 32", "resolution = 24").replace("[50, 400]", "[50, 800]")
+    plan = optimised(text, "optimised")
+    assert (len(plan.channels), plan.selectivity.drive) == (3, "tones")
+    assert plan.selectivity.all_states_db >= 20
+
+
+def test_planning_loads_no_optimiser():
+    code = "import sys; from padgen.cli import run; run(['plan', 'paper-32', '-o', sys.argv[1]]); "
+    code += (
+        "bad = [m for m in sys.modules if m.split('.')[0] == 'scipy' or m.endswith(('clean_sets', 'print_yield'))]; "
+    )
+    code += "assert not bad, bad"
+    with tempfile.TemporaryDirectory() as folder:
+        subprocess.run([sys.executable, "-c", code, folder], check=True, capture_output=True)
