@@ -10,12 +10,12 @@ class LevelLaw:
 
     Either ``D ∝ f^−p`` (p = 0 equal displacement, 1 velocity, 2 acceleration) or equal sensation: in
     proportion to a detection threshold that is given at a few frequencies, straight between them on
-    logarithmic axes.
+    logarithmic axes, with bends at `bends_log_hz`, ln of its frequencies (empty for a power law).
     """
 
     def __init__(self, exponent: float, curve_hz: tuple[float, ...] = (), curve_um: tuple[float, ...] = ()) -> None:
         self.exponent = exponent
-        self._log_hz, self._log_um = np.log(curve_hz), np.log(curve_um)
+        self.bends_log_hz, self._log_um = np.log(curve_hz), np.log(curve_um)
 
     def __call__(self, resonance_hz: np.ndarray) -> np.ndarray:
         """Displacements (n,) for resonances (n,) in Hz."""
@@ -27,7 +27,7 @@ class LevelLaw:
 
     def threshold_um(self, resonance_hz: np.ndarray) -> np.ndarray | None:
         """The curve in µm at `resonance_hz`; None for a power law, which knows no threshold."""
-        if not len(self._log_hz):
+        if not len(self.bends_log_hz):
             return None
-        threshold: np.ndarray = np.exp(np.interp(np.log(resonance_hz), self._log_hz, self._log_um))
+        threshold: np.ndarray = np.exp(np.interp(np.log(resonance_hz), self.bends_log_hz, self._log_um))
         return threshold

@@ -1,6 +1,7 @@
 """Which resonances the channels of a coil get, within the band and within what a room can print."""
 
 from functools import lru_cache
+from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
@@ -101,7 +102,9 @@ def optimum(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
         from padgen.physics.clean_sets import clean_set
 
         found = clean_set(low_hz, high_hz, count, q, law, scheme_named(spec, drive))
-        return Optimum(_rounded(found.resonances_hz), found.all_states_db, found.bound_db)
+        return Optimum(
+            _rounded(found.resonances_hz), found.all_states_db, found.bound_db if isfinite(found.bound_db) else None
+        )
     best = _minimax(spec, count, low_hz, high_hz, drive)
     if spec.drive.scheme == "auto" and best.all_states_db < decibel(spec.delta_y):
         turns = _minimax(spec, count, low_hz, high_hz, "time-shared")
