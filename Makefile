@@ -6,7 +6,7 @@ STAMP := $(VENV)/.installed
 TEMPLATES := $(basename $(notdir $(wildcard templates/*.toml)))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup pad test check format variants slice goldens performance pictures clean $(TEMPLATES:%=variant-%)
+.PHONY: help setup pad test check format variants slice goldens performance selectivity pictures clean $(TEMPLATES:%=variant-%)
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -49,6 +49,9 @@ goldens: $(STAMP) ## write the golden texts anew, after a wanted change of geome
 
 performance: $(STAMP) ## measure what docs/performance.md reports
 	$(BIN)/python docs/measure.py
+
+selectivity: $(STAMP) ## compute what docs/selectivity.md reports
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python docs/measure_selectivity.py
 
 pictures: $(STAMP) ## draw the README's pictures anew
 	$(BIN)/python docs/pictures.py

@@ -96,3 +96,71 @@ def test_json_says_which_taxel_is_which(paper_plan):
     assert len(table["taxels"]) == 32
     assert table["scheme"] == "tones"
     assert table["coils"][0] == {"coil": [0, 0], "set": 0, "x_mm": -18.75, "y_mm": -18.75}
+
+
+TRIPLE = 'name = "a"\nresolution = 3\nband_hz = [40, 300]\nq_min = 15\nresonances_hz = [60, 101, 140]\ndrive = "{}"\n'
+
+
+def played(recipe, rows, on, time):
+    """The current in A that the formula of drive.json says, with the ON channels of a coil."""
+    hz = np.array([row["resonance_hz"] for row in rows])[on]
+    line = np.array(recipe["squared_lines_a2"])[on]
+    if recipe["formula"].startswith("i(t) = B"):
+        tones = np.array([row["current_ma_peak"] for row in rows])[on] * 1e-3
+        return recipe["bias_a"] + (tones[:, None] * np.sin(2 * np.pi * hz[:, None] * time)).sum(0)
+    if recipe["formula"].startswith("i(t) = sqrt"):
+        constant = recipe["a0_all_on_a2"] * line.sum() / sum(recipe["squared_lines_a2"])
+        return np.sqrt(constant + (line[:, None] * np.cos(2 * np.pi * hz[:, None] * time)).sum(0))
+    tones = np.array([row["current_ma_peak"] for row in rows])[on] * 1e-3
+    return (tones[:, None] * np.sin(np.pi * hz[:, None] * time)).sum(0)
+
+
+@pytest.mark.parametrize("scheme", ["tones", "biased", "spur-free"])
+@pytest.mark.parametrize("state", ["101", "111"])
+def test_the_recipe_makes_the_lines_of_the_state(scheme, state):
+    """Square the current that drive.json describes: its lines and its mean are those of the table."""
+    plan = make_plan(parse_spec(TRIPLE.format(scheme)))
+    table = json.loads(drive_json(plan))
+    rows = [row for row in table["channels"] if row["channel"] != "bias"]
+    (listed,) = [s for s in table["states"] if s["state"] == state]
+    rate, seconds = 2000, 300
+    time = np.arange(rate * seconds) / rate
+    current = played(table["current"][0], rows, [bit == "1" for bit in state], time)
+    window = np.blackman(len(time))
+    pull = [c.force_constant_n_per_a2 for c in plan.channels]
+    for line in (*listed["lines"], *listed["spurs"]):
+        own = line["channels"] if "channels" in line else [line["channel"]]
+        constant = float(np.prod([pull[k] for k in own])) ** (1 / len(own))
+        carrier = np.exp(-2j * np.pi * line["force_hz"] * time)
+        amplitude = 2 * abs((constant * current**2 * carrier * window).sum()) / window.sum()
+        assert amplitude * 1e3 == pytest.approx(line["force_mn"], rel=2e-3)
+    assert (pull[0] * current**2).mean() * 1e3 == pytest.approx(listed["static_force_mn"], rel=2e-3)
+    assert ({spur["kind"] for spur in listed["spurs"]} == set()) == (scheme == "spur-free")
+
+
+def test_bias_rows():
+    for scheme in ("tones", "time-shared"):
+        assert "bias" not in drive_csv(make_plan(parse_spec(TRIPLE.format(scheme))))
+    biased, free = (make_plan(parse_spec(TRIPLE.format(scheme))) for scheme in ("biased", "spur-free"))
+    *rows, bias = drive_rows(biased)
+    assert (bias.channel, bias.drive_hz, bias.impedance_ohm) == ("bias", 0.0, 62.9)
+    # Five times the largest tone.
+    assert bias.current_ma_peak == pytest.approx(5 * max(row.current_ma_peak for row in rows))
+    for channel, row in zip(biased.channels, rows, strict=True):
+        force = 2 * channel.force_constant_n_per_a2 * bias.current_ma_peak * row.current_ma_peak * 1e-6
+        assert force == pytest.approx(channel.force_mn * 1e-3)
+    *rows, bias = drive_rows(free)
+    lines = sum(c.force_mn * 1e-3 / c.force_constant_n_per_a2 for c in free.channels)
+    assert (bias.current_ma_peak * 1e-3) ** 2 == pytest.approx(1.05 * lines)
+    assert bias.voltage_v_peak == pytest.approx(bias.current_ma_peak * 1e-3 * 62.9)
+
+
+def test_voltage_of_the_root_by_sampling():
+    plan = make_plan(parse_spec(TRIPLE.format("spur-free")))
+    for channel, row in zip(plan.channels, drive_rows(plan), strict=False):
+        line = channel.force_mn * 1e-3 / channel.force_constant_n_per_a2
+        time = np.linspace(0, 1 / channel.resonance_hz, 200_001)
+        current = np.sqrt(line * (1.05 + np.cos(2 * np.pi * channel.resonance_hz * time)))
+        volts = 62.9 * current + 41.7e-3 * np.gradient(current, time)
+        assert row.voltage_v_peak == pytest.approx(volts[1:-1].max(), rel=1e-4)
+        assert row.current_ma_peak == pytest.approx(current.max() * 1e3)

@@ -67,8 +67,8 @@ def largest_counts(
 ) -> tuple[int, int]:
     """Most channels on a geometric ladder from one end of the band to the other that keep `target_db`.
 
-    In all states and with one channel on; equal masses. Searched up to `LARGEST` (with spurs
-    `LARGEST_WITH_SPURS`) channels.
+    In all states and with one channel on; equal masses. Searched up to `LARGEST` channels, in all states
+    of schemes with spurs up to `LARGEST_WITH_SPURS`.
     """
 
     def one_hot_holds(count: int) -> bool:
@@ -77,20 +77,16 @@ def largest_counts(
     def states_hold(count: int) -> bool:
         return all_states(_ladder(band_hz, count, q, law), scheme).db >= target_db
 
-    with_spurs = scheme.name in ("tones", "biased")
-    most = LARGEST_WITH_SPURS if with_spurs else LARGEST
+    most = LARGEST_WITH_SPURS if scheme.name in ("tones", "biased") else LARGEST
     one_hot = states = 1
-    for count in range(2, min(SCANNED, most) + 1):
-        if states_hold(count):
+    for count in range(2, SCANNED + 1):
+        if count <= most and states_hold(count):
             states = count
         if not one_hot_holds(count):
-            break
+            return states, one_hot
         one_hot = count
-    if one_hot == SCANNED < most:
-        one_hot = _last(one_hot_holds, SCANNED, most)
-        if states == SCANNED:
-            states = _last(states_hold, SCANNED, one_hot)
-    return states, one_hot
+    one_hot = _last(one_hot_holds, SCANNED, LARGEST)
+    return (_last(states_hold, SCANNED, one_hot) if states == SCANNED else states), one_hot
 
 
 def _last(holds: Callable[[int], bool], low: int, high: int) -> int:

@@ -74,7 +74,8 @@ def _options(spec: Spec, item: IdealBeam, target_hz: float) -> _Options:
     """Beams about the ideal one whose resonances lie near the target, at least the nearest."""
     axes = _widths_mm(spec, item), _thicknesses_mm(spec, item), _lengths_mm(spec, item)
     beam = BeamShape(*(axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")))
-    sound = beam.length_mm >= np.minimum(STUBBY * beam.thickness_mm, item.beam.length_mm) - 1e-9
+    slender = min(STUBBY, item.beam.length_mm / item.beam.thickness_mm)
+    sound = beam.length_mm >= slender * beam.thickness_mm - 1e-9
     beam = BeamShape(*(axis[sound] for axis in beam))
     model = TaxelModel(spec, item.topology, plate_shape(spec), beam)
     miss = np.abs(np.log(model.resonance_hz / target_hz))
