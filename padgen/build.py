@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from padgen import __version__
 from padgen.errors import SpecError
-from padgen.files import OutputFolder, file_hash, is_current, json_text, read_manifest
+from padgen.files import YIELD_FILE, OutputFolder, differs, file_hash, is_current, json_text, read_manifest
 from padgen.finding import Finding
 from padgen.spec import Spec
 
@@ -109,6 +109,8 @@ def build(
             progress(f"writing {name}")
             _write_format(out, name, plan, pad, instances, inputs["spec"])
         stale = [path.name for pattern in OWN_FILES for path in folder.glob(pattern)]
+        if differs(folder, "plan.json", plan_to_json(plan)):
+            stale.append(YIELD_FILE)
         out.commit({"padgen": __version__, "inputs": inputs}, remove=stale)
     files = tuple(read_manifest(folder)["files"])
     return Built(folder, files, report.figures, findings, False)

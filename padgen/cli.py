@@ -21,7 +21,6 @@ __all__ = ["main", "run"]
 
 DONE, CHECK_FAILED, BAD_INPUT = 0, 1, 2
 MOST_PADS = 10_000_000
-YIELD_FILE = "yield.json"
 SMALLEST_SPEC = {"name": "default", "resolution": 1, "band_hz": [50, 200], "q_min": 15}
 
 
@@ -139,7 +138,7 @@ def _folder(options: argparse.Namespace, name: str) -> Path:
 
 
 def _plan(options: argparse.Namespace) -> int:
-    from padgen.files import OutputFolder, differs, json_text, stale_files
+    from padgen.files import YIELD_FILE, OutputFolder, differs, json_text, stale_files
     from padgen.planner import make_plan, plan_to_json
     from padgen.spec import load_spec
 

@@ -16,9 +16,21 @@ from typing import Any
 
 from padgen.errors import FileError
 
-__all__ = ["MANIFEST", "OutputFolder", "file_hash", "is_current", "json_text", "read_manifest", "stale_files"]
+__all__ = [
+    "MANIFEST",
+    "YIELD_FILE",
+    "OutputFolder",
+    "differs",
+    "file_hash",
+    "is_current",
+    "json_text",
+    "read_manifest",
+    "stale_files",
+]
 
 MANIFEST = "manifest.json"
+YIELD_FILE = "yield.json"
+"""A yield that belongs to the plan beside it."""
 
 
 def json_text(table: Any) -> str:
@@ -102,6 +114,9 @@ class OutputFolder:
         if manifest is not None:
             listed = dict(sorted(self._hashes.items()))
             (self._aside / MANIFEST).write_text(json_text({**manifest, "files": listed}), encoding="utf-8")
+        for name in self._hashes:
+            if (self.path / name).is_dir():
+                raise FileError("cannot be written (a folder has its name)", str(self.path / name))
         known = read_manifest(self.path).get("files", {})
         if any(known.get(name) != new for name, new in self._hashes.items()):
             (self.path / MANIFEST).unlink(missing_ok=True)

@@ -31,7 +31,8 @@ def plan_text(plan: "Plan") -> str:
     bound = (
         f"capacity of a coil: {capacity.paper} channels by the paper's bound ({capacity.paper_unrounded:.2f},"
         f" ratio {number(capacity.ratio)}), {capacity.exact_one_hot} by the exact response with one channel on,"
-        f" {capacity.exact} in all states with {figures.drive}; limited by {capacity.limit}"
+        f" {_counted(capacity.exact, capacity.searched_to)} in all states with {figures.drive}; limited by"
+        f" {capacity.limit}"
     )
     lines = [head, bound, "", table(_HEADINGS, [_row(c) for c in plan.channels])]
     lines += ["", *_drive_lines(plan)]
@@ -40,6 +41,10 @@ def plan_text(plan: "Plan") -> str:
         lines.append(f"runners-up: {others}")
     settings = ", ".join(f"{key.replace('_', ' ')} {value}" for key, value in plan.printing.items())
     return "\n".join([*lines, f"print with: {settings}"])
+
+
+def _counted(count: int, searched_to: int) -> str:
+    return f"{count} or more" if count >= searched_to else str(count)
 
 
 def _drive_lines(plan: "Plan") -> list[str]:
@@ -78,8 +83,14 @@ def _selectivity_lines(plan: "Plan") -> list[str]:
                 for channel, row in zip(own, matrix, strict=True)
             )
             lines.append(f"dB below its own ON amplitude at the other channels' tones: {heard}")
-    if figures.bound_db is not None:
-        lines.append(f"no resonances in the band that prints here can exceed {figures.bound_db:.1f} dB in all states")
+    kept = figures.kept_db
+    if kept is not None and kept < states - SHOWN_DB:
+        lines.append(f"with each washer pulled as strongly as it lies to the coil: {kept:.1f} dB in all states")
+    if figures.bound_db is not None and figures.optimum_db is not None:
+        lines.append(
+            f"optimised resonances: {figures.optimum_db:.2f} dB with equal masses; proven that no others in the band"
+            f" that prints here exceed {figures.bound_db:.2f} dB"
+        )
     if (figures.snapping_db or 0.0) >= SHOWN_DB:
         lines.append(f"printing in steps costs {figures.snapping_db:.2f} dB of it")
     return lines
@@ -177,7 +188,7 @@ def explanation_text(explanation: "Explanation") -> str:
     laws = list(dict.fromkeys(row.level_law for row in explanation.capacities))
     by_scheme: dict[str, list[str]] = {}
     for row in explanation.capacities:
-        by_scheme.setdefault(row.scheme, []).append(f"{row.one_hot}, {row.all_states}")
+        by_scheme.setdefault(row.scheme, []).append(f"{row.one_hot}, {_counted(row.all_states, row.searched_to)}")
     headings = ["drive", *(law if isinstance(law, str) else f"1/f^{law:g}" for law in laws)]
     lines += ["", "most channels in the band, with one on and in all states, by level law:"]
     return "\n".join([*lines, table(headings, [(name, *cells) for name, cells in by_scheme.items()])])

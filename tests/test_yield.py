@@ -56,7 +56,7 @@ q_min = {q}
 delta_y = {delta_y}
 resonances_hz = {list(hz)}
 pad = {{ width_mm = {25 * columns}, depth_mm = {25 * rows} }}
-coil = {{ grid = [{rows}, {columns}] }}
+coil = {{ grid = [{rows}, {columns}], outer_diameter_mm = 24, inner_diameter_mm = 10, core_diameter_mm = 10 }}
 drive = {{ scheme = "{scheme}", level_law = {law} }}
 """)
     )
@@ -79,12 +79,12 @@ def test_prints_without_spreads_are_the_plan(scheme):
     result = print_yield(plan, 50, spreads=NONE)
     assert result.drive == scheme
     for outcome in (result.planned, result.retuned):
-        assert dbs(outcome) == pytest.approx([plan.selectivity.all_states_db] * 4, abs=DB)
+        assert dbs(outcome) == pytest.approx([plan.selectivity.placed_all_states_db] * 4, abs=DB)
 
 
 def test_the_paper_s_pad_as_planned_and_as_printed(paper_plan):
     exact = print_yield(paper_plan, 50, spreads=NONE)
-    assert dbs(exact.planned) == pytest.approx([paper_plan.selectivity.all_states_db] * 4, abs=DB)
+    assert dbs(exact.planned) == pytest.approx([paper_plan.selectivity.placed_all_states_db] * 4, abs=DB)
     printed = print_yield(paper_plan, 2000)
     assert printed.spreads == spreads_of(paper_plan.typed_spec)
     assert printed.planned.median_db < -10 < 0 < printed.retuned.median_db < exact.nominal_db
@@ -94,7 +94,7 @@ def test_the_paper_s_pad_as_planned_and_as_printed(paper_plan):
 def test_a_pad_that_is_scaled_as_a_whole_is_as_selective_after_tuning():
     plan = plan_of()
     result = print_yield(plan, 2000, spreads=only(modulus=0.2))
-    assert dbs(result.retuned) == pytest.approx([plan.selectivity.all_states_db] * 4, abs=DB)
+    assert dbs(result.retuned) == pytest.approx([plan.selectivity.placed_all_states_db] * 4, abs=DB)
     assert result.planned.median_db < result.retuned.median_db - 10
     assert result.swapped_share == 0
 
@@ -187,18 +187,22 @@ def lines_of(scheme, tone, force, ratio, state):
 
 def states_db(plan, off_by, retuned):
     """Smallest ON over largest OFF amplitude of a coil with resonances `off_by` times the plan's, by all states."""
-    names = ("resonance_hz", "q", "effective_mass_g")
-    planned, q, mass = (np.array([getattr(c, name) for c in plan.channels]) for name in names)
+    names = ("resonance_hz", "q", "effective_mass_g", "force_constant_n_per_a2")
+    planned, q, mass, pull = (np.array([getattr(c, name) for c in plan.channels]) for name in names)
     drive, scheme = plan.typed_spec.drive, plan.selectivity.drive
     hz = planned * off_by
     tone = hz if retuned else planned
     level = tone**-drive.level_law
-    force = level / np.abs(receptance(tone, tone, mass, q))
+    force = level / np.abs(receptance(tone, tone, mass, q)) / pull
     on, off = [], []
     for state in product((0, 1), repeat=len(hz)):
         lines = lines_of(scheme, tone, force, drive.bias_ratio, state)
         for i, active in enumerate(state):
-            heard = [abs(a * receptance(f, hz[i], mass[i], q[i]) / level[i]) ** 2 for f, a, own in lines if own != i]
+            heard = [
+                abs(a * pull[i] * receptance(f, hz[i], mass[i], q[i]) / level[i]) ** 2
+                for f, a, own in lines
+                if own != i
+            ]
             energy = max(heard, default=0.0) if scheme == "time-shared" else sum(heard)
             (on if active else off).append(energy)
     return 10 * np.log10(min(on) / max(off))
@@ -242,7 +246,7 @@ def test_a_coil_with_one_taxel_beside_coils_with_two():
     assert len(plan.taxels) == 7
     exact = print_yield(plan, 20, spreads=NONE)
     assert exact.planned.pads.share == exact.planned.taxels.share == exact.retuned.pads.share == 1
-    assert exact.planned.median_db == pytest.approx(plan.selectivity.all_states_db, abs=DB)
+    assert exact.planned.median_db == pytest.approx(plan.selectivity.placed_all_states_db, abs=DB)
     assert "to itself" in exact.criterion
     spoilt = print_yield(plan, 500, spreads=only(modulus=0.5))
     assert spoilt.planned.taxels.share < 0.5 and spoilt.retuned.pads.share == 1
@@ -250,16 +254,16 @@ def test_a_coil_with_one_taxel_beside_coils_with_two():
 
 def test_yields_are_of_the_asked_selectivity():
     plan = plan_of()
-    high = replace(plan, selectivity=replace(plan.selectivity, asked_db=plan.selectivity.all_states_db))
+    high = replace(plan, selectivity=replace(plan.selectivity, asked_db=plan.selectivity.placed_all_states_db))
     assert print_yield(high, 10, spreads=NONE).planned.pads.share == 1
-    higher = replace(plan, selectivity=replace(plan.selectivity, asked_db=plan.selectivity.all_states_db + 1e-6))
+    higher = replace(plan, selectivity=replace(plan.selectivity, asked_db=plan.selectivity.placed_all_states_db + 1e-6))
     none = print_yield(higher, 10, spreads=NONE).planned
     assert none.pads.share == 0
     assert none.taxels.share == 0.75, "the worst taxel of four is the one that misses"
 
 
 def test_quantiles_rise_and_intervals_are_wilson_s():
-    result = print_yield(plan_of(), 2000, spreads=USUAL)
+    result = print_yield(plan_of(delta_y=3.0), 2000, spreads=USUAL)
     for outcome in (result.planned, result.retuned):
         assert dbs(outcome) == sorted(set(dbs(outcome)))
         share = outcome.pads
@@ -294,7 +298,7 @@ def test_neighbours_that_swapped_or_came_too_close():
 
 
 def test_the_only_spread_is_the_costliest_and_all_of_the_loss():
-    plan = plan_of()
+    plan = plan_of(delta_y=3.0)
     result = print_yield(plan, 300, spreads=only(thickness_mm=0.03, modulus=1e-5))
     assert [cost.spread for cost in result.costs] == list(module.NAMES)
     cost = result.costs[module.NAMES.index("thickness_mm")]
@@ -304,7 +308,7 @@ def test_the_only_spread_is_the_costliest_and_all_of_the_loss():
         assert getattr(result, f"costliest_{name}") == ("thickness_mm", "pads")
         assert gain.pads == pytest.approx(1 - outcome.pads.share)
         assert gain.taxels == pytest.approx(1 - outcome.taxels.share)
-        assert gain.median_db == pytest.approx(plan.selectivity.all_states_db - outcome.median_db, abs=0.05)
+        assert gain.median_db == pytest.approx(plan.selectivity.placed_all_states_db - outcome.median_db, abs=0.05)
     assert print_yield(plan, 50, spreads=NONE).costliest_retuned == ("none", "none")
 
 

@@ -14,11 +14,13 @@ from padgen.physics.currents import bias_a, mean_square_a2
 from padgen.physics.selectivity import Scheme
 from padgen.planner.channels import squared_current_lines
 from padgen.planner.plan import Channel, Plan
-from padgen.planner.selectivity import scheme_named
+from padgen.planner.settings import scheme_named
 from padgen.units import MN
 
 __all__ = ["LARGEST_TABLE", "Line", "Spur", "State", "coil_states"]
 
+SMALLEST_LINE = 1e-300
+"""In A²: a coil that pulls no washer has none."""
 LARGEST_TABLE = 6
 """Channels up to which all 2ⁿ states are spelled out (paper Table I has n = 2)."""
 
@@ -100,10 +102,10 @@ def _static_force_mn(plan: Plan, scheme: Scheme, own: tuple[Channel, ...], bits:
 
 
 def _spurs(scheme: Scheme, own: tuple[Channel, ...], on: list[Channel]) -> list[Spur]:
-    if scheme.name not in ("tones", "biased"):
+    if not scheme.has_pair_spurs:
         return []
     lines = {channel.index: line for channel, line in zip(own, squared_current_lines(own), strict=True)}
-    largest = max(lines.values())
+    largest = max(*lines.values(), SMALLEST_LINE)
     spurs = []
     for a, b in combinations(on, 2):
         total, difference = a.resonance_hz + b.resonance_hz, abs(a.resonance_hz - b.resonance_hz)

@@ -16,8 +16,9 @@ from padgen.physics.currents import bias_a, current_lines_a, mean_square_a2
 from padgen.physics.magnetics import impedance
 from padgen.physics.selectivity import Scheme
 from padgen.planner.channels import squared_current_lines
+from padgen.planner.frames import slot_ms
 from padgen.planner.plan import Channel, Plan
-from padgen.planner.selectivity import scheme_named
+from padgen.planner.settings import scheme_named
 from padgen.units import MA, MH, MN
 
 __all__ = ["DriveRow", "drive_csv", "drive_json", "drive_rows"]
@@ -59,7 +60,7 @@ def drive_rows(plan: Plan) -> tuple[DriveRow, ...]:
         lines = squared_current_lines(own)
         current = current_lines_a(scheme, lines, plan.typed_spec.drive.headroom) if lines.max() > 0 else lines
         rows |= {c.index: _row(plan, scheme, c, float(i)) for c, i in zip(own, current, strict=True)}
-        if scheme.name in ("biased", "spur-free"):
+        if scheme.has_constant:
             constant.append(_bias_row(plan, scheme, kind))
     return (*(rows[c.index] for c in plan.channels), *constant)
 
@@ -160,9 +161,10 @@ def _recipe(plan: Plan, kind: int) -> dict[str, Any]:
     elif scheme.name == "biased":
         recipe["formula"] = "i(t) = B + sum over ON channels of b_j sin(2 pi resonance_hz_j t)"
         recipe["bias_a"] = bias_a(scheme, lines)
-    elif scheme.name == "time-shared":
+    elif scheme.takes_turns:
         recipe["formula"] = "i(t) = I_j sin(2 pi drive_hz_j t) in the slot of each ON channel j, one after the other"
-        recipe["slots_ms"] = [channel.ring_down_ms for channel in own]
+        recipe["slot_ms"] = slot_ms(plan.channels)
+        recipe["ramp_ms"] = slot_ms(plan.channels) / 2
     else:
         recipe["formula"] = "i(t) = sum over ON channels of I_j sin(2 pi drive_hz_j t)"
     return recipe

@@ -19,7 +19,8 @@ def bias_a(scheme: Scheme, line_a2: np.ndarray) -> float:
 def mean_square_a2(scheme: Scheme, line_a2: np.ndarray, headroom: float) -> float:
     """Mean of i² in A²: times R the copper loss, times a force constant the static pull.
 
-    Spur-free: the constant F₀/c, here at its safe value (1 + headroom) Σ a, for any phases.
+    Time-shared: in the slot of the largest. Spur-free: the constant F₀/c, here at its safe value
+    (1 + headroom) Σ a, for any phases.
     """
     if scheme.name == "tones":
         return float(line_a2.sum())
@@ -33,7 +34,8 @@ def mean_square_a2(scheme: Scheme, line_a2: np.ndarray, headroom: float) -> floa
 def current_lines_a(scheme: Scheme, line_a2: np.ndarray, headroom: float = 0.0) -> np.ndarray:
     """Peak current (n,) in A of each channel: of its tone, or spur-free of the coil with it alone on."""
     if scheme.name == "biased":
-        tones: np.ndarray = line_a2 / (2 * bias_a(scheme, line_a2))
+        bias = bias_a(scheme, line_a2)
+        tones: np.ndarray = line_a2 / (2 * bias) if bias else np.zeros(len(line_a2))
         return tones
     alone: np.ndarray = np.sqrt((2 + (headroom if scheme.name == "spur-free" else 0.0)) * line_a2)
     return alone
@@ -46,7 +48,7 @@ def peak_current_a(scheme: Scheme, line_a2: np.ndarray, headroom: float) -> floa
     lines = current_lines_a(scheme, line_a2)
     if scheme.name == "biased":
         return bias_a(scheme, line_a2) + float(lines.sum())
-    return float(lines.max() if scheme.name == "time-shared" else lines.sum())
+    return float(lines.max() if scheme.takes_turns else lines.sum())
 
 
 def peak_voltage_v(
@@ -65,4 +67,4 @@ def peak_voltage_v(
         volts = lines * np.abs(impedance(resistance, inductance, resonance_hz))
         return float(resistance * bias_a(scheme, line_a2) + volts.sum())
     volts = lines * np.abs(impedance(resistance, inductance, resonance_hz / 2))
-    return float(volts.max() if scheme.name == "time-shared" else volts.sum())
+    return float(volts.max() if scheme.takes_turns else volts.sum())

@@ -14,10 +14,12 @@ import numpy as np
 __all__ = [
     "SolenoidCoil",
     "SteelRing",
+    "balanced_deflection",
     "flux_density",
     "force_constant",
     "impedance",
     "paper_force_constant",
+    "pull_in_deflection",
     "pull_over_gap",
 ]
 
@@ -77,6 +79,27 @@ def pull_over_gap(
     with np.errstate(divide="ignore", invalid="ignore"):
         exponent = np.where(pull > 0, gap * curvature / pull, 0.0)
     return pull, exponent
+
+
+def pull_in_deflection(gap: float, exponent: float) -> tuple[float, float]:
+    """Where balance ends, and the deflection that the force at rest would make of the spring alone there.
+
+    With a pull ``c I² (g/(g − z))^m`` against a spring, balance ends at ``z = g/(m + 1)``, a third of the
+    gap for m = 2, under a force at rest of ``k z (m/(m + 1))^m``. All in the unit of `gap`.
+    """
+    end = gap / (exponent + 1)
+    return end, end * (1 - end / gap) ** exponent
+
+
+def balanced_deflection(slack: float, gap: float, exponent: float) -> float | None:
+    """Where a pull that at rest would deflect the spring by `slack` is in balance; None beyond pull-in."""
+    low, (high, largest) = 0.0, pull_in_deflection(gap, exponent)
+    if slack > largest:
+        return None
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (low, middle) if middle * (1 - middle / gap) ** exponent > slack else (middle, high)
+    return (low + high) / 2
 
 
 def flux_density(coil: SolenoidCoil, radius: np.ndarray, height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -56,7 +56,7 @@ def minimax_ladder(low_hz: float, high_hz: float, count: int, q: float, law: Lev
 
     def model(log_hz: np.ndarray, reach: float) -> Lines:
         which = channels(np.exp(log_hz), q, law(np.exp(log_hz)))
-        return _summed(which, law) if scheme.name != "time-shared" else _single(which, law, reach)
+        return _summed(which, law) if not scheme.takes_turns else _single(which, law, reach)
 
     def figure(resonance_hz: np.ndarray) -> float:
         return float(all_states(channels(resonance_hz, q, law(resonance_hz)), scheme).db)
@@ -127,7 +127,7 @@ def _linear_step(
     return result.x[:-1] * reach, -float(result.x[-1])
 
 
-def tone_slope(frequency_ratio: np.ndarray, q: float) -> np.ndarray:
+def _tone_slope(frequency_ratio: np.ndarray, q: float) -> np.ndarray:
     """Slope of the log of `relative_energy` against log frequency ratio s = f/f_i."""
     v = frequency_ratio**2
     detuning = q * (1 - frequency_ratio) * (1 + frequency_ratio)
@@ -135,7 +135,7 @@ def tone_slope(frequency_ratio: np.ndarray, q: float) -> np.ndarray:
     return slope
 
 
-def line_slope(hz: np.ndarray, law: LevelLaw) -> np.ndarray:
+def _line_slope(hz: np.ndarray, law: LevelLaw) -> np.ndarray:
     """Slope (n,) of the log wanted line against log resonance, equal masses: 2 and the level law's."""
     aside = 1e-6
     rise = np.log(law(hz * (1 + aside)) / law(hz * (1 - aside))) / (2 * aside)
@@ -148,8 +148,8 @@ def _pair_terms(which: Channels, law: LevelLaw) -> tuple[np.ndarray, np.ndarray,
     hz = which.resonance_hz
     energy = tone_energy(which, which)
     np.fill_diagonal(energy, 0.0)
-    response = tone_slope(hz / hz[:, None], which.q[0])
-    line = 2 * line_slope(hz, law)
+    response = _tone_slope(hz / hz[:, None], which.q[0])
+    line = 2 * _line_slope(hz, law)
     return energy, -response - line[:, None], response + line
 
 

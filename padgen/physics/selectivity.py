@@ -12,8 +12,10 @@ biased         a constant and sines at r                   r_a + r_b, abs(r_a �
 time-shared    one channel at a time, a sine at r/2        none, and never two tones at once
 =============  ==========================================  ================================
 
-Lines of distinct frequency add as energies, and energies only add: an OFF taxel is loudest when
-all others are on. So the worst of 2ⁿ states is one of n (or one pair, where channels take turns).
+All figures are of the steady state: currents are switched in ramps that are slow against the
+ring-down of the taxels (time-shared, in every slot). Lines of distinct frequency add as energies,
+and energies only add: an OFF taxel is loudest when all others are on. So the worst of 2ⁿ states is
+one of n (or one pair, where channels take turns).
 """
 
 from typing import NamedTuple
@@ -47,6 +49,21 @@ class Scheme(NamedTuple):
 
     name: str
     bias_ratio: float = 5.0
+
+    @property
+    def has_pair_spurs(self) -> bool:
+        """Whether two channels make lines that neither wants."""
+        return self.name in ("tones", "biased")
+
+    @property
+    def has_constant(self) -> bool:
+        """Whether the current has a constant part, so that a channel's line of it is at its resonance."""
+        return self.name in ("spur-free", "biased")
+
+    @property
+    def takes_turns(self) -> bool:
+        """Whether one channel plays at a time."""
+        return self.name == "time-shared"
 
 
 class Channels(NamedTuple):
@@ -93,11 +110,14 @@ def tone_energy(receivers: Channels, drivers: Channels) -> np.ndarray:
     return energy
 
 
-def pair_lines(which: Channels, scheme: Scheme) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def pair_lines(
+    which: Channels, scheme: Scheme, strongest: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Spurs of all pairs: frequencies (2, p), what rounding took off them (2, p), amplitudes (p,).
 
     Pairs in the order of ``np.triu_indices(n, 1)``; first the sums, then the differences. Amplitudes
-    in the unit of `Channels.line`.
+    in the unit of `Channels.line`, of which `strongest`, the one that sets the bias, is the largest
+    unless `which` are not all of the coil's channels.
     """
     a, b = np.triu_indices(len(which.line), 1)
     low, high = np.minimum(*which.resonance_hz[[a, b]]), np.maximum(*which.resonance_hz[[a, b]])
@@ -108,7 +128,8 @@ def pair_lines(which: Channels, scheme: Scheme) -> tuple[np.ndarray, np.ndarray,
     if scheme.name == "tones":
         # I_a I_b against wanted lines of I²/2: twice the geometric mean.
         return frequency / 2, rest / 2, 2 * np.sqrt(which.line[a] * which.line[b])
-    return frequency, rest, which.line[a] * which.line[b] / (2 * scheme.bias_ratio * which.line.max())
+    strongest = which.line.max() if strongest is None else strongest
+    return frequency, rest, which.line[a] * which.line[b] / (2 * scheme.bias_ratio * strongest)
 
 
 def off_energy(which: Channels, scheme: Scheme) -> np.ndarray:
@@ -118,7 +139,7 @@ def off_energy(which: Channels, scheme: Scheme) -> np.ndarray:
     """
     count = len(which.line)
     own = _own_energies(which, scheme)
-    if scheme.name in ("tones", "biased") and count > 2:
+    if scheme.has_pair_spurs and count > 2:
         own += _pair_energies(which, scheme)
     return own
 
@@ -131,7 +152,7 @@ def all_states(which: Channels, scheme: Scheme) -> AllStates:
     energy = off_energy(which, scheme)
     worst = int(energy.argmax())
     on = set(range(count)) - {worst}
-    if scheme.name == "time-shared":
+    if scheme.takes_turns:
         on = {_strongest_driver(which, worst)}
     state = "".join("1" if i in on else "0" for i in range(count))
     return AllStates(_below_db(float(energy[worst])), state, worst)
@@ -152,7 +173,7 @@ def exhaustive_states_db(which: Channels, scheme: Scheme) -> float:
         raise ValueError(f"2^{count} states are too many to try, at most 2^16")
     tones, spurs = _tables(which, scheme)
     states = ((np.arange(2**count)[:, None] >> np.arange(count)) & 1).astype(float)
-    if scheme.name == "time-shared":
+    if scheme.takes_turns:
         energy = (states[:, None] * tones).max(-1)
     else:
         energy = states @ tones.T + np.einsum("sj,ijk,sk->si", states, spurs, states, optimize=True) / 2
@@ -166,7 +187,7 @@ def loudest_line(which: Channels, scheme: Scheme, off: int) -> tuple[tuple[int, 
     tones[off] = 0.0
     loudest = float(tones.max())
     found: tuple[tuple[int, ...], str] = (int(tones.argmax()),), "tone"
-    if scheme.name in ("tones", "biased") and len(which.line) > 2:
+    if scheme.has_pair_spurs and len(which.line) > 2:
         frequency, rest, amplitude = pair_lines(which, scheme)
         a, b = np.triu_indices(len(which.line), 1)
         response = relative_energy(frequency, which.resonance_hz[off], which.q[off], rest)
@@ -203,7 +224,7 @@ def _own_energies(which: Channels, scheme: Scheme, together: bool = True) -> np.
         if scheme.name == "biased":
             energy += _harmonic_energy(receivers, which, scheme)
         energy[np.arange(part.stop - start), np.arange(start, part.stop)] = 0.0
-        result[part] = energy.sum(1) if together and scheme.name != "time-shared" else energy.max(1)
+        result[part] = energy.sum(1) if together and not scheme.takes_turns else energy.max(1)
     return result
 
 
@@ -232,7 +253,7 @@ def _tables(which: Channels, scheme: Scheme) -> tuple[np.ndarray, np.ndarray]:
     tones, spurs = tone_energy(which, which), np.zeros((count, count, count))
     if scheme.name == "biased":
         tones += _harmonic_energy(which, which, scheme) * ~np.eye(count, dtype=bool)
-    if scheme.name in ("tones", "biased"):
+    if scheme.has_pair_spurs:
         a, b = np.triu_indices(count, 1)
         frequency, rest, amplitude = pair_lines(which, scheme)
         for i in range(count):

@@ -7,12 +7,13 @@ from padgen.physics.ladder import capacity, geometric_ladder, ladder_ratio, slot
 from padgen.physics.levels import LevelLaw
 from padgen.physics.selectivity import Channels, Scheme, all_states, channels, loudest_line, one_hot_db
 from padgen.planner.plan import Capacity
-from padgen.planner.resonances import DRAWN_SHARE, slot_band_hz
-from padgen.planner.selectivity import level_law, scheme_named
+from padgen.planner.printable import DRAWN_SHARE
+from padgen.planner.resonances import slot_band_hz
+from padgen.planner.settings import level_law, scheme_named
 from padgen.spec import Spec
 from padgen.units import decibel
 
-__all__ = ["channel_limit", "coil_capacity", "largest_counts"]
+__all__ = ["channel_limit", "coil_capacity", "largest_counts", "searched_to"]
 
 WIDEST_HZ = 1e5
 LARGEST_WITH_SPURS = 32
@@ -59,7 +60,12 @@ def coil_capacity(spec: Spec, drive: str, limit: str) -> Capacity:
     states, one_hot = largest_counts(spec.band_hz, spec.q_min, law, scheme, decibel(spec.delta_y))
     ratio = ladder_ratio(spec.q_min, spec.delta_y)
     breaks = _what_breaks(spec.band_hz, states + 1, spec.q_min, law, scheme)
-    return Capacity(whole_channels(paper), states, ratio, limit, paper, one_hot, breaks)
+    return Capacity(whole_channels(paper), states, ratio, limit, paper, one_hot, breaks, searched_to(scheme))
+
+
+def searched_to(scheme: Scheme) -> int:
+    """How many channels the all-state capacity of a scheme is searched up to."""
+    return LARGEST_WITH_SPURS if scheme.has_pair_spurs else LARGEST
 
 
 def largest_counts(
@@ -77,7 +83,7 @@ def largest_counts(
     def states_hold(count: int) -> bool:
         return all_states(_ladder(band_hz, count, q, law), scheme).db >= target_db
 
-    most = LARGEST_WITH_SPURS if scheme.name in ("tones", "biased") else LARGEST
+    most = searched_to(scheme)
     one_hot = states = 1
     for count in range(2, SCANNED + 1):
         if count <= most and states_hold(count):
@@ -106,7 +112,7 @@ def _ladder(band_hz: tuple[float, float], count: int, q: float, law: LevelLaw) -
 
 def _what_breaks(band_hz: tuple[float, float], count: int, q: float, law: LevelLaw, scheme: Scheme) -> str:
     """Which line makes `count` channels too many."""
-    if count > LARGEST or (scheme.name in ("tones", "biased") and count > LARGEST_WITH_SPURS):
+    if count > searched_to(scheme):
         return "none that was tried"
     which = _ladder(band_hz, count, q, law)
     off = all_states(which, scheme).off

@@ -7,10 +7,10 @@ from math import log
 import numpy as np
 
 from padgen.physics.currents import mean_square_a2
-from padgen.physics.magnetics import SolenoidCoil, SteelRing, pull_over_gap
+from padgen.physics.magnetics import SolenoidCoil, SteelRing, balanced_deflection, pull_over_gap
 from padgen.physics.resonator import ring_up_time
 from padgen.planner.plan import Beam, Channel, Site, channel_sets
-from padgen.planner.selectivity import level_law, scheme_named
+from padgen.planner.settings import level_law, scheme_named
 from padgen.planner.sizing import SizedChannel, frequency_spread
 from padgen.planner.taxel_model import fillet_mm
 from padgen.spec import Spec
@@ -56,6 +56,7 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
                 force_constant_n_per_a2=float(pull[i]),
                 pull_exponent=float(exponent[i]),
                 static_um=0.0,
+                pull_shift=0.0,
                 site=site,
             )
         )
@@ -63,21 +64,24 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
 
 
 def driven(spec: Spec, channels: Sequence[Channel], drive: str) -> tuple[Channel, ...]:
-    """`channels` with the drive frequencies and the static deflections that the scheme `drive` makes."""
+    """`channels` with what the scheme `drive` decides: frequencies of the current and the mean pull's effects."""
     scheme, sets = scheme_named(spec, drive), channel_sets(channels, spec.coil.sets)
     squares_a2 = [mean_square_a2(scheme, squared_current_lines(own), spec.drive.headroom) for own in sets]
-    half = drive in ("tones", "time-shared")
-    return tuple(
-        replace(
-            channel,
-            drive_hz=channel.resonance_hz / 2 if half else channel.resonance_hz,
-            static_um=squares_a2[channel.index % len(sets)]
-            * channel.force_constant_n_per_a2
-            / channel.stiffness_n_per_m
-            / UM,
+    gap_um, result = spec.coil.gap_mm * MM / UM, []
+    for channel in channels:
+        pull_n = squares_a2[channel.index % len(sets)] * channel.force_constant_n_per_a2
+        slack_um, exponent = pull_n / channel.stiffness_n_per_m / UM, max(channel.pull_exponent, 0.0)
+        static_um = balanced_deflection(slack_um, gap_um, exponent)
+        result.append(
+            replace(
+                channel,
+                drive_hz=channel.resonance_hz if scheme.has_constant else channel.resonance_hz / 2,
+                static_um=gap_um if static_um is None else static_um,
+                # k − dF/dz over k, with F = k z at balance.
+                pull_shift=0.0 if static_um is None else exponent * static_um / (gap_um - static_um) / 2,
+            )
         )
-        for channel in channels
-    )
+    return tuple(result)
 
 
 def squared_current_lines(channels: Sequence[Channel]) -> np.ndarray:

@@ -7,12 +7,13 @@ from typing import Any
 from padgen.errors import SpecError, number
 from padgen.physics.levels import LevelLaw
 from padgen.physics.selectivity import SCHEMES
-from padgen.planner.capacity import channel_limit, largest_counts
+from padgen.planner.capacity import channel_limit, coil_capacity, largest_counts, searched_to
 from padgen.planner.channels import plan_channels
 from padgen.planner.layout import SLACK_MM, candidates, explain
 from padgen.planner.plan import Plan, Selectivity, without_none
 from padgen.planner.search import sites_of, sized_layouts
-from padgen.planner.selectivity import level_law, plan_selectivity, scheme_named
+from padgen.planner.selectivity import plan_selectivity
+from padgen.planner.settings import level_law, scheme_named
 from padgen.spec import Spec, catalogue, make_spec
 from padgen.units import decibel
 
@@ -20,6 +21,8 @@ __all__ = ["CapacityRow", "Change", "Explanation", "explain_plan"]
 
 MOST_TRIED = 16
 """Channels per coil that a change is tried up to."""
+OPTIMISED_TRIED = 4
+"""Channels per coil up to which resonances are optimised for every change."""
 PATIENCE = 2
 """Counts in a row that fail before more channels are given up."""
 WORTH_DB = 0.1
@@ -34,6 +37,7 @@ class CapacityRow:
     level_law: float | str
     one_hot: int
     all_states: int
+    searched_to: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,22 +73,22 @@ def explain_plan(spec: Spec, plan: Plan, progress: Callable[[str], None] = lambd
     """Try what would help the pad of `plan`, on its own coil grid, with resonances that the search may choose."""
     grid, count = (plan.coils.rows, plan.coils.columns), len(plan.sets[0])
     progress("what stops one more channel")
-    (held, drive), in_band = _channels_held(spec, grid), _channels_in_band(spec)
-    now = plan.selectivity.all_states_db
+    least = min(count, MOST_TRIED)
+    (held, drive), in_band = _channels_held(spec, grid, least), _channels_in_band(spec)
+    now = plan.selectivity.kept_db
     changes = []
     for cost, words, other in _changes(spec, plan):
         progress(words)
-        channels, scheme = _channels_held(other, grid)
-        figures = _figures(other, grid, count)
-        after = figures.all_states_db if figures else None
+        channels, scheme = _channels_held(other, grid, least)
+        figures = _figures(other, grid, count) if count <= MOST_TRIED else None
+        after = figures.kept_db if figures else None
         gained_db = after - now if after is not None and now is not None else None
-        change = Change(
-            words, COSTS[cost], channels, scheme, channels - held, _channels_in_band(other) - in_band, gained_db
-        )
+        more_in_band = _channels_in_band(other) - in_band
+        change = Change(words, COSTS[cost], channels, scheme, channels - held, more_in_band, gained_db)
         if change.gained > 0 or (change.gained == 0 and (change.gained_in_band > 0 or (gained_db or 0.0) > WORTH_DB)):
             changes.append(change)
     changes.sort(key=lambda c: (-c.gained, -c.gained_in_band, COSTS.index(c.cost), -(c.gained_db or 0.0)))
-    return Explanation(held, drive, tuple(_limits(spec, plan, held)), tuple(changes), tuple(_capacities(spec)))
+    return Explanation(held, drive, tuple(_limits(spec, plan, held, drive)), tuple(changes), tuple(_capacities(spec)))
 
 
 def _channels_in_band(spec: Spec) -> int:
@@ -102,26 +106,34 @@ def _capacities(spec: Spec) -> Iterator[CapacityRow]:
         for key, law in laws:
             scheme = scheme_named(spec, name)
             states, one_hot = largest_counts(spec.band_hz, spec.q_min, law, scheme, decibel(spec.delta_y))
-            yield CapacityRow(name, key, one_hot, states)
+            yield CapacityRow(name, key, one_hot, states, searched_to(scheme))
 
 
-def _channels_held(spec: Spec, grid: tuple[int, int]) -> tuple[int, str]:
-    """Most channels per coil on `grid` that have room, print, and keep what was asked in all states, and how."""
+def _channels_held(spec: Spec, grid: tuple[int, int], least: int) -> tuple[int, str]:
+    """Most channels per coil on `grid` that have room, print, and keep what was asked in all states, and how.
+
+    At least `least` are tried; more until several in a row fail.
+    """
     held, drive, failed = 0, spec.drive.scheme, 0
     for count in range(1, MOST_TRIED + 1):
         figures = _figures(spec, grid, count)
         failed += 1
-        if figures and (figures.all_states_db is None or figures.all_states_db >= figures.asked_db):
+        if figures and (figures.kept_db is None or figures.kept_db >= figures.asked_db):
             held, drive, failed = count, figures.drive, 0
-        if failed >= PATIENCE:
+        if failed >= PATIENCE and count >= least:
             break
     return held, drive
 
 
 def _figures(spec: Spec, grid: tuple[int, int], count: int) -> Selectivity | None:
-    """Selectivity of `count` channels per coil on `grid`; None where they have no room or do not print."""
+    """Selectivity of `count` channels per coil on `grid`; None where they have no room, do not print or are not pulled.
+
+    With more than a few, optimised spacing is judged by the evenly spread one: to optimise each would take long.
+    """
     try:
         other = replace(spec, resolution=grid[0] * grid[1] * count, coil=replace(spec.coil, grid=grid))
+        if count > OPTIMISED_TRIED and other.spacing == "optimised":
+            other = replace(other, spacing="spread")
         if count * spec.coil.sets != len(spec.resonances_hz or ()):
             other = replace(other, resonances_hz=None)
         sized = next(sized_layouts(other, candidates(other, channel_limit(other))), None)
@@ -129,26 +141,40 @@ def _figures(spec: Spec, grid: tuple[int, int], count: int) -> Selectivity | Non
         return None
     if sized is None:
         return None
-    layout, channels = sized
-    return plan_selectivity(other, plan_channels(other, channels, sites_of(other, layout, channels)))
+    layout, beams = sized
+    channels = plan_channels(other, beams, sites_of(other, layout, beams))
+    pulled = all(channel.force_constant_n_per_a2 > 0 for channel in channels)
+    return plan_selectivity(other, channels) if pulled else None
 
 
-def _limits(spec: Spec, plan: Plan, held: int) -> Iterator[str]:
+def _limits(spec: Spec, plan: Plan, held: int, drive: str) -> Iterator[str]:
     """What stops `held` + 1 channels per coil."""
-    grid, more = (plan.coils.rows, plan.coils.columns), held + 1
-    capacity, figures = plan.capacity, plan.selectivity
-    band = f"{number(spec.band_hz[0])} … {number(spec.band_hz[1])} Hz"
     if spec.resonances_hz:
         yield "resonances_hz: the spec lists them; other numbers of channels are taken as free to choose"
-    found = _figures(spec, grid, more)
-    if found is not None and found.all_states_db is not None and found.all_states_db < found.asked_db:
-        where = (
-            "at the listed resonances"
-            if more * spec.coil.sets == len(spec.resonances_hz or ())
-            else f"with {spec.spacing!r} spacing"
-        )
+    if held >= MOST_TRIED:
+        yield f"nothing up to {MOST_TRIED} channels per coil, beyond which none were tried"
+        return
+    yield from _selectivity_limits(spec, plan, held + 1, drive)
+    yield from _room_limits(spec, plan, held + 1)
+    load = plan.load
+    if load.reachable_level_um < spec.drive.level_um:
         yield (
-            f"selectivity: {more} channels per coil {where} and {found.drive} reach {found.all_states_db:.1f} dB in all"
+            f"{load.reachable_by}: it allows {number(load.reachable_level_um)} µm on channel 0, asked are"
+            f" {number(spec.drive.level_um)} µm"
+        )
+    if load.pull_in_share > 1 / 3:
+        yield f"static pull: {load.pull_in_share:.0%} of the pull at which the softest washer snaps to the coil"
+
+
+def _selectivity_limits(spec: Spec, plan: Plan, more: int, drive: str) -> Iterator[str]:
+    capacity = coil_capacity(spec, "spur-free" if drive == "auto" else drive, "")
+    band = f"{number(spec.band_hz[0])} … {number(spec.band_hz[1])} Hz"
+    found = _figures(spec, (plan.coils.rows, plan.coils.columns), more)
+    if found is not None and found.kept_db is not None and found.kept_db < found.asked_db:
+        listed = more * spec.coil.sets == len(spec.resonances_hz or ())
+        where = "at the listed resonances" if listed else f"with {spec.spacing!r} spacing"
+        yield (
+            f"selectivity: {more} channels per coil {where} and {found.drive} keep {found.kept_db:.1f} dB in all"
             f" states, asked are {found.asked_db:.1f} dB"
         )
     if more > capacity.paper:
@@ -158,26 +184,24 @@ def _limits(spec: Spec, plan: Plan, held: int) -> Iterator[str]:
         )
     if more > capacity.exact:
         yield (
-            f"Q and band: with {figures.drive}, {capacity.exact + 1} channels in {band} no longer keep"
-            f" {figures.asked_db:.1f} dB in all states; what breaks it is {capacity.breaks}"
+            f"Q and band: with {drive}, {capacity.exact + 1} channels in {band} no longer keep"
+            f" {decibel(spec.delta_y):.1f} dB in all states; what breaks it is {capacity.breaks}"
         )
+
+
+def _room_limits(spec: Spec, plan: Plan, more: int) -> Iterator[str]:
+    grid = (plan.coils.rows, plan.coils.columns)
     other = replace(spec, resolution=grid[0] * grid[1] * more, resonances_hz=None, coil=replace(spec.coil, grid=grid))
     options = candidates(other, more)
-    if options:
-        best = max(options, key=lambda layout: layout.margin_mm)
-        if best.margin_mm < -SLACK_MM:
-            kind = {"coil": "coil", "width": "pitch and washer", "length": "pitch and beam", "reach": "coil's reach"}
-            yield f"{kind[best.binding[0]]}: {explain(other, best)}"
-        elif next(sized_layouts(other, options), None) is None:
-            yield f"printable beams: no set of beams in the sub-cells reaches {more} resonances in {band}"
-    load = plan.load
-    if load.reachable_level_um < spec.drive.level_um:
-        yield (
-            f"{load.reachable_by}: it allows {number(load.reachable_level_um)} µm on channel 0, asked are"
-            f" {number(spec.drive.level_um)} µm"
-        )
-    if load.pull_in_share > 1 / 3:
-        yield f"static pull: {load.pull_in_share:.0%} of the pull at which the softest washer snaps to the coil"
+    if not options:
+        return
+    best = max(options, key=lambda layout: layout.margin_mm)
+    if best.margin_mm < -SLACK_MM:
+        kind = {"coil": "coil", "width": "pitch and washer", "length": "pitch and beam", "reach": "coil's reach"}
+        yield f"{kind[best.binding[0]]}: {explain(other, best)}"
+    elif next(sized_layouts(other, options), None) is None:
+        band = f"{number(spec.band_hz[0])} … {number(spec.band_hz[1])} Hz"
+        yield f"printable beams: no set of beams in the sub-cells reaches {more} resonances in {band}"
 
 
 def _changes(spec: Spec, plan: Plan) -> Iterator[tuple[int, str, Spec]]:

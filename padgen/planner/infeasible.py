@@ -1,7 +1,7 @@
 """The sentence for a spec that no pad meets: which limit binds, and the nearest specs that would do."""
 
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 from padgen.errors import SpecError, number
@@ -21,7 +21,8 @@ def why_not(spec: Spec, options: list[Layout], limit: int) -> str:
     """Why none of `options` holds with up to `limit` channels per coil, and what would do."""
     pad = spec.pad
     wanted = f"{spec.resolution} taxels on {number(pad.width_mm)} x {number(pad.depth_mm)} mm"
-    cures = list(_cures(spec, limit))
+    # Where a pad can be laid out at all, optimised resonances can be had as well.
+    cures = list(_cures(replace(spec, spacing="spread") if spec.spacing == "optimised" else spec, limit))
     cure = "what would do: " + ", or ".join(cures) if cures else "no other washer, printer, pad or resolution would do"
     return f"{wanted} cannot be laid out: {'; '.join(_reasons(spec, options, limit))}; {cure}"
 

@@ -8,8 +8,7 @@ from padgen.finding import LEVELS, Finding
 from padgen.physics.ladder import ladder_ratio, slot_half_width
 from padgen.planner.judge_drive import judge_drive
 from padgen.planner.plan import Channel, Plan
-from padgen.planner.printable import STUBBY, steps_are_coarse
-from padgen.planner.resonances import DRAWN_SHARE
+from padgen.planner.printable import DRAWN_SHARE, STUBBY, steps_are_coarse
 from padgen.planner.sizing import SizedChannel, crowded_modes
 from padgen.spec import Spec
 from padgen.units import MM, UM
@@ -152,7 +151,8 @@ def _mechanics(spec: Spec, plan: Plan) -> Iterator[Finding]:
     for channel in plan.channels:
         where = f"channel {channel.index}"
         travel_mm = (channel.level_um + channel.sag_um + channel.static_um) * UM / MM
-        if travel_mm > spec.coil.gap_mm / 3:
+        # A washer that snaps to the coil is the finding coil.pull_in.
+        if spec.coil.gap_mm > channel.static_um * UM / MM and travel_mm > spec.coil.gap_mm / 3:
             yield Finding(
                 "warning",
                 "gap.travel",

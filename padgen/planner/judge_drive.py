@@ -1,15 +1,20 @@
 """The findings about selectivity, coils and amplifiers."""
 
 from collections.abc import Iterator
+from itertools import combinations
 
 from padgen.errors import at_least, at_most, number
 from padgen.finding import Finding
+from padgen.physics.ladder import slot_half_width
 from padgen.planner.layout import coil_reach_mm
 from padgen.planner.plan import Plan
+from padgen.planner.settings import scheme_named
 from padgen.spec import Spec
 
 __all__ = ["judge_drive"]
 
+SMALLEST_LEVEL_UM = 1e-4
+"""Smallest that a spec may ask for."""
 PULL_DB = 1.0
 """Loss of selectivity by unequal pull that is worth a finding."""
 SNAPPING_DB = 0.5
@@ -24,37 +29,42 @@ def judge_drive(spec: Spec, plan: Plan) -> Iterator[Finding]:
     yield from _leak(plan)
     yield from _reach(spec, plan)
     yield from _limits(spec, plan)
+    yield from _softening(spec, plan)
+    yield from _beats(plan)
+    yield from _imperceptible(spec, plan)
 
 
 def _selectivity(plan: Plan) -> Iterator[Finding]:
     figures = plan.selectivity
-    if figures.one_hot_db is None or figures.all_states_db is None:
+    kept, one_hot = figures.kept_db, figures.one_hot_db
+    if one_hot is None or kept is None:
         return  # one channel has no other
     bound = figures.asked_db
-    if figures.one_hot_db < bound:
+    if one_hot < bound:
         yield Finding(
             "warning",
             "selectivity.one_hot",
             "coil",
-            f"with one channel on, an OFF taxel vibrates {_below(figures.one_hot_db)} than it,"
+            f"with one channel on, an OFF taxel vibrates {_below(one_hot)} than it,"
             f" asked: {bound:.1f} dB less (Δy); fewer channels per coil, a wider band or a higher Q raise it",
         )
-    if figures.all_states_db < bound:
+    if kept < bound:
+        placed = figures.all_states_db is not None and kept < figures.all_states_db - PULL_DB
         yield Finding(
             "warning",
             "selectivity.all_states",
             f"state {figures.worst_state}",
-            f"(channel 0 first, 1 is on) with {figures.drive} an OFF taxel vibrates {_below(figures.all_states_db)}"
-            f" than an ON one, asked: {bound:.1f} dB less; {_better(plan)}",
+            f"(channel 0 first, 1 is on) with {figures.drive} an OFF taxel vibrates {_below(kept)}"
+            f" than an ON one{', unequal pull counted' if placed else ''}, asked: {bound:.1f} dB less; {_better(plan)}",
         )
 
 
 def _better(plan: Plan) -> str:
     """What would raise the all-state figure: another scheme that does, or fewer channels per coil."""
-    figures = plan.selectivity
-    reach = [s for s in figures.schemes if s.all_states_db is not None and s.all_states_db >= figures.asked_db]
+    reach = [s for s in plan.selectivity.schemes if s.reached_db >= plan.selectivity.asked_db]
     if reach:
-        return f"drive = {reach[0].scheme!r} reaches {reach[0].all_states_db:.1f} dB"
+        rate = {r.scheme: r.frames_per_s for r in plan.refresh}[reach[0].scheme]
+        return f"drive = {reach[0].scheme!r} keeps {reach[0].reached_db:.1f} dB at {number(round(rate, 2))} frames/s"
     clean = [o for o in plan.layouts if o.channels <= plan.capacity.exact]
     if clean and len(plan.sets[0]) > clean[0].channels:
         return f"coil.grid = [{clean[0].rows}, {clean[0].columns}] has {clean[0].channels} channels per coil"
@@ -100,7 +110,7 @@ def _leak(plan: Plan) -> Iterator[Finding]:
             "warning",
             "coil.leak",
             f"channel {plan.reuse.leak_channel}",
-            f"the coils around an OFF taxel, all with its channel on, shake it {_below(leak)} than their own,"
+            f"in their worst state the coils around shake this taxel, OFF, {_below(leak)} than its own would,"
             f" asked: {asked:.1f} dB less; {other}washers nearer to their coil or a wider pitch would do",
         )
 
@@ -130,6 +140,58 @@ def _reach(spec: Spec, plan: Plan) -> Iterator[Finding]:
             )
 
 
+def _level(level_um: float) -> str:
+    """A level that would do, unless it is none that a spec may ask for."""
+    if level_um < SMALLEST_LEVEL_UM:
+        return "no level would do"
+    return f"drive.level_um = {at_most(level_um)} would do"
+
+
+def _softening(spec: Spec, plan: Plan) -> Iterator[Finding]:
+    quarter_slot = slot_half_width(spec.q_min, spec.delta_y) / 2
+    worst = max(plan.channels, key=lambda c: c.pull_shift)
+    if worst.pull_shift > quarter_slot:
+        yield Finding(
+            "warning",
+            "coil.softening",
+            f"channel {worst.index}",
+            f"the mean pull of all channels softens its spring and lowers its resonance by {worst.pull_shift:.1%}, a"
+            f" quarter of its slot is {quarter_slot:.1%}; a level of"
+            f" {at_most(spec.drive.level_um * quarter_slot / worst.pull_shift)} µm or a wider gap would do",
+        )
+
+
+def _beats(plan: Plan) -> Iterator[Finding]:
+    """Spurs of two channels that fall on one of the two: their sum or difference with it is not a steady level."""
+    scheme = scheme_named(plan.typed_spec, plan.selectivity.drive)
+    scale = 1.0 if scheme.has_constant else 0.5
+    for own in plan.sets if scheme.has_pair_spurs else ():
+        for low, high in combinations(own, 2):
+            for hz in ((low.resonance_hz + high.resonance_hz) * scale, (high.resonance_hz - low.resonance_hz) * scale):
+                for hit in (low, high):
+                    if abs(hz / hit.resonance_hz - 1) < 1 / hit.q:
+                        yield Finding(
+                            "warning",
+                            "level.beats",
+                            f"channels {low.index} and {high.index}",
+                            f"both on, they make a spur at {number(hz)} Hz, within the resonance of channel {hit.index}"
+                            f" ({number(hit.resonance_hz)} Hz), whose level then beats; move one by"
+                            f" {2 / hit.q:.0%}, or take drive = 'spur-free'",
+                        )
+
+
+def _imperceptible(spec: Spec, plan: Plan) -> Iterator[Finding]:
+    silent = [channel for channel in plan.channels if spec.drive.threshold_hz and channel.ring_down_ms <= 0]
+    if silent:
+        yield Finding(
+            "warning",
+            "level.threshold",
+            "channels " + ", ".join(str(channel.index) for channel in silent),
+            f"{number(spec.drive.level_um)} µm on channel 0 is not above the detection threshold; a higher"
+            " drive.level_um would do",
+        )
+
+
 def _limits(spec: Spec, plan: Plan) -> Iterator[Finding]:
     load, level = plan.load, spec.drive.level_um
     volts, watts = spec.drive.voltage_limit_v, spec.coil.power_limit_w
@@ -139,7 +201,7 @@ def _limits(spec: Spec, plan: Plan) -> Iterator[Finding]:
             "coil.voltage",
             "coil",
             f"{number(level)} µm with all channels on take up to {number(load.voltage_peak_v)} V, the amplifier has"
-            f" {number(volts)} V; drive.level_um = {at_most(level * (volts / load.voltage_peak_v) ** 2)} would do",
+            f" {number(volts)} V; {_level(level * (volts / load.voltage_peak_v) ** 2)}",
         )
     if load.copper_loss_w > watts:
         yield Finding(
@@ -147,7 +209,7 @@ def _limits(spec: Spec, plan: Plan) -> Iterator[Finding]:
             "coil.heat",
             "coil",
             f"{number(level)} µm with all channels on take {number(load.copper_loss_w)} W of copper loss, the coil"
-            f" bears {number(watts)} W; drive.level_um = {at_most(level * watts / load.copper_loss_w)} would do",
+            f" bears {number(watts)} W; {_level(level * watts / load.copper_loss_w)}",
         )
     if load.pull_in_share >= 1:
         yield Finding(
@@ -155,5 +217,5 @@ def _limits(spec: Spec, plan: Plan) -> Iterator[Finding]:
             "coil.pull_in",
             "coil",
             f"the mean pull is {number(load.pull_in_share)} times the one at which the softest washer snaps to the"
-            f" coil; drive.level_um = {at_most(level / load.pull_in_share)} would just do",
+            f" coil; {_level(level / load.pull_in_share)}",
         )

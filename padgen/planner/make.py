@@ -6,12 +6,13 @@ from itertools import islice
 from padgen.errors import InfeasibleError
 from padgen.planner.capacity import channel_limit, coil_capacity
 from padgen.planner.channels import driven, plan_channels
+from padgen.planner.frames import frame_rates
 from padgen.planner.judge import judge
 from padgen.planner.layout import Layout, candidates, room
-from padgen.planner.load import coil_load, frame_rates
+from padgen.planner.load import coil_load
 from padgen.planner.plan import Cell, Channel, CoilGrid, LayoutOption, Plan, Plate, Taxel, channel_sets
 from padgen.planner.printing import print_settings
-from padgen.planner.resonances import bound_db
+from padgen.planner.resonances import proven_optimum
 from padgen.planner.reuse import cell_is_turned, coil_reuse
 from padgen.planner.search import sites_of, sized_layouts
 from padgen.planner.selectivity import plan_selectivity
@@ -50,7 +51,7 @@ def _assemble(
 ) -> Plan:
     sites = sites_of(spec, layout, sized)
     bare = plan_channels(spec, sized, sites)
-    selectivity = plan_selectivity(spec, bare, bound_db(spec, layout.channels, room(spec, layout)))
+    selectivity = plan_selectivity(spec, bare, proven_optimum(spec, layout.channels, room(spec, layout)))
     channels = driven(spec, bare, selectivity.drive)
     reuse = coil_reuse(spec, layout, channels, selectivity.drive)
     pitch_x, pitch_y = spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows

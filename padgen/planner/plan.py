@@ -41,7 +41,8 @@ class Capacity:
 
     `paper_unrounded` is Eq. 12 before rounding down, `exact_one_hot` counts one channel on at a
     time, `ratio` the smallest ratio of neighbours, `limit` what keeps the pad from more, `breaks`
-    the line that makes one channel more than `exact` too many.
+    the line that makes one channel more than `exact` too many. An `exact` of `searched_to` means that
+    or more. All are of one coil with equal masses and channels evenly in octaves.
     """
 
     paper: int
@@ -51,6 +52,7 @@ class Capacity:
     paper_unrounded: float
     exact_one_hot: int
     breaks: str
+    searched_to: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +139,8 @@ class Channel:
     `drive_hz` is the frequency of the channel's line of the current: half the resonance with tones,
     the resonance itself where the current has a constant part. `ring_up_ms` is the time constant,
     `ring_down_ms` the time from ON to quiet. `static_um` is the mean pull's deflection with all
-    channels on; the pull falls with the gap as ``gap^-pull_exponent``.
+    channels on, where it balances (the whole gap where it does not); the pull falls with the gap as
+    ``gap^-pull_exponent``, which softens the spring and lowers the resonance by `pull_shift`.
     """
 
     index: int
@@ -163,6 +166,7 @@ class Channel:
     force_constant_n_per_a2: float
     pull_exponent: float
     static_um: float
+    pull_shift: float
     site: Site
 
 
@@ -189,6 +193,14 @@ class SchemeFigures:
     scheme: str
     one_hot_db: float | None
     all_states_db: float | None
+    placed_all_states_db: float | None
+
+    @property
+    def reached_db(self) -> float:
+        """What is kept in all states, unequal pull counted; -inf where it was not computed."""
+        if self.all_states_db is None or self.placed_all_states_db is None:
+            return float("-inf")
+        return min(self.all_states_db, self.placed_all_states_db)
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,11 +210,12 @@ class Selectivity:
     With two sets of channels, of the worse one.
 
     The first figures take all washers of a coil as pulled alike, as the paper's bound does; the
-    `placed` ones count that a nearer washer feels every tone more. `asked_db` is Δy in dB,
-    `paper_db` what Eq. 12 promises for the closest pair, `snapping_db` what it costs in all states
-    that beams print in steps, `bound_db` what was proven that no resonances in the reachable band
-    exceed. `level_law` is an exponent or 'threshold'. `matrix_db` has, for each set of channels, how far
-    below its own ON amplitude taxel i (row) is at the tone of channel j; empty for many channels.
+    `placed` ones count that a nearer washer feels every tone more: what holds is the smaller.
+    `asked_db` is Δy in dB, `paper_db` what Eq. 12 promises for the closest pair, `snapping_db` what
+    it costs in all states that beams print in steps. For equal masses `optimum_db` is what the
+    optimised resonances reach, and `bound_db` what was proven that none in the reachable band exceed.
+    `level_law` is an exponent or 'threshold'. `matrix_db` has, for each set of channels, how far below
+    its own ON amplitude taxel i (row) is at the tone of channel j; empty for many channels.
     """
 
     drive: str
@@ -216,9 +229,17 @@ class Selectivity:
     why: str
     paper_db: float | None
     snapping_db: float | None
+    optimum_db: float | None
     bound_db: float | None
     matrix_db: tuple[tuple[tuple[float, ...], ...], ...]
     schemes: tuple[SchemeFigures, ...]
+
+    @property
+    def kept_db(self) -> float | None:
+        """What the planned drive keeps in all states, unequal pull counted; None for one channel."""
+        if self.all_states_db is None or self.placed_all_states_db is None:
+            return None
+        return min(self.all_states_db, self.placed_all_states_db)
 
 
 @dataclass(frozen=True, slots=True)
@@ -249,8 +270,11 @@ class FrameRate:
 
 @dataclass(frozen=True, slots=True)
 class Reuse:
-    """What the neighbouring coils do to a taxel that is OFF; `turned` names the cells that are turned by
-    180° so that taxels of one channel are not back to back ('none', 'odd rows', 'odd columns')."""
+    """What the neighbouring coils, in their worst state, do to a taxel that is OFF.
+
+    `turned` names the cells that are turned by 180° so that taxels of one channel are not back to back:
+    'none', 'odd rows' or 'odd columns'.
+    """
 
     leak_db: float | None
     leak_channel: int | None

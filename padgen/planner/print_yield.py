@@ -156,7 +156,7 @@ def print_yield(
         seed=seed,
         drive=design.scheme.name,
         asked_db=plan.selectivity.asked_db,
-        nominal_db=plan.selectivity.all_states_db,
+        nominal_db=plan.selectivity.placed_all_states_db,
         criterion=_criterion(plan, design),
         spreads=spreads,
         channels=_channel_spreads(design, prints, made),

@@ -11,14 +11,15 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.physics.ladder import slot_half_width
-from padgen.physics.selectivity import Scheme, all_states, channels
-from padgen.planner.selectivity import level_law, scheme_named
+from padgen.planner.settings import scheme_for, sets_db
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.spec import Spec
 
-__all__ = ["LENGTH_STEP_MM", "STUBBY", "IdealBeam", "printable_beams", "steps_are_coarse"]
+__all__ = ["DRAWN_SHARE", "LENGTH_STEP_MM", "STUBBY", "IdealBeam", "printable_beams", "steps_are_coarse"]
 
+DRAWN_SHARE = 1e-3
+"""What drawing a beam to a micrometre may move a resonance by: 0.05 % on the smallest beam, doubled."""
 LENGTH_STEP_MM = 0.05
 COARSE_SHARE = 2e-3
 """Relative width of half a step from which on rounding moves a resonance by 0.1 %."""
@@ -79,6 +80,10 @@ def _options(spec: Spec, item: IdealBeam, target_hz: float) -> _Options:
     beam = BeamShape(*(axis[sound] for axis in beam))
     model = TaxelModel(spec, item.topology, plate_shape(spec), beam)
     miss = np.abs(np.log(model.resonance_hz / target_hz))
+    low, high = spec.band_hz
+    outside = (model.resonance_hz < low * (1 - DRAWN_SHARE)) | (model.resonance_hz > high * (1 + DRAWN_SHARE))
+    if not outside.all():
+        miss = np.where(outside, np.inf, miss)
     order = np.lexsort((np.abs(beam.length_mm - item.beam.length_mm), miss.round(9)))
     reach = max(slot_half_width(spec.q_min, spec.delta_y) * SLOT_SHARE, float(miss.min()) + 1e-12)
     near = order[miss[order] <= reach][:MOST_OPTIONS]
@@ -110,18 +115,14 @@ def _lengths_mm(spec: Spec, item: IdealBeam) -> np.ndarray:
 def _told_apart(spec: Spec, options: Sequence[_Options], target_hz: np.ndarray) -> list[int]:
     """Which option each channel takes: the nearest to its target, or, one channel at a time, those that bring
     the all-state selectivity to what the targets have."""
-    drive = spec.drive.scheme
-    scheme = Scheme("spur-free") if drive == "auto" else scheme_named(spec, drive)
-    law = level_law(spec)
+    scheme = scheme_for(spec, target_hz)
 
-    def figure(chosen: list[int], resonance: np.ndarray | None = None) -> float:
-        if resonance is None:
-            resonance = np.array([option.resonance_hz[k] for option, k in zip(options, chosen, strict=True)])
-        mass = np.array([option.mass_kg[k] for option, k in zip(options, chosen, strict=True)])
-        return all_states(channels(resonance, spec.q_min, law(resonance), mass), scheme).db
+    def printed(chosen: list[int]) -> tuple[np.ndarray, np.ndarray]:
+        picked = list(zip(options, chosen, strict=True))
+        return np.array([o.resonance_hz[k] for o, k in picked]), np.array([o.mass_kg[k] for o, k in picked])
 
     chosen = [0] * len(options)
-    best, enough = figure(chosen), figure(chosen, target_hz)
+    best, enough = (sets_db(spec, hz, printed(chosen)[1], scheme) for hz in (printed(chosen)[0], target_hz))
     for _ in range(ROUNDS):
         before = best
         if best >= enough:
@@ -129,7 +130,7 @@ def _told_apart(spec: Spec, options: Sequence[_Options], target_hz: np.ndarray) 
         for i, option in enumerate(options):
             for k in range(len(option.resonance_hz)):
                 tried = [*chosen[:i], k, *chosen[i + 1 :]]
-                found = figure(tried)
+                found = sets_db(spec, *printed(tried), scheme)
                 if found > best + 1e-9:
                     chosen, best = tried, found
         if best <= before + 1e-6:

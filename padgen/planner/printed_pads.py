@@ -18,10 +18,11 @@ glue                  a taxel                         −1/2 dm over the effecti
 s_w, s_t, s_l come from the beam model by central differences (the rule says 1/2, 3/2, −3/2). The gradient has a
 random direction; along it the pad's two sides differ by its sigma, its middle not at all.
 
-Every printed coil is judged by the closed form of `padgen.physics.selectivity` over all states, all washers pulled
-alike: the smallest ON amplitude, that of a taxel alone on, over the largest OFF amplitude, that with all others
-on. *Planned*: tones and forces stay at the plan's, so that a detuned taxel moves less than planned when it is ON.
-*Retuned*: each tone goes to the measured resonance, the forces restore the level that the level law gives it there.
+Every printed coil is judged by the closed form of `padgen.physics.selectivity` over all states, each washer pulled
+as strongly as it lies to the coil: the smallest ON amplitude, that of a taxel alone on, over the largest OFF
+amplitude, that with all others on. *Planned*: tones and forces stay at the plan's, so that a detuned taxel moves
+less than planned when it is ON. *Retuned*: each tone goes to the measured resonance, the forces restore the level
+that the level law gives it there.
 """
 
 from dataclasses import astuple, dataclass, fields
@@ -35,7 +36,7 @@ from padgen.physics.levels import LevelLaw
 from padgen.physics.resonator import relative_energy
 from padgen.physics.selectivity import Channels, Scheme, channels, pair_lines
 from padgen.planner.plan import Plan
-from padgen.planner.selectivity import level_law, scheme_named
+from padgen.planner.settings import level_law, scheme_named
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.spec import Spec
@@ -101,6 +102,7 @@ class Design(NamedTuple):
     resonance_hz: np.ndarray
     q: np.ndarray
     mass_g: np.ndarray
+    pull: np.ndarray
     law: LevelLaw
     scheme: Scheme
     need: float
@@ -172,6 +174,7 @@ def design_of(plan: Plan, places_mm: np.ndarray | None) -> Design:
     spec, sensitivity = plan.typed_spec, sensitivities(plan)
     size = np.array([(c.beam.width_mm, c.beam.thickness_mm, c.beam.length_mm) for c in plan.channels])
     mass = np.array([c.effective_mass_g for c in plan.channels])
+    pull = np.array([c.force_constant_n_per_a2 for c in plan.channels])
     width, thickness, length = (sensitivity / size).T
     one, glue = np.ones(len(mass)), -0.5 / (mass * GRAM / MG)
     channel = np.array([taxel.channel for taxel in plan.taxels])
@@ -182,6 +185,7 @@ def design_of(plan: Plan, places_mm: np.ndarray | None) -> Design:
         resonance_hz=np.array([c.resonance_hz for c in plan.channels]),
         q=np.array([c.q for c in plan.channels]),
         mass_g=mass,
+        pull=pull if (pull > 0).all() else np.ones(len(mass)),
         law=level_law(spec),
         scheme=scheme_named(spec, plan.selectivity.drive),
         need=10 ** ((plan.selectivity.asked_db - ROUNDING_DB) / 10),
@@ -197,7 +201,7 @@ def design_of(plan: Plan, places_mm: np.ndarray | None) -> Design:
 
 def work(design: Design) -> float:
     """Responses that one pad takes, planned and retuned; the random numbers of a taxel weigh as ten."""
-    with_pairs = design.scheme.name in ("tones", "biased")
+    with_pairs = design.scheme.has_pair_spurs
     each = [(n := len(coils.channels)) ** 2 + with_pairs * (n > 2) * n**2 * (n - 1) for coils in design.coils]
     coils = [coils.taxels.shape[1] for coils in design.coils]
     return 2.0 * sum(np.multiply(each, coils)) + 10.0 * len(design.channel)
@@ -253,10 +257,10 @@ def _judge(design: Design, coils: Coils, x: np.ndarray, prints: Prints, block: s
     """Enter what `coils` are like in prints that came out `x` (taxels, pads) off."""
     n, shape = len(coils.channels), (*coils.taxels.shape, x.shape[1])
     x = x[coils.taxels].reshape(n, -1)
-    f, q, mass = (v[coils.channels, None] for v in (design.resonance_hz, design.q, design.mass_g))
-    tuned = channels(f, q, design.law(f), mass)
+    f, q, mass, pull = (v[coils.channels, None] for v in (design.resonance_hz, design.q, design.mass_g, design.pull))
+    tuned = channels(f, q, design.law(f), mass, pull)
     hz = f * x
-    found = channels(hz, q, design.law(hz), mass)
+    found = channels(hz, q, design.law(hz), mass, pull)
     cases = (Channels(hz, q, tuned.line * x**2), tuned), (found, found)
     for k, (printed, tones) in enumerate(cases):
         on = (relative_energy(tones.resonance_hz, hz, q) * (tones.line / printed.line) ** 2).reshape(shape)
@@ -290,14 +294,11 @@ def _off_energy(printed: Channels, tones: Channels, scheme: Scheme) -> np.ndarra
             harmonic = line[j] ** 2 / (4 * scheme.bias_ratio * largest)
             energy += relative_energy(2 * tones.resonance_hz[j], hz, q) * harmonic**2
         energy[j] = 0.0
-        off = np.maximum(off, energy) if scheme.name == "time-shared" else off + energy
-    if scheme.name in ("tones", "biased"):
+        off = np.maximum(off, energy) if scheme.takes_turns else off + energy
+    if scheme.has_pair_spurs:
         for a, b in combinations(range(len(hz)), 2) if len(hz) > 2 else ():
             pair = Channels(tones.resonance_hz[[a, b]], q, line[[a, b]])
-            frequency, rest, amplitude = pair_lines(pair, scheme)
-            if scheme.name == "biased":
-                # That of `pair_lines` knows one coil, whose largest line it takes.
-                amplitude = line[a] * line[b] / (2 * scheme.bias_ratio * largest)
+            frequency, rest, amplitude = pair_lines(pair, scheme, largest)
             energy = relative_energy(frequency, hz, q, rest).sum(0) * amplitude**2
             energy[[a, b]] = 0.0
             off += energy

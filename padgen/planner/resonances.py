@@ -8,16 +8,14 @@ import numpy as np
 
 from padgen.physics.ladder import geometric_ladder, ladder_ratio, paper_ladder, slot_half_width
 from padgen.physics.selectivity import all_states, channels
-from padgen.planner.selectivity import level_law, scheme_named
+from padgen.planner.printable import DRAWN_SHARE
+from padgen.planner.settings import level_law, scheme_named
 from padgen.planner.sizing import reach, topologies
 from padgen.planner.suspensions import Room
 from padgen.spec import Spec
 from padgen.units import decibel
 
-__all__ = ["DRAWN_SHARE", "Optimum", "bound_db", "ladders", "optimum", "reachable_hz", "slot_band_hz"]
-
-DRAWN_SHARE = 1e-3
-"""What drawing a beam to a micrometre may move a resonance by: 0.05 % on the smallest beam, doubled."""
+__all__ = ["Optimum", "ladders", "optimum", "proven_optimum", "reachable_hz", "slot_band_hz"]
 
 
 class Optimum(NamedTuple):
@@ -47,12 +45,11 @@ def ladders(spec: Spec, count: int, room: Room) -> list[tuple[float, ...]]:
 
     Explicit resonances are the only candidate. Otherwise the band's ladder comes first, then the
     ladder of the part of the band that the room reaches, then the closest one there: each keeps
-    the paper's ratio between neighbours of a set. A second set lies half way between.
+    the paper's ratio between neighbours of a set. A second set lies half way between. Optimised, the
+    optimum comes before these.
     """
     if spec.resonances_hz:
         return [spec.resonances_hz]
-    if spec.spacing == "optimised":
-        return [_both_sets(spec, _optimum(spec, count, room))]
     low, high = slot_band_hz(spec)
     found = reachable_hz(spec, room)
     spans = [(low, high)]
@@ -61,22 +58,30 @@ def ladders(spec: Spec, count: int, room: Room) -> list[tuple[float, ...]]:
     options = [_ladder(spec, count, *span) for span in spans]
     options += [_closest(spec, count, span[0]) for span in spans]
     unique = dict.fromkeys(option for option in options if option and option[-1] <= high * (1 + 1e-8))
+    if spec.spacing == "optimised":
+        half_step = _half_step(spec, count, *_span_hz(spec, room))
+        return [_both_sets(spec, _optimum(spec, count, room), half_step), *unique]
     return list(unique)
 
 
 def _optimum(spec: Spec, count: int, room: Room) -> Optimum:
-    """The best single set; of a band that leaves room above for a second one, half a step higher."""
+    """The best single set, of a band that leaves room above for a second one, half a step higher."""
     low, high = _span_hz(spec, room)
-    return optimum(spec, count, low, high / (high / low) ** ((spec.coil.sets - 1) / (2 * count)))
+    return optimum(spec, count, low, high / _half_step(spec, count, low, high))
 
 
-def _both_sets(spec: Spec, best: Optimum) -> tuple[float, ...]:
+def _half_step(spec: Spec, count: int, low: float, high: float) -> float:
+    """Ratio of a second set to the first: half a step of `count` channels spread from end to end, with both in."""
+    return float((high / low) ** ((spec.coil.sets - 1) / (2 * count - 1)))
+
+
+def _both_sets(spec: Spec, best: Optimum, half_step: float) -> tuple[float, ...]:
     """A second set is the first one moved up: by a power law it is as well separated."""
     first = np.array(best.resonances_hz)
     if spec.coil.sets == 1:
         return best.resonances_hz
-    step = (first[1:] / first[:-1]).min() ** 0.5 if len(first) > 1 else (spec.band_hz[1] / first[0]) ** 0.5
-    return _rounded(np.stack([first, first * step], -1).ravel())
+    closest = float((first[1:] / first[:-1]).min()) ** 0.5 if len(first) > 1 else half_step
+    return _rounded(np.stack([first, first * min(closest, half_step)], -1).ravel())
 
 
 def _span_hz(spec: Spec, room: Room) -> tuple[float, float]:
@@ -133,11 +138,12 @@ def _tones_can_be_clean(spec: Spec, count: int, low_hz: float, high_hz: float) -
     return clean_set(low_hz, high_hz, count, spec.q_min, law, tones, budget=0).all_states_db >= decibel(spec.delta_y)
 
 
-def bound_db(spec: Spec, count: int, room: Room) -> float | None:
-    """What no resonances in the room's band can exceed in all states; None where nothing was proven."""
-    if spec.spacing != "optimised" or spec.resonances_hz:
+def proven_optimum(spec: Spec, count: int, room: Room) -> Optimum | None:
+    """The optimum of the room's band if it has a proven bound: equal masses, one set, beams of any width."""
+    if spec.spacing != "optimised" or spec.resonances_hz or spec.coil.sets > 1 or count < 2:
         return None
-    return _optimum(spec, count, room).bound_db
+    best = _optimum(spec, count, room)
+    return best if best.bound_db is not None else None
 
 
 def _ladder(spec: Spec, count: int, low: float, high: float) -> tuple[float, ...] | None:

@@ -2,13 +2,19 @@
 
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
+from math import inf
 
+import numpy as np
+
+from padgen.physics.selectivity import Scheme
 from padgen.planner.layout import SLACK_MM, Layout, coil_reach_mm, place, room, slots
 from padgen.planner.plan import Site
 from padgen.planner.resonances import ladders
+from padgen.planner.settings import scheme_named, sets_db
 from padgen.planner.sizing import SizedChannel, size_channels
 from padgen.planner.suspensions import Room
 from padgen.spec import Spec
+from padgen.units import decibel
 
 __all__ = ["sites_of", "sized_layouts"]
 
@@ -49,8 +55,20 @@ def sites_of(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> 
 
 @lru_cache(maxsize=64)
 def _beams(spec: Spec, count: int, space: Room) -> tuple[SizedChannel, ...] | None:
-    for resonances in ladders(spec, count, space):
-        channels = size_channels(spec, space, resonances)
-        if channels:
-            return channels
-    return None
+    """Beams for the first ladder that prints; optimised, for the ladder that is told apart best as printed."""
+    sized = (channels for hz in ladders(spec, count, space) if (channels := size_channels(spec, space, hz)))
+    if spec.spacing != "optimised":
+        return next(sized, None)
+    # An optimum for equal masses need not be one for those of the beams.
+    return max(sized, key=lambda channels: _printed_figure(spec, channels), default=None)
+
+
+def _printed_figure(spec: Spec, sized: tuple[SizedChannel, ...]) -> tuple[bool, float]:
+    """How good a ladder is as printed: with an automatic drive, plain tones that keep what is asked come first."""
+    resonance = np.array([float(channel.model.resonance_hz) for channel in sized])
+    mass = np.array([float(channel.model.effective_mass_kg) for channel in sized])
+    tones_db = sets_db(spec, resonance, mass, Scheme("tones")) if spec.drive.scheme in ("auto", "tones") else -inf
+    if spec.drive.scheme == "tones" or tones_db >= decibel(spec.delta_y):
+        return True, tones_db
+    scheme = "spur-free" if spec.drive.scheme == "auto" else spec.drive.scheme
+    return False, sets_db(spec, resonance, mass, scheme_named(spec, scheme))

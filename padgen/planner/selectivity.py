@@ -4,16 +4,22 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 from math import inf
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from padgen.physics.levels import LevelLaw
+from padgen.errors import number
 from padgen.physics.selectivity import SCHEMES, Channels, Scheme, all_states, channels, one_hot_db, tone_energy
+from padgen.planner.frames import frame_rates
 from padgen.planner.plan import Channel, Plan, SchemeFigures, Selectivity, channel_sets
+from padgen.planner.settings import level_law, scheme_named
 from padgen.spec import Spec
 from padgen.units import decibel
 
-__all__ = ["level_law", "plan_selectivity", "run_times_s", "scheme_named"]
+if TYPE_CHECKING:
+    from padgen.planner.resonances import Optimum
+
+__all__ = ["plan_selectivity", "run_times_s"]
 
 SIMPLEST_FIRST = ("tones", "biased", "spur-free", "time-shared")
 """By what the electronics must do: sines; sines on a constant; a root; and, slow, one at a time."""
@@ -23,35 +29,23 @@ MOST_WITH_SPURS = 256
 """Channels up to which the n³ spurs of a scheme are counted that was not asked for."""
 
 
-def level_law(spec: Spec) -> LevelLaw:
-    """The level law of a spec: its exponent, or equal sensation where it has a threshold curve."""
-    drive = spec.drive
-    return LevelLaw(drive.level_law, drive.threshold_hz or (), drive.threshold_um or ())
+def plan_selectivity(spec: Spec, planned: Sequence[Channel], optimum: "Optimum | None" = None) -> Selectivity:
+    """Choose the drive scheme for the channels of a coil, and judge it.
 
-
-def scheme_named(spec: Spec, name: str) -> Scheme:
-    """The scheme called `name` with the settings of `spec`."""
-    return Scheme(name, spec.drive.bias_ratio)
-
-
-def plan_selectivity(spec: Spec, planned: Sequence[Channel], bound_db: float | None = None) -> Selectivity:
-    """Choose the drive scheme for the channels of a coil, and judge it; `bound_db` is passed on.
-
-    With two sets of channels, for the worse one.
+    With two sets of channels, for the worse one. `optimum` is passed on where it is of the chosen scheme.
     """
     sets = channel_sets(planned, spec.coil.sets)
-    even = [_resonators(spec, own, "printed") for own in sets]
-    figures = {name: _figures(spec, even, name) for name in SCHEMES}
-    name, why = _chosen(spec, figures, len(sets[0]))
+    alike, placed, asked = ([_resonators(spec, own, which) for own in sets] for which in ("alike", "placed", "asked"))
+    figures = {name: _figures(spec, alike, placed, name) for name in SCHEMES}
+    name, why = _chosen(spec, figures, planned)
     scheme = scheme_named(spec, name)
-    states = min((all_states(which, scheme) for which in even), key=lambda found: found.db)
-    placed = [_resonators(spec, own, "placed") for own in sets]
-    asked = [_resonators(spec, own, "asked") for own in sets]
+    states = min((all_states(which, scheme) for which in alike), key=lambda found: found.db)
     alone = len(sets[0]) < 2
+    proven = optimum if optimum and name == (spec.drive.scheme if spec.drive.scheme != "auto" else "tones") else None
     return Selectivity(
         drive=name,
         level_law="threshold" if spec.drive.threshold_hz else spec.drive.level_law,
-        one_hot_db=None if alone else min(one_hot_db(which, scheme) for which in even),
+        one_hot_db=None if alone else min(one_hot_db(which, scheme) for which in alike),
         all_states_db=None if alone else states.db,
         worst_state=states.state,
         asked_db=decibel(spec.delta_y),
@@ -60,8 +54,9 @@ def plan_selectivity(spec: Spec, planned: Sequence[Channel], bound_db: float | N
         why=why,
         paper_db=None if alone else _paper_db(spec, planned),
         snapping_db=None if alone else _worst_db(asked, scheme) - states.db,
-        bound_db=bound_db,
-        matrix_db=tuple(_matrix_db(which) for which in even) if len(sets[0]) <= MOST_SPELLED_OUT else (),
+        optimum_db=proven.all_states_db if proven else None,
+        bound_db=proven.bound_db if proven else None,
+        matrix_db=tuple(_matrix_db(which) for which in alike) if len(sets[0]) <= MOST_SPELLED_OUT else (),
         schemes=tuple(figures.values()),
     )
 
@@ -82,7 +77,7 @@ def run_times_s(plan: Plan) -> tuple[float, float]:
 
     def exact() -> None:
         for own in plan.sets:
-            which = _resonators(spec, own, "printed")
+            which = _resonators(spec, own, "alike")
             one_hot_db(which, scheme)
             all_states(which, scheme)
 
@@ -99,7 +94,7 @@ def _best_of_three(work: Callable[[], object]) -> float:
 
 
 def _resonators(spec: Spec, planned: Sequence[Channel], which: str) -> Channels:
-    """Channels as printed, as printed with each washer's own pull ('placed'), or as the ladder 'asked'."""
+    """Channels as printed and pulled 'alike', with each washer's own pull ('placed'), or as the ladder 'asked'."""
     resonance = np.array([c.target_hz if which == "asked" else c.resonance_hz for c in planned])
     mass = np.array([c.effective_mass_g for c in planned])
     pull = np.array([c.force_constant_n_per_a2 for c in planned])
@@ -108,39 +103,43 @@ def _resonators(spec: Spec, planned: Sequence[Channel], which: str) -> Channels:
     return channels(resonance, q, level_law(spec)(resonance), mass, pull if use_pull else 1.0)
 
 
-def _figures(spec: Spec, sets: Sequence[Channels], name: str) -> SchemeFigures:
-    count = len(sets[0].line)
-    cubic = name in ("tones", "biased") and count > MOST_WITH_SPURS and name != spec.drive.scheme
+def _figures(spec: Spec, alike: Sequence[Channels], placed: Sequence[Channels], name: str) -> SchemeFigures:
+    count, scheme = len(alike[0].line), scheme_named(spec, name)
+    cubic = scheme.has_pair_spurs and count > MOST_WITH_SPURS and name != spec.drive.scheme
     if count < 2 or cubic:
-        return SchemeFigures(name, None, None)
-    scheme = scheme_named(spec, name)
-    return SchemeFigures(name, min(one_hot_db(which, scheme) for which in sets), _worst_db(sets, scheme))
+        return SchemeFigures(name, None, None, None)
+    one_hot = min(one_hot_db(which, scheme) for which in alike)
+    return SchemeFigures(name, one_hot, _worst_db(alike, scheme), _worst_db(placed, scheme))
 
 
-def _chosen(spec: Spec, figures: dict[str, SchemeFigures], count: int) -> tuple[str, str]:
+def _chosen(spec: Spec, figures: dict[str, SchemeFigures], planned: Sequence[Channel]) -> tuple[str, str]:
     """Name of the scheme, and why it is this one."""
     if spec.drive.scheme != "auto":
         return spec.drive.scheme, "as the spec asks"
-    if count <= 2:
+    if len(planned) // spec.coil.sets <= 2:
         return "tones", "plain tones are the simplest, and no third taxel is there for their spurs to fall on"
-    asked = decibel(spec.delta_y)
-    reached = {name: _reached(figures[name]) for name in SIMPLEST_FIRST}
-    holds = [name for name in SIMPLEST_FIRST if reached[name] >= asked]
+    asked, least = decibel(spec.delta_y), spec.drive.least_frames_per_s
+    reached = {name: figures[name].reached_db for name in SIMPLEST_FIRST}
+    rates = {rate.scheme: rate.frames_per_s for rate in frame_rates(planned, spec.coil.sets)}
+    # Taking turns is slow, so that it must also be fast enough; the others ring down alike.
+    holds = [n for n in SIMPLEST_FIRST if reached[n] >= asked and (n != "time-shared" or rates[n] >= least)]
     if holds:
-        simpler = SIMPLEST_FIRST[: SIMPLEST_FIRST.index(holds[0])]
-        missed = ", ".join(f"{name} {reached[name]:.1f} dB" for name in simpler if reached[name] > -inf)
-        return holds[0], f"the simplest that reaches {asked:.1f} dB in all states" + (f" ({missed})" if missed else "")
-    # Taking turns costs level and frame rate, which only buys something where it meets what was asked.
-    together = SIMPLEST_FIRST[:-1]
-    best = max(together, key=lambda name: reached[name])
-    others = ", ".join(f"{name} {reached[name]:.1f} dB" for name in SIMPLEST_FIRST if name != best)
-    return best, f"no scheme reaches {asked:.1f} dB in all states; it comes nearest of those that drive all at once" + (
-        f" ({others})" if others else ""
-    )
+        told = _told(SIMPLEST_FIRST[: SIMPLEST_FIRST.index(holds[0])], reached, rates)
+        return holds[0], f"the simplest that keeps {asked:.1f} dB in all states{told}"
+    best = max(SIMPLEST_FIRST[:-1], key=lambda name: reached[name])
+    told = _told([name for name in SIMPLEST_FIRST if name != best], reached, rates)
+    none = f"none keeps {asked:.1f} dB in all states at {number(least)} frames/s"
+    return best, f"{none}; of those that drive all at once it comes nearest{told}"
 
 
-def _reached(figures: SchemeFigures) -> float:
-    return -inf if figures.all_states_db is None else figures.all_states_db
+def _told(names: Sequence[str], reached: dict[str, float], rates: dict[str, float]) -> str:
+    """What other schemes reach, in brackets."""
+    words = [
+        f"{name} {reached[name]:.1f} dB" + (f" at {rates[name]:.2g} frames/s" if name == "time-shared" else "")
+        for name in names
+        if reached[name] > -inf
+    ]
+    return f" ({', '.join(words)})" if words else ""
 
 
 def _paper_db(spec: Spec, planned: Sequence[Channel]) -> float:

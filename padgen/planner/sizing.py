@@ -8,14 +8,14 @@ sensitive to the printer's tolerances wins. The widths are then solved for exact
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 
 from padgen.physics.ladder import slot_half_width
 from padgen.physics.selectivity import channels as resonators
 from padgen.planner.printable import LENGTH_STEP_MM, IdealBeam, printable_beams
-from padgen.planner.selectivity import level_law
+from padgen.planner.settings import level_law
 from padgen.planner.suspensions import TOPOLOGIES, BeamShape, Room
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.spec import Printer, Spec
@@ -242,10 +242,13 @@ def _solved(spec: Spec, picks: list[Pick], targets: np.ndarray) -> tuple[SizedCh
                 (float(lengths[0]), float(lengths[-1])),
             )
     ordered = [ideal[i] for i in range(len(picks))]
-    return tuple(
+    channels = tuple(
         SizedChannel(float(hz), item.topology, beam, TaxelModel(spec, item.topology, plate_shape(spec), beam))
         for item, beam, hz in zip(ordered, printable_beams(spec, ordered, targets), targets, strict=True)
     )
+    # In steps too coarse for the ladder, two targets may have the same beam.
+    apart = all(a.model.resonance_hz < b.model.resonance_hz for a, b in pairwise(channels))
+    return channels if apart or spec.resonances_hz else None
 
 
 RESONANCE_TOLERANCE = 2e-3

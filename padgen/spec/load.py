@@ -101,8 +101,11 @@ def parse_spec(text: str, where: str = "spec", folder: Path = Path()) -> Spec:
 def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
     """Make a `Spec` from the nested tables of a TOML file; other files that it names lie in `folder`."""
     table = dict(table)
-    if isinstance(table.get("drive"), str):
-        table["drive"] = {"scheme": table["drive"]}
+    drive = table.get("drive", {})
+    if isinstance(drive, str):
+        table["drive"] = {"scheme": drive}
+    elif not isinstance(drive, dict):
+        raise SpecError(f"must be a scheme's name or a table, got {drive!r}", "drive")
     parts: dict[str, Any] = {name: build(kind, table.pop(name, {}), name) for name, kind in PLAIN_TABLES.items()}
     parts["printer"] = _entry("printer", table.pop("printer", {}), DEFAULTS["printer"])
     parts["material"] = _entry("material", table.pop("material", {}), DEFAULT_MATERIALS[parts["printer"].process])

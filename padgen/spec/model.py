@@ -125,7 +125,7 @@ class Washer:
 
 @dataclass(frozen=True, slots=True)
 class Coil:
-    """A solenoid with a core of its own length, its top at `gap_mm` below the washers."""
+    """A solenoid with a core of its own length, its top at `gap_mm` below the washers of a flat pad."""
 
     name: str = text(doc="name in the catalogue")
     outer_diameter_mm: float = quantity(unit="mm", low=0.5, high=200, doc="outside of the winding")
@@ -136,7 +136,7 @@ class Coil:
     inductance_mh: float = quantity(unit="mH", low=0, high=1e5, doc="inductance")
     core_diameter_mm: float = quantity(unit="mm", low=0, high=199, doc="core; 0 is an air core")
     core_relative_permeability: float = quantity(unit="1", low=1, high=1e6, doc="of the core")
-    gap_mm: float = quantity(1.0, unit="mm", low=0.05, high=100, doc="coil top to washer underside at rest")
+    gap_mm: float = quantity(1.0, unit="mm", low=0.05, high=100, doc="coil top to washer underside, before sag")
     grid: tuple[int, int] | None = numbers(
         None, unit="coils", low=1, high=1000, count=2, doc="[rows, columns]; searched for when absent"
     )
@@ -204,6 +204,9 @@ class Drive:
     )
     headroom: float = quantity(
         0.05, unit="1", low=0, high=10, doc="spur-free: constant force above the sum of the tones', as a share of it"
+    )
+    least_frames_per_s: float = quantity(
+        1.0, unit="1/s", low=0, high=1e6, doc="fewest frames per second for which auto lets channels take turns"
     )
     voltage_limit_v: float = quantity(
         30.0, unit="V", low=0.01, high=1e5, doc="peak voltage of the amplifier that feeds a coil"

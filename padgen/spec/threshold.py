@@ -1,55 +1,87 @@
 """A detection threshold over frequency that the user supplies: a CSV file, or two lists in the spec."""
 
-import csv
-import io
-from dataclasses import replace
+from dataclasses import fields
 from itertools import pairwise
 from pathlib import Path
 
 from padgen.errors import FileError, SpecError, number
+from padgen.spec.fields import build
 from padgen.spec.model import Drive, Spec
 
 __all__ = ["refuse_threshold", "with_threshold"]
 
 
+LARGEST_FILE = 1 << 20
+"""Bytes of a curve file."""
+
+
 def with_threshold(drive: Drive, folder: Path) -> Drive:
-    """`drive` with the curve of its `threshold_file` filled in, unless the lists are there already.
+    """`drive` with the curve of its `threshold_file` in place of the file's name.
 
     Raises
     ------
     FileError
         The file cannot be read, or a line of it is not two numbers.
+    SpecError
+        There is a file and a list as well, or a number is out of bounds.
     """
-    if drive.threshold_file is None or drive.threshold_hz is not None:
+    name = drive.threshold_file
+    if name is None:
         return drive
-    path = folder / drive.threshold_file
+    if drive.threshold_hz is not None or drive.threshold_um is not None:
+        raise SpecError("must stand without drive.threshold_hz and drive.threshold_um, or they without it", _WHERE)
+    hz, um = zip(*_points(_text(folder, name), name), strict=True)
+    lists = {"threshold_hz": list(hz), "threshold_um": list(um)}
+    values = {f.name: getattr(drive, f.name) for f in fields(Drive)} | {"threshold_file": None}
+    filled: Drive = build(Drive, lists, "drive", values)
+    return filled
+
+
+_WHERE = "drive.threshold_file"
+
+
+def _text(folder: Path, name: str) -> str:
+    if not name.strip() or "\0" in name:
+        raise SpecError(f"must name a file, got {name!r}", _WHERE)
+    path = folder / name
+    where = f"{_WHERE} {str(path)!r}"
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        if not path.is_file():
+            raise FileError("is not a file" if path.exists() else "there is no such file", where)
+        if path.stat().st_size > LARGEST_FILE:
+            raise FileError(f"must be at most {LARGEST_FILE} bytes, has {path.stat().st_size}", where)
+        return path.read_bytes().decode("utf-8-sig")
     except OSError as error:
-        raise FileError(f"cannot be read ({error.strerror})", f"drive.threshold_file {str(path)!r}") from error
+        raise FileError(f"cannot be read ({error.strerror})", where) from error
     except UnicodeDecodeError as error:
-        raise FileError(
-            f"is not CSV: byte {error.start} is not UTF-8 text", f"drive.threshold_file {str(path)!r}"
-        ) from error
-    points = _points(text, drive.threshold_file)
-    return replace(drive, threshold_hz=tuple(f for f, _ in points), threshold_um=tuple(um for _, um in points))
+        raise FileError(f"is not CSV: byte {error.start} is not UTF-8 text", where) from error
 
 
 def _points(text: str, where: str) -> list[tuple[float, float]]:
     points: list[tuple[float, float]] = []
-    for line, cells in enumerate(csv.reader(io.StringIO(text)), start=1):
-        if not any(cell.strip() for cell in cells) or cells[0].lstrip().startswith("#"):
+    headings = 0
+    for line, raw in enumerate(text.splitlines(), start=1):
+        cells = [cell.strip() for cell in raw.split(",")]
+        if not raw.strip() or raw.lstrip().startswith("#"):
             continue
-        try:
-            hz, um = (float(cell) for cell in cells)
-        except ValueError as error:
-            if not points and line == 1:
-                continue  # headings
-            raise FileError(
-                f"line {line} must be a frequency in Hz and a threshold in µm, got {','.join(cells)!r}", where
-            ) from error
-        points.append((hz, um))
+        values = [_number(cell) for cell in cells]
+        if len(cells) == 2 and values == [None, None] and not points and not headings:
+            headings = line
+        elif len(cells) == 2 and None not in values:
+            points.append((values[0], values[1]))  # type: ignore[arg-type]
+        else:
+            shown = raw if len(raw) <= 40 else raw[:40] + "…"
+            raise FileError(f"line {line} must be a frequency in Hz and a threshold in µm, got {shown!r}", where)
+    if not points:
+        raise FileError("holds no points; each line must be a frequency in Hz and a threshold in µm", where)
     return points
+
+
+def _number(cell: str) -> float | None:
+    try:
+        return float(cell.strip('"'))
+    except ValueError:
+        return None
 
 
 def refuse_threshold(spec: Spec) -> None:
@@ -73,8 +105,10 @@ def refuse_threshold(spec: Spec) -> None:
         raise SpecError(f"must be positive, got {number(um[-1])} µm at {number(hz[-1])} Hz", "drive.threshold_um")
     low, high = spec.band_hz
     if hz[0] > low or hz[-1] < high:
+        common = max(low, hz[0]), min(high, hz[-1])
+        would = f"; a band of [{number(common[0])}, {number(common[1])}] would do" if common[0] < common[1] else ""
         raise SpecError(
-            f"must cover the band of {number(low)} … {number(high)} Hz, got {number(hz[0])} … {number(hz[-1])} Hz;"
-            f" a band of [{number(max(low, hz[0]))}, {number(min(high, hz[-1]))}] would do",
+            f"must cover the band of {number(low)} … {number(high)} Hz, got {number(hz[0])} … {number(hz[-1])} Hz"
+            + would,
             where,
         )
