@@ -263,7 +263,8 @@ def test_yields_are_of_the_asked_selectivity():
 
 
 def test_quantiles_rise_and_intervals_are_wilson_s():
-    result = print_yield(plan_of(delta_y=3.0), 2000, spreads=USUAL)
+    shared = replace(USUAL, modulus=0.1, thickness_mm=0.01, thickness_drift_mm=0.02)
+    result = print_yield(plan_of(delta_y=2.5), 2000, spreads=shared)
     for outcome in (result.planned, result.retuned):
         assert dbs(outcome) == sorted(set(dbs(outcome)))
         share = outcome.pads
@@ -274,7 +275,9 @@ def test_quantiles_rise_and_intervals_are_wilson_s():
         # Taxels share their pad's drift: less is known than from as many independent ones, more than from pads.
         taxels = outcome.taxels
         alone = 2 * z * sqrt(taxels.share * (1 - taxels.share) / taxels.made)
-        assert 1.01 * alone < taxels.high - taxels.low < 4 * alone
+        # Re-tuning takes the drift out again.
+        least = 1.01 if outcome is result.planned else 0.999
+        assert least * alone < taxels.high - taxels.low < 5 * alone
 
 
 def test_neighbours_that_swapped_or_came_too_close():
@@ -298,7 +301,7 @@ def test_neighbours_that_swapped_or_came_too_close():
 
 
 def test_the_only_spread_is_the_costliest_and_all_of_the_loss():
-    plan = plan_of(delta_y=3.0)
+    plan = plan_of(delta_y=2.0)
     result = print_yield(plan, 300, spreads=only(thickness_mm=0.03, modulus=1e-5))
     assert [cost.spread for cost in result.costs] == list(module.NAMES)
     cost = result.costs[module.NAMES.index("thickness_mm")]
