@@ -88,7 +88,7 @@ def _selectivity_lines(plan: "Plan") -> list[str]:
         lines.append(f"with each washer pulled as strongly as it lies to the coil: {kept:.1f} dB in all states")
     if figures.bound_db is not None and figures.optimum_db is not None:
         lines.append(
-            f"optimised resonances: {figures.optimum_db:.2f} dB with equal masses; proven that no others in the band"
+            f"with equal masses the best resonances reach {figures.optimum_db:.2f} dB; proven that none in the band"
             f" that prints here exceed {figures.bound_db:.2f} dB"
         )
     if (figures.snapping_db or 0.0) >= SHOWN_DB:

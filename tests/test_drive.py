@@ -14,12 +14,15 @@ from math import log, pi
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
+from scipy.signal import lfilter
 
 from padgen.driver import drive_rows
 from padgen.errors import FileError, SpecError
 from padgen.physics.leakage import leakage
 from padgen.physics.magnetics import (
     balanced_deflection,
+    flux_density,
     force_constant,
     impedance,
     pull_in_deflection,
@@ -305,6 +308,163 @@ def test_leakage_of_a_coil_on_its_own_washer_is_all_of_it(paper_spec):
     coil, washer = magnetic_parts(paper_spec)
     found = leakage(coil, washer, 1e-3, np.array([[3e-3, 1e-3]]), np.zeros((1, 2)))
     assert found.square == pytest.approx(1) and found.product == pytest.approx(1)
+
+
+def superposed(spec, place_mm, axes_mm, currents):
+    """Force gradient of B² on a ring of points at a washer, by adding up the coils' fields: arbitrary unit."""
+    coil, washer = magnetic_parts(spec)
+    radius = (washer.outer_diameter + washer.inner_diameter) / 4
+    angle = (np.arange(6) + 0.5) * pi / 3
+    points = np.array(place_mm) * 1e-3 + radius * np.stack([np.cos(angle), np.sin(angle)], -1)
+    width = (washer.outer_diameter - washer.inner_diameter) / 2
+    easy = 1 + (washer.permeability - 1) * np.array([washer.thickness, washer.thickness, width]) / (
+        width + washer.thickness
+    )
+    energies = []
+    for height in (1e-3 + washer.thickness / 2 + side * 0.02 * (1e-3 + washer.thickness) for side in (-1, 1)):
+        field = np.zeros((6, 3))
+        for axis, current in zip(axes_mm, currents, strict=True):
+            away = points - np.array(axis) * 1e-3
+            distance = np.hypot(*away.T)
+            radial, axial = flux_density(coil, distance, np.full(6, height))
+            field += current * np.concatenate([away * (radial / distance)[:, None], axial[:, None]], 1)
+        energies.append((field**2 / easy).sum(1).mean())
+    return energies[0] - energies[1]
+
+
+def test_leakage_is_what_superposed_fields_make(paper_spec):
+    """Own current 1 and a neighbour's i: pull 1 + 2 i product + i² square, of the own pull."""
+    place, neighbour = (3.0, 1.0), (12.5, 0.0)
+    coil, washer = magnetic_parts(paper_spec)
+    found = leakage(coil, washer, 1e-3, np.array([place]) * 1e-3, np.array([neighbour]) * 1e-3)
+    own = superposed(paper_spec, place, [(0, 0)], [1.0])
+    both, against = (superposed(paper_spec, place, [(0, 0), neighbour], [1.0, i]) / own for i in (1.0, -1.0))
+    assert (both + against) / 2 - 1 == pytest.approx(found.square[0, 0], rel=1e-6)
+    assert (both - against) / 4 == pytest.approx(found.product[0, 0], rel=1e-6)
+
+
+def test_leakage_of_a_plan_by_hand():
+    """Two coils of one channel each: tones leak by the square, biased by the product with the constant as well."""
+    text = FOUR.replace("resolution = 16", "resolution = 2").replace("[2, 2]", "[1, 2]") + "[suspension]\n"
+    tones, biased = (plan_of("resonances_hz = [80]\n" + text, scheme=scheme) for scheme in ("tones", "biased"))
+    (channel,), spec = tones.channels, tones.typed_spec
+    place = np.array([channel.site.washer_mm]) * 1e-3
+    pitch = tones.coils.pitch_x_mm * 1e-3
+    sides = [leakage(*magnetic_parts(spec), 1e-3, place, np.array([[x, 0.0]])) for x in (pitch, -pitch)]
+    square = max(abs(float(side.square[0, 0])) for side in sides)
+    both = max(abs(float(side.square[0, 0])) + abs(float(side.product[0, 0])) for side in sides)
+    assert tones.reuse.leak_db == pytest.approx(-20 * np.log10(square), abs=1e-6)
+    assert biased.reuse.leak_db == pytest.approx(-20 * np.log10(both), abs=1e-6)
+
+
+def test_neighbours_in_step_add_their_fields():
+    """The bound of two coils alike on both sides is four times, not twice, that of one."""
+    one = plan_of(
+        "resonances_hz = [80]\n" + FOUR.replace("resolution = 16", "resolution = 2").replace("[2, 2]", "[1, 2]")
+    )
+    wide = FOUR.replace("width_mm = 25", "width_mm = 37.5").replace("[2, 2]", "[1, 3]")
+    two = plan_of("resonances_hz = [80]\n" + wide.replace("resolution = 16", "resolution = 3"))
+    assert 0 < one.reuse.leak_db - two.reuse.leak_db <= 20 * np.log10(4) + 1e-6
+
+
+def test_spurs_of_neighbours_leak_too():
+    """60 and 180 Hz make 60 Hz: a neighbour's spur is twice as strong as its tone there."""
+    pair = FOUR.replace("resolution = 16", "resolution = 8")
+    clean, hit = (plan_of(f"resonances_hz = [60, {hz}]\n" + pair, scheme="tones").reuse.leak_db for hz in (150, 180))
+    assert clean - hit > 5
+
+
+@pytest.mark.parametrize("scheme", ["tones", "spur-free", "biased", "time-shared"])
+def test_mean_pull_and_heat_of_each_scheme_by_hand(scheme):
+    plan = plan_of(scheme=scheme)
+    line = np.array([c.force_mn * 1e-3 / c.force_constant_n_per_a2 for c in plan.channels])
+    tone = line / np.sqrt(2 * 5 * line.max())
+    square = {
+        "tones": line.sum(),
+        "spur-free": 1.05 * line.sum(),
+        "biased": 5 * line.max() / 2 + (tone**2).sum() / 2,
+        "time-shared": line.max(),
+    }[scheme]
+    assert plan.load.copper_loss_w == pytest.approx(62.9 * square)
+    for channel in plan.channels:
+        slack_um = square * channel.force_constant_n_per_a2 / channel.stiffness_n_per_m * 1e6
+        balanced = balanced_deflection(slack_um, 1000.0, channel.pull_exponent)
+        assert channel.static_um == pytest.approx(balanced)
+        # k − dF/dz at balance, by differences.
+        forces = [slack_um * (1000 / (1000 - z)) ** channel.pull_exponent for z in (balanced + 1e-3, balanced - 1e-3)]
+        softer = 1 - (forces[0] - forces[1]) / 2e-3
+        assert 1 - channel.pull_shift == pytest.approx(np.sqrt(softer), abs=channel.pull_shift**2)
+
+
+def test_softening_beyond_a_quarter_of_a_slot_is_found():
+    strong = FOUR + "power_limit_w = 100\n[drive]\nscheme = 'biased'\nlevel_um = 130\nvoltage_limit_v = 1e3\n"
+    plan = plan_of(strong)
+    assert plan.load.pull_in_share < 1
+    # A slot is 2 · Δy/(4Q) wide, a third.
+    assert max(c.pull_shift for c in plan.channels) > 1 / 3 / 4
+    (finding,) = [f for f in plan.findings if f.code == "coil.softening"]
+    level = float(finding.message.split("a level of ")[1].split()[0])
+    assert "coil.softening" not in codes(plan_of(strong.replace("level_um = 130", f"level_um = {level}")))
+    assert "coil.softening" not in codes(plan_of())
+
+
+def test_a_spur_on_an_on_channel_is_found():
+    pair = FOUR.replace("resolution = 16", "resolution = 8")
+    assert "level.beats" in codes(plan_of("resonances_hz = [60, 180]\n" + pair, scheme="tones"))
+    assert "level.beats" not in codes(plan_of("resonances_hz = [60, 150]\n" + pair, scheme="tones"))
+    assert "level.beats" not in codes(plan_of("resonances_hz = [60, 180]\n" + pair, scheme="spur-free"))
+    # Beside a constant the spurs are at sums and differences of the resonances themselves.
+    assert "level.beats" in codes(plan_of("resonances_hz = [60, 121]\n" + pair, scheme="biased"))
+
+
+def test_levels_below_the_threshold_are_found():
+    curve = FOUR + "[drive]\nthreshold_hz = [20, 800]\nthreshold_um = [50, 50]\nlevel_um = "
+    assert "level.threshold" in codes(plan_of(curve + "40\n"))
+    assert "level.threshold" not in codes(plan_of(curve + "60\n"))
+
+
+def test_unequal_pull_decides():
+    """What holds is the smaller figure: drives are chosen and judged by what the washers really feel."""
+    wide = load_spec("wide-11")
+    plan = make_plan(replace(wide, drive=replace(wide.drive, scheme="auto")))
+    figures = plan.selectivity
+    pull = np.array([c.force_constant_n_per_a2 for c in plan.channels])
+    resonance = np.array([c.resonance_hz for c in plan.channels])
+    mass = np.array([c.effective_mass_g for c in plan.channels])
+    line = mass * resonance**2  # equal displacement and Q
+    s = resonance / resonance[:, None]
+    response = 1 / np.sqrt((15 * (1 - s**2)) ** 2 + s**2)
+    # Channel j's current is what its own washer needs; taxel i feels it by its own pull.
+    heard = (response * (line / pull) * pull[:, None] / line[:, None]) ** 2 * ~np.eye(11, dtype=bool)
+    assert figures.placed_all_states_db == pytest.approx(-10 * np.log10(heard.sum(1).max()))
+    assert figures.kept_db == figures.placed_all_states_db < figures.all_states_db
+    (finding,) = [f for f in plan.findings if f.code == "selectivity.all_states"]
+    assert f"{figures.kept_db:.1f} dB less than an ON one, unequal pull counted" in finding.message
+
+
+def test_slots_in_turn_are_long_enough():
+    """Time stepping of taxels that are OFF while others have their ramped slots: within 1 dB of the steady figure."""
+    plan = plan_of(scheme="time-shared")
+    slot_s = 2 * max(c.ring_down_ms for c in plan.channels) * 1e-3
+    line = np.array([c.force_mn * 1e-3 / c.force_constant_n_per_a2 for c in plan.channels])
+    dt = 1 / (40 * plan.channels[-1].resonance_hz)
+    t = np.arange(0, slot_s, dt)
+    ramp = np.sin(pi * t / slot_s) ** 2  # up over one ring-down, down over the other
+    slots = [2 * a * ramp * np.sin(pi * c.resonance_hz * t) ** 2 for a, c in zip(line, plan.channels, strict=True)]
+    loudest = []
+    for i, c in enumerate(plan.channels):
+        square = np.concatenate(2 * [0 * slot if j == i else slot for j, slot in enumerate(slots)])
+        # Exact step of a damped oscillator under a force that is constant over it.
+        w, z = 2 * pi * c.resonance_hz, 1 / (2 * c.q)
+        step = expm(np.array([[0, 1, 0], [-(w**2), -2 * z * w, 1], [0, 0, 0]]) * dt)
+        b, a = [0.0, *step[0, [2]]], [1.0, -np.trace(step[:2, :2]), np.linalg.det(step[:2, :2])]
+        b.append(step[0, 1] * step[1, 2] - step[1, 1] * step[0, 2])
+        path = lfilter(b, a, square * c.force_constant_n_per_a2 / (c.effective_mass_g * 1e-3))
+        # The mean pull's slow sag is not felt: taken off by a mean over a period of the resonance.
+        period = round(1 / c.resonance_hz / dt)
+        felt = (path - np.convolve(path, np.ones(period) / period, mode="same"))[period:-period]
+        loudest.append(np.abs(felt).max() / (c.level_um * 1e-6))
+    assert -20 * np.log10(max(loudest)) > plan.selectivity.one_hot_db - 1
 
 
 def test_one_coil_has_no_neighbours():

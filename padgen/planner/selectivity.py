@@ -128,7 +128,7 @@ def _chosen(spec: Spec, figures: dict[str, SchemeFigures], planned: Sequence[Cha
         return holds[0], f"the simplest that keeps {asked:.1f} dB in all states{told}"
     best = max(SIMPLEST_FIRST[:-1], key=lambda name: reached[name])
     told = _told([name for name in SIMPLEST_FIRST if name != best], reached, rates)
-    none = f"none keeps {asked:.1f} dB in all states at {number(least)} frames/s"
+    none = f"none keeps {asked:.1f} dB in all states at {number(least)} {'frame' if least == 1 else 'frames'}/s"
     return best, f"{none}; of those that drive all at once it comes nearest{told}"
 
 
