@@ -38,7 +38,7 @@ def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], drive: s
     leak = leakage(*magnetic_parts(spec), spec.coil.gap_mm * MM, place * MM, steps * pitch * MM)
     which = _as_resonators(spec, channels)
     heard = tone_energy(which, which)
-    beat = _beats(scheme, channels, spec.coil.sets)
+    beat = _beats(scheme, channels, spec.coil.sets, spec.drive.headroom)
     energy = np.zeros(len(channels))
     for there in _surroundings(layout):
         kind = np.abs(steps).sum(1) % spec.coil.sets
@@ -55,12 +55,12 @@ def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], drive: s
     return Reuse(-decibel(float(energy[worst]) ** 0.5), worst, turned)
 
 
-def _beats(scheme: Scheme, channels: Sequence[Channel], sets: int) -> np.ndarray:
+def _beats(scheme: Scheme, channels: Sequence[Channel], sets: int, headroom: float) -> np.ndarray:
     """How much of a neighbour's wanted line (n,) the own coil's constant current makes of its field.
 
-    Biased, the constant is always there: all of it. Spur-free, it is the root of what the own other
-    channels want, against a neighbour that plays this channel alone: its root's first harmonic, at most
-    1.2 √a (4√2/3π), in the same unit.
+    Biased, the constant is always there: all of it. Spur-free, it is at most the root of what the own
+    other channels want, with headroom, against a neighbour that plays this channel alone: twice its
+    root's first harmonic, 4√2/(3π) √a.
     """
     if scheme.name == "biased":
         return np.ones(len(channels))
@@ -69,7 +69,7 @@ def _beats(scheme: Scheme, channels: Sequence[Channel], sets: int) -> np.ndarray
     lines = squared_current_lines(channels)
     own = np.array([lines[i % sets :: sets].sum() for i in range(len(lines))])
     share: np.ndarray = np.divide(own - lines, lines, out=np.zeros(len(lines)), where=lines > 0)
-    factor: np.ndarray = 1.2 * np.sqrt(np.maximum(share, 0.0))
+    factor: np.ndarray = 8 * 2**0.5 / (3 * np.pi) * np.sqrt((1 + headroom) * np.maximum(share, 0.0))
     return factor
 
 

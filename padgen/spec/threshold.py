@@ -64,11 +64,11 @@ def _points(text: str, where: str) -> list[tuple[float, float]]:
         cells = [cell.strip() for cell in raw.split(",")]
         if not raw.strip() or raw.lstrip().startswith("#"):
             continue
-        values = [_number(cell) for cell in cells]
-        if len(cells) == 2 and values == [None, None] and not points and not headings:
+        values = [value for cell in cells if (value := _number(cell)) is not None]
+        if len(cells) == len(values) == 2:
+            points.append((values[0], values[1]))
+        elif len(cells) == 2 and not values and not points and not headings:
             headings = line
-        elif len(cells) == 2 and None not in values:
-            points.append((values[0], values[1]))  # type: ignore[arg-type]
         else:
             shown = raw if len(raw) <= 40 else raw[:40] + "…"
             raise FileError(f"line {line} must be a frequency in Hz and a threshold in µm, got {shown!r}", where)
