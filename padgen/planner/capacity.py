@@ -13,7 +13,7 @@ from padgen.planner.settings import level_law, scheme_named
 from padgen.spec import Spec
 from padgen.units import decibel
 
-__all__ = ["channel_limit", "coil_capacity", "largest_counts", "searched_to"]
+__all__ = ["LARGEST_WITH_SPURS", "channel_limit", "coil_capacity", "largest_counts", "searched_to"]
 
 WIDEST_HZ = 1e5
 LARGEST_WITH_SPURS = 32

@@ -7,7 +7,7 @@ from typing import Any
 from padgen.errors import SpecError, number
 from padgen.physics.levels import LevelLaw
 from padgen.physics.selectivity import SCHEMES
-from padgen.planner.capacity import channel_limit, coil_capacity, largest_counts, searched_to
+from padgen.planner.capacity import LARGEST_WITH_SPURS, channel_limit, coil_capacity, largest_counts, searched_to
 from padgen.planner.channels import plan_channels
 from padgen.planner.layout import SLACK_MM, candidates, explain
 from padgen.planner.plan import Plan, Selectivity, without_none
@@ -45,7 +45,7 @@ class Change:
     """One change of the spec and what it costs.
 
     `channels` per coil then keep what was asked, `gained` more than now; `gained_in_band` more would
-    if there were room for all; `gained_db` is added to the all-state figure of the planned number.
+    if there were room for all (0 where more are not counted); `gained_db` is added to the all-state figure of the planned number.
     `drive` is the scheme that `channels` per coil take.
     """
 
@@ -83,7 +83,7 @@ def explain_plan(spec: Spec, plan: Plan, progress: Callable[[str], None] = lambd
         figures = _figures(other, grid, count) if count <= MOST_TRIED else None
         after = figures.kept_db if figures else None
         gained_db = after - now if after is not None and now is not None else None
-        more_in_band = _channels_in_band(other) - in_band
+        more_in_band = 0 if in_band >= LARGEST_WITH_SPURS else _channels_in_band(other) - in_band
         change = Change(words, COSTS[cost], channels, scheme, channels - held, more_in_band, gained_db)
         if change.gained > 0 or (change.gained == 0 and (change.gained_in_band > 0 or (gained_db or 0.0) > WORTH_DB)):
             changes.append(change)
