@@ -173,12 +173,12 @@ def _plan(options: argparse.Namespace) -> int:
 def _print_plan(plan: Any, explanation: Any, printed: Any) -> None:
     from padgen.tell import explanation_text, findings_text, plan_text, yield_text
 
-    print(plan_text(plan))
-    print(findings_text(plan.findings))
+    _show(plan_text(plan))
+    _show(findings_text(plan.findings))
     if explanation:
-        print(f"\n{explanation_text(explanation)}")
+        _show(f"\n{explanation_text(explanation)}")
     if printed:
-        print(f"\n{yield_text(printed)}")
+        _show(f"\n{yield_text(printed)}")
 
 
 def _printed(plan: Any, options: argparse.Namespace) -> Any:
@@ -213,8 +213,8 @@ def _build(options: argparse.Namespace) -> int:
     else:
         from padgen.tell import built_text, findings_text
 
-        print(built_text(built))
-        print(findings_text(built.findings))
+        _show(built_text(built))
+        _show(findings_text(built.findings))
     return _code(built.findings)
 
 
@@ -267,6 +267,21 @@ def _schema(options: argparse.Namespace) -> int:
 
     print(json.dumps(spec_schema(), indent=1, ensure_ascii=False))
     return DONE
+
+
+def _show(text: str) -> None:
+    """Print for people: on a terminal, sentences wrapped to its width; tables and pipes as they are."""
+    if sys.stdout.isatty():
+        import shutil
+        import textwrap
+
+        width = max(shutil.get_terminal_size().columns, 60)
+        # Columns of a table stand two spaces apart.
+        text = "\n".join(
+            line if "  " in line.strip() else textwrap.fill(line, width, subsequent_indent="  ")
+            for line in text.splitlines()
+        )
+    print(text)
 
 
 def _code(findings: Any) -> int:

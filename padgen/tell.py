@@ -37,7 +37,11 @@ def plan_text(plan: "Plan") -> str:
     lines = [head, bound, "", table(_HEADINGS, [_row(c) for c in plan.channels])]
     lines += ["", *_drive_lines(plan)]
     if plan.layouts:
-        others = ", ".join(f"{o.rows} x {o.columns} coils with {o.channels} channels" for o in plan.layouts)
+        others = ", ".join(
+            f"{o.rows} x {o.columns} coils with {o.channels} channels"
+            + ("" if o.kept_db is None else f" ({o.kept_db:.1f} dB in all states)")
+            for o in plan.layouts
+        )
         lines.append(f"runners-up: {others}")
     settings = ", ".join(f"{key.replace('_', ' ')} {value}" for key, value in plan.printing.items())
     return "\n".join([*lines, f"print with: {settings}"])
@@ -72,17 +76,21 @@ def _selectivity_lines(plan: "Plan") -> list[str]:
     law = "equal sensation" if isinstance(figures.level_law, str) else f"amplitude ~ 1/f^{figures.level_law:g}"
     lines = [
         f"selectivity ({law}): {one_hot:.1f} dB with one channel on, {states:.1f} dB in all states"
-        f" (worst {_short(figures.worst_state)}), asked are {figures.asked_db:.1f} dB (Δy)",
+        f" of a coil (worst {_short(figures.worst_state)}), asked are {figures.asked_db:.1f} dB (Δy)",
         f"the paper's bound promises {paper:.1f} dB for the closest pair ({paper_s * 1e6:.1f} µs): one on"
         f" {one_hot - paper:+.1f} dB, all states {states - paper:+.1f} dB off it ({exact_s * 1e6:.0f} µs)",
     ]
     if 2 <= len(plan.sets[0]) <= SHOWN_MATRIX:
         for own, matrix in zip(plan.sets, figures.matrix_db, strict=True):
-            heard = "; ".join(
-                f"{channel.index}: " + ", ".join(f"{value:.1f}" for k, value in enumerate(row) if own[k] is not channel)
-                for channel, row in zip(own, matrix, strict=True)
-            )
-            lines.append(f"dB below its own ON amplitude at the other channels' tones: {heard}")
+            names = [str(channel.index) for channel in own]
+            rows = [
+                (name, *("" if k == name else f"{value:.1f}" for k, value in zip(names, row, strict=True)))
+                for name, row in zip(names, matrix, strict=True)
+            ]
+            lines += [
+                "dB by which an OFF taxel (row) is quieter than ON, at the tone of (column):",
+                table(["", *names], rows),
+            ]
     kept = figures.kept_db
     if kept is not None and kept < states - SHOWN_DB:
         lines.append(f"with each washer pulled as strongly as it lies to the coil: {kept:.1f} dB in all states")
@@ -184,14 +192,18 @@ def explanation_text(explanation: "Explanation") -> str:
             )
             for change in explanation.changes
         ]
-        lines += ["", "what one change buys:", table(("change", "costs", "channels", "in the band", "dB now"), rows)]
+        lines += [
+            "",
+            "what one change buys:",
+            table(("change", "costs", "channels", "if there were room", "gain dB"), rows),
+        ]
     laws = list(dict.fromkeys(row.level_law for row in explanation.capacities))
     by_scheme: dict[str, list[str]] = {}
     for row in explanation.capacities:
         by_scheme.setdefault(row.scheme, []).append(f"{row.one_hot}, {_counted(row.all_states, row.searched_to)}")
-    headings = ["drive", *(law if isinstance(law, str) else f"1/f^{law:g}" for law in laws)]
+    columns = ["drive", *(law if isinstance(law, str) else f"1/f^{law:g}" for law in laws)]
     lines += ["", "most channels in the band, with one on and in all states, by level law:"]
-    return "\n".join([*lines, table(headings, [(name, *cells) for name, cells in by_scheme.items()])])
+    return "\n".join([*lines, table(columns, [(name, *cells) for name, cells in by_scheme.items()])])
 
 
 def yield_text(result: "PrintYield") -> str:
@@ -203,7 +215,14 @@ def yield_text(result: "PrintYield") -> str:
     for name, outcome in (("tones as planned", result.planned), ("re-tuned to each print", result.retuned)):
         decibels = (outcome.q05_db, outcome.median_db, outcome.q95_db, outcome.reached_by_90_percent_db)
         rows.append((name, *(_percent(share) for share in (outcome.taxels, outcome.pads)), *map(_decibels, decibels)))
-    lines += ["", table(("", "good taxels", "good pads", "5 % dB", "median dB", "95 % dB", "90 % reach dB"), rows), ""]
+    lines += [
+        "",
+        table(
+            ("", "good taxels (95 % sure)", "good pads (95 % sure)", "5 % dB", "median dB", "95 % dB", "90 % reach dB"),
+            rows,
+        ),
+        "",
+    ]
     costs = [
         (
             cost.spread.replace("_", " "),
@@ -213,10 +232,17 @@ def yield_text(result: "PrintYield") -> str:
         )
         for cost in result.costs
     ]
-    headings = ("without the spread of", "1 sigma", "taxels %", "re-tuned %", "pads re-tuned %", "median re-tuned dB")
-    lines.append(table(headings, costs))
-    if result.costliest_retuned[0] != "none":
-        lines.append(f"costliest: {result.costliest_retuned[0].replace('_', ' ')}")
+    gains = ("points gained without", "1 sigma", "taxels", "taxels re-tuned", "pads re-tuned", "median re-tuned dB")
+    lines.append(table(gains, costs))
+    told = (("tones as planned", result.costliest_planned), ("re-tuned", result.costliest_retuned))
+    named = [f"{name}: {spread.replace('_', ' ')}" for name, (spread, _) in told if spread != "none"]
+    if named:
+        lines.append(f"costliest spread, {', '.join(named)}")
+    if result.nominal_db is not None and result.nominal_db < result.asked_db:
+        lines.append(
+            f"the plan itself keeps {result.nominal_db:.1f} dB, so that hardly a pad can be good at"
+            f" {result.asked_db:.1f} dB: read the dB columns, or ask for less (delta_y)"
+        )
     return "\n".join(lines)
 
 

@@ -17,7 +17,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
-from padgen.driver import drive_rows
+from padgen.driver import drive_json, drive_rows
 from padgen.errors import FileError, SpecError
 from padgen.physics.leakage import leakage
 from padgen.physics.magnetics import (
@@ -97,7 +97,7 @@ def test_turns_are_taken_only_where_they_reach_what_is_asked_and_fast_enough():
     reached = {figures.scheme: figures.all_states_db for figures in closer.selectivity.schemes}
     assert max(reached.values()) < closer.selectivity.asked_db
     assert closer.selectivity.drive == "spur-free"
-    assert "none keeps 20.0 dB in all states" in closer.selectivity.why
+    assert "no drive keeps 20.0 dB in all states" in closer.selectivity.why
     assert "selectivity.all_states" in codes(closer)
 
 
@@ -162,6 +162,7 @@ def test_levels_of_equal_sensation(tmp_path):
         ("20,50\n", "must have two points or more, got 1"),
         ("f,um\n", "holds no points"),
         ("# mine\nf,um\nhz,um\n20,50\n800,1\n", "line 3 must be"),
+        ("20,50\nf,um\n800,1\n", "line 2 must be"),
         ("2O,50\n800,1\n", "line 1 must be a frequency in Hz and a threshold in µm, got '2O,50'"),
         ("20,50,1\n800,1,1\n", "line 1 must be .* got '20,50,1'"),
         ("20,1e300\n800,1\n", r"threshold_um\[0\]: must be at least 1e-06 and at most 1e\+05 µm"),
@@ -213,13 +214,15 @@ LIMITS = {
     "voltage": "[drive]\nlevel_um = 60\nvoltage_limit_v = 3\n",
     "copper loss": "[drive]\nlevel_um = 60\n",
     "gap": "[drive]\nlevel_um = 300\nvoltage_limit_v = 1e4\n[material]\nname = 'pla'\nfatigue_stress_mpa = 500\n",
+    "pull-in": "[drive]\nlevel_um = 900\nvoltage_limit_v = 1e5\n[material]\nname = 'pla'\nfatigue_stress_mpa = 1e3\n",
     "root stress": "[drive]\nlevel_um = 900\nvoltage_limit_v = 1e4\n[material]\nname='pla'\nfatigue_stress_mpa = 1\n",
 }
 
 
 @pytest.mark.parametrize("limit", LIMITS)
 def test_the_reachable_level_is_reachable_and_no_more(limit):
-    text = FOUR if limit in ("voltage", "copper loss") else FOUR + "gap_mm = 1.5\npower_limit_w = 1e4\n"
+    gap_mm = 6 if limit == "pull-in" else 1.5
+    text = FOUR if limit in ("voltage", "copper loss") else FOUR + f"gap_mm = {gap_mm}\npower_limit_w = 1e4\n"
     text += LIMITS[limit]
     plan = plan_of(text)
     assert plan.load.reachable_by == limit
@@ -230,6 +233,7 @@ def test_the_reachable_level_is_reachable_and_no_more(limit):
         level = plan.load.reachable_level_um * factor
         found.append(codes(make_plan(replace(spec, drive=replace(spec.drive, level_um=level)))))
     code = {"voltage": "coil.voltage", "copper loss": "coil.heat", "gap": "gap.travel", "root stress": "beam.stress"}
+    code["pull-in"] = "coil.pull_in"
     assert code[limit] not in found[0]
     # None of the other limits is passed either.
     assert not found[0] & {"coil.voltage", "coil.heat", "gap.travel", "beam.stress", "coil.pull_in"}
@@ -488,6 +492,14 @@ def test_slots_in_turn_are_long_enough():
         felt = (path - np.convolve(path, np.ones(period) / period, mode="same"))[period:-period]
         loudest.append(np.abs(felt).max() / (c.level_um * 1e-6))
     assert -20 * np.log10(max(loudest)) > plan.selectivity.one_hot_db - 1
+
+
+def test_slots_are_told():
+    plan = plan_of(scheme="time-shared")
+    (recipe,) = json.loads(drive_json(plan))["current"]
+    assert recipe["slot_ms"] == pytest.approx(2 * max(c.ring_down_ms for c in plan.channels))
+    assert recipe["ramp_ms"] == pytest.approx(recipe["slot_ms"] / 2)
+    assert recipe["I_a"] == pytest.approx([row.current_ma_peak * 1e-3 for row in drive_rows(plan)])
 
 
 def test_one_coil_has_no_neighbours():

@@ -11,7 +11,7 @@ import pytest
 from padgen.cli import run
 from padgen.errors import InfeasibleError
 from padgen.physics.selectivity import SCHEMES
-from padgen.planner import make_plan
+from padgen.planner import explain, make_plan
 from padgen.planner.explain import _changes, _channels_held, _limits, explain_plan
 from padgen.planner.plan import without_none
 from padgen.planner.print_yield import print_yield
@@ -64,13 +64,36 @@ def test_one_more_than_held_does_not_hold(explained):
     assert make_plan(narrow).selectivity.kept_db < 20
 
 
-def test_a_second_count_may_hold_where_two_fail():
-    """Equal velocity brings wide-11 to what is asked with all of its eleven channels, though not with three."""
-    spec = load_spec("wide-11")
-    spec = replace(spec, drive=replace(spec.drive, level_law=1.0, least_frames_per_s=0.0))
-    held, _ = _channels_held(spec, (2, 2), 11)
+def test_a_count_may_hold_where_two_before_it_fail(monkeypatch):
+    """All counts up to the planned one are tried; only beyond it, two failures in a row end the search."""
+    plan = make_plan(parse_spec(FOUR))
+    holds = {1, 4, 9}
+
+    def figures(spec, grid, count):
+        return plan.selectivity if count in holds else None
+
+    monkeypatch.setattr(explain, "_figures", figures)
+    assert [_channels_held(plan.typed_spec, (2, 2), least)[0] for least in (1, 2, 3, 4, 8, 9)] == [1, 1, 1, 4, 4, 9]
+
+
+def test_changes_that_the_coil_cannot_pull_do_not_count():
+    """One coil under two taxels: more would lie where it does not reach."""
+    spec = parse_spec('name = "coin"\nresolution = 2\nband_hz = [60, 180]\nq_min = 15\n')
     plan = make_plan(spec)
-    assert (held == 11) == (plan.selectivity.kept_db >= plan.selectivity.asked_db)
+    grid = (plan.coils.rows, plan.coils.columns)
+    for _, words, other in _changes(spec, plan):
+        held, _ = _channels_held(other, grid, 2)
+        again = make_plan(replace(other, resolution=held * grid[0] * grid[1], coil=replace(other.coil, grid=grid)))
+        assert "coil.force" not in {f.code for f in again.findings}, words
+
+
+@pytest.mark.parametrize("resolution", [24, 28, 32])
+def test_naming_the_grid_that_the_search_takes_changes_nothing(resolution):
+    spec = parse_spec(f'name = "own"\nresolution = {resolution}\nband_hz = [50, 200]\nq_min = 15\n')
+    plan = make_plan(spec)
+    named = make_plan(replace(spec, coil=replace(spec.coil, grid=(plan.coils.rows, plan.coils.columns))))
+    assert named.taxels == plan.taxels
+    assert named.selectivity.kept_db == pytest.approx(plan.selectivity.kept_db)
 
 
 def test_changes_are_ranked_by_what_they_buy_then_by_cost(explained):
@@ -145,7 +168,8 @@ def test_bad_yields_are_refused(arguments, sentence, tmp_path, capsys):
 def test_yield_text_says_what_costs_most(paper_plan):
     text = yield_text(print_yield(paper_plan, 200))
     assert "200 pads printed in the computer (seed 0)" in text
-    assert "costliest: thickness mm" in text
+    assert "costliest spread, tones as planned: thickness mm, re-tuned: thickness mm" in text
+    assert "the plan itself keeps 19.4 dB, so that hardly a pad can be good at 20.0 dB" in text
 
 
 # Steps of the printer
@@ -205,6 +229,16 @@ def test_what_steps_cost_is_shown():
 
 # Optimised spacing
 
+OWN_MASSES = """
+name = "own2"
+resolution = 12
+band_hz = [69.5, 885]
+q_min = 34
+drive = {scheme="tones", level_law=2}
+pad = {width_mm=100,depth_mm=100,border_mm=5,rib_mm=0.6}
+coil = {grid=[2,2]}
+"""
+
 
 def optimised(text, spacing):
     table = asdict(parse_spec(text)) | {"spacing": spacing}
@@ -252,12 +286,12 @@ def test_coarse_steps_leave_the_optimum_in_the_band():
     assert plan.selectivity.drive == "tones"
 
 
-def test_optimised_keeps_the_spread_ladder_where_it_is_better():
+def test_optimised_keeps_the_spread_ladder_where_it_prints_better():
     """Masses that differ can make the optimum for equal ones the worse of the two."""
-    text = FOUR.replace("resolution = 16", "resolution = 12") + "[drive]\nscheme = 'tones'\nlevel_law = {}\n"
-    for law in (0, 2):
-        spread, best = (optimised(text.format(law), spacing) for spacing in ("spread", "optimised"))
-        assert best.selectivity.all_states_db >= spread.selectivity.all_states_db - 1e-9
+    text = OWN_MASSES
+    spread, best = (optimised(text, spacing) for spacing in ("spread", "optimised"))
+    assert best.selectivity.all_states_db == pytest.approx(spread.selectivity.all_states_db)
+    assert best.selectivity.all_states_db > best.selectivity.bound_db
 
 
 def test_planning_loads_no_optimiser():

@@ -144,7 +144,10 @@ def drive_json(plan: Plan) -> str:
             for row in range(plan.coils.rows)
             for column in range(plan.coils.columns)
         ],
-        "taxels": [{"id": t.id, "coil": list(t.coil), "channel": t.channel} for t in plan.taxels],
+        "taxels": [
+            {"id": t.id, "coil": list(t.coil), "channel": t.channel, "x_mm": t.x_mm, "y_mm": t.y_mm}
+            for t in plan.taxels
+        ],
     }
     return json_text(table)
 
@@ -154,6 +157,7 @@ def _recipe(plan: Plan, kind: int) -> dict[str, Any]:
     scheme, own = scheme_named(plan.typed_spec, plan.selectivity.drive), plan.sets[kind]
     lines, headroom = squared_current_lines(own), plan.typed_spec.drive.headroom
     recipe: dict[str, Any] = {"channels": [c.index for c in own], "squared_lines_a2": lines.tolist()}
+    tones_a = current_lines_a(scheme, lines).tolist() if lines.max() > 0 else [0.0] * len(own)
     if scheme.name == "spur-free":
         recipe["formula"] = "i(t) = sqrt(a0 + sum over ON channels of a_j cos(2 pi resonance_hz_j t))"
         recipe["a0"] = f"{1 + headroom:g} times the sum of a_j over the ON channels"
@@ -161,10 +165,14 @@ def _recipe(plan: Plan, kind: int) -> dict[str, Any]:
     elif scheme.name == "biased":
         recipe["formula"] = "i(t) = B + sum over ON channels of b_j sin(2 pi resonance_hz_j t)"
         recipe["bias_a"] = bias_a(scheme, lines)
+        recipe["bias_note"] = "B flows in every state, with all channels OFF too"
+        recipe["b_a"] = tones_a
     elif scheme.takes_turns:
         recipe["formula"] = "i(t) = I_j sin(2 pi drive_hz_j t) in the slot of each ON channel j, one after the other"
         recipe["slot_ms"] = slot_ms(plan.channels)
         recipe["ramp_ms"] = slot_ms(plan.channels) / 2
+        recipe["I_a"] = tones_a
     else:
+        recipe["I_a"] = tones_a
         recipe["formula"] = "i(t) = sum over ON channels of I_j sin(2 pi drive_hz_j t)"
     return recipe

@@ -45,8 +45,8 @@ class Change:
     """One change of the spec and what it costs.
 
     `channels` per coil then keep what was asked, `gained` more than now; `gained_in_band` more would
-    if there were room for all (0 where more are not counted); `gained_db` is added to the all-state figure of the planned number.
-    `drive` is the scheme that `channels` per coil take.
+    if there were room for all (0 where more are not counted); `gained_db` is added to the all-state
+    figure of the planned number. `drive` is the scheme that `channels` per coil take.
     """
 
     change: str

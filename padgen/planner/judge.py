@@ -96,15 +96,16 @@ def _bed(spec: Spec) -> Iterator[Finding]:
 
 
 def _spread(plan: Plan) -> Iterator[Finding]:
+    """Off its resonance by half the half-power width, a taxel loses 3 dB of its own tone."""
     worst = max(plan.channels, key=lambda c: c.print_spread)
-    steps = [b.resonance_hz / a.resonance_hz - 1 for own in plan.sets for a, b in pairwise(own)]
-    if steps and worst.print_spread > min(steps) / 2:
+    if worst.print_spread > 1 / (2 * worst.q):
         yield Finding(
             "note",
             "print.spread",
             f"channel {worst.index}",
-            f"a print's resonance spreads by {worst.print_spread:.0%}, channels are as near as {min(steps):.0%}:"
-            " measure every taxel and put its own frequency into the driver table",
+            f"a print's resonance spreads by {worst.print_spread:.0%} (one sigma), its tone must meet it within"
+            f" {1 / (2 * worst.q):.1%}: the driver table is where to start; measure every taxel and take its own"
+            " frequency",
         )
 
 
@@ -114,7 +115,7 @@ def _single_layers(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Findin
         yield Finding(
             "note",
             "beam.single_layer",
-            "channels " + ", ".join(str(c.index) for c in single),
+            ("channels " if len(single) > 1 else "channel ") + ", ".join(str(c.index) for c in single),
             f"their beams are a single layer of {number(single[0].beam.thickness_mm)} mm: level the bed well",
         )
 

@@ -6,6 +6,7 @@ from itertools import combinations
 from padgen.errors import at_least, at_most, number
 from padgen.finding import Finding
 from padgen.physics.ladder import slot_half_width
+from padgen.physics.selectivity import Scheme
 from padgen.planner.layout import coil_reach_mm
 from padgen.planner.plan import Plan
 from padgen.planner.settings import scheme_named
@@ -54,21 +55,28 @@ def _selectivity(plan: Plan) -> Iterator[Finding]:
             "warning",
             "selectivity.all_states",
             f"state {figures.worst_state}",
-            f"(channel 0 first, 1 is on) with {figures.drive} an OFF taxel vibrates {_below(kept)}"
+            f"(lowest channel first, 1 is ON) with {figures.drive} an OFF taxel vibrates {_below(kept)}"
             f" than an ON one{', unequal pull counted' if placed else ''}, asked: {bound:.1f} dB less; {_better(plan)}",
         )
 
 
 def _better(plan: Plan) -> str:
-    """What would raise the all-state figure: another scheme that does, or fewer channels per coil."""
-    reach = [s for s in plan.selectivity.schemes if s.reached_db >= plan.selectivity.asked_db]
-    if reach:
-        rate = {r.scheme: r.frames_per_s for r in plan.refresh}[reach[0].scheme]
-        return f"drive = {reach[0].scheme!r} keeps {reach[0].reached_db:.1f} dB at {number(round(rate, 2))} frames/s"
-    clean = [o for o in plan.layouts if o.channels <= plan.capacity.exact]
-    if clean and len(plan.sets[0]) > clean[0].channels:
-        return f"coil.grid = [{clean[0].rows}, {clean[0].columns}] has {clean[0].channels} channels per coil"
-    return "fewer channels per coil or a higher Q raise it; padgen plan --explain ranks what would do"
+    """What would keep what was asked: another scheme for all at once, another grid, or, slow, turns."""
+    figures, rates = plan.selectivity, {rate.scheme: rate.frames_per_s for rate in plan.refresh}
+    reach = [s for s in figures.schemes if s.reached_db >= figures.asked_db]
+    ways = [f"drive = {s.scheme!r} keeps {s.reached_db:.1f} dB" for s in reach if not Scheme(s.scheme).takes_turns][:1]
+    for option in plan.layouts:
+        if option.kept_db is None or option.kept_db >= figures.asked_db:
+            kept = "one channel per coil" if option.kept_db is None else f"{option.channels} channels per coil"
+            db = "" if option.kept_db is None else f" and keeps {option.kept_db:.1f} dB"
+            ways.append(f"coil.grid = [{option.rows}, {option.columns}] has {kept}{db}")
+            break
+    for s in reach:
+        if Scheme(s.scheme).takes_turns:
+            ways.append(f"drive = {s.scheme!r} keeps {s.reached_db:.1f} dB at {rates[s.scheme]:.2g} frames/s")
+    if not ways:
+        ways.append("fewer channels per coil or a higher Q raise it; padgen plan --explain ranks what would do")
+    return "; ".join(ways)
 
 
 def _below(level_db: float) -> str:

@@ -120,13 +120,14 @@ def _taxels(spec: Spec, layout: Layout, channels: tuple[Channel, ...], turned: s
 
 def _runners_up(spec: Spec, options: list[Layout], chosen: Layout) -> tuple[LayoutOption, ...]:
     """The next layouts that hold as well."""
-    others = (layout for layout, _ in sized_layouts(spec, options) if layout is not chosen)
-    return tuple(_option(layout) for layout in islice(others, RUNNERS_UP))
+    others = (sized for sized in sized_layouts(spec, options) if sized[0] is not chosen)
+    return tuple(_option(spec, *sized) for sized in islice(others, RUNNERS_UP))
 
 
-def _option(layout: Layout) -> LayoutOption:
+def _option(spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...]) -> LayoutOption:
     taxels = layout.coils * layout.channels - layout.surplus
-    return LayoutOption(layout.rows, layout.columns, layout.channels, taxels, layout.margin_mm)
+    kept_db = plan_selectivity(spec, plan_channels(spec, sized, sites_of(spec, layout, sized))).kept_db
+    return LayoutOption(layout.rows, layout.columns, layout.channels, taxels, layout.margin_mm, kept_db)
 
 
 def _what_limits(spec: Spec, options: list[Layout], layout: Layout, limit: int) -> str:

@@ -283,13 +283,14 @@ class Reuse:
 
 @dataclass(frozen=True, slots=True)
 class LayoutOption:
-    """A layout that would do as well."""
+    """A layout that would do as well; `kept_db` is what it keeps in all states, None for one channel."""
 
     rows: int
     columns: int
     channels: int
     taxels: int
     margin_mm: float
+    kept_db: float | None
 
 
 @dataclass(frozen=True)

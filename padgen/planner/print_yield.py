@@ -187,7 +187,10 @@ def shuffled_places_mm(plan: Plan, seed: int = 0) -> np.ndarray:
 
 
 def _criterion(plan: Plan, design: Design) -> str:
-    asked = f"a taxel or a pad is good with an ON over OFF of {plan.selectivity.asked_db:.1f} dB"
+    asked = (
+        f"a taxel or a pad is good with an ON over OFF of {plan.selectivity.asked_db:.1f} dB, leakage of other coils"
+        " not counted"
+    )
     alone = "a taxel with a coil to itself while its tone moves it by 1/sqrt(2) of its level"
     counts = {len(coils.channels) for coils in design.coils}
     if counts == {1}:

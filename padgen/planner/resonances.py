@@ -76,12 +76,13 @@ def _half_step(spec: Spec, count: int, low: float, high: float) -> float:
 
 
 def _both_sets(spec: Spec, best: Optimum, half_step: float) -> tuple[float, ...]:
-    """A second set is the first one moved up: by a power law it is as well separated."""
+    """A second set is the first one moved up, by at most `half_step`: by a power law it is as well separated."""
     first = np.array(best.resonances_hz)
     if spec.coil.sets == 1:
         return best.resonances_hz
+    # The closest pair of a set is no farther apart than one of an evenly spread set.
     closest = float((first[1:] / first[:-1]).min()) ** 0.5 if len(first) > 1 else half_step
-    return _rounded(np.stack([first, first * min(closest, half_step)], -1).ravel())
+    return _rounded(np.stack([first, first * closest], -1).ravel())
 
 
 def _span_hz(spec: Spec, room: Room) -> tuple[float, float]:

@@ -24,22 +24,27 @@ LAYOUTS_SIZED = 24
 
 def sized_layouts(spec: Spec, options: Iterable[Layout]) -> Iterator[tuple[Layout, tuple[SizedChannel, ...]]]:
     """Those of `options` that hold, in their order, with their beams; one division of each grid and count."""
-    seen, tried = set(), 0
+    seen, tried, far = set(), 0, []
     for layout in options:
         key = (layout.rows, layout.columns, layout.channels)
         if layout.margin_mm < -SLACK_MM or key in seen:
             continue
         if tried >= LAYOUTS_SIZED:
-            return
+            break
         tried += 1
         channels = _beams(spec, layout.channels, room(spec, layout))
-        if channels and (spec.coil.grid or _within_reach(spec, layout, channels)):
+        if channels and _within_reach(spec, layout, channels):
             seen.add(key)
             yield layout, channels
+        elif channels and spec.coil.grid:
+            far.append((layout, channels))
+    # A grid that the user chose is planned even if its coils do not reach; the findings judge it.
+    if not seen:
+        yield from far[:1]
 
 
 def _within_reach(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> bool:
-    """Whether every washer overlaps its coil; a grid that the user chose is judged instead."""
+    """Whether every washer overlaps its coil."""
     sites = sites_of(spec, layout, channels)
     return max(site.coil_distance_mm for site in sites) <= coil_reach_mm(spec) + SLACK_MM
 

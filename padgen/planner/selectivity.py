@@ -116,7 +116,9 @@ def _chosen(spec: Spec, figures: dict[str, SchemeFigures], planned: Sequence[Cha
     """Name of the scheme, and why it is this one."""
     if spec.drive.scheme != "auto":
         return spec.drive.scheme, "as the spec asks"
-    if len(planned) // spec.coil.sets <= 2:
+    if len(planned) // spec.coil.sets == 1:
+        return "tones", "a plain tone is the simplest, and a coil's one channel has no other to be told from"
+    if len(planned) // spec.coil.sets == 2:
         return "tones", "plain tones are the simplest, and no third taxel is there for their spurs to fall on"
     asked, least = decibel(spec.delta_y), spec.drive.least_frames_per_s
     reached = {name: figures[name].reached_db for name in SIMPLEST_FIRST}
@@ -128,7 +130,7 @@ def _chosen(spec: Spec, figures: dict[str, SchemeFigures], planned: Sequence[Cha
         return holds[0], f"the simplest that keeps {asked:.1f} dB in all states{told}"
     best = max(SIMPLEST_FIRST[:-1], key=lambda name: reached[name])
     told = _told([name for name in SIMPLEST_FIRST if name != best], reached, rates)
-    none = f"none keeps {asked:.1f} dB in all states at {number(least)} {'frame' if least == 1 else 'frames'}/s"
+    none = f"no drive keeps {asked:.1f} dB in all states at {number(least)} frames/s or more"
     return best, f"{none}; of those that drive all at once it comes nearest{told}"
 
 

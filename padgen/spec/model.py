@@ -222,9 +222,16 @@ class Spec:
     band_hz: tuple[float, float] = numbers(
         unit="Hz", low=0.01, high=1e6, count=2, doc="[lowest, highest] frequency of the resonances"
     )
-    q_min: float = quantity(unit="1", low=0.5, high=1e9, doc="smallest quality factor of a taxel")
+    q_min: float = quantity(
+        unit="1", low=0.5, high=1e9, doc="smallest quality factor of a taxel: cycles until a pluck has decayed to 4 %"
+    )
     delta_y: float = quantity(
-        10.0, unit="1", low=0, high=1e9, above=True, doc="amplitude ratio ON over OFF that the slots are spaced for"
+        10.0,
+        unit="1",
+        low=0,
+        high=1e9,
+        above=True,
+        doc="amplitude ratio ON over OFF that is asked for: 10 is 20 dB, 7 is 17, 5 is 14",
     )
     spacing: str = choice(
         "spread",
