@@ -259,7 +259,7 @@ def main() -> None:
         "",
         "## Yield",
         "",
-        "20,000 prints each with the catalogue's spreads (`padgen plan SPEC --yield`).",
+        "20,000 prints each with the catalogue's spreads (`padgen plan SPEC --yield`); 14 dB is `delta_y = 5`.",
         "",
         *yields(),
         "",

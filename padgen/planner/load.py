@@ -38,7 +38,6 @@ def _load(spec: Spec, channels: Sequence[Channel], drive: str) -> CoilLoad:
         "voltage": (spec.drive.voltage_limit_v / volts) ** 2 if volts > 0 else inf,
         "copper loss": coil.power_limit_w / loss_w if loss_w > 0 else inf,
         "gap": min(_gap_factor(spec, channel, square_a2) for channel in channels),
-        "pull-in": 1 / pull_in if pull_in > 0 else inf,
         "root stress": spec.material.fatigue_stress_mpa / max(c.root_stress_mpa for c in channels),
     }
     if min(c.force_constant_n_per_a2 for c in channels) <= 0:
@@ -67,7 +66,10 @@ def _slack_um(channel: Channel, square_a2: float) -> float:
 
 
 def _gap_factor(spec: Spec, channel: Channel, square_a2: float) -> float:
-    """How much larger amplitude and pull may be for a third of the gap to hold them and sag; 0 where sag fills it."""
+    """How much larger amplitude and pull may be for a third of the gap to hold them and sag; 0 where sag fills it.
+
+    The pull stays in balance with the spring: short of pull-in.
+    """
     gap_um, exponent = spec.coil.gap_mm * MM / UM, max(channel.pull_exponent, 0.0)
     free_um, slack_um = gap_um / 3 - channel.sag_um, _slack_um(channel, square_a2)
     if free_um <= 0 or slack_um <= 0:
