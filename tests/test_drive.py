@@ -32,7 +32,7 @@ from padgen.physics.selectivity import Scheme
 from padgen.planner import make_plan, plan_from_json, plan_to_json
 from padgen.planner.channels import magnetic_parts
 from padgen.planner.load import pull_in_share
-from padgen.planner.reuse import _beats
+from padgen.planner.reuse import _heard
 from padgen.solid.checks import check_pad
 from padgen.solid.mesh import as_manifold
 from padgen.solid.pad import build_pad
@@ -301,16 +301,16 @@ def test_leakage_against_the_force_model(paper_spec):
     found = leakage(coil, washer, 1e-3, place, np.array([[pitch, 0.0]]))
     own = force_constant(coil, washer, 1e-3, place[:, 0])
     other = force_constant(coil, washer, 1e-3, pitch - place[:, 0])
-    assert found.square[:, 0] == pytest.approx(other / own, rel=0.35)
+    assert found.mutual[:, 0, 0] == pytest.approx(other / own, rel=0.35)
     # The mixed term is the larger: of the order of the root of the other.
-    assert (np.abs(found.product[:, 0]) > np.abs(found.square[:, 0])).all()
-    assert (np.abs(found.product[:, 0]) < 2 * np.abs(found.square[:, 0]) ** 0.5).all()
+    assert (np.abs(found.product[:, 0]) > np.abs(found.mutual[:, 0, 0])).all()
+    assert (np.abs(found.product[:, 0]) < 2 * np.abs(found.mutual[:, 0, 0]) ** 0.5).all()
 
 
 def test_leakage_of_a_coil_on_its_own_washer_is_all_of_it(paper_spec):
     coil, washer = magnetic_parts(paper_spec)
     found = leakage(coil, washer, 1e-3, np.array([[3e-3, 1e-3]]), np.zeros((1, 2)))
-    assert found.square == pytest.approx(1) and found.product == pytest.approx(1)
+    assert found.mutual == pytest.approx(1) and found.product == pytest.approx(1)
 
 
 def superposed(spec, place_mm, axes_mm, currents):
@@ -342,7 +342,7 @@ def test_leakage_is_what_superposed_fields_make(paper_spec):
     found = leakage(coil, washer, 1e-3, np.array([place]) * 1e-3, np.array([neighbour]) * 1e-3)
     own = superposed(paper_spec, place, [(0, 0)], [1.0])
     both, against = (superposed(paper_spec, place, [(0, 0), neighbour], [1.0, i]) / own for i in (1.0, -1.0))
-    assert (both + against) / 2 - 1 == pytest.approx(found.square[0, 0], rel=1e-6)
+    assert (both + against) / 2 - 1 == pytest.approx(found.mutual[0, 0, 0], rel=1e-6)
     assert (both - against) / 4 == pytest.approx(found.product[0, 0], rel=1e-6)
 
 
@@ -354,36 +354,65 @@ def test_leakage_of_a_plan_by_hand():
     place = np.array([channel.site.washer_mm]) * 1e-3
     pitch = tones.coils.pitch_x_mm * 1e-3
     sides = [leakage(*magnetic_parts(spec), 1e-3, place, np.array([[x, 0.0]])) for x in (pitch, -pitch)]
-    square = max(abs(float(side.square[0, 0])) for side in sides)
-    both = max(abs(float(side.square[0, 0])) + abs(float(side.product[0, 0])) for side in sides)
+    square = max(abs(float(side.mutual[0, 0, 0])) for side in sides)
+    both = max(abs(float(side.mutual[0, 0, 0])) + abs(float(side.product[0, 0])) for side in sides)
     assert tones.reuse.leak_db == pytest.approx(-20 * np.log10(square), abs=1e-6)
     assert biased.reuse.leak_db == pytest.approx(-20 * np.log10(both), abs=1e-6)
 
 
 def test_neighbours_in_step_add_their_fields():
-    """The bound of two coils alike on both sides is four times, not twice, that of one."""
-    one = plan_of(
-        "resonances_hz = [80]\n" + FOUR.replace("resolution = 16", "resolution = 2").replace("[2, 2]", "[1, 2]")
-    )
-    wide = FOUR.replace("width_mm = 25", "width_mm = 37.5").replace("[2, 2]", "[1, 3]")
-    two = plan_of("resonances_hz = [80]\n" + wide.replace("resolution = 16", "resolution = 3"))
-    assert 0 < one.reuse.leak_db - two.reuse.leak_db <= 20 * np.log10(4) + 1e-6
+    """Three coils in a row: on the middle one's washer both fields add before they are squared."""
+    row = FOUR.replace("width_mm = 25", "width_mm = 37.5").replace("[2, 2]", "[1, 3]")
+    plan = plan_of("resonances_hz = [80]\n" + row.replace("resolution = 16", "resolution = 3"))
+    place, pitch = np.array([plan.channels[0].site.washer_mm]) * 1e-3, plan.coils.pitch_x_mm * 1e-3
+    found = leakage(*magnetic_parts(plan.typed_spec), 1e-3, place, np.array([[-pitch, 0.0], [pitch, 0.0]]))
+    assert plan.reuse.leak_db == pytest.approx(-20 * np.log10(np.abs(found.mutual).sum()), abs=1e-6)
+    assert found.mutual[0, 0, 1] == pytest.approx(found.mutual[0, 1, 0])
 
 
-def test_beats_of_spur_free_coils_by_sampling():
-    """2 i i' of a coil that plays all other channels and a neighbour that plays this one: its line at the resonance."""
-    plan = plan_of(scheme="spur-free")
-    line = np.array([c.force_mn * 1e-3 / c.force_constant_n_per_a2 for c in plan.channels])
-    beats = _beats(Scheme("spur-free"), plan.channels, 1, 0.05)
-    time = np.arange(0, 20, 1e-4)
-    for k, channel in enumerate(plan.channels):
-        own = [(a, c) for j, (a, c) in enumerate(zip(line, plan.channels, strict=True)) if j != k]
-        square = sum(a * (1.05 + np.cos(2 * pi * c.resonance_hz * time)) for a, c in own)
-        other = line[k] * (1.05 + np.cos(2 * pi * channel.resonance_hz * time))
-        product = 2 * np.sqrt(square * other)
-        found = 2 * abs((product * np.exp(-2j * pi * channel.resonance_hz * time)).mean()) / line[k]
-        # A bound: a root's mean is below the root of the mean, and headroom takes from the harmonic.
-        assert 0.85 * beats[k] < found <= beats[k]
+def superposed_leak(plan, own_on, other_on, seconds=60):
+    """Energies of OFF taxel i with both coils played sample by sample: its lines near resonance, in unit products."""
+    spec, scheme = plan.typed_spec, Scheme(plan.selectivity.drive)
+    resonance = np.array([c.resonance_hz for c in plan.channels])
+    mass = np.array([c.effective_mass_g for c in plan.channels])
+    line = mass * resonance  # equal velocity, equal Q
+    time = np.arange(0, seconds, 1 / 4000)
+
+    def current(on):
+        angle = 2 * pi * resonance[on][:, None] * time
+        if scheme.name == "tones":
+            return (np.sqrt(2 * line[on])[:, None] * np.sin(angle / 2)).sum(0)
+        if scheme.name == "biased":
+            bias = np.sqrt(5 * line.max() / 2)
+            return bias + (line[on][:, None] / (2 * bias) * np.sin(angle)).sum(0)
+        return np.sqrt(1.05 * line[on].sum() + (line[on][:, None] * np.cos(angle)).sum(0))
+
+    product = 2 * current(own_on) * current(other_on)
+    amplitude = 2 * np.abs(np.fft.rfft(product)) / len(product)
+    hz = np.fft.rfftfreq(len(product), 1 / 4000)
+    energies = []
+    for i, f in enumerate(resonance):
+        s = hz / f
+        response = 1 / ((spec.q_min * (1 - s**2)) ** 2 + s**2)
+        energies.append(float((response * (amplitude / line[i]) ** 2)[hz > 0].sum()))
+    return np.array(energies)
+
+
+@pytest.mark.parametrize("scheme", ["tones", "biased", "spur-free"])
+def test_beats_bound_what_two_coils_make_together(scheme):
+    """Twice the product of two coils' currents, by Fourier transform, over states: not above the bound, nor far below."""
+    plan = plan_of("resonances_hz = [60, 101, 150, 265]\n" + FOUR, scheme=scheme)
+    spec = plan.typed_spec
+    tones, _, beats = _heard(spec, Scheme(scheme), plan.channels, 0)
+    bound = beats + (tones if scheme == "biased" else 0)
+    largest = np.zeros(4)
+    for off in range(4):
+        own = [k for k in range(4) if k != off]
+        for other in ([0], [1], [2], [3], [0, 1, 2, 3], own):
+            largest[off] = max(largest[off], superposed_leak(plan, own, other)[off])
+    # Masses differ by 2 % from channel to channel; drawn to a micrometre, tones are not quite where they are asked.
+    assert (largest < 1.1 * bound).all()
+    assert (largest > bound / 8).all()
 
 
 def test_spurs_of_neighbours_leak_too():
@@ -502,11 +531,6 @@ def test_slots_are_told():
 def test_one_coil_has_no_neighbours():
     plan = plan_of('name = "one"\nresolution = 2\nband_hz = [50, 400]\nq_min = 15\n[coil]\ngrid = [1, 1]\n')
     assert plan.reuse.leak_db is None
-
-
-def test_leak_is_worse_where_the_own_coil_has_a_constant_part():
-    tones, biased = (plan_of(scheme=scheme).reuse.leak_db for scheme in ("tones", "biased"))
-    assert tones > biased + 6
 
 
 def test_alternate_sets_are_dealt_like_a_chessboard():

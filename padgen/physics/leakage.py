@@ -12,10 +12,13 @@ SPOKES = 6
 
 
 class Leakage(NamedTuple):
-    """Force gradients (n, k) of neighbour k on washer n, over its own coil's: with `square` the
-    neighbour's current alone, with `product` twice the two currents together."""
+    """Force gradients on washers (n,), over what their own coil makes with unit current.
 
-    square: np.ndarray
+    `mutual` (n, k, k): by the fields of neighbours k and l together, so that currents i_k pull with
+    ``Σ mutual_kl i_k i_l``; `product` (n, k): by neighbour k and the own coil, ``2 product_k i i_k``.
+    """
+
+    mutual: np.ndarray
     product: np.ndarray
 
 
@@ -24,7 +27,7 @@ def leakage(coil: SolenoidCoil, washer: SteelRing, gap: float, place: np.ndarray
 
     The washer is a ring of points magnetised along its plane and its thickness as
     ``1/N``, N the demagnetising factors of its cross section; forces are gradients of ``B·B'`` over
-    the gap. The fields of two coils add before they are squared, hence the product: it is the larger.
+    the gap. The fields of two coils add before they are squared, hence the products.
     """
     radius = (washer.outer_diameter + washer.inner_diameter) / 4
     angle = (np.arange(SPOKES) + 0.5) * 2 * np.pi / SPOKES
@@ -37,18 +40,15 @@ def leakage(coil: SolenoidCoil, washer: SteelRing, gap: float, place: np.ndarray
     for height in (gap + washer.thickness / 2 - step, gap + washer.thickness / 2 + step):
         radial, axial = flux_density(coil, distance, np.full_like(distance, height))
         field = np.concatenate([away * (radial / distance)[..., None], axial[..., None]], -1)
-        products.append(_weighted(field, field[:, :1], washer))
-        products.append(_weighted(field, field, washer))
-    with_own, alone = products[0] - products[2], products[1] - products[3]
-    own = np.where(alone[:, :1] == 0, np.inf, alone[:, :1])
-    return Leakage(alone[:, 1:] / own, with_own[:, 1:] / own)
+        products.append(np.einsum("nksc,nlsc,c->nkl", field, field, _easiness(washer)) / SPOKES)
+    gradient = products[0] - products[1]
+    own = np.where(gradient[:, :1, :1] == 0, np.inf, gradient[:, :1, :1])
+    return Leakage(gradient[:, 1:, 1:] / own, gradient[:, 0, 1:] / own[:, 0])
 
 
-def _weighted(field: np.ndarray, other: np.ndarray, washer: SteelRing) -> np.ndarray:
-    """Mean of ``B·B'`` over the ring, the components weighted by how easily they magnetise it."""
+def _easiness(washer: SteelRing) -> np.ndarray:
+    """How easily a field along x, y and z magnetises the washer: ``1/(1 + χN)``."""
     width = (washer.outer_diameter - washer.inner_diameter) / 2
-    chi = washer.permeability - 1
-    across, through = (1 + chi * t / (width + washer.thickness) for t in (washer.thickness, width))
-    product = field * other
-    mean: np.ndarray = (product[..., :2].sum(-1) / across + product[..., 2] / through).mean(-1)
-    return mean
+    along = np.array([washer.thickness, washer.thickness, width]) / (width + washer.thickness)
+    easiness: np.ndarray = 1 / (1 + (washer.permeability - 1) * along)
+    return easiness

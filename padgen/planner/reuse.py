@@ -10,7 +10,7 @@ from padgen.physics.leakage import leakage
 from padgen.physics.resonator import relative_energy
 from padgen.physics.selectivity import Channels, Scheme, pair_lines, tone_energy
 from padgen.physics.selectivity import channels as resonators
-from padgen.planner.channels import magnetic_parts, squared_current_lines
+from padgen.planner.channels import magnetic_parts
 from padgen.planner.layout import Layout
 from padgen.planner.plan import Channel, Reuse, Site
 from padgen.planner.settings import level_law, scheme_named
@@ -25,83 +25,82 @@ TURNS = ("none", "odd rows", "odd columns")
 def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], drive: str) -> Reuse:
     """Leakage of the neighbouring coils in their worst state onto an OFF taxel, a bound.
 
-    Neighbours of the taxel's own set reach it at its resonance, in step, so that their fields and not
-    their pulls add; those of the other set beside it. Where the own coil is on for its other channels,
-    its field beats with theirs.
+    Neighbours play in step, so that their fields and not their pulls add; where the own coil is on for
+    its other channels, its field beats with theirs.
     """
     turned = turned_cells(spec, layout, [channel.site for channel in channels])
     if layout.coils < 2:
         return Reuse(None, None, turned)
-    scheme, steps = scheme_named(spec, drive), _STEPS
+    scheme = scheme_named(spec, drive)
     pitch = np.array([spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows])
     place = np.array([channel.site.washer_mm for channel in channels])
-    leak = leakage(*magnetic_parts(spec), spec.coil.gap_mm * MM, place * MM, steps * pitch * MM)
-    which = _as_resonators(spec, channels)
-    heard = tone_energy(which, which)
-    beat = _beats(scheme, channels, spec.coil.sets, spec.drive.headroom)
+    leak = leakage(*magnetic_parts(spec), spec.coil.gap_mm * MM, place * MM, _STEPS * pitch * MM)
+    away = np.abs(_STEPS).sum(1) % spec.coil.sets
+    heard = [_heard(spec, scheme, channels, steps) for steps in range(spec.coil.sets)]
     energy = np.zeros(len(channels))
     for there in _surroundings(layout):
-        kind = np.abs(steps).sum(1) % spec.coil.sets
         total = np.zeros(len(channels))
-        for k in range(spec.coil.sets):
-            some = there & (kind == k)
-            amplitude = np.sqrt(np.abs(leak.square[:, some])).sum(1) ** 2
-            amplitude = amplitude + beat * np.abs(leak.product[:, some]).sum(1)
-            # Coils an even number of steps away have the taxel's own set.
-            lines = _same_set(len(channels), spec.coil.sets, k)
-            total += amplitude**2 * ((heard * lines).sum(1) + _spurs_heard(scheme, which, spec.coil.sets, k))
+        for steps, (tones, spurs, beats) in enumerate(heard):
+            some = there & (away == steps)
+            square = np.abs(leak.mutual[:, some][:, :, some]).sum((1, 2))
+            product = np.abs(leak.product[:, some]).sum(1)
+            constant = product if scheme.name == "biased" else 0.0
+            # Spurs and beats of the same channels are of the same frequencies.
+            total += (square + constant) ** 2 * tones + (square * np.sqrt(spurs) + product * np.sqrt(beats)) ** 2
         energy = np.maximum(energy, total)
     worst = int(energy.argmax())
     return Reuse(-decibel(float(energy[worst]) ** 0.5), worst, turned)
 
 
-def _beats(scheme: Scheme, channels: Sequence[Channel], sets: int, headroom: float) -> np.ndarray:
-    """How much of a neighbour's wanted line (n,) the own coil's constant current makes of its field.
+def _heard(spec: Spec, scheme: Scheme, channels: Sequence[Channel], steps: int) -> tuple[np.ndarray, ...]:
+    """Energies (n,) of OFF taxels, over those of their ON states, were a coil `steps` away their own.
 
-    Biased, the constant is always there: all of it. Spur-free, it is at most the root of what the own
-    other channels want, with headroom, against a neighbour that plays this channel alone: twice its
-    root's first harmonic, 4√2/(3π) √a.
+    By the tones of all its channels; by its pair spurs; and by twice the product of its current with that
+    of the own coil, which plays all channels but the OFF one.
     """
-    if scheme.name == "biased":
-        return np.ones(len(channels))
-    if scheme.name != "spur-free":
-        return np.zeros(len(channels))
-    lines = squared_current_lines(channels)
-    own = np.array([lines[i % sets :: sets].sum() for i in range(len(lines))])
-    share: np.ndarray = np.divide(own - lines, lines, out=np.zeros(len(lines)), where=lines > 0)
-    factor: np.ndarray = 8 * 2**0.5 / (3 * np.pi) * np.sqrt((1 + headroom) * np.maximum(share, 0.0))
-    return factor
-
-
-def _as_resonators(spec: Spec, channels: Sequence[Channel]) -> Channels:
-    """The channels of all sets as if one coil had them, their washers pulled alike."""
     resonance = np.array([channel.resonance_hz for channel in channels])
     mass = np.array([channel.effective_mass_g for channel in channels])
-    return resonators(resonance, spec.q_min, level_law(spec)(resonance), mass)
+    which = resonators(resonance, spec.q_min, level_law(spec)(resonance), mass)
+    sets, tones, spurs, beats = spec.coil.sets, *np.zeros((3, len(channels)))
+    for i in range(len(channels)):
+        taxel, other = Channels(*(part[[i]] for part in which)), slice((i + steps) % sets, None, sets)
+        played = Channels(*(part[other] for part in which))
+        own = [k for k in range(i % sets, len(channels), sets) if k != i]
+        tones[i] = tone_energy(taxel, played).sum()
+        if scheme.has_pair_spurs:
+            spurs[i] = _line_energy(taxel, *pair_lines(played, scheme)[::2])
+        beats[i] = _beat_energy(taxel, Channels(*(part[own] for part in which)), played, scheme, spec.drive.headroom)
+    return tones, spurs, beats
 
 
-def _spurs_heard(scheme: Scheme, which: Channels, sets: int, steps: int) -> np.ndarray:
-    """Energy (n,) that the pair spurs of a coil so many steps away would have on each taxel."""
-    heard = np.zeros(len(which.line))
-    for own in range(sets if scheme.has_pair_spurs else 0):
-        played = Channels(*(part[(own + steps) % sets :: sets] for part in which))
-        frequency, rest, amplitude = pair_lines(played, scheme)
-        for i in range(own, len(heard), sets):
-            response = relative_energy(frequency, which.resonance_hz[i], which.q[i], rest).sum(0)
-            heard[i] = (response * (amplitude / which.line[i]) ** 2).sum()
-    return heard
+def _beat_energy(taxel: Channels, own: Channels, other: Channels, scheme: Scheme, headroom: float) -> float:
+    """Energy of twice the product of the currents of the own coil and of another, at worst.
 
-
-def _same_set(count: int, sets: int, steps: int) -> np.ndarray:
-    """Which channels (n, n) a coil so many steps away plays that taxel i would hear.
-
-    With one set, only its own: what others do is small beside it, and judged within the coil.
+    Tones and biased: a line at the sum and one at the difference of every two (beside biased's constants,
+    which are the caller's). Spur-free: the own root is at most that of its mean square; the other plays one
+    channel alone, a root with harmonics of ``4√2/(π(4n² − 1)) √a``.
     """
-    index = np.arange(count)
-    if sets == 1:
-        return np.eye(count, dtype=bool)
-    mine: np.ndarray = (index[:, None] + steps - index) % sets == 0
-    return mine
+    if not len(own.line) or scheme.takes_turns:
+        return 0.0
+    if scheme.has_pair_spurs:
+        pairs = ([(a, b) for a in own.resonance_hz for b in other.resonance_hz], np.outer(own.line, other.line).ravel())
+        low, high = np.sort(np.array(pairs[0]), axis=1).T
+        lines, strongest = np.stack([high + low, high - low]), float(other.line.max())
+        # Two channels that both coils play make the same line twice, in step at worst.
+        twice = 2.0 if np.isin(own.resonance_hz, other.resonance_hz).any() else 1.0
+        if scheme.name == "tones":
+            return twice * _line_energy(taxel, lines / 2, 2 * np.sqrt(pairs[1]))
+        return twice * _line_energy(taxel, lines, pairs[1] / (2 * scheme.bias_ratio * strongest))
+    mean = (1 + headroom) * own.line.sum()
+    harmonic = np.arange(1, 4)[:, None]
+    amplitude = 8 * 2**0.5 / (np.pi * (4 * harmonic**2 - 1)) * np.sqrt(mean * other.line)
+    return _line_energy(taxel, harmonic * other.resonance_hz, amplitude)
+
+
+def _line_energy(taxel: Channels, frequency: np.ndarray, amplitude: np.ndarray) -> float:
+    """Energy of a taxel under lines (…, p) of i² with amplitudes (…, p), over that of its ON state."""
+    response = relative_energy(frequency, taxel.resonance_hz[0], taxel.q[0])
+    return float((response * (amplitude / taxel.line[0]) ** 2).sum())
 
 
 _STEPS = np.array([(x, y) for x, y in product((-1, 0, 1), repeat=2) if (x, y) != (0, 0)])
