@@ -57,7 +57,10 @@ def _drive_lines(plan: "Plan") -> list[str]:
     lines = [f"drive: {figures.drive}, {figures.why}"]
     if figures.one_hot_db is not None:
         lines += _selectivity_lines(plan)
-    frames = ", ".join(f"{rate.scheme} {number(round(rate.frames_per_s, 2))}" for rate in plan.refresh)
+    frames = ", ".join(
+        f"{rate.scheme} {'any' if rate.frames_per_s is None else number(round(rate.frames_per_s, 2))}"
+        for rate in plan.refresh
+    )
     leak = "" if plan.reuse.leak_db is None else f"; the coils around leak {-plan.reuse.leak_db:.1f} dB"
     return [
         *lines,

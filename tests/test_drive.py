@@ -171,7 +171,9 @@ def test_levels_of_equal_sensation(tmp_path):
         ("20,50\n800,0\n", r"threshold_um\[1\]: must be at least 1e-06"),
         ("20,-1\n800,1\n", r"threshold_um\[0\]: must be at least 1e-06"),
         ("20,50\n300,1\n", r"must cover the band of 50 … 400 Hz, got 20 … 300 Hz; a band of \[50, 300\] would do"),
-        ("20,nan\n800,1\n", "must be at least"),
+        ("20,nan\n800,1\n", "line 1 must be"),
+        ("20,5_0\n800,1\n", "line 1 must be"),
+        ('"20,50"\n800,1\n', "line 1 must be"),
     ],
 )
 def test_curves_that_are_none_are_refused(tmp_path, curve, sentence):
@@ -400,7 +402,7 @@ def superposed_leak(plan, own_on, other_on, seconds=60):
 
 @pytest.mark.parametrize("scheme", ["tones", "biased", "spur-free"])
 def test_beats_bound_what_two_coils_make_together(scheme):
-    """Twice the product of two coils' currents, by Fourier transform, over states: not above the bound, nor far below."""
+    """Twice the product of two coils' currents, by Fourier transform, over states: below the bound, but not far."""
     plan = plan_of("resonances_hz = [60, 101, 150, 265]\n" + FOUR, scheme=scheme)
     spec = plan.typed_spec
     tones, _, beats = _heard(spec, Scheme(scheme), plan.channels, 0)

@@ -13,7 +13,7 @@ from padgen.planner.settings import level_law, scheme_named
 from padgen.spec import Spec
 from padgen.units import decibel
 
-__all__ = ["LARGEST_WITH_SPURS", "channel_limit", "coil_capacity", "largest_counts", "searched_to"]
+__all__ = ["channel_limit", "coil_capacity", "largest_counts", "searched_to"]
 
 WIDEST_HZ = 1e5
 LARGEST_WITH_SPURS = 32
@@ -69,11 +69,11 @@ def searched_to(scheme: Scheme) -> int:
 
 
 def largest_counts(
-    band_hz: tuple[float, float], q: float, law: LevelLaw, scheme: Scheme, target_db: float
+    band_hz: tuple[float, float], q: float, law: LevelLaw, scheme: Scheme, target_db: float, most: int = LARGEST
 ) -> tuple[int, int]:
     """Most channels on a geometric ladder from one end of the band to the other that keep `target_db`.
 
-    In all states and with one channel on; equal masses. Searched up to `LARGEST` channels, in all states
+    In all states and with one channel on; equal masses. Searched up to `most` channels, in all states
     of schemes with spurs up to `LARGEST_WITH_SPURS`.
     """
 
@@ -83,15 +83,16 @@ def largest_counts(
     def states_hold(count: int) -> bool:
         return all_states(_ladder(band_hz, count, q, law), scheme).db >= target_db
 
-    most = searched_to(scheme)
     one_hot = states = 1
-    for count in range(2, SCANNED + 1):
-        if count <= most and states_hold(count):
+    for count in range(2, min(SCANNED, most) + 1):
+        if count <= searched_to(scheme) and states_hold(count):
             states = count
         if not one_hot_holds(count):
             return states, one_hot
         one_hot = count
-    one_hot = _last(one_hot_holds, SCANNED, LARGEST)
+    if most <= SCANNED:
+        return states, one_hot
+    one_hot = _last(one_hot_holds, SCANNED, most)
     return (_last(states_hold, SCANNED, one_hot) if states == SCANNED else states), one_hot
 
 

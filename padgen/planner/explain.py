@@ -7,7 +7,7 @@ from typing import Any
 from padgen.errors import SpecError, number
 from padgen.physics.levels import LevelLaw
 from padgen.physics.selectivity import SCHEMES
-from padgen.planner.capacity import LARGEST_WITH_SPURS, channel_limit, coil_capacity, largest_counts, searched_to
+from padgen.planner.capacity import channel_limit, coil_capacity, largest_counts, searched_to
 from padgen.planner.channels import plan_channels
 from padgen.planner.layout import SLACK_MM, candidates, explain
 from padgen.planner.plan import Plan, Selectivity, without_none
@@ -19,10 +19,12 @@ from padgen.units import decibel
 
 __all__ = ["CapacityRow", "Change", "Explanation", "explain_plan"]
 
-MOST_TRIED = 16
+MOST_TRIED = 12
 """Channels per coil that a change is tried up to."""
-OPTIMISED_TRIED = 4
-"""Channels per coil up to which resonances are optimised for every change."""
+OPTIMISED_TRIED = 8
+"""Channels per coil up to which it is tried what optimised resonances gain."""
+MOST_IN_BAND = 20
+"""Channels up to which it is counted what a change gains were there room."""
 PATIENCE = 2
 """Counts in a row that fail before more channels are given up."""
 WORTH_DB = 0.1
@@ -75,15 +77,17 @@ def explain_plan(spec: Spec, plan: Plan, progress: Callable[[str], None] = lambd
     progress("what stops one more channel")
     least = min(count, MOST_TRIED)
     (held, drive), in_band = _channels_held(spec, grid, least), _channels_in_band(spec)
-    now = plan.selectivity.kept_db
+    planned = _figures(spec, grid, count)
+    now = planned.kept_db if planned else None
     changes = []
     for cost, words, other in _changes(spec, plan):
         progress(words)
         channels, scheme = _channels_held(other, grid, least)
-        figures = _figures(other, grid, count) if count <= MOST_TRIED else None
+        optimise = other.spacing != spec.spacing and count <= OPTIMISED_TRIED
+        figures = _figures(other, grid, count, optimise) if count <= MOST_TRIED else None
         after = figures.kept_db if figures else None
         gained_db = after - now if after is not None and now is not None else None
-        more_in_band = 0 if in_band >= LARGEST_WITH_SPURS else _channels_in_band(other) - in_band
+        more_in_band = 0 if in_band >= MOST_IN_BAND else _channels_in_band(other) - in_band
         change = Change(words, COSTS[cost], channels, scheme, channels - held, more_in_band, gained_db)
         if change.gained > 0 or (change.gained == 0 and (change.gained_in_band > 0 or (gained_db or 0.0) > WORTH_DB)):
             changes.append(change)
@@ -95,7 +99,7 @@ def _channels_in_band(spec: Spec) -> int:
     """Most channels that band, Q and drive allow, were there room for all; auto drives without spurs."""
     name = "spur-free" if spec.drive.scheme == "auto" else spec.drive.scheme
     law, asked_db = level_law(spec), decibel(spec.delta_y)
-    return largest_counts(spec.band_hz, spec.q_min, law, scheme_named(spec, name), asked_db)[0]
+    return largest_counts(spec.band_hz, spec.q_min, law, scheme_named(spec, name), asked_db, MOST_IN_BAND)[0]
 
 
 def _capacities(spec: Spec) -> Iterator[CapacityRow]:
@@ -125,14 +129,14 @@ def _channels_held(spec: Spec, grid: tuple[int, int], least: int) -> tuple[int, 
     return held, drive
 
 
-def _figures(spec: Spec, grid: tuple[int, int], count: int) -> Selectivity | None:
+def _figures(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = False) -> Selectivity | None:
     """Selectivity of `count` channels per coil on `grid`; None where they have no room, do not print or are not pulled.
 
-    With more than a few, optimised spacing is judged by the evenly spread one: to optimise each would take long.
+    Unless told to `optimise`, optimised spacing is judged by the evenly spread one: it would take long.
     """
     try:
         other = replace(spec, resolution=grid[0] * grid[1] * count, coil=replace(spec.coil, grid=grid))
-        if count > OPTIMISED_TRIED and other.spacing == "optimised":
+        if other.spacing == "optimised" and not optimise:
             other = replace(other, spacing="spread")
         if count * spec.coil.sets != len(spec.resonances_hz or ()):
             other = replace(other, resonances_hz=None)

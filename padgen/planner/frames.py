@@ -1,7 +1,6 @@
 """How fast frames may follow each other."""
 
 from collections.abc import Sequence
-from math import inf
 
 from padgen.physics.selectivity import SCHEMES, Scheme
 from padgen.planner.plan import Channel, FrameRate
@@ -27,4 +26,4 @@ def frame_rates(channels: Sequence[Channel], sets: int = 1) -> tuple[FrameRate, 
     together = max(channel.ring_down_ms for channel in channels) * MS
     in_turns = slot_ms(channels) * MS * len(channels) / sets
     times = {name: in_turns if Scheme(name).takes_turns else together for name in SCHEMES}
-    return tuple(FrameRate(name, 1 / time if time > 0 else inf) for name, time in times.items())
+    return tuple(FrameRate(name, 1 / time if time > 0 else None) for name, time in times.items())

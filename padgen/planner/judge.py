@@ -1,11 +1,16 @@
 """The findings of a plan: what holds only just, what does not, and what would."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise, permutations
+
+import numpy as np
 
 from padgen.errors import at_least, at_most, number
 from padgen.finding import LEVELS, Finding
 from padgen.physics.ladder import ladder_ratio, slot_half_width
+from padgen.physics.magnetics import pull_over_gap
+from padgen.planner.channels import driven, magnetic_parts
 from padgen.planner.judge_drive import judge_drive
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.printable import DRAWN_SHARE, STUBBY, steps_are_coarse
@@ -15,6 +20,7 @@ from padgen.units import MM, UM
 
 SPACING_SHARE = 0.05
 """Share of a slot by which a resonance may be off before it is worth a finding."""
+GAPS_TRIED = 8
 QUIET_SHARE = 1e-6
 """Share of the compliance below which a pull at the washer's axis does not excite a mode."""
 
@@ -160,7 +166,7 @@ def _mechanics(spec: Spec, plan: Plan) -> Iterator[Finding]:
                 where,
                 f"sag ({number(channel.sag_um)} µm), static pull ({number(channel.static_um)} µm) and amplitude"
                 f" together are {number(travel_mm)} mm, a third of the gap is {number(spec.coil.gap_mm / 3)} mm;"
-                f" a gap of {at_least(3 * travel_mm)} mm would do",
+                f" {_wider_gap(spec, plan)}",
             )
         if channel.root_stress_mpa > spec.material.fatigue_stress_mpa:
             level = channel.level_um * spec.material.fatigue_stress_mpa / channel.root_stress_mpa
@@ -181,6 +187,27 @@ def _mechanics(spec: Spec, plan: Plan) -> Iterator[Finding]:
                 f" thick: below {STUBBY} thicknesses the beam model is several per cent off; solve its STEP by finite"
                 " elements",
             )
+
+
+def _wider_gap(spec: Spec, plan: Plan) -> str:
+    """A gap at which all channels keep within its third: the pull at a wider one is another."""
+    gap_mm = spec.coil.gap_mm
+    offset = np.array([channel.site.coil_distance_mm for channel in plan.channels]) * MM
+    for _ in range(GAPS_TRIED):
+        wider = replace(spec, coil=replace(spec.coil, gap_mm=gap_mm))
+        pull, exponent = pull_over_gap(*magnetic_parts(wider), gap_mm * MM, offset)
+        if (pull <= 0).any():
+            break
+        moved = [
+            replace(channel, force_constant_n_per_a2=float(c), pull_exponent=float(m))
+            for channel, c, m in zip(plan.channels, pull, exponent, strict=True)
+        ]
+        again = driven(wider, moved, plan.selectivity.drive)
+        needed_mm = 3 * max(c.level_um + c.sag_um + c.static_um for c in again) * UM / MM
+        if needed_mm <= gap_mm and all(c.static_um * UM / MM < gap_mm for c in again):
+            return f"a gap of {number(gap_mm)} mm would do"
+        gap_mm = float(at_least(max(needed_mm, gap_mm) * 1.001))
+    return "a lower drive.level_um or beams that sag less would do"
 
 
 def _places(plan: Plan) -> Iterator[Finding]:

@@ -262,10 +262,10 @@ class CoilLoad:
 
 @dataclass(frozen=True, slots=True)
 class FrameRate:
-    """Frames a second at which an OFF taxel has become quiet before the next frame."""
+    """Frames a second at which an OFF taxel has become quiet before the next frame; None: it is so at once."""
 
     scheme: str
-    frames_per_s: float
+    frames_per_s: float | None
 
 
 @dataclass(frozen=True, slots=True)

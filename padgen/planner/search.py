@@ -2,19 +2,17 @@
 
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
+from itertools import islice
 from math import inf
 
-import numpy as np
-
-from padgen.physics.selectivity import Scheme
+from padgen.planner.channels import plan_channels
 from padgen.planner.layout import SLACK_MM, Layout, coil_reach_mm, place, room, slots
 from padgen.planner.plan import Site
 from padgen.planner.resonances import ladders
-from padgen.planner.settings import scheme_named, sets_db
+from padgen.planner.selectivity import SIMPLEST_FIRST, plan_selectivity
 from padgen.planner.sizing import SizedChannel, size_channels
 from padgen.planner.suspensions import Room
 from padgen.spec import Spec
-from padgen.units import decibel
 
 __all__ = ["sites_of", "sized_layouts"]
 
@@ -32,7 +30,7 @@ def sized_layouts(spec: Spec, options: Iterable[Layout]) -> Iterator[tuple[Layou
         if tried >= LAYOUTS_SIZED:
             break
         tried += 1
-        channels = _beams(spec, layout.channels, room(spec, layout))
+        channels = _beams(spec, layout)
         if channels and _within_reach(spec, layout, channels):
             seen.add(key)
             yield layout, channels
@@ -58,22 +56,24 @@ def sites_of(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> 
     )
 
 
+def _beams(spec: Spec, layout: Layout) -> tuple[SizedChannel, ...] | None:
+    """Beams for the first ladder that prints; optimised, for the ladder that keeps most as printed and pulled."""
+    options = _sized(spec, layout.channels, room(spec, layout))
+    if len(options) < 2:
+        return options[0] if options else None
+    return max(options, key=lambda channels: _keeps(spec, layout, channels))
+
+
 @lru_cache(maxsize=64)
-def _beams(spec: Spec, count: int, space: Room) -> tuple[SizedChannel, ...] | None:
-    """Beams for the first ladder that prints; optimised, for the ladder that is told apart best as printed."""
+def _sized(spec: Spec, count: int, space: Room) -> tuple[tuple[SizedChannel, ...], ...]:
+    """Beams for the first of the ladders that prints; optimised, for all of them that do."""
     sized = (channels for hz in ladders(spec, count, space) if (channels := size_channels(spec, space, hz)))
-    if spec.spacing != "optimised":
-        return next(sized, None)
-    # An optimum for equal masses need not be one for those of the beams.
-    return max(sized, key=lambda channels: _printed_figure(spec, channels), default=None)
+    return tuple(sized if spec.spacing == "optimised" else islice(sized, 1))
 
 
-def _printed_figure(spec: Spec, sized: tuple[SizedChannel, ...]) -> tuple[bool, float]:
-    """How good a ladder is as printed: with an automatic drive, plain tones that keep what is asked come first."""
-    resonance = np.array([float(channel.model.resonance_hz) for channel in sized])
-    mass = np.array([float(channel.model.effective_mass_kg) for channel in sized])
-    tones_db = sets_db(spec, resonance, mass, Scheme("tones")) if spec.drive.scheme in ("auto", "tones") else -inf
-    if spec.drive.scheme == "tones" or tones_db >= decibel(spec.delta_y):
-        return True, tones_db
-    scheme = "spur-free" if spec.drive.scheme == "auto" else spec.drive.scheme
-    return False, sets_db(spec, resonance, mass, scheme_named(spec, scheme))
+def _keeps(spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...]) -> tuple[bool, int, float]:
+    """Sort key: whether what is asked is kept, with how simple a drive, and how much is kept."""
+    figures = plan_selectivity(spec, plan_channels(spec, sized, sites_of(spec, layout, sized)))
+    kept_db = inf if figures.kept_db is None else figures.kept_db
+    keeps = kept_db >= figures.asked_db
+    return keeps, -SIMPLEST_FIRST.index(figures.drive) if keeps else 0, kept_db

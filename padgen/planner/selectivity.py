@@ -19,12 +19,14 @@ from padgen.units import decibel
 if TYPE_CHECKING:
     from padgen.planner.resonances import Optimum
 
-__all__ = ["plan_selectivity", "run_times_s"]
+__all__ = ["SIMPLEST_FIRST", "plan_selectivity", "run_times_s"]
 
 SIMPLEST_FIRST = ("tones", "biased", "spur-free", "time-shared")
 """By what the electronics must do: sines; sines on a constant; a root; and, slow, one at a time."""
 MOST_SPELLED_OUT = 16
 """Channels up to which a plan lists how each hears each."""
+UNPULLED = 1e-12
+"""Share of the strongest pull that is as good as none."""
 MOST_WITH_SPURS = 256
 """Channels up to which the n³ spurs of a scheme are counted that was not asked for."""
 
@@ -98,9 +100,10 @@ def _resonators(spec: Spec, planned: Sequence[Channel], which: str) -> Channels:
     resonance = np.array([c.target_hz if which == "asked" else c.resonance_hz for c in planned])
     mass = np.array([c.effective_mass_g for c in planned])
     pull = np.array([c.force_constant_n_per_a2 for c in planned])
-    use_pull = which == "placed" and (pull > 0).all()
+    # A washer that the coil does not pull can be moved by no current: as if its own line had to be endless.
+    pull = np.maximum(pull, UNPULLED * pull.max()) if (pull > 0).any() else np.ones(len(pull))
     q = np.array([c.q for c in planned])
-    return channels(resonance, q, level_law(spec)(resonance), mass, pull if use_pull else 1.0)
+    return channels(resonance, q, level_law(spec)(resonance), mass, pull if which == "placed" else 1.0)
 
 
 def _figures(spec: Spec, alike: Sequence[Channels], placed: Sequence[Channels], name: str) -> SchemeFigures:
@@ -122,7 +125,7 @@ def _chosen(spec: Spec, figures: dict[str, SchemeFigures], planned: Sequence[Cha
         return "tones", "plain tones are the simplest, and no third taxel is there for their spurs to fall on"
     asked, least = decibel(spec.delta_y), spec.drive.least_frames_per_s
     reached = {name: figures[name].reached_db for name in SIMPLEST_FIRST}
-    rates = {rate.scheme: rate.frames_per_s for rate in frame_rates(planned, spec.coil.sets)}
+    rates = {rate.scheme: rate.frames_per_s or inf for rate in frame_rates(planned, spec.coil.sets)}
     # Taking turns is slow, so that it must also be fast enough; the others ring down alike.
     holds = [n for n in SIMPLEST_FIRST if reached[n] >= asked and (n != "time-shared" or rates[n] >= least)]
     if holds:

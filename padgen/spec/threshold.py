@@ -1,5 +1,6 @@
 """A detection threshold over frequency that the user supplies: a CSV file, or two lists in the spec."""
 
+import io
 from dataclasses import fields
 from itertools import pairwise
 from pathlib import Path
@@ -60,14 +61,15 @@ def _text(folder: Path, name: str) -> str:
 def _points(text: str, where: str) -> list[tuple[float, float]]:
     points: list[tuple[float, float]] = []
     headings = 0
-    for line, raw in enumerate(text.splitlines(), start=1):
+    for line, raw in enumerate(io.StringIO(text, newline=None), start=1):
+        raw = raw.rstrip("\n")
         cells = [cell.strip() for cell in raw.split(",")]
         if not raw.strip() or raw.lstrip().startswith("#"):
             continue
         values = [value for cell in cells if (value := _number(cell)) is not None]
         if len(cells) == len(values) == 2:
             points.append((values[0], values[1]))
-        elif len(cells) == 2 and not values and not points and not headings:
+        elif len(cells) == 2 and not points and not headings and not any(c.isdigit() for c in raw):
             headings = line
         else:
             shown = raw if len(raw) <= 40 else raw[:40] + "…"
@@ -78,10 +80,10 @@ def _points(text: str, where: str) -> list[tuple[float, float]]:
 
 
 def _number(cell: str) -> float | None:
-    try:
-        return float(cell.strip('"'))
-    except ValueError:
-        return None
+    import re
+
+    plain = re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", cell, re.ASCII)
+    return float(cell) if plain else None
 
 
 def refuse_threshold(spec: Spec) -> None:
