@@ -92,7 +92,8 @@ def _options(spec: Spec, item: IdealBeam, target_hz: float) -> _Options:
 
 def _widths_mm(spec: Spec, item: IdealBeam) -> np.ndarray:
     step = spec.printer.width_step_mm
-    return np.unique(_on_grid(spec, item.beam.width_mm + step * np.arange(-WIDTHS_TRIED, WIDTHS_TRIED + 1), item))
+    around = _on_grid(spec, item.beam.width_mm + step * np.arange(-WIDTHS_TRIED, WIDTHS_TRIED + 1), item)
+    return np.array(sorted(set(around.tolist())))
 
 
 def _thicknesses_mm(spec: Spec, item: IdealBeam) -> np.ndarray:

@@ -87,7 +87,7 @@ def _beat_energy(taxel: Channels, own: Channels, other: Channels, scheme: Scheme
         low, high = np.sort(np.array(pairs[0]), axis=1).T
         lines, strongest = np.stack([high + low, high - low]), float(other.line.max())
         # Two channels that both coils play make the same line twice, in step at worst.
-        twice = 2.0 if np.isin(own.resonance_hz, other.resonance_hz).any() else 1.0
+        twice = 1.0 if set(own.resonance_hz.tolist()).isdisjoint(other.resonance_hz.tolist()) else 2.0
         if scheme.name == "tones":
             return twice * _line_energy(taxel, lines / 2, 2 * np.sqrt(pairs[1]))
         return twice * _line_energy(taxel, lines, pairs[1] / (2 * scheme.bias_ratio * strongest))
@@ -110,7 +110,7 @@ _STEPS = np.array([(x, y) for x, y in product((-1, 0, 1), repeat=2) if (x, y) !=
 def _surroundings(layout: Layout) -> list[np.ndarray]:
     """Which of `_STEPS` lead to a coil, for each kind of corner of a grid of two, or for its middle."""
     sides = [[(-1, 0, 1)] if n > 2 else [(0, 1), (-1, 0)] if n == 2 else [(0,)] for n in (layout.columns, layout.rows)]
-    return [np.isin(_STEPS[:, 0], x) & np.isin(_STEPS[:, 1], y) for x, y in product(*sides)]
+    return [np.array([int(u) in x and int(v) in y for u, v in _STEPS]) for x, y in product(*sides)]
 
 
 def turned_cells(spec: Spec, layout: Layout, sites: Sequence[Site]) -> str:

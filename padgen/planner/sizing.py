@@ -88,7 +88,8 @@ def layer_thicknesses_mm(printer: Printer, largest_mm: float) -> np.ndarray:
     count = int((largest_mm - printer.first_layer_mm) / printer.layer_mm + 1e-9) + 1
     layers = np.arange(printer.smallest_beam_layers, max(count, 1) + 1)
     if len(layers) > THICKNESSES:
-        layers = np.unique(np.geomspace(layers[0], layers[-1], THICKNESSES).round().astype(int))
+        # (np.unique loads all of numpy.ma.)
+        layers = np.array(sorted({round(n) for n in np.geomspace(layers[0], layers[-1], THICKNESSES).tolist()}))
     return np.round(printer.first_layer_mm + (layers - 1) * printer.layer_mm, 6)
 
 

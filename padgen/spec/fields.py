@@ -6,7 +6,6 @@ the three cannot disagree.
 
 import types
 from dataclasses import MISSING, Field, field, fields
-from difflib import get_close_matches
 from typing import Any, Union, get_args, get_origin
 
 from padgen.errors import SpecError, number
@@ -51,6 +50,8 @@ def optional_type(annotation: Any) -> tuple[Any, bool]:
 
 def unknown_name(name: str, known: "list[str]", what: str, where: str) -> SpecError:
     """The error for a `name` that is none of `known`, with the nearest one that is."""
+    from difflib import get_close_matches
+
     near = get_close_matches(name, known, n=1, cutoff=0.5)
     hint = f"did you mean {near[0]!r}?" if near else "known are " + ", ".join(sorted(known))
     return SpecError(f"there is no {what} {name!r}; {hint}", where)
