@@ -424,6 +424,25 @@ def test_spurs_of_neighbours_leak_too():
     assert clean - hit > 5
 
 
+@pytest.mark.parametrize("scheme", ["tones", "spur-free", "biased"])
+def test_leakage_of_a_pair_adds_up(scheme):
+    """Two coils side by side: tones by the square, spurs and beats of the same lines by amplitude."""
+    row = FOUR.replace("resolution = 16", "resolution = 4").replace("[2, 2]", "[1, 2]")
+    plan = plan_of("resonances_hz = [60, 150]\n" + row, scheme=scheme)
+    tones, spurs, beats = _heard(plan.typed_spec, Scheme(scheme), plan.channels, 0)
+    place = np.array([c.site.washer_mm for c in plan.channels]) * 1e-3
+    worst = 0.0
+    for side in (plan.coils.pitch_x_mm * 1e-3, -plan.coils.pitch_x_mm * 1e-3):
+        found = leakage(*magnetic_parts(plan.typed_spec), 1e-3, place, np.array([[side, 0.0]]))
+        square, product = abs(found.mutual[:, 0, 0]), abs(found.product[:, 0])
+        constant = product if scheme == "biased" else 0
+        lines = (square + constant) ** 2 * tones + (square * np.sqrt(spurs) + product * np.sqrt(beats)) ** 2
+        worst = max(worst, float(lines.max()))
+    assert plan.reuse.leak_db == pytest.approx(-10 * np.log10(worst), abs=1e-6)
+    # What is not the tones' own is no small part of it.
+    assert plan.reuse.leak_db < -10 * np.log10(float((square**2 * tones).max())) - 3
+
+
 @pytest.mark.parametrize("text", [FOUR, ALTERNATE], ids=["same", "alternate"])
 @pytest.mark.parametrize("scheme", ["tones", "spur-free", "biased", "time-shared"])
 def test_mean_pull_and_heat_of_each_scheme_by_hand(scheme, text):

@@ -96,6 +96,24 @@ def test_naming_the_grid_that_the_search_takes_changes_nothing(resolution):
     assert named.selectivity.kept_db == pytest.approx(plan.selectivity.kept_db)
 
 
+def test_optimised_spacing_is_tried(explained):
+    _spec, plan, explanation = explained
+    (change,) = [c for c in explanation.changes if c.change == "spacing = 'optimised'"]
+    assert change.gained_db == pytest.approx(
+        optimised(FOUR, "optimised").selectivity.kept_db - plan.selectivity.kept_db
+    )
+    assert change.gained_db > 1
+
+
+def test_a_grid_that_keeps_what_is_asked_is_named():
+    plan = make_plan(parse_spec('name = "my"\nresolution = 32\nband_hz = [50, 200]\nq_min = 15\n'))
+    (finding,) = [f for f in plan.findings if f.code == "selectivity.all_states"]
+    (option,) = [o for o in plan.layouts if o.channels == 2]
+    named = make_plan(replace(plan.typed_spec, coil=replace(plan.typed_spec.coil, grid=(4, 4))))
+    assert named.selectivity.kept_db == pytest.approx(option.kept_db)
+    assert f"coil.grid = [4, 4] has 2 channels per coil and keeps {option.kept_db:.1f} dB" in finding.message
+
+
 def test_changes_are_ranked_by_what_they_buy_then_by_cost(explained):
     changes = explained[2].changes
     assert [c.gained for c in changes] == sorted((c.gained for c in changes), reverse=True)

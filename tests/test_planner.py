@@ -373,7 +373,7 @@ def test_no_beam_is_shorter_than_thick_and_stubby_ones_are_found():
     assert stubby == expected
 
 
-@pytest.mark.parametrize(("level_um", "gap_mm"), [(700, 1.0), (1234.5, 2.0)])
+@pytest.mark.parametrize(("level_um", "gap_mm"), [(250, 1.0), (700, 1.0), (1234.5, 2.0)])
 def test_a_suggested_gap_would_do(level_um, gap_mm):
     def found(gap):
         plan = plan_of(4, 50, 200, f"[drive]\nlevel_um = {level_um}\n[coil]\ngap_mm = {gap}\n")
