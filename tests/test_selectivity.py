@@ -34,6 +34,7 @@ from padgen.physics.selectivity import (
     tone_energy,
 )
 from padgen.planner.capacity import largest_counts
+from padgen.spec.model import DRIVE_SCHEMES
 
 TONES, SPUR_FREE = Scheme("tones"), Scheme("spur-free")
 ALL = [Scheme(name) for name in SCHEMES]
@@ -107,6 +108,10 @@ def test_asymmetry_of_the_papers_pair():
 
 def test_weaker_side_of_the_pair_at_q_15():
     assert one_hot_db(even([61.0, 76.0], p=2), TONES) == pytest.approx(14.5, abs=0.15)
+
+
+def test_specs_name_the_schemes_that_physics_knows():
+    assert DRIVE_SCHEMES == SCHEMES
 
 
 # Every state

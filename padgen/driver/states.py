@@ -10,7 +10,7 @@ from math import sqrt
 
 import numpy as np
 
-from padgen.physics.currents import bias_a, mean_square_a2
+from padgen.physics.currents import mean_square_a2
 from padgen.physics.selectivity import Scheme
 from padgen.planner.channels import squared_current_lines
 from padgen.planner.plan import Channel, Plan
@@ -91,14 +91,9 @@ def _state(plan: Plan, scheme: Scheme, number: int, bits: tuple[int, ...]) -> St
 
 
 def _static_force_mn(plan: Plan, scheme: Scheme, own: tuple[Channel, ...], bits: tuple[int, ...]) -> float:
-    """Biased, the constant current stays on, as for all channels, whatever is off."""
-    lines, playing = squared_current_lines(own), np.array(bits, dtype=bool)
-    if scheme.name == "biased":
-        bias2 = bias_a(scheme, lines) ** 2
-        square = bias2 + float((lines[playing] ** 2).sum()) / (8 * bias2) if bias2 else 0.0
-    else:
-        square = mean_square_a2(scheme, lines[playing], plan.typed_spec.drive.headroom) if any(bits) else 0.0
-    return square * own[0].force_constant_n_per_a2 / MN
+    lines, on = squared_current_lines(own), np.array(bits, dtype=bool)
+    square_a2 = mean_square_a2(scheme, lines, plan.typed_spec.drive.headroom, on)
+    return square_a2 * own[0].force_constant_n_per_a2 / MN
 
 
 def _spurs(scheme: Scheme, own: tuple[Channel, ...], on: list[Channel]) -> list[Spur]:

@@ -57,8 +57,7 @@ def drive_rows(plan: Plan) -> tuple[DriveRow, ...]:
     rows: dict[int, DriveRow] = {}
     constant: list[DriveRow] = []
     for kind, own in enumerate(plan.sets):
-        lines = squared_current_lines(own)
-        current = current_lines_a(scheme, lines, plan.typed_spec.drive.headroom) if lines.max() > 0 else lines
+        current = current_lines_a(scheme, squared_current_lines(own), plan.typed_spec.drive.headroom)
         rows |= {c.index: _row(plan, scheme, c, float(i)) for c, i in zip(own, current, strict=True)}
         if scheme.has_constant:
             constant.append(_bias_row(plan, scheme, kind))
@@ -101,7 +100,7 @@ def _root_voltage_v(plan: Plan, channel: Channel) -> float:
 def _bias_row(plan: Plan, scheme: Scheme, kind: int) -> DriveRow:
     own, resistance = plan.sets[kind], plan.typed_spec.coil.resistance_ohm
     lines = squared_current_lines(own)
-    square = mean_square_a2(scheme, lines, plan.typed_spec.drive.headroom) if lines.max() > 0 else 0.0
+    square = mean_square_a2(scheme, lines, plan.typed_spec.drive.headroom)
     constant = bias_a(scheme, lines) if scheme.name == "biased" else sqrt(square)
     static_mn = square * own[0].force_constant_n_per_a2 / MN
     name = BIAS if len(plan.sets) == 1 else f"{BIAS} of set {kind}"
@@ -157,7 +156,7 @@ def _recipe(plan: Plan, kind: int) -> dict[str, Any]:
     scheme, own = scheme_named(plan.typed_spec, plan.selectivity.drive), plan.sets[kind]
     lines, headroom = squared_current_lines(own), plan.typed_spec.drive.headroom
     recipe: dict[str, Any] = {"channels": [c.index for c in own], "squared_lines_a2": lines.tolist()}
-    tones_a = current_lines_a(scheme, lines).tolist() if lines.max() > 0 else [0.0] * len(own)
+    tones_a = current_lines_a(scheme, lines).tolist()
     if scheme.name == "spur-free":
         recipe["formula"] = "i(t) = sqrt(a0 + sum over ON channels of a_j cos(2 pi resonance_hz_j t))"
         recipe["a0"] = f"{1 + headroom:g} times the sum of a_j over the ON channels"

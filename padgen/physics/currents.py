@@ -16,19 +16,22 @@ def bias_a(scheme: Scheme, line_a2: np.ndarray) -> float:
     return float(np.sqrt(scheme.bias_ratio * line_a2.max() / 2))
 
 
-def mean_square_a2(scheme: Scheme, line_a2: np.ndarray, headroom: float) -> float:
-    """Mean of i² in A²: times R the copper loss, times a force constant the static pull.
+def mean_square_a2(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.ndarray | None = None) -> float:
+    """Mean of i² in A² with the channels `on` (n,), or all: times R the copper loss, times a force constant the pull.
+
+    Biased, the constant current stays on, as for all channels, whatever is off.
 
     Time-shared: in the slot of the largest. Spur-free: the constant F₀/c, here at its safe value
     (1 + headroom) Σ a, for any phases.
     """
+    playing = np.ones(len(line_a2), dtype=bool) if on is None else on
     if scheme.name == "tones":
-        return float(line_a2.sum())
+        return float(line_a2[playing].sum())
     if scheme.name == "spur-free":
-        return float((1 + headroom) * line_a2.sum())
+        return float((1 + headroom) * line_a2[playing].sum())
     if scheme.name == "biased":
-        return float(bias_a(scheme, line_a2) ** 2 + (current_lines_a(scheme, line_a2) ** 2).sum() / 2)
-    return float(line_a2.max())
+        return float(bias_a(scheme, line_a2) ** 2 + (current_lines_a(scheme, line_a2)[playing] ** 2).sum() / 2)
+    return float(line_a2[playing].max(initial=0.0))
 
 
 def current_lines_a(scheme: Scheme, line_a2: np.ndarray, headroom: float = 0.0) -> np.ndarray:

@@ -21,6 +21,7 @@ __all__ = [
     "paper_force_constant",
     "pull_in_deflection",
     "pull_over_gap",
+    "slack_at",
 ]
 
 MU_0 = 4e-7 * pi
@@ -81,14 +82,19 @@ def pull_over_gap(
     return pull, exponent
 
 
-def pull_in_deflection(gap: float, exponent: float) -> tuple[float, float]:
-    """Where balance ends, and the deflection that the force at rest would make of the spring alone there.
+def slack_at(deflection: float, gap: float, exponent: float) -> float:
+    """What a pull that is in balance at `deflection` would deflect the spring by, did it not grow as the gap closes.
 
-    With a pull ``c I² (g/(g − z))^m`` against a spring, balance ends at ``z = g/(m + 1)``, a third of the
-    gap for m = 2, under a force at rest of ``k z (m/(m + 1))^m``. All in the unit of `gap`.
+    With a pull ``c I² (g/(g − z))^m`` against a spring, ``z (1 − z/g)^m``. All in the unit of `gap`.
     """
+    slack: float = deflection * (1 - deflection / gap) ** exponent
+    return slack
+
+
+def pull_in_deflection(gap: float, exponent: float) -> tuple[float, float]:
+    """Where balance ends, ``z = g/(m + 1)``, a third of the gap for m = 2, and its `slack_at` there, the largest."""
     end = gap / (exponent + 1)
-    return end, end * (1 - end / gap) ** exponent
+    return end, slack_at(end, gap, exponent)
 
 
 def balanced_deflection(slack: float, gap: float, exponent: float) -> float | None:
@@ -98,7 +104,7 @@ def balanced_deflection(slack: float, gap: float, exponent: float) -> float | No
         return None
     for _ in range(60):
         middle = (low + high) / 2
-        low, high = (low, middle) if middle * (1 - middle / gap) ** exponent > slack else (middle, high)
+        low, high = (low, middle) if slack_at(middle, gap, exponent) > slack else (middle, high)
     return (low + high) / 2
 
 

@@ -6,7 +6,7 @@ from math import inf
 import numpy as np
 
 from padgen.physics.currents import mean_square_a2, peak_current_a, peak_voltage_v
-from padgen.physics.magnetics import pull_in_deflection
+from padgen.physics.magnetics import pull_in_deflection, slack_at
 from padgen.planner.channels import squared_current_lines
 from padgen.planner.plan import Channel, CoilLoad, channel_sets
 from padgen.planner.settings import scheme_named
@@ -77,7 +77,6 @@ def _gap_factor(spec: Spec, channel: Channel, square_a2: float) -> float:
     low, high = 0.0, min(free_um, pull_in_deflection(gap_um, exponent)[0])
     for _ in range(60):
         static_um = (low + high) / 2
-        grown = static_um * (1 - static_um / gap_um) ** exponent / slack_um
+        grown = slack_at(static_um, gap_um, exponent) / slack_um
         low, high = (static_um, high) if grown * channel.level_um + static_um < free_um else (low, static_um)
-    factor: float = low * (1 - low / gap_um) ** exponent / slack_um
-    return factor
+    return slack_at(low, gap_um, exponent) / slack_um

@@ -360,8 +360,8 @@ def plan_from_json(text: str, where: str = "plan.json") -> Plan:
 
 def _read(kind: Any, value: Any) -> Any:
     if is_dataclass(kind):
-        entries = {f.name: _read(f.type, value[f.name]) for f in fields(kind)}
-        return kind(**entries)  # type: ignore[operator]
+        make: Any = kind
+        return make(**{f.name: _read(f.type, value[f.name]) for f in fields(kind)})
     if get_origin(kind) is tuple:
         inner = get_args(kind)
         if inner[-1] is Ellipsis:
