@@ -6,12 +6,12 @@ Knows when a folder is up to date without importing numpy or a CAD kernel.
 import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from functools import cache
-from importlib import metadata
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from padgen import __version__
+from padgen.cache import code_hash, version
 from padgen.errors import SpecError
 from padgen.files import YIELD_FILE, OutputFolder, differs, file_hash, is_current, json_text, read_manifest
 from padgen.finding import Finding
@@ -25,7 +25,7 @@ __all__ = ["DEFAULT_FORMATS", "FORMATS", "Built", "build", "parse_formats", "up_
 
 FORMATS = ("stl", "3mf", "step", "glb")
 DEFAULT_FORMATS = ("stl", "3mf", "step")
-PACKAGES = ("build123d", "cadquery-ocp-novtk", "lib3mf", "manifold3d", "numpy", "pillow", "trimesh")
+PACKAGES = ("build123d", "cadquery-ocp-novtk", "lib3mf", "manifold3d", "ngsolve", "numpy", "pillow", "trimesh")
 OWN_FILES = ("pad.stl", "pad.3mf", "pad.glb", "taxel-*.step")
 """Files of a build that the next one of other formats or channels takes away."""
 THUMBNAIL_PX = (256, 256)
@@ -78,16 +78,19 @@ def build(
     ------
     SpecError, InfeasibleError
         The spec cannot be met; nothing is written.
+    SolverError
+        The finite elements of a taxel, where they are needed, have no trustworthy answer; nothing is written.
     GeometryError
         A kernel refused a part, or a file does not read back as written; nothing is written.
     FileError
         The folder cannot be written; what was there stays.
     """
     from padgen.driver import drive_csv, drive_json
-    from padgen.planner import make_plan, plan_to_json
+    from padgen.loop import planned
+    from padgen.planner import plan_to_json
 
     progress("planning")
-    plan = make_plan(spec)
+    plan = planned(spec, progress)
     progress("loading the CAD kernel")
     from padgen.solid.checks import check_pad
     from padgen.solid.export import bill_of_materials
@@ -132,7 +135,8 @@ def _write_format(out: OutputFolder, name: str, plan: "Plan", pad: "PadSolid", i
         compare("pad.3mf", pad.mesh, read_3mf(path, weld=instances))
     elif name == "step":
         for channel in plan.channels:
-            out.write_by(f"taxel-{channel.index}.step", export.step_writer(plan, pad, channel.index))
+            solid = pad.tiles[channel.index].solid
+            out.write_by(f"taxel-{channel.index}.step", partial(export.write_taxel_step, plan, channel, solid=solid))
     elif name == "glb":
         out.write("pad.glb", export.glb_bytes(plan, pad))
 
@@ -172,21 +176,6 @@ def _inputs(spec: Spec, formats: tuple[str, ...], instances: bool) -> dict[str, 
         "spec": file_hash(text.encode()),
         "formats": list(formats),
         "instances": instances,
-        "code": _code_hash(),
-        "versions": {name: _version(name) for name in PACKAGES},
+        "code": code_hash(),
+        "versions": {name: version(name) for name in PACKAGES},
     }
-
-
-def _version(package: str) -> str:
-    try:
-        return metadata.version(package)
-    except metadata.PackageNotFoundError:
-        return "missing"
-
-
-@cache
-def _code_hash() -> str:
-    """Hash of padgen's own files, so that a changed checkout builds again."""
-    root = Path(__file__).parent
-    files = sorted(p for p in root.rglob("*") if p.suffix in (".py", ".csv"))
-    return file_hash(b"".join(p.read_bytes() for p in files))

@@ -21,6 +21,7 @@ __all__ = ["main", "run"]
 
 DONE, CHECK_FAILED, BAD_INPUT = 0, 1, 2
 MOST_PADS = 10_000_000
+LADDER_NAMES = ("allocation", "structure", "force", "dynamics", "geometry", "pad")
 SMALLEST_SPEC = {"name": "default", "resolution": 1, "band_hz": [50, 200], "q_min": 15}
 
 
@@ -94,6 +95,7 @@ def _parser() -> argparse.ArgumentParser:
         help="print it so many times in the computer (default: %(const)s): how many come out selective, and why not",
     )
     plan.add_argument("--seed", type=int, default=0, help="of --yield; the same seed, the same figures (default: 0)")
+    _model(plan)
     _output(plan)
     plan.set_defaults(command=_plan)
 
@@ -104,6 +106,7 @@ def _parser() -> argparse.ArgumentParser:
         "--instances", action="store_true", help="3MF with one mesh per distinct taxel, placed many times"
     )
     build.add_argument("--force", action="store_true", help="build again even if nothing changed")
+    _model(build)
     _output(build)
     build.set_defaults(command=_build)
 
@@ -114,6 +117,14 @@ def _parser() -> argparse.ArgumentParser:
     )
     check.add_argument("--json", action="store_true", help="one JSON object on standard output")
     check.set_defaults(command=_check)
+
+    study = commands.add_parser("study", help="error against run time of every model behind a plan")
+    study.add_argument("spec", metavar="SPEC", nargs="?", help="a TOML file or the name of a template")
+    study.add_argument("--only", metavar="LADDERS", help=f"some of {', '.join(LADDER_NAMES)}")
+    study.add_argument("--tolerance", metavar="SHARE", help="recommend for this relative error too, as 1%% or 0.01")
+    study.add_argument("--extreme", action="store_true", help="hold every model to what it states in extreme cases")
+    _output(study)
+    study.set_defaults(command=_study)
 
     templates = commands.add_parser("templates", help="list the templates, or show one")
     templates.add_argument("name", metavar="NAME", nargs="?")
@@ -128,6 +139,41 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _model(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--model",
+        metavar="beam|solid",
+        help="where resonances come from: the beam model, or finite elements of the printed solid, to which the beams"
+        " are then tuned (default: the spec's)",
+    )
+    parser.add_argument(
+        "--tolerance", metavar="SHARE", help="relative error of a resonance that will do, as 1%% or 0.01"
+    )
+
+
+def _with_model(spec: Any, options: argparse.Namespace) -> Any:
+    """The spec with what the command line says about its model."""
+    from dataclasses import replace
+
+    from padgen.spec.fields import build
+    from padgen.spec.model import Model
+
+    asked: dict[str, Any] = {}
+    if options.model is not None:
+        asked["structure"] = options.model
+    if options.tolerance is not None:
+        asked["tolerance"] = _share(options.tolerance, "--tolerance")
+    return replace(spec, model=build(Model, asked, "model", asdict(spec.model))) if asked else spec
+
+
+def _share(text: str, where: str) -> float:
+    """A share written as 1% or 0.01."""
+    try:
+        return float(text[:-1]) / 100 if text.endswith("%") else float(text)
+    except ValueError:
+        raise SpecError(f"must be a share as 1% or 0.01, got {text!r}", where) from None
+
+
 def _output(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", metavar="DIR", help="folder of the results (default: out/NAME)")
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
@@ -139,15 +185,15 @@ def _folder(options: argparse.Namespace, name: str) -> Path:
 
 def _plan(options: argparse.Namespace) -> int:
     from padgen.files import YIELD_FILE, OutputFolder, differs, json_text, stale_files
-    from padgen.planner import make_plan, plan_to_json
+    from padgen.planner import plan_to_json
     from padgen.spec import load_spec
 
     if options.pads is not None and not 1 <= options.pads <= MOST_PADS:
         raise SpecError(f"must be 1 … {MOST_PADS} pads, got {options.pads}", "--yield")
     if options.seed < 0:
         raise SpecError(f"must be 0 or more, got {options.seed}", "--seed")
-    spec = load_spec(options.spec)
-    plan = make_plan(spec)
+    spec = _with_model(load_spec(options.spec), options)
+    plan = _planned(spec, options)
     text = plan_to_json(plan)
     explanation = _explained(spec, plan) if options.explain else None
     printed = _printed(plan, options) if options.pads else None
@@ -168,6 +214,18 @@ def _plan(options: argparse.Namespace) -> int:
         if stale:
             print(f"the other files in {folder} are of an earlier plan; padgen build makes them anew")
     return _code(plan.findings)
+
+
+def _planned(spec: Any, options: argparse.Namespace) -> Any:
+    """The beam model's plan, in an instant, unless finite elements or a tolerance were asked for."""
+    if spec.model.structure != "solid" and options.tolerance is None:
+        from padgen.planner import make_plan
+
+        return make_plan(spec)
+    from padgen.loop import planned
+
+    with _progress() as progress:
+        return planned(spec, progress)
 
 
 def _print_plan(plan: Any, explanation: Any, printed: Any) -> None:
@@ -201,7 +259,7 @@ def _build(options: argparse.Namespace) -> int:
     from padgen.files import json_text
     from padgen.spec import load_spec
 
-    spec = load_spec(options.spec)
+    spec = _with_model(load_spec(options.spec), options)
     formats = parse_formats(options.formats)
     folder = _folder(options, spec.name)
     built = None if options.force else up_to_date(spec, folder, formats, options.instances)
@@ -238,6 +296,45 @@ def _check(options: argparse.Namespace) -> int:
         print(figures_text(report.figures))
         print(findings_text(report.findings))
     return _code(report.findings)
+
+
+def _study(options: argparse.Namespace) -> int:
+    if options.extreme:
+        return _extreme_study(options)
+    if options.spec is None:
+        raise SpecError("is missing; name a TOML file or a template, or ask for --extreme", "SPEC")
+    from padgen.spec import load_spec
+    from padgen.study import parse_only, parse_tolerance, run_study
+
+    tolerance = None if options.tolerance is None else parse_tolerance(options.tolerance)
+    only, spec = parse_only(options.only), load_spec(options.spec)
+    with _progress() as progress:
+        study = run_study(spec, _folder(options, spec.name), only, tolerance, progress)
+    if options.json:
+        print((study.folder / "study.json").read_text(encoding="utf-8"), end="")
+    else:
+        from padgen.study.tell import study_text
+
+        _show(study_text(study))
+        print(f"\nwritten to {study.folder}: {'  '.join(study.files)}")
+    return DONE
+
+
+def _extreme_study(options: argparse.Namespace) -> int:
+    if options.spec is not None or options.only or options.tolerance:
+        raise SpecError("has its own cases and takes no SPEC, --only or --tolerance", "--extreme")
+    from padgen.study import run_extreme
+
+    with _progress() as progress:
+        study = run_extreme(_folder(options, "extreme"), progress)
+    if options.json:
+        print((study.folder / "extreme.json").read_text(encoding="utf-8"), end="")
+    else:
+        from padgen.study.tell import extreme_text
+
+        _show(extreme_text(study))
+        print(f"\nwritten to {study.folder}: {'  '.join(study.files)}")
+    return DONE if study.holds else CHECK_FAILED
 
 
 def _templates(options: argparse.Namespace) -> int:

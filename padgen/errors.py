@@ -8,6 +8,8 @@
     +-- FileError          a file or folder that cannot be read or written
     |   +-- MeshFileError      a file that holds no mesh
     +-- GeometryError      a CAD or mesh kernel (OCCT, manifold) could not make a part
+    +-- SolverError        a numerical model has no trustworthy answer here
+        +-- EngineMissingError an optional package that a model needs is not installed
 
 Findings (`padgen.finding`) are verdicts on a pad that was made; an exception means that none was.
 """
@@ -16,11 +18,13 @@ from collections.abc import Callable
 from math import ceil, floor, log10
 
 __all__ = [
+    "EngineMissingError",
     "FileError",
     "GeometryError",
     "InfeasibleError",
     "MeshFileError",
     "PadgenError",
+    "SolverError",
     "SpecError",
     "at_least",
     "at_most",
@@ -70,6 +74,18 @@ class GeometryError(PadgenError):
     """A geometry kernel refused a part."""
 
     code = "geometry"
+
+
+class SolverError(PadgenError):
+    """A numerical model was asked outside its range, or did not converge."""
+
+    code = "solver"
+
+
+class EngineMissingError(SolverError):
+    """An optional package is not installed; the message names the extra that brings it."""
+
+    code = "engine"
 
 
 def number(value: float) -> str:

@@ -34,8 +34,7 @@ def plan_text(plan: "Plan") -> str:
         f" {_counted(capacity.exact, capacity.searched_to)} in all states with {figures.drive}; limited by"
         f" {capacity.limit}"
     )
-    lines = [head, bound, "", table(_HEADINGS, [_row(c) for c in plan.channels])]
-    lines += ["", *_drive_lines(plan)]
+    lines = [head, bound, "", _channel_table(plan.channels), "", _beam_table(plan.channels), "", *_drive_lines(plan)]
     if plan.layouts:
         others = ", ".join(
             f"{o.rows} x {o.columns} coils with {o.channels} channels"
@@ -117,48 +116,59 @@ def _short(state: str) -> str:
     return state if len(state) <= SHOWN_BITS else f"{state[:10]}…{state[-10:]} of {len(state)}"
 
 
-_HEADINGS = (
-    "ch",
-    "f Hz",
-    "drive Hz",
-    "suspension",
-    "w x t x l mm",
-    "layers",
-    "m mg",
-    "k N/m",
-    "rule Hz",
-    "2nd Hz",
-    "sag µm",
-    "ring-up ms",
-    "level µm",
-    "force µN",
-    "root MPa",
-    "spread %",
-    "off axis mm",
-)
-
-
-def _row(channel: "Channel") -> tuple[str, ...]:
-    beam = channel.beam
-    return (
-        str(channel.index),
-        f"{channel.resonance_hz:.2f}",
-        f"{channel.drive_hz:.2f}",
-        beam.topology,
-        f"{beam.width_mm:.3f} x {beam.thickness_mm:.2f} x {beam.length_mm:.2f}",
-        str(beam.layers),
-        f"{channel.effective_mass_g * 1e3:.1f}",
-        number(channel.stiffness_n_per_m),
-        f"{channel.rule_hz:.1f}",
-        f"{channel.second_mode_hz:.1f}",
-        f"{channel.sag_um:.1f}",
-        f"{channel.ring_up_ms:.1f}",
-        f"{channel.level_um:.2f}",
-        f"{channel.force_mn * 1e3:.2f}",
-        f"{channel.root_stress_mpa:.3f}",
-        f"{channel.print_spread * 100:.0f}",
-        f"{channel.site.coil_distance_mm:.2f}",
+def _channel_table(channels: "Sequence[Channel]") -> str:
+    """Where the channels resonate, by which model, and what their drive takes."""
+    rows = [
+        (
+            str(c.index),
+            f"{c.resonance_hz:.2f}",
+            c.model if c.beam_error is None else f"{c.model} (beam {c.beam_error:+.1%})",
+            f"{c.model_error * 100:.2g}",
+            f"{c.drive_hz:.2f}",
+            f"{c.rule_hz:.1f}",
+            f"{c.second_mode_hz:.1f}",
+            f"{c.effective_mass_g * 1e3:.1f}",
+            number(c.stiffness_n_per_m),
+            f"{c.ring_up_ms:.1f}",
+            f"{c.level_um:.2f}",
+            f"{c.force_mn * 1e3:.2f}",
+        )
+        for c in channels
+    ]
+    headings = (
+        "ch",
+        "f Hz",
+        "by",
+        "± %",
+        "drive Hz",
+        "rule Hz",
+        "2nd Hz",
+        "m mg",
+        "k N/m",
+        "ring-up ms",
+        "level µm",
+        "force µN",
     )
+    return table(headings, rows)
+
+
+def _beam_table(channels: "Sequence[Channel]") -> str:
+    """What is printed, and what it bears."""
+    rows = [
+        (
+            str(c.index),
+            c.beam.topology,
+            f"{c.beam.width_mm:.3f} x {c.beam.thickness_mm:.2f} x {c.beam.length_mm:.2f}",
+            str(c.beam.layers),
+            f"{c.sag_um:.1f}",
+            f"{c.root_stress_mpa:.3f}",
+            f"{c.print_spread * 100:.0f}",
+            f"{c.site.coil_distance_mm:.2f}",
+        )
+        for c in channels
+    ]
+    headings = ("ch", "suspension", "w x t x l mm", "layers", "sag µm", "root MPa", "print spread %", "off axis mm")
+    return table(headings, rows)
 
 
 def table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

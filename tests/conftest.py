@@ -1,7 +1,10 @@
 """Plans and pads that many tests look at, made once."""
 
+import os
+
 import pytest
 
+from padgen.cache import VARIABLE
 from padgen.planner import Plan, make_plan
 from padgen.spec import Spec, load_spec, parse_spec
 
@@ -11,6 +14,12 @@ SMALL = FOUR_LINES + "[pad]\nwidth_mm = 25\ndepth_mm = 25\n"
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--regenerate", action="store_true", help="write the golden texts anew")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Tests neither use nor fill the user's cache; they share one among them."""
+    os.environ[VARIABLE] = str(tmp_path_factory.mktemp("cache"))
 
 
 @pytest.fixture(scope="session")

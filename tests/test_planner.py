@@ -365,12 +365,15 @@ def test_a_pad_beyond_the_bed_is_said_before_it_is_built():
     assert "plan.bed" not in {f.code for f in plan_of().findings}
 
 
-def test_no_beam_is_shorter_than_thick_and_stubby_ones_are_found():
+def test_no_beam_is_shorter_than_thick_and_those_beyond_the_model_are_found():
     plan = plan_of(7, 220, 22000, "[suspension]\ntopology = 'cantilever'\n")
     assert all(c.beam.length_mm >= c.beam.thickness_mm for c in plan.channels)
-    stubby = {f.where for f in plan.findings if f.code == "beam.stubby"}
-    expected = {f"channel {c.index}" for c in plan.channels if c.beam.length_mm < 2 * c.beam.thickness_mm}
-    assert stubby == expected
+    doubtful = {f.where for f in plan.findings if f.code == "model.error"}
+    assert doubtful == {f"channel {c.index}" for c in plan.channels if c.model_error > 0.02}
+    stubby = {f"channel {c.index}" for c in plan.channels if c.beam.length_mm < 2 * c.beam.thickness_mm}
+    assert stubby and stubby <= doubtful
+    relaxed = plan_of(7, 220, 22000, "model = {tolerance = 0.5}\n[suspension]\ntopology = 'cantilever'\n")
+    assert "model.error" not in {f.code for f in relaxed.findings}
 
 
 @pytest.mark.parametrize(("level_um", "gap_mm"), [(250, 1.0), (700, 1.0), (1234.5, 2.0)])

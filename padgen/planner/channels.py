@@ -31,6 +31,7 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
     channels = []
     for i, (item, site) in enumerate(zip(sized, sites, strict=True)):
         stiffness = float(item.model.stiffness_n_per_m)
+        beam_error = item.model.beam_error
         channels.append(
             Channel(
                 index=i,
@@ -57,6 +58,9 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
                 pull_exponent=float(exponent[i]),
                 static_um=0.0,
                 pull_shift=0.0,
+                model="beam" if beam_error is None else "solid",
+                model_error=float(item.model.error_estimate),
+                beam_error=beam_error,
                 site=site,
             )
         )

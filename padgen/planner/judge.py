@@ -13,7 +13,7 @@ from padgen.physics.magnetics import pull_over_gap
 from padgen.planner.channels import driven, magnetic_parts
 from padgen.planner.judge_drive import judge_drive
 from padgen.planner.plan import Channel, Plan
-from padgen.planner.printable import DRAWN_SHARE, STUBBY, steps_are_coarse
+from padgen.planner.printable import DRAWN_SHARE, steps_are_coarse
 from padgen.planner.sizing import SizedChannel, crowded_modes
 from padgen.spec import Spec
 from padgen.units import MM, UM
@@ -178,14 +178,15 @@ def _mechanics(spec: Spec, plan: Plan) -> Iterator[Finding]:
                 f" {spec.material.name} bears {number(spec.material.fatigue_stress_mpa)} MPa;"
                 f" a level of {at_most(level)} µm would do",
             )
-        if channel.beam.length_mm < STUBBY * channel.beam.thickness_mm:
+        if channel.model_error > spec.model.tolerance:
+            remedy = "--model solid solves the printed solid and tunes its beams to it"
             yield Finding(
                 "warning",
-                "beam.stubby",
+                "model.error",
                 where,
-                f"its beams are {number(channel.beam.length_mm)} mm long and {number(channel.beam.thickness_mm)} mm"
-                f" thick: below {STUBBY} thicknesses the beam model is several per cent off; solve its STEP by finite"
-                " elements",
+                f"the {channel.model} model's own estimate of its error is {channel.model_error:.1%} of the resonance,"
+                f" asked is {spec.model.tolerance:.1%} (model.tolerance)"
+                + (f"; {remedy}" if channel.model == "beam" else ""),
             )
 
 

@@ -2,6 +2,7 @@
 
 from dataclasses import asdict, replace
 from itertools import islice
+from typing import NamedTuple
 
 from padgen.errors import InfeasibleError
 from padgen.planner.capacity import channel_limit, coil_capacity
@@ -20,9 +21,18 @@ from padgen.planner.sizing import SizedChannel
 from padgen.planner.taxel_model import plate_shape, post_diameter_mm, recess_mm
 from padgen.spec import Spec
 
-__all__ = ["make_plan"]
+__all__ = ["Choice", "choose", "finish", "make_plan"]
 
 RUNNERS_UP = 2
+
+
+class Choice(NamedTuple):
+    """The layout that was chosen with its beams, what limits it, and the next best ones."""
+
+    layout: Layout
+    channels: tuple[SizedChannel, ...]
+    runners_up: tuple[LayoutOption, ...]
+    limits: str
 
 
 def make_plan(spec: Spec) -> Plan:
@@ -33,6 +43,11 @@ def make_plan(spec: Spec) -> Plan:
     InfeasibleError
         No layout holds; the message names the limits of the best candidates and what would do.
     """
+    return finish(spec, choose(spec))
+
+
+def choose(spec: Spec) -> Choice:
+    """Search the layouts and size the beams; raises as `make_plan` does."""
     limit = channel_limit(spec)
     options = candidates(spec, limit)
     sized = next(sized_layouts(spec, options), None)
@@ -41,14 +56,17 @@ def make_plan(spec: Spec) -> Plan:
 
         raise InfeasibleError(why_not(spec, options, limit), "resolution")
     layout, channels = sized
-    limits = _what_limits(spec, options, layout, limit)
-    bare = _assemble(spec, layout, channels, _runners_up(spec, options, layout), limits)
-    return replace(bare, findings=judge(spec, bare, channels))
+    return Choice(layout, channels, _runners_up(spec, options, layout), _what_limits(spec, options, layout, limit))
 
 
-def _assemble(
-    spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...], layouts: tuple[LayoutOption, ...], limits: str
-) -> Plan:
+def finish(spec: Spec, choice: Choice) -> Plan:
+    """The plan of a choice; its channels' beams and models may have been changed since."""
+    bare = _assemble(spec, choice)
+    return replace(bare, findings=judge(spec, bare, choice.channels))
+
+
+def _assemble(spec: Spec, choice: Choice) -> Plan:
+    layout, sized = choice.layout, choice.channels
     sites = sites_of(spec, layout, sized)
     bare = plan_channels(spec, sized, sites)
     selectivity = plan_selectivity(spec, bare, proven_optimum(spec, layout.channels, room(spec, layout)))
@@ -58,7 +76,7 @@ def _assemble(
     return Plan(
         name=spec.name,
         spec=asdict(spec),
-        capacity=coil_capacity(spec, selectivity.drive, limits),
+        capacity=coil_capacity(spec, selectivity.drive, choice.limits),
         coils=CoilGrid(layout.rows, layout.columns, min(pitch_x, pitch_y), pitch_x, pitch_y, spec.coil.sets),
         cell=Cell(layout.sub_columns, layout.sub_rows, layout.sub_width_mm, layout.sub_depth_mm, layout.beam_axis),
         plate=_plate(spec),
@@ -68,7 +86,7 @@ def _assemble(
         load=coil_load(spec, channels, selectivity.drive),
         refresh=frame_rates(channels, spec.coil.sets),
         reuse=reuse,
-        layouts=layouts,
+        layouts=choice.runners_up,
         printing=print_settings(spec, [c.beam for c in channels]),
         findings=(),
     )

@@ -141,6 +141,9 @@ class Channel:
     `ring_down_ms` the time from ON to quiet. `static_um` is the mean pull's deflection with all
     channels on, where it balances (the whole gap where it does not); the pull falls with the gap as
     ``gap^-pull_exponent``, which softens the spring and lowers the resonance by `pull_shift`.
+    `model` ('beam' or 'solid') gave the resonance and the modes, which may be off by `model_error` by
+    its own estimate; `beam_error` is how far the beam model's resonance is off the solid's, None where
+    no solid was solved.
     """
 
     index: int
@@ -167,6 +170,9 @@ class Channel:
     pull_exponent: float
     static_um: float
     pull_shift: float
+    model: str
+    model_error: float
+    beam_error: float | None
     site: Site
 
 

@@ -16,7 +16,7 @@ from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.spec import Spec
 
-__all__ = ["DRAWN_SHARE", "LENGTH_STEP_MM", "STUBBY", "IdealBeam", "printable_beams", "steps_are_coarse"]
+__all__ = ["DRAWN_SHARE", "LENGTH_STEP_MM", "STUBBY", "IdealBeam", "on_grid", "printable_beams", "steps_are_coarse"]
 
 DRAWN_SHARE = 1e-3
 """What drawing a beam to a micrometre may move a resonance by: 0.05 % on the smallest beam, doubled."""
@@ -58,16 +58,19 @@ def steps_are_coarse(spec: Spec) -> bool:
 def printable_beams(spec: Spec, ideal: Sequence[IdealBeam], target_hz: np.ndarray) -> list[BeamShape]:
     """Beams that print, for `ideal` ones that resonate at `target_hz` (n,)."""
     if not steps_are_coarse(spec):
-        return [item.beam._replace(width_mm=float(_on_grid(spec, item.beam.width_mm, item))) for item in ideal]
+        return [
+            item.beam._replace(width_mm=float(on_grid(spec, item.beam.width_mm, item.width_span_mm[1])))
+            for item in ideal
+        ]
     options = [_options(spec, item, float(f)) for item, f in zip(ideal, target_hz, strict=True)]
     chosen = _told_apart(spec, options, target_hz) if not spec.resonances_hz else [0] * len(options)
     return [BeamShape(*(float(axis[k]) for axis in o.beam)) for o, k in zip(options, chosen, strict=True)]
 
 
-def _on_grid(spec: Spec, width_mm: float | np.ndarray, item: IdealBeam) -> np.ndarray:
-    """The nearest widths that print: the smallest beam and whole steps more, within the room."""
+def on_grid(spec: Spec, width_mm: float | np.ndarray, widest_mm: float) -> np.ndarray:
+    """The nearest widths in mm that print: the smallest beam and whole steps more, up to what the room holds."""
     smallest, step = spec.printer.smallest_beam_mm, spec.printer.width_step_mm
-    most = np.floor((item.width_span_mm[1] - smallest) / step + 1e-6)
+    most = np.floor((widest_mm - smallest) / step + 1e-6)
     return np.asarray(smallest + np.clip(np.round((np.asarray(width_mm) - smallest) / step), 0, most) * step)
 
 
@@ -92,7 +95,9 @@ def _options(spec: Spec, item: IdealBeam, target_hz: float) -> _Options:
 
 def _widths_mm(spec: Spec, item: IdealBeam) -> np.ndarray:
     step = spec.printer.width_step_mm
-    around = _on_grid(spec, item.beam.width_mm + step * np.arange(-WIDTHS_TRIED, WIDTHS_TRIED + 1), item)
+    around = on_grid(
+        spec, item.beam.width_mm + step * np.arange(-WIDTHS_TRIED, WIDTHS_TRIED + 1), item.width_span_mm[1]
+    )
     return np.array(sorted(set(around.tolist())))
 
 

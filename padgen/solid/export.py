@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 
 from padgen.errors import GeometryError, number
-from padgen.planner.plan import Plan
+from padgen.planner.plan import Channel, Plan
 from padgen.solid.frame import to_cell
 from padgen.solid.kernel import build123d, kernel_errors
 from padgen.solid.mesh import Mesh, signed_volume_mm3, tessellated
 from padgen.solid.pad import PadSolid
-from padgen.solid.taxel import washer_solid
+from padgen.solid.taxel import taxel_solid, washer_solid
 
-__all__ = ["bill_of_materials", "glb_bytes", "step_writer", "stl_bytes", "stl_mesh", "verified", "verified_volume"]
+__all__ = ["bill_of_materials", "glb_bytes", "stl_bytes", "stl_mesh", "verified", "verified_volume", "write_taxel_step"]
 
 _STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 REREAD_SHARE = 1e-4
@@ -73,28 +73,23 @@ def verified_volume(name: str, mesh: Mesh, written: Mesh) -> None:
         raise GeometryError(f"read back its volume is {number(after)} mm³, written were {number(before)} mm³", name)
 
 
-def step_writer(plan: Plan, pad: PadSolid, index: int) -> Any:
-    """A function that writes the STEP file of channel `index` to a path.
+def write_taxel_step(plan: Plan, channel: Channel, path: Path, solid: Any = None) -> None:
+    """Write the STEP file of a channel's taxel; `solid` is the printed part where it was made already.
 
     Two named solids in the taxel's own axes: ``printed``, the taxel in the frame of its sub-cell, and
     ``washer`` where the glue holds it. Read back, they must have the same volumes.
     """
-    printed, washer = pad.tiles[index].solid, washer_solid(plan, plan.channels[index])
-    name = f"taxel-{index}.step"
-
-    def write(path: Path) -> None:
-        b = build123d()
-        printed.label, washer.label = "printed", "washer"
-        with kernel_errors(name):
-            whole = b.Compound(label=f"{plan.name} taxel {index}", children=[printed, washer])
-            b.export_step(whole, path, timestamp="1970-01-01T00:00:00")
-            path.write_text(_renumbered(path.read_text()))
-            back = sorted(float(s.volume) for s in b.import_step(path).solids())
-        planned = sorted((float(printed.volume), float(washer.volume)))
-        if len(back) != 2 or not np.allclose(back, planned, rtol=1e-6):
-            raise GeometryError(f"read back its solids have {back} mm³, written were {planned} mm³", name)
-
-    return write
+    printed, washer = solid or taxel_solid(plan, channel), washer_solid(plan, channel)
+    b, name = build123d(), f"taxel-{channel.index}.step"
+    printed.label, washer.label = "printed", "washer"
+    with kernel_errors(name):
+        whole = b.Compound(label=f"{plan.name} taxel {channel.index}", children=[printed, washer])
+        b.export_step(whole, path, timestamp="1970-01-01T00:00:00")
+        path.write_text(_renumbered(path.read_text()))
+        back = sorted(float(s.volume) for s in b.import_step(path).solids())
+    planned = sorted((float(printed.volume), float(washer.volume)))
+    if len(back) != 2 or not np.allclose(back, planned, rtol=1e-6):
+        raise GeometryError(f"read back its solids have {back} mm³, written were {planned} mm³", name)
 
 
 def _renumbered(step: str) -> str:

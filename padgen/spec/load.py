@@ -8,11 +8,11 @@ from typing import Any
 
 from padgen.errors import FileError, SpecError
 from padgen.spec.fields import build, optional_type, unknown_name
-from padgen.spec.model import Coil, Drive, Material, Pad, Printer, Spec, Suspension, Taxel, Washer
+from padgen.spec.model import Coil, Drive, Material, Model, Pad, Printer, Spec, Suspension, Taxel, Washer
 from padgen.spec.refusals import refuse_contradictions
 from padgen.spec.threshold import with_threshold
 
-__all__ = ["catalogue", "find_spec", "load_spec", "parse_spec", "template_paths"]
+__all__ = ["SHORTHANDS", "catalogue", "find_spec", "load_spec", "parse_spec", "template_paths"]
 
 CATALOGUES = {
     "material": (Material, "materials.csv"),
@@ -22,7 +22,11 @@ CATALOGUES = {
 }
 DEFAULTS = {"printer": "fdm-0.4", "washer": "iso7092-m1.6", "coil": "paper"}
 DEFAULT_MATERIALS = {"fdm": "pla", "resin": "tough-resin"}
-PLAIN_TABLES = {"pad": Pad, "taxel": Taxel, "suspension": Suspension, "drive": Drive}
+PLAIN_TABLES = {"pad": Pad, "taxel": Taxel, "suspension": Suspension, "drive": Drive, "model": Model}
+
+
+SHORTHANDS = {"drive": "scheme", "model": "structure"}
+"""Tables that may be one word, and the field that it is."""
 
 
 @cache
@@ -101,11 +105,12 @@ def parse_spec(text: str, where: str = "spec", folder: Path = Path()) -> Spec:
 def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
     """Make a `Spec` from the nested tables of a TOML file; other files that it names lie in `folder`."""
     table = dict(table)
-    drive = table.get("drive", {})
-    if isinstance(drive, str):
-        table["drive"] = {"scheme": drive}
-    elif not isinstance(drive, dict):
-        raise SpecError(f"must be a scheme's name or a table, got {drive!r}", "drive")
+    for name, key in SHORTHANDS.items():
+        value = table.get(name, {})
+        if isinstance(value, str):
+            table[name] = {key: value}
+        elif not isinstance(value, dict):
+            raise SpecError(f"must be the name of its {key} or a table, got {value!r}", name)
     parts: dict[str, Any] = {name: build(kind, table.pop(name, {}), name) for name, kind in PLAIN_TABLES.items()}
     parts["printer"] = _entry("printer", table.pop("printer", {}), DEFAULTS["printer"])
     parts["material"] = _entry("material", table.pop("material", {}), DEFAULT_MATERIALS[parts["printer"].process])

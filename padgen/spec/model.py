@@ -8,12 +8,25 @@ from dataclasses import dataclass, field
 
 from padgen.spec.fields import choice, flag, numbers, quantity, text
 
-__all__ = ["DRIVE_SCHEMES", "Coil", "Drive", "Material", "Pad", "Printer", "Spec", "Suspension", "Taxel", "Washer"]
+__all__ = [
+    "DRIVE_SCHEMES",
+    "Coil",
+    "Drive",
+    "Material",
+    "Model",
+    "Pad",
+    "Printer",
+    "Spec",
+    "Suspension",
+    "Taxel",
+    "Washer",
+]
 
 SUSPENSIONS = ("cantilever", "folded", "bridge")
 """Each is a module of that name in `padgen.planner.suspensions`."""
 DRIVE_SCHEMES = ("tones", "spur-free", "biased", "time-shared")
 """Explained in `padgen.physics.selectivity`."""
+STRUCTURE_MODELS = ("beam", "solid")
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,6 +227,21 @@ class Drive:
 
 
 @dataclass(frozen=True, slots=True)
+class Model:
+    """How well the resonances are to be known (docs/accuracy.md)."""
+
+    structure: str = choice(
+        "auto",
+        of=("auto", *STRUCTURE_MODELS),
+        doc="beam, or solid: finite elements of the printed solid; auto takes solid in a build where the beam model's"
+        " own error exceeds the tolerance",
+    )
+    tolerance: float = quantity(
+        0.02, unit="1", low=1e-4, high=0.5, doc="relative error of a resonance that will do: 0.02 is 2 %"
+    )
+
+
+@dataclass(frozen=True, slots=True)
 class Spec:
     """The whole spec. `name`, `resolution`, `band_hz` and `q_min` have no default."""
 
@@ -254,3 +282,4 @@ class Spec:
     coil: Coil = field(kw_only=True)
     suspension: Suspension = field(default_factory=Suspension)
     drive: Drive = field(default_factory=Drive)
+    model: Model = field(default_factory=Model)

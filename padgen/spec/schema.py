@@ -4,7 +4,7 @@ from dataclasses import MISSING, fields, is_dataclass
 from typing import Any, get_args
 
 from padgen.spec.fields import optional_type
-from padgen.spec.load import CATALOGUES, catalogue
+from padgen.spec.load import CATALOGUES, SHORTHANDS, catalogue
 from padgen.spec.model import Spec
 
 __all__ = ["spec_schema"]
@@ -20,11 +20,10 @@ def spec_schema() -> dict[str, Any]:
         entry["properties"]["name"]["examples"] = sorted(catalogue(name))
         word = {"type": "string", "enum": sorted(catalogue(name))}
         schema["properties"][name] = {"anyOf": [word, entry], "description": f"{name}: a catalogue name or a table"}
-    drive = schema["properties"]["drive"]
-    schema["properties"]["drive"] = {
-        "anyOf": [{"type": "string", "enum": drive["properties"]["scheme"]["enum"]}, drive],
-        "description": "drive: a scheme or a table",
-    }
+    for name, key in SHORTHANDS.items():
+        entry = schema["properties"][name]
+        word = {"type": "string", "enum": entry["properties"][key]["enum"]}
+        schema["properties"][name] = {"anyOf": [word, entry], "description": f"{name}: its {key} or a table"}
     return schema
 
 

@@ -1,0 +1,99 @@
+"""Structure: a taxel's working resonance, from the paper's point-mass rule to 3-D elements of the printed solid."""
+
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from padgen.planner.plan import Channel, Plan
+from padgen.planner.suspensions import BeamShape
+from padgen.planner.taxel_model import TaxelModel, plate_shape
+from padgen.spec import Spec
+from padgen.study.ladders.scene import Scene, chosen_channels
+from padgen.study.rung import Ladder, Rung, Solved, Theory
+
+__all__ = ["beam_hz", "graded_hz", "rule_hz", "structure_ladders", "uniform_hz"]
+
+GRADED = ((1, 1), (2, 1), (3, 1), (3, 2), (4, 2))
+"""(order, levels of refinement at singular edges), each finer than the one before."""
+SIZES_MM = (2.0, 1.0, 0.5)
+UNIFORM = "solid p = 2, even elements"
+REFERENCE = "solid, graded"
+SINGULAR = 2 * 0.5445
+"""Twice the exponent of stress at a free re-entrant edge of 270° (Williams, J. Appl. Mech. 19, 1952)."""
+ENGINE = ("ngsolve", "netgen.occ", "scipy.sparse.linalg", "padgen.verify.elasticity")
+
+
+def structure_ladders(scene: Scene) -> Iterator[Ladder]:
+    """One ladder per taxel that differs from the others in its beams (`chosen_channels`)."""
+    for channel in chosen_channels(scene.plan):
+        yield Ladder(
+            "structure",
+            f"taxel of channel {channel.index}",
+            "working resonance",
+            "Hz",
+            tuple(_rungs(scene, channel)),
+            REFERENCE,
+            theory={UNIFORM: Theory(SINGULAR, "stress is singular at re-entrant edges, whatever the order p", True)},
+        )
+
+
+def _rungs(scene: Scene, channel: Channel) -> Iterator[Rung]:
+    spec, plan = scene.spec, scene.plan
+    yield Rung("rule", "point mass", partial(rule_hz, spec, channel))
+    yield Rung("beam", "6 motions of a rigid body", partial(beam_hz, spec, channel))
+    step = scene.steps[channel.index]
+    for size in SIZES_MM:
+        solve = partial(uniform_hz, plan, channel, step, 2, size)
+        yield Rung("solid", f"p = 2, elements of {size:g} mm", solve, UNIFORM, size, ENGINE)
+    for order, levels in GRADED:
+        solve = partial(graded_hz, plan, channel, step, order, levels)
+        yield Rung("solid", f"p = {order}, {levels} level{'s' * (levels > 1)}", solve, REFERENCE, imports=ENGINE)
+
+
+def _model(spec: Spec, channel: Channel) -> TaxelModel:
+    beam = channel.beam
+    shape = BeamShape(beam.width_mm, beam.thickness_mm, beam.length_mm)
+    return TaxelModel(spec, beam.topology, plate_shape(spec), shape)
+
+
+def rule_hz(spec: Spec, channel: Channel) -> Solved:
+    """By the paper's Eq. 1 and 2."""
+    return Solved(np.array([_model(spec, channel).rule_hz]))
+
+
+def beam_hz(spec: Spec, channel: Channel) -> Solved:
+    """By the model that plans are made with."""
+    return Solved(np.array([_model(spec, channel).resonance_hz]), 6)
+
+
+def graded_hz(plan: Plan, channel: Channel, step: Path, order: int, levels: int) -> Solved:
+    """By 3-D elements of `order`, refined `levels` times at singular edges."""
+    from padgen.loop import solid_taxel
+    from padgen.verify.elasticity import solve_modes
+
+    found = solve_modes(solid_taxel(plan, channel, step), order, levels)
+    return _working(found.modes, found.unknowns, found.residual)
+
+
+def uniform_hz(plan: Plan, channel: Channel, step: Path, order: int, size_mm: float) -> Solved:
+    """By 3-D elements of `order` that are all of one size: what an unguided mesh costs."""
+    from padgen.loop import solid_taxel
+    from padgen.physics.taxel_modes import TaxelModes
+    from padgen.verify.elastic_mesh import PRINTED, WASHER, Fineness, clamped_shape, meshed, taxel_shape
+    from padgen.verify.elastic_modes import assembled, eigenmodes, factored, rigid_loads
+
+    taxel = solid_taxel(plan, channel, step)
+    shape = clamped_shape(taxel_shape(step, taxel.washer_volume_mm3), taxel.clamp)
+    washer = taxel.loaded_washer
+    mesh = meshed(shape, Fineness(levels=0, largest_mm=size_mm), str(step))
+    system = assembled(mesh, {PRINTED: taxel.printed, WASHER: washer}, order)
+    eigen = eigenmodes(system, factored(system), 6)
+    loads = rigid_loads(system, WASHER, washer.density_kg_per_m3, taxel.washer_x_mm)
+    return _working(TaxelModes(eigen.frequency_hz, eigen.shape.T @ loads), int(system.free.sum()), eigen.residual)
+
+
+def _working(modes: Any, unknowns: int, residual: float) -> Solved:
+    return Solved(np.array([modes.frequency_hz[modes.working]]), unknowns, residual)

@@ -1,0 +1,199 @@
+"""A meshed solid for elasticity: STEP → glued B-rep → tetrahedra, refined geometrically at singular edges.
+
+Stress is singular along re-entrant edges and where a clamp ends; the error sits there. Netgen lays
+shrinking layers of prisms round the edges marked, which restores the order of the elements. Lengths in mm.
+"""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from padgen.errors import SolverError, number
+from padgen.verify.engines import engine
+
+__all__ = ["CLAMPS", "PRINTED", "WASHER", "Fineness", "clamped_shape", "edge_angles", "meshed", "taxel_shape"]
+
+PRINTED, WASHER, CLAMPED = "printed", "washer", "clamped"
+CLAMPS = ("sides", "bottom", "root")
+"""What is held: the outer vertical faces of the frame, its underside, or the face of smallest x only."""
+REENTRANT_DEG = 190.0
+VOLUME_SHARE = 0.01
+
+
+class Fineness(NamedTuple):
+    """How fine a mesh is: `levels` of layers round singular edges, each `factor` as thick as the last,
+    in tetrahedra of at most `largest_mm` that grow by `grading` (0 slow, 1 fast)."""
+
+    levels: int = 2
+    factor: float = 0.2
+    largest_mm: float = 1e3
+    grading: float = 0.9
+    curvature: float = 1.0
+    per_edge: float = 0.3
+
+
+def taxel_shape(step: Path, washer_volume_mm3: float) -> Any:
+    """The two solids of a STEP file glued into one shape that shares faces; solids are named
+    ``printed`` and ``washer``, told apart by volume because names do not survive the import.
+
+    Raises
+    ------
+    SolverError
+        The file cannot be read, does not hold two solids with volume, none of them is the washer,
+        or the washer does not touch the printed part.
+    """
+    occ = engine("netgen.occ")
+    if not step.is_file():
+        raise SolverError("there is no such STEP file", str(step))
+    try:
+        solids = list(occ.OCCGeometry(str(step)).shape.solids)
+    except Exception as error:
+        raise SolverError(f"cannot be read as STEP ({_first_line(error)})", str(step)) from error
+    volumes = [solid.mass for solid in solids]
+    if len(solids) != 2 or min(volumes) <= 0:
+        raise SolverError(f"must hold two solids, printed part and washer, holds {len(solids)}", str(step))
+    misfit = [abs(volume / washer_volume_mm3 - 1) for volume in volumes]
+    if min(misfit) > VOLUME_SHARE:
+        found = " and ".join(f"{number(v)} mm³" for v in volumes)
+        raise SolverError(
+            f"none of its solids is the washer of {number(washer_volume_mm3)} mm³, they have {found}", str(step)
+        )
+    washer = int(np.argmin(misfit))
+    solids[washer].name, solids[1 - washer].name = WASHER, PRINTED
+    return _glued(solids, str(step))
+
+
+def _glued(solids: list[Any], where: str) -> Any:
+    """Solids that touch by faces as one shape."""
+    occ = engine("netgen.occ")
+    shape = occ.Glue(solids)
+    if len(shape.solids) != len(solids):
+        raise SolverError("its solids overlap: washer and printed part must touch by faces only", where)
+    if len({_place(face) for solid in shape.solids for face in solid.faces}) == sum(len(s.faces) for s in shape.solids):
+        raise SolverError("the washer does not touch the printed part: it must sit against the recess' roof", where)
+    return shape
+
+
+def _place(face: Any) -> tuple[float, ...]:
+    low, high = face.bounding_box
+    return tuple(round(v, 6) for v in (*_xyz(low), *_xyz(high), face.mass))
+
+
+def _xyz(point: Any) -> tuple[float, float, float]:
+    return point.x, point.y, point.z
+
+
+def clamped_shape(shape: Any, clamp: str) -> Any:
+    """The same shape with the faces that `clamp` (of `CLAMPS`) holds named ``clamped``.
+
+    Raises
+    ------
+    SolverError
+        `clamp` is unknown, or no face lies there.
+    """
+    if clamp not in CLAMPS:
+        raise SolverError(f"must be one of {', '.join(CLAMPS)}, got {clamp}", "clamp")
+    printed = next(solid for solid in shape.solids if solid.name == PRINTED)
+    low, high = (np.array(_xyz(corner)) for corner in printed.bounding_box)
+    sides = {"sides": ((0, low), (0, high), (1, low), (1, high)), "bottom": ((2, low),), "root": ((0, low),)}[clamp]
+    near = 1e-5 * float((high - low).max())
+    held = [face for face in printed.faces if any(_lies_at(face, axis, bound[axis], near) for axis, bound in sides)]
+    if not held:
+        raise SolverError(f"has no face to clamp by its {clamp}", "taxel")
+    for face in held:
+        face.name = CLAMPED
+    return shape
+
+
+def _lies_at(face: Any, axis: int, place: float, near: float) -> bool:
+    low, high = (_xyz(corner)[axis] for corner in face.bounding_box)
+    return abs(low - place) < near and abs(high - place) < near
+
+
+def meshed(shape: Any, fineness: Fineness = Fineness(), where: str = "taxel") -> Any:
+    """NGSolve mesh of `shape` (see `clamped_shape`), refined at its singular edges; not curved yet.
+
+    Raises
+    ------
+    SolverError
+        Netgen cannot mesh it, e.g. a beam thinner than it resolves.
+    """
+    ngsolve = engine("ngsolve")
+    for number_, edge in enumerate(shape.edges):
+        edge.name = f"edge{number_}"
+    angles = edge_angles(_netgen(shape, fineness, where, surface_only=True))
+    clamped = {edge.name for face in shape.faces if face.name == CLAMPED for edge in face.edges}
+    _mark(shape.edges, clamped | {name for name, angle in angles.items() if angle > REENTRANT_DEG})
+    mesh = ngsolve.Mesh(_netgen(shape, fineness, where))
+    if fineness.levels:
+        mesh.RefineHP(fineness.levels, fineness.factor)
+    return mesh
+
+
+def _mark(edges: Iterable[Any], singular: set[str]) -> None:
+    for edge in edges:
+        edge.hpref = 1.0 if edge.name in singular else 0.0
+
+
+def _netgen(shape: Any, fineness: Fineness, where: str, surface_only: bool = False) -> Any:
+    occ, meshing = engine("netgen.occ"), engine("netgen.meshing")
+    last = meshing.MeshingStep.MESHSURFACE if surface_only else meshing.MeshingStep.MESHVOLUME
+    try:
+        # Netgen's own threads made meshing 10 times slower on a busy machine.
+        mesh = occ.OCCGeometry(shape).GenerateMesh(
+            maxh=fineness.largest_mm,
+            grading=fineness.grading,
+            curvaturesafety=fineness.curvature,
+            segmentsperedge=fineness.per_edge,
+            parallel_meshing=False,
+            perfstepsend=last,
+        )
+    except Exception as error:
+        raise SolverError(
+            f"Netgen cannot mesh it ({_first_line(error)}): a part is thinner than it resolves", where
+        ) from error
+    if not surface_only and mesh.ne == 0:
+        raise SolverError("Netgen's mesh of it is empty: a part is thinner than it resolves", where)
+    return mesh
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).strip().splitlines() or [type(error).__name__])[0]
+
+
+def edge_angles(mesh: Any) -> dict[str, float]:
+    """Angle in degrees that the material fills at each named edge, over 180 where it is re-entrant.
+
+    Measured on the triangles of the outer surface of a Netgen surface mesh; inner edges of a glued
+    shape, where no outer surface meets, are left out.
+    """
+    points, triangles = mesh.Coordinates(), mesh.Elements2D().NumPy()
+    corner, face = triangles["nodes"][:, :3] - 1, triangles["index"]
+    sides = [(mesh.FaceDescriptor(k + 1).domin, mesh.FaceDescriptor(k + 1).domout) for k in range(face.max())]
+    domain = np.array(sides)[face - 1]
+    outer = (domain == 0).any(1)
+    corner = np.where((domain[:, :1] == 0), corner[:, ::-1], corner)[outer]
+    normal = np.cross(points[corner[:, 1]] - points[corner[:, 0]], points[corner[:, 2]] - points[corner[:, 0]])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    neighbours: dict[frozenset[int], list[int]] = {}
+    for k, nodes in enumerate(corner.tolist()):
+        for a in range(3):
+            neighbours.setdefault(frozenset((nodes[a], nodes[a - 1])), []).append(k)
+    angles: dict[str, float] = {}
+    for segment in mesh.Elements1D().NumPy():
+        ends = frozenset((segment["nodes"][:2] - 1).tolist())
+        pair = neighbours.get(ends, [])
+        if len(pair) == 2:
+            name = mesh.GetCD2Name(int(segment["index"]) - 1)
+            angles[name] = max(angles.get(name, 0.0), _filled(pair, ends, points, corner, normal))
+    return angles
+
+
+def _filled(pair: list[int], ends: frozenset[int], points: np.ndarray, corner: np.ndarray, normal: np.ndarray) -> float:
+    one, other = normal[pair[0]], normal[pair[1]]
+    (apex,) = set(corner[pair[1]].tolist()) - ends
+    above = one @ (points[apex] - points[next(iter(ends))])
+    turn = np.degrees(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other))
+    return float(180 + turn if above > 0 else 180 - turn)

@@ -1,0 +1,222 @@
+"""Assembly and eigenvalues of 3-D elasticity on an NGSolve mesh in mm; matrices in N/m and kg."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from padgen.errors import SolverError
+from padgen.verify.elastic_material import Elastic, stiffness_pa
+from padgen.verify.elastic_mesh import CLAMPED
+from padgen.verify.engines import engine
+
+__all__ = [
+    "RESIDUAL_LIMIT",
+    "Eigen",
+    "Factored",
+    "System",
+    "assembled",
+    "eigenmodes",
+    "energy",
+    "factored",
+    "rigid_loads",
+]
+
+RESIDUAL_LIMIT = 1e-4
+"""The eigenvalue is off by its square."""
+SETTLED = 1e-6
+"""Relative change of an eigenvalue from block to block; what is left after is far smaller, the last block squares it."""
+SPARE = 2
+BLOCKS = 12
+MM = 1e-3
+
+
+class System(NamedTuple):
+    """Matrices of an elastic solid. A vector (n,) holds x, y, z of node after node.
+
+    `space`: NGSolve's H1 of three components; `stiffness`: its matrix in N/m, of 3 × 3 blocks;
+    `mass`: scipy CSR (n/3, n/3) in kg, the same for each component; `free` (n,): not held.
+    """
+
+    space: Any
+    stiffness: Any
+    mass: Any
+    free: np.ndarray
+
+    def stiffness_times(self, vectors: np.ndarray) -> np.ndarray:
+        """K v of (n,) or (n, k), in N."""
+        into, out = self.stiffness.CreateColVector(), self.stiffness.CreateColVector()
+        columns = [_applied(self.stiffness, into, out, column) for column in np.atleast_2d(vectors.T)]
+        return np.array(columns).T if vectors.ndim == 2 else columns[0]
+
+    def mass_times(self, vectors: np.ndarray) -> np.ndarray:
+        """M v of (n,) or (n, k)."""
+        nodes = self.mass.shape[0]
+        return np.asarray(self.mass @ vectors.reshape(nodes, -1)).reshape(vectors.shape)
+
+    def stiffness_blocks(self) -> Any:
+        """The stiffness as scipy BSR (n, n)."""
+        values, columns, starts = (np.asarray(part) for part in self.stiffness.CSR())
+        return engine("scipy.sparse").bsr_matrix((values.reshape(-1, 3, 3), columns, starts))
+
+
+class Eigen(NamedTuple):
+    """`frequency_hz` (k,) rising, `shape` (n, k) mass-normalised, `residual` the largest of the modes."""
+
+    frequency_hz: np.ndarray
+    shape: np.ndarray
+    residual: float
+
+
+def assembled(mesh: Any, materials: Mapping[str, Elastic], order: int, clamped: str = CLAMPED) -> System:
+    """Stiffness and mass of `mesh` (mm) with elements of `order`; `materials` by name of solid, `clamped`
+    the name of the faces held.
+
+    The mesh is curved to the same order: elements curved more than their order cannot turn without
+    strain (f₁ came out four times too high).
+    """
+    ngs = engine("ngsolve")
+    mesh.Curve(order)
+    space, scalar = (ngs.H1(mesh, order=order, dim=dim, dirichlet=clamped) for dim in (3, 1))
+    (u, v), (a, b) = space.TnT(), scalar.TnT()
+    stiffness, mass = ngs.BilinearForm(space, symmetric=True), ngs.BilinearForm(scalar, symmetric=True)
+    for name, material in materials.items():
+        where = ngs.dx(definedon=mesh.Materials(name))
+        stiffness += energy(material, u, v) * where
+        mass += MM**3 * material.density_kg_per_m3 * a * b * where
+    stiffness.Assemble()
+    mass.Assemble()
+    values, columns, starts = (np.array(part) for part in mass.mat.CSR())
+    free = np.repeat(np.array(list(space.FreeDofs()), bool), 3)
+    return System(space, stiffness.mat, engine("scipy.sparse").csr_matrix((values, columns, starts)), free)
+
+
+def energy(material: Elastic, u: Any, v: Any) -> Any:
+    """Integrand in mm of the stiffness: displacements in m, coordinates in mm."""
+    ngs = engine("ngsolve")
+    stiffness = stiffness_pa(material)
+    # du/dx has 1/mm, the volume mm³: Pa · 1e6/m² · 1e-9 m³.
+    if material.axes is None:
+        shear, lame = MM * stiffness[5, 5], MM * stiffness[0, 1]
+        du, dv = ngs.Grad(u), ngs.Grad(v)
+        return 2 * shear * ngs.InnerProduct(ngs.Sym(du), ngs.Sym(dv)) + lame * ngs.Trace(du) * ngs.Trace(dv)
+    voigt = ngs.CoefficientFunction(tuple((MM * stiffness).ravel().tolist()), dims=(6, 6))
+    return ngs.InnerProduct(voigt * _strain(u), _strain(v))
+
+
+def _strain(u: Any) -> Any:
+    """Engineering strain in Voigt's order."""
+    ngs = engine("ngsolve")
+    g = ngs.Grad(u)
+    return ngs.CoefficientFunction((g[0, 0], g[1, 1], g[2, 2], g[1, 2] + g[2, 1], g[0, 2] + g[2, 0], g[0, 1] + g[1, 0]))
+
+
+class Factored(NamedTuple):
+    """``K⁻¹`` on all unknowns, zero where held: call it with a load (n,) in N, get (n,) in m."""
+
+    inverse: Any
+    into: Any
+    out: Any
+
+    def __call__(self, load: np.ndarray) -> np.ndarray:
+        return _applied(self.inverse, self.into, self.out, load)
+
+
+def factored(system: System) -> Factored:
+    """Cholesky factors of the stiffness.
+
+    Raises
+    ------
+    SolverError
+        It is not positive definite: the solid is not held.
+    """
+    try:
+        inverse = system.stiffness.Inverse(system.space.FreeDofs(), inverse="sparsecholesky")
+    except Exception as error:
+        raise SolverError("the stiffness matrix cannot be factored: the solid is not held", "elasticity") from error
+    return Factored(inverse, system.stiffness.CreateColVector(), system.stiffness.CreateColVector())
+
+
+def _applied(matrix: Any, into: Any, out: Any, vector: np.ndarray) -> np.ndarray:
+    into.FV().NumPy()[:] = np.asarray(vector).ravel()
+    out.data = matrix * into
+    return np.array(out.FV().NumPy())
+
+
+def eigenmodes(system: System, solve: Factored, modes: int, start: np.ndarray | None = None) -> Eigen:
+    """The lowest `modes` of ``K x = (2πf)² M x`` by block Lanczos on K⁻¹ M from `start` (n, b).
+
+    Static answers to loads on the washer are a good start: two blocks more do. Each block is
+    orthogonal to all before; Rayleigh–Ritz on all of them, until no λ moves by `SETTLED`.
+
+    Raises
+    ------
+    SolverError
+        More modes than unknowns are asked for, no convergence, or a residual over `RESIDUAL_LIMIT`.
+    """
+    unknowns = int(system.free.sum())
+    if modes >= unknowns:
+        raise SolverError(f"has {unknowns} unknowns, too few for {modes} modes", "elasticity")
+    block = _scattered(system, solve, modes + SPARE) if start is None else start
+    basis = stiff = np.zeros((system.free.size, 0))
+    values = np.full(modes, np.inf)
+    for _ in range(BLOCKS):
+        new = _orthogonal(system, basis, block)
+        basis, stiff = np.hstack((basis, new)), np.hstack((stiff, system.stiffness_times(new)))
+        square, part = np.linalg.eigh(basis[system.free].T @ stiff[system.free])
+        if len(square) >= modes:
+            moved, values = np.abs(values / square[:modes] - 1).max(), square[:modes]
+            if moved < SETTLED:
+                return _checked(system, basis @ part[:, :modes], stiff @ part[:, :modes], values)
+        block = np.array([solve(load) for load in system.mass_times(new).T]).T
+    raise SolverError(f"the eigenvalue solver did not converge within {BLOCKS} blocks", "elasticity")
+
+
+def _scattered(system: System, solve: Factored, width: int) -> np.ndarray:
+    """A block that no mode is orthogonal to: answers to inertia of irregular motions, always the same."""
+    wave = np.cos(np.outer(np.arange(system.free.size), np.sqrt(np.arange(2, 2 + width))))
+    return np.array([solve(load) for load in system.mass_times(wave).T]).T
+
+
+def _orthogonal(system: System, basis: np.ndarray, block: np.ndarray) -> np.ndarray:
+    """`block` made M-orthonormal to `basis` and in itself; twice, as rounding asks for."""
+    for _ in range(2):
+        block = block - basis @ (basis.T @ system.mass_times(block))
+        size, turn = np.linalg.eigh(block.T @ system.mass_times(block))
+        kept = size > size[-1] * np.finfo(float).eps * len(size)
+        block = block @ (turn[:, kept] / np.sqrt(size[kept]))
+    return block
+
+
+def _checked(system: System, shape: np.ndarray, stiff: np.ndarray, square: np.ndarray) -> Eigen:
+    """Modes with their residuals ``|D^-½ (K x − λ M x)| / |x|_K``, D the diagonal of K; `stiff` is K x."""
+    left = (stiff - system.mass_times(shape) * square)[system.free]
+    diagonal = system.stiffness_blocks().diagonal()[system.free]
+    residual = np.sqrt((left**2 / diagonal[:, None]).sum(0) / square).max() if square[0] > 0 else np.inf
+    if not residual < RESIDUAL_LIMIT:
+        raise SolverError(f"a mode leaves a residual of {residual:.1e}, must be below {RESIDUAL_LIMIT}", "elasticity")
+    return Eigen(np.sqrt(square) / (2 * np.pi), shape, float(residual))
+
+
+def rigid_loads(system: System, solid: str, density_kg_per_m3: float, axis_x_mm: float) -> np.ndarray:
+    """Loads (n, 6) on the named solid, spread over its volume, for unit forces in N and moments in N·m
+    about the point (`axis_x_mm`, 0, 0).
+
+    Their transpose takes a displacement to the solid's mean motion as a body, in m and rad: the
+    mass-weighted least-squares fit.
+    """
+    ngs = engine("ngsolve")
+    mesh, where = system.space.mesh, ngs.dx(definedon=system.space.mesh.Materials(solid))
+    x, y, z = MM * (ngs.x - axis_x_mm), MM * ngs.y, MM * ngs.z
+    turns = [(0, -z, y), (z, 0, -x), (-y, x, 0)]
+    fields = [ngs.CoefficientFunction(f) for f in [(1, 0, 0), (0, 1, 0), (0, 0, 1), *turns]]
+    weight = MM**3 * density_kg_per_m3
+    v = system.space.TestFunction()
+    loads = []
+    for field in fields:
+        form = ngs.LinearForm(system.space)
+        form += weight * ngs.InnerProduct(field, v) * where
+        form.Assemble()
+        loads.append(np.array(form.vec.FV().NumPy()))
+    gram = [[ngs.Integrate(weight * ngs.InnerProduct(a, b) * where, mesh) for a in fields] for b in fields]
+    return np.asarray(np.linalg.solve(np.array(gram), np.array(loads)).T)

@@ -1,0 +1,35 @@
+"""The optional packages of the finer models, imported where they are used."""
+
+import importlib.util
+from typing import Any
+
+from padgen.errors import EngineMissingError
+
+__all__ = ["engine", "require"]
+
+EXTRA = "study"
+
+
+def require(name: str) -> None:
+    """Raise `EngineMissingError` if the optional package `name` is not installed; does not load it."""
+    if importlib.util.find_spec(name) is None:
+        raise _missing(name, "it is not installed")
+
+
+def engine(name: str) -> Any:
+    """The optional package `name`.
+
+    Raises
+    ------
+    EngineMissingError
+        It is not installed, or cannot be loaded; the message names the extra that brings it.
+    """
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise _missing(name, str(error)) from error
+
+
+def _missing(name: str, why: str) -> EngineMissingError:
+    package = name.partition(".")[0]
+    return EngineMissingError(f"needs the package {package} ({why}); pip install 'padgen[{EXTRA}]' brings it", "model")
