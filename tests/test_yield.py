@@ -79,12 +79,12 @@ def test_prints_without_spreads_are_the_plan(scheme):
     result = print_yield(plan, 50, spreads=NONE)
     assert result.drive == scheme
     for outcome in (result.planned, result.retuned):
-        assert dbs(outcome) == pytest.approx([plan.selectivity.placed_all_states_db] * 4, abs=DB)
+        assert dbs(outcome) == pytest.approx([plan.selectivity.placed_own_modes_db] * 4, abs=DB)
 
 
 def test_the_paper_s_pad_as_planned_and_as_printed(paper_plan):
     exact = print_yield(paper_plan, 50, spreads=NONE)
-    assert dbs(exact.planned) == pytest.approx([paper_plan.selectivity.placed_all_states_db] * 4, abs=DB)
+    assert dbs(exact.planned) == pytest.approx([paper_plan.selectivity.placed_own_modes_db] * 4, abs=DB)
     printed = print_yield(paper_plan, 2000)
     assert printed.spreads == spreads_of(paper_plan.typed_spec)
     assert printed.planned.median_db < -10 < 0 < printed.retuned.median_db < exact.nominal_db
@@ -94,7 +94,7 @@ def test_the_paper_s_pad_as_planned_and_as_printed(paper_plan):
 def test_a_pad_that_is_scaled_as_a_whole_is_as_selective_after_tuning():
     plan = plan_of()
     result = print_yield(plan, 2000, spreads=only(modulus=0.2))
-    assert dbs(result.retuned) == pytest.approx([plan.selectivity.placed_all_states_db] * 4, abs=DB)
+    assert dbs(result.retuned) == pytest.approx([plan.selectivity.placed_own_modes_db] * 4, abs=DB)
     assert result.planned.median_db < result.retuned.median_db - 10
     assert result.swapped_share == 0
 
@@ -246,7 +246,7 @@ def test_a_coil_with_one_taxel_beside_coils_with_two():
     assert len(plan.taxels) == 7
     exact = print_yield(plan, 20, spreads=NONE)
     assert exact.planned.pads.share == exact.planned.taxels.share == exact.retuned.pads.share == 1
-    assert exact.planned.median_db == pytest.approx(plan.selectivity.placed_all_states_db, abs=DB)
+    assert exact.planned.median_db == pytest.approx(plan.selectivity.placed_own_modes_db, abs=DB)
     assert "to itself" in exact.criterion
     spoilt = print_yield(plan, 500, spreads=only(modulus=0.5))
     assert spoilt.planned.taxels.share < 0.5 and spoilt.retuned.pads.share == 1
@@ -254,9 +254,9 @@ def test_a_coil_with_one_taxel_beside_coils_with_two():
 
 def test_yields_are_of_the_asked_selectivity():
     plan = plan_of()
-    high = replace(plan, selectivity=replace(plan.selectivity, asked_db=plan.selectivity.placed_all_states_db))
+    high = replace(plan, selectivity=replace(plan.selectivity, asked_db=plan.selectivity.placed_own_modes_db))
     assert print_yield(high, 10, spreads=NONE).planned.pads.share == 1
-    higher = replace(plan, selectivity=replace(plan.selectivity, asked_db=plan.selectivity.placed_all_states_db + 1e-6))
+    higher = replace(plan, selectivity=replace(plan.selectivity, asked_db=plan.selectivity.placed_own_modes_db + 1e-6))
     none = print_yield(higher, 10, spreads=NONE).planned
     assert none.pads.share == 0
     assert none.taxels.share == 0.75, "the worst taxel of four is the one that misses"
@@ -311,7 +311,7 @@ def test_the_only_spread_is_the_costliest_and_all_of_the_loss():
         assert getattr(result, f"costliest_{name}") == ("thickness_mm", "pads")
         assert gain.pads == pytest.approx(1 - outcome.pads.share)
         assert gain.taxels == pytest.approx(1 - outcome.taxels.share)
-        assert gain.median_db == pytest.approx(plan.selectivity.placed_all_states_db - outcome.median_db, abs=0.05)
+        assert gain.median_db == pytest.approx(plan.selectivity.placed_own_modes_db - outcome.median_db, abs=0.05)
     assert print_yield(plan, 50, spreads=NONE).costliest_retuned == ("none", "none")
 
 

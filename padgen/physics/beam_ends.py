@@ -6,7 +6,7 @@ taxels (`docs/measure_beams.py`, docs/accuracy.md):
 - an end turns about as much as a piece of beam as long as the beam is thick, less where the beam is
   narrow (it then presses on a small patch), and a root no more than a piece as long as the frame is
   deep behind it;
-- a thin beam at the tip bends the wall between the plate's edge and the recess;
+- the tip bends the wall between the plate's edge and the recess;
 - ends keep the section from curling (anticlastic curvature) and from warping (Vlasov: each end shortens
   a ribbon in torsion by about ``w √((1+ν)/24)``).
 """
@@ -17,25 +17,27 @@ import numpy as np
 
 from padgen.physics.beams import BeamSection, Give
 
-__all__ = ["Surroundings", "on_elastic_ends"]
+__all__ = ["Surroundings", "fitted", "on_elastic_ends"]
 
 Array = Any
 
-CURL = 0.66
-ROOT = 0.73
-FRAME = 1.25
-TIP = 0.58
-NARROW = 0.29
-WALL = 0.165
-DROP = 7.3
-DROP_NARROW = 0.355
-SIDE = 0.68
-SIDE_NARROW = 0.21
-SLIDE = 0.2
-TWIST = 0.62
+CURL = 0.84
+ROOT = 0.67
+FRAME = 1.07
+TIP = 0.6
+NARROW = 0.34
+WALL = 1.7
+BURIED = 0.63
+DROP = 7.9
+DROP_NARROW = 0.39
+SIDE = 0.61
+SIDE_NARROW = 0.2
+SLIDE = 0.28
+TWIST = 0.79
 WARPING = 0.9
-THIN_WALL = 2.0
-"""Depth of the recess over the wall beside it up to which a thin wall was fitted."""
+SHORTEST_THICKNESSES = 1.2
+SHORTEST_WIDTHS = 0.25
+"""Lengths of beam over thickness and width down to which the laws were fitted."""
 
 
 class Surroundings(NamedTuple):
@@ -65,13 +67,20 @@ def on_elastic_ends(section: BeamSection, around: Surroundings, poisson: Array) 
     return section._replace(give=give)
 
 
+def fitted(width: Array, thickness: Array, length: Array) -> Array:
+    """Whether a beam is as long beside its width and thickness as those that the laws were fitted to."""
+    return (length >= SHORTEST_THICKNESSES * thickness) & (length >= SHORTEST_WIDTHS * width)
+
+
 def _wall_give(section: BeamSection, around: Surroundings) -> Array:
-    """What the wall between edge and recess adds; a recess is round, so the wall is thicker off the middle."""
+    """What the wall between edge and recess adds: it hangs from the roof of the recess like a plate, as
+    high as the recess is deep, and spreads the moment by that; a thick beam reaches the roof itself."""
     width, thickness = (np.asarray(v, float) for v in section[:2])
     depth = np.asarray(around.recess_depth, float)
+    # A recess is round: beside the middle the wall is thicker.
     wall = around.wall + width**2 / (24 * around.recess_radius)
-    buried = np.exp(-thickness / np.maximum(2 * depth, 1e-9))
-    return WALL * thickness * np.minimum(depth / wall, THIN_WALL) ** 3 * buried
+    hanging = np.exp(-thickness / np.maximum(BURIED * depth, 1e-9))
+    return WALL * depth * hanging * (thickness / wall) ** 3 * width / (width + 2 * depth)
 
 
 def _twist(width: Array, thickness: Array, length: Array, poisson: Array) -> Array:

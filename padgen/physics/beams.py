@@ -8,7 +8,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-__all__ = ["RIGID", "BeamSection", "Flexibility", "Give", "flexibility", "tip_mass", "tip_stiffness", "torsion_constant"]
+__all__ = [
+    "RIGID",
+    "BeamSection",
+    "Flexibility",
+    "Give",
+    "flexibility",
+    "tip_mass",
+    "tip_stiffness",
+    "torsion_constant",
+]
 
 Array = Any
 

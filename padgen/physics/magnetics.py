@@ -119,10 +119,17 @@ def flux_density(coil: SolenoidCoil, radius: np.ndarray, height: np.ndarray) -> 
     return radial, axial
 
 
+@lru_cache(maxsize=8)
+def _gauss_points(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Gauss points and weights on [−1, 1]: an eigenproblem, needed many times over."""
+    node, weight = np.polynomial.legendre.leggauss(count)
+    return node, weight
+
+
 def _co_energy(coil: SolenoidCoil, washer: SteelRing, gap: float, offset: np.ndarray) -> np.ndarray:
     """Magnetic co-energy in J/A² of the washer, ½ V χ_eff B²/μ0 with a factor per direction."""
     rings, spokes = 3, 12
-    node, weight = np.polynomial.legendre.leggauss(rings)
+    node, weight = _gauss_points(rings)
     inner, outer = washer.inner_diameter / 2, washer.outer_diameter / 2
     radius = np.sqrt(inner**2 + (node + 1) / 2 * (outer**2 - inner**2))
     angle = (np.arange(spokes) + 0.5) * 2 * pi / spokes
@@ -164,7 +171,7 @@ def _winding_field(
     coil: SolenoidCoil, radius: np.ndarray, height: np.ndarray, loops: int = 16
 ) -> tuple[np.ndarray, np.ndarray]:
     """Field per ampere of the winding, as a few nested current sheets of `loops` each."""
-    node, weight = np.polynomial.legendre.leggauss(4)
+    node, weight = _gauss_points(4)
     inner, outer = coil.inner_diameter / 2, coil.outer_diameter / 2
     radial, axial = 0.0, 0.0
     for at, share in zip((node + 1) / 2, weight / 2, strict=True):
@@ -181,7 +188,7 @@ def _sheet_field(
 
     Loops at Gauss points that crowd towards the top, where the washers are.
     """
-    node, weight = np.polynomial.legendre.leggauss(loops)
+    node, weight = _gauss_points(loops)
     depth = ((node + 1) / 2) ** 2 * length
     current = weight * (node + 1) / 2 * length
     radial, axial = _loop_field(sheet_radius, radius[..., None], height[..., None] + depth)

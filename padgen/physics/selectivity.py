@@ -16,12 +16,16 @@ All figures are of the steady state: currents are switched in ramps that are slo
 ring-down of the taxels (time-shared, in every slot). Lines of distinct frequency add as energies,
 and energies only add: an OFF taxel is loudest when all others are on. So the worst of 2ⁿ states is
 one of n (or one pair, where channels take turns).
+
+A taxel is one resonator, or all the modes of `padgen.physics.modal`, whose amplitudes add at each line: what it
+hears of a line is another number then, and the lines' energies still only add.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
+from padgen.physics.modal import ModalTaxels, felt_energy
 from padgen.physics.resonator import relative_energy
 
 __all__ = [
@@ -132,46 +136,46 @@ def pair_lines(
     return frequency, rest, which.line[a] * which.line[b] / (2 * scheme.bias_ratio * strongest)
 
 
-def off_energy(which: Channels, scheme: Scheme) -> np.ndarray:
+def off_energy(which: Channels, scheme: Scheme, modes: ModalTaxels | None = None) -> np.ndarray:
     """Largest energy (n,) of each OFF taxel over all states, over that of its own ON state.
 
-    O(n²) without spurs, O(n³) with; memory O(n²) at most.
+    O(n²) without spurs, O(n³) with, times the number of modes; memory O(n²) at most.
     """
     count = len(which.line)
-    own = _own_energies(which, scheme)
+    own = _own_energies(which, scheme, modes)
     if scheme.has_pair_spurs and count > 2:
-        own += _pair_energies(which, scheme)
+        own += _pair_energies(which, scheme, modes)
     return own
 
 
-def all_states(which: Channels, scheme: Scheme) -> AllStates:
+def all_states(which: Channels, scheme: Scheme, modes: ModalTaxels | None = None) -> AllStates:
     """Selectivity over all 2ⁿ states: smallest ON amplitude over largest OFF amplitude, a closed form."""
     count = len(which.line)
     if count < 2:
         return AllStates(float("inf"), "1" * count, 0)
-    energy = off_energy(which, scheme)
+    energy = off_energy(which, scheme, modes)
     worst = int(energy.argmax())
     on = set(range(count)) - {worst}
     if scheme.takes_turns:
-        on = {_strongest_driver(which, worst)}
+        on = {_strongest_driver(which, worst, modes)}
     state = "".join("1" if i in on else "0" for i in range(count))
     return AllStates(_below_db(float(energy[worst])), state, worst)
 
 
-def one_hot_db(which: Channels, scheme: Scheme) -> float:
+def one_hot_db(which: Channels, scheme: Scheme, modes: ModalTaxels | None = None) -> float:
     """Selectivity with one channel on at a time, ``−20 log10 max_{i≠j} M_ij``; inf for one channel."""
     if len(which.line) < 2:
         return float("inf")
     alone = scheme if scheme.name == "biased" else Scheme("time-shared")
-    return _below_db(float(_own_energies(which, alone, together=False).max()))
+    return _below_db(float(_own_energies(which, alone, modes, together=False).max()))
 
 
-def exhaustive_states_db(which: Channels, scheme: Scheme) -> float:
+def exhaustive_states_db(which: Channels, scheme: Scheme, modes: ModalTaxels | None = None) -> float:
     """The figure of `all_states` by trying all 2ⁿ states (n ≤ 16)."""
     count = len(which.line)
     if count > 16:
         raise ValueError(f"2^{count} states are too many to try, at most 2^16")
-    tones, spurs = _tables(which, scheme)
+    tones, spurs = _tables(which, scheme, modes)
     states = ((np.arange(2**count)[:, None] >> np.arange(count)) & 1).astype(float)
     if scheme.takes_turns:
         energy = (states[:, None] * tones).max(-1)
@@ -202,44 +206,69 @@ def _only(which: Channels, index: int) -> Channels:
     return Channels(*(part[index : index + 1] for part in which))
 
 
-def _harmonic_energy(receivers: Channels, drivers: Channels, scheme: Scheme) -> np.ndarray:
+def _response(
+    which: Channels, modes: ModalTaxels | None, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0
+) -> np.ndarray:
+    """Energy (rows, lines) of taxels under lines (lines,) as large as their own, over that of their ON state."""
+    if modes is not None:
+        return felt_energy(modes, rows, frequency, rest)
+    energy: np.ndarray = relative_energy(frequency, which.resonance_hz[rows, None], which.q[rows, None], rest)
+    return energy
+
+
+def _tones(which: Channels, modes: ModalTaxels | None, rows: slice) -> np.ndarray:
+    """`tone_energy` (rows, n) of some of the taxels."""
+    heard = _response(which, modes, rows, which.resonance_hz)
+    energy: np.ndarray = heard * (which.line / which.line[rows, None]) ** 2
+    return energy
+
+
+def _harmonic_energy(which: Channels, modes: ModalTaxels | None, rows: slice, scheme: Scheme) -> np.ndarray:
     """Energy of the second harmonic that each tone beside a constant current makes.
 
     On the taxel itself it is no disturbance: it is there only when the taxel is ON.
     """
-    amplitude = drivers.line**2 / (4 * scheme.bias_ratio * drivers.line.max())
-    response = relative_energy(2 * drivers.resonance_hz, receivers.resonance_hz[:, None], receivers.q[:, None])
-    energy: np.ndarray = response * (amplitude / receivers.line[:, None]) ** 2
+    amplitude = which.line**2 / (4 * scheme.bias_ratio * which.line.max())
+    heard = _response(which, modes, rows, 2 * which.resonance_hz)
+    energy: np.ndarray = heard * (amplitude / which.line[rows, None]) ** 2
     return energy
 
 
-def _own_energies(which: Channels, scheme: Scheme, together: bool = True) -> np.ndarray:
+def _own_energies(
+    which: Channels, scheme: Scheme, modes: ModalTaxels | None = None, together: bool = True
+) -> np.ndarray:
     """Energy (n,) of each OFF taxel by the lines that single channels make: summed, or the largest."""
     count, result = len(which.line), np.empty(len(which.line))
-    rows = max(BLOCK // count, 1)
+    rows = max(BLOCK // (count * _depth(modes)), 1)
     for start in range(0, count, rows):
         part = slice(start, min(start + rows, count))
-        receivers = Channels(*(value[part] for value in which))
-        energy = tone_energy(receivers, which)
+        energy = _tones(which, modes, part)
         if scheme.name == "biased":
-            energy += _harmonic_energy(receivers, which, scheme)
+            energy += _harmonic_energy(which, modes, part, scheme)
         energy[np.arange(part.stop - start), np.arange(start, part.stop)] = 0.0
         result[part] = energy.sum(1) if together and not scheme.takes_turns else energy.max(1)
     return result
 
 
-def _pair_energies(which: Channels, scheme: Scheme) -> np.ndarray:
+def _depth(modes: ModalTaxels | None) -> int:
+    """Numbers that one response takes."""
+    return 1 if modes is None else modes.frequency_hz.shape[1]
+
+
+def _pair_energies(which: Channels, scheme: Scheme, modes: ModalTaxels | None) -> np.ndarray:
     """Energy (n,) of each OFF taxel by the spurs of all pairs of other channels."""
     count = len(which.line)
     frequency, rest, amplitude = pair_lines(which, scheme)
     square = amplitude**2
     a, b = np.triu_indices(count, 1)
     result = np.zeros(count)
-    for start in range(0, len(square), BLOCK):
-        part = slice(start, start + BLOCK)
+    block = max(BLOCK // _depth(modes), 1)
+    for start in range(0, len(square), block):
+        part = slice(start, start + block)
         first, second = a[part], b[part]
         for i in range(count):
-            energy = relative_energy(frequency[:, part], which.resonance_hz[i], which.q[i], rest[:, part]).sum(0)
+            lines = frequency[:, part].ravel(), rest[:, part].ravel()
+            energy = _response(which, modes, slice(i, i + 1), *lines).reshape(2, -1).sum(0)
             # Pairs with the taxel itself are left out before adding: taken off a sum they would leave its rounding.
             weight = np.where((first == i) | (second == i), 0.0, square[part])
             result[i] += energy @ weight
@@ -247,23 +276,24 @@ def _pair_energies(which: Channels, scheme: Scheme) -> np.ndarray:
     return scaled
 
 
-def _tables(which: Channels, scheme: Scheme) -> tuple[np.ndarray, np.ndarray]:
+def _tables(which: Channels, scheme: Scheme, modes: ModalTaxels | None) -> tuple[np.ndarray, np.ndarray]:
     """Energies (n, n) of every channel's own lines and (n, n, n) of every pair's, symmetric."""
     count = len(which.line)
-    tones, spurs = tone_energy(which, which), np.zeros((count, count, count))
+    tones, spurs = _tones(which, modes, slice(None)), np.zeros((count, count, count))
     if scheme.name == "biased":
-        tones += _harmonic_energy(which, which, scheme) * ~np.eye(count, dtype=bool)
+        tones += _harmonic_energy(which, modes, slice(None), scheme) * ~np.eye(count, dtype=bool)
     if scheme.has_pair_spurs:
         a, b = np.triu_indices(count, 1)
         frequency, rest, amplitude = pair_lines(which, scheme)
         for i in range(count):
-            response = relative_energy(frequency, which.resonance_hz[i], which.q[i], rest).sum(0)
+            heard = _response(which, modes, slice(i, i + 1), frequency.ravel(), rest.ravel())
+            response = heard.reshape(2, -1).sum(0)
             spurs[i, a, b] = spurs[i, b, a] = response * (amplitude / which.line[i]) ** 2
     return tones, spurs
 
 
-def _strongest_driver(which: Channels, off: int) -> int:
-    energy = tone_energy(_only(which, off), which)[0]
+def _strongest_driver(which: Channels, off: int, modes: ModalTaxels | None) -> int:
+    energy = _tones(which, modes, slice(off, off + 1))[0]
     energy[off] = -1.0
     return int(energy.argmax())
 

@@ -9,6 +9,7 @@ import numpy as np
 from padgen.physics.currents import mean_square_a2
 from padgen.physics.magnetics import SolenoidCoil, SteelRing, balanced_deflection, pull_over_gap
 from padgen.physics.resonator import ring_up_time
+from padgen.planner.modes import each_distance, mode_fields, site_wrenches, taxel_modes
 from padgen.planner.plan import Beam, Channel, Site, channel_sets
 from padgen.planner.settings import level_law, scheme_named
 from padgen.planner.sizing import SizedChannel, frequency_spread
@@ -24,8 +25,8 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
     resonance = np.array([float(s.model.resonance_hz) for s in sized])
     level = level_law(spec)(resonance)
     level_um = spec.drive.level_um * level / level[0]
-    distance_m = np.array([site.coil_distance_mm for site in sites]) * MM
-    pull, exponent = pull_over_gap(*magnetic_parts(spec), spec.coil.gap_mm * MM, distance_m)
+    pull, exponent = _pulls(spec, sites)
+    wrench = site_wrenches(spec, *magnetic_parts(spec), sites)
     tau_ms = ring_up_time(resonance, spec.q_min) / MS
     quiet = _quiet_ratios(spec, resonance, level_um)
     channels = []
@@ -48,8 +49,7 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
                 target_hz=item.target_hz,
                 second_mode_hz=item.model.second_mode[0],
                 second_mode_share=item.model.second_mode[1],
-                modes_hz=tuple(item.model.modes.frequency_hz.tolist()),
-                mode_shares=tuple((item.model.compliances * stiffness).tolist()),
+                **mode_fields(taxel_modes(item.model), wrench[i])._asdict(),
                 sag_um=float(item.model.sag_m) / UM,
                 root_stress_mpa=float(item.model.root_stress_pa(level_um[i] * UM)) / MPA,
                 print_spread=float(frequency_spread(item.beam, spec.printer)),
@@ -65,6 +65,13 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
             )
         )
     return tuple(channels)
+
+
+def _pulls(spec: Spec, sites: Sequence[Site]) -> tuple[np.ndarray, np.ndarray]:
+    """Force constants (n,) and exponents (n,) of `pull_over_gap`."""
+    distance_m, index = each_distance(sites)
+    pull, exponent = pull_over_gap(*magnetic_parts(spec), spec.coil.gap_mm * MM, distance_m)
+    return pull[index], exponent[index]
 
 
 def driven(spec: Spec, channels: Sequence[Channel], drive: str) -> tuple[Channel, ...]:

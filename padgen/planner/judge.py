@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import pairwise, permutations
+from itertools import pairwise
 
 import numpy as np
 
@@ -14,20 +14,18 @@ from padgen.planner.channels import driven, magnetic_parts
 from padgen.planner.judge_drive import judge_drive
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.printable import DRAWN_SHARE, steps_are_coarse
-from padgen.planner.sizing import SizedChannel, crowded_modes
+from padgen.planner.selectivity import modes_matter
 from padgen.spec import Spec
 from padgen.units import MM, UM
 
 SPACING_SHARE = 0.05
 """Share of a slot by which a resonance may be off before it is worth a finding."""
 GAPS_TRIED = 8
-QUIET_SHARE = 1e-6
-"""Share of the compliance below which a pull at the washer's axis does not excite a mode."""
 
 __all__ = ["judge"]
 
 
-def judge(spec: Spec, plan: Plan, sized: tuple[SizedChannel, ...]) -> tuple[Finding, ...]:
+def judge(spec: Spec, plan: Plan) -> tuple[Finding, ...]:
     """All findings of a plan, errors first."""
     found = [
         *(found for own in plan.sets for found in _spacing(spec, own)),
@@ -36,7 +34,7 @@ def judge(spec: Spec, plan: Plan, sized: tuple[SizedChannel, ...]) -> tuple[Find
         *judge_drive(spec, plan),
         *_spread(plan),
         *_single_layers(spec, plan.channels),
-        *_modes(spec, plan, sized),
+        *_modes(spec, plan),
         *_mechanics(spec, plan),
         *_places(plan),
     ]
@@ -126,32 +124,13 @@ def _single_layers(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Findin
         )
 
 
-def _modes(spec: Spec, plan: Plan, sized: tuple[SizedChannel, ...]) -> Iterator[Finding]:
-    half = slot_half_width(spec.q_min, spec.delta_y)
-    silent = [
-        (channel, other)
-        for own in plan.sets
-        for channel, other in permutations(own, 2)
-        if channel.second_mode_share < QUIET_SHARE and abs(channel.second_mode_hz / other.resonance_hz - 1) < half
-    ]
-    if silent:
-        listed = ", ".join(f"{c.index} at {number(c.second_mode_hz)} Hz on {o.index}" for c, o in silent)
-        yield Finding(
-            "note",
-            "modes.near",
-            "channels " + ", ".join(str(index) for index in dict.fromkeys(c.index for c, _ in silent)),
-            f"a second mode lies in another channel's slot ({listed}); a pull at the washer's axis does not excite it,"
-            " a washer glued off its place would",
-        )
-    for i, mode_hz, j, response in crowded_modes(spec, sized):
-        yield Finding(
-            "warning",
-            "modes.crowded",
-            f"channel {i}",
-            f"its mode at {number(mode_hz)} Hz lies in the slot of channel {j}"
-            f" ({number(plan.channels[j].resonance_hz)} Hz) and answers with {number(response)} of its ON amplitude,"
-            f" at most {number(1 / spec.delta_y)}; another topology or resonance moves it",
-        )
+def _modes(spec: Spec, plan: Plan) -> Iterator[Finding]:
+    if not modes_matter(spec, plan):
+        return
+    # Most plans do without it.
+    from padgen.planner.judge_modes import judge_modes
+
+    yield from judge_modes(spec, plan)
 
 
 def _mechanics(spec: Spec, plan: Plan) -> Iterator[Finding]:

@@ -62,7 +62,7 @@ def choose(spec: Spec) -> Choice:
 def finish(spec: Spec, choice: Choice) -> Plan:
     """The plan of a choice; its channels' beams and models may have been changed since."""
     bare = _assemble(spec, choice)
-    return replace(bare, findings=judge(spec, bare, choice.channels))
+    return replace(bare, findings=judge(spec, bare))
 
 
 def _assemble(spec: Spec, choice: Choice) -> Plan:

@@ -141,6 +141,10 @@ class Channel:
     `ring_down_ms` the time from ON to quiet. `static_um` is the mean pull's deflection with all
     channels on, where it balances (the whole gap where it does not); the pull falls with the gap as
     ``gap^-pull_exponent``, which softens the spring and lowers the resonance by `pull_shift`.
+    `mode_shares` are what the modes (k,) add to the static compliance, over the working one, under a vertical pull
+    at the washer's axis, `pulled_shares` by the `pull_wrench` (6,) that there is: N and N m per vertical newton, own
+    axes, about that axis at z = 0. The working mode's is the level that the planned force makes over the planned one.
+    `mode_motions` (k, 6) are the washer's there, mass-normalised, `rest_motion` (6,) that of unsolved modes per newton.
     `model` ('beam' or 'solid') gave the resonance and the modes, which may be off by `model_error` by
     its own estimate; `beam_error` is how far the beam model's resonance is off the solid's, None where
     no solid was solved.
@@ -162,6 +166,10 @@ class Channel:
     second_mode_share: float
     modes_hz: tuple[float, ...]
     mode_shares: tuple[float, ...]
+    pulled_shares: tuple[float, ...]
+    mode_motions: tuple[tuple[float, ...], ...]
+    rest_motion: tuple[float, ...]
+    pull_wrench: tuple[float, ...]
     sag_um: float
     root_stress_mpa: float
     print_spread: float
@@ -203,7 +211,7 @@ class SchemeFigures:
 
     @property
     def reached_db(self) -> float:
-        """What is kept in all states, unequal pull counted; -inf where it was not computed."""
+        """What is kept in all states, unequal pull and all modes counted; -inf where it was not computed."""
         if self.all_states_db is None or self.placed_all_states_db is None:
             return float("-inf")
         return min(self.all_states_db, self.placed_all_states_db)
@@ -215,13 +223,14 @@ class Selectivity:
 
     With two sets of channels, of the worse one.
 
-    The first figures take all washers of a coil as pulled alike, as the paper's bound does; the
-    `placed` ones count that a nearer washer feels every tone more: what holds is the smaller.
-    `asked_db` is Δy in dB, `paper_db` what Eq. 12 promises for the closest pair, `snapping_db` what
-    it costs in all states that beams print in steps. For equal masses `optimum_db` is what the
-    optimised resonances reach, and `bound_db` what was proven that none in the reachable band exceed.
-    `level_law` is an exponent or 'threshold'. `matrix_db` has, for each set of channels, how far below
-    its own ON amplitude taxel i (row) is at the tone of channel j; empty for many channels.
+    The first figures take all washers as pulled alike and each taxel as one resonator, as the paper's bound
+    does; the `placed` ones count that a nearer washer feels every tone more, and all modes, by the pull's
+    wrench: what holds is the smaller. `modes_cost_db` is what these cost in all states, `modes_left_out` bounds
+    the relative error of an amplitude by those far from every line. `asked_db` is Δy in dB, `paper_db` what Eq.
+    12 promises for the closest pair, `snapping_db` what it costs in all states that beams print in steps. For
+    equal masses `optimum_db` is what the optimised resonances reach, and `bound_db` what was proven that none
+    in the reachable band exceed. `level_law` is an exponent or 'threshold'. `matrix_db` has, for each set of
+    channels, how far below its own ON amplitude taxel i (row) is at the tone of channel j; empty for many.
     """
 
     drive: str
@@ -235,6 +244,8 @@ class Selectivity:
     why: str
     paper_db: float | None
     snapping_db: float | None
+    modes_cost_db: float | None
+    modes_left_out: float
     optimum_db: float | None
     bound_db: float | None
     matrix_db: tuple[tuple[tuple[float, ...], ...], ...]
@@ -242,10 +253,16 @@ class Selectivity:
 
     @property
     def kept_db(self) -> float | None:
-        """What the planned drive keeps in all states, unequal pull counted; None for one channel."""
+        """What the planned drive keeps in all states, unequal pull and all modes counted; None for one channel."""
         if self.all_states_db is None or self.placed_all_states_db is None:
             return None
         return min(self.all_states_db, self.placed_all_states_db)
+
+    @property
+    def placed_own_modes_db(self) -> float | None:
+        """The placed figure in all states with each taxel's own mode alone; None for one channel."""
+        db = self.placed_all_states_db
+        return None if db is None else db + (self.modes_cost_db or 0.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -95,7 +95,8 @@ class Cost:
 class PrintYield:
     """What becomes of `pads` printed pads; fewer than `pads_asked` where those were too much work.
 
-    `criterion` says what a good taxel and a good pad are; `nominal_db` is the plan's own figure.
+    `criterion` says what a good taxel and a good pad are; `nominal_db` is the plan's own figure, each taxel taken
+    as its own mode alone, as here.
     `swapped_share` of the neighbouring channels came out in the other order, `crowded_share` closer than the
     slots of Eq. 12 are for the asked selectivity. `costs` come from the first `cost_pads` pads;
     `costliest_*` is the spread that gains most, and by which figure: 'pads', 'taxels' or 'median_db', the first of
@@ -156,7 +157,7 @@ def print_yield(
         seed=seed,
         drive=design.scheme.name,
         asked_db=plan.selectivity.asked_db,
-        nominal_db=plan.selectivity.placed_all_states_db,
+        nominal_db=plan.selectivity.placed_own_modes_db,
         criterion=_criterion(plan, design),
         spreads=spreads,
         channels=_channel_spreads(design, prints, made),
@@ -189,7 +190,7 @@ def shuffled_places_mm(plan: Plan, seed: int = 0) -> np.ndarray:
 def _criterion(plan: Plan, design: Design) -> str:
     asked = (
         f"a taxel or a pad is good with an ON over OFF of {plan.selectivity.asked_db:.1f} dB, leakage of other coils"
-        " not counted"
+        " and other modes of the taxels not counted"
     )
     alone = "a taxel with a coil to itself while its tone moves it by 1/sqrt(2) of its level"
     counts = {len(coils.channels) for coils in design.coils}

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from padgen.errors import number
+from padgen.physics.modal import ModalTaxels
 from padgen.physics.selectivity import SCHEMES, Channels, Scheme, all_states, channels, one_hot_db, tone_energy
 from padgen.planner.frames import frame_rates
+from padgen.planner.modes import MODES_DB, coil_modes, heard_modes, modes_in_slots
 from padgen.planner.plan import Channel, Plan, SchemeFigures, Selectivity, channel_sets
 from padgen.planner.settings import level_law, scheme_named
 from padgen.spec import Spec
@@ -19,7 +21,7 @@ from padgen.units import decibel
 if TYPE_CHECKING:
     from padgen.planner.resonances import Optimum
 
-__all__ = ["SIMPLEST_FIRST", "plan_selectivity", "run_times_s"]
+__all__ = ["SIMPLEST_FIRST", "modes_matter", "placed_channels", "plan_selectivity", "run_times_s"]
 
 SIMPLEST_FIRST = ("tones", "biased", "spur-free", "time-shared")
 """By what the electronics must do: sines; sines on a constant; a root; and, slow, one at a time."""
@@ -29,6 +31,8 @@ UNPULLED = 1e-12
 """Share of the strongest pull that is as good as none."""
 MOST_WITH_SPURS = 256
 """Channels up to which the n³ spurs of a scheme are counted that was not asked for."""
+Placed = tuple[Channels, ModalTaxels]
+"""Channels with each washer's own pull, and all modes of their taxels."""
 
 
 def plan_selectivity(spec: Spec, planned: Sequence[Channel], optimum: "Optimum | None" = None) -> Selectivity:
@@ -37,7 +41,8 @@ def plan_selectivity(spec: Spec, planned: Sequence[Channel], optimum: "Optimum |
     With two sets of channels, for the worse one. `optimum` is passed on where it is of the chosen scheme.
     """
     sets = channel_sets(planned, spec.coil.sets)
-    alike, placed, asked = ([_resonators(spec, own, which) for own in sets] for which in ("alike", "placed", "asked"))
+    alike, bare, asked = ([_resonators(spec, own, which) for own in sets] for which in ("alike", "placed", "asked"))
+    placed = [(which, heard_modes(spec, own, which.line)) for own, which in zip(sets, bare, strict=True)]
     figures = {name: _figures(spec, alike, placed, name) for name in SCHEMES}
     name, why = _chosen(spec, figures, planned)
     scheme = scheme_named(spec, name)
@@ -51,11 +56,13 @@ def plan_selectivity(spec: Spec, planned: Sequence[Channel], optimum: "Optimum |
         all_states_db=None if alone else states.db,
         worst_state=states.state,
         asked_db=decibel(spec.delta_y),
-        placed_one_hot_db=None if alone else min(one_hot_db(which, scheme) for which in placed),
-        placed_all_states_db=None if alone else _worst_db(placed, scheme),
+        placed_one_hot_db=None if alone else min(one_hot_db(which, scheme, modes) for which, modes in placed),
+        placed_all_states_db=None if alone else _placed_db(placed, scheme),
         why=why,
         paper_db=None if alone else _paper_db(spec, planned),
         snapping_db=None if alone else _worst_db(asked, scheme) - states.db,
+        modes_cost_db=None if alone else _worst_db(bare, scheme) - _placed_db(placed, scheme),
+        modes_left_out=max(float(modes.left_out.max()) for _, modes in placed),
         optimum_db=proven.all_states_db if proven else None,
         bound_db=proven.bound_db if proven else None,
         matrix_db=tuple(_matrix_db(which) for which in alike) if len(sets[0]) <= MOST_SPELLED_OUT else (),
@@ -70,6 +77,10 @@ def _matrix_db(which: Channels) -> tuple[tuple[float, ...], ...]:
 
 def _worst_db(sets: Sequence[Channels], scheme: Scheme) -> float:
     return min(all_states(which, scheme).db for which in sets)
+
+
+def _placed_db(sets: Sequence[Placed], scheme: Scheme) -> float:
+    return min(all_states(which, scheme, modes).db for which, modes in sets)
 
 
 def run_times_s(plan: Plan) -> tuple[float, float]:
@@ -106,13 +117,39 @@ def _resonators(spec: Spec, planned: Sequence[Channel], which: str) -> Channels:
     return channels(resonance, q, level_law(spec)(resonance), mass, pull if which == "placed" else 1.0)
 
 
-def _figures(spec: Spec, alike: Sequence[Channels], placed: Sequence[Channels], name: str) -> SchemeFigures:
+def placed_channels(spec: Spec, planned: Sequence[Channel]) -> Channels:
+    """The channels of one coil as printed, with each washer's own pull."""
+    return _resonators(spec, planned, "placed")
+
+
+def modes_matter(spec: Spec, plan: Plan) -> bool:
+    """Whether a mode lies in another channel's slot, costs selectivity, or would be heard with its peak on any line.
+
+    A quick bound: no line is more than twice the largest wanted one, biased no more than 1/(2 `bias_ratio`) of it.
+    """
+    if len(plan.sets[0]) < 2:
+        return False
+    return (
+        bool(modes_in_slots(spec, plan))
+        or (plan.selectivity.modes_cost_db or 0.0) > MODES_DB
+        or any(_loudest_peak(spec, own) > 1 / spec.delta_y for own in plan.sets)
+    )
+
+
+def _loudest_peak(spec: Spec, own: Sequence[Channel]) -> float:
+    modes, line = coil_modes(spec, own), placed_channels(spec, own).line
+    peak = np.sqrt((modes.gain**2).sum(-1)) * (modes.q / line)[:, None]
+    peak[np.arange(len(own)), [int(np.argmax(c.mode_shares)) for c in own]] = 0.0
+    return float(peak.max() * line.max()) * max(2.0, 0.5 / spec.drive.bias_ratio)
+
+
+def _figures(spec: Spec, alike: Sequence[Channels], placed: Sequence[Placed], name: str) -> SchemeFigures:
     count, scheme = len(alike[0].line), scheme_named(spec, name)
     cubic = scheme.has_pair_spurs and count > MOST_WITH_SPURS and name != spec.drive.scheme
     if count < 2 or cubic:
         return SchemeFigures(name, None, None, None)
     one_hot = min(one_hot_db(which, scheme) for which in alike)
-    return SchemeFigures(name, one_hot, _worst_db(alike, scheme), _worst_db(placed, scheme))
+    return SchemeFigures(name, one_hot, _worst_db(alike, scheme), _placed_db(placed, scheme))
 
 
 def _chosen(spec: Spec, figures: dict[str, SchemeFigures], planned: Sequence[Channel]) -> tuple[str, str]:

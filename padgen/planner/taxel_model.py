@@ -4,19 +4,20 @@ This is where drawing dimensions become the SI arrays of `padgen.physics`. Every
 of beam shapes, so that a grid of candidates costs one call.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from padgen.physics.beam_ends import Surroundings, on_elastic_ends
+from padgen.physics.beam_ends import Surroundings, fitted, on_elastic_ends
 from padgen.physics.beam_error import HeldBy, relative_error, uncertain_energies
 from padgen.physics.beams import BeamSection
 from padgen.physics.modes import BeamPlacement, Modes, bending_stress, suspended_modes
 from padgen.physics.resonator import natural_frequency, rule_stiffness
 from padgen.physics.rigid_body import RigidBody, box, combine, ring
-from padgen.planner.suspensions import TOPOLOGIES, Arrangement, BeamShape, PlateShape, Strip
+from padgen.planner.suspensions import TOPOLOGIES, Arrangement, BeamShape, Block, PlateShape, Strip
 from padgen.spec import Spec
 from padgen.units import G_PER_CM3, GPA, MM
 
@@ -67,7 +68,7 @@ class TaxelModel:
     topology: str
     plate: PlateShape
     beam: BeamShape
-    frame_depth_mm: float | None = None
+    frame_depth_mm: float | None = field(default=None, kw_only=True)
 
     @cached_property
     def arrangement(self) -> Arrangement:
@@ -80,6 +81,10 @@ class TaxelModel:
     @cached_property
     def body(self) -> RigidBody:
         """What moves as one, without the beams: plate, boss, washer, glue, less the recess."""
+        return self.body_of(self.arrangement.blocks)
+
+    def body_of(self, blocks: Sequence[Block]) -> RigidBody:
+        """These `blocks` with boss, washer and glue, less the recess, as one."""
         spec, taxel = self.spec, self.spec.taxel
         density = spec.material.density_g_per_cm3 * G_PER_CM3
         top = taxel.plate_thickness_mm * MM
@@ -94,7 +99,7 @@ class TaxelModel:
                 (b.high_x_mm * MM, b.high_y_mm * MM, b.height_mm * MM),
                 density,
             )
-            for b in self.arrangement.blocks
+            for b in blocks
         ]
         parts.append(ring(washer_at, top, boss_top, taxel.boss_diameter_mm * MM, 0, density))
         parts.append(ring(washer_at, 0, depth, diameter, post_diameter_mm(spec) * MM, -density))
@@ -130,13 +135,18 @@ class TaxelModel:
         wall = max((self.plate.length_mm - diameter) / 2, THINNEST_WALL_MM)
         return Surroundings(frame * MM, wall * MM, np.where(at_plate, depth, 0.0) * MM, diameter / 2 * MM)
 
+    def crossbar_give_m(self, index: int) -> float:
+        """What a crossbar's torsion adds to the give of one beam's tip, of a single taxel."""
+        return float(self._twist_give_m(self.arrangement.beams[index]))
+
     def _twist_give_m(self, strip: Strip) -> Any:
         """What a crossbar's torsion adds to the tip's give: ``I_beam/J_bar · 2(1+ν) · arm``."""
         inertia = strip.width_mm * strip.thickness_mm**3 / 12
         return self.arrangement.tip_twist_per_mm3 * inertia * 2 * (1 + self.spec.material.poisson_ratio) * MM
 
     @property
-    def _elastic(self) -> tuple[float, float, float]:
+    def elastic(self) -> tuple[float, float, float]:
+        """Young's modulus in Pa, Poisson's ratio and density in kg/m³."""
         material = self.spec.material
         return (
             material.youngs_modulus_gpa * GPA,
@@ -147,7 +157,7 @@ class TaxelModel:
     @cached_property
     def modes(self) -> Modes:
         """All six modes."""
-        return suspended_modes(self.body, self.placements, *self._elastic)
+        return suspended_modes(self.body, self.placements, *self.elastic)
 
     @cached_property
     def washer_point_m(self) -> np.ndarray:
@@ -187,7 +197,7 @@ class TaxelModel:
         """Resonance by the paper's point-mass rule (Eq. 1-2): all of the body at the beam's tip."""
         topology = TOPOLOGIES[self.topology]
         width, thickness, length = (np.asarray(v, float) * MM for v in self.beam)
-        one = rule_stiffness(self._elastic[0], width, thickness, length, topology.END_FACTOR)
+        one = rule_stiffness(self.elastic[0], width, thickness, length, topology.END_FACTOR)
         return np.asarray(natural_frequency(topology.BEAMS * one, self.body.mass))
 
     @property
@@ -214,13 +224,19 @@ class TaxelModel:
 
     @property
     def error_estimate(self) -> np.ndarray:
-        """Estimated relative error of the resonance: nine in ten are off by less than 1.6 of it, all by less than three."""
+        """Estimated relative error (…,) of the resonance, as a standard deviation (`mode_errors`)."""
         return _take(self.mode_errors, self.working)
+
+    @property
+    def in_range(self) -> np.ndarray:
+        """Whether the beams are like those that the model was fitted to (…,); elsewhere solve the solid."""
+        return np.asarray(fitted(*(np.asarray(side, float) for side in self.beam)))
 
     @cached_property
     def mode_errors(self) -> np.ndarray:
-        """Estimated relative error (…, 6) of each mode's frequency (`padgen.physics.beam_error`)."""
-        modulus, poisson, _ = self._elastic
+        """Estimated relative error (…, 6) of each mode's frequency, as a standard deviation
+        (`padgen.physics.beam_error`)."""
+        modulus, poisson, _ = self.elastic
         energies = sum(
             uncertain_energies(beam, self.modes, modulus, poisson, self._held_by) for beam in self.placements
         )
@@ -240,7 +256,7 @@ class TaxelModel:
         shape = np.take_along_axis(self.modes.shape, self.working[..., None, None], -1)[..., 0]
         vertical = _take(self.modes.at_point(self.washer_point_m)[..., 2, :], self.working)
         motion = shape * (level_m / vertical)[..., None]
-        stresses = [bending_stress(beam, motion, self.modes.reference, *self._elastic[:2]) for beam in self.placements]
+        stresses = [bending_stress(beam, motion, self.modes.reference, *self.elastic[:2]) for beam in self.placements]
         return np.asarray(np.maximum.reduce(stresses))
 
 

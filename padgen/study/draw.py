@@ -2,7 +2,7 @@
 
 import io
 from collections.abc import Sequence
-from math import isfinite
+from math import ceil, floor, isfinite, log10
 from typing import TYPE_CHECKING, Any
 
 from padgen.study.judge import recommended_row
@@ -34,7 +34,7 @@ def study_pictures(results: Sequence[Judged], tolerances: Sequence[float], name:
         figure, axes = _figure(max(len(panels), 1))
         for axis, (ladder, own) in zip(axes, panels.items(), strict=False):
             _panel(axis, ladder, own, tolerances)
-        figure.suptitle(f"{name}: error against run time; ringed is the quickest rung for a tolerance")
+        figure.suptitle(f"{name}: error against run time\nringed: the quickest rung for a tolerance", fontsize=10)
         return _bytes(figure, "svg"), _bytes(figure, "png")
 
 
@@ -96,8 +96,9 @@ def _panel(axis: Any, ladder: str, results: Sequence[Judged], tolerances: Sequen
         axis.plot([], [], "o", color=colour, label=model)
     for index, result in enumerate(results if len(results) > 1 else ()):
         axis.plot([], [], MARKS[index % len(MARKS)], color="#444444", label=result.ladder.subject)
+    places = [_place(result.rows[i]) for result, i in drawn]
     axis.set(xscale="log", yscale="log", xlabel="run time, s", ylabel="relative error (hollow: at most)")
-    axis.margins(0.12)
+    axis.set(xlim=_decades([x for x, _ in places]), ylim=_decades([y for _, y in places] + list(tolerances)))
     for tolerance in tolerances:
         axis.axhline(tolerance, color="#888888", linewidth=0.8, linestyle=(0, (2, 4)), zorder=1)
     axis.grid(alpha=0.2)
@@ -115,7 +116,14 @@ def _rings(axis: Any, results: Sequence[Judged], tolerances: Sequence[float]) ->
         for index, names in held.items():
             place = _place(result.rows[index])
             axis.plot(*place, "o", color="black", markerfacecolor="none", markersize=12, zorder=2)
-            axis.annotate(", ".join(names), place, xytext=(9, 5), textcoords="offset points", fontsize=7)
+            right = {"xytext": (8, 5), "textcoords": "offset points", "fontsize": 7, "zorder": 4}
+            axis.annotate(", ".join(names), place, **right, bbox={"color": "white", "alpha": 0.7, "pad": 0.5})
+
+
+def _decades(values: Sequence[float]) -> tuple[float, float]:
+    """Whole decades around `values`, so that every axis has labels."""
+    low, high = (10.0 ** round_(log10(value)) for round_, value in ((floor, min(values)), (ceil, max(values))))
+    return (low / 1.5, high * 1.5) if high > low else (low / 1.5, high * 10)
 
 
 def _shown(row: Row) -> bool:

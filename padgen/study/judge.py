@@ -3,8 +3,9 @@
 The reference of a ladder is the last rung of its series `reference`. Two refinements lead to it:
 with differences d₁, then d₂, and their ratio r = d₂/d₁, a sequence that goes on falling by r has
 ``d₂ r/(1 − r)`` left, which is below d₂ for r ≤ ½ (Aitken's estimate; Roache, *Annu. Rev. Fluid Mech.*
-29, 1997, for grids). So the reference's own uncertainty is d₂, more when r is larger; differences
-that do not fall show nothing. An answer that comes with a proof needs no refinement.
+29, 1997, for grids). So the reference's own uncertainty is d₂, more when r is larger, and not less than
+a share of d₁: a last step that hardly changed anything may have refined what does not matter.
+Differences that do not fall show nothing. An answer that comes with a proof needs no refinement.
 """
 
 from collections.abc import Iterable, Sequence
@@ -23,6 +24,8 @@ ROUNDING = 1e-12
 """Relative differences that are as good as none."""
 SLOWEST = 0.7
 """Largest ratio of two differences that counts as falling."""
+FASTEST = 0.05
+"""Smallest ratio that is believed."""
 CLEAR = 3.0
 """Errors are counted for an order when they are so many times the reference's uncertainty."""
 CAUTION = 2.0
@@ -64,20 +67,22 @@ def _uncertainty(ladder: Ladder, measured: Sequence[Measured], solved: Sequence[
         return inf, False, f"not shown to be converged: two refinements to {name} are missing"
     first, second = (_distance(ladder, measured[a], measured[b]) for a, b in pairwise(solved[-3:]))
     said = f"the last two refinements to {name} changed it by {first:.2g} and {second:.2g}"
-    if second <= ROUNDING:
-        return max(second, ROUNDING), True, said
     ratio = second / first if first > 0 else inf
-    if ratio <= SLOWEST:
-        return second * max(1.0, ratio / (1 - ratio)), True, said
+    if second <= ROUNDING or ratio <= SLOWEST:
+        left = second * max(1.0, ratio / (1 - ratio)) if ratio <= SLOWEST else second
+        return max(left, FASTEST * first, ROUNDING), True, said
     return CAUTION * max(first, second), False, f"not shown to be converged: {said}"
 
 
-def _distance(ladder: Ladder, one: Measured, other: Measured) -> float:
-    """Largest difference of two answers, relative as the ladder says; inf where they have no common shape."""
-    a, b = one.values, other.values
-    if a is None or b is None or a.shape != b.shape:
+def _distance(ladder: Ladder, one: Measured, other: Measured, to: Measured | None = None) -> float:
+    """Largest difference of two answers, relative to `to` (the second of them) as the ladder says.
+
+    inf where they have no common shape.
+    """
+    a, b, size = one.values, other.values, (to or other).values
+    if a is None or b is None or size is None or not a.shape == b.shape == size.shape:
         return inf
-    scale = np.abs(b) if ladder.relative_to == "each" else np.full(b.shape, np.abs(b).max(initial=0.0))
+    scale = np.abs(size) if ladder.relative_to == "each" else np.full(size.shape, np.abs(size).max(initial=0.0))
     difference = np.abs(a - b)
     with np.errstate(divide="ignore", invalid="ignore"):
         relative = np.where(difference > 0, difference / scale, 0.0)
@@ -105,7 +110,7 @@ def _orders(ladder: Ladder, rows: Sequence[Row], uncertainty: float) -> tuple[Or
         if theory and theory.same_limit:
             order = _order_of_errors(steps, [row.error for row in own], uncertainty)
         else:
-            gaps = [_distance(ladder, a.measured, b.measured) for a, b in pairwise(own)]
+            gaps = [_distance(ladder, a.measured, b.measured, own[-1].measured) for a, b in pairwise(own)]
             order = observed_order(steps, gaps)
         found.append(Order(name, order, theory))
     return tuple(found)

@@ -38,7 +38,7 @@ def edge_energy_shares(netgen_mesh: Any, shares: np.ndarray) -> dict[str, float]
     stride = int(nodes.max()) + 1
     one, other = np.triu_indices(4, 1)
     pairs = np.minimum(nodes[:, one], nodes[:, other]) * stride + np.maximum(nodes[:, one], nodes[:, other])
-    found = {}
+    found: dict[str, float] = {}
     for index in np.unique(segments["index"]):
         own = ends[segments["index"] == index]
         along = np.isin(pairs, own[:, 0] * stride + own[:, 1]).any(1)

@@ -13,25 +13,43 @@ import numpy as np
 from padgen.errors import SolverError, number
 from padgen.verify.engines import engine
 
-__all__ = ["CLAMPS", "PRINTED", "WASHER", "Fineness", "clamped_shape", "edge_angles", "meshed", "taxel_shape"]
+__all__ = [
+    "CLAMPED",
+    "CLAMPS",
+    "PRINTED",
+    "WASHER",
+    "Fineness",
+    "clamped_shape",
+    "coarse_mesh",
+    "edge_angles",
+    "meshed",
+    "singular_edges",
+    "taxel_shape",
+]
 
 PRINTED, WASHER, CLAMPED = "printed", "washer", "clamped"
 CLAMPS = ("sides", "bottom", "root")
 """What is held: the outer vertical faces of the frame, its underside, or the face of smallest x only."""
 REENTRANT_DEG = 190.0
 VOLUME_SHARE = 0.01
+LOST_VOLUME = 1e-9
 
 
 class Fineness(NamedTuple):
     """How fine a mesh is: `levels` of layers round singular edges, each `factor` as thick as the last,
-    in tetrahedra of at most `largest_mm` that grow by `grading` (0 slow, 1 fast)."""
+    in tetrahedra of at most `largest_mm` and `per_face` times the root of a face's area, that grow by
+    `grading` (0 slow, 1 fast); `curvature` elements to a radius, `per_edge` at least along an edge."""
 
     levels: int = 2
-    factor: float = 0.2
+    factor: float = 0.25
     largest_mm: float = 1e3
     grading: float = 0.9
     curvature: float = 1.0
     per_edge: float = 0.3
+    per_face: float = 1.0
+
+
+USUAL = Fineness()
 
 
 def taxel_shape(step: Path, washer_volume_mm3: float) -> Any:
@@ -112,8 +130,9 @@ def _lies_at(face: Any, axis: int, place: float, near: float) -> bool:
     return abs(low - place) < near and abs(high - place) < near
 
 
-def meshed(shape: Any, fineness: Fineness = Fineness(), where: str = "taxel") -> Any:
-    """NGSolve mesh of `shape` (see `clamped_shape`), refined at its singular edges; not curved yet.
+def meshed(shape: Any, fineness: Fineness = USUAL, where: str = "taxel", layered: set[str] | None = None) -> Any:
+    """NGSolve mesh of `shape` (see `clamped_shape`), with layers along the edges named in `layered`, all
+    singular ones by default; not curved yet.
 
     Raises
     ------
@@ -121,15 +140,34 @@ def meshed(shape: Any, fineness: Fineness = Fineness(), where: str = "taxel") ->
         Netgen cannot mesh it, e.g. a beam thinner than it resolves.
     """
     ngsolve = engine("ngsolve")
-    for number_, edge in enumerate(shape.edges):
-        edge.name = f"edge{number_}"
-    angles = edge_angles(_netgen(shape, fineness, where, surface_only=True))
-    clamped = {edge.name for face in shape.faces if face.name == CLAMPED for edge in face.edges}
-    _mark(shape.edges, clamped | {name for name, angle in angles.items() if angle > REENTRANT_DEG})
+    if layered is None:
+        layered = singular_edges(shape, coarse_mesh(shape, fineness, where))
+    _mark(shape.edges, layered)
     mesh = ngsolve.Mesh(_netgen(shape, fineness, where))
-    if fineness.levels:
-        mesh.RefineHP(fineness.levels, fineness.factor)
+    if not fineness.levels:
+        return mesh
+    volume = ngsolve.Integrate(1.0, mesh)
+    mesh.RefineHP(fineness.levels, fineness.factor)
+    if not abs(ngsolve.Integrate(1.0, mesh) / volume - 1) < LOST_VOLUME:
+        raise SolverError("layers round its edges tear the mesh: a part is thinner than the mesh resolves", where)
     return mesh
+
+
+def coarse_mesh(shape: Any, fineness: Fineness = USUAL, where: str = "taxel") -> Any:
+    """Netgen mesh of `shape` without layers; names the edges of the shape ``edge0``, ``edge1``, …"""
+    for place, edge in enumerate(shape.edges):
+        edge.name = f"edge{place}"
+    _mark(shape.edges, set())
+    for face in shape.faces:
+        # Long thin faces bend: no element longer than a square of the same area.
+        face.maxh = min(fineness.largest_mm, fineness.per_face * face.mass**0.5)
+    return _netgen(shape, fineness, where)
+
+
+def singular_edges(shape: Any, mesh: Any) -> set[str]:
+    """Names of the edges where stress is singular: re-entrant ones and those of clamped faces."""
+    clamped = {edge.name for face in shape.faces if face.name == CLAMPED for edge in face.edges}
+    return clamped | {name for name, angle in edge_angles(mesh).items() if angle > REENTRANT_DEG}
 
 
 def _mark(edges: Iterable[Any], singular: set[str]) -> None:
@@ -137,9 +175,8 @@ def _mark(edges: Iterable[Any], singular: set[str]) -> None:
         edge.hpref = 1.0 if edge.name in singular else 0.0
 
 
-def _netgen(shape: Any, fineness: Fineness, where: str, surface_only: bool = False) -> Any:
-    occ, meshing = engine("netgen.occ"), engine("netgen.meshing")
-    last = meshing.MeshingStep.MESHSURFACE if surface_only else meshing.MeshingStep.MESHVOLUME
+def _netgen(shape: Any, fineness: Fineness, where: str) -> Any:
+    occ = engine("netgen.occ")
     try:
         # Netgen's own threads made meshing 10 times slower on a busy machine.
         mesh = occ.OCCGeometry(shape).GenerateMesh(
@@ -148,13 +185,11 @@ def _netgen(shape: Any, fineness: Fineness, where: str, surface_only: bool = Fal
             curvaturesafety=fineness.curvature,
             segmentsperedge=fineness.per_edge,
             parallel_meshing=False,
-            perfstepsend=last,
         )
     except Exception as error:
-        raise SolverError(
-            f"Netgen cannot mesh it ({_first_line(error)}): a part is thinner than it resolves", where
-        ) from error
-    if not surface_only and mesh.ne == 0:
+        why = f"Netgen cannot mesh it ({_first_line(error)}): a part is thinner than it resolves"
+        raise SolverError(why, where) from error
+    if mesh.ne == 0:
         raise SolverError("Netgen's mesh of it is empty: a part is thinner than it resolves", where)
     return mesh
 

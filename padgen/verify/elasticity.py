@@ -12,15 +12,27 @@ import numpy as np
 
 from padgen.errors import SolverError, number
 from padgen.physics.taxel_modes import TaxelModes
+from padgen.verify.elastic_adapt import edge_energy_shares, energy_shares
 from padgen.verify.elastic_material import Elastic, Orthotropy
-from padgen.verify.elastic_mesh import PRINTED, WASHER, Fineness, clamped_shape, meshed, taxel_shape
-from padgen.verify.elastic_modes import assembled, eigenmodes, factored, rigid_loads
+from padgen.verify.elastic_mesh import (
+    PRINTED,
+    WASHER,
+    Fineness,
+    clamped_shape,
+    coarse_mesh,
+    meshed,
+    singular_edges,
+    taxel_shape,
+)
+from padgen.verify.elastic_modes import Eigen, System, accurate, assembled, eigenmodes, factored, rigid_loads
 from padgen.verify.engines import engine
 
-__all__ = ["Elastic", "Orthotropy", "SolidModes", "SolidTaxel", "converged_modes", "solve_modes"]
+__all__ = ["SETTINGS", "Elastic", "Orthotropy", "SolidModes", "SolidTaxel", "converged_modes", "solve_modes"]
 
-SETTINGS = ((3, 1), (3, 2), (4, 2), (4, 3))
+SETTINGS = ((3, 1), (3, 2), (4, 2), (4, 3), (4, 4))
 """(order, levels), cheapest first."""
+EDGE_SHARE = 0.05
+"""Layers are worth while along an edge whose tetrahedra hold more of a mode's energy than this."""
 
 
 class SolidTaxel(NamedTuple):
@@ -36,10 +48,10 @@ class SolidTaxel(NamedTuple):
     clamp: str = "sides"
 
     @property
-    def loaded_washer(self) -> Elastic:
-        """The washer's material with the glue's mass in its density."""
+    def materials(self) -> dict[str, Elastic]:
+        """Materials by name of solid, the glue's mass in the washer's density."""
         density = self.washer.density_kg_per_m3 + self.glue_kg / (self.washer_volume_mm3 * 1e-9)
-        return self.washer._replace(density_kg_per_m3=density)
+        return {PRINTED: self.printed, WASHER: self.washer._replace(density_kg_per_m3=density)}
 
 
 class SolidModes(NamedTuple):
@@ -57,6 +69,36 @@ class SolidModes(NamedTuple):
     seconds: dict[str, float]
 
 
+class _Draft(NamedTuple):
+    """A taxel's solid and the edges that its modes, solved on a coarse mesh, strain."""
+
+    taxel: SolidTaxel
+    shape: Any
+    layered: set[str]
+
+
+class _Answer(NamedTuple):
+    """`loads` (n, 6) on the washer, the static `answers` (n, 6) to them, and the modes."""
+
+    system: System
+    loads: np.ndarray
+    answers: np.ndarray
+    eigen: Eigen
+
+
+class _Clock:
+    """Processor time by stage."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self.last = time.process_time()
+
+    def stop(self, stage: str) -> None:
+        now = time.process_time()
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + now - self.last
+        self.last = now
+
+
 def solve_modes(taxel: SolidTaxel, order: int = 3, levels: int = 2, modes: int = 6) -> SolidModes:
     """The lowest modes of `taxel` by elements of `order` with `levels` of layers round singular edges.
 
@@ -67,12 +109,15 @@ def solve_modes(taxel: SolidTaxel, order: int = 3, levels: int = 2, modes: int =
     SolverError
         The STEP file does not hold a taxel, cannot be meshed, or the solver does not converge.
     """
-    mesh, seconds = _taxel_mesh(taxel, Fineness(levels=levels))
-    return _solved(taxel, mesh, order, levels, modes, seconds)
+    if order < 2 or levels < 0 or modes < 1:
+        raise SolverError(f"needs order ≥ 2, levels ≥ 0 and modes ≥ 1, got {order}, {levels} and {modes}", "elasticity")
+    clock = _Clock()
+    draft = _drafted(taxel, clock)
+    return _solved(taxel, _layered(draft, levels, clock), (order, levels), modes, clock)
 
 
 def converged_modes(taxel: SolidTaxel, tolerance: float = 1e-3, modes: int = 6) -> SolidModes:
-    """Modes with the estimated error of the first below `tolerance`, the cheapest setting that does.
+    """Modes with the estimated error of the working mode below `tolerance`, by the cheapest setting that does.
 
     The estimate is the change from one order to the next on one mesh.
 
@@ -81,51 +126,75 @@ def converged_modes(taxel: SolidTaxel, tolerance: float = 1e-3, modes: int = 6) 
     SolverError
         No setting reaches `tolerance`; otherwise as `solve_modes`.
     """
-    if not tolerance > 0:
-        raise SolverError(f"must be above 0, got {number(tolerance)}, e.g. 0.001", "tolerance")
-    best = np.inf
+    if not 0 < tolerance < 1:
+        raise SolverError(f"must lie between 0 and 1, got {number(tolerance)}, e.g. 0.001", "tolerance")
+    clock, best = _Clock(), float("inf")
+    draft = _drafted(taxel, clock)
+    mesh, coarser = None, None
     for order, levels in SETTINGS:
-        mesh, seconds = _taxel_mesh(taxel, Fineness(levels=levels))
-        lower = _solved(taxel, mesh, order - 1, levels, modes, seconds)
-        found = _solved(taxel, mesh, order, levels, modes, seconds)
-        change = np.abs(lower.modes.frequency_hz / found.modes.frequency_hz - 1)
-        best = min(best, float(change[0]))
-        if change[0] < tolerance:
-            return found._replace(error=change)
-    raise SolverError(f"the first mode is known to {best:.1e} at best, asked was {tolerance:.1e}", str(taxel.step))
+        if mesh is None or coarser is None or coarser.levels != levels:
+            mesh = _layered(draft, levels, clock)
+            coarser = _solved(taxel, mesh, (order - 1, levels), modes, clock)
+        found = _solved(taxel, mesh, (order, levels), modes, clock)
+        error = np.abs(coarser.modes.frequency_hz / found.modes.frequency_hz - 1)
+        best = min(best, float(error[found.modes.working]))
+        if best < tolerance:
+            return found._replace(error=error)
+        coarser = found
+    raise SolverError(f"its working mode is known to {best:.1e} at best, asked was {tolerance:.1e}", str(taxel.step))
 
 
-def _taxel_mesh(taxel: SolidTaxel, fineness: Fineness) -> tuple[Any, dict[str, float]]:
+def _drafted(taxel: SolidTaxel, clock: _Clock) -> _Draft:
     engine("ngsolve").SetNumThreads(1)
-    started = time.process_time()
     shape = clamped_shape(taxel_shape(taxel.step, taxel.washer_volume_mm3), taxel.clamp)
-    read = time.process_time()
-    mesh = meshed(shape, fineness, str(taxel.step))
-    return mesh, {"read": read - started, "mesh": time.process_time() - read}
+    clock.stop("read")
+    mesh = coarse_mesh(shape, where=str(taxel.step))
+    singular = singular_edges(shape, mesh)
+    clock.stop("mesh")
+    answer = _answered(taxel, engine("ngsolve").Mesh(mesh), 2, 6, clock)
+    shares = edge_energy_shares(mesh, energy_shares(answer.system, taxel.materials, answer.eigen))
+    layered = {edge for edge in singular if shares.get(edge, 0.0) > EDGE_SHARE}
+    clock.stop("modes")
+    return _Draft(taxel, shape, layered)
 
 
-def _solved(taxel: SolidTaxel, mesh: Any, order: int, levels: int, modes: int, before: dict[str, float]) -> SolidModes:
-    clock = [time.process_time()]
-    washer = taxel.loaded_washer
-    system = assembled(mesh, {PRINTED: taxel.printed, WASHER: washer}, order)
-    clock.append(time.process_time())
-    solve = factored(system)
-    clock.append(time.process_time())
-    loads = rigid_loads(system, WASHER, washer.density_kg_per_m3, taxel.washer_x_mm)
-    answers = np.array([solve(load) for load in loads.T]).T
+def _layered(draft: _Draft, levels: int, clock: _Clock) -> Any:
+    mesh = meshed(draft.shape, Fineness(levels=levels), str(draft.taxel.step), draft.layered)
+    clock.stop("mesh")
+    return mesh
+
+
+def _answered(taxel: SolidTaxel, mesh: Any, order: int, modes: int, clock: _Clock) -> _Answer:
+    """Statics and modes, in blocks where rounding allows."""
+    density = taxel.materials[WASHER].density_kg_per_m3
+    for blocks in (True, False):
+        system = assembled(mesh, taxel.materials, order, blocks=blocks)
+        loads = rigid_loads(system, WASHER, density, taxel.washer_x_mm)
+        clock.stop("assemble")
+        solve = factored(system)
+        clock.stop("factor")
+        answers = np.array([solve(load) for load in loads.T]).T
+        if accurate(system, solve, loads, answers):
+            break
+    else:
+        raise SolverError("stiff and soft parts lie too far apart for double precision", str(taxel.step))
     eigen = eigenmodes(system, solve, modes, answers)
+    clock.stop("modes")
+    return _Answer(system, loads, answers, eigen)
+
+
+def _solved(taxel: SolidTaxel, mesh: Any, setting: tuple[int, int], modes: int, clock: _Clock) -> SolidModes:
+    order, levels = setting
+    system, loads, answers, eigen = _answered(taxel, mesh, order, modes, clock)
     motion = eigen.shape.T @ loads
-    static = loads.T @ answers
     modal = motion.T @ (motion / (2 * np.pi * eigen.frequency_hz[:, None]) ** 2)
-    clock.append(time.process_time())
-    stages = dict(zip(("assemble", "factor", "modes"), np.diff(clock).tolist(), strict=True))
     return SolidModes(
-        TaxelModes(eigen.frequency_hz, motion, static - modal),
+        TaxelModes(eigen.frequency_hz, motion, loads.T @ answers - modal),
         order,
         levels,
         int(system.free.sum()),
         mesh.ne,
         eigen.residual,
         np.full(len(eigen.frequency_hz), np.nan),
-        before | stages,
+        dict(clock.seconds),
     )

@@ -13,9 +13,9 @@ from padgen.verify.force_ladder import Pull, force_rung, solid_pull
 
 __all__ = ["axisymmetric_pull", "force_ladders", "named_pull", "three_d_pull"]
 
-AXISYMMETRIC = ((3, 1), (4, 2), (5, 3), (5, 4))
-SOLID = ((2, 1), (3, 1), (4, 1))
-"""(order, levels of refinement at the edges of steel)."""
+AXISYMMETRIC = ((3, 1), (4, 2), (5, 3), (6, 4))
+SOLID = ((2, 1), (3, 2), (4, 3))
+"""(order, levels of refinement at the edges of steel): both are refined at a time."""
 COAXIAL, OFF_AXIS = "axisymmetric field", "3-D field"
 ENGINE = ("ngsolve", "netgen.occ", "netgen.geom2d", "scipy.sparse.linalg", "padgen.verify.force_ladder")
 LEAST_OFFSET_MM = 1e-3

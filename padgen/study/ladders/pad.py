@@ -14,7 +14,7 @@ from padgen.verify.pad_reduction import ReducedPad, Resolution, reduced_pad
 
 __all__ = ["clamped_hz", "pad_hz", "pad_ladders"]
 
-SEAMS = (Degrees(2, 1), Degrees(3, 2), Degrees(4, 2), Degrees(5, 3))
+SEAMS = (Degrees(2, 1), Degrees(4, 3), Degrees(6, 4))
 """Degrees of the polynomials along a seam and through the frame's height."""
 REDUCED = "reduced pad"
 CLAMPING = "corners"
@@ -54,7 +54,7 @@ def pad_hz(plan: Plan, steps: Mapping[int, Path], degrees: Degrees) -> Solved:
 
     pad = _reduced(plan, steps, degrees)
     found = crosstalk(pad, pad_modes(pad))
-    return Solved(np.array([one.resonance_hz for one in found]), len(pad.assembly.square))
+    return Solved(np.array([one.resonance_hz for one in found]), pad.assembly.size)
 
 
 def _channels(plan: Plan) -> list[int]:

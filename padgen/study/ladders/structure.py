@@ -14,15 +14,21 @@ from padgen.spec import Spec
 from padgen.study.ladders.scene import Scene, chosen_channels
 from padgen.study.rung import Ladder, Rung, Solved, Theory
 
-__all__ = ["beam_hz", "graded_hz", "rule_hz", "structure_ladders", "uniform_hz"]
+__all__ = ["beam_hz", "frame_hz", "graded_hz", "rule_hz", "structure_ladders", "uniform_hz"]
 
 GRADED = ((1, 1), (2, 1), (3, 1), (3, 2), (4, 2))
 """(order, levels of refinement at singular edges), each finer than the one before."""
+ELEMENTS, FULL = (1, 2, 4, 8), 4
+FRAME, FRAMES = "frame, cubic elements", ("padgen.planner.taxel_frame",)
 SIZES_MM = (2.0, 1.0, 0.5)
 UNIFORM = "solid p = 2, even elements"
 REFERENCE = "solid, graded"
 SINGULAR = 2 * 0.5445
 """Twice the exponent of stress at a free re-entrant edge of 270° (Williams, J. Appl. Mech. 19, 1952)."""
+THEORY = {
+    FRAME: Theory(4, "frequencies by cubic shapes and consistent mass; what the flares' fixed slices err by stays"),
+    UNIFORM: Theory(SINGULAR, "stress is singular at re-entrant edges, whatever the order p", True),
+}
 ENGINE = ("ngsolve", "netgen.occ", "scipy.sparse.linalg", "padgen.verify.elasticity")
 
 
@@ -36,7 +42,7 @@ def structure_ladders(scene: Scene) -> Iterator[Ladder]:
             "Hz",
             tuple(_rungs(scene, channel)),
             REFERENCE,
-            theory={UNIFORM: Theory(SINGULAR, "stress is singular at re-entrant edges, whatever the order p", True)},
+            theory=THEORY,
         )
 
 
@@ -44,6 +50,11 @@ def _rungs(scene: Scene, channel: Channel) -> Iterator[Rung]:
     spec, plan = scene.spec, scene.plan
     yield Rung("rule", "point mass", partial(rule_hz, spec, channel))
     yield Rung("beam", "6 motions of a rigid body", partial(beam_hz, spec, channel))
+    for elements in ELEMENTS:
+        solve = partial(frame_hz, spec, channel, elements, False)
+        yield Rung("frame", f"{elements} element{'s' * (elements > 1)} a beam", solve, FRAME, 1 / elements, FRAMES)
+    solve = partial(frame_hz, spec, channel, FULL, True)
+    yield Rung("frame", f"{FULL} elements with inner motions", solve, imports=FRAMES)
     step = scene.steps[channel.index]
     for size in SIZES_MM:
         solve = partial(uniform_hz, plan, channel, step, 2, size)
@@ -67,6 +78,23 @@ def rule_hz(spec: Spec, channel: Channel) -> Solved:
 def beam_hz(spec: Spec, channel: Channel) -> Solved:
     """By the model that plans are made with."""
     return Solved(np.array([_model(spec, channel).resonance_hz]), 6)
+
+
+def frame_hz(spec: Spec, channel: Channel, elements: int, inner: bool) -> Solved:
+    """By a frame of `elements` along each beam, with motions within the elements or without."""
+    from padgen.physics.frame import frame_modes
+    from padgen.planner.taxel_frame import taxel_frame
+
+    model = _model(spec, channel)
+    frame = taxel_frame(model, elements)
+    frame = frame if inner else frame._replace(bubbles=0)
+    modes = frame_modes(frame)
+    arm = np.asarray(model.washer_point_m) - frame.bodies[0].body.centroid
+    plate = modes.body_motion[:, 0]
+    vertical = plate[:, 2] + plate[:, 3] * arm[1] - plate[:, 4] * arm[0]
+    working = int(np.abs(vertical / modes.frequency_hz).argmax())
+    unknowns = 6 * (len(frame.nodes) - len(frame.clamped))
+    return Solved(modes.frequency_hz[[working]], unknowns, modes.residual)
 
 
 def graded_hz(plan: Plan, channel: Channel, step: Path, order: int, levels: int) -> Solved:

@@ -1,0 +1,356 @@
+"""What a term that a plan's models drop can change at most: closed forms, a few operations each.
+
+SI units. Relative errors are of the dropped term against the figure without it; 1 stands for all of it,
+infinite for a bound that does not hold there. `docs/measure_left_out.py` compares each with a finer model.
+"""
+
+from math import inf, pi, sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from padgen.physics.beams import BeamSection
+from padgen.physics.magnetics import SolenoidCoil, SteelRing, _core_charges, _flat_spheroid_factor, flux_density
+from padgen.physics.modes import BeamPlacement, Modes, _carry
+
+__all__ = [
+    "WasherMoment",
+    "beam_inertia",
+    "coil_poles",
+    "core_eddies",
+    "core_polarisation",
+    "far_coils",
+    "gap_change",
+    "motional_voltage",
+    "mutual_shielding",
+    "pull_softening",
+    "saturation_loss",
+    "switching_delay",
+    "washer_eddies",
+    "washer_moment",
+]
+
+MU_0 = 4e-7 * pi
+EXPONENT_SLOPE = 0.7
+"""Largest |dm/d ln gap| of a pull ``gap^-m`` (docs/measure_left_out.py: 0.64 over the templates)."""
+
+
+def beam_inertia(
+    beams: list[BeamPlacement], modes: Modes, working: np.ndarray, modulus: float, poisson: float, density: float
+) -> np.ndarray:
+    """Relative error (n,) of the resonance of mode `working` (n,) by what `tip_mass` leaves out of its beams.
+
+    A beam that is condensed to its tip misses, in shares of the mode's kinetic energy: its own modes
+    between held ends, between 0 and ``T ω²/(ω₁² − ω²)`` with its share T and the lowest of them ω₁ (the
+    exact dynamic stiffness in partial fractions; the shares of the modes in T add to 1); the rotary
+    inertia of its sections; and how far the give of its ends and shear change its deflection from the
+    cubic between held ends. Half of the sum is the relative error. ω₁ is taken low, after Dunkerley, from
+    bending, shear and rotary inertia. Infinite where the mode is not below ω₁.
+    """
+    angular = 2 * pi * np.take_along_axis(modes.frequency_hz, working[..., None], -1)[..., 0]
+    motion = np.take_along_axis(modes.shape, working[..., None, None], -1)
+    least: Any = 0.0
+    most: Any = 0.0
+    for beam in beams:
+        tip = (_carry(beam, modes.reference) @ motion)[..., 0]
+        low, high = _missed_energy(beam.section, tip, angular**2, modulus, poisson, density)
+        least, most = least + low, most + high
+    return np.asarray(np.maximum(np.abs(least), np.abs(most)) / 2)
+
+
+def _missed_energy(
+    section: BeamSection, tip: np.ndarray, square: np.ndarray, modulus: float, poisson: float, density: float
+) -> tuple[Any, Any]:
+    """Least and most kinetic energy that a beam misses over that of the mode, `tip` (…, 6) being its tip's motion."""
+    width, thickness, length = (np.asarray(v, float) for v in section[:3])
+    shear_modulus = modulus / (2 * (1 + poisson))
+    shear_speed = 10 * (1 + poisson) / (12 + 11 * poisson) * shear_modulus / density
+    line = density * width * thickness
+    missed = doubt = shear_doubt = 0.0 * length
+    give = section.give
+    bends = (
+        (thickness, 2, 4, -1, give.root, give.tip, give.shear),
+        (width, 1, 5, 1, give.lateral_root, give.lateral_tip, give.lateral_shear),
+    )
+    for height, shift, turn, sign, root, end, slip in bends:
+        deflected, held = _deflections(tip[..., shift], sign * tip[..., turn] * length, root / length, end / length)
+        bending_speed = modulus / density * height**2 / 12
+        # 1/ω₁² of bending between held ends that give, of shear, and of rotary inertia.
+        slow = (length + root + end) ** 4 / (4.730**4 * bending_speed)
+        slow = slow + length * (length + 2 * slip) / (pi**2 * shear_speed) + length**2 * density / (pi**2 * modulus)
+        sheared = 12 * bending_speed * (length + 2 * slip) / (shear_speed * length**3)
+        energy = line * length * _shifting(deflected)
+        missed = missed + energy - line * length * _shifting(held)
+        missed = missed + line * height**2 / 12 / length * _turning(deflected)
+        shear_doubt = shear_doubt + 0.5 * energy * sheared / (1 + sheared)
+        doubt = doubt + energy * _dynamic(square * slow)
+    along = line * length / 3
+    polar, twist = (width**2 + thickness**2) / 12, _torsion(width, thickness) * shear_modulus
+    wave = square * (length / pi) ** 2
+    doubt = doubt + along * tip[..., 0] ** 2 * _dynamic(wave * density / modulus)
+    doubt = doubt + along * polar * tip[..., 3] ** 2 * _dynamic(wave * line * polar / twist)
+    return missed - shear_doubt, missed + shear_doubt + doubt
+
+
+def _deflections(shift: Any, turn: Any, root: Any, tip: Any) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    """Slope at the root, shift and slope at the tip of a beam of unit length: one whose ends give, one whose do not.
+
+    `shift` and `turn` are the body's; an end that gives by ``g`` lengths turns by ``g w''``.
+    """
+    determinant = (1 + 4 * root) * (1 + 4 * tip) - 4 * root * tip
+    at_root = (6 * root * shift * (1 + 4 * tip) - 2 * root * (turn + 6 * tip * shift)) / determinant
+    at_tip = ((turn + 6 * tip * shift) * (1 + 4 * root) - 12 * tip * root * shift) / determinant
+    return (at_root, shift, at_tip), (0.0 * shift, shift, turn)
+
+
+def _shifting(deflection: tuple[Any, ...]) -> Any:
+    """∫ w² of a cubic with w = 0 at the root, from its `_deflections`."""
+    a, w, b = deflection
+    return 13 / 35 * w**2 - 11 / 105 * w * b + (a**2 + b**2) / 105 + 13 / 210 * a * w - a * b / 70
+
+
+def _turning(deflection: tuple[Any, ...]) -> Any:
+    """∫ w'² of the same."""
+    a, w, b = deflection
+    return (36 * w**2 - 6 * w * (a + b) + 4 * (a**2 + b**2) - 2 * a * b) / 30
+
+
+def _torsion(width: np.ndarray, thickness: np.ndarray) -> np.ndarray:
+    """A torsion constant that is low: ``a b³/3 (1 − 0.63 b/a)`` of a rectangle a × b."""
+    a, b = np.maximum(width, thickness), np.minimum(width, thickness)
+    low: np.ndarray = a * b**3 / 3 * (1 - 0.63 * b / a)
+    return low
+
+
+def _dynamic(slowness: Any) -> Any:
+    """ω²/(ω₁² − ω²) from (ω/ω₁)²."""
+    return np.where(slowness < 1, slowness / np.maximum(1 - slowness, 1e-300), inf)
+
+
+class WasherMoment(NamedTuple):
+    """A washer in a coil's field: field (n,) in T/A, moment (n,) in A·m²/A, and for saturation the largest
+    polarisation (n,) in T/A with how much of a share of it the force feels, χN (n,)."""
+
+    field: np.ndarray
+    moment: np.ndarray
+    polarisation: np.ndarray
+    chi_n: np.ndarray
+
+
+def washer_moment(coil: SolenoidCoil, washer: SteelRing, gap: float, offset: np.ndarray) -> WasherMoment:
+    """What the coil makes of washers `offset` (n,) m off its axis, from the field at two points of each.
+
+    The points lie on the middle line of the ring, nearest to and farthest from the coil's axis, on the
+    washer's underside. Demagnetised by direction as in `magnetics.force_constant`.
+    """
+    outer, inner = washer.outer_diameter / 2, washer.inner_diameter / 2
+    at = offset + np.array([[-1.0], [1.0]]) * (outer + inner) / 2
+    radial, axial = flux_density(coil, np.maximum(np.abs(at), 1e-6 * outer), np.full_like(at, gap))
+    radial = radial * np.sign(at)
+    ring_share = (outer - inner) / (outer - inner + washer.thickness)
+    share = np.array([_flat_spheroid_factor(2 * outer / washer.thickness), 1 - ring_share, ring_share])
+    chi = washer.permeability - 1
+    eased = chi / (1 + chi * share)
+    one_sided = radial.mean(0)
+    field = np.stack([np.broadcast_to(one_sided, radial.shape), radial - one_sided, axial])  # (3, 2, n)
+    polarisation = eased[:, None, None] * field
+    energy = (polarisation * field).mean(1)
+    size = np.hypot(polarisation[0] + polarisation[1], polarisation[2])
+    mean = eased[:, None] * np.sqrt((field**2).mean(1))
+    volume = pi * (outer**2 - inner**2) * washer.thickness
+    # A share of the disc's own volume, not the ring's: its middle is bridged by the flux around it.
+    moment = volume / MU_0 * np.hypot(mean[0] * outer**2 / (outer**2 - inner**2), mean[2])
+    weight = energy / energy.sum(0)
+    return WasherMoment(
+        np.sqrt((radial**2 + axial**2).mean(0)),
+        moment,
+        size.max(0),
+        1 / (weight / (chi * share[:, None])).sum(0) if chi > 0 else np.full(len(offset), inf),
+    )
+
+
+def core_polarisation(coil: SolenoidCoil) -> tuple[float, float]:
+    """Largest mean polarisation in T/A of a section of the core, and χN of the core; 0 and inf without one.
+
+    The flux that has entered the core above a section is the magnetic charge above it.
+    """
+    if coil.core_diameter <= 0 or coil.core_permeability <= 1:
+        return 0.0, inf
+    _, _, charge = _core_charges(coil)
+    area = pi / 4 * coil.core_diameter**2
+    demagnetised = (coil.core_permeability - 1) / (1 + 4 * coil.length / coil.core_diameter / sqrt(pi))
+    return MU_0 * float(np.abs(np.cumsum(charge)).max()) / area, demagnetised
+
+
+def saturation_loss(polarised_share: Any, chi_n: Any) -> Any:
+    """Share by which a body's magnetisation falls short when it is `polarised_share` = J/J_s of the way to saturation.
+
+    A steel after Fröhlich has ``χ(1 − J/J_s)`` in the place of χ; in a field that demagnetises by N the
+    magnetisation ``χ/(1 + χN)`` then falls by ``s/(1 + χN(1 − s))``. s is taken a quarter larger, since
+    edges saturate first. All of it from J_s on.
+    """
+    s = 1.25 * np.asarray(polarised_share, float)
+    return np.where(s < 1, s / (1 + chi_n * np.maximum(1 - s, 0)), 1.0)
+
+
+def core_eddies(coil: SolenoidCoil, resistivity: float, frequency: float) -> float:
+    """Relative change of the core's field at `frequency` in Hz by eddy currents in a core of `resistivity` in Ω·m.
+
+    A long round rod answers with ``μ 2J₁(ka)/(ka J₀(ka))``, ``k² = −jωμ/ρ``. By the partial fractions of
+    ``z J₀/2J₁`` the inverse of that differs from 1 by at most ``(a/δ)²/4``, and by its modulus by
+    ``a/(√2 δ) + 1``, δ the skin depth; demagnetised, by that over ``1 + χN``. Eddies at the ends of a core of
+    finite length count as half of diameter over length more.
+    """
+    _, chi_n = core_polarisation(coil)
+    depths = coil.core_diameter / 2 / _skin_depth(resistivity, coil.core_permeability, frequency)
+    ends = 1 + coil.core_diameter / coil.length / 2
+    return ends * min(depths**2 / 4, depths / sqrt(2) + 1) / (1 + chi_n)
+
+
+def washer_eddies(washer: SteelRing, resistivity: float, frequency: float) -> float:
+    """Relative change of a washer's field at `frequency` in Hz by eddy currents.
+
+    Along the plane a sheet answers with ``tanh x/x``, ``x = (1+j) t/2δ``, whose inverse differs from 1 by at
+    most ``2 (t/2δ)²/3``; through the plane a disc screens by at most ``μ0 ω t r/(2ρ)``.
+    """
+    chi_n = (washer.permeability - 1) * _flat_spheroid_factor(washer.outer_diameter / washer.thickness)
+    depths = washer.thickness / 2 / _skin_depth(resistivity, washer.permeability, frequency)
+    along = 2 * depths**2 / 3 / (1 + chi_n)
+    through = MU_0 * 2 * pi * frequency * washer.thickness * washer.outer_diameter / 4 / resistivity
+    return along + through
+
+
+def _skin_depth(resistivity: float, permeability: float, frequency: float) -> float:
+    return sqrt(resistivity / (pi * frequency * MU_0 * permeability)) if frequency > 0 else inf
+
+
+def motional_voltage(
+    pull: np.ndarray, amplitude: np.ndarray, resonance: np.ndarray, drive: np.ndarray, bias: np.ndarray, coil: Any
+) -> np.ndarray:
+    """Relative error (n,) of each channel's current when its voltage is set as if nothing moved.
+
+    The coil's flux has ``2 c z i`` more, c being its `pull` in N/A² and z the washer's motion of `amplitude` in m
+    at `resonance`. With a line of the current at `drive` in Hz it makes voltages at the sum and the difference
+    of the two frequencies, with a constant current of `bias` times that line one at the resonance. `coil` is
+    its impedance in Ω as a function of frequency. Errors at all frequencies are added, and the errors that
+    they make in turn: infinite where those do not die out.
+    """
+    flux = pull * amplitude
+    error = np.zeros(len(pull))
+    for beside in (resonance + drive, np.abs(resonance - drive)):
+        error += flux * 2 * pi * beside / np.abs(coil(beside))
+    error += 2 * bias * flux * 2 * pi * resonance / np.abs(coil(resonance))
+    return np.where(error < 1, error / np.maximum(1 - error, 1e-300), inf)
+
+
+def switching_delay(
+    static: np.ndarray, pulse: np.ndarray, resonance: np.ndarray, q: np.ndarray, quiet: np.ndarray, lag: float
+) -> np.ndarray:
+    """Relative error (n,) of the ring-down time when a coil is switched off.
+
+    Beside the tone's own vibration the taxel is set free from the mean pull, `static` of its ON amplitude,
+    and pushed on by the coil's current, which takes `lag` = L/R in s to die: a pull that falls with L/2R from
+    `pulse`, its deflection at rest over the ON amplitude. `quiet` is the ratio at which it counts as quiet.
+    Infinite where nothing rings down, or where the current outlasts the vibration.
+    """
+    angular, ring_up = 2 * pi * resonance, q / (pi * resonance)
+    fall = (2 / lag if lag > 0 else inf) - 1 / ring_up
+    kick = pulse * angular / np.sqrt(np.maximum(fall, 0) ** 2 + angular**2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where((fall > 0) & (quiet > 1), np.log1p(static + kick) / np.log(quiet), inf)
+
+
+def gap_change(deflection: Any, amplitude: Any, gap: float, exponent: Any) -> np.ndarray:
+    """Relative error of a force that is taken at the flat gap when the washer hangs `deflection` nearer to the coil.
+
+    A pull ``gap^-m`` whose exponent itself changes by at most 0.7 for a change of the gap by e; swinging
+    by `amplitude` adds the mean of the second order. Infinite where the washer would touch the coil.
+    """
+    nearer = (np.asarray(deflection, float) + amplitude) / gap
+    with np.errstate(divide="ignore", invalid="ignore"):
+        log_gap = -np.log1p(-np.asarray(deflection, float) / gap)
+        m = np.abs(exponent) + EXPONENT_SLOPE / 2 * log_gap
+        swing = (m * (m + 1) + EXPONENT_SLOPE) * (np.asarray(amplitude) / (gap - deflection)) ** 2 / 4
+        return np.where(nearer < 1, np.expm1(m * log_gap) + swing, inf)
+
+
+def pull_softening(static: Any, deflection: Any, gap: float, exponent: Any) -> np.ndarray:
+    """Relative error of a resonance by the pull's negative stiffness, ``1 − √(1 − κ)``, 1 from pull-in on.
+
+    ``κ = m z/(g − d)`` with the pull's own deflection z, `static` at the flat gap g, and all of the washer's,
+    d; z and m may be larger by what `gap_change` says. All lengths in one unit.
+    """
+    log_gap = -np.log1p(-np.minimum(np.asarray(deflection, float) / gap, 1 - 1e-12))
+    grown = static * (1 + gap_change(deflection, 0.0, gap, exponent))
+    softer = (np.abs(exponent) + EXPONENT_SLOPE * log_gap) * grown / (gap * np.exp(-log_gap))
+    return np.asarray(1 - np.sqrt(np.maximum(1 - softer, 0)))
+
+
+def mutual_shielding(moment: np.ndarray, field: np.ndarray, place: np.ndarray, diameter: float) -> np.ndarray:
+    """Relative error (n,) of the pull on each washer of a coil by the field of the other washers.
+
+    Dipoles of `moment` (n,) in A·m² at `place` (n, 2) in m, each taken to point along the line to the washer
+    that it disturbs, where its field is ``μ0 m/(2π d³)``, over the coil's own `field` (n,) there. Washers of
+    `diameter` are no points: that adds about ``(diameter/d)²``.
+    """
+    apart = np.linalg.norm(place[:, None] - place[None], axis=-1)
+    np.fill_diagonal(apart, inf)
+    near = 1 + (diameter / apart) ** 2
+    return np.asarray((near * MU_0 * moment / (2 * pi * apart**3)).sum(-1) / np.where(field > 0, field, inf))
+
+
+def coil_poles(coil: SolenoidCoil) -> np.ndarray:
+    """A coil as magnetic poles on its axis: charge in A·m/A and height in m over its top, shape (4, 2).
+
+    The winding's ends, and core's positive and negative charges, each pair where its middle is.
+    """
+    outer, inner = coil.outer_diameter / 2, coil.inner_diameter / 2
+    area = pi * (outer**2 + outer * inner + inner**2) / 3
+    winding = coil.turns * area / coil.length
+    poles = [(winding, 0.0), (-winding, -coil.length), (0.0, 0.0), (0.0, 0.0)]
+    if coil.core_diameter > 0 and coil.core_permeability > 1:
+        _, height, charge = _core_charges(coil)
+        for k, sign in ((2, charge > 0), (3, charge < 0)):
+            total = float(charge[sign].sum())
+            poles[k] = (total, float((charge[sign] * height[sign]).sum()) / total)
+    return np.array(poles)
+
+
+def far_coils(
+    poles: np.ndarray, height: float, place: np.ndarray, near: np.ndarray, far: np.ndarray, easiness: np.ndarray
+) -> np.ndarray:
+    """Relative growth (n,) of the leakage on washers at `place` (n, 2) by the coils `far` (k, 2) beside those `near`.
+
+    Coils as `coil_poles`, at `height` over the coils' tops; `easiness` (3,) as in `physics.leakage`. Pulls of
+    two coils together are at most the products of the lengths of their fields and gradients.
+    """
+    own = _pole_field(poles, height, place[:, None])
+    beside = _pole_field(poles, height, place[:, None] - near)
+    away = [_length(v, easiness).sum(1) for v in _pole_field(poles, height, place[:, None] - far)]
+    (field, slope), (own_field, own_slope) = beside, own
+    weighed = field * easiness
+    mutual = np.einsum("nkc,nlc->nkl", weighed, slope)
+    squares = np.abs(mutual + np.swapaxes(mutual, 1, 2)).sum((1, 2))
+    products = np.abs(weighed @ np.swapaxes(own_slope, 1, 2) + (slope * easiness) @ np.swapaxes(own_field, 1, 2))
+    lengths = [_length(v, easiness).sum(1) for v in beside]
+    own_lengths = [_length(v, easiness)[:, 0] for v in own]
+    more = 2 * (away[0] * (lengths[1] + away[1]) + away[1] * lengths[0])
+    parts = (more, squares), (away[0] * own_lengths[1] + away[1] * own_lengths[0], products.sum((1, 2)))
+    growth = [np.divide(add, to, out=np.where(add > 0, inf, 0.0), where=to > 0) for add, to in parts]
+    return np.asarray(np.maximum(*growth))
+
+
+def _pole_field(poles: np.ndarray, height: float, away: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Field (n, k, 3) in A/m per ampere and its slope along z, `away` (n, k, 2) in m from a coil's axis."""
+    charge, below = poles.T
+    up = np.broadcast_to((height - below)[:, None], (*away.shape[:2], len(poles), 1))
+    arm = np.concatenate([np.broadcast_to(away[..., None, :], (*up.shape[:-1], 2)), up], -1)
+    square = (arm**2).sum(-1, keepdims=True)
+    weight = charge[:, None] / (4 * pi * square**1.5)
+    along = np.array([0.0, 0.0, 1.0]) - 3 * arm * up / square
+    return (weight * arm).sum(-2), (weight * along).sum(-2)
+
+
+def _length(vector: np.ndarray, easiness: np.ndarray) -> np.ndarray:
+    length: np.ndarray = np.sqrt((vector**2 * easiness).sum(-1))
+    return length

@@ -1,0 +1,138 @@
+"""Taxels with all their modes: what a finger on the boss feels of a line that the coil pulls with.
+
+Each mode is a resonator of its own. How far the pull at the taxel's site excites it is the pull's wrench
+along the mode's motion; what the finger feels of it is the vertical motion of the boss, its mean square over
+the boss' disc of radius a: ``z² + a²/4 (θx² + θy²)``, so that a plate that rolls about the boss is felt too.
+All modes add as complex amplitudes,
+
+    R(f) = Σ_k g_k / (1 − (f/f_k)² + j f/(f_k Q)),   g_k = (φ_k·W) o(φ_k) / (2π f_k)²,
+
+with the mass-normalised motion φ_k of the washer, the wrench W for one newton of pull, and
+``o(φ) = (φ_z, a/2 φ_θx, a/2 φ_θy)``, three parts whose energies add. (Modal superposition with one loss
+factor: Ewins, *Modal Testing*, 2nd ed. 2000, 2.5.)
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from padgen.physics.taxel_modes import TaxelModes
+
+__all__ = ["LEFT_OUT", "STATIC_HZ", "ModalTaxels", "felt_energy", "felt_gains", "modal_taxels", "without_quiet_modes"]
+
+STATIC_HZ = 1e30
+"""A frequency of a mode that no line is near to: it answers as a spring does, to rounding."""
+LEFT_OUT = 1e-4
+"""Share of what the own mode lets an OFF taxel hear that modes may have together and be left out."""
+
+
+class ModalTaxels(NamedTuple):
+    """Taxels (n,) with modes (k,), and with what is felt of them (p,).
+
+    `frequency_hz` (n, k); `q` (n,), one for all modes of a taxel; `gain` (n, k, p): felt static amplitude
+    that each mode adds to one newton, over the amplitude that one newton at the own tone makes. A mode with
+    no gain is none. `left_out` (n,) bounds the relative error of an OFF taxel's amplitude in its worst state.
+    """
+
+    frequency_hz: np.ndarray
+    q: np.ndarray
+    gain: np.ndarray
+    left_out: np.ndarray
+
+
+def felt_gains(
+    modes: TaxelModes, wrench: np.ndarray, rest_motion: np.ndarray, boss_radius_m: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies (k + 1,) in Hz and felt static amplitudes (k + 1, 3) in m/N of the modes of one taxel.
+
+    `wrench` (6,) is that of one newton of pull, at the washer's axis on the bed's plane. The last one is what
+    `rest_motion` (6,), the static motion by modes that were not solved for (`TaxelModes.rest`), adds.
+    """
+    push = (modes.motion @ wrench) / (2 * np.pi * modes.frequency_hz) ** 2
+    motion = np.concatenate([modes.motion * push[:, None], rest_motion[None]])
+    return np.append(modes.frequency_hz, STATIC_HZ), motion[:, 2:5] * (1.0, boss_radius_m / 2, boss_radius_m / 2)
+
+
+def modal_taxels(frequency_hz: np.ndarray, gain: np.ndarray, q: np.ndarray, own_hz: np.ndarray) -> ModalTaxels:
+    """`ModalTaxels` from felt amplitudes `gain` (n, k, p) up to a factor of each taxel, and its own tone (n,).
+
+    Raises
+    ------
+    ValueError
+        A taxel is not moved by its own tone at all.
+    """
+    bare = ModalTaxels(frequency_hz, np.asarray(q, float), gain, np.zeros(len(gain)))
+    own = _answer(bare, slice(None), own_hz[:, None], 0.0)[:, 0]
+    if not (own > 0).all():
+        raise ValueError("a taxel must be moved by its own tone")
+    return bare._replace(gain=gain / np.sqrt(own)[:, None, None])
+
+
+def felt_energy(taxels: ModalTaxels, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0) -> np.ndarray:
+    """Energy (rows, lines) of taxels under lines (lines,) of one newton, over that of one newton at their own tone.
+
+    `rest` is what rounding left out of `frequency`, as in `resonator.relative_energy`.
+    """
+    return _answer(taxels, rows, frequency, rest)
+
+
+def without_quiet_modes(
+    taxels: ModalTaxels, own_hz: np.ndarray, line: np.ndarray, bias_ratio: float = 5.0
+) -> ModalTaxels:
+    """`taxels` without the modes that no line of any drive scheme makes heard, and the bound of what they were.
+
+    Amplitudes over lines add at most as Σ|line| · |mode's largest answer| (Minkowski): a mode answers with at
+    most ``Q/√(1−1/(4Q²))``, one above all lines with ``1/(1−(f/f_k)²)``, f the highest line there is, twice the
+    highest tone. The lines (n,) of all schemes have together at most twice the sum of the wanted ones, as root
+    of their squares, biased with less than half the tone as constant 1/`bias_ratio` times.
+    """
+    peak = taxels.q / np.sqrt(1 - 1 / (4 * taxels.q**2))
+    above = 1 - (2 * own_hz.max() / taxels.frequency_hz) ** 2
+    largest = 1 / np.maximum(above, 1 / peak[:, None])
+    size = np.sqrt((taxels.gain**2).sum(-1)) * largest * (max(2.0, 1 / bias_ratio) * line.sum() / line)[:, None]
+    heard = _heard_at_least(taxels, own_hz, line)
+    order = np.argsort(size, 1)
+    total = np.cumsum(np.take_along_axis(size, order, 1), 1)
+    quiet = total <= LEFT_OUT * heard[:, None]
+    missing = np.where(quiet, total, 0.0).max(1)
+    # The loudest first, so that what is left out by all can be cut off.
+    order, kept = order[:, ::-1], ~quiet[:, ::-1]
+    most = int(kept.sum(1).max())
+    gain = np.take_along_axis(taxels.gain, order[..., None], 1) * kept[..., None]
+    return taxels._replace(
+        frequency_hz=np.take_along_axis(taxels.frequency_hz, order, 1)[:, :most],
+        gain=gain[:, :most],
+        left_out=np.divide(missing, heard, out=np.zeros(len(heard)), where=heard > 0),
+    )
+
+
+def _heard_at_least(taxels: ModalTaxels, own_hz: np.ndarray, line: np.ndarray) -> np.ndarray:
+    """Amplitude (n,) of each taxel at the tone of the next one, over its own ON state: no more than what it hears."""
+    if len(line) < 2:
+        return np.zeros(len(line))
+    heard = (
+        np.sqrt(_answer(taxels, slice(None), np.roll(own_hz, by)[:, None], 0.0)[:, 0]) * np.roll(line, by) / line
+        for by in (1, -1)
+    )
+    return np.asarray(np.maximum(*heard))
+
+
+def _answer(taxels: ModalTaxels, rows: slice, frequency: np.ndarray, rest: np.ndarray | float) -> np.ndarray:
+    """Energy (rows, lines) of lines (lines,), or (rows, lines) where each taxel has its own."""
+    mode, gain = taxels.frequency_hz[rows, :, None], taxels.gain[rows].transpose(0, 2, 1)
+    frequency, rest = np.asarray(frequency)[..., None, :], np.asarray(rest)
+    share = frequency / mode
+    # As in `relative_energy`: a line keeps its distance to a mode at large Q.
+    stiff = mode - frequency
+    stiff -= rest[..., None, :] if rest.ndim else rest
+    stiff /= mode
+    stiff *= 1 + share
+    loss = share
+    loss /= taxels.q[rows, None, None]
+    scale = stiff * stiff
+    scale += loss * loss
+    stiff /= scale
+    loss /= scale
+    real, imaginary = gain @ stiff, gain @ loss
+    energy: np.ndarray = (real * real + imaginary * imaginary).sum(1)
+    return energy

@@ -1,0 +1,309 @@
+"""The findings about modes other than a taxel's own: which line of the drive they lie on, and what would clear them."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from itertools import islice
+from math import inf
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from padgen.errors import SpecError, number
+from padgen.finding import Finding
+from padgen.physics.ladder import slot_half_width
+from padgen.physics.modal import ModalTaxels, felt_energy
+from padgen.physics.selectivity import Channels, Scheme, all_states, pair_lines
+from padgen.planner.modes import MODES_DB, coil_modes, mode_names, modes_in_slots
+from padgen.planner.plan import Channel, Plan, channel_sets, without_none
+from padgen.planner.selectivity import placed_channels
+from padgen.planner.settings import scheme_named
+from padgen.planner.suspensions import TOPOLOGIES
+from padgen.spec import Spec, make_spec
+
+__all__ = ["Crowd", "crowds", "judge_modes"]
+
+KEPT_DB = 0.05
+"""What a change that clears the modes may cost."""
+MOST_TRIED = 14
+MOVES = (0.95, 1.05, 0.9, 1.1)
+LENGTHS, LAYERS = (0.85, 1.15, 0.7), (1, -1, 2)
+"""How far resonances and lengths are moved, and by how many layers beams are made thicker."""
+
+
+class Crowd(NamedTuple):
+    """A mode of a channel's taxel within reach of a line of the drive.
+
+    The line moves the taxel, OFF, by `planned` of its ON amplitude, all modes counted; by `at_peak` were this
+    mode's peak on it. `line` says which it is. `costs_db` is what the mode costs of the placed figure in all
+    states, where that was looked for.
+    """
+
+    channel: int
+    mode: int
+    hz: float
+    line_hz: float
+    line: str
+    at_peak: float
+    planned: float
+    is_spur: bool
+    costs_db: float = 0.0
+
+
+class _Lines(NamedTuple):
+    """All lines (l,) of i² that a coil's drive can make, in the unit of `Channels.line`, and by which channels."""
+
+    hz: np.ndarray
+    amplitude: np.ndarray
+    first: np.ndarray
+    second: np.ndarray
+    kind: np.ndarray
+
+
+KINDS = (
+    "the tone of channel {0}",
+    "twice the tone of channel {0}",
+    "the sum spur of {0} and {1}",
+    "the difference spur of {0} and {1}",
+)
+
+
+def crowds(spec: Spec, channels: Sequence[Channel], drive: str) -> list[Crowd]:
+    """Modes within a slot's half width of a line of `drive` that may let a taxel, OFF, pass 1/Δy of its ON amplitude.
+
+    Or that cost more than `MODES_DB`. The loudest line of each mode.
+    """
+    scheme, found = scheme_named(spec, drive), list[Crowd]()
+    for own in channel_sets(channels, spec.coil.sets) if len(channels) > spec.coil.sets else ():
+        which, modes = placed_channels(spec, own), coil_modes(spec, own)
+        lines = _lines(which, scheme)
+        near = {(crowd.channel, crowd.mode): crowd for crowd in _near(spec, own, which, modes, lines)}
+        costly = {(crowd.channel, crowd.mode): crowd for crowd in _costly(own, which, modes, lines, scheme)}
+        found += (near | costly).values()
+    return found
+
+
+def _lines(which: Channels, scheme: Scheme) -> _Lines:
+    count = len(which.line)
+    index = np.arange(count)
+    parts = [(which.resonance_hz, which.line, index, index, 0)]
+    if scheme.name == "biased":
+        harmonic = which.line**2 / (4 * scheme.bias_ratio * which.line.max())
+        parts.append((2 * which.resonance_hz, harmonic, index, index, 1))
+    if scheme.has_pair_spurs and count > 2:
+        frequency, _, amplitude = pair_lines(which, scheme)
+        pair = np.triu_indices(count, 1)
+        parts += [(frequency[k], amplitude, *pair, 2 + k) for k in (0, 1)]
+    kind = np.concatenate([np.full(len(part[0]), part[4]) for part in parts])
+    hz, amplitude, first, second = (np.concatenate([part[k] for part in parts]) for k in range(4))
+    return _Lines(hz, amplitude, first, second, kind)
+
+
+def _near(spec: Spec, own: Sequence[Channel], which: Channels, modes: ModalTaxels, lines: _Lines) -> Iterator[Crowd]:
+    half = slot_half_width(spec.q_min, spec.delta_y)
+    order = np.argsort(lines.hz)
+    ascending = lines.hz[order]
+    for i, channel in enumerate(own):
+        for k in _others(channel):
+            hz = channel.modes_hz[k]
+            ends = np.searchsorted(ascending, (hz / (1 + half), hz / (1 - half) if half < 1 else inf))
+            some = order[ends[0] : ends[1]]
+            some = some[(lines.first[some] != i) & (lines.second[some] != i)]
+            if len(some):
+                line = int(some[lines.amplitude[some].argmax()])
+                crowd = _crowd(own, which, modes, lines, (i, k, line))
+                if crowd.at_peak > 1 / spec.delta_y:
+                    yield crowd
+
+
+def _costly(
+    own: Sequence[Channel], which: Channels, modes: ModalTaxels, lines: _Lines, scheme: Scheme
+) -> Iterator[Crowd]:
+    """Modes without which the coil would keep more than `MODES_DB` more."""
+    kept = all_states(which, scheme, modes)
+    if all_states(which, scheme).db - kept.db <= MODES_DB:
+        return
+    channel = own[kept.off]
+    for k in _others(channel):
+        gain = modes.gain.copy()
+        gain[kept.off, k] = 0.0
+        costs_db = all_states(which, scheme, modes._replace(gain=gain)).db - kept.db
+        if costs_db > MODES_DB:
+            heard = felt_energy(_alone(modes, kept.off, k), slice(None), lines.hz)[0] * lines.amplitude**2
+            heard *= (lines.first != kept.off) & (lines.second != kept.off)
+            yield _crowd(own, which, modes, lines, (kept.off, k, int(heard.argmax())))._replace(costs_db=costs_db)
+
+
+def _others(channel: Channel) -> list[int]:
+    working = int(np.argmax(channel.mode_shares))
+    return [k for k in range(len(channel.modes_hz)) if k != working]
+
+
+def _alone(modes: ModalTaxels, i: int, k: int) -> ModalTaxels:
+    return ModalTaxels(modes.frequency_hz[[i]][:, [k]], modes.q[[i]], modes.gain[[i]][:, [k]], modes.left_out[[i]])
+
+
+def _crowd(
+    own: Sequence[Channel], which: Channels, modes: ModalTaxels, lines: _Lines, at: tuple[int, int, int]
+) -> Crowd:
+    """The `Crowd` of taxel, mode and line by their indices."""
+    i, k, line = at
+    ratio = float(lines.amplitude[line] / which.line[i])
+    hz, line_hz = own[i].modes_hz[k], float(lines.hz[line])
+    makers = own[lines.first[line]].index, own[lines.second[line]].index
+    return Crowd(
+        own[i].index,
+        k,
+        hz,
+        line_hz,
+        KINDS[lines.kind[line]].format(*makers),
+        ratio * float(np.sqrt(felt_energy(_alone(modes, i, k), slice(None), np.array([hz]))[0, 0])),
+        ratio * float(np.sqrt(felt_energy(modes, slice(i, i + 1), np.array([line_hz]))[0, 0])),
+        bool(lines.kind[line]),
+    )
+
+
+def judge_modes(spec: Spec, plan: Plan) -> Iterator[Finding]:
+    """Findings about modes on lines of the drive, and about what all modes cost."""
+    found = crowds(spec, plan.channels, plan.selectivity.drive)
+    tried = list(_tries(spec, plan, found)) if found else []
+    yield from _silent(spec, plan, found)
+    for crowd in found:
+        name = mode_names(spec, plan.channels[crowd.channel])[crowd.mode]
+        cost = f", and costs {crowd.costs_db:.1f} dB, at most {number(MODES_DB)}" if crowd.costs_db else ""
+        yield Finding(
+            "warning",
+            "modes.crowded",
+            f"channel {crowd.channel}",
+            f"its {name} mode at {number(crowd.hz)} Hz lies near {crowd.line} ({number(crowd.line_hz)} Hz), which moves"
+            f" it by {crowd.planned:.2g} of its ON amplitude, OFF, and by {crowd.at_peak:.2g} if a print brings the two"
+            f" together, at most {number(1 / spec.delta_y)}{cost}; {_remedy(tried, crowd)}",
+        )
+    figures = plan.selectivity
+    if (figures.modes_cost_db or 0.0) > MODES_DB and figures.placed_all_states_db is not None:
+        worst = max(found, key=lambda crowd: crowd.costs_db, default=None)
+        most = ""
+        if worst and worst.costs_db:
+            name = mode_names(spec, plan.channels[worst.channel])[worst.mode]
+            most = f", {worst.costs_db:.1f} dB of it by the {name} mode of channel {worst.channel}"
+        yield Finding(
+            "warning",
+            "selectivity.modes",
+            "coil",
+            "the taxels' other modes, which a pull beside the washers' axes excites, cost"
+            f" {figures.modes_cost_db:.1f} dB in all states{most}: {figures.placed_all_states_db:.1f} dB are left, at"
+            f" most {number(MODES_DB)} dB should be lost; {_remedy(tried, worst)}",
+        )
+
+
+def _silent(spec: Spec, plan: Plan, found: Sequence[Crowd]) -> Iterator[Finding]:
+    loud = {(crowd.channel, crowd.hz) for crowd in found}
+    silent = [(c, other) for c, other in modes_in_slots(spec, plan) if (c.index, c.second_mode_hz) not in loud]
+    if silent:
+        listed = ", ".join(f"{c.index} at {number(c.second_mode_hz)} Hz on {o.index}" for c, o in silent)
+        yield Finding(
+            "note",
+            "modes.near",
+            "channels " + ", ".join(str(index) for index in dict.fromkeys(c.index for c, _ in silent)),
+            f"a second mode lies in another channel's slot ({listed}); the coil's pull excites it too little to pass"
+            f" {number(1 / spec.delta_y)} of the ON amplitude, a washer glued off its place would excite it more",
+        )
+
+
+class _Try(NamedTuple):
+    """A change of the spec in words, what the plan then keeps, and whose modes are then crowded; None: no such pad."""
+
+    words: str
+    kept_db: float
+    left: tuple[int, ...] | None
+
+
+def _remedy(tried: Sequence[_Try], crowd: Crowd | None) -> str:
+    """The first change that clears all modes, else one that clears this channel's; computed, not guessed."""
+    known = [(item.words, item.kept_db, item.left) for item in tried if item.left is not None]
+    for words, kept_db, left in sorted(known, key=lambda item: len(item[2])):
+        if not left:
+            return f"{words} clears all modes and keeps {kept_db:.1f} dB"
+        if crowd and crowd.channel not in left:
+            channels = ", ".join(str(index) for index in dict.fromkeys(left))
+            return f"{words} clears it and keeps {kept_db:.1f} dB, with modes of channels {channels} left"
+    return f"none of {len(tried)} changes of resonances, beams, suspension and drive that were tried clears it"
+
+
+def _tries(spec: Spec, plan: Plan, found: Sequence[Crowd]) -> Iterator[_Try]:
+    """What may be tried, until all modes are clear, without losing more than `KEPT_DB` of what is asked."""
+    least = min(plan.selectivity.kept_db or 0.0, plan.selectivity.asked_db) - KEPT_DB
+    for words, changed in islice(_changes(spec, plan, found), MOST_TRIED):
+        again = _planned_again(plan, changed)
+        left = None
+        if again and again.kept_db >= least:
+            left = tuple(crowd.channel for crowd in crowds(changed, again.channels, again.drive))
+        yield _Try(
+            words, again.kept_db if again else -inf, left if left is not None and len(left) < len(found) else None
+        )
+        if left == ():
+            return
+
+
+class _Again(NamedTuple):
+    """Channels of another spec, their drive and what it keeps."""
+
+    channels: tuple[Channel, ...]
+    drive: str
+    kept_db: float
+
+
+def _planned_again(plan: Plan, spec: Spec) -> _Again | None:
+    """What another spec makes of the same coils; None where it takes others, or none at all."""
+    from padgen.planner.capacity import channel_limit
+    from padgen.planner.channels import plan_channels
+    from padgen.planner.layout import candidates
+    from padgen.planner.search import sites_of, sized_layouts
+    from padgen.planner.selectivity import plan_selectivity
+
+    sized = next(sized_layouts(spec, candidates(spec, channel_limit(spec))), None)
+    if sized is None:
+        return None
+    layout, beams = sized
+    if (layout.rows, layout.columns, layout.channels) != (plan.coils.rows, plan.coils.columns, len(plan.sets[0])):
+        return None
+    channels = plan_channels(spec, beams, sites_of(spec, layout, beams))
+    if any(channel.force_constant_n_per_a2 <= 0 for channel in channels):
+        return None
+    figures = plan_selectivity(spec, channels)
+    return _Again(channels, figures.drive, figures.kept_db if figures.kept_db is not None else inf)
+
+
+def _changes(spec: Spec, plan: Plan, found: Sequence[Crowd]) -> Iterator[tuple[str, Spec]]:
+    table = without_none(asdict(spec))
+    for words, changed in _tables(spec, plan, found):
+        try:
+            yield words, make_spec(without_none({**table, **changed}))
+        except SpecError:
+            continue
+
+
+def _tables(spec: Spec, plan: Plan, found: Sequence[Crowd]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Changes of the spec that move modes or lines, those first that touch least."""
+    suspension, channels = asdict(spec.suspension), plan.channels
+    if any(crowd.is_spur for crowd in found):
+        for name in ("spur-free", "biased", "tones"):
+            if name != plan.selectivity.drive:
+                yield f"drive = {name!r}", {"drive": {**asdict(spec.drive), "scheme": name}}
+    if len(dict.fromkeys(crowd.channel for crowd in found)) == 1:
+        for factor in MOVES:
+            hz = [float(f"{c.target_hz * (factor if c.index == found[0].channel else 1):.4g}") for c in channels]
+            yield f"resonances_hz = [{', '.join(f'{f:g}' for f in hz)}]", {"resonances_hz": hz}
+    if spec.spacing == "optimised" and not spec.resonances_hz:
+        return  # an optimum is sought again for every other suspension
+    for name in TOPOLOGIES:
+        if {c.beam.topology for c in channels} != {name}:
+            yield f"suspension.topology = {name!r}", {"suspension": {**suspension, "topology": name}}
+    if len({c.beam.thickness_mm for c in channels}) == 1:
+        for layers in LAYERS:
+            thickness = round(channels[0].beam.thickness_mm + layers * spec.printer.layer_mm, 6)
+            changed = {"suspension": {**suspension, "thickness_mm": thickness}}
+            if thickness >= spec.printer.first_layer_mm:
+                yield f"suspension.thickness_mm = {thickness:g}", changed
+    for factor in LENGTHS:
+        length = round(max(c.beam.length_mm for c in channels) * factor, 1)
+        yield f"suspension.length_mm = {length:g}", {"suspension": {**suspension, "length_mm": length}}

@@ -1,0 +1,307 @@
+"""What the plan's models leave out for this pad, and what that may change at most."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from math import inf, isfinite
+
+import numpy as np
+
+from padgen.errors import number
+from padgen.finding import Finding
+from padgen.physics.bounds import (
+    beam_inertia,
+    coil_poles,
+    core_eddies,
+    core_polarisation,
+    far_coils,
+    gap_change,
+    motional_voltage,
+    mutual_shielding,
+    pull_softening,
+    saturation_loss,
+    switching_delay,
+    washer_eddies,
+    washer_moment,
+)
+from padgen.physics.frame_flexibility import SUPPORTS, Ribs, TaxelReaction, shift_bound
+from padgen.physics.leakage import _easiness
+from padgen.physics.magnetics import impedance
+from padgen.physics.modal import felt_energy
+from padgen.planner.channels import magnetic_parts, squared_current_lines
+from padgen.planner.modes import coil_modes, heard_modes
+from padgen.planner.plan import Channel, Plan
+from padgen.planner.selectivity import placed_channels
+from padgen.planner.settings import scheme_named
+from padgen.planner.suspensions import BeamShape, PlateShape
+from padgen.planner.taxel_model import TaxelModel
+from padgen.spec import Spec
+from padgen.units import G_PER_CM3, GPA, GRAM, MA, MH, MM, UM
+
+__all__ = ["RUNGS", "LeftOut", "judge_left_out", "left_out", "left_out_line"]
+
+SATURATION_T = 1.5
+"""Polarisation at saturation of the least of the steels of cores and washers (ferritic stainless; iron has 2.15 T)."""
+RESISTIVITY_OHM_M = 1e-7
+"""Of the best conductor among cores and washers, iron."""
+
+RUNGS = {
+    "saturation": "padgen study --only force solves the field with a B-H curve",
+    "eddy currents": "measure the force at the drive frequency, or take a laminated or ferrite core",
+    "shielding": "padgen study --only force solves the field with all washers",
+    "gap": "padgen study --only force tables the force against the gap",
+    "softening": "padgen study --only dynamics solves the coupled motion",
+    "motion": "padgen study --only dynamics solves the coupled motion",
+    "switching": "padgen study --only dynamics solves the coupled motion",
+    "far modes": "padgen study --only dynamics counts every mode",
+    "frame": "padgen study --only pad solves the whole pad",
+    "beam inertia": "--model solid solves the printed solid",
+    "far coils": "a wider pitch lets less of them through",
+}
+"""Where each term is computed, for those that a plan cannot compute."""
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """A term that the plan's models drop.
+
+    Leaving out `term` changes the quantity `of` by at most `bound`, in `unit` ('1': relative); None
+    where no bound holds, since the quantity itself breaks down. Where `computed`, the plan counts the
+    term and `bound` is what remains.
+    """
+
+    term: str
+    bound: float | None
+    unit: str
+    of: str
+    computed: bool
+
+
+def left_out(spec: Spec, plan: Plan) -> tuple[LeftOut, ...]:
+    """Every term that the models of `plan` drop, the largest bound first.
+
+    Each is of the channel where it is largest. What costs nothing is always computed and no entry: the
+    coil's reactance at the tones, shear of the beams, all channels of a coil.
+    """
+    found = [
+        _inertia(spec, plan),
+        _frame(spec, plan),
+        *_far_modes(spec, plan),
+        *_far_coils(spec, plan),
+        *_magnetic(spec, plan),
+    ]
+    return tuple(sorted(found, key=lambda entry: -_size(entry)))
+
+
+def left_out_line(entries: Sequence[LeftOut], most: int = 3) -> str:
+    """One line for people: the `most` largest of what is left out.
+
+    >>> left_out_line([LeftOut("saturation", 0.0031, "1", "force of channel 1", False)])
+    'left out: saturation ≤ 0.31 % of the force of channel 1'
+    """
+    dropped = [entry for entry in entries if not entry.computed]
+    words = [
+        f"{entry.term} {'without a bound' if entry.bound is None else f'≤ {_percent(entry.bound)}'} of the {entry.of}"
+        for entry in dropped[:most]
+    ]
+    rest = f"; {len(dropped) - most} more, each less" if len(dropped) > most else ""
+    return f"left out: {'; '.join(words)}{rest}" if words else "left out: nothing"
+
+
+def judge_left_out(spec: Spec, entries: Sequence[LeftOut]) -> Iterator[Finding]:
+    """A note for each dropped term that may change more than `model.tolerance`: what computes it."""
+    for entry in entries:
+        if _size(entry) > spec.model.tolerance and not entry.computed:
+            may = "without a bound" if entry.bound is None else f"by up to {_percent(entry.bound)}"
+            yield Finding(
+                "note",
+                "model.left_out",
+                entry.of,
+                f"{entry.term} is left out and may change it {may}, asked is {_percent(spec.model.tolerance)}"
+                f" (model.tolerance); {RUNGS[entry.term]}",
+            )
+
+
+def _size(entry: LeftOut) -> float:
+    return inf if entry.bound is None else entry.bound
+
+
+def _percent(share: float) -> str:
+    return f"{number(float(f'{share * 100:.2g}'))} %"
+
+
+def _worst(term: str, of: str, channels: Sequence[Channel], bound: np.ndarray) -> LeftOut:
+    """The entry of the channel with the largest of `bound` (n,)."""
+    at = int(np.argmax(bound))
+    largest = float(bound[at]) if isfinite(bound[at]) else None
+    return LeftOut(term, largest, "1", f"{of} of channel {channels[at].index}", computed=False)
+
+
+def _inertia(spec: Spec, plan: Plan) -> LeftOut:
+    if all(channel.model == "solid" for channel in plan.channels):
+        rest = max(plan.channels, key=lambda channel: channel.model_error)
+        return LeftOut("beam inertia", rest.model_error, "1", f"resonance of channel {rest.index}", computed=True)
+    plate = PlateShape(plan.plate.length_mm, plan.plate.width_mm, plan.plate.thickness_mm)
+    material, bound = spec.material, np.zeros(len(plan.channels))
+    elastic = material.youngs_modulus_gpa * GPA, material.poisson_ratio, material.density_g_per_cm3 * G_PER_CM3
+    for topology in dict.fromkeys(channel.beam.topology for channel in plan.channels):
+        own = [k for k, channel in enumerate(plan.channels) if channel.beam.topology == topology]
+        beams = [plan.channels[k].beam for k in own]
+        shape = BeamShape(*np.array([(b.width_mm, b.thickness_mm, b.length_mm) for b in beams]).T)
+        model = TaxelModel(spec, topology, plate, shape)
+        bound[own] = beam_inertia(model.placements, model.modes, model.working, *elastic)
+    return _worst("beam inertia", "resonance", plan.channels, bound)
+
+
+def _frame(spec: Spec, plan: Plan) -> LeftOut:
+    """Resonances on the pad's frame, screwed down at its corners or, without holes, glued down."""
+    support = SUPPORTS["corners" if spec.pad.hole_diameter_mm else "bottom"]
+    count = np.bincount([taxel.channel for taxel in plan.taxels], minlength=len(plan.channels))
+    moving_kg = float(count @ [channel.effective_mass_g for channel in plan.channels]) * GRAM
+    bound = []
+    for channel in plan.channels:
+        arrangement, ribs = plan.arrangement(channel), _ribs(spec, plan, channel)
+        arm_mm = max(abs(float(arrangement.washer_x_mm) - float(strip.root_x_mm)) for strip in arrangement.beams)
+        reaction = TaxelReaction(
+            channel.resonance_hz,
+            channel.stiffness_n_per_m,
+            channel.effective_mass_g * GRAM,
+            channel.q,
+            arm_mm * MM,
+            int(count[channel.index]),
+        )
+        bound.append(shift_bound(reaction, ribs, support, moving_kg))
+    return _worst("frame", "resonance", plan.channels, np.array(bound))
+
+
+def _ribs(spec: Spec, plan: Plan, channel: Channel) -> Ribs:
+    """The frame around a channel's taxel; the rib at the root has the thinnest of the others as its far half."""
+    pad, material, cell, site = spec.pad, spec.material, plan.cell, channel.site
+    length, width = (float(v) for v in plan.arrangement(channel).window_mm)
+    wide, deep = (cell.width_mm, cell.depth_mm)[:: 1 if site.along[1] == "x" else -1]
+    ahead, aside = np.subtract(site.centre_mm, site.origin_mm)[:: 1 if site.along[1] == "x" else -1]
+    middle, off = abs(float(ahead)), abs(float(aside))
+    root = wide / 2 - middle
+    thinnest = min(root, wide / 2 + middle - length, (deep - width) / 2 - off)
+    plastic = cell.columns * cell.rows * plan.coils.rows * plan.coils.columns * (wide * deep - length * width)
+    longer = max(pad.width_mm, pad.depth_mm)
+    around = (pad.width_mm + 2 * pad.border_mm) * (pad.depth_mm + 2 * pad.border_mm) - pad.width_mm * pad.depth_mm
+    return Ribs(
+        width_m=(root + max(thinnest, 0.0)) * MM,
+        height_m=pad.frame_thickness_mm * MM,
+        span_m=width * MM,
+        side_m=(longer + pad.border_mm) * MM,
+        share=1 - (length / wide + width / deep) / 2 * longer / (longer + 2 * pad.border_mm),
+        mass_kg=(plastic + around) * MM**2 * pad.frame_thickness_mm * MM * material.density_g_per_cm3 * G_PER_CM3,
+        modulus_pa=material.youngs_modulus_gpa * GPA,
+        poisson=material.poisson_ratio,
+    )
+
+
+def _far_modes(spec: Spec, plan: Plan) -> Iterator[LeftOut]:
+    """What `planner.modes.heard_modes` drops, at the tones of the other channels of a coil, all on."""
+    if not plan.selectivity.modes_left_out:
+        return
+    bound = np.concatenate([_unheard(spec, own) for own in plan.sets])
+    yield _worst("far modes", "OFF amplitude", [channel for own in plan.sets for channel in own], bound)
+
+
+def _unheard(spec: Spec, own: Sequence[Channel]) -> np.ndarray:
+    """Relative error (n,) of OFF amplitudes: by Cauchy's inequality, for each part of the motion that is felt."""
+    line, hz = placed_channels(spec, own).line, np.array([channel.resonance_hz for channel in own])
+    every, heard = coil_modes(spec, own), heard_modes(spec, own, line)
+    kept = np.where(heard.gain.any(-1), heard.frequency_hz, 0.0)
+    dropped = every.gain * ~(every.frequency_hz[..., None] == kept[:, None]).any(-1)[..., None]
+    weight = (line / line[:, None]) ** 2 * ~np.eye(len(line), dtype=bool)
+    amplitude, more = np.zeros(len(line)), np.zeros(len(line))
+    for part in range(dropped.shape[-1]):
+        taxels = heard._replace(gain=heard.gain[..., [part]]), every._replace(gain=dropped[..., [part]])
+        known, missed = (np.maximum((felt_energy(t, slice(None), hz) * weight).sum(1), 0.0) for t in taxels)
+        amplitude, more = amplitude + known, more + 2 * np.sqrt(known * missed) + missed
+    return np.divide(more, 2 * amplitude, out=np.zeros(len(line)), where=amplitude > 0)
+
+
+def _far_coils(spec: Spec, plan: Plan) -> Iterator[LeftOut]:
+    """Leakage of the coils that `planner.reuse` does not count: all beyond the eight around."""
+    grid = plan.coils
+    if plan.reuse.leak_db is None or plan.reuse.leak_channel is None or max(grid.rows, grid.columns) < 3:
+        return
+    coil, washer = magnetic_parts(spec)
+    x, y = (np.arange(-((count - 1) // 2), count // 2 + 1) for count in (grid.columns, grid.rows))
+    steps = np.stack(np.meshgrid(x, y, indexing="ij"), -1).reshape(-1, 2)
+    ring, away = np.abs(steps).max(1), np.abs(steps).sum(1) % grid.sets
+    place = np.array([channel.site.washer_mm for channel in plan.channels]) * MM
+    at = steps * np.array([grid.pitch_x_mm, grid.pitch_y_mm]) * MM
+    height = spec.coil.gap_mm * MM + washer.thickness / 2
+    growth = np.zeros(len(place))
+    for kind in range(grid.sets):
+        near, far = (at[(away == kind) & there] for there in (ring == 1, ring > 1))
+        growth = np.maximum(growth, far_coils(coil_poles(coil), height, place, near, far, _easiness(washer)))
+    bound = float(growth.max())
+    yield LeftOut("far coils", bound if isfinite(bound) else None, "1", "leak from coil to coil", computed=False)
+
+
+def _magnetic(spec: Spec, plan: Plan) -> Iterator[LeftOut]:
+    """The entries about force and current, of the channels that their coil pulls."""
+    channels = [channel for channel in plan.channels if channel.force_constant_n_per_a2 > 0]
+    if not channels:
+        return
+    coil, washer = magnetic_parts(spec)
+    offset = np.array([channel.site.coil_distance_mm for channel in channels]) * MM
+    moment = washer_moment(coil, washer, spec.coil.gap_mm * MM, offset)
+    peak_a = plan.load.current_peak_ma * MA
+    core_t, core_chi_n = core_polarisation(coil)
+    lost = 2 * saturation_loss(core_t * peak_a / SATURATION_T, core_chi_n)
+    lost = lost + saturation_loss(moment.polarisation * peak_a / SATURATION_T, moment.chi_n)
+    yield _worst("saturation", "force", channels, np.minimum(lost, 1.0))
+    drive = np.array([channel.drive_hz for channel in channels])
+    eddies = [2 * core_eddies(coil, RESISTIVITY_OHM_M, f) + washer_eddies(washer, RESISTIVITY_OHM_M, f) for f in drive]
+    yield _worst("eddy currents", "force", channels, np.array(eddies))
+    shielded = np.zeros(len(channels))
+    for own in _sets(channels, spec):
+        place = np.array([channels[k].site.washer_mm for k in own]) * MM
+        shielded[own] = mutual_shielding(moment.moment[own], moment.field[own], place, washer.outer_diameter)
+    if shielded.any():
+        yield _worst("shielding", "force", channels, shielded)
+    yield from _moving(spec, plan, channels)
+
+
+def _sets(channels: Sequence[Channel], spec: Spec) -> list[list[int]]:
+    """Which of `channels` are over one coil, for each kind of coil."""
+    kinds = [channel.index % spec.coil.sets for channel in channels]
+    return [own for kind in range(spec.coil.sets) if (own := [k for k, of in enumerate(kinds) if of == kind])]
+
+
+def _moving(spec: Spec, plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut]:
+    """What the washers' own motion changes."""
+    level, static, sag, exponent, ring_down, ring_up = np.array(
+        [(c.level_um, c.static_um, c.sag_um, c.pull_exponent, c.ring_down_ms, c.ring_up_ms) for c in channels]
+    ).T
+    gap_um = spec.coil.gap_mm * MM / UM
+    yield _worst("gap", "force", channels, gap_change(sag + static, level, gap_um, exponent))
+    yield _worst("softening", "resonance", channels, pull_softening(static, sag + static, gap_um, exponent))
+    yield _worst("motion", "current", channels, _motional(spec, plan, channels))
+    if not scheme_named(spec, plan.selectivity.drive).takes_turns and (ring_down > 0).any():
+        pull, stiffness, resonance, q = np.array(
+            [(c.force_constant_n_per_a2, c.stiffness_n_per_m, c.resonance_hz, c.q) for c in channels]
+        ).T
+        pulse = pull * (plan.load.current_peak_ma * MA) ** 2 / stiffness / (level * UM)
+        lag = spec.coil.inductance_mh * MH / spec.coil.resistance_ohm
+        delay = switching_delay(static / level, pulse, resonance, q, np.exp(ring_down / ring_up), lag)
+        yield _worst("switching", "ring-down", channels, np.where(ring_down > 0, delay, 0.0))
+
+
+def _motional(spec: Spec, plan: Plan, channels: Sequence[Channel]) -> np.ndarray:
+    scheme, bias = scheme_named(spec, plan.selectivity.drive), np.zeros(len(channels))
+    for own in _sets(channels, spec):
+        # The constant part of the current over the channel's line in it.
+        lines = squared_current_lines([channels[k] for k in own])
+        if scheme.name == "biased":
+            bias[own] = scheme.bias_ratio * lines.max() / lines
+        elif scheme.name == "spur-free":
+            bias[own] = 2 * (1 + spec.drive.headroom) * lines.sum() / lines
+    pull, level_m, resonance, drive = np.array(
+        [(c.force_constant_n_per_a2, c.level_um * UM, c.resonance_hz, c.drive_hz) for c in channels]
+    ).T
+    at = partial(impedance, spec.coil.resistance_ohm, spec.coil.inductance_mh * MH)
+    return motional_voltage(pull, level_m, resonance, drive, bias, at)

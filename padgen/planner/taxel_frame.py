@@ -1,0 +1,140 @@
+"""A taxel as a frame of elements: beams as they flare, crossbar and neck as beams of their own.
+
+One step above `TaxelModel`, which takes a crossbar as rigid but for its twist, and a beam's mass as
+that of the cubic deflection. Washer and plate stay rigid.
+"""
+
+from itertools import pairwise
+
+import numpy as np
+
+from padgen.physics.beams import BeamSection, flexibility
+from padgen.physics.frame import AttachedBody, Frame
+from padgen.physics.frame_element import Element, Section, rectangle
+from padgen.physics.rigid_body import RigidBody, box
+from padgen.planner.suspensions import Block
+from padgen.planner.taxel_model import TaxelModel
+from padgen.units import MM
+
+__all__ = ["taxel_frame"]
+
+FLARE_ELEMENTS = 4
+INNER_MOTIONS = 2
+
+
+def taxel_frame(model: TaxelModel, elements: int = 4, *, rigid_crossbar: bool = False) -> Frame:
+    """The frame of one taxel in its own axes, in m, with `elements` along each beam beyond its flare.
+
+    The first body is the plate with boss and washer; its modes' `body_motion[:, 0]` is at its centroid.
+    With `rigid_crossbar` crossbar and neck are rigid but for the crossbar's twist, as in `TaxelModel`.
+    """
+    builder = _Builder(model)
+    whole = rigid_crossbar or len(model.arrangement.blocks) == 1
+    tips = [builder.beam(k, elements, twisting_tip=whole) for k in range(len(model.placements))]
+    if whole:
+        return builder.frame([AttachedBody(model.body, tuple(tips))])
+    plate, neck, crossbar = model.arrangement.blocks
+    return builder.frame(builder.yoke(plate, neck, crossbar, tips))
+
+
+def _stations(section: BeamSection, elements: int) -> list[float]:
+    """Where elements begin and end along a beam, from its root in m: some within its flare."""
+    flare = min(float(section.fillet), float(section.length))
+    flared = np.linspace(0, flare, FLARE_ELEMENTS + 1)[:-1] if flare > 0 else np.zeros(0)
+    return [*flared.tolist(), *np.linspace(flare, float(section.length), elements + 1).tolist()]
+
+
+class _Builder:
+    """Collects nodes and elements of one taxel."""
+
+    def __init__(self, model: TaxelModel) -> None:
+        self.model = model
+        self.modulus, self.poisson, self.density = model.elastic
+        self.nodes: list[np.ndarray] = []
+        self.elements: list[Element] = []
+        self.roots: list[int] = []
+
+    def frame(self, bodies: list[AttachedBody]) -> Frame:
+        """All that was collected, with these bodies."""
+        return Frame(
+            np.array(self.nodes), tuple(self.elements), tuple(bodies), tuple(self.roots), bubbles=INNER_MOTIONS
+        )
+
+    def node(self, place: np.ndarray) -> int:
+        """A node at `place` (3,) in m; its index."""
+        self.nodes.append(np.asarray(place, float))
+        return len(self.nodes) - 1
+
+    def bar(self, start: int, end: int, section: Section) -> None:
+        """An element of the taxel's material."""
+        shear_modulus = self.modulus / (2 * (1 + self.poisson))
+        self.elements.append(Element(start, end, section, self.modulus, shear_modulus, self.density))
+
+    def beam(self, index: int, elements: int, *, twisting_tip: bool) -> int:
+        """One beam from its root, which is clamped; the index of its tip's node."""
+        placement = self.model.placements[index]
+        section = placement.section
+        along = np.array([*placement.direction, 0.0])
+        root = placement.tip - along * section.length
+        stations = _stations(section, elements)
+        nodes = [self.node(root + along * at) for at in stations]
+        self.roots.append(nodes[0])
+        for (start, end), (low, high) in zip(pairwise(nodes), pairwise(stations), strict=True):
+            self.bar(start, end, self._slice(section, (low + high) / 2))
+        self._hinge(index, len(nodes) - 1, twisting_tip=twisting_tip)
+        return nodes[-1]
+
+    def _hinge(self, index: int, count: int, *, twisting_tip: bool) -> None:
+        """Let both ends of the last `count` elements, which are a beam's, turn as much as they give."""
+        section = self.model.placements[index].section
+        if not twisting_tip:
+            crossbar_give = self.model.crossbar_give_m(index)
+            section = section._replace(give=section.give._replace(tip=section.give.tip - crossbar_give))
+        parts = flexibility(section, self.modulus, self.poisson)
+        root, tip = self.elements[-count], self.elements[-1]
+        self.elements[-count] = root._replace(hinge_start=(float(parts.root), float(parts.lateral_root)))
+        self.elements[-1] = tip._replace(hinge_end=(float(parts.tip), float(parts.lateral_tip)))
+
+    def _slice(self, section: BeamSection, at: float) -> Section:
+        """The section at `at` from the root, with what its ends give in shear and twist spread along it."""
+        radius = float(section.fillet)
+        flare = 2 * (radius - np.sqrt(max(radius**2 - max(radius - at, 0.0) ** 2, 0.0)))
+        parts = flexibility(section, self.modulus, self.poisson)
+        plain = rectangle(float(section.width) + flare, float(section.thickness), self.poisson)
+        return plain._replace(
+            inertia_up=plain.inertia_up * float(np.asarray(section.give.stiffening)),
+            torsion=plain.torsion * float(parts.twist / (parts.twist + parts.end_twist)),
+            shear_up=plain.shear_up * float(parts.shear / (parts.shear + parts.end_shear)),
+            shear_across=plain.shear_across * float(parts.shear / (parts.shear + parts.lateral_end_shear)),
+        )
+
+    def yoke(self, plate: Block, neck: Block, crossbar: Block, tips: list[int]) -> list[AttachedBody]:
+        """Neck and arms of the crossbar between the plate and the beams' tips; the bodies that join them."""
+        height = float(crossbar.height_mm) * MM
+        middle_x = float(crossbar.low_x_mm + crossbar.high_x_mm) / 2 * MM
+        half_neck = float(neck.high_y_mm) * MM
+        bar = rectangle(float(crossbar.high_x_mm - crossbar.low_x_mm) * MM, height, self.poisson)
+        joint = []
+        bodies = []
+        for tip in tips:
+            y = self.nodes[tip][1]
+            inner = self.node(np.array([middle_x, np.sign(y) * half_neck, height / 2]))
+            outer = self.node(np.array([middle_x, y, height / 2]))
+            self.bar(inner, outer, bar)
+            joint.append(inner)
+            bodies.append(AttachedBody(self._bare(outer), (tip, outer)))
+        fast = self.node(np.array([float(neck.low_x_mm) * MM, 0.0, height / 2]))
+        end = self.node(np.array([float(neck.high_x_mm) * MM, 0.0, height / 2]))
+        self.bar(fast, end, rectangle(2 * half_neck, height, self.poisson))
+        bodies.append(AttachedBody(self._middle(crossbar, half_neck), (end, *joint)))
+        return [AttachedBody(self.model.body_of([plate]), (fast,)), *bodies]
+
+    def _middle(self, crossbar: Block, half_neck: float) -> RigidBody:
+        """The crossbar's middle, as wide as the neck that it is fast to."""
+        low, high = float(crossbar.low_x_mm) * MM, float(crossbar.high_x_mm) * MM
+        height = float(crossbar.height_mm) * MM
+        return box((low, -half_neck, 0.0), (high, half_neck, height), self.density)
+
+    def _bare(self, node: int) -> RigidBody:
+        """A joint without mass."""
+        return RigidBody(np.zeros(()), self.nodes[node], np.zeros((3, 3)))

@@ -1,0 +1,214 @@
+"""Pull of a coil on a coaxial washer by finite elements in the half plane, bracketed by two potentials."""
+
+import time
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from padgen.errors import SolverError, SpecError, number
+from padgen.physics.magnetics import SolenoidCoil, SteelRing
+from padgen.physics.saturation import BHCurve
+from padgen.verify.engines import engine
+from padgen.verify.field_scalar import MU_0, ScalarField, Steel, body_wrench, minimise, solve_scalar
+
+__all__ = ["WIDEST", "AxisymmetricForce", "axisymmetric_force", "check_parts"]
+
+FAR = 15.0
+"""Radius of the far sphere over the largest distance of a part from the coil's middle."""
+SHRINK = 0.2
+WIDEST = 0.2
+"""Width of the bracket, relative, from which on there is no answer."""
+
+
+class AxisymmetricForce(NamedTuple):
+    """Axial force on the washer in N, negative towards the coil, by either potential.
+
+    The scalar potential bounds the field's energy from one side, the vector potential from the other;
+    so far they did so with the force as well. `residual` is the larger of the two.
+    """
+
+    scalar_n: float
+    vector_n: float
+    unknowns: int
+    residual: float
+    seconds: float
+
+    @property
+    def force_n(self) -> float:
+        """The middle of the bracket."""
+        return (self.scalar_n + self.vector_n) / 2
+
+    @property
+    def error(self) -> float:
+        """Width of the bracket relative to the force."""
+        return abs(self.scalar_n - self.vector_n) / abs(self.force_n) if self.force_n else float("inf")
+
+
+def axisymmetric_force(
+    coil: SolenoidCoil,
+    washer: SteelRing,
+    gap_m: float,
+    current_a: float = 1.0,
+    core_steel: BHCurve | None = None,
+    washer_steel: BHCurve | None = None,
+    order: int = 5,
+    levels: int = 4,
+) -> AxisymmetricForce:
+    """Force on a washer on the coil's axis, `gap_m` above its top face, at `current_a`.
+
+    A steel of None is linear, with the part's permeability. Elements of `order` (at least 3), refined
+    `levels` times towards every corner of core and washer.
+
+    Raises
+    ------
+    SpecError
+        A dimension that is not above 0, or a core that does not fit its bore.
+    SolverError
+        The parts cannot be meshed, Newton's method does not converge, or the two potentials differ by more
+        than a fifth (a washer very far away).
+    """
+    check_parts(coil, washer, gap_m)
+    start = time.process_time()
+    mesh, far_mm = _half_plane(coil, washer, gap_m, levels)
+    steels: dict[str, Steel] = {
+        "core": core_steel or coil.core_permeability,
+        "washer": washer_steel or washer.permeability,
+    }
+    scalar = _by_scalar(mesh, coil, current_a, steels, far_mm, order)
+    vector = _by_vector(mesh, coil, current_a, steels, far_mm, order)
+    by_scalar, by_vector = (float(body_wrench(f, "washer", (0, 0, 0)).virtual_work[2]) for f in (scalar, vector))
+    residual = max(scalar.residual, vector.residual)
+    force = AxisymmetricForce(by_scalar, by_vector, scalar.unknowns, residual, time.process_time() - start)
+    if force.error > WIDEST:
+        raise SolverError(
+            f"the force of {number(abs(force.force_n))} N over a gap of {number(gap_m)} m drowns in the field's own"
+            f" error: the two potentials differ by {number(force.error)} of it, they may by {WIDEST};"
+            " a smaller gap, a higher order or the magnetic circuit would do"
+        )
+    return force
+
+
+def check_parts(coil: SolenoidCoil, washer: SteelRing, gap_m: float) -> None:
+    """Refuse dimensions that make no coil or no washer.
+
+    Raises
+    ------
+    SpecError
+        Names the dimension, its bound and its value.
+    """
+    above_zero = {
+        "coil.length": coil.length,
+        "coil.inner_diameter": coil.inner_diameter,
+        "coil.gap": gap_m,
+        "washer.thickness": washer.thickness,
+        "washer.inner_diameter": washer.inner_diameter,
+    }
+    for where, value in above_zero.items():
+        if not value > 0:
+            raise SpecError(f"must be above 0 m, got {number(value)} m", where)
+    for where, inner, outer in (
+        ("coil.core_diameter", coil.core_diameter, coil.inner_diameter * (1 + 1e-9)),
+        ("coil.inner_diameter", coil.inner_diameter, coil.outer_diameter),
+        ("washer.inner_diameter", washer.inner_diameter, washer.outer_diameter),
+    ):
+        if not 0 <= inner < outer:
+            raise SpecError(f"must be at least 0 and below {number(outer)} m, got {number(inner)} m", where)
+
+
+def _half_plane(coil: SolenoidCoil, washer: SteelRing, gap_m: float, levels: int) -> tuple[Any, float]:
+    """Mesh in mm (x is the radius, y the height above the coil's top) and the far circle's radius in mm."""
+    occ, ng = engine("netgen.occ"), engine("ngsolve")
+    core, inner, outer, length = (1e3 * v for v in _coil_sizes(coil))
+    low, high = 1e3 * gap_m, 1e3 * (gap_m + washer.thickness)
+    hole, rim = 500 * washer.inner_diameter, 500 * washer.outer_diameter
+    rectangles = {"winding": (inner, outer, -length, 0.0), "washer": (hole, rim, low, high)}
+    if core > 0:
+        rectangles["core"] = (0.0, core, -length, 0.0)
+    if inner - core > 1e-6 * inner:
+        rectangles["bore"] = (core, inner, -length, 0.0)
+    far = FAR * max(np.hypot(outer, length / 2), np.hypot(rim, high + length / 2))
+    faces = []
+    for name, (left, right, bottom, top) in rectangles.items():
+        face = occ.MoveTo(left, bottom).Rectangle(right - left, top - bottom).Face()
+        face.faces.name = name
+        face.faces.maxh = max(top - bottom, right - left)
+        faces.append(face)
+    air = occ.Circle((0, -length / 2), far).Face()
+    air *= occ.MoveTo(0, -length / 2 - 2 * far).Rectangle(2 * far, 4 * far).Face()
+    air.edges.name = "far"
+    air.edges[1e-6 * far >= occ.X].name = "axis"
+    for face in faces:
+        air -= face
+    air.faces.name = "air"
+    shape = occ.Glue([*faces, air])
+    corners = [
+        (r, z) for n in ("core", "washer") if n in rectangles for r in rectangles[n][:2] for z in rectangles[n][2:]
+    ]
+    for vertex in shape.vertices:
+        if any(r > 0 and np.hypot(vertex.p.x - r, vertex.p.y - z) < 1e-6 * r for r, z in corners):
+            vertex.hpref = 1
+    try:
+        mesh = ng.Mesh(occ.OCCGeometry(shape, dim=2).GenerateMesh(maxh=far / 4, grading=0.3))
+    except Exception as error:  # netgen raises its own and the geometry kernel's types
+        raise SolverError(f"coil and washer could not be meshed ({error}); the gap is {number(low)} mm") from error
+    if levels:
+        mesh.RefineHP(levels, SHRINK)
+    mesh.Curve(3)
+    return mesh, far
+
+
+def _coil_sizes(coil: SolenoidCoil) -> tuple[float, float, float, float]:
+    """Radii of core and winding, and the length."""
+    return coil.core_diameter / 2, coil.inner_diameter / 2, coil.outer_diameter / 2, coil.length
+
+
+def _by_scalar(
+    mesh: Any, coil: SolenoidCoil, current_a: float, steels: dict[str, Steel], far_mm: float, order: int
+) -> ScalarField:
+    ng = engine("ngsolve")
+    _, inner, outer, length = _coil_sizes(coil)
+    full = coil.turns * current_a / length
+    parts = {"core": full, "bore": full, "winding": full * (1e3 * outer - ng.x) / (1e3 * (outer - inner))}
+    source = ng.CF((0, mesh.MaterialCF(parts, default=0)))
+    return solve_scalar(mesh, source, steels, far_mm, order, weight=2 * np.pi * ng.x)
+
+
+def _by_vector(
+    mesh: Any, coil: SolenoidCoil, current_a: float, steels: dict[str, Steel], far_mm: float, order: int
+) -> ScalarField:
+    """The same by ``A = r w``, in T and mm: ``B = (−r ∂w/∂z, 2w + r ∂w/∂r)``."""
+    ng = engine("ngsolve")
+    _, inner, outer, length = _coil_sizes(coil)
+    density = mesh.MaterialCF({"winding": coil.turns * current_a / (length * (outer - inner))}, default=0)
+    space = ng.H1(mesh, order=order)
+    trial = space.TrialFunction()
+    radius = ng.x
+    weight = 2 * np.pi * radius
+    flux = _curl(ng, trial)
+    form = ng.BilinearForm(space, symmetric=True, condense=True)
+    for name in dict.fromkeys(mesh.GetMaterials()):
+        region = ng.dx(definedon=mesh.Materials(name), bonus_intorder=4)
+        form += ng.Variation(weight * _energy_density(ng, steels.get(name, 1.0), flux) * region)
+    form += ng.Variation(-weight * 1e-3 * density * radius * trial * ng.dx(bonus_intorder=4))
+    far = weight * (radius * trial) ** 2 / (2 * MU_0 * far_mm)
+    form += ng.Variation(far * ng.ds("far", bonus_intorder=4))
+    potential = ng.GridFunction(space)
+    residual, steps = minimise(ng, form, space, potential)
+    field = _curl(ng, potential) / MU_0  # right in air, where the stress is taken
+    return ScalarField(
+        mesh, potential, field, weight, -float(form.Energy(potential.vec)) * 1e-9, space.ndof, residual, steps, order
+    )
+
+
+def _curl(ng: Any, w: Any) -> Any:
+    slope = ng.grad(w)
+    return ng.CF((-ng.x * slope[1], 2 * w + ng.x * slope[0]))
+
+
+def _energy_density(ng: Any, steel: Steel, flux: Any) -> Any:
+    square = ng.InnerProduct(flux, flux)
+    if isinstance(steel, BHCurve):
+        fields, densities = steel.samples()
+        curve = ng.BSpline(2, [0.0, *densities.tolist()], fields.tolist()).Integrate()
+        return curve(ng.sqrt(square + (1e-6 * float(densities[1])) ** 2))
+    return square / (2 * MU_0 * steel)

@@ -1,0 +1,76 @@
+"""The bound of `physics.frame_flexibility` for the channels of a plan."""
+
+import numpy as np
+
+from padgen.errors import SolverError
+from padgen.physics.frame_flexibility import SUPPORTS, Ribs, TaxelReaction, lowest_frame_mode_hz, shift_bound
+from padgen.planner.plan import Channel, Plan
+from padgen.units import G_PER_CM3, GPA, GRAM, MM
+from padgen.verify.pad_solids import taxel_box
+
+__all__ = ["flexibility_bounds", "frame_mode_estimate_hz"]
+
+
+def flexibility_bounds(plan: Plan, clamping: str) -> np.ndarray:
+    """Largest relative shift (channels,) of each channel's resonance on the real frame, infinite near a frame mode.
+
+    Raises
+    ------
+    SolverError
+        The clamping is unknown.
+    """
+    support, moving = SUPPORTS[_known(clamping)], _moving_kg(plan)
+    return np.array([shift_bound(_reaction(plan, c), _ribs(plan, c, clamping), support, moving) for c in plan.channels])
+
+
+def frame_mode_estimate_hz(plan: Plan, clamping: str) -> float:
+    """Rough lowest bending mode of the frame, on the low side."""
+    support, moving = SUPPORTS[_known(clamping)], _moving_kg(plan)
+    return min(lowest_frame_mode_hz(_ribs(plan, channel, clamping), support, moving) for channel in plan.channels)
+
+
+def _known(clamping: str) -> str:
+    if clamping not in SUPPORTS:
+        raise SolverError(f"must be one of {', '.join(SUPPORTS)}, got {clamping}", "clamping")
+    return clamping
+
+
+def _counts(plan: Plan) -> np.ndarray:
+    return np.bincount([taxel.channel for taxel in plan.taxels], minlength=len(plan.channels))
+
+
+def _moving_kg(plan: Plan) -> float:
+    return float(_counts(plan) @ [channel.effective_mass_g for channel in plan.channels]) * GRAM
+
+
+def _reaction(plan: Plan, channel: Channel) -> TaxelReaction:
+    arrangement = plan.arrangement(channel)
+    roots = [float(strip.root_x_mm) for strip in arrangement.beams]
+    arm = max(abs(float(arrangement.washer_x_mm) - root) for root in roots) * MM
+    count = int(_counts(plan)[channel.index])
+    mass = channel.effective_mass_g * GRAM
+    return TaxelReaction(channel.resonance_hz, channel.stiffness_n_per_m, mass, channel.q, arm, count)
+
+
+def _ribs(plan: Plan, channel: Channel, clamping: str) -> Ribs:
+    """The rib at the root is a half on this side of the seam and no less than the thinnest on the other."""
+    box, pad, material = taxel_box(plan, channel), plan.typed_spec.pad, plan.typed_spec.material
+    length, width = (float(v) for v in plan.arrangement(channel).window_mm)
+    walls = (-box.x0, box.x1 - length, width / 2 + box.y1 - width, -box.y0 - width / 2)
+    wide, deep = box.x1 - box.x0, box.y1 - box.y0
+    plastic = plan.cell.columns * plan.cell.rows * plan.coils.rows * plan.coils.columns * (wide * deep - length * width)
+    outside = (pad.width_mm + 2 * pad.border_mm) * (pad.depth_mm + 2 * pad.border_mm) - pad.width_mm * pad.depth_mm
+    across = max(pad.width_mm, pad.depth_mm) + 2 * pad.border_mm
+    # A border that is held bends no pad.
+    open_share = 1.0 if clamping == "edges" else max(pad.width_mm, pad.depth_mm) / across
+    density = material.density_g_per_cm3 * G_PER_CM3
+    return Ribs(
+        (-box.x0 + max(min(walls), 0.0)) * MM,
+        pad.frame_thickness_mm * MM,
+        width * MM,
+        (across - pad.border_mm) * MM,
+        1 - (length / wide + width / deep) / 2 * open_share,
+        (plastic + outside) * MM**2 * pad.frame_thickness_mm * MM * density,
+        material.youngs_modulus_gpa * GPA,
+        material.poisson_ratio,
+    )

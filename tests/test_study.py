@@ -1,0 +1,511 @@
+"""`padgen study`: errors against the finest converged rung, in processes of their own, and whole files."""
+
+import csv
+import io
+import json
+import os
+import pickle
+import sys
+import time
+from dataclasses import replace
+from functools import lru_cache, partial
+from math import inf, isnan, nan
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from padgen.errors import EngineMissingError, FileError, SolverError, SpecError
+from padgen.files import json_text
+from padgen.study.draw import extreme_picture, study_pictures
+from padgen.study.extreme import Verdict, judged_error, named_cases, relative_error, verdict_of
+from padgen.study.extreme_selectivity import selectivity_cases
+from padgen.study.files import picks_from_json, study_csv, study_json
+from padgen.study.isolate import isolated, measured, run_apart
+from padgen.study.judge import TOLERANCES, judged, observed_order, picks, recommended_row
+from padgen.study.ladders import LADDERS, Scene
+from padgen.study.ladders.scene import MOST_SUBJECTS, chosen_channels, distinct_channels
+from padgen.study.run import STUDY_FILES, Study, parse_only, parse_tolerance, run_extreme, run_study
+from padgen.study.rung import Ladder, Measured, Rung, Solved, Theory
+from padgen.study.tell import extreme_text, percent, seconds_text, study_text
+from padgen.verify.extreme import Answer, ExtremeCase
+
+EXACT = 3.0
+
+
+# What rungs do: functions of a module, since they run in other processes.
+
+
+def power_law(order: float, step: float) -> Solved:
+    """An answer that errs by 0.1 step^order."""
+    return Solved(np.array([EXACT * (1 + 0.1 * step**order)]), round(1 / step))
+
+
+def refuses() -> Solved:
+    raise SolverError("asks for more than it can: 3 is the nearest that would do", "rung")
+
+
+def loses_its_mind() -> Solved:
+    return Solved(np.array([nan]))
+
+
+def takes_60_mb() -> Solved:
+    return Solved(np.array([np.ones(60_000_000 // 8).sum()]))
+
+
+def prints() -> Solved:
+    print("what an engine prints")
+    os.write(1, b"by any way")
+    return Solved(np.array([1.0]))
+
+
+def noted(path: Path) -> str:
+    """Leave a mark in a file; what is prepared, or worked with."""
+    with path.open("a") as marks:
+        marks.write("x")
+    return path.read_text()
+
+
+def noted_beside(path: Path, prepared: str) -> str:
+    return prepared + noted(path)
+
+
+def nothing() -> Solved:
+    raise AssertionError("is only there to be listed")
+
+
+def in_own_process() -> Solved:
+    return Solved(np.array([float(os.getpid())]), len(sys.argv[1]))
+
+
+def extreme_cases():
+    """Each verdict once."""
+
+    def case(name, solve, reference=lambda: np.array([1.0])):
+        return ExtremeCase(name, "test", "model", solve, reference, "by hand")
+
+    yield case("right", lambda: Answer(np.array([1.001]), 0.01, 1e-9, 10.0))
+    yield case("refused", refuses)
+    yield case("wrong", lambda: Answer(np.array([1.1]), 0.01))
+    yield case("no number", lambda: Answer(np.array([nan]), 0.01))
+    yield case("states nothing", lambda: Answer(np.array([1.0]), inf))
+    yield case("dies", lambda: os.abort())
+    yield case("no reference", lambda: Answer(np.array([1.0]), 0.01), refuses)
+
+
+OWN_CASES = (("tests.test_study", "extreme_cases"),)
+
+
+# Judging
+
+
+def ladder(rungs, reference="fine", **more) -> Ladder:
+    return Ladder("test", "a subject", "a figure", "Hz", tuple(rungs), reference, **more)
+
+
+def known(values, seconds=1.0, **more) -> Measured:
+    return Measured(np.atleast_1d(np.asarray(values, float)), seconds=seconds, runs=1, memory_mb=1.0, **more)
+
+
+def of_order(order, steps, constant=0.1) -> list[Measured]:
+    return [known(EXACT * (1 + constant * h**order), seconds=1 / h) for h in steps]
+
+
+def rungs_of(steps, series="fine") -> list[Rung]:
+    return [Rung("model", f"h = {h}", partial(power_law, 2, h), series, h) for h in steps]
+
+
+@pytest.mark.parametrize("order", [0.5, 1.09, 2, 4, 8])
+@pytest.mark.parametrize("steps", [(1, 0.5, 0.25), (1, 0.5, 0.2), (0.3, 0.1, 0.05)])
+def test_order_is_observed_from_three_steps(order, steps):
+    values = [0.1 * h**order for h in steps]
+    gaps = [values[0] - values[1], values[1] - values[2]]
+    # Exact but for the cancellation in the differences and the end of the bisection.
+    assert observed_order(steps, gaps) == pytest.approx(order, rel=1e-9)
+
+
+def test_no_order_without_falling_differences():
+    assert observed_order((1, 0.5, 0.25), (1e-3, 2e-3)) is None
+    assert observed_order((1, 0.5), (1e-3,)) is None
+    assert observed_order((1, 0.5, 0.25), (1e-3, 0.0)) is None
+    # Differences of rounding tell nothing: the order is that of the steps before.
+    assert observed_order((1, 0.5, 0.25, 0.125), (4e-3, 1e-3, 1e-15)) == pytest.approx(2, rel=1e-9)
+
+
+@pytest.mark.parametrize("order", [0.6, 1, 2, 4])
+def test_uncertainty_covers_what_is_left(order):
+    steps = (1, 0.5, 0.25, 0.125)
+    result = judged(ladder(rungs_of(steps)), of_order(order, steps))
+    left = 0.1 * 0.125**order
+    assert result.converged
+    # Aitken's estimate is exact for a power law; d₂ itself is up to 2^order − 1 times what is left.
+    assert left * (1 - 0.05) <= result.uncertainty <= max(2.0**order - 1, 1.1) * left
+    for row, h in zip(result.rows, steps, strict=True):
+        true = 0.1 * h**order
+        assert true <= row.at_most * 1.05
+
+
+def test_a_last_step_that_hardly_changed_anything_is_not_believed():
+    # As when only one of two things was refined.
+    result = judged(ladder(rungs_of((1, 0.5, 0.25))), [known(v) for v in (1.1, 1.0, 1.0 + 1e-9)])
+    assert result.converged
+    assert result.uncertainty == pytest.approx(0.05 * 0.1, rel=1e-6)
+
+
+def test_order_against_the_reference_itself():
+    steps = (1, 0.5, 0.25)
+    exact = [known(EXACT * (1 + e)) for e in (1e-6, 1e-9, 1e-12)]
+    rungs = rungs_of(steps, "coarse") + [Rung("exact", str(k), nothing, "fine") for k in range(3)]
+    measured_ = of_order(1, steps) + exact
+    found = judged(ladder(rungs, theory={"coarse": Theory(1, "by design", True)}), measured_).orders
+    # Relative errors are against the reference, which is 1e-9 off.
+    assert [order.series for order in found] == ["coarse"]
+    assert found[0].observed == pytest.approx(1, abs=1e-6)
+    assert found[0].theory.order == 1
+
+
+def test_not_converged_is_said_and_nothing_is_recommended_below():
+    values = (1.0, 1.02, 1.0, 1.03)
+    result = judged(ladder(rungs_of((1, 0.5, 0.25, 0.125))), [known(v) for v in values])
+    assert not result.converged
+    assert "not shown to be converged" in result.why
+    # Twice the larger of the last two changes, 0.03/1.03.
+    assert result.uncertainty == pytest.approx(2 * 0.03 / 1.03)
+    assert recommended_row(result, 0.05) is None
+    assert recommended_row(result, 0.1) is not None
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_two_refinements_are_asked_for(count):
+    found = [known(1.0)] * count + [Measured(note="refused: no engine")] * (3 - count)
+    result = judged(ladder(rungs_of((1, 0.5, 0.25))), found)
+    assert result.uncertainty == inf
+    assert not result.converged
+    assert "refused: no engine" in result.why or count == 0
+    assert all(recommended_row(result, tol) is None for tol in TOLERANCES)
+    assert (result.reference is None) == (count == 0)
+
+
+def test_a_proof_needs_no_refinement():
+    result = judged(ladder(rungs_of((1,))), [known(1.0, proven=0.004)])
+    assert result.converged
+    assert result.uncertainty == 0.004
+    assert recommended_row(result, 0.01) == 0
+    assert recommended_row(result, 0.001) is None
+
+
+def test_the_quickest_rung_that_holds_is_recommended():
+    errors = (0.2, 0.05, 0.004, 3e-6, 2e-6, 1e-6)
+    seconds = (1, 5, 3, 20, 30, 40)
+    rungs = [Rung("m", str(k), nothing, "fine" if k > 2 else "") for k in range(6)]
+    result = judged(ladder(rungs), [known(1 + e, s) for e, s in zip(errors, seconds, strict=True)])
+    assert [recommended_row(result, tol) for tol in (0.5, 0.1, 0.01, 0.001)] == [0, 2, 2, 3]
+
+
+def test_an_error_that_cannot_be_told_from_the_references_own_is_a_bound():
+    values = (1.5, 1.004, 1.0, 1.001)
+    result = judged(ladder(rungs_of((1, 0.5, 0.25, 0.125))), [known(v) for v in values])
+    assert [row.is_bound for row in result.rows] == [False, False, True, True]
+    assert "≤" in study_text(_study(result)).splitlines()[6]
+
+
+def test_errors_are_relative_to_the_largest_or_to_each():
+    found = [known(v) for v in ([1.0, 0.011], [1.0, 0.01], [1.0, 0.01], [1.0, 0.01])]
+    rungs = rungs_of((1, 0.5, 0.25, 0.125))
+    largest = judged(ladder(rungs), found)
+    each = judged(ladder(rungs, relative_to="each"), found)
+    assert largest.rows[0].error == pytest.approx(0.001)
+    assert each.rows[0].error == pytest.approx(0.1)
+
+
+def test_an_answer_of_another_shape_has_no_error():
+    found = [known([1.0, 2.0]), known(1.0), known(1.0), known(1.0)]
+    row = judged(ladder(rungs_of((1, 0.5, 0.25, 0.125))), found).rows[0]
+    assert isnan(row.error)
+    assert row.at_most == inf
+
+
+def test_a_pick_holds_for_every_subject():
+    rungs = [Rung("quick", "", nothing), Rung("slow", "", nothing), *rungs_of((1, 0.5, 0.25))]
+    exact = [known(1.0, 100.0)] * 3
+    one = judged(ladder(rungs), [known(1.001, 1.0), known(1.001, 2.0), *exact])
+    other = judged(ladder(rungs), [known(1.2, 1.0), known(1.001, 4.0), *exact])
+    (pick,) = picks([one, other], (0.01,))
+    assert (pick.model, pick.seconds) == ("slow", 3.0)
+    (none,) = picks([one, judged(ladder(rungs), [Measured()] * 5)], (0.01,))
+    assert none.model == ""
+
+
+# Processes
+
+
+def test_a_rung_runs_in_a_process_of_its_own():
+    found = measured(Rung("m", "", in_own_process))
+    assert found.values[0] != os.getpid()
+    assert found.runs > 1
+    assert 0 <= found.seconds < 1
+
+
+@pytest.mark.parametrize(
+    "work, note",
+    [
+        (refuses, "refused: rung: asks for more than it can: 3 is the nearest that would do"),
+        (os.abort, "broke down: the process died of SIGABRT"),
+        (partial(os._exit, 3), "broke down: the process ended with code 3"),
+        (partial(divmod, 1, 0), "broke down: ZeroDivisionError: integer division or modulo by zero"),
+        (loses_its_mind, "its answer is not a number"),
+    ],
+)
+def test_a_refusal_or_a_crash_costs_one_rung(work, note):
+    found = measured(Rung("m", "", work))
+    assert found.values is None
+    assert found.note == note
+
+
+def test_a_rung_that_does_not_end_is_ended():
+    start = time.monotonic()
+    found = measured(Rung("m", "", partial(time.sleep, 60), limit_s=1.0))
+    assert found.note == "broke down: did not end within 1 s"
+    # Not the minute that it would have slept.
+    assert time.monotonic() - start < 30
+
+
+def test_the_peak_of_memory_is_the_works_own():
+    # An array of 60 MB and nothing else: the interpreter's own 30 MB are not counted.
+    assert measured(Rung("m", "", takes_60_mb)).memory_mb == pytest.approx(60, abs=8)
+    assert measured(Rung("m", "", prints)).memory_mb < 8
+
+
+def test_what_an_engine_prints_does_not_reach_the_user(capfd):
+    assert measured(Rung("m", "", prints)).values[0] == 1.0
+    assert capfd.readouterr() == ("", "")
+
+
+def test_what_is_prepared_is_made_once(tmp_path):
+    prepare, work = partial(noted, tmp_path / "prepared"), partial(noted_beside, tmp_path / "worked")
+    answer = isolated(work, prepare=prepare, most_runs=3)
+    assert answer.value == "xx"
+    assert (tmp_path / "prepared").read_text() == "x"
+    assert (tmp_path / "worked").read_text() == "xxx" == "x" * answer.runs
+
+
+def test_caches_of_models_are_emptied_between_runs(monkeypatch):
+    from padgen.physics import magnetics
+    from padgen.study import child
+
+    cached = lru_cache(maxsize=None)(lambda: object())
+    monkeypatch.setattr(magnetics, "a_cache", cached, raising=False)
+    cached()
+    child._forget()
+    assert cached.cache_info().currsize == 0
+
+
+def test_a_step_apart_says_what_went_wrong():
+    with pytest.raises(Exception, match="asks for more"):
+        run_apart(refuses)
+    with pytest.raises(SolverError, match="SIGABRT"):
+        run_apart(os.abort)
+
+
+# Files
+
+
+def _study(*results):
+    return Study("test", Path("out"), STUDY_FILES, results, picks(results), TOLERANCES)
+
+
+@pytest.fixture
+def result():
+    theory = {"fine": Theory(2, "by design")}
+    rungs = [Rung("crude", "", nothing), Rung("gone", "", nothing), *rungs_of((1, 0.5, 0.25, 0.125))]
+    found = [known(EXACT * 1.3, 1e-4), Measured(note="refused: it is gone"), *of_order(2, (1, 0.5, 0.25, 0.125))]
+    return judged(ladder(rungs, theory=theory), found)
+
+
+def test_csv_has_a_row_per_rung(result):
+    rows = list(csv.DictReader(io.StringIO(study_csv([result]))))
+    assert [row["model"] for row in rows] == ["crude", "gone", *["model"] * 4]
+    # The reference is 0.00156 above the truth, and known to that and 0.0047: too little for 0.001.
+    assert float(rows[0]["error"]) == pytest.approx(1.3 / 1.0015625 - 1)
+    assert rows[1]["error"] == rows[1]["seconds"] == ""
+    assert rows[1]["note"] == "refused: it is gone"
+    assert [row["recommended_for"] for row in rows] == ["", "", "", "0.1", "0.01", ""]
+
+
+def test_what_is_read_back_picks_the_same(result):
+    text = study_json([result], {"name": "test"})
+    assert json.loads(text)["name"] == "test"
+    for tolerance in (*TOLERANCES, 0.03):
+        (fresh,), (back,) = picks([result], (tolerance,)), picks_from_json(text, tolerance)
+        # JSON keeps ten digits.
+        assert back[:4] == fresh[:4]
+        assert back[4:] == pytest.approx(fresh[4:], rel=1e-9, nan_ok=True)
+    with pytest.raises(FileError, match="is not a study"):
+        picks_from_json(json_text({"ladders": [{}]}), 0.1)
+
+
+def test_the_same_figures_draw_the_same_bytes(result):
+    one, two = (study_pictures([result], TOLERANCES, "test") for _ in range(2))
+    assert one == two
+    assert b"dc:date" not in one[0]
+    assert one[1].startswith(b"\x89PNG")
+    verdicts = [Verdict("a", "b", "c", "d", "right", 1e-9, 1e-6)]
+    assert extreme_picture(verdicts) == extreme_picture(verdicts)
+
+
+def test_a_ladder_without_reference_is_drawn_and_told(result):
+    bare = judged(result.ladder, [Measured(note="refused: no engine")] * 6)
+    assert study_pictures([bare], TOLERANCES, "test")[0]
+    assert "there is no reference" in study_text(_study(bare))
+
+
+def test_the_table_tells_orders_and_refusals(result):
+    text = study_text(_study(result))
+    assert "order of convergence, fine: 2.00 observed, 2 in theory (by design)" in text
+    assert "gone, : refused: it is gone" in text
+
+
+def test_words():
+    assert [percent(v) for v in (1.459, 0.1, 0.00012345, inf)] == ["146 %", "10 %", "0.0123 %", "?"]
+    assert [seconds_text(v) for v in (12.34, 0.0012, 3.4e-6, nan)] == ["12.3 s", "1.2 ms", "3.4 µs", ""]
+
+
+# The command
+
+
+def test_a_study_leaves_whole_files(paper_spec, tmp_path):
+    said = []
+    study = run_study(paper_spec, tmp_path / "out", ("allocation",), 0.05, said.append)
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == sorted(STUDY_FILES)
+    assert study.tolerances == (0.1, 0.05, 0.01, 0.001, 0.0001)
+    assert sum("rung" in step for step in said) == len(study.ladders[0].rows)
+    # Proven to 0.05 dB: GAPS_DB's last in padgen.physics.clean_sets.
+    assert study.ladders[0].uncertainty == pytest.approx(10 ** (0.05 / 20) - 1)
+    told = json.loads((tmp_path / "out" / "study.json").read_text())
+    assert told["tolerances"] == list(study.tolerances)
+    assert study_text(study).count("allocation") >= 5
+
+
+def test_an_interrupted_study_leaves_nothing(paper_spec, tmp_path):
+    def interrupt(step: str) -> None:
+        if "rung 2" in step:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_study(paper_spec, tmp_path / "out", ("allocation",), progress=interrupt)
+    assert not (tmp_path / "out").exists()
+
+
+def test_without_the_package_that_draws_nothing_starts(paper_spec, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(EngineMissingError, match=r"padgen\[study\]"):
+        run_study(paper_spec, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_names_of_ladders():
+    assert parse_only(None) == tuple(LADDERS)
+    assert parse_only(" structure, allocation") == ("allocation", "structure")
+    with pytest.raises(SpecError, match="--only: there is no ladder 'structre'; did you mean 'structure'"):
+        parse_only("structre")
+    with pytest.raises(SpecError, match="must name one or more"):
+        parse_only(",")
+
+
+@pytest.mark.parametrize("text, value", [("1%", 0.01), ("0.01", 0.01), (" 100 %", 1.0), ("1e-4", 1e-4)])
+def test_tolerances(text, value):
+    assert parse_tolerance(text) == pytest.approx(value, rel=1e-15)
+
+
+@pytest.mark.parametrize("text", ["0", "-1%", "101%", "2", "nan", "inf", "much", ""])
+def test_tolerances_that_are_none(text, paper_spec, tmp_path):
+    with pytest.raises(SpecError, match="--tolerance: must be"):
+        parse_tolerance(text)
+
+
+def test_a_tolerance_out_of_range_is_refused_before_work(paper_spec, tmp_path):
+    with pytest.raises(SpecError, match="--tolerance"):
+        run_study(paper_spec, tmp_path / "out", tolerance=2.0)
+    assert not (tmp_path / "out").exists()
+
+
+# Ladders
+
+
+@pytest.mark.parametrize("name", list(LADDERS))
+def test_every_rung_pickles_and_every_ladder_can_show_convergence(name, paper_spec, paper_plan, tmp_path):
+    scene = Scene(paper_spec, paper_plan, tmp_path)
+    vars(scene)["steps"] = {c.index: tmp_path / f"taxel-{c.index}.step" for c in distinct_channels(paper_plan)}
+    for found in LADDERS[name](scene):
+        assert found.name == name
+        line = [rung for rung in found.rungs if rung.series == found.reference]
+        assert len(line) >= 3
+        assert found.theory.keys() <= {rung.series for rung in found.rungs}
+        labels = [(rung.model, rung.resolution) for rung in found.rungs]
+        assert len(set(labels)) == len(labels)
+        for rung in found.rungs:
+            assert pickle.loads(pickle.dumps(rung)).resolution == rung.resolution
+
+
+def test_of_many_taxels_a_few_are_studied(paper_plan):
+    one = paper_plan.channels[0]
+    beams = [replace(one.beam, width_mm=1 + k / 10) for k in range(9)]
+    many = replace(paper_plan, channels=tuple(replace(one, index=k, beam=b) for k, b in enumerate(beams)))
+    assert len(distinct_channels(many)) == 9
+    chosen = chosen_channels(many)
+    assert len(chosen) == MOST_SUBJECTS
+    assert (chosen[0].index, chosen[-1].index) == (0, 8)
+    twins = replace(paper_plan, channels=(one, replace(one, index=1)))
+    assert [c.index for c in distinct_channels(twins)] == [0]
+
+
+def test_mesh_volumes_converge_to_the_solids(small_plan):
+    from padgen.study.ladders.geometry import exact_volumes, mesh_volumes, taxel_solids
+
+    solids = taxel_solids(small_plan)
+    exact = exact_volumes(1e-9, solids).values
+    errors = [np.abs(mesh_volumes(h, 0.3 * (h / 0.01) ** 0.5, solids).values / exact - 1).max() for h in (0.01, 0.001)]
+    # A segment's height halves its area's share with the chord; edges that are cut evenly blur the order.
+    assert np.log10(errors[0] / errors[1]) == pytest.approx(1, abs=0.25)
+    box = sum(float(solid.volume) for solid in solids)
+    # The kernel's own volume, to the six digits that it integrates with by default.
+    assert exact.sum() == pytest.approx(box, rel=1e-6)
+
+
+# Extreme cases
+
+
+def test_verdicts(tmp_path):
+    study = run_extreme(tmp_path / "out", sets=OWN_CASES)
+    found = {verdict.name: verdict for verdict in study.verdicts}
+    assert [v.verdict for v in study.verdicts] == ["right", "refused", "WRONG", "WRONG", "WRONG", "WRONG", "unchecked"]
+    assert found["right"].error == pytest.approx(1e-3)
+    assert found["refused"].note.startswith("rung: asks for more")
+    assert found["wrong"].note == "10 times what it states"
+    assert "SIGABRT" in found["dies"].note
+    assert not study.holds
+    rows = list(csv.DictReader(io.StringIO((tmp_path / "out" / "extreme.csv").read_text())))
+    assert [row["verdict"] for row in rows] == [v.verdict for v in study.verdicts]
+    assert "7 cases: 4 WRONG, 1 refused, 1 right, 1 unchecked" in extreme_text(study)
+
+
+def test_a_case_that_does_not_end_is_wrong():
+    case = named_cases(OWN_CASES)[0]
+    assert verdict_of(case, limit_s=0.01).verdict == "WRONG"
+
+
+def test_errors_of_extreme_cases():
+    assert relative_error(np.array([1.0, 2.2]), np.array([1.0, 2.0])) == pytest.approx(0.1)
+    assert isnan(relative_error(np.array([1.0]), np.array([1.0, 2.0])))
+    assert isnan(relative_error(np.array([1.0]), np.array([inf])))
+    assert relative_error(np.array([0.5]), np.array([0.0])) == 0.5
+    assert judged_error(1e-3, 1e-3)[0] == "right"
+    assert judged_error(1e-3, 0.0) == ("WRONG", "it states to be exact")
+
+
+@pytest.mark.parametrize("case", list(selectivity_cases()), ids=lambda case: f"{case.name} {case.model}")
+def test_selectivity_keeps_its_digits(case):
+    answer = case.solve()
+    error = relative_error(answer.values, case.reference())
+    # The stated bound is of rounding, not of a method: it must not hide more than a few digits.
+    assert error <= answer.stated_error < 1e-14
