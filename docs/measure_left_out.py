@@ -50,10 +50,9 @@ def rows(fine: bool) -> Iterator[Row]:
         for hz in (28.0, 38.0, 96.0, 350.0):
             yield "eddy currents", f"{name}, {hz:g} Hz", *truth.eddy_currents(name, hz)
     for name in ("paper-32", "strong", *(("triple-48", "quad-64", "resin-fine") if fine else ())):
-        levels = 1 if fine else 0
         bound = truth.entry(name, "shielding").bound
         assert bound is not None
-        yield "shielding", name, bound, truth.true_shielding(name, levels=levels)
+        yield "shielding", name, bound, truth.true_shielding(name)
 
 
 def bounds_table(found: list[Row]) -> list[str]:
@@ -102,7 +101,13 @@ def times_table(name: str) -> list[str]:
             2,
         ),
         "beam inertia": (
-            lambda: truth.beam_inertia(taxel.beams, taxel.modes, taxel.working, *taxel.elastic),
+            lambda: truth.beam_inertia(
+                taxel.beams,
+                taxel.modes.shape[:, int(taxel.working)],
+                taxel.modes.reference,
+                taxel.modes.frequency_hz[int(taxel.working)],
+                *taxel.elastic,
+            ),
             lambda: truth.element_error(taxel),
             3,
         ),

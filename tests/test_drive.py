@@ -513,7 +513,8 @@ def test_unequal_pull_decides():
     assert figures.placed_own_modes_db == pytest.approx(-10 * np.log10(heard.sum(1).max()))
     assert figures.kept_db == figures.placed_all_states_db < figures.all_states_db
     (finding,) = [f for f in plan.findings if f.code == "selectivity.all_states"]
-    assert f"{figures.kept_db:.1f} dB less than an ON one, unequal pull counted" in finding.message
+    assert figures.kept_db < 0
+    assert f"{-figures.kept_db:.1f} dB more than an ON one, unequal pull and all modes counted" in finding.message
 
 
 def test_slots_in_turn_are_long_enough():

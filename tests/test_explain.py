@@ -235,7 +235,8 @@ def test_what_steps_cost_is_shown():
         '[coil]\ngrid = [4, 4]\n[suspension]\ntopology = "cantilever"\ntune = "width"\n[printer]\nname = "fdm-0.4"\n'
     )
     fine, steps = (make_plan(parse_spec(f"{text}width_step_mm = {step}\n")) for step in (0.001, 0.45))
-    assert abs(fine.selectivity.snapping_db) < 0.01
+    # Half a micrometre of a 0.6 mm beam is 0.04 % of its resonance; the pair loses 30 dB an octave: 0.02 dB.
+    assert abs(fine.selectivity.snapping_db) < 0.02
     nearest = [c.beam.width_mm for c in steps.channels]
     assert nearest != [c.beam.width_mm for c in fine.channels]
     cost = fine.selectivity.all_states_db - steps.selectivity.all_states_db

@@ -7,8 +7,8 @@ Agreement table (what must equal what, and why to that tolerance):
 | turned functions | the functions' formulas at turned points | 1e-12, rounding |
 | a row of solid tiles | one box in one mesh | 0.5 %, polynomials of degree 4 between tiles |
 | heaving of the free pad | mass of the solids and washers | 0.1 %, quadratic elements on round parts |
-| modes by block iteration | dense eigenvalues of the assembled matrices | 1e-5, the square of the iteration's 1e-3 |
-| response by modes | dense complex solve | 0.1 dB, the modes left out are static |
+| modes by block iteration | dense eigenvalues of the assembled matrices | 2e-5, its error bound of 1e-4 is careful |
+| crosstalk | dense complex solve | 0.01 dB, the same equations |
 | bound of the shift | shift by reduction | above, and at most 20 times |
 
 Finite elements run in a process of their own, which has no CAD kernel loaded.
@@ -21,6 +21,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.linalg import eigh
+from scipy.sparse import kron
+from scipy.sparse.linalg import eigsh
 
 from padgen.errors import SolverError
 from padgen.planner import Plan, make_plan
@@ -31,7 +33,7 @@ from padgen.verify.elastic_modes import assembled
 from padgen.verify.pad_assembly import Assembly, assembly
 from padgen.verify.pad_flexibility import flexibility_bounds, frame_mode_estimate_hz
 from padgen.verify.pad_interface import Degrees, height_shape, interface_functions, plane_shape, quarter_turned
-from padgen.verify.pad_modes import crosstalk, frame_modes_hz, frequency_shifts, pad_modes, receptance
+from padgen.verify.pad_modes import crosstalk, driven_taxels, frame_modes_hz, frequency_shifts, pad_modes, receptance
 from padgen.verify.pad_reduction import ReducedPad, Resolution, pad_materials, reduced_pad
 from padgen.verify.pad_solids import CLAMPINGS, solid_cell, washer_volume_mm3
 from padgen.verify.pad_strips import factored, modes_below, solved
@@ -125,27 +127,19 @@ def test_functions_vanish_where_tiles_do_not_share_them():
 def row_and_whole(plan: Plan) -> tuple[np.ndarray, np.ndarray]:
     """Free modes in Hz of four solid tiles in a row, and of the same box in one mesh."""
     tile = solid_cell(plan, "free")
-    kind = reduced_tile(tile, pad_materials(plan), Degrees(4, 2), Elements(4), 1e3, "tile")
+    kind = reduced_tile(tile, pad_materials(plan), Degrees(4, 2), Elements(3), 1e3, "tile")
     # Turned by 180° a box is itself: two of them test the signs.
     kinds = {("solid", -1, 0): kind, ("solid", -1, 2): turned(kind, 2)}
-    stiffness, mass = dense(assembly_with_free_sides(kinds, [[("solid", -1, 0), ("solid", -1, 2)] * 2]))
+    stiffness, mass = dense(assembly(kinds, [[("solid", -1, 0), ("solid", -1, 2)] * 2]))
     reduced = eigh(stiffness, mass, eigvals_only=True)
     from netgen.occ import Box, Pnt
 
     shape = Box(Pnt(0, 0, 0), Pnt(4 * tile.box.x1, tile.box.y1, tile.box.height))
     shape.solids[0].name = "printed"
     system = assembled(meshed(shape, Fineness(levels=0, largest_mm=tile.box.height)), pad_materials(plan), 3, "none")
-    whole = eigh(
-        system.stiffness_blocks().toarray(),
-        np.kron(system.mass.toarray(), np.eye(3)),
-        eigvals_only=True,
-        subset_by_index=(0, 11),
-    )
-    return tuple(np.sqrt(np.maximum(values[6:12], 0)) / (2 * np.pi) for values in (reduced, whole))
-
-
-def assembly_with_free_sides(kinds, keys):
-    return assembly(kinds, keys)
+    heavy = kron(system.mass, np.eye(3)).tocsc()
+    whole = np.sort(eigsh(system.stiffness_blocks().tocsc(), 9, heavy, sigma=-1e6, return_eigenvectors=False))
+    return np.sqrt(reduced[6:9]) / (2 * np.pi), np.sqrt(whole[6:9]) / (2 * np.pi)
 
 
 def test_a_row_of_solid_tiles_is_one_box(worker, plan):
@@ -158,7 +152,9 @@ def test_a_free_pad_moves_as_a_body(pads, plan):
     from padgen.solid.pad import build_pad
 
     pad = pads["free"].assembly
-    heave = np.array([f.axis == 2 and f.height == 0 and p[0] == "vertex" for p, f in zip(pad.places, pad.functions)])
+    heave = np.array(
+        [f.axis == 2 and f.height == 0 and p[0] == "vertex" for p, f in zip(pad.places, pad.functions, strict=True)]
+    )
     motion = np.zeros((pad.size, 1))
     motion[: len(heave), 0] = heave
     spec = plan.typed_spec
@@ -182,8 +178,8 @@ def test_modes_are_the_dense_ones(pads, clamping):
     top = (2 * np.pi * 1.2 * 120) ** 2
     expected = np.sqrt(np.maximum(square[square < top], 0)) / (2 * np.pi)
     assert len(found.frequency_hz) == len(expected)
-    assert np.allclose(found.frequency_hz, expected, rtol=1e-5, atol=0.5 if clamping == "free" else 0)
-    assert found.error < 1e-3
+    assert np.allclose(found.frequency_hz, expected, rtol=2e-5, atol=0.5 if clamping == "free" else 0)
+    assert found.error < 1e-4
 
 
 def test_the_strips_solve_and_count(pads):
@@ -207,20 +203,23 @@ def test_crosstalk_is_the_direct_solve(pads, plan, clamping):
     found = pad_modes(pad)
     stiffness, mass = dense(pad.assembly)
     pulls = pad.pulls
-    for one, driven in zip(crosstalk(pad, found), found.driven, strict=True):
+    for one, driven in zip(crosstalk(pad, found), driven_taxels(pad), strict=True):
         q = plan.channels[plan.taxels[driven].channel].q
         dynamic = stiffness * (1 + 1j / q) - (2 * np.pi * one.resonance_hz) ** 2 * mass
         amplitude = np.abs(pulls.T @ np.linalg.solve(dynamic, pulls[:, driven]))
-        assert np.allclose(one.below_db, 20 * np.log10(amplitude[driven] / amplitude), atol=0.1)
+        assert np.allclose(one.below_db, 20 * np.log10(amplitude[driven] / amplitude), atol=0.01)
         around = np.abs(receptance(found, driven, one.resonance_hz * np.array([0.999, 1, 1.001]), q)[:, driven])
         assert around.argmax() == 1
         assert one.taxel == plan.taxels[driven].id
         near = [t.id for t in plan.taxels if t.coil == plan.taxels[driven].coil and t.id != one.taxel]
         assert one.same_coil is not None and one.same_coil[0] in near
-    loose, firm = (
-        min(c.below_db[c.below_db > 0].min() for c in crosstalk(p, pad_modes(p))) for p in (pad, pads["edges"])
-    )
-    assert loose < firm
+
+
+def test_a_free_pad_carries_more_crosstalk(pads):
+    def loudest(pad):
+        return min(one.below_db[one.below_db > 0].min() for one in crosstalk(pad, pad_modes(pad)))
+
+    assert loudest(pads["free"]) + 20 < loudest(pads["edges"]) < loudest(pads["bottom"])
 
 
 @pytest.mark.parametrize("clamping", CLAMPINGS)
@@ -239,7 +238,7 @@ def test_the_frames_own_modes_lie_above_the_estimate(pads, plan):
         # A plate's formulas on a grid of ribs, meant to be low: within a factor of five.
         assert lowest / 5 < estimate < lowest
     assert frame_mode_estimate_hz(plan, "bottom") == float("inf")
-    assert len(frame_modes_hz(pads["bottom"], 6000.0)) == 0
+    assert frame_modes_hz(pads["bottom"], 6000.0).min() > 3000
 
 
 def sentence(function, *given) -> str:

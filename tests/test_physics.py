@@ -24,8 +24,8 @@ from padgen.physics.ladder import capacity, geometric_ladder, ladder_ratio, pape
 from padgen.physics.magnetics import (
     SolenoidCoil,
     SteelRing,
-    _flat_spheroid_factor,
     _ring_charge_field,
+    flat_spheroid_factor,
     flux_density,
     force_constant,
     impedance,
@@ -196,9 +196,9 @@ def test_core_is_an_equipotential():
 
 def test_spheroid_factors():
     # Osborn (1945): a sphere's third, and 0.0 in the flat limit, pi/4 t/D.
-    assert _flat_spheroid_factor(1.0) == pytest.approx(1 / 3)
-    assert _flat_spheroid_factor(2.0) == pytest.approx(0.2364, abs=1e-4)
-    assert _flat_spheroid_factor(1000.0) == pytest.approx(np.pi / 4 / 1000, rel=5e-3)
+    assert flat_spheroid_factor(1.0) == pytest.approx(1 / 3)
+    assert flat_spheroid_factor(2.0) == pytest.approx(0.2364, abs=1e-4)
+    assert flat_spheroid_factor(1000.0) == pytest.approx(np.pi / 4 / 1000, rel=5e-3)
 
 
 def test_papers_equation_4_misses_by_decades():

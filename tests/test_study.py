@@ -202,6 +202,15 @@ def test_the_quickest_rung_that_holds_is_recommended():
     assert [recommended_row(result, tol) for tol in (0.5, 0.1, 0.01, 0.001)] == [0, 2, 2, 3]
 
 
+def test_what_is_only_measured_against_is_not_recommended():
+    rungs = [Rung("slow", "", nothing), *(replace(rung, offered=False) for rung in rungs_of((1, 0.5, 0.25)))]
+    result = judged(ladder(rungs), [known(1.001, 100.0), *[known(1.0, 1.0)] * 3])
+    assert recommended_row(result, 0.01) == 0
+    assert picks([result], (0.01,))[0].model == "slow"
+    assert picks_from_json(study_json([result], {}), 0.01)[0].model == "slow"
+    assert recommended_row(result, 1e-4) is None
+
+
 def test_an_error_that_cannot_be_told_from_the_references_own_is_a_bound():
     values = (1.5, 1.004, 1.0, 1.001)
     result = judged(ladder(rungs_of((1, 0.5, 0.25, 0.125))), [known(v) for v in values])

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.physics.beams import BeamSection
-from padgen.physics.magnetics import SolenoidCoil, SteelRing, _core_charges, _flat_spheroid_factor, flux_density
-from padgen.physics.modes import BeamPlacement, Modes, _carry
+from padgen.physics.magnetics import SolenoidCoil, SteelRing, _core_charges, flat_spheroid_factor, flux_density
+from padgen.physics.modes import BeamPlacement, _carry
 
 __all__ = [
     "WasherMoment",
@@ -36,10 +36,17 @@ EXPONENT_SLOPE = 0.7
 
 
 def beam_inertia(
-    beams: list[BeamPlacement], modes: Modes, working: np.ndarray, modulus: float, poisson: float, density: float
+    beams: list[BeamPlacement],
+    motion: np.ndarray,
+    reference: np.ndarray,
+    frequency: np.ndarray,
+    modulus: float,
+    poisson: float,
+    density: float,
 ) -> np.ndarray:
-    """Relative error (n,) of the resonance of mode `working` (n,) by what `tip_mass` leaves out of its beams.
+    """Relative error (n,) of a resonance at `frequency` (n,) by what `tip_mass` leaves out of its beams.
 
+    `motion` (n, 6) of the body is mass-normalised, at its point `reference` (n, 3), as `modes.Modes` has it.
     A beam that is condensed to its tip misses, in shares of the mode's kinetic energy: its own modes
     between held ends, between 0 and ``T ω²/(ω₁² − ω²)`` with its share T and the lowest of them ω₁ (the
     exact dynamic stiffness in partial fractions; the shares of the modes in T add to 1); the rotary
@@ -47,13 +54,12 @@ def beam_inertia(
     cubic between held ends. Half of the sum is the relative error. ω₁ is taken low, after Dunkerley, from
     bending, shear and rotary inertia. Infinite where the mode is not below ω₁.
     """
-    angular = 2 * pi * np.take_along_axis(modes.frequency_hz, working[..., None], -1)[..., 0]
-    motion = np.take_along_axis(modes.shape, working[..., None, None], -1)
+    square = (2 * pi * np.asarray(frequency)) ** 2
     least: Any = 0.0
     most: Any = 0.0
     for beam in beams:
-        tip = (_carry(beam, modes.reference) @ motion)[..., 0]
-        low, high = _missed_energy(beam.section, tip, angular**2, modulus, poisson, density)
+        tip = (_carry(beam, reference) @ motion[..., None])[..., 0]
+        low, high = _missed_energy(beam.section, tip, square, modulus, poisson, density)
         least, most = least + low, most + high
     return np.asarray(np.maximum(np.abs(least), np.abs(most)) / 2)
 
@@ -148,7 +154,7 @@ def washer_moment(coil: SolenoidCoil, washer: SteelRing, gap: float, offset: np.
     radial, axial = flux_density(coil, np.maximum(np.abs(at), 1e-6 * outer), np.full_like(at, gap))
     radial = radial * np.sign(at)
     ring_share = (outer - inner) / (outer - inner + washer.thickness)
-    share = np.array([_flat_spheroid_factor(2 * outer / washer.thickness), 1 - ring_share, ring_share])
+    share = np.array([flat_spheroid_factor(2 * outer / washer.thickness), 1 - ring_share, ring_share])
     chi = washer.permeability - 1
     eased = chi / (1 + chi * share)
     one_sided = radial.mean(0)
@@ -213,7 +219,7 @@ def washer_eddies(washer: SteelRing, resistivity: float, frequency: float) -> fl
     Along the plane a sheet answers with ``tanh x/x``, ``x = (1+j) t/2δ``, whose inverse differs from 1 by at
     most ``2 (t/2δ)²/3``; through the plane a disc screens by at most ``μ0 ω t r/(2ρ)``.
     """
-    chi_n = (washer.permeability - 1) * _flat_spheroid_factor(washer.outer_diameter / washer.thickness)
+    chi_n = (washer.permeability - 1) * flat_spheroid_factor(washer.outer_diameter / washer.thickness)
     depths = washer.thickness / 2 / _skin_depth(resistivity, washer.permeability, frequency)
     along = 2 * depths**2 / 3 / (1 + chi_n)
     through = MU_0 * 2 * pi * frequency * washer.thickness * washer.outer_diameter / 4 / resistivity

@@ -15,6 +15,7 @@ __all__ = [
     "SolenoidCoil",
     "SteelRing",
     "balanced_deflection",
+    "flat_spheroid_factor",
     "flux_density",
     "force_constant",
     "impedance",
@@ -144,7 +145,7 @@ def _co_energy(coil: SolenoidCoil, washer: SteelRing, gap: float, offset: np.nda
     one_sided = (radial * x / distance * weights).sum((-1, -2)) ** 2
     width = outer - inner
     ring_share = width / (width + washer.thickness)
-    disc_share = _flat_spheroid_factor(2 * outer / washer.thickness)
+    disc_share = flat_spheroid_factor(2 * outer / washer.thickness)
     chi = washer.permeability - 1
     volume = pi * (outer**2 - inner**2) * washer.thickness
     energy: np.ndarray = (
@@ -159,7 +160,7 @@ def _co_energy(coil: SolenoidCoil, washer: SteelRing, gap: float, offset: np.nda
     return energy
 
 
-def _flat_spheroid_factor(flatness: float) -> float:
+def flat_spheroid_factor(flatness: float) -> float:
     """Demagnetising factor across a flat spheroid of diameter over thickness `flatness` (Osborn 1945)."""
     if flatness <= 1.01:
         return 1 / 3

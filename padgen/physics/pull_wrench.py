@@ -5,7 +5,7 @@ from math import pi
 import numpy as np
 
 from padgen.errors import SpecError, number
-from padgen.physics.magnetics import SolenoidCoil, SteelRing, _flat_spheroid_factor, flux_density
+from padgen.physics.magnetics import SolenoidCoil, SteelRing, flat_spheroid_factor, flux_density
 
 __all__ = ["pull_wrench"]
 
@@ -96,6 +96,6 @@ def _magnetisation(washer: SteelRing, field: np.ndarray, weight: np.ndarray) -> 
     ring_share = width / (width + washer.thickness)
     eased = chi / (1 + chi * np.array([1 - ring_share, 1 - ring_share, ring_share]))
     one_sided = (field * weight[:, None]).sum(-2, keepdims=True) * np.array([1.0, 1.0, 0.0])
-    whole = chi / (1 + chi * _flat_spheroid_factor(outer / washer.thickness))
+    whole = chi / (1 + chi * flat_spheroid_factor(outer / washer.thickness))
     volume = pi / 4 * (outer**2 - washer.inner_diameter**2) * washer.thickness
     return np.asarray(volume / MU_0 * (eased * (field - one_sided) + whole * one_sided))

@@ -33,6 +33,7 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
     for i, (item, site) in enumerate(zip(sized, sites, strict=True)):
         stiffness = float(item.model.stiffness_n_per_m)
         beam_error = item.model.beam_error
+        modes = mode_fields(taxel_modes(item.model), wrench[i])
         channels.append(
             Channel(
                 index=i,
@@ -49,12 +50,12 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
                 target_hz=item.target_hz,
                 second_mode_hz=item.model.second_mode[0],
                 second_mode_share=item.model.second_mode[1],
-                **mode_fields(taxel_modes(item.model), wrench[i])._asdict(),
+                **modes._asdict(),
                 sag_um=float(item.model.sag_m) / UM,
                 root_stress_mpa=float(item.model.root_stress_pa(level_um[i] * UM)) / MPA,
                 print_spread=float(frequency_spread(item.beam, spec.printer)),
                 force_mn=float(level_um[i]) * UM * stiffness / spec.q_min / MN,
-                force_constant_n_per_a2=float(pull[i]),
+                force_constant_n_per_a2=float(pull[i]) * modes.pulled_share,
                 pull_exponent=float(exponent[i]),
                 static_um=0.0,
                 pull_shift=0.0,

@@ -173,6 +173,8 @@ def _wider_gap(spec: Spec, plan: Plan) -> str:
     """A gap at which all channels keep within its third: the pull at a wider one is another."""
     gap_mm = spec.coil.gap_mm
     offset = np.array([channel.site.coil_distance_mm for channel in plan.channels]) * MM
+    here, _ = pull_over_gap(*magnetic_parts(spec), gap_mm * MM, offset)
+    share = np.array([channel.force_constant_n_per_a2 for channel in plan.channels]) / here
     for _ in range(GAPS_TRIED):
         wider = replace(spec, coil=replace(spec.coil, gap_mm=gap_mm))
         pull, exponent = pull_over_gap(*magnetic_parts(wider), gap_mm * MM, offset)
@@ -180,7 +182,7 @@ def _wider_gap(spec: Spec, plan: Plan) -> str:
             break
         moved = [
             replace(channel, force_constant_n_per_a2=float(c), pull_exponent=float(m))
-            for channel, c, m in zip(plan.channels, pull, exponent, strict=True)
+            for channel, c, m in zip(plan.channels, pull * share, exponent, strict=True)
         ]
         again = driven(wider, moved, plan.selectivity.drive)
         needed_mm = 3 * max(c.level_um + c.sag_um + c.static_um for c in again) * UM / MM

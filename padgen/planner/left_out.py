@@ -117,7 +117,7 @@ def judge_left_out(spec: Spec, entries: Sequence[LeftOut]) -> Iterator[Finding]:
                 "note",
                 "model.left_out",
                 entry.of,
-                f"{entry.term} is left out and may change it {may}, asked is {_percent(spec.model.tolerance)}"
+                f"left out: {entry.term}, which may change it {may}, asked is {_percent(spec.model.tolerance)}"
                 f" (model.tolerance); {RUNGS[entry.term]}",
             )
 
@@ -149,7 +149,9 @@ def _inertia(spec: Spec, plan: Plan) -> LeftOut:
         beams = [plan.channels[k].beam for k in own]
         shape = BeamShape(*np.array([(b.width_mm, b.thickness_mm, b.length_mm) for b in beams]).T)
         model = TaxelModel(spec, topology, plate, shape)
-        bound[own] = beam_inertia(model.placements, model.modes, model.working, *elastic)
+        working = [plan.channels[k].mode_motions[int(np.argmax(plan.channels[k].mode_shares))] for k in own]
+        motion, hz = np.array(working), np.array([plan.channels[k].resonance_hz for k in own])
+        bound[own] = beam_inertia(model.placements, motion, model.washer_point_m, hz, *elastic)
     return _worst("beam inertia", "resonance", plan.channels, bound)
 
 

@@ -52,6 +52,11 @@ class ModeFields(NamedTuple):
     rest_motion: tuple[float, ...]
     pull_wrench: tuple[float, ...]
 
+    @property
+    def pulled_share(self) -> float:
+        """How much more the pull as it is moves the working mode than a vertical one at the washer's axis."""
+        return self.pulled_shares[int(np.argmax(self.mode_shares))]
+
 
 def taxel_modes(model: TaxelModel) -> TaxelModes:
     """The modes that `model` has: solved ones of a solid as they are, else the six of the beam model."""

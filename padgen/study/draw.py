@@ -123,7 +123,7 @@ def _rings(axis: Any, results: Sequence[Judged], tolerances: Sequence[float]) ->
 def _decades(values: Sequence[float]) -> tuple[float, float]:
     """Whole decades around `values`, so that every axis has labels."""
     low, high = (10.0 ** round_(log10(value)) for round_, value in ((floor, min(values)), (ceil, max(values))))
-    return (low / 1.5, high * 1.5) if high > low else (low / 1.5, high * 10)
+    return (low / 2, high * 3) if high > low else (low / 2, high * 10)
 
 
 def _shown(row: Row) -> bool:

@@ -122,6 +122,7 @@ def _rung(row: Row) -> dict[str, Any]:
         "model": rung.model,
         "resolution": rung.resolution,
         "series": rung.series,
+        "offered": rung.offered,
         "step": rung.step,
         "unknowns": own.unknowns,
         "error": row.error,
@@ -160,7 +161,7 @@ def _read(entry: dict[str, Any]) -> Judged:
 
 
 def _read_row(found: dict[str, Any]) -> Row:
-    rung = Rung(found["model"], found["resolution"], _not_kept, found["series"])
+    rung = Rung(found["model"], found["resolution"], _not_kept, found["series"], offered=found["offered"])
     values = None if found["values"] is None else np.array(found["values"])
     own = Measured(values, found["unknowns"], seconds=_number(found["seconds"]), note=found["note"])
     at_most = inf if found["error_at_most"] is None else float(found["error_at_most"])

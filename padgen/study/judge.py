@@ -152,8 +152,12 @@ def observed_order(steps: Sequence[float], differences: Sequence[float]) -> floa
 
 def recommended_row(result: Judged, tolerance: float) -> int | None:
     """Index of the quickest row whose error is at most `tolerance`, None where none is known to be."""
-    held = [i for i, row in enumerate(result.rows) if row.at_most <= tolerance]
+    held = [i for i, row in enumerate(result.rows) if _holds(row, tolerance)]
     return min(held, key=lambda i: result.rows[i].measured.seconds, default=None)
+
+
+def _holds(row: Row, tolerance: float) -> bool:
+    return row.rung.offered and row.at_most <= tolerance
 
 
 def picks(results: Iterable[Judged], tolerances: Sequence[float] = TOLERANCES) -> tuple[Pick, ...]:
@@ -169,7 +173,7 @@ def picks(results: Iterable[Judged], tolerances: Sequence[float] = TOLERANCES) -
 
 def _pick(name: str, results: Sequence[Judged], tolerance: float) -> Pick:
     held: dict[tuple[str, str], list[Row]] = {}
-    for row in (row for result in results for row in result.rows if row.at_most <= tolerance):
+    for row in (row for result in results for row in result.rows if _holds(row, tolerance)):
         held.setdefault((row.rung.model, row.rung.resolution), []).append(row)
     costs = {key: sum(row.measured.seconds for row in rows) for key, rows in held.items() if len(rows) == len(results)}
     if not costs:

@@ -42,6 +42,7 @@ class Rung:
     of a module. Rungs of one `series` follow each other from coarse to fine; `step` is what is refined
     in it (size of elements, chord, time step), nan where no order is expected. `imports` are loaded
     before the clock starts, and so runs `prepare`, whose result `solve` is called with where there is one.
+    A rung that is not `offered` is never recommended: it is there to be measured against.
     """
 
     model: str
@@ -52,6 +53,7 @@ class Rung:
     imports: tuple[str, ...] = ()
     limit_s: float = 600.0
     prepare: Callable[[], Any] | None = None
+    offered: bool = True
 
 
 @dataclass(frozen=True)

@@ -31,8 +31,8 @@ __all__ = ["SETTINGS", "Elastic", "Orthotropy", "SolidModes", "SolidTaxel", "con
 
 SETTINGS = ((3, 1), (3, 2), (4, 2), (4, 3), (4, 4))
 """(order, levels), cheapest first."""
-EDGE_SHARE = 0.05
-"""Layers are worth while along an edge whose tetrahedra hold more of a mode's energy than this."""
+EDGE_RATIO = 0.1
+"""Layers are worth while along edges whose tetrahedra hold this much of the energy at the worst edge."""
 
 
 class SolidTaxel(NamedTuple):
@@ -153,7 +153,8 @@ def _drafted(taxel: SolidTaxel, clock: _Clock) -> _Draft:
     clock.stop("mesh")
     answer = _answered(taxel, engine("ngsolve").Mesh(mesh), 2, 6, clock)
     shares = edge_energy_shares(mesh, energy_shares(answer.system, taxel.materials, answer.eigen))
-    layered = {edge for edge in singular if shares.get(edge, 0.0) > EDGE_SHARE}
+    worst = max((shares.get(edge, 0.0) for edge in singular), default=0.0)
+    layered = {edge for edge in singular if shares.get(edge, 0.0) > EDGE_RATIO * worst}
     clock.stop("modes")
     return _Draft(taxel, shape, layered)
 

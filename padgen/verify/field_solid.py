@@ -90,7 +90,7 @@ def solid_force(
     if error > WIDEST:
         raise SolverError(
             f"the pull drowns in the field's own error, {number(error)} of it, which may be {WIDEST}: a higher order"
-            " than " + str(order) + " or a washer nearer to the coil would do"
+            f" than {order} or a washer nearer to the coil would do"
         )
     return SolidForce(
         wrench=wrench,

@@ -4,14 +4,16 @@ The iteration of `pad_lowest` starts from the tiles' own modes and from the fram
 bending of the whole pad. Damping is structural: every stiffness times 1 + j/Q.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from padgen.errors import SolverError, number
 from padgen.units import MM
-from padgen.verify.pad_lowest import Ritz, lowest_modes
+from padgen.verify.pad_lowest import ACCURACY, Ritz, lowest_modes
 from padgen.verify.pad_reduction import ReducedPad
+from padgen.verify.pad_strips import factored, solved
 
 __all__ = [
     "Crosstalk",
@@ -39,7 +41,7 @@ class PadModes(NamedTuple):
     `frequency_hz` (k,); `frame_share` (k,), the part of a mode's mass that is not the taxels' swinging in their
     sub-cells; `frame_hz`, the frame's own modes (`frame_modes_hz`); `error`, the largest relative error of a
     frequency by its residual. `square` (m,) in (rad/s)² and `motion` (taxels, m), the washers' vertical motion in
-    kg^-½, have the modes and further vectors that carry the static response to forces on the `driven` taxels.
+    kg^-½, have the modes and, beyond, less exact ones.
     """
 
     frequency_hz: np.ndarray
@@ -48,7 +50,6 @@ class PadModes(NamedTuple):
     error: float
     square: np.ndarray
     motion: np.ndarray
-    driven: tuple[int, ...]
 
 
 class Shift(NamedTuple):
@@ -79,11 +80,10 @@ class Crosstalk(NamedTuple):
     next_alike: tuple[str, float] | None
 
 
-def pad_modes(pad: ReducedPad, highest_hz: float | None = None, driven: tuple[int, ...] | None = None) -> PadModes:
+def pad_modes(pad: ReducedPad, highest_hz: float | None = None, accuracy: float = ACCURACY) -> PadModes:
     """All modes up to `highest_hz`, by default a fifth above the band's top.
 
-    `driven` are taxels, by their place in the plan, whose static response is kept for `crosstalk`; by
-    default `driven_taxels`.
+    `accuracy` is the largest relative error of a frequency, by its residual.
 
     Raises
     ------
@@ -97,11 +97,9 @@ def pad_modes(pad: ReducedPad, highest_hz: float | None = None, driven: tuple[in
     start = np.zeros((assembly.size, len(own) + frame.vectors.shape[1]))
     start[own, np.arange(len(own))] = 1.0
     start[: len(frame.vectors), len(own) :] = frame.vectors
-    driven = driven_taxels(pad) if driven is None else driven
-    pulls = pad.pulls
-    ritz = lowest_modes(assembly, assembly.times_mass(start), limit, pulls[:, list(driven)])
+    ritz = lowest_modes(assembly, assembly.times_mass(start), limit, accuracy)
     below = int((ritz.square < limit).sum())
-    motion = pulls.T @ ritz.vectors
+    motion = pad.pulls.T @ ritz.vectors
     share = 1 - (ritz.vectors[assembly.size - len(assembly.square) :, :below] ** 2).sum(0)
     return PadModes(
         _hertz(ritz.square[:below]),
@@ -110,7 +108,6 @@ def pad_modes(pad: ReducedPad, highest_hz: float | None = None, driven: tuple[in
         ritz.error,
         ritz.square,
         motion,
-        driven,
     )
 
 
@@ -223,9 +220,12 @@ def _peak_hz(modes: PadModes, taxel: int, near_hz: float, q: float) -> float:
     return float((low + high) / 2)
 
 
-def crosstalk(pad: ReducedPad, modes: PadModes) -> list[Crosstalk]:
-    """What each of ``modes.driven`` does to its neighbours."""
-    return [_crosstalk(pad, modes, taxel) for taxel in modes.driven]
+def crosstalk(pad: ReducedPad, modes: PadModes, driven: Sequence[int] | None = None) -> list[Crosstalk]:
+    """What taxels `driven` at their resonances do to the others; by default `driven_taxels`.
+
+    The peak is found from the modes, the motion there by a direct solve of the reduced pad.
+    """
+    return [_crosstalk(pad, modes, taxel) for taxel in (driven_taxels(pad) if driven is None else driven)]
 
 
 def _crosstalk(pad: ReducedPad, modes: PadModes, driven: int) -> Crosstalk:
@@ -233,7 +233,9 @@ def _crosstalk(pad: ReducedPad, modes: PadModes, driven: int) -> Crosstalk:
     one = taxels[driven]
     q = pad.plan.channels[one.channel].q
     peak = _peak_hz(modes, driven, pad.clamped_hz(one.channel), q)
-    amplitude = np.abs(receptance(modes, driven, np.array([peak]), q)[0])
+    pulls = pad.pulls
+    motion = solved(factored(pad.assembly, (2 * np.pi * peak) ** 2, 1 / q), pulls[:, [driven]])
+    amplitude = np.abs(pulls.T @ motion[:, 0])
     below = 20 * np.log10(amplitude[driven] / np.maximum(amplitude, 1e-30 * amplitude[driven]))
     steps = np.array([(abs(t.coil[0] - one.coil[0]), abs(t.coil[1] - one.coil[1])) for t in taxels]).sum(1)
     alike = np.array([taxel.channel == one.channel for taxel in taxels])

@@ -13,8 +13,11 @@ import numpy as np
 from padgen.errors import SolverError
 from padgen.verify.engines import engine
 from padgen.verify.pad_assembly import Assembly, PlacedTile
+from padgen.verify.pad_tiles import ReducedTile
 
 __all__ = ["Factors", "factored", "modes_below", "solved"]
+
+ABOVE = "the pad's stiffness is not positive definite: the shift is above a mode"
 
 
 class Strip(NamedTuple):
@@ -40,11 +43,12 @@ class Condensed(NamedTuple):
 
 
 class Factors(NamedTuple):
-    """Factors of ``K - shift M``, positive definite: Cholesky factors of the strips' insides and of the lines'
-    pivots, and what couples a line to the next."""
+    """Factors of ``K (1 + j loss) - shift M``: of the strips' insides and of the lines' pivots, and what couples a
+    line to the next."""
 
     assembly: Assembly
     shift: float
+    loss: float
     strips: list[Strip]
     insides: list[Any]
     carries: list[np.ndarray]
@@ -52,61 +56,75 @@ class Factors(NamedTuple):
     steps: list[np.ndarray]
 
 
-def factored(assembly: Assembly, shift: float) -> Factors:
-    """Factor ``K - shift M`` for a `shift` in (rad/s)² below all modes.
+def factored(assembly: Assembly, shift: float, loss: float = 0.0) -> Factors:
+    """Factor ``K (1 + j loss) - shift M`` for a `shift` in (rad/s)², which without loss is below all modes.
 
     Raises
     ------
     SolverError
-        It is not positive definite.
+        Without loss it is not positive definite.
     """
-    linalg = engine("scipy.linalg")
+    if not loss and (assembly.square <= shift).any():
+        raise SolverError(ABOVE, "pad")
     strips = _strips(assembly)
-    condensed = _condensed(assembly, strips, shift)
+    condensed = _condensed(assembly, strips, shift, loss)
     try:
-        known = {id(c): linalg.cho_factor(c.pivot, lower=True) for c in condensed}
+        known = {id(c): _factor(c.pivot, loss) for c in condensed}
         lines: list[Any] = []
         steps: list[np.ndarray] = []
-        for pivot, coupling in _lines(strips, condensed, lambda a, b: linalg.cho_solve(lines[-1], b)):
-            lines.append(linalg.cho_factor(pivot, lower=True))
+        for pivot, coupling in _lines(strips, condensed, lambda a, b: _solve(lines[-1], b, loss)):
+            lines.append(_factor(pivot, loss))
             steps.append(coupling)
     except np.linalg.LinAlgError as error:
-        raise SolverError("the pad's stiffness is not positive definite: the shift is above a mode", "pad") from error
-    return Factors(
-        assembly, shift, strips, [known[id(c)] for c in condensed], [c.carry for c in condensed], lines, steps
-    )
+        raise SolverError(ABOVE, "pad") from error
+    carries = [c.carry for c in condensed]
+    return Factors(assembly, shift, loss, strips, [known[id(c)] for c in condensed], carries, lines, steps)
+
+
+def _factor(matrix: np.ndarray, loss: float) -> Any:
+    linalg = engine("scipy.linalg")
+    return linalg.lu_factor(matrix) if loss else linalg.cho_factor(matrix, lower=True)
+
+
+def _solve(factor: Any, load: np.ndarray, loss: float) -> Any:
+    linalg = engine("scipy.linalg")
+    return linalg.lu_solve(factor, load) if loss else linalg.cho_solve(factor, load)
 
 
 def solved(factors: Factors, load: np.ndarray) -> np.ndarray:
-    """``(K - shift M)⁻¹`` times (n, k)."""
-    solve = engine("scipy.linalg").cho_solve
-    assembly, shift = factors.assembly, factors.shift
-    x = load.copy()
-    denominator = (assembly.square - shift)[:, None]
+    """``(K (1 + j loss) - shift M)⁻¹`` times (n, k)."""
+    assembly, shift, loss = factors.assembly, factors.shift, factors.loss
+    x = load.astype(complex) if loss else load.copy()
+    own = (_lossy(assembly.square, loss) - shift)[:, None]
     first = assembly.size - len(assembly.square)
-    for tile in assembly.tiles:
-        if len(tile.modes):
-            on = tile.interface >= 0
-            x[tile.interface[on]] += shift * (
-                assembly.kinds[tile.key].coupling[on] @ (x[tile.modes] / denominator[tile.modes - first])
-            )
-    for strip, carry in zip(factors.strips, factors.carries, strict=True):
-        x[strip.ends] -= carry.T @ x[strip.inside]
-    for strip, line, step in zip(factors.strips, factors.lines, factors.steps, strict=False):
-        x[strip.upper] -= step.T @ solve(line, x[strip.lower])
-    last = factors.strips[-1].upper
-    x[last] = solve(factors.lines[-1], x[last])
-    backwards = zip(factors.strips[::-1], factors.lines[-2::-1], factors.steps[-2::-1], strict=True)
-    for strip, line, step in backwards:
-        x[strip.lower] = solve(line, x[strip.lower] - step @ x[strip.upper])
-    for strip, inside, carry in zip(factors.strips, factors.insides, factors.carries, strict=True):
-        x[strip.inside] = solve(inside, x[strip.inside]) - carry @ x[strip.ends]
-    for tile in assembly.tiles:
-        if len(tile.modes):
-            on = tile.interface >= 0
-            pulled = assembly.kinds[tile.key].coupling[on].T @ x[tile.interface[on]]
-            x[tile.modes] = (x[tile.modes] + shift * pulled) / denominator[tile.modes - first]
+    tiles = [(tile, tile.interface >= 0) for tile in assembly.tiles if len(tile.modes)]
+    for tile, on in tiles:
+        moved = x[tile.modes] / own[tile.modes - first]
+        x[tile.interface[on]] += shift * (assembly.kinds[tile.key].coupling[on] @ moved)
+    _through_strips(factors, x)
+    for tile, on in tiles:
+        pulled = assembly.kinds[tile.key].coupling[on].T @ x[tile.interface[on]]
+        x[tile.modes] = (x[tile.modes] + shift * pulled) / own[tile.modes - first]
     return x
+
+
+def _through_strips(factors: Factors, x: np.ndarray) -> None:
+    """Solve for the interface in place: insides, lines forth and back, insides."""
+    loss, strips = factors.loss, factors.strips
+    for strip, carry in zip(strips, factors.carries, strict=True):
+        x[strip.ends] -= carry.T @ x[strip.inside]
+    for strip, line, step in zip(strips, factors.lines, factors.steps, strict=False):
+        x[strip.upper] -= step.T @ _solve(line, x[strip.lower], loss)
+    last = strips[-1].upper
+    x[last] = _solve(factors.lines[-1], x[last], loss)
+    for strip, line, step in zip(strips[::-1], factors.lines[-2::-1], factors.steps[-2::-1], strict=True):
+        x[strip.lower] = _solve(line, x[strip.lower] - step @ x[strip.upper], loss)
+    for strip, inside, carry in zip(strips, factors.insides, factors.carries, strict=True):
+        x[strip.inside] = _solve(inside, x[strip.inside], loss) - carry @ x[strip.ends]
+
+
+def _lossy(stiffness: np.ndarray, loss: float) -> np.ndarray:
+    return np.asarray(stiffness * (1 + 1j * loss)) if loss else stiffness
 
 
 def modes_below(assembly: Assembly, square: float) -> int:
@@ -154,9 +172,9 @@ def _strips(assembly: Assembly) -> list[Strip]:
     ]
 
 
-def _condensed(assembly: Assembly, strips: list[Strip], shift: float) -> list[Condensed]:
+def _condensed(assembly: Assembly, strips: list[Strip], shift: float, loss: float = 0.0) -> list[Condensed]:
     """Each strip condensed; strips that are alike share one."""
-    dynamic = {key: _dynamic(kind, shift) for key, kind in assembly.kinds.items()}
+    dynamic = {key: _dynamic(kind, shift, loss) for key, kind in assembly.kinds.items()}
     known: dict[Hashable, Condensed] = {}
     found = []
     for strip in strips:
@@ -170,7 +188,7 @@ def _condensed(assembly: Assembly, strips: list[Strip], shift: float) -> list[Co
             *((t.key, i.tobytes()) for t, i in zip(strip.tiles, indices, strict=True)),
         )
         if key not in known:
-            whole = np.zeros((len(order), len(order)))
+            whole = np.zeros((len(order), len(order)), dtype=complex if loss else float)
             for tile, index in zip(strip.tiles, indices, strict=True):
                 on = index >= 0
                 whole[np.ix_(index[on], index[on])] += dynamic[tile.key][np.ix_(on, on)]
@@ -179,11 +197,10 @@ def _condensed(assembly: Assembly, strips: list[Strip], shift: float) -> list[Co
     return found
 
 
-def _dynamic(kind: Any, shift: float) -> np.ndarray:
-    """A tile's ``K - shift M`` with its modes eliminated."""
-    through = kind.coupling * (shift / (kind.square - shift))
-    matrix: np.ndarray = kind.stiffness - shift * kind.mass - shift * (through @ kind.coupling.T)
-    return matrix
+def _dynamic(kind: ReducedTile, shift: float, loss: float) -> np.ndarray:
+    """A tile's ``K (1 + j loss) - shift M`` with its modes eliminated."""
+    through = kind.coupling * (shift / (_lossy(kind.square, loss) - shift))
+    return np.asarray(_lossy(kind.stiffness, loss) - shift * kind.mass - shift * (through @ kind.coupling.T))
 
 
 def _without_inside(whole: np.ndarray, inside: int) -> Condensed:

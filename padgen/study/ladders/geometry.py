@@ -31,7 +31,8 @@ def geometry_ladders(scene: Scene) -> Iterator[Ladder]:
         rungs.append(Rung("mesh", f"chord {chord:.2g} mm, {angle:.2g} rad", solve, CHORD, chord, KERNEL, prepare=model))
     for tolerance in TOLERANCES:
         solve = partial(exact_volumes, tolerance)
-        rungs.append(Rung("B-rep", f"integrated to {tolerance:g}", solve, "B-rep", imports=KERNEL, prepare=model))
+        label = f"integrated to {tolerance:g}"
+        rungs.append(Rung("B-rep", label, solve, "B-rep", imports=KERNEL, prepare=model, offered=False))
     yield Ladder(
         "geometry",
         f"{count} distinct taxel{'s' if count > 1 else ''}",
