@@ -1,6 +1,6 @@
 """Prints the tables of the force ladder for docs/accuracy.md; `python docs/measure_force.py [team]`.
 
-Without `team` about two minutes of one core, TEAM problems 20 and 13 take several more. Needs padgen[study].
+Without `team` about two minutes of one core, TEAM problem 20 two more. Needs padgen[study].
 """
 
 import json
@@ -19,7 +19,7 @@ from padgen.planner.channels import magnetic_parts
 from padgen.spec import load_spec
 from padgen.units import MM
 from padgen.verify.field_axisymmetric import axisymmetric_force
-from padgen.verify.field_team import team_13_flux_density, team_20_force
+from padgen.verify.field_team import team_20_force
 from padgen.verify.force_ladder import (
     Pull,
     balance,
@@ -36,7 +36,6 @@ COIL = SolenoidCoil(10 * MM, 4 * MM, 10 * MM, 1000, 4 * MM, 1000)
 WASHER = SteelRing(4 * MM, 2 * MM, 0.5 * MM, 1000)
 TEMPLATES = ("paper-16", "paper-32", "wide-11", "triple-48", "quad-64", "resin-fine")
 TEAM_20 = {0.98: 8.00, 3.01: 53.8, 4.52: 74.7, 5.02: 79.7}
-TEAM_13_MT = (59.3, 40.0, 33.6, 30.4, 28.3, 26.0, 23.1, 18.2, 11.6, 6.1, 4.06)
 
 
 def row(*cells: object) -> None:
@@ -114,11 +113,6 @@ def team() -> None:
     head("TEAM 20", "A", "measured N", "virtual work N", "at the surface N", "unknowns", "Newton steps")
     for current, (pull, wrench, solved) in zip(TEAM_20, team_20_force(list(TEAM_20)), strict=True):
         row(current, TEAM_20[current], pull, -float(wrench.surface[2]), solved.unknowns, solved.steps)
-    head("TEAM 13, 3000 ampere turns, |B| at (x, 20, 55) mm", "x mm", "measured mT", "computed mT")
-    x = 10.0 * np.arange(1, 12)
-    density, _ = team_13_flux_density(np.stack([x, 0 * x + 20, 0 * x + 55], -1))
-    for at, wanted, got in zip(x, TEAM_13_MT, density * 1e3, strict=True):
-        row(float(at), wanted, float(got))
 
 
 def main() -> None:

@@ -43,11 +43,13 @@ from padgen.physics.modal import felt_energy
 from padgen.physics.modes import BeamPlacement, Modes, suspended_modes
 from padgen.physics.rigid_body import RigidBody
 from padgen.physics.saturation import saturating
+from padgen.physics.taxel_modes import TaxelModes
 from padgen.planner import Plan, make_plan, reuse
 from padgen.planner.channels import magnetic_parts, squared_current_lines
 from padgen.planner.layout import Layout
 from padgen.planner.left_out import RUNGS, LeftOut, judge_left_out, left_out, left_out_line
-from padgen.planner.modes import coil_modes, heard_modes
+from padgen.planner.modes import coil_modes, heard_modes, mode_fields, site_wrenches
+from padgen.planner.plan import Channel
 from padgen.planner.selectivity import placed_channels
 from padgen.planner.settings import scheme_named
 from padgen.planner.suspensions import BeamShape, PlateShape
@@ -111,10 +113,15 @@ def within(bound: float | None, true: float, most: float = MOST) -> None:
 # Each channel's true error; the entry is of the worst.
 
 
-def pull_at(spec: Spec, channel, nearer_um: float) -> tuple[float, float]:
-    offset = np.array([channel.site.coil_distance_mm * MM])
-    pull, exponent = pull_over_gap(*magnetic_parts(spec), spec.coil.gap_mm * MM - nearer_um * UM, offset)
-    return float(pull[0]), float(exponent[0])
+def pull_at(spec: Spec, channel: Channel, nearer_um: float) -> tuple[float, float]:
+    """Pull in N/A² on the channel's own mode, and its exponent, with the washer `nearer_um` to the coil."""
+    gap_mm = spec.coil.gap_mm - nearer_um * UM / MM
+    there, parts = replace(spec, coil=replace(spec.coil, gap_mm=gap_mm)), magnetic_parts(spec)
+    pull, exponent = pull_over_gap(*parts, gap_mm * MM, np.array([channel.site.coil_distance_mm * MM]))
+    wrench = site_wrenches(there, *parts, [channel.site])[0]
+    modes = TaxelModes(np.array(channel.modes_hz), np.array(channel.mode_motions))
+    share = mode_fields(modes, wrench).pulled_share
+    return float(pull[0]) * share, float(exponent[0])
 
 
 def true_gap(name: str) -> float:

@@ -170,6 +170,18 @@ def test_a_free_pad_moves_as_a_body(pads, plan):
     assert (found.frame_share[:6] > 0.999).all()
 
 
+def test_a_tilted_pad_lifts_each_washer_by_its_place(pads, plan):
+    pad, thickness = pads["free"].assembly, plan.typed_spec.pad.frame_thickness_mm
+    x = np.array([-18.5, -12.5, 0.0, 12.5, 18.5])
+    tilt = np.zeros(pad.size)
+    for k, (place, function) in enumerate(zip(pad.places, pad.functions, strict=True)):
+        if place[0] == "vertex" and function.height <= 1:
+            # u = (-z, 0, x): linear, so that the vertices' functions hold it exactly; P1 in ζ is 2 z/t - 1.
+            tilt[k] = {0: -thickness / 2, 2: x[place[1]] * (function.height == 0)}.get(function.axis, 0.0)
+    # Millimetres; the fit over the washer's volume is as exact as the quadratic elements' round washer.
+    assert np.allclose(pads["free"].pulls.T @ tilt, [taxel.x_mm for taxel in plan.taxels], atol=2e-3)
+
+
 @pytest.mark.parametrize("clamping", CLAMPINGS)
 def test_modes_are_the_dense_ones(pads, clamping):
     pad = pads[clamping]

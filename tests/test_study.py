@@ -408,7 +408,7 @@ def test_an_interrupted_study_leaves_nothing(paper_spec, tmp_path):
 def test_without_the_package_that_draws_nothing_starts(paper_spec, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(EngineMissingError, match=r"padgen\[study\]"):
-        run_study(paper_spec, tmp_path / "out")
+        run_study(paper_spec, tmp_path / "out", ("allocation",))
     assert not (tmp_path / "out").exists()
 
 
@@ -427,14 +427,14 @@ def test_tolerances(text, value):
 
 
 @pytest.mark.parametrize("text", ["0", "-1%", "101%", "2", "nan", "inf", "much", ""])
-def test_tolerances_that_are_none(text, paper_spec, tmp_path):
+def test_tolerances_that_are_none(text):
     with pytest.raises(SpecError, match="--tolerance: must be"):
         parse_tolerance(text)
 
 
 def test_a_tolerance_out_of_range_is_refused_before_work(paper_spec, tmp_path):
     with pytest.raises(SpecError, match="--tolerance"):
-        run_study(paper_spec, tmp_path / "out", tolerance=2.0)
+        run_study(paper_spec, tmp_path / "out", ("allocation",), tolerance=2.0)
     assert not (tmp_path / "out").exists()
 
 

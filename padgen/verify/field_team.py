@@ -1,18 +1,15 @@
-"""Two published problems with measured answers: TEAM 20 (force) and TEAM 13 (flux density).
+"""A published problem with a measured answer: TEAM 20, the force on the pole of a saturated electromagnet.
 
-Takahashi, Nakata and Morishige 1994 and Nakata, Takahashi and Fujiwara 1992: electromagnets of the same
-steel (`TEAM_STEEL`), saturated. Dimensions in mm as in the problem descriptions.
+Takahashi, Nakata and Morishige 1994, steel `TEAM_STEEL`. Dimensions in mm as in the problem's description.
 """
 
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from padgen.physics.saturation import TEAM_STEEL
 from padgen.verify.engines import engine
 from padgen.verify.field_scalar import BodyWrench, ScalarField, body_wrench, solve_scalar
 
-__all__ = ["Racetrack", "team_13_flux_density", "team_20_force"]
+__all__ = ["Racetrack", "team_20_force"]
 
 
 class Racetrack(NamedTuple):
@@ -98,68 +95,6 @@ def _team_20_mesh(coil: Racetrack, fineness: float) -> tuple[Any, float]:
     for part in parts:
         air -= part
     shape = occ.Glue([*parts, air.mat("air")])
-    return _meshed(occ, shape, far), far
-
-
-def team_13_flux_density(
-    points_mm: np.ndarray, ampere_turns: float = 3000.0, order: int = 2, fineness: float = 1.0
-) -> tuple[np.ndarray, ScalarField]:
-    """|B| in T at points (n, 3) in the air of problem 13, above its middle plane z = 0.
-
-    Raises
-    ------
-    SolverError
-        Newton's method does not converge.
-    """
-    ng = engine("ngsolve")
-    coil = Racetrack(75.0, 100.0, 25.0, -50.0, 50.0)
-    mesh, far = _team_13_mesh(coil, fineness)
-    solved = solve_scalar(
-        mesh, coil.source(ng, ampere_turns), {"steel": TEAM_STEEL}, far, order, 2.0, grounded="middle"
-    )
-    size = ng.sqrt(ng.InnerProduct(solved.field, solved.field))
-    return np.array([4e-7 * np.pi * size(mesh(*map(float, point))) for point in points_mm]), solved
-
-
-def _team_13_mesh(coil: Racetrack, fineness: float) -> tuple[Any, float]:
-    """The upper half of problem 13: a plate and two channels beside it, 0.5 mm from it."""
-    occ = engine("netgen.occ")
-    far = 700.0
-    upper = occ.Box(occ.Pnt(-2 * far, -2 * far, 0), occ.Pnt(2 * far, 2 * far, 2 * far))
-    plate = occ.Box(occ.Pnt(-1.6, -25, 0), occ.Pnt(1.6, 25, 63.2))
-    channels = []
-    for side in (1, -1):
-        ends = [(2.1, 15.0, 0.0, 125.3, 65.0, 63.2), (0.0, 0.0, -1.0, 122.1, 70.0, 60.0)]
-        outer, inner = (
-            occ.Box(
-                occ.Pnt(min(side * a, side * d), min(side * b, side * e), c),
-                occ.Pnt(max(side * a, side * d), max(side * b, side * e), f),
-            )
-            for a, b, c, d, e, f in ends
-        )
-        channels.append(outer - inner)
-    steel = [plate, *channels]
-    for part in steel:
-        part.mat("steel").maxh = 8 / fineness
-        part.faces[occ.X < 8][occ.X > -8].maxh = 2 / fineness
-    within = coil.solid(occ, coil.inner_mm) * upper
-    winding = (coil.solid(occ, coil.outer_mm) * upper - within).mat("winding")
-    inside = [(part * within).mat("steel") for part in steel]
-    outside = [(part - within).mat("steel") for part in steel]
-    bore = within
-    for part in steel:
-        bore -= part
-        winding -= part
-    parts = [winding, bore.mat("air"), *inside, *outside]
-    air = occ.Sphere(occ.Pnt(0, 0, 0), far)
-    air.faces.name = "far"
-    air *= upper
-    for part in parts:
-        air -= part
-    shape = occ.Glue([p for p in (*parts, air.mat("air")) if p.solids])
-    for face in shape.faces:
-        if abs(face.center.z) < 1e-6:
-            face.name = "middle"
     return _meshed(occ, shape, far), far
 
 
