@@ -38,7 +38,7 @@ STEEPEST, FLATTEST = 2.0, 0.1
 ROUNDS = 5
 MISS_SHARE = 0.5
 """Share of the solver's tolerance within which a resonance is on its target."""
-FINEST = 1e-3
+FINEST = 2e-3
 """Relative error that the solver is asked for; a smaller one only when the spec's tolerance is."""
 KIND = "taxel-modes"
 WORKERS = 8

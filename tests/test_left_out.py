@@ -7,7 +7,7 @@
 | motion | coil and washer in time, their flux included |
 | beam inertia | Timoshenko beams of several elements with inner motions |
 | far modes | all modes at all tones |
-| far coils | the leakage of all coils of the pad |
+| far coils | the full field of all coils of the pad; computed but for what poles leave, a bound of a bound |
 | saturation, eddy currents | axisymmetric finite elements, non-linear or in the frequency domain |
 | shielding | 3-D finite elements with and without the other washers |
 
@@ -17,7 +17,6 @@ The bounds are of the first order in places, so a true error may exceed them by 
 import json
 from dataclasses import asdict, replace
 from functools import cache
-from itertools import product
 from typing import NamedTuple
 from unittest.mock import patch
 
@@ -38,6 +37,7 @@ from padgen.physics.bounds import (
 from padgen.physics.currents import bias_a, current_lines_a
 from padgen.physics.frame import AttachedBody, Frame, divided, frame_modes
 from padgen.physics.frame_element import Element, rectangle
+from padgen.physics.leakage import leakage
 from padgen.physics.magnetics import MU_0, SolenoidCoil, SteelRing, impedance, pull_over_gap
 from padgen.physics.modal import felt_energy
 from padgen.physics.modes import BeamPlacement, Modes, suspended_modes
@@ -358,21 +358,17 @@ def true_far_modes(name: str) -> float:
 
 
 def true_far_coils(name: str) -> float:
-    """`coil_reuse` with all coils around each in the middle of the grid, in the place of the nearest eight."""
+    """`coil_reuse` with the full field of all coils in the place of poles."""
     spec, plan = scene(name)
     grid = plan.coils
     layout = Layout(grid.rows, grid.columns, len(plan.channels), 1, 1, 1.0, 1.0, "x", 0, (("none", 1.0),))
-    leaks = []
-    for sides in product((-1, 1), repeat=2):
-        spans = [
-            range(min(side * (n // 2), -side * ((n - 1) // 2)), max(side * (n // 2), -side * ((n - 1) // 2)) + 1)
-            for side, n in zip(sides, (grid.columns, grid.rows), strict=True)
-        ]
-        steps = np.array([step for step in product(*spans) if step != (0, 0)])
-        everywhere = [np.ones(len(steps), bool)]
-        with patch.object(reuse, "_STEPS", steps), patch.object(reuse, "_surroundings", lambda _, s=everywhere: s):
-            leaks.append(reuse.coil_reuse(spec, layout, plan.channels, plan.selectivity.drive).leak_db)
-    return float(10 ** ((plan.reuse.leak_db - min(leaks)) / 20) - 1)
+
+    def in_full(coil, washer, gap, place, neighbours, far):
+        return leakage(coil, washer, gap, place, np.concatenate([neighbours, far]))
+
+    with patch.object(reuse, "leakage", in_full):
+        leak_db = reuse.coil_reuse(spec, layout, plan.channels, plan.selectivity.drive).leak_db
+    return float(abs(10 ** ((plan.reuse.leak_db - leak_db) / 20) - 1))
 
 
 TRUE = {
@@ -389,7 +385,7 @@ TRUE = {
 def test_bound_of_a_plan(term, name):
     terms = {e.term: e for e in left_out(*scene(name))}
     if term in terms:
-        within(terms[term].bound, TRUE[term](name))
+        within(terms[term].bound, TRUE[term](name), most=MOST if not terms[term].computed else 10 * MOST)
     else:
         assert LACKS[term](*scene(name))
 
@@ -558,11 +554,12 @@ def test_largest_first_and_plain(name):
     sizes = [np.inf if e.bound is None else e.bound for e in entries]
     assert sizes == sorted(sizes, reverse=True)
     assert len({e.term for e in entries}) == len(entries)
-    assert {e.term for e in entries} <= set(RUNGS)
+    assert {e.term for e in entries if not e.computed} <= set(RUNGS)
     read = json.loads(json.dumps([asdict(e) for e in entries]))
     assert [LeftOut(**e) for e in read] == list(entries)
     line = left_out_line(entries)
-    assert line.startswith(f"left out: {entries[0].term} ") and line.endswith("more, each less")
+    first = next(e.term for e in entries if not e.computed)
+    assert line.startswith(f"left out: {first} ") and line.endswith("more, each less")
 
 
 def test_findings_are_of_terms_above_the_tolerance():
@@ -571,7 +568,7 @@ def test_findings_are_of_terms_above_the_tolerance():
     for tolerance in (1e-4, 0.02, 0.5):
         asked = replace(spec, model=replace(spec.model, tolerance=tolerance))
         found = list(judge_left_out(asked, entries))
-        assert [f.where for f in found] == [e.of for e in entries if e.bound is None or e.bound > tolerance]
+        assert [f.where for f in found] == [e.of for e in entries if not e.computed and (e.bound or 9.0) > tolerance]
         assert all(f.level == "note" and f.code == "model.left_out" for f in found)
     computed = [replace(e, computed=True) for e in entries]
     assert not list(judge_left_out(spec, computed))

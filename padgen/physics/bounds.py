@@ -12,11 +12,11 @@ import numpy as np
 from padgen.physics.beams import BeamSection
 from padgen.physics.magnetics import SolenoidCoil, SteelRing, _core_charges, flat_spheroid_factor, flux_density
 from padgen.physics.modes import BeamPlacement, _carry
+from padgen.physics.poles import pole_field
 
 __all__ = [
     "WasherMoment",
     "beam_inertia",
-    "coil_poles",
     "core_eddies",
     "core_polarisation",
     "far_coils",
@@ -307,34 +307,24 @@ def mutual_shielding(moment: np.ndarray, field: np.ndarray, place: np.ndarray, d
     return np.asarray((near * MU_0 * moment / (2 * pi * apart**3)).sum(-1) / np.where(field > 0, field, inf))
 
 
-def coil_poles(coil: SolenoidCoil) -> np.ndarray:
-    """A coil as magnetic poles on its axis: charge in A·m/A and height in m over its top, shape (4, 2).
-
-    The winding's ends, and core's positive and negative charges, each pair where its middle is.
-    """
-    outer, inner = coil.outer_diameter / 2, coil.inner_diameter / 2
-    area = pi * (outer**2 + outer * inner + inner**2) / 3
-    winding = coil.turns * area / coil.length
-    poles = [(winding, 0.0), (-winding, -coil.length), (0.0, 0.0), (0.0, 0.0)]
-    if coil.core_diameter > 0 and coil.core_permeability > 1:
-        _, height, charge = _core_charges(coil)
-        for k, sign in ((2, charge > 0), (3, charge < 0)):
-            total = float(charge[sign].sum())
-            poles[k] = (total, float((charge[sign] * height[sign]).sum()) / total)
-    return np.array(poles)
-
-
 def far_coils(
-    poles: np.ndarray, height: float, place: np.ndarray, near: np.ndarray, far: np.ndarray, easiness: np.ndarray
+    poles: np.ndarray,
+    height: float,
+    place: np.ndarray,
+    near: np.ndarray,
+    far: np.ndarray,
+    easiness: np.ndarray,
+    doubt: np.ndarray,
 ) -> np.ndarray:
-    """Relative growth (n,) of the leakage on washers at `place` (n, 2) by the coils `far` (k, 2) beside those `near`.
+    """Relative error (n,) of the leakage on washers at `place` (n, 2) by the coils `near` (k, 2).
 
-    Coils as `coil_poles`, at `height` over the coils' tops; `easiness` (3,) as in `physics.leakage`. Pulls of
-    two coils together are at most the products of the lengths of their fields and gradients.
+    From a share `doubt` (l,) of the fields of the coils `far` (l, 2): 1 for one that is not counted. Coils as
+    `poles.coil_poles`, at `height` over their tops; `easiness` (3,) as in `physics.leakage`. Pulls of two
+    coils together are at most the products of the lengths of their fields and gradients.
     """
-    own = _pole_field(poles, height, place[:, None])
-    beside = _pole_field(poles, height, place[:, None] - near)
-    away = [_length(v, easiness).sum(1) for v in _pole_field(poles, height, place[:, None] - far)]
+    own = pole_field(poles, height, place[:, None])
+    beside = pole_field(poles, height, place[:, None] - near)
+    away = [(_length(v, easiness) * doubt).sum(1) for v in pole_field(poles, height, place[:, None] - far)]
     (field, slope), (own_field, own_slope) = beside, own
     weighed = field * easiness
     mutual = np.einsum("nkc,nlc->nkl", weighed, slope)
@@ -346,17 +336,6 @@ def far_coils(
     parts = (more, squares), (away[0] * own_lengths[1] + away[1] * own_lengths[0], products.sum((1, 2)))
     growth = [np.divide(add, to, out=np.where(add > 0, inf, 0.0), where=to > 0) for add, to in parts]
     return np.asarray(np.maximum(*growth))
-
-
-def _pole_field(poles: np.ndarray, height: float, away: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Field (n, k, 3) in A/m per ampere and its slope along z, `away` (n, k, 2) in m from a coil's axis."""
-    charge, below = poles.T
-    up = np.broadcast_to((height - below)[:, None], (*away.shape[:2], len(poles), 1))
-    arm = np.concatenate([np.broadcast_to(away[..., None, :], (*up.shape[:-1], 2)), up], -1)
-    square = (arm**2).sum(-1, keepdims=True)
-    weight = charge[:, None] / (4 * pi * square**1.5)
-    along = np.array([0.0, 0.0, 1.0]) - 3 * arm * up / square
-    return (weight * arm).sum(-2), (weight * along).sum(-2)
 
 
 def _length(vector: np.ndarray, easiness: np.ndarray) -> np.ndarray:

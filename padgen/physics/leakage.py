@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.physics.magnetics import SolenoidCoil, SteelRing, flux_density
+from padgen.physics.magnetics import MU_0, SolenoidCoil, SteelRing, flux_density
+from padgen.physics.poles import coil_poles, pole_field
 
 __all__ = ["Leakage", "leakage"]
 
@@ -22,8 +23,17 @@ class Leakage(NamedTuple):
     product: np.ndarray
 
 
-def leakage(coil: SolenoidCoil, washer: SteelRing, gap: float, place: np.ndarray, neighbours: np.ndarray) -> Leakage:
-    """Leakage on washers at `place` (n, 2) in m from their coil, by coils at `neighbours` (k, 2) in m.
+def leakage(
+    coil: SolenoidCoil,
+    washer: SteelRing,
+    gap: float,
+    place: np.ndarray,
+    neighbours: np.ndarray,
+    far: np.ndarray | None = None,
+) -> Leakage:
+    """Leakage on washers at `place` (n, 2) in m from their coil, by coils at `neighbours` and `far` (k, 2) in m.
+
+    Those `far` are seen as their poles (`physics.poles`), and come after the others in the result.
 
     The washer is a ring of points magnetised along its plane and its thickness as
     ``1/N``, N the demagnetising factors of its cross section; forces are gradients of ``B·B'`` over
@@ -40,7 +50,11 @@ def leakage(coil: SolenoidCoil, washer: SteelRing, gap: float, place: np.ndarray
     for height in (gap + washer.thickness / 2 - step, gap + washer.thickness / 2 + step):
         radial, axial = flux_density(coil, distance, np.full_like(distance, height))
         field = np.concatenate([away * (radial / distance)[..., None], axial[..., None]], -1)
-        products.append(np.einsum("nksc,nlsc,c->nkl", field, field, _easiness(washer)) / SPOKES)
+        if far is not None:
+            beyond = MU_0 * pole_field(coil_poles(coil), height, points[:, None] - far[None, :, None])[0]
+            field = np.concatenate([field, beyond], 1)
+        weighed = (field * _easiness(washer)).reshape(*field.shape[:2], -1)
+        products.append(weighed @ np.swapaxes(field.reshape(weighed.shape), 1, 2) / SPOKES)
     gradient = products[0] - products[1]
     own = np.where(gradient[:, :1, :1] == 0, np.inf, gradient[:, :1, :1])
     return Leakage(gradient[:, 1:, 1:] / own, gradient[:, 0, 1:] / own[:, 0])

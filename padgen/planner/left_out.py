@@ -11,7 +11,6 @@ from padgen.errors import number
 from padgen.finding import Finding
 from padgen.physics.bounds import (
     beam_inertia,
-    coil_poles,
     core_eddies,
     core_polarisation,
     far_coils,
@@ -28,9 +27,11 @@ from padgen.physics.frame_flexibility import SUPPORTS, Ribs, TaxelReaction, shif
 from padgen.physics.leakage import _easiness
 from padgen.physics.magnetics import impedance
 from padgen.physics.modal import felt_energy
+from padgen.physics.poles import coil_poles, pole_error
 from padgen.planner.channels import magnetic_parts, squared_current_lines
 from padgen.planner.modes import coil_modes, heard_modes
 from padgen.planner.plan import Channel, Plan
+from padgen.planner.reuse import RINGS
 from padgen.planner.selectivity import placed_channels
 from padgen.planner.settings import scheme_named
 from padgen.planner.suspensions import BeamShape, PlateShape
@@ -56,7 +57,6 @@ RUNGS = {
     "far modes": "padgen study --only dynamics counts every mode",
     "frame": "padgen study --only pad solves the whole pad",
     "beam inertia": "--model solid solves the printed solid",
-    "far coils": "a wider pitch lets less of them through",
 }
 """Where each term is computed, for those that a plan cannot compute."""
 
@@ -224,23 +224,25 @@ def _unheard(spec: Spec, own: Sequence[Channel]) -> np.ndarray:
 
 
 def _far_coils(spec: Spec, plan: Plan) -> Iterator[LeftOut]:
-    """Leakage of the coils that `planner.reuse` does not count: all beyond the eight around."""
+    """Leakage: what `planner.reuse` is off by, which sees all coils but the next as poles, up to `RINGS` away."""
     grid = plan.coils
-    if plan.reuse.leak_db is None or plan.reuse.leak_channel is None or max(grid.rows, grid.columns) < 3:
+    if plan.reuse.leak_db is None or max(grid.rows, grid.columns) < 3:
         return
     coil, washer = magnetic_parts(spec)
-    x, y = (np.arange(-((count - 1) // 2), count // 2 + 1) for count in (grid.columns, grid.rows))
+    x, y = (np.arange(-(count // 2), count // 2 + 1) for count in (grid.columns, grid.rows))
     steps = np.stack(np.meshgrid(x, y, indexing="ij"), -1).reshape(-1, 2)
     ring, away = np.abs(steps).max(1), np.abs(steps).sum(1) % grid.sets
-    place = np.array([channel.site.washer_mm for channel in plan.channels]) * MM
     at = steps * np.array([grid.pitch_x_mm, grid.pitch_y_mm]) * MM
-    height = spec.coil.gap_mm * MM + washer.thickness / 2
-    growth = np.zeros(len(place))
+    place = np.array([channel.site.washer_mm for channel in plan.channels]) * MM
+    distance = np.linalg.norm(at, axis=1) - np.linalg.norm(place, axis=1).max()
+    doubt = np.where(ring > RINGS, 1.0, pole_error(coil, np.maximum(distance, spec.coil.outer_diameter_mm * MM / 2)))
+    height, error = spec.coil.gap_mm * MM + washer.thickness / 2, np.zeros(len(place))
     for kind in range(grid.sets):
-        near, far = (at[(away == kind) & there] for there in (ring == 1, ring > 1))
-        growth = np.maximum(growth, far_coils(coil_poles(coil), height, place, near, far, _easiness(washer)))
-    bound = float(growth.max())
-    yield LeftOut("far coils", bound if isfinite(bound) else None, "1", "leak from coil to coil", computed=False)
+        counted, far = (ring > 0) & (ring <= RINGS) & (away == kind), (ring > 1) & (away == kind)
+        parts = place, at[counted], at[far], _easiness(washer), doubt[far]
+        error = np.maximum(error, far_coils(coil_poles(coil), height, *parts))
+    bound = float(error.max())
+    yield LeftOut("far coils", bound if isfinite(bound) else None, "1", "leak from coil to coil", computed=True)
 
 
 def _magnetic(spec: Spec, plan: Plan) -> Iterator[LeftOut]:

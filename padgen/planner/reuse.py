@@ -17,13 +17,15 @@ from padgen.planner.settings import level_law, scheme_named
 from padgen.spec import Spec
 from padgen.units import MM, decibel
 
-__all__ = ["cell_is_turned", "coil_reuse", "turned_cells"]
+__all__ = ["RINGS", "cell_is_turned", "coil_reuse", "coils_around", "turned_cells"]
 
 TURNS = ("none", "odd rows", "odd columns")
+RINGS = 8
+"""How many coils away leakage is counted."""
 
 
 def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], drive: str) -> Reuse:
-    """Leakage of the neighbouring coils in their worst state onto an OFF taxel, a bound.
+    """Leakage of the coils around in their worst state onto an OFF taxel, a bound.
 
     Neighbours play in step, so that their fields and not their pulls add; where the own coil is on for
     its other channels, its field beats with theirs.
@@ -34,11 +36,14 @@ def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], drive: s
     scheme = scheme_named(spec, drive)
     pitch = np.array([spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows])
     place = np.array([channel.site.washer_mm for channel in channels])
-    leak = leakage(*magnetic_parts(spec), spec.coil.gap_mm * MM, place * MM, _STEPS * pitch * MM)
-    away = np.abs(_STEPS).sum(1) % spec.coil.sets
+    steps_to = coils_around(layout.rows, layout.columns)
+    next_to = np.abs(steps_to).max(1) == 1
+    at = steps_to * pitch * MM
+    leak = leakage(*magnetic_parts(spec), spec.coil.gap_mm * MM, place * MM, at[next_to], at[~next_to])
+    away = np.abs(steps_to).sum(1) % spec.coil.sets
     heard = [_heard(spec, scheme, channels, steps) for steps in range(spec.coil.sets)]
     energy = np.zeros(len(channels))
-    for there in _surroundings(layout):
+    for there in _surroundings(layout, steps_to):
         total = np.zeros(len(channels))
         for steps, (tones, spurs, beats) in enumerate(heard):
             some = there & (away == steps)
@@ -103,14 +108,21 @@ def _line_energy(taxel: Channels, frequency: np.ndarray, amplitude: np.ndarray) 
     return float((response * (amplitude / taxel.line[0]) ** 2).sum())
 
 
-_STEPS = np.array([(x, y) for x, y in product((-1, 0, 1), repeat=2) if (x, y) != (0, 0)])
-"""Steps (8, 2) along x and y to the coils around."""
+def coils_around(rows: int, columns: int) -> np.ndarray:
+    """Steps (k, 2) along x and y to the coils around one in the middle of the grid, those next to it first.
+
+    Of a grid of an even number, around either of the two in its middle; as far as `RINGS`.
+    """
+    sides = (range(-min(n // 2, RINGS), min(n // 2, RINGS) + 1) for n in (columns, rows))
+    steps = [step for step in product(*sides) if step != (0, 0)]
+    return np.array(sorted(steps, key=lambda step: max(map(abs, step)) > 1))
 
 
-def _surroundings(layout: Layout) -> list[np.ndarray]:
-    """Which of `_STEPS` lead to a coil, for each kind of corner of a grid of two, or for its middle."""
-    sides = [[(-1, 0, 1)] if n > 2 else [(0, 1), (-1, 0)] if n == 2 else [(0,)] for n in (layout.columns, layout.rows)]
-    return [np.array([int(u) in x and int(v) in y for u, v in _STEPS]) for x, y in product(*sides)]
+def _surroundings(layout: Layout, steps: np.ndarray) -> list[np.ndarray]:
+    """Which of `steps` lead to a coil, for each coil in the middle of the grid."""
+    spans = [{(-(n // 2), (n - 1) // 2), (-((n - 1) // 2), n // 2)} for n in (layout.columns, layout.rows)]
+    low_high = [np.array(span) for span in product(*(sorted(span) for span in spans))]
+    return [np.asarray(((steps >= span[:, 0]) & (steps <= span[:, 1])).all(1)) for span in low_high]
 
 
 def turned_cells(spec: Spec, layout: Layout, sites: Sequence[Site]) -> str:

@@ -4,7 +4,7 @@ Stress is singular along re-entrant edges and where a clamp ends; the error sits
 shrinking layers of prisms round the edges marked, which restores the order of the elements. Lengths in mm.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -43,7 +43,7 @@ class Fineness(NamedTuple):
     levels: int = 2
     factor: float = 0.25
     largest_mm: float = 1e3
-    grading: float = 0.9
+    grading: float = 0.5
     curvature: float = 1.0
     per_edge: float = 0.3
     per_face: float = 1.0
@@ -134,23 +134,52 @@ def meshed(shape: Any, fineness: Fineness = USUAL, where: str = "taxel", layered
     """NGSolve mesh of `shape` (see `clamped_shape`), with layers along the edges named in `layered`, all
     singular ones by default; not curved yet.
 
+    Where Netgen fails, or its layers leave an element without volume, slightly other meshes are tried.
+
     Raises
     ------
     SolverError
         Netgen cannot mesh it, e.g. a beam thinner than it resolves.
     """
-    ngsolve = engine("ngsolve")
     if layered is None:
         layered = singular_edges(shape, coarse_mesh(shape, fineness, where))
     _mark(shape.edges, layered)
-    mesh = ngsolve.Mesh(_netgen(shape, fineness, where))
-    if not fineness.levels:
-        return mesh
-    volume = ngsolve.Integrate(1.0, mesh)
-    mesh.RefineHP(fineness.levels, fineness.factor)
-    if not abs(ngsolve.Integrate(1.0, mesh) / volume - 1) < LOST_VOLUME:
-        raise SolverError("layers round its edges tear the mesh: a part is thinner than the mesh resolves", where)
-    return mesh
+    for coarse, attempt in _coarse_meshes(shape, fineness, where):
+        mesh = engine("ngsolve").Mesh(coarse)
+        if not fineness.levels:
+            return mesh
+        volume = _volumes(mesh).sum()
+        mesh.RefineHP(attempt.levels, attempt.factor)
+        if _is_sound(mesh, volume):
+            return mesh
+    raise SolverError("layers round its edges tear the mesh: a part is thinner than the mesh resolves", where)
+
+
+def _coarse_meshes(shape: Any, fineness: Fineness, where: str) -> Iterator[tuple[Any, Fineness]]:
+    """Netgen's meshes of `shape`, and how fine each is: as asked, then slightly other ones; at least one."""
+    failure: SolverError | None = None
+    for factor, grading in ((1.0, 1.0), (0.8, 1.0), (1.0, 0.8), (0.7, 0.8), (0.8, 0.6)):
+        attempt = fineness._replace(factor=factor * fineness.factor, grading=grading * fineness.grading)
+        try:
+            mesh = _netgen(shape, attempt, where)
+        except SolverError as error:
+            failure = failure or error
+        else:
+            yield mesh, attempt
+    if failure:
+        raise failure
+
+
+def _volumes(mesh: Any) -> np.ndarray:
+    """Volumes in mm³ of the elements."""
+    return np.asarray(engine("ngsolve").Integrate(1.0, mesh, element_wise=True).NumPy())
+
+
+def _is_sound(mesh: Any, volume: float) -> bool:
+    """Whether no element has lost its volume, straight or curved (as `Curve` leaves it, at order 2)."""
+    straight = _volumes(mesh)
+    mesh.Curve(2)
+    return bool(abs(straight.sum() / volume - 1) < LOST_VOLUME and min(straight.min(), _volumes(mesh).min()) > 0)
 
 
 def coarse_mesh(shape: Any, fineness: Fineness = USUAL, where: str = "taxel") -> Any:
@@ -161,7 +190,8 @@ def coarse_mesh(shape: Any, fineness: Fineness = USUAL, where: str = "taxel") ->
     for face in shape.faces:
         # Long thin faces bend: no element longer than a square of the same area.
         face.maxh = min(fineness.largest_mm, fineness.per_face * face.mass**0.5)
-    return _netgen(shape, fineness, where)
+    mesh, _ = next(_coarse_meshes(shape, fineness, where))
+    return mesh
 
 
 def singular_edges(shape: Any, mesh: Any) -> set[str]:
