@@ -17,6 +17,8 @@ __all__ = ["built_text", "explanation_text", "figures_text", "findings_text", "p
 
 def plan_text(plan: "Plan") -> str:
     """A plan as a table to read."""
+    from padgen.planner.left_out import left_out_line
+
     pad, coils, capacity, figures = plan.spec["pad"], plan.coils, plan.capacity, plan.selectivity
     count = len(plan.sets[0])
     channels = "1 channel" if count == 1 else f"{count} channels"
@@ -42,6 +44,7 @@ def plan_text(plan: "Plan") -> str:
             for o in plan.layouts
         )
         lines.append(f"runners-up: {others}")
+    lines.append(left_out_line(plan.left_out))
     settings = ", ".join(f"{key.replace('_', ' ')} {value}" for key, value in plan.printing.items())
     return "\n".join([*lines, f"print with: {settings}"])
 

@@ -251,7 +251,8 @@ def test_the_suggested_levels_would_do():
 
 def test_pull_in_is_where_balance_ends(paper_plan):
     """Raise the mean pull until no gap balances the spring, with c ∝ gap^−m."""
-    channel, gap_um = paper_plan.channels[0], 1000.0
+    channel = paper_plan.channels[0]
+    gap_um = 1000.0 - channel.sag_um
 
     assert pull_in_share(paper_plan.typed_spec, channel, 0.0) == 0
 
@@ -459,11 +460,12 @@ def test_mean_pull_and_heat_of_each_scheme_by_hand(scheme, text):
         losses.append(62.9 * square)
         for channel in own:
             slack_um = square * channel.force_constant_n_per_a2 / channel.stiffness_n_per_m * 1e6
-            balanced = balanced_deflection(slack_um, 1000.0, channel.pull_exponent)
+            gap_um = 1000.0 - channel.sag_um
+            balanced = balanced_deflection(slack_um, gap_um, channel.pull_exponent)
             assert channel.static_um == pytest.approx(balanced)
             # k − dF/dz at balance, by differences.
             near = (balanced + 1e-3, balanced - 1e-3)
-            forces = [slack_um * (1000 / (1000 - z)) ** channel.pull_exponent for z in near]
+            forces = [slack_um * (gap_um / (gap_um - z)) ** channel.pull_exponent for z in near]
             softer = np.sqrt(1 - (forces[0] - forces[1]) / 2e-3)
             assert 1 - channel.pull_shift == pytest.approx(softer, abs=channel.pull_shift**2)
     # The load is that of the coil that allows less, here the hotter one.
@@ -539,7 +541,7 @@ def test_slots_in_turn_are_long_enough():
         period = round(1 / c.resonance_hz / dt)
         felt = (path - np.convolve(path, np.ones(period) / period, mode="same"))[period:-period]
         loudest.append(np.abs(felt).max() / (c.level_um * 1e-6))
-    assert -20 * np.log10(max(loudest)) > plan.selectivity.one_hot_db - 1
+    assert -20 * np.log10(max(loudest)) > plan.selectivity.placed_one_hot_db - 1
 
 
 def test_slots_are_told():

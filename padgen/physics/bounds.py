@@ -21,6 +21,7 @@ __all__ = [
     "core_polarisation",
     "far_coils",
     "gap_change",
+    "law_error",
     "motional_voltage",
     "mutual_shielding",
     "pull_softening",
@@ -268,8 +269,8 @@ def switching_delay(
         return np.where((fall > 0) & (quiet > 1), np.log1p(static + kick) / np.log(quiet), inf)
 
 
-def gap_change(deflection: Any, amplitude: Any, gap: float, exponent: Any) -> np.ndarray:
-    """Relative error of a force that is taken at the flat gap when the washer hangs `deflection` nearer to the coil.
+def gap_change(deflection: Any, amplitude: Any, gap: Any, exponent: Any) -> np.ndarray:
+    """Relative error of a force that is taken at a gap when the washer hangs `deflection` nearer to the coil.
 
     A pull ``gap^-m`` whose exponent itself changes by at most 0.7 for a change of the gap by e; swinging
     by `amplitude` adds the mean of the second order. Infinite where the washer would touch the coil.
@@ -282,7 +283,17 @@ def gap_change(deflection: Any, amplitude: Any, gap: float, exponent: Any) -> np
         return np.where(nearer < 1, np.expm1(m * log_gap) + swing, inf)
 
 
-def pull_softening(static: Any, deflection: Any, gap: float, exponent: Any) -> np.ndarray:
+def law_error(gap: float, nearer: np.ndarray, exponent: np.ndarray) -> np.ndarray:
+    """Relative error (n,) of a force by the power law about `gap` at the gaps `nearer` (n,): as in `gap_change`.
+
+    The moment's share is that of an exponent of 0.3 at least: it changes where the pull does not.
+    """
+    log_gap, least = np.log(gap / nearer), np.maximum(np.abs(exponent), 0.3)
+    error: np.ndarray = np.expm1(log_gap * (MOMENT_SHARE * least + EXPONENT_SLOPE / 2 * log_gap))
+    return error
+
+
+def pull_softening(static: Any, deflection: Any, gap: Any, exponent: Any) -> np.ndarray:
     """Relative error of a resonance by the pull's negative stiffness, ``1 − √(1 − κ)``, 1 from pull-in on.
 
     ``κ = m z/(g − d)`` with the pull's own deflection z, `static` at the flat gap g, and all of the washer's,

@@ -17,7 +17,14 @@ from padgen.planner.taxel_model import fillet_mm
 from padgen.spec import Spec
 from padgen.units import GRAM, MM, MN, MPA, MS, UM
 
-__all__ = ["driven", "magnetic_parts", "plan_channels", "squared_current_lines"]
+__all__ = [
+    "driven",
+    "hanging_gap_um",
+    "magnetic_parts",
+    "plan_channels",
+    "pulls",
+    "squared_current_lines",
+]
 
 
 def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Site]) -> tuple[Channel, ...]:
@@ -25,7 +32,8 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
     resonance = np.array([float(s.model.resonance_hz) for s in sized])
     level = level_law(spec)(resonance)
     level_um = spec.drive.level_um * level / level[0]
-    pull, exponent = _pulls(spec, sites)
+    sag_um = np.array([float(s.model.sag_m) for s in sized]) / UM
+    pull, exponent = pulls(spec, sites, sag_um)
     wrench = site_wrenches(spec, *magnetic_parts(spec), sites)
     tau_ms = ring_up_time(resonance, spec.q_min) / MS
     quiet = _quiet_ratios(spec, resonance, level_um)
@@ -68,19 +76,29 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
     return tuple(channels)
 
 
-def _pulls(spec: Spec, sites: Sequence[Site]) -> tuple[np.ndarray, np.ndarray]:
-    """Force constants (n,) and exponents (n,) of `pull_over_gap`."""
+def pulls(spec: Spec, sites: Sequence[Site], sag_um: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Force constants (n,) and exponents (n,) of `pull_over_gap` of washers that sag by `sag_um` (n,).
+
+    From the field at the flat pad's gap by the power law; `planner.left_out` bounds what that leaves out.
+    """
     distance_m, index = each_distance(sites)
-    pull, exponent = pull_over_gap(*magnetic_parts(spec), spec.coil.gap_mm * MM, distance_m)
-    return pull[index], exponent[index]
+    pull, exponent = (v[index] for v in pull_over_gap(*magnetic_parts(spec), spec.coil.gap_mm * MM, distance_m))
+    return pull * (spec.coil.gap_mm * MM / UM / hanging_gap_um(spec, sag_um)) ** exponent, exponent
+
+
+def hanging_gap_um(spec: Spec, sag_um: np.ndarray | float) -> np.ndarray:
+    """The gap in µm below a washer that sags; a tenth of the flat pad's where it would sag further."""
+    gap_um = spec.coil.gap_mm * MM / UM
+    return np.maximum(gap_um - sag_um, gap_um / 10)
 
 
 def driven(spec: Spec, channels: Sequence[Channel], drive: str) -> tuple[Channel, ...]:
     """`channels` with what the scheme `drive` decides: frequencies of the current and the mean pull's effects."""
     scheme, sets = scheme_named(spec, drive), channel_sets(channels, spec.coil.sets)
     squares_a2 = [mean_square_a2(scheme, squared_current_lines(own), spec.drive.headroom) for own in sets]
-    gap_um, result = spec.coil.gap_mm * MM / UM, []
+    result = []
     for channel in channels:
+        gap_um = float(hanging_gap_um(spec, channel.sag_um))
         pull_n = squares_a2[channel.index % len(sets)] * channel.force_constant_n_per_a2
         slack_um, exponent = pull_n / channel.stiffness_n_per_m / UM, max(channel.pull_exponent, 0.0)
         static_um = balanced_deflection(slack_um, gap_um, exponent)

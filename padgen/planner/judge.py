@@ -9,9 +9,9 @@ import numpy as np
 from padgen.errors import at_least, at_most, number
 from padgen.finding import LEVELS, Finding
 from padgen.physics.ladder import ladder_ratio, slot_half_width
-from padgen.physics.magnetics import pull_over_gap
-from padgen.planner.channels import driven, magnetic_parts
+from padgen.planner.channels import driven, pulls
 from padgen.planner.judge_drive import judge_drive
+from padgen.planner.left_out import judge_left_out
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.printable import DRAWN_SHARE, steps_are_coarse
 from padgen.planner.selectivity import modes_matter
@@ -37,6 +37,7 @@ def judge(spec: Spec, plan: Plan) -> tuple[Finding, ...]:
         *_modes(spec, plan),
         *_mechanics(spec, plan),
         *_places(plan),
+        *judge_left_out(spec, plan.left_out),
     ]
     return tuple(sorted(found, key=lambda f: -LEVELS.index(f.level)))
 
@@ -172,12 +173,12 @@ def _mechanics(spec: Spec, plan: Plan) -> Iterator[Finding]:
 def _wider_gap(spec: Spec, plan: Plan) -> str:
     """A gap at which all channels keep within its third: the pull at a wider one is another."""
     gap_mm = spec.coil.gap_mm
-    offset = np.array([channel.site.coil_distance_mm for channel in plan.channels]) * MM
-    here, _ = pull_over_gap(*magnetic_parts(spec), gap_mm * MM, offset)
+    sites, sag_um = [c.site for c in plan.channels], np.array([c.sag_um for c in plan.channels])
+    here, _ = pulls(spec, sites, sag_um)
     share = np.array([channel.force_constant_n_per_a2 for channel in plan.channels]) / here
     for _ in range(GAPS_TRIED):
         wider = replace(spec, coil=replace(spec.coil, gap_mm=gap_mm))
-        pull, exponent = pull_over_gap(*magnetic_parts(wider), gap_mm * MM, offset)
+        pull, exponent = pulls(wider, sites, sag_um)
         if (pull <= 0).any():
             break
         moved = [

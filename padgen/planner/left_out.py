@@ -1,7 +1,6 @@
 """What the plan's models leave out for this pad, and what that may change at most."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
 from math import inf, isfinite
 
@@ -15,6 +14,7 @@ from padgen.physics.bounds import (
     core_polarisation,
     far_coils,
     gap_change,
+    law_error,
     motional_voltage,
     mutual_shielding,
     pull_softening,
@@ -28,9 +28,9 @@ from padgen.physics.leakage import _easiness
 from padgen.physics.magnetics import impedance
 from padgen.physics.modal import felt_energy
 from padgen.physics.poles import coil_poles, pole_error
-from padgen.planner.channels import magnetic_parts, squared_current_lines
+from padgen.planner.channels import hanging_gap_um, magnetic_parts, squared_current_lines
 from padgen.planner.modes import coil_modes, heard_modes
-from padgen.planner.plan import Channel, Plan
+from padgen.planner.plan import Channel, LeftOut, Plan
 from padgen.planner.reuse import RINGS
 from padgen.planner.selectivity import placed_channels
 from padgen.planner.settings import scheme_named
@@ -39,7 +39,7 @@ from padgen.planner.taxel_model import TaxelModel
 from padgen.spec import Spec
 from padgen.units import G_PER_CM3, GPA, GRAM, MA, MH, MM, UM
 
-__all__ = ["RUNGS", "LeftOut", "judge_left_out", "left_out", "left_out_line"]
+__all__ = ["RUNGS", "judge_left_out", "left_out", "left_out_line"]
 
 SATURATION_T = 1.5
 """Polarisation at saturation of the least of the steels of cores and washers (ferritic stainless; iron has 2.15 T)."""
@@ -47,41 +47,25 @@ RESISTIVITY_OHM_M = 1e-7
 """Of the best conductor among cores and washers, iron."""
 
 RUNGS = {
-    "saturation": "padgen study --only force solves the field with a B-H curve",
-    "eddy currents": "measure the force at the drive frequency, or take a laminated or ferrite core",
-    "shielding": "padgen study --only force solves the field with all washers",
-    "gap": "padgen study --only force tables the force against the gap",
-    "softening": "padgen study --only dynamics solves the coupled motion",
-    "motion": "padgen study --only dynamics solves the coupled motion",
-    "switching": "padgen study --only dynamics solves the coupled motion",
-    "far modes": "padgen study --only dynamics counts every mode",
-    "frame": "padgen study --only pad solves the whole pad",
-    "beam inertia": "--model solid solves the printed solid",
+    "saturation": "a field solution with the steel's B-H curve (padgen.verify.force_ladder)",
+    "eddy currents": "a force measured at the drive frequency, or a laminated or ferrite core",
+    "shielding": "a field solution with all washers (padgen.verify.force_ladder)",
+    "gap": "a field solution over the gap (padgen.verify.force_ladder)",
+    "softening": "padgen study --only dynamics",
+    "motion": "padgen study --only dynamics",
+    "switching": "padgen study --only dynamics",
+    "far modes": "padgen.planner.modes.coil_modes",
+    "frame": "padgen study --only pad",
+    "beam inertia": "--model solid",
 }
 """Where each term is computed, for those that a plan cannot compute."""
-
-
-@dataclass(frozen=True, slots=True)
-class LeftOut:
-    """A term that the plan's models drop.
-
-    Leaving out `term` changes the quantity `of` by at most `bound`, in `unit` ('1': relative); None
-    where no bound holds, since the quantity itself breaks down. Where `computed`, the plan counts the
-    term and `bound` is what remains.
-    """
-
-    term: str
-    bound: float | None
-    unit: str
-    of: str
-    computed: bool
 
 
 def left_out(spec: Spec, plan: Plan) -> tuple[LeftOut, ...]:
     """Every term that the models of `plan` drop, the largest bound first.
 
     Each is of the channel where it is largest. What costs nothing is always computed and no entry: the
-    coil's reactance at the tones, shear of the beams, all channels of a coil.
+    coil's reactance at the tones, the first order of sag, shear of the beams, all channels of a coil.
     """
     found = [
         _inertia(spec, plan),
@@ -109,17 +93,21 @@ def left_out_line(entries: Sequence[LeftOut], most: int = 3) -> str:
 
 
 def judge_left_out(spec: Spec, entries: Sequence[LeftOut]) -> Iterator[Finding]:
-    """A note for each dropped term that may change more than `model.tolerance`: what computes it."""
-    for entry in entries:
-        if _size(entry) > spec.model.tolerance and not entry.computed:
-            may = "without a bound" if entry.bound is None else f"by up to {_percent(entry.bound)}"
-            yield Finding(
-                "note",
-                "model.left_out",
-                entry.of,
-                f"left out: {entry.term}, which may change it {may}, asked is {_percent(spec.model.tolerance)}"
-                f" (model.tolerance); {RUNGS[entry.term]}",
-            )
+    """One note of all dropped terms that may change more than `model.tolerance`, and of what computes them."""
+    told = [
+        f"{entry.term}, {'without a bound' if entry.bound is None else f'up to {_percent(entry.bound)}'} of the"
+        f" {entry.of} ({RUNGS[entry.term]})"
+        for entry in entries
+        if _size(entry) > spec.model.tolerance and not entry.computed
+    ]
+    if told:
+        yield Finding(
+            "note",
+            "model.left_out",
+            "plan",
+            f"left out are terms of more than {_percent(spec.model.tolerance)} (model.tolerance), in brackets what"
+            f" computes them: {'; '.join(told)}",
+        )
 
 
 def _size(entry: LeftOut) -> float:
@@ -281,9 +269,10 @@ def _moving(spec: Spec, plan: Plan, channels: Sequence[Channel]) -> Iterator[Lef
     level, static, sag, exponent, ring_down, ring_up = np.array(
         [(c.level_um, c.static_um, c.sag_um, c.pull_exponent, c.ring_down_ms, c.ring_up_ms) for c in channels]
     ).T
-    gap_um = spec.coil.gap_mm * MM / UM
-    yield _worst("gap", "force", channels, gap_change(sag + static, level, gap_um, exponent))
-    yield _worst("softening", "resonance", channels, pull_softening(static, sag + static, gap_um, exponent))
+    gap_um = hanging_gap_um(spec, sag)
+    sagged = law_error(spec.coil.gap_mm * MM / UM, gap_um, exponent)
+    yield _worst("gap", "force", channels, sagged + gap_change(static, level, gap_um, exponent))
+    yield _worst("softening", "resonance", channels, pull_softening(static, static, gap_um, exponent))
     yield _worst("motion", "current", channels, _motional(spec, plan, channels))
     if not scheme_named(spec, plan.selectivity.drive).takes_turns and (ring_down > 0).any():
         pull, stiffness, resonance, q = np.array(

@@ -7,7 +7,7 @@ import numpy as np
 
 from padgen.physics.currents import mean_square_a2, peak_current_a, peak_voltage_v
 from padgen.physics.magnetics import pull_in_deflection, slack_at
-from padgen.planner.channels import squared_current_lines
+from padgen.planner.channels import hanging_gap_um, squared_current_lines
 from padgen.planner.plan import Channel, CoilLoad, channel_sets
 from padgen.planner.settings import scheme_named
 from padgen.spec import Spec
@@ -56,7 +56,8 @@ def _load(spec: Spec, channels: Sequence[Channel], drive: str) -> CoilLoad:
 
 def pull_in_share(spec: Spec, channel: Channel, square_a2: float) -> float:
     """Mean pull of a mean square current on a washer, over the one at which it snaps to the coil."""
-    _, largest_um = pull_in_deflection(spec.coil.gap_mm * MM / UM, max(channel.pull_exponent, 0.0))
+    gap_um = float(hanging_gap_um(spec, channel.sag_um))
+    _, largest_um = pull_in_deflection(gap_um, max(channel.pull_exponent, 0.0))
     return _slack_um(channel, square_a2) / largest_um
 
 
@@ -70,8 +71,8 @@ def _gap_factor(spec: Spec, channel: Channel, square_a2: float) -> float:
 
     The pull stays in balance with the spring: short of pull-in.
     """
-    gap_um, exponent = spec.coil.gap_mm * MM / UM, max(channel.pull_exponent, 0.0)
-    free_um, slack_um = gap_um / 3 - channel.sag_um, _slack_um(channel, square_a2)
+    gap_um, exponent = float(hanging_gap_um(spec, channel.sag_um)), max(channel.pull_exponent, 0.0)
+    free_um, slack_um = spec.coil.gap_mm * MM / UM / 3 - channel.sag_um, _slack_um(channel, square_a2)
     if free_um <= 0 or slack_um <= 0:
         return max(free_um, 0.0) / channel.level_um
     low, high = 0.0, min(free_um, pull_in_deflection(gap_um, exponent)[0])

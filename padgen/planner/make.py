@@ -10,6 +10,7 @@ from padgen.planner.channels import driven, plan_channels
 from padgen.planner.frames import frame_rates
 from padgen.planner.judge import judge
 from padgen.planner.layout import Layout, candidates, room
+from padgen.planner.left_out import left_out
 from padgen.planner.load import coil_load
 from padgen.planner.plan import Cell, Channel, CoilGrid, LayoutOption, Plan, Plate, Taxel, channel_sets
 from padgen.planner.printing import print_settings
@@ -62,7 +63,8 @@ def choose(spec: Spec) -> Choice:
 def finish(spec: Spec, choice: Choice) -> Plan:
     """The plan of a choice; its channels' beams and models may have been changed since."""
     bare = _assemble(spec, choice)
-    return replace(bare, findings=judge(spec, bare))
+    known = replace(bare, left_out=left_out(spec, bare))
+    return replace(known, findings=judge(spec, known))
 
 
 def _assemble(spec: Spec, choice: Choice) -> Plan:
@@ -88,6 +90,7 @@ def _assemble(spec: Spec, choice: Choice) -> Plan:
         reuse=reuse,
         layouts=choice.runners_up,
         printing=print_settings(spec, [c.beam for c in channels]),
+        left_out=(),
         findings=(),
     )
 

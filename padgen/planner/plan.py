@@ -21,6 +21,7 @@ __all__ = [
     "CoilLoad",
     "FrameRate",
     "LayoutOption",
+    "LeftOut",
     "Plan",
     "Plate",
     "Reuse",
@@ -316,6 +317,22 @@ class LayoutOption:
     kept_db: float | None
 
 
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """A term that the plan's models drop.
+
+    Leaving out `term` changes the quantity `of` by at most `bound`, in `unit` ('1': relative); None
+    where no bound holds, since the quantity itself breaks down. Where `computed`, the plan counts the
+    term and `bound` is what remains.
+    """
+
+    term: str
+    bound: float | None
+    unit: str
+    of: str
+    computed: bool
+
+
 @dataclass(frozen=True)
 class Plan:
     """The whole plan; every later stage reads this and nothing else."""
@@ -334,6 +351,7 @@ class Plan:
     reuse: Reuse
     layouts: tuple[LayoutOption, ...]
     printing: dict[str, str]
+    left_out: tuple[LeftOut, ...]
     findings: tuple[Finding, ...]
 
     @cached_property
