@@ -5,8 +5,8 @@ import os
 import pytest
 
 from padgen.cache import VARIABLE
-from padgen.solid.kernel import build123d
 from padgen.planner import Plan, make_plan
+from padgen.solid.kernel import build123d
 from padgen.spec import Spec, load_spec, parse_spec
 
 FOUR_LINES = 'name = "tiny"\nresolution = 4\nband_hz = [50, 200]\nq_min = 15\n'

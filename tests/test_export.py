@@ -71,7 +71,7 @@ def test_changed_code_builds_again(folder, monkeypatch):
     import padgen.build
 
     assert up_to_date(parse_spec(SMALL), folder, ALL, False)
-    monkeypatch.setattr(padgen.build, "_code_hash", lambda: "other")
+    monkeypatch.setattr(padgen.build, "code_hash", lambda: "other")
     assert up_to_date(parse_spec(SMALL), folder, ALL, False) is None
 
 
