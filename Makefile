@@ -6,7 +6,7 @@ STAMP := $(VENV)/.installed
 TEMPLATES := $(basename $(notdir $(wildcard templates/*.toml)))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup pad test check format variants slice goldens performance selectivity pictures clean $(TEMPLATES:%=variant-%)
+.PHONY: help setup pad test check format variants slice goldens performance selectivity accuracy pictures clean $(TEMPLATES:%=variant-%)
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -52,6 +52,11 @@ performance: $(STAMP) ## measure what docs/performance.md reports
 
 selectivity: $(STAMP) ## compute what docs/selectivity.md reports
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python docs/measure_selectivity.py
+
+accuracy: $(STAMP) ## compute what docs/accuracy.md and docs/dynamics.md report (half an hour)
+	for part in beams elasticity loop force pad left_out dynamics; do \
+	  OPENBLAS_NUM_THREADS=1 $(BIN)/python docs/measure_$$part.py || exit 1; done
+	$(BIN)/padgen study paper-32
 
 pictures: $(STAMP) ## draw the README's pictures anew
 	$(BIN)/python docs/pictures.py
