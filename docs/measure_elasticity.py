@@ -20,7 +20,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from padgen.verify.elastic_mesh import PRINTED, WASHER, clamped_shape, coarse_mesh, taxel_shape
-from padgen.verify.elasticity import SETTINGS, SolidModes, SolidTaxel, converged_modes, solve_modes
+from padgen.verify.elasticity import SolidModes, SolidTaxel, converged_modes, solve_modes
 from tests.test_elasticity import POLYMER, REFERENCE, RING_MM3, STEEL, off_reference, write_steps
 
 RUNS = 3
@@ -46,7 +46,7 @@ def ladder(folder: Path) -> list[str]:
         "|---|---|---|---|---|---|",
     ]
     for name in REFERENCE["cases"]:
-        for order, levels in ((2, 0), (2, 2), *SETTINGS):
+        for order, levels in ((2, 0), (2, 2), (3, 1), (3, 2), (4, 2), (4, 3)):
             seconds, found = quickest(solve_modes, taxel(folder, name), order, levels)
             off = 100 * off_reference(found, name)
             worst = np.abs(off).max()

@@ -62,7 +62,7 @@ def run(arguments: list[str]) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BAD_INPUT
     except OSError as error:
-        return _refused(f"cannot be written ({error.strerror or error})", "file", False)
+        return _refused(f"cannot be written ({error.strerror or error})", "file", as_json)
     except MemoryError:
         return _refused("the machine has not enough memory for this pad; ask for fewer taxels", "memory", as_json)
 
@@ -321,7 +321,7 @@ def _study(options: argparse.Namespace) -> int:
 
 
 def _extreme_study(options: argparse.Namespace) -> int:
-    if options.spec is not None or options.only or options.tolerance:
+    if any(value is not None for value in (options.spec, options.only, options.tolerance)):
         raise SpecError("has its own cases and takes no SPEC, --only or --tolerance", "--extreme")
     from padgen.study import run_extreme
 

@@ -41,6 +41,7 @@ MISS_SHARE = 0.5
 FINEST = 2e-3
 """Relative error that the solver is asked for; a smaller one only when the spec's tolerance is."""
 KIND = "taxel-modes"
+MODES = 6
 WORKERS = 8
 STEEL_GPA, STEEL_POISSON = 200.0, 0.3
 """Of the washer: forty times stiffer than the print, it hardly bends."""
@@ -71,8 +72,8 @@ class Trial(NamedTuple):
 def planned(spec: Spec, progress: Progress = lambda step: None) -> Plan:
     """The plan of `spec` by the model that it names; with ``auto``, by the cheapest within the tolerance.
 
-    Raises as `closed_plan` does, but with ``auto`` and without the finite-element package the plan stays
-    the beam model's, whose findings tell how far off it may be.
+    Raises as `closed_plan` does, but with ``auto`` and where the finite elements have no answer, or are not
+    installed, the plan stays the beam model's, whose findings tell how far off it may be.
     """
     if spec.model.structure == "solid":
         return closed_plan(spec, progress)
@@ -81,7 +82,7 @@ def planned(spec: Spec, progress: Progress = lambda step: None) -> Plan:
         return plan
     try:
         return closed_plan(spec, progress)
-    except EngineMissingError:
+    except SolverError:
         return plan
 
 
@@ -101,7 +102,7 @@ def closed_plan(spec: Spec, progress: Progress = lambda step: None) -> Plan:
     goals = _goals(spec, choice.channels)
     tolerance = min(FINEST, spec.model.tolerance / 2)
     trials: list[list[Trial]] = [[] for _ in goals]
-    with TaxelSolver(tolerance, progress) as solver:
+    with TaxelSolver(tolerance, spec.model.tolerance, progress) as solver:
         for _ in range(ROUNDS):
             answers = solver.solve(finish(spec, choice))
             for tried, sized, goal, solved in zip(trials, choice.channels, goals, answers, strict=True):
@@ -153,12 +154,13 @@ def _with_modes(trial: Trial) -> SizedChannel:
 class TaxelSolver:
     """Solves the taxels of plans, each distinct one once, in processes of their own; a context manager.
 
-    The engine's libraries and the CAD kernel's are of different versions and must not meet in one
-    process. Processes are started with the first taxel that the cache does not hold.
+    The engine's libraries and the CAD kernel's are of different versions and must not meet in one process.
+    Processes are started with the first taxel that the cache does not hold. A relative error of `accept`
+    will do where `tolerance` would be dear.
     """
 
-    def __init__(self, tolerance: float, progress: Progress) -> None:
-        self.tolerance = tolerance
+    def __init__(self, tolerance: float, accept: float, progress: Progress) -> None:
+        self.tolerance, self.accept = tolerance, accept
         self._progress = progress
         self._pool: Any = None
 
@@ -169,12 +171,17 @@ class TaxelSolver:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if self._pool is not None:
-            self._pool.shutdown(wait=kind is None, cancel_futures=True)
+            from multiprocessing import active_children
+
+            self._pool.shutdown(wait=False, cancel_futures=True)
+            # What they would still compute nobody waits for.
+            for child in active_children():
+                child.kill()
 
     def solve(self, plan: Plan) -> list[Solved]:
         """Modes of every channel's taxel."""
         keys = [cache.key_of(self._inputs(plan, channel)) for channel in plan.channels]
-        known = {key: _from_plain(entry) for key in set(keys) if (entry := cache.load(KIND, key))}
+        known = {key: solved for key in set(keys) if (solved := _from_plain(cache.load(KIND, key)))}
         missing = {key: channel for key, channel in zip(keys, plan.channels, strict=True) if key not in known}
         if missing:
             self._progress(f"solving {len(missing)} taxel{'s' * (len(missing) > 1)} by finite elements")
@@ -194,7 +201,7 @@ class TaxelSolver:
             "material": asdict(spec.material),
             "washer": asdict(spec.washer),
             "glue_mg": spec.taxel.glue_mg,
-            "tolerance": self.tolerance,
+            "tolerance": [self.tolerance, self.accept],
             "code": cache.code_hash(*CODE),
             "versions": [
                 cache.version(name) for name in ("build123d", "cadquery-ocp-novtk", "netgen-mesher", "ngsolve")
@@ -211,7 +218,7 @@ class TaxelSolver:
             for channel in channels:
                 path = Path(folder) / f"taxel-{channel.index}.step"
                 write_taxel_step(plan, channel, path)
-                jobs.append(pool.submit(solve_step, solid_taxel(plan, channel, path), self.tolerance))
+                jobs.append(pool.submit(solve_step, solid_taxel(plan, channel, path), self.tolerance, self.accept))
             return _results(jobs, channels)
 
     def _started(self, tasks: int) -> Any:
@@ -238,8 +245,10 @@ def _results(jobs: Sequence[Any], channels: Iterable[Channel]) -> list[Solved]:
     for job, channel in zip(jobs, channels, strict=True):
         try:
             results.append(job.result())
+        except EngineMissingError:
+            raise
         except SolverError as error:
-            raise type(error)(error.message, f"channel {channel.index}") from error
+            raise SolverError(error.message, f"channel {channel.index}") from error
         except BrokenProcessPool as error:
             raise SolverError(
                 "the finite elements' process died, most likely for want of memory; allow a larger model.tolerance",
@@ -249,10 +258,19 @@ def _results(jobs: Sequence[Any], channels: Iterable[Channel]) -> list[Solved]:
 
 
 def _start_worker() -> None:
-    """Ctrl-C is the parent's to handle, and what the engine prints would mix with the parent's output."""
+    """Ctrl-C is the parent's to handle, what the engine prints would mix with its output, and its end is ours."""
     import os
     import signal
+    from multiprocessing import parent_process
+    from threading import Thread
 
+    def follow() -> None:
+        parent = parent_process()
+        if parent:
+            parent.join()
+            os._exit(1)
+
+    Thread(target=follow, daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream in (1, 2):
@@ -282,25 +300,33 @@ def solid_taxel(plan: Plan, channel: Channel, step: Path) -> Any:
     )
 
 
-def solve_step(taxel: Any, tolerance: float) -> Solved:
+def solve_step(taxel: Any, tolerance: float, accept: float) -> Solved:
     """In a process of its own: the modes of one STEP file."""
     from padgen.verify.elasticity import converged_modes
 
-    found = converged_modes(taxel, tolerance)
+    found = converged_modes(taxel, tolerance, MODES, accept)
     return Solved(found.modes, float(found.error[found.modes.working]))
 
 
 def _to_plain(solved: Solved) -> dict[str, Any]:
     modes = solved.modes
-    rest = None if modes.rest is None else modes.rest.tolist()
+    rest = np.zeros((6, 6)) if modes.rest is None else modes.rest
     return {
         "frequency_hz": modes.frequency_hz.tolist(),
         "motion": modes.motion.tolist(),
-        "rest": rest,
+        "rest": rest.tolist(),
         "error": solved.error,
     }
 
 
-def _from_plain(entry: dict[str, Any]) -> Solved:
-    rest = None if entry["rest"] is None else np.array(entry["rest"])
-    return Solved(TaxelModes(np.array(entry["frequency_hz"]), np.array(entry["motion"]), rest), entry["error"])
+def _from_plain(entry: Any) -> Solved | None:
+    """What the cache holds, None where that is no taxel's modes."""
+    try:
+        frequency, motion, rest = (np.array(entry[key], float) for key in ("frequency_hz", "motion", "rest"))
+        error = float(entry["error"])
+    except (KeyError, TypeError, ValueError):
+        return None
+    shapes = (frequency.shape, motion.shape, rest.shape)
+    if shapes != ((MODES,), (MODES, 6), (6, 6)) or not all(np.isfinite(v).all() for v in (frequency, motion, rest)):
+        return None
+    return Solved(TaxelModes(frequency, motion, rest), error)

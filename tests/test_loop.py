@@ -49,7 +49,7 @@ def test_a_finer_solve_of_the_exported_file_agrees(solved, tmp_path):
     for channel in plan.channels:
         path = tmp_path / f"{channel.index}.step"
         write_taxel_step(plan, channel, path)
-        found = in_a_process(loop.solve_step, loop.solid_taxel(plan, channel, path), SOLVED / 5)
+        found = in_a_process(loop.solve_step, loop.solid_taxel(plan, channel, path), SOLVED / 5, SOLVED)
         assert channel.resonance_hz == pytest.approx(found.resonance_hz, rel=2e-3)
 
 
@@ -88,7 +88,7 @@ def test_what_is_known_loads_neither_kernel_nor_engine(solved, tmp_path):
 
 def test_the_key_holds_all_that_the_modes_depend_on(solved):
     spec, plan = solved
-    solver = loop.TaxelSolver(SOLVED, lambda step: None)
+    solver = loop.TaxelSolver(SOLVED, SOLVED, lambda step: None)
     first, second = (cache.key_of(solver._inputs(plan, channel)) for channel in plan.channels)
     assert first != second
     for change in ("[material]\nyoungs_modulus_gpa = 2.9", "[taxel]\nglue_mg = 1", "[washer]\ndensity_g_per_cm3 = 7.8"):

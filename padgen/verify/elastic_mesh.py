@@ -158,6 +158,9 @@ def meshed(shape: Any, fineness: Fineness = USUAL, where: str = "taxel", layered
 def _coarse_meshes(shape: Any, fineness: Fineness, where: str) -> Iterator[tuple[Any, Fineness]]:
     """Netgen's meshes of `shape`, and how fine each is: as asked, then slightly other ones; at least one."""
     failure: SolverError | None = None
+    for face in shape.faces:
+        # Long thin faces bend: no element longer than a share of a square of the same area.
+        face.maxh = min(fineness.largest_mm, fineness.per_face * face.mass**0.5)
     for factor, grading in ((1.0, 1.0), (0.8, 1.0), (1.0, 0.8), (0.7, 0.8), (0.8, 0.6)):
         attempt = fineness._replace(factor=factor * fineness.factor, grading=grading * fineness.grading)
         try:
@@ -187,9 +190,6 @@ def coarse_mesh(shape: Any, fineness: Fineness = USUAL, where: str = "taxel") ->
     for place, edge in enumerate(shape.edges):
         edge.name = f"edge{place}"
     _mark(shape.edges, set())
-    for face in shape.faces:
-        # Long thin faces bend: no element longer than a square of the same area.
-        face.maxh = min(fineness.largest_mm, fineness.per_face * face.mass**0.5)
     mesh, _ = next(_coarse_meshes(shape, fineness, where))
     return mesh
 

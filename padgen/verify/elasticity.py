@@ -29,8 +29,19 @@ from padgen.verify.engines import engine
 
 __all__ = ["SETTINGS", "Elastic", "Orthotropy", "SolidModes", "SolidTaxel", "converged_modes", "solve_modes"]
 
-SETTINGS = ((3, 2), (4, 2), (4, 3), (4, 4))
-"""(order, levels), cheapest first."""
+
+class Setting(NamedTuple):
+    """Order of the elements, levels of layers, and their largest size (`Fineness.per_face`)."""
+
+    order: int
+    levels: int
+    per_face: float = 1.0
+
+
+SETTINGS = (Setting(3, 2), Setting(3, 2, 0.5), Setting(4, 2, 0.5), Setting(4, 3, 0.5))
+"""Cheapest first."""
+ENOUGH = 30_000
+"""Unknowns from which on an error that can be accepted is not worth making smaller."""
 ADDED = 0.15
 """Share of the last order's change that all higher orders together still make: 0.06 … 0.3 on the templates' taxels
 and the reference problem (docs/accuracy.md)."""
@@ -118,11 +129,16 @@ def solve_modes(taxel: SolidTaxel, order: int = 3, levels: int = 2, modes: int =
         raise SolverError(f"needs order ≥ 2, levels ≥ 0 and modes ≥ 1, got {order}, {levels} and {modes}", "elasticity")
     clock = _Clock()
     draft = _drafted(taxel, clock)
-    return _solved(taxel, _layered(draft, levels, clock), (order, levels), modes, clock)
+    setting = Setting(order, levels)
+    return _solved(taxel, _layered(draft, setting, clock), setting, modes, clock)
 
 
-def converged_modes(taxel: SolidTaxel, tolerance: float = 1e-3, modes: int = 6) -> SolidModes:
+def converged_modes(
+    taxel: SolidTaxel, tolerance: float = 1e-3, modes: int = 6, accept: float | None = None
+) -> SolidModes:
     """Modes with the estimated error of the working mode below `tolerance`, by the cheapest setting that does.
+
+    An error below `accept` will do where a smaller one would be dear.
 
     Two orders are solved on one mesh, and the frequencies extrapolated by a share of their difference. Of other
     modes `error` is the whole difference; for the torsion of thin beams, slow to converge, it may be too small.
@@ -130,24 +146,31 @@ def converged_modes(taxel: SolidTaxel, tolerance: float = 1e-3, modes: int = 6) 
     Raises
     ------
     SolverError
-        No setting reaches `tolerance`; otherwise as `solve_modes`.
+        No setting reaches `tolerance`, or `accept`; otherwise as `solve_modes`.
     """
     if not 0 < tolerance < 1:
         raise SolverError(f"must lie between 0 and 1, got {number(tolerance)}, e.g. 0.001", "tolerance")
-    clock, best = _Clock(), float("inf")
+    clock, best, known = _Clock(), float("inf"), None
     draft = _drafted(taxel, clock)
-    mesh, coarser = None, None
-    for order, levels in SETTINGS:
-        if mesh is None or coarser is None or coarser.levels != levels:
-            mesh = _layered(draft, levels, clock)
-            coarser = _solved(taxel, mesh, (order - 1, levels), modes, clock)
-        found = _solved(taxel, mesh, (order, levels), modes, clock)
+    mesh, coarser, before = None, None, None
+    for setting in SETTINGS:
+        if mesh is None or coarser is None or before != setting[1:]:
+            mesh, before = _layered(draft, setting, clock), setting[1:]
+            coarser = _solved(taxel, mesh, setting._replace(order=setting.order - 1), modes, clock)
+        found = _solved(taxel, mesh, setting, modes, clock)
         extrapolated = _extrapolated(coarser, found)
-        best = float(extrapolated.error[found.modes.working])
-        if best < tolerance:
-            return extrapolated
+        error = float(extrapolated.error[found.modes.working])
+        if error < best:
+            best, known = error, extrapolated
+        acceptable = accept is not None and best < accept
+        if known and (best < tolerance or (acceptable and (found.unknowns > ENOUGH or setting is SETTINGS[-1]))):
+            return known
         coarser = found
-    raise SolverError(f"its working mode is known to {best:.1e} at best, asked was {tolerance:.1e}", str(taxel.step))
+    raise SolverError(
+        f"its working mode is known to {best:.1e} at best, asked was {max(tolerance, accept or 0.0):.1e};"
+        " allow a larger model.tolerance",
+        str(taxel.step),
+    )
 
 
 def _extrapolated(coarser: SolidModes, found: SolidModes) -> SolidModes:
@@ -176,8 +199,9 @@ def _drafted(taxel: SolidTaxel, clock: _Clock) -> _Draft:
     return _Draft(taxel, shape, layered)
 
 
-def _layered(draft: _Draft, levels: int, clock: _Clock) -> Any:
-    mesh = meshed(draft.shape, Fineness(levels=levels), str(draft.taxel.step), draft.layered)
+def _layered(draft: _Draft, setting: Setting, clock: _Clock) -> Any:
+    fineness = Fineness(levels=setting.levels, per_face=setting.per_face)
+    mesh = meshed(draft.shape, fineness, str(draft.taxel.step), draft.layered)
     clock.stop("mesh")
     return mesh
 
@@ -201,8 +225,8 @@ def _answered(taxel: SolidTaxel, mesh: Any, order: int, modes: int, clock: _Cloc
     return _Answer(system, loads, answers, eigen)
 
 
-def _solved(taxel: SolidTaxel, mesh: Any, setting: tuple[int, int], modes: int, clock: _Clock) -> SolidModes:
-    order, levels = setting
+def _solved(taxel: SolidTaxel, mesh: Any, setting: Setting, modes: int, clock: _Clock) -> SolidModes:
+    order, levels, _ = setting
     system, loads, answers, eigen = _answered(taxel, mesh, order, modes, clock)
     motion = eigen.shape.T @ loads
     modal = motion.T @ (motion / (2 * np.pi * eigen.frequency_hz[:, None]) ** 2)
