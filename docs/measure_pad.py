@@ -17,10 +17,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from padgen.planner import Plan, make_plan
+from padgen.planner.frame_give import flexibility_bounds
 from padgen.spec import load_spec, parse_spec
 from padgen.verify.elastic_mesh import Fineness, meshed
 from padgen.verify.elastic_modes import assembled, energy
-from padgen.verify.pad_flexibility import flexibility_bounds
 from padgen.verify.pad_interface import Degrees
 from padgen.verify.pad_modes import PadModes, crosstalk, driven_taxels, frequency_shifts, pad_modes
 from padgen.verify.pad_reduction import ReducedPad, Resolution, pad_materials, reduced_pad

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from padgen import __version__
 from padgen.cache import code_hash, version
 from padgen.errors import SpecError
-from padgen.files import YIELD_FILE, OutputFolder, differs, file_hash, is_current, json_text, read_manifest
+from padgen.files import PLAN_FILES, OutputFolder, differs, file_hash, is_current, json_text, read_manifest
 from padgen.finding import Finding
 from padgen.spec import Spec
 
@@ -113,7 +113,7 @@ def build(
             _write_format(out, name, plan, pad, instances, inputs["spec"])
         stale = [path.name for pattern in OWN_FILES for path in folder.glob(pattern)]
         if differs(folder, "plan.json", plan_to_json(plan)):
-            stale.append(YIELD_FILE)
+            stale += PLAN_FILES
         out.commit({"padgen": __version__, "inputs": inputs}, remove=stale)
     files = tuple(read_manifest(folder)["files"])
     return Built(folder, files, report.figures, findings, False)

@@ -162,16 +162,10 @@ def _with_model(spec: Any, options: argparse.Namespace) -> Any:
     if options.model is not None:
         asked["structure"] = options.model
     if options.tolerance is not None:
-        asked["tolerance"] = _share(options.tolerance, "--tolerance")
+        from padgen.study.run import parse_tolerance
+
+        asked["tolerance"] = parse_tolerance(options.tolerance)
     return replace(spec, model=build(Model, asked, "model", asdict(spec.model))) if asked else spec
-
-
-def _share(text: str, where: str) -> float:
-    """A share written as 1% or 0.01."""
-    try:
-        return float(text[:-1]) / 100 if text.endswith("%") else float(text)
-    except ValueError:
-        raise SpecError(f"must be a share as 1% or 0.01, got {text!r}", where) from None
 
 
 def _output(parser: argparse.ArgumentParser) -> None:
@@ -184,7 +178,7 @@ def _folder(options: argparse.Namespace, name: str) -> Path:
 
 
 def _plan(options: argparse.Namespace) -> int:
-    from padgen.files import YIELD_FILE, OutputFolder, differs, json_text, stale_files
+    from padgen.files import PLAN_FILES, YIELD_FILE, OutputFolder, differs, json_text, stale_files
     from padgen.planner import plan_to_json
     from padgen.spec import load_spec
 
@@ -203,7 +197,7 @@ def _plan(options: argparse.Namespace) -> int:
         if printed:
             out.write(YIELD_FILE, json_text(asdict(printed)))
         stale = stale_files(folder, text)
-        out.commit(remove=[YIELD_FILE] if differs(folder, "plan.json", text) else [])
+        out.commit(remove=PLAN_FILES if differs(folder, "plan.json", text) else ())
     if options.json:
         parts = {"explain": explanation, "yield": printed}
         present = {key: asdict(part) for key, part in parts.items() if part}

@@ -18,6 +18,7 @@ from padgen.errors import FileError
 
 __all__ = [
     "MANIFEST",
+    "PLAN_FILES",
     "YIELD_FILE",
     "OutputFolder",
     "differs",
@@ -30,7 +31,8 @@ __all__ = [
 
 MANIFEST = "manifest.json"
 YIELD_FILE = "yield.json"
-"""A yield that belongs to the plan beside it."""
+PLAN_FILES = (YIELD_FILE, "study.csv", "study.json", "study.svg", "study.png")
+"""Files that belong to the plan beside them."""
 
 
 def json_text(table: Any) -> str:
@@ -118,7 +120,7 @@ class OutputFolder:
             if (self.path / name).is_dir():
                 raise FileError("cannot be written (a folder has its name)", str(self.path / name))
         known = read_manifest(self.path).get("files", {})
-        if any(known.get(name) != new for name, new in self._hashes.items()):
+        if any(name in known and known[name] != new for name, new in self._hashes.items()):
             (self.path / MANIFEST).unlink(missing_ok=True)
         for name in self._hashes:
             (self._aside / name).replace(self.path / name)

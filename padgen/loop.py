@@ -26,7 +26,7 @@ from padgen.planner.sizing import SizedChannel
 from padgen.planner.solved_model import solved_model
 from padgen.planner.suspensions import TOPOLOGIES
 from padgen.planner.taxel_model import plate_shape
-from padgen.solid.frame import outline
+from padgen.planner.tile import outline
 from padgen.spec import Spec
 from padgen.units import G_PER_CM3, GPA, GRAM
 
@@ -45,7 +45,7 @@ MODES = 6
 WORKERS = 8
 STEEL_GPA, STEEL_POISSON = 200.0, 0.3
 """Of the washer: forty times stiffer than the print, it hardly bends."""
-CODE = ("physics/taxel_modes.py", "planner/suspensions", "solid/frame.py", "solid/taxel.py", "verify")
+CODE = ("physics/taxel_modes.py", "planner/suspensions", "planner/tile.py", "solid/taxel.py", "verify")
 Progress = Callable[[str], None]
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from padgen.planner.plan import Channel, Plan, Taxel
-from padgen.solid.frame import TURNS, to_cell
+from padgen.planner.tile import TURNS, to_cell
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from padgen.planner import make_plan
+from padgen.planner.tile import to_cell
 from padgen.solid.checks import check_mesh, check_pad, compare_mesh
-from padgen.solid.frame import to_cell
 from padgen.solid.mesh import Mesh, as_manifold, from_manifold
 from padgen.solid.pad import build_pad
 from padgen.solid.sections import sections, smallest, unsupported_spans

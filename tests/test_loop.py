@@ -3,11 +3,13 @@
 import json
 import subprocess
 import sys
+import time
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from math import log
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 
+import numpy as np
 import pytest
 
 from padgen import cache, cli, loop
@@ -144,15 +146,58 @@ def test_auto_takes_the_beam_where_it_is_good_enough(monkeypatch):
     ("arguments", "sentence"),
     [
         (["--model", "rule"], "model.structure: there is no choice 'rule'"),
-        (["--tolerance", "lots"], "--tolerance: must be a share as 1% or 0.01, got 'lots'"),
-        (["--tolerance", "0"], "model.tolerance: must be at least 0.0001"),
-        (["--tolerance", "nan"], "model.tolerance: must be at least 0.0001"),
+        (["--tolerance", "lots"], "--tolerance: must be a relative error such as 1% or 0.01, got 'lots'"),
+        (["--tolerance", "0"], "--tolerance: must be above 0"),
+        (["--tolerance", "60%"], "model.tolerance: must be at least 0.0001"),
+        (["--tolerance", "nan"], "--tolerance: must be above 0"),
     ],
 )
 def test_bad_options_are_one_sentence(arguments, sentence, tmp_path, capsys):
     assert cli.run(["plan", "paper-32", *arguments, "-o", str(tmp_path / "out")]) == 2
     assert sentence in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        None,
+        [],
+        {"frequency_hz": [56.0]},
+        {"frequency_hz": [1, 2], "motion": [[1]], "rest": None, "error": 0.1},
+        {"frequency_hz": [1.0] * 6, "motion": [[1.0] * 6] * 6, "rest": [[float("nan")] * 6] * 6, "error": 0.1},
+    ],
+)
+def test_a_damaged_entry_counts_as_absent(entry):
+    assert loop._from_plain(entry) is None
+
+
+def test_an_entry_comes_back_as_it_was(solved):
+    solver = loop.TaxelSolver(SOLVED, SOLVED, lambda step: None)
+    found = loop.Solved(loop.TaxelModes(np.arange(1.0, 7.0), np.eye(6), np.ones((6, 6))), 1e-3)
+    again = loop._from_plain(json.loads(json.dumps(loop._to_plain(found))))
+    assert all(np.array_equal(a, b) for a, b in zip(again.modes, found.modes, strict=True))
+    assert again.error == found.error
+    assert solver._pool is None
+
+
+def test_a_refusal_leaves_no_process_and_auto_its_beam_plan(monkeypatch, tmp_path):
+    """A tolerance that no setting reaches: the solver refuses, ``auto`` keeps the beam model's plan."""
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "empty"))
+    monkeypatch.setattr(loop, "solve_step", _refuse)
+    spec = parse_spec(SPEC + WHOLE)
+    with pytest.raises(SolverError, match="channel 0: no answer"):
+        loop.closed_plan(spec)
+    deadline = time.monotonic() + 10
+    while active_children() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not active_children()
+    plan = loop.planned(parse_spec("model = {tolerance = 1e-4}\n" + SPEC + WHOLE))
+    assert {c.model for c in plan.channels} == {"beam"}
+
+
+def _refuse(taxel, tolerance, accept):
+    raise SolverError("no answer")
 
 
 def test_an_engine_that_dies_is_one_sentence(solved, tmp_path):

@@ -26,12 +26,12 @@ from scipy.sparse.linalg import eigsh
 
 from padgen.errors import SolverError
 from padgen.planner import Plan, make_plan
+from padgen.planner.frame_give import flexibility_bounds, frame_mode_estimate_hz
 from padgen.spec import parse_spec
 from padgen.units import G_PER_CM3, MM
 from padgen.verify.elastic_mesh import Fineness, meshed
 from padgen.verify.elastic_modes import assembled
 from padgen.verify.pad_assembly import Assembly, assembly
-from padgen.verify.pad_flexibility import flexibility_bounds, frame_mode_estimate_hz
 from padgen.verify.pad_interface import Degrees, height_shape, interface_functions, plane_shape, quarter_turned
 from padgen.verify.pad_modes import crosstalk, driven_taxels, frame_modes_hz, frequency_shifts, pad_modes, receptance
 from padgen.verify.pad_reduction import ReducedPad, Resolution, pad_materials, reduced_pad

@@ -8,7 +8,7 @@ import pytest
 from padgen.errors import GeometryError
 from padgen.planner import make_plan
 from padgen.planner.suspensions import TOPOLOGIES
-from padgen.solid.frame import outline, to_cell
+from padgen.planner.tile import outline, to_cell
 from padgen.solid.kernel import _interrupted, build123d, kernel_errors
 from padgen.solid.mesh import as_manifold, signed_volume_mm3, tessellated, welded
 from padgen.solid.pad import build_pad, tile_grid

@@ -23,12 +23,12 @@ from padgen.physics.bounds import (
     washer_eddies,
     washer_moment,
 )
-from padgen.physics.frame_flexibility import SUPPORTS, Ribs, TaxelReaction, shift_bound
 from padgen.physics.leakage import _easiness
 from padgen.physics.magnetics import impedance
 from padgen.physics.modal import felt_energy
 from padgen.physics.poles import coil_poles, pole_error
 from padgen.planner.channels import hanging_gap_um, magnetic_parts, squared_current_lines
+from padgen.planner.frame_give import flexibility_bounds
 from padgen.planner.modes import coil_modes, heard_modes
 from padgen.planner.plan import Channel, LeftOut, Plan
 from padgen.planner.reuse import RINGS
@@ -37,7 +37,7 @@ from padgen.planner.settings import scheme_named
 from padgen.planner.suspensions import BeamShape, PlateShape
 from padgen.planner.taxel_model import TaxelModel
 from padgen.spec import Spec
-from padgen.units import G_PER_CM3, GPA, GRAM, MA, MH, MM, UM
+from padgen.units import G_PER_CM3, GPA, MA, MH, MM, UM
 
 __all__ = ["RUNGS", "judge_left_out", "left_out", "left_out_line"]
 
@@ -145,47 +145,8 @@ def _inertia(spec: Spec, plan: Plan) -> LeftOut:
 
 def _frame(spec: Spec, plan: Plan) -> LeftOut:
     """Resonances on the pad's frame, screwed down at its corners or, without holes, glued down."""
-    support = SUPPORTS["corners" if spec.pad.hole_diameter_mm else "bottom"]
-    count = np.bincount([taxel.channel for taxel in plan.taxels], minlength=len(plan.channels))
-    moving_kg = float(count @ [channel.effective_mass_g for channel in plan.channels]) * GRAM
-    bound = []
-    for channel in plan.channels:
-        arrangement, ribs = plan.arrangement(channel), _ribs(spec, plan, channel)
-        arm_mm = max(abs(float(arrangement.washer_x_mm) - float(strip.root_x_mm)) for strip in arrangement.beams)
-        reaction = TaxelReaction(
-            channel.resonance_hz,
-            channel.stiffness_n_per_m,
-            channel.effective_mass_g * GRAM,
-            channel.q,
-            arm_mm * MM,
-            int(count[channel.index]),
-        )
-        bound.append(shift_bound(reaction, ribs, support, moving_kg))
-    return _worst("frame", "resonance", plan.channels, np.array(bound))
-
-
-def _ribs(spec: Spec, plan: Plan, channel: Channel) -> Ribs:
-    """The frame around a channel's taxel; the rib at the root has the thinnest of the others as its far half."""
-    pad, material, cell, site = spec.pad, spec.material, plan.cell, channel.site
-    length, width = (float(v) for v in plan.arrangement(channel).window_mm)
-    wide, deep = (cell.width_mm, cell.depth_mm)[:: 1 if site.along[1] == "x" else -1]
-    ahead, aside = np.subtract(site.centre_mm, site.origin_mm)[:: 1 if site.along[1] == "x" else -1]
-    middle, off = abs(float(ahead)), abs(float(aside))
-    root = wide / 2 - middle
-    thinnest = min(root, wide / 2 + middle - length, (deep - width) / 2 - off)
-    plastic = cell.columns * cell.rows * plan.coils.rows * plan.coils.columns * (wide * deep - length * width)
-    longer = max(pad.width_mm, pad.depth_mm)
-    around = (pad.width_mm + 2 * pad.border_mm) * (pad.depth_mm + 2 * pad.border_mm) - pad.width_mm * pad.depth_mm
-    return Ribs(
-        width_m=(root + max(thinnest, 0.0)) * MM,
-        height_m=pad.frame_thickness_mm * MM,
-        span_m=width * MM,
-        side_m=(longer + pad.border_mm) * MM,
-        share=1 - (length / wide + width / deep) / 2 * longer / (longer + 2 * pad.border_mm),
-        mass_kg=(plastic + around) * MM**2 * pad.frame_thickness_mm * MM * material.density_g_per_cm3 * G_PER_CM3,
-        modulus_pa=material.youngs_modulus_gpa * GPA,
-        poisson=material.poisson_ratio,
-    )
+    bound = flexibility_bounds(plan, "corners" if spec.pad.hole_diameter_mm else "bottom")
+    return _worst("frame", "resonance", plan.channels, bound)
 
 
 def _far_modes(spec: Spec, plan: Plan) -> Iterator[LeftOut]:

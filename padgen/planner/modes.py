@@ -16,6 +16,7 @@ from padgen.physics.pull_wrench import pull_wrench
 from padgen.physics.taxel_modes import TaxelModes
 from padgen.planner.plan import Channel, Plan, Site
 from padgen.planner.taxel_model import TaxelModel, plate_shape, recess_mm
+from padgen.planner.tile import TURNS
 from padgen.spec import Spec
 from padgen.units import MM
 
@@ -32,8 +33,6 @@ __all__ = [
     "taxel_modes",
 ]
 
-TURNS = {"+x": (1.0, 0.0), "+y": (0.0, 1.0), "-x": (-1.0, 0.0), "-y": (0.0, -1.0)}
-"""Cosine and sine of the angle by which a taxel's own axes are turned."""
 MODES_DB = 1.0
 """Loss of selectivity by other modes that is worth a finding."""
 QUIET_SHARE = 1e-6

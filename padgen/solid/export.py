@@ -9,7 +9,7 @@ import numpy as np
 
 from padgen.errors import GeometryError, number
 from padgen.planner.plan import Channel, Plan
-from padgen.solid.frame import to_cell
+from padgen.planner.tile import to_cell
 from padgen.solid.kernel import build123d, kernel_errors
 from padgen.solid.mesh import Mesh, signed_volume_mm3, tessellated
 from padgen.solid.pad import PadSolid

@@ -8,7 +8,7 @@ import numpy as np
 
 from padgen.planner.plan import Beam, Channel, Plan, Plate, Taxel
 from padgen.planner.suspensions import Strip
-from padgen.solid.frame import to_cell
+from padgen.planner.tile import to_cell
 
 __all__ = ["Dimension", "measured"]
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from padgen.planner.plan import Plan
-from padgen.solid.frame import Outline, outline, to_cell
+from padgen.planner.tile import Outline, outline, to_cell
 from padgen.solid.kernel import build123d, kernel_errors
 from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, Mesh, tessellated
 from padgen.solid.taxel import taxel_solid

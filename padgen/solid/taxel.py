@@ -20,7 +20,7 @@ from typing import Any
 from padgen.errors import GeometryError
 from padgen.planner.plan import Channel, Plan, Plate
 from padgen.planner.suspensions import Strip
-from padgen.solid.frame import Outline, outline
+from padgen.planner.tile import Outline, outline
 from padgen.solid.kernel import build123d, kernel_errors
 
 __all__ = ["taxel_solid", "washer_solid"]

@@ -5,7 +5,7 @@ A tile lies in its own axes, in mm; its side faces that meet other tiles are nam
 """
 
 from collections.abc import Iterable
-from math import cos, pi, sin
+from math import pi
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from padgen.errors import SolverError, number
 from padgen.planner.plan import Channel, Plan
+from padgen.planner.tile import outline
 from padgen.verify.elastic_mesh import PRINTED, taxel_shape
 from padgen.verify.engines import engine
 
@@ -94,12 +95,7 @@ def washer_volume_mm3(plan: Plan) -> float:
 
 def taxel_box(plan: Plan, channel: Channel) -> Box:
     """The sub-cell of `channel` in the taxel's own axes."""
-    turns, site = TURNS[channel.site.along], channel.site
-    c, s = round(cos(turns * pi / 2)), round(sin(turns * pi / 2))
-    x, y = (site.centre_mm[k] - site.origin_mm[k] for k in (0, 1))
-    x, y = c * x + s * y, -s * x + c * y
-    wide, deep = (plan.cell.depth_mm, plan.cell.width_mm) if s else (plan.cell.width_mm, plan.cell.depth_mm)
-    return Box(x - wide / 2, x + wide / 2, y - deep / 2, y + deep / 2, plan.typed_spec.pad.frame_thickness_mm)
+    return Box(*outline(plan, channel), plan.typed_spec.pad.frame_thickness_mm)
 
 
 def solid_cell(plan: Plan, clamping: str) -> TileSolid:

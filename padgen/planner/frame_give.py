@@ -1,12 +1,12 @@
-"""The bound of `physics.frame_flexibility` for the channels of a plan."""
+"""How far the frame gives under the channels of a plan: the bound of `physics.frame_flexibility`."""
 
 import numpy as np
 
 from padgen.errors import SolverError
 from padgen.physics.frame_flexibility import SUPPORTS, Ribs, TaxelReaction, lowest_frame_mode_hz, shift_bound
 from padgen.planner.plan import Channel, Plan
+from padgen.planner.tile import outline
 from padgen.units import G_PER_CM3, GPA, GRAM, MM
-from padgen.verify.pad_solids import taxel_box
 
 __all__ = ["flexibility_bounds", "frame_mode_estimate_hz"]
 
@@ -54,7 +54,7 @@ def _reaction(plan: Plan, channel: Channel) -> TaxelReaction:
 
 def _ribs(plan: Plan, channel: Channel, clamping: str) -> Ribs:
     """The rib at the root is a half on this side of the seam and no less than the thinnest on the other."""
-    box, pad, material = taxel_box(plan, channel), plan.typed_spec.pad, plan.typed_spec.material
+    box, pad, material = outline(plan, channel), plan.typed_spec.pad, plan.typed_spec.material
     length, width = (float(v) for v in plan.arrangement(channel).window_mm)
     walls = (-box.x0, box.x1 - length, width / 2 + box.y1 - width, -box.y0 - width / 2)
     wide, deep = box.x1 - box.x0, box.y1 - box.y0
