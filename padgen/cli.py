@@ -118,9 +118,14 @@ def _parser() -> argparse.ArgumentParser:
     check.add_argument("--json", action="store_true", help="one JSON object on standard output")
     check.set_defaults(command=_check)
 
-    study = commands.add_parser("study", help="error against run time of every model behind a plan")
+    study = commands.add_parser(
+        "study",
+        help="error against run time of every model behind a plan",
+        description="Run every model behind a plan, each in a process of its own, and tell which is enough for which"
+        " error. All ladders take some minutes; needs the extra padgen[study].",
+    )
     study.add_argument("spec", metavar="SPEC", nargs="?", help="a TOML file or the name of a template")
-    study.add_argument("--only", metavar="LADDERS", help=f"some of {', '.join(LADDER_NAMES)}")
+    study.add_argument("--only", metavar="LADDERS", help=f"some of {', '.join(LADDER_NAMES)}, with commas between")
     study.add_argument("--tolerance", metavar="SHARE", help="recommend for this relative error too, as 1%% or 0.01")
     study.add_argument("--extreme", action="store_true", help="hold every model to what it states in extreme cases")
     _output(study)
@@ -147,7 +152,10 @@ def _model(parser: argparse.ArgumentParser) -> None:
         " are then tuned (default: the spec's)",
     )
     parser.add_argument(
-        "--tolerance", metavar="SHARE", help="relative error of a resonance that will do, as 1%% or 0.01"
+        "--tolerance",
+        metavar="SHARE",
+        help="relative error of a resonance that will do, as 1%% or 0.01; finite elements where the beam model's own"
+        " estimate is more (default: the spec's, 2%%, and in a plan the beam model)",
     )
 
 

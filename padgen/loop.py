@@ -285,14 +285,15 @@ def _load_engine() -> None:
 
 def solid_taxel(plan: Plan, channel: Channel, step: Path) -> Any:
     """What is solved (`verify.elasticity.SolidTaxel`): the STEP file with its materials."""
-    from padgen.verify.elasticity import Elastic, SolidTaxel
+    from padgen.verify.elasticity import Elastic, SolidTaxel, layered
 
     spec = plan.typed_spec
     material, washer = spec.material, spec.washer
+    printed = Elastic(material.youngs_modulus_gpa * GPA, material.poisson_ratio, material.density_g_per_cm3 * G_PER_CM3)
     ring_mm2 = pi / 4 * (washer.outer_diameter_mm**2 - washer.inner_diameter_mm**2)
     return SolidTaxel(
         step,
-        Elastic(material.youngs_modulus_gpa * GPA, material.poisson_ratio, material.density_g_per_cm3 * G_PER_CM3),
+        layered(printed, material.cross_layer_ratio),
         Elastic(STEEL_GPA * GPA, STEEL_POISSON, washer.density_g_per_cm3 * G_PER_CM3),
         ring_mm2 * washer.thickness_mm,
         float(plan.arrangement(channel).washer_x_mm),

@@ -18,7 +18,7 @@ from padgen.errors import SolverError
 from padgen.verify.elastic_material import stiffness_pa
 from padgen.verify.elastic_mesh import CLAMPED, PRINTED, Fineness, coarse_mesh, edge_angles, meshed, taxel_shape
 from padgen.verify.elastic_modes import accurate, assembled, eigenmodes, factored, rigid_loads
-from padgen.verify.elasticity import Elastic, Orthotropy, SolidModes, SolidTaxel, converged_modes, solve_modes
+from padgen.verify.elasticity import Elastic, Orthotropy, SolidModes, SolidTaxel, converged_modes, layered, solve_modes
 
 REFERENCE = json.loads((Path(__file__).parent / "reference" / "taxel_modes.json").read_text())
 POLYMER, STEEL = Elastic(3e9, 0.36, 1240.0), Elastic(200e9, 0.3, 7900.0)
@@ -317,3 +317,14 @@ def test_unstable_materials_are_refused() -> None:
         stiffness_pa(Elastic(0.0, 0.0, 1240.0, axes))
     with pytest.raises(SolverError, match="moduli must be above 0"):
         stiffness_pa(Elastic(0.0, 0.0, 1240.0, axes._replace(shear_pa=(1e9, 0.0, 1e9))))
+
+
+def test_a_print_in_layers_is_softer_across_them():
+    """By the compliance's own entries: pulled across, it gives 1/ratio as much; along a layer nothing changes."""
+    plain = Elastic(3e9, 0.36, 1240.0)
+    assert layered(plain, 1.0) == plain
+    soft, same = (np.linalg.inv(stiffness_pa(m)) for m in (layered(plain, 0.6), plain))
+    assert soft[:2, :2] == pytest.approx(same[:2, :2])
+    assert soft[2, 2] == pytest.approx(same[2, 2] / 0.6)
+    assert soft[0, 2] == pytest.approx(same[0, 2])
+    assert np.diag(soft)[3:] == pytest.approx(np.diag(same)[3:] / [0.6, 0.6, 1.0])

@@ -589,7 +589,7 @@ def test_line():
     finding = next(judge_left_out(scene("paper-32")[0], entries))
     assert "more than 2 % (model.tolerance)" in finding.message
     assert finding.message.endswith(
-        ": switching, without a bound of the ring-down of channel 0 (padgen study --only dynamics)"
+        f": switching, without a bound of the ring-down of channel 0 ({RUNGS['switching']})"
     )
 
 

@@ -53,7 +53,7 @@ RUNGS = {
     "gap": "a field solution over the gap (padgen.verify.force_ladder)",
     "softening": "padgen study --only dynamics",
     "motion": "padgen study --only dynamics",
-    "switching": "padgen study --only dynamics",
+    "switching": "a coupled run over the switching (padgen.verify.coupled); wait that much longer between frames",
     "far modes": "padgen.planner.modes.coil_modes",
     "frame": "padgen study --only pad",
     "beam inertia": "--model solid",
@@ -106,7 +106,7 @@ def judge_left_out(spec: Spec, entries: Sequence[LeftOut]) -> Iterator[Finding]:
             "model.left_out",
             "plan",
             f"left out are terms of more than {_percent(spec.model.tolerance)} (model.tolerance), in brackets what"
-            f" computes them: {'; '.join(told)}",
+            f" computes or avoids them: {'; '.join(told)}",
         )
 
 

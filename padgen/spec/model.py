@@ -78,6 +78,13 @@ class Material:
     modulus_spread: float = quantity(
         0.05, unit="1", low=0, high=1, doc="relative spread of the modulus from pad to pad (spool, dryness, warmth)"
     )
+    cross_layer_ratio: float = quantity(
+        1.0,
+        unit="1",
+        low=0.05,
+        high=1,
+        doc="stiffness across the layers of a print over that along them; only finite elements (model solid) count it",
+    )
     source: str = text("", doc="where the figures come from")
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from padgen.errors import SolverError, number
 
-__all__ = ["Elastic", "Orthotropy", "stiffness_pa"]
+__all__ = ["Elastic", "Orthotropy", "layered", "stiffness_pa"]
 
 
 class Orthotropy(NamedTuple):
@@ -25,6 +25,17 @@ class Elastic(NamedTuple):
     poisson: float
     density_kg_per_m3: float
     axes: Orthotropy | None = None
+
+
+def layered(material: Elastic, ratio: float) -> Elastic:
+    """`material` printed in layers across z: its modulus and shear moduli across them are `ratio` of those along."""
+    if ratio == 1:
+        return material
+    e, nu = material.modulus_pa, material.poisson
+    shear = e / 2 / (1 + nu)
+    # Pulled along a layer it narrows as before; ν_zx E_x = ν_xz E_z.
+    axes = Orthotropy((e, e, ratio * e), (ratio * shear, ratio * shear, shear), (nu, ratio * nu, nu))
+    return material._replace(axes=axes)
 
 
 def stiffness_pa(material: Elastic) -> np.ndarray:

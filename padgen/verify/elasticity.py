@@ -13,7 +13,7 @@ import numpy as np
 from padgen.errors import SolverError, number
 from padgen.physics.taxel_modes import TaxelModes
 from padgen.verify.elastic_adapt import edge_energy_shares, energy_shares
-from padgen.verify.elastic_material import Elastic, Orthotropy
+from padgen.verify.elastic_material import Elastic, Orthotropy, layered
 from padgen.verify.elastic_mesh import (
     PRINTED,
     WASHER,
@@ -27,7 +27,7 @@ from padgen.verify.elastic_mesh import (
 from padgen.verify.elastic_modes import Eigen, System, accurate, assembled, eigenmodes, factored, rigid_loads
 from padgen.verify.engines import engine
 
-__all__ = ["SETTINGS", "Elastic", "Orthotropy", "SolidModes", "SolidTaxel", "converged_modes", "solve_modes"]
+__all__ = ["SETTINGS", "Elastic", "Orthotropy", "SolidModes", "SolidTaxel", "converged_modes", "layered", "solve_modes"]
 
 
 class Setting(NamedTuple):
