@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.physics.beams import BeamSection
-from padgen.physics.magnetics import SolenoidCoil, SteelRing, _core_charges, flat_spheroid_factor, flux_density
-from padgen.physics.modes import BeamPlacement, _carry
+from padgen.physics.magnetics import SolenoidCoil, SteelRing, core_charges, flat_spheroid_factor, flux_density
+from padgen.physics.modes import BeamPlacement, to_tip
 from padgen.physics.poles import pole_field
 
 __all__ = [
@@ -61,7 +61,7 @@ def beam_inertia(
     least: Any = 0.0
     most: Any = 0.0
     for beam in beams:
-        tip = (_carry(beam, reference) @ motion[..., None])[..., 0]
+        tip = (to_tip(beam, reference) @ motion[..., None])[..., 0]
         low, high = _missed_energy(beam.section, tip, square, modulus, poisson, density)
         least, most = least + low, most + high
     return np.asarray(np.maximum(np.abs(least), np.abs(most)) / 2)
@@ -185,7 +185,7 @@ def core_polarisation(coil: SolenoidCoil) -> tuple[float, float]:
     """
     if coil.core_diameter <= 0 or coil.core_permeability <= 1:
         return 0.0, inf
-    _, _, charge = _core_charges(coil)
+    _, _, charge = core_charges(coil)
     area = pi / 4 * coil.core_diameter**2
     demagnetised = (coil.core_permeability - 1) / (1 + 4 * coil.length / coil.core_diameter / sqrt(pi))
     return MU_0 * float(np.abs(np.cumsum(charge)).max()) / area, demagnetised

@@ -7,7 +7,7 @@ import numpy as np
 from padgen.physics.magnetics import MU_0, SolenoidCoil, SteelRing, flux_density
 from padgen.physics.poles import coil_poles, pole_field
 
-__all__ = ["Leakage", "leakage"]
+__all__ = ["Leakage", "easiness", "leakage"]
 
 SPOKES = 6
 
@@ -53,16 +53,16 @@ def leakage(
         if far is not None:
             beyond = MU_0 * pole_field(coil_poles(coil), height, points[:, None] - far[None, :, None])[0]
             field = np.concatenate([field, beyond], 1)
-        weighed = (field * _easiness(washer)).reshape(*field.shape[:2], -1)
+        weighed = (field * easiness(washer)).reshape(*field.shape[:2], -1)
         products.append(weighed @ np.swapaxes(field.reshape(weighed.shape), 1, 2) / SPOKES)
     gradient = products[0] - products[1]
     own = np.where(gradient[:, :1, :1] == 0, np.inf, gradient[:, :1, :1])
     return Leakage(gradient[:, 1:, 1:] / own, gradient[:, 0, 1:] / own[:, 0])
 
 
-def _easiness(washer: SteelRing) -> np.ndarray:
+def easiness(washer: SteelRing) -> np.ndarray:
     """How easily a field along x, y and z magnetises the washer: ``1/(1 + χN)``."""
     width = (washer.outer_diameter - washer.inner_diameter) / 2
     along = np.array([washer.thickness, washer.thickness, width]) / (width + washer.thickness)
-    easiness: np.ndarray = 1 / (1 + (washer.permeability - 1) * along)
-    return easiness
+    magnetised: np.ndarray = 1 / (1 + (washer.permeability - 1) * along)
+    return magnetised

@@ -15,6 +15,7 @@ __all__ = [
     "SolenoidCoil",
     "SteelRing",
     "balanced_deflection",
+    "core_charges",
     "flat_spheroid_factor",
     "flux_density",
     "force_constant",
@@ -113,7 +114,7 @@ def flux_density(coil: SolenoidCoil, radius: np.ndarray, height: np.ndarray) -> 
     """Radial and axial flux density in T per ampere, outside winding and core, at points of one shape."""
     radial, axial = _winding_field(coil, radius, height)
     if coil.core_diameter > 0 and coil.core_permeability > 1:
-        at_radius, at_height, charge = _core_charges(coil)
+        at_radius, at_height, charge = core_charges(coil)
         core_radial, core_axial = _ring_charge_field(at_radius, radius[..., None], height[..., None] - at_height)
         radial = radial + MU_0 * (charge * core_radial).sum(-1)
         axial = axial + MU_0 * (charge * core_axial).sum(-1)
@@ -221,7 +222,7 @@ def _elliptic(m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 @lru_cache(maxsize=32)
-def _core_charges(coil: SolenoidCoil) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def core_charges(coil: SolenoidCoil) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rings of magnetic charge on the core's surface: radii, heights in m and charges in A·m per ampere.
 
     The core is an equipotential of winding and charges together, with no net charge: an

@@ -12,7 +12,7 @@ from padgen.physics.beams import BeamSection, tip_mass, tip_stiffness
 from padgen.physics.rigid_body import RigidBody
 from padgen.units import GRAVITY_M_PER_S2
 
-__all__ = ["BeamPlacement", "Modes", "bending_stress", "suspended_modes"]
+__all__ = ["BeamPlacement", "Modes", "bending_stress", "suspended_modes", "to_tip"]
 
 Array = Any
 
@@ -66,7 +66,7 @@ def suspended_modes(
     stiffness: Any = 0.0
     mass: Any = _body_mass(body)
     for beam in beams:
-        carry = _carry(beam, body.centroid)
+        carry = to_tip(beam, body.centroid)
         carried = np.swapaxes(carry, -1, -2)
         stiffness = stiffness + carried @ tip_stiffness(beam.section, modulus, poisson) @ carry
         mass = mass + carried @ tip_mass(beam.section, density) @ carry
@@ -82,7 +82,7 @@ def bending_stress(
     stress is at the root, where the flare ends, or at the tip. Notch factors are left out.
     """
     section = beam.section
-    tip = _carry(beam, reference) @ displacement[..., None]
+    tip = to_tip(beam, reference) @ displacement[..., None]
     load = (tip_stiffness(section, modulus, poisson) @ tip)[..., 0]
     stations: list[tuple[Any, Any]] = [
         (0.0, section.width + 2 * np.asarray(section.fillet)),
@@ -103,7 +103,7 @@ def _body_mass(body: RigidBody) -> np.ndarray:
     return mass
 
 
-def _carry(beam: BeamPlacement, reference: np.ndarray) -> np.ndarray:
+def to_tip(beam: BeamPlacement, reference: np.ndarray) -> np.ndarray:
     """Matrix from the body's motion at `reference` to the tip's motion in beam axes."""
     x, y, z = np.moveaxis(beam.tip - reference, -1, 0)
     zero, one = np.zeros_like(x), np.ones_like(x)

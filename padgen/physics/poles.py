@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from padgen.physics.magnetics import SolenoidCoil, _core_charges
+from padgen.physics.magnetics import SolenoidCoil, core_charges
 
 __all__ = ["coil_poles", "pole_error", "pole_field"]
 
@@ -17,7 +17,7 @@ def coil_poles(coil: SolenoidCoil) -> np.ndarray:
     winding = coil.turns * area / coil.length
     poles = [(winding, 0.0), (-winding, -coil.length), (0.0, 0.0), (0.0, 0.0)]
     if coil.core_diameter > 0 and coil.core_permeability > 1:
-        _, height, charge = _core_charges(coil)
+        _, height, charge = core_charges(coil)
         for k, sign in ((2, charge > 0), (3, charge < 0)):
             total = float(charge[sign].sum())
             poles[k] = (total, float((charge[sign] * height[sign]).sum()) / total)

@@ -23,7 +23,7 @@ from padgen.physics.bounds import (
     washer_eddies,
     washer_moment,
 )
-from padgen.physics.leakage import _easiness
+from padgen.physics.leakage import easiness
 from padgen.physics.magnetics import impedance
 from padgen.physics.modal import felt_energy
 from padgen.physics.poles import coil_poles, pole_error
@@ -188,7 +188,7 @@ def _far_coils(spec: Spec, plan: Plan) -> Iterator[LeftOut]:
     height, error = spec.coil.gap_mm * MM + washer.thickness / 2, np.zeros(len(place))
     for kind in range(grid.sets):
         counted, far = (ring > 0) & (ring <= RINGS) & (away == kind), (ring > 1) & (away == kind)
-        parts = place, at[counted], at[far], _easiness(washer), doubt[far]
+        parts = place, at[counted], at[far], easiness(washer), doubt[far]
         error = np.maximum(error, far_coils(coil_poles(coil), height, *parts))
     bound = float(error.max())
     yield LeftOut("far coils", bound if isfinite(bound) else None, "1", "leak from coil to coil", computed=True)
