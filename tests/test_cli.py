@@ -195,6 +195,9 @@ def test_bad_usage_is_exit_2(capsys):
     assert cli.run([]) == 2
     assert cli.run(["fly"]) == 2
     assert cli.run(["plan"]) == 2
+    assert all(line.startswith("padgen: ") for line in capsys.readouterr().err.splitlines())
+    assert cli.run(["plan", "--json"]) == 2
+    assert "SPEC" in json.loads(capsys.readouterr().out)["error"]["message"]
     assert cli.run(["--version"]) == 0
 
 

@@ -13,6 +13,7 @@ LAYERS = [
     {"cache"},
     {"spec", "physics"},
     {"planner"},
+    {"retune"},
     {"solid", "driver", "verify"},
     {"loop"},
     {"build"},

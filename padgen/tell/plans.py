@@ -1,4 +1,4 @@
-"""Plans, builds and findings as text for people. Makes text; the command line prints it."""
+"""Plans, builds and findings as text for people."""
 
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any

@@ -1,0 +1,87 @@
+"""The ``padgen`` command: the only place that prints and sets exit codes.
+
+Exit codes: 0 done and every check holds; 1 done, but a check fails; 2 bad input or usage. One module a
+command, each with ``add`` (its options) and a function that runs it.
+"""
+
+import argparse
+import io
+import json
+import os
+import sys
+from typing import NoReturn
+
+from padgen import __version__
+from padgen.cli import build, plan, small, study
+from padgen.cli.common import BAD_INPUT, DONE
+from padgen.errors import PadgenError
+
+__all__ = ["main", "run"]
+
+COMMANDS = (plan, build, study, small)
+
+
+def main() -> NoReturn:
+    """Entry point of the console script."""
+    # Thousands of 6 x 6 matrices gain nothing from threads, and wait for them under load.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+    code = run(sys.argv[1:])
+    try:
+        sys.stdout.flush()
+        sys.stderr.flush()
+    except OSError:
+        code = BAD_INPUT
+    # The CAD kernel takes up to half a second to take itself apart, for nothing.
+    os._exit(code)
+
+
+def run(arguments: list[str]) -> int:
+    """Run one command and return its exit code."""
+    as_json = "--json" in arguments
+    try:
+        options = _parser().parse_args(arguments)
+        code: int = options.command(options)
+        return code
+    except SystemExit:  # --help and --version
+        return DONE
+    except PadgenError as error:
+        return _refused(str(error).removeprefix("padgen: "), error.code, as_json)
+    except KeyboardInterrupt:
+        return _refused("interrupted; files are as they were", "interrupted", as_json)
+    except BrokenPipeError:
+        # So that the flush at exit does not meet the closed pipe again.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BAD_INPUT
+    except OSError as error:
+        return _refused(f"cannot be written ({error.strerror or error})", "file", as_json)
+    except MemoryError:
+        return _refused("the machine has not enough memory for this pad; ask for fewer taxels", "memory", as_json)
+
+
+def _refused(sentence: str, code: str, as_json: bool) -> int:
+    if as_json:
+        print(json.dumps({"error": {"code": code, "message": sentence}}, ensure_ascii=False))
+    else:
+        print(f"padgen: {sentence}", file=sys.stderr)
+    return BAD_INPUT
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong with the usage in one sentence, as all of padgen does."""
+
+    def error(self, message: str) -> NoReturn:
+        raise PadgenError(f"{message}; {self.prog} --help tells more", self.prog)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="padgen", description="Vibrotactile pads with more taxels than coils, from a spec to a pad that prints."
+    )
+    parser.add_argument("--version", action="version", version=f"padgen {__version__}")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    for module in COMMANDS:
+        module.add(commands)
+    return parser

@@ -1,0 +1,85 @@
+"""``padgen build`` and ``padgen check``."""
+
+import argparse
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from padgen.cli.common import add_model, add_output, add_spec, code_of, folder_of, progress_line, show, with_model
+
+__all__ = ["add"]
+
+SMALLEST_SPEC = {"name": "default", "resolution": 1, "band_hz": [50, 200], "q_min": 15}
+
+
+def add(commands: Any) -> None:
+    """Add the commands."""
+    _add_build(commands)
+    _add_check(commands)
+
+
+def _add_build(commands: Any) -> None:
+    parser = commands.add_parser("build", help="the pad, its checks and its driver table")
+    add_spec(parser)
+    parser.add_argument("--formats", default="stl,3mf,step", help="of stl, 3mf, step, glb (default: %(default)s)")
+    parser.add_argument(
+        "--instances", action="store_true", help="3MF with one mesh per distinct taxel, placed many times"
+    )
+    parser.add_argument("--force", action="store_true", help="build again even if nothing changed")
+    add_model(parser)
+    add_output(parser)
+    parser.set_defaults(command=_build)
+
+
+def _add_check(commands: Any) -> None:
+    parser = commands.add_parser("check", help="print validation of any STL or 3MF")
+    parser.add_argument("mesh", metavar="MESH", help="an STL, 3MF, OBJ or PLY file")
+    parser.add_argument(
+        "--spec", metavar="SPEC", help="compare with the plan of this spec, and take its printer's limits"
+    )
+    parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
+    parser.set_defaults(command=_check)
+
+
+def _build(options: argparse.Namespace) -> int:
+    from padgen.build import build, parse_formats, up_to_date
+    from padgen.files import json_text
+    from padgen.spec import load_spec
+
+    spec = with_model(load_spec(options.spec), options)
+    formats = parse_formats(options.formats)
+    folder = folder_of(options, spec.name)
+    built = None if options.force else up_to_date(spec, folder, formats, options.instances)
+    if built is None:
+        with progress_line() as progress:
+            built = build(spec, folder, formats, options.instances, progress)
+    if options.json:
+        print(json_text({**asdict(built), "folder": str(built.folder)}), end="")
+    else:
+        from padgen.tell import built_text, findings_text
+
+        show(built_text(built))
+        show(findings_text(built.findings))
+    return code_of(built.findings)
+
+
+def _check(options: argparse.Namespace) -> int:
+    from padgen.spec import load_spec, make_spec
+
+    with progress_line() as progress:
+        progress("reading")
+        from padgen.solid.foreign import check_file
+
+        # Without a spec, the limits are the default printer's.
+        spec = load_spec(options.spec) if options.spec else make_spec(SMALLEST_SPEC)
+        report = check_file(Path(options.mesh), spec, bool(options.spec), progress)
+    if options.json:
+        from padgen.files import json_text
+
+        print(json_text(asdict(report)), end="")
+    else:
+        from padgen.tell import figures_text, findings_text
+
+        print(figures_text(report.figures))
+        print(findings_text(report.findings))
+    return code_of(report.findings)

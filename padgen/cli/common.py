@@ -1,0 +1,110 @@
+"""What several commands share: exit codes, the options of a model and of the output, progress, printing."""
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+__all__ = [
+    "BAD_INPUT",
+    "CHECK_FAILED",
+    "DONE",
+    "add_model",
+    "add_output",
+    "add_spec",
+    "code_of",
+    "folder_of",
+    "progress_line",
+    "show",
+    "with_model",
+]
+
+DONE, CHECK_FAILED, BAD_INPUT = 0, 1, 2
+Command = Callable[[argparse.Namespace], int]
+
+
+def add_spec(parser: argparse.ArgumentParser) -> None:
+    """The argument SPEC."""
+    parser.add_argument("spec", metavar="SPEC", help="a TOML file or the name of a template")
+
+
+def add_model(parser: argparse.ArgumentParser) -> None:
+    """Options that say where resonances come from."""
+    parser.add_argument(
+        "--model",
+        metavar="beam|solid",
+        help="where resonances come from: the beam model, or finite elements of the printed solid, to which the beams"
+        " are then tuned (default: the spec's)",
+    )
+    parser.add_argument(
+        "--tolerance",
+        metavar="SHARE",
+        help="relative error of a resonance that will do, as 1%% or 0.01; finite elements where the beam model's own"
+        " estimate is more (default: the spec's, 2%%, and in a plan the beam model)",
+    )
+
+
+def add_output(parser: argparse.ArgumentParser) -> None:
+    """Options of the folder and of what standard output gets."""
+    parser.add_argument("-o", "--output", metavar="DIR", help="folder of the results (default: out/NAME)")
+    parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
+
+
+def with_model(spec: Any, options: argparse.Namespace) -> Any:
+    """The spec with what the command line says about its model."""
+    from dataclasses import replace
+
+    from padgen.spec.fields import build
+    from padgen.spec.model import Model
+
+    asked: dict[str, Any] = {}
+    if options.model is not None:
+        asked["structure"] = options.model
+    if options.tolerance is not None:
+        from padgen.study.run import parse_tolerance
+
+        asked["tolerance"] = parse_tolerance(options.tolerance)
+    return replace(spec, model=build(Model, asked, "model", asdict(spec.model))) if asked else spec
+
+
+def folder_of(options: argparse.Namespace, name: str) -> Path:
+    """Where the results go."""
+    return Path(options.output) if options.output else Path("out") / name
+
+
+def show(text: str) -> None:
+    """Print for people: on a terminal, sentences wrapped to its width; tables and pipes as they are."""
+    if sys.stdout.isatty():
+        import shutil
+        import textwrap
+
+        width = max(shutil.get_terminal_size().columns, 60)
+        # Columns of a table stand two spaces apart.
+        text = "\n".join(
+            line if "  " in line.strip() else textwrap.fill(line, width, subsequent_indent="  ")
+            for line in text.splitlines()
+        )
+    print(text)
+
+
+def code_of(findings: Any) -> int:
+    """The exit code that findings ask for."""
+    return CHECK_FAILED if any(finding.level == "error" for finding in findings) else DONE
+
+
+@contextmanager
+def progress_line() -> Iterator[Any]:
+    """A line that says what is being done, on a terminal only."""
+    if not sys.stderr.isatty():
+        yield lambda step: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("")
+        yield lambda step: bar.update(task, description=step)

@@ -1,0 +1,104 @@
+"""``padgen plan``."""
+
+import argparse
+import json
+from dataclasses import asdict
+from typing import Any
+
+from padgen.cli.common import add_model, add_output, add_spec, code_of, folder_of, progress_line, show, with_model
+from padgen.errors import SpecError
+
+__all__ = ["add"]
+
+MOST_PADS = 10_000_000
+
+
+def add(commands: Any) -> None:
+    """Add the command."""
+    parser = commands.add_parser("plan", help="frequency allocation, beams, selectivity, feasibility")
+    add_spec(parser)
+    parser.add_argument("--explain", action="store_true", help="which limit binds, and what the cheapest changes buy")
+    parser.add_argument(
+        "--yield",
+        dest="pads",
+        metavar="PADS",
+        type=int,
+        nargs="?",
+        const=100_000,
+        help="print it so many times in the computer (default: %(const)s): how many come out selective, and why not",
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of --yield; the same seed, the same figures (default: 0)")
+    add_model(parser)
+    add_output(parser)
+    parser.set_defaults(command=_plan)
+
+
+def _plan(options: argparse.Namespace) -> int:
+    from padgen.files import PLAN_FILES, YIELD_FILE, OutputFolder, differs, json_text, stale_files
+    from padgen.planner import plan_to_json
+    from padgen.spec import load_spec
+
+    if options.pads is not None and not 1 <= options.pads <= MOST_PADS:
+        raise SpecError(f"must be 1 … {MOST_PADS} pads, got {options.pads}", "--yield")
+    if options.seed < 0:
+        raise SpecError(f"must be 0 or more, got {options.seed}", "--seed")
+    spec = with_model(load_spec(options.spec), options)
+    plan = _planned(spec, options)
+    text = plan_to_json(plan)
+    explanation = _explained(spec, plan) if options.explain else None
+    printed = _printed(plan, options) if options.pads else None
+    folder = folder_of(options, plan.name)
+    with OutputFolder(folder) as out:
+        out.write("plan.json", text)
+        if printed:
+            out.write(YIELD_FILE, json_text(asdict(printed)))
+        stale = stale_files(folder, text)
+        out.commit(remove=PLAN_FILES if differs(folder, "plan.json", text) else ())
+    if options.json:
+        parts = {"explain": explanation, "yield": printed}
+        present = {key: asdict(part) for key, part in parts.items() if part}
+        print(json_text({**json.loads(text), **present}) if present else text, end="")
+    else:
+        _print_plan(plan, explanation, printed)
+        print(f"\nwritten: {folder / 'plan.json'}{f'  {YIELD_FILE}' if printed else ''}")
+        if stale:
+            print(f"the other files in {folder} are of an earlier plan; padgen build makes them anew")
+    return code_of(plan.findings)
+
+
+def _planned(spec: Any, options: argparse.Namespace) -> Any:
+    """The beam model's plan, in an instant, unless finite elements or a tolerance were asked for."""
+    if spec.model.structure != "solid" and options.tolerance is None:
+        from padgen.planner import make_plan
+
+        return make_plan(spec)
+    from padgen.loop import planned
+
+    with progress_line() as progress:
+        return planned(spec, progress)
+
+
+def _print_plan(plan: Any, explanation: Any, printed: Any) -> None:
+    from padgen.tell import explanation_text, findings_text, plan_text, yield_text
+
+    show(plan_text(plan))
+    show(findings_text(plan.findings))
+    if explanation:
+        show(f"\n{explanation_text(explanation)}")
+    if printed:
+        show(f"\n{yield_text(printed)}")
+
+
+def _printed(plan: Any, options: argparse.Namespace) -> Any:
+    from padgen.planner.print_yield import print_yield
+
+    with progress_line() as progress:
+        progress(f"printing {options.pads} pads")
+        return print_yield(plan, options.pads, options.seed)
+
+
+def _explained(spec: Any, plan: Any) -> Any:
+    from padgen.planner.explain import explain_plan
+
+    with progress_line() as progress:
+        return explain_plan(spec, plan, progress)

@@ -1,0 +1,66 @@
+"""``padgen study``."""
+
+import argparse
+from typing import Any
+
+from padgen.cli.common import CHECK_FAILED, DONE, add_output, folder_of, progress_line, show
+from padgen.errors import SpecError
+
+__all__ = ["add"]
+
+LADDER_NAMES = ("allocation", "structure", "force", "dynamics", "geometry", "pad")
+
+
+def add(commands: Any) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "study",
+        help="error against run time of every model behind a plan",
+        description="Run every model behind a plan, each in a process of its own, and tell which is enough for which"
+        " error. All ladders take some minutes; needs the extra padgen[study].",
+    )
+    parser.add_argument("spec", metavar="SPEC", nargs="?", help="a TOML file or the name of a template")
+    parser.add_argument("--only", metavar="LADDERS", help=f"some of {', '.join(LADDER_NAMES)}, with commas between")
+    parser.add_argument("--tolerance", metavar="SHARE", help="recommend for this relative error too, as 1%% or 0.01")
+    parser.add_argument("--extreme", action="store_true", help="hold every model to what it states in extreme cases")
+    add_output(parser)
+    parser.set_defaults(command=_study)
+
+
+def _study(options: argparse.Namespace) -> int:
+    if options.extreme:
+        return _extreme_study(options)
+    if options.spec is None:
+        raise SpecError("is missing; name a TOML file or a template, or ask for --extreme", "SPEC")
+    from padgen.spec import load_spec
+    from padgen.study import parse_only, parse_tolerance, run_study
+
+    tolerance = None if options.tolerance is None else parse_tolerance(options.tolerance)
+    only, spec = parse_only(options.only), load_spec(options.spec)
+    with progress_line() as progress:
+        study = run_study(spec, folder_of(options, spec.name), only, tolerance, progress)
+    if options.json:
+        print((study.folder / "study.json").read_text(encoding="utf-8"), end="")
+    else:
+        from padgen.study.tell import study_text
+
+        show(study_text(study))
+        print(f"\nwritten to {study.folder}: {'  '.join(study.files)}")
+    return DONE
+
+
+def _extreme_study(options: argparse.Namespace) -> int:
+    if any(value is not None for value in (options.spec, options.only, options.tolerance)):
+        raise SpecError("has its own cases and takes no SPEC, --only or --tolerance", "--extreme")
+    from padgen.study import run_extreme
+
+    with progress_line() as progress:
+        study = run_extreme(folder_of(options, "extreme"), progress)
+    if options.json:
+        print((study.folder / "extreme.json").read_text(encoding="utf-8"), end="")
+    else:
+        from padgen.study.tell import extreme_text
+
+        show(extreme_text(study))
+        print(f"\nwritten to {study.folder}: {'  '.join(study.files)}")
+    return DONE if study.holds else CHECK_FAILED
