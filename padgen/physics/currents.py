@@ -8,7 +8,7 @@ import numpy as np
 from padgen.physics.magnetics import impedance
 from padgen.physics.selectivity import Scheme
 
-__all__ = ["bias_a", "current_lines_a", "mean_square_a2", "peak_current_a", "peak_voltage_v"]
+__all__ = ["bias_a", "current_lines_a", "mean_square_a2", "peak_current_a", "peak_voltage_v", "root_voltage_v"]
 
 
 def bias_a(scheme: Scheme, line_a2: np.ndarray) -> float:
@@ -71,3 +71,12 @@ def peak_voltage_v(
         return float(resistance * bias_a(scheme, line_a2) + volts.sum())
     volts = lines * np.abs(impedance(resistance, inductance, resonance_hz / 2))
     return float(volts.max() if scheme.takes_turns else volts.sum())
+
+
+def root_voltage_v(line_a2: float, resonance_hz: float, resistance: float, inductance: float, headroom: float) -> float:
+    """Peak in V of ``R i + L di/dt`` over one period for ``i² = a (1 + h + cos 2π r t)``: one channel on, spur-free."""
+    # The current's sharpest bend is √h wide.
+    phase = np.pi + 2 * np.pi * np.sinh(np.linspace(-4, 4, 4001)) / (2 * np.sinh(4))
+    current = np.sqrt(line_a2 * np.maximum(headroom + 2 * np.cos(phase / 2) ** 2, 1e-30))
+    slope = -line_a2 * np.sin(phase) * 2 * np.pi * resonance_hz / (2 * current)
+    return float((resistance * current + inductance * slope).max())

@@ -1,0 +1,258 @@
+"""Phases with which a sum of lines dips least below zero, and how deep a sum of lines dips.
+
+The spur-free drive's force is ``F₀ + Σ A_j cos(2π k_j t/T + φ_j)`` and may not be negative: F₀ is at least the
+depth of the sum's deepest dip, and it is copper loss and mean pull. All here is over one period T, at the angle
+x = 2πt/T, with whole harmonics k_j.
+"""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+__all__ = ["EXACT", "least_constant", "low_crest_phases", "schroeder_phases", "waveform"]
+
+EXACT = 1e-6
+"""What `least_constant` is proven to be exact to, over Σ A."""
+PER_CYCLE = 8
+"""Fewest points of a grid in one cycle of the highest line."""
+BLOCK = 1 << 19
+"""Points of waveforms that are worked on at a time."""
+DRAWS = 256
+"""Random phases that are tried for starts."""
+STARTS = 8
+"""The best of them, at most, that are descended from, as they are and after a smooth descent."""
+SAMPLES = 4096
+"""Most angles at which a smooth descent and the choice of the starts look."""
+SHARPNESS = 30.0
+"""Of the smooth descent's maximum, over 1/Σ A: it sees what lies within a few hundredths of the deepest."""
+FEW = 4
+"""Up to so many lines the smooth descents find nothing more."""
+FIRST_STEPS, LAST_STEPS, BEST = 4, 25, 2
+"""Linear programs from every start, and from the best of these."""
+WITHIN, MOST_DIPS = 0.1, 200
+"""Dips that a linear program knows: within so much of Σ A of the deepest, and at most so many."""
+TRUST = 0.1
+"""First trust region in rad."""
+SETTLED = 1e-4
+"""Stop when a linear program promises less than this, over Σ A."""
+LONG, FEWEST = 1 << 17, 3
+"""Points of all the starts' grids together, and fewest starts: a long comb, on which phases gain little, gets few."""
+
+
+def schroeder_phases(amplitude: np.ndarray) -> np.ndarray:
+    """Phases (n,) in rad of lines in rising order whose sum sweeps through them, each for its share of the power.
+
+    ``φ_j = −2π Σ_{l<j} (j − l) p_l`` with p the shares: Schroeder, IEEE Trans. Inf. Theory 16 (1970) 85.
+    """
+    power = np.asarray(amplitude, float) ** 2
+    before = np.concatenate([[0.0], np.cumsum(power / power.sum())[:-1]])
+    phase: np.ndarray = -2 * np.pi * np.cumsum(before)
+    return phase
+
+
+def low_crest_phases(harmonic: np.ndarray, amplitude: np.ndarray) -> np.ndarray:
+    """Phases φ (n,) in rad, in 0 … 2π, with which ``Σ A_j cos(k_j x + φ_j)`` dips least below zero.
+
+    Exact for two lines, else the best of a few descents: a local optimum, the same each time. `amplitude` (n,)
+    is at least 0, up to a factor; lines of one harmonic get one phase.
+    """
+    k, a = np.asarray(harmonic, int), np.asarray(amplitude, float)
+    phase, played = np.zeros(len(k)), a > 0
+    if not played.any():
+        return phase
+    distinct, place = np.unique(k[played], return_inverse=True)
+    total = np.bincount(place, a[played])
+    shape = np.round(total / total.max(), 12)
+    reduced = distinct // np.gcd.reduce(distinct)
+    phase[played] = np.array(_phases(tuple(reduced.tolist()), tuple(shape.tolist())))[place]
+    return phase
+
+
+def least_constant(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray) -> np.ndarray:
+    """The least F₀ (s,) of states `amplitude` (s, n): ``−min_x Σ_j A_sj cos(k_j x + φ_j)``, 0 for a silent one.
+
+    Never above the truth by more than rounding, nor below it by more than `EXACT` Σ A: a grid, then every piece
+    of it on which a Taylor bound does not rule out a deeper dip is divided until none is left.
+    """
+    k, a = np.asarray(harmonic, int), np.atleast_2d(np.asarray(amplitude, float))
+    result = np.zeros(len(a))
+    heard = np.flatnonzero(a.any(axis=1))
+    if heard.size == 0:
+        return result
+    k = k // np.gcd.reduce(k)
+    points = _points(k)
+    rows = max(BLOCK // points, 1)
+    for start in range(0, len(heard), rows):
+        part = heard[start : start + rows]
+        result[part] = _depths(k, a[part], np.asarray(phase, float), points)
+    return result
+
+
+def waveform(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray, points: int) -> np.ndarray:
+    """``Σ_j A_sj cos(k_j x + φ_j)`` (s, points) at x = 2π p/points, for amplitudes (s, n); 2 k < points."""
+    lines = np.asarray(amplitude) * np.exp(1j * np.asarray(phase)) / 2
+    spectrum = np.zeros((len(lines), points // 2 + 1), complex)
+    for j, k in enumerate(harmonic):
+        spectrum[:, k] += lines[:, j]
+    wave: np.ndarray = np.fft.irfft(spectrum, points, axis=1, norm="forward")
+    return wave
+
+
+def _points(harmonic: np.ndarray) -> int:
+    """A power of two, `PER_CYCLE` or up to twice as many for each cycle of the highest line."""
+    return 1 << (PER_CYCLE * int(harmonic.max()) - 1).bit_length()
+
+
+def _depths(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray, points: int) -> np.ndarray:
+    """`least_constant` of states none of which is silent."""
+    wave = waveform(harmonic, amplitude, phase, points)
+    total = amplitude.sum(1)
+    bend, twist = amplitude @ harmonic**2.0, amplitude @ harmonic**3.0
+    lowest, half = wave.min(1), np.pi / points
+    # A dip is at most half a step beside a point, and there the slope is 0.
+    state, point = np.nonzero(wave <= (lowest + bend * half**2 / 2)[:, None])
+    angle = point * (2 * half)
+    while state.size:
+        line = np.outer(angle, harmonic) + phase
+        cosine, sine = amplitude[state] * np.cos(line), amplitude[state] * np.sin(line)
+        value, slope, curve = cosine.sum(1), -(sine @ harmonic), -(cosine @ harmonic**2.0)
+        move, below = _least_of_parabola(slope, curve, half)
+        tried = (amplitude[state] * np.cos(line + np.outer(move, harmonic))).sum(1)
+        np.minimum.at(lowest, state, np.minimum(value, tried))
+        bound = value + np.maximum(
+            below - twist[state] * half**3 / 6, -np.abs(slope) * half - bend[state] * half**2 / 2
+        )
+        open_ = bound < lowest[state] - EXACT * total[state]
+        half /= 4
+        state = np.repeat(state[open_], 4)
+        angle = (angle[open_, None] + half * np.array([-3.0, -1.0, 1.0, 3.0])).ravel()
+    depth: np.ndarray = np.maximum(-lowest, 0.0)
+    return depth
+
+
+def _least_of_parabola(slope: np.ndarray, curve: np.ndarray, half: float) -> tuple[np.ndarray, np.ndarray]:
+    """Where in ±half ``slope d + curve d²/2`` is least, and its value there."""
+    edge = -np.copysign(half, slope)
+    inside = (curve > 0) & (np.abs(slope) < curve * half)
+    move = np.where(inside, -slope / np.where(inside, curve, 1.0), edge)
+    return move, slope * move + curve * move**2 / 2
+
+
+class _Descent(NamedTuple):
+    """Phases (n,), the sum's dips: depths (m,) and their slopes (m, n) against the phases, the trust region."""
+
+    phase: np.ndarray
+    depth: np.ndarray
+    slope: np.ndarray
+    trust: float
+
+    @property
+    def deepest(self) -> float:
+        return float(self.depth.max())
+
+
+@lru_cache(maxsize=4096)
+def _phases(harmonic: tuple[int, ...], amplitude: tuple[float, ...]) -> tuple[float, ...]:
+    """`low_crest_phases` of rising harmonics without a common divisor; the first phase is 0."""
+    if len(harmonic) == 1:
+        return (0.0,)
+    if len(harmonic) == 2:
+        return 0.0, _second_phase(*harmonic)
+    k, a = np.array(harmonic), np.array(amplitude) / sum(amplitude)
+    starts = _starts(k, a)
+    begun = [_descended(k, a, _Descent(start, *_dips(k, a, start), TRUST), FIRST_STEPS) for start in starts]
+    begun.sort(key=lambda descent: descent.deepest)
+    ended = [_descended(k, a, descent, LAST_STEPS) for descent in begun[:BEST]]
+    best = min(ended, key=lambda descent: descent.deepest).phase
+    # What lies below the sixth digit may differ from one machine to another, and is worth nothing.
+    return tuple(np.round(best % (2 * np.pi), 6).tolist())
+
+
+def _second_phase(low: int, high: int) -> float:
+    """Best phase of the second of two lines, whatever their amplitudes.
+
+    The two angles run along lines of offset k₂θ₁ − k₁θ₂ in the plane, 2π apart; the dips lie about (π, π), and
+    the best offset is π from it. At phase 0 it is unless both harmonics are odd; then a phase of π makes it so.
+    """
+    return float(np.pi) if low % 2 and high % 2 else 0.0
+
+
+def _starts(harmonic: np.ndarray, amplitude: np.ndarray) -> list[np.ndarray]:
+    """Phases to descend from: Schroeder's and the least deep of random ones, as they are and smoothly descended."""
+    count, points = len(harmonic), _points(harmonic)
+    random = np.random.default_rng(0)
+    draws = np.concatenate([schroeder_phases(amplitude)[None], random.uniform(0, 2 * np.pi, (DRAWS, count))])
+    draws[:, 0] = 0.0
+    where = np.arange(points) if points <= SAMPLES else np.sort(random.choice(points, SAMPLES, replace=False))
+    angle = np.outer(where * (2 * np.pi / points), harmonic)
+    table = np.hstack([np.cos(angle), np.sin(angle)])
+    depth = -(table @ np.hstack([amplitude * np.cos(draws), -amplitude * np.sin(draws)]).T).min(0)
+    depth[0] = 0.0  # Schroeder's are always among them.
+    few = min(STARTS, count - 1, max(LONG // (2 * points), FEWEST))
+    best = draws[np.argsort(depth, kind="stable")[:few]]
+    if count <= FEW:
+        return list(best)
+    return [*best, *(_smoothly_descended(table, amplitude, phase) for phase in best)]
+
+
+def _smoothly_descended(table: np.ndarray, amplitude: np.ndarray, phase: np.ndarray) -> np.ndarray:
+    """Phases that minimise the log of the sum of exponentials of the depth at the table's angles."""
+    from scipy.optimize import minimize
+
+    count = len(amplitude)
+
+    def depth(phase: np.ndarray) -> tuple[float, np.ndarray]:
+        wave = table @ np.concatenate([amplitude * np.cos(phase), -amplitude * np.sin(phase)])
+        lowest = float(wave.min())
+        weight = np.exp(SHARPNESS * (lowest - wave))
+        mean = (weight @ table) / weight.sum()
+        slope = amplitude * (np.sin(phase) * mean[:count] + np.cos(phase) * mean[count:])
+        slope[0] = 0.0  # A shift in time changes nothing: the first phase stays.
+        return float(np.log(weight.sum())) / SHARPNESS - lowest, slope
+
+    found: np.ndarray = minimize(depth, phase, jac=True, method="L-BFGS-B", options={"maxiter": 40}).x
+    return found
+
+
+def _dips(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Depths (m,) of the sum's deep dips, the first the deepest on the grid, and their slopes (m, n) by the phases."""
+    points = _points(harmonic)
+    wave = waveform(harmonic, amplitude[None], phase, points)[0]
+    near = np.flatnonzero(wave < wave.min() + WITHIN)
+    low = near[(wave[near] <= wave[near - 1]) & (wave[near] < wave[(near + 1) % points])]
+    low = low[np.argsort(wave[low], kind="stable")[:MOST_DIPS]]
+    angle, half = low * (2 * np.pi / points), np.pi / points
+    for _ in range(2):
+        line = np.outer(angle, harmonic) + phase
+        slope, curve = -(np.sin(line) @ (harmonic * amplitude)), -(np.cos(line) @ (harmonic**2.0 * amplitude))
+        angle = angle + _least_of_parabola(slope, curve, 2 * half)[0]
+    line = np.outer(angle, harmonic) + phase
+    return -(np.cos(line) @ amplitude), amplitude * np.sin(line)
+
+
+def _descended(harmonic: np.ndarray, amplitude: np.ndarray, at: _Descent, steps: int) -> _Descent:
+    """Minimise the deepest dip by linear programs in a trust region (Madsen, J. Inst. Maths Applics 16 (1975) 321)."""
+    for _ in range(steps):
+        move, promised = _programmed(at)
+        if promised < SETTLED:
+            break
+        phase = at.phase + move
+        depth, slope = _dips(harmonic, amplitude, phase)
+        gained = at.deepest - float(depth.max())
+        trust = at.trust * (2.0 if gained > 0.7 * promised else 0.25 if gained < 0.2 * promised else 1.0)
+        at = _Descent(phase, depth, slope, trust) if gained > 0 else at._replace(trust=trust)
+    return at
+
+
+def _programmed(at: _Descent) -> tuple[np.ndarray, float]:
+    """The move (n,) of the phases that a linear program takes for best, and how much it promises."""
+    from scipy.optimize import linprog
+
+    count = len(at.phase)
+    above = np.hstack([at.slope, -np.ones((len(at.depth), 1))])
+    bounds = [(0.0, 0.0)] + [(-at.trust, at.trust)] * (count - 1) + [(None, None)]
+    found = linprog(np.eye(count + 1)[-1], A_ub=above, b_ub=-at.depth, bounds=bounds, method="highs")
+    if found.x is None:
+        return np.zeros(count), 0.0
+    return found.x[:count], at.deepest - float(found.x[count])

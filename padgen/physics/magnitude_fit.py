@@ -1,0 +1,261 @@
+"""One resonance from magnitudes without phase: least squares of ``|H|² + N²``, and the parabola that 1/|H|² is.
+
+``H = P/(Q (1 − s²) + j s) + a + b/s²`` as in `padgen.physics.resonance_fit`, P, a, b real. Of complex noise of rms N a
+squared magnitude has the mean ``|H|² + N²`` and the variance ``N² (2 |H|² + N²)`` (S. O. Rice, Bell Syst. Tech. J. 24,
+1945), which weighs the points; an average of many spectra has less, all by one factor. Near the peak
+``1/|H|² = (Q² (1 − u)² + u)/P²``, u = s², is a parabola in f²: linear least squares, once
+what a, b and N add is taken off.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from padgen.physics.resonance_judge import (
+    ResonanceFit,
+    agreement,
+    refuse_bad_spectrum,
+    refuse_edge,
+    refuse_few,
+    refuse_no_peak,
+    refuse_no_resonance,
+    refuse_two,
+    refuse_vague,
+)
+from padgen.physics.separable_fit import correlation_factor
+from padgen.physics.spectrum_noise import point_noise, rough_peak
+
+__all__ = ["fit_magnitude"]
+
+LEAST_PROMINENCE = 0.1
+"""Of the largest peak: what a further one must rise out of its valleys."""
+SMOOTHED = (1, 5, 25)
+"""Points over which magnitudes are averaged to find where to start."""
+CLEAR = 5.0
+"""Sigmas by which a valley must lie below the two peaks that it parts."""
+LARGEST_Q = 1e7
+ROUNDS = 4
+"""Times that the weights are taken from the fit before."""
+SMALLEST_NOISE = 1e-6
+"""Of the largest magnitude, in the weights: below it all points count alike, relatively."""
+
+
+class _Squares(NamedTuple):
+    """A fit of squared magnitudes: ln f₀, ln Q, P, a, b, N (6,), its covariance, what is left over its scatter (n,)."""
+
+    theta: np.ndarray
+    covariance: np.ndarray
+    left: np.ndarray
+    noise: float
+
+
+def fit_magnitude(frequency_hz: np.ndarray, magnitude: np.ndarray, near_hz: float | None = None) -> ResonanceFit:
+    """Fit the resonance in a `magnitude` (n,) over rising `frequency_hz` (n,); see `fit_spectrum`.
+
+    Further peaks are cut off at the valleys between.
+
+    Raises
+    ------
+    SolverError
+        No peak, one at an end of the sweep, two comparable ones, or too few points in it.
+    """
+    frequency, size = np.asarray(frequency_hz, float), np.asarray(magnitude, float)
+    refuse_bad_spectrum(frequency, size)
+    scale, scatter = float(size.max()), point_noise(size) * np.sqrt(2)
+    peaks, part = _peaks(frequency, size, near_hz)
+    inside, data = frequency[part], size[part] / scale
+    floor = max(scatter / scale, SMALLEST_NOISE)
+    fit = _fitted(inside, data, floor)
+    hz, q, peak = float(np.exp(fit.theta[0])), float(np.exp(fit.theta[1])), float(abs(fit.theta[2]))
+    refuse_no_peak(peak, fit.noise, _gain(inside, data, fit), frequency, size)
+    refuse_edge(frequency, hz, q)
+    model = np.sqrt(_model(inside, fit.theta)[0])
+    refuse_no_resonance(data, float(np.sqrt(np.mean((data - model) ** 2))), floor, hz)
+    refuse_few(frequency, hz, q)
+    others = tuple(p for p in peaks if abs(p[0] - hz) > hz / q)
+    if near_hz is None:
+        refuse_two(hz, peak * scale, others)
+    return _compared(inside, data, fit, scale, others)
+
+
+def _compared(
+    frequency: np.ndarray, data: np.ndarray, fit: _Squares, scale: float, others: tuple[tuple[float, float], ...]
+) -> ResonanceFit:
+    sigma = correlation_factor(fit.left) * np.sqrt(np.diag(fit.covariance))
+    hz, q, peak = float(np.exp(fit.theta[0])), float(np.exp(fit.theta[1])), float(abs(fit.theta[2]))
+    errors = float(hz * sigma[0]), float(q * sigma[1])
+    refuse_vague(hz, errors[0], q)
+    check = _parabola(frequency, data, hz, q, fit)
+    agree = not check[0] or agreement((hz, errors[0]), (q, errors[1]), (check[1], check[2]), (check[3], check[4]))
+    peak_error = float(sigma[2]) * scale
+    return ResonanceFit(hz, errors[0], q, errors[1], peak * scale, peak_error, fit.noise * scale, *check, agree, others)
+
+
+def _peaks(
+    frequency: np.ndarray, size: np.ndarray, near_hz: float | None
+) -> tuple[tuple[tuple[float, float], ...], slice]:
+    """All peaks (Hz, height), and the part of the sweep from valley to valley around the one that is meant."""
+    from scipy.signal import find_peaks
+
+    hz, width = rough_peak(frequency, size)
+    points = max(int((np.abs(frequency - hz) <= width / 2).sum()) // 4, 1)
+    smooth = np.convolve(np.pad(size, points // 2, mode="edge"), np.full(points, 1 / points), "same")
+    smooth = smooth[points // 2 : points // 2 + len(size)]
+    least = max(LEAST_PROMINENCE * float(smooth.max()), 6 * point_noise(size) / np.sqrt(points))
+    tops = _apart(size, smooth, find_peaks(smooth, prominence=least)[0])
+    if not len(tops):
+        return (), slice(0, len(size))
+    main = tops[smooth[tops].argmax()]
+    if near_hz is not None:
+        tall = tops[smooth[tops] >= 0.5 * smooth[tops].max()]
+        main = tall[np.abs(np.log(frequency[tall] / near_hz)).argmin()]
+    below, above = tops[tops < main], tops[tops > main]
+    first = below[-1] + int(smooth[below[-1] : main].argmin()) if len(below) else 0
+    last = main + int(smooth[main : above[0] + 1].argmin()) + 1 if len(above) else len(size)
+    return tuple((float(frequency[k]), float(smooth[k])) for k in tops), slice(int(first), int(last))
+
+
+def _apart(size: np.ndarray, smooth: np.ndarray, tops: np.ndarray) -> np.ndarray:
+    """Those of the tops (indices) between which a valley shows in means over a quarter of their distance."""
+    # At a peak magnitudes scatter 1.5 times as much as at the floor, which `point_noise` mostly sees.
+    scatter, kept = 1.5 * point_noise(size), list(tops[:1])
+    for top in tops[1:]:
+        last, points = kept[-1], max((top - kept[-1]) // 4, 1)
+        means = np.convolve(np.pad(size, points // 2, mode="edge"), np.full(points, 1 / points), "same")
+        means = means[points // 2 : points // 2 + len(size)]
+        if min(means[last], means[top]) - means[last : top + 1].min() > CLEAR * scatter / np.sqrt(points):
+            kept.append(top)
+        elif smooth[top] > smooth[last]:
+            kept[-1] = top
+    return np.array(kept, dtype=int)
+
+
+def _fitted(frequency: np.ndarray, data: np.ndarray, floor: float) -> _Squares:
+    from scipy.optimize import least_squares
+
+    best = None
+    for hz, q in _starts(frequency, data):
+        theta = np.array([np.log(hz), np.log(q), 1.0, 0.0, 0.0, floor])
+        for _ in range(ROUNDS):
+            scatter = _scatter(frequency, theta, floor)
+            found = least_squares(
+                lambda t, w: (_model(frequency, t)[0] - data**2) / w,
+                theta,
+                lambda t, w: _model(frequency, t)[1] / w[:, None],
+                args=(scatter,),
+                method="lm",
+                x_scale="jac",
+                max_nfev=200,
+            )
+            theta = found.x
+        cost = float(np.sum(np.abs(np.sqrt(_model(frequency, theta)[0]) - data) ** 2))
+        if np.isfinite(cost) and (best is None or cost < best[0]):
+            best = cost, theta, found.fun, found.jac
+    assert best is not None
+    _, theta, left, jacobian = best
+    size = np.linalg.norm(jacobian, axis=0)
+    size[size == 0] = 1.0
+    inverse = np.linalg.pinv((jacobian / size).T @ (jacobian / size), rcond=1e-13, hermitian=True)
+    variance = float(left @ left) / max(len(left) - len(theta), 1)
+    noise = max(abs(float(theta[5])), floor)
+    return _Squares(theta, variance * inverse / np.outer(size, size), left, noise)
+
+
+def _starts(frequency: np.ndarray, data: np.ndarray) -> list[tuple[float, float]]:
+    """The two best of the peaks that averages over so many points show, and Qs, by a linear fit of the squares."""
+    tried = []
+    for points in SMOOTHED:
+        smooth = np.convolve(data, np.full(points, 1 / points), "same")
+        for size in (smooth, smooth * frequency)[: 2 if points == 1 else 1]:
+            hz, width = rough_peak(frequency, size)
+            tried += [(hz, min(max(hz / max(width, 1e-9 * hz) * k, 0.5), LARGEST_Q)) for k in (0.5, 1.0, 2.5)]
+    left = []
+    for hz, q in tried:
+        s = frequency / hz
+        basis = np.stack([1 / ((q * (1 - s) * (1 + s)) ** 2 + s * s), np.ones(len(s))], axis=1)
+        left.append(float(np.linalg.norm(data**2 - basis @ np.linalg.lstsq(basis, data**2, rcond=None)[0])))
+    return [tried[k] for k in np.argsort(left, kind="stable")[:2]]
+
+
+def _scatter(frequency: np.ndarray, theta: np.ndarray, floor: float) -> np.ndarray:
+    """One sigma of each squared magnitude, from the model; N at least `floor`."""
+    square = max(float(theta[5]) ** 2, floor**2)
+    clean = np.maximum(_model(frequency, theta)[0] - theta[5] ** 2, 0.0)
+    return np.asarray(np.sqrt(square * (2 * clean + square)))
+
+
+def _model(frequency: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Squared magnitude (n,) and its slopes (n, 6)."""
+    s, q = frequency / np.exp(np.clip(theta[0], -50, 50)), np.exp(np.clip(theta[1], -20, 20))
+    off = q * (1 - s) * (1 + s)
+    mode = 1 / (off + 1j * s)
+    far = frequency[0] * frequency[-1] / frequency**2
+    whole = theta[2] * mode + theta[3] + theta[4] * far
+    slopes = [
+        -theta[2] * mode**2 * (2 * q * s * s - 1j * s),
+        -theta[2] * mode**2 * off,
+        mode,
+        np.ones(len(s)),
+        far,
+    ]
+    columns = [2 * (whole.conj() * slope).real for slope in slopes]
+    columns.append(np.full(len(s), 2 * theta[5]))
+    return np.abs(whole) ** 2 + theta[5] ** 2, np.stack(columns, axis=1)
+
+
+def _gain(frequency: np.ndarray, data: np.ndarray, fit: _Squares) -> float:
+    """What the resonance takes off the weighted sum of squares that a smooth curve leaves, in variances."""
+    far = frequency[0] * frequency[-1] / frequency**2
+    scatter = _scatter(frequency, fit.theta, fit.noise)
+    plain = np.stack([np.ones(len(far)), far, far**2], axis=1) / scatter[:, None]
+    goal = data**2 / scatter
+    left = goal - plain @ np.linalg.lstsq(plain, goal, rcond=None)[0]
+    own = float(fit.left @ fit.left)
+    return (float(left @ left) - own) / max(own / len(goal), np.finfo(float).tiny)
+
+
+def _parabola(
+    frequency: np.ndarray, data: np.ndarray, hz: float, q: float, fit: _Squares
+) -> tuple[str, float, float, float, float]:
+    """f₀ and Q by the parabola of 1/|H|² over f² within the bandwidth and a half; ('', nan …) where it cannot be."""
+    none = "", np.nan, np.nan, np.nan, np.nan
+    part = np.abs(q * (frequency / hz - hz / frequency)) <= 1.5
+    clean, whole = fit.theta.copy(), _model(frequency, fit.theta)[0]
+    clean[3:] = 0.0
+    square = (data**2 - whole + _model(frequency, clean)[0])[part]
+    if part.sum() < 6 or (square <= 0).any():
+        return none
+    v = (frequency[part] / hz - 1) * (frequency[part] / hz + 1) * q
+    # 1/|H|² scatters by that of |H|² over |H|⁴, |H| by the fit: weights by the data would favour what noise made small.
+    weight = _model(frequency, clean)[0][part] ** 2 / _scatter(frequency, fit.theta, fit.noise)[part]
+    columns = np.stack([np.ones(len(v)), v, v * v], axis=1) * weight[:, None]
+    c = np.linalg.lstsq(columns, weight / square, rcond=None)[0]
+    variance = float(fit.left @ fit.left) / max(len(fit.left) - len(fit.theta), 1)
+    covariance = np.linalg.pinv(columns.T @ columns) * variance
+    result = _vertex(c, q)
+    if result is None:
+        return none
+    slope = np.zeros((2, 3))
+    for k in range(3):
+        step = np.zeros(3)
+        step[k] = 1e-6 * max(abs(c[k]), 1e-3 * abs(c[0]))
+        high, low = _vertex(c + step, q), _vertex(c - step, q)
+        if high is None or low is None:
+            return none
+        slope[:, k] = (np.array(high) - np.array(low)) / (2 * step[k])
+    error = np.sqrt(np.diag(slope @ covariance @ slope.T))
+    share, quality = result
+    return "parabola", hz * share, float(hz * error[0]), quality, float(error[1])
+
+
+def _vertex(c: np.ndarray, q: float) -> tuple[float, float] | None:
+    """f₀ over the start's and Q, of ``c₀ + c₁ v + c₂ v²``, v = q (f²/f_start² − 1)."""
+    if c[2] <= 0:
+        return None
+    turning, least = -c[1] / (2 * c[2]), c[0] - c[1] ** 2 / (4 * c[2])
+    place = 1 + turning / q
+    if place <= 0 or least <= 0:
+        return None
+    kappa = least / (c[2] * (q * place) ** 2)
+    y = 2 * kappa / (1 + kappa + np.sqrt(1 + kappa))  # 1/Q²
+    return float(np.sqrt(place / (1 - y / 2))), float(1 / np.sqrt(y))

@@ -1,0 +1,182 @@
+"""Whether a measured response shows one resonance that a fit can be trusted on; else the sentence that says why not.
+
+Frequencies are of the motion, in Hz.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from padgen.errors import SolverError, at_least, at_most, number
+
+__all__ = [
+    "COMPARABLE",
+    "FEWEST_POINTS",
+    "ResonanceFit",
+    "agreement",
+    "refuse_bad_spectrum",
+    "refuse_edge",
+    "refuse_few",
+    "refuse_no_peak",
+    "refuse_no_resonance",
+    "refuse_two",
+    "refuse_vague",
+]
+
+FEWEST_POINTS = 12
+"""Points of a spectrum: the model has ten numbers."""
+FEWEST_IN_PEAK = 3
+"""Points within one bandwidth on either side of the peak."""
+LEAST_PEAK = 2.0
+"""The peak over the noise of a point: 6 dB."""
+LEAST_GAIN = 40.0
+"""What the resonance must take off the sum of squares, in variances: 1000 points of noise reach 25 by chance."""
+MOST_LEFT = 0.2
+"""What a fit may leave of the largest response where that is no noise."""
+MOST_VAGUE = 0.25
+"""Of the bandwidth: beyond it the tone is no better placed than by chance."""
+COMPARABLE = 0.5
+"""A second peak from this share of the first is as likely to be the one that is meant."""
+AGREEMENT, AGREEMENT_FLOOR = 3.0, 0.01
+"""Two methods agree within so many sigmas, or so much of the bandwidth, which costs 0.02 % of the amplitude."""
+
+
+class ResonanceFit(NamedTuple):
+    """One resonance; `_error` is one sigma, `peak` the amplitude at resonance in the unit of the data.
+
+    `noise` is that of a point, or for a driven record that of a point over the largest response in it. `check_`
+    are of the second `check` method ('' where it could not be used). `others` are further peaks (Hz, amplitude).
+    """
+
+    resonance_hz: float
+    resonance_error_hz: float
+    q: float
+    q_error: float
+    peak: float
+    peak_error: float
+    noise: float
+    check: str
+    check_resonance_hz: float
+    check_resonance_error_hz: float
+    check_q: float
+    check_q_error: float
+    agree: bool
+    others: tuple[tuple[float, float], ...]
+
+
+def agreement(
+    hz: tuple[float, float], q: tuple[float, float], other_hz: tuple[float, float], other_q: tuple[float, float]
+) -> bool:
+    """Whether two methods' (value, sigma) of frequency and Q agree."""
+    near_hz = max(AGREEMENT * float(np.hypot(hz[1], other_hz[1])), AGREEMENT_FLOOR * hz[0] / q[0])
+    near_q = max(AGREEMENT * float(np.hypot(q[1], other_q[1])), AGREEMENT_FLOOR * q[0])
+    return abs(hz[0] - other_hz[0]) <= near_hz and abs(q[0] - other_q[0]) <= near_q
+
+
+def refuse_bad_spectrum(frequency_hz: np.ndarray, response: np.ndarray) -> None:
+    """Raise `SolverError` for data that no resonance can be looked for in."""
+    if len(frequency_hz) != len(response) or len(frequency_hz) < FEWEST_POINTS:
+        raise SolverError(f"must have at least {FEWEST_POINTS} frequencies, got {len(frequency_hz)}")
+    if not np.isfinite(frequency_hz).all() or not np.isfinite(response).all():
+        at = int(np.argmin(np.isfinite(frequency_hz) & np.isfinite(response)))
+        raise SolverError(f"must be finite numbers, point {at + 1} is not")
+    rises = np.diff(frequency_hz) > 0
+    if frequency_hz[0] <= 0 or not rises.all():
+        at = int(np.argmin(rises)) + 1 if not rises.all() else 0
+        raise SolverError(
+            f"frequencies must be above 0 and rise, point {at + 1} has {number(float(frequency_hz[at]))} Hz"
+        )
+    if np.ptp(response.real) == 0 and np.ptp(response.imag) == 0:
+        raise SolverError(f"is {number(float(np.abs(response[0])))} at all frequencies: nothing was measured here")
+
+
+def refuse_no_peak(peak: float, noise: float, gain: float, frequency_hz: np.ndarray, size: np.ndarray) -> None:
+    """Refuse a peak that does not stand out; `gain` is what it takes off the sum of squares, in variances."""
+    low, high = float(frequency_hz[0]), float(frequency_hz[-1])
+    if peak >= LEAST_PEAK * noise and gain >= LEAST_GAIN:
+        return
+    ends = max(len(size) // 50, 1)
+    largest = int(size.argmax())
+    if largest < ends and size[0] > 3 * np.median(size):
+        raise SolverError(
+            f"the response is largest at the lower end of the sweep, {number(low)} Hz, without a peak;"
+            f" start the sweep at {at_most(low / 2)} Hz or below"
+        )
+    if largest >= len(size) - ends and size[-1] > 3 * np.median(size):
+        raise SolverError(
+            f"the response is largest at the upper end of the sweep, {number(high)} Hz, without a peak;"
+            f" end the sweep at {at_least(high * 2)} Hz or above"
+        )
+    if peak >= LEAST_PEAK * noise:
+        stands = "is no more than noise makes by chance"
+    else:
+        stands = (
+            f"stands {20 * np.log10(max(peak / noise, 1e-3)):.1f} dB over the noise of a point where 6 dB are needed"
+        )
+    raise SolverError(
+        f"shows no resonance between {number(low)} and {number(high)} Hz: the best one {stands};"
+        " excite more, average longer, or leave this taxel out"
+    )
+
+
+def refuse_no_resonance(size: np.ndarray, left: float, scatter: float, hz: float) -> None:
+    """Refuse a peak of another form: what a fit leaves is `left` (rms), of which `scatter` is noise."""
+    if left > MOST_LEFT * float(size.max()) and left > 4 * scatter:
+        raise SolverError(
+            f"the peak at {number(hz)} Hz is not that of a resonance: the best fit leaves"
+            f" {100 * left / float(size.max()):.0f} % of it, where noise is {100 * scatter / float(size.max()):.0f} %;"
+            " see that amplitudes are no decibels and phases are in degrees, or leave this taxel out"
+        )
+
+
+def refuse_vague(hz: float, hz_error: float, q: float) -> None:
+    """Refuse a resonance that is not known to a quarter of its bandwidth."""
+    if not hz_error <= MOST_VAGUE * hz / q:
+        raise SolverError(
+            f"the resonance near {number(hz)} Hz can be told to ± {number(hz_error)} Hz only, at most"
+            f" {at_most(MOST_VAGUE * hz / q)} Hz, a quarter of its bandwidth, would do;"
+            " excite more, average longer, or leave this taxel out"
+        )
+
+
+def refuse_edge(frequency_hz: np.ndarray, hz: float, q: float) -> None:
+    """Refuse a resonance within half its bandwidth of an end of the sweep, or beyond it."""
+    low, high = float(frequency_hz[0]), float(frequency_hz[-1])
+    half = hz / (2 * q)
+    slack = 1e-3 * half
+    if hz - half < low - slack:
+        raise SolverError(
+            f"the resonance of {number(hz)} Hz (bandwidth {number(2 * half)} Hz) is at the lower end of the sweep,"
+            f" {number(low)} Hz; start the sweep at {at_most(max(hz - 4 * half, hz / 2))} Hz or below"
+        )
+    if hz + half > high + slack:
+        raise SolverError(
+            f"the resonance of {number(hz)} Hz (bandwidth {number(2 * half)} Hz) is at the upper end of the sweep,"
+            f" {number(high)} Hz; end the sweep at {at_least(min(hz + 4 * half, hz * 2))} Hz or above"
+        )
+
+
+def refuse_few(frequency_hz: np.ndarray, hz: float, q: float) -> None:
+    """Refuse a peak that falls between the points."""
+    width = hz / q
+    inside = int((np.abs(frequency_hz - hz) <= width).sum())
+    if inside >= FEWEST_IN_PEAK:
+        return
+    nearest = int(np.abs(frequency_hz - hz).argmin())
+    step = float(np.diff(frequency_hz)[max(nearest - 1, 0) : nearest + 1].max())
+    wanted = min(width / 2, step / 2)
+    raise SolverError(
+        f"has {inside} points within a bandwidth of the peak at {number(hz)} Hz, where {FEWEST_IN_PEAK} are needed:"
+        f" a step of {number(step)} Hz there, at most {at_most(wanted)} Hz would do"
+    )
+
+
+def refuse_two(hz: float, peak: float, others: tuple[tuple[float, float], ...]) -> None:
+    """Refuse a second peak that may as well be the one that is meant."""
+    for other_hz, other_peak in others:
+        if other_peak >= COMPARABLE * peak:
+            low, high = sorted((hz, other_hz))
+            raise SolverError(
+                f"has two peaks, at {number(low)} and {number(high)} Hz, the smaller of {number(other_peak / peak)} of"
+                f" the larger; sweep around the taxel's own alone, or ask for the one nearest to the plan"
+            )
