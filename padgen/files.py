@@ -8,7 +8,7 @@ import json
 import os
 import shutil
 from collections.abc import Callable, Iterable
-from hashlib import sha256
+from hashlib import file_digest, sha256
 from math import isfinite
 from pathlib import Path
 from types import TracebackType
@@ -31,7 +31,19 @@ __all__ = [
 
 MANIFEST = "manifest.json"
 YIELD_FILE = "yield.json"
-PLAN_FILES = (YIELD_FILE, "study.csv", "study.json", "study.svg", "study.png")
+DRIVE_FILES = (
+    "drive.wav",
+    "drive-wave.json",
+    "hear.json",
+    "drive-tuned.csv",
+    "retune.json",
+    "drive.hjif",
+    "drive_syntacts.py",
+    "pad_drive.h",
+    "excitation.wav",
+    "excitation.json",
+)
+PLAN_FILES = (YIELD_FILE, "study.csv", "study.json", "study.svg", "study.png", *DRIVE_FILES)
 """Files that belong to the plan beside them."""
 
 
@@ -78,7 +90,9 @@ class OutputFolder:
     def __enter__(self) -> "OutputFolder":
         try:
             missing = [p for p in (self.path, *self.path.parents) if not p.exists()]
-            shutil.rmtree(self._aside, ignore_errors=True)  # left by a killed run that had our number
+            for left in self.path.glob(".partial-*"):
+                if not _runs(left.name.removeprefix(".partial-")):
+                    shutil.rmtree(left, ignore_errors=True)  # by a run that was killed
             self._aside.mkdir(parents=True)
             self._made = missing
         except OSError as error:
@@ -108,8 +122,13 @@ class OutputFolder:
         """Add a file that `writer` writes to the path it is given; returns that path, for reading back."""
         path = self._aside / name
         writer(path)
-        self._hashes[name] = file_hash(path.read_bytes())
+        with path.open("rb") as file:
+            self._hashes[name] = file_digest(file, "sha256").hexdigest()
         return path
+
+    def path_of(self, name: str) -> Path:
+        """Where a file that was added lies until `commit`."""
+        return self._aside / name
 
     def commit(self, manifest: dict[str, Any] | None = None, remove: Iterable[str] = ()) -> None:
         """Move all files in, then the manifest (with every file's hash); drop stale files named in `remove`."""
@@ -128,6 +147,19 @@ class OutputFolder:
             (self.path / name).unlink(missing_ok=True)
         if manifest is not None:
             (self._aside / MANIFEST).replace(self.path / MANIFEST)
+
+
+def _runs(process: str) -> bool:
+    """Whether a process of another number than ours runs."""
+    if not process.isdecimal() or int(process) == os.getpid():
+        return False
+    try:
+        os.kill(int(process), 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:
+        return True
+    return True
 
 
 def read_manifest(path: Path) -> dict[str, Any]:

@@ -213,7 +213,7 @@ def states_db(plan, off_by, retuned):
 def test_a_printed_coil_state_by_state(scheme, seed):
     plan = plan_of(scheme=scheme, coils=(1, 1), law=0.7)
     design = module.design_of(plan, None)
-    off_by = np.exp(module._log_detuning(design, USUAL, seed, 0, module.MOST_DRAWN)[:, 0])
+    off_by = np.exp(module.log_detuning(design, USUAL, seed, 0, module.MOST_DRAWN)[:, 0])
     result = print_yield(plan, 1, seed, spreads=USUAL)
     assert np.abs(off_by - 1).max() > 0.01
     assert result.planned.median_db == pytest.approx(states_db(plan, off_by, False), abs=DB)

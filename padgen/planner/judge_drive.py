@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from itertools import combinations
-from math import inf
 
 from padgen.errors import at_least, at_most, number
 from padgen.finding import Finding
@@ -64,7 +63,7 @@ def _selectivity(plan: Plan) -> Iterator[Finding]:
 
 def _better(plan: Plan) -> str:
     """What would keep what was asked: another scheme for all at once, another grid, or, slow, turns."""
-    figures, rates = plan.selectivity, {rate.scheme: rate.frames_per_s or inf for rate in plan.refresh}
+    figures, rates = plan.selectivity, {rate.scheme: rate.frames_per_s for rate in plan.refresh}
     reach = [s for s in figures.schemes if s.reached_db >= figures.asked_db]
     ways = [f"drive = {s.scheme!r} keeps {s.reached_db:.1f} dB" for s in reach if not Scheme(s.scheme).takes_turns][:1]
     for option in plan.layouts:

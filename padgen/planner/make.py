@@ -7,7 +7,7 @@ from typing import NamedTuple
 from padgen.errors import InfeasibleError
 from padgen.planner.capacity import channel_limit, coil_capacity
 from padgen.planner.channels import driven, plan_channels
-from padgen.planner.frames import frame_rates
+from padgen.planner.frame_rates import frame_rates
 from padgen.planner.judge import judge
 from padgen.planner.layout import Layout, candidates, room
 from padgen.planner.left_out import left_out

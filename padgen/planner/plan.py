@@ -286,10 +286,10 @@ class CoilLoad:
 
 @dataclass(frozen=True, slots=True)
 class FrameRate:
-    """Frames a second at which an OFF taxel has become quiet before the next frame; None: it is so at once."""
+    """Frames a second at which an OFF taxel has become quiet, switching included, before the next frame."""
 
     scheme: str
-    frames_per_s: float | None
+    frames_per_s: float
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,12 +44,15 @@ from padgen.units import GRAM, MG
 
 __all__ = [
     "NAMES",
+    "OF_A_PAD",
     "Coils",
     "Design",
     "Prints",
     "Spreads",
     "coils_of",
     "design_of",
+    "log_detuning",
+    "off_energy_of_print",
     "places_of_mm",
     "printed",
     "sensitivities",
@@ -207,7 +210,7 @@ def work(design: Design) -> float:
     return 2.0 * sum(np.multiply(each, coils)) + 10.0 * len(design.channel)
 
 
-def _log_detuning(design: Design, spreads: Spreads, seed: int, unit: int, pads: int) -> np.ndarray:
+def log_detuning(design: Design, spreads: Spreads, seed: int, unit: int, pads: int) -> np.ndarray:
     """ln of printed over planned resonance (taxels, pads). Each spread has a stream of its own."""
     taxels = len(design.channel)
     result = np.zeros((taxels, pads))
@@ -241,7 +244,7 @@ def printed(design: Design, spreads: Spreads, pads: int, seed: int) -> Prints:
     )
     for number in range(-(-pads // unit)):
         # A stream is drawn whole, so that the first pads are the same however many there are.
-        log_x = _log_detuning(design, spreads, seed, number, unit)[:, : pads - number * unit]
+        log_x = log_detuning(design, spreads, seed, number, unit)[:, : pads - number * unit]
         prints.square[:] += np.bincount(design.channel, (log_x**2).sum(1), count)
         x = np.exp(np.clip(log_x, -FARTHEST, FARTHEST))
         for first in range(0, x.shape[1], step):
@@ -268,7 +271,7 @@ def _judge(design: Design, coils: Coils, x: np.ndarray, prints: Prints, block: s
             good = on >= 0.5
             prints.good[k, block] &= good.all((0, 1))
         else:
-            off = _off_energy(printed, tones, design.scheme).reshape(shape)
+            off = off_energy_of_print(printed, tones, design.scheme).reshape(shape)
             good = on >= design.need * off
             ratio = (on.min(0) / off.max(0)).min(0)
             prints.ratio[k, block] = np.minimum(prints.ratio[k, block], ratio)
@@ -279,7 +282,7 @@ def _judge(design: Design, coils: Coils, x: np.ndarray, prints: Prints, block: s
     prints.neighbours[:] += (apart < 1).sum(), ((apart < limit) & (apart > 1 / limit)).sum()
 
 
-def _off_energy(printed: Channels, tones: Channels, scheme: Scheme) -> np.ndarray:
+def off_energy_of_print(printed: Channels, tones: Channels, scheme: Scheme) -> np.ndarray:
     """Largest energy (n, columns) of each OFF taxel over all states, over that of its level.
 
     As `padgen.physics.selectivity.off_energy`, for many coils at once and for tones that need not be on the

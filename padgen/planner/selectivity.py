@@ -11,7 +11,7 @@ import numpy as np
 from padgen.errors import number
 from padgen.physics.modal import ModalTaxels
 from padgen.physics.selectivity import SCHEMES, Channels, Scheme, all_states, channels, one_hot_db, tone_energy
-from padgen.planner.frames import frame_rates
+from padgen.planner.frame_rates import frame_rates
 from padgen.planner.modes import MODES_DB, coil_modes, heard_modes, modes_in_slots
 from padgen.planner.plan import Channel, Plan, SchemeFigures, Selectivity, channel_sets
 from padgen.planner.settings import level_law, scheme_named
@@ -162,7 +162,7 @@ def _chosen(spec: Spec, figures: dict[str, SchemeFigures], planned: Sequence[Cha
         return "tones", "plain tones are the simplest, and no third taxel is there for their spurs to fall on"
     asked, least = decibel(spec.delta_y), spec.drive.least_frames_per_s
     reached = {name: figures[name].reached_db for name in SIMPLEST_FIRST}
-    rates = {rate.scheme: rate.frames_per_s or inf for rate in frame_rates(planned, spec.coil.sets)}
+    rates = {rate.scheme: rate.frames_per_s for rate in frame_rates(planned, spec.coil.sets)}
     # Taking turns is slow, so that it must also be fast enough; the others ring down alike.
     holds = [n for n in SIMPLEST_FIRST if reached[n] >= asked and (n != "time-shared" or rates[n] >= least)]
     if holds:

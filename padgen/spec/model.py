@@ -231,6 +231,13 @@ class Drive:
     voltage_limit_v: float = quantity(
         30.0, unit="V", low=0.01, high=1e5, doc="peak voltage of the amplifier that feeds a coil"
     )
+    bandwidth_hz: float | None = quantity(
+        None,
+        unit="Hz",
+        low=1,
+        high=1e7,
+        doc="highest frequency that the amplifier passes; half the sample rate when absent",
+    )
 
 
 @dataclass(frozen=True, slots=True)
