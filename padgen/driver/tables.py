@@ -4,19 +4,20 @@ import cmath
 import csv
 import io
 from dataclasses import asdict, dataclass, fields
-from math import degrees, inf, pi, sqrt
+from math import degrees, inf, sqrt
 from typing import Any
 
 import numpy as np
 
+from padgen.driver.frames import taxel_grid
 from padgen.driver.states import LARGEST_TABLE, coil_states
 from padgen.errors import number
 from padgen.files import json_text
-from padgen.physics.currents import bias_a, current_lines_a, mean_square_a2
+from padgen.physics.currents import bias_a, current_lines_a, mean_square_a2, root_voltage_v
 from padgen.physics.magnetics import impedance
 from padgen.physics.selectivity import Scheme
 from padgen.planner.channels import squared_current_lines
-from padgen.planner.frames import slot_ms
+from padgen.planner.frame_rates import slot_ms
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.settings import scheme_named
 from padgen.units import MA, MH, MN
@@ -70,7 +71,10 @@ def _row(plan: Plan, scheme: Scheme, channel: Channel, current_a: float) -> Driv
     if channel.force_constant_n_per_a2 <= 0:
         current_a = volts = inf
     elif scheme.name == "spur-free":
-        volts = _root_voltage_v(plan, channel)
+        line = channel.force_mn * MN / channel.force_constant_n_per_a2
+        volts = root_voltage_v(
+            line, channel.resonance_hz, coil.resistance_ohm, coil.inductance_mh * MH, plan.typed_spec.drive.headroom
+        )
     else:
         volts = current_a * abs(z)
     return DriveRow(
@@ -84,17 +88,6 @@ def _row(plan: Plan, scheme: Scheme, channel: Channel, current_a: float) -> Driv
         degrees(cmath.phase(z)),
         channel.ring_up_ms,
     )
-
-
-def _root_voltage_v(plan: Plan, channel: Channel) -> float:
-    """Peak of ``R i + L di/dt`` for ``i² = a (1 + h + cos 2π r t)``, over one period."""
-    coil, headroom = plan.typed_spec.coil, plan.typed_spec.drive.headroom
-    line = channel.force_mn * MN / channel.force_constant_n_per_a2
-    # The current's sharpest bend is √h wide.
-    phase = pi + 2 * pi * np.sinh(np.linspace(-4, 4, 4001)) / (2 * np.sinh(4))
-    current = np.sqrt(line * np.maximum(headroom + 2 * np.cos(phase / 2) ** 2, 1e-30))
-    slope = -line * np.sin(phase) * 2 * pi * channel.resonance_hz / (2 * current)
-    return float((coil.resistance_ohm * current + coil.inductance_mh * MH * slope).max())
 
 
 def _bias_row(plan: Plan, scheme: Scheme, kind: int) -> DriveRow:
@@ -121,8 +114,11 @@ def drive_json(plan: Plan) -> str:
     """The table, the recipe of the current, the states of one coil (up to six channels), where the coils
     lie and which taxel is which.
 
-    Places are from the pad's centre, x to the right and y upwards seen from the touch side.
+    A pixel is [row, column] of an image of the pad, from its top left. Places are from the pad's centre, x to the
+    right and y upwards seen from the touch side.
     """
+    grid = taxel_grid(plan)
+    pixels = {int(grid[row, column]): [int(row), int(column)] for row, column in np.argwhere(grid >= 0)}
     table = {
         "name": plan.name,
         "scheme": plan.selectivity.drive,
@@ -144,8 +140,15 @@ def drive_json(plan: Plan) -> str:
             for column in range(plan.coils.columns)
         ],
         "taxels": [
-            {"id": t.id, "coil": list(t.coil), "channel": t.channel, "x_mm": t.x_mm, "y_mm": t.y_mm}
-            for t in plan.taxels
+            {
+                "id": t.id,
+                "coil": list(t.coil),
+                "channel": t.channel,
+                "x_mm": t.x_mm,
+                "y_mm": t.y_mm,
+                "pixel": pixels[index],
+            }
+            for index, t in enumerate(plan.taxels)
         ],
     }
     return json_text(table)
@@ -168,8 +171,8 @@ def _recipe(plan: Plan, kind: int) -> dict[str, Any]:
         recipe["b_a"] = tones_a
     elif scheme.takes_turns:
         recipe["formula"] = "i(t) = I_j sin(2 pi drive_hz_j t) in the slot of each ON channel j, one after the other"
-        recipe["slot_ms"] = slot_ms(plan.channels)
-        recipe["ramp_ms"] = slot_ms(plan.channels) / 2
+        recipe["slot_ms"] = slot_ms(plan.channels, plan.coils.sets)
+        recipe["ramp_ms"] = slot_ms(plan.channels, plan.coils.sets) / 2
         recipe["I_a"] = tones_a
     else:
         recipe["I_a"] = tones_a

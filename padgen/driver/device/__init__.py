@@ -1,0 +1,1 @@
+"""Playing on real devices: the serial protocol of the firmware, and sound cards."""

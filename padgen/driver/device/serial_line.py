@@ -1,0 +1,342 @@
+"""Frames over a serial port to a pad's microcontroller, each shown once and in order.
+
+One message at a time is on its way, and sent again until it is answered; the device refuses what is damaged, what it
+has shown and what is not due (`padgen.driver.device.protocol`). Whatever ends the playing, the device falls silent: it
+is told to, and where the line is gone its watchdog does it.
+"""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from padgen.driver.device.protocol import (
+    GREETING_BYTES,
+    VERSION,
+    Greeting,
+    Kind,
+    Message,
+    Reason,
+    State,
+    decode,
+    encode,
+    frame_message,
+    greeting,
+    plan_hash,
+    refusal,
+)
+from padgen.driver.timeline import timeline
+from padgen.errors import EngineMissingError, FileError, SpecError, at_least, number
+from padgen.planner.plan import Plan
+from padgen.retune.tuning import Tuning
+
+__all__ = ["BAUD", "EXTRA", "Played", "play_frames", "serial_ports"]
+
+EXTRA = "play"
+BAUD = 115_200
+BITS_A_BYTE = 10
+TRIES = 8
+LEAST_REPLY_S = 0.2
+GREET_S = 5.0
+"""How long a device may take to answer at first: many a board starts anew when its port is opened."""
+PINGS = 3
+"""Signs of life in the time after which the device's watchdog would silence it."""
+BUSY_S = 0.005
+READ_BYTES = 4096
+
+
+@dataclass(frozen=True, slots=True)
+class Played:
+    """What was played, and by what: `resent` messages were sent again, since the line had lost or changed them."""
+
+    device: Greeting
+    frames: int
+    resent: int
+    seconds: float
+
+
+def serial_ports() -> list[str]:
+    """The names of the serial ports that there are.
+
+    Raises
+    ------
+    EngineMissingError
+        pyserial is not installed.
+    """
+    _serial()
+    return sorted(str(port.device) for port in import_module("serial.tools.list_ports").comports())
+
+
+def play_frames(
+    port: str,
+    plan: Plan,
+    frames: np.ndarray,
+    frame_s: float | None = None,
+    *,
+    tuning: Tuning | None = None,
+    baud: int = BAUD,
+    reply_s: float | None = None,
+    greet_s: float = GREET_S,
+    told: Callable[[int], None] = lambda shown: None,
+) -> Played:
+    """Show frames (k, taxels) of levels in 0 … 1, each for `frame_s` (None: the device's), then silence.
+
+    The device must hold the firmware of this plan and `tuning`. `told` hears how many are shown. An answer is waited
+    for `reply_s` (None: by what the line needs).
+
+    Raises
+    ------
+    SpecError
+        Levels or times that the pad cannot show, or the line cannot carry.
+    FileError
+        The port cannot be opened, nothing answers, it holds another pad or protocol, or the line broke.
+    EngineMissingError
+        pyserial is not installed.
+    """
+    timeline(plan, frames, frame_s)
+    frames = np.atleast_2d(np.asarray(frames, float))
+    bytes_each = max(len(encode(frame_message(frame, 0))) for frame in frames)
+    with _opened(port, baud) as line:
+        link = _Link(line, port, max(LEAST_REPLY_S, 4 * _seconds(bytes_each, baud)) if reply_s is None else reply_s)
+        with link.closing_in(f"frame 0 of {len(frames)}"):
+            device = link.greet(plan, tuning, greet_s)
+        each = frame_s or device.frame_us * 1e-6
+        _refuse_crowd(bytes_each, baud, each)
+        began = time.monotonic()
+        try:
+            link.show_all(frames, each, told)
+            link.fall_silent()
+        except BaseException:
+            link.silence_if_it_can()
+            raise
+        return Played(device, len(frames), link.resent, time.monotonic() - began)
+
+
+def _seconds(count: int, baud: int) -> float:
+    return count * BITS_A_BYTE / baud
+
+
+def _refuse_crowd(count: int, baud: int, each_s: float) -> None:
+    """A sentence where frames of `count` bytes follow each other faster than the line carries them."""
+    least_s = _seconds(count, baud)
+    if each_s < least_s:
+        raise SpecError(
+            f"must be at least {at_least(least_s)} s for a frame of {count} bytes at {baud} baud,"
+            f" got {number(each_s)} s",
+            "frames",
+        )
+
+
+class _Link:
+    """The computer's end of a line that is open."""
+
+    def __init__(self, line: Any, port: str, reply_s: float) -> None:
+        self.resent = 0
+        self._line, self._port, self._reply_s = line, port, reply_s
+        self._rest = b""
+        self._tag = 0
+        self._device: Greeting | None = None
+
+    def greet(self, plan: Plan, tuning: Tuning | None, greet_s: float) -> Greeting:
+        """Meet the device; it must hold the same pad."""
+        wanted = plan_hash(plan, tuning)
+        message = Message(Kind.HELLO, self._next_tag(), wanted)
+        end = time.monotonic() + greet_s
+        answer = self._once(message)
+        while answer is None or (answer.version == VERSION and answer.kind != Kind.GREETING):
+            if time.monotonic() > end:
+                raise FileError(
+                    f"nothing answers within {number(greet_s)} s; is the firmware on the device, and is this its port"
+                    " and speed?",
+                    self._port,
+                )
+            answer = self._once(message)
+        self._device = self._same_pad(answer, plan, wanted)
+        return self._device
+
+    def _same_pad(self, answer: Message, plan: Plan, wanted: bytes) -> Greeting:
+        cure = "write its firmware anew with padgen drive --formats c, and compile it"
+        if answer.version != VERSION:
+            raise FileError(
+                f"speaks version {answer.version} of the protocol, this padgen version {VERSION}; {cure}", self._port
+            )
+        device = greeting(answer)
+        if device.plan_hash != wanted:
+            raise FileError(
+                f"holds another pad or print ({device.taxels} taxels, {device.plan_hash.hex()}) than"
+                f" {plan.name!r} ({len(plan.taxels)} taxels, {wanted.hex()}); {cure}, or name its tuning (--tuning)",
+                self._port,
+            )
+        return device
+
+    def show_all(self, frames: np.ndarray, each_s: float, told: Callable[[int], None]) -> None:
+        """Every frame at its time; those that a late one would crowd are later, so that none is shorter than it can."""
+        assert self._device is not None
+        least_s = self._device.least_frame_us * 1e-6
+        sequence, due = self._device.next_sequence, time.monotonic()
+        for k, frame in enumerate(frames):
+            with self.closing_in(f"frame {k + 1} of {len(frames)}"):
+                self._show(frame_message(frame, (sequence + k) % 65536))
+                told(k + 1)
+                due = max(due + each_s, time.monotonic() + least_s)
+                self._wait(due)
+
+    def fall_silent(self) -> None:
+        """Silence once the last frame is there, and wait for it."""
+        with self.closing_in("the last frame"):
+            self._wait_for(lambda state: state != State.SWITCHING)
+            self._ask(Message(Kind.SILENCE, self._next_tag()))
+            self._wait_for(lambda state: state == State.SILENT)
+
+    def silence_if_it_can(self) -> None:
+        """Silence, on the way out with an error that matters more than another one."""
+        with suppress(*_line_errors(), FileError):
+            self._ask(Message(Kind.SILENCE, self._next_tag()))
+
+    @contextmanager
+    def closing_in(self, what: str) -> Iterator[None]:
+        """Turn what a line that is gone raises into a sentence."""
+        try:
+            yield
+        except _line_errors() as error:
+            raise FileError(f"the line closed in {what} ({_reason(error)}); {self._what_then}", self._port) from error
+
+    @property
+    def _what_then(self) -> str:
+        if self._device is None:
+            return "the device is as it was"
+        seconds = (self._device.watchdog_ms + self._device.silence_ms) * 1e-3
+        return f"the device falls silent by itself within {number(round(seconds, 2))} s"
+
+    def _show(self, message: Message) -> None:
+        """Send a frame until the device has it; one that is busy with the frame before is asked again."""
+        assert self._device is not None
+        end = time.monotonic() + 2 * self._device.least_frame_us * 1e-6 + TRIES * self._reply_s
+        while True:
+            answer = self._ask(message, (Reason.DUPLICATE, Reason.BUSY))
+            if answer.kind == Kind.ACK or refusal(answer).reason == Reason.DUPLICATE:
+                return
+            if time.monotonic() > end:
+                raise FileError("the device does not come to an end with the frame before", self._port)
+            time.sleep(BUSY_S)
+
+    def _wait(self, until: float) -> None:
+        """Wait, with signs of life."""
+        assert self._device is not None
+        pause = self._device.watchdog_ms * 1e-3 / PINGS
+        while (left := until - time.monotonic()) > 0:
+            if left <= pause:
+                time.sleep(left)
+                return
+            time.sleep(pause)
+            self._state()
+
+    def _wait_for(self, reached: Callable[[int], bool]) -> None:
+        assert self._device is not None
+        longest_s = max(self._device.silence_ms * 1e-3, 2e-6 * self._device.least_frame_us)
+        end = time.monotonic() + longest_s + TRIES * self._reply_s
+        while not reached(self._state()):
+            if time.monotonic() > end:
+                raise FileError("the device does not come to rest", self._port)
+            time.sleep(BUSY_S)
+
+    def _state(self) -> int:
+        answer = self._ask(Message(Kind.PING, self._next_tag()))
+        return answer.payload[1]
+
+    def _ask(self, message: Message, expected: tuple[Reason, ...] = ()) -> Message:
+        """Send a message until it is answered; an answer that is neither ACK nor expected is an error."""
+        for attempt in range(TRIES):
+            self.resent += attempt > 0
+            answer = self._once(message)
+            if answer is None:
+                continue
+            if answer.kind == Kind.ACK or refusal(answer).reason in expected:
+                return answer
+            raise FileError(self._refused(refusal(answer).reason), self._port)
+        raise FileError(
+            f"no answer in {TRIES} tries of {number(self._reply_s)} s each; {self._what_then}",
+            self._port,
+        )
+
+    def _refused(self, reason: int) -> str:
+        if reason in (Reason.STRANGER, Reason.ORDER):
+            return "the device began anew while it played: was it reset, or does another program use its port?"
+        name = Reason(reason).name.lower() if reason in list(Reason) else str(reason)
+        return f"the device refused a message ({name}); {self._what_then}"
+
+    def _once(self, message: Message) -> Message | None:
+        """Send a message once; None where no answer to it came, or one that it was damaged."""
+        self._line.write(encode(message))
+        end = time.monotonic() + self._reply_s
+        while (left := end - time.monotonic()) > 0:
+            self._line.timeout = left
+            stream = self._rest + self._line.read(max(1, min(self._line.in_waiting, READ_BYTES)))
+            messages, self._rest = decode(stream)
+            for answer in messages:
+                if answer is not None and _answers(answer, message):
+                    return None if _is_damaged(answer) else answer
+        return None
+
+    def _next_tag(self) -> int:
+        self._tag = (self._tag + 1) % 65536
+        return self._tag
+
+
+def _answers(answer: Message, message: Message) -> bool:
+    """Whether an answer is to this message; one that came damaged had no name, and one of another version no form."""
+    if answer.version != VERSION:
+        return message.kind == Kind.HELLO and answer.kind >= Kind.GREETING
+    if answer.kind == Kind.NAK and len(answer.payload) >= 4:
+        damaged = refusal(answer).reason == Reason.DAMAGED
+        return damaged or (refusal(answer).kind == message.kind and answer.sequence == message.sequence)
+    if answer.kind == Kind.ACK and len(answer.payload) >= 2:
+        return answer.payload[0] == message.kind and answer.sequence == message.sequence
+    whole = len(answer.payload) >= GREETING_BYTES
+    return answer.kind == Kind.GREETING and message.kind == Kind.HELLO and whole
+
+
+def _is_damaged(answer: Message) -> bool:
+    return answer.version == VERSION and answer.kind == Kind.NAK and refusal(answer).reason == Reason.DAMAGED
+
+
+@contextmanager
+def _opened(port: str, baud: int) -> Iterator[Any]:
+    serial = _serial()
+    try:
+        line = serial.Serial(port, baud, timeout=0, write_timeout=2.0, exclusive=True)
+    except (*_line_errors(), ValueError, OverflowError) as error:
+        there = ", ".join(serial_ports()) or "none"
+        raise FileError(f"cannot be opened ({_reason(error)}); serial ports that there are: {there}", port) from error
+    try:
+        yield line
+    finally:
+        with suppress(*_line_errors()):
+            line.close()
+
+
+def _serial() -> Any:
+    try:
+        return import_module("serial")
+    except ImportError as error:
+        raise EngineMissingError(
+            f"needs the package pyserial ({error}); pip install 'padgen[{EXTRA}]' brings it", "--port"
+        ) from error
+
+
+def _line_errors() -> tuple[type[Exception], type[Exception]]:
+    """What a line raises that is gone: pyserial's own error is an OSError, that of a Unix terminal is not."""
+    try:
+        terminal: type[Exception] = import_module("termios").error
+    except ImportError:
+        return OSError, OSError
+    return OSError, terminal
+
+
+def _reason(error: Exception) -> str:
+    strerror = getattr(error, "strerror", None)
+    return str(strerror or error or type(error).__name__)

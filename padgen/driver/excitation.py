@@ -1,0 +1,157 @@
+"""Excitation files: what the coils play while the taxels' resonances are measured.
+
+One chirp or one stretch of noise (`padgen.retune.shake`), followed by the silence in which the slowest taxel comes to
+rest; each coil in turn, or all at once. The volts are those that drive the current through the coil's resistance and
+inductance, ``R i + L di/dt``. Levels are those of the plan, or as much lower as amplifier, copper and the mean pull of
+all channels together ask for.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from padgen.errors import SpecError, at_least, number
+from padgen.physics.currents import mean_square_a2
+from padgen.planner.channels import squared_current_lines
+from padgen.planner.plan import Plan
+from padgen.planner.settings import scheme_named
+from padgen.retune.shake import (
+    chirp_current_a,
+    measuring_band_hz,
+    noise_current_a,
+    ring_s,
+    shaking_line_a2,
+    sweep_s,
+)
+from padgen.units import MH
+
+__all__ = ["KINDS", "Excitation", "excitation"]
+
+KINDS = ("chirp", "noise")
+VOLTAGE_SHARE = 0.9
+"""Share of the amplifier's voltage that the largest peak takes."""
+SAMPLES_OF_HIGHEST = 4
+MOST_SAMPLES = 1 << 25
+"""Samples of one coil's turn that are held in memory."""
+LEAST_WIDTHS = 1.0
+"""A sweep shorter than so many over the narrowest bandwidth tells too little of it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Excitation:
+    """What the coils play, and how strongly.
+
+    `current_a`, `voltage_v` (samples,) are of one coil's turn; `coils` (row, column) in the order of the columns of
+    `blocks`. `level_share` is how strongly taxels are shaken over their planned levels; `copper_loss_w` the mean of a
+    turn.
+    """
+
+    kind: str
+    rate_hz: int
+    band_hz: tuple[float, float]
+    sweep_s: float
+    together: bool
+    coils: tuple[tuple[int, int], ...]
+    current_a: np.ndarray
+    voltage_v: np.ndarray
+    level_share: float
+    copper_loss_w: float
+
+    @property
+    def samples(self) -> int:
+        """Samples of the whole: of one turn, or of one turn for each coil."""
+        return len(self.current_a) * (1 if self.together else len(self.coils))
+
+    @property
+    def seconds(self) -> float:
+        """Length of the whole."""
+        return self.samples / self.rate_hz
+
+    def blocks(self, block_samples: int = 1 << 16, signal: str = "voltage") -> Iterator[np.ndarray]:
+        """Blocks (samples, coils) of the whole, in V (`signal` 'voltage') or A ('current')."""
+        turn = self.voltage_v if signal == "voltage" else self.current_a
+        for k in range(1 if self.together else len(self.coils)):
+            for start in range(0, len(turn), block_samples):
+                part = turn[start : start + block_samples]
+                block = np.zeros((len(part), len(self.coils)))
+                block[:, slice(None) if self.together else slice(k, k + 1)] = part[:, None]
+                yield block
+
+
+def excitation(
+    plan: Plan, kind: str, rate_hz: int, seconds: float | None = None, seed: int = 0, together: bool = False
+) -> Excitation:
+    """What to play to measure `plan`'s pad, sampled at `rate_hz`.
+
+    `seconds` is the length of the chirp or the noise (None: as long as the slowest taxel asks for), to which the
+    silence is added. `seed` is the noise's. `together` shakes all coils at once: quicker, and each taxel then hears its
+    neighbours' coils too.
+
+    Raises
+    ------
+    SpecError
+        An unknown kind; a rate too low for the highest frequency; a length too short for the slowest taxel, or too long
+        for memory; no washer that is pulled.
+    """
+    if kind not in KINDS:
+        raise SpecError(f"must be one of {', '.join(KINDS)}, got {kind!r}", "--excite")
+    band = measuring_band_hz(plan)
+    _refuse_rate(rate_hz, band[1])
+    sweep = sweep_s(plan) if seconds is None else seconds
+    _refuse_length(plan, sweep, rate_hz)
+    line, swept, total = shaking_line_a2(plan), round(sweep * rate_hz), round((sweep + ring_s(plan)) * rate_hz)
+    if kind == "chirp":
+        time = np.arange(total) / rate_hz
+        current, slope = chirp_current_a(time, swept / rate_hz, band, line)
+    else:
+        q = float(np.median([channel.q for channel in plan.channels]))
+        silence = (0, total - swept)
+        current, slope = (np.pad(v, silence) for v in noise_current_a(swept, rate_hz, band, line, q, seed))
+    coil = plan.typed_spec.coil
+    volts = coil.resistance_ohm * current + coil.inductance_mh * MH * slope
+    square = float((current[:swept] ** 2).mean())
+    share = _share(plan, float(np.abs(volts).max()), square)
+    factor = share**0.5
+    places = tuple((row, column) for row in range(plan.coils.rows) for column in range(plan.coils.columns))
+    loss_w = share * square * swept / total * coil.resistance_ohm
+    return Excitation(
+        kind, rate_hz, band, swept / rate_hz, together, places, current * factor, volts * factor, share, loss_w
+    )
+
+
+def _share(plan: Plan, peak_v: float, square_a2: float) -> float:
+    """What of the planned levels every limit allows: amplifier, copper, and the mean pull that the plan has."""
+    spec = plan.typed_spec
+    scheme = scheme_named(spec, plan.selectivity.drive)
+    planned = max(mean_square_a2(scheme, squared_current_lines(own), spec.drive.headroom) for own in plan.sets)
+    return min(
+        1.0,
+        (VOLTAGE_SHARE * spec.drive.voltage_limit_v / peak_v) ** 2,
+        spec.coil.power_limit_w / (square_a2 * spec.coil.resistance_ohm),
+        max(planned / square_a2, 1e-6),
+    )
+
+
+def _refuse_rate(rate_hz: int, highest_hz: float) -> None:
+    least = SAMPLES_OF_HIGHEST * highest_hz
+    if not rate_hz >= least:
+        raise SpecError(
+            f"must be at least {number(float(np.ceil(least)))} Hz, {SAMPLES_OF_HIGHEST} times the highest frequency"
+            f" that is measured, got {number(rate_hz)} Hz",
+            "--rate",
+        )
+
+
+def _refuse_length(plan: Plan, sweep: float, rate_hz: int) -> None:
+    least = LEAST_WIDTHS * max(c.q / c.resonance_hz for c in plan.channels)
+    if not sweep >= least:
+        raise SpecError(
+            f"must be at least {at_least(least)} s, Q periods of the slowest taxel, got {number(sweep)} s", "--seconds"
+        )
+    if (sweep + ring_s(plan)) * rate_hz > MOST_SAMPLES:
+        longest = MOST_SAMPLES / rate_hz - ring_s(plan)
+        would_do = f"at most {number(longest)} s would do" if longest > least else "a lower --rate would do"
+        raise SpecError(
+            f"{number(sweep)} s of sweep are too many samples at {number(rate_hz)} Hz; {would_do}", "--seconds"
+        )

@@ -1,0 +1,373 @@
+"""A folder of driver files: tables, waveforms, what a microcontroller or another program needs.
+
+`write_drive` makes what was asked for and nothing else; every file is read back where it can be.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from math import ceil
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from padgen.errors import SpecError, at_most, number
+from padgen.files import PLAN_FILES, OutputFolder, differs, json_text, stale_files
+from padgen.finding import Finding
+from padgen.units import MS
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from padgen.driver.ear import Heard
+    from padgen.driver.excitation import Excitation
+    from padgen.driver.formats.wave_files import WaveReport
+    from padgen.driver.pad_drive import PadDrive
+    from padgen.driver.timeline import Timeline
+    from padgen.planner.plan import Plan
+    from padgen.retune.tuning import Tuning
+
+__all__ = [
+    "DEPTHS",
+    "FORMATS",
+    "RATES_HZ",
+    "DriveRequest",
+    "Driven",
+    "parse_formats",
+    "write_drive",
+    "write_excitation",
+]
+
+FORMATS = ("csv", "json", "wav", "c", "hjif", "syntacts")
+PLAYED = ("wav", "syntacts")
+"""Formats that need something to show."""
+DEPTHS = ("24", "float")
+RATES_HZ = (48_000, 96_000, 192_000)
+"""Of sound cards; the first that the highest resonance and the root's bends allow is taken."""
+CONTROLLER_RATES_HZ = (8_000, 12_000, 16_000, 24_000, 32_000, *RATES_HZ)
+"""For a microcontroller, which makes every sample anew."""
+LARGEST_WAVE = 8e9
+"""Bytes of a WAV file."""
+MOST_HEARD = 25_000_000
+"""Samples of a file that is listened to: about 2 GB of memory."""
+SAMPLES_OF_HIGHEST = 16
+"""Samples in a period of the highest resonance, at least, where the rate is ours to choose."""
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DriveRequest:
+    """What is asked for.
+
+    `frames` (k, taxels) are levels in 0 … 1, shown for `seconds_each` (None: as the plan's frame rate has it, or where
+    they are `held`, until all taxels have their level); a single one may `loop` without a seam. `rate_hz` None: the
+    first of `RATES_HZ` that will do.
+    """
+
+    formats: tuple[str, ...]
+    frames: "np.ndarray | None" = None
+    seconds_each: float | None = None
+    held: bool = False
+    loop: bool = False
+    rate_hz: int | None = None
+    depth: str = "24"
+    signal: str = "voltage"
+    carrier_hz: float | None = None
+    tuning: "Tuning | None" = None
+    hear: bool = False
+    gap: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Driven:
+    """What was written, and what was seen on the way."""
+
+    folder: Path
+    files: tuple[str, ...]
+    stale: tuple[str, ...]
+    report: "WaveReport | None"
+    heard: "Heard | None"
+    findings: tuple[Finding, ...]
+
+
+def parse_formats(text: str) -> tuple[str, ...]:
+    """Formats from a comma-separated list, in the order of `FORMATS`."""
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    for name in names:
+        if name not in FORMATS:
+            raise SpecError(f"must be among {', '.join(FORMATS)}, got {name!r}", "--formats")
+    if not names:
+        raise SpecError(f"must name one or more of {', '.join(FORMATS)}", "--formats")
+    return tuple(name for name in FORMATS if name in names)
+
+
+def write_drive(plan: "Plan", folder: Path, request: DriveRequest, progress: Progress = lambda step: None) -> Driven:
+    """Write the driver files of `plan` into `folder`.
+
+    Raises
+    ------
+    SpecError
+        A request that this plan cannot meet; nothing is written.
+    FileError
+        The folder cannot be written; what was there stays.
+    """
+    from padgen.planner.plan import plan_to_json
+
+    _refuse(request)
+    text = plan_to_json(plan)
+    with OutputFolder(folder) as out:
+        out.write("plan.json", text)
+        names = ["plan.json", *_tables(out, plan, request)]
+        report = heard = None
+        if set(request.formats) - {"csv", "json"} or request.hear:
+            progress("choosing phases")
+            drive, timeline = _drive(plan, request, RATES_HZ), None
+            if request.frames is not None:
+                timeline = _timeline(plan, drive, request)
+                _refuse_length(drive, timeline, request)
+            if "wav" in request.formats and timeline is not None:
+                report = _wave(out, plan, drive, timeline, request, progress)
+                names += ["drive.wav", "drive-wave.json"]
+            names += _others(out, plan, drive, timeline, report, request)
+            if request.hear and report is not None:
+                progress("listening to the file")
+                heard = _heard(out, plan, request)
+                names.append("hear.json")
+        stale = stale_files(folder, text)
+        # What was heard of a wave that is written anew does not stay.
+        unheard = ["hear.json"] if report is not None and heard is None else []
+        out.commit(remove=PLAN_FILES if differs(folder, "plan.json", text) else unheard)
+    findings = (*(report.findings if report else ()), *(_ear_findings(heard) if heard else ()))
+    return Driven(folder, tuple(names), tuple(name for name in stale if name not in names), report, heard, findings)
+
+
+def write_excitation(
+    plan: "Plan",
+    folder: Path,
+    kind: str,
+    rate_hz: int | None,
+    depth: str,
+    seconds: float | None,
+    together: bool,
+    seed: int = 0,
+) -> "Excitation":
+    """Write ``excitation.wav`` and ``excitation.json``, which shake all taxels while they are measured.
+
+    Raises
+    ------
+    SpecError, FileError
+        As `excitation` and `write_drive` do.
+    """
+    from padgen.driver.excitation import excitation
+    from padgen.driver.formats.wav import WavWriter
+    from padgen.planner.plan import plan_to_json
+
+    played = excitation(plan, kind, RATES_HZ[0] if rate_hz is None else rate_hz, seconds, seed, together)
+    scale = plan.typed_spec.drive.voltage_limit_v
+
+    def write(path: Path) -> None:
+        comment = f"sample 1 = {scale:g} V; {kind}; channel k is coil k, row by row"
+        with WavWriter(path, played.rate_hz, len(played.coils), played.samples, depth, comment) as file:
+            for block in played.blocks():
+                file.write(block / scale)
+
+    with OutputFolder(folder) as out:
+        text = plan_to_json(plan)
+        out.write("plan.json", text)
+        out.write_by("excitation.wav", write)
+        out.write("excitation.json", json_text(_excitation_table(plan, played, scale, depth)))
+        out.commit(remove=PLAN_FILES if differs(folder, "plan.json", text) else ())
+    return played
+
+
+def _refuse(request: DriveRequest) -> None:
+    if request.frames is None:
+        for name in PLAYED:
+            if name in request.formats:
+                raise SpecError(f"{name} needs something to show; add --state or --frames", "--formats")
+    if request.seconds_each is not None and request.frames is None:
+        raise SpecError("is how long a frame lasts; add --state or --frames", "--seconds")
+    if request.hear and "wav" not in request.formats:
+        raise SpecError("listens to a WAV; add wav to --formats, and --state or --frames", "--hear")
+    if request.loop and (request.frames is None or len(request.frames) != 1):
+        raise SpecError("repeats one state without a seam; add --state with one", "--loop")
+
+
+def _tables(out: OutputFolder, plan: "Plan", request: DriveRequest) -> list[str]:
+    from padgen.driver.tables import drive_csv, drive_json
+    from padgen.retune.table import tuned_drive_csv
+
+    names = []
+    if "csv" in request.formats:
+        out.write("drive.csv", drive_csv(plan))
+        names.append("drive.csv")
+        if request.tuning is not None:
+            out.write("drive-tuned.csv", tuned_drive_csv(plan, request.tuning))
+            names.append("drive-tuned.csv")
+    if "json" in request.formats:
+        out.write("drive.json", drive_json(plan))
+        names.append("drive.json")
+    return names
+
+
+def _drive(plan: "Plan", request: DriveRequest, rates_hz: tuple[int, ...]) -> "PadDrive":
+    """The drive at the rate that was asked for, or at the first of `rates_hz` that will do."""
+    from padgen.driver.pad_drive import make_drive
+    from padgen.physics.root_margin import ALIAS_DB
+
+    bandwidth = plan.typed_spec.drive.bandwidth_hz
+    make = partial(make_drive, plan, tuning=request.tuning, carrier_hz=request.carrier_hz, bandwidth_hz=bandwidth)
+    if request.rate_hz is not None:
+        return make(request.rate_hz)
+    highest = max(channel.resonance_hz for channel in plan.channels)
+    least = SAMPLES_OF_HIGHEST * highest
+    enough = [rate for rate in rates_hz if rate >= least] or [ceil(least / 1000) * 1000]
+    for rate in enough:
+        drive = make(rate)
+        if drive.alias_db is None or drive.alias_db <= ALIAS_DB:
+            break
+    return drive
+
+
+def _timeline(plan: "Plan", drive: "PadDrive", request: DriveRequest) -> "Timeline":
+    from padgen.driver.ear.score import SETTLED_TAUS
+    from padgen.driver.timeline import ramp_s, steady, timeline
+
+    frames = request.frames
+    assert frames is not None
+    in_turns = plan.selectivity.drive == "time-shared"
+    if not request.loop:
+        seconds = request.seconds_each
+        if seconds is None and request.held:
+            settled = SETTLED_TAUS * _slowest_s(plan, request.tuning)
+            half_slot = max(ramp_s(plan), settled)
+            seconds = 2 * len(plan.sets[0]) * half_slot if in_turns else ramp_s(plan) + settled + drive.period_s
+        return timeline(plan, frames, seconds)
+    if in_turns:
+        raise SpecError("is for drives that play all channels at once, this one takes turns", "--loop")
+    seconds = request.seconds_each or drive.period_s
+    periods = round(seconds / drive.period_s)
+    if periods < 1:
+        raise SpecError(f"of a loop must be at least {number(drive.period_s)} s, got {number(seconds)} s", "--seconds")
+    return steady(frames[0], periods * drive.period_s)
+
+
+def _refuse_length(drive: "PadDrive", timeline: "Timeline", request: DriveRequest) -> None:
+    bytes_each = 3 if request.depth == "24" else 4
+    if "wav" in request.formats:
+        longest = LARGEST_WAVE / (bytes_each * len(drive.coils) * drive.rate_hz)
+        if timeline.seconds > longest:
+            raise SpecError(
+                f"of all frames together must be at most {at_most(longest)} s for a file of {LARGEST_WAVE / 1e9:g} GB,"
+                f" they are {number(timeline.seconds)} s",
+                "--seconds",
+            )
+    longest = MOST_HEARD / drive.rate_hz
+    if request.hear and timeline.seconds > longest:
+        raise SpecError(
+            f"listens to at most {at_most(longest)} s, the frames last {number(timeline.seconds)} s; fewer or shorter"
+            " ones (--seconds), or one state with --loop, would do",
+            "--hear",
+        )
+
+
+def _slowest_s(plan: "Plan", tuning: "Tuning | None") -> float:
+    """The slowest taxel's time constant."""
+    from padgen.physics.resonator import ring_up_time
+
+    if tuning is None:
+        return max(channel.ring_up_ms for channel in plan.channels) * MS
+    return max(float(ring_up_time(taxel.resonance_hz, taxel.q)) for taxel in tuning.taxels)
+
+
+def _wave(
+    out: OutputFolder,
+    plan: "Plan",
+    drive: "PadDrive",
+    timeline: "Timeline",
+    request: DriveRequest,
+    progress: Progress,
+) -> "WaveReport":
+    from padgen.driver.formats.wave_files import wave_json, write_wave
+
+    progress(f"writing {timeline.seconds:.3g} s of {len(drive.coils)} coils")
+    reports: list[WaveReport] = []
+    out.write_by(
+        "drive.wav", lambda path: reports.append(write_wave(path, drive, timeline, request.depth, request.signal))
+    )
+    out.write("drive-wave.json", wave_json(plan, drive, timeline, reports[0], tuning=request.tuning))
+    return reports[0]
+
+
+def _others(
+    out: OutputFolder,
+    plan: "Plan",
+    drive: "PadDrive",
+    timeline: "Timeline | None",
+    report: "WaveReport | None",
+    request: DriveRequest,
+) -> list[str]:
+    names: list[str] = []
+    if "c" in request.formats:
+        from padgen.driver.formats.c_code import c_header, firmware_files
+
+        own = drive if request.rate_hz is not None else _drive(plan, request, CONTROLLER_RATES_HZ)
+        files = {"pad_drive.h": c_header(plan, own, request.tuning).encode(), **firmware_files()}
+        for name, data in files.items():
+            out.write(name, data)
+        names += files
+    if "hjif" in request.formats:
+        from padgen.driver.formats.hjif import hjif_text
+
+        out.write("drive.hjif", hjif_text(plan, timeline, request.tuning))
+        names.append("drive.hjif")
+    if "syntacts" in request.formats and timeline is not None:
+        from padgen.driver.formats.syntacts import syntacts_script
+
+        scale = report.full_scale if report and report.signal == "voltage" else None
+        out.write("drive_syntacts.py", syntacts_script(plan, drive, timeline, scale))
+        names.append("drive_syntacts.py")
+    return names
+
+
+def _heard(out: OutputFolder, plan: "Plan", request: DriveRequest) -> "Heard":
+    import json
+
+    from padgen.driver.ear import hear
+    from padgen.driver.formats.wav import read_wav
+
+    wave = read_wav(out.path_of("drive.wav"))
+    sidecar = json.loads(out.path_of("drive-wave.json").read_text(encoding="utf-8"))
+    heard = hear(plan, wave, sidecar, request.tuning, request.gap)
+    from padgen.driver.ear.table import heard_table
+
+    out.write("hear.json", json_text(heard_table(heard)))
+    return heard
+
+
+def _ear_findings(heard: "Heard") -> tuple[Finding, ...]:
+    from padgen.driver.ear.table import ear_findings
+
+    return ear_findings(heard)
+
+
+def _excitation_table(plan: "Plan", played: "Excitation", scale: float, depth: str) -> dict[str, Any]:
+    return {
+        "name": plan.name,
+        "wave": "excitation.wav",
+        "kind": played.kind,
+        "rate_hz": played.rate_hz,
+        "samples": played.samples,
+        "seconds": played.seconds,
+        "depth": depth,
+        "signal": "voltage",
+        "unit": "V",
+        "full_scale": scale,
+        "peak": float(abs(played.voltage_v).max()),
+        "band_hz": list(played.band_hz),
+        "sweep_s": played.sweep_s,
+        "turn_s": len(played.current_a) / played.rate_hz,
+        "together": played.together,
+        "level_share": played.level_share,
+        "copper_loss_w": played.copper_loss_w,
+        "coils": [{"wav_channel": k, "coil": list(coil)} for k, coil in enumerate(played.coils)],
+    }

@@ -1,0 +1,257 @@
+"""A pad's drive as C: the header `pad_drive.h` of numbers, and the firmware that plays it.
+
+Phases are 32-bit shares of a turn that a sample moves on by a whole increment, so that a frequency is off by at
+most rate/2³³: 0.003 mHz at 24 kHz. They begin anew with every period of the comb, a whole number of samples:
+after an hour as after the first period no phase is off by more than period_samples/2³³ of a turn.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from math import ceil, pi
+from pathlib import Path
+from textwrap import fill
+
+import numpy as np
+
+from padgen.driver.device.protocol import plan_hash
+from padgen.driver.pad_drive import CoilDrive, PadDrive
+from padgen.driver.timeline import frame_s, ramp_s
+from padgen.errors import SpecError
+from padgen.physics.crest import least_constant
+from padgen.planner.plan import Plan
+from padgen.retune.tuning import Tuning, tuning_hash
+
+__all__ = ["GROUP_CHANNELS", "HEADER", "SCHEME_NUMBERS", "c_header", "firmware_files"]
+
+HEADER = "pad_drive.h"
+FIRMWARE = Path(__file__).with_name("firmware")
+NAMES = {"README.md": "padgen_firmware.md"}
+"""What files are called in a pad's folder, where they differ."""
+SCHEME_NUMBERS = {"tones": 0, "spur-free": 1, "biased": 2, "time-shared": 3}
+GROUP_CHANNELS = 8
+"""Channels whose on/off states have their least constants in a table: 256 numbers, 1 KiB, at most."""
+LEAST_WATCHDOG_S = 1.0
+WATCHDOG_FRAMES = 2
+TURN = 1 << 32
+NO_TAXEL = 0xFFFF
+ROUNDING = 1e-6
+"""What `least_constant` may be too small by, over the sum of the lines."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Kind:
+    """What coils that play alike share: the channels (n,) of one coil, as the header's tables have them."""
+
+    harmonic: tuple[int, ...]
+    line_a2: tuple[float, ...]
+    phase_rad: tuple[float, ...]
+    margin: tuple[float, ...]
+    bias_a: float
+    slot: tuple[int, ...]
+
+
+def firmware_files() -> dict[str, bytes]:
+    """The firmware's files by name, which go beside the header."""
+    paths = (path for path in sorted(FIRMWARE.iterdir()) if path.suffix in (".c", ".h", ".md"))
+    return {NAMES.get(path.name, path.name): path.read_bytes() for path in paths}
+
+
+def c_header(plan: Plan, drive: PadDrive, tuning: Tuning | None = None) -> str:
+    """`pad_drive.h`: what the firmware must know of a pad, as C99 and C++; its tables have a row for a kind of coil.
+
+    Frequencies and phases are of the current's tones: half the force's where it has no constant part. `tuning` is the
+    one that `drive` was made with.
+
+    Raises
+    ------
+    SpecError
+        More taxels than a frame of the protocol can have.
+    """
+    if len(plan.taxels) >= NO_TAXEL:
+        raise SpecError(f"a frame has at most {NO_TAXEL - 1} taxels, got {len(plan.taxels)}", plan.name)
+    slots = {channel.index: k for own in plan.sets for k, channel in enumerate(own)}
+    of_coil = [_kind(coil, [slots[plan.taxels[t].channel] for t in coil.taxels]) for coil in drive.coils]
+    kinds = list(dict.fromkeys(of_coil))
+    parts = [
+        _comment(plan, drive, tuning),
+        "#ifndef PADGEN_PAD_DRIVE_H\n#define PADGEN_PAD_DRIVE_H\n\n#include <stdint.h>\n",
+        _defines(plan, drive, kinds),
+        _table("uint8_t padgen_plan_hash[8]", [f"0x{byte:02x}" for byte in plan_hash(plan, tuning)]),
+        *_pad_tables(plan, drive, kinds, of_coil),
+        *_kind_tables(drive, kinds),
+    ]
+    if drive.scheme.name == "spur-free":
+        parts += _constant_tables(kinds)
+    return "\n".join([*parts, "#endif\n"])
+
+
+def _kind(coil: CoilDrive, slots: Iterable[int]) -> _Kind:
+    lists = (part.tolist() for part in (coil.harmonic, coil.line_a2, coil.phase_rad, coil.margin))
+    harmonic, line_a2, phase_rad, margin = (tuple(part) for part in lists)
+    return _Kind(harmonic, line_a2, phase_rad, margin, coil.bias_a, tuple(slots))
+
+
+def _comment(plan: Plan, drive: PadDrive, tuning: Tuning | None) -> str:
+    name = _plain(plan.name)
+    print_of = "as planned" if tuning is None else f"for the print of tuning {tuning_hash(tuning)}"
+    return (
+        f"/* What the coils of the pad '{name}' play, {print_of} ({drive.scheme.name}).\n"
+        " * Do not edit: padgen writes it anew.\n"
+        " * Currents in A, lines of their square in A2; phases and increments in 2^-32 turns.\n"
+        f" * Tones are off by at most {drive.rate_hz / 2 / TURN:.2g} Hz within a period of the comb and begin anew\n"
+        f" * with the next: no phase is ever off by more than {drive.period_samples / 2 / TURN:.2g} of a turn.\n */"
+    )
+
+
+def _plain(text: str) -> str:
+    """Text that can stand in a C comment."""
+    return "".join(c if c.isascii() and c.isprintable() and c not in "*/\\?" else "_" for c in text)
+
+
+def _defines(plan: Plan, drive: PadDrive, kinds: Sequence[_Kind]) -> str:
+    name, rate = drive.scheme.name, drive.rate_hz
+    turns = drive.scheme.takes_turns
+    slots = len(plan.sets[0]) if turns else 1
+    ramp = ceil((frame_s(plan) / slots / 2 if turns else ramp_s(plan)) * rate)
+    step = 2 * ramp if turns else ramp
+    frame = max(round(frame_s(plan) * rate), step * slots)
+    channels = _channels(kinds)
+    lines = {
+        **{f"PADGEN_{_upper(scheme)}": number for scheme, number in SCHEME_NUMBERS.items()},
+        "PADGEN_SCHEME": f"PADGEN_{_upper(name)}",
+        "PADGEN_TAKES_TURNS": int(turns),
+        "PADGEN_RATE_HZ": f"{rate}u",
+        "PADGEN_PERIOD_SAMPLES": f"{drive.period_samples}u",
+        "PADGEN_RAMP_SAMPLES": f"{ramp}u",
+        "PADGEN_STEP_SAMPLES": f"{step}u",
+        "PADGEN_SLOTS": slots,
+        "PADGEN_FRAME_SAMPLES": f"{frame}u",
+        "PADGEN_WATCHDOG_SAMPLES": f"{max(ceil(LEAST_WATCHDOG_S * rate), WATCHDOG_FRAMES * frame)}u",
+        "PADGEN_COILS": len(drive.coils),
+        "PADGEN_KINDS": len(kinds),
+        "PADGEN_CHANNELS": channels,
+        "PADGEN_TAXELS": len(plan.taxels),
+        "PADGEN_RESISTANCE_OHM": _float(drive.resistance_ohm),
+        "PADGEN_INDUCTANCE_H": _float(drive.inductance_h),
+        "PADGEN_VOLTAGE_LIMIT_V": _float(drive.voltage_limit_v),
+        "PADGEN_HAS_CARRIER": int(drive.carrier_hz is not None),
+        "PADGEN_CARRIER_HZ": _float(drive.carrier_hz or 0.0),
+        "PADGEN_CARRIER_INCREMENT": f"{_turns((drive.carrier_hz or 0.0) / rate)}u",
+        "PADGEN_GROUP_CHANNELS": _group_channels(channels),
+    }
+    return "".join(f"#define {key} {value}\n" for key, value in lines.items())
+
+
+def _upper(scheme: str) -> str:
+    return scheme.upper().replace("-", "_")
+
+
+def _channels(kinds: Sequence[_Kind]) -> int:
+    """Channels of the coil that has most; tables of none are no C."""
+    return max(1, *(len(kind.line_a2) for kind in kinds))
+
+
+def _group_channels(channels: int) -> int:
+    """Channels of a group, as few as the number of groups allows."""
+    return ceil(channels / ceil(channels / GROUP_CHANNELS))
+
+
+def _pad_tables(plan: Plan, drive: PadDrive, kinds: Sequence[_Kind], of_coil: Sequence[_Kind]) -> Iterable[str]:
+    number = {kind: k for k, kind in enumerate(kinds)}
+    channels = _channels(kinds)
+    yield _table("uint16_t padgen_coil_kind[PADGEN_COILS]", [str(number[kind]) for kind in of_coil])
+    rows = []
+    for coil in drive.coils:
+        ids = ", ".join(_plain(plan.taxels[t].id) for t in coil.taxels)
+        numbers = [*map(str, coil.taxels), *[hex(NO_TAXEL)] * (channels - len(coil.taxels))]
+        rows.append(f"{_braces(numbers)}, /* row {coil.row}, column {coil.column}: {ids or 'no taxel'} */")
+    yield _rows("uint16_t padgen_coil_taxel[PADGEN_COILS][PADGEN_CHANNELS]", rows)
+    yield _table("uint8_t padgen_kind_channels[PADGEN_KINDS]", [str(len(kind.line_a2)) for kind in kinds])
+
+
+def _kind_tables(drive: PadDrive, kinds: Sequence[_Kind]) -> Iterable[str]:
+    channels, samples = _channels(kinds), drive.period_samples
+    share = 1.0 if drive.scheme.has_constant else 0.5
+
+    def table(declared: str, entries: Iterable[list[str]], empty: str) -> str:
+        rows = [_braces([*own, *[empty] * (channels - len(own))]) + "," for own in entries]
+        return _rows(f"{declared}[PADGEN_KINDS][PADGEN_CHANNELS]", rows)
+
+    def phase(rad: float) -> str:
+        return f"{_turns(rad * share / (2 * pi))}u"
+
+    # Whole numbers before they are divided: what is rounded is the increment alone.
+    increments = ([f"{_turns(k * share / samples)}u" for k in kind.harmonic] for kind in kinds)
+    yield table("uint32_t padgen_increment", increments, "0u")
+    yield table("uint32_t padgen_phase", ([phase(rad) for rad in kind.phase_rad] for kind in kinds), "0u")
+    hertz = ([_float(k * share * drive.rate_hz / samples) for k in kind.harmonic] for kind in kinds)
+    yield table("float padgen_tone_hz", hertz, "0.0f")
+    yield table("float padgen_line_a2", ([_float(line) for line in kind.line_a2] for kind in kinds), "0.0f")
+    yield table("uint8_t padgen_slot", ([str(slot) for slot in kind.slot] for kind in kinds), "0")
+    yield _table("float padgen_bias_a[PADGEN_KINDS]", [_float(kind.bias_a) for kind in kinds])
+
+
+def _constant_tables(kinds: Sequence[_Kind]) -> Iterable[str]:
+    """Spur-free: the least constants of all on/off states of each group of channels, of all on, and the margins."""
+    channels = _channels(kinds)
+    size = _group_channels(channels)
+    groups = ceil(channels / size)
+    yield f"#define PADGEN_GROUPS {groups}\n"
+    margins = []
+    for kind in kinds:
+        own = [_float_above(share * line) for share, line in zip(kind.margin, kind.line_a2, strict=True)]
+        margins.append(_braces([*own, *["0.0f"] * (channels - len(own))]) + ",")
+    yield _rows("float padgen_margin_a2[PADGEN_KINDS][PADGEN_CHANNELS]", margins)
+    tables = [_least_constants(kind, size) for kind in kinds]
+    yield _table("float padgen_all_on_a2[PADGEN_KINDS]", [_float_above(all_on) for all_on, _ in tables])
+    rows = []
+    for _, least in tables:
+        of_groups = [*least, *[(0.0,) * (1 << size)] * (groups - len(least))]
+        rows.append("{" + ",\n".join(_braces([_float_above(a2) for a2 in states]) for states in of_groups) + "},")
+    yield _rows(f"float padgen_least_a2[PADGEN_KINDS][PADGEN_GROUPS][{1 << size}]", rows)
+
+
+@lru_cache(maxsize=1024)
+def _least_constants(kind: _Kind, size: int) -> tuple[float, tuple[tuple[float, ...], ...]]:
+    """The least constant with all channels on, and those of each group of `size` in every on/off state, in A²."""
+    harmonic, phase = np.array(kind.harmonic, int), np.array(kind.phase_rad)
+    line = np.array(kind.line_a2)
+    groups = []
+    for start in range(0, len(line), size):
+        part = slice(start, start + size)
+        bits = (np.arange(1 << size)[:, None] >> np.arange(len(line[part]))) & 1
+        states = bits * line[part]
+        least = least_constant(harmonic[part], states, phase[part]) + ROUNDING * states.sum(1)
+        groups.append(tuple(least.tolist()))
+    all_on = least_constant(harmonic, line[None], phase)[0] + ROUNDING * line.sum() if len(line) else 0.0
+    return float(all_on), tuple(groups)
+
+
+def _turns(turns: float) -> int:
+    """A share of a turn in 2⁻³² turns."""
+    return round(turns * TURN) % TURN
+
+
+def _float(value: float) -> str:
+    """A C float, as exact as it can be."""
+    text = f"{float(np.float32(value)):.9g}"
+    return f"{text}f" if "." in text or "e" in text else f"{text}.0f"
+
+
+def _float_above(value: float) -> str:
+    """A C float that is no smaller."""
+    single = np.float32(value)
+    return _float(float(single if single >= value else np.nextafter(single, np.float32(np.inf))))
+
+
+def _braces(entries: Iterable[str]) -> str:
+    return fill("{" + ", ".join(entries) + "}", 116, break_long_words=False)
+
+
+def _table(declared: str, entries: Iterable[str]) -> str:
+    return f"static const {declared} =\n{_braces(entries)};\n"
+
+
+def _rows(declared: str, rows: Iterable[str]) -> str:
+    return f"static const {declared} = {{\n" + "\n".join(rows) + "\n};\n"

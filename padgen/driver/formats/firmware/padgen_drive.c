@@ -1,0 +1,308 @@
+/* See padgen_drive.h. Formulas as in docs/driving.md; i is a coil's current, F the lines of i^2 in A^2. */
+#include "padgen_drive.h"
+
+#include <math.h>
+#include <string.h>
+
+enum { NOTHING = 0, FRAME = 1, SILENCE = 2 };
+
+static const float turn = 6.283185307f;
+
+/* The sine of a phase in 2^-32 turns: folded to a quarter, where a polynomial of least maximum error (3.3e-9)
+ * has it to the last digits of a float. */
+static float sine(uint32_t phase) {
+    int32_t angle = (int32_t)(phase ^ (phase << 1)) < 0 ? (int32_t)(UINT32_C(0x80000000) - phase) : (int32_t)phase;
+    const float x = (float)angle * 2.3283064365386963e-10f, z = x * x;
+    return x * (6.283185159f + z * (-41.341654917f + z * (81.600998609f + z * (-76.549678455f + z * 39.536023390f))));
+}
+
+static float level_of(const padgen_drive *drive, unsigned frame, uint16_t taxel) {
+    return (float)drive->level[frame][taxel] * (1.0f / 255.0f);
+}
+
+/* ---- The least constant of a spur-free force ------------------------------------------------------------ */
+
+#if PADGEN_SCHEME == PADGEN_SPUR_FREE
+
+/* A bound for the levels of one group of channels: the least constant is convex in them and known for all on/off
+ * states. With levels sorted, g1 >= g2 >= ..., they are the mean of the states {1}, {1, 2}, ... with weights
+ * g1 - g2, g2 - g3, ... For an on/off state it is the least constant itself. */
+static float group_constant(const float *least, float *level, unsigned count) {
+    unsigned order[PADGEN_GROUP_CHANNELS], k, state = 0;
+    float sum = 0.0f;
+    for (k = 0; k < count; k++) {
+        unsigned place = k;
+        for (; place > 0 && level[order[place - 1]] < level[k]; place--) order[place] = order[place - 1];
+        order[place] = k;
+    }
+    for (k = 0; k < count; k++) {
+        const float after = k + 1 < count ? level[order[k + 1]] : 0.0f;
+        state |= 1u << order[k];
+        sum += (level[order[k]] - after) * least[state];
+    }
+    return sum;
+}
+
+/* All channels of a coil: what they have in common is as all on, the rest as the groups' sum; and the margin. */
+static float constant_of(const padgen_drive *drive, unsigned frame, unsigned coil) {
+    const unsigned kind = padgen_coil_kind[coil], count = padgen_kind_channels[kind];
+    float level[PADGEN_CHANNELS], least = 1.0f, sum = 0.0f;
+    unsigned j, group;
+    for (j = 0; j < count; j++) {
+        level[j] = level_of(drive, frame, padgen_coil_taxel[coil][j]);
+        if (level[j] < least) least = level[j];
+        sum += level[j] * padgen_margin_a2[kind][j];
+    }
+    if (count == 0) return 0.0f;
+    for (j = 0; j < count; j++) level[j] -= least;
+    sum += least * padgen_all_on_a2[kind];
+    for (j = 0, group = 0; j < count; j += PADGEN_GROUP_CHANNELS, group++) {
+        const unsigned rest = count - j;
+        const unsigned size = rest < PADGEN_GROUP_CHANNELS ? rest : PADGEN_GROUP_CHANNELS;
+        sum += group_constant(padgen_least_a2[kind][group], level + j, size);
+    }
+    return sum;
+}
+
+static void prepare(padgen_drive *drive, unsigned frame) {
+    unsigned coil;
+    for (coil = 0; coil < PADGEN_COILS; coil++) drive->constant_a2[frame][coil] = constant_of(drive, frame, coil);
+}
+
+#else
+
+static void prepare(padgen_drive *drive, unsigned frame) {
+    (void)drive;
+    (void)frame;
+}
+
+#endif
+
+/* ---- Frames ---------------------------------------------------------------------------------------------- */
+
+static void restart_phases(padgen_drive *drive) {
+    memcpy(drive->phase, padgen_phase, sizeof drive->phase);
+    drive->carrier_phase = 0;
+    drive->sample = 0;
+}
+
+void padgen_start(padgen_drive *drive) {
+    memset(drive, 0, sizeof *drive);
+    drive->to = 1;
+    drive->next = 2;
+    drive->step = PADGEN_STEP_SAMPLES;
+    drive->silent = 1;
+    restart_phases(drive);
+}
+
+int padgen_show(padgen_drive *drive, const uint8_t level[PADGEN_TAXELS]) {
+    if (drive->waiting != NOTHING) return 0;
+    memcpy(drive->level[drive->next], level, PADGEN_TAXELS);
+    drive->playing[drive->next] = 1;
+    prepare(drive, drive->next);
+    PADGEN_BARRIER();
+    drive->waiting = FRAME;
+    return 1;
+}
+
+void padgen_silence(padgen_drive *drive) {
+    const uint8_t waiting = drive->waiting;
+    if (waiting == SILENCE || (waiting == NOTHING && !drive->playing[drive->to])) return;
+    drive->waiting = NOTHING; /* from here on the interrupt leaves `next` alone */
+    PADGEN_BARRIER();
+    memset(drive->level[drive->next], 0, PADGEN_TAXELS);
+    drive->playing[drive->next] = 0;
+    prepare(drive, drive->next);
+    PADGEN_BARRIER();
+    drive->waiting = SILENCE;
+}
+
+int padgen_state(const padgen_drive *drive) {
+    if (drive->waiting != NOTHING) return PADGEN_SWITCHING;
+    if (drive->silent) return PADGEN_SILENT;
+    return PADGEN_TAKES_TURNS || drive->step >= PADGEN_STEP_SAMPLES ? PADGEN_HOLDING : PADGEN_SWITCHING;
+}
+
+static void begin(padgen_drive *drive) {
+    const uint8_t old = drive->from;
+    drive->from = drive->to;
+    drive->to = drive->next;
+    drive->next = old;
+    drive->step = 0;
+    drive->slot = 0;
+    drive->begun++;
+    drive->silent = PADGEN_TAKES_TURNS && !drive->playing[drive->to];
+    PADGEN_BARRIER();
+    drive->waiting = NOTHING;
+}
+
+/* Before a sample: is a transition or slot over, and does another begin? */
+static void turn_over(padgen_drive *drive) {
+    if (!drive->silent && drive->step < PADGEN_STEP_SAMPLES) return;
+    if (!drive->playing[drive->to]) drive->silent = 1;
+    if (PADGEN_TAKES_TURNS && !drive->silent) {
+        drive->step = 0;
+        if (++drive->slot >= PADGEN_SLOTS) drive->slot = 0;
+    }
+    if (drive->waiting == SILENCE || (drive->waiting == FRAME && (drive->silent || drive->slot == 0))) begin(drive);
+}
+
+/* ---- Samples --------------------------------------------------------------------------------------------- */
+
+/* How far the frame `to` has come, how much of `from` is left, and the former per second. */
+typedef struct {
+    float to, from, slope;
+} blend;
+
+/* From 0 to 1 with no jump up to the fourth derivative; for s up to 1/2, where it has all its digits. */
+static float smooth_step(float s) {
+    return s * s * s * s * s * (126.0f - s * (420.0f - s * (540.0f - s * (315.0f - s * 70.0f))));
+}
+
+/* Time-shared, `to` is the share of the slot and nothing is left of the frame before. */
+static blend blend_now(const padgen_drive *drive) {
+    const uint32_t ramp = PADGEN_RAMP_SAMPLES;
+    const int falls = PADGEN_TAKES_TURNS && drive->step > ramp;
+    const uint32_t step = falls ? 2 * ramp - drive->step : drive->step;
+    const float per_second = (float)PADGEN_RATE_HZ / (float)PADGEN_RAMP_SAMPLES;
+    blend now = {1.0f, 0.0f, 0.0f};
+    if (step < ramp) {
+        const float s = (float)step / (float)ramp, rest = (float)(ramp - step) / (float)ramp;
+        now.to = s < 0.5f ? smooth_step(s) : 1.0f - smooth_step(rest);
+        now.from = s < 0.5f ? 1.0f - now.to : smooth_step(rest);
+        now.slope = 630.0f * (s * rest) * (s * rest) * (s * rest) * (s * rest) * (falls ? -per_second : per_second);
+    }
+    if (PADGEN_TAKES_TURNS) now.from = 0.0f;
+    return now;
+}
+
+static void make_waves(padgen_drive *drive, unsigned kind) {
+    unsigned j;
+    for (j = 0; j < padgen_kind_channels[kind]; j++) {
+        const uint32_t phase = drive->phase[kind][j];
+        drive->cosine[kind][j] = sine(phase + UINT32_C(0x40000000));
+        drive->slope[kind][j] = -turn * padgen_tone_hz[kind][j] * sine(phase);
+    }
+}
+
+typedef struct {
+    float value, slope; /* the latter per second */
+} moving;
+
+/* The level of a coil's channel at this sample. */
+static moving level_now(const padgen_drive *drive, unsigned coil, unsigned j, blend now) {
+    const uint16_t taxel = padgen_coil_taxel[coil][j];
+    const float to = level_of(drive, drive->to, taxel);
+    const float from = PADGEN_TAKES_TURNS ? 0.0f : level_of(drive, drive->from, taxel);
+    moving level = {0.0f, 0.0f};
+    if (PADGEN_TAKES_TURNS && padgen_slot[padgen_coil_kind[coil]][j] != drive->slot) return level;
+    level.value = from * now.from + to * now.to;
+    level.slope = (to - from) * now.slope;
+    return level;
+}
+
+/* A sum and its slope, and a tone with an amplitude of its own more. */
+static void add(moving *sum, float amplitude, float amplitude_slope, float cosine, float cosine_slope) {
+    sum->value += amplitude * cosine;
+    sum->slope += amplitude_slope * cosine + amplitude * cosine_slope;
+}
+
+#if PADGEN_SCHEME == PADGEN_SPUR_FREE
+
+/* i = sqrt(F), F = constant + sum of level * line * cosine; on a carrier i = sqrt(2 F) times its cosine. */
+static moving current(const padgen_drive *drive, unsigned coil, blend now) {
+    const unsigned kind = padgen_coil_kind[coil];
+    const float before = drive->constant_a2[drive->from][coil], after = drive->constant_a2[drive->to][coil];
+    moving sum = {before * now.from + after * now.to, (after - before) * now.slope}, i = {0.0f, 0.0f};
+    unsigned j;
+    for (j = 0; j < padgen_kind_channels[kind]; j++) {
+        const moving level = level_now(drive, coil, j, now);
+        const float line = padgen_line_a2[kind][j];
+        add(&sum, line * level.value, line * level.slope, drive->cosine[kind][j], drive->slope[kind][j]);
+    }
+    if (sum.value < 1e-30f) return i;
+    i.value = sqrtf(sum.value);
+    i.slope = sum.slope / (2.0f * i.value);
+#if PADGEN_HAS_CARRIER
+    i.slope = 1.414213562f * (i.slope * drive->carrier[0] + i.value * drive->carrier[1]);
+    i.value *= 1.414213562f * drive->carrier[0];
+#endif
+    return i;
+}
+
+#elif PADGEN_SCHEME == PADGEN_BIASED
+
+/* i = B + sum of level * line / (2 B) * cosine. From and to silence all of it times the root of the blend, so that
+ * its square rises as the blend does. */
+static moving current(const padgen_drive *drive, unsigned coil, blend now) {
+    const unsigned kind = padgen_coil_kind[coil];
+    const float bias = padgen_bias_a[kind];
+    const int rises = !drive->playing[drive->from], falls = !drive->playing[drive->to];
+    const float share = rises ? now.to : now.from, slope = rises ? now.slope : -now.slope;
+    const blend all = {rises ? 1.0f : 0.0f, rises ? 0.0f : 1.0f, 0.0f};
+    moving i = {bias, 0.0f};
+    unsigned j;
+    for (j = 0; j < padgen_kind_channels[kind]; j++) {
+        const moving level = level_now(drive, coil, j, rises || falls ? all : now);
+        const float tone = padgen_line_a2[kind][j] / (2.0f * bias);
+        add(&i, tone * level.value, tone * level.slope, drive->cosine[kind][j], drive->slope[kind][j]);
+    }
+    if (rises || falls) {
+        const float root = sqrtf(share);
+        i.slope = share > 0.0f ? i.slope * root + i.value * slope / (2.0f * root) : 0.0f;
+        i.value *= root;
+    }
+    return i;
+}
+
+#else
+
+/* i = sum of sqrt(2 * level * line) * cosine, the cosine at half the force's frequency. */
+static moving current(const padgen_drive *drive, unsigned coil, blend now) {
+    const unsigned kind = padgen_coil_kind[coil];
+    moving i = {0.0f, 0.0f};
+    unsigned j;
+    for (j = 0; j < padgen_kind_channels[kind]; j++) {
+        const moving level = level_now(drive, coil, j, now);
+        if (level.value > 0.0f) {
+            const float tone = sqrtf(2.0f * level.value * padgen_line_a2[kind][j]);
+            const float slope = tone * level.slope / (2.0f * level.value);
+            add(&i, tone, slope, drive->cosine[kind][j], drive->slope[kind][j]);
+        }
+    }
+    return i;
+}
+
+#endif
+
+static void step_phases(padgen_drive *drive) {
+    unsigned kind, j;
+    if (drive->step < UINT32_MAX) drive->step++;
+    if (++drive->sample >= PADGEN_PERIOD_SAMPLES) {
+        restart_phases(drive); /* what the increments were rounded by never adds up */
+        return;
+    }
+    drive->carrier_phase += PADGEN_CARRIER_INCREMENT;
+    for (kind = 0; kind < PADGEN_KINDS; kind++)
+        for (j = 0; j < padgen_kind_channels[kind]; j++) drive->phase[kind][j] += padgen_increment[kind][j];
+}
+
+void padgen_next(padgen_drive *drive, float volts[PADGEN_COILS]) {
+    unsigned kind, coil;
+    turn_over(drive);
+    if (drive->silent) {
+        for (coil = 0; coil < PADGEN_COILS; coil++) volts[coil] = 0.0f;
+    } else {
+        const blend now = blend_now(drive);
+        for (kind = 0; kind < PADGEN_KINDS; kind++) make_waves(drive, kind);
+#if PADGEN_HAS_CARRIER
+        drive->carrier[0] = sine(drive->carrier_phase + UINT32_C(0x40000000));
+        drive->carrier[1] = -turn * PADGEN_CARRIER_HZ * sine(drive->carrier_phase);
+#endif
+        for (coil = 0; coil < PADGEN_COILS; coil++) {
+            const moving i = current(drive, coil, now);
+            volts[coil] = PADGEN_RESISTANCE_OHM * i.value + PADGEN_INDUCTANCE_H * i.slope;
+        }
+    }
+    step_phases(drive);
+}

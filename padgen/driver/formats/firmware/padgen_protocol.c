@@ -1,0 +1,207 @@
+/* See padgen_protocol.h and docs/protocol.md. */
+#include "padgen_protocol.h"
+
+#include <string.h>
+
+enum { HELLO = 1, FRAME = 2, FRAME_BITS = 3, SILENCE = 4, PING = 5, GREETING = 129, ACK = 130, NAK = 131 };
+enum { DAMAGED = 1, VERSION = 2, KIND = 3, LENGTH = 4, STRANGER = 5, DUPLICATE = 6, ORDER = 7, BUSY = 8 };
+enum { HEAD = 4, TAIL = 4, GREETING_BYTES = 40, LONGEST_ANSWER = HEAD + GREETING_BYTES + TAIL };
+
+/* CRC-32 as in Ethernet and zlib, four bits at a time. */
+static uint32_t checksum(const uint8_t *bytes, size_t count) {
+    static const uint32_t table[16] = {
+        UINT32_C(0x00000000), UINT32_C(0x1db71064), UINT32_C(0x3b6e20c8), UINT32_C(0x26d930ac),
+        UINT32_C(0x76dc4190), UINT32_C(0x6b6b51f4), UINT32_C(0x4db26158), UINT32_C(0x5005713c),
+        UINT32_C(0xedb88320), UINT32_C(0xf00f9344), UINT32_C(0xd6d6a3e8), UINT32_C(0xcb61b38c),
+        UINT32_C(0x9b64c2b0), UINT32_C(0x86d3d2d4), UINT32_C(0xa00ae278), UINT32_C(0xbdbdf21c),
+    };
+    uint32_t rest = UINT32_C(0xffffffff);
+    while (count--) {
+        rest ^= *bytes++;
+        rest = table[rest & 15] ^ (rest >> 4);
+        rest = table[rest & 15] ^ (rest >> 4);
+    }
+    return ~rest;
+}
+
+static uint8_t *put(uint8_t *at, uint32_t value, unsigned bytes) {
+    while (bytes--) {
+        *at++ = (uint8_t)value;
+        value >>= 8;
+    }
+    return at;
+}
+
+static uint32_t get(const uint8_t *at, unsigned bytes) {
+    uint32_t value = 0;
+    while (bytes--) value = value << 8 | at[bytes];
+    return value;
+}
+
+/* ---- Answers --------------------------------------------------------------------------------------------- */
+
+/* Send a packet whose payload is in place: answers are shorter than a block of the stuffing. */
+static void send_packet(padgen_link *link, uint8_t *packet, unsigned payload, unsigned kind, uint32_t sequence) {
+    uint8_t line[LONGEST_ANSWER + 3];
+    size_t count = HEAD + payload, mark = 1, k;
+    packet[0] = PADGEN_PROTOCOL_VERSION;
+    packet[1] = (uint8_t)kind;
+    put(packet + 2, sequence, 2);
+    put(packet + count, checksum(packet, count), 4);
+    count += TAIL;
+    line[0] = 0;
+    for (k = 0; k < count; k++) {
+        line[k + 2] = packet[k];
+        if (packet[k] == 0) {
+            line[mark] = (uint8_t)(k + 2 - mark);
+            mark = k + 2;
+        }
+    }
+    line[mark] = (uint8_t)(count + 2 - mark);
+    line[count + 2] = 0;
+    link->send(link->context, line, count + 3);
+}
+
+static void acknowledge(padgen_link *link, unsigned kind, uint32_t sequence) {
+    uint8_t packet[LONGEST_ANSWER];
+    packet[HEAD] = (uint8_t)kind;
+    packet[HEAD + 1] = (uint8_t)padgen_state(link->drive);
+    send_packet(link, packet, 2, ACK, sequence);
+}
+
+static void refuse(padgen_link *link, unsigned kind, uint32_t sequence, unsigned reason) {
+    uint8_t packet[LONGEST_ANSWER];
+    packet[HEAD] = (uint8_t)kind;
+    packet[HEAD + 1] = (uint8_t)reason;
+    put(packet + HEAD + 2, link->next_sequence, 2);
+    send_packet(link, packet, 4, NAK, sequence);
+}
+
+static uint32_t parts_of_s(uint64_t samples, uint32_t parts) {
+    return (uint32_t)((samples * parts + PADGEN_RATE_HZ - 1) / PADGEN_RATE_HZ);
+}
+
+static void greet(padgen_link *link, uint32_t sequence) {
+    const uint64_t longest = (uint64_t)PADGEN_STEP_SAMPLES * (PADGEN_TAKES_TURNS ? 1 : 2);
+    const uint64_t least = (uint64_t)PADGEN_STEP_SAMPLES * (PADGEN_TAKES_TURNS ? PADGEN_SLOTS : 1);
+    uint8_t packet[LONGEST_ANSWER], *at = packet + HEAD;
+    memcpy(at, padgen_plan_hash, 8);
+    at = put(at + 8, PADGEN_TAXELS, 2);
+    at = put(at, PADGEN_COILS, 2);
+    at = put(at, PADGEN_CHANNELS, 1);
+    at = put(at, PADGEN_SCHEME, 1);
+    at = put(at, link->next_sequence, 2);
+    at = put(at, PADGEN_RATE_HZ, 4);
+    at = put(at, parts_of_s(PADGEN_FRAME_SAMPLES, 1000000), 4);
+    at = put(at, parts_of_s(least, 1000000), 4);
+    at = put(at, parts_of_s(PADGEN_WATCHDOG_SAMPLES, 1000), 4);
+    at = put(at, parts_of_s(longest, 1000), 4);
+    send_packet(link, packet, (unsigned)(at - packet) - HEAD, GREETING, sequence);
+}
+
+/* ---- Messages -------------------------------------------------------------------------------------------- */
+
+/* A frame is shown as a whole or not at all, and each once: that of the sequence number which is due. */
+static void frame(padgen_link *link, unsigned kind, uint16_t sequence, const uint8_t *payload, unsigned count) {
+    const unsigned due = kind == FRAME ? PADGEN_TAXELS : (PADGEN_TAXELS + 7) / 8;
+    const uint16_t behind = (uint16_t)(link->next_sequence - sequence);
+    uint8_t level[PADGEN_TAXELS];
+    unsigned k;
+    if (!link->greeted) {
+        refuse(link, kind, sequence, STRANGER);
+    } else if (count != due) {
+        refuse(link, kind, sequence, LENGTH);
+    } else if (behind != 0) {
+        refuse(link, kind, sequence, behind < 0x8000 ? DUPLICATE : ORDER);
+    } else {
+        for (k = 0; k < PADGEN_TAXELS; k++)
+            level[k] = kind == FRAME ? payload[k] : (uint8_t)(payload[k / 8] >> k % 8 & 1 ? 255 : 0);
+        if (!padgen_show(link->drive, level)) {
+            refuse(link, kind, sequence, BUSY);
+            return;
+        }
+        link->next_sequence++;
+        acknowledge(link, kind, sequence);
+    }
+}
+
+static void hello(padgen_link *link, uint16_t sequence, const uint8_t *payload, unsigned count) {
+    if (count < 8) {
+        refuse(link, HELLO, sequence, LENGTH);
+        return;
+    }
+    link->greeted = memcmp(payload, padgen_plan_hash, 8) == 0;
+    if (!link->greeted) padgen_silence(link->drive);
+    greet(link, sequence);
+}
+
+static void message(padgen_link *link) {
+    const uint8_t *packet = link->packet;
+    const unsigned count = link->length;
+    const unsigned kind = packet[1];
+    uint16_t sequence;
+    if (link->broken || link->left || count < HEAD + TAIL ||
+        get(packet + count - TAIL, 4) != checksum(packet, count - TAIL)) {
+        refuse(link, 0, 0, DAMAGED);
+        return;
+    }
+    sequence = (uint16_t)get(packet + 2, 2);
+    if (packet[0] != PADGEN_PROTOCOL_VERSION) {
+        refuse(link, kind, sequence, VERSION);
+        return;
+    }
+    link->quiet = 0;
+    if (kind == HELLO) {
+        hello(link, sequence, packet + HEAD, count - HEAD - TAIL);
+    } else if (kind == FRAME || kind == FRAME_BITS) {
+        frame(link, kind, sequence, packet + HEAD, count - HEAD - TAIL);
+    } else if (kind == SILENCE || kind == PING) {
+        if (kind == SILENCE) padgen_silence(link->drive);
+        acknowledge(link, kind, sequence);
+    } else {
+        refuse(link, kind, sequence, KIND);
+    }
+}
+
+/* ---- Bytes ----------------------------------------------------------------------------------------------- */
+
+static void clear(padgen_link *link) {
+    link->length = 0;
+    link->left = link->full = link->begun = link->broken = 0;
+}
+
+static void store(padgen_link *link, uint8_t byte) {
+    if (link->length < PADGEN_LONGEST)
+        link->packet[link->length++] = byte;
+    else
+        link->broken = 1;
+}
+
+void padgen_link_byte(padgen_link *link, uint8_t byte) {
+    if (byte == 0) { /* the end of a packet, whatever came before */
+        if (link->begun) message(link);
+        clear(link);
+    } else if (link->left) {
+        link->left--;
+        store(link, byte);
+    } else { /* a block's first byte: how far it is to the next zero */
+        if (link->begun && !link->full) store(link, 0);
+        link->begun = 1;
+        link->left = (uint8_t)(byte - 1);
+        link->full = byte == 255;
+    }
+}
+
+void padgen_link_tick(padgen_link *link, uint32_t samples) {
+    if (link->quiet < PADGEN_WATCHDOG_SAMPLES) {
+        link->quiet += samples;
+        if (link->quiet >= PADGEN_WATCHDOG_SAMPLES) padgen_silence(link->drive);
+    }
+}
+
+void padgen_link_start(padgen_link *link, padgen_drive *drive, padgen_send send, void *context) {
+    memset(link, 0, sizeof *link);
+    link->drive = drive;
+    link->send = send;
+    link->context = context;
+}

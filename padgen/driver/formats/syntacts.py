@@ -1,0 +1,306 @@
+"""A Python script that plays a pad through Syntacts (mahilab, MIT licence): one output channel per coil.
+
+Syntacts makes sums, products and sequences of simple signals while it plays. Steady tones are its sines. Where levels
+change, and for the root of a spur-free drive, its expressions of t are used, so that all schemes are played as they
+are: the volts are those of `padgen.driver.waveform`, with L di/dt of the transitions too. (It can also read a WAV
+file, but only its first channel, and then steps through the samples by truncating a time that is summed up.)
+
+A coil is a list of parts ``(start, length, terms)``, of a time t that begins with the part; each term is
+``(shape, constant, tones)`` for shape(t) · (constant + Σ a sin(w t + p)). Parts meet half way between two samples: a
+Syntacts sequence plays both where they touch.
+"""
+
+from collections.abc import Iterator
+from itertools import pairwise
+from math import ceil
+from typing import NamedTuple
+
+import numpy as np
+
+from padgen.driver.formats.syntacts_player import CONSTANT, TEMPLATE
+from padgen.driver.pad_drive import CoilDrive, PadDrive, constant_a2
+from padgen.driver.timeline import Timeline, ramp_s
+from padgen.driver.waveform import volts
+from padgen.errors import at_least, number
+from padgen.planner.plan import Plan
+
+__all__ = ["syntacts_script"]
+
+Tones = list[tuple[complex, float, float]]
+Term = tuple[str, float, list[tuple[float, float, float]]]
+
+
+class _Stretch(NamedTuple):
+    """Samples between two keyframes, `key` and the next; t counts from `start_s` on.
+
+    The share of the way from one to the other is ``clamp(0, offset + speed t, 1)``; `turn` is what a line of
+    harmonic 1 has turned by, in half samples of the comb's period, when t is 0.
+    """
+
+    key: int
+    start_s: float
+    length_s: float
+    offset: float
+    speed: float
+    half_samples: int
+
+
+def syntacts_script(plan: Plan, drive: PadDrive, timeline: Timeline, full_scale_v: float | None = None) -> str:
+    """The script's text; a sample of 1 is `full_scale_v` at the coil.
+
+    That should be the written wave's, if there is one; None: the amplifier's limit, or the peak where it is above.
+    """
+    scale_v = full_scale_v or _scale_v(drive, timeline)
+    stretches = list(_stretches(drive, timeline))
+    known: dict[str, int] = {}
+    texts: list[str] = []
+    for coil in drive.coils:
+        texts.append(_coil_text(list(_parts(drive, timeline, coil, stretches, scale_v))))
+        known.setdefault(texts[-1], len(known))
+    signals = "".join(f"    {text},\n" for text in known)
+    coils = "".join(
+        f"    {known[text]},  # row {coil.row}, column {coil.column}: {_taxels(plan, coil)}\n"
+        for text, coil in zip(texts, drive.coils, strict=True)
+    )
+    constant = CONSTANT if drive.has_constant else ""
+    return TEMPLATE.format(
+        name=plan.name,
+        scheme=drive.scheme.name,
+        coils=len(drive.coils),
+        scale_v=number(scale_v),
+        constant=constant,
+        rate=drive.rate_hz,
+        seconds=_figure(timeline.seconds),
+        loops=timeline.loops,
+        ramp=_figure(ramp_s(plan)),
+        signals=signals,
+        coil_signals=coils,
+    )
+
+
+def _scale_v(drive: PadDrive, timeline: Timeline) -> float:
+    peak_v = max((float(np.abs(block).max(initial=0)) for block in volts(drive, timeline)), default=0.0)
+    return drive.voltage_limit_v if peak_v <= drive.voltage_limit_v else float(at_least(peak_v))
+
+
+def _taxels(plan: Plan, coil: CoilDrive) -> str:
+    return " ".join(plan.taxels[index].id for index in coil.taxels) or "no taxel"
+
+
+def _figure(value: float) -> str:
+    """A number for the script: twelve digits, so that platforms agree."""
+    return repr(float(f"{value:.12g}"))
+
+
+def _stretches(drive: PadDrive, timeline: Timeline) -> Iterator[_Stretch]:
+    """What is between the keyframes, in the samples that the written wave has it in."""
+    rate = drive.rate_hz
+    edge = [ceil(round(float(time_s) * rate, 6)) for time_s in timeline.time_s]
+    edge[-1] = round(timeline.seconds * rate)
+    for key, (first, last) in enumerate(pairwise(edge)):
+        if last <= first:
+            continue
+        half = max(2 * first - 1, 0)
+        end = 2 * last if key == len(edge) - 2 else 2 * last - 1
+        begin_s, speed = float(timeline.time_s[key]), 1 / float(timeline.time_s[key + 1] - timeline.time_s[key])
+        start_s = half / (2 * rate)
+        yield _Stretch(key, start_s, (end - half) / (2 * rate), (start_s - begin_s) * speed, speed, half)
+
+
+def _parts(
+    drive: PadDrive, timeline: Timeline, coil: CoilDrive, stretches: list[_Stretch], scale_v: float
+) -> Iterator[tuple[_Stretch, list[Term]]]:
+    """The terms of one coil's stretches, in shares of `scale_v`; none for silence."""
+    if not len(coil.taxels):
+        return
+    levels = timeline.levels[:, coil.taxels]
+    constant = constant_a2(drive, coil, levels) if drive.scheme.name == "spur-free" else np.zeros(len(levels))
+    for stretch in stretches:
+        before, after = levels[stretch.key], levels[stretch.key + 1]
+        if drive.scheme.name == "spur-free":
+            root = _root_text(drive, coil, stretch, (before, after), constant[stretch.key : stretch.key + 2], scale_v)
+            terms: list[Term] = [(root, 1.0, [])] if root else []
+        elif drive.scheme.name == "biased":
+            fed = _is_fed(timeline, stretch.key), _is_fed(timeline, stretch.key + 1)
+            terms = list(_biased(drive, coil, stretch, (before, after), fed, scale_v))
+        else:
+            terms = list(_tones(drive, coil, stretch, (before, after), scale_v))
+        if terms:
+            yield stretch, terms
+
+
+def _is_fed(timeline: Timeline, key: int) -> bool:
+    """Whether the constant current of the biased scheme flows: not in the silence at the two ends."""
+    ends = key in (0, len(timeline.time_s) - 1)
+    return timeline.loops or not ends or bool(timeline.levels[key].any())
+
+
+Pair = tuple[np.ndarray, np.ndarray]
+
+
+def _tones(drive: PadDrive, coil: CoilDrive, stretch: _Stretch, levels: Pair, scale_v: float) -> Iterator[Term]:
+    """Sines at half the force's frequency, each with the root of its level."""
+    weight = np.sqrt(2 * coil.line_a2) * np.exp(0.5j * coil.phase_rad) / scale_v
+    for low, high in _pairs(levels):
+        own = (levels[0] == low) & (levels[1] == high)
+        if low == high:
+            shape, slope = "", ""
+        elif low == 0 or high == 0:
+            shape, slope = _root_of_step(stretch, rises=low == 0)
+        else:
+            shape, slope = _root_of_levels(stretch, low, high)
+        height = float(np.sqrt(low if low == high else 1 if min(low, high) > 0 else max(low, high)))
+        tones = list(_lines(drive, stretch, coil.harmonic[own] // 2, height * weight[own]))
+        yield from _fed(drive, (shape, slope), 0.0, tones)
+
+
+def _biased(
+    drive: PadDrive, coil: CoilDrive, stretch: _Stretch, levels: Pair, fed: tuple[bool, bool], scale_v: float
+) -> Iterator[Term]:
+    """A constant and sines at the force's frequency, each as its level; as a whole with a root from and to silence."""
+    weight = coil.line_a2 / (2 * coil.bias_a) * np.exp(1j * coil.phase_rad) / scale_v
+    bias = coil.bias_a / scale_v
+    if fed[0] != fed[1]:
+        steady = weight * levels[fed.index(True)]
+        tones = list(_lines(drive, stretch, coil.harmonic, steady))
+        yield from _fed(drive, _root_of_step(stretch, rises=fed[1]), bias, tones)
+    elif fed[0]:
+        yield "", drive.resistance_ohm * bias, []
+        for low, high in _pairs(levels):
+            own = (levels[0] == low) & (levels[1] == high)
+            shapes = ("", "") if low == high else _levels_text(stretch, low, high)
+            height = low if low == high else 1.0
+            yield from _fed(drive, shapes, 0.0, list(_lines(drive, stretch, coil.harmonic[own], height * weight[own])))
+
+
+def _pairs(levels: Pair) -> list[tuple[float, float]]:
+    """The distinct pairs of levels that are not silent."""
+    pairs = {(float(low), float(high)) for low, high in zip(*levels, strict=True)}
+    return sorted(pair for pair in pairs if any(pair))
+
+
+def _lines(drive: PadDrive, stretch: _Stretch, harmonic: np.ndarray, weight: np.ndarray) -> Iterator[tuple]:
+    """Complex amplitudes of the current when t is 0, with their rates in rad/s."""
+    for k, amplitude in zip(harmonic.tolist(), weight.tolist(), strict=True):
+        turned = k * stretch.half_samples % (2 * drive.period_samples) / (2 * drive.period_samples)
+        if amplitude:
+            yield amplitude * np.exp(2j * np.pi * turned), 2 * np.pi * k / drive.period_s
+
+
+def _fed(drive: PadDrive, shapes: tuple[str, str], constant: float, lines: list[tuple]) -> Iterator[Term]:
+    """The volts of ``shape(t) (constant + lines)``: R i + L di/dt, the shape's slope with it."""
+    r, inductance = drive.resistance_ohm, drive.inductance_h
+    if not (lines or constant):
+        return
+    yield shapes[0], r * constant, [_tone((r + 1j * rate * inductance) * a, rate) for a, rate in lines]
+    if shapes[1] and inductance:
+        yield shapes[1], inductance * constant, [_tone(inductance * a, rate) for a, rate in lines]
+
+
+def _tone(amplitude: complex, rate: float) -> tuple[float, float, float]:
+    """Amplitude, rate and phase of the sine that is the real part of ``amplitude exp(i rate t)``."""
+    return abs(amplitude), rate, float(np.angle(1j * amplitude))
+
+
+def _n(value: float) -> str:
+    """A number for an expression."""
+    return f"{value:.15g}" if value >= 0 else f"({value:.15g})"
+
+
+def _share(stretch: _Stretch) -> str:
+    return f"var x := clamp(0, {_n(stretch.offset)} + {_n(stretch.speed)} * t, 1); "
+
+
+REST = "(126 - x * (420 - x * (540 - x * (315 - 70 * x))))"
+STEP = f"x * x * x * x * x * {REST}"
+"""`padgen.driver.timeline.blend` as an expression of the share x."""
+STEP_SLOPE = "630 * x * x * x * x * (1 - x) * (1 - x) * (1 - x) * (1 - x)"
+
+
+def _root_of_step(stretch: _Stretch, rises: bool) -> tuple[str, str]:
+    """The root of the smooth step, up or down, and its slope; in closed form, since both vanish where it starts."""
+    share = _share(stretch) + ("" if rises else "x := 1 - x; ")
+    speed = stretch.speed if rises else -stretch.speed
+    fall = "(1 - x) * (1 - x) * (1 - x) * (1 - x)"
+    return (
+        f"{share}x * x * sqrt(x) * sqrt{REST}",
+        f"{share}{_n(315 * speed)} * x * sqrt(x) * {fall} / sqrt{REST}",
+    )
+
+
+def _root_of_levels(stretch: _Stretch, low: float, high: float) -> tuple[str, str]:
+    """The root of a level that goes from one value to another, neither 0, and its slope."""
+    level, slope = _levels_text(stretch, low, high)
+    value = level.removeprefix(_share(stretch))
+    return f"{_share(stretch)}sqrt({value})", f"{slope} / (2 * sqrt({value}))"
+
+
+def _levels_text(stretch: _Stretch, low: float, high: float) -> tuple[str, str]:
+    """A level that goes from one value to another, and its slope."""
+    share = _share(stretch)
+    rise = f"{_n(high - low)}"
+    return f"{share}{_n(low)} + {rise} * ({STEP})", f"{share}{_n((high - low) * stretch.speed)} * {STEP_SLOPE}"
+
+
+def _root_text(
+    drive: PadDrive, coil: CoilDrive, stretch: _Stretch, levels: Pair, constant: np.ndarray, scale_v: float
+) -> str:
+    """The volts of √F, with F from one keyframe's force to the next's; '' for silence.
+
+    On a carrier the current is √(2F) cos(w t + p).
+    """
+    before, after = (coil.line_a2 * level for level in levels)
+    if not (before.any() or after.any()):
+        return ""
+    text, force, slope = "", [_mixed(constant[0], constant[1])], []
+    moves = not np.array_equal(before, after)
+    if moves:
+        # 1 − b is b of 1 − x, which keeps its digits where it is small: the root of it is taken.
+        text = (
+            f"{_share(stretch)}var b := {STEP}; var d := {_n(stretch.speed)} * {STEP_SLOPE}; "
+            f"x := 1 - x; var q := {STEP}; "
+        )
+        slope.append(f"{_n(constant[1] - constant[0])} * d")
+    lines = list(_lines(drive, stretch, coil.harmonic, np.exp(1j * coil.phase_rad)))
+    for j, (turned, rate) in enumerate(lines):
+        if before[j] or after[j]:
+            angle = f"({_n(rate)} * t + {_n(np.angle(turned))})"
+            level = _mixed(before[j], after[j])
+            text += f"var c{j} := cos{angle}; "
+            force.append(f"{level} * c{j}")
+            slope.append(f"{level} * {_n(-rate)} * sin{angle}")
+            if before[j] != after[j]:
+                slope.append(f"{_n(after[j] - before[j])} * d * c{j}")
+    r, half_l = drive.resistance_ohm / scale_v, drive.inductance_h / (2 * scale_v)
+    text += f"var r := sqrt(max({' + '.join(force)}, 1e-300)); var s := ({' + '.join(slope)}) / r; "
+    if drive.carrier_hz is None:
+        return f"{text}{_n(r)} * r + {_n(half_l)} * s"
+    return text + _carrier_text(drive, stretch, r, half_l)
+
+
+def _mixed(before: float, after: float) -> str:
+    """A number that goes with the smooth step b, of which q is what is left to 1."""
+    shares = [f"{_n(value)} * {share}" for value, share in ((before, "q"), (after, "b")) if value]
+    return _n(before) if before == after else f"({' + '.join(shares)})"
+
+
+def _carrier_text(drive: PadDrive, stretch: _Stretch, r: float, half_l: float) -> str:
+    """What the root `r` and its slope `s` make on a carrier."""
+    assert drive.carrier_hz is not None
+    harmonic = np.array([round(drive.carrier_hz * drive.period_s)])
+    ((turned, rate),) = _lines(drive, stretch, harmonic, np.full(1, np.sqrt(2) + 0j))
+    angle = f"({_n(rate)} * t + {_n(np.angle(turned))})"
+    high = abs(turned)
+    return f"{_n(high)} * (({_n(r)} * r + {_n(half_l)} * s) * cos{angle} - {_n(2 * half_l * rate)} * r * sin{angle})"
+
+
+def _coil_text(parts: list[tuple[_Stretch, list[Term]]]) -> str:
+    return "[" + ",\n     ".join(f"({s.start_s!r}, {s.length_s!r}, {_terms_text(terms)})" for s, terms in parts) + "]"
+
+
+def _terms_text(terms: list[Term]) -> str:
+    shown = []
+    for shape, constant, tones in terms:
+        sines = ", ".join(f"({_figure(a)}, {rate!r}, {_figure(phase)})" for a, rate, phase in tones)
+        shown.append(f"({shape!r}, {_figure(constant)}, [{sines}])")
+    return "[" + ", ".join(shown) + "]"

@@ -1,0 +1,293 @@
+"""The pad's waveforms as a WAV file, and beside it what a reader must know: scale, coils, lines, keyframes."""
+
+import json
+import zlib
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from math import floor, log10
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from padgen.driver.formats.wav import LARGEST_24, WavWriter, read_wav
+from padgen.driver.pad_drive import PadDrive
+from padgen.driver.timeline import Timeline
+from padgen.driver.waveform import blocks, sample_count
+from padgen.errors import FileError, SpecError, at_most, number
+from padgen.files import json_text
+from padgen.finding import Finding
+from padgen.physics.root_margin import ALIAS_DB
+from padgen.planner.plan import Plan
+from padgen.retune.tuning import Tuning, tuning_hash
+
+__all__ = ["SIGNALS", "WaveReport", "full_scale", "wave_json", "write_wave"]
+
+SIGNALS = {"voltage": "V", "current": "A"}
+"""What a file's samples are, and their unit."""
+CHECKED_BLOCK = 1 << 12
+"""Samples that are compared one by one when a file is read back."""
+
+
+@dataclass(frozen=True, slots=True)
+class WaveReport:
+    """What was written: sample 1 is `full_scale`, in V or A as `signal` says; WAV channels are the coils.
+
+    `rms_current_a`, `copper_loss_w` are each coil's over the file, `loss_over_tones` what all coils' is over that of
+    plain tones with the same lines. `alias_db`: see `PadDrive`.
+    """
+
+    rate_hz: int
+    count: int
+    depth: str
+    signal: str
+    full_scale: float
+    peak: float
+    rms_current_a: tuple[float, ...]
+    copper_loss_w: tuple[float, ...]
+    loss_over_tones: float | None
+    period_s: float
+    loops: bool
+    scheme: str
+    carrier_hz: float | None
+    alias_db: float | None
+    findings: tuple[Finding, ...]
+
+    @property
+    def seconds(self) -> float:
+        """The file's length."""
+        return self.count / self.rate_hz
+
+
+class _Tally(NamedTuple):
+    """What a pass over all blocks found: largest sample, sum of i² (coils,), checksum, the first samples."""
+
+    peak: float
+    square_a2: np.ndarray
+    checksum: int
+    first: np.ndarray
+
+
+def write_wave(
+    path: Path, drive: PadDrive, timeline: Timeline, depth: str = "24", signal: str = "voltage"
+) -> WaveReport:
+    """Write a WAV file, one channel per coil, read it back and compare.
+
+    Sample 1 is the amplifier's limit, or the next round value where the voltage goes above it: nothing is clipped.
+
+    Raises
+    ------
+    FileError
+        The file cannot be written, or is not on disk what was written.
+    SpecError
+        A timeline that loops and is not whole periods of the comb, or that has two channels of a coil on where they
+        take turns.
+    """
+    _refuse_seam(drive, timeline)
+    _refuse_crowd(drive, timeline)
+    scale = full_scale(drive, signal)
+    tally = _write(path, drive, timeline, depth, signal, scale)
+    if tally.peak > scale * LARGEST_24:
+        scale = _round_up(tally.peak / LARGEST_24)
+        tally = _write(path, drive, timeline, depth, signal, scale)
+    count = sample_count(drive, timeline)
+    _read_back(path, drive, depth, tally, count)
+    mean_square = tally.square_a2 / max(count, 1)
+    tones_a2 = _tones_square_a2(drive, timeline) * drive.rate_hz
+    return WaveReport(
+        rate_hz=drive.rate_hz,
+        count=count,
+        depth=depth,
+        signal=signal,
+        full_scale=scale,
+        peak=tally.peak,
+        rms_current_a=tuple(np.sqrt(mean_square).tolist()),
+        copper_loss_w=tuple((drive.resistance_ohm * mean_square).tolist()),
+        loss_over_tones=float(tally.square_a2.sum() / tones_a2) if tones_a2 > 0 else None,
+        period_s=drive.period_s,
+        loops=timeline.loops,
+        scheme=drive.scheme.name,
+        carrier_hz=drive.carrier_hz,
+        alias_db=drive.alias_db,
+        findings=tuple(_findings(path.name, drive, signal, tally.peak)),
+    )
+
+
+def full_scale(drive: PadDrive, signal: str = "voltage") -> float:
+    """What sample 1 is in a file of this drive: the amplifier's limit in V, or a round current in A above all."""
+    if signal == "voltage":
+        return drive.voltage_limit_v
+    peaks = [0.0]
+    for coil in drive.coils:
+        line = coil.line_a2
+        if drive.scheme.name == "spur-free":
+            root = np.sqrt((2 + (coil.margin.max() if len(line) else 0.0)) * line.sum())
+            peaks.append(float(root) * (1 if drive.carrier_hz is None else 2**0.5))
+        elif drive.scheme.name == "biased" and len(line):
+            peaks.append(coil.bias_a + float(line.sum()) / (2 * coil.bias_a))
+        else:
+            tones = np.sqrt(2 * line)
+            peaks.append(float(tones.max(initial=0) if drive.scheme.takes_turns else tones.sum()))
+    return _round_up(max(peaks) / LARGEST_24)
+
+
+def _round_up(value: float) -> float:
+    """The next of 1, 1.5, 2, 3, 5, 7 times a power of ten."""
+    if value <= 0:
+        return 1.0
+    power = floor(log10(value))
+    return next(s * 10.0**power for s in (1, 1.5, 2, 3, 5, 7, 10, 15) if s * 10.0**power >= value)
+
+
+def _write(path: Path, drive: PadDrive, timeline: Timeline, depth: str, signal: str, scale: float) -> _Tally:
+    """One pass; once a sample would be clipped only the largest is looked for, since another pass follows."""
+    count, coils = sample_count(drive, timeline), len(drive.coils)
+    peak, square, first = 0.0, np.zeros(coils), np.zeros((0, coils))
+    comment = f"sample 1 = {scale:g} {SIGNALS[signal]}; channel k is coil k, row by row"
+    try:
+        with WavWriter(path, drive.rate_hz, coils, count, depth, comment) as file:
+            for block in blocks(drive, timeline, signal=signal):
+                peak = max(peak, float(block.samples.max()), -float(block.samples.min()))
+                square += block.square_a2
+                if peak > scale * LARGEST_24:
+                    continue
+                samples = block.samples * (1 / scale)
+                file.write(samples)
+                if not len(first):
+                    first = samples[:CHECKED_BLOCK].copy()
+            if peak > scale * LARGEST_24:
+                raise _WouldClipError
+            checksum = file.checksum
+    except _WouldClipError:
+        return _Tally(peak, square, 0, first)
+    except OSError as error:
+        raise FileError(f"cannot be written ({error.strerror or type(error).__name__})", str(path)) from error
+    return _Tally(peak, square, checksum, first)
+
+
+class _WouldClipError(Exception):
+    """Leaves a file whose scale was too small."""
+
+
+def _read_back(path: Path, drive: PadDrive, depth: str, tally: _Tally, count: int) -> None:
+    """Raise unless the file has what was written: its head, its first samples by value, all others by checksum."""
+    wave = read_wav(path)
+    said = wave.rate_hz, wave.channels, wave.count, wave.kind, wave.bits
+    due = drive.rate_hz, len(drive.coils), count, *(("pcm", 24) if depth == "24" else ("float", 32))
+    checksum = 0
+    for part in wave.data():
+        checksum = zlib.crc32(part, checksum)
+    # Half a step of 24 bits; a float's rounding is as large, at full scale.
+    near = np.abs(wave.read(0, len(tally.first)) - tally.first).max(initial=0) <= 0.5001 * 2.0**-23
+    if said != due or checksum != tally.checksum or not near:
+        raise FileError("read back is not what was written; the disk may be full or faulty", str(path))
+
+
+def _refuse_seam(drive: PadDrive, timeline: Timeline) -> None:
+    if not timeline.loops:
+        return
+    periods = sample_count(drive, timeline) / drive.period_samples
+    if abs(periods - round(periods)) * drive.period_samples > 0.5 or round(periods) < 1:
+        whole = max(round(periods), 1) * drive.period_s
+        raise SpecError(
+            f"of a loop must be whole periods of {number(drive.period_s)} s, got {number(timeline.seconds)} s;"
+            f" {number(whole)} s would do",
+            "--seconds",
+        )
+    if not np.array_equal(timeline.levels[0], timeline.levels[-1]):
+        raise SpecError("that loop must end with the levels that they begin with", "frames")
+
+
+def _refuse_crowd(drive: PadDrive, timeline: Timeline) -> None:
+    if not drive.scheme.takes_turns:
+        return
+    for coil in drive.coils:
+        if ((timeline.levels[:, coil.taxels] > 0).sum(1) > 1).any():
+            raise SpecError(
+                f"has two channels of coil ({coil.row}, {coil.column}) on at once, and time-shared they take turns",
+                "frames",
+            )
+
+
+def _tones_square_a2(drive: PadDrive, timeline: Timeline) -> float:
+    """Integral in A² s of i² of all coils with plain tones of the same lines: their mean is the sum of the lines."""
+    seconds = np.diff(timeline.time_s)
+    mean = seconds @ (timeline.levels[:-1] + timeline.levels[1:]) / 2
+    return float(sum((mean[coil.taxels] * coil.line_a2).sum() for coil in drive.coils))
+
+
+def _findings(name: str, drive: PadDrive, signal: str, peak: float) -> Iterator[Finding]:
+    limit = drive.voltage_limit_v
+    if signal == "voltage" and peak > limit:
+        # All currents go with the root of the level.
+        level = at_most(drive.level_um * (limit / peak) ** 2)
+        yield Finding(
+            "error",
+            "wave.voltage",
+            name,
+            f"peaks at {number(peak)} V, above drive.voltage_limit_v = {number(limit)} V; drive.level_um of {level}"
+            " would fit it",
+        )
+    if drive.has_constant:
+        cure = "; a carrier (--carrier) has none" if drive.scheme.name == "spur-free" else ""
+        yield Finding("note", "wave.dc", name, f"has a constant part, so the amplifier must pass 0 Hz{cure}")
+    if drive.alias_db is not None and drive.alias_db > ALIAS_DB:
+        yield Finding(
+            "warning",
+            "wave.alias",
+            name,
+            f"has {number(drive.alias_db)} dB of its largest line above what the amplifier passes, at most {ALIAS_DB:g}"
+            " dB is meant; a higher rate would do",
+        )
+
+
+def wave_json(
+    plan: Plan,
+    drive: PadDrive,
+    timeline: Timeline,
+    report: WaveReport,
+    name: str = "drive.wav",
+    tuning: Tuning | None = None,
+) -> str:
+    """What a reader of the WAV file must know, as JSON: scale, coils in the order of its channels, lines, keyframes.
+
+    `tuning` is the one that `drive` was made with.
+    """
+    figures: dict[str, Any] = {key: value for key, value in asdict(report).items() if key != "findings"}
+    figures["seconds"] = report.seconds
+    table = {
+        "name": plan.name,
+        "wave": name,
+        "tuned_to": None if tuning is None else tuning_hash(tuning),
+        "unit": SIGNALS[report.signal],
+        **figures,
+        "resistance_ohm": drive.resistance_ohm,
+        "inductance_mh": drive.inductance_h * 1e3,
+        "findings": [asdict(finding) for finding in report.findings],
+        "coils": [{"wav_channel": k, "coil": [c.row, c.column]} for k, c in enumerate(drive.coils)],
+        "taxels": _taxels(plan, drive),
+        "keyframes_note": "levels of all taxels, in the order of the plan's, from each time on blended into the next",
+    }
+    rows = (
+        {"time_s": float(f"{time:.10g}"), "levels": [float(f"{level:.10g}") for level in levels]}
+        for time, levels in zip(timeline.time_s.tolist(), timeline.levels.tolist(), strict=True)
+    )
+    lines = ",\n  ".join(json.dumps(row) for row in rows)
+    return f'{json_text(table).rstrip()[:-1].rstrip()},\n "keyframes": [\n  {lines}\n ]\n}}\n'
+
+
+def _taxels(plan: Plan, drive: PadDrive) -> list[dict[str, Any]]:
+    """Every taxel's line of i², in the order of the plan's."""
+    rows: dict[int, dict[str, Any]] = {}
+    for wav_channel, coil in enumerate(drive.coils):
+        drive_hz = coil.force_hz if drive.scheme.has_constant else coil.force_hz / 2
+        for j, index in enumerate(coil.taxels.tolist()):
+            rows[index] = {
+                "id": plan.taxels[index].id,
+                "wav_channel": wav_channel,
+                "force_hz": float(coil.force_hz[j]),
+                "drive_hz": float(drive_hz[j]),
+                "line_a2": float(coil.line_a2[j]),
+                "phase_rad": float(coil.phase_rad[j]),
+            }
+    return [rows[index] for index in sorted(rows)]

@@ -1,0 +1,316 @@
+"""`PadDrive`: what every coil of a pad, as planned or as measured, plays when its taxels are on.
+
+Frequencies lie on a *comb*, whole multiples of 1/period, so that what is written can be looped without a
+seam and the smallest constant of a spur-free force is known for all times. A line that the comb moves off
+its taxel's resonance is made as much larger as the taxel answers less there.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from math import ceil, floor, isfinite
+
+import numpy as np
+
+from padgen.errors import SpecError, at_least, number
+from padgen.physics.comb import comb_period_s, on_comb
+from padgen.physics.crest import least_constant, low_crest_phases
+from padgen.physics.currents import bias_a
+from padgen.physics.resonator import relative_energy
+from padgen.physics.root_margin import RootMargin, root_margin
+from padgen.physics.selectivity import Scheme
+from padgen.planner.plan import Plan
+from padgen.planner.settings import level_law, scheme_named
+from padgen.retune.tuning import Tuning, planned_tuning
+from padgen.units import MH
+
+__all__ = ["HIGHEST_RATE_HZ", "RATE_OVER_RESONANCE", "CoilDrive", "PadDrive", "constant_a2", "make_drive"]
+
+HIGHEST_RATE_HZ = 1_000_000
+RATE_OVER_RESONANCE = 8
+"""Samples in a period of the highest resonance: the fewest."""
+CARRIER_OVER_RESONANCE = 5
+"""The carrier over the highest resonance: at twice the carrier a pull of i² is then ten times above every taxel."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CoilDrive:
+    """What one coil plays; arrays (n,), its lowest channel first.
+
+    `taxels` are indices into the plan's. A taxel at level 1 gets the line ``line_a2 cos(2π force_hz t + phase_rad)``
+    of i²; `force_hz` is ``harmonic / period``. `bias_a` is the constant current of the biased scheme, else 0;
+    `margin` the share of its line that each channel adds to the smallest constant, spur-free, else 0.
+    """
+
+    row: int
+    column: int
+    taxels: np.ndarray
+    force_hz: np.ndarray
+    harmonic: np.ndarray
+    line_a2: np.ndarray
+    phase_rad: np.ndarray
+    bias_a: float
+    margin: np.ndarray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PadDrive:
+    """The coils of a pad, row by row, and what feeds them: all of one scheme and on one comb.
+
+    `rate_hz` is that of the samples; a period is a whole number of them. `resistance_ohm`, `inductance_h`
+    are each coil's, `level_um` the ON amplitude that was asked of the lowest channel. With a `carrier_hz` (spur-free
+    only) the current is ``√(2F) cos(2π carrier_hz t)``, for amplifiers that pass no constant. `alias_db` is what the
+    voltage has above the amplifier's band over its largest line, the worst of all coils; None but for spur-free.
+    """
+
+    scheme: Scheme
+    rate_hz: int
+    period_s: float
+    resistance_ohm: float
+    inductance_h: float
+    voltage_limit_v: float
+    coils: tuple[CoilDrive, ...]
+    level_um: float
+    carrier_hz: float | None
+    alias_db: float | None
+
+    @property
+    def period_samples(self) -> int:
+        """Samples of one period of the comb."""
+        return round(self.period_s * self.rate_hz)
+
+    @property
+    def has_constant(self) -> bool:
+        """Whether what the amplifier passes has a part at 0 Hz."""
+        return self.scheme.has_constant and self.carrier_hz is None
+
+
+def constant_a2(drive: PadDrive, coil: CoilDrive, levels: np.ndarray) -> np.ndarray:
+    """The constant part (s,) of i² of a spur-free coil with its channels at `levels` (s, n)."""
+    lines = np.atleast_2d(levels) * coil.line_a2
+    states, which = np.unique(lines, axis=0, return_inverse=True)
+    least = least_constant(coil.harmonic, states, coil.phase_rad)
+    constant: np.ndarray = (least + states @ coil.margin)[which.reshape(-1)]
+    return constant
+
+
+def make_drive(
+    plan: Plan,
+    rate_hz: int,
+    tuning: Tuning | None = None,
+    period_s: float | None = None,
+    carrier_hz: float | None = None,
+    bandwidth_hz: float | None = None,
+) -> PadDrive:
+    """The drive of `plan`, for the print that `tuning` tells of (None: as planned), sampled at `rate_hz`.
+
+    The comb's period is the shortest that moves no line far off its resonance, unless it is given; `bandwidth_hz`
+    is the amplifier's (None: half the rate); a carrier is moved onto the comb.
+
+    Raises
+    ------
+    SpecError
+        `rate_hz` is too low for the highest line of the current, a period that keeps two channels of a coil no
+        lines of their own, a carrier outside its bounds, or a taxel that the coil cannot move.
+    """
+    tuning = tuning or planned_tuning(plan)
+    spec, scheme = plan.typed_spec, scheme_named(plan.typed_spec, plan.selectivity.drive)
+    highest_hz = max(taxel.resonance_hz for taxel in tuning.taxels)
+    _refuse_rate(rate_hz, highest_hz)
+    period_s, harmonic = _comb(plan, tuning, scheme, rate_hz, period_s)
+    if carrier_hz is not None:
+        carrier_hz = _carrier_hz(carrier_hz, scheme, rate_hz, period_s, highest_hz)
+    feed = _Feed(
+        scheme,
+        rate_hz,
+        period_s,
+        spec.coil.resistance_ohm,
+        spec.coil.inductance_mh * MH,
+        spec.drive.voltage_limit_v,
+        _band_hz(bandwidth_hz, carrier_hz, rate_hz),
+        1 + spec.drive.headroom,
+    )
+    line_a2 = _lines_a2(plan, tuning, harmonic / period_s)
+    coils, alias_db = [], []
+    for row, column, taxels in _coils(plan):
+        coil, alias = _coil(feed, row, column, taxels, harmonic[taxels], line_a2[taxels])
+        coils.append(coil)
+        alias_db.append(alias)
+    return PadDrive(
+        scheme,
+        rate_hz,
+        period_s,
+        feed.resistance_ohm,
+        feed.inductance_h,
+        feed.voltage_limit_v,
+        tuple(coils),
+        spec.drive.level_um,
+        carrier_hz,
+        max(alias_db) if scheme.name == "spur-free" else None,
+    )
+
+
+def _comb(plan: Plan, tuning: Tuning, scheme: Scheme, rate_hz: int, given_s: float | None) -> tuple[float, np.ndarray]:
+    """The period and each taxel's multiple (taxels,) of 1/period."""
+    resonance = np.array([taxel.resonance_hz for taxel in tuning.taxels])
+    q = np.array([taxel.q for taxel in tuning.taxels])
+    # A tone of the current at half the force's frequency must fit the period too.
+    step = 1 if scheme.has_constant else 2
+    if given_s is None:
+        period_s = comb_period_s(resonance, q, step, rate_hz)
+        return period_s, on_comb(resonance, period_s, step)
+    period_s = _on_samples(given_s, rate_hz, step / float(resonance.min()))
+    harmonic = on_comb(resonance, period_s, step)
+    for _, _, taxels in _coils(plan):
+        _refuse_shared_line(plan, taxels, harmonic[taxels], resonance[taxels], step)
+    return period_s, harmonic
+
+
+@dataclass(frozen=True, slots=True)
+class _Feed:
+    """What all coils of a pad share; `most_constant` is the planned constant of i² over the sum of the lines."""
+
+    scheme: Scheme
+    rate_hz: int
+    period_s: float
+    resistance_ohm: float
+    inductance_h: float
+    voltage_limit_v: float
+    bandwidth_hz: float
+    most_constant: float
+
+
+def _coil(
+    feed: _Feed, row: int, column: int, taxels: np.ndarray, harmonic: np.ndarray, line_a2: np.ndarray
+) -> tuple[CoilDrive, float]:
+    """One coil, and what its voltage has above the amplifier's band, in dB."""
+    phase, margin = _shape(feed, tuple(harmonic.tolist()), tuple(line_a2.tolist()))
+    bias = bias_a(feed.scheme, line_a2) if feed.scheme.name == "biased" and len(taxels) else 0.0
+    force_hz = harmonic / feed.period_s
+    coil = CoilDrive(row, column, taxels, force_hz, harmonic, line_a2, np.array(phase), bias, margin.share)
+    return coil, margin.alias_db
+
+
+@lru_cache(maxsize=1024)
+def _shape(feed: _Feed, harmonic: tuple[int, ...], line_a2: tuple[float, ...]) -> tuple[tuple[float, ...], RootMargin]:
+    """Phases (n,) and margin of a coil; many coils of a pad are alike."""
+    k, line = np.array(harmonic, int), np.array(line_a2)
+    none = RootMargin(np.zeros(len(k)), -np.inf, 0.0, 1.0)
+    if feed.scheme.name in ("tones", "time-shared") or not len(k):
+        # A tone's phase in i² is twice the current's.
+        alone = feed.scheme.takes_turns or not len(k)
+        phase = np.zeros(len(k)) if alone else 2 * low_crest_phases(k // 2, np.sqrt(line))
+        return tuple(phase.tolist()), none
+    phase = low_crest_phases(k, line)
+    if feed.scheme.name == "biased":
+        return tuple(phase.tolist()), none
+    return tuple(phase.tolist()), _margin(feed, k, line, phase)
+
+
+def _margin(feed: _Feed, harmonic: np.ndarray, line_a2: np.ndarray, phase: np.ndarray) -> RootMargin:
+    """The margin for the amplifier's band, and for its voltage as far as the planned constant goes.
+
+    More of it would heat the coil and pull the washers by more than the plan was judged by.
+    """
+
+    def within(limit_v: float) -> RootMargin:
+        return root_margin(
+            harmonic,
+            line_a2,
+            phase,
+            period_s=feed.period_s,
+            rate_hz=feed.rate_hz,
+            resistance_ohm=feed.resistance_ohm,
+            inductance_h=feed.inductance_h,
+            voltage_limit_v=limit_v,
+            bandwidth_hz=feed.bandwidth_hz,
+        )
+
+    wanted = within(feed.voltage_limit_v)
+    if wanted.constant <= feed.most_constant:
+        return wanted
+    least = within(np.inf)
+    if least.constant >= feed.most_constant:
+        return least
+    part = (feed.most_constant - least.constant) / (wanted.constant - least.constant)
+    share = least.share + part * (wanted.share - least.share)
+    return RootMargin(share, least.alias_db, least.peak_v, feed.most_constant)
+
+
+def _lines_a2(plan: Plan, tuning: Tuning, force_hz: np.ndarray) -> np.ndarray:
+    """Lines (taxels,) of i² at `force_hz` that move the taxels of a print at their ON amplitudes."""
+    unmoved = [taxel.id for taxel in tuning.taxels if not taxel.response_um_per_a2 > 0]
+    if unmoved:
+        raise SpecError(f"{unmoved[0]} is not pulled by its coil and cannot be driven", plan.name)
+    law = level_law(plan.typed_spec)
+    lowest = law(np.array([channel.resonance_hz for channel in plan.channels]))[0]
+    resonance = np.array([taxel.resonance_hz for taxel in tuning.taxels])
+    q = np.array([taxel.q for taxel in tuning.taxels])
+    response = np.array([taxel.response_um_per_a2 for taxel in tuning.taxels])
+    wanted_um = law(resonance) * plan.typed_spec.drive.level_um / float(lowest)
+    lines: np.ndarray = wanted_um / response / np.sqrt(relative_energy(force_hz, resonance, q))
+    return lines
+
+
+def _refuse_rate(rate_hz: int, highest_hz: float) -> None:
+    lowest_rate = ceil(RATE_OVER_RESONANCE * highest_hz)
+    if not lowest_rate <= rate_hz <= HIGHEST_RATE_HZ:
+        raise SpecError(
+            f"must be {lowest_rate} … {HIGHEST_RATE_HZ} Hz, {RATE_OVER_RESONANCE} times the highest resonance or"
+            f" more, got {number(rate_hz)} Hz",
+            "--rate",
+        )
+
+
+def _on_samples(period_s: float, rate_hz: int, least_s: float) -> float:
+    """A given period as a whole number of samples."""
+    if not (isfinite(period_s) and period_s >= least_s):
+        raise SpecError(
+            f"must be at least {at_least(least_s)} s, one period of all, got {number(period_s)} s", "period"
+        )
+    return round(period_s * rate_hz) / rate_hz
+
+
+def _refuse_shared_line(
+    plan: Plan, taxels: np.ndarray, harmonic: np.ndarray, resonance_hz: np.ndarray, step: int
+) -> None:
+    order = np.argsort(resonance_hz, kind="stable")
+    apart = np.diff(resonance_hz[order])
+    same = np.flatnonzero((np.diff(harmonic[order]) == 0) & (apart > 0))
+    if len(same):
+        a, b = plan.taxels[taxels[order[same[0]]]].id, plan.taxels[taxels[order[same[0] + 1]]].id
+        least_s = at_least(step / float(apart[same[0]]))
+        raise SpecError(f"must be about {least_s} s for {a} and {b} of one coil to have lines of their own", "period")
+
+
+def _band_hz(bandwidth_hz: float | None, carrier_hz: float | None, rate_hz: int) -> float:
+    """How far the root's lines may reach: about a carrier they go to both sides."""
+    if bandwidth_hz is not None and not (isfinite(bandwidth_hz) and bandwidth_hz > 0):
+        raise SpecError(f"must be above 0 Hz, got {number(bandwidth_hz)} Hz", "bandwidth")
+    band_hz = min(rate_hz / 2, bandwidth_hz or rate_hz / 2)
+    return band_hz if carrier_hz is None else max(min(band_hz - carrier_hz, carrier_hz), 1.0)
+
+
+def _carrier_hz(carrier_hz: float, scheme: Scheme, rate_hz: int, period_s: float, highest_hz: float) -> float:
+    if scheme.name != "spur-free":
+        raise SpecError(f"is for the spur-free drive only, this one is {scheme.name!r}", "--carrier")
+    lowest, highest = CARRIER_OVER_RESONANCE * highest_hz, rate_hz / 2 - CARRIER_OVER_RESONANCE * highest_hz
+    if lowest > highest:
+        raise SpecError(f"needs a rate of at least {at_least(4 * lowest)} Hz, got {number(rate_hz)} Hz", "--carrier")
+    if not lowest <= carrier_hz <= highest:
+        raise SpecError(
+            f"must be {at_least(lowest)} … {number(floor(highest))} Hz, {CARRIER_OVER_RESONANCE} times the highest"
+            f" resonance away from 0 and from half the rate, got {number(carrier_hz)} Hz",
+            "--carrier",
+        )
+    return round(carrier_hz * period_s) / period_s
+
+
+def _coils(plan: Plan) -> Sequence[tuple[int, int, np.ndarray]]:
+    """Row, column and taxels (by index, lowest channel first) of every coil, row by row."""
+    own: dict[tuple[int, int], list[int]] = {
+        (row, column): [] for row in range(plan.coils.rows) for column in range(plan.coils.columns)
+    }
+    for index, taxel in sorted(enumerate(plan.taxels), key=lambda item: item[1].channel):
+        own[taxel.coil].append(index)
+    return [(row, column, np.array(taxels, int)) for (row, column), taxels in own.items()]

@@ -1,0 +1,308 @@
+"""The volts, or amperes, of every coil of a pad in time, block by block.
+
+i² is blended between keyframes, see `padgen.driver.timeline`; for a force ``F = Σ g_j A_j cos(2π r_j t + φ_j)`` with
+levels g and a current through R and L,
+
+===========  ==================================================  ================================
+scheme       current                                             between keyframes
+===========  ==================================================  ================================
+spur-free    √(F₀ + F); on a carrier √(2 (F₀ + F)) cos 2πf_c t   F₀ + F blended: both are ≥ 0
+tones        Σ √(2 g_j A_j) cos(π r_j t + φ_j/2)                 g blended; so time-shared
+biased       B + Σ g_j A_j/(2B) cos(2π r_j t + φ_j)              g blended; B from and to 0 by √b
+===========  ==================================================  ================================
+
+and the voltage ``R i + L di/dt`` with the analytic slope, the blend's too. Phases count from the beginning of the file
+through all frames, in whole samples modulo the comb's period: they are as exact after an hour as at first.
+
+Coils of the same frequencies are one matrix product: ``cos(ω(c + f) + φ)`` for c whole rows and f in a row splits into
+a table (row, 2n) that never changes and weights (2n, coils) that turn by one angle a row.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from padgen.driver.pad_drive import PadDrive, constant_a2
+from padgen.driver.timeline import Timeline, blend, blend_slope
+
+__all__ = ["BLOCK", "Block", "blocks", "sample_count", "volts"]
+
+BLOCK = 1 << 17
+"""Numbers in a block, samples times coils: what stays in a core's cache."""
+ROW = 256
+"""Samples in a row of the table."""
+SMALLEST = 1e-300
+"""A force's square root is taken of no less: at silence its slope is then 0, not 0/0."""
+
+
+class Block(NamedTuple):
+    """Samples (s, coils) from number `start` on, and each coil's sum (coils,) of i² over them in A²."""
+
+    start: int
+    samples: np.ndarray
+    square_a2: np.ndarray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Group:
+    """Coils (m,) with the same frequencies: their taxels (m, n) and what one at level 1 adds to their sum.
+
+    `weight` (m, n) are complex amplitudes of the sum that is formed: of i², or of the current. `harmonic` (n,) are
+    the sum's frequencies in 1/period, `table` (row, 2n + 1) cosines, sines and ones over a row. All is scaled to the
+    voltage at the coil's resistance (its square, spur-free); `tau_s` is L/R, 0 for a current.
+    """
+
+    coils: np.ndarray
+    taxels: np.ndarray
+    weight: np.ndarray
+    harmonic: np.ndarray
+    table: np.ndarray
+    slope: np.ndarray
+    gain: float
+    tau_s: float
+    bias: np.ndarray
+    constant: np.ndarray
+
+
+class _Stretch(NamedTuple):
+    """Samples from `start` to before `stop` between keyframe `key` and the next."""
+
+    start: int
+    stop: int
+    key: int
+
+
+class _Ramp(NamedTuple):
+    """Shares (s, 1) of the keyframes before and after, and the slope of the latter in 1/s."""
+
+    before: np.ndarray
+    after: np.ndarray
+    slope: np.ndarray
+
+
+def volts(
+    drive: PadDrive, timeline: Timeline, block_samples: int | None = None, signal: str = "voltage"
+) -> Iterator[np.ndarray]:
+    """Volts (samples, coils) of all coils, coils as in `drive`, one block after the other; A for a 'current' signal."""
+    return (block.samples for block in blocks(drive, timeline, block_samples, signal))
+
+
+def sample_count(drive: PadDrive, timeline: Timeline) -> int:
+    """Samples of the whole timeline."""
+    return round(timeline.seconds * drive.rate_hz)
+
+
+def blocks(
+    drive: PadDrive, timeline: Timeline, block_samples: int | None = None, signal: str = "voltage"
+) -> Iterator[Block]:
+    """Blocks of at most `block_samples` (None: what is fastest), without a gap; `signal` 'voltage' or 'current'."""
+    if signal not in ("voltage", "current"):
+        raise ValueError(f"signal must be 'voltage' or 'current', got {signal!r}")
+    coils = len(drive.coils)
+    size = block_samples or max(BLOCK // coils // ROW, 2) * ROW
+    groups = list(_groups(drive, timeline, signal))
+    form = _FORMS["tones" if drive.scheme.takes_turns else drive.scheme.name]
+    for stretch in _stretches(drive, timeline):
+        for start in range(stretch.start, stretch.stop, size):
+            stop = min(start + size, stretch.stop)
+            samples, square = np.zeros((stop - start, coils)), np.zeros(coils)
+            for group in groups:
+                part = form(drive, timeline, group, _Stretch(start, stop, stretch.key))
+                if part is None:
+                    continue
+                value, square[group.coils] = part
+                if len(group.coils) == coils:
+                    samples = value
+                else:
+                    samples[:, group.coils] = value
+            yield Block(start, samples, square)
+
+
+def _groups(drive: PadDrive, timeline: Timeline, signal: str) -> Iterator[_Group]:
+    """Coils with the same frequencies, together; those without a taxel are in none and stay silent."""
+    gain = drive.resistance_ohm if signal == "voltage" else 1.0
+    tau_s = drive.inductance_h / drive.resistance_ohm if signal == "voltage" else 0.0
+    alike: dict[tuple[int, ...], list[int]] = {}
+    for index, coil in enumerate(drive.coils):
+        if len(coil.taxels):
+            alike.setdefault(tuple(coil.harmonic.tolist()), []).append(index)
+    for harmonic, members in alike.items():
+        own = [drive.coils[index] for index in members]
+        line, phase = np.stack([c.line_a2 for c in own]), np.stack([c.phase_rad for c in own])
+        bias = np.array([c.bias_a for c in own])
+        taxels, constant = np.stack([c.taxels for c in own]), np.zeros((0, len(own)))
+        k = np.array(harmonic, int)
+        if drive.scheme.name == "spur-free":
+            weight = gain**2 * line * np.exp(1j * phase)
+            levels = timeline.levels[:, taxels]
+            constant = gain**2 * np.stack([constant_a2(drive, c, levels[:, m]) for m, c in enumerate(own)], 1)
+        elif drive.scheme.name == "biased":
+            weight = gain * line / (2 * bias[:, None]) * np.exp(1j * phase)
+        else:
+            k, weight = k // 2, gain * np.sqrt(2 * line) * np.exp(0.5j * phase)
+        angle = 2 * np.pi * k / drive.period_samples * (np.arange(ROW) % drive.period_samples)[:, None]
+        table = np.concatenate([np.cos(angle), np.sin(angle), np.ones((ROW, 1))], 1)
+        slope = 2 * np.pi * k / drive.period_s * tau_s
+        yield _Group(np.array(members), taxels, weight, k, table, slope, gain, tau_s, gain * bias, constant)
+
+
+def _stretches(drive: PadDrive, timeline: Timeline) -> Iterator[_Stretch]:
+    edge = np.ceil(np.round(timeline.time_s * drive.rate_hz, 6)).astype(int)
+    edge[-1] = sample_count(drive, timeline)
+    for key, (start, stop) in enumerate(pairwise(edge.tolist())):
+        yield _Stretch(start, stop, key)
+
+
+def _ramp(drive: PadDrive, timeline: Timeline, where: _Stretch) -> _Ramp:
+    begin, end = timeline.time_s[where.key], timeline.time_s[where.key + 1]
+    share = (np.arange(where.start, where.stop) / drive.rate_hz - begin) / (end - begin)
+    share = np.clip(share, 0.0, 1.0)[:, None]
+    # 1 − b(s) is b(1 − s), which keeps its digits where it is small: its root is taken.
+    return _Ramp(blend(1 - share), blend(share), blend_slope(share) / (end - begin))
+
+
+def _sums(
+    drive: PadDrive, group: _Group, where: _Stretch, weight: np.ndarray, constant: np.ndarray | float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """``constant + Re Σ_j w_j exp(iω_j t)`` (s, m) for weights (m, n), and L/R times its slope; (1, 1) for no L."""
+    count, n = where.stop - where.start, len(group.harmonic)
+    rows = -(-count // ROW)
+    period = drive.period_samples
+    first = (where.start + ROW * np.arange(rows)) % period
+    turn = np.exp(2j * np.pi / period * ((first[:, None] * group.harmonic) % period))
+    turned = turn[:, :, None] * weight.T
+    level = np.broadcast_to(constant, (rows, 1, len(weight)))
+    value = np.matmul(group.table, np.concatenate([turned.real, -turned.imag, level], 1))
+    value = value.reshape(rows * ROW, -1)[:count]
+    if not group.tau_s:
+        return value, np.zeros((1, 1))
+    turned *= group.slope[:, None]
+    slope = np.matmul(group.table[:, : 2 * n], np.concatenate([-turned.imag, -turned.real], 1))
+    return value, slope.reshape(rows * ROW, -1)[:count]
+
+
+Part = tuple[np.ndarray, np.ndarray] | None
+
+
+def _levels(timeline: Timeline, group: _Group, key: int) -> tuple[np.ndarray, np.ndarray]:
+    """Levels (m, n) at a keyframe and at the next."""
+    return timeline.levels[key][group.taxels], timeline.levels[key + 1][group.taxels]
+
+
+def _blended(
+    drive: PadDrive,
+    timeline: Timeline,
+    group: _Group,
+    where: _Stretch,
+    constant: tuple[np.ndarray | float, np.ndarray | float],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Sum and L/R times its slope, linear in the levels (and the constants) of the two keyframes."""
+    before, after = _levels(timeline, group, where.key)
+    if np.array_equal(before, after):
+        return _sums(drive, group, where, before * group.weight, constant[0])
+    ramp = _ramp(drive, timeline, where)
+    value, slope = np.zeros((1, 1)), np.zeros((1, 1))
+    for levels, own, share, sign in ((before, constant[0], ramp.before, -1), (after, constant[1], ramp.after, 1)):
+        if levels.any() or np.any(own):
+            part, part_slope = _sums(drive, group, where, levels * group.weight, own)
+            slope = slope + (part_slope * share + part * (sign * group.tau_s * ramp.slope))
+            value = value + part * share
+    return value, slope
+
+
+def _spur_free(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch) -> Part:
+    if not timeline.levels[where.key : where.key + 2, group.taxels].any():
+        return None
+    constant = group.constant[where.key], group.constant[where.key + 1]
+    force, slope = _blended(drive, timeline, group, where, constant)
+    square = force.sum(0) / group.gain**2
+    root = np.sqrt(np.maximum(force, SMALLEST, out=force), out=force)
+    if drive.carrier_hz is not None:
+        return _on_carrier(drive, group, where, root, slope), square
+    if group.tau_s:
+        slope = np.divide(slope, root, out=slope)
+        slope *= 0.5
+        root += slope
+    return root, square
+
+
+def _on_carrier(drive: PadDrive, group: _Group, where: _Stretch, root: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """Voltage of ``√2 root cos 2πf_c t``, with L/R times the slope of root²."""
+    assert drive.carrier_hz is not None
+    harmonic, period = round(drive.carrier_hz * drive.period_s), drive.period_samples
+    angle = 2 * np.pi / period * ((np.arange(where.start, where.stop) % period * harmonic) % period)[:, None]
+    cosine, sine = np.sqrt(2) * np.cos(angle), np.sqrt(2) * np.sin(angle)
+    turn: np.ndarray = cosine - 2 * np.pi * drive.carrier_hz * group.tau_s * sine
+    voltage: np.ndarray = root * turn + slope / (2 * root) * cosine
+    return voltage
+
+
+def _biased(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch) -> Part:
+    fed = _is_fed(timeline, where.key), _is_fed(timeline, where.key + 1)
+    if fed == (True, True):
+        value, slope = _blended(drive, timeline, group, where, (group.bias, group.bias))
+    elif not any(fed):
+        return None
+    else:
+        # i² rises with the blend b as a whole, so that both it and its root are smooth.
+        levels = _levels(timeline, group, where.key)[fed.index(True)]
+        steady = _sums(drive, group, where, levels * group.weight, group.bias)
+        value, slope = _rooted(_ramp(drive, timeline, where), fed[1], group.tau_s, *steady)
+    return value + slope, np.einsum("sm,sm->m", value, value) / group.gain**2
+
+
+def _is_fed(timeline: Timeline, key: int) -> bool:
+    """Whether the constant current flows at a keyframe: not in the silence before the first and after the last."""
+    ends = key in (0, len(timeline.time_s) - 1)
+    return timeline.loops or not ends or bool(timeline.levels[key].any())
+
+
+def _rooted(
+    ramp: _Ramp, rises: bool, tau_s: float, value: np.ndarray, slope: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """A sum and its slope times √b, or times √(1 − b)."""
+    share, sign = (ramp.after, 1) if rises else (ramp.before, -1)
+    root = np.sqrt(share)
+    root_slope = sign * tau_s * ramp.slope / (2 * np.maximum(root, SMALLEST))
+    return value * root, slope * root + value * root_slope
+
+
+def _tones(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch) -> Part:
+    before, after = _levels(timeline, group, where.key)
+    if not (before.any() or after.any()):
+        return None
+    steady = before == after
+    value, slope = _sums(drive, group, where, np.sqrt(before) * steady * group.weight)
+    if not steady.all():
+        ramp = _ramp(drive, timeline, where)
+        for rises, level, other in ((True, after, before), (False, before, after)):
+            moving = np.sqrt(level) * (other == 0) * ~steady
+            if moving.any():
+                part = _sums(drive, group, where, moving * group.weight)
+                more, more_slope = _rooted(ramp, rises, group.tau_s, *part)
+                value, slope = value + more, slope + more_slope
+        for j in np.flatnonzero(((before > 0) & (after > 0) & ~steady).any(0)):
+            more, more_slope = _grey(drive, group, where, ramp, int(j), before[:, j], after[:, j])
+            value, slope = value + more, slope + more_slope
+    square = np.einsum("sm,sm->m", value, value) / group.gain**2
+    return value + slope, square
+
+
+def _grey(
+    drive: PadDrive, group: _Group, where: _Stretch, ramp: _Ramp, j: int, before: np.ndarray, after: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """What channel j adds to the current of the coils (m,) where it goes from one level to another, neither 0."""
+    changes = (before > 0) & (after > 0) & (before != after)
+    weight = np.zeros_like(group.weight)
+    weight[:, j] = group.weight[:, j] * changes
+    value, slope = _sums(drive, group, where, weight)
+    envelope = np.sqrt(np.where(changes, before, 1) * ramp.before + np.where(changes, after, 1) * ramp.after)
+    envelope_slope = group.tau_s * ramp.slope * (after - before) / (2 * envelope)
+    return value * envelope, slope * envelope + value * envelope_slope
+
+
+Form = Callable[[PadDrive, Timeline, _Group, _Stretch], Part]
+_FORMS: dict[str, Form] = {"spur-free": _spur_free, "biased": _biased, "tones": _tones}

@@ -1,0 +1,533 @@
+"""The simulated ear: what a written file makes fingers feel, against the plan, other models and hand-made cases.
+
+| must agree | with | to | why not exactly |
+|---|---|---|---|
+| motion from samples, in several stretches | first-order hold at 16 times the rate, by recurrence | 5e-4 | its hold |
+| motion from rest, Q 0.7 … 1e4 | exact propagation in closed form | 2e-4 | a tone's start is not band-limited |
+| all-state selectivity of files | the plan's, unequal pull and all modes counted | 0.3 dB | lines on a comb |
+| levels in a hold | those of the same state for ever | 0.02 dB | 4.5 time constants and more have passed |
+| a gap that closes | the coupled system, Radau with tolerance 1e-8 | 0.1 % | steps of 1/32 period |
+"""
+
+import json
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+import padgen.driver.ear.current as ear_current
+from padgen.driver.ear import hear
+from padgen.driver.ear.current import Circuit, squared_current, stretches
+from padgen.driver.ear.motion import HeardTaxel, answer, grid, move
+from padgen.driver.ear.run import _cut
+from padgen.driver.ear.table import ear_findings, heard_rows, heard_summary, heard_table
+from padgen.driver.formats.wav import read_wav
+from padgen.driver.formats.wave_files import wave_json, write_wave
+from padgen.driver.pad_drive import make_drive
+from padgen.driver.timeline import Timeline, blend, ramp_s, steady, timeline
+from padgen.errors import FileError
+from padgen.files import json_text
+from padgen.physics.modal import felt_energy
+from padgen.physics.phasor import tones
+from padgen.physics.propagation import propagate
+from padgen.physics.resonator import relative_energy
+from padgen.planner import make_plan
+from padgen.planner.channels import hanging_gap_um
+from padgen.planner.modes import coil_modes
+from padgen.planner.selectivity import placed_channels
+from padgen.retune.tuning import planned_tuning
+from padgen.spec import load_spec, parse_spec
+from padgen.units import GRAM, UM
+from padgen.verify.coupled import simulate
+from padgen.verify.dynamics_model import Source, make_system
+
+RATE = 48000
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Samples (count, channels) as a file would have them."""
+
+    rate_hz: int
+    samples: np.ndarray
+
+    @property
+    def channels(self):
+        return self.samples.shape[1]
+
+    @property
+    def count(self):
+        return len(self.samples)
+
+    def channel(self, index):
+        return self.samples[:, index].astype(float)
+
+
+def plan_of(name, **drive):
+    spec = load_spec(name)
+    return make_plan(replace(spec, drive=replace(spec.drive, **drive)))
+
+
+def played(plan, drive, line, tmp_path, depth="24", signal="voltage"):
+    """A WAV file as it is on disk, and its sidecar."""
+    path = tmp_path / "drive.wav"
+    report = write_wave(path, drive, line, depth, signal)
+    return read_wav(path), json.loads(wave_json(plan, drive, line, report))
+
+
+def all_states(plan, drive):
+    """Levels that put the coils of a pad into different states; all of them if there are enough coils."""
+    n = len(plan.sets[0])
+    levels = np.zeros(len(plan.taxels))
+    for k, coil in enumerate(drive.coils):
+        levels[coil.taxels] = (np.arange(n) < 0) if k >= 2**n else (k >> np.arange(n)) & 1
+    return levels
+
+
+def db(ratio):
+    return 20 * np.log10(ratio)
+
+
+@pytest.fixture(scope="module")
+def pair():
+    plan = make_plan(load_spec("paper-pair"))
+    return plan, make_drive(plan, RATE)
+
+
+@pytest.fixture(scope="module")
+def quad():
+    plan = make_plan(load_spec("quad-64"))
+    return plan, make_drive(plan, RATE)
+
+
+def one_mode(hz, q, gain_m=1.0):
+    return HeardTaxel(np.array([hz]), q, np.array([[gain_m, 0.0, 0.0]]), np.zeros(3), gain_m)
+
+
+def moved(taxel, signal, circuit, loops=False):
+    """Times and felt motion of a taxel whose coil is fed `signal`."""
+    times, felt, enters, state = [], [], 0.0, np.zeros(len(taxel.pole), complex)
+    for part in stretches(len(signal), loops):
+        squared = squared_current(_cut(signal, part, loops), part, RATE, circuit, enters)
+        enters = squared.leaves_a
+        lines = squared.lines[: len(squared.lines) // 4]
+        at = grid(part, RATE, len(lines))
+        found = move(taxel, answer(taxel, np.arange(len(lines)) * RATE / part.size), lines, part, at, state)
+        state = found.state
+        felt.append(found.felt_m)
+        times.append(part.start / RATE + at.first_s + at.step_s * np.arange(found.felt_m.shape[1]))
+    return np.concatenate(times), np.concatenate(felt, axis=1)
+
+
+def recurrence(time_s, volts, circuit, taxel):
+    """Current and motion of one mode by first-order hold between fine samples, from rest."""
+    from scipy.signal import lfilter
+
+    step = time_s[1] - time_s[0]
+
+    def held(pole, gain, force):
+        z = pole * step
+        first, second = np.expm1(z) / z, (np.expm1(z) - z) / z**2
+        b = gain * step * np.array([second, first - second])
+        return lfilter(b, [1, -np.exp(z)], force - force[0]) if np.isreal(pole) else lfilter(b, [1, -np.exp(z)], force)
+
+    pole = -circuit.resistance_ohm / circuit.inductance_h
+    current = held(pole, 1 / circuit.inductance_h, volts).real
+    state = held(taxel.pole[0], taxel.omega[0] ** 2 / taxel.pole[0].imag, current**2)
+    return current, state.imag
+
+
+@pytest.mark.parametrize(
+    ("hz", "q", "henry"), [(60.0, 15.0, 61e-3), (21.0, 1e4, 61e-3), (990.0, 100.0, 61e-3), (60.0, 15.0, 6.0)]
+)
+def test_motion_is_that_of_a_recurrence_with_fine_steps(hz, q, henry, monkeypatch):
+    # Several stretches, so that currents and modes are handed on from one to the next.
+    monkeypatch.setattr(ear_current, "STRETCH", 1 << 14)
+    circuit, fine = Circuit(12.0, henry, True), 16
+
+    def volts(time_s):
+        swell = np.sin(np.pi * time_s / time_s[-1]) ** 4
+        return swell * (5 + 8 * np.cos(2 * np.pi * hz / 2 * time_s) + 6 * np.cos(2 * np.pi * 700.0 * time_s + 1))
+
+    coarse_s, fine_s = np.arange(60000) / RATE, np.arange(60000 * fine) / (RATE * fine)
+    assert len(stretches(len(coarse_s), False)) == 4
+    taxel = one_mode(hz, q)
+    time_s, felt = moved(taxel, volts(fine_s)[::fine], circuit)
+    _, reference = recurrence(fine_s, volts(fine_s), circuit, taxel)
+    inside = time_s < coarse_s[-1]
+    error = np.abs(felt[0, inside] - np.interp(time_s[inside], fine_s, reference))
+    assert error.max() < 5e-4 * np.abs(reference).max()
+
+
+@pytest.mark.parametrize(("hz", "q"), [(100.0, 0.7), (60.0, 15.0), (20.0, 1e4)])
+def test_motion_from_rest_is_the_closed_form(hz, q):
+    # i = I sin has i² = I² (1 − cos)/2: a constant and one line, from rest at t = 0.
+    drive_hz, time_s = 0.49 * hz, np.arange(RATE) / RATE
+    at_s, felt = moved(one_mode(hz, q), np.sin(2 * np.pi * drive_hz * time_s), Circuit(1.0, 0.0, False))
+    mass = 1e-3
+    force = tones([0.0, 2 * drive_hz], np.array([0.5, -0.5]) * mass * (2 * np.pi * hz) ** 2)
+    exact = propagate(np.array([hz]), q, mass, force, at_s).displacement_m[0]
+    early = at_s < 0.99
+    assert np.abs(felt[0] - exact)[early].max() < 2e-4 * np.abs(exact).max()
+
+
+def test_a_loop_is_heard_as_after_many_rounds():
+    count = 4800
+    signal = 1 + 0.5 * np.cos(2 * np.pi * 50 * np.arange(count) / RATE)
+    circuit, taxel = Circuit(3.0, 10e-3, True), one_mode(55.0, 20.0)
+    _, once = moved(taxel, signal, circuit, loops=True)
+    at_s, often = moved(taxel, np.tile(signal, 40), circuit)
+    last = often[0][at_s >= 39 * count / RATE - 1e-9]
+    # The loop's motion has three lines: 0, 50 and 100 Hz.
+    lines = [np.abs(np.fft.rfft(wave)[:3]) / len(wave) for wave in (once[0], last[: len(last) // 1])]
+    assert lines[0] == pytest.approx(lines[1], rel=2e-3)
+
+
+def test_a_long_loop_is_as_a_short_one(pair, tmp_path, monkeypatch):
+    plan, drive = pair
+    levels = all_states(plan, drive)
+    wave, sidecar = played(plan, drive, steady(levels, drive.period_s), tmp_path)
+    short = hear(plan, wave, sidecar)
+    monkeypatch.setattr(ear_current, "LONGEST_LOOP", 1000)
+    monkeypatch.setattr(ear_current, "STRETCH", 1 << 14)
+    long = hear(plan, wave, sidecar)
+    assert long.level_um == pytest.approx(short.level_um, abs=2e-4 * short.wanted_um.max())
+
+
+@pytest.mark.parametrize("name", ["paper-pair", "triple-48", "quad-64"])
+def test_files_keep_what_the_plan_says_in_all_states(name, tmp_path):
+    plan = make_plan(load_spec(name))
+    drive = make_drive(plan, RATE)
+    levels = all_states(plan, drive)
+    assert len({tuple(levels[c.taxels]) for c in drive.coils}) == 2 ** len(plan.sets[0])
+    heard = hear(plan, *played(plan, drive, steady(levels, drive.period_s), tmp_path))
+    assert heard.selectivity_db == pytest.approx(plan.selectivity.placed_all_states_db, abs=0.3)
+    # What is felt is more than the working mode's motion, by other modes and by rolling: a few percent here.
+    assert heard.wanted_um == pytest.approx([plan.channels[t.channel].level_um for t in plan.taxels], rel=0.06)
+    # Each ON taxel's own line is what was asked for: all of the chain's factors.
+    on = heard.shares > 0
+    assert (heard.tone_um / heard.wanted_um)[on] == pytest.approx(1, abs=1e-3)
+
+
+@pytest.mark.parametrize("scheme", ["tones", "spur-free", "time-shared"])
+def test_other_schemes_keep_what_the_plan_says_of_them(scheme, tmp_path):
+    plan = plan_of("quad-64", scheme=scheme)
+    drive = make_drive(plan, RATE)
+    levels = all_states(plan, drive)
+    if scheme == "time-shared":
+        levels = np.zeros(len(plan.taxels))
+        for k, coil in enumerate(drive.coils):
+            levels[coil.taxels[k % 4]] = 1.0
+    heard = hear(plan, *played(plan, drive, steady(levels, drive.period_s), tmp_path))
+    planned = {figures.scheme: figures for figures in plan.selectivity.schemes}[scheme]
+    assert heard.selectivity_db == pytest.approx(planned.placed_all_states_db, abs=0.3)
+
+
+def test_eleven_channels_hear_what_the_modal_model_says(tmp_path):
+    plan = make_plan(load_spec("wide-11"))
+    drive = make_drive(plan, RATE)
+    spec, own = plan.typed_spec, plan.sets[0]
+    which, modes = placed_channels(spec, own), coil_modes(spec, own)
+    heard_tones = felt_energy(modes, slice(None), which.resonance_hz) * (which.line / which.line[:, None]) ** 2
+    rng, worst = np.random.default_rng(5), []
+    for _ in range(3):
+        levels = (rng.random(len(plan.taxels)) < 0.5).astype(float)
+        heard = hear(plan, *played(plan, drive, steady(levels, drive.period_s), tmp_path))
+        for coil in drive.coils:
+            on = levels[coil.taxels] > 0
+            expected = np.sqrt(heard_tones @ on)
+            worst.append(db(heard.relative[0, coil.taxels][~on].max() / expected[~on].max()))
+    assert len(worst) == 12
+    assert np.abs(worst).max() < 0.3
+
+
+def test_state_11_of_the_papers_pair_keeps_both_levels(pair, tmp_path):
+    plan, drive = pair
+    heard = hear(plan, *played(plan, drive, steady(all_states(plan, drive), drive.period_s), tmp_path))
+    rows = {row.state: row for row in heard_rows(heard)}
+    own = {state: heard.tone_um[0, drive.coils[k].taxels] for k, state in enumerate(("00", "10", "01", "11"))}
+    alone = np.array([own["10"][0], own["01"][1]])
+    # The paper loses 10 dB.
+    assert db(own["11"] / alone) == pytest.approx([0, 0], abs=0.01)
+    assert rows["11"].off_db is None
+    assert rows["11"].on_db >= rows["10"].on_db
+    assert rows["00"].off_db < -100
+
+
+def test_a_hold_is_heard_as_the_state_for_ever(quad, tmp_path):
+    plan, drive = quad
+    rng = np.random.default_rng(3)
+    frames = (rng.random((2, len(plan.taxels))) < 0.5) * rng.choice([0.5, 1.0], (2, len(plan.taxels)))
+    heard = hear(plan, *played(plan, drive, timeline(plan, frames, 1.2), tmp_path))
+    assert heard.settled.all()
+    assert [span.whole for span in heard.spans] == [True, True]
+    for frame, levels in zip(frames, heard.level_um, strict=True):
+        ever = hear(plan, *played(plan, drive, steady(frame, drive.period_s), tmp_path))
+        loud = frame > 0
+        assert db(levels[loud] / ever.level_um[0, loud]) == pytest.approx(0, abs=0.02)
+        assert levels[~loud] == pytest.approx(ever.level_um[0, ~loud], abs=2e-4 * heard.wanted_um.max())
+    # Grey: half the line of i² is half the amplitude.
+    half = frames[0] == 0.5
+    assert (heard.tone_um / heard.wanted_um)[0, half] == pytest.approx(0.5, rel=1e-3)
+    # The middle of the ramp at least, its end and 2.3 time constants of the slowest at most.
+    slowest = max(channel.ring_up_ms for channel in plan.channels) * 1e-3
+    assert ramp_s(plan) / 2 < np.nanmin(heard.rise_s) < np.nanmax(heard.rise_s) < ramp_s(plan) + 2.6 * slowest
+    assert np.isnan(heard.rise_s[0, ~(frames[0] > 0)]).all()
+
+
+def test_equal_frames_are_one_state(pair, tmp_path):
+    plan, drive = pair
+    levels = all_states(plan, drive)
+    heard = hear(plan, *played(plan, drive, timeline(plan, np.stack([levels, levels]), 0.7), tmp_path))
+    (span,) = heard.spans
+    assert (span.start_s, span.stop_s) == pytest.approx((ramp_s(plan), 1.4))
+    assert heard.settled.all()
+
+
+def test_in_turns_a_slot_is_too_short_for_the_slowest(tmp_path):
+    plan = plan_of("paper-pair", scheme="time-shared")
+    drive = make_drive(plan, RATE)
+    frame = np.zeros(len(plan.taxels))
+    frame[drive.coils[0].taxels[0]] = frame[drive.coils[1].taxels[1]] = 1.0
+    frame[drive.coils[2].taxels] = 1.0
+    heard = hear(plan, *played(plan, drive, timeline(plan, frame), tmp_path))
+    assert [span.in_turns for span in heard.spans] == [True]
+    # Up over 2.3 time constants and down again: the force's blend, lagged with each taxel's own.
+    half_s = max(channel.ring_down_ms for channel in plan.channels) * 1e-3
+    time_s = np.linspace(0, 2 * half_s, 20001)
+    level = blend(1 - np.abs(time_s / half_s - 1))
+    both = []
+    for channel in plan.channels:
+        tau_s = channel.ring_up_ms * 1e-3
+        both.append(float((np.cumsum(level * np.exp(time_s / tau_s)) * np.exp(-time_s / tau_s)).max()))
+    both = np.array(both) * time_s[1] / np.array([channel.ring_up_ms * 1e-3 for channel in plan.channels])
+    assert heard.on[0, drive.coils[2].taxels] == pytest.approx(both, abs=0.02)
+    assert [f.code for f in ear_findings(heard)] == ["ear.level", "ear.selectivity"]
+    assert heard.selectivity_db == pytest.approx(db(both.min()) + plan.selectivity.placed_all_states_db, abs=0.5)
+
+
+SETS = """
+name = "sets"
+resolution = 7
+band_hz = [60, 300]
+q_min = 40
+[pad]
+width_mm = 25
+depth_mm = 50
+[coil]
+grid = [2, 1]
+reuse = "alternate"
+inductance_mh = 0
+"""
+
+
+def test_two_sets_empty_places_and_no_inductance(tmp_path):
+    plan = make_plan(parse_spec(SETS))
+    assert plan.coils.sets == 2
+    drive = make_drive(plan, 16000)
+    for line in (steady(np.ones(len(plan.taxels)), drive.period_s), timeline(plan, np.eye(len(plan.taxels))[:1], 3.0)):
+        heard = hear(plan, *played(plan, drive, line, tmp_path))
+        on = heard.shares > 0
+        assert (heard.tone_um / heard.wanted_um)[on] == pytest.approx(1, abs=5e-3)
+
+
+def test_a_file_of_currents_is_heard_as_one_of_voltages(pair, tmp_path):
+    plan, drive = pair
+    line = timeline(plan, all_states(plan, drive), 1.5)
+    volts, amps = (hear(plan, *played(plan, drive, line, tmp_path, signal=s)) for s in ("voltage", "current"))
+    assert amps.level_um == pytest.approx(volts.level_um, abs=1e-4 * volts.wanted_um.max())
+    assert amps.coils[3].rms_a == pytest.approx(volts.coils[3].rms_a, rel=1e-4)
+
+
+def test_currents_and_losses_are_those_of_the_writer(quad, tmp_path, monkeypatch):
+    plan, drive = quad
+    monkeypatch.setattr(ear_current, "STRETCH", 1 << 14)
+    path = tmp_path / "drive.wav"
+    line = timeline(plan, all_states(plan, drive), 0.8)
+    report = write_wave(path, drive, line)
+    heard = hear(plan, read_wav(path), json.loads(wave_json(plan, drive, line, report)))
+    assert [c.copper_loss_w for c in heard.coils] == pytest.approx(report.copper_loss_w, rel=1e-4)
+    assert max(c.signal_peak for c in heard.coils) == pytest.approx(report.peak, rel=1e-5)
+    assert heard_summary(heard).rms_a == pytest.approx(max(report.rms_current_a), rel=1e-4)
+
+
+def test_a_print_that_came_out_otherwise(pair, tmp_path):
+    plan, drive = pair
+    planned = planned_tuning(plan)
+    # 4 % higher, half the Q, half the answer that this would give.
+    off = replace(
+        planned,
+        taxels=tuple(
+            replace(
+                taxel,
+                resonance_hz=1.04 * taxel.resonance_hz,
+                q=taxel.q / 2,
+                response_um_per_a2=taxel.response_um_per_a2 / 4,
+            )
+            for taxel in planned.taxels
+        ),
+    )
+    levels = np.ones(len(plan.taxels))
+    wave, sidecar = played(plan, drive, steady(levels, drive.period_s), tmp_path)
+    heard = hear(plan, wave, sidecar, tuning=off)
+    line_hz = np.array([entry["force_hz"] for entry in sidecar["taxels"]])
+    resonance = np.array([taxel.resonance_hz for taxel in off.taxels])
+    expected = np.sqrt(relative_energy(line_hz, resonance, 13.0)) / 4
+    # Level law 2: a taxel that came out higher is to move less; other modes move along, a percent of the answer.
+    wanted = heard.wanted_um / hear(plan, wave, sidecar).wanted_um
+    assert wanted == pytest.approx(1 / 1.04**2, rel=1e-6)
+    assert heard.tone_um[0] / heard.wanted_um * wanted == pytest.approx(expected, rel=0.03)
+    retuned = make_drive(plan, RATE, tuning=off)
+    again = hear(plan, *played(plan, retuned, steady(levels, retuned.period_s), tmp_path), tuning=off)
+    assert again.tone_um[0] / again.wanted_um == pytest.approx(1, abs=0.02)
+
+
+def test_a_gap_that_closes_is_the_coupled_system(tmp_path):
+    plan = plan_of("quad-64", level_um=60.0)
+    channel = plan.channels[0]
+    share = int(np.argmax(channel.mode_shares))
+    # The working mode alone, as the coupled system has it.
+    alone = replace(
+        channel,
+        modes_hz=(channel.modes_hz[share],),
+        mode_motions=(channel.mode_motions[share],),
+        mode_shares=(1.0,),
+        pulled_shares=(channel.pulled_shares[share],),
+        rest_motion=(0.0,) * 6,
+    )
+    plan = replace(plan, channels=(alone, *plan.channels[1:]))
+    drive = make_drive(plan, 8000)
+    levels = np.zeros(len(plan.taxels))
+    first = drive.coils[0].taxels[0]
+    levels[first] = 1.0
+    wave, sidecar = played(plan, drive, timeline(plan, levels, 0.8), tmp_path, "float", "current")
+    heard = hear(plan, wave, sidecar, gap=True)
+    system = make_system(
+        channel.resonance_hz,
+        channel.q,
+        channel.effective_mass_g * GRAM,
+        channel.force_constant_n_per_a2,
+        channel.pull_exponent,
+        float(hanging_gap_um(plan.typed_spec, channel.sag_um)) * UM,
+    )
+    from scipy.interpolate import CubicSpline
+
+    samples = wave.channel(0) * sidecar["full_scale"]
+    spline = CubicSpline(np.arange(len(samples)) / 8000, samples)
+    span = heard.spans[0]
+    at_s = np.append(np.arange(0, span.window_s, 2e-4), np.linspace(span.window_s, span.stop_s, 2001)[:-1])
+    z = simulate(system, Source("current", spline), at_s, tolerance=1e-8).displacement_m[0]
+    last = z[at_s >= span.window_s]
+    rolls = np.array(alone.mode_motions[0])[2:5] * (1, 1.25e-3 / 2, 1.25e-3 / 2)
+    felt = np.sqrt((rolls**2).sum()) / abs(rolls[0])
+    assert heard.level_um[0, first] * UM == pytest.approx(np.sqrt(2) * last.std() * felt, rel=1e-3)
+    assert heard.peak_um[0, first] * UM == pytest.approx(z.max(), rel=5e-3)
+    # Softening is worth seeing here.
+    linear = hear(plan, wave, sidecar)
+    assert abs(db(heard.level_um[0, first] / linear.level_um[0, first])) > 1.0
+
+
+def test_with_little_motion_the_gap_changes_nothing(tmp_path):
+    plan = plan_of("quad-64", level_um=1e-3)
+    drive = make_drive(plan, 8000)
+    levels = all_states(plan, drive)
+    for line in (steady(levels, drive.period_s), timeline(plan, levels, 0.5)):
+        wave, sidecar = played(plan, drive, line, tmp_path, "float")
+        linear, closing = (hear(plan, wave, sidecar, gap=gap) for gap in (False, True))
+        assert closing.level_um == pytest.approx(linear.level_um, abs=1e-3 * linear.wanted_um.max())
+        assert closing.with_gap and not linear.with_gap
+
+
+def test_a_washer_that_is_pulled_in_is_found(tmp_path):
+    plan = plan_of("paper-pair", level_um=4000.0)
+    drive = make_drive(plan, 8000)
+    wave, sidecar = played(plan, drive, timeline(plan, np.ones(len(plan.taxels)), 1.0), tmp_path, "float")
+    heard = hear(plan, wave, sidecar, gap=True)
+    assert heard.pulled_in.any()
+    assert "ear.pull_in" in [f.code for f in ear_findings(heard)]
+    assert np.isfinite(heard.level_um).all()
+
+
+def test_findings_name_what_was_missed(pair, tmp_path):
+    plan, drive = pair
+    wave, sidecar = played(plan, drive, steady(all_states(plan, drive), drive.period_s), tmp_path)
+    assert ear_findings(hear(plan, wave, sidecar)) == ()
+    # The amplifier is set 10 % too low: i² falls by 19 %, 1.8 dB.
+    (found,) = ear_findings(hear(plan, wave, sidecar | {"full_scale": 0.9 * sidecar["full_scale"]}))
+    assert (found.level, found.code) == ("warning", "ear.level")
+    assert "(-1.8 dB)" in found.message and "4 of 4 ON levels miss" in found.message
+    strict = replace(plan, selectivity=replace(plan.selectivity, asked_db=30.0))
+    (found,) = ear_findings(hear(strict, wave, sidecar))
+    assert found.code == "ear.selectivity" and "keeps 20.6 dB" in found.message and "asked: 30.0 dB" in found.message
+
+
+def test_short_holds_are_told(quad, tmp_path):
+    plan, drive = quad
+    frames = np.stack([np.ones(len(plan.taxels)), np.zeros(len(plan.taxels))])
+    heard = hear(plan, *played(plan, drive, timeline(plan, frames, 0.25), tmp_path))
+    codes = {f.code: f.message for f in ear_findings(heard)}
+    assert "ear.window" in codes
+    assert not heard.settled.all()
+    # 4.5 time constants at 60 Hz, Q 15, and a period of the comb.
+    assert f"{4.5 * 15 / (np.pi * 59.97) + drive.period_s:.3f}"[:4] in codes["ear.unsettled"]
+    # What is shorter than a period is still near the truth, once settled: the fastest taxels.
+    fast = [k for k, taxel in enumerate(plan.taxels) if taxel.channel == 3]
+    assert heard.on[0, fast] == pytest.approx(1, abs=0.05)
+
+
+def test_the_table_is_plain_data(pair, tmp_path):
+    plan, drive = pair
+    heard = hear(plan, *played(plan, drive, steady(all_states(plan, drive), drive.period_s), tmp_path))
+    table = json.loads(json_text(heard_table(heard)))
+    assert table["summary"]["selectivity_db"] == pytest.approx(heard.selectivity_db)
+    assert [row["state"] for row in table["rows"][:4]] == ["00", "10", "01", "11"]
+    assert len(table["spans"][0]["level_um"]) == len(plan.taxels)
+
+
+@pytest.fixture
+def good(pair, tmp_path):
+    plan, drive = pair
+    return plan, *played(plan, drive, steady(all_states(plan, drive), drive.period_s), tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"keyframes": []}, "two keyframes or more"),
+        ({"rate_hz": "fast"}, "does not tell what a WAV file plays"),
+        ({"signal": "loud"}, "does not tell what a WAV file plays"),
+        ({"taxels": []}, "is of 0 taxels of 'paper-pair', not of the 32"),
+        ({"full_scale": 0.0}, "full_scale must be above 0, got 0"),
+        ({"period_s": float("nan")}, "period_s must be above 0"),
+        ({"count": 7}, "rise to the end of the file"),
+        ({"rate_hz": 44100}, "rise to the end of the file"),
+    ],
+)
+def test_bad_sidecars_are_refused(good, change, sentence):
+    plan, wave, sidecar = good
+    with pytest.raises(FileError, match=sentence):
+        hear(plan, wave, sidecar | change)
+
+
+def test_bad_waves_are_refused(good):
+    plan, wave, sidecar = good
+    samples = wave.read()
+    for other, sentence in (
+        (Samples(RATE, samples[:, :1]), "has 1 channels where 16 are due"),
+        (Samples(44100, samples), "44100 samples per second, its sidecar says 48000"),
+        (Samples(RATE, samples[:-1]), "samples in a channel, its sidecar says"),
+        (Samples(RATE, np.where(samples == samples[5, 3], np.nan, samples)), "that are no numbers"),
+    ):
+        with pytest.raises(FileError, match=sentence):
+            hear(plan, other, sidecar)
+    with pytest.raises(FileError, match="not of the 64 of 'quad-64'"):
+        hear(make_plan(load_spec("quad-64")), wave, sidecar)
+
+
+def test_a_file_that_holds_nothing_is_refused(pair, tmp_path):
+    plan, drive = pair
+    ones, none = np.ones(len(plan.taxels)), np.zeros(len(plan.taxels))
+    line = Timeline(np.array([0.0, 0.2, 0.4]), np.stack([none, ones, none]), False)
+    wave, sidecar = played(plan, drive, line, tmp_path)
+    with pytest.raises(FileError, match="holds no state"):
+        hear(plan, wave, sidecar)

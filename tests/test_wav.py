@@ -1,0 +1,231 @@
+"""WAV files against two readers and writers that are not ours, and files that are broken."""
+
+import struct
+import warnings
+import wave
+
+import numpy as np
+import pytest
+from scipy.io import wavfile
+
+from padgen.driver.formats.wav import LARGEST_24, WavWriter, read_wav, wav_header
+from padgen.errors import FileError
+
+RATE = 48000
+STEP_24 = 2.0**-23
+
+
+def written(path, samples, depth, comment="", parts=3):
+    with WavWriter(path, RATE, samples.shape[1], len(samples), depth, comment) as file:
+        for part in np.array_split(samples, parts):
+            file.write(part)
+    return path
+
+
+def noise(count, channels, seed=0):
+    samples = np.random.default_rng(seed).uniform(-1, 1, (count, channels))
+    samples[0], samples[-1] = -1.0, LARGEST_24
+    return samples
+
+
+@pytest.mark.parametrize("channels", [1, 2, 3, 7, 19, 64])
+@pytest.mark.parametrize("depth", ["24", "float"])
+def test_scipy_reads_what_is_written(tmp_path, channels, depth):
+    samples = noise(101, channels)
+    path = written(tmp_path / "a.wav", samples, depth, "sample 1 = 30 V")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", wavfile.WavFileWarning)
+        rate, theirs = wavfile.read(path)
+    theirs = theirs.reshape(101, channels) / (2.0**31 if depth == "24" else 1)
+    assert rate == RATE
+    # Half a step of 24 bits; single floats round by as much at full scale.
+    np.testing.assert_allclose(theirs, samples, rtol=0, atol=0.5001 * STEP_24)
+    np.testing.assert_array_equal(read_wav(path).samples, theirs)
+
+
+@pytest.mark.parametrize("channels", [1, 2, 18, 300])
+@pytest.mark.parametrize("depth", ["24", "float"])
+def test_it_reads_back_with_head_and_comment(tmp_path, channels, depth):
+    samples = noise(50, channels)
+    read = read_wav(written(tmp_path / "a.wav", samples, depth, "µ = 1 V"))
+    assert (read.rate_hz, read.channels, read.count, read.comment) == (RATE, channels, 50, "µ = 1 V")
+    assert (read.kind, read.bits) == (("pcm", 24) if depth == "24" else ("float", 32))
+    assert read.seconds == pytest.approx(50 / RATE)
+    np.testing.assert_array_equal(read.read(10, 20), read.samples[10:20])
+    np.testing.assert_array_equal(read.channel(channels - 1), read.samples[:, -1])
+    assert sum(len(part) for part in read.data()) == 50 * channels * (3 if depth == "24" else 4)
+
+
+@pytest.mark.parametrize("width", [1, 2, 3, 4])
+def test_it_reads_pcm_of_the_standard_library(tmp_path, width):
+    whole = np.random.default_rng(1).integers(-(2 ** (8 * width - 1)), 2 ** (8 * width - 1), (40, 2))
+    raw = (whole + 128).astype(np.uint8).tobytes() if width == 1 else b""
+    if width > 1:
+        raw = whole.astype("<i4").view(np.uint8).reshape(-1, 4)[:, :width].tobytes()
+    with wave.open(str(tmp_path / "a.wav"), "wb") as file:
+        file.setnchannels(2)
+        file.setsampwidth(width)
+        file.setframerate(8000)
+        file.writeframes(raw)
+    read = read_wav(tmp_path / "a.wav")
+    assert (read.rate_hz, read.kind, read.bits) == (8000, "pcm", 8 * width)
+    np.testing.assert_array_equal(read.samples, whole / 2.0 ** (8 * width - 1))
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_it_reads_floats_of_scipy(tmp_path, kind):
+    samples = noise(33, 3).astype(kind)
+    wavfile.write(tmp_path / "a.wav", RATE, samples)
+    np.testing.assert_array_equal(read_wav(tmp_path / "a.wav").samples, samples)
+
+
+def test_the_same_samples_give_the_same_bytes(tmp_path):
+    one = written(tmp_path / "a.wav", noise(99, 5), "24", "x", parts=1).read_bytes()
+    assert one == written(tmp_path / "b.wav", noise(99, 5), "24", "x", parts=7).read_bytes()
+
+
+def test_rounding_leaves_no_line_above_the_noise(tmp_path):
+    # A sum 60 dB below full scale: rounding must not make lines of its own, though there is no dither.
+    t = np.arange(RATE // 2) / RATE
+    signal = 1e-3 * (np.cos(2 * np.pi * 60 * t) + np.cos(2 * np.pi * 78 * t + 1))
+    read = read_wav(written(tmp_path / "a.wav", signal[:, None], "24")).channel(0)
+    lines = np.abs(np.fft.rfft(read)) / len(t) * 2
+    lines[[30, 39]] = 0
+    assert 20 * np.log10(lines.max() / 1e-3) < -110  # white: -60 - 141 + 60 + 10 dB
+
+
+@pytest.mark.parametrize("depth, count", [("24", 30_000_000), ("float", 22_500_000)])
+def test_above_four_gib_the_sizes_are_in_64_bits(tmp_path, depth, count):
+    width, channels = (3 if depth == "24" else 4), 48
+    head = wav_header(RATE, channels, count, depth)
+    data = count * channels * width
+    assert head[:4] == b"RF64" and head[12:16] == b"ds64" and data > 2**32
+    riff, told, samples = struct.unpack("<QQQ", head[20:44])
+    assert (riff, told, samples) == (len(head) + data - 8, data, count)
+    path = tmp_path / "long.wav"
+    with path.open("wb") as file:  # a file with a hole
+        file.write(head)
+        file.truncate(len(head) + data)
+        file.seek(len(head) + data - width)
+        file.write(struct.pack("<f", 0.5) if depth == "float" else b"\0\0\x40")
+    read = read_wav(path)
+    assert (read.count, read.channels) == (count, channels)
+    np.testing.assert_array_equal(read.read(count - 1)[0], [0.0] * (channels - 1) + [0.5])
+
+
+def test_below_four_gib_it_is_plain_riff():
+    assert wav_header(RATE, 48, 29_800_000, "24")[:4] == b"RIFF"
+
+
+def test_an_odd_number_of_bytes_is_padded(tmp_path):
+    path = written(tmp_path / "a.wav", np.full((3, 1), 0.25), "24")
+    assert path.stat().st_size % 2 == 0
+    assert struct.unpack("<I", path.read_bytes()[4:8])[0] == path.stat().st_size - 8
+    assert read_wav(path).count == 3
+
+
+@pytest.mark.parametrize("value", [1.0, -1.0 - STEP_24, np.nan, np.inf])
+def test_nothing_is_clipped(tmp_path, value):
+    with pytest.raises(ValueError, match="clipped"), WavWriter(tmp_path / "a.wav", RATE, 1, 1, "24") as file:
+        file.write(np.array([[value]]))
+
+
+@pytest.mark.parametrize("value", [1.0001, -1.0001, np.nan])
+def test_nor_floats_beyond_full_scale(tmp_path, value):
+    with pytest.raises(ValueError, match="clipped"), WavWriter(tmp_path / "a.wav", RATE, 1, 1, "float") as file:
+        file.write(np.array([[value]]))
+
+
+@pytest.mark.parametrize("count, rows", [(2, 3), (4, 3)])
+def test_the_number_of_samples_is_held(tmp_path, count, rows):
+    with pytest.raises(ValueError, match="samples"), WavWriter(tmp_path / "a.wav", RATE, 1, count, "24") as file:
+        file.write(np.zeros((rows, 1)))
+
+
+@pytest.mark.parametrize(
+    "channels, rate, sentence",
+    [
+        (0, RATE, "1 … 65535 channels, got 0"),
+        (70000, RATE, "got 70000"),
+        (30000, RATE, "at most"),
+        (30000, 100, "at most 21845 channels at 100 Hz"),
+    ],
+)
+def test_what_the_format_cannot_tell_is_refused(channels, rate, sentence):
+    with pytest.raises(FileError, match=sentence):
+        wav_header(rate, channels, 10, "24")
+
+
+def riff(*chunks):
+    body = b"WAVE" + b"".join(name + struct.pack("<I", size) + data for name, size, data in chunks)
+    return b"RIFF" + struct.pack("<I", len(body)) + body
+
+
+def fmt(code=1, channels=1, rate=RATE, bits=16, frame=None):
+    frame = channels * bits // 8 if frame is None else frame
+    return b"fmt ", 16, struct.pack("<HHIIHH", code, channels, rate, rate * frame, frame, bits)
+
+
+DATA = (b"data", 4, b"\1\0\2\0")
+
+
+@pytest.mark.parametrize(
+    "raw, sentence",
+    [
+        (b"", "is empty"),
+        (b"RIFF", "is not a WAV file"),
+        (b"ID3\4" + b"\0" * 60, "is not a WAV file"),
+        (riff(), "without its format"),
+        (riff(fmt()), "without its samples"),
+        (riff(DATA), "without its format"),
+        (riff((b"fmt ", 8, b"\0" * 8), DATA), "format of 8 bytes"),
+        (riff(fmt(channels=0, frame=2), DATA), "0 channels"),
+        (riff(fmt(rate=0), DATA), "at 0 Hz"),
+        (riff(fmt(code=2, bits=4), DATA), "format 0x0002 and 4 bits"),
+        (riff(fmt(code=0xFFFE), DATA), "format 0xfffe"),
+        (riff(fmt(code=3, bits=16), DATA), "format 0x0003 and 16 bits"),
+        (riff(fmt(frame=3), DATA), "1 channels of 16 bits in 3 bytes"),
+        (riff(fmt(), (b"data", 400, b"\0" * 4)), "cut off: it has 2 of the 200 samples"),
+        (riff(fmt(), (b"data", 3, b"\0" * 4)), "3 bytes of samples, not whole samples"),
+        (riff(fmt(), (b"data", 0xFFFFFFFF, b"\0" * 4)), "cut off"),
+        (riff((b"junk", 4000, b"\0" * 4), fmt(), DATA), "without its format"),
+    ],
+)
+def test_broken_files_are_refused_with_a_sentence(tmp_path, raw, sentence):
+    path = tmp_path / "a.wav"
+    path.write_bytes(raw)
+    with pytest.raises(FileError, match=sentence) as caught:
+        read_wav(path)
+    assert "a.wav" in str(caught.value)
+
+
+@pytest.mark.parametrize("where", ["nowhere.wav", "."])
+def test_what_is_no_file_is_refused(tmp_path, where):
+    with pytest.raises(FileError, match="cannot be read"):
+        read_wav(tmp_path / where)
+
+
+@pytest.mark.parametrize("chunk", [(b"junk", 3, b"abc\0"), (b"LIST", 5, b"INFOx\0"), (b"fact", 0, b"")])
+def test_chunks_of_odd_length_are_passed_over(tmp_path, chunk):
+    path = tmp_path / "a.wav"
+    path.write_bytes(riff(chunk, fmt(), DATA, (b"id3 ", 2, b"xy")))
+    np.testing.assert_array_equal(read_wav(path).samples[:, 0], [1 / 2**15, 2 / 2**15])
+
+
+def test_a_file_without_samples_is_read(tmp_path):
+    path = written(tmp_path / "a.wav", np.zeros((0, 4)), "float", parts=1)
+    assert read_wav(path).samples.shape == (0, 4)
+    assert len(read_wav(path).channel(2)) == 0
+
+
+@pytest.mark.parametrize("cut", range(0, 130, 7))
+def test_a_file_cut_anywhere_is_refused(tmp_path, cut):
+    path = written(tmp_path / "a.wav", noise(10, 3), "float", "comment")
+    path.write_bytes(path.read_bytes()[:cut])
+    with pytest.raises(FileError):
+        read_wav(path)
+
+
+def test_a_folder_that_is_not_there_cannot_be_written(tmp_path):
+    with pytest.raises(FileError, match="cannot be written"), WavWriter(tmp_path / "no" / "a.wav", RATE, 1, 0, "24"):
+        pass
