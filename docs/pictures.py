@@ -1,4 +1,4 @@
-"""Draws the README's pictures from the paper's pad: `make pictures`."""
+"""Draws the pictures of the README and of assembly.md from the paper's pad: `make pictures`."""
 
 from pathlib import Path
 
@@ -6,13 +6,18 @@ import manifold3d
 import numpy as np
 
 from padgen.planner import Plan, make_plan
-from padgen.solid.mesh import Mesh, from_manifold
+from padgen.planner.coupon import coil_axis_mm
+from padgen.planner.tray import Tray, washer_underside_mm
+from padgen.solid.mesh import Mesh, as_manifold, from_manifold
 from padgen.solid.pad import build_pad
 from padgen.solid.picture import View, picture_png
+from padgen.solid.tray import build_tray
 from padgen.spec import load_spec
 
 HERE = Path(__file__).parent
+Colour = tuple[float, float, float]
 CREAM, STEEL, COPPER, IRON = (0.97, 0.95, 0.90), (0.62, 0.66, 0.72), (0.93, 0.58, 0.34), (0.45, 0.45, 0.48)
+SLATE = (0.56, 0.70, 0.78)
 
 
 def moved(mesh: Mesh, x: float, y: float, z: float) -> Mesh:
@@ -42,16 +47,58 @@ def exploded(plan: Plan, pad: Mesh) -> list[tuple[Mesh, tuple[float, float, floa
     return parts
 
 
+def stacked(plan: Plan, pad: Mesh, tray: Mesh, levels_mm: tuple[float, ...]) -> list[tuple[Mesh, Colour]]:
+    """Tray, coils, washers, pad and screws, each at its level."""
+    spec = plan.typed_spec
+    coils_mm, washers_mm, pad_mm, screws_mm = levels_mm
+    parts = [(tray, SLATE), (moved(pad, 0, 0, pad_mm), CREAM)]
+    washer = tube(spec.washer.outer_diameter_mm, spec.washer.inner_diameter_mm, spec.washer.thickness_mm)
+    parts += [(moved(washer, t.x_mm, t.y_mm, washers_mm), STEEL) for t in plan.taxels]
+    winding = tube(spec.coil.outer_diameter_mm, spec.coil.core_diameter_mm, spec.coil.length_mm)
+    core = tube(spec.coil.core_diameter_mm, 0, spec.coil.length_mm)
+    for row in range(plan.coils.rows):
+        for column in range(plan.coils.columns):
+            at = (*coil_axis_mm(plan.coils, row, column), coils_mm)
+            parts += [(moved(winding, *at), COPPER), (moved(core, *at), IRON)]
+    x, y = (spec.pad.width_mm + spec.pad.border_mm) / 2, (spec.pad.depth_mm + spec.pad.border_mm) / 2
+    return parts + [(moved(screw(), sx * x, sy * y, screws_mm), STEEL) for sx in (-1, 1) for sy in (-1, 1)]
+
+
+def screw() -> Mesh:
+    """M3 x 10, its head's underside at z = 0."""
+    shank = manifold3d.Manifold.cylinder(10, 1.5, 1.5, 48).translate((0, 0, -10))
+    return from_manifold(shank + manifold3d.Manifold.cylinder(3, 2.75, 2.75, 48))
+
+
+def cut(parts: list[tuple[Mesh, Colour]], x: tuple[float, float], y: float) -> list[tuple[Mesh, Colour]]:
+    """What lies behind `y` and between both `x`."""
+    room = manifold3d.Manifold.cube((x[1] - x[0], 100, 100)).translate((x[0], y, -10))
+    inside = [(as_manifold(mesh, "a part") ^ room, colour) for mesh, colour in parts]
+    return [(from_manifold(solid), colour) for solid, colour in inside if solid.num_tri()]
+
+
+def assembled(plan: Plan, pad: Mesh, tray: Mesh, of: Tray) -> list[tuple[Mesh, Colour]]:
+    """All parts in place, cut through the washers of the first taxel's row."""
+    low = of.height_mm + washer_underside_mm(plan)
+    thick = plan.typed_spec.pad.frame_thickness_mm
+    parts = stacked(plan, pad, tray, (of.floor_mm, low, of.height_mm, of.height_mm + thick))
+    return cut(parts, (-40, 0.0), plan.taxels[0].y_mm)
+
+
 def main() -> None:
     plan = make_plan(load_spec("paper-32"))
     pad = build_pad(plan).mesh
+    tray = build_tray(plan)
     below = View(azimuth_deg=-35, elevation_deg=-42)
     for name, parts, view in (
         ("pad.png", [(pad, CREAM)], View()),
         ("pad-below.png", [(pad, CREAM)], below),
         ("exploded.png", exploded(plan, pad), View(-32, 30)),
+        ("assembly.png", stacked(plan, pad, tray.mesh, (20, 42, 62, 84)), View(-32, 24)),
+        ("assembly-cut.png", assembled(plan, pad, tray.mesh, tray.tray), View(-14, 10)),
     ):
-        (HERE / name).write_bytes(picture_png(parts, (900, 700 if name == "exploded.png" else 620), view))
+        height = {"exploded.png": 700, "assembly.png": 960, "assembly-cut.png": 520}.get(name, 620)
+        (HERE / name).write_bytes(picture_png(parts, (900, height), view))
 
 
 if __name__ == "__main__":

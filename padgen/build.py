@@ -5,7 +5,7 @@ Knows when a folder is up to date without importing numpy or a CAD kernel.
 
 import json
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,14 +20,17 @@ from padgen.spec import Spec
 if TYPE_CHECKING:
     from padgen.planner.plan import Plan
     from padgen.solid.pad import PadSolid
+    from padgen.solid.parts import Part
 
-__all__ = ["DEFAULT_FORMATS", "FORMATS", "Built", "build", "parse_formats", "up_to_date"]
+__all__ = ["DEFAULT_FORMATS", "FORMATS", "PARTS", "Built", "build", "parse_formats", "parse_parts", "up_to_date"]
 
 FORMATS = ("stl", "3mf", "step", "glb")
+PARTS = ("coupon", "coupon-tray", "tray")
+"""What can be made beside the pad, see `padgen.solid.parts`."""
 DEFAULT_FORMATS = ("stl", "3mf", "step")
 PACKAGES = ("build123d", "cadquery-ocp-novtk", "lib3mf", "manifold3d", "ngsolve", "numpy", "pillow", "trimesh")
-OWN_FILES = ("pad.stl", "pad.3mf", "pad.glb", "taxel-*.step")
-"""Files of a build that the next one of other formats or channels takes away."""
+OWN_FILES = ("pad.stl", "pad.3mf", "pad.glb", "taxel-*.step", *(f"{part}.*" for part in PARTS))
+"""Files of a build that the next one of other formats, parts or channels takes away."""
 THUMBNAIL_PX = (256, 256)
 PAD_COLOUR = (0.90, 0.88, 0.82)
 Progress = Callable[[str], None]
@@ -46,18 +49,30 @@ class Built:
 
 def parse_formats(text: str) -> tuple[str, ...]:
     """Formats from a comma-separated list, in the order of `FORMATS`."""
-    names = [name.strip() for name in text.split(",") if name.strip()]
-    for name in names:
-        if name not in FORMATS:
-            raise SpecError(f"must be among {', '.join(FORMATS)}, got {name!r}", "--formats")
+    names = _parsed(text, FORMATS, "--formats")
     if not names:
         raise SpecError(f"must name one or more of {', '.join(FORMATS)}", "--formats")
-    return tuple(name for name in FORMATS if name in names)
+    return names
 
 
-def up_to_date(spec: Spec, folder: Path, formats: tuple[str, ...], instances: bool) -> Built | None:
+def parse_parts(text: str) -> tuple[str, ...]:
+    """Parts from a comma-separated list, in the order of `PARTS`."""
+    return _parsed(text, PARTS, "--parts")
+
+
+def _parsed(text: str, known: tuple[str, ...], where: str) -> tuple[str, ...]:
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    for name in names:
+        if name not in known:
+            raise SpecError(f"must be among {', '.join(known)}, got {name!r}", where)
+    return tuple(name for name in known if name in names)
+
+
+def up_to_date(
+    spec: Spec, folder: Path, formats: tuple[str, ...], instances: bool, parts: tuple[str, ...] = ()
+) -> Built | None:
     """The build in `folder` if nothing that went into it has changed, else None."""
-    if not is_current(folder, _inputs(spec, formats, instances)):
+    if not is_current(folder, _inputs(spec, formats, instances, parts)):
         return None
     checks = json.loads((folder / "checks.json").read_text(encoding="utf-8"))
     findings = tuple(Finding(**entry) for entry in checks["findings"])
@@ -71,8 +86,9 @@ def build(
     formats: tuple[str, ...] = DEFAULT_FORMATS,
     instances: bool = False,
     progress: Progress = lambda step: None,
+    parts: tuple[str, ...] = (),
 ) -> Built:
-    """Plan, model, check and write the pad of `spec` into `folder`.
+    """Plan, model, check and write the pad of `spec` into `folder`, and the `parts` that go with it.
 
     Raises
     ------
@@ -100,23 +116,54 @@ def build(
     pad = build_pad(plan)
     progress("checking")
     report = check_pad(pad, plan)
-    findings = (*plan.findings, *report.findings)
-    inputs = _inputs(spec, formats, instances)
+    beside = _parts(plan, parts, progress)
+    figures = report.figures
+    if beside:
+        figures = {**figures, "parts": {part.name: part.report.figures for part in beside}}
+    findings = (*plan.findings, *report.findings, *_part_findings(beside))
+    inputs = _inputs(spec, formats, instances, parts)
     with OutputFolder(folder) as out:
         out.write("plan.json", plan_to_json(plan))
         out.write("drive.csv", drive_csv(plan))
         out.write("drive.json", drive_json(plan))
-        out.write("bom.csv", bill_of_materials(plan, report.figures["plastic_g"]))
-        out.write("checks.json", _checks_json(report.figures, findings))
+        out.write("bom.csv", bill_of_materials(plan, report.figures["plastic_g"], _plastic_g(beside)))
+        out.write("checks.json", _checks_json(figures, findings))
         for name in formats:
             progress(f"writing {name}")
             _write_format(out, name, plan, pad, instances, inputs["spec"])
+        _write_parts(out, plan, beside, formats, inputs["spec"])
         stale = [path.name for pattern in OWN_FILES for path in folder.glob(pattern)]
         if differs(folder, "plan.json", plan_to_json(plan)):
             stale += PLAN_FILES
         out.commit({"padgen": __version__, "inputs": inputs}, remove=stale)
     files = tuple(read_manifest(folder)["files"])
-    return Built(folder, files, report.figures, findings, False)
+    return Built(folder, files, figures, findings, False)
+
+
+def _parts(plan: "Plan", names: tuple[str, ...], progress: Progress) -> "tuple[Part, ...]":
+    if not names:
+        return ()
+    from padgen.solid.parts import build_parts
+
+    progress(f"modelling {', '.join(names)}")
+    return build_parts(plan, names)
+
+
+def _part_findings(parts: "tuple[Part, ...]") -> list[Finding]:
+    return [replace(f, where=f"{part.name}: {f.where}") for part in parts for f in part.report.findings]
+
+
+def _plastic_g(parts: "tuple[Part, ...]") -> dict[str, float]:
+    return {part.name: part.report.figures["plastic_g"] for part in parts}
+
+
+def _write_parts(
+    out: OutputFolder, plan: "Plan", parts: "tuple[Part, ...]", formats: tuple[str, ...], spec_hash: str
+) -> None:
+    for part in parts:
+        from padgen.solid.parts import write_part_files
+
+        write_part_files(out, part, formats, _metadata(plan, spec_hash), f"{__version__} {spec_hash[:16]}")
 
 
 def _write_format(out: OutputFolder, name: str, plan: "Plan", pad: "PadSolid", instances: bool, spec_hash: str) -> None:
@@ -169,13 +216,14 @@ def _checks_json(figures: dict[str, Any], findings: tuple[Finding, ...]) -> str:
     return json_text({"figures": figures, "findings": [asdict(f) for f in findings]})
 
 
-def _inputs(spec: Spec, formats: tuple[str, ...], instances: bool) -> dict[str, Any]:
+def _inputs(spec: Spec, formats: tuple[str, ...], instances: bool, parts: tuple[str, ...]) -> dict[str, Any]:
     """Everything that the bytes of a build depend on."""
     text = json.dumps(asdict(spec), sort_keys=True)
     return {
         "spec": file_hash(text.encode()),
         "formats": list(formats),
         "instances": instances,
+        "parts": list(parts),
         "code": code_hash(),
         "versions": {name: version(name) for name in PACKAGES},
     }

@@ -2,6 +2,7 @@
 
 import itertools
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,9 @@ import numpy as np
 
 from padgen.errors import GeometryError, number
 from padgen.planner.plan import Channel, Plan
+from padgen.planner.screws import screw_for
 from padgen.planner.tile import to_cell
+from padgen.planner.tray import plan_tray
 from padgen.solid.kernel import build123d, kernel_errors
 from padgen.solid.mesh import Mesh, signed_volume_mm3, tessellated
 from padgen.solid.pad import PadSolid
@@ -135,8 +138,16 @@ def _coloured(mesh: Mesh, rgba: tuple[int, int, int, int]) -> Any:
     return part
 
 
-def bill_of_materials(plan: Plan, plastic_g: float) -> str:
-    """What to buy, as CSV."""
+def _screw_text(plan: Plan, tray: bool) -> str:
+    """Which screws: with a tray, of the length that it takes."""
+    pad = plan.typed_spec.pad
+    screw = screw_for(pad.hole_diameter_mm, pad.frame_thickness_mm, plan_tray(plan).height_mm) if tray else None
+    holes = f"for {number(pad.hole_diameter_mm)} mm holes"
+    return holes if screw is None else f"{screw.name} x {number(screw.length_mm)} mm {holes}"
+
+
+def bill_of_materials(plan: Plan, plastic_g: float, parts_g: Mapping[str, float] | None = None) -> str:
+    """What to buy, as CSV; `parts_g` is the plastic of parts that are printed beside the pad, by name."""
     spec = plan.typed_spec
     coils = plan.coils.rows * plan.coils.columns
     washer, coil = spec.washer, spec.coil
@@ -156,7 +167,8 @@ def bill_of_materials(plan: Plan, plastic_g: float) -> str:
             f"{coil.name}: {number(coil.outer_diameter_mm)} mm diameter {number(coil.length_mm)} mm long"
             f" {number(coil.resistance_ohm)} ohm {number(coil.inductance_mh)} mH",
         ),
-        ("plastic", f"{plastic_g:.2f}", "g", f"{spec.material.name} on {spec.printer.name}"),
-        ("screw", 4 if spec.pad.hole_diameter_mm else 0, "pieces", f"for {number(spec.pad.hole_diameter_mm)} mm holes"),
+        ("plastic", f"{plastic_g:.2f}", "g", f"pad: {spec.material.name} on {spec.printer.name}"),
+        *(("plastic", f"{grams:.2f}", "g", f"{name}: at full infill") for name, grams in (parts_g or {}).items()),
+        ("screw", 4 if spec.pad.hole_diameter_mm else 0, "pieces", _screw_text(plan, "tray" in (parts_g or {}))),
     ]
     return "".join(",".join(str(cell) for cell in row) + "\n" for row in rows)

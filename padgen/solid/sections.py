@@ -52,7 +52,9 @@ def sections(solid: Any, mesh: Mesh) -> list[Section]:
     heights = np.unique(np.round(mesh.vertices_mm[:, 2] / STEP_MM) * STEP_MM)
     if len(heights) > LEVELS + 1:
         heights = np.quantile(heights, np.linspace(0, 1, LEVELS + 1))
-    return [Section(float(z), solid.slice(float(z))) for z in (heights[1:] + heights[:-1]) / 2]
+    cuts = (Section(float(z), solid.slice(float(z))) for z in (heights[1:] + heights[:-1]) / 2)
+    # Between two bodies one above the other there is nothing.
+    return [cut for cut in cuts if not cut.shape.is_empty()]
 
 
 def narrow_walls(section: Section, limit_mm: float) -> list[Narrow]:

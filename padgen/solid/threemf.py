@@ -14,7 +14,7 @@ from padgen.planner.plan import Plan
 from padgen.solid.mesh import Mesh, welded
 from padgen.solid.pad import PadSolid, turned_grid
 
-__all__ = ["read_3mf", "threemf_bytes"]
+__all__ = ["part_3mf_bytes", "read_3mf", "threemf_bytes"]
 
 _NAMESPACE = uuid5(NAMESPACE_DNS, "padgen")
 """Root of the name-based UUIDs: the same pad has the same ones."""
@@ -22,6 +22,22 @@ _NAMESPACE = uuid5(NAMESPACE_DNS, "padgen")
 
 def threemf_bytes(plan: Plan, pad: PadSolid, metadata: dict[str, str], thumbnail_png: bytes, instances: bool) -> bytes:
     """The pad as one named object, or with `instances` as one mesh per distinct tile, placed many times."""
+    if not instances:
+        return part_3mf_bytes(plan.name, pad.mesh, metadata, thumbnail_png)
+    model, wrapper = _new_model(metadata)
+    _add_instances(model, wrapper, plan, pad)
+    return _package(model, plan.name, thumbnail_png)
+
+
+def part_3mf_bytes(name: str, mesh: Mesh, metadata: dict[str, str], thumbnail_png: bytes) -> bytes:
+    """A part as one named object."""
+    model, wrapper = _new_model(metadata)
+    model.AddBuildItem(_add_mesh(model, mesh, name), wrapper.GetIdentityTransform())
+    return _package(model, name, thumbnail_png)
+
+
+def _new_model(metadata: dict[str, str]) -> tuple[Any, Any]:
+    """An empty model in millimetres, and the library's wrapper that made it."""
     wrapper = _lib3mf().Wrapper()
     model = wrapper.CreateModel()
     model.SetUnit(_lib3mf().ModelUnit.MilliMeter)
@@ -29,12 +45,12 @@ def threemf_bytes(plan: Plan, pad: PadSolid, metadata: dict[str, str], thumbnail
     for key, value in metadata.items():
         space, _, name = key.rpartition(":")
         notes.AddMetaData(space, name, value, "xs:string", True)
-    if instances:
-        _add_instances(model, wrapper, plan, pad)
-    else:
-        model.AddBuildItem(_add_mesh(model, pad.mesh, plan.name), wrapper.GetIdentityTransform())
+    return model, wrapper
+
+
+def _package(model: Any, name: str, thumbnail_png: bytes) -> bytes:
     model.CreatePackageThumbnailAttachment().ReadFromBuffer((ctypes.c_uint8 * len(thumbnail_png))(*thumbnail_png))
-    _name_uuids(model, plan.name)
+    _name_uuids(model, name)
     data = bytes(model.QueryWriter("3mf").WriteToBuffer())
     return _without_times(data)
 

@@ -1,0 +1,240 @@
+"""Checks of a tray's mesh: what every print must hold, and its dimensions measured back."""
+
+from collections.abc import Iterator
+from math import isfinite, nan
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from padgen.errors import GeometryError, number
+from padgen.finding import Finding
+from padgen.planner.plan import Plan
+from padgen.planner.tile import Outline
+from padgen.planner.tray import Tray, tray_findings, washer_underside_mm
+from padgen.solid.checks import Report, check_mesh
+from padgen.solid.mesh import CHORD_MM, Mesh, as_manifold, signed_volume_mm3
+from padgen.solid.tray import TraySolid
+from padgen.spec import Pad, Spec
+
+__all__ = ["Gauge", "check_tray", "measured_tray"]
+
+BUILT_MM = 0.01
+"""Largest difference of a built height or place from the planned one."""
+ROUND_MM = 2 * CHORD_MM + BUILT_MM
+"""The same of a diameter, whose triangles lie within its circle."""
+VOLUME_SHARE = 1e-3
+SEAT_RAYS = 3
+AT_ONCE = 5
+COIL_SIDES = 64
+BLOCKED_MM3 = 1e-3
+
+
+class Gauge(NamedTuple):
+    """One dimension: of what, planned and built in mm (nan: not found), and what it may be off by."""
+
+    where: str
+    name: str
+    planned_mm: float
+    built_mm: float
+    within_mm: float = BUILT_MM
+
+
+def check_tray(built: TraySolid, plan: Plan) -> Report:
+    """All checks of a tray that was built for `plan`; figures of the mesh, and of the gap as measured."""
+    spec, tray = plan.typed_spec, built.tray
+    report = check_mesh(built.mesh, spec.printer, spec.material.density_g_per_cm3)
+    figures = {**report.figures, "exact_volume_mm3": built.volume_mm3}
+    findings = [*tray_findings(plan, tray), *report.findings, *_volume(built)]
+    try:
+        solid = as_manifold(built.mesh, "the tray")
+    except GeometryError:
+        # The checks of the mesh have said so.
+        return Report(figures, tuple(findings))
+    gauges = list(measured_tray(tray, spec, solid))
+    findings += [*_off(gauges), *_gap(plan, gauges, figures), *_free(tray, spec, built.mesh, solid)]
+    off = [abs(g.built_mm - g.planned_mm) for g in gauges if isfinite(g.built_mm) and g.within_mm == BUILT_MM]
+    figures["largest_difference_from_plan_mm"] = max(off, default=None)
+    figures["measured_dimensions"] = len(gauges)
+    return Report(figures, tuple(findings))
+
+
+def measured_tray(tray: Tray, spec: Spec, solid: Any) -> Iterator[Gauge]:
+    """Measure sockets, seats, rim and screw holes of a tray on its manifold.
+
+    Diameters are of the largest circle about the planned axis that holds no material; heights are
+    where rays from above end, in the seat at several places about the axis.
+    """
+    sockets = _holes(solid, (tray.floor_mm + tray.socket_top_mm) / 2)
+    for x, y in tray.coils_mm:
+        where = f"the socket at ({number(x)}, {number(y)}) mm"
+        yield Gauge(where, "socket diameter", tray.socket_diameter_mm, _free_diameter(sockets, x, y), ROUND_MM)
+        yield from (
+            Gauge(where, "seat height", tray.floor_mm, _top(solid, tray, *at)) for at in _seat_places(tray, spec, x, y)
+        )
+    for x, y in _rim_places(tray, spec):
+        yield Gauge(f"the rim at ({number(x)}, {number(y)}) mm", "rim height", tray.height_mm, _top(solid, tray, x, y))
+    yield from _screw_gauges(tray, solid)
+
+
+def _screw_gauges(tray: Tray, solid: Any) -> Iterator[Gauge]:
+    screw = tray.screw
+    if screw is None:
+        return
+    holes = _holes(solid, tray.height_mm - screw.hole_depth_mm / 2)
+    for x, y in tray.holes_mm:
+        where = f"the screw hole at ({number(x)}, {number(y)}) mm"
+        yield Gauge(where, "hole diameter", screw.hole_diameter_mm, _free_diameter(holes, x, y), ROUND_MM)
+        low = _top(solid, tray, x, y)
+        bottom = low if isfinite(low) else 0.0
+        yield Gauge(where, "hole depth", screw.hole_depth_mm, tray.height_mm - bottom)
+
+
+def _seat_places(tray: Tray, spec: Spec, x: float, y: float) -> Iterator[tuple[float, float]]:
+    """Places on a coil's seat, half way between its hole and the coil's rim."""
+    radius = (tray.seat_hole_mm + spec.coil.outer_diameter_mm) / 4
+    for angle in 2 * np.pi * np.arange(SEAT_RAYS) / SEAT_RAYS:
+        yield x + radius * float(np.cos(angle)), y + radius * float(np.sin(angle))
+
+
+def _rim_places(tray: Tray, spec: Spec) -> Iterator[tuple[float, float]]:
+    """Two places on each side of the rim, beside the corners."""
+    pad = spec.pad
+    x, y = (pad.width_mm + pad.border_mm) / 2, (pad.depth_mm + pad.border_mm) / 2
+    inner_x, inner_y = 0.49 * pad.width_mm, 0.49 * pad.depth_mm
+    for side in (-1, 1):
+        for along in (-1, 1):
+            yield along * inner_x, side * y
+            yield side * x, along * inner_y
+
+
+def _top(solid: Any, tray: Tray, x: float, y: float) -> float:
+    """Height of the first face below a point above the tray; nan where there is none."""
+    high, low = tray.height_mm + 1.0, -1.0
+    hits = solid.ray_cast((x, y, high), (x, y, low))
+    return high - float(hits[0].distance) * (high - low) if hits else nan
+
+
+def _holes(solid: Any, z_mm: float) -> list[np.ndarray]:
+    """The outlines (points, 2) of the holes in a cross-section."""
+    holes = []
+    for contour in solid.slice(z_mm).to_polygons():
+        x, y = contour.T
+        if np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)) < 0:
+            holes.append(contour)
+    return holes
+
+
+def _free_diameter(holes: list[np.ndarray], x: float, y: float) -> float:
+    """Diameter of the largest circle about a point within the hole that lies around it; nan outside of all."""
+    at = np.array([x, y])
+    for contour in holes:
+        if (contour.min(0) < at).all() and (at < contour.max(0)).all():
+            return 2 * _distance(contour, at)
+    return nan
+
+
+def _distance(contour: np.ndarray, at: np.ndarray) -> float:
+    """Distance from a point to the sides of a closed outline."""
+    start, along = contour - at, np.roll(contour, -1, axis=0) - contour
+    share = -np.einsum("ij,ij->i", start, along) / np.maximum(np.einsum("ij,ij->i", along, along), 1e-30)
+    nearest = start + np.clip(share, 0, 1)[:, None] * along
+    return float(np.hypot(*nearest.T).min())
+
+
+def _off(gauges: list[Gauge]) -> list[Finding]:
+    """Dimensions that are not as planned: the first of them, and how many more."""
+    off = [g for g in gauges if not abs(g.built_mm - g.planned_mm) <= g.within_mm]
+    found = [
+        Finding(
+            "error",
+            "tray.built",
+            g.where,
+            f"its {g.name} is {number(g.built_mm) + ' mm' if isfinite(g.built_mm) else 'missing'}, planned are"
+            f" {number(g.planned_mm)} mm within {number(g.within_mm)} mm",
+        )
+        for g in off[:AT_ONCE]
+    ]
+    if len(off) > AT_ONCE:
+        found.append(Finding("error", "tray.built", "elsewhere", f"{len(off) - AT_ONCE} more like the last"))
+    return found
+
+
+def _gap(plan: Plan, gauges: list[Gauge], figures: dict[str, Any]) -> Iterator[Finding]:
+    """The gap from the mesh: rim over seat, less the coil, and the washer's place in the pad.
+
+    It may differ from the spec's by half a layer, of which `tray_findings` tells, and by what is measured.
+    """
+    spec = plan.typed_spec
+    seat = np.array([g.built_mm for g in gauges if g.name == "seat height"])
+    rim = np.array([g.built_mm for g in gauges if g.name == "rim height"])
+    offset = washer_underside_mm(plan) - spec.coil.length_mm
+    low, high = float(rim.min() - seat.max()) + offset, float(rim.max() - seat.min()) + offset
+    figures["gap_mm"] = [low, high]
+    within = spec.printer.layer_mm / 2 + BUILT_MM
+    worst = low if not abs(low - spec.coil.gap_mm) <= abs(high - spec.coil.gap_mm) else high
+    if not abs(worst - spec.coil.gap_mm) <= within:
+        yield Finding(
+            "error",
+            "tray.gap",
+            "mesh",
+            f"its sockets give a gap of {number(worst) + ' mm' if isfinite(worst) else 'unknown size'}, planned are"
+            f" {number(spec.coil.gap_mm)} mm within {number(within)} mm",
+        )
+
+
+def _free(tray: Tray, spec: Spec, mesh: Mesh, solid: Any) -> Iterator[Finding]:
+    """What must be empty: the coils' places, the room under the pad, and every wire slot."""
+    pad = spec.pad
+    yield from _coils_fit(tray, spec, solid)
+    x, y, z = mesh.vertices_mm.T
+    inside = (np.abs(x) < pad.width_mm / 2 - BUILT_MM) & (np.abs(y) < pad.depth_mm / 2 - BUILT_MM)
+    highest = float(z[inside].max(initial=0.0))
+    if highest > tray.coil_top_mm + BUILT_MM:
+        yield Finding(
+            "error",
+            "tray.room",
+            "mesh",
+            f"under the pad it rises to {number(highest)} mm, the coils' tops are at {number(tray.coil_top_mm)} mm",
+        )
+    for slot in tray.wire_slots:
+        if not _passes(solid, slot, tray, pad):
+            at = f"({number((slot.x0 + slot.x1) / 2)}, {number((slot.y0 + slot.y1) / 2)}) mm"
+            yield Finding("error", "tray.wires", f"the slot at {at}", "no wire passes from the sockets to the outside")
+
+
+def _coils_fit(tray: Tray, spec: Spec, solid: Any) -> Iterator[Finding]:
+    """Coils put in their places, from just above their seats, must not meet the tray."""
+    import manifold3d
+
+    radius, low = spec.coil.outer_diameter_mm / 2, tray.floor_mm + BUILT_MM
+    coil = manifold3d.Manifold.cylinder(tray.coil_top_mm - low, radius, radius, COIL_SIDES)
+    coils = manifold3d.Manifold.compose([coil.translate((x, y, low)) for x, y in tray.coils_mm])
+    blocked = [part for part in (coils ^ solid).decompose() if part.volume() > BLOCKED_MM3]
+    if blocked:
+        x0, y0, z0, x1, y1, z1 = blocked[0].bounding_box()
+        yield Finding(
+            "error",
+            "tray.coil",
+            f"({number((x0 + x1) / 2)}, {number((y0 + y1) / 2)}, {number((z0 + z1) / 2)}) mm",
+            f"material lies where a coil stands; {len(blocked)} such places, must be 0",
+        )
+
+
+def _passes(solid: Any, slot: Outline, tray: Tray, pad: Pad) -> bool:
+    """Whether a ray runs along the middle of a slot, from end to end, without meeting the tray."""
+    x, y, z = (slot.x0 + slot.x1) / 2, (slot.y0 + slot.y1) / 2, (tray.socket_top_mm + tray.height_mm) / 2
+    along_y = abs(y) > pad.depth_mm / 2
+    start, stop = ((x, slot.y0, z), (x, slot.y1, z)) if along_y else ((slot.x0, y, z), (slot.x1, y, z))
+    return not solid.ray_cast(start, stop)
+
+
+def _volume(built: TraySolid) -> Iterator[Finding]:
+    volume = signed_volume_mm3(built.mesh)
+    if not abs(volume / built.volume_mm3 - 1) <= VOLUME_SHARE:
+        yield Finding(
+            "error",
+            "mesh.volume",
+            "mesh",
+            f"its volume is {number(volume)} mm³, the solid's is {number(built.volume_mm3)} mm³,"
+            f" within {VOLUME_SHARE:.1%}; a finer chord would do",
+        )
