@@ -6,7 +6,7 @@ STAMP := $(VENV)/.installed
 TEMPLATES := $(basename $(notdir $(wildcard templates/*.toml)))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup pad test check format variants slice goldens performance selectivity accuracy pictures clean $(TEMPLATES:%=variant-%)
+.PHONY: help setup pad test check format variants slice goldens performance selectivity accuracy waveforms pictures clean $(TEMPLATES:%=variant-%)
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -14,7 +14,7 @@ help: ## list the targets
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev,study]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev,play,study]'
 	@touch $@
 
 setup: $(STAMP) ## make the environment in .venv, every extra included
@@ -23,7 +23,9 @@ pad: $(STAMP) ## the paper's 32-taxel pad into out/paper-32
 	$(BIN)/padgen plan paper-32
 	$(BIN)/padgen build paper-32
 
-test: $(STAMP) ## the whole test suite
+test: $(STAMP) ## the whole test suite (the firmware's need gcc and g++, installed from Debian if missing)
+	@{ command -v $${CC:-cc} && command -v $${CXX:-c++}; } >/dev/null || \
+	  { apt-get update -qq && apt-get install -y -qq --no-install-recommends gcc g++ libc6-dev; }
 	$(BIN)/python -m pytest
 
 check: $(STAMP) ## style and types
@@ -57,6 +59,11 @@ accuracy: $(STAMP) ## compute what docs/accuracy.md and docs/dynamics.md report 
 	for part in beams elasticity loop force pad left_out dynamics; do \
 	  OPENBLAS_NUM_THREADS=1 $(BIN)/python docs/measure_$$part.py || exit 1; done
 	$(BIN)/padgen study paper-32
+
+waveforms: $(STAMP) ## measure what docs/waveforms.md and docs/retune.md report (half an hour)
+	for part in waveforms ear retune; do \
+	  OPENBLAS_NUM_THREADS=1 $(BIN)/python docs/measure_$$part.py || exit 1; done
+	$(BIN)/python docs/draw_waveforms.py
 
 pictures: $(STAMP) ## draw the README's pictures anew
 	$(BIN)/python docs/pictures.py

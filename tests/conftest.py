@@ -2,6 +2,9 @@
 
 import os
 
+# As the command does: threads cost more than they bring to small matrices. Before numpy is loaded.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import pytest
 
 from padgen.cache import VARIABLE

@@ -38,7 +38,9 @@ def test_plan_loads_no_kernel(work):
     assert not loaded_after("plan", "tiny.toml") & set(HEAVY)
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["plan", "--help"], ["templates"], ["init", "paper-32"], ["schema"]])
+@pytest.mark.parametrize(
+    "arguments", [["--help"], ["plan", "--help"], ["drive", "--help"], ["templates"], ["init", "paper-32"], ["schema"]]
+)
 def test_small_commands_load_no_numpy(work, arguments):
     assert not loaded_after(*arguments) & {"numpy", *HEAVY}
 

@@ -9,16 +9,17 @@ import io
 import json
 import os
 import sys
+from contextlib import suppress
 from typing import NoReturn
 
 from padgen import __version__
-from padgen.cli import build, plan, small, study
+from padgen.cli import build, drive, plan, play, retune, small, study
 from padgen.cli.common import BAD_INPUT, DONE
 from padgen.errors import PadgenError
 
 __all__ = ["main", "run"]
 
-COMMANDS = (plan, build, study, small)
+COMMANDS = (plan, build, drive, play, retune, study, small)
 
 
 def main() -> NoReturn:
@@ -42,7 +43,7 @@ def run(arguments: list[str]) -> int:
     """Run one command and return its exit code."""
     as_json = "--json" in arguments
     try:
-        options = _parser().parse_args(arguments)
+        options = _parsed(arguments)
         code: int = options.command(options)
         return code
     except SystemExit:  # --help and --version
@@ -63,10 +64,23 @@ def run(arguments: list[str]) -> int:
 
 def _refused(sentence: str, code: str, as_json: bool) -> int:
     if as_json:
-        print(json.dumps({"error": {"code": code, "message": sentence}}, ensure_ascii=False))
-    else:
-        print(f"padgen: {sentence}", file=sys.stderr)
+        with suppress(OSError):
+            print(json.dumps({"error": {"code": code, "message": sentence}}, ensure_ascii=False), flush=True)
+            return BAD_INPUT
+    print(f"padgen: {sentence}", file=sys.stderr)
     return BAD_INPUT
+
+
+def _parsed(arguments: list[str]) -> argparse.Namespace:
+    """The options; argparse loses an optional positional that comes after an option."""
+    parser = _parser()
+    options, rest = parser.parse_known_args(arguments)
+    name = getattr(options, "late", None)
+    if name and getattr(options, name) is None and len(rest) == 1 and not rest[0].startswith("-"):
+        setattr(options, name, rest.pop())
+    if rest:
+        parser.error(f"unrecognized arguments: {' '.join(rest)}")
+    return options
 
 
 class _Parser(argparse.ArgumentParser):

@@ -23,6 +23,12 @@ def _add_build(commands: Any) -> None:
     add_spec(parser)
     parser.add_argument("--formats", default="stl,3mf,step", help="of stl, 3mf, step, glb (default: %(default)s)")
     parser.add_argument(
+        "--parts",
+        default="",
+        metavar="LIST",
+        help="what goes with the pad, of tray (holds the coils), coupon (one taxel of each kind), coupon-tray",
+    )
+    parser.add_argument(
         "--instances", action="store_true", help="3MF with one mesh per distinct taxel, placed many times"
     )
     parser.add_argument("--force", action="store_true", help="build again even if nothing changed")
@@ -42,17 +48,17 @@ def _add_check(commands: Any) -> None:
 
 
 def _build(options: argparse.Namespace) -> int:
-    from padgen.build import build, parse_formats, up_to_date
+    from padgen.build import build, parse_formats, parse_parts, up_to_date
     from padgen.files import json_text
     from padgen.spec import load_spec
 
     spec = with_model(load_spec(options.spec), options)
-    formats = parse_formats(options.formats)
+    formats, parts = parse_formats(options.formats), parse_parts(options.parts)
     folder = folder_of(options, spec.name)
-    built = None if options.force else up_to_date(spec, folder, formats, options.instances)
+    built = None if options.force else up_to_date(spec, folder, formats, options.instances, parts)
     if built is None:
         with progress_line() as progress:
-            built = build(spec, folder, formats, options.instances, progress)
+            built = build(spec, folder, formats, options.instances, progress, parts)
     if options.json:
         print(json_text({**asdict(built), "folder": str(built.folder)}), end="")
     else:

@@ -2,7 +2,7 @@
 
 import argparse
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -23,7 +23,6 @@ __all__ = [
 ]
 
 DONE, CHECK_FAILED, BAD_INPUT = 0, 1, 2
-Command = Callable[[argparse.Namespace], int]
 
 
 def add_spec(parser: argparse.ArgumentParser) -> None:

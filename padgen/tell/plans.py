@@ -59,10 +59,7 @@ def _drive_lines(plan: "Plan") -> list[str]:
     lines = [f"drive: {figures.drive}, {figures.why}"]
     if figures.one_hot_db is not None:
         lines += _selectivity_lines(plan)
-    frames = ", ".join(
-        f"{rate.scheme} {'any' if rate.frames_per_s is None else number(round(rate.frames_per_s, 2))}"
-        for rate in plan.refresh
-    )
+    frames = ", ".join(f"{rate.scheme} {number(round(rate.frames_per_s, 2))}" for rate in plan.refresh)
     leak = "" if plan.reuse.leak_db is None else f"; the coils around leak {-plan.reuse.leak_db:.1f} dB"
     return [
         *lines,
@@ -274,7 +271,9 @@ def built_text(built: "Built") -> str:
     """What a build left."""
     files = "  ".join(built.files)
     state = "is up to date, nothing to do" if built.up_to_date else "written"
-    return f"{built.folder} {state}: {files}\n{figures_text(built.figures)}"
+    lines = [f"{built.folder} {state}: {files}", figures_text(built.figures)]
+    lines += [f"{name}: {figures_text(figures)}" for name, figures in built.figures.get("parts", {}).items()]
+    return "\n".join(lines)
 
 
 def figures_text(figures: dict[str, Any]) -> str:

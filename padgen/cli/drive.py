@@ -1,0 +1,201 @@
+"""``padgen drive``."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from padgen.cli.common import add_model, add_output, add_spec, code_of, folder_of, progress_line, show, with_model
+from padgen.errors import FileError, SpecError, number
+
+__all__ = ["add", "add_frames", "frames_of", "plan_of", "tuning_of"]
+
+DEFAULT_TABLES, DEFAULT_WAVES = "csv,json", "csv,json,wav"
+
+
+def add(commands: Any) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "drive",
+        help="tables, waveforms and firmware that play images on the pad",
+        description="Write what drives the coils: tables, a WAV file with one channel a coil, C for a microcontroller,"
+        " MPEG haptics, a Syntacts script. A state or frames say what is shown.",
+    )
+    add_spec(parser)
+    parser.add_argument(
+        "--formats",
+        metavar="LIST",
+        help="of csv, json, wav, c, hjif, syntacts"
+        f" (default: {DEFAULT_TABLES}, with something to show {DEFAULT_WAVES})",
+    )
+    add_frames(parser)
+    parser.add_argument(
+        "--loop", action="store_true", help="with --state: whole periods, to be repeated without a seam"
+    )
+    parser.add_argument("--rate", metavar="HZ", type=int, help="samples per second (default: 48000, or what it takes)")
+    parser.add_argument("--depth", default="24", metavar="24|float", help="of a sample: 24 bits or 32-bit float")
+    parser.add_argument(
+        "--signal", default="voltage", metavar="voltage|current", help="what the amplifier controls (default: voltage)"
+    )
+    parser.add_argument(
+        "--carrier", metavar="HZ", type=float, help="spur-free drive on a carrier, for amplifiers that pass no 0 Hz"
+    )
+    parser.add_argument("--tuning", metavar="FILE", help="tuning.json of padgen retune: drive the print as measured")
+    parser.add_argument("--hear", action="store_true", help="listen to the written file: what fingers feel of it")
+    parser.add_argument("--gap", action="store_true", help="with --hear: the pull grows as the gap closes; slower")
+    parser.add_argument(
+        "--excite", metavar="chirp|noise", help="only a file that shakes every taxel while it is measured"
+    )
+    parser.add_argument("--together", action="store_true", help="with --excite: all coils at once, not in turn")
+    add_model(parser)
+    add_output(parser)
+    parser.set_defaults(command=_drive)
+
+
+def add_frames(parser: argparse.ArgumentParser) -> None:
+    """Options that say what is shown."""
+    shown = parser.add_mutually_exclusive_group()
+    shown.add_argument(
+        "--state",
+        metavar="BITS",
+        help="one state on every coil, lowest channel first: 0110, or levels as 0,0.5,1,0; all: one after the other",
+    )
+    shown.add_argument(
+        "--frames",
+        metavar="FILE",
+        nargs="+",
+        help="images of the pad, a pixel a taxel: PNG, CSV, NPY, text, or folders of them",
+    )
+    parser.add_argument(
+        "--seconds",
+        metavar="S",
+        type=float,
+        help="how long each frame lasts (default: as the plan's frame rate has it;"
+        " a state, until its taxels have their levels)",
+    )
+
+
+def plan_of(options: argparse.Namespace, progress: Any) -> Any:
+    """The plan as a build makes it."""
+    from padgen.loop import planned
+    from padgen.spec import load_spec
+
+    progress("planning")
+    return planned(with_model(load_spec(options.spec), options), progress)
+
+
+def frames_of(options: argparse.Namespace, plan: Any) -> tuple[Any, tuple[str, ...]]:
+    """The frames that were asked for (None: none), and notes about them."""
+    if options.seconds is not None and not 0 < options.seconds < 1e6:
+        raise SpecError(f"must be above 0 s and below 1e6 s, got {number(options.seconds)} s", "--seconds")
+    if options.state is not None:
+        from padgen.driver.frames import state_frame
+
+        return state_frame(plan, options.state), ()
+    if options.frames is not None:
+        from padgen.driver.frames import read_frames
+
+        frames = read_frames(options.frames, plan)
+        return frames.levels, frames.notes
+    return None, ()
+
+
+def tuning_of(path: str | None, plan: Any) -> Any:
+    """The tuning in a file, None where none is named."""
+    if path is None:
+        return None
+    from padgen.retune.tuning import tuning_from_json
+
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except OSError as error:
+        raise FileError(f"cannot be read ({error.strerror})", path) from error
+    except UnicodeDecodeError as error:
+        raise FileError("is not a tuning (it is not text)", path) from error
+    return tuning_from_json(text, plan, path)
+
+
+def _drive(options: argparse.Namespace) -> int:
+    from padgen.driver.folder import DEPTHS
+
+    if options.depth not in DEPTHS:
+        raise SpecError(f"must be one of {', '.join(DEPTHS)}, got {options.depth!r}", "--depth")
+    if options.excite is not None:
+        return _excite(options)
+    from padgen.driver.folder import DriveRequest, parse_formats, write_drive
+
+    _refuse(options)
+    with progress_line() as progress:
+        plan = plan_of(options, progress)
+        frames, notes = frames_of(options, plan)
+        request = DriveRequest(
+            formats=parse_formats(options.formats or (DEFAULT_TABLES if frames is None else DEFAULT_WAVES)),
+            frames=frames,
+            seconds_each=options.seconds,
+            held=options.state is not None,
+            loop=options.loop,
+            rate_hz=options.rate,
+            depth=options.depth,
+            signal=options.signal,
+            carrier_hz=options.carrier,
+            tuning=tuning_of(options.tuning, plan),
+            hear=options.hear,
+            gap=options.gap,
+        )
+        driven = write_drive(plan, folder_of(options, plan.name), request, progress)
+    from padgen.tell.drives import driven_table, driven_text
+
+    if options.json:
+        from padgen.files import json_text
+
+        print(json_text(driven_table(driven, notes)), end="")
+    else:
+        show(driven_text(plan, driven, frames, notes))
+    return code_of(driven.findings)
+
+
+def _refuse(options: argparse.Namespace) -> None:
+    if options.signal not in ("voltage", "current"):
+        raise SpecError(f"must be voltage or current, got {options.signal!r}", "--signal")
+    shown = options.state is not None or options.frames is not None
+    for name, default in (("depth", "24"), ("signal", "voltage")):
+        if not shown and getattr(options, name) != default:
+            raise SpecError("is of a WAV; add --state or --frames", f"--{name}")
+    if options.gap and not options.hear:
+        raise SpecError("is about how the file is listened to; add --hear", "--gap")
+    if options.together:
+        raise SpecError("is for --excite", "--together")
+
+
+def _excite(options: argparse.Namespace) -> int:
+    from dataclasses import asdict
+
+    from padgen.driver.folder import write_excitation
+
+    given = [
+        f"--{name}"
+        for name in ("formats", "state", "frames", "carrier", "tuning")
+        if getattr(options, name) is not None
+    ]
+    given += [f"--{name}" for name in ("loop", "hear", "gap") if getattr(options, name)]
+    if options.signal != "voltage":
+        given.append("--signal")
+    if given:
+        raise SpecError(f"writes excitation.wav and nothing else; {given[0]} does not go with it", "--excite")
+    with progress_line() as progress:
+        plan = plan_of(options, progress)
+        progress("writing the excitation")
+        folder = folder_of(options, plan.name)
+        played = write_excitation(
+            plan, folder, options.excite, options.rate, options.depth, options.seconds, options.together
+        )
+    if options.json:
+        from padgen.files import json_text
+
+        names = ("kind", "rate_hz", "band_hz", "sweep_s", "together", "level_share", "copper_loss_w")
+        figures = {name: value for name, value in asdict(played).items() if name in names}
+        print(json_text({"folder": str(folder), "files": ["excitation.wav", "excitation.json"], **figures}), end="")
+    else:
+        from padgen.tell.drives import excitation_text
+
+        show(excitation_text(played, folder))
+    return 0

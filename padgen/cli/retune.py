@@ -1,0 +1,101 @@
+"""``padgen retune``."""
+
+import argparse
+from typing import Any
+
+from padgen.cli.common import add_model, add_output, add_spec, code_of, folder_of, progress_line, show
+from padgen.cli.drive import plan_of
+from padgen.errors import SpecError
+
+__all__ = ["add"]
+
+KINDS = ("spectrum", "chirp", "pluck")
+
+
+def add(commands: Any) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "retune",
+        help="fit what a print was measured to be, and re-tune tones and levels to it",
+        description="Fit resonance, Q and level of every taxel that was measured, and write the tones that suit the"
+        " print: tuning.json (for padgen drive --tuning), drive-tuned.csv, retune.json.",
+    )
+    add_spec(parser)
+    parser.add_argument(
+        "measured",
+        metavar="MEASURED",
+        nargs="?",
+        help="a CSV (resonances, spectra or time series), a WAV, or a folder of them, one taxel a file",
+    )
+    parser.add_argument("--coupon", metavar="FILE", help="what was measured on the coupon printed beside the pad")
+    parser.add_argument(
+        "--estimate-rest",
+        action="store_true",
+        help="taxels that were not measured get the tones that the others make likely, not the plan's",
+    )
+    parser.add_argument(
+        "--nearest", action="store_true", help="of two peaks that are alike, take the one nearer to the plan's"
+    )
+    parser.add_argument(
+        "--excitation",
+        default="current",
+        metavar="current|voltage",
+        help="what the first channel of a WAV holds, where it has one more than taxels (default: current)",
+    )
+    parser.add_argument(
+        "--simulate", metavar="SEED", type=int, help="measure a pad that the computer prints, to try the loop"
+    )
+    parser.add_argument("--kind", default="spectrum", metavar="|".join(KINDS), help="of --simulate (default: spectrum)")
+    parser.add_argument("--snr", default=30.0, metavar="DB", type=float, help="of --simulate (default: 30)")
+    add_model(parser)
+    add_output(parser)
+    parser.set_defaults(command=_retune, late="measured")
+
+
+def _retune(options: argparse.Namespace) -> int:
+    if (options.measured is None) == (options.simulate is None):
+        raise SpecError("needs MEASURED, a file or a folder, or --simulate SEED, and not both", "padgen retune")
+    if options.excitation not in ("current", "voltage"):
+        raise SpecError(f"must be current or voltage, got {options.excitation!r}", "--excitation")
+    from padgen.retune.folder import write_retuned
+
+    with progress_line() as progress:
+        plan = plan_of(options, progress)
+        simulated = _simulated(options, plan, progress) if options.simulate is not None else None
+        folder = folder_of(options, plan.name)
+        written = write_retuned(
+            plan,
+            folder,
+            options.measured,
+            simulated,
+            options.excitation,
+            options.nearest,
+            options.estimate_rest,
+            options.coupon,
+            progress,
+        )
+    from padgen.tell.retunes import retuned_text
+
+    if options.json:
+        from padgen.files import json_text
+
+        print(json_text(written.table()), end="")
+    else:
+        from padgen.tell.plans import findings_text
+
+        show(retuned_text(plan, written.result))
+        show(findings_text(written.result.findings))
+        show(f"written to {written.folder}: {'  '.join(written.files)}")
+        show(f"next: padgen drive {options.spec} --tuning {written.folder / 'tuning.json'} --state all --hear")
+    return code_of(written.result.findings)
+
+
+def _simulated(options: argparse.Namespace, plan: Any, progress: Any) -> Any:
+    from padgen.retune.folder import simulated_print
+
+    if options.simulate < 0:
+        raise SpecError(f"must be 0 or more, got {options.simulate}", "--simulate")
+    if not 0 <= options.snr <= 200:
+        raise SpecError(f"must be 0 … 200 dB, got {options.snr:g}", "--snr")
+    progress("printing and measuring a pad")
+    return simulated_print(plan, options.simulate, options.kind, options.snr)
