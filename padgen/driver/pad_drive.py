@@ -24,7 +24,15 @@ from padgen.planner.settings import level_law, scheme_named
 from padgen.retune.tuning import Tuning, planned_tuning
 from padgen.units import MH
 
-__all__ = ["HIGHEST_RATE_HZ", "RATE_OVER_RESONANCE", "CoilDrive", "PadDrive", "constant_a2", "make_drive"]
+__all__ = [
+    "CARRIER_OVER_RESONANCE",
+    "HIGHEST_RATE_HZ",
+    "RATE_OVER_RESONANCE",
+    "CoilDrive",
+    "PadDrive",
+    "constant_a2",
+    "make_drive",
+]
 
 HIGHEST_RATE_HZ = 1_000_000
 RATE_OVER_RESONANCE = 8

@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.driver.formats.wav import LARGEST_24, WavWriter, read_wav
-from padgen.driver.pad_drive import PadDrive
+from padgen.driver.pad_drive import CARRIER_OVER_RESONANCE, PadDrive
 from padgen.driver.timeline import Timeline
 from padgen.driver.waveform import blocks, sample_count
-from padgen.errors import FileError, SpecError, at_most, number
+from padgen.errors import FileError, SpecError, at_least, at_most, number
 from padgen.files import json_text
 from padgen.finding import Finding
 from padgen.physics.root_margin import ALIAS_DB
@@ -229,15 +229,19 @@ def _findings(name: str, drive: PadDrive, signal: str, peak: float) -> Iterator[
             " would fit it",
         )
     if drive.has_constant:
-        cure = "; a carrier (--carrier) has none" if drive.scheme.name == "spur-free" else ""
+        cure = ""
+        if drive.scheme.name == "spur-free":
+            highest = max(float(coil.force_hz.max(initial=0.0)) for coil in drive.coils)
+            lowest = at_least(CARRIER_OVER_RESONANCE * highest)
+            cure = f"; a carrier has none (--carrier {lowest} or more, the lower the less voltage it takes)"
         yield Finding("note", "wave.dc", name, f"has a constant part, so the amplifier must pass 0 Hz{cure}")
     if drive.alias_db is not None and drive.alias_db > ALIAS_DB:
         yield Finding(
             "warning",
             "wave.alias",
             name,
-            f"has {number(drive.alias_db)} dB of its largest line above what the amplifier passes, at most {ALIAS_DB:g}"
-            " dB is meant; a higher rate would do",
+            f"has {number(drive.alias_db)} dB of its largest line beyond what the amplifier passes, at most {ALIAS_DB:g}"
+            f" dB is meant; a higher {'rate' if drive.carrier_hz is None else 'carrier'} would do",
         )
 
 
