@@ -103,6 +103,8 @@ def test_the_loop_from_a_simulated_print_to_a_tuned_file(work, capsys):
     heard = json.loads(capsys.readouterr().out)["heard"]["summary"]["selectivity_db"]
     # The ear hears the print as it was fitted: what was predicted for it.
     assert heard == pytest.approx(told["after_db"], abs=0.3)
+    assert cli.run(["drive", "paper-32", "--state", "10", "-o", "o"]) == 0
+    assert "o/tuning.json has a print's" in capsys.readouterr().out
 
 
 def test_a_measured_table_is_enough(work, capsys):

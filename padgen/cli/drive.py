@@ -141,7 +141,10 @@ def _drive(options: argparse.Namespace) -> int:
             hear=options.hear,
             gap=options.gap,
         )
-        driven = write_drive(plan, folder_of(options, plan.name), request, progress)
+        folder = folder_of(options, plan.name)
+        if frames is not None and options.tuning is None and (folder / "tuning.json").exists():
+            notes = (*notes, f"these are the plan's tones; {folder / 'tuning.json'} has a print's (--tuning)")
+        driven = write_drive(plan, folder, request, progress)
     from padgen.tell.drives import driven_table, driven_text
 
     if options.json:

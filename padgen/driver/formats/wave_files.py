@@ -240,8 +240,8 @@ def _findings(name: str, drive: PadDrive, signal: str, peak: float) -> Iterator[
             "warning",
             "wave.alias",
             name,
-            f"has {number(drive.alias_db)} dB of its largest line beyond what the amplifier passes, at most {ALIAS_DB:g}"
-            f" dB is meant; a higher {'rate' if drive.carrier_hz is None else 'carrier'} would do",
+            f"has {number(drive.alias_db)} dB of its largest line beyond what the amplifier passes, at most"
+            f" {ALIAS_DB:g} dB is meant; a higher {'rate' if drive.carrier_hz is None else 'carrier'} would do",
         )
 
 
