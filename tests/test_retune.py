@@ -7,8 +7,8 @@
 | ON and OFF in all states | lines of i² by FFT, complex receptances, every state | 1e-9 | rounding |
 | drive table of a print as planned | `drive.csv` | its six digits | another way to the same formulas |
 | prints scaled to a spread | sigma of ln f of new prints | 4 sigma | sampling |
-| frequency from spectra at 30 dB | the print | 0.3 % median | the issue's bar; 0.05 % is what noise allows |
-| selectivity from spectra | the same with the print known exactly | 1 dB | the issue's bar |
+| frequency from spectra at 30 dB | the print | 0.3 % median | the bar that was set; 0.05 % is what noise allows |
+| selectivity from spectra | the same with the print known exactly | 1 dB | the bar that was set |
 | advised weight | the smallest of a finer search | 8 % | steps of 6 % |
 """
 
