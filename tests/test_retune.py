@@ -371,8 +371,8 @@ def test_a_tone_of_the_table_moves_its_taxel_by_its_level():
     tuning = simulate_print(plan, 6)
     level = levels_um(plan, np.array([t.resonance_hz for t in tuning.taxels]))
     for taxel, row, um in zip(tuning.taxels, tuned_rows(plan, tuning), level, strict=True):
-        assert row.drive_hz == taxel.resonance_hz / 2
-        assert (row.current_ma_peak * 1e-3) ** 2 / 2 * taxel.response_um_per_a2 == pytest.approx(um)
+        assert row.drive.drive_hz == taxel.resonance_hz / 2
+        assert (row.drive.current_ma_peak * 1e-3) ** 2 / 2 * taxel.response_um_per_a2 == pytest.approx(um)
 
 
 # Findings

@@ -58,7 +58,10 @@ def _serial(options: argparse.Namespace) -> int:
         frames, notes = frames_of(options, plan)
         repeated = np.concatenate([frames] * options.repeat)
         tuning = tuning_of(options.tuning, plan)
-        told = lambda shown: progress(f"frame {shown} of {len(repeated)}")  # noqa: E731
+
+        def told(shown: int) -> None:
+            progress(f"frame {shown} of {len(repeated)}")
+
         played = play_frames(options.port, plan, repeated, options.seconds, tuning=tuning, baud=options.baud, told=told)
     figures = {"frames": played.frames, "resent": played.resent, "seconds": played.seconds}
     if options.json:
@@ -79,7 +82,10 @@ def _audio(options: argparse.Namespace) -> int:
     if given:
         raise SpecError(f"plays a WAV file of padgen drive as it is; {given[0]} goes with padgen drive", "--audio")
     with progress_line() as progress:
-        told = lambda device: progress(f"playing on {device.name}")  # noqa: E731
+
+        def told(device: Any) -> None:
+            progress(f"playing on {device.name}")
+
         played = play_wave(Path(options.spec), options.audio or None, options.repeat, told)
     if options.json:
         _print_json({"device": played.device.name, "seconds": played.seconds, "late_blocks": played.missed})

@@ -16,6 +16,7 @@ from padgen.driver.frame_files import SUFFIXES, frame_images
 from padgen.driver.states import LARGEST_TABLE
 from padgen.errors import FileError, SpecError, number
 from padgen.planner.plan import Plan
+from padgen.planner.tile import taxel_places
 
 __all__ = ["Frames", "frames_text", "map_text", "read_frames", "state_frame", "taxel_grid"]
 
@@ -36,16 +37,7 @@ def taxel_grid(plan: Plan) -> np.ndarray:
 
     A taxel's place is that of its sub-cell, since washers need not lie on a lattice within their cells.
     """
-    cell, coils = plan.cell, plan.coils
-    grid = np.full((coils.rows * cell.rows, coils.columns * cell.columns), -1)
-    for index, taxel in enumerate(plan.taxels):
-        sign = -1 if taxel.turned else 1
-        x, y = plan.channels[taxel.channel].site.centre_mm
-        column = round(sign * x / cell.width_mm + (cell.columns - 1) / 2)
-        up = round(sign * y / cell.depth_mm + (cell.rows - 1) / 2)
-        row = len(grid) - 1 - (taxel.coil[0] * cell.rows + up)
-        grid[row, taxel.coil[1] * cell.columns + column] = index
-    return grid
+    return taxel_places(plan)[::-1]
 
 
 def read_frames(paths: str | Path | Iterable[str | Path], plan: Plan) -> Frames:

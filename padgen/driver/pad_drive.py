@@ -8,6 +8,7 @@ its taxel's resonance is made as much larger as the taxel answers less there.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import product
 from math import ceil, floor, isfinite
 
 import numpy as np
@@ -20,7 +21,9 @@ from padgen.physics.resonator import relative_energy
 from padgen.physics.root_margin import RootMargin, root_margin
 from padgen.physics.selectivity import Scheme
 from padgen.planner.plan import Plan
-from padgen.planner.settings import level_law, scheme_named
+from padgen.planner.printed_pads import coils_of
+from padgen.planner.settings import scheme_named
+from padgen.retune.predict import levels_um
 from padgen.retune.tuning import Tuning, planned_tuning
 from padgen.units import MH
 
@@ -250,13 +253,10 @@ def _lines_a2(plan: Plan, tuning: Tuning, force_hz: np.ndarray) -> np.ndarray:
     unmoved = [taxel.id for taxel in tuning.taxels if not taxel.response_um_per_a2 > 0]
     if unmoved:
         raise SpecError(f"{unmoved[0]} is not pulled by its coil and cannot be driven", plan.name)
-    law = level_law(plan.typed_spec)
-    lowest = law(np.array([channel.resonance_hz for channel in plan.channels]))[0]
     resonance = np.array([taxel.resonance_hz for taxel in tuning.taxels])
     q = np.array([taxel.q for taxel in tuning.taxels])
     response = np.array([taxel.response_um_per_a2 for taxel in tuning.taxels])
-    wanted_um = law(resonance) * plan.typed_spec.drive.level_um / float(lowest)
-    lines: np.ndarray = wanted_um / response / np.sqrt(relative_energy(force_hz, resonance, q))
+    lines: np.ndarray = levels_um(plan, resonance) / response / np.sqrt(relative_energy(force_hz, resonance, q))
     return lines
 
 
@@ -316,9 +316,6 @@ def _carrier_hz(carrier_hz: float, scheme: Scheme, rate_hz: int, period_s: float
 
 def _coils(plan: Plan) -> Sequence[tuple[int, int, np.ndarray]]:
     """Row, column and taxels (by index, lowest channel first) of every coil, row by row."""
-    own: dict[tuple[int, int], list[int]] = {
-        (row, column): [] for row in range(plan.coils.rows) for column in range(plan.coils.columns)
-    }
-    for index, taxel in sorted(enumerate(plan.taxels), key=lambda item: item[1].channel):
-        own[taxel.coil].append(index)
-    return [(row, column, np.array(taxels, int)) for (row, column), taxels in own.items()]
+    own = coils_of(plan)
+    places = product(range(plan.coils.rows), range(plan.coils.columns))
+    return [(*place, np.array(own.get(place, ()), int)) for place in places]

@@ -28,7 +28,7 @@ import numpy as np
 from padgen.driver.pad_drive import PadDrive, constant_a2
 from padgen.driver.timeline import Timeline, blend, blend_slope
 
-__all__ = ["BLOCK", "Block", "blocks", "sample_count", "volts"]
+__all__ = ["BLOCK", "Block", "blocks", "is_fed", "sample_count", "volts"]
 
 BLOCK = 1 << 17
 """Numbers in a block, samples times coils: what stays in a core's cache."""
@@ -241,7 +241,7 @@ def _on_carrier(drive: PadDrive, group: _Group, where: _Stretch, root: np.ndarra
 
 
 def _biased(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch) -> Part:
-    fed = _is_fed(timeline, where.key), _is_fed(timeline, where.key + 1)
+    fed = is_fed(timeline, where.key), is_fed(timeline, where.key + 1)
     if fed == (True, True):
         value, slope = _blended(drive, timeline, group, where, (group.bias, group.bias))
     elif not any(fed):
@@ -254,7 +254,7 @@ def _biased(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch)
     return value + slope, np.einsum("sm,sm->m", value, value) / group.gain**2
 
 
-def _is_fed(timeline: Timeline, key: int) -> bool:
+def is_fed(timeline: Timeline, key: int) -> bool:
     """Whether the constant current flows at a keyframe: not in the silence before the first and after the last."""
     ends = key in (0, len(timeline.time_s) - 1)
     return timeline.loops or not ends or bool(timeline.levels[key].any())

@@ -6,10 +6,22 @@ import numpy as np
 
 from padgen.planner.plan import Channel, Plan
 
-__all__ = ["TURNS", "Outline", "outline", "to_cell"]
+__all__ = ["TURNS", "Outline", "outline", "taxel_places", "to_cell"]
 
 TURNS = {"+x": (1, 0), "+y": (0, 1), "-x": (-1, 0), "-y": (0, -1)}
 """Where a taxel's own x axis points, as (cosine, sine): whole quarter turns, exact."""
+
+
+def taxel_places(plan: Plan) -> np.ndarray:
+    """Index of the taxel in each sub-cell of the pad, (rows, columns) from the lower left; -1 where none is."""
+    cell, coils = plan.cell, plan.coils
+    places = np.full((coils.rows * cell.rows, coils.columns * cell.columns), -1)
+    for index, taxel in enumerate(plan.taxels):
+        x, y = (-v if taxel.turned else v for v in plan.channels[taxel.channel].site.centre_mm)
+        column = round(x / cell.width_mm + (cell.columns - 1) / 2) + taxel.coil[1] * cell.columns
+        row = round(y / cell.depth_mm + (cell.rows - 1) / 2) + taxel.coil[0] * cell.rows
+        places[row, column] = index
+    return places
 
 
 class Outline(NamedTuple):

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from padgen.planner.plan import Plan
-from padgen.planner.tile import Outline, outline, to_cell
+from padgen.planner.tile import Outline, outline, taxel_places, to_cell
 from padgen.solid.kernel import build123d, kernel_errors
 from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, Mesh, tessellated
 from padgen.solid.taxel import taxel_solid
@@ -68,14 +68,9 @@ def build_pad(plan: Plan, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_R
 
 def tile_grid(plan: Plan) -> np.ndarray:
     """Index of the tile at each sub-cell of the pad, (rows, columns) from the lower left."""
-    cell, coils = plan.cell, plan.coils
-    grid = np.full((coils.rows * cell.rows, coils.columns * cell.columns), len(plan.channels))
-    for taxel in plan.taxels:
-        x, y = (-v if taxel.turned else v for v in plan.channels[taxel.channel].site.centre_mm)
-        column = round(x / cell.width_mm + (cell.columns - 1) / 2) + taxel.coil[1] * cell.columns
-        row = round(y / cell.depth_mm + (cell.rows - 1) / 2) + taxel.coil[0] * cell.rows
-        grid[row, column] = taxel.channel
-    return grid
+    places = taxel_places(plan)
+    channel = np.array([taxel.channel for taxel in plan.taxels])
+    return np.where(places < 0, len(plan.channels), channel[places])
 
 
 def turned_grid(plan: Plan) -> np.ndarray:

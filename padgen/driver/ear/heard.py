@@ -22,7 +22,7 @@ from padgen.driver.ear.score import SETTLED_TAUS, Score, read_score, score_spans
 from padgen.driver.ear.tally import Span
 from padgen.errors import FileError
 from padgen.planner.plan import Plan
-from padgen.planner.settings import level_law
+from padgen.retune.predict import levels_um
 from padgen.retune.tuning import Tuning, planned_tuning
 from padgen.units import UM
 
@@ -112,7 +112,7 @@ def hear(
     _refuse(wave, score, where)
     known = tuning or planned_tuning(plan)
     resonance = np.array([taxel.resonance_hz for taxel in known.taxels])
-    taxels = heard_taxels(plan, _wanted_um(plan, resonance), tuning)
+    taxels = heard_taxels(plan, levels_um(plan, resonance), tuning)
     tau_s = np.array([taxel.q for taxel in known.taxels]) / (np.pi * resonance)
     spans = score_spans(score, len(plan.sets[0]), float(tau_s.max()))
     if not spans:
@@ -137,14 +137,6 @@ def hear(
         with_gap=gap,
         asked_db=plan.selectivity.asked_db,
     )
-
-
-def _wanted_um(plan: Plan, resonance_hz: np.ndarray) -> np.ndarray:
-    """Planned motion (n,) in µm of the working modes at level 1."""
-    law = level_law(plan.typed_spec)
-    lowest = law(np.array([channel.resonance_hz for channel in plan.channels]))[0]
-    wanted: np.ndarray = plan.typed_spec.drive.level_um * law(resonance_hz) / float(lowest)
-    return wanted
 
 
 def _switched_on(score: Score, spans: tuple[Span, ...]) -> np.ndarray:

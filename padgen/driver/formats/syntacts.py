@@ -20,7 +20,7 @@ import numpy as np
 from padgen.driver.formats.syntacts_player import CONSTANT, TEMPLATE
 from padgen.driver.pad_drive import CoilDrive, PadDrive, constant_a2
 from padgen.driver.timeline import Timeline, ramp_s
-from padgen.driver.waveform import volts
+from padgen.driver.waveform import is_fed, volts
 from padgen.errors import at_least, number
 from padgen.planner.plan import Plan
 
@@ -121,18 +121,12 @@ def _parts(
             root = _root_text(drive, coil, stretch, (before, after), constant[stretch.key : stretch.key + 2], scale_v)
             terms: list[Term] = [(root, 1.0, [])] if root else []
         elif drive.scheme.name == "biased":
-            fed = _is_fed(timeline, stretch.key), _is_fed(timeline, stretch.key + 1)
+            fed = is_fed(timeline, stretch.key), is_fed(timeline, stretch.key + 1)
             terms = list(_biased(drive, coil, stretch, (before, after), fed, scale_v))
         else:
             terms = list(_tones(drive, coil, stretch, (before, after), scale_v))
         if terms:
             yield stretch, terms
-
-
-def _is_fed(timeline: Timeline, key: int) -> bool:
-    """Whether the constant current of the biased scheme flows: not in the silence at the two ends."""
-    ends = key in (0, len(timeline.time_s) - 1)
-    return timeline.loops or not ends or bool(timeline.levels[key].any())
 
 
 Pair = tuple[np.ndarray, np.ndarray]

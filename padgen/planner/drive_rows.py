@@ -1,0 +1,95 @@
+"""Rows of a drive table: what a channel's line of the current, and the constant part of a coil's, must be."""
+
+import cmath
+import csv
+import io
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields
+from math import degrees, inf, sqrt
+
+from padgen.physics.currents import bias_a, current_lines_a, mean_square_a2, root_voltage_v
+from padgen.physics.magnetics import impedance
+from padgen.physics.selectivity import Scheme
+from padgen.planner.channels import squared_current_lines
+from padgen.planner.plan import Channel
+from padgen.spec import Spec
+from padgen.units import MA, MH, MN
+
+__all__ = ["BIAS", "COLUMNS", "DriveRow", "bias_row", "coil_rows", "table_csv"]
+
+BIAS = "bias"
+
+
+@dataclass(frozen=True, slots=True)
+class DriveRow:
+    """One channel of the table, or the row of the constant part (channel 'bias', at 0 Hz).
+
+    Amplitudes are peaks, the phase is the voltage's over the current's. The bias row's current is the
+    constant one, biased, and the root of the constant part of i², spur-free; its force is the mean
+    pull on the washer of the coil's lowest channel.
+    """
+
+    channel: int | str
+    resonance_hz: float
+    drive_hz: float
+    force_mn: float
+    current_ma_peak: float
+    voltage_v_peak: float
+    impedance_ohm: float
+    phase_deg: float
+    ring_up_ms: float
+
+
+COLUMNS = tuple(f.name for f in fields(DriveRow))
+
+
+def coil_rows(spec: Spec, scheme: Scheme, own: Sequence[Channel]) -> list[DriveRow]:
+    """A row for each of the channels of one coil.
+
+    A plain tone of I at f pulls with c I²/2 at 2f; beside a constant current B one of b at r pulls with
+    2 c B b at r; spur-free, the current's peak with this channel alone on is given. A washer that the
+    coil does not pull has an infinite current.
+    """
+    current = current_lines_a(scheme, squared_current_lines(own), spec.drive.headroom)
+    return [_row(spec, scheme, channel, float(i)) for channel, i in zip(own, current, strict=True)]
+
+
+def _row(spec: Spec, scheme: Scheme, channel: Channel, current_a: float) -> DriveRow:
+    resistance, inductance = spec.coil.resistance_ohm, spec.coil.inductance_mh * MH
+    z = complex(impedance(resistance, inductance, channel.drive_hz))
+    volts = current_a * abs(z)
+    if channel.force_constant_n_per_a2 <= 0:
+        current_a = volts = inf
+    elif scheme.name == "spur-free":
+        line = float(squared_current_lines([channel])[0])
+        volts = root_voltage_v(line, channel.resonance_hz, resistance, inductance, spec.drive.headroom)
+    return DriveRow(
+        channel.index,
+        channel.resonance_hz,
+        channel.drive_hz,
+        channel.force_mn,
+        current_a / MA,
+        volts,
+        abs(z),
+        degrees(cmath.phase(z)),
+        channel.ring_up_ms,
+    )
+
+
+def bias_row(spec: Spec, scheme: Scheme, own: Sequence[Channel], name: str = BIAS) -> DriveRow:
+    """The constant part of the current of a coil with the channels `own`."""
+    lines, resistance = squared_current_lines(own), spec.coil.resistance_ohm
+    square = mean_square_a2(scheme, lines, spec.drive.headroom)
+    constant = bias_a(scheme, lines) if scheme.name == "biased" else sqrt(square)
+    static_mn = square * own[0].force_constant_n_per_a2 / MN
+    return DriveRow(name, 0.0, 0.0, static_mn, constant / MA, constant * resistance, resistance, 0.0, 0.0)
+
+
+def table_csv(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Rows as CSV, numbers with six digits."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    for row in rows:
+        writer.writerow([f"{value:.6g}" if isinstance(value, float) else value for value in row])
+    return text.getvalue()
