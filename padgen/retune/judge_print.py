@@ -82,12 +82,13 @@ def _close(
             f" {'; or '.join(ways) or 'no trim that was tried helps'}",
         )
     if len(short) > MOST_NAMED:
+        more = len(short) - MOST_NAMED
         yield Finding(
             "warning",
             "retune.close",
-            f"{len(short) - MOST_NAMED} more coils",
-            f"re-tuned they keep {short[MOST_NAMED][0]:.1f} dB or more, needed: {need:.1f} dB; retune.json has the"
-            " advice for each",
+            "1 more coil" if more == 1 else f"{more} more coils",
+            f"re-tuned {'it keeps' if more == 1 else 'they keep'} {short[MOST_NAMED][0]:.1f} dB or more,"
+            f" needed: {need:.1f} dB; retune.json has the advice for each",
         )
 
 
