@@ -37,7 +37,16 @@ format: $(STAMP) ## put the style right
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-variants: $(TEMPLATES:%=variant-%) ## every template into out/, in parallel with make -j
+# Sweeps take -j as make was given it, where make tells the number (4.2 and later), else all cores; JOBS=N always holds.
+JOBS = $(patsubst -j%,%,$(filter -j%,$(MAKEFLAGS)))
+CORES = $(shell env -u OMP_NUM_THREADS -u OMP_THREAD_LIMIT nproc 2>/dev/null || getconf _NPROCESSORS_ONLN 2>/dev/null || echo 2)
+
+variants: $(STAMP) ## every template into out/, or SWEEP=file.toml; only what changed, in parallel (-j N)
+ifdef SWEEP
+	$(BIN)/padgen sweep "$(SWEEP)" $(addprefix -j ,$(JOBS))
+else
+	+@$(MAKE) --no-print-directory $(if $(filter -j%,$(MAKEFLAGS)),,-j $(or $(JOBS),$(CORES))) $(TEMPLATES:%=variant-%)
+endif
 
 $(TEMPLATES:%=variant-%): variant-%: $(STAMP)
 	$(BIN)/padgen build $*

@@ -107,7 +107,6 @@ def build(
 
     progress("planning")
     plan = planned(spec, progress)
-    progress("loading the CAD kernel")
     from padgen.solid.checks import check_pad
     from padgen.solid.export import bill_of_materials
     from padgen.solid.pad import build_pad
@@ -182,8 +181,7 @@ def _write_format(out: OutputFolder, name: str, plan: "Plan", pad: "PadSolid", i
         compare("pad.3mf", pad.mesh, read_3mf(path, weld=instances))
     elif name == "step":
         for channel in plan.channels:
-            solid = pad.tiles[channel.index].solid
-            out.write_by(f"taxel-{channel.index}.step", partial(export.write_taxel_step, plan, channel, solid=solid))
+            out.write_by(f"taxel-{channel.index}.step", partial(export.write_taxel_step, plan, channel))
     elif name == "glb":
         out.write("pad.glb", export.glb_bytes(plan, pad))
 

@@ -1,22 +1,64 @@
 """Results that are dear to compute, kept by the hash of what went into them.
 
-One small JSON file an entry, written aside and renamed, so that two processes never see half of
-one. An entry that cannot be read counts as absent, a folder that cannot be written as full: a cache
-only ever saves time.
+One file an entry, written aside and renamed, so that two processes never see half of one; its first
+line is the hash of the rest, so that what a disk has spoiled counts as absent. A folder that cannot be
+written counts as full: a cache only ever saves time. Entries that were used longest ago go first when
+there is more than `limit_bytes` of them.
 """
 
 import json
 import os
+import re
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
 from functools import cache
 from importlib import metadata
+from itertools import count
 from pathlib import Path
 from typing import Any
 
+from padgen.errors import FileError, SpecError
 from padgen.files import file_hash
 
-__all__ = ["code_hash", "folder", "key_of", "load", "store", "version"]
+__all__ = [
+    "CacheInfo",
+    "clear",
+    "code_hash",
+    "folder",
+    "info",
+    "key_of",
+    "limit_bytes",
+    "load",
+    "load_bytes",
+    "store",
+    "store_bytes",
+    "trim",
+    "version",
+]
 
-VARIABLE = "PADGEN_CACHE"
+VARIABLE, LIMIT_VARIABLE = "PADGEN_CACHE", "PADGEN_CACHE_MB"
+DEFAULT_LIMIT_MB = 1024
+LOOK_SHARE = 0.02
+"""Of the limit that a process stores between two looks at how much there is."""
+KEPT_SHARE = 0.8
+"""Of the limit that is left after a trim, so that not every entry asks for the next."""
+ASIDE = ".aside"
+OWN = re.compile(r"[0-9a-f]{64}\.(entry|json|[0-9]+|[0-9]+-[0-9]+\.aside)")
+"""Names of our files: entries, those of former versions, and what killed writers of both left."""
+_numbers, _unseen = count(), [float("inf")]
+"""Of files aside; and bytes stored since this process last looked, which it does at its first."""
+
+
+@dataclass(frozen=True, slots=True)
+class CacheInfo:
+    """What the cache holds: entries and bytes, in all and by kind."""
+
+    folder: str
+    limit_bytes: int
+    entries: int
+    bytes: int
+    kinds: dict[str, tuple[int, int]]
 
 
 def folder() -> Path:
@@ -29,6 +71,26 @@ def folder() -> Path:
     return user_cache_path("padgen", appauthor=False)
 
 
+def limit_bytes() -> int:
+    """Most that the cache may hold: ``PADGEN_CACHE_MB`` megabytes, else 1024.
+
+    Raises
+    ------
+    SpecError
+        The variable is no number, or less than 0.
+    """
+    named = os.environ.get(LIMIT_VARIABLE)
+    if not named:
+        return DEFAULT_LIMIT_MB * 1_000_000
+    try:
+        limit = round(float(named) * 1e6)
+    except (ValueError, OverflowError):
+        limit = -1
+    if limit < 0:
+        raise SpecError(f"must be a number of megabytes, 0 or more, got {named!r}", LIMIT_VARIABLE)
+    return limit
+
+
 def key_of(inputs: Any) -> str:
     """The key of a result by all that it depends on, plain data."""
     return file_hash(json.dumps(inputs, sort_keys=True).encode())
@@ -36,25 +98,97 @@ def key_of(inputs: Any) -> str:
 
 def load(kind: str, key: str) -> Any:
     """The stored result, None when there is none that can be read."""
-    try:
-        entry = json.loads(_path(kind, key).read_bytes())
-    except (OSError, ValueError):
-        return None
-    return entry["result"] if isinstance(entry, dict) and entry.get("key") == key else None
+    data = load_bytes(kind, key)
+    return None if data is None else json.loads(data)
 
 
 def store(kind: str, key: str, result: Any) -> None:
     """Keep `result`, plain data, if the folder can be written."""
+    store_bytes(kind, key, json.dumps(result).encode())
+
+
+def load_bytes(kind: str, key: str) -> bytes | None:
+    """The stored bytes, None when there are none that are whole; they count as used now."""
     path = _path(kind, key)
-    aside = path.with_suffix(f".{os.getpid()}")
+    try:
+        head, _, data = path.read_bytes().partition(b"\n")
+    except OSError:
+        return None
+    if head != _head(key, data):
+        return None
+    with suppress(OSError):
+        os.utime(path)
+    return data
+
+
+def store_bytes(kind: str, key: str, data: bytes) -> None:
+    """Keep bytes, if the folder can be written."""
+    path = _path(kind, key)
+    aside = path.with_suffix(f".{os.getpid()}-{next(_numbers)}{ASIDE}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        aside.write_text(json.dumps({"key": key, "result": result}), encoding="utf-8")
+        aside.write_bytes(_head(key, data) + b"\n" + data)
         aside.replace(path)
     except OSError:
+        with suppress(OSError):
+            aside.unlink(missing_ok=True)
         return
+    _unseen[0] += len(data)
+    if _unseen[0] > LOOK_SHARE * limit_bytes():
+        _unseen[0] = 0
+        trim()
 
 
+def trim(most_bytes: int | None = None) -> int:
+    """Drop the entries that were used longest ago until no more than `most_bytes` (the limit) are left; how many."""
+    most = limit_bytes() if most_bytes is None else most_bytes
+    entries = sorted(_entries(), key=lambda entry: entry[1:])
+    total, dropped = sum(size for _, _, size in entries), 0
+    if total <= most:
+        return 0
+    for path, _, size in entries:
+        if total <= KEPT_SHARE * most:
+            break
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
+            total, dropped = total - size, dropped + 1
+    return dropped
+
+
+def info() -> CacheInfo:
+    """What there is."""
+    kinds: dict[str, tuple[int, int]] = {}
+    for path, _, size in _entries():
+        kind = path.relative_to(folder()).parts[0]
+        entries, total = kinds.get(kind, (0, 0))
+        kinds[kind] = (entries + 1, total + size)
+    return CacheInfo(
+        str(folder()),
+        limit_bytes(),
+        sum(entries for entries, _ in kinds.values()),
+        sum(total for _, total in kinds.values()),
+        dict(sorted(kinds.items())),
+    )
+
+
+def clear() -> CacheInfo:
+    """Drop every entry; what there was.
+
+    Raises
+    ------
+    FileError
+        An entry cannot be removed.
+    """
+    before = info()
+    for path, _, _ in _entries():
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            raise FileError(f"cannot be removed ({error.strerror or error})", str(path)) from error
+    return before
+
+
+@cache
 def version(package: str) -> str:
     """Version of an installed package, 'missing' when it is not."""
     try:
@@ -77,5 +211,21 @@ def code_hash(*parts: str) -> str:
 SOURCES = (".py", ".csv")
 
 
+def _head(key: str, data: bytes) -> bytes:
+    return f"{key} {file_hash(data)}".encode()
+
+
+def _entries() -> Iterator[tuple[Path, float, int]]:
+    """Path, time of the last use and size of every entry, what was left aside by killed writers too.
+
+    Only files where entries lie: the folder may be one of the user's own.
+    """
+    for path in folder().glob("*/[0-9a-f][0-9a-f]/*"):
+        if OWN.fullmatch(path.name):
+            with suppress(OSError):
+                state = path.stat()
+                yield path, state.st_mtime, state.st_size
+
+
 def _path(kind: str, key: str) -> Path:
-    return folder() / kind / key[:2] / f"{key}.json"
+    return folder() / kind / key[:2] / f"{key}.entry"

@@ -8,7 +8,9 @@ import json
 import os
 import shutil
 from collections.abc import Callable, Iterable
+from dataclasses import is_dataclass
 from hashlib import file_digest, sha256
+from json.encoder import encode_basestring
 from math import isfinite
 from pathlib import Path
 from types import TracebackType
@@ -48,18 +50,34 @@ PLAN_FILES = (YIELD_FILE, "study.csv", "study.json", "study.svg", "study.png", *
 
 
 def json_text(table: Any) -> str:
-    """JSON as all files hold it: ten significant digits, so that platforms agree, and null for no number."""
-    return json.dumps(_plain(table), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    """JSON as all files hold it: ten significant digits, so that platforms agree, and null for no number.
+
+    Of plain data and dataclasses. As ``json.dumps`` with an indent of 1, which has no quick way to indent.
+    """
+    return _json(table, "\n") + "\n"
 
 
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(entry) for entry in value]
+def _json(value: Any, line: str) -> str:
+    """The JSON of a value; `line` begins a new line at its depth."""
     if isinstance(value, float):
-        return float(f"{value:.10g}") if isfinite(value) else None
-    return value
+        return float.__repr__(float(f"{value:.10g}")) if isfinite(value) else "null"
+    if isinstance(value, str):
+        return encode_basestring(value)
+    if isinstance(value, (list, tuple)):
+        inner = line + " "
+        return f"[{inner}{f',{inner}'.join([_json(entry, inner) for entry in value])}{line}]" if value else "[]"
+    if isinstance(value, dict) or is_dataclass(value):
+        entries = (
+            value if isinstance(value, dict) else {name: getattr(value, name) for name in value.__dataclass_fields__}
+        )
+        inner = line + " "
+        pairs = [f"{_key(key)}: {_json(entry, inner)}" for key, entry in entries.items()]
+        return f"{{{inner}{f',{inner}'.join(pairs)}{line}}}" if pairs else "{}"
+    return json.dumps(value)
+
+
+def _key(key: Any) -> str:
+    return encode_basestring(key if isinstance(key, str) else json.dumps(key))
 
 
 def file_hash(data: bytes) -> str:

@@ -1,11 +1,17 @@
 """The cache of dear results: it only ever saves time."""
 
-import json
 import os
+import subprocess
+import sys
+import time
+from pathlib import Path
 
 import pytest
 
 from padgen import cache
+from padgen.errors import SpecError
+
+KEYS = [cache.key_of(n) for n in range(200)]
 
 
 @pytest.fixture
@@ -14,13 +20,19 @@ def entries(tmp_path, monkeypatch):
     return tmp_path / "cache"
 
 
+def files(folder: Path) -> list[Path]:
+    return sorted(path for path in folder.rglob("*") if path.is_file())
+
+
 def test_what_was_stored_comes_back(entries):
     key = cache.key_of({"b": 1.5, "a": [1, 2]})
     assert cache.load("kind", key) is None
     cache.store("kind", key, {"x": [1.25]})
     assert cache.load("kind", key) == {"x": [1.25]}
     assert cache.load("another", key) is None
-    assert [p.suffix for p in entries.rglob("*") if p.is_file()] == [".json"]
+    cache.store_bytes("kind", KEYS[0], b"\n\x00 two\nlines\n")
+    assert cache.load_bytes("kind", KEYS[0]) == b"\n\x00 two\nlines\n"
+    assert [p.suffix for p in files(entries)] == [".entry", ".entry"]
 
 
 def test_the_key_depends_on_values_not_on_their_order():
@@ -28,32 +40,68 @@ def test_the_key_depends_on_values_not_on_their_order():
     assert cache.key_of({"a": 1, "b": 2}) != cache.key_of({"a": 1, "b": 3})
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", '{"result": 1}', '{"key": "other", "result": 1}', "\x00"])
-def test_a_corrupt_entry_counts_as_absent(entries, text):
-    key = cache.key_of(1)
-    cache.store("kind", key, 1)
-    (path,) = [p for p in entries.rglob("*") if p.is_file()]
-    path.write_text(text)
-    assert cache.load("kind", key) is None
-    cache.store("kind", key, 2)
-    assert cache.load("kind", key) == 2
+def spoilt(whole: bytes, how: str) -> bytes:
+    middle = len(whole) - 3
+    return {
+        "empty": b"",
+        "cut": whole[:-1],
+        "longer": whole + b" ",
+        "bit": whole[:middle] + bytes([whole[middle] ^ 1]) + whole[middle + 1 :],
+        "head": b"0" + whole[1:],
+        "no head": whole.partition(b"\n")[2],
+        "old": b'{"key": "other", "result": 1}',
+        "zeros": bytes(len(whole)),
+    }[how]
+
+
+@pytest.mark.parametrize("how", ["empty", "cut", "longer", "bit", "head", "no head", "old", "zeros"])
+def test_a_corrupt_entry_counts_as_absent(entries, how):
+    cache.store("kind", KEYS[0], [1, 2, 3])
+    (path,) = files(entries)
+    path.write_bytes(spoilt(path.read_bytes(), how))
+    assert cache.load("kind", KEYS[0]) is None
+    cache.store("kind", KEYS[0], 2)
+    assert cache.load("kind", KEYS[0]) == 2
+
+
+def test_an_entry_under_anothers_name_counts_as_absent(entries):
+    cache.store("kind", KEYS[0], 1)
+    (path,) = files(entries)
+    other = entries / "kind" / KEYS[1][:2] / f"{KEYS[1]}.entry"
+    other.parent.mkdir(parents=True, exist_ok=True)
+    path.rename(other)
+    assert cache.load("kind", KEYS[1]) is None
 
 
 def test_a_folder_that_cannot_be_written_is_no_error(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "file"))
-    cache.store("kind", cache.key_of(1), 1)
-    assert cache.load("kind", cache.key_of(1)) is None
+    cache.store("kind", KEYS[0], 1)
+    assert cache.load("kind", KEYS[0]) is None
+    assert cache.info().entries == cache.clear().entries == 0
+
+
+def test_a_full_disk_is_no_error_and_leaves_nothing(entries, monkeypatch):
+    def full(self: Path, data: bytes) -> int:
+        with self.open("wb") as file:
+            file.write(data[:5])
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("pathlib.Path.write_bytes", full)
+    cache.store("kind", KEYS[0], 1)
+    assert files(entries) == []
 
 
 def test_an_entry_is_written_aside_first(entries, monkeypatch):
-    """Killed before the renaming, a writer leaves no entry."""
+    """Killed before the renaming, a writer leaves no entry; what it leaves is counted and cleared."""
     monkeypatch.setattr("pathlib.Path.replace", lambda self, target: None)
-    cache.store("kind", cache.key_of(1), 1)
-    assert cache.load("kind", cache.key_of(1)) is None
-    (aside,) = [p for p in entries.rglob("*") if p.is_file()]
-    assert aside.name.endswith(f".{os.getpid()}")
-    assert json.loads(aside.read_text())["result"] == 1
+    cache.store("kind", KEYS[0], 1)
+    assert cache.load("kind", KEYS[0]) is None
+    (aside,) = files(entries)
+    assert f".{os.getpid()}-" in aside.name
+    assert cache.info().entries == 1
+    cache.clear()
+    assert files(entries) == []
 
 
 def test_the_users_own_folder_is_the_default(monkeypatch, tmp_path):
@@ -68,3 +116,121 @@ def test_the_code_hash_tells_parts_apart():
     assert cache.code_hash("solid") == cache.code_hash("solid")
     assert cache.version("numpy") != "missing"
     assert cache.version("no-such-package-at-all") == "missing"
+
+
+def aged(entries: Path, count: int, size: int, start_s: float = 1e9) -> None:
+    """Entries of `size` bytes of which each was used a second after the one before."""
+    for n in range(count):
+        cache.store_bytes("kind", KEYS[n], bytes(size))
+        os.utime(entries / "kind" / KEYS[n][:2] / f"{KEYS[n]}.entry", (start_s + n, start_s + n))
+
+
+def held(count: int) -> list[int]:
+    return [n for n in range(count) if (cache.folder() / "kind" / KEYS[n][:2] / f"{KEYS[n]}.entry").exists()]
+
+
+def test_what_was_used_longest_ago_goes_first(entries):
+    aged(entries, 10, 1000)
+    cache.load_bytes("kind", KEYS[0])
+    # Each takes 1130 bytes with its head: six are kept of a limit of 8500 and a share of 0.8.
+    assert cache.trim(8500) == 4
+    assert held(10) == [0, 5, 6, 7, 8, 9]
+
+
+def test_nothing_goes_while_there_is_room(entries):
+    aged(entries, 10, 1000)
+    assert cache.trim(10 * 1130) == 0
+    assert held(10) == list(range(10))
+
+
+def test_storing_keeps_the_limit(entries, monkeypatch):
+    monkeypatch.setenv(cache.LIMIT_VARIABLE, "0.05")
+    for key in KEYS:
+        cache.store_bytes("kind", key, bytes(2000))
+        # The limit, and what is stored between two looks.
+        assert cache.info().bytes <= 50_000 * (1 + cache.LOOK_SHARE) + 2 * 2130
+    assert cache.load_bytes("kind", KEYS[-1]) is not None
+
+
+def test_a_clock_that_jumps_breaks_nothing(entries):
+    aged(entries, 5, 1000, time.time() + 1e8)
+    cache.store_bytes("kind", KEYS[5], b"new")
+    assert cache.load_bytes("kind", KEYS[0]) == bytes(1000)
+    assert cache.load_bytes("kind", KEYS[5]) == b"new"
+    assert cache.trim(2000) > 0
+    assert cache.info().bytes <= 2000
+
+
+@pytest.mark.parametrize("text", ["plenty", "-1", "nan", "inf", "1e400", "1 GB"])
+def test_a_limit_that_is_none_is_refused(monkeypatch, text):
+    monkeypatch.setenv(cache.LIMIT_VARIABLE, text)
+    with pytest.raises(SpecError, match=r"must be a number of megabytes, 0 or more, got") as refused:
+        cache.limit_bytes()
+    assert refused.value.where == cache.LIMIT_VARIABLE
+
+
+@pytest.mark.parametrize(("text", "expected"), [("", 1_024_000_000), ("0", 0), ("1.5", 1_500_000)])
+def test_the_limit_in_megabytes(monkeypatch, text, expected):
+    monkeypatch.setenv(cache.LIMIT_VARIABLE, text)
+    assert cache.limit_bytes() == expected
+
+
+def test_info_and_clear(entries):
+    for n in range(3):
+        cache.store_bytes("meshes", KEYS[n], bytes(100))
+    cache.store("modes", KEYS[3], [1])
+    info = cache.info()
+    assert info.folder == str(entries)
+    assert info.entries == 4
+    assert {kind: count for kind, (count, _) in info.kinds.items()} == {"meshes": 3, "modes": 1}
+    assert info.bytes == sum(path.stat().st_size for path in files(entries))
+    assert cache.clear() == info
+    assert cache.info().entries == 0
+    assert cache.load("modes", KEYS[3]) is None
+
+
+def test_former_versions_entries_are_ignored_and_cleared_but_not_the_users_files(entries):
+    inner = entries / "taxel-modes" / KEYS[0][:2]
+    inner.mkdir(parents=True)
+    (inner / f"{KEYS[0]}.json").write_text('{"key": "' + KEYS[0] + '", "result": 1}')
+    (inner / f"{KEYS[0]}.4711").write_text("{")
+    (inner / "notes.json").write_text("mine")
+    (entries / "own.txt").write_text("mine")
+    assert cache.load("taxel-modes", KEYS[0]) is None
+    assert cache.clear().entries == 2
+    assert [path.name for path in files(entries)] == ["own.txt", "notes.json"]
+
+
+HAMMER = """
+import sys
+from padgen import cache
+me, trims = int(sys.argv[1]), sys.argv[2] == "trims"
+wrong = missing = seen = 0
+keys = [cache.key_of(n) for n in range(12)]
+for turn in range(40):
+    for n, key in enumerate(keys):
+        data = cache.load_bytes("shared", key)
+        if data is not None:
+            seen += 1
+            # Whole, whoever wrote it: a number and as many bytes of it.
+            wrong += data != bytes([data[0]]) * (300_000 + 10 * n)
+        elif turn:
+            missing += 1
+        cache.store_bytes("shared", key, bytes([1 + (turn + me) % 250]) * (300_000 + 10 * n))
+    if trims and turn % 10 == me:
+        cache.trim(2_000_000)
+print(wrong, missing, seen)
+"""
+
+
+@pytest.mark.parametrize("trims", ["trims", "keeps"])
+def test_two_processes_at_once_never_see_half_an_entry(entries, trims):
+    command = [sys.executable, "-c", HAMMER]
+    workers = [subprocess.Popen([*command, str(n), trims], stdout=subprocess.PIPE, text=True) for n in range(2)]
+    for worker in workers:
+        wrong, missing, seen = map(int, worker.communicate(timeout=120)[0].split())
+        assert worker.returncode == 0
+        assert wrong == 0
+        assert missing == 0 or trims == "trims"
+        assert seen > 100
+    assert not [path for path in files(entries) if path.suffix == cache.ASIDE]

@@ -18,6 +18,7 @@ LAYERS = [
     {"loop"},
     {"build"},
     {"study"},
+    {"sweep"},
     {"tell"},
     {"cli"},
     {"__main__"},

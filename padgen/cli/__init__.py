@@ -13,13 +13,13 @@ from contextlib import suppress
 from typing import NoReturn
 
 from padgen import __version__
-from padgen.cli import build, drive, plan, play, retune, small, study
+from padgen.cli import build, cache, drive, plan, play, retune, small, study, sweep
 from padgen.cli.common import BAD_INPUT, DONE
 from padgen.errors import PadgenError
 
 __all__ = ["main", "run"]
 
-COMMANDS = (plan, build, drive, play, retune, study, small)
+COMMANDS = (plan, build, drive, play, retune, study, sweep, cache, small)
 
 
 def main() -> NoReturn:

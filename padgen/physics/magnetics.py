@@ -111,7 +111,30 @@ def balanced_deflection(slack: float, gap: float, exponent: float) -> float | No
 
 
 def flux_density(coil: SolenoidCoil, radius: np.ndarray, height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Radial and axial flux density in T per ampere, outside winding and core, at points of one shape."""
+    """Radial and axial flux density in T per ampere, outside winding and core, at points of one shape.
+
+    Read-only arrays: plans of one coil and layout ask for the same points again.
+    """
+    radius, height = np.asarray(radius, float), np.asarray(height, float)
+    if radius.size > MOST_POINTS_KEPT:
+        return _flux_density(coil, radius, height)
+    return _kept_flux_density(coil, radius.shape, radius.tobytes(), height.tobytes())
+
+
+MOST_POINTS_KEPT = 20_000
+
+
+@lru_cache(maxsize=64)
+def _kept_flux_density(
+    coil: SolenoidCoil, shape: tuple[int, ...], radius: bytes, height: bytes
+) -> tuple[np.ndarray, np.ndarray]:
+    field = _flux_density(coil, *(np.frombuffer(at).reshape(shape) for at in (radius, height)))
+    for part in field:
+        part.setflags(write=False)
+    return field
+
+
+def _flux_density(coil: SolenoidCoil, radius: np.ndarray, height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     radial, axial = _winding_field(coil, radius, height)
     if coil.core_diameter > 0 and coil.core_permeability > 1:
         at_radius, at_height, charge = core_charges(coil)
@@ -211,14 +234,29 @@ def _loop_field(loop_radius: float, radius: np.ndarray, height: np.ndarray) -> t
 
 def _elliptic(m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Complete elliptic integrals K(m) and E(m) by the arithmetic-geometric mean."""
-    a, b = np.ones_like(m), np.sqrt(1 - m)
-    total, power = m / 2, 0.5
-    for _ in range(6):
-        a, b, c = (a + b) / 2, np.sqrt(a * b), (a - b) / 2
+    b = np.sqrt(1 - m)
+    # The first step, of a = 1; then in place, since these are the dearest lines of a plan.
+    a, c, b = (1 + b) / 2, (1 - b) / 2, np.sqrt(b)
+    total, power, square = m / 2 + c * c, 1.0, np.empty_like(c)
+    for _ in range(5):
+        np.subtract(a, b, out=c)
+        c *= 0.5
+        np.multiply(a, b, out=b)
+        np.sqrt(b, out=b)
+        # (a + b)/2 = a − (a − b)/2
+        a -= c
         power *= 2
-        total = total + power * c**2
+        np.multiply(c, c, out=square)
+        square *= power
+        total += square
+        if c.max(initial=0.0) < CONVERGED:
+            break
     first = pi / (2 * a)
     return first, first * (1 - total)
+
+
+CONVERGED = 1e-9
+"""Half the difference of the two means; the next one would be less than its square."""
 
 
 @lru_cache(maxsize=32)

@@ -62,9 +62,15 @@ def choose(spec: Spec) -> Choice:
 
 def finish(spec: Spec, choice: Choice) -> Plan:
     """The plan of a choice; its channels' beams and models may have been changed since."""
-    bare = _assemble(spec, choice)
-    known = replace(bare, left_out=left_out(spec, bare))
-    return replace(known, findings=judge(spec, known))
+    bare = _with_spec(_assemble(spec, choice), spec)
+    known = _with_spec(replace(bare, left_out=left_out(spec, bare)), spec)
+    return _with_spec(replace(known, findings=judge(spec, known)), spec)
+
+
+def _with_spec(plan: Plan, spec: Spec) -> Plan:
+    """The plan, which need not read its own `typed_spec` back from plain data."""
+    vars(plan)["typed_spec"] = spec
+    return plan
 
 
 def _assemble(spec: Spec, choice: Choice) -> Plan:

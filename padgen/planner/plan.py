@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from functools import cached_property
 from typing import Any, get_args, get_origin
 
@@ -381,7 +381,7 @@ def channel_sets(channels: Sequence[Channel], sets: int) -> tuple[tuple[Channel,
 
 def plan_to_json(plan: Plan) -> str:
     """The plan as JSON text, keys in the order of the fields; the same plan gives the same bytes."""
-    return json_text(asdict(plan))
+    return json_text(plan)
 
 
 def plan_from_json(text: str, where: str = "plan.json") -> Plan:

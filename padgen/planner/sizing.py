@@ -5,20 +5,22 @@ model at a few widths; among the choices that change equally little between chan
 sensitive to the printer's tolerances wins. The widths are then solved for exactly.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise, product
 
 import numpy as np
 
 from padgen.physics.ladder import slot_half_width
+from padgen.physics.modes import Modes
 from padgen.physics.selectivity import channels as resonators
 from padgen.planner.printable import LENGTH_STEP_MM, IdealBeam, printable_beams
 from padgen.planner.settings import level_law
 from padgen.planner.suspensions import TOPOLOGIES, BeamShape, Room
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.spec import Printer, Spec
+from padgen.spec.model import Drive, Pad
 
 __all__ = ["Reach", "SizedChannel", "crowded_modes", "frequency_spread", "reach", "size_channels", "topologies"]
 
@@ -93,9 +95,21 @@ def layer_thicknesses_mm(printer: Printer, largest_mm: float) -> np.ndarray:
     return np.round(printer.first_layer_mm + (layers - 1) * printer.layer_mm, 6)
 
 
-@lru_cache(maxsize=256)
 def reach(spec: Spec, topology: str, room: Room) -> Reach | None:
     """The `Reach` of `topology` in `room`, None where it does not fit at all."""
+    return _reach(_of_one_taxel(spec), topology, room)
+
+
+def _of_one_taxel(spec: Spec) -> Spec:
+    """`spec` without what a single taxel's beams do not depend on, so that variants share what is known of them."""
+    size = Pad(frame_thickness_mm=spec.pad.frame_thickness_mm, rib_mm=spec.pad.rib_mm)
+    return replace(
+        spec, name="", resolution=1, band_hz=(1.0, 2.0), q_min=1.0, resonances_hz=None, pad=size, drive=Drive()
+    )
+
+
+@lru_cache(maxsize=256)
+def _reach(spec: Spec, topology: str, room: Room) -> Reach | None:
     shape, gap = TOPOLOGIES[topology], spec.printer.smallest_gap_mm
     plate = plate_shape(spec)
     longest, widest = shape.longest(room, plate, gap), shape.widest(room, plate, gap)
@@ -243,13 +257,27 @@ def _solved(spec: Spec, picks: list[Pick], targets: np.ndarray) -> tuple[SizedCh
                 (float(lengths[0]), float(lengths[-1])),
             )
     ordered = [ideal[i] for i in range(len(picks))]
+    beams = printable_beams(spec, ordered, targets)
+    models = _models(spec, [item.topology for item in ordered], beams)
     channels = tuple(
-        SizedChannel(float(hz), item.topology, beam, TaxelModel(spec, item.topology, plate_shape(spec), beam))
-        for item, beam, hz in zip(ordered, printable_beams(spec, ordered, targets), targets, strict=True)
+        SizedChannel(float(hz), model.topology, model.beam, model) for hz, model in zip(targets, models, strict=True)
     )
     # In steps too coarse for the ladder, two targets may have the same beam.
     apart = all(a.model.resonance_hz < b.model.resonance_hz for a, b in pairwise(channels))
     return channels if apart or spec.resonances_hz else None
+
+
+def _models(spec: Spec, names: Sequence[str], beams: Sequence[BeamShape]) -> list[TaxelModel]:
+    """A model of each beam; their modes are solved together, topology by topology, which is quicker."""
+    plate = plate_shape(spec)
+    models = [TaxelModel(spec, name, plate, beam) for name, beam in zip(names, beams, strict=True)]
+    for name in dict.fromkeys(names):
+        own = [model for model in models if model.topology == name]
+        shapes = BeamShape(*np.array([model.beam for model in own], float).T)
+        modes = TaxelModel(spec, name, plate, shapes).modes
+        for k, model in enumerate(own):
+            vars(model)["modes"] = Modes(*(part[k] for part in modes))
+    return models
 
 
 RESONANCE_TOLERANCE = 2e-3
@@ -273,7 +301,7 @@ def _width_solved(
             slope = np.clip(secant, 0.1, 3)
         previous = (beam.width_mm, found)
         if np.abs(miss).max() < 1e-5:
-            break
+            return beam, found
         beam = beam._replace(width_mm=np.clip(beam.width_mm * np.exp(miss / slope), *bounds))
     return beam, TaxelModel(spec, topology, plate, beam).resonance_hz
 

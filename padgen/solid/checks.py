@@ -6,6 +6,7 @@ with what was planned.
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from math import isfinite
 from typing import Any
 
@@ -15,7 +16,7 @@ from padgen.errors import GeometryError, number
 from padgen.finding import Finding
 from padgen.planner.plan import Plan
 from padgen.solid.measure import Dimension, measured
-from padgen.solid.mesh import Mesh, as_manifold, from_manifold
+from padgen.solid.mesh import Mesh, as_manifold, from_manifold, ordered
 from padgen.solid.pad import PadSolid
 from padgen.solid.sections import Section, narrow_gaps, narrow_walls, sections, smallest, thin_skins, unsupported_spans
 from padgen.solid.topology import Topology, intersecting_pairs, topology
@@ -52,7 +53,8 @@ def check_mesh(mesh: Mesh, printer: Printer, density_g_per_cm3: float) -> Report
         if solid is not None:
             cuts = sections(solid, mesh)
             findings += [*_walls_and_gaps(cuts, printer), *_overhangs(mesh, printer)]
-            findings += _narrowest(cuts, solid, mesh, printer, figures)
+            smallest_figures, narrow = _narrowest(cuts, solid, mesh, printer)
+            figures, findings = figures | smallest_figures, findings + narrow
     return Report(figures, tuple(findings))
 
 
@@ -78,9 +80,11 @@ def check_pad(pad: PadSolid, plan: Plan) -> Report:
             findings += _walls_and_gaps(sections(solid, pad.mesh), spec.printer)
             findings += _overhangs(pad.mesh, spec.printer)
             findings += compare(plan, solid, figures)
-            cell = _one_cell(plan, solid)
-            mesh = from_manifold(cell)
-            findings += _narrowest(sections(cell, mesh), cell, mesh, spec.printer, figures)
+            cell = ordered(from_manifold(_one_cell(plan, solid)))
+            smallest_figures, narrow = _narrowest_of_cell(
+                cell.vertices_mm.tobytes(), cell.triangles.tobytes(), spec.printer
+            )
+            figures, findings = figures | smallest_figures, findings + narrow
     return Report(figures, tuple(findings))
 
 
@@ -297,25 +301,37 @@ def _one_cell(plan: Plan, solid: Any) -> Any:
     return solid ^ room
 
 
-def _narrowest(
-    cuts: list[Section], solid: Any, mesh: Mesh, printer: Printer, figures: dict[str, Any]
-) -> Iterator[Finding]:
-    """Adds the smallest wall and gap and the longest span to `figures`, and judges the span."""
+@lru_cache(maxsize=64)
+def _narrowest_of_cell(vertices_mm: bytes, triangles: bytes, printer: Printer) -> tuple[dict[str, Any], list[Finding]]:
+    """`_narrowest` of a mesh in order: variants of a layout have the same cell."""
+    corners, sides = np.frombuffer(vertices_mm).copy(), np.frombuffer(triangles, np.int64)
+    mesh = Mesh(corners.reshape(-1, 3), sides.reshape(-1, 3))
+    solid = as_manifold(mesh, "one cell of the mesh")
+    return _narrowest(sections(solid, mesh), solid, mesh, printer)
+
+
+def _narrowest(cuts: list[Section], solid: Any, mesh: Mesh, printer: Printer) -> tuple[dict[str, Any], list[Finding]]:
+    """The smallest wall and gap and the longest span, and what is found about skins and the span."""
     bound = 4 * max(printer.line_width_mm, printer.smallest_gap_mm)
     limit = printer.longest_bridge_mm
     span, place = unsupported_spans(solid, mesh, limit + 1.0)
-    figures["smallest_wall_mm"] = min((smallest(cut, False, bound) for cut in cuts), default=None)
-    figures["smallest_gap_mm"] = min((smallest(cut, True, bound) for cut in cuts), default=None)
-    figures["longest_bridge_mm"] = span
-    yield from _few(_skins(solid, mesh, printer))
+    figures = {
+        "smallest_wall_mm": min((smallest(cut, False, bound) for cut in cuts), default=None),
+        "smallest_gap_mm": min((smallest(cut, True, bound) for cut in cuts), default=None),
+        "longest_bridge_mm": span,
+    }
+    findings = list(_few(_skins(solid, mesh, printer)))
     if place and span > limit:
         at_least = "at least " if span > limit + 0.99 else ""
-        yield Finding(
-            "error",
-            "print.bridge",
-            f"({number(place.x_mm)}, {number(place.y_mm)}, {number(place.z_mm)}) mm",
-            f"a face hangs free over {at_least}{number(span)} mm, {printer.name} bridges {number(limit)} mm",
+        findings.append(
+            Finding(
+                "error",
+                "print.bridge",
+                f"({number(place.x_mm)}, {number(place.y_mm)}, {number(place.z_mm)}) mm",
+                f"a face hangs free over {at_least}{number(span)} mm, {printer.name} bridges {number(limit)} mm",
+            )
         )
+    return figures, findings
 
 
 def _skins(solid: Any, mesh: Mesh, printer: Printer) -> Iterator[Finding]:

@@ -5,8 +5,8 @@ from dataclasses import replace
 from padgen.planner.coupon import coupon_groove, coupon_plan
 from padgen.planner.plan import Plan
 from padgen.planner.tile import Outline
-from padgen.solid.kernel import build123d, kernel_errors
-from padgen.solid.mesh import tessellated
+from padgen.solid.border import border_mesh, border_volume_mm3
+from padgen.solid.mesh import ANGLE_RAD, CHORD_MM
 from padgen.solid.pad import PadSolid, Tile, assembled, build_pad
 
 __all__ = ["build_coupon", "grooved"]
@@ -26,12 +26,6 @@ def build_coupon(plan: Plan) -> tuple[Plan, PadSolid]:
 
 def grooved(plan: Plan, pad: PadSolid, groove: Outline) -> PadSolid:
     """The `pad` with a `groove` cut from its border over the whole height."""
-    b, height = build123d(), plan.typed_spec.pad.frame_thickness_mm
-    # Cleaning would join the edges of the border's inside, which end where tiles meet.
-    with kernel_errors("the groove in the border"), b.SkipClean():
-        at = b.Plane((groove.x0, groove.y0, 0))
-        tool = b.Solid.make_box(groove.x1 - groove.x0, groove.y1 - groove.y0, height, at)
-        solid = pad.border.solid.cut(tool)
-        border = Tile(tessellated(solid), float(solid.volume), solid)
+    border = Tile(border_mesh(plan, pad.grid.shape, CHORD_MM, ANGLE_RAD, groove), border_volume_mm3(plan, groove))
     volume = pad.volume_mm3 - pad.border.volume_mm3 + border.volume_mm3
     return replace(pad, mesh=assembled(plan, list(pad.tiles), border, pad.grid), volume_mm3=volume, border=border)

@@ -3,24 +3,31 @@
 import itertools
 import re
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from padgen import cache
 from padgen.errors import GeometryError, number
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.screws import screw_for
 from padgen.planner.tile import to_cell
 from padgen.planner.tray import plan_tray
+from padgen.solid.border import washer_mesh
 from padgen.solid.kernel import build123d, kernel_errors
-from padgen.solid.mesh import Mesh, signed_volume_mm3, tessellated
+from padgen.solid.mesh import Mesh, signed_volume_mm3
 from padgen.solid.pad import PadSolid
 from padgen.solid.taxel import taxel_solid, washer_solid
+from padgen.solid.tile_store import taxel_key
 
 __all__ = ["bill_of_materials", "glb_bytes", "stl_bytes", "stl_mesh", "verified", "verified_volume", "write_taxel_step"]
 
 _STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+STEP_KIND = "taxel-step"
+_UNNAMED = "unnamed taxel of padgen"
+"""In place of the pad's name and the channel's number, in what is kept."""
 REREAD_SHARE = 1e-4
 """Largest relative difference in volume of a file from the mesh: single precision, many triangles."""
 REREAD_MM = 5e-5
@@ -76,23 +83,37 @@ def verified_volume(name: str, mesh: Mesh, written: Mesh) -> None:
         raise GeometryError(f"read back its volume is {number(after)} mm³, written were {number(before)} mm³", name)
 
 
-def write_taxel_step(plan: Plan, channel: Channel, path: Path, solid: Any = None) -> None:
-    """Write the STEP file of a channel's taxel; `solid` is the printed part where it was made already.
+def write_taxel_step(plan: Plan, channel: Channel, path: Path) -> None:
+    """Write the STEP file of a channel's taxel.
 
     Two named solids in the taxel's own axes: ``printed``, the taxel in the frame of its sub-cell, and
-    ``washer`` where the glue holds it. Read back, they must have the same volumes.
+    ``washer`` where the glue holds it. Read back, they must have the same volumes. Kept like the taxel's
+    triangles (`padgen.solid.tile_store`).
     """
-    printed, washer = solid or taxel_solid(plan, channel), washer_solid(plan, channel)
+    writer = cache.code_hash("solid/export.py")
+    key = taxel_key(plan, channel, washer=asdict(plan.typed_spec.washer), step=_UNNAMED, writer=writer)
+    known = cache.load_bytes(STEP_KIND, key)
+    if known is None:
+        known = _step(plan, channel, path).encode()
+        cache.store_bytes(STEP_KIND, key, known)
+    path.write_bytes(known.replace(_UNNAMED.encode(), f"{plan.name} taxel {channel.index}".encode()))
+
+
+def _step(plan: Plan, channel: Channel, path: Path) -> str:
+    """The STEP text of a taxel, `_UNNAMED`, written to `path` on the way."""
+    printed, washer = taxel_solid(plan, channel), washer_solid(plan, channel)
     b, name = build123d(), f"taxel-{channel.index}.step"
     printed.label, washer.label = "printed", "washer"
     with kernel_errors(name):
-        whole = b.Compound(label=f"{plan.name} taxel {channel.index}", children=[printed, washer])
+        whole = b.Compound(label=_UNNAMED, children=[printed, washer])
         b.export_step(whole, path, timestamp="1970-01-01T00:00:00")
-        path.write_text(_renumbered(path.read_text()))
+        text = _renumbered(path.read_text())
+        path.write_text(text)
         back = sorted(float(s.volume) for s in b.import_step(path).solids())
     planned = sorted((float(printed.volume), float(washer.volume)))
     if len(back) != 2 or not np.allclose(back, planned, rtol=1e-6):
         raise GeometryError(f"read back its solids have {back} mm³, written were {planned} mm³", name)
+    return text
 
 
 def _renumbered(step: str) -> str:
@@ -111,7 +132,7 @@ def glb_bytes(plan: Plan, pad: PadSolid) -> bytes:
     colours = {"pad": (225, 222, 214, 255), "washer": (120, 125, 135, 255)}
     scene.add_geometry(_coloured(pad.mesh, colours["pad"]), geom_name="pad", node_name="pad", transform=turn)
     for channel in plan.channels:
-        washer = tessellated(washer_solid(plan, channel))
+        washer = washer_mesh(plan, channel)
         vertices = to_cell(washer.vertices_mm, channel)
         centre = to_cell(np.array([float(plan.arrangement(channel).washer_x_mm), 0.0, 0.0]), channel)
         part = _coloured(Mesh(vertices, washer.triangles), colours["washer"])

@@ -13,6 +13,7 @@ __all__ = [
     "Mesh",
     "as_manifold",
     "from_manifold",
+    "ordered",
     "signed_volume_mm3",
     "tessellated",
     "welded",
@@ -75,6 +76,13 @@ def welded(vertices_mm: np.ndarray, triangles: np.ndarray, tolerance_mm: float =
     triangles = joined.reshape(-1)[triangles]
     a, b, c = triangles.T
     return Mesh(vertices_mm[first], triangles[(a != b) & (b != c) & (c != a)])
+
+
+def ordered(mesh: Mesh) -> Mesh:
+    """The same triangles in an order that does not depend on where they come from, vertices left as they are."""
+    first = mesh.triangles.argmin(1)[:, None]
+    turned = np.take_along_axis(mesh.triangles, (first + np.arange(3)) % 3, 1)
+    return Mesh(mesh.vertices_mm, np.ascontiguousarray(turned[np.lexsort(turned.T)]))
 
 
 def signed_volume_mm3(mesh: Mesh) -> float:

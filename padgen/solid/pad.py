@@ -7,15 +7,15 @@ union of face-adjacent solids, in time linear in the number of tiles.
 
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
 
 import numpy as np
 
-from padgen.planner.plan import Plan
+from padgen.planner.plan import Channel, Plan
 from padgen.planner.tile import Outline, outline, taxel_places, to_cell
-from padgen.solid.kernel import build123d, kernel_errors
+from padgen.solid.border import border_mesh, border_volume_mm3
 from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, Mesh, tessellated
 from padgen.solid.taxel import taxel_solid
+from padgen.solid.tile_store import KnownSolid, known_solid, remember, taxel_key
 
 __all__ = ["PadSolid", "Tile", "assembled", "build_pad", "tile_grid", "turned_grid", "turned_mesh"]
 
@@ -24,14 +24,10 @@ SEAM_MM = 1e-7
 
 @dataclass(frozen=True)
 class Tile:
-    """A distinct tile: its exact volume and its triangles about the sub-cell's centre, as placed.
-
-    `solid` is the build123d solid in the taxel's own axes, None for a tile without a taxel.
-    """
+    """A distinct tile: its exact volume and its triangles about the sub-cell's centre, as placed."""
 
     mesh: Mesh
     volume_mm3: float
-    solid: Any
 
 
 @dataclass(frozen=True)
@@ -60,7 +56,7 @@ def build_pad(plan: Plan, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_R
     tiles = [_taxel_tile(plan, index, chord_mm, angle_rad) for index in range(len(plan.channels))]
     tiles.append(_bare_tile(plan))
     grid = tile_grid(plan)
-    border = _border_tile(plan, grid.shape, chord_mm, angle_rad)
+    border = Tile(border_mesh(plan, grid.shape, chord_mm, angle_rad), border_volume_mm3(plan))
     counts = np.bincount(grid.ravel(), minlength=len(tiles))
     volume = border.volume_mm3 + sum(float(n) * t.volume_mm3 for n, t in zip(counts, tiles, strict=True))
     return PadSolid(assembled(plan, tiles, border, grid), volume, tuple(tiles), border, grid)
@@ -123,12 +119,22 @@ def turned_mesh(mesh: Mesh) -> Mesh:
 
 def _taxel_tile(plan: Plan, index: int, chord_mm: float, angle_rad: float) -> Tile:
     channel = plan.channels[index]
-    solid = taxel_solid(plan, channel)
-    mesh = tessellated(solid, chord_mm, angle_rad)
+    known = _known(plan, channel, chord_mm, angle_rad)
     sides = outline(plan, channel)
-    placed = to_cell(_snapped(mesh.vertices_mm, sides), channel)
+    placed = to_cell(_snapped(known.mesh.vertices_mm, sides), channel)
     placed[:, :2] -= channel.site.centre_mm
-    return Tile(Mesh(placed, mesh.triangles), float(solid.volume), solid)
+    return Tile(Mesh(placed, known.mesh.triangles), known.volume_mm3)
+
+
+def _known(plan: Plan, channel: Channel, chord_mm: float, angle_rad: float) -> KnownSolid:
+    """The taxel's triangles: modelled once, then from the cache."""
+    key = taxel_key(plan, channel, chord_mm=chord_mm, angle_rad=angle_rad)
+    known = known_solid(key)
+    if known is None:
+        solid = taxel_solid(plan, channel)
+        known = KnownSolid(tessellated(solid, chord_mm, angle_rad), float(solid.volume))
+        remember(key, known)
+    return known
 
 
 def _snapped(vertices: np.ndarray, sides: Outline) -> np.ndarray:
@@ -146,31 +152,7 @@ def _bare_tile(plan: Plan) -> Tile:
     vertices = np.concatenate([np.c_[sides, np.zeros(4)], np.c_[sides, np.full(4, height)]])
     quads = [(3, 2, 1, 0), (4, 5, 6, 7)] + [(i, (i + 1) % 4, (i + 1) % 4 + 4, i + 4) for i in range(4)]
     triangles = np.array([tri for a, b, c, d in quads for tri in ((a, b, c), (a, c, d))])
-    return Tile(Mesh(vertices, triangles), cell.width_mm * cell.depth_mm * height, None)
-
-
-def _border_tile(plan: Plan, shape: tuple[int, int], chord_mm: float, angle_rad: float) -> Tile:
-    """The border with its corner holes; its inner edge has a vertex wherever tiles meet."""
-    b = build123d()
-    pad = plan.typed_spec.pad
-    rows, columns = shape
-    half_x, half_y = pad.width_mm / 2, pad.depth_mm / 2
-    x, y = np.linspace(-half_x, half_x, columns + 1), np.linspace(-half_y, half_y, rows + 1)
-    inner = [(v, -half_y) for v in x] + [(half_x, v) for v in y[1:]]
-    inner += [(v, half_y) for v in x[-2::-1]] + [(-half_x, v) for v in y[-2:0:-1]]
-    with kernel_errors("the border"):
-        outside = b.Wire.make_rect(pad.width_mm + 2 * pad.border_mm, pad.depth_mm + 2 * pad.border_mm)
-        outside = outside.fillet_2d(pad.border_mm / 2, outside.vertices())
-        holes = [b.Wire.make_polygon([(float(u), float(v)) for u, v in inner], close=True)]
-        if pad.hole_diameter_mm:
-            off_x, off_y = half_x + pad.border_mm / 2, half_y + pad.border_mm / 2
-            holes += [
-                b.Wire.make_circle(pad.hole_diameter_mm / 2, b.Plane((sx * off_x, sy * off_y, 0)))
-                for sx in (-1, 1)
-                for sy in (-1, 1)
-            ]
-        solid = b.Solid.extrude(b.Face(outside, holes), b.Vector(0, 0, pad.frame_thickness_mm))
-        return Tile(tessellated(solid, chord_mm, angle_rad), float(solid.volume), solid)
+    return Tile(Mesh(vertices, triangles), cell.width_mm * cell.depth_mm * height)
 
 
 def _open_seams(mesh: Mesh, half_x: float, half_y: float, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

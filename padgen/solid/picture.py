@@ -32,19 +32,23 @@ def picture_png(
     width, height = (oversample * n for n in size_px)
     corners = np.concatenate([mesh.corners_mm for mesh, _ in parts])
     colours = np.concatenate([np.tile(colour, (len(mesh.triangles), 1)) for mesh, colour in parts])
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
     axes = _camera(view or View())
+    screen = _fitted(corners @ axes.T, width, height)
+    across = corners[:, 1:] - corners[:, :1]
+    normal = np.cross(across[:, 0], across[:, 1])
+    facing = normal @ axes[2] > 0
+    normal, colours, screen = normal[facing], colours[facing], screen[facing]
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
     shade = AMBIENT + sum(
         share * np.clip(normal @ axes.T @ (light / np.linalg.norm(light)), 0, 1) for light, share in LIGHTS
     )
-    screen = corners @ axes.T
-    facing = normal @ axes[2] > 0
-    screen = _fitted(screen, width, height)[facing]
     pixels, owner = _visible(screen, width, height)
     image = np.tile(BACKGROUND, (width * height, 1))
-    image[pixels] = np.clip(colours[facing] * shade[facing, None], 0, 1)[owner]
-    image = image.reshape(height // oversample, oversample, width // oversample, oversample, 3).mean((1, 3))
+    image[pixels] = np.clip(colours * shade[:, None], 0, 1)[owner]
+    image = image.reshape(height, width, 3)
+    steps = range(oversample)
+    # (A mean over two axes takes ten times as long.)
+    image = np.add.reduce([image[i::oversample, j::oversample] for i in steps for j in steps]) / oversample**2
     result = io.BytesIO()
     Image.fromarray((image * 255 + 0.5).astype(np.uint8)).save(result, "PNG", optimize=False)
     return result.getvalue()
@@ -60,7 +64,7 @@ def _camera(view: View) -> np.ndarray:
 
 def _fitted(screen: np.ndarray, width: int, height: int) -> np.ndarray:
     flat = screen[..., :2].reshape(-1, 2)
-    low, high = flat.min(0), flat.max(0)
+    low, high = (np.array([of(flat[:, 0]), of(flat[:, 1])]) for of in (np.min, np.max))
     scale = 0.94 * min(width / (high[0] - low[0]), height / (high[1] - low[1]))
     fitted: np.ndarray = screen * scale
     centre = (low + high) / 2 * scale
@@ -94,10 +98,12 @@ def _visible(screen: np.ndarray, width: int, height: int) -> tuple[np.ndarray, n
     column, row = start[spans] + step, (first[rows] + line)[spans]
     depth = _depth_at(x, y, z, owner, column + 0.5, row + 0.5)
     pixel = row * width + column
-    order = np.lexsort((depth, pixel))
-    pixel, owner = pixel[order], owner[order]
-    nearest = np.append(pixel[1:] != pixel[:-1], True) if len(pixel) else np.empty(0, bool)
-    return pixel[nearest], owner[nearest]
+    order = np.argsort(depth, kind="stable")
+    # Of what is assigned to one place the last stays: the nearest.
+    seen = np.full(width * height, -1)
+    seen[pixel[order]] = owner[order]
+    covered = np.flatnonzero(seen >= 0)
+    return covered, seen[covered]
 
 
 def _runs(first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

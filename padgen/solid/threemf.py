@@ -2,7 +2,9 @@
 
 import ctypes
 import io
+import struct
 import zipfile
+from functools import cache
 from pathlib import Path
 from typing import Any
 from uuid import NAMESPACE_DNS, uuid5
@@ -38,7 +40,7 @@ def part_3mf_bytes(name: str, mesh: Mesh, metadata: dict[str, str], thumbnail_pn
 
 def _new_model(metadata: dict[str, str]) -> tuple[Any, Any]:
     """An empty model in millimetres, and the library's wrapper that made it."""
-    wrapper = _lib3mf().Wrapper()
+    wrapper = _wrapper()
     model = wrapper.CreateModel()
     model.SetUnit(_lib3mf().ModelUnit.MilliMeter)
     notes = model.GetMetaDataGroup()
@@ -92,6 +94,12 @@ def _lib3mf() -> Any:
     from lib3mf import Lib3MF
 
     return Lib3MF
+
+
+@cache
+def _wrapper() -> Any:
+    """The library, loaded once: it looks up a thousand functions."""
+    return _lib3mf().Wrapper()
 
 
 def _add_mesh(model: Any, mesh: Mesh, name: str) -> Any:
@@ -148,13 +156,24 @@ def _name_uuids(model: Any, name: str) -> None:
 
 
 def _without_times(data: bytes) -> bytes:
-    """The same package with its zip entries dated 1980, the earliest a zip knows."""
-    result = io.BytesIO()
-    with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(result, "w", zipfile.ZIP_DEFLATED) as new:
-        for entry in sorted(old.infolist(), key=lambda e: (e.filename != "[Content_Types].xml", e.filename)):
-            info = zipfile.ZipInfo(entry.filename, (1980, 1, 1, 0, 0, 0))
-            new.writestr(info, old.read(entry), zipfile.ZIP_DEFLATED)
-    return result.getvalue()
+    """The same package with its zip entries dated 1980-01-01, the earliest that a zip knows.
+
+    lib3mf dates them at month 0. Only the dates are written over: to pack anew takes as long as to write.
+    """
+    result = bytearray(data)
+    with zipfile.ZipFile(io.BytesIO(data)) as package:
+        at, entries = package.start_dir, package.infolist()
+    for entry in entries:
+        _DOS_TIME.pack_into(result, entry.header_offset + 10, 0, _DOS_DAY)
+        _DOS_TIME.pack_into(result, at + 12, 0, _DOS_DAY)
+        # Behind a fixed part follow name, extra field and comment.
+        at += 46 + sum(struct.unpack_from("<HHH", data, at + 28))
+    return bytes(result)
+
+
+_DOS_TIME = struct.Struct("<HH")
+_DOS_DAY = 1 << 5 | 1
+"""The first day of the first month of 1980."""
 
 
 def _matrix(transform: Any) -> np.ndarray:
@@ -172,7 +191,25 @@ def _collect(model: Any, part: Any, matrix: np.ndarray, parts: list[tuple[np.nda
             _collect(model, component.GetObjectResource(), np.vstack([turned, moved]), parts)
         return
     mesh = model.GetMeshObjectByID(part.GetUniqueResourceID())
-    vertices = np.array([list(v.Coordinates) for v in mesh.GetVertices()])
-    triangles = np.array([list(t.Indices) for t in mesh.GetTriangleIndices()], dtype=np.int64)
+    vertices, triangles = _arrays(mesh)
     if len(triangles):
         parts.append((vertices @ matrix[:3] + matrix[3], triangles))
+
+
+def _arrays(mesh: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (V, 3) and triangles (T, 3) of a mesh object, in one copy each.
+
+    The wrapper's ``GetVertices`` would make a Python object of each.
+    """
+    lib3mf, wrapper, handle = _lib3mf(), mesh._wrapper, mesh._handle
+    vertices = (lib3mf.Position * mesh.GetVertexCount())()
+    triangles = (lib3mf.Triangle * mesh.GetTriangleCount())()
+    for part, get in (
+        (vertices, wrapper.lib.lib3mf_meshobject_getvertices),
+        (triangles, wrapper.lib.lib3mf_meshobject_gettriangleindices),
+    ):
+        needed = ctypes.c_uint64(0)
+        wrapper.checkError(mesh, get(handle, ctypes.c_uint64(len(part)), needed, part))
+    at = np.frombuffer(vertices, np.float32) if len(vertices) else np.empty(0)
+    corners = np.frombuffer(triangles, np.uint32) if len(triangles) else np.empty(0)
+    return at.reshape(-1, 3).astype(float), corners.reshape(-1, 3).astype(np.int64)

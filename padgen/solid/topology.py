@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -30,19 +31,26 @@ class Topology:
 
 def topology(mesh: Mesh) -> Topology:
     """Count the edges that break a mesh, and its shells."""
-    edges = mesh.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    span = len(mesh.vertices_mm)
-    key = edges.min(1) * span + edges.max(1)
-    forward = edges[:, 0] < edges[:, 1]
-    _, index, counts = np.unique(key, return_inverse=True, return_counts=True)
-    balance = np.bincount(index, weights=np.where(forward, 1, -1))
+    counts, forward = _edge_counts(mesh)
     return Topology(
         open_edges=int((counts == 1).sum()),
         crowded_edges=int((counts > 2).sum()),
-        turned_edges=int(((counts == 2) & (balance != 0)).sum()),
+        turned_edges=int(((counts == 2) & (forward != 1)).sum()),
         shells=int(shells(mesh).max()) + 1 if len(mesh.triangles) else 0,
         volume_mm3=signed_volume_mm3(mesh),
     )
+
+
+def _edge_counts(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Of each edge, how many triangles have it, and how many of them run along it from its lower vertex."""
+    a, b = mesh.triangles.T.ravel(), mesh.triangles.T[[1, 2, 0]].ravel()
+    # One sort of whole numbers, the direction in the last digit: with several columns, or for the order, it
+    # would take many times as long.
+    key = (np.minimum(a, b) * len(mesh.vertices_mm) + np.maximum(a, b)) * 2 + (a < b)
+    key.sort()
+    start = np.flatnonzero(np.append(True, (key[1:] >> 1) != (key[:-1] >> 1))) if len(key) else np.empty(0, np.int64)
+    counts = np.diff(np.append(start, len(key)))
+    return counts, np.add.reduceat(key & 1, start) if len(key) else counts
 
 
 def shells(mesh: Mesh) -> np.ndarray:
@@ -68,6 +76,24 @@ def intersecting_pairs(mesh: Mesh) -> np.ndarray:
     coplanar overlap are left to the checks of closedness and volume. Candidates come from a grid
     of columns in the plane, so that a flat part costs time linear in its triangles.
     """
+    if len(mesh.triangles) > MOST_KEPT:
+        return _intersecting_pairs(mesh)
+    return _kept_pairs(mesh.vertices_mm.astype(float).tobytes(), mesh.triangles.astype(np.int64).tobytes())
+
+
+MOST_KEPT = 50_000
+
+
+@lru_cache(maxsize=64)
+def _kept_pairs(vertices_mm: bytes, triangles: bytes) -> np.ndarray:
+    """Variants of a pad have the same tiles again and again."""
+    mesh = Mesh(np.frombuffer(vertices_mm).reshape(-1, 3), np.frombuffer(triangles, np.int64).reshape(-1, 3))
+    pairs = _intersecting_pairs(mesh)
+    pairs.setflags(write=False)
+    return pairs
+
+
+def _intersecting_pairs(mesh: Mesh) -> np.ndarray:
     corners = mesh.corners_mm
     low, high = corners.min(1), corners.max(1)
     found = [pairs[_pierce(mesh, *pairs.T)] for pairs in _overlapping(low, high) if len(pairs)]

@@ -1,0 +1,73 @@
+"""``padgen cache info`` and ``padgen cache clear``."""
+
+import argparse
+import os
+from pathlib import Path
+from typing import Any
+
+from padgen.cli.common import DONE, show
+
+__all__ = ["add", "add_cache", "use_cache"]
+
+
+def add(commands: Any) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "cache",
+        help="what is kept of earlier runs, and dropping it",
+        description="Results that are dear to compute (meshes of taxels, finite elements) are kept in a folder, at most"
+        " PADGEN_CACHE_MB megabytes (1024); those that were used longest ago go first.",
+    )
+    actions = parser.add_subparsers(title="actions", required=True, metavar="ACTION")
+    for name, told, run in (
+        ("info", "where it is, and how much it holds", _info),
+        ("clear", "drop everything in it", _clear),
+    ):
+        action = actions.add_parser(name, help=told, description=told)
+        add_cache(action)
+        action.add_argument("--json", action="store_true", help="one JSON object on standard output")
+        action.set_defaults(command=run)
+
+
+def add_cache(parser: argparse.ArgumentParser) -> None:
+    """The option ``--cache``."""
+    parser.add_argument(
+        "--cache", metavar="DIR", help="folder of the cache (default: PADGEN_CACHE, else the user's cache folder)"
+    )
+
+
+def use_cache(options: argparse.Namespace) -> None:
+    """Let this process and those that it starts keep results where ``--cache`` says."""
+    from padgen.cache import VARIABLE
+
+    if options.cache:
+        os.environ[VARIABLE] = str(Path(options.cache).absolute())
+
+
+def _info(options: argparse.Namespace) -> int:
+    from padgen.cache import info
+
+    use_cache(options)
+    return _told(options, info(), dropped=False)
+
+
+def _clear(options: argparse.Namespace) -> int:
+    from padgen.cache import clear
+
+    use_cache(options)
+    return _told(options, clear(), dropped=True)
+
+
+def _told(options: argparse.Namespace, held: Any, dropped: bool) -> int:
+    if options.json:
+        from dataclasses import asdict
+
+        from padgen.files import json_text
+
+        kinds = {kind: {"entries": entries, "bytes": size} for kind, (entries, size) in held.kinds.items()}
+        print(json_text({**asdict(held), "kinds": kinds, "cleared": dropped}), end="")
+    else:
+        from padgen.tell.sweeps import cache_text
+
+        show(cache_text(held, dropped))
+    return DONE

@@ -1,0 +1,60 @@
+"""Triangles of distinct taxels, kept by what they depend on, so that a known taxel needs no CAD kernel."""
+
+import io
+from dataclasses import asdict
+from typing import Any, NamedTuple
+from zipfile import BadZipFile
+
+import numpy as np
+
+from padgen import cache
+from padgen.planner.plan import Channel, Plan
+from padgen.planner.tile import outline
+from padgen.solid.mesh import Mesh
+
+__all__ = ["KnownSolid", "known_solid", "remember", "taxel_key"]
+
+KIND = "taxel-mesh"
+CODE = ("solid/taxel.py", "solid/mesh.py", "planner/suspensions", "planner/tile.py")
+PACKAGES = ("build123d", "cadquery-ocp-novtk", "numpy")
+
+
+class KnownSolid(NamedTuple):
+    """Triangles of a taxel in its own axes, and its exact volume."""
+
+    mesh: Mesh
+    volume_mm3: float
+
+
+def taxel_key(plan: Plan, channel: Channel, **detail: Any) -> str:
+    """The key of all that the solid of a taxel depends on, and of `detail`."""
+    return cache.key_of(
+        {
+            "plate": asdict(plan.plate),
+            "beam": asdict(channel.beam),
+            "outline": [round(v, 9) for v in outline(plan, channel)],
+            "frame_mm": plan.typed_spec.pad.frame_thickness_mm,
+            "code": cache.code_hash(*CODE),
+            "versions": [cache.version(name) for name in PACKAGES],
+            **detail,
+        }
+    )
+
+
+def known_solid(key: str) -> KnownSolid | None:
+    """What is kept under `key`, None when there is nothing."""
+    data = cache.load_bytes(KIND, key)
+    if data is None:
+        return None
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
+            return KnownSolid(Mesh(arrays["vertices_mm"], arrays["triangles"]), float(arrays["volume_mm3"]))
+    except (KeyError, ValueError, OSError, EOFError, BadZipFile):
+        return None
+
+
+def remember(key: str, solid: KnownSolid) -> None:
+    """Keep a taxel's triangles."""
+    data = io.BytesIO()
+    np.savez(data, vertices_mm=solid.mesh.vertices_mm, triangles=solid.mesh.triangles, volume_mm3=solid.volume_mm3)
+    cache.store_bytes(KIND, key, data.getvalue())

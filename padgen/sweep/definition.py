@@ -1,0 +1,272 @@
+"""`Sweep`: which variants of a base spec are to be made, from TOML. Frozen plain data."""
+
+from dataclasses import dataclass, field, fields, is_dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from padgen.errors import FileError, SpecError, number
+from padgen.spec import Spec, find_spec, make_spec
+from padgen.spec.fields import build, choice, flag, optional_type, quantity, text, unknown_name
+from padgen.sweep.expression import Expression, parse_expression
+
+__all__ = ["METHODS", "STAGES", "Axis", "Limits", "Sample", "Sweep", "load_sweep", "parse_sweep"]
+
+STAGES = ("plan", "yield", "build", "study")
+METHODS = ("grid", "latin-hypercube", "sobol")
+SCALES = ("linear", "log")
+MOST_VALUES = 10_000
+LARGEST = 1e15
+"""Above any bound of a field, and small enough that arithmetic on it stays finite."""
+RANGE_KEYS = ("low", "high", "steps", "scale")
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """What is varied together: `fields` are dotted names of a spec.
+
+    Either `values` (k, fields), or a range from `low` to `high` of one field, in `steps` where a grid needs
+    them. `whole` tells that the field takes whole numbers only.
+    """
+
+    fields: tuple[str, ...]
+    values: tuple[tuple[Any, ...], ...] = ()
+    low: float = 0.0
+    high: float = 0.0
+    steps: int = 0
+    scale: str = "linear"
+    whole: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """How the points are chosen."""
+
+    method: str = choice("grid", of=METHODS, doc="grid: all combinations; the others: `count` points, seeded")
+    count: int = quantity(0, unit="variants", low=0, high=10_000_000, doc="of a sample")
+    seed: int = quantity(0, unit="1", low=0, high=2**32 - 1, doc="of a sample; the same seed, the same points")
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What one variant may take before it is given up."""
+
+    time_s: float = quantity(600.0, unit="s", low=0.1, high=1e6, doc="run time of one variant")
+    memory_mb: float = quantity(4000.0, unit="MB", low=100, high=1e7, doc="memory of a worker")
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """The top level of a sweep's TOML, but its tables."""
+
+    name: str = text(doc="name of the sweep and of its folder", pattern=r"[A-Za-z0-9][A-Za-z0-9._-]{0,71}")
+    base: str = text(doc="a spec's file (beside the sweep's) or the name of a template")
+    stage: str = choice("plan", of=STAGES, doc="how far each variant is made")
+    formats: str = text("stl,3mf", doc="of a build")
+    pads: int = quantity(10_000, unit="pads", low=1, high=10_000_000, doc="printed in the computer for the yield")
+    folders: bool = flag(True, doc="whether each variant gets a folder of its own; the index has its figures anyway")
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """The whole sweep. `base` is the table that the variants are laid over, `spec` what it means by itself."""
+
+    settings: Settings
+    base: dict[str, Any]
+    spec: Spec
+    folder: Path
+    axes: tuple[Axis, ...]
+    constraints: tuple[Expression, ...]
+    sample: Sample = field(default_factory=Sample)
+    limits: Limits = field(default_factory=Limits)
+
+
+def load_sweep(path: str) -> Sweep:
+    """Read a `Sweep` from a file.
+
+    Raises
+    ------
+    FileError, SpecError
+        It cannot be read, or a field of it or of its base is unknown, missing or out of bounds.
+    """
+    return parse_sweep(_content(Path(path), path or "SWEEP"), path, Path(path).parent)
+
+
+def parse_sweep(content: str, where: str = "sweep", folder: Path = Path()) -> Sweep:
+    """Make a `Sweep` from TOML text; the files that it names lie in `folder`."""
+    table = _toml(content, where)
+    tables = {key: table.pop(key, {}) for key in ("axes", "sample", "limits")}
+    linked, constraints = table.pop("linked", []), table.pop("constraints", [])
+    settings: Settings = build(Settings, table, "")
+    base, base_folder = _base(settings.base, folder)
+    spec = make_spec(base, base_folder)
+    sample: Sample = build(Sample, tables["sample"], "sample")
+    axes = _axes(tables["axes"], linked, spec, sample)
+    if sample.method != "grid" and not sample.count:
+        raise SpecError(f"must be at least 1 for method {sample.method!r}", "sample.count")
+    if not isinstance(constraints, list) or not all(isinstance(entry, str) for entry in constraints):
+        raise SpecError(f"must be a list of conditions as text, got {constraints!r}", "constraints")
+    _refuse_formats(settings)
+    return Sweep(
+        settings,
+        base,
+        spec,
+        base_folder.absolute(),
+        axes,
+        tuple(parse_expression(entry, spec) for entry in constraints),
+        sample,
+        build(Limits, tables["limits"], "limits"),
+    )
+
+
+def _refuse_formats(settings: Settings) -> None:
+    from padgen.build import parse_formats
+
+    try:
+        parse_formats(settings.formats)
+    except SpecError as error:
+        raise SpecError(error.message, "formats") from error
+
+
+def _toml(content: str, where: str) -> dict[str, Any]:
+    import tomllib
+
+    try:
+        return tomllib.loads(content)
+    except tomllib.TOMLDecodeError as error:
+        raise SpecError(f"is not TOML: {error}", where) from error
+    except RecursionError as error:
+        raise SpecError("is no sweep: its values are nested too deeply", where) from error
+
+
+def _base(name: str, folder: Path) -> tuple[dict[str, Any], Path]:
+    """The base spec's table: a file beside the sweep's, or a template."""
+    beside = folder / name
+    path = beside if beside.is_file() else find_spec(name)
+    return _toml(_content(path, name), name), path.parent
+
+
+def _content(path: Path, where: str) -> str:
+    try:
+        return path.read_bytes().decode("utf-8-sig")
+    except (OSError, ValueError) as error:
+        if isinstance(error, UnicodeDecodeError):
+            raise FileError(f"is not TOML: byte {error.start} is not UTF-8 text", where) from error
+        raise FileError(f"cannot be read ({getattr(error, 'strerror', None) or error})", where) from error
+
+
+def _axes(table: Any, linked: Any, spec: Spec, sample: Sample) -> tuple[Axis, ...]:
+    if not isinstance(table, dict) or not isinstance(linked, list):
+        raise SpecError("must be a table of fields ([axes]), and [[linked]] tables", "axes")
+    axes = [_axis(name, value, spec, sample) for name, value in _flat(table)]
+    axes += [_linked(entry, spec) for entry in linked]
+    names = [name for axis in axes for name in axis.fields]
+    for name in names:
+        if names.count(name) > 1:
+            raise SpecError("is varied twice", f"axes.{name}")
+    if not axes:
+        raise SpecError("is missing; it names the fields that are varied, and their values", "axes")
+    return tuple(axes)
+
+
+def _flat(table: dict[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
+    """Dotted names and values: ``pad.width_mm = …`` is a nested table in TOML."""
+    pairs = []
+    for key, value in table.items():
+        if isinstance(value, dict) and not set(value) & set(RANGE_KEYS):
+            pairs += _flat(value, f"{prefix}{key}.")
+        else:
+            pairs.append((prefix + key, value))
+    return pairs
+
+
+def _axis(name: str, value: Any, spec: Spec, sample: Sample) -> Axis:
+    _refuse_unknown(name, spec)
+    if isinstance(value, list):
+        return Axis((name,), tuple((entry,) for entry in _filled(value, f"axes.{name}")))
+    if not isinstance(value, dict):
+        raise SpecError(f"must be a list of values or a range {{low, high, steps}}, got {value!r}", f"axes.{name}")
+    for key in value:
+        if key not in RANGE_KEYS:
+            raise unknown_name(key, list(RANGE_KEYS), "key", f"axes.{name}")
+    return _range(name, value, spec, sample)
+
+
+def _range(name: str, value: dict[str, Any], spec: Spec, sample: Sample) -> Axis:
+    where = f"axes.{name}"
+    kind = _field_type(name)
+    if kind not in (int, float):
+        raise SpecError("is no number, so that it has no range; give a list of values", where)
+    low, high = (_finite(value.get(key), f"{where}.{key}") for key in ("low", "high"))
+    steps, scale = value.get("steps", 0), value.get("scale", "linear")
+    if not low < high:
+        raise SpecError(f"must be above low = {number(low)}, got {number(high)}", f"{where}.high")
+    if scale not in SCALES:
+        raise unknown_name(str(scale), list(SCALES), "scale", f"{where}.scale")
+    if scale == "log" and low <= 0:
+        raise SpecError(f"must be above 0 on a log scale, got {number(low)}", f"{where}.low")
+    fewest = 2 if sample.method == "grid" else 0
+    if not isinstance(steps, int) or isinstance(steps, bool) or not fewest <= steps <= MOST_VALUES:
+        raise SpecError(f"must be a whole number, {fewest} … {MOST_VALUES}, got {steps!r}", f"{where}.steps")
+    return Axis((name,), (), low, high, steps, scale, kind is int)
+
+
+def _finite(value: Any, where: str) -> float:
+    if not isinstance(value, (int, float)) or isinstance(value, bool) or not abs(value) < LARGEST:
+        raise SpecError(f"must be a number, got {value!r}" if value is not None else "is missing", where)
+    return float(value)
+
+
+def _linked(entry: Any, spec: Spec) -> Axis:
+    pairs = _flat(entry) if isinstance(entry, dict) else []
+    if not pairs:
+        raise SpecError("must be a table of fields with lists of one length", "linked")
+    for name, values in pairs:
+        _refuse_unknown(name, spec)
+        _filled(values, f"linked.{name}")
+        if len(values) != len(pairs[0][1]):
+            raise SpecError(
+                f"must have {len(pairs[0][1])} values as {pairs[0][0]} has, got {len(values)}", f"linked.{name}"
+            )
+    return Axis(tuple(name for name, _ in pairs), tuple(zip(*(values for _, values in pairs), strict=True)))
+
+
+def _filled(values: Any, where: str) -> list[Any]:
+    if not isinstance(values, list) or not 1 <= len(values) <= MOST_VALUES:
+        raise SpecError(f"must be a list of 1 … {MOST_VALUES} values, got {values!r}", where)
+    for index, value in enumerate(values):
+        if not _is_plain(value):
+            raise SpecError(f"must be a number, text, true, false or a list of those, got {value}", f"{where}[{index}]")
+    return values
+
+
+def _is_plain(value: Any) -> bool:
+    """Whether JSON has it too: neither a date nor a time of TOML."""
+    if isinstance(value, dict):
+        return all(_is_plain(entry) for entry in value.values())
+    if isinstance(value, list):
+        return all(_is_plain(entry) for entry in value)
+    return isinstance(value, (str, int, float)) and (not isinstance(value, float) or isfinite(value))
+
+
+def _refuse_unknown(name: str, spec: Spec) -> None:
+    if name in ("name", "padgen"):
+        raise SpecError("cannot be varied: each variant is named after the sweep and its number", f"axes.{name}")
+    where = f"axes.{name}"
+    value: Any = spec
+    known: list[str] = []
+    for part in name.split("."):
+        if not is_dataclass(value):
+            raise SpecError(f"must be a list of values or a range {{low, high, steps}}; it has no {part!r}", where)
+        known = [f.name for f in fields(value)]
+        if part not in known:
+            raise unknown_name(part, known, "field", where)
+        value = getattr(value, part)
+
+
+def _field_type(name: str) -> Any:
+    """The type of a field of a spec by its dotted name, without None; a table for a whole table."""
+    kind: Any = Spec
+    for part in name.split("."):
+        kind = optional_type(next(f.type for f in fields(kind) if f.name == part))[0]
+    return kind

@@ -1,0 +1,261 @@
+"""Run a sweep over any executor: a bounded window of tasks, every record kept at once, whatever breaks down.
+
+The code path is one: what is submitted makes variants in a watched worker process (`padgen.sweep.worker`),
+on this machine or wherever the executor's own workers are.
+"""
+
+import os
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from shutil import rmtree
+from typing import Any
+
+from padgen.build import parse_formats
+from padgen.errors import FileError
+from padgen.sweep.definition import Sweep
+from padgen.sweep.events import Clock, Event, Tell
+from padgen.sweep.index import INDEX, Journal, write_index
+from padgen.sweep.lock import FolderLock
+from padgen.sweep.points import count_points, variants
+from padgen.sweep.variant import Record, Task, run_task, task_of
+from padgen.sweep.window import LostError, StoppedError, Window, records_of
+from padgen.sweep.worker import Work, Workers, broken, run_tasks
+
+__all__ = ["SweepResult", "core_count", "run_sweep"]
+
+AHEAD = 4
+"""Tasks that wait for each worker of our own."""
+FOREIGN_AHEAD = 256
+TICK_S = 1.0
+"""Between signs of life when no variant ends."""
+MOST_LOST = 8
+"""Tasks in a row that an executor may lose before it is given up."""
+NOTHING, TO_RUN = 0, 1
+
+
+@dataclass(frozen=True, slots=True)
+class SweepResult:
+    """What a sweep came to.
+
+    ``total = done + refused + failed + left``; `kept` of them were finished by an earlier run. `stopped` is
+    the sentence why variants are left, empty when none is; `interrupted`, whether that was Ctrl-C.
+    """
+
+    folder: Path
+    index: Path
+    total: int
+    done: int
+    refused: int
+    failed: int
+    kept: int
+    left: int
+    seconds: float
+    stopped: str
+    interrupted: bool
+
+
+def core_count() -> int:
+    """Cores that this process may use."""
+    allowed = getattr(os, "sched_getaffinity", None)
+    return len(allowed(0)) if allowed else os.cpu_count() or 1
+
+
+def run_sweep(
+    sweep: Sweep,
+    folder: Path,
+    executor: Any = None,
+    workers: int | None = None,
+    resume: bool = True,
+    retry: bool = False,
+    on_event: Tell = lambda event: None,
+    work: Work = run_task,
+    chunk: int = 1,
+) -> SweepResult:
+    """Make all variants of `sweep` in `folder`, and `index.csv` with a row for each.
+
+    Parameters
+    ----------
+    executor : concurrent.futures.Executor, optional
+        Where variants are made; by default in processes of this machine. It is not shut down, and what it is at
+        when the sweep is interrupted it may still finish.
+    workers : int, optional
+        How many processes of this machine; by default as many as there are cores.
+    resume : bool
+        Whether variants that are finished (done or refused) with the same inputs are left as they are; failed
+        ones are told again, and tried again only with `retry`.
+    work : callable
+        What makes a variant; importable by name.
+    chunk : int
+        Variants a task: more than one where an executor takes long to start a task, as a cluster's queue.
+
+    Raises
+    ------
+    SpecError
+        The sweep cannot be laid out; nothing is written.
+    FileError
+        Another sweep writes into the folder, or it cannot be written to; what is done is kept.
+    """
+    formats = parse_formats(sweep.settings.formats)
+    numbers, folder = count_points(sweep), folder.absolute()
+    with FolderLock(folder), Journal(folder, numbers) as journal:
+        run = _Run(sweep, folder, formats, journal, on_event)
+        run.survey(resume, retry)
+        run.tell("start")
+        run.tell_failed()
+        own = None if executor is not None else Workers()
+        count = workers or core_count()
+        pool = ThreadPoolExecutor(count) if own else executor
+        most, function = (AHEAD * count, own.run) if own else (FOREIGN_AHEAD, run_tasks)
+        window = Window(pool, most, function, work, sweep.limits)
+        try:
+            _run_all(run, window, chunk)
+        except KeyboardInterrupt:
+            run.stopped, run.interrupted = "interrupted", True
+        except StoppedError as error:
+            run.stopped = str(error)
+        finally:
+            try:
+                # Before the workers are ended, as what they were at would come back as failed.
+                _harvest(run, window)
+            finally:
+                if own:
+                    own.close()
+                    pool.shutdown(wait=True, cancel_futures=True)
+                write_index(journal, sweep, folder)
+                journal.compact()
+        run.tell("end")
+        return run.result()
+
+
+class _Run:
+    """The state of a running sweep: what each variant is at, and how many are."""
+
+    def __init__(self, sweep: Sweep, folder: Path, formats: tuple[str, ...], journal: Journal, on_event: Tell) -> None:
+        self.sweep, self.folder, self.journal = sweep, folder, journal
+        self.stopped, self.interrupted = "", False
+        self.counts = {"done": 0, "refused": 0, "failed": 0}
+        self.total = self.kept = 0
+        self._formats, self._on_event = formats, on_event
+        self._todo = bytearray(journal.numbers)
+        self._clock = Clock(time.monotonic)
+
+    @property
+    def left(self) -> int:
+        """Variants without a record of this sweep."""
+        return self.total - sum(self.counts.values())
+
+    def survey(self, resume: bool, retry: bool) -> None:
+        """Find out which variants there are and which are finished; leave out the others' records."""
+        present = bytearray(len(self._todo))
+        for variant in variants(self.sweep):
+            number = variant.number
+            present[number] = 1
+            self.total += 1
+            status = ""
+            if resume and self.journal.known(number):
+                task = task_of(self.sweep, variant, self._formats, self.folder)
+                status = self._kept_status(task)
+            if not status:
+                self.journal.forget(number)
+            if not status or (retry and status == "failed"):
+                self._todo[number] = TO_RUN
+            else:
+                self.counts[status] += 1
+                self.kept += 1
+        for number, there in enumerate(present):
+            if not there:
+                self.journal.forget(number)
+
+    def _kept_status(self, task: Task) -> str:
+        status = self.journal.status(task.number, task.key)
+        lost = status == "done" and task.out and not Path(task.out, "plan.json").is_file()
+        return "" if lost else status
+
+    def tasks(self) -> Iterator[Task]:
+        """The variants that are to be made, as they are asked for."""
+        for variant in variants(self.sweep):
+            if self._todo[variant.number] == TO_RUN:
+                task = task_of(self.sweep, variant, self._formats, self.folder)
+                _sweep_out(task)
+                yield task
+
+    def keep(self, record: Record) -> None:
+        """Take in what came of a variant."""
+        if self._todo[record.number] != TO_RUN:
+            return  # told twice: an executor ran its task again
+        self.journal.add(record)
+        self._todo[record.number] = NOTHING
+        self.counts[record.status] += 1
+        self._clock.tick()
+        self.tell(record.status, record)
+
+    def tell_failed(self) -> None:
+        """The failed variants of earlier runs that are not tried again, each with its sentence."""
+        for number in self.journal.numbers_of("failed"):
+            if self._todo[number] != TO_RUN:
+                self.tell("failed", self.journal.record(number), True)
+
+    def tell(self, kind: str, record: Record | None = None, reused: bool = False) -> None:
+        """Tell the caller."""
+        eta_s = self._clock.eta_s(self.left)
+        self._on_event(Event(kind, **self._told(), eta_s=eta_s, record=record, reused=reused))
+
+    def result(self) -> SweepResult:
+        """What it came to."""
+        return SweepResult(
+            self.folder, self.folder / INDEX, **self._told(), stopped=self.stopped, interrupted=self.interrupted
+        )
+
+    def _told(self) -> dict[str, Any]:
+        left = {"kept": self.kept, "left": self.left}
+        return {"total": self.total, **self.counts, **left, "seconds": self._clock.seconds}
+
+
+def _run_all(run: _Run, window: Window, chunk: int) -> None:
+    """Keep the executor busy until all variants have a record."""
+    tasks = run.tasks()
+    tried_once: set[int] = set()
+    alone: list[list[Task]] = []
+    lost = 0
+    while True:
+        while not window.full and (batch := alone.pop() if alone else list(islice(tasks, chunk))):
+            window.give(batch)
+        if not len(window):
+            return
+        taken = window.take(TICK_S)
+        if taken is None:
+            run.tell("progress")
+            continue
+        try:
+            records = records_of(*taken)
+        except LostError as error:
+            lost += 1
+            if lost >= MOST_LOST:
+                raise StoppedError(f"does not make variants ({error})", "executor") from error
+            records = [broken(task, f"its worker was lost ({error})") for task in taken[1] if task.number in tried_once]
+            # One by one, so that the next loss costs one variant.
+            alone += [[task] for task in taken[1] if task.number not in tried_once]
+            tried_once |= {task.number for task in taken[1]}
+        else:
+            lost = 0
+        for record in records:
+            run.keep(record)
+
+
+def _harvest(run: _Run, window: Window) -> None:
+    for taken in window.rest():
+        with suppress(LostError, StoppedError, FileError):
+            for record in records_of(*taken):
+                run.keep(record)
+
+
+def _sweep_out(task: Task) -> None:
+    """Take away what a killed run left half-written in a variant's folder."""
+    if task.out and Path(task.out).is_dir():
+        for path in Path(task.out).glob(".partial-*"):
+            rmtree(path, ignore_errors=True)

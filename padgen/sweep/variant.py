@@ -1,0 +1,196 @@
+"""One variant, from its table to its record: what a worker does. Never raises; whatever fails is in the record."""
+
+import json
+import time
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from padgen.cache import code_hash, key_of, version
+from padgen.errors import PadgenError
+from padgen.files import OutputFolder, file_hash
+from padgen.spec import make_spec
+from padgen.sweep.definition import Sweep
+from padgen.sweep.figures import build_figures, plan_figures, yield_figures
+from padgen.sweep.points import Variant, variant_table
+
+if TYPE_CHECKING:
+    from padgen.finding import Finding
+    from padgen.planner.plan import Plan
+
+__all__ = ["PACKAGES", "STATUSES", "Record", "Task", "run_task", "task_of"]
+
+PACKAGES = ("build123d", "cadquery-ocp-novtk", "lib3mf", "manifold3d", "ngsolve", "numpy", "scipy", "trimesh")
+STATUSES = ("done", "refused", "failed")
+"""Made (whatever its findings); the spec cannot be met; something broke down."""
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """What a worker is told: plain data, so that it travels to any executor.
+
+    `key` is the hash of all that the record depends on; `folder` is where the base's files lie, `out` the
+    variant's own folder (None: none is written).
+    """
+
+    number: int
+    key: str
+    values: dict[str, Any]
+    table: dict[str, Any]
+    folder: str
+    out: str | None
+    stage: str
+    formats: tuple[str, ...]
+    pads: int
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """What came of a variant: one row of the index.
+
+    `findings` are the codes of errors and warnings, `seconds` and `peak_memory_mb` are the worker's (the
+    latter since it started); None where nobody measured.
+    """
+
+    number: int
+    key: str
+    status: str
+    sentence: str
+    values: dict[str, Any]
+    figures: dict[str, Any]
+    errors: int
+    warnings: int
+    findings: tuple[str, ...]
+    seconds: float | None
+    peak_memory_mb: float | None
+
+
+def task_of(sweep: Sweep, variant: Variant, formats: tuple[str, ...], out: Path) -> Task:
+    """The task of a variant; its folder lies in `out`."""
+    settings, table = sweep.settings, variant_table(sweep, variant)
+    inputs = {
+        "table": table,
+        "threshold": _threshold(table, sweep.folder),
+        "stage": settings.stage,
+        "formats": formats if settings.stage == "build" else (),
+        "pads": settings.pads if settings.stage == "yield" else 0,
+        "code": code_hash(),
+        "versions": [version(name) for name in PACKAGES],
+    }
+    return Task(
+        variant.number,
+        key_of(inputs),
+        variant.values,
+        table,
+        str(sweep.folder),
+        str(out / table["name"]) if settings.folders or settings.stage in ("build", "study") else None,
+        settings.stage,
+        formats,
+        settings.pads,
+    )
+
+
+def _threshold(table: dict[str, Any], folder: Path) -> str:
+    """Hash of the curve that a spec names, as its words alone do not tell when the file has changed."""
+    drive = table.get("drive")
+    name = drive.get("threshold_file") if isinstance(drive, dict) else None
+    if not isinstance(name, str):
+        return ""
+    try:
+        return file_hash((folder / name).read_bytes())
+    except (OSError, ValueError):
+        return "cannot be read"
+
+
+def run_task(task: Task) -> Record:
+    """Make one variant as far as its stage asks for."""
+    start = time.perf_counter()
+    figures: dict[str, Any] = {}
+    findings: tuple[Finding, ...] = ()
+    status, sentence = "done", ""
+    try:
+        figures, findings = _made(task)
+    except PadgenError as error:
+        status, sentence = ("refused" if error.code in ("spec", "infeasible") else "failed"), str(error)
+    except MemoryError:
+        status, sentence = "failed", "there was not enough memory for it"
+    except Exception as error:  # whatever it is, it must cost one variant and not the sweep
+        status, sentence = "failed", f"broke down ({type(error).__name__}: {error})"
+    if status != "done" and task.out:
+        # Of an earlier run, with other inputs: the index would not tell of it.
+        with suppress(OSError):
+            Path(task.out, "plan.json").unlink(missing_ok=True)
+    told = tuple(sorted({f.code for f in findings if f.level != "note"}))
+    return Record(
+        task.number,
+        task.key,
+        status,
+        sentence,
+        task.values,
+        figures,
+        sum(f.level == "error" for f in findings),
+        sum(f.level == "warning" for f in findings),
+        told,
+        time.perf_counter() - start,
+        _peak_memory_mb(),
+    )
+
+
+def _made(task: Task) -> "tuple[dict[str, Any], tuple[Finding, ...]]":
+    spec = make_spec(json.loads(json.dumps(task.table)), Path(task.folder))
+    if task.stage == "build":
+        from padgen.build import build, up_to_date
+
+        folder = Path(task.out or "")
+        built = up_to_date(spec, folder, task.formats, False) or build(spec, folder, task.formats)
+        from padgen.planner import plan_from_json
+
+        plan = plan_from_json((folder / "plan.json").read_text(encoding="utf-8"))
+        return {**plan_figures(plan), **build_figures(plan, built.figures)}, built.findings
+    from padgen.loop import planned
+    from padgen.planner import make_plan, plan_to_json
+
+    plan = planned(spec) if spec.model.structure == "solid" else make_plan(spec)
+    figures, texts = plan_figures(plan), {}
+    if task.out:
+        texts["plan.json"] = plan_to_json(plan)
+    if task.stage == "yield":
+        figures |= _yield(plan, task, texts)
+    if task.stage == "study":
+        figures |= _study(spec, Path(task.out or ""))
+    if task.out:
+        with OutputFolder(Path(task.out)) as out:
+            for name, text in texts.items():
+                out.write(name, text)
+            out.commit()
+    return figures, plan.findings
+
+
+def _yield(plan: "Plan", task: Task, texts: dict[str, str]) -> dict[str, Any]:
+    from padgen.files import YIELD_FILE, json_text
+    from padgen.planner.print_yield import print_yield
+
+    printed = print_yield(plan, task.pads, seed=0)
+    if task.out:
+        texts[YIELD_FILE] = json_text(asdict(printed))
+    return yield_figures(printed)
+
+
+def _study(spec: Any, folder: Path) -> dict[str, Any]:
+    from padgen.study import run_study
+
+    study = run_study(spec, folder)
+    return {"study_files": len(study.files)}
+
+
+def _peak_memory_mb() -> float | None:
+    """Peak resident memory of this process; None where the system does not tell."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    import sys
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / (1e6 if sys.platform == "darwin" else 1e3)

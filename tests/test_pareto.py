@@ -1,0 +1,179 @@
+"""The Pareto front: against its definition, with ties, gaps and errors; its files; memory; the picture."""
+
+import csv
+import io
+import sys
+
+import numpy as np
+import pytest
+
+from padgen.errors import FileError
+from padgen.sweep import pareto
+from padgen.sweep.figures import OBJECTIVES
+from padgen.sweep.pareto import front_mask, overview_of, pareto_csv, write_pareto
+
+HEADER = (
+    "number,name,status,q_min,taxels,selectivity_db,power_w,errors,warnings,findings,sentence,seconds,peak_memory_mb"
+)
+
+
+def row(number, taxels, selectivity, power, status="done", errors=0, sentence="", seconds=0.1):
+    return f"{number},q-{number:05d},{status},15,{taxels},{selectivity},{power},{errors},0,,{sentence},{seconds},90"
+
+
+def lines(*rows):
+    return [line + "\n" for line in (HEADER, *rows)]
+
+
+def numbers(overview):
+    return [int(found[0]) for found in overview.rows]
+
+
+def by_definition(scores):
+    """Every row against every other: the definition, word for word."""
+    return np.array([not any((o >= s).all() and (o > s).any() for o in scores) for s in scores], dtype=bool)
+
+
+@pytest.mark.parametrize("columns", [1, 2, 3, 5])
+@pytest.mark.parametrize("levels", [3, 20, 10**6])
+def test_front_is_what_the_definition_says(columns, levels):
+    # More rows than two blocks, few levels for many ties.
+    scores = np.random.default_rng(columns * levels).integers(levels, size=(2 * pareto.BLOCK + 77, columns)) / 7
+    assert (front_mask(scores) == by_definition(scores)).all()
+
+
+def test_front_of_nothing_of_one_and_of_equals():
+    assert front_mask(np.empty((0, 3))).tolist() == []
+    assert front_mask(np.array([[1.0, -np.inf]])).tolist() == [True]
+    assert front_mask(np.ones((4, 2))).tolist() == [True] * 4
+    assert front_mask(np.array([[1.0, np.inf], [2.0, np.inf], [2.0, 5.0]])).tolist() == [False, True, False]
+
+
+def test_more_and_less_are_better_where_they_are():
+    best = overview_of(lines(row(0, 4, 20, 1), row(1, 4, 19, 1), row(2, 8, 20, 1.5), row(3, 4, 20, 2)))
+    assert numbers(best) == [0, 2]
+    assert best.objectives == ("taxels", "selectivity_db", "power_w")
+    assert best.best() == {"taxels": 1, "selectivity_db": 0, "power_w": 0}
+
+
+def test_equals_stay():
+    assert numbers(overview_of(lines(row(0, 4, 20, 1), row(1, 4, 20, 1), row(2, 4, 19, 1)))) == [0, 1]
+
+
+def test_selectivity_without_a_limit_is_the_best_and_other_gaps_the_worst():
+    assert numbers(overview_of(lines(row(0, 4, "", 1), row(1, 4, 60, 1)))) == [0]
+    assert numbers(overview_of(lines(row(0, 4, 20, ""), row(1, 4, 20, 1)))) == [1]
+
+
+def test_only_what_was_made_counts_and_errors_stand_apart():
+    told = overview_of(
+        lines(
+            row(0, 4, 20, 1),
+            row(1, 400, 90, 0.1, errors=2),
+            row(2, "", "", "", status="refused", sentence="pad.width_mm: is too small"),
+            row(3, "", "", "", status="failed", sentence='"took longer, by far, than 1 s"'),
+        )
+    )
+    assert numbers(told) == [0] and not told.of_faulty
+    assert told.counts == {"done": 2, "refused": 1, "failed": 1} and told.with_errors == 1
+    assert told.faulty.tolist() == [[400, 90, 0.1]]
+    assert told.refused == (("q-00002", "pad.width_mm: is too small"),)
+    assert told.failed == (("q-00003", "took longer, by far, than 1 s"),)
+
+
+def test_where_all_have_errors_they_are_weighed():
+    told = overview_of(lines(row(0, 4, 20, 1, errors=1), row(1, 4, 19, 1, errors=1)))
+    assert numbers(told) == [0] and told.of_faulty and not len(told.faulty)
+
+
+def test_blocks_and_thinning_change_nothing_on_the_front(monkeypatch):
+    rng = np.random.default_rng(3)
+    rows = [row(i, *(f"{v:.4g}" for v in rng.random(3)), errors=int(rng.random() < 0.3)) for i in range(700)]
+    whole = overview_of(lines(*rows))
+    monkeypatch.setattr(pareto, "CHUNK", 13)
+    monkeypatch.setattr(pareto, "MOST_DRAWN", 50)
+    parts = overview_of(lines(*rows))
+    assert parts.rows == whole.rows
+    assert (parts.values == whole.values).all()
+    assert 20 < len(parts.beaten) <= 50 < len(whole.beaten)
+
+
+def test_ten_thousand_variants_in_bounded_memory():
+    rng = np.random.default_rng(4)
+    rows = (row(i, *(f"{v:.6g}" for v in rng.random(3))) for i in range(10_000))
+    told = overview_of(line + "\n" for line in (HEADER, *rows))
+    assert told.made == 10_000
+    everything = np.concatenate([told.values, told.beaten])
+    signs = np.array([1 if OBJECTIVES[name] == "most" else -1 for name in told.objectives])
+    assert front_mask(everything * signs).sum() == len(told.rows)
+    assert len(told.rows) < 300  # about ln² 10,000 / 2 = 42 of independent figures
+
+
+def test_csv_has_the_front_and_nothing_that_changes_from_run_to_run():
+    text = pareto_csv(overview_of(lines(row(0, 4, 20, 1), row(1, 8, 20, 2), row(2, 1, 1, 9))))
+    rows = list(csv.DictReader(io.StringIO(text)))
+    assert [(r["number"], r["best_in"]) for r in rows] == [("0", "selectivity_db power_w"), ("1", "taxels")]
+    assert not {"seconds", "peak_memory_mb", "status"} & set(rows[0])
+    assert text == pareto_csv(overview_of(lines(row(0, 4, 20, 1, seconds=7), row(1, 8, 20, 2), row(2, 1, 1, 9))))
+
+
+@pytest.fixture
+def folder(tmp_path):
+    rng = np.random.default_rng(5)
+    rows = [
+        row(i, 4 * (i % 5 + 1), f"{10 + 9 * rng.random():.4g}", f"{rng.random():.4g}", errors=i % 3) for i in range(40)
+    ]
+    (tmp_path / "index.csv").write_text("".join(lines(*rows, row(40, 1, "", 3))))
+    return tmp_path
+
+
+def test_files_are_the_same_twice(folder):
+    _, files, note = write_pareto(folder, "q")
+    assert files == ("pareto.csv", "pareto.svg", "pareto.png") and not note
+    first = [(folder / name).read_bytes() for name in files]
+    assert first[1].startswith(b"<?xml") and first[2].startswith(b"\x89PNG")
+    write_pareto(folder, "q")
+    assert [(folder / name).read_bytes() for name in files] == first
+    assert {p.name for p in folder.iterdir()} == {"index.csv", *files}
+
+
+def test_without_matplotlib_there_is_no_picture_and_no_old_one(folder, monkeypatch):
+    write_pareto(folder, "q")
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    _, files, note = write_pareto(folder, "q")
+    assert files == ("pareto.csv",) and "padgen[study]" in note
+    assert {p.name for p in folder.iterdir()} == {"index.csv", "pareto.csv"}
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        [],
+        [row(0, "", "", "", status="refused")],
+        [row(0, 4, 20, 1)],
+        [row(0, 4, 20, 1), row(1, 4, 20, 1)],
+        [row(0, 4, "", 1), row(1, 8, "", 1)],
+        [row(0, 4, 20, 0), row(1, 400, 2, -1)],
+    ],
+    ids=["no rows", "none made", "one", "equals", "no selectivity", "wide, with zero"],
+)
+def test_odd_indexes_are_drawn_or_left_out(tmp_path, rows):
+    (tmp_path / "index.csv").write_text("".join(lines(*rows)))
+    overview, files, _ = write_pareto(tmp_path, "q")
+    assert ("pareto.png" in files) == bool(overview.rows)
+    assert (tmp_path / "pareto.csv").read_text().count("\n") == 1 + len(overview.rows)
+
+
+def test_every_objective_has_words():
+    from padgen.sweep.draw import COLOURED_BY, LABELS
+    from padgen.tell.sweeps import OBJECTIVE_NAMES
+
+    assert set(OBJECTIVES) == set(LABELS) == set(COLOURED_BY) == set(OBJECTIVE_NAMES)
+
+
+@pytest.mark.parametrize("content", [None, b"number,name\n0,\xff\xfe\n", b'number,name\n"' + b"x" * 200_000])
+def test_an_index_that_cannot_be_read_is_told(tmp_path, content):
+    if content is not None:
+        (tmp_path / "index.csv").write_bytes(content)
+    with pytest.raises(FileError, match=r"index.csv: cannot be read \("):
+        write_pareto(tmp_path, "q")

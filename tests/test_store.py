@@ -1,0 +1,202 @@
+"""Taxels that are known need no CAD kernel: what is kept of them, by what, and the parts that need none at all."""
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from itertools import pairwise
+from math import pi
+
+import numpy as np
+import pytest
+
+from padgen import cache
+from padgen.planner import make_plan
+from padgen.planner.marks import groove
+from padgen.solid import export, pad, tile_store
+from padgen.solid.border import border_mesh, border_volume_mm3, prism, washer_mesh
+from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, as_manifold, signed_volume_mm3, tessellated
+from padgen.solid.taxel import washer_solid
+from padgen.spec import parse_spec
+from tests.conftest import SMALL
+
+ALL = ("stl", "3mf", "step", "glb")
+
+
+@pytest.fixture
+def store(tmp_path, monkeypatch):
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+def entry_paths(store, kind):
+    return sorted((store / kind).rglob("*.entry"))
+
+
+def no_kernel(*args):
+    raise AssertionError("asked for the CAD kernel")
+
+
+def varied(**changes):
+    """The small plan with other values in [pad], or of `width_step_mm`."""
+    lines = "".join(f"{name} = {value}\n" for name, value in changes.items())
+    return make_plan(parse_spec(SMALL + lines))
+
+
+def test_a_known_taxel_is_not_modelled_again(store, small_plan, monkeypatch):
+    first = pad.build_pad(small_plan)
+    assert len(entry_paths(store, tile_store.KIND)) == len(small_plan.channels)
+    monkeypatch.setattr(pad, "taxel_solid", no_kernel)
+    again = pad.build_pad(small_plan)
+    assert np.array_equal(again.mesh.vertices_mm, first.mesh.vertices_mm)
+    assert np.array_equal(again.mesh.triangles, first.mesh.triangles)
+    assert again.volume_mm3 == first.volume_mm3
+
+
+@pytest.mark.parametrize("change", [{"border_mm": 8.0}, {"hole_diameter_mm": 0.0}, {"border_mm": 7.25}])
+def test_another_layout_has_the_same_taxels(store, small_plan, monkeypatch, change):
+    pad.build_pad(small_plan)
+    monkeypatch.setattr(pad, "taxel_solid", no_kernel)
+    built = pad.build_pad(varied(**change))
+    assert signed_volume_mm3(built.mesh) == pytest.approx(built.volume_mm3, rel=1e-4)
+
+
+@pytest.mark.parametrize("change", [{"frame_thickness_mm": 4.2}, {"rib_mm": 1.3}])
+def test_another_taxel_has_another_key(small_plan, change):
+    keys = {tile_store.taxel_key(small_plan, channel) for channel in small_plan.channels}
+    others = varied(**change)
+    assert not keys & {tile_store.taxel_key(others, channel) for channel in others.channels}
+
+
+def test_the_key_has_the_beam_the_fineness_and_the_versions(small_plan, monkeypatch):
+    channel = small_plan.channels[0]
+    key = tile_store.taxel_key(small_plan, channel)
+    wider = replace(channel, beam=replace(channel.beam, width_mm=channel.beam.width_mm + 1e-3))
+    assert tile_store.taxel_key(small_plan, wider) != key
+    assert tile_store.taxel_key(small_plan, channel, chord_mm=0.01) != key
+    assert tile_store.taxel_key(replace(small_plan, name="other"), channel) == key
+    monkeypatch.setattr(cache, "version", lambda name: "another")
+    assert tile_store.taxel_key(small_plan, channel) != key
+
+
+@pytest.mark.parametrize("data", [b"", b"PK\x03\x04", b"\x93NUMPY", b"no arrays"])
+def test_an_entry_that_holds_no_mesh_is_modelled_again(store, small_plan, data):
+    before = pad.build_pad(small_plan)
+    for path in entry_paths(store, tile_store.KIND):
+        cache.store_bytes(tile_store.KIND, path.stem, data)
+        assert tile_store.known_solid(path.stem) is None
+    assert pad.build_pad(small_plan).volume_mm3 == before.volume_mm3
+    assert all(tile_store.known_solid(path.stem) for path in entry_paths(store, tile_store.KIND))
+
+
+def test_a_kept_step_has_the_pads_name_and_the_channels_number(store, small_plan, tmp_path, monkeypatch):
+    channel = small_plan.channels[1]
+    export.write_taxel_step(small_plan, channel, tmp_path / "first.step")
+    monkeypatch.setattr(export, "taxel_solid", no_kernel)
+    export.write_taxel_step(small_plan, channel, tmp_path / "again.step")
+    export.write_taxel_step(replace(small_plan, name="renamed"), channel, tmp_path / "other.step")
+    first, again, other = ((tmp_path / f"{name}.step").read_text() for name in ("first", "again", "other"))
+    assert again == first
+    assert "tiny taxel 1" in first
+    assert other == first.replace("tiny taxel 1", "renamed taxel 1")
+
+
+BUILD = """
+import json, sys
+from pathlib import Path
+from padgen.build import build
+from padgen.spec import parse_spec
+built = build(parse_spec(sys.argv[1]), Path(sys.argv[2]), ("stl", "3mf", "step", "glb"))
+loaded = [name for name in sys.modules if name.partition(".")[0] in ("OCP", "build123d", "ngsolve")]
+print(json.dumps([list(built.files), loaded, [f.code for f in built.findings if f.level == "error"]]))
+"""
+
+
+def test_a_change_of_layout_never_imports_the_cad_kernel(store, tmp_path):
+    def made(name: str, more: str):
+        text = SMALL.replace("tiny", name) + more
+        ran = subprocess.run(
+            [sys.executable, "-c", BUILD, text, str(tmp_path / name)], capture_output=True, text=True, timeout=120
+        )
+        assert ran.returncode == 0, ran.stderr
+        return json.loads(ran.stdout)
+
+    files, loaded, errors = made("first", "")
+    assert "OCP" in loaded
+    assert errors == []
+    for name, more in (("wider", "border_mm = 8\n"), ("plain", "hole_diameter_mm = 0\n")):
+        others, loaded, errors = made(name, more)
+        assert loaded == []
+        assert errors == []
+        assert others == files
+    assert {"pad.stl", "pad.3mf", "pad.glb", "taxel-0.step"} <= set(files)
+
+
+def test_a_washers_triangles_are_the_cad_kernels(small_plan):
+    for channel in small_plan.channels:
+        mesh, solid = washer_mesh(small_plan, channel), washer_solid(small_plan, channel)
+        low, high = (np.array(tessellated(solid).vertices_mm).min(0), np.array(tessellated(solid).vertices_mm).max(0))
+        # Chords of 0.01 mm.
+        assert mesh.vertices_mm.min(0) == pytest.approx(low, abs=0.02)
+        assert mesh.vertices_mm.max(0) == pytest.approx(high, abs=0.02)
+        assert as_manifold(mesh, "washer").volume() == pytest.approx(float(solid.volume), rel=0.01)
+
+
+def test_a_disc_is_a_washer_without_a_bore(small_plan):
+    disc = replace(small_plan.typed_spec.washer, inner_diameter_mm=0.0)
+    plan = replace(small_plan)
+    vars(plan)["typed_spec"] = replace(small_plan.typed_spec, washer=disc)
+    volume = pi / 4 * disc.outer_diameter_mm**2 * disc.thickness_mm
+    assert as_manifold(washer_mesh(plan, plan.channels[0]), "disc").volume() == pytest.approx(volume, rel=0.01)
+
+
+@pytest.mark.parametrize("change", [{}, {"hole_diameter_mm": 0.0}, {"border_mm": 12.0, "hole_diameter_mm": 6.0}])
+@pytest.mark.parametrize("above", [None, False, True])
+def test_the_borders_triangles_hold_its_volume(change, above):
+    plan = varied(**change)
+    cut = None if above is None else groove(plan.typed_spec, -4.0, above)
+    mesh = border_mesh(plan, (2, 3), CHORD_MM, ANGLE_RAD, cut)
+    assert as_manifold(mesh, "border").volume() == pytest.approx(border_volume_mm3(plan, cut), rel=3e-4)
+    fine = border_mesh(plan, (2, 3), 1e-5, ANGLE_RAD, cut)
+    assert as_manifold(fine, "border").volume() == pytest.approx(border_volume_mm3(plan, cut), rel=1e-6)
+    if cut is not None:
+        without = border_volume_mm3(plan)
+        pad_ = plan.typed_spec.pad
+        deep = min(abs(cut.y0 - cut.y1) / 2, pad_.border_mm)
+        assert without - border_volume_mm3(plan, cut) == pytest.approx(
+            (cut.x1 - cut.x0) * deep * pad_.frame_thickness_mm, rel=1e-9
+        )
+        side = mesh.vertices_mm[(mesh.vertices_mm[:, 1] > 0) == above]
+        assert np.isclose(side[:, 0], cut.x0).any()
+
+
+def test_the_borders_inside_has_a_vertex_wherever_tiles_meet(small_plan):
+    mesh = border_mesh(small_plan, (2, 3), CHORD_MM, ANGLE_RAD)
+    corners = {tuple(point) for point in mesh.vertices_mm.round(9).tolist()}
+    size = small_plan.typed_spec.pad
+    for x in np.linspace(-size.width_mm / 2, size.width_mm / 2, 4).round(9).tolist():
+        for y in (-size.depth_mm / 2, size.depth_mm / 2):
+            assert {(x, y, 0.0), (x, y, size.frame_thickness_mm)} <= corners
+
+
+def test_arcs_are_within_the_chord(small_plan):
+    size, radius = small_plan.typed_spec.pad, small_plan.typed_spec.pad.hole_diameter_mm / 2
+    mesh = border_mesh(small_plan, (2, 2), CHORD_MM, ANGLE_RAD)
+    centre = np.array([1, 1]) * (size.width_mm + size.border_mm) / 2
+    around = mesh.vertices_mm[mesh.vertices_mm[:, 2] == 0][:, :2] - centre
+    around = around[np.hypot(*around.T) < radius * 1.01]
+    assert np.hypot(*around.T) == pytest.approx(radius, abs=1e-9)
+    angle = np.sort(np.arctan2(around[:, 1], around[:, 0]))
+    widest = max(b - a for a, b in pairwise(angle))
+    assert widest <= ANGLE_RAD
+    assert radius * (1 - np.cos(widest / 2)) <= CHORD_MM / 2 + 1e-12
+
+
+def test_a_prism_whose_rings_meet_is_refused():
+    from padgen.errors import GeometryError
+
+    square = np.array([(0, 0), (4, 0), (4, 4), (0, 4)], float)
+    hole, aside = square[::-1] / 2 + 1, np.array([3.0, 0.0])
+    assert signed_volume_mm3(prism([square, hole], 1.0, 3.0)) == pytest.approx(2 * (16 - 4))
+    with pytest.raises(GeometryError, match="the edges of a plate meet its holes"):
+        prism([square, hole + aside], 1.0, 3.0)

@@ -1,0 +1,392 @@
+"""Sweeps that are hit while they run: nothing is lost, nothing is doubled, and the next run goes on.
+
+| fault | costs |
+|---|---|
+| kill -9, or a crash, of a worker | the variant that it was on |
+| a variant that takes too long or too much memory | that variant |
+| kill -9 of the parent, Ctrl-C | what was at work; its workers end, the next run makes the rest |
+| disk full | the sweep ends with a sentence; what was done is kept |
+| two sweeps into one folder | the second is refused |
+| torn journal, spoiled cache, a clock that jumps | nothing |
+"""
+
+import asyncio
+import csv
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent import futures
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
+from io import FileIO
+from multiprocessing import get_context
+from pathlib import Path
+
+import pytest
+
+from padgen import cache
+from padgen.errors import FileError
+from padgen.sweep import worker
+from padgen.sweep.definition import parse_sweep
+from padgen.sweep.lock import FolderLock
+from padgen.sweep.run import run_sweep
+from padgen.sweep.variant import run_task
+from tests import sweep_work
+
+HEAD = 'name = "s"\nbase = "paper-32"\nfolders = false\n'
+
+
+def sweep(count: int = 8, more: str = ""):
+    return parse_sweep(f"{HEAD}{more}\n[axes]\nq_min = {[10 + i for i in range(count)]}\n[limits]\ntime_s = 60\n")
+
+
+def rows(folder: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO((folder / "index.csv").read_text())))
+
+
+def ran(place: Path) -> list[int]:
+    path = place / "ran"
+    return [int(line) for line in path.read_text().split()] if path.exists() else []
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch) -> Path:
+    monkeypatch.setenv(sweep_work.PLACE, str(tmp_path))
+    return tmp_path
+
+
+def alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def wait_until(condition, seconds: float = 20.0) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it did not happen in time"
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize("chunk", [1, 8])
+@pytest.mark.parametrize("foreign", [False, True])
+def test_a_killed_worker_costs_its_variant(place, foreign, chunk):
+    executor = ThreadPoolExecutor(2) if foreign else None
+    result = run_sweep(sweep(), place / "out", executor, workers=2, work=sweep_work.killed, chunk=chunk)
+    assert (result.done, result.failed, result.left, result.stopped) == (6, 2, 0, "")
+    told = {int(row["number"]): row["sentence"] for row in rows(place / "out")}
+    assert "killed (signal 9)" in told[3] and "signal 11" in told[5]
+    assert sorted(ran(place)) == [0, 1, 2, 4, 6, 7]
+
+
+def test_limits(place):
+    limited = parse_sweep(HEAD + "[axes]\nq_min = [10, 11, 12, 13, 14, 15]\n[limits]\ntime_s = 2.5\nmemory_mb = 300\n")
+    result = run_sweep(limited, place / "out", workers=2, work=sweep_work.hungry)
+    found = {int(row["number"]): row for row in rows(place / "out")}
+    assert (result.done, result.failed) == (4, 2)
+    assert found[2]["sentence"] == "took more than 300 MB (limits.memory_mb)"
+    assert 300 < float(found[2]["peak_memory_mb"]) < 900
+    assert found[4]["sentence"] == "took longer than 2.5 s (limits.time_s)"
+
+
+def test_whatever_python_breaks_down_with(place):
+    result = run_sweep(sweep(6), place / "out", workers=1, work=sweep_work.clumsy)
+    found = rows(place / "out")
+    assert (result.done, result.failed) == (2, 4)
+    assert [row["sentence"].partition("(")[0] for row in found[:4]] == ["broke down "] * 4
+    assert "No space left" in found[0]["sentence"] and "SystemExit" in found[1]["sentence"]
+    assert (found[4]["nan"], found[4]["text"], found[5]["status"]) == ("", "two\nlines", "done")
+
+
+PARENT = """
+import sys
+from pathlib import Path
+from padgen.sweep.run import run_sweep
+from tests import sweep_work
+from tests.test_sweep_faults import sweep
+result = run_sweep(sweep(40), Path(sys.argv[1]), workers=2, work=getattr(sweep_work, sys.argv[2]))
+print("stopped:", result.stopped, result.interrupted, flush=True)
+"""
+
+
+def parent(place: Path, work: str) -> subprocess.Popen:
+    env = os.environ | {"PYTHONPATH": os.pathsep.join([".", *sys.path])}
+    command = [sys.executable, "-c", PARENT, str(place / "out"), work]
+    return subprocess.Popen(command, env=env, stdout=subprocess.PIPE, cwd=Path(__file__).parents[1], text=True)
+
+
+def workers_of(pid: int) -> list[int]:
+    found = []
+    for thread in Path(f"/proc/{pid}/task").iterdir():
+        found += [int(child) for child in (thread / "children").read_text().split()]
+    return found
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_kill_9_of_the_parent(place):
+    process = parent(place, "held")
+    wait_until(lambda: len(ran(place)) >= 6)
+    workers = workers_of(process.pid)
+    process.kill()
+    process.communicate()
+    assert len(workers) == 2
+    wait_until(lambda: not any(alive(pid) for pid in workers))
+    # The lock is free, and what the journal holds is not made again.
+    before, journal = ran(place), (place / "out" / "index.jsonl").read_bytes().count(b"\n")
+    result = run_sweep(sweep(40), place / "out", workers=2, work=sweep_work.counted)
+    assert (result.done, result.kept, result.left) == (40, journal, 0)
+    assert journal >= len(before) - 3
+    assert len(ran(place)) - len(before) == 40 - journal
+    assert [int(row["number"]) for row in rows(place / "out")] == list(range(40))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_ctrl_c(place):
+    process = parent(place, "held")
+    wait_until(lambda: len(ran(place)) >= 6)
+    workers = workers_of(process.pid)
+    process.send_signal(signal.SIGINT)
+    assert process.communicate(timeout=20)[0] == "stopped: interrupted True\n"
+    assert not any(alive(pid) for pid in workers)
+    found = rows(place / "out")
+    assert 4 <= len(found) < 40 and {row["status"] for row in found} == {"done"}
+    result = run_sweep(sweep(40), place / "out", workers=2, work=sweep_work.counted)
+    assert (result.done, result.kept) == (40, len(found))
+
+
+def test_an_interrupted_caller_keeps_what_is_done(place):
+    def interrupt(event):
+        if event.done == 3 and event.kind == "done":
+            raise KeyboardInterrupt
+
+    result = run_sweep(sweep(30), place / "out", workers=2, work=sweep_work.slow, on_event=interrupt)
+    assert result.interrupted and result.left == 30 - len(rows(place / "out")) > 10
+    assert {row["status"] for row in rows(place / "out")} == {"done"}
+
+
+class FullDisk(FileIO):
+    """Takes some lines, then half of one, then none."""
+
+    lines = 0
+
+    def write(self, data):
+        FullDisk.lines += 1
+        if FullDisk.lines == 5:
+            return super().write(data[:20])
+        if FullDisk.lines > 5:
+            raise OSError(28, "No space left on device")
+        return super().write(data)
+
+
+def test_disk_full(place, monkeypatch):
+    from padgen.sweep import index
+
+    FullDisk.lines = 0
+    monkeypatch.setattr(index, "FileIO", FullDisk)
+    with pytest.raises(FileError, match=r"index.jsonl: cannot be written \(No space left on device\)"):
+        run_sweep(sweep(), place / "out", workers=1, work=sweep_work.tiny)
+    assert [row["number"] for row in rows(place / "out")] == ["0", "1", "2", "3"]
+    assert (place / "out" / "index.jsonl").read_bytes().endswith(b"}\n")
+    monkeypatch.undo()
+    assert run_sweep(sweep(), place / "out", workers=1, work=sweep_work.tiny).kept == 4
+
+
+def test_the_index_cannot_be_written(place):
+    (place / "out" / "index.csv" / "in the way").mkdir(parents=True)
+    with pytest.raises(FileError, match=r"index.csv: cannot be written"):
+        run_sweep(sweep(2), place / "out", workers=1, work=sweep_work.tiny)
+    (place / "out" / "index.csv" / "in the way").rmdir()
+    (place / "out" / "index.csv").rmdir()
+    assert run_sweep(sweep(2), place / "out", workers=1, work=sweep_work.tiny).kept == 2
+    assert not list((place / "out").glob(".index*"))
+
+
+@pytest.mark.parametrize("folder", ["file", "file/out", "/proc/out", "/sys/out"])
+def test_a_folder_that_cannot_be_written(place, folder):
+    (place / "file").write_text("in the way")
+    with pytest.raises(FileError, match=r"out|file") as error:
+        run_sweep(sweep(2), place / folder, workers=1, work=sweep_work.tiny)
+    assert "cannot be written to (" in str(error.value)
+
+
+def test_a_variant_whose_folder_cannot_be_written(place):
+    real = parse_sweep('name = "s"\nbase = "paper-32"\n[axes]\nq_min = [10, 12]\n')
+    (place / "out").mkdir()
+    (place / "out" / "s-00000").write_text("in the way")
+    result = run_sweep(real, place / "out", workers=1)
+    assert (result.done, result.failed) == (1, 1)
+    assert rows(place / "out")[0]["sentence"].startswith(f"{place}/out/s-00000: cannot be written to (")
+
+
+def test_two_sweeps_into_one_folder(place):
+    first = parent(place, "held")
+    wait_until(lambda: len(ran(place)) >= 2)
+    with pytest.raises(
+        FileError, match=rf"another sweep writes into it \(process {first.pid} on .* since 20..-"
+    ) as error:
+        run_sweep(sweep(40), place / "out", workers=1, work=sweep_work.counted)
+    assert "wait until it has ended" in str(error.value)
+    (place / "go").touch()
+    first.communicate()
+    assert sorted(ran(place)) == list(range(40)), "the second made nothing"
+    assert run_sweep(sweep(40), place / "out", workers=1, work=sweep_work.counted).kept == 40
+
+
+def test_the_lock_where_the_system_has_none(tmp_path, monkeypatch):
+    def none(*arguments):
+        raise OSError(95, "Operation not supported")
+
+    monkeypatch.setattr("fcntl.flock", none)
+    with (
+        FolderLock(tmp_path),
+        pytest.raises(FileError, match=r"another sweep .*remove \.running"),
+        FolderLock(tmp_path),
+    ):
+        pass
+    with FolderLock(tmp_path):
+        assert (tmp_path / ".running").exists()
+    assert not (tmp_path / ".running").exists()
+
+
+@pytest.mark.parametrize(
+    "junk", [b'{"number": 2, "key": "ab', b"\n", b"null\n", b'{"number": 7}\n', b"\xff\xfe\n", b"[1]"]
+)
+def test_a_torn_journal(place, junk):
+    run_sweep(sweep(4), place / "out", workers=1, work=sweep_work.counted)
+    with open(place / "out" / "index.jsonl", "ab") as file:
+        file.write(junk)
+    result = run_sweep(sweep(6), place / "out", workers=1, work=sweep_work.counted)
+    assert (result.kept, result.done) == (4, 6)
+    assert sorted(ran(place)) == list(range(6))
+    result = run_sweep(sweep(6), place / "out", workers=1, work=sweep_work.counted)
+    assert (result.kept, len(rows(place / "out"))) == (6, 6)
+
+
+class Here:
+    """An executor that makes variants in this process, where the CAD kernel is loaded."""
+
+    def submit(self, function, tasks, *rest):
+        future = Future()
+        future.set_result([run_task(task) for task in tasks])
+        return future
+
+
+def test_a_spoiled_cache_entry_costs_nothing(place, monkeypatch):
+    monkeypatch.setenv(cache.VARIABLE, str(place / "cache"))
+    text = 'name = "s"\nbase = "paper-32"\nstage = "build"\nformats = "stl"\n[axes]\nq_min = [10]\n'
+    run_sweep(parse_sweep(text), place / "out", Here())
+    first = (place / "out" / "s-00000" / "pad.stl").read_bytes()
+    entries = [path for path in (place / "cache").rglob("*") if path.is_file()]
+    for path in entries:
+        data = bytearray(path.read_bytes())
+        data[len(data) // 2] ^= 0xFF
+        path.write_bytes(data)
+    result = run_sweep(parse_sweep(text), place / "out2", Here())
+    assert entries and result.done == 1
+    assert (place / "out2" / "s-00000" / "pad.stl").read_bytes() == first
+
+
+def test_a_clock_that_jumps_back(place, monkeypatch):
+    hour = iter(range(10**6))
+    monkeypatch.setattr(time, "time", lambda: 1e9 - 3600.0 * next(hour))
+    events = []
+    result = run_sweep(sweep(4), place / "out", workers=2, work=sweep_work.slow, on_event=events.append)
+    seconds = [event.seconds for event in events]
+    assert result.done == 4 and seconds == sorted(seconds) and seconds[-1] < 60
+    assert all(event.eta_s is None or 0 <= event.eta_s < 60 for event in events)
+
+
+def test_an_executor_that_breaks_down_stops_the_sweep(place):
+    """A pool of the caller's whose process is killed takes no more tasks; what is done is kept."""
+    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+        pool.submit(os.getpid).result()
+
+        def kill(event):
+            if event.done == 3 and event.kind == "done":
+                for pid in pool._processes:
+                    os.kill(pid, signal.SIGKILL)
+
+        result = run_sweep(sweep(30), place / "out", pool, work=sweep_work.slow, on_event=kill)
+    assert "executor: has ended (BrokenProcessPool" in result.stopped and not result.interrupted
+    assert 3 <= result.done < 30 and result.done + result.left == 30 and not result.failed
+    assert run_sweep(sweep(30), place / "out", workers=2, work=sweep_work.counted).done == 30
+
+
+def test_an_executor_that_was_shut_down(place):
+    pool = ThreadPoolExecutor(1)
+    pool.shutdown()
+    result = run_sweep(sweep(3), place / "out", pool, work=sweep_work.tiny)
+    assert result.stopped == "executor: takes no more tasks (RuntimeError: cannot schedule new futures after shutdown)"
+    assert result.left == 3
+
+
+@pytest.mark.parametrize("error", [futures.CancelledError(), asyncio.CancelledError(), futures.BrokenExecutor("gone")])
+def test_an_executor_that_cancels(place, error):
+    class Ended:
+        def submit(self, *anything):
+            future = Future()
+            future.set_exception(error)
+            return future
+
+    result = run_sweep(sweep(3), place / "out", Ended(), work=sweep_work.tiny)
+    assert result.stopped.startswith(f"executor: has ended ({type(error).__name__}") and result.left == 3
+
+
+class Lossy:
+    """Loses every task of some variants; answers like submitit's, whose futures do not call back."""
+
+    def __init__(self, lost):
+        self.lost, self.asked = lost, []
+
+    def submit(self, function, tasks, *rest):
+        self.asked += [task.number for task in tasks]
+        future = Future()
+        if any(task.number in self.lost for task in tasks):
+            future.set_exception(ModuleNotFoundError("No module named 'padgen'"))
+        else:
+            future.set_result([sweep_work.tiny(task) for task in tasks])
+
+        class Job:
+            done, result = future.done, future.result
+
+        return Job()
+
+
+def test_a_lost_task_is_tried_once_more_and_alone(place):
+    executor = Lossy({5})
+    result = run_sweep(sweep(12), place / "out", executor, work=sweep_work.tiny, chunk=4)
+    assert (result.done, result.failed) == (11, 1)
+    assert executor.asked.count(5) == 2 and executor.asked.count(4) == 2 and executor.asked.count(1) == 1
+    assert "its worker was lost (ModuleNotFoundError: No module named" in rows(place / "out")[5]["sentence"]
+
+
+def test_an_executor_that_loses_everything_is_given_up(place):
+    result = run_sweep(sweep(40), place / "out", Lossy(set(range(40))), work=sweep_work.tiny)
+    assert "executor: does not make variants (ModuleNotFoundError" in result.stopped
+    assert result.left == 40 and rows(place / "out") == []
+
+
+def test_a_worker_that_does_not_start(place, monkeypatch):
+    monkeypatch.setattr(worker.sys, "executable", "/nowhere/python")
+    result = run_sweep(sweep(4), place / "out", workers=2, work=sweep_work.tiny)
+    assert "worker process: cannot be started (No such file" in result.stopped and result.left == 4
+
+
+def test_an_idle_worker_ends_and_another_takes_over(place, monkeypatch):
+    workers = worker.Workers()
+    from padgen.sweep.points import variants
+    from padgen.sweep.variant import task_of
+
+    task = task_of(sweep(), next(variants(sweep())), (), place)
+    limits = sweep().limits
+    assert workers.run([task], sweep_work.tiny, limits)[0].status == "done"
+    (pid,) = workers.pids
+    workers._idle[0].retire()
+    wait_until(lambda: not alive(pid))
+    assert workers.run([task], sweep_work.tiny, limits)[0].status == "done"
+    workers.close()
+    assert json.dumps(workers.pids) == "[]"
