@@ -63,6 +63,8 @@ def _json(value: Any, line: str) -> str:
         return float.__repr__(float(f"{value:.10g}")) if isfinite(value) else "null"
     if isinstance(value, str):
         return encode_basestring(value)
+    if type(value) is int:
+        return int.__repr__(value)
     if isinstance(value, (list, tuple)):
         inner = line + " "
         return f"[{inner}{f',{inner}'.join([_json(entry, inner) for entry in value])}{line}]" if value else "[]"

@@ -19,26 +19,32 @@ class RigidBody(NamedTuple):
 
 def box(low: tuple[Array, Array, Array], high: tuple[Array, Array, Array], density: float) -> RigidBody:
     """A box between two corners in m; a negative `density` cuts it out."""
-    size = np.stack(np.broadcast_arrays(*(np.subtract(h, b) for b, h in zip(low, high, strict=True))), -1)
-    centre = np.stack(np.broadcast_arrays(*(np.add(h, b) / 2 for b, h in zip(low, high, strict=True))), -1)
-    mass = density * size.prod(-1)
-    square = size**2
-    moments = mass[..., None] / 12 * (square.sum(-1, keepdims=True) - square)
-    return RigidBody(mass, centre, moments[..., None] * np.eye(3))
+    x, y, z = (np.subtract(h, b) for b, h in zip(low, high, strict=True))
+    mass = density * (x * y * z)
+    share = mass / 12
+    moments = share * (y**2 + z**2), share * (x**2 + z**2), share * (x**2 + y**2)
+    return _upright(mass, tuple(np.add(h, b) / 2 for b, h in zip(low, high, strict=True)), moments)
 
 
 def ring(
     centre: tuple[Array, Array], z_low: Array, z_high: Array, outer: Array, inner: Array, density: float
 ) -> RigidBody:
     """An upright ring (or disc, `inner` = 0) by its diameters in m."""
-    x, y, z, height, outer, inner = np.broadcast_arrays(
-        centre[0], centre[1], np.add(z_low, z_high) / 2, np.subtract(z_high, z_low), outer, inner
-    )
-    mass = density * np.pi / 4 * (outer**2 - inner**2) * height
-    radial = mass * ((outer**2 + inner**2) / 16 + height**2 / 12)
-    axial = mass * (outer**2 + inner**2) / 8
-    moments = np.stack([radial, radial, axial], -1)
-    return RigidBody(mass, np.stack([x, y, z], -1), moments[..., None] * np.eye(3))
+    height = np.subtract(z_high, z_low)
+    mass = density * np.pi / 4 * (np.square(outer) - np.square(inner)) * height
+    square = np.square(outer) + np.square(inner)
+    radial = mass * (square / 16 + height**2 / 12)
+    return _upright(mass, (*centre, np.add(z_low, z_high) / 2), (radial, radial, mass * square / 8))
+
+
+def _upright(mass: Array, centre: tuple[Array, ...], moments: tuple[Array, ...]) -> RigidBody:
+    """A body whose main axes of inertia are x, y and z; all of its parts in one shape."""
+    shape = np.broadcast_shapes(*(np.shape(part) for part in (mass, *centre, *moments)))
+    whole, at, inertia = np.empty(shape), np.empty((*shape, 3)), np.zeros((*shape, 3, 3))
+    whole[...] = mass
+    for i in range(3):
+        at[..., i], inertia[..., i, i] = centre[i], moments[i]
+    return RigidBody(whole, at, inertia)
 
 
 def combine(*bodies: RigidBody) -> RigidBody:
@@ -48,7 +54,9 @@ def combine(*bodies: RigidBody) -> RigidBody:
     inertia: Any = 0.0
     for body in bodies:
         arm = body.centroid - centroid
-        square = (arm**2).sum(-1)[..., None, None] * np.eye(3)
-        outer_product = arm[..., :, None] * arm[..., None, :]
-        inertia = inertia + body.inertia + body.mass[..., None, None] * (square - outer_product)
+        square = (arm * arm).sum(-1)[..., None, None] * _ONE
+        inertia = inertia + body.inertia + body.mass[..., None, None] * (square - arm[..., :, None] * arm[..., None, :])
     return RigidBody(np.asarray(mass), centroid, inertia)
+
+
+_ONE = np.eye(3)

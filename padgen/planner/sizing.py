@@ -8,7 +8,8 @@ sensitive to the printer's tolerances wins. The widths are then solved for exact
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from itertools import pairwise, product
+from itertools import pairwise
+from math import sqrt
 
 import numpy as np
 
@@ -97,15 +98,23 @@ def layer_thicknesses_mm(printer: Printer, largest_mm: float) -> np.ndarray:
 
 def reach(spec: Spec, topology: str, room: Room) -> Reach | None:
     """The `Reach` of `topology` in `room`, None where it does not fit at all."""
-    return _reach(_of_one_taxel(spec), topology, room)
+    found = _reach(_of_one_taxel(spec), topology, room)
+    # A resonance goes with the root of the modulus, exactly.
+    root = sqrt(spec.material.youngs_modulus_gpa)
+    return found and replace(found, resonance_hz=found.resonance_hz * root)
 
 
 def _of_one_taxel(spec: Spec) -> Spec:
-    """`spec` without what a single taxel's beams do not depend on, so that variants share what is known of them."""
+    """`spec` without what a single taxel's grid of beams does not depend on but for the modulus, which is 1 GPa.
+
+    So variants share what is known of it.
+    """
     size = Pad(frame_thickness_mm=spec.pad.frame_thickness_mm, rib_mm=spec.pad.rib_mm)
-    return replace(
+    material = replace(spec.material, youngs_modulus_gpa=1.0)
+    taxel = replace(
         spec, name="", resolution=1, band_hz=(1.0, 2.0), q_min=1.0, resonances_hz=None, pad=size, drive=Drive()
     )
+    return replace(taxel, material=material)
 
 
 @lru_cache(maxsize=256)
@@ -194,26 +203,21 @@ def _choices(spec: Spec, reaches: list[Reach], targets: np.ndarray) -> Iterator[
 
 
 def _ranked(step: str, item: Reach, width: np.ndarray, spread: np.ndarray) -> list[tuple[float, list[Pick]]]:
-    """Choices of one topology in which only the dimensions of `step` differ, with their worst spread."""
-    count = len(spread)
-    # Freeze the dimensions that may not differ; for each frozen value take the best of the others.
-    free_t, free_l = "thickness" in step, "length" in step
-    frozen_t = [None] if free_t else range(len(item.thickness_mm))
-    frozen_l = [None] if free_l else range(len(item.length_mm))
+    """The best choices of one topology in which only the dimensions of `step` differ, with their worst spread."""
+    # Dimensions that may differ are searched for the best, for each value of those that may not.
+    free = [axis for axis, name in ((1, "thickness"), (2, "length")) if name in step]
+    best = spread.min(axis=tuple(free), keepdims=True) if free else spread
+    worst = best.max(0)
     options = []
-    for ti, li in product(frozen_t, frozen_l):
-        part = spread[:, slice(None) if ti is None else [ti]][:, :, slice(None) if li is None else [li]]
-        flat = part.reshape(count, -1)
-        best = flat.argmin(1)
-        worst = float(flat[np.arange(count), best].max())
-        if not np.isfinite(worst):
-            continue
-        t_index, l_index = np.unravel_index(best, part.shape[1:])
-        picks = [
-            (item, int(t) if ti is None else ti, int(v) if li is None else li)
-            for t, v in zip(t_index, l_index, strict=True)
-        ]
-        options.append((worst, [(*p, float(width[i, p[1], p[2]])) for i, p in enumerate(picks)]))
+    for flat in np.argsort(worst, axis=None, kind="stable")[:TRIES]:
+        frozen = np.unravel_index(flat, worst.shape)
+        if not np.isfinite(worst[frozen]):
+            break
+        part = spread[:, *(slice(None) if axis in free else slice(at, at + 1) for axis, at in enumerate(frozen, 1))]
+        t, v = np.unravel_index(part.reshape(len(part), -1).argmin(1), part.shape[1:])
+        t, v = (own if axis in free else own + at for axis, own, at in zip((1, 2), (t, v), frozen, strict=True))
+        picks = [(item, int(ti), int(vi), float(width[i, ti, vi])) for i, (ti, vi) in enumerate(zip(t, v, strict=True))]
+        options.append((float(worst[frozen]), picks))
     return options
 
 

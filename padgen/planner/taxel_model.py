@@ -24,6 +24,7 @@ from padgen.units import G_PER_CM3, GPA, MM
 __all__ = ["TaxelModel", "fillet_mm", "plate_shape", "post_diameter_mm", "recess_mm"]
 
 THINNEST_WALL_MM = 1e-3
+SAME_M = 1e-15
 
 
 def plate_shape(spec: Spec) -> PlateShape:
@@ -113,14 +114,16 @@ class TaxelModel:
     def placements(self) -> list[BeamPlacement]:
         """The beams in SI units, where they meet the body."""
         fillet = fillet_mm(self.spec, self.arrangement) * MM
-        placements = []
+        placements: list[BeamPlacement] = []
         for strip in self.arrangement.beams:
             thickness = strip.thickness_mm * MM
             run = (strip.tip_x_mm - strip.root_x_mm) * MM
             bare = BeamSection(strip.width_mm * MM, thickness, np.abs(run), fillet)
-            section = on_elastic_ends(bare, self._surroundings, self.spec.material.poisson_ratio)
-            give = section.give._replace(tip=section.give.tip + self._twist_give_m(strip))
-            section = section._replace(give=give)
+            section = next((p.section for p in placements if _alike(p.section, bare)), None)
+            if section is None:
+                section = on_elastic_ends(bare, self._surroundings, self.spec.material.poisson_ratio)
+                give = section.give._replace(tip=section.give.tip + self._twist_give_m(strip))
+                section = section._replace(give=give)
             tip = np.stack(np.broadcast_arrays(strip.tip_x_mm * MM, strip.y_mm * MM, thickness / 2), -1)
             direction = np.stack([np.sign(run), 0.0 * run], -1)
             placements.append(BeamPlacement(section, tip, direction))
@@ -263,3 +266,8 @@ class TaxelModel:
 def _take(values: np.ndarray, index: np.ndarray) -> np.ndarray:
     result: np.ndarray = np.take_along_axis(values, index[..., None], -1)[..., 0]
     return result
+
+
+def _alike(one: BeamSection, other: BeamSection) -> bool:
+    """Whether two sections are the same but for rounding."""
+    return all(bool((np.abs(a - b) < SAME_M).all()) for a, b in zip(one[:3], other[:3], strict=True))
