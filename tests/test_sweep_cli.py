@@ -105,11 +105,11 @@ def test_a_refused_variant_is_a_result(work, capsys):
     assert re.search(r"^refused: q-00001: .*taxels", told.out, re.MULTILINE)
 
 
-def test_constraints_that_leave_nothing_are_told(work, capsys):
+def test_constraints_that_leave_nothing_are_refused(work, capsys):
     (work / "q.toml").write_text('constraints = ["resolution > 4"]\n' + SWEEP)
-    assert cli.run(["sweep", "q.toml"]) == 0
-    assert "no variant meets all constraints" in capsys.readouterr().out
-    assert not rows()
+    assert cli.run(["sweep", "q.toml"]) == 2
+    assert "constraints: leave none of 4 variants" in capsys.readouterr().err
+    assert not (work / "out").exists()
 
 
 @pytest.mark.parametrize(

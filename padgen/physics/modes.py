@@ -42,7 +42,7 @@ class Modes(NamedTuple):
         arm = (point - self.reference)[..., None]
         x, y, z = arm[..., 0, :], arm[..., 1, :], arm[..., 2, :]
         a, b, c = (self.shape[..., row, :] for row in (3, 4, 5))
-        motion = self.shape[..., :3, :] + np.zeros_like(arm)
+        motion: np.ndarray = self.shape[..., :3, :] + np.zeros_like(arm)
         motion[..., 0, :] += b * z - c * y
         motion[..., 1, :] += c * x - a * z
         motion[..., 2, :] += a * y - b * x

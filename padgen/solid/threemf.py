@@ -51,7 +51,8 @@ def _new_model(metadata: dict[str, str]) -> tuple[Any, Any]:
 
 
 def _package(model: Any, name: str, thumbnail_png: bytes) -> bytes:
-    model.CreatePackageThumbnailAttachment().ReadFromBuffer((ctypes.c_uint8 * len(thumbnail_png))(*thumbnail_png))
+    picture = (ctypes.c_uint8 * len(thumbnail_png)).from_buffer_copy(thumbnail_png)
+    model.CreatePackageThumbnailAttachment().ReadFromBuffer(picture)
     _name_uuids(model, name)
     data = bytes(model.QueryWriter("3mf").WriteToBuffer())
     return _without_times(data)
@@ -66,8 +67,7 @@ def read_3mf(path: Path, weld: bool = True) -> Mesh:
         The file is not a 3MF, or holds no triangle.
     """
     lib3mf = _lib3mf()
-    wrapper = lib3mf.Wrapper()
-    model = wrapper.CreateModel()
+    model = _wrapper().CreateModel()
     try:
         model.QueryReader("3mf").ReadFromFile(str(path))
     except lib3mf.ELib3MFException as error:

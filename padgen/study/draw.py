@@ -1,10 +1,10 @@
 """Work-precision plots: error against run time, one panel a ladder. The same figures give the same bytes."""
 
-import io
 from collections.abc import Sequence
 from math import ceil, floor, isfinite, log10
 from typing import TYPE_CHECKING, Any
 
+from padgen.plots import STYLE, plot_bytes
 from padgen.study.judge import recommended_row
 from padgen.study.rung import Judged, Row
 from padgen.study.tell import percent
@@ -17,7 +17,6 @@ __all__ = ["extreme_picture", "study_pictures"]
 COLOURS = ("#1f5fa8", "#c2571a", "#2f8a4c", "#7b3fa0", "#a8851f", "#3a9aa8", "#8a4c2f", "#666666")
 MARKS = ("o", "s", "D", "^", "v", "P", "X", "*")
 VERDICT_COLOURS = {"right": "#2f8a4c", "WRONG": "#c2241a", "unchecked": "#a8851f", "refused": "#666666"}
-STYLE = {"svg.hashsalt": "padgen", "svg.fonttype": "path", "font.size": 9, "font.family": "DejaVu Sans"}
 PANEL_INCHES = (5.6, 4.2)
 LEAST = 1e-13
 """Errors below are drawn here."""
@@ -35,7 +34,7 @@ def study_pictures(results: Sequence[Judged], tolerances: Sequence[float], name:
         for axis, (ladder, own) in zip(axes, panels.items(), strict=False):
             _panel(axis, ladder, own, tolerances)
         figure.suptitle(f"{name}: error against run time\nringed: the quickest rung for a tolerance", fontsize=10)
-        return _bytes(figure, "svg"), _bytes(figure, "png")
+        return plot_bytes(figure, "svg"), plot_bytes(figure, "png")
 
 
 def extreme_picture(verdicts: Sequence["Verdict"]) -> bytes:
@@ -58,7 +57,7 @@ def extreme_picture(verdicts: Sequence["Verdict"]) -> bytes:
         if domains:
             axis.legend(frameon=False)
         axis.grid(alpha=0.25)
-        return _bytes(figure, "svg")
+        return plot_bytes(figure, "svg")
 
 
 def _figure(count: int) -> tuple[Any, list[Any]]:
@@ -132,10 +131,3 @@ def _shown(row: Row) -> bool:
 
 def _place(row: Row) -> tuple[float, float]:
     return max(row.measured.seconds, 1e-7), max(row.at_most if row.is_bound else row.error, LEAST)
-
-
-def _bytes(figure: Any, kind: str) -> bytes:
-    out = io.BytesIO()
-    metadata: dict[str, Any] = {"Date": None} if kind == "svg" else {"Software": None}
-    figure.savefig(out, format=kind, dpi=120, metadata=metadata, facecolor="white")
-    return out.getvalue()

@@ -1,11 +1,11 @@
 """The picture of a Pareto front: every two objectives against each other. The same figures give the same bytes."""
 
-import io
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from padgen.plots import STYLE, plot_bytes
 from padgen.sweep.figures import OBJECTIVES
 from padgen.sweep.pareto import UNBOUNDED, Overview, front_mask, scores_of
 
@@ -23,7 +23,6 @@ COLOURED_BY = ("power_w", "selectivity_db", "print_min", "good_pads_retuned", "t
 RATIOS = ("taxels", "power_w", "print_min")
 """Objectives whose axis is logarithmic where the largest is more than `WIDE` times the smallest."""
 WIDE = 20.0
-STYLE = {"svg.hashsalt": "padgen", "svg.fonttype": "path", "font.size": 9, "font.family": "DejaVu Sans"}
 PANEL_INCHES, MARGIN_INCHES, LEGEND_INCHES = (2.9, 2.3), (0.9, 0.7), 2.9
 TITLE_INCHES = 0.7
 MOST_VECTORS = 1000
@@ -51,7 +50,7 @@ def front_pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
             _name_axes(axis, overview, (x, y), (y == shown[-1], x == shown[0]))
         _legend(figure, points, panels[shown[0], shown[1]], _label(overview, hue))
         figure.text(0.012, 1 - 0.08 / figure.get_figheight(), title, fontsize=9, va="top")
-        return _bytes(figure, "svg"), _bytes(figure, "png")
+        return plot_bytes(figure, "svg"), plot_bytes(figure, "png")
 
 
 def _differing(overview: Overview) -> list[int]:
@@ -219,10 +218,3 @@ def _title(overview: Overview, name: str) -> str:
         if objective in UNBOUNDED and np.isnan(everything[:, i]).any():
             lines.append(f"{LABELS[objective]}: the farthest have one taxel per coil, so that there is no limit")
     return "\n".join(lines)
-
-
-def _bytes(figure: Any, kind: str) -> bytes:
-    out = io.BytesIO()
-    metadata: dict[str, Any] = {"Date": None} if kind == "svg" else {"Software": None}
-    figure.savefig(out, format=kind, dpi=120, metadata=metadata, facecolor="white")
-    return out.getvalue()

@@ -57,7 +57,7 @@ class Journal:
         self._offsets = array("q", [NOWHERE]) * numbers
         self._keys = array("Q", [0]) * numbers
         self._states = bytearray(numbers)
-        self._lines, self._end = 0, 0
+        self.lines, self._end = 0, 0
         self._file: FileIO | None = None
 
     def __enter__(self) -> "Journal":
@@ -106,7 +106,7 @@ class Journal:
             with suppress(OSError):
                 self._stream.truncate(offset)
             raise _unwritable(self.path, error) from error
-        self._lines += 1
+        self.lines += 1
         self._note(record.number, record.key, record.status, offset)
 
     def record(self, number: int) -> Record:
@@ -124,7 +124,7 @@ class Journal:
     def compact(self) -> None:
         """Drop the lines that later ones have replaced, when they are many."""
         used = sum(offset != NOWHERE for offset in self._offsets)
-        if self._lines > 2 * used + WASTE:
+        if self.lines > 2 * used + WASTE:
             _replaced(self.path, self._write_used)
 
     def _write_used(self, path: Path) -> None:
@@ -141,7 +141,7 @@ class Journal:
             for line in file:
                 record = _parsed(line)
                 if record:
-                    self._lines += 1
+                    self.lines += 1
                     if 0 <= record.number < len(self._offsets):
                         self._note(record.number, record.key, record.status, offset)
                 offset += len(line)

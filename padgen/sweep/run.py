@@ -6,17 +6,17 @@ on this machine or wherever the executor's own workers are.
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from shutil import rmtree
-from typing import Any
+from typing import Any, NamedTuple
 
 from padgen.build import parse_formats
-from padgen.errors import FileError
+from padgen.errors import FileError, SpecError
 from padgen.sweep.definition import Sweep
 from padgen.sweep.events import Clock, Event, Tell
 from padgen.sweep.index import INDEX, Journal, write_index
@@ -102,34 +102,60 @@ def run_sweep(
     """
     formats = parse_formats(sweep.settings.formats)
     numbers, folder = count_points(sweep), folder.absolute()
+    if next(variants(sweep), None) is None:
+        raise SpecError(f"leave none of {numbers} variants; loosen one", "constraints")
     with FolderLock(folder), Journal(folder, numbers) as journal:
         run = _Run(sweep, folder, formats, journal, on_event)
-        run.survey(resume, retry)
-        run.tell("start")
-        run.tell_failed()
-        own = None if executor is not None else Workers()
-        count = workers or core_count()
-        pool = ThreadPoolExecutor(count) if own else executor
-        most, function = (AHEAD * count, own.run) if own else (FOREIGN_AHEAD, run_tasks)
-        window = Window(pool, most, function, work, sweep.limits)
-        try:
-            _run_all(run, window, chunk)
-        except KeyboardInterrupt:
-            run.stopped, run.interrupted = "interrupted", True
-        except StoppedError as error:
-            run.stopped = str(error)
-        finally:
+        with _place(executor, workers or core_count(), prepared=0 if journal.lines else numbers) as place:
+            run.survey(resume, retry)
+            run.tell("start")
+            run.tell_failed()
+            window = Window(place.pool, place.most, place.function, work, sweep.limits)
             try:
-                # Before the workers are ended, as what they were at would come back as failed.
-                _harvest(run, window)
+                _run_all(run, window, chunk)
+            except KeyboardInterrupt:
+                run.stopped, run.interrupted = "interrupted", True
+            except StoppedError as error:
+                run.stopped = str(error)
             finally:
-                if own:
-                    own.close()
-                    pool.shutdown(wait=True, cancel_futures=True)
-                write_index(journal, sweep, folder)
-                journal.compact()
+                try:
+                    # Before the workers are ended, as what they were at would come back as failed.
+                    _harvest(run, window)
+                finally:
+                    place.close()
+                    write_index(journal, sweep, folder)
+                    journal.compact()
         run.tell("end")
         return run.result()
+
+
+class _Place(NamedTuple):
+    """Where variants are made: what tasks are submitted to, how many at a time, and what is called there."""
+
+    pool: Any
+    most: int
+    function: Callable[..., list[Record]]
+    close: Callable[[], None] = lambda: None
+
+
+@contextmanager
+def _place(executor: Any, workers: int, prepared: int) -> Iterator[_Place]:
+    """The caller's executor, or processes of this machine, of which up to `prepared` are started at once."""
+    if executor is not None:
+        yield _Place(executor, FOREIGN_AHEAD, run_tasks)
+        return
+    own, pool = Workers(), ThreadPoolExecutor(workers)
+
+    def close() -> None:
+        own.close()
+        pool.shutdown(wait=True, cancel_futures=True)
+
+    try:
+        for _ in range(min(workers, prepared)):
+            pool.submit(own.prepare)
+        yield _Place(pool, AHEAD * workers, own.run, close)
+    finally:
+        close()
 
 
 class _Run:

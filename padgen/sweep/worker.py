@@ -60,6 +60,13 @@ class Workers:
         """
         return [self._one(work, task, limits) for task in tasks]
 
+    def prepare(self) -> None:
+        """Start a worker for what is to come; where none starts, that will tell."""
+        with suppress(PadgenError):
+            worker = self._taken()
+            with self._lock:
+                self._idle.append(worker)
+
     def close(self) -> None:
         """End all workers, whatever they are doing."""
         with self._lock:

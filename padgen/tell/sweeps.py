@@ -34,8 +34,6 @@ def sweep_text(sweep: "Sweep", overview: "Overview", result: "SweepResult", file
     lines = [
         f"{sweep.settings.name}: {_variants(result.total)}, {counts_text(result)}, in {seconds_text(result.seconds)}"
     ]
-    if not result.total:
-        lines.append("no variant meets all constraints")
     if result.kept:
         lines.append(f"{result.kept} of them were finished before and not made again")
     if overview.with_errors:
