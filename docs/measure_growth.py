@@ -1,4 +1,4 @@
-"""How run time grows with taxels, 32 … 8,192; drawn to docs/growth.svg. A section of docs/performance.md (`make performance`)."""
+"""How run time grows with taxels, 32 … 8,192; draws docs/growth.svg. A section of docs/performance.md."""
 
 import resource
 import time
