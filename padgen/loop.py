@@ -181,14 +181,23 @@ class TaxelSolver:
     def solve(self, plan: Plan) -> list[Solved]:
         """Modes of every channel's taxel."""
         keys = [cache.key_of(self._inputs(plan, channel)) for channel in plan.channels]
-        known = {key: solved for key in set(keys) if (solved := _from_plain(cache.load(KIND, key)))}
-        missing = {key: channel for key, channel in zip(keys, plan.channels, strict=True) if key not in known}
-        if missing:
-            self._progress(f"solving {len(missing)} taxel{'s' * (len(missing) > 1)} by finite elements")
-            for key, solved in zip(missing, self._computed(plan, list(missing.values())), strict=True):
-                cache.store(KIND, key, _to_plain(solved))
-                known[key] = solved
+        known = _kept(set(keys))
+        if len(known) < len(set(keys)):
+            with cache.claimed(KIND, set(keys) - set(known)):
+                known |= _kept(set(keys) - set(known))  # by others, while we waited
+                missing = {key: channel for key, channel in zip(keys, plan.channels, strict=True) if key not in known}
+                known |= self._solved(plan, missing)
         return [known[key] for key in keys]
+
+    def _solved(self, plan: Plan, missing: dict[str, Channel]) -> dict[str, Solved]:
+        """The taxels of channels by their keys, solved and kept."""
+        if not missing:
+            return {}
+        self._progress(f"solving {len(missing)} taxel{'s' * (len(missing) > 1)} by finite elements")
+        found = dict(zip(missing, self._computed(plan, list(missing.values())), strict=True))
+        for key, solved in found.items():
+            cache.store(KIND, key, _to_plain(solved))
+        return found
 
     def _inputs(self, plan: Plan, channel: Channel) -> dict[str, Any]:
         """All that the modes depend on."""
@@ -318,6 +327,11 @@ def _to_plain(solved: Solved) -> dict[str, Any]:
         "rest": rest.tolist(),
         "error": solved.error,
     }
+
+
+def _kept(keys: Iterable[str]) -> dict[str, Solved]:
+    """Those of the keys that the cache holds."""
+    return {key: solved for key in keys if (solved := _from_plain(cache.load(KIND, key)))}
 
 
 def _from_plain(entry: Any) -> Solved | None:

@@ -234,3 +234,64 @@ def test_two_processes_at_once_never_see_half_an_entry(entries, trims):
         assert missing == 0 or trims == "trims"
         assert seen > 100
     assert not [path for path in files(entries) if path.suffix == cache.ASIDE]
+
+
+MAKER = """
+import sys, time
+from pathlib import Path
+from padgen import cache
+
+def make():
+    with open(sys.argv[1], "a") as file:
+        file.write("made\\n")
+    time.sleep(float(sys.argv[3]))
+    cache.store("kind", sys.argv[2], 1)
+    return 1
+
+print(cache.once("kind", sys.argv[2], lambda: cache.load("kind", sys.argv[2]), make))
+"""
+
+
+def maker(place: Path, seconds: float) -> subprocess.Popen:
+    return subprocess.Popen(
+        [sys.executable, "-c", MAKER, str(place), KEYS[0], str(seconds)], stdout=subprocess.PIPE, text=True
+    )
+
+
+def until(reached) -> None:
+    end = time.monotonic() + 60
+    while not reached():
+        assert time.monotonic() < end, "not within a minute"
+        time.sleep(0.01)
+
+
+def test_processes_that_want_the_same_make_it_once(entries, tmp_path):
+    makers = [maker(tmp_path / "made", 1.0) for _ in range(4)]
+    assert [process.communicate(timeout=60)[0].strip() for process in makers] == ["1"] * 4
+    assert (tmp_path / "made").read_text() == "made\n"
+    assert [path.suffix for path in files(entries)] == [".entry"]
+
+
+def test_who_waits_for_a_killed_process_makes_it_itself(entries, tmp_path):
+    first = maker(tmp_path / "made", 600.0)
+    until((tmp_path / "made").exists)
+    second = maker(tmp_path / "made", 0.0)
+    time.sleep(0.5)
+    assert second.poll() is None, "it waits"
+    first.kill()
+    first.communicate(timeout=60)
+    assert second.communicate(timeout=60)[0].strip() == "1"
+    assert (tmp_path / "made").read_text() == "made\nmade\n"
+
+
+def test_patience_has_an_end(entries, monkeypatch):
+    monkeypatch.setattr(cache, "PATIENCE_S", 0.1)
+    with cache.claimed("kind", KEYS[:1]), cache.claimed("kind", KEYS[:3]):
+        assert cache.once("kind", KEYS[1], lambda: None, lambda: 5) == 5
+    assert not files(entries)
+
+
+def test_a_claim_needs_no_folder(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "file"))
+    assert cache.once("kind", KEYS[0], lambda: None, lambda: 5) == 5

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from dataclasses import replace
 from math import log
 from multiprocessing import active_children, get_context
@@ -14,6 +15,7 @@ import pytest
 
 from padgen import cache, cli, loop
 from padgen.errors import EngineMissingError, SolverError
+from padgen.physics.taxel_modes import TaxelModes
 from padgen.planner import make_plan, plan_from_json, plan_to_json
 from padgen.spec import load_spec, parse_spec
 
@@ -98,6 +100,31 @@ def test_the_key_holds_all_that_the_modes_depend_on(solved):
         assert cache.key_of(solver._inputs(other, plan.channels[0])) != first
 
 
+def test_what_another_process_solved_meanwhile_is_not_solved_again(solved, monkeypatch, tmp_path):
+    _, plan = solved
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "empty"))
+    others = loop.Solved(TaxelModes(np.full(6, 80.0), np.ones((6, 6)), np.eye(6)), 1e-4)
+    asked = []
+
+    @contextmanager
+    def waited(kind, keys):
+        """Until another process has solved the first taxel."""
+        first, *_ = sorted(keys)
+        cache.store(kind, first, loop._to_plain(others))
+        yield
+
+    def computed(self, plan, channels):
+        asked.extend(channels)
+        return [loop.Solved(TaxelModes(np.full(6, 120.0), np.ones((6, 6)), np.eye(6)), 1e-4)] * len(channels)
+
+    monkeypatch.setattr(cache, "claimed", waited)
+    monkeypatch.setattr(loop.TaxelSolver, "_computed", computed)
+    with loop.TaxelSolver(SOLVED, SOLVED, lambda step: None) as solver:
+        found = solver.solve(plan)
+    assert len(asked) == len(plan.channels) - 1
+    assert sorted(float(one.modes.frequency_hz[0]) for one in found) == [80.0, 120.0]
+
+
 def test_coarse_steps_end_at_the_nearest_beam():
     """A resin printer's pixels are coarser than the miss: the plan keeps its beams, with the solids' resonances."""
     spec = load_spec("resin-fine")
@@ -174,7 +201,7 @@ def test_a_damaged_entry_counts_as_absent(entry):
 
 def test_an_entry_comes_back_as_it_was(solved):
     solver = loop.TaxelSolver(SOLVED, SOLVED, lambda step: None)
-    found = loop.Solved(loop.TaxelModes(np.arange(1.0, 7.0), np.eye(6), np.ones((6, 6))), 1e-3)
+    found = loop.Solved(TaxelModes(np.arange(1.0, 7.0), np.eye(6), np.ones((6, 6))), 1e-3)
     again = loop._from_plain(json.loads(json.dumps(loop._to_plain(found))))
     assert all(np.array_equal(a, b) for a, b in zip(again.modes, found.modes, strict=True))
     assert again.error == found.error

@@ -1,4 +1,4 @@
-"""Taxels that are known need no CAD kernel: what is kept of them, by what, and the parts that need none at all."""
+"""What is kept of taxels and ladders, and by what; known taxels need no CAD kernel, and some parts need none at all."""
 
 import json
 import subprocess
@@ -11,22 +11,26 @@ import numpy as np
 import pytest
 
 from padgen import cache
-from padgen.planner import make_plan
+from padgen.planner import make_plan, resonances
 from padgen.planner.marks import groove
 from padgen.solid import export, pad, tile_store
 from padgen.solid.border import border_mesh, border_volume_mm3, prism, washer_mesh
 from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, as_manifold, signed_volume_mm3, tessellated
 from padgen.solid.taxel import washer_solid
 from padgen.spec import parse_spec
+from padgen.spec.model import Drive
 from tests.conftest import SMALL
 
+OPTIMISED = SMALL.replace("[pad]", 'spacing = "optimised"\n[pad]')
 ALL = ("stl", "3mf", "step", "glb")
 
 
 @pytest.fixture
 def store(tmp_path, monkeypatch):
     monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "cache"))
-    return tmp_path / "cache"
+    resonances.optimum.cache_clear()
+    yield tmp_path / "cache"
+    resonances.optimum.cache_clear()
 
 
 def entry_paths(store, kind):
@@ -61,11 +65,17 @@ def test_another_layout_has_the_same_taxels(store, small_plan, monkeypatch, chan
     assert signed_volume_mm3(built.mesh) == pytest.approx(built.volume_mm3, rel=1e-4)
 
 
-@pytest.mark.parametrize("change", [{"frame_thickness_mm": 4.2}, {"rib_mm": 1.3}])
-def test_another_taxel_has_another_key(small_plan, change):
-    keys = {tile_store.taxel_key(small_plan, channel) for channel in small_plan.channels}
-    others = varied(**change)
-    assert not keys & {tile_store.taxel_key(others, channel) for channel in others.channels}
+def test_another_taxel_has_another_key(small_plan):
+    """The same channel in a plan that differs in one thing that its solid is made from."""
+    channel, plate = small_plan.channels[0], small_plan.plate
+    thicker = {**small_plan.spec, "pad": {**small_plan.spec["pad"], "frame_thickness_mm": 4.2}}
+    others = {
+        "frame": replace(small_plan, spec=thicker),
+        "outline": replace(small_plan, cell=replace(small_plan.cell, width_mm=small_plan.cell.width_mm + 0.1)),
+        "recess": replace(small_plan, plate=replace(plate, recess_depth_mm=plate.recess_depth_mm + 0.05)),
+    }
+    keys = {name: tile_store.taxel_key(plan, channel) for name, plan in others.items()}
+    assert len({tile_store.taxel_key(small_plan, channel), *keys.values()}) == 1 + len(others), keys
 
 
 def test_the_key_has_the_beam_the_fineness_and_the_versions(small_plan, monkeypatch):
@@ -106,6 +116,7 @@ import json, sys
 from pathlib import Path
 from padgen.build import build
 from padgen.spec import parse_spec
+from padgen.spec.model import Drive
 built = build(parse_spec(sys.argv[1]), Path(sys.argv[2]), ("stl", "3mf", "step", "glb"))
 loaded = [name for name in sys.modules if name.partition(".")[0] in ("OCP", "build123d", "ngsolve")]
 print(json.dumps([list(built.files), loaded, [f.code for f in built.findings if f.level == "error"]]))
@@ -200,3 +211,44 @@ def test_a_prism_whose_rings_meet_is_refused():
     assert signed_volume_mm3(prism([square, hole], 1.0, 3.0)) == pytest.approx(2 * (16 - 4))
     with pytest.raises(GeometryError, match="the edges of a plate meet its holes"):
         prism([square, hole + aside], 1.0, 3.0)
+
+
+def test_an_optimised_ladder_is_searched_once(store, monkeypatch):
+    spec = parse_spec(OPTIMISED)
+    found = resonances.optimum(spec, 3, 60.0, 200.0)
+    resonances.optimum.cache_clear()
+    monkeypatch.setattr(resonances, "_searched", no_kernel)
+    renamed = replace(spec, name="other", pad=replace(spec.pad, border_mm=9.0))
+    assert resonances.optimum(renamed, 3, 60.0, 200.0) == found
+    assert len(entry_paths(store, resonances.KIND)) == 1
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"q_min": 16.0},
+        {"delta_y": 9.0},
+        {"drive": Drive(scheme="time-shared")},
+        {"drive": Drive(level_law=0.5)},
+        {"drive": Drive(bias_ratio=1.5)},
+        {"drive": Drive(threshold_hz=(50.0, 400.0), threshold_um=(1.0, 2.0))},
+    ],
+    ids=str,
+)
+def test_what_another_ladder_may_come_from_is_in_its_key(store, monkeypatch, change):
+    """Each alone asks for a search of its own."""
+    monkeypatch.setattr(resonances, "_searched", lambda *args: resonances.Optimum((60.0, 90.0), 20.0, None))
+    spec = parse_spec(OPTIMISED)
+    for changed in (spec, replace(spec, **change)):
+        resonances.optimum.cache_clear()
+        resonances.optimum(changed, 3, 60.0, 200.0)
+    assert len(entry_paths(store, resonances.KIND)) == 2
+
+
+@pytest.mark.parametrize("other", [(4, 60.0, 200.0), (3, 61.0, 200.0), (3, 60.0, 201.0)])
+def test_another_count_or_band_has_another_ladder(store, monkeypatch, other):
+    monkeypatch.setattr(resonances, "_searched", lambda *args: resonances.Optimum((60.0, 90.0), 20.0, None))
+    spec = parse_spec(OPTIMISED)
+    for asked in ((3, 60.0, 200.0), other):
+        resonances.optimum(spec, *asked)
+    assert len(entry_paths(store, resonances.KIND)) == 2

@@ -17,6 +17,10 @@ from padgen.units import decibel
 
 __all__ = ["Optimum", "ladders", "optimum", "proven_optimum", "reachable_hz", "slot_band_hz"]
 
+KIND = "ladder"
+CODE = ("physics", "planner/resonances.py", "planner/settings.py")
+"""What an optimum depends on."""
+
 
 class Optimum(NamedTuple):
     """Resonances in Hz, their all-state figure in dB, and the one that none can exceed, where that was proven."""
@@ -99,8 +103,37 @@ def optimum(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
     """The resonances in a band that the drive scheme of `spec` tells apart best, for equal masses.
 
     An automatic scheme takes plain tones if a set of resonances keeps what is asked with them, else
-    what is best without spurs, else in turns.
+    what is best without spurs, else in turns. A search takes up to seconds: found ones are kept in the cache.
     """
+    from padgen import cache
+
+    drive = spec.drive
+    key = cache.key_of(
+        {
+            "band_hz": (low_hz, high_hz),
+            "count": count,
+            "q": spec.q_min,
+            "delta_y": spec.delta_y,
+            "scheme": (drive.scheme, drive.bias_ratio),
+            "law": (drive.level_law, drive.threshold_hz, drive.threshold_um),
+            "code": cache.code_hash(*CODE),
+            "versions": [cache.version(name) for name in ("numpy", "scipy")],
+        }
+    )
+
+    def kept() -> Optimum | None:
+        known = cache.load(KIND, key)
+        return None if known is None else Optimum(tuple(known[0]), *known[1:])
+
+    def made() -> Optimum:
+        best = _searched(spec, count, low_hz, high_hz)
+        cache.store(KIND, key, best)
+        return best
+
+    return cache.once(KIND, key, kept, made)
+
+
+def _searched(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
     law, q, drive = level_law(spec), spec.q_min, spec.drive.scheme
     if drive == "auto":
         drive = "tones" if count > 2 and _tones_can_be_clean(spec, count, low_hz, high_hz) else "spur-free"

@@ -92,10 +92,13 @@ def write_taxel_step(plan: Plan, channel: Channel, path: Path) -> None:
     """
     writer = cache.code_hash("solid/export.py")
     key = taxel_key(plan, channel, washer=asdict(plan.typed_spec.washer), step=_UNNAMED, writer=writer)
-    known = cache.load_bytes(STEP_KIND, key)
-    if known is None:
-        known = _step(plan, channel, path).encode()
-        cache.store_bytes(STEP_KIND, key, known)
+
+    def made() -> bytes:
+        text = _step(plan, channel, path).encode()
+        cache.store_bytes(STEP_KIND, key, text)
+        return text
+
+    known = cache.once(STEP_KIND, key, lambda: cache.load_bytes(STEP_KIND, key), made)
     path.write_bytes(known.replace(_UNNAMED.encode(), f"{plan.name} taxel {channel.index}".encode()))
 
 

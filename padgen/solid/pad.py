@@ -15,7 +15,7 @@ from padgen.planner.tile import Outline, outline, taxel_places, to_cell
 from padgen.solid.border import border_mesh, border_volume_mm3
 from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, Mesh, tessellated
 from padgen.solid.taxel import taxel_solid
-from padgen.solid.tile_store import KnownSolid, known_solid, remember, taxel_key
+from padgen.solid.tile_store import KnownSolid, kept_solid, taxel_key
 
 __all__ = ["PadSolid", "Tile", "assembled", "build_pad", "tile_grid", "turned_grid", "turned_mesh"]
 
@@ -129,12 +129,12 @@ def _taxel_tile(plan: Plan, index: int, chord_mm: float, angle_rad: float) -> Ti
 def _known(plan: Plan, channel: Channel, chord_mm: float, angle_rad: float) -> KnownSolid:
     """The taxel's triangles: modelled once, then from the cache."""
     key = taxel_key(plan, channel, chord_mm=chord_mm, angle_rad=angle_rad)
-    known = known_solid(key)
-    if known is None:
+
+    def made() -> KnownSolid:
         solid = taxel_solid(plan, channel)
-        known = KnownSolid(tessellated(solid, chord_mm, angle_rad), float(solid.volume))
-        remember(key, known)
-    return known
+        return KnownSolid(tessellated(solid, chord_mm, angle_rad), float(solid.volume))
+
+    return kept_solid(key, made)
 
 
 def _snapped(vertices: np.ndarray, sides: Outline) -> np.ndarray:

@@ -1,6 +1,7 @@
 """Triangles of distinct taxels, kept by what they depend on, so that a known taxel needs no CAD kernel."""
 
 import io
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any, NamedTuple
 from zipfile import BadZipFile
@@ -12,7 +13,7 @@ from padgen.planner.plan import Channel, Plan
 from padgen.planner.tile import outline
 from padgen.solid.mesh import Mesh
 
-__all__ = ["KnownSolid", "known_solid", "remember", "taxel_key"]
+__all__ = ["KnownSolid", "kept_solid", "known_solid", "taxel_key"]
 
 KIND = "taxel-mesh"
 CODE = ("solid/taxel.py", "solid/mesh.py", "planner/suspensions", "planner/tile.py")
@@ -53,8 +54,14 @@ def known_solid(key: str) -> KnownSolid | None:
         return None
 
 
-def remember(key: str, solid: KnownSolid) -> None:
-    """Keep a taxel's triangles."""
-    data = io.BytesIO()
-    np.savez(data, vertices_mm=solid.mesh.vertices_mm, triangles=solid.mesh.triangles, volume_mm3=solid.volume_mm3)
-    cache.store_bytes(KIND, key, data.getvalue())
+def kept_solid(key: str, make: Callable[[], KnownSolid]) -> KnownSolid:
+    """What is kept under `key`, else what `make` makes, which is kept from now on."""
+
+    def made() -> KnownSolid:
+        solid, data = make(), io.BytesIO()
+        mesh = solid.mesh
+        np.savez(data, vertices_mm=mesh.vertices_mm, triangles=mesh.triangles, volume_mm3=solid.volume_mm3)
+        cache.store_bytes(KIND, key, data.getvalue())
+        return solid
+
+    return cache.once(KIND, key, lambda: known_solid(key), made)
