@@ -13,7 +13,7 @@ from padgen.cache import VARIABLE
 
 PADGEN = str(Path(sys.executable).with_name("padgen"))
 PLANS, BUILDS, MANY = 1000, 60, 10_000
-COLD_RUNS = 5
+COLD_RUNS, ROUNDS = 5, 3
 HEAD = """
 name = "measured"
 base = "paper-32"
@@ -81,19 +81,23 @@ def swept_s(work: Path, text: str, workers: int, cache: Path) -> tuple[float, fl
 
 
 def compared(work: Path, name: str, count: int, text: str, cold: list[str], bar: str, known: bool = False) -> str:
-    """One row: a sweep on one worker and on two, against the cold command before and after."""
-    before = cold_s(work, *cold)
-    seconds, memory = {}, 0.0
-    for workers in (1, 2):
-        cache = work / f"cache-{name}-{workers}"
-        if known:
-            wall_s([PADGEN, *cold, "-o", str(work / "known")], cache)
-        seconds[workers], memory = swept_s(work, text, workers, cache)
-    command = (before + cold_s(work, *cold)) / 2
-    one, two = (seconds[n] / command for n in (1, 2))
+    """One row: a sweep on one worker and on two and the cold command, in turn; medians of times and of ratios."""
+    rounds, memory = [], 0.0
+    for _ in range(ROUNDS):
+        seconds = [cold_s(work, *cold)]
+        for workers in (1, 2):
+            with tempfile.TemporaryDirectory(dir=work) as there:
+                if known:
+                    wall_s([PADGEN, *cold, "-o", f"{there}/known"], Path(there, "cache"))
+                taken, memory = swept_s(work, text, workers, Path(there, "cache"))
+                seconds.append(taken)
+        rounds.append(seconds)
+    command, one, two = (median(column) for column in zip(*rounds, strict=True))
+    faster = median(a / b for _, a, b in rounds)
+    in_cold = [median(seconds[k] / seconds[0] for seconds in rounds) for k in (1, 2)]
     return (
-        f"| {name} | {command:.3f} | {seconds[1]:.2f} | {seconds[2]:.2f} | {seconds[1] / seconds[2]:.2f} | {one:.1f} |"
-        f" {two:.1f} | {two / count:.3f} | {bar} | {memory:.0f} |"
+        f"| {name} | {command:.3f} | {one:.2f} | {two:.2f} | {faster:.2f} | {in_cold[0]:.1f} | {in_cold[1]:.1f} |"
+        f" {in_cold[1] / count:.3f} | {bar} | {memory:.0f} |"
     )
 
 

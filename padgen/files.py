@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import is_dataclass
 from hashlib import file_digest, sha256
 from json.encoder import encode_basestring
+from itertools import takewhile
 from math import isfinite
 from pathlib import Path
 from types import TracebackType
@@ -109,8 +110,8 @@ class OutputFolder:
 
     def __enter__(self) -> "OutputFolder":
         try:
-            missing = [p for p in (self.path, *self.path.parents) if not p.exists()]
-            for left in self.path.glob(".partial-*"):
+            missing = list(takewhile(lambda path: not path.exists(), (self.path, *self.path.parents)))
+            for left in () if missing else self.path.glob(".partial-*"):
                 if not _runs(left.name.removeprefix(".partial-")):
                     shutil.rmtree(left, ignore_errors=True)  # by a run that was killed
             self._aside.mkdir(parents=True)
@@ -122,7 +123,10 @@ class OutputFolder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        shutil.rmtree(self._aside, ignore_errors=True)
+        try:
+            self._aside.rmdir()  # all moved in
+        except OSError:
+            shutil.rmtree(self._aside, ignore_errors=True)
         if kind is not None:
             for folder in self._made:
                 try:

@@ -181,10 +181,11 @@ def _flared(section: BeamSection) -> _Flared:
     weight, arm, straight = _WEIGHTS * start[..., None], length[..., None] - at, length - start
 
     def moments(flared_inertia: Array, uniform_inertia: Array) -> list[Array]:
-        return [
-            (weight * arm**p / flared_inertia).sum(-1) + straight ** (p + 1) / (p + 1) / uniform_inertia
-            for p in range(3)
-        ]
+        terms, run, found = weight / flared_inertia, straight / uniform_inertia, []
+        for power in (1, 2, 3):
+            found.append(terms.sum(-1) + run / power)
+            terms, run = terms * arm, run * straight
+        return found
 
     return _Flared(
         moments(flared * t**3 / 12, width * thickness**3 / 12),

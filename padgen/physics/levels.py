@@ -15,6 +15,7 @@ class LevelLaw:
 
     def __init__(self, exponent: float, curve_hz: tuple[float, ...] = (), curve_um: tuple[float, ...] = ()) -> None:
         self.exponent = exponent
+        self._parts = exponent, tuple(curve_hz), tuple(curve_um)
         self.bends_log_hz, self._log_um = np.log(curve_hz), np.log(curve_um)
 
     def __call__(self, resonance_hz: np.ndarray) -> np.ndarray:
@@ -31,3 +32,9 @@ class LevelLaw:
             return None
         threshold: np.ndarray = np.exp(np.interp(np.log(resonance_hz), self.bends_log_hz, self._log_um))
         return threshold
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, LevelLaw) and self._parts == other._parts
+
+    def __hash__(self) -> int:
+        return hash(self._parts)

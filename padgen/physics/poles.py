@@ -1,5 +1,7 @@
 """A coil from afar: magnetic poles on its axis."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from padgen.physics.magnetics import SolenoidCoil, core_charges
@@ -7,10 +9,12 @@ from padgen.physics.magnetics import SolenoidCoil, core_charges
 __all__ = ["coil_poles", "pole_error", "pole_field"]
 
 
+@lru_cache(maxsize=64)
 def coil_poles(coil: SolenoidCoil) -> np.ndarray:
     """A coil as magnetic poles on its axis: charge in A·m/A and height in m over its top, shape (4, 2).
 
-    The winding's ends, and core's positive and negative charges, each pair where its middle is.
+    The winding's ends, and core's positive and negative charges, each pair where its middle is. Not to be
+    written to: it is kept.
     """
     outer, inner = coil.outer_diameter / 2, coil.inner_diameter / 2
     area = np.pi * (outer**2 + outer * inner + inner**2) / 3

@@ -21,6 +21,7 @@ A taxel is one resonator, or all the modes of `padgen.physics.modal`, whose ampl
 hears of a line is another number then, and the lines' energies still only add.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -123,7 +124,7 @@ def pair_lines(
     in the unit of `Channels.line`, of which `strongest`, the one that sets the bias, is the largest
     unless `which` are not all of the coil's channels.
     """
-    a, b = np.triu_indices(len(which.line), 1)
+    a, b = _pairs(len(which.line))
     low, high = np.minimum(*which.resonance_hz[[a, b]]), np.maximum(*which.resonance_hz[[a, b]])
     # A spur on a resonance of high Q needs its frequency to better than the last digit of a double.
     total, difference = high + low, high - low
@@ -193,13 +194,20 @@ def loudest_line(which: Channels, scheme: Scheme, off: int) -> tuple[tuple[int, 
     found: tuple[tuple[int, ...], str] = (int(tones.argmax()),), "tone"
     if scheme.has_pair_spurs and len(which.line) > 2:
         frequency, rest, amplitude = pair_lines(which, scheme)
-        a, b = np.triu_indices(len(which.line), 1)
+        a, b = _pairs(len(which.line))
         response = relative_energy(frequency, which.resonance_hz[off], which.q[off], rest)
         energy = response * (amplitude / which.line[off]) ** 2 * ((a != off) & (b != off))
         kind, pair = np.unravel_index(int(energy.argmax()), energy.shape)
         if energy[kind, pair] > loudest:
             found = (int(a[pair]), int(b[pair])), ("sum", "difference")[kind]
     return found
+
+
+@lru_cache(maxsize=64)
+def _pairs(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Both channels of every pair, not to be written to."""
+    a, b = np.triu_indices(count, 1)
+    return a, b
 
 
 def _only(which: Channels, index: int) -> Channels:
@@ -260,18 +268,20 @@ def _pair_energies(which: Channels, scheme: Scheme, modes: ModalTaxels | None) -
     count = len(which.line)
     frequency, rest, amplitude = pair_lines(which, scheme)
     square = amplitude**2
-    a, b = np.triu_indices(count, 1)
-    result = np.zeros(count)
+    a, b = _pairs(count)
+    result, taxel = np.zeros(count), np.arange(count)[:, None]
     block = max(BLOCK // _depth(modes), 1)
     for start in range(0, len(square), block):
         part = slice(start, start + block)
-        first, second = a[part], b[part]
-        for i in range(count):
-            lines = frequency[:, part].ravel(), rest[:, part].ravel()
-            energy = _response(which, modes, slice(i, i + 1), *lines).reshape(2, -1).sum(0)
+        lines = frequency[:, part].ravel(), rest[:, part].ravel()
+        # All taxels at once where there are few lines.
+        rows = max(block // len(lines[0]), 1)
+        for first in range(0, count, rows):
+            own = slice(first, min(first + rows, count))
+            energy = _response(which, modes, own, *lines).reshape(own.stop - first, 2, -1).sum(1)
             # Pairs with the taxel itself are left out before adding: taken off a sum they would leave its rounding.
-            weight = np.where((first == i) | (second == i), 0.0, square[part])
-            result[i] += energy @ weight
+            others = (a[part] != taxel[own]) & (b[part] != taxel[own])
+            result[own] += (energy * np.where(others, square[part], 0.0)).sum(1)
     scaled: np.ndarray = result / which.line**2
     return scaled
 
@@ -283,7 +293,7 @@ def _tables(which: Channels, scheme: Scheme, modes: ModalTaxels | None) -> tuple
     if scheme.name == "biased":
         tones += _harmonic_energy(which, modes, slice(None), scheme) * ~np.eye(count, dtype=bool)
     if scheme.has_pair_spurs:
-        a, b = np.triu_indices(count, 1)
+        a, b = _pairs(count)
         frequency, rest, amplitude = pair_lines(which, scheme)
         for i in range(count):
             heard = _response(which, modes, slice(i, i + 1), frequency.ravel(), rest.ravel())

@@ -1,6 +1,7 @@
 """How many channels one coil holds: by the paper's bound and by the exact response."""
 
 from collections.abc import Callable
+from functools import lru_cache
 
 from padgen.errors import SpecError, at_least, number
 from padgen.physics.ladder import capacity, geometric_ladder, ladder_ratio, slot_half_width, whole_channels
@@ -68,6 +69,7 @@ def searched_to(scheme: Scheme) -> int:
     return LARGEST_WITH_SPURS if scheme.has_pair_spurs else LARGEST
 
 
+@lru_cache(maxsize=256)
 def largest_counts(
     band_hz: tuple[float, float], q: float, law: LevelLaw, scheme: Scheme, target_db: float, most: int = LARGEST
 ) -> tuple[int, int]:

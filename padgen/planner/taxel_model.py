@@ -21,7 +21,7 @@ from padgen.planner.suspensions import TOPOLOGIES, Arrangement, BeamShape, Block
 from padgen.spec import Spec
 from padgen.units import G_PER_CM3, GPA, MM
 
-__all__ = ["TaxelModel", "fillet_mm", "plate_shape", "post_diameter_mm", "recess_mm"]
+__all__ = ["TaxelModel", "fillet_mm", "plate_shape", "post_diameter_mm", "recess_mm", "work_out_together"]
 
 THINNEST_WALL_MM = 1e-3
 SAME_M = 1e-15
@@ -254,13 +254,31 @@ class TaxelModel:
         arm = np.asarray(self.arrangement.tip_twist_per_mm3) / MM**3
         return HeldBy(plate.length_mm * MM, plate.width_mm * MM, roof_mm * MM, arm)
 
-    def root_stress_pa(self, level_m: np.ndarray) -> np.ndarray:
-        """Largest bending stress of the beams when the washer moves by `level_m`, in the working mode."""
+    @cached_property
+    def stress_pa_per_m(self) -> np.ndarray:
+        """Largest bending stress of the beams over the washer's motion, in the working mode."""
         shape = np.take_along_axis(self.modes.shape, self.working[..., None, None], -1)[..., 0]
         vertical = _take(self.modes.at_point(self.washer_point_m)[..., 2, :], self.working)
-        motion = shape * (level_m / vertical)[..., None]
+        motion = shape / vertical[..., None]
         stresses = [bending_stress(beam, motion, self.modes.reference, *self.elastic[:2]) for beam in self.placements]
         return np.asarray(np.maximum.reduce(stresses))
+
+    def root_stress_pa(self, level_m: np.ndarray) -> np.ndarray:
+        """Largest bending stress of the beams when the washer moves by `level_m`, in the working mode."""
+        return self.stress_pa_per_m * level_m
+
+
+def work_out_together(models: Sequence[TaxelModel]) -> None:
+    """What single taxels would each work out alone, topology by topology at once, which is quicker."""
+    for topology in dict.fromkeys(model.topology for model in models):
+        own = [model for model in models if model.topology == topology and type(model) is TaxelModel]
+        if len(own) > 1:
+            shapes = BeamShape(*np.array([model.beam for model in own], float).T)
+            all_of_them = TaxelModel(own[0].spec, topology, own[0].plate, shapes)
+            vars(all_of_them)["modes"] = Modes(*(np.stack(part) for part in zip(*(m.modes for m in own), strict=True)))
+            for name in ("rule_hz", "mode_errors", "stress_pa_per_m"):
+                for model, value in zip(own, getattr(all_of_them, name), strict=True):
+                    vars(model)[name] = value
 
 
 def _take(values: np.ndarray, index: np.ndarray) -> np.ndarray:
