@@ -99,7 +99,7 @@ def growth_section() -> list[str]:
 
 def sweep_section() -> list[str]:
     return [
-        "`padgen sweep` from start to end, its pictures included, over variants of paper-32 (STL and 3MF), in units of",
+        "`padgen sweep` from start to end, its pictures included, over variants of paper-32, in units of",
         "the cold command: a process of its own, its cache empty. *each*: of 2 workers' time, over the cold command's.",
         "",
         *sweeps(),

@@ -103,7 +103,7 @@ def compared(work: Path, name: str, count: int, text: str, cold: list[str], bar:
 
 def sweeps() -> list[str]:
     """Bars of plans and builds."""
-    build = ["build", "paper-32", "--formats", "stl,3mf"]
+    build = ["build", "paper-32"]
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)
         rows = [

@@ -10,8 +10,8 @@ import shutil
 from collections.abc import Callable, Iterable
 from dataclasses import is_dataclass
 from hashlib import file_digest, sha256
-from json.encoder import encode_basestring
 from itertools import takewhile
+from json.encoder import encode_basestring
 from math import isfinite
 from pathlib import Path
 from types import TracebackType

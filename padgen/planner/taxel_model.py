@@ -265,7 +265,7 @@ class TaxelModel:
 
     def root_stress_pa(self, level_m: np.ndarray) -> np.ndarray:
         """Largest bending stress of the beams when the washer moves by `level_m`, in the working mode."""
-        return self.stress_pa_per_m * level_m
+        return np.asarray(self.stress_pa_per_m * level_m)
 
 
 def work_out_together(models: Sequence[TaxelModel]) -> None:

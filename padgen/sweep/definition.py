@@ -62,7 +62,7 @@ class Settings:
     name: str = text(doc="name of the sweep and of its folder", pattern=r"[A-Za-z0-9][A-Za-z0-9._-]{0,71}")
     base: str = text(doc="a spec's file (beside the sweep's) or the name of a template")
     stage: str = choice("plan", of=STAGES, doc="how far each variant is made")
-    formats: str = text("stl,3mf", doc="of a build")
+    formats: str = text("stl,3mf,step", doc="of a build, as `padgen build` has them")
     pads: int = quantity(10_000, unit="pads", low=1, high=10_000_000, doc="printed in the computer for the yield")
     folders: bool = flag(True, doc="whether each variant gets a folder of its own; the index has its figures anyway")
 
