@@ -159,10 +159,11 @@ class OutputFolder:
         if manifest is not None:
             listed = dict(sorted(self._hashes.items()))
             (self._aside / MANIFEST).write_text(json_text({**manifest, "files": listed}), encoding="utf-8")
-        for name in self._hashes:
+        fresh = bool(self._made)
+        for name in () if fresh else self._hashes:
             if (self.path / name).is_dir():
                 raise FileError("cannot be written (a folder has its name)", str(self.path / name))
-        known = read_manifest(self.path).get("files", {})
+        known = {} if fresh else read_manifest(self.path).get("files", {})
         if any(name in known and known[name] != new for name, new in self._hashes.items()):
             (self.path / MANIFEST).unlink(missing_ok=True)
         for name in self._hashes:

@@ -18,11 +18,12 @@ from collections import Counter
 from concurrent.futures import Future
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from padgen.errors import FileError, SpecError
 from padgen.spec import catalogue
-from padgen.sweep import index
+from padgen.sweep import index, variant
 from padgen.sweep.definition import load_sweep, parse_sweep
 from padgen.sweep.events import Clock, Event, event_table
 from padgen.sweep.expression import parse_expression
@@ -465,3 +466,15 @@ def test_an_event_as_json(tmp_path):
     start, done, end = (json.loads(json.dumps(event_table(event))) for event in events)
     assert (start["kind"], start["left"], end["kind"], end["left"]) == ("start", 1, "end", 0)
     assert done["variant"]["number"] == 0 and done["variant"]["figures"] == {"taxels": 1} and "record" not in done
+
+
+@pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="the peak is taken by variant on Linux only")
+def test_the_peak_of_memory_is_the_variants_own():
+    variant._forget_peak()
+    before = variant._peak_memory_mb()
+    held = np.ones(30_000_000)  # 240 MB
+    assert variant._peak_memory_mb() > before + 200
+    del held
+    assert variant._peak_memory_mb() > before + 200
+    variant._forget_peak()
+    assert variant._peak_memory_mb() < before + 100

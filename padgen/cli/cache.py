@@ -15,8 +15,8 @@ def add(commands: Any) -> None:
     parser = commands.add_parser(
         "cache",
         help="what is kept of earlier runs, and dropping it",
-        description="Results that are dear to compute (meshes of taxels, finite elements) are kept in a folder, at most"
-        " PADGEN_CACHE_MB megabytes (1024); those that were used longest ago go first.",
+        description="Results that are dear to compute (meshes of taxels, finite elements, optimised ladders) are kept"
+        " in a folder, at most PADGEN_CACHE_MB megabytes (1024); those that were used longest ago go first.",
     )
     actions = parser.add_subparsers(title="actions", required=True, metavar="ACTION")
     for name, told, run in (

@@ -13,7 +13,7 @@ from padgen.planner.modes import each_distance, mode_fields, site_wrenches, taxe
 from padgen.planner.plan import Beam, Channel, Site, channel_sets
 from padgen.planner.settings import level_law, scheme_named
 from padgen.planner.sizing import SizedChannel, frequency_spread
-from padgen.planner.taxel_model import fillet_mm, work_out_together
+from padgen.planner.taxel_model import fillet_mm
 from padgen.spec import Spec
 from padgen.units import GRAM, MM, MN, MPA, MS, UM
 
@@ -29,7 +29,6 @@ __all__ = [
 
 def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Site]) -> tuple[Channel, ...]:
     """The channels of a coil; what depends on the drive scheme is `driven`'s to fill in."""
-    work_out_together([s.model for s in sized])
     resonance = np.array([float(s.model.resonance_hz) for s in sized])
     level = level_law(spec)(resonance)
     level_um = spec.drive.level_um * level / level[0]

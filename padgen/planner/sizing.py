@@ -14,7 +14,6 @@ from math import sqrt
 import numpy as np
 
 from padgen.physics.ladder import slot_half_width
-from padgen.physics.modes import Modes
 from padgen.physics.selectivity import channels as resonators
 from padgen.planner.printable import LENGTH_STEP_MM, IdealBeam, printable_beams
 from padgen.planner.settings import level_law
@@ -272,16 +271,14 @@ def _solved(spec: Spec, picks: list[Pick], targets: np.ndarray) -> tuple[SizedCh
 
 
 def _models(spec: Spec, names: Sequence[str], beams: Sequence[BeamShape]) -> list[TaxelModel]:
-    """A model of each beam; their modes are solved together, topology by topology, which is quicker."""
+    """A model of each beam; those of one topology are worked out together, which is quicker."""
     plate = plate_shape(spec)
-    models = [TaxelModel(spec, name, plate, beam) for name, beam in zip(names, beams, strict=True)]
+    models: dict[int, TaxelModel] = {}
     for name in dict.fromkeys(names):
-        own = [model for model in models if model.topology == name]
-        shapes = BeamShape(*np.array([model.beam for model in own], float).T)
-        modes = TaxelModel(spec, name, plate, shapes).modes
-        for k, model in enumerate(own):
-            vars(model)["modes"] = Modes(*(part[k] for part in modes))
-    return models
+        own = [i for i, topology in enumerate(names) if topology == name]
+        array = TaxelModel(spec, name, plate, BeamShape(*np.array([beams[i] for i in own], float).T))
+        models |= {i: TaxelModel(spec, name, plate, beams[i], member_of=(array, k)) for k, i in enumerate(own)}
+    return [models[i] for i in range(len(names))]
 
 
 RESONANCE_TOLERANCE = 2e-3

@@ -4,9 +4,9 @@ This is where drawing dimensions become the SI arrays of `padgen.physics`. Every
 of beam shapes, so that a grid of candidates costs one call.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, wraps
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from padgen.planner.suspensions import TOPOLOGIES, Arrangement, BeamShape, Block
 from padgen.spec import Spec
 from padgen.units import G_PER_CM3, GPA, MM
 
-__all__ = ["TaxelModel", "fillet_mm", "plate_shape", "post_diameter_mm", "recess_mm", "work_out_together"]
+__all__ = ["TaxelModel", "fillet_mm", "plate_shape", "post_diameter_mm", "recess_mm"]
 
 THINNEST_WALL_MM = 1e-3
 SAME_M = 1e-15
@@ -58,11 +58,27 @@ def fillet_mm(spec: Spec, arrangement: Arrangement) -> Any:
     return np.clip(np.minimum(arrangement.root_clearance_mm, short), 0, spec.taxel.fillet_mm)
 
 
+def _of_array(method: "Callable[[TaxelModel], np.ndarray]") -> "Callable[[TaxelModel], np.ndarray]":
+    """Take the value of a taxel that belongs to an array from there."""
+
+    @wraps(method)
+    def value(model: "TaxelModel") -> np.ndarray:
+        if not model.member_of:
+            return method(model)
+        array, index = model.member_of
+        taken: np.ndarray = getattr(array, method.__name__)[index]
+        return taken
+
+    return value
+
+
 @dataclass(frozen=True)
 class TaxelModel:
     """One taxel, or an array of taxels of one topology, by the beam model.
 
     `frame_depth_mm` is how deep the frame is behind a root, up to what holds it: half a rib when absent.
+    `member_of` is the model of an array that the taxel belongs to, and its index there: what is dear is worked
+    out for all of an array at once.
     """
 
     spec: Spec
@@ -70,6 +86,7 @@ class TaxelModel:
     plate: PlateShape
     beam: BeamShape
     frame_depth_mm: float | None = field(default=None, kw_only=True)
+    member_of: "tuple[TaxelModel, int] | None" = field(default=None, kw_only=True, compare=False, repr=False)
 
     @cached_property
     def arrangement(self) -> Arrangement:
@@ -160,6 +177,9 @@ class TaxelModel:
     @cached_property
     def modes(self) -> Modes:
         """All six modes."""
+        if self.member_of:
+            array, index = self.member_of
+            return Modes(*(part[index] for part in array.modes))
         return suspended_modes(self.body, self.placements, *self.elastic)
 
     @cached_property
@@ -196,6 +216,7 @@ class TaxelModel:
         return self.stiffness_n_per_m / (2 * np.pi * self.resonance_hz) ** 2
 
     @cached_property
+    @_of_array
     def rule_hz(self) -> np.ndarray:
         """Resonance by the paper's point-mass rule (Eq. 1-2): all of the body at the beam's tip."""
         topology = TOPOLOGIES[self.topology]
@@ -236,6 +257,7 @@ class TaxelModel:
         return np.asarray(fitted(*(np.asarray(side, float) for side in self.beam)))
 
     @cached_property
+    @_of_array
     def mode_errors(self) -> np.ndarray:
         """Estimated relative error (…, 6) of each mode's frequency, as a standard deviation
         (`padgen.physics.beam_error`)."""
@@ -255,6 +277,7 @@ class TaxelModel:
         return HeldBy(plate.length_mm * MM, plate.width_mm * MM, roof_mm * MM, arm)
 
     @cached_property
+    @_of_array
     def stress_pa_per_m(self) -> np.ndarray:
         """Largest bending stress of the beams over the washer's motion, in the working mode."""
         shape = np.take_along_axis(self.modes.shape, self.working[..., None, None], -1)[..., 0]
@@ -266,19 +289,6 @@ class TaxelModel:
     def root_stress_pa(self, level_m: np.ndarray) -> np.ndarray:
         """Largest bending stress of the beams when the washer moves by `level_m`, in the working mode."""
         return np.asarray(self.stress_pa_per_m * level_m)
-
-
-def work_out_together(models: Sequence[TaxelModel]) -> None:
-    """What single taxels would each work out alone, topology by topology at once, which is quicker."""
-    for topology in dict.fromkeys(model.topology for model in models):
-        own = [model for model in models if model.topology == topology and type(model) is TaxelModel]
-        if len(own) > 1:
-            shapes = BeamShape(*np.array([model.beam for model in own], float).T)
-            all_of_them = TaxelModel(own[0].spec, topology, own[0].plate, shapes)
-            vars(all_of_them)["modes"] = Modes(*(np.stack(part) for part in zip(*(m.modes for m in own), strict=True)))
-            for name in ("rule_hz", "mode_errors", "stress_pa_per_m"):
-                for model, value in zip(own, getattr(all_of_them, name), strict=True):
-                    vars(model)[name] = value
 
 
 def _take(values: np.ndarray, index: np.ndarray) -> np.ndarray:

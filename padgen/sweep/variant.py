@@ -49,8 +49,8 @@ class Task:
 class Record:
     """What came of a variant: one row of the index.
 
-    `findings` are the codes of errors and warnings, `seconds` and `peak_memory_mb` are the worker's (the
-    latter since it started); None where nobody measured.
+    `findings` are the codes of errors and warnings, `seconds` and `peak_memory_mb` are the worker's; None
+    where nobody measured.
     """
 
     number: int
@@ -106,6 +106,7 @@ def _threshold(table: dict[str, Any], folder: Path) -> str:
 def run_task(task: Task) -> Record:
     """Make one variant as far as its stage asks for."""
     start = time.perf_counter()
+    _forget_peak()
     figures: dict[str, Any] = {}
     findings: tuple[Finding, ...] = ()
     status, sentence = "done", ""
@@ -184,8 +185,18 @@ def _study(spec: Any, folder: Path) -> dict[str, Any]:
     return {"study_files": len(study.files)}
 
 
+def _forget_peak() -> None:
+    """Begin a new peak of resident memory (Linux; elsewhere it is the process' own since its start)."""
+    with suppress(OSError):
+        Path("/proc/self/clear_refs").write_bytes(b"5")
+
+
 def _peak_memory_mb() -> float | None:
     """Peak resident memory of this process; None where the system does not tell."""
+    with suppress(OSError, StopIteration):
+        # (Linux lets ``ru_maxrss`` begin with what the parent held when it started this process.)
+        lines = Path("/proc/self/status").read_text().splitlines()
+        return int(next(line for line in lines if line.startswith("VmHWM")).split()[1]) * 1024 / 1e6
     try:
         import resource
     except ImportError:
