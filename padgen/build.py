@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from padgen import __version__
-from padgen.cache import code_hash, version
+from padgen.cache import code_hash, versions
 from padgen.errors import SpecError
 from padgen.files import PLAN_FILES, OutputFolder, differs, file_hash, is_current, json_text, read_manifest
 from padgen.finding import Finding
@@ -28,7 +28,6 @@ FORMATS = ("stl", "3mf", "step", "glb")
 PARTS = ("coupon", "coupon-tray", "tray")
 """What can be made beside the pad, see `padgen.solid.parts`."""
 DEFAULT_FORMATS = ("stl", "3mf", "step")
-PACKAGES = ("build123d", "cadquery-ocp-novtk", "lib3mf", "manifold3d", "ngsolve", "numpy", "pillow", "trimesh")
 OWN_FILES = ("pad.stl", "pad.3mf", "pad.glb", "taxel-*.step", *(f"{part}.*" for part in PARTS))
 """Files of a build that the next one of other formats, parts or channels takes away."""
 THUMBNAIL_PX = (256, 256)
@@ -223,5 +222,5 @@ def _inputs(spec: Spec, formats: tuple[str, ...], instances: bool, parts: tuple[
         "instances": instances,
         "parts": list(parts),
         "code": code_hash(),
-        "versions": {name: version(name) for name in PACKAGES},
+        "versions": versions(),
     }

@@ -38,6 +38,7 @@ __all__ = [
     "store_bytes",
     "trim",
     "version",
+    "versions",
 ]
 
 VARIABLE, LIMIT_VARIABLE = "PADGEN_CACHE", "PADGEN_CACHE_MB"
@@ -48,7 +49,7 @@ KEPT_SHARE = 0.8
 """Of the limit that is left after a trim, so that not every entry asks for the next."""
 ASIDE = ".aside"
 CLAIM = ".claim"
-PATIENCE_S, LOOK_S = 900.0, 0.02
+PATIENCE_S, LOOK_S = 120.0, 0.02
 """How long to wait for another process that works on the same, and between two looks."""
 OWN = re.compile(r"[0-9a-f]{64}\.(entry|claim|json|[0-9]+|[0-9]+-[0-9]+\.aside)")
 """Names of our files: entries, those of former versions, and what killed writers of both left."""
@@ -142,13 +143,14 @@ def store_bytes(kind: str, key: str, data: bytes) -> None:
             aside.unlink(missing_ok=True)
         return
     _unseen[0] += len(data)
-    if _unseen[0] > LOOK_SHARE * limit_bytes():
-        _unseen[0] = 0
-        trim()
+    with suppress(SpecError):  # who starts something long looks at the limit first
+        if _unseen[0] > LOOK_SHARE * limit_bytes():
+            _unseen[0] = 0
+            trim()
 
 
 def once(kind: str, key: str, load: Callable[[], T | None], make: Callable[[], T]) -> T:
-    """What `load` finds; else what `make` makes and keeps, in one process at a time."""
+    """What `load` finds; else what `make` makes and keeps, in one process at a time where the folder takes locks."""
     found = load()
     if found is not None:
         return found
@@ -173,25 +175,36 @@ def claimed(kind: str, keys: Iterable[str]) -> Iterator[None]:
 @contextmanager
 def _claim(path: Path) -> Iterator[None]:
     file = -1
-    with suppress(ImportError, OSError):
-        import fcntl
-
-        path.parent.mkdir(parents=True, exist_ok=True)
-        file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
-        end = time.monotonic() + PATIENCE_S
-        while time.monotonic() < end:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except BlockingIOError:
-                time.sleep(LOOK_S)
     try:
+        with suppress(ImportError, OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            end = time.monotonic() + PATIENCE_S
+            while (file := _locked(path)) < 0 and time.monotonic() < end:
+                time.sleep(LOOK_S)
         yield
     finally:
         if file >= 0:
             with suppress(OSError):
                 path.unlink()
             os.close(file)
+
+
+def _locked(path: Path) -> int:
+    """The open file of a lock that nobody else has, -1 for one that is taken."""
+    import fcntl
+
+    file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if os.fstat(file).st_ino == path.stat().st_ino:
+            return file
+    except (BlockingIOError, FileNotFoundError):  # taken; or given back and taken away just now
+        pass
+    except BaseException:
+        os.close(file)
+        raise
+    os.close(file)
+    return -1
 
 
 def trim(most_bytes: int | None = None) -> int:
@@ -214,6 +227,8 @@ def info() -> CacheInfo:
     """What there is."""
     kinds: dict[str, tuple[int, int]] = {}
     for path, _, size in _entries():
+        if path.suffix == CLAIM:
+            continue
         kind = path.relative_to(folder()).parts[0]
         entries, total = kinds.get(kind, (0, 0))
         kinds[kind] = (entries + 1, total + size)
@@ -241,6 +256,27 @@ def clear() -> CacheInfo:
         except OSError as error:
             raise FileError(f"cannot be removed ({error.strerror or error})", str(path)) from error
     return before
+
+
+PACKAGES = (
+    "build123d",
+    "cadquery-ocp-novtk",
+    "lib3mf",
+    "manifold3d",
+    "matplotlib",
+    "netgen-mesher",
+    "ngsolve",
+    "numpy",
+    "pillow",
+    "scipy",
+    "trimesh",
+)
+"""What bytes that are written may depend on."""
+
+
+def versions() -> dict[str, str]:
+    """Versions of the packages that results depend on."""
+    return {name: version(name) for name in PACKAGES}
 
 
 @cache

@@ -8,6 +8,7 @@ import json
 import os
 import shutil
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import is_dataclass
 from hashlib import file_digest, sha256
 from itertools import takewhile
@@ -27,9 +28,12 @@ __all__ = [
     "differs",
     "file_hash",
     "is_current",
+    "json_line",
     "json_text",
     "read_manifest",
+    "reason",
     "stale_files",
+    "take_away",
 ]
 
 MANIFEST = "manifest.json"
@@ -56,6 +60,23 @@ def json_text(table: Any) -> str:
     Of plain data and dataclasses. As ``json.dumps`` with an indent of 1, which has no quick way to indent.
     """
     return _json(table, "\n") + "\n"
+
+
+def json_line(table: Any) -> str:
+    """The same conventions on one line, for streams and journals; values that are no plain data as text."""
+    return json.dumps(_plain(table), ensure_ascii=False)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, float):
+        return float(f"{value:.10g}") if isfinite(value) else None
+    if value is None or isinstance(value, (bool, int, str)):
+        return value
+    return _plain(value.item()) if hasattr(value, "item") else str(value)
 
 
 def _json(value: Any, line: str) -> str:
@@ -117,7 +138,7 @@ class OutputFolder:
             self._aside.mkdir(parents=True)
             self._made = missing
         except OSError as error:
-            raise FileError(f"cannot be written to ({_reason(error)})", str(self.path)) from error
+            raise FileError(f"cannot be written to ({reason(error)})", str(self.path)) from error
         return self
 
     def __exit__(
@@ -134,7 +155,7 @@ class OutputFolder:
                 except OSError:
                     return
         if isinstance(error, OSError):
-            raise FileError(f"cannot be written ({_reason(error)})", str(self.path)) from error
+            raise FileError(f"cannot be written ({reason(error)})", str(self.path)) from error
 
     def write(self, name: str, data: bytes | str) -> None:
         """Add a file."""
@@ -205,6 +226,13 @@ def stale_files(path: Path, plan: str) -> list[str]:
     return [] if files.get("plan.json") == file_hash(plan.encode()) else list(files)
 
 
+def take_away(path: Path) -> None:
+    """Remove what an earlier run wrote into a folder: a plan, what belongs to it, what the manifest names."""
+    with suppress(OSError):
+        for name in (MANIFEST, "plan.json", *PLAN_FILES, *read_manifest(path).get("files", {})):
+            (path / name).unlink(missing_ok=True)
+
+
 def differs(path: Path, name: str, text: str) -> bool:
     """Whether a folder has a file of this name with another text."""
     try:
@@ -224,5 +252,6 @@ def is_current(path: Path, inputs: dict[str, Any]) -> bool:
         return False
 
 
-def _reason(error: OSError) -> str:
+def reason(error: OSError) -> str:
+    """Why the system refused, in its words."""
     return error.strerror or type(error).__name__

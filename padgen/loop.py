@@ -27,6 +27,7 @@ from padgen.planner.solved_model import solved_model
 from padgen.planner.suspensions import TOPOLOGIES
 from padgen.planner.taxel_model import plate_shape
 from padgen.planner.tile import outline
+from padgen.processes import core_count
 from padgen.spec import Spec
 from padgen.units import G_PER_CM3, GPA, GRAM
 
@@ -205,7 +206,7 @@ class TaxelSolver:
         return {
             "plate": asdict(plan.plate),
             "beam": asdict(channel.beam),
-            "outline": [round(v, 9) for v in outline(plan, channel)],
+            "outline": outline(plan, channel),
             "frame_mm": spec.pad.frame_thickness_mm,
             "material": asdict(spec.material),
             "washer": asdict(spec.washer),
@@ -233,14 +234,13 @@ class TaxelSolver:
     def _started(self, tasks: int) -> Any:
         """The pool; its processes load the engine while this one loads the CAD kernel."""
         if self._pool is None:
-            import os
             from concurrent.futures import ProcessPoolExecutor
             from multiprocessing import get_context
 
             from padgen.verify.engines import require
 
             require("ngsolve")
-            workers = min(tasks, os.cpu_count() or 1, WORKERS)
+            workers = min(tasks, core_count(), WORKERS)
             self._pool = ProcessPoolExecutor(workers, get_context("spawn"), initializer=_start_worker)
             for _ in range(workers):
                 self._pool.submit(_load_engine)

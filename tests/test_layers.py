@@ -9,7 +9,7 @@ import pytest
 ROOT = Path(__file__).parents[1] / "padgen"
 LAYERS = [
     {"errors", "units"},
-    {"finding", "files", "plots"},
+    {"finding", "files", "plots", "processes"},
     {"cache"},
     {"spec", "physics"},
     {"planner"},

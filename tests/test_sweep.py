@@ -21,9 +21,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from padgen import processes
 from padgen.errors import FileError, SpecError
 from padgen.spec import catalogue
-from padgen.sweep import index, variant
+from padgen.sweep import index
 from padgen.sweep.definition import load_sweep, parse_sweep
 from padgen.sweep.events import Clock, Event, event_table
 from padgen.sweep.expression import parse_expression
@@ -82,6 +83,12 @@ def test_a_log_range_has_equal_ratios():
 def test_a_range_of_whole_numbers_has_each_once():
     found = [v["resolution"] for v in values("[axes]\nresolution = {low = 8, high = 10, steps = 9}\n")]
     assert found == [8, 9, 10] and all(isinstance(v, int) for v in found)
+
+
+@pytest.mark.parametrize("method", ["latin-hypercube", "sobol"])
+def test_whole_numbers_of_a_sample_are_equally_many(method):
+    text = f'[axes]\nresolution = {{low = 1, high = 4}}\n[sample]\nmethod = "{method}"\ncount = 64\n'
+    assert Counter(v["resolution"] for v in values(text)) == dict.fromkeys((1, 2, 3, 4), 16)
 
 
 def test_latin_hypercube_has_one_point_a_stratum():
@@ -145,6 +152,12 @@ def test_the_table_of_a_variant():
 def test_constraints(text, holds):
     found = values(f'constraints = ["{text}"]\n[axes]\nq_min = [10, 12, 14]\n')
     assert [v["q_min"] for v in found] == [q for q, ok in zip((10, 12, 14), holds, strict=True) if ok]
+
+
+def test_a_constraint_on_what_is_varied_by_tables():
+    axes = '[axes]\nprinter = [{name = "fdm-0.25", layer_mm = 0.1}, "fdm-0.4", {name = "fdm-0.25"}]\n'
+    found = values(f"constraints = [\"printer == 'fdm-0.25'\"]\n{axes}")
+    assert [v["printer"] for v in found] == [{"name": "fdm-0.25", "layer_mm": 0.1}, {"name": "fdm-0.25"}]
 
 
 def test_constraints_see_what_a_varied_field_brings_along():
@@ -251,11 +264,12 @@ def test_constraints_that_cannot_be_worked_out(text):
         (HEAD + "constraints = 'q_min > 1'\n" + GRID, "constraints: must be a list of conditions as text"),
         (HEAD + "constraints = ['quality > 1']\n" + GRID, "constraint 'quality > 1': names 'quality'"),
         (HEAD + GRID + "[sample]\nmethod = 'sobol'", "sample.count: must be at least 1 for method 'sobol'"),
+        (HEAD + GRID + "[sample]\nmethod = 'latin-hypercube'\ncount = 100001", "sample.count: must be at most 100000"),
         (HEAD + GRID + "[sample]\nseed = -1", "sample.seed: must be at least 0"),
         (HEAD + "sample = 3\n" + GRID, "sample: must be a table"),
         (HEAD + GRID + "[limits]\ntime_s = 0", "limits.time_s: must be at least 0.1"),
         (HEAD + GRID + "[limits]\nmemory = 3", "limits: there is no key 'memory'; did you mean 'memory_mb'"),
-        (HEAD + GRID + "x = " + "[" * 20000, "is no sweep|is not TOML"),
+        (HEAD + GRID + "x = " + "[" * 20000, "nested too deeply|is not TOML"),
     ],
 )
 def test_bad_sweeps_are_refused_with_a_sentence(text, sentence):
@@ -397,9 +411,51 @@ def test_a_variant_whose_folder_is_gone_runs_again(tmp_path):
     sweep = parse_sweep(HEAD + "[axes]\nq_min = [12, 13]\n")
     run_sweep(sweep, tmp_path, workers=1)
     (tmp_path / "s-00001" / "plan.json").unlink()
-    (tmp_path / "s-00001" / ".partial-1").mkdir()
+    (tmp_path / "s-00001" / ".partial-999999999").mkdir()
     assert run_sweep(sweep, tmp_path, workers=1).kept == 1
     assert [path.name for path in (tmp_path / "s-00001").iterdir()] == ["plan.json"]
+
+
+def test_what_was_replaced_is_not_kept_when_its_inputs_come_back(tmp_path):
+    """A is done; B's variant writes its folder, but its record is lost; A again must make it anew."""
+    a, b = (parse_sweep(HEAD + f"[axes]\nq_min = [{q}, 14]\n") for q in (12, 13))
+
+    class Lost(Inline):
+        def submit(self, function, tasks, *rest):
+            raise RuntimeError("lost")
+
+    assert run_sweep(a, tmp_path, workers=1).done == 2
+    assert run_sweep(b, tmp_path, Lost()).left == 1
+    assert [row["number"] for row in rows(tmp_path)] == ["1"]
+    again = run_sweep(a, tmp_path, workers=1)
+    assert (again.kept, again.done) == (1, 2)
+
+
+def test_another_plan_leaves_nothing_of_the_one_before(tmp_path):
+    def made(more: str) -> set[str]:
+        run_sweep(parse_sweep(HEAD + f"pads = 20\n{more}"), tmp_path, workers=1)
+        return {path.name for path in (tmp_path / "s-00000").iterdir()}
+
+    assert made('stage = "yield"\n[axes]\nq_min = [15]') == {"plan.json", "yield.json"}
+    assert made("[axes]\nq_min = [15]") == {"plan.json", "yield.json"}
+    assert made("[axes]\nq_min = [16]") == {"plan.json"}
+
+
+def test_a_refused_variant_keeps_no_older_files(tmp_path):
+    (tmp_path / "s-00000").mkdir()
+    (tmp_path / "s-00000" / "manifest.json").write_text('{"files": {"pad.stl": ""}}')
+    (tmp_path / "s-00000" / "pad.stl").touch()
+    (tmp_path / "s-00000" / "mine.txt").touch()
+    run_sweep(parse_sweep(HEAD + "[axes]\nresolution = [8]\n"), tmp_path, workers=1)
+    assert rows(tmp_path)[0]["status"] == "refused"
+    assert [path.name for path in (tmp_path / "s-00000").iterdir()] == ["mine.txt"]
+
+
+def test_a_limit_of_the_cache_that_is_none_is_refused_at_once(tmp_path, monkeypatch):
+    monkeypatch.setenv("PADGEN_CACHE_MB", "much")
+    with pytest.raises(SpecError, match="PADGEN_CACHE_MB"):
+        run_sweep(parse_sweep(HEAD + "[axes]\nq_min = [12]\n"), tmp_path / "out", workers=1)
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_refused_variant_keeps_no_older_plan(tmp_path):
@@ -432,7 +488,8 @@ def test_a_journal_of_many_runs_is_compacted(tmp_path, monkeypatch):
     sweep = parse_sweep(NO_FOLDERS + "[axes]\nq_min = [10, 11]\n")
     for _ in range(4):
         run_sweep(sweep, tmp_path, Inline(), resume=False)
-    assert (tmp_path / "index.jsonl").read_bytes().count(b"\n") == 2
+        # Twice what is in use, and the waste.
+        assert (tmp_path / "index.jsonl").read_bytes().count(b"\n") <= 2 * 2 + 3
     assert run_sweep(sweep, tmp_path, Inline()).kept == 2
 
 
@@ -470,11 +527,11 @@ def test_an_event_as_json(tmp_path):
 
 @pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="the peak is taken by variant on Linux only")
 def test_the_peak_of_memory_is_the_variants_own():
-    variant._forget_peak()
-    before = variant._peak_memory_mb()
+    processes.reset_peak()
+    before = processes.peak_mb()
     held = np.ones(30_000_000)  # 240 MB
-    assert variant._peak_memory_mb() > before + 200
+    assert processes.peak_mb() > before + 200
     del held
-    assert variant._peak_memory_mb() > before + 200
-    variant._forget_peak()
-    assert variant._peak_memory_mb() < before + 100
+    assert processes.peak_mb() > before + 200
+    processes.reset_peak()
+    assert processes.peak_mb() < before + 100

@@ -30,7 +30,7 @@ import pytest
 from padgen import cache
 from padgen.errors import FileError
 from padgen.sweep import worker
-from padgen.sweep.definition import parse_sweep
+from padgen.sweep.definition import Limits, parse_sweep
 from padgen.sweep.lock import FolderLock
 from padgen.sweep.run import run_sweep
 from padgen.sweep.variant import run_task
@@ -390,3 +390,33 @@ def test_an_idle_worker_ends_and_another_takes_over(place, monkeypatch):
     assert workers.run([task], sweep_work.tiny, limits)[0].status == "done"
     workers.close()
     assert json.dumps(workers.pids) == "[]"
+
+
+def test_several_idle_workers_that_ended_cost_no_variant(place):
+    workers = worker.Workers()
+    from padgen.sweep.points import variants
+    from padgen.sweep.variant import task_of
+
+    task = task_of(sweep(), next(variants(sweep())), (), place)
+    for _ in range(3):
+        workers._idle.append(worker._Worker(None))
+    for one in workers._idle:
+        one.retire()
+        one._listener.join(60)
+    assert workers.run([task], sweep_work.tiny, sweep().limits)[0].status == "done"
+    workers.close()
+
+
+def test_a_worker_that_has_grown_is_replaced(place):
+    workers = worker.Workers()
+    from padgen.sweep.points import variants
+    from padgen.sweep.variant import task_of
+
+    task = task_of(sweep(), next(variants(sweep())), (), place)
+    pids = []
+    for megabytes in (4000.0, 4000.0, 10.0, 4000.0):
+        # A worker holds more than 5 MB, and answers before its memory is looked at.
+        assert workers.run([task], sweep_work.tiny, Limits(memory_mb=megabytes))[0].status == "done"
+        pids.append(set(workers.pids))
+    assert pids[0] == pids[1] and not pids[2] and pids[3]
+    workers.close()

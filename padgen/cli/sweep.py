@@ -1,7 +1,6 @@
 """``padgen sweep``."""
 
 import argparse
-import json
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
@@ -105,10 +104,9 @@ def _telling(options: argparse.Namespace, sweep: Any) -> Iterator[Callable[[Any]
 
 def _line(table: dict[str, Any]) -> None:
     """Write one line of JSON, whole, at once."""
-    from padgen.files import json_text
+    from padgen.files import json_line
 
-    # Numbers of ten digits and null for none, as in every file.
-    print(json.dumps(json.loads(json_text(table)), ensure_ascii=False), flush=True)
+    print(json_line(table), flush=True)
 
 
 def _failure(sweep: Any, event: Any, write: Callable[[str], None]) -> None:

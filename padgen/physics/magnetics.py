@@ -115,7 +115,7 @@ def flux_density(coil: SolenoidCoil, radius: np.ndarray, height: np.ndarray) -> 
 
     Read-only arrays: plans of one coil and layout ask for the same points again.
     """
-    radius, height = np.asarray(radius, float), np.asarray(height, float)
+    radius, height = np.broadcast_arrays(np.asarray(radius, float), np.asarray(height, float))
     if radius.size > MOST_POINTS_KEPT:
         return _flux_density(coil, radius, height)
     return _kept_flux_density(coil, radius.shape, radius.tobytes(), height.tobytes())
@@ -234,6 +234,7 @@ def _loop_field(loop_radius: float, radius: np.ndarray, height: np.ndarray) -> t
 
 def _elliptic(m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Complete elliptic integrals K(m) and E(m) by the arithmetic-geometric mean."""
+    m = np.atleast_1d(m)
     b = np.sqrt(1 - m)
     # The first step, of a = 1; then in place, since these are the dearest lines of a plan.
     a, c, b = (1 + b) / 2, (1 - b) / 2, np.sqrt(b)

@@ -13,8 +13,7 @@ __all__ = ["coil_poles", "pole_error", "pole_field"]
 def coil_poles(coil: SolenoidCoil) -> np.ndarray:
     """A coil as magnetic poles on its axis: charge in A·m/A and height in m over its top, shape (4, 2).
 
-    The winding's ends, and core's positive and negative charges, each pair where its middle is. Not to be
-    written to: it is kept.
+    The winding's ends, and core's positive and negative charges, each pair where its middle is.
     """
     outer, inner = coil.outer_diameter / 2, coil.inner_diameter / 2
     area = np.pi * (outer**2 + outer * inner + inner**2) / 3
@@ -25,7 +24,9 @@ def coil_poles(coil: SolenoidCoil) -> np.ndarray:
         for k, sign in ((2, charge > 0), (3, charge < 0)):
             total = float(charge[sign].sum())
             poles[k] = (total, float((charge[sign] * height[sign]).sum()) / total)
-    return np.array(poles)
+    result = np.array(poles)
+    result.setflags(write=False)
+    return result
 
 
 def pole_field(poles: np.ndarray, height: float, away: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -205,9 +205,11 @@ def loudest_line(which: Channels, scheme: Scheme, off: int) -> tuple[tuple[int, 
 
 @lru_cache(maxsize=64)
 def _pairs(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Both channels of every pair, not to be written to."""
-    a, b = np.triu_indices(count, 1)
-    return a, b
+    """Both channels of every pair."""
+    pairs = np.triu_indices(count, 1)
+    for part in pairs:
+        part.setflags(write=False)
+    return pairs[0], pairs[1]
 
 
 def _only(which: Channels, index: int) -> Channels:

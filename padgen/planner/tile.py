@@ -43,7 +43,7 @@ def to_cell(points: np.ndarray, channel: Channel) -> np.ndarray:
 
 
 def outline(plan: Plan, channel: Channel) -> Outline:
-    """The sub-cell of `channel` in the taxel's own axes."""
+    """The sub-cell of `channel` in the taxel's own axes, without what rounding adds, so that layouts share taxels."""
     cosine, sine = TURNS[channel.site.along]
     x = channel.site.centre_mm[0] - channel.site.origin_mm[0]
     y = channel.site.centre_mm[1] - channel.site.origin_mm[1]
@@ -51,4 +51,4 @@ def outline(plan: Plan, channel: Channel) -> Outline:
     width, depth = plan.cell.width_mm, plan.cell.depth_mm
     if sine:
         width, depth = depth, width
-    return Outline(x - width / 2, x + width / 2, y - depth / 2, y + depth / 2)
+    return Outline(*(round(v, 9) for v in (x - width / 2, x + width / 2, y - depth / 2, y + depth / 2)))

@@ -12,7 +12,17 @@ from padgen.spec.model import Coil, Drive, Material, Model, Pad, Printer, Spec, 
 from padgen.spec.refusals import refuse_contradictions
 from padgen.spec.threshold import with_threshold
 
-__all__ = ["SHORTHANDS", "catalogue", "find_spec", "load_spec", "parse_spec", "template_paths"]
+__all__ = [
+    "SHORTHANDS",
+    "catalogue",
+    "find_spec",
+    "load_spec",
+    "make_spec",
+    "parse_spec",
+    "parse_toml",
+    "read_toml",
+    "template_paths",
+]
 
 CATALOGUES = {
     "material": (Material, "materials.csv"),
@@ -74,13 +84,7 @@ def find_spec(spec: str) -> Path:
 def load_spec(spec: str) -> Spec:
     """Read a `Spec` from a path or from the name of a template."""
     path = find_spec(spec)
-    try:
-        text = path.read_bytes().decode("utf-8-sig")
-    except OSError as error:
-        raise FileError(f"cannot be read ({error.strerror})", spec) from error
-    except UnicodeDecodeError as error:
-        raise FileError(f"is not TOML: byte {error.start} is not UTF-8 text", spec) from error
-    return parse_spec(text, spec, path.parent)
+    return make_spec(read_toml(path, spec), path.parent)
 
 
 def parse_spec(text: str, where: str = "spec", folder: Path = Path()) -> Spec:
@@ -91,15 +95,30 @@ def parse_spec(text: str, where: str = "spec", folder: Path = Path()) -> Spec:
     SpecError
         The text is not TOML, or a field is unknown, missing or out of bounds.
     """
+    return make_spec(parse_toml(text, where), folder)
+
+
+def read_toml(path: Path, where: str) -> dict[str, Any]:
+    """The tables of a TOML file, which errors call `where`."""
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise FileError(f"is not TOML: byte {error.start} is not UTF-8 text", where) from error
+    except (OSError, ValueError) as error:
+        raise FileError(f"cannot be read ({getattr(error, 'strerror', None) or error})", where) from error
+    return parse_toml(text, where)
+
+
+def parse_toml(text: str, where: str) -> dict[str, Any]:
+    """The tables of TOML text, which errors call `where`."""
     import tomllib
 
     try:
-        table = tomllib.loads(text)
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise SpecError(f"is not TOML: {error}", where) from error
     except RecursionError as error:
-        raise SpecError("is not a spec: its values are nested too deeply", where) from error
-    return make_spec(table, folder)
+        raise SpecError("cannot be read: its values are nested too deeply", where) from error
 
 
 def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:

@@ -13,6 +13,8 @@ import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from padgen.processes import peak_mb, reset_peak
+
 __all__ = ["Answer", "Job", "main"]
 
 
@@ -86,10 +88,10 @@ def _import(name: str) -> None:
 def _measured(job: Job) -> Answer:
     prepare, _ = pickle.loads(job.work)
     made = () if prepare is None else (prepare(),)
-    _reset_peak()
-    before = _peak_mb()
+    reset_peak()
+    before = peak_mb() or 0.0
     value, wall, cpu = _timed(job, made)
-    memory = max(_peak_mb() - before, 0.0)
+    memory = max((peak_mb() or 0.0) - before, 0.0)
     walls, cpus = [wall], [cpu]
     while len(walls) < job.most_runs and (len(walls) < 2 or sum(walls) < job.budget_s) and min(walls) < LONG_S:
         _, wall, cpu = _timed(job, made)
@@ -119,28 +121,6 @@ def _forget() -> None:
                 clear = getattr(value, "cache_clear", None)
                 if callable(clear):
                     clear()
-
-
-def _reset_peak() -> None:
-    """Let the peak count from now on, where the system can: imports hold more for a while than they keep."""
-    try:
-        Path("/proc/self/clear_refs").write_text("5")
-    except OSError:
-        return
-
-
-def _peak_mb() -> float:
-    """Peak resident memory of this process in MB (10⁶ bytes); ru_maxrss would start with the parent's."""
-    try:
-        for line in Path("/proc/self/status").read_text().splitlines():
-            if line.startswith("VmHWM:"):
-                return float(line.split()[1]) * 1024 / 1e6
-    except OSError:
-        pass
-    import resource
-
-    unit = 1 if sys.platform == "darwin" else 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
 
 
 if __name__ == "__main__":

@@ -16,12 +16,12 @@ from pathlib import Path
 from typing import Any
 
 from padgen.errors import PadgenError, SolverError
+from padgen.processes import ONE_THREAD
 from padgen.study.child import Answer, Job
 from padgen.study.rung import Measured, Rung
 
 __all__ = ["isolated", "measured", "run_apart"]
 
-ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NGS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 BUDGET_S = 2.0
 MOST_RUNS = 7
 
@@ -103,7 +103,7 @@ def _environment() -> dict[str, str]:
     # The child is found where this very padgen lies, also from another working folder.
     root = str(Path(__file__).resolve().parents[2])
     paths = [root, *filter(None, [os.environ.get("PYTHONPATH")])]
-    return {**os.environ, **dict.fromkeys(ONE_THREAD, "1"), "PYTHONPATH": os.pathsep.join(paths)}
+    return {**os.environ, **ONE_THREAD, "PYTHONPATH": os.pathsep.join(paths)}
 
 
 def _death(code: int, log: Path) -> str:

@@ -5,9 +5,10 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from padgen.errors import FileError, SpecError, number
+from padgen.errors import SpecError, number
 from padgen.spec import Spec, find_spec, make_spec
 from padgen.spec.fields import build, choice, flag, optional_type, quantity, text, unknown_name
+from padgen.spec.load import parse_toml, read_toml
 from padgen.sweep.expression import Expression, parse_expression
 
 __all__ = ["METHODS", "STAGES", "Axis", "Limits", "Sample", "Sweep", "load_sweep", "parse_sweep"]
@@ -15,7 +16,7 @@ __all__ = ["METHODS", "STAGES", "Axis", "Limits", "Sample", "Sweep", "load_sweep
 STAGES = ("plan", "yield", "build", "study")
 METHODS = ("grid", "latin-hypercube", "sobol")
 SCALES = ("linear", "log")
-MOST_VALUES = 10_000
+MOST_VALUES, MOST_AT_ONCE = 10_000, 100_000
 LARGEST = 1e15
 """Above any bound of a field, and small enough that arithmetic on it stays finite."""
 RANGE_KEYS = ("low", "high", "steps", "scale")
@@ -89,12 +90,15 @@ def load_sweep(path: str) -> Sweep:
     FileError, SpecError
         It cannot be read, or a field of it or of its base is unknown, missing or out of bounds.
     """
-    return parse_sweep(_content(Path(path), path or "SWEEP"), path, Path(path).parent)
+    return _sweep(read_toml(Path(path), path or "SWEEP"), Path(path).parent)
 
 
 def parse_sweep(content: str, where: str = "sweep", folder: Path = Path()) -> Sweep:
     """Make a `Sweep` from TOML text; the files that it names lie in `folder`."""
-    table = _toml(content, where)
+    return _sweep(parse_toml(content, where), folder)
+
+
+def _sweep(table: dict[str, Any], folder: Path) -> Sweep:
     tables = {key: table.pop(key, {}) for key in ("axes", "sample", "limits")}
     linked, constraints = table.pop("linked", []), table.pop("constraints", [])
     settings: Settings = build(Settings, table, "")
@@ -104,6 +108,12 @@ def parse_sweep(content: str, where: str = "sweep", folder: Path = Path()) -> Sw
     axes = _axes(tables["axes"], linked, spec, sample)
     if sample.method != "grid" and not sample.count:
         raise SpecError(f"must be at least 1 for method {sample.method!r}", "sample.count")
+    if sample.method == "latin-hypercube" and sample.count > MOST_AT_ONCE:
+        raise SpecError(
+            f"must be at most {MOST_AT_ONCE} for a Latin hypercube, which is drawn as a whole, got {sample.count};"
+            " sobol goes further",
+            "sample.count",
+        )
     if not isinstance(constraints, list) or not all(isinstance(entry, str) for entry in constraints):
         raise SpecError(f"must be a list of conditions as text, got {constraints!r}", "constraints")
     _refuse_formats(settings)
@@ -128,31 +138,11 @@ def _refuse_formats(settings: Settings) -> None:
         raise SpecError(error.message, "formats") from error
 
 
-def _toml(content: str, where: str) -> dict[str, Any]:
-    import tomllib
-
-    try:
-        return tomllib.loads(content)
-    except tomllib.TOMLDecodeError as error:
-        raise SpecError(f"is not TOML: {error}", where) from error
-    except RecursionError as error:
-        raise SpecError("is no sweep: its values are nested too deeply", where) from error
-
-
 def _base(name: str, folder: Path) -> tuple[dict[str, Any], Path]:
     """The base spec's table: a file beside the sweep's, or a template."""
     beside = folder / name
     path = beside if beside.is_file() else find_spec(name)
-    return _toml(_content(path, name), name), path.parent
-
-
-def _content(path: Path, where: str) -> str:
-    try:
-        return path.read_bytes().decode("utf-8-sig")
-    except (OSError, ValueError) as error:
-        if isinstance(error, UnicodeDecodeError):
-            raise FileError(f"is not TOML: byte {error.start} is not UTF-8 text", where) from error
-        raise FileError(f"cannot be read ({getattr(error, 'strerror', None) or error})", where) from error
+    return read_toml(path, name), path.parent
 
 
 def _axes(table: Any, linked: Any, spec: Spec, sample: Sample) -> tuple[Axis, ...]:

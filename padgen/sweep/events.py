@@ -5,9 +5,8 @@ from typing import Any, NamedTuple
 
 from padgen.sweep.variant import Record
 
-__all__ = ["KINDS", "Clock", "Event", "Tell", "event_table"]
+__all__ = ["Clock", "Event", "Tell", "event_table"]
 
-KINDS = ("start", "done", "refused", "failed", "progress", "end")
 MEMORY = 50
 """Variants over which the pace is averaged."""
 

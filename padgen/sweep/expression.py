@@ -106,7 +106,8 @@ def _refuse(node: ast.expr, spec: Spec, where: str, names: set[str]) -> None:
 def _evaluated(node: ast.expr, values: Mapping[str, Any], spec: Spec) -> Any:
     name = _dotted(node)
     if name is not None:
-        return values[name] if name in values else _field(name, spec, "")
+        # A table stands for what names it, which the variant's spec knows.
+        return values[name] if name in values and not isinstance(values[name], dict) else _field(name, spec, "")
     match node:
         case ast.Constant():
             return node.value

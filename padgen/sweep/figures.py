@@ -29,7 +29,7 @@ def plan_figures(plan: "Plan") -> dict[str, Any]:
         "taxels": len(plan.taxels),
         "coils": coils,
         "channels": len(plan.channels),
-        "drive": plan.selectivity.drive,
+        "scheme": plan.selectivity.drive,
         "selectivity_db": plan.selectivity.kept_db,
         "one_hot_db": plan.selectivity.one_hot_db,
         "lowest_hz": plan.channels[0].resonance_hz,

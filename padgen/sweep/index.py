@@ -13,12 +13,12 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import fields
 from io import FileIO
-from math import isfinite
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 from padgen.errors import FileError
+from padgen.files import json_line, reason
 from padgen.sweep.definition import Sweep
 from padgen.sweep.points import variant_name
 from padgen.sweep.variant import STATUSES, Record
@@ -31,7 +31,7 @@ COLUMNS = (
     ("errors", "warnings", "findings", "sentence", "seconds", "peak_memory_mb"),
 )
 """Before and after the varied fields and the figures; all but the last two are the same in every run."""
-NOWHERE = -1
+NOWHERE, FORGOTTEN = -1, "forgotten"
 WASTE = 1000
 """Lines that later ones have replaced which a journal may hold, beyond as many as are in use."""
 
@@ -97,16 +97,8 @@ class Journal:
 
     def add(self, record: Record) -> None:
         """Keep a record; the system has it when this returns."""
-        table = _plain({name: getattr(record, name) for name in NAMES})
-        table["sentence"] = " ".join(record.sentence.split())
-        offset = self._end
-        try:
-            self._append((json.dumps(table, ensure_ascii=False) + "\n").encode())
-        except OSError as error:
-            with suppress(OSError):
-                self._stream.truncate(offset)
-            raise _unwritable(self.path, error) from error
-        self.lines += 1
+        table = {name: getattr(record, name) for name in NAMES}
+        offset = self._add_line(table | {"sentence": " ".join(record.sentence.split())})
         self._note(record.number, record.key, record.status, offset)
 
     def record(self, number: int) -> Record:
@@ -117,6 +109,11 @@ class Journal:
         """Leave a variant out from now on."""
         self._offsets[number], self._states[number] = NOWHERE, 0
 
+    def disown(self, number: int) -> None:
+        """Let no later run take what is known of a variant for true, as its folder is about to change."""
+        self._add_line({FORGOTTEN: number})
+        self.forget(number)
+
     def records(self) -> Iterator[Record]:
         """The last record of each variant, in the order of their numbers."""
         return (self._read(offset) for offset in self._offsets if offset != NOWHERE)
@@ -125,13 +122,28 @@ class Journal:
         """Drop the lines that later ones have replaced, when they are many."""
         used = sum(offset != NOWHERE for offset in self._offsets)
         if self.lines > 2 * used + WASTE:
-            _replaced(self.path, self._write_used)
+            with suppress(OSError):  # it can wait until there is room
+                _replaced(self.path, self._write_used)
 
     def _write_used(self, path: Path) -> None:
+        """Write what is in use; the journal is closed then."""
         with path.open("wb") as file:
             for offset in self._offsets:
                 if offset != NOWHERE:
                     file.write(self._line(offset))
+        self._stream.close()
+
+    def _add_line(self, table: dict[str, Any]) -> int:
+        """Write a line; its offset."""
+        offset = self._end
+        try:
+            self._append((json_line(table) + "\n").encode())
+        except OSError as error:
+            with suppress(OSError):
+                self._stream.truncate(offset)
+            raise _unwritable(self.path, error) from error
+        self.lines += 1
+        return offset
 
     def _scan(self) -> None:
         if not self.path.exists():
@@ -144,6 +156,9 @@ class Journal:
                     self.lines += 1
                     if 0 <= record.number < len(self._offsets):
                         self._note(record.number, record.key, record.status, offset)
+                elif 0 <= (gone := _forgotten(line)) < len(self._offsets):
+                    self.lines += 1
+                    self.forget(gone)
                 offset += len(line)
 
     def _note(self, number: int, key: str, status: str, offset: int) -> None:
@@ -270,6 +285,17 @@ def _parsed(line: bytes) -> Record | None:
     return record if whole and set(table) == set(NAMES) else None
 
 
+def _forgotten(line: bytes) -> int:
+    """The number of a line that takes a record back, -1 when it is none."""
+    if not line.startswith(b'{"' + FORGOTTEN.encode()):
+        return -1
+    try:
+        number = json.loads(line)[FORGOTTEN]
+    except (ValueError, TypeError, KeyError):
+        return -1
+    return number if isinstance(number, int) else -1
+
+
 NAMES = tuple(f.name for f in fields(Record))
 
 
@@ -280,20 +306,5 @@ def _short(key: str) -> int:
         return 0
 
 
-def _plain(value: Any) -> Any:
-    """As JSON has it: numbers of ten digits, so that platforms agree; null for none."""
-    if isinstance(value, dict):
-        return {str(key): _plain(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, float):
-        return float(f"{value:.10g}") if isfinite(value) else None
-    if value is None or isinstance(value, (bool, int)):
-        return value
-    if isinstance(value, str):
-        return value
-    return _plain(value.item()) if hasattr(value, "item") else str(value)
-
-
 def _unwritable(path: Path, error: OSError) -> FileError:
-    return FileError(f"cannot be written ({error.strerror or type(error).__name__})", str(path))
+    return FileError(f"cannot be written ({reason(error)})", str(path))

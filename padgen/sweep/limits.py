@@ -18,11 +18,11 @@ __all__ = ["excess", "memory_mb"]
 PS_TIMEOUT_S = 2.0
 
 
-def excess(limits: Limits, pid: int, seconds: float) -> str:
-    """The sentence for a process that took more than it may, after `seconds`; empty when it did not."""
+def excess(limits: Limits, used_mb: float | None, seconds: float) -> str:
+    """The sentence for a process that takes more than it may, after `seconds`; empty when it does not."""
     if seconds > limits.time_s:
         return f"took longer than {number(limits.time_s)} s (limits.time_s)"
-    if (memory_mb(pid) or 0.0) > limits.memory_mb:
+    if (used_mb or 0.0) > limits.memory_mb:
         return f"took more than {number(limits.memory_mb)} MB (limits.memory_mb)"
     return ""
 

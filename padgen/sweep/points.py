@@ -8,7 +8,7 @@ rename the others.
 from collections.abc import Iterator
 from copy import deepcopy
 from itertools import product
-from math import prod
+from math import ceil, floor, prod
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -72,7 +72,14 @@ def _is_indirect(sweep: Sweep) -> bool:
     tables = {name.partition(".")[0] for name in varied}
     tables |= {"material"} if "printer" in tables else set()
     asked = {name for condition in sweep.constraints for name in condition.names}
-    return any(name.partition(".")[0] in tables for name in asked - varied)
+    as_tables = {
+        name
+        for axis in sweep.axes
+        for row in axis.values
+        for name, value in zip(axis.fields, row, strict=True)
+        if isinstance(value, dict)
+    }
+    return bool(asked & as_tables) or any(name.partition(".")[0] in tables for name in asked - varied)
 
 
 def variant_name(sweep: Sweep, number: int) -> str:
@@ -129,13 +136,16 @@ def _sample(sweep: Sweep) -> Iterator[dict[str, Any]]:
 def _chosen(sweep: Sweep, shares: np.ndarray) -> list[tuple[Any, ...]]:
     pairs = zip(sweep.axes, shares.tolist(), strict=True)
     return [
-        axis.values[min(int(share * len(axis.values)), len(axis.values) - 1)] if axis.values else _at(axis, share)
+        axis.values[min(int(share * len(axis.values)), len(axis.values) - 1)] if axis.values else _at(axis, share, True)
         for axis, share in pairs
     ]
 
 
-def _at(axis: Axis, share: float) -> tuple[Any, ...]:
-    """The value of a range at a share of it."""
+def _at(axis: Axis, share: float, sampled: bool = False) -> tuple[Any, ...]:
+    """The value of a range at a share of it; of a sample, each whole number is as likely as the others."""
+    if axis.whole and sampled and axis.scale == "linear":
+        low, high = ceil(axis.low), floor(axis.high)
+        return (min(low + int(share * (high - low + 1)), high),)
     if axis.scale == "log":
         value = axis.low * (axis.high / axis.low) ** share
     else:

@@ -4,7 +4,6 @@ The code path is one: what is submitted makes variants in a watched worker proce
 on this machine or wherever the executor's own workers are.
 """
 
-import os
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -12,21 +11,23 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from shutil import rmtree
 from typing import Any, NamedTuple
 
 from padgen.build import parse_formats
+from padgen.cache import limit_bytes
 from padgen.errors import FileError, SpecError
+from padgen.files import take_away
+from padgen.processes import core_count
 from padgen.sweep.definition import Sweep
 from padgen.sweep.events import Clock, Event, Tell
 from padgen.sweep.index import INDEX, Journal, write_index
 from padgen.sweep.lock import FolderLock
-from padgen.sweep.points import count_points, variants
+from padgen.sweep.points import count_points, variant_name, variants
 from padgen.sweep.variant import Record, Task, run_task, task_of
 from padgen.sweep.window import LostError, StoppedError, Window, records_of
 from padgen.sweep.worker import Work, Workers, broken, run_tasks
 
-__all__ = ["SweepResult", "core_count", "run_sweep"]
+__all__ = ["SweepResult", "run_sweep"]
 
 AHEAD = 4
 """Tasks that wait for each worker of our own."""
@@ -35,7 +36,8 @@ TICK_S = 1.0
 """Between signs of life when no variant ends."""
 MOST_LOST = 8
 """Tasks in a row that an executor may lose before it is given up."""
-NOTHING, TO_RUN = 0, 1
+NOTHING, TO_RUN, TO_REPLACE = 0, 1, 2
+"""What is left of a variant: nothing; to make it; to make it over what an earlier run left."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,12 +59,6 @@ class SweepResult:
     seconds: float
     stopped: str
     interrupted: bool
-
-
-def core_count() -> int:
-    """Cores that this process may use."""
-    allowed = getattr(os, "sched_getaffinity", None)
-    return len(allowed(0)) if allowed else os.cpu_count() or 1
 
 
 def run_sweep(
@@ -101,6 +97,7 @@ def run_sweep(
         Another sweep writes into the folder, or it cannot be written to; what is done is kept.
     """
     formats = parse_formats(sweep.settings.formats)
+    limit_bytes()  # refused here rather than by each variant
     numbers, folder = count_points(sweep), folder.absolute()
     if next(variants(sweep), None) is None:
         raise SpecError(f"leave none of {numbers} variants; loosen one", "constraints")
@@ -144,7 +141,7 @@ def _place(executor: Any, workers: int, prepared: int) -> Iterator[_Place]:
     if executor is not None:
         yield _Place(executor, FOREIGN_AHEAD, run_tasks)
         return
-    own, pool = Workers(), ThreadPoolExecutor(workers)
+    own, pool = Workers(max(core_count() // workers, 1)), ThreadPoolExecutor(workers)
 
     def close() -> None:
         own.close()
@@ -186,13 +183,13 @@ class _Run:
             if resume and self.journal.known(number):
                 task = task_of(self.sweep, variant, self._formats, self.folder)
                 status = self._kept_status(task)
-            if not status:
-                self.journal.forget(number)
             if not status or (retry and status == "failed"):
-                self._todo[number] = TO_RUN
+                self._todo[number] = TO_REPLACE if self.journal.known(number) else TO_RUN
             else:
                 self.counts[status] += 1
                 self.kept += 1
+            if not status:
+                self.journal.forget(number)
         for number, there in enumerate(present):
             if not there:
                 self.journal.forget(number)
@@ -205,15 +202,17 @@ class _Run:
     def tasks(self) -> Iterator[Task]:
         """The variants that are to be made, as they are asked for."""
         for variant in variants(self.sweep):
-            if self._todo[variant.number] == TO_RUN:
-                task = task_of(self.sweep, variant, self._formats, self.folder)
-                _sweep_out(task)
-                yield task
+            if self._todo[variant.number] == TO_REPLACE:
+                self.journal.disown(variant.number)
+            if self._todo[variant.number]:
+                yield task_of(self.sweep, variant, self._formats, self.folder)
 
     def keep(self, record: Record) -> None:
         """Take in what came of a variant."""
-        if self._todo[record.number] != TO_RUN:
+        if not self._todo[record.number]:
             return  # told twice: an executor ran its task again
+        if record.status != "done":
+            take_away(self.folder / variant_name(self.sweep, record.number))
         self.journal.add(record)
         self._todo[record.number] = NOTHING
         self.counts[record.status] += 1
@@ -223,7 +222,7 @@ class _Run:
     def tell_failed(self) -> None:
         """The failed variants of earlier runs that are not tried again, each with its sentence."""
         for number in self.journal.numbers_of("failed"):
-            if self._todo[number] != TO_RUN:
+            if not self._todo[number]:
                 self.tell("failed", self.journal.record(number), True)
 
     def tell(self, kind: str, record: Record | None = None, reused: bool = False) -> None:
@@ -278,10 +277,3 @@ def _harvest(run: _Run, window: Window) -> None:
         with suppress(LostError, StoppedError, FileError):
             for record in records_of(*taken):
                 run.keep(record)
-
-
-def _sweep_out(task: Task) -> None:
-    """Take away what a killed run left half-written in a variant's folder."""
-    if task.out and Path(task.out).is_dir():
-        for path in Path(task.out).glob(".partial-*"):
-            rmtree(path, ignore_errors=True)

@@ -11,9 +11,8 @@ from queue import Empty, SimpleQueue
 from threading import Thread
 from typing import Any
 
-from padgen.cache import code_hash, version
+from padgen.cache import code_hash, version, versions
 from padgen.errors import EngineMissingError, PadgenError, number
-from padgen.sweep.variant import PACKAGES
 
 __all__ = ["connect", "fingerprint"]
 
@@ -23,7 +22,6 @@ GRACE_S = 0.5
 """Dask is let to give up by itself; it never does while it waits for a first word."""
 SLOW = 6
 """How many times as long workers may take, which load padgen for the answer."""
-COMPARED = (*PACKAGES, "distributed")
 PROBE = "__import__('importlib').import_module('padgen.sweep.scheduler').fingerprint()"
 """For `eval` in a worker: a function of ours could not even be named there if padgen is missing."""
 
@@ -61,7 +59,7 @@ def connect(address: str, timeout_s: float = TIMEOUT_S) -> Iterator[Executor]:
 
 def fingerprint() -> dict[str, str]:
     """What two machines must share to make the same variants: hash of padgen's code, versions of its packages."""
-    return {"padgen": code_hash(), **{name: version(name) for name in COMPARED}}
+    return {"padgen": code_hash(), **versions(), "distributed": version("distributed")}
 
 
 @contextmanager

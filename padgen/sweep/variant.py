@@ -1,15 +1,14 @@
 """One variant, from its table to its record: what a worker does. Never raises; whatever fails is in the record."""
 
-import json
 import time
-from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from padgen.cache import code_hash, key_of, version
+from padgen.cache import code_hash, key_of, versions
 from padgen.errors import PadgenError
-from padgen.files import OutputFolder, file_hash
+from padgen.files import PLAN_FILES, YIELD_FILE, OutputFolder, differs, file_hash, stale_files
+from padgen.processes import peak_mb, reset_peak
 from padgen.spec import make_spec
 from padgen.sweep.definition import Sweep
 from padgen.sweep.figures import build_figures, plan_figures, yield_figures
@@ -19,9 +18,8 @@ if TYPE_CHECKING:
     from padgen.finding import Finding
     from padgen.planner.plan import Plan
 
-__all__ = ["PACKAGES", "STATUSES", "Record", "Task", "run_task", "task_of"]
+__all__ = ["STATUSES", "Record", "Task", "run_task", "task_of"]
 
-PACKAGES = ("build123d", "cadquery-ocp-novtk", "lib3mf", "manifold3d", "ngsolve", "numpy", "scipy", "trimesh")
 STATUSES = ("done", "refused", "failed")
 """Made (whatever its findings); the spec cannot be met; something broke down."""
 
@@ -76,7 +74,7 @@ def task_of(sweep: Sweep, variant: Variant, formats: tuple[str, ...], out: Path)
         "formats": formats if settings.stage == "build" else (),
         "pads": settings.pads if settings.stage == "yield" else 0,
         "code": code_hash(),
-        "versions": [version(name) for name in PACKAGES],
+        "versions": versions(),
     }
     return Task(
         variant.number,
@@ -106,7 +104,7 @@ def _threshold(table: dict[str, Any], folder: Path) -> str:
 def run_task(task: Task) -> Record:
     """Make one variant as far as its stage asks for."""
     start = time.perf_counter()
-    _forget_peak()
+    reset_peak()
     figures: dict[str, Any] = {}
     findings: tuple[Finding, ...] = ()
     status, sentence = "done", ""
@@ -118,10 +116,6 @@ def run_task(task: Task) -> Record:
         status, sentence = "failed", "there was not enough memory for it"
     except Exception as error:  # whatever it is, it must cost one variant and not the sweep
         status, sentence = "failed", f"broke down ({type(error).__name__}: {error})"
-    if status != "done" and task.out:
-        # Of an earlier run, with other inputs: the index would not tell of it.
-        with suppress(OSError):
-            Path(task.out, "plan.json").unlink(missing_ok=True)
     told = tuple(sorted({f.code for f in findings if f.level != "note"}))
     return Record(
         task.number,
@@ -134,12 +128,12 @@ def run_task(task: Task) -> Record:
         sum(f.level == "warning" for f in findings),
         told,
         time.perf_counter() - start,
-        _peak_memory_mb(),
+        peak_mb(),
     )
 
 
 def _made(task: Task) -> "tuple[dict[str, Any], tuple[Finding, ...]]":
-    spec = make_spec(json.loads(json.dumps(task.table)), Path(task.folder))
+    spec = make_spec(task.table, Path(task.folder))
     if task.stage == "build":
         from padgen.build import build, up_to_date
 
@@ -153,28 +147,31 @@ def _made(task: Task) -> "tuple[dict[str, Any], tuple[Finding, ...]]":
     from padgen.planner import make_plan, plan_to_json
 
     plan = planned(spec) if spec.model.structure == "solid" else make_plan(spec)
-    figures, texts = plan_figures(plan), {}
-    if task.out:
-        texts["plan.json"] = plan_to_json(plan)
+    figures, texts = plan_figures(plan), {"plan.json": plan_to_json(plan)} if task.out else {}
     if task.stage == "yield":
         figures |= _yield(plan, task, texts)
-    if task.stage == "study":
-        figures |= _study(spec, Path(task.out or ""))
     if task.out:
-        with OutputFolder(Path(task.out)) as out:
-            for name, text in texts.items():
-                out.write(name, text)
-            out.commit()
+        _write(Path(task.out), texts)
+        if task.stage == "study":
+            figures |= _study(spec, Path(task.out))
     return figures, plan.findings
 
 
+def _write(folder: Path, texts: dict[str, str]) -> None:
+    """Write files of a plan; what belonged to another plan that was there goes."""
+    text = texts["plan.json"]
+    with OutputFolder(folder) as out:
+        for name, content in texts.items():
+            out.write(name, content)
+        out.commit(remove=(*PLAN_FILES, *stale_files(folder, text)) if differs(folder, "plan.json", text) else ())
+
+
 def _yield(plan: "Plan", task: Task, texts: dict[str, str]) -> dict[str, Any]:
-    from padgen.files import YIELD_FILE, json_text
+    from padgen.files import json_text
     from padgen.planner.print_yield import print_yield
 
     printed = print_yield(plan, task.pads, seed=0)
-    if task.out:
-        texts[YIELD_FILE] = json_text(asdict(printed))
+    texts[YIELD_FILE] = json_text(asdict(printed))
     return yield_figures(printed)
 
 
@@ -183,25 +180,3 @@ def _study(spec: Any, folder: Path) -> dict[str, Any]:
 
     study = run_study(spec, folder)
     return {"study_files": len(study.files)}
-
-
-def _forget_peak() -> None:
-    """Begin a new peak of resident memory (Linux; elsewhere it is the process' own since its start)."""
-    with suppress(OSError):
-        Path("/proc/self/clear_refs").write_bytes(b"5")
-
-
-def _peak_memory_mb() -> float | None:
-    """Peak resident memory of this process; None where the system does not tell."""
-    with suppress(OSError, StopIteration):
-        # (Linux lets ``ru_maxrss`` begin with what the parent held when it started this process.)
-        lines = Path("/proc/self/status").read_text().splitlines()
-        return int(next(line for line in lines if line.startswith("VmHWM")).split()[1]) * 1024 / 1e6
-    try:
-        import resource
-    except ImportError:
-        return None
-    import sys
-
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak / (1e6 if sys.platform == "darwin" else 1e3)

@@ -77,11 +77,10 @@ class Window:
         return None
 
     def _poll(self) -> None:
-        """Look for one finished future that does not call back."""
+        """Look for finished futures that do not call back."""
         for future, _ in self._pending.values() if self._silent else ():
             if not hasattr(future, "add_done_callback") and future.done():
                 self._finished.put(id(future))
-                return
 
     def rest(self) -> Iterator[tuple[Any, list[Task]]]:
         """What is finished without having been taken; the others are cancelled."""

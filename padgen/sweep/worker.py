@@ -19,6 +19,7 @@ from time import perf_counter
 from typing import IO, Any
 
 from padgen.errors import PadgenError
+from padgen.processes import ONE_THREAD, PROCESSES
 from padgen.sweep.definition import Limits
 from padgen.sweep.limits import excess, memory_mb
 from padgen.sweep.variant import Record, Task
@@ -31,14 +32,16 @@ WATCH_S = 0.05
 IDLE_S = 120.0
 """After which a worker without work ends; a cluster's would outlive the sweep otherwise."""
 HEAD = 8
-ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
-"""The cores are shared out among workers; threads inside them would only get in each other's way."""
 
 
 class Workers:
-    """Worker processes, started as they are needed and used again; closed, they are all ended at once."""
+    """Worker processes, started as they are needed and used again; closed, they are all ended at once.
 
-    def __init__(self) -> None:
+    Each may use so many `cores` for processes of its own; None: all.
+    """
+
+    def __init__(self, cores: int | None = None) -> None:
+        self._cores = cores
         self._lock = Lock()
         self._idle: list[_Worker] = []
         self._all: set[_Worker] = set()
@@ -81,8 +84,7 @@ class Workers:
             start = perf_counter()
             answer, peak_mb = worker.ask((work, task), limits)
             if isinstance(answer, Record):
-                with self._lock:
-                    self._idle.append(worker)
+                self._give_back(worker, limits)
                 return answer
             with self._lock:
                 self._all.discard(worker)
@@ -91,17 +93,27 @@ class Workers:
                 break
         return broken(task, answer, perf_counter() - start, peak_mb)
 
+    def _give_back(self, worker: "_Worker", limits: Limits) -> None:
+        """Let a worker be used again, unless what libraries have kept in it would be charged to the next variant."""
+        grown = (memory_mb(worker.pid) or 0.0) > limits.memory_mb / 2
+        with self._lock:
+            if not grown:
+                self._idle.append(worker)
+                return
+            self._all.discard(worker)
+        worker.retire()
+
     def _taken(self) -> "_Worker":
         with self._lock:
             if self._closed:
                 raise PadgenError("was ended", "sweep")
             while self._idle:
                 worker = self._idle.pop()
-                if worker.environment == os.environ:
+                if worker.environment == os.environ and not worker.ended:
                     return worker
                 worker.retire()  # it was started with another cache, say
                 self._all.discard(worker)
-        worker = _Worker()
+        worker = _Worker(self._cores)
         with self._lock:
             self._all.add(worker)
             if not self._closed:
@@ -116,8 +128,9 @@ IDLE = "its process had ended"
 class _Worker:
     """The parent's end of one worker."""
 
-    def __init__(self) -> None:
+    def __init__(self, cores: int | None) -> None:
         self.environment = dict(os.environ)
+        own = {PROCESSES: str(cores)} if cores else {}
         path = os.pathsep.join(entry or os.curdir for entry in sys.path)
         try:
             self._process = subprocess.Popen(
@@ -125,7 +138,7 @@ class _Worker:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,
-                env=self.environment | dict.fromkeys(ONE_THREAD, "1") | {"PYTHONPATH": path},
+                env=self.environment | ONE_THREAD | own | {"PYTHONPATH": path},
                 start_new_session=True,  # Ctrl-C is the parent's to handle
             )
         except OSError as error:
@@ -149,11 +162,17 @@ class _Worker:
             try:
                 answer = self._answers.get(timeout=WATCH_S)
             except Empty:
-                peak_mb = max(peak_mb or 0.0, memory_mb(self.pid) or 0.0) or None
-                if sentence := excess(limits, self.pid, perf_counter() - start):
+                used_mb = memory_mb(self.pid)
+                peak_mb = max(peak_mb or 0.0, used_mb or 0.0) or None
+                if sentence := excess(limits, used_mb, perf_counter() - start):
                     return sentence, peak_mb
                 continue
             return (self._ending() if answer is None else answer), peak_mb
+
+    @property
+    def ended(self) -> bool:
+        """Whether its process is known to have ended."""
+        return self._process.returncode is not None
 
     def retire(self) -> None:
         """Ask it to end when it has answered everything."""
@@ -225,7 +244,10 @@ def serve() -> None:
     def follow() -> None:
         while (question := _received(questions)) is not None:
             waiting.put(question)
-        os._exit(1)  # the parent is gone, and what is still computed nobody waits for
+        # The parent is gone: what is still computed nobody waits for, here and in processes of ours.
+        with suppress(OSError, AttributeError):
+            os.killpg(0, signal.SIGKILL)
+        os._exit(1)
 
     _send(answers, READY)
     Thread(target=follow, daemon=True).start()
