@@ -19,7 +19,13 @@ name = "measured"
 base = "paper-32"
 stage = "{stage}"
 """
-PLAN_AXES = f"""
+GRID_AXES = """
+[axes]
+q_min = { low = 12, high = 30, steps = 10 }
+material.youngs_modulus_gpa = { low = 1.8, high = 2.8, steps = 10 }
+drive.level_um = { low = 5, high = 14, steps = 10 }
+"""
+SAMPLE_AXES = f"""
 [axes]
 q_min = {{ low = 12, high = 30 }}
 material.youngs_modulus_gpa = {{ low = 1.8, high = 2.8 }}
@@ -103,13 +109,12 @@ def compared(work: Path, name: str, count: int, text: str, cold: list[str], bar:
 
 def sweeps() -> list[str]:
     """Bars of plans and builds."""
-    build = ["build", "paper-32"]
+    build, plan = ["build", "paper-32"], HEAD.format(stage="plan")
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)
         rows = [
-            compared(
-                work, "1,000 plans", PLANS, HEAD.format(stage="plan") + PLAN_AXES, ["plan", "paper-32"], "≤ 40 in all"
-            ),
+            compared(work, "1,000 plans, a grid", PLANS, plan + GRID_AXES, ["plan", "paper-32"], "≤ 40 in all"),
+            compared(work, "1,000 plans, a sample", PLANS, plan + SAMPLE_AXES, ["plan", "paper-32"], "≤ 40 in all"),
             compared(
                 work,
                 "60 builds of distinct pads",

@@ -13,9 +13,9 @@ from padgen.errors import InfeasibleError
 from padgen.physics.selectivity import SCHEMES
 from padgen.planner import explain, make_plan
 from padgen.planner.explain import _changes, _channels_held, _limits, explain_plan
-from padgen.planner.plan import without_none
 from padgen.planner.print_yield import print_yield
 from padgen.spec import load_spec, make_spec, parse_spec
+from padgen.spec.load import without_none
 from padgen.tell import explanation_text, plan_text, yield_text
 
 FOUR = (

@@ -104,7 +104,7 @@ def test_ten_thousand_variants_in_bounded_memory():
     told = overview_of(line + "\n" for line in (HEADER, *rows))
     assert told.made == 10_000
     everything = np.concatenate([told.values, told.beaten])
-    signs = np.array([1 if OBJECTIVES[name] == "most" else -1 for name in told.objectives])
+    signs = np.array([1 if OBJECTIVES[name].best == "most" else -1 for name in told.objectives])
     assert front_mask(everything * signs).sum() == len(told.rows)
     assert len(told.rows) < 300  # about ln² 10,000 / 2 = 42 of independent figures
 
@@ -146,29 +146,30 @@ def test_without_matplotlib_there_is_no_picture_and_no_old_one(folder, monkeypat
 
 
 @pytest.mark.parametrize(
-    "rows",
+    ("rows", "drawn"),
     [
-        [],
-        [row(0, "", "", "", status="refused")],
-        [row(0, 4, 20, 1)],
-        [row(0, 4, 20, 1), row(1, 4, 20, 1)],
-        [row(0, 4, "", 1), row(1, 8, "", 1)],
-        [row(0, 4, 20, 0), row(1, 400, 2, -1)],
+        ([], False),
+        ([row(0, "", "", "", status="refused")], False),
+        ([row(0, 4, 20, 1)], False),
+        ([row(0, 4, 20, 1), row(1, 4, 20, 1)], False),
+        ([row(0, 4, "", 1), row(1, 8, "", 1)], False),
+        ([row(0, 4, "", 1), row(1, 8, "", 2)], True),
+        ([row(0, 4, 20, 0), row(1, 400, 2, -1)], True),
     ],
-    ids=["no rows", "none made", "one", "equals", "no selectivity", "wide, with zero"],
+    ids=["no rows", "none made", "one", "equals", "one objective differs", "no selectivity", "wide, with zero"],
 )
-def test_odd_indexes_are_drawn_or_left_out(tmp_path, rows):
+def test_odd_indexes_are_drawn_or_left_out(tmp_path, rows, drawn):
     (tmp_path / "index.csv").write_text("".join(lines(*rows)))
-    overview, files, _ = write_pareto(tmp_path, "q")
-    assert ("pareto.png" in files) == bool(overview.rows)
+    overview, files, note = write_pareto(tmp_path, "q")
+    assert bool(note) == (len(rows) > 1 and not drawn)
+    assert ("pareto.png" in files) == drawn
     assert (tmp_path / "pareto.csv").read_text().count("\n") == 1 + len(overview.rows)
 
 
-def test_every_objective_has_words():
-    from padgen.sweep.draw import COLOURED_BY, LABELS
-    from padgen.tell.sweeps import OBJECTIVE_NAMES
+def test_every_objective_has_a_rank_for_colours():
+    from padgen.sweep.draw import COLOURED_BY
 
-    assert set(OBJECTIVES) == set(LABELS) == set(COLOURED_BY) == set(OBJECTIVE_NAMES)
+    assert set(OBJECTIVES) == set(COLOURED_BY)
 
 
 @pytest.mark.parametrize("content", [None, b"number,name\n0,\xff\xfe\n", b'number,name\n"' + b"x" * 200_000])

@@ -10,11 +10,11 @@ from padgen.errors import PadgenError
 from padgen.finding import worst_level
 from padgen.physics.ladder import slot_half_width
 from padgen.planner import make_plan, plan_from_json, plan_to_json
-from padgen.planner.plan import without_none
 from padgen.planner.printable import steps_are_coarse
 from padgen.solid.checks import check_pad
 from padgen.solid.pad import build_pad
 from padgen.spec import catalogue, make_spec
+from padgen.spec.load import without_none
 from padgen.tell import plan_text
 
 QUIET = {"deadline": None, "suppress_health_check": list(HealthCheck), "derandomize": True, "database": None}

@@ -7,6 +7,7 @@ import jsonschema
 import pytest
 
 from padgen.errors import FileError, SpecError
+from padgen.planner import make_plan, plan_to_json
 from padgen.spec import catalogue, load_spec, parse_spec, template_paths
 from padgen.spec.load import CATALOGUES
 from padgen.spec.schema import spec_schema
@@ -134,3 +135,14 @@ def test_schema_accepts_every_template_and_refuses_a_slip():
         jsonschema.validate(tomllib.loads(path.read_text()), schema)
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate(tomllib.loads(BASE + "[pad]\nwidth = 50\n"), schema)
+
+
+def test_a_plan_stands_for_its_spec(tmp_path):
+    spec = load_spec("resin-fine")
+    path = tmp_path / "plan.json"
+    path.write_text(plan_to_json(make_plan(spec)))
+    assert load_spec(str(path)) == spec
+    for content in ("{}", "[1]", '{"spec": 3}', "{"):
+        path.write_text(content)
+        with pytest.raises(FileError, match=r"plan\.json: is no plan\.json"):
+            load_spec(str(path))

@@ -16,6 +16,7 @@ import os
 import sys
 from collections import Counter
 from concurrent.futures import Future
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,7 @@ from padgen.sweep import index
 from padgen.sweep.definition import load_sweep, parse_sweep
 from padgen.sweep.events import Clock, Event, event_table
 from padgen.sweep.expression import parse_expression
+from padgen.sweep.figures import plan_figures
 from padgen.sweep.limits import memory_mb
 from padgen.sweep.points import count_points, variant_table, variants
 from padgen.sweep.run import run_sweep
@@ -173,10 +175,46 @@ def test_constraints_see_what_a_varied_field_brings_along():
 
 
 def test_a_variant_that_is_no_spec_is_kept_to_say_why(tmp_path):
-    printers = ["fdm-0.4", "resin-50", "resin-0.05"]
-    text = f"""constraints = ["printer.process == 'fdm'"]\n[axes]\nprinter = {printers}\n"""
+    axes = '[axes]\nprinter = ["fdm-0.4", "resin-0.05"]\nmaterial = ["pla"]\nq_min = [10, 12]'
+    text = f'constraints = ["q_min > 11"]\n{axes}'
     assert run_sweep(parse_sweep(NO_FOLDERS + text), tmp_path, workers=1).total == 2
-    assert "printer.name: there is no printer 'resin-50'" in rows(tmp_path)[1]["sentence"]
+    assert [row["status"] for row in rows(tmp_path)] == ["done", "refused"]
+    assert "material" in rows(tmp_path)[1]["sentence"]
+
+
+@pytest.mark.parametrize(
+    ("axis", "sentence"),
+    [
+        (
+            'printer = ["fdm-0.4", "resin-50"]',
+            r"axes\.printer\[1\]: there is no printer 'resin-50'; did you mean",
+        ),
+        ('coil.reuse = ["all"]', r"axes\.coil\.reuse\[0\]: .*'all'"),
+        ('q_min = [15, "15"]', r"axes\.q_min\[1\]: must be a number"),
+        ("resolution = [0]", r"axes\.resolution\[0\]: must be at least 1"),
+        ("coil.grid = [[4, 4], [4]]", r"axes\.coil\.grid\[1\]: "),
+    ],
+)
+def test_a_value_that_a_field_never_takes_is_refused_at_once(axis, sentence):
+    with pytest.raises(SpecError, match=sentence):
+        parse_sweep(HEAD + f"[axes]\n{axis}\n")
+
+
+def test_formats_may_be_a_list():
+    assert parse_sweep(HEAD + 'formats = ["glb", "stl"]\n' + GRID).settings.formats == "glb,stl"
+    with pytest.raises(SpecError, match="formats: must be among"):
+        parse_sweep(HEAD + 'formats = ["obj"]\n' + GRID)
+
+
+def test_selectivity_counts_what_the_neighbours_leak(paper_plan, monkeypatch):
+    figures = plan_figures(paper_plan)
+    assert figures["in_coil_db"] == paper_plan.selectivity.kept_db
+    assert figures["leak_db"] == paper_plan.reuse.leak_db
+    assert figures["selectivity_db"] == min(figures["in_coil_db"], figures["leak_db"]) == figures["leak_db"]
+    monkeypatch.setattr(type(paper_plan.selectivity), "kept_db", None)
+    assert plan_figures(paper_plan)["selectivity_db"] == figures["leak_db"]
+    far = replace(paper_plan, reuse=replace(paper_plan.reuse, leak_db=None))
+    assert plan_figures(far)["selectivity_db"] is None
 
 
 def test_constraints_do_not_rename_variants():
@@ -247,7 +285,10 @@ def test_constraints_that_cannot_be_worked_out(text):
         (HEAD + "[axes]\nq_min = {low = 1, high = inf, steps = 3}", "axes.q_min.high: must be a number, got inf"),
         (HEAD + "[axes]\nq_min = {low = 1, high = nan, steps = 3}", "axes.q_min.high: must be a number, got nan"),
         (HEAD + "[axes]\nq_min = {low = 2, high = 2, steps = 3}", "axes.q_min.high: must be above low = 2, got 2"),
-        (HEAD + "[axes]\nq_min = {low = 1, high = 2}", "axes.q_min.steps: must be a whole number, 2 … 10000, got 0"),
+        (
+            HEAD + "[axes]\nq_min = {low = 1, high = 2}",
+            "axes.q_min.steps: must be a whole number, 2 … 10000, as { low = 1, high = 2, steps = 5 }",
+        ),
         (HEAD + "[axes]\nq_min = {low = 1, high = 2, steps = 2.5}", "axes.q_min.steps: must be a whole number"),
         (HEAD + "[axes]\nq_min = {low = 1, high = 2, steps = true}", "axes.q_min.steps: must be a whole number"),
         (HEAD + "[axes]\nq_min = {low = 1, high = 2, steps = 'x'}\n" + SOBOL, "axes.q_min.steps: must be a whole"),
@@ -429,6 +470,21 @@ def test_what_was_replaced_is_not_kept_when_its_inputs_come_back(tmp_path):
     assert [row["number"] for row in rows(tmp_path)] == ["1"]
     again = run_sweep(a, tmp_path, workers=1)
     assert (again.kept, again.done) == (1, 2)
+
+
+def test_made_anew_the_index_keeps_what_is_still_true_until_it_is_replaced(tmp_path):
+    sweep = parse_sweep(NO_FOLDERS + "[axes]\nq_min = [10, 11, 12]\n")
+
+    class Stops(Inline):
+        def submit(self, function, tasks, *rest):
+            if tasks[0].number:
+                raise RuntimeError("no more")
+            return super().submit(function, tasks, *rest)
+
+    run_sweep(sweep, tmp_path, Inline())
+    stopped = run_sweep(sweep, tmp_path, Stops(), resume=False)
+    assert (stopped.done, stopped.left) == (1, 2)
+    assert [row["number"] for row in rows(tmp_path)] == ["0", "2"], "that of 1 was about to be replaced"
 
 
 def test_another_plan_leaves_nothing_of_the_one_before(tmp_path):

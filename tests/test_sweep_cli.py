@@ -186,7 +186,7 @@ def kept(monkeypatch, tmp_path):
 def test_cache_info_and_clear(kept, capsys):
     assert cli.run(["cache", "info"]) == 0
     out = capsys.readouterr().out
-    assert f"{kept}: 2 entries, 0.0 MB of 10.0 MB" in out and "mesh" in out and "plan" in out
+    assert f"{kept}: 2 entries, 0.3 kB of 10.0 MB" in out and "mesh" in out and "plan" in out
     assert cli.run(["cache", "info", "--json"]) == 0
     table = json.loads(capsys.readouterr().out)
     assert table["entries"] == 2 and table["limit_bytes"] == 10_000_000 and not table["cleared"]

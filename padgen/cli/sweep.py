@@ -61,7 +61,8 @@ def _sweep(options: argparse.Namespace) -> int:
     _sum_up(options, (sweep, overview, replace(result, folder=folder), files), note)
     if result.stopped:
         # After the summary, as what was done is kept.
-        print(f"padgen: {result.stopped}; the same command goes on where it stopped", file=sys.stderr)
+        again = "the same command" if options.resume else "the same command without --no-resume"
+        print(f"padgen: {result.stopped}; {again} goes on where it stopped", file=sys.stderr)
         return BAD_INPUT
     return CHECK_FAILED if result.failed else DONE
 

@@ -10,11 +10,12 @@ from padgen.physics.selectivity import SCHEMES
 from padgen.planner.capacity import channel_limit, coil_capacity, largest_counts, searched_to
 from padgen.planner.channels import plan_channels
 from padgen.planner.layout import SLACK_MM, candidates, explain
-from padgen.planner.plan import Plan, Selectivity, without_none
+from padgen.planner.plan import Plan, Selectivity
 from padgen.planner.search import sites_of, sized_layouts
 from padgen.planner.selectivity import plan_selectivity
 from padgen.planner.settings import level_law, scheme_named
 from padgen.spec import Spec, catalogue, make_spec
+from padgen.spec.load import without_none
 from padgen.units import decibel
 
 __all__ = ["CapacityRow", "Change", "Explanation", "explain_plan"]

@@ -6,13 +6,13 @@ from typing import Any
 
 from padgen.errors import SpecError, number
 from padgen.planner.layout import SLACK_MM, Layout, candidates, explain, most_coils, room, whole_grids
-from padgen.planner.plan import without_none
 from padgen.planner.resonances import ladders, reachable_hz
 from padgen.planner.search import sized_layouts
 from padgen.planner.sizing import topologies
 from padgen.planner.suspensions import TOPOLOGIES
 from padgen.planner.taxel_model import plate_shape
 from padgen.spec import Spec, Suspension, catalogue, make_spec
+from padgen.spec.load import without_none
 
 __all__ = ["why_not"]
 

@@ -14,11 +14,12 @@ from padgen.physics.ladder import slot_half_width
 from padgen.physics.modal import ModalTaxels, felt_energy
 from padgen.physics.selectivity import Channels, Scheme, all_states, pair_lines
 from padgen.planner.modes import MODES_DB, coil_modes, mode_names, modes_in_slots
-from padgen.planner.plan import Channel, Plan, channel_sets, without_none
+from padgen.planner.plan import Channel, Plan, channel_sets
 from padgen.planner.selectivity import placed_channels
 from padgen.planner.settings import scheme_named
 from padgen.planner.suspensions import TOPOLOGIES
 from padgen.spec import Spec, make_spec
+from padgen.spec.load import without_none
 
 __all__ = ["Crowd", "crowds", "judge_modes"]
 
@@ -226,6 +227,8 @@ def _remedy(tried: Sequence[_Try], crowd: Crowd | None) -> str:
         if crowd and crowd.channel not in left:
             channels = ", ".join(str(index) for index in dict.fromkeys(left))
             return f"{words} clears it and keeps {kept_db:.1f} dB, with modes of channels {channels} left"
+    if not tried:
+        return "nothing that could be tried clears it"
     return f"none of {len(tried)} changes of resonances, beams, suspension and drive that were tried clears it"
 
 

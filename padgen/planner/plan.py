@@ -11,6 +11,7 @@ from padgen.files import json_text
 from padgen.finding import Finding
 from padgen.planner.suspensions import TOPOLOGIES, Arrangement, BeamShape, PlateShape
 from padgen.spec import Spec, make_spec
+from padgen.spec.load import without_none
 
 __all__ = [
     "Beam",
@@ -32,7 +33,6 @@ __all__ = [
     "channel_sets",
     "plan_from_json",
     "plan_to_json",
-    "without_none",
 ]
 
 
@@ -408,11 +408,4 @@ def _read(kind: Any, value: Any) -> Any:
         if inner[-1] is Ellipsis:
             return tuple(_read(inner[0], entry) for entry in value)
         return tuple(_read(k, entry) for k, entry in zip(inner, value, strict=True))
-    return value
-
-
-def without_none(value: Any) -> Any:
-    """Nested tables without their empty entries, as TOML writes them."""
-    if isinstance(value, dict):
-        return {key: without_none(entry) for key, entry in value.items() if entry is not None}
     return value

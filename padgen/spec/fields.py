@@ -10,7 +10,7 @@ from typing import Any, Union, get_args, get_origin
 
 from padgen.errors import SpecError, number
 
-__all__ = ["build", "choice", "flag", "numbers", "optional_type", "quantity", "text", "unknown_name"]
+__all__ = ["build", "checked", "choice", "flag", "numbers", "optional_type", "quantity", "text", "unknown_name"]
 
 
 def quantity(default: Any = MISSING, *, unit: str, low: float, high: float, doc: str, above: bool = False) -> Any:
@@ -74,14 +74,15 @@ def build(kind: type, table: Any, where: str, base: "dict[str, Any] | None" = No
             raise unknown_name(key, list(known), "key", where or "spec")
     values = dict(base or {})
     for key, value in table.items():
-        values[key] = _checked(known[key], value, prefix + key)
+        values[key] = checked(known[key], value, prefix + key)
     for name, item in known.items():
         if name not in values and item.default is MISSING and item.default_factory is MISSING:
             raise SpecError(f"is missing; {item.metadata['doc']}", prefix + name)
     return kind(**values)
 
 
-def _checked(item: "Field[Any]", value: Any, where: str) -> Any:
+def checked(item: "Field[Any]", value: Any, where: str) -> Any:
+    """The value of a field, of its type and within its bounds; raises as `build` does."""
     kind, _ = optional_type(item.type)
     if kind is bool:
         return _of_type(bool, value, where, "true or false")

@@ -1,6 +1,7 @@
 """A `Spec` from a TOML file or from the name of a template, with its catalogue entries filled in."""
 
 import csv
+import json
 from dataclasses import fields
 from functools import cache
 from pathlib import Path
@@ -13,6 +14,7 @@ from padgen.spec.refusals import refuse_contradictions
 from padgen.spec.threshold import with_threshold
 
 __all__ = [
+    "CATALOGUES",
     "SHORTHANDS",
     "catalogue",
     "find_spec",
@@ -20,8 +22,10 @@ __all__ = [
     "make_spec",
     "parse_spec",
     "parse_toml",
+    "read_table",
     "read_toml",
     "template_paths",
+    "without_none",
 ]
 
 CATALOGUES = {
@@ -82,9 +86,32 @@ def find_spec(spec: str) -> Path:
 
 
 def load_spec(spec: str) -> Spec:
-    """Read a `Spec` from a path or from the name of a template."""
+    """Read a `Spec` from a path or from the name of a template; a ``plan.json`` stands for the spec of its plan."""
     path = find_spec(spec)
-    return make_spec(read_toml(path, spec), path.parent)
+    return make_spec(read_table(path, spec), path.parent)
+
+
+def read_table(path: Path, where: str) -> dict[str, Any]:
+    """The tables of a spec's file, TOML or the ``plan.json`` of a pad; errors call it `where`."""
+    if path.suffix != ".json":
+        return read_toml(path, where)
+    try:
+        table = json.loads(path.read_bytes()).get("spec")
+    except OSError as error:
+        raise FileError(f"cannot be read ({error.strerror or error})", where) from error
+    except (ValueError, AttributeError, RecursionError):
+        table = None
+    if not isinstance(table, dict):
+        raise FileError("is no plan.json, which would have the spec of its pad", where)
+    without: dict[str, Any] = without_none(table)
+    return without
+
+
+def without_none(value: Any) -> Any:
+    """Nested tables without their empty entries, as TOML writes them."""
+    if isinstance(value, dict):
+        return {key: without_none(entry) for key, entry in value.items() if entry is not None}
+    return value
 
 
 def parse_spec(text: str, where: str = "spec", folder: Path = Path()) -> Spec:

@@ -1,5 +1,6 @@
 """`Sweep`: which variants of a base spec are to be made, from TOML. Frozen plain data."""
 
+from copy import deepcopy
 from dataclasses import dataclass, field, fields, is_dataclass
 from math import isfinite
 from pathlib import Path
@@ -7,11 +8,11 @@ from typing import Any
 
 from padgen.errors import SpecError, number
 from padgen.spec import Spec, find_spec, make_spec
-from padgen.spec.fields import build, choice, flag, optional_type, quantity, text, unknown_name
-from padgen.spec.load import parse_toml, read_toml
+from padgen.spec.fields import build, checked, choice, flag, optional_type, quantity, text, unknown_name
+from padgen.spec.load import CATALOGUES, SHORTHANDS, catalogue, parse_toml, read_table, read_toml
 from padgen.sweep.expression import Expression, parse_expression
 
-__all__ = ["METHODS", "STAGES", "Axis", "Limits", "Sample", "Sweep", "load_sweep", "parse_sweep"]
+__all__ = ["METHODS", "STAGES", "Axis", "Limits", "Sample", "Sweep", "laid_over", "load_sweep", "parse_sweep"]
 
 STAGES = ("plan", "yield", "build", "study")
 METHODS = ("grid", "latin-hypercube", "sobol")
@@ -82,6 +83,9 @@ class Sweep:
     limits: Limits = field(default_factory=Limits)
 
 
+TOP_KEYS = [f.name for f in fields(Settings)]
+
+
 def load_sweep(path: str) -> Sweep:
     """Read a `Sweep` from a file.
 
@@ -101,6 +105,11 @@ def parse_sweep(content: str, where: str = "sweep", folder: Path = Path()) -> Sw
 def _sweep(table: dict[str, Any], folder: Path) -> Sweep:
     tables = {key: table.pop(key, {}) for key in ("axes", "sample", "limits")}
     linked, constraints = table.pop("linked", []), table.pop("constraints", [])
+    if isinstance(table.get("formats"), list):
+        table["formats"] = ",".join(str(entry) for entry in table["formats"])
+    for key in table:
+        if key not in TOP_KEYS:
+            raise unknown_name(key, TOP_KEYS, "key", "sweep")
     settings: Settings = build(Settings, table, "")
     base, base_folder = _base(settings.base, folder)
     spec = make_spec(base, base_folder)
@@ -117,6 +126,7 @@ def _sweep(table: dict[str, Any], folder: Path) -> Sweep:
     if not isinstance(constraints, list) or not all(isinstance(entry, str) for entry in constraints):
         raise SpecError(f"must be a list of conditions as text, got {constraints!r}", "constraints")
     _refuse_formats(settings)
+    _refuse_values(axes)
     return Sweep(
         settings,
         base,
@@ -127,6 +137,45 @@ def _sweep(table: dict[str, Any], folder: Path) -> Sweep:
         sample,
         build(Limits, tables["limits"], "limits"),
     )
+
+
+def _refuse_values(axes: tuple[Axis, ...]) -> None:
+    """Refuse a value that a field never takes, whatever the others are: a mistyped name is no variant."""
+    for axis in axes:
+        for index, row in enumerate(axis.values):
+            for name, value in zip(axis.fields, row, strict=True):
+                _refuse_value(name, value, f"axes.{name}[{index}]")
+
+
+def _refuse_value(name: str, value: Any, where: str) -> None:
+    if name in CATALOGUES and isinstance(value, str):
+        known = list(catalogue(name))
+        if value not in known:
+            raise unknown_name(value, known, name, where)
+        return
+    kind: Any = Spec
+    *path, last = name.split(".")
+    for part in path:
+        kind = optional_type(next(f.type for f in fields(kind) if f.name == part))[0]
+    item = next(f for f in fields(kind) if f.name == last)
+    if not is_dataclass(optional_type(item.type)[0]):
+        checked(item, value, where)
+
+
+def laid_over(base: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
+    """The table of a spec with other values of dotted fields."""
+    table = deepcopy(base)
+    # Whole tables first, so that a catalogue's entry and one of its fields may both be varied.
+    for name, value in sorted(values.items(), key=lambda pair: pair[0].count(".")):
+        *path, last = name.split(".")
+        inner = table
+        for part in path:
+            entry = inner.get(part, {})
+            # A catalogue's entry or a scheme may be given as one word.
+            inner[part] = entry if isinstance(entry, dict) else {SHORTHANDS.get(part, "name"): entry}
+            inner = inner[part]
+        inner[last] = value
+    return table
 
 
 def _refuse_formats(settings: Settings) -> None:
@@ -142,7 +191,7 @@ def _base(name: str, folder: Path) -> tuple[dict[str, Any], Path]:
     """The base spec's table: a file beside the sweep's, or a template."""
     beside = folder / name
     path = beside if beside.is_file() else find_spec(name)
-    return read_toml(path, name), path.parent
+    return read_table(path, name), path.parent
 
 
 def _axes(table: Any, linked: Any, spec: Spec, sample: Sample) -> tuple[Axis, ...]:
@@ -197,7 +246,10 @@ def _range(name: str, value: dict[str, Any], spec: Spec, sample: Sample) -> Axis
         raise SpecError(f"must be above 0 on a log scale, got {number(low)}", f"{where}.low")
     fewest = 2 if sample.method == "grid" else 0
     if not isinstance(steps, int) or isinstance(steps, bool) or not fewest <= steps <= MOST_VALUES:
-        raise SpecError(f"must be a whole number, {fewest} … {MOST_VALUES}, got {steps!r}", f"{where}.steps")
+        got = (
+            f"got {steps!r}" if "steps" in value else f"as {{ low = {number(low)}, high = {number(high)}, steps = 5 }}"
+        )
+        raise SpecError(f"must be a whole number, {fewest} … {MOST_VALUES}, {got}", f"{where}.steps")
     return Axis((name,), (), low, high, steps, scale, kind is int)
 
 

@@ -11,13 +11,6 @@ from padgen.sweep.pareto import UNBOUNDED, Overview, front_mask, scores_of
 
 __all__ = ["front_pictures"]
 
-LABELS = {
-    "taxels": "taxels",
-    "selectivity_db": "selectivity, dB",
-    "good_pads_retuned": "good prints, re-tuned",
-    "power_w": "copper loss, W",
-    "print_min": "print time, min",
-}
 COLOURED_BY = ("power_w", "selectivity_db", "print_min", "good_pads_retuned", "taxels")
 """The first of these that differs among variants tells apart the front's points by colour."""
 RATIOS = ("taxels", "power_w", "print_min")
@@ -30,7 +23,7 @@ MOST_VECTORS = 1000
 
 
 def front_pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
-    """The front as SVG and PNG; None where nothing was made or there is nothing to compare.
+    """The front as SVG and PNG; None where fewer than two objectives differ.
 
     One panel for every two objectives that differ among variants: coloured is the front, grey what it
     beats, a cross what has error findings. A line joins those that none beats in the panel's two alone.
@@ -54,11 +47,10 @@ def front_pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
 
 
 def _differing(overview: Overview) -> list[int]:
-    """Objectives with more than one value; the first two where fewer differ."""
+    """Objectives with more than one value."""
     everything = _everything(overview)
     columns = range(len(overview.objectives))
-    differing = [i for i in columns if len(np.unique(everything[np.isfinite(everything[:, i]), i])) > 1]
-    return differing if len(differing) > 1 else sorted({*differing, *list(columns)[:2]})[:2]
+    return [i for i in columns if len(np.unique(everything[np.isfinite(everything[:, i]), i])) > 1]
 
 
 def _bounded(overview: Overview) -> Overview:
@@ -202,7 +194,7 @@ def _is_wide(overview: Overview, objective: int) -> bool:
 
 def _label(overview: Overview, objective: int) -> str:
     name = overview.objectives[objective]
-    return f"{LABELS[name]}\n({'more' if OBJECTIVES[name] == 'most' else 'less'} is better)"
+    return f"{OBJECTIVES[name].axis}\n({'more' if OBJECTIVES[name].best == 'most' else 'less'} is better)"
 
 
 def _title(overview: Overview, name: str) -> str:
@@ -216,5 +208,5 @@ def _title(overview: Overview, name: str) -> str:
     everything = _everything(overview)
     for i, objective in enumerate(overview.objectives):
         if objective in UNBOUNDED and np.isnan(everything[:, i]).any():
-            lines.append(f"{LABELS[objective]}: the farthest have one taxel per coil, so that there is no limit")
+            lines.append(f"{OBJECTIVES[objective].axis}: nothing limits it for the farthest")
     return "\n".join(lines)

@@ -144,7 +144,7 @@ def _field(name: str, spec: Spec, where: str) -> Any:
     value: Any = spec
     for part in name.split("."):
         if not hasattr(type(value), "__dataclass_fields__") or part not in type(value).__dataclass_fields__:
-            raise SpecError(f"names {name!r}, which a spec does not have", where)
+            raise SpecError(f"names {name!r}, which a spec does not have; words stand in quotes", where)
         value = getattr(value, part)
     # A table stands for what names it, as in TOML: material == 'pla', drive == 'tones'.
     for word in ("name", "scheme", "structure"):

@@ -81,11 +81,13 @@ class Overview:
         return self.counts.get("done", 0)
 
     def best(self) -> dict[str, int]:
-        """By objective, the row of the front that is best in it; of equals the first."""
+        """By objective in which variants differ, the row of the front that is best in it; of equals the first."""
         if not len(self.values):
             return {}
         scores = scores_of(self.values, self.objectives)
-        return {name: int(np.argmax(scores[:, i])) for i, name in enumerate(self.objectives)}
+        every = scores_of(np.concatenate([self.values, self.beaten, self.faulty]), self.objectives)
+        differ = every.min(0) < every.max(0)
+        return {name: int(np.argmax(scores[:, i])) for i, name in enumerate(self.objectives) if differ[i]}
 
 
 def front_mask(scores: np.ndarray) -> np.ndarray:
@@ -116,7 +118,7 @@ def _as_good(others: np.ndarray, rows: np.ndarray) -> np.ndarray:
 
 def scores_of(values: np.ndarray, objectives: Sequence[str]) -> np.ndarray:
     """Values with a sign that makes more better, and infinities where there are none."""
-    signs = [1.0 if OBJECTIVES[name] == "most" else -1.0 for name in objectives]
+    signs = [1.0 if OBJECTIVES[name].best == "most" else -1.0 for name in objectives]
     empty = [np.inf if name in UNBOUNDED else -np.inf for name in objectives]
     scores = values * np.array(signs)
     return np.where(np.isnan(scores), np.array(empty), scores)
@@ -243,6 +245,8 @@ def write_pareto(folder: Path, name: str) -> tuple[Overview, tuple[str, ...], st
 
         pictures = front_pictures(overview, name)
         files |= dict(zip(PARETO_FILES[1:], pictures, strict=True)) if pictures else {}
+        if not pictures and len(overview.rows) + len(overview.beaten) > 1:
+            note = "there is no picture of the front, as variants differ in one objective at most"
     except ImportError:
         note = "there is no picture of the front, for matplotlib is not installed; padgen[study] brings it"
     with OutputFolder(folder) as out:

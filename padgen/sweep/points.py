@@ -6,7 +6,6 @@ rename the others.
 """
 
 from collections.abc import Iterator
-from copy import deepcopy
 from itertools import product
 from math import ceil, floor, prod
 from typing import Any, NamedTuple
@@ -15,8 +14,7 @@ import numpy as np
 
 from padgen.errors import PadgenError, SpecError
 from padgen.spec import make_spec
-from padgen.spec.load import SHORTHANDS
-from padgen.sweep.definition import Axis, Sweep
+from padgen.sweep.definition import Axis, Sweep, laid_over
 
 __all__ = ["Variant", "count_points", "variant_name", "variant_table", "variants"]
 
@@ -89,19 +87,7 @@ def variant_name(sweep: Sweep, number: int) -> str:
 
 def variant_table(sweep: Sweep, variant: Variant) -> dict[str, Any]:
     """The table of a variant's spec: the base's with the varied fields and a name of its own."""
-    table = deepcopy(sweep.base)
-    table["name"] = variant_name(sweep, variant.number)
-    # Whole tables first, so that a catalogue's entry and one of its fields may both be varied.
-    for name, value in sorted(variant.values.items(), key=lambda pair: pair[0].count(".")):
-        *path, last = name.split(".")
-        inner = table
-        for part in path:
-            entry = inner.get(part, {})
-            # A catalogue's entry or a scheme may be given as one word.
-            inner[part] = entry if isinstance(entry, dict) else {SHORTHANDS.get(part, "name"): entry}
-            inner = inner[part]
-        inner[last] = value
-    return table
+    return laid_over(sweep.base, variant.values) | {"name": variant_name(sweep, variant.number)}
 
 
 def _grid(sweep: Sweep) -> Iterator[dict[str, Any]]:

@@ -180,10 +180,10 @@ class _Run:
             present[number] = 1
             self.total += 1
             status = ""
-            if resume and self.journal.known(number):
+            if self.journal.known(number):
                 task = task_of(self.sweep, variant, self._formats, self.folder)
                 status = self._kept_status(task)
-            if not status or (retry and status == "failed"):
+            if not status or not resume or (retry and status == "failed"):
                 self._todo[number] = TO_REPLACE if self.journal.known(number) else TO_RUN
             else:
                 self.counts[status] += 1

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from padgen.errors import number
+from padgen.sweep.figures import OBJECTIVES
 from padgen.tell.plans import table
 
 if TYPE_CHECKING:
@@ -16,14 +17,6 @@ if TYPE_CHECKING:
 
 __all__ = ["cache_text", "counts_text", "seconds_text", "sweep_table", "sweep_text"]
 
-OBJECTIVE_NAMES = {
-    "taxels": ("taxels", "taxels"),
-    "selectivity_db": ("selectivity", "selectivity dB"),
-    "good_pads_retuned": ("yield", "good prints"),
-    "power_w": ("power", "copper loss W"),
-    "print_min": ("print time", "print min"),
-}
-"""The objectives of a front in words, and as headings with units."""
 MOST_ROWS = 12
 """Of a front that is shown whole; of a longer one, the best in each objective."""
 MOST_REFUSED = 3
@@ -72,7 +65,7 @@ def _variants(count: int) -> str:
 
 
 def _front_line(overview: "Overview") -> str:
-    weighed = ", ".join(OBJECTIVE_NAMES[name][0] for name in overview.objectives)
+    weighed = ", ".join(OBJECTIVES[name].word for name in overview.objectives)
     told = f"Pareto front over {weighed}: {_variants(len(overview.rows))} that no other beats"
     told += "; every variant has error findings" * overview.of_faulty
     return told + "; those best in one of these:" if len(overview.rows) > MOST_ROWS else f"{told}:"
@@ -83,7 +76,7 @@ def _front_rows(sweep: "Sweep", overview: "Overview") -> tuple[list[str], list[l
     axes, objectives = [name for axis in sweep.axes for name in axis.fields], overview.objectives
     best: dict[int, list[str]] = {row: [] for row in range(len(overview.rows)) if len(overview.rows) <= MOST_ROWS}
     for objective, row in overview.best().items():
-        best.setdefault(row, []).append(OBJECTIVE_NAMES[objective][0])
+        best.setdefault(row, []).append(OBJECTIVES[objective].word)
     varied = [overview.header.index(name) for name in ("number", *axes)]
     reached = [overview.header.index(name) for name in objectives]
     cells = [
@@ -91,7 +84,7 @@ def _front_rows(sweep: "Sweep", overview: "Overview") -> tuple[list[str], list[l
         for row in sorted(best)
         for told in (", ".join(best[row]),)
     ]
-    return ["variant", *_short(axes), *(OBJECTIVE_NAMES[name][1] for name in objectives), "best in"], cells
+    return ["variant", *_short(axes), *(OBJECTIVES[name].heading for name in objectives), "best in"], cells
 
 
 def _short(names: Sequence[str]) -> list[str]:
@@ -128,9 +121,9 @@ def sweep_table(sweep: "Sweep", overview: "Overview", result: "SweepResult", fil
             objective: {
                 "number": int(overview.rows[row][at["number"]]),
                 "name": overview.rows[row][at["name"]],
-                "value": float(overview.values[row, i]),
+                "value": float(overview.values[row, overview.objectives.index(objective)]),
             }
-            for i, (objective, row) in enumerate(overview.best().items())
+            for objective, row in overview.best().items()
         },
     }
 
@@ -151,4 +144,4 @@ def _entries(count: int) -> str:
 
 
 def _megabytes(size: int) -> str:
-    return f"{size / 1e6:.1f} MB"
+    return f"{size / 1e6:.1f} MB" if size >= 1e5 else f"{size / 1e3:.1f} kB"
