@@ -111,7 +111,7 @@ def sweep_section() -> list[str]:
 
 
 def many_section() -> list[str]:
-    return ["`padgen sweep`, plan only, without folders, `--json`; what the parent process holds:", "", *many()]
+    return ["`padgen sweep`, plan only, without folders, `--json`.", *many()]
 
 
 def openscad_section() -> list[str]:

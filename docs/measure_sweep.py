@@ -150,13 +150,11 @@ def many() -> list[str]:
         memory = watched_mb(command, cache)
         resumed = min(wall_s(command, cache) for _ in range(3))
         start = first_event_s(command, cache)
+    (first, held), (last, held_then) = memory[0], memory[-1]
     return [
-        "| done | parent's memory MB |",
-        "|---|---|",
-        *(f"| {done} | {held:.1f} |" for done, held in memory),
-        "",
-        f"Started again with all {MANY} finished: the first word after {start:.2f} s (bar 3 s), all told, index and"
-        f" front written after {resumed:.2f} s.",
+        f"The parent holds {held:.1f} MB after {first} variants and {held_then:.1f} MB after {last}. Started again with"
+        f" all finished, it says",
+        f"the first word after {start:.2f} s (bar 3 s), and has written index and front anew after {resumed:.2f} s.",
     ]
 
 
