@@ -17,10 +17,11 @@ from functools import cache
 from importlib import metadata
 from itertools import count
 from pathlib import Path
+from stat import S_ISREG
 from typing import Any, TypeVar
 
 from padgen.errors import FileError, SpecError
-from padgen.files import file_hash
+from padgen.files import file_hash, reason
 
 __all__ = [
     "CacheInfo",
@@ -249,12 +250,14 @@ def clear() -> CacheInfo:
     FileError
         An entry cannot be removed.
     """
-    before = info()
+    before, stays = info(), None
     for path, _, _ in _entries():
         try:
             path.unlink(missing_ok=True)
         except OSError as error:
-            raise FileError(f"cannot be removed ({error.strerror or error})", str(path)) from error
+            stays = path, error
+    if stays:
+        raise FileError(f"cannot be removed ({reason(stays[1])})", str(stays[0])) from stays[1]
     return before
 
 
@@ -315,7 +318,8 @@ def _entries() -> Iterator[tuple[Path, float, int]]:
         if OWN.fullmatch(path.name):
             with suppress(OSError):
                 state = path.stat()
-                yield path, state.st_mtime, state.st_size
+                if S_ISREG(state.st_mode):
+                    yield path, state.st_mtime, state.st_size
 
 
 def _path(kind: str, key: str) -> Path:

@@ -132,9 +132,8 @@ class OutputFolder:
     def __enter__(self) -> "OutputFolder":
         try:
             missing = list(takewhile(lambda path: not path.exists(), (self.path, *self.path.parents)))
-            for left in () if missing else self.path.glob(".partial-*"):
-                if not _runs(left.name.removeprefix(".partial-")):
-                    shutil.rmtree(left, ignore_errors=True)  # by a run that was killed
+            if not missing:
+                _drop_partial(self.path)
             self._aside.mkdir(parents=True)
             self._made = missing
         except OSError as error:
@@ -227,10 +226,19 @@ def stale_files(path: Path, plan: str) -> list[str]:
 
 
 def take_away(path: Path) -> None:
-    """Remove what an earlier run wrote into a folder: a plan, what belongs to it, what the manifest names."""
+    """Remove what earlier runs wrote: a plan and what belongs to it, what the manifest names; an empty folder, too."""
+    _drop_partial(path)
     with suppress(OSError):
         for name in (MANIFEST, "plan.json", *PLAN_FILES, *read_manifest(path).get("files", {})):
             (path / name).unlink(missing_ok=True)
+        path.rmdir()
+
+
+def _drop_partial(path: Path) -> None:
+    """Remove what killed runs left half-written in a folder."""
+    for left in path.glob(".partial-*"):
+        if not _runs(left.name.removeprefix(".partial-")):
+            shutil.rmtree(left, ignore_errors=True)
 
 
 def differs(path: Path, name: str, text: str) -> bool:

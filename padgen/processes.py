@@ -1,11 +1,14 @@
 """What one process of several needs: a single thread for its mathematics, and its own peak of memory."""
 
 import os
+import signal
 import sys
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from threading import current_thread, main_thread
 
-__all__ = ["ONE_THREAD", "PROCESSES", "core_count", "peak_mb", "reset_peak"]
+__all__ = ["ONE_THREAD", "PROCESSES", "core_count", "peak_mb", "reset_peak", "uninterrupted"]
 
 ONE_THREAD = dict.fromkeys(
     (
@@ -31,6 +34,19 @@ def core_count() -> int:
         return int(named)
     allowed = getattr(os, "sched_getaffinity", None)
     return len(allowed(0)) if allowed else os.cpu_count() or 1
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Ignore Ctrl-C meanwhile, where this is the thread that gets it."""
+    if current_thread() is not main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def reset_peak() -> None:

@@ -32,6 +32,12 @@ def slow(task: Task) -> Record:
     return counted(task)
 
 
+def brief(task: Task) -> Record:
+    """A tenth of a second each; of what may take one."""
+    time.sleep(0.1)
+    return counted(task)
+
+
 def uneven(task: Task) -> Record:
     """Later variants are quicker, so that they end in another order; each second has another figure."""
     time.sleep(0.02 * (5 - task.number % 6))
@@ -63,11 +69,11 @@ def clumsy(task: Task) -> Record:
     print("noise", flush=True)
     os.write(1, b"more noise")
     if task.number == 0:
-        raise OSError(28, "No space left on device")
+        raise OSError(5, "Input/output error")
     if task.number == 1:
         raise SystemExit(3)
     if task.number == 2:
-        raise FileError("cannot be written (No space left on device)", "out/x")
+        raise FileError("cannot be written (Input/output error)", "out/x")
     if task.number == 3:
         return made(task, unsendable=lambda: None)
     if task.number == 4:
@@ -81,6 +87,14 @@ def failing(task: Task) -> Record:
     if task.number == 1 and Path(os.environ[PLACE], "broken").exists():
         return Record(task.number, task.key, "failed", "it is broken", task.values, {}, 0, 0, (), 0.001, 1.0)
     return record
+
+
+def full(task: Task) -> Record:
+    """Finds the disk full from variant 3 on, as long as there is a file ``full``."""
+    if task.number >= 3 and Path(os.environ[PLACE], "full").exists():
+        sentence = "out/s-00003: cannot be written (No space left on device)"
+        return Record(task.number, task.key, "failed", sentence, task.values, {}, 0, 0, (), 0.001, 1.0)
+    return counted(task)
 
 
 def tiny(task: Task) -> Record:

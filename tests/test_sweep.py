@@ -306,6 +306,12 @@ def test_constraints_that_cannot_be_worked_out(text):
         (HEAD + "constraints = ['quality > 1']\n" + GRID, "constraint 'quality > 1': names 'quality'"),
         (HEAD + GRID + "[sample]\nmethod = 'sobol'", "sample.count: must be at least 1 for method 'sobol'"),
         (HEAD + GRID + "[sample]\nmethod = 'latin-hypercube'\ncount = 100001", "sample.count: must be at most 100000"),
+        (HEAD + GRID + "[sample]\ncount = 7", "sample.count: needs a method: latin-hypercube or sobol"),
+        (HEAD + "[axes]\nresolution = {low = 16.2, high = 16.8, steps = 2}", "axes.resolution: holds no whole number"),
+        (HEAD + "[axes]\nq_min = [15]\npad = {}", "axes.pad: is empty"),
+        (HEAD + "x = 1" + "0" * 5000, "is not TOML"),
+        (HEAD + "[axes]\nresolution = " + "[" * 400 + "]" * 400, "nested too deeply|must be"),
+        (HEAD + "[axes." + "a." * 3000 + "a]\nx = [1]", "nested too deeply|there is no"),
         (HEAD + GRID + "[sample]\nseed = -1", "sample.seed: must be at least 0"),
         (HEAD + "sample = 3\n" + GRID, "sample: must be a table"),
         (HEAD + GRID + "[limits]\ntime_s = 0", "limits.time_s: must be at least 0.1"),
@@ -472,6 +478,28 @@ def test_what_was_replaced_is_not_kept_when_its_inputs_come_back(tmp_path):
     assert (again.kept, again.done) == (1, 2)
 
 
+def test_whole_numbers_stay_within_their_range():
+    found = values("[axes]\nresolution = {low = 16.5, high = 18.5, steps = 3}\n")
+    assert [v["resolution"] for v in found] == [17, 18]
+
+
+@pytest.mark.parametrize("text", ["'a' * 1000000 == 'b'", "'%9d' % q_min == 'a'", "printer + 'x' == 'y'"])
+def test_a_constraint_does_no_arithmetic_on_text(text):
+    sweep = parse_sweep(HEAD + f'constraints = ["{text}"]\n[axes]\nq_min = [12]\n')
+    with pytest.raises(SpecError, match="arithmetic is of numbers"):
+        list(variants(sweep))
+
+
+@pytest.mark.parametrize("line", [{"figures": 3}, {"values": None}, {"findings": [3]}, {"sentence": 1}])
+def test_a_line_of_the_journal_of_another_shape_is_passed_over(tmp_path, line):
+    sweep = parse_sweep(NO_FOLDERS + "[axes]\nq_min = [10, 11]\n")
+    run_sweep(sweep, tmp_path, Inline())
+    first, second = (tmp_path / "index.jsonl").read_text().splitlines()
+    (tmp_path / "index.jsonl").write_text(json.dumps(json.loads(first) | line) + "\n" + second + "\n" + "[" * 9999)
+    assert run_sweep(sweep, tmp_path, Inline()).kept == 1
+    assert len(rows(tmp_path)) == 2
+
+
 def test_made_anew_the_index_keeps_what_is_still_true_until_it_is_replaced(tmp_path):
     sweep = parse_sweep(NO_FOLDERS + "[axes]\nq_min = [10, 11, 12]\n")
 
@@ -495,6 +523,37 @@ def test_another_plan_leaves_nothing_of_the_one_before(tmp_path):
     assert made('stage = "yield"\n[axes]\nq_min = [15]') == {"plan.json", "yield.json"}
     assert made("[axes]\nq_min = [15]") == {"plan.json", "yield.json"}
     assert made("[axes]\nq_min = [16]") == {"plan.json"}
+
+
+def test_folders_that_were_left_out_meanwhile_are_made_anew(tmp_path):
+    """With folders, other values without, and these with folders: each folder has the plan of its row."""
+
+    def run(folders: str, resolutions: list[int]) -> list[int | None]:
+        text = f"folders = {folders}\n[axes]\nresolution = {resolutions}\n"
+        run_sweep(parse_sweep(HEAD + text), tmp_path, workers=1)
+        plans = [tmp_path / f"s-0000{k}" / "plan.json" for k in range(2)]
+        return [json.loads(path.read_text())["spec"]["resolution"] if path.exists() else None for path in plans]
+
+    assert run("true", [32, 28]) == [32, 28]
+    assert run("false", [30, 26]) == [None, None]
+    assert run("true", [30, 26]) == [30, 26]
+
+
+@pytest.mark.parametrize(("stage", "name"), [("yield", "yield.json"), ("build", "pad.stl"), ("build", "manifest.json")])
+def test_a_variant_that_has_lost_a_file_runs_again(tmp_path, stage, name):
+    text = f'{HEAD}stage = "{stage}"\nformats = "stl"\npads = 20\n[axes]\nq_min = [15]\n'
+    run_sweep(parse_sweep(text), tmp_path, workers=1)
+    assert run_sweep(parse_sweep(text), tmp_path, workers=1).kept == 1
+    (tmp_path / "s-00000" / name).unlink()
+    assert run_sweep(parse_sweep(text), tmp_path, workers=1).kept == 0
+    assert (tmp_path / "s-00000" / name).exists()
+
+
+def test_a_constraint_that_breaks_late_leaves_nothing(tmp_path):
+    sweep = parse_sweep(HEAD + 'constraints = ["1 / (q_min - 14) < 9"]\n[axes]\nq_min = [12, 13, 14]\n')
+    with pytest.raises(SpecError, match="cannot be worked out"):
+        run_sweep(sweep, tmp_path / "out", Inline())
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_refused_variant_keeps_no_older_files(tmp_path):

@@ -15,6 +15,7 @@ import csv
 import io
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -39,8 +40,8 @@ from tests import sweep_work
 HEAD = 'name = "s"\nbase = "paper-32"\nfolders = false\n'
 
 
-def sweep(count: int = 8, more: str = ""):
-    return parse_sweep(f"{HEAD}{more}\n[axes]\nq_min = {[10 + i for i in range(count)]}\n[limits]\ntime_s = 60\n")
+def sweep(count: int = 8, more: str = "", time_s: float = 60):
+    return parse_sweep(f"{HEAD}{more}\n[axes]\nq_min = {[10 + i for i in range(count)]}\n[limits]\ntime_s = {time_s}\n")
 
 
 def rows(folder: Path) -> list[dict[str, str]]:
@@ -98,7 +99,7 @@ def test_whatever_python_breaks_down_with(place):
     found = rows(place / "out")
     assert (result.done, result.failed) == (2, 4)
     assert [row["sentence"].partition("(")[0] for row in found[:4]] == ["broke down "] * 4
-    assert "No space left" in found[0]["sentence"] and "SystemExit" in found[1]["sentence"]
+    assert "Input/output error" in found[0]["sentence"] and "SystemExit" in found[1]["sentence"]
     assert (found[4]["nan"], found[4]["text"], found[5]["status"]) == ("", "two\nlines", "done")
 
 
@@ -108,7 +109,8 @@ from pathlib import Path
 from padgen.sweep.run import run_sweep
 from tests import sweep_work
 from tests.test_sweep_faults import sweep
-result = run_sweep(sweep(40), Path(sys.argv[1]), workers=2, work=getattr(sweep_work, sys.argv[2]))
+asked = sweep(40, time_s=1 if sys.argv[2] == "brief" else 60)
+result = run_sweep(asked, Path(sys.argv[1]), workers=2, work=getattr(sweep_work, sys.argv[2]))
 print("stopped:", result.stopped, result.interrupted, flush=True)
 """
 
@@ -156,6 +158,65 @@ def test_ctrl_c(place):
     assert 4 <= len(found) < 40 and {row["status"] for row in found} == {"done"}
     result = run_sweep(sweep(40), place / "out", workers=2, work=sweep_work.counted)
     assert (result.done, result.kept) == (40, len(found))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_a_stop_is_not_charged_to_the_variants(place):
+    """Ctrl-Z for longer than a variant may take: the worker, which went on, is asked once more."""
+    process = parent(place, "brief")
+    wait_until(lambda: len(ran(place)) >= 2)
+    process.send_signal(signal.SIGSTOP)
+    time.sleep(2.5)
+    process.send_signal(signal.SIGCONT)
+    assert process.communicate(timeout=60)[0] == "stopped:  False\n"
+    assert {row["status"] for row in rows(place / "out")} == {"done"}
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_sigterm_ends_the_command_as_ctrl_c_does(place, tmp_path):
+    (tmp_path / "many.toml").write_text(f"{HEAD}[axes]\nq_min = {{low = 10, high = 30, steps = 5000}}\n")
+    command = [sys.executable, "-m", "padgen", "sweep", "many.toml", "-j", "2", "-o", "out", "--json"]
+    env = os.environ | {"PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[1]), *sys.path])}
+    process = subprocess.Popen(
+        command, cwd=tmp_path, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    done = sum('"kind": "done"' in process.stdout.readline() for _ in range(20))
+    process.terminate()
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 2 and "interrupted; the same command goes on where it stopped" in err
+    summary = json.loads(out.splitlines()[-1])
+    assert done > 3 and summary["interrupted"] and summary["done"] == len(rows(tmp_path / "out")) >= done
+
+
+def test_a_full_disk_stops_the_sweep_and_fails_no_variant(place):
+    (place / "full").touch()
+    result = run_sweep(sweep(8), place / "out", workers=1, work=sweep_work.full)
+    assert "No space left on device" in result.stopped and (result.done, result.failed, result.left) == (3, 0, 5)
+    (place / "full").unlink()
+    result = run_sweep(sweep(8), place / "out", workers=1, work=sweep_work.full)
+    assert (result.done, result.kept, result.stopped) == (8, 3, "")
+
+
+def test_a_folder_that_is_removed_meanwhile_is_told(place):
+    def remove(event):
+        if event.done == 3 and event.kind == "done":
+            shutil.rmtree(place / "out")
+
+    with pytest.raises(FileError, match=r"index\.jsonl: was removed while the sweep ran"):
+        run_sweep(sweep(8), place / "out", workers=1, work=sweep_work.counted, on_event=remove)
+
+
+def test_a_killed_run_leaves_no_index_of_what_is_replaced(place):
+    """From the moment that a variant is made over another, index and front tell of none that is gone."""
+    run_sweep(sweep(4), place / "out", workers=1, work=sweep_work.counted)
+    (place / "out" / "pareto.csv").touch()
+    seen = []
+
+    def look(event):
+        seen.append((event.kind, len(rows(place / "out")), (place / "out" / "pareto.csv").exists()))
+
+    run_sweep(sweep(4, "stage = 'yield'"), place / "out", workers=1, work=sweep_work.counted, on_event=look)
+    assert seen[0] == ("start", 0, False)
 
 
 def test_an_interrupted_caller_keeps_what_is_done(place):

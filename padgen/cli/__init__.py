@@ -26,6 +26,9 @@ def main() -> NoReturn:
     """Entry point of the console script."""
     # Thousands of 6 x 6 matrices gain nothing from threads, and wait for them under load.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed, as some that start programs leave them
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w"))
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")

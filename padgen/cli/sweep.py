@@ -1,6 +1,7 @@
 """``padgen sweep``."""
 
 import argparse
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
@@ -49,16 +50,20 @@ def _sweep(options: argparse.Namespace) -> int:
     if options.jobs is not None and options.scheduler is not None:
         raise SpecError("does not go with --scheduler: the cluster has the workers that it has", "--jobs")
     use_cache(options)
+    from padgen.processes import uninterrupted
     from padgen.sweep.definition import load_sweep
     from padgen.sweep.pareto import write_pareto
     from padgen.sweep.run import run_sweep
 
+    # A sweep that is asked to end, as by a queue, ends as by Ctrl-C: with an index of what is done.
+    signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
     sweep = load_sweep(options.sweep)
     folder = folder_of(options, sweep.settings.name)
     with _executor(options.scheduler) as executor, _telling(options, sweep) as tell:
         result = run_sweep(sweep, folder, executor, options.jobs, options.resume, options.retry, tell)
-    overview, files, note = write_pareto(folder, sweep.settings.name)
-    _sum_up(options, (sweep, overview, replace(result, folder=folder), files), note)
+    with uninterrupted() if result.interrupted else nullcontext():
+        overview, files, note = write_pareto(folder, sweep.settings.name)
+        _sum_up(options, (sweep, overview, replace(result, folder=folder), files), note)
     if result.stopped:
         # After the summary, as what was done is kept.
         again = "the same command" if options.resume else "the same command without --no-resume"

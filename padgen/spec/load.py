@@ -144,6 +144,8 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise SpecError(f"is not TOML: {error}", where) from error
+    except ValueError as error:  # a number of thousands of digits
+        raise SpecError(f"is not TOML that can be read: {error}", where) from error
     except RecursionError as error:
         raise SpecError("cannot be read: its values are nested too deeply", where) from error
 

@@ -1,8 +1,9 @@
 """`Sweep`: which variants of a base spec are to be made, from TOML. Frozen plain data."""
 
+import reprlib
 from copy import deepcopy
 from dataclasses import dataclass, field, fields, is_dataclass
-from math import isfinite
+from math import ceil, floor, isfinite
 from pathlib import Path
 from typing import Any
 
@@ -94,15 +95,22 @@ def load_sweep(path: str) -> Sweep:
     FileError, SpecError
         It cannot be read, or a field of it or of its base is unknown, missing or out of bounds.
     """
-    return _sweep(read_toml(Path(path), path or "SWEEP"), Path(path).parent)
+    return _sweep(read_toml(Path(path), path or "SWEEP"), Path(path).parent, path)
 
 
 def parse_sweep(content: str, where: str = "sweep", folder: Path = Path()) -> Sweep:
     """Make a `Sweep` from TOML text; the files that it names lie in `folder`."""
-    return _sweep(parse_toml(content, where), folder)
+    return _sweep(parse_toml(content, where), folder, where)
 
 
-def _sweep(table: dict[str, Any], folder: Path) -> Sweep:
+def _sweep(table: dict[str, Any], folder: Path, where: str) -> Sweep:
+    try:
+        return _of_tables(table, folder)
+    except RecursionError as error:
+        raise SpecError("cannot be read: its values are nested too deeply", where) from error
+
+
+def _of_tables(table: dict[str, Any], folder: Path) -> Sweep:
     tables = {key: table.pop(key, {}) for key in ("axes", "sample", "limits")}
     linked, constraints = table.pop("linked", []), table.pop("constraints", [])
     if isinstance(table.get("formats"), list):
@@ -112,11 +120,16 @@ def _sweep(table: dict[str, Any], folder: Path) -> Sweep:
             raise unknown_name(key, TOP_KEYS, "key", "sweep")
     settings: Settings = build(Settings, table, "")
     base, base_folder = _base(settings.base, folder)
-    spec = make_spec(base, base_folder)
+    try:
+        spec = make_spec(base, base_folder)
+    except SpecError as error:
+        raise SpecError(f"is no spec by itself: {error}", f"base {settings.base!r}") from error
     sample: Sample = build(Sample, tables["sample"], "sample")
     axes = _axes(tables["axes"], linked, spec, sample)
     if sample.method != "grid" and not sample.count:
         raise SpecError(f"must be at least 1 for method {sample.method!r}", "sample.count")
+    if sample.method == "grid" and sample.count:
+        raise SpecError("needs a method: latin-hypercube or sobol; a grid has as many as its axes make", "sample.count")
     if sample.method == "latin-hypercube" and sample.count > MOST_AT_ONCE:
         raise SpecError(
             f"must be at most {MOST_AT_ONCE} for a Latin hypercube, which is drawn as a whole, got {sample.count};"
@@ -213,6 +226,8 @@ def _flat(table: dict[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
     pairs = []
     for key, value in table.items():
         if isinstance(value, dict) and not set(value) & set(RANGE_KEYS):
+            if not value:
+                raise SpecError("is empty; it would name fields, and their values", f"axes.{prefix}{key}")
             pairs += _flat(value, f"{prefix}{key}.")
         else:
             pairs.append((prefix + key, value))
@@ -250,6 +265,10 @@ def _range(name: str, value: dict[str, Any], spec: Spec, sample: Sample) -> Axis
             f"got {steps!r}" if "steps" in value else f"as {{ low = {number(low)}, high = {number(high)}, steps = 5 }}"
         )
         raise SpecError(f"must be a whole number, {fewest} … {MOST_VALUES}, {got}", f"{where}.steps")
+    if kind is int:
+        if ceil(low) > floor(high):
+            raise SpecError(f"holds no whole number, from {number(low)} to {number(high)}", where)
+        low, high = float(ceil(low)), float(floor(high))
     return Axis((name,), (), low, high, steps, scale, kind is int)
 
 
@@ -275,7 +294,7 @@ def _linked(entry: Any, spec: Spec) -> Axis:
 
 def _filled(values: Any, where: str) -> list[Any]:
     if not isinstance(values, list) or not 1 <= len(values) <= MOST_VALUES:
-        raise SpecError(f"must be a list of 1 … {MOST_VALUES} values, got {values!r}", where)
+        raise SpecError(f"must be a list of 1 … {MOST_VALUES} values, got {reprlib.repr(values)}", where)
     for index, value in enumerate(values):
         if not _is_plain(value):
             raise SpecError(f"must be a number, text, true, false or a list of those, got {value}", f"{where}[{index}]")

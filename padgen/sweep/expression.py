@@ -12,6 +12,8 @@ from padgen.spec import Spec
 
 __all__ = ["Expression", "parse_expression"]
 
+LONGEST = 80
+"""Characters of a condition that errors repeat."""
 OPERATORS: dict[type, Callable[..., Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -67,10 +69,12 @@ def parse_expression(text: str, spec: Spec) -> Expression:
         It is no expression, or uses a field that a spec does not have, or anything but comparisons,
         arithmetic, ``and``, ``or``, ``not``, abs, min, max and round.
     """
-    where = f"constraint {text!r}"
+    where = f"constraint {text if len(text) <= LONGEST else text[:LONGEST] + '…'!r}"
     try:
-        tree = ast.parse(text, mode="eval").body
-    except (SyntaxError, ValueError, RecursionError) as error:
+        tree = ast.parse(text.strip(), mode="eval").body
+    except (RecursionError, MemoryError) as error:
+        raise SpecError("is nested too deeply", where) from error
+    except (SyntaxError, ValueError) as error:
         raise SpecError("is no condition; an example is 'resolution <= 64 and pad.width_mm >= 50'", where) from error
     names: set[str] = set()
     try:
@@ -118,7 +122,10 @@ def _evaluated(node: ast.expr, values: Mapping[str, Any], spec: Spec) -> Any:
         case ast.UnaryOp():
             return OPERATORS[type(node.op)](_evaluated(node.operand, values, spec))
         case ast.BinOp():
-            return OPERATORS[type(node.op)](_evaluated(node.left, values, spec), _evaluated(node.right, values, spec))
+            left, right = _evaluated(node.left, values, spec), _evaluated(node.right, values, spec)
+            if not isinstance(left, (int, float)) or not isinstance(right, (int, float)):
+                raise TypeError("arithmetic is of numbers")  # of text it might take all memory
+            return OPERATORS[type(node.op)](left, right)
         case ast.Compare():
             parts = [_evaluated(part, values, spec) for part in (node.left, *node.comparators)]
             pairs = zip(node.ops, parts, parts[1:])  # noqa: B905

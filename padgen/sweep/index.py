@@ -23,9 +23,11 @@ from padgen.sweep.definition import Sweep
 from padgen.sweep.points import variant_name
 from padgen.sweep.variant import STATUSES, Record
 
-__all__ = ["COLUMNS", "INDEX", "JOURNAL", "Journal", "write_index"]
+__all__ = ["COLUMNS", "INDEX", "JOURNAL", "PARETO_FILES", "Journal", "write_index"]
 
 INDEX, JOURNAL = "index.csv", "index.jsonl"
+PARETO_FILES = ("pareto.csv", "pareto.svg", "pareto.png")
+"""Made from the index."""
 COLUMNS = (
     ("number", "name", "status"),
     ("errors", "warnings", "findings", "sentence", "seconds", "peak_memory_mb"),
@@ -117,6 +119,15 @@ class Journal:
     def records(self) -> Iterator[Record]:
         """The last record of each variant, in the order of their numbers."""
         return (self._read(offset) for offset in self._offsets if offset != NOWHERE)
+
+    def refuse_removed(self) -> None:
+        """Raise if the journal is not where it was any more: what it holds would be lost."""
+        try:
+            same = os.path.samestat(os.fstat(self._stream.fileno()), self.path.stat())
+        except OSError:
+            same = False
+        if not same:
+            raise FileError("was removed while the sweep ran", str(self.path))
 
     def compact(self) -> None:
         """Drop the lines that later ones have replaced, when they are many."""
@@ -279,9 +290,11 @@ def _parsed(line: bytes) -> Record | None:
     try:
         table = json.loads(line)
         record = Record(**{**table, "findings": tuple(table["findings"])})
-    except (ValueError, TypeError, KeyError):
+    except (ValueError, TypeError, KeyError, RecursionError):
         return None
-    whole = isinstance(record.number, int) and isinstance(record.key, str) and record.status in STATUSES
+    tables = isinstance(record.values, dict) and isinstance(record.figures, dict)
+    words = all(isinstance(word, str) for word in (record.key, record.sentence, *record.findings))
+    whole = isinstance(record.number, int) and record.status in STATUSES and tables and words
     return record if whole and set(table) == set(NAMES) else None
 
 
@@ -291,7 +304,7 @@ def _forgotten(line: bytes) -> int:
         return -1
     try:
         number = json.loads(line)[FORGOTTEN]
-    except (ValueError, TypeError, KeyError):
+    except (ValueError, TypeError, KeyError, RecursionError):
         return -1
     return number if isinstance(number, int) else -1
 

@@ -17,7 +17,7 @@ import numpy as np
 from padgen.errors import FileError
 from padgen.files import OutputFolder
 from padgen.sweep.figures import OBJECTIVES
-from padgen.sweep.index import INDEX
+from padgen.sweep.index import INDEX, PARETO_FILES
 
 __all__ = [
     "INDEX",
@@ -30,7 +30,6 @@ __all__ = [
     "write_pareto",
 ]
 
-PARETO_FILES = ("pareto.csv", "pareto.svg", "pareto.png")
 UNBOUNDED = frozenset({"selectivity_db"})
 """Empty where nothing limits it (one channel a coil has no other to disturb), so that empty is the best."""
 LEFT_OUT = ("status", "sentence", "seconds", "peak_memory_mb")

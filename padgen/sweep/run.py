@@ -4,6 +4,8 @@ The code path is one: what is submitted makes variants in a watched worker proce
 on this machine or wherever the executor's own workers are.
 """
 
+import errno
+import os
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -17,13 +19,13 @@ from padgen.build import parse_formats
 from padgen.cache import limit_bytes
 from padgen.errors import FileError, SpecError
 from padgen.files import take_away
-from padgen.processes import core_count
+from padgen.processes import core_count, uninterrupted
 from padgen.sweep.definition import Sweep
 from padgen.sweep.events import Clock, Event, Tell
-from padgen.sweep.index import INDEX, Journal, write_index
+from padgen.sweep.index import INDEX, PARETO_FILES, Journal, write_index
 from padgen.sweep.lock import FolderLock
 from padgen.sweep.points import count_points, variant_name, variants
-from padgen.sweep.variant import Record, Task, run_task, task_of
+from padgen.sweep.variant import Record, Task, is_whole, run_task, task_of, writes_folders
 from padgen.sweep.window import LostError, StoppedError, Window, records_of
 from padgen.sweep.worker import Work, Workers, broken, run_tasks
 
@@ -34,6 +36,7 @@ AHEAD = 4
 FOREIGN_AHEAD = 256
 TICK_S = 1.0
 """Between signs of life when no variant ends."""
+DISK_FULL = tuple(os.strerror(code) for code in (errno.ENOSPC, errno.EDQUOT))
 MOST_LOST = 8
 """Tasks in a row that an executor may lose before it is given up."""
 NOTHING, TO_RUN, TO_REPLACE = 0, 1, 2
@@ -99,12 +102,18 @@ def run_sweep(
     formats = parse_formats(sweep.settings.formats)
     limit_bytes()  # refused here rather than by each variant
     numbers, folder = count_points(sweep), folder.absolute()
-    if next(variants(sweep), None) is None:
+    # All of them where a constraint may not be worked out for one, so that nothing is written then.
+    if not (sum(1 for _ in variants(sweep)) if sweep.constraints else numbers):
         raise SpecError(f"leave none of {numbers} variants; loosen one", "constraints")
     with FolderLock(folder), Journal(folder, numbers) as journal:
         run = _Run(sweep, folder, formats, journal, on_event)
         with _place(executor, workers or core_count(), prepared=0 if journal.lines else numbers) as place:
             run.survey(resume, retry)
+            if run.replaces:
+                # So that a killed run leaves no index of what is not there any more.
+                write_index(journal, sweep, folder)
+                for name in PARETO_FILES:
+                    (folder / name).unlink(missing_ok=True)
             run.tell("start")
             run.tell_failed()
             window = Window(place.pool, place.most, place.function, work, sweep.limits)
@@ -115,15 +124,27 @@ def run_sweep(
             except StoppedError as error:
                 run.stopped = str(error)
             finally:
-                try:
-                    # Before the workers are ended, as what they were at would come back as failed.
-                    _harvest(run, window)
-                finally:
-                    place.close()
-                    write_index(journal, sweep, folder)
-                    journal.compact()
+                with uninterrupted():
+                    try:
+                        # Before the workers are ended, as what they were at would come back as failed.
+                        _harvest(run, window)
+                    finally:
+                        place.close()
+                        _conclude(run)
         run.tell("end")
         return run.result()
+
+
+def _conclude(run: "_Run") -> None:
+    """Write the index; where the sweep has been stopped already, that it cannot be written is one more reason."""
+    try:
+        run.journal.refuse_removed()
+        write_index(run.journal, run.sweep, run.folder)
+        run.journal.compact()
+    except FileError as error:
+        if not run.stopped:
+            raise
+        run.stopped += f"; {error}"
 
 
 class _Place(NamedTuple):
@@ -164,6 +185,7 @@ class _Run:
         self.counts = {"done": 0, "refused": 0, "failed": 0}
         self.total = self.kept = 0
         self._formats, self._on_event = formats, on_event
+        self._folders = writes_folders(sweep)
         self._todo = bytearray(journal.numbers)
         self._clock = Clock(time.monotonic)
 
@@ -171,6 +193,11 @@ class _Run:
     def left(self) -> int:
         """Variants without a record of this sweep."""
         return self.total - sum(self.counts.values())
+
+    @property
+    def replaces(self) -> bool:
+        """Whether a variant is to be made over what an earlier run left."""
+        return TO_REPLACE in self._todo
 
     def survey(self, resume: bool, retry: bool) -> None:
         """Find out which variants there are and which are finished; leave out the others' records."""
@@ -196,7 +223,7 @@ class _Run:
 
     def _kept_status(self, task: Task) -> str:
         status = self.journal.status(task.number, task.key)
-        lost = status == "done" and task.out and not Path(task.out, "plan.json").is_file()
+        lost = status == "done" and task.out and not is_whole(Path(task.out), task.stage)
         return "" if lost else status
 
     def tasks(self) -> Iterator[Task]:
@@ -211,7 +238,9 @@ class _Run:
         """Take in what came of a variant."""
         if not self._todo[record.number]:
             return  # told twice: an executor ran its task again
-        if record.status != "done":
+        if any(reason in record.sentence for reason in DISK_FULL):
+            raise StoppedError(record.sentence)  # not the variant's fault: the next run makes it
+        if record.status != "done" or not self._folders:
             take_away(self.folder / variant_name(self.sweep, record.number))
         self.journal.add(record)
         self._todo[record.number] = NOTHING

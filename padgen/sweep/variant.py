@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 from padgen.cache import code_hash, key_of, versions
 from padgen.errors import PadgenError
-from padgen.files import PLAN_FILES, YIELD_FILE, OutputFolder, differs, file_hash, stale_files
+from padgen.files import (
+    MANIFEST,
+    PLAN_FILES,
+    YIELD_FILE,
+    OutputFolder,
+    differs,
+    file_hash,
+    read_manifest,
+    stale_files,
+)
 from padgen.processes import peak_mb, reset_peak
 from padgen.spec import make_spec
 from padgen.sweep.definition import Sweep
@@ -18,7 +27,7 @@ if TYPE_CHECKING:
     from padgen.finding import Finding
     from padgen.planner.plan import Plan
 
-__all__ = ["STATUSES", "Record", "Task", "run_task", "task_of"]
+__all__ = ["STATUSES", "Record", "Task", "is_whole", "run_task", "task_of", "writes_folders"]
 
 STATUSES = ("done", "refused", "failed")
 """Made (whatever its findings); the spec cannot be met; something broke down."""
@@ -67,6 +76,7 @@ class Record:
 def task_of(sweep: Sweep, variant: Variant, formats: tuple[str, ...], out: Path) -> Task:
     """The task of a variant; its folder lies in `out`."""
     settings, table = sweep.settings, variant_table(sweep, variant)
+    folder = str(out / table["name"]) if writes_folders(sweep) else None
     inputs = {
         "table": table,
         "threshold": _threshold(table, sweep.folder),
@@ -82,11 +92,22 @@ def task_of(sweep: Sweep, variant: Variant, formats: tuple[str, ...], out: Path)
         variant.values,
         table,
         str(sweep.folder),
-        str(out / table["name"]) if settings.folders or settings.stage in ("build", "study") else None,
+        folder,
         settings.stage,
         formats,
         settings.pads,
     )
+
+
+def writes_folders(sweep: Sweep) -> bool:
+    """Whether each variant gets a folder."""
+    return sweep.settings.folders or sweep.settings.stage in ("build", "study")
+
+
+def is_whole(folder: Path, stage: str) -> bool:
+    """Whether the files that a stage writes are all there."""
+    names = {"yield": [YIELD_FILE], "study": ["study.csv"], "build": read_manifest(folder).get("files", [MANIFEST])}
+    return all((folder / name).is_file() for name in ("plan.json", *names.get(stage, ())))
 
 
 def _threshold(table: dict[str, Any], folder: Path) -> str:

@@ -13,6 +13,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import suppress
+from importlib import import_module
 from queue import Empty, SimpleQueue
 from threading import Lock, Thread
 from time import perf_counter
@@ -27,7 +28,7 @@ from padgen.sweep.variant import Record, Task
 __all__ = ["Work", "Workers", "broken", "run_tasks", "serve"]
 
 Work = Callable[[Task], Record]
-WATCH_S = 0.05
+WATCH_S, MOST_LOOKS = 0.05, 10
 """Between two looks at what a variant takes."""
 IDLE_S = 120.0
 """After which a worker without work ends; a cluster's would outlive the sweep otherwise."""
@@ -153,7 +154,7 @@ class _Worker:
 
     def ask(self, question: Any, limits: Limits) -> tuple[Any, float | None]:
         """The answer, a `Record`, or the sentence why there is none; and the most memory that was seen."""
-        start, peak_mb = perf_counter(), None
+        peak_mb, spent_s, looked = None, 0.0, perf_counter()
         try:
             _send(self._in, question)
         except (OSError, ValueError):  # it has ended, or its pipe is closed already
@@ -164,7 +165,10 @@ class _Worker:
             except Empty:
                 used_mb = memory_mb(self.pid)
                 peak_mb = max(peak_mb or 0.0, used_mb or 0.0) or None
-                if sentence := excess(limits, used_mb, perf_counter() - start):
+                # Not more than a few looks' worth, as this process may have been stopped meanwhile.
+                now = perf_counter()
+                spent_s, looked = spent_s + min(now - looked, MOST_LOOKS * WATCH_S), now
+                if sentence := excess(limits, used_mb, spent_s):
                     return sentence, peak_mb
                 continue
             return (self._ending() if answer is None else answer), peak_mb
@@ -249,6 +253,7 @@ def serve() -> None:
             os.killpg(0, signal.SIGKILL)
         os._exit(1)
 
+    import_module("padgen.planner")  # each variant needs it, and its limit of time should not pay for it
     _send(answers, READY)
     Thread(target=follow, daemon=True).start()
     while True:
