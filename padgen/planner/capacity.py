@@ -87,9 +87,10 @@ def largest_counts(
 
     one_hot = states = 1
     for count in range(2, min(SCANNED, most) + 1):
-        if count <= searched_to(scheme) and states_hold(count):
+        which = _ladder(band_hz, count, q, law)
+        if count <= searched_to(scheme) and all_states(which, scheme).db >= target_db:
             states = count
-        if not one_hot_holds(count):
+        if one_hot_db(which, scheme) < target_db:
             return states, one_hot
         one_hot = count
     if most <= SCANNED:

@@ -124,18 +124,8 @@ def _of_tables(table: dict[str, Any], folder: Path) -> Sweep:
         spec = make_spec(base, base_folder)
     except SpecError as error:
         raise SpecError(f"is no spec by itself: {error}", f"base {settings.base!r}") from error
-    sample: Sample = build(Sample, tables["sample"], "sample")
+    sample = _sample(tables["sample"])
     axes = _axes(tables["axes"], linked, spec, sample)
-    if sample.method != "grid" and not sample.count:
-        raise SpecError(f"must be at least 1 for method {sample.method!r}", "sample.count")
-    if sample.method == "grid" and sample.count:
-        raise SpecError("needs a method: latin-hypercube or sobol; a grid has as many as its axes make", "sample.count")
-    if sample.method == "latin-hypercube" and sample.count > MOST_AT_ONCE:
-        raise SpecError(
-            f"must be at most {MOST_AT_ONCE} for a Latin hypercube, which is drawn as a whole, got {sample.count};"
-            " sobol goes further",
-            "sample.count",
-        )
     if not isinstance(constraints, list) or not all(isinstance(entry, str) for entry in constraints):
         raise SpecError(f"must be a list of conditions as text, got {constraints!r}", "constraints")
     _refuse_formats(settings)
@@ -150,6 +140,21 @@ def _of_tables(table: dict[str, Any], folder: Path) -> Sweep:
         sample,
         build(Limits, tables["limits"], "limits"),
     )
+
+
+def _sample(table: Any) -> Sample:
+    sample: Sample = build(Sample, table, "sample")
+    if sample.method != "grid" and not sample.count:
+        raise SpecError(f"must be at least 1 for method {sample.method!r}", "sample.count")
+    if sample.method == "grid" and sample.count:
+        raise SpecError("needs a method: latin-hypercube or sobol; a grid has as many as its axes make", "sample.count")
+    if sample.method == "latin-hypercube" and sample.count > MOST_AT_ONCE:
+        raise SpecError(
+            f"must be at most {MOST_AT_ONCE} for a Latin hypercube, which is drawn as a whole, got {sample.count};"
+            " sobol goes further",
+            "sample.count",
+        )
+    return sample
 
 
 def _refuse_values(axes: tuple[Axis, ...]) -> None:
