@@ -128,7 +128,7 @@ def _evaluated(node: ast.expr, values: Mapping[str, Any], spec: Spec) -> Any:
             return OPERATORS[type(node.op)](left, right)
         case ast.Compare():
             parts = [_evaluated(part, values, spec) for part in (node.left, *node.comparators)]
-            pairs = zip(node.ops, parts, parts[1:])  # noqa: B905
+            pairs = zip(node.ops, parts, parts[1:], strict=False)
             return all(OPERATORS[type(op)](left, right) for op, left, right in pairs)
         case ast.Subscript():
             return _evaluated(node.value, values, spec)[_evaluated(node.slice, values, spec)]
