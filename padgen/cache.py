@@ -150,13 +150,13 @@ def store_bytes(kind: str, key: str, data: bytes) -> None:
             trim()
 
 
-def once(kind: str, key: str, load: Callable[[], T | None], make: Callable[[], T]) -> T:
-    """What `load` finds; else what `make` makes and keeps, in one process at a time where the folder takes locks."""
-    found = load()
+def once(kind: str, key: str, find: Callable[[], T | None], make: Callable[[], T]) -> T:
+    """What `find` brings; else what `make` makes and keeps, in one process at a time where the folder takes locks."""
+    found = find()
     if found is not None:
         return found
     with claimed(kind, [key]):
-        found = load()
+        found = find()
         return make() if found is None else found
 
 

@@ -1,5 +1,6 @@
 """The cache of dear results: it only ever saves time."""
 
+import fcntl
 import os
 import subprocess
 import sys
@@ -295,3 +296,28 @@ def test_a_claim_needs_no_folder(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "file"))
     assert cache.once("kind", KEYS[0], lambda: None, lambda: 5) == 5
+
+
+def test_a_lock_on_a_file_that_was_taken_away_is_none(tmp_path, monkeypatch):
+    """Its holder gives it back and removes it between our opening and our locking it."""
+    path, lock = tmp_path / "claim", fcntl.flock
+
+    def late(file, how):
+        path.unlink()
+        (tmp_path / "newcomer").touch()
+        (tmp_path / "newcomer").rename(path)
+        lock(file, how)
+
+    monkeypatch.setattr("fcntl.flock", late)
+    assert cache._locked(path) == -1
+    monkeypatch.setattr("fcntl.flock", lock)
+    os.close(cache._locked(path))
+
+
+def test_a_folder_with_an_entrys_name_is_none_of_ours(entries):
+    cache.store("kind", KEYS[0], 1)
+    odd = entries / "kind" / KEYS[1][:2] / f"{KEYS[1]}.entry"
+    odd.mkdir(parents=True)
+    assert cache.info().entries == 1
+    assert cache.clear().entries == 1 and odd.is_dir()
+    assert cache.info().entries == 0

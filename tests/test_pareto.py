@@ -166,6 +166,11 @@ def test_odd_indexes_are_drawn_or_left_out(tmp_path, rows, drawn):
     assert (tmp_path / "pareto.csv").read_text().count("\n") == 1 + len(overview.rows)
 
 
+def test_nobody_is_best_in_what_all_share():
+    told = overview_of(lines(row(0, 4, 20, 1), row(1, 4, 25, 2), row(2, 4, 10, 3)))
+    assert told.best() == {"selectivity_db": 1, "power_w": 0}
+
+
 def test_every_objective_has_a_rank_for_colours():
     from padgen.sweep.draw import COLOURED_BY
 

@@ -27,7 +27,7 @@ DONE, CHECK_FAILED, BAD_INPUT = 0, 1, 2
 
 def add_spec(parser: argparse.ArgumentParser) -> None:
     """The argument SPEC."""
-    parser.add_argument("spec", metavar="SPEC", help="a TOML file or the name of a template")
+    parser.add_argument("spec", metavar="SPEC", help="a TOML file, the name of a template, or a plan.json")
 
 
 def add_model(parser: argparse.ArgumentParser) -> None:

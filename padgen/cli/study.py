@@ -19,7 +19,7 @@ def add(commands: Any) -> None:
         description="Run every model behind a plan, each in a process of its own, and tell which is enough for which"
         " error. All ladders take some minutes; needs the extra padgen[study].",
     )
-    parser.add_argument("spec", metavar="SPEC", nargs="?", help="a TOML file or the name of a template")
+    parser.add_argument("spec", metavar="SPEC", nargs="?", help="a TOML file, the name of a template, or a plan.json")
     parser.add_argument("--only", metavar="LADDERS", help=f"some of {', '.join(LADDER_NAMES)}, with commas between")
     parser.add_argument("--tolerance", metavar="SHARE", help="recommend for this relative error too, as 1%% or 0.01")
     parser.add_argument("--extreme", action="store_true", help="hold every model to what it states in extreme cases")

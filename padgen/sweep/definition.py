@@ -2,7 +2,7 @@
 
 import reprlib
 from copy import deepcopy
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import Field, dataclass, field, fields, is_dataclass
 from math import ceil, floor, isfinite
 from pathlib import Path
 from typing import Any
@@ -171,11 +171,7 @@ def _refuse_value(name: str, value: Any, where: str) -> None:
         if value not in known:
             raise unknown_name(value, known, name, where)
         return
-    kind: Any = Spec
-    *path, last = name.split(".")
-    for part in path:
-        kind = optional_type(next(f.type for f in fields(kind) if f.name == part))[0]
-    item = next(f for f in fields(kind) if f.name == last)
+    item = _spec_field(name)
     if not is_dataclass(optional_type(item.type)[0]):
         checked(item, value, where)
 
@@ -253,7 +249,7 @@ def _axis(name: str, value: Any, spec: Spec, sample: Sample) -> Axis:
 
 def _range(name: str, value: dict[str, Any], spec: Spec, sample: Sample) -> Axis:
     where = f"axes.{name}"
-    kind = _field_type(name)
+    kind = optional_type(_spec_field(name).type)[0]
     if kind not in (int, float):
         raise SpecError("is no number, so that it has no range; give a list of values", where)
     low, high = (_finite(value.get(key), f"{where}.{key}") for key in ("low", "high"))
@@ -330,9 +326,10 @@ def _refuse_unknown(name: str, spec: Spec) -> None:
         value = getattr(value, part)
 
 
-def _field_type(name: str) -> Any:
-    """The type of a field of a spec by its dotted name, without None; a table for a whole table."""
+def _spec_field(name: str) -> "Field[Any]":
+    """A field of a spec, or a whole table, by its dotted name."""
     kind: Any = Spec
     for part in name.split("."):
-        kind = optional_type(next(f.type for f in fields(kind) if f.name == part))[0]
-    return kind
+        item = next(f for f in fields(kind) if f.name == part)
+        kind = optional_type(item.type)[0]
+    return item

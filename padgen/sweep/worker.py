@@ -29,7 +29,7 @@ __all__ = ["Work", "Workers", "broken", "run_tasks", "serve"]
 
 Work = Callable[[Task], Record]
 WATCH_S, MOST_LOOKS = 0.05, 10
-"""Between two looks at what a variant takes."""
+"""Seconds between two looks at what a variant takes, and for how many such looks one may count at most."""
 IDLE_S = 120.0
 """After which a worker without work ends; a cluster's would outlive the sweep otherwise."""
 HEAD = 8
