@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from padgen import __version__
 from padgen.cache import code_hash, versions
 from padgen.errors import SpecError
-from padgen.files import PLAN_FILES, OutputFolder, differs, file_hash, is_current, json_text, read_manifest
+from padgen.files import OutputFolder, built_files, file_hash, is_current, json_text
 from padgen.finding import Finding
 from padgen.spec import Spec
 
@@ -29,7 +29,7 @@ PARTS = ("coupon", "coupon-tray", "tray")
 """What can be made beside the pad, see `padgen.solid.parts`."""
 DEFAULT_FORMATS = ("stl", "3mf", "step")
 OWN_FILES = ("pad.stl", "pad.3mf", "pad.glb", "taxel-*.step", *(f"{part}.*" for part in PARTS))
-"""Files of a build that the next one of other formats, parts or channels takes away."""
+"""Files of a build that the next one of other formats, parts or channels takes away, where it wrote them."""
 THUMBNAIL_PX = (256, 256)
 PAD_COLOUR = (0.90, 0.88, 0.82)
 Progress = Callable[[str], None]
@@ -73,10 +73,12 @@ def up_to_date(
     """The build in `folder` if nothing that went into it has changed, else None."""
     if not is_current(folder, _inputs(spec, formats, instances, parts)):
         return None
-    checks = json.loads((folder / "checks.json").read_text(encoding="utf-8"))
-    findings = tuple(Finding(**entry) for entry in checks["findings"])
-    files = tuple(read_manifest(folder)["files"])
-    return Built(folder, files, checks["figures"], findings, True)
+    try:
+        checks = json.loads((folder / "checks.json").read_text(encoding="utf-8"))
+        findings = tuple(Finding(**entry) for entry in checks["findings"])
+        return Built(folder, tuple(built_files(folder)), checks["figures"], findings, True)
+    except (OSError, ValueError, TypeError, KeyError, RecursionError):  # a manifest that somebody has made up
+        return None
 
 
 def build(
@@ -130,12 +132,8 @@ def build(
             progress(f"writing {name}")
             _write_format(out, name, plan, pad, instances, inputs["spec"])
         _write_parts(out, plan, beside, formats, inputs["spec"])
-        stale = [path.name for pattern in OWN_FILES for path in folder.glob(pattern)]
-        if differs(folder, "plan.json", plan_to_json(plan)):
-            stale += PLAN_FILES
-        out.commit({"padgen": __version__, "inputs": inputs}, remove=stale)
-    files = tuple(read_manifest(folder)["files"])
-    return Built(folder, files, figures, findings, False)
+        out.commit(inputs, remove=OWN_FILES)
+    return Built(folder, tuple(built_files(folder)), figures, findings, False)
 
 
 def _parts(plan: "Plan", names: tuple[str, ...], progress: Progress) -> "tuple[Part, ...]":

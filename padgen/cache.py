@@ -9,7 +9,6 @@ there is more than `limit_bytes` of them.
 import json
 import os
 import re
-import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
@@ -22,6 +21,7 @@ from typing import Any, TypeVar
 
 from padgen.errors import FileError, SpecError
 from padgen.files import file_hash, reason
+from padgen.lock import locked
 
 __all__ = [
     "CacheInfo",
@@ -50,8 +50,8 @@ KEPT_SHARE = 0.8
 """Of the limit that is left after a trim, so that not every entry asks for the next."""
 ASIDE = ".aside"
 CLAIM = ".claim"
-PATIENCE_S, LOOK_S = 120.0, 0.02
-"""How long to wait for another process that works on the same, and between two looks."""
+PATIENCE_S = 120.0
+"""How long to wait for another process that works on the same."""
 OWN = re.compile(r"[0-9a-f]{64}\.(entry|claim|json|[0-9]+|[0-9]+-[0-9]+\.aside)")
 """Names of our files: entries, those of former versions, and what killed writers of both left."""
 _numbers, _unseen = count(), [float("inf")]
@@ -169,43 +169,11 @@ def claimed(kind: str, keys: Iterable[str]) -> Iterator[None]:
     """
     with ExitStack() as stack:
         for key in sorted(keys):  # in one order, so that no two wait for each other
-            stack.enter_context(_claim(_path(kind, key).with_suffix(CLAIM)))
-        yield
-
-
-@contextmanager
-def _claim(path: Path) -> Iterator[None]:
-    file = -1
-    try:
-        with suppress(ImportError, OSError):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            end = time.monotonic() + PATIENCE_S
-            while (file := _locked(path)) < 0 and time.monotonic() < end:
-                time.sleep(LOOK_S)
-        yield
-    finally:
-        if file >= 0:
+            path = _path(kind, key).with_suffix(CLAIM)
             with suppress(OSError):
-                path.unlink()
-            os.close(file)
-
-
-def _locked(path: Path) -> int:
-    """The open file of a lock that nobody else has, -1 for one that is taken."""
-    import fcntl
-
-    file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        if os.fstat(file).st_ino == path.stat().st_ino:
-            return file
-    except (BlockingIOError, FileNotFoundError):  # taken; or given back and taken away just now
-        pass
-    except BaseException:
-        os.close(file)
-        raise
-    os.close(file)
-    return -1
+                path.parent.mkdir(parents=True, exist_ok=True)
+            stack.enter_context(locked(path, PATIENCE_S))
+        yield
 
 
 def trim(most_bytes: int | None = None) -> int:

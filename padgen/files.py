@@ -2,56 +2,67 @@
 
 `OutputFolder` collects the files of one run in a hidden folder beside their place; `commit` moves
 them in, the manifest last. An error or Ctrl-C before that leaves the old files as they were.
+
+``manifest.json`` lists what padgen wrote, with hashes. A listed file that still has its hash is padgen's: it may be
+removed and replaced. Any other is its user's: it is never removed, and where an output takes its name it is kept as
+``NAME.old``.
 """
 
 import json
 import os
+import re
 import shutil
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import is_dataclass
+from fnmatch import fnmatchcase
 from hashlib import file_digest, sha256
-from itertools import takewhile
+from itertools import count, takewhile
 from json.encoder import encode_basestring
 from math import isfinite
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from padgen import __version__
 from padgen.errors import FileError
+from padgen.lock import locked
 
 __all__ = [
     "MANIFEST",
     "PLAN_FILES",
     "YIELD_FILE",
     "OutputFolder",
+    "built_files",
     "differs",
     "file_hash",
     "is_current",
+    "is_unchanged",
     "json_line",
     "json_text",
     "read_manifest",
     "reason",
-    "stale_files",
+    "remove_unchanged",
     "take_away",
 ]
 
+PLAN = "plan.json"
 MANIFEST = "manifest.json"
+MOST_MANIFEST = 1_000_000
+"""Bytes of a manifest; the largest pad's has a hundredth."""
+PLAIN_NAME = re.compile(r"\w[\w.-]{0,200}", re.ASCII)
+HASH = re.compile("[0-9a-f]{64}")
+PARTIAL = ".partial-"
+LOCK = ".padgen.lock"
+PATIENCE_S = 10.0
+"""How long a commit waits for another; one takes milliseconds."""
 YIELD_FILE = "yield.json"
-DRIVE_FILES = (
-    "drive.wav",
-    "drive-wave.json",
-    "hear.json",
-    "drive-tuned.csv",
-    "retune.json",
-    "drive.hjif",
-    "drive_syntacts.py",
-    "pad_drive.h",
-    "excitation.wav",
-    "excitation.json",
+PLAN_FILES = (
+    *(YIELD_FILE, "study.csv", "study.json", "study.svg", "study.png"),
+    *("drive.wav", "drive-wave.json", "hear.json", "drive-tuned.csv", "retune.json"),
+    *("drive.hjif", "drive_syntacts.py", "pad_drive.h", "excitation.wav", "excitation.json"),
 )
-PLAN_FILES = (YIELD_FILE, "study.csv", "study.json", "study.svg", "study.png", *DRIVE_FILES)
-"""Files that belong to the plan beside them."""
+"""Files that belong to the plan beside them and go with it."""
 
 
 def json_text(table: Any) -> str:
@@ -125,7 +136,7 @@ class OutputFolder:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._aside = path / f".partial-{os.getpid()}"
+        self._aside = path / f"{PARTIAL}{os.getpid()}"
         self._made: list[Path] = []
         self._hashes: dict[str, str] = {}
 
@@ -174,71 +185,168 @@ class OutputFolder:
         """Where a file that was added lies until `commit`."""
         return self._aside / name
 
-    def commit(self, manifest: dict[str, Any] | None = None, remove: Iterable[str] = ()) -> None:
-        """Move all files in, then the manifest (with every file's hash); drop stale files named in `remove`."""
-        if manifest is not None:
-            listed = dict(sorted(self._hashes.items()))
-            (self._aside / MANIFEST).write_text(json_text({**manifest, "files": listed}), encoding="utf-8")
-        fresh = bool(self._made)
-        for name in () if fresh else self._hashes:
-            if (self.path / name).is_dir():
-                raise FileError("cannot be written (a folder has its name)", str(self.path / name))
-        known = {} if fresh else read_manifest(self.path).get("files", {})
-        if any(name in known and known[name] != new for name, new in self._hashes.items()):
-            (self.path / MANIFEST).unlink(missing_ok=True)
-        for name in self._hashes:
-            (self._aside / name).replace(self.path / name)
-        for name in set(remove) - set(self._hashes):
-            (self.path / name).unlink(missing_ok=True)
-        if manifest is not None:
-            (self._aside / MANIFEST).replace(self.path / MANIFEST)
+    def commit(self, built_from: dict[str, Any] | None = None, remove: Iterable[str] = ()) -> list[str]:
+        """Move all files in, then the manifest; returns files of an earlier build that a new plan contradicts.
+
+        Parameters
+        ----------
+        built_from : dict, optional
+            These files are a build's: what it was made from, for `is_current`.
+        remove : iterable of str
+            Patterns of file names that are stale now; `PLAN_FILES` are where the plan is another. Only what
+            padgen wrote and nobody has changed since goes.
+
+        Raises
+        ------
+        FileError
+            A folder has the name of a file, or another process is writing; nothing was moved.
+        """
+        with locked(self.path / LOCK, PATIENCE_S) as taken:
+            if taken:
+                raise FileError("another process writes into it; try again when it has ended", str(self.path))
+            before = read_manifest(self.path)
+            known = before.get("files", {})
+            for name in (*self._hashes, MANIFEST):
+                if (self.path / name).is_dir() and not (self.path / name).is_symlink():
+                    raise FileError("cannot be written (a folder has its name)", str(self.path / name))
+            other_plan = PLAN in known and known[PLAN] != self._hashes.get(PLAN, known[PLAN])
+            stale = [*remove, *(PLAN_FILES if other_plan else ())]
+            gone = [
+                name
+                for name in known.keys() - self._hashes.keys()
+                if any(fnmatchcase(name, pattern) for pattern in stale) and _has_hash(self.path / name, known[name])
+            ]
+            rest = {name: known[name] for name in known.keys() - gone if os.path.lexists(self.path / name)}
+            manifest: dict[str, Any] = {"padgen": __version__, "files": dict(sorted({**rest, **self._hashes}.items()))}
+            built = before.get("built", [])
+            if built_from is not None:
+                manifest |= {"inputs": built_from, "built": sorted(self._hashes)}
+            elif built and all(manifest["files"].get(name) == known[name] for name in built):
+                manifest |= {"inputs": before["inputs"], "built": built}
+            (self._aside / MANIFEST).write_text(json_text(manifest), encoding="utf-8")
+            self._move_in(gone, before)
+        return [name for name in built if name in rest and name not in self._hashes] if other_plan else []
+
+    def _move_in(self, gone: list[str], before: dict[str, Any]) -> None:
+        """Take away what is `gone`, make room, and move all files to their places; or leave all as it was."""
+        replaced, kept = self._aside / ".replaced", []
+        replaced.mkdir()
+        away = [(self.path / name, replaced / name) for name in gone]
+        for name in (MANIFEST, *self._hashes):
+            path = self.path / name
+            if not os.path.lexists(path):
+                continue
+            hashes = (before.get("files", {}).get(name), self._hashes.get(name))
+            if bool(before) if name == MANIFEST else any(known and _has_hash(path, known) for known in hashes):
+                away.append((path, replaced / name))
+            else:
+                kept.append((path, _free(path)))
+        _move_all([*away, *kept, *((self._aside / name, self.path / name) for name in (*self._hashes, MANIFEST))])
+        for path, there in kept:
+            import logging
+
+            logging.getLogger("padgen").warning("padgen: %s was not as padgen wrote it; kept as %s", path, there.name)
 
 
-def _runs(process: str) -> bool:
-    """Whether a process of another number than ours runs."""
-    if not process.isdecimal() or int(process) == os.getpid():
-        return False
+def _move_all(moves: list[tuple[Path, Path]]) -> None:
+    """Rename files one after the other; where that ends early, back again."""
     try:
-        os.kill(int(process), 0)
-    except (ProcessLookupError, OverflowError):
-        return False
-    except OSError:
-        return True
-    return True
+        for here, there in moves:
+            here.replace(there)
+    except BaseException:
+        for here, there in reversed(moves):
+            with suppress(OSError):
+                if not os.path.lexists(here):
+                    there.replace(here)
+        raise
+
+
+def _free(path: Path) -> Path:
+    """A name for a user's file that makes room for an output: with .old, or .old2, or ... behind it."""
+    names = (path.with_name(f"{path.name}.old{number if number > 1 else ''}") for number in count(1))
+    return next(name for name in names if not os.path.lexists(name))
 
 
 def read_manifest(path: Path) -> dict[str, Any]:
-    """The manifest in a folder, empty when there is none of ours: its files lie in the folder itself."""
+    """The manifest in a folder, empty when there is none of ours: plain names of files there, each with a hash."""
+    file = path / MANIFEST
     try:
-        manifest = json.loads((path / MANIFEST).read_bytes())
-    except (OSError, ValueError):
+        if file.is_symlink() or not file.is_file() or file.stat().st_size > MOST_MANIFEST:
+            return {}
+        manifest = json.loads(file.read_bytes())
+    except (OSError, ValueError, RecursionError):
         return {}
     files = manifest.get("files") if isinstance(manifest, dict) else None
-    if not isinstance(files, dict) or any(Path(name).name != name for name in files):
+    if not isinstance(files, dict) or not all(_is_entry(name, known) for name, known in files.items()):
         return {}
-    return dict(manifest)
+    # Before 0.2 builds alone wrote manifests.
+    built = manifest.setdefault("built", list(files) if "inputs" in manifest else [])
+    if not isinstance(built, list) or not all(isinstance(name, str) and name in files for name in built):
+        return {}
+    return dict(manifest) if "inputs" in manifest or not built else {}
 
 
-def stale_files(path: Path, plan: str) -> list[str]:
-    """Files of an earlier build in a folder that a new `plan.json` with this text would contradict."""
-    files = read_manifest(path).get("files", {})
-    return [] if files.get("plan.json") == file_hash(plan.encode()) else list(files)
+def _is_entry(name: str, known: object) -> bool:
+    plain = PLAIN_NAME.fullmatch(name) is not None and name.lower() != MANIFEST
+    return plain and isinstance(known, str) and HASH.fullmatch(known) is not None
+
+
+def built_files(path: Path) -> list[str]:
+    """The files of the last build in a folder, none when its plan was replaced since."""
+    return list(read_manifest(path).get("built", []))
+
+
+def _has_hash(path: Path, known: str) -> bool:
+    """Whether this is a file, and no link to one, of this content."""
+    try:
+        if path.is_symlink() or not path.is_file():
+            return False
+        with path.open("rb") as file:
+            return file_digest(file, "sha256").hexdigest() == known
+    except OSError:
+        return False
+
+
+def is_unchanged(path: Path, name: str) -> bool:
+    """Whether padgen wrote this file of a folder and nobody has changed it since."""
+    known = read_manifest(path).get("files", {})
+    return name in known and _has_hash(path / name, known[name])
+
+
+def remove_unchanged(path: Path, names: Iterable[str]) -> None:
+    """Remove those of some files of a folder that padgen wrote and nobody has changed since."""
+    for name in [name for name in names if is_unchanged(path, name)]:
+        (path / name).unlink(missing_ok=True)
 
 
 def take_away(path: Path) -> None:
-    """Remove what earlier runs wrote: a plan and what belongs to it, what the manifest names; an empty folder, too."""
+    """Remove what padgen wrote into a folder and nobody has changed since; the folder, too, when it is empty then."""
     _drop_partial(path)
     with suppress(OSError):
-        for name in (MANIFEST, "plan.json", *PLAN_FILES, *read_manifest(path).get("files", {})):
-            (path / name).unlink(missing_ok=True)
+        with locked(path / LOCK, PATIENCE_S):
+            manifest = read_manifest(path)
+            if manifest:
+                remove_unchanged(path, manifest["files"])
+                (path / MANIFEST).unlink()
         path.rmdir()
 
 
 def _drop_partial(path: Path) -> None:
     """Remove what killed runs left half-written in a folder."""
-    for left in path.glob(".partial-*"):
-        if not _runs(left.name.removeprefix(".partial-")):
+    for left in path.glob(f"{PARTIAL}*"):
+        process = left.name.removeprefix(PARTIAL)
+        if process.isdecimal() and not _runs(int(process)):
             shutil.rmtree(left, ignore_errors=True)
+
+
+def _runs(process: int) -> bool:
+    """Whether a process of another number than ours runs."""
+    import psutil
+
+    try:
+        return process != os.getpid() and psutil.pid_exists(process)
+    except OverflowError:
+        return False
 
 
 def differs(path: Path, name: str, text: str) -> bool:
@@ -250,14 +358,11 @@ def differs(path: Path, name: str, text: str) -> bool:
 
 
 def is_current(path: Path, inputs: dict[str, Any]) -> bool:
-    """Whether a folder's manifest was made from `inputs` and its files are all there, unchanged."""
+    """Whether a folder's last build was made from `inputs` and its files are all there, unchanged."""
     manifest = read_manifest(path)
-    if not manifest.get("files") or manifest.get("inputs") != inputs:
+    if not manifest.get("built") or manifest["inputs"] != inputs:
         return False
-    try:
-        return all(file_hash((path / name).read_bytes()) == known for name, known in manifest["files"].items())
-    except OSError:
-        return False
+    return all(_has_hash(path / name, manifest["files"][name]) for name in manifest["built"])
 
 
 def reason(error: OSError) -> str:

@@ -11,6 +11,7 @@ import pytest
 
 from padgen import cache
 from padgen.errors import SpecError
+from padgen.lock import lock_file
 
 KEYS = [cache.key_of(n) for n in range(200)]
 
@@ -309,9 +310,9 @@ def test_a_lock_on_a_file_that_was_taken_away_is_none(tmp_path, monkeypatch):
         lock(file, how)
 
     monkeypatch.setattr("fcntl.flock", late)
-    assert cache._locked(path) == -1
+    assert lock_file(path) == -1
     monkeypatch.setattr("fcntl.flock", lock)
-    os.close(cache._locked(path))
+    os.close(lock_file(path))
 
 
 def test_a_folder_with_an_entrys_name_is_none_of_ours(entries):

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from padgen import cli
+from padgen.files import is_current
 from tests.conftest import SMALL
 
 HEAVY = ("build123d", "OCP", "manifold3d", "trimesh", "scipy", "rich", "lib3mf", "PIL")
@@ -55,7 +56,7 @@ def test_plan_writes_and_tells(work, capsys):
     out = capsys.readouterr().out
     assert "4 taxels on 25 x 25 mm" in out
     assert "written: out/tiny/plan.json" in out
-    assert {p.name for p in (work / "out/tiny").iterdir()} == {"plan.json"}
+    assert {p.name for p in (work / "out/tiny").iterdir()} == {"manifest.json", "plan.json"}
 
 
 def test_json_is_one_object_on_standard_output(work, capsys):
@@ -298,22 +299,68 @@ def test_a_manifest_cannot_point_outside_its_folder(work, capsys):
 def test_a_killed_run_does_not_block_the_folder(work):
     (work / f"out/tiny/.partial-{os.getpid()}").mkdir(parents=True)
     assert cli.run(["plan", "tiny.toml"]) == 0
-    assert {p.name for p in (work / "out/tiny").iterdir()} == {"plan.json"}
+    assert {p.name for p in (work / "out/tiny").iterdir()} == {"manifest.json", "plan.json"}
 
 
 def test_a_new_plan_says_what_it_contradicts(work, capsys):
+    def manifest():
+        return json.loads((work / "out/tiny/manifest.json").read_text())
+
     assert cli.run(["build", "tiny.toml"]) == 0
     assert cli.run(["plan", "tiny.toml"]) == 0
     assert (work / "out/tiny/pad.stl").exists()
-    assert (work / "out/tiny/manifest.json").exists()
+    assert is_current(work / "out/tiny", manifest()["inputs"])
     (work / "tiny.toml").write_text(SMALL.replace("[50, 200]", "[60, 300]"))
     assert "earlier plan" not in capsys.readouterr().out
     assert cli.run(["plan", "tiny.toml"]) == 0
     assert "are of an earlier plan" in capsys.readouterr().out
     assert (work / "out/tiny/pad.stl").exists()
-    assert not (work / "out/tiny/manifest.json").exists()
+    assert "inputs" not in manifest()
     assert cli.run(["build", "tiny.toml", "--formats", "stl"]) == 0
     assert not list((work / "out/tiny").glob("*.step"))
+
+
+def test_what_a_user_put_into_a_folder_stays(work, capsys):
+    folder = work / "out/tiny"
+    assert cli.run(["build", "tiny.toml", "--formats", "step", "--parts", "coupon"]) == 0
+    mine = ("coupon.csv", "tray.stl", "taxel-9.step", "study.csv", "excitation.wav", "pad.glb", "coupon.d/notes.txt")
+    (folder / "coupon.d").mkdir()
+    for name in mine:
+        (folder / name).write_text("mine")
+    (folder / "taxel-0.step").write_text("mine")
+    assert cli.run(["build", "tiny.toml", "--formats", "stl"]) == 0
+    (work / "tiny.toml").write_text(SMALL.replace("[50, 200]", "[60, 300]"))
+    assert cli.run(["plan", "tiny.toml"]) == 0
+    assert cli.run(["drive", "tiny.toml"]) == 0
+    assert cli.run(["build", "tiny.toml", "--formats", "stl"]) == 0
+    assert all((folder / name).read_text() == "mine" for name in (*mine, "taxel-0.step"))
+    assert not (folder / "taxel-1.step").exists() and not list(folder.glob("coupon*.step"))
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_plan_and_drive_leave_a_build_up_to_date(work, capsys):
+    for command in ("build", "plan", "drive"):
+        assert cli.run([command, "tiny.toml"]) == 0
+    listed = json.loads((work / "out/tiny/manifest.json").read_text())["files"]
+    assert set(listed) == {path.name for path in (work / "out/tiny").iterdir()} - {"manifest.json"}
+    capsys.readouterr()
+    assert cli.run(["build", "tiny.toml"]) == 0
+    assert "is up to date" in capsys.readouterr().out
+
+
+def test_a_made_up_manifest_of_a_build_is_no_traceback(work):
+    """It says that the build is up to date, of files that tell nothing."""
+    from padgen.files import file_hash
+
+    assert cli.run(["build", "tiny.toml", "--formats", "stl"]) == 0
+    folder = work / "out/tiny"
+    manifest = json.loads((folder / "manifest.json").read_text())
+    for text in ("", "[]", '{"findings": [{}]}', '{"findings": [], "figure": 1}', "[" * 100_000):
+        (folder / "checks.json").write_text(text)
+        manifest["files"]["checks.json"] = file_hash(text.encode())
+        (folder / "manifest.json").write_text(json.dumps(manifest))
+        assert cli.run(["build", "tiny.toml", "--formats", "stl"]) == 0
+        assert json.loads((folder / "checks.json").read_text())["figures"]
 
 
 def test_a_closed_pipe_is_no_traceback(work):

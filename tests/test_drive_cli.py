@@ -13,8 +13,8 @@ from scipy.io import wavfile
 from padgen import cli
 from tests.conftest import SMALL
 
-TABLES = ["drive.csv", "drive.json", "plan.json"]
-WAVES = ["drive-wave.json", "drive.csv", "drive.json", "drive.wav", "plan.json"]
+TABLES = ["drive.csv", "drive.json", "manifest.json", "plan.json"]
+WAVES = ["drive-wave.json", "drive.csv", "drive.json", "drive.wav", "manifest.json", "plan.json"]
 
 
 @pytest.fixture
@@ -105,6 +105,32 @@ def test_the_loop_from_a_simulated_print_to_a_tuned_file(work, capsys):
     assert heard == pytest.approx(told["after_db"], abs=0.3)
     assert cli.run(["drive", "paper-32", "--state", "10", "-o", "o"]) == 0
     assert "o/tuning.json has a print's" in capsys.readouterr().out
+
+
+def test_what_was_measured_is_never_simulated_over(work, capsys):
+    told = "taxel,resonance_hz,q\nr0c0k0,57.5,14\nr0c0k1,74.2,16\n"
+    assert cli.run(["retune", "paper-32", "--simulate", "4", "-o", "o"]) in (0, 1)
+    assert cli.run(["retune", "paper-32", "--simulate", "5", "-o", "o"]) in (0, 1)
+    (work / "o/measured.csv").write_text(told)
+    before = {path.name: path.read_bytes() for path in (work / "o").iterdir()}
+    capsys.readouterr()
+    assert cli.run(["retune", "paper-32", "--simulate", "4", "-o", "o"]) == 2
+    assert "o/measured.csv: is not of a simulated print" in capsys.readouterr().err
+    assert {path.name: path.read_bytes() for path in (work / "o").iterdir()} == before
+    assert cli.run(["retune", "paper-32", "o/measured.csv", "-o", "o"]) in (0, 1)
+    assert cli.run(["plan", "quad-64", "-o", "o"]) in (0, 1)
+    assert (work / "o/measured.csv").read_text() == told
+
+
+def test_every_command_lists_what_it_wrote(work):
+    assert cli.run(["retune", "paper-32", "--simulate", "4", "-o", "o"]) in (0, 1)
+    assert cli.run(["drive", "paper-32", "--formats", "csv,c", "-o", "o"]) == 0
+    assert cli.run(["drive", "paper-32", "--excite", "chirp", "--rate", "8000", "-o", "o"]) == 0
+    listed = json.loads((work / "o/manifest.json").read_text())["files"]
+    assert set(listed) == set(names(work / "o")) - {"manifest.json"}
+    assert cli.run(["plan", "quad-64", "-o", "o"]) in (0, 1)
+    assert {"pad_drive.h", "excitation.wav", "retune.json"}.isdisjoint(names(work / "o"))
+    assert {"tuning.json", "measured.csv", "padgen_drive.c"} <= set(names(work / "o"))
 
 
 def test_a_measured_table_is_enough(work, capsys):

@@ -8,7 +8,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1] / "padgen"
 LAYERS = [
-    {"errors", "units"},
+    {"errors", "units", "lock"},
     {"finding", "files", "plots", "processes"},
     {"cache"},
     {"spec", "physics"},

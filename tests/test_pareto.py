@@ -134,7 +134,7 @@ def test_files_are_the_same_twice(folder):
     assert first[1].startswith(b"<?xml") and first[2].startswith(b"\x89PNG")
     write_pareto(folder, "q")
     assert [(folder / name).read_bytes() for name in files] == first
-    assert {p.name for p in folder.iterdir()} == {"index.csv", *files}
+    assert {p.name for p in folder.iterdir()} == {"index.csv", "manifest.json", *files}
 
 
 def test_without_matplotlib_there_is_no_picture_and_no_old_one(folder, monkeypatch):
@@ -142,7 +142,7 @@ def test_without_matplotlib_there_is_no_picture_and_no_old_one(folder, monkeypat
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     _, files, note = write_pareto(folder, "q")
     assert files == ("pareto.csv",) and "padgen[study]" in note
-    assert {p.name for p in folder.iterdir()} == {"index.csv", "pareto.csv"}
+    assert {p.name for p in folder.iterdir()} == {"index.csv", "manifest.json", "pareto.csv"}
 
 
 @pytest.mark.parametrize(

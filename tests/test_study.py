@@ -385,7 +385,7 @@ def test_words():
 def test_a_study_leaves_whole_files(paper_spec, tmp_path):
     said = []
     study = run_study(paper_spec, tmp_path / "out", ("allocation",), 0.05, said.append)
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == sorted(STUDY_FILES)
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == sorted([*STUDY_FILES, "manifest.json"])
     assert study.tolerances == (0.1, 0.05, 0.01, 0.001, 0.0001)
     assert sum("rung" in step for step in said) == len(study.ladders[0].rows)
     # Proven to 0.05 dB: GAPS_DB's last in padgen.physics.clean_sets.

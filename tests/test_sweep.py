@@ -24,6 +24,7 @@ import pytest
 
 from padgen import processes
 from padgen.errors import FileError, SpecError
+from padgen.files import OutputFolder
 from padgen.spec import catalogue
 from padgen.sweep import index
 from padgen.sweep.definition import load_sweep, parse_sweep
@@ -460,7 +461,7 @@ def test_a_variant_whose_folder_is_gone_runs_again(tmp_path):
     (tmp_path / "s-00001" / "plan.json").unlink()
     (tmp_path / "s-00001" / ".partial-999999999").mkdir()
     assert run_sweep(sweep, tmp_path, workers=1).kept == 1
-    assert [path.name for path in (tmp_path / "s-00001").iterdir()] == ["plan.json"]
+    assert {path.name for path in (tmp_path / "s-00001").iterdir()} == {"manifest.json", "plan.json"}
 
 
 def test_what_was_replaced_is_not_kept_when_its_inputs_come_back(tmp_path):
@@ -518,7 +519,7 @@ def test_made_anew_the_index_keeps_what_is_still_true_until_it_is_replaced(tmp_p
 def test_another_plan_leaves_nothing_of_the_one_before(tmp_path):
     def made(more: str) -> set[str]:
         run_sweep(parse_sweep(HEAD + f"pads = 20\n{more}"), tmp_path, workers=1)
-        return {path.name for path in (tmp_path / "s-00000").iterdir()}
+        return {path.name for path in (tmp_path / "s-00000").iterdir()} - {"manifest.json"}
 
     assert made('stage = "yield"\n[axes]\nq_min = [15]') == {"plan.json", "yield.json"}
     assert made("[axes]\nq_min = [15]") == {"plan.json", "yield.json"}
@@ -557,13 +558,15 @@ def test_a_constraint_that_breaks_late_leaves_nothing(tmp_path):
 
 
 def test_a_refused_variant_keeps_no_older_files(tmp_path):
-    (tmp_path / "s-00000").mkdir()
-    (tmp_path / "s-00000" / "manifest.json").write_text('{"files": {"pad.stl": ""}}')
-    (tmp_path / "s-00000" / "pad.stl").touch()
+    with OutputFolder(tmp_path / "s-00000") as out:
+        out.write("pad.stl", "")
+        out.write("pad.3mf", "")
+        out.commit()
     (tmp_path / "s-00000" / "mine.txt").touch()
+    (tmp_path / "s-00000" / "pad.3mf").write_text("mine, too")
     run_sweep(parse_sweep(HEAD + "[axes]\nresolution = [8]\n"), tmp_path, workers=1)
     assert rows(tmp_path)[0]["status"] == "refused"
-    assert [path.name for path in (tmp_path / "s-00000").iterdir()] == ["mine.txt"]
+    assert {path.name for path in (tmp_path / "s-00000").iterdir()} == {"mine.txt", "pad.3mf"}
 
 
 def test_a_limit_of_the_cache_that_is_none_is_refused_at_once(tmp_path, monkeypatch):

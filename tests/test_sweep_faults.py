@@ -33,6 +33,7 @@ from padgen.errors import FileError
 from padgen.sweep import worker
 from padgen.sweep.definition import Limits, parse_sweep
 from padgen.sweep.lock import FolderLock
+from padgen.sweep.pareto import write_pareto
 from padgen.sweep.run import run_sweep
 from padgen.sweep.variant import run_task
 from tests import sweep_work
@@ -209,7 +210,8 @@ def test_a_folder_that_is_removed_meanwhile_is_told(place):
 def test_a_killed_run_leaves_no_index_of_what_is_replaced(place):
     """From the moment that a variant is made over another, index and front tell of none that is gone."""
     run_sweep(sweep(4), place / "out", workers=1, work=sweep_work.counted)
-    (place / "out" / "pareto.csv").touch()
+    write_pareto(place / "out", "s")
+    assert (place / "out" / "pareto.csv").exists()
     seen = []
 
     def look(event):

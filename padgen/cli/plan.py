@@ -34,7 +34,7 @@ def add(commands: Any) -> None:
 
 
 def _plan(options: argparse.Namespace) -> int:
-    from padgen.files import PLAN_FILES, YIELD_FILE, OutputFolder, differs, json_text, stale_files
+    from padgen.files import YIELD_FILE, OutputFolder, json_text
     from padgen.planner import plan_to_json
     from padgen.spec import load_spec
 
@@ -52,8 +52,7 @@ def _plan(options: argparse.Namespace) -> int:
         out.write("plan.json", text)
         if printed:
             out.write(YIELD_FILE, json_text(asdict(printed)))
-        stale = stale_files(folder, text)
-        out.commit(remove=PLAN_FILES if differs(folder, "plan.json", text) else ())
+        stale = out.commit()
     if options.json:
         parts = {"explain": explanation, "yield": printed}
         present = {key: asdict(part) for key, part in parts.items() if part}

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from padgen.errors import SpecError, at_most, number
-from padgen.files import PLAN_FILES, OutputFolder, differs, json_text, stale_files
+from padgen.files import OutputFolder, json_text
 from padgen.finding import Finding
 from padgen.units import MS
 
@@ -113,9 +113,8 @@ def write_drive(plan: "Plan", folder: Path, request: DriveRequest, progress: Pro
     from padgen.planner.plan import plan_to_json
 
     _refuse(request)
-    text = plan_to_json(plan)
     with OutputFolder(folder) as out:
-        out.write("plan.json", text)
+        out.write("plan.json", plan_to_json(plan))
         names = ["plan.json", *_tables(out, plan, request)]
         report = heard = None
         if set(request.formats) - {"csv", "json"} or request.hear:
@@ -132,12 +131,10 @@ def write_drive(plan: "Plan", folder: Path, request: DriveRequest, progress: Pro
                 progress("listening to the file")
                 heard = _heard(out, plan, request)
                 names.append("hear.json")
-        stale = stale_files(folder, text)
         # What was heard of a wave that is written anew does not stay.
-        unheard = ["hear.json"] if report is not None and heard is None else []
-        out.commit(remove=PLAN_FILES if differs(folder, "plan.json", text) else unheard)
+        stale = out.commit(remove=["hear.json"] if report is not None and heard is None else [])
     findings = (*(report.findings if report else ()), *(_ear_findings(heard) if heard else ()))
-    return Driven(folder, tuple(names), tuple(name for name in stale if name not in names), report, heard, findings)
+    return Driven(folder, tuple(names), tuple(stale), report, heard, findings)
 
 
 def write_excitation(
@@ -171,11 +168,10 @@ def write_excitation(
                 file.write(block / scale)
 
     with OutputFolder(folder) as out:
-        text = plan_to_json(plan)
-        out.write("plan.json", text)
+        out.write("plan.json", plan_to_json(plan))
         out.write_by("excitation.wav", write)
         out.write("excitation.json", json_text(_excitation_table(plan, played, scale, depth)))
-        out.commit(remove=PLAN_FILES if differs(folder, "plan.json", text) else ())
+        out.commit()
     return played
 
 

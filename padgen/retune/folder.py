@@ -5,7 +5,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from padgen.files import OutputFolder, json_text
+from padgen.errors import FileError
+from padgen.files import OutputFolder, differs, is_unchanged, json_text
 from padgen.planner.coupon import coupon_plan
 from padgen.planner.plan import Plan, plan_to_json
 from padgen.retune.fits import TaxelFit, fit_measured
@@ -72,6 +73,11 @@ def write_retuned(
     """
     progress("fitting resonances")
     if simulated is not None:
+        if differs(folder, MEASURED, simulated.measured) and not is_unchanged(folder, MEASURED):
+            raise FileError(
+                "is not of a simulated print, and --simulate would take its place; name another folder with -o",
+                str(folder / MEASURED),
+            )
         found = read_measured_text(simulated.measured, plan)
     else:
         found = read_measured(Path(measured or ""), plan, excitation)

@@ -4,12 +4,12 @@ import json
 import os
 import socket
 import time
-from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 from padgen.errors import FileError
+from padgen.lock import lock_file, unlock_file
 
 __all__ = ["FolderLock"]
 
@@ -19,7 +19,7 @@ LOCK, OWNER = ".lock", ".running"
 class FolderLock:
     """The right to write into a folder; a context manager. The folder is made when it is not there.
 
-    The lock is the system's (``flock``), on an open file: there are no stale ones. Over NFS it holds between
+    The lock is the system's, on an open file: there are no stale ones. Over NFS it holds between
     machines where the server's lock service runs. On a file system without locks a file that exists while
     the sweep runs takes its place; after a power cut that one has to be removed by hand, and the sentence says so.
 
@@ -37,7 +37,6 @@ class FolderLock:
     def __enter__(self) -> "FolderLock":
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
-            self._file = os.open(self._folder / LOCK, os.O_RDWR | os.O_CREAT, 0o644)
             self._take()
         except OSError as error:
             self.__exit__(None, None, None)
@@ -51,9 +50,7 @@ class FolderLock:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if self._file >= 0:
-            # It stays: who removed it could remove the next holder's.
-            _unlock(self._file)
-            os.close(self._file)
+            unlock_file(self._folder / LOCK, self._file)
             self._file = -1
         if self._owner:
             self._owner.unlink(missing_ok=True)
@@ -62,11 +59,12 @@ class FolderLock:
     def _take(self) -> None:
         """Lock, and leave word who did."""
         try:
-            if not _locked(self._file):
-                raise self._refusal(_read(self._file), "wait until it has ended, or name another folder")
+            self._file = lock_file(self._folder / LOCK)
         except OSError:  # no locks on this file system
             self._take_by_file()
             return
+        if self._file < 0:
+            raise self._refusal(_read(self._folder / LOCK), "wait until it has ended, or name another folder")
         os.ftruncate(self._file, 0)
         os.lseek(self._file, 0, os.SEEK_SET)
         os.write(self._file, _holder())
@@ -76,10 +74,8 @@ class FolderLock:
         try:
             file = os.open(owner, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
         except FileExistsError as error:
-            held = {}
-            with suppress(OSError, ValueError):
-                held = json.loads(owner.read_bytes())
-            raise self._refusal(held, f"wait until it has ended; if it no longer runs, remove {OWNER}") from error
+            advice = f"wait until it has ended; if it no longer runs, remove {OWNER}"
+            raise self._refusal(_read(owner), advice) from error
         self._owner = owner
         with os.fdopen(file, "wb") as stream:
             stream.write(_holder())
@@ -94,37 +90,10 @@ def _holder() -> bytes:
     return json.dumps({"pid": os.getpid(), "host": socket.gethostname(), "since": since}).encode()
 
 
-def _read(file: int) -> dict[str, Any]:
+def _read(file: Path) -> dict[str, Any]:
     """Who holds it, empty when that cannot be read."""
     try:
-        held = json.loads(os.read(file, 1000))
-    except (OSError, ValueError):
+        held = json.loads(file.read_bytes())
+    except (OSError, ValueError, RecursionError):
         return {}
     return held if isinstance(held, dict) else {}
-
-
-def _locked(file: int) -> bool:
-    """Lock an open file; false when another has it.
-
-    Raises
-    ------
-    OSError
-        The file system has no locks.
-    """
-    try:
-        import fcntl
-    except ImportError as error:
-        raise OSError("there is no flock here") from error
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    return True
-
-
-def _unlock(file: int) -> None:
-    """Closing alone would leave the lock to processes that were forked meanwhile."""
-    with suppress(ImportError, OSError):
-        import fcntl
-
-        fcntl.flock(file, fcntl.LOCK_UN)

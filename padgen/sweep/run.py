@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 from padgen.build import parse_formats
 from padgen.cache import limit_bytes
 from padgen.errors import FileError, SpecError
-from padgen.files import take_away
+from padgen.files import remove_unchanged, take_away
 from padgen.processes import core_count, uninterrupted
 from padgen.sweep.definition import Sweep
 from padgen.sweep.events import Clock, Event, Tell
@@ -112,8 +112,7 @@ def run_sweep(
             if run.replaces:
                 # So that a killed run leaves no index of what is not there any more.
                 write_index(journal, sweep, folder)
-                for name in PARETO_FILES:
-                    (folder / name).unlink(missing_ok=True)
+                remove_unchanged(folder, PARETO_FILES)
             run.tell("start")
             run.tell_failed()
             window = Window(place.pool, place.most, place.function, work, sweep.limits)

@@ -9,13 +9,11 @@ from padgen.cache import code_hash, key_of, versions
 from padgen.errors import PadgenError
 from padgen.files import (
     MANIFEST,
-    PLAN_FILES,
     YIELD_FILE,
     OutputFolder,
+    built_files,
     differs,
     file_hash,
-    read_manifest,
-    stale_files,
 )
 from padgen.processes import peak_mb, reset_peak
 from padgen.spec import make_spec
@@ -106,7 +104,7 @@ def writes_folders(sweep: Sweep) -> bool:
 
 def is_whole(folder: Path, stage: str) -> bool:
     """Whether the files that a stage writes are all there."""
-    names = {"yield": [YIELD_FILE], "study": ["study.csv"], "build": read_manifest(folder).get("files", [MANIFEST])}
+    names = {"yield": [YIELD_FILE], "study": ["study.csv"], "build": built_files(folder) or [MANIFEST]}
     return all((folder / name).is_file() for name in ("plan.json", *names.get(stage, ())))
 
 
@@ -180,11 +178,10 @@ def _made(task: Task) -> "tuple[dict[str, Any], tuple[Finding, ...]]":
 
 def _write(folder: Path, texts: dict[str, str]) -> None:
     """Write files of a plan; what belonged to another plan that was there goes."""
-    text = texts["plan.json"]
     with OutputFolder(folder) as out:
         for name, content in texts.items():
             out.write(name, content)
-        out.commit(remove=(*PLAN_FILES, *stale_files(folder, text)) if differs(folder, "plan.json", text) else ())
+        out.commit(remove=built_files(folder) if differs(folder, "plan.json", texts["plan.json"]) else [])
 
 
 def _yield(plan: "Plan", task: Task, texts: dict[str, str]) -> dict[str, Any]:

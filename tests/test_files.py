@@ -1,0 +1,329 @@
+"""Folders of results: what padgen may remove and replace there, and that nobody's file is lost."""
+
+import ast
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import padgen
+from padgen import files
+from padgen.errors import FileError
+from padgen.files import OutputFolder, file_hash, is_current, read_manifest, take_away
+from padgen.lock import lock_file, unlock_file
+
+PLAN_A, PLAN_B = '{"name": "a"}', '{"name": "b"}'
+
+
+def put(folder, built_from=None, remove=(), **texts):
+    """Write files whose names have a dot for the last underscore."""
+    with OutputFolder(folder) as out:
+        for name, text in texts.items():
+            out.write(".".join(name.rsplit("_", 1)), text)
+        return out.commit(built_from, remove)
+
+
+def texts(folder):
+    return {path.name: path.read_text() for path in folder.iterdir() if path.name != files.MANIFEST}
+
+
+def child(code, *arguments):
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *map(str, arguments)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+
+
+# What goes, and what stays
+
+
+def test_what_is_stale_goes_only_where_it_is_ours_and_unchanged(tmp_path):
+    put(tmp_path, pad_stl="ours", coupon_stl="ours", coupon_3mf="ours")
+    (tmp_path / "coupon.3mf").write_text("edited")
+    (tmp_path / "coupon.csv").write_text("measured")
+    put(tmp_path, remove=["coupon.*"], pad_stl="new")
+    assert texts(tmp_path) == {"pad.stl": "new", "coupon.3mf": "edited", "coupon.csv": "measured"}
+
+
+def test_what_belongs_to_a_plan_goes_with_it(tmp_path):
+    put(tmp_path, plan_json=PLAN_A, study_csv="ours", drive_wav="ours")
+    (tmp_path / "study.svg").write_text("a user's")
+    (tmp_path / "drive.wav").write_text("edited")
+    put(tmp_path, plan_json=PLAN_A)
+    assert "study.csv" in texts(tmp_path)
+    put(tmp_path, plan_json=PLAN_B)
+    assert texts(tmp_path) == {"plan.json": PLAN_B, "study.svg": "a user's", "drive.wav": "edited"}
+
+
+def test_every_writer_adds_to_the_manifest(tmp_path):
+    put(tmp_path, a_csv="1", b_csv="2")
+    put(tmp_path, b_csv="3", c_csv="4")
+    (tmp_path / "a.csv").unlink()
+    put(tmp_path, d_csv="5")
+    known = {"b.csv": "3", "c.csv": "4", "d.csv": "5"}
+    assert read_manifest(tmp_path)["files"] == {name: file_hash(text.encode()) for name, text in known.items()}
+
+
+def test_a_build_stays_up_to_date_until_its_plan_or_a_file_of_it_is_another(tmp_path):
+    inputs = {"spec": "a"}
+    put(tmp_path, inputs, plan_json=PLAN_A, pad_stl="mesh", drive_csv="a")
+    assert put(tmp_path, plan_json=PLAN_A) == []
+    assert put(tmp_path, plan_json=PLAN_A, drive_csv="a", drive_wav="wave") == []
+    (tmp_path / "drive.wav").unlink()
+    assert is_current(tmp_path, inputs) and not is_current(tmp_path, {"spec": "b"})
+    assert put(tmp_path, plan_json=PLAN_B) == ["drive.csv", "pad.stl"]
+    assert not is_current(tmp_path, inputs) and not is_current(tmp_path, {"spec": "b"})
+    assert put(tmp_path, plan_json=PLAN_A) == []
+    assert not is_current(tmp_path, inputs), "nobody has looked whether the rest is of it"
+    put(tmp_path, inputs, plan_json=PLAN_A, pad_stl="mesh")
+    (tmp_path / "pad.stl").write_text("edited")
+    assert not is_current(tmp_path, inputs)
+
+
+def test_a_manifest_of_builds_alone_still_counts(tmp_path):
+    """As padgen 0.1 wrote it."""
+    listed = {name: file_hash(text.encode()) for name, text in (("plan.json", PLAN_A), ("pad.stl", "mesh"))}
+    (tmp_path / "plan.json").write_text(PLAN_A)
+    (tmp_path / "pad.stl").write_text("mesh")
+    (tmp_path / "manifest.json").write_text(json.dumps({"padgen": "0.1.0", "inputs": {"spec": "a"}, "files": listed}))
+    assert is_current(tmp_path, {"spec": "a"})
+    put(tmp_path, plan_json=PLAN_A, drive_csv="a")
+    assert is_current(tmp_path, {"spec": "a"})
+    assert texts(tmp_path) == {"plan.json": PLAN_A, "pad.stl": "mesh", "drive.csv": "a"}
+
+
+def test_a_folder_is_taken_away_with_what_a_killed_run_left(tmp_path):
+    put(tmp_path / "out", plan_json=PLAN_A)
+    (tmp_path / "out" / files.LOCK).touch()
+    (tmp_path / "out" / ".partial-4194305").mkdir()  # above the largest process number
+    take_away(tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+# What is in the way
+
+
+def test_a_users_file_makes_room_and_is_kept(tmp_path, caplog):
+    put(tmp_path, drive_csv="ours")
+    (tmp_path / "drive.csv").write_text("edited")
+    (tmp_path / "bom.csv").write_text("a user's")
+    (tmp_path / "bom.csv.old").write_text("older")
+    put(tmp_path, drive_csv="new", bom_csv="new")
+    kept = {"drive.csv.old": "edited", "bom.csv.old": "older", "bom.csv.old2": "a user's"}
+    assert texts(tmp_path) == {"drive.csv": "new", "bom.csv": "new", **kept}
+    assert "bom.csv was not as padgen wrote it; kept as bom.csv.old2" in caplog.text
+    put(tmp_path, drive_csv="newer", bom_csv="newer")
+    assert len(texts(tmp_path)) == 5, "what is ours is replaced"
+
+
+def test_the_same_bytes_are_no_users_file(tmp_path):
+    (tmp_path / "plan.json").write_text(PLAN_A)
+    put(tmp_path, plan_json=PLAN_A)
+    assert texts(tmp_path) == {"plan.json": PLAN_A}
+
+
+@pytest.mark.parametrize("name", ["pad.stl", "bom.csv", "manifest.json"])
+def test_a_folder_in_the_way_is_refused_before_anything_is_moved(tmp_path, name):
+    put(tmp_path, plan_json=PLAN_A, study_csv="ours")
+    before = read_manifest(tmp_path)
+    (tmp_path / name).unlink(missing_ok=True)
+    (tmp_path / name / "mine").mkdir(parents=True)
+    with pytest.raises(FileError, match=rf"{name}: cannot be written \(a folder has its name\)"):
+        put(tmp_path, plan_json=PLAN_B, pad_stl="new", bom_csv="new")
+    assert (tmp_path / name / "mine").is_dir()
+    assert (tmp_path / "plan.json").read_text() == PLAN_A and (tmp_path / "study.csv").exists()
+    assert {path.name for path in tmp_path.iterdir()} == {"plan.json", "study.csv", "manifest.json", name}
+    assert name == "manifest.json" or read_manifest(tmp_path) == before
+
+
+def test_a_folder_that_is_not_in_the_way_is_of_no_account(tmp_path):
+    put(tmp_path, plan_json=PLAN_A, pad_stl="ours", coupon_stl="ours")
+    (tmp_path / "coupon.stl").unlink()
+    for name in ("coupon.d", "coupon.stl", "study.csv"):
+        (tmp_path / name / "mine").mkdir(parents=True)
+    put(tmp_path, remove=["coupon.*"], plan_json=PLAN_B, pad_stl="new")
+    assert all((tmp_path / name / "mine").is_dir() for name in ("coupon.d", "coupon.stl", "study.csv"))
+
+
+def test_a_link_is_a_users_and_what_it_points_to_stays(tmp_path):
+    outside, folder = tmp_path / "outside.stl", tmp_path / "out"
+    put(folder, pad_stl="ours", coupon_stl="ours")
+    outside.write_text("ours")
+    for name in ("pad.stl", "coupon.stl"):
+        (folder / name).unlink()
+        (folder / name).symlink_to(outside)
+    put(folder, remove=["coupon.*"], pad_stl="new")
+    assert outside.read_text() == "ours" and (folder / "coupon.stl").is_symlink()
+    assert (folder / "pad.stl").read_text() == "new" and (folder / "pad.stl.old").is_symlink()
+
+
+TAMPERED = {
+    "a list": '{"files": ["study.csv"]}',
+    "hashes that are none": '{"files": {"study.csv": 1}}',
+    "a short hash": '{"files": {"study.csv": "e3b0"}}',
+    "nested": '{"files": {"study.csv": {"study.csv": "HASH"}}}',
+    "a path": '{"files": {"study.csv": "HASH", "../victim.txt": "HASH"}}',
+    "a Windows path": '{"files": {"study.csv": "HASH", "..\\\\victim.txt": "HASH"}}',
+    "the folder above": '{"files": {"study.csv": "HASH", "..": "HASH"}}',
+    "a NUL": '{"files": {"study.csv": "HASH", "a\\u0000b": "HASH"}}',
+    "half a character": '{"files": {"study.csv": "HASH", "\\ud800": "HASH"}}',
+    "a long name": f'{{"files": {{"study.csv": "HASH", "{"a" * 5000}": "HASH"}}}}',
+    "itself": '{"files": {"study.csv": "HASH", "manifest.json": "HASH"}}',
+    "many": json.dumps({"files": {"study.csv": "HASH"} | {f"{k}.csv": "HASH" for k in range(100_000)}}),
+    "deep": "[" * 100_000,
+    "a long number": '{"files": {"study.csv": ' + "1" * 5000 + "}}",
+    "odd builds": '{"files": {"study.csv": "HASH"}, "inputs": {}, "built": [["study.csv"]]}',
+    "builds of nothing": '{"files": {"study.csv": "HASH"}, "built": ["study.csv"]}',
+    "no text": "\udcff",
+}
+
+
+@pytest.mark.parametrize("text", TAMPERED.values(), ids=TAMPERED)
+def test_a_tampered_manifest_is_none(tmp_path, text):
+    folder, victim = tmp_path / "out", tmp_path / "victim.txt"
+    folder.mkdir()
+    victim.write_text("mine")
+    (folder / "study.csv").write_text("mine")
+    raw = text.replace("HASH", file_hash(b"mine")).encode(errors="surrogateescape")
+    (folder / "manifest.json").write_bytes(raw)
+    assert read_manifest(folder) == {} and not is_current(folder, {})
+    take_away(folder)
+    put(folder, remove=["*"], plan_json=PLAN_A)
+    assert victim.read_text() == "mine" and (folder / "study.csv").read_text() == "mine"
+    assert (folder / "manifest.json.old").read_bytes() == raw
+    assert set(read_manifest(folder)["files"]) == {"plan.json"}
+
+
+def test_a_manifest_that_is_no_file_is_none(tmp_path):
+    (tmp_path / "manifest.json").symlink_to("/dev/zero")
+    assert read_manifest(tmp_path) == {}
+    (tmp_path / "manifest.json").unlink()
+    os.mkfifo(tmp_path / "manifest.json")
+    assert read_manifest(tmp_path) == {}
+
+
+# Ends before the end
+
+
+@pytest.mark.parametrize("calls", range(9))
+@pytest.mark.parametrize("error", [OSError(13, "Permission denied"), KeyboardInterrupt()])
+def test_a_commit_that_ends_early_leaves_all_as_it_was(tmp_path, monkeypatch, calls, error):
+    put(tmp_path, {"spec": "a"}, plan_json=PLAN_A, pad_stl="ours", study_csv="ours")
+    (tmp_path / "bom.csv").write_text("a user's")
+    before, left, replace = {path.name: path.read_bytes() for path in tmp_path.iterdir()}, [calls], Path.replace
+
+    def breaks(path, target):
+        left[0] -= 1
+        if left[0] == -1:
+            raise error
+        return replace(path, target)
+
+    monkeypatch.setattr(Path, "replace", breaks)
+    with pytest.raises((FileError, KeyboardInterrupt)):
+        put(tmp_path, {"spec": "b"}, plan_json=PLAN_B, pad_stl="new", bom_csv="new")
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_what_dead_processes_left_goes_and_a_living_ones_stays(tmp_path):
+    dead, living = child("pass"), child("input()")
+    dead.communicate()
+    for name in (dead.pid, living.pid, 10**30, "mine", ""):
+        (tmp_path / f".partial-{name}" / "file").mkdir(parents=True)
+    put(tmp_path, plan_json=PLAN_A)
+    left = {path.name.removeprefix(".partial-") for path in tmp_path.glob(".partial-*")}
+    living.communicate("\n")
+    assert left == {str(living.pid), "mine", ""}
+
+
+def test_no_process_is_asked_by_a_signal():
+    """On Windows signal 0 is Ctrl-C."""
+    for path in Path(padgen.__file__).parent.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "kill":
+                assert not any(isinstance(value, ast.Constant) and value.value == 0 for value in node.args), path
+
+
+# Two at once
+
+
+WRITER = """
+import sys
+from pathlib import Path
+from padgen.files import OutputFolder
+
+folder, letter = Path(sys.argv[1]), sys.argv[2]
+print("ready", flush=True)
+input()
+for _ in range(60):
+    with OutputFolder(folder) as out:
+        for k in range(25):
+            out.write(f"{k}.csv", letter)
+        out.write(f"taxel-{letter}.step", letter)
+        out.commit({"spec": letter}, remove=["taxel-*.step"])
+"""
+
+
+def test_of_two_writers_one_is_last_and_whole(tmp_path):
+    folder = tmp_path / "out"
+    writers = [child(WRITER, folder, letter) for letter in "ab"]
+    for writer in writers:
+        assert writer.stdout.readline() == "ready\n"
+    for writer in writers:
+        writer.stdin.write("\n")
+        writer.stdin.flush()
+    for writer in writers:
+        writer.communicate()
+        assert writer.returncode == 0
+    (letter,) = set(texts(folder).values())
+    assert set(texts(folder)) == {*(f"{k}.csv" for k in range(25)), f"taxel-{letter}.step"}
+    assert is_current(folder, {"spec": letter})
+
+
+HOLDER = """
+import sys
+from pathlib import Path
+from padgen.lock import lock_file
+
+print(lock_file(Path(sys.argv[1])) >= 0, flush=True)
+input()
+"""
+
+
+def test_a_folder_that_another_process_writes_into_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(files, "PATIENCE_S", 0.05)
+    put(tmp_path, plan_json=PLAN_A)
+    holder = child(HOLDER, tmp_path / files.LOCK)
+    assert holder.stdout.readline() == "True\n"
+    with pytest.raises(FileError, match="another process writes into it; try again"):
+        put(tmp_path, plan_json=PLAN_B)
+    assert texts(tmp_path) == {"plan.json": PLAN_A, files.LOCK: ""}
+    holder.send_signal(signal.SIGKILL)
+    holder.communicate()
+    put(tmp_path, plan_json=PLAN_B)
+    assert texts(tmp_path) == {"plan.json": PLAN_B}, "a dead process holds nothing, and no lock is left"
+
+
+def test_where_there_are_no_locks_one_writes_without(tmp_path, monkeypatch):
+    def none(*arguments):
+        raise OSError(95, "Operation not supported")
+
+    monkeypatch.setattr("fcntl.flock", none)
+    put(tmp_path, plan_json=PLAN_A)
+    assert (tmp_path / "plan.json").read_text() == PLAN_A
+
+
+def test_a_lock_is_no_way_out_of_a_folder(tmp_path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / files.LOCK).symlink_to(tmp_path / "outside")
+    put(tmp_path / "out", plan_json=PLAN_A)
+    assert not (tmp_path / "outside").exists()
+
+
+def test_a_lock_is_given_back(tmp_path):
+    file = lock_file(tmp_path / "lock")
+    assert file >= 0 > lock_file(tmp_path / "lock")
+    unlock_file(tmp_path / "lock", file)
+    assert not (tmp_path / "lock").exists()
