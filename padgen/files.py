@@ -40,6 +40,7 @@ __all__ = [
     "is_unchanged",
     "json_line",
     "json_text",
+    "keep_aside",
     "read_manifest",
     "reason",
     "remove_unchanged",
@@ -243,9 +244,7 @@ class OutputFolder:
                 kept.append((path, _free(path)))
         _move_all([*away, *kept, *((self._aside / name, self.path / name) for name in (*self._hashes, MANIFEST))])
         for path, there in kept:
-            import logging
-
-            logging.getLogger("padgen").warning("padgen: %s was not as padgen wrote it; kept as %s", path, there.name)
+            _say_kept(path, there)
 
 
 def _move_all(moves: list[tuple[Path, Path]]) -> None:
@@ -265,6 +264,19 @@ def _free(path: Path) -> Path:
     """A name for a user's file that makes room for an output: with .old, or .old2, or ... behind it."""
     names = (path.with_name(f"{path.name}.old{number if number > 1 else ''}") for number in count(1))
     return next(name for name in names if not os.path.lexists(name))
+
+
+def keep_aside(path: Path) -> None:
+    """Make room for an output where a user's file has its name."""
+    there = _free(path)
+    path.replace(there)
+    _say_kept(path, there)
+
+
+def _say_kept(path: Path, there: Path) -> None:
+    import logging
+
+    logging.getLogger("padgen").warning("padgen: %s was not as padgen wrote it; kept as %s", path, there.name)
 
 
 def read_manifest(path: Path) -> dict[str, Any]:

@@ -576,6 +576,14 @@ def test_a_limit_of_the_cache_that_is_none_is_refused_at_once(tmp_path, monkeypa
     assert not (tmp_path / "out").exists()
 
 
+def test_a_users_index_makes_room_and_is_kept(tmp_path):
+    (tmp_path / "index.csv").write_text("mine")
+    for _ in range(2):
+        run_sweep(parse_sweep(NO_FOLDERS + "[axes]\nq_min = [12]\n"), tmp_path, workers=1)
+    assert (tmp_path / "index.csv.old").read_text() == "mine"
+    assert len(rows(tmp_path)) == 1 and not (tmp_path / "index.csv.old2").exists()
+
+
 def test_a_refused_variant_keeps_no_older_plan(tmp_path):
     for resolution, there in ((32, True), (8, False)):
         run_sweep(parse_sweep(HEAD + f"[axes]\nresolution = [{resolution}]\n"), tmp_path, workers=1)

@@ -18,7 +18,7 @@ from types import TracebackType
 from typing import Any
 
 from padgen.errors import FileError
-from padgen.files import json_line, reason
+from padgen.files import json_line, keep_aside, reason
 from padgen.sweep.definition import Sweep
 from padgen.sweep.points import variant_name
 from padgen.sweep.variant import STATUSES, Record
@@ -64,6 +64,9 @@ class Journal:
 
     def __enter__(self) -> "Journal":
         try:
+            index = self.path.with_name(INDEX)
+            if index.is_file() and not self.path.exists():
+                keep_aside(index)  # it is of no sweep
             self._scan()
             self.path.touch()
             self._file = FileIO(self.path, "r+")
