@@ -10,12 +10,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
+from math import ceil
 from typing import Any
 
 import numpy as np
 
 from padgen.driver.device.protocol import (
     GREETING_BYTES,
+    HOLD_WATCHDOGS,
     VERSION,
     Greeting,
     Kind,
@@ -45,6 +47,8 @@ GREET_S = 5.0
 """How long a device may take to answer at first: many a board starts anew when its port is opened."""
 PINGS = 3
 """Signs of life in the time after which the device's watchdog would silence it."""
+HOLD_SHARE = 0.5
+"""Share of the time for which the device holds a frame after which it is sent again."""
 BUSY_S = 0.005
 READ_BYTES = 4096
 
@@ -174,16 +178,22 @@ class _Link:
         return device
 
     def show_all(self, frames: np.ndarray, each_s: float, told: Callable[[int], None]) -> None:
-        """Every frame at its time; those that a late one would crowd are later, so that none is shorter than it can."""
+        """Every frame at its time; those that a late one would crowd are later, so that none is shorter than it can.
+
+        A frame that is to last longer than the device holds one is sent again meanwhile, which no taxel feels.
+        """
         assert self._device is not None
         least_s = self._device.least_frame_us * 1e-6
+        parts = ceil(each_s / (HOLD_SHARE * HOLD_WATCHDOGS * self._device.watchdog_ms * 1e-3))
         sequence, due = self._device.next_sequence, time.monotonic()
         for k, frame in enumerate(frames):
             with self.closing_in(f"frame {k + 1} of {len(frames)}"):
-                self._show(frame_message(frame, (sequence + k) % 65536))
-                told(k + 1)
-                due = max(due + each_s, time.monotonic() + least_s)
-                self._wait(due)
+                for _ in range(parts):
+                    self._show(frame_message(frame, sequence % 65536))
+                    sequence += 1
+                    told(k + 1)
+                    due = max(due + each_s / parts, time.monotonic() + least_s)
+                    self._wait(due)
 
     def fall_silent(self) -> None:
         """Silence once the last frame is there, and wait for it."""

@@ -14,7 +14,7 @@ from textwrap import fill
 
 import numpy as np
 
-from padgen.driver.device.protocol import plan_hash
+from padgen.driver.device.protocol import HOLD_WATCHDOGS, plan_hash
 from padgen.driver.pad_drive import CoilDrive, PadDrive
 from padgen.driver.timeline import frame_s, ramp_s
 from padgen.errors import SpecError
@@ -33,6 +33,8 @@ GROUP_CHANNELS = 8
 """Channels whose on/off states have their least constants in a table: 256 numbers, 1 KiB, at most."""
 LEAST_WATCHDOG_S = 1.0
 WATCHDOG_FRAMES = 2
+MOST_SAMPLES = (1 << 32) - 1
+"""What the firmware counts to."""
 TURN = 1 << 32
 NO_TAXEL = 0xFFFF
 ROUNDING = 1e-6
@@ -116,6 +118,7 @@ def _defines(plan: Plan, drive: PadDrive, kinds: Sequence[_Kind]) -> str:
     ramp = ceil((frame_s(plan) / slots / 2 if turns else ramp_s(plan)) * rate)
     step = 2 * ramp if turns else ramp
     frame = max(round(frame_s(plan) * rate), step * slots)
+    watchdog = max(ceil(LEAST_WATCHDOG_S * rate), WATCHDOG_FRAMES * frame)
     channels = _channels(kinds)
     lines = {
         **{f"PADGEN_{_upper(scheme)}": number for scheme, number in SCHEME_NUMBERS.items()},
@@ -127,7 +130,8 @@ def _defines(plan: Plan, drive: PadDrive, kinds: Sequence[_Kind]) -> str:
         "PADGEN_STEP_SAMPLES": f"{step}u",
         "PADGEN_SLOTS": slots,
         "PADGEN_FRAME_SAMPLES": f"{frame}u",
-        "PADGEN_WATCHDOG_SAMPLES": f"{max(ceil(LEAST_WATCHDOG_S * rate), WATCHDOG_FRAMES * frame)}u",
+        "PADGEN_WATCHDOG_SAMPLES": f"{watchdog}u",
+        "PADGEN_HOLD_SAMPLES": f"{min(HOLD_WATCHDOGS * watchdog, MOST_SAMPLES)}u",
         "PADGEN_COILS": len(drive.coils),
         "PADGEN_KINDS": len(kinds),
         "PADGEN_CHANNELS": channels,
