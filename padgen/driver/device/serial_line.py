@@ -31,6 +31,7 @@ from padgen.driver.device.protocol import (
     plan_hash,
     refusal,
 )
+from padgen.driver.limits import refuse_frames
 from padgen.driver.timeline import timeline
 from padgen.errors import EngineMissingError, FileError, SpecError, at_least, number
 from padgen.planner.plan import Plan
@@ -95,7 +96,7 @@ def play_frames(
     Raises
     ------
     SpecError
-        Levels or times that the pad cannot show, or the line cannot carry.
+        Levels or times that the pad cannot show, or the line cannot carry; frames that are beyond a limit.
     FileError
         The port cannot be opened, nothing answers, it holds another pad or protocol, or the line broke.
     EngineMissingError
@@ -103,6 +104,7 @@ def play_frames(
     """
     timeline(plan, frames, frame_s)
     frames = np.atleast_2d(np.asarray(frames, float))
+    refuse_frames(plan, frames, tuning)
     bytes_each = max(len(encode(frame_message(frame, 0))) for frame in frames)
     with _opened(port, baud) as line:
         link = _Link(line, port, max(LEAST_REPLY_S, 4 * _seconds(bytes_each, baud)) if reply_s is None else reply_s)
