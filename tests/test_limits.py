@@ -3,7 +3,7 @@
 | what | must equal | to | because |
 |---|---|---|---|
 | judged volts of a file | the samples of the file, or of the script | 1 % | between samples a peak is a little higher |
-| judged volts of the firmware | the compiled firmware in all states, uncut | 4 % | steps between states are bounded, not played |
+| judged volts of the firmware | the compiled firmware, uncut, all states | 4 % | steps between states are bounded |
 | judged watts | R i², i from the volts through R and L | 1 % | a whole period of a state that is held |
 """
 
