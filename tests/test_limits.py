@@ -344,3 +344,17 @@ def test_a_carrier_is_accepted_by_every_format(tmp_path, carrier_hz):
     hz = max(carrier_hz, 5 * max(c.resonance_hz for c in plan.channels))
     driven = written(plan, tmp_path / "o", "csv,json,wav,c,hjif,syntacts", carrier_hz=hz)
     assert "pad_drive.h" in driven.files and "drive.wav" in driven.files
+
+
+@pytest.mark.parametrize("carrier_hz", [1.0, 1e5, 1e300, np.inf, -np.inf, np.nan])
+@pytest.mark.parametrize("formats", ["wav", "c"])
+def test_a_carrier_that_cannot_be_is_refused_with_its_bounds(tmp_path, formats, carrier_hz):
+    with pytest.raises(SpecError, match="--carrier: must be") as refused:
+        written(planned("", "scheme = 'spur-free'"), tmp_path / "o", formats, carrier_hz=carrier_hz)
+    low, high = re.search(r"must be (\S+) … (\S+) Hz", str(refused.value)).groups()
+    assert not (tmp_path / "o").exists()
+    assert (
+        "pad_drive.h"
+        in written(planned("", "scheme = 'spur-free'"), tmp_path / "o", "c", "", carrier_hz=float(low)).files
+    )
+    assert float(high) > float(low)

@@ -324,7 +324,7 @@ def _wave(
     timeline = judged.timeline
     assert timeline is not None
     carrier = ""
-    if drive.scheme.name == "spur-free" and drive.has_constant:
+    if drive.scheme.name == "spur-free" and drive.has_constant and not judged.shown:
         carrier = carrier_text(plan, timeline, request.rate_hz, request.tuning)
     progress(f"writing {timeline.seconds:.3g} s of {len(drive.coils)} coils")
     reports: list[WaveReport] = []

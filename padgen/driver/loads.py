@@ -184,12 +184,14 @@ def _shown_v(drive: PadDrive, timeline: Timeline) -> float:
 
 def _any_v(drive: PadDrive, ramp: float) -> float:
     """The largest voltage of all levels that may be sent, and of changes between them."""
-    known: dict[bytes, float] = {}
-    for coil in drive.coils:
-        key = coil.harmonic.tobytes() + coil.line_a2.tobytes()
-        if len(coil.taxels) and key not in known:
-            known[key] = _steady_v(drive, coil) + _ramp_v(drive, coil, _any(drive, coil), ramp)
-    return max(known.values())
+    alike = {coil.harmonic.tobytes() + coil.line_a2.tobytes(): coil for coil in drive.coils if len(coil.taxels)}
+    bounds = sorted(((_bound_v(drive, c, _any(drive, c), ramp), key) for key, c in alike.items()), reverse=True)
+    peak = 0.0
+    for bound, key in bounds:
+        if bound > peak:
+            coil = alike[key]
+            peak = max(peak, _steady_v(drive, coil) + _ramp_v(drive, coil, _any(drive, coil), ramp))
+    return peak
 
 
 def _steady_v(drive: PadDrive, coil: CoilDrive) -> float:

@@ -36,7 +36,8 @@ def drive_at(
     highest = highest_hz(plan, tuning)
     least = SAMPLES_OF_HIGHEST * highest
     if carrier_hz is not None:
-        least = max(least, 2 * (carrier_hz + CARRIER_OVER_RESONANCE * highest))
+        # One that no rate carries is refused with the bounds of the highest.
+        least = max(least, min(2 * (carrier_hz + CARRIER_OVER_RESONANCE * highest), max(*rates_hz, least)))
     enough = [rate for rate in rates_hz if rate >= least] or [ceil(least / 1000) * 1000]
     for rate in enough:
         drive = made(rate)
