@@ -8,7 +8,9 @@
 | the constant, on/off | `crest.least_constant` and the margin | 1e-5 of the lines | rounded up, float32 |
 """
 
+import re
 import subprocess
+from dataclasses import replace
 from math import ceil
 from pathlib import Path
 
@@ -18,6 +20,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from padgen.driver.device.protocol import (
+    HOLD_WATCHDOGS,
     VERSION,
     Kind,
     Message,
@@ -31,11 +34,11 @@ from padgen.driver.device.protocol import (
     refusal,
 )
 from padgen.driver.formats.c_code import SCHEME_NUMBERS, firmware_files
-from padgen.driver.pad_drive import constant_a2
+from padgen.driver.pad_drive import constant_a2, make_drive
 from padgen.driver.timeline import Timeline, frame_s, ramp_s
 from padgen.driver.waveform import volts
 
-from .firmware_host import PADS, STRICT, Host, Run, compiler, feed, host
+from .firmware_host import PADS, STRICT, Host, Run, compiled, compiler, drum, feed, host
 
 SILENCE = Message(Kind.SILENCE, 0)
 SMALL = "spur-free"
@@ -196,17 +199,119 @@ def test_phases_are_as_exact_after_ten_minutes(pad: Host):
 
 def test_codes_of_a_converter(pad: Host):
     (pad.folder / "codes.c").write_text(
-        '#include <stdio.h>\n#include "padgen_drive.h"\nint main(void) {\n'
+        '#include <math.h>\n#include <stdio.h>\n#include "padgen_drive.h"\nint main(void) {\n'
         'printf("%d %d %d %d %d %d", (int)padgen_code(-15.0f, 30.0f, 12),\n'
         "(int)padgen_code(0.0f, 30.0f, 16), (int)padgen_code(30.0f, 30.0f, 16),\n"
         "(int)padgen_code(-31.0f, 30.0f, 16), (int)padgen_code(15.0f, 30.0f, 12), (int)padgen_code(1e9f, 1.0f, 24));\n"
+        'printf(" %d %d %d %d %d %d", (int)padgen_code(30.0f, 30.0f, 26), (int)padgen_code(31.0f, 30.0f, 32),\n'
+        "(int)padgen_code(-31.0f, 30.0f, 32), (int)padgen_code(NAN, 30.0f, 16), (int)padgen_code(1.0f, 0.0f, 16),\n"
+        "(int)padgen_code(0.0f, 0.0f, 16));\n"
         "return 0; }\n"
     )
     command = [compiler("CC", "cc", "gcc"), "-std=c99", *STRICT, "codes.c", "-o", "codes"]
     subprocess.run(command, cwd=pad.folder, check=True)
     (pad.folder / "codes.c").unlink()
     said = subprocess.run([pad.folder / "codes"], capture_output=True, text=True).stdout
-    assert said == "-1024 0 32767 -32767 1024 8388607"
+    assert said == "-1024 0 32767 -32767 1024 8388607 33554431 2147483647 -2147483647 0 32767 0"
+
+
+# ---- What it never does --------------------------------------------------------------------------------------------
+
+
+LIMIT_V = 2.0
+
+
+@pytest.mark.parametrize(("scheme", "table", "entry"), [
+    ("tones", "padgen_line_a2", "1e9f"),
+    ("tones", "padgen_line_a2", "-1e3f"),
+    ("tones", "padgen_tone_hz", "NAN"),
+    ("spur-free", "padgen_line_a2", "3e38f"),
+    ("spur-free", "padgen_line_a2", "NAN"),
+    ("spur-free", "padgen_margin_a2", "-1.0f"),
+    ("spur-free", "padgen_least_a2", "INFINITY"),
+    ("spur-free", "padgen_tone_hz", "1e12f"),
+    ("biased", "padgen_bias_a", "0.0f"),
+    ("biased", "padgen_bias_a", "1e20f"),
+    ("biased", "padgen_line_a2", "INFINITY"),
+])  # fmt: skip
+def test_whatever_the_tables_hold_no_volt_is_beyond_the_limit(tmp_path: Path, scheme: str, table: str, entry: str):
+    def spoiled(header: str) -> str:
+        declared, entries = header.split(f"static const float {table}")
+        own, rest = entries.split(";", 1)
+        numbers = re.sub(r"-?\d+\.?\d*(e[-+]?\d+)?f", entry, own)
+        assert numbers != own
+        return f"#include <math.h>\n{declared}static const float {table}{numbers};{rest}"
+
+    plan = drum(scheme, 14, scheme)
+    drive = replace(make_drive(plan, 16_000), voltage_limit_v=LIMIT_V)
+    pad = compiled(plan, drive, tmp_path, spoiled)
+    grey = frame_message(np.random.default_rng(2).integers(0, 256, 14) / 255, 1)
+    each = f"run {pad.number('PADGEN_STEP_SAMPLES') + 2000}\n"
+    run = pad.run(pad.hello + feed(frame_message(np.ones(14), 0)) + each + feed(grey) + each)
+    assert np.isfinite(run.volts).all()
+    assert np.abs(run.volts).max() <= LIMIT_V
+
+
+@pads("tones", "spur-free", "biased", "carrier")
+def test_volts_are_cut_at_the_limit_and_nowhere_else(pad: Host, tmp_path: Path):
+    cut = compiled(pad.plan, replace(pad.drive, voltage_limit_v=LIMIT_V), tmp_path)
+    levels, each = frames(pad, 3), pad.number("PADGEN_RAMP_SAMPLES") + 500
+    whole = played(pad, levels, each).volts
+    assert np.abs(whole).max() > 1.2 * LIMIT_V
+    assert np.array_equal(played(cut, levels, each).volts, np.clip(whole, -LIMIT_V, LIMIT_V))
+
+
+@pads("biased", "spur-free", "time-shared")
+def test_pings_do_not_hold_a_frame_for_ever(pad: Host):
+    dog, hold = pad.number("PADGEN_WATCHDOG_SAMPLES"), pad.number("PADGEN_HOLD_SAMPLES")
+    step, taxels = pad.number("PADGEN_STEP_SAMPLES"), len(pad.plan.taxels)
+    assert hold == HOLD_WATCHDOGS * dog
+    pings = (f"run {dog // 2}\n" + feed(Message(Kind.PING, 5))) * (2 * HOLD_WATCHDOGS + 4)
+    hellos = (f"run {dog // 2}\n" + pad.hello) * (2 * HOLD_WATCHDOGS + 4)
+    repeated = (f"run {dog // 2}\n" + feed(frame_message(np.ones(taxels), 0))) * (2 * HOLD_WATCHDOGS + 4)
+    for kept in (pings, hellos, repeated):
+        run = pad.run(pad.hello + feed(frame_message(np.ones(taxels), 0)) + kept)
+        assert run.begun == [[255] * taxels, None]
+        silence = int(run.log[1].split()[1])
+        assert hold - 1 <= silence <= hold + step
+        assert not run.volts[-1].any()
+    # Pings are answered all the time, and a new frame is shown.
+    again = pad.run(
+        pad.hello
+        + feed(frame_message(np.ones(taxels), 0))
+        + pings
+        + feed(frame_message(np.ones(taxels), 1))
+        + "run 2000\n"
+    )
+    assert [a.kind for a in again.answers[2:] if a] == [Kind.ACK] * (2 * HOLD_WATCHDOGS + 5)
+    assert again.volts[-1].any()
+
+
+@pads("quick")
+def test_new_frames_hold_it_as_long_as_they_come(pad: Host):
+    hold = pad.number("PADGEN_HOLD_SAMPLES")
+    kept = "".join(feed(frame_message(np.ones(16), k)) + pad.wait(hold // 2) for k in range(4))
+    run = pad.run(pad.hello + kept, "--skip", str(2 * hold - 2000))
+    assert None not in run.begun and len(run.begun) == 4
+    assert run.volts[-800:].any()
+
+
+def test_time_that_passes_at_once_is_time_that_passed(pad: Host):
+    """A main program that was away for as long as the counter goes still falls silent."""
+    (pad.folder / "away.c").write_text(
+        '#include <stdio.h>\n#include "padgen_protocol.h"\n'
+        "static void send(void *c, const uint8_t *b, size_t n) { (void)c; (void)b; (void)n; }\n"
+        "int main(void) {\n    static padgen_drive d;\n    static padgen_link l;\n"
+        "    static const uint8_t on[PADGEN_TAXELS] = {255};\n    float volts[PADGEN_COILS];\n"
+        "    padgen_start(&d);\n    padgen_link_start(&l, &d, send, 0);\n    padgen_show(&d, on);\n"
+        "    padgen_next(&d, volts);\n    padgen_link_tick(&l, 1);\n    padgen_link_tick(&l, UINT32_MAX);\n"
+        '    printf("%d", d.waiting);\n    return 0;\n}\n'
+    )
+    sources = ["away.c", "padgen_drive.c", "padgen_protocol.c"]
+    command = [compiler("CC", "cc", "gcc"), "-std=c99", *STRICT, *sources, "-lm", "-o", "away"]
+    subprocess.run(command, cwd=pad.folder, check=True)
+    (pad.folder / "away.c").unlink()
+    assert subprocess.run([pad.folder / "away"], capture_output=True, text=True).stdout == "2"
 
 
 # ---- What it understands -------------------------------------------------------------------------------------------

@@ -151,6 +151,16 @@ def test_frames_arrive_in_order_and_it_ends_in_silence(pad: Host):
     assert "silence" in log[-3] and ends_silent(log)
 
 
+def test_a_frame_that_lasts_longer_than_one_is_held_is_sent_again(pad: Host, monkeypatch):
+    monkeypatch.setattr(play_serial, "HOLD_SHARE", 0.02)  # of eight seconds
+    frames, heard = numbered(2), []
+    with relayed(pad) as line:
+        play_frames(line.port, pad.plan, frames, 0.4, reply_s=1.0, told=heard.append)
+        log = line.finish()
+    assert shown(log) == np.repeat(np.rint(frames * 255).astype(int), 3, axis=0).tolist()
+    assert (heard[0], heard[-1]) == (1, 2)
+
+
 def test_it_is_silent_when_playing_ends(pad: Host):
     with relayed(pad, speed=1) as line:
         played = play_frames(line.port, pad.plan, numbered(2), 0.1, reply_s=1.0)

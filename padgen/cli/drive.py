@@ -188,7 +188,7 @@ def _excite(options: argparse.Namespace) -> int:
         plan = plan_of(options, progress)
         progress("writing the excitation")
         folder = folder_of(options, plan.name)
-        played = write_excitation(
+        played, findings = write_excitation(
             plan, folder, options.excite, options.rate, options.depth, options.seconds, options.together
         )
     if options.json:
@@ -196,9 +196,10 @@ def _excite(options: argparse.Namespace) -> int:
 
         names = ("kind", "rate_hz", "band_hz", "sweep_s", "together", "level_share", "copper_loss_w")
         figures = {name: value for name, value in asdict(played).items() if name in names}
+        figures["findings"] = [asdict(finding) for finding in findings]
         print(json_text({"folder": str(folder), "files": ["excitation.wav", "excitation.json"], **figures}), end="")
     else:
         from padgen.tell.drives import excitation_text
 
-        show(excitation_text(played, folder))
-    return 0
+        show(excitation_text(played, folder, findings))
+    return code_of(findings)

@@ -5,8 +5,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
-from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +27,6 @@ if TYPE_CHECKING:
 __all__ = [
     "DEPTHS",
     "FORMATS",
-    "RATES_HZ",
     "DriveRequest",
     "Driven",
     "parse_formats",
@@ -38,19 +35,20 @@ __all__ = [
 ]
 
 FORMATS = ("csv", "json", "wav", "c", "hjif", "syntacts")
+FILES = {
+    "wav": "drive.wav",
+    "syntacts": "drive_syntacts.py",
+    "hjif": "drive.hjif",
+    "csv": "drive.csv",
+    "json": "drive.json",
+}
 PLAYED = ("wav", "syntacts")
 """Formats that need something to show."""
 DEPTHS = ("24", "float")
-RATES_HZ = (48_000, 96_000, 192_000)
-"""Of sound cards; the first that the highest resonance and the root's bends allow is taken."""
-CONTROLLER_RATES_HZ = (8_000, 12_000, 16_000, 24_000, 32_000, *RATES_HZ)
-"""For a microcontroller, which makes every sample anew."""
 LARGEST_WAVE = 8e9
 """Bytes of a WAV file."""
 MOST_HEARD = 25_000_000
 """Samples of a file that is listened to: about 2 GB of memory."""
-SAMPLES_OF_HIGHEST = 16
-"""Samples in a period of the highest resonance, at least, where the rate is ours to choose."""
 Progress = Callable[[str], None]
 
 
@@ -60,7 +58,7 @@ class DriveRequest:
 
     `frames` (k, taxels) are levels in 0 … 1, shown for `seconds_each` (None: as the plan's frame rate has it, or where
     they are `held`, until all taxels have their level); a single one may `loop` without a seam. `rate_hz` None: the
-    first of `RATES_HZ` that will do.
+    first of a sound card's that will do.
     """
 
     formats: tuple[str, ...]
@@ -113,27 +111,24 @@ def write_drive(plan: "Plan", folder: Path, request: DriveRequest, progress: Pro
     from padgen.planner.plan import plan_to_json
 
     _refuse(request)
+    judged = _judged(plan, request, progress)
     with OutputFolder(folder) as out:
         out.write("plan.json", plan_to_json(plan))
         names = ["plan.json", *_tables(out, plan, request)]
         report = heard = None
-        if set(request.formats) - {"csv", "json"} or request.hear:
-            progress("choosing phases")
-            drive, timeline = _drive(plan, request, RATES_HZ), None
-            if request.frames is not None:
-                timeline = _timeline(plan, drive, request)
-                _refuse_length(drive, timeline, request)
-            if "wav" in request.formats and timeline is not None:
-                report = _wave(out, plan, drive, timeline, request, progress)
+        if judged.drive is not None:
+            if "wav" in request.formats and judged.timeline is not None:
+                report = _wave(out, plan, judged.drive, judged, request, progress)
                 names += ["drive.wav", "drive-wave.json"]
-            names += _others(out, plan, drive, timeline, report, request)
+            names += _others(out, plan, judged.drive, judged, report, request)
             if request.hear and report is not None:
                 progress("listening to the file")
                 heard = _heard(out, plan, request)
                 names.append("hear.json")
         # What was heard of a wave that is written anew does not stay.
         stale = out.commit(remove=["hear.json"] if report is not None and heard is None else [])
-    findings = (*(report.findings if report else ()), *(_ear_findings(heard) if heard else ()))
+    findings = (*judged.findings, *(report.findings if report else judged.shown))
+    findings += _ear_findings(heard) if heard else ()
     return Driven(folder, tuple(names), tuple(stale), report, heard, findings)
 
 
@@ -146,8 +141,10 @@ def write_excitation(
     seconds: float | None,
     together: bool,
     seed: int = 0,
-) -> "Excitation":
+) -> "tuple[Excitation, tuple[Finding, ...]]":
     """Write ``excitation.wav`` and ``excitation.json``, which shake all taxels while they are measured.
+
+    The findings say where it is beyond a limit, as a spec may make it whatever the level.
 
     Raises
     ------
@@ -155,14 +152,19 @@ def write_excitation(
         As `excitation` and `write_drive` do.
     """
     from padgen.driver.excitation import excitation
-    from padgen.driver.formats.wav import WavWriter
+    from padgen.driver.formats.wav import BEYOND_LIMIT, WavWriter
+    from padgen.driver.limits import judge_load
+    from padgen.driver.loads import excitation_load
+    from padgen.driver.rates import RATES_HZ
     from padgen.planner.plan import plan_to_json
 
     played = excitation(plan, kind, RATES_HZ[0] if rate_hz is None else rate_hz, seconds, seed, together)
+    findings = tuple(judge_load("excitation.wav", plan, excitation_load(plan, played)))
     scale = plan.typed_spec.drive.voltage_limit_v
 
     def write(path: Path) -> None:
-        comment = f"sample 1 = {scale:g} V; {kind}; channel k is coil k, row by row"
+        beyond = "".join(f"{BEYOND_LIMIT}{finding.message}" for finding in findings)
+        comment = f"sample 1 = {scale:g} V; {kind}; channel k is coil k, row by row{beyond}"
         with WavWriter(path, played.rate_hz, len(played.coils), played.samples, depth, comment) as file:
             for block in played.blocks():
                 file.write(block / scale)
@@ -172,7 +174,7 @@ def write_excitation(
         out.write_by("excitation.wav", write)
         out.write("excitation.json", json_text(_excitation_table(plan, played, scale, depth)))
         out.commit()
-    return played
+    return played, findings
 
 
 def _refuse(request: DriveRequest) -> None:
@@ -203,25 +205,6 @@ def _tables(out: OutputFolder, plan: "Plan", request: DriveRequest) -> list[str]
         out.write("drive.json", drive_json(plan))
         names.append("drive.json")
     return names
-
-
-def _drive(plan: "Plan", request: DriveRequest, rates_hz: tuple[int, ...]) -> "PadDrive":
-    """The drive at the rate that was asked for, or at the first of `rates_hz` that will do."""
-    from padgen.driver.pad_drive import make_drive
-    from padgen.physics.root_margin import ALIAS_DB
-
-    bandwidth = plan.typed_spec.drive.bandwidth_hz
-    make = partial(make_drive, plan, tuning=request.tuning, carrier_hz=request.carrier_hz, bandwidth_hz=bandwidth)
-    if request.rate_hz is not None:
-        return make(request.rate_hz)
-    highest = max(channel.resonance_hz for channel in plan.channels)
-    least = SAMPLES_OF_HIGHEST * highest
-    enough = [rate for rate in rates_hz if rate >= least] or [ceil(least / 1000) * 1000]
-    for rate in enough:
-        drive = make(rate)
-        if drive.alias_db is None or drive.alias_db <= ALIAS_DB:
-            break
-    return drive
 
 
 def _timeline(plan: "Plan", drive: "PadDrive", request: DriveRequest) -> "Timeline":
@@ -266,6 +249,54 @@ def _refuse_length(drive: "PadDrive", timeline: "Timeline", request: DriveReques
         )
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Judged:
+    """What is to be written, judged before anything is.
+
+    `drive` is None where only tables are asked for of a pad with a washer that no coil pulls, `controller` the
+    microcontroller's, None where none is asked for. `shown` are the findings about the timeline, `findings` all others.
+    """
+
+    drive: "PadDrive | None"
+    controller: "PadDrive | None"
+    timeline: "Timeline | None"
+    shown: tuple[Finding, ...]
+    findings: tuple[Finding, ...]
+
+
+def _judged(plan: "Plan", request: DriveRequest, progress: Progress) -> _Judged:
+    from padgen.driver.limits import judge_limits
+    from padgen.driver.rates import CONTROLLER_RATES_HZ, RATES_HZ, drive_at
+
+    unpulled = tuple(finding for finding in plan.findings if finding.code == "coil.force")
+    if unpulled and set(request.formats) <= {"csv", "json"}:
+        return _Judged(None, None, None, (), unpulled)
+    progress("choosing phases")
+    asked = request.rate_hz, request.tuning, request.carrier_hz
+    drive = drive_at(plan, RATES_HZ, *asked)
+    controller = drive_at(plan, CONTROLLER_RATES_HZ, *asked) if "c" in request.formats else None
+    timeline = None
+    if request.frames is not None:
+        timeline = _timeline(plan, drive, request)
+        _refuse_length(drive, timeline, request)
+    progress("judging limits")
+    shown: tuple[Finding, ...] = ()
+    if timeline is not None and set(request.formats) != {"c"}:
+        shown = judge_limits(_where(request), plan, drive, timeline, request.tuning)
+    findings: tuple[Finding, ...] = ()
+    # What a host will send is not known, nor what is made of tables alone.
+    if controller is not None:
+        findings = judge_limits("pad_drive.h", plan, controller, tuning=request.tuning)
+    elif timeline is None:
+        findings = judge_limits(_where(request), plan, drive, tuning=request.tuning)
+    return _Judged(drive, controller, timeline, shown, findings)
+
+
+def _where(request: DriveRequest) -> str:
+    """The first of the files, but for the firmware's, that say what is played."""
+    return next(FILES[name] for name in FILES if name in request.formats)
+
+
 def _slowest_s(plan: "Plan", tuning: "Tuning | None") -> float:
     """The slowest taxel's time constant."""
     from padgen.physics.resonator import ring_up_time
@@ -279,17 +310,25 @@ def _wave(
     out: OutputFolder,
     plan: "Plan",
     drive: "PadDrive",
-    timeline: "Timeline",
+    judged: _Judged,
     request: DriveRequest,
     progress: Progress,
 ) -> "WaveReport":
+    from padgen.driver.carriers import carrier_text
     from padgen.driver.formats.wave_files import wave_json, write_wave
 
+    timeline = judged.timeline
+    assert timeline is not None
+    carrier = ""
+    if drive.scheme.name == "spur-free" and drive.has_constant and not judged.shown:
+        carrier = carrier_text(plan, timeline, request.rate_hz, request.tuning)
     progress(f"writing {timeline.seconds:.3g} s of {len(drive.coils)} coils")
     reports: list[WaveReport] = []
-    out.write_by(
-        "drive.wav", lambda path: reports.append(write_wave(path, drive, timeline, request.depth, request.signal))
-    )
+
+    def write(path: Path) -> None:
+        reports.append(write_wave(path, drive, timeline, request.depth, request.signal, judged.shown, carrier))
+
+    out.write_by("drive.wav", write)
     out.write("drive-wave.json", wave_json(plan, drive, timeline, reports[0], tuning=request.tuning))
     return reports[0]
 
@@ -298,16 +337,16 @@ def _others(
     out: OutputFolder,
     plan: "Plan",
     drive: "PadDrive",
-    timeline: "Timeline | None",
+    judged: _Judged,
     report: "WaveReport | None",
     request: DriveRequest,
 ) -> list[str]:
     names: list[str] = []
-    if "c" in request.formats:
+    timeline = judged.timeline
+    if judged.controller is not None:
         from padgen.driver.formats.c_code import c_header, firmware_files
 
-        own = drive if request.rate_hz is not None else _drive(plan, request, CONTROLLER_RATES_HZ)
-        files = {"pad_drive.h": c_header(plan, own, request.tuning).encode(), **firmware_files()}
+        files = {"pad_drive.h": c_header(plan, judged.controller, request.tuning).encode(), **firmware_files()}
         for name, data in files.items():
             out.write(name, data)
         names += files

@@ -96,9 +96,16 @@ def sample_count(drive: PadDrive, timeline: Timeline) -> int:
 
 
 def blocks(
-    drive: PadDrive, timeline: Timeline, block_samples: int | None = None, signal: str = "voltage"
+    drive: PadDrive,
+    timeline: Timeline,
+    block_samples: int | None = None,
+    signal: str = "voltage",
+    periods: bool = False,
 ) -> Iterator[Block]:
-    """Blocks of at most `block_samples` (None: what is fastest), without a gap; `signal` 'voltage' or 'current'."""
+    """Blocks of at most `block_samples` (None: what is fastest), without a gap; `signal` 'voltage' or 'current'.
+
+    `periods`: of levels that stay no more than one period of the comb, which is what all others are.
+    """
     if signal not in ("voltage", "current"):
         raise ValueError(f"signal must be 'voltage' or 'current', got {signal!r}")
     coils = len(drive.coils)
@@ -106,6 +113,8 @@ def blocks(
     groups = list(_groups(drive, timeline, signal))
     form = _FORMS["tones" if drive.scheme.takes_turns else drive.scheme.name]
     for stretch in _stretches(drive, timeline):
+        if periods and np.array_equal(*timeline.levels[stretch.key : stretch.key + 2]):
+            stretch = stretch._replace(stop=min(stretch.stop, stretch.start + drive.period_samples))
         for start in range(stretch.start, stretch.stop, size):
             stop = min(start + size, stretch.stop)
             samples, square = np.zeros((stop - start, coils)), np.zeros(coils)

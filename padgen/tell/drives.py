@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from padgen.driver.excitation import Excitation
     from padgen.driver.folder import Driven
     from padgen.driver.formats.wave_files import WaveReport
+    from padgen.finding import Finding
     from padgen.planner.plan import Plan
 
 __all__ = ["driven_table", "driven_text", "excitation_text"]
@@ -142,7 +143,7 @@ def _share_text(share: float) -> str:
     return "" if share >= 1 else f", times {number(share)}"
 
 
-def excitation_text(played: "Excitation", folder: "Path") -> str:
+def excitation_text(played: "Excitation", folder: "Path", findings: "Sequence[Finding]") -> str:
     """What an excitation plays, and what to do with it."""
     low, high = played.band_hz
     how = "all coils at once" if played.together else f"the {len(played.coils)} coils one after the other"
@@ -151,5 +152,6 @@ def excitation_text(played: "Excitation", folder: "Path") -> str:
         f" {number(played.sweep_s)} s and silence, {how}, {number(played.seconds)} s in all at {played.rate_hz} Hz;"
         f" taxels are shaken at their planned levels{_share_text(played.level_share)}\n"
         "record each taxel's motion with the current or voltage beside it, and give the recording to padgen retune\n"
-        f"written to {folder}: excitation.wav  excitation.json"
+        + "".join(f"{findings_text([finding])}\n" for finding in findings)
+        + f"written to {folder}: excitation.wav  excitation.json"
     )

@@ -19,6 +19,7 @@ from padgen.retune.tuning import Tuning, tuning_to_json
 
 __all__ = [
     "GREETING_BYTES",
+    "HOLD_WATCHDOGS",
     "VERSION",
     "Greeting",
     "Kind",
@@ -43,6 +44,8 @@ GREETING = struct.Struct(f"<{HASH_BYTES}sHHBBHIIIII")
 REFUSAL = struct.Struct("<BBH")
 GREETING_BYTES = GREETING.size
 LONGEST_BLOCK = 254
+HOLD_WATCHDOGS = 8
+"""Times of the watchdog that a frame is held for, whatever else than a new frame comes."""
 
 
 class Kind(IntEnum):

@@ -10,12 +10,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
+from math import ceil
 from typing import Any
 
 import numpy as np
 
 from padgen.driver.device.protocol import (
     GREETING_BYTES,
+    HOLD_WATCHDOGS,
     VERSION,
     Greeting,
     Kind,
@@ -29,6 +31,7 @@ from padgen.driver.device.protocol import (
     plan_hash,
     refusal,
 )
+from padgen.driver.limits import refuse_frames
 from padgen.driver.timeline import timeline
 from padgen.errors import EngineMissingError, FileError, SpecError, at_least, number
 from padgen.planner.plan import Plan
@@ -45,6 +48,8 @@ GREET_S = 5.0
 """How long a device may take to answer at first: many a board starts anew when its port is opened."""
 PINGS = 3
 """Signs of life in the time after which the device's watchdog would silence it."""
+HOLD_SHARE = 0.5
+"""Share of the time for which the device holds a frame after which it is sent again."""
 BUSY_S = 0.005
 READ_BYTES = 4096
 
@@ -91,7 +96,7 @@ def play_frames(
     Raises
     ------
     SpecError
-        Levels or times that the pad cannot show, or the line cannot carry.
+        Levels or times that the pad cannot show, or the line cannot carry; frames that are beyond a limit.
     FileError
         The port cannot be opened, nothing answers, it holds another pad or protocol, or the line broke.
     EngineMissingError
@@ -99,6 +104,7 @@ def play_frames(
     """
     timeline(plan, frames, frame_s)
     frames = np.atleast_2d(np.asarray(frames, float))
+    refuse_frames(plan, frames, tuning)
     bytes_each = max(len(encode(frame_message(frame, 0))) for frame in frames)
     with _opened(port, baud) as line:
         link = _Link(line, port, max(LEAST_REPLY_S, 4 * _seconds(bytes_each, baud)) if reply_s is None else reply_s)
@@ -174,16 +180,22 @@ class _Link:
         return device
 
     def show_all(self, frames: np.ndarray, each_s: float, told: Callable[[int], None]) -> None:
-        """Every frame at its time; those that a late one would crowd are later, so that none is shorter than it can."""
+        """Every frame at its time; those that a late one would crowd are later, so that none is shorter than it can.
+
+        A frame that is to last longer than the device holds one is sent again meanwhile, which no taxel feels.
+        """
         assert self._device is not None
         least_s = self._device.least_frame_us * 1e-6
+        parts = ceil(each_s / (HOLD_SHARE * HOLD_WATCHDOGS * self._device.watchdog_ms * 1e-3))
         sequence, due = self._device.next_sequence, time.monotonic()
         for k, frame in enumerate(frames):
             with self.closing_in(f"frame {k + 1} of {len(frames)}"):
-                self._show(frame_message(frame, (sequence + k) % 65536))
-                told(k + 1)
-                due = max(due + each_s, time.monotonic() + least_s)
-                self._wait(due)
+                for _ in range(parts):
+                    self._show(frame_message(frame, sequence % 65536))
+                    sequence += 1
+                    told(k + 1)
+                    due = max(due + each_s / parts, time.monotonic() + least_s)
+                    self._wait(due)
 
     def fall_silent(self) -> None:
         """Silence once the last frame is there, and wait for it."""

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from padgen.driver.formats.wav import Wave, read_wav
+from padgen.driver.formats.wav import BEYOND_LIMIT, Wave, read_wav
 from padgen.driver.timeline import blend
 from padgen.errors import EngineMissingError, FileError, SpecError
 
@@ -74,7 +74,8 @@ def play_wave(
     FileError
         No WAV that can be read, or the device stopped.
     SpecError
-        A device that is not there, or that has too few channels or another rate.
+        A file that is beyond a limit of its pad; a device that is not there, or that has too few channels or another
+        rate.
     EngineMissingError
         sounddevice or its library PortAudio is not installed.
     """
@@ -83,6 +84,9 @@ def play_wave(
         raise FileError("has no samples", str(path))
     if loops < 1:
         raise SpecError(f"must be at least 1 time, got {loops}", "--loops")
+    _, *beyond = wave.comment.split(BEYOND_LIMIT)
+    if beyond:
+        raise SpecError(f"is not played: it {beyond[0]}", str(path))
     sound = _sounddevice()
     chosen = _chosen(sound, device)
     _refuse(sound, wave, chosen)

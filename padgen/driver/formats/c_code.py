@@ -14,7 +14,7 @@ from textwrap import fill
 
 import numpy as np
 
-from padgen.driver.device.protocol import plan_hash
+from padgen.driver.device.protocol import HOLD_WATCHDOGS, plan_hash
 from padgen.driver.pad_drive import CoilDrive, PadDrive
 from padgen.driver.timeline import frame_s, ramp_s
 from padgen.errors import SpecError
@@ -22,7 +22,15 @@ from padgen.physics.crest import least_constant
 from padgen.planner.plan import Plan
 from padgen.retune.tuning import Tuning, tuning_hash
 
-__all__ = ["GROUP_CHANNELS", "HEADER", "SCHEME_NUMBERS", "c_header", "firmware_files"]
+__all__ = [
+    "GROUP_CHANNELS",
+    "HEADER",
+    "SCHEME_NUMBERS",
+    "c_header",
+    "firmware_files",
+    "group_channels",
+    "least_constants",
+]
 
 HEADER = "pad_drive.h"
 FIRMWARE = Path(__file__).with_name("firmware")
@@ -33,6 +41,8 @@ GROUP_CHANNELS = 8
 """Channels whose on/off states have their least constants in a table: 256 numbers, 1 KiB, at most."""
 LEAST_WATCHDOG_S = 1.0
 WATCHDOG_FRAMES = 2
+MOST_SAMPLES = (1 << 32) - 1
+"""What the firmware counts to."""
 TURN = 1 << 32
 NO_TAXEL = 0xFFFF
 ROUNDING = 1e-6
@@ -116,6 +126,7 @@ def _defines(plan: Plan, drive: PadDrive, kinds: Sequence[_Kind]) -> str:
     ramp = ceil((frame_s(plan) / slots / 2 if turns else ramp_s(plan)) * rate)
     step = 2 * ramp if turns else ramp
     frame = max(round(frame_s(plan) * rate), step * slots)
+    watchdog = max(ceil(LEAST_WATCHDOG_S * rate), WATCHDOG_FRAMES * frame)
     channels = _channels(kinds)
     lines = {
         **{f"PADGEN_{_upper(scheme)}": number for scheme, number in SCHEME_NUMBERS.items()},
@@ -127,7 +138,8 @@ def _defines(plan: Plan, drive: PadDrive, kinds: Sequence[_Kind]) -> str:
         "PADGEN_STEP_SAMPLES": f"{step}u",
         "PADGEN_SLOTS": slots,
         "PADGEN_FRAME_SAMPLES": f"{frame}u",
-        "PADGEN_WATCHDOG_SAMPLES": f"{max(ceil(LEAST_WATCHDOG_S * rate), WATCHDOG_FRAMES * frame)}u",
+        "PADGEN_WATCHDOG_SAMPLES": f"{watchdog}u",
+        "PADGEN_HOLD_SAMPLES": f"{min(HOLD_WATCHDOGS * watchdog, MOST_SAMPLES)}u",
         "PADGEN_COILS": len(drive.coils),
         "PADGEN_KINDS": len(kinds),
         "PADGEN_CHANNELS": channels,
@@ -138,7 +150,7 @@ def _defines(plan: Plan, drive: PadDrive, kinds: Sequence[_Kind]) -> str:
         "PADGEN_HAS_CARRIER": int(drive.carrier_hz is not None),
         "PADGEN_CARRIER_HZ": _float(drive.carrier_hz or 0.0),
         "PADGEN_CARRIER_INCREMENT": f"{_turns((drive.carrier_hz or 0.0) / rate)}u",
-        "PADGEN_GROUP_CHANNELS": _group_channels(channels),
+        "PADGEN_GROUP_CHANNELS": group_channels(channels),
     }
     return "".join(f"#define {key} {value}\n" for key, value in lines.items())
 
@@ -152,8 +164,8 @@ def _channels(kinds: Sequence[_Kind]) -> int:
     return max(1, *(len(kind.line_a2) for kind in kinds))
 
 
-def _group_channels(channels: int) -> int:
-    """Channels of a group, as few as the number of groups allows."""
+def group_channels(channels: int) -> int:
+    """Channels of a group, as few as the number of groups allows, for a pad whose largest coil has `channels`."""
     return ceil(channels / ceil(channels / GROUP_CHANNELS))
 
 
@@ -195,7 +207,7 @@ def _kind_tables(drive: PadDrive, kinds: Sequence[_Kind]) -> Iterable[str]:
 def _constant_tables(kinds: Sequence[_Kind]) -> Iterable[str]:
     """Spur-free: the least constants of all on/off states of each group of channels, of all on, and the margins."""
     channels = _channels(kinds)
-    size = _group_channels(channels)
+    size = group_channels(channels)
     groups = ceil(channels / size)
     yield f"#define PADGEN_GROUPS {groups}\n"
     margins = []
@@ -203,7 +215,7 @@ def _constant_tables(kinds: Sequence[_Kind]) -> Iterable[str]:
         own = [_float_above(share * line) for share, line in zip(kind.margin, kind.line_a2, strict=True)]
         margins.append(_braces([*own, *["0.0f"] * (channels - len(own))]) + ",")
     yield _rows("float padgen_margin_a2[PADGEN_KINDS][PADGEN_CHANNELS]", margins)
-    tables = [_least_constants(kind, size) for kind in kinds]
+    tables = [least_constants(kind.harmonic, kind.line_a2, kind.phase_rad, size) for kind in kinds]
     yield _table("float padgen_all_on_a2[PADGEN_KINDS]", [_float_above(all_on) for all_on, _ in tables])
     rows = []
     for _, least in tables:
@@ -213,10 +225,11 @@ def _constant_tables(kinds: Sequence[_Kind]) -> Iterable[str]:
 
 
 @lru_cache(maxsize=1024)
-def _least_constants(kind: _Kind, size: int) -> tuple[float, tuple[tuple[float, ...], ...]]:
-    """The least constant with all channels on, and those of each group of `size` in every on/off state, in A²."""
-    harmonic, phase = np.array(kind.harmonic, int), np.array(kind.phase_rad)
-    line = np.array(kind.line_a2)
+def least_constants(
+    harmonics: tuple[int, ...], line_a2: tuple[float, ...], phase_rad: tuple[float, ...], size: int
+) -> tuple[float, tuple[tuple[float, ...], ...]]:
+    """A coil's least constant with all channels on, and those of each group of `size` in every on/off state, in A²."""
+    harmonic, phase, line = np.array(harmonics, int), np.array(phase_rad), np.array(line_a2)
     groups = []
     for start in range(0, len(line), size):
         part = slice(start, start + size)

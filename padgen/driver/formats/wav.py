@@ -16,9 +16,11 @@ import numpy as np
 
 from padgen.errors import FileError, number
 
-__all__ = ["DEPTHS", "LARGEST_24", "WavWriter", "Wave", "read_wav", "wav_header"]
+__all__ = ["BEYOND_LIMIT", "DEPTHS", "LARGEST_24", "WavWriter", "Wave", "read_wav", "wav_header"]
 
 DEPTHS = ("24", "float")
+BEYOND_LIMIT = "; not to be played: "
+"""What a file's comment has before each limit that the file is beyond."""
 LARGEST_24 = 1 - 2.0**-23
 """The largest sample that 24 bits hold; the smallest is −1."""
 MOST_CHANNELS = 65535

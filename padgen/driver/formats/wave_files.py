@@ -2,7 +2,7 @@
 
 import json
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from math import floor, log10
 from pathlib import Path
@@ -10,11 +10,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.driver.formats.wav import LARGEST_24, WavWriter, read_wav
-from padgen.driver.pad_drive import CARRIER_OVER_RESONANCE, PadDrive
+from padgen.driver.formats.wav import BEYOND_LIMIT, LARGEST_24, WavWriter, read_wav
+from padgen.driver.limits import voltage_finding
+from padgen.driver.pad_drive import PadDrive
 from padgen.driver.timeline import Timeline
 from padgen.driver.waveform import blocks, sample_count
-from padgen.errors import FileError, SpecError, at_least, at_most, number
+from padgen.errors import FileError, SpecError, at_most, number
 from padgen.files import json_text
 from padgen.finding import Finding
 from padgen.physics.root_margin import ALIAS_DB
@@ -69,11 +70,19 @@ class _Tally(NamedTuple):
 
 
 def write_wave(
-    path: Path, drive: PadDrive, timeline: Timeline, depth: str = "24", signal: str = "voltage"
+    path: Path,
+    drive: PadDrive,
+    timeline: Timeline,
+    depth: str = "24",
+    signal: str = "voltage",
+    judged: Sequence[Finding] | None = None,
+    carrier: str = "",
 ) -> WaveReport:
     """Write a WAV file, one channel per coil, read it back and compare.
 
     Sample 1 is the amplifier's limit, or the next round value where the voltage goes above it: nothing is clipped.
+    `judged` is what `padgen.driver.limits` found of the timeline (None: the samples' voltage alone is judged); where it
+    found anything, the file's comment says so. `carrier` is a clause about carriers for a current with a constant part.
 
     Raises
     ------
@@ -86,10 +95,16 @@ def write_wave(
     _refuse_seam(drive, timeline)
     _refuse_crowd(drive, timeline)
     scale = full_scale(drive, signal)
-    tally = _write(path, drive, timeline, depth, signal, scale)
+    beyond = "".join(f"{BEYOND_LIMIT}{finding.message}" for finding in judged or ())
+    tally = _write(path, drive, timeline, depth, signal, scale, beyond)
     if tally.peak > scale * LARGEST_24:
         scale = _round_up(tally.peak / LARGEST_24)
-        tally = _write(path, drive, timeline, depth, signal, scale)
+        tally = _write(path, drive, timeline, depth, signal, scale, beyond)
+    if judged is None and signal == "voltage" and tally.peak > drive.voltage_limit_v:
+        # All currents go with the root of the level.
+        level = at_most(drive.level_um * (drive.voltage_limit_v / tally.peak) ** 2)
+        cure = f"; drive.level_um of {level} would fit it"
+        judged = (voltage_finding(path.name, tally.peak, drive.voltage_limit_v, cure),)
     count = sample_count(drive, timeline)
     _read_back(path, drive, depth, tally, count)
     mean_square = tally.square_a2 / max(count, 1)
@@ -109,7 +124,7 @@ def write_wave(
         scheme=drive.scheme.name,
         carrier_hz=drive.carrier_hz,
         alias_db=drive.alias_db,
-        findings=tuple(_findings(path.name, drive, signal, tally.peak)),
+        findings=(*(judged or ()), *_findings(path.name, drive, carrier)),
     )
 
 
@@ -139,11 +154,13 @@ def _round_up(value: float) -> float:
     return next(s * 10.0**power for s in (1, 1.5, 2, 3, 5, 7, 10, 15) if s * 10.0**power >= value)
 
 
-def _write(path: Path, drive: PadDrive, timeline: Timeline, depth: str, signal: str, scale: float) -> _Tally:
+def _write(
+    path: Path, drive: PadDrive, timeline: Timeline, depth: str, signal: str, scale: float, beyond: str
+) -> _Tally:
     """One pass; once a sample would be clipped only the largest is looked for, since another pass follows."""
     count, coils = sample_count(drive, timeline), len(drive.coils)
     peak, square, first = 0.0, np.zeros(coils), np.zeros((0, coils))
-    comment = f"sample 1 = {scale:g} {SIGNALS[signal]}; channel k is coil k, row by row"
+    comment = f"sample 1 = {scale:g} {SIGNALS[signal]}; channel k is coil k, row by row{beyond}"
     try:
         with WavWriter(path, drive.rate_hz, coils, count, depth, comment) as file:
             for block in blocks(drive, timeline, signal=signal):
@@ -216,32 +233,17 @@ def _tones_square_a2(drive: PadDrive, timeline: Timeline) -> float:
     return float(sum((mean[coil.taxels] * coil.line_a2).sum() for coil in drive.coils))
 
 
-def _findings(name: str, drive: PadDrive, signal: str, peak: float) -> Iterator[Finding]:
-    limit = drive.voltage_limit_v
-    if signal == "voltage" and peak > limit:
-        # All currents go with the root of the level.
-        level = at_most(drive.level_um * (limit / peak) ** 2)
-        yield Finding(
-            "error",
-            "wave.voltage",
-            name,
-            f"peaks at {number(peak)} V, above drive.voltage_limit_v = {number(limit)} V; drive.level_um of {level}"
-            " would fit it",
-        )
+def _findings(name: str, drive: PadDrive, carrier: str) -> Iterator[Finding]:
     if drive.has_constant:
-        cure = ""
-        if drive.scheme.name == "spur-free":
-            highest = max(float(coil.force_hz.max(initial=0.0)) for coil in drive.coils)
-            lowest = at_least(CARRIER_OVER_RESONANCE * highest)
-            cure = f"; a carrier has none (--carrier {lowest} or more, the lower the less voltage it takes)"
-        yield Finding("note", "wave.dc", name, f"has a constant part, so the amplifier must pass 0 Hz{cure}")
+        yield Finding("note", "wave.dc", name, f"has a constant part, so the amplifier must pass 0 Hz{carrier}")
     if drive.alias_db is not None and drive.alias_db > ALIAS_DB:
+        cure = "a higher rate would do" if drive.carrier_hz is None else "a higher carrier has less"
         yield Finding(
             "warning",
             "wave.alias",
             name,
             f"has {number(drive.alias_db)} dB of its largest line beyond what the amplifier passes, at most"
-            f" {ALIAS_DB:g} dB is meant; a higher {'rate' if drive.carrier_hz is None else 'carrier'} would do",
+            f" {ALIAS_DB:g} dB is meant; {cure}",
         )
 
 

@@ -287,6 +287,13 @@ static void step_phases(padgen_drive *drive) {
         for (j = 0; j < padgen_kind_channels[kind]; j++) drive->phase[kind][j] += padgen_increment[kind][j];
 }
 
+/* What the amplifier may be asked for, whatever the tables and levels hold; what is no number is silence. */
+static float within_limit(float volts) {
+    if (volts >= PADGEN_VOLTAGE_LIMIT_V) return PADGEN_VOLTAGE_LIMIT_V;
+    if (volts <= -PADGEN_VOLTAGE_LIMIT_V) return -PADGEN_VOLTAGE_LIMIT_V;
+    return volts == volts ? volts : 0.0f;
+}
+
 void padgen_next(padgen_drive *drive, float volts[PADGEN_COILS]) {
     unsigned kind, coil;
     turn_over(drive);
@@ -301,7 +308,7 @@ void padgen_next(padgen_drive *drive, float volts[PADGEN_COILS]) {
 #endif
         for (coil = 0; coil < PADGEN_COILS; coil++) {
             const moving i = current(drive, coil, now);
-            volts[coil] = PADGEN_RESISTANCE_OHM * i.value + PADGEN_INDUCTANCE_H * i.slope;
+            volts[coil] = within_limit(PADGEN_RESISTANCE_OHM * i.value + PADGEN_INDUCTANCE_H * i.slope);
         }
     }
     step_phases(drive);

@@ -54,19 +54,20 @@ int padgen_show(padgen_drive *drive, const uint8_t level[PADGEN_TAXELS]);
 /* Ramp to silence, as soon as the present transition (time-shared: slot) is over; a waiting frame is dropped. */
 void padgen_silence(padgen_drive *drive);
 
-/* Voltages of all coils for the next sample, to be called PADGEN_RATE_HZ times a second. */
+/* Voltages of all coils for the next sample, to be called PADGEN_RATE_HZ times a second. None is ever beyond
+ * PADGEN_VOLTAGE_LIMIT_V: where a state asks for more, it stays there. */
 void padgen_next(padgen_drive *drive, float volts[PADGEN_COILS]);
 
 /* PADGEN_SILENT, PADGEN_SWITCHING or PADGEN_HOLDING. */
 int padgen_state(const padgen_drive *drive);
 
-/* A voltage as a signed code of so many bits; what is beyond full scale stays there. */
+/* A voltage as a signed code of 2 ... 32 bits; what is beyond full scale stays there, what is no number is 0. */
 static inline int32_t padgen_code(float volts, float full_scale_v, unsigned bits) {
-    const float top = (float)((INT32_C(1) << (bits - 1)) - 1);
-    const float code = volts / full_scale_v * top;
-    if (code >= top) return (int32_t)top;
-    if (code <= -top) return -(int32_t)top;
-    return (int32_t)(code < 0 ? code - 0.5f : code + 0.5f);
+    const int32_t top = (int32_t)((UINT32_C(1) << (bits - 1)) - 1);
+    const float code = volts / full_scale_v * (float)top;
+    if (code >= (float)top) return top;
+    if (code <= -(float)top) return -top;
+    return code == code ? (int32_t)(code < 0 ? code - 0.5f : code + 0.5f) : 0;
 }
 
 #ifdef __cplusplus

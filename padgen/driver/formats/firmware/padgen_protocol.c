@@ -121,6 +121,7 @@ static void frame(padgen_link *link, unsigned kind, uint16_t sequence, const uin
             return;
         }
         link->next_sequence++;
+        link->held = 0;
         acknowledge(link, kind, sequence);
     }
 }
@@ -192,11 +193,17 @@ void padgen_link_byte(padgen_link *link, uint8_t byte) {
     }
 }
 
+/* Count samples up to `most`; whether it is reached now. */
+static int runs_out(uint32_t *count, uint32_t samples, uint32_t most) {
+    const uint32_t left = most - *count;
+    *count = samples < left ? *count + samples : most;
+    return left > 0 && *count == most;
+}
+
 void padgen_link_tick(padgen_link *link, uint32_t samples) {
-    if (link->quiet < PADGEN_WATCHDOG_SAMPLES) {
-        link->quiet += samples;
-        if (link->quiet >= PADGEN_WATCHDOG_SAMPLES) padgen_silence(link->drive);
-    }
+    const int lost = runs_out(&link->quiet, samples, PADGEN_WATCHDOG_SAMPLES);
+    const int stale = runs_out(&link->held, samples, PADGEN_HOLD_SAMPLES);
+    if (lost || stale) padgen_silence(link->drive);
 }
 
 void padgen_link_start(padgen_link *link, padgen_drive *drive, padgen_send send, void *context) {

@@ -28,6 +28,7 @@ typedef struct {
     uint8_t greeted; /* the computer has named this pad */
     uint16_t next_sequence;
     uint32_t quiet; /* samples since the last valid message */
+    uint32_t held; /* samples since the last frame that was accepted */
 } padgen_link;
 
 /* Begin; `send` is called with the bytes of every answer. */
@@ -36,7 +37,8 @@ void padgen_link_start(padgen_link *link, padgen_drive *drive, padgen_send send,
 /* One byte came over the line. */
 void padgen_link_byte(padgen_link *link, uint8_t byte);
 
-/* So many samples have passed: without a valid message for PADGEN_WATCHDOG_SAMPLES the pad falls silent. */
+/* So many samples have passed: without a valid message for PADGEN_WATCHDOG_SAMPLES, or without a new frame for
+ * PADGEN_HOLD_SAMPLES whatever else comes, the pad falls silent. */
 void padgen_link_tick(padgen_link *link, uint32_t samples);
 
 #ifdef __cplusplus

@@ -1,0 +1,360 @@
+"""Limits of coils and amplifiers, judged before anything is written or played.
+
+| what | must equal | to | because |
+|---|---|---|---|
+| judged volts of a file | the samples of the file, or of the script | 1 % | between samples a peak is a little higher |
+| judged volts of the firmware | the compiled firmware, uncut, all states | 4 % | steps between states are bounded |
+| judged watts | R i², i from the volts through R and L | 1 % | a whole period of a state that is held |
+"""
+
+import json
+import re
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from padgen import cli
+from padgen.driver.device import sound_card
+from padgen.driver.device.protocol import frame_message
+from padgen.driver.excitation import KINDS, excitation
+from padgen.driver.folder import Driven, DriveRequest, write_drive, write_excitation
+from padgen.driver.formats.wav import read_wav
+from padgen.driver.frames import state_frame
+from padgen.driver.limits import judge_limits, judge_load
+from padgen.driver.loads import excitation_load, load_of
+from padgen.driver.pad_drive import make_drive
+from padgen.driver.rates import CONTROLLER_RATES_HZ, RATES_HZ, drive_at
+from padgen.driver.timeline import ramp_s, steady, timeline
+from padgen.driver.waveform import volts
+from padgen.errors import SpecError
+from padgen.finding import Finding
+from padgen.planner import Plan, make_plan
+from padgen.retune.tuning import planned_tuning
+from padgen.spec import load_spec, parse_spec
+
+from .firmware_host import compiled, feed
+from .test_play import Card
+from .test_syntacts import library, rendered  # noqa: F401
+
+FOUR = (
+    'name = "four"\nresolution = 16\nband_hz = [50, 400]\nq_min = 15\nprinter = "fdm-0.25"\n'
+    "[pad]\nwidth_mm = 25\ndepth_mm = 25\nrib_mm = 0.6\n[coil]\ngrid = [2, 2]\n{coil}\n[drive]\n{drive}\n"
+)
+SCHEMES = ("tones", "spur-free", "biased", "time-shared")
+BEYOND = {
+    "voltage": ("", "scheme = 'biased'\nvoltage_limit_v = 3", "wave.voltage"),
+    "heat": ("", "scheme = 'biased'\nlevel_um = 60", "coil.heat"),
+    "travel": (
+        "gap_mm = 1.5\npower_limit_w = 1e4",
+        "scheme = 'tones'\nlevel_um = 300\nvoltage_limit_v = 1e4",
+        "gap.travel",
+    ),
+    "pull-in": ("power_limit_w = 1e4", "scheme = 'tones'\nlevel_um = 400\nvoltage_limit_v = 1e5", "coil.pull_in"),
+}
+FORMATS = ("csv", "json", "wav", "c", "hjif", "syntacts")
+
+
+@cache
+def planned(coil: str = "", drive: str = "") -> Plan:
+    return make_plan(parse_spec(FOUR.format(coil=coil, drive=drive)))
+
+
+def written(plan: Plan, folder: Path, formats: str, state: str = "1111", **more) -> Driven:
+    frames = state_frame(plan, state) if state else None
+    return write_drive(plan, folder, DriveRequest(tuple(formats.split(",")), frames, held=True, **more))
+
+
+def watts(plan: Plan, volts_held: np.ndarray, rate_hz: int) -> float:
+    """R times the mean of i² of the warmest coil, volts (samples, coils) over whole periods: v = R i + L di/dt."""
+    coil, count = plan.typed_spec.coil, len(volts_held)
+    omega = 2 * np.pi * np.arange(count // 2 + 1) * rate_hz / count
+    current = np.fft.rfft(volts_held, axis=0) / (coil.resistance_ohm + 1j * omega * coil.inductance_mh * 1e-3)[:, None]
+    square = (np.fft.irfft(current, count, axis=0) ** 2).mean(0)
+    return float(coil.resistance_ohm * square.max())
+
+
+def figure(driven: Driven, code: str) -> float:
+    (finding,) = (f for f in driven.findings if f.code == code)
+    return float(re.search(r"(?:peaks at|takes|by|washer) ([\d.]+)", finding.message).group(1))
+
+
+# ---- Every format and player ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("formats", FORMATS)
+@pytest.mark.parametrize("limit", BEYOND)
+def test_every_format_says_what_is_beyond_and_ends_with_1(tmp_path, capsys, limit, formats):
+    coil, drive, code = BEYOND[limit]
+    (tmp_path / "s.toml").write_text(FOUR.format(coil=coil, drive=drive))
+    shown = [] if formats in ("c", "csv", "json") else ["--state", "1111"]
+    arguments = ["drive", str(tmp_path / "s.toml"), "--formats", formats, *shown, "-o", str(tmp_path / "o"), "--json"]
+    assert cli.run(arguments) == 1
+    told = json.loads(capsys.readouterr().out)
+    assert (code, "error") in {(f["code"], f["level"]) for f in told["findings"]}
+    # The files are there to look at.
+    assert all((tmp_path / "o" / name).exists() for name in told["files"])
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("formats", FORMATS)
+def test_within_all_limits_nothing_is_said(tmp_path, formats, scheme):
+    driven = written(planned(drive=f"scheme = '{scheme}'\nlevel_um = 3"), tmp_path / "o", formats)
+    assert not [f for f in driven.findings if f.level == "error"]
+
+
+@pytest.mark.parametrize("formats", ["csv", "hjif", "wav"])
+def test_what_is_shown_is_judged_and_not_what_might_be(tmp_path, formats):
+    coil, drive, _ = BEYOND["heat"]
+    plan = planned(coil, drive.replace("biased", "tones"))
+    assert [f.code for f in written(plan, tmp_path / "a", formats, "1111").findings] == ["coil.heat"]
+    assert not written(plan, tmp_path / "b", formats, "0001").findings
+    # A host may show all.
+    assert [f.code for f in written(plan, tmp_path / "c", "c", "0001").findings] == ["coil.heat"]
+
+
+def test_level_that_is_named_fits_when_it_is_planned(tmp_path):
+    for limit in ("voltage", "heat", "pull-in"):
+        coil, drive, code = BEYOND[limit]
+        (finding, *_) = written(planned(coil, drive), tmp_path / "a", "c", "").findings
+        assert finding.code == code
+        level = re.search(r"drive.level_um of ([\d.]+) would fit", finding.message).group(1)
+        lower = re.sub(r"\nlevel_um = \d+", "", drive) + f"\nlevel_um = {level}"
+        assert not written(planned(coil, lower), tmp_path / "b", "c", "").findings
+
+
+@pytest.mark.parametrize("limit", BEYOND)
+def test_nothing_beyond_a_limit_is_played_over_a_port(tmp_path, capsys, limit):
+    coil, drive, _ = BEYOND[limit]
+    (tmp_path / "s.toml").write_text(FOUR.format(coil=coil, drive=drive))
+    # The refusal comes before the port is opened.
+    assert cli.run(["play", str(tmp_path / "s.toml"), "--port", "/dev/no-such-port", "--state", "1111"]) == 2
+    said = capsys.readouterr().err
+    assert "four: is not played: it " in said and "no-such-port" not in said
+    if "tones" in drive:
+        assert cli.run(["play", str(tmp_path / "s.toml"), "--port", "/dev/no-such-port", "--state", "0000"]) == 2
+        assert "no-such-port: cannot be opened" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("signal", ["voltage", "current"])
+@pytest.mark.parametrize("limit", BEYOND)
+def test_nothing_beyond_a_limit_is_played_over_a_sound_card(tmp_path, monkeypatch, limit, signal):
+    card = Card()
+    monkeypatch.setattr(sound_card, "import_module", lambda name: card)
+    coil, drive, _ = BEYOND[limit]
+    driven = written(planned(coil, drive), tmp_path / "o", "wav", signal=signal)
+    path = (tmp_path / "o" / "drive.wav").rename(tmp_path / "else.wav")
+    with pytest.raises(SpecError, match=re.escape(f"is not played: it {driven.findings[0].message}")):
+        sound_card.play_wave(path)
+    assert not card.blocks
+    written(planned(), tmp_path / "o", "wav", "1000", signal=signal)
+    sound_card.play_wave(tmp_path / "o" / "drive.wav")
+    assert card.blocks
+
+
+def test_a_washer_that_is_not_pulled_is_told_of_and_tables_are_written(tmp_path):
+    plan = planned()
+    channels = tuple(replace(c, force_constant_n_per_a2=0.0) if c.index == 1 else c for c in plan.channels)
+    finding = Finding("error", "coil.force", "channel 1", "the coil does not pull its washer")
+    unpulled = replace(plan, channels=channels, findings=(finding,))
+    assert written(unpulled, tmp_path / "o", "csv,json", "").findings == (finding,)
+    with pytest.raises(SpecError, match="not pulled"):
+        written(unpulled, tmp_path / "p", "csv,wav")
+    assert not (tmp_path / "p").exists()
+
+
+# ---- Figures -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("state", ["1111", "1,0.3,0.5,0", "0,0,1,0"])
+def test_judged_volts_are_those_of_the_file(tmp_path, scheme, state):
+    plan = planned("", f"scheme = '{scheme}'\nvoltage_limit_v = 0.1")
+    driven = written(plan, tmp_path / "o", "wav", state)
+    peak = np.abs(read_wav(tmp_path / "o" / "drive.wav").read()).max() * driven.report.full_scale
+    assert peak <= figure(driven, "wave.voltage") * (1 + 1e-4)  # five digits
+    assert peak == pytest.approx(figure(driven, "wave.voltage"), rel=0.01)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES[:3])
+@pytest.mark.parametrize("state", ["1111", "1,0.3,0.5,0", "0,0,1,0"])
+def test_judged_watts_are_those_of_the_file(tmp_path, scheme, state):
+    plan = planned("power_limit_w = 1e-4", f"scheme = '{scheme}'")
+    driven = written(plan, tmp_path / "o", "wav", state)
+    wave, ramp = read_wav(tmp_path / "o" / "drive.wav"), ramp_s(plan)
+    period = round(driven.report.period_s * wave.rate_hz)
+    # The last period before the way down.
+    end = wave.count - int(np.ceil(ramp * wave.rate_hz))
+    held = wave.read(end - period, end) * driven.report.full_scale
+    assert figure(driven, "coil.heat") == pytest.approx(watts(plan, held, wave.rate_hz), rel=0.01)
+
+
+def test_judged_watts_of_turns_are_those_of_the_warmest(tmp_path):
+    plan = planned("power_limit_w = 1e-4", "scheme = 'time-shared'")
+    judged = figure(written(plan, tmp_path / "o", "wav"), "coil.heat")
+    drive, found = drive_at(plan, RATES_HZ), []
+    for channel in range(4):
+        alone = np.array([float(taxel.channel == channel) for taxel in plan.taxels])
+        played = np.concatenate(list(volts(drive, steady(alone, drive.period_s))))
+        found.append(watts(plan, played, drive.rate_hz))
+    assert judged == pytest.approx(max(found), rel=0.01)
+
+
+@pytest.mark.parametrize("carrier_hz", [None, 3000.0, 9000.0])
+def test_judged_volts_are_those_of_the_script(tmp_path, library, carrier_hz):  # noqa: F811
+    plan = planned("", "scheme = 'spur-free'\nvoltage_limit_v = 1")
+    driven = written(plan, tmp_path / "o", "syntacts", carrier_hz=carrier_hz, rate_hz=48_000, seconds_each=0.3)
+    count = round(0.3 * 48_000)
+    peak = np.abs(rendered((tmp_path / "o" / "drive_syntacts.py").read_text(), count)).max()
+    # At 9 kHz some 5 samples make a period, and between them the peak is up to 5 % higher.
+    assert peak <= 1.001 * figure(driven, "wave.voltage")
+    assert peak == pytest.approx(figure(driven, "wave.voltage"), rel=0.01 if carrier_hz is None else 0.05)
+
+
+@pytest.mark.parametrize("scheme", [*SCHEMES, "carrier"])
+def test_judged_volts_are_those_of_the_firmware_in_all_states(tmp_path, scheme):
+    text = f"scheme = '{'spur-free' if scheme == 'carrier' else scheme}'\nvoltage_limit_v = 1"
+    plan = planned("power_limit_w = 1e-3", text)
+    drive = make_drive(plan, 16_000, carrier_hz=3000.0 if scheme == "carrier" else None)
+    found = {f.code: f for f in judge_limits("x", plan, drive)}
+    judged_v = float(found["wave.voltage"].message.split()[2])
+    judged_w = float(found["coil.heat"].message.split()[1])
+    states = np.stack([state_frame(plan, f"{k:04b}")[0] for k in range(16)])
+    for name, limit_v in (("uncut", 1000.0), ("cut", 1.0)):
+        (tmp_path / name).mkdir()
+        pad = compiled(plan, replace(drive, voltage_limit_v=limit_v), tmp_path / name)
+        each = pad.number("PADGEN_STEP_SAMPLES") * pad.number("PADGEN_SLOTS") + 2 * drive.period_samples
+        script = "".join(feed(frame_message(f, k)) + pad.wait(each) for k, f in enumerate(states))
+        run = pad.run(pad.hello + script)
+        peak = np.abs(run.volts).max()
+        if name == "cut":
+            assert peak == 1.0
+            continue
+        assert peak <= judged_v * (1 + 1e-5)
+        assert peak == pytest.approx(judged_v, rel=0.04)
+        if scheme != "time-shared":
+            held = [run.volts[end - drive.period_samples : end] for end in each * np.arange(1, 17)]
+            loss = max(watts(plan, part, drive.rate_hz) for part in held)
+            assert judged_w == pytest.approx(loss, rel=0.01)
+
+
+def test_the_widest_template_is_judged_by_what_it_takes():
+    plan = make_plan(load_spec("wide-11"))
+    drive = drive_at(plan, CONTROLLER_RATES_HZ)
+    all_on = np.concatenate(list(volts(drive, steady(np.ones(44), drive.period_s))))
+    assert load_of(plan, drive).peak_v == pytest.approx(np.abs(all_on).max(), rel=0.01)
+    assert {f.code for f in judge_limits("x", plan, drive)} == {"wave.voltage", "coil.heat"}
+
+
+def test_a_bound_of_many_states_is_one(monkeypatch):
+    from padgen.driver import loads
+
+    plan = planned("", "scheme = 'spur-free'\nvoltage_limit_v = 1")
+    for carrier_hz in (None, 3000.0):
+        drive = make_drive(plan, 16_000, carrier_hz=carrier_hz)
+        seen = load_of(plan, drive)
+        for name, value in (("MOST_CHANNELS", 3), ("MOST_POINTS", 0)):
+            with monkeypatch.context() as patch:
+                patch.setattr(loads, name, value)
+                bound = load_of(plan, drive)
+            assert seen.peak_v <= bound.peak_v < 1.6 * seen.peak_v
+            assert (seen.square_a2 <= bound.square_a2 + 1e-15).all()
+
+
+def test_grey_levels_and_changes_are_never_above_what_is_judged():
+    rng = np.random.default_rng(1)
+    for scheme in SCHEMES[:3]:
+        plan = planned("power_limit_w = 1e-3", f"scheme = '{scheme}'\nvoltage_limit_v = 1")
+        drive = make_drive(plan, 16_000)
+        any_load = load_of(plan, drive)
+        for _ in range(3):
+            shown = timeline(plan, rng.choice([0, 0.02, 0.3, 0.7, 1.0], (4, 16)))
+            load = load_of(plan, drive, shown)
+            assert load.peak_v <= any_load.peak_v * (1 + 1e-9)
+            assert (load.square_a2 <= any_load.square_a2 * (1 + 1e-9)).all()
+
+
+# ---- Excitation, tuning, carriers ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_excitation_is_judged_too(tmp_path, kind):
+    def excited(name: str, plan: Plan) -> list[str]:
+        _, findings = write_excitation(plan, tmp_path / name, kind, 8000, "24", None, True)
+        return [finding.code for finding in findings]
+
+    assert not excited("a", planned())
+    assert not excited("b", planned(*BEYOND["heat"][:2]))
+    coil, drive, _ = BEYOND["pull-in"]
+    assert set(excited("c", planned(coil, drive))) <= {"coil.pull_in", "gap.travel"}
+    with pytest.raises(SpecError, match=r"is not played: it (pulls|moves) a washer"):
+        sound_card.play_wave(tmp_path / "c" / "excitation.wav")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_an_excitation_reaches_between_samples_counts(kind):
+    plan = planned()
+    coarse, fine = (excitation(plan, kind, rate, 2.0, together=True) for rate in (8_000, 48_000))
+    loud = replace(coarse, voltage_v=40 * coarse.voltage_v, current_a=5 * coarse.current_a)
+    load = excitation_load(plan, loud)
+    assert [f.code for f in judge_load("x", plan, load)][:2] == ["wave.voltage", "coil.heat"]
+    assert load.square_a2[0] == pytest.approx(25 * (coarse.current_a[: 2 * 8000] ** 2).mean())
+    assert load.peak_v >= 40 * np.abs(coarse.voltage_v).max()
+    if kind == "chirp":
+        assert load.peak_v / 40 == pytest.approx(np.abs(fine.voltage_v).max(), rel=0.01)
+
+
+def test_a_tone_that_samples_miss():
+    tone = np.cos(np.pi / 2 * np.arange(50_000) + np.pi / 4) * np.sin(np.linspace(0, np.pi, 50_000))
+    played = replace(excitation(planned(), "chirp", 8000, 2.0), voltage_v=tone)
+    assert np.abs(tone).max() < 0.708
+    assert excitation_load(planned(), played).peak_v == pytest.approx(1.0, rel=0.01)
+
+
+def test_a_tuned_print_is_judged_by_its_own_drive():
+    plan = planned("", "scheme = 'tones'\nlevel_um = 10")
+    print_ = planned_tuning(plan)
+    # A print that answers a tenth as strongly takes ten times the heat.
+    weak = replace(
+        print_, taxels=tuple(replace(t, response_um_per_a2=t.response_um_per_a2 / 10) for t in print_.taxels)
+    )
+    assert not judge_limits("x", plan, drive_at(plan, RATES_HZ))
+    (finding,) = judge_limits("x", plan, drive_at(plan, RATES_HZ, tuning=weak), tuning=weak)
+    assert finding.code == "coil.heat"
+
+
+@pytest.mark.parametrize(("drive", "keeps"), [("level_um = 2", True), ("level_um = 10", False)])
+def test_a_carrier_that_is_named_was_tried(tmp_path, drive, keeps):
+    plan = planned("", f"scheme = 'spur-free'\n{drive}")
+    (note,) = (f for f in written(plan, tmp_path / "o", "wav").findings if f.code == "wave.dc")
+    hz = float(re.search(r"--carrier ([\d.]+)", note.message).group(1))
+    assert ("keeps all limits" in note.message) == keeps
+    tried = written(plan, tmp_path / "o", "wav,c", carrier_hz=hz)
+    assert bool([f for f in tried.findings if f.level == "error" and f.where == "drive.wav"]) != keeps
+    if not keeps:
+        said = float(re.search(r"peaks at ([\d.]+) V, above", note.message).group(1))
+        assert said == pytest.approx(tried.report.peak, rel=0.01)
+
+
+@pytest.mark.parametrize("carrier_hz", [1715.0, 3000.0, 9000.0, 20000.0])
+def test_a_carrier_is_accepted_by_every_format(tmp_path, carrier_hz):
+    plan = planned("", "scheme = 'spur-free'\nlevel_um = 0.1")
+    hz = max(carrier_hz, 5 * max(c.resonance_hz for c in plan.channels))
+    driven = written(plan, tmp_path / "o", "csv,json,wav,c,hjif,syntacts", carrier_hz=hz)
+    assert "pad_drive.h" in driven.files and "drive.wav" in driven.files
+
+
+@pytest.mark.parametrize("carrier_hz", [1.0, 1e5, 1e300, np.inf, -np.inf, np.nan])
+@pytest.mark.parametrize("formats", ["wav", "c"])
+def test_a_carrier_that_cannot_be_is_refused_with_its_bounds(tmp_path, formats, carrier_hz):
+    with pytest.raises(SpecError, match="--carrier: must be") as refused:
+        written(planned("", "scheme = 'spur-free'"), tmp_path / "o", formats, carrier_hz=carrier_hz)
+    low, high = re.search(r"must be (\S+) … (\S+) Hz", str(refused.value)).groups()
+    assert not (tmp_path / "o").exists()
+    assert (
+        "pad_drive.h"
+        in written(planned("", "scheme = 'spur-free'"), tmp_path / "o", "c", "", carrier_hz=float(low)).files
+    )
+    assert float(high) > float(low)
