@@ -131,6 +131,34 @@ def test_every_command_lists_what_it_wrote(work):
     assert cli.run(["plan", "quad-64", "-o", "o"]) in (0, 1)
     assert {"pad_drive.h", "excitation.wav", "retune.json"}.isdisjoint(names(work / "o"))
     assert {"tuning.json", "measured.csv", "padgen_drive.c"} <= set(names(work / "o"))
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["drive", "paper-32", "-o", "d"],
+        ["drive", "paper-32", "-o", "d", "--formats", "c,hjif"],
+        ["drive", "paper-32", "-o", "d", "--formats", "csv,json,wav,syntacts", "--state", "all", "--hear"],
+        ["play", "paper-32", "--port", "none", "--state", "10"],
+    ],
+)
+def test_a_bad_tuning_ends_every_command_alike(work, capsys, command):
+    assert cli.run(["retune", "paper-32", "--simulate", "4", "-o", "o"]) in (0, 1)
+    capsys.readouterr()
+    text = (work / "o/tuning.json").read_text()
+    for bad in (
+        "[" * 100_000,
+        text.replace('"q": 1', '"q": -1', 1),
+        re.sub(r'_hz": [\d.]+', '_hz": 1e308', text, count=1),
+    ):
+        (work / "bad.json").write_text(bad)
+        assert cli.run([*command, "--tuning", "bad.json"]) == 2
+        out, err = capsys.readouterr()
+        assert (out, err.count("\n")) == ("", 1)
+        assert err.startswith("padgen: bad.json: ")
+        assert len(err) < 300
+    for place, sentence in ((".", "Is a directory"), ("/dev/zero", "it is a device")):
+        assert cli.run([*command, "--tuning", place]) == 2
+        assert sentence in capsys.readouterr().err
+    assert names(work) == ["bad.json", "o", "tiny.toml"]
 
 
 def test_a_measured_table_is_enough(work, capsys):

@@ -13,15 +13,19 @@
 """
 
 import json
+import re
 from dataclasses import asdict, replace
 from functools import cache
 from itertools import combinations, product
+from pathlib import Path
+from random import Random
 
 import numpy as np
 import pytest
 
+from padgen.driver.pad_drive import make_drive
 from padgen.driver.tables import drive_csv
-from padgen.errors import SpecError
+from padgen.errors import FileError, PadgenError, SpecError
 from padgen.files import json_text
 from padgen.physics.resonator import receptance
 from padgen.physics.selectivity import SCHEMES, Channels, Scheme
@@ -34,7 +38,13 @@ from padgen.retune.predict import levels_um, planned_tones, played, predicted, p
 from padgen.retune.retune import retuned, tuning_of
 from padgen.retune.simulate import KINDS, simulate_print, simulated_measurement, spreads_for
 from padgen.retune.table import measured_rows, tuned_drive_csv, tuned_rows
-from padgen.retune.tuning import planned_response_um_per_a2, planned_tuning, tuning_from_json, tuning_to_json
+from padgen.retune.tuning import (
+    planned_response_um_per_a2,
+    planned_tuning,
+    read_tuning,
+    tuning_from_json,
+    tuning_to_json,
+)
 from padgen.spec import parse_spec
 
 FOUR = (50.0, 70.0, 105.0, 160.0)
@@ -267,6 +277,110 @@ def test_a_tuning_survives_its_file():
     assert tuning_from_json(tuning_to_json(tuning), plan) == tuning_from_json(
         tuning_to_json(tuning_from_json(tuning_to_json(tuning), plan)), plan
     )
+
+
+def spoilt(**figures):
+    """The text of a tuning, figures of its first taxel replaced."""
+    table = json.loads(tuning_to_json(planned_tuning(plan_of())))
+    table["taxels"][0] |= figures
+    return json.dumps(table)
+
+
+TUNING = json.loads(spoilt())
+FIRST, SECOND, *REST = TUNING["taxels"]
+BAD_TUNINGS = {
+    "empty": ("", "is not JSON"),
+    "text": ("taxel,resonance_hz", "is not JSON"),
+    "deep": ("[" * 100_000, "nested too deeply"),
+    "deep tables": ('{"taxels":' * 100_000, "nested too deeply"),
+    "null": ("null", "it must be a table, it is null"),
+    "list": ("[]", "it must be a table, it is a list"),
+    "number": ("5", "it must be a table, it is a number"),
+    "no taxels": ('{"name": "t"}', "has no 'taxels'"),
+    "taxels of a kind": ('{"name": "t", "taxels": {}}', "'taxels' must be a list, it is a table"),
+    "name of a kind": ('{"name": 5, "taxels": []}', "'name' must be text, it is a number"),
+    "taxel of a kind": (
+        json.dumps({**TUNING, "taxels": [None, SECOND, *REST]}),
+        "taxel 1, r0c0k0 must be a table, it is null",
+    ),
+    "other pad": (json.dumps({**TUNING, "name": "u"}), "of 16 taxels of 'u', due are the 16 of 't'"),
+    "surrogate": ('{"name": "\\ud800", "taxels": []}', "of 0 taxels of '.ud800'"),
+    "missing": (json.dumps({**TUNING, "taxels": [SECOND, *REST]}), "of 15 taxels of 't', due are the 16"),
+    "twice": (json.dumps({**TUNING, "taxels": [FIRST, FIRST, *REST]}), "taxel 2 must be 'r0c0k1', .* it is 'r0c0k0'"),
+    "order": (json.dumps({**TUNING, "taxels": [SECOND, FIRST, *REST]}), "taxel 1 must be 'r0c0k0', .* it is 'r0c0k1'"),
+    "unknown": (spoilt(id="r9c9k9"), "taxel 1 must be 'r0c0k0', .* it is 'r9c9k9'"),
+    "digits": (
+        spoilt(resonance_hz=7).replace(": 7,", f": {'7' * 5000},"),
+        "resonance_hz of r0c0k0 must be 4.999 .* got inf",
+    ),
+    "infinity": (spoilt(resonance_hz=float("inf")), "must be 4.999 … 499.8 Hz .planned: 49.98 Hz., got inf"),
+    "no number": (spoilt(q=float("nan")), "q of r0c0k0 must be 0.5 … 1e.09, got nan"),
+    "huge": (spoilt(resonance_hz=1e308), "must be 4.999 … 499.8 Hz .planned: 49.98 Hz., got 1e.308"),
+    "tiny": (spoilt(resonance_hz=5e-324), "must be 4.999 … 499.8 Hz .planned: 49.98 Hz., got 4.9407e-324"),
+    "zero": (spoilt(resonance_hz=0), "must be 4.999 … 499.8 Hz .planned: 49.98 Hz., got 0"),
+    "negative": (spoilt(q=-30), "must be 0.5 … 1e.09, got -30"),
+    "huge q": (spoilt(q=1e300), "must be 0.5 … 1e.09, got 1e.300"),
+    "huge level": (spoilt(response_um_per_a2=1e300), "response_um_per_a2 of r0c0k0 must be .*, got 1e.300"),
+    "tiny level": (spoilt(response_um_per_a2=5e-324), "response_um_per_a2 of r0c0k0 must be .*, got 4.9407e-324"),
+    "negative level": (spoilt(response_um_per_a2=-1), "response_um_per_a2 of r0c0k0 must be .*, got -1"),
+    "negative error": (spoilt(resonance_error_hz=-1), "resonance_error_hz of r0c0k0 must be 0 … .*, got -1"),
+    "error without a number": (spoilt(q_error=float("nan")), "q_error of r0c0k0 must be 0 … .*, got nan"),
+    "huge error": (spoilt(response_error=1e308), "response_error of r0c0k0 must be 0 … .*, got 1e.308"),
+    "true as a number": (spoilt(resonance_hz=True), "'resonance_hz' of taxel 1, .* a number, it is true or false"),
+    "text as a number": (spoilt(q="30"), "'q' of taxel 1, r0c0k0, must be a number, it is text"),
+    "null as a number": (spoilt(q=None), "'q' of taxel 1, r0c0k0, must be a number, it is null"),
+    "number as true": (spoilt(measured=1), "'measured' of taxel 1, r0c0k0, must be true or false, it is a number"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_TUNINGS)
+def test_bad_tunings(name):
+    text, sentence = BAD_TUNINGS[name]
+    with pytest.raises(FileError, match=sentence) as refused:
+        tuning_from_json(text, plan_of(), "a.json")
+    assert str(refused.value).startswith("a.json: ")
+    assert len(str(refused.value)) < 300
+
+
+def test_bad_files_of_tunings(tmp_path):
+    path = tmp_path / "a.json"
+    path.write_bytes(b"\xef\xbb\xbf" + spoilt().encode())
+    assert read_tuning(path, plan_of()) == tuning_from_json(spoilt(), plan_of())
+    path.write_bytes(b'{"name": "\xff"}')
+    with pytest.raises(FileError, match="byte 10 is not UTF-8"):
+        read_tuning(path, plan_of())
+    with path.open("wb") as file:
+        file.truncate(10**10)
+    with pytest.raises(FileError, match="too large for a tuning of 16 taxels: at most"):
+        read_tuning(path, plan_of())
+    with pytest.raises(FileError, match="it is a device"):
+        read_tuning(Path("/dev/zero"), plan_of())
+
+
+def test_spoilt_tunings_are_refused_or_drive():
+    plan, rng, good = plan_of(coils=(1, 1)), Random(0), tuning_to_json(planned_tuning(plan_of(coils=(1, 1))))
+    values = 'NaN -Infinity 1e308 5e-324 -1 0 1 true null {} [] "r0c0k0" 1e9 0.5 1e-9 [[[[ "\\ud800" , }'
+    refused = 0
+    for _ in range(400):
+        text = good
+        for _ in range(rng.choice((1, 1, 2, 5))):
+            numbers = list(re.finditer(r"(?<=: )[^\s,]+|[\[\]{},:]", text))
+            at = rng.choice(numbers)
+            text = text[: at.start()] + rng.choice(values.split()) + text[at.end() :]
+        try:
+            tuned = tuning_from_json(text, plan)
+            tuned_drive_csv(plan, tuned)
+            make_drive(plan, 48000, tuned)
+        except PadgenError as error:
+            refused += 1
+            assert len(str(error)) < 500
+    assert 200 < refused < 400
+
+
+def test_a_print_that_no_tuning_can_tell_is_refused():
+    plan = plan_of()
+    with pytest.raises(FileError, match=r"what was measured: resonance_hz of r0c0k1 must be 7\.002 … 700\.1 Hz"):
+        retuned(plan, fits_of(moved(planned_tuning(plan), r0c0k1=701.0)))
 
 
 @pytest.mark.parametrize("coils", [(1, 1), (2, 2)])

@@ -62,7 +62,10 @@ def run(arguments: list[str]) -> int:
     except OSError as error:
         return _refused(f"cannot be written ({error.strerror or error})", "file", as_json)
     except MemoryError:
-        return _refused("the machine has not enough memory for this pad; ask for fewer taxels", "memory", as_json)
+        asked = " ".join(arguments[:1])
+        return _refused(
+            f"the machine has not enough memory for this padgen {asked}; files are as they were", "memory", as_json
+        )
 
 
 def _refused(sentence: str, code: str, as_json: bool) -> int:

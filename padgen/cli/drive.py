@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from padgen.cli.common import add_model, add_output, add_spec, code_of, folder_of, progress_line, show, with_model
-from padgen.errors import FileError, SpecError, number
+from padgen.errors import SpecError, number
 
 __all__ = ["add", "add_frames", "frames_of", "plan_of", "tuning_of"]
 
@@ -103,15 +103,9 @@ def tuning_of(path: str | None, plan: Any) -> Any:
     """The tuning in a file, None where none is named."""
     if path is None:
         return None
-    from padgen.retune.tuning import tuning_from_json
+    from padgen.retune.tuning import read_tuning
 
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except OSError as error:
-        raise FileError(f"cannot be read ({error.strerror})", path) from error
-    except UnicodeDecodeError as error:
-        raise FileError("is not a tuning (it is not text)", path) from error
-    return tuning_from_json(text, plan, path)
+    return read_tuning(Path(path), plan)
 
 
 def _drive(options: argparse.Namespace) -> int:

@@ -13,24 +13,28 @@
 import re
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from itertools import groupby
+from itertools import groupby, islice
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from padgen.errors import FileError, number
+from padgen.files import read_bounded
 
 if TYPE_CHECKING:
     from PIL import Image
 
 __all__ = ["SUFFIXES", "Check", "frame_images"]
 
+Row = TypeVar("Row")
 Check = Callable[[int, int], None]
 """Called with the rows and columns of each frame before it is decoded; raises where they do not fit."""
 MAGIC = b"\x93NUMPY"
-LARGEST_TEXT = 1 << 27
+LARGEST_TEXT = 1 << 25
 """Bytes of a text file."""
+MOST_ROWS = 100_000
+"""Rows of a frame in a text file: as many as a pad has taxels at most."""
 SIGNS = {"1": 1.0, "#": 1.0, "+": 0.5, "0": 0.0, ".": 0.0, " ": 0.0}
 LUMINANCE = np.array([299, 587, 114])
 """Of red, green and blue, in thousandths (ITU-R BT.601)."""
@@ -49,6 +53,8 @@ def frame_images(path: Path, check: Check) -> Iterator[np.ndarray]:
         raise FileError(f"is none of the files that hold frames: {', '.join(SUFFIXES)}", str(path))
     frames = 0
     try:
+        if path.exists() and not path.is_file():
+            raise FileError("is not a file", str(path))
         for image in reader(path, check):
             frames += 1
             yield image
@@ -106,10 +112,8 @@ def _grey(image: "Image.Image") -> np.ndarray:
 
 
 def _text(path: Path) -> str:
-    if path.stat().st_size > LARGEST_TEXT:
-        raise FileError(f"must be at most {LARGEST_TEXT} bytes, has {path.stat().st_size}", str(path))
     try:
-        return path.read_bytes().decode("utf-8-sig")
+        return read_bounded(path, LARGEST_TEXT, "a text of frames").decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise FileError(f"is not text: byte {error.start} is not UTF-8", str(path)) from error
 
@@ -121,11 +125,19 @@ def _numbers_in_rows(path: Path, check: Check) -> Iterator[np.ndarray]:
 def _tables(text: str, path: Path, check: Check) -> Iterator[np.ndarray]:
     delimiter = next((sign for sign in ";\t," if sign in text), None)
     rows = ([cell.strip() for cell in line.split(delimiter)] for line in text.splitlines())
-    blocks = (list(block) for filled, block in groupby(rows, key=any) if filled)
+    blocks = (_block(block, path) for filled, block in groupby(rows, key=any) if filled)
     for frame, block in enumerate(blocks, start=1):
         _refuse_ragged(block, frame, path, "numbers")
         check(len(block), len(block[0]))
         yield _levels(block, frame, path)
+
+
+def _block(rows: Iterator[Row], path: Path) -> list[Row]:
+    """The rows of a frame, not more than a pad can have."""
+    block = list(islice(rows, MOST_ROWS + 1))
+    if len(block) > MOST_ROWS:
+        raise FileError(f"has a frame of more than {MOST_ROWS} rows", str(path))
+    return block
 
 
 def _levels(block: list[list[str]], frame: int, path: Path) -> np.ndarray:
@@ -221,7 +233,7 @@ def _signs(path: Path, check: Check) -> Iterator[np.ndarray]:
         lines = [line.replace(" ", "") for line in lines]
     # Editors take blanks off the ends of lines: they are put back where blanks are what OFF is written as.
     pads = not any(sign in text for sign in "0.")
-    blocks = (list(block) for filled, block in groupby(lines, key=bool) if filled)
+    blocks = (_block(block, path) for filled, block in groupby(lines, key=bool) if filled)
     for frame, block in enumerate(blocks, start=1):
         width = max(len(line) for line in block)
         rows = [line.ljust(width) if pads else line for line in block]

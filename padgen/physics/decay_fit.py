@@ -12,6 +12,7 @@ from padgen.physics.record_result import (
     LARGEST_Q,
     LEAST_Q,
     MOST_MODES,
+    MOST_SAMPLES,
     SAMPLES_PER_PERIOD,
     main_mode,
     poles,
@@ -26,7 +27,10 @@ from padgen.physics.resonance_judge import ResonanceFit, refuse_two
 from padgen.physics.separable_fit import SeparableFit, separable_fit
 from padgen.physics.spectrum_noise import rough_peak
 
-__all__ = ["fit_decay"]
+__all__ = ["fit_decay", "rough_decay_hz"]
+
+LONGEST = 1 << 21
+"""Samples of a decay that are looked at, before they are thinned."""
 
 LONGEST_DECAY = 8.0
 """Time constants of a decay that are looked at: what follows is noise."""
@@ -42,19 +46,33 @@ def fit_decay(rate_hz: float, displacement: np.ndarray, near_hz: float | None = 
     """
     y = np.asarray(displacement, float)
     refuse_record(y)
-    first = int(np.abs(y - np.mean(y)).argmax())
+    first = _largest(y)
     if first > 0.8 * len(y):
         raise SolverError(
             f"is largest {number(first / rate_hz)} s into a record of {number(len(y) / rate_hz)} s: a free decay starts"
             " at its largest; add the excitation as a column if there was one"
         )
-    hz, q = _decay_start(rate_hz, y[first:])
-    y, rate = _thinned(y[first:], rate_hz, hz)
-    y = y[: max(int(LONGEST_DECAY * q / (np.pi * hz) * rate), int(10 * rate / hz)) + 1]
+    y = y[first : first + LONGEST]
+    hz, q = _decay_start(rate_hz, y)
+    y, rate = _thinned(y, rate_hz, hz)
+    y = y[: max(min(int(LONGEST_DECAY * q / (np.pi * hz) * rate), MOST_SAMPLES), int(10 * rate / hz)) + 1]
     time = np.arange(len(y)) / rate
     refuse_short(time[-1], hz)
     fit = _decay_modes(time, y, hz, q)
     return _decay_result(rate, time, y, fit, near_hz)
+
+
+def rough_decay_hz(rate_hz: float, displacement: np.ndarray) -> float:
+    """The largest line of what follows the largest value: a first look."""
+    y = displacement[_largest(displacement) :][:LONGEST]
+    size = np.abs(np.fft.rfft(y - y.mean(dtype=float)))
+    return float(np.fft.rfftfreq(len(y), 1 / rate_hz)[int(size.argmax())])
+
+
+def _largest(y: np.ndarray) -> int:
+    """Where a signal is farthest from its mean."""
+    middle = y.mean(dtype=float)
+    return max(int(y.argmax()), int(y.argmin()), key=lambda k: abs(float(y[k]) - middle))
 
 
 def _decay_modes(time: np.ndarray, y: np.ndarray, hz: float, q: float) -> SeparableFit:

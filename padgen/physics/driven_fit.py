@@ -10,12 +10,13 @@ function Y/X of the whole record, to which what rings on after its end is added 
 
 import numpy as np
 
-from padgen.errors import SolverError, number
+from padgen.errors import SolverError, at_most, number
 from padgen.physics.circle_fit import CircleFit, circle_resonance
 from padgen.physics.record_result import (
     LARGEST_Q,
     LEAST_Q,
     MOST_MODES,
+    MOST_SAMPLES,
     SAMPLES_PER_PERIOD,
     main_mode,
     poles,
@@ -31,6 +32,12 @@ from padgen.physics.separable_fit import SeparableFit, separable_fit
 
 __all__ = ["current_of_voltage", "fit_driven", "rough_answer_hz"]
 
+LONGEST = 1 << 21
+"""Samples that are looked at, before they are thinned to those that are fitted."""
+LEAST_PER_PERIOD = 6.0
+"""Samples of a period that are enough where a record is long."""
+WIDEST = 64.0
+"""Half bandwidths about a resonance in which its circle is looked for."""
 STEP = 1e-6
 """Of ln f₀ and ln Q, in the slopes."""
 
@@ -51,12 +58,22 @@ def fit_driven(
     refuse_record(y)
     if np.ptp(x) == 0:
         raise SolverError("the excitation does not change; leave its column out for a free decay")
+    _refuse_long(len(y), LONGEST, rate_hz)
     starts = _driven_starts(rate_hz, x, y, near_hz)
     x, y, rate = _filtered(x, y, rate_hz, max(starts))
+    _refuse_long(len(y), MOST_SAMPLES, rate)
     time = np.arange(len(y)) / rate
     fit = _driven_fit(time, _raised(x), y, starts)
     refuse_short(time[-1], float(np.exp(fit.theta[0])))
     return _driven_result(rate, time, x, y, fit, near_hz)
+
+
+def _refuse_long(count: int, most: int, rate: float) -> None:
+    if count > most:
+        raise SolverError(
+            f"lasts {number(count / rate)} s; at most {at_most(most / rate)} s of it can be fitted: cut it to those in"
+            " which the excitation passes the resonance and the answer rings"
+        )
 
 
 def _raised(x: np.ndarray) -> np.ndarray:
@@ -67,13 +84,15 @@ def _raised(x: np.ndarray) -> np.ndarray:
 
 def _driven_starts(rate: float, x: np.ndarray, y: np.ndarray, near_hz: float | None) -> list[float]:
     """Where to look: where the excitation explains most of the answer, where the mobility is largest, the plan's."""
+    from scipy.signal import oaconvolve
+
     count = 2 * len(y)
     frequency = np.fft.rfftfreq(count, 1 / rate)[1:]
     one, two = (np.fft.rfft(part - part.mean(), count)[1:] for part in (x, y))
     points = max(count // 2000, 3)
     kernel = np.ones(points) / points
-    cross = np.abs(np.convolve(two * one.conj(), kernel, "same"))
-    power = np.convolve(np.abs(one) ** 2, kernel, "same")
+    cross = np.abs(oaconvolve(two * one.conj(), kernel, "same"))
+    power = np.maximum(oaconvolve(np.abs(one) ** 2, kernel, "same"), 0.0)
     power += 1e-3 * power.max()
     tops = [float(frequency[int(size.argmax())]) for size in (cross**2 / power, cross / power * frequency)]
     inside = [near_hz] if near_hz is not None and near_hz < 0.4 * rate else []
@@ -84,7 +103,8 @@ def _filtered(x: np.ndarray, y: np.ndarray, rate: float, hz: float) -> tuple[np.
     """Both through the same zero-phase filter to fewer samples, which keeps what the one makes of the other."""
     from scipy.signal import resample_poly
 
-    many = int(rate / (SAMPLES_PER_PERIOD * hz))
+    fewer = min(-(-len(y) // MOST_SAMPLES), int(rate / (LEAST_PER_PERIOD * hz)))
+    many = max(int(rate / (SAMPLES_PER_PERIOD * hz)), fewer)
     if many < 2:
         return x, y, rate
     return resample_poly(x, 1, many, padtype="line"), resample_poly(y, 1, many, padtype="line"), rate / many
@@ -184,8 +204,8 @@ def _driven_result(
 def _driven_circle(rate: float, x: np.ndarray, alone: np.ndarray, hz: float, q: float, size: float) -> CircleFit | None:
     """The circle of Y/X of the whole record, `size` the fit's peak by which what rings on after its end is added."""
     pole = complex(poles(np.log([hz, q]))[0][0])
-    count = len(alone) * max(int(np.ceil(4 * q / hz / (len(alone) / rate))), 1)
-    frequency = np.fft.rfftfreq(count, 1 / rate)[1:]
+    times = max(int(np.ceil(4 * q / hz / (len(alone) / rate))), 1)
+    frequency, (one, two) = _lines(rate, (x, alone), times, hz, q)
     gain = size * (2 * np.pi * hz) ** 2 / q / pole.imag
     last = _answer(pole, _raised(x), 1 / rate)[-1]
     # After the end y = Im(g w e^{λ t}), sampled: a geometric series for each half.
@@ -197,8 +217,8 @@ def _driven_circle(rate: float, x: np.ndarray, alone: np.ndarray, hz: float, q: 
         / 2j
         * (last * grown / (1 - grown * turn) - np.conj(last * grown) / (1 - np.conj(grown) * turn))
     )
-    one, two = np.fft.rfft(x, count)[1:], np.fft.rfft(alone, count)[1:] + later
-    strong = np.abs(one) > 1e-3 * np.abs(one).max()
+    two = two + later
+    strong = np.abs(one) > 1e-3 * np.abs(np.fft.rfft(x)[1:]).max()
     if strong.sum() < 8:
         return None
     found = circle_resonance(
@@ -207,8 +227,24 @@ def _driven_circle(rate: float, x: np.ndarray, alone: np.ndarray, hz: float, q: 
     if found is None:
         return None
     # Points between those of the record's own length are no new ones.
-    wider = np.sqrt(count / len(alone))
+    wider = np.sqrt(times)
     return found._replace(resonance_error_hz=found.resonance_error_hz * wider, q_error=found.q_error * wider)
+
+
+def _lines(
+    rate: float, signals: tuple[np.ndarray, np.ndarray], times: int, hz: float, q: float
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Transforms of two signals (n,) at multiples of 1/(`times` their length): all of them, or those about `hz`."""
+    from scipy.signal import zoom_fft
+
+    count = len(signals[0]) * times
+    if times == 1:
+        return np.fft.rfftfreq(count, 1 / rate)[1:], [np.fft.rfft(signal)[1:] for signal in signals]
+    step, reach = rate / count, hz * WIDEST / (2 * q)
+    first = max(int((hz - reach) / step), 1)
+    last = min(int((hz + reach) / step), count // 2) + 1
+    band = [first * step, last * step]
+    return step * np.arange(first, last), [zoom_fft(signal, band, last - first, fs=rate) for signal in signals]
 
 
 def _refuse_unexcited(rate: float, x: np.ndarray, hz: float, q: float) -> None:

@@ -15,6 +15,7 @@ from padgen.physics.resonance_judge import (
     ResonanceFit,
     agreement,
     refuse_bad_spectrum,
+    refuse_contradiction,
     refuse_edge,
     refuse_few,
     refuse_no_peak,
@@ -87,6 +88,8 @@ def _compared(
     refuse_vague(hz, errors[0], q)
     check = _parabola(frequency, data, hz, q, fit)
     agree = not check[0] or agreement((hz, errors[0]), (q, errors[1]), (check[1], check[2]), (check[3], check[4]))
+    if not agree:
+        refuse_contradiction(hz, q, *check[:2], check[3])
     peak_error = float(sigma[2]) * scale
     return ResonanceFit(hz, errors[0], q, errors[1], peak * scale, peak_error, fit.noise * scale, *check, agree, others)
 

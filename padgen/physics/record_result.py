@@ -4,13 +4,23 @@ import numpy as np
 
 from padgen.errors import SolverError, at_least, number
 from padgen.physics.circle_fit import CircleFit
-from padgen.physics.resonance_judge import COMPARABLE, LEAST_GAIN, LEAST_PEAK, ResonanceFit, agreement, refuse_vague
+from padgen.physics.resonance_judge import (
+    COMPARABLE,
+    LEAST_GAIN,
+    LEAST_PEAK,
+    SILENCE,
+    ResonanceFit,
+    agreement,
+    refuse_contradiction,
+    refuse_vague,
+)
 from padgen.physics.separable_fit import SeparableFit, correlation_factor
 
 __all__ = [
     "LARGEST_Q",
     "LEAST_Q",
     "MOST_MODES",
+    "MOST_SAMPLES",
     "SAMPLES_PER_PERIOD",
     "main_mode",
     "poles",
@@ -25,6 +35,8 @@ __all__ = [
 FEWEST_PERIODS = 4.0
 SAMPLES_PER_PERIOD = 24.0
 """Kept where a record has many more."""
+MOST_SAMPLES = 1 << 17
+"""Samples that are fitted, beyond which a fit takes minutes and gigabytes."""
 MOST_MODES = 4
 WORTH = 40.0
 """What a further mode must take off the sum of squares, in variances."""
@@ -72,6 +84,8 @@ def record_result(
     if circle is not None:
         check = ("circle", *circle[:4])
         agree = agreement((hz, errors[0]), (q, errors[1]), (check[1], check[2]), (check[3], check[4]))
+        if not agree:
+            refuse_contradiction(hz, q, "circle", check[1], check[3])
     noise = fit.noise if noise is None else noise
     return ResonanceFit(hz, errors[0], q, errors[1], peak, float(widened * peak_error), noise, *check, agree, others)
 
@@ -87,7 +101,7 @@ def refuse_record(y: np.ndarray) -> None:
         raise SolverError(f"must have at least 32 samples, got {len(y)}")
     if not np.isfinite(y).all():
         raise SolverError(f"must be finite numbers, sample {int(np.argmin(np.isfinite(y))) + 1} is not")
-    if np.ptp(y) == 0:
+    if np.ptp(y) < SILENCE:
         raise SolverError(f"is {number(float(y[0]))} throughout: nothing was measured here")
 
 

@@ -23,6 +23,7 @@ from padgen.physics.resonance_judge import (
     ResonanceFit,
     agreement,
     refuse_bad_spectrum,
+    refuse_contradiction,
     refuse_edge,
     refuse_few,
     refuse_no_peak,
@@ -99,6 +100,8 @@ def _compared(
     else:
         check = ("circle", *circle[:4])
         agree = agreement((hz, errors[0]), (q, errors[1]), (check[1], check[2]), (check[3], check[4]))
+        if not agree:
+            refuse_contradiction(hz, q, "circle", check[1], check[3])
     return ResonanceFit(hz, errors[0], q, errors[1], peak, peak_error, fit.noise, *check, agree, others)
 
 

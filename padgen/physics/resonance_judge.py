@@ -12,9 +12,11 @@ from padgen.errors import SolverError, at_least, at_most, number
 __all__ = [
     "COMPARABLE",
     "FEWEST_POINTS",
+    "SILENCE",
     "ResonanceFit",
     "agreement",
     "refuse_bad_spectrum",
+    "refuse_contradiction",
     "refuse_edge",
     "refuse_few",
     "refuse_no_peak",
@@ -23,8 +25,12 @@ __all__ = [
     "refuse_vague",
 ]
 
+SILENCE = 1e-30
+"""What a response must change by, in any unit: below it squares vanish."""
 FEWEST_POINTS = 12
 """Points of a spectrum: the model has ten numbers."""
+MOST_POINTS = 1 << 17
+"""Points of a spectrum, which take a few seconds and hundreds of megabytes."""
 FEWEST_IN_PEAK = 3
 """Points within one bandwidth on either side of the peak."""
 LEAST_PEAK = 2.0
@@ -37,6 +43,8 @@ MOST_VAGUE = 0.25
 """Of the bandwidth: beyond it the tone is no better placed than by chance."""
 COMPARABLE = 0.5
 """A second peak from this share of the first is as likely to be the one that is meant."""
+MOST_APART, MOST_APART_Q = MOST_VAGUE, 2.0
+"""What two methods may differ by in frequency, of the bandwidth, and in Q, as a factor: beyond it one is wrong."""
 AGREEMENT, AGREEMENT_FLOOR = 3.0, 0.01
 """Two methods agree within so many sigmas, or so much of the bandwidth, which costs 0.02 % of the amplitude."""
 
@@ -73,10 +81,25 @@ def agreement(
     return abs(hz[0] - other_hz[0]) <= near_hz and abs(q[0] - other_q[0]) <= near_q
 
 
+def refuse_contradiction(hz: float, q: float, check: str, check_hz: float, check_q: float) -> None:
+    """Refuse a fit that a second method, which does not agree with it, has elsewhere."""
+    far = abs(hz - check_hz) > MOST_APART * hz / q or not 1 / MOST_APART_Q < q / check_q < MOST_APART_Q
+    if far:
+        raise SolverError(
+            f"least squares find {number(hz)} Hz with a Q of {number(q)}, the {check} {number(check_hz)} Hz with a Q of"
+            f" {number(check_q)}: one is wrong; see that the data are of displacement, not of velocity or acceleration,"
+            " and of one resonance, and that no voltage is taken for a current (--excitation voltage)"
+        )
+
+
 def refuse_bad_spectrum(frequency_hz: np.ndarray, response: np.ndarray) -> None:
     """Raise `SolverError` for data that no resonance can be looked for in."""
     if len(frequency_hz) != len(response) or len(frequency_hz) < FEWEST_POINTS:
         raise SolverError(f"must have at least {FEWEST_POINTS} frequencies, got {len(frequency_hz)}")
+    if len(frequency_hz) > MOST_POINTS:
+        raise SolverError(
+            f"has {len(frequency_hz)} frequencies, at most {MOST_POINTS} are fitted; leave out those far from the peak"
+        )
     if not np.isfinite(frequency_hz).all() or not np.isfinite(response).all():
         at = int(np.argmin(np.isfinite(frequency_hz) & np.isfinite(response)))
         raise SolverError(f"must be finite numbers, point {at + 1} is not")
@@ -86,7 +109,7 @@ def refuse_bad_spectrum(frequency_hz: np.ndarray, response: np.ndarray) -> None:
         raise SolverError(
             f"frequencies must be above 0 and rise, point {at + 1} has {number(float(frequency_hz[at]))} Hz"
         )
-    if np.ptp(response.real) == 0 and np.ptp(response.imag) == 0:
+    if np.ptp(response.real) < SILENCE and np.ptp(response.imag) < SILENCE:
         raise SolverError(f"is {number(float(np.abs(response[0])))} at all frequencies: nothing was measured here")
 
 

@@ -6,7 +6,7 @@ from math import log
 import numpy as np
 
 from padgen.errors import FileError, SolverError, number
-from padgen.physics.decay_fit import fit_decay
+from padgen.physics.decay_fit import fit_decay, rough_decay_hz
 from padgen.physics.driven_fit import fit_driven, rough_answer_hz
 from padgen.physics.magnitude_fit import fit_magnitude
 from padgen.physics.resonance_fit import fit_spectrum
@@ -27,6 +27,7 @@ QUIET_SHARE = 1e-3
 """Of the largest i²: below it a coil is silent, whatever noise its record has."""
 BEFORE_S, RINGING_TAUS = 0.1, 12.0
 """What of the silence before and after is kept."""
+FEWEST_LEFT = 64
 SAMPLES_OF_PLANNED = 64
 """Samples of a driven record in a period of the planned resonance that are enough, wherever the print has it."""
 KILO_HZ = 1e-3
@@ -124,7 +125,8 @@ def _thinned(part: Record, channel: Channel) -> tuple[float, np.ndarray, np.ndar
     start = max(int(loud[0] - BEFORE_S * part.rate_hz), 0) if len(loud) else 0
     stop = int(loud[-1] + rings * part.rate_hz) if len(loud) else len(square)
     both = square[start:stop], part.displacement[start:stop]
-    factor = int(part.rate_hz / (SAMPLES_OF_PLANNED * channel.resonance_hz))
+    # The filter is as long as what it thins: of a rate that is wrong by thousands some samples are to be left.
+    factor = min(int(part.rate_hz / (SAMPLES_OF_PLANNED * channel.resonance_hz)), (stop - start) // FEWEST_LEFT)
     if factor < 2:
         return part.rate_hz, *both
     from scipy.signal import resample_poly
@@ -214,8 +216,6 @@ def _rough_hz(part: Row | Spectrum | Record, channel: Channel) -> float:
         return part.resonance_hz
     if isinstance(part, Spectrum):
         return float(part.frequency_hz[int((np.abs(part.response) * part.frequency_hz).argmax())])
-    y = part.displacement
-    if part.squared_current_a2 is not None and np.ptp(y) > 0:
+    if part.squared_current_a2 is not None and np.ptp(part.displacement) > 0:
         return rough_answer_hz(*_thinned(part, channel))
-    size = np.abs(np.fft.rfft(y - y.mean()))
-    return float(np.fft.rfftfreq(len(y), 1 / part.rate_hz)[int(size.argmax())])
+    return rough_decay_hz(part.rate_hz, part.displacement)

@@ -24,6 +24,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from padgen.errors import FileError
+from padgen.files import read_bounded, reason
 from padgen.planner.plan import Plan
 from padgen.retune.measured_csv import read_csv
 from padgen.retune.measured_wav import read_wav
@@ -31,8 +32,8 @@ from padgen.retune.measurement import Measured, Record, Row, Spectrum, nearest_i
 
 __all__ = ["read_measured", "read_measured_text"]
 
-LARGEST_FILE = 1 << 29
-"""Bytes of a file."""
+LARGEST_FILE = 1 << 28
+"""Bytes of a file, or of all in a folder."""
 
 
 def read_measured(path: Path, plan: Plan, excitation: str = "current") -> Measured:
@@ -45,10 +46,17 @@ def read_measured(path: Path, plan: Plan, excitation: str = "current") -> Measur
     FileError
         What cannot be read, or does not hold what the module's table says; with line and column.
     """
-    if path.is_dir():
+    try:
+        is_folder, is_there = path.is_dir(), path.exists()
+    except OSError as error:  # a name that no file can have
+        raise FileError(f"cannot be read ({reason(error)})", str(path)) from error
+    if not is_there:
+        raise FileError("there is no such file or folder", str(path))
+    if is_folder:
         return _read_folder(path, plan, excitation)
     ids = tuple(taxel.id for taxel in plan.taxels)
-    return _ordered(*_read_file(path, str(path), ids, plan, excitation, False), str(path), plan)
+    data = read_bounded(path, LARGEST_FILE, "a measurement")
+    return _ordered(*_read(data, path, ids, plan, excitation, False), str(path), plan)
 
 
 def read_measured_text(text: str, plan: Plan, where: str = "measured.csv") -> Measured:
@@ -61,9 +69,8 @@ def read_measured_text(text: str, plan: Plan, where: str = "measured.csv") -> Me
 Found = tuple[list[Row | Spectrum | Record], bool]
 
 
-def _read_file(path: Path, where: str, ids: tuple[str, ...], plan: Plan, excitation: str, alone: bool) -> Found:
-
-    data = _bytes(path, where)
+def _read(data: bytes, path: Path, ids: tuple[str, ...], plan: Plan, excitation: str, alone: bool) -> Found:
+    where = str(path)
     if data[:4] in (b"RIFF", b"RIFX", b"RF64") or path.suffix.lower() in (".wav", ".wave"):
         return read_wav(data, where, ids, plan, excitation), False
     try:
@@ -73,21 +80,10 @@ def _read_file(path: Path, where: str, ids: tuple[str, ...], plan: Plan, excitat
     return read_csv(text, where, ids, plan, alone)
 
 
-def _bytes(path: Path, where: str) -> bytes:
-    try:
-        if not path.is_file():
-            raise FileError("is not a file" if path.exists() else "there is no such file or folder", where)
-        if path.stat().st_size > LARGEST_FILE:
-            raise FileError(f"must be at most {LARGEST_FILE} bytes, has {path.stat().st_size}", where)
-        return path.read_bytes()
-    except OSError as error:
-        raise FileError(f"cannot be read ({error.strerror})", where) from error
-
-
 def _read_folder(folder: Path, plan: Plan, excitation: str) -> Measured:
     ids = tuple(taxel.id for taxel in plan.taxels)
     found: dict[str, Row | Spectrum | Record] = {}
-    stated = []
+    stated, left = [], LARGEST_FILE
     for path in _files(folder):
         where = str(path)
         if path.stem not in ids:
@@ -95,7 +91,9 @@ def _read_folder(folder: Path, plan: Plan, excitation: str) -> Measured:
             raise FileError(f"must be named after a taxel of {plan.name!r}, {path.stem!r} is none{end}", where)
         if path.stem in found:
             raise FileError(f"is a second file of {path.stem}, beside {found[path.stem].where}; keep one", where)
-        part, told = _read_file(path, where, (path.stem,), plan, excitation, True)
+        data = read_bounded(path, left, f"a folder of at most {LARGEST_FILE} bytes of measurements")
+        left -= len(data)
+        part, told = _read(data, path, (path.stem,), plan, excitation, True)
         if isinstance(part[0], Row):
             raise FileError("is a table, which has all taxels in one file; give that file, not the folder", where)
         found[path.stem] = replace(part[0], where=where)

@@ -2,15 +2,15 @@
 
 import csv
 import re
+from collections import Counter
 from dataclasses import dataclass
-from math import isfinite
 
 import numpy as np
 
 from padgen.errors import FileError, number
 from padgen.physics.driven_fit import current_of_voltage
 from padgen.planner.plan import Plan
-from padgen.retune.measurement import Record, Row, Spectrum, nearest_id
+from padgen.retune.measurement import LARGEST, SMALLEST, Record, Row, Spectrum, nearest_id
 from padgen.units import MH
 
 __all__ = ["read_csv"]
@@ -31,6 +31,10 @@ DRIVE, MOTION = "drive", "motion"
 UNEVEN = 0.05
 """Of a step: how far a time may be off an even one, which rounding in a file explains."""
 LARGEST_HZ = 1e6
+LARGEST_Q = 1e9
+MOST_LINES, LONGEST_LINE = 2_000_000, 1 << 22
+LINE_ENDS = "\n\r\v\f\x1c\x1d\x1e\x85\u2028\u2029"
+"""What ``str.splitlines`` takes for the end of a line."""
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
 
 
@@ -71,9 +75,14 @@ def _sheet(text: str, where: str) -> _Sheet:
     notes: dict[str, str] = {}
     heading: str | None = None
     body = []
+    count = sum(text.count(sign) for sign in LINE_ENDS)
+    if count > MOST_LINES:
+        raise FileError(f"has {count} lines, at most {MOST_LINES} are read; shorter records would do, or a WAV", where)
     for line, raw in enumerate(text.splitlines(), start=1):
         if not raw.strip():
             continue
+        if len(raw) > LONGEST_LINE:
+            raise FileError(f"line {line} has {len(raw)} characters, at most {LONGEST_LINE} are read", where)
         if raw.lstrip().startswith("#"):
             note = re.match(r"#\s*(unit|frequency)\s*:\s*(\S+)\s*$", raw.strip(), re.IGNORECASE)
             if note and heading is None:
@@ -104,9 +113,9 @@ def _refuse_heading(heading: str, names: tuple[str, ...], where: str) -> None:
 
 
 def _refuse_twice(sheet: _Sheet) -> None:
-    for name in sheet.names:
-        if sheet.names.count(name) > 1:
-            raise FileError(f"has {sheet.names.count(name)} columns named {name!r}; keep one", sheet.where)
+    for name, count in Counter(sheet.names).items():
+        if count > 1:
+            raise FileError(f"has {count} columns named {name!r}; keep one", sheet.where)
 
 
 def _cells(line: str) -> list[str]:
@@ -121,14 +130,17 @@ def _is_number(cell: str) -> bool:
 
 
 def _numbers(sheet: _Sheet) -> np.ndarray:
-    """The body (lines, columns), all finite."""
+    """The body (lines, columns), all finite and at most `LARGEST`."""
     try:
         values = np.loadtxt([line for _, line in sheet.lines], delimiter=",", comments=None, ndmin=2)
     except ValueError:
         values = None
-    if values is not None and values.shape == (len(sheet.lines), len(sheet.names)) and np.isfinite(values).all():
-        return values
-    return np.array([_line_numbers(sheet, line, raw) for line, raw in sheet.lines])
+    shape = len(sheet.lines), len(sheet.names)
+    if values is None or values.shape != shape or not np.abs(values).max() <= LARGEST:
+        values = np.empty(shape)
+        for k, (line, raw) in enumerate(sheet.lines):
+            values[k] = _line_numbers(sheet, line, raw)
+    return values
 
 
 def _line_numbers(sheet: _Sheet, line: int, raw: str) -> list[float]:
@@ -143,9 +155,9 @@ def _line_numbers(sheet: _Sheet, line: int, raw: str) -> list[float]:
 
 def _number(sheet: _Sheet, line: int, name: str, cell: str) -> float:
     value = float(cell) if _is_number(cell) else float("nan")
-    if not isfinite(value):
+    if not abs(value) <= LARGEST:
         raise FileError(
-            f"line {line}, column {name!r} must be a finite number, got {cell.strip()[:30]!r};"
+            f"line {line}, column {name!r} must be a finite number of at most {LARGEST:g}, got {cell.strip()[:30]!r};"
             " leave out the line, or the taxel's columns",
             sheet.where,
         )
@@ -211,10 +223,11 @@ def _positive(sheet: _Sheet, line: int, name: str, cell: str) -> float | None:
         return None
     value = _number(sheet, line, name, cell)
     low = 0.5 if name == "q" else 0.0
-    if value <= low or value > (LARGEST_HZ if name.endswith("_hz") else np.inf):
-        top = f" and at most {number(LARGEST_HZ)}" if name.endswith("_hz") else ""
+    high = LARGEST_HZ if name.endswith("_hz") else LARGEST_Q if name == "q" else LARGEST
+    if not low < value <= high:
         raise FileError(
-            f"line {line}, column {name!r} must be above {number(low)}{top}, got {number(value)}", sheet.where
+            f"line {line}, column {name!r} must be above {number(low)} and at most {number(high)}, got {number(value)}",
+            sheet.where,
         )
     return value
 
@@ -358,9 +371,9 @@ def _squared_current(sheet: _Sheet, values: np.ndarray, rate: float, plan: Plan)
     if name is None:
         return None
     column = values[:, sheet.names.index(name)]
-    if np.ptp(column) == 0:
+    if np.ptp(column**2) < SMALLEST:
         raise FileError(
-            f"column {name!r} is {number(float(column[0]))} throughout; leave it out for a free decay", sheet.where
+            f"column {name!r} is {number(float(abs(column[0])))} throughout; leave it out for a free decay", sheet.where
         )
     if name == "voltage_v":
         coil = plan.typed_spec.coil

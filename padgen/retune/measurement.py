@@ -5,7 +5,11 @@ from difflib import get_close_matches
 
 import numpy as np
 
-__all__ = ["Measured", "Record", "Row", "Spectrum", "nearest_id"]
+__all__ = ["LARGEST", "SMALLEST", "Measured", "Record", "Row", "Spectrum", "nearest_id"]
+
+SMALLEST, LARGEST = 1e-30, 1e30
+"""What measured values may be in size; their fourth powers are still numbers. All below is silence."""
+LONGEST_NAME = 80
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,5 +64,5 @@ class Measured:
 
 def nearest_id(name: str, known: tuple[str, ...]) -> str:
     """The end of a sentence: which of the known names is meant, if any looks like it."""
-    close = get_close_matches(name, known, 1, 0.5)
+    close = get_close_matches(name[:LONGEST_NAME], known, 1, 0.5)
     return f"; the nearest is {close[0]!r}" if close else f"; they run from {known[0]!r} to {known[-1]!r}"

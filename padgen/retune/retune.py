@@ -32,7 +32,7 @@ from padgen.retune.predict import (
 )
 from padgen.retune.rest import estimated
 from padgen.retune.simulate import PULL_SPREAD, Q_SPREAD
-from padgen.retune.tuning import TunedTaxel, Tuning, planned_response_um_per_a2, planned_tuning
+from padgen.retune.tuning import TunedTaxel, Tuning, planned_response_um_per_a2, planned_tuning, refuse_tuning
 
 __all__ = ["Retuned", "RetunedCoil", "retuned", "tuning_of"]
 
@@ -127,10 +127,16 @@ def retuned(
 
     Taxels that were not measured keep the plan's tones, or get those that the measured ones, and a `coupon` printed
     beside the pad (fits by channel), make likely (`padgen.retune.rest`).
+
+    Raises
+    ------
+    FileError
+        A figure of the print is outside its bounds (`refuse_tuning`).
     """
     tuning = tuning_of(plan, fits)
     if estimate_rest or coupon:
         tuning = estimated(plan, tuning, fits, coupon)
+    refuse_tuning(tuning, plan, "what was measured")
     planned_um = levels_um(plan, np.array([plan.channels[t.channel].resonance_hz for t in plan.taxels]))
     tones = tones_at(plan, tuning)
     before = predicted(plan, tuning, planned_tones(plan), planned_um)

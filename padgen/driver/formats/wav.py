@@ -29,6 +29,7 @@ SUBFORMAT_TAIL = bytes.fromhex("000000001000800000aa00389b71")
 """What follows the format's number in the subformat of WAVE_FORMAT_EXTENSIBLE."""
 IN_DS64 = 0xFFFFFFFF
 READ_BYTES = 1 << 22
+MOST_CHUNKS = 1000
 
 
 class _Chunk(NamedTuple):
@@ -222,6 +223,8 @@ def read_wav(path: Path) -> Wave:
     """
     try:
         size = path.stat().st_size
+        if not (path.is_file() or path.is_dir()):
+            raise FileError("cannot be read (it is a device)", str(path))
         with path.open("rb") as file:
             head = file.read(12)
             if head[:4] not in (b"RIFF", b"RF64") or head[8:] != b"WAVE":
@@ -234,7 +237,9 @@ def read_wav(path: Path) -> Wave:
 def _read(path: Path, file: BinaryIO, size: int) -> Wave:
     parts: dict[bytes, bytes] = {}
     data: _Chunk | None = None
-    for chunk in _chunks(file, size):
+    for count, chunk in enumerate(_chunks(file, size)):
+        if count >= MOST_CHUNKS:
+            raise FileError(f"is damaged: a WAV file has a few parts, this one more than {MOST_CHUNKS}", str(path))
         if chunk.name == b"data":
             data = data or chunk
         elif chunk.name in (b"ds64", b"fmt ", b"LIST") and chunk.name not in parts:
