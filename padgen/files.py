@@ -38,6 +38,7 @@ __all__ = [
 
 MANIFEST = "manifest.json"
 YIELD_FILE = "yield.json"
+SPEC = "spec"
 DRIVE_FILES = (
     "drive.wav",
     "drive-wave.json",
@@ -57,9 +58,11 @@ PLAN_FILES = (YIELD_FILE, "study.csv", "study.json", "study.svg", "study.png", *
 def json_text(table: Any) -> str:
     """JSON as all files hold it: ten significant digits, so that platforms agree, and null for no number.
 
-    Of plain data and dataclasses. As ``json.dumps`` with an indent of 1, which has no quick way to indent.
+    An entry called `spec` is what was asked for, not a result: its numbers are written in full, so that they read
+    back as they were given. Of plain data and dataclasses. As ``json.dumps`` with an indent of 1, which has no
+    quick way to indent.
     """
-    return _json(table, "\n") + "\n"
+    return _json(table, "\n", False) + "\n"
 
 
 def json_line(table: Any) -> str:
@@ -79,23 +82,25 @@ def _plain(value: Any) -> Any:
     return _plain(value.item()) if hasattr(value, "item") else str(value)
 
 
-def _json(value: Any, line: str) -> str:
-    """The JSON of a value; `line` begins a new line at its depth."""
+def _json(value: Any, line: str, in_full: bool) -> str:
+    """The JSON of a value, its numbers rounded or `in_full`; `line` begins a new line at its depth."""
     if isinstance(value, float):
-        return float.__repr__(float(f"{value:.10g}")) if isfinite(value) else "null"
+        return float.__repr__(value if in_full else float(f"{value:.10g}")) if isfinite(value) else "null"
     if isinstance(value, str):
         return encode_basestring(value)
     if type(value) is int:
         return int.__repr__(value)
     if isinstance(value, (list, tuple)):
         inner = line + " "
-        return f"[{inner}{f',{inner}'.join([_json(entry, inner) for entry in value])}{line}]" if value else "[]"
+        return (
+            f"[{inner}{f',{inner}'.join([_json(entry, inner, in_full) for entry in value])}{line}]" if value else "[]"
+        )
     if isinstance(value, dict) or is_dataclass(value):
         entries = (
             value if isinstance(value, dict) else {name: getattr(value, name) for name in value.__dataclass_fields__}
         )
         inner = line + " "
-        pairs = [f"{_key(key)}: {_json(entry, inner)}" for key, entry in entries.items()]
+        pairs = [f"{_key(key)}: {_json(entry, inner, in_full or key == SPEC)}" for key, entry in entries.items()]
         return f"{{{inner}{f',{inner}'.join(pairs)}{line}}}" if pairs else "{}"
     return json.dumps(value)
 
