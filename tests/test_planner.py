@@ -469,6 +469,35 @@ def test_a_suggested_gap_would_do(level_um, gap_mm):
     assert found(max(gaps)) == []
 
 
+@pytest.mark.parametrize(
+    "extra",
+    [
+        "[coil]\ngap_mm = 0.05\n",  # sag alone
+        "[coil]\ngap_mm = 0.5\n[drive]\nlevel_um = 420\n",  # amplitude
+        "[coil]\ngap_mm = 0.3\n[drive]\nlevel_um = 60\nscheme = 'biased'\nbias_ratio = 30\n",  # static pull
+        "[coil]\ngap_mm = 0.7\n[material]\nname = 'pla'\nyoungs_modulus_gpa = 0.01\n[pad]\nwidth_mm = 100\ndepth_mm = 100\n",
+    ],
+)
+def test_a_washer_that_meets_the_coil_is_an_error(extra):
+    plan = plan_of(4, 15 if "material" in extra else 50, 200, extra)
+    gap_um = plan.typed_spec.coil.gap_mm * 1e3
+    travels_um = {f"channel {c.index}": c.sag_um + c.static_um + c.level_um for c in plan.channels}
+    assert max(travels_um.values()) >= gap_um
+    level = {f.where: f.level for f in plan.findings if f.code == "gap.travel"}
+    for where, travel_um in travels_um.items():
+        assert level.get(where) == ("error" if travel_um >= gap_um else "warning" if travel_um > gap_um / 3 else None)
+    message = next(f.message for f in plan.findings if f.code == "gap.travel")
+    assert f"the gap is {plan.typed_spec.coil.gap_mm:g} mm: its washer meets the coil; a gap of" in message
+
+
+def test_no_gap_is_suggested_that_a_coil_may_not_have():
+    soft = "[material]\nname = 'pla'\nyoungs_modulus_gpa = 0.01\n[pad]\nwidth_mm = 400\ndepth_mm = 400\n"
+    plan = plan_of(1, 1, 20, f"resonances_hz = [2.5]\n[coil]\ngrid = [1, 1]\n{soft}")
+    (found,) = [f for f in plan.findings if f.code == "gap.travel"]
+    assert found.level == "error"
+    assert found.message.endswith("no gap that a coil may have would do, only beams that sag less")
+
+
 def test_single_layers_are_noted():
     plan = plan_of(4, 50, 200, "[suspension]\nthickness_mm = 0.2\n")
     assert "beam.single_layer" in {f.code for f in plan.findings}
