@@ -15,14 +15,24 @@ from padgen.cache import code_hash, versions
 from padgen.errors import SpecError
 from padgen.files import OutputFolder, built_files, file_hash, is_current, json_text
 from padgen.finding import Finding
-from padgen.spec import Spec
+from padgen.spec import Spec, find_spec, load_spec
 
 if TYPE_CHECKING:
     from padgen.planner.plan import Plan
     from padgen.solid.pad import PadSolid
     from padgen.solid.parts import Part
 
-__all__ = ["DEFAULT_FORMATS", "FORMATS", "PARTS", "Built", "build", "parse_formats", "parse_parts", "up_to_date"]
+__all__ = [
+    "DEFAULT_FORMATS",
+    "FORMATS",
+    "PARTS",
+    "Built",
+    "build",
+    "parse_formats",
+    "parse_parts",
+    "plan_to_compare",
+    "up_to_date",
+]
 
 FORMATS = ("stl", "3mf", "step", "glb")
 PARTS = ("coupon", "coupon-tray", "tray")
@@ -134,6 +144,40 @@ def build(
         _write_parts(out, plan, beside, formats, inputs["spec"])
         out.commit(inputs, remove=OWN_FILES)
     return Built(folder, tuple(built_files(folder)), figures, findings, False)
+
+
+def plan_to_compare(spec: str, mesh: Path, progress: Progress = lambda step: None) -> "tuple[Plan, str]":
+    """The plan that a mesh is compared with, and which one it is.
+
+    A plan.json is taken as it is recorded, beams and all. The plan of another spec is the one recorded beside the
+    mesh where that is of the same spec, by whichever model it was made; elsewhere it is planned as a build does.
+
+    Raises
+    ------
+    FileError
+        A plan.json, given or beside the mesh, holds no plan.
+    SpecError, SolverError
+        As planning does.
+    """
+    from padgen.planner import read_plan
+
+    path, beside = find_spec(spec), mesh.parent / "plan.json"
+    if path.suffix == ".json":
+        return _named(read_plan(path), spec)
+    asked = load_spec(spec)
+    if beside.is_file():
+        recorded = read_plan(beside)
+        if replace(recorded.typed_spec, model=asked.model) == asked:
+            return _named(recorded, str(beside))
+    from padgen.loop import planned
+
+    progress("planning")
+    return _named(planned(asked, progress), f"{spec}, planned anew")
+
+
+def _named(plan: "Plan", source: str) -> "tuple[Plan, str]":
+    models = " and ".join(sorted({channel.model for channel in plan.channels}))
+    return plan, f"{source} ({models} model)"
 
 
 def _parts(plan: "Plan", names: tuple[str, ...], progress: Progress) -> "tuple[Part, ...]":

@@ -61,6 +61,7 @@ LOCK = ".padgen.lock"
 PATIENCE_S = 10.0
 """How long a commit waits for another; one takes milliseconds."""
 YIELD_FILE = "yield.json"
+SPEC = "spec"
 PLAN_FILES = (
     *(YIELD_FILE, "study.csv", "study.json", "study.svg", "study.png"),
     *("drive.wav", "drive-wave.json", "hear.json", "drive-tuned.csv", "retune.json"),
@@ -75,9 +76,11 @@ LONGEST_PIPE_S = 10.0
 def json_text(table: Any) -> str:
     """JSON as all files hold it: ten significant digits, so that platforms agree, and null for no number.
 
-    Of plain data and dataclasses. As ``json.dumps`` with an indent of 1, which has no quick way to indent.
+    An entry called `spec` is what was asked for, not a result: its numbers are written in full, so that they read
+    back as they were given. Of plain data and dataclasses. As ``json.dumps`` with an indent of 1, which has no
+    quick way to indent.
     """
-    return _json(table, "\n") + "\n"
+    return _json(table, "\n", False) + "\n"
 
 
 def json_line(table: Any) -> str:
@@ -97,23 +100,25 @@ def _plain(value: Any) -> Any:
     return _plain(value.item()) if hasattr(value, "item") else str(value)
 
 
-def _json(value: Any, line: str) -> str:
-    """The JSON of a value; `line` begins a new line at its depth."""
+def _json(value: Any, line: str, in_full: bool) -> str:
+    """The JSON of a value, its numbers rounded or `in_full`; `line` begins a new line at its depth."""
     if isinstance(value, float):
-        return float.__repr__(float(f"{value:.10g}")) if isfinite(value) else "null"
+        return float.__repr__(value if in_full else float(f"{value:.10g}")) if isfinite(value) else "null"
     if isinstance(value, str):
         return encode_basestring(value)
     if type(value) is int:
         return int.__repr__(value)
     if isinstance(value, (list, tuple)):
         inner = line + " "
-        return f"[{inner}{f',{inner}'.join([_json(entry, inner) for entry in value])}{line}]" if value else "[]"
+        return (
+            f"[{inner}{f',{inner}'.join([_json(entry, inner, in_full) for entry in value])}{line}]" if value else "[]"
+        )
     if isinstance(value, dict) or is_dataclass(value):
         entries = (
             value if isinstance(value, dict) else {name: getattr(value, name) for name in value.__dataclass_fields__}
         )
         inner = line + " "
-        pairs = [f"{_key(key)}: {_json(entry, inner)}" for key, entry in entries.items()]
+        pairs = [f"{_key(key)}: {_json(entry, inner, in_full or key == SPEC)}" for key, entry in entries.items()]
         return f"{{{inner}{f',{inner}'.join(pairs)}{line}}}" if pairs else "{}"
     return json.dumps(value)
 

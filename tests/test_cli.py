@@ -6,12 +6,14 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from padgen import cli
 from padgen.files import is_current
+from padgen.planner import make_plan
 from tests.conftest import SMALL
 
 HEAVY = ("build123d", "OCP", "manifold3d", "trimesh", "scipy", "rich", "lib3mf", "PIL")
@@ -103,6 +105,62 @@ def test_check_of_good_and_broken_files(work, capsys):
     assert cli.run(["check", "hole.stl", "--json"]) == 1
     report = json.loads(capsys.readouterr().out)
     assert [f["code"] for f in report["findings"] if f["level"] == "error"] == ["mesh.closed"]
+
+
+def by_solids(spec, progress=None):
+    """Stands in for finite elements, which tune a beam to another width."""
+    plan = make_plan(spec)
+    first = plan.channels[0]
+    wider = replace(first.beam, width_mm=first.beam.width_mm + 0.03)
+    channels = (replace(first, model="solid", beam=wider), *plan.channels[1:])
+    return replace(plan, channels=channels)
+
+
+def test_a_pad_is_checked_against_the_plan_that_it_was_built_by(work, capsys, monkeypatch):
+    monkeypatch.setattr("padgen.loop.closed_plan", by_solids)
+    for model in ("beam", "solid"):
+        assert cli.run(["build", "tiny.toml", "--model", model, "-o", model, "--formats", "stl"]) == 0
+    (work / "alone.stl").write_bytes((work / "solid/pad.stl").read_bytes())
+
+    def compared(mesh, spec):
+        capsys.readouterr()
+        code = cli.run(["check", mesh, "--spec", spec, "--json"])
+        return code, json.loads(capsys.readouterr().out)["figures"]["compared_with"]
+
+    assert compared("solid/pad.stl", "tiny.toml") == (0, "solid/plan.json (beam and solid model)")
+    assert compared("beam/pad.stl", "tiny.toml") == (0, "beam/plan.json (beam model)")
+    assert compared("solid/pad.stl", "beam/plan.json") == (1, "beam/plan.json (beam model)")
+    assert compared("beam/pad.stl", "solid/plan.json") == (1, "solid/plan.json (beam and solid model)")
+    assert compared("alone.stl", "solid/plan.json")[0] == 0
+    assert compared("alone.stl", "tiny.toml") == (1, "tiny.toml, planned anew (beam model)")
+    # What a build of another model would make, and a plan of another spec beside the mesh.
+    (work / "tiny.toml").write_text('model = "solid"\n' + SMALL)
+    assert compared("alone.stl", "tiny.toml") == (0, "tiny.toml, planned anew (beam and solid model)")
+    (work / "tiny.toml").write_text(SMALL.replace("[50, 200]", "[60, 300]"))
+    assert compared("solid/pad.stl", "tiny.toml") == (1, "tiny.toml, planned anew (beam model)")
+
+
+@pytest.mark.parametrize("spec", ["tiny.toml", "out/tiny/plan.json"])
+def test_a_garbled_plan_beside_a_mesh_is_one_sentence(work, capsys, spec):
+    assert cli.run(["build", "tiny.toml", "--formats", "stl"]) == 0
+    plan = work / "out/tiny/plan.json"
+    for text in (b"{}", b"\xff", b"[" * 10_000, plan.read_bytes()[:-20]):
+        plan.write_bytes(text)
+        capsys.readouterr()
+        assert cli.run(["check", "out/tiny/pad.stl", "--spec", spec]) == 2
+        error = capsys.readouterr().err.strip()
+        assert error.startswith("padgen: out/tiny/plan.json: is not a plan (")
+        assert "\n" not in error
+
+
+@pytest.mark.parametrize("options", [[], ["--model", "solid"], ["--tolerance", "0.01%"]])
+def test_a_plan_of_a_plan_is_the_same_byte_for_byte(work, monkeypatch, options):
+    monkeypatch.setattr("padgen.loop.closed_plan", by_solids)
+    (work / "tiny.toml").write_text(SMALL.replace("[50, 200]", "[50.123456789012, 200]"))
+    assert cli.run(["plan", "tiny.toml", "-o", "a", *options]) == 0
+    assert cli.run(["plan", "a/plan.json", "-o", "b"]) == 0
+    assert (work / "a/plan.json").read_bytes() == (work / "b/plan.json").read_bytes()
+    assert b"50.123456789012" in (work / "a/plan.json").read_bytes()
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,9 @@
 """Plans: what is allotted, where it lies, and what is said when nothing holds."""
 
+import json
+import random
 import re
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import pairwise
 from math import hypot
 
@@ -16,7 +18,8 @@ from padgen.planner.layout import _channel_counts, candidates
 from padgen.planner.sizing import SizedChannel, crowded_modes, reach
 from padgen.planner.suspensions import TOPOLOGIES, BeamShape, PlateShape, Room
 from padgen.planner.taxel_model import TaxelModel, plate_shape
-from padgen.spec import load_spec, make_spec, parse_spec
+from padgen.spec import load_spec, make_spec, parse_spec, template_paths
+from padgen.spec.load import without_none
 from padgen.tell import plan_text
 
 FOUR_LINES = 'name = "a"\nresolution = {}\nband_hz = [{}, {}]\nq_min = 15\n'
@@ -222,10 +225,76 @@ def test_plan_survives_json(paper_plan, paper_spec):
     assert again.typed_spec == paper_spec
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"name": 3}'])
+def jittered(value, seed):
+    """Numbers of a spec's tables with all the digits that a float has."""
+    if isinstance(value, dict):
+        return {key: jittered(entry, seed) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [jittered(entry, seed) for entry in value]
+    return value * (1 - seed.uniform(0, 1e-7)) if isinstance(value, float) else value
+
+
+@pytest.mark.parametrize("name", sorted(template_paths()))
+def test_a_plan_of_a_plan_is_the_same_to_the_last_digit(name):
+    seed = random.Random(name)
+    table = without_none(asdict(load_spec(name)))
+    for part in ("q_min", "delta_y", "pad", "material", "drive", "suspension"):
+        table[part] = jittered(table[part], seed)
+    # At the edge of its bounds.
+    table["material"]["cross_layer_ratio"] = 1 - 2**-53
+    table["taxel"] |= {"glue_mg": 5e-324, "boss_protrusion_mm": 1 + 2**-52, "plate_thickness_mm": 3.9}
+    spec = make_spec(table)
+    assert re.search(r"\d\.\d{12}", json.dumps(table))
+    text = plan_to_json(make_plan(spec))
+    again = plan_from_json(text).typed_spec
+    assert again == spec
+    assert plan_to_json(make_plan(again)) == text
+
+
+def test_a_threshold_curve_is_recorded_to_the_last_digit():
+    lists = (
+        "threshold_hz = [49.00000000000001, 100.1234567890123, 200.3]\nthreshold_um = [0.30000000000000004, 0.1, 2e-5]"
+    )
+    plan = plan_of(8, extra=f"[drive]\n{lists}\n")
+    again = plan_from_json(plan_to_json(plan))
+    assert again.typed_spec.drive.threshold_um == (0.1 + 0.2, 0.1, 2e-5)
+    assert plan_to_json(make_plan(again.typed_spec)) == plan_to_json(plan)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"name": 3}', "[" * 100_000, '{"name": ' + "9" * 5000 + "}"])
 def test_what_is_no_plan_is_refused(text):
     with pytest.raises(FileError, match="is not a plan"):
         plan_from_json(text)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "sentence"),
+    [
+        (("channels", 0, "beam", "width_mm"), "0.6", r"channels\[0\]\.beam\.width_mm must be a number"),
+        (("channels", 0, "beam", "width_mm"), True, r"width_mm must be a number"),
+        (("channels", 0, "beam", "width_mm"), None, r"width_mm must be a number"),
+        (("channels", 0, "beam", "width_mm"), float("nan"), r"width_mm must be a number"),
+        pytest.param(("channels", 0, "beam", "width_mm"), 10**400, "width_mm must be a number", id="huge"),
+        (("channels", 0, "beam", "width_mm"), -0.5, r"width_mm must be a size of a pad"),
+        (("channels", 0, "beam", "topology"), "spiral", r"channels\[0\] has a topology or a direction"),
+        (("channels", 1, "index"), 0, r"channels\[1\]\.index must be 1"),
+        (("channels",), [], "no channels"),
+        (("taxels", 3, "channel"), 2, r"taxels\[3\] is of a coil or a channel that there is not"),
+        (("taxels", 3, "coil"), [0, 4], r"taxels\[3\] is of a coil or a channel that there is not"),
+        (("taxels", 3, "coil"), [0], r"taxels\[3\]\.coil must be a list of 2"),
+        (("cell", "width_mm"), 0.0, r"cell\.width_mm must be a size"),
+        (("spec", "q_min"), -1, "its spec: q_min: must be at least 0.5"),
+    ],
+)
+def test_a_garbled_plan_is_refused(paper_plan, path, value, sentence):
+    table = json.loads(plan_to_json(paper_plan))
+    entry = table
+    for key in path[:-1]:
+        entry = entry[key]
+    entry[path[-1]] = value
+    with pytest.raises(FileError, match=f"is not a plan .*{sentence}") as refusal:
+        plan_from_json(json.dumps(table))
+    assert "\n" not in str(refusal.value)
 
 
 def test_a_plan_is_the_same_every_time(paper_spec):
@@ -398,6 +467,35 @@ def test_a_suggested_gap_would_do(level_um, gap_mm):
     assert first
     gaps = [float(re.search(r"a gap of ([\d.]+) mm", message).group(1)) for message in first]
     assert found(max(gaps)) == []
+
+
+@pytest.mark.parametrize(
+    "extra",
+    [
+        "[coil]\ngap_mm = 0.05\n",  # sag alone
+        "[coil]\ngap_mm = 0.5\n[drive]\nlevel_um = 420\n",  # amplitude
+        "[coil]\ngap_mm = 0.3\n[drive]\nlevel_um = 60\nscheme = 'biased'\nbias_ratio = 30\n",  # static pull
+        "[coil]\ngap_mm = 0.7\n[material]\nname = 'pla'\nyoungs_modulus_gpa = 0.01\n[pad]\nwidth_mm = 100\ndepth_mm = 100\n",
+    ],
+)
+def test_a_washer_that_meets_the_coil_is_an_error(extra):
+    plan = plan_of(4, 15 if "material" in extra else 50, 200, extra)
+    gap_um = plan.typed_spec.coil.gap_mm * 1e3
+    travels_um = {f"channel {c.index}": c.sag_um + c.static_um + c.level_um for c in plan.channels}
+    assert max(travels_um.values()) >= gap_um
+    level = {f.where: f.level for f in plan.findings if f.code == "gap.travel"}
+    for where, travel_um in travels_um.items():
+        assert level.get(where) == ("error" if travel_um >= gap_um else "warning" if travel_um > gap_um / 3 else None)
+    message = next(f.message for f in plan.findings if f.code == "gap.travel")
+    assert f"the gap is {plan.typed_spec.coil.gap_mm:g} mm: its washer meets the coil; a gap of" in message
+
+
+def test_no_gap_is_suggested_that_a_coil_may_not_have():
+    soft = "[material]\nname = 'pla'\nyoungs_modulus_gpa = 0.01\n[pad]\nwidth_mm = 400\ndepth_mm = 400\n"
+    plan = plan_of(1, 1, 20, f"resonances_hz = [2.5]\n[coil]\ngrid = [1, 1]\n{soft}")
+    (found,) = [f for f in plan.findings if f.code == "gap.travel"]
+    assert found.level == "error"
+    assert found.message.endswith("no gap that a coil may have would do, only beams that sag less")
 
 
 def test_single_layers_are_noted():

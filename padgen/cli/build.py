@@ -1,7 +1,7 @@
 """``padgen build`` and ``padgen check``."""
 
 import argparse
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +41,10 @@ def _add_check(commands: Any) -> None:
     parser = commands.add_parser("check", help="print validation of any STL or 3MF")
     parser.add_argument("mesh", metavar="MESH", help="an STL, 3MF, OBJ or PLY file")
     parser.add_argument(
-        "--spec", metavar="SPEC", help="compare with the plan of this spec, and take its printer's limits"
+        "--spec",
+        metavar="SPEC",
+        help="compare with the plan of this spec, the one recorded beside the mesh where it is of this spec, and take"
+        " its printer's limits; a plan.json is taken as recorded",
     )
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
     parser.set_defaults(command=_check)
@@ -70,15 +73,23 @@ def _build(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from padgen.spec import load_spec, make_spec
+    from padgen.spec import make_spec
 
+    path, plan, source = Path(options.mesh), None, ""
     with progress_line() as progress:
         progress("reading")
-        from padgen.solid.foreign import check_file
+        from padgen.solid.foreign import check_foreign, read_mesh
 
+        mesh = read_mesh(path)
+        if options.spec:
+            from padgen.build import plan_to_compare
+
+            plan, source = plan_to_compare(options.spec, path, progress)
+        progress("checking")
         # Without a spec, the limits are the default printer's.
-        spec = load_spec(options.spec) if options.spec else make_spec(SMALLEST_SPEC)
-        report = check_file(Path(options.mesh), spec, bool(options.spec), progress)
+        report = check_foreign(mesh, plan.typed_spec if plan else make_spec(SMALLEST_SPEC), plan)
+    if source:
+        report = replace(report, figures={**report.figures, "compared_with": source})
     if options.json:
         from padgen.files import json_text
 

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from typing import Any
 
 from padgen.cli.common import add_model, add_output, add_spec, code_of, folder_of, progress_line, show, with_model
-from padgen.errors import SpecError
+from padgen.errors import FileError, SpecError
 
 __all__ = ["add"]
 
@@ -66,8 +66,12 @@ def _plan(options: argparse.Namespace) -> int:
 
 
 def _planned(spec: Any, options: argparse.Namespace) -> Any:
-    """The beam model's plan, in an instant, unless finite elements or a tolerance were asked for."""
-    if spec.model.structure != "solid" and options.tolerance is None:
+    """The beam model's plan, in an instant, unless finite elements or a tolerance were asked for.
+
+    Of a plan.json, the plan by the model that it was made by.
+    """
+    solid = spec.model.structure == "solid" or options.tolerance is not None
+    if not solid and not (options.model is None and _is_solids_plan(options.spec)):
         from padgen.planner import make_plan
 
         return make_plan(spec)
@@ -75,6 +79,21 @@ def _planned(spec: Any, options: argparse.Namespace) -> Any:
 
     with progress_line() as progress:
         return planned(spec, progress)
+
+
+def _is_solids_plan(spec: str) -> bool:
+    """Whether SPEC is a plan.json whose resonances are the printed solids'."""
+    from padgen.spec import find_spec
+
+    path = find_spec(spec)
+    if path.suffix != ".json":
+        return False
+    from padgen.planner import read_plan
+
+    try:
+        return any(channel.model == "solid" for channel in read_plan(path).channels)
+    except FileError:  # its spec alone will do
+        return False
 
 
 def _print_plan(plan: Any, explanation: Any, printed: Any) -> None:

@@ -1,7 +1,7 @@
 """The findings of a plan: what holds only just, what does not, and what would."""
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import fields, replace
 from itertools import pairwise
 
 import numpy as np
@@ -15,12 +15,13 @@ from padgen.planner.left_out import judge_left_out
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.printable import DRAWN_SHARE, steps_are_coarse
 from padgen.planner.selectivity import modes_matter
-from padgen.spec import Spec
+from padgen.spec import Coil, Spec
 from padgen.units import MM, UM
 
 SPACING_SHARE = 0.05
 """Share of a slot by which a resonance may be off before it is worth a finding."""
 GAPS_TRIED = 8
+LARGEST_GAP_MM = next(item.metadata["high"] for item in fields(Coil) if item.name == "gap_mm")
 
 __all__ = ["judge"]
 
@@ -137,16 +138,20 @@ def _modes(spec: Spec, plan: Plan) -> Iterator[Finding]:
 def _mechanics(spec: Spec, plan: Plan) -> Iterator[Finding]:
     for channel in plan.channels:
         where = f"channel {channel.index}"
-        travel_mm = (channel.level_um + channel.sag_um + channel.static_um) * UM / MM
-        # A washer that snaps to the coil is the finding coil.pull_in.
-        if spec.coil.gap_mm > channel.static_um * UM / MM and travel_mm > spec.coil.gap_mm / 3:
+        travel_mm, gap_mm = (channel.level_um + channel.sag_um + channel.static_um) * UM / MM, spec.coil.gap_mm
+        if travel_mm > gap_mm / 3:
+            touches = travel_mm >= gap_mm
+            bound = (
+                f"the gap is {number(gap_mm)} mm: its washer meets the coil"
+                if touches
+                else f"a third of the gap is {number(gap_mm / 3)} mm"
+            )
             yield Finding(
-                "warning",
+                "error" if touches else "warning",
                 "gap.travel",
                 where,
                 f"sag ({number(channel.sag_um)} µm), static pull ({number(channel.static_um)} µm) and amplitude"
-                f" together are {number(travel_mm)} mm, a third of the gap is {number(spec.coil.gap_mm / 3)} mm;"
-                f" {_wider_gap(spec, plan)}",
+                f" together are {number(travel_mm)} mm, {bound}; {_wider_gap(spec, plan)}",
             )
         if channel.root_stress_mpa > spec.material.fatigue_stress_mpa:
             level = channel.level_um * spec.material.fatigue_stress_mpa / channel.root_stress_mpa
@@ -190,7 +195,11 @@ def _wider_gap(spec: Spec, plan: Plan) -> str:
         if needed_mm <= gap_mm and all(c.static_um * UM / MM < gap_mm for c in again):
             return f"a gap of {number(gap_mm)} mm would do"
         gap_mm = float(at_least(max(needed_mm, gap_mm) * 1.001))
-    return "a lower drive.level_um or beams that sag less would do"
+        if gap_mm > LARGEST_GAP_MM:
+            break
+    if max(sag_um) * UM / MM >= spec.coil.gap_mm / 3:
+        return "no gap that a coil may have would do, only beams that sag less"
+    return "a lower drive.level_um would do"
 
 
 def _places(plan: Plan) -> Iterator[Finding]:

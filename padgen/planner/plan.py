@@ -1,12 +1,10 @@
 """`Plan`: what will be made. Frozen plain data with a JSON round trip; the contract between stages."""
 
-import json
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, get_args, get_origin
+from typing import Any
 
-from padgen.errors import FileError
 from padgen.files import json_text
 from padgen.finding import Finding
 from padgen.planner.suspensions import TOPOLOGIES, Arrangement, BeamShape, PlateShape
@@ -31,7 +29,6 @@ __all__ = [
     "Site",
     "Taxel",
     "channel_sets",
-    "plan_from_json",
     "plan_to_json",
 ]
 
@@ -382,30 +379,3 @@ def channel_sets(channels: Sequence[Channel], sets: int) -> tuple[tuple[Channel,
 def plan_to_json(plan: Plan) -> str:
     """The plan as JSON text, keys in the order of the fields; the same plan gives the same bytes."""
     return json_text(plan)
-
-
-def plan_from_json(text: str, where: str = "plan.json") -> Plan:
-    """Read a plan back.
-
-    Raises
-    ------
-    FileError
-        The text is not the JSON of a plan.
-    """
-    try:
-        plan: Plan = _read(Plan, json.loads(text))
-    except (KeyError, TypeError, ValueError) as error:
-        raise FileError(f"is not a plan ({type(error).__name__}: {error})", where) from error
-    return plan
-
-
-def _read(kind: Any, value: Any) -> Any:
-    if is_dataclass(kind):
-        make: Any = kind
-        return make(**{f.name: _read(f.type, value[f.name]) for f in fields(kind)})
-    if get_origin(kind) is tuple:
-        inner = get_args(kind)
-        if inner[-1] is Ellipsis:
-            return tuple(_read(inner[0], entry) for entry in value)
-        return tuple(_read(k, entry) for k, entry in zip(inner, value, strict=True))
-    return value

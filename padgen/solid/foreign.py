@@ -1,18 +1,17 @@
 """Checks of a mesh file from anywhere: read by trimesh or lib3mf, welded, judged."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from padgen.errors import MeshFileError
-from padgen.planner import make_plan
+from padgen.planner import Plan
 from padgen.solid.checks import Report, check_mesh, compare_mesh
 from padgen.solid.mesh import Mesh, welded
 from padgen.spec import Spec
 
-__all__ = ["check_file", "read_mesh"]
+__all__ = ["check_foreign", "read_mesh"]
 
 WELD_MM = 1e-5
 LARGEST_MM = 1e4
@@ -60,14 +59,8 @@ def _refuse_cut_short(path: Path) -> None:
         raise MeshFileError(f"is cut short: it promises {promised} triangles and holds {held}", str(path))
 
 
-def check_file(path: Path, spec: Spec, compare: bool, progress: Callable[[str], None]) -> Report:
-    """Check a mesh file against the limits of the spec's printer and, to `compare`, against its plan."""
-    progress("reading")
-    mesh = read_mesh(path)
-    progress("checking")
+def check_foreign(mesh: Mesh, spec: Spec, plan: Plan | None) -> Report:
+    """Check a mesh against the limits of the spec's printer and, where there is one, against the `plan`."""
     report = check_mesh(mesh, spec.printer, spec.material.density_g_per_cm3)
     report = replace(report, figures={**report.figures, "limits_of": spec.printer.name})
-    if not compare:
-        return report
-    progress("comparing with the plan")
-    return compare_mesh(report, mesh, make_plan(spec))
+    return report if plan is None else compare_mesh(report, mesh, plan)

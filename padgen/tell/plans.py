@@ -294,6 +294,8 @@ def figures_text(figures: dict[str, Any]) -> str:
         if value is not None:
             text = str(value) if isinstance(value, int) else f"{0.0 if abs(value) < 1e-6 else value:.3g}"
             parts.append(f"{text} {unit if value == 1 or key != 'bodies' else 'bodies'}")
+    if "compared_with" in figures:
+        parts.append(f"compared with {figures['compared_with']}")
     if "limits_of" in figures:
         parts.append(f"limits of printer {figures['limits_of']} (--spec takes those of a spec)")
     return ", ".join(parts)

@@ -1,0 +1,143 @@
+"""A `Plan` read back from its JSON: every entry there, of its kind, and what is drawn within bounds."""
+
+import json
+from dataclasses import fields, is_dataclass
+from math import isfinite
+from pathlib import Path
+from types import UnionType
+from typing import Any, get_args, get_origin
+
+from padgen.errors import FileError, SpecError
+from padgen.files import reason
+from padgen.planner.plan import Beam, Cell, CoilGrid, Plan, Plate, Site, Taxel
+from padgen.planner.suspensions import TOPOLOGIES
+from padgen.planner.tile import TURNS
+
+__all__ = ["plan_from_json", "read_plan"]
+
+DRAWN = (CoilGrid, Cell, Plate, Beam, Site, Taxel)
+"""Of these no number may be missing, as one may be where a figure has no finite value."""
+LARGEST_MM = 1e4
+MAY_BE_0 = ("post_diameter_mm", "boss_edge_mm", "fillet_mm")
+KINDS: dict[Any, tuple[tuple[type, ...], str]] = {
+    str: ((str,), "text"),
+    bool: ((bool,), "true or false"),
+    int: ((int,), "a whole number"),
+    float: ((int, float), "a number"),
+    type(None): ((type(None),), "null"),
+}
+
+
+def read_plan(path: Path) -> Plan:
+    """The plan in a file; raises `FileError` when it cannot be read or holds none."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise FileError(f"cannot be read ({reason(error)})", str(path)) from error
+    except UnicodeDecodeError as error:
+        raise FileError("is not a plan (it is not text)", str(path)) from error
+    return plan_from_json(text, str(path))
+
+
+def plan_from_json(text: str, where: str = "plan.json") -> Plan:
+    """Read a plan back.
+
+    Raises
+    ------
+    FileError
+        The text is not the JSON of a plan.
+    """
+    try:
+        plan: Plan = _read(Plan, json.loads(text), "the plan")
+        _refuse_contradictions(plan)
+    except (ValueError, RecursionError) as error:
+        raise FileError(f"is not a plan ({error}); padgen plan makes one", where) from error
+    except SpecError as error:
+        raise FileError(f"is not a plan (its spec: {error}); padgen plan makes one", where) from error
+    return plan
+
+
+def _read(kind: Any, value: Any, where: str, drawn: bool = False) -> Any:
+    """The `value` of an entry as its `kind`; raises `ValueError` when it is another."""
+    if is_dataclass(kind):
+        return _read_table(kind, value, where)
+    if get_origin(kind) is tuple:
+        return _read_list(get_args(kind), value, where, drawn)
+    if get_origin(kind) is UnionType:
+        kinds = [k for k in get_args(kind) if type(value) in KINDS[k][0]]
+        return _read(kinds[0] if kinds else get_args(kind)[0], value, where, drawn)
+    if get_origin(kind) is dict:
+        if not isinstance(value, dict):
+            raise ValueError(f"{where} must be a table")
+        return value
+    if value is None and kind is float and not drawn:
+        return None  # a figure without a finite value is written so
+    allowed, what = KINDS[kind]
+    if type(value) not in allowed or (kind is float and not _is_finite(value)):
+        raise ValueError(f"{where} must be {what}")
+    return value if value is None else kind(value)
+
+
+def _read_table(kind: Any, value: Any, where: str) -> Any:
+    if not isinstance(value, dict):
+        raise ValueError(f"{where} must be a table")
+    entries = {}
+    for item in fields(kind):
+        place = item.name if kind is Plan else f"{where}.{item.name}"
+        if item.name not in value:
+            raise ValueError(f"{place} is missing")
+        entries[item.name] = _read(item.type, value[item.name], place, kind in DRAWN)
+    return kind(**entries)
+
+
+def _read_list(kinds: tuple[Any, ...], value: Any, where: str, drawn: bool) -> tuple[Any, ...]:
+    endless = kinds[-1] is Ellipsis
+    if not isinstance(value, list) or (not endless and len(value) != len(kinds)):
+        raise ValueError(f"{where} must be a list" + ("" if endless else f" of {len(kinds)}"))
+    each = [kinds[0]] * len(value) if endless else kinds
+    return tuple(_read(k, entry, f"{where}[{i}]", drawn) for i, (k, entry) in enumerate(zip(each, value, strict=True)))
+
+
+def _is_finite(value: float) -> bool:
+    """Whether a number of any size is one that a float can hold."""
+    try:
+        return isfinite(value)
+    except OverflowError:
+        return False
+
+
+def _refuse_contradictions(plan: Plan) -> None:
+    """Raise `ValueError` for parts that do not go together, or that nobody can draw."""
+    if not plan.channels or not plan.taxels:
+        raise ValueError("it has no channels or no taxels")
+    if not plan.coils.rows > 0 < plan.coils.columns or not 0 < plan.coils.sets <= len(plan.channels):
+        raise ValueError("coils must be one or more, with no more sets than channels")
+    for index, channel in enumerate(plan.channels):
+        if channel.index != index:
+            raise ValueError(f"channels[{index}].index must be {index}")
+        if channel.beam.topology not in TOPOLOGIES or channel.site.along not in TURNS:
+            raise ValueError(f"channels[{index}] has a topology or a direction that there is not")
+        _refuse_sizes(channel.beam, f"channels[{index}].beam")
+        _refuse_sizes(channel.site, f"channels[{index}].site")
+    for index, taxel in enumerate(plan.taxels):
+        row, column = taxel.coil
+        on_grid = 0 <= row < plan.coils.rows and 0 <= column < plan.coils.columns
+        if not on_grid or not 0 <= taxel.channel < len(plan.channels):
+            raise ValueError(f"taxels[{index}] is of a coil or a channel that there is not")
+        _refuse_sizes(taxel, f"taxels[{index}]")
+    for part in ("coils", "cell", "plate"):
+        _refuse_sizes(getattr(plan, part), part)
+    _ = plan.typed_spec
+
+
+def _refuse_sizes(part: Any, where: str) -> None:
+    """Raise `ValueError` for a number of what is drawn that no pad has; places may be negative, sizes not."""
+    is_place = isinstance(part, (Site, Taxel))
+    for item in fields(part):
+        value = getattr(part, item.name)
+        for size in value if isinstance(value, tuple) else (value,):
+            if not isinstance(size, (int, float)):
+                continue
+            may_be_0 = is_place or item.name in MAY_BE_0
+            if abs(size) > LARGEST_MM or (size < 0 and not is_place) or (size == 0 and not may_be_0):
+                raise ValueError(f"{where}.{item.name} must be a size of a pad, at most {LARGEST_MM:g}")
