@@ -7,6 +7,7 @@ them in, the manifest last. An error or Ctrl-C before that leaves the old files 
 import json
 import os
 import shutil
+import stat
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import is_dataclass
@@ -15,6 +16,7 @@ from itertools import takewhile
 from json.encoder import encode_basestring
 from math import isfinite
 from pathlib import Path
+from threading import Thread
 from types import TracebackType
 from typing import Any
 
@@ -30,6 +32,7 @@ __all__ = [
     "is_current",
     "json_line",
     "json_text",
+    "read_bounded",
     "read_manifest",
     "reason",
     "stale_files",
@@ -52,6 +55,9 @@ DRIVE_FILES = (
 )
 PLAN_FILES = (YIELD_FILE, "study.csv", "study.json", "study.svg", "study.png", *DRIVE_FILES)
 """Files that belong to the plan beside them."""
+READ_BYTES = 1 << 16
+LONGEST_PIPE_S = 10.0
+"""How long what comes through a pipe may take to end."""
 
 
 def json_text(table: Any) -> str:
@@ -258,6 +264,71 @@ def is_current(path: Path, inputs: dict[str, Any]) -> bool:
         return all(file_hash((path / name).read_bytes()) == known for name, known in manifest["files"].items())
     except OSError:
         return False
+
+
+def read_bounded(path: Path, most_bytes: int, what: str) -> bytes:
+    """Read a file whole, which is to be `what` ("a tuning") and has at most so many bytes.
+
+    Ordinary files are read, and pipes (standard input, the shell's ``<(…)``) that end within `LONGEST_PIPE_S`; never
+    more than one byte beyond the bound.
+
+    Raises
+    ------
+    FileError
+        It is not there, a folder, a device, too large, or cannot be read.
+    """
+    try:
+        found = path.stat()
+        if stat.S_ISDIR(found.st_mode):
+            raise FileError("cannot be read (Is a directory)", str(path))
+        if stat.S_ISCHR(found.st_mode) or stat.S_ISBLK(found.st_mode):
+            raise FileError("cannot be read (it is a device)", str(path))
+        if stat.S_ISREG(found.st_mode):
+            data = b"" if found.st_size > most_bytes else _read_at_most(path, most_bytes + 1, found.st_size + 1)
+        else:
+            data = _read_pipe(path, most_bytes + 1)
+    except OSError as error:
+        raise FileError(f"cannot be read ({reason(error)})", str(path)) from error
+    except ValueError as error:  # names that no file can have
+        raise FileError(f"cannot be read ({error})", str(path)) from error
+    size = max(found.st_size, len(data))
+    if size > most_bytes:
+        raise FileError(f"is too large for {what}: at most {most_bytes} bytes, has {size} or more", str(path))
+    return data
+
+
+def _read_at_most(path: Path, most_bytes: int, likely: int = 0) -> bytes:
+    """Read at most so many bytes; a read takes the memory that it asks for, not what comes."""
+    blocks: list[bytes] = []
+    left = most_bytes
+    with path.open("rb") as file:
+        while block := file.read(min(left, max(likely, READ_BYTES))):
+            blocks.append(block)
+            left -= len(block)
+    return b"".join(blocks)
+
+
+def _read_pipe(path: Path, most_bytes: int) -> bytes:
+    """Read what another process writes; a thread waits for it, since opening a pipe that no one writes to waits too."""
+    read: list[bytes] = []
+    failed: list[Exception] = []
+
+    def wait() -> None:
+        try:
+            read.append(_read_at_most(path, most_bytes))
+        except Exception as error:
+            failed.append(error)
+
+    thread = Thread(target=wait, daemon=True)
+    thread.start()
+    thread.join(LONGEST_PIPE_S)
+    if failed:
+        raise failed[0]
+    if not read:
+        raise FileError(
+            f"cannot be read (it did not end within {LONGEST_PIPE_S:g} s; write it to a file first)", str(path)
+        )
+    return read[0]
 
 
 def reason(error: OSError) -> str:
