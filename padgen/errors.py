@@ -118,13 +118,13 @@ STEERING = ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp")
 
 
 def shown(value: Any) -> str:
-    """Write any `value` as a sentence repeats it: as Python does, cut where it is long.
+    """Write any `value` as a sentence repeats it: as Python does, dates as TOML, cut where it is long.
 
     >>> shown("pla"), shown(16**9999)
     ("'pla'", 'a value too large to be shown')
     """
     try:
-        return plain(repr(value), LONGEST_PART)
+        return plain(value.isoformat() if hasattr(value, "isoformat") else repr(value), LONGEST_PART)
     except (ValueError, RecursionError):  # thousands of digits, or of brackets within brackets
         return "a value too large to be shown"
 
