@@ -16,6 +16,8 @@ Findings (`padgen.finding`) are verdicts on a pad that was made; an exception me
 
 from collections.abc import Callable
 from math import ceil, floor, log10
+from typing import Any
+from unicodedata import category
 
 __all__ = [
     "EngineMissingError",
@@ -29,18 +31,26 @@ __all__ = [
     "at_least",
     "at_most",
     "number",
+    "plain",
+    "shown",
 ]
+
+LONGEST, LONGEST_PART = 2000, 300
+"""Characters of a sentence, and of where it applies or of one value in it."""
 
 
 class PadgenError(Exception):
-    """Base of all errors that end a command with one sentence and exit code 2."""
+    """Base of all errors that end a command with one sentence and exit code 2.
+
+    Whatever the sentence repeats of the user's input is cut where it is long, and made `plain`.
+    """
 
     code = "padgen"
 
     def __init__(self, message: str, where: str = "") -> None:
-        super().__init__(message)
-        self.message = message
-        self.where = where
+        self.message = plain(message, LONGEST)
+        self.where = plain(where, LONGEST_PART)
+        super().__init__(self.message, self.where)
 
     def __str__(self) -> str:
         return f"{self.where}: {self.message}" if self.where else self.message
@@ -88,13 +98,44 @@ class EngineMissingError(SolverError):
     code = "engine"
 
 
+def plain(text: str, most: int | None = None) -> str:
+    r"""`text` on one line, with what would steer a terminal or turn the writing's direction as its escape.
+
+    Without its middle where it has more than `most` characters: a sentence ends with what would do.
+
+    >>> plain("pad\x1b[2J.stl\n"), plain("abcdefgh", 5)
+    ('pad\\x1b[2J.stl\\n', 'ab…gh')
+    """
+    if most and len(text) > most:
+        text = f"{text[: most // 2]}…{text[-(most // 2) :]}"
+    if text.isprintable():
+        return text
+    return "".join(repr(sign)[1:-1] if category(sign) in STEERING else sign for sign in text)
+
+
+STEERING = ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp")
+"""Unicode's kinds of characters that are no writing: control, format, halves of others, private, none, line ends."""
+
+
+def shown(value: Any) -> str:
+    """Write any `value` as a sentence repeats it: as Python does, dates as TOML, cut where it is long.
+
+    >>> shown("pla"), shown(16**9999)
+    ("'pla'", 'a value too large to be shown')
+    """
+    try:
+        return plain(value.isoformat() if hasattr(value, "isoformat") else repr(value), LONGEST_PART)
+    except (ValueError, RecursionError):  # thousands of digits, or of brackets within brackets
+        return "a value too large to be shown"
+
+
 def number(value: float) -> str:
     """Write `value` for a sentence: whole numbers whole, others with at most five significant digits.
 
     >>> number(4.0), number(0.123456), number(100_000)
     ('4', '0.12346', '100000')
     """
-    return str(value) if isinstance(value, int) else f"{value:.5g}"
+    return shown(value) if isinstance(value, int) else f"{value:.5g}"
 
 
 def at_least(value: float) -> str:
@@ -116,7 +157,7 @@ def at_most(value: float) -> str:
 
 
 def _rounded_outwards(value: float, rounding: Callable[[float], int]) -> str:
-    if value <= 0:
+    if not 1e-300 < value < 1e300:  # nor is a step of them a number
         return number(value)
     step = 10.0 ** (floor(log10(value)) - 3)
     return f"{rounding(value / step) * step:.4g}"

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from padgen.errors import LONGEST, plain
+
 __all__ = ["LEVELS", "Finding", "worst_level"]
 
 LEVELS = ("note", "warning", "error")
@@ -31,6 +33,8 @@ class Finding:
     def __post_init__(self) -> None:
         if self.level not in LEVELS:
             raise ValueError(f"level must be one of {LEVELS}, got {self.level!r}")
+        for name in ("where", "message"):
+            object.__setattr__(self, name, plain(getattr(self, name), LONGEST))
 
 
 def worst_level(findings: "tuple[Finding, ...] | list[Finding]") -> str:

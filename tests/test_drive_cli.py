@@ -131,6 +131,8 @@ def test_every_command_lists_what_it_wrote(work):
     assert cli.run(["plan", "quad-64", "-o", "o"]) in (0, 1)
     assert {"pad_drive.h", "excitation.wav", "retune.json"}.isdisjoint(names(work / "o"))
     assert {"tuning.json", "measured.csv", "padgen_drive.c"} <= set(names(work / "o"))
+
+
 @pytest.mark.parametrize(
     "command",
     [

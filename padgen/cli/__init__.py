@@ -9,16 +9,19 @@ import io
 import json
 import os
 import sys
+import warnings
 from contextlib import suppress
 from typing import NoReturn
 
 from padgen import __version__
 from padgen.cli import build, cache, drive, plan, play, retune, small, study, sweep
 from padgen.cli.common import BAD_INPUT, DONE
-from padgen.errors import PadgenError
+from padgen.errors import LONGEST, PadgenError, plain
 
 __all__ = ["main", "run"]
 
+DEBUG = "PADGEN_DEBUG"
+"""The variable that lets warnings and tracebacks through."""
 COMMANDS = (plan, build, drive, play, retune, study, sweep, cache, small)
 
 
@@ -26,6 +29,10 @@ def main() -> NoReturn:
     """Entry point of the console script."""
     # Thousands of 6 x 6 matrices gain nothing from threads, and wait for them under load.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    if DEBUG not in os.environ and not sys.warnoptions:
+        # Those of libraries are for who writes programs; what they warn of is judged, and said in a sentence.
+        warnings.simplefilter("ignore")
+        os.environ["PYTHONWARNINGS"] = "ignore"  # of processes that are started
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # closed, as some that start programs leave them
             setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w"))
@@ -66,9 +73,19 @@ def run(arguments: list[str]) -> int:
         return _refused(
             f"the machine has not enough memory for this padgen {asked}; files are as they were", "memory", as_json
         )
+    except Exception as error:
+        if DEBUG in os.environ:
+            raise
+        told = f"{type(error).__name__}: {error}"
+        return _refused(
+            f"internal error ({told}); please report it with the command and its files ({DEBUG}=1 shows where it is)",
+            "internal",
+            as_json,
+        )
 
 
 def _refused(sentence: str, code: str, as_json: bool) -> int:
+    sentence = plain(sentence, LONGEST)
     if as_json:
         with suppress(OSError):
             print(json.dumps({"error": {"code": code, "message": sentence}}, ensure_ascii=False), flush=True)

@@ -97,6 +97,6 @@ def _check(options: argparse.Namespace) -> int:
     else:
         from padgen.tell import figures_text, findings_text
 
-        print(figures_text(report.figures))
-        print(findings_text(report.findings))
+        show(figures_text(report.figures))
+        show(findings_text(report.findings))
     return code_of(report.findings)

@@ -8,6 +8,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from padgen.errors import plain
+
 __all__ = [
     "BAD_INPUT",
     "CHECK_FAILED",
@@ -75,7 +77,8 @@ def folder_of(options: argparse.Namespace, name: str) -> Path:
 
 
 def show(text: str) -> None:
-    """Print for people: on a terminal, sentences wrapped to its width; tables and pipes as they are."""
+    """Print for people, lines `plain`: on a terminal, sentences wrapped to its width; tables and pipes as they are."""
+    text = "\n".join(plain(line) for line in text.split("\n"))
     if sys.stdout.isatty():
         import shutil
         import textwrap
@@ -84,7 +87,7 @@ def show(text: str) -> None:
         # Columns of a table stand two spaces apart.
         text = "\n".join(
             line if "  " in line.strip() else textwrap.fill(line, width, subsequent_indent="  ")
-            for line in text.splitlines()
+            for line in text.split("\n")
         )
     print(text)
 
@@ -103,7 +106,7 @@ def progress_line() -> Iterator[Any]:
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("")
-        yield lambda step: bar.update(task, description=step)
+        yield lambda step: bar.update(task, description=plain(step))

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from typing import Any
 
 from padgen.cli.common import add_model, add_output, add_spec, code_of, folder_of, progress_line, show, with_model
-from padgen.errors import FileError, SpecError
+from padgen.errors import FileError, SpecError, plain
 
 __all__ = ["add"]
 
@@ -59,9 +59,9 @@ def _plan(options: argparse.Namespace) -> int:
         print(json_text({**json.loads(text), **present}) if present else text, end="")
     else:
         _print_plan(plan, explanation, printed)
-        print(f"\nwritten: {folder / 'plan.json'}{f'  {YIELD_FILE}' if printed else ''}")
+        show(f"\nwritten: {plain(str(folder / 'plan.json'))}{f'  {YIELD_FILE}' if printed else ''}")
         if stale:
-            print(f"the other files in {folder} are of an earlier plan; padgen build makes them anew")
+            show(f"the other files in {plain(str(folder))} are of an earlier plan; padgen build makes them anew")
     return code_of(plan.findings)
 
 

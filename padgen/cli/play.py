@@ -5,7 +5,7 @@ from typing import Any
 
 from padgen.cli.common import DONE, add_model, progress_line, show
 from padgen.cli.drive import add_frames, frames_of, plan_of, tuning_of
-from padgen.errors import SpecError
+from padgen.errors import SpecError, plain
 
 __all__ = ["add"]
 
@@ -69,7 +69,7 @@ def _serial(options: argparse.Namespace) -> int:
         return DONE
     lost = f"; {played.resent} messages were lost on the line and sent again" if played.resent else ""
     frames_shown = "1 frame" if played.frames == 1 else f"{played.frames} frames"
-    show("\n".join([f"showed {frames_shown} in {played.seconds:.1f} s on {options.port}{lost}", *notes]))
+    show("\n".join([f"showed {frames_shown} in {played.seconds:.1f} s on {plain(options.port)}{lost}", *notes]))
     return DONE
 
 
@@ -91,7 +91,7 @@ def _audio(options: argparse.Namespace) -> int:
         _print_json({"device": played.device.name, "seconds": played.seconds, "late_blocks": played.missed})
         return DONE
     late = f"; {played.missed} blocks came too late, and were heard as gaps" if played.missed else ""
-    show(f"played {played.seconds:.1f} s on {played.device.name}{late}")
+    show(f"played {played.seconds:.1f} s on {plain(played.device.name)}{late}")
     return DONE
 
 

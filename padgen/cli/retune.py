@@ -5,7 +5,7 @@ from typing import Any
 
 from padgen.cli.common import add_model, add_output, add_spec, code_of, folder_of, progress_line, show
 from padgen.cli.drive import plan_of
-from padgen.errors import SpecError
+from padgen.errors import SpecError, plain
 
 __all__ = ["add"]
 
@@ -85,8 +85,9 @@ def _retune(options: argparse.Namespace) -> int:
 
         show(retuned_text(plan, written.result))
         show(findings_text(written.result.findings))
-        show(f"written to {written.folder}: {'  '.join(written.files)}")
-        show(f"next: padgen drive {options.spec} --tuning {written.folder / 'tuning.json'} --state all --hear")
+        folder = plain(str(written.folder))
+        show(f"written to {folder}: {'  '.join(written.files)}")
+        show(f"next: padgen drive {plain(options.spec)} --tuning {folder}/tuning.json --state all --hear")
     return code_of(written.result.findings)
 
 

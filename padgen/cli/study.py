@@ -4,7 +4,7 @@ import argparse
 from typing import Any
 
 from padgen.cli.common import CHECK_FAILED, DONE, add_output, folder_of, progress_line, show
-from padgen.errors import SpecError
+from padgen.errors import SpecError, plain
 
 __all__ = ["add"]
 
@@ -45,7 +45,7 @@ def _study(options: argparse.Namespace) -> int:
         from padgen.study.tell import study_text
 
         show(study_text(study))
-        print(f"\nwritten to {study.folder}: {'  '.join(study.files)}")
+        show(f"\nwritten to {plain(str(study.folder))}: {'  '.join(study.files)}")
     return DONE
 
 
@@ -62,5 +62,5 @@ def _extreme_study(options: argparse.Namespace) -> int:
         from padgen.study.tell import extreme_text
 
         show(extreme_text(study))
-        print(f"\nwritten to {study.folder}: {'  '.join(study.files)}")
+        show(f"\nwritten to {plain(str(study.folder))}: {'  '.join(study.files)}")
     return DONE if study.holds else CHECK_FAILED

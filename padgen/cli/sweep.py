@@ -10,7 +10,7 @@ from typing import Any
 
 from padgen.cli.cache import add_cache, use_cache
 from padgen.cli.common import BAD_INPUT, CHECK_FAILED, DONE, folder_of, show
-from padgen.errors import SpecError
+from padgen.errors import SpecError, plain
 
 __all__ = ["add"]
 
@@ -67,7 +67,7 @@ def _sweep(options: argparse.Namespace) -> int:
     if result.stopped:
         # After the summary, as what was done is kept.
         again = "the same command" if options.resume else "the same command without --no-resume"
-        print(f"padgen: {result.stopped}; {again} goes on where it stopped", file=sys.stderr)
+        print(f"padgen: {plain(result.stopped)}; {again} goes on where it stopped", file=sys.stderr)
         return BAD_INPUT
     return CHECK_FAILED if result.failed else DONE
 
@@ -82,7 +82,7 @@ def _sum_up(options: argparse.Namespace, told: tuple[Any, ...], note: str) -> No
     if note:
         show(f"note: {note}")
     if told[2].failed:
-        print("the same command with --retry makes the failed ones once more")
+        show("the same command with --retry makes the failed ones once more")
 
 
 def _executor(address: str | None) -> Any:
@@ -120,7 +120,7 @@ def _failure(sweep: Any, event: Any, write: Callable[[str], None]) -> None:
         from padgen.sweep.points import variant_name
 
         before = " (in an earlier run)" if event.reused else ""
-        write(f"failed{before}: {variant_name(sweep, event.record.number)}: {event.record.sentence}")
+        write(f"failed{before}: {variant_name(sweep, event.record.number)}: {plain(event.record.sentence)}")
 
 
 @contextmanager

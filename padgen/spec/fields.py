@@ -8,9 +8,26 @@ import types
 from dataclasses import MISSING, Field, field, fields
 from typing import Any, Union, get_args, get_origin
 
-from padgen.errors import SpecError, number
+from padgen.errors import SpecError, number, plain, shown
 
-__all__ = ["build", "checked", "choice", "flag", "numbers", "optional_type", "quantity", "text", "unknown_name"]
+__all__ = [
+    "build",
+    "checked",
+    "choice",
+    "entry_name",
+    "flag",
+    "folder_name",
+    "numbers",
+    "optional_type",
+    "quantity",
+    "text",
+    "unknown_name",
+]
+
+LONGEST_TEXT = 1000
+"""Characters of a text."""
+MOST_NUMBERS = 10_000
+"""Entries of a list."""
 
 
 def quantity(default: Any = MISSING, *, unit: str, low: float, high: float, doc: str, above: bool = False) -> Any:
@@ -30,9 +47,24 @@ def choice(default: Any = MISSING, *, of: tuple[str, ...], doc: str) -> Any:
     return field(default=default, metadata={"choices": of, "doc": doc})
 
 
-def text(default: Any = MISSING, *, doc: str, pattern: str | None = None) -> Any:
+def text(default: Any = MISSING, *, doc: str) -> Any:
     """A line of text."""
-    return field(default=default, metadata={"doc": doc, "pattern": pattern})
+    return field(default=default, metadata={"doc": doc})
+
+
+def entry_name(*, doc: str) -> Any:
+    """The name of a part, which goes into tables of all kinds: no spreadsheet takes it for a formula."""
+    return field(metadata={"doc": doc, "pattern": r"[^\s=+@-].{0,99}"})
+
+
+def folder_name(*, doc: str, most: int) -> Any:
+    """A name that is a folder's as well, on every system; of `most` characters."""
+    pattern = rf"[A-Za-z0-9]([A-Za-z0-9._-]{{0,{most - 2}}}[A-Za-z0-9_-])?"
+    return field(metadata={"doc": doc, "pattern": pattern, "reserved": RESERVED})
+
+
+RESERVED = ("con", "prn", "aux", "nul", *(f"{port}{digit}" for port in ("com", "lpt") for digit in range(10)))
+"""Names of devices on Windows, whatever follows after a dot."""
 
 
 def flag(default: bool, *, doc: str) -> Any:
@@ -52,9 +84,9 @@ def unknown_name(name: str, known: "list[str]", what: str, where: str) -> SpecEr
     """The error for a `name` that is none of `known`, with the nearest one that is."""
     from difflib import get_close_matches
 
-    near = get_close_matches(name, known, n=1, cutoff=0.5)
+    near = get_close_matches(name[:LONGEST_TEXT], known, n=1, cutoff=0.5)
     hint = f"did you mean {near[0]!r}?" if near else "known are " + ", ".join(sorted(known))
-    return SpecError(f"there is no {what} {name!r}; {hint}", where)
+    return SpecError(f"there is no {what} {shown(name)}; {hint}", where)
 
 
 def build(kind: type, table: Any, where: str, base: "dict[str, Any] | None" = None) -> Any:
@@ -66,7 +98,7 @@ def build(kind: type, table: Any, where: str, base: "dict[str, Any] | None" = No
         The table has an unknown key, lacks one that has no default, or holds a bad value.
     """
     if not isinstance(table, dict):
-        raise SpecError(f"must be a table, got {table!r}", where)
+        raise SpecError(f"must be a table, got {shown(table)}", where)
     known = {f.name: f for f in fields(kind)}
     prefix = f"{where}." if where else ""
     for key in table:
@@ -99,7 +131,7 @@ def checked(item: "Field[Any]", value: Any, where: str) -> Any:
 
 def _of_type(kind: Any, value: Any, where: str, what: str) -> Any:
     if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
-        raise SpecError(f"must be {what}, got {value!r}", where)
+        raise SpecError(f"must be {what}, got {shown(value)}", where)
     return value
 
 
@@ -107,12 +139,16 @@ def _checked_text(item: "Field[Any]", value: str, where: str) -> str:
     choices = item.metadata.get("choices")
     if choices and value not in choices:
         raise unknown_name(value, list(choices), "choice", where)
+    if len(value) > LONGEST_TEXT or plain(value) != value:
+        raise SpecError(f"must be a line of at most {LONGEST_TEXT} characters, got {shown(value)}", where)
     pattern = item.metadata.get("pattern")
     if pattern:
         import re
 
         if not re.fullmatch(pattern, value):
-            raise SpecError(f"must match {pattern}, got {value!r}", where)
+            raise SpecError(f"must match {pattern}, got {shown(value)}", where)
+    if value.partition(".")[0].lower() in item.metadata.get("reserved", ()):
+        raise SpecError(f"must not be the name of a device on Windows, got {value!r}", where)
     return value
 
 
@@ -133,7 +169,9 @@ def _checked_numbers(item: "Field[Any]", kind: Any, value: Any, where: str) -> t
     count, unit = item.metadata["count"], item.metadata["unit"]
     what = f"a list of {count or 'one or more'} numbers in {unit}"
     if not isinstance(value, (list, tuple)) or not value or (count and len(value) != count):
-        raise SpecError(f"must be {what}, got {value!r}", where)
+        raise SpecError(f"must be {what}, got {shown(value)}", where)
+    if len(value) > MOST_NUMBERS:
+        raise SpecError(f"must be at most {MOST_NUMBERS} numbers, got {len(value)}", where)
     inner = get_args(kind)[0]
     what = "a whole number" if inner is int else "a number"
     allowed = int if inner is int else (int, float)

@@ -2,12 +2,14 @@
 
 import csv
 import json
+import os.path
 from dataclasses import fields
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from padgen.errors import FileError, SpecError
+from padgen.errors import FileError, SpecError, shown
+from padgen.files import read_bounded
 from padgen.spec.fields import build, optional_type, unknown_name
 from padgen.spec.model import Coil, Drive, Material, Model, Pad, Printer, Spec, Suspension, Taxel, Washer
 from padgen.spec.refusals import refuse_contradictions
@@ -28,6 +30,8 @@ __all__ = [
     "without_none",
 ]
 
+LARGEST_TOML, LARGEST_PLAN = 1 << 20, 1 << 25
+"""Bytes of a spec or sweep, and of a plan.json: one of 100,000 taxels has a third of it."""
 CATALOGUES = {
     "material": (Material, "materials.csv"),
     "printer": (Printer, "printers.csv"),
@@ -73,9 +77,10 @@ def find_spec(spec: str) -> Path:
     path = Path(spec)
     if not spec.strip():
         raise FileError("must name a TOML file or a template, got nothing", "SPEC")
-    if path.is_dir():
+    # As those of a `Path` they would raise for names that no file can have.
+    if os.path.isdir(spec):
         raise FileError("is a folder, must be a TOML file or the name of a template", spec)
-    if path.exists():
+    if os.path.exists(spec):
         return path
     templates = template_paths()
     if spec in templates:
@@ -95,16 +100,21 @@ def read_table(path: Path, where: str) -> dict[str, Any]:
     """The tables of a spec's file, TOML or the ``plan.json`` of a pad; errors call it `where`."""
     if path.suffix != ".json":
         return read_toml(path, where)
+    data = _read(path, LARGEST_PLAN, "a plan.json", where)
     try:
-        table = json.loads(path.read_bytes()).get("spec")
-    except OSError as error:
-        raise FileError(f"cannot be read ({error.strerror or error})", where) from error
+        table = without_none(json.loads(data).get("spec"))
     except (ValueError, AttributeError, RecursionError):
         table = None
     if not isinstance(table, dict):
         raise FileError("is no plan.json, which would have the spec of its pad", where)
-    without: dict[str, Any] = without_none(table)
-    return without
+    return table
+
+
+def _read(path: Path, most_bytes: int, what: str, where: str) -> bytes:
+    try:
+        return read_bounded(path, most_bytes, what)
+    except FileError as error:
+        raise FileError(error.message, where) from error
 
 
 def without_none(value: Any) -> Any:
@@ -128,11 +138,9 @@ def parse_spec(text: str, where: str = "spec", folder: Path = Path()) -> Spec:
 def read_toml(path: Path, where: str) -> dict[str, Any]:
     """The tables of a TOML file, which errors call `where`."""
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        text = _read(path, LARGEST_TOML, "a TOML file", where).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise FileError(f"is not TOML: byte {error.start} is not UTF-8 text", where) from error
-    except (OSError, ValueError) as error:
-        raise FileError(f"cannot be read ({getattr(error, 'strerror', None) or error})", where) from error
     return parse_toml(text, where)
 
 
@@ -158,7 +166,7 @@ def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
         if isinstance(value, str):
             table[name] = {key: value}
         elif not isinstance(value, dict):
-            raise SpecError(f"must be the name of its {key} or a table, got {value!r}", name)
+            raise SpecError(f"must be the name of its {key} or a table, got {shown(value)}", name)
     parts: dict[str, Any] = {name: build(kind, table.pop(name, {}), name) for name, kind in PLAIN_TABLES.items()}
     parts["printer"] = _entry("printer", table.pop("printer", {}), DEFAULTS["printer"])
     parts["material"] = _entry("material", table.pop("material", {}), DEFAULT_MATERIALS[parts["printer"].process])
@@ -176,10 +184,10 @@ def _entry(table: str, value: Any, default: str) -> Any:
     entries = catalogue(table)
     overrides = {"name": value} if isinstance(value, str) else value
     if not isinstance(overrides, dict):
-        raise SpecError(f"must be a name or a table, got {value!r}", table)
+        raise SpecError(f"must be a name or a table, got {shown(value)}", table)
     name = overrides.get("name", default)
     if not isinstance(name, str):
-        raise SpecError(f"must be text, got {name!r}", f"{table}.name")
+        raise SpecError(f"must be text, got {shown(name)}", f"{table}.name")
     if name in entries:
         return build(kind, overrides, table, entries[name])
     required = {f.name for f in fields(kind)} & set(entries[default]) - {"source"}

@@ -6,7 +6,7 @@ any of its fields.
 
 from dataclasses import dataclass, field
 
-from padgen.spec.fields import choice, flag, numbers, quantity, text
+from padgen.spec.fields import choice, entry_name, flag, folder_name, numbers, quantity, text
 
 __all__ = [
     "DRIVE_SCHEMES",
@@ -69,7 +69,7 @@ class Taxel:
 class Material:
     """A printed polymer."""
 
-    name: str = text(doc="name in the catalogue")
+    name: str = entry_name(doc="name in the catalogue")
     process: str = choice(of=("fdm", "resin"), doc="process that prints it")
     youngs_modulus_gpa: float = quantity(unit="GPa", low=1e-3, high=300, doc="flexural modulus of the print")
     poisson_ratio: float = quantity(unit="1", low=0, high=0.499, doc="Poisson's ratio")
@@ -92,7 +92,7 @@ class Material:
 class Printer:
     """A printer with the settings that the pad is sized for."""
 
-    name: str = text(doc="name in the catalogue")
+    name: str = entry_name(doc="name in the catalogue")
     process: str = choice(of=("fdm", "resin"), doc="process")
     nozzle_mm: float = quantity(unit="mm", low=0.01, high=2, doc="nozzle diameter (resin: pixel)")
     line_width_mm: float = quantity(unit="mm", low=0.01, high=3, doc="one extrusion line; smallest wall")
@@ -134,7 +134,7 @@ class Printer:
 class Washer:
     """A flat washer."""
 
-    name: str = text(doc="name in the catalogue")
+    name: str = entry_name(doc="name in the catalogue")
     outer_diameter_mm: float = quantity(unit="mm", low=0.5, high=100, doc="outer diameter")
     inner_diameter_mm: float = quantity(unit="mm", low=0, high=99, doc="bore")
     thickness_mm: float = quantity(unit="mm", low=0.05, high=20, doc="thickness")
@@ -147,7 +147,7 @@ class Washer:
 class Coil:
     """A solenoid with a core of its own length, its top at `gap_mm` below the washers of a flat pad."""
 
-    name: str = text(doc="name in the catalogue")
+    name: str = entry_name(doc="name in the catalogue")
     outer_diameter_mm: float = quantity(unit="mm", low=0.5, high=200, doc="outside of the winding")
     inner_diameter_mm: float = quantity(unit="mm", low=0.1, high=199, doc="inside of the winding")
     length_mm: float = quantity(unit="mm", low=0.1, high=500, doc="length of winding and core")
@@ -259,7 +259,7 @@ class Model:
 class Spec:
     """The whole spec. `name`, `resolution`, `band_hz` and `q_min` have no default."""
 
-    name: str = text(doc="name of the pad and of its folder", pattern=r"[A-Za-z0-9][A-Za-z0-9._-]{0,79}")
+    name: str = folder_name(doc="name of the pad and of its folder", most=80)
     resolution: int = quantity(unit="taxels", low=1, high=100_000, doc="target number of taxels")
     band_hz: tuple[float, float] = numbers(
         unit="Hz", low=0.01, high=1e6, count=2, doc="[lowest, highest] frequency of the resonances"

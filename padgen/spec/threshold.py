@@ -6,6 +6,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from padgen.errors import FileError, SpecError, number
+from padgen.files import read_bounded
 from padgen.spec.fields import build
 from padgen.spec.model import Drive, Spec
 
@@ -47,13 +48,9 @@ def _text(folder: Path, name: str) -> str:
     path = folder / name
     where = f"{_WHERE} {str(path)!r}"
     try:
-        if not path.is_file():
-            raise FileError("is not a file" if path.exists() else "there is no such file", where)
-        if path.stat().st_size > LARGEST_FILE:
-            raise FileError(f"must be at most {LARGEST_FILE} bytes, has {path.stat().st_size}", where)
-        return path.read_bytes().decode("utf-8-sig")
-    except OSError as error:
-        raise FileError(f"cannot be read ({error.strerror})", where) from error
+        return read_bounded(path, LARGEST_FILE, "a threshold").decode("utf-8-sig")
+    except FileError as error:
+        raise FileError(error.message, where) from error
     except UnicodeDecodeError as error:
         raise FileError(f"is not CSV: byte {error.start} is not UTF-8 text", where) from error
 

@@ -1,15 +1,15 @@
 """`Sweep`: which variants of a base spec are to be made, from TOML. Frozen plain data."""
 
-import reprlib
+import os.path
 from copy import deepcopy
 from dataclasses import Field, dataclass, field, fields, is_dataclass
-from math import ceil, floor, isfinite
+from math import ceil, floor
 from pathlib import Path
 from typing import Any
 
-from padgen.errors import SpecError, number
+from padgen.errors import SpecError, number, shown
 from padgen.spec import Spec, find_spec, make_spec
-from padgen.spec.fields import build, checked, choice, flag, optional_type, quantity, text, unknown_name
+from padgen.spec.fields import build, checked, choice, flag, folder_name, optional_type, quantity, text, unknown_name
 from padgen.spec.load import CATALOGUES, SHORTHANDS, catalogue, parse_toml, read_table, read_toml
 from padgen.sweep.expression import Expression, parse_expression
 
@@ -21,6 +21,8 @@ SCALES = ("linear", "log")
 MOST_VALUES, MOST_AT_ONCE = 10_000, 100_000
 LARGEST = 1e15
 """Above any bound of a field, and small enough that arithmetic on it stays finite."""
+DEEPEST = 4
+"""Lists and tables within one another that a value may be."""
 RANGE_KEYS = ("low", "high", "steps", "scale")
 
 
@@ -62,7 +64,7 @@ class Limits:
 class Settings:
     """The top level of a sweep's TOML, but its tables."""
 
-    name: str = text(doc="name of the sweep and of its folder", pattern=r"[A-Za-z0-9][A-Za-z0-9._-]{0,71}")
+    name: str = folder_name(doc="name of the sweep and of its folder", most=72)
     base: str = text(doc="a spec's file (beside the sweep's) or the name of a template")
     stage: str = choice("plan", of=STAGES, doc="how far each variant is made")
     formats: str = text("stl,3mf,step", doc="of a build, as `padgen build` has them")
@@ -113,8 +115,9 @@ def _sweep(table: dict[str, Any], folder: Path, where: str) -> Sweep:
 def _of_tables(table: dict[str, Any], folder: Path) -> Sweep:
     tables = {key: table.pop(key, {}) for key in ("axes", "sample", "limits")}
     linked, constraints = table.pop("linked", []), table.pop("constraints", [])
-    if isinstance(table.get("formats"), list):
-        table["formats"] = ",".join(str(entry) for entry in table["formats"])
+    formats = table.get("formats")
+    if isinstance(formats, list) and all(isinstance(entry, str) for entry in formats):
+        table["formats"] = ",".join(formats)
     for key in table:
         if key not in TOP_KEYS:
             raise unknown_name(key, TOP_KEYS, "key", "sweep")
@@ -127,7 +130,7 @@ def _of_tables(table: dict[str, Any], folder: Path) -> Sweep:
     sample = _sample(tables["sample"])
     axes = _axes(tables["axes"], linked, spec, sample)
     if not isinstance(constraints, list) or not all(isinstance(entry, str) for entry in constraints):
-        raise SpecError(f"must be a list of conditions as text, got {constraints!r}", "constraints")
+        raise SpecError(f"must be a list of conditions as text, got {shown(constraints)}", "constraints")
     _refuse_formats(settings)
     _refuse_values(axes)
     return Sweep(
@@ -204,7 +207,7 @@ def _refuse_formats(settings: Settings) -> None:
 def _base(name: str, folder: Path) -> tuple[dict[str, Any], Path]:
     """The base spec's table: a file beside the sweep's, or a template."""
     beside = folder / name
-    path = beside if beside.is_file() else find_spec(name)
+    path = beside if os.path.isfile(beside) else find_spec(name)
     return read_table(path, name), path.parent
 
 
@@ -240,7 +243,7 @@ def _axis(name: str, value: Any, spec: Spec, sample: Sample) -> Axis:
     if isinstance(value, list):
         return Axis((name,), tuple((entry,) for entry in _filled(value, f"axes.{name}")))
     if not isinstance(value, dict):
-        raise SpecError(f"must be a list of values or a range {{low, high, steps}}, got {value!r}", f"axes.{name}")
+        raise SpecError(f"must be a list of values or a range {{low, high, steps}}, got {shown(value)}", f"axes.{name}")
     for key in value:
         if key not in RANGE_KEYS:
             raise unknown_name(key, list(RANGE_KEYS), "key", f"axes.{name}")
@@ -263,7 +266,9 @@ def _range(name: str, value: dict[str, Any], spec: Spec, sample: Sample) -> Axis
     fewest = 2 if sample.method == "grid" else 0
     if not isinstance(steps, int) or isinstance(steps, bool) or not fewest <= steps <= MOST_VALUES:
         got = (
-            f"got {steps!r}" if "steps" in value else f"as {{ low = {number(low)}, high = {number(high)}, steps = 5 }}"
+            f"got {shown(steps)}"
+            if "steps" in value
+            else f"as {{ low = {number(low)}, high = {number(high)}, steps = 5 }}"
         )
         raise SpecError(f"must be a whole number, {fewest} … {MOST_VALUES}, {got}", f"{where}.steps")
     if kind is int:
@@ -275,7 +280,7 @@ def _range(name: str, value: dict[str, Any], spec: Spec, sample: Sample) -> Axis
 
 def _finite(value: Any, where: str) -> float:
     if not isinstance(value, (int, float)) or isinstance(value, bool) or not abs(value) < LARGEST:
-        raise SpecError(f"must be a number, got {value!r}" if value is not None else "is missing", where)
+        raise SpecError(f"must be a number, got {shown(value)}" if value is not None else "is missing", where)
     return float(value)
 
 
@@ -295,20 +300,21 @@ def _linked(entry: Any, spec: Spec) -> Axis:
 
 def _filled(values: Any, where: str) -> list[Any]:
     if not isinstance(values, list) or not 1 <= len(values) <= MOST_VALUES:
-        raise SpecError(f"must be a list of 1 … {MOST_VALUES} values, got {reprlib.repr(values)}", where)
+        raise SpecError(f"must be a list of 1 … {MOST_VALUES} values, got {shown(values)}", where)
     for index, value in enumerate(values):
         if not _is_plain(value):
-            raise SpecError(f"must be a number, text, true, false or a list of those, got {value}", f"{where}[{index}]")
+            raise SpecError(
+                f"must be a number, text, true, false or a list of those, got {shown(value)}", f"{where}[{index}]"
+            )
     return values
 
 
-def _is_plain(value: Any) -> bool:
-    """Whether JSON has it too: neither a date nor a time of TOML."""
-    if isinstance(value, dict):
-        return all(_is_plain(entry) for entry in value.values())
-    if isinstance(value, list):
-        return all(_is_plain(entry) for entry in value)
-    return isinstance(value, (str, int, float)) and (not isinstance(value, float) or isfinite(value))
+def _is_plain(value: Any, depth: int = 0) -> bool:
+    """Whether JSON has it too: neither a date nor a time of TOML, nor a number that no field takes."""
+    if isinstance(value, (dict, list)):
+        entries = value.values() if isinstance(value, dict) else value
+        return depth < DEEPEST and all(_is_plain(entry, depth + 1) for entry in entries)
+    return isinstance(value, str) or (isinstance(value, (int, float)) and abs(value) < LARGEST)
 
 
 def _refuse_unknown(name: str, spec: Spec) -> None:

@@ -7,13 +7,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, is_dataclass
 from typing import Any
 
-from padgen.errors import SpecError
+from padgen.errors import SpecError, shown
 from padgen.spec import Spec
 
 __all__ = ["Expression", "parse_expression"]
 
-LONGEST = 80
-"""Characters of a condition that errors repeat."""
+LONGEST, LONGEST_SHOWN = 1000, 80
+"""Characters of a condition, and of what errors repeat of it."""
+LARGEST_WHOLE = 2**53
+"""Whole numbers beyond are taken as floats, whose arithmetic takes no time and no room."""
 OPERATORS: dict[type, Callable[..., Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -32,7 +34,14 @@ OPERATORS: dict[type, Callable[..., Any]] = {
     ast.Gt: operator.gt,
     ast.GtE: operator.ge,
 }
-FUNCTIONS: dict[str, Callable[..., Any]] = {"abs": abs, "min": min, "max": max, "round": round}
+
+
+def _round(value: float, digits: int | None = None) -> float:
+    """Round to digits as a float: a whole number would be divided by ten to as many as are asked for."""
+    return round(value) if digits is None else round(float(value), digits)
+
+
+FUNCTIONS: dict[str, Callable[..., Any]] = {"abs": abs, "min": min, "max": max, "round": _round}
 
 
 @dataclass(frozen=True)
@@ -54,10 +63,8 @@ class Expression:
         """
         try:
             return bool(_evaluated(self.tree, values, spec or self.spec))
-        except (ArithmeticError, LookupError, TypeError, ValueError) as error:
-            raise SpecError(
-                f"cannot be worked out for {dict(values)} ({error})", f"constraint {self.text!r}"
-            ) from error
+        except (ArithmeticError, LookupError, RecursionError, TypeError, ValueError) as error:
+            raise SpecError(f"cannot be worked out for {shown(dict(values))} ({error})", _where(self.text)) from error
 
 
 def parse_expression(text: str, spec: Spec) -> Expression:
@@ -69,7 +76,9 @@ def parse_expression(text: str, spec: Spec) -> Expression:
         It is no expression, or uses a field that a spec does not have, or anything but comparisons,
         arithmetic, ``and``, ``or``, ``not``, abs, min, max and round.
     """
-    where = f"constraint {text if len(text) <= LONGEST else text[:LONGEST] + '…'!r}"
+    where = _where(text)
+    if len(text) > LONGEST:
+        raise SpecError(f"is no condition of at most {LONGEST} characters, it has {len(text)}; write several", where)
     try:
         tree = ast.parse(text.strip(), mode="eval").body
     except (RecursionError, MemoryError) as error:
@@ -84,6 +93,10 @@ def parse_expression(text: str, spec: Spec) -> Expression:
     return Expression(text, tree, spec, frozenset(names))
 
 
+def _where(text: str) -> str:
+    return f"constraint {text if len(text) <= LONGEST_SHOWN else text[:LONGEST_SHOWN] + '…'!r}"
+
+
 def _refuse(node: ast.expr, spec: Spec, where: str, names: set[str]) -> None:
     """Raise for what is no condition; adds the fields to `names`."""
     name = _dotted(node)
@@ -94,6 +107,8 @@ def _refuse(node: ast.expr, spec: Spec, where: str, names: set[str]) -> None:
     operators = [getattr(node, "op", None), *getattr(node, "ops", ())]
     if any(not isinstance(op, (ast.And, ast.Or)) and type(op) not in OPERATORS for op in operators if op):
         raise SpecError(f"uses {ast.unparse(node)!r}, whose operator is not known here", where)
+    if isinstance(node, ast.Constant) and not isinstance(node.value, (int, float, str)):
+        raise SpecError(f"uses {shown(node.value)}, which is neither number nor text, true or false", where)
     allowed = (ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.Constant, ast.Call, ast.Subscript)
     if not isinstance(node, allowed):
         raise SpecError(f"uses {ast.unparse(node)!r}, which is none of comparison, arithmetic, and, or, not", where)
@@ -108,6 +123,11 @@ def _refuse(node: ast.expr, spec: Spec, where: str, names: set[str]) -> None:
 
 
 def _evaluated(node: ast.expr, values: Mapping[str, Any], spec: Spec) -> Any:
+    value = _value(node, values, spec)
+    return float(value) if isinstance(value, int) and abs(value) > LARGEST_WHOLE else value
+
+
+def _value(node: ast.expr, values: Mapping[str, Any], spec: Spec) -> Any:
     name = _dotted(node)
     if name is not None:
         # A table stands for what names it, which the variant's spec knows.

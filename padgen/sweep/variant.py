@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from padgen.cache import code_hash, key_of, versions
-from padgen.errors import PadgenError
+from padgen.errors import FileError, PadgenError
 from padgen.files import (
     MANIFEST,
     YIELD_FILE,
@@ -14,9 +14,11 @@ from padgen.files import (
     built_files,
     differs,
     file_hash,
+    read_bounded,
 )
 from padgen.processes import peak_mb, reset_peak
 from padgen.spec import make_spec
+from padgen.spec.threshold import LARGEST_FILE
 from padgen.sweep.definition import Sweep
 from padgen.sweep.figures import build_figures, plan_figures, yield_figures
 from padgen.sweep.points import Variant, variant_table
@@ -115,8 +117,8 @@ def _threshold(table: dict[str, Any], folder: Path) -> str:
     if not isinstance(name, str):
         return ""
     try:
-        return file_hash((folder / name).read_bytes())
-    except (OSError, ValueError):
+        return file_hash(read_bounded(folder / name, LARGEST_FILE, "a threshold"))
+    except FileError:
         return "cannot be read"
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from padgen.errors import number
+from padgen.errors import number, plain
 from padgen.tell.plans import findings_text, table
 
 if TYPE_CHECKING:
@@ -35,12 +35,14 @@ def driven_text(plan: "Plan", driven: "Driven", frames: "np.ndarray | None", not
         lines.append(_wave_text(plan, driven.report))
     if driven.heard is not None:
         lines.append(heard_text(plan, driven.heard))
-    lines += [f"note: {note}" for note in notes]
+    lines += [f"note: {plain(note)}" for note in notes]
     if driven.findings:
         lines.append(findings_text(driven.findings))
-    lines.append(f"written to {driven.folder}: {'  '.join(driven.files)}")
+    lines.append(f"written to {plain(str(driven.folder))}: {'  '.join(driven.files)}")
     if driven.stale:
-        lines.append(f"the other files in {driven.folder} are of an earlier plan; padgen build makes them anew")
+        lines.append(
+            f"the other files in {plain(str(driven.folder))} are of an earlier plan; padgen build makes them anew"
+        )
     return "\n".join(line for line in lines if line)
 
 
@@ -153,5 +155,5 @@ def excitation_text(played: "Excitation", folder: "Path", findings: "Sequence[Fi
         f" taxels are shaken at their planned levels{_share_text(played.level_share)}\n"
         "record each taxel's motion with the current or voltage beside it, and give the recording to padgen retune\n"
         + "".join(f"{findings_text([finding])}\n" for finding in findings)
-        + f"written to {folder}: excitation.wav  excitation.json"
+        + f"written to {plain(str(folder))}: excitation.wav  excitation.json"
     )

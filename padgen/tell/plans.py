@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from padgen.errors import number
+from padgen.errors import number, plain
 from padgen.finding import LEVELS, Finding
 
 if TYPE_CHECKING:
@@ -271,7 +271,7 @@ def built_text(built: "Built") -> str:
     """What a build left."""
     files = "  ".join(built.files)
     state = "is up to date, nothing to do" if built.up_to_date else "written"
-    lines = [f"{built.folder} {state}: {files}", figures_text(built.figures)]
+    lines = [f"{plain(str(built.folder))} {state}: {files}", figures_text(built.figures)]
     lines += [f"{name}: {figures_text(figures)}" for name, figures in built.figures.get("parts", {}).items()]
     return "\n".join(lines)
 

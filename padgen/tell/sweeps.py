@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from padgen.errors import number
+from padgen.errors import number, plain
 from padgen.sweep.figures import OBJECTIVES
 from padgen.tell.plans import table
 
@@ -36,7 +36,7 @@ def sweep_text(sweep: "Sweep", overview: "Overview", result: "SweepResult", file
         lines.append(f"… and {result.refused - MOST_REFUSED} more refused, in the index")
     if overview.rows:
         lines += ["", _front_line(overview), table(*_front_rows(sweep, overview))]
-    lines += ["", f"written to {result.folder}: {'  '.join(('index.csv', *files))}"]
+    lines += ["", f"written to {plain(str(result.folder))}: {'  '.join(('index.csv', *files))}"]
     return "\n".join(line.rstrip() for line in "\n".join(lines).splitlines())
 
 
@@ -131,8 +131,9 @@ def sweep_table(sweep: "Sweep", overview: "Overview", result: "SweepResult", fil
 def cache_text(held: "CacheInfo", dropped: bool = False) -> str:
     """What the cache holds, or held before it was cleared."""
     if dropped:
-        return f"{held.folder}: {_entries(held.entries)} dropped, {_megabytes(held.bytes)}"
-    lines = [f"{held.folder}: {_entries(held.entries)}, {_megabytes(held.bytes)} of {_megabytes(held.limit_bytes)}"]
+        return f"{plain(held.folder)}: {_entries(held.entries)} dropped, {_megabytes(held.bytes)}"
+    size = f"{_megabytes(held.bytes)} of {_megabytes(held.limit_bytes)}"
+    lines = [f"{plain(held.folder)}: {_entries(held.entries)}, {size}"]
     if held.kinds:
         rows = [(kind, str(entries), _megabytes(size)) for kind, (entries, size) in held.kinds.items()]
         lines.append(table(("kind", "entries", "size"), rows))
