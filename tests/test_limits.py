@@ -213,6 +213,18 @@ def test_judged_volts_are_those_of_the_script(tmp_path, library, carrier_hz):  #
     assert peak == pytest.approx(figure(driven, "wave.voltage"), rel=0.01 if carrier_hz is None else 0.05)
 
 
+def test_a_peak_between_samples_is_judged():
+    plan = planned("", "scheme = 'spur-free'\nvoltage_limit_v = 1")
+    # Three samples a cycle, always at the same places of it.
+    drive = make_drive(plan, 48_000, period_s=0.25, carrier_hz=16_000.0)
+    shown = steady(np.ones(16), drive.period_s)
+    coarse, fine = (
+        max(np.abs(block).max() for block in volts(replace(drive, rate_hz=rate), shown)) for rate in (48_000, 960_000)
+    )
+    assert coarse < 0.9 * fine
+    assert load_of(plan, drive, shown).peak_v == pytest.approx(fine, rel=0.01)
+
+
 @pytest.mark.parametrize("scheme", [*SCHEMES, "carrier"])
 def test_judged_volts_are_those_of_the_firmware_in_all_states(tmp_path, scheme):
     text = f"scheme = '{'spur-free' if scheme == 'carrier' else scheme}'\nvoltage_limit_v = 1"
