@@ -27,7 +27,7 @@ from padgen.driver.limits import judge_limits, judge_load
 from padgen.driver.loads import excitation_load, load_of
 from padgen.driver.pad_drive import make_drive
 from padgen.driver.rates import CONTROLLER_RATES_HZ, RATES_HZ, drive_at
-from padgen.driver.timeline import ramp_s, steady, timeline
+from padgen.driver.timeline import Timeline, ramp_s, steady, timeline
 from padgen.driver.waveform import volts
 from padgen.errors import SpecError
 from padgen.finding import Finding
@@ -213,6 +213,18 @@ def test_judged_volts_are_those_of_the_script(tmp_path, library, carrier_hz):  #
     assert peak == pytest.approx(figure(driven, "wave.voltage"), rel=0.01 if carrier_hz is None else 0.05)
 
 
+def test_a_peak_between_samples_is_judged():
+    plan = planned("", "scheme = 'spur-free'\nvoltage_limit_v = 1")
+    # Three samples a cycle, always at the same places of it.
+    drive = make_drive(plan, 48_000, period_s=0.25, carrier_hz=16_000.0)
+    shown = steady(np.ones(16), drive.period_s)
+    coarse, fine = (
+        max(np.abs(block).max() for block in volts(replace(drive, rate_hz=rate), shown)) for rate in (48_000, 960_000)
+    )
+    assert coarse < 0.9 * fine
+    assert load_of(plan, drive, shown).peak_v == pytest.approx(fine, rel=0.01)
+
+
 @pytest.mark.parametrize("scheme", [*SCHEMES, "carrier"])
 def test_judged_volts_are_those_of_the_firmware_in_all_states(tmp_path, scheme):
     text = f"scheme = '{'spur-free' if scheme == 'carrier' else scheme}'\nvoltage_limit_v = 1"
@@ -274,6 +286,22 @@ def test_grey_levels_and_changes_are_never_above_what_is_judged():
             load = load_of(plan, drive, shown)
             assert load.peak_v <= any_load.peak_v * (1 + 1e-9)
             assert (load.square_a2 <= any_load.square_a2 * (1 + 1e-9)).all()
+
+
+@pytest.mark.parametrize("scheme", SCHEMES[:3])
+def test_a_change_that_is_quick_is_never_above_what_is_judged(monkeypatch, scheme):
+    from padgen.driver import loads
+
+    plan = planned("power_limit_w = 1e-3", f"scheme = '{scheme}'\nvoltage_limit_v = 1")
+    drive = make_drive(plan, 48_000)
+    quick_s = 5e-4
+    monkeypatch.setattr(loads, "ramp_s", lambda plan: quick_s)
+    held, on = 0.0213, np.ones((1, 16))
+    times = np.cumsum([0.0, *[quick_s, held] * 10])
+    levels = np.concatenate([0 * on, *[on, on, 0 * on, 0 * on] * 5])
+    changes = load_of(plan, drive, Timeline(times, levels, False))
+    steadily = max(np.abs(block).max() for block in volts(drive, steady(on[0], drive.period_s)))
+    assert 1.02 * steadily < changes.peak_v <= load_of(plan, drive).peak_v
 
 
 # ---- Excitation, tuning, carriers ----------------------------------------------------------------------------------
