@@ -322,3 +322,14 @@ def test_parts_go_with_a_pad_and_its_bill(work):
     assert set(checks["figures"]["parts"]) == {"tray", "coupon"}
     assert cli.run(["build", "tiny.toml", "--formats", "stl", "-o", "o"]) in (0, 1)
     assert "tray.stl" not in names(work / "o")
+
+
+@pytest.mark.parametrize("command", [["drive", "paper-32"], ["retune", "paper-32", "m.csv"]])
+def test_too_little_memory_is_told_of_the_command_that_ran(work, capsys, monkeypatch, command):
+    def short(*_):
+        raise MemoryError
+
+    monkeypatch.setattr("padgen.loop.planned", short)
+    assert cli.run(command) == 2
+    told = capsys.readouterr().err
+    assert f"not enough memory for this padgen {command[0]}; files are as they were" in told

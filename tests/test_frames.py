@@ -1,5 +1,7 @@
 """Images, tables and states become levels of taxels where they lie."""
 
+import os
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -372,3 +374,23 @@ def test_pictures_in_text(plan, tmp_path):
 
 
 PICTURES = ".+\n# \n+.\n.+\n##\n+.\n\n##\n# \n##\n##\n##\n##\n"
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".txt", ".png", ".npy"])
+def test_what_is_no_file_holds_no_frames(plan, tmp_path, suffix):
+    os.mkfifo(tmp_path / f"pipe{suffix}")
+    (tmp_path / f"zero{suffix}").symlink_to("/dev/zero")
+    for name in ("pipe", "zero"):
+        with pytest.raises(FileError, match=rf"{name}\{suffix}: is not a file"):
+            read_frames(tmp_path / f"{name}{suffix}", plan)
+
+
+def test_vast_texts_are_no_frames(plan, tmp_path):
+    path = tmp_path / "a.csv"
+    with path.open("wb") as file:
+        file.truncate(10**10)
+    with pytest.raises(FileError, match="too large for a text of frames: at most 33554432 bytes"):
+        read_frames(path, plan)
+    path.write_text("1\n" * 100_001)
+    with pytest.raises(FileError, match="has a frame of more than 100000 rows"):
+        read_frames(path, plan)

@@ -9,13 +9,19 @@
 """
 
 import io
+import os
 import struct
+import tracemalloc
+from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
+from random import Random
 
 import numpy as np
 import pytest
 from scipy.io import wavfile
 
+from padgen import files
 from padgen.errors import FileError, PadgenError
 from padgen.planner import Plan, make_plan
 from padgen.retune.fits import fit_measured
@@ -377,3 +383,112 @@ def test_silence_around_a_coils_turn_changes_nothing(plan):
     # The data of the turn are the same, its ends are cut a little differently: half a sigma.
     assert abs(padded.resonance_hz - alone.resonance_hz) < 0.5 * alone.resonance_error_hz
     assert padded.resonance_error_hz == pytest.approx(alone.resonance_error_hz, rel=0.3)
+
+
+def test_no_rate_and_no_length_takes_more_memory_than_the_data(plan, tmp_path):
+    _, current, moved = driven()
+    path = tmp_path / "r0c0k0.wav"
+    data = bytearray(wav((0.9 * np.stack([current, moved[0] / np.abs(moved[0]).max()], 1)).astype(np.float32)))
+    for rate in (1, 17, 48_000, 10**6, 2**32 - 1):
+        data[24:28] = struct.pack("<I", rate)
+        path.write_bytes(data)
+        sentence = ""
+        tracemalloc.start()
+        try:
+            fit_measured(read_measured(tmp_path, plan), plan)
+        except FileError as error:
+            sentence = str(error)
+        assert tracemalloc.get_traced_memory()[1] < 3e7
+        tracemalloc.stop()
+        assert rate in (17, 48_000) or "sampling rate" in sentence
+
+
+VAST = {
+    "lines": ("time_s,r0c0k0\n" + "\n" * 2_100_000, "has 2100001 lines, at most 2000000 are read"),
+    "line": ("time_s,r0c0k0\n" + "," * 5_000_000, "line 2 has 5000000 characters, at most 4194304 are read"),
+    "heading": (",".join(f"a{k}" for k in range(200_000)) + ",time_s\n1,2\n", "column 'a0' is no taxel"),
+    "name": (f"taxel,resonance_hz\n{'r' * 1_000_000},60\n", "line 2: 't' has no taxel"),
+    "huge": ("time_s,r0c0k0\n" + "".join(f"{k},{k % 7}e300\n" for k in range(99)), "at most 1e.30, got '1e300'"),
+    "tiny": ("time_s,r0c0k0\n" + "".join(f"{k / 2000},{k % 7}e-300\n" for k in range(99)), "is 0 throughout"),
+    "tiny current": (
+        "time_s,current_a,r0c0k0\n" + "".join(f"{k / 2000},{k % 7}e-200,{k % 5}\n" for k in range(99)),
+        "column 'current_a' is 0 throughout",
+    ),
+    "square": (
+        "time_s,current_a,r0c0k0\n" + "".join(f"{k / 2000},{(-1) ** k},{k % 5}\n" for k in range(99)),
+        "column 'current_a' is 1 throughout",
+    ),
+    "huge q": ("taxel,resonance_hz,q\nr0c0k0,60,1e20\n", "column 'q' must be above 0.5 and at most 1e.09"),
+}
+
+
+@pytest.mark.parametrize("name", VAST)
+def test_vast_texts(plan, name):
+    text, sentence = VAST[name]
+    tracemalloc.start()
+    with pytest.raises(FileError, match=sentence):
+        fit_measured(read_measured_text(text, plan), plan)
+    assert tracemalloc.get_traced_memory()[1] < 3e8
+    tracemalloc.stop()
+
+
+def test_places_that_hold_no_measurement(plan, tmp_path, monkeypatch):
+    monkeypatch.setattr(files, "LONGEST_PIPE_S", 0.1)
+    with (tmp_path / "r0c0k0.wav").open("wb") as file:
+        file.truncate(10**10)
+    os.mkfifo(tmp_path / "pipe")
+    for place, sentence in (
+        (tmp_path / "r0c0k0.wav", "too large for a measurement: at most 268435456 bytes"),
+        (tmp_path, "too large for a folder of measurements: at most 268435456 bytes"),
+        (tmp_path / "pipe", "did not end within"),
+        (Path("/dev/zero"), "it is a device"),
+        (tmp_path / ("a" * 5000), "name too long"),
+    ):
+        with pytest.raises(FileError, match=sentence):
+            read_measured(place, plan)
+
+
+def test_many_chunks_are_no_wav(plan, tmp_path):
+    path = tmp_path / "m.wav"
+    path.write_bytes(b"RIFF\0\0\0\0WAVE" + b"junk\0\0\0\0" * 2000)
+    with pytest.raises(FileError, match="this one more than 1000"):
+        read_measured(path, plan)
+
+
+def test_samples_of_every_width_are_read_alike(plan, tmp_path):
+    whole = np.round(100 * four(decays()[1])).astype(int)
+    path = tmp_path / "m.wav"
+    for samples, full in (
+        ((whole + 128).astype(np.uint8), 2.0**7),
+        (whole.astype(np.int16), 2.0**15),
+        (whole.astype(np.int32), 2.0**31),
+        (whole.astype(np.float32), 1.0),
+    ):
+        path.write_bytes(wav(samples))
+        for k, part in enumerate(read_measured(path, plan).taxels):
+            assert (part.displacement * full == whole[:, k]).all()
+
+
+def test_damaged_bytes_of_measurements_end_in_a_sentence_or_a_fit(plan, tmp_path):
+    rng, path = Random(0), tmp_path / "m.wav"
+    short = wav((0.5 * four(decays()[1]))[:400].astype(np.int16))
+    text = (HEAD + "r0c0k0,57.5,14\nr0c0k1,93.5,15\n").encode()
+    series = table("time_s,r0c0k0", *(column[:60] for column in (decays()[0], decays()[1][0]))).encode()
+    for k in range(300):
+        good = (short, text, series)[k % 3]
+        spoilt = bytearray(good[: rng.choice((len(good), rng.randrange(len(good))))] or b"R")
+        for _ in range(rng.choice((1, 3, 20))):
+            at = rng.randrange(min(len(spoilt), 80))
+            spoilt[at] = rng.choice((0, 0xFF, 0x80, rng.randrange(256), *b",.\n-+e9#"))
+        path.write_bytes(spoilt)
+        with suppress(PadgenError):
+            fit_measured(read_measured(path, plan), plan)
+
+
+@pytest.mark.parametrize("nearest", [False, True])
+def test_velocity_is_refused_whichever_peak_is_meant(plan, nearest):
+    time, current, moved = driven()
+    velocity = [np.gradient(y, 1 / RATE) for y in moved]
+    text = table("time_s,current_a,r0c0k0,r0c0k1", time, current, *velocity)
+    with pytest.raises(FileError, match=r"one is wrong; see that the data are of displacement|shows no answer"):
+        fit_measured(read_measured_text(text, plan), plan, nearest)

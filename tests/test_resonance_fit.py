@@ -13,6 +13,9 @@
 | Taubin's circle | the points' own | 1e-12 | no noise |
 """
 
+import tracemalloc
+from contextlib import suppress
+
 import numpy as np
 import pytest
 
@@ -22,6 +25,7 @@ from padgen.physics.decay_fit import fit_decay
 from padgen.physics.driven_fit import current_of_voltage, fit_driven
 from padgen.physics.magnitude_fit import fit_magnitude
 from padgen.physics.resonance_fit import fit_spectrum
+from padgen.physics.resonance_judge import refuse_contradiction
 from padgen.physics.separable_fit import correlation_factor, separable_fit
 from padgen.physics.spectrum_noise import point_noise
 
@@ -358,3 +362,73 @@ def test_a_low_resonance_in_a_sweep_that_is_mostly_noise():
         fit = fit_spectrum(frequency, clean + noise[0] + 1j * noise[1])
         # Four sigmas of a fit at 30 dB with some 40 points in the bandwidth.
         assert fit.resonance_hz == pytest.approx(52.9, rel=2e-3)
+
+
+# Bounds
+
+
+def peak_bytes(run):
+    tracemalloc.start()
+    with suppress(SolverError):
+        run()
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return peak
+
+
+@pytest.mark.parametrize("q", [1e4, 1e6, 1e9])
+def test_memory_goes_with_the_record_not_with_q(q):
+    x = chirp(1000.0, 3)
+    y = answer(x, 1000.0, 80, 15, 50.0) if q < 1e5 else np.sin(2 * np.pi * 80 * np.arange(3000) / 1000)
+    assert peak_bytes(lambda: fit_driven(1000.0, x, y + answer(x, 1000.0, 80, q, 50.0))) < 3e7
+    assert peak_bytes(lambda: fit_decay(1000.0, decay(1000, 3, 80, q))) < 3e7
+
+
+def test_the_circle_of_a_slow_decay_after_a_short_record():
+    """The transform about the resonance alone is what a transform of the whole would be there."""
+    x = chirp(1000.0, 3)
+    for q in (2e3, 2e5):
+        fit = fit_driven(1000.0, x, answer_from_rest(x, 1000.0, 80, q))
+        assert (fit.resonance_hz, fit.q) == (pytest.approx(80, rel=1e-6), pytest.approx(q, rel=1e-2))
+        assert (fit.check, fit.check_resonance_hz) == ("circle", pytest.approx(80, rel=1e-6))
+
+
+def answer_from_rest(x, rate, hz, q):
+    """Displacement by the impulse response, which is not over with the record."""
+    time = np.arange(len(x)) / rate
+    own = 2 * np.pi * hz * np.sqrt(1 - 1 / (4 * q * q))
+    return np.convolve(x, np.exp(-np.pi * hz / q * time) * np.sin(own * time))[: len(x)]
+
+
+def test_records_and_spectra_that_are_too_long_are_refused_at_once():
+    x = np.tile(chirp(1000.0, 3), 1000)
+    with pytest.raises(SolverError, match=r"lasts 3000 s; at most 2097 s of it can be fitted: cut it"):
+        fit_driven(1000.0, x, x)
+    frequency = np.linspace(1, 100, 200_000)
+    for fit in (fit_spectrum, fit_magnitude):
+        with pytest.raises(SolverError, match="has 200000 frequencies, at most 131072 are fitted"):
+            fit(frequency, np.abs(receptance(frequency, 50, 15)))
+
+
+def test_a_long_decay_is_fitted_by_its_beginning():
+    y, fits = np.zeros(4_000_000), []
+    y[:20_000] = decay(2000, 10, 80, 20)
+    assert peak_bytes(lambda: fits.append(fit_decay(2000.0, y))) < 4e8
+    assert (fits[0].resonance_hz, fits[0].q) == pytest.approx((80, 20), rel=1e-4)
+
+
+@pytest.mark.parametrize("near_hz", [None, 75.0])
+@pytest.mark.parametrize("q", [5, 15])
+def test_velocity_is_not_taken_for_displacement(q, near_hz):
+    """The least squares then are a bandwidth off, and the circle is not; the nearest peak has nothing to do with it."""
+    x = chirp(1000.0, 3, 20.0, 250.0)
+    velocity = np.gradient(answer(x, 1000.0, 60, q, 50.0), 1e-3)
+    with pytest.raises(SolverError, match=r"one is wrong; see that the data are of displacement|shows no answer"):
+        fit_driven(1000.0, x, velocity, near_hz)
+
+
+def test_methods_a_bandwidth_apart_are_refused_and_errors_apart_are_not():
+    refuse_contradiction(60, 15, "circle", 60.9, 20)
+    for hz, q in ((61.1, 15), (58.9, 15), (60, 31), (60, 7)):
+        with pytest.raises(SolverError, match=f"least squares find 60 Hz with a Q of 15, the circle {hz} Hz"):
+            refuse_contradiction(60, 15, "circle", hz, q)

@@ -1,8 +1,10 @@
 """WAV files against two readers and writers that are not ours, and files that are broken."""
 
+import os
 import struct
 import warnings
 import wave
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -229,3 +231,19 @@ def test_a_file_cut_anywhere_is_refused(tmp_path, cut):
 def test_a_folder_that_is_not_there_cannot_be_written(tmp_path):
     with pytest.raises(FileError, match="cannot be written"), WavWriter(tmp_path / "no" / "a.wav", RATE, 1, 0, "24"):
         pass
+
+
+def test_a_head_that_takes_minutes_to_walk_through_is_refused(tmp_path):
+    path = tmp_path / "a.wav"
+    with path.open("wb") as file:
+        file.write(b"RIFF\0\0\0\0WAVE")
+        file.truncate(10**10)
+    with pytest.raises(FileError, match="is damaged: a WAV file has a few parts, this one more than 1000"):
+        read_wav(path)
+
+
+def test_pipes_and_devices_are_no_wav_files(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    for place in (tmp_path / "pipe", Path("/dev/zero")):
+        with pytest.raises(FileError, match="cannot be read"):
+            read_wav(place)

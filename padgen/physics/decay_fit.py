@@ -29,7 +29,7 @@ from padgen.physics.spectrum_noise import rough_peak
 
 __all__ = ["fit_decay", "rough_decay_hz"]
 
-LONGEST = 1 << 21
+LONGEST = 1 << 20
 """Samples of a decay that are looked at, before they are thinned."""
 
 LONGEST_DECAY = 8.0

@@ -28,6 +28,8 @@ QUIET_SHARE = 1e-3
 BEFORE_S, RINGING_TAUS = 0.1, 12.0
 """What of the silence before and after is kept."""
 FEWEST_LEFT = 64
+SLOWEST = 5.0
+"""The planned resonance over the sampling rate: a tenth of it, the lowest that a print may have, is then seen."""
 SAMPLES_OF_PLANNED = 64
 """Samples of a driven record in a period of the planned resonance that are enough, wherever the print has it."""
 KILO_HZ = 1e-3
@@ -107,11 +109,22 @@ def _fit(part: Row | Spectrum | Record, channel: Channel, nearest: bool) -> Taxe
     if isinstance(part, Spectrum):
         fit = fit_spectrum if np.iscomplexobj(part.response) else fit_magnitude
         return _from_fit(part.id, fit(part.frequency_hz, part.response, near), part.absolute)
+    _refuse_rate(part, channel)
     if part.squared_current_a2 is None:
         return _from_fit(part.id, fit_decay(part.rate_hz, part.displacement, near), False)
     rate_hz, square, moved = _thinned(part, channel)
     driven = fit_driven(rate_hz, square, moved, near)
     return _from_fit(part.id, driven, part.absolute)
+
+
+def _refuse_rate(part: Record, channel: Channel) -> None:
+    """Refuse a record at whose rate no print of the plan could be seen."""
+    planned, seconds = channel.resonance_hz, len(part.displacement) / part.rate_hz
+    if seconds * planned < 1 or part.rate_hz < planned / SLOWEST:
+        raise SolverError(
+            f"lasts {number(seconds)} s at {number(part.rate_hz)} samples a second, in which {number(planned)} Hz, as"
+            " planned, cannot be seen: is the sampling rate right?"
+        )
 
 
 def _thinned(part: Record, channel: Channel) -> tuple[float, np.ndarray, np.ndarray]:
@@ -126,7 +139,7 @@ def _thinned(part: Record, channel: Channel) -> tuple[float, np.ndarray, np.ndar
     stop = int(loud[-1] + rings * part.rate_hz) if len(loud) else len(square)
     both = square[start:stop], part.displacement[start:stop]
     # The filter is as long as what it thins: of a rate that is wrong by thousands some samples are to be left.
-    factor = min(int(part.rate_hz / (SAMPLES_OF_PLANNED * channel.resonance_hz)), (stop - start) // FEWEST_LEFT)
+    factor = min(int(part.rate_hz / (SAMPLES_OF_PLANNED * channel.resonance_hz)), len(both[0]) // FEWEST_LEFT)
     if factor < 2:
         return part.rate_hz, *both
     from scipy.signal import resample_poly
@@ -169,19 +182,16 @@ def _from_fit(taxel: str, fit: ResonanceFit, absolute: bool) -> TaxelFit:
 
 def _refuse_units(measured: Measured, channels: dict[str, Channel]) -> None:
     """Refuse frequencies that are all a thousandth of the plan's, or all half of it."""
+    roughs = [_rough_hz(part, channels[part.id]) for part in measured.taxels]
     ratios = np.array(
-        [
-            rough / channels[part.id].resonance_hz
-            for part in measured.taxels
-            if (rough := _rough_hz(part, channels[part.id]))
-        ]
+        [rough / channels[part.id].resonance_hz for rough, part in zip(roughs, measured.taxels, strict=True) if rough]
     )
     if not len(ratios):
         return
     ratio = float(np.median(ratios))
     spread = float(np.median([channels[part.id].print_spread for part in measured.taxels]))
     part = measured.taxels[0]
-    rough, planned = _rough_hz(part, channels[part.id]), channels[part.id].resonance_hz
+    rough, planned = roughs[0], channels[part.id].resonance_hz
     shown = f"the largest response of {part.id} is at {number(rough)} Hz, planned is {number(planned)} Hz"
     if isinstance(part, Row):
         shown = f"{part.id} is at {number(rough)} Hz, planned is {number(planned)} Hz"

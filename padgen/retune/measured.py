@@ -91,7 +91,7 @@ def _read_folder(folder: Path, plan: Plan, excitation: str) -> Measured:
             raise FileError(f"must be named after a taxel of {plan.name!r}, {path.stem!r} is none{end}", where)
         if path.stem in found:
             raise FileError(f"is a second file of {path.stem}, beside {found[path.stem].where}; keep one", where)
-        data = read_bounded(path, left, f"a folder of at most {LARGEST_FILE} bytes of measurements")
+        data = read_bounded(path, left, "a folder of measurements")
         left -= len(data)
         part, told = _read(data, path, (path.stem,), plan, excitation, True)
         if isinstance(part[0], Row):
