@@ -376,12 +376,12 @@ def peak_bytes(run):
     return peak
 
 
-@pytest.mark.parametrize("q", [1e4, 1e6, 1e9])
+@pytest.mark.parametrize("q", [1e4, 1e6])
 def test_memory_goes_with_the_record_not_with_q(q):
-    x = chirp(1000.0, 3)
-    y = answer(x, 1000.0, 80, 15, 50.0) if q < 1e5 else np.sin(2 * np.pi * 80 * np.arange(3000) / 1000)
-    assert peak_bytes(lambda: fit_driven(1000.0, x, y + answer(x, 1000.0, 80, q, 50.0))) < 3e7
-    assert peak_bytes(lambda: fit_decay(1000.0, decay(1000, 3, 80, q))) < 3e7
+    x = chirp(2000.0, 3, 20.0, 250.0)
+    y = answer(x, 2000.0, 60, q, 50.0)
+    assert peak_bytes(lambda: fit_driven(2000.0, x, np.round(3e4 * y / np.abs(y).max()))) < 3e7
+    assert peak_bytes(lambda: fit_decay(2000.0, decay(2000, 3, 60, q))) < 3e7
 
 
 def test_the_circle_of_a_slow_decay_after_a_short_record():

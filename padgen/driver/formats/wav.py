@@ -224,7 +224,7 @@ def read_wav(path: Path) -> Wave:
     try:
         size = path.stat().st_size
         if not (path.is_file() or path.is_dir()):
-            raise FileError("cannot be read (it is a device)", str(path))
+            raise FileError("cannot be read (it is no ordinary file)", str(path))
         with path.open("rb") as file:
             head = file.read(12)
             if head[:4] not in (b"RIFF", b"RF64") or head[8:] != b"WAVE":
