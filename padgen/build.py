@@ -47,12 +47,13 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Built:
-    """What a build left: the folder, its files, the figures of the checks, all findings."""
+    """What a build left: the folder, its files, the figures of the checks, all findings, how to print it."""
 
     folder: Path
     files: tuple[str, ...]
     figures: dict[str, Any]
     findings: tuple[Finding, ...]
+    printing: dict[str, str]
     up_to_date: bool
 
 
@@ -86,7 +87,8 @@ def up_to_date(
     checks = json.loads((folder / "checks.json").read_text(encoding="utf-8"))
     findings = tuple(Finding(**entry) for entry in checks["findings"])
     files = tuple(read_manifest(folder)["files"])
-    return Built(folder, files, checks["figures"], findings, True)
+    printing = json.loads((folder / "plan.json").read_text(encoding="utf-8"))["printing"]
+    return Built(folder, files, checks["figures"], findings, printing, True)
 
 
 def build(
@@ -145,7 +147,7 @@ def build(
             stale += PLAN_FILES
         out.commit({"padgen": __version__, "inputs": inputs}, remove=stale)
     files = tuple(read_manifest(folder)["files"])
-    return Built(folder, files, figures, findings, False)
+    return Built(folder, files, figures, findings, plan.printing, False)
 
 
 def plan_to_compare(spec: str, mesh: Path, progress: Progress = lambda step: None) -> "tuple[Plan, str]":
