@@ -47,12 +47,13 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Built:
-    """What a build left: the folder, its files, the figures of the checks, all findings."""
+    """What a build left: the folder, its files, the figures of the checks, all findings, how to print it."""
 
     folder: Path
     files: tuple[str, ...]
     figures: dict[str, Any]
     findings: tuple[Finding, ...]
+    printing: dict[str, str]
     up_to_date: bool
 
 
@@ -86,7 +87,8 @@ def up_to_date(
     try:
         checks = json.loads((folder / "checks.json").read_text(encoding="utf-8"))
         findings = tuple(Finding(**entry) for entry in checks["findings"])
-        return Built(folder, tuple(built_files(folder)), checks["figures"], findings, True)
+        printing = json.loads((folder / "plan.json").read_text(encoding="utf-8"))["printing"]
+        return Built(folder, tuple(built_files(folder)), checks["figures"], findings, printing, True)
     except (OSError, ValueError, TypeError, KeyError, RecursionError):  # a manifest that somebody has made up
         return None
 
@@ -143,7 +145,7 @@ def build(
             _write_format(out, name, plan, pad, instances, inputs["spec"])
         _write_parts(out, plan, beside, formats, inputs["spec"])
         out.commit(inputs, remove=OWN_FILES)
-    return Built(folder, tuple(built_files(folder)), figures, findings, False)
+    return Built(folder, tuple(built_files(folder)), figures, findings, plan.printing, False)
 
 
 def plan_to_compare(spec: str, mesh: Path, progress: Progress = lambda step: None) -> "tuple[Plan, str]":

@@ -16,13 +16,19 @@ from padgen.planner.tile import TURNS, to_cell
 @dataclass(frozen=True)
 class Extrusions:
     """Straight extrusions: `start` and `stop` (n, 2) in mm, the `width` (n,) of a rectangle of the same
-    area and one layer's height, and the `layer` of each, from 0."""
+    area and one layer's height, that `height` (n,), and the `layer` of each, from 0."""
 
     start: np.ndarray
     stop: np.ndarray
     width: np.ndarray
+    height: np.ndarray
     layer: np.ndarray
     layer_top_mm: np.ndarray
+
+    @property
+    def volume_mm3(self) -> np.ndarray:
+        """Plastic of each extrusion."""
+        return np.hypot(*(self.stop - self.start).T) * self.width * self.height
 
 
 def read_gcode(path: Path) -> Extrusions:
@@ -46,10 +52,10 @@ def read_gcode(path: Path) -> Extrusions:
             nx, ny, ne = words.get("X", x), words.get("Y", y), words.get("E", e)
             if ne > e and (nx, ny) != (x, y) and layer >= 0:
                 length = ((nx - x) ** 2 + (ny - y) ** 2) ** 0.5
-                rows.append((x, y, nx, ny, (ne - e) * filament / length / height, layer))
+                rows.append((x, y, nx, ny, (ne - e) * filament / length / height, height, layer))
             x, y, e = nx, ny, ne
     table = np.array(rows)
-    return Extrusions(table[:, :2], table[:, 2:4], table[:, 4], table[:, 5].astype(int), np.array(tops))
+    return Extrusions(*np.split(table[:, :4], 2, 1), *table[:, 4:6].T, table[:, 6].astype(int), np.array(tops))
 
 
 @dataclass(frozen=True)
@@ -74,6 +80,43 @@ def laid_beams(plan: Plan, extrusions: Extrusions, centre_mm: tuple[float, float
                 widths.append(_laid_width(extrusions, at, middle + np.array(centre_mm), across, channel.beam.width_mm))
             result.append(LaidBeam(taxel.id, channel.beam.width_mm, channel.beam.layers, tuple(widths)))
     return result
+
+
+@dataclass(frozen=True)
+class LaidRecess:
+    """One recess as it is laid: how deep, and the diameter of the largest circle in it that holds no bead."""
+
+    taxel: str
+    depth_mm: float
+    room_mm: float
+
+
+ROUND_EDGES = 1 - np.pi / 4
+"""What a bead of round edges is wider than the rectangle of its area, over its height."""
+AROUND = 0.06 * np.stack(np.meshgrid(np.arange(-1, 2), np.arange(-1, 2)), -1).reshape(-1, 2)
+"""Places about a recess's middle where its washer may lie, in mm."""
+
+
+def laid_recesses(plan: Plan, lines: Extrusions, centre_mm: tuple[float, float]) -> list[LaidRecess]:
+    """Every recess of the plan as laid, for a pad whose centre lies at `centre_mm` on the bed."""
+    result = []
+    for taxel in plan.taxels:
+        middle = np.array([taxel.x_mm, taxel.y_mm]) + centre_mm
+        roof = _distance(lines, middle) < plan.plate.recess_diameter_mm / 4
+        first = lines.layer[roof].min()
+        top, height = lines.layer_top_mm[first], lines.height[roof & (lines.layer == first)].max()
+        beads = (lines.width + ROUND_EDGES * lines.height) / 2
+        below = lines.layer < first
+        rooms = [2 * (_distance(lines, middle + step) - beads)[below].min() for step in AROUND]
+        result.append(LaidRecess(taxel.id, float(top - height), float(max(rooms))))
+    return result
+
+
+def _distance(lines: Extrusions, point: np.ndarray) -> np.ndarray:
+    """Distance of a point from the middle of each extrusion."""
+    along, start = lines.stop - lines.start, point - lines.start
+    share = np.clip((start * along).sum(1) / (along**2).sum(1), 0, 1)
+    return np.hypot(*(start - share[:, None] * along).T)
 
 
 def _middles(plan: Plan, channel: Channel, taxel: Taxel) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -1,5 +1,6 @@
 """Every print check catches a pad that was broken for it, and lets a good one pass."""
 
+import re
 from dataclasses import replace
 
 import manifold3d
@@ -172,6 +173,49 @@ def test_a_washer_that_does_not_fit(small_pad, small_plan):
     found = [f.message for f in check_pad(small_pad, other).findings if f.code == "built.planned"]
     assert any("recess diameter is 3.7 mm, planned are 4 mm" in message for message in found)
     assert any("recess depth is 0.4 mm, planned are 0.5 mm" in message for message in found)
+
+
+def with_clearance(clearance_mm, printer="fdm-0.4"):
+    text = f"printer = '{printer}'\n[taxel]\nwasher_clearance_mm = {clearance_mm}\n"
+    return make_plan(parse_spec(SMALL.replace("[pad]", f"{text}[pad]")))
+
+
+@pytest.mark.parametrize("printer", ["fdm-0.4", "fdm-0.25", "resin-0.05"])
+def test_a_washer_enters_what_is_laid_around_it(printer):
+    """Sides of a polygon are nearer than its corners, and a slicer lays some plastic beyond them."""
+    plan = with_clearance(0.0, printer)
+    tight = [f for f in check_pad(build_pad(plan), plan).findings if f.code == "washer.fit"]
+    assert len(tight) == len(plan.taxels)
+    assert all(f.level == "error" for f in tight)
+    wider = float(re.search(r"taxel\.washer_clearance_mm = ([\d.]+) would do", tight[0].message).group(1))
+    assert "washer.fit" not in codes(
+        check_pad(build_pad(with_clearance(wider, printer)), with_clearance(wider, printer))
+    )
+    narrower = with_clearance(wider - 0.02, printer)
+    assert "washer.fit" in codes(check_pad(build_pad(narrower), narrower))
+
+
+def test_a_tight_recess_of_a_foreign_mesh(small_pad, small_plan):
+    """A recess of few sides: its corners are where planned, a washer meets its sides; or only its mouth is narrow."""
+    solid, (x, y) = as_manifold(small_pad.mesh, "pad"), (small_plan.taxels[0].x_mm, small_plan.taxels[0].y_mm)
+    plate = small_plan.plate
+    hole = manifold3d.Manifold.cylinder(plate.recess_depth_mm, plate.recess_diameter_mm / 2, -1, 12)
+    whole = manifold3d.Manifold.cylinder(plate.recess_depth_mm, 1.95, 1.95, 64)
+    coarse = solid + (whole - hole).translate((x, y, 0.0))
+    lip = solid + (whole.trim_by_plane((0, 0, -1), -0.05) - hole).translate((x, y, 0.0))
+    for broken in (coarse, lip):
+        mesh = from_manifold(broken)
+        found = compare_mesh(check_mesh(mesh, PRINTER, 1.24), mesh, small_plan).findings
+        (tight,) = [f for f in found if f.code == "washer.fit"]
+        assert tight.where == f"taxel {small_plan.taxels[0].id}"
+        # 3.7 cos(π/12)
+        assert "the recess diameter between the sides of its polygon is 3.5739 mm" in tight.message
+
+
+def test_a_recess_of_half_a_layer(small_plan):
+    odd = replace(small_plan, plate=replace(small_plan.plate, recess_depth_mm=0.45))
+    found = [f for f in check_pad(build_pad(odd), odd).findings if f.code == "print.layers"]
+    assert "recess depth is 0.45 mm, not a whole number of layers" in found[0].message
 
 
 def test_a_narrow_gap():

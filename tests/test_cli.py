@@ -90,6 +90,27 @@ def test_build_then_nothing_to_do_then_again(work, capsys):
     assert json.loads(capsys.readouterr().out)["up_to_date"] is False
 
 
+@pytest.mark.parametrize("setting", ["thick bridges off", "infill overlap 0 %"])
+def test_plan_build_and_3mf_give_the_same_print_settings(work, capsys, setting):
+    from lib3mf import get_wrapper
+
+    told = []
+    for command in ("plan", "build", "build"):
+        assert cli.run([command, "tiny.toml"]) == 0
+        told += [line for line in capsys.readouterr().out.splitlines() if line.startswith("print with: ")]
+    assert len(told) == 3
+    assert len(set(told)) == 1
+    assert setting in told[0]
+    assert cli.run(["build", "tiny.toml", "--json"]) == 0
+    printing = json.loads(capsys.readouterr().out)["printing"]
+    model = get_wrapper().CreateModel()
+    model.QueryReader("3mf").ReadFromFile("out/tiny/pad.3mf")
+    notes = model.GetMetaDataGroup()
+    values = [notes.GetMetaData(k).GetValue() for k in range(notes.GetMetaDataCount())]
+    assert "; ".join(f"{key} {value}" for key, value in printing.items()) in values
+    assert printing == json.loads((work / "out/tiny/plan.json").read_text())["printing"]
+
+
 def test_check_of_good_and_broken_files(work, capsys):
     assert cli.run(["build", "tiny.toml"]) == 0
     for name in ("pad.stl", "pad.3mf"):

@@ -475,7 +475,7 @@ def test_a_suggested_gap_would_do(level_um, gap_mm):
         "[coil]\ngap_mm = 0.05\n",  # sag alone
         "[coil]\ngap_mm = 0.5\n[drive]\nlevel_um = 420\n",  # amplitude
         "[coil]\ngap_mm = 0.3\n[drive]\nlevel_um = 60\nscheme = 'biased'\nbias_ratio = 30\n",  # static pull
-        "[coil]\ngap_mm = 0.7\n[material]\nname = 'pla'\nyoungs_modulus_gpa = 0.01\n[pad]\nwidth_mm = 100\ndepth_mm = 100\n",
+        "[coil]\ngap_mm = 0.7\n[material]\nyoungs_modulus_gpa = 0.01\n[pad]\nwidth_mm = 100\ndepth_mm = 100\n",
     ],
 )
 def test_a_washer_that_meets_the_coil_is_an_error(extra):
@@ -496,6 +496,40 @@ def test_no_gap_is_suggested_that_a_coil_may_not_have():
     (found,) = [f for f in plan.findings if f.code == "gap.travel"]
     assert found.level == "error"
     assert found.message.endswith("no gap that a coil may have would do, only beams that sag less")
+
+
+@pytest.mark.parametrize(
+    ("extra", "depth_mm"),
+    [
+        ("", 0.4),
+        ("[taxel]\nglue_gap_mm = 0.05\n", 0.4),
+        ("[taxel]\nglue_gap_mm = 0\n", 0.3),
+        ("[taxel]\nglue_gap_mm = 0.10001\n", 0.5),
+        ("printer = 'fdm-0.25'\n[washer]\nname = 'iso7092-m1.6'\nthickness_mm = 0.31\n", 0.45),
+        ("[printer]\nname = 'fdm-0.4'\nlayer_mm = 0.2\nfirst_layer_mm = 0.3\n", 0.5),
+        ("[printer]\nname = 'fdm-0.4'\nfirst_layer_mm = 0.6\n", 0.6),
+    ],
+)
+def test_a_recess_is_whole_layers_deep(extra, depth_mm):
+    plan = plan_of(4, extra=extra)
+    spec, asked_mm = plan.typed_spec, plan.typed_spec.washer.thickness_mm + plan.typed_spec.taxel.glue_gap_mm
+    assert plan.plate.recess_depth_mm == pytest.approx(depth_mm, abs=1e-9)
+    notes = [f.message for f in plan.findings if f.code == "recess.layers"]
+    if depth_mm - asked_mm < 1e-6:
+        assert notes == []
+        return
+    # The plan is that of the depth as it is printed.
+    said = re.search(r"taxel\.glue_gap_mm = ([\d.]+) says the same", notes[0]).group(1)
+    same = make_plan(replace(spec, taxel=replace(spec.taxel, glue_gap_mm=float(said))))
+    assert "recess.layers" not in {f.code for f in same.findings}
+    assert [c.resonance_hz for c in same.channels] == [c.resonance_hz for c in plan.channels]
+    assert [c.effective_mass_g for c in same.channels] == [c.effective_mass_g for c in plan.channels]
+
+
+def test_whole_layers_leave_the_roof_its_two():
+    coarse = "[printer]\nname = 'fdm-0.4'\nlayer_mm = 0.2\nfirst_layer_mm = 0.3\n"
+    with pytest.raises(SpecError, match=r"taxel\.plate_thickness_mm: must be at least 0\.9 mm"):
+        plan_of(4, extra=f"{coarse}[taxel]\nplate_thickness_mm = 0.8\n")
 
 
 def test_single_layers_are_noted():

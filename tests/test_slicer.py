@@ -9,7 +9,7 @@ import pytest
 from padgen.build import build
 from padgen.planner import plan_from_json
 from padgen.spec import load_spec
-from tests.gcode import laid_beams, read_gcode
+from tests.gcode import laid_beams, laid_recesses, read_gcode
 
 pytestmark = pytest.mark.slicer
 
@@ -40,26 +40,50 @@ def test_it_is_one_manifold_part(folder, name):
     assert float(told["volume"]) == pytest.approx(checks["figures"]["volume_mm3"], rel=1e-4)
 
 
-def test_every_beam_is_laid_as_wide_and_as_thick_as_planned(folder):
+@pytest.fixture(scope="module")
+def sliced(folder):
+    """The plan, and the G-code of its pad with the settings that it gives."""
     plan = plan_from_json((folder / "plan.json").read_text())
-    printer = plan.typed_spec.printer
-    width = str(printer.line_width_mm)
+    printing = {key: value.removesuffix(" mm").replace(" %", "%") for key, value in plan.printing.items()}
     widths = [
-        f"--{kind}extrusion-width={width}"
+        f"--{kind}extrusion-width={printing['line_width']}"
         for kind in ("", "first-layer-", "perimeter-", "external-perimeter-", "infill-", "solid-infill-", "top-infill-")
     ]
     slicer(
         "--export-gcode", folder / "pad.stl", "--output", folder / "pad.gcode", *widths,
-        f"--nozzle-diameter={printer.nozzle_mm}", f"--layer-height={printer.layer_mm}",
-        f"--first-layer-height={printer.first_layer_mm}", "--perimeter-generator=arachne",
-        "--elefant-foot-compensation=0", f"--xy-size-compensation={printer.xy_compensation_mm}",
-        "--filament-diameter=1.75", "--fill-density=100%", "--fill-pattern=rectilinear", "--skirts=0",
+        f"--nozzle-diameter={printing['nozzle']}", f"--layer-height={printing['layer_height']}",
+        f"--first-layer-height={printing['first_layer_height']}", "--perimeter-generator=arachne",
+        f"--elefant-foot-compensation={printing['elephant_foot_compensation']}",
+        f"--xy-size-compensation={printing['xy_size_compensation']}", f"--fill-density={printing['infill']}",
+        f"--infill-overlap={printing['infill_overlap']}", f"--thick-bridges={int(printing['thick_bridges'] == 'on')}",
+        "--filament-diameter=1.75", "--fill-pattern=rectilinear", "--skirts=0",
         "--bed-shape=0x0,250x0,250x210,0x210", f"--center={CENTRE_MM[0]},{CENTRE_MM[1]}",
     )  # fmt: skip
-    beams = laid_beams(plan, read_gcode(folder / "pad.gcode"), CENTRE_MM)
+    return plan, read_gcode(folder / "pad.gcode")
+
+
+def test_every_beam_is_laid_as_wide_and_as_thick_as_planned(sliced):
+    plan, laid_lines = sliced
+    beams = laid_beams(plan, laid_lines, CENTRE_MM)
     assert len(beams) == 32
     for beam in beams:
         *laid, above = beam.laid_width_mm
         assert above == 0.0, beam
         # Half of what a bead's round edges take off in the thickest layer: 0.215 * 0.2 mm / 2.
         assert laid == pytest.approx([beam.planned_width_mm] * beam.planned_layers, abs=0.022), beam
+
+
+def test_the_pad_weighs_what_was_planned(folder, sliced):
+    _, laid_lines = sliced
+    checks = json.loads((folder / "checks.json").read_text())
+    assert laid_lines.volume_mm3.sum() == pytest.approx(checks["figures"]["volume_mm3"], rel=0.01)
+
+
+def test_washers_enter_their_recesses_and_sink_in(sliced):
+    plan, laid_lines = sliced
+    washer = plan.typed_spec.washer
+    recesses = laid_recesses(plan, laid_lines, CENTRE_MM)
+    assert len(recesses) == 32
+    for recess in recesses:
+        assert recess.depth_mm == pytest.approx(plan.plate.recess_depth_mm, abs=1e-6), recess
+        assert recess.room_mm >= washer.outer_diameter_mm, recess

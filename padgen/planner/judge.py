@@ -21,6 +21,7 @@ from padgen.units import MM, UM
 SPACING_SHARE = 0.05
 """Share of a slot by which a resonance may be off before it is worth a finding."""
 GAPS_TRIED = 8
+ROUNDING_MM = 1e-6
 LARGEST_GAP_MM = next(item.metadata["high"] for item in fields(Coil) if item.name == "gap_mm")
 
 __all__ = ["judge"]
@@ -35,6 +36,7 @@ def judge(spec: Spec, plan: Plan) -> tuple[Finding, ...]:
         *judge_drive(spec, plan),
         *_spread(plan),
         *_single_layers(spec, plan.channels),
+        *_recess(spec),
         *_modes(spec, plan),
         *_mechanics(spec, plan),
         *_places(plan),
@@ -123,6 +125,18 @@ def _single_layers(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Findin
             "beam.single_layer",
             ("channels " if len(single) > 1 else "channel ") + ", ".join(str(c.index) for c in single),
             f"their beams are a single layer of {number(single[0].beam.thickness_mm)} mm: level the bed well",
+        )
+
+
+def _recess(spec: Spec) -> Iterator[Finding]:
+    asked_mm, depth_mm = spec.washer.thickness_mm + spec.taxel.glue_gap_mm, spec.recess_depth_mm
+    if depth_mm - asked_mm > ROUNDING_MM:
+        yield Finding(
+            "note",
+            "recess.layers",
+            "recess",
+            f"washer and glue take {number(asked_mm)} mm, the recess is a whole number of layers deep,"
+            f" {number(depth_mm)} mm: taxel.glue_gap_mm = {number(depth_mm - spec.washer.thickness_mm)} says the same",
         )
 
 

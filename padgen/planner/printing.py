@@ -10,7 +10,7 @@ __all__ = ["print_settings"]
 
 
 def print_settings(spec: Spec, beams: Sequence[Beam]) -> dict[str, str]:
-    """Slicer settings by plain name, for the plan, the 3MF's metadata and the docs."""
+    """Slicer settings by plain name, for the plan, what a build tells, the 3MF's metadata and the docs."""
     printer = spec.printer
     settings = {
         "printer": printer.name,
@@ -29,6 +29,8 @@ def print_settings(spec: Spec, beams: Sequence[Beam]) -> dict[str, str]:
             "xy_size_compensation": f"{number(printer.xy_compensation_mm)} mm",
             "detect_thin_walls": "off",
             "infill": "100 %",
+            "infill_overlap": "0 %",
+            "thick_bridges": "off",
         }
     layers = sorted({beam.layers for beam in beams})
     settings["beam_layers"] = ", ".join(str(n) for n in layers)

@@ -40,8 +40,7 @@ def plate_shape(spec: Spec) -> PlateShape:
 
 def recess_mm(spec: Spec) -> tuple[float, float]:
     """Diameter and depth in mm of the recess below the plate."""
-    washer, taxel = spec.washer, spec.taxel
-    return washer.outer_diameter_mm + taxel.washer_clearance_mm, washer.thickness_mm + taxel.glue_gap_mm
+    return spec.washer.outer_diameter_mm + spec.taxel.washer_clearance_mm, spec.recess_depth_mm
 
 
 def post_diameter_mm(spec: Spec) -> float:

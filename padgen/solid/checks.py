@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from padgen.errors import GeometryError, number
+from padgen.errors import GeometryError, at_least, number
 from padgen.finding import Finding
 from padgen.planner.plan import Plan
-from padgen.solid.measure import Dimension, measured
+from padgen.solid.measure import Dimension, measured, washer_rooms
 from padgen.solid.mesh import Mesh, as_manifold, from_manifold, ordered
 from padgen.solid.pad import PadSolid
 from padgen.solid.sections import Section, narrow_gaps, narrow_walls, sections, smallest, thin_skins, unsupported_spans
@@ -30,6 +30,8 @@ VOLUME_SHARE = 1e-3
 """Largest relative difference of the mesh's volume from the exact one."""
 FACET_MM = 0.012
 """What triangles may take off a wall or gap between round faces: the chord, on both sides."""
+LAID_MM = {"fdm": 0.12, "resin": 0.0}
+"""What is laid into a round recess beyond its drawn sides, on both of them together (docs/printing.md)."""
 AT_ONCE = 5
 """Findings of one kind that are listed; the last says how many more there are."""
 
@@ -107,8 +109,9 @@ def compare(plan: Plan, solid: Any, figures: dict[str, Any]) -> list[Finding]:
     figures["measured_dimensions"] = len(dimensions)
     return [
         *_few(_differs(d) for d in dimensions if not abs(d.built_mm - d.planned_mm) <= BUILT_MM),
-        *_few(_washer_fits(spec, dimensions)),
-        *_few(_beam_sections(spec.printer, dimensions)),
+        *_few(_washers_enter(spec, washer_rooms(plan, solid))),
+        *_few(_washers_sink_in(spec, dimensions)),
+        *_few(_lines_and_layers(spec.printer, dimensions)),
     ]
 
 
@@ -122,19 +125,39 @@ def _differs(dimension: Dimension) -> Finding:
     )
 
 
-def _washer_fits(spec: Spec, dimensions: Iterable[Dimension]) -> Iterator[Finding]:
-    bounds = {"recess diameter": spec.washer.outer_diameter_mm, "recess depth": spec.washer.thickness_mm}
+def _washers_enter(spec: Spec, rooms: Iterable[tuple[str, float]]) -> Iterator[Finding]:
+    """Catalogues give the largest diameter that a washer may have."""
+    printer, washer = spec.printer, spec.washer
+    laid_mm = 2 * printer.xy_compensation_mm + LAID_MM[printer.process]
+    needed_mm = washer.outer_diameter_mm + laid_mm
+    for taxel, room_mm in rooms:
+        if not room_mm >= needed_mm:
+            wider = spec.taxel.washer_clearance_mm + needed_mm - room_mm + FACET_MM
+            room = f"{number(room_mm)} mm" if isfinite(room_mm) else "missing"
+            cure = f"; taxel.washer_clearance_mm = {at_least(wider)} would do" if isfinite(room_mm) else ""
+            yield Finding(
+                "error",
+                "washer.fit",
+                f"taxel {taxel}",
+                f"the recess diameter between the sides of its polygon is {room}, the washer {washer.name} of"
+                f" {number(washer.outer_diameter_mm)} mm needs {number(needed_mm)} mm, as {printer.name} lays"
+                f" {number(laid_mm)} mm into it{cure}",
+            )
+
+
+def _washers_sink_in(spec: Spec, dimensions: Iterable[Dimension]) -> Iterator[Finding]:
     for d in dimensions:
-        if d.name in bounds and not d.built_mm >= bounds[d.name]:
+        if d.name == "recess depth" and not d.built_mm >= spec.washer.thickness_mm:
             yield Finding(
                 "error",
                 "washer.fit",
                 f"taxel {d.taxel}",
-                f"{d.name} is {number(d.built_mm)} mm, the washer {spec.washer.name} needs {number(bounds[d.name])} mm",
+                f"{d.name} is {number(d.built_mm)} mm, the washer {spec.washer.name} needs"
+                f" {number(spec.washer.thickness_mm)} mm",
             )
 
 
-def _beam_sections(printer: Printer, dimensions: Iterable[Dimension]) -> Iterator[Finding]:
+def _lines_and_layers(printer: Printer, dimensions: Iterable[Dimension]) -> Iterator[Finding]:
     for d in dimensions:
         if d.name.endswith("width") and d.built_mm < printer.smallest_beam_mm - 1e-3:
             yield Finding(
@@ -144,11 +167,12 @@ def _beam_sections(printer: Printer, dimensions: Iterable[Dimension]) -> Iterato
                 f"{d.name} is {number(d.built_mm)} mm, {printer.name} prints at least"
                 f" {number(printer.smallest_beam_mm)} mm",
             )
-        if d.name.endswith("thickness") and isfinite(d.built_mm):
+        is_beam = d.name.endswith("thickness")
+        if (is_beam or d.name == "recess depth") and isfinite(d.built_mm):
             layers = (d.built_mm - printer.first_layer_mm) / printer.layer_mm + 1
-            whole = max(round(layers), printer.smallest_beam_layers)
+            whole = max(round(layers), printer.smallest_beam_layers if is_beam else 1)
             if abs(layers - whole) * printer.layer_mm > BUILT_MM:
-                nearest = printer.first_layer_mm + (whole - 1) * printer.layer_mm
+                nearest = printer.height_mm(whole)
                 yield Finding(
                     "error",
                     "print.layers",

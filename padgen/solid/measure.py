@@ -1,7 +1,7 @@
 """Built = planned: dimensions of every taxel measured back from the final mesh by rays."""
 
 from collections.abc import Callable, Iterator
-from math import inf, isfinite
+from math import inf, isfinite, nan
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,11 +10,13 @@ from padgen.planner.plan import Beam, Channel, Plan, Plate, Taxel
 from padgen.planner.suspensions import Strip
 from padgen.planner.tile import to_cell
 
-__all__ = ["Dimension", "measured"]
+__all__ = ["Dimension", "distance_to_sides", "measured", "washer_rooms"]
 
 
 STATIONS = (0.4, 0.65, 0.9)
 """Where along a beam, from the root, width and thickness are measured: outside the flare."""
+HEIGHTS = (0.02, 0.5, 0.98)
+"""Where in a recess, as a share of its depth, the room for a washer is measured: a mouth may be narrower."""
 
 
 class Dimension(NamedTuple):
@@ -45,7 +47,8 @@ def measured(plan: Plan, solid: Any) -> Iterator[Dimension]:
     gauges = {c.index: _placed(_gauges(plan, c), c) for c in plan.channels}
     recesses = _holes(plan, solid.slice(plan.plate.recess_depth_mm / 2))
     for taxel in plan.taxels:
-        built, offset = _nearest_hole(plan, recesses, taxel)
+        hole = _hole_around(plan, recesses, taxel)
+        built, offset = (nan, nan) if hole is None else (hole.diameter_mm, _offset_mm(hole, taxel))
         yield Dimension(taxel.id, "recess diameter", plan.plate.recess_diameter_mm, built)
         yield Dimension(taxel.id, "recess centre offset", 0.0, offset)
         centre = np.array([*_coil_axis_mm(plan, taxel), 0.0])
@@ -53,6 +56,26 @@ def measured(plan: Plan, solid: Any) -> Iterator[Dimension]:
         for gauge in gauges[taxel.channel]:
             runs = [_run_mm(solid, *(ray * around + centre)) for ray in gauge.rays]
             yield Dimension(taxel.id, gauge.name, gauge.planned_mm, gauge.combine(runs))
+
+
+def washer_rooms(plan: Plan, solid: Any) -> Iterator[tuple[str, float]]:
+    """For every taxel, the diameter of the largest circle about its recess's middle that holds no plastic.
+
+    A round recess is a polygon in the mesh, whose sides are nearer than its corners; nan where there is none.
+    """
+    cuts = [_holes(plan, solid.slice(plan.plate.recess_depth_mm * share)) for share in HEIGHTS]
+    for taxel in plan.taxels:
+        found = [_hole_around(plan, holes, taxel) for holes in cuts]
+        rooms = [nan if hole is None else 2 * distance_to_sides(hole.outline, hole.centre) for hole in found]
+        yield taxel.id, float(np.min(rooms))
+
+
+def distance_to_sides(outline: np.ndarray, at: np.ndarray) -> float:
+    """Distance from a point (2,) to the sides of a closed outline (n, 2)."""
+    start, along = outline - at, np.roll(outline, -1, axis=0) - outline
+    share = -np.einsum("ij,ij->i", start, along) / np.maximum(np.einsum("ij,ij->i", along, along), 1e-30)
+    nearest = start + np.clip(share, 0, 1)[:, None] * along
+    return float(np.hypot(*nearest.T).min())
 
 
 def _gauges(plan: Plan, channel: Channel) -> Iterator[_Gauge]:
@@ -95,22 +118,30 @@ def _recess_gauges(plate: Plate, washer_x: float) -> Iterator[_Gauge]:
     yield _Gauge("boss height", plate.boss_top_mm, down, lambda runs: plate.boss_top_mm + 1 - runs[0])
 
 
-Holes = dict[tuple[int, int], list[tuple[np.ndarray, float]]]
+class _Hole(NamedTuple):
+    """The outline (n, 2) of a hole of a cross-section and its centroid."""
+
+    outline: np.ndarray
+    centre: np.ndarray
+
+    @property
+    def diameter_mm(self) -> float:
+        """The largest diameter: the corners of a round hole lie on its circle."""
+        return 2 * float(np.hypot(*(self.outline - self.centre).T).max())
+
+
+Holes = dict[tuple[int, int], list[_Hole]]
 
 
 def _holes(plan: Plan, section: Any) -> Holes:
-    """Centroid and largest diameter of each hole of a cross-section, by the sub-cell it lies in.
-
-    The corners of a round hole lie on its circle, the sides between them within it.
-    """
+    """The holes of a cross-section, by the sub-cell that they lie in."""
     holes: Holes = {}
     for contour in section.to_polygons():
         following = np.roll(contour, -1, axis=0)
         cross = contour[:, 0] * following[:, 1] - contour[:, 1] * following[:, 0]
         if cross.sum() < 0:
             centre = ((contour + following) * cross[:, None]).sum(0) / (3 * cross.sum())
-            diameter = 2 * float(np.hypot(*(contour - centre).T).max())
-            holes.setdefault(_sub_cell(plan, *centre), []).append((centre, diameter))
+            holes.setdefault(_sub_cell(plan, *centre), []).append(_Hole(contour, centre))
     return holes
 
 
@@ -118,14 +149,17 @@ def _sub_cell(plan: Plan, x: float, y: float) -> tuple[int, int]:
     return int(np.floor(x / plan.cell.width_mm)), int(np.floor(y / plan.cell.depth_mm))
 
 
-def _nearest_hole(plan: Plan, holes: Holes, taxel: Taxel) -> tuple[float, float]:
-    """Diameter of the hole around a taxel's washer and its centre's distance from there; nan without one."""
+def _hole_around(plan: Plan, holes: Holes, taxel: Taxel) -> _Hole | None:
+    """The hole around a taxel's washer: its recess."""
     column, row = _sub_cell(plan, taxel.x_mm, taxel.y_mm)
     near = [hole for i in (-1, 0, 1) for j in (-1, 0, 1) for hole in holes.get((column + i, row + j), [])]
-    sized = [(diameter, float(np.hypot(*(centre - (taxel.x_mm, taxel.y_mm))))) for centre, diameter in near]
     # The window around a plate may have the same centre as its recess, but is larger.
-    inside = [(diameter, offset) for diameter, offset in sized if offset < diameter / 2]
-    return min(inside, default=(float("nan"), float("nan")))
+    inside = [hole for hole in near if _offset_mm(hole, taxel) < hole.diameter_mm / 2]
+    return min(inside, key=lambda hole: hole.diameter_mm, default=None)
+
+
+def _offset_mm(hole: _Hole, taxel: Taxel) -> float:
+    return float(np.hypot(*(hole.centre - (taxel.x_mm, taxel.y_mm))))
 
 
 def _both_ways(start: np.ndarray, reach: list[float]) -> np.ndarray:

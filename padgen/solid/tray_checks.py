@@ -12,6 +12,7 @@ from padgen.planner.plan import Plan
 from padgen.planner.tile import Outline
 from padgen.planner.tray import Tray, tray_findings, washer_underside_mm
 from padgen.solid.checks import Report, check_mesh
+from padgen.solid.measure import distance_to_sides
 from padgen.solid.mesh import CHORD_MM, Mesh, as_manifold, signed_volume_mm3
 from padgen.solid.tray import TraySolid
 from padgen.spec import Pad, Spec
@@ -129,16 +130,8 @@ def _free_diameter(holes: list[np.ndarray], x: float, y: float) -> float:
     at = np.array([x, y])
     for contour in holes:
         if (contour.min(0) < at).all() and (at < contour.max(0)).all():
-            return 2 * _distance(contour, at)
+            return 2 * distance_to_sides(contour, at)
     return nan
-
-
-def _distance(contour: np.ndarray, at: np.ndarray) -> float:
-    """Distance from a point to the sides of a closed outline."""
-    start, along = contour - at, np.roll(contour, -1, axis=0) - contour
-    share = -np.einsum("ij,ij->i", start, along) / np.maximum(np.einsum("ij,ij->i", along, along), 1e-30)
-    nearest = start + np.clip(share, 0, 1)[:, None] * along
-    return float(np.hypot(*nearest.T).min())
 
 
 def _off(gauges: list[Gauge]) -> list[Finding]:

@@ -5,6 +5,7 @@ any of its fields.
 """
 
 from dataclasses import dataclass, field
+from math import ceil
 
 from padgen.spec.fields import choice, entry_name, flag, folder_name, numbers, quantity, text
 
@@ -27,6 +28,8 @@ SUSPENSIONS = ("cantilever", "folded", "bridge")
 DRIVE_SCHEMES = ("tones", "spur-free", "biased", "time-shared")
 """Explained in `padgen.physics.selectivity`."""
 STRUCTURE_MODELS = ("beam", "solid")
+LAYER_SHARE = 1e-6
+"""Share of a layer by which a height may exceed whole layers, by rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +62,9 @@ class Taxel:
     boss_edge_mm: float = quantity(0.3, unit="mm", low=0, high=5, doc="chamfer that breaks the edge of the boss")
     fillet_mm: float = quantity(0.3, unit="mm", low=0, high=5, doc="fillets at the roots of the beams")
     washer_clearance_mm: float = quantity(0.2, unit="mm", low=0, high=2, doc="recess diameter over washer diameter")
-    glue_gap_mm: float = quantity(0.1, unit="mm", low=0, high=1, doc="recess depth over washer thickness")
+    glue_gap_mm: float = quantity(
+        0.1, unit="mm", low=0, high=1, doc="least recess depth over washer thickness; rounded up to layers"
+    )
     glue_mg: float = quantity(0.0, unit="mg", low=0, high=1000, doc="mass of glue per taxel; weigh ten")
     glue_spread_mg: float = quantity(2.0, unit="mg", low=0, high=1000, doc="spread of the glue from taxel to taxel")
     centre_post: bool = flag(False, doc="a post in the recess that centres the washer by its bore")
@@ -128,6 +133,14 @@ class Printer:
         0.0, unit="1", low=0, high=1, doc="relative spread of f from one side of the pad to the other (bed level)"
     )
     source: str = text("", doc="where the figures come from")
+
+    def layers_up_to(self, height_mm: float) -> int:
+        """The fewest layers, one or more, that reach a height."""
+        return max(ceil((height_mm - self.first_layer_mm) / self.layer_mm - LAYER_SHARE) + 1, 1)
+
+    def height_mm(self, layers: int) -> float:
+        """Height of so many layers, the first included."""
+        return round(self.first_layer_mm + (layers - 1) * self.layer_mm, 9)
 
 
 @dataclass(frozen=True, slots=True)
@@ -297,3 +310,9 @@ class Spec:
     suspension: Suspension = field(default_factory=Suspension)
     drive: Drive = field(default_factory=Drive)
     model: Model = field(default_factory=Model)
+
+    @property
+    def recess_depth_mm(self) -> float:
+        """Depth of the recess below a plate: washer and glue, in whole layers."""
+        printer = self.printer
+        return printer.height_mm(printer.layers_up_to(self.washer.thickness_mm + self.taxel.glue_gap_mm))

@@ -93,12 +93,12 @@ def _refuse_parts(spec: Spec) -> None:
 
 def _refuse_taxel(spec: Spec) -> None:
     taxel, pad, printer = spec.taxel, spec.pad, spec.printer
-    depth = spec.washer.thickness_mm + taxel.glue_gap_mm
+    depth = spec.recess_depth_mm
     roof = 2 * printer.layer_mm
     if depth + roof > taxel.plate_thickness_mm + SLACK_MM:
         raise SpecError(
             f"must be at least {number(depth + roof)} mm (washer {number(spec.washer.thickness_mm)} mm,"
-            f" glue {number(taxel.glue_gap_mm)} mm, two layers of roof),"
+            f" glue {number(taxel.glue_gap_mm)} mm, up to whole layers, two layers of roof),"
             f" got {number(taxel.plate_thickness_mm)} mm",
             "taxel.plate_thickness_mm",
         )

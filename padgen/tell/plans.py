@@ -45,8 +45,12 @@ def plan_text(plan: "Plan") -> str:
         )
         lines.append(f"runners-up: {others}")
     lines.append(left_out_line(plan.left_out))
-    settings = ", ".join(f"{key.replace('_', ' ')} {value}" for key, value in plan.printing.items())
-    return "\n".join([*lines, f"print with: {settings}"])
+    return "\n".join([*lines, _settings_line(plan.printing)])
+
+
+def _settings_line(printing: dict[str, str]) -> str:
+    settings = ", ".join(f"{key.replace('_', ' ')} {value}" for key, value in printing.items())
+    return f"print with: {settings}"
 
 
 def _counted(count: int, searched_to: int) -> str:
@@ -273,7 +277,7 @@ def built_text(built: "Built") -> str:
     state = "is up to date, nothing to do" if built.up_to_date else "written"
     lines = [f"{plain(str(built.folder))} {state}: {files}", figures_text(built.figures)]
     lines += [f"{name}: {figures_text(figures)}" for name, figures in built.figures.get("parts", {}).items()]
-    return "\n".join(lines)
+    return "\n".join([*lines, _settings_line(built.printing)])
 
 
 def figures_text(figures: dict[str, Any]) -> str:
