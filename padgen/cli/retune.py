@@ -85,9 +85,9 @@ def _retune(options: argparse.Namespace) -> int:
 
         show(retuned_text(plan, written.result))
         show(findings_text(written.result.findings))
-        folder = plain(str(written.folder))
-        show(f"written to {folder}: {'  '.join(written.files)}")
-        show(f"next: padgen drive {plain(options.spec)} --tuning {folder}/tuning.json --state all --hear")
+        where = plain(str(written.folder))
+        show(f"written to {where}: {'  '.join(written.files)}")
+        show(f"next: padgen drive {plain(options.spec)} --tuning {where}/tuning.json --state all --hear")
     return code_of(written.result.findings)
 
 

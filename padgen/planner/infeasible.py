@@ -23,7 +23,11 @@ def why_not(spec: Spec, options: list[Layout], limit: int) -> str:
     wanted = f"{spec.resolution} taxels on {number(pad.width_mm)} x {number(pad.depth_mm)} mm"
     # Where a pad can be laid out at all, optimised resonances can be had as well.
     cures = list(_cures(replace(spec, spacing="spread") if spec.spacing == "optimised" else spec, limit))
-    cure = "what would do: " + ", or ".join(cures) if cures else "no other washer, printer, pad or resolution that was tried would do"
+    cure = (
+        "what would do: " + ", or ".join(cures)
+        if cures
+        else "no other washer, printer, pad or resolution that was tried would do"
+    )
     return f"{wanted} cannot be laid out: {'; '.join(_reasons(spec, options, limit))}; {cure}"
 
 

@@ -127,7 +127,7 @@ MOST_WORK = 100_000
 
 
 def _channel_counts(spec: Spec, channel_limit: int) -> Iterable[int]:
-    """Channels per coil worth trying: no more than taxels asked, or plates that the pad's area or a coil's reach holds."""
+    """Channels per coil worth trying: no more than taxels asked, or plates that the pad or a coil's reach holds."""
     if spec.resonances_hz:
         return [len(spec.resonances_hz) // spec.coil.sets]
     plates = spec.pad.width_mm * spec.pad.depth_mm / _plate_side_mm(spec) ** 2

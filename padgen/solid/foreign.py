@@ -1,7 +1,6 @@
 """Checks of a mesh file from anywhere: read by trimesh or lib3mf, welded, judged."""
 
 import io
-import os.path
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from padgen.errors import MeshFileError
-from padgen.files import read_bounded
+from padgen.files import read_bounded, reason
 from padgen.planner import make_plan
 from padgen.solid.checks import Report, check_mesh, compare_mesh
 from padgen.solid.mesh import Mesh, joined, sound_mesh
@@ -27,8 +26,11 @@ def read_mesh(path: Path) -> Mesh:
     MeshFileError
         The file is not there, not a mesh, or holds no triangles.
     """
-    if not os.path.isfile(path):
-        raise MeshFileError("is not a file" if os.path.exists(path) else "there is no such file", str(path))
+    try:
+        if not path.is_file():
+            raise MeshFileError("is not a file" if path.exists() else "there is no such file", str(path))
+    except OSError as error:
+        raise MeshFileError(f"cannot be read ({reason(error)})", str(path)) from error
     kind = path.suffix.lower()
     if kind == ".3mf":
         from padgen.solid.threemf import read_3mf

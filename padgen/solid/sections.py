@@ -121,9 +121,8 @@ def _flat_heights_mm(mesh: Mesh, up: bool) -> np.ndarray:
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     flat = (np.ptp(corners[..., 2], axis=1) < STEP_MM) & ((normal[:, 2] > 0) == up)
     heights = np.unique(np.round(corners[flat][:, 0, 2] / STEP_MM) * STEP_MM)
-    if len(heights) <= MOST_HEIGHTS:
-        return heights
-    return heights[np.linspace(0, len(heights) - 1, MOST_HEIGHTS).round().astype(int)]
+    chosen = np.linspace(0, len(heights) - 1, MOST_HEIGHTS).round().astype(int)
+    return np.asarray(heights[chosen] if len(heights) > MOST_HEIGHTS else heights)
 
 
 def _narrow(shape: Any, z_mm: float, limit_mm: float, empty: bool = False) -> list[Narrow]:

@@ -64,9 +64,7 @@ class Expression:
         try:
             return bool(_evaluated(self.tree, values, spec or self.spec))
         except (ArithmeticError, LookupError, RecursionError, TypeError, ValueError) as error:
-            raise SpecError(
-                f"cannot be worked out for {shown(dict(values))} ({error})", _where(self.text)
-            ) from error
+            raise SpecError(f"cannot be worked out for {shown(dict(values))} ({error})", _where(self.text)) from error
 
 
 def parse_expression(text: str, spec: Spec) -> Expression:

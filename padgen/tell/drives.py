@@ -39,7 +39,9 @@ def driven_text(plan: "Plan", driven: "Driven", frames: "np.ndarray | None", not
         lines.append(findings_text(driven.findings))
     lines.append(f"written to {plain(str(driven.folder))}: {'  '.join(driven.files)}")
     if driven.stale:
-        lines.append(f"the other files in {plain(str(driven.folder))} are of an earlier plan; padgen build makes them anew")
+        lines.append(
+            f"the other files in {plain(str(driven.folder))} are of an earlier plan; padgen build makes them anew"
+        )
     return "\n".join(line for line in lines if line)
 
 
