@@ -1,7 +1,8 @@
 """Results that are dear to compute, kept by the hash of what went into them.
 
 One file an entry, written aside and renamed, so that two processes never see half of one; its first
-line is the hash of the rest, so that what a disk has spoiled counts as absent. A folder that cannot be
+line is the hash of the rest, so that what a disk has spoiled counts as absent. Whoever reads an entry judges
+its shape as well: what does not fit is made again. A folder that cannot be
 written counts as full: a cache only ever saves time. Entries that were used longest ago go first when
 there is more than `limit_bytes` of them.
 """
@@ -20,7 +21,7 @@ from stat import S_ISREG
 from typing import Any, TypeVar
 
 from padgen.errors import FileError, SpecError
-from padgen.files import file_hash, reason
+from padgen.files import file_hash, read_bounded, reason
 from padgen.lock import locked
 
 __all__ = [
@@ -52,6 +53,8 @@ ASIDE = ".aside"
 CLAIM = ".claim"
 PATIENCE_S = 120.0
 """How long to wait for another process that works on the same."""
+LARGEST_ENTRY = 1 << 28
+"""Bytes of an entry that is read."""
 OWN = re.compile(r"[0-9a-f]{64}\.(entry|claim|json|[0-9]+|[0-9]+-[0-9]+\.aside)")
 """Names of our files: entries, those of former versions, and what killed writers of both left."""
 _numbers, _unseen = count(), [float("inf")]
@@ -109,7 +112,10 @@ def key_of(inputs: Any) -> str:
 def load(kind: str, key: str) -> Any:
     """The stored result, None when there is none that can be read."""
     data = load_bytes(kind, key)
-    return None if data is None else json.loads(data)
+    try:
+        return None if data is None else json.loads(data)
+    except (ValueError, RecursionError):
+        return None
 
 
 def store(kind: str, key: str, result: Any) -> None:
@@ -121,8 +127,10 @@ def load_bytes(kind: str, key: str) -> bytes | None:
     """The stored bytes, None when there are none that are whole; they count as used now."""
     path = _path(kind, key)
     try:
-        head, _, data = path.read_bytes().partition(b"\n")
-    except OSError:
+        if not path.is_file():
+            return None
+        head, _, data = read_bounded(path, LARGEST_ENTRY, "an entry of the cache").partition(b"\n")
+    except (FileError, OSError):
         return None
     if head != _head(key, data):
         return None

@@ -80,12 +80,21 @@ def json_text(table: Any) -> str:
     back as they were given. Of plain data and dataclasses. As ``json.dumps`` with an indent of 1, which has no
     quick way to indent.
     """
-    return _json(table, "\n", False) + "\n"
+    return _whole(_json(table, "\n", False)) + "\n"
 
 
 def json_line(table: Any) -> str:
     """The same conventions on one line, for streams and journals; values that are no plain data as text."""
-    return json.dumps(_plain(table), ensure_ascii=False)
+    return _whole(json.dumps(_plain(table), ensure_ascii=False))
+
+
+def _whole(text: str) -> str:
+    """JSON with halves of characters, as names of files may hold, as their escapes: no file takes them."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return "".join(f"\\u{ord(sign):04x}" if "\ud800" <= sign <= "\udfff" else sign for sign in text)
+    return text
 
 
 def _plain(value: Any) -> Any:

@@ -339,9 +339,11 @@ def _from_plain(entry: Any) -> Solved | None:
     try:
         frequency, motion, rest = (np.array(entry[key], float) for key in ("frequency_hz", "motion", "rest"))
         error = float(entry["error"])
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, OverflowError, TypeError, ValueError):
         return None
     shapes = (frequency.shape, motion.shape, rest.shape)
-    if shapes != ((MODES,), (MODES, 6), (6, 6)) or not all(np.isfinite(v).all() for v in (frequency, motion, rest)):
+    if shapes != ((MODES,), (MODES, 6), (6, 6)) or not frequency.min() > 0:
+        return None
+    if not all(np.isfinite(v).all() for v in (frequency, motion, rest, error)):
         return None
     return Solved(TaxelModes(frequency, motion, rest), error)

@@ -5,7 +5,7 @@ from dataclasses import asdict, replace
 from typing import Any
 
 from padgen.errors import SpecError, number
-from padgen.planner.layout import SLACK_MM, Layout, candidates, explain, most_coils, room, whole_grids
+from padgen.planner.layout import SLACK_MM, Layout, candidates, explain, most_channels, most_coils, room, whole_grids
 from padgen.planner.resonances import ladders, reachable_hz
 from padgen.planner.search import sized_layouts
 from padgen.planner.sizing import topologies
@@ -23,7 +23,11 @@ def why_not(spec: Spec, options: list[Layout], limit: int) -> str:
     wanted = f"{spec.resolution} taxels on {number(pad.width_mm)} x {number(pad.depth_mm)} mm"
     # Where a pad can be laid out at all, optimised resonances can be had as well.
     cures = list(_cures(replace(spec, spacing="spread") if spec.spacing == "optimised" else spec, limit))
-    cure = "what would do: " + ", or ".join(cures) if cures else "no other washer, printer, pad or resolution would do"
+    cure = (
+        "what would do: " + ", or ".join(cures)
+        if cures
+        else "no other washer, printer, pad or resolution that was tried would do"
+    )
     return f"{wanted} cannot be laid out: {'; '.join(_reasons(spec, options, limit))}; {cure}"
 
 
@@ -41,11 +45,13 @@ def _reasons(spec: Spec, options: list[Layout], limit: int) -> list[str]:
 
 def _too_many(spec: Spec, limit: int) -> str:
     grid = spec.coil.grid
-    per_coil = len(spec.resonances_hz) // spec.coil.sets if spec.resonances_hz else limit
+    per_coil = most_channels(spec, limit)
     rows, columns = grid or most_coils(spec)
     coils = rows * columns
     which = "the grid has" if grid else "there is room for"
     band = f"Q = {number(spec.q_min)} in {number(spec.band_hz[0])} … {number(spec.band_hz[1])} Hz"
+    if per_coil < limit and not spec.resonances_hz:
+        band = "there is no room for more plates at it"
     exact = "exactly" if spec.resonances_hz else "at most"
     return (
         f"{which} {coils} coils of {number(spec.coil.outer_diameter_mm)} mm, each with {exact} {per_coil} channels"
@@ -108,8 +114,8 @@ def _cures(spec: Spec, limit: int) -> Iterator[str]:
             break
     yield from _freer_beams(spec, limit)
     yield from _larger_pads(spec, limit)
-    fewer = next(sized_layouts(spec, whole_grids(spec, limit)), None)
-    if fewer and not spec.coil.grid:
+    fewer = None if spec.coil.grid else next(sized_layouts(spec, whole_grids(spec, limit)), None)
+    if fewer:
         yield f"{fewer[0].coils * fewer[0].channels} taxels ({fewer[0].rows} x {fewer[0].columns} coils)"
 
 

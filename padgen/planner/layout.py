@@ -7,7 +7,7 @@ how much.
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from math import ceil, floor, hypot, inf, sqrt
+from math import ceil, floor, hypot, inf, pi, sqrt
 
 from padgen.errors import number
 from padgen.planner.plan import Site
@@ -21,6 +21,7 @@ __all__ = [
     "candidates",
     "coil_reach_mm",
     "explain",
+    "most_channels",
     "most_coils",
     "place",
     "room",
@@ -70,46 +71,87 @@ class Layout:
 
 
 def candidates(spec: Spec, channel_limit: int) -> list[Layout]:
-    """All candidate layouts for the spec's resolution, best first, broken ones too."""
+    """All candidate layouts for the spec's resolution, best first, and of broken ones the nearest misses."""
     wanted = spec.resolution
-    found = [
+    bare = [
         layout
         for channels in _channel_counts(spec, channel_limit)
         for rows, columns in _grids(spec, ceil(wanted / channels))
         if 0 <= rows * columns * channels - wanted < rows * columns
         for layout in _divisions(spec, rows, columns, channels, wanted)
     ]
+    spare = [_spare_mm(spec, layout) for layout in bare]
+    least = sorted(spare, reverse=True)[min(len(spare), NEAR_MISSES) - 1] if spare else 0.0
+    found = [
+        replace(layout, slacks=_slacks(spec, layout))
+        for layout, mm in zip(bare, spare, strict=True)
+        if mm >= min(least, -SLACK_MM)
+    ]
     found.sort(key=lambda layout: layout.rank)
     return found
 
 
-def whole_grids(spec: Spec, channel_limit: int) -> list[Layout]:
+NEAR_MISSES = 200
+"""Layouts without room for their parts that are looked at further: they say what is lacking."""
+
+
+def whole_grids(spec: Spec, channel_limit: int) -> Iterator[Layout]:
     """Layouts of fewer taxels than asked that have room for their parts, most taxels first."""
     rows_, columns_ = most_coils(spec)
-    found = [
-        layout
-        for channels in _channel_counts(spec, channel_limit)
-        for rows in range(1, rows_ + 1)
-        for columns in range(1, columns_ + 1)
-        if rows * columns * channels < spec.resolution
-        for layout in _divisions(spec, rows, columns, channels, rows * columns * channels)
-        if layout.margin_mm >= -SLACK_MM
-    ]
-    found.sort(key=lambda layout: (-layout.coils * layout.channels, layout.rank))
-    return found
+    most = min(spec.resolution - 1, int(spec.pad.width_mm * spec.pad.depth_mm / _plate_mm2(spec)))
+    grids: dict[int, list[tuple[int, int, int]]] = {}
+    for channels in _channel_counts(spec, channel_limit):
+        for rows in range(1, rows_ + 1):
+            for columns in range(1, min(columns_, most // (rows * channels)) + 1):
+                grids.setdefault(rows * columns * channels, []).append((rows, columns, channels))
+    spare: dict[tuple[float, float], float] = {}
+    work = 0
+    for taxels in sorted(grids, reverse=True):
+        found = []
+        for rows, columns, channels in grids[taxels]:
+            for layout in _divisions(spec, rows, columns, channels, taxels):
+                size = layout.sub_width_mm, layout.sub_depth_mm
+                if size not in spare:  # many layouts have one; that their pitch holds the coil is known
+                    spare[size] = _spare_mm(spec, layout)
+                work += 1
+                if spare[size] >= -SLACK_MM:
+                    work += channels
+                    found.append(replace(layout, slacks=_slacks(spec, layout)))
+        yield from sorted((f for f in found if f.margin_mm >= -SLACK_MM), key=lambda layout: layout.rank)
+        if work > MOST_WORK:
+            return
+
+
+MOST_WORK = 100_000
+"""Layouts of fewer taxels that are looked at, and their places: some seconds."""
 
 
 def _channel_counts(spec: Spec, channel_limit: int) -> Iterable[int]:
-    """Channels per coil worth trying: no more than taxels asked, or plates that the pad's area holds."""
+    """Channels per coil worth trying: no more than taxels asked, or plates that the pad or a coil's reach holds."""
     if spec.resonances_hz:
         return [len(spec.resonances_hz) // spec.coil.sets]
     plates = spec.pad.width_mm * spec.pad.depth_mm / _plate_side_mm(spec) ** 2
+    if not spec.coil.grid:
+        # Each plate holds a washer's axis within the coil's reach, and so lies within a circle wider by its diagonal.
+        plate = plate_shape(spec)
+        circle_mm = coil_reach_mm(spec) + hypot(plate.length_mm, plate.width_mm)
+        plates = min(plates, pi * circle_mm**2 / _plate_mm2(spec))
     return range(1, min(channel_limit, spec.resolution, max(int(plates), 1)) + 1)
 
 
 def _plate_side_mm(spec: Spec) -> float:
     plate = plate_shape(spec)
     return min(plate.length_mm, plate.width_mm)
+
+
+def _plate_mm2(spec: Spec) -> float:
+    plate = plate_shape(spec)
+    return plate.length_mm * plate.width_mm
+
+
+def most_channels(spec: Spec, channel_limit: int) -> int:
+    """Most channels per coil that are worth trying."""
+    return max(_channel_counts(spec, channel_limit))
 
 
 def most_coils(spec: Spec) -> tuple[int, int]:
@@ -140,10 +182,9 @@ def _divisions(spec: Spec, rows: int, columns: int, channels: int, wanted: int) 
             continue
         width, depth = pitch_x / sub_columns, pitch_y / sub_rows
         axis = "x" if width >= depth else "y"
-        bare = Layout(
+        yield Layout(
             rows, columns, channels, sub_columns, sub_rows, width, depth, axis, rows * columns * channels - wanted, ()
         )
-        yield replace(bare, slacks=_slacks(spec, bare))
 
 
 def room(spec: Spec, layout: Layout) -> Room:
@@ -154,8 +195,7 @@ def room(spec: Spec, layout: Layout) -> Room:
     stay short of it, by more than the winding reaches there. On a grid that the user chose the
     second is left to the findings.
     """
-    sides = (layout.sub_width_mm - spec.pad.rib_mm, layout.sub_depth_mm - spec.pad.rib_mm)
-    length, width = sides if layout.beam_axis == "x" else sides[::-1]
+    length, width = _sides_mm(spec, layout)
     slide = max(width - plate_shape(spec).width_mm, 0) / 2 - spec.printer.smallest_gap_mm
     before = behind = inf
     for at in slots(layout):
@@ -166,8 +206,25 @@ def room(spec: Spec, layout: Layout) -> Room:
     return Room(length, width, before, inf if spec.coil.grid else behind)
 
 
+def _sides_mm(spec: Spec, layout: Layout) -> tuple[float, float]:
+    """Length and width of a sub-cell between its ribs, along and across the beams."""
+    width, depth = layout.sub_width_mm - spec.pad.rib_mm, layout.sub_depth_mm - spec.pad.rib_mm
+    return (width, depth) if layout.beam_axis == "x" else (depth, width)
+
+
+def _spare_mm(spec: Spec, layout: Layout) -> float:
+    """What a layout's margin is at most, worked out without its places."""
+    return min(slack for _, slack in _fits(spec, layout, Room(*_sides_mm(spec, layout))))
+
+
 def _slacks(spec: Spec, layout: Layout) -> tuple[tuple[str, float], ...]:
-    gap, plate, inside = spec.printer.smallest_gap_mm, plate_shape(spec), room(spec, layout)
+    slacks = _fits(spec, layout, room(spec, layout))
+    return slacks if spec.coil.grid else (*slacks, ("reach", _reach_slack_mm(spec, layout)))
+
+
+def _fits(spec: Spec, layout: Layout, inside: Room) -> tuple[tuple[str, float], ...]:
+    """Slacks of the coil in its pitch, and of beam and plate in the room inside a sub-cell."""
+    gap, plate = spec.printer.smallest_gap_mm, plate_shape(spec)
     pitch = min(spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows)
     names = TOPOLOGIES if spec.suspension.topology == "auto" else [spec.suspension.topology]
     lengths, widths = [], []
@@ -179,14 +236,7 @@ def _slacks(spec: Spec, layout: Layout) -> tuple[tuple[str, float], ...]:
         )
         lengths.append(shape.longest(inside, plate, gap) - shape.shortest(plate, gap))
     best = max(range(len(widths)), key=lambda i: min(widths[i], lengths[i]))
-    slacks = [
-        ("coil", pitch - spec.coil.outer_diameter_mm),
-        ("width", widths[best]),
-        ("length", lengths[best]),
-    ]
-    if not spec.coil.grid:
-        slacks.append(("reach", _reach_slack_mm(spec, layout)))
-    return tuple(slacks)
+    return ("coil", pitch - spec.coil.outer_diameter_mm), ("width", widths[best]), ("length", lengths[best])
 
 
 def coil_reach_mm(spec: Spec) -> float:
@@ -238,12 +288,12 @@ def place(spec: Spec, layout: Layout, centre: tuple[float, float], arrangement: 
     window_mm, washer_x_mm = [float(side) for side in arrangement.window_mm], float(arrangement.washer_x_mm)
     across_x = layout.beam_axis == "y"
     u, v = centre[::-1] if across_x else centre
-    sides = room(spec, layout)
+    length, width = _sides_mm(spec, layout)
     sign = -1.0 if u > 1e-9 or (abs(u) <= 1e-9 and v > 1e-9) else 1.0
     # In the own direction: the window may slide by what the room leaves, towards the coil axis.
-    slide = (sides.length_mm - window_mm[0]) / 2
+    slide = (length - window_mm[0]) / 2
     start = _clip(-sign * u - washer_x_mm + window_mm[0] / 2, slide) - window_mm[0] / 2
-    v_shift = _clip(-v, (sides.width_mm - window_mm[1]) / 2)
+    v_shift = _clip(-v, (width - window_mm[1]) / 2)
     origin_u, origin_v = round(u + sign * start, 6), round(v + v_shift, 6)
     washer_u = origin_u + sign * washer_x_mm
     along = ("+" if sign > 0 else "-") + layout.beam_axis

@@ -2,7 +2,7 @@
 
 from functools import lru_cache
 from math import isfinite
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -122,8 +122,7 @@ def optimum(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
     )
 
     def kept() -> Optimum | None:
-        known = cache.load(KIND, key)
-        return None if known is None else Optimum(tuple(known[0]), *known[1:])
+        return _from_plain(cache.load(KIND, key), count)
 
     def made() -> Optimum:
         best = _searched(spec, count, low_hz, high_hz)
@@ -131,6 +130,18 @@ def optimum(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
         return best
 
     return cache.once(KIND, key, kept, made)
+
+
+def _from_plain(entry: Any, count: int) -> Optimum | None:
+    """The optimum that the cache holds, None where that is none of `count` resonances."""
+    try:
+        hz, reached_db, bound_db = entry
+        ladder = np.array(hz, float)
+        known = Optimum(tuple(ladder.tolist()), float(reached_db), None if bound_db is None else float(bound_db))
+    except (OverflowError, TypeError, ValueError):
+        return None
+    rises = ladder.shape == (count,) and ladder[0] > 0 and bool((np.diff(ladder) > 0).all())
+    return known if rises and np.isfinite([*ladder, reached_db, bound_db or 0.0]).all() else None
 
 
 def _searched(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:

@@ -16,20 +16,20 @@ from padgen.spec import Spec
 
 __all__ = ["sites_of", "sized_layouts"]
 
-LAYOUTS_SIZED = 24
-"""Layouts with room whose beams are sized before giving up."""
+LAYOUTS_SIZED, CHANNELS_SIZED = 24, 600
+"""Layouts with room whose beams are sized before giving up, and channels in all of them."""
 
 
 def sized_layouts(spec: Spec, options: Iterable[Layout]) -> Iterator[tuple[Layout, tuple[SizedChannel, ...]]]:
     """Those of `options` that hold, in their order, with their beams; one division of each grid and count."""
-    seen, tried, far = set(), 0, []
+    seen, tried, sized, far = set(), 0, 0, []
     for layout in options:
         key = (layout.rows, layout.columns, layout.channels)
         if layout.margin_mm < -SLACK_MM or key in seen:
             continue
-        if tried >= LAYOUTS_SIZED:
+        if tried >= LAYOUTS_SIZED or sized >= CHANNELS_SIZED:
             break
-        tried += 1
+        tried, sized = tried + 1, sized + layout.channels
         channels = _beams(spec, layout)
         if channels and _within_reach(spec, layout, channels):
             seen.add(key)

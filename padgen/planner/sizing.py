@@ -26,7 +26,7 @@ __all__ = ["Reach", "SizedChannel", "crowded_modes", "frequency_spread", "reach"
 
 LENGTHS = 9
 WIDTHS = 4
-TRIES = 6
+TRIES, MOST_BEAMS = 6, 1200
 THICKNESSES = 16
 
 
@@ -146,7 +146,8 @@ def _grid(spec: Spec, shortest: float, longest: float) -> tuple[np.ndarray, np.n
         return thickness, np.array([wanted.length_mm] if shortest <= wanted.length_mm <= longest + 1e-9 else [])
     floor = np.floor(longest / LENGTH_STEP_MM + 1e-6) * LENGTH_STEP_MM
     length = np.linspace(min(shortest, floor), floor, LENGTHS)
-    return thickness, np.round(np.round(length / LENGTH_STEP_MM) * LENGTH_STEP_MM, 6)
+    length = np.round(np.round(length / LENGTH_STEP_MM) * LENGTH_STEP_MM, 6)
+    return thickness, length[length > 0]  # the shortest, a gap, may be less than half a step
 
 
 def topologies(spec: Spec) -> tuple[str, ...]:
@@ -170,7 +171,7 @@ def size_channels(spec: Spec, room: Room, resonance_hz: tuple[float, ...]) -> tu
         if not crowded_modes(spec, channels):
             return channels
         first = first or channels
-        if tried >= TRIES * len(_STEPS):
+        if tried >= min(TRIES * len(_STEPS), MOST_BEAMS // len(targets)):
             break
     return first
 

@@ -5,7 +5,7 @@ with what was planned.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import isfinite
 from typing import Any
@@ -19,7 +19,7 @@ from padgen.solid.measure import Dimension, measured, washer_rooms
 from padgen.solid.mesh import Mesh, as_manifold, from_manifold, ordered
 from padgen.solid.pad import PadSolid
 from padgen.solid.sections import Section, narrow_gaps, narrow_walls, sections, smallest, thin_skins, unsupported_spans
-from padgen.solid.topology import Topology, intersecting_pairs, topology
+from padgen.solid.topology import MOST_FOUND, Topology, intersecting_pairs, topology
 from padgen.spec import Printer, Spec
 
 __all__ = ["Report", "check_mesh", "check_pad", "compare_mesh"]
@@ -32,6 +32,11 @@ FACET_MM = 0.012
 """What triangles may take off a wall or gap between round faces: the chord, on both sides."""
 LAID_MM = {"fdm": 0.12, "resin": 0.0}
 """What is laid into a round recess beyond its drawn sides, on both of them together (docs/printing.md)."""
+UNCOMPARED = Finding(
+    "error", "mesh.intersects", "mesh", "too many of its triangles lie over each other for all of them to be compared"
+)
+MOST_BODIES = 100
+"""Bodies of a mesh whose walls are looked at: with more it is no pad."""
 AT_ONCE = 5
 """Findings of one kind that are listed; the last says how many more there are."""
 
@@ -48,8 +53,10 @@ def check_mesh(mesh: Mesh, printer: Printer, density_g_per_cm3: float) -> Report
     """The checks that need no plan, against the limits of `printer`."""
     state = topology(mesh)
     figures = _shape_figures(mesh, state, density_g_per_cm3)
-    findings = [*_closed(state), *_one_body(state), *_pierced(mesh), *_on_bed(mesh, printer)]
-    if state.closed and state.volume_mm3 > 0:
+    pierced = list(_pierced(mesh))
+    findings = [*_closed(state), *_one_body(state), *pierced, *_on_bed(mesh, printer)]
+    # Of a mesh that lies in itself a thousandfold, cross-sections would take hours and tell nothing.
+    if state.closed and state.volume_mm3 > 0 and state.shells <= MOST_BODIES and UNCOMPARED not in pierced:
         solid, refused = _manifold(mesh)
         findings += refused
         if solid is not None:
@@ -210,14 +217,19 @@ def _one_body(state: Topology) -> Iterator[Finding]:
 
 
 def _pierced(mesh: Mesh, where: str = "mesh") -> Iterator[Finding]:
-    pairs = intersecting_pairs(mesh)
+    try:
+        pairs = intersecting_pairs(mesh)
+    except GeometryError:
+        yield replace(UNCOMPARED, where=where)
+        return
     if len(pairs):
         x, y, z = (number(float(v)) for v in mesh.corners_mm[pairs[0, 0]].mean(0))
+        least = "at least " * (len(pairs) > MOST_FOUND)
         yield Finding(
             "error",
             "mesh.intersects",
             where,
-            f"{len(pairs)} pairs of triangles pierce each other, must be 0; the first near ({x}, {y}, {z}) mm",
+            f"{least}{len(pairs)} pairs of triangles pierce each other, must be 0; the first near ({x}, {y}, {z}) mm",
         )
 
 

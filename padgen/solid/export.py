@@ -98,8 +98,16 @@ def write_taxel_step(plan: Plan, channel: Channel, path: Path) -> None:
         cache.store_bytes(STEP_KIND, key, text)
         return text
 
-    known = cache.once(STEP_KIND, key, lambda: cache.load_bytes(STEP_KIND, key), made)
+    known = cache.once(STEP_KIND, key, lambda: _known_step(key), made)
     path.write_bytes(known.replace(_UNNAMED.encode(), f"{plan.name} taxel {channel.index}".encode()))
+
+
+def _known_step(key: str) -> bytes | None:
+    """The STEP text that is kept, None where that is none."""
+    data = cache.load_bytes(STEP_KIND, key)
+    if data is None or not data.startswith(b"ISO-10303-21;") or not data.rstrip().endswith(b"END-ISO-10303-21;"):
+        return None
+    return data if _UNNAMED.encode() in data else None
 
 
 def _step(plan: Plan, channel: Channel, path: Path) -> str:

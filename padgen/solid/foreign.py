@@ -1,20 +1,20 @@
 """Checks of a mesh file from anywhere: read by trimesh or lib3mf, welded, judged."""
 
+import io
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from padgen.errors import MeshFileError
+from padgen.files import read_bounded, reason
 from padgen.planner import Plan
 from padgen.solid.checks import Report, check_mesh, compare_mesh
-from padgen.solid.mesh import Mesh, welded
+from padgen.solid.mesh import Mesh, joined, sound_mesh
+from padgen.solid.threemf_package import LARGEST_FILE, MOST_TRIANGLES
 from padgen.spec import Spec
 
 __all__ = ["check_foreign", "read_mesh"]
-
-WELD_MM = 1e-5
-LARGEST_MM = 1e4
 
 
 def read_mesh(path: Path) -> Mesh:
@@ -25,36 +25,41 @@ def read_mesh(path: Path) -> Mesh:
     MeshFileError
         The file is not there, not a mesh, or holds no triangles.
     """
-    if not path.is_file():
-        raise MeshFileError("there is no such file" if not path.exists() else "is not a file", str(path))
-    if path.suffix.lower() == ".3mf":
+    try:
+        if not path.is_file():
+            raise MeshFileError("is not a file" if path.exists() else "there is no such file", str(path))
+    except OSError as error:
+        raise MeshFileError(f"cannot be read ({reason(error)})", str(path)) from error
+    kind = path.suffix.lower()
+    if kind == ".3mf":
         from padgen.solid.threemf import read_3mf
 
         return read_3mf(path)
-    if path.suffix.lower() not in (".stl", ".obj", ".ply"):
+    if kind not in (".stl", ".obj", ".ply"):
         raise MeshFileError("is not a mesh that can be checked; must be an STL, 3MF, OBJ or PLY file", str(path))
-    _refuse_cut_short(path)
+    data = read_bounded(path, LARGEST_FILE, "a mesh")
+    if kind == ".stl":
+        _refuse_cut_short(data, path)
     import trimesh
 
     try:
-        part = trimesh.load(path, force="mesh", process=False)
+        # From memory, so that it opens no other file that this one names.
+        part = trimesh.load(io.BytesIO(data), file_type=kind[1:], force="mesh", process=False)
     except Exception as error:  # trimesh lets through whatever its many readers raise
         raise MeshFileError(f"is not a mesh that can be read ({error or type(error).__name__})", str(path)) from error
     if not isinstance(part, trimesh.Trimesh) or not len(part.faces):
         raise MeshFileError("holds no triangles", str(path))
-    vertices, faces = np.asarray(part.vertices, float), np.asarray(part.faces, np.int64)
-    if not (np.abs(vertices) <= LARGEST_MM).all():
-        raise MeshFileError(f"has coordinates beyond {LARGEST_MM:g} mm, or none at all", str(path))
-    return welded(vertices, faces, WELD_MM)
+    if len(part.faces) > MOST_TRIANGLES:
+        raise MeshFileError(f"has more than {MOST_TRIANGLES} triangles", str(path))
+    mesh = sound_mesh(np.asarray(part.vertices, float), np.asarray(part.faces, np.int64), str(path))
+    return joined(mesh, str(path))
 
 
-def _refuse_cut_short(path: Path) -> None:
+def _refuse_cut_short(data: bytes, path: Path) -> None:
     """Binary STL says how many triangles it holds."""
-    with path.open("rb") as file:
-        head = file.read(84)
-    if path.suffix.lower() != ".stl" or len(head) < 84 or head[:5] == b"solid":
+    if len(data) < 84 or data[:5] == b"solid":
         return
-    promised, held = int.from_bytes(head[80:], "little"), (path.stat().st_size - 84) // 50
+    promised, held = int.from_bytes(data[80:84], "little"), (len(data) - 84) // 50
     if held < promised:
         raise MeshFileError(f"is cut short: it promises {promised} triangles and holds {held}", str(path))
 

@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.errors import GeometryError
+from padgen.errors import GeometryError, MeshFileError
 from padgen.solid.kernel import build123d, kernel_errors
 
 __all__ = [
@@ -13,8 +13,10 @@ __all__ = [
     "Mesh",
     "as_manifold",
     "from_manifold",
+    "joined",
     "ordered",
     "signed_volume_mm3",
+    "sound_mesh",
     "tessellated",
     "welded",
 ]
@@ -22,7 +24,9 @@ __all__ = [
 CHORD_MM = 0.01
 """Default largest distance between a curved face and its triangles (docs/performance.md has the table)."""
 ANGLE_RAD = 0.3
-WELD_MM = 1e-6
+WELD_MM, FILE_WELD_MM = 1e-6, 1e-5
+LARGEST_MM = 1e4
+"""Coordinates of a file."""
 
 
 class Mesh(NamedTuple):
@@ -76,6 +80,35 @@ def welded(vertices_mm: np.ndarray, triangles: np.ndarray, tolerance_mm: float =
     triangles = joined.reshape(-1)[triangles]
     a, b, c = triangles.T
     return Mesh(vertices_mm[first], triangles[(a != b) & (b != c) & (c != a)])
+
+
+def sound_mesh(vertices_mm: np.ndarray, triangles: np.ndarray, where: str) -> Mesh:
+    """What the file `where` holds, if all of it is there: corners that triangles name, and within bounds.
+
+    Raises
+    ------
+    MeshFileError
+        It is not.
+    """
+    if not len(vertices_mm) or triangles.min() < 0 or triangles.max() >= len(vertices_mm):
+        raise MeshFileError(f"has triangles with corners that are none of its {len(vertices_mm)} vertices", where)
+    if not (np.abs(vertices_mm) <= LARGEST_MM).all():  # nor is what is no number
+        raise MeshFileError(f"has coordinates beyond {LARGEST_MM:g} mm, or none at all", where)
+    return Mesh(vertices_mm, triangles)
+
+
+def joined(mesh: Mesh, where: str) -> Mesh:
+    """The triangles of a file joined where they touch, in the steps that files have.
+
+    Raises
+    ------
+    MeshFileError
+        All of them are smaller than such a step.
+    """
+    whole = welded(*mesh, FILE_WELD_MM)
+    if not len(whole.triangles):
+        raise MeshFileError(f"holds no triangle whose corners are {FILE_WELD_MM:g} mm apart", where)
+    return whole
 
 
 def ordered(mesh: Mesh) -> Mesh:

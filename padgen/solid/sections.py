@@ -25,7 +25,8 @@ __all__ = [
     "unsupported_spans",
 ]
 
-LEVELS = 16
+LEVELS, MOST_HEIGHTS = 16, 100
+"""Cross-sections of a part, and heights of its horizontal faces, that are looked at, from bottom to top."""
 STEP_MM = 1e-4
 AREA_MM2 = 1e-6
 ROOM_MM = 5.0
@@ -115,11 +116,13 @@ def _spanned(left: Callable[[float], Any], span: float) -> bool:
 
 
 def _flat_heights_mm(mesh: Mesh, up: bool) -> np.ndarray:
-    """Heights of the horizontal faces that look up, or down."""
+    """Heights of the horizontal faces that look up, or down; `MOST_HEIGHTS` of them where there are more."""
     corners = mesh.corners_mm
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     flat = (np.ptp(corners[..., 2], axis=1) < STEP_MM) & ((normal[:, 2] > 0) == up)
-    return np.unique(np.round(corners[flat][:, 0, 2] / STEP_MM) * STEP_MM)
+    heights = np.unique(np.round(corners[flat][:, 0, 2] / STEP_MM) * STEP_MM)
+    chosen = np.linspace(0, len(heights) - 1, MOST_HEIGHTS).round().astype(int)
+    return np.asarray(heights[chosen] if len(heights) > MOST_HEIGHTS else heights)
 
 
 def _narrow(shape: Any, z_mm: float, limit_mm: float, empty: bool = False) -> list[Narrow]:

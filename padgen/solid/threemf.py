@@ -11,10 +11,11 @@ from uuid import NAMESPACE_DNS, uuid5
 
 import numpy as np
 
-from padgen.errors import MeshFileError
+from padgen.errors import FileError, MeshFileError
 from padgen.planner.plan import Plan
-from padgen.solid.mesh import Mesh, welded
+from padgen.solid.mesh import Mesh, joined, sound_mesh
 from padgen.solid.pad import PadSolid, turned_grid
+from padgen.solid.threemf_package import unpacked
 
 __all__ = ["part_3mf_bytes", "read_3mf", "threemf_bytes"]
 
@@ -66,27 +67,30 @@ def read_3mf(path: Path, weld: bool = True) -> Mesh:
     MeshFileError
         The file is not a 3MF, or holds no triangle.
     """
-    lib3mf = _lib3mf()
     model = _wrapper().CreateModel()
     try:
-        model.QueryReader("3mf").ReadFromFile(str(path))
-    except lib3mf.ELib3MFException as error:
+        data = unpacked(path)
+        model.QueryReader("3mf").ReadFromBuffer((ctypes.c_uint8 * len(data)).from_buffer_copy(data))
+    except FileError:
+        raise
+    except Exception as error:  # zip, deflate, XML and lib3mf have one each
         raise MeshFileError(f"is not a 3MF that can be read ({error})", str(path)) from error
     parts: list[tuple[np.ndarray, np.ndarray]] = []
     items = model.GetBuildItems()
     while items.MoveNext():
         item = items.GetCurrent()
-        _collect(model, item.GetObjectResource(), _matrix(item.GetObjectTransform()), parts)
+        with np.errstate(all="ignore"):  # what no longer is a number is refused
+            _collect(model, item.GetObjectResource(), _matrix(item.GetObjectTransform()), parts)
     if not parts:
         raise MeshFileError("holds no triangles", str(path))
     scale = _MM_PER_UNIT[model.GetUnit()]
     counts = np.cumsum([0] + [len(v) for v, _ in parts])
     vertices = np.concatenate([v for v, _ in parts]) * scale
     triangles = np.concatenate([t + n for (_, t), n in zip(parts, counts, strict=False)])
-    return welded(vertices, triangles, WELD_MM) if weld else Mesh(vertices, triangles)
+    mesh = sound_mesh(vertices, triangles, str(path))
+    return joined(mesh, str(path)) if weld else mesh
 
 
-WELD_MM = 1e-5
 _MM_PER_UNIT = (1e-3, 1.0, 10.0, 25.4, 304.8, 1000.0)
 
 

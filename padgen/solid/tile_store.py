@@ -4,7 +4,6 @@ import io
 from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any, NamedTuple
-from zipfile import BadZipFile
 
 import numpy as np
 
@@ -49,9 +48,21 @@ def known_solid(key: str) -> KnownSolid | None:
         return None
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
-            return KnownSolid(Mesh(arrays["vertices_mm"], arrays["triangles"]), float(arrays["volume_mm3"]))
-    except (KeyError, ValueError, OSError, EOFError, BadZipFile):
+            mesh, volume_mm3 = Mesh(arrays["vertices_mm"], arrays["triangles"]), float(arrays["volume_mm3"])
+        whole = _is_whole(mesh) and volume_mm3 > 0
+    except Exception:  # whatever it is, it is no solid
         return None
+    return KnownSolid(mesh, volume_mm3) if whole else None
+
+
+def _is_whole(mesh: Mesh) -> bool:
+    """Whether these are the arrays of a mesh."""
+    vertices, triangles = mesh
+    if vertices.dtype.kind != "f" or triangles.dtype.kind != "i":
+        return False
+    if vertices.shape[1:] != (3,) or triangles.shape[1:] != (3,) or not len(triangles):
+        return False
+    return bool(np.isfinite(vertices).all() and triangles.min() >= 0 and triangles.max() < len(vertices))
 
 
 def kept_solid(key: str, make: Callable[[], KnownSolid]) -> KnownSolid:

@@ -6,11 +6,16 @@ from functools import lru_cache
 
 import numpy as np
 
+from padgen.errors import GeometryError
 from padgen.solid.mesh import Mesh, signed_volume_mm3
 
 __all__ = ["Topology", "intersecting_pairs", "shells", "topology"]
 
-PAIRS_AT_ONCE = 2_000_000
+PAIRS_AT_ONCE = 1_000_000
+MOST_PAIRS, MOST_FOUND = 40_000_000, 100_000
+"""Candidates that are looked at beyond `MANY_PAIRS` a triangle, and pairs found after which the search ends."""
+MOST_COLUMNS, MOST_CELLS, MANY_PAIRS = 10_000, 16, 100
+"""Columns along a side, those that a triangle spans on average, and candidates for each that ask for wider ones."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +79,13 @@ def intersecting_pairs(mesh: Mesh) -> np.ndarray:
 
     Triangles pierce when an edge of one passes through the inside of the other; touching and
     coplanar overlap are left to the checks of closedness and volume. Candidates come from a grid
-    of columns in the plane, so that a flat part costs time linear in its triangles.
+    of columns in the plane, so that a flat part costs time linear in its triangles. No more than about
+    `MOST_FOUND` pairs are listed.
+
+    Raises
+    ------
+    GeometryError
+        There are more candidates than can be looked at.
     """
     if len(mesh.triangles) > MOST_KEPT:
         return _intersecting_pairs(mesh)
@@ -96,50 +107,88 @@ def _kept_pairs(vertices_mm: bytes, triangles: bytes) -> np.ndarray:
 def _intersecting_pairs(mesh: Mesh) -> np.ndarray:
     corners = mesh.corners_mm
     low, high = corners.min(1), corners.max(1)
-    found = [pairs[_pierce(mesh, *pairs.T)] for pairs in _overlapping(low, high) if len(pairs)]
+    found: list[np.ndarray] = []
+    for pairs in _overlapping(low, high):
+        found.append(pairs[_pierce(mesh, *pairs.T)])
+        if sum(len(pairs) for pairs in found) > MOST_FOUND:
+            break
     pairs = np.concatenate(found) if found else np.empty((0, 2), dtype=np.int64)
     return np.unique(pairs, axis=0)
 
 
 def _overlapping(low: np.ndarray, high: np.ndarray) -> Iterator[np.ndarray]:
-    """Pairs of triangles whose boxes overlap, each pair once, some millions of candidates at a time."""
-    count = len(low)
-    floor, extent = low[:, :2].min(0), np.ptp(np.concatenate([low, high])[:, :2], axis=0)
-    side = max(float(np.sqrt(extent.prod() / max(count / 12, 1))), 1e-9)
-    first, last = ((v[:, :2] - floor) // side for v in (low, high))
-    first, last = first.astype(np.int64), last.astype(np.int64)
-    spans = last - first + 1
-    cells = spans.prod(1)
-    owner = np.repeat(np.arange(count), cells)
-    at = np.arange(len(owner)) - np.repeat(np.cumsum(cells) - cells, cells)
-    column = first[owner, 0] + at % spans[owner, 0]
-    row = first[owner, 1] + at // spans[owner, 0]
-    key = column * (int(last[:, 1].max()) + 1) + row
-    order = np.argsort(key, kind="stable")
-    owner, key = owner[order], key[order]
-    end = np.searchsorted(key, key, side="right")
-    partners = end - np.arange(len(key)) - 1
+    """Pairs of triangles whose boxes overlap, some millions of candidates at a time; some of them twice."""
+    owner, partners = _columns(low, high)
+    if partners.sum() > MANY_PAIRS * len(low) + MOST_PAIRS:
+        raise GeometryError("too many of its triangles lie over each other for all of them to be compared")
     stops = np.searchsorted(
         np.cumsum(partners), np.arange(PAIRS_AT_ONCE, partners.sum() + PAIRS_AT_ONCE, PAIRS_AT_ONCE)
     )
-    for chunk in np.split(np.arange(len(key)), np.unique(np.minimum(stops + 1, len(key)))):
+    for chunk in np.split(np.arange(len(owner)), np.unique(np.minimum(stops + 1, len(owner)))):
         mine = np.repeat(chunk, partners[chunk])
         step = np.arange(len(mine)) - np.repeat(np.cumsum(partners[chunk]) - partners[chunk], partners[chunk])
         a, b = owner[mine], owner[mine + 1 + step]
-        touch = ((low[a] <= high[b]) & (low[b] <= high[a])).all(1)
-        pairs = np.sort(np.stack([a[touch], b[touch]], -1), axis=1)
-        yield np.unique(pairs, axis=0)
+        for axis in (2, 0, 1):
+            # Boxes that only touch hold nothing that passes through: so do all coplanar ones in a horizontal face.
+            overlap = (low[a, axis] < high[b, axis]) & (low[b, axis] < high[a, axis])
+            a, b = a[overlap], b[overlap]
+        yield np.sort(np.stack([a, b], -1), axis=1)
+
+
+def _columns(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles column by column of a grid in the plane, and how many follow that each is to be compared with.
+
+    The columns hold about a dozen triangles each, and are wider where triangles that span many would meet in
+    each of them again.
+    """
+    count, flat = len(low), low[:, 2] == high[:, 2]
+    floor, extent = low[:, :2].min(0), np.ptp(np.concatenate([low, high])[:, :2], axis=0)
+    side = max(float(np.sqrt(extent.prod() / max(count / 12, 1))), float(extent.max()) / MOST_COLUMNS, 1e-9)
+    best: tuple[np.ndarray, np.ndarray] | None = None
+    while True:
+        first, last = (((v[:, :2] - floor) // side).astype(np.int64) for v in (low, high))
+        spans = last - first + 1
+        cells = spans.prod(1)
+        if cells.sum() <= MOST_CELLS * count:
+            owner = np.repeat(np.arange(count), cells)
+            at = np.arange(len(owner)) - np.repeat(np.cumsum(cells) - cells, cells)
+            column = first[owner, 0] + at % spans[owner, 0]
+            row = first[owner, 1] + at // spans[owner, 0]
+            key = column * (int(last[:, 1].max()) + 1) + row
+            # Horizontal ones last in their column: of two, neither passes through the other.
+            order = np.argsort(2 * key + flat[owner], kind="stable")
+            owner, key = owner[order], key[order]
+            partners = np.searchsorted(key, key, side="right") - np.arange(len(key)) - 1
+            partners[flat[owner]] = 0
+            if best and best[1].sum() <= partners.sum():
+                return best
+            best = owner, partners
+            if partners.sum() <= MANY_PAIRS * count:
+                return best
+        side *= 2
+
+
+def _crosses_plane(corners: np.ndarray, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Whether triangles have corners on both sides of the others' planes, by the margin of `_through`."""
+    p, q, r = np.moveaxis(corners, 1, 0)
+    normal = np.cross(q - p, r - p)
+    margin = 1e-7 * np.maximum(np.linalg.norm(normal, axis=1), 1e-30)[other]
+    above = [np.einsum("ij,ij->i", corner[one] - p[other], normal[other]) for corner in (p, q, r)]
+    result: np.ndarray = (np.minimum.reduce(above) < -margin) & (np.maximum.reduce(above) > margin)
+    return result
 
 
 def _pierce(mesh: Mesh, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Whether triangles a and b pierce each other, by all six pairs of an edge and a triangle."""
-    result = np.zeros(len(a), dtype=bool)
+    result, corners = np.zeros(len(a), dtype=bool), mesh.corners_mm
     for one, other in ((a, b), (b, a)):
+        near = np.flatnonzero(_crosses_plane(corners, one, other))
+        one, other = one[near], other[near]
         face = mesh.triangles[other]
         for i, j in ((0, 1), (1, 2), (2, 0)):
             start, stop = mesh.triangles[one, i], mesh.triangles[one, j]
             shared = ((face == start[:, None]) | (face == stop[:, None])).any(1)
-            result |= ~shared & _through(mesh.vertices_mm[start], mesh.vertices_mm[stop], mesh.corners_mm[other])
+            result[near] |= ~shared & _through(mesh.vertices_mm[start], mesh.vertices_mm[stop], corners[other])
     return result
 
 

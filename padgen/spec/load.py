@@ -2,14 +2,13 @@
 
 import csv
 import json
-import os.path
 from dataclasses import fields
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from padgen.errors import FileError, SpecError, shown
-from padgen.files import read_bounded
+from padgen.files import read_bounded, reason
 from padgen.spec.fields import build, optional_type, unknown_name
 from padgen.spec.model import Coil, Drive, Material, Model, Pad, Printer, Spec, Suspension, Taxel, Washer
 from padgen.spec.refusals import refuse_contradictions
@@ -77,11 +76,13 @@ def find_spec(spec: str) -> Path:
     path = Path(spec)
     if not spec.strip():
         raise FileError("must name a TOML file or a template, got nothing", "SPEC")
-    # As those of a `Path` they would raise for names that no file can have.
-    if os.path.isdir(spec):
-        raise FileError("is a folder, must be a TOML file or the name of a template", spec)
-    if os.path.exists(spec):
-        return path
+    try:
+        if path.is_dir():
+            raise FileError("is a folder, must be a TOML file or the name of a template", spec)
+        if path.exists():
+            return path
+    except OSError as error:
+        raise FileError(f"cannot be read ({reason(error)})", spec) from error
     templates = template_paths()
     if spec in templates:
         return templates[spec]

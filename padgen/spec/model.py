@@ -283,9 +283,8 @@ class Spec:
     delta_y: float = quantity(
         10.0,
         unit="1",
-        low=0,
+        low=1e-6,
         high=1e9,
-        above=True,
         doc="amplitude ratio ON over OFF that is asked for: 10 is 20 dB, 7 is 17, 5 is 14",
     )
     spacing: str = choice(

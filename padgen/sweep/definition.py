@@ -1,13 +1,13 @@
 """`Sweep`: which variants of a base spec are to be made, from TOML. Frozen plain data."""
 
-import os.path
 from copy import deepcopy
 from dataclasses import Field, dataclass, field, fields, is_dataclass
 from math import ceil, floor
 from pathlib import Path
 from typing import Any
 
-from padgen.errors import SpecError, number, shown
+from padgen.errors import FileError, SpecError, number, shown
+from padgen.files import reason
 from padgen.spec import Spec, find_spec, make_spec
 from padgen.spec.fields import build, checked, choice, flag, folder_name, optional_type, quantity, text, unknown_name
 from padgen.spec.load import CATALOGUES, SHORTHANDS, catalogue, parse_toml, read_table, read_toml
@@ -207,7 +207,10 @@ def _refuse_formats(settings: Settings) -> None:
 def _base(name: str, folder: Path) -> tuple[dict[str, Any], Path]:
     """The base spec's table: a file beside the sweep's, or a template."""
     beside = folder / name
-    path = beside if os.path.isfile(beside) else find_spec(name)
+    try:
+        path = beside if beside.is_file() else find_spec(name)
+    except OSError as error:
+        raise FileError(f"cannot be read ({reason(error)})", f"base {name!r}") from error
     return read_table(path, name), path.parent
 
 
