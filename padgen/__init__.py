@@ -6,5 +6,5 @@ A pad is a TOML spec; everything else is derived from it by pure functions, in o
                           +----> driver tables
 """
 
-__version__ = "0.1.0"
+__version__ = "0.1.1"
 __all__ = ["__version__"]
