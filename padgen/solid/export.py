@@ -1,5 +1,7 @@
 """A pad as STL, 3MF, STEP and GLB, each read back after writing."""
 
+import csv
+import io
 import itertools
 import re
 from collections.abc import Mapping
@@ -203,4 +205,6 @@ def bill_of_materials(plan: Plan, plastic_g: float, parts_g: Mapping[str, float]
         *(("plastic", f"{grams:.2f}", "g", f"{name}: at full infill") for name, grams in (parts_g or {}).items()),
         ("screw", 4 if spec.pad.hole_diameter_mm else 0, "pieces", _screw_text(plan, "tray" in (parts_g or {}))),
     ]
-    return "".join(",".join(str(cell) for cell in row) + "\n" for row in rows)
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()

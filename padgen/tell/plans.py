@@ -1,6 +1,7 @@
 """Plans, builds and findings as text for people."""
 
 from collections.abc import Iterable, Sequence
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from padgen.errors import number, plain
@@ -78,14 +79,18 @@ def _selectivity_lines(plan: "Plan") -> list[str]:
     from padgen.planner.selectivity import run_times_s
 
     figures, (paper_s, exact_s) = plan.selectivity, run_times_s(plan)
-    states, one_hot, paper = figures.all_states_db or 0.0, figures.one_hot_db or 0.0, figures.paper_db or 0.0
+    states, one_hot, paper = figures.all_states_db or 0.0, figures.one_hot_db or 0.0, figures.paper_db
     law = "equal sensation" if isinstance(figures.level_law, str) else f"amplitude ~ 1/f^{figures.level_law:g}"
     lines = [
         f"selectivity ({law}): {one_hot:.1f} dB with one channel on, {states:.1f} dB in all states"
         f" of a coil (worst {_short(figures.worst_state)}), asked are {figures.asked_db:.1f} dB (Δy)",
-        f"the paper's bound promises {paper:.1f} dB for the closest pair (computed in {paper_s * 1e6:.1f} µs): one on"
-        f" {one_hot - paper:+.1f} dB, all states {states - paper:+.1f} dB off it (computed in {exact_s * 1e6:.0f} µs)",
     ]
+    if paper is not None and isfinite(paper):  # of two alike it promises nothing
+        lines.append(
+            f"the paper's bound promises {paper:.1f} dB for the closest pair (computed in {paper_s * 1e6:.1f} µs): one"
+            f" on {one_hot - paper:+.1f} dB, all states {states - paper:+.1f} dB off it (computed in"
+            f" {exact_s * 1e6:.0f} µs)"
+        )
     if 2 <= len(plan.sets[0]) <= SHOWN_MATRIX:
         for own, matrix in zip(plan.sets, figures.matrix_db, strict=True):
             names = [str(channel.index) for channel in own]
