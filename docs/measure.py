@@ -19,7 +19,7 @@ from measure_growth import growth
 from measure_openscad import openscad
 from measure_sweep import BUILDS, HEAD, beam_axes, many, sweeps, swept_s
 
-from padgen.cache import VARIABLE
+from padgen.core.cache import VARIABLE
 from padgen.planner import make_plan
 from padgen.solid.mesh import as_manifold
 from padgen.solid.pad import build_pad

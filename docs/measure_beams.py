@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from padgen.errors import SolverError
+from padgen.core.errors import SolverError
+from padgen.core.units import G_PER_CM3, GPA
 from padgen.planner.plan import Cell, Plate, Site
 from padgen.planner.suspensions import TOPOLOGIES, BeamShape
 from padgen.planner.taxel_model import TaxelModel, fillet_mm, plate_shape, post_diameter_mm, recess_mm
 from padgen.spec import Spec, load_spec, make_spec
-from padgen.units import G_PER_CM3, GPA
 
 SET = Path(__file__).parents[1] / "tests" / "reference" / "beam_calibration.json"
 STEEL_PA, STEEL_POISSON = 200e9, 0.3

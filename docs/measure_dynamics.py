@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from padgen.errors import PadgenError, SolverError
+from padgen.core.errors import PadgenError, SolverError
 from padgen.physics.magnetics import impedance
 from padgen.physics.phasor import Tones, signal, tones
 from padgen.physics.propagation import Motion, propagate

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from padgen.core.units import MM
 from padgen.physics.leakage import leakage
 from padgen.physics.magnetics import SolenoidCoil, SteelRing, force_constant
 from padgen.physics.pull_wrench import pull_wrench
@@ -17,7 +18,6 @@ from padgen.physics.saturation import MILD_STEEL
 from padgen.planner import make_plan
 from padgen.planner.channels import magnetic_parts
 from padgen.spec import load_spec
-from padgen.units import MM
 from padgen.verify.field_axisymmetric import axisymmetric_force
 from padgen.verify.field_team import team_20_force
 from padgen.verify.force_ladder import (

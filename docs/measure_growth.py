@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from padgen.core.plots import STYLE, plot_bytes
 from padgen.planner import Plan, make_plan
-from padgen.plots import STYLE, plot_bytes
 from padgen.solid.checks import _narrowest_of_cell, check_pad
 from padgen.solid.pad import build_pad
 from padgen.solid.topology import _kept_pairs

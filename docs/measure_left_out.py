@@ -14,12 +14,12 @@ from statistics import median
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
+from padgen.core.units import MM, UM
 from padgen.physics.bounds import core_eddies, gap_change, pull_softening
 from padgen.physics.magnetics import pull_over_gap
 from padgen.planner.channels import magnetic_parts
 from padgen.planner.left_out import left_out
 from padgen.planner.reuse import coil_reuse
-from padgen.units import MM, UM
 from tests import test_left_out as truth
 
 Row = tuple[str, str, float, float]

@@ -14,8 +14,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from padgen.cache import VARIABLE
-from padgen.loop import closed_plan, solid_taxel
+from padgen.core.cache import VARIABLE
+from padgen.make.solid_tuning import closed_plan, solid_taxel
 from padgen.planner import Plan
 from padgen.solid.export import write_taxel_step
 from padgen.spec import load_spec, template_paths

@@ -8,19 +8,19 @@ from dataclasses import replace
 
 import numpy as np
 
+from padgen.measured.fits import TaxelFit, fit_measured
+from padgen.measured.predict import CoilFigures, levels_um, planned_tones, predicted, tones_at, worst_db
+from padgen.measured.read import read_measured_text
+from padgen.measured.rest import estimated
+from padgen.measured.simulate import simulate_print, simulated_measurement, spreads_for
+from padgen.measured.tune import tuning_of
+from padgen.measured.tuning import TunedTaxel, Tuning
 from padgen.physics.resonator import relative_energy
 from padgen.physics.selectivity import Channels, Scheme
 from padgen.planner import Plan, make_plan
 from padgen.planner.print_yield import print_yield
 from padgen.planner.printed_pads import coils_of, off_energy_of_print
 from padgen.planner.settings import scheme_named
-from padgen.retune.fits import TaxelFit, fit_measured
-from padgen.retune.measured import read_measured_text
-from padgen.retune.predict import CoilFigures, levels_um, planned_tones, predicted, tones_at, worst_db
-from padgen.retune.rest import estimated
-from padgen.retune.retune import tuning_of
-from padgen.retune.simulate import simulate_print, simulated_measurement, spreads_for
-from padgen.retune.tuning import TunedTaxel, Tuning
 from padgen.spec import load_spec
 
 PRINTS = 1000

@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 from statistics import median
 
-from padgen.cache import VARIABLE
+from padgen.core.cache import VARIABLE
 
 PADGEN = str(Path(sys.executable).with_name("padgen"))
 PLANS, BUILDS, MANY = 1000, 60, 10_000

@@ -7,7 +7,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import pytest
 
-from padgen.cache import VARIABLE
+from padgen.core.cache import VARIABLE
 from padgen.planner import Plan, make_plan
 from padgen.solid.kernel import build123d
 from padgen.spec import Spec, load_spec, parse_spec

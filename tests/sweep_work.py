@@ -8,8 +8,8 @@ import signal
 import time
 from pathlib import Path
 
-from padgen.errors import FileError
-from padgen.sweep.variant import Record, Task
+from padgen.batch.variant import Record, Task
+from padgen.core.errors import FileError
 
 PLACE = "PADGEN_TEST_FOLDER"
 """Environment variable: where `counted` leaves a line for each variant that it makes."""

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from padgen import cache
-from padgen.errors import SpecError
-from padgen.lock import lock_file
+from padgen.core import cache
+from padgen.core.errors import SpecError
+from padgen.core.lock import lock_file
 
 KEYS = [cache.key_of(n) for n in range(200)]
 
@@ -205,7 +205,7 @@ def test_former_versions_entries_are_ignored_and_cleared_but_not_the_users_files
 
 HAMMER = """
 import sys
-from padgen import cache
+from padgen.core import cache
 me, trims = int(sys.argv[1]), sys.argv[2] == "trims"
 wrong = missing = seen = 0
 keys = [cache.key_of(n) for n in range(12)]
@@ -241,7 +241,7 @@ def test_two_processes_at_once_never_see_half_an_entry(entries, trims):
 MAKER = """
 import sys, time
 from pathlib import Path
-from padgen import cache
+from padgen.core import cache
 
 def make():
     with open(sys.argv[1], "a") as file:

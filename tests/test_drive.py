@@ -17,8 +17,8 @@ import pytest
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
+from padgen.core.errors import FileError, SpecError
 from padgen.driver import drive_json, drive_rows
-from padgen.errors import FileError, SpecError
 from padgen.physics.leakage import leakage
 from padgen.physics.magnetics import (
     balanced_deflection,
@@ -31,7 +31,7 @@ from padgen.physics.magnetics import (
 from padgen.physics.selectivity import Scheme
 from padgen.planner import make_plan, plan_from_json, plan_to_json
 from padgen.planner.channels import magnetic_parts
-from padgen.planner.load import pull_in_share
+from padgen.planner.coil_load import pull_in_share
 from padgen.planner.reuse import _heard
 from padgen.solid.checks import check_pad
 from padgen.solid.mesh import as_manifold

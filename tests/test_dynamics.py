@@ -22,7 +22,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from padgen.errors import SolverError
+from padgen.core.errors import SolverError
 from padgen.physics.magnetics import balanced_deflection, impedance, pull_in_deflection
 from padgen.physics.phasor import Tones, circuit_current, merged, signal, squared, steady_lines, tones
 from padgen.physics.propagation import STATED_ERROR, Motion, propagate, propagate_piecewise

@@ -16,28 +16,28 @@ import numpy as np
 import pytest
 
 import padgen.driver.ear.current as ear_current
+from padgen.core.errors import FileError
+from padgen.core.files import json_text
+from padgen.core.units import GRAM, UM
 from padgen.driver.ear import hear
 from padgen.driver.ear.current import Circuit, squared_current, stretches
+from padgen.driver.ear.hear import _cut
+from padgen.driver.ear.heard_table import ear_findings, heard_rows, heard_summary, heard_table
 from padgen.driver.ear.motion import HeardTaxel, answer, grid, move
-from padgen.driver.ear.run import _cut
-from padgen.driver.ear.table import ear_findings, heard_rows, heard_summary, heard_table
 from padgen.driver.formats.wav import read_wav
 from padgen.driver.formats.wave_files import wave_json, write_wave
 from padgen.driver.pad_drive import make_drive
 from padgen.driver.timeline import Timeline, blend, ramp_s, steady, timeline
-from padgen.errors import FileError
-from padgen.files import json_text
+from padgen.measured.tuning import planned_tuning
 from padgen.physics.modal import felt_energy
 from padgen.physics.phasor import tones
 from padgen.physics.propagation import propagate
 from padgen.physics.resonator import relative_energy
 from padgen.planner import make_plan
 from padgen.planner.channels import hanging_gap_um
-from padgen.planner.modes import coil_modes
-from padgen.planner.selectivity import placed_channels
-from padgen.retune.tuning import planned_tuning
+from padgen.planner.drive_scheme import placed_channels
+from padgen.planner.pull_modes import coil_modes
 from padgen.spec import load_spec, parse_spec
-from padgen.units import GRAM, UM
 from padgen.verify.coupled import simulate
 from padgen.verify.dynamics_model import Source, make_system
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from padgen.errors import SolverError
+from padgen.core.errors import SolverError
 from padgen.verify.elastic_material import stiffness_pa
 from padgen.verify.elastic_mesh import CLAMPED, PRINTED, Fineness, coarse_mesh, edge_angles, meshed, taxel_shape
 from padgen.verify.elastic_modes import accurate, assembled, eigenmodes, factored, rigid_loads

@@ -16,13 +16,13 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.signal import hilbert
 
+from padgen.core.errors import SpecError
+from padgen.core.units import MH
 from padgen.driver.excitation import KINDS, excitation
-from padgen.errors import SpecError
+from padgen.measured.shake import measuring_band_hz, noise_current_a, ring_s, shaking_line_a2, sweep_s
 from padgen.physics.resonator import receptance
 from padgen.planner import make_plan
-from padgen.retune.shake import measuring_band_hz, noise_current_a, ring_s, shaking_line_a2, sweep_s
 from padgen.spec import parse_spec
-from padgen.units import MH
 
 RATE = 16_000
 

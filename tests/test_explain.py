@@ -9,14 +9,14 @@ from dataclasses import asdict, replace
 import pytest
 
 from padgen.cli import run
-from padgen.errors import InfeasibleError
+from padgen.core.errors import InfeasibleError
 from padgen.physics.selectivity import SCHEMES
 from padgen.planner import explain, make_plan
 from padgen.planner.explain import _changes, _channels_held, _limits, explain_plan
 from padgen.planner.print_yield import print_yield
+from padgen.report import explanation_text, plan_text, yield_text
 from padgen.spec import load_spec, make_spec, parse_spec
 from padgen.spec.load import without_none
-from padgen.tell import explanation_text, plan_text, yield_text
 
 FOUR = (
     'name = "four"\nresolution = 16\nband_hz = [50, 400]\nq_min = 15\nprinter = "fdm-0.25"\n'

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from padgen.build import build, parse_formats, up_to_date
-from padgen.errors import GeometryError, SpecError
+from padgen.core.errors import GeometryError, SpecError
+from padgen.make.pad import build, parse_formats, up_to_date
 from padgen.solid.export import bill_of_materials, stl_bytes, stl_mesh, verified
 from padgen.solid.kernel import build123d
 from padgen.solid.mesh import Mesh, signed_volume_mm3
@@ -68,10 +68,10 @@ def test_same_bytes_in_one_process(folder, tmp_path):
 
 
 def test_changed_code_builds_again(folder, monkeypatch):
-    import padgen.build
+    import padgen.make.pad
 
     assert up_to_date(parse_spec(SMALL), folder, ALL, False)
-    monkeypatch.setattr(padgen.build, "code_hash", lambda: "other")
+    monkeypatch.setattr(padgen.make.pad, "code_hash", lambda: "other")
     assert up_to_date(parse_spec(SMALL), folder, ALL, False) is None
 
 

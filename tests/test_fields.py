@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from padgen.errors import SolverError, SpecError
+from padgen.core.errors import SolverError, SpecError
 from padgen.physics.leakage import leakage
 from padgen.physics.magnetics import SolenoidCoil, SteelRing, force_constant
 from padgen.physics.pull_wrench import pull_wrench

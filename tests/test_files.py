@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 import padgen
-from padgen import files
-from padgen.errors import FileError
-from padgen.files import OutputFolder, file_hash, is_current, read_manifest, take_away
-from padgen.lock import lock_file, unlock_file
+from padgen.core import files
+from padgen.core.errors import FileError
+from padgen.core.files import OutputFolder, file_hash, is_current, read_manifest, take_away
+from padgen.core.lock import lock_file, unlock_file
 
 PLAN_A, PLAN_B = '{"name": "a"}', '{"name": "b"}'
 
@@ -252,7 +252,7 @@ def test_no_process_is_asked_by_a_signal():
 WRITER = """
 import sys
 from pathlib import Path
-from padgen.files import OutputFolder
+from padgen.core.files import OutputFolder
 
 folder, letter = Path(sys.argv[1]), sys.argv[2]
 print("ready", flush=True)
@@ -285,7 +285,7 @@ def test_of_two_writers_one_is_last_and_whole(tmp_path):
 HOLDER = """
 import sys
 from pathlib import Path
-from padgen.lock import lock_file
+from padgen.core.lock import lock_file
 
 print(lock_file(Path(sys.argv[1])) >= 0, flush=True)
 input()

@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from padgen.errors import SolverError
+from padgen.core.errors import SolverError
 from padgen.physics.beams import BeamSection, tip_stiffness
 from padgen.physics.frame import (
     AttachedBody,

@@ -8,9 +8,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
+from padgen.core.errors import FileError, SpecError
 from padgen.driver import frames as frames_module
 from padgen.driver.frames import frames_text, read_frames, state_frame, taxel_grid
-from padgen.errors import FileError, SpecError
 from padgen.planner import Plan, make_plan
 from padgen.spec import load_spec, parse_spec
 

@@ -6,14 +6,14 @@ import jsonschema
 import numpy as np
 import pytest
 
+from padgen.core.errors import FileError, SpecError
 from padgen.driver.formats import hjif
 from padgen.driver.formats.hjif import hjif_text, read_hjif
 from padgen.driver.frames import state_frame, taxel_grid
 from padgen.driver.timeline import Timeline, blend, steady, timeline
-from padgen.errors import FileError, SpecError
+from padgen.measured.tuning import TunedTaxel, Tuning, planned_tuning
 from padgen.physics.resonator import relative_energy
 from padgen.planner import Plan, make_plan
-from padgen.retune.tuning import TunedTaxel, Tuning, planned_tuning
 from padgen.spec import load_spec, parse_spec
 
 SMALL = (

@@ -20,14 +20,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from padgen import cache, cli
-from padgen.errors import FileError, PadgenError, SpecError, at_least, at_most, number, plain, shown
-from padgen.files import json_line, json_text
-from padgen.finding import Finding
-from padgen.loop import _from_plain as modes_from_plain
+from padgen import cli
+from padgen.batch.definition import parse_sweep
+from padgen.batch.expression import parse_expression
+from padgen.core import cache
+from padgen.core.errors import FileError, PadgenError, SpecError, at_least, at_most, number, plain, shown
+from padgen.core.files import json_line, json_text
+from padgen.core.finding import Finding
+from padgen.make.solid_tuning import _from_plain as modes_from_plain
 from padgen.physics.ladder import capacity
 from padgen.planner import make_plan, plan_to_json, resonances
 from padgen.planner.plan import Plan
+from padgen.report import plan_text
 from padgen.solid import tile_store
 from padgen.solid.export import bill_of_materials
 from padgen.solid.foreign import read_mesh
@@ -36,9 +40,6 @@ from padgen.spec import catalogue, load_spec, make_spec, parse_spec, template_pa
 from padgen.spec.fields import optional_type
 from padgen.spec.load import CATALOGUES, PLAIN_TABLES, SHORTHANDS
 from padgen.spec.model import Spec
-from padgen.sweep.definition import parse_sweep
-from padgen.sweep.expression import parse_expression
-from padgen.tell import plan_text
 
 BASE = 'name = "a"\nresolution = 4\nband_hz = [50, 200]\nq_min = 15\n'
 SWEEP = 'name = "s"\nbase = "paper-32"\n'

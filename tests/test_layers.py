@@ -8,18 +8,15 @@ import pytest
 
 ROOT = Path(__file__).parents[1] / "padgen"
 LAYERS = [
-    {"errors", "units", "lock"},
-    {"finding", "files", "plots", "processes"},
-    {"cache"},
+    {"core"},
     {"spec", "physics"},
     {"planner"},
-    {"retune"},
+    {"measured"},
     {"solid", "driver", "verify"},
-    {"loop"},
-    {"build"},
-    {"study"},
-    {"sweep"},
-    {"tell"},
+    {"make"},
+    {"ladders"},
+    {"batch"},
+    {"report"},
     {"cli"},
     {"__main__"},
 ]

@@ -23,6 +23,7 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
+from padgen.core.units import G_PER_CM3, GPA, MH, MM, UM
 from padgen.physics.beams import Give
 from padgen.physics.bounds import (
     beam_inertia,
@@ -46,16 +47,15 @@ from padgen.physics.saturation import saturating
 from padgen.physics.taxel_modes import TaxelModes
 from padgen.planner import Plan, make_plan, reuse
 from padgen.planner.channels import magnetic_parts, squared_current_lines
+from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.layout import Layout
 from padgen.planner.left_out import RUNGS, judge_left_out, left_out, left_out_line
-from padgen.planner.modes import coil_modes, heard_modes, mode_fields, site_wrenches
 from padgen.planner.plan import Channel, LeftOut
-from padgen.planner.selectivity import placed_channels
+from padgen.planner.pull_modes import coil_modes, heard_modes, mode_fields, site_wrenches
 from padgen.planner.settings import scheme_named
 from padgen.planner.suspensions import BeamShape, PlateShape
 from padgen.planner.taxel_model import TaxelModel
 from padgen.spec import Spec, load_spec, parse_spec
-from padgen.units import G_PER_CM3, GPA, MH, MM, UM
 
 SLACK = 1.01
 MOST = 20.0

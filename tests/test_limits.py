@@ -17,10 +17,12 @@ import numpy as np
 import pytest
 
 from padgen import cli
+from padgen.core.errors import SpecError
+from padgen.core.finding import Finding
 from padgen.driver.device import sound_card
 from padgen.driver.device.protocol import frame_message
+from padgen.driver.drive_folder import Driven, DriveRequest, write_drive, write_excitation
 from padgen.driver.excitation import KINDS, excitation
-from padgen.driver.folder import Driven, DriveRequest, write_drive, write_excitation
 from padgen.driver.formats.wav import read_wav
 from padgen.driver.frames import state_frame
 from padgen.driver.limits import judge_limits, judge_load
@@ -29,10 +31,8 @@ from padgen.driver.pad_drive import make_drive
 from padgen.driver.rates import CONTROLLER_RATES_HZ, RATES_HZ, drive_at
 from padgen.driver.timeline import Timeline, ramp_s, steady, timeline
 from padgen.driver.waveform import volts
-from padgen.errors import SpecError
-from padgen.finding import Finding
+from padgen.measured.tuning import planned_tuning
 from padgen.planner import Plan, make_plan
-from padgen.retune.tuning import planned_tuning
 from padgen.spec import load_spec, parse_spec
 
 from .firmware_host import compiled, feed

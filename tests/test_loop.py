@@ -13,8 +13,10 @@ from multiprocessing import active_children, get_context
 import numpy as np
 import pytest
 
-from padgen import cache, cli, loop
-from padgen.errors import EngineMissingError, SolverError
+from padgen import cli
+from padgen.core import cache
+from padgen.core.errors import EngineMissingError, SolverError
+from padgen.make import solid_tuning as loop
 from padgen.physics.taxel_modes import TaxelModes
 from padgen.planner import make_plan, plan_from_json, plan_to_json
 from padgen.spec import load_spec, parse_spec

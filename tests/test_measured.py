@@ -21,13 +21,13 @@ import numpy as np
 import pytest
 from scipy.io import wavfile
 
-from padgen import files
-from padgen.errors import FileError, PadgenError
+from padgen.core import files
+from padgen.core.errors import FileError, PadgenError
+from padgen.measured.fits import fit_measured
+from padgen.measured.read import read_measured, read_measured_text
+from padgen.measured.simulate import simulated_measurement
+from padgen.measured.tuning import planned_tuning
 from padgen.planner import Plan, make_plan
-from padgen.retune.fits import fit_measured
-from padgen.retune.measured import read_measured, read_measured_text
-from padgen.retune.simulate import simulated_measurement
-from padgen.retune.tuning import planned_tuning
 from padgen.spec import parse_spec
 
 RATE = 2000.0

@@ -18,7 +18,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from padgen.errors import number
+from padgen.core.errors import number
 from padgen.physics.levels import LevelLaw
 from padgen.physics.modal import (
     LEFT_OUT,
@@ -42,10 +42,10 @@ from padgen.physics.selectivity import (
 from padgen.physics.taxel_modes import UPWARD, TaxelModes
 from padgen.planner import judge_modes, make_plan, plan_from_json, plan_to_json
 from padgen.planner.channels import magnetic_parts, plan_channels
+from padgen.planner.drive_scheme import _resonators, modes_matter, placed_channels, plan_selectivity
 from padgen.planner.judge_modes import crowds
-from padgen.planner.modes import coil_modes, mode_names, site_wrenches, taxel_modes
 from padgen.planner.plan import Site
-from padgen.planner.selectivity import _resonators, modes_matter, placed_channels, plan_selectivity
+from padgen.planner.pull_modes import coil_modes, mode_names, site_wrenches, taxel_modes
 from padgen.planner.solved_model import solved_model
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape

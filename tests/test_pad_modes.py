@@ -24,11 +24,11 @@ from scipy.linalg import eigh
 from scipy.sparse import kron
 from scipy.sparse.linalg import eigsh
 
-from padgen.errors import SolverError
+from padgen.core.errors import SolverError
+from padgen.core.units import G_PER_CM3, MM
 from padgen.planner import Plan, make_plan
 from padgen.planner.frame_give import flexibility_bounds, frame_mode_estimate_hz
 from padgen.spec import parse_spec
-from padgen.units import G_PER_CM3, MM
 from padgen.verify.elastic_mesh import Fineness, meshed
 from padgen.verify.elastic_modes import assembled
 from padgen.verify.pad_assembly import Assembly, assembly

@@ -7,10 +7,10 @@ import sys
 import numpy as np
 import pytest
 
-from padgen.errors import FileError
-from padgen.sweep import pareto
-from padgen.sweep.figures import OBJECTIVES
-from padgen.sweep.pareto import front_mask, overview_of, pareto_csv, write_pareto
+from padgen.batch import pareto
+from padgen.batch.figures import OBJECTIVES
+from padgen.batch.pareto import front_mask, overview_of, pareto_csv, write_pareto
+from padgen.core.errors import FileError
 
 HEADER = (
     "number,name,status,q_min,taxels,selectivity_db,power_w,errors,warnings,findings,sentence,seconds,peak_memory_mb"
@@ -172,7 +172,7 @@ def test_nobody_is_best_in_what_all_share():
 
 
 def test_every_objective_has_a_rank_for_colours():
-    from padgen.sweep.draw import COLOURED_BY
+    from padgen.batch.pareto_picture import COLOURED_BY
 
     assert set(OBJECTIVES) == set(COLOURED_BY)
 

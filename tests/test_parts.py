@@ -8,21 +8,21 @@ import manifold3d
 import numpy as np
 import pytest
 
-from padgen.errors import InfeasibleError
-from padgen.files import OutputFolder
+from padgen.core.errors import InfeasibleError
+from padgen.core.files import OutputFolder
 from padgen.planner import make_plan, plan_from_json, plan_to_json
 from padgen.planner.coupon import coil_axis_mm, coupon_groove, coupon_plan
 from padgen.planner.screws import SIZES, screw_for
 from padgen.planner.tray import plan_tray, tray_findings, washer_underside_mm
 from padgen.solid.checks import check_pad
-from padgen.solid.coupon import build_coupon
+from padgen.solid.coupon_solid import build_coupon
 from padgen.solid.export import stl_mesh
 from padgen.solid.kernel import build123d
 from padgen.solid.mesh import Mesh, as_manifold, from_manifold, signed_volume_mm3
 from padgen.solid.pad import build_pad
 from padgen.solid.parts import PARTS, build_part, build_parts, write_part_files
-from padgen.solid.tray import build_tray, tray_solid
 from padgen.solid.tray_checks import check_tray
+from padgen.solid.tray_solid import build_tray, tray_solid
 from padgen.spec import load_spec, parse_spec, template_paths
 from tests.conftest import FOUR_LINES
 

@@ -10,7 +10,7 @@ from math import hypot
 import numpy as np
 import pytest
 
-from padgen.errors import FileError, InfeasibleError, SpecError
+from padgen.core.errors import FileError, InfeasibleError, SpecError
 from padgen.physics.ladder import slot_half_width
 from padgen.planner import make_plan, plan_from_json, plan_to_json
 from padgen.planner.judge_drive import judge_drive
@@ -18,9 +18,9 @@ from padgen.planner.layout import _channel_counts, candidates
 from padgen.planner.sizing import SizedChannel, crowded_modes, reach
 from padgen.planner.suspensions import TOPOLOGIES, BeamShape, PlateShape, Room
 from padgen.planner.taxel_model import TaxelModel, plate_shape
+from padgen.report import plan_text
 from padgen.spec import load_spec, make_spec, parse_spec, template_paths
 from padgen.spec.load import without_none
-from padgen.tell import plan_text
 
 FOUR_LINES = 'name = "a"\nresolution = {}\nband_hz = [{}, {}]\nq_min = 15\n'
 

@@ -6,16 +6,16 @@ from itertools import pairwise
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from padgen.errors import PadgenError
-from padgen.finding import worst_level
+from padgen.core.errors import PadgenError
+from padgen.core.finding import worst_level
 from padgen.physics.ladder import slot_half_width
 from padgen.planner import make_plan, plan_from_json, plan_to_json
 from padgen.planner.printable import steps_are_coarse
+from padgen.report import plan_text
 from padgen.solid.checks import check_pad
 from padgen.solid.pad import build_pad
 from padgen.spec import catalogue, make_spec
 from padgen.spec.load import without_none
-from padgen.tell import plan_text
 
 QUIET = {"deadline": None, "suppress_health_check": list(HealthCheck), "derandomize": True, "database": None}
 

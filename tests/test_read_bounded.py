@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from padgen import files
-from padgen.errors import FileError
-from padgen.files import read_bounded
+from padgen.core import files
+from padgen.core.errors import FileError
+from padgen.core.files import read_bounded
 
 posix = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="pipes, devices and /proc")
 

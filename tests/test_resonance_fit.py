@@ -19,7 +19,7 @@ from contextlib import suppress
 import numpy as np
 import pytest
 
-from padgen.errors import SolverError
+from padgen.core.errors import SolverError
 from padgen.physics.circle_fit import circle_resonance, taubin_circle
 from padgen.physics.decay_fit import fit_decay
 from padgen.physics.driven_fit import current_of_voltage, fit_driven

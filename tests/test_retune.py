@@ -23,28 +23,28 @@ from random import Random
 import numpy as np
 import pytest
 
+from padgen.core.errors import FileError, PadgenError, SpecError
+from padgen.core.files import json_text
 from padgen.driver.pad_drive import make_drive
 from padgen.driver.tables import drive_csv
-from padgen.errors import FileError, PadgenError, SpecError
-from padgen.files import json_text
-from padgen.physics.resonator import receptance
-from padgen.physics.selectivity import SCHEMES, Channels, Scheme
-from padgen.planner import make_plan
-from padgen.planner.printed_pads import Spreads, design_of, log_detuning, off_energy_of_print, sensitivities
-from padgen.retune.advice import needed_db, trims
-from padgen.retune.fits import MethodFit, TaxelFit, fit_measured
-from padgen.retune.measured import read_measured_text
-from padgen.retune.predict import levels_um, planned_tones, played, predicted, printed_channels, tones_at, worst_db
-from padgen.retune.retune import retuned, tuning_of
-from padgen.retune.simulate import KINDS, simulate_print, simulated_measurement, spreads_for
-from padgen.retune.table import measured_rows, tuned_drive_csv, tuned_rows
-from padgen.retune.tuning import (
+from padgen.measured.advice import needed_db, trims
+from padgen.measured.fits import MethodFit, TaxelFit, fit_measured
+from padgen.measured.predict import levels_um, planned_tones, played, predicted, printed_channels, tones_at, worst_db
+from padgen.measured.read import read_measured_text
+from padgen.measured.simulate import KINDS, simulate_print, simulated_measurement, spreads_for
+from padgen.measured.tune import retuned, tuning_of
+from padgen.measured.tuned_table import measured_rows, tuned_drive_csv, tuned_rows
+from padgen.measured.tuning import (
     planned_response_um_per_a2,
     planned_tuning,
     read_tuning,
     tuning_from_json,
     tuning_to_json,
 )
+from padgen.physics.resonator import receptance
+from padgen.physics.selectivity import SCHEMES, Channels, Scheme
+from padgen.planner import make_plan
+from padgen.planner.printed_pads import Spreads, design_of, log_detuning, off_energy_of_print, sensitivities
 from padgen.spec import parse_spec
 
 FOUR = (50.0, 70.0, 105.0, 160.0)

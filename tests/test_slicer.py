@@ -6,7 +6,7 @@ import subprocess
 
 import pytest
 
-from padgen.build import build
+from padgen.make.pad import build
 from padgen.planner import plan_from_json
 from padgen.spec import load_spec
 from tests.gcode import laid_beams, laid_recesses, read_gcode

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from padgen.errors import GeometryError
+from padgen.core.errors import GeometryError
 from padgen.planner import make_plan
 from padgen.planner.suspensions import TOPOLOGIES
 from padgen.planner.tile import outline, to_cell

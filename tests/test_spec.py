@@ -6,7 +6,7 @@ from dataclasses import FrozenInstanceError, fields
 import jsonschema
 import pytest
 
-from padgen.errors import FileError, SpecError
+from padgen.core.errors import FileError, SpecError
 from padgen.planner import make_plan, plan_to_json
 from padgen.spec import catalogue, load_spec, parse_spec, template_paths
 from padgen.spec.load import CATALOGUES

@@ -10,7 +10,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from padgen import cache
+from padgen.core import cache
 from padgen.planner import make_plan, resonances
 from padgen.planner.marks import groove
 from padgen.solid import export, pad, tile_store
@@ -114,7 +114,7 @@ def test_a_kept_step_has_the_pads_name_and_the_channels_number(store, small_plan
 BUILD = """
 import json, sys
 from pathlib import Path
-from padgen.build import build
+from padgen.make.pad import build
 from padgen.spec import parse_spec
 from padgen.spec.model import Drive
 built = build(parse_spec(sys.argv[1]), Path(sys.argv[2]), ("stl", "3mf", "step", "glb"))
@@ -204,7 +204,7 @@ def test_arcs_are_within_the_chord(small_plan):
 
 
 def test_a_prism_whose_rings_meet_is_refused():
-    from padgen.errors import GeometryError
+    from padgen.core.errors import GeometryError
 
     square = np.array([(0, 0), (4, 0), (4, 4), (0, 4)], float)
     hole, aside = square[::-1] / 2 + 1, np.array([3.0, 0.0])

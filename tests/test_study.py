@@ -15,19 +15,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from padgen.errors import EngineMissingError, FileError, SolverError, SpecError
-from padgen.files import json_text
-from padgen.study.draw import extreme_picture, study_pictures
-from padgen.study.extreme import Verdict, judged_error, named_cases, relative_error, verdict_of
-from padgen.study.extreme_selectivity import selectivity_cases
-from padgen.study.files import picks_from_json, study_csv, study_json
-from padgen.study.isolate import isolated, measured, run_apart
-from padgen.study.judge import TOLERANCES, judged, observed_order, picks, recommended_row
-from padgen.study.ladders import LADDERS, Scene
-from padgen.study.ladders.scene import MOST_SUBJECTS, chosen_channels, distinct_channels
-from padgen.study.run import STUDY_FILES, Study, parse_only, parse_tolerance, run_extreme, run_study
-from padgen.study.rung import Ladder, Measured, Rung, Solved, Theory
-from padgen.study.tell import extreme_text, percent, seconds_text, study_text
+from padgen.core.errors import EngineMissingError, FileError, SolverError, SpecError
+from padgen.core.files import json_text
+from padgen.ladders.extreme_selectivity import selectivity_cases
+from padgen.ladders.extreme_study import Verdict, judged_error, named_cases, relative_error, verdict_of
+from padgen.ladders.isolate import isolated, measured, run_apart
+from padgen.ladders.pictures import extreme_picture, study_pictures
+from padgen.ladders.rung import Ladder, Measured, Rung, Solved, Theory
+from padgen.ladders.stages import LADDERS, Scene
+from padgen.ladders.stages.scene import MOST_SUBJECTS, chosen_channels, distinct_channels
+from padgen.ladders.study import STUDY_FILES, Study, parse_only, parse_tolerance, run_extreme, run_study
+from padgen.ladders.tables import picks_from_json, study_csv, study_json
+from padgen.ladders.text import extreme_text, percent, seconds_text, study_text
+from padgen.ladders.verdicts import TOLERANCES, judged, observed_order, picks, recommended_row
 from padgen.verify.extreme import Answer, ExtremeCase
 
 EXACT = 3.0
@@ -299,8 +299,8 @@ def test_what_is_prepared_is_made_once(tmp_path):
 
 
 def test_caches_of_models_are_emptied_between_runs(monkeypatch):
+    from padgen.ladders import child
     from padgen.physics import magnetics
-    from padgen.study import child
 
     cached = lru_cache(maxsize=None)(lambda: object())
     monkeypatch.setattr(magnetics, "a_cache", cached, raising=False)
@@ -469,7 +469,7 @@ def test_of_many_taxels_a_few_are_studied(paper_plan):
 
 
 def test_mesh_volumes_converge_to_the_solids(small_plan):
-    from padgen.study.ladders.geometry import exact_volumes, mesh_volumes, taxel_solids
+    from padgen.ladders.stages.geometry import exact_volumes, mesh_volumes, taxel_solids
 
     solids = taxel_solids(small_plan)
     exact = exact_volumes(1e-9, solids).values

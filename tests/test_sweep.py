@@ -22,18 +22,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from padgen import processes
-from padgen.errors import FileError, SpecError
-from padgen.files import OutputFolder
+from padgen.batch import index
+from padgen.batch.definition import load_sweep, parse_sweep
+from padgen.batch.events import Clock, Event, event_table
+from padgen.batch.expression import parse_expression
+from padgen.batch.figures import plan_figures
+from padgen.batch.limits import memory_mb
+from padgen.batch.points import count_points, variant_table, variants
+from padgen.batch.sweep import run_sweep
+from padgen.core import processes
+from padgen.core.errors import FileError, SpecError
+from padgen.core.files import OutputFolder
 from padgen.spec import catalogue
-from padgen.sweep import index
-from padgen.sweep.definition import load_sweep, parse_sweep
-from padgen.sweep.events import Clock, Event, event_table
-from padgen.sweep.expression import parse_expression
-from padgen.sweep.figures import plan_figures
-from padgen.sweep.limits import memory_mb
-from padgen.sweep.points import count_points, variant_table, variants
-from padgen.sweep.run import run_sweep
 from tests import sweep_work
 
 HEAD = 'name = "s"\nbase = "paper-32"\n'
@@ -451,7 +451,7 @@ def test_a_changed_stage_code_or_curve_runs_again(tmp_path, monkeypatch):
     assert (run(), run()) == (2, 2)
     assert (run("stage = 'yield'\n"), run("stage = 'yield'\npads = 20\n")) == (3, 4)
     assert run("stage = 'yield'\npads = 20\nformats = 'stl'\n") == 4
-    monkeypatch.setattr("padgen.sweep.variant.code_hash", lambda: "another")
+    monkeypatch.setattr("padgen.batch.variant.code_hash", lambda: "another")
     assert run("stage = 'yield'\npads = 20\n") == 5
 
 

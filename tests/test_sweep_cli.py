@@ -13,10 +13,11 @@ from pathlib import Path
 
 import pytest
 
-from padgen import cache, cli
-from padgen.sweep.definition import RANGE_KEYS, STAGES, Limits, Sample, Settings
-from padgen.sweep.run import core_count
-from padgen.tell.sweeps import seconds_text
+from padgen import cli
+from padgen.batch.definition import RANGE_KEYS, STAGES, Limits, Sample, Settings
+from padgen.batch.sweep import core_count
+from padgen.core import cache
+from padgen.report.sweeps import seconds_text
 from tests.conftest import SMALL
 from tests.test_cli import HEAVY, loaded_after
 

@@ -21,11 +21,11 @@ from pathlib import Path
 
 import pytest
 
-from padgen.errors import EngineMissingError, PadgenError
-from padgen.sweep import scheduler
-from padgen.sweep.definition import parse_sweep
-from padgen.sweep.run import run_sweep
-from padgen.sweep.scheduler import connect, fingerprint
+from padgen.batch import scheduler
+from padgen.batch.definition import parse_sweep
+from padgen.batch.scheduler import connect, fingerprint
+from padgen.batch.sweep import run_sweep
+from padgen.core.errors import EngineMissingError, PadgenError
 from tests import sweep_work
 
 ROOT = Path(__file__).parents[1]

@@ -28,14 +28,14 @@ from pathlib import Path
 
 import pytest
 
-from padgen import cache
-from padgen.errors import FileError
-from padgen.sweep import worker
-from padgen.sweep.definition import Limits, parse_sweep
-from padgen.sweep.lock import FolderLock
-from padgen.sweep.pareto import write_pareto
-from padgen.sweep.run import run_sweep
-from padgen.sweep.variant import run_task
+from padgen.batch import worker
+from padgen.batch.definition import Limits, parse_sweep
+from padgen.batch.lock import FolderLock
+from padgen.batch.pareto import write_pareto
+from padgen.batch.sweep import run_sweep
+from padgen.batch.variant import run_task
+from padgen.core import cache
+from padgen.core.errors import FileError
 from tests import sweep_work
 
 HEAD = 'name = "s"\nbase = "paper-32"\nfolders = false\n'
@@ -107,7 +107,7 @@ def test_whatever_python_breaks_down_with(place):
 PARENT = """
 import sys
 from pathlib import Path
-from padgen.sweep.run import run_sweep
+from padgen.batch.sweep import run_sweep
 from tests import sweep_work
 from tests.test_sweep_faults import sweep
 asked = sweep(40, time_s=1 if sys.argv[2] == "brief" else 60)
@@ -246,7 +246,7 @@ class FullDisk(FileIO):
 
 
 def test_disk_full(place, monkeypatch):
-    from padgen.sweep import index
+    from padgen.batch import index
 
     FullDisk.lines = 0
     monkeypatch.setattr(index, "FileIO", FullDisk)
@@ -441,8 +441,8 @@ def test_a_worker_that_does_not_start(place, monkeypatch):
 
 def test_an_idle_worker_ends_and_another_takes_over(place, monkeypatch):
     workers = worker.Workers()
-    from padgen.sweep.points import variants
-    from padgen.sweep.variant import task_of
+    from padgen.batch.points import variants
+    from padgen.batch.variant import task_of
 
     task = task_of(sweep(), next(variants(sweep())), (), place)
     limits = sweep().limits
@@ -457,8 +457,8 @@ def test_an_idle_worker_ends_and_another_takes_over(place, monkeypatch):
 
 def test_several_idle_workers_that_ended_cost_no_variant(place):
     workers = worker.Workers()
-    from padgen.sweep.points import variants
-    from padgen.sweep.variant import task_of
+    from padgen.batch.points import variants
+    from padgen.batch.variant import task_of
 
     task = task_of(sweep(), next(variants(sweep())), (), place)
     for _ in range(3):
@@ -472,8 +472,8 @@ def test_several_idle_workers_that_ended_cost_no_variant(place):
 
 def test_a_worker_that_has_grown_is_replaced(place):
     workers = worker.Workers()
-    from padgen.sweep.points import variants
-    from padgen.sweep.variant import task_of
+    from padgen.batch.points import variants
+    from padgen.batch.variant import task_of
 
     task = task_of(sweep(), next(variants(sweep())), (), place)
     pids = []

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from padgen.planner import make_plan
+from padgen.report import plan_text
 from padgen.solid.checks import check_pad
 from padgen.solid.pad import build_pad
 from padgen.spec import load_spec, template_paths
-from padgen.tell import plan_text
 
 TEMPLATES = sorted(template_paths())
 

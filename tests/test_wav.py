@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from scipy.io import wavfile
 
+from padgen.core.errors import FileError
 from padgen.driver.formats.wav import LARGEST_24, WavWriter, read_wav, wav_header
-from padgen.errors import FileError
 
 RATE = 48000
 STEP_24 = 2.0**-23

@@ -16,7 +16,7 @@ from typing import NoReturn
 from padgen import __version__
 from padgen.cli import build, cache, drive, plan, play, retune, small, study, sweep
 from padgen.cli.common import BAD_INPUT, DONE
-from padgen.errors import LONGEST, PadgenError, plain
+from padgen.core.errors import LONGEST, PadgenError, plain
 
 __all__ = ["main", "run"]
 

@@ -51,8 +51,8 @@ def _add_check(commands: Any) -> None:
 
 
 def _build(options: argparse.Namespace) -> int:
-    from padgen.build import build, parse_formats, parse_parts, up_to_date
-    from padgen.files import json_text
+    from padgen.core.files import json_text
+    from padgen.make.pad import build, parse_formats, parse_parts, up_to_date
     from padgen.spec import load_spec
 
     spec = with_model(load_spec(options.spec), options)
@@ -65,7 +65,7 @@ def _build(options: argparse.Namespace) -> int:
     if options.json:
         print(json_text({**asdict(built), "folder": str(built.folder)}), end="")
     else:
-        from padgen.tell import built_text, findings_text
+        from padgen.report import built_text, findings_text
 
         show(built_text(built))
         show(findings_text(built.findings))
@@ -82,7 +82,7 @@ def _check(options: argparse.Namespace) -> int:
 
         mesh = read_mesh(path)
         if options.spec:
-            from padgen.build import plan_to_compare
+            from padgen.make.pad import plan_to_compare
 
             plan, source = plan_to_compare(options.spec, path, progress)
         progress("checking")
@@ -91,11 +91,11 @@ def _check(options: argparse.Namespace) -> int:
     if source:
         report = replace(report, figures={**report.figures, "compared_with": source})
     if options.json:
-        from padgen.files import json_text
+        from padgen.core.files import json_text
 
         print(json_text(asdict(report)), end="")
     else:
-        from padgen.tell import figures_text, findings_text
+        from padgen.report import figures_text, findings_text
 
         show(figures_text(report.figures))
         show(findings_text(report.findings))

@@ -38,21 +38,21 @@ def add_cache(parser: argparse.ArgumentParser) -> None:
 
 def use_cache(options: argparse.Namespace) -> None:
     """Let this process and those that it starts keep results where ``--cache`` says."""
-    from padgen.cache import VARIABLE
+    from padgen.core.cache import VARIABLE
 
     if options.cache:
         os.environ[VARIABLE] = str(Path(options.cache).absolute())
 
 
 def _info(options: argparse.Namespace) -> int:
-    from padgen.cache import info
+    from padgen.core.cache import info
 
     use_cache(options)
     return _told(options, info(), dropped=False)
 
 
 def _clear(options: argparse.Namespace) -> int:
-    from padgen.cache import clear
+    from padgen.core.cache import clear
 
     use_cache(options)
     return _told(options, clear(), dropped=True)
@@ -62,12 +62,12 @@ def _told(options: argparse.Namespace, held: Any, dropped: bool) -> int:
     if options.json:
         from dataclasses import asdict
 
-        from padgen.files import json_text
+        from padgen.core.files import json_text
 
         kinds = {kind: {"entries": entries, "bytes": size} for kind, (entries, size) in held.kinds.items()}
         print(json_text({**asdict(held), "kinds": kinds, "cleared": dropped}), end="")
     else:
-        from padgen.tell.sweeps import cache_text
+        from padgen.report.sweeps import cache_text
 
         show(cache_text(held, dropped))
     return DONE

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from padgen.errors import plain
+from padgen.core.errors import plain
 
 __all__ = [
     "BAD_INPUT",
@@ -65,7 +65,7 @@ def with_model(spec: Any, options: argparse.Namespace) -> Any:
     if options.model is not None:
         asked["structure"] = options.model
     if options.tolerance is not None:
-        from padgen.study.run import parse_tolerance
+        from padgen.ladders.study import parse_tolerance
 
         asked["tolerance"] = parse_tolerance(options.tolerance)
     return replace(spec, model=build(Model, asked, "model", asdict(spec.model))) if asked else spec

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from padgen.cli.common import add_model, add_output, add_spec, code_of, folder_of, progress_line, show, with_model
-from padgen.errors import SpecError, number
+from padgen.core.errors import SpecError, number
 
 __all__ = ["add", "add_frames", "frames_of", "plan_of", "tuning_of"]
 
@@ -76,7 +76,7 @@ def add_frames(parser: argparse.ArgumentParser) -> None:
 
 def plan_of(options: argparse.Namespace, progress: Any) -> Any:
     """The plan as a build makes it."""
-    from padgen.loop import planned
+    from padgen.make.solid_tuning import planned
     from padgen.spec import load_spec
 
     progress("planning")
@@ -103,19 +103,19 @@ def tuning_of(path: str | None, plan: Any) -> Any:
     """The tuning in a file, None where none is named."""
     if path is None:
         return None
-    from padgen.retune.tuning import read_tuning
+    from padgen.measured.tuning import read_tuning
 
     return read_tuning(Path(path), plan)
 
 
 def _drive(options: argparse.Namespace) -> int:
-    from padgen.driver.folder import DEPTHS
+    from padgen.driver.drive_folder import DEPTHS
 
     if options.depth not in DEPTHS:
         raise SpecError(f"must be one of {', '.join(DEPTHS)}, got {options.depth!r}", "--depth")
     if options.excite is not None:
         return _excite(options)
-    from padgen.driver.folder import DriveRequest, parse_formats, write_drive
+    from padgen.driver.drive_folder import DriveRequest, parse_formats, write_drive
 
     _refuse(options)
     with progress_line() as progress:
@@ -139,10 +139,10 @@ def _drive(options: argparse.Namespace) -> int:
         if frames is not None and options.tuning is None and (folder / "tuning.json").exists():
             notes = (*notes, f"these are the plan's tones; {folder / 'tuning.json'} has a print's (--tuning)")
         driven = write_drive(plan, folder, request, progress)
-    from padgen.tell.drives import driven_table, driven_text
+    from padgen.report.drives import driven_table, driven_text
 
     if options.json:
-        from padgen.files import json_text
+        from padgen.core.files import json_text
 
         print(json_text(driven_table(driven, notes)), end="")
     else:
@@ -166,7 +166,7 @@ def _refuse(options: argparse.Namespace) -> None:
 def _excite(options: argparse.Namespace) -> int:
     from dataclasses import asdict
 
-    from padgen.driver.folder import write_excitation
+    from padgen.driver.drive_folder import write_excitation
 
     given = [
         f"--{name}"
@@ -186,14 +186,14 @@ def _excite(options: argparse.Namespace) -> int:
             plan, folder, options.excite, options.rate, options.depth, options.seconds, options.together
         )
     if options.json:
-        from padgen.files import json_text
+        from padgen.core.files import json_text
 
         names = ("kind", "rate_hz", "band_hz", "sweep_s", "together", "level_share", "copper_loss_w")
         figures = {name: value for name, value in asdict(played).items() if name in names}
         figures["findings"] = [asdict(finding) for finding in findings]
         print(json_text({"folder": str(folder), "files": ["excitation.wav", "excitation.json"], **figures}), end="")
     else:
-        from padgen.tell.drives import excitation_text
+        from padgen.report.drives import excitation_text
 
         show(excitation_text(played, folder, findings))
     return code_of(findings)

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from typing import Any
 
 from padgen.cli.common import add_model, add_output, add_spec, code_of, folder_of, progress_line, show, with_model
-from padgen.errors import FileError, SpecError, plain
+from padgen.core.errors import FileError, SpecError, plain
 
 __all__ = ["add"]
 
@@ -34,7 +34,7 @@ def add(commands: Any) -> None:
 
 
 def _plan(options: argparse.Namespace) -> int:
-    from padgen.files import YIELD_FILE, OutputFolder, json_text
+    from padgen.core.files import YIELD_FILE, OutputFolder, json_text
     from padgen.planner import plan_to_json
     from padgen.spec import load_spec
 
@@ -75,7 +75,7 @@ def _planned(spec: Any, options: argparse.Namespace) -> Any:
         from padgen.planner import make_plan
 
         return make_plan(spec)
-    from padgen.loop import planned
+    from padgen.make.solid_tuning import planned
 
     with progress_line() as progress:
         return planned(spec, progress)
@@ -97,7 +97,7 @@ def _is_solids_plan(spec: str) -> bool:
 
 
 def _print_plan(plan: Any, explanation: Any, printed: Any) -> None:
-    from padgen.tell import explanation_text, findings_text, plan_text, yield_text
+    from padgen.report import explanation_text, findings_text, plan_text, yield_text
 
     show(plan_text(plan))
     show(findings_text(plan.findings))

@@ -5,7 +5,7 @@ from typing import Any
 
 from padgen.cli.common import DONE, add_model, progress_line, show
 from padgen.cli.drive import add_frames, frames_of, plan_of, tuning_of
-from padgen.errors import SpecError, plain
+from padgen.core.errors import SpecError, plain
 
 __all__ = ["add"]
 
@@ -96,6 +96,6 @@ def _audio(options: argparse.Namespace) -> int:
 
 
 def _print_json(table: dict[str, Any]) -> None:
-    from padgen.files import json_text
+    from padgen.core.files import json_text
 
     print(json_text(table), end="")

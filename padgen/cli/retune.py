@@ -5,7 +5,7 @@ from typing import Any
 
 from padgen.cli.common import add_model, add_output, add_spec, code_of, folder_of, progress_line, show
 from padgen.cli.drive import plan_of
-from padgen.errors import SpecError, plain
+from padgen.core.errors import SpecError, plain
 
 __all__ = ["add"]
 
@@ -57,7 +57,7 @@ def _retune(options: argparse.Namespace) -> int:
         raise SpecError("needs MEASURED, a file or a folder, or --simulate SEED, and not both", "padgen retune")
     if options.excitation not in ("current", "voltage"):
         raise SpecError(f"must be current or voltage, got {options.excitation!r}", "--excitation")
-    from padgen.retune.folder import write_retuned
+    from padgen.measured.tuned_folder import write_retuned
 
     with progress_line() as progress:
         plan = plan_of(options, progress)
@@ -74,14 +74,14 @@ def _retune(options: argparse.Namespace) -> int:
             options.coupon,
             progress,
         )
-    from padgen.tell.retunes import retuned_text
+    from padgen.report.retunes import retuned_text
 
     if options.json:
-        from padgen.files import json_text
+        from padgen.core.files import json_text
 
         print(json_text(written.table()), end="")
     else:
-        from padgen.tell.plans import findings_text
+        from padgen.report.plans import findings_text
 
         show(retuned_text(plan, written.result))
         show(findings_text(written.result.findings))
@@ -92,7 +92,7 @@ def _retune(options: argparse.Namespace) -> int:
 
 
 def _simulated(options: argparse.Namespace, plan: Any, progress: Any) -> Any:
-    from padgen.retune.folder import simulated_print
+    from padgen.measured.tuned_folder import simulated_print
 
     if options.simulate < 0:
         raise SpecError(f"must be 0 or more, got {options.simulate}", "--simulate")

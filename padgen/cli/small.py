@@ -5,7 +5,7 @@ import json
 from typing import Any
 
 from padgen.cli.common import DONE
-from padgen.errors import FileError
+from padgen.core.errors import FileError
 
 __all__ = ["add"]
 

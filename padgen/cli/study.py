@@ -4,7 +4,7 @@ import argparse
 from typing import Any
 
 from padgen.cli.common import CHECK_FAILED, DONE, add_output, folder_of, progress_line, show
-from padgen.errors import SpecError, plain
+from padgen.core.errors import SpecError, plain
 
 __all__ = ["add"]
 
@@ -32,8 +32,8 @@ def _study(options: argparse.Namespace) -> int:
         return _extreme_study(options)
     if options.spec is None:
         raise SpecError("is missing; name a TOML file or a template, or ask for --extreme", "SPEC")
+    from padgen.ladders import parse_only, parse_tolerance, run_study
     from padgen.spec import load_spec
-    from padgen.study import parse_only, parse_tolerance, run_study
 
     tolerance = None if options.tolerance is None else parse_tolerance(options.tolerance)
     only, spec = parse_only(options.only), load_spec(options.spec)
@@ -42,7 +42,7 @@ def _study(options: argparse.Namespace) -> int:
     if options.json:
         print((study.folder / "study.json").read_text(encoding="utf-8"), end="")
     else:
-        from padgen.study.tell import study_text
+        from padgen.ladders.text import study_text
 
         show(study_text(study))
         show(f"\nwritten to {plain(str(study.folder))}: {'  '.join(study.files)}")
@@ -52,14 +52,14 @@ def _study(options: argparse.Namespace) -> int:
 def _extreme_study(options: argparse.Namespace) -> int:
     if any(value is not None for value in (options.spec, options.only, options.tolerance)):
         raise SpecError("has its own cases and takes no SPEC, --only or --tolerance", "--extreme")
-    from padgen.study import run_extreme
+    from padgen.ladders import run_extreme
 
     with progress_line() as progress:
         study = run_extreme(folder_of(options, "extreme"), progress)
     if options.json:
         print((study.folder / "extreme.json").read_text(encoding="utf-8"), end="")
     else:
-        from padgen.study.tell import extreme_text
+        from padgen.ladders.text import extreme_text
 
         show(extreme_text(study))
         show(f"\nwritten to {plain(str(study.folder))}: {'  '.join(study.files)}")

@@ -10,7 +10,7 @@ from typing import Any
 
 from padgen.cli.cache import add_cache, use_cache
 from padgen.cli.common import BAD_INPUT, CHECK_FAILED, DONE, folder_of, show
-from padgen.errors import SpecError, plain
+from padgen.core.errors import SpecError, plain
 
 __all__ = ["add"]
 
@@ -50,10 +50,10 @@ def _sweep(options: argparse.Namespace) -> int:
     if options.jobs is not None and options.scheduler is not None:
         raise SpecError("does not go with --scheduler: the cluster has the workers that it has", "--jobs")
     use_cache(options)
-    from padgen.processes import uninterrupted
-    from padgen.sweep.definition import load_sweep
-    from padgen.sweep.pareto import write_pareto
-    from padgen.sweep.run import run_sweep
+    from padgen.batch.definition import load_sweep
+    from padgen.batch.pareto import write_pareto
+    from padgen.batch.sweep import run_sweep
+    from padgen.core.processes import uninterrupted
 
     # A sweep that is asked to end, as by a queue, ends as by Ctrl-C: with an index of what is done.
     signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
@@ -73,7 +73,7 @@ def _sweep(options: argparse.Namespace) -> int:
 
 
 def _sum_up(options: argparse.Namespace, told: tuple[Any, ...], note: str) -> None:
-    from padgen.tell.sweeps import sweep_table, sweep_text
+    from padgen.report.sweeps import sweep_table, sweep_text
 
     if options.json:
         _line({**sweep_table(*told), "notes": [note] * bool(note)})
@@ -89,7 +89,7 @@ def _executor(address: str | None) -> Any:
     """A cluster's, or none: processes of this machine."""
     if address is None:
         return nullcontext()
-    from padgen.sweep.scheduler import connect
+    from padgen.batch.scheduler import connect
 
     return connect(address)
 
@@ -98,7 +98,7 @@ def _executor(address: str | None) -> Any:
 def _telling(options: argparse.Namespace, sweep: Any) -> Iterator[Callable[[Any], None]]:
     """What becomes of events: lines of JSON, or a bar on a terminal and a line for each failure."""
     if options.json:
-        from padgen.sweep.events import event_table
+        from padgen.batch.events import event_table
 
         yield lambda event: _line(event_table(event))
     elif not sys.stderr.isatty():
@@ -110,14 +110,14 @@ def _telling(options: argparse.Namespace, sweep: Any) -> Iterator[Callable[[Any]
 
 def _line(table: dict[str, Any]) -> None:
     """Write one line of JSON, whole, at once."""
-    from padgen.files import json_line
+    from padgen.core.files import json_line
 
     print(json_line(table), flush=True)
 
 
 def _failure(sweep: Any, event: Any, write: Callable[[str], None]) -> None:
     if event.kind == "failed" and event.record is not None:
-        from padgen.sweep.points import variant_name
+        from padgen.batch.points import variant_name
 
         before = " (in an earlier run)" if event.reused else ""
         write(f"failed{before}: {variant_name(sweep, event.record.number)}: {plain(event.record.sentence)}")
@@ -129,7 +129,7 @@ def _bar(sweep: Any) -> Iterator[Callable[[Any], None]]:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-    from padgen.tell.sweeps import counts_text, seconds_text
+    from padgen.report.sweeps import counts_text, seconds_text
 
     columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"))
     with Progress(*columns, console=Console(stderr=True, highlight=False), transient=True) as bar:

@@ -1,13 +1,13 @@
 """Carriers for amplifiers that pass no 0 Hz: the lowest is tried before it is named."""
 
+from padgen.core.errors import SpecError, at_least
 from padgen.driver.limits import judge_load
 from padgen.driver.loads import load_of
 from padgen.driver.pad_drive import CARRIER_OVER_RESONANCE
 from padgen.driver.rates import RATES_HZ, drive_at, highest_hz
 from padgen.driver.timeline import Timeline
-from padgen.errors import SpecError, at_least
+from padgen.measured.tuning import Tuning
 from padgen.planner.plan import Plan
-from padgen.retune.tuning import Tuning
 
 __all__ = ["carrier_text"]
 

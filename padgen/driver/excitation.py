@@ -1,6 +1,6 @@
 """Excitation files: what the coils play while the taxels' resonances are measured.
 
-One chirp or one stretch of noise (`padgen.retune.shake`), followed by the silence in which the slowest taxel comes to
+One chirp or one stretch of noise (`padgen.measured.shake`), followed by the silence in which the slowest taxel comes to
 rest; each coil in turn, or all at once. The volts are those that drive the current through the coil's resistance and
 inductance, ``R i + L di/dt``. Levels are those of the plan, or as much lower as amplifier, copper and the mean pull of
 all channels together ask for.
@@ -11,12 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from padgen.errors import SpecError, at_least, number
-from padgen.physics.currents import mean_square_a2
-from padgen.planner.channels import squared_current_lines
-from padgen.planner.plan import Plan
-from padgen.planner.settings import scheme_named
-from padgen.retune.shake import (
+from padgen.core.errors import SpecError, at_least, number
+from padgen.core.units import MH
+from padgen.measured.shake import (
     chirp_current_a,
     measuring_band_hz,
     noise_current_a,
@@ -24,7 +21,10 @@ from padgen.retune.shake import (
     shaking_line_a2,
     sweep_s,
 )
-from padgen.units import MH
+from padgen.physics.currents import mean_square_a2
+from padgen.planner.channels import squared_current_lines
+from padgen.planner.plan import Plan
+from padgen.planner.settings import scheme_named
 
 __all__ = ["KINDS", "Excitation", "excitation"]
 

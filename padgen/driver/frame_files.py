@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from padgen.errors import FileError, number
-from padgen.files import read_bounded
+from padgen.core.errors import FileError, number
+from padgen.core.files import read_bounded
 
 if TYPE_CHECKING:
     from PIL import Image

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from padgen.core.errors import FileError, SpecError, number
 from padgen.driver.frame_files import SUFFIXES, frame_images
 from padgen.driver.states import LARGEST_TABLE
-from padgen.errors import FileError, SpecError, number
 from padgen.planner.plan import Plan
 from padgen.planner.tile import taxel_places
 

@@ -9,19 +9,19 @@ from dataclasses import replace
 
 import numpy as np
 
+from padgen.core.errors import SpecError, at_most, number
+from padgen.core.finding import Finding
+from padgen.core.units import MM, UM
 from padgen.driver.loads import Load, load_of
 from padgen.driver.pad_drive import PadDrive, make_drive
 from padgen.driver.rates import CONTROLLER_RATES_HZ, drive_at
 from padgen.driver.timeline import Timeline, timeline
-from padgen.errors import SpecError, at_most, number
-from padgen.finding import Finding
+from padgen.measured.predict import printed_channels
+from padgen.measured.tuning import Tuning, planned_tuning
 from padgen.physics.magnetics import balanced_deflection
 from padgen.planner.channels import hanging_gap_um
-from padgen.planner.load import pull_in_share
+from padgen.planner.coil_load import pull_in_share
 from padgen.planner.plan import Channel, Plan
-from padgen.retune.predict import printed_channels
-from padgen.retune.tuning import Tuning, planned_tuning
-from padgen.units import MM, UM
 
 __all__ = ["judge_limits", "judge_load", "refuse_frames", "voltage_finding"]
 

@@ -13,7 +13,10 @@ from math import ceil, floor, isfinite
 
 import numpy as np
 
-from padgen.errors import SpecError, at_least, number
+from padgen.core.errors import SpecError, at_least, number
+from padgen.core.units import MH
+from padgen.measured.predict import levels_um
+from padgen.measured.tuning import Tuning, planned_tuning
 from padgen.physics.comb import comb_period_s, on_comb
 from padgen.physics.crest import least_constant, low_crest_phases
 from padgen.physics.currents import bias_a
@@ -23,9 +26,6 @@ from padgen.physics.selectivity import Scheme
 from padgen.planner.plan import Plan
 from padgen.planner.printed_pads import coils_of
 from padgen.planner.settings import scheme_named
-from padgen.retune.predict import levels_um
-from padgen.retune.tuning import Tuning, planned_tuning
-from padgen.units import MH
 
 __all__ = [
     "CARRIER_OVER_RESONANCE",

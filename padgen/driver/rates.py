@@ -3,9 +3,9 @@
 from math import ceil
 
 from padgen.driver.pad_drive import CARRIER_OVER_RESONANCE, PadDrive, make_drive
+from padgen.measured.tuning import Tuning
 from padgen.physics.root_margin import ALIAS_DB
 from padgen.planner.plan import Plan
-from padgen.retune.tuning import Tuning
 
 __all__ = ["CONTROLLER_RATES_HZ", "RATES_HZ", "drive_at", "highest_hz"]
 

@@ -10,12 +10,12 @@ from math import sqrt
 
 import numpy as np
 
+from padgen.core.units import MN
 from padgen.physics.currents import mean_square_a2
 from padgen.physics.selectivity import Scheme
 from padgen.planner.channels import squared_current_lines
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.settings import scheme_named
-from padgen.units import MN
 
 __all__ = ["LARGEST_TABLE", "Line", "Spur", "State", "coil_states"]
 

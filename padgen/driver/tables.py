@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from padgen.core.errors import number
+from padgen.core.files import json_text
 from padgen.driver.frames import taxel_grid
 from padgen.driver.states import LARGEST_TABLE, coil_states
-from padgen.errors import number
-from padgen.files import json_text
 from padgen.physics.currents import bias_a, current_lines_a, mean_square_a2
 from padgen.planner.channels import squared_current_lines
 from padgen.planner.drive_rows import BIAS, COLUMNS, DriveRow, bias_row, coil_rows, table_csv

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from padgen.errors import SpecError, at_least, number
+from padgen.core.errors import SpecError, at_least, number
+from padgen.core.units import MS
 from padgen.planner.frame_rates import switch_ms
 from padgen.planner.plan import Plan
-from padgen.units import MS
 
 __all__ = ["Timeline", "blend", "blend_slope", "frame_s", "ramp_s", "steady", "timeline"]
 

@@ -6,7 +6,7 @@ second method is the circle that the transform of one damped sine is. Noise is t
 
 import numpy as np
 
-from padgen.errors import SolverError, number
+from padgen.core.errors import SolverError, number
 from padgen.physics.circle_fit import CircleFit, circle_resonance
 from padgen.physics.record_result import (
     LARGEST_Q,

@@ -10,7 +10,7 @@ function Y/X of the whole record, to which what rings on after its end is added 
 
 import numpy as np
 
-from padgen.errors import SolverError, at_most, number
+from padgen.core.errors import SolverError, at_most, number
 from padgen.physics.circle_fit import CircleFit, circle_resonance
 from padgen.physics.record_result import (
     LARGEST_Q,

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.errors import SolverError
+from padgen.core.errors import SolverError
 from padgen.physics.frame_element import Element, bubble_count, element_axes, element_mass_root, element_root
 from padgen.physics.rigid_body import RigidBody
 

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from padgen.core.units import GRAVITY_M_PER_S2
 from padgen.physics.beams import BeamSection, tip_mass, tip_stiffness
 from padgen.physics.rigid_body import RigidBody
-from padgen.units import GRAVITY_M_PER_S2
 
 __all__ = ["BeamPlacement", "Modes", "bending_stress", "suspended_modes", "to_tip"]
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.errors import SolverError, number
+from padgen.core.errors import SolverError, number
 
 __all__ = ["Tones", "circuit_current", "merged", "signal", "squared", "steady_lines", "tones", "turns"]
 

@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.errors import SolverError, number
+from padgen.core.errors import SolverError, number
 from padgen.physics.phasor import Tones, turns
 
 __all__ = ["STATED_ERROR", "Motion", "propagate", "propagate_piecewise"]

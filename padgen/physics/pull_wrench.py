@@ -4,7 +4,7 @@ from math import pi
 
 import numpy as np
 
-from padgen.errors import SpecError, number
+from padgen.core.errors import SpecError, number
 from padgen.physics.magnetics import SolenoidCoil, SteelRing, flat_spheroid_factor, flux_density
 
 __all__ = ["pull_wrench"]

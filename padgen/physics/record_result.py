@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from padgen.errors import SolverError, at_least, number
+from padgen.core.errors import SolverError, at_least, number
 from padgen.physics.circle_fit import CircleFit
 from padgen.physics.resonance_judge import (
     COMPARABLE,

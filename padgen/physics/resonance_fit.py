@@ -15,7 +15,7 @@ widened (`correlation_factor`). Checked from Q = 2 to 10⁴, at 20 to 60 dB, in 
 
 import numpy as np
 
-from padgen.errors import SolverError, number
+from padgen.core.errors import SolverError, number
 from padgen.physics.circle_fit import circle_resonance
 from padgen.physics.magnitude_fit import fit_magnitude
 from padgen.physics.resonance_judge import (

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.errors import SolverError, at_least, at_most, number
+from padgen.core.errors import SolverError, at_least, at_most, number
 
 __all__ = [
     "COMPARABLE",

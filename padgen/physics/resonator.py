@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from padgen.units import GRAVITY_M_PER_S2
+from padgen.core.units import GRAVITY_M_PER_S2
 
 __all__ = [
     "natural_frequency",

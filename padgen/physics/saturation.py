@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from padgen.errors import SpecError, number
+from padgen.core.errors import SpecError, number
 
 __all__ = ["FERRITIC_STAINLESS", "MILD_STEEL", "TEAM_STEEL", "BHCurve", "saturating"]
 

@@ -3,7 +3,8 @@
 from collections.abc import Callable
 from functools import lru_cache
 
-from padgen.errors import SpecError, at_least, number
+from padgen.core.errors import SpecError, at_least, number
+from padgen.core.units import decibel
 from padgen.physics.ladder import capacity, geometric_ladder, ladder_ratio, slot_half_width, whole_channels
 from padgen.physics.levels import LevelLaw
 from padgen.physics.selectivity import Channels, Scheme, all_states, channels, loudest_line, one_hot_db
@@ -12,7 +13,6 @@ from padgen.planner.printable import DRAWN_SHARE
 from padgen.planner.resonances import slot_band_hz
 from padgen.planner.settings import level_law, scheme_named
 from padgen.spec import Spec
-from padgen.units import decibel
 
 __all__ = ["channel_limit", "coil_capacity", "largest_counts", "searched_to"]
 

@@ -6,16 +6,16 @@ from math import log
 
 import numpy as np
 
+from padgen.core.units import GRAM, MM, MN, MPA, MS, UM
 from padgen.physics.currents import mean_square_a2
 from padgen.physics.magnetics import SolenoidCoil, SteelRing, balanced_deflection, pull_over_gap
 from padgen.physics.resonator import ring_up_time
-from padgen.planner.modes import each_distance, mode_fields, site_wrenches, taxel_modes
 from padgen.planner.plan import Beam, Channel, Site, channel_sets
+from padgen.planner.pull_modes import each_distance, mode_fields, site_wrenches, taxel_modes
 from padgen.planner.settings import level_law, scheme_named
 from padgen.planner.sizing import SizedChannel, frequency_spread
 from padgen.planner.taxel_model import fillet_mm
 from padgen.spec import Spec
-from padgen.units import GRAM, MM, MN, MPA, MS, UM
 
 __all__ = [
     "driven",

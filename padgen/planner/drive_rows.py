@@ -7,13 +7,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 from math import degrees, inf, sqrt
 
+from padgen.core.units import MA, MH, MN
 from padgen.physics.currents import bias_a, current_lines_a, mean_square_a2, root_voltage_v
 from padgen.physics.magnetics import impedance
 from padgen.physics.selectivity import Scheme
 from padgen.planner.channels import squared_current_lines
 from padgen.planner.plan import Channel
 from padgen.spec import Spec
-from padgen.units import MA, MH, MN
 
 __all__ = ["BIAS", "COLUMNS", "DriveRow", "bias_row", "coil_rows", "table_csv"]
 

@@ -4,19 +4,19 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from padgen.errors import SpecError, number
+from padgen.core.errors import SpecError, number
+from padgen.core.units import decibel
 from padgen.physics.levels import LevelLaw
 from padgen.physics.selectivity import SCHEMES
 from padgen.planner.capacity import channel_limit, coil_capacity, largest_counts, searched_to
 from padgen.planner.channels import plan_channels
+from padgen.planner.drive_scheme import plan_selectivity
 from padgen.planner.layout import SLACK_MM, candidates, explain
 from padgen.planner.plan import Plan, Selectivity
 from padgen.planner.search import sites_of, sized_layouts
-from padgen.planner.selectivity import plan_selectivity
 from padgen.planner.settings import level_law, scheme_named
 from padgen.spec import Spec, catalogue, make_spec
 from padgen.spec.load import without_none
-from padgen.units import decibel
 
 __all__ = ["CapacityRow", "Change", "Explanation", "explain_plan"]
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from padgen.errors import SolverError
+from padgen.core.errors import SolverError
+from padgen.core.units import G_PER_CM3, GPA, GRAM, MM
 from padgen.physics.frame_flexibility import SUPPORTS, Ribs, TaxelReaction, lowest_frame_mode_hz, shift_bound
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.tile import outline
-from padgen.units import G_PER_CM3, GPA, GRAM, MM
 
 __all__ = ["flexibility_bounds", "frame_mode_estimate_hz"]
 

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from padgen.core.units import MS
 from padgen.physics.selectivity import SCHEMES, Scheme
 from padgen.planner.plan import Channel, FrameRate, channel_sets
-from padgen.units import MS
 
 __all__ = ["frame_rates", "slot_ms", "switch_ms"]
 

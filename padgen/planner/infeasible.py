@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, replace
 from typing import Any
 
-from padgen.errors import SpecError, number
+from padgen.core.errors import SpecError, number
 from padgen.planner.layout import SLACK_MM, Layout, candidates, explain, most_channels, most_coils, room, whole_grids
 from padgen.planner.resonances import ladders, reachable_hz
 from padgen.planner.search import sized_layouts

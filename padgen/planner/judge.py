@@ -6,17 +6,17 @@ from itertools import pairwise
 
 import numpy as np
 
-from padgen.errors import at_least, at_most, number
-from padgen.finding import LEVELS, Finding
+from padgen.core.errors import at_least, at_most, number
+from padgen.core.finding import LEVELS, Finding
+from padgen.core.units import MM, UM
 from padgen.physics.ladder import ladder_ratio, slot_half_width
 from padgen.planner.channels import driven, pulls
+from padgen.planner.drive_scheme import modes_matter
 from padgen.planner.judge_drive import judge_drive
 from padgen.planner.left_out import judge_left_out
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.printable import DRAWN_SHARE, steps_are_coarse
-from padgen.planner.selectivity import modes_matter
 from padgen.spec import Coil, Spec
-from padgen.units import MM, UM
 
 SPACING_SHARE = 0.05
 """Share of a slot by which a resonance may be off before it is worth a finding."""

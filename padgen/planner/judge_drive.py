@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from itertools import combinations
 
-from padgen.errors import at_least, at_most, number
-from padgen.finding import Finding
+from padgen.core.errors import at_least, at_most, number
+from padgen.core.finding import Finding
 from padgen.physics.ladder import slot_half_width
 from padgen.physics.selectivity import Scheme
 from padgen.planner.layout import coil_reach_mm

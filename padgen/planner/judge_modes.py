@@ -8,14 +8,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.errors import SpecError, number
-from padgen.finding import Finding
+from padgen.core.errors import SpecError, number
+from padgen.core.finding import Finding
 from padgen.physics.ladder import slot_half_width
 from padgen.physics.modal import ModalTaxels, felt_energy
 from padgen.physics.selectivity import Channels, Scheme, all_states, pair_lines
-from padgen.planner.modes import MODES_DB, coil_modes, mode_names, modes_in_slots
+from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.plan import Channel, Plan, channel_sets
-from padgen.planner.selectivity import placed_channels
+from padgen.planner.pull_modes import MODES_DB, coil_modes, mode_names, modes_in_slots
 from padgen.planner.settings import scheme_named
 from padgen.planner.suspensions import TOPOLOGIES
 from padgen.spec import Spec, make_spec
@@ -259,9 +259,9 @@ def _planned_again(plan: Plan, spec: Spec) -> _Again | None:
     """What another spec makes of the same coils; None where it takes others, or none at all."""
     from padgen.planner.capacity import channel_limit
     from padgen.planner.channels import plan_channels
+    from padgen.planner.drive_scheme import plan_selectivity
     from padgen.planner.layout import candidates
     from padgen.planner.search import sites_of, sized_layouts
-    from padgen.planner.selectivity import plan_selectivity
 
     sized = next(sized_layouts(spec, candidates(spec, channel_limit(spec))), None)
     if sized is None:

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from math import ceil, floor, hypot, inf, pi, sqrt
 
-from padgen.errors import number
+from padgen.core.errors import number
 from padgen.planner.plan import Site
 from padgen.planner.suspensions import TOPOLOGIES, Arrangement, Room
 from padgen.planner.taxel_model import plate_shape, recess_mm

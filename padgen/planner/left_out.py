@@ -6,8 +6,9 @@ from math import inf, isfinite
 
 import numpy as np
 
-from padgen.errors import number
-from padgen.finding import Finding
+from padgen.core.errors import number
+from padgen.core.finding import Finding
+from padgen.core.units import G_PER_CM3, GPA, MA, MH, MM, UM
 from padgen.physics.bounds import (
     beam_inertia,
     core_eddies,
@@ -28,16 +29,15 @@ from padgen.physics.magnetics import impedance
 from padgen.physics.modal import felt_energy
 from padgen.physics.poles import coil_poles, pole_error
 from padgen.planner.channels import hanging_gap_um, magnetic_parts, squared_current_lines
+from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.frame_give import flexibility_bounds
-from padgen.planner.modes import coil_modes, heard_modes
 from padgen.planner.plan import Channel, LeftOut, Plan
+from padgen.planner.pull_modes import coil_modes, heard_modes
 from padgen.planner.reuse import RINGS
-from padgen.planner.selectivity import placed_channels
 from padgen.planner.settings import scheme_named
 from padgen.planner.suspensions import BeamShape, PlateShape
 from padgen.planner.taxel_model import TaxelModel
 from padgen.spec import Spec
-from padgen.units import G_PER_CM3, GPA, MA, MH, MM, UM
 
 __all__ = ["RUNGS", "judge_left_out", "left_out", "left_out_line"]
 
@@ -54,7 +54,7 @@ RUNGS = {
     "softening": "padgen study --only dynamics",
     "motion": "padgen study --only dynamics",
     "switching": "a coupled run over the switching (padgen.verify.coupled); wait that much longer between frames",
-    "far modes": "padgen.planner.modes.coil_modes",
+    "far modes": "padgen.planner.pull_modes.coil_modes",
     "frame": "padgen study --only pad",
     "beam inertia": "--model solid",
 }

@@ -4,20 +4,20 @@ from dataclasses import asdict, replace
 from itertools import islice
 from typing import NamedTuple
 
-from padgen.errors import InfeasibleError
+from padgen.core.errors import InfeasibleError
 from padgen.planner.capacity import channel_limit, coil_capacity
 from padgen.planner.channels import driven, plan_channels
+from padgen.planner.coil_load import coil_load
+from padgen.planner.drive_scheme import plan_selectivity
 from padgen.planner.frame_rates import frame_rates
 from padgen.planner.judge import judge
 from padgen.planner.layout import Layout, candidates, room
 from padgen.planner.left_out import left_out
-from padgen.planner.load import coil_load
 from padgen.planner.plan import Cell, Channel, CoilGrid, LayoutOption, Plan, Plate, Taxel, channel_sets
 from padgen.planner.printing import print_settings
 from padgen.planner.resonances import proven_optimum
 from padgen.planner.reuse import cell_is_turned, coil_reuse
 from padgen.planner.search import sites_of, sized_layouts
-from padgen.planner.selectivity import plan_selectivity
 from padgen.planner.sizing import SizedChannel
 from padgen.planner.taxel_model import plate_shape, post_diameter_mm, recess_mm
 from padgen.spec import Spec

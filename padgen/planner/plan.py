@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from padgen.files import json_text
-from padgen.finding import Finding
+from padgen.core.files import json_text
+from padgen.core.finding import Finding
 from padgen.planner.suspensions import TOPOLOGIES, Arrangement, BeamShape, PlateShape
 from padgen.spec import Spec, make_spec
 from padgen.spec.load import without_none

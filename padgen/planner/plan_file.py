@@ -7,8 +7,8 @@ from pathlib import Path
 from types import UnionType
 from typing import Any, get_args, get_origin
 
-from padgen.errors import FileError, SpecError
-from padgen.files import reason
+from padgen.core.errors import FileError, SpecError
+from padgen.core.files import reason
 from padgen.planner.plan import Beam, Cell, CoilGrid, Plan, Plate, Site, Taxel
 from padgen.planner.suspensions import TOPOLOGIES
 from padgen.planner.tile import TURNS

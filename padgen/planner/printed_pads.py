@@ -31,6 +31,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from padgen.core.units import GRAM, MG
 from padgen.physics.ladder import ladder_ratio
 from padgen.physics.levels import LevelLaw
 from padgen.physics.resonator import relative_energy
@@ -40,7 +41,6 @@ from padgen.planner.settings import level_law, scheme_named
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.spec import Spec
-from padgen.units import GRAM, MG
 
 __all__ = [
     "NAMES",

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from padgen.errors import number
+from padgen.core.errors import number
 from padgen.planner.plan import Beam
 from padgen.spec import Spec
 

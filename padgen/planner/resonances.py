@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from padgen.core.units import decibel
 from padgen.physics.ladder import geometric_ladder, ladder_ratio, paper_ladder, slot_half_width
 from padgen.physics.selectivity import all_states, channels
 from padgen.planner.printable import DRAWN_SHARE
@@ -13,7 +14,6 @@ from padgen.planner.settings import level_law, scheme_named
 from padgen.planner.sizing import reach, topologies
 from padgen.planner.suspensions import Room
 from padgen.spec import Spec
-from padgen.units import decibel
 
 __all__ = ["Optimum", "ladders", "optimum", "proven_optimum", "reachable_hz", "slot_band_hz"]
 
@@ -105,7 +105,7 @@ def optimum(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
     An automatic scheme takes plain tones if a set of resonances keeps what is asked with them, else
     what is best without spurs, else in turns. A search takes up to seconds: found ones are kept in the cache.
     """
-    from padgen import cache
+    from padgen.core import cache
 
     drive = spec.drive
     key = cache.key_of(

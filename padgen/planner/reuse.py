@@ -6,6 +6,7 @@ from math import hypot
 
 import numpy as np
 
+from padgen.core.units import MM, decibel
 from padgen.physics.leakage import leakage
 from padgen.physics.resonator import relative_energy
 from padgen.physics.selectivity import Channels, Scheme, pair_lines, tone_energy
@@ -15,7 +16,6 @@ from padgen.planner.layout import Layout
 from padgen.planner.plan import Channel, Reuse, Site
 from padgen.planner.settings import level_law, scheme_named
 from padgen.spec import Spec
-from padgen.units import MM, decibel
 
 __all__ = ["RINGS", "cell_is_turned", "coil_reuse", "coils_around", "turned_cells"]
 

@@ -6,10 +6,10 @@ from itertools import islice
 from math import inf
 
 from padgen.planner.channels import plan_channels
+from padgen.planner.drive_scheme import SIMPLEST_FIRST, plan_selectivity
 from padgen.planner.layout import SLACK_MM, Layout, coil_reach_mm, place, room, slots
 from padgen.planner.plan import Site
 from padgen.planner.resonances import ladders
-from padgen.planner.selectivity import SIMPLEST_FIRST, plan_selectivity
 from padgen.planner.sizing import SizedChannel, size_channels
 from padgen.planner.suspensions import Room
 from padgen.spec import Spec

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from padgen.core.units import decibel
 from padgen.physics.levels import LevelLaw
 from padgen.physics.selectivity import Scheme, all_states, channels
 from padgen.spec import Spec
-from padgen.units import decibel
 
 __all__ = ["level_law", "scheme_for", "scheme_named", "sets_db"]
 

@@ -8,13 +8,13 @@ from itertools import pairwise
 
 import numpy as np
 
+from padgen.core.units import MM
 from padgen.physics.beams import BeamSection, flexibility
 from padgen.physics.frame import AttachedBody, Frame
 from padgen.physics.frame_element import Element, Section, rectangle
 from padgen.physics.rigid_body import RigidBody, box
 from padgen.planner.suspensions import Block
 from padgen.planner.taxel_model import TaxelModel
-from padgen.units import MM
 
 __all__ = ["taxel_frame"]
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from padgen.core.units import G_PER_CM3, GPA, MM
 from padgen.physics.beam_ends import Surroundings, fitted, on_elastic_ends
 from padgen.physics.beam_error import HeldBy, relative_error, uncertain_energies
 from padgen.physics.beams import BeamSection
@@ -19,7 +20,6 @@ from padgen.physics.resonator import natural_frequency, rule_stiffness
 from padgen.physics.rigid_body import RigidBody, box, combine, ring
 from padgen.planner.suspensions import TOPOLOGIES, Arrangement, BeamShape, Block, PlateShape, Strip
 from padgen.spec import Spec
-from padgen.units import G_PER_CM3, GPA, MM
 
 __all__ = ["TaxelModel", "fillet_mm", "plate_shape", "post_diameter_mm", "recess_mm"]
 

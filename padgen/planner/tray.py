@@ -19,15 +19,15 @@ from dataclasses import dataclass
 from math import ceil
 from typing import NamedTuple
 
-from padgen.errors import InfeasibleError, at_least, number
-from padgen.finding import Finding
+from padgen.core.errors import InfeasibleError, at_least, number
+from padgen.core.finding import Finding
+from padgen.core.units import MM, UM
 from padgen.planner.coupon import coil_axis_mm
 from padgen.planner.marks import corner_groove
 from padgen.planner.plan import Plan
 from padgen.planner.screws import Screw, screw_for
 from padgen.planner.tile import Outline
 from padgen.spec import Printer, Spec
-from padgen.units import MM, UM
 
 __all__ = ["LeadSlot", "Tray", "plan_tray", "tray_findings", "washer_underside_mm"]
 

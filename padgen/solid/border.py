@@ -9,7 +9,7 @@ from math import acos, ceil, pi
 
 import numpy as np
 
-from padgen.errors import GeometryError
+from padgen.core.errors import GeometryError
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.tile import Outline
 from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, Mesh

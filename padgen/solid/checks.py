@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from padgen.errors import GeometryError, at_least, number
-from padgen.finding import Finding
+from padgen.core.errors import GeometryError, at_least, number
+from padgen.core.finding import Finding
 from padgen.planner.plan import Plan
 from padgen.solid.measure import Dimension, measured, washer_rooms
 from padgen.solid.mesh import Mesh, as_manifold, from_manifold, ordered

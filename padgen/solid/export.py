@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from padgen import cache
-from padgen.errors import GeometryError, number
+from padgen.core import cache
+from padgen.core.errors import GeometryError, number
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.screws import screw_for
 from padgen.planner.tile import to_cell

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from padgen.errors import MeshFileError
-from padgen.files import read_bounded, reason
+from padgen.core.errors import MeshFileError
+from padgen.core.files import read_bounded, reason
 from padgen.planner import Plan
 from padgen.solid.checks import Report, check_mesh, compare_mesh
 from padgen.solid.mesh import Mesh, joined, sound_mesh

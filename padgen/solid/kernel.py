@@ -14,7 +14,7 @@ from functools import cache
 from types import ModuleType
 from typing import Any
 
-from padgen.errors import GeometryError
+from padgen.core.errors import GeometryError
 
 __all__ = ["build123d", "kernel_errors"]
 

@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.errors import GeometryError, MeshFileError
+from padgen.core.errors import GeometryError, MeshFileError
 from padgen.solid.kernel import build123d, kernel_errors
 
 __all__ = [

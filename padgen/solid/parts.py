@@ -10,19 +10,19 @@ from typing import Any
 
 import numpy as np
 
-from padgen.errors import GeometryError
-from padgen.files import OutputFolder
+from padgen.core.errors import GeometryError
+from padgen.core.files import OutputFolder
 from padgen.planner.coupon import coupon_plan
 from padgen.planner.plan import Plan
 from padgen.solid import export
 from padgen.solid.checks import Report, check_pad
-from padgen.solid.coupon import build_coupon
+from padgen.solid.coupon_solid import build_coupon
 from padgen.solid.kernel import build123d, kernel_errors
 from padgen.solid.mesh import Mesh
 from padgen.solid.picture import picture_png
 from padgen.solid.threemf import part_3mf_bytes, read_3mf
-from padgen.solid.tray import build_tray
 from padgen.solid.tray_checks import check_tray
+from padgen.solid.tray_solid import build_tray
 
 __all__ = ["PARTS", "Part", "build_part", "build_parts", "write_part_files"]
 

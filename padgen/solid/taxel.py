@@ -17,7 +17,7 @@ Top view: see the sketches in `padgen.planner.suspensions`.
 
 from typing import Any
 
-from padgen.errors import GeometryError
+from padgen.core.errors import GeometryError
 from padgen.planner.plan import Channel, Plan, Plate
 from padgen.planner.suspensions import Strip
 from padgen.planner.tile import Outline, outline

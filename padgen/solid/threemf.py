@@ -11,7 +11,7 @@ from uuid import NAMESPACE_DNS, uuid5
 
 import numpy as np
 
-from padgen.errors import FileError, MeshFileError
+from padgen.core.errors import FileError, MeshFileError
 from padgen.planner.plan import Plan
 from padgen.solid.mesh import Mesh, joined, sound_mesh
 from padgen.solid.pad import PadSolid, turned_grid

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 from xml.parsers import expat
 
-from padgen.errors import MeshFileError
-from padgen.files import read_bounded
+from padgen.core.errors import MeshFileError
+from padgen.core.files import read_bounded
 
 __all__ = ["LARGEST_FILE", "MOST_TRIANGLES", "unpacked"]
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen import cache
+from padgen.core import cache
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.tile import outline
 from padgen.solid.mesh import Mesh

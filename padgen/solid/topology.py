@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from padgen.errors import GeometryError
+from padgen.core.errors import GeometryError
 from padgen.solid.mesh import Mesh, signed_volume_mm3
 
 __all__ = ["Topology", "intersecting_pairs", "shells", "topology"]

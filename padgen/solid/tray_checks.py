@@ -6,15 +6,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.errors import GeometryError, number
-from padgen.finding import Finding
+from padgen.core.errors import GeometryError, number
+from padgen.core.finding import Finding
 from padgen.planner.plan import Plan
 from padgen.planner.tile import Outline
 from padgen.planner.tray import Tray, tray_findings, washer_underside_mm
 from padgen.solid.checks import Report, check_mesh
 from padgen.solid.measure import distance_to_sides
 from padgen.solid.mesh import CHORD_MM, Mesh, as_manifold, signed_volume_mm3
-from padgen.solid.tray import TraySolid
+from padgen.solid.tray_solid import TraySolid
 from padgen.spec import Pad, Spec
 
 __all__ = ["Gauge", "check_tray", "measured_tray"]

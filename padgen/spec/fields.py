@@ -8,7 +8,7 @@ import types
 from dataclasses import MISSING, Field, field, fields
 from typing import Any, Union, get_args, get_origin
 
-from padgen.errors import SpecError, number, plain, shown
+from padgen.core.errors import SpecError, number, plain, shown
 
 __all__ = [
     "build",

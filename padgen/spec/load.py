@@ -7,8 +7,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from padgen.errors import FileError, SpecError, shown
-from padgen.files import read_bounded, reason
+from padgen.core.errors import FileError, SpecError, shown
+from padgen.core.files import read_bounded, reason
 from padgen.spec.fields import build, optional_type, unknown_name
 from padgen.spec.model import Coil, Drive, Material, Model, Pad, Printer, Spec, Suspension, Taxel, Washer
 from padgen.spec.refusals import refuse_contradictions

@@ -2,7 +2,7 @@
 
 from itertools import pairwise
 
-from padgen.errors import SpecError, number
+from padgen.core.errors import SpecError, number
 from padgen.spec.model import Spec
 from padgen.spec.threshold import refuse_threshold
 

@@ -5,8 +5,8 @@ from dataclasses import fields
 from itertools import pairwise
 from pathlib import Path
 
-from padgen.errors import FileError, SpecError, number
-from padgen.files import read_bounded
+from padgen.core.errors import FileError, SpecError, number
+from padgen.core.files import read_bounded
 from padgen.spec.fields import build
 from padgen.spec.model import Drive, Spec
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.errors import SolverError, number
+from padgen.core.errors import SolverError, number
 from padgen.verify.dynamics_collocation import Collocation, collocation
 from padgen.verify.dynamics_model import CoupledSystem, EnergyBalance, Source
 from padgen.verify.dynamics_newton import NoStepError, Scales, Stages, StepState, acceleration, solved_stages

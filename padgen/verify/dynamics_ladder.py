@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.errors import SolverError, number
+from padgen.core.errors import SolverError, number
+from padgen.core.units import GRAM, MH, MM
 from padgen.physics.currents import bias_a
 from padgen.physics.magnetics import impedance
 from padgen.physics.phasor import Tones, signal, squared, steady_lines, tones
@@ -21,7 +22,6 @@ from padgen.physics.selectivity import Scheme
 from padgen.planner.channels import squared_current_lines
 from padgen.planner.plan import Plan
 from padgen.planner.settings import scheme_named
-from padgen.units import GRAM, MH, MM
 from padgen.verify.coupled import simulate
 from padgen.verify.dynamics_model import CoupledSystem, Source, from_tones, make_system
 from padgen.verify.extreme import Answer

@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from padgen.errors import SolverError, number
+from padgen.core.errors import SolverError, number
 from padgen.physics.phasor import Tones, signal
 
 __all__ = ["CoupledSystem", "EnergyBalance", "Source", "coupled_rates", "from_tones", "make_system"]

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.errors import SolverError, number
+from padgen.core.errors import SolverError, number
 
 __all__ = ["Elastic", "Orthotropy", "layered", "stiffness_pa"]
 

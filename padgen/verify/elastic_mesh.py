@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.errors import SolverError, number
+from padgen.core.errors import SolverError, number
 from padgen.verify.engines import engine
 
 __all__ = [

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.errors import SolverError
+from padgen.core.errors import SolverError
 from padgen.verify.elastic_material import Elastic, stiffness_pa
 from padgen.verify.elastic_mesh import CLAMPED
 from padgen.verify.engines import engine

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.errors import SolverError, number
+from padgen.core.errors import SolverError, number
 from padgen.physics.taxel_modes import TaxelModes
 from padgen.verify.elastic_adapt import edge_energy_shares, energy_shares
 from padgen.verify.elastic_material import Elastic, Orthotropy, layered

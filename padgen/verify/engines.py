@@ -3,7 +3,7 @@
 import importlib.util
 from typing import Any
 
-from padgen.errors import EngineMissingError
+from padgen.core.errors import EngineMissingError
 
 __all__ = ["engine", "require"]
 

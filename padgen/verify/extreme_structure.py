@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.errors import SolverError, number
+from padgen.core.errors import SolverError, number
 from padgen.physics.frame import AttachedBody, Frame, checked_frame_modes, divided
 from padgen.physics.frame_element import Element, rectangle
 from padgen.physics.rigid_body import RigidBody

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.errors import SolverError, SpecError, number
+from padgen.core.errors import SolverError, SpecError, number
 from padgen.physics.magnetics import SolenoidCoil, SteelRing
 from padgen.physics.saturation import BHCurve
 from padgen.verify.engines import engine

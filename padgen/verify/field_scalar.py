@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.errors import SolverError, SpecError, number
+from padgen.core.errors import SolverError, SpecError, number
 from padgen.physics.saturation import BHCurve
 from padgen.verify.engines import engine
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.errors import SolverError, SpecError, number
+from padgen.core.errors import SolverError, SpecError, number
 from padgen.physics.magnetics import SolenoidCoil, SteelRing, force_constant, paper_force_constant
 from padgen.physics.saturation import BHCurve
 from padgen.verify.field_axisymmetric import axisymmetric_force, check_parts

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.errors import SolverError, number
+from padgen.core.errors import SolverError, number
 from padgen.verify.pad_assembly import Assembly
 from padgen.verify.pad_strips import Factors, factored, modes_below, solved
 

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.errors import SolverError, number
-from padgen.units import MM
+from padgen.core.errors import SolverError, number
+from padgen.core.units import MM
 from padgen.verify.pad_lowest import ACCURACY, Ritz, lowest_modes
 from padgen.verify.pad_reduction import ReducedPad
 from padgen.verify.pad_strips import factored, solved

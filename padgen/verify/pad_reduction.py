@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.errors import SolverError, number
+from padgen.core.errors import SolverError, number
+from padgen.core.units import G_PER_CM3, GPA, MG
 from padgen.planner.plan import Plan
-from padgen.units import G_PER_CM3, GPA, MG
 from padgen.verify.elastic_material import Elastic
 from padgen.verify.elastic_mesh import PRINTED, WASHER
 from padgen.verify.engines import engine

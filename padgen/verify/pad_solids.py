@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.errors import SolverError, number
+from padgen.core.errors import SolverError, number
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.tile import outline
 from padgen.verify.elastic_mesh import PRINTED, taxel_shape

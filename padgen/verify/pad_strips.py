@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.errors import SolverError
+from padgen.core.errors import SolverError
 from padgen.verify.engines import engine
 from padgen.verify.pad_assembly import Assembly, PlacedTile
 from padgen.verify.pad_tiles import ReducedTile

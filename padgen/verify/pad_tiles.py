@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.errors import SolverError, number
+from padgen.core.errors import SolverError, number
 from padgen.verify.elastic_material import Elastic
 from padgen.verify.elastic_mesh import WASHER, Fineness, meshed
 from padgen.verify.elastic_modes import Factored, System, assembled, factored, rigid_loads

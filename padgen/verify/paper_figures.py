@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from padgen.core.units import GRAM, MH, MM, UM, decibel
 from padgen.physics.magnetics import impedance
 from padgen.physics.phasor import merged, signal, squared, steady_lines, tones
 from padgen.physics.resonator import receptance
 from padgen.planner.channels import squared_current_lines
 from padgen.planner.plan import Plan
-from padgen.units import GRAM, MH, MM, UM, decibel
 from padgen.verify.coupled import simulate
 from padgen.verify.dynamics_model import from_tones, make_system
 from padgen.verify.engines import engine

@@ -14,8 +14,8 @@ from zlib import crc32
 
 import numpy as np
 
+from padgen.measured.tuning import Tuning, tuning_to_json
 from padgen.planner.plan import Plan, plan_to_json
-from padgen.retune.tuning import Tuning, tuning_to_json
 
 __all__ = [
     "GREETING_BYTES",

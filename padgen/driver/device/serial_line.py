@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from padgen.core.errors import EngineMissingError, FileError, SpecError, at_least, number
 from padgen.driver.device.protocol import (
     GREETING_BYTES,
     HOLD_WATCHDOGS,
@@ -33,9 +34,8 @@ from padgen.driver.device.protocol import (
 )
 from padgen.driver.limits import refuse_frames
 from padgen.driver.timeline import timeline
-from padgen.errors import EngineMissingError, FileError, SpecError, at_least, number
+from padgen.measured.tuning import Tuning
 from padgen.planner.plan import Plan
-from padgen.retune.tuning import Tuning
 
 __all__ = ["BAUD", "EXTRA", "Played", "play_frames", "serial_ports"]
 

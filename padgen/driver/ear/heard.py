@@ -16,15 +16,15 @@ from typing import Any
 
 import numpy as np
 
+from padgen.core.errors import FileError
+from padgen.core.units import UM
+from padgen.driver.ear.hear import CoilHeard, Played, listen
 from padgen.driver.ear.motion import heard_taxels
-from padgen.driver.ear.run import CoilHeard, Played, listen
 from padgen.driver.ear.score import SETTLED_TAUS, Score, read_score, score_spans
 from padgen.driver.ear.tally import Span
-from padgen.errors import FileError
+from padgen.measured.predict import levels_um
+from padgen.measured.tuning import Tuning, planned_tuning
 from padgen.planner.plan import Plan
-from padgen.retune.predict import levels_um
-from padgen.retune.tuning import Tuning, planned_tuning
-from padgen.units import UM
 
 __all__ = ["CoilHeard", "Heard", "Played", "hear"]
 

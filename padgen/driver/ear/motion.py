@@ -12,12 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from padgen.core.units import MM, UM
 from padgen.driver.ear.current import UNIT, Stretch
+from padgen.measured.tuning import TunedTaxel, Tuning, planned_response_um_per_a2
 from padgen.physics.modal import felt_gains
 from padgen.physics.taxel_modes import TaxelModes
 from padgen.planner.plan import Channel, Plan
-from padgen.retune.tuning import TunedTaxel, Tuning, planned_response_um_per_a2
-from padgen.units import MM, UM
 
 __all__ = [
     "Grid",

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from padgen.core.errors import FileError, number
 from padgen.driver.ear.tally import COURSE_PERIODS, Span
-from padgen.errors import FileError, number
 from padgen.planner.plan import Plan
 
 __all__ = ["SETTLED_TAUS", "Score", "read_score", "score_spans"]

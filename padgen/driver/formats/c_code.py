@@ -14,13 +14,13 @@ from textwrap import fill
 
 import numpy as np
 
+from padgen.core.errors import SpecError
 from padgen.driver.device.protocol import HOLD_WATCHDOGS, plan_hash
 from padgen.driver.pad_drive import CoilDrive, PadDrive
 from padgen.driver.timeline import frame_s, ramp_s
-from padgen.errors import SpecError
+from padgen.measured.tuning import Tuning, tuning_hash
 from padgen.physics.crest import least_constant
 from padgen.planner.plan import Plan
-from padgen.retune.tuning import Tuning, tuning_hash
 
 __all__ = [
     "GROUP_CHANNELS",

@@ -20,15 +20,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from padgen.core.errors import FileError, SpecError, number
+from padgen.core.files import json_text
+from padgen.core.units import GRAM, MH, MM, UM
 from padgen.driver.frames import taxel_grid
 from padgen.driver.timeline import Timeline, blend
-from padgen.errors import FileError, SpecError, number
-from padgen.files import json_text
+from padgen.measured.tuning import TunedTaxel, Tuning, planned_tuning
 from padgen.physics.magnetics import impedance
 from padgen.planner.plan import Plan
 from padgen.planner.settings import level_law, scheme_named
-from padgen.retune.tuning import TunedTaxel, Tuning, planned_tuning
-from padgen.units import GRAM, MH, MM, UM
 
 __all__ = ["HapticChannel", "HapticDevice", "Hjif", "hjif_text", "read_hjif"]
 

@@ -17,11 +17,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from padgen.core.errors import at_least, number
 from padgen.driver.formats.syntacts_player import CONSTANT, TEMPLATE
 from padgen.driver.pad_drive import CoilDrive, PadDrive, constant_a2
 from padgen.driver.timeline import Timeline, ramp_s
 from padgen.driver.waveform import is_fed, volts
-from padgen.errors import at_least, number
 from padgen.planner.plan import Plan
 
 __all__ = ["syntacts_script"]

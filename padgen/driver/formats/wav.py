@@ -14,7 +14,7 @@ from typing import BinaryIO, NamedTuple
 
 import numpy as np
 
-from padgen.errors import FileError, number
+from padgen.core.errors import FileError, number
 
 __all__ = ["BEYOND_LIMIT", "DEPTHS", "LARGEST_24", "WavWriter", "Wave", "read_wav", "wav_header"]
 

@@ -1,0 +1,191 @@
+"""A Dask cluster as an executor, after a look at whether its workers would make the same variants as this machine."""
+
+import asyncio
+import logging
+import warnings
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
+from contextlib import contextmanager, suppress
+from importlib import import_module
+from queue import Empty, SimpleQueue
+from threading import Thread
+from typing import Any
+
+from padgen.core.cache import code_hash, version, versions
+from padgen.core.errors import EngineMissingError, PadgenError, number
+
+__all__ = ["connect", "fingerprint"]
+
+TIMEOUT_S = 10.0
+"""For the scheduler to answer, and again for it to have a worker."""
+GRACE_S = 0.5
+"""Dask is let to give up by itself; it never does while it waits for a first word."""
+SLOW = 6
+"""How many times as long workers may take, which load padgen for the answer."""
+PROBE = "__import__('importlib').import_module('padgen.batch.scheduler').fingerprint()"
+"""For `eval` in a worker: a function of ours could not even be named there if padgen is missing."""
+
+
+@contextmanager
+def connect(address: str, timeout_s: float = TIMEOUT_S) -> Iterator[Executor]:
+    """Yield an executor for `run_sweep` whose tasks the cluster of a Dask scheduler runs; leave the cluster running.
+
+    Parameters
+    ----------
+    address : str
+        Of the scheduler, as ``tcp://host:8786``.
+    timeout_s : float
+        For the scheduler to answer, and again for it to have a worker.
+
+    Raises
+    ------
+    EngineMissingError
+        The package distributed is not installed.
+    PadgenError
+        There is no scheduler, it has no worker, or a worker cannot import padgen or has other code or versions.
+    """
+    where = f"scheduler {address}"
+    dask = _distributed(where)  # before `_quiet`, as loading it sets the level of its log
+    with _quiet():
+        client = _client(dask, address, timeout_s, where)
+        try:
+            _wait_for_workers(client, timeout_s, where, address)
+            _refuse_others(client, timeout_s, where)
+            yield _Cluster(client, where)
+        finally:
+            with suppress(Exception):  # the scheduler may be gone; what it said is told already
+                client.close(timeout=2)
+
+
+def fingerprint() -> dict[str, str]:
+    """What two machines must share to make the same variants: hash of padgen's code, versions of its packages."""
+    return {"padgen": code_hash(), **versions(), "distributed": version("distributed")}
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep Dask's client from writing tracebacks of a lost connection; a sentence tells of it."""
+    logger = logging.getLogger("distributed.client")
+    before = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logger.setLevel(before)
+
+
+class _Cluster(Executor):
+    """Dask's executor; what it cancels by itself tells why."""
+
+    def __init__(self, client: Any, where: str) -> None:
+        # Not pure: a task that was lost is run again, not answered from what is known of it.
+        self._executor, self._where = client.get_executor(pure=False), where
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Hand a task over."""
+        inner: Future[Any] = self._executor.submit(fn, *args, **kwargs)
+        outer: Future[Any] = Future()
+
+        def pass_on(inner: Future[Any]) -> None:
+            if not outer.set_running_or_notify_cancel():
+                return
+            if inner.cancelled():
+                outer.set_exception(PadgenError("the connection to it was lost", self._where))
+            elif error := inner.exception():
+                outer.set_exception(error)
+            else:
+                outer.set_result(inner.result())
+
+        # Only one of the two ever cancels by itself: the caller the outer one, a lost scheduler the inner one.
+        outer.add_done_callback(lambda outer: inner.cancel() if outer.cancelled() else None)
+        inner.add_done_callback(pass_on)
+        return outer
+
+
+def _distributed(where: str) -> Any:
+    try:
+        return import_module("distributed")
+    except ImportError as error:
+        raise EngineMissingError(
+            f"needs the package distributed ({error}); pip install 'padgen[dask]' brings it", where
+        ) from error
+
+
+def _client(dask: Any, address: str, timeout_s: float, where: str) -> Any:
+    async def reach() -> None:
+        security = dask.Security().get_connection_args("client")
+        comm = await asyncio.wait_for(dask.comm.connect(address, timeout=timeout_s, **security), timeout_s)
+        await comm.close()
+
+    def opened() -> Any:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # on versions: `_refuse_others` tells
+            return dask.Client(address, timeout=timeout_s, set_as_default=False, name="padgen")
+
+    try:
+        # First, as a client that finds no scheduler may wait for ever, and is slow to go.
+        _within(timeout_s + GRACE_S, lambda: asyncio.run(reach()))
+        return _within(timeout_s + GRACE_S, opened)
+    except OSError as error:  # timeouts are
+        raise PadgenError(f"does not answer within {number(timeout_s)} s; is it running?", where) from error
+    except Exception as error:
+        raise PadgenError(f"cannot be used ({_line(error)}); an address is like tcp://host:8786", where) from error
+
+
+def _wait_for_workers(client: Any, timeout_s: float, where: str, address: str) -> None:
+    try:
+        _within(timeout_s + GRACE_S, lambda: client.wait_for_workers(1, timeout=timeout_s))
+    except TimeoutError as error:
+        raise PadgenError(f"has no worker; dask worker {address} starts one", where) from error
+    except Exception as error:
+        raise PadgenError(f"does not tell its workers ({_line(error)})", where) from error
+
+
+def _refuse_others(client: Any, timeout_s: float, where: str) -> None:
+    """Refuse workers that would not make what the variants' keys promise: the same code with the same packages."""
+    here = fingerprint()
+    try:
+        answers = _within(SLOW * timeout_s, lambda: client.run(eval, PROBE, on_error="return"))
+    except TimeoutError as error:
+        raise PadgenError(f"has workers that do not answer within {number(SLOW * timeout_s)} s", where) from error
+    except Exception as error:
+        raise PadgenError(f"cannot ask its workers ({_line(error)})", where) from error
+    for worker, answer in sorted(answers.items()):
+        if not isinstance(answer, dict):
+            raise PadgenError(
+                f"cannot import padgen ({_line(answer)}); install the same padgen there", f"worker {worker}"
+            )
+        _refuse_other(answer, here, f"worker {worker}")
+
+
+def _refuse_other(there: dict[str, str], here: dict[str, str], where: str) -> None:
+    for name, mine in here.items():
+        if there.get(name) == mine:
+            continue
+        if name == "padgen":
+            raise PadgenError("has another padgen than this machine; install the same one on both", where)
+        raise PadgenError(f"has {name} {there.get(name)}, this machine {mine}; install the same version on both", where)
+
+
+def _within(seconds: float, act: Callable[[], Any]) -> Any:
+    """What `act` returns or raises; TimeoutError when it takes longer, and it is left to itself."""
+    answers: SimpleQueue[tuple[Any, BaseException | None]] = SimpleQueue()
+
+    def answer() -> None:
+        try:
+            answers.put((act(), None))
+        except BaseException as error:
+            answers.put((None, error))
+
+    Thread(target=answer, daemon=True).start()
+    try:
+        value, error = answers.get(timeout=seconds)
+    except Empty:
+        raise TimeoutError from None
+    if error is not None:
+        raise error
+    return value
+
+
+def _line(error: Any) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())}".rstrip(": ")

@@ -1,0 +1,1 @@
+"""What all rooms share: errors, units, findings, files, the cache, processes."""

@@ -1,0 +1,163 @@
+"""The exceptions that padgen raises on purpose.
+
+::
+
+    PadgenError            one sentence for the user, exit code 2
+    +-- SpecError          the spec: where, value, bound, unit, nearest value that would do
+    |   +-- InfeasibleError    the spec is well formed, yet no pad meets it
+    +-- FileError          a file or folder that cannot be read or written
+    |   +-- MeshFileError      a file that holds no mesh
+    +-- GeometryError      a CAD or mesh kernel (OCCT, manifold) could not make a part
+    +-- SolverError        a numerical model has no trustworthy answer here
+        +-- EngineMissingError an optional package that a model needs is not installed
+
+Findings (`padgen.core.finding`) are verdicts on a pad that was made; an exception means that none was.
+"""
+
+from collections.abc import Callable
+from math import ceil, floor, log10
+from typing import Any
+from unicodedata import category
+
+__all__ = [
+    "EngineMissingError",
+    "FileError",
+    "GeometryError",
+    "InfeasibleError",
+    "MeshFileError",
+    "PadgenError",
+    "SolverError",
+    "SpecError",
+    "at_least",
+    "at_most",
+    "number",
+    "plain",
+    "shown",
+]
+
+LONGEST, LONGEST_PART = 2000, 300
+"""Characters of a sentence, and of where it applies or of one value in it."""
+
+
+class PadgenError(Exception):
+    """Base of all errors that end a command with one sentence and exit code 2.
+
+    Whatever the sentence repeats of the user's input is cut where it is long, and made `plain`.
+    """
+
+    code = "padgen"
+
+    def __init__(self, message: str, where: str = "") -> None:
+        self.message = plain(message, LONGEST)
+        self.where = plain(where, LONGEST_PART)
+        super().__init__(self.message, self.where)
+
+    def __str__(self) -> str:
+        return f"{self.where}: {self.message}" if self.where else self.message
+
+
+class SpecError(PadgenError):
+    """A field of the spec is unknown, of the wrong type or out of its bounds."""
+
+    code = "spec"
+
+
+class InfeasibleError(SpecError):
+    """No layout meets the spec; the message names the limit that binds and what would do."""
+
+    code = "infeasible"
+
+
+class FileError(PadgenError):
+    """A file or folder cannot be read or written."""
+
+    code = "file"
+
+
+class MeshFileError(FileError):
+    """A file given as a mesh holds none that can be read."""
+
+    code = "mesh"
+
+
+class GeometryError(PadgenError):
+    """A geometry kernel refused a part."""
+
+    code = "geometry"
+
+
+class SolverError(PadgenError):
+    """A numerical model was asked outside its range, or did not converge."""
+
+    code = "solver"
+
+
+class EngineMissingError(SolverError):
+    """An optional package is not installed; the message names the extra that brings it."""
+
+    code = "engine"
+
+
+def plain(text: str, most: int | None = None) -> str:
+    r"""`text` on one line, with what would steer a terminal or turn the writing's direction as its escape.
+
+    Without its middle where it has more than `most` characters: a sentence ends with what would do.
+
+    >>> plain("pad\x1b[2J.stl\n"), plain("abcdefgh", 5)
+    ('pad\\x1b[2J.stl\\n', 'ab…gh')
+    """
+    if most and len(text) > most:
+        text = f"{text[: most // 2]}…{text[-(most // 2) :]}"
+    if text.isprintable():
+        return text
+    return "".join(repr(sign)[1:-1] if category(sign) in STEERING else sign for sign in text)
+
+
+STEERING = ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp")
+"""Unicode's kinds of characters that are no writing: control, format, halves of others, private, none, line ends."""
+
+
+def shown(value: Any) -> str:
+    """Write any `value` as a sentence repeats it: as Python does, dates as TOML, cut where it is long.
+
+    >>> shown("pla"), shown(16**9999)
+    ("'pla'", 'a value too large to be shown')
+    """
+    try:
+        return plain(value.isoformat() if hasattr(value, "isoformat") else repr(value), LONGEST_PART)
+    except (ValueError, RecursionError):  # thousands of digits, or of brackets within brackets
+        return "a value too large to be shown"
+
+
+def number(value: float) -> str:
+    """Write `value` for a sentence: whole numbers whole, others with at most five significant digits.
+
+    >>> number(4.0), number(0.123456), number(100_000)
+    ('4', '0.12346', '100000')
+    """
+    return shown(value) if isinstance(value, int) else f"{value:.5g}"
+
+
+def at_least(value: float) -> str:
+    """Write the smallest value that would do, rounded up to four digits so that it does.
+
+    >>> at_least(1.11201)
+    '1.113'
+    """
+    return _rounded_outwards(value, ceil)
+
+
+def at_most(value: float) -> str:
+    """Write the largest value that would do, rounded down to four digits so that it does.
+
+    >>> at_most(380.149)
+    '380.1'
+    """
+    return _rounded_outwards(value, floor)
+
+
+def _rounded_outwards(value: float, rounding: Callable[[float], int]) -> str:
+    if not 1e-300 < value < 1e300:  # nor is a step of them a number
+        return number(value)
+    step = 10.0 ** (floor(log10(value)) - 3)
+    return f"{rounding(value / step) * step:.4g}"

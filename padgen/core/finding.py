@@ -1,0 +1,42 @@
+"""`Finding`: one verdict on a pad. A finding is data; only the command line prints it."""
+
+from dataclasses import dataclass
+
+from padgen.core.errors import LONGEST, plain
+
+__all__ = ["LEVELS", "Finding", "worst_level"]
+
+LEVELS = ("note", "warning", "error")
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One verdict.
+
+    Parameters
+    ----------
+    level : {'note', 'warning', 'error'}
+        An error means that the pad does not hold what was asked; commands then exit with 1.
+    code : str
+        Stable dotted name, e.g. ``'print.gap'``.
+    where : str
+        What is judged: a channel, a taxel, a file.
+    message : str
+        One sentence with the value, its bound and the nearest value that would pass.
+    """
+
+    level: str
+    code: str
+    where: str
+    message: str
+
+    def __post_init__(self) -> None:
+        if self.level not in LEVELS:
+            raise ValueError(f"level must be one of {LEVELS}, got {self.level!r}")
+        for name in ("where", "message"):
+            object.__setattr__(self, name, plain(getattr(self, name), LONGEST))
+
+
+def worst_level(findings: "tuple[Finding, ...] | list[Finding]") -> str:
+    """The most severe level among `findings`, ``'note'`` when there are none."""
+    return max((f.level for f in findings), key=LEVELS.index, default="note")

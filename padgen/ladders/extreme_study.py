@@ -1,0 +1,172 @@
+"""The stiff and extreme cases of every ladder, each run in a process of its own and held to what it states."""
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from math import isfinite, isnan, nan
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from padgen.core.errors import PadgenError, SolverError
+from padgen.ladders.isolate import isolated
+from padgen.verify.extreme import ExtremeCase
+
+__all__ = [
+    "RIGHT",
+    "SETS",
+    "Named",
+    "Verdict",
+    "judged_error",
+    "named_cases",
+    "reference_of",
+    "relative_error",
+    "solve_case",
+    "verdict_of",
+]
+
+SETS = (
+    ("padgen.verify.extreme_structure", "structure_cases"),
+    ("padgen.verify.extreme_force", "force_cases"),
+    ("padgen.verify.extreme_dynamics", "dynamics_cases"),
+    ("padgen.ladders.extreme_selectivity", "selectivity_cases"),
+)
+"""Modules and their functions that yield `ExtremeCase`s."""
+LIMIT_S = 180.0
+RIGHT, REFUSED, WRONG, UNCHECKED = "right", "refused", "WRONG", "unchecked"
+
+
+class Named(NamedTuple):
+    """A case by where it comes from, since a case itself need not pickle."""
+
+    module: str
+    function: str
+    place: int
+    name: str
+    domain: str
+    model: str
+    source: str
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What came of a case. `error` is relative, against the case's own reference.
+
+    'right': within the stated error; 'refused': one sentence instead of an answer; 'WRONG': worse than
+    stated, no number, or no end; 'unchecked': the reference itself could not be computed.
+    """
+
+    name: str
+    domain: str
+    model: str
+    source: str
+    verdict: str
+    error: float = nan
+    stated_error: float = nan
+    seconds: float = nan
+    residual: float = nan
+    condition: float = nan
+    note: str = ""
+
+
+class _Run(NamedTuple):
+    """A case's answer, or its refusal."""
+
+    values: np.ndarray | None
+    stated_error: float = nan
+    residual: float = nan
+    condition: float = nan
+    refusal: str = ""
+
+
+def named_cases(sets: tuple[tuple[str, str], ...] = SETS) -> list[Named]:
+    """All cases of `sets`.
+
+    Raises
+    ------
+    EngineMissingError
+        A package that the set's own references need is not installed.
+    SolverError
+        A set cannot be listed.
+    """
+    found = []
+    for module, function in sets:
+        try:
+            cases = list(_cases(module, function))
+        except ImportError as error:
+            raise SolverError(f"the set of extreme cases cannot be loaded ({error})", module) from error
+        found += [
+            Named(module, function, place, case.name, case.domain, case.model, case.source)
+            for place, case in enumerate(cases)
+        ]
+    return found
+
+
+def _cases(module: str, function: str) -> Any:
+    return getattr(importlib.import_module(module), function)()
+
+
+def _case(named: Named) -> ExtremeCase:
+    cases: list[ExtremeCase] = list(_cases(named.module, named.function))
+    return cases[named.place]
+
+
+def solve_case(named: Named) -> _Run:
+    """Run a case's model, in the process of its own."""
+    case = _case(named)
+    try:
+        answer = case.solve()
+    except PadgenError as error:
+        return _Run(None, refusal=str(error))
+    values = np.atleast_1d(np.asarray(answer.values))
+    return _Run(values, float(answer.stated_error), float(answer.residual), float(answer.condition))
+
+
+def reference_of(named: Named) -> np.ndarray:
+    """A case's reference, in another process."""
+    return np.atleast_1d(np.asarray(_case(named).reference()))
+
+
+def verdict_of(named: Named, limit_s: float = LIMIT_S) -> Verdict:
+    """Run a case and its reference, and compare."""
+    say: Callable[..., Verdict] = partial(Verdict, named.name, named.domain, named.model, named.source)
+    answer = isolated(partial(solve_case, named), limit_s=limit_s, budget_s=0.5, most_runs=3)
+    if answer.kind == "refused":
+        return say(REFUSED, note=answer.sentence)
+    if answer.kind == "failed":
+        return say(WRONG, note=answer.sentence)
+    run: _Run = answer.value
+    if run.values is None:
+        return say(REFUSED, seconds=answer.seconds, note=run.refusal)
+    truth = isolated(partial(reference_of, named), limit_s=limit_s, budget_s=0.0, most_runs=1)
+    figures = {
+        "stated_error": run.stated_error,
+        "seconds": answer.seconds,
+        "residual": run.residual,
+        "condition": run.condition,
+    }
+    if truth.kind != "value":
+        return say(UNCHECKED, **figures, note=f"no reference: {truth.sentence}")
+    error = relative_error(run.values, truth.value)
+    verdict, note = judged_error(error, run.stated_error)
+    return say(verdict, error, note=note, **figures)
+
+
+def relative_error(values: np.ndarray, reference: np.ndarray) -> float:
+    """Largest difference over the largest entry of `reference`; nan for a shape or number that is none."""
+    if values.shape != reference.shape or not np.isfinite(reference).all() or not np.isfinite(values).all():
+        return nan
+    difference, scale = float(np.abs(values - reference).max(initial=0.0)), float(np.abs(reference).max(initial=0.0))
+    return difference / scale if scale else difference
+
+
+def judged_error(error: float, stated: float) -> tuple[str, str]:
+    """The verdict on an error beside what was stated, and why where it is not 'right'."""
+    if isnan(error):
+        return WRONG, "the answer is not a number, or not of the reference's shape"
+    if not isfinite(stated):
+        return WRONG, "it states no error"
+    if error > stated:
+        return WRONG, f"{error / stated:.3g} times what it states" if stated > 0 else "it states to be exact"
+    return RIGHT, ""

@@ -1,0 +1,212 @@
+"""`padgen study`: run the ladders rung by rung, judge them, and leave the files.
+
+Rungs run one after the other, never in parallel: they are timed. Files are written when all is done.
+"""
+
+import json
+import tempfile
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from padgen import __version__
+from padgen.core.cache import version
+from padgen.core.errors import SpecError, number
+from padgen.core.files import OutputFolder, file_hash
+from padgen.ladders.extreme_study import SETS, WRONG, Verdict, named_cases, verdict_of
+from padgen.ladders.isolate import measured
+from padgen.ladders.rung import Judged, Ladder
+from padgen.ladders.stages import LADDERS, Scene
+from padgen.ladders.tables import extreme_csv, extreme_json, study_csv, study_json
+from padgen.ladders.verdicts import TOLERANCES, Pick, judged, picks
+from padgen.spec import Spec
+from padgen.spec.fields import unknown_name
+from padgen.verify.engines import engine
+
+__all__ = [
+    "EXTREME_FILES",
+    "STUDY_FILES",
+    "ExtremeStudy",
+    "Study",
+    "parse_only",
+    "parse_tolerance",
+    "run_extreme",
+    "run_ladders",
+    "run_study",
+]
+
+STUDY_FILES = ("study.csv", "study.json", "study.svg", "study.png")
+EXTREME_FILES = ("extreme.csv", "extreme.json", "extreme.svg")
+PACKAGES = ("numpy", "scipy", "ngsolve", "build123d", "mpmath")
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Study:
+    """What a study found; `tolerances` are the usual ones and the one that was asked for."""
+
+    name: str
+    folder: Path
+    files: tuple[str, ...]
+    ladders: tuple[Judged, ...]
+    picks: tuple[Pick, ...]
+    tolerances: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class ExtremeStudy:
+    """The verdicts on the extreme cases; `holds` where none is worse than it states."""
+
+    folder: Path
+    files: tuple[str, ...]
+    verdicts: tuple[Verdict, ...]
+
+    @property
+    def holds(self) -> bool:
+        """Whether no case is wrong."""
+        return all(found.verdict != WRONG for found in self.verdicts)
+
+
+def parse_only(text: str | None) -> tuple[str, ...]:
+    """Ladders from a comma-separated list, in the order in which they run; None means all.
+
+    Raises
+    ------
+    SpecError
+        A name is no ladder's; the message has the nearest that is.
+    """
+    if text is None:
+        return tuple(LADDERS)
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    for name in names:
+        if name not in LADDERS:
+            raise unknown_name(name, list(LADDERS), "ladder", "--only")
+    if not names:
+        raise SpecError(f"must name one or more of {', '.join(LADDERS)}", "--only")
+    return tuple(name for name in LADDERS if name in names)
+
+
+def parse_tolerance(text: str) -> float:
+    """A relative error from '1%' or '0.01'.
+
+    Raises
+    ------
+    SpecError
+        It is no number, or not above 0 and at most 1.
+    """
+    plain = text.strip()
+    share = plain.endswith("%")
+    try:
+        value = float(plain.removesuffix("%")) / (100 if share else 1)
+    except ValueError:
+        raise SpecError(f"must be a relative error such as 1% or 0.01, got {text!r}", "--tolerance") from None
+    if not 0 < value <= 1:
+        nearest = "; the nearest that would do is 100%" if value > 1 else ", e.g. 1%"
+        raise SpecError(f"must be above 0 and at most 1 (100 %), got {number(value)}{nearest}", "--tolerance")
+    return value
+
+
+def run_study(
+    spec: Spec,
+    folder: Path,
+    only: Sequence[str] = (),
+    tolerance: float | None = None,
+    progress: Progress = lambda step: None,
+) -> Study:
+    """Measure the ladders named in `only` (all without) on the plan of `spec` and write `STUDY_FILES` into `folder`.
+
+    Raises
+    ------
+    SpecError, InfeasibleError
+        The spec cannot be met; nothing is written.
+    EngineMissingError
+        The package that draws is not installed. A model's own missing engine is a row that says so.
+    FileError
+        The folder cannot be written; what was there stays.
+    """
+    from padgen.planner import make_plan
+
+    engine("matplotlib")
+    tolerances = _tolerances(tolerance)
+    progress("planning")
+    plan = make_plan(spec)
+    with tempfile.TemporaryDirectory(prefix="padgen-study-") as aside, OutputFolder(folder) as out:
+        scene = Scene(spec, plan, Path(aside), progress)
+        results = [result for name in only or LADDERS for result in run_ladders(LADDERS[name](scene), progress)]
+        about = {**_about(), "name": plan.name, "spec": _spec_hash(spec), "tolerances": list(tolerances)}
+        progress("drawing")
+        from padgen.ladders.pictures import study_pictures
+
+        svg, png = study_pictures(results, tolerances, plan.name)
+        texts: tuple[str | bytes, ...] = (
+            study_csv(results, tolerances),
+            study_json(results, about, tolerances),
+            svg,
+            png,
+        )
+        for name, text in zip(STUDY_FILES, texts, strict=True):
+            out.write(name, text)
+        out.commit()
+    return Study(plan.name, folder, STUDY_FILES, tuple(results), picks(results, tolerances), tolerances)
+
+
+def run_ladders(ladders: Iterable[Ladder], progress: Progress = lambda step: None) -> list[Judged]:
+    """Run all rungs of some ladders, one at a time, and judge them."""
+    results = []
+    for ladder in ladders:
+        found = []
+        for number_, rung in enumerate(ladder.rungs, 1):
+            place = f"rung {number_} of {len(ladder.rungs)}"
+            progress(f"{ladder.name}, {ladder.subject}, {place}: {rung.model}, {rung.resolution}")
+            found.append(measured(rung))
+        results.append(judged(ladder, found))
+    return results
+
+
+def run_extreme(
+    folder: Path, progress: Progress = lambda step: None, sets: tuple[tuple[str, str], ...] = SETS
+) -> ExtremeStudy:
+    """Hold every model to what it states in its extreme cases, and write `EXTREME_FILES` into `folder`.
+
+    Raises
+    ------
+    EngineMissingError
+        The package that draws is not installed.
+    FileError
+        The folder cannot be written; what was there stays.
+    """
+    engine("matplotlib")
+    with OutputFolder(folder) as out:
+        verdicts = []
+        cases = named_cases(sets)
+        for number_, case in enumerate(cases, 1):
+            progress(f"case {number_} of {len(cases)}: {case.domain}, {case.name}")
+            verdicts.append(verdict_of(case))
+        progress("drawing")
+        from padgen.ladders.pictures import extreme_picture
+
+        texts: tuple[str | bytes, ...] = (
+            extreme_csv(verdicts),
+            extreme_json(verdicts, _about()),
+            extreme_picture(verdicts),
+        )
+        for name, text in zip(EXTREME_FILES, texts, strict=True):
+            out.write(name, text)
+        out.commit()
+    return ExtremeStudy(folder, EXTREME_FILES, tuple(verdicts))
+
+
+def _tolerances(asked: float | None) -> tuple[float, ...]:
+    if asked is not None and not 0 < asked <= 1:
+        return _tolerances(parse_tolerance(repr(asked)))
+    return tuple(sorted({*TOLERANCES, *([] if asked is None else [asked])}, reverse=True))
+
+
+def _about() -> dict[str, Any]:
+    return {"padgen": __version__, "versions": {name: version(name) for name in PACKAGES}}
+
+
+def _spec_hash(spec: Spec) -> str:
+    """The spec's hash as a build's manifest has it, so that a reader can tell whose study it is."""
+    return file_hash(json.dumps(asdict(spec), sort_keys=True).encode())

@@ -1,0 +1,349 @@
+"""Close the loop: tune beams until the printed solids themselves resonate where they were planned to.
+
+The planner's beam model proposes, finite elements of the solid that is printed decide: each distinct
+taxel's width is corrected by a secant that starts from the paper's ``f ∝ w^½``. What is solved is kept
+(`padgen.core.cache`), so that a plan whose taxels are known loads neither a CAD kernel nor an engine.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict
+from math import exp, log, pi
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import TracebackType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from padgen.core import cache
+from padgen.core.errors import EngineMissingError, SolverError
+from padgen.core.processes import core_count
+from padgen.core.units import G_PER_CM3, GPA, GRAM
+from padgen.physics.taxel_modes import TaxelModes
+from padgen.planner.layout import room
+from padgen.planner.make import Choice, choose, finish, make_plan
+from padgen.planner.plan import Channel, Plan
+from padgen.planner.printable import on_grid, steps_are_coarse
+from padgen.planner.sizing import SizedChannel
+from padgen.planner.solved_model import solved_model
+from padgen.planner.suspensions import TOPOLOGIES
+from padgen.planner.taxel_model import plate_shape
+from padgen.planner.tile import outline
+from padgen.spec import Spec
+
+__all__ = ["TaxelSolver", "closed_plan", "planned", "solid_taxel", "solve_step"]
+
+RULE_SLOPE = 0.5
+"""d ln f / d ln w of the paper's rule, where the secant starts."""
+STEEPEST, FLATTEST = 2.0, 0.1
+ROUNDS = 5
+MISS_SHARE = 0.5
+"""Share of the solver's tolerance within which a resonance is on its target."""
+FINEST = 2e-3
+"""Relative error that the solver is asked for; a smaller one only when the spec's tolerance is."""
+KIND = "taxel-modes"
+MODES = 6
+WORKERS = 8
+STEEL_GPA, STEEL_POISSON = 200.0, 0.3
+"""Of the washer: forty times stiffer than the print, it hardly bends."""
+CODE = ("physics/taxel_modes.py", "planner/suspensions", "planner/tile.py", "solid/taxel.py", "verify")
+Progress = Callable[[str], None]
+
+
+class Solved(NamedTuple):
+    """Modes of one taxel and what the finite elements state as their own relative error."""
+
+    modes: TaxelModes
+    error: float
+
+    @property
+    def resonance_hz(self) -> float:
+        """Resonance of the working mode."""
+        return float(self.modes.frequency_hz[self.modes.working])
+
+
+class Trial(NamedTuple):
+    """A channel with one width, and how far ``ln(goal/resonance)`` it is off."""
+
+    sized: SizedChannel
+    solved: Solved
+    miss: float
+
+
+def planned(spec: Spec, progress: Progress = lambda step: None) -> Plan:
+    """The plan of `spec` by the model that it names; with ``auto``, by the cheapest within the tolerance.
+
+    Raises as `closed_plan` does, but with ``auto`` and where the finite elements have no answer, or are not
+    installed, the plan stays the beam model's, whose findings tell how far off it may be.
+    """
+    if spec.model.structure == "solid":
+        return closed_plan(spec, progress)
+    plan = make_plan(spec)
+    if spec.model.structure == "beam" or max(c.model_error for c in plan.channels) <= spec.model.tolerance:
+        return plan
+    try:
+        return closed_plan(spec, progress)
+    except SolverError:
+        return plan
+
+
+def closed_plan(spec: Spec, progress: Progress = lambda step: None) -> Plan:
+    """The plan of `spec` whose channels carry resonances and modes of the printed solids.
+
+    Raises
+    ------
+    SpecError, InfeasibleError, GeometryError
+        As planning and modelling do.
+    SolverError
+        A solid cannot be meshed or its modes do not converge.
+    EngineMissingError
+        The finite-element package is not installed.
+    """
+    choice = choose(spec)
+    goals = _goals(spec, choice.channels)
+    tolerance = min(FINEST, spec.model.tolerance / 2)
+    trials: list[list[Trial]] = [[] for _ in goals]
+    with TaxelSolver(tolerance, spec.model.tolerance, progress) as solver:
+        for _ in range(ROUNDS):
+            answers = solver.solve(finish(spec, choice))
+            for tried, sized, goal, solved in zip(trials, choice.channels, goals, answers, strict=True):
+                tried.append(Trial(sized, solved, log(goal / solved.resonance_hz)))
+            channels = tuple(_next(spec, choice, tried, tolerance * MISS_SHARE) for tried in trials)
+            if channels == choice.channels:
+                break
+            choice = choice._replace(channels=channels)
+    best = (min(tried, key=lambda trial: abs(trial.miss)) for tried in trials)
+    return finish(spec, choice._replace(channels=tuple(_with_modes(trial) for trial in best)))
+
+
+def _goals(spec: Spec, channels: Sequence[SizedChannel]) -> list[float]:
+    """Where each taxel is to resonate: on its target, or where coarse steps of the printer put the ladder."""
+    coarse = steps_are_coarse(spec) and not spec.resonances_hz
+    return [float(c.model.resonance_hz) if coarse else c.target_hz for c in channels]
+
+
+def _next(spec: Spec, choice: Choice, tried: Sequence[Trial], enough: float) -> SizedChannel:
+    """The channel with the width to try next; as it was when its best width is found."""
+    last = tried[-1]
+    if min(abs(trial.miss) for trial in tried) <= enough:
+        return last.sized
+    width = last.sized.beam.width_mm * exp(last.miss / _slope(tried))
+    plate = plate_shape(spec)
+    widest = TOPOLOGIES[last.sized.topology].widest(room(spec, choice.layout), plate, spec.printer.smallest_gap_mm)
+    beam = last.sized.beam._replace(width_mm=float(on_grid(spec, width, widest)))
+    if any(beam == trial.sized.beam for trial in tried):
+        return last.sized
+    model = type(last.sized.model)(spec, last.sized.topology, plate, beam)
+    return SizedChannel(last.sized.target_hz, last.sized.topology, beam, model)
+
+
+def _slope(tried: Sequence[Trial]) -> float:
+    """d ln f / d ln w from the last two solves; from the rule after the first."""
+    if len(tried) < 2:
+        return RULE_SLOPE
+    before, last = tried[-2:]
+    step = log(last.sized.beam.width_mm / before.sized.beam.width_mm)
+    return float(np.clip((before.miss - last.miss) / step, FLATTEST, STEEPEST)) if step else RULE_SLOPE
+
+
+def _with_modes(trial: Trial) -> SizedChannel:
+    sized, solved = trial.sized, trial.solved
+    model = solved_model(sized.model, solved.modes, solved.error)
+    return SizedChannel(sized.target_hz, sized.topology, sized.beam, model)
+
+
+class TaxelSolver:
+    """Solves the taxels of plans, each distinct one once, in processes of their own; a context manager.
+
+    The engine's libraries and the CAD kernel's are of different versions and must not meet in one process.
+    Processes are started with the first taxel that the cache does not hold. A relative error of `accept`
+    will do where `tolerance` would be dear.
+    """
+
+    def __init__(self, tolerance: float, accept: float, progress: Progress) -> None:
+        self.tolerance, self.accept = tolerance, accept
+        self._progress = progress
+        self._pool: Any = None
+
+    def __enter__(self) -> "TaxelSolver":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._pool is not None:
+            from multiprocessing import active_children
+
+            self._pool.shutdown(wait=False, cancel_futures=True)
+            # What they would still compute nobody waits for.
+            for child in active_children():
+                child.kill()
+
+    def solve(self, plan: Plan) -> list[Solved]:
+        """Modes of every channel's taxel."""
+        keys = [cache.key_of(self._inputs(plan, channel)) for channel in plan.channels]
+        known = _kept(set(keys))
+        if len(known) < len(set(keys)):
+            with cache.claimed(KIND, set(keys) - set(known)):
+                known |= _kept(set(keys) - set(known))  # by others, while we waited
+                missing = {key: channel for key, channel in zip(keys, plan.channels, strict=True) if key not in known}
+                known |= self._solved(plan, missing)
+        return [known[key] for key in keys]
+
+    def _solved(self, plan: Plan, missing: dict[str, Channel]) -> dict[str, Solved]:
+        """The taxels of channels by their keys, solved and kept."""
+        if not missing:
+            return {}
+        self._progress(f"solving {len(missing)} taxel{'s' * (len(missing) > 1)} by finite elements")
+        found = dict(zip(missing, self._computed(plan, list(missing.values())), strict=True))
+        for key, solved in found.items():
+            cache.store(KIND, key, _to_plain(solved))
+        return found
+
+    def _inputs(self, plan: Plan, channel: Channel) -> dict[str, Any]:
+        """All that the modes depend on."""
+        spec = plan.typed_spec
+        return {
+            "plate": asdict(plan.plate),
+            "beam": asdict(channel.beam),
+            "outline": outline(plan, channel),
+            "frame_mm": spec.pad.frame_thickness_mm,
+            "material": asdict(spec.material),
+            "washer": asdict(spec.washer),
+            "glue_mg": spec.taxel.glue_mg,
+            "tolerance": [self.tolerance, self.accept],
+            "code": cache.code_hash(*CODE),
+            "versions": [
+                cache.version(name) for name in ("build123d", "cadquery-ocp-novtk", "netgen-mesher", "ngsolve")
+            ],
+        }
+
+    def _computed(self, plan: Plan, channels: Sequence[Channel]) -> list[Solved]:
+        """Model taxels and solve them, as many at a time as there are cores."""
+        pool = self._started(len(channels))
+        from padgen.solid.export import write_taxel_step
+
+        with TemporaryDirectory() as folder:
+            jobs = []
+            for channel in channels:
+                path = Path(folder) / f"taxel-{channel.index}.step"
+                write_taxel_step(plan, channel, path)
+                jobs.append(pool.submit(solve_step, solid_taxel(plan, channel, path), self.tolerance, self.accept))
+            return _results(jobs, channels)
+
+    def _started(self, tasks: int) -> Any:
+        """The pool; its processes load the engine while this one loads the CAD kernel."""
+        if self._pool is None:
+            from concurrent.futures import ProcessPoolExecutor
+            from multiprocessing import get_context
+
+            from padgen.verify.engines import require
+
+            require("ngsolve")
+            workers = min(tasks, core_count(), WORKERS)
+            self._pool = ProcessPoolExecutor(workers, get_context("spawn"), initializer=_start_worker)
+            for _ in range(workers):
+                self._pool.submit(_load_engine)
+        return self._pool
+
+
+def _results(jobs: Sequence[Any], channels: Iterable[Channel]) -> list[Solved]:
+    from concurrent.futures.process import BrokenProcessPool
+
+    results = []
+    for job, channel in zip(jobs, channels, strict=True):
+        try:
+            results.append(job.result())
+        except EngineMissingError:
+            raise
+        except SolverError as error:
+            raise SolverError(error.message, f"channel {channel.index}") from error
+        except BrokenProcessPool as error:
+            raise SolverError(
+                "the finite elements' process died, most likely for want of memory; allow a larger model.tolerance",
+                f"channel {channel.index}",
+            ) from error
+    return results
+
+
+def _start_worker() -> None:
+    """Ctrl-C is the parent's to handle, what the engine prints would mix with its output, and its end is ours."""
+    import os
+    import signal
+    from multiprocessing import parent_process
+    from threading import Thread
+
+    def follow() -> None:
+        parent = parent_process()
+        if parent:
+            parent.join()
+            os._exit(1)
+
+    Thread(target=follow, daemon=True).start()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for stream in (1, 2):
+        os.dup2(nowhere, stream)
+
+
+def _load_engine() -> None:
+    from padgen.verify.engines import engine
+
+    engine("ngsolve")
+
+
+def solid_taxel(plan: Plan, channel: Channel, step: Path) -> Any:
+    """What is solved (`verify.elasticity.SolidTaxel`): the STEP file with its materials."""
+    from padgen.verify.elasticity import Elastic, SolidTaxel, layered
+
+    spec = plan.typed_spec
+    material, washer = spec.material, spec.washer
+    printed = Elastic(material.youngs_modulus_gpa * GPA, material.poisson_ratio, material.density_g_per_cm3 * G_PER_CM3)
+    ring_mm2 = pi / 4 * (washer.outer_diameter_mm**2 - washer.inner_diameter_mm**2)
+    return SolidTaxel(
+        step,
+        layered(printed, material.cross_layer_ratio),
+        Elastic(STEEL_GPA * GPA, STEEL_POISSON, washer.density_g_per_cm3 * G_PER_CM3),
+        ring_mm2 * washer.thickness_mm,
+        float(plan.arrangement(channel).washer_x_mm),
+        spec.taxel.glue_mg * 1e-3 * GRAM,
+    )
+
+
+def solve_step(taxel: Any, tolerance: float, accept: float) -> Solved:
+    """In a process of its own: the modes of one STEP file."""
+    from padgen.verify.elasticity import converged_modes
+
+    found = converged_modes(taxel, tolerance, MODES, accept)
+    return Solved(found.modes, float(found.error[found.modes.working]))
+
+
+def _to_plain(solved: Solved) -> dict[str, Any]:
+    modes = solved.modes
+    rest = np.zeros((6, 6)) if modes.rest is None else modes.rest
+    return {
+        "frequency_hz": modes.frequency_hz.tolist(),
+        "motion": modes.motion.tolist(),
+        "rest": rest.tolist(),
+        "error": solved.error,
+    }
+
+
+def _kept(keys: Iterable[str]) -> dict[str, Solved]:
+    """Those of the keys that the cache holds."""
+    return {key: solved for key in keys if (solved := _from_plain(cache.load(KIND, key)))}
+
+
+def _from_plain(entry: Any) -> Solved | None:
+    """What the cache holds, None where that is no taxel's modes."""
+    try:
+        frequency, motion, rest = (np.array(entry[key], float) for key in ("frequency_hz", "motion", "rest"))
+        error = float(entry["error"])
+    except (KeyError, OverflowError, TypeError, ValueError):
+        return None
+    shapes = (frequency.shape, motion.shape, rest.shape)
+    if shapes != ((MODES,), (MODES, 6), (6, 6)) or not frequency.min() > 0:
+        return None
+    if not all(np.isfinite(v).all() for v in (frequency, motion, rest, error)):
+        return None
+    return Solved(TaxelModes(frequency, motion, rest), error)

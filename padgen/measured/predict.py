@@ -1,0 +1,255 @@
+"""What the taxels of a print do under given tones: ON, OFF and how far apart, of every coil.
+
+The tones need not lie on the resonances: as planned they do not. All else is as in `padgen.physics.selectivity`: steady
+states, lines of different frequency add as energies, so that an OFF taxel is loudest with all others on, and each
+washer is pulled as strongly as it lies to its coil. All modes of a taxel are counted. They move with its resonance,
+since what a print moves is taken to be the stiffness. What the coils around do is left out, as in a plan's figures.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from padgen.core.units import MN, MS, UM
+from padgen.measured.tuning import Tuning, planned_tuning
+from padgen.physics.modal import ModalTaxels, felt_energy
+from padgen.physics.resonator import relative_energy, ring_up_time
+from padgen.physics.selectivity import Channels, Scheme, pair_lines
+from padgen.planner.channels import driven
+from padgen.planner.plan import Channel, Plan
+from padgen.planner.printed_pads import coils_of
+from padgen.planner.pull_modes import coil_modes
+from padgen.planner.settings import level_law, scheme_named
+from padgen.spec import Spec
+
+__all__ = [
+    "CoilFigures",
+    "Played",
+    "Tones",
+    "levels_um",
+    "one_coil_spec",
+    "planned_tones",
+    "played",
+    "predicted",
+    "printed_channels",
+    "tones_at",
+    "worst_db",
+]
+
+UNPULLED = 1e-12
+"""Share of the largest response that is as good as none."""
+
+
+class Tones(NamedTuple):
+    """The wanted lines of i² of all taxels (t,), in the plan's order: frequency in Hz, amplitude in A²."""
+
+    hz: np.ndarray
+    line_a2: np.ndarray
+
+
+class Played(NamedTuple):
+    """Energies (n,) of the taxels of a coil over those of their wanted levels.
+
+    `on`: by its own tone alone. `off`: the largest over all states with it OFF. `alone`: the largest with one other
+    channel on. `loudest`: that channel.
+    """
+
+    on: np.ndarray
+    off: np.ndarray
+    alone: np.ndarray
+    loudest: np.ndarray
+
+
+@dataclass(frozen=True, slots=True)
+class CoilFigures:
+    """How selective one coil is.
+
+    In dB, smallest ON over largest OFF amplitude with one channel on at a time and in all states; None for a coil of
+    one channel. `off` is the taxel that is heard loudest when OFF, `heard` the one whose tone it hears loudest.
+    `smallest_on` is the smallest ON amplitude over what is wanted, `smallest_on_taxel` whose.
+    """
+
+    row: int
+    column: int
+    one_hot_db: float | None
+    all_states_db: float | None
+    off: str
+    heard: str
+    smallest_on: float
+    smallest_on_taxel: str
+
+
+def levels_um(plan: Plan, resonance_hz: np.ndarray) -> np.ndarray:
+    """ON amplitudes (t,) in µm that the plan's level law wants at these resonances."""
+    law = level_law(plan.typed_spec)
+    first = np.array([plan.channels[0].resonance_hz])
+    levels: np.ndarray = law(resonance_hz) * (plan.typed_spec.drive.level_um / law(first)[0])
+    return levels
+
+
+def tones_at(plan: Plan, tuning: Tuning) -> Tones:
+    """Tones on the resonances of `tuning` that move every taxel by its level; no tone for one that no current moves."""
+    hz = _of(tuning, "resonance_hz")
+    response = _of(tuning, "response_um_per_a2")
+    line = np.divide(levels_um(plan, hz), response, out=np.zeros(len(hz)), where=response > 0)
+    return Tones(hz, line)
+
+
+def planned_tones(plan: Plan) -> Tones:
+    """The tones and currents of the plan."""
+    return tones_at(plan, planned_tuning(plan))
+
+
+def one_coil_spec(plan: Plan) -> Spec:
+    """The plan's spec, for the channels of one coil: they are not dealt out to two sets any more."""
+    spec = plan.typed_spec
+    return replace(spec, coil=replace(spec.coil, reuse="same"))
+
+
+def printed_channels(plan: Plan, tuning: Tuning) -> tuple[Channel, ...]:
+    """The taxels of a print as channels, one for each taxel of the plan, for all that judges channels.
+
+    Masses are the plan's, so that stiffness goes with the resonance squared, sag with its inverse; the response gives
+    the pull. The mean pull's effects are those of the coil that the taxel is over.
+    """
+    level = levels_um(plan, _of(tuning, "resonance_hz"))
+    moved = [
+        _printed(plan.channels[taxel.channel], tuned.resonance_hz, tuned.q, tuned.response_um_per_a2, float(um))
+        for taxel, tuned, um in zip(plan.taxels, tuning.taxels, level, strict=True)
+    ]
+    spec = one_coil_spec(plan)
+    for index in coils_of(plan).values():
+        own = driven(spec, [moved[i] for i in index], plan.selectivity.drive)
+        for i, channel in zip(index, own, strict=True):
+            moved[i] = channel
+    return tuple(moved)
+
+
+def _printed(channel: Channel, hz: float, q: float, response_um_per_a2: float, level_um: float) -> Channel:
+    x = hz / channel.resonance_hz
+    stiffness = channel.stiffness_n_per_m * x**2
+    tau_ms = float(ring_up_time(hz, q)) / MS
+    return replace(
+        channel,
+        resonance_hz=hz,
+        q=q,
+        stiffness_n_per_m=stiffness,
+        ring_up_ms=tau_ms,
+        ring_down_ms=channel.ring_down_ms * tau_ms / channel.ring_up_ms,
+        level_um=level_um,
+        modes_hz=tuple(mode * x for mode in channel.modes_hz),
+        rest_motion=tuple(motion / x**2 for motion in channel.rest_motion),
+        second_mode_hz=channel.second_mode_hz * x,
+        sag_um=channel.sag_um / x**2,
+        root_stress_mpa=channel.root_stress_mpa * level_um / channel.level_um,
+        force_mn=level_um * UM * stiffness / q / MN,
+        force_constant_n_per_a2=response_um_per_a2 * UM * stiffness / q,
+    )
+
+
+def played(truth: Channels, tones: Channels, scheme: Scheme, modes: ModalTaxels | None = None) -> Played:
+    """What the taxels `truth` of one coil do under `tones`.
+
+    ``truth.line`` is what moves a taxel by its wanted level at its own resonance, ``tones.line`` what is played, at
+    ``tones.resonance_hz``. Where the two agree it is `padgen.physics.selectivity.off_energy`.
+    """
+    own = _heard(truth, modes, tones.resonance_hz) * (tones.line / truth.line[:, None]) ** 2
+    on = own.diagonal().copy()
+    if scheme.name == "biased":
+        harmonic = tones.line**2 / (4 * scheme.bias_ratio * tones.line.max())
+        own = own + _heard(truth, modes, 2 * tones.resonance_hz) * (harmonic / truth.line[:, None]) ** 2
+    np.fill_diagonal(own, 0.0)
+    alone, loudest = own.max(1), own.argmax(1)
+    off = alone.copy() if scheme.takes_turns else own.sum(1)
+    if scheme.has_pair_spurs and len(on) > 2:
+        off += _pairs(truth, tones, scheme, modes)
+    return Played(on, off, alone, loudest)
+
+
+def _heard(
+    truth: Channels,
+    modes: ModalTaxels | None,
+    frequency: np.ndarray,
+    rest: np.ndarray | float = 0.0,
+    rows: slice = slice(None),
+) -> np.ndarray:
+    """Energy (rows, lines) of taxels under lines (lines,), over that of as large a line at their own resonance."""
+    if modes is not None:
+        return felt_energy(modes, rows, frequency, rest)
+    energy: np.ndarray = relative_energy(frequency, truth.resonance_hz[rows, None], truth.q[rows, None], rest)
+    return energy
+
+
+def _pairs(truth: Channels, tones: Channels, scheme: Scheme, modes: ModalTaxels | None) -> np.ndarray:
+    """Energy (n,) of each OFF taxel by the spurs of all pairs of other channels, over its own ON state's."""
+    frequency, rest, amplitude = pair_lines(tones, scheme)
+    a, b = np.triu_indices(len(tones.line), 1)
+    result = np.empty(len(tones.line))
+    for i in range(len(result)):
+        heard = _heard(truth, modes, frequency.ravel(), rest.ravel(), slice(i, i + 1)).reshape(2, -1).sum(0)
+        result[i] = heard @ (amplitude**2 * ((a != i) & (b != i)))
+    energy: np.ndarray = result / truth.line**2
+    return energy
+
+
+def predicted(
+    plan: Plan, tuning: Tuning, tones: Tones, wanted_um: np.ndarray | None = None, scheme_name: str | None = None
+) -> tuple[CoilFigures, ...]:
+    """How selective every coil of the print `tuning` is under `tones`, row by row.
+
+    `wanted_um` (t,) are the levels that ON taxels should have (None: the law's, at the print's resonances), the scheme
+    the plan's unless it is named.
+    """
+    scheme = scheme_named(plan.typed_spec, scheme_name or plan.selectivity.drive)
+    channels, spec = printed_channels(plan, tuning), one_coil_spec(plan)
+    response = _of(tuning, "response_um_per_a2")
+    response = np.maximum(response, UNPULLED * (response.max() or 1.0))
+    wanted = levels_um(plan, _of(tuning, "resonance_hz")) if wanted_um is None else wanted_um
+    truth = Channels(_of(tuning, "resonance_hz"), _of(tuning, "q"), wanted / response)
+    return tuple(
+        _figures(plan, place, index, truth, tones, scheme, coil_modes(spec, [channels[i] for i in index]))
+        for place, index in sorted(coils_of(plan).items())
+    )
+
+
+def _figures(
+    plan: Plan,
+    place: tuple[int, int],
+    index: Sequence[int],
+    truth: Channels,
+    tones: Tones,
+    scheme: Scheme,
+    modes: ModalTaxels,
+) -> CoilFigures:
+    own = np.array(index)
+    which = Channels(*(part[own] for part in truth))
+    result = played(which, Channels(tones.hz[own], which.q, tones.line_a2[own]), scheme, modes)
+    weakest, lone = int(result.on.argmin()), len(own) < 2
+    worst = int(result.off.argmax())
+    smallest = float(result.on[weakest])
+    return CoilFigures(
+        *place,
+        None if lone else _db(smallest, float(result.alone.max())),
+        None if lone else _db(smallest, float(result.off[worst])),
+        plan.taxels[index[worst]].id,
+        plan.taxels[index[int(result.loudest[worst])]].id,
+        smallest**0.5,
+        plan.taxels[index[weakest]].id,
+    )
+
+
+def worst_db(coils: Sequence[CoilFigures]) -> float | None:
+    """What a pad keeps in all states: the worst of its coils; None where no coil has two channels."""
+    return min((coil.all_states_db for coil in coils if coil.all_states_db is not None), default=None)
+
+
+def _db(on: float, off: float) -> float:
+    if on <= 0:
+        return float("-inf")
+    return float(10 * np.log10(on / off)) if off > 0 else float("inf")
+
+
+def _of(tuning: Tuning, name: str) -> np.ndarray:
+    return np.array([getattr(taxel, name) for taxel in tuning.taxels], float)

@@ -1,0 +1,127 @@
+"""What a lab gives of a print → `Measured`: per taxel a row of a table, a spectrum or a record.
+
+CSV has one line of headings; lines with ``#`` before it may say ``# unit: …`` and ``# frequency: …``. Columns may
+come in any order, taxels may be left out (they stay as planned), IDs are the plan's, such as ``r0c0k1``.
+
+============  =====================================================================================================
+a table       ``taxel, resonance_hz`` and, where known, ``q``, ``resonance_error_hz`` (one sigma), ``level_um`` with
+              ``line_a2``: the amplitude at resonance, and of the line of i² that made it; cells of these may be empty
+spectra       ``frequency_hz`` and per taxel ``ID`` or ``ID_mag`` (magnitude), ``ID_db``, either with ``ID_deg``, or
+              ``ID_re`` and ``ID_im``; ``# unit: um_per_a2`` where it is µm per A² of the line of i², else relative
+time series   ``time_s`` in even steps, ``ID`` (displacement), and ``current_a`` or ``voltage_v`` of the coil where it
+              was driven; without these a free decay; ``# unit: um`` where it is µm, else relative
+WAV           one channel a taxel, in the plan's order: free decays; one more, the first: the coil's current (or, by
+              `excitation`, voltage); relative
+a folder      of files ``ID.csv`` and ``ID.wav``, each of one taxel, with columns named ``ID…`` or ``response…``
+============  =====================================================================================================
+
+All frequencies are those of the motion, twice that of a plain tone's current; ``# frequency: drive`` has those of a
+table or of spectra doubled, ``# frequency: motion`` says that they are right however far from the plan's. A record is
+of one coil's taxels, those that its current moves.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+from padgen.core.errors import FileError
+from padgen.core.files import read_bounded, reason
+from padgen.measured.measurement import Measured, Record, Row, Spectrum, nearest_id
+from padgen.measured.read_csv import read_csv
+from padgen.measured.read_wav import read_wav
+from padgen.planner.plan import Plan
+
+__all__ = ["read_measured", "read_measured_text"]
+
+LARGEST_FILE = 1 << 28
+"""Bytes of a file, or of all in a folder."""
+
+
+def read_measured(path: Path, plan: Plan, excitation: str = "current") -> Measured:
+    """Read a measurement of `plan`'s print: a CSV or WAV file, or a folder of them, one a taxel.
+
+    `excitation` is what the first channel of a WAV with one more than taxels holds: 'current' or 'voltage'.
+
+    Raises
+    ------
+    FileError
+        What cannot be read, or does not hold what the module's table says; with line and column.
+    """
+    try:
+        is_folder, is_there = path.is_dir(), path.exists()
+    except OSError as error:  # a name that no file can have
+        raise FileError(f"cannot be read ({reason(error)})", str(path)) from error
+    if not is_there:
+        raise FileError("there is no such file or folder", str(path))
+    if is_folder:
+        return _read_folder(path, plan, excitation)
+    ids = tuple(taxel.id for taxel in plan.taxels)
+    data = read_bounded(path, LARGEST_FILE, "a measurement")
+    return _ordered(*_read(data, path, ids, plan, excitation, False), str(path), plan)
+
+
+def read_measured_text(text: str, plan: Plan, where: str = "measured.csv") -> Measured:
+    """Read a measurement from the text of a CSV file; see `read_measured`."""
+
+    found, stated = read_csv(text, where, tuple(taxel.id for taxel in plan.taxels), plan, False)
+    return _ordered(found, stated, where, plan)
+
+
+Found = tuple[list[Row | Spectrum | Record], bool]
+
+
+def _read(data: bytes, path: Path, ids: tuple[str, ...], plan: Plan, excitation: str, alone: bool) -> Found:
+    where = str(path)
+    if data[:4] in (b"RIFF", b"RIFX", b"RF64") or path.suffix.lower() in (".wav", ".wave"):
+        return read_wav(data, where, ids, plan, excitation), False
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise FileError(f"is neither WAV nor CSV: byte {error.start} is not UTF-8 text", where) from error
+    return read_csv(text, where, ids, plan, alone)
+
+
+def _read_folder(folder: Path, plan: Plan, excitation: str) -> Measured:
+    ids = tuple(taxel.id for taxel in plan.taxels)
+    found: dict[str, Row | Spectrum | Record] = {}
+    stated, left = [], LARGEST_FILE
+    for path in _files(folder):
+        where = str(path)
+        if path.stem not in ids:
+            end = nearest_id(path.stem, ids)
+            raise FileError(f"must be named after a taxel of {plan.name!r}, {path.stem!r} is none{end}", where)
+        if path.stem in found:
+            raise FileError(f"is a second file of {path.stem}, beside {found[path.stem].where}; keep one", where)
+        data = read_bounded(path, left, "a folder of measurements")
+        left -= len(data)
+        part, told = _read(data, path, (path.stem,), plan, excitation, True)
+        if isinstance(part[0], Row):
+            raise FileError("is a table, which has all taxels in one file; give that file, not the folder", where)
+        found[path.stem] = replace(part[0], where=where)
+        stated.append(told)
+    if not found:
+        raise FileError(f"holds no CSV or WAV file named after a taxel, such as {ids[0]}.csv", str(folder))
+    return _ordered(list(found.values()), all(stated), str(folder), plan)
+
+
+def _files(folder: Path) -> list[Path]:
+    try:
+        entries = sorted(folder.iterdir())
+    except OSError as error:
+        raise FileError(f"cannot be read ({error.strerror})", str(folder)) from error
+    return [p for p in entries if p.suffix.lower() in (".csv", ".wav", ".wave") and not p.name.startswith(".")]
+
+
+def _ordered(found: list[Row | Spectrum | Record], stated: bool, where: str, plan: Plan) -> Measured:
+    by_id = {part.id: part for part in found}
+    taxels = tuple(by_id[taxel.id] for taxel in plan.taxels if taxel.id in by_id)
+    missing = tuple(taxel.id for taxel in plan.taxels if taxel.id not in by_id)
+    kinds = {_kind(part) for part in taxels}
+    return Measured(kinds.pop() if len(kinds) == 1 else "mixed", where, taxels, missing, stated)
+
+
+def _kind(part: Row | Spectrum | Record) -> str:
+    if isinstance(part, Row):
+        return "table"
+    if isinstance(part, Spectrum):
+        return "spectrum"
+    return "decay" if part.squared_current_a2 is None else "driven"

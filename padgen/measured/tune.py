@@ -1,0 +1,205 @@
+"""Re-tuning: what was measured of a print → the tones, currents and levels that suit it, and what they will reach.
+
+Each tone goes to its taxel's measured resonance, each current restores the level that the level law wants there. Tones
+beside the resonances were tried and are not worth their current (`docs/measure_retune.py`): hundredths of a dB on most
+coils, and at most 1.3 dB on two taxels that came out too close.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from padgen.core.finding import LEVELS, Finding
+from padgen.measured.advice import Trim, trims
+from padgen.measured.fits import TaxelFit
+from padgen.measured.judge_print import judge_print
+from padgen.measured.predict import (
+    CoilFigures,
+    levels_um,
+    one_coil_spec,
+    planned_tones,
+    predicted,
+    printed_channels,
+    tones_at,
+    worst_db,
+)
+from padgen.measured.rest import estimated
+from padgen.measured.simulate import PULL_SPREAD, Q_SPREAD
+from padgen.measured.tuning import TunedTaxel, Tuning, planned_response_um_per_a2, planned_tuning, refuse_tuning
+from padgen.physics.resonator import relative_energy
+from padgen.physics.selectivity import SCHEMES, Channels
+from padgen.planner.coil_load import coil_load
+from padgen.planner.plan import CoilLoad, Plan
+from padgen.planner.printed_pads import coils_of, off_energy_of_print
+from padgen.planner.settings import scheme_named
+
+__all__ = ["Retuned", "RetunedCoil", "retuned", "tuning_of"]
+
+DRAWS = 200
+"""Prints that agree with what was measured, within its errors, on which the tones are tried."""
+LOW_QUANTILE = 0.05
+MOST_WITH_SPURS = 64
+"""Channels up to which the n³ spurs of a scheme are counted that is not the plan's."""
+
+
+@dataclass(frozen=True, slots=True)
+class RetunedCoil:
+    """One coil: with the planned tones on the print as measured, with the new ones, and what the new ones ask of it.
+
+    `after_low_db` is what the new tones keep in 95 of 100 prints that agree with the measurement within its errors;
+    None for a coil of one channel.
+    """
+
+    before: CoilFigures
+    after: CoilFigures
+    after_low_db: float | None
+    load: CoilLoad
+
+
+@dataclass(frozen=True, slots=True)
+class Retuned:
+    """A print, re-tuned; figures in dB in all states, of the worst coil, None where no coil has two channels.
+
+    `planned_db` is what the plan promised, `asked_db` what was asked, `before_db` what the planned tones keep on the
+    print, `after_db` what the new ones do. `schemes_db` has the same for every drive scheme (None: not computed).
+    `trims` is what glue or a file would do where tones cannot.
+    """
+
+    name: str
+    drive: str
+    asked_db: float
+    planned_db: float | None
+    before_db: float | None
+    after_db: float | None
+    after_low_db: float | None
+    schemes_db: tuple[tuple[str, float | None], ...]
+    tuning: Tuning
+    coils: tuple[RetunedCoil, ...]
+    trims: tuple[Trim, ...]
+    findings: tuple[Finding, ...]
+
+
+def tuning_of(plan: Plan, fits: Sequence[TaxelFit]) -> Tuning:
+    """The print that `fits` tell of; taxels that were not measured stay as planned, with the spread of printing."""
+    by_id = {fit.id: fit for fit in fits}
+    taxels = []
+    for taxel, planned in zip(plan.taxels, planned_tuning(plan).taxels, strict=True):
+        channel, fit = plan.channels[taxel.channel], by_id.get(taxel.id)
+        if fit is None:
+            spread = np.hypot(Q_SPREAD, PULL_SPREAD) * planned.response_um_per_a2
+            taxels.append(
+                replace(
+                    planned,
+                    resonance_error_hz=channel.print_spread * planned.resonance_hz,
+                    q_error=Q_SPREAD * planned.q,
+                    response_error=float(spread),
+                )
+            )
+            continue
+        response, error = fit.response_um_per_a2, fit.response_error
+        if response is None:
+            response = planned_response_um_per_a2(channel, fit.resonance_hz, fit.q)
+            error = float(np.hypot(fit.q_error / fit.q, PULL_SPREAD)) * response
+        taxels.append(
+            TunedTaxel(
+                fit.id,
+                fit.resonance_hz,
+                fit.resonance_error_hz,
+                fit.q,
+                fit.q_error,
+                response,
+                error or 0.0,
+                True,
+                fit.response_um_per_a2 is not None,
+            )
+        )
+    return Tuning(plan.name, tuple(taxels))
+
+
+def retuned(
+    plan: Plan,
+    fits: Sequence[TaxelFit],
+    estimate_rest: bool = False,
+    coupon: Mapping[int, TaxelFit] | None = None,
+) -> Retuned:
+    """Re-tune `plan` to the print that `fits` were measured on.
+
+    Taxels that were not measured keep the plan's tones, or get those that the measured ones, and a `coupon` printed
+    beside the pad (fits by channel), make likely (`padgen.measured.rest`).
+
+    Raises
+    ------
+    FileError
+        A figure of the print is outside its bounds (`refuse_tuning`).
+    """
+    tuning = tuning_of(plan, fits)
+    if estimate_rest or coupon:
+        tuning = estimated(plan, tuning, fits, coupon)
+    refuse_tuning(tuning, plan, "what was measured")
+    planned_um = levels_um(plan, np.array([plan.channels[t.channel].resonance_hz for t in plan.taxels]))
+    tones = tones_at(plan, tuning)
+    before = predicted(plan, tuning, planned_tones(plan), planned_um)
+    after = predicted(plan, tuning, tones)
+    coils = tuple(
+        RetunedCoil(*figures)
+        for figures in zip(before, after, _low_db(plan, tuning, after), _loads(plan, tuning), strict=True)
+    )
+    lows = [coil.after_low_db for coil in coils if coil.after_low_db is not None]
+    result = Retuned(
+        name=plan.name,
+        drive=plan.selectivity.drive,
+        asked_db=plan.selectivity.asked_db,
+        planned_db=plan.selectivity.placed_all_states_db,
+        before_db=worst_db(before),
+        after_db=worst_db(after),
+        after_low_db=min(lows, default=None),
+        schemes_db=tuple((name, _scheme_db(plan, tuning, name)) for name in SCHEMES),
+        tuning=tuning,
+        coils=coils,
+        trims=trims(plan, tuning, after),
+        findings=(),
+    )
+    found = judge_print(plan, tuning, fits, after, [c.load for c in coils], result.schemes_db, result.trims)
+    return replace(result, findings=tuple(sorted(found, key=lambda f: -LEVELS.index(f.level))))
+
+
+def _scheme_db(plan: Plan, tuning: Tuning, name: str) -> float | None:
+    cubic = scheme_named(plan.typed_spec, name).has_pair_spurs and name != plan.selectivity.drive
+    if cubic and len(plan.sets[0]) > MOST_WITH_SPURS:
+        return None
+    return worst_db(predicted(plan, tuning, tones_at(plan, tuning), scheme_name=name))
+
+
+def _loads(plan: Plan, tuning: Tuning) -> tuple[CoilLoad, ...]:
+    spec, channels = one_coil_spec(plan), printed_channels(plan, tuning)
+    return tuple(
+        coil_load(spec, [channels[i] for i in index], plan.selectivity.drive)
+        for _, index in sorted(coils_of(plan).items())
+    )
+
+
+def _low_db(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> list[float | None]:
+    """What each coil keeps in all but `LOW_QUANTILE` of the prints that agree with the measurement."""
+    rng, scheme = np.random.default_rng(0), scheme_named(plan.typed_spec, plan.selectivity.drive)
+    value = np.array([(t.resonance_hz, t.q, max(t.response_um_per_a2, 1e-300)) for t in tuning.taxels])
+    error = np.array([(t.resonance_error_hz, t.q_error, t.response_error) for t in tuning.taxels]) / value
+    # Log-normal, so that nothing becomes negative; the first draw is what was measured.
+    z = rng.standard_normal((*value.shape, DRAWS)) * (np.arange(DRAWS) > 0)
+    hz, q, response = np.moveaxis(value[..., None] * np.exp(np.clip(error[..., None] * z, -20, 20)), 1, 0)
+    tones = tones_at(plan, tuning)
+    wanted = levels_um(plan, tones.hz)
+    result: list[float | None] = []
+    for figures, (_, index) in zip(after, sorted(coils_of(plan).items()), strict=True):
+        if figures.all_states_db is None or not (tones.line_a2[index] > 0).all():
+            result.append(figures.all_states_db)
+            continue
+        truth = Channels(hz[index], q[index], wanted[index, None] / response[index])
+        drive = Channels(tones.hz[index, None], q[index], tones.line_a2[index, None])
+        off = off_energy_of_print(truth, drive, scheme).max(0)
+        own = relative_energy(tones.hz[index, None], hz[index], q[index])
+        on = (own * (tones.line_a2[index, None] / truth.line) ** 2).min(0)
+        db = 10 * np.log10(on / off)
+        # Other modes are counted by the figure itself; errors take from it what they take from the own modes'.
+        result.append(figures.all_states_db - float(db[0] - np.quantile(db, LOW_QUANTILE)))
+    return result

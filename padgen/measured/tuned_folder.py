@@ -1,0 +1,118 @@
+"""A folder of a re-tuned print: its tuning, its table, and what was measured and is predicted."""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from padgen.core.errors import FileError
+from padgen.core.files import OutputFolder, differs, is_unchanged, json_text
+from padgen.measured.fits import TaxelFit, fit_measured
+from padgen.measured.read import read_measured, read_measured_text
+from padgen.measured.simulate import simulate_print, simulated_measurement
+from padgen.measured.tune import Retuned, retuned
+from padgen.measured.tuned_table import measured_rows, tuned_drive_csv
+from padgen.measured.tuning import Tuning, tuning_to_json
+from padgen.planner.coupon import coupon_plan
+from padgen.planner.plan import Plan, plan_to_json
+
+__all__ = ["RetunedFolder", "Simulated", "simulated_print", "write_retuned"]
+
+MEASURED = "measured.csv"
+PRINTED = "printed.json"
+Progress = Callable[[str], None]
+
+
+class Simulated(NamedTuple):
+    """A print that the computer made, and what a lab would measure of it, as CSV."""
+
+    printed: Tuning
+    measured: str
+
+
+@dataclass(frozen=True, slots=True)
+class RetunedFolder:
+    """What was written."""
+
+    folder: Path
+    files: tuple[str, ...]
+    fits: tuple[TaxelFit, ...]
+    result: Retuned
+
+    def table(self) -> dict[str, Any]:
+        """All of it as plain data."""
+        return {"folder": str(self.folder), "files": list(self.files), **asdict(self.result)}
+
+
+def simulated_print(plan: Plan, seed: int, kind: str, snr_db: float) -> Simulated:
+    """Print `plan` in the computer and measure it, `kind` and `snr_db` as in `simulated_measurement`."""
+    printed = simulate_print(plan, seed)
+    return Simulated(printed, simulated_measurement(plan, printed, seed, kind, snr_db))
+
+
+def write_retuned(
+    plan: Plan,
+    folder: Path,
+    measured: str | None,
+    simulated: Simulated | None = None,
+    excitation: str = "current",
+    nearest: bool = False,
+    estimate_rest: bool = False,
+    coupon: str | None = None,
+    progress: Progress = lambda step: None,
+) -> RetunedFolder:
+    """Re-tune `plan` to the file or folder `measured`, or to what was `simulated`, and write what comes of it.
+
+    `excitation` and `nearest` are those of `read_measured` and `fit_measured`; with `estimate_rest` taxels that were
+    not measured get the tones that the others, and a measured `coupon`, make likely.
+
+    Raises
+    ------
+    FileError, SpecError, SolverError
+        What was measured cannot be read, or tells no resonance; nothing is written.
+    """
+    progress("fitting resonances")
+    if simulated is not None:
+        if differs(folder, MEASURED, simulated.measured) and not is_unchanged(folder, MEASURED):
+            raise FileError(
+                "is not of a simulated print, and --simulate would take its place; name another folder with -o",
+                str(folder / MEASURED),
+            )
+        found = read_measured_text(simulated.measured, plan)
+    else:
+        found = read_measured(Path(measured or ""), plan, excitation)
+    fits = fit_measured(found, plan, nearest)
+    progress("re-tuning")
+    result = retuned(plan, fits, estimate_rest or coupon is not None, _coupon_fits(plan, coupon, nearest))
+    files = {
+        "plan.json": plan_to_json(plan),
+        "tuning.json": tuning_to_json(result.tuning),
+        "drive-tuned.csv": tuned_drive_csv(plan, result.tuning),
+        "retune.json": json_text(_table(plan, result, fits)),
+    }
+    if simulated is not None:
+        files |= {MEASURED: simulated.measured, PRINTED: tuning_to_json(simulated.printed)}
+    with OutputFolder(folder) as out:
+        for name, text in files.items():
+            out.write(name, text)
+        out.commit()
+    return RetunedFolder(folder, tuple(files), fits, result)
+
+
+def _coupon_fits(plan: Plan, coupon: str | None, nearest: bool) -> dict[int, TaxelFit] | None:
+    """What was measured on the plan's coupon, by channel."""
+    if coupon is None:
+        return None
+    strip = coupon_plan(plan)
+    by_id = {fit.id: fit for fit in fit_measured(read_measured(Path(coupon), strip), strip, nearest)}
+    return {taxel.channel: by_id[taxel.id] for taxel in strip.taxels if taxel.id in by_id}
+
+
+def _table(plan: Plan, result: Retuned, fits: tuple[TaxelFit, ...]) -> dict[str, Any]:
+    """Everything but the tuning, which has a file of its own."""
+    table = {key: value for key, value in asdict(result).items() if key != "tuning"}
+    return {
+        **table,
+        "taxels": [asdict(row) for row in measured_rows(plan, result.tuning)],
+        "fits": [*map(asdict, fits)],
+    }

@@ -1,0 +1,83 @@
+"""What the drive asks of a coil, its amplifier and the beams."""
+
+from collections.abc import Sequence
+from math import inf
+
+import numpy as np
+
+from padgen.core.units import MA, MH, MM, UM
+from padgen.physics.currents import mean_square_a2, peak_current_a, peak_voltage_v
+from padgen.physics.magnetics import pull_in_deflection, slack_at
+from padgen.planner.channels import hanging_gap_um, squared_current_lines
+from padgen.planner.plan import Channel, CoilLoad, channel_sets
+from padgen.planner.settings import scheme_named
+from padgen.spec import Spec
+
+__all__ = ["coil_load", "pull_in_share"]
+
+
+def coil_load(spec: Spec, channels: Sequence[Channel], drive: str) -> CoilLoad:
+    """Currents, voltage and heat of a coil with all channels on, and the level that every limit allows.
+
+    With two sets of channels, of the coil that allows less.
+    """
+    sets = channel_sets(channels, spec.coil.sets)
+    return min((_load(spec, own, drive) for own in sets), key=lambda load: load.reachable_level_um)
+
+
+def _load(spec: Spec, channels: Sequence[Channel], drive: str) -> CoilLoad:
+    coil, headroom = spec.coil, spec.drive.headroom
+    scheme, lines = scheme_named(spec, drive), squared_current_lines(channels)
+    resonance = np.array([c.resonance_hz for c in channels])
+    square_a2 = mean_square_a2(scheme, lines, headroom)
+    volts = peak_voltage_v(scheme, lines, resonance, coil.resistance_ohm, coil.inductance_mh * MH, headroom)
+    loss_w = square_a2 * coil.resistance_ohm
+    pull_in = max(pull_in_share(spec, channel, square_a2) for channel in channels)
+    # Factors by which the displacements, and with them the square of the current, may grow.
+    factors = {
+        "voltage": (spec.drive.voltage_limit_v / volts) ** 2 if volts > 0 else inf,
+        "copper loss": coil.power_limit_w / loss_w if loss_w > 0 else inf,
+        "gap": min(_gap_factor(spec, channel, square_a2) for channel in channels),
+        "root stress": spec.material.fatigue_stress_mpa / max(c.root_stress_mpa for c in channels),
+    }
+    if min(c.force_constant_n_per_a2 for c in channels) <= 0:
+        factors["pull"] = 0.0
+    tightest = min(factors, key=lambda name: factors[name])
+    return CoilLoad(
+        current_peak_ma=peak_current_a(scheme, lines, headroom) / MA,
+        current_rms_ma=square_a2**0.5 / MA,
+        voltage_peak_v=volts,
+        copper_loss_w=loss_w,
+        pull_in_share=pull_in,
+        reachable_level_um=spec.drive.level_um * factors[tightest],
+        reachable_by=tightest,
+    )
+
+
+def pull_in_share(spec: Spec, channel: Channel, square_a2: float) -> float:
+    """Mean pull of a mean square current on a washer, over the one at which it snaps to the coil."""
+    gap_um = float(hanging_gap_um(spec, channel.sag_um))
+    _, largest_um = pull_in_deflection(gap_um, max(channel.pull_exponent, 0.0))
+    return _slack_um(channel, square_a2) / largest_um
+
+
+def _slack_um(channel: Channel, square_a2: float) -> float:
+    """What the mean pull at rest would deflect the spring by, did it not grow as the gap closes."""
+    return max(square_a2 * channel.force_constant_n_per_a2, 0.0) / channel.stiffness_n_per_m / UM
+
+
+def _gap_factor(spec: Spec, channel: Channel, square_a2: float) -> float:
+    """How much larger amplitude and pull may be for a third of the gap to hold them and sag; 0 where sag fills it.
+
+    The pull stays in balance with the spring: short of pull-in.
+    """
+    gap_um, exponent = float(hanging_gap_um(spec, channel.sag_um)), max(channel.pull_exponent, 0.0)
+    free_um, slack_um = spec.coil.gap_mm * MM / UM / 3 - channel.sag_um, _slack_um(channel, square_a2)
+    if free_um <= 0 or slack_um <= 0:
+        return max(free_um, 0.0) / channel.level_um
+    low, high = 0.0, min(free_um, pull_in_deflection(gap_um, exponent)[0])
+    for _ in range(60):
+        static_um = (low + high) / 2
+        grown = slack_at(static_um, gap_um, exponent) / slack_um
+        low, high = (static_um, high) if grown * channel.level_um + static_um < free_um else (low, static_um)
+    return slack_at(low, gap_um, exponent) / slack_um

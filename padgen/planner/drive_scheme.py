@@ -1,0 +1,191 @@
+"""Which drive scheme a coil gets, and how far OFF taxels then stay below ON taxels."""
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from math import inf
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from padgen.core.errors import number
+from padgen.core.units import decibel
+from padgen.physics.modal import ModalTaxels
+from padgen.physics.selectivity import SCHEMES, Channels, Scheme, all_states, channels, one_hot_db, tone_energy
+from padgen.planner.frame_rates import frame_rates
+from padgen.planner.plan import Channel, Plan, SchemeFigures, Selectivity, channel_sets
+from padgen.planner.pull_modes import MODES_DB, coil_modes, heard_modes, modes_in_slots
+from padgen.planner.settings import level_law, scheme_named
+from padgen.spec import Spec
+
+if TYPE_CHECKING:
+    from padgen.planner.resonances import Optimum
+
+__all__ = ["SIMPLEST_FIRST", "modes_matter", "placed_channels", "plan_selectivity", "run_times_s"]
+
+SIMPLEST_FIRST = ("tones", "biased", "spur-free", "time-shared")
+"""By what the electronics must do: sines; sines on a constant; a root; and, slow, one at a time."""
+MOST_SPELLED_OUT = 16
+"""Channels up to which a plan lists how each hears each."""
+UNPULLED = 1e-12
+"""Share of the strongest pull that is as good as none."""
+MOST_WITH_SPURS = 256
+"""Channels up to which the n³ spurs of a scheme are counted that was not asked for."""
+Placed = tuple[Channels, ModalTaxels]
+"""Channels with each washer's own pull, and all modes of their taxels."""
+
+
+def plan_selectivity(spec: Spec, planned: Sequence[Channel], optimum: "Optimum | None" = None) -> Selectivity:
+    """Choose the drive scheme for the channels of a coil, and judge it.
+
+    With two sets of channels, for the worse one. `optimum` is passed on where it is of the chosen scheme.
+    """
+    sets = channel_sets(planned, spec.coil.sets)
+    alike, bare, asked = ([_resonators(spec, own, which) for own in sets] for which in ("alike", "placed", "asked"))
+    placed = [(which, heard_modes(spec, own, which.line)) for own, which in zip(sets, bare, strict=True)]
+    figures = {name: _figures(spec, alike, placed, name) for name in SCHEMES}
+    name, why = _chosen(spec, figures, planned)
+    scheme = scheme_named(spec, name)
+    states = min((all_states(which, scheme) for which in alike), key=lambda found: found.db)
+    alone = len(sets[0]) < 2
+    proven = optimum if optimum and name == (spec.drive.scheme if spec.drive.scheme != "auto" else "tones") else None
+    return Selectivity(
+        drive=name,
+        level_law="threshold" if spec.drive.threshold_hz else spec.drive.level_law,
+        one_hot_db=None if alone else min(one_hot_db(which, scheme) for which in alike),
+        all_states_db=None if alone else states.db,
+        worst_state=states.state,
+        asked_db=decibel(spec.delta_y),
+        placed_one_hot_db=None if alone else min(one_hot_db(which, scheme, modes) for which, modes in placed),
+        placed_all_states_db=None if alone else _placed_db(placed, scheme),
+        why=why,
+        paper_db=None if alone else _paper_db(spec, planned),
+        snapping_db=None if alone else _worst_db(asked, scheme) - states.db,
+        modes_cost_db=None if alone else _worst_db(bare, scheme) - _placed_db(placed, scheme),
+        modes_left_out=max(float(modes.left_out.max()) for _, modes in placed),
+        optimum_db=proven.all_states_db if proven else None,
+        bound_db=proven.bound_db if proven else None,
+        matrix_db=tuple(_matrix_db(which) for which in alike) if len(sets[0]) <= MOST_SPELLED_OUT else (),
+        schemes=tuple(figures.values()),
+    )
+
+
+def _matrix_db(which: Channels) -> tuple[tuple[float, ...], ...]:
+    below = -10 * np.log10(tone_energy(which, which))
+    return tuple(tuple(float(value) + 0.0 for value in row) for row in below)
+
+
+def _worst_db(sets: Sequence[Channels], scheme: Scheme) -> float:
+    return min(all_states(which, scheme).db for which in sets)
+
+
+def _placed_db(sets: Sequence[Placed], scheme: Scheme) -> float:
+    return min(all_states(which, scheme, modes).db for which, modes in sets)
+
+
+def run_times_s(plan: Plan) -> tuple[float, float]:
+    """What the paper's bound and the exact figures take to compute for this plan, in s, best of three."""
+    spec, figures = plan.typed_spec, plan.selectivity
+    scheme = scheme_named(spec, figures.drive)
+
+    def exact() -> None:
+        for own in plan.sets:
+            which = _resonators(spec, own, "alike")
+            one_hot_db(which, scheme)
+            all_states(which, scheme)
+
+    return _best_of_three(lambda: _paper_db(spec, plan.channels)), _best_of_three(exact)
+
+
+def _best_of_three(work: Callable[[], object]) -> float:
+    times = []
+    for _ in range(3):
+        start = perf_counter()
+        work()
+        times.append(perf_counter() - start)
+    return min(times)
+
+
+def _resonators(spec: Spec, planned: Sequence[Channel], which: str) -> Channels:
+    """Channels as printed and pulled 'alike', with each washer's own pull ('placed'), or as the ladder 'asked'."""
+    resonance = np.array([c.target_hz if which == "asked" else c.resonance_hz for c in planned])
+    mass = np.array([c.effective_mass_g for c in planned])
+    pull = np.array([c.force_constant_n_per_a2 for c in planned])
+    # A washer that the coil does not pull can be moved by no current: as if its own line had to be endless.
+    pull = np.maximum(pull, UNPULLED * pull.max()) if (pull > 0).any() else np.ones(len(pull))
+    q = np.array([c.q for c in planned])
+    return channels(resonance, q, level_law(spec)(resonance), mass, pull if which == "placed" else 1.0)
+
+
+def placed_channels(spec: Spec, planned: Sequence[Channel]) -> Channels:
+    """The channels of one coil as printed, with each washer's own pull."""
+    return _resonators(spec, planned, "placed")
+
+
+def modes_matter(spec: Spec, plan: Plan) -> bool:
+    """Whether a mode lies in another channel's slot, costs selectivity, or would be heard with its peak on any line.
+
+    A quick bound: no line is more than twice the largest wanted one, biased no more than 1/(2 `bias_ratio`) of it.
+    """
+    if len(plan.sets[0]) < 2:
+        return False
+    return (
+        bool(modes_in_slots(spec, plan))
+        or (plan.selectivity.modes_cost_db or 0.0) > MODES_DB
+        or any(_loudest_peak(spec, own) > 1 / spec.delta_y for own in plan.sets)
+    )
+
+
+def _loudest_peak(spec: Spec, own: Sequence[Channel]) -> float:
+    modes, line = coil_modes(spec, own), placed_channels(spec, own).line
+    peak = np.sqrt((modes.gain**2).sum(-1)) * (modes.q / line)[:, None]
+    peak[np.arange(len(own)), [int(np.argmax(c.mode_shares)) for c in own]] = 0.0
+    return float(peak.max() * line.max()) * max(2.0, 0.5 / spec.drive.bias_ratio)
+
+
+def _figures(spec: Spec, alike: Sequence[Channels], placed: Sequence[Placed], name: str) -> SchemeFigures:
+    count, scheme = len(alike[0].line), scheme_named(spec, name)
+    cubic = scheme.has_pair_spurs and count > MOST_WITH_SPURS and name != spec.drive.scheme
+    if count < 2 or cubic:
+        return SchemeFigures(name, None, None, None)
+    one_hot = min(one_hot_db(which, scheme) for which in alike)
+    return SchemeFigures(name, one_hot, _worst_db(alike, scheme), _placed_db(placed, scheme))
+
+
+def _chosen(spec: Spec, figures: dict[str, SchemeFigures], planned: Sequence[Channel]) -> tuple[str, str]:
+    """Name of the scheme, and why it is this one."""
+    if spec.drive.scheme != "auto":
+        return spec.drive.scheme, "as the spec asks"
+    if len(planned) // spec.coil.sets == 1:
+        return "tones", "a plain tone is the simplest, and a coil's one channel has no other to be told from"
+    if len(planned) // spec.coil.sets == 2:
+        return "tones", "plain tones are the simplest, and no third taxel is there for their spurs to fall on"
+    asked, least = decibel(spec.delta_y), spec.drive.least_frames_per_s
+    reached = {name: figures[name].reached_db for name in SIMPLEST_FIRST}
+    rates = {rate.scheme: rate.frames_per_s for rate in frame_rates(planned, spec.coil.sets)}
+    # Taking turns is slow, so that it must also be fast enough; the others ring down alike.
+    holds = [n for n in SIMPLEST_FIRST if reached[n] >= asked and (n != "time-shared" or rates[n] >= least)]
+    if holds:
+        told = _told(SIMPLEST_FIRST[: SIMPLEST_FIRST.index(holds[0])], reached, rates)
+        return holds[0], f"the simplest that keeps {asked:.1f} dB in all states{told}"
+    best = max(SIMPLEST_FIRST[:-1], key=lambda name: reached[name])
+    told = _told([name for name in SIMPLEST_FIRST if name != best], reached, rates)
+    none = f"no drive keeps {asked:.1f} dB in all states at {number(least)} frames/s or more"
+    return best, f"{none}; of those that drive all at once it comes nearest{told}"
+
+
+def _told(names: Sequence[str], reached: dict[str, float], rates: dict[str, float]) -> str:
+    """What other schemes reach, in brackets."""
+    words = [
+        f"{name} {reached[name]:.1f} dB" + (f" at {rates[name]:.2g} frames/s" if name == "time-shared" else "")
+        for name in names
+        if reached[name] > -inf
+    ]
+    return f" ({', '.join(words)})" if words else ""
+
+
+def _paper_db(spec: Spec, planned: Sequence[Channel]) -> float:
+    """What Eq. 12's slots promise for the closest pair: ``Δy = 4 Q (ρ − 1)/(ρ + 1)``."""
+    sets = channel_sets(planned, spec.coil.sets)
+    ratio = min(b.resonance_hz / a.resonance_hz for own in sets for a, b in pairwise(own))
+    return decibel(4 * spec.q_min * (ratio - 1) / (ratio + 1))

@@ -1,0 +1,171 @@
+"""All modes of a plan's taxels, as the pull at each one's own site excites them.
+
+Written on `TaxelModes`, whichever model they come from.
+"""
+
+from collections.abc import Sequence
+from itertools import permutations
+from typing import NamedTuple
+
+import numpy as np
+
+from padgen.core.units import MM
+from padgen.physics.ladder import slot_half_width
+from padgen.physics.magnetics import SolenoidCoil, SteelRing
+from padgen.physics.modal import ModalTaxels, felt_gains, modal_taxels, without_quiet_modes
+from padgen.physics.pull_wrench import pull_wrench
+from padgen.physics.taxel_modes import TaxelModes
+from padgen.planner.plan import Channel, Plan, Site
+from padgen.planner.taxel_model import TaxelModel, plate_shape, recess_mm
+from padgen.planner.tile import TURNS
+from padgen.spec import Spec
+
+__all__ = [
+    "MODES_DB",
+    "ModeFields",
+    "coil_modes",
+    "each_distance",
+    "heard_modes",
+    "mode_fields",
+    "mode_names",
+    "modes_in_slots",
+    "site_wrenches",
+    "taxel_modes",
+]
+
+MODES_DB = 1.0
+"""Loss of selectivity by other modes that is worth a finding."""
+QUIET_SHARE = 1e-6
+"""Share of the compliance below which a pull at the washer's axis does not excite a mode."""
+NAMES = ("stretch", "lateral", "bending", "torsion", "pitch", "yaw")
+"""What a mode is called by the largest part of the plate's motion: along x, y, z, and about x, y, z."""
+
+
+class ModeFields(NamedTuple):
+    """What a `Channel` holds of its modes; see there."""
+
+    modes_hz: tuple[float, ...]
+    mode_shares: tuple[float, ...]
+    pulled_shares: tuple[float, ...]
+    mode_motions: tuple[tuple[float, ...], ...]
+    rest_motion: tuple[float, ...]
+    pull_wrench: tuple[float, ...]
+
+    @property
+    def pulled_share(self) -> float:
+        """How much more the pull as it is moves the working mode than a vertical one at the washer's axis."""
+        return self.pulled_shares[int(np.argmax(self.mode_shares))]
+
+
+def taxel_modes(model: TaxelModel) -> TaxelModes:
+    """The modes that `model` has: solved ones of a solid as they are, else the six of the beam model."""
+    solved: TaxelModes | None = getattr(model, "solved", None)
+    if solved is not None:
+        return solved
+    modes = model.modes
+    motion = np.concatenate([modes.at_point(model.washer_point_m), modes.shape[3:]]).T
+    return TaxelModes(modes.frequency_hz, motion)
+
+
+def mode_fields(modes: TaxelModes, wrench: np.ndarray) -> ModeFields:
+    """Modes of one taxel for the plan, its pull having the `wrench` (6,) of `site_wrenches`.
+
+    Shares are of the working mode's static compliance under a vertical pull at the washer's axis.
+    """
+    axial = modes.compliances()
+    unit = axial[modes.working]
+    rest = np.zeros(6) if modes.rest is None else modes.rest @ wrench
+    return ModeFields(
+        tuple(modes.frequency_hz.tolist()),
+        tuple((axial / unit).tolist()),
+        tuple((modes.compliances(wrench) / unit).tolist()),
+        tuple(tuple(row) for row in modes.motion.tolist()),
+        tuple(rest.tolist()),
+        tuple(wrench.tolist()),
+    )
+
+
+def each_distance(sites: Sequence[Site]) -> tuple[np.ndarray, list[int]]:
+    """The different distances in m of washers from the coil's axis, and which of them each site has.
+
+    What depends on the distance alone is a field, and most of a plan's work.
+    """
+    offset_mm = [site.coil_distance_mm for site in sites]
+    different = sorted(set(offset_mm))
+    return np.array(different) * MM, [different.index(d) for d in offset_mm]
+
+
+def site_wrenches(spec: Spec, coil: SolenoidCoil, washer: SteelRing, sites: Sequence[Site]) -> np.ndarray:
+    """Wrenches (n, 6) of a newton of pull at each site, in the taxel's own axes, at its washer's axis on z = 0."""
+    distance_m, index = each_distance(sites)
+    wrench = pull_wrench(coil, washer, spec.coil.gap_mm * MM, distance_m)[index]
+    # On the coil's axis there is no direction, and no side force.
+    out = np.array([np.divide(site.washer_mm, site.coil_distance_mm or 1.0) for site in sites])
+    cosine, sine = np.array([TURNS[site.along] for site in sites]).T
+    # Where 'away from the coil's axis' points in the own axes.
+    x, y = cosine * out[:, 0] + sine * out[:, 1], cosine * out[:, 1] - sine * out[:, 0]
+    turned = np.empty_like(wrench)
+    for a, b in ((0, 1), (3, 4)):
+        turned[:, a] = x * wrench[:, a] - y * wrench[:, b]
+        turned[:, b] = y * wrench[:, a] + x * wrench[:, b]
+    turned[:, [2, 5]] = wrench[:, [2, 5]]
+    # The underside of the washer is the glue's thickness above the bed's plane.
+    height = (recess_mm(spec)[1] - spec.washer.thickness_mm) * MM
+    turned[:, 3] -= height * turned[:, 1]
+    turned[:, 4] += height * turned[:, 0]
+    return turned
+
+
+def coil_modes(spec: Spec, channels: Sequence[Channel]) -> ModalTaxels:
+    """All modes of the taxels of one coil, driven at their resonances."""
+    most = max(len(channel.modes_hz) for channel in channels) + 1
+    frequency, gain = np.ones((len(channels), most)), np.zeros((len(channels), most, 3))
+    radius_m = spec.taxel.boss_diameter_mm / 2 * MM
+    for i, channel in enumerate(channels):
+        modes = TaxelModes(np.array(channel.modes_hz), np.array(channel.mode_motions))
+        wrench, rest = np.array(channel.pull_wrench), np.array(channel.rest_motion)
+        count = len(channel.modes_hz) + 1
+        frequency[i, :count], gain[i, :count] = felt_gains(modes, wrench, rest, radius_m)
+    return modal_taxels(
+        frequency, gain, np.array([c.q for c in channels]), np.array([c.resonance_hz for c in channels])
+    )
+
+
+def heard_modes(spec: Spec, channels: Sequence[Channel], line: np.ndarray) -> ModalTaxels:
+    """`coil_modes` without those that no line makes heard; `line` (n,) as in `selectivity.Channels`."""
+    own_hz = np.array([c.resonance_hz for c in channels])
+    return without_quiet_modes(coil_modes(spec, channels), own_hz, line, spec.drive.bias_ratio)
+
+
+def modes_in_slots(spec: Spec, plan: Plan) -> list[tuple[Channel, Channel]]:
+    """Channels with a second mode in the slot of another, and that; modes that no pull at the washer's axis excites."""
+    half = slot_half_width(spec.q_min, spec.delta_y)
+    return [
+        (channel, other)
+        for own in plan.sets
+        for channel, other in permutations(own, 2)
+        if channel.second_mode_share < QUIET_SHARE and abs(channel.second_mode_hz / other.resonance_hz - 1) < half
+    ]
+
+
+def mode_names(spec: Spec, channel: Channel) -> tuple[str, ...]:
+    """What each mode of a channel is called: the working one bending, the others by the largest part of the plate's
+    motion that has no name yet.
+
+    Taken at half the plate's height, near the centre of mass; turns count by the plate's radius of gyration.
+    Beyond six modes all are 'higher' ones.
+    """
+    plate = plate_shape(spec)
+    height, arm = plate.thickness_mm / 2 * MM, plate.length_mm / 12**0.5 * MM
+    motion = np.array(channel.mode_motions)
+    motion[:, 0] += height * motion[:, 4]
+    motion[:, 1] -= height * motion[:, 3]
+    part = motion**2 * np.array([1, 1, 1, arm, arm, arm]) ** 2
+    part /= part.sum(1, keepdims=True)
+    names = ["higher"] * len(motion)
+    working = int(np.argmax(channel.mode_shares)), NAMES.index("bending")
+    for n in range(min(len(motion), len(NAMES))):
+        mode, kind = np.unravel_index(int(part.argmax()), part.shape) if n else working
+        names[mode] = NAMES[kind]
+        part[mode], part[:, kind] = -1.0, -1.0
+    return tuple(names)

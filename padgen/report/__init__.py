@@ -1,0 +1,5 @@
+"""What was made, as text for people. Makes text; the command line prints it."""
+
+from padgen.report.plans import built_text, explanation_text, figures_text, findings_text, plan_text, yield_text
+
+__all__ = ["built_text", "explanation_text", "figures_text", "findings_text", "plan_text", "yield_text"]

@@ -1,0 +1,159 @@
+"""Driver files and what is heard of them as text for people."""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from padgen.core.errors import number, plain
+from padgen.report.plans import findings_text, table
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import numpy as np
+
+    from padgen.core.finding import Finding
+    from padgen.driver.drive_folder import Driven
+    from padgen.driver.ear import Heard
+    from padgen.driver.excitation import Excitation
+    from padgen.driver.formats.wave_files import WaveReport
+    from padgen.planner.plan import Plan
+
+__all__ = ["driven_table", "driven_text", "excitation_text"]
+
+MOST_MAPPED = 16
+"""Rows and columns of a pad whose taxels are named."""
+MOST_PICTURES = 4
+"""Frames that are shown as text."""
+
+
+def driven_text(plan: "Plan", driven: "Driven", frames: "np.ndarray | None", notes: Sequence[str]) -> str:
+    """What was written, what it plays, and what is heard of it."""
+    lines: list[str] = []
+    lines.append(_map_text(plan) if frames is None else _frames_line(plan, frames))
+    if driven.report is not None:
+        lines.append(_wave_text(plan, driven.report))
+    if driven.heard is not None:
+        lines.append(heard_text(plan, driven.heard))
+    lines += [f"note: {plain(note)}" for note in notes]
+    if driven.findings:
+        lines.append(findings_text(driven.findings))
+    lines.append(f"written to {plain(str(driven.folder))}: {'  '.join(driven.files)}")
+    if driven.stale:
+        lines.append(
+            f"the other files in {plain(str(driven.folder))} are of an earlier plan; padgen build makes them anew"
+        )
+    return "\n".join(line for line in lines if line)
+
+
+def driven_table(driven: "Driven", notes: Sequence[str]) -> dict[str, Any]:
+    """The same as plain data."""
+    from padgen.driver.ear.heard_table import heard_table
+
+    return {
+        "folder": str(driven.folder),
+        "files": list(driven.files),
+        "wave": None if driven.report is None else {**asdict(driven.report), "seconds": driven.report.seconds},
+        "heard": None if driven.heard is None else heard_table(driven.heard),
+        "notes": list(notes),
+        "findings": [asdict(finding) for finding in driven.findings],
+    }
+
+
+def _map_text(plan: "Plan") -> str:
+    from padgen.driver.frames import map_text, taxel_grid
+
+    if max(taxel_grid(plan).shape) > MOST_MAPPED:
+        return ""
+    return f"pixels of an image of this pad, seen from the touch side:\n{map_text(plan)}\n"
+
+
+def _frames_line(plan: "Plan", frames: "np.ndarray") -> str:
+    from padgen.driver.frames import frames_text
+
+    shown = frames[:MOST_PICTURES]
+    more = f", the first {len(shown)}" if len(frames) > len(shown) else ""
+    count = "1 frame" if len(frames) == 1 else f"{len(frames)} frames"
+    return f"{count}, seen from the touch side (# ON, + between, . OFF){more}:\n{frames_text(plan, shown)}"
+
+
+def _wave_text(plan: "Plan", report: "WaveReport") -> str:
+    unit = "V" if report.signal == "voltage" else "A"
+    depth = "24 bit" if report.depth == "24" else "32-bit float"
+    told = [
+        f"drive.wav: {report.seconds:.3g} s of {len(report.rms_current_a)} channels (coils row by row) at"
+        f" {report.rate_hz} Hz, {depth}, {report.scheme}; sample 1 is {number(report.full_scale)} {unit},"
+        f" the peak {number(report.peak)} {unit}",
+        f"coils: {number(1e3 * max(report.rms_current_a))} mA rms, {number(max(report.copper_loss_w))} W at most",
+    ]
+    if report.loss_over_tones is not None and report.scheme not in ("tones", "time-shared"):
+        told[-1] += f"; copper loss {number(report.loss_over_tones)} times that of plain tones with the same force"
+    if report.loops:
+        told.append("it repeats without a seam")
+    if report.carrier_hz is not None:
+        told[-1] += f"; on a carrier of {number(report.carrier_hz)} Hz"
+    return "\n".join(told)
+
+
+def heard_text(plan: "Plan", heard: "Heard") -> str:
+    """Levels of taxels that were ON and OFF, and the selectivity that the file achieves."""
+    import numpy as np
+
+    on, off = heard.on, heard.off
+    rows = []
+    for channel in plan.channels:
+        which = [k for k, taxel in enumerate(plan.taxels) if taxel.channel == channel.index]
+        played, quiet = on[:, which], off[:, which]
+        rows.append(
+            (
+                str(channel.index),
+                f"{channel.resonance_hz:.2f}",
+                _span_um(heard.wanted_um[which]),
+                _span_db(played),
+                "" if np.isnan(quiet).all() else f"{20 * np.log10(max(float(np.nanmax(quiet)), 1e-12)):.1f}",
+            )
+        )
+    states = "1 state" if len(heard.spans) == 1 else f"{len(heard.spans)} states"
+    text = f"heard in {states} of the file{', with the pull growing as the gap closes' * heard.with_gap}:\n" + table(
+        ("ch", "planned Hz", "wanted µm", "ON dB of it", "OFF dB at most"), rows
+    )
+    text += "\n(wanted: what a finger on the boss is to feel, all modes counted; coils beside are left out"
+    leak = plan.reuse.leak_db
+    text += ")" if leak is None else f", the plan has their leakage at {-leak:.1f} dB or less)"
+    if heard.selectivity_db is not None:
+        text += f"\nselectivity heard: {heard.selectivity_db:.1f} dB (asked {heard.asked_db:.1f} dB)"
+    return text
+
+
+def _span_um(wanted: "np.ndarray") -> str:
+    """One level, or the smallest and the largest where they differ."""
+    low, high = f"{wanted.min():.3g}", f"{wanted.max():.3g}"
+    return low if low == high else f"{low} … {high}"
+
+
+def _span_db(levels: "np.ndarray") -> str:
+    """Smallest and largest of what was ON, in dB of what is wanted."""
+    import numpy as np
+
+    if np.isnan(levels).all():
+        return ""
+    low, high = (20 * np.log10(max(float(v), 1e-12)) for v in (np.nanmin(levels), np.nanmax(levels)))
+    return f"{low:+.2f} … {high:+.2f}"
+
+
+def _share_text(share: float) -> str:
+    return "" if share >= 1 else f", times {number(share)}"
+
+
+def excitation_text(played: "Excitation", folder: "Path", findings: "Sequence[Finding]") -> str:
+    """What an excitation plays, and what to do with it."""
+    low, high = played.band_hz
+    how = "all coils at once" if played.together else f"the {len(played.coils)} coils one after the other"
+    return (
+        f"excitation.wav: a {played.kind} of the force from {number(low)} to {number(high)} Hz,"
+        f" {number(played.sweep_s)} s and silence, {how}, {number(played.seconds)} s in all at {played.rate_hz} Hz;"
+        f" taxels are shaken at their planned levels{_share_text(played.level_share)}\n"
+        "record each taxel's motion with the current or voltage beside it, and give the recording to padgen retune\n"
+        + "".join(f"{findings_text([finding])}\n" for finding in findings)
+        + f"written to {plain(str(folder))}: excitation.wav  excitation.json"
+    )

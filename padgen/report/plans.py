@@ -1,0 +1,310 @@
+"""Plans, builds and findings as text for people."""
+
+from collections.abc import Iterable, Sequence
+from math import isfinite
+from typing import TYPE_CHECKING, Any
+
+from padgen.core.errors import number, plain
+from padgen.core.finding import LEVELS, Finding
+
+if TYPE_CHECKING:
+    from padgen.make.pad import Built
+    from padgen.planner.explain import Explanation
+    from padgen.planner.plan import Channel, Plan
+    from padgen.planner.print_yield import PrintYield, Share
+
+__all__ = ["built_text", "explanation_text", "figures_text", "findings_text", "plan_text", "yield_text"]
+
+
+def plan_text(plan: "Plan") -> str:
+    """A plan as a table to read."""
+    from padgen.planner.left_out import left_out_line
+
+    pad, coils, capacity, figures = plan.spec["pad"], plan.coils, plan.capacity, plan.selectivity
+    count = len(plan.sets[0])
+    channels = "1 channel" if count == 1 else f"{count} channels"
+    pitch = number(coils.pitch_mm)
+    if coils.pitch_x_mm != coils.pitch_y_mm:
+        pitch = f"{number(coils.pitch_x_mm)} x {number(coils.pitch_y_mm)}"
+    head = (
+        f"{plan.name}: {len(plan.taxels)} taxels on {number(pad['width_mm'])} x {number(pad['depth_mm'])} mm,"
+        f" {coils.rows} x {coils.columns} coils at {pitch} mm, {channels} per coil"
+        + (", of even and of odd number in turn" if coils.sets > 1 else "")
+    )
+    bound = (
+        f"capacity of a coil: {capacity.paper} channels by the paper's bound ({capacity.paper_unrounded:.2f},"
+        f" ratio {number(capacity.ratio)}), {capacity.exact_one_hot} by the exact response with one channel on,"
+        f" {_counted(capacity.exact, capacity.searched_to)} in all states with {figures.drive}; limited by"
+        f" {capacity.limit}"
+    )
+    lines = [head, bound, "", _channel_table(plan.channels), "", _beam_table(plan.channels), "", *_drive_lines(plan)]
+    if plan.layouts:
+        others = ", ".join(
+            f"{o.rows} x {o.columns} coils with {o.channels} channels"
+            + ("" if o.kept_db is None else f" ({o.kept_db:.1f} dB in all states)")
+            for o in plan.layouts
+        )
+        lines.append(f"runners-up: {others}")
+    lines.append(left_out_line(plan.left_out))
+    return "\n".join([*lines, _settings_line(plan.printing)])
+
+
+def _settings_line(printing: dict[str, str]) -> str:
+    settings = ", ".join(f"{key.replace('_', ' ')} {value}" for key, value in printing.items())
+    return f"print with: {settings}"
+
+
+def _counted(count: int, searched_to: int) -> str:
+    return f"{count} or more" if count >= searched_to else str(count)
+
+
+def _drive_lines(plan: "Plan") -> list[str]:
+    """How the coils are driven, how selective that is, and what it asks of coil and amplifier."""
+    figures, load = plan.selectivity, plan.load
+    lines = [f"drive: {figures.drive}, {figures.why}"]
+    if figures.one_hot_db is not None:
+        lines += _selectivity_lines(plan)
+    frames = ", ".join(f"{rate.scheme} {number(round(rate.frames_per_s, 2))}" for rate in plan.refresh)
+    leak = "" if plan.reuse.leak_db is None else f"; the coils around leak {-plan.reuse.leak_db:.1f} dB"
+    return [
+        *lines,
+        f"frames per second until an OFF taxel is quiet: {frames}",
+        f"a coil with all channels on: {load.current_rms_ma:.1f} mA rms, up to {load.current_peak_ma:.1f} mA and"
+        f" {load.voltage_peak_v:.2f} V, {load.copper_loss_w:.3f} W; every limit allows"
+        f" {number(load.reachable_level_um)} µm on channel 0 ({load.reachable_by}){leak}",
+    ]
+
+
+def _selectivity_lines(plan: "Plan") -> list[str]:
+    from padgen.planner.drive_scheme import run_times_s
+
+    figures, (paper_s, exact_s) = plan.selectivity, run_times_s(plan)
+    states, one_hot, paper = figures.all_states_db or 0.0, figures.one_hot_db or 0.0, figures.paper_db
+    law = "equal sensation" if isinstance(figures.level_law, str) else f"amplitude ~ 1/f^{figures.level_law:g}"
+    lines = [
+        f"selectivity ({law}): {one_hot:.1f} dB with one channel on, {states:.1f} dB in all states"
+        f" of a coil (worst {_short(figures.worst_state)}), asked are {figures.asked_db:.1f} dB (Δy)",
+    ]
+    if paper is not None and isfinite(paper):  # of two alike it promises nothing
+        lines.append(
+            f"the paper's bound promises {paper:.1f} dB for the closest pair (computed in {paper_s * 1e6:.1f} µs): one"
+            f" on {one_hot - paper:+.1f} dB, all states {states - paper:+.1f} dB off it (computed in"
+            f" {exact_s * 1e6:.0f} µs)"
+        )
+    if 2 <= len(plan.sets[0]) <= SHOWN_MATRIX:
+        for own, matrix in zip(plan.sets, figures.matrix_db, strict=True):
+            names = [str(channel.index) for channel in own]
+            rows = [
+                (name, *("" if k == name else f"{value:.1f}" for k, value in zip(names, row, strict=True)))
+                for name, row in zip(names, matrix, strict=True)
+            ]
+            lines += [
+                "dB by which an OFF taxel (row) is quieter than ON, at the tone of (column):",
+                table(["", *names], rows),
+            ]
+    kept = figures.kept_db
+    if kept is not None and kept < states - SHOWN_DB:
+        lines.append(f"with each washer pulled as strongly as it lies to the coil: {kept:.1f} dB in all states")
+    if figures.bound_db is not None and figures.optimum_db is not None:
+        lines.append(
+            f"with equal masses the best resonances reach {figures.optimum_db:.2f} dB; proven that none in the band"
+            f" that prints here exceed {figures.bound_db:.2f} dB"
+        )
+    if (figures.snapping_db or 0.0) >= SHOWN_DB:
+        lines.append(f"printing in steps costs {figures.snapping_db:.2f} dB of it")
+    return lines
+
+
+SHOWN_DB = 0.05
+SHOWN_BITS = 24
+SHOWN_MATRIX = 4
+
+
+def _short(state: str) -> str:
+    """A state's bits, the middle left out when there are many."""
+    return state if len(state) <= SHOWN_BITS else f"{state[:10]}…{state[-10:]} of {len(state)}"
+
+
+def _channel_table(channels: "Sequence[Channel]") -> str:
+    """Where the channels resonate, by which model, and what their drive takes."""
+    rows = [
+        (
+            str(c.index),
+            f"{c.resonance_hz:.2f}",
+            c.model if c.beam_error is None else f"{c.model} (beam {c.beam_error:+.1%})",
+            f"{c.model_error * 100:.2g}",
+            f"{c.drive_hz:.2f}",
+            f"{c.rule_hz:.1f}",
+            f"{c.second_mode_hz:.1f}",
+            f"{c.effective_mass_g * 1e3:.1f}",
+            number(c.stiffness_n_per_m),
+            f"{c.ring_up_ms:.1f}",
+            f"{c.level_um:.2f}",
+            f"{c.force_mn * 1e3:.2f}",
+        )
+        for c in channels
+    ]
+    headings = (
+        "ch",
+        "f Hz",
+        "by",
+        "± %",
+        "drive Hz",
+        "rule Hz",
+        "2nd Hz",
+        "m mg",
+        "k N/m",
+        "ring-up ms",
+        "level µm",
+        "force µN",
+    )
+    return table(headings, rows)
+
+
+def _beam_table(channels: "Sequence[Channel]") -> str:
+    """What is printed, and what it bears."""
+    rows = [
+        (
+            str(c.index),
+            c.beam.topology,
+            f"{c.beam.width_mm:.3f} x {c.beam.thickness_mm:.2f} x {c.beam.length_mm:.2f}",
+            str(c.beam.layers),
+            f"{c.sag_um:.1f}",
+            f"{c.root_stress_mpa:.3f}",
+            f"{c.print_spread * 100:.0f}",
+            f"{c.site.coil_distance_mm:.2f}",
+        )
+        for c in channels
+    ]
+    headings = ("ch", "suspension", "w x t x l mm", "layers", "sag µm", "root MPa", "print spread %", "off axis mm")
+    return table(headings, rows)
+
+
+def table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Right-aligned columns under their headings."""
+    cells = [tuple(headings), *rows]
+    widths = [max(len(row[i]) for row in cells) for i in range(len(headings))]
+    lines = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in cells]
+    lines.insert(1, "  ".join("-" * width for width in widths))
+    return "\n".join(lines)
+
+
+def findings_text(findings: Iterable[Finding]) -> str:
+    """Findings, the most severe first."""
+    ordered = sorted(findings, key=lambda f: -LEVELS.index(f.level))
+    if not ordered:
+        return "all checks hold"
+    return "\n".join(f"{f.level}: {f.where}: {f.message} [{f.code}]" for f in ordered)
+
+
+def explanation_text(explanation: "Explanation") -> str:
+    """Which limit binds, what the cheapest changes buy, and the capacities by scheme and level law."""
+    held = explanation.channels
+    keep = "channel per coil keeps" if held == 1 else "channels per coil keep"
+    lines = [f"{held} {keep} what was asked (driven {explanation.drive}); one more is stopped by"]
+    lines += [f"  - {limit}" for limit in explanation.limits] or ["  - nothing that was tried"]
+    if explanation.changes:
+        rows = [
+            (
+                change.change,
+                change.cost,
+                f"{change.gained:+d} ({change.drive})" if change.gained else "",
+                f"{change.gained_in_band:+d}" if change.gained_in_band else "",
+                "" if change.gained_db is None else f"{change.gained_db:+.1f}",
+            )
+            for change in explanation.changes
+        ]
+        lines += [
+            "",
+            "what one change buys:",
+            table(("change", "costs", "channels", "if there were room", "gain dB"), rows),
+        ]
+    laws = list(dict.fromkeys(row.level_law for row in explanation.capacities))
+    by_scheme: dict[str, list[str]] = {}
+    for row in explanation.capacities:
+        by_scheme.setdefault(row.scheme, []).append(f"{row.one_hot}, {_counted(row.all_states, row.searched_to)}")
+    columns = ["drive", *(law if isinstance(law, str) else f"1/f^{law:g}" for law in laws)]
+    lines += ["", "most channels in the band, with one on and in all states, by level law:"]
+    return "\n".join([*lines, table(columns, [(name, *cells) for name, cells in by_scheme.items()])])
+
+
+def yield_text(result: "PrintYield") -> str:
+    """Yields before and after re-tuning, and what each spread costs."""
+    lines = [f"{result.pads} pads printed in the computer (seed {result.seed}): {result.criterion}"]
+    if result.pads < result.pads_asked:
+        lines[0] += f"; {result.pads_asked} would have been too much work"
+    rows = []
+    for name, outcome in (("tones as planned", result.planned), ("re-tuned to each print", result.retuned)):
+        decibels = (outcome.q05_db, outcome.median_db, outcome.q95_db, outcome.reached_by_90_percent_db)
+        rows.append((name, *(_percent(share) for share in (outcome.taxels, outcome.pads)), *map(_decibels, decibels)))
+    lines += [
+        "",
+        table(
+            ("", "good taxels (95 % sure)", "good pads (95 % sure)", "5 % dB", "median dB", "95 % dB", "90 % reach dB"),
+            rows,
+        ),
+        "",
+    ]
+    costs = [
+        (
+            cost.spread.replace("_", " "),
+            number(round(cost.sigma, 6)),
+            *(f"{100 * gain:+.1f}" for gain in (cost.planned.taxels, cost.retuned.taxels, cost.retuned.pads)),
+            _decibels(cost.retuned.median_db, "+"),
+        )
+        for cost in result.costs
+    ]
+    gains = ("points gained without", "1 sigma", "taxels", "taxels re-tuned", "pads re-tuned", "median re-tuned dB")
+    lines.append(table(gains, costs))
+    told = (("tones as planned", result.costliest_planned), ("re-tuned", result.costliest_retuned))
+    named = [f"{name}: {spread.replace('_', ' ')}" for name, (spread, _) in told if spread != "none"]
+    if named:
+        lines.append(f"costliest spread, {', '.join(named)}")
+    if result.nominal_db is not None and result.nominal_db < result.asked_db:
+        lines.append(
+            f"the plan itself keeps {result.nominal_db:.1f} dB, so that hardly a pad can be good at"
+            f" {result.asked_db:.1f} dB: read the dB columns, or ask for less (delta_y)"
+        )
+    return "\n".join(lines)
+
+
+def _percent(share: "Share") -> str:
+    return f"{100 * share.share:.2f} % ({100 * share.low:.2f} … {100 * share.high:.2f})"
+
+
+def _decibels(value: float | None, sign: str = "") -> str:
+    return "" if value is None else f"{value:{sign}.1f}"
+
+
+def built_text(built: "Built") -> str:
+    """What a build left."""
+    files = "  ".join(built.files)
+    state = "is up to date, nothing to do" if built.up_to_date else "written"
+    lines = [f"{plain(str(built.folder))} {state}: {files}", figures_text(built.figures)]
+    lines += [f"{name}: {figures_text(figures)}" for name, figures in built.figures.get("parts", {}).items()]
+    return "\n".join([*lines, _settings_line(built.printing)])
+
+
+def figures_text(figures: dict[str, Any]) -> str:
+    """The figures of the checks on one line."""
+    parts = []
+    if "size_mm" in figures:
+        parts.append(" x ".join(number(v) for v in figures["size_mm"]) + " mm")
+    for key, unit in (
+        ("triangles", "triangles"),
+        ("bodies", "body"),
+        ("plastic_g", "g of plastic"),
+        ("smallest_wall_mm", "mm smallest wall"),
+        ("smallest_gap_mm", "mm smallest gap"),
+        ("longest_bridge_mm", "mm longest bridge"),
+        ("largest_difference_from_plan_mm", "mm off the plan at most"),
+    ):
+        value = figures.get(key)
+        if value is not None:
+            text = str(value) if isinstance(value, int) else f"{0.0 if abs(value) < 1e-6 else value:.3g}"
+            parts.append(f"{text} {unit if value == 1 or key != 'bodies' else 'bodies'}")
+    if "compared_with" in figures:
+        parts.append(f"compared with {figures['compared_with']}")
+    if "limits_of" in figures:
+        parts.append(f"limits of printer {figures['limits_of']} (--spec takes those of a spec)")
+    return ", ".join(parts)
