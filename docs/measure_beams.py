@@ -123,7 +123,7 @@ def write_step(row: dict[str, Any], path: Path) -> float:
     )
     plan: Any = SimpleNamespace(
         plate=Plate(*shape, *recess_mm(spec), *round_parts, spec.printer.smallest_gap_mm),
-        typed_spec=spec,
+        spec=spec,
         arrangement=lambda _: arrangement,
         cell=Cell(1, 1, length + rib, width + rib, "x"),
     )

@@ -54,7 +54,7 @@ def states_of(plan: Plan) -> np.ndarray:
     n = len(plan.sets[0])
     if n <= MOST_SPELLED_OUT:
         return (np.arange(2**n)[:, None] >> np.arange(n)) & 1
-    spec, own = plan.typed_spec, plan.sets[0]
+    spec, own = plan.spec, plan.sets[0]
     scheme = scheme_named(spec, plan.selectivity.drive)
     worst = all_states(placed_channels(spec, own), scheme, coil_modes(spec, own)).state
     random = np.random.default_rng(1).random((RANDOM_STATES, n)) < 0.5
@@ -122,7 +122,7 @@ def templates() -> list[str]:
 def state_by_state() -> str:
     """How far each state's loudest OFF taxel is from the modal model's, for the pad with the most channels."""
     plan = make_plan(load_spec("wide-11"))
-    drive, spec, own = make_drive(plan, RATE_HZ), plan.typed_spec, plan.sets[0]
+    drive, spec, own = make_drive(plan, RATE_HZ), plan.spec, plan.sets[0]
     which, modes = placed_channels(spec, own), coil_modes(spec, own)
     tones = felt_energy(modes, slice(None), which.resonance_hz) * (which.line / which.line[:, None]) ** 2
     misses = []

@@ -31,7 +31,7 @@ def scad(plan: Plan) -> str:
 
     Root fillets are left out; circles are as fine as padgen's.
     """
-    size = plan.typed_spec.pad
+    size = plan.spec.pad
     modules = "".join(_module(plan, channel) for channel in plan.channels)
     frame = (
         f"linear_extrude({size.frame_thickness_mm:.6f}) difference() {{\n{_outside(size)}\n"

@@ -74,7 +74,7 @@ def placed(tile: Any, quarters: int, x: float, y: float) -> Iterator[Any]:
 
 
 def border(plan: Plan) -> Iterator[Any]:
-    pad, coils, cell = plan.typed_spec.pad, plan.coils, plan.cell
+    pad, coils, cell = plan.spec.pad, plan.coils, plan.cell
     off_x, off_y = (pad.width_mm + pad.border_mm) / 2, (pad.depth_mm + pad.border_mm) / 2
     for quarters, x, y in ((0, -1, -1), (1, 1, -1), (2, 1, 1), (3, -1, 1)):
         yield from placed(border_corner(plan, "free"), quarters, x * off_x, y * off_y)
@@ -104,7 +104,7 @@ def whole_solid(plan: Plan, steps: dict[int, Path], clamping: str) -> Any:
             solid.name = f"washer{number}" if solid.name == "washer" else solid.name
             solids.append(solid)
     shape = Glue(solids)
-    hole, half = plan.typed_spec.pad.hole_diameter_mm, plan.typed_spec.pad
+    hole, half = plan.spec.pad.hole_diameter_mm, plan.spec.pad
     corner = np.array([half.width_mm + half.border_mm, half.depth_mm + half.border_mm]) / 2
     for face in shape.faces if clamping == "corners" else ():
         low, high = (np.array([p.x, p.y, p.z]) for p in face.bounding_box)

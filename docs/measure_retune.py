@@ -179,7 +179,7 @@ def shifting(prints: int = 60) -> list[str]:
     ]
     for name, drive in (("paper-32", "tones"), ("quad-64", "biased"), ("quad-64", "spur-free"), ("quad-64", "tones")):
         plan = plan_of(name, drive)
-        spreads, scheme = spreads_for(plan, SIGMA), scheme_named(plan.typed_spec, drive)
+        spreads, scheme = spreads_for(plan, SIGMA), scheme_named(plan.spec, drive)
         rows = [shifted(plan, simulate_print(plan, seed, spreads), scheme) for seed in range(prints)]
         base, gain, price = np.array(rows).T
         lines.append(

@@ -33,7 +33,7 @@ def tube(outer: float, inner: float, height: float) -> Mesh:
 
 def exploded(plan: Plan, pad: Mesh) -> list[tuple[Mesh, tuple[float, float, float]]]:
     """Coils below, washers between, the pad above."""
-    spec = plan.typed_spec
+    spec = plan.spec
     parts = [(moved(pad, 0, 0, 42), CREAM)]
     washer = tube(spec.washer.outer_diameter_mm, spec.washer.inner_diameter_mm, spec.washer.thickness_mm)
     parts += [(moved(washer, t.x_mm, t.y_mm, 27), STEEL) for t in plan.taxels]
@@ -49,7 +49,7 @@ def exploded(plan: Plan, pad: Mesh) -> list[tuple[Mesh, tuple[float, float, floa
 
 def stacked(plan: Plan, pad: Mesh, tray: Mesh, levels_mm: tuple[float, ...]) -> list[tuple[Mesh, Colour]]:
     """Tray, coils, washers, pad and screws, each at its level."""
-    spec = plan.typed_spec
+    spec = plan.spec
     coils_mm, washers_mm, pad_mm, screws_mm = levels_mm
     parts = [(tray, SLATE), (moved(pad, 0, 0, pad_mm), CREAM)]
     washer = tube(spec.washer.outer_diameter_mm, spec.washer.inner_diameter_mm, spec.washer.thickness_mm)
@@ -80,7 +80,7 @@ def cut(parts: list[tuple[Mesh, Colour]], x: tuple[float, float], y: float) -> l
 def assembled(plan: Plan, pad: Mesh, tray: Mesh, of: Tray) -> list[tuple[Mesh, Colour]]:
     """All parts in place, cut through the washers of the first taxel's row."""
     low = of.height_mm + washer_underside_mm(plan)
-    thick = plan.typed_spec.pad.frame_thickness_mm
+    thick = plan.spec.pad.frame_thickness_mm
     parts = stacked(plan, pad, tray, (of.floor_mm, low, of.height_mm, of.height_mm + thick))
     return cut(parts, (-40, 0.0), plan.taxels[0].y_mm)
 

@@ -166,7 +166,7 @@ def test_a_lifted_beam(small_pad, small_plan):
 
 
 def test_a_washer_that_does_not_fit(small_pad, small_plan):
-    spec = {**small_plan.spec, "washer": {**small_plan.spec["washer"], "outer_diameter_mm": 3.8}}
+    spec = replace(small_plan.spec, washer=replace(small_plan.spec.washer, outer_diameter_mm=3.8))
     found = check_pad(small_pad, replace(small_plan, spec=spec)).findings
     assert any(f.code == "washer.fit" and "recess diameter" in f.message for f in found)
     other = replace(small_plan, plate=replace(small_plan.plate, recess_diameter_mm=4.0, recess_depth_mm=0.5))

@@ -89,7 +89,7 @@ def test_turns_are_taken_only_where_they_reach_what_is_asked_and_fast_enough():
     assert reached["spur-free"] < 20 <= reached["time-shared"]
     assert close.selectivity.drive == "time-shared"
     slow = plan_of(narrow)
-    assert rates["time-shared"] < slow.typed_spec.drive.least_frames_per_s
+    assert rates["time-shared"] < slow.spec.drive.least_frames_per_s
     assert slow.selectivity.drive == "spur-free"
     (finding,) = [f for f in slow.findings if f.code == "selectivity.all_states"]
     assert f"drive = 'time-shared' keeps {reached['time-shared']:.1f} dB at" in finding.message
@@ -150,7 +150,7 @@ def test_levels_of_equal_sensation(tmp_path):
     # A plan needs the file no more.
     (tmp_path / "curve.csv").unlink()
     assert plan_to_json(plan_from_json(plan_to_json(plan))) == plan_to_json(plan)
-    assert plan_from_json(plan_to_json(plan)).typed_spec == plan.typed_spec
+    assert plan_from_json(plan_to_json(plan)).spec == plan.spec
 
 
 @pytest.mark.parametrize(
@@ -229,8 +229,8 @@ def test_the_reachable_level_is_reachable_and_no_more(limit):
     text += LIMITS[limit]
     plan = plan_of(text)
     assert plan.load.reachable_by == limit
-    assert plan.load.reachable_level_um < plan.typed_spec.drive.level_um
-    spec = plan.typed_spec
+    assert plan.load.reachable_level_um < plan.spec.drive.level_um
+    spec = plan.spec
     found = []
     for factor in (0.999, 1.001):
         level = plan.load.reachable_level_um * factor
@@ -244,7 +244,7 @@ def test_the_reachable_level_is_reachable_and_no_more(limit):
 
 def test_the_suggested_levels_would_do():
     plan = plan_of(FOUR + "[drive]\nlevel_um = 60\nvoltage_limit_v = 3\n")
-    spec = plan.typed_spec
+    spec = plan.spec
     for code in ("coil.voltage", "coil.heat"):
         (finding,) = [f for f in plan.findings if f.code == code]
         level = float(finding.message.split("drive.level_um = ")[1].split()[0])
@@ -257,7 +257,7 @@ def test_pull_in_is_where_balance_ends(paper_plan):
     channel = paper_plan.channels[0]
     gap_um = 1000.0 - channel.sag_um
 
-    assert pull_in_share(paper_plan.typed_spec, channel, 0.0) == 0
+    assert pull_in_share(paper_plan.spec, channel, 0.0) == 0
 
     def balances(force_um):
         z = np.linspace(0, gap_um * 0.999, 200_001)
@@ -268,7 +268,7 @@ def test_pull_in_is_where_balance_ends(paper_plan):
         middle = (low + high) / 2
         low, high = (middle, high) if balances(middle) else (low, middle)
     square_a2 = low * 1e-6 * channel.stiffness_n_per_m / channel.force_constant_n_per_a2
-    assert pull_in_share(paper_plan.typed_spec, channel, square_a2) == pytest.approx(1.0, rel=0.01)
+    assert pull_in_share(paper_plan.spec, channel, square_a2) == pytest.approx(1.0, rel=0.01)
     assert balanced_deflection(low * 0.5, gap_um, 2.0) < pull_in_deflection(gap_um, 2.0)[0]
 
 
@@ -356,7 +356,7 @@ def test_leakage_of_a_plan_by_hand():
     """Two coils of one channel each: tones leak by the square, biased by the product with the constant as well."""
     text = FOUR.replace("resolution = 16", "resolution = 2").replace("[2, 2]", "[1, 2]") + "[suspension]\n"
     tones, biased = (plan_of("resonances_hz = [80]\n" + text, scheme=scheme) for scheme in ("tones", "biased"))
-    (channel,), spec = tones.channels, tones.typed_spec
+    (channel,), spec = tones.channels, tones.spec
     place = np.array([channel.site.washer_mm]) * 1e-3
     pitch = tones.coils.pitch_x_mm * 1e-3
     sides = [leakage(*magnetic_parts(spec), 1e-3, place, np.array([[x, 0.0]])) for x in (pitch, -pitch)]
@@ -371,14 +371,14 @@ def test_neighbours_in_step_add_their_fields():
     row = FOUR.replace("width_mm = 25", "width_mm = 37.5").replace("[2, 2]", "[1, 3]")
     plan = plan_of("resonances_hz = [80]\n" + row.replace("resolution = 16", "resolution = 3"))
     place, pitch = np.array([plan.channels[0].site.washer_mm]) * 1e-3, plan.coils.pitch_x_mm * 1e-3
-    found = leakage(*magnetic_parts(plan.typed_spec), 1e-3, place, np.array([[-pitch, 0.0], [pitch, 0.0]]))
+    found = leakage(*magnetic_parts(plan.spec), 1e-3, place, np.array([[-pitch, 0.0], [pitch, 0.0]]))
     assert plan.reuse.leak_db == pytest.approx(-20 * np.log10(np.abs(found.mutual).sum()), abs=1e-6)
     assert found.mutual[0, 0, 1] == pytest.approx(found.mutual[0, 1, 0])
 
 
 def superposed_leak(plan, own_on, other_on, seconds=60):
     """Energies of OFF taxel i with both coils played sample by sample: its lines near resonance, in unit products."""
-    spec, scheme = plan.typed_spec, Scheme(plan.selectivity.drive)
+    spec, scheme = plan.spec, Scheme(plan.selectivity.drive)
     resonance = np.array([c.resonance_hz for c in plan.channels])
     mass = np.array([c.effective_mass_g for c in plan.channels])
     line = mass * resonance  # equal velocity, equal Q
@@ -408,7 +408,7 @@ def superposed_leak(plan, own_on, other_on, seconds=60):
 def test_beats_bound_what_two_coils_make_together(scheme):
     """Twice the product of two coils' currents, by Fourier transform, over states: below the bound, but not far."""
     plan = plan_of("resonances_hz = [60, 101, 150, 265]\n" + FOUR, scheme=scheme)
-    spec = plan.typed_spec
+    spec = plan.spec
     tones, _, beats = _heard(spec, Scheme(scheme), plan.channels, 0)
     bound = beats + (tones if scheme == "biased" else 0)
     largest = np.zeros(4)
@@ -433,11 +433,11 @@ def test_leakage_of_a_pair_adds_up(scheme):
     """Two coils side by side: tones by the square, spurs and beats of the same lines by amplitude."""
     row = FOUR.replace("resolution = 16", "resolution = 4").replace("[2, 2]", "[1, 2]")
     plan = plan_of("resonances_hz = [60, 150]\n" + row, scheme=scheme)
-    tones, spurs, beats = _heard(plan.typed_spec, Scheme(scheme), plan.channels, 0)
+    tones, spurs, beats = _heard(plan.spec, Scheme(scheme), plan.channels, 0)
     place = np.array([c.site.washer_mm for c in plan.channels]) * 1e-3
     worst = 0.0
     for side in (plan.coils.pitch_x_mm * 1e-3, -plan.coils.pitch_x_mm * 1e-3):
-        found = leakage(*magnetic_parts(plan.typed_spec), 1e-3, place, np.array([[side, 0.0]]))
+        found = leakage(*magnetic_parts(plan.spec), 1e-3, place, np.array([[side, 0.0]]))
         square, product = abs(found.mutual[:, 0, 0]), abs(found.product[:, 0])
         constant = product if scheme == "biased" else 0
         lines = (square + constant) ** 2 * tones + (square * np.sqrt(spurs) + product * np.sqrt(beats)) ** 2

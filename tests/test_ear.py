@@ -226,7 +226,7 @@ def test_other_schemes_keep_what_the_plan_says_of_them(scheme, tmp_path):
 def test_eleven_channels_hear_what_the_modal_model_says(tmp_path):
     plan = make_plan(load_spec("wide-11"))
     drive = make_drive(plan, RATE)
-    spec, own = plan.typed_spec, plan.sets[0]
+    spec, own = plan.spec, plan.sets[0]
     which, modes = placed_channels(spec, own), coil_modes(spec, own)
     heard_tones = felt_energy(modes, slice(None), which.resonance_hz) * (which.line / which.line[:, None]) ** 2
     rng, worst = np.random.default_rng(5), []
@@ -408,7 +408,7 @@ def test_a_gap_that_closes_is_the_coupled_system(tmp_path):
         channel.effective_mass_g * GRAM,
         channel.force_constant_n_per_a2,
         channel.pull_exponent,
-        float(hanging_gap_um(plan.typed_spec, channel.sag_um)) * UM,
+        float(hanging_gap_um(plan.spec, channel.sag_um)) * UM,
     )
     from scipy.interpolate import CubicSpline
 

@@ -63,7 +63,7 @@ def amplitudes_um(plan, played):
 def test_volts_drive_the_current_through_the_coil(kind, inductance):
     plan = plan_of(coil=f", inductance_mh = {inductance}")
     played = excitation(plan, kind, 64 * 400)
-    coil = plan.typed_spec.coil
+    coil = plan.spec.coil
     assert coil.inductance_mh == inductance
     time = np.arange(len(played.current_a)) / played.rate_hz
     slope = CubicSpline(time, played.current_a)(time, 1)
@@ -164,7 +164,7 @@ def test_planned_taxels_move_as_they_are_to(plan):
 def test_limits_of_amplifier_and_coil_are_kept(drive, coil, limit, kind):
     plan = plan_of(drive, coil=coil)
     played = excitation(plan, kind, RATE)
-    spec = plan.typed_spec
+    spec = plan.spec
     assert played.level_share < 1
     assert np.abs(played.voltage_v).max() <= spec.drive.voltage_limit_v
     assert played.copper_loss_w <= spec.coil.power_limit_w

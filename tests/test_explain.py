@@ -73,7 +73,7 @@ def test_a_count_may_hold_where_two_before_it_fail(monkeypatch):
         return plan.selectivity if count in holds else None
 
     monkeypatch.setattr(explain, "_figures", figures)
-    assert [_channels_held(plan.typed_spec, (2, 2), least)[0] for least in (1, 2, 3, 4, 8, 9)] == [1, 1, 1, 4, 4, 9]
+    assert [_channels_held(plan.spec, (2, 2), least)[0] for least in (1, 2, 3, 4, 8, 9)] == [1, 1, 1, 4, 4, 9]
 
 
 def test_changes_that_the_coil_cannot_pull_do_not_count():
@@ -109,7 +109,7 @@ def test_a_grid_that_keeps_what_is_asked_is_named():
     plan = make_plan(parse_spec('name = "my"\nresolution = 32\nband_hz = [50, 200]\nq_min = 15\n'))
     (finding,) = [f for f in plan.findings if f.code == "selectivity.all_states"]
     (option,) = [o for o in plan.layouts if o.channels == 2]
-    named = make_plan(replace(plan.typed_spec, coil=replace(plan.typed_spec.coil, grid=(4, 4))))
+    named = make_plan(replace(plan.spec, coil=replace(plan.spec.coil, grid=(4, 4))))
     assert named.selectivity.kept_db == pytest.approx(option.kept_db)
     assert f"coil.grid = [4, 4] has 2 channels per coil and keeps {option.kept_db:.1f} dB" in finding.message
 
@@ -221,7 +221,7 @@ def test_resonances_are_those_of_the_beams_that_print():
 
     plan = coarse(0.45)
     for channel in plan.channels:
-        beam, spec = channel.beam, plan.typed_spec
+        beam, spec = channel.beam, plan.spec
         shape = BeamShape(beam.width_mm, beam.thickness_mm, beam.length_mm)
         model = TaxelModel(spec, beam.topology, plate_shape(spec), shape)
         assert channel.resonance_hz == pytest.approx(float(model.resonance_hz))

@@ -39,7 +39,7 @@ LEVELS = np.array([[0, 255], [51, 0], [0, 102], [255, 0], [0, 0], [153, 204]])
 def test_a_taxel_is_at_its_place_in_the_image(name):
     """Against the washers' places, which are within their sub-cells: a quarter of one to spare would be luck."""
     plan = make_plan(parse_spec(TURNED) if name == "turned" else load_spec(name))
-    grid, pad = taxel_grid(plan), plan.typed_spec.pad
+    grid, pad = taxel_grid(plan), plan.spec.pad
     assert sorted(grid[grid >= 0]) == list(range(len(plan.taxels)))
     for index, taxel in enumerate(plan.taxels):
         row = int((pad.depth_mm / 2 - taxel.y_mm) // plan.cell.depth_mm)

@@ -182,7 +182,7 @@ def test_other_drives_and_two_sets(drive):
 
 def test_devices_are_the_kinds_of_taxel(small):
     """Resonance, half-power frequencies, impedance, limits; ten digits are written."""
-    spec, read = small.typed_spec, read_hjif(hjif_text(small))
+    spec, read = small.spec, read_hjif(hjif_text(small))
     assert [device.name for device in read.devices] == ["t channel 0", "t channel 1"]
     assert [read.devices[c.device - 1].name[-1] for c in read.channels] == list("0101010")
     for device, channel in zip(read.devices, small.channels, strict=True):

@@ -147,7 +147,7 @@ def test_driven_time_series_by_current_and_by_voltage(plan):
     assert measured.kind == "driven"
     by_current = fit_measured(measured, plan)
     check(by_current, absolute=True)
-    coil = plan.typed_spec.coil
+    coil = plan.spec.coil
     volts = coil.resistance_ohm * current + coil.inductance_mh * 1e-3 * np.gradient(current, 1 / RATE)
     text = table("# unit: um\ntime_s,voltage_v,r0c0k0", time, volts, one)
     by_voltage = fit_measured(read_measured_text(text, plan), plan)[0]
@@ -186,7 +186,7 @@ def test_wav_of_decays(plan, tmp_path, kind):
 @pytest.mark.parametrize("excitation", ["current", "voltage"])
 def test_driven_wav(plan, tmp_path, excitation):
     _, current, columns = driven()
-    coil = plan.typed_spec.coil
+    coil = plan.spec.coil
     volts = coil.resistance_ohm * current + coil.inductance_mh * 1e-3 * np.gradient(current, 1 / RATE)
     first = current if excitation == "current" else volts
     samples = np.concatenate([first[:, None], four(columns)], axis=1)

@@ -353,7 +353,7 @@ def test_plans_carry_their_modes(paper_plan):
     again = plan_from_json(plan_to_json(paper_plan))
     assert len(json.loads(plan_to_json(paper_plan))["channels"][0]["mode_motions"]) == 6
     figures = paper_plan.selectivity
-    spec, scheme = paper_plan.typed_spec, Scheme(figures.drive)
+    spec, scheme = paper_plan.spec, Scheme(figures.drive)
     which, modes = placed_channels(spec, again.channels), coil_modes(spec, again.channels)
     # All modes; the plan leaves some out, within its bound.
     exact = all_states(which, scheme, modes).db
@@ -412,7 +412,7 @@ def test_a_solid_s_modes_reach_the_plan(paper_spec):
 
 
 def test_modes_are_named_by_their_shape(paper_plan):
-    spec = paper_plan.typed_spec
+    spec = paper_plan.spec
     names = [mode_names(spec, channel) for channel in paper_plan.channels]
     assert names == 2 * [("bending", "lateral", "torsion", "pitch", "yaw", "stretch")]
     extra = paper_plan.channels[0]
@@ -438,7 +438,7 @@ def crowded_plan():
 
 def lateral_hz(plan):
     channel = plan.channels[1]
-    return channel.modes_hz[mode_names(plan.typed_spec, channel).index("lateral")]
+    return channel.modes_hz[mode_names(plan.spec, channel).index("lateral")]
 
 
 def of(plan, code):
@@ -457,7 +457,7 @@ def test_a_crowded_mode_is_found_and_costs(crowded_plan):
     assert f"cost {figures.modes_cost_db:.1f} dB" in cost.message
     assert f"{figures.placed_all_states_db:.1f} dB are left" in cost.message
     # The mode alone, by hand: without it the coil keeps what it costs more.
-    spec, channels_ = crowded_plan.typed_spec, crowded_plan.channels
+    spec, channels_ = crowded_plan.spec, crowded_plan.channels
     which, modes, scheme = placed_channels(spec, channels_), coil_modes(spec, channels_), Scheme(figures.drive)
     gain = modes.gain.copy()
     gain[1, np.argmin(abs(modes.frequency_hz[1] - lateral))] = 0
@@ -505,14 +505,14 @@ def test_a_change_that_does_not_help_is_not_offered(crowded_plan, monkeypatch, a
         "no pad": None,
     }[again]
     monkeypatch.setattr(judge_modes, "_planned_again", lambda plan, spec: found)
-    messages = [f.message for f in judge_modes.judge_modes(crowded_plan.typed_spec, crowded_plan)]
+    messages = [f.message for f in judge_modes.judge_modes(crowded_plan.spec, crowded_plan)]
     assert len(messages) == 2
     assert all(re.search(r"none of \d+ changes .* clears it", message) for message in messages)
 
 
 def test_a_mode_on_a_spur_is_named_with_its_makers_and_cleared_by_a_drive(crowded_plan):
     """Channel 0's torsion mode moved onto the sum spur of channels 1 and 3, and made loud."""
-    spec, (first, *others) = crowded_plan.typed_spec, crowded_plan.channels
+    spec, (first, *others) = crowded_plan.spec, crowded_plan.channels
     torsion = mode_names(spec, first).index("torsion")
     spur_hz = (others[0].resonance_hz + others[2].resonance_hz) / 2
     hz = [spur_hz if k == torsion else f for k, f in enumerate(first.modes_hz)]
@@ -536,11 +536,11 @@ def test_a_mode_on_a_spur_is_named_with_its_makers_and_cleared_by_a_drive(crowde
 
 def test_the_quick_look_passes_nothing_over(crowded_plan):
     """Where modes are not even looked at, looking finds none."""
-    assert modes_matter(crowded_plan.typed_spec, crowded_plan)
+    assert modes_matter(crowded_plan.spec, crowded_plan)
     for name in ("paper-16", "paper-32", "triple-48", "resin-fine"):
         plan = make_plan(load_spec(name))
-        if not modes_matter(plan.typed_spec, plan):
-            assert crowds(plan.typed_spec, plan.channels, plan.selectivity.drive) == []
+        if not modes_matter(plan.spec, plan):
+            assert crowds(plan.spec, plan.channels, plan.selectivity.drive) == []
         assert of(plan, "modes.crowded") == of(plan, "selectivity.modes") == []
     # By what could be heard alone: no mode in a slot, no cost.
     quiet = replace(crowded_plan.selectivity, modes_cost_db=0.0)
@@ -549,16 +549,14 @@ def test_the_quick_look_passes_nothing_over(crowded_plan):
     silent = [replace(c, pull_wrench=tuple(UPWARD)) for c in loud]
     for channels_, matter in ((loud, True), (silent, False)):
         plan = replace(crowded_plan, selectivity=quiet, channels=tuple(channels_))
-        assert modes_matter(plan.typed_spec, plan) == matter
+        assert modes_matter(plan.spec, plan) == matter
 
 
 def test_a_second_mode_in_a_slot_that_nothing_excites_is_a_note(crowded_plan):
     straight = [replace(c, pull_wrench=tuple(UPWARD)) for c in crowded_plan.channels]
-    figures = plan_selectivity(crowded_plan.typed_spec, straight)
+    figures = plan_selectivity(crowded_plan.spec, straight)
     found = list(
-        judge_modes.judge_modes(
-            crowded_plan.typed_spec, replace(crowded_plan, channels=tuple(straight), selectivity=figures)
-        )
+        judge_modes.judge_modes(crowded_plan.spec, replace(crowded_plan, channels=tuple(straight), selectivity=figures))
     )
     assert [(f.level, f.code, f.where) for f in found] == [("note", "modes.near", "channels 1")]
     assert f"1 at {number(lateral_hz(crowded_plan))} Hz on 3" in found[0].message

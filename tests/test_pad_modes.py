@@ -157,7 +157,7 @@ def test_a_free_pad_moves_as_a_body(pads, plan):
     )
     motion = np.zeros((pad.size, 1))
     motion[: len(heave), 0] = heave
-    spec = plan.typed_spec
+    spec = plan.spec
     printed = build_pad(plan).volume_mm3 * spec.material.density_g_per_cm3
     washers = len(plan.taxels) * washer_volume_mm3(plan) * spec.washer.density_g_per_cm3
     planned = (printed + washers) * MM**3 * G_PER_CM3
@@ -171,7 +171,7 @@ def test_a_free_pad_moves_as_a_body(pads, plan):
 
 
 def test_a_tilted_pad_lifts_each_washer_by_its_place(pads, plan):
-    pad, thickness = pads["free"].assembly, plan.typed_spec.pad.frame_thickness_mm
+    pad, thickness = pads["free"].assembly, plan.spec.pad.frame_thickness_mm
     x = np.array([-18.5, -12.5, 0.0, 12.5, 18.5])
     tilt = np.zeros(pad.size)
     for k, (place, function) in enumerate(zip(pad.places, pad.functions, strict=True)):

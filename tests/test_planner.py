@@ -62,7 +62,7 @@ def test_only_width_differs_where_it_reaches(paper_plan):
 
 def test_thickness_is_whole_layers_where_width_does_not_reach():
     plan = plan_of(6, 60, 900, "resonances_hz = [80, 240, 800]\n[coil]\ngrid = [1, 2]\n")
-    printer = plan.typed_spec.printer
+    printer = plan.spec.printer
     assert len({c.beam.thickness_mm for c in plan.channels}) > 1
     for channel in plan.channels:
         layers = (channel.beam.thickness_mm - printer.first_layer_mm) / printer.layer_mm + 1
@@ -222,7 +222,7 @@ def test_plan_survives_json(paper_plan, paper_spec):
     text = plan_to_json(paper_plan)
     again = plan_from_json(text)
     assert plan_to_json(again) == text
-    assert again.typed_spec == paper_spec
+    assert again.spec == paper_spec
 
 
 def jittered(value, seed):
@@ -246,7 +246,7 @@ def test_a_plan_of_a_plan_is_the_same_to_the_last_digit(name):
     spec = make_spec(table)
     assert re.search(r"\d\.\d{12}", json.dumps(table))
     text = plan_to_json(make_plan(spec))
-    again = plan_from_json(text).typed_spec
+    again = plan_from_json(text).spec
     assert again == spec
     assert plan_to_json(make_plan(again)) == text
 
@@ -257,8 +257,8 @@ def test_a_threshold_curve_is_recorded_to_the_last_digit():
     )
     plan = plan_of(8, extra=f"[drive]\n{lists}\n")
     again = plan_from_json(plan_to_json(plan))
-    assert again.typed_spec.drive.threshold_um == (0.1 + 0.2, 0.1, 2e-5)
-    assert plan_to_json(make_plan(again.typed_spec)) == plan_to_json(plan)
+    assert again.spec.drive.threshold_um == (0.1 + 0.2, 0.1, 2e-5)
+    assert plan_to_json(make_plan(again.spec)) == plan_to_json(plan)
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"name": 3}', "[" * 100_000, '{"name": ' + "9" * 5000 + "}"])
@@ -330,9 +330,9 @@ def test_sag_by_hand():
     channel = plan.channels[0]
     beam = channel.beam
     model = TaxelModel(
-        plan.typed_spec,
+        plan.spec,
         "cantilever",
-        plate_shape(plan.typed_spec),
+        plate_shape(plan.spec),
         BeamShape(beam.width_mm, beam.thickness_mm, beam.length_mm),
     )
     inertia = beam.width_mm * beam.thickness_mm**3 / 12
@@ -395,7 +395,7 @@ def test_a_washer_that_the_coil_does_not_pull_is_an_error():
     plan = plan_of(1, 50, 200, extra + "[suspension]\ntopology = 'cantilever'\n")
     (channel,) = plan.channels
     broken = replace(plan, channels=(replace(channel, force_constant_n_per_a2=-1e-9),))
-    assert "coil.force" in {f.code for f in judge_drive(plan.typed_spec, broken)}
+    assert "coil.force" in {f.code for f in judge_drive(plan.spec, broken)}
     assert "coil.force" not in {f.code for f in plan.findings}
 
 
@@ -426,7 +426,7 @@ def test_extreme_q_is_planned_as_quickly(q):
     """Ten million channels would fit the band at Q = 1e8; no more are tried than were asked for."""
     plan = make_plan(parse_spec(f'name = "a"\nresolution = 9\nband_hz = [20, 9000]\nq_min = {q}\n'))
     assert len(plan.taxels) == 9
-    assert len(_channel_counts(plan.typed_spec, 10**8)) <= 9
+    assert len(_channel_counts(plan.spec, 10**8)) <= 9
     assert plan.capacity.paper == int(np.log(450) / (2 * np.arctanh(2.5 / q)) * (1 + 1e-12))
 
 
@@ -480,14 +480,14 @@ def test_a_suggested_gap_would_do(level_um, gap_mm):
 )
 def test_a_washer_that_meets_the_coil_is_an_error(extra):
     plan = plan_of(4, 15 if "material" in extra else 50, 200, extra)
-    gap_um = plan.typed_spec.coil.gap_mm * 1e3
+    gap_um = plan.spec.coil.gap_mm * 1e3
     travels_um = {f"channel {c.index}": c.sag_um + c.static_um + c.level_um for c in plan.channels}
     assert max(travels_um.values()) >= gap_um
     level = {f.where: f.level for f in plan.findings if f.code == "gap.travel"}
     for where, travel_um in travels_um.items():
         assert level.get(where) == ("error" if travel_um >= gap_um else "warning" if travel_um > gap_um / 3 else None)
     message = next(f.message for f in plan.findings if f.code == "gap.travel")
-    assert f"the gap is {plan.typed_spec.coil.gap_mm:g} mm: its washer meets the coil; a gap of" in message
+    assert f"the gap is {plan.spec.coil.gap_mm:g} mm: its washer meets the coil; a gap of" in message
 
 
 def test_no_gap_is_suggested_that_a_coil_may_not_have():
@@ -512,7 +512,7 @@ def test_no_gap_is_suggested_that_a_coil_may_not_have():
 )
 def test_a_recess_is_whole_layers_deep(extra, depth_mm):
     plan = plan_of(4, extra=extra)
-    spec, asked_mm = plan.typed_spec, plan.typed_spec.washer.thickness_mm + plan.typed_spec.taxel.glue_gap_mm
+    spec, asked_mm = plan.spec, plan.spec.washer.thickness_mm + plan.spec.taxel.glue_gap_mm
     assert plan.plate.recess_depth_mm == pytest.approx(depth_mm, abs=1e-9)
     notes = [f.message for f in plan.findings if f.code == "recess.layers"]
     if depth_mm - asked_mm < 1e-6:

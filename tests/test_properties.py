@@ -63,7 +63,7 @@ def planned(table):
 def test_random_plans_hold_what_they_promise(table):
     plan = planned(table)
     assume(plan is not None)
-    spec = plan.typed_spec
+    spec = plan.spec
     assert plan_text(plan_from_json(plan_to_json(plan)))
     assert len(plan.taxels) == spec.resolution
     assert len(plan.sets[0]) <= plan.capacity.paper
@@ -94,7 +94,7 @@ def test_random_plans_hold_what_they_promise(table):
 @given(tables().filter(lambda table: planned(table) is not None))
 def test_random_pads_pass_their_checks(table):
     plan = planned(table)
-    spec = plan.typed_spec
+    spec = plan.spec
     # The bed is not what is tried here.
     wide = replace(spec, printer=replace(spec.printer, bed_x_mm=500.0, bed_y_mm=500.0))
     plan = replace(plan, spec=asdict(wide))

@@ -81,7 +81,7 @@ def test_the_pad_weighs_what_was_planned(folder, sliced):
 
 def test_washers_enter_their_recesses_and_sink_in(sliced):
     plan, laid_lines = sliced
-    washer = plan.typed_spec.washer
+    washer = plan.spec.washer
     recesses = laid_recesses(plan, laid_lines, CENTRE_MM)
     assert len(recesses) == 32
     for recess in recesses:

@@ -20,7 +20,7 @@ from tests.conftest import SMALL
 
 def volume_by_hand(plan, channel):
     """Frame less window, beams with flares, blocks, boss with chamfer, less recess."""
-    spec = plan.typed_spec
+    spec = plan.spec
     made, taxel, pad = plan.arrangement(channel), spec.taxel, spec.pad
     beam = channel.beam
     frame = (plan.cell.width_mm * plan.cell.depth_mm - float(np.prod(made.window_mm))) * pad.frame_thickness_mm
@@ -53,14 +53,14 @@ def test_volume_of_a_taxel_by_hand(topology_name):
 
 
 def test_a_pad_without_bosses_is_built(small_plan):
-    spec = small_plan.typed_spec
+    spec = small_plan.spec
     flat = make_plan(replace(spec, taxel=replace(spec.taxel, boss_protrusion_mm=0.0, boss_edge_mm=0.0)))
     for channel in flat.channels:
         assert float(taxel_solid(flat, channel).volume) == pytest.approx(volume_by_hand(flat, channel), rel=1e-9)
 
 
 def test_post_stands_in_the_recess(small_plan):
-    spec = small_plan.typed_spec
+    spec = small_plan.spec
     with_post = make_plan(replace(spec, taxel=replace(spec.taxel, centre_post=True)))
     channel = with_post.channels[0]
     grown = float(taxel_solid(with_post, channel).volume) - volume_by_hand(with_post, channel)
@@ -76,7 +76,7 @@ def test_washer_touches_the_roof_of_its_recess(small_plan):
 
 def test_pad_volume_is_its_tiles_and_border(small_pad, small_plan):
     tiles = sum(volume_by_hand(small_plan, small_plan.channels[t.channel]) for t in small_plan.taxels)
-    pad = small_plan.typed_spec.pad
+    pad = small_plan.spec.pad
     side, radius = 25 + 2 * pad.border_mm, pad.border_mm / 2
     border = side**2 - (4 - np.pi) * radius**2 - 25**2 - np.pi * pad.hole_diameter_mm**2
     assert small_pad.volume_mm3 == pytest.approx(tiles + border * pad.frame_thickness_mm, rel=1e-9)
@@ -108,7 +108,7 @@ def test_empty_places_are_plain_frame():
 
 def test_bosses_stand_where_the_plan_says(small_pad, small_plan):
     solid = as_manifold(small_pad.mesh, "pad")
-    pad, taxel = small_plan.typed_spec.pad, small_plan.typed_spec.taxel
+    pad, taxel = small_plan.spec.pad, small_plan.spec.taxel
     top = pad.frame_thickness_mm + taxel.boss_protrusion_mm
     for place in small_plan.taxels:
         hits = solid.ray_cast((place.x_mm, place.y_mm, 20.0), (place.x_mm, place.y_mm, -1.0))

@@ -68,7 +68,7 @@ def test_another_layout_has_the_same_taxels(store, small_plan, monkeypatch, chan
 def test_another_taxel_has_another_key(small_plan):
     """The same channel in a plan that differs in one thing that its solid is made from."""
     channel, plate = small_plan.channels[0], small_plan.plate
-    thicker = {**small_plan.spec, "pad": {**small_plan.spec["pad"], "frame_thickness_mm": 4.2}}
+    thicker = replace(small_plan.spec, pad=replace(small_plan.spec.pad, frame_thickness_mm=4.2))
     others = {
         "frame": replace(small_plan, spec=thicker),
         "outline": replace(small_plan, cell=replace(small_plan.cell, width_mm=small_plan.cell.width_mm + 0.1)),
@@ -154,9 +154,8 @@ def test_a_washers_triangles_are_the_cad_kernels(small_plan):
 
 
 def test_a_disc_is_a_washer_without_a_bore(small_plan):
-    disc = replace(small_plan.typed_spec.washer, inner_diameter_mm=0.0)
-    plan = replace(small_plan)
-    vars(plan)["typed_spec"] = replace(small_plan.typed_spec, washer=disc)
+    disc = replace(small_plan.spec.washer, inner_diameter_mm=0.0)
+    plan = replace(small_plan, spec=replace(small_plan.spec, washer=disc))
     volume = pi / 4 * disc.outer_diameter_mm**2 * disc.thickness_mm
     assert as_manifold(washer_mesh(plan, plan.channels[0]), "disc").volume() == pytest.approx(volume, rel=0.01)
 
@@ -165,14 +164,14 @@ def test_a_disc_is_a_washer_without_a_bore(small_plan):
 @pytest.mark.parametrize("above", [None, False, True])
 def test_the_borders_triangles_hold_its_volume(change, above):
     plan = varied(**change)
-    cut = None if above is None else groove(plan.typed_spec, -4.0, above)
+    cut = None if above is None else groove(plan.spec, -4.0, above)
     mesh = border_mesh(plan, (2, 3), CHORD_MM, ANGLE_RAD, cut)
     assert as_manifold(mesh, "border").volume() == pytest.approx(border_volume_mm3(plan, cut), rel=3e-4)
     fine = border_mesh(plan, (2, 3), 1e-5, ANGLE_RAD, cut)
     assert as_manifold(fine, "border").volume() == pytest.approx(border_volume_mm3(plan, cut), rel=1e-6)
     if cut is not None:
         without = border_volume_mm3(plan)
-        pad_ = plan.typed_spec.pad
+        pad_ = plan.spec.pad
         deep = min(abs(cut.y0 - cut.y1) / 2, pad_.border_mm)
         assert without - border_volume_mm3(plan, cut) == pytest.approx(
             (cut.x1 - cut.x0) * deep * pad_.frame_thickness_mm, rel=1e-9
@@ -184,14 +183,14 @@ def test_the_borders_triangles_hold_its_volume(change, above):
 def test_the_borders_inside_has_a_vertex_wherever_tiles_meet(small_plan):
     mesh = border_mesh(small_plan, (2, 3), CHORD_MM, ANGLE_RAD)
     corners = {tuple(point) for point in mesh.vertices_mm.round(9).tolist()}
-    size = small_plan.typed_spec.pad
+    size = small_plan.spec.pad
     for x in np.linspace(-size.width_mm / 2, size.width_mm / 2, 4).round(9).tolist():
         for y in (-size.depth_mm / 2, size.depth_mm / 2):
             assert {(x, y, 0.0), (x, y, size.frame_thickness_mm)} <= corners
 
 
 def test_arcs_are_within_the_chord(small_plan):
-    size, radius = small_plan.typed_spec.pad, small_plan.typed_spec.pad.hole_diameter_mm / 2
+    size, radius = small_plan.spec.pad, small_plan.spec.pad.hole_diameter_mm / 2
     mesh = border_mesh(small_plan, (2, 2), CHORD_MM, ANGLE_RAD)
     centre = np.array([1, 1]) * (size.width_mm + size.border_mm) / 2
     around = mesh.vertices_mm[mesh.vertices_mm[:, 2] == 0][:, :2] - centre

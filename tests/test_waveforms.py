@@ -277,7 +277,7 @@ def test_lines_and_spurs_of_the_other_schemes(tmp_path, quads, name):
 
 def test_on_a_carrier_the_lines_are_the_same(tmp_path, quads):
     plan = quads["spur-free"]
-    spec = replace(plan.typed_spec, drive=replace(plan.typed_spec.drive, voltage_limit_v=500.0))
+    spec = replace(plan.spec, drive=replace(plan.spec.drive, voltage_limit_v=500.0))
     plan = make_plan(spec)
     drive = make_drive(plan, 96000, carrier_hz=6000)
     levels = np.random.default_rng(5).uniform(0.3, 1, len(plan.taxels))

@@ -86,7 +86,7 @@ def test_the_paper_s_pad_as_planned_and_as_printed(paper_plan):
     exact = print_yield(paper_plan, 50, spreads=NONE)
     assert dbs(exact.planned) == pytest.approx([paper_plan.selectivity.placed_own_modes_db] * 4, abs=DB)
     printed = print_yield(paper_plan, 2000)
-    assert printed.spreads == spreads_of(paper_plan.typed_spec)
+    assert printed.spreads == spreads_of(paper_plan.spec)
     assert printed.planned.median_db < -10 < 0 < printed.retuned.median_db < exact.nominal_db
     assert printed.planned.taxels.share < 0.01 < 0.4 < printed.retuned.taxels.share
 
@@ -189,7 +189,7 @@ def states_db(plan, off_by, retuned):
     """Smallest ON over largest OFF amplitude of a coil with resonances `off_by` times the plan's, by all states."""
     names = ("resonance_hz", "q", "effective_mass_g", "force_constant_n_per_a2")
     planned, q, mass, pull = (np.array([getattr(c, name) for c in plan.channels]) for name in names)
-    drive, scheme = plan.typed_spec.drive, plan.selectivity.drive
+    drive, scheme = plan.spec.drive, plan.selectivity.drive
     hz = planned * off_by
     tone = hz if retuned else planned
     level = tone**-drive.level_law

@@ -72,7 +72,7 @@ def yield_figures(printed: "PrintYield") -> dict[str, Any]:
 
 def build_figures(plan: "Plan", figures: dict[str, Any]) -> dict[str, Any]:
     """What was measured on the mesh, and about how long it prints."""
-    spec, volume = plan.typed_spec, float(figures["volume_mm3"])
+    spec, volume = plan.spec, float(figures["volume_mm3"])
     printer = spec.printer
     if printer.process == "resin":
         seconds = figures["size_mm"][2] / printer.layer_mm * RESIN_S_PER_LAYER

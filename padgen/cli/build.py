@@ -87,7 +87,7 @@ def _check(options: argparse.Namespace) -> int:
             plan, source = plan_to_compare(options.spec, path, progress)
         progress("checking")
         # Without a spec, the limits are the default printer's.
-        report = check_foreign(mesh, plan.typed_spec if plan else make_spec(SMALLEST_SPEC), plan)
+        report = check_foreign(mesh, plan.spec if plan else make_spec(SMALLEST_SPEC), plan)
     if source:
         report = replace(report, figures={**report.figures, "compared_with": source})
     if options.json:

@@ -160,7 +160,7 @@ def write_excitation(
 
     played = excitation(plan, kind, RATES_HZ[0] if rate_hz is None else rate_hz, seconds, seed, together)
     findings = tuple(judge_load("excitation.wav", plan, excitation_load(plan, played)))
-    scale = plan.typed_spec.drive.voltage_limit_v
+    scale = plan.spec.drive.voltage_limit_v
 
     def write(path: Path) -> None:
         beyond = "".join(f"{BEYOND_LIMIT}{finding.message}" for finding in findings)

@@ -108,7 +108,7 @@ def excitation(
         q = float(np.median([channel.q for channel in plan.channels]))
         silence = (0, total - swept)
         current, slope = (np.pad(v, silence) for v in noise_current_a(swept, rate_hz, band, line, q, seed))
-    coil = plan.typed_spec.coil
+    coil = plan.spec.coil
     volts = coil.resistance_ohm * current + coil.inductance_mh * MH * slope
     square = float((current[:swept] ** 2).mean())
     share = _share(plan, float(np.abs(volts).max()), square)
@@ -122,7 +122,7 @@ def excitation(
 
 def _share(plan: Plan, peak_v: float, square_a2: float) -> float:
     """What of the planned levels every limit allows: amplifier, copper, and the mean pull that the plan has."""
-    spec = plan.typed_spec
+    spec = plan.spec
     scheme = scheme_named(spec, plan.selectivity.drive)
     planned = max(mean_square_a2(scheme, squared_current_lines(own), spec.drive.headroom) for own in plan.sets)
     return min(

@@ -65,7 +65,7 @@ def judge_load(
     cure: str = "",
 ) -> Iterator[Finding]:
     """Errors about a load; `limit_v` None is the spec's, `cure` ends every sentence."""
-    spec = plan.typed_spec
+    spec = plan.spec
     limit_v = spec.drive.voltage_limit_v if limit_v is None else limit_v
     if load.peak_v > limit_v * NEAR:
         yield voltage_finding(where, load.peak_v, limit_v, cure)
@@ -93,7 +93,7 @@ def voltage_finding(where: str, peak_v: float, limit_v: float, cure: str) -> Fin
 
 def _pull(where: str, plan: Plan, load: Load, tuning: Tuning | None, cure: str) -> Iterator[Finding]:
     """Whether a washer snaps to its coil, or comes nearer to it than a third of the gap leaves."""
-    spec, columns = plan.typed_spec, plan.coils.columns
+    spec, columns = plan.spec, plan.coils.columns
     share, travel_um = 0.0, 0.0
     seen: dict[tuple[Channel, float, float], tuple[float, float]] = {}
     channels = printed_channels(plan, tuning or planned_tuning(plan))
@@ -126,7 +126,7 @@ def _pull(where: str, plan: Plan, load: Load, tuning: Tuning | None, cure: str) 
 
 def _level_text(plan: Plan, drive: PadDrive, shown: Timeline | None, tuning: Tuning | None, load: Load) -> str:
     """The level at which the same is within all limits, as a clause: it was tried."""
-    spec = plan.typed_spec
+    spec = plan.spec
     level = spec.drive.level_um
     for _ in range(TRIES):
         loss_w = float(load.square_a2.max()) * spec.coil.resistance_ohm
@@ -137,7 +137,7 @@ def _level_text(plan: Plan, drive: PadDrive, shown: Timeline | None, tuning: Tun
         level = float(text)
         if level < SMALLEST_LEVEL_UM:
             break
-        lower = replace(plan, spec={**plan.spec, "drive": {**plan.spec["drive"], "level_um": level}})
+        lower = replace(plan, spec=replace(spec, drive=replace(spec.drive, level_um=level)))
         other = make_drive(
             lower, drive.rate_hz, tuning, carrier_hz=drive.carrier_hz, bandwidth_hz=spec.drive.bandwidth_hz
         )

@@ -125,7 +125,7 @@ def make_drive(
         lines of their own, a carrier outside its bounds, or a taxel that the coil cannot move.
     """
     tuning = tuning or planned_tuning(plan)
-    spec, scheme = plan.typed_spec, scheme_named(plan.typed_spec, plan.selectivity.drive)
+    spec, scheme = plan.spec, scheme_named(plan.spec, plan.selectivity.drive)
     highest_hz = max(taxel.resonance_hz for taxel in tuning.taxels)
     _refuse_rate(rate_hz, highest_hz)
     period_s, harmonic = _comb(plan, tuning, scheme, rate_hz, period_s)

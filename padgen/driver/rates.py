@@ -27,9 +27,7 @@ def drive_at(
     """The drive at `rate_hz`, or where that is None at the first of `rates_hz` that will do."""
 
     def made(rate: int) -> PadDrive:
-        return make_drive(
-            plan, rate, tuning=tuning, carrier_hz=carrier_hz, bandwidth_hz=plan.typed_spec.drive.bandwidth_hz
-        )
+        return make_drive(plan, rate, tuning=tuning, carrier_hz=carrier_hz, bandwidth_hz=plan.spec.drive.bandwidth_hz)
 
     if rate_hz is not None:
         return made(rate_hz)

@@ -69,7 +69,7 @@ def coil_states(plan: Plan) -> tuple[State, ...]:
     """All states of a coil of each set, the lowest channel changing slowest; empty above `LARGEST_TABLE` channels."""
     if len(plan.sets[0]) > LARGEST_TABLE:
         return ()
-    scheme = scheme_named(plan.typed_spec, plan.selectivity.drive)
+    scheme = scheme_named(plan.spec, plan.selectivity.drive)
     return tuple(
         _state(plan, scheme, number, bits)
         for number, own in enumerate(plan.sets)
@@ -92,7 +92,7 @@ def _state(plan: Plan, scheme: Scheme, number: int, bits: tuple[int, ...]) -> St
 
 def _static_force_mn(plan: Plan, scheme: Scheme, own: tuple[Channel, ...], bits: tuple[int, ...]) -> float:
     lines, on = squared_current_lines(own), np.array(bits, dtype=bool)
-    square_a2 = mean_square_a2(scheme, lines, plan.typed_spec.drive.headroom, on)
+    square_a2 = mean_square_a2(scheme, lines, plan.spec.drive.headroom, on)
     return square_a2 * own[0].force_constant_n_per_a2 / MN
 
 

@@ -21,7 +21,7 @@ __all__ = ["drive_csv", "drive_json", "drive_rows"]
 
 def drive_rows(plan: Plan) -> tuple[DriveRow, ...]:
     """The table: a row per channel and, where the current has a constant part, its row."""
-    spec = plan.typed_spec
+    spec = plan.spec
     scheme = scheme_named(spec, plan.selectivity.drive)
     rows: dict[int | str, DriveRow] = {}
     constant: list[DriveRow] = []
@@ -83,8 +83,8 @@ def drive_json(plan: Plan) -> str:
 
 def _recipe(plan: Plan, kind: int) -> dict[str, Any]:
     """What the current of a coil of set `kind` is made of, as a formula and its numbers in A and A²."""
-    scheme, own = scheme_named(plan.typed_spec, plan.selectivity.drive), plan.sets[kind]
-    lines, headroom = squared_current_lines(own), plan.typed_spec.drive.headroom
+    scheme, own = scheme_named(plan.spec, plan.selectivity.drive), plan.sets[kind]
+    lines, headroom = squared_current_lines(own), plan.spec.drive.headroom
     recipe: dict[str, Any] = {"channels": [c.index for c in own], "squared_lines_a2": lines.tolist()}
     tones_a = current_lines_a(scheme, lines).tolist()
     if scheme.name == "spur-free":

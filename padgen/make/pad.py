@@ -169,7 +169,7 @@ def plan_to_compare(spec: str, mesh: Path, progress: Progress = lambda step: Non
     asked = load_spec(spec)
     if beside.is_file():
         recorded = read_plan(beside)
-        if replace(recorded.typed_spec, model=asked.model) == asked:
+        if replace(recorded.spec, model=asked.model) == asked:
             return _named(recorded, str(beside))
     from padgen.make.solid_tuning import planned
 

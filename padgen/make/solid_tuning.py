@@ -202,7 +202,7 @@ class TaxelSolver:
 
     def _inputs(self, plan: Plan, channel: Channel) -> dict[str, Any]:
         """All that the modes depend on."""
-        spec = plan.typed_spec
+        spec = plan.spec
         return {
             "plate": asdict(plan.plate),
             "beam": asdict(channel.beam),
@@ -296,7 +296,7 @@ def solid_taxel(plan: Plan, channel: Channel, step: Path) -> Any:
     """What is solved (`verify.elasticity.SolidTaxel`): the STEP file with its materials."""
     from padgen.verify.elasticity import Elastic, SolidTaxel, layered
 
-    spec = plan.typed_spec
+    spec = plan.spec
     material, washer = spec.material, spec.washer
     printed = Elastic(material.youngs_modulus_gpa * GPA, material.poisson_ratio, material.density_g_per_cm3 * G_PER_CM3)
     ring_mm2 = pi / 4 * (washer.outer_diameter_mm**2 - washer.inner_diameter_mm**2)

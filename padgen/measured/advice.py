@@ -126,7 +126,7 @@ def _coil(plan: Plan, tuning: Tuning, index: Sequence[int], figures: CoilFigures
         np.array([t.q for t in taxels]),
         np.array([t.response_um_per_a2 for t in taxels]),
         np.array(mass),
-        scheme_named(plan.typed_spec, plan.selectivity.drive),
+        scheme_named(plan.spec, plan.selectivity.drive),
         1.0,
     )
     # Other modes cost what they cost now.

@@ -116,7 +116,7 @@ def _step_text(step: TrimStep) -> str:
 
 
 def _level(plan: Plan, after: Sequence[CoilFigures], loads: Sequence[CoilLoad]) -> Iterator[Finding]:
-    spec = plan.typed_spec
+    spec = plan.spec
     level = spec.drive.level_um
     beyond = [(c, load) for c, load in zip(after, loads, strict=True) if load.reachable_level_um < level]
     if not beyond:

@@ -83,9 +83,9 @@ class CoilFigures:
 
 def levels_um(plan: Plan, resonance_hz: np.ndarray) -> np.ndarray:
     """ON amplitudes (t,) in µm that the plan's level law wants at these resonances."""
-    law = level_law(plan.typed_spec)
+    law = level_law(plan.spec)
     first = np.array([plan.channels[0].resonance_hz])
-    levels: np.ndarray = law(resonance_hz) * (plan.typed_spec.drive.level_um / law(first)[0])
+    levels: np.ndarray = law(resonance_hz) * (plan.spec.drive.level_um / law(first)[0])
     return levels
 
 
@@ -104,7 +104,7 @@ def planned_tones(plan: Plan) -> Tones:
 
 def one_coil_spec(plan: Plan) -> Spec:
     """The plan's spec, for the channels of one coil: they are not dealt out to two sets any more."""
-    spec = plan.typed_spec
+    spec = plan.spec
     return replace(spec, coil=replace(spec.coil, reuse="same"))
 
 
@@ -202,7 +202,7 @@ def predicted(
     `wanted_um` (t,) are the levels that ON taxels should have (None: the law's, at the print's resonances), the scheme
     the plan's unless it is named.
     """
-    scheme = scheme_named(plan.typed_spec, scheme_name or plan.selectivity.drive)
+    scheme = scheme_named(plan.spec, scheme_name or plan.selectivity.drive)
     channels, spec = printed_channels(plan, tuning), one_coil_spec(plan)
     response = _of(tuning, "response_um_per_a2")
     response = np.maximum(response, UNPULLED * (response.max() or 1.0))

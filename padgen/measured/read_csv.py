@@ -376,6 +376,6 @@ def _squared_current(sheet: _Sheet, values: np.ndarray, rate: float, plan: Plan)
             f"column {name!r} is {number(float(abs(column[0])))} throughout; leave it out for a free decay", sheet.where
         )
     if name == "voltage_v":
-        coil = plan.typed_spec.coil
+        coil = plan.spec.coil
         column = current_of_voltage(rate, column, coil.resistance_ohm, coil.inductance_mh * MH)
     return np.asarray(column**2)

@@ -57,7 +57,7 @@ def _squared_current(column: np.ndarray, rate: float, plan: Plan, excitation: st
     if np.ptp(column**2) < SMALLEST:
         raise FileError("channel 1, the excitation, does not change; leave it out for free decays", where)
     if excitation == "voltage":
-        coil = plan.typed_spec.coil
+        coil = plan.spec.coil
         column = current_of_voltage(rate, column, coil.resistance_ohm, coil.inductance_mh * MH)
         column = column * coil.resistance_ohm
     return np.asarray(column**2)

@@ -72,7 +72,7 @@ def _moved(plan: Plan, index: int, taxel: TunedTaxel, ratio: float, sigma: float
 
 def _covariance(plan: Plan, channel: np.ndarray) -> np.ndarray:
     """Covariance of ln f of the pad's taxels and then of a coupon's, whose `channel` (n,) are given."""
-    design, spreads = design_of(plan, None), spreads_of(plan.typed_spec)
+    design, spreads = design_of(plan, None), spreads_of(plan.spec)
     count = len(plan.taxels)
     model = np.array([c.model_error for c in plan.channels])[channel]
     total = np.where(channel[:, None] == channel, model[:, None] * model, 0.0)

@@ -165,7 +165,7 @@ def retuned(
 
 
 def _scheme_db(plan: Plan, tuning: Tuning, name: str) -> float | None:
-    cubic = scheme_named(plan.typed_spec, name).has_pair_spurs and name != plan.selectivity.drive
+    cubic = scheme_named(plan.spec, name).has_pair_spurs and name != plan.selectivity.drive
     if cubic and len(plan.sets[0]) > MOST_WITH_SPURS:
         return None
     return worst_db(predicted(plan, tuning, tones_at(plan, tuning), scheme_name=name))
@@ -181,7 +181,7 @@ def _loads(plan: Plan, tuning: Tuning) -> tuple[CoilLoad, ...]:
 
 def _low_db(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> list[float | None]:
     """What each coil keeps in all but `LOW_QUANTILE` of the prints that agree with the measurement."""
-    rng, scheme = np.random.default_rng(0), scheme_named(plan.typed_spec, plan.selectivity.drive)
+    rng, scheme = np.random.default_rng(0), scheme_named(plan.spec, plan.selectivity.drive)
     value = np.array([(t.resonance_hz, t.q, max(t.response_um_per_a2, 1e-300)) for t in tuning.taxels])
     error = np.array([(t.resonance_error_hz, t.q_error, t.response_error) for t in tuning.taxels]) / value
     # Log-normal, so that nothing becomes negative; the first draw is what was measured.

@@ -53,7 +53,7 @@ class MeasuredRow:
 
 def tuned_rows(plan: Plan, tuning: Tuning) -> tuple[TunedRow, ...]:
     """The table: a row per taxel in the plan's order and, where the current has a constant part, one per coil."""
-    spec, channels = plan.typed_spec, printed_channels(plan, tuning)
+    spec, channels = plan.spec, printed_channels(plan, tuning)
     scheme = scheme_named(spec, plan.selectivity.drive)
     rows: dict[int, TunedRow] = {}
     constant = []

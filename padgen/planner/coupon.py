@@ -8,7 +8,6 @@ times as much as its taxels: lying loose, it would move with them and raise thei
 
 from dataclasses import replace
 from math import ceil
-from typing import Any
 
 from padgen.planner.layout import SLACK_MM
 from padgen.planner.marks import groove
@@ -59,7 +58,7 @@ def coupon_groove(coupon: Plan) -> Outline:
     first = next(taxel for taxel in coupon.taxels if taxel.channel == 0)
     at_x, at_y = coupon.channels[0].site.centre_mm
     x0, y0 = coil_axis_mm(coupon.coils, *first.coil)
-    return groove(coupon.typed_spec, x0 + at_x, above=y0 + at_y > SLACK_MM)
+    return groove(coupon.spec, x0 + at_x, above=y0 + at_y > SLACK_MM)
 
 
 def coil_axis_mm(coils: CoilGrid, row: int, column: int) -> tuple[float, float]:
@@ -76,12 +75,12 @@ def _coils(plan: Plan) -> CoilGrid:
     return replace(coils, rows=rows, columns=columns)
 
 
-def _spec(plan: Plan, name: str, coils: CoilGrid, taxels: int) -> dict[str, Any]:
-    spec = plan.typed_spec
+def _spec(plan: Plan, name: str, coils: CoilGrid, taxels: int) -> Spec:
+    spec = plan.spec
     width, depth = coils.columns * coils.pitch_x_mm, coils.rows * coils.pitch_y_mm
-    pad = {**plan.spec["pad"], "width_mm": width, "depth_mm": depth, "border_mm": _border_mm(spec)}
-    coil = {**plan.spec["coil"], "grid": (coils.rows, coils.columns)}
-    return {**plan.spec, "name": name, "resolution": taxels, "pad": pad, "coil": coil}
+    pad = replace(spec.pad, width_mm=width, depth_mm=depth, border_mm=_border_mm(spec))
+    coil = replace(spec.coil, grid=(coils.rows, coils.columns))
+    return replace(spec, name=name, resolution=taxels, pad=pad, coil=coil)
 
 
 def _border_mm(spec: Spec) -> float:

@@ -85,7 +85,7 @@ def _placed_db(sets: Sequence[Placed], scheme: Scheme) -> float:
 
 def run_times_s(plan: Plan) -> tuple[float, float]:
     """What the paper's bound and the exact figures take to compute for this plan, in s, best of three."""
-    spec, figures = plan.typed_spec, plan.selectivity
+    spec, figures = plan.spec, plan.selectivity
     scheme = scheme_named(spec, figures.drive)
 
     def exact() -> None:

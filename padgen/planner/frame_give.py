@@ -54,7 +54,7 @@ def _reaction(plan: Plan, channel: Channel) -> TaxelReaction:
 
 def _ribs(plan: Plan, channel: Channel, clamping: str) -> Ribs:
     """The rib at the root is a half on this side of the seam and no less than the thinnest on the other."""
-    box, pad, material = outline(plan, channel), plan.typed_spec.pad, plan.typed_spec.material
+    box, pad, material = outline(plan, channel), plan.spec.pad, plan.spec.material
     length, width = (float(v) for v in plan.arrangement(channel).window_mm)
     walls = (-box.x0, box.x1 - length, width / 2 + box.y1 - width, -box.y0 - width / 2)
     wide, deep = box.x1 - box.x0, box.y1 - box.y0

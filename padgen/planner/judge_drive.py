@@ -172,7 +172,7 @@ def _softening(spec: Spec, plan: Plan) -> Iterator[Finding]:
 
 def _beats(plan: Plan) -> Iterator[Finding]:
     """Spurs of two channels that fall on one of the two: their sum or difference with it is not a steady level."""
-    scheme = scheme_named(plan.typed_spec, plan.selectivity.drive)
+    scheme = scheme_named(plan.spec, plan.selectivity.drive)
     scale = 1.0 if scheme.has_constant else 0.5
     for own in plan.sets if scheme.has_pair_spurs else ():
         for low, high in combinations(own, 2):

@@ -1,6 +1,6 @@
 """Spec → Plan: search the layouts, size the beams, place the taxels, judge the result."""
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 from itertools import islice
 from typing import NamedTuple
 
@@ -62,15 +62,9 @@ def choose(spec: Spec) -> Choice:
 
 def finish(spec: Spec, choice: Choice) -> Plan:
     """The plan of a choice; its channels' beams and models may have been changed since."""
-    bare = _with_spec(_assemble(spec, choice), spec)
-    known = _with_spec(replace(bare, left_out=left_out(spec, bare)), spec)
-    return _with_spec(replace(known, findings=judge(spec, known)), spec)
-
-
-def _with_spec(plan: Plan, spec: Spec) -> Plan:
-    """The plan, which need not read its own `typed_spec` back from plain data."""
-    vars(plan)["typed_spec"] = spec
-    return plan
+    bare = _assemble(spec, choice)
+    known = replace(bare, left_out=left_out(spec, bare))
+    return replace(known, findings=judge(spec, known))
 
 
 def _assemble(spec: Spec, choice: Choice) -> Plan:
@@ -83,7 +77,7 @@ def _assemble(spec: Spec, choice: Choice) -> Plan:
     pitch_x, pitch_y = spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows
     return Plan(
         name=spec.name,
-        spec=asdict(spec),
+        spec=spec,
         capacity=coil_capacity(spec, selectivity.drive, choice.limits),
         coils=CoilGrid(layout.rows, layout.columns, min(pitch_x, pitch_y), pitch_x, pitch_y, spec.coil.sets),
         cell=Cell(layout.sub_columns, layout.sub_rows, layout.sub_width_mm, layout.sub_depth_mm, layout.beam_axis),

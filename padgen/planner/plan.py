@@ -2,14 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
 
 from padgen.core.files import json_text
 from padgen.core.finding import Finding
 from padgen.planner.suspensions import TOPOLOGIES, Arrangement, BeamShape, PlateShape
-from padgen.spec import Spec, make_spec
-from padgen.spec.load import without_none
+from padgen.spec import Spec
 
 __all__ = [
     "Beam",
@@ -335,7 +332,7 @@ class Plan:
     """The whole plan; every later stage reads this and nothing else."""
 
     name: str
-    spec: dict[str, Any]
+    spec: Spec
     capacity: Capacity
     coils: CoilGrid
     cell: Cell
@@ -350,11 +347,6 @@ class Plan:
     printing: dict[str, str]
     left_out: tuple[LeftOut, ...]
     findings: tuple[Finding, ...]
-
-    @cached_property
-    def typed_spec(self) -> Spec:
-        """The spec as the frozen `Spec` that the plan was made from."""
-        return make_spec(without_none(self.spec))
 
     @property
     def sets(self) -> tuple[tuple[Channel, ...], ...]:

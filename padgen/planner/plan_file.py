@@ -12,6 +12,8 @@ from padgen.core.files import reason
 from padgen.planner.plan import Beam, Cell, CoilGrid, Plan, Plate, Site, Taxel
 from padgen.planner.suspensions import TOPOLOGIES
 from padgen.planner.tile import TURNS
+from padgen.spec import Spec, make_spec
+from padgen.spec.load import without_none
 
 __all__ = ["plan_from_json", "read_plan"]
 
@@ -59,6 +61,8 @@ def plan_from_json(text: str, where: str = "plan.json") -> Plan:
 
 def _read(kind: Any, value: Any, where: str, drawn: bool = False) -> Any:
     """The `value` of an entry as its `kind`; raises `ValueError` when it is another."""
+    if kind is Spec:
+        return make_spec(without_none(_table(value, where)))
     if is_dataclass(kind):
         return _read_table(kind, value, where)
     if get_origin(kind) is tuple:
@@ -66,10 +70,6 @@ def _read(kind: Any, value: Any, where: str, drawn: bool = False) -> Any:
     if get_origin(kind) is UnionType:
         kinds = [k for k in get_args(kind) if type(value) in KINDS[k][0]]
         return _read(kinds[0] if kinds else get_args(kind)[0], value, where, drawn)
-    if get_origin(kind) is dict:
-        if not isinstance(value, dict):
-            raise ValueError(f"{where} must be a table")
-        return value
     if value is None and kind is float and not drawn:
         return None  # a figure without a finite value is written so
     allowed, what = KINDS[kind]
@@ -78,10 +78,14 @@ def _read(kind: Any, value: Any, where: str, drawn: bool = False) -> Any:
     return value if value is None else kind(value)
 
 
-def _read_table(kind: Any, value: Any, where: str) -> Any:
+def _table(value: Any, where: str) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise ValueError(f"{where} must be a table")
-    entries = {}
+    return value
+
+
+def _read_table(kind: Any, value: Any, where: str) -> Any:
+    value, entries = _table(value, where), {}
     for item in fields(kind):
         place = item.name if kind is Plan else f"{where}.{item.name}"
         if item.name not in value:
@@ -127,7 +131,6 @@ def _refuse_contradictions(plan: Plan) -> None:
         _refuse_sizes(taxel, f"taxels[{index}]")
     for part in ("coils", "cell", "plate"):
         _refuse_sizes(getattr(plan, part), part)
-    _ = plan.typed_spec
 
 
 def _refuse_sizes(part: Any, where: str) -> None:

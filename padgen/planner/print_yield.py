@@ -142,7 +142,7 @@ def print_yield(
     """
     if pads < 1:
         raise ValueError(f"pads must be at least 1, got {pads}")
-    spreads = spreads or spreads_of(plan.typed_spec)
+    spreads = spreads or spreads_of(plan.spec)
     design = design_of(plan, places_mm)
     affordable = max(int(budget / work(design)), 1)
     made = min(pads, affordable)

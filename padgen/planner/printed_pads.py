@@ -147,7 +147,7 @@ def spreads_of(spec: Spec) -> Spreads:
 
 def sensitivities(plan: Plan) -> np.ndarray:
     """d ln f / d ln of width, thickness and length (n, 3) of every channel, by the beam model."""
-    spec, result = plan.typed_spec, np.empty((len(plan.channels), 3))
+    spec, result = plan.spec, np.empty((len(plan.channels), 3))
     step = np.exp(STEP * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)]))
     for topology in {c.beam.topology for c in plan.channels}:
         index = [c.index for c in plan.channels if c.beam.topology == topology]
@@ -174,7 +174,7 @@ def coils_of(plan: Plan) -> dict[tuple[int, int], list[int]]:
 
 
 def design_of(plan: Plan, places_mm: np.ndarray | None) -> Design:
-    spec, sensitivity = plan.typed_spec, sensitivities(plan)
+    spec, sensitivity = plan.spec, sensitivities(plan)
     size = np.array([(c.beam.width_mm, c.beam.thickness_mm, c.beam.length_mm) for c in plan.channels])
     mass = np.array([c.effective_mass_g for c in plan.channels])
     pull = np.array([c.force_constant_n_per_a2 for c in plan.channels])

@@ -88,7 +88,7 @@ def plan_tray(plan: Plan) -> Tray:
         Coils too close for a wall between their sockets, too small or too short for one, or a gap that
         puts them into the pad.
     """
-    spec = plan.typed_spec
+    spec = plan.spec
     printer, coil, pad = spec.printer, spec.coil, spec.pad
     _refuse_coil(spec)
     _refuse_pitch(spec, plan)
@@ -125,12 +125,12 @@ def plan_tray(plan: Plan) -> Tray:
 
 def washer_underside_mm(plan: Plan) -> float:
     """How far the glued washers' undersides lie above the pad's."""
-    return plan.plate.recess_depth_mm - plan.typed_spec.washer.thickness_mm
+    return plan.plate.recess_depth_mm - plan.spec.washer.thickness_mm
 
 
 def tray_findings(plan: Plan, tray: Tray) -> tuple[Finding, ...]:
     """What the tray's dimensions mean for the pad: a gap that layers change, plates that meet the coils."""
-    spec, found = plan.typed_spec, []
+    spec, found = plan.spec, []
     off = tray.gap_mm - spec.coil.gap_mm
     if abs(off) > 1e-6:
         found.append(
@@ -222,7 +222,7 @@ def _refuse_pitch(spec: Spec, plan: Plan) -> None:
 
 def _refuse_gap(plan: Plan, clear_mm: float) -> None:
     """Refuse coils that would reach the pad's underside."""
-    spec = plan.typed_spec
+    spec = plan.spec
     if clear_mm < spec.printer.layer_mm - 1e-6:
         least = washer_underside_mm(plan) + spec.printer.layer_mm
         raise InfeasibleError(
@@ -242,7 +242,7 @@ def _corners(spec: Spec) -> tuple[tuple[float, float], ...]:
 
 def _wire_slots(plan: Plan) -> tuple[Outline, ...]:
     """Slots through the rim at the ends of the lanes between coils; of a single coil, on its sides."""
-    pad, coils = plan.typed_spec.pad, plan.coils
+    pad, coils = plan.spec.pad, plan.coils
     half_x, half_y = pad.width_mm / 2, pad.depth_mm / 2
     slots = []
     across = [(k - coils.columns / 2) * coils.pitch_x_mm for k in range(1, coils.columns)]

@@ -20,14 +20,14 @@ def plan_text(plan: "Plan") -> str:
     """A plan as a table to read."""
     from padgen.planner.left_out import left_out_line
 
-    pad, coils, capacity, figures = plan.spec["pad"], plan.coils, plan.capacity, plan.selectivity
+    pad, coils, capacity, figures = plan.spec.pad, plan.coils, plan.capacity, plan.selectivity
     count = len(plan.sets[0])
     channels = "1 channel" if count == 1 else f"{count} channels"
     pitch = number(coils.pitch_mm)
     if coils.pitch_x_mm != coils.pitch_y_mm:
         pitch = f"{number(coils.pitch_x_mm)} x {number(coils.pitch_y_mm)}"
     head = (
-        f"{plan.name}: {len(plan.taxels)} taxels on {number(pad['width_mm'])} x {number(pad['depth_mm'])} mm,"
+        f"{plan.name}: {len(plan.taxels)} taxels on {number(pad.width_mm)} x {number(pad.depth_mm)} mm,"
         f" {coils.rows} x {coils.columns} coils at {pitch} mm, {channels} per coil"
         + (", of even and of odd number in turn" if coils.sets > 1 else "")
     )

@@ -29,7 +29,7 @@ def border_mesh(
     GeometryError
         The outline cannot be triangulated: its holes meet its edges.
     """
-    pad = plan.typed_spec.pad
+    pad = plan.spec.pad
     rings = [_outside(plan, chord_mm, angle_rad, groove), _inside(plan, shape)[::-1]]
     if pad.hole_diameter_mm:
         off_x, off_y = (pad.width_mm + pad.border_mm) / 2, (pad.depth_mm + pad.border_mm) / 2
@@ -40,7 +40,7 @@ def border_mesh(
 
 def washer_mesh(plan: Plan, channel: Channel, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_RAD) -> Mesh:
     """Triangles of the washer where the glue holds it, against the roof of its recess, in the taxel's own axes."""
-    washer, depth = plan.typed_spec.washer, plan.plate.recess_depth_mm
+    washer, depth = plan.spec.washer, plan.plate.recess_depth_mm
     centre = (float(plan.arrangement(channel).washer_x_mm), 0.0)
     rings = [_circle(centre, washer.outer_diameter_mm, chord_mm, angle_rad)]
     if washer.inner_diameter_mm:
@@ -50,7 +50,7 @@ def washer_mesh(plan: Plan, channel: Channel, chord_mm: float = CHORD_MM, angle_
 
 def border_volume_mm3(plan: Plan, groove: Outline | None = None) -> float:
     """Exact volume of the border."""
-    pad = plan.typed_spec.pad
+    pad = plan.spec.pad
     cut = 0.0 if groove is None else (groove.x1 - groove.x0) * (groove.y1 - groove.y0) / 2
     whole = (pad.width_mm + 2 * pad.border_mm) * (pad.depth_mm + 2 * pad.border_mm)
     corners = (4 - pi) * (pad.border_mm / 2) ** 2
@@ -60,7 +60,7 @@ def border_volume_mm3(plan: Plan, groove: Outline | None = None) -> float:
 
 def _outside(plan: Plan, chord_mm: float, angle_rad: float, groove: Outline | None) -> np.ndarray:
     """The outside with its round corners, anticlockwise; a groove reaches outwards as far as inwards."""
-    pad = plan.typed_spec.pad
+    pad = plan.spec.pad
     radius = pad.border_mm / 2
     x, y = (v / 2 + pad.border_mm - radius for v in (pad.width_mm, pad.depth_mm))
     centres = ((x, y), (-x, y), (-x, -y), (x, -y))
@@ -76,7 +76,7 @@ def _outside(plan: Plan, chord_mm: float, angle_rad: float, groove: Outline | No
 
 def _inside(plan: Plan, shape: tuple[int, int]) -> np.ndarray:
     """The lattice's outline, anticlockwise, a point wherever tiles meet."""
-    pad, (rows, columns) = plan.typed_spec.pad, shape
+    pad, (rows, columns) = plan.spec.pad, shape
     half_x, half_y = pad.width_mm / 2, pad.depth_mm / 2
     x, y = np.linspace(-half_x, half_x, columns + 1), np.linspace(-half_y, half_y, rows + 1)
     points = [(v, -half_y) for v in x] + [(half_x, v) for v in y[1:]]

@@ -74,7 +74,7 @@ def check_pad(pad: PadSolid, plan: Plan) -> Report:
     triangles (a tile cannot leave its sub-cell), spans and the smallest widths. Everything that a
     seam or a lost taxel could break is looked for in the whole pad.
     """
-    spec = plan.typed_spec
+    spec = plan.spec
     state = topology(pad.mesh)
     figures = _shape_figures(pad.mesh, state, spec.material.density_g_per_cm3)
     findings = [*_closed(state), *_one_body(state), *_on_bed(pad.mesh, spec.printer)]
@@ -108,7 +108,7 @@ def compare_mesh(report: Report, mesh: Mesh, plan: Plan) -> Report:
 
 def compare(plan: Plan, solid: Any, figures: dict[str, Any]) -> list[Finding]:
     """Built against planned, for every taxel; adds the largest difference to `figures`."""
-    spec = plan.typed_spec
+    spec = plan.spec
     dimensions = list(measured(plan, solid))
     gaps = [abs(d.built_mm - d.planned_mm) for d in dimensions]
     finite = [gap for gap in gaps if isfinite(gap)]
@@ -329,9 +329,9 @@ def _one_cell(plan: Plan, solid: Any) -> Any:
     """The part of the pad over the first coil, which has all channels, and over its neighbour where it has others."""
     import manifold3d
 
-    coils, size = plan.coils, plan.typed_spec.pad
+    coils, size = plan.coils, plan.spec.pad
     low = (-coils.columns * coils.pitch_x_mm / 2, -coils.rows * coils.pitch_y_mm / 2, -1.0)
-    height = size.frame_thickness_mm + plan.typed_spec.taxel.boss_protrusion_mm + 2
+    height = size.frame_thickness_mm + plan.spec.taxel.boss_protrusion_mm + 2
     wide, deep = (coils.sets, 1) if coils.columns > 1 else (1, coils.sets)
     room = manifold3d.Manifold.cube((wide * coils.pitch_x_mm, deep * coils.pitch_y_mm, height)).translate(low)
     return solid ^ room

@@ -93,7 +93,7 @@ def write_taxel_step(plan: Plan, channel: Channel, path: Path) -> None:
     triangles (`padgen.solid.tile_store`).
     """
     writer = cache.code_hash("solid/export.py")
-    key = taxel_key(plan, channel, washer=asdict(plan.typed_spec.washer), step=_UNNAMED, writer=writer)
+    key = taxel_key(plan, channel, washer=asdict(plan.spec.washer), step=_UNNAMED, writer=writer)
 
     def made() -> bytes:
         text = _step(plan, channel, path).encode()
@@ -174,7 +174,7 @@ def _coloured(mesh: Mesh, rgba: tuple[int, int, int, int]) -> Any:
 
 def _screw_text(plan: Plan, tray: bool) -> str:
     """Which screws: with a tray, of the length that it takes."""
-    pad = plan.typed_spec.pad
+    pad = plan.spec.pad
     screw = screw_for(pad.hole_diameter_mm, pad.frame_thickness_mm, plan_tray(plan).height_mm) if tray else None
     holes = f"for {number(pad.hole_diameter_mm)} mm holes"
     return holes if screw is None else f"{screw.name} x {number(screw.length_mm)} mm {holes}"
@@ -182,7 +182,7 @@ def _screw_text(plan: Plan, tray: bool) -> str:
 
 def bill_of_materials(plan: Plan, plastic_g: float, parts_g: Mapping[str, float] | None = None) -> str:
     """What to buy, as CSV; `parts_g` is the plastic of parts that are printed beside the pad, by name."""
-    spec = plan.typed_spec
+    spec = plan.spec
     coils = plan.coils.rows * plan.coils.columns
     washer, coil = spec.washer, spec.coil
     rows = [

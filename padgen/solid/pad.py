@@ -80,7 +80,7 @@ def turned_grid(plan: Plan) -> np.ndarray:
 def assembled(plan: Plan, tiles: list[Tile], border: Tile, grid: np.ndarray) -> Mesh:
     """Place `tiles` by `grid` within `border` and weld the seams."""
     rows, columns = grid.shape
-    spec = plan.typed_spec
+    spec = plan.spec
     x = np.linspace(-spec.pad.width_mm / 2, spec.pad.width_mm / 2, columns + 1)
     y = np.linspace(-spec.pad.depth_mm / 2, spec.pad.depth_mm / 2, rows + 1)
     z = np.array([0.0, spec.pad.frame_thickness_mm])
@@ -147,7 +147,7 @@ def _snapped(vertices: np.ndarray, sides: Outline) -> np.ndarray:
 
 
 def _bare_tile(plan: Plan) -> Tile:
-    cell, height = plan.cell, plan.typed_spec.pad.frame_thickness_mm
+    cell, height = plan.cell, plan.spec.pad.frame_thickness_mm
     sides = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]) * (cell.width_mm, cell.depth_mm)
     vertices = np.concatenate([np.c_[sides, np.zeros(4)], np.c_[sides, np.full(4, height)]])
     quads = [(3, 2, 1, 0), (4, 5, 6, 7)] + [(i, (i + 1) % 4, (i + 1) % 4 + 4, i + 4) for i in range(4)]

@@ -34,7 +34,7 @@ def taxel_solid(plan: Plan, channel: Channel) -> Any:
     GeometryError
         The kernel refused the dimensions.
     """
-    plate, thickness = plan.plate, plan.typed_spec.pad.frame_thickness_mm
+    plate, thickness = plan.plate, plan.spec.pad.frame_thickness_mm
     arrangement = plan.arrangement(channel)
     length, width = (float(v) for v in arrangement.window_mm)
     washer_x = float(arrangement.washer_x_mm)
@@ -51,7 +51,7 @@ def taxel_solid(plan: Plan, channel: Channel) -> Any:
 
 def washer_solid(plan: Plan, channel: Channel) -> Any:
     """The washer where the glue holds it, against the roof of its recess, in the taxel's own axes."""
-    washer = plan.typed_spec.washer
+    washer = plan.spec.washer
     washer_x = float(plan.arrangement(channel).washer_x_mm)
     depth = plan.plate.recess_depth_mm
     low = depth - washer.thickness_mm

@@ -120,7 +120,7 @@ def _add_mesh(model: Any, mesh: Mesh, name: str) -> Any:
 
 
 def _add_instances(model: Any, wrapper: Any, plan: Plan, pad: PadSolid) -> None:
-    spec, turned = plan.typed_spec, turned_grid(plan)
+    spec, turned = plan.spec, turned_grid(plan)
     names = [f"taxel-{channel.index}" for channel in plan.channels] + ["frame"]
     whole = model.AddComponentsObject()
     whole.SetName(plan.name)

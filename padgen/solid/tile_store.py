@@ -33,7 +33,7 @@ def taxel_key(plan: Plan, channel: Channel, **detail: Any) -> str:
             "plate": asdict(plan.plate),
             "beam": asdict(channel.beam),
             "outline": outline(plan, channel),
-            "frame_mm": plan.typed_spec.pad.frame_thickness_mm,
+            "frame_mm": plan.spec.pad.frame_thickness_mm,
             "code": cache.code_hash(*CODE),
             "versions": [cache.version(name) for name in PACKAGES],
             **detail,

@@ -42,7 +42,7 @@ class Gauge(NamedTuple):
 
 def check_tray(built: TraySolid, plan: Plan) -> Report:
     """All checks of a tray that was built for `plan`; figures of the mesh, and of the gap as measured."""
-    spec, tray = plan.typed_spec, built.tray
+    spec, tray = plan.spec, built.tray
     report = check_mesh(built.mesh, spec.printer, spec.material.density_g_per_cm3)
     figures = {**report.figures, "exact_volume_mm3": built.volume_mm3}
     findings = [*tray_findings(plan, tray), *report.findings, *_volume(built)]
@@ -157,7 +157,7 @@ def _gap(plan: Plan, gauges: list[Gauge], figures: dict[str, Any]) -> Iterator[F
 
     It may differ from the spec's by half a layer, of which `tray_findings` tells, and by what is measured.
     """
-    spec = plan.typed_spec
+    spec = plan.spec
     seat = np.array([g.built_mm for g in gauges if g.name == "seat height"])
     rim = np.array([g.built_mm for g in gauges if g.name == "rim height"])
     offset = washer_underside_mm(plan) - spec.coil.length_mm

@@ -36,7 +36,7 @@ def build_tray(plan: Plan, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_
     GeometryError
         A kernel refused a part.
     """
-    return tray_solid(plan_tray(plan), plan.typed_spec.pad, chord_mm, angle_rad)
+    return tray_solid(plan_tray(plan), plan.spec.pad, chord_mm, angle_rad)
 
 
 def tray_solid(tray: Tray, pad: Pad, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_RAD) -> TraySolid:

@@ -124,7 +124,7 @@ def dynamics_question(plan: Plan, after_s: float | None = None, coil_set: int = 
     SolverError
         `after_s` is negative, or the coil pulls none of its washers.
     """
-    own, spec = plan.sets[coil_set], plan.typed_spec
+    own, spec = plan.sets[coil_set], plan.spec
     scheme = scheme_named(spec, plan.selectivity.drive)
     state = plan.selectivity.worst_state
     on = np.array([bit == "1" for bit in state] if len(state) == len(own) and "1" in state else [True] * len(own))

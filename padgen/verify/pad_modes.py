@@ -127,7 +127,7 @@ def _frame(pad: ReducedPad, limit: float) -> Ritz:
 
 
 def _limit(pad: ReducedPad, highest_hz: float | None) -> float:
-    top = NEAR_BAND * pad.plan.typed_spec.band_hz[1] if highest_hz is None else highest_hz
+    top = NEAR_BAND * pad.plan.spec.band_hz[1] if highest_hz is None else highest_hz
     if not top > 0:
         raise SolverError(f"must be above 0 Hz, got {number(top)}", "highest_hz")
     return (2 * np.pi * top) ** 2
@@ -140,7 +140,7 @@ def _hertz(square: np.ndarray) -> np.ndarray:
 def _waves(pad: ReducedPad) -> np.ndarray:
     """Plate bending with polynomial deflections, and shear and turning in the plane, at the lattice's vertices."""
     lines = _lines_m(pad)
-    thickness = pad.plan.typed_spec.pad.frame_thickness_mm * MM
+    thickness = pad.plan.spec.pad.frame_thickness_mm * MM
     vertex = [k for k, place in enumerate(pad.assembly.places) if place[0] == "vertex"]
     columns, rows = np.array([pad.assembly.places[k][1:] for k in vertex], dtype=np.int64).reshape(-1, 2).T
     height = np.array([pad.assembly.functions[k].height for k in vertex])
@@ -165,7 +165,7 @@ def _waves(pad: ReducedPad) -> np.ndarray:
 
 def _lines_m(pad: ReducedPad) -> tuple[np.ndarray, np.ndarray]:
     """Lattice lines along x and y in m, from the pad's centre."""
-    spec, (rows, columns) = pad.plan.typed_spec.pad, pad.assembly.shape
+    spec, (rows, columns) = pad.plan.spec.pad, pad.assembly.shape
     lines = []
     for active, tiles in ((spec.width_mm, columns - 2), (spec.depth_mm, rows - 2)):
         inner = np.linspace(-active / 2, active / 2, tiles + 1)

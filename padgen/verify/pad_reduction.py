@@ -70,7 +70,7 @@ class ReducedPad:
 
 def pad_materials(plan: Plan) -> dict[str, Elastic]:
     """The plastic, and the washer with its glue, by name of solid."""
-    spec = plan.typed_spec
+    spec = plan.spec
     plastic, washer = spec.material, spec.washer
     glue = spec.taxel.glue_mg * MG / (washer_volume_mm3(plan) * 1e-9)
     return {
@@ -132,7 +132,7 @@ def _reduce(
 ) -> ReducedTile:
     where = f"channel {channel}" if kind == TAXEL else f"the pad's {kind}"
     solid = _solid(plan, steps, clamping, kind, channel)
-    highest = resolution.modes_up_to * plan.typed_spec.band_hz[1]
+    highest = resolution.modes_up_to * plan.spec.band_hz[1]
     tile = reduced_tile(solid, pad_materials(plan), resolution.degrees, resolution.elements, highest, where)
     if kind == TAXEL:
         planned = plan.channels[channel].resonance_hz

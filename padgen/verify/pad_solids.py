@@ -89,13 +89,13 @@ def taxel_tile(plan: Plan, channel: Channel, step: Path, clamping: str) -> TileS
 
 def washer_volume_mm3(plan: Plan) -> float:
     """Volume of one washer."""
-    washer = plan.typed_spec.washer
+    washer = plan.spec.washer
     return pi / 4 * (washer.outer_diameter_mm**2 - washer.inner_diameter_mm**2) * washer.thickness_mm
 
 
 def taxel_box(plan: Plan, channel: Channel) -> Box:
     """The sub-cell of `channel` in the taxel's own axes."""
-    return Box(*outline(plan, channel), plan.typed_spec.pad.frame_thickness_mm)
+    return Box(*outline(plan, channel), plan.spec.pad.frame_thickness_mm)
 
 
 def solid_cell(plan: Plan, clamping: str) -> TileSolid:
@@ -105,7 +105,7 @@ def solid_cell(plan: Plan, clamping: str) -> TileSolid:
 
 def border_side(plan: Plan, along_x: bool, clamping: str) -> TileSolid:
     """The piece of the border along one sub-cell: of the south border (`along_x`) or of the west border."""
-    wide = plan.typed_spec.pad.border_mm
+    wide = plan.spec.pad.border_mm
     outer = "south" if along_x else "west"
     sides = tuple(side for side in ALL_SIDES if side != outer)
     held = (outer,) if clamping == "edges" else ()
@@ -116,7 +116,7 @@ def border_side(plan: Plan, along_x: bool, clamping: str) -> TileSolid:
 def border_corner(plan: Plan, clamping: str) -> TileSolid:
     """The south-west corner of the border: rounded outside, with its hole."""
     occ = engine("netgen.occ")
-    pad = plan.typed_spec.pad
+    pad = plan.spec.pad
     wide, height, hole = pad.border_mm, pad.frame_thickness_mm, pad.hole_diameter_mm
     if clamping == "corners" and not hole:
         return _boxed(plan, wide, wide, ("east", "north"), ALL_SIDES, clamping)
@@ -140,7 +140,7 @@ def border_corner(plan: Plan, clamping: str) -> TileSolid:
 def _boxed(
     plan: Plan, wide: float, deep: float, sides: tuple[str, ...], held: tuple[str, ...], clamping: str
 ) -> TileSolid:
-    box = Box(0.0, wide, 0.0, deep, plan.typed_spec.pad.frame_thickness_mm)
+    box = Box(0.0, wide, 0.0, deep, plan.spec.pad.frame_thickness_mm)
     shape = _block(box)
     shape.solids[0].name = PRINTED
     _name_sides(shape, box, sides)

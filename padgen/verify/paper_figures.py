@@ -93,7 +93,7 @@ def paper_figures(plan: Plan) -> PaperFigures:
 
 
 def _spectrum(plan: Plan, q: float, state: str) -> Spectrum:
-    channels, coil = plan.sets[0][:2], plan.typed_spec.coil
+    channels, coil = plan.sets[0][:2], plan.spec.coil
     on = np.array([bit == "1" for bit in state])
     mass = np.array([c.effective_mass_g for c in channels]) * GRAM
     pull = np.array([c.force_constant_n_per_a2 for c in channels])

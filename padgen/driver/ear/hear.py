@@ -89,7 +89,7 @@ def listen(
     FileError
         A sample is not a number.
     """
-    coil = plan.typed_spec.coil
+    coil = plan.spec.coil
     circuit = Circuit(coil.resistance_ohm, coil.inductance_mh * MH, score.by_voltage)
     ear: _Ear = _GapEar(score, taxels, spans, *_gaps(plan)) if gap else _Ear(score, taxels, spans)
     coils = []
@@ -112,7 +112,7 @@ def _gaps(plan: Plan) -> tuple[np.ndarray, np.ndarray]:
     """Gaps in m below the washers as they hang, and how the pulls grow, both (taxels,)."""
     own = [plan.channels[taxel.channel] for taxel in plan.taxels]
     sag_um = np.array([channel.sag_um for channel in own])
-    return hanging_gap_um(plan.typed_spec, sag_um) * UM, np.array([channel.pull_exponent for channel in own])
+    return hanging_gap_um(plan.spec, sag_um) * UM, np.array([channel.pull_exponent for channel in own])
 
 
 def _laps(signal: np.ndarray, score: Score, circuit: Circuit) -> Iterator[_Lap]:

@@ -90,7 +90,7 @@ def heard_taxels(plan: Plan, level_um: np.ndarray, tuning: Tuning | None = None)
     `level_um` (taxels,) is what the working mode is to do at level 1. Other modes of a print move with the
     working one, in frequency and in answer.
     """
-    radius_m = plan.typed_spec.taxel.boss_diameter_mm / 2 * MM
+    radius_m = plan.spec.taxel.boss_diameter_mm / 2 * MM
     bare = [_planned(channel, radius_m) for channel in plan.channels]
     planned = [t._replace(wanted_m=_felt_share(t, c)) for t, c in zip(bare, plan.channels, strict=True)]
     known: dict[tuple, HeardTaxel] = {}

@@ -170,8 +170,8 @@ def _devices(plan: Plan, tuning: Tuning) -> tuple[list[dict[str, Any]], list[int
 
 
 def _device(plan: Plan, index: int, tuned: TunedTaxel, device_id: int) -> dict[str, Any]:
-    channel, coil, hz, q = plan.channels[index], plan.typed_spec.coil, tuned.resonance_hz, tuned.q
-    scheme = scheme_named(plan.typed_spec, plan.selectivity.drive)
+    channel, coil, hz, q = plan.channels[index], plan.spec.coil, tuned.resonance_hz, tuned.q
+    scheme = scheme_named(plan.spec, plan.selectivity.drive)
     drive_hz = hz if scheme.has_constant else hz / 2
     as_planned = (hz, q) == (channel.resonance_hz, channel.q)
     half = 1 / (2 * q)
@@ -184,7 +184,7 @@ def _device(plan: Plan, index: int, tuned: TunedTaxel, device_id: int) -> dict[s
         "minimum_frequency": hz * (middle - half),
         "maximum_frequency": hz * (middle + half),
         "impedance": abs(complex(impedance(coil.resistance_ohm, coil.inductance_mh * MH, drive_hz))),
-        "maximum_voltage": plan.typed_spec.drive.voltage_limit_v,
+        "maximum_voltage": plan.spec.drive.voltage_limit_v,
         "maximum_current": sqrt(coil.power_limit_w / coil.resistance_ohm),
         "weight": channel.effective_mass_g * GRAM,
         "custom": q,
@@ -197,11 +197,11 @@ def _device(plan: Plan, index: int, tuned: TunedTaxel, device_id: int) -> dict[s
 def _gain(plan: Plan) -> float:
     """ON displacement over the largest that the limits allow; 0 where there is no such limit, or no pull."""
     largest_um = plan.load.reachable_level_um
-    return plan.typed_spec.drive.level_um / largest_um if largest_um > 0 and isfinite(largest_um) else 0.0
+    return plan.spec.drive.level_um / largest_um if largest_um > 0 and isfinite(largest_um) else 0.0
 
 
 def _on_um(plan: Plan, resonance_hz: float) -> float:
-    law, drive = level_law(plan.typed_spec), plan.typed_spec.drive
+    law, drive = level_law(plan.spec), plan.spec.drive
     lowest, own = law(np.array([plan.channels[0].resonance_hz, resonance_hz]))
     return float(drive.level_um * own / lowest)
 
