@@ -1,6 +1,8 @@
 """Closing the loop: plans that carry what finite elements say of the printed solids."""
 
 import json
+import os
+import signal
 import subprocess
 import sys
 import time
@@ -8,9 +10,10 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 from math import log
-from multiprocessing import active_children, get_context
+from multiprocessing import get_context
 
 import numpy as np
+import psutil
 import pytest
 
 from padgen import cli
@@ -207,7 +210,7 @@ def test_an_entry_comes_back_as_it_was(solved):
     again = loop._from_plain(json.loads(json.dumps(loop._to_plain(found))))
     assert all(np.array_equal(a, b) for a, b in zip(again.modes, found.modes, strict=True))
     assert again.error == found.error
-    assert solver._pool is None
+    assert solver._runner is None
 
 
 def test_a_refusal_leaves_no_process_and_auto_its_beam_plan(monkeypatch, tmp_path):
@@ -218,9 +221,9 @@ def test_a_refusal_leaves_no_process_and_auto_its_beam_plan(monkeypatch, tmp_pat
     with pytest.raises(SolverError, match="channel 0: no answer"):
         loop.closed_plan(spec)
     deadline = time.monotonic() + 10
-    while active_children() and time.monotonic() < deadline:
+    while psutil.Process().children() and time.monotonic() < deadline:
         time.sleep(0.05)
-    assert not active_children()
+    assert not psutil.Process().children()
     plan = loop.planned(parse_spec("model = {tolerance = 1e-4}\n" + SPEC + WHOLE))
     assert {c.model for c in plan.channels} == {"beam"}
 
@@ -232,14 +235,22 @@ def _refuse(taxel, tolerance, accept):
     raise SolverError("no answer")
 
 
-def test_an_engine_that_dies_is_one_sentence(solved, tmp_path):
-    _, plan = solved
-    with pytest.raises(SolverError, match="died"):
-        loop._results([_Dead()], plan.channels[:1])
+@pytest.mark.parametrize("way", ["dies", "misses"])
+def test_a_solver_that_breaks_down_is_one_sentence(monkeypatch, tmp_path, way):
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "empty"))
+    monkeypatch.setattr(loop, "solve_step", _dies if way == "dies" else _misses)
+    kind, sentence = {
+        "dies": (SolverError, r"channel 0: the finite elements have no answer: its process was killed \(signal 9\)"),
+        "misses": (EngineMissingError, r"model: needs the package x"),
+    }[way]
+    with pytest.raises(kind, match=sentence) as error:
+        loop.closed_plan(parse_spec(SPEC + WHOLE))
+    assert error.type is kind
 
 
-class _Dead:
-    def result(self):
-        from concurrent.futures.process import BrokenProcessPool
+def _dies(taxel, tolerance, accept):
+    os.kill(os.getpid(), signal.SIGKILL)
 
-        raise BrokenProcessPool
+
+def _misses(taxel, tolerance, accept):
+    raise EngineMissingError("needs the package x", "model")

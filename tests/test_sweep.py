@@ -19,7 +19,6 @@ from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from padgen.batch import index
@@ -27,12 +26,11 @@ from padgen.batch.definition import load_sweep, parse_sweep
 from padgen.batch.events import Clock, Event, event_table
 from padgen.batch.expression import parse_expression
 from padgen.batch.figures import plan_figures
-from padgen.batch.limits import memory_mb
 from padgen.batch.points import count_points, variant_table, variants
 from padgen.batch.sweep import run_sweep
-from padgen.core import processes
 from padgen.core.errors import FileError, SpecError
 from padgen.core.files import OutputFolder
+from padgen.core.runner import memory_mb
 from padgen.spec import catalogue
 from tests import sweep_work
 
@@ -649,15 +647,3 @@ def test_an_event_as_json(tmp_path):
     start, done, end = (json.loads(json.dumps(event_table(event))) for event in events)
     assert (start["kind"], start["left"], end["kind"], end["left"]) == ("start", 1, "end", 0)
     assert done["variant"]["number"] == 0 and done["variant"]["figures"] == {"taxels": 1} and "record" not in done
-
-
-@pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="the peak is taken by variant on Linux only")
-def test_the_peak_of_memory_is_the_variants_own():
-    processes.reset_peak()
-    before = processes.peak_mb()
-    held = np.ones(30_000_000)  # 240 MB
-    assert processes.peak_mb() > before + 200
-    del held
-    assert processes.peak_mb() > before + 200
-    processes.reset_peak()
-    assert processes.peak_mb() < before + 100

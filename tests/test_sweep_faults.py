@@ -28,8 +28,7 @@ from pathlib import Path
 
 import pytest
 
-from padgen.batch import worker
-from padgen.batch.definition import Limits, parse_sweep
+from padgen.batch.definition import parse_sweep
 from padgen.batch.lock import FolderLock
 from padgen.batch.pareto import write_pareto
 from padgen.batch.sweep import run_sweep
@@ -434,52 +433,6 @@ def test_an_executor_that_loses_everything_is_given_up(place):
 
 
 def test_a_worker_that_does_not_start(place, monkeypatch):
-    monkeypatch.setattr(worker.sys, "executable", "/nowhere/python")
+    monkeypatch.setattr(sys, "executable", "/nowhere/python")
     result = run_sweep(sweep(4), place / "out", workers=2, work=sweep_work.tiny)
     assert "worker process: cannot be started (No such file" in result.stopped and result.left == 4
-
-
-def test_an_idle_worker_ends_and_another_takes_over(place, monkeypatch):
-    workers = worker.Workers()
-    from padgen.batch.points import variants
-    from padgen.batch.variant import task_of
-
-    task = task_of(sweep(), next(variants(sweep())), (), place)
-    limits = sweep().limits
-    assert workers.run([task], sweep_work.tiny, limits)[0].status == "done"
-    (pid,) = workers.pids
-    workers._idle[0].retire()
-    wait_until(lambda: not alive(pid))
-    assert workers.run([task], sweep_work.tiny, limits)[0].status == "done"
-    workers.close()
-    assert json.dumps(workers.pids) == "[]"
-
-
-def test_several_idle_workers_that_ended_cost_no_variant(place):
-    workers = worker.Workers()
-    from padgen.batch.points import variants
-    from padgen.batch.variant import task_of
-
-    task = task_of(sweep(), next(variants(sweep())), (), place)
-    for _ in range(3):
-        workers._idle.append(worker._Worker(None))
-    for one in workers._idle:
-        one.retire()
-        one._listener.join(60)
-    assert workers.run([task], sweep_work.tiny, sweep().limits)[0].status == "done"
-    workers.close()
-
-
-def test_a_worker_that_has_grown_is_replaced(place):
-    workers = worker.Workers()
-    from padgen.batch.points import variants
-    from padgen.batch.variant import task_of
-
-    task = task_of(sweep(), next(variants(sweep())), (), place)
-    pids = []
-    for megabytes in (4000.0, 4000.0, 10.0, 4000.0):
-        # A worker holds more than 5 MB, and answers before its memory is looked at.
-        assert workers.run([task], sweep_work.tiny, Limits(memory_mb=megabytes))[0].status == "done"
-        pids.append(set(workers.pids))
-    assert pids[0] == pids[1] and not pids[2] and pids[3]
-    workers.close()

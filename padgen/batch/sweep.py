@@ -1,6 +1,6 @@
 """Run a sweep over any executor: a bounded window of tasks, every record kept at once, whatever breaks down.
 
-The code path is one: what is submitted makes variants in a watched worker process (`padgen.batch.worker`),
+The code path is one: what is submitted makes variants in a watched worker process (`padgen.core.runner`),
 on this machine or wherever the executor's own workers are.
 """
 
@@ -8,9 +8,9 @@ import errno
 import os
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,11 +22,11 @@ from padgen.batch.lock import FolderLock
 from padgen.batch.points import count_points, variant_name, variants
 from padgen.batch.variant import Record, Task, is_whole, run_task, task_of, writes_folders
 from padgen.batch.window import LostError, StoppedError, Window, records_of
-from padgen.batch.worker import Work, Workers, broken, run_tasks
+from padgen.batch.worker import IMPORTS, Work, broken, make_variants, run_tasks
 from padgen.core.cache import limit_bytes
 from padgen.core.errors import FileError, SpecError
 from padgen.core.files import remove_unchanged, take_away
-from padgen.core.processes import core_count, uninterrupted
+from padgen.core.runner import Runner, core_count, uninterrupted
 from padgen.make.pad import parse_formats
 
 __all__ = ["SweepResult", "run_sweep"]
@@ -161,18 +161,9 @@ def _place(executor: Any, workers: int, prepared: int) -> Iterator[_Place]:
     if executor is not None:
         yield _Place(executor, FOREIGN_AHEAD, run_tasks)
         return
-    own, pool = Workers(max(core_count() // workers, 1)), ThreadPoolExecutor(workers)
-
-    def close() -> None:
-        own.close()
-        pool.shutdown(wait=True, cancel_futures=True)
-
-    try:
-        for _ in range(min(workers, prepared)):
-            pool.submit(own.prepare)
-        yield _Place(pool, AHEAD * workers, own.run, close)
-    finally:
-        close()
+    with Runner(workers, IMPORTS) as own:
+        own.prepare(min(workers, prepared))
+        yield _Place(own.threads, AHEAD * workers, partial(make_variants, own), own.close)
 
 
 class _Run:

@@ -53,7 +53,7 @@ def _sweep(options: argparse.Namespace) -> int:
     from padgen.batch.definition import load_sweep
     from padgen.batch.pareto import write_pareto
     from padgen.batch.sweep import run_sweep
-    from padgen.core.processes import uninterrupted
+    from padgen.core.runner import uninterrupted
 
     # A sweep that is asked to end, as by a queue, ends as by Ctrl-C: with an index of what is done.
     signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.core.errors import PadgenError, SolverError
-from padgen.ladders.isolate import isolated
+from padgen.ladders.isolate import apart, timed
 from padgen.verify.extreme import ExtremeCase
 
 __all__ = [
@@ -131,18 +131,18 @@ def reference_of(named: Named) -> np.ndarray:
 def verdict_of(named: Named, limit_s: float = LIMIT_S) -> Verdict:
     """Run a case and its reference, and compare."""
     say: Callable[..., Verdict] = partial(Verdict, named.name, named.domain, named.model, named.source)
-    answer = isolated(partial(solve_case, named), limit_s=limit_s, budget_s=0.5, most_runs=3)
+    answer = timed(partial(solve_case, named), limit_s=limit_s, budget_s=0.5, most_runs=3)
     if answer.kind == "refused":
         return say(REFUSED, note=answer.sentence)
     if answer.kind == "failed":
         return say(WRONG, note=answer.sentence)
-    run: _Run = answer.value
+    run: _Run = answer.value.value
     if run.values is None:
-        return say(REFUSED, seconds=answer.seconds, note=run.refusal)
-    truth = isolated(partial(reference_of, named), limit_s=limit_s, budget_s=0.0, most_runs=1)
+        return say(REFUSED, seconds=answer.value.seconds, note=run.refusal)
+    truth = apart(reference_of, named, limit_s=limit_s)
     figures = {
         "stated_error": run.stated_error,
-        "seconds": answer.seconds,
+        "seconds": answer.value.seconds,
         "residual": run.residual,
         "condition": run.condition,
     }

@@ -1,81 +1,94 @@
-"""Run one piece of work in a process of its own, on one thread, and measure it.
+"""Run one piece of work in a process of its own, on one thread, and measure it there.
 
 A crash of an engine costs one rung, netgen and build123d never meet in one process, and the peak of
 memory is the work's own.
 """
 
-import os
+import gc
 import pickle
-import signal
-import subprocess
 import sys
-import tempfile
+import time
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from padgen.core.errors import PadgenError, SolverError
-from padgen.core.processes import ONE_THREAD
-from padgen.ladders.child import Answer, Job
+from padgen.core.errors import SolverError
+from padgen.core.runner import Answer, Runner, peak_mb, reset_peak
 from padgen.ladders.rung import Measured, Rung
 
-__all__ = ["isolated", "measured", "run_apart"]
+__all__ = ["Timed", "apart", "measured", "run_apart", "run_timed", "timed"]
 
-BUDGET_S = 2.0
-MOST_RUNS = 7
+LIMIT_S = 600.0
+BUDGET_S, MOST_RUNS = 2.0, 7
+LONG_S = 6.0
+"""A run that takes longer is not repeated, a shorter one at least once."""
+MODELS = ("padgen.physics", "padgen.planner", "padgen.verify")
 
 
-def isolated(
+class Timed(NamedTuple):
+    """What timed work returned, and the best of its `runs`; the peak of memory is over what was held before."""
+
+    value: Any
+    seconds: float
+    cpu_seconds: float
+    runs: int
+    memory_mb: float
+
+
+def apart(work: Callable[..., Any], *arguments: Any, imports: tuple[str, ...] = (), limit_s: float = LIMIT_S) -> Answer:
+    """Run `work`, which must pickle, in a new process until `limit_s`; it never raises what `work` raises."""
+    with Runner(imports=imports) as runner:
+        return runner.run(work, *arguments, time_s=limit_s)
+
+
+def run_apart(work: Callable[..., Any], *arguments: Any) -> Any:
+    """The value of `work`, run once in a process of its own.
+
+    Raises
+    ------
+    PadgenError
+        The one that `work` raised; `SolverError` when it broke down.
+    """
+    answer = apart(work, *arguments)
+    if answer.kind == "failed":
+        raise SolverError(f"a step of the study has no answer: {answer.sentence}", "study")
+    if answer.error:
+        raise answer.error
+    return answer.value
+
+
+def timed(
     work: Callable[..., Any],
     imports: tuple[str, ...] = (),
-    limit_s: float = 600.0,
+    limit_s: float = LIMIT_S,
     budget_s: float = BUDGET_S,
     most_runs: int = MOST_RUNS,
     prepare: Callable[[], Any] | None = None,
 ) -> Answer:
-    """Run `work`, which must pickle, in a new process until `limit_s`; it never raises what `work` raises.
+    """Run `work` apart, again and again until `budget_s` is spent; the answer's value is a `Timed`.
 
-    With `prepare` it is called with its result, which is made once, off the clock. A process
-    that dies or takes too long is an `Answer` of kind 'failed' that says so.
+    With `prepare` it is called with its result, which is made once, off the clock.
     """
-    with tempfile.TemporaryDirectory(prefix="padgen-study-") as name:
-        job, answer, log = (Path(name) / part for part in ("job", "answer", "log"))
-        job.write_bytes(pickle.dumps(Job(pickle.dumps((prepare, work)), imports, budget_s, most_runs, tuple(sys.path))))
-        command = [sys.executable, "-m", "padgen.ladders.child", str(job), str(answer)]
-        with log.open("wb") as out:
-            process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=out, stderr=out, env=_environment())
-            try:
-                code = process.wait(limit_s)
-            except subprocess.TimeoutExpired:
-                return Answer("failed", sentence=f"did not end within {limit_s:g} s")
-            finally:
-                process.kill()
-                process.wait()
-        if not answer.exists():
-            return Answer("failed", sentence=_death(code, log))
-        found: Answer = pickle.loads(answer.read_bytes())
-        return found
+    return apart(run_timed, pickle.dumps((prepare, work)), budget_s, most_runs, imports=imports, limit_s=limit_s)
 
 
 def measured(rung: Rung) -> Measured:
     """Run a rung and measure it; a refusal or a crash is a `Measured` with its sentence."""
     import numpy as np
 
-    answer = isolated(rung.solve, rung.imports, rung.limit_s, prepare=rung.prepare)
-    if answer.kind == "refused":
-        return Measured(note=f"refused: {answer.sentence}")
-    if answer.kind == "failed":
-        return Measured(note=f"broke down: {answer.sentence}")
-    solved = answer.value
+    answer = timed(rung.solve, rung.imports, rung.limit_s, prepare=rung.prepare)
+    if answer.kind != "value":
+        return Measured(note="refused: " * (answer.kind == "refused") + answer.sentence)
+    found: Timed = answer.value
+    solved = found.value
     own = Measured(
         np.atleast_1d(np.asarray(solved.values, float)),
         int(solved.unknowns),
         float(solved.residual),
-        answer.seconds,
-        answer.cpu_seconds,
-        answer.runs,
-        answer.memory_mb,
+        found.seconds,
+        found.cpu_seconds,
+        found.runs,
+        found.memory_mb,
         float(solved.proven),
     )
     if own.values is not None and np.isfinite(own.values).all():
@@ -83,31 +96,43 @@ def measured(rung: Rung) -> Measured:
     return replace(own, values=None, note="its answer is not a number")
 
 
-def run_apart(work: Callable[[], Any], imports: tuple[str, ...] = (), limit_s: float = 600.0) -> Any:
-    """The value of `work`, run once in a process of its own.
+def run_timed(pickled: bytes, budget_s: float, most_runs: int) -> Timed:
+    """In the process of its own: run a pickled pair, a function to call off the clock or None, and the one to time."""
+    prepare, _ = pickle.loads(pickled)  # so that the modules it names are loaded
+    try:
+        made = () if prepare is None else (prepare(),)
+        reset_peak()
+        before = peak_mb() or 0.0
+        value, *times = _run(pickled, made)
+        memory = max((peak_mb() or 0.0) - before, 0.0)
+        walls, cpus = ([time_] for time_ in times)
+        while len(walls) < most_runs and (len(walls) < 2 or sum(walls) < budget_s) and min(walls) < LONG_S:
+            _, wall, cpu = _run(pickled, made)
+            walls.append(wall)
+            cpus.append(cpu)
+    except MemoryError as error:
+        raise SolverError("the machine has not enough memory for it") from error
+    return Timed(value, min(walls), min(cpus), len(walls), memory)
 
-    Raises
-    ------
-    PadgenError
-        With the sentence of the one that `work` raised; `SolverError` when the process died.
+
+def _run(pickled: bytes, made: tuple[Any, ...]) -> tuple[Any, float, float]:
+    """One run and its wall and processor seconds.
+
+    Unpickled anew and with empty caches, so that a repeated run is as dear as the first.
     """
-    answer = isolated(work, imports, limit_s, budget_s=0.0, most_runs=1)
-    if answer.kind == "refused":
-        raise PadgenError(answer.sentence)
-    if answer.kind == "failed":
-        raise SolverError(f"a step of the study broke down ({answer.sentence})", "study")
-    return answer.value
+    _, work = pickle.loads(pickled)
+    _forget()
+    gc.collect()
+    wall, cpu = time.perf_counter(), time.process_time()
+    value = work(*made)
+    return value, time.perf_counter() - wall, time.process_time() - cpu
 
 
-def _environment() -> dict[str, str]:
-    # The child is found where this very padgen lies, also from another working folder.
-    root = str(Path(__file__).resolve().parents[2])
-    paths = [root, *filter(None, [os.environ.get("PYTHONPATH")])]
-    return {**os.environ, **ONE_THREAD, "PYTHONPATH": os.pathsep.join(paths)}
-
-
-def _death(code: int, log: Path) -> str:
-    if code < 0:
-        return f"the process died of {signal.Signals(-code).name}"
-    lines = log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
-    return f"the process ended with code {code}" + (f" ({lines[-1]})" if lines else "")
+def _forget() -> None:
+    """Empty the caches of padgen's models."""
+    for name, module in list(sys.modules.items()):
+        if name.startswith(MODELS):
+            for value in list(vars(module).values()):
+                clear = getattr(value, "cache_clear", None)
+                if callable(clear):
+                    clear()

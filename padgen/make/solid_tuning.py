@@ -11,13 +11,12 @@ from math import exp, log, pi
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import TracebackType
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from padgen.core import cache
 from padgen.core.errors import EngineMissingError, SolverError
-from padgen.core.processes import core_count
 from padgen.core.units import G_PER_CM3, GPA, GRAM
 from padgen.physics.taxel_modes import TaxelModes
 from padgen.planner.layout import room
@@ -30,6 +29,9 @@ from padgen.planner.suspensions import TOPOLOGIES
 from padgen.planner.taxel_model import plate_shape
 from padgen.planner.tile import outline
 from padgen.spec import Spec
+
+if TYPE_CHECKING:
+    from padgen.core.runner import Answer, Runner
 
 __all__ = ["TaxelSolver", "closed_plan", "planned", "solid_taxel", "solve_step"]
 
@@ -44,6 +46,8 @@ FINEST = 2e-3
 KIND = "taxel-modes"
 MODES = 6
 WORKERS = 8
+ENGINE = ("ngsolve", "padgen.verify.elasticity")
+"""What a solving process loads while the first taxel is modelled."""
 STEEL_GPA, STEEL_POISSON = 200.0, 0.3
 """Of the washer: forty times stiffer than the print, it hardly bends."""
 CODE = ("physics/taxel_modes.py", "planner/suspensions", "planner/tile.py", "solid/taxel.py", "verify")
@@ -163,7 +167,7 @@ class TaxelSolver:
     def __init__(self, tolerance: float, accept: float, progress: Progress) -> None:
         self.tolerance, self.accept = tolerance, accept
         self._progress = progress
-        self._pool: Any = None
+        self._runner: Runner | None = None
 
     def __enter__(self) -> "TaxelSolver":
         return self
@@ -171,13 +175,8 @@ class TaxelSolver:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._pool is not None:
-            from multiprocessing import active_children
-
-            self._pool.shutdown(wait=False, cancel_futures=True)
-            # What they would still compute nobody waits for.
-            for child in active_children():
-                child.kill()
+        if self._runner:
+            self._runner.close()
 
     def solve(self, plan: Plan) -> list[Solved]:
         """Modes of every channel's taxel."""
@@ -220,76 +219,47 @@ class TaxelSolver:
 
     def _computed(self, plan: Plan, channels: Sequence[Channel]) -> list[Solved]:
         """Model taxels and solve them, as many at a time as there are cores."""
-        pool = self._started(len(channels))
+        runner = self._started(len(channels))
         from padgen.solid.export import write_taxel_step
 
-        with TemporaryDirectory() as folder:
+        with TemporaryDirectory(ignore_cleanup_errors=True) as folder:
             jobs = []
             for channel in channels:
                 path = Path(folder) / f"taxel-{channel.index}.step"
                 write_taxel_step(plan, channel, path)
-                jobs.append(pool.submit(solve_step, solid_taxel(plan, channel, path), self.tolerance, self.accept))
-            return _results(jobs, channels)
+                jobs.append(runner.submit(solve_step, solid_taxel(plan, channel, path), self.tolerance, self.accept))
+            return [_modes_of(job.result(), channel) for job, channel in zip(jobs, channels, strict=True)]
 
-    def _started(self, tasks: int) -> Any:
-        """The pool; its processes load the engine while this one loads the CAD kernel."""
-        if self._pool is None:
-            from concurrent.futures import ProcessPoolExecutor
-            from multiprocessing import get_context
-
+    def _started(self, tasks: int) -> "Runner":
+        """The runner; its processes load the engine while this one loads the CAD kernel."""
+        if self._runner is None:
+            from padgen.core.runner import Runner, core_count
             from padgen.verify.engines import require
 
             require("ngsolve")
             workers = min(tasks, core_count(), WORKERS)
-            self._pool = ProcessPoolExecutor(workers, get_context("spawn"), initializer=_start_worker)
-            for _ in range(workers):
-                self._pool.submit(_load_engine)
-        return self._pool
+            self._runner = Runner(workers, ENGINE)
+            self._runner.prepare(workers)
+        return self._runner
 
 
-def _results(jobs: Sequence[Any], channels: Iterable[Channel]) -> list[Solved]:
-    from concurrent.futures.process import BrokenProcessPool
+def _modes_of(answer: "Answer", channel: Channel) -> Solved:
+    """The modes that a process found.
 
-    results = []
-    for job, channel in zip(jobs, channels, strict=True):
-        try:
-            results.append(job.result())
-        except EngineMissingError:
-            raise
-        except SolverError as error:
-            raise SolverError(error.message, f"channel {channel.index}") from error
-        except BrokenProcessPool as error:
-            raise SolverError(
-                "the finite elements' process died, most likely for want of memory; allow a larger model.tolerance",
-                f"channel {channel.index}",
-            ) from error
-    return results
-
-
-def _start_worker() -> None:
-    """Ctrl-C is the parent's to handle, what the engine prints would mix with its output, and its end is ours."""
-    import os
-    import signal
-    from multiprocessing import parent_process
-    from threading import Thread
-
-    def follow() -> None:
-        parent = parent_process()
-        if parent:
-            parent.join()
-            os._exit(1)
-
-    Thread(target=follow, daemon=True).start()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    for stream in (1, 2):
-        os.dup2(nowhere, stream)
-
-
-def _load_engine() -> None:
-    from padgen.verify.engines import engine
-
-    engine("ngsolve")
+    Raises
+    ------
+    PadgenError
+        What the process raised, or a `SolverError` where it broke down.
+    """
+    error = answer.error
+    if isinstance(error, SolverError) and not isinstance(error, EngineMissingError):
+        lost = answer.kind == "failed"
+        hint = "the finite elements have no answer: {}; a larger model.tolerance takes less memory"
+        raise SolverError(hint.format(error.message) if lost else error.message, f"channel {channel.index}") from error
+    if error:
+        raise error
+    found: Solved = answer.value
+    return found
 
 
 def solid_taxel(plan: Plan, channel: Channel, step: Path) -> Any:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 
 from padgen.ladders.isolate import run_apart
@@ -34,7 +34,7 @@ class Scene:
             A kernel refused a taxel.
         """
         self.progress("modelling the taxels")
-        written: dict[int, Path] = run_apart(partial(write_steps, self.plan, self.aside))
+        written: dict[int, Path] = run_apart(write_steps, self.plan, self.aside)
         return written
 
 
