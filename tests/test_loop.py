@@ -6,11 +6,9 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 from math import log
-from multiprocessing import get_context
 
 import numpy as np
 import psutil
@@ -19,6 +17,7 @@ import pytest
 from padgen import cli
 from padgen.core import cache
 from padgen.core.errors import EngineMissingError, SolverError
+from padgen.core.runner import Runner
 from padgen.make import solid_tuning as loop
 from padgen.physics.taxel_modes import TaxelModes
 from padgen.planner import make_plan, plan_from_json, plan_to_json
@@ -32,8 +31,8 @@ SOLVED = 1e-3
 
 def in_a_process(work, *arguments):
     """The engine and the CAD kernel must not meet."""
-    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
-        return pool.submit(work, *arguments).result()
+    with Runner() as runner:
+        return runner.run(work, *arguments).value
 
 
 @pytest.fixture(scope="module")
@@ -218,12 +217,10 @@ def test_a_refusal_leaves_no_process_and_auto_its_beam_plan(monkeypatch, tmp_pat
     monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "empty"))
     monkeypatch.setattr(loop, "solve_step", _refuse)
     spec = parse_spec(SPEC + WHOLE)
+    before = psutil.Process().children(recursive=True)
     with pytest.raises(SolverError, match="channel 0: no answer"):
         loop.closed_plan(spec)
-    deadline = time.monotonic() + 10
-    while psutil.Process().children() and time.monotonic() < deadline:
-        time.sleep(0.05)
-    assert not psutil.Process().children()
+    assert psutil.Process().children(recursive=True) == before
     plan = loop.planned(parse_spec("model = {tolerance = 1e-4}\n" + SPEC + WHOLE))
     assert {c.model for c in plan.channels} == {"beam"}
 
