@@ -16,10 +16,10 @@ from padgen.measured.simulate import simulate_print, simulated_measurement, spre
 from padgen.measured.tune import tuning_of
 from padgen.measured.tuning import TunedTaxel, Tuning
 from padgen.physics.resonator import relative_energy
-from padgen.physics.selectivity import Channels, Scheme
+from padgen.physics.selectivity import Channels, Scheme, off_energy
 from padgen.planner import Plan, make_plan
 from padgen.planner.print_yield import print_yield
-from padgen.planner.printed_pads import coils_of, off_energy_of_print
+from padgen.planner.printed_pads import coils_of
 from padgen.planner.settings import scheme_named
 from padgen.spec import load_spec
 
@@ -200,7 +200,7 @@ def shifted(plan: Plan, truth: Tuning, scheme: Scheme) -> tuple[float, float, fl
     def tried(by: np.ndarray) -> tuple[float, np.ndarray]:
         tone = hz * np.exp(by / (2 * q))
         strength = line / np.sqrt(relative_energy(tone, hz, q))
-        off = off_energy_of_print(which, Channels(tone[:, None], q[:, None], strength[:, None]), scheme)
+        off = off_energy(which, scheme, drivers=Channels(tone[:, None], q[:, None], strength[:, None]))
         return float(-10 * np.log10(off.max())), strength
 
     best, by, step = tried(np.zeros(len(hz)))[0], np.zeros(len(hz)), 1.0

@@ -10,7 +10,6 @@ clean set                       >= geometric ladder             the same
 clean set                       >= figures of the table below   what is known to be possible, within 0.02 dB
 bound                           >= set, and >= any other set    it is a proof
 best on a small grid            = trying all combinations       branch and bound drops only what cannot win
-fast energies of many sets      = `off_energy`, 1e-9            one physics, two programs
 ==============================  ==============================  ===========================================
 """
 
@@ -26,7 +25,7 @@ from padgen.physics.ladder import geometric_ladder
 from padgen.physics.levels import LevelLaw
 from padgen.physics.minimax import minimax_ladder
 from padgen.physics.selectivity import Scheme, all_states, channels, off_energy, one_hot_db
-from padgen.physics.spur_search import case_of, energies
+from padgen.physics.spur_search import case_of
 
 CURVE = LevelLaw(0.0, (20.0, 50.0, 100.0, 250.0, 500.0, 1000.0), (20.0, 5.0, 1.0, 0.1, 0.3, 5.0))
 TONES, FREE, BIASED, TURNS = (Scheme(name) for name in ("tones", "spur-free", "biased", "time-shared"))
@@ -135,7 +134,7 @@ def test_branch_and_bound_adds_up_what_every_set_of_a_grid_hears(law):
     grid = clean_sets._Grid(case, points, False)
     looked_at = 0
     for sets, worst in clean_sets._Search(grid, np.inf, np.inf):
-        assert worst == pytest.approx(energies(case, grid.log_hz(sets)).max(1), rel=1e-9)
+        assert worst == pytest.approx(off_energy(case.channels(grid.log_hz(sets).T), TONES).max(0), rel=1e-9)
         looked_at += len(sets)
     # Under a power law a set may be shifted, so that its highest channel is the grid's.
     assert looked_at == (comb(points - 1, count - 1) if case.shifts else comb(points, count))
@@ -165,17 +164,6 @@ def test_the_least_energies_of_cells_undercut_every_set_in_them(scheme, law):
         tightest = min(tightest, float(np.min(real / least)))
     # Not by being idle: somewhere the bound is close.
     assert tightest < 1.6
-
-
-@pytest.mark.parametrize("law", [LevelLaw(0), LevelLaw(1), CURVE], ids=range(3))
-@pytest.mark.parametrize("scheme", [TONES, BIASED], ids=lambda scheme: scheme.name)
-def test_energies_of_many_sets_are_those_of_one(scheme, law):
-    random = np.random.default_rng(5)
-    case = case_of(20, 1000, 5, 15, law, scheme)
-    sets = np.sort(random.uniform(np.log(20), np.log(1000), (20, 5)), 1)
-    for log_hz, energy in zip(sets, energies(case, sets), strict=True):
-        hz = np.exp(log_hz)
-        assert energy == pytest.approx(off_energy(channels(hz, 15, law(hz)), scheme), rel=1e-9)
 
 
 def test_a_bound_is_not_undercut_by_a_better_search(monkeypatch):

@@ -3,7 +3,7 @@
 | figure | reference | tolerance | reason |
 |---|---|---|---|
 | a print as planned, re-tuned | the plan's figures in all states | 1e-4 dB | modes that none hears |
-| planned tones on a print | `printed_pads.off_energy_of_print` | 1e-12 | the same sums in another order |
+| planned tones on a print | `off_energy` of many prints at once | 1e-12 | the same sums in another order |
 | ON and OFF in all states | lines of i² by FFT, complex receptances, every state | 1e-9 | rounding |
 | drive table of a print as planned | `drive.csv` | its six digits | another way to the same formulas |
 | prints scaled to a spread | sigma of ln f of new prints | 4 sigma | sampling |
@@ -42,9 +42,9 @@ from padgen.measured.tuning import (
     tuning_to_json,
 )
 from padgen.physics.resonator import receptance
-from padgen.physics.selectivity import SCHEMES, Channels, Scheme
+from padgen.physics.selectivity import SCHEMES, Channels, Scheme, off_energy
 from padgen.planner import make_plan
-from padgen.planner.printed_pads import Spreads, design_of, log_detuning, off_energy_of_print, sensitivities
+from padgen.planner.printed_pads import Spreads, design_of, log_detuning, sensitivities
 from padgen.spec import parse_spec
 
 FOUR = (50.0, 70.0, 105.0, 160.0)
@@ -134,7 +134,7 @@ def test_detuned_tones_agree_with_the_yield_of_prints(scheme):
     hz, line = np.array(FOUR)[:, None] * rng.uniform(0.9, 1.1, (4, 50)), rng.uniform(1, 2, (4, 50))
     q = rng.uniform(10, 40, (4, 1))
     tones = Channels(hz * rng.uniform(0.95, 1.05, hz.shape), q, line * rng.uniform(0.8, 1.2, line.shape))
-    expected = off_energy_of_print(Channels(hz, q, line), tones, of)
+    expected = off_energy(Channels(hz, q, line), of, drivers=tones)
     for k in range(50):
         which, drive = (
             Channels(part.resonance_hz[:, k], q[:, 0], part.line[:, k]) for part in (Channels(hz, q, line), tones)
@@ -555,7 +555,7 @@ def test_two_taxels_are_lowered_where_one_is_not_enough():
         share[a], share[b] = one, other
         lower = hz * (1 - share)
         which = Channels(lower, q, levels_um(plan, lower.ravel()).reshape(lower.shape) / response)
-        kept = -10 * np.log10(off_energy_of_print(which, which, Scheme("spur-free")).max(0))
+        kept = -10 * np.log10(off_energy(which, Scheme("spur-free")).max(0))
         weight = (mass * ((1 - share) ** -2 - 1)).sum(0)
         lightest = min(lightest, weight[kept >= needed_db(plan)].min(initial=np.inf))
     assert sum(step.add_mg for step in trim.steps) < 1.15 * lightest

@@ -159,7 +159,9 @@ def test_spurs_of_a_bias_of_five_lie_20_db_below_equal_lines():
     which = channels(resonance, 1e6, level)
     off = off_energy(which, Scheme("biased", 5.0))[2]
     assert -10 * np.log10(off) == pytest.approx(20.0, abs=1e-3)
-    harmonic = off_energy(channels(resonance[[0]].repeat(2) * (1, 2), 1e6, np.array([1.0, 0.25])), Scheme("biased"))[1]
+    octave = channels(resonance[[0]].repeat(2) * (1, 2), 1e6, np.array([1.0, 0.25]))
+    harmonic = off_energy(octave, Scheme("biased"))[1]
+    assert loudest_line(octave, Scheme("biased"), 1) == ((0,), "harmonic")
     # The second harmonic b²/2 is half as strong as the product of two.
     assert -10 * np.log10(harmonic) == pytest.approx(26.0, abs=0.05)
 
@@ -179,16 +181,20 @@ def test_one_channel_has_nothing_to_be_told_from():
 # Extremes
 
 
-def exact_off_energy(which: Channels, scheme: Scheme, i: int):
+def exact_off_energy(which: Channels, scheme: Scheme, i: int, drivers: Channels | None = None):
     """The energy of OFF taxel i with all others on, at fifty digits."""
     with mpmath.workdps(50):
-        r, line, q = ([mpmath.mpf(float(v)) for v in part] for part in (which.resonance_hz, which.line, which.q))
+        own, own_line, q = (mpmath.mpf(float(part[i])) for part in (which.resonance_hz, which.line, which.q))
+        played = drivers or which
+        r, line = ([mpmath.mpf(float(v)) for v in part] for part in (played.resonance_hz, played.line))
 
         def at(frequency, amplitude):
-            s = frequency / r[i]
-            return (amplitude / line[i]) ** 2 / ((q[i] * (1 - s**2)) ** 2 + s**2)
+            s = frequency / own
+            return (amplitude / own_line) ** 2 / ((q * (1 - s**2)) ** 2 + s**2)
 
         others = [j for j in range(len(r)) if j != i]
+        if scheme.takes_turns:
+            return max(at(r[j], line[j]) for j in others)
         total = sum(at(r[j], line[j]) for j in others)
         for a, b in combinations(others, 2):
             if scheme.name == "tones":
@@ -223,6 +229,24 @@ def test_extremes_against_fifty_digits(resonances, q, scheme):
         assert np.isfinite(energy).all()
         for i in range(len(resonances)):
             assert energy[i] == pytest.approx(float(exact_off_energy(which, scheme, i)), rel=1e-12)
+
+
+@pytest.mark.parametrize("scheme", ALL, ids=lambda s: s.name)
+@pytest.mark.parametrize("count", [2, 3, 6])
+def test_many_coils_at_once_with_tones_beside_the_resonances(count, scheme, monkeypatch):
+    draw = np.random.default_rng(count)
+    which, tones = (Channels(*draw.uniform((20, 5, 0.5), (1000, 50, 2), (count, 40, 3)).T.swapaxes(1, 2)) for _ in "12")
+    energy = off_energy(which, scheme, drivers=tones)
+    for k in (0, 17, 39):
+        one, played = (Channels(*(part[:, k] for part in many)) for many in (which, tones))
+        expected = [float(exact_off_energy(one, scheme, i, played)) for i in range(count)]
+        assert energy[:, k] == pytest.approx(expected, rel=1e-12)
+        assert off_energy(one, scheme, drivers=played) == pytest.approx(expected, rel=1e-12)
+    # The same to the last digit with fewer beside it, and however the work is parted.
+    few, tones_of_few = (Channels(*(part[:, :7] for part in many)) for many in (which, tones))
+    assert np.array_equal(energy[:, :7], off_energy(few, scheme, drivers=tones_of_few))
+    monkeypatch.setattr("padgen.physics.selectivity.BLOCK", 100)
+    assert np.array_equal(energy, off_energy(which, scheme, drivers=tones))
 
 
 def test_4096_channels_without_spurs_against_a_sample_of_fifty_digits():

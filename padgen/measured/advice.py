@@ -15,9 +15,9 @@ import numpy as np
 from padgen.core.units import GRAM, MG
 from padgen.measured.predict import CoilFigures, levels_um, predicted, tones_at
 from padgen.measured.tuning import Tuning
-from padgen.physics.selectivity import Channels, Scheme
+from padgen.physics.selectivity import Channels, Scheme, off_energy
 from padgen.planner.plan import Plan
-from padgen.planner.printed_pads import coils_of, off_energy_of_print, sensitivities
+from padgen.planner.printed_pads import coils_of, sensitivities
 from padgen.planner.settings import scheme_named
 
 __all__ = ["Trim", "TrimStep", "needed_db", "trims"]
@@ -140,7 +140,7 @@ def _energies(coil: _Coil, share: np.ndarray) -> np.ndarray:
     hz = coil.hz[:, None] * (1 - share)
     line = levels_um(coil.plan, hz.ravel()).reshape(hz.shape) / coil.response[:, None]
     which = Channels(hz, coil.q[:, None], line)
-    return off_energy_of_print(which, which, coil.scheme)
+    return off_energy(which, coil.scheme)
 
 
 def _lowering(coil: _Coil) -> np.ndarray:

@@ -14,9 +14,9 @@ import numpy as np
 
 from padgen.core.units import MN, MS, UM
 from padgen.measured.tuning import Tuning, planned_tuning
-from padgen.physics.modal import ModalTaxels, felt_energy
-from padgen.physics.resonator import relative_energy, ring_up_time
-from padgen.physics.selectivity import Channels, Scheme, pair_lines
+from padgen.physics.modal import ModalTaxels
+from padgen.physics.resonator import ring_up_time
+from padgen.physics.selectivity import Channels, Scheme, line_energy, off_energy, own_lines
 from padgen.planner.channels import driven
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.printed_pads import coils_of
@@ -155,43 +155,11 @@ def played(truth: Channels, tones: Channels, scheme: Scheme, modes: ModalTaxels 
     ``truth.line`` is what moves a taxel by its wanted level at its own resonance, ``tones.line`` what is played, at
     ``tones.resonance_hz``. Where the two agree it is `padgen.physics.selectivity.off_energy`.
     """
-    own = _heard(truth, modes, tones.resonance_hz) * (tones.line / truth.line[:, None]) ** 2
-    on = own.diagonal().copy()
-    if scheme.name == "biased":
-        harmonic = tones.line**2 / (4 * scheme.bias_ratio * tones.line.max())
-        own = own + _heard(truth, modes, 2 * tones.resonance_hz) * (harmonic / truth.line[:, None]) ** 2
+    (made,) = own_lines(tones, scheme)
+    own = line_energy(truth, made, modes)
+    on, own = own[:, 0].diagonal().copy(), own.sum(1)
     np.fill_diagonal(own, 0.0)
-    alone, loudest = own.max(1), own.argmax(1)
-    off = alone.copy() if scheme.takes_turns else own.sum(1)
-    if scheme.has_pair_spurs and len(on) > 2:
-        off += _pairs(truth, tones, scheme, modes)
-    return Played(on, off, alone, loudest)
-
-
-def _heard(
-    truth: Channels,
-    modes: ModalTaxels | None,
-    frequency: np.ndarray,
-    rest: np.ndarray | float = 0.0,
-    rows: slice = slice(None),
-) -> np.ndarray:
-    """Energy (rows, lines) of taxels under lines (lines,), over that of as large a line at their own resonance."""
-    if modes is not None:
-        return felt_energy(modes, rows, frequency, rest)
-    energy: np.ndarray = relative_energy(frequency, truth.resonance_hz[rows, None], truth.q[rows, None], rest)
-    return energy
-
-
-def _pairs(truth: Channels, tones: Channels, scheme: Scheme, modes: ModalTaxels | None) -> np.ndarray:
-    """Energy (n,) of each OFF taxel by the spurs of all pairs of other channels, over its own ON state's."""
-    frequency, rest, amplitude = pair_lines(tones, scheme)
-    a, b = np.triu_indices(len(tones.line), 1)
-    result = np.empty(len(tones.line))
-    for i in range(len(result)):
-        heard = _heard(truth, modes, frequency.ravel(), rest.ravel(), slice(i, i + 1)).reshape(2, -1).sum(0)
-        result[i] = heard @ (amplitude**2 * ((a != i) & (b != i)))
-    energy: np.ndarray = result / truth.line**2
-    return energy
+    return Played(on, off_energy(truth, scheme, modes, tones), own.max(1), own.argmax(1))
 
 
 def predicted(

@@ -28,10 +28,10 @@ from padgen.measured.rest import estimated
 from padgen.measured.simulate import PULL_SPREAD, Q_SPREAD
 from padgen.measured.tuning import TunedTaxel, Tuning, planned_response_um_per_a2, planned_tuning, refuse_tuning
 from padgen.physics.resonator import relative_energy
-from padgen.physics.selectivity import SCHEMES, Channels
+from padgen.physics.selectivity import SCHEMES, Channels, off_energy
 from padgen.planner.coil_load import coil_load
 from padgen.planner.plan import CoilLoad, Plan
-from padgen.planner.printed_pads import coils_of, off_energy_of_print
+from padgen.planner.printed_pads import coils_of
 from padgen.planner.settings import scheme_named
 
 __all__ = ["Retuned", "RetunedCoil", "retuned", "tuning_of"]
@@ -196,7 +196,7 @@ def _low_db(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> list[fl
             continue
         truth = Channels(hz[index], q[index], wanted[index, None] / response[index])
         drive = Channels(tones.hz[index, None], q[index], tones.line_a2[index, None])
-        off = off_energy_of_print(truth, drive, scheme).max(0)
+        off = off_energy(truth, scheme, drivers=drive).max(0)
         own = relative_energy(tones.hz[index, None], hz[index], q[index])
         on = (own * (tones.line_a2[index, None] / truth.line) ** 2).min(0)
         db = 10 * np.log10(on / off)

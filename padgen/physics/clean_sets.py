@@ -100,13 +100,11 @@ class _Grid:
         offset, spread = -np.arange(1 - count, count) * self.step, self.step if cells else 0.0
         self._ratio = np.exp([offset - spread, offset + spread])
         self._biased = case.scheme.name == "biased"
-        self._scale = 1.0 if self._biased else 0.5
-        # Spurs of tones are 2 √(l_a l_b), beside a constant l_a l_b / (2 B l_max).
-        self._amplitude = self._ratio[0] ** (2 * case.power) if self._biased else 2 * self._ratio[0] ** case.power
+        self._line = self._ratio[0] ** case.power
         self._weigh()
         # One peak: least at an end.
         self._tone = (self._ratio ** (2 * case.power) * relative_energy(self._ratio, 1.0, case.q)).min(0)
-        self._harmonic = self._least(*(2 * self._ratio)) * self._amplitude**2 / 4
+        self._harmonic = self._least(*(2 * self._ratio)) * case.scheme.pair_square(self._line, self._line, 1.0) / 4
         self._table: np.ndarray | None = None
         self.cost = 1 if count <= LARGEST_TABLE else UNTABLED
         if count <= LARGEST_TABLE:
@@ -128,7 +126,7 @@ class _Grid:
         self._spur_hears, self._spur_drives = 1 / most, np.sqrt(least)
         if self._biased:
             strongest = 1.0 if case.shifts else float(line.max())
-            self._spur_hears = straight.min(1) / (4 * case.scheme.bias_ratio**2 * most * strongest)
+            self._spur_hears = straight.min(1) / (most * strongest)
             self._spur_drives = least
         self._weighed = self._biased or not case.straight
 
@@ -139,11 +137,12 @@ class _Grid:
     def _spurs(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """Least energies at the sum and the difference of two offsets, without weights."""
         (low_a, high_a), (low_b, high_b) = self._ratio[:, a], self._ratio[:, b]
-        energy: np.ndarray = self._least(self._scale * (low_a + low_b), self._scale * (high_a + high_b))
+        scheme = self.case.scheme
+        energy: np.ndarray = self._least(scheme.pair_scale * (low_a + low_b), scheme.pair_scale * (high_a + high_b))
         nearest = np.maximum(np.maximum(low_a - high_b, low_b - high_a), 0.0)
         farthest = np.maximum(high_a - low_b, high_b - low_a)
-        energy += self._least(self._scale * nearest, self._scale * farthest)
-        energy *= self._amplitude[a] * self._amplitude[b]
+        energy += self._least(scheme.pair_scale * nearest, scheme.pair_scale * farthest)
+        energy *= scheme.pair_square(self._line[a], self._line[b], 1.0)
         return energy
 
     def tone(self, i: np.ndarray, j: np.ndarray) -> np.ndarray:

@@ -21,6 +21,7 @@ A taxel is one resonator, or all the modes of `padgen.physics.modal`, whose ampl
 hears of a line is another number then, and the lines' energies still only add.
 """
 
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -33,20 +34,25 @@ __all__ = [
     "SCHEMES",
     "AllStates",
     "Channels",
+    "Lines",
     "Scheme",
     "all_states",
     "channels",
     "exhaustive_states_db",
+    "line_energy",
     "loudest_line",
     "off_energy",
     "one_hot_db",
+    "own_lines",
     "pair_lines",
+    "scheme_lines",
     "tone_energy",
 ]
 
 SCHEMES = ("tones", "spur-free", "biased", "time-shared")
 BLOCK = 1 << 15
-"""Lines that are worked on at a time: what stays in a core's cache."""
+"""Responses that are worked on at a time: what stays in a core's cache."""
+MANY = 1 << 62
 
 
 class Scheme(NamedTuple):
@@ -61,6 +67,17 @@ class Scheme(NamedTuple):
         return self.name in ("tones", "biased")
 
     @property
+    def pair_scale(self) -> float:
+        """Frequency of a pair's spur over the sum or difference of its resonances."""
+        return 1.0 if self.has_constant else 0.5
+
+    def pair_square(self, a: np.ndarray, b: np.ndarray, strongest: np.ndarray | float) -> np.ndarray:
+        """Square of the amplitude of a pair's spurs, by wanted lines; `strongest` is the line that sets the bias."""
+        # Tones: I_a I_b against wanted lines of I²/2, twice the geometric mean.
+        square: np.ndarray = 4 * (a * b) if self.name == "tones" else (a * b / (2 * self.bias_ratio * strongest)) ** 2
+        return square
+
+    @property
     def has_constant(self) -> bool:
         """Whether the current has a constant part, so that a channel's line of it is at its resonance."""
         return self.name in ("spur-free", "biased")
@@ -72,7 +89,7 @@ class Scheme(NamedTuple):
 
 
 class Channels(NamedTuple):
-    """The channels of one coil, arrays of shape (n,).
+    """The channels of one coil, arrays of shape (n,), or of many coils, (n, …).
 
     `line` is the amplitude of a channel's wanted line of i², up to one common factor: the force
     ``A = D 4π² m f²/Q`` that its ON displacement D takes, over what the coil pulls its washer with.
@@ -81,6 +98,19 @@ class Channels(NamedTuple):
     resonance_hz: np.ndarray
     q: np.ndarray
     line: np.ndarray
+
+
+class Lines(NamedTuple):
+    """Lines of i²: frequencies (k, l, …), what rounding took off them, squares of amplitudes, and who makes them.
+
+    Each of l channels or pairs makes k lines; `makers` has one array (l,) of channels, or two. Amplitudes are in the
+    unit of `Channels.line`.
+    """
+
+    hz: np.ndarray
+    rest: np.ndarray
+    square: np.ndarray
+    makers: tuple[np.ndarray, ...]
 
 
 class AllStates(NamedTuple):
@@ -115,38 +145,85 @@ def tone_energy(receivers: Channels, drivers: Channels) -> np.ndarray:
     return energy
 
 
-def pair_lines(
-    which: Channels, scheme: Scheme, strongest: np.ndarray | None = None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Spurs of all pairs: frequencies (2, p), what rounding took off them (2, p), amplitudes (p,).
+def own_lines(of: Channels, scheme: Scheme, most: int = MANY) -> Iterator[Lines]:
+    """The wanted lines of channels (n, …), biased with the tones' second harmonics, of at most `most` at a time."""
+    each = np.arange(len(of.line))
+    for start in range(0, len(each), most):
+        own = each[start : start + most]
+        hz, line = of.resonance_hz[own][None], of.line[own][None]
+        square = line**2
+        if scheme.name == "biased":
+            hz = np.concatenate([hz, 2 * hz])
+            square = np.concatenate([square, scheme.pair_square(line, line, of.line.max(0)) / 4])
+        yield Lines(hz, np.zeros(1), square, (own,))
 
-    Pairs in the order of ``np.triu_indices(n, 1)``; first the sums, then the differences. Amplitudes
-    in the unit of `Channels.line`, of which `strongest`, the one that sets the bias, is the largest
-    unless `which` are not all of the coil's channels.
+
+def scheme_lines(of: Channels, scheme: Scheme, most: int = MANY) -> Iterator[Lines]:
+    """All lines of i²: `own_lines`, then the sums and differences of pairs, at most `most` channels or pairs at a time.
+
+    Of two channels alone without the pair: it falls on no third.
     """
-    a, b = _pairs(len(which.line))
-    low, high = np.minimum(*which.resonance_hz[[a, b]]), np.maximum(*which.resonance_hz[[a, b]])
+    yield from own_lines(of, scheme, most)
+    a, b = _pairs(len(of.line))
+    for start in range(0, len(a) if scheme.has_pair_spurs and len(of.line) > 2 else 0, most):
+        yield pair_lines(of, scheme, (a[start : start + most], b[start : start + most]))
+
+
+def pair_lines(
+    of: Channels,
+    scheme: Scheme,
+    makers: tuple[np.ndarray, np.ndarray] | None = None,
+    strongest: np.ndarray | float | None = None,
+) -> Lines:
+    """Spurs, sum and difference, of two `makers` each (l,), or of all pairs; `strongest`, or all's, sets the bias."""
+    a, b = makers = makers or _pairs(len(of.line))
+    low, high = np.minimum(of.resonance_hz[a], of.resonance_hz[b]), np.maximum(of.resonance_hz[a], of.resonance_hz[b])
     # A spur on a resonance of high Q needs its frequency to better than the last digit of a double.
     total, difference = high + low, high - low
-    rest = np.stack([low - (total - high), (high - difference) - low])
-    frequency = np.stack([total, difference])
-    if scheme.name == "tones":
-        # I_a I_b against wanted lines of I²/2: twice the geometric mean.
-        return frequency / 2, rest / 2, 2 * np.sqrt(which.line[a] * which.line[b])
-    strongest = which.line.max() if strongest is None else strongest
-    return frequency, rest, which.line[a] * which.line[b] / (2 * scheme.bias_ratio * strongest)
+    hz, rest = np.stack([total, difference]), np.stack([low - (total - high), (high - difference) - low])
+    square = scheme.pair_square(of.line[a], of.line[b], of.line.max(0) if strongest is None else strongest)
+    return Lines(hz * scheme.pair_scale, rest * scheme.pair_scale, square[None], makers)
 
 
-def off_energy(which: Channels, scheme: Scheme, modes: ModalTaxels | None = None) -> np.ndarray:
-    """Largest energy (n,) of each OFF taxel over all states, over that of its own ON state.
+def line_energy(which: Channels, part: Lines, modes: ModalTaxels | None = None) -> np.ndarray:
+    """Energy (n, k, l) of taxels under lines, over that of their own ON states."""
+    energy: np.ndarray = _heard(which, part, modes, slice(None)) / which.line[:, None, None] ** 2
+    return energy
+
+
+def off_energy(
+    which: Channels,
+    scheme: Scheme,
+    modes: ModalTaxels | None = None,
+    drivers: Channels | None = None,
+    one_hot: bool = False,
+) -> np.ndarray:
+    """Largest energy (n, …) of each OFF taxel over all states, over that of its own ON state.
+
+    Further axes are further coils (prints, candidates), without `modes`. The `drivers` (None: the channels themselves)
+    need not be at the taxels' resonances: then ``which.line`` is what moves a taxel by its level at its own resonance,
+    ``drivers.line`` what is played. With `one_hot`, over the states with one other channel on.
 
     O(n²) without spurs, O(n³) with, times the number of modes; memory O(n²) at most.
     """
-    count = len(which.line)
-    own = _own_energies(which, scheme, modes)
-    if scheme.has_pair_spurs and count > 2:
-        own += _pair_energies(which, scheme, modes)
-    return own
+    drivers = which if drivers is None else drivers
+    result = np.zeros(np.broadcast(which.resonance_hz, *drivers).shape)
+    parts, join = own_lines if one_hot else scheme_lines, np.maximum if one_hot or scheme.takes_turns else np.add
+    each = result[0].size * (1 if modes is None else modes.frequency_hz.shape[1])
+    for part in parts(drivers, scheme, max(BLOCK // each, 1)):
+        rows = max(BLOCK // (each * part.hz.shape[0] * part.hz.shape[1]), 1)
+        for start in range(0, len(result), rows):
+            own = slice(start, start + rows)
+            heard = _heard(which, part, modes, own).sum(1)
+            # Lines of the taxel's own are left out before adding: taken off a sum they would leave its rounding.
+            for maker in part.makers:
+                there = np.flatnonzero((maker >= start) & (maker < start + rows))
+                heard[maker[there] - start, there] = 0.0
+            # Line by line, so that the figure of one coil does not depend on how many others there are.
+            heard[:, 0] = join(heard[:, 0], result[own])
+            result[own] = join.reduce(heard, 1)
+    energy: np.ndarray = result / which.line**2
+    return energy
 
 
 def all_states(which: Channels, scheme: Scheme, modes: ModalTaxels | None = None) -> AllStates:
@@ -158,7 +235,7 @@ def all_states(which: Channels, scheme: Scheme, modes: ModalTaxels | None = None
     worst = int(energy.argmax())
     on = set(range(count)) - {worst}
     if scheme.takes_turns:
-        on = {_strongest_driver(which, worst, modes)}
+        on = set(loudest_line(which, scheme, worst, modes)[0])
     state = "".join("1" if i in on else "0" for i in range(count))
     return AllStates(_below_db(float(energy[worst])), state, worst)
 
@@ -167,8 +244,7 @@ def one_hot_db(which: Channels, scheme: Scheme, modes: ModalTaxels | None = None
     """Selectivity with one channel on at a time, ``−20 log10 max_{i≠j} M_ij``; inf for one channel."""
     if len(which.line) < 2:
         return float("inf")
-    alone = scheme if scheme.name == "biased" else Scheme("time-shared")
-    return _below_db(float(_own_energies(which, alone, modes, together=False).max()))
+    return _below_db(float(off_energy(which, scheme, modes, one_hot=True).max()))
 
 
 def exhaustive_states_db(which: Channels, scheme: Scheme, modes: ModalTaxels | None = None) -> float:
@@ -176,30 +252,32 @@ def exhaustive_states_db(which: Channels, scheme: Scheme, modes: ModalTaxels | N
     count = len(which.line)
     if count > 16:
         raise ValueError(f"2^{count} states are too many to try, at most 2^16")
-    tones, spurs = _tables(which, scheme, modes)
-    states = ((np.arange(2**count)[:, None] >> np.arange(count)) & 1).astype(float)
-    if scheme.takes_turns:
-        energy = (states[:, None] * tones).max(-1)
-    else:
-        energy = states @ tones.T + np.einsum("sj,ijk,sk->si", states, spurs, states, optimize=True) / 2
+    states = (np.arange(2**count)[:, None] >> np.arange(count)) & 1
+    energy = np.zeros(states.shape)
+    for part in scheme_lines(which, scheme):
+        heard = line_energy(which, part, modes)
+        if len(part.makers) == 1:
+            # A harmonic is no disturbance of its own taxel: it is there only when that is ON.
+            heard[part.makers[0], 1:, part.makers[0]] = 0.0
+        playing, heard = np.prod([states[:, maker] for maker in part.makers], axis=0, dtype=float), heard.sum(1)
+        energy += (playing[:, None] * heard).max(-1) if scheme.takes_turns else playing @ heard.T
     on = states.astype(bool)
     return float(10 * np.log10(energy[on].min() / energy[~on].max()))
 
 
-def loudest_line(which: Channels, scheme: Scheme, off: int) -> tuple[tuple[int, ...], str]:
-    """The channels and the kind ('tone', 'sum', 'difference') of the line that an OFF taxel hears loudest."""
-    tones = tone_energy(_only(which, off), which)[0]
-    tones[off] = 0.0
-    loudest = float(tones.max())
-    found: tuple[tuple[int, ...], str] = (int(tones.argmax()),), "tone"
-    if scheme.has_pair_spurs and len(which.line) > 2:
-        frequency, rest, amplitude = pair_lines(which, scheme)
-        a, b = _pairs(len(which.line))
-        response = relative_energy(frequency, which.resonance_hz[off], which.q[off], rest)
-        energy = response * (amplitude / which.line[off]) ** 2 * ((a != off) & (b != off))
-        kind, pair = np.unravel_index(int(energy.argmax()), energy.shape)
-        if energy[kind, pair] > loudest:
-            found = (int(a[pair]), int(b[pair])), ("sum", "difference")[kind]
+def loudest_line(
+    which: Channels, scheme: Scheme, off: int, modes: ModalTaxels | None = None
+) -> tuple[tuple[int, ...], str]:
+    """The channels and kind ('tone', 'harmonic', 'sum', 'difference') of the line that an OFF taxel hears loudest."""
+    loudest, found = -1.0, (tuple[int, ...]((off,)), "tone")
+    for part in scheme_lines(which, scheme):
+        heard = _heard(which, part, modes, slice(off, off + 1))[0]
+        heard[:, np.any([maker == off for maker in part.makers], axis=0)] = -1.0
+        kind, at = np.unravel_index(int(heard.argmax()), heard.shape)
+        if heard[kind, at] > loudest:
+            loudest = heard[kind, at]
+            kinds = ("tone", "harmonic") if len(part.makers) == 1 else ("sum", "difference")
+            found = tuple(int(maker[at]) for maker in part.makers), kinds[kind]
     return found
 
 
@@ -212,102 +290,15 @@ def _pairs(count: int) -> tuple[np.ndarray, np.ndarray]:
     return pairs[0], pairs[1]
 
 
-def _only(which: Channels, index: int) -> Channels:
-    return Channels(*(part[index : index + 1] for part in which))
-
-
-def _response(
-    which: Channels, modes: ModalTaxels | None, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0
-) -> np.ndarray:
-    """Energy (rows, lines) of taxels under lines (lines,) as large as their own, over that of their ON state."""
-    if modes is not None:
-        return felt_energy(modes, rows, frequency, rest)
-    energy: np.ndarray = relative_energy(frequency, which.resonance_hz[rows, None], which.q[rows, None], rest)
+def _heard(which: Channels, part: Lines, modes: ModalTaxels | None, rows: slice) -> np.ndarray:
+    """Energy (rows, k, l, …) of taxels under lines, over that under a line of 1 at their own resonance."""
+    if modes is None:
+        hz, q = which.resonance_hz[rows, None, None], which.q[rows, None, None]
+        response = relative_energy(part.hz, hz, q, part.rest)
+    else:
+        response = felt_energy(modes, rows, part.hz.ravel(), part.rest.ravel()).reshape(-1, *part.hz.shape)
+    energy: np.ndarray = response * part.square
     return energy
-
-
-def _tones(which: Channels, modes: ModalTaxels | None, rows: slice) -> np.ndarray:
-    """`tone_energy` (rows, n) of some of the taxels."""
-    heard = _response(which, modes, rows, which.resonance_hz)
-    energy: np.ndarray = heard * (which.line / which.line[rows, None]) ** 2
-    return energy
-
-
-def _harmonic_energy(which: Channels, modes: ModalTaxels | None, rows: slice, scheme: Scheme) -> np.ndarray:
-    """Energy of the second harmonic that each tone beside a constant current makes.
-
-    On the taxel itself it is no disturbance: it is there only when the taxel is ON.
-    """
-    amplitude = which.line**2 / (4 * scheme.bias_ratio * which.line.max())
-    heard = _response(which, modes, rows, 2 * which.resonance_hz)
-    energy: np.ndarray = heard * (amplitude / which.line[rows, None]) ** 2
-    return energy
-
-
-def _own_energies(
-    which: Channels, scheme: Scheme, modes: ModalTaxels | None = None, together: bool = True
-) -> np.ndarray:
-    """Energy (n,) of each OFF taxel by the lines that single channels make: summed, or the largest."""
-    count, result = len(which.line), np.empty(len(which.line))
-    rows = max(BLOCK // (count * _depth(modes)), 1)
-    for start in range(0, count, rows):
-        part = slice(start, min(start + rows, count))
-        energy = _tones(which, modes, part)
-        if scheme.name == "biased":
-            energy += _harmonic_energy(which, modes, part, scheme)
-        energy[np.arange(part.stop - start), np.arange(start, part.stop)] = 0.0
-        result[part] = energy.sum(1) if together and not scheme.takes_turns else energy.max(1)
-    return result
-
-
-def _depth(modes: ModalTaxels | None) -> int:
-    """Numbers that one response takes."""
-    return 1 if modes is None else modes.frequency_hz.shape[1]
-
-
-def _pair_energies(which: Channels, scheme: Scheme, modes: ModalTaxels | None) -> np.ndarray:
-    """Energy (n,) of each OFF taxel by the spurs of all pairs of other channels."""
-    count = len(which.line)
-    frequency, rest, amplitude = pair_lines(which, scheme)
-    square = amplitude**2
-    a, b = _pairs(count)
-    result, taxel = np.zeros(count), np.arange(count)[:, None]
-    block = max(BLOCK // _depth(modes), 1)
-    for start in range(0, len(square), block):
-        part = slice(start, start + block)
-        lines = frequency[:, part].ravel(), rest[:, part].ravel()
-        # All taxels at once where there are few lines.
-        rows = max(block // len(lines[0]), 1)
-        for first in range(0, count, rows):
-            own = slice(first, min(first + rows, count))
-            energy = _response(which, modes, own, *lines).reshape(own.stop - first, 2, -1).sum(1)
-            # Pairs with the taxel itself are left out before adding: taken off a sum they would leave its rounding.
-            others = (a[part] != taxel[own]) & (b[part] != taxel[own])
-            result[own] += (energy * np.where(others, square[part], 0.0)).sum(1)
-    scaled: np.ndarray = result / which.line**2
-    return scaled
-
-
-def _tables(which: Channels, scheme: Scheme, modes: ModalTaxels | None) -> tuple[np.ndarray, np.ndarray]:
-    """Energies (n, n) of every channel's own lines and (n, n, n) of every pair's, symmetric."""
-    count = len(which.line)
-    tones, spurs = _tones(which, modes, slice(None)), np.zeros((count, count, count))
-    if scheme.name == "biased":
-        tones += _harmonic_energy(which, modes, slice(None), scheme) * ~np.eye(count, dtype=bool)
-    if scheme.has_pair_spurs:
-        a, b = _pairs(count)
-        frequency, rest, amplitude = pair_lines(which, scheme)
-        for i in range(count):
-            heard = _response(which, modes, slice(i, i + 1), frequency.ravel(), rest.ravel())
-            response = heard.reshape(2, -1).sum(0)
-            spurs[i, a, b] = spurs[i, b, a] = response * (amplitude / which.line[i]) ** 2
-    return tones, spurs
-
-
-def _strongest_driver(which: Channels, off: int, modes: ModalTaxels | None) -> int:
-    energy = _tones(which, modes, slice(off, off + 1))[0]
-    energy[off] = -1.0
-    return int(energy.argmax())
 
 
 def _below_db(energy: float) -> float:

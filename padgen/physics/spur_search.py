@@ -11,10 +11,9 @@ import numpy as np
 
 from padgen.physics.levels import LevelLaw
 from padgen.physics.minimax import CLOSEST, STEPS, Lines, descend
-from padgen.physics.resonator import relative_energy
-from padgen.physics.selectivity import Scheme, all_states, channels
+from padgen.physics.selectivity import Channels, Scheme, all_states, channels, off_energy
 
-__all__ = ["Case", "Grid", "case_of", "energies", "found", "polished"]
+__all__ = ["Case", "Grid", "case_of", "found", "polished"]
 
 POPULATION, GENERATIONS = 48, 3
 """Sets that are exchanged at a time, and how often."""
@@ -59,8 +58,11 @@ class Case(NamedTuple):
         return not len(self.law.bends_log_hz) and rising
 
     def db(self, log_hz: np.ndarray) -> float:
+        return float(all_states(self.channels(log_hz), self.scheme).db)
+
+    def channels(self, log_hz: np.ndarray) -> Channels:
         hz = np.exp(log_hz)
-        return float(all_states(channels(hz, self.q, self.law(hz)), self.scheme).db)
+        return channels(hz, self.q, self.law(hz))
 
     def line(self, log_hz: np.ndarray) -> np.ndarray:
         """Wanted lines up to a factor, those of the top of the band 1."""
@@ -82,41 +84,17 @@ def polished(case: Case, start: np.ndarray, steps: int = STEPS) -> np.ndarray:
     """The local optimum (n,) by linear programs next to log resonances `start` (n,)."""
     # Far under a resonance's width, far over the rounding of a logarithm.
     aside = min(1e-5, 1e-2 / case.q)
-    shifts = aside * np.concatenate([np.zeros((1, case.size)), np.eye(case.size), -np.eye(case.size)])
+    shifts = aside * np.concatenate([np.zeros((case.size, 1)), np.eye(case.size), -np.eye(case.size)], 1)
 
     def model(log_hz: np.ndarray, reach: float) -> Lines:
-        here, *beside = np.split(np.log(energies(case, log_hz + shifts)), [1, 1 + case.size])
-        return Lines(here[0], ((beside[0] - beside[1]) / (2 * aside)).T)
+        log_energy = np.log(off_energy(case.channels(log_hz[:, None] + shifts), case.scheme))
+        here, above, below = np.split(log_energy, [1, 1 + case.size], 1)
+        return Lines(here[:, 0], (above - below) / (2 * aside))
 
     # A start may lie half a cell out of the band, or two channels in one cell.
     even = np.linspace(case.low, case.high, case.size)
     start = np.clip(start, case.low, case.high) + 2 * CLOSEST * (even - np.clip(start, case.low, case.high))
     return descend(start, model, case.low, case.high, steps)
-
-
-def energies(case: Case, log_hz: np.ndarray) -> np.ndarray:
-    """`off_energy` (m, n) of many sets (m, n) at once, without its care for the last digit."""
-    hz, line = np.exp(log_hz), case.line(log_hz)
-    a, b = np.triu_indices(case.size, 1)
-    own = np.arange(case.size)[:, None]
-    frequency = [hz]
-    amplitude = [line]
-    silent = [np.arange(case.size) == own]
-    if case.scheme.name == "biased":
-        over = case.scheme.bias_ratio * line.max(1, keepdims=True)
-        spur = line[:, a] * line[:, b] / (2 * over)
-        frequency += [2 * hz, hz[:, b] + hz[:, a], abs(hz[:, b] - hz[:, a])]
-        amplitude += [line**2 / (4 * over), spur, spur]
-        silent.append(silent[0])
-    else:
-        spur = 2 * np.sqrt(line[:, a] * line[:, b])
-        frequency += [(hz[:, b] + hz[:, a]) / 2, abs(hz[:, b] - hz[:, a]) / 2]
-        amplitude += [spur, spur]
-    silent += 2 * [(a == own) | (b == own)]
-    response = relative_energy(np.concatenate(frequency, 1)[:, None], hz[:, :, None], case.q)
-    energy = (response * np.concatenate(amplitude, 1)[:, None] ** 2 * ~np.concatenate(silent, 1)).sum(2)
-    scaled: np.ndarray = energy / line**2
-    return scaled
 
 
 def found(case: Case, grid: Grid, even: np.ndarray) -> np.ndarray:

@@ -122,8 +122,8 @@ def _what_breaks(band_hz: tuple[float, float], count: int, q: float, law: LevelL
     off = all_states(which, scheme).off
     drivers, kind = loudest_line(which, scheme, off)
     heard = f"channel {off} of {count} at {number(float(which.resonance_hz[off]))} Hz"
-    if kind == "tone":
-        return f"the tone of channel {drivers[0]} on {heard}"
+    if len(drivers) == 1:
+        return f"the {kind} of channel {drivers[0]} on {heard}"
     return f"the {kind} of channels {drivers[0]} and {drivers[1]} on {heard}"
 
 

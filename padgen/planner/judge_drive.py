@@ -173,10 +173,10 @@ def _softening(spec: Spec, plan: Plan) -> Iterator[Finding]:
 def _beats(plan: Plan) -> Iterator[Finding]:
     """Spurs of two channels that fall on one of the two: their sum or difference with it is not a steady level."""
     scheme = scheme_named(plan.spec, plan.selectivity.drive)
-    scale = 1.0 if scheme.has_constant else 0.5
     for own in plan.sets if scheme.has_pair_spurs else ():
         for low, high in combinations(own, 2):
-            for hz in ((low.resonance_hz + high.resonance_hz) * scale, (high.resonance_hz - low.resonance_hz) * scale):
+            spurs = high.resonance_hz + low.resonance_hz, high.resonance_hz - low.resonance_hz
+            for hz in (spur * scheme.pair_scale for spur in spurs):
                 for hit in (low, high):
                     if abs(hz / hit.resonance_hz - 1) < 1 / hit.q:
                         yield Finding(

@@ -12,7 +12,7 @@ from padgen.core.errors import SpecError, number
 from padgen.core.finding import Finding
 from padgen.physics.ladder import slot_half_width
 from padgen.physics.modal import ModalTaxels, felt_energy
-from padgen.physics.selectivity import Channels, Scheme, all_states, pair_lines
+from padgen.physics.selectivity import Channels, Scheme, all_states, scheme_lines
 from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.plan import Channel, Plan, channel_sets
 from padgen.planner.pull_modes import MODES_DB, coil_modes, mode_names, modes_in_slots
@@ -84,19 +84,12 @@ def crowds(spec: Spec, channels: Sequence[Channel], drive: str) -> list[Crowd]:
 
 
 def _lines(which: Channels, scheme: Scheme) -> _Lines:
-    count = len(which.line)
-    index = np.arange(count)
-    parts = [(which.resonance_hz, which.line, index, index, 0)]
-    if scheme.name == "biased":
-        harmonic = which.line**2 / (4 * scheme.bias_ratio * which.line.max())
-        parts.append((2 * which.resonance_hz, harmonic, index, index, 1))
-    if scheme.has_pair_spurs and count > 2:
-        frequency, _, amplitude = pair_lines(which, scheme)
-        pair = np.triu_indices(count, 1)
-        parts += [(frequency[k], amplitude, *pair, 2 + k) for k in (0, 1)]
-    kind = np.concatenate([np.full(len(part[0]), part[4]) for part in parts])
-    hz, amplitude, first, second = (np.concatenate([part[k] for part in parts]) for k in range(4))
-    return _Lines(hz, amplitude, first, second, kind)
+    parts = [
+        (hz, np.sqrt(square), made.makers[0], made.makers[-1], np.full(len(hz), first_kind + k))
+        for made, first_kind in zip(scheme_lines(which, scheme), (0, 2), strict=False)
+        for k, (hz, square) in enumerate(zip(made.hz, np.broadcast_to(made.square, made.hz.shape), strict=True))
+    ]
+    return _Lines(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
 def _near(spec: Spec, own: Sequence[Channel], which: Channels, modes: ModalTaxels, lines: _Lines) -> Iterator[Crowd]:

@@ -26,7 +26,6 @@ that the level law gives it there.
 """
 
 from dataclasses import astuple, dataclass, fields
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -35,7 +34,7 @@ from padgen.core.units import GRAM, MG
 from padgen.physics.ladder import ladder_ratio
 from padgen.physics.levels import LevelLaw
 from padgen.physics.resonator import relative_energy
-from padgen.physics.selectivity import Channels, Scheme, channels, pair_lines
+from padgen.physics.selectivity import Channels, Scheme, channels, off_energy
 from padgen.planner.plan import Plan
 from padgen.planner.settings import level_law, scheme_named
 from padgen.planner.suspensions import BeamShape
@@ -52,7 +51,6 @@ __all__ = [
     "coils_of",
     "design_of",
     "log_detuning",
-    "off_energy_of_print",
     "places_of_mm",
     "printed",
     "sensitivities",
@@ -271,7 +269,7 @@ def _judge(design: Design, coils: Coils, x: np.ndarray, prints: Prints, block: s
             good = on >= 0.5
             prints.good[k, block] &= good.all((0, 1))
         else:
-            off = off_energy_of_print(printed, tones, design.scheme).reshape(shape)
+            off = off_energy(printed, design.scheme, drivers=tones).reshape(shape)
             good = on >= design.need * off
             ratio = (on.min(0) / off.max(0)).min(0)
             prints.ratio[k, block] = np.minimum(prints.ratio[k, block], ratio)
@@ -280,30 +278,3 @@ def _judge(design: Design, coils: Coils, x: np.ndarray, prints: Prints, block: s
     apart = hz[1:] / hz[:-1]
     limit = design.crowded_ratio
     prints.neighbours[:] += (apart < 1).sum(), ((apart < limit) & (apart > 1 / limit)).sum()
-
-
-def off_energy_of_print(printed: Channels, tones: Channels, scheme: Scheme) -> np.ndarray:
-    """Largest energy (n, columns) of each OFF taxel over all states, over that of its level.
-
-    As `padgen.physics.selectivity.off_energy`, for many coils at once and for tones that need not be on the
-    resonances: `printed.line` is what moves a taxel by its level at its own resonance. Sums run over the tones one
-    by one, so that a coil's figure does not depend on which others are in the block.
-    """
-    hz, q, line = printed.resonance_hz, printed.q, tones.line
-    off, largest = np.zeros(hz.shape), line.max(0)
-    for j in range(len(hz)):
-        energy = relative_energy(tones.resonance_hz[j], hz, q) * line[j] ** 2
-        if scheme.name == "biased":
-            harmonic = line[j] ** 2 / (4 * scheme.bias_ratio * largest)
-            energy += relative_energy(2 * tones.resonance_hz[j], hz, q) * harmonic**2
-        energy[j] = 0.0
-        off = np.maximum(off, energy) if scheme.takes_turns else off + energy
-    if scheme.has_pair_spurs:
-        for a, b in combinations(range(len(hz)), 2) if len(hz) > 2 else ():
-            pair = Channels(tones.resonance_hz[[a, b]], q, line[[a, b]])
-            frequency, rest, amplitude = pair_lines(pair, scheme, largest)
-            energy = relative_energy(frequency, hz, q, rest).sum(0) * amplitude**2
-            energy[[a, b]] = 0.0
-            off += energy
-    energy_over_level: np.ndarray = off / printed.line**2
-    return energy_over_level

@@ -73,7 +73,7 @@ def _heard(spec: Spec, scheme: Scheme, channels: Sequence[Channel], steps: int) 
         own = [k for k in range(i % sets, len(channels), sets) if k != i]
         tones[i] = tone_energy(taxel, played).sum()
         if scheme.has_pair_spurs:
-            spurs[i] = _line_energy(taxel, *pair_lines(played, scheme)[::2])
+            spurs[i] = _line_energy(taxel, *pair_lines(played, scheme)[:3])
         beats[i] = _beat_energy(taxel, Channels(*(part[own] for part in which)), played, scheme, spec.drive.headroom)
     return tones, spurs, beats
 
@@ -88,24 +88,22 @@ def _beat_energy(taxel: Channels, own: Channels, other: Channels, scheme: Scheme
     if not len(own.line) or scheme.takes_turns:
         return 0.0
     if scheme.has_pair_spurs:
-        pairs = ([(a, b) for a in own.resonance_hz for b in other.resonance_hz], np.outer(own.line, other.line).ravel())
-        low, high = np.sort(np.array(pairs[0]), axis=1).T
-        lines, strongest = np.stack([high + low, high - low]), float(other.line.max())
         # Two channels that both coils play make the same line twice, in step at worst.
         twice = 1.0 if set(own.resonance_hz.tolist()).isdisjoint(other.resonance_hz.tolist()) else 2.0
-        if scheme.name == "tones":
-            return twice * _line_energy(taxel, lines / 2, 2 * np.sqrt(pairs[1]))
-        return twice * _line_energy(taxel, lines, pairs[1] / (2 * scheme.bias_ratio * strongest))
+        both = Channels(*(np.concatenate(parts) for parts in zip(own, other, strict=True)))
+        a, b = np.indices((len(own.line), len(other.line))).reshape(2, -1)
+        made = pair_lines(both, scheme, (a, b + len(own.line)), other.line.max())
+        return twice * _line_energy(taxel, *made[:3])
     mean = (1 + headroom) * own.line.sum()
     harmonic = np.arange(1, 4)[:, None]
     amplitude = 8 * 2**0.5 / (np.pi * (4 * harmonic**2 - 1)) * np.sqrt(mean * other.line)
-    return _line_energy(taxel, harmonic * other.resonance_hz, amplitude)
+    return _line_energy(taxel, harmonic * other.resonance_hz, np.zeros(1), amplitude**2)
 
 
-def _line_energy(taxel: Channels, frequency: np.ndarray, amplitude: np.ndarray) -> float:
-    """Energy of a taxel under lines (…, p) of i² with amplitudes (…, p), over that of its ON state."""
-    response = relative_energy(frequency, taxel.resonance_hz[0], taxel.q[0])
-    return float((response * (amplitude / taxel.line[0]) ** 2).sum())
+def _line_energy(taxel: Channels, hz: np.ndarray, rest: np.ndarray, square: np.ndarray) -> float:
+    """Energy of a taxel under `selectivity.Lines`, over that of its ON state."""
+    response = relative_energy(hz, taxel.resonance_hz[0], taxel.q[0], rest)
+    return float((response * square).sum() / taxel.line[0] ** 2)
 
 
 def coils_around(rows: int, columns: int) -> np.ndarray:
