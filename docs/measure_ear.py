@@ -25,7 +25,6 @@ from padgen.planner import make_plan
 from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.plan import Plan
 from padgen.planner.pull_modes import coil_modes
-from padgen.planner.settings import scheme_named
 from padgen.spec import Spec, load_spec, parse_spec, template_paths
 
 RATE_HZ = 48000
@@ -55,7 +54,7 @@ def states_of(plan: Plan) -> np.ndarray:
     if n <= MOST_SPELLED_OUT:
         return (np.arange(2**n)[:, None] >> np.arange(n)) & 1
     spec, own = plan.spec, plan.sets[0]
-    scheme = scheme_named(spec, plan.selectivity.drive)
+    scheme = plan.scheme
     worst = all_states(placed_channels(spec, own), scheme, coil_modes(spec, own)).state
     random = np.random.default_rng(1).random((RANDOM_STATES, n)) < 0.5
     return np.concatenate([random.astype(int), [[int(bit) for bit in worst]]])

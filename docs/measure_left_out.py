@@ -36,7 +36,7 @@ def cpu_ms(work: Callable[[], object], runs: int = 5) -> float:
 
 def rows(fine: bool) -> Iterator[Row]:
     for name in truth.SCENES:
-        for entry in left_out(*truth.scene(name)):
+        for entry in left_out(truth.scene(name)[1]):
             if entry.term in truth.TRUE and entry.bound is not None:
                 yield entry.term, name, entry.bound, truth.TRUE[entry.term](name)
     for numbers in truth.MOTIONS:
@@ -96,7 +96,7 @@ def times_table(name: str) -> list[str]:
             3,
         ),
         "far coils": (
-            lambda: [e for e in left_out(spec, plan) if e.term == "far coils"],
+            lambda: [e for e in left_out(plan) if e.term == "far coils"],
             lambda: truth.true_far_coils(name),
             2,
         ),
@@ -125,14 +125,14 @@ def times_table(name: str) -> list[str]:
             lambda: truth.eddy_currents("paper coil", 38.0),
             1,
         ),
-        "shielding": (lambda: left_out(spec, plan), lambda: truth.true_shielding(name), 1),
+        "shielding": (lambda: left_out(plan), lambda: truth.true_shielding(name), 1),
     }
     lines = ["| term | bound ms | computed ms | ratio |", "|---|---|---|---|"]
     for term, (bound, computed, runs) in pairs.items():
         left_ms, computed_ms = cpu_ms(bound, 20), cpu_ms(computed, runs)
         lines.append(f"| {term} | {left_ms:.2f} | {computed_ms:.1f} | {computed_ms / left_ms:.0f} |")
-    all_ms = cpu_ms(lambda: left_out(spec, plan), 20)
-    near_ms = cpu_ms(lambda: coil_reuse(spec, _layout(plan), channel, plan.selectivity.drive), 5)
+    all_ms = cpu_ms(lambda: left_out(plan), 20)
+    near_ms = cpu_ms(lambda: coil_reuse(spec, _layout(plan), channel, plan.scheme), 5)
     lines.append("")
     lines.append(
         f"All bounds of {name} together: {all_ms:.1f} ms; leakage of the nearest eight coils: {near_ms:.1f} ms."

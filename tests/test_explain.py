@@ -31,13 +31,13 @@ FOUR = (
 def explained():
     spec = parse_spec(FOUR)
     plan = make_plan(spec)
-    return spec, plan, explain_plan(spec, plan)
+    return spec, plan, explain_plan(plan)
 
 
 def test_changes_keep_what_they_promise(explained):
     """Plan each change anew with the channels that it is said to hold: all states reach what is asked."""
-    spec, plan, explanation = explained
-    specs = {words: other for _, words, other in _changes(spec, plan)}
+    _spec, plan, explanation = explained
+    specs = {words: other for _, words, other in _changes(plan)}
     assert len(explanation.changes) >= 5
     for change in explanation.changes:
         other = specs[change.change]
@@ -59,7 +59,7 @@ def test_one_more_than_held_does_not_hold(explained):
         make_plan(replace(spec, resolution=4 * 5))
     narrow = replace(spec, band_hz=(50.0, 250.0))
     assert _channels_held(narrow, (2, 2), 4) == (3, "biased")
-    limits = list(_limits(narrow, make_plan(narrow), 3, "biased"))
+    limits = list(_limits(make_plan(narrow), 3, "biased"))
     assert any(limit.startswith("selectivity: 4 channels per coil with 'spread' spacing") for limit in limits)
     assert make_plan(narrow).selectivity.kept_db < 20
 
@@ -81,7 +81,7 @@ def test_changes_that_the_coil_cannot_pull_do_not_count():
     spec = parse_spec('name = "coin"\nresolution = 2\nband_hz = [60, 180]\nq_min = 15\n')
     plan = make_plan(spec)
     grid = (plan.coils.rows, plan.coils.columns)
-    for _, words, other in _changes(spec, plan):
+    for _, words, other in _changes(plan):
         held, _ = _channels_held(other, grid, 2)
         again = make_plan(replace(other, resolution=held * grid[0] * grid[1], coil=replace(other.coil, grid=grid)))
         assert "coil.force" not in {f.code for f in again.findings}, words
@@ -122,10 +122,10 @@ def test_changes_are_ranked_by_what_they_buy_then_by_cost(explained):
 
 def test_the_limit_that_binds_is_named():
     room = load_spec("quad-64")
-    limits = list(_limits(room, make_plan(room), 4, "biased"))
+    limits = list(_limits(make_plan(room), 4, "biased"))
     assert any(limit.startswith("pitch and washer: 5 channels per coil") for limit in limits)
     weak = parse_spec(FOUR + "[drive]\nlevel_um = 60\n")
-    assert any(limit.startswith("copper loss: it allows") for limit in _limits(weak, make_plan(weak), 4, "biased"))
+    assert any(limit.startswith("copper loss: it allows") for limit in _limits(make_plan(weak), 4, "biased"))
 
 
 def test_capacities_by_scheme_and_law(explained):

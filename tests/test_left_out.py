@@ -46,13 +46,12 @@ from padgen.physics.rigid_body import RigidBody
 from padgen.physics.saturation import saturating
 from padgen.physics.taxel_modes import TaxelModes
 from padgen.planner import Plan, make_plan, reuse
-from padgen.planner.channels import magnetic_parts, squared_current_lines
+from padgen.planner.channels import magnetic_parts
 from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.layout import Layout
 from padgen.planner.left_out import RUNGS, judge_left_out, left_out, left_out_line
 from padgen.planner.plan import Channel, LeftOut
 from padgen.planner.pull_modes import coil_modes, heard_modes, mode_fields, site_wrenches
-from padgen.planner.settings import scheme_named
 from padgen.planner.suspensions import BeamShape, PlateShape
 from padgen.planner.taxel_model import TaxelModel
 from padgen.spec import Spec, load_spec, parse_spec
@@ -101,7 +100,7 @@ def scene(name: str) -> tuple[Spec, Plan]:
 
 
 def entry(name: str, term: str) -> LeftOut:
-    return next(e for e in left_out(*scene(name)) if e.term == term)
+    return next(e for e in left_out(scene(name)[1]) if e.term == term)
 
 
 def within(bound: float | None, true: float, most: float = MOST) -> None:
@@ -153,7 +152,7 @@ def true_softening(name: str) -> float:
 
 def squares_at_worst(spec: Spec, plan: Plan, own, k: int, phase: np.ndarray) -> np.ndarray:
     """Largest i² when channel k's own line of it is at `phase`, the others' at any."""
-    scheme, lines = scheme_named(spec, plan.selectivity.drive), squared_current_lines(own)
+    scheme, lines = plan.scheme, np.array([c.line_a2 for c in own])
     others = np.delete(np.arange(len(own)), k)
     if scheme.name == "spur-free":
         return (1 + spec.drive.headroom) * lines.sum() + lines[k] * np.cos(phase) + lines[others].sum()
@@ -340,7 +339,7 @@ def test_beam_inertia_is_the_plans():
     assert found.bound == pytest.approx(max(bounds), rel=1e-9)
     assert found.of == f"resonance of channel {int(np.argmax(bounds))}"
     solved = [replace(c, model="solid", model_error=1e-3 * (c.index + 1)) for c in plan.channels]
-    computed = next(e for e in left_out(spec, replace(plan, channels=tuple(solved))) if e.term == "beam inertia")
+    computed = next(e for e in left_out(replace(plan, channels=tuple(solved))) if e.term == "beam inertia")
     assert computed == LeftOut("beam inertia", 0.011, "1", "resonance of channel 10", computed=True)
 
 
@@ -367,7 +366,7 @@ def true_far_coils(name: str) -> float:
         return leakage(coil, washer, gap, place, np.concatenate([neighbours, far]))
 
     with patch.object(reuse, "leakage", in_full):
-        leak_db = reuse.coil_reuse(spec, layout, plan.channels, plan.selectivity.drive).leak_db
+        leak_db = reuse.coil_reuse(spec, layout, plan.channels, plan.scheme).leak_db
     return float(abs(10 ** ((plan.reuse.leak_db - leak_db) / 20) - 1))
 
 
@@ -383,7 +382,7 @@ TRUE = {
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize("term", TRUE)
 def test_bound_of_a_plan(term, name):
-    terms = {e.term: e for e in left_out(*scene(name))}
+    terms = {e.term: e for e in left_out(scene(name)[1])}
     if term in terms:
         within(terms[term].bound, TRUE[term](name), most=MOST if not terms[term].computed else 10 * MOST)
     else:
@@ -411,7 +410,7 @@ def test_frame_without_holes_is_glued_down():
 
     spec, plan = scene("paper-32")
     glued = replace(spec, pad=replace(spec.pad, hole_diameter_mm=0.0))
-    bound = next(e for e in left_out(glued, plan) if e.term == "frame").bound
+    bound = next(e for e in left_out(replace(plan, spec=glued)) if e.term == "frame").bound
     assert bound == pytest.approx(flexibility_bounds(plan, "bottom").max(), rel=1e-9)
 
 
@@ -550,7 +549,7 @@ def test_shielding_of_two_is_a_dipoles():
 
 @pytest.mark.parametrize("name", SCENES)
 def test_largest_first_and_plain(name):
-    entries = left_out(*scene(name))
+    entries = left_out(scene(name)[1])
     sizes = [np.inf if e.bound is None else e.bound for e in entries]
     assert sizes == sorted(sizes, reverse=True)
     assert len({e.term for e in entries}) == len(entries)
@@ -564,7 +563,7 @@ def test_largest_first_and_plain(name):
 
 def test_findings_are_of_terms_above_the_tolerance():
     spec, plan = scene("paper-32")
-    entries = left_out(spec, plan)
+    entries = left_out(plan)
     for tolerance in (1e-4, 0.02, 0.5):
         asked = replace(spec, model=replace(spec.model, tolerance=tolerance))
         found = list(judge_left_out(asked, entries))
@@ -594,14 +593,14 @@ def test_line():
 
 
 def test_one_coil_has_no_far_ones_and_one_channel_no_neighbour():
-    assert "far coils" not in {e.term for e in left_out(*scene("wide-11"))}
-    assert "shielding" not in {e.term for e in left_out(*scene("paper-16"))}
+    assert "far coils" not in {e.term for e in left_out(scene("wide-11")[1])}
+    assert "shielding" not in {e.term for e in left_out(scene("paper-16")[1])}
 
 
 def test_constant_current_of_a_biased_coil_counts():
     """B over b is `bias_ratio` for the strongest line of its coil, more for the weaker."""
     spec, plan = scene("two sets")
-    lines = squared_current_lines(plan.channels)
+    lines = np.array([c.line_a2 for c in plan.channels])
     strongest = np.array([max(lines[k % 2 :: 2]) for k in range(len(lines))])
     bound = [
         motional_voltage(
@@ -619,7 +618,7 @@ def test_constant_current_of_a_biased_coil_counts():
 
 
 def test_a_washer_that_is_not_pulled_has_no_force_to_judge():
-    spec, plan = scene("paper-32")
+    _spec, plan = scene("paper-32")
     still = tuple(replace(c, force_constant_n_per_a2=0.0) for c in plan.channels)
-    terms = {e.term for e in left_out(spec, replace(plan, channels=still))}
+    terms = {e.term for e in left_out(replace(plan, channels=still))}
     assert terms == {"beam inertia", "frame", "far coils", "far modes"}

@@ -468,7 +468,7 @@ def test_a_crowded_mode_is_found_and_costs(crowded_plan):
     assert abs(wrench - wrench[0]).max() > 1e-3
     # No vertical pull at the axis excites it.
     straight = [replace(c, pull_wrench=tuple(UPWARD)) for c in channels_]
-    assert crowds(spec, straight, figures.drive) == []
+    assert crowds(spec, straight, Scheme(figures.drive)) == []
     assert plan_selectivity(spec, straight).modes_cost_db < 0.1
 
 
@@ -477,7 +477,7 @@ def test_a_mode_that_is_near_and_costs_is_one_finding(crowded_plan):
     spec = parse_spec(CROWDED.format(f"{lateral_hz(crowded_plan):.6g}") + "[drive]\nlevel_law = 0\n")
     plan = make_plan(spec)
     (crowded,) = of(plan, "modes.crowded")
-    (found,) = crowds(spec, plan.channels, plan.selectivity.drive)
+    (found,) = crowds(spec, plan.channels, plan.scheme)
     assert found.at_peak > 1 / spec.delta_y
     assert found.costs_db > 4
     assert f"by {found.at_peak:.2g} if a print" in crowded.message
@@ -498,14 +498,14 @@ def test_the_remedy_of_a_crowded_mode_works(crowded_plan):
 @pytest.mark.parametrize("again", ["as crowded", "less selective", "no pad"])
 def test_a_change_that_does_not_help_is_not_offered(crowded_plan, monkeypatch, again):
     straight = tuple(replace(c, pull_wrench=tuple(UPWARD)) for c in crowded_plan.channels)
-    drive, kept = crowded_plan.selectivity.drive, crowded_plan.selectivity.kept_db
+    drive, kept = crowded_plan.scheme, crowded_plan.selectivity.kept_db
     found = {
         "as crowded": judge_modes._Again(crowded_plan.channels, drive, 40.0),
         "less selective": judge_modes._Again(straight, drive, min(kept, 20.0) - 0.1),
         "no pad": None,
     }[again]
-    monkeypatch.setattr(judge_modes, "_planned_again", lambda plan, spec: found)
-    messages = [f.message for f in judge_modes.judge_modes(crowded_plan.spec, crowded_plan)]
+    monkeypatch.setattr(judge_modes, "_planned_again", lambda plan, varied: found)
+    messages = [f.message for f in judge_modes.judge_modes(crowded_plan)]
     assert len(messages) == 2
     assert all(re.search(r"none of \d+ changes .* clears it", message) for message in messages)
 
@@ -518,7 +518,7 @@ def test_a_mode_on_a_spur_is_named_with_its_makers_and_cleared_by_a_drive(crowde
     hz = [spur_hz if k == torsion else f for k, f in enumerate(first.modes_hz)]
     motions = [tuple(10 * np.array(m)) if k == torsion else m for k, m in enumerate(first.mode_motions)]
     moved = (replace(first, modes_hz=tuple(hz), mode_motions=tuple(motions)), *others)
-    found = [c for c in crowds(spec, moved, "tones") if (c.channel, c.mode) == (0, torsion)]
+    found = [c for c in crowds(spec, moved, Scheme("tones")) if (c.channel, c.mode) == (0, torsion)]
     assert [(c.line, c.is_spur) for c in found] == [("the sum spur of 1 and 3", True)]
     assert found[0].line_hz == pytest.approx(spur_hz)
     which, modes = placed_channels(spec, moved), coil_modes(spec, moved)
@@ -527,20 +527,22 @@ def test_a_mode_on_a_spur_is_named_with_its_makers_and_cleared_by_a_drive(crowde
     assert found[0].at_peak == pytest.approx(spur * peak, rel=1e-9)
     heard = felt_energy(modes, slice(0, 1), np.array([spur_hz]))[0, 0]
     assert found[0].planned == pytest.approx(spur * np.sqrt(heard), rel=1e-9)
-    assert [c for c in crowds(spec, moved, "spur-free") if (c.channel, c.mode) == (0, torsion) and c.is_spur] == []
+    assert [
+        c for c in crowds(spec, moved, Scheme("spur-free")) if (c.channel, c.mode) == (0, torsion) and c.is_spur
+    ] == []
     # On a taxel that makes the spur, it is no disturbance: it is there only when the taxel is ON.
     last = replace(others[2], modes_hz=tuple(hz), mode_motions=tuple(motions), mode_shares=first.mode_shares)
-    for crowd in crowds(spec, (first, *others[:2], last), "tones"):
+    for crowd in crowds(spec, (first, *others[:2], last), Scheme("tones")):
         assert "3" not in crowd.line or crowd.channel != 3
 
 
 def test_the_quick_look_passes_nothing_over(crowded_plan):
     """Where modes are not even looked at, looking finds none."""
-    assert modes_matter(crowded_plan.spec, crowded_plan)
+    assert modes_matter(crowded_plan)
     for name in ("paper-16", "paper-32", "triple-48", "resin-fine"):
         plan = make_plan(load_spec(name))
-        if not modes_matter(plan.spec, plan):
-            assert crowds(plan.spec, plan.channels, plan.selectivity.drive) == []
+        if not modes_matter(plan):
+            assert crowds(plan.spec, plan.channels, plan.scheme) == []
         assert of(plan, "modes.crowded") == of(plan, "selectivity.modes") == []
     # By what could be heard alone: no mode in a slot, no cost.
     quiet = replace(crowded_plan.selectivity, modes_cost_db=0.0)
@@ -549,15 +551,13 @@ def test_the_quick_look_passes_nothing_over(crowded_plan):
     silent = [replace(c, pull_wrench=tuple(UPWARD)) for c in loud]
     for channels_, matter in ((loud, True), (silent, False)):
         plan = replace(crowded_plan, selectivity=quiet, channels=tuple(channels_))
-        assert modes_matter(plan.spec, plan) == matter
+        assert modes_matter(plan) == matter
 
 
 def test_a_second_mode_in_a_slot_that_nothing_excites_is_a_note(crowded_plan):
     straight = [replace(c, pull_wrench=tuple(UPWARD)) for c in crowded_plan.channels]
     figures = plan_selectivity(crowded_plan.spec, straight)
-    found = list(
-        judge_modes.judge_modes(crowded_plan.spec, replace(crowded_plan, channels=tuple(straight), selectivity=figures))
-    )
+    found = list(judge_modes.judge_modes(replace(crowded_plan, channels=tuple(straight), selectivity=figures)))
     assert [(f.level, f.code, f.where) for f in found] == [("note", "modes.near", "channels 1")]
     assert f"1 at {number(lateral_hz(crowded_plan))} Hz on 3" in found[0].message
     assert of(crowded_plan, "modes.near") == []

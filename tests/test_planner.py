@@ -13,6 +13,7 @@ import pytest
 from padgen.core.errors import FileError, InfeasibleError, SpecError
 from padgen.physics.ladder import slot_half_width
 from padgen.planner import make_plan, plan_from_json, plan_to_json
+from padgen.planner.channels import wanted_line_a2
 from padgen.planner.judge_drive import judge_drive
 from padgen.planner.layout import _channel_counts, candidates
 from padgen.planner.sizing import SizedChannel, crowded_modes, reach
@@ -225,6 +226,20 @@ def test_plan_survives_json(paper_plan, paper_spec):
     assert again.spec == paper_spec
 
 
+def test_a_plan_holds_the_wanted_lines_of_the_squared_current():
+    for name in ("paper-32", "wide-11"):
+        for channel in json.loads(plan_to_json(make_plan(load_spec(name))))["channels"]:
+            pulled_mn = channel["line_a2"] * channel["force_constant_n_per_a2"] * 1e3
+            assert pulled_mn == pytest.approx(channel["force_mn"], rel=1e-9)
+    assert wanted_line_a2(1.0, -1e-9) == wanted_line_a2(1.0, 0.0) == 0.0
+
+
+def test_the_text_of_a_plan_is_the_same_every_time(paper_plan):
+    text = plan_text(paper_plan)
+    assert "dB for the closest pair: one on" in text
+    assert plan_text(paper_plan) == text
+
+
 def jittered(value, seed):
     """Numbers of a spec's tables with all the digits that a float has."""
     if isinstance(value, dict):
@@ -395,7 +410,7 @@ def test_a_washer_that_the_coil_does_not_pull_is_an_error():
     plan = plan_of(1, 50, 200, extra + "[suspension]\ntopology = 'cantilever'\n")
     (channel,) = plan.channels
     broken = replace(plan, channels=(replace(channel, force_constant_n_per_a2=-1e-9),))
-    assert "coil.force" in {f.code for f in judge_drive(plan.spec, broken)}
+    assert "coil.force" in {f.code for f in judge_drive(broken)}
     assert "coil.force" not in {f.code for f in plan.findings}
 
 

@@ -45,7 +45,7 @@ def _plan(options: argparse.Namespace) -> int:
     spec = with_model(load_spec(options.spec), options)
     plan = _planned(spec, options)
     text = plan_to_json(plan)
-    explanation = _explained(spec, plan) if options.explain else None
+    explanation = _explained(plan) if options.explain else None
     printed = _printed(plan, options) if options.pads else None
     folder = folder_of(options, plan.name)
     with OutputFolder(folder) as out:
@@ -115,8 +115,8 @@ def _printed(plan: Any, options: argparse.Namespace) -> Any:
         return print_yield(plan, options.pads, options.seed)
 
 
-def _explained(spec: Any, plan: Any) -> Any:
+def _explained(plan: Any) -> Any:
     from padgen.planner.explain import explain_plan
 
     with progress_line() as progress:
-        return explain_plan(spec, plan, progress)
+        return explain_plan(plan, progress)

@@ -22,9 +22,7 @@ from padgen.measured.shake import (
     sweep_s,
 )
 from padgen.physics.currents import mean_square_a2
-from padgen.planner.channels import squared_current_lines
 from padgen.planner.plan import Plan
-from padgen.planner.settings import scheme_named
 
 __all__ = ["KINDS", "Excitation", "excitation"]
 
@@ -123,8 +121,8 @@ def excitation(
 def _share(plan: Plan, peak_v: float, square_a2: float) -> float:
     """What of the planned levels every limit allows: amplifier, copper, and the mean pull that the plan has."""
     spec = plan.spec
-    scheme = scheme_named(spec, plan.selectivity.drive)
-    planned = max(mean_square_a2(scheme, squared_current_lines(own), spec.drive.headroom) for own in plan.sets)
+    scheme = plan.scheme
+    planned = max(mean_square_a2(scheme, np.array([c.line_a2 for c in own]), spec.drive.headroom) for own in plan.sets)
     return min(
         1.0,
         (VOLTAGE_SHARE * spec.drive.voltage_limit_v / peak_v) ** 2,

@@ -25,7 +25,6 @@ from padgen.physics.root_margin import RootMargin, root_margin
 from padgen.physics.selectivity import Scheme
 from padgen.planner.plan import Plan
 from padgen.planner.printed_pads import coils_of
-from padgen.planner.settings import scheme_named
 
 __all__ = [
     "CARRIER_OVER_RESONANCE",
@@ -125,7 +124,7 @@ def make_drive(
         lines of their own, a carrier outside its bounds, or a taxel that the coil cannot move.
     """
     tuning = tuning or planned_tuning(plan)
-    spec, scheme = plan.spec, scheme_named(plan.spec, plan.selectivity.drive)
+    spec, scheme = plan.spec, plan.scheme
     highest_hz = max(taxel.resonance_hz for taxel in tuning.taxels)
     _refuse_rate(rate_hz, highest_hz)
     period_s, harmonic = _comb(plan, tuning, scheme, rate_hz, period_s)

@@ -13,9 +13,7 @@ import numpy as np
 from padgen.core.units import MN
 from padgen.physics.currents import mean_square_a2
 from padgen.physics.selectivity import Scheme
-from padgen.planner.channels import squared_current_lines
 from padgen.planner.plan import Channel, Plan
-from padgen.planner.settings import scheme_named
 
 __all__ = ["LARGEST_TABLE", "Line", "Spur", "State", "coil_states"]
 
@@ -69,7 +67,7 @@ def coil_states(plan: Plan) -> tuple[State, ...]:
     """All states of a coil of each set, the lowest channel changing slowest; empty above `LARGEST_TABLE` channels."""
     if len(plan.sets[0]) > LARGEST_TABLE:
         return ()
-    scheme = scheme_named(plan.spec, plan.selectivity.drive)
+    scheme = plan.scheme
     return tuple(
         _state(plan, scheme, number, bits)
         for number, own in enumerate(plan.sets)
@@ -91,7 +89,7 @@ def _state(plan: Plan, scheme: Scheme, number: int, bits: tuple[int, ...]) -> St
 
 
 def _static_force_mn(plan: Plan, scheme: Scheme, own: tuple[Channel, ...], bits: tuple[int, ...]) -> float:
-    lines, on = squared_current_lines(own), np.array(bits, dtype=bool)
+    lines, on = np.array([c.line_a2 for c in own]), np.array(bits, dtype=bool)
     square_a2 = mean_square_a2(scheme, lines, plan.spec.drive.headroom, on)
     return square_a2 * own[0].force_constant_n_per_a2 / MN
 
@@ -99,7 +97,7 @@ def _static_force_mn(plan: Plan, scheme: Scheme, own: tuple[Channel, ...], bits:
 def _spurs(scheme: Scheme, own: tuple[Channel, ...], on: list[Channel]) -> list[Spur]:
     if not scheme.has_pair_spurs:
         return []
-    lines = {channel.index: line for channel, line in zip(own, squared_current_lines(own), strict=True)}
+    lines = {channel.index: channel.line_a2 for channel in own}
     largest = max(*lines.values(), SMALLEST_LINE)
     spurs = []
     for a, b in combinations(on, 2):

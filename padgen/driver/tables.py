@@ -10,11 +10,9 @@ from padgen.core.files import json_text
 from padgen.driver.frames import taxel_grid
 from padgen.driver.states import LARGEST_TABLE, coil_states
 from padgen.physics.currents import bias_a, current_lines_a, mean_square_a2
-from padgen.planner.channels import squared_current_lines
 from padgen.planner.drive_rows import BIAS, COLUMNS, DriveRow, bias_row, coil_rows, table_csv
 from padgen.planner.frame_rates import slot_ms
 from padgen.planner.plan import Plan
-from padgen.planner.settings import scheme_named
 
 __all__ = ["drive_csv", "drive_json", "drive_rows"]
 
@@ -22,7 +20,7 @@ __all__ = ["drive_csv", "drive_json", "drive_rows"]
 def drive_rows(plan: Plan) -> tuple[DriveRow, ...]:
     """The table: a row per channel and, where the current has a constant part, its row."""
     spec = plan.spec
-    scheme = scheme_named(spec, plan.selectivity.drive)
+    scheme = plan.scheme
     rows: dict[int | str, DriveRow] = {}
     constant: list[DriveRow] = []
     for kind, own in enumerate(plan.sets):
@@ -83,8 +81,8 @@ def drive_json(plan: Plan) -> str:
 
 def _recipe(plan: Plan, kind: int) -> dict[str, Any]:
     """What the current of a coil of set `kind` is made of, as a formula and its numbers in A and A²."""
-    scheme, own = scheme_named(plan.spec, plan.selectivity.drive), plan.sets[kind]
-    lines, headroom = squared_current_lines(own), plan.spec.drive.headroom
+    scheme, own = plan.scheme, plan.sets[kind]
+    lines, headroom = np.array([c.line_a2 for c in own]), plan.spec.drive.headroom
     recipe: dict[str, Any] = {"channels": [c.index for c in own], "squared_lines_a2": lines.tolist()}
     tones_a = current_lines_a(scheme, lines).tolist()
     if scheme.name == "spur-free":

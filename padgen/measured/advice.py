@@ -18,7 +18,6 @@ from padgen.measured.tuning import Tuning
 from padgen.physics.selectivity import Channels, Scheme, off_energy
 from padgen.planner.plan import Plan
 from padgen.planner.printed_pads import coils_of, sensitivities
-from padgen.planner.settings import scheme_named
 
 __all__ = ["Trim", "TrimStep", "needed_db", "trims"]
 
@@ -126,7 +125,7 @@ def _coil(plan: Plan, tuning: Tuning, index: Sequence[int], figures: CoilFigures
         np.array([t.q for t in taxels]),
         np.array([t.response_um_per_a2 for t in taxels]),
         np.array(mass),
-        scheme_named(plan.spec, plan.selectivity.drive),
+        plan.scheme,
         1.0,
     )
     # Other modes cost what they cost now.

@@ -17,7 +17,7 @@ from padgen.measured.tuning import Tuning, planned_tuning
 from padgen.physics.modal import ModalTaxels
 from padgen.physics.resonator import ring_up_time
 from padgen.physics.selectivity import Channels, Scheme, line_energy, off_energy, own_lines
-from padgen.planner.channels import driven
+from padgen.planner.channels import driven, wanted_line_a2
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.printed_pads import coils_of
 from padgen.planner.pull_modes import coil_modes
@@ -121,7 +121,7 @@ def printed_channels(plan: Plan, tuning: Tuning) -> tuple[Channel, ...]:
     ]
     spec = one_coil_spec(plan)
     for index in coils_of(plan).values():
-        own = driven(spec, [moved[i] for i in index], plan.selectivity.drive)
+        own = driven(spec, [moved[i] for i in index], plan.scheme)
         for i, channel in zip(index, own, strict=True):
             moved[i] = channel
     return tuple(moved)
@@ -131,6 +131,7 @@ def _printed(channel: Channel, hz: float, q: float, response_um_per_a2: float, l
     x = hz / channel.resonance_hz
     stiffness = channel.stiffness_n_per_m * x**2
     tau_ms = float(ring_up_time(hz, q)) / MS
+    force_mn, force_constant = level_um * UM * stiffness / q / MN, response_um_per_a2 * UM * stiffness / q
     return replace(
         channel,
         resonance_hz=hz,
@@ -144,8 +145,9 @@ def _printed(channel: Channel, hz: float, q: float, response_um_per_a2: float, l
         second_mode_hz=channel.second_mode_hz * x,
         sag_um=channel.sag_um / x**2,
         root_stress_mpa=channel.root_stress_mpa * level_um / channel.level_um,
-        force_mn=level_um * UM * stiffness / q / MN,
-        force_constant_n_per_a2=response_um_per_a2 * UM * stiffness / q,
+        force_mn=force_mn,
+        force_constant_n_per_a2=force_constant,
+        line_a2=wanted_line_a2(force_mn, force_constant),
     )
 
 

@@ -11,7 +11,6 @@ from collections.abc import Callable
 import numpy as np
 
 from padgen.core.errors import SpecError
-from padgen.planner.channels import squared_current_lines
 from padgen.planner.plan import Plan
 
 __all__ = [
@@ -67,7 +66,7 @@ def shaking_line_a2(plan: Plan) -> Line:
     SpecError
         The coils pull no washer.
     """
-    line = squared_current_lines(plan.channels)
+    line = np.array([c.line_a2 for c in plan.channels])
     hz = np.array([channel.resonance_hz for channel in plan.channels])
     order = np.argsort(hz)
     order = order[line[order] > 0]

@@ -174,14 +174,13 @@ def _scheme_db(plan: Plan, tuning: Tuning, name: str) -> float | None:
 def _loads(plan: Plan, tuning: Tuning) -> tuple[CoilLoad, ...]:
     spec, channels = one_coil_spec(plan), printed_channels(plan, tuning)
     return tuple(
-        coil_load(spec, [channels[i] for i in index], plan.selectivity.drive)
-        for _, index in sorted(coils_of(plan).items())
+        coil_load(spec, [channels[i] for i in index], plan.scheme) for _, index in sorted(coils_of(plan).items())
     )
 
 
 def _low_db(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> list[float | None]:
     """What each coil keeps in all but `LOW_QUANTILE` of the prints that agree with the measurement."""
-    rng, scheme = np.random.default_rng(0), scheme_named(plan.spec, plan.selectivity.drive)
+    rng, scheme = np.random.default_rng(0), plan.scheme
     value = np.array([(t.resonance_hz, t.q, max(t.response_um_per_a2, 1e-300)) for t in tuning.taxels])
     error = np.array([(t.resonance_error_hz, t.q_error, t.response_error) for t in tuning.taxels]) / value
     # Log-normal, so that nothing becomes negative; the first draw is what was measured.

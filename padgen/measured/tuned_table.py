@@ -3,15 +3,11 @@
 from dataclasses import astuple, dataclass
 from typing import NamedTuple
 
-import numpy as np
-
 from padgen.measured.predict import printed_channels
 from padgen.measured.tuning import Tuning
-from padgen.planner.channels import squared_current_lines
 from padgen.planner.drive_rows import COLUMNS, DriveRow, bias_row, coil_rows, table_csv
 from padgen.planner.plan import Plan
 from padgen.planner.printed_pads import coils_of
-from padgen.planner.settings import scheme_named
 
 __all__ = ["MeasuredRow", "TunedRow", "measured_rows", "tuned_drive_csv", "tuned_rows"]
 
@@ -54,7 +50,7 @@ class MeasuredRow:
 def tuned_rows(plan: Plan, tuning: Tuning) -> tuple[TunedRow, ...]:
     """The table: a row per taxel in the plan's order and, where the current has a constant part, one per coil."""
     spec, channels = plan.spec, printed_channels(plan, tuning)
-    scheme = scheme_named(spec, plan.selectivity.drive)
+    scheme = plan.scheme
     rows: dict[int, TunedRow] = {}
     constant = []
     for (row, column), index in sorted(coils_of(plan).items()):
@@ -74,7 +70,6 @@ def tuned_drive_csv(plan: Plan, tuning: Tuning) -> str:
 def measured_rows(plan: Plan, tuning: Tuning) -> tuple[MeasuredRow, ...]:
     """A row per taxel in the plan's order, for people to read."""
     channels = printed_channels(plan, tuning)
-    line = [float(np.squeeze(squared_current_lines([channel]))) for channel in channels]
     return tuple(
         MeasuredRow(
             taxel.id,
@@ -88,14 +83,14 @@ def measured_rows(plan: Plan, tuning: Tuning) -> tuple[MeasuredRow, ...]:
             tuned.response_um_per_a2,
             tuned.response_error,
             row.drive.drive_hz,
-            amplitude,
+            channel.line_a2,
             row.drive.current_ma_peak,
             row.drive.voltage_v_peak,
             channel.level_um,
             tuned.measured,
             tuned.level_measured,
         )
-        for taxel, tuned, row, amplitude, channel in zip(
-            plan.taxels, tuning.taxels, tuned_rows(plan, tuning), line, channels, strict=False
+        for taxel, tuned, row, channel in zip(
+            plan.taxels, tuning.taxels, tuned_rows(plan, tuning), channels, strict=False
         )
     )

@@ -11,7 +11,7 @@ from padgen.physics.selectivity import Channels, Scheme, all_states, channels, l
 from padgen.planner.plan import Capacity
 from padgen.planner.printable import DRAWN_SHARE
 from padgen.planner.resonances import slot_band_hz
-from padgen.planner.settings import level_law, scheme_named
+from padgen.planner.settings import level_law
 from padgen.spec import Spec
 
 __all__ = ["channel_limit", "coil_capacity", "largest_counts", "searched_to"]
@@ -54,10 +54,9 @@ def channel_limit(spec: Spec) -> int:
     return count
 
 
-def coil_capacity(spec: Spec, drive: str, limit: str) -> Capacity:
-    """The plan's `Capacity` with the scheme `drive`; `limit` names what keeps the pad from more."""
-    paper = _paper(spec)
-    scheme, law = scheme_named(spec, drive), level_law(spec)
+def coil_capacity(spec: Spec, scheme: Scheme, limit: str) -> Capacity:
+    """The plan's `Capacity` with the drive `scheme`; `limit` names what keeps the pad from more."""
+    paper, law = _paper(spec), level_law(spec)
     states, one_hot = largest_counts(spec.band_hz, spec.q_min, law, scheme, decibel(spec.delta_y))
     ratio = ladder_ratio(spec.q_min, spec.delta_y)
     breaks = _what_breaks(spec.band_hz, states + 1, spec.q_min, law, scheme)

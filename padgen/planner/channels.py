@@ -10,9 +10,10 @@ from padgen.core.units import GRAM, MM, MN, MPA, MS, UM
 from padgen.physics.currents import mean_square_a2
 from padgen.physics.magnetics import SolenoidCoil, SteelRing, balanced_deflection, pull_over_gap
 from padgen.physics.resonator import ring_up_time
+from padgen.physics.selectivity import Scheme
 from padgen.planner.plan import Beam, Channel, Site, channel_sets
 from padgen.planner.pull_modes import each_distance, mode_fields, site_wrenches, taxel_modes
-from padgen.planner.settings import level_law, scheme_named
+from padgen.planner.settings import level_law
 from padgen.planner.sizing import SizedChannel, frequency_spread
 from padgen.planner.taxel_model import fillet_mm
 from padgen.spec import Spec
@@ -23,7 +24,7 @@ __all__ = [
     "magnetic_parts",
     "plan_channels",
     "pulls",
-    "squared_current_lines",
+    "wanted_line_a2",
 ]
 
 
@@ -42,6 +43,8 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
         stiffness = float(item.model.stiffness_n_per_m)
         beam_error = item.model.beam_error
         modes = mode_fields(taxel_modes(item.model), wrench[i])
+        force_mn = float(level_um[i]) * UM * stiffness / spec.q_min / MN
+        force_constant = float(pull[i]) * modes.pulled_share
         channels.append(
             Channel(
                 index=i,
@@ -62,8 +65,9 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
                 sag_um=float(item.model.sag_m) / UM,
                 root_stress_mpa=float(item.model.root_stress_pa(level_um[i] * UM)) / MPA,
                 print_spread=float(frequency_spread(item.beam, spec.printer)),
-                force_mn=float(level_um[i]) * UM * stiffness / spec.q_min / MN,
-                force_constant_n_per_a2=float(pull[i]) * modes.pulled_share,
+                force_mn=force_mn,
+                force_constant_n_per_a2=force_constant,
+                line_a2=wanted_line_a2(force_mn, force_constant),
                 pull_exponent=float(exponent[i]),
                 static_um=0.0,
                 pull_shift=0.0,
@@ -92,10 +96,10 @@ def hanging_gap_um(spec: Spec, sag_um: np.ndarray | float) -> np.ndarray:
     return np.maximum(gap_um - sag_um, gap_um / 10)
 
 
-def driven(spec: Spec, channels: Sequence[Channel], drive: str) -> tuple[Channel, ...]:
-    """`channels` with what the scheme `drive` decides: frequencies of the current and the mean pull's effects."""
-    scheme, sets = scheme_named(spec, drive), channel_sets(channels, spec.coil.sets)
-    squares_a2 = [mean_square_a2(scheme, squared_current_lines(own), spec.drive.headroom) for own in sets]
+def driven(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> tuple[Channel, ...]:
+    """`channels` with what the drive `scheme` decides: frequencies of the current and the mean pull's effects."""
+    sets = channel_sets(channels, spec.coil.sets)
+    squares_a2 = [mean_square_a2(scheme, np.array([c.line_a2 for c in own]), spec.drive.headroom) for own in sets]
     result = []
     for channel in channels:
         gap_um = float(hanging_gap_um(spec, channel.sag_um))
@@ -114,12 +118,9 @@ def driven(spec: Spec, channels: Sequence[Channel], drive: str) -> tuple[Channel
     return tuple(result)
 
 
-def squared_current_lines(channels: Sequence[Channel]) -> np.ndarray:
-    """Amplitudes (n,) in A² of the wanted lines of i²; 0 for a washer that the coil does not pull."""
-    force = np.array([c.force_mn * MN for c in channels])
-    pull = np.array([c.force_constant_n_per_a2 for c in channels])
-    lines: np.ndarray = np.divide(force, pull, out=np.zeros(len(force)), where=pull > 0)
-    return lines
+def wanted_line_a2(force_mn: float, force_constant_n_per_a2: float) -> float:
+    """Amplitude in A² of the line of i² that pulls with a force; 0 for a washer that the coil does not pull."""
+    return force_mn * MN / force_constant_n_per_a2 if force_constant_n_per_a2 > 0 else 0.0
 
 
 def magnetic_parts(spec: Spec) -> tuple[SolenoidCoil, SteelRing]:

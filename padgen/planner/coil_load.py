@@ -8,27 +8,26 @@ import numpy as np
 from padgen.core.units import MA, MH, MM, UM
 from padgen.physics.currents import mean_square_a2, peak_current_a, peak_voltage_v
 from padgen.physics.magnetics import pull_in_deflection, slack_at
-from padgen.planner.channels import hanging_gap_um, squared_current_lines
+from padgen.physics.selectivity import Scheme
+from padgen.planner.channels import hanging_gap_um
 from padgen.planner.plan import Channel, CoilLoad, channel_sets
-from padgen.planner.settings import scheme_named
 from padgen.spec import Spec
 
 __all__ = ["coil_load", "pull_in_share"]
 
 
-def coil_load(spec: Spec, channels: Sequence[Channel], drive: str) -> CoilLoad:
+def coil_load(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> CoilLoad:
     """Currents, voltage and heat of a coil with all channels on, and the level that every limit allows.
 
     With two sets of channels, of the coil that allows less.
     """
     sets = channel_sets(channels, spec.coil.sets)
-    return min((_load(spec, own, drive) for own in sets), key=lambda load: load.reachable_level_um)
+    return min((_load(spec, own, scheme) for own in sets), key=lambda load: load.reachable_level_um)
 
 
-def _load(spec: Spec, channels: Sequence[Channel], drive: str) -> CoilLoad:
+def _load(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> CoilLoad:
     coil, headroom = spec.coil, spec.drive.headroom
-    scheme, lines = scheme_named(spec, drive), squared_current_lines(channels)
-    resonance = np.array([c.resonance_hz for c in channels])
+    lines, resonance = np.array([(c.line_a2, c.resonance_hz) for c in channels]).T
     square_a2 = mean_square_a2(scheme, lines, headroom)
     volts = peak_voltage_v(scheme, lines, resonance, coil.resistance_ohm, coil.inductance_mh * MH, headroom)
     loss_w = square_a2 * coil.resistance_ohm

@@ -7,11 +7,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 from math import degrees, inf, sqrt
 
+import numpy as np
+
 from padgen.core.units import MA, MH, MN
 from padgen.physics.currents import bias_a, current_lines_a, mean_square_a2, root_voltage_v
 from padgen.physics.magnetics import impedance
 from padgen.physics.selectivity import Scheme
-from padgen.planner.channels import squared_current_lines
 from padgen.planner.plan import Channel
 from padgen.spec import Spec
 
@@ -50,7 +51,7 @@ def coil_rows(spec: Spec, scheme: Scheme, own: Sequence[Channel]) -> list[DriveR
     2 c B b at r; spur-free, the current's peak with this channel alone on is given. A washer that the
     coil does not pull has an infinite current.
     """
-    current = current_lines_a(scheme, squared_current_lines(own), spec.drive.headroom)
+    current = current_lines_a(scheme, np.array([c.line_a2 for c in own]), spec.drive.headroom)
     return [_row(spec, scheme, channel, float(i)) for channel, i in zip(own, current, strict=True)]
 
 
@@ -61,8 +62,7 @@ def _row(spec: Spec, scheme: Scheme, channel: Channel, current_a: float) -> Driv
     if channel.force_constant_n_per_a2 <= 0:
         current_a = volts = inf
     elif scheme.name == "spur-free":
-        line = float(squared_current_lines([channel])[0])
-        volts = root_voltage_v(line, channel.resonance_hz, resistance, inductance, spec.drive.headroom)
+        volts = root_voltage_v(channel.line_a2, channel.resonance_hz, resistance, inductance, spec.drive.headroom)
     return DriveRow(
         channel.index,
         channel.resonance_hz,
@@ -78,7 +78,7 @@ def _row(spec: Spec, scheme: Scheme, channel: Channel, current_a: float) -> Driv
 
 def bias_row(spec: Spec, scheme: Scheme, own: Sequence[Channel], name: str = BIAS) -> DriveRow:
     """The constant part of the current of a coil with the channels `own`."""
-    lines, resistance = squared_current_lines(own), spec.coil.resistance_ohm
+    lines, resistance = np.array([c.line_a2 for c in own]), spec.coil.resistance_ohm
     square = mean_square_a2(scheme, lines, spec.drive.headroom)
     constant = bias_a(scheme, lines) if scheme.name == "biased" else sqrt(square)
     static_mn = square * own[0].force_constant_n_per_a2 / MN

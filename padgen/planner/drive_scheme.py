@@ -1,9 +1,8 @@
 """Which drive scheme a coil gets, and how far OFF taxels then stay below ON taxels."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from math import inf
-from time import perf_counter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +20,7 @@ from padgen.spec import Spec
 if TYPE_CHECKING:
     from padgen.planner.resonances import Optimum
 
-__all__ = ["SIMPLEST_FIRST", "modes_matter", "placed_channels", "plan_selectivity", "run_times_s"]
+__all__ = ["SIMPLEST_FIRST", "modes_matter", "placed_channels", "plan_selectivity"]
 
 SIMPLEST_FIRST = ("tones", "biased", "spur-free", "time-shared")
 """By what the electronics must do: sines; sines on a constant; a root; and, slow, one at a time."""
@@ -83,29 +82,6 @@ def _placed_db(sets: Sequence[Placed], scheme: Scheme) -> float:
     return min(all_states(which, scheme, modes).db for which, modes in sets)
 
 
-def run_times_s(plan: Plan) -> tuple[float, float]:
-    """What the paper's bound and the exact figures take to compute for this plan, in s, best of three."""
-    spec, figures = plan.spec, plan.selectivity
-    scheme = scheme_named(spec, figures.drive)
-
-    def exact() -> None:
-        for own in plan.sets:
-            which = _resonators(spec, own, "alike")
-            one_hot_db(which, scheme)
-            all_states(which, scheme)
-
-    return _best_of_three(lambda: _paper_db(spec, plan.channels)), _best_of_three(exact)
-
-
-def _best_of_three(work: Callable[[], object]) -> float:
-    times = []
-    for _ in range(3):
-        start = perf_counter()
-        work()
-        times.append(perf_counter() - start)
-    return min(times)
-
-
 def _resonators(spec: Spec, planned: Sequence[Channel], which: str) -> Channels:
     """Channels as printed and pulled 'alike', with each washer's own pull ('placed'), or as the ladder 'asked'."""
     resonance = np.array([c.target_hz if which == "asked" else c.resonance_hz for c in planned])
@@ -122,7 +98,7 @@ def placed_channels(spec: Spec, planned: Sequence[Channel]) -> Channels:
     return _resonators(spec, planned, "placed")
 
 
-def modes_matter(spec: Spec, plan: Plan) -> bool:
+def modes_matter(plan: Plan) -> bool:
     """Whether a mode lies in another channel's slot, costs selectivity, or would be heard with its peak on any line.
 
     A quick bound: no line is more than twice the largest wanted one, biased no more than 1/(2 `bias_ratio`) of it.
@@ -130,9 +106,9 @@ def modes_matter(spec: Spec, plan: Plan) -> bool:
     if len(plan.sets[0]) < 2:
         return False
     return (
-        bool(modes_in_slots(spec, plan))
+        bool(modes_in_slots(plan))
         or (plan.selectivity.modes_cost_db or 0.0) > MODES_DB
-        or any(_loudest_peak(spec, own) > 1 / spec.delta_y for own in plan.sets)
+        or any(_loudest_peak(plan.spec, own) > 1 / plan.spec.delta_y for own in plan.sets)
     )
 
 

@@ -72,28 +72,28 @@ class Explanation:
     capacities: tuple[CapacityRow, ...]
 
 
-def explain_plan(spec: Spec, plan: Plan, progress: Callable[[str], None] = lambda step: None) -> Explanation:
+def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None) -> Explanation:
     """Try what would help the pad of `plan`, on its own coil grid, with resonances that the search may choose."""
-    grid, count = (plan.coils.rows, plan.coils.columns), len(plan.sets[0])
+    spec, grid, count = plan.spec, (plan.coils.rows, plan.coils.columns), len(plan.sets[0])
     progress("what stops one more channel")
     least = min(count, MOST_TRIED)
     (held, drive), in_band = _channels_held(spec, grid, least), _channels_in_band(spec)
     planned = _figures(spec, grid, count)
     now = planned.kept_db if planned else None
     changes = []
-    for cost, words, other in _changes(spec, plan):
+    for cost, words, varied in _changes(plan):
         progress(words)
-        channels, scheme = _channels_held(other, grid, least)
-        optimise = other.spacing != spec.spacing and count <= OPTIMISED_TRIED
-        figures = _figures(other, grid, count, optimise) if count <= MOST_TRIED else None
+        channels, scheme = _channels_held(varied, grid, least)
+        optimise = varied.spacing != spec.spacing and count <= OPTIMISED_TRIED
+        figures = _figures(varied, grid, count, optimise) if count <= MOST_TRIED else None
         after = figures.kept_db if figures else None
         gained_db = after - now if after is not None and now is not None else None
-        more_in_band = 0 if in_band >= MOST_IN_BAND else _channels_in_band(other) - in_band
+        more_in_band = 0 if in_band >= MOST_IN_BAND else _channels_in_band(varied) - in_band
         change = Change(words, COSTS[cost], channels, scheme, channels - held, more_in_band, gained_db)
         if change.gained > 0 or (change.gained == 0 and (change.gained_in_band > 0 or (gained_db or 0.0) > WORTH_DB)):
             changes.append(change)
     changes.sort(key=lambda c: (-c.gained, -c.gained_in_band, COSTS.index(c.cost), -(c.gained_db or 0.0)))
-    return Explanation(held, drive, tuple(_limits(spec, plan, held, drive)), tuple(changes), tuple(_capacities(spec)))
+    return Explanation(held, drive, tuple(_limits(plan, held, drive)), tuple(changes), tuple(_capacities(spec)))
 
 
 def _channels_in_band(spec: Spec) -> int:
@@ -152,16 +152,16 @@ def _figures(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = Fal
     return plan_selectivity(other, channels) if pulled else None
 
 
-def _limits(spec: Spec, plan: Plan, held: int, drive: str) -> Iterator[str]:
+def _limits(plan: Plan, held: int, drive: str) -> Iterator[str]:
     """What stops `held` + 1 channels per coil."""
+    spec, load = plan.spec, plan.load
     if spec.resonances_hz:
         yield "resonances_hz: the spec lists them; other numbers of channels are taken as free to choose"
     if held >= MOST_TRIED:
         yield f"nothing up to {MOST_TRIED} channels per coil, beyond which none were tried"
         return
-    yield from _selectivity_limits(spec, plan, held + 1, drive)
-    yield from _room_limits(spec, plan, held + 1)
-    load = plan.load
+    yield from _selectivity_limits(plan, held + 1, drive)
+    yield from _room_limits(plan, held + 1)
     if load.reachable_level_um < spec.drive.level_um:
         yield (
             f"{load.reachable_by}: it allows {number(load.reachable_level_um)} µm on channel 0, asked are"
@@ -171,8 +171,9 @@ def _limits(spec: Spec, plan: Plan, held: int, drive: str) -> Iterator[str]:
         yield f"static pull: {load.pull_in_share:.0%} of the pull at which the softest washer snaps to the coil"
 
 
-def _selectivity_limits(spec: Spec, plan: Plan, more: int, drive: str) -> Iterator[str]:
-    capacity = coil_capacity(spec, "spur-free" if drive == "auto" else drive, "")
+def _selectivity_limits(plan: Plan, more: int, drive: str) -> Iterator[str]:
+    spec = plan.spec
+    capacity = coil_capacity(spec, scheme_named(spec, "spur-free" if drive == "auto" else drive), "")
     band = f"{number(spec.band_hz[0])} … {number(spec.band_hz[1])} Hz"
     found = _figures(spec, (plan.coils.rows, plan.coils.columns), more)
     if found is not None and found.kept_db is not None and found.kept_db < found.asked_db:
@@ -194,8 +195,8 @@ def _selectivity_limits(spec: Spec, plan: Plan, more: int, drive: str) -> Iterat
         )
 
 
-def _room_limits(spec: Spec, plan: Plan, more: int) -> Iterator[str]:
-    grid = (plan.coils.rows, plan.coils.columns)
+def _room_limits(plan: Plan, more: int) -> Iterator[str]:
+    spec, grid = plan.spec, (plan.coils.rows, plan.coils.columns)
     other = replace(spec, resolution=grid[0] * grid[1] * more, resonances_hz=None, coil=replace(spec.coil, grid=grid))
     options = candidates(other, more)
     if not options:
@@ -209,17 +210,18 @@ def _room_limits(spec: Spec, plan: Plan, more: int) -> Iterator[str]:
         yield f"printable beams: no set of beams in the sub-cells reaches {more} resonances in {band}"
 
 
-def _changes(spec: Spec, plan: Plan) -> Iterator[tuple[int, str, Spec]]:
+def _changes(plan: Plan) -> Iterator[tuple[int, str, Spec]]:
     """Cost (index into `COSTS`), words and spec of what may be tried."""
-    table = without_none(asdict(spec))
-    for cost, words, changed in _tables(spec, plan):
+    table = without_none(asdict(plan.spec))
+    for cost, words, changed in _tables(plan):
         try:
             yield cost, words, make_spec(without_none({**table, **changed}))
         except SpecError:
             continue
 
 
-def _tables(spec: Spec, plan: Plan) -> Iterator[tuple[int, str, dict[str, Any]]]:
+def _tables(plan: Plan) -> Iterator[tuple[int, str, dict[str, Any]]]:
+    spec = plan.spec
     drive, (low, high) = asdict(spec.drive), spec.band_hz
     if spec.resonances_hz:
         yield 0, "no resonances_hz, so that the search spreads them", {"resonances_hz": None}

@@ -10,7 +10,7 @@ from padgen.core.errors import at_least, at_most, number
 from padgen.core.finding import LEVELS, Finding
 from padgen.core.units import MM, UM
 from padgen.physics.ladder import ladder_ratio, slot_half_width
-from padgen.planner.channels import driven, pulls
+from padgen.planner.channels import driven, pulls, wanted_line_a2
 from padgen.planner.drive_scheme import modes_matter
 from padgen.planner.judge_drive import judge_drive
 from padgen.planner.left_out import judge_left_out
@@ -27,18 +27,19 @@ LARGEST_GAP_MM = next(item.metadata["high"] for item in fields(Coil) if item.nam
 __all__ = ["judge"]
 
 
-def judge(spec: Spec, plan: Plan) -> tuple[Finding, ...]:
+def judge(plan: Plan) -> tuple[Finding, ...]:
     """All findings of a plan, errors first."""
+    spec = plan.spec
     found = [
         *(found for own in plan.sets for found in _spacing(spec, own)),
         *_targets(spec, plan.channels),
         *_bed(spec),
-        *judge_drive(spec, plan),
+        *judge_drive(plan),
         *_spread(plan),
         *_single_layers(spec, plan.channels),
         *_recess(spec),
-        *_modes(spec, plan),
-        *_mechanics(spec, plan),
+        *_modes(plan),
+        *_mechanics(plan),
         *_places(plan),
         *judge_left_out(spec, plan.left_out),
     ]
@@ -140,16 +141,17 @@ def _recess(spec: Spec) -> Iterator[Finding]:
         )
 
 
-def _modes(spec: Spec, plan: Plan) -> Iterator[Finding]:
-    if not modes_matter(spec, plan):
+def _modes(plan: Plan) -> Iterator[Finding]:
+    if not modes_matter(plan):
         return
     # Most plans do without it.
     from padgen.planner.judge_modes import judge_modes
 
-    yield from judge_modes(spec, plan)
+    yield from judge_modes(plan)
 
 
-def _mechanics(spec: Spec, plan: Plan) -> Iterator[Finding]:
+def _mechanics(plan: Plan) -> Iterator[Finding]:
+    spec = plan.spec
     for channel in plan.channels:
         where = f"channel {channel.index}"
         travel_mm, gap_mm = (channel.level_um + channel.sag_um + channel.static_um) * UM / MM, spec.coil.gap_mm
@@ -165,7 +167,7 @@ def _mechanics(spec: Spec, plan: Plan) -> Iterator[Finding]:
                 "gap.travel",
                 where,
                 f"sag ({number(channel.sag_um)} µm), static pull ({number(channel.static_um)} µm) and amplitude"
-                f" together are {number(travel_mm)} mm, {bound}; {_wider_gap(spec, plan)}",
+                f" together are {number(travel_mm)} mm, {bound}; {_wider_gap(plan)}",
             )
         if channel.root_stress_mpa > spec.material.fatigue_stress_mpa:
             level = channel.level_um * spec.material.fatigue_stress_mpa / channel.root_stress_mpa
@@ -189,9 +191,9 @@ def _mechanics(spec: Spec, plan: Plan) -> Iterator[Finding]:
             )
 
 
-def _wider_gap(spec: Spec, plan: Plan) -> str:
+def _wider_gap(plan: Plan) -> str:
     """A gap at which all channels keep within its third: the pull at a wider one is another."""
-    gap_mm = spec.coil.gap_mm
+    spec, gap_mm = plan.spec, plan.spec.coil.gap_mm
     sites, sag_um = [c.site for c in plan.channels], np.array([c.sag_um for c in plan.channels])
     here, _ = pulls(spec, sites, sag_um)
     share = np.array([channel.force_constant_n_per_a2 for channel in plan.channels]) / here
@@ -201,10 +203,15 @@ def _wider_gap(spec: Spec, plan: Plan) -> str:
         if (pull <= 0).any():
             break
         moved = [
-            replace(channel, force_constant_n_per_a2=float(c), pull_exponent=float(m))
+            replace(
+                channel,
+                force_constant_n_per_a2=float(c),
+                line_a2=wanted_line_a2(channel.force_mn, float(c)),
+                pull_exponent=float(m),
+            )
             for channel, c, m in zip(plan.channels, pull * share, exponent, strict=True)
         ]
-        again = driven(wider, moved, plan.selectivity.drive)
+        again = driven(wider, moved, plan.scheme)
         needed_mm = 3 * max(c.level_um + c.sag_um + c.static_um for c in again) * UM / MM
         if needed_mm <= gap_mm and all(c.static_um * UM / MM < gap_mm for c in again):
             return f"a gap of {number(gap_mm)} mm would do"

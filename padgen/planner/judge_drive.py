@@ -9,8 +9,6 @@ from padgen.physics.ladder import slot_half_width
 from padgen.physics.selectivity import Scheme
 from padgen.planner.layout import coil_reach_mm
 from padgen.planner.plan import Plan
-from padgen.planner.settings import scheme_named
-from padgen.spec import Spec
 
 __all__ = ["judge_drive"]
 
@@ -22,17 +20,17 @@ SNAPPING_DB = 0.5
 """Loss of selectivity by printing in steps that is worth a finding."""
 
 
-def judge_drive(spec: Spec, plan: Plan) -> Iterator[Finding]:
+def judge_drive(plan: Plan) -> Iterator[Finding]:
     """Findings about what is driven how, and how well OFF taxels stay quiet."""
     yield from _selectivity(plan)
     yield from _unequal_pull(plan)
     yield from _snapping(plan)
     yield from _leak(plan)
-    yield from _reach(spec, plan)
-    yield from _limits(spec, plan)
-    yield from _softening(spec, plan)
+    yield from _reach(plan)
+    yield from _limits(plan)
+    yield from _softening(plan)
     yield from _beats(plan)
-    yield from _imperceptible(spec, plan)
+    yield from _imperceptible(plan)
 
 
 def _selectivity(plan: Plan) -> Iterator[Finding]:
@@ -124,12 +122,12 @@ def _leak(plan: Plan) -> Iterator[Finding]:
         )
 
 
-def _reach(spec: Spec, plan: Plan) -> Iterator[Finding]:
-    reach = coil_reach_mm(spec)
+def _reach(plan: Plan) -> Iterator[Finding]:
+    reach = coil_reach_mm(plan.spec)
     far = max(plan.channels, key=lambda c: c.site.coil_distance_mm)
     distance = far.site.coil_distance_mm
     if distance > reach:
-        needed = 2 * distance - spec.washer.outer_diameter_mm
+        needed = 2 * distance - plan.spec.washer.outer_diameter_mm
         wider = f"a coil of {at_least(needed)} mm outer diameter or " if needed < plan.coils.pitch_mm else ""
         yield Finding(
             "warning",
@@ -156,7 +154,8 @@ def _level(level_um: float) -> str:
     return f"drive.level_um = {at_most(level_um)} would do"
 
 
-def _softening(spec: Spec, plan: Plan) -> Iterator[Finding]:
+def _softening(plan: Plan) -> Iterator[Finding]:
+    spec = plan.spec
     quarter_slot = slot_half_width(spec.q_min, spec.delta_y) / 2
     worst = max(plan.channels, key=lambda c: c.pull_shift)
     if plan.load.pull_in_share < 1 and worst.pull_shift > quarter_slot:
@@ -172,7 +171,7 @@ def _softening(spec: Spec, plan: Plan) -> Iterator[Finding]:
 
 def _beats(plan: Plan) -> Iterator[Finding]:
     """Spurs of two channels that fall on one of the two: their sum or difference with it is not a steady level."""
-    scheme = scheme_named(plan.spec, plan.selectivity.drive)
+    scheme = plan.scheme
     for own in plan.sets if scheme.has_pair_spurs else ():
         for low, high in combinations(own, 2):
             spurs = high.resonance_hz + low.resonance_hz, high.resonance_hz - low.resonance_hz
@@ -189,20 +188,21 @@ def _beats(plan: Plan) -> Iterator[Finding]:
                         )
 
 
-def _imperceptible(spec: Spec, plan: Plan) -> Iterator[Finding]:
-    silent = [channel for channel in plan.channels if spec.drive.threshold_hz and channel.ring_down_ms <= 0]
+def _imperceptible(plan: Plan) -> Iterator[Finding]:
+    drive = plan.spec.drive
+    silent = [channel for channel in plan.channels if drive.threshold_hz and channel.ring_down_ms <= 0]
     if silent:
         yield Finding(
             "warning",
             "level.threshold",
             "channels " + ", ".join(str(channel.index) for channel in silent),
-            f"{number(spec.drive.level_um)} µm on channel 0 is not above the detection threshold; a higher"
+            f"{number(drive.level_um)} µm on channel 0 is not above the detection threshold; a higher"
             " drive.level_um would do",
         )
 
 
-def _limits(spec: Spec, plan: Plan) -> Iterator[Finding]:
-    load, level = plan.load, spec.drive.level_um
+def _limits(plan: Plan) -> Iterator[Finding]:
+    spec, load, level = plan.spec, plan.load, plan.spec.drive.level_um
     volts, watts = spec.drive.voltage_limit_v, spec.coil.power_limit_w
     if load.voltage_peak_v > volts:
         yield Finding(

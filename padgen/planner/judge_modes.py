@@ -68,12 +68,12 @@ KINDS = (
 )
 
 
-def crowds(spec: Spec, channels: Sequence[Channel], drive: str) -> list[Crowd]:
-    """Modes within a slot's half width of a line of `drive` that may let a taxel, OFF, pass 1/Δy of its ON amplitude.
+def crowds(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> list[Crowd]:
+    """Modes within a slot's half width of a line of the drive that may let a taxel, OFF, pass 1/Δy of its ON amplitude.
 
     Or that cost more than `MODES_DB`. The loudest line of each mode.
     """
-    scheme, found = scheme_named(spec, drive), list[Crowd]()
+    found = list[Crowd]()
     for own in channel_sets(channels, spec.coil.sets) if len(channels) > spec.coil.sets else ():
         which, modes = placed_channels(spec, own), coil_modes(spec, own)
         lines = _lines(which, scheme)
@@ -156,11 +156,12 @@ def _crowd(
     )
 
 
-def judge_modes(spec: Spec, plan: Plan) -> Iterator[Finding]:
+def judge_modes(plan: Plan) -> Iterator[Finding]:
     """Findings about modes on lines of the drive, and about what all modes cost."""
-    found = crowds(spec, plan.channels, plan.selectivity.drive)
-    tried = list(_tries(spec, plan, found)) if found else []
-    yield from _silent(spec, plan, found)
+    spec = plan.spec
+    found = crowds(spec, plan.channels, plan.scheme)
+    tried = list(_tries(plan, found)) if found else []
+    yield from _silent(plan, found)
     for crowd in found:
         name = mode_names(spec, plan.channels[crowd.channel])[crowd.mode]
         cost = f", and costs {crowd.costs_db:.1f} dB, at most {number(MODES_DB)}" if crowd.costs_db else ""
@@ -189,9 +190,9 @@ def judge_modes(spec: Spec, plan: Plan) -> Iterator[Finding]:
         )
 
 
-def _silent(spec: Spec, plan: Plan, found: Sequence[Crowd]) -> Iterator[Finding]:
+def _silent(plan: Plan, found: Sequence[Crowd]) -> Iterator[Finding]:
     loud = {(crowd.channel, crowd.hz) for crowd in found}
-    silent = [(c, other) for c, other in modes_in_slots(spec, plan) if (c.index, c.second_mode_hz) not in loud]
+    silent = [(c, other) for c, other in modes_in_slots(plan) if (c.index, c.second_mode_hz) not in loud]
     if silent:
         listed = ", ".join(f"{c.index} at {number(c.second_mode_hz)} Hz on {o.index}" for c, o in silent)
         yield Finding(
@@ -199,7 +200,7 @@ def _silent(spec: Spec, plan: Plan, found: Sequence[Crowd]) -> Iterator[Finding]
             "modes.near",
             "channels " + ", ".join(str(index) for index in dict.fromkeys(c.index for c, _ in silent)),
             f"a second mode lies in another channel's slot ({listed}); the coil's pull excites it too little to pass"
-            f" {number(1 / spec.delta_y)} of the ON amplitude, a washer glued off its place would excite it more",
+            f" {number(1 / plan.spec.delta_y)} of the ON amplitude, a washer glued off its place would excite it more",
         )
 
 
@@ -225,14 +226,14 @@ def _remedy(tried: Sequence[_Try], crowd: Crowd | None) -> str:
     return f"none of {len(tried)} changes of resonances, beams, suspension and drive that were tried clears it"
 
 
-def _tries(spec: Spec, plan: Plan, found: Sequence[Crowd]) -> Iterator[_Try]:
+def _tries(plan: Plan, found: Sequence[Crowd]) -> Iterator[_Try]:
     """What may be tried, until all modes are clear, without losing more than `KEPT_DB` of what is asked."""
     least = min(plan.selectivity.kept_db or 0.0, plan.selectivity.asked_db) - KEPT_DB
-    for words, changed in islice(_changes(spec, plan, found), MOST_TRIED):
-        again = _planned_again(plan, changed)
+    for words, varied in islice(_changes(plan, found), MOST_TRIED):
+        again = _planned_again(plan, varied)
         left = None
         if again and again.kept_db >= least:
-            left = tuple(crowd.channel for crowd in crowds(changed, again.channels, again.drive))
+            left = tuple(crowd.channel for crowd in crowds(varied, again.channels, again.scheme))
         yield _Try(
             words, again.kept_db if again else -inf, left if left is not None and len(left) < len(found) else None
         )
@@ -244,43 +245,45 @@ class _Again(NamedTuple):
     """Channels of another spec, their drive and what it keeps."""
 
     channels: tuple[Channel, ...]
-    drive: str
+    scheme: Scheme
     kept_db: float
 
 
-def _planned_again(plan: Plan, spec: Spec) -> _Again | None:
-    """What another spec makes of the same coils; None where it takes others, or none at all."""
+def _planned_again(plan: Plan, varied: Spec) -> _Again | None:
+    """What a `varied` spec makes of the same coils; None where it takes others, or none at all."""
     from padgen.planner.capacity import channel_limit
     from padgen.planner.channels import plan_channels
     from padgen.planner.drive_scheme import plan_selectivity
     from padgen.planner.layout import candidates
     from padgen.planner.search import sites_of, sized_layouts
 
-    sized = next(sized_layouts(spec, candidates(spec, channel_limit(spec))), None)
+    sized = next(sized_layouts(varied, candidates(varied, channel_limit(varied))), None)
     if sized is None:
         return None
     layout, beams = sized
     if (layout.rows, layout.columns, layout.channels) != (plan.coils.rows, plan.coils.columns, len(plan.sets[0])):
         return None
-    channels = plan_channels(spec, beams, sites_of(spec, layout, beams))
+    channels = plan_channels(varied, beams, sites_of(varied, layout, beams))
     if any(channel.force_constant_n_per_a2 <= 0 for channel in channels):
         return None
-    figures = plan_selectivity(spec, channels)
-    return _Again(channels, figures.drive, figures.kept_db if figures.kept_db is not None else inf)
+    figures = plan_selectivity(varied, channels)
+    kept_db = inf if figures.kept_db is None else figures.kept_db
+    return _Again(channels, scheme_named(varied, figures.drive), kept_db)
 
 
-def _changes(spec: Spec, plan: Plan, found: Sequence[Crowd]) -> Iterator[tuple[str, Spec]]:
-    table = without_none(asdict(spec))
-    for words, changed in _tables(spec, plan, found):
+def _changes(plan: Plan, found: Sequence[Crowd]) -> Iterator[tuple[str, Spec]]:
+    table = without_none(asdict(plan.spec))
+    for words, changed in _tables(plan, found):
         try:
             yield words, make_spec(without_none({**table, **changed}))
         except SpecError:
             continue
 
 
-def _tables(spec: Spec, plan: Plan, found: Sequence[Crowd]) -> Iterator[tuple[str, dict[str, Any]]]:
+def _tables(plan: Plan, found: Sequence[Crowd]) -> Iterator[tuple[str, dict[str, Any]]]:
     """Changes of the spec that move modes or lines, those first that touch least."""
-    suspension, channels = asdict(spec.suspension), plan.channels
+    spec, channels = plan.spec, plan.channels
+    suspension = asdict(spec.suspension)
     if any(crowd.is_spur for crowd in found):
         for name in ("spur-free", "biased", "tones"):
             if name != plan.selectivity.drive:

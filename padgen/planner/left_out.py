@@ -28,13 +28,12 @@ from padgen.physics.leakage import easiness
 from padgen.physics.magnetics import impedance
 from padgen.physics.modal import felt_energy
 from padgen.physics.poles import coil_poles, pole_error
-from padgen.planner.channels import hanging_gap_um, magnetic_parts, squared_current_lines
+from padgen.planner.channels import hanging_gap_um, magnetic_parts
 from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.frame_give import flexibility_bounds
 from padgen.planner.plan import Channel, LeftOut, Plan
 from padgen.planner.pull_modes import coil_modes, heard_modes
 from padgen.planner.reuse import RINGS
-from padgen.planner.settings import scheme_named
 from padgen.planner.suspensions import BeamShape, PlateShape
 from padgen.planner.taxel_model import TaxelModel
 from padgen.spec import Spec
@@ -61,18 +60,18 @@ RUNGS = {
 """Where each term is computed, for those that a plan cannot compute."""
 
 
-def left_out(spec: Spec, plan: Plan) -> tuple[LeftOut, ...]:
+def left_out(plan: Plan) -> tuple[LeftOut, ...]:
     """Every term that the models of `plan` drop, the largest bound first.
 
     Each is of the channel where it is largest. What costs nothing is always computed and no entry: the
     coil's reactance at the tones, the first order of sag, shear of the beams, all channels of a coil.
     """
     found = [
-        _inertia(spec, plan),
-        _frame(spec, plan),
-        *_far_modes(spec, plan),
-        *_far_coils(spec, plan),
-        *_magnetic(spec, plan),
+        _inertia(plan),
+        _frame(plan),
+        *_far_modes(plan),
+        *_far_coils(plan),
+        *_magnetic(plan),
     ]
     return tuple(sorted(found, key=lambda entry: -_size(entry)))
 
@@ -125,35 +124,35 @@ def _worst(term: str, of: str, channels: Sequence[Channel], bound: np.ndarray) -
     return LeftOut(term, largest, "1", f"{of} of channel {channels[at].index}", computed=False)
 
 
-def _inertia(spec: Spec, plan: Plan) -> LeftOut:
+def _inertia(plan: Plan) -> LeftOut:
     if all(channel.model == "solid" for channel in plan.channels):
         rest = max(plan.channels, key=lambda channel: channel.model_error)
         return LeftOut("beam inertia", rest.model_error, "1", f"resonance of channel {rest.index}", computed=True)
     plate = PlateShape(plan.plate.length_mm, plan.plate.width_mm, plan.plate.thickness_mm)
-    material, bound = spec.material, np.zeros(len(plan.channels))
+    material, bound = plan.spec.material, np.zeros(len(plan.channels))
     elastic = material.youngs_modulus_gpa * GPA, material.poisson_ratio, material.density_g_per_cm3 * G_PER_CM3
     for topology in dict.fromkeys(channel.beam.topology for channel in plan.channels):
         own = [k for k, channel in enumerate(plan.channels) if channel.beam.topology == topology]
         beams = [plan.channels[k].beam for k in own]
         shape = BeamShape(*np.array([(b.width_mm, b.thickness_mm, b.length_mm) for b in beams]).T)
-        model = TaxelModel(spec, topology, plate, shape)
+        model = TaxelModel(plan.spec, topology, plate, shape)
         working = [plan.channels[k].mode_motions[int(np.argmax(plan.channels[k].mode_shares))] for k in own]
         motion, hz = np.array(working), np.array([plan.channels[k].resonance_hz for k in own])
         bound[own] = beam_inertia(model.placements, motion, model.washer_point_m, hz, *elastic)
     return _worst("beam inertia", "resonance", plan.channels, bound)
 
 
-def _frame(spec: Spec, plan: Plan) -> LeftOut:
+def _frame(plan: Plan) -> LeftOut:
     """Resonances on the pad's frame, screwed down at its corners or, without holes, glued down."""
-    bound = flexibility_bounds(plan, "corners" if spec.pad.hole_diameter_mm else "bottom")
+    bound = flexibility_bounds(plan, "corners" if plan.spec.pad.hole_diameter_mm else "bottom")
     return _worst("frame", "resonance", plan.channels, bound)
 
 
-def _far_modes(spec: Spec, plan: Plan) -> Iterator[LeftOut]:
+def _far_modes(plan: Plan) -> Iterator[LeftOut]:
     """What `planner.modes.heard_modes` drops, at the tones of the other channels of a coil, all on."""
     if not plan.selectivity.modes_left_out:
         return
-    bound = np.concatenate([_unheard(spec, own) for own in plan.sets])
+    bound = np.concatenate([_unheard(plan.spec, own) for own in plan.sets])
     yield _worst("far modes", "OFF amplitude", [channel for own in plan.sets for channel in own], bound)
 
 
@@ -172,9 +171,9 @@ def _unheard(spec: Spec, own: Sequence[Channel]) -> np.ndarray:
     return np.divide(more, 2 * amplitude, out=np.zeros(len(line)), where=amplitude > 0)
 
 
-def _far_coils(spec: Spec, plan: Plan) -> Iterator[LeftOut]:
+def _far_coils(plan: Plan) -> Iterator[LeftOut]:
     """Leakage: what `planner.reuse` is off by, which sees all coils but the next as poles, up to `RINGS` away."""
-    grid = plan.coils
+    spec, grid = plan.spec, plan.coils
     if plan.reuse.leak_db is None or max(grid.rows, grid.columns) < 3:
         return
     coil, washer = magnetic_parts(spec)
@@ -194,9 +193,9 @@ def _far_coils(spec: Spec, plan: Plan) -> Iterator[LeftOut]:
     yield LeftOut("far coils", bound if isfinite(bound) else None, "1", "leak from coil to coil", computed=True)
 
 
-def _magnetic(spec: Spec, plan: Plan) -> Iterator[LeftOut]:
+def _magnetic(plan: Plan) -> Iterator[LeftOut]:
     """The entries about force and current, of the channels that their coil pulls."""
-    channels = [channel for channel in plan.channels if channel.force_constant_n_per_a2 > 0]
+    spec, channels = plan.spec, [channel for channel in plan.channels if channel.force_constant_n_per_a2 > 0]
     if not channels:
         return
     coil, washer = magnetic_parts(spec)
@@ -216,7 +215,7 @@ def _magnetic(spec: Spec, plan: Plan) -> Iterator[LeftOut]:
         shielded[own] = mutual_shielding(moment.moment[own], moment.field[own], place, washer.outer_diameter)
     if shielded.any():
         yield _worst("shielding", "force", channels, shielded)
-    yield from _moving(spec, plan, channels)
+    yield from _moving(plan, channels)
 
 
 def _sets(channels: Sequence[Channel], spec: Spec) -> list[list[int]]:
@@ -225,8 +224,9 @@ def _sets(channels: Sequence[Channel], spec: Spec) -> list[list[int]]:
     return [own for kind in range(spec.coil.sets) if (own := [k for k, of in enumerate(kinds) if of == kind])]
 
 
-def _moving(spec: Spec, plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut]:
+def _moving(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut]:
     """What the washers' own motion changes."""
+    spec = plan.spec
     level, static, sag, exponent, ring_down, ring_up = np.array(
         [(c.level_um, c.static_um, c.sag_um, c.pull_exponent, c.ring_down_ms, c.ring_up_ms) for c in channels]
     ).T
@@ -234,8 +234,8 @@ def _moving(spec: Spec, plan: Plan, channels: Sequence[Channel]) -> Iterator[Lef
     sagged = law_error(spec.coil.gap_mm * MM / UM, gap_um, exponent)
     yield _worst("gap", "force", channels, sagged + gap_change(static, level, gap_um, exponent))
     yield _worst("softening", "resonance", channels, pull_softening(static, static, gap_um, exponent))
-    yield _worst("motion", "current", channels, _motional(spec, plan, channels))
-    if not scheme_named(spec, plan.selectivity.drive).takes_turns and (ring_down > 0).any():
+    yield _worst("motion", "current", channels, _motional(plan, channels))
+    if not plan.scheme.takes_turns and (ring_down > 0).any():
         pull, stiffness, resonance, q = np.array(
             [(c.force_constant_n_per_a2, c.stiffness_n_per_m, c.resonance_hz, c.q) for c in channels]
         ).T
@@ -245,11 +245,11 @@ def _moving(spec: Spec, plan: Plan, channels: Sequence[Channel]) -> Iterator[Lef
         yield _worst("switching", "ring-down", channels, np.where(ring_down > 0, delay, 0.0))
 
 
-def _motional(spec: Spec, plan: Plan, channels: Sequence[Channel]) -> np.ndarray:
-    scheme, bias = scheme_named(spec, plan.selectivity.drive), np.zeros(len(channels))
+def _motional(plan: Plan, channels: Sequence[Channel]) -> np.ndarray:
+    spec, scheme, bias = plan.spec, plan.scheme, np.zeros(len(channels))
     for own in _sets(channels, spec):
         # The constant part of the current over the channel's line in it.
-        lines = squared_current_lines([channels[k] for k in own])
+        lines = np.array([channels[k].line_a2 for k in own])
         if scheme.name == "biased":
             bias[own] = scheme.bias_ratio * lines.max() / lines
         elif scheme.name == "spur-free":

@@ -18,6 +18,7 @@ from padgen.planner.printing import print_settings
 from padgen.planner.resonances import proven_optimum
 from padgen.planner.reuse import cell_is_turned, coil_reuse
 from padgen.planner.search import sites_of, sized_layouts
+from padgen.planner.settings import scheme_named
 from padgen.planner.sizing import SizedChannel
 from padgen.planner.taxel_model import plate_shape, post_diameter_mm, recess_mm
 from padgen.spec import Spec
@@ -63,8 +64,8 @@ def choose(spec: Spec) -> Choice:
 def finish(spec: Spec, choice: Choice) -> Plan:
     """The plan of a choice; its channels' beams and models may have been changed since."""
     bare = _assemble(spec, choice)
-    known = replace(bare, left_out=left_out(spec, bare))
-    return replace(known, findings=judge(spec, known))
+    known = replace(bare, left_out=left_out(bare))
+    return replace(known, findings=judge(known))
 
 
 def _assemble(spec: Spec, choice: Choice) -> Plan:
@@ -72,20 +73,21 @@ def _assemble(spec: Spec, choice: Choice) -> Plan:
     sites = sites_of(spec, layout, sized)
     bare = plan_channels(spec, sized, sites)
     selectivity = plan_selectivity(spec, bare, proven_optimum(spec, layout.channels, room(spec, layout)))
-    channels = driven(spec, bare, selectivity.drive)
-    reuse = coil_reuse(spec, layout, channels, selectivity.drive)
+    scheme = scheme_named(spec, selectivity.drive)
+    channels = driven(spec, bare, scheme)
+    reuse = coil_reuse(spec, layout, channels, scheme)
     pitch_x, pitch_y = spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows
     return Plan(
         name=spec.name,
         spec=spec,
-        capacity=coil_capacity(spec, selectivity.drive, choice.limits),
+        capacity=coil_capacity(spec, scheme, choice.limits),
         coils=CoilGrid(layout.rows, layout.columns, min(pitch_x, pitch_y), pitch_x, pitch_y, spec.coil.sets),
         cell=Cell(layout.sub_columns, layout.sub_rows, layout.sub_width_mm, layout.sub_depth_mm, layout.beam_axis),
         plate=_plate(spec),
         channels=channels,
         taxels=_taxels(spec, layout, channels, reuse.turned),
         selectivity=selectivity,
-        load=coil_load(spec, channels, selectivity.drive),
+        load=coil_load(spec, channels, scheme),
         refresh=frame_rates(channels, spec.coil.sets),
         reuse=reuse,
         layouts=choice.runners_up,

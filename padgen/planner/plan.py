@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from padgen.core.files import json_text
 from padgen.core.finding import Finding
+from padgen.physics.selectivity import Scheme
 from padgen.planner.suspensions import TOPOLOGIES, Arrangement, BeamShape, PlateShape
 from padgen.spec import Spec
 
@@ -138,7 +139,8 @@ class Channel:
     ``gap^-pull_exponent``, which softens the spring and lowers the resonance by `pull_shift`.
     `mode_shares` are what the modes (k,) add to the static compliance, over the working one, under a vertical pull
     at the washer's axis, `pulled_shares` by the `pull_wrench` (6,) that there is: N and N m per vertical newton, own
-    axes, about that axis at z = 0. `force_constant_n_per_a2` is the pull on the working mode, with its pulled share.
+    axes, about that axis at z = 0. `force_constant_n_per_a2` is the pull on the working mode, with its pulled share;
+    `line_a2`, the force over it, is the amplitude of the wanted line of i², 0 for a washer that the coil does not pull.
     `mode_motions` (k, 6) are the washer's there, mass-normalised, `rest_motion` (6,) that of unsolved modes per newton.
     `model` ('beam' or 'solid') gave the resonance and the modes, which may be off by `model_error` by
     its own estimate; `beam_error` is how far the beam model's resonance is off the solid's, None where
@@ -170,6 +172,7 @@ class Channel:
     print_spread: float
     force_mn: float
     force_constant_n_per_a2: float
+    line_a2: float
     pull_exponent: float
     static_um: float
     pull_shift: float
@@ -347,6 +350,11 @@ class Plan:
     printing: dict[str, str]
     left_out: tuple[LeftOut, ...]
     findings: tuple[Finding, ...]
+
+    @property
+    def scheme(self) -> Scheme:
+        """The drive scheme with the settings of the spec."""
+        return Scheme(self.selectivity.drive, self.spec.drive.bias_ratio)
 
     @property
     def sets(self) -> tuple[tuple[Channel, ...], ...]:

@@ -36,7 +36,7 @@ from padgen.physics.levels import LevelLaw
 from padgen.physics.resonator import relative_energy
 from padgen.physics.selectivity import Channels, Scheme, channels, off_energy
 from padgen.planner.plan import Plan
-from padgen.planner.settings import level_law, scheme_named
+from padgen.planner.settings import level_law
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.spec import Spec
@@ -188,7 +188,7 @@ def design_of(plan: Plan, places_mm: np.ndarray | None) -> Design:
         mass_g=mass,
         pull=pull if (pull > 0).all() else np.ones(len(mass)),
         law=level_law(spec),
-        scheme=scheme_named(spec, plan.selectivity.drive),
+        scheme=plan.scheme,
         need=10 ** ((plan.selectivity.asked_db - ROUNDING_DB) / 10),
         crowded_ratio=ladder_ratio(spec.q_min, spec.delta_y),
         weight=np.array([one / 2, thickness, one, width, thickness, length, glue]),

@@ -137,9 +137,9 @@ def heard_modes(spec: Spec, channels: Sequence[Channel], line: np.ndarray) -> Mo
     return without_quiet_modes(coil_modes(spec, channels), own_hz, line, spec.drive.bias_ratio)
 
 
-def modes_in_slots(spec: Spec, plan: Plan) -> list[tuple[Channel, Channel]]:
+def modes_in_slots(plan: Plan) -> list[tuple[Channel, Channel]]:
     """Channels with a second mode in the slot of another, and that; modes that no pull at the washer's axis excites."""
-    half = slot_half_width(spec.q_min, spec.delta_y)
+    half = slot_half_width(plan.spec.q_min, plan.spec.delta_y)
     return [
         (channel, other)
         for own in plan.sets

@@ -14,7 +14,7 @@ from padgen.physics.selectivity import channels as resonators
 from padgen.planner.channels import magnetic_parts
 from padgen.planner.layout import Layout
 from padgen.planner.plan import Channel, Reuse, Site
-from padgen.planner.settings import level_law, scheme_named
+from padgen.planner.settings import level_law
 from padgen.spec import Spec
 
 __all__ = ["RINGS", "cell_is_turned", "coil_reuse", "coils_around", "turned_cells"]
@@ -24,7 +24,7 @@ RINGS = 8
 """How many coils away leakage is counted."""
 
 
-def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], drive: str) -> Reuse:
+def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], scheme: Scheme) -> Reuse:
     """Leakage of the coils around in their worst state onto an OFF taxel, a bound.
 
     Neighbours play in step, so that their fields and not their pulls add; where the own coil is on for
@@ -33,7 +33,6 @@ def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], drive: s
     turned = turned_cells(spec, layout, [channel.site for channel in channels])
     if layout.coils < 2:
         return Reuse(None, None, turned)
-    scheme = scheme_named(spec, drive)
     pitch = np.array([spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows])
     place = np.array([channel.site.washer_mm for channel in channels])
     steps_to = coils_around(layout.rows, layout.columns)

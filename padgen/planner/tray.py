@@ -91,7 +91,7 @@ def plan_tray(plan: Plan) -> Tray:
     spec = plan.spec
     printer, coil, pad = spec.printer, spec.coil, spec.pad
     _refuse_coil(spec)
-    _refuse_pitch(spec, plan)
+    _refuse_pitch(plan)
     floor = printer.first_layer_mm + _layers(FLOOR_MM - printer.first_layer_mm, printer) * printer.layer_mm
     below = _layers_near(coil.length_mm + spec.coil.gap_mm - washer_underside_mm(plan), printer)
     height = round(floor + below * printer.layer_mm, 6)
@@ -204,8 +204,8 @@ def _refuse_coil(spec: Spec) -> None:
         )
 
 
-def _refuse_pitch(spec: Spec, plan: Plan) -> None:
-    printer, coil = spec.printer, spec.coil
+def _refuse_pitch(plan: Plan) -> None:
+    printer, coil = plan.spec.printer, plan.spec.coil
     wall = WALL_LINES * printer.line_width_mm
     needed = coil.outer_diameter_mm + printer.smallest_gap_mm + wall
     pitch = plan.coils.pitch_mm

@@ -19,9 +19,7 @@ from padgen.physics.magnetics import impedance
 from padgen.physics.phasor import Tones, signal, squared, steady_lines, tones
 from padgen.physics.propagation import propagate
 from padgen.physics.selectivity import Scheme
-from padgen.planner.channels import squared_current_lines
 from padgen.planner.plan import Plan
-from padgen.planner.settings import scheme_named
 from padgen.verify.coupled import simulate
 from padgen.verify.dynamics_model import CoupledSystem, Source, from_tones, make_system
 from padgen.verify.extreme import Answer
@@ -125,10 +123,10 @@ def dynamics_question(plan: Plan, after_s: float | None = None, coil_set: int = 
         `after_s` is negative, or the coil pulls none of its washers.
     """
     own, spec = plan.sets[coil_set], plan.spec
-    scheme = scheme_named(spec, plan.selectivity.drive)
+    scheme = plan.scheme
     state = plan.selectivity.worst_state
     on = np.array([bit == "1" for bit in state] if len(state) == len(own) and "1" in state else [True] * len(own))
-    lines = squared_current_lines(own)
+    lines = np.array([c.line_a2 for c in own])
     frequency, q = np.array([c.resonance_hz for c in own]), np.array([c.q for c in own])
     start = RING_UPS * float((q / (np.pi * frequency)).max()) if after_s is None else after_s
     if start < 0 or not lines[on].any():

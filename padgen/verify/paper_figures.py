@@ -13,7 +13,6 @@ from padgen.core.units import GRAM, MH, MM, UM, decibel
 from padgen.physics.magnetics import impedance
 from padgen.physics.phasor import merged, signal, squared, steady_lines, tones
 from padgen.physics.resonator import receptance
-from padgen.planner.channels import squared_current_lines
 from padgen.planner.plan import Plan
 from padgen.verify.coupled import simulate
 from padgen.verify.dynamics_model import from_tones, make_system
@@ -107,7 +106,7 @@ def _spectrum(plan: Plan, q: float, state: str) -> Spectrum:
         coil.resistance_ohm,
         coil.inductance_mh * MH,
     )
-    amps = np.sqrt(2 * squared_current_lines(channels))[on]
+    amps = np.sqrt(2 * np.array([c.line_a2 for c in channels]))[on]
     z = impedance(coil.resistance_ohm, coil.inductance_mh * MH, RESONANCES_HZ[on] / 2)
     current = tones(RESONANCES_HZ[on] / 2, amps, -np.pi / 2)
     lines = merged(squared(current))

@@ -28,7 +28,7 @@ from padgen.driver.timeline import Timeline, blend
 from padgen.measured.tuning import TunedTaxel, Tuning, planned_tuning
 from padgen.physics.magnetics import impedance
 from padgen.planner.plan import Plan
-from padgen.planner.settings import level_law, scheme_named
+from padgen.planner.settings import level_law
 
 __all__ = ["HapticChannel", "HapticDevice", "Hjif", "hjif_text", "read_hjif"]
 
@@ -171,7 +171,7 @@ def _devices(plan: Plan, tuning: Tuning) -> tuple[list[dict[str, Any]], list[int
 
 def _device(plan: Plan, index: int, tuned: TunedTaxel, device_id: int) -> dict[str, Any]:
     channel, coil, hz, q = plan.channels[index], plan.spec.coil, tuned.resonance_hz, tuned.q
-    scheme = scheme_named(plan.spec, plan.selectivity.drive)
+    scheme = plan.scheme
     drive_hz = hz if scheme.has_constant else hz / 2
     as_planned = (hz, q) == (channel.resonance_hz, channel.q)
     half = 1 / (2 * q)
