@@ -74,16 +74,16 @@ def _retune(options: argparse.Namespace) -> int:
             options.coupon,
             progress,
         )
-    from padgen.report.retunes import retuned_text
-
     if options.json:
         from padgen.core.files import json_text
 
         print(json_text(written.table()), end="")
     else:
+        from padgen.measured.tuned_table import measured_rows
         from padgen.report.plans import findings_text
+        from padgen.report.retunes import retuned_text
 
-        show(retuned_text(plan, written.result))
+        show(retuned_text(written.result, measured_rows(plan, written.result.tuning)))
         show(findings_text(written.result.findings))
         place = plain(str(written.folder))
         show(f"written to {place}: {'  '.join(written.files)}")

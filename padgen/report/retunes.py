@@ -6,20 +6,20 @@ from padgen.core.errors import number
 from padgen.report.plans import table
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from padgen.measured.tune import Retuned
-    from padgen.planner.plan import Plan
+    from padgen.measured.tuned_table import MeasuredRow
 
 __all__ = ["retuned_text"]
 
 MOST_ROWS = 40
 
 
-def retuned_text(plan: "Plan", result: "Retuned") -> str:
-    """What was measured and what the new tones will reach."""
-    from padgen.measured.tuned_table import measured_rows
-
+def retuned_text(result: "Retuned", taxels: "Sequence[MeasuredRow]") -> str:
+    """Tell what was measured, of all `taxels`, and what the new tones will reach."""
     rows = []
-    measured = [row for row in measured_rows(plan, result.tuning) if row.measured]
+    measured = [row for row in taxels if row.measured]
     for row in measured[:MOST_ROWS]:
         rows.append(
             (
@@ -36,7 +36,7 @@ def retuned_text(plan: "Plan", result: "Retuned") -> str:
             )
         )
     head = ("taxel", "planned Hz", "f Hz", "±", "off %", "Q", "±", "drive Hz", "mA peak", "V peak")
-    text = [f"{len(measured)} of {len(plan.taxels)} taxels measured", table(head, rows)]
+    text = [f"{len(measured)} of {len(taxels)} taxels measured", table(head, rows)]
     if len(measured) > len(rows):
         text.append(f"… and {len(measured) - len(rows)} more, in retune.json")
     if result.before_db is not None and result.after_db is not None:
