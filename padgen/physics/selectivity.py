@@ -149,13 +149,13 @@ def own_lines(of: Channels, scheme: Scheme, most: int = MANY) -> Iterator[Lines]
     """The wanted lines of channels (n, …), biased with the tones' second harmonics, of at most `most` at a time."""
     each = np.arange(len(of.line))
     for start in range(0, len(each), most):
-        own = each[start : start + most]
-        hz, line = of.resonance_hz[own][None], of.line[own][None]
+        own = slice(start, start + most)
+        hz, line = of.resonance_hz[None, own], of.line[None, own]
         square = line**2
         if scheme.name == "biased":
             hz = np.concatenate([hz, 2 * hz])
             square = np.concatenate([square, scheme.pair_square(line, line, of.line.max(0)) / 4])
-        yield Lines(hz, np.zeros(1), square, (own,))
+        yield Lines(hz, np.zeros(1), square, (each[own],))
 
 
 def scheme_lines(of: Channels, scheme: Scheme, most: int = MANY) -> Iterator[Lines]:
