@@ -17,7 +17,7 @@ import numpy as np
 from padgen.core.errors import SolverError
 from padgen.core.units import G_PER_CM3, GPA
 from padgen.planner.plan import Cell, Plate, Site
-from padgen.planner.suspensions import TOPOLOGIES, BeamShape
+from padgen.planner.suspensions import BeamShape, names, suspension
 from padgen.planner.taxel_model import TaxelModel, fillet_mm, plate_shape, post_diameter_mm, recess_mm
 from padgen.spec import Spec, load_spec, make_spec
 
@@ -90,7 +90,7 @@ def tables(rows: list[dict[str, Any]]) -> list[str]:
     for name, group in groups.items():
         for kind in ("working", "along", "across"):
             text.append(line(f"{name}, {kind}", [pair for pairs in group for pair in pairs[kind]]))
-    for topology in TOPOLOGIES:
+    for topology in names():
         mine = [pair for row, pairs in inside if row["topology"] == topology for pair in pairs["working"]]
         text.append(line(f"{topology}, working", mine))
     for low, high in BINS:
@@ -111,7 +111,7 @@ def write_step(row: dict[str, Any], path: Path) -> float:
 
     spec, b = spec_of(row), build123d()
     shape = plate_shape(spec)
-    arrangement = TOPOLOGIES[row["topology"]].arrange(shape, beam_of(row), spec.printer.smallest_gap_mm)
+    arrangement = suspension(row["topology"]).arrange(shape, beam_of(row), spec.printer.smallest_gap_mm)
     top_mm = spec.pad.frame_thickness_mm + spec.taxel.boss_protrusion_mm
     round_parts = (post_diameter_mm(spec), spec.taxel.boss_diameter_mm, top_mm, spec.taxel.boss_edge_mm)
     length, width = (float(v) for v in arrangement.window_mm)
@@ -141,7 +141,7 @@ def solve(row: dict[str, Any], path: Path, washer_mm3: float) -> tuple[float, li
     material, washer = spec.material, spec.washer
     printed = Elastic(material.youngs_modulus_gpa * GPA, material.poisson_ratio, material.density_g_per_cm3 * G_PER_CM3)
     steel = Elastic(STEEL_PA, STEEL_POISSON, washer.density_g_per_cm3 * G_PER_CM3)
-    arrangement = TOPOLOGIES[row["topology"]].arrange(plate_shape(spec), beam_of(row), spec.printer.smallest_gap_mm)
+    arrangement = suspension(row["topology"]).arrange(plate_shape(spec), beam_of(row), spec.printer.smallest_gap_mm)
     found = solve_modes(SolidTaxel(path, printed, steel, washer_mm3, float(arrangement.washer_x_mm))).modes
     return float(found.frequency_hz[found.working]), [float(f) for f in found.frequency_hz]
 

@@ -65,11 +65,12 @@ def _module(plan: Plan, channel: Channel) -> str:
     length, width = (float(v) for v in arranged.window_mm)
     x = float(arranged.washer_x_mm)
     boxes: list[tuple[float, ...]] = []
-    for strip in arranged.beams:
-        low, high = sorted((float(strip.root_x_mm), float(strip.tip_x_mm)))
-        y, half = float(strip.y_mm), float(strip.width_mm) / 2
+    for path in arranged.beams:
+        root, tip = path.corners[0], path.corners[-1]
+        low, high = sorted((float(root.x_mm), float(tip.x_mm)))
+        y, half = float(root.y_mm), float(path.width_mm) / 2
         # A little into frame and plate: what only touches is no solid for CGAL.
-        boxes.append((low - 0.01, high + 0.01, y - half, y + half, float(strip.thickness_mm)))
+        boxes.append((low - 0.01, high + 0.01, y - half, y + half, float(path.thickness_mm)))
     boxes += [tuple(float(v) for v in block) for block in arranged.blocks]
     parts = "".join(
         f"translate([{x0:.6f}, {y0:.6f}, 0]) cube([{x1 - x0:.6f}, {y1 - y0:.6f}, {z:.6f}]);\n"

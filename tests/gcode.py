@@ -122,7 +122,8 @@ def _distance(lines: Extrusions, point: np.ndarray) -> np.ndarray:
 def _middles(plan: Plan, channel: Channel, taxel: Taxel) -> list[tuple[np.ndarray, np.ndarray]]:
     """Middle of each beam on the pad and the direction across it."""
     arrangement = plan.arrangement(channel)
-    points = [[float(s.root_x_mm + s.tip_x_mm) / 2, float(s.y_mm), 0.0] for s in arrangement.beams]
+    middles = [path.within(0, 0.5) for path in arrangement.beams]
+    points = [[float(middle.x_mm), float(middle.y_mm), 0.0] for middle in middles]
     washer = to_cell(np.array([float(arrangement.washer_x_mm), 0.0, 0.0]), channel)
     places = to_cell(np.array(points), channel) - washer
     cosine, sine = TURNS[channel.site.along]

@@ -6,6 +6,7 @@
 | impedance of the paper's coil | computed figures | as printed | |
 | beam model of a taxel, f1 | 3-D elasticity, converged | 0.8 % | Timoshenko's own error there |
 | beam model, modes 2 and 3 | 3-D elasticity, converged | 1.5 % | torsion and lateral |
+| bent beam | Castigliano's integrals of arcs and corners, straight beams | 1e-9 | the same assumptions |
 | point mass on a beam | Euler-Bernoulli closed forms | 1e-6 | slender limit |
 | coaxial force | axisymmetric field solution | 21 % | the rung's own error, see docs/accuracy.md |
 | force 3 mm off the axis | 3-D field solution | 40 % | the same |
@@ -19,7 +20,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from padgen.physics.beams import BeamSection, tip_mass, tip_stiffness, torsion_constant
+from padgen.physics.beams import (
+    BeamSection,
+    Give,
+    bent_slowness,
+    largest_stress,
+    root_load,
+    tip_mass,
+    tip_stiffness,
+    torsion_constant,
+)
 from padgen.physics.ladder import capacity, geometric_ladder, ladder_ratio, paper_ladder, whole_channels
 from padgen.physics.magnetics import (
     SolenoidCoil,
@@ -132,6 +142,106 @@ def test_tip_matrices_are_positive_definite_over_extremes():
         scale = np.sqrt(np.einsum("...ii->...i", matrix))
         normal = matrix / scale[..., :, None] / scale[..., None, :]
         assert np.linalg.eigvalsh(normal).min() > 1e-4
+
+
+E, NU = 3e9, 0.36
+G = E / (2 * (1 + NU))
+BENT = BeamSection(0.6 * MM, 0.4 * MM, 8 * MM)
+GIVING = Give(0.1 * MM, 0.2 * MM, 0.15 * MM, 0.05 * MM, 0.3 * MM, 0.2 * MM, -0.1 * MM, 1.07)
+
+
+def rigidities(section):
+    """Of bending up and sideways, twist, stretch and shear."""
+    w, t = section.width, section.thickness
+    sheared = 10 * (1 + NU) / (12 + 11 * NU) * G * w * t
+    return E * w * t**3 / 12, E * t * w**3 / 12, G * float(torsion_constant(w, t)), E * w * t, sheared
+
+
+def flexible(section, *path):
+    """Flexibility of the tip of a beam along this path."""
+    length = sum(piece[0] for piece in path)
+    return np.linalg.inv(tip_stiffness(section._replace(length=length, path=path), E, NU))
+
+
+@pytest.mark.parametrize("turn", [0.3, np.pi / 2, np.pi, 2 * np.pi])
+@pytest.mark.parametrize("side", [1, -1])
+def test_arc_against_castigliano(turn, side):
+    """Forces and moments on the tip of an arc, in its plane and out of it, by hand."""
+    radius = 3 * MM
+    up, across, twist, stretch, shear = rigidities(BENT)
+    found = flexible(BENT, (radius * turn, side * turn))
+    double = np.sin(2 * turn) / 4
+    sines, cosines = turn / 2 - double, turn / 2 + double
+    falling = 1.5 * turn - 2 * np.sin(turn) + double
+    by_hand = [
+        radius**3 * falling / across + radius * (cosines / stretch + sines / shear),
+        radius**3 * sines / across + radius * (sines / stretch + cosines / shear),
+        radius**3 * (sines / up + falling / twist) + radius * turn / shear,
+        radius * (cosines / twist + sines / up),
+        radius * (sines / twist + cosines / up),
+        radius * turn / across,
+    ]
+    assert np.diag(found) == pytest.approx(np.array(by_hand), rel=1e-9)
+    # A force along the tip bends it sideways, to where the centre is; a force up twists it.
+    pulled = side * radius**3 * (1 - np.cos(turn) - np.sin(turn) ** 2 / 2) / across
+    assert found[1, 0] == pytest.approx(
+        pulled - side * radius * np.sin(turn) ** 2 / 2 * (1 / stretch - 1 / shear), rel=1e-6, abs=1e-12
+    )
+
+
+def test_corner_against_castigliano():
+    """Two legs at a right angle: the second twists the first."""
+    first, second = 5 * MM, 3 * MM
+    up, _, twist, _, shear = rigidities(BENT)
+    found = flexible(BENT, (first, 0.0), (0.0, np.pi / 2), (second, 0.0))
+    bent = (first**3 + second**3) / (3 * up) + second**2 * first / twist + (first + second) / shear
+    assert found[2, 2] == pytest.approx(bent, rel=1e-9)
+    assert found[3, 3] == pytest.approx(second / twist + first / up, rel=1e-9)
+    load = np.array([0.0, 0, 1, 0, 0, 0])
+    path = BENT._replace(length=first + second, path=((first, 0.0), (0.0, np.pi / 2), (second, 0.0)))
+    assert root_load(path, load) == pytest.approx(np.array([0, 0, 1, second, -first, 0]), abs=1e-15)
+    # Roark: 0.6 by 0.4 mm has a twisting stress of T/(0.231 w t^2).
+    pulled, twisted = 6 * first / (0.6 * 0.4**2), second / (0.231 * 0.6 * 0.4**2)
+    assert largest_stress(path, load) == pytest.approx(np.hypot(pulled, np.sqrt(3) * twisted) / MM**3, rel=5e-3)
+
+
+@pytest.mark.parametrize("fillet", [0.0, 0.3 * MM])
+@pytest.mark.parametrize("give", [Give(), GIVING])
+def test_straight_pieces_in_line_are_one_beam(fillet, give):
+    one = BENT._replace(fillet=fillet, give=give)
+    pieces = one._replace(path=((3 * MM, 0.0), (5 * MM, 0.0)))
+    whole, parted = tip_stiffness(one, E, NU), tip_stiffness(pieces, E, NU)
+    assert parted == pytest.approx(whole, rel=1e-10, abs=1e-12 * whole.max())
+    load = np.arange(1.0, 7.0)
+    assert root_load(pieces, load) == pytest.approx(root_load(one, load), rel=1e-10)
+
+
+def test_a_wide_arc_tends_to_a_straight_beam():
+    straight = tip_stiffness(BENT, E, NU)
+    for turn in (1e-2, 1e-3, 1e-4):
+        off = np.diag(tip_stiffness(BENT._replace(path=((BENT.length, turn),)), E, NU)) / np.diag(straight) - 1
+        assert np.abs(off).max() < 100 * turn**2
+
+
+def test_mass_of_a_slender_straight_path_is_the_cubics():
+    slender = BENT._replace(width=BENT.width / 100, thickness=BENT.thickness / 100)
+    whole, parted = (tip_mass(s, 1240.0, NU) for s in (slender, slender._replace(path=((8 * MM, 0.0),))))
+    assert parted == pytest.approx(whole, rel=2e-6, abs=1e-15 * whole.max())
+    bending, *_, stretch, _ = rigidities(slender)
+    # Dunkerley's sum for a clamped beam: l^4/420, beside 1/500.6 of its lowest mode.
+    lowest = bent_slowness(slender._replace(path=((8 * MM, 0.0),)), E, NU, 1240.0)
+    assert lowest == pytest.approx(1240.0 * stretch / E * slender.length**4 / 420 / bending, rel=1e-4)
+
+
+def test_a_grid_of_bent_beams_is_its_beams():
+    width, length = np.meshgrid([0.4 * MM, 0.9 * MM], [4 * MM, 6 * MM])
+    path = ((length, 0.0), (np.pi * width, np.pi), (length / 2, 0.0))
+    grid = BeamSection(width, 0.4 * MM + 0 * width, 1.5 * length + np.pi * width, 0.2 * MM + 0 * width, path=path)
+    stiffness, mass = tip_stiffness(grid, E, NU), tip_mass(grid, 1240.0, NU)
+    for at in np.ndindex(width.shape):
+        one = BeamSection(*(np.asarray(v)[at] for v in grid[:4]), path=tuple((p[0][at], p[1]) for p in path))
+        assert stiffness[at] == pytest.approx(tip_stiffness(one, E, NU), rel=1e-9, abs=1e-9)
+        assert mass[at] == pytest.approx(tip_mass(one, 1240.0, NU), rel=1e-9, abs=1e-18)
 
 
 def test_torsion_constant_of_square_and_strip():

@@ -17,7 +17,7 @@ from padgen.planner.channels import wanted_line_a2
 from padgen.planner.judge_drive import judge_drive
 from padgen.planner.layout import _channel_counts, candidates
 from padgen.planner.sizing import SizedChannel, crowded_modes, reach
-from padgen.planner.suspensions import TOPOLOGIES, BeamShape, PlateShape, Room
+from padgen.planner.suspensions import BeamShape, PlateShape, Room, names, suspension
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.report import plan_text
 from padgen.spec import load_spec, make_spec, parse_spec, template_paths
@@ -77,7 +77,7 @@ def test_tune_width_only_is_obeyed_or_refused():
         plan_of(6, 60, 900, wide)
 
 
-@pytest.mark.parametrize("topology", TOPOLOGIES)
+@pytest.mark.parametrize("topology", names())
 def test_every_topology_plans_and_resonates_as_asked(topology):
     extra = f"resonances_hz = [150, 260]\n[pad]\nwidth_mm = 40\ndepth_mm = 40\n[suspension]\ntopology = '{topology}'\n"
     plan = plan_of(8, 100, 400, extra)
@@ -85,11 +85,11 @@ def test_every_topology_plans_and_resonates_as_asked(topology):
     assert [c.resonance_hz for c in plan.channels] == pytest.approx([150, 260], rel=2e-3)
 
 
-@pytest.mark.parametrize("topology", TOPOLOGIES)
+@pytest.mark.parametrize("topology", names())
 @pytest.mark.parametrize("room", [Room(8, 7), Room(14, 8), Room(30, 20)])
 def test_arrangements_stay_in_their_room_and_apart(topology, room):
     gap, plate = 0.3, PlateShape(4.6, 4.6, 4.0)
-    shape = TOPOLOGIES[topology]
+    shape = suspension(topology)
     length, width = shape.longest(room, plate, gap), shape.widest(room, plate, gap)
     if length < shape.shortest(plate, gap) or width < 0.45:
         return
@@ -104,7 +104,7 @@ def test_arrangements_stay_in_their_room_and_apart(topology, room):
 
 def test_resonance_rises_with_width_and_thickness_and_falls_with_length(paper_spec):
     plate = plate_shape(paper_spec)
-    for topology in TOPOLOGIES:
+    for topology in names():
         length = np.array([9.0, 9.0, 9.0, 10.0])
         beam = BeamShape(np.array([0.6, 0.9, 0.6, 0.6]), np.array([0.3, 0.3, 0.4, 0.3]), length)
         base, wide, thick, long = TaxelModel(paper_spec, topology, plate, beam).resonance_hz

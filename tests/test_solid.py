@@ -7,7 +7,7 @@ import pytest
 
 from padgen.core.errors import GeometryError
 from padgen.planner import make_plan
-from padgen.planner.suspensions import TOPOLOGIES
+from padgen.planner.suspensions import names
 from padgen.planner.tile import outline, to_cell
 from padgen.solid.kernel import _interrupted, build123d, kernel_errors
 from padgen.solid.mesh import as_manifold, signed_volume_mm3, tessellated, welded
@@ -42,7 +42,7 @@ def volume_by_hand(plan, channel):
     return frame + beams + float(blocks) + boss - recess
 
 
-@pytest.mark.parametrize("topology_name", TOPOLOGIES)
+@pytest.mark.parametrize("topology_name", names())
 def test_volume_of_a_taxel_by_hand(topology_name):
     spec = parse_spec(SMALL + f"[suspension]\ntopology = '{topology_name}'\n[drive]\n".replace("[drive]\n", ""))
     spec = replace(spec, band_hz=(100.0, 900.0), resonances_hz=(150.0, 300.0))

@@ -25,9 +25,9 @@ from padgen.planner.plan import Channel, Plan
 from padgen.planner.printable import on_grid, steps_are_coarse
 from padgen.planner.sizing import SizedChannel
 from padgen.planner.solved_model import solved_model
-from padgen.planner.suspensions import TOPOLOGIES
+from padgen.planner.suspensions import suspension
 from padgen.planner.taxel_model import plate_shape
-from padgen.planner.tile import outline
+from padgen.planner.tile import shape_inputs
 from padgen.spec import Spec
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ ENGINE = ("ngsolve", "padgen.verify.elasticity")
 """What a solving process loads while the first taxel is modelled."""
 STEEL_GPA, STEEL_POISSON = 200.0, 0.3
 """Of the washer: forty times stiffer than the print, it hardly bends."""
-CODE = ("physics/taxel_modes.py", "planner/suspensions", "planner/tile.py", "solid/taxel.py", "verify")
+CODE = ("physics/taxel_modes.py", "planner/arrangement.py", "planner/tile.py", "solid/taxel.py", "verify")
 Progress = Callable[[str], None]
 
 
@@ -133,7 +133,7 @@ def _next(spec: Spec, choice: Choice, tried: Sequence[Trial], enough: float) -> 
         return last.sized
     width = last.sized.beam.width_mm * exp(last.miss / _slope(tried))
     plate = plate_shape(spec)
-    widest = TOPOLOGIES[last.sized.topology].widest(room(spec, choice.layout), plate, spec.printer.smallest_gap_mm)
+    widest = suspension(last.sized.topology).widest(room(spec, choice.layout), plate, spec.printer.smallest_gap_mm)
     beam = last.sized.beam._replace(width_mm=float(on_grid(spec, width, widest)))
     if any(beam == trial.sized.beam for trial in tried):
         return last.sized
@@ -203,10 +203,7 @@ class TaxelSolver:
         """All that the modes depend on."""
         spec = plan.spec
         return {
-            "plate": asdict(plan.plate),
-            "beam": asdict(channel.beam),
-            "outline": outline(plan, channel),
-            "frame_mm": spec.pad.frame_thickness_mm,
+            **shape_inputs(plan, channel),
             "material": asdict(spec.material),
             "washer": asdict(spec.washer),
             "glue_mg": spec.taxel.glue_mg,

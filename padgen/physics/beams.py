@@ -1,19 +1,29 @@
-"""Stiffness and mass of one straight beam, clamped at its root, as its tip feels them.
+"""Stiffness and mass of one beam, clamped at its root, as its tip feels them.
 
-Beam axes: x from root to tip, z up, y so that the axes are right-handed. A tip has six degrees
-of freedom, in this order: displacements x, y, z, rotations about x, y, z.
+Beam axes: x along the beam at its tip, away from the root, z up, y so that the axes are right-handed. A tip
+has six degrees of freedom, in this order: displacements x, y, z, rotations about x, y, z.
+
+A straight beam has closed forms. A beam that bends in its plane is integrated along its path by the
+unit-load method (Castigliano's theorem, as in Timoshenko, Strength of Materials, on thin curved bars): each
+slice bends, twists, shears and stretches under what a load on the tip makes of it there. The slices are
+those of a straight beam, so radii should be no smaller than the width.
 """
 
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from padgen.physics.path_slices import Slices, columns, matrices, sliced, within_side, within_up
+
 __all__ = [
     "RIGID",
     "BeamSection",
     "Flexibility",
     "Give",
+    "bent_slowness",
     "flexibility",
+    "largest_stress",
+    "root_load",
     "tip_mass",
     "tip_stiffness",
     "torsion_constant",
@@ -54,7 +64,8 @@ class BeamSection(NamedTuple):
     """Dimensions of a beam in m; arrays of one shape, or numbers.
 
     `fillet` is the radius of the flares on both sides of the root; `give` is what its ends give
-    (`padgen.physics.beam_ends`), nothing by default.
+    (`padgen.physics.beam_ends`), nothing by default. `path` has length and turn (rad, left positive) of each
+    piece of a beam that bends, from the root, and is empty for a straight one; the flare must end on the first.
     """
 
     width: Array
@@ -62,6 +73,7 @@ class BeamSection(NamedTuple):
     length: Array
     fillet: Array = 0.0
     give: Give = RIGID
+    path: tuple[tuple[Array, Array], ...] = ()
 
 
 class Flexibility(NamedTuple):
@@ -125,6 +137,8 @@ def tip_stiffness(section: BeamSection, modulus: Array, poisson: Array) -> np.nd
     Timoshenko beam by the unit-load method: the flexibility is integrated along the flared width
     and inverted, so that a flare stiffens as much as it should.
     """
+    if section.path:
+        return _of_planes([np.linalg.inv(plane.flexibility) for plane in _planes(section, modulus, poisson)])
     length = np.asarray(section.length, float)
     parts = flexibility(section, modulus, poisson)
     stiffness = np.zeros((*np.broadcast_shapes(np.shape(parts.up[2]), np.shape(parts.root)), 6, 6))
@@ -142,12 +156,20 @@ def tip_stiffness(section: BeamSection, modulus: Array, poisson: Array) -> np.nd
     return stiffness
 
 
-def tip_mass(section: BeamSection, density: float) -> np.ndarray:
+def tip_mass(section: BeamSection, density: float, poisson: Array = 0.3) -> np.ndarray:
     """Consistent mass of the beam as its tip feels it, shape (…, 6, 6), kg, kg·m, kg·m².
 
     Cubic deflection of a uniform beam clamped at its root; the flare's mass hardly moves and is
-    left out.
+    left out. A bent beam has the shape that a load on its tip gives it.
     """
+    if section.path:
+        masses = []
+        for plane in _planes(section, 1.0, poisson):
+            stiffness = np.linalg.inv(plane.flexibility)
+            shape = np.einsum("...ki,...ij->...kj", plane.back, plane.running)
+            carried = np.einsum("...pki,...pk,...pkj->...ij", shape, plane.inertia, shape)
+            masses.append(density * stiffness @ carried @ stiffness)
+        return _of_planes(masses)
     width, thickness, length = (np.asarray(v, float) for v in section[:3])
     beam = density * width * thickness * length
     polar = (width**2 + thickness**2) / 12
@@ -159,6 +181,55 @@ def tip_mass(section: BeamSection, density: float) -> np.ndarray:
         mass[..., shift, turn] = mass[..., turn, shift] = sign * beam * length * 11 / 210
         mass[..., turn, turn] = beam * length**2 / 105
     return mass
+
+
+def bent_slowness(section: BeamSection, modulus: Array, poisson: Array, density: float) -> Array:
+    """1/ω² in s² of the lowest mode of a bent beam held at both ends, at most: Dunkerley's sum over its slices."""
+    slowness = []
+    for plane in _planes(section, modulus, poisson):
+        stiffness = np.linalg.inv(plane.flexibility)[..., None, :, :]
+        held = plane.running - plane.running @ stiffness @ plane.running
+        own = np.diagonal(plane.back @ held @ np.swapaxes(plane.back, -1, -2), axis1=-2, axis2=-1)
+        slowness.append(density * (own * plane.inertia).sum((-2, -1)))
+    return np.maximum(*slowness)
+
+
+def root_load(section: BeamSection, load: np.ndarray) -> np.ndarray:
+    """Forces and moments (…, 6) at the root, in its own directions there, for a `load` (…, 6) on the tip."""
+    if section.path:
+        return _loads(section, load)[0][..., 0, :]
+    moved = load.copy()
+    moved[..., 4] -= section.length * load[..., 2]
+    moved[..., 5] += section.length * load[..., 1]
+    return moved
+
+
+def largest_stress(section: BeamSection, load: np.ndarray) -> Array:
+    """Largest stress (…) in Pa along a beam for a `load` (…, 6) on its tip, notch factors left out.
+
+    Of a straight beam, in vertical bending: the moment is linear and the section uniform but for the flare, so it is
+    at the root, where the flare ends, or at the tip. Of a bent one, of bending both ways and torsion together, after
+    von Mises (torsion of a rectangle by Roark's formula).
+    """
+    thickness = np.asarray(section.thickness, float)
+    if section.path:
+        loads, width = _loads(section, load)
+        t = thickness[..., None]
+        slim = np.minimum(width, t) / np.maximum(width, t)
+        pulled = (np.abs(loads[..., 4]) / t + np.abs(loads[..., 5]) / width) * 6 / (width * t)
+        series = 1 + slim * (0.6095 + slim * (0.8865 + slim * (-1.8023 + slim * 0.91)))
+        twisted = 3 * loads[..., 3] / (width * t * np.minimum(width, t)) * series
+        return np.sqrt(pulled**2 + 3 * twisted**2).max(-1)
+    stations: list[tuple[Any, Any]] = [
+        (0.0, section.width + 2 * np.asarray(section.fillet)),
+        (section.fillet, section.width),
+        (section.length, section.width),
+    ]
+    stresses = [
+        np.abs(load[..., 2] * (section.length - at) - load[..., 4]) * 6 / (width * section.thickness**2)
+        for at, width in stations
+    ]
+    return np.maximum.reduce(np.broadcast_arrays(*stresses))
 
 
 class _Flared(NamedTuple):
@@ -201,3 +272,93 @@ def _fill_pair(matrix: np.ndarray, i: int, j: int, ii: Array, ij: Array, jj: Arr
     matrix[..., i, i] = jj / determinant
     matrix[..., j, j] = ii / determinant
     matrix[..., i, j] = matrix[..., j, i] = -ij / determinant
+
+
+_UP, _SIDE = [2, 3, 4], [0, 1, 5]
+"""Degrees of freedom out of the beam's plane and in it, which a bent beam of rectangular section keeps apart."""
+
+
+class _Plane(NamedTuple):
+    """How a bent beam moves in three degrees of freedom: flexibility (…, 3, 3) of its tip; for each slice that of
+    the beam from the root to there, for loads on the tip (…, k, 3, 3); the motion there from that of the tip as if it
+    were rigid (…, k, 3, 3); mass and inertia over density (…, k, 3).
+    """
+
+    flexibility: np.ndarray
+    running: np.ndarray
+    back: np.ndarray
+    inertia: np.ndarray
+
+
+def _planes(section: BeamSection, modulus: Array, poisson: Array) -> tuple[_Plane, _Plane]:
+    """How a bent beam moves out of its plane (up, and turning about x and y), and in it (along, sideways, about z)."""
+    slices, parts = sliced(section.path, section.width, section.fillet), flexibility(section, modulus, poisson)
+    x, y, cosine, sine, zero = slices.x, slices.y, slices.cosine, slices.sine, 0.0 * slices.x
+    plain, thickness, stiffening = (
+        np.asarray(v, float)[..., None] for v in (section.width, section.thickness, section.give.stiffening)
+    )
+    width = slices.width
+    shear_modulus = modulus / (2 * (1 + poisson))
+    sheared = 10 * (1 + poisson) / (12 + 11 * poisson) * shear_modulus
+    area, line, torsion = width * thickness, plain * thickness, torsion_constant(width, thickness)
+    bending, lateral = modulus * stiffening * width * thickness**3 / 12, modulus * thickness * width**3 / 12
+    high, wide = plain * thickness**3 / 12, thickness * plain**3 / 12
+    # What both ends give together, each gives half of.
+    shear, twist, slip = parts.end_shear / 2, parts.end_twist / 2, parts.lateral_end_shear / 2
+    pull, push = [cosine, sine, x * sine - y * cosine], [-sine, cosine, x * cosine + y * sine]
+    return (
+        _plane(
+            slices,
+            within_up(slices),
+            matrices([1 + zero, y, -x], [zero, cosine, sine], [zero, -sine, cosine]),
+            [1 / (area * sheared), 1 / (torsion * shear_modulus), 1 / bending],
+            ([shear, twist, parts.root], [shear, twist, parts.tip]),
+            [line, high + wide, high],
+        ),
+        _plane(
+            slices,
+            within_side(slices),
+            matrices(pull, push, [zero, zero, 1 + zero]),
+            [1 / (area * modulus), 1 / (area * sheared), 1 / lateral],
+            ([0 * slip, slip, parts.lateral_root], [0 * slip, slip, parts.lateral_tip]),
+            [line, line, wide],
+        ),
+    )
+
+
+def _plane(
+    slices: Slices,
+    within: np.ndarray,
+    back: np.ndarray,
+    give: list[Array],
+    ends: tuple[list[Array], list[Array]],
+    inertia: list[Array],
+) -> _Plane:
+    """The motion in three degrees of freedom: `give` of a slice per length, and of root and tip, under the three parts
+    of the load `within` the beam; `inertia` per length over density."""
+    root, tip = (columns(end) for end in ends)
+    # Sums written out: products of 3 x 3 matrices one by one take ten times as long.
+    grown = np.einsum("...ki,...k,...kj->...ij", within, columns(give) * slices.share[..., None], within)
+    at_root = np.einsum("...ki,...k,...kj->...ij", within[..., 0, :, :], root, within[..., 0, :, :])
+    running = np.einsum("sp,...pij->...sij", slices.running, grown, optimize=True) + at_root[..., None, :, :]
+    flexibility = running[..., -1, :, :] + tip[..., None] * np.eye(3)
+    weight = slices.running[-1] * slices.share
+    return _Plane(flexibility, running, back, columns(inertia) * weight[..., None])
+
+
+def _loads(section: BeamSection, load: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Forces and moments (…, k, 6) at the slices of a bent beam for a `load` (…, 6) on its tip, and widths (…, k)."""
+    slices = sliced(section.path, section.width, section.fillet)
+    parts = [
+        np.einsum("...pij,...j->...pi", within(slices), load[..., index])
+        for within, index in ((within_up, _UP), (within_side, _SIDE))
+    ]
+    return np.concatenate(parts, -1)[..., np.argsort(_UP + _SIDE)], slices.width
+
+
+def _of_planes(planes: list[np.ndarray]) -> np.ndarray:
+    """A matrix (…, 6, 6) from its parts (…, 3, 3) out of the plane and in it."""
+    whole = np.zeros((*planes[0].shape[:-2], 6, 6))
+    for index, part in zip((_UP, _SIDE), planes, strict=True):
+        whole[..., np.array(index)[:, None], index] = part
+    return whole

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.physics.beams import BeamSection
+from padgen.physics.beams import BeamSection, bent_slowness, tip_mass
 from padgen.physics.magnetics import SolenoidCoil, SteelRing, core_charges, flat_spheroid_factor, flux_density
 from padgen.physics.modes import BeamPlacement, to_tip
 from padgen.physics.poles import pole_field
@@ -71,6 +71,10 @@ def _missed_energy(
     section: BeamSection, tip: np.ndarray, square: np.ndarray, modulus: float, poisson: float, density: float
 ) -> tuple[Any, Any]:
     """Least and most kinetic energy that a beam misses over that of the mode, `tip` (…, 6) being its tip's motion."""
+    if section.path:
+        # Its mass has rotary inertia, and the shape that its ends' give and shear make, already.
+        energy = np.einsum("...i,...ij,...j->...", tip, tip_mass(section, density, poisson), tip)
+        return 0.0, energy * _dynamic(square * bent_slowness(section, modulus, poisson, density))
     width, thickness, length = (np.asarray(v, float) for v in section[:3])
     shear_modulus = modulus / (2 * (1 + poisson))
     shear_speed = 10 * (1 + poisson) / (12 + 11 * poisson) * shear_modulus / density

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.core.units import GRAVITY_M_PER_S2
-from padgen.physics.beams import BeamSection, tip_mass, tip_stiffness
+from padgen.physics.beams import BeamSection, largest_stress, tip_mass, tip_stiffness
 from padgen.physics.rigid_body import RigidBody
 
 __all__ = ["BeamPlacement", "Modes", "bending_stress", "suspended_modes", "to_tip"]
@@ -18,7 +18,7 @@ Array = Any
 
 
 class BeamPlacement(NamedTuple):
-    """A beam and where it meets the body: `tip` (…, 3) in m, `direction` (…, 2) from root to tip."""
+    """A beam and where it meets the body: `tip` (…, 3) in m, `direction` (…, 2) along it there, away from its root."""
 
     section: BeamSection
     tip: np.ndarray
@@ -75,7 +75,10 @@ def suspended_modes(
     for beam in beams:
         # Beams that share a section, as most do, share its matrices.
         if id(beam.section) not in known:
-            known[id(beam.section)] = tip_stiffness(beam.section, modulus, poisson), tip_mass(beam.section, density)
+            known[id(beam.section)] = (
+                tip_stiffness(beam.section, modulus, poisson),
+                tip_mass(beam.section, density, poisson),
+            )
         at_tip, tip_masses = known[id(beam.section)]
         carry = to_tip(beam, body.centroid)
         carried = np.swapaxes(carry, -1, -2)
@@ -87,24 +90,10 @@ def suspended_modes(
 def bending_stress(
     beam: BeamPlacement, displacement: np.ndarray, reference: np.ndarray, modulus: float, poisson: float
 ) -> np.ndarray:
-    """Largest vertical bending stress in Pa along `beam` for a `displacement` (…, 6) of the body at `reference`.
-
-    The moment is linear along the beam and the section uniform but for the flare, so the largest
-    stress is at the root, where the flare ends, or at the tip. Notch factors are left out.
-    """
-    section = beam.section
+    """Largest stress in Pa along `beam` for a `displacement` (…, 6) of the body at `reference`."""
     tip = to_tip(beam, reference) @ displacement[..., None]
-    load = (tip_stiffness(section, modulus, poisson) @ tip)[..., 0]
-    stations: list[tuple[Any, Any]] = [
-        (0.0, section.width + 2 * np.asarray(section.fillet)),
-        (section.fillet, section.width),
-        (section.length, section.width),
-    ]
-    stresses: list[Any] = [
-        np.abs(load[..., 2] * (section.length - at) - load[..., 4]) * 6 / (width * section.thickness**2)
-        for at, width in stations
-    ]
-    return np.asarray(np.maximum.reduce(np.broadcast_arrays(*stresses)))
+    load = (tip_stiffness(beam.section, modulus, poisson) @ tip)[..., 0]
+    return np.asarray(largest_stress(beam.section, load))
 
 
 def _body_mass(body: RigidBody) -> np.ndarray:

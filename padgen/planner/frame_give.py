@@ -1,11 +1,14 @@
 """How far the frame gives under the channels of a plan: the bound of `physics.frame_flexibility`."""
 
+from math import hypot
+
 import numpy as np
 
 from padgen.core.errors import SolverError
 from padgen.core.units import G_PER_CM3, GPA, GRAM, MM
 from padgen.physics.frame_flexibility import SUPPORTS, Ribs, TaxelReaction, lowest_frame_mode_hz, shift_bound
 from padgen.planner.plan import Channel, Plan
+from padgen.planner.suspensions import BeamPath
 from padgen.planner.tile import outline
 
 __all__ = ["flexibility_bounds", "frame_mode_estimate_hz"]
@@ -45,11 +48,16 @@ def _moving_kg(plan: Plan) -> float:
 
 def _reaction(plan: Plan, channel: Channel) -> TaxelReaction:
     arrangement = plan.arrangement(channel)
-    roots = [float(strip.root_x_mm) for strip in arrangement.beams]
-    arm = max(abs(float(arrangement.washer_x_mm) - root) for root in roots) * MM
+    arm = max(_arm_mm(path, float(arrangement.washer_x_mm)) for path in arrangement.beams) * MM
     count = int(_counts(plan)[channel.index])
     mass = channel.effective_mass_g * GRAM
     return TaxelReaction(channel.resonance_hz, channel.stiffness_n_per_m, mass, channel.q, arm, count)
+
+
+def _arm_mm(path: BeamPath, washer_x_mm: float) -> float:
+    """How far the washer lies from a root: along the beam, in any direction where it bends."""
+    x, y = (float(v) for v in path.root_mm)
+    return abs(washer_x_mm - x) if path.is_straight else hypot(washer_x_mm - x, y)
 
 
 def _ribs(plan: Plan, channel: Channel, clamping: str) -> Ribs:

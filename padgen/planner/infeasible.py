@@ -8,8 +8,7 @@ from padgen.core.errors import SpecError, number
 from padgen.planner.layout import SLACK_MM, Layout, candidates, explain, most_channels, most_coils, room, whole_grids
 from padgen.planner.resonances import ladders, reachable_hz
 from padgen.planner.search import sized_layouts
-from padgen.planner.sizing import topologies
-from padgen.planner.suspensions import TOPOLOGIES
+from padgen.planner.suspensions import allowed, suspension
 from padgen.planner.taxel_model import plate_shape
 from padgen.spec import Spec, Suspension, catalogue, make_spec
 from padgen.spec.load import without_none
@@ -78,8 +77,8 @@ def _no_beam(spec: Spec, layout: Layout) -> str:
     """Why no beam at all fits a sub-cell that has room for the plate."""
     space, plate, gap = room(spec, layout), plate_shape(spec), spec.printer.smallest_gap_mm
     spans = []
-    for name in topologies(spec):
-        shape = TOPOLOGIES[name]
+    for name in allowed(spec.suspension.topology):
+        shape = suspension(name)
         longest, widest = shape.longest(space, plate, gap), shape.widest(space, plate, gap)
         spans.append(
             f"{name}: lengths of {number(shape.shortest(plate, gap))} … {number(longest)} mm,"

@@ -17,7 +17,7 @@ from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.plan import Channel, Plan, channel_sets
 from padgen.planner.pull_modes import MODES_DB, coil_modes, mode_names, modes_in_slots
 from padgen.planner.settings import scheme_named
-from padgen.planner.suspensions import TOPOLOGIES
+from padgen.planner.suspensions import allowed
 from padgen.spec import Spec, make_spec
 from padgen.spec.load import without_none
 
@@ -294,7 +294,7 @@ def _tables(plan: Plan, found: Sequence[Crowd]) -> Iterator[tuple[str, dict[str,
             yield f"resonances_hz = [{', '.join(f'{f:g}' for f in hz)}]", {"resonances_hz": hz}
     if spec.spacing == "optimised" and not spec.resonances_hz:
         return  # an optimum is sought again for every other suspension
-    for name in TOPOLOGIES:
+    for name in allowed("auto"):
         if {c.beam.topology for c in channels} != {name}:
             yield f"suspension.topology = {name!r}", {"suspension": {**suspension, "topology": name}}
     if len({c.beam.thickness_mm for c in channels}) == 1:

@@ -11,7 +11,7 @@ from math import ceil, floor, hypot, inf, pi, sqrt
 
 from padgen.core.errors import number
 from padgen.planner.plan import Site
-from padgen.planner.suspensions import TOPOLOGIES, Arrangement, Room
+from padgen.planner.suspensions import Arrangement, Room, allowed, suspension
 from padgen.planner.taxel_model import plate_shape, recess_mm
 from padgen.spec import Spec
 
@@ -226,10 +226,9 @@ def _fits(spec: Spec, layout: Layout, inside: Room) -> tuple[tuple[str, float], 
     """Slacks of the coil in its pitch, and of beam and plate in the room inside a sub-cell."""
     gap, plate = spec.printer.smallest_gap_mm, plate_shape(spec)
     pitch = min(spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows)
-    names = TOPOLOGIES if spec.suspension.topology == "auto" else [spec.suspension.topology]
     lengths, widths = [], []
-    for name in names:
-        shape = TOPOLOGIES[name]
+    for name in allowed(spec.suspension.topology):
+        shape = suspension(name)
         widest = shape.widest(inside, plate, gap)
         widths.append(
             widest - spec.printer.smallest_beam_mm if widest >= 0 else inside.width_mm - plate.width_mm - 2 * gap

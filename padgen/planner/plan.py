@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from padgen.core.files import json_text
 from padgen.core.finding import Finding
 from padgen.physics.selectivity import Scheme
-from padgen.planner.suspensions import TOPOLOGIES, Arrangement, BeamShape, PlateShape
+from padgen.planner.suspensions import Arrangement, BeamShape, PlateShape, suspension
 from padgen.spec import Spec
 
 __all__ = [
@@ -365,10 +365,8 @@ class Plan:
         """Beams, blocks and window of a channel's taxel in its own axes."""
         beam, plate = channel.beam, self.plate
         shape = PlateShape(plate.length_mm, plate.width_mm, plate.thickness_mm)
-        arranged: Arrangement = TOPOLOGIES[beam.topology].arrange(
-            shape, BeamShape(beam.width_mm, beam.thickness_mm, beam.length_mm), plate.gap_mm
-        )
-        return arranged
+        size = BeamShape(beam.width_mm, beam.thickness_mm, beam.length_mm)
+        return suspension(beam.topology).arrange(shape, size, plate.gap_mm)
 
 
 def channel_sets(channels: Sequence[Channel], sets: int) -> tuple[tuple[Channel, ...], ...]:

@@ -10,7 +10,7 @@ from typing import Any, get_args, get_origin
 from padgen.core.errors import FileError, SpecError
 from padgen.core.files import reason
 from padgen.planner.plan import Beam, Cell, CoilGrid, Plan, Plate, Site, Taxel
-from padgen.planner.suspensions import TOPOLOGIES
+from padgen.planner.suspensions import names
 from padgen.planner.tile import TURNS
 from padgen.spec import Spec, make_spec
 from padgen.spec.load import without_none
@@ -119,7 +119,7 @@ def _refuse_contradictions(plan: Plan) -> None:
     for index, channel in enumerate(plan.channels):
         if channel.index != index:
             raise ValueError(f"channels[{index}].index must be {index}")
-        if channel.beam.topology not in TOPOLOGIES or channel.site.along not in TURNS:
+        if channel.beam.topology not in names() or channel.site.along not in TURNS:
             raise ValueError(f"channels[{index}] has a topology or a direction that there is not")
         _refuse_sizes(channel.beam, f"channels[{index}].beam")
         _refuse_sizes(channel.site, f"channels[{index}].site")

@@ -11,8 +11,8 @@ from padgen.physics.ladder import geometric_ladder, ladder_ratio, paper_ladder, 
 from padgen.physics.selectivity import all_states, channels
 from padgen.planner.printable import DRAWN_SHARE
 from padgen.planner.settings import level_law, scheme_named
-from padgen.planner.sizing import reach, topologies
-from padgen.planner.suspensions import Room
+from padgen.planner.sizing import reach
+from padgen.planner.suspensions import Room, allowed
 from padgen.spec import Spec
 
 __all__ = ["Optimum", "ladders", "optimum", "proven_optimum", "reachable_hz", "slot_band_hz"]
@@ -38,7 +38,9 @@ def slot_band_hz(spec: Spec) -> tuple[float, float]:
 
 def reachable_hz(spec: Spec, room: Room) -> tuple[float, float] | None:
     """Lowest and highest resonance that the allowed suspensions reach in `room`; None for no beam at all."""
-    spans = [item.span_hz for name in topologies(spec) if (item := reach(spec, name, room)) is not None]
+    spans = [
+        item.span_hz for name in allowed(spec.suspension.topology) if (item := reach(spec, name, room)) is not None
+    ]
     if not spans:
         return None
     return min(low for low, _ in spans), max(high for _, high in spans)

@@ -13,16 +13,17 @@ from math import sqrt
 
 import numpy as np
 
+from padgen.core.registry import SUSPENSIONS
 from padgen.physics.ladder import slot_half_width
 from padgen.physics.selectivity import channels as resonators
 from padgen.planner.printable import LENGTH_STEP_MM, IdealBeam, printable_beams
 from padgen.planner.settings import level_law
-from padgen.planner.suspensions import TOPOLOGIES, BeamShape, Room
+from padgen.planner.suspensions import BeamShape, Room, allowed, suspension
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.spec import Printer, Spec
 from padgen.spec.model import Drive, Pad
 
-__all__ = ["Reach", "SizedChannel", "crowded_modes", "frequency_spread", "reach", "size_channels", "topologies"]
+__all__ = ["Reach", "SizedChannel", "crowded_modes", "frequency_spread", "reach", "size_channels"]
 
 LENGTHS = 9
 WIDTHS = 4
@@ -97,7 +98,7 @@ def layer_thicknesses_mm(printer: Printer, largest_mm: float) -> np.ndarray:
 
 def reach(spec: Spec, topology: str, room: Room) -> Reach | None:
     """The `Reach` of `topology` in `room`, None where it does not fit at all."""
-    found = _reach(_of_one_taxel(spec), topology, room)
+    found = _reach(_of_one_taxel(spec), topology, room, SUSPENSIONS.changes)
     # A resonance goes with the root of the modulus, exactly.
     root = sqrt(spec.material.youngs_modulus_gpa)
     return found and replace(found, resonance_hz=found.resonance_hz * root)
@@ -117,8 +118,8 @@ def _of_one_taxel(spec: Spec) -> Spec:
 
 
 @lru_cache(maxsize=256)
-def _reach(spec: Spec, topology: str, room: Room) -> Reach | None:
-    shape, gap = TOPOLOGIES[topology], spec.printer.smallest_gap_mm
+def _reach(spec: Spec, topology: str, room: Room, changes: int) -> Reach | None:
+    shape, gap = suspension(topology), spec.printer.smallest_gap_mm
     plate = plate_shape(spec)
     longest, widest = shape.longest(room, plate, gap), shape.widest(room, plate, gap)
     shortest, narrowest = shape.shortest(plate, gap), spec.printer.smallest_beam_mm
@@ -150,11 +151,6 @@ def _grid(spec: Spec, shortest: float, longest: float) -> tuple[np.ndarray, np.n
     return thickness, length[length > 0]  # the shortest, a gap, may be less than half a step
 
 
-def topologies(spec: Spec) -> tuple[str, ...]:
-    """Names of the topologies that the spec allows."""
-    return tuple(TOPOLOGIES) if spec.suspension.topology == "auto" else (spec.suspension.topology,)
-
-
 def size_channels(spec: Spec, room: Room, resonance_hz: tuple[float, ...]) -> tuple[SizedChannel, ...] | None:
     """Beams whose taxels resonate at `resonance_hz` in `room`; None where the room reaches not all.
 
@@ -162,7 +158,7 @@ def size_channels(spec: Spec, room: Room, resonance_hz: tuple[float, ...]) -> tu
     if none does, the first choice at all, and the plan's findings tell.
     """
     targets = np.asarray(resonance_hz)
-    reaches = [r for name in topologies(spec) if (r := reach(spec, name, room)) is not None]
+    reaches = [r for name in allowed(spec.suspension.topology) if (r := reach(spec, name, room)) is not None]
     first = None
     for tried, picks in enumerate(_choices(spec, reaches, targets)):
         channels = _solved(spec, picks, targets)

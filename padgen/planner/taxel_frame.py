@@ -5,6 +5,7 @@ that of the cubic deflection. Washer and plate stay rigid.
 """
 
 from itertools import pairwise
+from math import ceil, pi
 
 import numpy as np
 
@@ -13,13 +14,15 @@ from padgen.physics.beams import BeamSection, flexibility
 from padgen.physics.frame import AttachedBody, Frame
 from padgen.physics.frame_element import Element, Section, rectangle
 from padgen.physics.rigid_body import RigidBody, box
-from padgen.planner.suspensions import Block
+from padgen.planner.suspensions import BeamPath, Block
 from padgen.planner.taxel_model import TaxelModel
 
 __all__ = ["taxel_frame"]
 
 FLARE_ELEMENTS = 4
 INNER_MOTIONS = 2
+MOST_TURN_RAD = pi / 12
+"""Of an arc within one element: chords are shorter by 0.3 %."""
 
 
 def taxel_frame(model: TaxelModel, elements: int = 4, *, rigid_crossbar: bool = False) -> Frame:
@@ -29,7 +32,7 @@ def taxel_frame(model: TaxelModel, elements: int = 4, *, rigid_crossbar: bool = 
     With `rigid_crossbar` crossbar and neck are rigid but for the crossbar's twist, as in `TaxelModel`.
     """
     builder = _Builder(model)
-    whole = rigid_crossbar or len(model.arrangement.blocks) == 1
+    whole = rigid_crossbar or not np.any(model.arrangement.tip_twist_per_mm3)
     tips = [builder.beam(k, elements, twisting_tip=whole) for k in range(len(model.placements))]
     if whole:
         return builder.frame([AttachedBody(model.body, tuple(tips))])
@@ -37,11 +40,18 @@ def taxel_frame(model: TaxelModel, elements: int = 4, *, rigid_crossbar: bool = 
     return builder.frame(builder.yoke(plate, neck, crossbar, tips))
 
 
-def _stations(section: BeamSection, elements: int) -> list[float]:
-    """Where elements begin and end along a beam, from its root in m: some within its flare."""
-    flare = min(float(section.fillet), float(section.length))
-    flared = np.linspace(0, flare, FLARE_ELEMENTS + 1)[:-1] if flare > 0 else np.zeros(0)
-    return [*flared.tolist(), *np.linspace(flare, float(section.length), elements + 1).tolist()]
+def _stations(path: BeamPath, fillet: float, elements: int) -> list[tuple[int, float]]:
+    """Where elements begin and end along a beam, as segment and share of it: some within the flare at the root."""
+    stations: list[tuple[int, float]] = []
+    flare = min(fillet / (float(path.segments[0].length_mm) * MM), 1.0)
+    for index, segment in enumerate(path.segments):
+        start = 0.0 if index or flare <= 0 else flare
+        if start:
+            stations += [(0, float(at)) for at in np.linspace(0, flare, FLARE_ELEMENTS + 1)[:-1]]
+        share = float(segment.length_mm) / float(path.length_mm)
+        count = ceil(max(elements * share, abs(float(segment.turn_rad)) / MOST_TURN_RAD) - 1e-9)
+        stations += [(index, float(at)) for at in np.linspace(start, 1, count + 1)[bool(index) :]]
+    return stations
 
 
 class _Builder:
@@ -72,14 +82,16 @@ class _Builder:
 
     def beam(self, index: int, elements: int, *, twisting_tip: bool) -> int:
         """One beam from its root, which is clamped; the index of its tip's node."""
-        placement = self.model.placements[index]
-        section = placement.section
-        along = np.array([*placement.direction, 0.0])
-        root = placement.tip - along * section.length
-        stations = _stations(section, elements)
-        nodes = [self.node(root + along * at) for at in stations]
+        placement, path = self.model.placements[index], self.model.arrangement.beams[index]
+        section, places, at = placement.section, [], []
+        before = np.cumsum([0.0, *(float(segment.length_mm) for segment in path.segments)]) * MM
+        for k, share in _stations(path, float(section.fillet), elements):
+            point = path.within(k, share)
+            places.append(np.array([float(point.x_mm) * MM, float(point.y_mm) * MM, placement.tip[2]]))
+            at.append(before[k] + share * (before[k + 1] - before[k]))
+        nodes = [self.node(place) for place in places]
         self.roots.append(nodes[0])
-        for (start, end), (low, high) in zip(pairwise(nodes), pairwise(stations), strict=True):
+        for (start, end), (low, high) in zip(pairwise(nodes), pairwise(at), strict=True):
             self.bar(start, end, self._slice(section, (low + high) / 2))
         self._hinge(index, len(nodes) - 1, twisting_tip=twisting_tip)
         return nodes[-1]

@@ -7,18 +7,19 @@ of beam shapes, so that a grid of candidates costs one call.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, wraps
+from itertools import chain
 from typing import Any
 
 import numpy as np
 
 from padgen.core.units import G_PER_CM3, GPA, MM
 from padgen.physics.beam_ends import Surroundings, fitted, on_elastic_ends
-from padgen.physics.beam_error import HeldBy, relative_error, uncertain_energies
+from padgen.physics.beam_error import BENT, FLOOR, HeldBy, relative_error, uncertain_energies
 from padgen.physics.beams import BeamSection
 from padgen.physics.modes import BeamPlacement, Modes, bending_stress, suspended_modes
 from padgen.physics.resonator import natural_frequency, rule_stiffness
 from padgen.physics.rigid_body import RigidBody, box, combine, ring
-from padgen.planner.suspensions import TOPOLOGIES, Arrangement, BeamShape, Block, PlateShape, Strip
+from padgen.planner.suspensions import Arrangement, BeamPath, BeamShape, Block, PlateShape, suspension
 from padgen.spec import Spec
 
 __all__ = ["TaxelModel", "fillet_mm", "plate_shape", "post_diameter_mm", "recess_mm"]
@@ -51,9 +52,9 @@ def post_diameter_mm(spec: Spec) -> float:
 
 def fillet_mm(spec: Spec, arrangement: Arrangement) -> Any:
     """Radius in mm of the root fillets: as the spec says, less where the window or a short beam leaves
-    less room."""
-    strip = arrangement.beams[0]
-    short = np.abs(strip.tip_x_mm - strip.root_x_mm) / 3
+    less room, none where a beam begins with an arc."""
+    first = [path.segments[0] for path in arrangement.beams]
+    short = np.minimum.reduce(np.broadcast_arrays(*(np.where(s.turn_rad, 0.0, s.length_mm / 3) for s in first)))
     return np.clip(np.minimum(arrangement.root_clearance_mm, short), 0, spec.taxel.fillet_mm)
 
 
@@ -90,10 +91,9 @@ class TaxelModel:
     @cached_property
     def arrangement(self) -> Arrangement:
         """Beams, blocks and window in mm."""
-        layout: Arrangement = TOPOLOGIES[self.topology].arrange(
+        return suspension(self.topology).arrange(
             self.plate, BeamShape(*(np.asarray(v, float) for v in self.beam)), self.spec.printer.smallest_gap_mm
         )
-        return layout
 
     @cached_property
     def body(self) -> RigidBody:
@@ -131,18 +131,18 @@ class TaxelModel:
         """The beams in SI units, where they meet the body."""
         fillet = fillet_mm(self.spec, self.arrangement) * MM
         placements: list[BeamPlacement] = []
-        for strip in self.arrangement.beams:
-            thickness = strip.thickness_mm * MM
-            run = (strip.tip_x_mm - strip.root_x_mm) * MM
-            bare = BeamSection(strip.width_mm * MM, thickness, np.abs(run), fillet)
+        for path in self.arrangement.beams:
+            width, thickness = path.width_mm * MM, path.thickness_mm * MM
+            pieces = () if path.is_straight else tuple((s.length_mm * MM, s.turn_rad) for s in path.segments)
+            bare = BeamSection(width, thickness, path.length_mm * MM, fillet, path=pieces)
             section = next((p.section for p in placements if _alike(p.section, bare)), None)
             if section is None:
                 section = on_elastic_ends(bare, self._surroundings, self.spec.material.poisson_ratio)
-                give = section.give._replace(tip=section.give.tip + self._twist_give_m(strip))
+                give = section.give._replace(tip=section.give.tip + self._twist_give_m(path))
                 section = section._replace(give=give)
-            tip = np.stack(np.broadcast_arrays(strip.tip_x_mm * MM, strip.y_mm * MM, thickness / 2), -1)
-            direction = np.stack([np.sign(run), 0.0 * run], -1)
-            placements.append(BeamPlacement(section, tip, direction))
+            tip = path.corners[-1]
+            x, y, z, *along = np.broadcast_arrays(tip.x_mm * MM, tip.y_mm * MM, thickness / 2, *tip[2:])
+            placements.append(BeamPlacement(section, np.stack([x, y, z], -1), np.stack(along, -1)))
         return placements
 
     @cached_property
@@ -158,9 +158,9 @@ class TaxelModel:
         """What a crossbar's torsion adds to the give of one beam's tip, of a single taxel."""
         return float(self._twist_give_m(self.arrangement.beams[index]))
 
-    def _twist_give_m(self, strip: Strip) -> Any:
+    def _twist_give_m(self, path: BeamPath) -> Any:
         """What a crossbar's torsion adds to the tip's give: ``I_beam/J_bar · 2(1+ν) · arm``."""
-        inertia = strip.width_mm * strip.thickness_mm**3 / 12
+        inertia = path.width_mm * path.thickness_mm**3 / 12
         return self.arrangement.tip_twist_per_mm3 * inertia * 2 * (1 + self.spec.material.poisson_ratio) * MM
 
     @property
@@ -218,10 +218,10 @@ class TaxelModel:
     @_of_array
     def rule_hz(self) -> np.ndarray:
         """Resonance by the paper's point-mass rule (Eq. 1-2): all of the body at the beam's tip."""
-        topology = TOPOLOGIES[self.topology]
+        rule = suspension(self.topology)
         width, thickness, length = (np.asarray(v, float) * MM for v in self.beam)
-        one = rule_stiffness(self.elastic[0], width, thickness, length, topology.END_FACTOR)
-        return np.asarray(natural_frequency(topology.BEAMS * one, self.body.mass))
+        one = rule_stiffness(self.elastic[0], width, thickness, length, rule.END_FACTOR)
+        return np.asarray(natural_frequency(rule.BEAMS * one, self.body.mass))
 
     @property
     def sag_m(self) -> np.ndarray:
@@ -251,9 +251,13 @@ class TaxelModel:
         return _take(self.mode_errors, self.working)
 
     @property
+    def _is_straight(self) -> bool:
+        return all(path.is_straight for path in self.arrangement.beams)
+
+    @property
     def in_range(self) -> np.ndarray:
         """Whether the beams are like those that the model was fitted to (…,); elsewhere solve the solid."""
-        return np.asarray(fitted(*(np.asarray(side, float) for side in self.beam)))
+        return np.asarray(self._is_straight & fitted(*(np.asarray(side, float) for side in self.beam)))
 
     @cached_property
     @_of_array
@@ -264,7 +268,7 @@ class TaxelModel:
         energies = sum(
             uncertain_energies(beam, self.modes, modulus, poisson, self._held_by) for beam in self.placements
         )
-        return relative_error(np.asarray(energies), self.modes.frequency_hz)
+        return relative_error(np.asarray(energies), self.modes.frequency_hz, FLOOR if self._is_straight else BENT)
 
     @cached_property
     def _held_by(self) -> HeldBy:
@@ -297,4 +301,7 @@ def _take(values: np.ndarray, index: np.ndarray) -> np.ndarray:
 
 def _alike(one: BeamSection, other: BeamSection) -> bool:
     """Whether two sections are the same but for rounding."""
-    return all(bool((np.abs(a - b) < SAME_M).all()) for a, b in zip(one[:3], other[:3], strict=True))
+    if len(one.path) != len(other.path):
+        return False
+    pairs = zip([*one[:3], *chain(*one.path)], [*other[:3], *chain(*other.path)], strict=True)
+    return all(bool((np.abs(a - b) < SAME_M).all()) for a, b in pairs)

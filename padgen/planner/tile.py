@@ -1,12 +1,13 @@
 """From a taxel's own axes to the pad's, and a tile's outline in its own axes."""
 
-from typing import NamedTuple
+from dataclasses import asdict
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from padgen.planner.plan import Channel, Plan
 
-__all__ = ["TURNS", "Outline", "outline", "taxel_places", "to_cell"]
+__all__ = ["TURNS", "Outline", "outline", "shape_inputs", "taxel_places", "to_cell"]
 
 TURNS = {"+x": (1, 0), "+y": (0, 1), "-x": (-1, 0), "-y": (0, -1)}
 """Where a taxel's own x axis points, as (cosine, sine): whole quarter turns, exact."""
@@ -52,3 +53,18 @@ def outline(plan: Plan, channel: Channel) -> Outline:
     if sine:
         width, depth = depth, width
     return Outline(*(round(v, 9) for v in (x - width / 2, x + width / 2, y - depth / 2, y + depth / 2)))
+
+
+def shape_inputs(plan: Plan, channel: Channel) -> dict[str, Any]:
+    """All that the solid of a taxel depends on, as plain data, whatever suspension it comes from."""
+    return {
+        "plate": asdict(plan.plate),
+        "arrangement": _plain(plan.arrangement(channel)),
+        "fillet_mm": channel.beam.fillet_mm,
+        "outline": outline(plan, channel),
+        "frame_mm": plan.spec.pad.frame_thickness_mm,
+    }
+
+
+def _plain(value: Any) -> Any:
+    return [_plain(entry) for entry in value] if isinstance(value, tuple) else float(value)

@@ -115,7 +115,7 @@ def compare(plan: Plan, solid: Any, figures: dict[str, Any]) -> list[Finding]:
     figures["largest_difference_from_plan_mm"] = max(finite, default=None)
     figures["measured_dimensions"] = len(dimensions)
     return [
-        *_few(_differs(d) for d in dimensions if not abs(d.built_mm - d.planned_mm) <= BUILT_MM),
+        *_few(_differs(d) for d in dimensions if not abs(d.built_mm - d.planned_mm) <= BUILT_MM + d.facets_mm),
         *_few(_washers_enter(spec, washer_rooms(plan, solid))),
         *_few(_washers_sink_in(spec, dimensions)),
         *_few(_lines_and_layers(spec.printer, dimensions)),
@@ -128,7 +128,8 @@ def _differs(dimension: Dimension) -> Finding:
         "error",
         "built.planned",
         f"taxel {dimension.taxel}",
-        f"{dimension.name} is {built}, planned are {number(dimension.planned_mm)} mm within {number(BUILT_MM)} mm",
+        f"{dimension.name} is {built}, planned are {number(dimension.planned_mm)} mm within"
+        f" {number(BUILT_MM + dimension.facets_mm)} mm",
     )
 
 

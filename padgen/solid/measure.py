@@ -6,9 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.planner.plan import Beam, Channel, Plan, Plate, Taxel
-from padgen.planner.suspensions import Strip
+from padgen.planner.plan import Channel, Plan, Plate, Taxel
+from padgen.planner.suspensions import BeamPath, PathPoint
 from padgen.planner.tile import to_cell
+from padgen.solid.mesh import CHORD_MM
 
 __all__ = ["Dimension", "distance_to_sides", "measured", "washer_rooms"]
 
@@ -19,13 +20,19 @@ HEIGHTS = (0.02, 0.5, 0.98)
 """Where in a recess, as a share of its depth, the room for a washer is measured: a mouth may be narrower."""
 
 
+NEAR_MM = 0.05
+"""How near to the end of an arc a ray along it starts."""
+
+
 class Dimension(NamedTuple):
-    """One measured dimension: which taxel, what, as planned and as built, in mm (nan: not found)."""
+    """One measured dimension: which taxel, what, as planned and as built, in mm (nan: not found), and what the
+    triangles of a round face may change it by."""
 
     taxel: str
     name: str
     planned_mm: float
     built_mm: float
+    facets_mm: float = 0.0
 
 
 class _Gauge(NamedTuple):
@@ -35,14 +42,15 @@ class _Gauge(NamedTuple):
     planned_mm: float
     rays: np.ndarray
     combine: Callable[[list[float]], float]
+    facets_mm: float = 0.0
 
 
 def measured(plan: Plan, solid: Any) -> Iterator[Dimension]:
     """Measure beams, recess and boss of every taxel on the manifold `solid` of the pad.
 
-    A ray runs until it meets a face: from within a beam sideways (width), above it along its axis
-    (length), from below and above onto it (thickness), and up into the recess (depth). The recess's
-    diameter and place are taken from a cross-section at half its depth.
+    A ray runs until it meets a face: from within a beam sideways (width, and that its path is where it was planned),
+    above it on from both ends of its path (length), from below and above onto it (thickness), and up into the recess
+    (depth). The recess's diameter and place are taken from a cross-section at half its depth.
     """
     gauges = {c.index: _placed(_gauges(plan, c), c) for c in plan.channels}
     recesses = _holes(plan, solid.slice(plan.plate.recess_depth_mm / 2))
@@ -55,7 +63,7 @@ def measured(plan: Plan, solid: Any) -> Iterator[Dimension]:
         around = np.array([-1.0, -1.0, 1.0]) if taxel.turned else np.ones(3)
         for gauge in gauges[taxel.channel]:
             runs = [_run_mm(solid, *(ray * around + centre)) for ray in gauge.rays]
-            yield Dimension(taxel.id, gauge.name, gauge.planned_mm, gauge.combine(runs))
+            yield Dimension(taxel.id, gauge.name, gauge.planned_mm, gauge.combine(runs), gauge.facets_mm)
 
 
 def washer_rooms(plan: Plan, solid: Any) -> Iterator[tuple[str, float]]:
@@ -81,29 +89,58 @@ def distance_to_sides(outline: np.ndarray, at: np.ndarray) -> float:
 def _gauges(plan: Plan, channel: Channel) -> Iterator[_Gauge]:
     arrangement = plan.arrangement(channel)
     lowest_block = min(float(block.height_mm) for block in arrangement.blocks)
-    for number, strip in enumerate(arrangement.beams):
+    for number, path in enumerate(arrangement.beams):
         name = f"beam {number + 1}" if len(arrangement.beams) > 1 else "beam"
-        yield from _beam_gauges(name, strip, channel.beam, lowest_block)
+        yield from _beam_gauges(name, path, lowest_block)
     yield from _recess_gauges(plan.plate, float(arrangement.washer_x_mm))
 
 
-def _beam_gauges(name: str, strip: Strip, beam: Beam, lowest_block: float) -> Iterator[_Gauge]:
-    root, run, y = float(strip.root_x_mm), float(strip.tip_x_mm - strip.root_x_mm), float(strip.y_mm)
-    above = np.array([root + run / 2, y, (beam.thickness_mm + lowest_block) / 2])
-    yield _Gauge(f"{name} length", beam.length_mm, _both_ways(above, [beam.length_mm, 0, 0]), sum)
-    inside = [np.array([root + share * run, y, beam.thickness_mm / 2]) for share in STATIONS]
-    across = np.concatenate([_both_ways(at, [0, beam.width_mm, 0]) for at in inside])
-    yield _Gauge(f"{name} width", beam.width_mm, across, lambda runs: _worst(runs, beam.width_mm, 0.0, 1.0))
+def _beam_gauges(name: str, path: BeamPath, lowest_block: float) -> Iterator[_Gauge]:
+    yield _length_gauge(name, path, (float(path.thickness_mm) + lowest_block) / 2)
+    bends = [(k, 0.5) for k, segment in enumerate(path.segments) if segment.turn_rad]
+    straight = [(k, 0.5) for k, segment in enumerate(path.segments) if not segment.turn_rad]
+    stations = [(0, at) for at in STATIONS] if len(path.segments) == len(straight) == 1 else straight
+    for what, places, facets in (("", stations, 0.0), (" in its bends", bends, CHORD_MM)):
+        if places:
+            points = [path.within(*place) for place in places]
+            for gauge in _section_gauges(path, points, lowest_block):
+                yield gauge._replace(name=f"{name} {gauge.name}{what}", facets_mm=facets)
+
+
+def _section_gauges(path: BeamPath, points: list[PathPoint], lowest_block: float) -> Iterator[_Gauge]:
+    width, thickness = float(path.width_mm), float(path.thickness_mm)
+    inside = [np.array([p.x_mm, p.y_mm, thickness / 2], float) for p in points]
+    sides = [width * np.array([-p.along_y, p.along_x, 0.0], float) for p in points]
+    across = np.concatenate([_both_ways(at, side) for at, side in zip(inside, sides, strict=True)])
+    yield _Gauge("width", width, across, lambda runs: _worst(runs, width, 0.0, 1.0, 1.0))
+    if not path.is_straight:
+        # Only where a beam lies on its path does what was planned between its ends count as its length.
+        yield _Gauge("offset from its path", 0.0, across, lambda runs: _worst(runs, 0.0, 0.0, 0.5, -0.5))
     span = lowest_block + 2
     faces = np.array([[[*at[:2], z], at] for at in inside for z in (-1.0, lowest_block + 1)])
-    thickness = beam.thickness_mm
-    yield _Gauge(f"{name} thickness", thickness, faces, lambda runs: _worst(runs, thickness, span, -1.0))
-    yield _Gauge(f"{name} height above the bed", 0.0, faces[::2], lambda runs: max(runs) - 1)
+    yield _Gauge("thickness", thickness, faces, lambda runs: _worst(runs, thickness, span, -1.0, -1.0))
+    yield _Gauge("height above the bed", 0.0, faces[::2], lambda runs: max(runs) - 1)
 
 
-def _worst(runs: list[float], planned: float, span: float, sign: float) -> float:
-    """Of one sum of two runs (or what it leaves of `span`) per station, the one farthest from `planned`."""
-    sizes = [span + sign * (a + b) for a, b in zip(runs[::2], runs[1::2], strict=True)]
+def _length_gauge(name: str, path: BeamPath, height: float) -> _Gauge:
+    """Back to the frame and on to what moves, from within the first and the last piece, at a `height` above the beam.
+
+    A ray along an arc leaves it: there it starts close to the end.
+    """
+    length, last = float(path.length_mm), len(path.segments) - 1
+    aside = [0.5 if not s.turn_rad else min(NEAR_MM / float(s.length_mm), 0.5) for s in path.segments]
+    places = path.within(0, aside[0]), path.within(last, 1 - aside[last])
+    between = length - sum(aside[k] * float(path.segments[k].length_mm) for k in (0, last))
+    rays = []
+    for place, reach in zip(places, (-length, length), strict=True):
+        start = np.array([place.x_mm, place.y_mm, height], float)
+        rays.append([start, start + reach * np.array([place.along_x, place.along_y, 0.0], float)])
+    return _Gauge(f"{name} length", length, np.array(rays), lambda runs: between + sum(runs))
+
+
+def _worst(runs: list[float], planned: float, span: float, one: float, other: float) -> float:
+    """Of one sum of two runs (with these factors, and `span`) per station, the one farthest from `planned`."""
+    sizes = [span + one * a + other * b for a, b in zip(runs[::2], runs[1::2], strict=True)]
     return max(sizes, key=lambda size: abs(size - planned) if isfinite(size) else inf)
 
 
@@ -162,7 +199,7 @@ def _offset_mm(hole: _Hole, taxel: Taxel) -> float:
     return float(np.hypot(*(hole.centre - (taxel.x_mm, taxel.y_mm))))
 
 
-def _both_ways(start: np.ndarray, reach: list[float]) -> np.ndarray:
+def _both_ways(start: np.ndarray, reach: np.ndarray) -> np.ndarray:
     return np.array([[start, start + reach], [start, start - reach]])
 
 

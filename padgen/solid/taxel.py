@@ -15,15 +15,19 @@ Side view through the beam, own axes (x from the root, z from the bed)::
 Top view: see the sketches in `padgen.planner.suspensions`.
 """
 
+from math import copysign
 from typing import Any
 
-from padgen.core.errors import GeometryError
+from padgen.core.errors import GeometryError, number
 from padgen.planner.plan import Channel, Plan, Plate
-from padgen.planner.suspensions import Strip
+from padgen.planner.suspensions import BeamPath, PathPoint, Segment
 from padgen.planner.tile import Outline, outline
 from padgen.solid.kernel import build123d, kernel_errors
 
 __all__ = ["taxel_solid", "washer_solid"]
+
+LEAST_MM = 1e-6
+"""What is shorter is left out."""
 
 
 def taxel_solid(plan: Plan, channel: Channel) -> Any:
@@ -40,7 +44,7 @@ def taxel_solid(plan: Plan, channel: Channel) -> Any:
     washer_x = float(arrangement.washer_x_mm)
     with kernel_errors(f"the taxel of channel {channel.index}"):
         frame = _ring(outline(plan, channel), Outline(0, length, -width / 2, width / 2), thickness)
-        beams = [_beam(strip, channel.beam.fillet_mm) for strip in arrangement.beams]
+        beams = [_beam(path, channel.beam.fillet_mm) for path in arrangement.beams]
         blocks = [_box(Outline(*(float(v) for v in block[:4])), float(block.height_mm)) for block in arrangement.blocks]
         parts = [*blocks, _boss(plate, washer_x)] if plate.boss_top_mm - plate.thickness_mm > 1e-6 else blocks
         first, *others = parts
@@ -67,31 +71,47 @@ def _ring(outer: Outline, window: Outline, height: float) -> Any:
     return b.Solid.extrude(face, b.Vector(0, 0, height))
 
 
-def _beam(strip: Strip, fillet: float) -> Any:
-    """A beam with a flare of radius `fillet` on both sides of its root."""
+def _beam(path: BeamPath, fillet: float) -> Any:
+    """A beam with a flare of radius `fillet` on both sides of its root: the outline beside its path, extruded."""
     b = build123d()
-    root, tip, y = float(strip.root_x_mm), float(strip.tip_x_mm), float(strip.y_mm)
-    half = float(strip.width_mm) / 2
-    if fillet < 1e-6:
-        low, high = sorted((root, tip))
-        return _box(Outline(low, high, y - half, y + half), float(strip.thickness_mm))
-    step = fillet if tip > root else -fillet
-    edges = []
-    corners = {}
-    for side in (-1, 1):
-        wall = b.Vector(root, y + side * (half + fillet))
-        straight = b.Vector(root + step, y + side * half)
-        bow = 1 - 0.5**0.5
-        middle = b.Vector(root + step * bow, y + side * (half + fillet * bow))
-        edges.append(b.Edge.make_three_point_arc(wall, middle, straight))
-        end = b.Vector(tip, y + side * half)
-        edges.append(b.Edge.make_line(straight, end))
-        corners[side] = (wall, end)
-    edges.append(b.Edge.make_line(corners[-1][0], corners[1][0]))
-    edges.append(b.Edge.make_line(corners[-1][1], corners[1][1]))
-    (wire,) = b.Wire.combine(edges)
-    face = b.Face(wire)
-    return b.Solid.extrude(face, b.Vector(0, 0, float(strip.thickness_mm)))
+    half = float(path.width_mm) / 2
+    edges, ends = [], []
+    for side in (half, -half):
+        flare, sides = _flare(path.corners[0], side, fillet), _side(path, side, fillet)
+        edges += [*flare, *sides]
+        ends.append(((flare or sides)[0] @ 0, sides[-1] @ 1))
+    (wire,) = b.Wire.combine([*edges, *(b.Edge.make_line(*pair) for pair in zip(*ends, strict=True))])
+    return b.Solid.extrude(b.Face(wire), b.Vector(0, 0, float(path.thickness_mm)))
+
+
+def _flare(root: PathPoint, side: float, fillet: float) -> list[Any]:
+    """A quarter circle from the wall at the root to where the beam has its width, `side` mm to the left of its path."""
+    if fillet < LEAST_MM:
+        return []
+    bow, out = fillet * (1 - 0.5**0.5), copysign(1.0, side)
+    places = [
+        root.along(Segment(ahead)).beside(side + out * aside) for ahead, aside in ((0, fillet), (bow, bow), (fillet, 0))
+    ]
+    return [build123d().Edge.make_three_point_arc(*places)]
+
+
+def _side(path: BeamPath, side: float, start: float) -> list[Any]:
+    """Lines and arcs `side` mm to the left of a path, but for its first `start` mm."""
+    b, edges = build123d(), []
+    for k, segment in enumerate(path.segments):
+        length, turn = float(segment.length_mm), float(segment.turn_rad)
+        if length < abs(turn * side) - LEAST_MM:
+            raise GeometryError(
+                f"an arc of {number(length / abs(turn))} mm radius must have at least half of the beam's width,"
+                f" {number(abs(side))} mm"
+            )
+        first = start / length if k == 0 else 0.0
+        begin, middle, end = (path.within(k, first + (1 - first) * at).beside(side) for at in (0.0, 0.5, 1.0))
+        if not turn:
+            edges.append(b.Edge.make_line(begin, end))
+        elif length > abs(turn * side) + LEAST_MM or turn * side < 0:
+            edges.append(b.Edge.make_three_point_arc(begin, middle, end))
+    return edges
 
 
 def _boss(plate: Plate, washer_x: float) -> Any:

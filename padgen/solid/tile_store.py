@@ -2,20 +2,19 @@
 
 import io
 from collections.abc import Callable
-from dataclasses import asdict
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from padgen.core import cache
 from padgen.planner.plan import Channel, Plan
-from padgen.planner.tile import outline
+from padgen.planner.tile import shape_inputs
 from padgen.solid.mesh import Mesh
 
 __all__ = ["KnownSolid", "kept_solid", "known_solid", "taxel_key"]
 
 KIND = "taxel-mesh"
-CODE = ("solid/taxel.py", "solid/mesh.py", "planner/suspensions", "planner/tile.py")
+CODE = ("solid/taxel.py", "solid/mesh.py", "planner/arrangement.py", "planner/tile.py")
 PACKAGES = ("build123d", "cadquery-ocp-novtk", "numpy")
 
 
@@ -30,10 +29,7 @@ def taxel_key(plan: Plan, channel: Channel, **detail: Any) -> str:
     """The key of all that the solid of a taxel depends on, and of `detail`."""
     return cache.key_of(
         {
-            "plate": asdict(plan.plate),
-            "beam": asdict(channel.beam),
-            "outline": outline(plan, channel),
-            "frame_mm": plan.spec.pad.frame_thickness_mm,
+            **shape_inputs(plan, channel),
             "code": cache.code_hash(*CODE),
             "versions": [cache.version(name) for name in PACKAGES],
             **detail,

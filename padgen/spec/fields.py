@@ -5,15 +5,18 @@ the three cannot disagree.
 """
 
 import types
+from collections.abc import Callable
 from dataclasses import MISSING, Field, field, fields
 from typing import Any, Union, get_args, get_origin
 
 from padgen.core.errors import SpecError, number, plain, shown
+from padgen.core.registry import unknown_name
 
 __all__ = [
     "build",
     "checked",
     "choice",
+    "choices",
     "entry_name",
     "flag",
     "folder_name",
@@ -42,9 +45,15 @@ def numbers(default: Any = MISSING, *, unit: str, low: float, high: float, doc: 
     return field(default=default, metadata=meta)
 
 
-def choice(default: Any = MISSING, *, of: tuple[str, ...], doc: str) -> Any:
-    """One of a few words."""
+def choice(default: Any = MISSING, *, of: tuple[str, ...] | Callable[[], tuple[str, ...]], doc: str) -> Any:
+    """One of a few words; a function tells those that are known when it is called."""
     return field(default=default, metadata={"choices": of, "doc": doc})
+
+
+def choices(meta: Any) -> tuple[str, ...]:
+    """The words that a field with this metadata may be, none for one that is free."""
+    of: Any = meta.get("choices", ())
+    return tuple(of() if callable(of) else of)
 
 
 def text(default: Any = MISSING, *, doc: str) -> Any:
@@ -78,15 +87,6 @@ def optional_type(annotation: Any) -> tuple[Any, bool]:
         inner = [a for a in get_args(annotation) if a is not type(None)]
         return inner[0], True
     return annotation, False
-
-
-def unknown_name(name: str, known: "list[str]", what: str, where: str) -> SpecError:
-    """The error for a `name` that is none of `known`, with the nearest one that is."""
-    from difflib import get_close_matches
-
-    near = get_close_matches(name[:LONGEST_TEXT], known, n=1, cutoff=0.5)
-    hint = f"did you mean {near[0]!r}?" if near else "known are " + ", ".join(sorted(known))
-    return SpecError(f"there is no {what} {shown(name)}; {hint}", where)
 
 
 def build(kind: type, table: Any, where: str, base: "dict[str, Any] | None" = None) -> Any:
@@ -136,9 +136,9 @@ def _of_type(kind: Any, value: Any, where: str, what: str) -> Any:
 
 
 def _checked_text(item: "Field[Any]", value: str, where: str) -> str:
-    choices = item.metadata.get("choices")
-    if choices and value not in choices:
-        raise unknown_name(value, list(choices), "choice", where)
+    known = choices(item.metadata)
+    if known and value not in known:
+        raise unknown_name(value, list(known), "choice", where)
     if len(value) > LONGEST_TEXT or plain(value) != value:
         raise SpecError(f"must be a line of at most {LONGEST_TEXT} characters, got {shown(value)}", where)
     pattern = item.metadata.get("pattern")

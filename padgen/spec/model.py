@@ -7,6 +7,7 @@ any of its fields.
 from dataclasses import dataclass, field
 from math import ceil
 
+from padgen.core.registry import SUSPENSIONS
 from padgen.spec.fields import choice, entry_name, flag, folder_name, numbers, quantity, text
 
 __all__ = [
@@ -23,8 +24,6 @@ __all__ = [
     "Washer",
 ]
 
-SUSPENSIONS = ("cantilever", "folded", "bridge")
-"""Each is a module of that name in `padgen.planner.suspensions`."""
 DRIVE_SCHEMES = ("tones", "spur-free", "biased", "time-shared")
 """Explained in `padgen.physics.selectivity`."""
 STRUCTURE_MODELS = ("beam", "solid")
@@ -193,7 +192,9 @@ class Suspension:
     """How the plates hang and what of their beams may be tuned."""
 
     topology: str = choice(
-        "auto", of=("auto", *SUSPENSIONS), doc="kind of suspension; auto takes the one least sensitive to printing"
+        "auto",
+        of=lambda: ("auto", *SUSPENSIONS.names()),
+        doc="kind of suspension; auto takes the one least sensitive to printing",
     )
     tune: str = choice(
         "width+thickness+length",

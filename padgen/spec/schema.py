@@ -3,7 +3,7 @@
 from dataclasses import MISSING, fields, is_dataclass
 from typing import Any, get_args
 
-from padgen.spec.fields import optional_type
+from padgen.spec.fields import choices, optional_type
 from padgen.spec.load import CATALOGUES, SHORTHANDS, catalogue
 from padgen.spec.model import Spec
 
@@ -55,8 +55,8 @@ def _type(kind: Any, meta: Any) -> dict[str, Any]:
         return {"type": "boolean"}
     if kind is str:
         schema: dict[str, Any] = {"type": "string"}
-        if meta.get("choices"):
-            schema["enum"] = list(meta["choices"])
+        if known := choices(meta):
+            schema["enum"] = list(known)
         if meta.get("pattern"):
             schema["pattern"] = f"^{meta['pattern']}$"
         return schema

@@ -19,10 +19,11 @@ from typing import Any
 
 import numpy as np
 
-from padgen.planner.suspensions.arrangement import Arrangement, BeamShape, Block, PlateShape, Room, Strip
+from padgen.planner.arrangement import Arrangement, BeamPath, BeamShape, Block, PlateShape, Room, Segment
 
-__all__ = ["BEAMS", "END_FACTOR", "arrange", "longest", "shortest", "widest"]
+__all__ = ["BEAMS", "END_FACTOR", "ORDER", "arrange", "longest", "shortest", "widest"]
 
+ORDER = 3
 END_FACTOR = 1.0
 BEAMS = 2
 
@@ -51,8 +52,8 @@ def arrange(plate: PlateShape, beam: BeamShape, gap_mm: float) -> Arrangement:
     window_width = np.maximum(plate.width_mm, beam.width_mm) + 2 * gap_mm
     return Arrangement(
         beams=(
-            Strip(zero, length, zero, beam.width_mm, beam.thickness_mm),
-            Strip(whole, length + plate.length_mm, zero, beam.width_mm, beam.thickness_mm),
+            BeamPath((zero, zero), (1.0, 0.0), (Segment(length),), beam.width_mm, beam.thickness_mm),
+            BeamPath((whole, zero), (-1.0, 0.0), (Segment(length),), beam.width_mm, beam.thickness_mm),
         ),
         blocks=(Block(length, length + plate.length_mm, -half, half, plate.thickness_mm),),
         window_mm=(whole, window_width),

@@ -17,10 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from padgen.planner.suspensions.arrangement import Arrangement, BeamShape, Block, PlateShape, Room, Strip
+from padgen.planner.arrangement import Arrangement, BeamPath, BeamShape, Block, PlateShape, Room, Segment
 
-__all__ = ["BEAMS", "END_FACTOR", "arrange", "longest", "shortest", "widest"]
+__all__ = ["BEAMS", "END_FACTOR", "ORDER", "arrange", "longest", "shortest", "widest"]
 
+ORDER = 1
 END_FACTOR = 0.25
 BEAMS = 1
 
@@ -46,11 +47,12 @@ def arrange(plate: PlateShape, beam: BeamShape, gap_mm: float) -> Arrangement:
     """Beams and blocks in mm for one beam shape, or for arrays of them."""
     length: Any = beam.length_mm
     half = plate.width_mm / 2
-    strip = Strip(0.0 * length, length, 0.0 * length, beam.width_mm, beam.thickness_mm)
+    zero = 0.0 * length
+    path = BeamPath((zero, zero), (1.0, 0.0), (Segment(length),), beam.width_mm, beam.thickness_mm)
     block = Block(length, length + plate.length_mm, -half, half, plate.thickness_mm)
     window_width = np.maximum(plate.width_mm, beam.width_mm) + 2 * gap_mm
     return Arrangement(
-        beams=(strip,),
+        beams=(path,),
         blocks=(block,),
         window_mm=(length + plate.length_mm + gap_mm, window_width),
         washer_x_mm=length + plate.length_mm / 2,

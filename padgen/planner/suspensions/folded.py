@@ -22,10 +22,11 @@ from typing import Any
 import numpy as np
 
 from padgen.physics.beams import torsion_constant
-from padgen.planner.suspensions.arrangement import Arrangement, BeamShape, Block, PlateShape, Room, Strip
+from padgen.planner.arrangement import Arrangement, BeamPath, BeamShape, Block, PlateShape, Room, Segment
 
-__all__ = ["BEAMS", "END_FACTOR", "arrange", "longest", "shortest", "widest"]
+__all__ = ["BEAMS", "END_FACTOR", "ORDER", "arrange", "longest", "shortest", "widest"]
 
+ORDER = 2
 END_FACTOR = 1.0
 BEAMS = 2
 CROSSBAR_MM = 0.8
@@ -63,7 +64,10 @@ def arrange(plate: PlateShape, beam: BeamShape, gap_mm: float) -> Arrangement:
     low_x = middle - np.clip(back, plate.length_mm / 2, middle - 2 * gap_mm)
     high_x = middle + plate.length_mm / 2
     return Arrangement(
-        beams=tuple(Strip(zero, length, side * y, beam.width_mm, beam.thickness_mm) for side in (-1, 1)),
+        beams=tuple(
+            BeamPath((zero, side * y), (1.0, 0.0), (Segment(length),), beam.width_mm, beam.thickness_mm)
+            for side in (-1, 1)
+        ),
         blocks=(
             Block(low_x, high_x, -half, half, plate.thickness_mm),
             Block(high_x, length, -half / 2, half / 2, height),

@@ -1,0 +1,98 @@
+"""Places to extend, by name: what padgen brings lies one file each in a package, more may be registered.
+
+Names are read from the files' names, so that telling them imports nothing; a module is imported when it is
+first asked for.
+"""
+
+import re
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Generic, TypeVar, cast
+
+from padgen.core.errors import LONGEST_PART, SpecError, shown
+
+__all__ = ["SUSPENSIONS", "Registry", "unknown_name"]
+
+T = TypeVar("T")
+NAME = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
+
+
+class Registry(Generic[T]):
+    """The things of one `kind`: the modules of `package` (``time_shared.py`` is ``time-shared``), and registered ones.
+
+    `reserved` are words that mean something else where a name is asked for. `changes` counts registrations, for the
+    keys of caches in memory: the same name may be another thing later.
+    """
+
+    def __init__(self, kind: str, package: str, reserved: tuple[str, ...] = ()) -> None:
+        self.kind, self.reserved, self.changes = kind, reserved, 0
+        self._package = package
+        self._registered: dict[str, T] = {}
+
+    def names(self) -> tuple[str, ...]:
+        """All names: those of the package by the alphabet, then the registered ones in their order."""
+        return (*_names_of_files(self._package), *self._registered)
+
+    def register(self, name: str, thing: T) -> None:
+        """Add `thing` under `name`; `unregister` takes it away again.
+
+        Raises
+        ------
+        SpecError
+            The name is taken, or not of small letters, digits and hyphens.
+        """
+        if not NAME.fullmatch(name):
+            raise SpecError(f"the name of a {self.kind} must be small letters and digits with hyphens, got {name!r}")
+        if name in self.reserved or name in self.names():
+            raise SpecError(f"there is a {self.kind} {name!r} already; take another name")
+        self._registered[name] = thing
+        self.changes += 1
+
+    def unregister(self, name: str) -> None:
+        """Take away what was registered under `name`; what padgen brings stays.
+
+        Raises
+        ------
+        SpecError
+            Nothing was registered under it.
+        """
+        if name not in self._registered:
+            raise unknown_name(name, list(self._registered), f"registered {self.kind}", "")
+        del self._registered[name]
+        self.changes += 1
+
+    def get(self, name: str, where: str = "") -> T:
+        """The thing of that name.
+
+        Raises
+        ------
+        SpecError
+            There is none; the sentence, about the field `where`, tells the nearest name.
+        """
+        if name in self._registered:
+            return self._registered[name]
+        if name not in self.names():
+            raise unknown_name(name, list(self.names()), self.kind, where)
+        module: Any = import_module(f"{self._package}.{name.replace('-', '_')}")
+        return cast(T, module)
+
+
+@cache
+def _names_of_files(package: str) -> tuple[str, ...]:
+    """Names of the modules in a package of padgen, but for those that begin with an underscore."""
+    folder = Path(__file__).parents[1].joinpath(*package.split(".")[1:])
+    return tuple(sorted(path.stem.replace("_", "-") for path in folder.glob("*.py") if path.stem[0] != "_"))
+
+
+def unknown_name(name: str, known: list[str], what: str, where: str) -> SpecError:
+    """The error for a `name` that is none of `known`, with the nearest one that is."""
+    from difflib import get_close_matches
+
+    near = get_close_matches(name[:LONGEST_PART], known, n=1, cutoff=0.5)
+    hint = f"did you mean {near[0]!r}?" if near else "known are " + ", ".join(sorted(known))
+    return SpecError(f"there is no {what} {shown(name)}; {hint}", where)
+
+
+SUSPENSIONS: Registry[Any] = Registry("suspension", "padgen.planner.suspensions", reserved=("auto",))
+"""Modules or objects that hold to `padgen.planner.suspensions.Suspension`."""

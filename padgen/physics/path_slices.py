@@ -1,0 +1,108 @@
+"""The path of a bent beam cut into slices, for integrals along it: straight pieces and arcs in one plane.
+
+Places and directions are in the axes of the tip: x along the path there, away from the root, y to the left.
+Integrals from the root to each slice are those of the polynomial through the Gauss points of a piece.
+"""
+
+from collections.abc import Sequence
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+__all__ = ["Slices", "columns", "matrices", "sliced", "within_side", "within_up"]
+
+Array = Any
+
+
+class Slices(NamedTuple):
+    """Slices of a bent beam, its root first and its tip last: place (…, k) from the tip and direction (…, k) in beam
+    axes, width (…, k), share of the length (…, k) in m, and the matrix (k, k) that sums from the root to each slice.
+    """
+
+    x: Array
+    y: Array
+    cosine: Array
+    sine: Array
+    width: Array
+    share: Array
+    running: np.ndarray
+
+
+def sliced(path: Sequence[tuple[Array, Array]], width: Array, fillet: Array) -> Slices:
+    """Gauss points of every piece of a path (its length and its turn, left positive), enough for its turn, between root
+    and tip; the `width` flares at the root by two quarter circles of the radius `fillet`, on the first piece."""
+    width, fillet = np.asarray(width, float), np.asarray(fillet, float)
+    pieces = [(np.asarray(length, float), np.asarray(turn, float), 0.0 * fillet) for length, turn in path]
+    if (fillet > 0).any():
+        pieces[:1] = [(fillet, 0.0 * fillet, fillet), (pieces[0][0] - fillet, pieces[0][1], 0.0 * fillet)]
+    places: list[list[Array]] = [[0.0 * width, 0.0 * width, 0.0 * width, width + 2 * fillet, 0.0 * width]]
+    x, y, heading = (0.0 * width for _ in range(3))
+    counts = []
+    for length, turn, flare in pieces:
+        counts.append(6 + int(np.ceil(3 * np.abs(turn).max())))
+        share, _ = _gauss(counts[-1])
+        for at in (*share, 1.0):
+            half = turn * at / 2
+            chord = length * at * np.sinc(half / np.pi)
+            flared = 2 * (flare - np.sqrt(np.maximum(flare**2 - np.maximum(flare - length * at, 0) ** 2, 0)))
+            across = x + chord * np.cos(heading + half), y + chord * np.sin(heading + half)
+            places.append([*across, heading + turn * at, width + flared, length])
+        x, y, heading = places.pop()[:3]
+    places.append([x, y, heading, width, 0.0 * width])
+    shape = np.broadcast_shapes(*(np.shape(value) for place in places for value in place))
+    whole = np.array([[np.broadcast_to(value, shape) for value in place] for place in places])
+    x, y, heading, wide, share = np.moveaxis(whole, 0, -1)
+    # From the root's axes to the tip's.
+    turned = heading[..., -1:]
+    x, y = x - x[..., -1:], y - y[..., -1:]
+    x, y = np.cos(turned) * x + np.sin(turned) * y, np.cos(turned) * y - np.sin(turned) * x
+    return Slices(x, y, np.cos(heading - turned), np.sin(heading - turned), wide, share, _running(tuple(counts)))
+
+
+def within_up(slices: Slices) -> np.ndarray:
+    """Shear force, twist and bending moment at each slice of loads on the tip: up, and about x and y."""
+    x, y, cosine, sine, zero = slices.x, slices.y, slices.cosine, slices.sine, 0.0 * slices.x
+    twist, bending = [sine * x - cosine * y, cosine, sine], [cosine * x + sine * y, -sine, cosine]
+    return matrices([1 + zero, zero, zero], twist, bending)
+
+
+def within_side(slices: Slices) -> np.ndarray:
+    """Pull, shear force and bending moment at each slice of loads on the tip: along, sideways, and about z."""
+    x, y, cosine, sine, zero = slices.x, slices.y, slices.cosine, slices.sine, 0.0 * slices.x
+    return matrices([cosine, sine, zero], [-sine, cosine, zero], [y, -x, 1 + zero])
+
+
+def matrices(*rows: list[Array]) -> np.ndarray:
+    """Small matrices, one a slice, from their rows of entries (…, k)."""
+    return np.stack([columns(row) for row in rows], -2)
+
+
+def columns(values: list[Array]) -> np.ndarray:
+    """Arrays, or numbers, side by side along a new last axis."""
+    return np.stack(np.broadcast_arrays(*values), -1)
+
+
+@cache
+def _gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Gauss points (k,) in 0 … 1, and what of values there makes up the integrals (k + 1, k) to each and to 1."""
+    nodes, _ = np.polynomial.legendre.leggauss(count)
+    share = (nodes + 1) / 2
+    legendre = np.polynomial.legendre.Legendre
+    basis = np.linalg.inv(np.polynomial.legendre.legvander(nodes, count - 1))
+    integrals = [legendre.basis(n).integ(lbnd=-1)(np.append(nodes, 1.0)) / 2 for n in range(count)]
+    return share, np.array(integrals).T @ basis
+
+
+@cache
+def _running(counts: tuple[int, ...]) -> np.ndarray:
+    """Sums from the root to each slice of pieces of so many Gauss points, with a slice of no weight at either end."""
+    size, first = sum(counts) + 2, 1
+    matrix = np.zeros((size, size))
+    for count in counts:
+        _, integrals = _gauss(count)
+        own = slice(first, first + count)
+        matrix[own, own] = integrals[:-1]
+        matrix[first + count :, own] = integrals[-1]
+        first += count
+    return matrix
