@@ -85,8 +85,8 @@ def _selectivity_lines(plan: "Plan") -> list[str]:
     ]
     if paper is not None and isfinite(paper):  # of two alike it promises nothing
         lines.append(
-            f"the paper's bound promises {paper:.1f} dB for the closest pair: one on {one_hot - paper:+.1f} dB, all states"
-            f" {states - paper:+.1f} dB off it"
+            f"the paper's bound promises {paper:.1f} dB for the closest pair: one on {one_hot - paper:+.1f} dB,"
+            f" all states {states - paper:+.1f} dB off it"
         )
     if 2 <= len(plan.sets[0]) <= SHOWN_MATRIX:
         for own, matrix in zip(plan.sets, figures.matrix_db, strict=True):
