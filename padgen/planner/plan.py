@@ -330,9 +330,12 @@ class LeftOut:
     computed: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Plan:
-    """The whole plan; every later stage reads this and nothing else."""
+    """The whole plan; every later stage reads this and nothing else.
+
+    Frozen plain data, the keys of ``plan.json``; `padgen.plan` makes one. Lengths are in mm, frequencies in Hz.
+    """
 
     name: str
     spec: Spec
@@ -350,6 +353,24 @@ class Plan:
     printing: dict[str, str]
     left_out: tuple[LeftOut, ...]
     findings: tuple[Finding, ...]
+
+    def __repr__(self) -> str:
+        coils, channels = self.coils, self.channels
+        return (
+            f"<Plan {self.name}: {len(self.taxels)} taxels over {coils.rows} x {coils.columns} coils, resonances"
+            f" {channels[0].resonance_hz:.1f} ... {channels[-1].resonance_hz:.1f} Hz, {self.selectivity.drive} drive>"
+        )
+
+    def _repr_html_(self) -> str:
+        from padgen.report.plan_view import plan_html
+
+        return plan_html(self)
+
+    def plot(self) -> Any:
+        """Draw the pad and the ladder of its resonances; a `matplotlib.figure.Figure`."""
+        from padgen.report.plan_view import plan_figure
+
+        return plan_figure(self)
 
     @property
     def scheme(self) -> Scheme:
