@@ -292,7 +292,9 @@ def test_every_template_is_listed_on_one_line(capsys):
 
 def test_init_gives_a_spec_that_plans(work, capsys):
     assert cli.run(["init", "paper-32"]) == 0
-    (work / "mine.toml").write_text(capsys.readouterr().out)
+    text = capsys.readouterr().out
+    assert text.startswith("#:schema ./padgen.schema.json\n")  # where editors look for what completes it
+    (work / "mine.toml").write_text(text)
     assert cli.run(["plan", "mine.toml"]) == 0
 
 

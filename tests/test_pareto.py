@@ -2,7 +2,6 @@
 
 import csv
 import io
-import sys
 
 import numpy as np
 import pytest
@@ -135,14 +134,6 @@ def test_files_are_the_same_twice(folder):
     write_pareto(folder, "q")
     assert [(folder / name).read_bytes() for name in files] == first
     assert {p.name for p in folder.iterdir()} == {"index.csv", "manifest.json", *files}
-
-
-def test_without_matplotlib_there_is_no_picture_and_no_old_one(folder, monkeypatch):
-    write_pareto(folder, "q")
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    _, files, note = write_pareto(folder, "q")
-    assert files == ("pareto.csv",) and "padgen[study]" in note
-    assert {p.name for p in folder.iterdir()} == {"index.csv", "manifest.json", "pareto.csv"}
 
 
 @pytest.mark.parametrize(

@@ -239,15 +239,12 @@ def write_pareto(folder: Path, name: str) -> tuple[Overview, tuple[str, ...], st
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise FileError(f"cannot be read ({getattr(error, 'strerror', None) or error})", str(folder / INDEX)) from error
     files, note = {"pareto.csv": pareto_csv(overview).encode()}, ""
-    try:
-        from padgen.batch.pareto_picture import front_pictures
+    from padgen.batch.pareto_picture import front_pictures
 
-        pictures = front_pictures(overview, name)
-        files |= dict(zip(PARETO_FILES[1:], pictures, strict=True)) if pictures else {}
-        if not pictures and len(overview.rows) + len(overview.beaten) > 1:
-            note = "there is no picture of the front, as variants differ in one objective at most"
-    except ImportError:
-        note = "there is no picture of the front, for matplotlib is not installed; padgen[study] brings it"
+    pictures = front_pictures(overview, name)
+    files |= dict(zip(PARETO_FILES[1:], pictures, strict=True)) if pictures else {}
+    if not pictures and len(overview.rows) + len(overview.beaten) > 1:
+        note = "there is no picture of the front, as variants differ in one objective at most"
     with OutputFolder(folder) as out:
         for file_name, data in files.items():
             out.write(file_name, data)

@@ -9,6 +9,10 @@ from padgen.core.errors import FileError
 
 __all__ = ["add"]
 
+SCHEMA_LINES = """#:schema ./padgen.schema.json
+# padgen schema > padgen.schema.json makes that file; editors then complete this one, and check it.
+"""
+
 
 def add(commands: Any) -> None:
     """Add the commands."""
@@ -28,7 +32,8 @@ def _templates(options: argparse.Namespace) -> int:
     from padgen.spec import template_paths
 
     if options.name:
-        return _init(options)
+        print(_template(options.name), end="")
+        return DONE
     for name, path in template_paths().items():
         first = path.read_text(encoding="utf-8").splitlines()[0].lstrip("# ")
         print(f"{name:<12}  {first}")
@@ -36,14 +41,18 @@ def _templates(options: argparse.Namespace) -> int:
 
 
 def _init(options: argparse.Namespace) -> int:
+    print(SCHEMA_LINES + _template(options.name), end="")
+    return DONE
+
+
+def _template(name: str) -> str:
     from padgen.spec.fields import unknown_name
     from padgen.spec.load import template_paths
 
     templates = template_paths()
-    if options.name not in templates:
-        raise FileError(unknown_name(options.name, list(templates), "template", "").message, "NAME")
-    print(templates[options.name].read_text(encoding="utf-8"), end="")
-    return DONE
+    if name not in templates:
+        raise FileError(unknown_name(name, list(templates), "template", "").message, "NAME")
+    return templates[name].read_text(encoding="utf-8")
 
 
 def _schema(options: argparse.Namespace) -> int:

@@ -22,7 +22,6 @@ from padgen.ladders.tables import extreme_csv, extreme_json, study_csv, study_js
 from padgen.ladders.verdicts import TOLERANCES, Pick, judged, picks
 from padgen.spec import Spec
 from padgen.spec.fields import unknown_name
-from padgen.verify.engines import engine
 
 __all__ = [
     "EXTREME_FILES",
@@ -120,14 +119,11 @@ def run_study(
     ------
     SpecError, InfeasibleError
         The spec cannot be met; nothing is written.
-    EngineMissingError
-        The package that draws is not installed. A model's own missing engine is a row that says so.
     FileError
         The folder cannot be written; what was there stays.
     """
     from padgen.planner import make_plan
 
-    engine("matplotlib")
     tolerances = _tolerances(tolerance)
     progress("planning")
     plan = make_plan(spec)
@@ -171,12 +167,9 @@ def run_extreme(
 
     Raises
     ------
-    EngineMissingError
-        The package that draws is not installed.
     FileError
         The folder cannot be written; what was there stays.
     """
-    engine("matplotlib")
     with OutputFolder(folder) as out:
         verdicts = []
         cases = named_cases(sets)

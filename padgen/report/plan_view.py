@@ -22,7 +22,7 @@ def plan_figure(plan: "Plan") -> Any:
     Returns
     -------
     matplotlib.figure.Figure
-        Left: coils (circles) and taxels (squares), coloured by channel. Right: each channel's slot and resonance.
+        Left: coils (open circles) and bosses, coloured by channel. Right: each channel's slot and resonance.
     """
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -35,7 +35,7 @@ def plan_figure(plan: "Plan") -> Any:
         colours = [matplotlib.colormaps["viridis"](share) for share in _shares(len(plan.channels))]
         _draw_pad(pad, plan, colours)
         _draw_ladder(ladder, plan, colours)
-        figure.suptitle(repr(plan), fontsize=10)
+        figure.suptitle(repr(plan).strip("<>"), fontsize=10)
     return figure
 
 
@@ -58,10 +58,9 @@ def _draw_pad(axis: Any, plan: "Plan", colours: list[Any]) -> None:
                 (row - (coils.rows - 1) / 2) * coils.pitch_y_mm,
             )
             axis.add_patch(Circle(centre, plan.spec.coil.outer_diameter_mm / 2, fill=False, color="#b8753a"))
-    side = plan.plate.boss_diameter_mm
     for taxel in plan.taxels:
-        corner = (taxel.x_mm - side / 2, taxel.y_mm - side / 2)
-        axis.add_patch(Rectangle(corner, side, side, color=colours[taxel.channel]))
+        boss = Circle((taxel.x_mm, taxel.y_mm), plan.plate.boss_diameter_mm / 2, color=colours[taxel.channel])
+        axis.add_patch(boss)
     axis.set(xlabel="x, mm", ylabel="y, mm", title="touch side: bosses over coils")
     axis.set_aspect("equal")
     axis.autoscale_view()
