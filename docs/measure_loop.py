@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from padgen.core.cache import VARIABLE
-from padgen.make.solid_tuning import closed_plan, solid_taxel
+from padgen.make.solid_tuning import plan_tuned_to_solid, solid_taxel
 from padgen.planner import Plan
 from padgen.solid.export import write_taxel_step
 from padgen.spec import load_spec, template_paths
@@ -38,7 +38,7 @@ def solved(name: str) -> tuple[Plan, float]:
         os.environ[VARIABLE] = empty
         spec = load_spec(name)
         start = time.perf_counter()
-        plan = closed_plan(replace(spec, model=replace(spec.model, structure="solid")))
+        plan = plan_tuned_to_solid(replace(spec, model=replace(spec.model, structure="solid")))
         return plan, time.perf_counter() - start
 
 

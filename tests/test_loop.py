@@ -38,7 +38,7 @@ def in_a_process(work, *arguments):
 @pytest.fixture(scope="module")
 def solved():
     spec = parse_spec('model = "solid"\n' + SPEC + WHOLE)
-    return spec, loop.closed_plan(spec)
+    return spec, loop.plan_tuned_to_solid(spec)
 
 
 def test_the_printed_solid_resonates_where_it_was_planned(solved):
@@ -153,7 +153,7 @@ def test_a_missing_engine_is_named(monkeypatch, tmp_path, capsys):
     monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "empty"))
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(EngineMissingError, match=r"padgen\[study\]"):
-        loop.closed_plan(parse_spec(SPEC + WHOLE))
+        loop.plan_tuned_to_solid(parse_spec(SPEC + WHOLE))
     assert cli.run(["plan", "paper-32", "--model", "solid", "-o", str(tmp_path / "out")]) == 2
     assert "padgen[study]" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
@@ -162,14 +162,14 @@ def test_a_missing_engine_is_named(monkeypatch, tmp_path, capsys):
 def test_auto_without_the_engine_stays_with_the_beam_and_says_so(monkeypatch, tmp_path):
     monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "empty"))
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    plan = loop.planned(parse_spec("model = {tolerance = 1e-4}\n" + SPEC + WHOLE))
+    plan = planning.plan_for(parse_spec("model = {tolerance = 1e-4}\n" + SPEC + WHOLE))
     assert {c.model for c in plan.channels} == {"beam"}
     assert "model.error" in {f.code for f in plan.findings}
 
 
 def test_auto_takes_the_beam_where_it_is_good_enough(monkeypatch):
-    monkeypatch.setattr(loop, "closed_plan", lambda *_: pytest.fail("not needed"))
-    plan = loop.planned(parse_spec("model = {tolerance = 0.5}\n" + SPEC + WHOLE))
+    monkeypatch.setattr(loop, "plan_tuned_to_solid", lambda *_: pytest.fail("not needed"))
+    plan = planning.plan_for(parse_spec("model = {tolerance = 0.5}\n" + SPEC + WHOLE))
     assert {c.model for c in plan.channels} == {"beam"}
 
 
@@ -219,9 +219,9 @@ def test_a_refusal_leaves_no_process_and_auto_its_beam_plan(monkeypatch, tmp_pat
     spec = parse_spec(SPEC + WHOLE)
     before = psutil.Process().children(recursive=True)
     with pytest.raises(SolverError, match="channel 0: no answer"):
-        loop.closed_plan(spec)
+        loop.plan_tuned_to_solid(spec)
     assert psutil.Process().children(recursive=True) == before
-    plan = loop.planned(parse_spec("model = {tolerance = 1e-4}\n" + SPEC + WHOLE))
+    plan = planning.plan_for(parse_spec("model = {tolerance = 1e-4}\n" + SPEC + WHOLE))
     assert {c.model for c in plan.channels} == {"beam"}
 
 
@@ -241,7 +241,7 @@ def test_a_solver_that_breaks_down_is_one_sentence(monkeypatch, tmp_path, way):
         "misses": (EngineMissingError, r"model: needs the package x"),
     }[way]
     with pytest.raises(kind, match=sentence) as error:
-        loop.closed_plan(parse_spec(SPEC + WHOLE))
+        loop.plan_tuned_to_solid(parse_spec(SPEC + WHOLE))
     assert error.type is kind
 
 

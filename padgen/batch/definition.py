@@ -1,6 +1,5 @@
 """`Sweep`: which variants of a base spec are to be made, from TOML. Frozen plain data."""
 
-from copy import deepcopy
 from dataclasses import Field, dataclass, field, fields, is_dataclass
 from math import ceil, floor
 from pathlib import Path
@@ -11,9 +10,9 @@ from padgen.core.errors import FileError, SpecError, number, shown
 from padgen.core.files import reason
 from padgen.spec import Spec, find_spec, make_spec
 from padgen.spec.fields import build, checked, choice, flag, folder_name, optional_type, quantity, text, unknown_name
-from padgen.spec.load import CATALOGUES, SHORTHANDS, catalogue, parse_toml, read_table, read_toml
+from padgen.spec.load import CATALOGUES, catalogue, parse_toml, read_table, read_toml
 
-__all__ = ["METHODS", "STAGES", "Axis", "Limits", "Sample", "Sweep", "laid_over", "load_sweep", "parse_sweep"]
+__all__ = ["METHODS", "STAGES", "Axis", "Limits", "Sample", "Sweep", "load_sweep", "parse_sweep"]
 
 STAGES = ("plan", "yield", "build", "study")
 METHODS = ("grid", "latin-hypercube", "sobol")
@@ -177,22 +176,6 @@ def _refuse_value(name: str, value: Any, where: str) -> None:
     item = _spec_field(name)
     if not is_dataclass(optional_type(item.type)[0]):
         checked(item, value, where)
-
-
-def laid_over(base: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
-    """The table of a spec with other values of dotted fields."""
-    table = deepcopy(base)
-    # Whole tables first, so that a catalogue's entry and one of its fields may both be varied.
-    for name, value in sorted(values.items(), key=lambda pair: pair[0].count(".")):
-        *path, last = name.split(".")
-        inner = table
-        for part in path:
-            entry = inner.get(part, {})
-            # A catalogue's entry or a scheme may be given as one word.
-            inner[part] = entry if isinstance(entry, dict) else {SHORTHANDS.get(part, "name"): entry}
-            inner = inner[part]
-        inner[last] = value
-    return table
 
 
 def _refuse_formats(settings: Settings) -> None:

@@ -12,9 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.batch.definition import Axis, Sweep, laid_over
+from padgen.batch.definition import Axis, Sweep
 from padgen.core.errors import PadgenError, SpecError
 from padgen.spec import make_spec
+from padgen.spec.load import laid_over
 
 __all__ = ["Variant", "count_points", "variant_name", "variant_table", "variants"]
 

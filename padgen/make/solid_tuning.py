@@ -20,7 +20,7 @@ from padgen.core.errors import EngineMissingError, SolverError
 from padgen.core.units import G_PER_CM3, GPA, GRAM
 from padgen.physics.taxel_modes import TaxelModes
 from padgen.planner.layout import room
-from padgen.planner.make import Choice, choose, finish, make_plan
+from padgen.planner.make import Choice, choose, finish
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.printable import on_grid, steps_are_coarse
 from padgen.planner.sizing import SizedChannel
@@ -33,7 +33,7 @@ from padgen.spec import Spec
 if TYPE_CHECKING:
     from padgen.core.runner import Answer, Runner
 
-__all__ = ["TaxelSolver", "closed_plan", "planned", "solid_taxel", "solve_step"]
+__all__ = ["TaxelSolver", "plan_tuned_to_solid", "solid_taxel", "solve_step"]
 
 RULE_SLOPE = 0.5
 """d ln f / d ln w of the paper's rule, where the secant starts."""
@@ -74,24 +74,7 @@ class Trial(NamedTuple):
     miss: float
 
 
-def planned(spec: Spec, progress: Progress = lambda step: None) -> Plan:
-    """The plan of `spec` by the model that it names; with ``auto``, by the cheapest within the tolerance.
-
-    Raises as `closed_plan` does, but with ``auto`` and where the finite elements have no answer, or are not
-    installed, the plan stays the beam model's, whose findings tell how far off it may be.
-    """
-    if spec.model.structure == "solid":
-        return closed_plan(spec, progress)
-    plan = make_plan(spec)
-    if spec.model.structure == "beam" or max(c.model_error for c in plan.channels) <= spec.model.tolerance:
-        return plan
-    try:
-        return closed_plan(spec, progress)
-    except SolverError:
-        return plan
-
-
-def closed_plan(spec: Spec, progress: Progress = lambda step: None) -> Plan:
+def plan_tuned_to_solid(spec: Spec, progress: Progress = lambda step: None) -> Plan:
     """The plan of `spec` whose channels carry resonances and modes of the printed solids.
 
     Raises

@@ -2,6 +2,7 @@
 
 import csv
 import json
+from copy import deepcopy
 from dataclasses import fields
 from functools import cache
 from pathlib import Path
@@ -19,6 +20,7 @@ __all__ = [
     "SHORTHANDS",
     "catalogue",
     "find_spec",
+    "laid_over",
     "load_spec",
     "make_spec",
     "parse_spec",
@@ -123,6 +125,22 @@ def without_none(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: without_none(entry) for key, entry in value.items() if entry is not None}
     return value
+
+
+def laid_over(base: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
+    """The table of a spec with other values of dotted fields."""
+    table = deepcopy(base)
+    # Whole tables first, so that a catalogue's entry and one of its fields may both be varied.
+    for name, value in sorted(values.items(), key=lambda pair: pair[0].count(".")):
+        *path, last = name.split(".")
+        inner = table
+        for part in path:
+            entry = inner.get(part, {})
+            # A catalogue's entry or a scheme may be given as one word.
+            inner[part] = entry if isinstance(entry, dict) else {SHORTHANDS.get(part, "name"): entry}
+            inner = inner[part]
+        inner[last] = value
+    return table
 
 
 def parse_spec(text: str, where: str = "spec", folder: Path = Path()) -> Spec:
