@@ -384,7 +384,7 @@ def test_words():
 
 def test_a_study_leaves_whole_files(paper_spec, tmp_path):
     said = []
-    study = run_study(paper_spec, tmp_path / "out", ("allocation",), 0.05, said.append)
+    study = run_study(paper_plan, tmp_path / "out", ("allocation",), 0.05, said.append)
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == sorted([*STUDY_FILES, "manifest.json"])
     assert study.tolerances == (0.1, 0.05, 0.01, 0.001, 0.0001)
     assert sum("rung" in step for step in said) == len(study.ladders[0].rows)
@@ -401,7 +401,7 @@ def test_an_interrupted_study_leaves_nothing(paper_spec, tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run_study(paper_spec, tmp_path / "out", ("allocation",), progress=interrupt)
+        run_study(paper_plan, tmp_path / "out", ("allocation",), progress=interrupt)
     assert not (tmp_path / "out").exists()
 
 
@@ -427,7 +427,7 @@ def test_tolerances_that_are_none(text):
 
 def test_a_tolerance_out_of_range_is_refused_before_work(paper_spec, tmp_path):
     with pytest.raises(SpecError, match="--tolerance"):
-        run_study(paper_spec, tmp_path / "out", ("allocation",), tolerance=2.0)
+        run_study(paper_plan, tmp_path / "out", ("allocation",), tolerance=2.0)
     assert not (tmp_path / "out").exists()
 
 
@@ -436,7 +436,7 @@ def test_a_tolerance_out_of_range_is_refused_before_work(paper_spec, tmp_path):
 
 @pytest.mark.parametrize("name", list(LADDERS))
 def test_every_rung_pickles_and_every_ladder_can_show_convergence(name, paper_spec, paper_plan, tmp_path):
-    scene = Scene(paper_spec, paper_plan, tmp_path)
+    scene = Scene(paper_plan, tmp_path)
     vars(scene)["steps"] = {c.index: tmp_path / f"taxel-{c.index}.step" for c in distinct_channels(paper_plan)}
     for found in LADDERS[name](scene):
         assert found.name == name

@@ -18,6 +18,7 @@ from padgen.core.files import (
     file_hash,
     read_bounded,
 )
+from padgen.make.planning import plan_for
 from padgen.spec import make_spec
 from padgen.spec.threshold import LARGEST_FILE
 
@@ -148,25 +149,21 @@ def run_task(task: Task) -> Record:
 def _made(task: Task) -> "tuple[dict[str, Any], tuple[Finding, ...]]":
     spec = make_spec(task.table, Path(task.folder))
     if task.stage == "build":
-        from padgen.make.pad import build, up_to_date
+        from padgen.make.pad import Pad
 
-        folder = Path(task.out or "")
-        built = up_to_date(spec, folder, task.formats, False) or build(spec, folder, task.formats)
-        from padgen.planner import plan_from_json
+        pad = Pad(spec)
+        built = pad.save(task.out or "", task.formats)
+        return {**plan_figures(pad.plan), **build_figures(pad.plan, built.figures)}, built.findings
+    from padgen.planner import plan_to_json
 
-        plan = plan_from_json((folder / "plan.json").read_text(encoding="utf-8"))
-        return {**plan_figures(plan), **build_figures(plan, built.figures)}, built.findings
-    from padgen.make.solid_tuning import planned
-    from padgen.planner import make_plan, plan_to_json
-
-    plan = planned(spec) if spec.model.structure == "solid" else make_plan(spec)
+    plan = plan_for(spec)
     figures, texts = plan_figures(plan), {"plan.json": plan_to_json(plan)} if task.out else {}
     if task.stage == "yield":
         figures |= _yield(plan, task, texts)
     if task.out:
         _write(Path(task.out), texts)
         if task.stage == "study":
-            figures |= _study(spec, Path(task.out))
+            figures |= _study(plan, Path(task.out))
     return figures, plan.findings
 
 
@@ -187,8 +184,8 @@ def _yield(plan: "Plan", task: Task, texts: dict[str, str]) -> dict[str, Any]:
     return yield_figures(printed)
 
 
-def _study(spec: Any, folder: Path) -> dict[str, Any]:
-    from padgen.ladders import run_study
+def _study(plan: "Plan", folder: Path) -> dict[str, Any]:
+    from padgen.ladders.study import STUDY_FILES, run_study
 
-    study = run_study(spec, folder)
-    return {"study_files": len(study.files)}
+    run_study(plan, folder)
+    return {"study_files": len(STUDY_FILES)}

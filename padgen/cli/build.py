@@ -5,7 +5,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from padgen.cli.common import add_model, add_output, add_spec, code_of, folder_of, progress_line, show, with_model
+from padgen.cli.common import add_model, add_output, add_spec, asked_of, code_of, folder_of, progress_line, show
 
 __all__ = ["add"]
 
@@ -52,16 +52,13 @@ def _add_check(commands: Any) -> None:
 
 def _build(options: argparse.Namespace) -> int:
     from padgen.core.files import json_text
-    from padgen.make.pad import build, parse_formats, parse_parts, up_to_date
-    from padgen.spec import load_spec
+    from padgen.make.pad import Pad, parse_formats, parse_parts
 
-    spec = with_model(load_spec(options.spec), options)
+    spec, tolerance = asked_of(options)
     formats, parts = parse_formats(options.formats), parse_parts(options.parts)
-    folder = folder_of(options, spec.name)
-    built = None if options.force else up_to_date(spec, folder, formats, options.instances, parts)
-    if built is None:
-        with progress_line() as progress:
-            built = build(spec, folder, formats, options.instances, progress, parts)
+    with progress_line() as progress:
+        pad = Pad(spec, parts, tolerance, progress=progress)
+        built = pad.save(folder_of(options, spec.name), formats, options.instances, options.force)
     if options.json:
         print(json_text({**asdict(built), "folder": str(built.folder)}), end="")
     else:
@@ -82,7 +79,7 @@ def _check(options: argparse.Namespace) -> int:
 
         mesh = read_mesh(path)
         if options.spec:
-            from padgen.make.pad import plan_to_compare
+            from padgen.make.planning import plan_to_compare
 
             plan, source = plan_to_compare(options.spec, path, progress)
         progress("checking")

@@ -4,7 +4,6 @@ import argparse
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +16,11 @@ __all__ = [
     "add_model",
     "add_output",
     "add_spec",
+    "asked_of",
     "code_of",
     "folder_of",
     "progress_line",
     "show",
-    "with_model",
 ]
 
 DONE, CHECK_FAILED, BAD_INPUT = 0, 1, 2
@@ -38,13 +37,13 @@ def add_model(parser: argparse.ArgumentParser) -> None:
         "--model",
         metavar="beam|solid",
         help="where resonances come from: the beam model, or finite elements of the printed solid, to which the beams"
-        " are then tuned (default: the spec's)",
+        " are then tuned (default: the spec's; after a plan, that of the plan in the folder)",
     )
     parser.add_argument(
         "--tolerance",
         metavar="SHARE",
-        help="relative error of a resonance that will do, as 1%% or 0.01; finite elements where the beam model's own"
-        " estimate is more (default: the spec's, 2%%, and in a plan the beam model)",
+        help="relative error of a resonance that will do, as 1%% or 0.01: finite elements where the beam model's own"
+        " estimate is more",
     )
 
 
@@ -54,21 +53,19 @@ def add_output(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
 
 
-def with_model(spec: Any, options: argparse.Namespace) -> Any:
-    """The spec with what the command line says about its model."""
-    from dataclasses import replace
+def asked_of(options: argparse.Namespace, recorded: bool = True) -> tuple[Any, float | None]:
+    """The spec with the model that the command line asks for, and the tolerance that it asks for, None without.
 
-    from padgen.spec.fields import build
-    from padgen.spec.model import Model
+    Where it says nothing of a model, that of the plan in the results' folder is taken, if it is `recorded`.
+    """
+    from padgen.make.planning import recorded_spec, spec_of
 
-    asked: dict[str, Any] = {}
-    if options.model is not None:
-        asked["structure"] = options.model
+    spec = spec_of(options.spec, {"model": {"structure": options.model}} if options.model is not None else None)
     if options.tolerance is not None:
         from padgen.ladders.study import parse_tolerance
 
-        asked["tolerance"] = parse_tolerance(options.tolerance)
-    return replace(spec, model=build(Model, asked, "model", asdict(spec.model))) if asked else spec
+        return spec, parse_tolerance(options.tolerance)
+    return recorded_spec(spec, folder_of(options, spec.name)) if recorded and options.model is None else spec, None
 
 
 def folder_of(options: argparse.Namespace, name: str) -> Path:

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from padgen.cli.common import add_model, add_output, add_spec, code_of, folder_of, progress_line, show, with_model
+from padgen.cli.common import add_model, add_output, add_spec, asked_of, code_of, folder_of, progress_line, show
 from padgen.core.errors import SpecError, number
 
 __all__ = ["add", "add_frames", "frames_of", "plan_of", "tuning_of"]
@@ -76,11 +76,9 @@ def add_frames(parser: argparse.ArgumentParser) -> None:
 
 def plan_of(options: argparse.Namespace, progress: Any) -> Any:
     """The plan as a build makes it."""
-    from padgen.make.solid_tuning import planned
-    from padgen.spec import load_spec
+    from padgen.make.planning import plan_for
 
-    progress("planning")
-    return planned(with_model(load_spec(options.spec), options), progress)
+    return plan_for(*asked_of(options), progress)
 
 
 def frames_of(options: argparse.Namespace, plan: Any) -> tuple[Any, tuple[str, ...]]:

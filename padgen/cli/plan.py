@@ -5,8 +5,8 @@ import json
 from dataclasses import asdict
 from typing import Any
 
-from padgen.cli.common import add_model, add_output, add_spec, code_of, folder_of, progress_line, show, with_model
-from padgen.core.errors import FileError, SpecError, plain
+from padgen.cli.common import add_model, add_output, add_spec, asked_of, code_of, folder_of, progress_line, show
+from padgen.core.errors import SpecError, plain
 
 __all__ = ["add"]
 
@@ -35,15 +35,15 @@ def add(commands: Any) -> None:
 
 def _plan(options: argparse.Namespace) -> int:
     from padgen.core.files import YIELD_FILE, OutputFolder, json_text
+    from padgen.make.planning import plan_for
     from padgen.planner import plan_to_json
-    from padgen.spec import load_spec
 
     if options.pads is not None and not 1 <= options.pads <= MOST_PADS:
         raise SpecError(f"must be 1 … {MOST_PADS} pads, got {options.pads}", "--yield")
     if options.seed < 0:
         raise SpecError(f"must be 0 or more, got {options.seed}", "--seed")
-    spec = with_model(load_spec(options.spec), options)
-    plan = _planned(spec, options)
+    with progress_line() as progress:
+        plan = plan_for(*asked_of(options, recorded=False), progress)
     text = plan_to_json(plan)
     explanation = _explained(plan) if options.explain else None
     printed = _printed(plan, options) if options.pads else None
@@ -63,37 +63,6 @@ def _plan(options: argparse.Namespace) -> int:
         if stale:
             show(f"the other files in {plain(str(folder))} are of an earlier plan; padgen build makes them anew")
     return code_of(plan.findings)
-
-
-def _planned(spec: Any, options: argparse.Namespace) -> Any:
-    """The beam model's plan, in an instant, unless finite elements or a tolerance were asked for.
-
-    Of a plan.json, the plan by the model that it was made by.
-    """
-    solid = spec.model.structure == "solid" or options.tolerance is not None
-    if not solid and not (options.model is None and _is_solids_plan(options.spec)):
-        from padgen.planner import make_plan
-
-        return make_plan(spec)
-    from padgen.make.solid_tuning import planned
-
-    with progress_line() as progress:
-        return planned(spec, progress)
-
-
-def _is_solids_plan(spec: str) -> bool:
-    """Whether SPEC is a plan.json whose resonances are the printed solids'."""
-    from padgen.spec import find_spec
-
-    path = find_spec(spec)
-    if path.suffix != ".json":
-        return False
-    from padgen.planner import read_plan
-
-    try:
-        return any(channel.model == "solid" for channel in read_plan(path).channels)
-    except FileError:  # its spec alone will do
-        return False
 
 
 def _print_plan(plan: Any, explanation: Any, printed: Any) -> None:

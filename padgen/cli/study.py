@@ -33,19 +33,22 @@ def _study(options: argparse.Namespace) -> int:
     if options.spec is None:
         raise SpecError("is missing; name a TOML file or a template, or ask for --extreme", "SPEC")
     from padgen.ladders import parse_only, parse_tolerance, run_study
-    from padgen.spec import load_spec
+    from padgen.ladders.study import STUDY_FILES
+    from padgen.make.planning import plan_for, recorded_spec, spec_of
 
     tolerance = None if options.tolerance is None else parse_tolerance(options.tolerance)
-    only, spec = parse_only(options.only), load_spec(options.spec)
+    only, spec = parse_only(options.only), spec_of(options.spec)
+    folder = folder_of(options, spec.name)
     with progress_line() as progress:
-        study = run_study(spec, folder_of(options, spec.name), only, tolerance, progress)
+        plan = plan_for(recorded_spec(spec, folder), progress=progress)
+        study = run_study(plan, folder, only, tolerance, progress)
     if options.json:
-        print((study.folder / "study.json").read_text(encoding="utf-8"), end="")
+        print((folder / "study.json").read_text(encoding="utf-8"), end="")
     else:
         from padgen.ladders.text import study_text
 
         show(study_text(study))
-        show(f"\nwritten to {plain(str(study.folder))}: {'  '.join(study.files)}")
+        show(f"\nwritten to {plain(str(folder))}: {'  '.join(STUDY_FILES)}")
     return DONE
 
 

@@ -12,7 +12,7 @@ from padgen.ladders.verdicts import recommended_row
 if TYPE_CHECKING:
     from padgen.ladders.extreme_study import Verdict
 
-__all__ = ["extreme_picture", "study_pictures"]
+__all__ = ["extreme_picture", "study_figure", "study_pictures"]
 
 COLOURS = ("#1f5fa8", "#c2571a", "#2f8a4c", "#7b3fa0", "#a8851f", "#3a9aa8", "#8a4c2f", "#666666")
 MARKS = ("o", "s", "D", "^", "v", "P", "X", "*")
@@ -23,7 +23,16 @@ LEAST = 1e-13
 
 
 def study_pictures(results: Sequence[Judged], tolerances: Sequence[float], name: str) -> tuple[bytes, bytes]:
-    """The plot as SVG and PNG: every rung's error against its run time, recommended ones ringed."""
+    """The plot of `study_figure` as SVG and PNG."""
+    import matplotlib
+
+    with matplotlib.rc_context(STYLE):
+        figure = study_figure(results, tolerances, name)
+        return plot_bytes(figure, "svg"), plot_bytes(figure, "png")
+
+
+def study_figure(results: Sequence[Judged], tolerances: Sequence[float], name: str) -> Any:
+    """Draw every rung's error against its run time, recommended ones ringed; a `matplotlib.figure.Figure`."""
     import matplotlib
 
     with matplotlib.rc_context(STYLE):
@@ -34,7 +43,7 @@ def study_pictures(results: Sequence[Judged], tolerances: Sequence[float], name:
         for axis, (ladder, own) in zip(axes, panels.items(), strict=False):
             _panel(axis, ladder, own, tolerances)
         figure.suptitle(f"{name}: error against run time\nringed: the quickest rung for a tolerance", fontsize=10)
-        return plot_bytes(figure, "svg"), plot_bytes(figure, "png")
+    return figure
 
 
 def extreme_picture(verdicts: Sequence["Verdict"]) -> bytes:

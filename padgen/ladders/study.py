@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from padgen import __version__
 from padgen.core.cache import version
@@ -23,6 +23,9 @@ from padgen.ladders.verdicts import TOLERANCES, Pick, judged, picks
 from padgen.spec import Spec
 from padgen.spec.fields import unknown_name
 
+if TYPE_CHECKING:
+    from padgen.planner.plan import Plan
+
 __all__ = [
     "EXTREME_FILES",
     "STUDY_FILES",
@@ -30,6 +33,7 @@ __all__ = [
     "Study",
     "parse_only",
     "parse_tolerance",
+    "measured_study",
     "run_extreme",
     "run_ladders",
     "run_study",
@@ -43,14 +47,23 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Study:
-    """What a study found; `tolerances` are the usual ones and the one that was asked for."""
+    """Error against run time of the models behind a plan; made by `padgen.study`.
+
+    `tolerances` are the usual ones and the one that was asked for, `picks` the quickest rungs that meet them; `about`
+    has versions and the spec's hash.
+    """
 
     name: str
-    folder: Path
-    files: tuple[str, ...]
     ladders: tuple[Judged, ...]
     picks: tuple[Pick, ...]
     tolerances: tuple[float, ...]
+    about: dict[str, Any]
+
+    def plot(self) -> Any:
+        """Draw every rung's error against its run time; a `matplotlib.figure.Figure`."""
+        from padgen.ladders.pictures import study_figure
+
+        return study_figure(self.ladders, self.tolerances, self.name)
 
 
 @dataclass(frozen=True)
@@ -106,45 +119,59 @@ def parse_tolerance(text: str) -> float:
     return value
 
 
+def measured_study(
+    plan: "Plan",
+    only: Sequence[str] = (),
+    tolerance: float | None = None,
+    progress: Progress = lambda step: None,
+) -> Study:
+    """Measure the ladders named in `only` (all without) on `plan`; nothing is written.
+
+    Raises
+    ------
+    SpecError
+        The tolerance is not above 0 and at most 1.
+    """
+    tolerances = _tolerances(tolerance)
+    with tempfile.TemporaryDirectory(prefix="padgen-study-") as aside:
+        scene = Scene(plan, Path(aside), progress)
+        results = [result for name in only or LADDERS for result in run_ladders(LADDERS[name](scene), progress)]
+    about = {**_about(), "name": plan.name, "spec": _spec_hash(plan.spec), "tolerances": list(tolerances)}
+    return Study(plan.name, tuple(results), picks(results, tolerances), tolerances, about)
+
+
 def run_study(
-    spec: Spec,
+    plan: "Plan",
     folder: Path,
     only: Sequence[str] = (),
     tolerance: float | None = None,
     progress: Progress = lambda step: None,
 ) -> Study:
-    """Measure the ladders named in `only` (all without) on the plan of `spec` and write `STUDY_FILES` into `folder`.
+    """Measure as `measured_study` does, and write `STUDY_FILES` into `folder`.
 
     Raises
     ------
-    SpecError, InfeasibleError
-        The spec cannot be met; nothing is written.
+    SpecError
+        The tolerance is not above 0 and at most 1.
     FileError
         The folder cannot be written; what was there stays.
     """
-    from padgen.planner import make_plan
-
-    tolerances = _tolerances(tolerance)
-    progress("planning")
-    plan = make_plan(spec)
-    with tempfile.TemporaryDirectory(prefix="padgen-study-") as aside, OutputFolder(folder) as out:
-        scene = Scene(spec, plan, Path(aside), progress)
-        results = [result for name in only or LADDERS for result in run_ladders(LADDERS[name](scene), progress)]
-        about = {**_about(), "name": plan.name, "spec": _spec_hash(spec), "tolerances": list(tolerances)}
+    with OutputFolder(folder) as out:
+        study = measured_study(plan, only, tolerance, progress)
         progress("drawing")
         from padgen.ladders.pictures import study_pictures
 
-        svg, png = study_pictures(results, tolerances, plan.name)
+        svg, png = study_pictures(study.ladders, study.tolerances, study.name)
         texts: tuple[str | bytes, ...] = (
-            study_csv(results, tolerances),
-            study_json(results, about, tolerances),
+            study_csv(study.ladders, study.tolerances),
+            study_json(study.ladders, study.about, study.tolerances),
             svg,
             png,
         )
         for name, text in zip(STUDY_FILES, texts, strict=True):
             out.write(name, text)
         out.commit()
-    return Study(plan.name, folder, STUDY_FILES, tuple(results), picks(results, tolerances), tolerances)
+    return study
 
 
 def run_ladders(ladders: Iterable[Ladder], progress: Progress = lambda step: None) -> list[Judged]:

@@ -4,22 +4,25 @@ Knows when a folder is up to date without importing numpy or a CAD kernel.
 """
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from padgen import __version__
 from padgen.core.cache import code_hash, versions
 from padgen.core.errors import SpecError
-from padgen.core.files import OutputFolder, built_files, file_hash, is_current, json_text
+from padgen.core.files import OutputFolder, built_files, differs, file_hash, is_current, json_text
 from padgen.core.finding import Finding
 from padgen.core.registry import SUSPENSIONS
-from padgen.spec import Spec, find_spec, load_spec
+from padgen.make.planning import plan_for
+from padgen.spec import Spec
 
 if TYPE_CHECKING:
     from padgen.planner.plan import Plan
+    from padgen.solid.checks import Report
+    from padgen.solid.mesh import Mesh
     from padgen.solid.pad import PadSolid
     from padgen.solid.parts import Part
 
@@ -28,10 +31,9 @@ __all__ = [
     "FORMATS",
     "PARTS",
     "Built",
-    "build",
+    "Pad",
     "parse_formats",
     "parse_parts",
-    "plan_to_compare",
     "up_to_date",
 ]
 
@@ -95,93 +97,126 @@ def up_to_date(
         return None
 
 
-def build(
-    spec: Spec,
-    folder: Path,
-    formats: tuple[str, ...] = DEFAULT_FORMATS,
-    instances: bool = False,
-    progress: Progress = lambda step: None,
-    parts: tuple[str, ...] = (),
-) -> Built:
-    """Plan, model, check and write the pad of `spec` into `folder`, and the `parts` that go with it.
+@dataclass(frozen=True, eq=False)
+class Pad:
+    """A pad of `spec`, with the `parts` that go with it: planned, modelled and checked when that is first asked for.
 
-    Raises
-    ------
-    SpecError, InfeasibleError
-        The spec cannot be met; nothing is written.
-    SolverError
-        The finite elements of a taxel, where they are needed, have no trustworthy answer; nothing is written.
-    GeometryError
-        A kernel refused a part, or a file does not read back as written; nothing is written.
-    FileError
-        The folder cannot be written; what was there stays.
+    Made by `padgen.build`. `given` is its plan where there is one already, `tolerance` that of `padgen.plan`;
+    `progress` is told what is being done. Lengths are in mm.
     """
-    from padgen.driver import drive_csv, drive_json
-    from padgen.make.solid_tuning import planned
-    from padgen.planner import plan_to_json
 
-    progress("planning")
-    plan = planned(spec, progress)
-    from padgen.solid.checks import check_pad
-    from padgen.solid.export import bill_of_materials
-    from padgen.solid.pad import build_pad
+    spec: Spec
+    parts: tuple[str, ...] = ()
+    tolerance: float | None = None
+    given: "Plan | None" = None
+    progress: Progress = lambda step: None
 
-    progress("modelling")
-    pad = build_pad(plan)
-    progress("checking")
-    report = check_pad(pad, plan)
-    beside = _parts(plan, parts, progress)
-    figures = report.figures
-    if beside:
-        figures = {**figures, "parts": {part.name: part.report.figures for part in beside}}
-    findings = (*plan.findings, *report.findings, *_part_findings(beside))
-    inputs = _inputs(spec, formats, instances, parts)
-    with OutputFolder(folder) as out:
-        out.write("plan.json", plan_to_json(plan))
-        out.write("drive.csv", drive_csv(plan))
-        out.write("drive.json", drive_json(plan))
-        out.write("bom.csv", bill_of_materials(plan, report.figures["plastic_g"], _plastic_g(beside)))
-        out.write("checks.json", _checks_json(figures, findings))
-        for name in formats:
-            progress(f"writing {name}")
-            _write_format(out, name, plan, pad, instances, inputs["spec"])
-        _write_parts(out, plan, beside, formats, inputs["spec"])
-        out.commit(inputs, remove=OWN_FILES)
-    return Built(folder, tuple(built_files(folder)), figures, findings, plan.printing, False)
+    @cached_property
+    def plan(self) -> "Plan":
+        """The plan that the pad is made by."""
+        return self.given or plan_for(self.spec, self.tolerance, self.progress)
 
+    @cached_property
+    def solid(self) -> "PadSolid":
+        """The modelled pad: its mesh, exact volume and distinct tiles.
 
-def plan_to_compare(spec: str, mesh: Path, progress: Progress = lambda step: None) -> "tuple[Plan, str]":
-    """The plan that a mesh is compared with, and which one it is.
+        Raises
+        ------
+        GeometryError
+            A kernel refused a taxel, or a seam does not close.
+        """
+        plan = self.plan
+        from padgen.solid.pad import build_pad
 
-    A plan.json is taken as it is recorded, beams and all. The plan of another spec is the one recorded beside the
-    mesh where that is of the same spec, by whichever model it was made; elsewhere it is planned as a build does.
+        self.progress("modelling")
+        return build_pad(plan)
 
-    Raises
-    ------
-    FileError
-        A plan.json, given or beside the mesh, holds no plan.
-    SpecError, SolverError
-        As planning does.
-    """
-    from padgen.planner import read_plan
+    @property
+    def mesh(self) -> "Mesh":
+        """Vertices (n, 3) in mm and triangles (m, 3) of the whole pad."""
+        return self.solid.mesh
 
-    path, beside = find_spec(spec), mesh.parent / "plan.json"
-    if path.suffix == ".json":
-        return _named(read_plan(path), spec)
-    asked = load_spec(spec)
-    if beside.is_file():
-        recorded = read_plan(beside)
-        if replace(recorded.spec, model=asked.model) == asked:
-            return _named(recorded, str(beside))
-    from padgen.make.solid_tuning import planned
+    def check(self) -> "Report":
+        """Measure the pad's mesh: figures, and findings on what it does not hold; worked out once."""
+        return self._report
 
-    progress("planning")
-    return _named(planned(asked, progress), f"{spec}, planned anew")
+    @cached_property
+    def _report(self) -> "Report":
+        solid = self.solid
+        from padgen.solid.checks import check_pad
 
+        self.progress("checking")
+        return check_pad(solid, self.plan)
 
-def _named(plan: "Plan", source: str) -> "tuple[Plan, str]":
-    models = " and ".join(sorted({channel.model for channel in plan.channels}))
-    return plan, f"{source} ({models} model)"
+    @cached_property
+    def _beside(self) -> "tuple[Part, ...]":
+        return _parts(self.plan, self.parts, self.progress)
+
+    def save(
+        self,
+        folder: str | Path,
+        formats: Sequence[str] = DEFAULT_FORMATS,
+        instances: bool = False,
+        force: bool = False,
+    ) -> Built:
+        """Write the pad, its driver table and its checks into `folder`; nothing is done where all is up to date.
+
+        Parameters
+        ----------
+        folder : path
+            Made with its parents. A build of the same inputs that is there, unchanged, is left as it is.
+        formats : sequence of str
+            Of stl, 3mf, step, glb.
+        instances : bool
+            3MF with one mesh per distinct taxel, placed many times.
+        force : bool
+            Build again even if nothing changed.
+
+        Raises
+        ------
+        SpecError, InfeasibleError, SolverError, GeometryError
+            The pad cannot be planned or made, or a file does not read back as written; nothing is written.
+        FileError
+            The folder cannot be written; what was there stays.
+        """
+        folder, formats = Path(folder), parse_formats(",".join(formats))
+        built = None if force else self._up_to_date(folder, formats, instances)
+        return built or self._written(folder, formats, instances)
+
+    def _up_to_date(self, folder: Path, formats: tuple[str, ...], instances: bool) -> Built | None:
+        # Which model a tolerance asks for only planning tells.
+        spec = self.spec if self.tolerance is None else self.plan.spec
+        if self.given:
+            from padgen.planner import plan_to_json
+
+            if differs(folder, "plan.json", plan_to_json(self.given)):
+                return None
+        return up_to_date(spec, folder, formats, instances, self.parts)
+
+    def _written(self, folder: Path, formats: tuple[str, ...], instances: bool) -> Built:
+        from padgen.driver import drive_csv, drive_json
+        from padgen.planner import plan_to_json
+
+        plan, pad, report, beside = self.plan, self.solid, self.check(), self._beside
+        from padgen.solid.export import bill_of_materials
+
+        figures = report.figures
+        if beside:
+            figures = {**figures, "parts": {part.name: part.report.figures for part in beside}}
+        findings = (*plan.findings, *report.findings, *_part_findings(beside))
+        inputs = _inputs(plan.spec, formats, instances, self.parts)
+        with OutputFolder(folder) as out:
+            out.write("plan.json", plan_to_json(plan))
+            out.write("drive.csv", drive_csv(plan))
+            out.write("drive.json", drive_json(plan))
+            out.write("bom.csv", bill_of_materials(plan, report.figures["plastic_g"], _plastic_g(beside)))
+            out.write("checks.json", _checks_json(figures, findings))
+            for name in formats:
+                self.progress(f"writing {name}")
+                _write_format(out, name, plan, pad, instances, inputs["spec"])
+            _write_parts(out, plan, beside, formats, inputs["spec"])
+            out.commit(inputs, remove=OWN_FILES)
+        return Built(folder, tuple(built_files(folder)), figures, findings, plan.printing, False)
 
 
 def _parts(plan: "Plan", names: tuple[str, ...], progress: Progress) -> "tuple[Part, ...]":

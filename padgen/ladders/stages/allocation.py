@@ -20,7 +20,7 @@ BUDGETS = (0.0, 1e7, 1.2e8)
 
 def allocation_ladders(scene: Scene) -> Iterator[Ladder]:
     """One ladder: the smallest ON over the largest OFF amplitude in all states, equal masses, in the spec's band."""
-    spec, drive = scene.spec, scene.plan.selectivity.drive
+    spec, drive = scene.plan.spec, scene.plan.selectivity.drive
     count = len(scene.plan.sets[0])
     if count < 2:
         return

@@ -23,8 +23,8 @@ LEAST_OFFSET_MM = 1e-3
 
 def force_ladders(scene: Scene) -> Iterator[Ladder]:
     """One ladder for a washer on the coil's axis, and one for each distance at which the plan has one."""
-    coil, washer = magnetic_parts(scene.spec)
-    gap = scene.spec.coil.gap_mm
+    coil, washer = magnetic_parts(scene.plan.spec)
+    gap = scene.plan.spec.coil.gap_mm
     offsets = sorted({round(c.site.coil_distance_mm, 3) for c in chosen_channels(scene.plan)})
     for offset in [0.0, *(offset for offset in offsets if offset >= LEAST_OFFSET_MM)]:
         pull = Pull(coil, washer, gap * MM, offset * MM)

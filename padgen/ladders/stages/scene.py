@@ -7,7 +7,6 @@ from pathlib import Path
 
 from padgen.ladders.isolate import run_apart
 from padgen.planner.plan import Channel, Plan
-from padgen.spec import Spec
 
 __all__ = ["Scene", "chosen_channels", "distinct_channels", "write_steps"]
 
@@ -17,9 +16,8 @@ MOST_SUBJECTS = 4
 
 @dataclass(frozen=True)
 class Scene:
-    """A spec, its plan, a folder for what is made on the way, and how to say what is being done."""
+    """A plan, a folder for what is made on the way, and how to say what is being done."""
 
-    spec: Spec
     plan: Plan
     aside: Path
     progress: Callable[[str], None] = lambda step: None

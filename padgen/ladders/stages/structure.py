@@ -51,7 +51,7 @@ def structure_ladders(scene: Scene) -> Iterator[Ladder]:
 
 
 def _rungs(scene: Scene, channel: Channel) -> Iterator[Rung]:
-    spec, plan = scene.spec, scene.plan
+    spec, plan = scene.plan.spec, scene.plan
     yield Rung("rule", "point mass", partial(rule_hz, spec, channel))
     yield Rung("beam", "6 motions of a rigid body", partial(beam_hz, spec, channel))
     for elements in ELEMENTS:
