@@ -116,7 +116,7 @@ def test_constraints_that_leave_nothing_are_refused(work, capsys):
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["none.toml"], r"none.toml: there is no such file"),
+        (["none.toml"], r"none.toml: cannot be read \(No such file or directory\)"),
         (["."], r"\.: cannot be read \(Is a directory\)"),
         (["q.toml", "-j", "0"], "--jobs: must be 1 … 1024 processes, got 0"),
         (["q.toml", "-j", "9999"], "--jobs: must be 1 … 1024 processes, got 9999"),

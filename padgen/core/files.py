@@ -418,8 +418,6 @@ def read_bounded(path: Path, most_bytes: int, what: str) -> bytes:
             data = b"" if found.st_size > most_bytes else _read_at_most(path, most_bytes + 1, found.st_size + 1)
         else:
             data = _read_pipe(path, most_bytes + 1)
-    except FileNotFoundError as error:
-        raise FileError("there is no such file", str(path)) from error
     except OSError as error:
         raise FileError(f"cannot be read ({reason(error)})", str(path)) from error
     except ValueError as error:  # names that no file can have

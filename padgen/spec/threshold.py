@@ -50,7 +50,8 @@ def _text(folder: Path, name: str) -> str:
     try:
         return read_bounded(path, LARGEST_FILE, "a threshold").decode("utf-8-sig")
     except FileError as error:
-        raise FileError(error.message, where) from error
+        missing = isinstance(error.__cause__, FileNotFoundError)
+        raise FileError("there is no such file" if missing else error.message, where) from error
     except UnicodeDecodeError as error:
         raise FileError(f"is not CSV: byte {error.start} is not UTF-8 text", where) from error
 
