@@ -2,9 +2,86 @@
 
 A pad is a TOML spec; everything else is derived from it by pure functions, in one direction::
 
-    spec.toml -> Spec -> Plan -> solids -> meshes -> pad -> checks -> files
-                          +----> driver tables
+    spec.toml -> Spec -> Plan -> Pad (solids, meshes, checks) -> files
+                          +----> Drive: tables, waveforms, firmware   <- Tuning: a print as measured
+
+Functions: `plan`, `build`, `check`, `drive`, `retune`, `study`, `sweep`; each does what the command of its name does.
+Nouns: `Spec`, `Plan`, `Pad`, `Drive`, `Tuning`, `Finding`. Names are loaded when they are first touched.
+
+>>> import padgen as pg
+>>> plan = pg.plan("paper-32", q_min=20)
+>>> plan.coils.rows, len(plan.taxels)
+(4, 32)
 """
 
-__version__ = "0.1.1"
-__all__ = ["__version__"]
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from padgen.api import (
+        build,
+        check,
+        drive,
+        plan,
+        read_plan,
+        read_tuning,
+        retune,
+        study,
+        sweep,
+        template_names,
+    )
+    from padgen.core.errors import FileError, InfeasibleError, PadgenError, SolverError, SpecError
+    from padgen.core.finding import Finding
+    from padgen.driver.drive import Drive
+    from padgen.make.pad import Pad
+    from padgen.measured.tuning import Tuning
+    from padgen.planner.plan import Plan
+    from padgen.spec.model import Spec
+
+__version__ = "0.2.0"
+__all__ = [
+    "Drive",
+    "FileError",
+    "Finding",
+    "InfeasibleError",
+    "Pad",
+    "PadgenError",
+    "Plan",
+    "SolverError",
+    "Spec",
+    "SpecError",
+    "Tuning",
+    "__version__",
+    "build",
+    "check",
+    "drive",
+    "plan",
+    "read_plan",
+    "read_tuning",
+    "retune",
+    "study",
+    "sweep",
+    "template_names",
+]
+
+_NOUNS = {
+    "Drive": "driver.drive",
+    "Finding": "core.finding",
+    "Pad": "make.pad",
+    "Plan": "planner.plan",
+    "Spec": "spec.model",
+    "Tuning": "measured.tuning",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module 'padgen' has no attribute {name!r}")
+    home = "core.errors" if name.endswith("Error") else _NOUNS.get(name, "api")
+    value = getattr(import_module(f"padgen.{home}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -14,7 +14,7 @@ from padgen.spec import Spec, make_spec
 
 if TYPE_CHECKING:
     from padgen.batch.result import SweepTable
-    from padgen.driver.drive_folder import Drive
+    from padgen.driver.drive import Drive
     from padgen.ladders.study import Study
     from padgen.measured.tune import Retuned
     from padgen.measured.tuning import Tuning
@@ -129,7 +129,7 @@ def build(
     named = parse_parts(",".join(parts))
     if hasattr(plan, "channels"):
         return Pad(plan.spec, named, given=plan, progress=progress)  # type: ignore[union-attr,arg-type]
-    return Pad(spec_of(plan), named, progress=progress)  # type: ignore[arg-type]
+    return Pad(spec_of(plan), named, progress=progress)
 
 
 def check(mesh: "str | Path", spec: str | None = None) -> "Report":
@@ -218,8 +218,7 @@ def drive(
     >>> shown.frames.shape
     (1, 2)
     """
-    from padgen.driver.drive_folder import Drive
-    from padgen.driver.frames import levels_of
+    from padgen.driver.drive import Drive, levels_of
 
     if isinstance(tuning, (str, Path)):
         tuning = read_tuning(tuning, plan)
@@ -272,10 +271,11 @@ def retune(
     FileError, SpecError, SolverError
         What was measured cannot be read, or tells no resonance.
     """
+    from padgen.measured.read import read_measured
     from padgen.measured.tuned_folder import fitted_and_retuned
 
-    _, result = fitted_and_retuned(plan, str(measured), excitation, nearest, estimate_rest, coupon and str(coupon))
-    return result
+    found = read_measured(Path(measured), plan, excitation)
+    return fitted_and_retuned(plan, found, nearest, estimate_rest, None if coupon is None else str(coupon))[1]
 
 
 def study(
@@ -308,7 +308,7 @@ def study(
     """
     from padgen.ladders import measured_study, parse_only
 
-    made = plan if hasattr(plan, "channels") else plan_for(spec_of(plan), progress=progress)  # type: ignore[arg-type]
+    made = plan if hasattr(plan, "channels") else plan_for(spec_of(plan), progress=progress)
     return measured_study(made, parse_only(None if only is None else ",".join(only)), tolerance, progress)  # type: ignore[arg-type]
 
 

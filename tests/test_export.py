@@ -14,7 +14,7 @@ import pytest
 import trimesh
 
 from padgen.core.errors import GeometryError, SpecError
-from padgen.make.pad import build, parse_formats, up_to_date
+from padgen.make.pad import Pad, parse_formats, up_to_date
 from padgen.solid.export import bill_of_materials, stl_bytes, stl_mesh, verified
 from padgen.solid.kernel import build123d
 from padgen.solid.mesh import Mesh, signed_volume_mm3
@@ -29,7 +29,7 @@ ALL = ("stl", "3mf", "step", "glb")
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("out") / "tiny"
-    build(parse_spec(SMALL), path, ALL)
+    Pad(parse_spec(SMALL)).save(path, ALL)
     return path
 
 
@@ -62,7 +62,7 @@ def test_same_spec_same_bytes(folder, tmp_path):
 
 def test_same_bytes_in_one_process(folder, tmp_path):
     """OCCT counts the parts of assemblies through a process."""
-    build(parse_spec(SMALL), tmp_path / "again", ("step",))
+    Pad(parse_spec(SMALL)).save(tmp_path / "again", ("step",))
     for path in folder.glob("*.step"):
         assert path.read_bytes() == (tmp_path / "again" / path.name).read_bytes()
 
@@ -182,6 +182,6 @@ def test_picture_shows_the_nearer_part():
 def test_dropped_formats_leave_no_stale_files(tmp_path):
     spec = replace(parse_spec(SMALL), resonances_hz=None)
     path = tmp_path / "tiny"
-    build(spec, path, ("stl", "step"))
-    build(spec, path, ("stl",))
+    Pad(spec).save(path, ("stl", "step"))
+    Pad(spec).save(path, ("stl",))
     assert not list(path.glob("*.step"))

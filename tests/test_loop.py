@@ -18,6 +18,7 @@ from padgen import cli
 from padgen.core import cache
 from padgen.core.errors import EngineMissingError, SolverError
 from padgen.core.runner import Runner
+from padgen.make import planning
 from padgen.make import solid_tuning as loop
 from padgen.physics.taxel_modes import TaxelModes
 from padgen.planner import make_plan, plan_from_json, plan_to_json
@@ -162,14 +163,14 @@ def test_a_missing_engine_is_named(monkeypatch, tmp_path, capsys):
 def test_auto_without_the_engine_stays_with_the_beam_and_says_so(monkeypatch, tmp_path):
     monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "empty"))
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    plan = planning.plan_for(parse_spec("model = {tolerance = 1e-4}\n" + SPEC + WHOLE))
+    plan = planning.plan_for(parse_spec(SPEC + WHOLE), 1e-4)
     assert {c.model for c in plan.channels} == {"beam"}
     assert "model.error" in {f.code for f in plan.findings}
 
 
 def test_auto_takes_the_beam_where_it_is_good_enough(monkeypatch):
     monkeypatch.setattr(loop, "plan_tuned_to_solid", lambda *_: pytest.fail("not needed"))
-    plan = planning.plan_for(parse_spec("model = {tolerance = 0.5}\n" + SPEC + WHOLE))
+    plan = planning.plan_for(parse_spec(SPEC + WHOLE), 0.5)
     assert {c.model for c in plan.channels} == {"beam"}
 
 
@@ -221,7 +222,7 @@ def test_a_refusal_leaves_no_process_and_auto_its_beam_plan(monkeypatch, tmp_pat
     with pytest.raises(SolverError, match="channel 0: no answer"):
         loop.plan_tuned_to_solid(spec)
     assert psutil.Process().children(recursive=True) == before
-    plan = planning.plan_for(parse_spec("model = {tolerance = 1e-4}\n" + SPEC + WHOLE))
+    plan = planning.plan_for(parse_spec(SPEC + WHOLE), 1e-4)
     assert {c.model for c in plan.channels} == {"beam"}
 
 

@@ -6,7 +6,7 @@ import subprocess
 
 import pytest
 
-from padgen.make.pad import build
+from padgen.make.pad import Pad
 from padgen.planner import plan_from_json
 from padgen.spec import load_spec
 from tests.gcode import laid_beams, laid_recesses, read_gcode
@@ -26,7 +26,7 @@ def slicer(*arguments):
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("sliced")
-    build(load_spec("paper-32"), path)
+    Pad(load_spec("paper-32")).save(path)
     return path
 
 

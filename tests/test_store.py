@@ -114,10 +114,10 @@ def test_a_kept_step_has_the_pads_name_and_the_channels_number(store, small_plan
 BUILD = """
 import json, sys
 from pathlib import Path
-from padgen.make.pad import build
+from padgen.make.pad import Pad
 from padgen.spec import parse_spec
 from padgen.spec.model import Drive
-built = build(parse_spec(sys.argv[1]), Path(sys.argv[2]), ("stl", "3mf", "step", "glb"))
+built = Pad(parse_spec(sys.argv[1])).save(Path(sys.argv[2]), ("stl", "3mf", "step", "glb"))
 loaded = [name for name in sys.modules if name.partition(".")[0] in ("OCP", "build123d", "ngsolve")]
 print(json.dumps([list(built.files), loaded, [f.code for f in built.findings if f.level == "error"]]))
 """

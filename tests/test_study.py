@@ -382,7 +382,7 @@ def test_words():
 # The command
 
 
-def test_a_study_leaves_whole_files(paper_spec, tmp_path):
+def test_a_study_leaves_whole_files(paper_plan, tmp_path):
     said = []
     study = run_study(paper_plan, tmp_path / "out", ("allocation",), 0.05, said.append)
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == sorted([*STUDY_FILES, "manifest.json"])
@@ -395,7 +395,7 @@ def test_a_study_leaves_whole_files(paper_spec, tmp_path):
     assert study_text(study).count("allocation") >= 5
 
 
-def test_an_interrupted_study_leaves_nothing(paper_spec, tmp_path):
+def test_an_interrupted_study_leaves_nothing(paper_plan, tmp_path):
     def interrupt(step: str) -> None:
         if "rung 2" in step:
             raise KeyboardInterrupt
@@ -425,7 +425,7 @@ def test_tolerances_that_are_none(text):
         parse_tolerance(text)
 
 
-def test_a_tolerance_out_of_range_is_refused_before_work(paper_spec, tmp_path):
+def test_a_tolerance_out_of_range_is_refused_before_work(paper_plan, tmp_path):
     with pytest.raises(SpecError, match="--tolerance"):
         run_study(paper_plan, tmp_path / "out", ("allocation",), tolerance=2.0)
     assert not (tmp_path / "out").exists()

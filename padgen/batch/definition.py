@@ -1,6 +1,6 @@
 """`Sweep`: which variants of a base spec are to be made, from TOML. Frozen plain data."""
 
-from dataclasses import Field, dataclass, field, fields, is_dataclass
+from dataclasses import Field, asdict, dataclass, field, fields, is_dataclass
 from math import ceil, floor
 from pathlib import Path
 from typing import Any
@@ -10,9 +10,9 @@ from padgen.core.errors import FileError, SpecError, number, shown
 from padgen.core.files import reason
 from padgen.spec import Spec, find_spec, make_spec
 from padgen.spec.fields import build, checked, choice, flag, folder_name, optional_type, quantity, text, unknown_name
-from padgen.spec.load import CATALOGUES, catalogue, parse_toml, read_table, read_toml
+from padgen.spec.load import CATALOGUES, catalogue, parse_toml, read_table, read_toml, without_none
 
-__all__ = ["METHODS", "STAGES", "Axis", "Limits", "Sample", "Sweep", "load_sweep", "parse_sweep"]
+__all__ = ["METHODS", "STAGES", "Axis", "Limits", "Sample", "Sweep", "load_sweep", "parse_sweep", "sweep_over"]
 
 STAGES = ("plan", "yield", "build", "study")
 METHODS = ("grid", "latin-hypercube", "sobol")
@@ -102,6 +102,31 @@ def load_sweep(path: str) -> Sweep:
 def parse_sweep(content: str, where: str = "sweep", folder: Path = Path()) -> Sweep:
     """Make a `Sweep` from TOML text; the files that it names lie in `folder`."""
     return _sweep(parse_toml(content, where), folder, where)
+
+
+def sweep_over(spec: Spec, axes: dict[str, Any], stage: str = "plan") -> Sweep:
+    """Make the `Sweep` of all combinations of fields' values, as the table ``axes`` of a sweep's TOML has them.
+
+    Raises
+    ------
+    SpecError
+        A field is unknown, or holds no list of values that it may take.
+    """
+    folders = stage in ("build", "study")
+    settings = build(Settings, {"name": spec.name[:72], "base": spec.name, "stage": stage, "folders": folders}, "sweep")
+    sample = Sample()
+    found = _axes(_plain_lists(axes), [], spec, sample)
+    _refuse_values(found)
+    return Sweep(settings, without_none(asdict(spec)), spec, Path().absolute(), found, (), sample, Limits())
+
+
+def _plain_lists(axes: Any) -> Any:
+    """Lists where a program gives tuples, ranges or arrays."""
+    if isinstance(axes, dict):
+        return {name: _plain_lists(values) for name, values in axes.items()}
+    if hasattr(axes, "tolist"):
+        return axes.tolist()
+    return [_plain_lists(value) for value in axes] if isinstance(axes, (list, tuple, range)) else axes
 
 
 def _sweep(table: dict[str, Any], folder: Path, where: str) -> Sweep:

@@ -113,30 +113,31 @@ def _drive(options: argparse.Namespace) -> int:
         raise SpecError(f"must be one of {', '.join(DEPTHS)}, got {options.depth!r}", "--depth")
     if options.excite is not None:
         return _excite(options)
-    from padgen.driver.drive_folder import DriveRequest, parse_formats, write_drive
+    from padgen.driver.drive import Drive
+    from padgen.driver.drive_folder import parse_formats
 
     _refuse(options)
     with progress_line() as progress:
         plan = plan_of(options, progress)
         frames, notes = frames_of(options, plan)
-        request = DriveRequest(
-            formats=parse_formats(options.formats or (DEFAULT_TABLES if frames is None else DEFAULT_WAVES)),
-            frames=frames,
-            seconds_each=options.seconds,
-            held=options.state is not None,
-            loop=options.loop,
-            rate_hz=options.rate,
-            depth=options.depth,
-            signal=options.signal,
-            carrier_hz=options.carrier,
-            tuning=tuning_of(options.tuning, plan),
-            hear=options.hear,
-            gap=options.gap,
+        formats = None if options.formats is None else parse_formats(options.formats)
+        tuning, held = tuning_of(options.tuning, plan), options.state is not None
+        shown = Drive(
+            plan,
+            frames,
+            options.seconds,
+            held,
+            options.loop,
+            options.rate,
+            options.signal,
+            options.carrier,
+            tuning,
+            progress,
         )
         folder = folder_of(options, plan.name)
         if frames is not None and options.tuning is None and (folder / "tuning.json").exists():
             notes = (*notes, f"these are the plan's tones; {folder / 'tuning.json'} has a print's (--tuning)")
-        driven = write_drive(plan, folder, request, progress)
+        driven = shown.save_folder(folder, formats, options.depth, options.hear, options.gap)
     from padgen.report.drives import driven_table, driven_text
 
     if options.json:

@@ -6,7 +6,15 @@ Names are fetched when they are asked for: every rung's own process passes by he
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from padgen.ladders.study import ExtremeStudy, Study, measured_study, parse_only, parse_tolerance, run_extreme, run_study
+    from padgen.ladders.study import (
+        ExtremeStudy,
+        Study,
+        measured_study,
+        parse_only,
+        parse_tolerance,
+        run_extreme,
+        run_study,
+    )
 
 __all__ = ["ExtremeStudy", "Study", "measured_study", "parse_only", "parse_tolerance", "run_extreme", "run_study"]
 

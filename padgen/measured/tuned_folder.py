@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from padgen.core.errors import FileError
 from padgen.core.files import OutputFolder, differs, is_unchanged, json_text
 from padgen.measured.fits import TaxelFit, fit_measured
+from padgen.measured.measurement import Measured
 from padgen.measured.read import read_measured, read_measured_text
 from padgen.measured.simulate import simulate_print, simulated_measurement
 from padgen.measured.tune import Retuned, retuned
@@ -16,7 +17,7 @@ from padgen.measured.tuning import Tuning, tuning_to_json
 from padgen.planner.coupon import coupon_plan
 from padgen.planner.plan import Plan, plan_to_json
 
-__all__ = ["RetunedFolder", "Simulated", "simulated_print", "write_retuned"]
+__all__ = ["RetunedFolder", "Simulated", "fitted_and_retuned", "simulated_print", "write_retuned"]
 
 MEASURED = "measured.csv"
 PRINTED = "printed.json"
@@ -81,9 +82,7 @@ def write_retuned(
         found = read_measured_text(simulated.measured, plan)
     else:
         found = read_measured(Path(measured or ""), plan, excitation)
-    fits = fit_measured(found, plan, nearest)
-    progress("re-tuning")
-    result = retuned(plan, fits, estimate_rest or coupon is not None, _coupon_fits(plan, coupon, nearest))
+    fits, result = fitted_and_retuned(plan, found, nearest, estimate_rest, coupon, progress)
     files = {
         "plan.json": plan_to_json(plan),
         "tuning.json": tuning_to_json(result.tuning),
@@ -97,6 +96,20 @@ def write_retuned(
             out.write(name, text)
         out.commit()
     return RetunedFolder(folder, tuple(files), fits, result)
+
+
+def fitted_and_retuned(
+    plan: Plan,
+    found: Measured,
+    nearest: bool = False,
+    estimate_rest: bool = False,
+    coupon: str | None = None,
+    progress: Progress = lambda step: None,
+) -> tuple[tuple[TaxelFit, ...], Retuned]:
+    """Fit what was `found` of a print, and re-tune its plan; parameters and errors as of `write_retuned`."""
+    fits = fit_measured(found, plan, nearest)
+    progress("re-tuning")
+    return fits, retuned(plan, fits, estimate_rest or coupon is not None, _coupon_fits(plan, coupon, nearest))
 
 
 def _coupon_fits(plan: Plan, coupon: str | None, nearest: bool) -> dict[int, TaxelFit] | None:

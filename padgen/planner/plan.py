@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from padgen.core.files import json_text
 from padgen.core.finding import Finding
