@@ -138,7 +138,7 @@ def by_solids(spec, progress=None):
 
 
 def test_a_pad_is_checked_against_the_plan_that_it_was_built_by(work, capsys, monkeypatch):
-    monkeypatch.setattr("padgen.make.solid_tuning.closed_plan", by_solids)
+    monkeypatch.setattr("padgen.make.solid_tuning.plan_tuned_to_solid", by_solids)
     for model in ("beam", "solid"):
         assert cli.run(["build", "tiny.toml", "--model", model, "-o", model, "--formats", "stl"]) == 0
     (work / "alone.stl").write_bytes((work / "solid/pad.stl").read_bytes())
@@ -176,7 +176,7 @@ def test_a_garbled_plan_beside_a_mesh_is_one_sentence(work, capsys, spec):
 
 @pytest.mark.parametrize("options", [[], ["--model", "solid"], ["--tolerance", "0.01%"]])
 def test_a_plan_of_a_plan_is_the_same_byte_for_byte(work, monkeypatch, options):
-    monkeypatch.setattr("padgen.make.solid_tuning.closed_plan", by_solids)
+    monkeypatch.setattr("padgen.make.solid_tuning.plan_tuned_to_solid", by_solids)
     (work / "tiny.toml").write_text(SMALL.replace("[50, 200]", "[50.123456789012, 200]"))
     assert cli.run(["plan", "tiny.toml", "-o", "a", *options]) == 0
     assert cli.run(["plan", "a/plan.json", "-o", "b"]) == 0

@@ -329,7 +329,7 @@ def test_too_little_memory_is_told_of_the_command_that_ran(work, capsys, monkeyp
     def short(*_):
         raise MemoryError
 
-    monkeypatch.setattr("padgen.make.solid_tuning.planned", short)
+    monkeypatch.setattr("padgen.make.planning.plan_for", short)
     assert cli.run(command) == 2
     told = capsys.readouterr().err
     assert f"not enough memory for this padgen {command[0]}; files are as they were" in told

@@ -17,11 +17,14 @@ LAYERS = [
     {"ladders"},
     {"batch"},
     {"report"},
+    {"api"},
     {"cli"},
     {"__main__"},
 ]
 LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}
 MODULES = sorted(ROOT.rglob("*.py"))
+FACES = {("planner/plan.py", "report")}
+"""How a noun shows itself: imported within a method, when a notebook or a plot asks."""
 
 
 def room(path: Path) -> str:
@@ -47,7 +50,8 @@ def test_imports_go_one_way(path):
     own = room(path)
     if own == "__init__":
         return
-    for other in imported_rooms(path) - {own}:
+    faces = {room for module, room in FACES if module == str(path.relative_to(ROOT))}
+    for other in imported_rooms(path) - {own} - faces:
         assert LEVEL[other] < LEVEL[own], f"{own} must not import {other}"
 
 

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from padgen.core.errors import GeometryError, SpecError
+from padgen.core.errors import FileError, GeometryError, SpecError
 from padgen.make.solid_tuning import solid_taxel
 from padgen.physics.frame import frame_modes
 from padgen.planner import make_plan, plan_from_json, plan_to_json
@@ -171,7 +171,7 @@ def test_schema_and_refusals_name_what_is_registered(plan):
         assert NAME not in schema_names()
         with pytest.raises(SpecError, match="no choice 'toy-spiral'"):
             parse_spec(SPEC)
-        with pytest.raises(SpecError, match="no choice 'toy-spiral'"):
+        with pytest.raises(FileError, match=r"is not a plan .*no choice 'toy-spiral'"):
             plan_from_json(text)
     finally:
         register(NAME, toy_like(arrange))

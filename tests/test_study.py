@@ -320,7 +320,7 @@ def test_a_step_apart_says_what_went_wrong():
 
 
 def _study(*results):
-    return Study("test", Path("out"), STUDY_FILES, results, picks(results), TOLERANCES)
+    return Study("test", results, picks(results), TOLERANCES, {})
 
 
 @pytest.fixture

@@ -70,7 +70,8 @@ def asked_of(options: argparse.Namespace, recorded: bool = True) -> tuple[Any, f
 
 def folder_of(options: argparse.Namespace, name: str) -> Path:
     """Where the results go."""
-    return Path(options.output) if options.output else Path("out") / name
+    given = getattr(options, "output", None)
+    return Path(given) if given else Path("out") / name
 
 
 def show(text: str) -> None:

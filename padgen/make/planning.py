@@ -100,7 +100,7 @@ def plan_for(spec: Spec, tolerance: float | None = None, progress: Progress = la
 
 
 def _by(spec: Spec, structure: str, tolerance: float) -> Spec:
-    return replace(spec, model=replace(spec.model, structure=structure, tolerance=tolerance))
+    return spec_of(spec, {"model": {"structure": structure, "tolerance": tolerance}})
 
 
 def _tuned(spec: Spec, progress: Progress) -> "Plan":
