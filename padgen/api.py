@@ -124,7 +124,7 @@ def build(
     --------
     >>> pad = build("paper-pair")
     >>> pad.plan.coils.rows
-    1
+    4
     """
     named = parse_parts(",".join(parts))
     if hasattr(plan, "channels"):
@@ -216,7 +216,7 @@ def drive(
     >>> import padgen as pg
     >>> shown = pg.drive(pg.plan("paper-pair"), state="10")
     >>> shown.frames.shape
-    (1, 2)
+    (1, 32)
     """
     from padgen.driver.drive import Drive, levels_of
 
