@@ -111,14 +111,12 @@ def test_a_changed_plan_is_built_though_its_spec_is_the_same(work):
 
 def test_drive_writes_a_file_or_a_folder(work):
     plan = pg.plan("paper-pair")
-    (work / "on.txt").write_text("1 0\n")
-    driven = pg.drive(plan, frames="on.txt").save("drive.wav")
-    assert driven.files == ("drive.wav",) and sorted(p.name for p in work.iterdir()) == [
-        "drive.wav",
-        "on.txt",
-        "tiny.toml",
-    ]
-    folder = pg.drive(plan, frames=np.array([1.0, 0.0])).save("d", formats=["wav"])
+    (work / "on.txt").write_text("1 0 0 0\n" * 8)
+    shown = pg.drive(plan, frames="on.txt")
+    assert shown.save("drive.wav").files == ("drive.wav",)
+    assert sorted(p.name for p in work.iterdir()) == ["drive.wav", "on.txt", "tiny.toml"]
+    levels = shown.frames
+    folder = pg.drive(plan, frames=levels[0]).save("d", formats=["wav"])
     assert (work / "d/drive.wav").read_bytes() == (work / "drive.wav").read_bytes()
     assert "drive-wave.json" in folder.files
     with pytest.raises(SpecError, match="levels in 0"):
