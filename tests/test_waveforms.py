@@ -22,8 +22,9 @@ import numpy as np
 import pytest
 
 from padgen.core.errors import FileError, SpecError
+from padgen.core.wav_reader import read_wav
 from padgen.driver import pad_drive, waveform
-from padgen.driver.formats.wav import WavWriter, read_wav
+from padgen.driver.formats.wav import WavWriter
 from padgen.driver.formats.wave_files import full_scale, wave_json, write_wave
 from padgen.driver.pad_drive import constant_a2, make_drive
 from padgen.driver.timeline import Timeline, blend, blend_slope, frame_s, ramp_s, steady, timeline

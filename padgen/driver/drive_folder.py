@@ -367,8 +367,8 @@ def _others(
 def _heard(out: OutputFolder, plan: "Plan", request: DriveRequest) -> "Heard":
     import json
 
+    from padgen.core.wav_reader import read_wav
     from padgen.driver.ear import hear
-    from padgen.driver.formats.wav import read_wav
 
     wave = read_wav(out.path_of("drive.wav"))
     sidecar = json.loads(out.path_of("drive-wave.json").read_text(encoding="utf-8"))

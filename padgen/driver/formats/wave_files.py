@@ -13,7 +13,8 @@ import numpy as np
 from padgen.core.errors import FileError, SpecError, at_most, number
 from padgen.core.files import json_text
 from padgen.core.finding import Finding
-from padgen.driver.formats.wav import BEYOND_LIMIT, LARGEST_24, WavWriter, read_wav
+from padgen.core.wav_reader import read_wav
+from padgen.driver.formats.wav import BEYOND_LIMIT, LARGEST_24, WavWriter
 from padgen.driver.limits import voltage_finding
 from padgen.driver.pad_drive import PadDrive
 from padgen.driver.timeline import Timeline
