@@ -36,7 +36,7 @@ from padgen.solid.checks import check_pad
 from padgen.solid.export import write_taxel_step
 from padgen.solid.measure import measured
 from padgen.solid.mesh import as_manifold
-from padgen.solid.pad import build_pad
+from padgen.solid.pad_solid import build_pad
 from padgen.solid.taxel import taxel_solid
 from padgen.solid.tile_store import taxel_key
 from padgen.spec import parse_spec

@@ -19,7 +19,7 @@ from padgen.ladders.extreme_study import SETS, WRONG, Verdict, named_cases, verd
 from padgen.ladders.isolate import measured
 from padgen.ladders.rung import Judged, Ladder
 from padgen.ladders.stages import LADDERS, Scene
-from padgen.ladders.tables import extreme_csv, extreme_json, study_csv, study_json
+from padgen.ladders.study_tables import extreme_csv, extreme_json, study_csv, study_json
 from padgen.ladders.verdicts import TOLERANCES, Pick, judged, picks
 from padgen.spec import Spec
 

@@ -19,7 +19,7 @@ from padgen.spec import Spec, find_spec, load_spec
 
 if TYPE_CHECKING:
     from padgen.planner.plan import Plan
-    from padgen.solid.pad import PadSolid
+    from padgen.solid.pad_solid import PadSolid
     from padgen.solid.parts import Part
 
 __all__ = [
@@ -112,7 +112,7 @@ def build(
     plan = planned(spec, progress)
     from padgen.solid.checks import check_pad
     from padgen.solid.export import bill_of_materials
-    from padgen.solid.pad import build_pad
+    from padgen.solid.pad_solid import build_pad
 
     progress("modelling")
     pad = build_pad(plan)
