@@ -22,7 +22,7 @@ from measure_sweep import BUILDS, HEAD, beam_axes, many, sweeps, swept_s
 from padgen.core.cache import VARIABLE
 from padgen.planner import make_plan
 from padgen.solid.mesh import as_manifold
-from padgen.solid.pad import build_pad
+from padgen.solid.pad_solid import build_pad
 from padgen.spec import load_spec
 
 HERE = Path(__file__).parent

@@ -10,7 +10,7 @@ import numpy as np
 from padgen.core.plots import STYLE, plot_bytes
 from padgen.planner import Plan, make_plan
 from padgen.solid.checks import _narrowest_of_cell, check_pad
-from padgen.solid.pad import build_pad
+from padgen.solid.pad_solid import build_pad
 from padgen.solid.topology import _kept_pairs
 from padgen.spec import parse_spec
 

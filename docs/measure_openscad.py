@@ -22,7 +22,7 @@ from padgen.planner import Plan, make_plan
 from padgen.planner.plan import Channel
 from padgen.planner.tile import TURNS
 from padgen.solid.mesh import CHORD_MM
-from padgen.solid.pad import build_pad
+from padgen.solid.pad_solid import build_pad
 from padgen.spec import load_spec
 
 

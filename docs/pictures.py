@@ -9,7 +9,7 @@ from padgen.planner import Plan, make_plan
 from padgen.planner.coupon import coil_axis_mm
 from padgen.planner.tray import Tray, washer_underside_mm
 from padgen.solid.mesh import Mesh, as_manifold, from_manifold
-from padgen.solid.pad import build_pad
+from padgen.solid.pad_solid import build_pad
 from padgen.solid.picture import View, picture_png
 from padgen.solid.tray_solid import build_tray
 from padgen.spec import load_spec

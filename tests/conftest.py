@@ -48,6 +48,6 @@ def small_plan() -> Plan:
 
 @pytest.fixture(scope="session")
 def small_pad(small_plan: Plan):
-    from padgen.solid.pad import build_pad
+    from padgen.solid.pad_solid import build_pad
 
     return build_pad(small_plan)

@@ -11,7 +11,7 @@ from padgen.planner import make_plan
 from padgen.planner.tile import to_cell
 from padgen.solid.checks import check_mesh, check_pad, compare_mesh
 from padgen.solid.mesh import Mesh, as_manifold, from_manifold
-from padgen.solid.pad import build_pad
+from padgen.solid.pad_solid import build_pad
 from padgen.solid.sections import sections, smallest, unsupported_spans
 from padgen.solid.topology import intersecting_pairs, topology
 from padgen.spec import parse_spec

@@ -35,7 +35,7 @@ from padgen.planner.coil_load import pull_in_share
 from padgen.planner.reuse import _heard
 from padgen.solid.checks import check_pad
 from padgen.solid.mesh import as_manifold
-from padgen.solid.pad import build_pad
+from padgen.solid.pad_solid import build_pad
 from padgen.spec import load_spec, make_spec, parse_spec
 
 FOUR = (

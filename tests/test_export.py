@@ -154,7 +154,7 @@ def test_manifest_holds_hashes_and_versions(folder):
 
 def test_formats_are_parsed_in_order():
     assert parse_formats("step, stl") == ("stl", "step")
-    with pytest.raises(SpecError, match="must be among stl, 3mf, step, glb, got 'stp'"):
+    with pytest.raises(SpecError, match=r"must be among stl, 3mf, step, glb, got 'stp'; did you mean 'step'\?"):
         parse_formats("stp")
     with pytest.raises(SpecError, match="must name"):
         parse_formats(",")

@@ -2,6 +2,9 @@
 
 import ast
 import importlib
+from collections import defaultdict
+from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -55,9 +58,88 @@ def test_imports_go_one_way(path):
         assert LEVEL[other] < LEVEL[own], f"{own} must not import {other}"
 
 
+def module_name(path: Path, root: Path = ROOT) -> str:
+    return ".".join(path.relative_to(root.parent).with_suffix("").parts).removesuffix(".__init__")
+
+
+def run_imports(node: ast.AST) -> Iterator[str]:
+    """Names that may be modules, imported when a module is loaded or one of its functions runs."""
+    if isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING"):
+        for child in node.orelse:
+            yield from run_imports(child)
+        return
+    if isinstance(node, ast.Import):
+        yield from (alias.name for alias in node.names)
+    elif isinstance(node, ast.ImportFrom):
+        yield node.module
+        yield from (f"{node.module}.{alias.name}" for alias in node.names)
+    for child in ast.iter_child_nodes(node):
+        yield from run_imports(child)
+
+
+def circles(root: Path) -> list[str]:
+    """One circle of imports in each room that has any."""
+    rooms = defaultdict(dict)
+    for path in root.rglob("*.py"):
+        place = path.relative_to(root).parts
+        rooms[place[0]][module_name(path, root)] = set(run_imports(ast.parse(path.read_text())))
+    found = []
+    for modules in rooms.values():
+        graph = {name: (imported & modules.keys()) - {name} for name, imported in modules.items()}
+        try:
+            TopologicalSorter(graph).prepare()
+        except CycleError as error:
+            found.append(" <- ".join(error.args[1]))
+    return found
+
+
+def test_no_circles_within_a_room():
+    assert circles(ROOT) == []
+
+
+LATER = "def f():\n    from toy.room{}"
+ONLY_TYPES = "import typing\nif typing.TYPE_CHECKING:\n    from toy.room.a import x\n"
+
+
+@pytest.mark.parametrize(
+    "b, c, circle",
+    [
+        ("x = 1", "x = 1", False),
+        ("import toy.room.c", "from toy.room.a import x", True),
+        ("from toy.room import c", LATER.format(".a import x"), True),
+        (LATER.format(" import a"), "x = 1", True),
+        (ONLY_TYPES, "x = 1", False),
+        (f"{ONLY_TYPES}else:\n    import toy.room.a", "x = 1", True),
+        ("from toy.other.d import x", "x = 1", False),
+    ],
+)
+def test_circles_are_found(tmp_path, b, c, circle):
+    """Of a → b → c, an import within a function too; not what is for types alone, nor through another room."""
+    for name, text in {
+        "room/a": "from toy.room.b import x",
+        "room/b": b,
+        "room/c": c,
+        "other/d": "import toy.room.a",
+    }.items():
+        path = tmp_path / "toy" / f"{name}.py"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    found = circles(tmp_path / "toy")
+    assert len(found) == circle, found
+
+
+def test_file_names_tell_modules_apart():
+    """No two rooms have a file of the same name; `cli` has one for each command."""
+    places = defaultdict(list)
+    for path in MODULES:
+        if path.stem != "__init__" and room(path) != "cli":
+            places[path.name].append(str(path.relative_to(ROOT)))
+    assert [same for same in places.values() if len(same) > 1] == []
+
+
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_all_is_true(path):
-    name = ".".join(path.relative_to(ROOT.parent).with_suffix("").parts).removesuffix(".__init__")
+    name = module_name(path)
     if name.endswith("__main__"):
         return
     module = importlib.import_module(name)

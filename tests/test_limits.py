@@ -19,11 +19,11 @@ import pytest
 from padgen import cli
 from padgen.core.errors import SpecError
 from padgen.core.finding import Finding
+from padgen.core.wav_reader import read_wav
 from padgen.driver.device import sound_card
 from padgen.driver.device.protocol import frame_message
 from padgen.driver.drive_folder import Driven, DriveRequest, write_drive, write_excitation
 from padgen.driver.excitation import KINDS, excitation
-from padgen.driver.formats.wav import read_wav
 from padgen.driver.frames import state_frame
 from padgen.driver.limits import judge_limits, judge_load
 from padgen.driver.loads import excitation_load, load_of

@@ -309,7 +309,7 @@ BAD_WAVES = {
     "cut off in the head": (WAVES[:30], "is cut off or damaged, not a WAV file"),
     "head alone": (WAVES[:58], "is cut off"),
     "damaged": (WAVES.replace(b"data", b"dada", 1), "is cut off or damaged, not a WAV file"),
-    "no wav": (b"hello, this is a text\n" * 9, "is no WAV file that can be read"),
+    "no wav": (b"hello, this is a text\n" * 9, "is not a WAV file that can be read"),
     "nan": (wav(np.full((100, 4), np.nan, np.float32)), "channel 1 has no finite number at sample 1"),
     "clipped": (wav(np.full((100, 4), 32767, np.int16)), "channel 1 is clipped at sample 1"),
     "silent current": (wav(np.zeros((100, 5), np.float32)), "channel 1, the excitation, does not change"),

@@ -149,7 +149,7 @@ def test_a_row_of_solid_tiles_is_one_box(worker, plan):
 
 
 def test_a_free_pad_moves_as_a_body(pads, plan):
-    from padgen.solid.pad import build_pad
+    from padgen.solid.pad_solid import build_pad
 
     pad = pads["free"].assembly
     heave = np.array(

@@ -8,7 +8,8 @@ import pytest
 
 from padgen.batch import pareto
 from padgen.batch.figures import OBJECTIVES
-from padgen.batch.pareto import front_mask, overview_of, pareto_csv, write_pareto
+from padgen.batch.front import BLOCK, front_mask
+from padgen.batch.pareto import overview_of, pareto_csv, write_pareto
 from padgen.core.errors import FileError
 
 HEADER = (
@@ -37,7 +38,7 @@ def by_definition(scores):
 @pytest.mark.parametrize("levels", [3, 20, 10**6])
 def test_front_is_what_the_definition_says(columns, levels):
     # More rows than two blocks, few levels for many ties.
-    scores = np.random.default_rng(columns * levels).integers(levels, size=(2 * pareto.BLOCK + 77, columns)) / 7
+    scores = np.random.default_rng(columns * levels).integers(levels, size=(2 * BLOCK + 77, columns)) / 7
     assert (front_mask(scores) == by_definition(scores)).all()
 
 

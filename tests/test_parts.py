@@ -19,7 +19,7 @@ from padgen.solid.coupon_solid import build_coupon
 from padgen.solid.export import stl_mesh
 from padgen.solid.kernel import build123d
 from padgen.solid.mesh import Mesh, as_manifold, from_manifold, signed_volume_mm3
-from padgen.solid.pad import build_pad
+from padgen.solid.pad_solid import build_pad
 from padgen.solid.parts import PARTS, build_part, build_parts, write_part_files
 from padgen.solid.tray_checks import check_tray
 from padgen.solid.tray_solid import build_tray, tray_solid

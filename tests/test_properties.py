@@ -13,7 +13,7 @@ from padgen.planner import make_plan, plan_from_json, plan_to_json
 from padgen.planner.printable import steps_are_coarse
 from padgen.report import plan_text
 from padgen.solid.checks import check_pad
-from padgen.solid.pad import build_pad
+from padgen.solid.pad_solid import build_pad
 from padgen.spec import catalogue, make_spec
 from padgen.spec.load import without_none
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from padgen.core.errors import FileError, GeometryError, SpecError
+from padgen.core.registry import names_in
 from padgen.make.solid_tuning import solid_taxel
 from padgen.physics.frame import frame_modes
 from padgen.planner import make_plan, plan_from_json, plan_to_json
@@ -35,7 +36,7 @@ from padgen.solid.checks import check_pad
 from padgen.solid.export import write_taxel_step
 from padgen.solid.measure import measured
 from padgen.solid.mesh import as_manifold
-from padgen.solid.pad import build_pad
+from padgen.solid.pad_solid import build_pad
 from padgen.solid.taxel import taxel_solid
 from padgen.solid.tile_store import taxel_key
 from padgen.spec import parse_spec
@@ -256,3 +257,15 @@ def test_an_arc_that_is_too_tight_for_its_beam_is_refused(plan):
         other = hung_by(plan, "tight")
         with pytest.raises(GeometryError, match="must have at least half of the beam's width"):
             taxel_solid(other, other.channels[0])
+
+
+def test_lists_of_names_are_read_in_the_order_of_the_known():
+    known = ("stl", "3mf", "step")
+    assert names_in(" step,stl ,,stl", known, "--formats") == ("stl", "step")
+    assert names_in(" , ", known, "--parts", optional=True) == ()
+    with pytest.raises(SpecError, match=r"^--formats: must name one or more of stl, 3mf, step$"):
+        names_in(" , ", known, "--formats")
+    with pytest.raises(SpecError, match=r"^--formats: must be among stl, 3mf, step, got 'stp'; did you mean 'step'\?$"):
+        names_in("stl,stp", known, "--formats")
+    with pytest.raises(SpecError, match=r"must be among stl, 3mf, step, got 'obj'$"):
+        names_in("obj", known, "--formats")

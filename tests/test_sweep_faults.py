@@ -29,7 +29,7 @@ from pathlib import Path
 import pytest
 
 from padgen.batch.definition import parse_sweep
-from padgen.batch.lock import FolderLock
+from padgen.batch.folder_lock import FolderLock
 from padgen.batch.pareto import write_pareto
 from padgen.batch.sweep import run_sweep
 from padgen.batch.variant import run_task

@@ -11,7 +11,8 @@ import pytest
 from scipy.io import wavfile
 
 from padgen.core.errors import FileError
-from padgen.driver.formats.wav import LARGEST_24, WavWriter, read_wav, wav_header
+from padgen.core.wav_reader import read_wav
+from padgen.driver.formats.wav import LARGEST_24, WavWriter, wav_header
 
 RATE = 48000
 STEP_24 = 2.0**-23
@@ -72,6 +73,40 @@ def test_it_reads_pcm_of_the_standard_library(tmp_path, width):
     read = read_wav(tmp_path / "a.wav")
     assert (read.rate_hz, read.kind, read.bits) == (8000, "pcm", 8 * width)
     np.testing.assert_array_equal(read.samples, whole / 2.0 ** (8 * width - 1))
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("kind", ["u1", "i2", "i4", "i8", "f4", "f8"])
+def test_it_reads_either_order_as_scipy_from_disk_and_from_memory(tmp_path, kind, order):
+    whole = np.random.default_rng(2).integers(0, 256, (40, 3, 8), np.uint8).view("i8")[..., 0]
+    samples = (whole / 2.0**64 if kind[0] == "f" else whole).astype(order + kind)
+    head, raw = fmt(3 if kind[0] == "f" else 1, 3, bits=8 * samples.itemsize, order=order), samples.tobytes()
+    path = tmp_path / "a.wav"
+    path.write_bytes(riff(head, (b"data", len(raw), raw), order=order))
+    np.testing.assert_array_equal(wavfile.read(path)[1], samples)
+    middle, full = {"f": (0, 1.0), "u": (128, 128.0), "i": (0, 2.0 ** (8 * samples.itemsize - 1))}[kind[0]]
+    for read in (read_wav(path), read_wav(path, path.read_bytes())):
+        np.testing.assert_array_equal(read.samples, (samples.astype(float) - middle) / full)
+        np.testing.assert_array_equal(read.channel(1, compact=True), read.samples[:, 1])
+
+
+@pytest.mark.parametrize("bits, width", [(12, 2), (20, 3), (16, 4), (20, 4), (24, 4), (40, 5), (24, 8)])
+def test_integers_in_the_upper_part_of_a_word_are_read_as_scipy_does(tmp_path, bits, width):
+    whole = np.random.default_rng(3).integers(-(2 ** (bits - 1)), 2 ** (bits - 1), 30) << (8 * width - bits)
+    raw = whole.astype("<i8").view(np.uint8).reshape(-1, 8)[:, :width].tobytes()
+    path = tmp_path / "a.wav"
+    path.write_bytes(riff(fmt(bits=bits, frame=width), (b"data", len(raw), raw)))
+    read, theirs = read_wav(path), wavfile.read(path)[1]
+    assert (read.bits, read.width) == (bits, width)
+    np.testing.assert_array_equal(read.channel(0), whole / 2.0 ** (8 * width - 1))
+    np.testing.assert_array_equal(read.channel(0), theirs / 2.0 ** (8 * theirs.itemsize - 1))
+
+
+@pytest.mark.parametrize("kind, compact", [("u1", "f4"), ("i2", "f4"), ("i4", "f8"), ("i8", "f8"), ("f4", "f4")])
+def test_single_floats_are_taken_only_where_they_are_exact(tmp_path, kind, compact):
+    wavfile.write(tmp_path / "a.wav", RATE, np.array([1, 101, 77], kind))
+    assert read_wav(tmp_path / "a.wav").channel(0, compact=True).dtype == compact
+    assert read_wav(tmp_path / "a.wav").channel(0).dtype == float
 
 
 @pytest.mark.parametrize("kind", [np.float32, np.float64])
@@ -158,14 +193,14 @@ def test_what_the_format_cannot_tell_is_refused(channels, rate, sentence):
         wav_header(rate, channels, 10, "24")
 
 
-def riff(*chunks):
-    body = b"WAVE" + b"".join(name + struct.pack("<I", size) + data for name, size, data in chunks)
-    return b"RIFF" + struct.pack("<I", len(body)) + body
+def riff(*chunks, order="<"):
+    body = b"WAVE" + b"".join(name + struct.pack(f"{order}I", size) + data for name, size, data in chunks)
+    return (b"RIFF" if order == "<" else b"RIFX") + struct.pack(f"{order}I", len(body)) + body
 
 
-def fmt(code=1, channels=1, rate=RATE, bits=16, frame=None):
+def fmt(code=1, channels=1, rate=RATE, bits=16, frame=None, order="<"):
     frame = channels * bits // 8 if frame is None else frame
-    return b"fmt ", 16, struct.pack("<HHIIHH", code, channels, rate, rate * frame, frame, bits)
+    return b"fmt ", 16, struct.pack(f"{order}HHIIHH", code, channels, rate, rate * frame, frame, bits)
 
 
 DATA = (b"data", 4, b"\1\0\2\0")

@@ -22,13 +22,16 @@ import numpy as np
 import pytest
 
 from padgen.core.errors import FileError, SpecError
+from padgen.core.wav_reader import read_wav
 from padgen.driver import pad_drive, waveform
-from padgen.driver.formats.wav import WavWriter, read_wav
+from padgen.driver.formats.wav import WavWriter
 from padgen.driver.formats.wave_files import full_scale, wave_json, write_wave
-from padgen.driver.pad_drive import constant_a2, make_drive
+from padgen.driver.loads import load_of
+from padgen.driver.pad_drive import coil_lines, constant_a2, make_drive
 from padgen.driver.timeline import Timeline, blend, blend_slope, frame_s, ramp_s, steady, timeline
 from padgen.driver.waveform import blocks, sample_count, volts
 from padgen.measured.tuning import planned_tuning
+from padgen.physics.currents import FORMULAS
 from padgen.planner import make_plan
 from padgen.spec import load_spec, parse_spec
 
@@ -273,6 +276,26 @@ def test_lines_and_spurs_of_the_other_schemes(tmp_path, quads, name):
         if name == "tones":  # the root of the phase is one of two: compare what does not depend on it
             np.testing.assert_allclose(lines[h, k], a, rtol=1e-5)
         np.testing.assert_allclose(lines[:, k], np.abs(due), rtol=0, atol=1e-6 * a.max())
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_samples_have_the_lines_and_the_mean_square_that_are_judged(quads, name):
+    plan = quads[name]
+    drive = make_drive(plan, RATE)
+    levels = np.zeros(len(plan.taxels))
+    for coil in drive.coils:
+        levels[coil.taxels[: 1 if drive.scheme.takes_turns else 3]] = 0.7
+    line = steady(levels, drive.period_s)
+    current = np.concatenate(list(volts(drive, line, signal="current")))[: drive.period_samples]
+    found = np.fft.rfft(current**2 if name == "spur-free" else current, axis=0) / len(current) * 2
+    for k, coil in enumerate(drive.coils):
+        harmonic, amplitude = coil_lines(drive, coil)
+        share = levels[coil.taxels] if drive.scheme.has_constant else np.sqrt(levels[coil.taxels])
+        np.testing.assert_allclose(
+            found[harmonic, k], share * amplitude, rtol=0, atol=1e-12 * np.abs(found[:, k]).max()
+        )
+    np.testing.assert_allclose(load_of(plan, drive, line).square_a2, (current**2).mean(0), rtol=1e-12)
+    assert set(FORMULAS) == set(SCHEMES)
 
 
 def test_on_a_carrier_the_lines_are_the_same(tmp_path, quads):

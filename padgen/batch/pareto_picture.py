@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from padgen.batch.figures import OBJECTIVES
-from padgen.batch.pareto import UNBOUNDED, Overview, front_mask, scores_of
+from padgen.batch.front import UNBOUNDED, Overview, front_mask, scores_of
 from padgen.core.plots import STYLE, plot_bytes
 
 __all__ = ["front_pictures"]

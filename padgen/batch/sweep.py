@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 
 from padgen.batch.definition import Sweep
 from padgen.batch.events import Clock, Event, Tell
+from padgen.batch.folder_lock import FolderLock
 from padgen.batch.index import INDEX, PARETO_FILES, Journal, write_index
-from padgen.batch.lock import FolderLock
 from padgen.batch.points import count_points, variant_name, variants
 from padgen.batch.variant import Record, Task, is_whole, run_task, task_of, writes_folders
 from padgen.batch.window import LostError, StoppedError, Window, records_of

@@ -5,6 +5,7 @@ first asked for.
 """
 
 import re
+from collections.abc import Iterable
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -12,7 +13,7 @@ from typing import Any, Generic, TypeVar, cast
 
 from padgen.core.errors import LONGEST_PART, SpecError, shown
 
-__all__ = ["SUSPENSIONS", "Registry", "unknown_name"]
+__all__ = ["SUSPENSIONS", "Registry", "names_in", "unknown_name"]
 
 T = TypeVar("T")
 NAME = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
@@ -87,11 +88,38 @@ def _names_of_files(package: str) -> tuple[str, ...]:
 
 def unknown_name(name: str, known: list[str], what: str, where: str) -> SpecError:
     """The error for a `name` that is none of `known`, with the nearest one that is."""
+    hint = _nearest(name, known) or "known are " + ", ".join(sorted(known))
+    return SpecError(f"there is no {what} {shown(name)}; {hint}", where)
+
+
+def names_in(text: str, known: Iterable[str], where: str, optional: bool = False) -> tuple[str, ...]:
+    """Names of a comma-separated list, in the order of `known`; none at all only if that is `optional`.
+
+    >>> names_in("step, stl,", ("stl", "3mf", "step"), "--formats")
+    ('stl', 'step')
+
+    Raises
+    ------
+    SpecError
+        A name is none of `known`: the sentence, about the option `where`, tells all and the nearest.
+    """
+    known = list(known)
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    for name in names:
+        if name not in known:
+            hint = _nearest(name, known)
+            raise SpecError(f"must be among {', '.join(known)}, got {shown(name)}{'; ' if hint else ''}{hint}", where)
+    if not (names or optional):
+        raise SpecError(f"must name one or more of {', '.join(known)}", where)
+    return tuple(name for name in known if name in names)
+
+
+def _nearest(name: str, known: list[str]) -> str:
+    """A question for the one of `known` that is nearest to `name`, empty if none is near."""
     from difflib import get_close_matches
 
     near = get_close_matches(name[:LONGEST_PART], known, n=1, cutoff=0.5)
-    hint = f"did you mean {near[0]!r}?" if near else "known are " + ", ".join(sorted(known))
-    return SpecError(f"there is no {what} {shown(name)}; {hint}", where)
+    return f"did you mean {near[0]!r}?" if near else ""
 
 
 SUSPENSIONS: Registry[Any] = Registry("suspension", "padgen.planner.suspensions", reserved=("auto",))

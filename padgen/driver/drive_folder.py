@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from padgen.core.errors import SpecError, at_most, number
 from padgen.core.files import OutputFolder, json_text
 from padgen.core.finding import Finding
+from padgen.core.registry import names_in
 from padgen.core.units import MS
 
 if TYPE_CHECKING:
@@ -89,13 +90,7 @@ class Driven:
 
 def parse_formats(text: str) -> tuple[str, ...]:
     """Formats from a comma-separated list, in the order of `FORMATS`."""
-    names = [name.strip() for name in text.split(",") if name.strip()]
-    for name in names:
-        if name not in FORMATS:
-            raise SpecError(f"must be among {', '.join(FORMATS)}, got {name!r}", "--formats")
-    if not names:
-        raise SpecError(f"must name one or more of {', '.join(FORMATS)}", "--formats")
-    return tuple(name for name in FORMATS if name in names)
+    return names_in(text, FORMATS, "--formats")
 
 
 def write_drive(plan: "Plan", folder: Path, request: DriveRequest, progress: Progress = lambda step: None) -> Driven:
@@ -367,8 +362,8 @@ def _others(
 def _heard(out: OutputFolder, plan: "Plan", request: DriveRequest) -> "Heard":
     import json
 
+    from padgen.core.wav_reader import read_wav
     from padgen.driver.ear import hear
-    from padgen.driver.formats.wav import read_wav
 
     wave = read_wav(out.path_of("drive.wav"))
     sidecar = json.loads(out.path_of("drive-wave.json").read_text(encoding="utf-8"))

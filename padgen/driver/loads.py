@@ -13,9 +13,10 @@ import numpy as np
 
 from padgen.driver.excitation import Excitation
 from padgen.driver.formats.c_code import group_channels, least_constants
-from padgen.driver.pad_drive import CoilDrive, PadDrive, constant_a2
+from padgen.driver.pad_drive import CoilDrive, PadDrive, coil_lines, constant_a2
 from padgen.driver.timeline import Timeline, ramp_s
 from padgen.driver.waveform import blocks, is_fed
+from padgen.physics.currents import current_lines_a, mean_square_a2, peak_current_a
 from padgen.physics.magnetics import impedance
 from padgen.planner.plan import Plan
 
@@ -100,34 +101,23 @@ def _shown(drive: PadDrive, coil: CoilDrive, timeline: Timeline) -> _Asked:
         square = constant_a2(drive, coil, levels)
     elif drive.scheme.name == "biased":
         fed = np.array([is_fed(timeline, key) for key in range(len(levels))])
-        square = fed * (coil.bias_a**2 + ((levels * _tones_a(drive, coil)) ** 2).sum(1) / 2)
+        square = fed * (coil.bias_a**2 + ((levels * current_lines_a(drive.scheme, coil.line_a2)) ** 2).sum(1) / 2)
     else:
         square = levels @ coil.line_a2
     return _Asked(levels.max(0), float(square.max()))
 
 
 def _any(drive: PadDrive, coil: CoilDrive) -> _Asked:
-    line, level = coil.line_a2, np.ones(len(coil.line_a2))
+    level = np.ones(len(coil.line_a2))
     if drive.scheme.name == "spur-free":
-        return _Asked(level, _largest_constant_a2(drive, coil) if len(line) else 0.0)
-    if drive.scheme.name == "biased":
-        return _Asked(level, float(coil.bias_a**2 + (_tones_a(drive, coil) ** 2).sum() / 2))
-    return _Asked(level, float(line.max(initial=0.0) if drive.scheme.takes_turns else line.sum()))
-
-
-def _tones_a(drive: PadDrive, coil: CoilDrive) -> np.ndarray:
-    """Amplitudes (n,) of the current's tones at level 1; not of a spur-free drive, which has none."""
-    if drive.scheme.name == "biased":
-        return coil.line_a2 / (2 * coil.bias_a) if coil.bias_a else coil.line_a2
-    tones: np.ndarray = np.sqrt(2 * coil.line_a2)
-    return tones
+        return _Asked(level, _largest_constant_a2(drive, coil) if len(level) else 0.0)
+    return _Asked(level, mean_square_a2(drive.scheme, coil.line_a2, 0.0))
 
 
 def _tones_v(drive: PadDrive, coil: CoilDrive) -> np.ndarray:
-    """Complex amplitudes (n,) of their voltages."""
-    share = 1.0 if drive.scheme.has_constant else 0.5
-    z = impedance(drive.resistance_ohm, drive.inductance_h, share * coil.force_hz)
-    volts: np.ndarray = z * _tones_a(drive, coil) * np.exp(1j * share * coil.phase_rad)
+    """Complex amplitudes (n,) of the voltages of the current's tones at level 1; spur-free there are none."""
+    harmonic, amplitude = coil_lines(drive, coil)
+    volts: np.ndarray = impedance(drive.resistance_ohm, drive.inductance_h, harmonic / drive.period_s) * amplitude
     return volts
 
 
@@ -150,8 +140,7 @@ def _ramp_v(drive: PadDrive, coil: CoilDrive, asked: _Asked, ramp: float) -> flo
         square = asked.square_a2 + float(asked.level @ coil.line_a2)
         current = float(np.sqrt(square if drive.carrier_hz is None else 2 * square))
     else:
-        tones = _tones_a(drive, coil)
-        current = float(coil.bias_a + (tones.max(initial=0.0) if drive.scheme.takes_turns else tones.sum()))
+        current = peak_current_a(drive.scheme, coil.line_a2, 0.0)
     return drive.inductance_h * current * STEEPEST / ramp
 
 
@@ -199,7 +188,7 @@ def _steady_v(drive: PadDrive, coil: CoilDrive) -> float:
         return _roots_v(drive, coil)
     if drive.scheme.takes_turns:
         return float(np.abs(_tones_v(drive, coil)).max())
-    harmonic = coil.harmonic if drive.scheme.has_constant else coil.harmonic // 2
+    harmonic = coil_lines(drive, coil).harmonic
     above, below = np.zeros(1), np.zeros(1)
     # At each time the worst state has those channels on that push the same way.
     for k, amplitude in zip(harmonic.tolist(), _tones_v(drive, coil).tolist(), strict=True):

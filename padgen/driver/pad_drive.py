@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 from math import ceil, floor, isfinite
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from padgen.measured.predict import levels_um
 from padgen.measured.tuning import Tuning, planned_tuning
 from padgen.physics.comb import comb_period_s, on_comb
 from padgen.physics.crest import least_constant, low_crest_phases
-from padgen.physics.currents import bias_a
+from padgen.physics.currents import bias_a, current_lines_a
 from padgen.physics.resonator import relative_energy
 from padgen.physics.root_margin import RootMargin, root_margin
 from padgen.physics.selectivity import Scheme
@@ -31,7 +32,9 @@ __all__ = [
     "HIGHEST_RATE_HZ",
     "RATE_OVER_RESONANCE",
     "CoilDrive",
+    "CoilLines",
     "PadDrive",
+    "coil_lines",
     "constant_a2",
     "make_drive",
 ]
@@ -93,6 +96,24 @@ class PadDrive:
     def has_constant(self) -> bool:
         """Whether what the amplifier passes has a part at 0 Hz."""
         return self.scheme.has_constant and self.carrier_hz is None
+
+
+class CoilLines(NamedTuple):
+    """Lines (n,) of a coil at level 1: ``Re amplitude exp(2πi harmonic t / period)``."""
+
+    harmonic: np.ndarray
+    amplitude: np.ndarray
+
+
+def coil_lines(drive: PadDrive, coil: CoilDrive) -> CoilLines:
+    """The lines of a coil's current in A beside its `bias_a`; spur-free those of i² in A² beside its `constant_a2`.
+
+    They go with the level; where the scheme has no constant, with its root, at half the force's frequency.
+    """
+    height = coil.line_a2 if drive.scheme.name == "spur-free" else current_lines_a(drive.scheme, coil.line_a2)
+    if drive.scheme.has_constant:
+        return CoilLines(coil.harmonic, height * np.exp(1j * coil.phase_rad))
+    return CoilLines(coil.harmonic // 2, height * np.exp(0.5j * coil.phase_rad))
 
 
 def constant_a2(drive: PadDrive, coil: CoilDrive, levels: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from padgen.core.errors import number
 from padgen.core.files import json_text
 from padgen.driver.frames import taxel_grid
 from padgen.driver.states import LARGEST_TABLE, coil_states
-from padgen.physics.currents import bias_a, current_lines_a, mean_square_a2
+from padgen.physics.currents import FORMULAS, bias_a, current_lines_a, mean_square_a2
 from padgen.planner.drive_rows import BIAS, COLUMNS, DriveRow, bias_row, coil_rows, table_csv
 from padgen.planner.frame_rates import slot_ms
 from padgen.planner.plan import Plan
@@ -83,23 +83,22 @@ def _recipe(plan: Plan, kind: int) -> dict[str, Any]:
     """What the current of a coil of set `kind` is made of, as a formula and its numbers in A and A²."""
     scheme, own = plan.scheme, plan.sets[kind]
     lines, headroom = np.array([c.line_a2 for c in own]), plan.spec.drive.headroom
-    recipe: dict[str, Any] = {"channels": [c.index for c in own], "squared_lines_a2": lines.tolist()}
+    recipe: dict[str, Any] = {
+        "channels": [c.index for c in own],
+        "squared_lines_a2": lines.tolist(),
+        "formula": FORMULAS[scheme.name],
+    }
     tones_a = current_lines_a(scheme, lines).tolist()
     if scheme.name == "spur-free":
-        recipe["formula"] = "i(t) = sqrt(a0 + sum over ON channels of a_j cos(2 pi resonance_hz_j t))"
         recipe["a0"] = f"{1 + headroom:g} times the sum of a_j over the ON channels"
         recipe["a0_all_on_a2"] = mean_square_a2(scheme, lines, headroom)
     elif scheme.name == "biased":
-        recipe["formula"] = "i(t) = B + sum over ON channels of b_j sin(2 pi resonance_hz_j t)"
         recipe["bias_a"] = bias_a(scheme, lines)
         recipe["bias_note"] = "B flows in every state, with all channels OFF too"
         recipe["b_a"] = tones_a
-    elif scheme.takes_turns:
-        recipe["formula"] = "i(t) = I_j sin(2 pi drive_hz_j t) in the slot of each ON channel j, one after the other"
-        recipe["slot_ms"] = slot_ms(plan.channels, plan.coils.sets)
-        recipe["ramp_ms"] = slot_ms(plan.channels, plan.coils.sets) / 2
-        recipe["I_a"] = tones_a
     else:
         recipe["I_a"] = tones_a
-        recipe["formula"] = "i(t) = sum over ON channels of I_j sin(2 pi drive_hz_j t)"
+    if scheme.takes_turns:
+        recipe["slot_ms"] = slot_ms(plan.channels, plan.coils.sets)
+        recipe["ramp_ms"] = slot_ms(plan.channels, plan.coils.sets) / 2
     return recipe

@@ -25,10 +25,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.driver.pad_drive import PadDrive, constant_a2
+from padgen.driver.pad_drive import PadDrive, coil_lines, constant_a2
 from padgen.driver.timeline import Timeline, blend, blend_slope
 
-__all__ = ["BLOCK", "Block", "blocks", "is_fed", "sample_count", "volts"]
+__all__ = ["BLOCK", "Block", "blocks", "edges", "is_fed", "sample_count", "volts"]
 
 BLOCK = 1 << 17
 """Numbers in a block, samples times coils: what stays in a core's cache."""
@@ -112,7 +112,8 @@ def blocks(
     size = block_samples or max(BLOCK // coils // ROW, 2) * ROW
     groups = list(_groups(drive, timeline, signal))
     form = _FORMS["tones" if drive.scheme.takes_turns else drive.scheme.name]
-    for stretch in _stretches(drive, timeline):
+    for key, (first, last) in enumerate(pairwise(edges(drive, timeline))):
+        stretch = _Stretch(first, last, key)
         if periods and np.array_equal(*timeline.levels[stretch.key : stretch.key + 2]):
             stretch = stretch._replace(stop=min(stretch.stop, stretch.start + drive.period_samples))
         for start in range(stretch.start, stretch.stop, size):
@@ -138,31 +139,25 @@ def _groups(drive: PadDrive, timeline: Timeline, signal: str) -> Iterator[_Group
     for index, coil in enumerate(drive.coils):
         if len(coil.taxels):
             alike.setdefault(tuple(coil.harmonic.tolist()), []).append(index)
-    for harmonic, members in alike.items():
+    for members in alike.values():
         own = [drive.coils[index] for index in members]
-        line, phase = np.stack([c.line_a2 for c in own]), np.stack([c.phase_rad for c in own])
+        lines = [coil_lines(drive, c) for c in own]
+        k, weight = lines[0].harmonic, gain * np.stack([line.amplitude for line in lines])
         bias = np.array([c.bias_a for c in own])
         taxels, constant = np.stack([c.taxels for c in own]), np.zeros((0, len(own)))
-        k = np.array(harmonic, int)
         if drive.scheme.name == "spur-free":
-            weight = gain**2 * line * np.exp(1j * phase)
-            levels = timeline.levels[:, taxels]
+            weight, levels = gain * weight, timeline.levels[:, taxels]
             constant = gain**2 * np.stack([constant_a2(drive, c, levels[:, m]) for m, c in enumerate(own)], 1)
-        elif drive.scheme.name == "biased":
-            weight = gain * line / (2 * bias[:, None]) * np.exp(1j * phase)
-        else:
-            k, weight = k // 2, gain * np.sqrt(2 * line) * np.exp(0.5j * phase)
         angle = 2 * np.pi * k / drive.period_samples * (np.arange(ROW) % drive.period_samples)[:, None]
         table = np.concatenate([np.cos(angle), np.sin(angle), np.ones((ROW, 1))], 1)
         slope = 2 * np.pi * k / drive.period_s * tau_s
         yield _Group(np.array(members), taxels, weight, k, table, slope, gain, tau_s, gain * bias, constant)
 
 
-def _stretches(drive: PadDrive, timeline: Timeline) -> Iterator[_Stretch]:
+def edges(drive: PadDrive, timeline: Timeline) -> list[int]:
+    """Number of the first sample at or after each keyframe; at the last one that of all samples."""
     edge = np.ceil(np.round(timeline.time_s * drive.rate_hz, 6)).astype(int)
-    edge[-1] = sample_count(drive, timeline)
-    for key, (start, stop) in enumerate(pairwise(edge.tolist())):
-        yield _Stretch(start, stop, key)
+    return [*edge[:-1].tolist(), sample_count(drive, timeline)]
 
 
 def _ramp(drive: PadDrive, timeline: Timeline, where: _Stretch) -> _Ramp:

@@ -14,14 +14,14 @@ from padgen import __version__
 from padgen.core.cache import version
 from padgen.core.errors import SpecError, number
 from padgen.core.files import OutputFolder, file_hash
+from padgen.core.registry import names_in
 from padgen.ladders.extreme_study import SETS, WRONG, Verdict, named_cases, verdict_of
 from padgen.ladders.isolate import measured
 from padgen.ladders.rung import Judged, Ladder
 from padgen.ladders.stages import LADDERS, Scene
-from padgen.ladders.tables import extreme_csv, extreme_json, study_csv, study_json
+from padgen.ladders.study_tables import extreme_csv, extreme_json, study_csv, study_json
 from padgen.ladders.verdicts import TOLERANCES, Pick, judged, picks
 from padgen.spec import Spec
-from padgen.spec.fields import unknown_name
 
 if TYPE_CHECKING:
     from padgen.planner.plan import Plan
@@ -88,15 +88,7 @@ def parse_only(text: str | None) -> tuple[str, ...]:
     SpecError
         A name is no ladder's; the message has the nearest that is.
     """
-    if text is None:
-        return tuple(LADDERS)
-    names = [name.strip() for name in text.split(",") if name.strip()]
-    for name in names:
-        if name not in LADDERS:
-            raise unknown_name(name, list(LADDERS), "ladder", "--only")
-    if not names:
-        raise SpecError(f"must name one or more of {', '.join(LADDERS)}", "--only")
-    return tuple(name for name in LADDERS if name in names)
+    return tuple(LADDERS) if text is None else names_in(text, LADDERS, "--only")
 
 
 def parse_tolerance(text: str) -> float:

@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 from padgen import __version__
 from padgen.core.cache import code_hash, versions
-from padgen.core.errors import SpecError
 from padgen.core.files import OutputFolder, built_files, differs, file_hash, is_current, json_text
 from padgen.core.finding import Finding
-from padgen.core.registry import SUSPENSIONS
+from padgen.core.registry import SUSPENSIONS, names_in
 from padgen.make.planning import plan_for
 from padgen.spec import Spec
 
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
     from padgen.planner.plan import Plan
     from padgen.solid.checks import Report
     from padgen.solid.mesh import Mesh
-    from padgen.solid.pad import PadSolid
+    from padgen.solid.pad_solid import PadSolid
     from padgen.solid.parts import Part
 
 __all__ = [
@@ -62,23 +61,12 @@ class Built:
 
 def parse_formats(text: str) -> tuple[str, ...]:
     """Formats from a comma-separated list, in the order of `FORMATS`."""
-    names = _parsed(text, FORMATS, "--formats")
-    if not names:
-        raise SpecError(f"must name one or more of {', '.join(FORMATS)}", "--formats")
-    return names
+    return names_in(text, FORMATS, "--formats")
 
 
 def parse_parts(text: str) -> tuple[str, ...]:
     """Parts from a comma-separated list, in the order of `PARTS`."""
-    return _parsed(text, PARTS, "--parts")
-
-
-def _parsed(text: str, known: tuple[str, ...], where: str) -> tuple[str, ...]:
-    names = [name.strip() for name in text.split(",") if name.strip()]
-    for name in names:
-        if name not in known:
-            raise SpecError(f"must be among {', '.join(known)}, got {name!r}", where)
-    return tuple(name for name in known if name in names)
+    return names_in(text, PARTS, "--parts", optional=True)
 
 
 def up_to_date(
@@ -126,7 +114,7 @@ class Pad:
             A kernel refused a taxel, or a seam does not close.
         """
         plan = self.plan
-        from padgen.solid.pad import build_pad
+        from padgen.solid.pad_solid import build_pad
 
         self.progress("modelling")
         return build_pad(plan)

@@ -25,9 +25,10 @@ from pathlib import Path
 
 from padgen.core.errors import FileError
 from padgen.core.files import read_bounded, reason
+from padgen.core.wav_reader import RIFF
 from padgen.measured.measurement import Measured, Record, Row, Spectrum, nearest_id
 from padgen.measured.read_csv import read_csv
-from padgen.measured.read_wav import read_wav
+from padgen.measured.read_wav import read_records
 from padgen.planner.plan import Plan
 
 __all__ = ["read_measured", "read_measured_text"]
@@ -71,8 +72,8 @@ Found = tuple[list[Row | Spectrum | Record], bool]
 
 def _read(data: bytes, path: Path, ids: tuple[str, ...], plan: Plan, excitation: str, alone: bool) -> Found:
     where = str(path)
-    if data[:4] in (b"RIFF", b"RIFX", b"RF64") or path.suffix.lower() in (".wav", ".wave"):
-        return read_wav(data, where, ids, plan, excitation), False
+    if data[:4] in RIFF or path.suffix.lower() in (".wav", ".wave"):
+        return read_records(data, path, ids, plan, excitation), False
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

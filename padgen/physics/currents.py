@@ -8,12 +8,28 @@ import numpy as np
 from padgen.physics.magnetics import impedance
 from padgen.physics.selectivity import Scheme
 
-__all__ = ["bias_a", "current_lines_a", "mean_square_a2", "peak_current_a", "peak_voltage_v", "root_voltage_v"]
+__all__ = [
+    "FORMULAS",
+    "bias_a",
+    "current_lines_a",
+    "mean_square_a2",
+    "peak_current_a",
+    "peak_voltage_v",
+    "root_voltage_v",
+]
+
+FORMULAS = {
+    "spur-free": "i(t) = sqrt(a0 + sum over ON channels of a_j cos(2 pi resonance_hz_j t))",
+    "biased": "i(t) = B + sum over ON channels of b_j sin(2 pi resonance_hz_j t)",
+    "tones": "i(t) = sum over ON channels of I_j sin(2 pi drive_hz_j t)",
+    "time-shared": "i(t) = I_j sin(2 pi drive_hz_j t) in the slot of each ON channel j, one after the other",
+}
+"""The current of each scheme: a_j are `line_a2`, B is `bias_a`, b_j and I_j are `current_lines_a`."""
 
 
 def bias_a(scheme: Scheme, line_a2: np.ndarray) -> float:
     """Constant current B in A of the biased scheme: `bias_ratio` times its largest tone ``b = a/(2B)``."""
-    return float(np.sqrt(scheme.bias_ratio * line_a2.max() / 2))
+    return float(np.sqrt(scheme.bias_ratio * line_a2.max(initial=0.0) / 2))
 
 
 def mean_square_a2(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.ndarray | None = None) -> float:
@@ -51,7 +67,7 @@ def peak_current_a(scheme: Scheme, line_a2: np.ndarray, headroom: float) -> floa
     lines = current_lines_a(scheme, line_a2)
     if scheme.name == "biased":
         return bias_a(scheme, line_a2) + float(lines.sum())
-    return float(lines.max() if scheme.takes_turns else lines.sum())
+    return float(lines.max(initial=0.0) if scheme.takes_turns else lines.sum())
 
 
 def peak_voltage_v(

@@ -11,7 +11,7 @@ from padgen.report.plans import table
 if TYPE_CHECKING:
     from padgen.batch.definition import Sweep
     from padgen.batch.events import Event
-    from padgen.batch.pareto import Overview
+    from padgen.batch.front import Overview
     from padgen.batch.sweep import SweepResult
     from padgen.core.cache import CacheInfo
 

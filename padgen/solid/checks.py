@@ -17,7 +17,7 @@ from padgen.core.finding import Finding
 from padgen.planner.plan import Plan
 from padgen.solid.measure import Dimension, measured, washer_rooms
 from padgen.solid.mesh import Mesh, as_manifold, from_manifold, ordered
-from padgen.solid.pad import PadSolid
+from padgen.solid.pad_solid import PadSolid
 from padgen.solid.sections import Section, narrow_gaps, narrow_walls, sections, smallest, thin_skins, unsupported_spans
 from padgen.solid.topology import MOST_FOUND, Topology, intersecting_pairs, topology
 from padgen.spec import Printer, Spec

@@ -7,7 +7,7 @@ from padgen.planner.plan import Plan
 from padgen.planner.tile import Outline
 from padgen.solid.border import border_mesh, border_volume_mm3
 from padgen.solid.mesh import ANGLE_RAD, CHORD_MM
-from padgen.solid.pad import PadSolid, Tile, assembled, build_pad
+from padgen.solid.pad_solid import PadSolid, Tile, assembled, build_pad
 
 __all__ = ["build_coupon", "grooved"]
 

@@ -20,7 +20,7 @@ from padgen.planner.tray import plan_tray
 from padgen.solid.border import washer_mesh
 from padgen.solid.kernel import build123d, kernel_errors
 from padgen.solid.mesh import Mesh, signed_volume_mm3
-from padgen.solid.pad import PadSolid
+from padgen.solid.pad_solid import PadSolid
 from padgen.solid.taxel import taxel_solid, washer_solid
 from padgen.solid.tile_store import taxel_key
 

@@ -14,7 +14,7 @@ import numpy as np
 from padgen.core.errors import FileError, MeshFileError
 from padgen.planner.plan import Plan
 from padgen.solid.mesh import Mesh, joined, sound_mesh
-from padgen.solid.pad import PadSolid, turned_grid
+from padgen.solid.pad_solid import PadSolid, turned_grid
 from padgen.solid.threemf_package import unpacked
 
 __all__ = ["part_3mf_bytes", "read_3mf", "threemf_bytes"]

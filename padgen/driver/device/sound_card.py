@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from padgen.core.errors import EngineMissingError, FileError, SpecError
-from padgen.driver.formats.wav import BEYOND_LIMIT, Wave, read_wav
+from padgen.core.wav_reader import Wave, read_wav
+from padgen.driver.formats.wav import BEYOND_LIMIT
 from padgen.driver.timeline import blend
 
 __all__ = ["EXTRA", "AudioDevice", "Sounded", "list_devices", "play_wave"]

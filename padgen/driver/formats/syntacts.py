@@ -12,16 +12,15 @@ Syntacts sequence plays both where they touch.
 
 from collections.abc import Iterator
 from itertools import pairwise
-from math import ceil
 from typing import NamedTuple
 
 import numpy as np
 
 from padgen.core.errors import at_least, number
 from padgen.driver.formats.syntacts_player import CONSTANT, TEMPLATE
-from padgen.driver.pad_drive import CoilDrive, PadDrive, constant_a2
+from padgen.driver.pad_drive import CoilDrive, PadDrive, coil_lines, constant_a2
 from padgen.driver.timeline import Timeline, ramp_s
-from padgen.driver.waveform import is_fed, volts
+from padgen.driver.waveform import edges, is_fed, volts
 from padgen.planner.plan import Plan
 
 __all__ = ["syntacts_script"]
@@ -95,8 +94,7 @@ def _figure(value: float) -> str:
 def _stretches(drive: PadDrive, timeline: Timeline) -> Iterator[_Stretch]:
     """What is between the keyframes, in the samples that the written wave has it in."""
     rate = drive.rate_hz
-    edge = [ceil(round(float(time_s) * rate, 6)) for time_s in timeline.time_s]
-    edge[-1] = round(timeline.seconds * rate)
+    edge = edges(drive, timeline)
     for key, (first, last) in enumerate(pairwise(edge)):
         if last <= first:
             continue
@@ -134,7 +132,7 @@ Pair = tuple[np.ndarray, np.ndarray]
 
 def _tones(drive: PadDrive, coil: CoilDrive, stretch: _Stretch, levels: Pair, scale_v: float) -> Iterator[Term]:
     """Sines at half the force's frequency, each with the root of its level."""
-    weight = np.sqrt(2 * coil.line_a2) * np.exp(0.5j * coil.phase_rad) / scale_v
+    harmonic, amplitude = coil_lines(drive, coil)
     for low, high in _pairs(levels):
         own = (levels[0] == low) & (levels[1] == high)
         if low == high:
@@ -144,7 +142,7 @@ def _tones(drive: PadDrive, coil: CoilDrive, stretch: _Stretch, levels: Pair, sc
         else:
             shape, slope = _root_of_levels(stretch, low, high)
         height = float(np.sqrt(low if low == high else 1 if min(low, high) > 0 else max(low, high)))
-        tones = list(_lines(drive, stretch, coil.harmonic[own] // 2, height * weight[own]))
+        tones = list(_lines(drive, stretch, harmonic[own], height / scale_v * amplitude[own]))
         yield from _fed(drive, (shape, slope), 0.0, tones)
 
 
@@ -152,11 +150,11 @@ def _biased(
     drive: PadDrive, coil: CoilDrive, stretch: _Stretch, levels: Pair, fed: tuple[bool, bool], scale_v: float
 ) -> Iterator[Term]:
     """A constant and sines at the force's frequency, each as its level; as a whole with a root from and to silence."""
-    weight = coil.line_a2 / (2 * coil.bias_a) * np.exp(1j * coil.phase_rad) / scale_v
-    bias = coil.bias_a / scale_v
+    harmonic, amplitude = coil_lines(drive, coil)
+    weight, bias = amplitude / scale_v, coil.bias_a / scale_v
     if fed[0] != fed[1]:
         steady = weight * levels[fed.index(True)]
-        tones = list(_lines(drive, stretch, coil.harmonic, steady))
+        tones = list(_lines(drive, stretch, harmonic, steady))
         yield from _fed(drive, _root_of_step(stretch, rises=fed[1]), bias, tones)
     elif fed[0]:
         yield "", drive.resistance_ohm * bias, []
@@ -164,7 +162,7 @@ def _biased(
             own = (levels[0] == low) & (levels[1] == high)
             shapes = ("", "") if low == high else _levels_text(stretch, low, high)
             height = low if low == high else 1.0
-            yield from _fed(drive, shapes, 0.0, list(_lines(drive, stretch, coil.harmonic[own], height * weight[own])))
+            yield from _fed(drive, shapes, 0.0, list(_lines(drive, stretch, harmonic[own], height * weight[own])))
 
 
 def _pairs(levels: Pair) -> list[tuple[float, float]]:
@@ -243,28 +241,27 @@ def _root_text(
 
     On a carrier the current is √(2F) cos(w t + p).
     """
-    before, after = (coil.line_a2 * level for level in levels)
-    if not (before.any() or after.any()):
+    if not np.any(levels):
         return ""
     text, force, slope = "", [_mixed(constant[0], constant[1])], []
-    moves = not np.array_equal(before, after)
-    if moves:
+    if not np.array_equal(*levels):
         # 1 − b is b of 1 − x, which keeps its digits where it is small: the root of it is taken.
         text = (
             f"{_share(stretch)}var b := {STEP}; var d := {_n(stretch.speed)} * {STEP_SLOPE}; "
             f"x := 1 - x; var q := {STEP}; "
         )
         slope.append(f"{_n(constant[1] - constant[0])} * d")
-    lines = list(_lines(drive, stretch, coil.harmonic, np.exp(1j * coil.phase_rad)))
-    for j, (turned, rate) in enumerate(lines):
-        if before[j] or after[j]:
+    lines = _lines(drive, stretch, *coil_lines(drive, coil))
+    for j, ((turned, rate), *pair) in enumerate(zip(lines, *levels, strict=True)):
+        if any(pair):
+            before, after = (abs(turned) * level for level in pair)
             angle = f"({_n(rate)} * t + {_n(np.angle(turned))})"
-            level = _mixed(before[j], after[j])
+            level = _mixed(before, after)
             text += f"var c{j} := cos{angle}; "
             force.append(f"{level} * c{j}")
             slope.append(f"{level} * {_n(-rate)} * sin{angle}")
-            if before[j] != after[j]:
-                slope.append(f"{_n(after[j] - before[j])} * d * c{j}")
+            if before != after:
+                slope.append(f"{_n(after - before)} * d * c{j}")
     r, half_l = drive.resistance_ohm / scale_v, drive.inductance_h / (2 * scale_v)
     text += f"var r := sqrt(max({' + '.join(force)}, 1e-300)); var s := ({' + '.join(slope)}) / r; "
     if drive.carrier_hz is None:

@@ -13,12 +13,14 @@ import numpy as np
 from padgen.core.errors import FileError, SpecError, at_most, number
 from padgen.core.files import json_text
 from padgen.core.finding import Finding
-from padgen.driver.formats.wav import BEYOND_LIMIT, LARGEST_24, WavWriter, read_wav
+from padgen.core.wav_reader import read_wav
+from padgen.driver.formats.wav import BEYOND_LIMIT, LARGEST_24, WavWriter
 from padgen.driver.limits import voltage_finding
-from padgen.driver.pad_drive import PadDrive
+from padgen.driver.pad_drive import PadDrive, coil_lines
 from padgen.driver.timeline import Timeline
 from padgen.driver.waveform import blocks, sample_count
 from padgen.measured.tuning import Tuning, tuning_hash
+from padgen.physics.currents import peak_current_a
 from padgen.physics.root_margin import ALIAS_DB
 from padgen.planner.plan import Plan
 
@@ -132,18 +134,8 @@ def full_scale(drive: PadDrive, signal: str = "voltage") -> float:
     """What sample 1 is in a file of this drive: the amplifier's limit in V, or a round current in A above all."""
     if signal == "voltage":
         return drive.voltage_limit_v
-    peaks = [0.0]
-    for coil in drive.coils:
-        line = coil.line_a2
-        if drive.scheme.name == "spur-free":
-            root = np.sqrt((2 + (coil.margin.max() if len(line) else 0.0)) * line.sum())
-            peaks.append(float(root) * (1 if drive.carrier_hz is None else 2**0.5))
-        elif drive.scheme.name == "biased" and len(line):
-            peaks.append(coil.bias_a + float(line.sum()) / (2 * coil.bias_a))
-        else:
-            tones = np.sqrt(2 * line)
-            peaks.append(float(tones.max(initial=0) if drive.scheme.takes_turns else tones.sum()))
-    return _round_up(max(peaks) / LARGEST_24)
+    peak_a = max(peak_current_a(drive.scheme, c.line_a2, float(c.margin.max(initial=0.0))) for c in drive.coils)
+    return _round_up(peak_a * (1 if drive.carrier_hz is None else 2**0.5) / LARGEST_24)
 
 
 def _round_up(value: float) -> float:
@@ -286,7 +278,7 @@ def _taxels(plan: Plan, drive: PadDrive) -> list[dict[str, Any]]:
     """Every taxel's line of i², in the order of the plan's."""
     rows: dict[int, dict[str, Any]] = {}
     for wav_channel, coil in enumerate(drive.coils):
-        drive_hz = coil.force_hz if drive.scheme.has_constant else coil.force_hz / 2
+        drive_hz = coil_lines(drive, coil).harmonic / drive.period_s
         for j, index in enumerate(coil.taxels.tolist()):
             rows[index] = {
                 "id": plan.taxels[index].id,

@@ -1,0 +1,207 @@
+"""Read WAV files: any number of channels, PCM of 1 to 64 bits and IEEE floats, samples when they are asked for.
+
+RIFF/WAVE, the same with the bytes in the other order (RIFX), and above 4 GiB RF64 (EBU Tech 3306), whose chunk `ds64`
+has the sizes in 64 bits.
+"""
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+import numpy as np
+
+from padgen.core.errors import FileError, number
+
+__all__ = ["EXTENSIBLE", "FLOAT", "IN_DS64", "PCM", "RIFF", "SUBFORMAT", "Wave", "read_wav"]
+
+RIFF = b"RIFF", b"RIFX", b"RF64"
+"""What a file begins with; RIFX has the most significant bytes first."""
+PCM, FLOAT, EXTENSIBLE = 1, 3, 0xFFFE
+SUBFORMAT = 0, 0x10, bytes.fromhex("800000aa00389b71")
+"""What follows the format's number in the subformat of WAVE_FORMAT_EXTENSIBLE: two numbers and bytes."""
+IN_DS64 = 0xFFFFFFFF
+"""The size of a chunk whose size stands in `ds64`."""
+SPOILT = "is cut off or damaged, not a WAV file that can be read: it"
+READ_BYTES = 1 << 22
+MOST_CHUNKS = 1000
+
+
+class _Chunk(NamedTuple):
+    """A chunk of a file: where its data begin and how many bytes it says they are."""
+
+    name: bytes
+    start: int
+    size: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Wave:
+    """A WAV file: `count` samples of `channels` channels, read when they are asked for.
+
+    `kind` is 'pcm' or 'float' with its `bits`, which lie in `width` bytes; `comment` that of the file's INFO list. Full
+    scale is 1. `held` are the file's bytes (None: they are on disk), `offset` is where the samples begin.
+    """
+
+    path: Path
+    rate_hz: int
+    channels: int
+    count: int
+    kind: str
+    bits: int
+    width: int
+    big_endian: bool
+    comment: str
+    offset: int
+    held: bytes | None
+
+    @property
+    def seconds(self) -> float:
+        """Its length."""
+        return self.count / self.rate_hz
+
+    @property
+    def samples(self) -> np.ndarray:
+        """All samples (count, channels)."""
+        return self.read()
+
+    def read(self, start: int = 0, stop: int | None = None) -> np.ndarray:
+        """Samples (s, channels) from `start` to before `stop`, as doubles."""
+        return self._unpacked(self._raw()[start:stop])
+
+    def channel(self, index: int, compact: bool = False) -> np.ndarray:
+        """The samples (count,) of one channel: doubles, or `compact` single floats if these hold them exactly."""
+        raw = self._raw()
+        starts = range(0, self.count, READ_BYTES)
+        parts = [self._unpacked(raw[i : i + READ_BYTES, index], compact) for i in starts]
+        return np.concatenate(parts) if parts else np.zeros(0)
+
+    def data(self) -> Iterator[bytes]:
+        """The samples' bytes in the file, in blocks."""
+        raw = self._raw()
+        step = max(READ_BYTES // (self.channels * self.width), 1)
+        return (raw[start : start + step].tobytes() for start in range(0, self.count, step))
+
+    def _raw(self) -> np.ndarray:
+        """The file's bytes (count, channels, bytes of a sample)."""
+        shape = self.count, self.channels, self.width
+        if not self.count:
+            return np.zeros(shape, np.uint8)
+        if self.held is None:
+            return np.memmap(self.path, np.uint8, "r", self.offset, shape)
+        return np.ndarray(shape, np.uint8, self.held, self.offset)
+
+    def _unpacked(self, raw: np.ndarray, compact: bool = False) -> np.ndarray:
+        """Floats of the bytes (…, width) of samples."""
+        if self.big_endian:
+            raw = raw[..., ::-1]
+        if self.kind == "float":
+            floats = np.ascontiguousarray(raw).view(f"<f{self.width}")[..., 0]
+            return floats.astype("f4" if compact and self.width == 4 else "f8")
+        if self.bits <= 8:  # these have no sign
+            return (raw[..., 0].astype("f4" if compact else "f8") - 128) / 128
+        word = 4 if self.width <= 4 else 8
+        whole = np.zeros((*raw.shape[:-1], word), np.uint8)
+        whole[..., word - self.width :] = raw
+        single = compact and not whole[..., : word - 3].any()
+        return whole.view(f"<i{word}")[..., 0].astype("f4" if single else "f8") / 2.0 ** (8 * word - 1)
+
+
+def read_wav(path: Path, data: bytes | None = None) -> Wave:
+    """Read the head of the WAV file `path`; its samples stay on disk. `data` are its bytes if they are known already.
+
+    Raises
+    ------
+    FileError
+        It is not there, not a WAV file, of a kind that is not read, or shorter than it says.
+    """
+    if data is not None:
+        return _read(path, BytesIO(data), len(data), data)
+    try:
+        size = path.stat().st_size
+        if not (path.is_file() or path.is_dir()):
+            raise FileError("cannot be read (it is no ordinary file)", str(path))
+        with path.open("rb") as file:
+            return _read(path, file, size, None)
+    except OSError as error:
+        raise FileError(f"cannot be read ({error.strerror})", str(path)) from error
+
+
+def _read(path: Path, file: BinaryIO, size: int, held: bytes | None) -> Wave:
+    where, head = str(path), file.read(12)
+    if head[:4] not in RIFF or head[8:] != b"WAVE":
+        raise FileError("is not a WAV file that can be read (RIFF, RIFX or RF64)" if size else "is empty", where)
+    order = ">" if head[:4] == b"RIFX" else "<"
+    parts: dict[bytes, bytes] = {}
+    data: _Chunk | None = None
+    for count, chunk in enumerate(_chunks(file, size, order)):
+        if count >= MOST_CHUNKS:
+            raise FileError(f"is damaged: a WAV file has a few parts, this one more than {MOST_CHUNKS}", where)
+        if chunk.name == b"data":
+            data = data or chunk
+        elif chunk.name in (b"fmt ", b"LIST") and chunk.name not in parts:
+            file.seek(chunk.start)
+            parts[chunk.name] = file.read(min(chunk.size, 1 << 16))
+    if b"fmt " not in parts or data is None:
+        raise FileError(f"{SPOILT} is without its {'format' if b'fmt ' not in parts else 'samples'}", where)
+    rate_hz, channels, kind, bits, width = _format(parts[b"fmt "], order, where)
+    said, frame = data.size, channels * width
+    if said > size - data.start:
+        there = max(size - data.start, 0) // frame
+        raise FileError(
+            f"is cut off: it has {there} of the {said // frame} samples that it says; copy or write it anew", where
+        )
+    if said % frame:
+        raise FileError(f"has {said} bytes of samples, not whole samples of {frame} bytes", where)
+    comment = _comment(parts.get(b"LIST", b""), order)
+    return Wave(path, rate_hz, channels, said // frame, kind, bits, width, order == ">", comment, data.start, held)
+
+
+def _chunks(file: BinaryIO, size: int, order: str) -> Iterator[_Chunk]:
+    """The chunks of a file; sizes that stand in `ds64` are taken from there."""
+    start, in_64 = 12, 0
+    while start + 8 <= size:
+        file.seek(start)
+        name, length = struct.unpack(f"{order}4sI", file.read(8))
+        if name == b"ds64":
+            sizes = file.read(16)
+            in_64 = struct.unpack("<QQ", sizes)[1] if len(sizes) == 16 else 0
+        if name == b"data" and length == IN_DS64 and in_64:
+            length = in_64
+        yield _Chunk(name, start + 8, length)
+        start += 8 + length + length % 2
+
+
+def _format(data: bytes, order: str, where: str) -> tuple[int, int, str, int, int]:
+    """Rate, channels, kind, bits and bytes of a sample, of a format chunk."""
+    if len(data) < 16:
+        raise FileError(f"{SPOILT} has a format of {len(data)} bytes, at least 16 are due", where)
+    code, channels, rate_hz, _, frame, bits = struct.unpack(f"{order}HHIIHH", data[:16])
+    if code == EXTENSIBLE and len(data) >= 40:
+        own, *subformat = struct.unpack(f"{order}IHH8s", data[24:40])
+        code = own if tuple(subformat) == SUBFORMAT else code
+    if bits not in {PCM: range(1, 65), FLOAT: (32, 64)}.get(code, ()):
+        raise FileError(
+            f"has samples of format {code:#06x} and {bits} bits; PCM of 1 … 64 bits and floats of 32 or 64 are read",
+            where,
+        )
+    if not channels or not rate_hz:
+        raise FileError(f"has {channels} channels at {number(rate_hz)} Hz, neither may be 0", where)
+    width, fits = frame // channels, -(-bits // 8)
+    # Integers may lie in the upper part of a longer word.
+    if frame % channels or not (width == fits or (code == PCM and width in (4, 8) and width > fits > 1)):
+        raise FileError(f"has {channels} channels of {bits} bits in {frame} bytes a sample", where)
+    return rate_hz, channels, "pcm" if code == PCM else "float", bits, width
+
+
+def _comment(data: bytes, order: str) -> str:
+    """The comment of an INFO list, empty where there is none."""
+    at = 4
+    while data[:4] == b"INFO" and at + 8 <= len(data):
+        name, length = struct.unpack(f"{order}4sI", data[at : at + 8])
+        if name == b"ICMT":
+            return data[at + 8 : at + 8 + length].rstrip(b"\0").decode("utf-8", "replace")
+        at += 8 + length + length % 2
+    return ""
