@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import padgen
-from padgen.core import files
+from padgen.core import commit, files
 from padgen.core.errors import FileError
 from padgen.core.files import OutputFolder, file_hash, is_current, read_manifest, take_away
 from padgen.core.lock import lock_file, unlock_file
@@ -97,7 +97,7 @@ def test_a_manifest_of_builds_alone_still_counts(tmp_path):
 
 def test_a_folder_is_taken_away_with_what_a_killed_run_left(tmp_path):
     put(tmp_path / "out", plan_json=PLAN_A)
-    (tmp_path / "out" / files.LOCK).touch()
+    (tmp_path / "out" / commit.LOCK).touch()
     (tmp_path / "out" / ".partial-4194305").mkdir()  # above the largest process number
     take_away(tmp_path / "out")
     assert not (tmp_path / "out").exists()
@@ -293,13 +293,13 @@ input()
 
 
 def test_a_folder_that_another_process_writes_into_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(files, "PATIENCE_S", 0.05)
+    monkeypatch.setattr(commit, "PATIENCE_S", 0.05)
     put(tmp_path, plan_json=PLAN_A)
-    holder = child(HOLDER, tmp_path / files.LOCK)
+    holder = child(HOLDER, tmp_path / commit.LOCK)
     assert holder.stdout.readline() == "True\n"
     with pytest.raises(FileError, match="another process writes into it; try again"):
         put(tmp_path, plan_json=PLAN_B)
-    assert texts(tmp_path) == {"plan.json": PLAN_A, files.LOCK: ""}
+    assert texts(tmp_path) == {"plan.json": PLAN_A, commit.LOCK: ""}
     holder.send_signal(signal.SIGKILL)
     holder.communicate()
     put(tmp_path, plan_json=PLAN_B)
@@ -317,7 +317,7 @@ def test_where_there_are_no_locks_one_writes_without(tmp_path, monkeypatch):
 
 def test_a_lock_is_no_way_out_of_a_folder(tmp_path):
     (tmp_path / "out").mkdir()
-    (tmp_path / "out" / files.LOCK).symlink_to(tmp_path / "outside")
+    (tmp_path / "out" / commit.LOCK).symlink_to(tmp_path / "outside")
     put(tmp_path / "out", plan_json=PLAN_A)
     assert not (tmp_path / "outside").exists()
 
