@@ -3,9 +3,11 @@
 import ast
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
+from itertools import count
 from pathlib import Path
 
 import pytest
@@ -244,6 +246,162 @@ def test_no_process_is_asked_by_a_signal():
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "kill":
                 assert not any(isinstance(value, ast.Constant) and value.value == 0 for value in node.args), path
+
+
+# A faulty disk: each system call in turn fails, or is the last
+
+
+CHANGES = ("open", "write", "fsync", "close", "mkdir", "rename", "replace", "unlink", "rmdir")
+"""The functions of `os` by which a commit changes the disk."""
+
+
+def faulty_disk(monkeypatch, at, fault):
+    """Let `fault` befall the call number `at` of those that change the disk; returns the calls that were made."""
+    calls = []
+
+    def befallen(name):
+        call = getattr(os, name)
+
+        def changed(*arguments, **named):
+            calls.append(name)
+            if len(calls) - 1 == at:
+                if name == "close":
+                    call(*arguments)
+                fault()
+            return call(*arguments, **named)
+
+        return changed
+
+    for name in CHANGES:
+        monkeypatch.setattr(os, name, befallen(name))
+    return calls
+
+
+def killed(at, work):
+    """Run `work` in a process that is gone at its call number `at`; whether it got that far."""
+    process = os.fork()
+    if process == 0:
+        try:
+            faulty_disk(pytest.MonkeyPatch(), at, lambda: os._exit(9))
+            work()
+            os._exit(0)
+        finally:
+            os._exit(1)
+    code = os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
+    assert code in (0, 9)
+    return code == 9
+
+
+def seen(folder):
+    """Names and contents of all that is not hidden."""
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.name[0] != "."} if folder.exists() else {}
+
+
+def hidden(folder):
+    return [path.name for path in folder.iterdir() if path.name[0] == "."] if folder.exists() else []
+
+
+def enter(folder):
+    with OutputFolder(folder):
+        pass
+
+
+def old_build(folder):
+    put(folder, {"spec": "a"}, plan_json=PLAN_A, pad_stl="ours", taxel_step="ours", study_csv="ours", notes_csv="ours")
+    (folder / "measured.csv").write_text("a user's")
+
+
+def old_build_edited(folder):
+    old_build(folder)
+    for name in ("pad.stl", "study.csv", "manifest.json.old"):
+        (folder / name).write_text("edited")
+    (folder / "bom.csv").write_text("a user's")
+
+
+def new_build(folder):
+    put(folder, {"spec": "b"}, ["taxel*"], plan_json=PLAN_B, pad_stl="new", bom_csv="new")
+
+
+COMMITS = {
+    "a folder that was not there": (lambda folder: None, new_build),
+    "a build by another of fewer files": (old_build, new_build),
+    "users' files that are kept": (old_build_edited, new_build),
+    "a manifest that is a user's": (lambda folder: (folder.mkdir(), (folder / "manifest.json").touch()), new_build),
+    "stale files alone": (old_build, lambda folder: put(folder, remove=["*.step", "notes.csv"])),
+    "a folder taken away": (old_build_edited, take_away),
+}
+commits = pytest.mark.parametrize(("before", "commit_"), COMMITS.values(), ids=COMMITS)
+
+
+def states(tmp_path, before, commit_):
+    """A function that makes copies of a folder to be changed, and what is seen there before and after the change."""
+    model, folder = tmp_path / "model", tmp_path / "new"
+    before(model)
+
+    def copied(to):
+        if model.exists():
+            shutil.copytree(model, to)
+        return to
+
+    commit_(copied(folder))
+    assert seen(folder) != seen(model) and not hidden(folder)
+    return copied, seen(model), seen(folder)
+
+
+@commits
+@pytest.mark.parametrize("errno", [5, 28])
+def test_where_a_call_fails_the_folder_is_the_old_or_the_new_one(tmp_path, caplog, before, commit_, errno):
+    def fails():
+        raise OSError(errno, os.strerror(errno))
+
+    copied, old, new = states(tmp_path, before, commit_)
+    ends = set()
+    for at in count():
+        folder = copied(tmp_path / str(at))
+        with pytest.MonkeyPatch.context() as patch:
+            calls, told = faulty_disk(patch, at, fails), False
+            try:
+                commit_(folder)
+            except FileError:
+                told = True
+        state = seen(folder)
+        assert state in ((old, new) if commit_ is take_away else (old,) if told else (new,)), calls[at:]
+        ends.add(state == new)
+        if len(calls) <= at:
+            break
+        enter(folder)
+        assert seen(folder) == state and not hidden(folder)
+    assert at > 15 and ends == {False, True}
+
+
+@commits
+def test_where_a_process_is_killed_the_folder_is_the_old_or_the_new_one(tmp_path, before, commit_):
+    copied, old, new = states(tmp_path, before, commit_)
+    ends = []
+    for at in count():
+        folder = copied(tmp_path / str(at))
+        if not killed(at, lambda folder=folder: commit_(folder)):
+            break
+        read_manifest(folder)
+        ends.append(seen(folder) == new)
+        assert ends[-1] or seen(folder) == old, at
+        enter(folder)
+        assert seen(folder) == (new if ends[-1] else old) and not hidden(folder)
+    assert at > 15 and ends == sorted(ends) and {*ends} == {False, True}, "old until the commit, new from then on"
+
+
+def test_a_process_that_is_killed_while_it_puts_back_does_no_harm(tmp_path):
+    copied, old, _ = states(tmp_path, *COMMITS["users' files that are kept"])
+    torn = 0
+    for at in count(step=3):
+        folder = copied(tmp_path / str(at))
+        if not killed(at, lambda folder=folder: new_build(folder)):
+            break
+        if (folder / commit.JOURNAL).exists():
+            torn += 1
+            calls = next(call for call in count() if not killed(call, lambda folder=folder: enter(folder)))
+            assert calls > 5 and seen(folder) == old and not hidden(folder)
+    assert torn > 3
 
 
 # Two at once

@@ -14,7 +14,7 @@ import os
 import re
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from errno import EDQUOT, EIO, ENOSPC
 from hashlib import file_digest
@@ -39,6 +39,7 @@ __all__ = [
     "move_all",
     "read_json_table",
     "recover",
+    "remove_aside",
     "say_kept",
     "write_synced",
 ]
@@ -134,7 +135,7 @@ def held(path: Path) -> Iterator[None]:
                 reason = error.strerror or type(error).__name__
                 sentence = f"a killed run left it half-written, and it cannot be put right ({reason})"
                 raise FileError(sentence, str(path)) from error
-            shutil.rmtree(path / moves.aside, ignore_errors=True)
+            remove_aside(path / moves.aside)
         yield
 
 
@@ -153,10 +154,17 @@ def recover(path: Path) -> None:
 
 def drop_partial(path: Path) -> None:
     """Remove what killed runs left half-written in a folder."""
-    if left := [left for left in path.glob(f"{PARTIAL}*") if not _runs(left.name)]:
+    left = [left for left in path.glob(f"{PARTIAL}*") if not _runs(left.name)]
+    if left or (path / LOCK).exists():  # which goes with being held
         with held(path):
             for folder in left:
-                shutil.rmtree(folder, ignore_errors=True)
+                remove_aside(folder)
+
+
+def remove_aside(folder: Path) -> None:
+    """Remove a folder of files that are not needed, as far as the disk lets."""
+    with suppress(OSError):  # closing may fail, too
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def is_under_way(path: Path, aside: str) -> bool:

@@ -10,7 +10,6 @@ removed and replaced. Any other is its user's: it is never removed, and where an
 
 import json
 import os
-import shutil
 import stat
 from collections.abc import Callable, Iterable
 from contextlib import suppress
@@ -39,6 +38,7 @@ from padgen.core.commit import (
     move_all,
     read_json_table,
     recover,
+    remove_aside,
     say_kept,
     write_synced,
 )
@@ -183,13 +183,11 @@ class OutputFolder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if not is_under_way(self.path, self._aside.name):  # else a broken disk keeps the files from going back
-            shutil.rmtree(self._aside, ignore_errors=True)
+            remove_aside(self._aside)
         if kind is not None:
-            for folder in self._made:
-                try:
+            with suppress(OSError):
+                for folder in self._made:
                     folder.rmdir()
-                except OSError:
-                    return
         if isinstance(error, OSError):
             raise FileError(f"cannot be written ({reason(error)})", str(self.path)) from error
 
@@ -314,7 +312,7 @@ def take_away(path: Path) -> None:
                 aside.mkdir()
                 ours = [name for name, known in files.items() if has_hash(path / name, known)]
                 move_all(path, Moves(aside.name, {}, [*ours, MANIFEST], {}))
-                shutil.rmtree(aside)
+                remove_aside(aside)
         path.rmdir()
 
 

@@ -70,7 +70,8 @@ def unlock_file(path: Path, file: int) -> None:
         with suppress(OSError):
             # Closing alone would leave the lock to processes that were forked meanwhile.
             fcntl.flock(file, fcntl.LOCK_UN)
-        os.close(file)
+        with suppress(OSError):
+            os.close(file)
 
 
 def _lock(file: int) -> None:
