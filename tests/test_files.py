@@ -7,16 +7,31 @@ import shutil
 import signal
 import subprocess
 import sys
+from contextlib import suppress
 from itertools import count
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 import padgen
 from padgen.core import commit, files
 from padgen.core.errors import FileError
-from padgen.core.files import OutputFolder, file_hash, is_current, read_manifest, take_away
+from padgen.core.files import (
+    OutputFolder,
+    differs,
+    file_hash,
+    is_current,
+    read_bounded,
+    read_manifest,
+    remove_unchanged,
+    take_away,
+)
 from padgen.core.lock import lock_file, unlock_file
+from padgen.measured.read import read_measured
+from padgen.planner import read_plan
+from padgen.solid.foreign import read_mesh
+from padgen.spec import find_spec
 
 PLAN_A, PLAN_B = '{"name": "a"}', '{"name": "b"}'
 
@@ -404,12 +419,124 @@ def test_a_process_that_is_killed_while_it_puts_back_does_no_harm(tmp_path):
     assert torn > 3
 
 
+def before_torn(tmp_path):
+    """A folder, what is seen in it, and the call of `new_build` before which some files are new and some are not."""
+    copied, old, _ = states(tmp_path, *COMMITS["users' files that are kept"])
+    with pytest.MonkeyPatch.context() as patch:
+        calls = faulty_disk(patch, -1, None)
+        new_build(copied(tmp_path / "counted"))
+    *_, at, _ = (number for number, name in enumerate(calls) if name == "replace")
+    return copied(tmp_path / "torn"), old, at
+
+
+def torn(tmp_path):
+    """A folder that a killed process left half old, half new; with what was seen in it before."""
+    folder, old, at = before_torn(tmp_path)
+    assert killed(at, lambda: new_build(folder))
+    assert (folder / "plan.json").read_text() == PLAN_B and not (folder / "manifest.json").exists()
+    return folder, old
+
+
+def test_a_disk_that_does_not_come_back_is_put_right_when_it_is_there_again(tmp_path):
+    folder, old, at = before_torn(tmp_path)
+
+    def fails(*arguments, **named):
+        raise OSError(5, "Input/output error")
+
+    def breaks():
+        for name in CHANGES:
+            patch.setattr(os, name, fails)
+        fails()
+
+    with pytest.MonkeyPatch.context() as patch:
+        faulty_disk(patch, at, breaks)
+        with pytest.raises(FileError, match="Input/output error"):
+            new_build(folder)
+        assert seen(folder) != old
+        with pytest.raises(FileError, match=r"a killed run left it half-written, and it cannot be put right \(Input"):
+            is_current(folder, {"spec": "a"})
+    assert is_current(folder, {"spec": "a"}) is False and seen(folder) == old
+    enter(folder)
+    assert not hidden(folder)
+
+
+@pytest.mark.parametrize(
+    "read",
+    [
+        lambda folder: read_plan(folder / "plan.json"),
+        lambda folder: find_spec(str(folder / "plan.json")),
+        lambda folder: read_mesh(folder / "pad.stl"),
+        lambda folder: read_measured(folder, SimpleNamespace(taxels=())),
+        lambda folder: read_bounded(folder / "tuning.json", 1000, "a tuning"),
+        lambda folder: differs(folder, "plan.json", PLAN_A),
+        lambda folder: remove_unchanged(folder, []) or read_manifest(folder),
+    ],
+)
+def test_whoever_reads_a_folder_reads_a_whole_one(tmp_path, read):
+    folder, old = torn(tmp_path)
+    with suppress(FileError):
+        read(folder)
+    assert seen(folder) == old
+
+
+def test_what_a_user_has_put_into_a_torn_folder_is_kept(tmp_path):
+    folder, old = torn(tmp_path)
+    theirs = ("plan.json", "pad.stl", "bom.csv", "taxel.step")
+    for name in theirs:
+        (folder / name).write_text(f"a user's {name}")
+    (folder / "new.csv").write_text("a user's")
+    enter(folder)
+    kept = {path.read_text() for path in folder.iterdir() if ".old" in path.name}
+    assert {f"a user's {name}" for name in theirs} <= kept and (folder / "new.csv").exists()
+    assert {name: data for name, data in seen(folder).items() if name in old} == old
+
+
+def test_without_locks_a_torn_folder_is_put_back_where_its_process_is_gone(tmp_path, monkeypatch):
+    def none(*arguments):
+        raise OSError(95, "Operation not supported")
+
+    folder, old = torn(tmp_path)
+    monkeypatch.setattr("fcntl.flock", none)
+    journal, living = (folder / commit.JOURNAL).read_text(), child("input()")
+    (aside,) = folder.glob(".partial-*")
+    (folder / commit.JOURNAL).write_text(journal.replace(aside.name, f".partial-{living.pid}"))
+    with pytest.raises(FileError, match="another process writes into it"):
+        enter(folder)
+    living.communicate("\n")
+    (folder / commit.JOURNAL).write_text(journal)
+    enter(folder)
+    assert seen(folder) == old
+
+
+TAMPERED_JOURNALS = {
+    "no table": "[]",
+    "half of one": '{"aside": ".partial-1", "new": {}',
+    "another's": '{"steps": []}',
+    "a path aside": '{"aside": ".partial-1/../..", "new": {}, "away": [], "kept": {}}',
+    "a path to put back": '{"aside": ".partial-1", "new": {}, "away": [], "kept": {"mine.csv": "../victim.txt"}}',
+    "a path to take": '{"aside": ".partial-1", "new": {"../victim.txt": "HASH"}, "away": [], "kept": {}}',
+    "no names": '{"aside": ".partial-1", "new": {}, "away": [["a"]], "kept": {}}',
+    "no lists": '{"aside": 1, "new": 1, "away": 1, "kept": 1}',
+}
+
+
+@pytest.mark.parametrize("text", TAMPERED_JOURNALS.values(), ids=TAMPERED_JOURNALS)
+def test_a_tampered_journal_is_none(tmp_path, text):
+    folder, victim = tmp_path / "out", tmp_path / "victim.txt"
+    (folder / ".partial-1").mkdir(parents=True)
+    victim.write_text("mine")
+    (folder / commit.JOURNAL).write_text(text.replace("HASH", file_hash(b"mine")))
+    put(folder, plan_json=PLAN_A)
+    assert victim.read_text() == "mine" and seen(folder).keys() == {"plan.json", "manifest.json"}
+
+
 # Two at once
 
 
 WRITER = """
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from padgen.core.files import OutputFolder
 
 folder, letter = Path(sys.argv[1]), sys.argv[2]
@@ -443,6 +570,7 @@ def test_of_two_writers_one_is_last_and_whole(tmp_path):
 HOLDER = """
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from padgen.core.lock import lock_file
 
 print(lock_file(Path(sys.argv[1])) >= 0, flush=True)
