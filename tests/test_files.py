@@ -3,18 +3,35 @@
 import ast
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
+from contextlib import suppress
+from itertools import count
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 import padgen
-from padgen.core import files
+from padgen.core import commit, files
 from padgen.core.errors import FileError
-from padgen.core.files import OutputFolder, file_hash, is_current, read_manifest, take_away
+from padgen.core.files import (
+    OutputFolder,
+    differs,
+    file_hash,
+    is_current,
+    read_bounded,
+    read_manifest,
+    remove_unchanged,
+    take_away,
+)
 from padgen.core.lock import lock_file, unlock_file
+from padgen.measured.read import read_measured
+from padgen.planner import read_plan
+from padgen.solid.foreign import read_mesh
+from padgen.spec import find_spec
 
 PLAN_A, PLAN_B = '{"name": "a"}', '{"name": "b"}'
 
@@ -97,7 +114,7 @@ def test_a_manifest_of_builds_alone_still_counts(tmp_path):
 
 def test_a_folder_is_taken_away_with_what_a_killed_run_left(tmp_path):
     put(tmp_path / "out", plan_json=PLAN_A)
-    (tmp_path / "out" / files.LOCK).touch()
+    (tmp_path / "out" / commit.LOCK).touch()
     (tmp_path / "out" / ".partial-4194305").mkdir()  # above the largest process number
     take_away(tmp_path / "out")
     assert not (tmp_path / "out").exists()
@@ -246,12 +263,280 @@ def test_no_process_is_asked_by_a_signal():
                 assert not any(isinstance(value, ast.Constant) and value.value == 0 for value in node.args), path
 
 
+# A faulty disk: each system call in turn fails, or is the last
+
+
+CHANGES = ("open", "write", "fsync", "close", "mkdir", "rename", "replace", "unlink", "rmdir")
+"""The functions of `os` by which a commit changes the disk."""
+
+
+def faulty_disk(monkeypatch, at, fault):
+    """Let `fault` befall the call number `at` of those that change the disk; returns the calls that were made."""
+    calls = []
+
+    def befallen(name):
+        call = getattr(os, name)
+
+        def changed(*arguments, **named):
+            calls.append(name)
+            if len(calls) - 1 == at:
+                if name == "close":
+                    call(*arguments)
+                fault()
+            return call(*arguments, **named)
+
+        return changed
+
+    for name in CHANGES:
+        monkeypatch.setattr(os, name, befallen(name))
+    return calls
+
+
+def killed(at, work):
+    """Run `work` in a process that is gone at its call number `at`; whether it got that far."""
+    process = os.fork()
+    if process == 0:
+        try:
+            faulty_disk(pytest.MonkeyPatch(), at, lambda: os._exit(9))
+            work()
+            os._exit(0)
+        finally:
+            os._exit(1)
+    code = os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
+    assert code in (0, 9)
+    return code == 9
+
+
+def seen(folder):
+    """Names and contents of all that is not hidden."""
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.name[0] != "."} if folder.exists() else {}
+
+
+def hidden(folder):
+    return [path.name for path in folder.iterdir() if path.name[0] == "."] if folder.exists() else []
+
+
+def enter(folder):
+    with OutputFolder(folder):
+        pass
+
+
+def old_build(folder):
+    put(folder, {"spec": "a"}, plan_json=PLAN_A, pad_stl="ours", taxel_step="ours", study_csv="ours", notes_csv="ours")
+    (folder / "measured.csv").write_text("a user's")
+
+
+def old_build_edited(folder):
+    old_build(folder)
+    for name in ("pad.stl", "study.csv", "manifest.json.old"):
+        (folder / name).write_text("edited")
+    (folder / "bom.csv").write_text("a user's")
+
+
+def new_build(folder):
+    put(folder, {"spec": "b"}, ["taxel*"], plan_json=PLAN_B, pad_stl="new", bom_csv="new")
+
+
+COMMITS = {
+    "a folder that was not there": (lambda folder: None, new_build),
+    "a build by another of fewer files": (old_build, new_build),
+    "users' files that are kept": (old_build_edited, new_build),
+    "a manifest that is a user's": (lambda folder: (folder.mkdir(), (folder / "manifest.json").touch()), new_build),
+    "stale files alone": (old_build, lambda folder: put(folder, remove=["*.step", "notes.csv"])),
+    "a folder taken away": (old_build_edited, take_away),
+}
+commits = pytest.mark.parametrize(("before", "commit_"), COMMITS.values(), ids=COMMITS)
+
+
+def states(tmp_path, before, commit_):
+    """A function that makes copies of a folder to be changed, and what is seen there before and after the change."""
+    model, folder = tmp_path / "model", tmp_path / "new"
+    before(model)
+
+    def copied(to):
+        if model.exists():
+            shutil.copytree(model, to)
+        return to
+
+    commit_(copied(folder))
+    assert seen(folder) != seen(model) and not hidden(folder)
+    return copied, seen(model), seen(folder)
+
+
+@commits
+@pytest.mark.parametrize("errno", [5, 28])
+def test_where_a_call_fails_the_folder_is_the_old_or_the_new_one(tmp_path, caplog, before, commit_, errno):
+    def fails():
+        raise OSError(errno, os.strerror(errno))
+
+    copied, old, new = states(tmp_path, before, commit_)
+    ends = set()
+    for at in count():
+        folder = copied(tmp_path / str(at))
+        with pytest.MonkeyPatch.context() as patch:
+            calls, told = faulty_disk(patch, at, fails), False
+            try:
+                commit_(folder)
+            except FileError:
+                told = True
+        state = seen(folder)
+        assert state in ((old, new) if commit_ is take_away else (old,) if told else (new,)), calls[at:]
+        ends.add(state == new)
+        if len(calls) <= at:
+            break
+        enter(folder)
+        assert seen(folder) == state and not hidden(folder)
+    assert at > 15 and ends == {False, True}
+
+
+@commits
+def test_where_a_process_is_killed_the_folder_is_the_old_or_the_new_one(tmp_path, before, commit_):
+    copied, old, new = states(tmp_path, before, commit_)
+    ends = []
+    for at in count():
+        folder = copied(tmp_path / str(at))
+        if not killed(at, lambda folder=folder: commit_(folder)):
+            break
+        read_manifest(folder)
+        ends.append(seen(folder) == new)
+        assert ends[-1] or seen(folder) == old, at
+        enter(folder)
+        assert seen(folder) == (new if ends[-1] else old) and not hidden(folder)
+    assert at > 15 and ends == sorted(ends) and {*ends} == {False, True}, "old until the commit, new from then on"
+
+
+def test_a_process_that_is_killed_while_it_puts_back_does_no_harm(tmp_path):
+    copied, old, _ = states(tmp_path, *COMMITS["users' files that are kept"])
+    torn = 0
+    for at in count(step=3):
+        folder = copied(tmp_path / str(at))
+        if not killed(at, lambda folder=folder: new_build(folder)):
+            break
+        if (folder / commit.JOURNAL).exists():
+            torn += 1
+            calls = next(call for call in count() if not killed(call, lambda folder=folder: enter(folder)))
+            assert calls > 5 and seen(folder) == old and not hidden(folder)
+    assert torn > 3
+
+
+def before_torn(tmp_path):
+    """A folder, what is seen in it, and the call of `new_build` before which some files are new and some are not."""
+    copied, old, _ = states(tmp_path, *COMMITS["users' files that are kept"])
+    with pytest.MonkeyPatch.context() as patch:
+        calls = faulty_disk(patch, -1, None)
+        new_build(copied(tmp_path / "counted"))
+    *_, at, _ = (number for number, name in enumerate(calls) if name == "replace")
+    return copied(tmp_path / "torn"), old, at
+
+
+def torn(tmp_path):
+    """A folder that a killed process left half old, half new; with what was seen in it before."""
+    folder, old, at = before_torn(tmp_path)
+    assert killed(at, lambda: new_build(folder))
+    assert (folder / "plan.json").read_text() == PLAN_B and not (folder / "manifest.json").exists()
+    return folder, old
+
+
+def test_a_disk_that_does_not_come_back_is_put_right_when_it_is_there_again(tmp_path):
+    folder, old, at = before_torn(tmp_path)
+
+    def fails(*arguments, **named):
+        raise OSError(5, "Input/output error")
+
+    def breaks():
+        for name in CHANGES:
+            patch.setattr(os, name, fails)
+        fails()
+
+    with pytest.MonkeyPatch.context() as patch:
+        faulty_disk(patch, at, breaks)
+        with pytest.raises(FileError, match="Input/output error"):
+            new_build(folder)
+        assert seen(folder) != old
+        with pytest.raises(FileError, match=r"a killed run left it half-written, and it cannot be put right \(Input"):
+            is_current(folder, {"spec": "a"})
+    assert is_current(folder, {"spec": "a"}) is False and seen(folder) == old
+    enter(folder)
+    assert not hidden(folder)
+
+
+@pytest.mark.parametrize(
+    "read",
+    [
+        lambda folder: read_plan(folder / "plan.json"),
+        lambda folder: find_spec(str(folder / "plan.json")),
+        lambda folder: read_mesh(folder / "pad.stl"),
+        lambda folder: read_measured(folder, SimpleNamespace(taxels=())),
+        lambda folder: read_bounded(folder / "tuning.json", 1000, "a tuning"),
+        lambda folder: differs(folder, "plan.json", PLAN_A),
+        lambda folder: remove_unchanged(folder, []) or read_manifest(folder),
+    ],
+)
+def test_whoever_reads_a_folder_reads_a_whole_one(tmp_path, read):
+    folder, old = torn(tmp_path)
+    with suppress(FileError):
+        read(folder)
+    assert seen(folder) == old
+
+
+def test_what_a_user_has_put_into_a_torn_folder_is_kept(tmp_path):
+    folder, old = torn(tmp_path)
+    theirs = ("plan.json", "pad.stl", "bom.csv", "taxel.step")
+    for name in theirs:
+        (folder / name).write_text(f"a user's {name}")
+    (folder / "new.csv").write_text("a user's")
+    enter(folder)
+    kept = {path.read_text() for path in folder.iterdir() if ".old" in path.name}
+    assert {f"a user's {name}" for name in theirs} <= kept and (folder / "new.csv").exists()
+    assert {name: data for name, data in seen(folder).items() if name in old} == old
+
+
+def test_without_locks_a_torn_folder_is_put_back_where_its_process_is_gone(tmp_path, monkeypatch):
+    def none(*arguments):
+        raise OSError(95, "Operation not supported")
+
+    folder, old = torn(tmp_path)
+    monkeypatch.setattr("fcntl.flock", none)
+    journal, living = (folder / commit.JOURNAL).read_text(), child("input()")
+    (aside,) = folder.glob(".partial-*")
+    (folder / commit.JOURNAL).write_text(journal.replace(aside.name, f".partial-{living.pid}"))
+    with pytest.raises(FileError, match="another process writes into it"):
+        enter(folder)
+    living.communicate("\n")
+    (folder / commit.JOURNAL).write_text(journal)
+    enter(folder)
+    assert seen(folder) == old
+
+
+TAMPERED_JOURNALS = {
+    "no table": "[]",
+    "half of one": '{"aside": ".partial-1", "new": {}',
+    "another's": '{"steps": []}',
+    "a path aside": '{"aside": ".partial-1/../..", "new": {}, "away": [], "kept": {}}',
+    "a path to put back": '{"aside": ".partial-1", "new": {}, "away": [], "kept": {"mine.csv": "../victim.txt"}}',
+    "a path to take": '{"aside": ".partial-1", "new": {"../victim.txt": "HASH"}, "away": [], "kept": {}}',
+    "no names": '{"aside": ".partial-1", "new": {}, "away": [["a"]], "kept": {}}',
+    "no lists": '{"aside": 1, "new": 1, "away": 1, "kept": 1}',
+}
+
+
+@pytest.mark.parametrize("text", TAMPERED_JOURNALS.values(), ids=TAMPERED_JOURNALS)
+def test_a_tampered_journal_is_none(tmp_path, text):
+    folder, victim = tmp_path / "out", tmp_path / "victim.txt"
+    (folder / ".partial-1").mkdir(parents=True)
+    victim.write_text("mine")
+    (folder / commit.JOURNAL).write_text(text.replace("HASH", file_hash(b"mine")))
+    put(folder, plan_json=PLAN_A)
+    assert victim.read_text() == "mine" and seen(folder).keys() == {"plan.json", "manifest.json"}
+
+
 # Two at once
 
 
 WRITER = """
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from padgen.core.files import OutputFolder
 
 folder, letter = Path(sys.argv[1]), sys.argv[2]
@@ -285,6 +570,7 @@ def test_of_two_writers_one_is_last_and_whole(tmp_path):
 HOLDER = """
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from padgen.core.lock import lock_file
 
 print(lock_file(Path(sys.argv[1])) >= 0, flush=True)
@@ -293,13 +579,13 @@ input()
 
 
 def test_a_folder_that_another_process_writes_into_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(files, "PATIENCE_S", 0.05)
+    monkeypatch.setattr(commit, "PATIENCE_S", 0.05)
     put(tmp_path, plan_json=PLAN_A)
-    holder = child(HOLDER, tmp_path / files.LOCK)
+    holder = child(HOLDER, tmp_path / commit.LOCK)
     assert holder.stdout.readline() == "True\n"
     with pytest.raises(FileError, match="another process writes into it; try again"):
         put(tmp_path, plan_json=PLAN_B)
-    assert texts(tmp_path) == {"plan.json": PLAN_A, files.LOCK: ""}
+    assert texts(tmp_path) == {"plan.json": PLAN_A, commit.LOCK: ""}
     holder.send_signal(signal.SIGKILL)
     holder.communicate()
     put(tmp_path, plan_json=PLAN_B)
@@ -317,7 +603,7 @@ def test_where_there_are_no_locks_one_writes_without(tmp_path, monkeypatch):
 
 def test_a_lock_is_no_way_out_of_a_folder(tmp_path):
     (tmp_path / "out").mkdir()
-    (tmp_path / "out" / files.LOCK).symlink_to(tmp_path / "outside")
+    (tmp_path / "out" / commit.LOCK).symlink_to(tmp_path / "outside")
     put(tmp_path / "out", plan_json=PLAN_A)
     assert not (tmp_path / "outside").exists()
 

@@ -1,7 +1,7 @@
 """Output files that are whole or not there: written aside, renamed when complete.
 
 `OutputFolder` collects the files of one run in a hidden folder beside their place; `commit` moves
-them in, the manifest last. An error or Ctrl-C before that leaves the old files as they were.
+them in, all or none (`padgen.core.commit`). An error, Ctrl-C or kill before that leaves the old files as they were.
 
 ``manifest.json`` lists what padgen wrote, with hashes. A listed file that still has its hash is padgen's: it may be
 removed and replaced. Any other is its user's: it is never removed, and where an output takes its name it is kept as
@@ -10,15 +10,13 @@ removed and replaced. Any other is its user's: it is never removed, and where an
 
 import json
 import os
-import re
-import shutil
 import stat
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import is_dataclass
 from fnmatch import fnmatchcase
 from hashlib import file_digest, sha256
-from itertools import count, takewhile
+from itertools import takewhile
 from json.encoder import encode_basestring
 from math import isfinite
 from pathlib import Path
@@ -27,8 +25,24 @@ from types import TracebackType
 from typing import Any
 
 from padgen import __version__
+from padgen.core.commit import (
+    PARTIAL,
+    Moves,
+    drop_partial,
+    free_name,
+    has_hash,
+    held,
+    is_entry,
+    is_under_way,
+    keep_aside,
+    move_all,
+    read_json_table,
+    recover,
+    remove_aside,
+    say_kept,
+    write_synced,
+)
 from padgen.core.errors import FileError
-from padgen.core.lock import locked
 
 __all__ = [
     "MANIFEST",
@@ -46,20 +60,13 @@ __all__ = [
     "read_bounded",
     "read_manifest",
     "reason",
+    "recover",
     "remove_unchanged",
     "take_away",
 ]
 
 PLAN = "plan.json"
 MANIFEST = "manifest.json"
-MOST_MANIFEST = 1_000_000
-"""Bytes of a manifest; the largest pad's has a hundredth."""
-PLAIN_NAME = re.compile(r"\w[\w.-]{0,200}", re.ASCII)
-HASH = re.compile("[0-9a-f]{64}")
-PARTIAL = ".partial-"
-LOCK = ".padgen.core.lock"
-PATIENCE_S = 10.0
-"""How long a commit waits for another; one takes milliseconds."""
 YIELD_FILE = "yield.json"
 SPEC = "spec"
 PLAN_FILES = (
@@ -164,8 +171,8 @@ class OutputFolder:
     def __enter__(self) -> "OutputFolder":
         try:
             missing = list(takewhile(lambda path: not path.exists(), (self.path, *self.path.parents)))
-            if not missing:
-                _drop_partial(self.path)
+            recover(self.path)
+            drop_partial(self.path)
             self._aside.mkdir(parents=True)
             self._made = missing
         except OSError as error:
@@ -175,31 +182,28 @@ class OutputFolder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        try:
-            self._aside.rmdir()  # all moved in
-        except OSError:
-            shutil.rmtree(self._aside, ignore_errors=True)
+        if not is_under_way(self.path, self._aside.name):  # else a broken disk keeps the files from going back
+            remove_aside(self._aside)
         if kind is not None:
-            for folder in self._made:
-                try:
+            with suppress(OSError):
+                for folder in self._made:
                     folder.rmdir()
-                except OSError:
-                    return
         if isinstance(error, OSError):
             raise FileError(f"cannot be written ({reason(error)})", str(self.path)) from error
 
     def write(self, name: str, data: bytes | str) -> None:
         """Add a file."""
         raw = data.encode() if isinstance(data, str) else data
-        (self._aside / name).write_bytes(raw)
+        write_synced(self._aside / name, raw)
         self._hashes[name] = file_hash(raw)
 
     def write_by(self, name: str, writer: Callable[[Path], None]) -> Path:
         """Add a file that `writer` writes to the path it is given; returns that path, for reading back."""
         path = self._aside / name
         writer(path)
-        with path.open("rb") as file:
+        with path.open("r+b") as file:  # as Windows has it, to sync what is written
             self._hashes[name] = file_digest(file, "sha256").hexdigest()
+            os.fsync(file)
         return path
 
     def path_of(self, name: str) -> Path:
@@ -222,9 +226,7 @@ class OutputFolder:
         FileError
             A folder has the name of a file, or another process is writing; nothing was moved.
         """
-        with locked(self.path / LOCK, PATIENCE_S) as taken:
-            if taken:
-                raise FileError("another process writes into it; try again when it has ended", str(self.path))
+        with held(self.path):
             before = read_manifest(self.path)
             known = before.get("files", {})
             for name in (*self._hashes, MANIFEST):
@@ -235,7 +237,7 @@ class OutputFolder:
             gone = [
                 name
                 for name in known.keys() - self._hashes.keys()
-                if any(fnmatchcase(name, pattern) for pattern in stale) and _has_hash(self.path / name, known[name])
+                if any(fnmatchcase(name, pattern) for pattern in stale) and has_hash(self.path / name, known[name])
             ]
             rest = {name: known[name] for name in known.keys() - gone if os.path.lexists(self.path / name)}
             manifest: dict[str, Any] = {"padgen": __version__, "files": dict(sorted({**rest, **self._hashes}.items()))}
@@ -244,83 +246,42 @@ class OutputFolder:
                 manifest |= {"inputs": built_from, "built": sorted(self._hashes)}
             elif built and all(manifest["files"].get(name) == known[name] for name in built):
                 manifest |= {"inputs": before["inputs"], "built": built}
-            (self._aside / MANIFEST).write_text(json_text(manifest), encoding="utf-8")
-            self._move_in(gone, before)
+            text = json_text(manifest).encode()
+            write_synced(self._aside / MANIFEST, text)
+            self._move_in({**self._hashes, MANIFEST: file_hash(text)}, gone, before)
         return [name for name in built if name in rest and name not in self._hashes] if other_plan else []
 
-    def _move_in(self, gone: list[str], before: dict[str, Any]) -> None:
+    def _move_in(self, new: dict[str, str], gone: list[str], before: dict[str, Any]) -> None:
         """Take away what is `gone`, make room, and move all files to their places; or leave all as it was."""
-        replaced, kept = self._aside / ".replaced", []
-        replaced.mkdir()
-        away = [(self.path / name, replaced / name) for name in gone]
-        for name in (MANIFEST, *self._hashes):
+        away, kept = list(gone), {}
+        for name in new:
             path = self.path / name
             if not os.path.lexists(path):
                 continue
-            hashes = (before.get("files", {}).get(name), self._hashes.get(name))
-            if bool(before) if name == MANIFEST else any(known and _has_hash(path, known) for known in hashes):
-                away.append((path, replaced / name))
+            hashes = (before.get("files", {}).get(name), new[name])
+            if bool(before) if name == MANIFEST else any(known and has_hash(path, known) for known in hashes):
+                away.append(name)
             else:
-                kept.append((path, _free(path)))
-        _move_all([*away, *kept, *((self._aside / name, self.path / name) for name in (*self._hashes, MANIFEST))])
-        for path, there in kept:
-            _say_kept(path, there)
-
-
-def _move_all(moves: list[tuple[Path, Path]]) -> None:
-    """Rename files one after the other; where that ends early, back again."""
-    try:
-        for here, there in moves:
-            here.replace(there)
-    except BaseException:
-        for here, there in reversed(moves):
-            with suppress(OSError):
-                if not os.path.lexists(here):
-                    there.replace(here)
-        raise
-
-
-def _free(path: Path) -> Path:
-    """A name for a user's file that makes room for an output: with .old, or .old2, or ... behind it."""
-    names = (path.with_name(f"{path.name}.old{number if number > 1 else ''}") for number in count(1))
-    return next(name for name in names if not os.path.lexists(name))
-
-
-def keep_aside(path: Path) -> None:
-    """Make room for an output where a user's file has its name."""
-    there = _free(path)
-    path.replace(there)
-    _say_kept(path, there)
-
-
-def _say_kept(path: Path, there: Path) -> None:
-    import logging
-
-    logging.getLogger("padgen").warning("padgen: %s was not as padgen wrote it; kept as %s", path, there.name)
+                kept[name] = free_name(path).name
+        move_all(self.path, Moves(self._aside.name, new, away, kept))
+        for name, there in kept.items():
+            say_kept(self.path / name, self.path / there)
 
 
 def read_manifest(path: Path) -> dict[str, Any]:
     """The manifest in a folder, empty when there is none of ours: plain names of files there, each with a hash."""
-    file = path / MANIFEST
-    try:
-        if file.is_symlink() or not file.is_file() or file.stat().st_size > MOST_MANIFEST:
-            return {}
-        manifest = json.loads(file.read_bytes())
-    except (OSError, ValueError, RecursionError):
-        return {}
-    files = manifest.get("files") if isinstance(manifest, dict) else None
-    if not isinstance(files, dict) or not all(_is_entry(name, known) for name, known in files.items()):
+    recover(path)
+    manifest = read_json_table(path / MANIFEST)
+    files = manifest.get("files")
+    if not isinstance(files, dict) or not all(
+        is_entry(name, known) and name.lower() != MANIFEST for name, known in files.items()
+    ):
         return {}
     # Before 0.2 builds alone wrote manifests.
     built = manifest.setdefault("built", list(files) if "inputs" in manifest else [])
     if not isinstance(built, list) or not all(isinstance(name, str) and name in files for name in built):
         return {}
-    return dict(manifest) if "inputs" in manifest or not built else {}
-
-
-def _is_entry(name: str, known: object) -> bool:
-    plain = PLAIN_NAME.fullmatch(name) is not None and name.lower() != MANIFEST
-    return plain and isinstance(known, str) and HASH.fullmatch(known) is not None
+    return manifest if "inputs" in manifest or not built else {}
 
 
 def built_files(path: Path) -> list[str]:
@@ -328,21 +289,10 @@ def built_files(path: Path) -> list[str]:
     return list(read_manifest(path).get("built", []))
 
 
-def _has_hash(path: Path, known: str) -> bool:
-    """Whether this is a file, and no link to one, of this content."""
-    try:
-        if path.is_symlink() or not path.is_file():
-            return False
-        with path.open("rb") as file:
-            return file_digest(file, "sha256").hexdigest() == known
-    except OSError:
-        return False
-
-
 def is_unchanged(path: Path, name: str) -> bool:
     """Whether padgen wrote this file of a folder and nobody has changed it since."""
     known = read_manifest(path).get("files", {})
-    return name in known and _has_hash(path / name, known[name])
+    return name in known and has_hash(path / name, known[name])
 
 
 def remove_unchanged(path: Path, names: Iterable[str]) -> None:
@@ -353,36 +303,22 @@ def remove_unchanged(path: Path, names: Iterable[str]) -> None:
 
 def take_away(path: Path) -> None:
     """Remove what padgen wrote into a folder and nobody has changed since; the folder, too, when it is empty then."""
-    _drop_partial(path)
-    with suppress(OSError):
-        with locked(path / LOCK, PATIENCE_S):
-            manifest = read_manifest(path)
-            if manifest:
-                remove_unchanged(path, manifest["files"])
-                (path / MANIFEST).unlink()
+    aside = path / f"{PARTIAL}{os.getpid()}"
+    with suppress(OSError, FileError):
+        drop_partial(path)
+        with held(path):
+            files = read_manifest(path).get("files")
+            if files is not None:
+                aside.mkdir()
+                ours = [name for name, known in files.items() if has_hash(path / name, known)]
+                move_all(path, Moves(aside.name, {}, [*ours, MANIFEST], {}))
+                remove_aside(aside)
         path.rmdir()
-
-
-def _drop_partial(path: Path) -> None:
-    """Remove what killed runs left half-written in a folder."""
-    for left in path.glob(f"{PARTIAL}*"):
-        process = left.name.removeprefix(PARTIAL)
-        if process.isdecimal() and not _runs(int(process)):
-            shutil.rmtree(left, ignore_errors=True)
-
-
-def _runs(process: int) -> bool:
-    """Whether a process of another number than ours runs."""
-    import psutil
-
-    try:
-        return process != os.getpid() and psutil.pid_exists(process)
-    except OverflowError:
-        return False
 
 
 def differs(path: Path, name: str, text: str) -> bool:
     """Whether a folder has a file of this name with another text."""
+    recover(path)
     try:
         return (path / name).read_bytes() != text.encode()
     except OSError:
@@ -394,7 +330,7 @@ def is_current(path: Path, inputs: dict[str, Any]) -> bool:
     manifest = read_manifest(path)
     if not manifest.get("built") or manifest["inputs"] != inputs:
         return False
-    return all(_has_hash(path / name, manifest["files"][name]) for name in manifest["built"])
+    return all(has_hash(path / name, manifest["files"][name]) for name in manifest["built"])
 
 
 def read_bounded(path: Path, most_bytes: int, what: str) -> bytes:
@@ -408,6 +344,7 @@ def read_bounded(path: Path, most_bytes: int, what: str) -> bytes:
     FileError
         It is not there, a folder, a device, too large, or cannot be read.
     """
+    recover(path.parent)
     try:
         found = path.stat()
         if stat.S_ISDIR(found.st_mode):

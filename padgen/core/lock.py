@@ -16,17 +16,19 @@ LOCKED_BYTE = 1 << 30
 
 
 @contextmanager
-def locked(path: Path, patience_s: float) -> Iterator[bool]:
-    """Hold a lock, or go without where it cannot be had; tells whether another has kept it for `patience_s`.
+def locked(path: Path, patience_s: float) -> Iterator[bool | None]:
+    """Hold a lock, or go without; tells whether it is held: False where another has kept it for `patience_s`.
 
-    The file is there for as long as the lock is held. Where the file system takes no locks, nobody is kept out.
+    The file is there for as long as the lock is held. Where the file system takes no locks, which None tells, nobody
+    is kept out.
     """
-    file, taken, end = -1, False, time.monotonic() + patience_s
+    file, has_lock, end = -1, None, time.monotonic() + patience_s
     try:
         with suppress(OSError):
-            while (file := lock_file(path)) < 0 and not (taken := time.monotonic() >= end):
+            while (file := lock_file(path)) < 0 and time.monotonic() < end:
                 time.sleep(LOOK_S)
-        yield taken
+            has_lock = file >= 0
+        yield has_lock
     finally:
         if file >= 0:
             unlock_file(path, file)
@@ -68,7 +70,8 @@ def unlock_file(path: Path, file: int) -> None:
         with suppress(OSError):
             # Closing alone would leave the lock to processes that were forked meanwhile.
             fcntl.flock(file, fcntl.LOCK_UN)
-        os.close(file)
+        with suppress(OSError):
+            os.close(file)
 
 
 def _lock(file: int) -> None:

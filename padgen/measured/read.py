@@ -24,7 +24,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from padgen.core.errors import FileError
-from padgen.core.files import read_bounded, reason
+from padgen.core.files import read_bounded, reason, recover
 from padgen.core.wav_reader import RIFF
 from padgen.measured.measurement import Measured, Record, Row, Spectrum, nearest_id
 from padgen.measured.read_csv import read_csv
@@ -47,6 +47,8 @@ def read_measured(path: Path, plan: Plan, excitation: str = "current") -> Measur
     FileError
         What cannot be read, or does not hold what the module's table says; with line and column.
     """
+    recover(path)
+    recover(path.parent)
     try:
         is_folder, is_there = path.is_dir(), path.exists()
     except OSError as error:  # a name that no file can have

@@ -8,12 +8,12 @@ from types import UnionType
 from typing import Any, get_args, get_origin
 
 from padgen.core.errors import FileError, SpecError
-from padgen.core.files import reason
+from padgen.core.files import read_bounded
 from padgen.planner.plan import Beam, Cell, CoilGrid, Plan, Plate, Site, Taxel
 from padgen.planner.suspensions import names
 from padgen.planner.tile import TURNS
 from padgen.spec import Spec, make_spec
-from padgen.spec.load import without_none
+from padgen.spec.load import LARGEST_PLAN, without_none
 
 __all__ = ["plan_from_json", "read_plan"]
 
@@ -33,9 +33,7 @@ KINDS: dict[Any, tuple[tuple[type, ...], str]] = {
 def read_plan(path: Path) -> Plan:
     """The plan in a file; raises `FileError` when it cannot be read or holds none."""
     try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise FileError(f"cannot be read ({reason(error)})", str(path)) from error
+        text = read_bounded(path, LARGEST_PLAN, "a plan").decode()
     except UnicodeDecodeError as error:
         raise FileError("is not a plan (it is not text)", str(path)) from error
     return plan_from_json(text, str(path))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from padgen.core.errors import MeshFileError
-from padgen.core.files import read_bounded, reason
+from padgen.core.files import read_bounded, reason, recover
 from padgen.planner import Plan
 from padgen.solid.checks import Report, check_mesh, compare_mesh
 from padgen.solid.mesh import Mesh, joined, sound_mesh
@@ -25,6 +25,7 @@ def read_mesh(path: Path) -> Mesh:
     MeshFileError
         The file is not there, not a mesh, or holds no triangles.
     """
+    recover(path.parent)
     try:
         if not path.is_file():
             raise MeshFileError("is not a file" if path.exists() else "there is no such file", str(path))

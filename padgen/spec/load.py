@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from padgen.core.errors import FileError, SpecError, shown
-from padgen.core.files import read_bounded, reason
+from padgen.core.files import read_bounded, reason, recover
 from padgen.spec.fields import build, optional_type, unknown_name
 from padgen.spec.model import Coil, Drive, Material, Model, Pad, Printer, Spec, Suspension, Taxel, Washer
 from padgen.spec.refusals import refuse_contradictions
@@ -79,6 +79,7 @@ def find_spec(spec: str) -> Path:
     if not spec.strip():
         raise FileError("must name a TOML file or a template, got nothing", "SPEC")
     try:
+        recover(path.parent)
         if path.is_dir():
             raise FileError("is a folder, must be a TOML file or the name of a template", spec)
         if path.exists():

@@ -1,0 +1,275 @@
+"""Files of a folder that change all at once or not at all, also where the process is killed in between.
+
+The new files lie complete in a hidden folder aside. A journal is put into the folder, the files are moved one by one,
+and the journal is removed: that is the commit. What was there before lies aside until then, so that whoever finds a
+journal and gets the folder's lock, which a living process would hold, puts everything back with it (`recover`). A kill
+while putting back does no harm: it goes on from where it was.
+
+Each system call that changes the disk is a function of `os` (those of `Path` call them), also where files are written:
+a test that replaces these has put another disk under it.
+"""
+
+import json
+import os
+import re
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass
+from errno import EDQUOT, EIO, ENOSPC
+from hashlib import file_digest
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+from padgen.core.errors import FileError
+from padgen.core.lock import locked
+
+__all__ = [
+    "LOCK",
+    "PARTIAL",
+    "Moves",
+    "drop_partial",
+    "free_name",
+    "has_hash",
+    "held",
+    "is_entry",
+    "is_under_way",
+    "keep_aside",
+    "move_all",
+    "read_json_table",
+    "recover",
+    "remove_aside",
+    "say_kept",
+    "write_synced",
+]
+
+PARTIAL = ".partial-"
+JOURNAL = ".padgen.journal"
+LOCK = ".padgen.lock"
+REPLACED = ".replaced"
+"""The folder, in the one aside, of padgen's own files that are replaced or removed."""
+PATIENCE_S = 10.0
+"""How long a commit waits for another; one takes milliseconds."""
+MOST_JSON = 1_000_000
+"""Bytes of a manifest or journal; the largest pad's have a hundredth."""
+PLAIN_NAME = re.compile(r"\w[\w.-]{0,254}", re.ASCII)
+HASH = re.compile("[0-9a-f]{64}")
+BAD_DISK = (EIO, ENOSPC, EDQUOT)
+
+
+@dataclass(frozen=True, slots=True)
+class Moves:
+    """What a commit moves: names of files in the folder.
+
+    `new` files and their hashes come from the folder `aside`; `away` are padgen's own that go there; `kept` are
+    users' files, each with the name that it is kept as.
+    """
+
+    aside: str
+    new: dict[str, str]
+    away: list[str]
+    kept: dict[str, str]
+
+
+def move_all(path: Path, moves: Moves) -> None:
+    """Move all files of a folder that is `held`; where that ends early, all are moved back."""
+    aside, journal = path / moves.aside, path / JOURNAL
+    try:
+        (aside / REPLACED).mkdir()
+        write_synced(aside / JOURNAL, json.dumps(asdict(moves)).encode())
+        (aside / JOURNAL).replace(journal)
+        _sync_folder(path)
+        for name in moves.away:
+            (path / name).replace(aside / REPLACED / name)
+        for name, there in moves.kept.items():
+            (path / name).replace(path / there)
+        for name in moves.new:
+            (aside / name).replace(path / name)
+        _sync_folder(path)
+        journal.unlink()
+    except BaseException:
+        if os.path.lexists(journal):
+            _move_back(path, moves)
+        raise
+
+
+def _move_back(path: Path, moves: Moves) -> None:
+    """Undo each move that was done; what a user has put in the place of a file since is kept beside it."""
+    aside = path / moves.aside
+    lie = {name: aside / REPLACED / name for name in moves.away}
+    lie |= {name: path / there for name, there in moves.kept.items()}
+    for name in (moves.new | lie) if aside.is_dir() else ():
+        place, old = path / name, lie.get(name)
+        if old is not None and not os.path.lexists(old):
+            continue  # was never moved, or is back already
+        if os.path.lexists(place):
+            if not os.path.lexists(aside / name) and has_hash(place, moves.new.get(name, "")):
+                place.replace(aside / name)
+            elif old is not None:
+                keep_aside(place)
+        if old is not None:
+            old.replace(place)
+    _sync_folder(path)
+    (path / JOURNAL).unlink()
+
+
+@contextmanager
+def held(path: Path) -> Iterator[None]:
+    """Keep other processes from changing a folder; what a killed commit has left in it is put back first.
+
+    Raises
+    ------
+    FileError
+        Another process has it, or it cannot be put back.
+    """
+    with locked(path / LOCK, PATIENCE_S) as has_lock:
+        moves = _read_journal(path)
+        # Where there are no locks, the number of the process has to tell.
+        if has_lock is False or (has_lock is None and moves and _runs(moves.aside)):
+            raise FileError("another process writes into it; try again when it has ended", str(path))
+        if moves:
+            try:
+                _move_back(path, moves)
+            except OSError as error:
+                reason = error.strerror or type(error).__name__
+                sentence = f"a killed run left it half-written, and it cannot be put right ({reason})"
+                raise FileError(sentence, str(path)) from error
+            remove_aside(path / moves.aside)
+        yield
+
+
+def recover(path: Path) -> None:
+    """Put a folder back to what it was before a commit that was killed; to be called before it is read.
+
+    Raises
+    ------
+    FileError
+        As `held` does.
+    """
+    if _read_journal(path):
+        with held(path):
+            pass
+
+
+def drop_partial(path: Path) -> None:
+    """Remove what killed runs left half-written in a folder."""
+    left = [left for left in path.glob(f"{PARTIAL}*") if not _runs(left.name)]
+    if left or (path / LOCK).exists():  # which goes with being held
+        with held(path):
+            for folder in left:
+                remove_aside(folder)
+
+
+def remove_aside(folder: Path) -> None:
+    """Remove a folder of files that are not needed, as far as the disk lets."""
+    with suppress(OSError):  # closing may fail, too
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def is_under_way(path: Path, aside: str) -> bool:
+    """Whether the files that lie `aside` are needed to put a folder back."""
+    moves = _read_journal(path)
+    return moves is not None and moves.aside == aside
+
+
+def _read_journal(path: Path) -> Moves | None:
+    """The journal in a folder, None where there is none of ours."""
+    try:
+        moves = Moves(**read_json_table(path / JOURNAL))
+        names = (*moves.new, *moves.away, *moves.kept, *moves.kept.values())
+        plain = all(PLAIN_NAME.fullmatch(name) for name in names) and all(map(HASH.fullmatch, moves.new.values()))
+        return moves if plain and _process(moves.aside) else None
+    except (TypeError, AttributeError):
+        return None
+
+
+def read_json_table(file: Path) -> dict[str, Any]:
+    """The table in a small JSON file, empty when there is no such file or table."""
+    try:
+        if file.is_symlink() or not file.is_file() or file.stat().st_size > MOST_JSON:
+            return {}
+        table = json.loads(file.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return table if isinstance(table, dict) else {}
+
+
+def is_entry(name: str, known: object) -> bool:
+    """Whether these are the plain name of a file and a hash."""
+    return PLAIN_NAME.fullmatch(name) is not None and isinstance(known, str) and HASH.fullmatch(known) is not None
+
+
+def has_hash(path: Path, known: str) -> bool:
+    """Whether this is a file, and no link to one, of this content."""
+    try:
+        if path.is_symlink() or not path.is_file():
+            return False
+        with path.open("rb") as file:
+            return file_digest(file, "sha256").hexdigest() == known
+    except OSError:
+        return False
+
+
+def free_name(path: Path) -> Path:
+    """A name for a user's file that makes room for an output: with .old, or .old2, or ... behind it."""
+    names = (path.with_name(f"{path.name}.old{number if number > 1 else ''}") for number in count(1))
+    return next(name for name in names if not os.path.lexists(name))
+
+
+def keep_aside(path: Path) -> None:
+    """Make room for an output where a user's file has its name."""
+    there = free_name(path)
+    path.replace(there)
+    say_kept(path, there)
+
+
+def say_kept(path: Path, there: Path) -> None:
+    """Tell where a user's file is now."""
+    import logging
+
+    logging.getLogger("padgen").warning("padgen: %s was not as padgen wrote it; kept as %s", path, there.name)
+
+
+def write_synced(path: Path, data: bytes) -> None:
+    """Write a file, and wait until it is on the disk."""
+    file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | getattr(os, "O_BINARY", 0), 0o666)
+    try:
+        left = memoryview(data)
+        while left:
+            left = left[os.write(file, left) :]
+        os.fsync(file)
+    finally:
+        os.close(file)
+
+
+def _sync_folder(path: Path) -> None:
+    """Wait until the names in a folder are on the disk, where the system can."""
+    if not hasattr(os, "O_DIRECTORY"):
+        return
+    try:
+        file = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            os.fsync(file)
+        finally:
+            os.close(file)
+    except OSError as error:
+        if error.errno in BAD_DISK:
+            raise
+
+
+def _process(aside: str) -> int:
+    """The process whose folder aside this is, 0 where it is none's."""
+    number = aside.removeprefix(PARTIAL)
+    return int(number) if aside.startswith(PARTIAL) and number.isascii() and number.isdecimal() else 0
+
+
+def _runs(aside: str) -> bool:
+    """Whether another process, whose folder aside this is, still runs; a folder of no process counts as in use."""
+    import psutil
+
+    process = _process(aside)
+    try:
+        return not process or (process != os.getpid() and psutil.pid_exists(process))
+    except OverflowError:
+        return False
