@@ -437,14 +437,15 @@ def torn(tmp_path):
     return folder, old
 
 
-def test_a_disk_that_does_not_come_back_is_put_right_when_it_is_there_again(tmp_path):
+@pytest.mark.parametrize("broken", [CHANGES, ("replace",)])
+def test_a_disk_that_does_not_come_back_is_put_right_when_it_is_there_again(tmp_path, broken):
     folder, old, at = before_torn(tmp_path)
 
     def fails(*arguments, **named):
         raise OSError(5, "Input/output error")
 
     def breaks():
-        for name in CHANGES:
+        for name in broken:
             patch.setattr(os, name, fails)
         fails()
 
@@ -466,7 +467,7 @@ def test_a_disk_that_does_not_come_back_is_put_right_when_it_is_there_again(tmp_
         lambda folder: read_plan(folder / "plan.json"),
         lambda folder: find_spec(str(folder / "plan.json")),
         lambda folder: read_mesh(folder / "pad.stl"),
-        lambda folder: read_measured(folder, SimpleNamespace(taxels=())),
+        lambda folder: read_measured(folder, SimpleNamespace(name="a", taxels=[SimpleNamespace(id="a")])),
         lambda folder: read_bounded(folder / "tuning.json", 1000, "a tuning"),
         lambda folder: differs(folder, "plan.json", PLAN_A),
         lambda folder: remove_unchanged(folder, []) or read_manifest(folder),
@@ -536,7 +537,6 @@ def test_a_tampered_journal_is_none(tmp_path, text):
 WRITER = """
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 from padgen.core.files import OutputFolder
 
 folder, letter = Path(sys.argv[1]), sys.argv[2]
@@ -570,7 +570,6 @@ def test_of_two_writers_one_is_last_and_whole(tmp_path):
 HOLDER = """
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 from padgen.core.lock import lock_file
 
 print(lock_file(Path(sys.argv[1])) >= 0, flush=True)
