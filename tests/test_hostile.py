@@ -13,7 +13,7 @@ import subprocess
 import sys
 import tomllib
 import zipfile
-from dataclasses import fields
+from dataclasses import replace
 from itertools import count
 from pathlib import Path
 
@@ -267,8 +267,8 @@ def test_a_threshold_that_is_no_file(tmp_path):
 
 
 def test_a_table_of_parts_stays_a_table(small_plan: Plan):
-    spec = {**small_plan.spec, "coil": {**small_plan.spec["coil"], "name": 'drum, "20"'}}
-    odd = Plan(**{**{f.name: getattr(small_plan, f.name) for f in fields(Plan)}, "spec": spec})
+    spec = small_plan.spec
+    odd = replace(small_plan, spec=replace(spec, coil=replace(spec.coil, name='drum, "20"')))
     rows = list(csv.reader(io.StringIO(bill_of_materials(odd, 1.0))))
     assert {len(row) for row in rows} == {4}
     assert rows[2][3].startswith('drum, "20":')
@@ -849,7 +849,7 @@ def test_a_bug_ends_in_one_sentence(monkeypatch, capsys):
     def broken(*_):
         raise KeyError("a\x1b[2J")
 
-    monkeypatch.setattr("padgen.spec.load_spec", broken)
+    monkeypatch.setattr("padgen.make.planning.load_spec", broken)
     assert cli.run(["plan", "paper-32"]) == 2
     told = capsys.readouterr()
     assert not told.out

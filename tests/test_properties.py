@@ -1,6 +1,6 @@
 """Random specs: whatever is asked, a plan that holds or one sentence, never a traceback."""
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 from itertools import pairwise
 
 from hypothesis import HealthCheck, assume, given, settings
@@ -97,7 +97,7 @@ def test_random_pads_pass_their_checks(table):
     spec = plan.spec
     # The bed is not what is tried here.
     wide = replace(spec, printer=replace(spec.printer, bed_x_mm=500.0, bed_y_mm=500.0))
-    plan = replace(plan, spec=asdict(wide))
+    plan = replace(plan, spec=wide)
     report = check_pad(build_pad(plan), plan)
     assert worst_level(report.findings) != "error", report.findings
 

@@ -13,7 +13,7 @@ import pytest
 from padgen.core import cache
 from padgen.planner import make_plan, resonances
 from padgen.planner.marks import groove
-from padgen.solid import export, pad, tile_store
+from padgen.solid import export, pad_solid, tile_store
 from padgen.solid.border import border_mesh, border_volume_mm3, prism, washer_mesh
 from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, as_manifold, signed_volume_mm3, tessellated
 from padgen.solid.taxel import washer_solid
@@ -48,10 +48,10 @@ def varied(**changes):
 
 
 def test_a_known_taxel_is_not_modelled_again(store, small_plan, monkeypatch):
-    first = pad.build_pad(small_plan)
+    first = pad_solid.build_pad(small_plan)
     assert len(entry_paths(store, tile_store.KIND)) == len(small_plan.channels)
-    monkeypatch.setattr(pad, "taxel_solid", no_kernel)
-    again = pad.build_pad(small_plan)
+    monkeypatch.setattr(pad_solid, "taxel_solid", no_kernel)
+    again = pad_solid.build_pad(small_plan)
     assert np.array_equal(again.mesh.vertices_mm, first.mesh.vertices_mm)
     assert np.array_equal(again.mesh.triangles, first.mesh.triangles)
     assert again.volume_mm3 == first.volume_mm3
@@ -59,9 +59,9 @@ def test_a_known_taxel_is_not_modelled_again(store, small_plan, monkeypatch):
 
 @pytest.mark.parametrize("change", [{"border_mm": 8.0}, {"hole_diameter_mm": 0.0}, {"border_mm": 7.25}])
 def test_another_layout_has_the_same_taxels(store, small_plan, monkeypatch, change):
-    pad.build_pad(small_plan)
-    monkeypatch.setattr(pad, "taxel_solid", no_kernel)
-    built = pad.build_pad(varied(**change))
+    pad_solid.build_pad(small_plan)
+    monkeypatch.setattr(pad_solid, "taxel_solid", no_kernel)
+    built = pad_solid.build_pad(varied(**change))
     assert signed_volume_mm3(built.mesh) == pytest.approx(built.volume_mm3, rel=1e-4)
 
 
@@ -91,11 +91,11 @@ def test_the_key_has_the_beam_the_fineness_and_the_versions(small_plan, monkeypa
 
 @pytest.mark.parametrize("data", [b"", b"PK\x03\x04", b"\x93NUMPY", b"no arrays"])
 def test_an_entry_that_holds_no_mesh_is_modelled_again(store, small_plan, data):
-    before = pad.build_pad(small_plan)
+    before = pad_solid.build_pad(small_plan)
     for path in entry_paths(store, tile_store.KIND):
         cache.store_bytes(tile_store.KIND, path.stem, data)
         assert tile_store.known_solid(path.stem) is None
-    assert pad.build_pad(small_plan).volume_mm3 == before.volume_mm3
+    assert pad_solid.build_pad(small_plan).volume_mm3 == before.volume_mm3
     assert all(tile_store.known_solid(path.stem) for path in entry_paths(store, tile_store.KIND))
 
 

@@ -11,6 +11,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from padgen.core.commit import recover
 from padgen.core.errors import PadgenError, SolverError, SpecError
 from padgen.spec import Spec, find_spec, load_spec, make_spec
 from padgen.spec.load import laid_over, without_none
@@ -128,6 +129,7 @@ def plan_to_compare(spec: str, mesh: Path, progress: Progress = lambda step: Non
     if path.suffix == ".json":
         return _named(read_plan(path), spec)
     asked = load_spec(spec)
+    recover(mesh.parent)
     if beside.is_file():
         recorded = read_plan(beside)
         if replace(recorded.spec, model=asked.model) == asked:
