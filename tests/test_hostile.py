@@ -13,7 +13,7 @@ import subprocess
 import sys
 import tomllib
 import zipfile
-from dataclasses import replace
+from dataclasses import fields, replace
 from itertools import count
 from pathlib import Path
 
