@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 
 from padgen.driver.ear import Heard, hear
-from padgen.driver.formats.wav import read_wav
 from padgen.driver.formats.wave_files import wave_json, write_wave
 from padgen.driver.pad_drive import PadDrive, make_drive
 from padgen.driver.timeline import Timeline, frame_s, ramp_s, steady, timeline
+from padgen.driver.wav_file import read_wav
 from padgen.physics.modal import felt_energy
 from padgen.physics.selectivity import all_states
 from padgen.planner import make_plan

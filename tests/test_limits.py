@@ -23,13 +23,13 @@ from padgen.driver.device import sound_card
 from padgen.driver.device.protocol import frame_message
 from padgen.driver.drive_folder import Driven, DriveRequest, write_drive, write_excitation
 from padgen.driver.excitation import KINDS, excitation
-from padgen.driver.formats.wav import read_wav
 from padgen.driver.frames import state_frame
 from padgen.driver.limits import judge_limits, judge_load
 from padgen.driver.loads import excitation_load, load_of
 from padgen.driver.pad_drive import make_drive
 from padgen.driver.rates import CONTROLLER_RATES_HZ, RATES_HZ, drive_at
 from padgen.driver.timeline import Timeline, ramp_s, steady, timeline
+from padgen.driver.wav_file import read_wav
 from padgen.driver.waveform import volts
 from padgen.measured.tuning import planned_tuning
 from padgen.planner import Plan, make_plan

@@ -11,7 +11,7 @@ import pytest
 from scipy.io import wavfile
 
 from padgen.core.errors import FileError
-from padgen.driver.formats.wav import LARGEST_24, WavWriter, read_wav, wav_header
+from padgen.driver.wav_file import LARGEST_24, WavWriter, read_wav, wav_header
 
 RATE = 48000
 STEP_24 = 2.0**-23

@@ -152,10 +152,10 @@ def write_excitation(
         As `excitation` and `write_drive` do.
     """
     from padgen.driver.excitation import excitation
-    from padgen.driver.formats.wav import BEYOND_LIMIT, WavWriter
     from padgen.driver.limits import judge_load
     from padgen.driver.loads import excitation_load
     from padgen.driver.rates import RATES_HZ
+    from padgen.driver.wav_file import BEYOND_LIMIT, WavWriter
     from padgen.planner.plan import plan_to_json
 
     played = excitation(plan, kind, RATES_HZ[0] if rate_hz is None else rate_hz, seconds, seed, together)
@@ -368,7 +368,7 @@ def _heard(out: OutputFolder, plan: "Plan", request: DriveRequest) -> "Heard":
     import json
 
     from padgen.driver.ear import hear
-    from padgen.driver.formats.wav import read_wav
+    from padgen.driver.wav_file import read_wav
 
     wave = read_wav(out.path_of("drive.wav"))
     sidecar = json.loads(out.path_of("drive-wave.json").read_text(encoding="utf-8"))

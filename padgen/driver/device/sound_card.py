@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from padgen.core.errors import EngineMissingError, FileError, SpecError
-from padgen.driver.formats.wav import BEYOND_LIMIT, Wave, read_wav
 from padgen.driver.timeline import blend
+from padgen.driver.wav_file import BEYOND_LIMIT, Wave, read_wav
 
 __all__ = ["EXTRA", "AudioDevice", "Sounded", "list_devices", "play_wave"]
 

@@ -29,7 +29,7 @@ MOST_GAP_STEPS = 1 << 20
 
 
 class Played(Protocol):
-    """A WAV file, as `padgen.driver.formats.wav.Wave`, or samples from elsewhere."""
+    """A WAV file, as `padgen.driver.wav_file.Wave`, or samples from elsewhere."""
 
     @property
     def rate_hz(self) -> int:

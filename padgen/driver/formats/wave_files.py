@@ -13,10 +13,10 @@ import numpy as np
 from padgen.core.errors import FileError, SpecError, at_most, number
 from padgen.core.files import json_text
 from padgen.core.finding import Finding
-from padgen.driver.formats.wav import BEYOND_LIMIT, LARGEST_24, WavWriter, read_wav
 from padgen.driver.limits import voltage_finding
 from padgen.driver.pad_drive import PadDrive
 from padgen.driver.timeline import Timeline
+from padgen.driver.wav_file import BEYOND_LIMIT, LARGEST_24, WavWriter, read_wav
 from padgen.driver.waveform import blocks, sample_count
 from padgen.measured.tuning import Tuning, tuning_hash
 from padgen.physics.root_margin import ALIAS_DB
