@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from padgen.driver.ear import Heard, hear
-from padgen.driver.formats.wave_files import wave_json, write_wave
+from padgen.driver.formats.wav import wave_json, write_wave
 from padgen.driver.pad_drive import PadDrive, make_drive
 from padgen.driver.timeline import Timeline, frame_s, ramp_s, steady, timeline
 from padgen.driver.wav_file import read_wav

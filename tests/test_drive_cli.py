@@ -175,7 +175,7 @@ def test_a_measured_table_is_enough(work, capsys):
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["drive", "tiny.toml", "--formats", "mp3"], "csv, json, wav, c, hjif, syntacts"),
+        (["drive", "tiny.toml", "--formats", "mp3"], "c, csv, hjif, json, syntacts, wav"),
         (["drive", "tiny.toml", "--formats", "wav"], "--state or --frames"),
         (["drive", "paper-32", "--state", "012"], "2 digits"),
         (["drive", "paper-32", "--state", "10", "--depth", "16"], "24, float"),

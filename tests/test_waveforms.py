@@ -23,7 +23,7 @@ import pytest
 
 from padgen.core.errors import FileError, SpecError
 from padgen.driver import pad_drive, waveform
-from padgen.driver.formats.wave_files import full_scale, wave_json, write_wave
+from padgen.driver.formats.wav import full_scale, wave_json, write_wave
 from padgen.driver.pad_drive import constant_a2, make_drive
 from padgen.driver.timeline import Timeline, blend, blend_slope, frame_s, ramp_s, steady, timeline
 from padgen.driver.wav_file import WavWriter, read_wav

@@ -12,7 +12,7 @@ from typing import Any, Generic, TypeVar, cast
 
 from padgen.core.errors import LONGEST_PART, SpecError, shown
 
-__all__ = ["SUSPENSIONS", "Registry", "unknown_name"]
+__all__ = ["FORMATS", "SUSPENSIONS", "Registry", "unknown_name"]
 
 T = TypeVar("T")
 NAME = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
@@ -34,18 +34,22 @@ class Registry(Generic[T]):
         """All names: those of the package by the alphabet, then the registered ones in their order."""
         return (*_names_of_files(self._package), *self._registered)
 
-    def register(self, name: str, thing: T) -> None:
-        """Add `thing` under `name`; `unregister` takes it away again.
+    def register(self, name: str, thing: T, protocol: type) -> None:
+        """Add `thing`, which holds to `protocol`, under `name`; `unregister` takes it away again.
 
         Raises
         ------
         SpecError
-            The name is taken, or not of small letters, digits and hyphens.
+            The name is taken, or not of small letters, digits and hyphens; or the thing lacks something.
         """
         if not NAME.fullmatch(name):
             raise SpecError(f"the name of a {self.kind} must be small letters and digits with hyphens, got {name!r}")
         if name in self.reserved or name in self.names():
             raise SpecError(f"there is a {self.kind} {name!r} already; take another name")
+        wanted = [*protocol.__annotations__, *(key for key in vars(protocol) if not key.startswith("_"))]
+        missing = [key for key in wanted if not hasattr(thing, key)]
+        if missing:
+            raise SpecError(f"the {self.kind} {name!r} lacks {', '.join(missing)}")
         self._registered[name] = thing
         self.changes += 1
 
@@ -96,3 +100,5 @@ def unknown_name(name: str, known: list[str], what: str, where: str) -> SpecErro
 
 SUSPENSIONS: Registry[Any] = Registry("suspension", "padgen.planner.suspensions", reserved=("auto",))
 """Modules or objects that hold to `padgen.planner.suspensions.Suspension`."""
+FORMATS: Registry[Any] = Registry("drive format", "padgen.driver.formats")
+"""Modules or objects that hold to `padgen.driver.formats.DriveFormat`."""

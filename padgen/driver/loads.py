@@ -7,19 +7,21 @@ slope adds is bounded.
 """
 
 from dataclasses import replace
+from functools import lru_cache
+from math import ceil
 from typing import NamedTuple
 
 import numpy as np
 
 from padgen.driver.excitation import Excitation
-from padgen.driver.formats.c_code import group_channels, least_constants
 from padgen.driver.pad_drive import CoilDrive, PadDrive, constant_a2
 from padgen.driver.timeline import Timeline, ramp_s
 from padgen.driver.waveform import blocks, is_fed
+from padgen.physics.crest import least_constant
 from padgen.physics.magnetics import impedance
 from padgen.planner.plan import Plan
 
-__all__ = ["Load", "excitation_load", "load_of"]
+__all__ = ["Load", "excitation_load", "group_channels", "least_constants", "load_of"]
 
 PER_CYCLE = 32
 """Points in a cycle of the highest line where a peak is looked for: what lies between two is at most 0.5 % above."""
@@ -34,6 +36,10 @@ BLOCK = 1 << 15
 PIECE, OVERLAP, FINER = 1 << 14, 1 << 10, 8
 """Samples of an excitation that are looked at between at a time, on either side of them, and how much finer."""
 SMALLEST = 1e-100
+GROUP_CHANNELS = 8
+"""Channels whose on/off states have their least constants in a table: 256 numbers, 1 KiB, at most."""
+ROUNDING = 1e-6
+"""What `least_constant` may be too small by, over the sum of the lines."""
 
 
 class Load(NamedTuple):
@@ -271,3 +277,25 @@ def _largest_constant_a2(drive: PadDrive, coil: CoilDrive) -> float:
         return float(_constants_a2(drive, coil).max())
     all_on, groups, _ = _groups(drive, coil)
     return max(all_on, float(sum(group.max() for group in groups))) + float(coil.margin @ coil.line_a2)
+
+
+def group_channels(channels: int) -> int:
+    """Channels of a group, as few as the number of groups allows, for a pad whose largest coil has `channels`."""
+    return ceil(channels / ceil(channels / GROUP_CHANNELS))
+
+
+@lru_cache(maxsize=1024)
+def least_constants(
+    harmonics: tuple[int, ...], line_a2: tuple[float, ...], phase_rad: tuple[float, ...], size: int
+) -> tuple[float, tuple[tuple[float, ...], ...]]:
+    """A coil's least constant with all channels on, and those of each group of `size` in every on/off state, in A²."""
+    harmonic, phase, line = np.array(harmonics, int), np.array(phase_rad), np.array(line_a2)
+    groups = []
+    for start in range(0, len(line), size):
+        part = slice(start, start + size)
+        bits = (np.arange(1 << size)[:, None] >> np.arange(len(line[part]))) & 1
+        states = bits * line[part]
+        least = least_constant(harmonic[part], states, phase[part]) + ROUNDING * states.sum(1)
+        groups.append(tuple(least.tolist()))
+    all_on = least_constant(harmonic, line[None], phase)[0] + ROUNDING * line.sum() if len(line) else 0.0
+    return float(all_on), tuple(groups)

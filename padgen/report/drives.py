@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from padgen.driver.drive_folder import Driven
     from padgen.driver.ear import Heard
     from padgen.driver.excitation import Excitation
-    from padgen.driver.formats.wave_files import WaveReport
+    from padgen.driver.formats.wav import WaveReport
     from padgen.planner.plan import Plan
 
 __all__ = ["driven_table", "driven_text", "excitation_text"]

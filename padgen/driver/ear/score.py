@@ -42,7 +42,7 @@ class Score:
 
 
 def read_score(sidecar: Mapping[str, Any], plan: Plan, where: str = "drive-wave.json") -> Score:
-    """The score of a sidecar (`padgen.driver.formats.wave_files`).
+    """The score of a sidecar (`padgen.driver.formats.wav`).
 
     Raises
     ------

@@ -18,14 +18,17 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.core.errors import at_least, number
-from padgen.driver.formats.syntacts_player import CONSTANT, TEMPLATE
+from padgen.core.files import OutputFolder
+from padgen.driver.formats import DriveJob
+from padgen.driver.formats._syntacts_player import CONSTANT, TEMPLATE
 from padgen.driver.pad_drive import CoilDrive, PadDrive, constant_a2
 from padgen.driver.timeline import Timeline, ramp_s
 from padgen.driver.waveform import is_fed, volts
 from padgen.planner.plan import Plan
 
-__all__ = ["syntacts_script"]
+__all__ = ["FILE", "MADE_OF", "ORDER", "syntacts_script", "write"]
 
+ORDER, MADE_OF, FILE = 5, "frames", "drive_syntacts.py"
 Tones = list[tuple[complex, float, float]]
 Term = tuple[str, float, list[tuple[float, float, float]]]
 
@@ -43,6 +46,13 @@ class _Stretch(NamedTuple):
     offset: float
     speed: float
     half_samples: int
+
+
+def write(out: OutputFolder, job: DriveJob) -> None:
+    """Add the script, whose samples are as large as those of the wave where one is written."""
+    report = job.report
+    scale = report.full_scale if report and report.signal == "voltage" else None
+    out.write(FILE, syntacts_script(job.plan, *job.played(), scale))
 
 
 def syntacts_script(plan: Plan, drive: PadDrive, timeline: Timeline, full_scale_v: float | None = None) -> str:

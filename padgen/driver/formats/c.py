@@ -7,7 +7,6 @@ after an hour as after the first period no phase is off by more than period_samp
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from math import ceil, pi
 from pathlib import Path
 from textwrap import fill
@@ -15,38 +14,30 @@ from textwrap import fill
 import numpy as np
 
 from padgen.core.errors import SpecError
+from padgen.core.files import OutputFolder
 from padgen.driver.device.protocol import HOLD_WATCHDOGS, plan_hash
+from padgen.driver.formats import DriveJob
+from padgen.driver.limits import judge_limits
+from padgen.driver.loads import group_channels, least_constants
 from padgen.driver.pad_drive import CoilDrive, PadDrive
+from padgen.driver.rates import CONTROLLER_RATES_HZ
 from padgen.driver.timeline import frame_s, ramp_s
 from padgen.measured.tuning import Tuning, tuning_hash
-from padgen.physics.crest import least_constant
 from padgen.planner.plan import Plan
 
-__all__ = [
-    "GROUP_CHANNELS",
-    "HEADER",
-    "SCHEME_NUMBERS",
-    "c_header",
-    "firmware_files",
-    "group_channels",
-    "least_constants",
-]
+__all__ = ["FILE", "MADE_OF", "ORDER", "SCHEME_NUMBERS", "c_header", "firmware_files", "write"]
 
-HEADER = "pad_drive.h"
+ORDER, MADE_OF, FILE = 2, "host", "pad_drive.h"
 FIRMWARE = Path(__file__).with_name("firmware")
 NAMES = {"README.md": "padgen_firmware.md"}
 """What files are called in a pad's folder, where they differ."""
 SCHEME_NUMBERS = {"tones": 0, "spur-free": 1, "biased": 2, "time-shared": 3}
-GROUP_CHANNELS = 8
-"""Channels whose on/off states have their least constants in a table: 256 numbers, 1 KiB, at most."""
 LEAST_WATCHDOG_S = 1.0
 WATCHDOG_FRAMES = 2
 MOST_SAMPLES = (1 << 32) - 1
 """What the firmware counts to."""
 TURN = 1 << 32
 NO_TAXEL = 0xFFFF
-ROUNDING = 1e-6
-"""What `least_constant` may be too small by, over the sum of the lines."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +50,15 @@ class _Kind:
     margin: tuple[float, ...]
     bias_a: float
     slot: tuple[int, ...]
+
+
+def write(out: OutputFolder, job: DriveJob) -> None:
+    """Add the header and the firmware; judged is whatever a host may send."""
+    drive = job.drive_at(CONTROLLER_RATES_HZ)
+    job.findings += judge_limits(FILE, job.plan, drive, tuning=job.request.tuning)
+    out.write(FILE, c_header(job.plan, drive, job.request.tuning))
+    for name, data in firmware_files().items():
+        out.write(name, data)
 
 
 def firmware_files() -> dict[str, bytes]:
@@ -164,11 +164,6 @@ def _channels(kinds: Sequence[_Kind]) -> int:
     return max(1, *(len(kind.line_a2) for kind in kinds))
 
 
-def group_channels(channels: int) -> int:
-    """Channels of a group, as few as the number of groups allows, for a pad whose largest coil has `channels`."""
-    return ceil(channels / ceil(channels / GROUP_CHANNELS))
-
-
 def _pad_tables(plan: Plan, drive: PadDrive, kinds: Sequence[_Kind], of_coil: Sequence[_Kind]) -> Iterable[str]:
     number = {kind: k for k, kind in enumerate(kinds)}
     channels = _channels(kinds)
@@ -222,23 +217,6 @@ def _constant_tables(kinds: Sequence[_Kind]) -> Iterable[str]:
         of_groups = [*least, *[(0.0,) * (1 << size)] * (groups - len(least))]
         rows.append("{" + ",\n".join(_braces([_float_above(a2) for a2 in states]) for states in of_groups) + "},")
     yield _rows(f"float padgen_least_a2[PADGEN_KINDS][PADGEN_GROUPS][{1 << size}]", rows)
-
-
-@lru_cache(maxsize=1024)
-def least_constants(
-    harmonics: tuple[int, ...], line_a2: tuple[float, ...], phase_rad: tuple[float, ...], size: int
-) -> tuple[float, tuple[tuple[float, ...], ...]]:
-    """A coil's least constant with all channels on, and those of each group of `size` in every on/off state, in A²."""
-    harmonic, phase, line = np.array(harmonics, int), np.array(phase_rad), np.array(line_a2)
-    groups = []
-    for start in range(0, len(line), size):
-        part = slice(start, start + size)
-        bits = (np.arange(1 << size)[:, None] >> np.arange(len(line[part]))) & 1
-        states = bits * line[part]
-        least = least_constant(harmonic[part], states, phase[part]) + ROUNDING * states.sum(1)
-        groups.append(tuple(least.tolist()))
-    all_on = least_constant(harmonic, line[None], phase)[0] + ROUNDING * line.sum() if len(line) else 0.0
-    return float(all_on), tuple(groups)
 
 
 def _turns(turns: float) -> int:

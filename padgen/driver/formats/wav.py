@@ -11,8 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.core.errors import FileError, SpecError, at_most, number
-from padgen.core.files import json_text
+from padgen.core.files import OutputFolder, json_text
 from padgen.core.finding import Finding
+from padgen.driver.carriers import carrier_text
+from padgen.driver.ear import hear
+from padgen.driver.ear.heard_table import heard_table
+from padgen.driver.formats import DriveJob
 from padgen.driver.limits import voltage_finding
 from padgen.driver.pad_drive import PadDrive
 from padgen.driver.timeline import Timeline
@@ -22,8 +26,25 @@ from padgen.measured.tuning import Tuning, tuning_hash
 from padgen.physics.root_margin import ALIAS_DB
 from padgen.planner.plan import Plan
 
-__all__ = ["SIGNALS", "WaveReport", "full_scale", "wave_json", "write_wave"]
+__all__ = [
+    "FILE",
+    "MADE_OF",
+    "ORDER",
+    "SIGNALS",
+    "WaveReport",
+    "full_scale",
+    "refuse",
+    "wave_json",
+    "write",
+    "write_wave",
+]
 
+ORDER, MADE_OF, FILE = 4, "frames", "drive.wav"
+SIDECAR, HEARD = "drive-wave.json", "hear.json"
+LARGEST_WAVE = 8e9
+"""Bytes of a WAV file."""
+MOST_HEARD = 25_000_000
+"""Samples of a file that is listened to: about 2 GB of memory."""
 SIGNALS = {"voltage": "V", "current": "A"}
 """What a file's samples are, and their unit."""
 CHECKED_BLOCK = 1 << 12
@@ -67,6 +88,48 @@ class _Tally(NamedTuple):
     square_a2: np.ndarray
     checksum: int
     first: np.ndarray
+
+
+def refuse(job: DriveJob) -> None:
+    """Refuse a wave that is longer than a file, or what listens to it, takes."""
+    drive, timeline = job.played()
+    bytes_each = 3 if job.request.depth == "24" else 4
+    longest = LARGEST_WAVE / (bytes_each * len(drive.coils) * drive.rate_hz)
+    if timeline.seconds > longest:
+        raise SpecError(
+            f"of all frames together must be at most {at_most(longest)} s for a file of {LARGEST_WAVE / 1e9:g} GB,"
+            f" they are {number(timeline.seconds)} s",
+            "--seconds",
+        )
+    longest = MOST_HEARD / drive.rate_hz
+    if job.request.hear and timeline.seconds > longest:
+        raise SpecError(
+            f"listens to at most {at_most(longest)} s, the frames last {number(timeline.seconds)} s; fewer or shorter"
+            " ones (--seconds), or one state with --loop, would do",
+            "--hear",
+        )
+
+
+def write(out: OutputFolder, job: DriveJob) -> None:
+    """Add the wave, its sidecar and, where that is asked for, what was heard of it."""
+    (drive, timeline), request = job.played(), job.request
+    carrier = ""
+    if drive.scheme.name == "spur-free" and drive.has_constant and not job.shown:
+        carrier = carrier_text(job.plan, timeline, request.rate_hz, request.tuning)
+    job.progress(f"writing {timeline.seconds:.3g} s of {len(drive.coils)} coils")
+    reports: list[WaveReport] = []
+
+    def put(path: Path) -> None:
+        reports.append(write_wave(path, drive, timeline, request.depth, request.signal, job.shown, carrier))
+
+    path = out.write_by(FILE, put)
+    sidecar = wave_json(job.plan, drive, timeline, reports[0], tuning=request.tuning)
+    out.write(SIDECAR, sidecar)
+    job.report = reports[0]
+    if request.hear:
+        job.progress("listening to the file")
+        job.heard = hear(job.plan, read_wav(path), json.loads(sidecar), request.tuning, request.gap)
+        out.write(HEARD, json_text(heard_table(job.heard)))
 
 
 def write_wave(
