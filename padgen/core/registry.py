@@ -12,7 +12,7 @@ from typing import Any, Generic, TypeVar, cast
 
 from padgen.core.errors import LONGEST_PART, SpecError, shown
 
-__all__ = ["FORMATS", "SUSPENSIONS", "Registry", "unknown_name"]
+__all__ = ["FORMATS", "SCHEMES", "SUSPENSIONS", "Registry", "unknown_name"]
 
 T = TypeVar("T")
 NAME = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
@@ -66,6 +66,10 @@ class Registry(Generic[T]):
         del self._registered[name]
         self.changes += 1
 
+    def version(self, name: str) -> int:
+        """0 for what padgen brings; for what was registered another number each time, for the keys of caches."""
+        return self.changes if name in self._registered else 0
+
     def get(self, name: str, where: str = "") -> T:
         """The thing of that name.
 
@@ -102,3 +106,5 @@ SUSPENSIONS: Registry[Any] = Registry("suspension", "padgen.planner.suspensions"
 """Modules or objects that hold to `padgen.planner.suspensions.Suspension`."""
 FORMATS: Registry[Any] = Registry("drive format", "padgen.driver.formats")
 """Modules or objects that hold to `padgen.driver.formats.DriveFormat`."""
+SCHEMES: Registry[Any] = Registry("drive scheme", "padgen.physics.schemes", reserved=("auto",))
+"""Modules or objects that hold to `padgen.physics.schemes.DriveScheme`."""

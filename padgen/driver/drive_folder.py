@@ -147,7 +147,7 @@ def _timeline(plan: "Plan", drive: "PadDrive", request: DriveRequest) -> "Timeli
 
     frames = request.frames
     assert frames is not None
-    in_turns = plan.selectivity.drive == "time-shared"
+    in_turns = plan.scheme.takes_turns
     if not request.loop:
         seconds = request.seconds_each
         if seconds is None and request.held:

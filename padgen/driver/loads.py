@@ -102,9 +102,9 @@ def _shown(drive: PadDrive, coil: CoilDrive, timeline: Timeline) -> _Asked:
     levels = timeline.levels[:, coil.taxels]
     if not len(coil.taxels):
         return _Asked(levels.max(0), 0.0)
-    if drive.scheme.name == "spur-free":
+    if drive.scheme.is_root:
         square = constant_a2(drive, coil, levels)
-    elif drive.scheme.name == "biased":
+    elif drive.scheme.is_biased:
         fed = np.array([is_fed(timeline, key) for key in range(len(levels))])
         square = fed * (coil.bias_a**2 + ((levels * _tones_a(drive, coil)) ** 2).sum(1) / 2)
     else:
@@ -114,16 +114,16 @@ def _shown(drive: PadDrive, coil: CoilDrive, timeline: Timeline) -> _Asked:
 
 def _any(drive: PadDrive, coil: CoilDrive) -> _Asked:
     line, level = coil.line_a2, np.ones(len(coil.line_a2))
-    if drive.scheme.name == "spur-free":
+    if drive.scheme.is_root:
         return _Asked(level, _largest_constant_a2(drive, coil) if len(line) else 0.0)
-    if drive.scheme.name == "biased":
+    if drive.scheme.is_biased:
         return _Asked(level, float(coil.bias_a**2 + (_tones_a(drive, coil) ** 2).sum() / 2))
     return _Asked(level, float(line.max(initial=0.0) if drive.scheme.takes_turns else line.sum()))
 
 
 def _tones_a(drive: PadDrive, coil: CoilDrive) -> np.ndarray:
     """Amplitudes (n,) of the current's tones at level 1; not of a spur-free drive, which has none."""
-    if drive.scheme.name == "biased":
+    if drive.scheme.is_biased:
         return coil.line_a2 / (2 * coil.bias_a) if coil.bias_a else coil.line_a2
     tones: np.ndarray = np.sqrt(2 * coil.line_a2)
     return tones
@@ -141,10 +141,10 @@ def _bound_v(drive: PadDrive, coil: CoilDrive, asked: _Asked, ramp: float) -> fl
     """Bound of a coil's voltage at all times, through transitions too."""
     if not len(coil.taxels):
         return 0.0
-    if drive.scheme.name == "spur-free":
+    if drive.scheme.is_root:
         state = _root_bound_v(drive, coil, asked.level[None], np.array([asked.square_a2]))
         return float(state[0]) + _ramp_v(drive, coil, asked, ramp)
-    share = asked.level if drive.scheme.name == "biased" else np.sqrt(asked.level)
+    share = asked.level if drive.scheme.is_biased else np.sqrt(asked.level)
     volts = np.abs(_tones_v(drive, coil)) * share
     steady = volts.max() if drive.scheme.takes_turns else volts.sum()
     return float(drive.resistance_ohm * coil.bias_a + steady) + _ramp_v(drive, coil, asked, ramp)
@@ -152,7 +152,7 @@ def _bound_v(drive: PadDrive, coil: CoilDrive, asked: _Asked, ramp: float) -> fl
 
 def _ramp_v(drive: PadDrive, coil: CoilDrive, asked: _Asked, ramp: float) -> float:
     """What the slope of the blend adds at most: the current's peak times L and the blend's steepest slope."""
-    if drive.scheme.name == "spur-free":
+    if drive.scheme.is_root:
         square = asked.square_a2 + float(asked.level @ coil.line_a2)
         current = float(np.sqrt(square if drive.carrier_hz is None else 2 * square))
     else:
@@ -201,7 +201,7 @@ def _any_v(drive: PadDrive, ramp: float) -> float:
 
 
 def _steady_v(drive: PadDrive, coil: CoilDrive) -> float:
-    if drive.scheme.name == "spur-free":
+    if drive.scheme.is_root:
         return _roots_v(drive, coil)
     if drive.scheme.takes_turns:
         return float(np.abs(_tones_v(drive, coil)).max())

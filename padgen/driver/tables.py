@@ -85,11 +85,11 @@ def _recipe(plan: Plan, kind: int) -> dict[str, Any]:
     lines, headroom = np.array([c.line_a2 for c in own]), plan.spec.drive.headroom
     recipe: dict[str, Any] = {"channels": [c.index for c in own], "squared_lines_a2": lines.tolist()}
     tones_a = current_lines_a(scheme, lines).tolist()
-    if scheme.name == "spur-free":
+    if scheme.is_root:
         recipe["formula"] = "i(t) = sqrt(a0 + sum over ON channels of a_j cos(2 pi resonance_hz_j t))"
         recipe["a0"] = f"{1 + headroom:g} times the sum of a_j over the ON channels"
         recipe["a0_all_on_a2"] = mean_square_a2(scheme, lines, headroom)
-    elif scheme.name == "biased":
+    elif scheme.is_biased:
         recipe["formula"] = "i(t) = B + sum over ON channels of b_j sin(2 pi resonance_hz_j t)"
         recipe["bias_a"] = bias_a(scheme, lines)
         recipe["bias_note"] = "B flows in every state, with all channels OFF too"

@@ -111,7 +111,7 @@ def blocks(
     coils = len(drive.coils)
     size = block_samples or max(BLOCK // coils // ROW, 2) * ROW
     groups = list(_groups(drive, timeline, signal))
-    form = _FORMS["tones" if drive.scheme.takes_turns else drive.scheme.name]
+    form = _FORMS[drive.scheme.kind.CURRENT]
     for stretch in _stretches(drive, timeline):
         if periods and np.array_equal(*timeline.levels[stretch.key : stretch.key + 2]):
             stretch = stretch._replace(stop=min(stretch.stop, stretch.start + drive.period_samples))
@@ -144,11 +144,11 @@ def _groups(drive: PadDrive, timeline: Timeline, signal: str) -> Iterator[_Group
         bias = np.array([c.bias_a for c in own])
         taxels, constant = np.stack([c.taxels for c in own]), np.zeros((0, len(own)))
         k = np.array(harmonic, int)
-        if drive.scheme.name == "spur-free":
+        if drive.scheme.is_root:
             weight = gain**2 * line * np.exp(1j * phase)
             levels = timeline.levels[:, taxels]
             constant = gain**2 * np.stack([constant_a2(drive, c, levels[:, m]) for m, c in enumerate(own)], 1)
-        elif drive.scheme.name == "biased":
+        elif drive.scheme.is_biased:
             weight = gain * line / (2 * bias[:, None]) * np.exp(1j * phase)
         else:
             k, weight = k // 2, gain * np.sqrt(2 * line) * np.exp(0.5j * phase)
@@ -314,4 +314,4 @@ def _grey(
 
 
 Form = Callable[[PadDrive, Timeline, _Group, _Stretch], Part]
-_FORMS: dict[str, Form] = {"spur-free": _spur_free, "biased": _biased, "tones": _tones}
+_FORMS: dict[str, Form] = {"root": _spur_free, "biased": _biased, "tones": _tones}

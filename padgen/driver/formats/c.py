@@ -23,6 +23,7 @@ from padgen.driver.pad_drive import CoilDrive, PadDrive
 from padgen.driver.rates import CONTROLLER_RATES_HZ
 from padgen.driver.timeline import frame_s, ramp_s
 from padgen.measured.tuning import Tuning, tuning_hash
+from padgen.physics.selectivity import Scheme
 from padgen.planner.plan import Plan
 
 __all__ = ["FILE", "MADE_OF", "ORDER", "SCHEME_NUMBERS", "c_header", "firmware_files", "write"]
@@ -91,7 +92,7 @@ def c_header(plan: Plan, drive: PadDrive, tuning: Tuning | None = None) -> str:
         *_pad_tables(plan, drive, kinds, of_coil),
         *_kind_tables(drive, kinds),
     ]
-    if drive.scheme.name == "spur-free":
+    if drive.scheme.is_root:
         parts += _constant_tables(kinds)
     return "\n".join([*parts, "#endif\n"])
 
@@ -120,7 +121,7 @@ def _plain(text: str) -> str:
 
 
 def _defines(plan: Plan, drive: PadDrive, kinds: Sequence[_Kind]) -> str:
-    name, rate = drive.scheme.name, drive.rate_hz
+    rate = drive.rate_hz
     turns = drive.scheme.takes_turns
     slots = len(plan.sets[0]) if turns else 1
     ramp = ceil((frame_s(plan) / slots / 2 if turns else ramp_s(plan)) * rate)
@@ -130,7 +131,7 @@ def _defines(plan: Plan, drive: PadDrive, kinds: Sequence[_Kind]) -> str:
     channels = _channels(kinds)
     lines = {
         **{f"PADGEN_{_upper(scheme)}": number for scheme, number in SCHEME_NUMBERS.items()},
-        "PADGEN_SCHEME": f"PADGEN_{_upper(name)}",
+        "PADGEN_SCHEME": f"PADGEN_{_upper(_played_as(drive.scheme))}",
         "PADGEN_TAKES_TURNS": int(turns),
         "PADGEN_RATE_HZ": f"{rate}u",
         "PADGEN_PERIOD_SAMPLES": f"{drive.period_samples}u",
@@ -153,6 +154,15 @@ def _defines(plan: Plan, drive: PadDrive, kinds: Sequence[_Kind]) -> str:
         "PADGEN_GROUP_CHANNELS": group_channels(channels),
     }
     return "".join(f"#define {key} {value}\n" for key, value in lines.items())
+
+
+def _played_as(scheme: Scheme) -> str:
+    """The scheme of the firmware that makes the same current."""
+    for name in SCHEME_NUMBERS:
+        like = Scheme(name).kind
+        if (like.CURRENT, like.TAKES_TURNS) == (scheme.kind.CURRENT, scheme.takes_turns):
+            return name
+    raise SpecError(f"the firmware does not play {scheme.name!r}; its schemes are {', '.join(SCHEME_NUMBERS)}", FILE)
 
 
 def _upper(scheme: str) -> str:

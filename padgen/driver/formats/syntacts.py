@@ -124,13 +124,13 @@ def _parts(
     if not len(coil.taxels):
         return
     levels = timeline.levels[:, coil.taxels]
-    constant = constant_a2(drive, coil, levels) if drive.scheme.name == "spur-free" else np.zeros(len(levels))
+    constant = constant_a2(drive, coil, levels) if drive.scheme.is_root else np.zeros(len(levels))
     for stretch in stretches:
         before, after = levels[stretch.key], levels[stretch.key + 1]
-        if drive.scheme.name == "spur-free":
+        if drive.scheme.is_root:
             root = _root_text(drive, coil, stretch, (before, after), constant[stretch.key : stretch.key + 2], scale_v)
             terms: list[Term] = [(root, 1.0, [])] if root else []
-        elif drive.scheme.name == "biased":
+        elif drive.scheme.is_biased:
             fed = is_fed(timeline, stretch.key), is_fed(timeline, stretch.key + 1)
             terms = list(_biased(drive, coil, stretch, (before, after), fed, scale_v))
         else:

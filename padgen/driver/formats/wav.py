@@ -114,7 +114,7 @@ def write(out: OutputFolder, job: DriveJob) -> None:
     """Add the wave, its sidecar and, where that is asked for, what was heard of it."""
     (drive, timeline), request = job.played(), job.request
     carrier = ""
-    if drive.scheme.name == "spur-free" and drive.has_constant and not job.shown:
+    if drive.scheme.is_root and drive.has_constant and not job.shown:
         carrier = carrier_text(job.plan, timeline, request.rate_hz, request.tuning)
     job.progress(f"writing {timeline.seconds:.3g} s of {len(drive.coils)} coils")
     reports: list[WaveReport] = []
@@ -198,10 +198,10 @@ def full_scale(drive: PadDrive, signal: str = "voltage") -> float:
     peaks = [0.0]
     for coil in drive.coils:
         line = coil.line_a2
-        if drive.scheme.name == "spur-free":
+        if drive.scheme.is_root:
             root = np.sqrt((2 + (coil.margin.max() if len(line) else 0.0)) * line.sum())
             peaks.append(float(root) * (1 if drive.carrier_hz is None else 2**0.5))
-        elif drive.scheme.name == "biased" and len(line):
+        elif drive.scheme.is_biased and len(line):
             peaks.append(coil.bias_a + float(line.sum()) / (2 * coil.bias_a))
         else:
             tones = np.sqrt(2 * line)
