@@ -158,10 +158,10 @@ def _defines(plan: Plan, drive: PadDrive, kinds: Sequence[_Kind]) -> str:
 
 def _played_as(scheme: Scheme) -> str:
     """The scheme of the firmware that makes the same current."""
-    for name in SCHEME_NUMBERS:
-        like = Scheme(name).kind
-        if (like.CURRENT, like.TAKES_TURNS) == (scheme.kind.CURRENT, scheme.takes_turns):
-            return name
+    made = scheme.kind.CURRENT, scheme.takes_turns
+    played = {(own.kind.CURRENT, own.takes_turns): own.name for own in map(Scheme, SCHEME_NUMBERS)}
+    if made in played:
+        return played[made]
     raise SpecError(f"the firmware does not play {scheme.name!r}; its schemes are {', '.join(SCHEME_NUMBERS)}", FILE)
 
 
