@@ -14,6 +14,7 @@ from padgen import cli
 from padgen.core.errors import FileError, GeometryError, SpecError
 from padgen.core.registry import names_in
 from padgen.driver import formats as drive_formats
+from padgen.driver.drive import Drive
 from padgen.driver.drive_folder import DriveRequest, parse_formats, write_drive
 from padgen.make.solid_tuning import solid_taxel
 from padgen.physics import schemes
@@ -306,6 +307,22 @@ def test_a_registered_format_is_written_alone_and_beside_others(small_plan, tmp_
         assert driven.files == ("plan.json", "drive.csv", "drive.wav", "drive-wave.json", "toy.txt")
     assert (tmp_path / "beside/toy.txt").read_text() == (tmp_path / "alone/toy.txt").read_text()
     assert float((tmp_path / "alone/toy.txt").read_text().split()[-2]) > 0
+
+
+def test_a_file_is_saved_in_the_format_whose_files_end_so(small_plan, tmp_path):
+    drive = Drive(small_plan, np.ones((1, len(small_plan.taxels))))
+    with registered_format(toy_format()):
+        for name in ("a.txt", "a.h", "a.py", "a.csv", "A.CSV"):
+            assert drive.save(tmp_path / name).files == (name,)
+        assert (tmp_path / "a.txt").read_text().startswith(small_plan.name)
+        assert "#define PADGEN_SCHEME" in (tmp_path / "a.h").read_text()
+    toy = toy_format()
+    toy.FILE = "toy.csv"
+    with registered_format(toy):
+        drive.save(tmp_path / "b.csv")
+    assert (tmp_path / "b.csv").read_text() == (tmp_path / "a.csv").read_text()
+    with pytest.raises(SpecError, match=r"a\.txt: must end with one of \.csv, .*\.wav, got '\.txt'$"):
+        drive.save(tmp_path / "a.txt")
 
 
 def test_a_format_may_need_something_to_show_and_may_refuse(small_plan, tmp_path):

@@ -31,6 +31,7 @@ from padgen.driver.timeline import Timeline, blend, blend_slope, frame_s, ramp_s
 from padgen.driver.wav_file import WavWriter
 from padgen.driver.waveform import blocks, sample_count, volts
 from padgen.measured.tuning import planned_tuning
+from padgen.physics.currents import formula
 from padgen.planner import make_plan
 from padgen.spec import load_spec, parse_spec
 
@@ -294,6 +295,7 @@ def test_samples_have_the_lines_and_the_mean_square_that_are_judged(quads, name)
             found[harmonic, k], share * amplitude, rtol=0, atol=1e-12 * np.abs(found[:, k]).max()
         )
     np.testing.assert_allclose(load_of(plan, drive, line).square_a2, (current**2).mean(0), rtol=1e-12)
+    assert [each for each in SCHEMES if formula(quads[each].scheme) == formula(plan.scheme)] == [name]
 
 
 def test_on_a_carrier_the_lines_are_the_same(tmp_path, quads):
