@@ -16,7 +16,7 @@ import numpy as np
 
 from padgen.core.wav_reader import read_wav
 from padgen.driver.ear import Heard, hear
-from padgen.driver.formats.wave_files import wave_json, write_wave
+from padgen.driver.formats.wav import wave_json, write_wave
 from padgen.driver.pad_drive import PadDrive, make_drive
 from padgen.driver.timeline import Timeline, frame_s, ramp_s, steady, timeline
 from padgen.physics.modal import felt_energy

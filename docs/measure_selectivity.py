@@ -12,7 +12,8 @@ from padgen.physics.clean_sets import clean_set
 from padgen.physics.ladder import geometric_ladder, paper_ladder
 from padgen.physics.levels import LevelLaw
 from padgen.physics.minimax import minimax_ladder
-from padgen.physics.selectivity import SCHEMES, Channels, Scheme, all_states, channels, exhaustive_states_db, one_hot_db
+from padgen.physics.schemes import in_order
+from padgen.physics.selectivity import Channels, Scheme, all_states, channels, exhaustive_states_db, one_hot_db
 from padgen.planner import make_plan
 from padgen.planner.capacity import largest_counts
 from padgen.planner.print_yield import PrintYield, print_yield
@@ -45,7 +46,7 @@ def eleven() -> list[str]:
         ("20 … 1000 Hz evenly in octaves, equal velocity", wide, 1),
         ("the same band, minimax ladder", minimax, 1),
     ):
-        for scheme in map(Scheme, SCHEMES):
+        for scheme in map(Scheme, in_order()):
             which = even(ladder, 15, p)
             figures = f"{one_hot_db(which, scheme):.1f} | {all_states(which, scheme).db:.2f}"
             lines.append(f"| {name} | {scheme.name} | {figures} |")
@@ -58,7 +59,7 @@ def capacities() -> list[str]:
         "|---|---|---|---|---|---|",
     ]
     for q, asked in ((10, 20), (15, 10), (15, 20), (30, 20), (100, 20)):
-        for scheme in map(Scheme, SCHEMES):
+        for scheme in map(Scheme, in_order()):
             cells = []
             for p in (0, 1, 2):
                 states, one_hot = largest_counts((LOW_HZ, HIGH_HZ), q, LevelLaw(p), scheme, asked)
@@ -164,7 +165,7 @@ def chart(clean_curve: list[tuple[int, float, float]]) -> str:
     """All-state selectivity against channels per coil, Q = 15, as SVG."""
     counts = range(2, 14)
     curves: list[tuple[str, list[tuple[float, float]]]] = []
-    for scheme in map(Scheme, SCHEMES):
+    for scheme in map(Scheme, in_order()):
         points = [(n, all_states(even(geometric_ladder(LOW_HZ, HIGH_HZ, n), 15, 1), scheme).db) for n in counts]
         curves.append((scheme.name, [(float(n), db) for n, db in points]))
     left, top, width, height, low, high = 60.0, 20.0, 560.0, 320.0, -20.0, 60.0

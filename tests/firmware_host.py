@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from padgen.driver.device.protocol import Kind, Message, decode, encode, plan_hash
-from padgen.driver.formats.c_code import HEADER, c_header, firmware_files
+from padgen.driver.formats.c import FILE, c_header, firmware_files
 from padgen.driver.pad_drive import PadDrive, make_drive
 from padgen.planner import Plan, make_plan
 from padgen.spec import load_spec, parse_spec
@@ -124,7 +124,7 @@ class Host:
 
     def number(self, name: str) -> int:
         """A whole number that the header defines."""
-        text = (self.folder / HEADER).read_text()
+        text = (self.folder / FILE).read_text()
         return int(text.split(f"#define {name} ")[1].split()[0].rstrip("u"))
 
     def run(self, script: str, *options: str) -> Run:
@@ -174,7 +174,7 @@ def compiled(plan: Plan, drive: PadDrive, folder: Path, header: Callable[[str], 
     """The firmware of a drive in a folder, its header changed by `header`."""
     for name, data in firmware_files().items():
         (folder / name).write_bytes(data)
-    (folder / HEADER).write_text(header(c_header(plan, drive)))
+    (folder / FILE).write_text(header(c_header(plan, drive)))
     sources = sorted(path.name for path in folder.glob("*.c"))
     command = [compiler("CC", "cc", "gcc"), "-std=c99", *STRICT, *sources, "-lm", "-o", "padgen_host"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)

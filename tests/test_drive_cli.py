@@ -175,7 +175,7 @@ def test_a_measured_table_is_enough(work, capsys):
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["drive", "tiny.toml", "--formats", "mp3"], "csv, json, wav, c, hjif, syntacts"),
+        (["drive", "tiny.toml", "--formats", "mp3"], "c, csv, hjif, json, syntacts, wav"),
         (["drive", "tiny.toml", "--formats", "wav"], "--state or --frames"),
         (["drive", "paper-32", "--state", "012"], "2 digits"),
         (["drive", "paper-32", "--state", "10", "--depth", "16"], "24, float"),
@@ -230,7 +230,7 @@ def test_bad_input_is_one_sentence_and_nothing_is_written(work, capsys, argument
 
 
 def test_a_full_disk_leaves_the_old_wave(work, capsys, monkeypatch):
-    from padgen.driver.formats.wav import WavWriter
+    from padgen.driver.wav_file import WavWriter
 
     assert cli.run(["drive", "paper-32", "--state", "10", "-o", "o"]) == 0
     before = {path.name: path.read_bytes() for path in (work / "o").iterdir()}

@@ -25,7 +25,7 @@ from padgen.driver.ear.current import Circuit, squared_current, stretches
 from padgen.driver.ear.hear import _cut
 from padgen.driver.ear.heard_table import ear_findings, heard_rows, heard_summary, heard_table
 from padgen.driver.ear.motion import HeardTaxel, answer, grid, move
-from padgen.driver.formats.wave_files import wave_json, write_wave
+from padgen.driver.formats.wav import wave_json, write_wave
 from padgen.driver.pad_drive import make_drive
 from padgen.driver.timeline import Timeline, blend, ramp_s, steady, timeline
 from padgen.measured.tuning import planned_tuning

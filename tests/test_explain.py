@@ -10,7 +10,7 @@ import pytest
 
 from padgen.cli import run
 from padgen.core.errors import InfeasibleError
-from padgen.physics.selectivity import SCHEMES
+from padgen.physics.schemes import in_order
 from padgen.planner import explain, make_plan
 from padgen.planner.explain import _changes, _channels_held, _limits, explain_plan
 from padgen.planner.print_yield import print_yield
@@ -18,6 +18,7 @@ from padgen.report import explanation_text, plan_text, yield_text
 from padgen.spec import load_spec, make_spec, parse_spec
 from padgen.spec.load import without_none
 
+SCHEMES = in_order()
 FOUR = (
     'name = "four"\nresolution = 16\nband_hz = [50, 400]\nq_min = 15\nprinter = "fdm-0.25"\n'
     "[pad]\nwidth_mm = 25\ndepth_mm = 25\nrib_mm = 0.6\n[coil]\ngrid = [2, 2]\n"

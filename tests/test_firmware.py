@@ -33,7 +33,7 @@ from padgen.driver.device.protocol import (
     plan_hash,
     refusal,
 )
-from padgen.driver.formats.c_code import SCHEME_NUMBERS, firmware_files
+from padgen.driver.formats.c import SCHEME_NUMBERS, firmware_files
 from padgen.driver.pad_drive import constant_a2, make_drive
 from padgen.driver.timeline import Timeline, frame_s, ramp_s
 from padgen.driver.waveform import volts

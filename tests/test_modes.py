@@ -28,8 +28,8 @@ from padgen.physics.modal import (
     modal_taxels,
     without_quiet_modes,
 )
+from padgen.physics.schemes import in_order
 from padgen.physics.selectivity import (
-    SCHEMES,
     Channels,
     Scheme,
     all_states,
@@ -51,6 +51,7 @@ from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.spec import load_spec, parse_spec
 
+SCHEMES = in_order()
 ALL = [Scheme(name) for name in SCHEMES]
 DB = 10 / np.log(10)
 CROWDED = """name = "crowded"

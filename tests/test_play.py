@@ -20,8 +20,8 @@ from padgen.driver.device import sound_card as play_audio
 from padgen.driver.device.protocol import VERSION, Kind, Message, decode, encode, plan_hash
 from padgen.driver.device.serial_line import play_frames, serial_ports
 from padgen.driver.device.sound_card import list_devices, play_wave
-from padgen.driver.formats.wav import WavWriter
 from padgen.driver.timeline import ramp_s
+from padgen.driver.wav_file import WavWriter
 
 from .firmware_host import Host, host
 

@@ -10,10 +10,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from padgen import cli
 from padgen.core.errors import FileError, GeometryError, SpecError
 from padgen.core.registry import names_in
+from padgen.driver import formats as drive_formats
+from padgen.driver.drive import Drive
+from padgen.driver.drive_folder import DriveRequest, parse_formats, write_drive
 from padgen.make.solid_tuning import solid_taxel
+from padgen.physics import schemes
 from padgen.physics.frame import frame_modes
+from padgen.physics.schemes import tones
 from padgen.planner import make_plan, plan_from_json, plan_to_json
 from padgen.planner.sizing import reach
 from padgen.planner.suspensions import (
@@ -269,3 +275,167 @@ def test_lists_of_names_are_read_in_the_order_of_the_known():
         names_in("stl,stp", known, "--formats")
     with pytest.raises(SpecError, match=r"must be among stl, 3mf, step, got 'obj'$"):
         names_in("obj", known, "--formats")
+
+
+FORMAT = "toy-text"
+
+
+def toy_format(made_of="plan"):
+    def write(out, job):
+        out.write("toy.txt", f"{job.plan.name}, {job.timeline.seconds if job.timeline else 0} s\n")
+
+    return SimpleNamespace(FILE="toy.txt", MADE_OF=made_of, write=write)
+
+
+@contextmanager
+def registered_format(thing):
+    drive_formats.register(FORMAT, thing)
+    try:
+        yield
+    finally:
+        drive_formats.unregister(FORMAT)
+
+
+@pytest.mark.parametrize("made_of", ["plan", "drive", "frames", "host"])
+def test_a_registered_format_is_written_alone_and_beside_others(small_plan, tmp_path, made_of):
+    frame = np.ones((1, len(small_plan.taxels)))
+    with registered_format(toy_format(made_of)):
+        driven = write_drive(small_plan, tmp_path / "alone", DriveRequest((FORMAT,), frames=frame))
+        assert driven.files == ("plan.json", "toy.txt")
+        formats = parse_formats(f"{FORMAT},wav,csv")
+        driven = write_drive(small_plan, tmp_path / "beside", DriveRequest(formats, frames=frame))
+        assert driven.files == ("plan.json", "drive.csv", "drive.wav", "drive-wave.json", "toy.txt")
+    assert (tmp_path / "beside/toy.txt").read_text() == (tmp_path / "alone/toy.txt").read_text()
+    assert float((tmp_path / "alone/toy.txt").read_text().split()[-2]) > 0
+
+
+def test_a_file_is_saved_in_the_format_whose_files_end_so(small_plan, tmp_path):
+    drive = Drive(small_plan, np.ones((1, len(small_plan.taxels))))
+    with registered_format(toy_format()):
+        for name in ("a.txt", "a.h", "a.py", "a.csv", "A.CSV"):
+            assert drive.save(tmp_path / name).files == (name,)
+        assert (tmp_path / "a.txt").read_text().startswith(small_plan.name)
+        assert "#define PADGEN_SCHEME" in (tmp_path / "a.h").read_text()
+    toy = toy_format()
+    toy.FILE = "toy.csv"
+    with registered_format(toy):
+        drive.save(tmp_path / "b.csv")
+    assert (tmp_path / "b.csv").read_text() == (tmp_path / "a.csv").read_text()
+    with pytest.raises(SpecError, match=r"a\.txt: must end with one of \.csv, .*\.wav, got '\.txt'$"):
+        drive.save(tmp_path / "a.txt")
+
+
+def test_a_format_may_need_something_to_show_and_may_refuse(small_plan, tmp_path):
+    def refuse(job):
+        raise SpecError("is too long for a toy", "--seconds")
+
+    thing = toy_format("frames")
+    with registered_format(thing):
+        with pytest.raises(SpecError, match="toy-text needs something to show; add --state or --frames"):
+            write_drive(small_plan, tmp_path / "d", DriveRequest((FORMAT,)))
+        thing.refuse = refuse
+        with pytest.raises(SpecError, match="too long for a toy"):
+            write_drive(small_plan, tmp_path / "d", DriveRequest((FORMAT,), np.ones((1, len(small_plan.taxels)))))
+    assert not (tmp_path / "d").exists()
+
+
+def test_help_and_refusals_name_the_formats(capsys):
+    def told():
+        assert cli.run(["drive", "--help"]) == 0
+        return " ".join(capsys.readouterr().out.split())
+
+    with registered_format(toy_format()):
+        assert "of c, csv, hjif, json, syntacts, wav, toy-text" in told()
+        with pytest.raises(SpecError, match="got 'toy-txt'; did you mean 'toy-text'"):
+            parse_formats("csv,toy-txt")
+        with pytest.raises(SpecError, match="there is a drive format 'toy-text' already"):
+            drive_formats.register(FORMAT, toy_format())
+    assert FORMAT not in told()
+    with pytest.raises(SpecError, match=r"--formats: must be among c, csv, hjif, json, syntacts, wav, got 'toy-text'"):
+        parse_formats(FORMAT)
+    with pytest.raises(SpecError, match="'half' lacks MADE_OF, write"):
+        drive_formats.register("half", SimpleNamespace(FILE="half.txt"))
+
+
+SCHEME = "toy-whisper"
+FOUR = """
+name = "toy"
+resolution = 16
+band_hz = [50, 300]
+resonances_hz = [60, 90, 135, 200]
+delta_y = 10
+q_min = 30
+material = "pla"
+pad = { width_mm = 64, depth_mm = 64 }
+coil = { grid = [2, 2] }
+drive = { scheme = "NAME" }
+"""
+
+
+def toy_scheme(spurs):
+    """Plain tones of which a coil without hysteresis would make `spurs` times the spurs."""
+    alike = {key: getattr(tones, key) for key in ("current_lines_a", "mean_square_a2", "peak_current_a")}
+    return SimpleNamespace(
+        CURRENT="tones",
+        TAKES_TURNS=False,
+        HAS_PAIR_SPURS=True,
+        pair_square=lambda scheme, a, b, strongest: spurs**2 * tones.pair_square(scheme, a, b, strongest),
+        peak_voltage_v=tones.peak_voltage_v,
+        **alike,
+    )
+
+
+@contextmanager
+def registered_scheme(thing):
+    schemes.register(SCHEME, thing)
+    try:
+        yield
+    finally:
+        schemes.unregister(SCHEME)
+
+
+def test_a_registered_scheme_plans_and_drives(tmp_path):
+    plain = make_plan(parse_spec(FOUR.replace("NAME", "tones")))
+    kept, exact = [], []
+    for spurs in (1e-6, 1.0):
+        with registered_scheme(toy_scheme(spurs)):
+            plan = make_plan(parse_spec(FOUR.replace("NAME", SCHEME)))
+            assert plan.selectivity.drive == plan.scheme.name == SCHEME
+            kept.append(plan.selectivity.all_states_db)
+            exact.append(plan.capacity.exact)
+            assert plan.load == plain.load
+            driven = write_drive(
+                plan, tmp_path, DriveRequest(("csv", "json", "c", "wav", "syntacts"), np.ones((1, len(plan.taxels))))
+            )
+            assert driven.report.scheme == SCHEME
+            assert "#define PADGEN_SCHEME PADGEN_TONES" in (tmp_path / "pad_drive.h").read_text()
+    # What was computed for one scheme is not taken for another of its name.
+    assert exact[0] > exact[1] == plain.capacity.exact
+    figures = {figure.scheme: figure.all_states_db for figure in plain.selectivity.schemes}
+    assert figures["tones"] < figures["spur-free"] - 10
+    assert kept == pytest.approx([figures["spur-free"], figures["tones"]], abs=1e-6)
+
+
+def test_auto_takes_a_registered_scheme_where_no_simpler_one_will_do():
+    thing = toy_scheme(1e-6)
+    with registered_scheme(thing):
+        assert schemes.simplest_first() == ("tones", "biased", "spur-free", SCHEME, "time-shared")
+        assert make_plan(parse_spec(FOUR.replace("NAME", "auto"))).selectivity.drive == "biased"
+        thing.SIMPLICITY = 0.5
+        plan = make_plan(parse_spec(FOUR.replace("NAME", "auto")))
+        assert plan.selectivity.drive == SCHEME
+        assert [figure.scheme for figure in plan.selectivity.schemes][-1] == SCHEME
+
+
+def test_schema_and_refusals_name_the_schemes():
+    with registered_scheme(toy_scheme(0.5)):
+        assert SCHEME in str(spec_schema()["properties"]["drive"])
+        with pytest.raises(SpecError, match="did you mean 'toy-whisper'"):
+            parse_spec(FOUR.replace("NAME", "toy-wisper"))
+    assert SCHEME not in str(spec_schema())
+    with pytest.raises(SpecError, match="no choice 'toy-whisper'"):
+        parse_spec(FOUR.replace("NAME", SCHEME))
+    with pytest.raises(SpecError, match="there is a drive scheme 'auto' already"):
+        schemes.register("auto", toy_scheme(1))
+    with pytest.raises(SpecError, match="'half' lacks TAKES_TURNS, HAS_PAIR_SPURS, pair_square"):
+        schemes.register("half", SimpleNamespace(CURRENT="tones"))

@@ -42,11 +42,13 @@ from padgen.measured.tuning import (
     tuning_to_json,
 )
 from padgen.physics.resonator import receptance
-from padgen.physics.selectivity import SCHEMES, Channels, Scheme, off_energy
+from padgen.physics.schemes import in_order
+from padgen.physics.selectivity import Channels, Scheme, off_energy
 from padgen.planner import make_plan
 from padgen.planner.printed_pads import Spreads, design_of, log_detuning, sensitivities
 from padgen.spec import parse_spec
 
+SCHEMES = in_order()
 FOUR = (50.0, 70.0, 105.0, 160.0)
 
 

@@ -28,13 +28,14 @@ from scipy.stats import norm
 
 from padgen.physics.ladder import ladder_ratio
 from padgen.physics.resonator import receptance
-from padgen.physics.selectivity import SCHEMES
+from padgen.physics.schemes import in_order
 from padgen.planner import Plan, make_plan
 from padgen.planner import printed_pads as module
 from padgen.planner.print_yield import print_yield, shuffled_places_mm
 from padgen.planner.printed_pads import Spreads, spreads_of
 from padgen.spec import parse_spec
 
+SCHEMES = in_order()
 NONE = Spreads(*[0.0] * 7)
 USUAL = Spreads(0.05, 0.01, 0.05, 0.05, 0.02, 0.1, 2.0)
 DB = 1e-9

@@ -6,6 +6,7 @@ from typing import Any
 
 from padgen.cli.common import add_model, add_output, add_spec, asked_of, code_of, folder_of, progress_line, show
 from padgen.core.errors import SpecError, number
+from padgen.core.registry import FORMATS
 
 __all__ = ["add", "add_frames", "frames_of", "plan_of", "tuning_of"]
 
@@ -24,8 +25,7 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "--formats",
         metavar="LIST",
-        help="of csv, json, wav, c, hjif, syntacts"
-        f" (default: {DEFAULT_TABLES}, with something to show {DEFAULT_WAVES})",
+        help=f"of {', '.join(FORMATS.names())} (default: {DEFAULT_TABLES}, with something to show {DEFAULT_WAVES})",
     )
     add_frames(parser)
     parser.add_argument(

@@ -206,9 +206,10 @@ class OutputFolder:
             os.fsync(file)
         return path
 
-    def path_of(self, name: str) -> Path:
-        """Where a file that was added lies until `commit`."""
-        return self._aside / name
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the files that were added."""
+        return tuple(self._hashes)
 
     def commit(self, built_from: dict[str, Any] | None = None, remove: Iterable[str] = ()) -> list[str]:
         """Move all files in, then the manifest; returns files of an earlier build that a new plan contradicts.

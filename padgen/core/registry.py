@@ -13,7 +13,7 @@ from typing import Any, Generic, TypeVar, cast
 
 from padgen.core.errors import LONGEST_PART, SpecError, shown
 
-__all__ = ["SUSPENSIONS", "Registry", "names_in", "unknown_name"]
+__all__ = ["FORMATS", "SCHEMES", "SUSPENSIONS", "Registry", "names_in", "unknown_name"]
 
 T = TypeVar("T")
 NAME = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
@@ -35,18 +35,22 @@ class Registry(Generic[T]):
         """All names: those of the package by the alphabet, then the registered ones in their order."""
         return (*_names_of_files(self._package), *self._registered)
 
-    def register(self, name: str, thing: T) -> None:
-        """Add `thing` under `name`; `unregister` takes it away again.
+    def register(self, name: str, thing: T, protocol: type) -> None:
+        """Add `thing`, which holds to `protocol`, under `name`; `unregister` takes it away again.
 
         Raises
         ------
         SpecError
-            The name is taken, or not of small letters, digits and hyphens.
+            The name is taken, or not of small letters, digits and hyphens; or the thing lacks something.
         """
         if not NAME.fullmatch(name):
             raise SpecError(f"the name of a {self.kind} must be small letters and digits with hyphens, got {name!r}")
         if name in self.reserved or name in self.names():
             raise SpecError(f"there is a {self.kind} {name!r} already; take another name")
+        wanted = [*protocol.__annotations__, *(key for key in vars(protocol) if not key.startswith("_"))]
+        missing = [key for key in wanted if not hasattr(thing, key)]
+        if missing:
+            raise SpecError(f"the {self.kind} {name!r} lacks {', '.join(missing)}")
         self._registered[name] = thing
         self.changes += 1
 
@@ -62,6 +66,10 @@ class Registry(Generic[T]):
             raise unknown_name(name, list(self._registered), f"registered {self.kind}", "")
         del self._registered[name]
         self.changes += 1
+
+    def version(self, name: str) -> int:
+        """0 for what padgen brings; for what was registered another number each time, for the keys of caches."""
+        return self.changes if name in self._registered else 0
 
     def get(self, name: str, where: str = "") -> T:
         """The thing of that name.
@@ -124,3 +132,7 @@ def _nearest(name: str, known: list[str]) -> str:
 
 SUSPENSIONS: Registry[Any] = Registry("suspension", "padgen.planner.suspensions", reserved=("auto",))
 """Modules or objects that hold to `padgen.planner.suspensions.Suspension`."""
+FORMATS: Registry[Any] = Registry("drive format", "padgen.driver.formats")
+"""Modules or objects that hold to `padgen.driver.formats.DriveFormat`."""
+SCHEMES: Registry[Any] = Registry("drive scheme", "padgen.physics.schemes", reserved=("auto",))
+"""Modules or objects that hold to `padgen.physics.schemes.DriveScheme`."""

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from padgen.core.errors import FileError, SpecError
+from padgen.core.errors import FileError, SpecError, shown
 from padgen.core.files import reason
+from padgen.core.registry import FORMATS
+from padgen.driver.formats import in_order
 from padgen.driver.frames import read_frames, state_frame
 from padgen.planner.plan import Plan
 
@@ -21,8 +23,6 @@ __all__ = ["DEFAULT_TABLES", "DEFAULT_WAVES", "Drive", "levels_of"]
 
 DEFAULT_TABLES, DEFAULT_WAVES = ("csv", "json"), ("csv", "json", "wav")
 """Formats where none is named: without and with something to show."""
-FORMAT_OF_SUFFIX = {"h": "c", "py": "syntacts"}
-"""Where a file does not end with its format's name."""
 
 
 def levels_of(plan: Plan, state: str | None, frames: Any) -> np.ndarray | None:
@@ -80,7 +80,7 @@ class Drive:
         path : path
             A file such as ``drive.wav``, whose ending tells its format, or a folder.
         formats : sequence of str, optional
-            For a folder: of csv, json, wav, c, hjif, syntacts; by default tables, and a WAV where something is shown.
+            For a folder: names of `padgen.driver.formats`; by default tables, and a WAV where something is shown.
         depth : {'24', 'float'}
             Of a WAV's samples.
         hear : bool
@@ -101,12 +101,18 @@ class Drive:
         target = Path(path)
         if formats is not None or not target.suffix:
             return self.save_folder(target, formats, depth, hear, gap)
-        suffix = target.suffix[1:].lower()
+        # Of formats whose files end alike the first one counts, which padgen brings.
+        known = reversed(in_order(FORMATS.names()).items())
+        endings = {Path(each.FILE).suffix: (name, each.FILE) for name, each in known}
+        if target.suffix.lower() not in endings:
+            raise SpecError(
+                f"must end with one of {', '.join(sorted(endings))}, got {shown(target.suffix)}", str(target)
+            )
+        name, file = endings[target.suffix.lower()]
         try:
             with TemporaryDirectory(prefix=".padgen-", dir=target.absolute().parent) as aside:
-                driven = self.save_folder(Path(aside) / "drive", (FORMAT_OF_SUFFIX.get(suffix, suffix),), depth)
-                name = next(name for name in driven.files if name != "plan.json" and Path(name).suffix == target.suffix)
-                (driven.folder / name).replace(target)
+                driven = self.save_folder(Path(aside) / "drive", (name,), depth)
+                (driven.folder / file).replace(target)
         except OSError as error:
             raise FileError(f"cannot be written ({reason(error)})", str(target)) from error
         return replace(driven, folder=target.absolute().parent, files=(target.name,))

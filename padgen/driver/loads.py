@@ -7,20 +7,22 @@ slope adds is bounded.
 """
 
 from dataclasses import replace
+from functools import lru_cache
+from math import ceil
 from typing import NamedTuple
 
 import numpy as np
 
 from padgen.driver.excitation import Excitation
-from padgen.driver.formats.c_code import group_channels, least_constants
 from padgen.driver.pad_drive import CoilDrive, PadDrive, coil_lines, constant_a2
 from padgen.driver.timeline import Timeline, ramp_s
 from padgen.driver.waveform import blocks, is_fed
+from padgen.physics.crest import least_constant
 from padgen.physics.currents import current_lines_a, mean_square_a2, peak_current_a
 from padgen.physics.magnetics import impedance
 from padgen.planner.plan import Plan
 
-__all__ = ["Load", "excitation_load", "load_of"]
+__all__ = ["Load", "excitation_load", "group_channels", "least_constants", "load_of"]
 
 PER_CYCLE = 32
 """Points in a cycle of the highest line where a peak is looked for: what lies between two is at most 0.5 % above."""
@@ -35,6 +37,10 @@ BLOCK = 1 << 15
 PIECE, OVERLAP, FINER = 1 << 14, 1 << 10, 8
 """Samples of an excitation that are looked at between at a time, on either side of them, and how much finer."""
 SMALLEST = 1e-100
+GROUP_CHANNELS = 8
+"""Channels whose on/off states have their least constants in a table: 256 numbers, 1 KiB, at most."""
+ROUNDING = 1e-6
+"""What `least_constant` may be too small by, over the sum of the lines."""
 
 
 class Load(NamedTuple):
@@ -97,9 +103,9 @@ def _shown(drive: PadDrive, coil: CoilDrive, timeline: Timeline) -> _Asked:
     levels = timeline.levels[:, coil.taxels]
     if not len(coil.taxels):
         return _Asked(levels.max(0), 0.0)
-    if drive.scheme.name == "spur-free":
+    if drive.scheme.is_root:
         square = constant_a2(drive, coil, levels)
-    elif drive.scheme.name == "biased":
+    elif drive.scheme.is_biased:
         fed = np.array([is_fed(timeline, key) for key in range(len(levels))])
         square = fed * (coil.bias_a**2 + ((levels * current_lines_a(drive.scheme, coil.line_a2)) ** 2).sum(1) / 2)
     else:
@@ -109,7 +115,7 @@ def _shown(drive: PadDrive, coil: CoilDrive, timeline: Timeline) -> _Asked:
 
 def _any(drive: PadDrive, coil: CoilDrive) -> _Asked:
     level = np.ones(len(coil.line_a2))
-    if drive.scheme.name == "spur-free":
+    if drive.scheme.is_root:
         return _Asked(level, _largest_constant_a2(drive, coil) if len(level) else 0.0)
     return _Asked(level, mean_square_a2(drive.scheme, coil.line_a2, 0.0))
 
@@ -125,10 +131,10 @@ def _bound_v(drive: PadDrive, coil: CoilDrive, asked: _Asked, ramp: float) -> fl
     """Bound of a coil's voltage at all times, through transitions too."""
     if not len(coil.taxels):
         return 0.0
-    if drive.scheme.name == "spur-free":
+    if drive.scheme.is_root:
         state = _root_bound_v(drive, coil, asked.level[None], np.array([asked.square_a2]))
         return float(state[0]) + _ramp_v(drive, coil, asked, ramp)
-    share = asked.level if drive.scheme.name == "biased" else np.sqrt(asked.level)
+    share = asked.level if drive.scheme.is_biased else np.sqrt(asked.level)
     volts = np.abs(_tones_v(drive, coil)) * share
     steady = volts.max() if drive.scheme.takes_turns else volts.sum()
     return float(drive.resistance_ohm * coil.bias_a + steady) + _ramp_v(drive, coil, asked, ramp)
@@ -136,7 +142,7 @@ def _bound_v(drive: PadDrive, coil: CoilDrive, asked: _Asked, ramp: float) -> fl
 
 def _ramp_v(drive: PadDrive, coil: CoilDrive, asked: _Asked, ramp: float) -> float:
     """What the slope of the blend adds at most: the current's peak times L and the blend's steepest slope."""
-    if drive.scheme.name == "spur-free":
+    if drive.scheme.is_root:
         square = asked.square_a2 + float(asked.level @ coil.line_a2)
         current = float(np.sqrt(square if drive.carrier_hz is None else 2 * square))
     else:
@@ -184,7 +190,7 @@ def _any_v(drive: PadDrive, ramp: float) -> float:
 
 
 def _steady_v(drive: PadDrive, coil: CoilDrive) -> float:
-    if drive.scheme.name == "spur-free":
+    if drive.scheme.is_root:
         return _roots_v(drive, coil)
     if drive.scheme.takes_turns:
         return float(np.abs(_tones_v(drive, coil)).max())
@@ -260,3 +266,25 @@ def _largest_constant_a2(drive: PadDrive, coil: CoilDrive) -> float:
         return float(_constants_a2(drive, coil).max())
     all_on, groups, _ = _groups(drive, coil)
     return max(all_on, float(sum(group.max() for group in groups))) + float(coil.margin @ coil.line_a2)
+
+
+def group_channels(channels: int) -> int:
+    """Channels of a group, as few as the number of groups allows, for a pad whose largest coil has `channels`."""
+    return ceil(channels / ceil(channels / GROUP_CHANNELS))
+
+
+@lru_cache(maxsize=1024)
+def least_constants(
+    harmonics: tuple[int, ...], line_a2: tuple[float, ...], phase_rad: tuple[float, ...], size: int
+) -> tuple[float, tuple[tuple[float, ...], ...]]:
+    """A coil's least constant with all channels on, and those of each group of `size` in every on/off state, in A²."""
+    harmonic, phase, line = np.array(harmonics, int), np.array(phase_rad), np.array(line_a2)
+    groups = []
+    for start in range(0, len(line), size):
+        part = slice(start, start + size)
+        bits = (np.arange(1 << size)[:, None] >> np.arange(len(line[part]))) & 1
+        states = bits * line[part]
+        least = least_constant(harmonic[part], states, phase[part]) + ROUNDING * states.sum(1)
+        groups.append(tuple(least.tolist()))
+    all_on = least_constant(harmonic, line[None], phase)[0] + ROUNDING * line.sum() if len(line) else 0.0
+    return float(all_on), tuple(groups)

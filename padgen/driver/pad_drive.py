@@ -110,7 +110,7 @@ def coil_lines(drive: PadDrive, coil: CoilDrive) -> CoilLines:
 
     They go with the level; where the scheme has no constant, with its root, at half the force's frequency.
     """
-    height = coil.line_a2 if drive.scheme.name == "spur-free" else current_lines_a(drive.scheme, coil.line_a2)
+    height = coil.line_a2 if drive.scheme.is_root else current_lines_a(drive.scheme, coil.line_a2)
     if drive.scheme.has_constant:
         return CoilLines(coil.harmonic, height * np.exp(1j * coil.phase_rad))
     return CoilLines(coil.harmonic // 2, height * np.exp(0.5j * coil.phase_rad))
@@ -177,7 +177,7 @@ def make_drive(
         tuple(coils),
         spec.drive.level_um,
         carrier_hz,
-        max(alias_db) if scheme.name == "spur-free" else None,
+        max(alias_db) if scheme.is_root else None,
     )
 
 
@@ -216,7 +216,7 @@ def _coil(
 ) -> tuple[CoilDrive, float]:
     """One coil, and what its voltage has above the amplifier's band, in dB."""
     phase, margin = _shape(feed, tuple(harmonic.tolist()), tuple(line_a2.tolist()))
-    bias = bias_a(feed.scheme, line_a2) if feed.scheme.name == "biased" and len(taxels) else 0.0
+    bias = bias_a(feed.scheme, line_a2) if feed.scheme.is_biased and len(taxels) else 0.0
     force_hz = harmonic / feed.period_s
     coil = CoilDrive(row, column, taxels, force_hz, harmonic, line_a2, np.array(phase), bias, margin.share)
     return coil, margin.alias_db
@@ -227,13 +227,13 @@ def _shape(feed: _Feed, harmonic: tuple[int, ...], line_a2: tuple[float, ...]) -
     """Phases (n,) and margin of a coil; many coils of a pad are alike."""
     k, line = np.array(harmonic, int), np.array(line_a2)
     none = RootMargin(np.zeros(len(k)), -np.inf, 0.0, 1.0)
-    if feed.scheme.name in ("tones", "time-shared") or not len(k):
+    if not feed.scheme.has_constant or not len(k):
         # A tone's phase in i² is twice the current's.
         alone = feed.scheme.takes_turns or not len(k)
         phase = np.zeros(len(k)) if alone else 2 * low_crest_phases(k // 2, np.sqrt(line))
         return tuple(phase.tolist()), none
     phase = low_crest_phases(k, line)
-    if feed.scheme.name == "biased":
+    if feed.scheme.is_biased:
         return tuple(phase.tolist()), none
     return tuple(phase.tolist()), _margin(feed, k, line, phase)
 
@@ -320,7 +320,7 @@ def _band_hz(bandwidth_hz: float | None, carrier_hz: float | None, rate_hz: int)
 
 
 def _carrier_hz(carrier_hz: float, scheme: Scheme, rate_hz: int, period_s: float, highest_hz: float) -> float:
-    if scheme.name != "spur-free":
+    if not scheme.is_root:
         raise SpecError(f"is for the spur-free drive only, this one is {scheme.name!r}", "--carrier")
     lowest, highest = CARRIER_OVER_RESONANCE * highest_hz, rate_hz / 2 - CARRIER_OVER_RESONANCE * highest_hz
     if lowest > highest:

@@ -103,13 +103,12 @@ def _spurs(scheme: Scheme, own: tuple[Channel, ...], on: list[Channel]) -> list[
     for a, b in combinations(on, 2):
         total, difference = a.resonance_hz + b.resonance_hz, abs(a.resonance_hz - b.resonance_hz)
         force = 2 * sqrt(a.force_mn * b.force_mn)
-        if scheme.name == "tones":
-            total, difference = total / 2, difference / 2
-        else:
+        total, difference = total * scheme.pair_scale, difference * scheme.pair_scale
+        if scheme.is_biased:
             force *= sqrt(lines[a.index] * lines[b.index]) / (4 * scheme.bias_ratio * largest)
         spurs.append(_spur(own, (a.index, b.index), "sum", total, force))
         spurs.append(_spur(own, (a.index, b.index), "difference", difference, force))
-    if scheme.name == "biased":
+    if scheme.is_biased:
         for c in on:
             force = c.force_mn * lines[c.index] / (4 * scheme.bias_ratio * largest)
             spurs.append(_spur(own, (c.index,), "harmonic", 2 * c.resonance_hz, force))

@@ -9,7 +9,7 @@ from padgen.core.errors import number
 from padgen.core.files import json_text
 from padgen.driver.frames import taxel_grid
 from padgen.driver.states import LARGEST_TABLE, coil_states
-from padgen.physics.currents import FORMULAS, bias_a, current_lines_a, mean_square_a2
+from padgen.physics.currents import bias_a, current_lines_a, formula, mean_square_a2
 from padgen.planner.drive_rows import BIAS, COLUMNS, DriveRow, bias_row, coil_rows, table_csv
 from padgen.planner.frame_rates import slot_ms
 from padgen.planner.plan import Plan
@@ -86,13 +86,13 @@ def _recipe(plan: Plan, kind: int) -> dict[str, Any]:
     recipe: dict[str, Any] = {
         "channels": [c.index for c in own],
         "squared_lines_a2": lines.tolist(),
-        "formula": FORMULAS[scheme.name],
+        "formula": formula(scheme),
     }
     tones_a = current_lines_a(scheme, lines).tolist()
-    if scheme.name == "spur-free":
+    if scheme.is_root:
         recipe["a0"] = f"{1 + headroom:g} times the sum of a_j over the ON channels"
         recipe["a0_all_on_a2"] = mean_square_a2(scheme, lines, headroom)
-    elif scheme.name == "biased":
+    elif scheme.is_biased:
         recipe["bias_a"] = bias_a(scheme, lines)
         recipe["bias_note"] = "B flows in every state, with all channels OFF too"
         recipe["b_a"] = tones_a

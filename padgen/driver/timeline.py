@@ -73,7 +73,7 @@ def timeline(plan: Plan, frames: np.ndarray, seconds_each: float | None = None) 
         No frame, a level that is not in 0 … 1, or frames too short for their transitions.
     """
     frames = _checked(plan, frames, seconds_each)
-    if plan.selectivity.drive == "time-shared":
+    if plan.scheme.takes_turns:
         return _in_turns(plan, frames, seconds_each)
     ramp, length = ramp_s(plan), seconds_each or frame_s(plan)
     if length < ramp:

@@ -111,7 +111,7 @@ def blocks(
     coils = len(drive.coils)
     size = block_samples or max(BLOCK // coils // ROW, 2) * ROW
     groups = list(_groups(drive, timeline, signal))
-    form = _FORMS["tones" if drive.scheme.takes_turns else drive.scheme.name]
+    form = _FORMS[drive.scheme.kind.CURRENT]
     for key, (first, last) in enumerate(pairwise(edges(drive, timeline))):
         stretch = _Stretch(first, last, key)
         if periods and np.array_equal(*timeline.levels[stretch.key : stretch.key + 2]):
@@ -145,7 +145,7 @@ def _groups(drive: PadDrive, timeline: Timeline, signal: str) -> Iterator[_Group
         k, weight = lines[0].harmonic, gain * np.stack([line.amplitude for line in lines])
         bias = np.array([c.bias_a for c in own])
         taxels, constant = np.stack([c.taxels for c in own]), np.zeros((0, len(own)))
-        if drive.scheme.name == "spur-free":
+        if drive.scheme.is_root:
             weight, levels = gain * weight, timeline.levels[:, taxels]
             constant = gain**2 * np.stack([constant_a2(drive, c, levels[:, m]) for m, c in enumerate(own)], 1)
         angle = 2 * np.pi * k / drive.period_samples * (np.arange(ROW) % drive.period_samples)[:, None]
@@ -309,4 +309,4 @@ def _grey(
 
 
 Form = Callable[[PadDrive, Timeline, _Group, _Stretch], Part]
-_FORMS: dict[str, Form] = {"spur-free": _spur_free, "biased": _biased, "tones": _tones}
+_FORMS: dict[str, Form] = {"root": _spur_free, "biased": _biased, "tones": _tones}

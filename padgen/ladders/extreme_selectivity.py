@@ -85,7 +85,7 @@ def _summed(mp: Any, hz: list[Any], line: list[Any], q: Any, scheme: Scheme, off
     half = 2 if scheme.name == "tones" else 1
     biased = 2 * mp.mpf(scheme.bias_ratio) * max(line)
     for place, a in enumerate(others):
-        if scheme.name == "biased":
+        if scheme.is_biased:
             total += heard(2 * hz[a], line[a] ** 2 / (2 * biased))
         for b in others[place + 1 :]:
             both = 2 * mp.sqrt(line[a] * line[b]) if scheme.name == "tones" else line[a] * line[b] / biased

@@ -28,7 +28,8 @@ from padgen.measured.rest import estimated
 from padgen.measured.simulate import PULL_SPREAD, Q_SPREAD
 from padgen.measured.tuning import TunedTaxel, Tuning, planned_response_um_per_a2, planned_tuning, refuse_tuning
 from padgen.physics.resonator import relative_energy
-from padgen.physics.selectivity import SCHEMES, Channels, off_energy
+from padgen.physics.schemes import in_order
+from padgen.physics.selectivity import Channels, off_energy
 from padgen.planner.coil_load import coil_load
 from padgen.planner.plan import CoilLoad, Plan
 from padgen.planner.printed_pads import coils_of
@@ -154,7 +155,7 @@ def retuned(
         before_db=worst_db(before),
         after_db=worst_db(after),
         after_low_db=min(lows, default=None),
-        schemes_db=tuple((name, _scheme_db(plan, tuning, name)) for name in SCHEMES),
+        schemes_db=tuple((name, _scheme_db(plan, tuning, name)) for name in in_order()),
         tuning=tuning,
         coils=coils,
         trims=trims(plan, tuning, after),

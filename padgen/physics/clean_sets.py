@@ -99,7 +99,7 @@ class _Grid:
         self.step = (case.high - case.low) / (count if cells else count - 1)
         offset, spread = -np.arange(1 - count, count) * self.step, self.step if cells else 0.0
         self._ratio = np.exp([offset - spread, offset + spread])
-        self._biased = case.scheme.name == "biased"
+        self._biased = case.scheme.is_biased
         self._line = self._ratio[0] ** case.power
         self._weigh()
         # One peak: least at an end.
@@ -392,7 +392,7 @@ def _parts(case: Case) -> list[Case]:
     count, octaves = case.size, case.high - case.low
     if count <= EASY:
         return [case]
-    if not case.shifts or case.scheme.name == "biased":
+    if not case.shifts or case.scheme.is_biased:
         fewer = sorted({min(count, m) for m in (3, 4, 5, 6, count - 1, count) if m > 1})
         return [case._replace(size=m) for m in fewer]
     shares = {(count - 1) // r + 1: r for r in range(count - 1, 0, -1)} | {max(count - 1, 2): 1, count: 1}

@@ -5,13 +5,12 @@
 
 import numpy as np
 
-from padgen.physics.magnetics import impedance
 from padgen.physics.selectivity import Scheme
 
 __all__ = [
-    "FORMULAS",
     "bias_a",
     "current_lines_a",
+    "formula",
     "mean_square_a2",
     "peak_current_a",
     "peak_voltage_v",
@@ -19,12 +18,17 @@ __all__ = [
 ]
 
 FORMULAS = {
-    "spur-free": "i(t) = sqrt(a0 + sum over ON channels of a_j cos(2 pi resonance_hz_j t))",
+    "root": "i(t) = sqrt(a0 + sum over ON channels of a_j cos(2 pi resonance_hz_j t))",
     "biased": "i(t) = B + sum over ON channels of b_j sin(2 pi resonance_hz_j t)",
     "tones": "i(t) = sum over ON channels of I_j sin(2 pi drive_hz_j t)",
-    "time-shared": "i(t) = I_j sin(2 pi drive_hz_j t) in the slot of each ON channel j, one after the other",
+    "turns": "i(t) = I_j sin(2 pi drive_hz_j t) in the slot of each ON channel j, one after the other",
 }
-"""The current of each scheme: a_j are `line_a2`, B is `bias_a`, b_j and I_j are `current_lines_a`."""
+"""Each kind of current: a_j are `line_a2`, B is `bias_a`, b_j and I_j are `current_lines_a`."""
+
+
+def formula(scheme: Scheme) -> str:
+    """The current of a scheme's coil over time."""
+    return FORMULAS["turns" if scheme.takes_turns else scheme.kind.CURRENT]
 
 
 def bias_a(scheme: Scheme, line_a2: np.ndarray) -> float:
@@ -33,60 +37,29 @@ def bias_a(scheme: Scheme, line_a2: np.ndarray) -> float:
 
 
 def mean_square_a2(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.ndarray | None = None) -> float:
-    """Mean of i² in A² with the channels `on` (n,), or all: times R the copper loss, times a force constant the pull.
+    """Mean of i² in A² with the channels `on` (n,), or all.
 
-    Biased, the constant current stays on, as for all channels, whatever is off.
-
-    Time-shared: in the slot of the largest. Spur-free: the constant F₀/c, here at its safe value
-    (1 + headroom) Σ a, for any phases.
+    Times R it is the copper loss, times a force constant the mean pull.
     """
     playing = np.ones(len(line_a2), dtype=bool) if on is None else on
-    if scheme.name == "tones":
-        return float(line_a2[playing].sum())
-    if scheme.name == "spur-free":
-        return float((1 + headroom) * line_a2[playing].sum())
-    if scheme.name == "biased":
-        return float(bias_a(scheme, line_a2) ** 2 + (current_lines_a(scheme, line_a2)[playing] ** 2).sum() / 2)
-    return float(line_a2[playing].max(initial=0.0))
+    return scheme.kind.mean_square_a2(scheme, line_a2, headroom, playing)
 
 
 def current_lines_a(scheme: Scheme, line_a2: np.ndarray, headroom: float = 0.0) -> np.ndarray:
     """Peak current (n,) in A of each channel: of its tone, or spur-free of the coil with it alone on."""
-    if scheme.name == "biased":
-        bias = bias_a(scheme, line_a2)
-        tones: np.ndarray = line_a2 / (2 * bias) if bias else np.zeros(len(line_a2))
-        return tones
-    alone: np.ndarray = np.sqrt((2 + (headroom if scheme.name == "spur-free" else 0.0)) * line_a2)
-    return alone
+    return scheme.kind.current_lines_a(scheme, line_a2, headroom)
 
 
 def peak_current_a(scheme: Scheme, line_a2: np.ndarray, headroom: float) -> float:
     """Largest current in A, all peaks together."""
-    if scheme.name == "spur-free":
-        return float(np.sqrt((2 + headroom) * line_a2.sum()))
-    lines = current_lines_a(scheme, line_a2)
-    if scheme.name == "biased":
-        return bias_a(scheme, line_a2) + float(lines.sum())
-    return float(lines.max(initial=0.0) if scheme.takes_turns else lines.sum())
+    return scheme.kind.peak_current_a(scheme, line_a2, headroom)
 
 
 def peak_voltage_v(
     scheme: Scheme, line_a2: np.ndarray, resonance_hz: np.ndarray, resistance: float, inductance: float, headroom: float
 ) -> float:
-    """Bound in V of what the coil asks for, all peaks together.
-
-    Spur-free: ``R √((2+h) Σa) + L √(Σ a ω²/2)``. The second is the steepest that the root can be:
-    with i² = h Σa + Σ a (1 + cos θ), Cauchy's inequality takes the sum out of ``(i²)'/(2i)``.
-    """
-    if scheme.name == "spur-free":
-        slope = np.sqrt((line_a2 * (2 * np.pi * resonance_hz) ** 2).sum() / 2)
-        return float(resistance * peak_current_a(scheme, line_a2, headroom) + inductance * slope)
-    lines = current_lines_a(scheme, line_a2)
-    if scheme.name == "biased":
-        volts = lines * np.abs(impedance(resistance, inductance, resonance_hz))
-        return float(resistance * bias_a(scheme, line_a2) + volts.sum())
-    volts = lines * np.abs(impedance(resistance, inductance, resonance_hz / 2))
-    return float(volts.max() if scheme.takes_turns else volts.sum())
+    """Bound in V of what the coil asks for, all peaks together."""
+    return scheme.kind.peak_voltage_v(scheme, line_a2, resonance_hz, resistance, inductance, headroom)
 
 
 def root_voltage_v(line_a2: float, resonance_hz: float, resistance: float, inductance: float, headroom: float) -> float:

@@ -23,15 +23,18 @@ hears of a line is another number then, and the lines' energies still only add.
 
 from collections.abc import Iterator
 from functools import lru_cache
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from padgen.core.registry import SCHEMES
 from padgen.physics.modal import ModalTaxels, felt_energy
 from padgen.physics.resonator import relative_energy
 
+if TYPE_CHECKING:
+    from padgen.physics.schemes import DriveScheme
+
 __all__ = [
-    "SCHEMES",
     "AllStates",
     "Channels",
     "Lines",
@@ -49,22 +52,31 @@ __all__ = [
     "tone_energy",
 ]
 
-SCHEMES = ("tones", "spur-free", "biased", "time-shared")
 BLOCK = 1 << 15
 """Responses that are worked on at a time: what stays in a core's cache."""
 MANY = 1 << 62
 
 
 class Scheme(NamedTuple):
-    """A drive scheme; `bias_ratio` is the constant current over the largest tone's (biased only)."""
+    """A drive scheme; `bias_ratio` is the constant current over the largest tone's (biased only).
+
+    `version` tells apart, in caches, schemes that were registered under one name after each other.
+    """
 
     name: str
     bias_ratio: float = 5.0
+    version: int = 0
+
+    @property
+    def kind(self) -> "DriveScheme":
+        """What the scheme does, from its file or as it was registered."""
+        found: DriveScheme = SCHEMES.get(self.name, "drive.scheme")
+        return found
 
     @property
     def has_pair_spurs(self) -> bool:
         """Whether two channels make lines that neither wants."""
-        return self.name in ("tones", "biased")
+        return self.kind.HAS_PAIR_SPURS
 
     @property
     def pair_scale(self) -> float:
@@ -73,19 +85,27 @@ class Scheme(NamedTuple):
 
     def pair_square(self, a: np.ndarray, b: np.ndarray, strongest: np.ndarray | float) -> np.ndarray:
         """Square of the amplitude of a pair's spurs, by wanted lines; `strongest` is the line that sets the bias."""
-        # Tones: I_a I_b against wanted lines of I²/2, twice the geometric mean.
-        square: np.ndarray = 4 * (a * b) if self.name == "tones" else (a * b / (2 * self.bias_ratio * strongest)) ** 2
-        return square
+        return self.kind.pair_square(self, a, b, strongest)
+
+    @property
+    def is_root(self) -> bool:
+        """Whether the current is the root of the wanted force."""
+        return self.kind.CURRENT == "root"
+
+    @property
+    def is_biased(self) -> bool:
+        """Whether the current is a constant and tones."""
+        return self.kind.CURRENT == "biased"
 
     @property
     def has_constant(self) -> bool:
         """Whether the current has a constant part, so that a channel's line of it is at its resonance."""
-        return self.name in ("spur-free", "biased")
+        return self.kind.CURRENT != "tones"
 
     @property
     def takes_turns(self) -> bool:
         """Whether one channel plays at a time."""
-        return self.name == "time-shared"
+        return self.kind.TAKES_TURNS
 
 
 class Channels(NamedTuple):
@@ -152,7 +172,7 @@ def own_lines(of: Channels, scheme: Scheme, most: int = MANY) -> Iterator[Lines]
         own = slice(start, start + most)
         hz, line = of.resonance_hz[None, own], of.line[None, own]
         square = line**2
-        if scheme.name == "biased":
+        if scheme.is_biased:
             hz = np.concatenate([hz, 2 * hz])
             square = np.concatenate([square, scheme.pair_square(line, line, of.line.max(0)) / 4])
         yield Lines(hz, np.zeros(1), square, (each[own],))

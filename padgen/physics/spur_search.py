@@ -54,7 +54,7 @@ class Case(NamedTuple):
     @property
     def shifts(self) -> bool:
         """Whether a set may be moved up to the top of the band without change: under power laws it may."""
-        rising = self.law.exponent <= 2 or self.scheme.name == "tones"
+        rising = self.law.exponent <= 2 or not self.scheme.has_constant
         return not len(self.law.bends_log_hz) and rising
 
     def db(self, log_hz: np.ndarray) -> float:

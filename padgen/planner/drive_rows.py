@@ -61,7 +61,7 @@ def _row(spec: Spec, scheme: Scheme, channel: Channel, current_a: float) -> Driv
     volts = current_a * abs(z)
     if channel.force_constant_n_per_a2 <= 0:
         current_a = volts = inf
-    elif scheme.name == "spur-free":
+    elif scheme.is_root:
         volts = root_voltage_v(channel.line_a2, channel.resonance_hz, resistance, inductance, spec.drive.headroom)
     return DriveRow(
         channel.index,
@@ -80,7 +80,7 @@ def bias_row(spec: Spec, scheme: Scheme, own: Sequence[Channel], name: str = BIA
     """The constant part of the current of a coil with the channels `own`."""
     lines, resistance = np.array([c.line_a2 for c in own]), spec.coil.resistance_ohm
     square = mean_square_a2(scheme, lines, spec.drive.headroom)
-    constant = bias_a(scheme, lines) if scheme.name == "biased" else sqrt(square)
+    constant = bias_a(scheme, lines) if scheme.is_biased else sqrt(square)
     static_mn = square * own[0].force_constant_n_per_a2 / MN
     return DriveRow(name, 0.0, 0.0, static_mn, constant / MA, constant * resistance, resistance, 0.0, 0.0)
 

@@ -10,7 +10,8 @@ import numpy as np
 from padgen.core.errors import number
 from padgen.core.units import decibel
 from padgen.physics.modal import ModalTaxels
-from padgen.physics.selectivity import SCHEMES, Channels, Scheme, all_states, channels, one_hot_db, tone_energy
+from padgen.physics.schemes import in_order, simplest_first
+from padgen.physics.selectivity import Channels, Scheme, all_states, channels, one_hot_db, tone_energy
 from padgen.planner.frame_rates import frame_rates
 from padgen.planner.plan import Channel, Plan, SchemeFigures, Selectivity, channel_sets
 from padgen.planner.pull_modes import MODES_DB, coil_modes, heard_modes, modes_in_slots
@@ -20,10 +21,8 @@ from padgen.spec import Spec
 if TYPE_CHECKING:
     from padgen.planner.resonances import Optimum
 
-__all__ = ["SIMPLEST_FIRST", "modes_matter", "placed_channels", "plan_selectivity"]
+__all__ = ["modes_matter", "placed_channels", "plan_selectivity"]
 
-SIMPLEST_FIRST = ("tones", "biased", "spur-free", "time-shared")
-"""By what the electronics must do: sines; sines on a constant; a root; and, slow, one at a time."""
 MOST_SPELLED_OUT = 16
 """Channels up to which a plan lists how each hears each."""
 UNPULLED = 1e-12
@@ -42,7 +41,7 @@ def plan_selectivity(spec: Spec, planned: Sequence[Channel], optimum: "Optimum |
     sets = channel_sets(planned, spec.coil.sets)
     alike, bare, asked = ([_resonators(spec, own, which) for own in sets] for which in ("alike", "placed", "asked"))
     placed = [(which, heard_modes(spec, own, which.line)) for own, which in zip(sets, bare, strict=True)]
-    figures = {name: _figures(spec, alike, placed, name) for name in SCHEMES}
+    figures = {name: _figures(spec, alike, placed, name) for name in in_order()}
     name, why = _chosen(spec, figures, planned)
     scheme = scheme_named(spec, name)
     states = min((all_states(which, scheme) for which in alike), key=lambda found: found.db)
@@ -137,15 +136,16 @@ def _chosen(spec: Spec, figures: dict[str, SchemeFigures], planned: Sequence[Cha
     if len(planned) // spec.coil.sets == 2:
         return "tones", "plain tones are the simplest, and no third taxel is there for their spurs to fall on"
     asked, least = decibel(spec.delta_y), spec.drive.least_frames_per_s
-    reached = {name: figures[name].reached_db for name in SIMPLEST_FIRST}
+    simplest = simplest_first()
+    reached = {name: figures[name].reached_db for name in simplest}
     rates = {rate.scheme: rate.frames_per_s for rate in frame_rates(planned, spec.coil.sets)}
     # Taking turns is slow, so that it must also be fast enough; the others ring down alike.
-    holds = [n for n in SIMPLEST_FIRST if reached[n] >= asked and (n != "time-shared" or rates[n] >= least)]
+    holds = [n for n in simplest if reached[n] >= asked and (rates[n] >= least or not Scheme(n).takes_turns)]
     if holds:
-        told = _told(SIMPLEST_FIRST[: SIMPLEST_FIRST.index(holds[0])], reached, rates)
+        told = _told(simplest[: simplest.index(holds[0])], reached, rates)
         return holds[0], f"the simplest that keeps {asked:.1f} dB in all states{told}"
-    best = max(SIMPLEST_FIRST[:-1], key=lambda name: reached[name])
-    told = _told([name for name in SIMPLEST_FIRST if name != best], reached, rates)
+    best = max((n for n in simplest if not Scheme(n).takes_turns), key=lambda name: reached[name])
+    told = _told([name for name in simplest if name != best], reached, rates)
     none = f"no drive keeps {asked:.1f} dB in all states at {number(least)} frames/s or more"
     return best, f"{none}; of those that drive all at once it comes nearest{told}"
 
@@ -153,7 +153,7 @@ def _chosen(spec: Spec, figures: dict[str, SchemeFigures], planned: Sequence[Cha
 def _told(names: Sequence[str], reached: dict[str, float], rates: dict[str, float]) -> str:
     """What other schemes reach, in brackets."""
     words = [
-        f"{name} {reached[name]:.1f} dB" + (f" at {rates[name]:.2g} frames/s" if name == "time-shared" else "")
+        f"{name} {reached[name]:.1f} dB" + (f" at {rates[name]:.2g} frames/s" if Scheme(name).takes_turns else "")
         for name in names
         if reached[name] > -inf
     ]

@@ -7,7 +7,7 @@ from typing import Any
 from padgen.core.errors import SpecError, number
 from padgen.core.units import decibel
 from padgen.physics.levels import LevelLaw
-from padgen.physics.selectivity import SCHEMES
+from padgen.physics.schemes import in_order
 from padgen.planner.capacity import channel_limit, coil_capacity, largest_counts, searched_to
 from padgen.planner.channels import plan_channels
 from padgen.planner.drive_scheme import plan_selectivity
@@ -107,7 +107,7 @@ def _capacities(spec: Spec) -> Iterator[CapacityRow]:
     laws: list[tuple[float | str, LevelLaw]] = [(p, LevelLaw(p)) for p in (0.0, 1.0, 2.0)]
     if spec.drive.threshold_hz:
         laws.append(("threshold", level_law(spec)))
-    for name in SCHEMES:
+    for name in in_order():
         for key, law in laws:
             scheme = scheme_named(spec, name)
             states, one_hot = largest_counts(spec.band_hz, spec.q_min, law, scheme, decibel(spec.delta_y))
@@ -225,7 +225,7 @@ def _tables(plan: Plan) -> Iterator[tuple[int, str, dict[str, Any]]]:
     drive, (low, high) = asdict(spec.drive), spec.band_hz
     if spec.resonances_hz:
         yield 0, "no resonances_hz, so that the search spreads them", {"resonances_hz": None}
-    for name in SCHEMES:
+    for name in in_order():
         if name != plan.selectivity.drive:
             yield 0, f"drive = {name!r}", {"drive": {**drive, "scheme": name}}
     for spacing in ("spread", "optimised"):

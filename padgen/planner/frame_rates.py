@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from padgen.core.units import MS
-from padgen.physics.selectivity import SCHEMES, Scheme
+from padgen.physics.schemes import in_order
+from padgen.physics.selectivity import Scheme
 from padgen.planner.plan import Channel, FrameRate, channel_sets
 
 __all__ = ["frame_rates", "slot_ms", "switch_ms"]
@@ -43,7 +44,7 @@ def frame_rates(channels: Sequence[Channel], sets: int = 1) -> tuple[FrameRate, 
     """
     together = (switch_ms(channels, sets) + max(channel.ring_down_ms for channel in channels)) * MS
     in_turns = slot_ms(channels, sets) * MS * len(channels) / sets
-    times = {name: in_turns if Scheme(name).takes_turns else together for name in SCHEMES}
+    times = {name: in_turns if Scheme(name).takes_turns else together for name in in_order()}
     return tuple(FrameRate(name, 1 / time) for name, time in times.items())
 
 

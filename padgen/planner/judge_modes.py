@@ -12,6 +12,7 @@ from padgen.core.errors import SpecError, number
 from padgen.core.finding import Finding
 from padgen.physics.ladder import slot_half_width
 from padgen.physics.modal import ModalTaxels, felt_energy
+from padgen.physics.schemes import simplest_first
 from padgen.physics.selectivity import Channels, Scheme, all_states, scheme_lines
 from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.plan import Channel, Plan, channel_sets
@@ -285,8 +286,8 @@ def _tables(plan: Plan, found: Sequence[Crowd]) -> Iterator[tuple[str, dict[str,
     spec, channels = plan.spec, plan.channels
     suspension = asdict(spec.suspension)
     if any(crowd.is_spur for crowd in found):
-        for name in ("spur-free", "biased", "tones"):
-            if name != plan.selectivity.drive:
+        for name in reversed(simplest_first()):
+            if name != plan.selectivity.drive and not Scheme(name).takes_turns:
                 yield f"drive = {name!r}", {"drive": {**asdict(spec.drive), "scheme": name}}
     if len(dict.fromkeys(crowd.channel for crowd in found)) == 1:
         for factor in MOVES:

@@ -250,9 +250,9 @@ def _motional(plan: Plan, channels: Sequence[Channel]) -> np.ndarray:
     for own in _sets(channels, spec):
         # The constant part of the current over the channel's line in it.
         lines = np.array([channels[k].line_a2 for k in own])
-        if scheme.name == "biased":
+        if scheme.is_biased:
             bias[own] = scheme.bias_ratio * lines.max() / lines
-        elif scheme.name == "spur-free":
+        elif scheme.is_root:
             bias[own] = 2 * (1 + spec.drive.headroom) * lines.sum() / lines
     pull, level_m, resonance, drive = np.array(
         [(c.force_constant_n_per_a2, c.level_um * UM, c.resonance_hz, c.drive_hz) for c in channels]

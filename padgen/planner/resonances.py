@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from padgen.core.registry import SCHEMES
 from padgen.core.units import decibel
 from padgen.physics.ladder import geometric_ladder, ladder_ratio, paper_ladder, slot_half_width
 from padgen.physics.selectivity import all_states, channels
@@ -100,13 +101,19 @@ def _span_hz(spec: Spec, room: Room) -> tuple[float, float]:
     return (low, high) if low < high else spec.band_hz
 
 
-@lru_cache(maxsize=64)
 def optimum(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
     """The resonances in a band that the drive scheme of `spec` tells apart best, for equal masses.
 
     An automatic scheme takes plain tones if a set of resonances keeps what is asked with them, else
-    what is best without spurs, else in turns. A search takes up to seconds: found ones are kept in the cache.
+    what is best without spurs, else in turns. A search takes up to seconds: found ones are kept in the cache, but for
+    a registered scheme's, which may be another the next time.
     """
+    searched = _searched if SCHEMES.version(spec.drive.scheme) else _known
+    return searched(spec, count, low_hz, high_hz)
+
+
+@lru_cache(maxsize=64)
+def _known(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
     from padgen.core import cache
 
     drive = spec.drive
@@ -150,7 +157,7 @@ def _searched(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
     law, q, drive = level_law(spec), spec.q_min, spec.drive.scheme
     if drive == "auto":
         drive = "tones" if count > 2 and _tones_can_be_clean(spec, count, low_hz, high_hz) else "spur-free"
-    if drive in ("tones", "biased"):
+    if scheme_named(spec, drive).has_pair_spurs:
         from padgen.physics.clean_sets import clean_set
 
         found = clean_set(low_hz, high_hz, count, q, law, scheme_named(spec, drive))

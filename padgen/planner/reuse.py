@@ -48,7 +48,7 @@ def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], scheme: 
             some = there & (away == steps)
             square = np.abs(leak.mutual[:, some][:, :, some]).sum((1, 2))
             product = np.abs(leak.product[:, some]).sum(1)
-            constant = product if scheme.name == "biased" else 0.0
+            constant = product if scheme.is_biased else 0.0
             # Spurs and beats of the same channels are of the same frequencies.
             total += (square + constant) ** 2 * tones + (square * np.sqrt(spurs) + product * np.sqrt(beats)) ** 2
         energy = np.maximum(energy, total)

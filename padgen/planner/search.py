@@ -5,8 +5,9 @@ from functools import lru_cache
 from itertools import islice
 from math import inf
 
+from padgen.physics.schemes import simplest_first
 from padgen.planner.channels import plan_channels
-from padgen.planner.drive_scheme import SIMPLEST_FIRST, plan_selectivity
+from padgen.planner.drive_scheme import plan_selectivity
 from padgen.planner.layout import SLACK_MM, Layout, coil_reach_mm, place, room, slots
 from padgen.planner.plan import Site
 from padgen.planner.resonances import ladders
@@ -76,4 +77,4 @@ def _keeps(spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...]) -> tuple
     figures = plan_selectivity(spec, plan_channels(spec, sized, sites_of(spec, layout, sized)))
     kept_db = inf if figures.kept_db is None else figures.kept_db
     keeps = kept_db >= figures.asked_db
-    return keeps, -SIMPLEST_FIRST.index(figures.drive) if keeps else 0, kept_db
+    return keeps, -simplest_first().index(figures.drive) if keeps else 0, kept_db

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from padgen.core.registry import SCHEMES
 from padgen.core.units import decibel
 from padgen.physics.levels import LevelLaw
 from padgen.physics.selectivity import Scheme, all_states, channels
@@ -18,7 +19,7 @@ def level_law(spec: Spec) -> LevelLaw:
 
 def scheme_named(spec: Spec, name: str) -> Scheme:
     """The scheme called `name` with the settings of `spec`."""
-    return Scheme(name, spec.drive.bias_ratio)
+    return Scheme(name, spec.drive.bias_ratio, SCHEMES.version(name))
 
 
 def scheme_for(spec: Spec, resonance_hz: np.ndarray) -> Scheme:

@@ -5,6 +5,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from padgen.core.errors import number, plain
+from padgen.physics.selectivity import Scheme
 from padgen.report.plans import findings_text, table
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from padgen.driver.drive_folder import Driven
     from padgen.driver.ear import Heard
     from padgen.driver.excitation import Excitation
-    from padgen.driver.formats.wave_files import WaveReport
+    from padgen.driver.formats.wav import WaveReport
     from padgen.planner.plan import Plan
 
 __all__ = ["driven_table", "driven_text", "excitation_text"]
@@ -86,7 +87,7 @@ def _wave_text(plan: "Plan", report: "WaveReport") -> str:
         f" the peak {number(report.peak)} {unit}",
         f"coils: {number(1e3 * max(report.rms_current_a))} mA rms, {number(max(report.copper_loss_w))} W at most",
     ]
-    if report.loss_over_tones is not None and report.scheme not in ("tones", "time-shared"):
+    if report.loss_over_tones is not None and Scheme(report.scheme).has_constant:
         told[-1] += f"; copper loss {number(report.loss_over_tones)} times that of plain tones with the same force"
     if report.loops:
         told.append("it repeats without a seam")

@@ -7,11 +7,10 @@ any of its fields.
 from dataclasses import dataclass, field
 from math import ceil
 
-from padgen.core.registry import SUSPENSIONS
+from padgen.core.registry import SCHEMES, SUSPENSIONS
 from padgen.spec.fields import choice, entry_name, flag, folder_name, numbers, quantity, text
 
 __all__ = [
-    "DRIVE_SCHEMES",
     "Coil",
     "Drive",
     "Material",
@@ -24,7 +23,6 @@ __all__ = [
     "Washer",
 ]
 
-DRIVE_SCHEMES = ("tones", "spur-free", "biased", "time-shared")
 """Explained in `padgen.physics.selectivity`."""
 STRUCTURE_MODELS = ("beam", "solid")
 LAYER_SHARE = 1e-6
@@ -213,7 +211,7 @@ class Drive:
 
     scheme: str = choice(
         "auto",
-        of=("auto", *DRIVE_SCHEMES),
+        of=lambda: ("auto", *SCHEMES.names()),
         doc="what the coil's current is made of (docs/driving.md); auto takes the simplest that is selective enough",
     )
     level_um: float = quantity(10.0, unit="µm", low=1e-4, high=5000, doc="ON amplitude of the lowest channel")

@@ -50,7 +50,7 @@ class DynamicsQuestion:
     @property
     def current(self) -> Tones:
         """The current of schemes that are sums of tones, in A."""
-        if self.scheme.name == "biased":
+        if self.scheme.is_biased:
             bias = bias_a(self.scheme, np.array([self.largest_a2]))
             sines = tones(self.line_hz, self.lines_a2 / (2 * bias), -np.pi / 2)
             return Tones(*(np.append(a, b) for a, b in zip(sines, (0.0, bias, 0.0, 0.0, 0.0), strict=True)))
@@ -59,7 +59,7 @@ class DynamicsQuestion:
     @property
     def squared_current(self) -> Tones:
         """All lines of i² in A²."""
-        if self.scheme.name != "spur-free":
+        if not self.scheme.is_root:
             return squared(self.current)
         constant = (1 + self.headroom) * self.lines_a2.sum()
         return tones(np.append(self.line_hz, 0.0), np.append(self.lines_a2, constant))
@@ -74,7 +74,7 @@ class DynamicsQuestion:
     def voltage(self) -> Source:
         """The voltage that makes this current in the coil with its washers at rest."""
         resistance, inductance = self.system.resistance_ohm, self.system.inductance_h
-        if self.scheme.name != "spur-free":
+        if not self.scheme.is_root:
             current = self.current
             z = impedance(resistance, inductance, current.frequency_hz)
             return from_tones(
@@ -86,7 +86,7 @@ class DynamicsQuestion:
     @property
     def initial_a(self) -> float:
         """The current in A at t = 0, when the taxels are let go: no step of the voltage is left to the circuit."""
-        if self.scheme.name == "spur-free":
+        if self.scheme.is_root:
             return float(np.sqrt(signal(self.squared_current, np.zeros(1))[0]))
         return float(signal(self.current, np.zeros(1))[0])
 

@@ -100,7 +100,7 @@ def hear(
 ) -> Heard:
     """Listen to `wave` on the pad of `plan`, or on the print that `tuning` tells of.
 
-    `sidecar` is the file's (`padgen.driver.formats.wave_files.wave_json`), read from JSON. With the `gap` the pull
+    `sidecar` is the file's (`padgen.driver.formats.wav.wave_json`), read from JSON. With the `gap` the pull
     grows as it closes, which takes longer: the taxels are stepped in time.
 
     Raises

@@ -9,6 +9,7 @@ import numpy as np
 
 from padgen.core.errors import FileError, number
 from padgen.driver.ear.tally import COURSE_PERIODS, Span
+from padgen.physics.selectivity import Scheme
 from padgen.planner.plan import Plan
 
 __all__ = ["SETTLED_TAUS", "Score", "read_score", "score_spans"]
@@ -42,7 +43,7 @@ class Score:
 
 
 def read_score(sidecar: Mapping[str, Any], plan: Plan, where: str = "drive-wave.json") -> Score:
-    """The score of a sidecar (`padgen.driver.formats.wave_files`).
+    """The score of a sidecar (`padgen.driver.formats.wav`).
 
     Raises
     ------
@@ -78,7 +79,7 @@ def _read(sidecar: Mapping[str, Any]) -> Score:
         full_scale=float(sidecar["full_scale"]),
         by_voltage={"voltage": True, "current": False}[sidecar["signal"]],
         loops=bool(sidecar["loops"]),
-        in_turns=sidecar["scheme"] == "time-shared",
+        in_turns=Scheme(sidecar["scheme"]).takes_turns,
         period_s=float(sidecar["period_s"]),
         coils=tuple((int(entry["coil"][0]), int(entry["coil"][1])) for entry in coils),
         channel=np.array([int(entry["wav_channel"]) for entry in taxels], int),

@@ -1,1 +1,124 @@
-"""Files that other programs and machines take: WAV, MPEG haptics, Syntacts, C with its firmware."""
+"""Files that drive a pad, or that other programs and machines take: a format is one file here, found by its name.
+
+Others are added by `register`. A format holds to `DriveFormat`; what it needs to know is its `DriveJob`.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from math import inf
+from typing import TYPE_CHECKING, Protocol
+
+from padgen.core.finding import Finding
+from padgen.core.registry import FORMATS
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from padgen.core.files import OutputFolder
+    from padgen.driver.ear import Heard
+    from padgen.driver.formats.wav import WaveReport
+    from padgen.driver.pad_drive import PadDrive
+    from padgen.driver.timeline import Timeline
+    from padgen.measured.tuning import Tuning
+    from padgen.planner.plan import Plan
+
+__all__ = ["DriveFormat", "DriveJob", "DriveRequest", "in_order", "register", "unregister"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DriveRequest:
+    """What is asked for.
+
+    `frames` (k, taxels) are levels in 0 … 1, shown for `seconds_each` (None: as the plan's frame rate has it, or where
+    they are `held`, until all taxels have their level); a single one may `loop` without a seam. `rate_hz` None: the
+    first of a sound card's that will do.
+    """
+
+    formats: tuple[str, ...]
+    frames: "np.ndarray | None" = None
+    seconds_each: float | None = None
+    held: bool = False
+    loop: bool = False
+    rate_hz: int | None = None
+    depth: str = "24"
+    signal: str = "voltage"
+    carrier_hz: float | None = None
+    tuning: "Tuning | None" = None
+    hear: bool = False
+    gap: bool = False
+
+
+@dataclass(slots=True, eq=False)
+class DriveJob:
+    """What a format writes, judged before anything is, and what was seen on the way.
+
+    `drive` is None where only tables are asked for of a pad with a washer that no coil pulls, `timeline` where nothing
+    is shown. `shown` are the findings about the timeline, `findings` all others; `report` and `heard` are the wave's.
+    """
+
+    plan: "Plan"
+    request: DriveRequest
+    progress: Callable[[str], None]
+    drive: "PadDrive | None" = None
+    timeline: "Timeline | None" = None
+    shown: tuple[Finding, ...] = ()
+    findings: list[Finding] = field(default_factory=list)
+    report: "WaveReport | None" = None
+    heard: "Heard | None" = None
+
+    def drive_at(self, rates_hz: tuple[int, ...]) -> "PadDrive":
+        """The drive at the rate that is asked for, or else at the first of these that will do."""
+        from padgen.driver.rates import drive_at
+
+        return drive_at(self.plan, rates_hz, self.request.rate_hz, self.request.tuning, self.request.carrier_hz)
+
+    def played(self) -> "tuple[PadDrive, Timeline]":
+        """The drive and what it shows, for a format that is made of ``"frames"``."""
+        assert self.drive is not None
+        assert self.timeline is not None
+        return self.drive, self.timeline
+
+
+class DriveFormat(Protocol):
+    """A format: a module, or any object, with these names.
+
+    An `ORDER` may say when it is written, the lowest first; those without one come last. A `refuse` may raise
+    SpecError of a job that it cannot write, before anything else is done.
+    """
+
+    FILE: str
+    """Name of the file that says what is played; findings name it."""
+    MADE_OF: str
+    """``"plan"``: of nothing else; ``"drive"``: also of what the coils play; ``"frames"``: of what is shown;
+    ``"host"``: of what a host may send when it is played, which the format itself judges."""
+
+    def write(self, out: "OutputFolder", job: DriveJob) -> None:
+        """Add all its files to `out`; may raise SpecError: then nothing is kept."""
+
+
+def register(name: str, drive_format: DriveFormat) -> None:
+    """Add a format, which may be asked for from then on.
+
+    Raises
+    ------
+    SpecError
+        The name is taken or no name, or the format lacks something.
+    """
+    FORMATS.register(name, drive_format, DriveFormat)
+
+
+def unregister(name: str) -> None:
+    """Take away a format that was registered."""
+    FORMATS.unregister(name)
+
+
+def in_order(names: Iterable[str]) -> dict[str, DriveFormat]:
+    """The formats of these names, in the order in which they are written.
+
+    Raises
+    ------
+    SpecError
+        There is no such format.
+    """
+    formats: dict[str, DriveFormat] = {name: FORMATS.get(name, "--formats") for name in names}
+    return dict(sorted(formats.items(), key=lambda item: getattr(item[1], "ORDER", inf)))

@@ -21,8 +21,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.core.errors import FileError, SpecError, number
-from padgen.core.files import json_text
+from padgen.core.files import OutputFolder, json_text
 from padgen.core.units import GRAM, MH, MM, UM
+from padgen.driver.formats import DriveJob
 from padgen.driver.frames import taxel_grid
 from padgen.driver.timeline import Timeline, blend
 from padgen.measured.tuning import TunedTaxel, Tuning, planned_tuning
@@ -30,8 +31,19 @@ from padgen.physics.magnetics import impedance
 from padgen.planner.plan import Plan
 from padgen.planner.settings import level_law
 
-__all__ = ["HapticChannel", "HapticDevice", "Hjif", "hjif_text", "read_hjif"]
+__all__ = [
+    "FILE",
+    "MADE_OF",
+    "ORDER",
+    "HapticChannel",
+    "HapticDevice",
+    "Hjif",
+    "hjif_text",
+    "read_hjif",
+    "write",
+]
 
+ORDER, MADE_OF, FILE = 3, "drive", "drive.hjif"
 DATE = "1970-01-01T00:00:00+00:00"
 TICKS_PER_S = 1000
 LOWEST_HZ, HIGHEST_HZ = 1, 10_000
@@ -101,6 +113,11 @@ class _Course(NamedTuple):
     tick: np.ndarray
     level: np.ndarray
     keys: np.ndarray
+
+
+def write(out: OutputFolder, job: DriveJob) -> None:
+    """Add the file."""
+    out.write(FILE, hjif_text(job.plan, job.timeline, job.request.tuning))
 
 
 def hjif_text(plan: Plan, timeline: Timeline | None = None, tuning: Tuning | None = None) -> str:

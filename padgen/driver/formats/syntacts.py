@@ -17,14 +17,17 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.core.errors import at_least, number
-from padgen.driver.formats.syntacts_player import CONSTANT, TEMPLATE
+from padgen.core.files import OutputFolder
+from padgen.driver.formats import DriveJob
+from padgen.driver.formats._syntacts_player import CONSTANT, TEMPLATE
 from padgen.driver.pad_drive import CoilDrive, PadDrive, coil_lines, constant_a2
 from padgen.driver.timeline import Timeline, ramp_s
 from padgen.driver.waveform import edges, is_fed, volts
 from padgen.planner.plan import Plan
 
-__all__ = ["syntacts_script"]
+__all__ = ["FILE", "MADE_OF", "ORDER", "syntacts_script", "write"]
 
+ORDER, MADE_OF, FILE = 5, "frames", "drive_syntacts.py"
 Tones = list[tuple[complex, float, float]]
 Term = tuple[str, float, list[tuple[float, float, float]]]
 
@@ -42,6 +45,13 @@ class _Stretch(NamedTuple):
     offset: float
     speed: float
     half_samples: int
+
+
+def write(out: OutputFolder, job: DriveJob) -> None:
+    """Add the script, whose samples are as large as those of the wave where one is written."""
+    report = job.report
+    scale = report.full_scale if report and report.signal == "voltage" else None
+    out.write(FILE, syntacts_script(job.plan, *job.played(), scale))
 
 
 def syntacts_script(plan: Plan, drive: PadDrive, timeline: Timeline, full_scale_v: float | None = None) -> str:
@@ -112,13 +122,13 @@ def _parts(
     if not len(coil.taxels):
         return
     levels = timeline.levels[:, coil.taxels]
-    constant = constant_a2(drive, coil, levels) if drive.scheme.name == "spur-free" else np.zeros(len(levels))
+    constant = constant_a2(drive, coil, levels) if drive.scheme.is_root else np.zeros(len(levels))
     for stretch in stretches:
         before, after = levels[stretch.key], levels[stretch.key + 1]
-        if drive.scheme.name == "spur-free":
+        if drive.scheme.is_root:
             root = _root_text(drive, coil, stretch, (before, after), constant[stretch.key : stretch.key + 2], scale_v)
             terms: list[Term] = [(root, 1.0, [])] if root else []
-        elif drive.scheme.name == "biased":
+        elif drive.scheme.is_biased:
             fed = is_fed(timeline, stretch.key), is_fed(timeline, stretch.key + 1)
             terms = list(_biased(drive, coil, stretch, (before, after), fed, scale_v))
         else:

@@ -8,7 +8,6 @@ Its functions take numbers or arrays, so that one call lays out a whole grid of 
 from math import inf
 from typing import Protocol
 
-from padgen.core.errors import SpecError
 from padgen.core.registry import SUSPENSIONS
 from padgen.planner.arrangement import (
     Arrangement,
@@ -76,11 +75,7 @@ def register(name: str, suspension: Suspension) -> None:
     SpecError
         The name is taken or no name, or the suspension lacks something.
     """
-    wanted = [*Suspension.__annotations__, *(key for key in vars(Suspension) if not key.startswith("_"))]
-    missing = [key for key in wanted if not hasattr(suspension, key)]
-    if missing:
-        raise SpecError(f"the suspension {name!r} lacks {', '.join(missing)}")
-    SUSPENSIONS.register(name, suspension)
+    SUSPENSIONS.register(name, suspension, Suspension)
 
 
 def unregister(name: str) -> None:

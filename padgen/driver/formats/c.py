@@ -7,7 +7,6 @@ after an hour as after the first period no phase is off by more than period_samp
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from math import ceil, pi
 from pathlib import Path
 from textwrap import fill
@@ -15,38 +14,31 @@ from textwrap import fill
 import numpy as np
 
 from padgen.core.errors import SpecError
+from padgen.core.files import OutputFolder
 from padgen.driver.device.protocol import HOLD_WATCHDOGS, plan_hash
+from padgen.driver.formats import DriveJob
+from padgen.driver.limits import judge_limits
+from padgen.driver.loads import group_channels, least_constants
 from padgen.driver.pad_drive import CoilDrive, PadDrive
+from padgen.driver.rates import CONTROLLER_RATES_HZ
 from padgen.driver.timeline import frame_s, ramp_s
 from padgen.measured.tuning import Tuning, tuning_hash
-from padgen.physics.crest import least_constant
+from padgen.physics.selectivity import Scheme
 from padgen.planner.plan import Plan
 
-__all__ = [
-    "GROUP_CHANNELS",
-    "HEADER",
-    "SCHEME_NUMBERS",
-    "c_header",
-    "firmware_files",
-    "group_channels",
-    "least_constants",
-]
+__all__ = ["FILE", "MADE_OF", "ORDER", "SCHEME_NUMBERS", "c_header", "firmware_files", "write"]
 
-HEADER = "pad_drive.h"
+ORDER, MADE_OF, FILE = 2, "host", "pad_drive.h"
 FIRMWARE = Path(__file__).with_name("firmware")
 NAMES = {"README.md": "padgen_firmware.md"}
 """What files are called in a pad's folder, where they differ."""
 SCHEME_NUMBERS = {"tones": 0, "spur-free": 1, "biased": 2, "time-shared": 3}
-GROUP_CHANNELS = 8
-"""Channels whose on/off states have their least constants in a table: 256 numbers, 1 KiB, at most."""
 LEAST_WATCHDOG_S = 1.0
 WATCHDOG_FRAMES = 2
 MOST_SAMPLES = (1 << 32) - 1
 """What the firmware counts to."""
 TURN = 1 << 32
 NO_TAXEL = 0xFFFF
-ROUNDING = 1e-6
-"""What `least_constant` may be too small by, over the sum of the lines."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +51,15 @@ class _Kind:
     margin: tuple[float, ...]
     bias_a: float
     slot: tuple[int, ...]
+
+
+def write(out: OutputFolder, job: DriveJob) -> None:
+    """Add the header and the firmware; judged is whatever a host may send."""
+    drive = job.drive_at(CONTROLLER_RATES_HZ)
+    job.findings += judge_limits(FILE, job.plan, drive, tuning=job.request.tuning)
+    out.write(FILE, c_header(job.plan, drive, job.request.tuning))
+    for name, data in firmware_files().items():
+        out.write(name, data)
 
 
 def firmware_files() -> dict[str, bytes]:
@@ -91,7 +92,7 @@ def c_header(plan: Plan, drive: PadDrive, tuning: Tuning | None = None) -> str:
         *_pad_tables(plan, drive, kinds, of_coil),
         *_kind_tables(drive, kinds),
     ]
-    if drive.scheme.name == "spur-free":
+    if drive.scheme.is_root:
         parts += _constant_tables(kinds)
     return "\n".join([*parts, "#endif\n"])
 
@@ -120,7 +121,7 @@ def _plain(text: str) -> str:
 
 
 def _defines(plan: Plan, drive: PadDrive, kinds: Sequence[_Kind]) -> str:
-    name, rate = drive.scheme.name, drive.rate_hz
+    rate = drive.rate_hz
     turns = drive.scheme.takes_turns
     slots = len(plan.sets[0]) if turns else 1
     ramp = ceil((frame_s(plan) / slots / 2 if turns else ramp_s(plan)) * rate)
@@ -130,7 +131,7 @@ def _defines(plan: Plan, drive: PadDrive, kinds: Sequence[_Kind]) -> str:
     channels = _channels(kinds)
     lines = {
         **{f"PADGEN_{_upper(scheme)}": number for scheme, number in SCHEME_NUMBERS.items()},
-        "PADGEN_SCHEME": f"PADGEN_{_upper(name)}",
+        "PADGEN_SCHEME": f"PADGEN_{_upper(_played_as(drive.scheme))}",
         "PADGEN_TAKES_TURNS": int(turns),
         "PADGEN_RATE_HZ": f"{rate}u",
         "PADGEN_PERIOD_SAMPLES": f"{drive.period_samples}u",
@@ -155,6 +156,15 @@ def _defines(plan: Plan, drive: PadDrive, kinds: Sequence[_Kind]) -> str:
     return "".join(f"#define {key} {value}\n" for key, value in lines.items())
 
 
+def _played_as(scheme: Scheme) -> str:
+    """The scheme of the firmware that makes the same current."""
+    made = scheme.kind.CURRENT, scheme.takes_turns
+    played = {(own.kind.CURRENT, own.takes_turns): own.name for own in map(Scheme, SCHEME_NUMBERS)}
+    if made in played:
+        return played[made]
+    raise SpecError(f"the firmware does not play {scheme.name!r}; its schemes are {', '.join(SCHEME_NUMBERS)}", FILE)
+
+
 def _upper(scheme: str) -> str:
     return scheme.upper().replace("-", "_")
 
@@ -162,11 +172,6 @@ def _upper(scheme: str) -> str:
 def _channels(kinds: Sequence[_Kind]) -> int:
     """Channels of the coil that has most; tables of none are no C."""
     return max(1, *(len(kind.line_a2) for kind in kinds))
-
-
-def group_channels(channels: int) -> int:
-    """Channels of a group, as few as the number of groups allows, for a pad whose largest coil has `channels`."""
-    return ceil(channels / ceil(channels / GROUP_CHANNELS))
 
 
 def _pad_tables(plan: Plan, drive: PadDrive, kinds: Sequence[_Kind], of_coil: Sequence[_Kind]) -> Iterable[str]:
@@ -222,23 +227,6 @@ def _constant_tables(kinds: Sequence[_Kind]) -> Iterable[str]:
         of_groups = [*least, *[(0.0,) * (1 << size)] * (groups - len(least))]
         rows.append("{" + ",\n".join(_braces([_float_above(a2) for a2 in states]) for states in of_groups) + "},")
     yield _rows(f"float padgen_least_a2[PADGEN_KINDS][PADGEN_GROUPS][{1 << size}]", rows)
-
-
-@lru_cache(maxsize=1024)
-def least_constants(
-    harmonics: tuple[int, ...], line_a2: tuple[float, ...], phase_rad: tuple[float, ...], size: int
-) -> tuple[float, tuple[tuple[float, ...], ...]]:
-    """A coil's least constant with all channels on, and those of each group of `size` in every on/off state, in A²."""
-    harmonic, phase, line = np.array(harmonics, int), np.array(phase_rad), np.array(line_a2)
-    groups = []
-    for start in range(0, len(line), size):
-        part = slice(start, start + size)
-        bits = (np.arange(1 << size)[:, None] >> np.arange(len(line[part]))) & 1
-        states = bits * line[part]
-        least = least_constant(harmonic[part], states, phase[part]) + ROUNDING * states.sum(1)
-        groups.append(tuple(least.tolist()))
-    all_on = least_constant(harmonic, line[None], phase)[0] + ROUNDING * line.sum() if len(line) else 0.0
-    return float(all_on), tuple(groups)
 
 
 def _turns(turns: float) -> int:
