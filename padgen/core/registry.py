@@ -67,6 +67,11 @@ class Registry(Generic[T]):
         del self._registered[name]
         self.changes += 1
 
+    @property
+    def registered(self) -> tuple[str, ...]:
+        """Names of what was registered, which padgen does not bring."""
+        return tuple(self._registered)
+
     def version(self, name: str) -> int:
         """0 for what padgen brings; for what was registered another number each time, for the keys of caches."""
         return self.changes if name in self._registered else 0

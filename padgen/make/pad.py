@@ -14,7 +14,7 @@ from padgen import __version__
 from padgen.core.cache import code_hash, versions
 from padgen.core.files import OutputFolder, built_files, differs, file_hash, is_current, json_text
 from padgen.core.finding import Finding
-from padgen.core.registry import SUSPENSIONS, names_in
+from padgen.core.registry import SCHEMES, SUSPENSIONS, names_in
 from padgen.make.planning import plan_for
 from padgen.spec import Spec
 
@@ -73,8 +73,9 @@ def up_to_date(
     spec: Spec, folder: Path, formats: tuple[str, ...], instances: bool, parts: tuple[str, ...] = ()
 ) -> Built | None:
     """The build in `folder` if nothing that went into it has changed, else None."""
+    inputs = _inputs(spec, formats, instances, parts)
     # The code of what was registered is in no hash.
-    if SUSPENSIONS.changes or not is_current(folder, _inputs(spec, formats, instances, parts)):
+    if inputs["registered"] or not is_current(folder, inputs):
         return None
     try:
         checks = json.loads((folder / "checks.json").read_text(encoding="utf-8"))
@@ -290,6 +291,7 @@ def _inputs(spec: Spec, formats: tuple[str, ...], instances: bool, parts: tuple[
         "formats": list(formats),
         "instances": instances,
         "parts": list(parts),
+        "registered": [*SUSPENSIONS.registered, *SCHEMES.registered],
         "code": code_hash(),
         "versions": versions(),
     }

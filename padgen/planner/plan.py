@@ -6,6 +6,7 @@ from typing import Any
 
 from padgen.core.files import json_text
 from padgen.core.finding import Finding
+from padgen.core.registry import SCHEMES
 from padgen.physics.selectivity import Scheme
 from padgen.planner.suspensions import Arrangement, BeamShape, PlateShape, suspension
 from padgen.spec import Spec
@@ -376,7 +377,8 @@ class Plan:
     @property
     def scheme(self) -> Scheme:
         """The drive scheme with the settings of the spec."""
-        return Scheme(self.selectivity.drive, self.spec.drive.bias_ratio)
+        name = self.selectivity.drive
+        return Scheme(name, self.spec.drive.bias_ratio, SCHEMES.version(name))
 
     @property
     def sets(self) -> tuple[tuple[Channel, ...], ...]:
