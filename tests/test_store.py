@@ -28,9 +28,9 @@ ALL = ("stl", "3mf", "step", "glb")
 @pytest.fixture
 def store(tmp_path, monkeypatch):
     monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "cache"))
-    resonances.optimum.cache_clear()
+    resonances._known.cache_clear()
     yield tmp_path / "cache"
-    resonances.optimum.cache_clear()
+    resonances._known.cache_clear()
 
 
 def entry_paths(store, kind):
@@ -215,7 +215,7 @@ def test_a_prism_whose_rings_meet_is_refused():
 def test_an_optimised_ladder_is_searched_once(store, monkeypatch):
     spec = parse_spec(OPTIMISED)
     found = resonances.optimum(spec, 3, 60.0, 200.0)
-    resonances.optimum.cache_clear()
+    resonances._known.cache_clear()
     monkeypatch.setattr(resonances, "_searched", no_kernel)
     renamed = replace(spec, name="other", pad=replace(spec.pad, border_mm=9.0))
     assert resonances.optimum(renamed, 3, 60.0, 200.0) == found
@@ -239,7 +239,7 @@ def test_what_another_ladder_may_come_from_is_in_its_key(store, monkeypatch, cha
     monkeypatch.setattr(resonances, "_searched", lambda *args: resonances.Optimum((60.0, 90.0), 20.0, None))
     spec = parse_spec(OPTIMISED)
     for changed in (spec, replace(spec, **change)):
-        resonances.optimum.cache_clear()
+        resonances._known.cache_clear()
         resonances.optimum(changed, 3, 60.0, 200.0)
     assert len(entry_paths(store, resonances.KIND)) == 2
 
