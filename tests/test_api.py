@@ -87,6 +87,7 @@ def test_a_plan_draws_all_its_taxels_where_they_are(paper_plan):
 def test_build_writes_what_the_command_writes(work):
     assert cli.run(["build", "tiny.toml", "--formats", "stl,3mf", "-o", "a"]) == 0
     pad = pg.build("tiny.toml")
+    assert repr(pad) == "<Pad tiny: 4 taxels>"
     built = pad.save("b", formats=["stl", "3mf"])
     assert {p.name: p.read_bytes() for p in Path("a").iterdir()} == {
         p.name: p.read_bytes() for p in Path("b").iterdir()
@@ -115,6 +116,7 @@ def test_drive_writes_a_file_or_a_folder(work):
     shown = pg.drive(plan, frames="on.txt")
     assert shown.save("drive.wav").files == ("drive.wav",)
     assert sorted(p.name for p in work.iterdir()) == ["drive.wav", "on.txt", "tiny.toml"]
+    assert repr(shown) == "<Drive paper-pair: 1 frames, tones>"
     levels = shown.frames
     folder = pg.drive(plan, frames=levels[0]).save("d", formats=["wav"])
     assert (work / "d/drive.wav").read_bytes() == (work / "drive.wav").read_bytes()
@@ -141,6 +143,7 @@ def test_retune_and_drive_a_print(work):
 def test_a_study_measures_and_draws(paper_plan):
     study = pg.study(paper_plan, only=["allocation"])
     assert {judged.ladder.name for judged in study.ladders} == {"allocation"}
+    assert repr(study) == "<Study paper-32: allocation>"
     assert len(study.plot().axes) >= 1
 
 

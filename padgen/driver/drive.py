@@ -47,7 +47,7 @@ def levels_of(plan: Plan, state: str | None, frames: Any) -> np.ndarray | None:
     return levels
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Drive:
     """What the coils of a plan are to show; made by `padgen.drive`, whose parameters these are.
 
@@ -64,6 +64,10 @@ class Drive:
     carrier_hz: float | None = None
     tuning: "Tuning | None" = None
     progress: Callable[[str], None] = lambda step: None
+
+    def __repr__(self) -> str:
+        shown = "tables" if self.frames is None else f"{len(self.frames)} frames"
+        return f"<Drive {self.plan.name}: {shown}, {self.plan.selectivity.drive}>"
 
     def save(
         self,

@@ -45,7 +45,7 @@ PACKAGES = ("numpy", "scipy", "ngsolve", "build123d", "mpmath")
 Progress = Callable[[str], None]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Study:
     """Error against run time of the models behind a plan; made by `padgen.study`.
 
@@ -58,6 +58,9 @@ class Study:
     picks: tuple[Pick, ...]
     tolerances: tuple[float, ...]
     about: dict[str, Any]
+
+    def __repr__(self) -> str:
+        return f"<Study {self.name}: {', '.join(dict.fromkeys(result.ladder.name for result in self.ladders))}>"
 
     def plot(self) -> Any:
         """Draw every rung's error against its run time; a `matplotlib.figure.Figure`."""

@@ -86,7 +86,7 @@ def up_to_date(
         return None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Pad:
     """A pad of `spec`, with the `parts` that go with it: planned, modelled and checked when that is first asked for.
 
@@ -99,6 +99,10 @@ class Pad:
     tolerance: float | None = None
     given: "Plan | None" = None
     progress: Progress = lambda step: None
+
+    def __repr__(self) -> str:
+        beside = f" with {', '.join(self.parts)}" if self.parts else ""
+        return f"<Pad {self.spec.name}: {self.spec.resolution} taxels{beside}>"
 
     @cached_property
     def plan(self) -> "Plan":
