@@ -191,7 +191,7 @@ def test_a_washer_enters_what_is_laid_around_it(printer):
     assert "washer.fit" not in codes(
         check_pad(build_pad(with_clearance(wider, printer)), with_clearance(wider, printer))
     )
-    narrower = with_clearance(wider - 0.02, printer)
+    narrower = with_clearance(wider - 0.011, printer)
     assert "washer.fit" in codes(check_pad(build_pad(narrower), narrower))
 
 
@@ -210,6 +210,8 @@ def test_a_tight_recess_of_a_foreign_mesh(small_pad, small_plan):
         assert tight.where == f"taxel {small_plan.taxels[0].id}"
         # 3.7 cos(π/12)
         assert "the recess diameter between the sides of its polygon is 3.5739 mm" in tight.message
+        # The plan's clearance would do.
+        assert tight.message.endswith("lays 0.16 mm into it")
 
 
 def test_a_recess_of_half_a_layer(small_plan):

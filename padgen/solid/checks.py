@@ -137,19 +137,18 @@ def _washers_enter(spec: Spec, rooms: Iterable[tuple[str, float]]) -> Iterator[F
     """Catalogues give the largest diameter that a washer may have."""
     printer, washer = spec.printer, spec.washer
     laid_mm = 2 * printer.xy_compensation_mm + LAID_MM[printer.process]
-    needed_mm = washer.outer_diameter_mm + laid_mm
+    needed_mm, least_mm = washer.outer_diameter_mm + laid_mm, laid_mm + FACET_MM
+    cure = f"; taxel.washer_clearance_mm = {at_least(least_mm)} would do"
     for taxel, room_mm in rooms:
         if not room_mm >= needed_mm:
-            wider = spec.taxel.washer_clearance_mm + needed_mm - room_mm + FACET_MM
             room = f"{number(room_mm)} mm" if isfinite(room_mm) else "missing"
-            cure = f"; taxel.washer_clearance_mm = {at_least(wider)} would do" if isfinite(room_mm) else ""
             yield Finding(
                 "error",
                 "washer.fit",
                 f"taxel {taxel}",
                 f"the recess diameter between the sides of its polygon is {room}, the washer {washer.name} of"
                 f" {number(washer.outer_diameter_mm)} mm needs {number(needed_mm)} mm, as {printer.name} lays"
-                f" {number(laid_mm)} mm into it{cure}",
+                f" {number(laid_mm)} mm into it{cure if spec.taxel.washer_clearance_mm < least_mm else ''}",
             )
 
 
