@@ -1,1 +1,1 @@
-"""What all rooms share: errors, units, findings, files, the cache, processes."""
+"""Shared by all rooms: errors, units, findings, files, the cache, processes, registries."""
