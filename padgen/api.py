@@ -132,7 +132,7 @@ def build(
     return Pad(spec_of(plan), named, progress=progress)
 
 
-def check(mesh: "str | Path", spec: str | None = None) -> "Report":
+def check(mesh: "str | Path", spec: str | None = None, *, progress: Progress = _silent) -> "Report":
     """Check a mesh file against a printer's limits and, with a spec, against its plan.
 
     Parameters
@@ -155,12 +155,15 @@ def check(mesh: "str | Path", spec: str | None = None) -> "Report":
     """
     from dataclasses import replace
 
+    progress("reading")
     from padgen.solid.foreign import check_foreign, read_mesh
 
     part = read_mesh(Path(mesh))
     if spec is None:
+        progress("checking")
         return check_foreign(part, make_spec(SMALLEST_SPEC), None)
-    compared, source = plan_to_compare(spec, Path(mesh))
+    compared, source = plan_to_compare(spec, Path(mesh), progress)
+    progress("checking")
     report = check_foreign(part, compared.spec, compared)
     return replace(report, figures={**report.figures, "compared_with": source})
 

@@ -321,7 +321,7 @@ def _filled(values: Any, where: str) -> list[Any]:
 
 
 def _is_plain(value: Any, depth: int = 0) -> bool:
-    """Whether JSON has it too: neither a date nor a time of TOML, nor a number that no field takes."""
+    """Tell whether JSON can hold a value, unlike TOML's dates and times and numbers that no field takes."""
     if isinstance(value, (dict, list)):
         entries = value.values() if isinstance(value, dict) else value
         return depth < DEEPEST and all(_is_plain(entry, depth + 1) for entry in entries)

@@ -27,7 +27,7 @@ class Told(NamedTuple):
 
 @dataclass(frozen=True)
 class Overview:
-    """What a sweep's index holds, and its front.
+    """Summary of a sweep's index, with its Pareto front.
 
     Attributes
     ----------

@@ -24,7 +24,7 @@ class SweepTable:
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many variants were done, refused and failed."""
+        """Numbers of variants by status: done, refused, failed."""
         return dict(Counter(row["status"] for row in self.rows))
 
     def table(self) -> list[dict[str, Any]]:

@@ -13,7 +13,7 @@ __all__ = ["IMPORTS", "Work", "broken", "make_variants", "run_tasks"]
 
 Work = Callable[[Task], Record]
 IMPORTS = ("padgen.planner",)
-"""What each variant needs: its limit of time should not pay for it."""
+"""Modules that every variant needs, loaded before its limit of time counts."""
 
 _own: dict[int, Runner] = {}
 _own_lock = Lock()

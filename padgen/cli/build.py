@@ -1,15 +1,12 @@
 """``padgen build`` and ``padgen check``."""
 
 import argparse
-from dataclasses import asdict, replace
-from pathlib import Path
+from dataclasses import asdict
 from typing import Any
 
 from padgen.cli.common import add_model, add_output, add_spec, asked_of, code_of, folder_of, progress_line, show
 
 __all__ = ["add"]
-
-SMALLEST_SPEC = {"name": "default", "resolution": 1, "band_hz": [50, 200], "q_min": 15}
 
 
 def add(commands: Any) -> None:
@@ -70,23 +67,10 @@ def _build(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from padgen.spec import make_spec
+    from padgen.api import check
 
-    path, plan, source = Path(options.mesh), None, ""
     with progress_line() as progress:
-        progress("reading")
-        from padgen.solid.foreign import check_foreign, read_mesh
-
-        mesh = read_mesh(path)
-        if options.spec:
-            from padgen.make.planning import plan_to_compare
-
-            plan, source = plan_to_compare(options.spec, path, progress)
-        progress("checking")
-        # Without a spec, the limits are the default printer's.
-        report = check_foreign(mesh, plan.spec if plan else make_spec(SMALLEST_SPEC), plan)
-    if source:
-        report = replace(report, figures={**report.figures, "compared_with": source})
+        report = check(options.mesh, options.spec or None, progress=progress)
     if options.json:
         from padgen.core.files import json_text
 

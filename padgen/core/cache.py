@@ -52,7 +52,7 @@ KEPT_SHARE = 0.8
 ASIDE = ".aside"
 CLAIM = ".claim"
 PATIENCE_S = 120.0
-"""How long to wait for another process that works on the same."""
+"""Longest wait for another process that works on the same."""
 LARGEST_ENTRY = 1 << 28
 """Bytes of an entry that is read."""
 OWN = re.compile(r"[0-9a-f]{64}\.(entry|claim|json|[0-9]+|[0-9]+-[0-9]+\.aside)")

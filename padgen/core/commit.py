@@ -50,7 +50,7 @@ LOCK = ".padgen.lock"
 REPLACED = ".replaced"
 """The folder, in the one aside, of padgen's own files that are replaced or removed."""
 PATIENCE_S = 10.0
-"""How long a commit waits for another; one takes milliseconds."""
+"""Longest wait of a commit for another; one takes milliseconds."""
 MOST_JSON = 1_000_000
 """Bytes of a manifest or journal; the largest pad's have a hundredth."""
 PLAIN_NAME = re.compile(r"\w[\w.-]{0,254}", re.ASCII)
@@ -60,7 +60,7 @@ BAD_DISK = (EIO, ENOSPC, EDQUOT)
 
 @dataclass(frozen=True, slots=True)
 class Moves:
-    """What a commit moves: names of files in the folder.
+    """The moves of a commit, by names of files in the folder.
 
     `new` files and their hashes come from the folder `aside`; `away` are padgen's own that go there; `kept` are
     users' files, each with the name that it is kept as.
@@ -168,7 +168,7 @@ def remove_aside(folder: Path) -> None:
 
 
 def is_under_way(path: Path, aside: str) -> bool:
-    """Whether the files that lie `aside` are needed to put a folder back."""
+    """Tell whether the files that lie `aside` are needed to put a folder back."""
     moves = _read_journal(path)
     return moves is not None and moves.aside == aside
 
@@ -196,12 +196,12 @@ def read_json_table(file: Path) -> dict[str, Any]:
 
 
 def is_entry(name: str, known: object) -> bool:
-    """Whether these are the plain name of a file and a hash."""
+    """Tell whether these are the plain name of a file and a hash."""
     return PLAIN_NAME.fullmatch(name) is not None and isinstance(known, str) and HASH.fullmatch(known) is not None
 
 
 def has_hash(path: Path, known: str) -> bool:
-    """Whether this is a file, and no link to one, of this content."""
+    """Tell whether this is a file, and no link to one, of this content."""
     try:
         if path.is_symlink() or not path.is_file():
             return False
