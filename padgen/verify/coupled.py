@@ -200,12 +200,12 @@ def simulate(
     n, by_voltage = len(system.gap_m), source.kind == "voltage"
     if not by_voltage:
         current_a = float(source.wave(np.zeros(1))[0])
-    at = _State(0.0, np.zeros(n), np.zeros(n), system.inductance_h * current_a, current_a)
-    before = most = _stored(system, at, by_voltage)
+    first = at = _State(0.0, np.zeros(n), np.zeros(n), system.inductance_h * current_a, current_a)
+    most = _stored(system, first, by_voltage)
     sampled, done, count = np.empty((2 * n + 1, len(times))), int(np.searchsorted(times, 0.0, "right")), 0
-    sampled[:, :done] = np.concatenate([at.z, at.v, [current_a]])[:, None]
+    sampled[:, :done] = np.append(np.zeros(2 * n), current_a)[:, None]
     energy, rule = np.zeros(3), radau(stages)
-    for start, rows, at in _steps(system, source, rule, at, float(times[-1]), tolerance, most_steps):
+    for start, rows, at in _steps(system, source, rule, first, float(times[-1]), tolerance, most_steps):
         length, v, current = at.time_s - start.time_s, rows[:-1], rows[-1]
         z = start.z[:, None] + length * v @ rule.integrals.T
         upto = len(times) if at.time_s >= times[-1] else int(np.searchsorted(times, at.time_s, "right"))
@@ -221,7 +221,7 @@ def simulate(
         damping = (system.mass_kg * system.angular / system.q) @ v**2
         energy = energy + length * np.array([supplied, copper, damping]) @ rule.weights
         most, done, count = max(most, _stored(system, at, by_voltage)), upto, count + 1
-    stored = _stored(system, at, by_voltage) - before
+    stored = _stored(system, at, by_voltage) - _stored(system, first, by_voltage)
     largest = max(np.abs(energy).max(), most)
     residual = abs(energy[0] - energy[1] - energy[2] - stored) / largest if largest else 0.0
     return CoupledMotion(sampled[:n], sampled[n:-1], sampled[-1], np.append(energy, stored), float(residual), count)
@@ -300,7 +300,7 @@ def scipy_motion(
     n, damping = len(system.gap_m), system.angular / system.q
 
     def rates(t: float, y: np.ndarray) -> np.ndarray:
-        z, v = y[:n, None], y[n:-1, None]
+        z = y[:n, None]
         current = y[-1] / system.inductance(z)
         flux = source.wave(np.array([t])) - system.resistance_ohm * current
         pull = current**2 * system.slopes(z)[0][:, 0] / (2 * system.mass_kg)
