@@ -315,6 +315,13 @@ def test_every_drive_makes_its_current(pair_plan):
         question = dynamics_question(plan, 0.05)
         run = simulate(question.system, question.voltage, question.time_s, current_a=question.initial_a)
         square = signal(question.squared_current, question.time_s)
+        lines = merged(question.squared_current)
+        for channel in plan.channels:  # what the planner asked for is in the square of the current
+            here = np.isclose(lines.frequency_hz, channel.resonance_hz)
+            assert lines.amplitude[here].sum() == pytest.approx(channel.line_a2, rel=1e-9)
+        asked = sum(channel.line_a2 for channel in plan.channels)
+        if scheme == "spur-free":
+            assert lines.amplitude[0] == pytest.approx((1 + plan.spec.drive.headroom) * asked)
         # Motion changes the coil's inductance by 1e-5 or so: what the circuit then misses is of that size.
         assert run.current_a**2 == pytest.approx(square, abs=1e-4 * square.max())
         pickle.loads(pickle.dumps(list(dynamics_models(question))[1][3]))()

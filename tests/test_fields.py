@@ -12,6 +12,7 @@
 """
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -303,6 +304,8 @@ def test_the_ladder_climbs():
     pull = Pull(COIL, WASHER, MM, current_a=AMPERE)
     truth = MAGNETS["force_mn_by_gap_mm"]["1"] * 1e-3 / AMPERE**2
     assert paper_pull(pull).values * AMPERE**2 == pytest.approx([1364], rel=1e-3)  # as printed in the reference
+    half = replace(pull, coil=COIL._replace(core_diameter=2 * MM))  # Eq. 4 goes with the area of the core's end
+    assert paper_pull(half).values == pytest.approx(paper_pull(pull).values / 4)
     assert circuit_pull(pull).values == pytest.approx([truth], rel=0.15)
     finest = axisymmetric_pull(pull, 5, 4)
     assert finest.values == pytest.approx([truth], rel=2e-3)
