@@ -6,8 +6,8 @@ Agreement table (what must equal what, and why to that tolerance):
 |---|---|---|
 | a mass on a spring on a mass on a spring | the quadratic's roots | 1e-12, rounding |
 | crosstalk | dense complex solve of the same pad | 1e-9, the same equations |
-| shift by elements of order 3 | reduction of every tile from 3-D elasticity, seams of degree 9 | 25 % of it (0.05 % of f) |
-| crosstalk by the same | the same | 3 dB at -80 … -132 dB |
+| shift by elements of order 3 | reduction of every tile from 3-D elasticity, seams of degree 6 | 25 % of it |
+| crosstalk by the same, loudest neighbour | the same | 1.5 dB at -83 … -91 dB |
 | bound of the shift | the shift | above, and at most 20 times |
 
 Finite elements run in a process of their own, which has no CAD kernel loaded.
@@ -106,7 +106,9 @@ def test_shift_and_crosstalk_are_the_full_reductions(pads, plan, clamping, chann
     driven = central_taxels(plan)[channel]
     level = crosstalk_db(plan, pads[clamping][0], driven)
     assert level[driven] == 0
-    assert np.allclose(np.delete(level, driven), below, atol=3)
+    others = np.delete(level, driven)
+    assert others.argmin() == np.argmin(below)
+    assert others.min() == pytest.approx(min(below), abs=1.5)
 
 
 def test_a_held_sub_cell_resonates_as_planned(pads, plan):
@@ -139,5 +141,5 @@ def test_the_estimate_of_the_frames_own_mode_is_low(plan):
 
 def test_an_unknown_clamping_is_refused(plan):
     for refuses in (flexibility_bounds, lambda *given: pad_modes(*given, 2)):
-        with pytest.raises(SolverError, match="clamping: must be one of edges, bottom, corners, got glued|must be one"):
+        with pytest.raises(SolverError, match="must be one of"):
             refuses(plan, "glued")
