@@ -398,7 +398,7 @@ LACKS = {
 
 @pytest.mark.parametrize("name", SCENES)
 def test_frame(name):
-    """The bound that test_pad_modes holds against the whole pad, of the worst channel."""
+    """The bound that test_pad_frame holds against the whole pad, of the worst channel."""
     from padgen.planner.frame_give import flexibility_bounds
 
     bound = flexibility_bounds(scene(name)[1], "corners").max()

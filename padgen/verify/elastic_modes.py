@@ -240,16 +240,18 @@ def _checked(system: System, shape: np.ndarray, stiff: np.ndarray, square: np.nd
     return Eigen(np.sqrt(square) / (2 * np.pi), shape, float(residual))
 
 
-def rigid_loads(system: System, solid: str, density_kg_per_m3: float, axis_x_mm: float) -> np.ndarray:
+def rigid_loads(
+    system: System, solid: str, density_kg_per_m3: float, x_mm: float, y_mm: float = 0.0, z_mm: float = 0.0
+) -> np.ndarray:
     """Loads (n, 6) on the named solid, spread over its volume, for unit forces in N and moments in N·m
-    about the point (`axis_x_mm`, 0, 0).
+    about the point (`x_mm`, `y_mm`, `z_mm`).
 
     Their transpose takes a displacement to the solid's mean motion as a body, in m and rad: the
     mass-weighted least-squares fit.
     """
     ngs = engine("ngsolve")
     mesh, where = system.space.mesh, ngs.dx(definedon=system.space.mesh.Materials(solid))
-    x, y, z = MM * (ngs.x - axis_x_mm), MM * ngs.y, MM * ngs.z
+    x, y, z = MM * (ngs.x - x_mm), MM * (ngs.y - y_mm), MM * (ngs.z - z_mm)
     turns = [(0, -z, y), (z, 0, -x), (-y, x, 0)]
     fields = [ngs.CoefficientFunction(f) for f in [(1, 0, 0), (0, 1, 0), (0, 0, 1), *turns]]
     weight = MM**3 * density_kg_per_m3
