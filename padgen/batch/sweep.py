@@ -26,7 +26,7 @@ from padgen.batch.worker import IMPORTS, Work, broken, make_variants, run_tasks
 from padgen.core.cache import limit_bytes
 from padgen.core.errors import FileError, SpecError
 from padgen.core.files import remove_unchanged, take_away
-from padgen.core.runner import Runner, core_count, uninterrupted
+from padgen.core.runner import Runner, core_count, refuse_unshared, uninterrupted
 from padgen.make.pad import parse_formats
 
 __all__ = ["SweepResult", "run_sweep"]
@@ -101,6 +101,7 @@ def run_sweep(
     """
     formats = parse_formats(sweep.settings.formats)
     limit_bytes()  # refused here rather than by each variant
+    refuse_unshared()
     numbers, folder = count_points(sweep), folder.absolute()
     # All of them where a constraint may not be worked out for one, so that nothing is written then.
     if not (sum(1 for _ in variants(sweep)) if sweep.constraints else numbers):

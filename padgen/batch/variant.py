@@ -18,6 +18,7 @@ from padgen.core.files import (
     file_hash,
     read_bounded,
 )
+from padgen.core.registry import plugin_code
 from padgen.make.planning import plan_for
 from padgen.spec import make_spec
 from padgen.spec.threshold import LARGEST_FILE
@@ -82,7 +83,7 @@ def task_of(sweep: Sweep, variant: Variant, formats: tuple[str, ...], out: Path)
         "stage": settings.stage,
         "formats": formats if settings.stage == "build" else (),
         "pads": settings.pads if settings.stage == "yield" else 0,
-        "code": code_hash(),
+        "code": code_hash() + plugin_code(),
         "versions": versions(),
     }
     return Task(
