@@ -14,20 +14,21 @@ import io
 import json
 import os
 import sys
+import time
 from collections import Counter
 from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from padgen.batch import index
 from padgen.batch.definition import load_sweep, parse_sweep
-from padgen.batch.events import Clock, Event, event_table
 from padgen.batch.expression import parse_expression
-from padgen.batch.figures import plan_figures
 from padgen.batch.points import count_points, variant_table, variants
-from padgen.batch.sweep import run_sweep
+from padgen.batch.sweep import Event, event_table, run_sweep
+from padgen.batch.variant import plan_figures
 from padgen.core.errors import FileError, SpecError
 from padgen.core.files import OutputFolder
 from padgen.core.runner import memory_mb
@@ -632,13 +633,18 @@ def test_memory_of_the_parent_is_flat(tmp_path):
     assert run_sweep(sweep, tmp_path, Inline()).kept == 10_000
 
 
-def test_the_time_left():
-    now = iter([0.0, 2.0, 4.0, 6.0])
-    clock = Clock(lambda: next(now))
-    assert clock.eta_s(7) is None
-    clock.tick()
-    clock.tick()
-    assert (clock.eta_s(7), clock.seconds) == (14.0, 6.0)
+def test_the_time_left(tmp_path, monkeypatch):
+    """Two seconds a variant: as many for each of those that are left; none is known before the first."""
+    now = iter(range(0, 10**6, 1))
+    monkeypatch.setattr("padgen.batch.sweep.time", SimpleNamespace(monotonic=lambda: next(now), strftime=time.strftime))
+    events = []
+    text = NO_FOLDERS + "[axes]\nq_min = [10, 11, 12, 13]\n"
+    run_sweep(parse_sweep(text), tmp_path, Inline(), on_event=events.append)
+    assert events[0].eta_s is None
+    assert [(e.left, e.eta_s) for e in events if e.record] == [
+        (e.left, e.left * e.seconds / (4 - e.left)) for e in events if e.record
+    ]
+    assert events[-1].eta_s == 0 and events[1].eta_s == 3 * events[1].seconds > 0
 
 
 def test_an_event_as_json(tmp_path):

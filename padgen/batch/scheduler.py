@@ -11,8 +11,10 @@ from queue import Empty, SimpleQueue
 from threading import Thread
 from typing import Any
 
+from padgen.batch.executors import told
 from padgen.core.cache import code_hash, version, versions
 from padgen.core.errors import EngineMissingError, PadgenError, number
+from padgen.core.registry import PLUGINS, plugin_code
 
 __all__ = ["connect", "fingerprint"]
 
@@ -45,7 +47,12 @@ def connect(address: str, timeout_s: float = TIMEOUT_S) -> Iterator[Executor]:
         There is no scheduler, it has no worker, or a worker cannot import padgen or has other code or versions.
     """
     where = f"scheduler {address}"
-    dask = _distributed(where)  # before `_quiet`, as loading it sets the level of its log
+    try:
+        dask = import_module("distributed")  # before `_quiet`, as loading it sets the level of its log
+    except ImportError as error:
+        raise EngineMissingError(
+            f"needs the package distributed ({error}); pip install 'padgen[dask]' brings it", where
+        ) from error
     with _quiet():
         client = _client(dask, address, timeout_s, where)
         try:
@@ -58,8 +65,8 @@ def connect(address: str, timeout_s: float = TIMEOUT_S) -> Iterator[Executor]:
 
 
 def fingerprint() -> dict[str, str]:
-    """What two machines must share to make the same variants: hash of padgen's code, versions of its packages."""
-    return {"padgen": code_hash(), **versions(), "distributed": version("distributed")}
+    """What two machines must share to make the same variants: hashes of code, versions of padgen's packages."""
+    return {"padgen": code_hash(), PLUGINS: plugin_code(), **versions(), "distributed": version("distributed")}
 
 
 @contextmanager
@@ -102,15 +109,6 @@ class _Cluster(Executor):
         return outer
 
 
-def _distributed(where: str) -> Any:
-    try:
-        return import_module("distributed")
-    except ImportError as error:
-        raise EngineMissingError(
-            f"needs the package distributed ({error}); pip install 'padgen[dask]' brings it", where
-        ) from error
-
-
 def _client(dask: Any, address: str, timeout_s: float, where: str) -> Any:
     async def reach() -> None:
         security = dask.Security().get_connection_args("client")
@@ -129,7 +127,7 @@ def _client(dask: Any, address: str, timeout_s: float, where: str) -> Any:
     except OSError as error:  # timeouts are
         raise PadgenError(f"does not answer within {number(timeout_s)} s; is it running?", where) from error
     except Exception as error:
-        raise PadgenError(f"cannot be used ({_line(error)}); an address is like tcp://host:8786", where) from error
+        raise PadgenError(f"cannot be used ({told(error)}); an address is like tcp://host:8786", where) from error
 
 
 def _wait_for_workers(client: Any, timeout_s: float, where: str, address: str) -> None:
@@ -138,7 +136,7 @@ def _wait_for_workers(client: Any, timeout_s: float, where: str, address: str) -
     except TimeoutError as error:
         raise PadgenError(f"has no worker; dask worker {address} starts one", where) from error
     except Exception as error:
-        raise PadgenError(f"does not tell its workers ({_line(error)})", where) from error
+        raise PadgenError(f"does not tell its workers ({told(error)})", where) from error
 
 
 def _refuse_others(client: Any, timeout_s: float, where: str) -> None:
@@ -149,22 +147,19 @@ def _refuse_others(client: Any, timeout_s: float, where: str) -> None:
     except TimeoutError as error:
         raise PadgenError(f"has workers that do not answer within {number(SLOW * timeout_s)} s", where) from error
     except Exception as error:
-        raise PadgenError(f"cannot ask its workers ({_line(error)})", where) from error
+        raise PadgenError(f"cannot ask its workers ({told(error)})", where) from error
     for worker, answer in sorted(answers.items()):
         if not isinstance(answer, dict):
             raise PadgenError(
-                f"cannot import padgen ({_line(answer)}); install the same padgen there", f"worker {worker}"
+                f"cannot import padgen ({told(answer)}); install the same padgen there", f"worker {worker}"
             )
-        _refuse_other(answer, here, f"worker {worker}")
-
-
-def _refuse_other(there: dict[str, str], here: dict[str, str], where: str) -> None:
-    for name, mine in here.items():
-        if there.get(name) == mine:
-            continue
-        if name == "padgen":
-            raise PadgenError("has another padgen than this machine; install the same one on both", where)
-        raise PadgenError(f"has {name} {there.get(name)}, this machine {mine}; install the same version on both", where)
+        for name, mine in here.items():
+            if answer.get(name) != mine:
+                other = {
+                    "padgen": "another padgen than this machine; install the same one on both",
+                    PLUGINS: f"other modules in {PLUGINS} than this machine; name the same ones on both",
+                }.get(name, f"{name} {answer.get(name)}, this machine {mine}; install the same version on both")
+                raise PadgenError(f"has {other}", f"worker {worker}")
 
 
 def _within(seconds: float, act: Callable[[], Any]) -> Any:
@@ -185,7 +180,3 @@ def _within(seconds: float, act: Callable[[], Any]) -> Any:
     if error is not None:
         raise error
     return value
-
-
-def _line(error: Any) -> str:
-    return f"{type(error).__name__}: {' '.join(str(error).split())}".rstrip(": ")
