@@ -24,31 +24,39 @@ LARGEST = 1e15
 """Above any bound of a field, and small enough that arithmetic on it stays finite."""
 DEEPEST = 4
 """Lists and tables within one another that a value may be."""
-RANGE_KEYS = ("low", "high", "steps", "scale")
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """From `low` to `high`, in `steps` where a grid needs them."""
+
+    low: float = quantity(unit="1", low=-LARGEST, high=LARGEST, doc="of a range")
+    high: float = quantity(unit="1", low=-LARGEST, high=LARGEST, doc="of a range")
+    steps: int = quantity(0, unit="1", low=0, high=MOST_VALUES, doc="of a grid")
+    scale: str = choice("linear", of=SCALES, doc="equal differences or equal ratios")
 
 
 @dataclass(frozen=True, slots=True)
 class Axis:
     """What is varied together: `fields` are dotted names of a spec.
 
-    Either `values` (k, fields), or, of a sample, a range from `low` to `high` of one field; `whole` tells that
-    it takes whole numbers only.
+    Either `values` (k, fields), or, of a sample, a `range` of one field; `whole`: it takes whole numbers only.
     """
 
     fields: tuple[str, ...]
     values: tuple[tuple[Any, ...], ...] = ()
-    low: float = 0.0
-    high: float = 0.0
-    scale: str = "linear"
+    range: Range | None = None
     whole: bool = False
 
-    def at(self, share: float) -> Any:
-        """The value of a range at a share of it, 0 … 1."""
-        if self.scale == "log":
-            value = self.low * (self.high / self.low) ** share
-        else:
-            value = self.low + (self.high - self.low) * share
-        return round(value) if self.whole else float(f"{value:.12g}")
+    def at(self, share: float, even: bool = False) -> tuple[Any, ...]:
+        """The values at a share, 0 … 1, of it; `even`: each whole number or row of values at as many shares."""
+        if self.range is None:
+            return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
+        low, high = self.range.low, self.range.high
+        if even and self.whole and self.range.scale == "linear":
+            return (min(int(low + share * (high - low + 1)), int(high)),)
+        value = low * (high / low) ** share if self.range.scale == "log" else low + (high - low) * share
+        return (round(value) if self.whole else float(f"{value:.12g}"),)
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +102,7 @@ class Sweep:
     limits: Limits = field(default_factory=Limits)
 
 
-TOP_KEYS = [f.name for f in fields(Settings)]
+TOP_KEYS, RANGE_KEYS = ([f.name for f in fields(kind)] for kind in (Settings, Range))
 
 
 def load_sweep(path: str) -> Sweep:
@@ -223,39 +231,27 @@ def _axis(name: str, value: Any, sample: Sample) -> Axis:
         return Axis((name,), tuple((entry,) for entry in _listed(name, value, where)))
     if not isinstance(value, dict):
         raise SpecError(f"must be a list of values or a range {{low, high, steps}}, got {shown(value)}", where)
-    for key in value:
-        if key not in RANGE_KEYS:
-            raise unknown_name(key, list(RANGE_KEYS), "key", where)
     kind = optional_type(item.type)[0]
     if kind not in (int, float):
         raise SpecError("is no number, so that it has no range; give a list of values", where)
-    low, high = (_finite(value.get(key), f"{where}.{key}") for key in ("low", "high"))
-    steps, scale = value.get("steps", 0), value.get("scale", "linear")
+    span: Range = build(Range, value, where)
+    low, high, steps = span.low, span.high, span.steps
     if not low < high:
         raise SpecError(f"must be above low = {number(low)}, got {number(high)}", f"{where}.high")
-    if scale not in SCALES:
-        raise unknown_name(str(scale), list(SCALES), "scale", f"{where}.scale")
-    if scale == "log" and low <= 0:
+    if span.scale == "log" and low <= 0:
         raise SpecError(f"must be above 0 on a log scale, got {number(low)}", f"{where}.low")
-    fewest = 2 if sample.method == "grid" else 0
-    if not isinstance(steps, int) or isinstance(steps, bool) or not fewest <= steps <= MOST_VALUES:
+    if sample.method == "grid" and steps < 2:
         example = f"as {{ low = {number(low)}, high = {number(high)}, steps = 5 }}"
-        got = f"got {shown(steps)}" if "steps" in value else example
-        raise SpecError(f"must be a whole number, {fewest} … {MOST_VALUES}, {got}", f"{where}.steps")
+        got = f"got {steps}" if steps else example
+        raise SpecError(f"must be a whole number, 2 … {MOST_VALUES}, {got}", f"{where}.steps")
     if kind is int:
         if ceil(low) > floor(high):
             raise SpecError(f"holds no whole number, from {number(low)} to {number(high)}", where)
-        low, high = float(ceil(low)), float(floor(high))
-    span = Axis((name,), (), low, high, scale, kind is int)
+        span = replace(span, low=float(ceil(low)), high=float(floor(high)))
+    axis = Axis((name,), range=span, whole=kind is int)
     if sample.method != "grid":
-        return span
-    return replace(span, values=tuple(dict.fromkeys((span.at(k / (steps - 1)),) for k in range(steps))))
-
-
-def _finite(value: Any, where: str) -> float:
-    if not isinstance(value, (int, float)) or isinstance(value, bool) or not abs(value) < LARGEST:
-        raise SpecError(f"must be a number, got {shown(value)}" if value is not None else "is missing", where)
-    return float(value)
+        return axis
+    return replace(axis, values=tuple(dict.fromkeys(axis.at(k / (steps - 1)) for k in range(steps))))
 
 
 def _linked(entry: Any) -> Axis:
@@ -272,7 +268,7 @@ def _linked(entry: Any) -> Axis:
 
 
 def _listed(name: str, values: Any, where: str) -> list[Any]:
-    """The values of a field; refuses one that it never takes, whatever the others are: a mistyped name is no variant."""
+    """The values of a field; refuses one that it never takes, whatever the others are."""
     item = _spec_field(name)
     if not isinstance(values, list) or not 1 <= len(values) <= MOST_VALUES:
         raise SpecError(f"must be a list of 1 … {MOST_VALUES} values, got {shown(values)}", where)

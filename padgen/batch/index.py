@@ -86,7 +86,7 @@ class Journal:
 
     def status(self, number: int, key: str = "") -> str:
         """What came of a variant (with these inputs), empty when that is not known."""
-        same = self._states[number] and (not key or self._keys[number] == _short(key))
+        same = self._states[number] and (not key or self._keys[number] == int(key[:16], 16))
         return STATUSES[self._states[number] - 1] if same else ""
 
     def add(self, record: Record) -> None:
@@ -158,7 +158,7 @@ class Journal:
 
     def _note(self, number: int, record: Record | None, offset: int) -> None:
         self._offsets[number] = offset if record else NOWHERE
-        self._keys[number] = _short(record.key) if record else 0
+        self._keys[number] = int(record.key[:16], 16) if record else 0
         self._states[number] = STATUSES.index(record.status) + 1 if record else 0
 
 
@@ -217,16 +217,12 @@ def _parsed(line: bytes) -> Record | int | None:
         if isinstance(table.get(FORGOTTEN), int):
             return int(table[FORGOTTEN])
         record = Record(**{**table, "findings": tuple(table["findings"])})
+        words = [
+            int(record.key[:16], 16) >= 0,
+            *(isinstance(word, str) for word in (record.sentence, *record.findings)),
+        ]
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         return None
     tables = isinstance(record.values, dict) and isinstance(record.figures, dict)
-    words = all(isinstance(word, str) for word in (record.key, record.sentence, *record.findings))
-    whole = isinstance(record.number, int) and record.status in STATUSES and tables and words
+    whole = isinstance(record.number, int) and record.status in STATUSES and tables and all(words)
     return record if whole else None
-
-
-def _short(key: str) -> int:
-    try:
-        return int(key[:16], 16)
-    except ValueError:
-        return 0

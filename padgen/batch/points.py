@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.batch.definition import Axis, Sweep
+from padgen.batch.definition import Sweep
 from padgen.core.errors import PadgenError, SpecError
 from padgen.spec import make_spec
 from padgen.spec.load import laid_over
@@ -88,13 +88,4 @@ def _sample(sweep: Sweep) -> Iterator[list[tuple[Any, ...]]]:
         blocks = (engine.random(BLOCK)[: count - start] for start in range(0, count, BLOCK))
     for block in blocks:
         for shares in block.tolist():
-            yield [_at(axis, share) for axis, share in zip(sweep.axes, shares, strict=True)]
-
-
-def _at(axis: Axis, share: float) -> tuple[Any, ...]:
-    """The values of an axis at a share of it; each whole number or listed row is as likely as the others."""
-    if axis.values:
-        return axis.values[min(int(share * len(axis.values)), len(axis.values) - 1)]
-    if axis.whole and axis.scale == "linear":
-        return (min(int(axis.low + share * (axis.high - axis.low + 1)), int(axis.high)),)
-    return (axis.at(share),)
+            yield [axis.at(share, True) for axis, share in zip(sweep.axes, shares, strict=True)]

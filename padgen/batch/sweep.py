@@ -17,7 +17,7 @@ from html import escape
 from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import Any
 
 from padgen.batch.definition import Sweep
 from padgen.batch.executors import (
@@ -41,7 +41,7 @@ from padgen.core.files import reason, take_away
 from padgen.core.lock import locked
 from padgen.core.runner import Runner, core_count, refuse_unshared, uninterrupted
 
-__all__ = ["Event", "SweepResult", "SweepTable", "event_table", "run_sweep", "run_to_table", "sole_sweep"]
+__all__ = ["Counts", "Event", "SweepResult", "SweepTable", "event_table", "run_sweep", "run_to_table", "sole_sweep"]
 
 AHEAD = 4
 """Tasks that wait for each worker of our own."""
@@ -58,17 +58,13 @@ TOLD = ("number", "sentence", "values", "figures", "errors", "warnings", "findin
 """Of a record, in a stream of events."""
 
 
-class Event(NamedTuple):
-    """One step of a sweep.
+@dataclass(frozen=True)
+class Counts:
+    """How many variants there are: ``total = done + refused + failed + left``.
 
-    ``start`` comes first, with what is known from before counted; then one of ``done``, ``refused`` and
-    ``failed`` for each variant that ends, with its `record`, and ``progress`` when a second went by without
-    one; ``end`` comes last. A failed variant of an earlier run that is not tried again is told as ``failed``
-    with `reused` true. `total` is all variants of the sweep, `kept` those that were finished before,
-    `left` those that are still to come, `seconds` since the start, `eta_s` the time left (None: not known yet).
+    `kept` of them were finished by an earlier run; `seconds` since the start.
     """
 
-    kind: str
     total: int
     done: int
     refused: int
@@ -76,6 +72,19 @@ class Event(NamedTuple):
     kept: int
     left: int
     seconds: float
+
+
+@dataclass(frozen=True)
+class Event(Counts):
+    """One step of a sweep.
+
+    ``start`` comes first, with what is known from before counted; then one of ``done``, ``refused`` and
+    ``failed`` for each variant that ends, with its `record`, and ``progress`` when a second went by without
+    one; ``end`` comes last. A failed variant of an earlier run that is not tried again is told as ``failed``
+    with `reused` true. `eta_s` is the time left (None: not known yet).
+    """
+
+    kind: str
     eta_s: float | None
     record: Record | None = None
     reused: bool = False
@@ -83,7 +92,7 @@ class Event(NamedTuple):
 
 def event_table(event: Event) -> dict[str, Any]:
     """An event as plain data, for one line of JSON; of the record what a reader of the stream needs."""
-    table: dict[str, Any] = event._asdict()
+    table = {"kind": event.kind, **vars(event)}
     record = table.pop("record")
     if record is None:
         del table["reused"]
@@ -91,24 +100,16 @@ def event_table(event: Event) -> dict[str, Any]:
     return table | {"variant": {name: getattr(record, name) for name in TOLD}}
 
 
-@dataclass(frozen=True, slots=True)
-class SweepResult:
+@dataclass(frozen=True)
+class SweepResult(Counts):
     """What a sweep came to.
 
-    ``total = done + refused + failed + left``; `kept` of them were finished by an earlier run. `stopped` is
-    the sentence why variants are left, empty when none is; `interrupted`, whether that was Ctrl-C. `overview` is of
-    the index, empty where that could not be written.
+    `stopped` is the sentence why variants are left, empty when none is; `interrupted`, whether that was Ctrl-C.
+    `overview` is of the index, empty where that could not be written.
     """
 
     folder: Path
     index: Path
-    total: int
-    done: int
-    refused: int
-    failed: int
-    kept: int
-    left: int
-    seconds: float
     stopped: str
     interrupted: bool
     overview: Overview
@@ -230,7 +231,7 @@ def run_sweep(
                         stopped += f"; {error}"  # one more reason
         run.tell("end")
         return SweepResult(
-            folder, folder / INDEX, **run.told, stopped=stopped, interrupted=interrupted, overview=overview
+            **run.told, folder=folder, index=folder / INDEX, stopped=stopped, interrupted=interrupted, overview=overview
         )
 
 
@@ -344,7 +345,7 @@ class _Run:
         """Tell the caller; the time that is left goes by what variants have taken so far."""
         told = self.told
         eta_s = told["left"] * told["seconds"] / self._ended if self._ended else None
-        self._on_event(Event(kind, **told, eta_s=eta_s, record=record, reused=reused))
+        self._on_event(Event(**told, kind=kind, eta_s=eta_s, record=record, reused=reused))
 
     @property
     def told(self) -> dict[str, Any]:
