@@ -1,5 +1,10 @@
 """What may be registered from outside: a suspension with bent beams, defined here, goes through all of padgen."""
 
+import csv
+import json
+import os
+import subprocess
+import sys
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
@@ -10,9 +15,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import padgen
 from padgen import cli
 from padgen.core.errors import FileError, GeometryError, SpecError
-from padgen.core.registry import names_in
+from padgen.core.registry import PLUGINS, names_in
 from padgen.driver import formats as drive_formats
 from padgen.driver.drive import Drive
 from padgen.driver.drive_folder import DriveRequest, parse_formats, write_drive
@@ -439,3 +445,66 @@ def test_schema_and_refusals_name_the_schemes():
         schemes.register("auto", toy_scheme(1))
     with pytest.raises(SpecError, match="'half' lacks TAKES_TURNS, HAS_PAIR_SPURS, pair_square"):
         schemes.register("half", SimpleNamespace(CURRENT="tones"))
+
+
+PLUGIN = """
+from types import SimpleNamespace
+from padgen.physics import schemes
+from padgen.physics.schemes import tones
+
+names = ("current_lines_a", "mean_square_a2", "peak_current_a", "peak_voltage_v")
+thing = {name: getattr(tones, name) for name in names} | {"CURRENT": "tones", "TAKES_TURNS": False}
+square = lambda scheme, a, b, strongest: 1e-12 * tones.pair_square(scheme, a, b, strongest)
+schemes.register("toy-whisper", SimpleNamespace(HAS_PAIR_SPURS=True, pair_square=square, **thing))
+"""
+
+
+@pytest.fixture
+def plugin_folder(tmp_path):
+    """A module and a sweep of two variants that needs it; in all but `PADGEN_PLUGINS` as a user has them."""
+    (tmp_path / "toy_plugin.py").write_text(PLUGIN)
+    (tmp_path / "toy.toml").write_text(FOUR.replace("NAME", SCHEME))
+    (tmp_path / "two.toml").write_text('name = "two"\nbase = "toy.toml"\n[axes]\nq_min = [30, 31]\n')
+    return tmp_path
+
+
+def padgen_in(folder, plugins, *arguments):
+    env = os.environ | {"PYTHONPATH": os.pathsep.join([str(folder), *sys.path]), PLUGINS: plugins}
+    command = [sys.executable, "-m", "padgen", *arguments]
+    return subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, timeout=120)
+
+
+def test_workers_know_what_a_plugin_registers_and_its_code_is_part_of_the_inputs(plugin_folder):
+    def swept(say):
+        ran = padgen_in(plugin_folder, "toy_plugin", "sweep", "two.toml", "-j", "2", "--json")
+        assert ran.returncode == 0, ran.stderr
+        return json.loads(ran.stdout.splitlines()[-1])[say]
+
+    assert (swept("done"), swept("kept")) == (2, 2)
+    with (plugin_folder / "out/two/index.csv").open(newline="") as file:
+        found = list(csv.DictReader(file))
+    assert {(row["status"], row["scheme"]) for row in found} == {("done", SCHEME)}
+    (plugin_folder / "toy_plugin.py").write_text(PLUGIN.replace("1e-12", "1e-6"))
+    assert swept("kept") == 0
+
+
+def test_without_its_plugin_a_name_is_unknown_and_a_plugin_that_breaks_is_told(plugin_folder):
+    ran = padgen_in(plugin_folder, "", "sweep", "two.toml")
+    assert ran.returncode == 2 and "no choice 'toy-whisper'" in ran.stderr
+    (plugin_folder / "toy_plugin.py").write_text("1 / 0")
+    ran = padgen_in(plugin_folder, "toy_plugin", "plan", "toy.toml")
+    assert ran.returncode == 2 and len(ran.stderr.splitlines()) == 1
+    assert "PADGEN_PLUGINS: cannot import 'toy_plugin' (ZeroDivisionError: division by zero)" in ran.stderr
+
+
+def test_what_workers_would_not_know_is_refused_before_they_start(tmp_path):
+    plan = make_plan(parse_spec(FOUR.replace("NAME", "tones")))
+    # The module's spiral, which a fixture registers, comes first where it is there.
+    name = "(suspension 'toy-spiral'|drive scheme 'toy-whisper')"
+    refusal = rf"^the {name} is known to this process alone, .* environment variable PADGEN_PLUGINS$"
+    with registered_scheme(toy_scheme(1)):
+        with pytest.raises(SpecError, match=refusal):
+            padgen.sweep("paper-32", folder=tmp_path / "out", q_min=[12])
+        with pytest.raises(SpecError, match=refusal):
+            padgen.study(plan, only=["structure"])
+    assert not (tmp_path / "out").exists()

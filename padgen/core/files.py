@@ -61,7 +61,6 @@ __all__ = [
     "read_manifest",
     "reason",
     "recover",
-    "remove_unchanged",
     "take_away",
 ]
 
@@ -294,12 +293,6 @@ def is_unchanged(path: Path, name: str) -> bool:
     """Whether padgen wrote this file of a folder and nobody has changed it since."""
     known = read_manifest(path).get("files", {})
     return name in known and has_hash(path / name, known[name])
-
-
-def remove_unchanged(path: Path, names: Iterable[str]) -> None:
-    """Remove those of some files of a folder that padgen wrote and nobody has changed since."""
-    for name in [name for name in names if is_unchanged(path, name)]:
-        (path / name).unlink(missing_ok=True)
 
 
 def take_away(path: Path) -> None:
