@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from paper_figures import PaperFigures, draw_paper_figures, paper_figures
 from scipy.integrate import solve_ivp
 
 from padgen.core.errors import PadgenError, SolverError
@@ -20,7 +21,6 @@ from padgen.verify.coupled import simulate
 from padgen.verify.dynamics_ladder import dynamics_ladder
 from padgen.verify.dynamics_model import CoupledSystem, Source, coupled_rates, from_tones, make_system
 from padgen.verify.extreme_dynamics import dynamics_cases
-from padgen.verify.paper_figures import PaperFigures, draw_paper_figures, paper_figures
 
 HERE = Path(__file__).parent
 MASS_KG, GAP_M = 1e-4, 1e-3

@@ -22,6 +22,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from docs.paper_figures import draw_paper_figures, paper_figures
 from padgen.core.errors import SolverError
 from padgen.physics.magnetics import balanced_deflection, impedance, pull_in_deflection
 from padgen.physics.phasor import Tones, circuit_current, merged, signal, squared, steady_lines, tones
@@ -33,7 +34,6 @@ from padgen.verify.dynamics_collocation import collocation
 from padgen.verify.dynamics_ladder import dynamics_ladder, dynamics_question, dynamics_rungs
 from padgen.verify.dynamics_model import Source, coupled_rates, from_tones, make_system
 from padgen.verify.extreme_dynamics import dynamics_cases, exact_displacement
-from padgen.verify.paper_figures import draw_paper_figures, paper_figures
 
 MASS, GAP = 1e-4, 1e-3
 HZ = np.array([20.0, 63.0, 200.0, 1000.0])

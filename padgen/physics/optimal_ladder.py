@@ -29,6 +29,8 @@ SMOOTH_Q = 30.0
 """Highest Q in the search: of more the peaks fall between the places, and beside a peak energies go as 1/Q²."""
 MOST, MOST_WITH_SPURS = 128, 16
 """With more channels than this the geometric ladder is the answer."""
+MANY = 40
+"""With more channels than this only the whole band is a start."""
 PARTS = ((0.0, 1.0), (0.0, 0.75), (0.25, 1.0), (0.0, 0.5))
 """Parts of the band whose geometric ladders are starts: under a steep level law the best ladder leaves an end empty."""
 PROGRAMS, SETTLED = 40, 1e-5
@@ -70,7 +72,8 @@ def optimal_ladder(
         return even
     low, high = np.log([low_hz, high_hz])
     case = _Case(low, high, count, q, law, scheme)
-    starts = np.array([np.linspace(*(low + np.array(part) * (high - low)), count) for part in PARTS])
+    parts = PARTS[:1] if count > MANY else PARTS
+    starts = np.array([np.linspace(*(low + np.array(part) * (high - low)), count) for part in parts])
     if spurs:
         starts = _exchanged(case._replace(q=min(q, SMOOTH_Q)), effort * WORK)
     # The logarithm's rounding must not push an end out of the band.
