@@ -168,8 +168,8 @@ def steps() -> list[str]:
 
 COMPARED = (
     "The search of the proof (a grid, exchange, branch and bound; 3 … 6 s for 7 channels or more) and today's (at",
-    "most 2.2 s) were run side by side on 48 random cases: 2 … 11 channels, Q 5 … 1000, level laws 1/f⁰ … 1/f², bands of",
-    "two to six octaves, all drives.",
+    "most 2.2 s) were run side by side on 48 random cases: 2 … 11 channels, Q 5 … 1000, level laws 1/f⁰ … 1/f², bands",
+    "of two to six octaves, all drives.",
     "",
     "| channels | cases | largest loss dB | largest gain dB | worse by more than 0.1 dB |",
     "|---|---|---|---|---|",

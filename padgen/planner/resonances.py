@@ -104,8 +104,8 @@ def optimum(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
     """The resonances in a band that the drive scheme of `spec` tells apart best, for equal masses.
 
     An automatic scheme takes plain tones if a set of resonances keeps what is asked with them, else
-    what is best without spurs, else in turns. A search takes up to a second or two: found ones are kept in the cache, but for
-    a registered scheme's, which may be another the next time.
+    what is best without spurs, else in turns. A search takes up to a second or two: found ones are kept in the
+    cache, but for a registered scheme's, which may be another the next time.
     """
     searched = _searched if SCHEMES.version(spec.drive.scheme) else _known
     return searched(spec, count, low_hz, high_hz)
