@@ -7,6 +7,7 @@ worse half of the sets is dropped, and so on. Linear programs then move the last
 this proves that nothing is better: docs/selectivity.md has what has been proven, and how near this comes.
 """
 
+from math import log
 from typing import NamedTuple
 
 import numpy as np
@@ -44,7 +45,7 @@ class _Case(NamedTuple):
 
     low: float
     high: float
-    count: int
+    size: int
     q: float
     law: LevelLaw
     scheme: Scheme
@@ -54,8 +55,11 @@ class _Case(NamedTuple):
         hz = np.exp(log_hz)
         which = channels(hz, self.q, self.law(hz))
         if self.scheme.takes_turns:  # each line on its own: the largest of many has no slope where two are alike
-            return np.log(tone_energy(which, which)[~np.eye(self.count, dtype=bool)])
-        return np.log(off_energy(which, self.scheme))
+            energy = tone_energy(which, which)[~np.eye(self.size, dtype=bool)]
+        else:
+            energy = off_energy(which, self.scheme)
+        log_energy: np.ndarray = np.log(energy)
+        return log_energy
 
 
 def optimal_ladder(
@@ -70,10 +74,10 @@ def optimal_ladder(
     spurs = scheme.has_pair_spurs and count > 2
     if not 1 < count <= (MOST_WITH_SPURS if spurs else MOST) or not low_hz < high_hz:
         return even
-    low, high = np.log([low_hz, high_hz])
+    low, high = log(low_hz), log(high_hz)
     case = _Case(low, high, count, q, law, scheme)
     parts = PARTS[:1] if count > MANY else PARTS
-    starts = np.array([np.linspace(*(low + np.array(part) * (high - low)), count) for part in parts])
+    starts = np.array([np.linspace(low + a * (high - low), low + b * (high - low), count) for a, b in parts])
     if spurs:
         starts = _exchanged(case._replace(q=min(q, SMOOTH_Q)), effort * WORK)
     # The logarithm's rounding must not push an end out of the band.
@@ -83,7 +87,7 @@ def optimal_ladder(
 
 def _exchanged(case: _Case, work: float) -> np.ndarray:
     """The best ascending sets (few, n) of log resonances that moving one channel at a time finds, best first."""
-    random, count, width = np.random.default_rng(1), case.count, case.high - case.low
+    random, count, width = np.random.default_rng(1), case.size, case.high - case.low
 
     def badness(sets: np.ndarray) -> np.ndarray:
         log_energy = case.log_energy(sets.reshape(-1, count).T)
@@ -116,17 +120,17 @@ def _descended(case: _Case, start: np.ndarray, programs: int) -> np.ndarray:
 
     Sequential linear programming with a trust region that is a box.
     """
-    spacing = (case.high - case.low) / (case.count - 1)
+    spacing = (case.high - case.low) / (case.size - 1)
     # Far under a resonance's width, far over the rounding of a logarithm.
     aside = min(1e-5, 1e-2 / case.q)
-    shifts = aside * np.concatenate([np.zeros((case.count, 1)), np.eye(case.count), -np.eye(case.count)], 1)
+    shifts = aside * np.concatenate([np.zeros((case.size, 1)), np.eye(case.size), -np.eye(case.size)], 1)
 
     def lines(log_hz: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        now, above, below = np.split(case.log_energy(log_hz[:, None] + shifts), [1, 1 + case.count], 1)
+        now, above, below = np.split(case.log_energy(log_hz[:, None] + shifts), [1, 1 + case.size], 1)
         return now[:, 0], (above - below) / (2 * aside)
 
     # Two channels of a start may lie in one place.
-    here, reach = start + 2 * CLOSEST * (np.linspace(case.low, case.high, case.count) - start), spacing / 4
+    here, reach = start + 2 * CLOSEST * (np.linspace(case.low, case.high, case.size) - start), spacing / 4
     energy, slope = lines(here)
     for _ in range(programs):
         step, promised = _programmed(case, here, energy, slope, reach)
@@ -161,4 +165,5 @@ def _programmed(
     result = linprog(np.append(np.zeros(count), 1.0), A_ub=matrix, b_ub=limit, bounds=bounds, method="highs")
     if result.x is None:
         return np.zeros(count), 0.0
-    return result.x[:-1] * reach, -float(result.x[-1])
+    step: np.ndarray = result.x[:-1] * reach
+    return step, -float(result.x[-1])
