@@ -165,5 +165,4 @@ def _programmed(
     result = linprog(np.append(np.zeros(count), 1.0), A_ub=matrix, b_ub=limit, bounds=bounds, method="highs")
     if result.x is None:
         return np.zeros(count), 0.0
-    step: np.ndarray = result.x[:-1] * reach
-    return step, -float(result.x[-1])
+    return np.asarray(result.x[:-1] * reach), -float(result.x[-1])
