@@ -142,7 +142,7 @@ def _descended(case: _Case, start: np.ndarray, programs: int) -> np.ndarray:
         if kept > 0:
             here, (energy, slope) = there, trial
         reach *= 2 if kept > 0.75 else 1 if kept > 0.25 else 0.3
-    return here
+    return np.asarray(here)
 
 
 def _programmed(
