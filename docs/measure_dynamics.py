@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from paper_figures import PaperFigures, draw_paper_figures, paper_figures
 from scipy.integrate import solve_ivp
 
 from padgen.core.errors import PadgenError
@@ -19,7 +20,6 @@ from padgen.planner import make_plan
 from padgen.spec import load_spec
 from padgen.verify.coupled import CoupledSystem, from_tones, make_system, scipy_motion, simulate
 from padgen.verify.extreme_dynamics import dynamics_cases
-from padgen.verify.paper_figures import PaperFigures, draw_paper_figures, paper_figures
 
 HERE = Path(__file__).parent
 MASS_KG, GAP_M = 1e-4, 1e-3

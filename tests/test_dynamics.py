@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from docs.paper_figures import draw_paper_figures, paper_figures
 from padgen.core.errors import SolverError
 from padgen.ladders.stages.dynamics import dynamics_models, dynamics_question
 from padgen.physics.magnetics import balanced_deflection, impedance, pull_in_deflection
@@ -30,7 +31,6 @@ from padgen.planner import make_plan
 from padgen.spec import load_spec
 from padgen.verify.coupled import Source, from_tones, make_system, radau, scipy_motion, simulate
 from padgen.verify.extreme_dynamics import dynamics_cases, exact_displacement
-from padgen.verify.paper_figures import draw_paper_figures, paper_figures
 
 MASS, GAP = 1e-4, 1e-3
 HZ = np.array([20.0, 63.0, 200.0, 1000.0])

@@ -23,7 +23,7 @@ from padgen.ladders.stages.force import axisymmetric_pull, circuit_pull, paper_p
 from padgen.physics.leakage import leakage
 from padgen.physics.magnetics import SolenoidCoil, SteelRing, force_constant
 from padgen.physics.pull_wrench import pull_wrench
-from padgen.physics.saturation import FERRITIC_STAINLESS, MILD_STEEL, TEAM_STEEL, BHCurve, saturating
+from padgen.physics.saturation import MILD_STEEL, TEAM_STEEL, BHCurve, saturating
 from padgen.verify.extreme_force import force_cases
 from padgen.verify.field_axisymmetric import axisymmetric_force
 from padgen.verify.field_scalar import body_wrench, solve_scalar
@@ -41,12 +41,11 @@ MU_0 = 4e-7 * np.pi
 # --- steel -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("curve", [TEAM_STEEL, MILD_STEEL, FERRITIC_STAINLESS], ids=lambda c: c.name)
-def test_curves_rise_invert_and_end_as_air(curve):
+@pytest.mark.parametrize("curve", [TEAM_STEEL, MILD_STEEL], ids=lambda c: c.name)
+def test_curves_rise_and_end_as_air(curve):
     field = np.geomspace(0.1, 1e7, 500)
     density = curve.flux_density_at(field)
     assert (np.diff(density) >= MU_0 * np.diff(field) * (1 - 1e-9)).all()
-    assert curve.field_at(density) == pytest.approx(field, rel=1e-10)  # bisection to rounding
     assert curve.flux_density_at(-field) == pytest.approx(-density)
     last = curve.field_a_per_m[-1]
     rise = curve.flux_density_at(3 * last) - curve.flux_density_at(2 * last)
@@ -63,7 +62,7 @@ def test_curve_goes_through_its_points_and_joins_smoothly():
 
 def test_frohlichs_law_at_both_ends():
     curve = saturating("steel", 300, 2.0)
-    assert curve.permeability_at(1.0) == pytest.approx(300, rel=1e-3)  # J/J_s is 2e-4 there
+    assert curve.flux_density_at(1.0) / MU_0 == pytest.approx(300, rel=1e-3)  # J/J_s is 2e-4 there
     far = 1e7
     assert curve.flux_density_at(far) - MU_0 * far == pytest.approx(2.0, rel=2e-3)  # sampled to 0.999 J_s
 

@@ -236,7 +236,7 @@ def test_an_optimised_ladder_is_searched_once(store, monkeypatch):
 )
 def test_what_another_ladder_may_come_from_is_in_its_key(store, monkeypatch, change):
     """Each alone asks for a search of its own."""
-    monkeypatch.setattr(resonances, "_searched", lambda *args: resonances.Optimum((60.0, 90.0), 20.0, None))
+    monkeypatch.setattr(resonances, "_searched", lambda *args: resonances.Optimum((60.0, 90.0), 20.0, "tones"))
     spec = parse_spec(OPTIMISED)
     for changed in (spec, replace(spec, **change)):
         resonances._known.cache_clear()
@@ -246,7 +246,7 @@ def test_what_another_ladder_may_come_from_is_in_its_key(store, monkeypatch, cha
 
 @pytest.mark.parametrize("other", [(4, 60.0, 200.0), (3, 61.0, 200.0), (3, 60.0, 201.0)])
 def test_another_count_or_band_has_another_ladder(store, monkeypatch, other):
-    monkeypatch.setattr(resonances, "_searched", lambda *args: resonances.Optimum((60.0, 90.0), 20.0, None))
+    monkeypatch.setattr(resonances, "_searched", lambda *args: resonances.Optimum((60.0, 90.0), 20.0, "tones"))
     spec = parse_spec(OPTIMISED)
     for asked in ((3, 60.0, 200.0), other):
         resonances.optimum(spec, *asked)
