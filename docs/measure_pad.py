@@ -45,7 +45,7 @@ HIGHEST_HZ = 245.0
 
 def write_steps(plan: Plan, folder: Path) -> dict[int, Path]:
     """The taxels' STEP files; in a process of its own, for the CAD kernel and the engine do not mix."""
-    from padgen.solid.export import write_taxel_step
+    from padgen.solid.formats.step import write_taxel_step
 
     paths = {channel.index: folder / f"{plan.name}-{channel.index}.step" for channel in plan.channels}
     for channel in plan.channels:

@@ -59,7 +59,7 @@ def plan() -> Plan:
 
 @pytest.fixture(scope="module")
 def steps(plan, tmp_path_factory) -> dict[int, Path]:
-    from padgen.solid.export import write_taxel_step
+    from padgen.solid.formats.step import write_taxel_step
 
     folder = tmp_path_factory.mktemp("steps")
     paths = {channel.index: folder / f"taxel-{channel.index}.step" for channel in plan.channels}

@@ -39,7 +39,7 @@ from padgen.planner.suspensions import (
 from padgen.planner.taxel_frame import taxel_frame
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.solid.checks import check_pad
-from padgen.solid.export import write_taxel_step
+from padgen.solid.formats.step import write_taxel_step
 from padgen.solid.measure import measured
 from padgen.solid.mesh import as_manifold
 from padgen.solid.pad_solid import build_pad

@@ -8,6 +8,7 @@ from typing import Any
 from padgen.batch.expression import Expression, parse_expression
 from padgen.core.errors import FileError, SpecError, number, shown
 from padgen.core.files import reason
+from padgen.core.registry import USUAL_FORMATS
 from padgen.spec import Spec, find_spec, make_spec
 from padgen.spec.fields import build, checked, choice, flag, folder_name, optional_type, quantity, text, unknown_name
 from padgen.spec.load import CATALOGUES, catalogue, parse_toml, read_table, read_toml, without_none
@@ -66,7 +67,7 @@ class Settings:
     name: str = folder_name(doc="name of the sweep and of its folder", most=72)
     base: str = text(doc="a spec's file (beside the sweep's) or the name of a template")
     stage: str = choice("plan", of=STAGES, doc="how far each variant is made")
-    formats: str = text("stl,3mf,step", doc="of a build, as `padgen build` has them")
+    formats: str = text(",".join(USUAL_FORMATS), doc="of a build, as `padgen build` has them")
     pads: int = quantity(10_000, unit="pads", low=1, high=10_000_000, doc="printed in the computer for the yield")
     folders: bool = flag(True, doc="whether each variant gets a folder of its own; the index has its figures anyway")
 
