@@ -8,20 +8,24 @@ import sys
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
+from hashlib import sha256
 from math import pi
 from multiprocessing import get_context
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-import padgen
+import padgen as pg
 from padgen import cli
+from padgen.batch.definition import parse_sweep
 from padgen.core.errors import FileError, GeometryError, SpecError
-from padgen.core.registry import PLUGINS, names_in
+from padgen.core.registry import PAD_FORMATS, PLUGINS, USUAL_FORMATS, names_in
 from padgen.driver import formats as drive_formats
 from padgen.driver.drive import Drive
 from padgen.driver.drive_folder import DriveRequest, parse_formats, write_drive
+from padgen.make.pad import parse_formats as parse_pad_formats
 from padgen.make.solid_tuning import solid_taxel
 from padgen.physics import schemes
 from padgen.physics.frame import frame_modes
@@ -44,8 +48,9 @@ from padgen.planner.suspensions import (
 )
 from padgen.planner.taxel_frame import taxel_frame
 from padgen.planner.taxel_model import TaxelModel, plate_shape
+from padgen.solid import formats as pad_formats
 from padgen.solid.checks import check_pad
-from padgen.solid.export import write_taxel_step
+from padgen.solid.formats.step import write_taxel_step
 from padgen.solid.measure import measured
 from padgen.solid.mesh import as_manifold
 from padgen.solid.pad_solid import build_pad
@@ -54,6 +59,7 @@ from padgen.solid.tile_store import taxel_key
 from padgen.spec import parse_spec
 from padgen.spec.schema import spec_schema
 from padgen.verify.elasticity import solve_modes
+from tests.conftest import SMALL
 from tests.test_solid import volume_by_hand
 
 NAME = "toy-spiral"
@@ -363,6 +369,93 @@ def test_help_and_refusals_name_the_formats(capsys):
         drive_formats.register("half", SimpleNamespace(FILE="half.txt"))
 
 
+PAD_FORMAT = "toy-points"
+
+
+def write_points(out, job):
+    """The corners of a part, a line each."""
+    rows = [f"{x:.3f} {y:.3f} {z:.3f}" for x, y, z in job.part.mesh.vertices_mm]
+    path = out.write(f"{job.part.name}.points", f"{job.part.title}, {job.spec_hash[:8]}\n" + "\n".join(rows))
+    assert path.read_text().count("\n") == len(rows)
+
+
+@contextmanager
+def registered_pad_format():
+    pad_formats.register(PAD_FORMAT, SimpleNamespace(write=write_points))
+    try:
+        yield
+    finally:
+        pad_formats.unregister(PAD_FORMAT)
+
+
+def listed(folder):
+    return json.loads((folder / "manifest.json").read_text())["files"]
+
+
+def test_a_pad_and_its_parts_are_saved_in_a_registered_format(small_plan, tmp_path):
+    with registered_pad_format():
+        pad = pg.build(small_plan, parts=["tray"])
+        built = pad.save(tmp_path / "a", formats=[PAD_FORMAT, "stl"])
+        assert {"pad.points", "tray.points", "pad.stl", "tray.stl"} <= {*built.files} <= {*listed(tmp_path / "a")}
+        lines = (tmp_path / "a/pad.points").read_text().splitlines()
+        assert lines[0].startswith(f"{small_plan.name}, ") and len(lines) == 1 + len(pad.mesh.vertices_mm)
+        # What another process registered under the name is in no hash.
+        assert not pad.save(tmp_path / "a", formats=[PAD_FORMAT, "stl"]).up_to_date
+        pad.save(tmp_path / "a", formats=["stl"])
+        assert not {"pad.points", "tray.points"} & {path.name for path in (tmp_path / "a").iterdir()}
+
+
+def test_the_build_command_writes_a_registered_format_and_a_new_plan_makes_it_stale(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("tiny.toml").write_text(SMALL)
+    with registered_pad_format():
+        assert cli.run(["build", "tiny.toml", "--formats", PAD_FORMAT, "-o", "o"]) in (0, 1)
+        digest = sha256(Path("o/pad.points").read_bytes()).hexdigest()
+        assert listed(Path("o"))["pad.points"] == digest
+    Path("tiny.toml").write_text(SMALL.replace("[50, 200]", "[60, 300]"))
+    assert cli.run(["plan", "tiny.toml", "-o", "o"]) in (0, 1)
+    assert "are of an earlier plan" in capsys.readouterr().out and Path("o/pad.points").exists()
+    assert cli.run(["build", "tiny.toml", "--formats", "stl", "-o", "o"]) in (0, 1)
+    assert "pad.points" not in {path.name for path in Path("o").iterdir()}
+
+
+def test_files_of_a_registered_drive_format_go_with_their_plan(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with registered_format(toy_format()):
+        assert cli.run(["drive", "paper-pair", "--formats", FORMAT, "-o", "o"]) in (0, 1)
+    assert Path("o/toy.txt").exists()
+    assert cli.run(["plan", "paper-32", "-o", "o"]) in (0, 1)
+    assert {path.name for path in Path("o").iterdir()} == {"manifest.json", "plan.json"}
+
+
+def test_help_and_refusals_name_the_pad_formats(capsys):
+    def told():
+        assert cli.run(["build", "--help"]) == 0
+        return " ".join(capsys.readouterr().out.split())
+
+    assert "of 3mf, glb, step, stl (default: stl,3mf,step)" in told()
+    assert {*USUAL_FORMATS} < {*PAD_FORMATS.names()}
+    with registered_pad_format():
+        assert f"of 3mf, glb, step, stl, {PAD_FORMAT} (default" in told()
+        with pytest.raises(SpecError, match="got 'toy-point'; did you mean 'toy-points'"):
+            parse_pad_formats("stl,toy-point")
+        with pytest.raises(SpecError, match="there is a pad format '3mf' already"):
+            pad_formats.register("3mf", SimpleNamespace(write=write_points))
+        assert parse_sweep(SWEEP).settings.formats == PAD_FORMAT
+    with pytest.raises(SpecError, match=r"formats: must be among 3mf, glb, step, stl, got 'toy-points'"):
+        parse_sweep(SWEEP)
+    with pytest.raises(SpecError, match="'half' lacks write"):
+        pad_formats.register("half", SimpleNamespace())
+
+
+SWEEP = f"""
+name = "s"
+base = "paper-pair"
+stage = "build"
+formats = "{PAD_FORMAT}"
+[axes]
+q_min = [15]
+"""
 SCHEME = "toy-whisper"
 FOUR = """
 name = "toy"
@@ -504,7 +597,7 @@ def test_what_workers_would_not_know_is_refused_before_they_start(tmp_path):
     refusal = rf"^the {name} is known to this process alone, .* environment variable PADGEN_PLUGINS$"
     with registered_scheme(toy_scheme(1)):
         with pytest.raises(SpecError, match=refusal):
-            padgen.sweep("paper-32", folder=tmp_path / "out", q_min=[12])
+            pg.sweep("paper-32", folder=tmp_path / "out", q_min=[12])
         with pytest.raises(SpecError, match=refusal):
-            padgen.study(plan, only=["structure"])
+            pg.study(plan, only=["structure"])
     assert not (tmp_path / "out").exists()

@@ -13,8 +13,9 @@ import pytest
 from padgen.core import cache
 from padgen.planner import make_plan, resonances
 from padgen.planner.marks import groove
-from padgen.solid import export, pad_solid, tile_store
+from padgen.solid import pad_solid, tile_store
 from padgen.solid.border import border_mesh, border_volume_mm3, prism, washer_mesh
+from padgen.solid.formats import step
 from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, as_manifold, signed_volume_mm3, tessellated
 from padgen.solid.taxel import washer_solid
 from padgen.spec import parse_spec
@@ -101,10 +102,10 @@ def test_an_entry_that_holds_no_mesh_is_modelled_again(store, small_plan, data):
 
 def test_a_kept_step_has_the_pads_name_and_the_channels_number(store, small_plan, tmp_path, monkeypatch):
     channel = small_plan.channels[1]
-    export.write_taxel_step(small_plan, channel, tmp_path / "first.step")
-    monkeypatch.setattr(export, "taxel_solid", no_kernel)
-    export.write_taxel_step(small_plan, channel, tmp_path / "again.step")
-    export.write_taxel_step(replace(small_plan, name="renamed"), channel, tmp_path / "other.step")
+    step.write_taxel_step(small_plan, channel, tmp_path / "first.step")
+    monkeypatch.setattr(step, "taxel_solid", no_kernel)
+    step.write_taxel_step(small_plan, channel, tmp_path / "again.step")
+    step.write_taxel_step(replace(small_plan, name="renamed"), channel, tmp_path / "other.step")
     first, again, other = ((tmp_path / f"{name}.step").read_text() for name in ("first", "again", "other"))
     assert again == first
     assert "tiny taxel 1" in first

@@ -8,8 +8,7 @@ from typing import Any
 from padgen.batch.expression import Expression, parse_expression
 from padgen.core.errors import FileError, SpecError, number, shown
 from padgen.core.files import reason
-from padgen.core.registry import names_in
-from padgen.make.pad import FORMATS
+from padgen.core.registry import PAD_FORMATS, USUAL_FORMATS, names_in
 from padgen.spec import Spec, find_spec, make_spec
 from padgen.spec.fields import build, checked, choice, flag, folder_name, optional_type, quantity, text, unknown_name
 from padgen.spec.load import CATALOGUES, catalogue, parse_toml, read_table, read_toml, without_none
@@ -83,7 +82,7 @@ class Settings:
     name: str = folder_name(doc="name of the sweep and of its folder", most=72)
     base: str = text(doc="a spec's file (beside the sweep's) or the name of a template")
     stage: str = choice("plan", of=STAGES, doc="how far each variant is made")
-    formats: str = text("stl,3mf,step", doc="of a build, as `padgen build` has them")
+    formats: str = text(",".join(USUAL_FORMATS), doc="of a build, as `padgen build` has them")
     pads: int = quantity(10_000, unit="pads", low=1, high=10_000_000, doc="printed in the computer for the yield")
     folders: bool = flag(True, doc="whether each variant gets a folder of its own; the index has its figures anyway")
 
@@ -169,7 +168,7 @@ def _of_tables(table: dict[str, Any], folder: Path, base: dict[str, Any] | None)
     found = _axes(axes, linked, sample)
     if not isinstance(constraints, list) or not all(isinstance(entry, str) for entry in constraints):
         raise SpecError(f"must be a list of conditions as text, got {shown(constraints)}", "constraints")
-    names_in(settings.formats, FORMATS, "formats")
+    names_in(settings.formats, PAD_FORMATS.names(), "formats")
     conditions = tuple(parse_expression(entry, spec) for entry in constraints)
     return Sweep(settings, base, spec, folder.absolute(), found, conditions, sample, build(Limits, limits, "limits"))
 

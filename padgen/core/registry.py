@@ -19,9 +19,11 @@ from padgen.core.errors import LONGEST_PART, SpecError, shown
 
 __all__ = [
     "FORMATS",
+    "PAD_FORMATS",
     "PLUGINS",
     "SCHEMES",
     "SUSPENSIONS",
+    "USUAL_FORMATS",
     "Registry",
     "names_in",
     "plugin_code",
@@ -36,7 +38,9 @@ NAME = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
 
 
 class Registry(Generic[T]):
-    """The things of one `kind`: the modules of `package` (``time_shared.py`` is ``time-shared``), and registered ones.
+    """The things of one `kind`: the modules of `package`, and registered ones.
+
+    ``time_shared.py`` is ``time-shared``, and ``_3mf.py`` is ``3mf``.
 
     `reserved` are words that mean something else where a name is asked for. `changes` counts registrations, for the
     keys of caches in memory: the same name may be another thing later.
@@ -105,15 +109,19 @@ class Registry(Generic[T]):
             raise unknown_name(name, list(self.names()), self.kind, where)
         if name in self._registered:
             return self._registered[name]
-        module: Any = import_module(f"{self._package}.{name.replace('-', '_')}")
+        module: Any = import_module(f"{self._package}.{'_' * name[0].isdigit()}{name.replace('-', '_')}")
         return cast(T, module)
 
 
 @cache
 def _names_of_files(package: str) -> tuple[str, ...]:
-    """Names of the modules in a package of padgen, but for those that begin with an underscore."""
+    """Names of the modules in a package of padgen.
+
+    One with an underscore before it is private, unless that stands before a digit, with which no module can begin.
+    """
     folder = Path(__file__).parents[1].joinpath(*package.split(".")[1:])
-    return tuple(sorted(path.stem.replace("_", "-") for path in folder.glob("*.py") if path.stem[0] != "_"))
+    stems = (re.sub(r"^_(?=\d)", "", path.stem) for path in folder.glob("*.py"))
+    return tuple(sorted(stem.replace("_", "-") for stem in stems if stem[0] != "_"))
 
 
 def plugin_code() -> str:
@@ -186,5 +194,9 @@ SUSPENSIONS: Registry[Any] = Registry("suspension", "padgen.planner.suspensions"
 """Modules or objects that hold to `padgen.planner.suspensions.Suspension`."""
 FORMATS: Registry[Any] = Registry("drive format", "padgen.driver.formats")
 """Modules or objects that hold to `padgen.driver.formats.DriveFormat`."""
+PAD_FORMATS: Registry[Any] = Registry("pad format", "padgen.solid.formats")
+"""Modules or objects that hold to `padgen.solid.formats.PadFormat`."""
+USUAL_FORMATS = ("stl", "3mf", "step")
+"""Those of `PAD_FORMATS` that a pad is saved in where nothing else is asked for."""
 SCHEMES: Registry[Any] = Registry("drive scheme", "padgen.physics.schemes", reserved=("auto",))
 """Modules or objects that hold to `padgen.physics.schemes.DriveScheme`."""
