@@ -139,7 +139,7 @@ def _refuse(request: DriveRequest, formats: dict[str, DriveFormat]) -> None:
 
 
 def _timeline(plan: "Plan", drive: "PadDrive", request: DriveRequest) -> "Timeline":
-    from padgen.driver.ear.score import SETTLED_TAUS
+    from padgen.driver.ear import SETTLED_TAUS
     from padgen.driver.timeline import ramp_s, steady, timeline
 
     frames = request.frames
@@ -202,7 +202,7 @@ def _slowest_s(plan: "Plan", tuning: "Tuning | None") -> float:
 
 
 def _ear_findings(heard: "Heard") -> tuple[Finding, ...]:
-    from padgen.driver.ear.heard_table import ear_findings
+    from padgen.driver.heard_table import ear_findings
 
     return ear_findings(heard)
 
