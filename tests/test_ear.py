@@ -2,9 +2,9 @@
 
 | must agree | with | to | why not exactly |
 |---|---|---|---|
-| motion from voltages, Q 15 … 1e4 | the circuit's and the mode's equations, DOP853 at 1e-10 | 2e-5 | polynomials between samples |
+| motion from voltages, Q 15 … 1e4 | the equations, DOP853 with tolerance 1e-10 | 2e-5 | what is taken between samples |
 | motion from rest, Q 0.3 … 1e4 | exact propagation in closed form | 1e-5 | as above |
-| current of a carrier up to a third of the rate | its phasor through R and L | 1e-2 | as above |
+| current of a carrier up to 0.4 of the rate | its phasor through R and L | 3e-5 | as above |
 | all-state selectivity of files | the plan's, unequal pull and all modes counted | 0.3 dB | lines on a comb |
 | levels in a hold | those of the same state for ever | 0.02 dB | 4.5 time constants and more have passed |
 | a gap that closes | the coupled system, Radau with tolerance 1e-8 | 0.1 % | 8 kHz samples |
@@ -21,7 +21,7 @@ from padgen.core.errors import FileError
 from padgen.core.files import json_text
 from padgen.core.units import GRAM, UM
 from padgen.core.wav_reader import read_wav
-from padgen.driver.ear import AROUND_CURRENT, circuit_filter, hear, mode_filter
+from padgen.driver.ear import AROUND, circuit_filter, hear, mode_filter
 from padgen.driver.formats.wav import wave_json, write_wave
 from padgen.driver.heard_table import ear_findings, heard_table
 from padgen.driver.pad_drive import make_drive
@@ -121,7 +121,7 @@ def test_motion_is_that_of_the_equations(hz, q, henry):
 
     time_s = np.arange(int(seconds * RATE)) / RATE
     exact = solve_ivp(slope, (0, seconds), [0, 0, 0], "DOP853", time_s, rtol=1e-10, atol=1e-12, max_step=2e-4).y
-    late = AROUND_CURRENT[0] - 1
+    late = AROUND - 1
     current = lfilter(*circuit_filter(ohm, henry, RATE), volts(np.append(time_s, seconds + np.arange(late) / RATE)))
     motion = lfilter(*mode_filter(hz, q, RATE), current[late:] ** 2)
     for found, reference in ((current[late:], exact[0]), (motion, exact[1])):
@@ -140,13 +140,13 @@ def test_motion_from_rest_is_the_closed_form(hz, q):
     assert np.abs(felt - exact).max() < 1e-5 * np.abs(exact).max()
 
 
-@pytest.mark.parametrize(("carrier_hz", "tolerance"), [(1000.0, 1e-9), (10e3, 1e-6), (16e3, 1e-2)])
+@pytest.mark.parametrize(("carrier_hz", "tolerance"), [(100.0, 1e-7), (10e3, 2e-5), (19e3, 3e-5)])
 def test_the_current_of_a_carrier_is_its_phasors(carrier_hz, tolerance):
     from scipy.signal import freqz
 
     ohm, henry = 12.0, 8e-3
     _, answer = freqz(*circuit_filter(ohm, henry, RATE), [carrier_hz], fs=RATE)
-    late = np.exp(-2j * np.pi * carrier_hz * (AROUND_CURRENT[0] - 1) / RATE)
+    late = np.exp(-2j * np.pi * carrier_hz * (AROUND - 1) / RATE)
     assert answer[0] == pytest.approx(late / (ohm + 2j * np.pi * carrier_hz * henry), rel=tolerance)
 
 

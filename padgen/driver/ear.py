@@ -4,10 +4,11 @@ Samples → the coil's current through R and L → the pull by i² on each washe
 is felt on the boss in every state that is held, block by block. Left out: the coils beside (see `Plan.reuse`), the
 voltage that a moving washer induces, and what an amplifier adds.
 
-The circuit's and each mode's pole p is stepped exactly, ``y(t + T) = e^(pT) y(t) + ∫ e^(p(T−τ)) s(t + τ) dτ``, with s
-between two samples the polynomial through those around them; `scipy.signal.lfilter` runs it. With 24 samples a
-line at a third of the sample rate is off by 2e-3, at a fifth by 1e-6; the modes' last four samples leave 1e-5 at 1 kHz
-of 48 kHz. (Exponential integrators of Adams type: Cox and Matthews, J. Comput. Phys. 176, 2002, 430.)
+The circuit's and each mode's pole p is stepped exactly, ``y(t + T) = e^(pT) y(t) + ∫ e^(p(T−τ)) s(t + τ) dτ``, and
+`scipy.signal.lfilter` runs it. Between samples the voltage is the band-limited signal by a windowed sinc (lines below
+0.4 of the sample rate are off by 2e-5 at most), the squared current the cubic through four samples (off by 8e-6 for
+1 kHz of 48 kHz, by 0.7 % for an eighth of the rate). Exponential integrators: Cox and Matthews, J. Comput. Phys. 176,
+2002, 430.
 
 A *level* is √2 times the root mean square of what is felt, without its mean: for one line its amplitude. It is taken
 over the last whole period of the comb in a hold, in which all lines are orthogonal; in a hold shorter than that, over
@@ -41,23 +42,27 @@ __all__ = ["SETTLED_TAUS", "CoilHeard", "Heard", "Span", "circuit_filter", "hear
 
 SETTLED_TAUS = 4.5
 """Time constants in which a vibration comes within 0.1 dB of its last level: ``1 − e^-4.5`` is −0.1 dB."""
+# Time constants for which a loop is played before it is heard: e^-10 is 4e-5.
 LOOP_TAUS = 10.0
-"""Time constants for which a loop is played before it is heard: e^-10 is 4e-5."""
-AROUND_CURRENT, AROUND_MODE = (12, 12), (1, 3)
-"""Samples after and before an instant through which a polynomial is laid."""
+# Samples on each side of an instant that make the voltage there, and Kaiser's β of their window.
+AROUND, KAISER = 16, 10.0
+# Where a step of 1 is integrated, exact to rounding for |p| up to 40, and the cubics there through its end and the
+# three samples before, of which each is 1 at one of them.
+WITHIN, WEIGHT = (np.polynomial.legendre.leggauss(32) + np.array([[1.0], [0.0]])) / 2
+THROUGH = np.linalg.solve(np.vander([1.0, 0.0, -1.0, -2.0]).T, np.vander(WITHIN, 4).T)
+# Time constants of the circuit in a sample beyond which its current follows the voltage at once.
 STIFFEST = 40.0
-"""Time constants of the circuit in a sample beyond which its current follows the voltage at once."""
+# Below a Q of a half there is no vibration; it is taken for critical damping.
 LEAST_Q = 0.5 * (1 + 1e-9)
-"""Below a half there is no vibration; it is taken for critical damping."""
 COURSE_PERIODS = 4.0
+# Share of its last level at which a taxel counts as switched on.
 RISEN = 0.9
-"""Share of its last level at which a taxel counts as switched on."""
+# Share of the gap at which a washer counts as pulled onto the coil; there its pull grows no further.
 NEAREST = 0.99
-"""Share of the gap at which a washer counts as pulled onto the coil; there its pull grows no further."""
+# Samples of all coils together that are heard at a time.
 BLOCK = 1 << 19
-"""Samples of all coils together that are heard at a time."""
+# With the gap: blocks a second, in each of which pull and motion are found in turns, so often at most.
 GAP_BLOCKS_PER_S, MOST_PULLS = 100, 20
-"""With the gap: blocks a second, in each of which pull and motion are found in turns, so often at most."""
 
 
 class Span(NamedTuple):
@@ -150,7 +155,10 @@ class Heard:
 
 
 class _Score(NamedTuple):
-    """What the sidecar says of the file: see `padgen.driver.formats.wav.wave_json`; `channel`, `line_hz` (taxels,)."""
+    """What the sidecar says of the file, see `padgen.driver.formats.wav.wave_json`; `channel`, `line_hz` (taxels,).
+
+    `step` are the samples from one window of the course to the next, half a window.
+    """
 
     rate_hz: int
     full_scale: float
@@ -163,6 +171,7 @@ class _Score(NamedTuple):
     line_hz: np.ndarray
     time_s: np.ndarray
     levels: np.ndarray
+    step: int
 
 
 def hear(
@@ -202,7 +211,7 @@ def hear(
     level_m, tone_m, peak_m, course_m, wanted_m, pulled_in = (
         np.concatenate(parts, axis=-1)[..., order] for parts in zip(*(group.found() for group in groups), strict=True)
     )
-    at_s = _course_at_s(score, len(course_m))
+    at_s = np.arange(len(course_m)) * (score.step / score.rate_hz)
     settled, rise_s = np.zeros(level_m.shape, bool), np.full(level_m.shape, np.nan)
     # A file that does nothing but hold one state, and loops, has done so for ever.
     since_s = np.full(len(tau_s), -np.inf if score.loops and len(spans) == 1 else 0.0)
@@ -241,6 +250,7 @@ def hear(
 def _score(plan: Plan, wave: Wave, sidecar: Mapping[str, Any], where: str) -> _Score:
     try:
         frames, taxels = sidecar["keyframes"], sidecar["taxels"]
+        line_hz = np.array([float(entry["force_hz"]) for entry in taxels])
         coils = sorted(sidecar["coils"], key=lambda entry: int(entry["wav_channel"]))
         said = int(sidecar["rate_hz"]), int(sidecar["count"]), len(coils)
         score = _Score(
@@ -252,16 +262,19 @@ def _score(plan: Plan, wave: Wave, sidecar: Mapping[str, Any], where: str) -> _S
             period_s=float(sidecar["period_s"]),
             coils=tuple((int(entry["coil"][0]), int(entry["coil"][1])) for entry in coils),
             channel=np.array([int(entry["wav_channel"]) for entry in taxels], int),
-            line_hz=np.array([float(entry["force_hz"]) for entry in taxels]),
+            line_hz=line_hz,
             time_s=np.array([float(frame["time_s"]) for frame in frames]),
             levels=np.array([frame["levels"] for frame in frames], float).reshape(len(frames), len(taxels)),
+            step=max(round(COURSE_PERIODS / 2 / float(line_hz.min(initial=1e9)) * said[0]), 2),
         )
         named = [(str(entry["id"]), score.coils[int(entry["wav_channel"])]) for entry in taxels]
     except (KeyError, IndexError, TypeError, ValueError) as error:
         problem = f"does not tell what a WAV file plays ({type(error).__name__}: {error})"
         raise FileError(problem, f"sidecar of {where}") from error
     if named != [(taxel.id, taxel.coil) for taxel in plan.taxels]:
-        problem = f"is of {len(named)} taxels of {sidecar.get('name')!r}, not of the {len(plan.taxels)} of {plan.name!r}"
+        problem = (
+            f"is of {len(named)} taxels of {sidecar.get('name')!r}, not of the {len(plan.taxels)} of {plan.name!r}"
+        )
         raise FileError(problem, f"sidecar of {where}")
     has = wave.rate_hz, wave.count, wave.channels
     if has != said:
@@ -306,9 +319,10 @@ def _play(plan: Plan, wave: Wave, score: _Score, groups: "Sequence[_Alike]", gap
     rate, resistance, inductance = score.rate_hz, plan.spec.coil.resistance_ohm, plan.spec.coil.inductance_mh * MH
     filtered = score.by_voltage and resistance < STIFFEST * inductance * rate
     over = score.full_scale / (resistance if score.by_voltage and not filtered else 1.0)
-    late = AROUND_CURRENT[0] - 1 if filtered else 0
-    coefficients = circuit_filter(resistance, inductance, rate) if filtered else (np.ones(1), np.ones(1))
-    memory = np.zeros((wave.channels, sum(AROUND_CURRENT) - 1 if filtered else 0))
+    late, coefficients = 0, (np.ones(1), np.ones(1))
+    if filtered:
+        late, coefficients = AROUND - 1, circuit_filter(resistance, inductance, rate)
+    memory = np.zeros((wave.channels, len(coefficients[0]) - 1))
     slowest_s = max(group.slowest_s for group in groups) + inductance / resistance
     start = -int(np.ceil(LOOP_TAUS * slowest_s * rate)) if score.loops else 0
     peak, total, energy, volts = np.zeros((4, wave.channels))
@@ -338,9 +352,11 @@ def _blocks(wave: Wave, first: int, last: int, size: int) -> Iterator[tuple[int,
 
 
 def circuit_filter(resistance_ohm: float, inductance_h: float, rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
-    """Numerator and denominator that make a coil's current of its voltage, ``AROUND_CURRENT[0] − 1`` samples late."""
-    pole = -resistance_ohm / inductance_h / rate_hz
-    return _held(pole, *AROUND_CURRENT) / (inductance_h * rate_hz), np.array([1.0, -np.exp(pole)])
+    """Numerator and denominator that make a coil's current of its voltage, ``AROUND − 1`` samples late."""
+    pole, off = -resistance_ohm / inductance_h / rate_hz, WITHIN - np.arange(AROUND, -AROUND, -1)[:, None]
+    through = np.sinc(off) * np.i0(KAISER * np.sqrt(1 - (off / AROUND) ** 2))
+    taps = through / through.sum(0) @ (WEIGHT * np.exp(pole * (1 - WITHIN)))
+    return taps / (inductance_h * rate_hz), np.array([1.0, -np.exp(pole)])
 
 
 def mode_filter(hz: float, q: float, rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
@@ -350,31 +366,8 @@ def mode_filter(hz: float, q: float, rate_hz: float) -> tuple[np.ndarray, np.nda
     """
     omega, damping = 2 * np.pi * hz / rate_hz, 1 / (2 * max(q, LEAST_Q))
     pole = omega * (-damping + 1j * np.sqrt((1 - damping) * (1 + damping)))
-    keep, taps = np.exp(pole), omega**2 / pole.imag * _held(pole, *AROUND_MODE)
+    keep, taps = np.exp(pole), THROUGH @ (WEIGHT * np.exp(pole * (1 - WITHIN))) * (omega**2 / pole.imag)
     return np.convolve(taps, [1.0, -keep.conj()]).imag, np.array([1.0, -2 * keep.real, np.abs(keep) ** 2])
-
-
-def _held(pole: complex, after: int, before: int) -> np.ndarray:
-    """``∫ e^(p(1−τ)) s(τ) dτ`` over a step of 1 as weights of samples, newest first; p is the `pole`.
-
-    s is the polynomial through `before` samples up to the step's begin and `after` from its end on.
-    """
-    at, weight = np.polynomial.legendre.leggauss(32)  # exact to rounding up to |p| = 40
-    at, points = (at + 1) / 2, np.arange(after, -before, -1)
-    through = np.array([np.prod([(at - m) / (j - m) for m in points if m != j], axis=0) for j in points])
-    return np.asarray(through @ (weight / 2 * np.exp(pole * (1 - at))))
-
-
-def _course_shape(score: _Score) -> tuple[int, int]:
-    """Samples of a window of the course, and from one to the next."""
-    width = max(round(COURSE_PERIODS / float(score.line_hz.min()) * score.rate_hz), 4)
-    return width, width // 2
-
-
-def _course_at_s(score: _Score, count: int) -> np.ndarray:
-    """The middles of so many windows; before those of the file there is one of silence."""
-    width, step = _course_shape(score)
-    return np.asarray(((np.arange(count) - 1) * step + width / 2) / score.rate_hz)
 
 
 class _Alike:
@@ -408,19 +401,17 @@ class _Alike:
         self.slowest_s = q / (np.pi * float(hz.min()))
         self.which, self.coil, self.spans, self.gain = which, score.channel[which], spans, gain.T
         self.filters = [mode_filter(float(each), q, score.rate_hz) for each in hz[:-1]]
-        self.memory = [np.zeros((len(which), sum(AROUND_MODE)))] * len(self.filters)
+        self.memory = [np.zeros((len(which), len(THROUGH)))] * len(self.filters)
         self.gap_m = float(hanging_gap_um(plan.spec, channel.sag_um)) * UM if gap else None
         self.exponent, self.pulled_in = max(channel.pull_exponent, 0.0), np.zeros(len(which), bool)
         # Samples at which a span's switching begins, its level is taken from, and it ends; a comb has whole samples.
-        period = round(score.period_s * score.rate_hz)
-        stops = [round(span.stop_s * score.rate_hz) for span in spans]
-        starts = [stop - period if s.whole else round(s.window_s * score.rate_hz) for stop, s in zip(stops, spans)]
-        self.edges = np.array([[round(span.begin_s * score.rate_hz) for span in spans], starts, stops]).T
+        edges = [(span.begin_s, span.window_s - span.stop_s, span.stop_s) for span in spans]
+        self.edges = np.rint(np.array(edges) * score.rate_hz).astype(int)
+        self.edges[:, 1] += self.edges[:, 2]
         self.turns = 2j * np.pi * score.line_hz[which][:, None] / score.rate_hz
         self.mean, self.square = np.zeros((2, len(spans), 3, len(which)))
         self.tone, self.peak_m = np.zeros(self.mean.shape, complex), np.zeros((len(spans), len(which)))
-        self.width, self.step = _course_shape(score)
-        at = (np.arange(self.width) + 0.5) / self.width - 0.5
+        self.step, at = score.step, (np.arange(2 * score.step) + 0.5) / (2 * score.step) - 0.5
         self.root = np.cos(np.pi * at) / np.sqrt((np.cos(np.pi * at) ** 2).sum())
         self.parabola = np.linalg.qr(self.root[:, None] * at[:, None] ** np.arange(3))[0]
         self.loops = score.loops  # a loop is one state, whose course is not asked for
@@ -465,16 +456,16 @@ class _Alike:
 
     def _take_course(self, felt: np.ndarray) -> None:
         joined = np.concatenate([self.tail, felt], 2)
-        count = max((joined.shape[2] - self.width) // self.step + 1, 0)
+        count = max(joined.shape[2] // self.step - 1, 0)
         if count:
-            windows = np.lib.stride_tricks.sliding_window_view(joined, self.width, axis=2)
+            windows = np.lib.stride_tricks.sliding_window_view(joined, 2 * self.step, axis=2)
             parts = windows[:, :, : count * self.step : self.step] * self.root
             energy = (parts**2).sum((0, 3)) - ((parts @ self.parabola) ** 2).sum((0, 3))
             self.course_m.append(np.sqrt(2 * np.maximum(energy, 0.0)).T)
         self.tail = joined[:, :, count * self.step :]
 
     def found(self) -> tuple[np.ndarray, ...]:
-        """Levels, own lines and peaks (h, n), course (t, n), wanted levels (n,), all in m, and who was pulled in (n,)."""
+        """Levels, own lines, peaks (h, n), course (t, n), wanted levels (n,), all in m; who was pulled in (n,)."""
         level_m = np.sqrt(2 * np.maximum((self.square - self.mean**2).sum(1), 0.0))
         tone_m = 2 * np.sqrt((np.abs(self.tone) ** 2).sum(1))
         return level_m, tone_m, self.peak_m, np.concatenate(self.course_m), self.wanted_m, self.pulled_in

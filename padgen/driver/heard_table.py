@@ -133,8 +133,8 @@ def _findings(heard: Heard, where: str) -> Iterator[Finding]:
     if late.any():
         span = heard.spans[int(late.argmax())]
         told = (
-            f"holds the state that ends at {number(span.stop_s)} s for {number(span.stop_s - span.start_s)} s, too short"
-            f" for taxels to come within 0.1 dB of their levels ({int(late.sum())} of {len(heard.spans)} states are);"
+            f"holds the state that ends at {number(span.stop_s)} s for {number(span.stop_s - span.start_s)} s, too"
+            f" short for taxels to come within 0.1 dB of their levels ({int(late.sum())} of {len(heard.spans)} states are);"
             f" {at_least(heard.needs_s)} s after each switch would do"
         )
         yield Finding("warning", "ear.unsettled", where, told)

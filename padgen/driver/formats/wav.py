@@ -16,8 +16,8 @@ from padgen.core.finding import Finding
 from padgen.core.wav_reader import read_wav
 from padgen.driver.carriers import carrier_text
 from padgen.driver.ear import hear
-from padgen.driver.heard_table import heard_table
 from padgen.driver.formats import DriveJob
+from padgen.driver.heard_table import heard_table
 from padgen.driver.limits import voltage_finding
 from padgen.driver.pad_drive import PadDrive, coil_lines
 from padgen.driver.timeline import Timeline
