@@ -161,7 +161,7 @@ def test_in_which_blocks_a_file_is_heard_does_not_matter(pair, tmp_path, monkeyp
             in_blocks = hear(plan, wave, sidecar)
         for figure in ("level_um", "tone_um", "peak_um", "rise_s"):
             assert getattr(in_blocks, figure) == pytest.approx(getattr(at_once, figure), rel=1e-9, nan_ok=True)
-        assert [c.rms_a for c in in_blocks.coils] == pytest.approx([c.rms_a for c in at_once.coils], rel=1e-9)
+        assert [c["rms_a"] for c in in_blocks.coils] == pytest.approx([c["rms_a"] for c in at_once.coils], rel=1e-9)
 
 
 @pytest.mark.parametrize("name", ["paper-pair", "triple-48", "quad-64"])
@@ -306,7 +306,7 @@ def test_a_file_of_currents_is_heard_as_one_of_voltages(pair, tmp_path):
     line = timeline(plan, all_states(plan, drive), 1.5)
     volts, amps = (hear(plan, *played(plan, drive, line, tmp_path, signal=s)) for s in ("voltage", "current"))
     assert amps.level_um == pytest.approx(volts.level_um, abs=1e-4 * volts.wanted_um.max())
-    assert amps.coils[3].rms_a == pytest.approx(volts.coils[3].rms_a, rel=1e-4)
+    assert amps.coils[3]["rms_a"] == pytest.approx(volts.coils[3]["rms_a"], rel=1e-4)
 
 
 def test_currents_and_losses_are_those_of_the_writer(quad, tmp_path, monkeypatch):
@@ -316,8 +316,8 @@ def test_currents_and_losses_are_those_of_the_writer(quad, tmp_path, monkeypatch
     line = timeline(plan, all_states(plan, drive), 0.8)
     report = write_wave(path, drive, line)
     heard = hear(plan, read_wav(path), json.loads(wave_json(plan, drive, line, report)))
-    assert [c.copper_loss_w for c in heard.coils] == pytest.approx(report.copper_loss_w, rel=1e-4)
-    assert max(c.signal_peak for c in heard.coils) == pytest.approx(report.peak, rel=1e-5)
+    assert [c["copper_loss_w"] for c in heard.coils] == pytest.approx(report.copper_loss_w, rel=1e-4)
+    assert max(c["signal_peak"] for c in heard.coils) == pytest.approx(report.peak, rel=1e-5)
     assert heard_table(heard)["summary"]["rms_a"] == pytest.approx(max(report.rms_current_a), rel=1e-4)
 
 

@@ -38,7 +38,7 @@ from padgen.physics.taxel_modes import TaxelModes
 from padgen.planner.channels import hanging_gap_um
 from padgen.planner.plan import Channel, Plan
 
-__all__ = ["SETTLED_TAUS", "CoilHeard", "Heard", "Span", "circuit_filter", "hear", "mode_filter"]
+__all__ = ["SETTLED_TAUS", "Heard", "Span", "circuit_filter", "hear", "mode_filter"]
 
 SETTLED_TAUS = 4.5
 """Time constants in which a vibration comes within 0.1 dB of its last level: ``1 − e^-4.5`` is −0.1 dB."""
@@ -50,7 +50,7 @@ AROUND, KAISER = 16, 10.0
 # three samples before, of which each is 1 at one of them.
 WITHIN, WEIGHT = (np.polynomial.legendre.leggauss(32) + np.array([[1.0], [0.0]])) / 2
 THROUGH = np.linalg.solve(np.vander([1.0, 0.0, -1.0, -2.0]).T, np.vander(WITHIN, 4).T)
-# Time constants of the circuit in a sample beyond which its current follows the voltage at once.
+# Time constants of the circuit in a sample, at most: with less inductance the current is that much late.
 STIFFEST = 40.0
 # Below a Q of a half there is no vibration; it is taken for critical damping.
 LEAST_Q = 0.5 * (1 + 1e-9)
@@ -81,18 +81,6 @@ class Span(NamedTuple):
     levels: np.ndarray
 
 
-@dataclass(frozen=True, slots=True)
-class CoilHeard:
-    """What flows in one coil over the whole file; `signal_peak`, `signal_mean` in V, or A if the file holds that."""
-
-    coil: tuple[int, int]
-    peak_a: float
-    rms_a: float
-    copper_loss_w: float
-    signal_peak: float
-    signal_mean: float
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Heard:
     """What is felt in each span (h,) of the file by taxel (n,), as in the plan.
@@ -101,7 +89,8 @@ class Heard:
     be felt at level 1, `peak_um` the largest motion of the washer from where it hangs, the mean pull's share included,
     `rise_s` how long switching on takes to nine tenths (NaN: it was not), `settled` whether it has had its time before
     its level is taken. `pulled_in` (n,): drawn onto the coil, with the gap only. A state that is held for `needs_s` is
-    heard settled, over a whole period of the comb.
+    heard settled, over a whole period of the comb. `coils` are rows of what flows in each over the whole file, its
+    `signal_peak` and `signal_mean` in V, or A if the file holds that.
     """
 
     name: str
@@ -115,7 +104,7 @@ class Heard:
     rise_s: np.ndarray
     settled: np.ndarray
     pulled_in: np.ndarray
-    coils: tuple[CoilHeard, ...]
+    coils: tuple[dict[str, Any], ...]
     line_hz: np.ndarray
     period_s: float
     needs_s: float
@@ -312,34 +301,41 @@ def _spans(score: _Score, slots: int, tau_s: float) -> tuple[Span, ...]:
     return tuple(spans)
 
 
-def _play(plan: Plan, wave: Wave, score: _Score, groups: "Sequence[_Alike]", gap: bool) -> tuple[CoilHeard, ...]:
+def _play(plan: Plan, wave: Wave, score: _Score, groups: "Sequence[_Alike]", gap: bool) -> tuple[dict[str, Any], ...]:
     """Let all `groups` hear the file, and say what flows in the coils."""
     from scipy.signal import lfilter
 
-    rate, resistance, inductance = score.rate_hz, plan.spec.coil.resistance_ohm, plan.spec.coil.inductance_mh * MH
-    filtered = score.by_voltage and resistance < STIFFEST * inductance * rate
-    over = score.full_scale / (resistance if score.by_voltage and not filtered else 1.0)
+    resistance, inductance = plan.spec.coil.resistance_ohm, plan.spec.coil.inductance_mh * MH
     late, coefficients = 0, (np.ones(1), np.ones(1))
-    if filtered:
-        late, coefficients = AROUND - 1, circuit_filter(resistance, inductance, rate)
+    if score.by_voltage:
+        late, coefficients = AROUND - 1, circuit_filter(resistance, inductance, score.rate_hz)
     memory = np.zeros((wave.channels, len(coefficients[0]) - 1))
     slowest_s = max(group.slowest_s for group in groups) + inductance / resistance
-    start = -int(np.ceil(LOOP_TAUS * slowest_s * rate)) if score.loops else 0
-    peak, total, energy, volts = np.zeros((4, wave.channels))
-    size = max(rate // GAP_BLOCKS_PER_S if gap else BLOCK // wave.channels, 1)
+    start = -int(np.ceil(LOOP_TAUS * slowest_s * score.rate_hz)) if score.loops else 0
+    most_a, most, total, energy = np.zeros((4, wave.channels))
+    size = max(score.rate_hz // GAP_BLOCKS_PER_S if gap else BLOCK // wave.channels, 1)
     for first, samples in _blocks(wave, start, wave.count + late, size):
-        current, memory = lfilter(*coefficients, samples * over, zi=memory)
+        signal = samples * score.full_scale
+        current, memory = lfilter(*coefficients, signal, zi=memory)
         for group in groups:
             group.hear(first - late, current**2)
-        own = slice(max(late - first, 0), None)
-        peak = np.maximum(peak, np.abs(current[:, own]).max(1, initial=0.0))
-        volts = np.maximum(volts, np.abs(samples[:, own]).max(1, initial=0.0))
-        energy += (current[:, own] ** 2).sum(1)
-        total += samples[:, own].sum(1)
-    square, scale = energy / wave.count, score.full_scale
-    columns = peak, np.sqrt(square), square * resistance, volts * scale, total / wave.count * scale
-    rows = zip(*(column.tolist() for column in columns), strict=True)
-    return tuple(CoilHeard(coil, *row) for coil, row in zip(score.coils, rows, strict=True))
+        current, signal = (part[:, max(late - first, 0) :] for part in (current, signal))
+        most_a = np.maximum(most_a, np.abs(current).max(1, initial=0.0))
+        most = np.maximum(most, np.abs(signal).max(1, initial=0.0))
+        energy += (current**2).sum(1)
+        total += signal.sum(1)
+    square = energy / wave.count
+    return tuple(
+        {
+            "coil": coil,
+            "peak_a": float(most_a[k]),
+            "rms_a": float(np.sqrt(square[k])),
+            "copper_loss_w": float(square[k] * resistance),
+            "signal_peak": float(most[k]),
+            "signal_mean": float(total[k] / wave.count),
+        }
+        for k, coil in enumerate(score.coils)
+    )
 
 
 def _blocks(wave: Wave, first: int, last: int, size: int) -> Iterator[tuple[int, np.ndarray]]:
@@ -353,6 +349,7 @@ def _blocks(wave: Wave, first: int, last: int, size: int) -> Iterator[tuple[int,
 
 def circuit_filter(resistance_ohm: float, inductance_h: float, rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
     """Numerator and denominator that make a coil's current of its voltage, ``AROUND − 1`` samples late."""
+    inductance_h = max(inductance_h, resistance_ohm / STIFFEST / rate_hz)
     pole, off = -resistance_ohm / inductance_h / rate_hz, WITHIN - np.arange(AROUND, -AROUND, -1)[:, None]
     through = np.sinc(off) * np.i0(KAISER * np.sqrt(1 - (off / AROUND) ** 2))
     taps = through / through.sum(0) @ (WEIGHT * np.exp(pole * (1 - WITHIN)))

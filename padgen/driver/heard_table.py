@@ -1,7 +1,6 @@
 """What was heard, as plain data and as findings."""
 
 from collections.abc import Iterator
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -28,7 +27,7 @@ def heard_table(heard: Heard) -> dict[str, Any]:
         "with_gap": heard.with_gap,
         "asked_db": heard.asked_db,
         "summary": _summary(heard),
-        "coils": [asdict(coil) for coil in heard.coils],
+        "coils": list(heard.coils),
         "rows": list(_rows(heard)),
         "taxels": list(heard.ids),
         "wanted_um": heard.wanted_um.tolist(),
@@ -54,7 +53,7 @@ def heard_table(heard: Heard) -> dict[str, Any]:
 def _summary(heard: Heard) -> dict[str, Any]:
     tone, most = _tone_db(heard), {}
     for figure in ("peak_a", "rms_a", "copper_loss_w", "signal_peak", "signal_mean"):
-        most[figure] = max((getattr(coil, figure) for coil in heard.coils), key=abs)
+        most[figure] = max((coil[figure] for coil in heard.coils), key=abs)
     return {
         "smallest_on_db": _largest(-_db(heard.on), -1.0),
         "loudest_off_db": _largest(_db(heard.off)),
@@ -86,7 +85,7 @@ def _rows(heard: Heard) -> Iterator[dict[str, Any]]:
             off_db = None if loudest is None else float(off[h, loudest])
             yield {
                 "until_s": span.stop_s,
-                "coil": heard.coils[k].coil,
+                "coil": heard.coils[k]["coil"],
                 "state": "".join("0" if x <= 0 else "1" if x > 1 - 1e-9 else "+" for x in span.levels[which]),
                 "on_db": on_db,
                 "on_taxel": "" if quietest is None else heard.ids[quietest],
@@ -134,8 +133,8 @@ def _findings(heard: Heard, where: str) -> Iterator[Finding]:
         span = heard.spans[int(late.argmax())]
         told = (
             f"holds the state that ends at {number(span.stop_s)} s for {number(span.stop_s - span.start_s)} s, too"
-            f" short for taxels to come within 0.1 dB of their levels ({int(late.sum())} of {len(heard.spans)} states are);"
-            f" {at_least(heard.needs_s)} s after each switch would do"
+            f" short for taxels to come within 0.1 dB of their levels ({int(late.sum())} of {len(heard.spans)} states"
+            f" are); {at_least(heard.needs_s)} s after each switch would do"
         )
         yield Finding("warning", "ear.unsettled", where, told)
     if any(not span.whole and not span.in_turns for span in heard.spans):
