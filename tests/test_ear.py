@@ -311,7 +311,7 @@ def test_a_file_of_currents_is_heard_as_one_of_voltages(pair, tmp_path):
 
 def test_currents_and_losses_are_those_of_the_writer(quad, tmp_path, monkeypatch):
     plan, drive = quad
-    monkeypatch.setattr(ear, "BLOCK", 1 << 18)
+    monkeypatch.setattr(ear, "BLOCK", 1 << 16)
     path = tmp_path / "drive.wav"
     line = timeline(plan, all_states(plan, drive), 0.8)
     report = write_wave(path, drive, line)

@@ -42,8 +42,8 @@ __all__ = ["SETTLED_TAUS", "Heard", "Span", "circuit_filter", "hear", "mode_filt
 
 SETTLED_TAUS = 4.5
 """Time constants in which a vibration comes within 0.1 dB of its last level: ``1 − e^-4.5`` is −0.1 dB."""
-# Time constants for which a loop is played before it is heard: e^-10 is 4e-5.
-LOOP_TAUS = 10.0
+# Time constants for which a loop is played before it is heard: e^-12 is 6e-6.
+LOOP_TAUS = 12.0
 # Samples on each side of an instant that make the voltage there, and Kaiser's β of their window.
 AROUND, KAISER = 16, 10.0
 # Where a step of 1 is integrated, exact to rounding for |p| up to 40, and the cubics there through its end and the
@@ -60,7 +60,7 @@ RISEN = 0.9
 # Share of the gap at which a washer counts as pulled onto the coil; there its pull grows no further.
 NEAREST = 0.99
 # Samples of all coils together that are heard at a time.
-BLOCK = 1 << 19
+BLOCK = 1 << 18
 # With the gap: blocks a second, in each of which pull and motion are found in turns, so often at most.
 GAP_BLOCKS_PER_S, MOST_PULLS = 100, 20
 
