@@ -18,8 +18,7 @@ from padgen.core.files import (
     json_text,
     read_bounded,
 )
-from padgen.core.registry import names_in, plugin_code
-from padgen.make.pad import FORMATS
+from padgen.core.registry import PAD_FORMATS, names_in, plugin_code
 from padgen.make.planning import plan_for
 from padgen.spec import make_spec
 from padgen.spec.threshold import LARGEST_FILE
@@ -81,7 +80,7 @@ class Record:
 def task_of(sweep: Sweep, variant: Variant, out: Path) -> Task:
     """The task of a variant; its folder lies in `out`."""
     stage, table = sweep.settings.stage, variant_table(sweep, variant)
-    formats = names_in(sweep.settings.formats, FORMATS, "formats") if stage == "build" else ()
+    formats = names_in(sweep.settings.formats, PAD_FORMATS.names(), "formats") if stage == "build" else ()
     pads = sweep.settings.pads if stage == "yield" else 0
     inputs = {
         "table": table,
