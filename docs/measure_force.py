@@ -12,7 +12,7 @@ import numpy as np
 
 from padgen.core.units import MM
 from padgen.physics.leakage import leakage
-from padgen.physics.magnetics import SolenoidCoil, SteelRing, force_constant
+from padgen.physics.magnetics import SteelRing, force_constant, solenoid
 from padgen.physics.pull_wrench import pull_wrench
 from padgen.physics.saturation import MILD_STEEL
 from padgen.planner import make_plan
@@ -32,7 +32,7 @@ from padgen.verify.force_ladder import (
 )
 
 REFERENCE = Path(__file__).parents[1] / "tests" / "reference" / "magnetostatics.json"
-COIL = SolenoidCoil(10 * MM, 4 * MM, 10 * MM, 1000, 4 * MM, 1000)
+COIL = solenoid(10 * MM, 4 * MM, 10 * MM, 1000, 4 * MM, 1000)
 WASHER = SteelRing(4 * MM, 2 * MM, 0.5 * MM, 1000)
 TEMPLATES = ("paper-16", "paper-32", "wide-11", "triple-48", "quad-64", "resin-fine")
 TEAM_20 = {0.98: 8.00, 3.01: 53.8, 4.52: 74.7, 5.02: 79.7}

@@ -13,7 +13,7 @@ from typing import Any, Generic, TypeVar, cast
 
 from padgen.core.errors import LONGEST_PART, SpecError, shown
 
-__all__ = ["FORMATS", "SCHEMES", "SUSPENSIONS", "Registry", "names_in", "unknown_name"]
+__all__ = ["COILS", "FORMATS", "SCHEMES", "SUSPENSIONS", "Registry", "names_in", "unknown_name"]
 
 T = TypeVar("T")
 NAME = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
@@ -141,3 +141,5 @@ FORMATS: Registry[Any] = Registry("drive format", "padgen.driver.formats")
 """Modules or objects that hold to `padgen.driver.formats.DriveFormat`."""
 SCHEMES: Registry[Any] = Registry("drive scheme", "padgen.physics.schemes", reserved=("auto",))
 """Modules or objects that hold to `padgen.physics.schemes.DriveScheme`."""
+COILS: Registry[Any] = Registry("kind of coil", "padgen.planner.coils")
+"""Modules or objects that hold to `padgen.planner.coils.CoilKind`."""

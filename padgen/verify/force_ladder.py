@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.core.errors import SolverError, SpecError, number
-from padgen.physics.magnetics import SolenoidCoil, SteelRing, force_constant, paper_force_constant
+from padgen.physics.magnetics import CoilSource, SteelRing, force_constant, paper_force_constant
 from padgen.physics.saturation import BHCurve
 from padgen.verify.field_axisymmetric import axisymmetric_force, check_parts
 from padgen.verify.field_solid import PlacedWasher, SolidForce, solid_force
@@ -41,7 +41,7 @@ class Pull:
     A steel of None is linear, with the part's permeability.
     """
 
-    coil: SolenoidCoil
+    coil: CoilSource
     washer: SteelRing
     gap_m: float
     offset_m: float = 0.0
@@ -99,7 +99,7 @@ def force_rung(name: str, pull: Pull) -> Rung:
 
 def _paper(pull: Pull) -> tuple[float, float, int, float]:
     """Eq. 4 as printed, over the core's end (the bore's without a core)."""
-    diameter = pull.coil.core_diameter or pull.coil.inner_diameter
+    diameter = pull.coil.core_diameter or min(w.inner_diameter for w in pull.coil.windings)
     return paper_force_constant(pull.coil, pi / 4 * diameter**2), nan, 0, nan
 
 
