@@ -17,7 +17,7 @@ import numpy as np
 from padgen.core.units import MM
 from padgen.ladders.stages.force import axisymmetric_pull, circuit_pull, paper_pull, three_d_pull
 from padgen.physics.leakage import leakage
-from padgen.physics.magnetics import SolenoidCoil, SteelRing, force_constant
+from padgen.physics.magnetics import SteelRing, force_constant, solenoid
 from padgen.physics.pull_wrench import pull_wrench
 from padgen.physics.saturation import MILD_STEEL, TEAM_STEEL
 from padgen.planner import make_plan
@@ -28,7 +28,7 @@ from padgen.verify.field_scalar import body_wrench, solve_scalar
 from padgen.verify.force_ladder import Pull, shielding, solid_pull
 
 REFERENCE = Path(__file__).parents[1] / "tests" / "reference" / "magnetostatics.json"
-COIL = SolenoidCoil(10 * MM, 4 * MM, 10 * MM, 1000, 4 * MM, 1000)
+COIL = solenoid(10 * MM, 4 * MM, 10 * MM, 1000, 4 * MM, 1000)
 WASHER = SteelRing(4 * MM, 2 * MM, 0.5 * MM, 1000)
 TEMPLATES = ("paper-16", "paper-32", "wide-11", "triple-48", "quad-64", "resin-fine")
 INNER, OUTER, STRAIGHT, LOW, HIGH, FAR = 19.5, 37.5, 14.5, 26.7, 123.3, 600.0

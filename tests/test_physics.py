@@ -32,7 +32,6 @@ from padgen.physics.beams import (
 )
 from padgen.physics.ladder import capacity, geometric_ladder, ladder_ratio, paper_ladder, whole_channels
 from padgen.physics.magnetics import (
-    SolenoidCoil,
     SteelRing,
     _ring_charge_field,
     flat_spheroid_factor,
@@ -40,6 +39,7 @@ from padgen.physics.magnetics import (
     force_constant,
     impedance,
     paper_force_constant,
+    solenoid,
 )
 from padgen.physics.modes import BeamPlacement, suspended_modes
 from padgen.physics.resonator import natural_frequency, receptance, ring_up_time, rule_stiffness
@@ -256,7 +256,7 @@ def test_a_ring_of_quarters_is_a_ring():
         assert a == pytest.approx(b)
 
 
-COIL = SolenoidCoil(10 * MM, 4 * MM, 10 * MM, 1000, 4 * MM, 1000)
+COIL = solenoid(10 * MM, 4 * MM, 10 * MM, 1000, 4 * MM, 1000)
 WASHER = SteelRing(4 * MM, 2 * MM, 0.5 * MM, 1000)
 CURRENT_A = 0.05
 
@@ -317,7 +317,7 @@ def test_papers_equation_4_misses_by_decades():
 
 def test_field_on_the_axis_is_the_solenoids():
     """A thin solenoid's axial field has a closed form."""
-    thin = SolenoidCoil(4.0002 * MM, 3.9998 * MM, 10 * MM, 1000, 0.0, 1.0)
+    thin = solenoid(4.0002 * MM, 3.9998 * MM, 10 * MM, 1000, 0.0, 1.0)
     height = np.array([0.5, 1.0, 3.0]) * MM
     _, axial = flux_density(thin, np.zeros(3), height)
     a, length = 2 * MM, 10 * MM

@@ -29,8 +29,10 @@ from padgen.make.pad import parse_formats as parse_pad_formats
 from padgen.make.solid_tuning import solid_taxel
 from padgen.physics import schemes
 from padgen.physics.frame import frame_modes
+from padgen.physics.magnetics import SteelRing, force_constant, solenoid
 from padgen.physics.schemes import tones
-from padgen.planner import make_plan, plan_from_json, plan_to_json
+from padgen.planner import coils, make_plan, plan_from_json, plan_to_json
+from padgen.planner.channels import magnetic_parts
 from padgen.planner.sizing import reach
 from padgen.planner.suspensions import (
     Arrangement,
@@ -601,3 +603,131 @@ def test_what_workers_would_not_know_is_refused_before_they_start(tmp_path):
         with pytest.raises(SpecError, match=refusal):
             pg.study(plan, only=["structure"])
     assert not (tmp_path / "out").exists()
+
+
+COIL = "toy-spiral-coil"
+FLAT = f"""
+name = "toy"
+resolution = 2
+band_hz = [40, 400]
+q_min = 15
+resonances_hz = [100, 200]
+material = "pla"
+pad = {{ width_mm = 30, depth_mm = 30 }}
+coil = {{ kind = "{COIL}", grid = [1, 1], length_mm = 1.6, turns = 40, core_diameter_mm = 0, gap_mm = 1.5 }}
+"""
+COPPER_MM = 0.035
+
+
+def flat_spirals(coil):
+    """A printed circuit board with half of the turns on either face of it, without a core."""
+    sizes = coil.outer_diameter_mm * 1e-3, coil.inner_diameter_mm * 1e-3
+    tops = 0.0, (COPPER_MM - coil.length_mm) * 1e-3
+    return coils.CoilSource(tuple(coils.Winding(*sizes, top, top - COPPER_MM * 1e-3, coil.turns / 2) for top in tops))
+
+
+@contextmanager
+def registered_coil(source):
+    coils.register(COIL, SimpleNamespace(source=source))
+    try:
+        yield
+    finally:
+        coils.unregister(COIL)
+
+
+def field_of_spirals(spec, points_m, turns_by=20, arcs=360):
+    """Flux density in T per ampere by Biot and Savart: circles of straight pieces, one for each turn, on two faces."""
+    coil, field = spec.coil, np.zeros(points_m.shape)
+    inner, outer = coil.inner_diameter_mm / 2e3, coil.outer_diameter_mm / 2e3
+    angle = np.arange(arcs) * 2 * pi / arcs
+    along = np.stack([-np.sin(angle), np.cos(angle), 0 * angle], -1) * 2 * pi / arcs
+    for top in (0.0, COPPER_MM - coil.length_mm):
+        for turn in range(turns_by):
+            radius = inner + (turn + 0.5) / turns_by * (outer - inner)
+            wire = np.stack(
+                [radius * np.cos(angle), radius * np.sin(angle), 0 * angle + (top - COPPER_MM / 2) * 1e-3], -1
+            )
+            arm = points_m[..., None, :] - wire
+            each = np.cross(radius * along, arm) / np.linalg.norm(arm, axis=-1)[..., None] ** 3
+            field += 1e-7 * each.sum(-2) * coil.turns / 2 / turns_by
+    return field
+
+
+def weak_pull(spec, washer, offset_m):
+    """c in N/A² on a washer that is hardly magnetic, ``−χ/2μ0 d/dz ∫B² dV``, from the field by Biot and Savart."""
+    node, weight = np.polynomial.legendre.leggauss(4)
+    inner, outer = washer.inner_diameter / 2, washer.outer_diameter / 2
+    radius = np.sqrt(inner**2 + (node + 1) / 2 * (outer**2 - inner**2))
+    angle = (np.arange(16) + 0.5) * pi / 8
+    volume = pi * (outer**2 - inner**2) * washer.thickness
+    energy = []
+    for dz in (-1e-5, 1e-5):
+        at_z = spec.coil.gap_mm * 1e-3 + dz + (node + 1) / 2 * washer.thickness
+        r, a, z = np.meshgrid(radius, angle, at_z, indexing="ij")
+        square = (field_of_spirals(spec, np.stack([offset_m + r * np.cos(a), r * np.sin(a), z], -1)) ** 2).sum(-1)
+        energy.append(np.einsum("ijk,i,k->", square, weight / 2, weight / 2) / 16 * volume)
+    return (washer.permeability - 1) / (2 * 4e-7 * pi) * (energy[0] - energy[1]) / 2e-5
+
+
+@pytest.mark.parametrize("offset_mm", [0.0, 3.0])
+def test_a_registered_coil_pulls_as_the_law_of_biot_and_savart_has_it(offset_mm):
+    """To 1 %: the planner's winding is a few sheets, the sum's is circles of 20 turns."""
+    with registered_coil(flat_spirals):
+        spec = parse_spec(FLAT)
+        source, washer = magnetic_parts(spec)
+        weak = washer._replace(permeability=1.001)
+        pull = float(force_constant(source, weak, spec.coil.gap_mm * 1e-3, np.array(offset_mm * 1e-3)))
+        assert pull == pytest.approx(weak_pull(spec, weak, offset_mm * 1e-3), rel=0.01)
+
+
+def test_a_registered_coil_plans_and_drives(tmp_path):
+    with registered_coil(flat_spirals):
+        plan = make_plan(parse_spec(FLAT))
+        assert plan.spec.coil.kind == COIL
+        text = plan_to_json(plan)
+        assert plan_to_json(plan_from_json(text)) == text
+        write_drive(plan, tmp_path, DriveRequest(("csv", "json")))
+        assert (tmp_path / "drive.csv").read_text().count("\n") > len(plan.channels)
+        pulls = [channel.force_constant_n_per_a2 for channel in plan.channels]
+    twice = FLAT.replace("turns = 40", "turns = 80")
+    with registered_coil(flat_spirals):
+        more = [channel.force_constant_n_per_a2 for channel in make_plan(parse_spec(twice)).channels]
+    assert more == pytest.approx([4 * pull for pull in pulls], rel=1e-9)
+    # What was computed for one kind is not taken for another of its name.
+    with registered_coil(lambda coil: flat_spirals(coil)._replace(windings=flat_spirals(coil).windings[:1])):
+        fewer = [channel.force_constant_n_per_a2 for channel in make_plan(parse_spec(FLAT)).channels]
+    assert all(0.25 * pull < less < 0.8 * pull for less, pull in zip(fewer, pulls, strict=True))
+
+
+def test_schema_and_refusals_name_the_coils():
+    def kinds():
+        return spec_schema()["properties"]["coil"]["anyOf"][1]["properties"]["kind"]["enum"]
+
+    with registered_coil(flat_spirals):
+        assert kinds() == ["solenoid", COIL]
+        with pytest.raises(SpecError, match=r"^coil\.kind: .*did you mean 'toy-spiral-coil'"):
+            parse_spec(FLAT.replace(COIL, "toy-spiral-coli"))
+        with pytest.raises(SpecError, match="there is a kind of coil 'solenoid' already"):
+            coils.register("solenoid", SimpleNamespace(source=flat_spirals))
+    assert kinds() == ["solenoid"]
+    with pytest.raises(SpecError, match="no choice 'toy-spiral-coil'; known are solenoid"):
+        parse_spec(FLAT)
+    with pytest.raises(SpecError, match="'half' lacks source"):
+        coils.register("half", SimpleNamespace())
+
+
+def test_a_solenoid_of_two_windings_is_the_same_solenoid():
+    """Field solutions of a winding and of the same cut in two, by height or by radius."""
+    pytest.importorskip("ngsolve", exc_type=ImportError)
+    from padgen.verify.field_axisymmetric import axisymmetric_force
+
+    whole = solenoid(10e-3, 4e-3, 10e-3, 1000, 4e-3, 1000)
+    stacked = (coils.Winding(10e-3, 4e-3, 0.0, -3e-3, 300), coils.Winding(10e-3, 4e-3, -3e-3, -10e-3, 700))
+    nested = (coils.Winding(7e-3, 4e-3, 0.0, -10e-3, 500), coils.Winding(10e-3, 7e-3, 0.0, -10e-3, 500))
+    washer = SteelRing(4e-3, 2e-3, 0.5e-3, 1000)
+    force = axisymmetric_force(whole, washer, 1e-3).force_n
+    for windings in (stacked, nested):
+        cut = whole._replace(windings=windings)
+        assert axisymmetric_force(cut, washer, 1e-3).force_n == pytest.approx(force, rel=2e-3)
+        pull, same = (float(force_constant(coil, washer, 1e-3, np.array(0.0))) for coil in (cut, whole))
+        assert pull == pytest.approx(same, rel=5e-3)  # four current sheets, or eight

@@ -18,6 +18,7 @@ from typing import Any, Generic, TypeVar, cast
 from padgen.core.errors import LONGEST_PART, SpecError, shown
 
 __all__ = [
+    "COILS",
     "FORMATS",
     "PAD_FORMATS",
     "PLUGINS",
@@ -200,3 +201,5 @@ USUAL_FORMATS = ("stl", "3mf", "step")
 """Those of `PAD_FORMATS` that a pad is saved in where nothing else is asked for."""
 SCHEMES: Registry[Any] = Registry("drive scheme", "padgen.physics.schemes", reserved=("auto",))
 """Modules or objects that hold to `padgen.physics.schemes.DriveScheme`."""
+COILS: Registry[Any] = Registry("kind of coil", "padgen.planner.coils")
+"""Modules or objects that hold to `padgen.planner.coils.CoilKind`."""

@@ -6,7 +6,7 @@ from math import pi
 
 import numpy as np
 
-from padgen.physics.magnetics import SolenoidCoil, SteelRing, balanced_deflection, force_constant, pull_in_deflection
+from padgen.physics.magnetics import SteelRing, balanced_deflection, force_constant, pull_in_deflection, solenoid
 from padgen.physics.saturation import MILD_STEEL
 from padgen.verify.extreme import Answer, ExtremeCase
 from padgen.verify.field_axisymmetric import axisymmetric_force
@@ -14,7 +14,7 @@ from padgen.verify.force_ladder import Pull
 
 __all__ = ["force_cases"]
 
-COIL = SolenoidCoil(10e-3, 4e-3, 10e-3, 1000, 4e-3, 1000)
+COIL = solenoid(10e-3, 4e-3, 10e-3, 1000, 4e-3, 1000)
 WASHER = SteelRing(4e-3, 2e-3, 0.5e-3, 1000)
 """The reference problem of tests/reference/magnetostatics.json."""
 FINER = {"order": 7, "levels": 6}

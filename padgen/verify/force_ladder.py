@@ -5,7 +5,7 @@ With a steel it is solved on the B-H curve, with several washers they shield eac
 
 from dataclasses import dataclass
 
-from padgen.physics.magnetics import SolenoidCoil, SteelRing
+from padgen.physics.magnetics import CoilSource, SteelRing
 from padgen.physics.saturation import BHCurve
 from padgen.verify.field_solid import PlacedWasher, SolidForce, solid_force
 
@@ -19,7 +19,7 @@ class Pull:
     A steel of None is linear, with the part's permeability.
     """
 
-    coil: SolenoidCoil
+    coil: CoilSource
     washer: SteelRing
     gap_m: float
     offset_m: float = 0.0

@@ -60,7 +60,7 @@ def _resolution(order: int, levels: int) -> str:
 
 def paper_pull(pull: Pull) -> Solved:
     """By Eq. 4 as printed, over the core's end (the bore's without a core)."""
-    diameter = pull.coil.core_diameter or pull.coil.inner_diameter
+    diameter = pull.coil.core_diameter or min(winding.inner_diameter for winding in pull.coil.windings)
     return Solved(np.array([paper_force_constant(pull.coil, pi / 4 * diameter**2)]))
 
 
