@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 
 from padgen.core.errors import SolverError
+from padgen.physics.frame_flexibility import NEAR_RESONANCE
 from padgen.planner import Plan, make_plan
 from padgen.planner.frame_give import flexibility_bounds, frame_mode_estimate_hz
 from padgen.spec import parse_spec
@@ -133,10 +134,11 @@ def test_a_frame_that_is_glued_down_carries_least(pads, plan):
     assert loudest("bottom") > 20 + max(loudest("edges"), loudest("corners"))
 
 
-def test_the_estimate_of_the_frames_own_mode_is_low(plan):
-    # The full reduction finds it at 1013 Hz on the corners, 1017 Hz on the edges; a plate's formulas, meant to be low.
+def test_bounds_end_below_the_frames_own_mode(plan):
+    # The full reduction finds it at 1013 Hz on the corners, 1017 Hz on the edges. A plate's formulas are 18 % above that
+    # on so small a frame: bounds end at `NEAR_RESONANCE` of them.
     for clamping, lowest in (("corners", 1013.5), ("edges", 1016.9)):
-        assert lowest / 5 < frame_mode_estimate_hz(plan, clamping) < lowest
+        assert lowest / 5 < NEAR_RESONANCE * frame_mode_estimate_hz(plan, clamping) < lowest
     assert frame_mode_estimate_hz(plan, "bottom") == float("inf")
 
 

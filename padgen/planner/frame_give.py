@@ -27,7 +27,7 @@ def flexibility_bounds(plan: Plan, clamping: str) -> np.ndarray:
 
 
 def frame_mode_estimate_hz(plan: Plan, clamping: str) -> float:
-    """Rough lowest bending mode of the frame, on the low side."""
+    """Estimate the lowest bending mode of the frame, to within a factor of two."""
     support, moving = SUPPORTS[_known(clamping)], _moving_kg(plan)
     return min(lowest_frame_mode_hz(_ribs(plan, channel, clamping), support, moving) for channel in plan.channels)
 
