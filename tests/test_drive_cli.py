@@ -197,7 +197,6 @@ def test_a_measured_table_is_enough(work, capsys):
         (["drive", "paper-32", "--seconds", "1"], "--state or --frames"),
         (["drive", "paper-32", "--depth", "float"], "--state or --frames"),
         (["drive", "paper-32", "--state", "10", "--seconds", "99999"], "GB"),
-        (["drive", "paper-32", "--state", "10", "--seconds", "1000", "--hear"], "--loop"),
         (["drive", "paper-32", "--excite", "chirp", "--rate", "0"], "at least"),
         (["drive", "paper-32", "--state", "\u0661\u0660"], "2 digits"),
         (["retune", "paper-32", "--nearest", "none.csv", "more.csv"], "unrecognized"),
