@@ -1,6 +1,7 @@
 """What the plan's models leave out for this pad, and what that may change at most."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from math import inf, isfinite
 
@@ -45,7 +46,11 @@ SATURATION_T = 1.5
 RESISTIVITY_OHM_M = 1e-7
 """Of the best conductor among cores and washers, iron."""
 
+HARDENING_SHARE = 0.2
+"""Share by which the cubic spring of beams that stretch may be off (docs/accuracy.md, against NLGEOM)."""
+
 RUNGS = {
+    "stretching": "a lower drive.level_um, or beams free to slide at one end",
     "saturation": "a field solution with the steel's B-H curve (padgen.verify.force_ladder)",
     "eddy currents": "a force measured at the drive frequency, or a laminated or ferrite core",
     "shielding": "a field solution with all washers (padgen.verify.force_ladder)",
@@ -68,6 +73,8 @@ def left_out(plan: Plan) -> tuple[LeftOut, ...]:
     """
     found = [
         _inertia(plan),
+        _stretching(plan),
+        LeftOut("skin", None, "1", "resonance of every taxel that is touched", computed=True),
         _frame(plan),
         *_far_modes(plan),
         *_far_coils(plan),
@@ -140,6 +147,18 @@ def _inertia(plan: Plan) -> LeftOut:
         motion, hz = np.array(working), np.array([plan.channels[k].resonance_hz for k in own])
         bound[own] = beam_inertia(model.placements, motion, model.washer_point_m, hz, *elastic)
     return _worst("beam inertia", "resonance", plan.channels, bound)
+
+
+def _stretching(plan: Plan) -> LeftOut:
+    """What the cubic spring may be off by, and the mean pull's offset that `Channel.level_shift` leaves out."""
+    bound = [
+        float(
+            c.level_shift * HARDENING_SHARE
+            + c.hardening_per_mm2 * 1.5 * (c.static_um**2 + 2 * c.static_um * c.sag_um) * 1e-6
+        )
+        for c in plan.channels
+    ]
+    return replace(_worst("stretching", "resonance", plan.channels, np.array(bound)), computed=True)
 
 
 def _frame(plan: Plan) -> LeftOut:
