@@ -43,10 +43,10 @@ def secants(taxel: Any, forces_n: list[float]) -> list[tuple[float, float]]:
     """Displacement in m and secant stiffness in N/m of the washer under each force, in a process of its own."""
     import ngsolve as ngs
 
-    from padgen.verify.elastic_mesh import CLAMPED, PRINTED, WASHER, clamped_shape, meshed, taxel_shape
+    from padgen.verify.elastic_mesh import CLAMPED, PRINTED, WASHER, clamped_shape, coarse_mesh, taxel_shape
 
     shape = clamped_shape(taxel_shape(taxel.step, taxel.washer_volume_mm3), taxel.clamp)
-    mesh = meshed(shape)
+    mesh = ngs.Mesh(coarse_mesh(shape))
     mesh.Curve(ORDER)
     space = ngs.VectorH1(mesh, order=ORDER, dirichlet=CLAMPED)
     u, where = space.TrialFunction(), mesh.Materials(WASHER)

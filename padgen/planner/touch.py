@@ -64,8 +64,8 @@ def judge_touch(plan: Plan) -> Iterator[Finding]:
         "touch.skin",
         f"channel {worst.index}",
         f"under typical skin (a provisional model) its {number(worst.resonance_hz)} Hz become {hz:.1f} Hz at Q ="
-        f" {q:.2g}{quieter}; a contact {at_most(contact_mm)} mm wide, a moving mass of {at_least(heavy_g)} g or a resonance of"
-        f" {at_least(high_hz)} Hz would keep it within 5 %",
+        f" {q:.2g}{quieter}; a contact {at_most(contact_mm)} mm wide, a moving mass of {at_least(heavy_g)} g or a resonance"
+        f" of {at_least(high_hz)} Hz would keep it within 5 %",
     )
 
 
