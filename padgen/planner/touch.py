@@ -27,7 +27,7 @@ def touched_pads(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> tup
     sets = channel_sets(channels, spec.coil.sets)
     found = []
     for name, skin in SKINS.items():
-        hz, q, stiffer = _touched(spec, skin, channels)
+        hz, q, _ = _touched(spec, skin, channels)
         kept_db = [_kept_db(spec, own, scheme, skin) for own in sets]
         found.append(
             Touched(
@@ -64,8 +64,8 @@ def judge_touch(plan: Plan) -> Iterator[Finding]:
         "touch.skin",
         f"channel {worst.index}",
         f"under typical skin (a provisional model) its {number(worst.resonance_hz)} Hz become {hz:.1f} Hz at Q ="
-        f" {q:.2g}{quieter}; a contact {at_most(contact_mm)} mm wide, a moving mass of {at_least(heavy_g)} g or a resonance"
-        f" of {at_least(high_hz)} Hz would keep it within 5 %",
+        f" {q:.2g}{quieter}; a contact {at_most(contact_mm)} mm wide, a moving mass of {at_least(heavy_g)} g or a"
+        f" resonance of {at_least(high_hz)} Hz would keep it within 5 %",
     )
 
 
