@@ -17,7 +17,7 @@ from typing import Any
 from padgen.core.cache import VARIABLE
 from padgen.make.solid_tuning import plan_tuned_to_solid, solid_taxel
 from padgen.planner import Plan
-from padgen.solid.export import write_taxel_step
+from padgen.solid.formats.step import write_taxel_step
 from padgen.spec import load_spec, template_paths
 
 FINER = (4, 2)

@@ -8,12 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from padgen.physics.clean_sets import clean_set
 from padgen.physics.ladder import geometric_ladder, paper_ladder
 from padgen.physics.levels import LevelLaw
-from padgen.physics.minimax import minimax_ladder
+from padgen.physics.optimal_ladder import optimal_ladder
 from padgen.physics.schemes import in_order
-from padgen.physics.selectivity import Channels, Scheme, all_states, channels, exhaustive_states_db, one_hot_db
+from padgen.physics.selectivity import Channels, Scheme, all_states, channels, one_hot_db
 from padgen.planner import make_plan
 from padgen.planner.capacity import largest_counts
 from padgen.planner.print_yield import PrintYield, print_yield
@@ -40,11 +39,11 @@ def best_s(work: Callable[[], object], runs: int = 3) -> float:
 def eleven() -> list[str]:
     lines = ["| 11 channels, Q = 15 | drive | one on, dB | all 2¹¹ states, dB |", "|---|---|---|---|"]
     paper, wide = paper_ladder(LOW_HZ, 11, 15, 10), geometric_ladder(LOW_HZ, HIGH_HZ, 11)
-    minimax = minimax_ladder(LOW_HZ, HIGH_HZ, 11, 15, LevelLaw(1), SPUR_FREE)
+    optimised = optimal_ladder(LOW_HZ, HIGH_HZ, 11, 15, LevelLaw(1), SPUR_FREE)
     for name, ladder, p in (
         ("paper's ladder, equal displacement", paper, 0),
         ("20 … 1000 Hz evenly in octaves, equal velocity", wide, 1),
-        ("the same band, minimax ladder", minimax, 1),
+        ("the same band, optimised without spurs", optimised, 1),
     ):
         for scheme in map(Scheme, in_order()):
             which = even(ladder, 15, p)
@@ -68,22 +67,32 @@ def capacities() -> list[str]:
     return lines
 
 
+PROVEN_DB = {
+    15: {3: 34.47, 4: 23.69, 5: 14.02, 6: 7.89, 7: 4.87, 8: 3.45},
+    30: {4: 29.71, 5: 20.02, 6: 13.87, 7: 10.80, 8: 9.34},
+    60: {5: 26.04, 6: 19.88, 7: 16.80, 8: 15.32},
+}
+"""By Q and number of channels, what no resonances in the band can exceed: branch and bound over cells of the band, each
+term of an OFF taxel's energy at its least over the cells of its channels. It is no longer part of padgen."""
+
+
 def clean() -> tuple[list[str], dict[int, list[tuple[int, float, float]]]]:
     lines = [
-        "| Q | n | evenly spaced dB | found dB | no set can exceed dB | s | resonances Hz |",
+        "| Q | n | evenly spaced dB | found dB | no set can exceed dB | CPU s | resonances Hz |",
         "|---|---|---|---|---|---|---|",
     ]
     curve: dict[int, list[tuple[int, float, float]]] = {}
-    for q, counts in ((15, range(3, 9)), (30, range(4, 9)), (60, range(5, 9))):
-        for n in counts:
-            start = time.perf_counter()
-            found = clean_set(LOW_HZ, HIGH_HZ, n, q, LevelLaw(1), TONES)
-            seconds = time.perf_counter() - start
-            spaced = all_states(even(geometric_ladder(LOW_HZ, HIGH_HZ, n), q, 1), TONES).db
-            hz = ", ".join(f"{f:.4g}" for f in found.resonances_hz)
-            figures = f"{spaced:.1f} | {found.all_states_db:.2f} | {found.bound_db:.2f} | {seconds:.1f}"
-            lines.append(f"| {q} | {n} | {figures} | {hz} |")
-            curve.setdefault(q, []).append((n, found.all_states_db, found.bound_db))
+    for q, bounds in PROVEN_DB.items():
+        for n, bound_db in bounds.items():
+            start = time.process_time()
+            found = optimal_ladder(LOW_HZ, HIGH_HZ, n, q, LevelLaw(1), TONES)
+            seconds = time.process_time() - start
+            found_db, spaced_db = (
+                all_states(even(hz, q, 1), TONES).db for hz in (found, geometric_ladder(LOW_HZ, HIGH_HZ, n))
+            )
+            hz = ", ".join(f"{f:.4g}" for f in found)
+            lines.append(f"| {q} | {n} | {spaced_db:.1f} | {found_db:.2f} | {bound_db:.2f} | {seconds:.1f} | {hz} |")
+            curve.setdefault(q, []).append((n, found_db, bound_db))
     return lines, curve
 
 
@@ -96,7 +105,6 @@ def speed() -> list[str]:
         ("all states, spur-free, 4,096 channels", best_s(lambda: all_states(wide, SPUR_FREE)), "1"),
         ("all states, tones, 512 channels", best_s(lambda: all_states(many, TONES)), "2"),
         ("all states, tones, 11 channels, closed form", best_s(lambda: all_states(few, TONES)), ""),
-        ("the same by all 2,048 states", best_s(lambda: exhaustive_states_db(few, TONES)), ""),
         (
             "yield of 100,000 pads of 32 taxels, costs of all spreads included",
             best_s(lambda: print_yield(plan), 1),
@@ -157,6 +165,22 @@ def steps() -> list[str]:
         lines.append(f"| {step} | {beams} | {hz} | {figures.all_states_db:.1f} | {figures.snapping_db:.2f} |")
     return lines
 
+
+COMPARED = (
+    "The search of the proof (a grid, exchange, branch and bound; 3 … 6 s for 7 channels or more) and today's (at",
+    "most 2.2 s) were run side by side on 48 random cases: 2 … 11 channels, Q 5 … 1000, level laws 1/f⁰ … 1/f², bands",
+    "of two to six octaves, all drives.",
+    "",
+    "| channels | cases | largest loss dB | largest gain dB | worse by more than 0.1 dB |",
+    "|---|---|---|---|---|",
+    "| 2 … 8 | 25 | 0.00 | 0.10 | 0 |",
+    "| 9, 10 | 13 | 0.03 | 0.70 | 0 |",
+    "| 11 | 10 | 0.66 | 0.12 | 2 |",
+    "",
+    "The two are sets of 11 plain tones at 1/f². Beside these: 6 channels at Q = 10⁵ the same, 9 at 10⁷ 0.5 dB",
+    "less; under a threshold curve as good or up to 0.3 dB better; the cases above the same within 0.01 dB.",
+)
+"""Measured when the proof was taken out, for which both had to be there."""
 
 COLOURS = ("#1f5fa8", "#c2571a", "#2f8a4c", "#7b3fa0")
 
@@ -242,10 +266,13 @@ def main() -> None:
         "## Clean sets for plain tones",
         "",
         'Resonances whose spurs miss every third taxel (`spacing = "optimised"`, `drive = "tones"`), equal velocity.',
-        "Found by exchange on a grid and linear programs; the bound is proven by branch and bound for *any* resonances",
-        "in the band, on a grid or off it.",
+        "Found by moving one channel at a time and linear programs. The bound was proven once, by branch and bound,",
+        "for *any* resonances in the band: cells of the band, each term of an OFF taxel's energy at its least over the",
+        "cells of its channels, halved until none is left. padgen has the search, not the proof.",
         "",
         *clean_lines,
+        "",
+        *COMPARED,
         "",
         "## Steps of the printer",
         "",

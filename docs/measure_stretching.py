@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import padgen as pg
 from padgen.make.solid_tuning import solid_taxel
 from padgen.planner.plan import Channel, Plan
-from padgen.solid.export import write_taxel_step
+from padgen.solid.formats.step import write_taxel_step
 
 ORDER, NEWTON, SMALL = 3, 12, 1e-10
 SPECS: tuple[dict[str, Any], ...] = (

@@ -13,7 +13,7 @@ from padgen.make.planning import plan_for, plan_to_compare, spec_of
 from padgen.spec import Spec, make_spec
 
 if TYPE_CHECKING:
-    from padgen.batch.result import SweepTable
+    from padgen.batch.sweep import SweepTable
     from padgen.driver.drive import Drive
     from padgen.ladders.study import Study
     from padgen.measured.tune import Retuned
@@ -356,7 +356,7 @@ def sweep(
     [True, True]
     """
     from padgen.batch.definition import sweep_over
-    from padgen.batch.result import run_to_table
+    from padgen.batch.sweep import run_to_table
 
     if stage in ("build", "study") and folder is None:
         raise SpecError(f"needs a folder for stage {stage!r}, whose files would go with it", "sweep")

@@ -7,13 +7,12 @@ what                           must be                           why
 =============================  ================================  ==========================================
 propagation                    = 40-digit arithmetic, 1e-12      closed form, digits kept (of the largest)
 propagation, late              = phasors, 1e-10                  the transient is gone
-one segment cut in two         = the whole, 1e-12                state and phases are carried over
 coupled, vanishing pull        = propagation, 1e-9               nothing acts back; 1e-8 is what is asked
 coupled, strong pull           = DOP853, 1e-9                    two programs, one physics
 energy in                      = out + stored, 1e-10             what no error of the motion could hide
-order of fixed steps           2 (midpoint), 3 (Radau, 2 stages) theory, within 0.15
+error of one step              order 4 of 2 stages               theory, within 0.15
 static pull, pull-in           = balance in closed form          `balanced_deflection`
-bounces                        = flight in closed form, 1e-10    piecewise cosines
+a switched voltage             = exact circuit, DOP853, 1e-8     no step goes across a break
 every extreme case             error <= stated, or refused       it says when it does not know
 =============================  ================================  ==========================================
 """
@@ -22,18 +21,16 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from docs.paper_figures import draw_paper_figures, paper_figures
 from padgen.core.errors import SolverError
+from padgen.ladders.stages.dynamics import dynamics_models, dynamics_question
 from padgen.physics.magnetics import balanced_deflection, impedance, pull_in_deflection
 from padgen.physics.phasor import Tones, circuit_current, merged, signal, squared, steady_lines, tones
-from padgen.physics.propagation import STATED_ERROR, Motion, propagate, propagate_piecewise
+from padgen.physics.propagation import STATED_ERROR, propagate
 from padgen.planner import make_plan
 from padgen.spec import load_spec
-from padgen.verify.coupled import simulate
-from padgen.verify.dynamics_collocation import collocation
-from padgen.verify.dynamics_ladder import dynamics_ladder, dynamics_question, dynamics_rungs
-from padgen.verify.dynamics_model import Source, coupled_rates, from_tones, make_system
+from padgen.verify.coupled import Source, from_tones, make_system, radau, scipy_motion, simulate
 from padgen.verify.extreme_dynamics import dynamics_cases, exact_displacement
-from padgen.verify.paper_figures import draw_paper_figures, paper_figures
 
 MASS, GAP = 1e-4, 1e-3
 HZ = np.array([20.0, 63.0, 200.0, 1000.0])
@@ -47,7 +44,7 @@ def pair_plan():
 
 def worst(hz, q, force, times):
     """Largest error of propagation over the largest displacement of each resonator."""
-    moved = propagate(hz, q, MASS, force, times).displacement_m
+    moved = propagate(hz, q, MASS, force, times)
     exact = np.array([[exact_displacement(f, d, MASS, force, t) for t in times] for f, d in zip(hz, q, strict=True)])
     return (np.abs(moved - exact).max(1) / np.abs(exact).max(1)).max()
 
@@ -81,7 +78,7 @@ def test_phases_of_long_times_keep_their_digits():
 def test_thirty_two_resonators_for_ten_seconds():
     hz = np.geomspace(20, 1000, 32)
     force, times = tones(hz, 1e-5, np.arange(32.0)), np.linspace(0, 10, 401)
-    moved = propagate(hz, 15.0, MASS, force, times).displacement_m
+    moved = propagate(hz, 15.0, MASS, force, times)
     for i, k in ((0, 400), (7, 13), (18, 250), (31, 399)):
         exact = exact_displacement(hz[i], 15.0, MASS, force, times[k])
         assert abs(moved[i, k] - exact) <= STATED_ERROR * np.abs(moved[i]).max()
@@ -92,48 +89,10 @@ def test_times_may_come_in_any_order_and_amplitudes_by_receiver():
     moved = propagate([50.0, 90, 130], 8.0, MASS, force, times)
     for k, t in enumerate(times):
         alone = propagate([50.0, 90, 130], 8.0, MASS, force, [t])
-        assert moved.displacement_m[:, k] == pytest.approx(alone.displacement_m[:, 0], rel=1e-12)
+        assert moved[:, k] == pytest.approx(alone[:, 0], rel=1e-12)
     own = propagate([130.0], 8.0, MASS, tones(HZ[:2], [1.0, 2.0]), times)
-    assert moved.velocity_m_per_s[2] == pytest.approx(own.velocity_m_per_s[0], rel=1e-12)
-    assert (moved.displacement_m[:, 1] == 0).all()
-
-
-@pytest.mark.parametrize("q", [0.2, 0.5, 15.0, np.inf])
-def test_velocity_is_the_slope_of_displacement(q):
-    force, at, step = tones([60.0, 61.0], 1.0, 0.4), 0.113, 1e-6
-    state = Motion(np.array([1.0]), np.array([-200.0]))
-    moved = propagate([60.0], q, MASS, force, [at - step, at, at + step], state, 0.01)
-    x, v = moved.displacement_m[0], moved.velocity_m_per_s[0]
-    # Central differences: step² (2π 60)³ x/6 is 1e-8 of v; rounding of x over the step 1e-9.
-    assert (x[2] - x[0]) / (2 * step) == pytest.approx(v[1], rel=1e-5, abs=1e-5 * np.abs(x).max() * 400)
-
-
-@pytest.mark.parametrize("q", [0.3, 0.5, 15.0, 1e6])
-def test_a_segment_cut_in_two_moves_as_the_whole(q):
-    force, times = tones(HZ + 0.1, 1.0, 0.7), np.linspace(0.2, 3, 11)
-    state = Motion(np.full(4, 1e-3), np.full(4, -0.1))
-    whole = propagate(HZ, q, MASS, force, times, state, 0.2)
-    cut = propagate_piecewise(HZ, q, MASS, [(0.2, force), (0.9, force), (1.3, force)], times, state)
-    for one, other in zip(whole, cut, strict=True):
-        assert np.abs(one - other).max() <= STATED_ERROR * np.abs(one).max()
-
-
-def test_tones_switch_on_and_off():
-    hz, times = np.array([60.0, 78.0]), np.linspace(0, 0.3, 31)
-    segments = [(0.0, tones(60.0, 1e-5)), (0.1, tones([78.0, 9.0], [1e-5, 2e-5], 0.3)), (0.2, tones(0.0, 0.0))]
-    moved = propagate_piecewise(hz, 26.0, MASS, segments, times)
-    omega, state, found = 2 * np.pi * hz, np.zeros(4), []
-    for (start, force), end in zip(segments, (0.1, 0.2, 0.3001), strict=True):
-
-        def rates(t, y, force=force):
-            return np.concatenate([y[2:], signal(force, [t]) / MASS - omega**2 * y[:2] - omega / 26 * y[2:]])
-
-        at = times[(times >= start) & (times < end - 1e-9)]
-        run = solve_ivp(rates, (start, end), state, "DOP853", np.append(at, end), rtol=1e-11, atol=1e-18)
-        found.append(run.y[:2, : len(at)])
-        state = run.y[:, -1]
-    expected = np.concatenate(found, 1)
-    assert np.abs(moved.displacement_m - expected).max() <= 1e-8 * np.abs(expected).max()  # the solver's accuracy
+    assert moved[2] == pytest.approx(own[0], rel=1e-12)
+    assert (moved[:, 1] == 0).all()
 
 
 def test_phasors_are_what_propagation_ends_in():
@@ -141,7 +100,7 @@ def test_phasors_are_what_propagation_ends_in():
     hz, times = np.array([60.0, 78.0]), np.linspace(20, 20.1, 17)  # 145 ring-ups
     lines = steady_lines(hz, 26.0, MASS, force)
     turning = np.exp(2j * np.pi * force.frequency_hz[:, None] * times)
-    moved = propagate(hz, 26.0, MASS, force, times).displacement_m
+    moved = propagate(hz, 26.0, MASS, force, times)
     assert (lines @ turning).real == pytest.approx(moved, abs=1e-10 * np.abs(moved).max())
     kinds = {30.0 * 2, 39.0 * 2, 69.0, 9.0, 30.0, 39.0, 0.0}  # 2f, f1 ± f2, with the constant f, and 0
     assert set(merged(force).frequency_hz) == kinds
@@ -178,11 +137,8 @@ def test_what_has_no_answer_is_refused():
         lambda: propagate([60.0], np.nan, MASS, force, [1.0]),
         lambda: propagate([0.0], 15.0, MASS, force, [1.0]),
         lambda: propagate([60.0], 15.0, np.inf, force, [1.0]),
-        lambda: propagate([60.0], 15.0, MASS, force, [0.5], start_s=0.6),
         lambda: propagate([60.0], 15.0, MASS, force, [np.inf]),
-        lambda: propagate_piecewise([60.0], 15.0, MASS, [], [1.0]),
-        lambda: propagate_piecewise([60.0], 15.0, MASS, [(0.5, force), (0.5, force)], [1.0]),
-        lambda: propagate_piecewise([60.0], 15.0, MASS, [(0.5, force)], [0.4]),
+        lambda: propagate([60.0], 15.0, MASS, force, [-0.1]),
         lambda: tones(-1.0, 1.0),
         lambda: tones(1.0, np.nan),
         lambda: tones(1.0, 1.0, 0.0, -1.0),
@@ -191,10 +147,8 @@ def test_what_has_no_answer_is_refused():
         lambda: steady_lines([60.0], np.inf, MASS, force),
         lambda: steady_lines([60.0], 15.0, MASS, tones(60.0, 1.0, 0.0, 1.0)),
         lambda: make_system(60.0, 15.0, MASS, -1.0, 2.0, GAP),
-        lambda: make_system(60.0, 15.0, MASS, 1.0, 2.0, GAP, restitution=1.1),
-        lambda: make_system(60.0, 15.0, MASS, 1.0, 2.0, GAP, stop_m=GAP),
+        lambda: make_system(60.0, 15.0, MASS, 1.0, 2.0, 0.0),
         lambda: simulate(make_system(60.0, 15.0, MASS, 1.0, 2.0, GAP), constant(1.0), [2.0, 1.0]),
-        lambda: simulate(make_system(60.0, 15.0, MASS, 1.0, 2.0, GAP), constant(1.0), [1.0], displacement_m=GAP),
     ):
         with pytest.raises(SolverError):
             broken()
@@ -204,9 +158,9 @@ def test_what_has_no_answer_is_refused():
 
 def test_no_tones_and_no_time_are_no_motion():
     still = propagate(HZ, 15.0, MASS, tones([], []), [0.0, 1.0])
-    assert not still.displacement_m.any() and still.displacement_m.shape == (4, 2)
-    start = simulate(make_system(60.0, 15.0, MASS, 1.0, 2.0, GAP), constant(1.0), [0.0], displacement_m=1e-4)
-    assert start.displacement_m.tolist() == [[1e-4]] and start.steps == 0
+    assert not still.any() and still.shape == (4, 2)
+    start = simulate(make_system(60.0, 15.0, MASS, 1.0, 2.0, GAP), constant(1.0), [0.0])
+    assert start.displacement_m.tolist() == [[0.0]] and start.current_a.tolist() == [1.0] and start.steps == 0
 
 
 def constant(amps):
@@ -217,15 +171,23 @@ def stiffness(hz):
     return MASS * (2 * np.pi * hz) ** 2
 
 
-@pytest.mark.parametrize(("kind", "stages"), [("gauss", 1), ("gauss", 3), ("radau", 2), ("radau", 20)])
-def test_collocation_integrates_what_it_must(kind, stages):
-    rule = collocation(kind, stages)
-    top = 2 * stages - (1 if kind == "gauss" else 2)  # degree that the weights integrate exactly
+@pytest.mark.parametrize("stages", [2, 20])
+def test_collocation_integrates_what_it_must(stages):
+    rule = radau(stages)
+    top = 2 * stages - 2  # degree that the weights integrate exactly
     assert rule.points**top @ rule.weights == pytest.approx(1 / (top + 1), rel=1e-12)
     power = rule.points ** (stages - 1)
     assert rule.integrals @ power == pytest.approx(rule.points**stages / stages, abs=1e-13)
     assert rule.values(power, np.array([0.3])) == pytest.approx(0.3 ** (stages - 1), abs=1e-12)
     assert rule.integrated(power, np.array([0.3])) == pytest.approx(0.3**stages / stages, abs=1e-12)
+
+
+def test_a_step_is_of_the_order_of_its_theory():
+    rule, errors = radau(2), []
+    for length in (0.05, 0.025):  # dy/dt = -y
+        slopes = np.linalg.solve(np.eye(2) + length * rule.integrals, -np.ones(2))
+        errors.append(abs(1 + length * rule.weights @ slopes - np.exp(-length)))
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(4, abs=0.15)  # 2s - 1 over many steps, one more in one
 
 
 @pytest.mark.parametrize("constant_s", [1e-6, 1e-3, 10.0])
@@ -238,28 +200,37 @@ def test_a_vanishing_pull_is_the_linear_case(constant_s):
     current = circuit_current(voltage, 62.9, inductance)
     lines = squared(current)
     linear = propagate([1000.0, 300.0], 15.0, MASS, lines._replace(amplitude=weak[:, None] * lines.amplitude), times)
-    for one, other in zip(motion[:2], linear, strict=True):
-        assert np.abs(one - other).max(1) == pytest.approx(0, abs=1e-9 * np.abs(other).max())
+    assert np.abs(motion.displacement_m - linear).max(1) == pytest.approx(0, abs=1e-9 * np.abs(linear).max())
     assert np.abs(motion.current_a - signal(current, times)).max() <= 1e-9 * np.abs(motion.current_a).max()
 
 
-def test_a_voltage_that_is_switched_is_propagated_exactly():
+def test_no_step_goes_across_a_switched_voltage():
     resistance, inductance, weak, switch = 62.9, 0.0417, 1e-12, 0.0137
     first, second = tones(30.0, 2.0, 0.4), tones([39.0, 0.0], [2.0, 0.5], [1.0, 0.0])
+    hz, times = np.array([60.0, 78.0]), np.linspace(0, 0.05, 41)
     before = circuit_current(first, resistance, inductance)
     carried = float(signal(before, np.array([switch]))[0])
-    after = circuit_current(second, resistance, inductance, carried, switch)
-    segments = [(at, squared(i)) for at, i in ((0.0, before), (switch, after))]
-    segments = [(at, wave._replace(amplitude=weak * wave.amplitude)) for at, wave in segments]
-    times = np.linspace(0, 0.05, 41)
-    exact = propagate_piecewise([60.0, 78.0], 26.0, MASS, segments, times)
+    later = second._replace(phase_rad=second.phase_rad + 2 * np.pi * second.frequency_hz * switch)
+    after = circuit_current(later, resistance, inductance, carried)  # counted from the switch
+    omega, state, found, currents = 2 * np.pi * hz, np.zeros(4), [], []
+    for start, end, current in ((0.0, switch, before), (switch, 0.05, after)):
+
+        def rates(t, y, start=start, current=current):
+            pull = weak * signal(current, np.array([t - start]))[0] ** 2 / MASS
+            return np.concatenate([y[2:], pull - omega**2 * y[:2] - omega / 26 * y[2:]])
+
+        at = times[(times >= start) & (times <= end)]
+        run = solve_ivp(rates, (start, end), state, "DOP853", np.unique([*at, end]), rtol=1e-11, atol=1e-25)
+        found.append(run.y[:2, : len(at)])
+        currents.append(signal(current, at - start))
+        state = run.y[:, -1]
+    exact = np.concatenate(found, 1)
     source = Source("voltage", lambda t: np.where(t < switch, signal(first, t), signal(second, t)), (switch,))
-    system = make_system([60.0, 78.0], 26.0, MASS, weak, 2.0, GAP, resistance, inductance)
+    system = make_system(hz, 26.0, MASS, weak, 2.0, GAP, resistance, inductance)
     motion = simulate(system, source, times)
-    # 1e-8 is what is asked of the steps; a break that was stepped over would cost 1e-3.
-    assert np.abs(motion.displacement_m - exact.displacement_m).max() <= 1e-9 * np.abs(exact.displacement_m).max()
-    late = times > switch
-    assert motion.current_a[late] == pytest.approx(signal(after, times[late], switch), abs=1e-9 * 0.03)
+    # 1e-8 is what is asked of the steps, and of the solver; a break that was stepped over would cost 1e-3.
+    assert np.abs(motion.displacement_m - exact).max() <= 1e-8 * np.abs(exact).max()
+    assert motion.current_a == pytest.approx(np.concatenate(currents), abs=1e-9 * 0.03)
 
 
 def strong():
@@ -277,32 +248,16 @@ def test_a_strong_pull_agrees_with_another_solver_and_energy_balances():
     system, source = strong()
     times = np.linspace(0, 0.06, 13)
     motion = simulate(system, source, times, tolerance=1e-10)
-    found = solve_ivp(coupled_rates(system, source), (0, 0.06), np.zeros(7), "DOP853", times, rtol=1e-12, atol=1e-17)
+    found = scipy_motion(system, source, times, tolerance=1e-12)
     assert np.abs(motion.displacement_m).max() > 0.05 * GAP
-    for i in range(3):
-        assert motion.displacement_m[i] == pytest.approx(found.y[i], abs=1e-9 * np.abs(found.y[i]).max())
-        assert motion.velocity_m_per_s[i] == pytest.approx(found.y[3 + i], abs=1e-9 * np.abs(found.y[3 + i]).max())
-    current = found.y[-1] / system.inductance(found.y[:3])
-    assert motion.current_a == pytest.approx(current, abs=1e-9 * np.abs(current).max())
+    ours = np.concatenate([motion.displacement_m, motion.velocity_m_per_s, [motion.current_a]])
+    assert (np.abs(ours - found).max(1) < 1e-9 * np.abs(found).max(1)).all()
     # No part is so small that the balance could not tell if it were left out.
-    energy = motion.energy
-    assert energy.residual < 1e-10
-    assert min(energy.supplied_j, energy.copper_j, energy.damping_j) > 1e-4 * energy.supplied_j > 0
+    assert motion.residual < 1e-10
+    assert min(motion.energy_j[:3]) > 1e-4 * motion.energy_j[0] > 0
     for tolerance in (1e-2, 1e-4, 1e-6):
         loose = simulate(system, source, times, tolerance=tolerance).displacement_m
         assert (np.abs(loose - motion.displacement_m).max(1) < tolerance * np.abs(motion.displacement_m).max(1)).all()
-
-
-@pytest.mark.parametrize(("rule", "stages", "order"), [("gauss", 1, 2), ("radau", 2, 3)])
-def test_fixed_steps_converge_in_their_order(rule, stages, order):
-    system, source = strong()
-    end = np.array([0.02])
-    exact = simulate(system, source, end, tolerance=1e-12).displacement_m[:, 0]
-    errors = []
-    for steps in (150, 300):
-        run = simulate(system, source, end, tolerance=1e-8, rule=rule, stages=stages, step_s=0.02 / steps)
-        errors.append(np.abs(run.displacement_m[:, 0] - exact).max())
-    assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.15)
 
 
 @pytest.mark.parametrize(("exponent", "share"), [(0.8, 0.9), (2.0, 0.99), (3.0, 0.5)])
@@ -314,16 +269,11 @@ def test_a_steady_pull_ends_in_balance(exponent, share):
     assert moved == pytest.approx(expected, rel=1e-8)  # what was asked of the steps
 
 
-def test_pull_in_is_refused_or_followed_to_the_stop():
+def test_pull_in_is_refused():
     largest = stiffness(100.0) * pull_in_deflection(GAP, 2.0)[1]
     pulls = [0.5 * largest, 1.05 * largest]
     with pytest.raises(SolverError, match=r"taxel 1 is pulled onto the coil at 0\.0\d+ s"):
         simulate(make_system(100.0, 0.5, MASS, pulls, 2.0, GAP), constant(1.0), [1.0])
-    motion = simulate(make_system(100.0, 0.5, MASS, pulls, 2.0, GAP, stop_m=0.9 * GAP), constant(1.0), [1.0])
-    assert motion.held.tolist() == [False, True]
-    assert motion.displacement_m[1, 0] == pytest.approx(0.9 * GAP, rel=1e-12)
-    assert {contact.taxel for contact in motion.contacts} == {1} and motion.contacts[-1].stays
-    assert motion.energy.residual < 1e-10 and motion.energy.impact_j > 0
 
 
 def test_undamped_pull_in_is_where_energy_says():
@@ -337,39 +287,6 @@ def test_undamped_pull_in_is_where_energy_says():
         simulate(make_system(100.0, np.inf, MASS, 1.01 * end, 2.0, GAP), constant(1.0), [0.1])
 
 
-@pytest.mark.parametrize("restitution", [0.0, 0.4, 0.9, 1.0])
-def test_bounces_are_flights_between_contacts(restitution):
-    omega = 2 * np.pi * 100.0
-    system = make_system(100.0, np.inf, MASS, stiffness(100.0) * GAP, 0.0, GAP, stop_m=GAP / 2, restitution=restitution)
-    motion = simulate(system, constant(1.0), [0.02])
-    # About its rest position at the gap the washer swings as a cosine; it meets the stop half way.
-    first = motion.contacts[0]
-    assert first.time_s == pytest.approx(np.arccos(0.5) / omega, rel=1e-10)
-    assert first.speed_m_per_s == pytest.approx(GAP * omega * np.sin(np.arccos(0.5)), rel=1e-10)
-    assert first.stays == (restitution == 0)
-    if restitution > 0:
-        flight = 2 * np.arctan2(restitution * first.speed_m_per_s / omega, GAP / 2) / omega
-        assert motion.contacts[1].time_s - first.time_s == pytest.approx(flight, rel=1e-10)
-        assert motion.contacts[1].speed_m_per_s == pytest.approx(restitution * first.speed_m_per_s, rel=1e-9)
-    assert motion.energy.residual < 1e-10
-
-
-def test_a_held_washer_is_let_go_when_the_current_stops():
-    pull = 4 * stiffness(100.0) * GAP
-    source = Source("current", lambda t: np.where(t < 0.015, 1.0, 0.0), (0.015,))
-    system = make_system(100.0, np.inf, MASS, pull, 0.0, GAP, stop_m=GAP / 2, restitution=0.0, back_stop_m=0.3 * GAP)
-    times = np.array([0.014, 0.016, 0.0165, 0.03])
-    motion = simulate(system, source, times)
-    free = GAP / 2 * np.cos(2 * np.pi * 100.0 * (times[1:3] - 0.015))
-    assert motion.displacement_m[0, 0] == GAP / 2
-    assert motion.displacement_m[0, 1:3] == pytest.approx(free, rel=1e-8)
-    # It swings back and strikes the stop behind, inelastic, and stays below it: nothing pulls it off but its spring.
-    back = [contact for contact in motion.contacts if not contact.at_coil]
-    assert len(back) == 1 and not back[0].stays and not motion.held[0]
-    assert back[0].time_s == pytest.approx(0.015 + np.arccos(-0.6) / (2 * np.pi * 100.0), rel=1e-8)
-    assert abs(motion.displacement_m[0, 3]) <= 0.3 * GAP * (1 + 1e-9)
-
-
 def test_a_run_that_takes_too_many_steps_is_refused():
     system, source = strong()
     with pytest.raises(SolverError, match="took 5 steps"):
@@ -378,12 +295,15 @@ def test_a_run_that_takes_too_many_steps_is_refused():
 
 @pytest.mark.parametrize("name", ["paper-pair", "triple-48"])
 def test_every_rung_errs_by_no_more_than_it_states(name):
-    plan = make_plan(load_spec(name))
-    rows = dynamics_ladder(plan, 0.3)
-    assert [row.model for row in rows[:3]] == ["phasor", "exponential", "coupled"]
-    assert all(row.error <= row.stated_error for row in rows)
-    assert all(row.error < 1e-5 for row in rows if row.resolution in ("tolerance 0.0001", "tolerance 1e-06"))
-    assert all(row.residual < 1e-6 for row in rows[2:])
+    question = dynamics_question(make_plan(load_spec(name)), 0.3)
+    answers = [(model, resolution, solve()) for model, resolution, _, solve in dynamics_models(question)]
+    assert [model for model, _, _ in answers[:3]] == ["phasor", "exponential", "coupled"]
+    finest = answers[-1][2].values
+    for model, resolution, answer in answers:
+        error = (np.abs(answer.values - finest).max(1) / np.abs(finest).max(1)).max()
+        assert error <= answer.stated_error
+        assert resolution not in ("tolerance 0.0001", "tolerance 1e-06") or error < 1e-5
+        assert model != "coupled" or answer.residual < 1e-6
 
 
 def test_every_drive_makes_its_current(pair_plan):
@@ -395,9 +315,16 @@ def test_every_drive_makes_its_current(pair_plan):
         question = dynamics_question(plan, 0.05)
         run = simulate(question.system, question.voltage, question.time_s, current_a=question.initial_a)
         square = signal(question.squared_current, question.time_s)
+        lines = merged(question.squared_current)
+        for channel in plan.channels:  # what the planner asked for is in the square of the current
+            here = np.isclose(lines.frequency_hz, channel.resonance_hz)
+            assert lines.amplitude[here].sum() == pytest.approx(channel.line_a2, rel=1e-9)
+        asked = sum(channel.line_a2 for channel in plan.channels)
+        if scheme == "spur-free":
+            assert lines.amplitude[0] == pytest.approx((1 + plan.spec.drive.headroom) * asked)
         # Motion changes the coil's inductance by 1e-5 or so: what the circuit then misses is of that size.
         assert run.current_a**2 == pytest.approx(square, abs=1e-4 * square.max())
-        pickle.loads(pickle.dumps(dynamics_rungs(question)[1].solve))()
+        pickle.loads(pickle.dumps(list(dynamics_models(question))[1][3]))()
     with pytest.raises(SolverError):
         dynamics_question(pair_plan, -1.0)
 

@@ -275,10 +275,9 @@ def test_optimised_spacing_is_no_worse(scheme):
     if scheme == "tones":
         assert best.selectivity.all_states_db > spread.selectivity.all_states_db + 5
         figures = best.selectivity
-        assert figures.optimum_db <= figures.bound_db <= figures.optimum_db + 0.06
         # The beams' masses are not equal.
         assert figures.all_states_db == pytest.approx(figures.optimum_db, abs=1.0)
-        assert f"proven that none in the band that prints here exceed {figures.bound_db:.2f} dB" in plan_text(best)
+        assert f"with equal masses the optimised resonances would reach {figures.optimum_db:.2f} dB" in plan_text(best)
 
 
 def test_three_plain_tones_can_be_clean():
@@ -311,14 +310,12 @@ def test_optimised_keeps_the_spread_ladder_where_it_prints_better():
     text = OWN_MASSES
     spread, best = (optimised(text, spacing) for spacing in ("spread", "optimised"))
     assert best.selectivity.all_states_db == pytest.approx(spread.selectivity.all_states_db)
-    assert best.selectivity.all_states_db > best.selectivity.bound_db
+    assert best.selectivity.all_states_db > best.selectivity.optimum_db
 
 
 def test_planning_loads_no_optimiser():
     code = "import sys; from padgen.cli import run; run(['plan', 'paper-32', '-o', sys.argv[1]]); "
-    code += (
-        "bad = [m for m in sys.modules if m.split('.')[0] == 'scipy' or m.endswith(('clean_sets', 'print_yield'))]; "
-    )
+    code += "bad = [m for m in sys.modules if m.split('.')[0] == 'scipy' or m.endswith(('optimal_ladder', '_yield'))]; "
     code += "assert not bad, bad"
     with tempfile.TemporaryDirectory() as folder:
         subprocess.run([sys.executable, "-c", code, folder], check=True, capture_output=True)

@@ -15,15 +15,18 @@ import trimesh
 
 from padgen.core.errors import GeometryError, SpecError
 from padgen.make.pad import Pad, parse_formats, up_to_date
-from padgen.solid.export import bill_of_materials, stl_bytes, stl_mesh, verified
+from padgen.solid.bill import bill_of_materials
+from padgen.solid.checks import check_pad
+from padgen.solid.formats import ExportJob, Part, verified
+from padgen.solid.formats._3mf import read_3mf, threemf_bytes
+from padgen.solid.formats.stl import stl_bytes, stl_mesh
 from padgen.solid.kernel import build123d
 from padgen.solid.mesh import Mesh, signed_volume_mm3
 from padgen.solid.picture import View, picture_png
-from padgen.solid.threemf import read_3mf, threemf_bytes
 from padgen.spec import parse_spec
 from tests.conftest import SMALL
 
-ALL = ("stl", "3mf", "step", "glb")
+ALL = ("3mf", "glb", "step", "stl")
 
 
 @pytest.fixture(scope="module")
@@ -97,9 +100,8 @@ def test_3mf_is_one_named_object_with_its_metadata(folder, small_pad):
 
 
 def test_3mf_with_instances_holds_each_distinct_taxel_once(small_plan, small_pad, tmp_path):
-    data = threemf_bytes(
-        small_plan, small_pad, {"Title": "tiny"}, picture_png([(small_pad.mesh, (1, 1, 1))], (8, 8)), True
-    )
+    whole = Part("pad", "tiny", "", small_pad.mesh, None, check_pad(small_pad, small_plan))
+    data = threemf_bytes(ExportJob(small_plan, whole, "0", small_pad, True))
     model = zipfile.ZipFile(io.BytesIO(data)).read("3D/3dmodel.model").decode()
     assert model.count("<mesh>") == len(small_plan.channels) + 1
     assert model.count("<component ") == len(small_plan.taxels) + 1
@@ -153,8 +155,8 @@ def test_manifest_holds_hashes_and_versions(folder):
 
 
 def test_formats_are_parsed_in_order():
-    assert parse_formats("step, stl") == ("stl", "step")
-    with pytest.raises(SpecError, match=r"must be among stl, 3mf, step, glb, got 'stp'; did you mean 'step'\?"):
+    assert parse_formats("stl, step") == ("step", "stl")
+    with pytest.raises(SpecError, match=r"must be among 3mf, glb, step, stl, got 'stp'; did you mean 'step'\?"):
         parse_formats("stp")
     with pytest.raises(SpecError, match="must name"):
         parse_formats(",")

@@ -9,7 +9,6 @@
 | solid field on the axis | axisymmetric | 1.5 % | the same |
 | wound ball, linear and saturated | closed forms | 1e-4, 5e-3 | elements of order 4; the curve is joined by lines |
 | pull_wrench | solid field | 0.12 in Fx, 0.35 mm in My, per newton | the estimate's own error |
-| balance and pull-in | closed form of 1/gap^2 | 1e-6 | bisection |
 """
 
 import json
@@ -20,31 +19,21 @@ import numpy as np
 import pytest
 
 from padgen.core.errors import SolverError, SpecError
+from padgen.ladders.stages.force import axisymmetric_pull, circuit_pull, paper_pull, three_d_pull
 from padgen.physics.leakage import leakage
-from padgen.physics.magnetics import SolenoidCoil, SteelRing, force_constant
+from padgen.physics.magnetics import SteelRing, force_constant, solenoid
 from padgen.physics.pull_wrench import pull_wrench
-from padgen.physics.saturation import FERRITIC_STAINLESS, MILD_STEEL, TEAM_STEEL, BHCurve, saturating
+from padgen.physics.saturation import MILD_STEEL, TEAM_STEEL, BHCurve, saturating
 from padgen.verify.extreme_force import force_cases
 from padgen.verify.field_axisymmetric import axisymmetric_force
 from padgen.verify.field_scalar import body_wrench, solve_scalar
 from padgen.verify.field_solid import PlacedWasher, solid_force
-from padgen.verify.force_ladder import (
-    Pull,
-    PullCurve,
-    balance,
-    force_ladder,
-    force_rung,
-    force_table,
-    neighbour_pull,
-    pull_curve,
-    pull_in,
-    shielding,
-)
+from padgen.verify.force_ladder import Pull, shielding, solid_pull
 
 MAGNETS = json.loads((Path(__file__).parent / "reference" / "magnetostatics.json").read_text())
 MM = 1e-3
 AMPERE = 0.05
-COIL = SolenoidCoil(10 * MM, 4 * MM, 10 * MM, 1000, 4 * MM, 1000)
+COIL = solenoid(10 * MM, 4 * MM, 10 * MM, 1000, 4 * MM, 1000)
 WASHER = SteelRing(4 * MM, 2 * MM, 0.5 * MM, 1000)
 MU_0 = 4e-7 * np.pi
 
@@ -52,12 +41,11 @@ MU_0 = 4e-7 * np.pi
 # --- steel -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("curve", [TEAM_STEEL, MILD_STEEL, FERRITIC_STAINLESS], ids=lambda c: c.name)
-def test_curves_rise_invert_and_end_as_air(curve):
+@pytest.mark.parametrize("curve", [TEAM_STEEL, MILD_STEEL], ids=lambda c: c.name)
+def test_curves_rise_and_end_as_air(curve):
     field = np.geomspace(0.1, 1e7, 500)
     density = curve.flux_density_at(field)
     assert (np.diff(density) >= MU_0 * np.diff(field) * (1 - 1e-9)).all()
-    assert curve.field_at(density) == pytest.approx(field, rel=1e-10)  # bisection to rounding
     assert curve.flux_density_at(-field) == pytest.approx(-density)
     last = curve.field_a_per_m[-1]
     rise = curve.flux_density_at(3 * last) - curve.flux_density_at(2 * last)
@@ -74,7 +62,7 @@ def test_curve_goes_through_its_points_and_joins_smoothly():
 
 def test_frohlichs_law_at_both_ends():
     curve = saturating("steel", 300, 2.0)
-    assert curve.permeability_at(1.0) == pytest.approx(300, rel=1e-3)  # J/J_s is 2e-4 there
+    assert curve.flux_density_at(1.0) / MU_0 == pytest.approx(300, rel=1e-3)  # J/J_s is 2e-4 there
     far = 1e7
     assert curve.flux_density_at(far) - MU_0 * far == pytest.approx(2.0, rel=2e-3)  # sampled to 0.999 J_s
 
@@ -165,7 +153,7 @@ def test_saturation_weakens_the_pull_per_square():
 
 def test_a_force_lost_in_the_fields_error_is_refused():
     with pytest.raises(SolverError, match="two potentials differ"):
-        axisymmetric_force(COIL, WASHER, 400 * MM)
+        axisymmetric_force(COIL, WASHER, 100 * MM)
 
 
 @pytest.mark.parametrize(
@@ -173,7 +161,7 @@ def test_a_force_lost_in_the_fields_error_is_refused():
     [
         (COIL, WASHER, 0.0, "coil.gap"),
         (COIL._replace(core_diameter=5 * MM), WASHER, MM, "coil.core_diameter"),
-        (COIL._replace(inner_diameter=11 * MM, core_diameter=0.0), WASHER, MM, "coil.inner_diameter"),
+        (solenoid(10 * MM, 11 * MM, 10 * MM, 1000), WASHER, MM, "coil.inner_diameter"),
         (COIL, WASHER._replace(inner_diameter=5 * MM), MM, "washer.inner_diameter"),
         (COIL, WASHER._replace(thickness=0.0), MM, "washer.thickness"),
     ],
@@ -263,11 +251,6 @@ def test_half_and_whole_model_agree(off_axis):
     assert abs(whole.wrench[0, 0]) < 0.01 * abs(whole.wrench[0, 2])
 
 
-def test_solid_field_on_the_axis():
-    solved = solid_force(COIL, [PlacedWasher(WASHER, MM, 0.0)], AMPERE)
-    assert -solved.wrench[0, 2] * 1e3 == pytest.approx(MAGNETS["force_mn_by_gap_mm"]["1"], rel=0.015)
-
-
 def test_a_second_washer_takes_two_per_cent():
     # 1.9 % by another solution; elements of order 2 put both pulls up by 1 %, alike to half a per cent.
     assert shielding(Pull(COIL, WASHER, MM, 3 * MM), order=2) == pytest.approx(0.019, abs=0.008)
@@ -317,71 +300,30 @@ def test_pull_wrench_of_what_is_not_pulled():
 
 
 def test_the_ladder_climbs():
-    paper, circuit, axisymmetric = force_ladder(
-        Pull(COIL, WASHER, MM, current_a=AMPERE), ("paper", "circuit", "axisymmetric")
-    )
+    pull = Pull(COIL, WASHER, MM, current_a=AMPERE)
     truth = MAGNETS["force_mn_by_gap_mm"]["1"] * 1e-3 / AMPERE**2
-    assert paper.pull_n_per_a2 * AMPERE**2 == pytest.approx(1364, rel=1e-3)  # as printed in the reference
-    assert abs(circuit.pull_n_per_a2 / truth - 1) < 0.15
-    assert abs(axisymmetric.pull_n_per_a2 / truth - 1) < 2e-3
-    assert axisymmetric.unknowns > 1000
-
-
-def test_refusals_are_rows():
-    off = Pull(COIL, WASHER, MM, 3 * MM)
-    with pytest.raises(SolverError, match=r"on the coil's axis, got one 0\.003 m"):
-        force_rung("axisymmetric", off)
-    (row,) = force_ladder(off, ["axisymmetric"])
-    assert np.isnan(row.pull_n_per_a2)
-    assert "ask the solid one" in row.refusal
-    with pytest.raises(SolverError, match="knows no saturation"):
-        force_rung("circuit", replace(off, core_steel=MILD_STEEL))
-    with pytest.raises(SpecError, match="must be one of paper"):
-        force_rung("guess", off)
-
-
-def test_tables_by_gap_offset_and_current():
-    table = force_table("circuit", Pull(COIL, WASHER, MM), [MM, 2 * MM], [0.0, 3 * MM], [1.0, 2.0])
-    assert table.shape == (2, 2, 2)
-    assert table[..., 0] == pytest.approx(table[..., 1])  # linear: the same per square
-    assert table[0, 1, 0] == pytest.approx(float(force_constant(COIL, WASHER, MM, np.array(3 * MM))))
-
-
-def test_curve_through_the_field_solution():
-    curve = pull_curve("axisymmetric", Pull(COIL, WASHER, MM), 0.5 * MM, 2 * MM, points=4)
-    wanted = MAGNETS["force_mn_by_gap_mm"]["1"] * 1e-3 / AMPERE**2
-    pull, slope = curve(np.array(MM))
-    assert pull == pytest.approx(wanted, rel=3e-3)  # interpolated between four gaps
-    near, far = (MAGNETS["force_mn_by_gap_mm"][g] * 1e-3 / AMPERE**2 for g in ("0.75", "1.5"))
-    assert (far - near) / (0.75 * MM) > slope > 2 * (far - near) / (0.75 * MM)
-    with pytest.raises(SolverError, match=r"known for gaps of 0\.0005 to 0\.002 m"):
-        curve(np.array(3 * MM))
-
-
-def test_balance_against_the_closed_form():
-    stiffness, gap = 20.0, MM
-    gaps = gap * np.geomspace(0.3, 1, 5)
-    curve = PullCurve(gaps, 1e-7 / gaps**2)
-    limit = pull_in(curve, stiffness, gap)
-    assert limit.deflection_m == pytest.approx(gap / 3, rel=1e-6)
-    assert limit.mean_square_a2 == pytest.approx(4 / 27 * stiffness * gap**3 / 1e-7, rel=1e-6)
-    rest = balance(curve, stiffness, gap, 0.5 * limit.mean_square_a2)
-    assert rest.magnetic_n_per_m == pytest.approx(
-        2 * stiffness * rest.deflection_m / (gap - rest.deflection_m), rel=1e-6
-    )
-    assert rest.resonance_shift == pytest.approx(np.sqrt(1 - rest.magnetic_n_per_m / stiffness) - 1)
-    with pytest.raises(SolverError, match="negative stiffness beyond pull-in"):
-        balance(curve, stiffness, gap, 1.01 * limit.mean_square_a2)
-    with pytest.raises(SolverError, match="pull-in lies at a gap below"):
-        pull_in(PullCurve(gaps[3:], 1e-7 / gaps[3:] ** 2), stiffness, gap)
+    assert paper_pull(pull).values * AMPERE**2 == pytest.approx([1364], rel=1e-3)  # as printed in the reference
+    half = replace(pull, coil=COIL._replace(core_diameter=2 * MM))  # Eq. 4 goes with the area of the core's end
+    assert paper_pull(half).values == pytest.approx(paper_pull(pull).values / 4)
+    assert circuit_pull(pull).values == pytest.approx([truth], rel=0.15)
+    finest = axisymmetric_pull(pull, 5, 4)
+    assert finest.values == pytest.approx([truth], rel=2e-3)
+    assert finest.unknowns > 1000 and finest.residual < 1e-6
+    assert three_d_pull(pull, 3, 1).values == pytest.approx([truth], rel=0.015)
 
 
 def test_leakage_on_a_neighbours_washer():
     place, neighbour = (3 * MM, 0.0), (12.5 * MM, 0.0)
-    solid = neighbour_pull(Pull(COIL, WASHER, MM), place, neighbour)
+
+    def ratio(order):
+        """Pull by a coil that far away over the own coil's; each coil alone, as the estimate has them."""
+        other, own = (Pull(COIL, WASHER, MM, abs(place[0] - x)) for x in (neighbour[0], 0.0))
+        return float(solid_pull(other, order).wrench[0, 2] / solid_pull(own, order).wrench[0, 2])
+
+    solid = ratio(3)
     estimate = leakage(COIL, WASHER, MM, np.array([place]), np.array([neighbour])).mutual[0, 0, 0]
     with pytest.raises(SolverError, match="drowns in the field's own error"):
-        neighbour_pull(Pull(COIL, WASHER, MM), place, neighbour, order=2)
+        ratio(2)
     # A worst case: it takes the own coil's pull, which is 38 % low near the core's edge, as its unit.
     assert 0 < solid < estimate < 1.7 * solid
 

@@ -33,7 +33,7 @@ from padgen.planner import make_plan, plan_to_json, resonances
 from padgen.planner.plan import Plan
 from padgen.report import plan_text
 from padgen.solid import tile_store
-from padgen.solid.export import bill_of_materials
+from padgen.solid.bill import bill_of_materials
 from padgen.solid.foreign import read_mesh
 from padgen.solid.topology import intersecting_pairs
 from padgen.spec import catalogue, load_spec, make_spec, parse_spec, template_paths
@@ -402,7 +402,7 @@ def test_the_least_ratio_holds_a_finite_number_of_channels():
 )
 def test_conditions_take_no_time(paper_spec, text):
     try:
-        assert parse_expression(text, paper_spec).holds({}) in (True, False)
+        assert parse_expression(text, paper_spec).holds({}, paper_spec) in (True, False)
     except SpecError as error:
         assert len(str(error)) < 3000
         assert str(error).isprintable()
@@ -416,7 +416,7 @@ def test_conditions_mean_what_they_did(paper_spec):
         "2**10 == 1024",
         "7 // 2 == 3",
     ):
-        assert parse_expression(text, paper_spec).holds({})
+        assert parse_expression(text, paper_spec).holds({}, paper_spec)
 
 
 def test_random_conditions_are_worked_out_or_refused(paper_spec):
@@ -456,7 +456,7 @@ def test_random_conditions_are_worked_out_or_refused(paper_spec):
     for _ in range(4000):
         text = "".join(rng.choices(words, k=rng.randint(1, 9)))
         try:
-            worked += parse_expression(text, paper_spec).holds({}) in (True, False)
+            worked += parse_expression(text, paper_spec).holds({}, paper_spec) in (True, False)
         except SpecError:
             continue
     assert worked > 50

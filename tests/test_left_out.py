@@ -39,7 +39,7 @@ from padgen.physics.currents import bias_a, current_lines_a
 from padgen.physics.frame import AttachedBody, Frame, divided, frame_modes
 from padgen.physics.frame_element import Element, rectangle
 from padgen.physics.leakage import leakage
-from padgen.physics.magnetics import MU_0, SolenoidCoil, SteelRing, impedance, pull_over_gap
+from padgen.physics.magnetics import MU_0, CoilSource, SteelRing, impedance, pull_over_gap, solenoid
 from padgen.physics.modal import felt_energy
 from padgen.physics.modes import BeamPlacement, Modes, suspended_modes
 from padgen.physics.rigid_body import RigidBody
@@ -398,7 +398,7 @@ LACKS = {
 
 @pytest.mark.parametrize("name", SCENES)
 def test_frame(name):
-    """The bound that test_pad_modes holds against the whole pad, of the worst channel."""
+    """The bound that test_pad_frame holds against the whole pad, of the worst channel."""
     from padgen.planner.frame_give import flexibility_bounds
 
     bound = flexibility_bounds(scene(name)[1], "corners").max()
@@ -420,8 +420,8 @@ def test_far_modes_at_the_plans_tones_are_less_than_of_any_drive():
 
 # Fields: coils and washers by hand, on the axis, where two dimensions suffice.
 
-PAPER_COIL = SolenoidCoil(10e-3, 4e-3, 10e-3, 1000, 4e-3, 1000)
-DRUM = SolenoidCoil(44e-3, 16e-3, 20e-3, 1200, 16e-3, 1000)
+PAPER_COIL = solenoid(10e-3, 4e-3, 10e-3, 1000, 4e-3, 1000)
+DRUM = solenoid(44e-3, 16e-3, 20e-3, 1200, 16e-3, 1000)
 FIELDS = {
     "paper coil": (PAPER_COIL, SteelRing(4e-3, 1.7e-3, 0.3e-3, 300), 1e-3),
     "drum": (DRUM, SteelRing(6e-3, 3.2e-3, 0.5e-3, 300), 1.5e-3),
@@ -461,11 +461,11 @@ def test_saturation(name, current_a):
     within(*saturation(name, current_a))
 
 
-def eddy_forces(coil: SolenoidCoil, washer: SteelRing, gap: float, hz: float, resistivity: float) -> tuple:
+def eddy_forces(coil: CoilSource, washer: SteelRing, gap: float, hz: float, resistivity: float) -> tuple:
     """Phasors of the force at twice `hz`, without eddy currents and with them, by ``A = r w``."""
     import ngsolve as ng
 
-    from padgen.verify.field_axisymmetric import _curl, _half_plane
+    from padgen.verify.field_axisymmetric import _curl, _half_plane, wound
 
     mesh, far = _half_plane(coil, washer, gap, 2)
     space, radius = ng.H1(mesh, order=4, complex=True), ng.x
@@ -474,11 +474,9 @@ def eddy_forces(coil: SolenoidCoil, washer: SteelRing, gap: float, hz: float, re
     steels = {"core": coil.core_permeability, "washer": washer.permeability}
     reluctivity = mesh.MaterialCF({k: 1 / (MU_0 * mu) for k, mu in steels.items()}, default=1 / MU_0)
     conducting = mesh.MaterialCF(dict.fromkeys(steels, 1 / resistivity), default=0)
-    wound = coil.turns / (coil.length * (coil.outer_diameter - coil.inner_diameter) / 2)
+    _, density = wound(coil, 1.0, ng.x, ng.y)
     more = ng.dx(bonus_intorder=4)
-    source = ng.LinearForm(
-        weight * 1e-3 * mesh.MaterialCF({"winding": wound}, default=0) * radius * v * more
-    ).Assemble()
+    source = ng.LinearForm(weight * density * radius * v * more).Assemble()
     near = ng.GridFunction(ng.H1(mesh, order=1))
     near.vec.FV().NumPy()[:] = [float(on) for on in near.space.GetDofs(mesh.Materials("washer"))]
     slope, forces = ng.grad(near), []

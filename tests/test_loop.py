@@ -53,7 +53,7 @@ def test_the_printed_solid_resonates_where_it_was_planned(solved):
 def test_a_finer_solve_of_the_exported_file_agrees(solved, tmp_path):
     """The bar of the project is 0.2 %; one order more than the loop took."""
     _, plan = solved
-    from padgen.solid.export import write_taxel_step
+    from padgen.solid.formats.step import write_taxel_step
 
     for channel in plan.channels:
         path = tmp_path / f"{channel.index}.step"

@@ -34,7 +34,6 @@ from padgen.physics.selectivity import (
     Scheme,
     all_states,
     channels,
-    exhaustive_states_db,
     off_energy,
     one_hot_db,
     tone_energy,
@@ -50,6 +49,7 @@ from padgen.planner.solved_model import solved_model
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.spec import load_spec, parse_spec
+from tests.every_state import exhaustive_states_db
 
 SCHEMES = in_order()
 ALL = [Scheme(name) for name in SCHEMES]

@@ -10,17 +10,20 @@ import pytest
 
 from padgen.core.errors import InfeasibleError
 from padgen.core.files import OutputFolder
+from padgen.core.registry import PAD_FORMATS
+from padgen.make.pad import PARTS
 from padgen.planner import make_plan, plan_from_json, plan_to_json
 from padgen.planner.coupon import coil_axis_mm, coupon_groove, coupon_plan
 from padgen.planner.screws import SIZES, screw_for
 from padgen.planner.tray import plan_tray, tray_findings, washer_underside_mm
 from padgen.solid.checks import check_pad
 from padgen.solid.coupon_solid import build_coupon
-from padgen.solid.export import stl_mesh
+from padgen.solid.formats import ExportJob
+from padgen.solid.formats.stl import stl_mesh
 from padgen.solid.kernel import build123d
 from padgen.solid.mesh import Mesh, as_manifold, from_manifold, signed_volume_mm3
 from padgen.solid.pad_solid import build_pad
-from padgen.solid.parts import PARTS, build_part, build_parts, write_part_files
+from padgen.solid.parts import build_part
 from padgen.solid.tray_checks import check_tray
 from padgen.solid.tray_solid import build_tray, tray_solid
 from padgen.spec import load_spec, parse_spec, template_paths
@@ -364,19 +367,20 @@ def test_coupons_of_odd_pads(plan):
 
 @pytest.fixture(scope="module")
 def parts(plan):
-    return build_parts(plan, ("tray", "coupon-tray", "coupon"))
+    return [build_part(plan, name) for name in PARTS]
 
 
-def written(parts, folder):
+def written(plan, parts, folder):
     with OutputFolder(folder) as out:
         for part in parts:
-            write_part_files(out, part, ("stl", "3mf", "step", "glb"), {"Title": "pad", "LicenseTerms": "x"}, "0 0123")
+            for name in ("stl", "3mf", "step", "glb"):
+                PAD_FORMATS.get(name).write(out, ExportJob(plan, part, "0123"))
         out.commit()
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.name != "manifest.json"}
 
 
 def test_files_of_parts(plan, parts, tmp_path):
-    files = written(parts, tmp_path / "one")
+    files = written(plan, parts, tmp_path / "one")
     assert set(files) == {f"{p}.{f}" for p in PARTS for f in ("stl", "3mf", "step")} - {"coupon.step"}
     for part in parts:
         # Single precision.
@@ -389,7 +393,7 @@ def test_files_of_parts(plan, parts, tmp_path):
         assert [f for f in part.report.findings if f.level == "error"] == []
     (solid,) = build123d().import_step(tmp_path / "one" / "tray.step").solids()
     assert solid.volume == pytest.approx(parts[2].solid.volume, rel=1e-6)
-    assert files == written(tuple(build_part(plan, name) for name in PARTS), tmp_path / "two")
+    assert files == written(plan, [build_part(plan, name) for name in reversed(PARTS)], tmp_path / "two")
 
 
 def test_the_coupons_tray_holds_its_coil(plan, coupon, parts):

@@ -1,26 +1,38 @@
 """What may be registered from outside: a suspension with bent beams, defined here, goes through all of padgen."""
 
+import csv
+import json
+import os
+import subprocess
+import sys
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
+from hashlib import sha256
 from math import pi
 from multiprocessing import get_context
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+import padgen as pg
 from padgen import cli
+from padgen.batch.definition import parse_sweep
 from padgen.core.errors import FileError, GeometryError, SpecError
-from padgen.core.registry import names_in
+from padgen.core.registry import PAD_FORMATS, PLUGINS, USUAL_FORMATS, names_in
 from padgen.driver import formats as drive_formats
 from padgen.driver.drive import Drive
 from padgen.driver.drive_folder import DriveRequest, parse_formats, write_drive
+from padgen.make.pad import parse_formats as parse_pad_formats
 from padgen.make.solid_tuning import solid_taxel
 from padgen.physics import schemes
 from padgen.physics.frame import frame_modes
+from padgen.physics.magnetics import SteelRing, force_constant, solenoid
 from padgen.physics.schemes import tones
-from padgen.planner import make_plan, plan_from_json, plan_to_json
+from padgen.planner import coils, make_plan, plan_from_json, plan_to_json
+from padgen.planner.channels import magnetic_parts
 from padgen.planner.sizing import reach
 from padgen.planner.suspensions import (
     Arrangement,
@@ -38,8 +50,9 @@ from padgen.planner.suspensions import (
 )
 from padgen.planner.taxel_frame import taxel_frame
 from padgen.planner.taxel_model import TaxelModel, plate_shape
+from padgen.solid import formats as pad_formats
 from padgen.solid.checks import check_pad
-from padgen.solid.export import write_taxel_step
+from padgen.solid.formats.step import write_taxel_step
 from padgen.solid.measure import measured
 from padgen.solid.mesh import as_manifold
 from padgen.solid.pad_solid import build_pad
@@ -48,6 +61,7 @@ from padgen.solid.tile_store import taxel_key
 from padgen.spec import parse_spec
 from padgen.spec.schema import spec_schema
 from padgen.verify.elasticity import solve_modes
+from tests.conftest import SMALL
 from tests.test_solid import volume_by_hand
 
 NAME = "toy-spiral"
@@ -357,6 +371,93 @@ def test_help_and_refusals_name_the_formats(capsys):
         drive_formats.register("half", SimpleNamespace(FILE="half.txt"))
 
 
+PAD_FORMAT = "toy-points"
+
+
+def write_points(out, job):
+    """The corners of a part, a line each."""
+    rows = [f"{x:.3f} {y:.3f} {z:.3f}" for x, y, z in job.part.mesh.vertices_mm]
+    path = out.write(f"{job.part.name}.points", f"{job.part.title}, {job.spec_hash[:8]}\n" + "\n".join(rows))
+    assert path.read_text().count("\n") == len(rows)
+
+
+@contextmanager
+def registered_pad_format():
+    pad_formats.register(PAD_FORMAT, SimpleNamespace(write=write_points))
+    try:
+        yield
+    finally:
+        pad_formats.unregister(PAD_FORMAT)
+
+
+def listed(folder):
+    return json.loads((folder / "manifest.json").read_text())["files"]
+
+
+def test_a_pad_and_its_parts_are_saved_in_a_registered_format(small_plan, tmp_path):
+    with registered_pad_format():
+        pad = pg.build(small_plan, parts=["tray"])
+        built = pad.save(tmp_path / "a", formats=[PAD_FORMAT, "stl"])
+        assert {"pad.points", "tray.points", "pad.stl", "tray.stl"} <= {*built.files} <= {*listed(tmp_path / "a")}
+        lines = (tmp_path / "a/pad.points").read_text().splitlines()
+        assert lines[0].startswith(f"{small_plan.name}, ") and len(lines) == 1 + len(pad.mesh.vertices_mm)
+        # What another process registered under the name is in no hash.
+        assert not pad.save(tmp_path / "a", formats=[PAD_FORMAT, "stl"]).up_to_date
+        pad.save(tmp_path / "a", formats=["stl"])
+        assert not {"pad.points", "tray.points"} & {path.name for path in (tmp_path / "a").iterdir()}
+
+
+def test_the_build_command_writes_a_registered_format_and_a_new_plan_makes_it_stale(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("tiny.toml").write_text(SMALL)
+    with registered_pad_format():
+        assert cli.run(["build", "tiny.toml", "--formats", PAD_FORMAT, "-o", "o"]) in (0, 1)
+        digest = sha256(Path("o/pad.points").read_bytes()).hexdigest()
+        assert listed(Path("o"))["pad.points"] == digest
+    Path("tiny.toml").write_text(SMALL.replace("[50, 200]", "[60, 300]"))
+    assert cli.run(["plan", "tiny.toml", "-o", "o"]) in (0, 1)
+    assert "are of an earlier plan" in capsys.readouterr().out and Path("o/pad.points").exists()
+    assert cli.run(["build", "tiny.toml", "--formats", "stl", "-o", "o"]) in (0, 1)
+    assert "pad.points" not in {path.name for path in Path("o").iterdir()}
+
+
+def test_files_of_a_registered_drive_format_go_with_their_plan(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with registered_format(toy_format()):
+        assert cli.run(["drive", "paper-pair", "--formats", FORMAT, "-o", "o"]) in (0, 1)
+    assert Path("o/toy.txt").exists()
+    assert cli.run(["plan", "paper-32", "-o", "o"]) in (0, 1)
+    assert {path.name for path in Path("o").iterdir()} == {"manifest.json", "plan.json"}
+
+
+def test_help_and_refusals_name_the_pad_formats(capsys):
+    def told():
+        assert cli.run(["build", "--help"]) == 0
+        return " ".join(capsys.readouterr().out.split())
+
+    assert "of 3mf, glb, step, stl (default: stl,3mf,step)" in told()
+    assert {*USUAL_FORMATS} < {*PAD_FORMATS.names()}
+    with registered_pad_format():
+        assert f"of 3mf, glb, step, stl, {PAD_FORMAT} (default" in told()
+        with pytest.raises(SpecError, match="got 'toy-point'; did you mean 'toy-points'"):
+            parse_pad_formats("stl,toy-point")
+        with pytest.raises(SpecError, match="there is a pad format '3mf' already"):
+            pad_formats.register("3mf", SimpleNamespace(write=write_points))
+        assert parse_sweep(SWEEP).settings.formats == PAD_FORMAT
+    with pytest.raises(SpecError, match=r"formats: must be among 3mf, glb, step, stl, got 'toy-points'"):
+        parse_sweep(SWEEP)
+    with pytest.raises(SpecError, match="'half' lacks write"):
+        pad_formats.register("half", SimpleNamespace())
+
+
+SWEEP = f"""
+name = "s"
+base = "paper-pair"
+stage = "build"
+formats = "{PAD_FORMAT}"
+[axes]
+q_min = [15]
+"""
 SCHEME = "toy-whisper"
 FOUR = """
 name = "toy"
@@ -439,3 +540,194 @@ def test_schema_and_refusals_name_the_schemes():
         schemes.register("auto", toy_scheme(1))
     with pytest.raises(SpecError, match="'half' lacks TAKES_TURNS, HAS_PAIR_SPURS, pair_square"):
         schemes.register("half", SimpleNamespace(CURRENT="tones"))
+
+
+PLUGIN = """
+from types import SimpleNamespace
+from padgen.physics import schemes
+from padgen.physics.schemes import tones
+
+names = ("current_lines_a", "mean_square_a2", "peak_current_a", "peak_voltage_v")
+thing = {name: getattr(tones, name) for name in names} | {"CURRENT": "tones", "TAKES_TURNS": False}
+square = lambda scheme, a, b, strongest: 1e-12 * tones.pair_square(scheme, a, b, strongest)
+schemes.register("toy-whisper", SimpleNamespace(HAS_PAIR_SPURS=True, pair_square=square, **thing))
+"""
+
+
+@pytest.fixture
+def plugin_folder(tmp_path):
+    """A module and a sweep of two variants that needs it; in all but `PADGEN_PLUGINS` as a user has them."""
+    (tmp_path / "toy_plugin.py").write_text(PLUGIN)
+    (tmp_path / "toy.toml").write_text(FOUR.replace("NAME", SCHEME))
+    (tmp_path / "two.toml").write_text('name = "two"\nbase = "toy.toml"\n[axes]\nq_min = [30, 31]\n')
+    return tmp_path
+
+
+def padgen_in(folder, plugins, *arguments):
+    env = os.environ | {"PYTHONPATH": os.pathsep.join([str(folder), *sys.path]), PLUGINS: plugins}
+    command = [sys.executable, "-m", "padgen", *arguments]
+    return subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, timeout=120)
+
+
+def test_workers_know_what_a_plugin_registers_and_its_code_is_part_of_the_inputs(plugin_folder):
+    def swept(say):
+        ran = padgen_in(plugin_folder, "toy_plugin", "sweep", "two.toml", "-j", "2", "--json")
+        assert ran.returncode == 0, ran.stderr
+        return json.loads(ran.stdout.splitlines()[-1])[say]
+
+    assert (swept("done"), swept("kept")) == (2, 2)
+    with (plugin_folder / "out/two/index.csv").open(newline="") as file:
+        found = list(csv.DictReader(file))
+    assert {(row["status"], row["scheme"]) for row in found} == {("done", SCHEME)}
+    (plugin_folder / "toy_plugin.py").write_text(PLUGIN.replace("1e-12", "1e-6"))
+    assert swept("kept") == 0
+
+
+def test_without_its_plugin_a_name_is_unknown_and_a_plugin_that_breaks_is_told(plugin_folder):
+    ran = padgen_in(plugin_folder, "", "sweep", "two.toml")
+    assert ran.returncode == 2 and "no choice 'toy-whisper'" in ran.stderr
+    (plugin_folder / "toy_plugin.py").write_text("1 / 0")
+    ran = padgen_in(plugin_folder, "toy_plugin", "plan", "toy.toml")
+    assert ran.returncode == 2 and len(ran.stderr.splitlines()) == 1
+    assert "PADGEN_PLUGINS: cannot import 'toy_plugin' (ZeroDivisionError: division by zero)" in ran.stderr
+
+
+def test_what_workers_would_not_know_is_refused_before_they_start(tmp_path):
+    plan = make_plan(parse_spec(FOUR.replace("NAME", "tones")))
+    # The module's spiral, which a fixture registers, comes first where it is there.
+    name = "(suspension 'toy-spiral'|drive scheme 'toy-whisper')"
+    refusal = rf"^the {name} is known to this process alone, .* environment variable PADGEN_PLUGINS$"
+    with registered_scheme(toy_scheme(1)):
+        with pytest.raises(SpecError, match=refusal):
+            pg.sweep("paper-32", folder=tmp_path / "out", q_min=[12])
+        with pytest.raises(SpecError, match=refusal):
+            pg.study(plan, only=["structure"])
+    assert not (tmp_path / "out").exists()
+
+
+COIL = "toy-spiral-coil"
+FLAT = f"""
+name = "toy"
+resolution = 2
+band_hz = [40, 400]
+q_min = 15
+resonances_hz = [100, 200]
+material = "pla"
+pad = {{ width_mm = 30, depth_mm = 30 }}
+coil = {{ kind = "{COIL}", grid = [1, 1], length_mm = 1.6, turns = 40, core_diameter_mm = 0, gap_mm = 1.5 }}
+"""
+COPPER_MM = 0.035
+
+
+def flat_spirals(coil):
+    """A printed circuit board with half of the turns on either face of it, without a core."""
+    sizes = coil.outer_diameter_mm * 1e-3, coil.inner_diameter_mm * 1e-3
+    tops = 0.0, (COPPER_MM - coil.length_mm) * 1e-3
+    return coils.CoilSource(tuple(coils.Winding(*sizes, top, top - COPPER_MM * 1e-3, coil.turns / 2) for top in tops))
+
+
+@contextmanager
+def registered_coil(source):
+    coils.register(COIL, SimpleNamespace(source=source))
+    try:
+        yield
+    finally:
+        coils.unregister(COIL)
+
+
+def field_of_spirals(spec, points_m, turns_by=20, arcs=360):
+    """Flux density in T per ampere by Biot and Savart: circles of straight pieces, one for each turn, on two faces."""
+    coil, field = spec.coil, np.zeros(points_m.shape)
+    inner, outer = coil.inner_diameter_mm / 2e3, coil.outer_diameter_mm / 2e3
+    angle = np.arange(arcs) * 2 * pi / arcs
+    along = np.stack([-np.sin(angle), np.cos(angle), 0 * angle], -1) * 2 * pi / arcs
+    for top in (0.0, COPPER_MM - coil.length_mm):
+        for turn in range(turns_by):
+            radius = inner + (turn + 0.5) / turns_by * (outer - inner)
+            wire = np.stack(
+                [radius * np.cos(angle), radius * np.sin(angle), 0 * angle + (top - COPPER_MM / 2) * 1e-3], -1
+            )
+            arm = points_m[..., None, :] - wire
+            each = np.cross(radius * along, arm) / np.linalg.norm(arm, axis=-1)[..., None] ** 3
+            field += 1e-7 * each.sum(-2) * coil.turns / 2 / turns_by
+    return field
+
+
+def weak_pull(spec, washer, offset_m):
+    """c in N/A² on a washer that is hardly magnetic, ``−χ/2μ0 d/dz ∫B² dV``, from the field by Biot and Savart."""
+    node, weight = np.polynomial.legendre.leggauss(4)
+    inner, outer = washer.inner_diameter / 2, washer.outer_diameter / 2
+    radius = np.sqrt(inner**2 + (node + 1) / 2 * (outer**2 - inner**2))
+    angle = (np.arange(16) + 0.5) * pi / 8
+    volume = pi * (outer**2 - inner**2) * washer.thickness
+    energy = []
+    for dz in (-1e-5, 1e-5):
+        at_z = spec.coil.gap_mm * 1e-3 + dz + (node + 1) / 2 * washer.thickness
+        r, a, z = np.meshgrid(radius, angle, at_z, indexing="ij")
+        square = (field_of_spirals(spec, np.stack([offset_m + r * np.cos(a), r * np.sin(a), z], -1)) ** 2).sum(-1)
+        energy.append(np.einsum("ijk,i,k->", square, weight / 2, weight / 2) / 16 * volume)
+    return (washer.permeability - 1) / (2 * 4e-7 * pi) * (energy[0] - energy[1]) / 2e-5
+
+
+@pytest.mark.parametrize("offset_mm", [0.0, 3.0])
+def test_a_registered_coil_pulls_as_the_law_of_biot_and_savart_has_it(offset_mm):
+    """To 1 %: the planner's winding is a few sheets, the sum's is circles of 20 turns."""
+    with registered_coil(flat_spirals):
+        spec = parse_spec(FLAT)
+        source, washer = magnetic_parts(spec)
+        weak = washer._replace(permeability=1.001)
+        pull = float(force_constant(source, weak, spec.coil.gap_mm * 1e-3, np.array(offset_mm * 1e-3)))
+        assert pull == pytest.approx(weak_pull(spec, weak, offset_mm * 1e-3), rel=0.01)
+
+
+def test_a_registered_coil_plans_and_drives(tmp_path):
+    with registered_coil(flat_spirals):
+        plan = make_plan(parse_spec(FLAT))
+        assert plan.spec.coil.kind == COIL
+        text = plan_to_json(plan)
+        assert plan_to_json(plan_from_json(text)) == text
+        write_drive(plan, tmp_path, DriveRequest(("csv", "json")))
+        assert (tmp_path / "drive.csv").read_text().count("\n") > len(plan.channels)
+        pulls = [channel.force_constant_n_per_a2 for channel in plan.channels]
+    twice = FLAT.replace("turns = 40", "turns = 80")
+    with registered_coil(flat_spirals):
+        more = [channel.force_constant_n_per_a2 for channel in make_plan(parse_spec(twice)).channels]
+    assert more == pytest.approx([4 * pull for pull in pulls], rel=1e-9)
+    # What was computed for one kind is not taken for another of its name.
+    with registered_coil(lambda coil: flat_spirals(coil)._replace(windings=flat_spirals(coil).windings[:1])):
+        fewer = [channel.force_constant_n_per_a2 for channel in make_plan(parse_spec(FLAT)).channels]
+    assert all(0.25 * pull < less < 0.8 * pull for less, pull in zip(fewer, pulls, strict=True))
+
+
+def test_schema_and_refusals_name_the_coils():
+    def kinds():
+        return spec_schema()["properties"]["coil"]["anyOf"][1]["properties"]["kind"]["enum"]
+
+    with registered_coil(flat_spirals):
+        assert kinds() == ["solenoid", COIL]
+        with pytest.raises(SpecError, match=r"^coil\.kind: .*did you mean 'toy-spiral-coil'"):
+            parse_spec(FLAT.replace(COIL, "toy-spiral-coli"))
+        with pytest.raises(SpecError, match="there is a kind of coil 'solenoid' already"):
+            coils.register("solenoid", SimpleNamespace(source=flat_spirals))
+    assert kinds() == ["solenoid"]
+    with pytest.raises(SpecError, match="no choice 'toy-spiral-coil'; known are solenoid"):
+        parse_spec(FLAT)
+    with pytest.raises(SpecError, match="'half' lacks source"):
+        coils.register("half", SimpleNamespace())
+
+
+def test_a_solenoid_of_two_windings_is_the_same_solenoid():
+    """Field solutions of a winding and of the same cut in two, by height or by radius."""
+    pytest.importorskip("ngsolve", exc_type=ImportError)
+    from padgen.verify.field_axisymmetric import axisymmetric_force
+
+    whole = solenoid(10e-3, 4e-3, 10e-3, 1000, 4e-3, 1000)
+    stacked = (coils.Winding(10e-3, 4e-3, 0.0, -3e-3, 300), coils.Winding(10e-3, 4e-3, -3e-3, -10e-3, 700))
+    nested = (coils.Winding(7e-3, 4e-3, 0.0, -10e-3, 500), coils.Winding(10e-3, 7e-3, 0.0, -10e-3, 500))
+    washer = SteelRing(4e-3, 2e-3, 0.5e-3, 1000)
+    force = axisymmetric_force(whole, washer, 1e-3).force_n
+    for windings in (stacked, nested):
+        cut = whole._replace(windings=windings)
+        assert axisymmetric_force(cut, washer, 1e-3).force_n == pytest.approx(force, rel=2e-3)
+        pull, same = (float(force_constant(coil, washer, 1e-3, np.array(0.0))) for coil in (cut, whole))
+        assert pull == pytest.approx(same, rel=0.01)  # four current sheets, or eight

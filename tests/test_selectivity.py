@@ -27,13 +27,13 @@ from padgen.physics.selectivity import (
     Scheme,
     all_states,
     channels,
-    exhaustive_states_db,
     loudest_line,
     off_energy,
     one_hot_db,
     tone_energy,
 )
 from padgen.planner.capacity import largest_counts
+from tests.every_state import exhaustive_states_db
 
 SCHEMES = in_order()
 TONES, SPUR_FREE = Scheme("tones"), Scheme("spur-free")

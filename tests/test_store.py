@@ -13,8 +13,9 @@ import pytest
 from padgen.core import cache
 from padgen.planner import make_plan, resonances
 from padgen.planner.marks import groove
-from padgen.solid import export, pad_solid, tile_store
+from padgen.solid import pad_solid, tile_store
 from padgen.solid.border import border_mesh, border_volume_mm3, prism, washer_mesh
+from padgen.solid.formats import step
 from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, as_manifold, signed_volume_mm3, tessellated
 from padgen.solid.taxel import washer_solid
 from padgen.spec import parse_spec
@@ -101,10 +102,10 @@ def test_an_entry_that_holds_no_mesh_is_modelled_again(store, small_plan, data):
 
 def test_a_kept_step_has_the_pads_name_and_the_channels_number(store, small_plan, tmp_path, monkeypatch):
     channel = small_plan.channels[1]
-    export.write_taxel_step(small_plan, channel, tmp_path / "first.step")
-    monkeypatch.setattr(export, "taxel_solid", no_kernel)
-    export.write_taxel_step(small_plan, channel, tmp_path / "again.step")
-    export.write_taxel_step(replace(small_plan, name="renamed"), channel, tmp_path / "other.step")
+    step.write_taxel_step(small_plan, channel, tmp_path / "first.step")
+    monkeypatch.setattr(step, "taxel_solid", no_kernel)
+    step.write_taxel_step(small_plan, channel, tmp_path / "again.step")
+    step.write_taxel_step(replace(small_plan, name="renamed"), channel, tmp_path / "other.step")
     first, again, other = ((tmp_path / f"{name}.step").read_text() for name in ("first", "again", "other"))
     assert again == first
     assert "tiny taxel 1" in first
@@ -236,7 +237,7 @@ def test_an_optimised_ladder_is_searched_once(store, monkeypatch):
 )
 def test_what_another_ladder_may_come_from_is_in_its_key(store, monkeypatch, change):
     """Each alone asks for a search of its own."""
-    monkeypatch.setattr(resonances, "_searched", lambda *args: resonances.Optimum((60.0, 90.0), 20.0, None))
+    monkeypatch.setattr(resonances, "_searched", lambda *args: resonances.Optimum((60.0, 90.0), 20.0, "tones"))
     spec = parse_spec(OPTIMISED)
     for changed in (spec, replace(spec, **change)):
         resonances._known.cache_clear()
@@ -246,7 +247,7 @@ def test_what_another_ladder_may_come_from_is_in_its_key(store, monkeypatch, cha
 
 @pytest.mark.parametrize("other", [(4, 60.0, 200.0), (3, 61.0, 200.0), (3, 60.0, 201.0)])
 def test_another_count_or_band_has_another_ladder(store, monkeypatch, other):
-    monkeypatch.setattr(resonances, "_searched", lambda *args: resonances.Optimum((60.0, 90.0), 20.0, None))
+    monkeypatch.setattr(resonances, "_searched", lambda *args: resonances.Optimum((60.0, 90.0), 20.0, "tones"))
     spec = parse_spec(OPTIMISED)
     for asked in ((3, 60.0, 200.0), other):
         resonances.optimum(spec, *asked)

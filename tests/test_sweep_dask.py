@@ -207,6 +207,7 @@ def test_workers_that_would_make_something_else(place, monkeypatch):
                 "1.0.0",
                 r"worker tcp://\S+: has numpy \S+, this machine 1\.0\.0; install the same version on both",
             ),
+            ("PADGEN_PLUGINS", "0123", r"worker tcp://\S+: has other modules in PADGEN_PLUGINS than this machine"),
             ("padgen", "0123", r"worker tcp://\S+: has another padgen than this machine; install the same one on both"),
         ):
             mine = fingerprint() | {name: other}

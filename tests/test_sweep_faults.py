@@ -29,9 +29,8 @@ from pathlib import Path
 import pytest
 
 from padgen.batch.definition import parse_sweep
-from padgen.batch.folder_lock import FolderLock
 from padgen.batch.pareto import write_pareto
-from padgen.batch.sweep import run_sweep
+from padgen.batch.sweep import run_sweep, sole_sweep
 from padgen.batch.variant import run_task
 from padgen.core import cache
 from padgen.core.errors import FileError
@@ -208,8 +207,8 @@ def test_a_folder_that_is_removed_meanwhile_is_told(place):
 
 def test_a_killed_run_leaves_no_index_of_what_is_replaced(place):
     """From the moment that a variant is made over another, index and front tell of none that is gone."""
-    run_sweep(sweep(4), place / "out", workers=1, work=sweep_work.counted)
-    write_pareto(place / "out", "s")
+    made = run_sweep(sweep(4), place / "out", workers=1, work=sweep_work.counted)
+    write_pareto(place / "out", "s", made.overview)
     assert (place / "out" / "pareto.csv").exists()
     seen = []
 
@@ -304,14 +303,14 @@ def test_the_lock_where_the_system_has_none(tmp_path, monkeypatch):
 
     monkeypatch.setattr("fcntl.flock", none)
     with (
-        FolderLock(tmp_path),
-        pytest.raises(FileError, match=r"another sweep .*remove \.running"),
-        FolderLock(tmp_path),
+        sole_sweep(tmp_path),
+        pytest.raises(FileError, match=r"another sweep .*remove \.lock"),
+        sole_sweep(tmp_path),
     ):
         pass
-    with FolderLock(tmp_path):
-        assert (tmp_path / ".running").exists()
-    assert not (tmp_path / ".running").exists()
+    with sole_sweep(tmp_path):
+        assert (tmp_path / ".lock").exists()
+    assert not (tmp_path / ".lock").exists()
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ from padgen.physics.resonator import receptance
 from padgen.physics.schemes import in_order
 from padgen.planner import Plan, make_plan
 from padgen.planner import printed_pads as module
-from padgen.planner.print_yield import print_yield, shuffled_places_mm
+from padgen.planner.print_yield import print_yield
 from padgen.planner.printed_pads import Spreads, spreads_of
 from padgen.spec import parse_spec
 
@@ -158,7 +158,9 @@ def test_a_gradient_acts_by_place():
 def test_taxels_far_apart_drift_apart_under_a_gradient():
     plan, spreads = plan_of(), only(plate_gradient=0.3)
     planned = print_yield(plan, 2000, spreads=spreads)
-    shuffled = shuffled_places_mm(plan, 1)
+    rng, shuffled = np.random.default_rng(1), module.places_of_mm(plan)
+    for index in module.coils_of(plan).values():
+        shuffled[index] = shuffled[rng.permutation(index)]
     cells = [sorted(map(tuple, np.array(p).reshape(4, 4, 2)[0])) for p in (shuffled, module.places_of_mm(plan))]
     assert cells[0] == cells[1] and not np.array_equal(shuffled, module.places_of_mm(plan))
     anywhere = np.random.default_rng(1).permutation(shuffled)

@@ -1,6 +1,6 @@
 """`Sweep`: which variants of a base spec are to be made, from TOML. Frozen plain data."""
 
-from dataclasses import Field, asdict, dataclass, field, fields, is_dataclass
+from dataclasses import Field, asdict, dataclass, field, fields, is_dataclass, replace
 from math import ceil, floor
 from pathlib import Path
 from typing import Any
@@ -8,6 +8,7 @@ from typing import Any
 from padgen.batch.expression import Expression, parse_expression
 from padgen.core.errors import FileError, SpecError, number, shown
 from padgen.core.files import reason
+from padgen.core.registry import PAD_FORMATS, USUAL_FORMATS, names_in
 from padgen.spec import Spec, find_spec, make_spec
 from padgen.spec.fields import build, checked, choice, flag, folder_name, optional_type, quantity, text, unknown_name
 from padgen.spec.load import CATALOGUES, catalogue, parse_toml, read_table, read_toml, without_none
@@ -22,24 +23,39 @@ LARGEST = 1e15
 """Above any bound of a field, and small enough that arithmetic on it stays finite."""
 DEEPEST = 4
 """Lists and tables within one another that a value may be."""
-RANGE_KEYS = ("low", "high", "steps", "scale")
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """From `low` to `high`, in `steps` where a grid needs them."""
+
+    low: float = quantity(unit="1", low=-LARGEST, high=LARGEST, doc="of a range")
+    high: float = quantity(unit="1", low=-LARGEST, high=LARGEST, doc="of a range")
+    steps: int = quantity(0, unit="1", low=0, high=MOST_VALUES, doc="of a grid")
+    scale: str = choice("linear", of=SCALES, doc="equal differences or equal ratios")
 
 
 @dataclass(frozen=True, slots=True)
 class Axis:
     """What is varied together: `fields` are dotted names of a spec.
 
-    Either `values` (k, fields), or a range from `low` to `high` of one field, in `steps` where a grid needs
-    them. `whole` tells that the field takes whole numbers only.
+    Either `values` (k, fields), or, of a sample, a `range` of one field; `whole`: it takes whole numbers only.
     """
 
     fields: tuple[str, ...]
     values: tuple[tuple[Any, ...], ...] = ()
-    low: float = 0.0
-    high: float = 0.0
-    steps: int = 0
-    scale: str = "linear"
+    range: Range | None = None
     whole: bool = False
+
+    def at(self, share: float, even: bool = False) -> tuple[Any, ...]:
+        """The values at a share, 0 … 1, of it; `even`: each whole number or row of values at as many shares."""
+        if self.range is None:
+            return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
+        low, high = self.range.low, self.range.high
+        if even and self.whole and self.range.scale == "linear":
+            return (min(int(low + share * (high - low + 1)), int(high)),)
+        value = low * (high / low) ** share if self.range.scale == "log" else low + (high - low) * share
+        return (round(value) if self.whole else float(f"{value:.12g}"),)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +82,7 @@ class Settings:
     name: str = folder_name(doc="name of the sweep and of its folder", most=72)
     base: str = text(doc="a spec's file (beside the sweep's) or the name of a template")
     stage: str = choice("plan", of=STAGES, doc="how far each variant is made")
-    formats: str = text("stl,3mf,step", doc="of a build, as `padgen build` has them")
+    formats: str = text(",".join(USUAL_FORMATS), doc="of a build, as `padgen build` has them")
     pads: int = quantity(10_000, unit="pads", low=1, high=10_000_000, doc="printed in the computer for the yield")
     folders: bool = flag(True, doc="whether each variant gets a folder of its own; the index has its figures anyway")
 
@@ -85,7 +101,7 @@ class Sweep:
     limits: Limits = field(default_factory=Limits)
 
 
-TOP_KEYS = [f.name for f in fields(Settings)]
+TOP_KEYS, RANGE_KEYS = ([f.name for f in fields(kind)] for kind in (Settings, Range))
 
 
 def load_sweep(path: str) -> Sweep:
@@ -112,12 +128,8 @@ def sweep_over(spec: Spec, axes: dict[str, Any], stage: str = "plan") -> Sweep:
     SpecError
         A field is unknown, or holds no list of values that it may take.
     """
-    folders = stage in ("build", "study")
-    settings = build(Settings, {"name": spec.name[:72], "base": spec.name, "stage": stage, "folders": folders}, "sweep")
-    sample = Sample()
-    found = _axes(_plain_lists(axes), [], spec, sample)
-    _refuse_values(found)
-    return Sweep(settings, without_none(asdict(spec)), spec, Path().absolute(), found, (), sample, Limits())
+    table = {"name": spec.name[:72], "base": spec.name, "stage": stage, "folders": stage in ("build", "study")}
+    return _sweep(table | {"axes": _plain_lists(axes)}, Path(), "sweep", without_none(asdict(spec)))
 
 
 def _plain_lists(axes: Any) -> Any:
@@ -129,16 +141,16 @@ def _plain_lists(axes: Any) -> Any:
     return [_plain_lists(value) for value in axes] if isinstance(axes, (list, tuple, range)) else axes
 
 
-def _sweep(table: dict[str, Any], folder: Path, where: str) -> Sweep:
+def _sweep(table: dict[str, Any], folder: Path, where: str, base: dict[str, Any] | None = None) -> Sweep:
     try:
-        return _of_tables(table, folder)
+        return _of_tables(table, folder, base)
     except RecursionError as error:
         raise SpecError("cannot be read: its values are nested too deeply", where) from error
 
 
-def _of_tables(table: dict[str, Any], folder: Path) -> Sweep:
-    tables = {key: table.pop(key, {}) for key in ("axes", "sample", "limits")}
-    linked, constraints = table.pop("linked", []), table.pop("constraints", [])
+def _of_tables(table: dict[str, Any], folder: Path, base: dict[str, Any] | None) -> Sweep:
+    axes, sample_table, limits = (table.pop(key, {}) for key in ("axes", "sample", "limits"))
+    linked, constraints = (table.pop(key, []) for key in ("linked", "constraints"))
     formats = table.get("formats")
     if isinstance(formats, list) and all(isinstance(entry, str) for entry in formats):
         table["formats"] = ",".join(formats)
@@ -146,27 +158,19 @@ def _of_tables(table: dict[str, Any], folder: Path) -> Sweep:
         if key not in TOP_KEYS:
             raise unknown_name(key, TOP_KEYS, "key", "sweep")
     settings: Settings = build(Settings, table, "")
-    base, base_folder = _base(settings.base, folder)
+    if base is None:
+        base, folder = _base(settings.base, folder)
     try:
-        spec = make_spec(base, base_folder)
+        spec = make_spec(base, folder)
     except SpecError as error:
         raise SpecError(f"is no spec by itself: {error}", f"base {settings.base!r}") from error
-    sample = _sample(tables["sample"])
-    axes = _axes(tables["axes"], linked, spec, sample)
+    sample = _sample(sample_table)
+    found = _axes(axes, linked, sample)
     if not isinstance(constraints, list) or not all(isinstance(entry, str) for entry in constraints):
         raise SpecError(f"must be a list of conditions as text, got {shown(constraints)}", "constraints")
-    _refuse_formats(settings)
-    _refuse_values(axes)
-    return Sweep(
-        settings,
-        base,
-        spec,
-        base_folder.absolute(),
-        axes,
-        tuple(parse_expression(entry, spec) for entry in constraints),
-        sample,
-        build(Limits, tables["limits"], "limits"),
-    )
+    names_in(settings.formats, PAD_FORMATS.names(), "formats")
+    conditions = tuple(parse_expression(entry, spec) for entry in constraints)
+    return Sweep(settings, base, spec, folder.absolute(), found, conditions, sample, build(Limits, limits, "limits"))
 
 
 def _sample(table: Any) -> Sample:
@@ -184,34 +188,6 @@ def _sample(table: Any) -> Sample:
     return sample
 
 
-def _refuse_values(axes: tuple[Axis, ...]) -> None:
-    """Refuse a value that a field never takes, whatever the others are: a mistyped name is no variant."""
-    for axis in axes:
-        for index, row in enumerate(axis.values):
-            for name, value in zip(axis.fields, row, strict=True):
-                _refuse_value(name, value, f"axes.{name}[{index}]")
-
-
-def _refuse_value(name: str, value: Any, where: str) -> None:
-    if name in CATALOGUES and isinstance(value, str):
-        known = list(catalogue(name))
-        if value not in known:
-            raise unknown_name(value, known, name, where)
-        return
-    item = _spec_field(name)
-    if not is_dataclass(optional_type(item.type)[0]):
-        checked(item, value, where)
-
-
-def _refuse_formats(settings: Settings) -> None:
-    from padgen.make.pad import parse_formats
-
-    try:
-        parse_formats(settings.formats)
-    except SpecError as error:
-        raise SpecError(error.message, "formats") from error
-
-
 def _base(name: str, folder: Path) -> tuple[dict[str, Any], Path]:
     """The base spec's table: a file beside the sweep's, or a template."""
     beside = folder / name
@@ -222,11 +198,10 @@ def _base(name: str, folder: Path) -> tuple[dict[str, Any], Path]:
     return read_table(path, name), path.parent
 
 
-def _axes(table: Any, linked: Any, spec: Spec, sample: Sample) -> tuple[Axis, ...]:
+def _axes(table: Any, linked: Any, sample: Sample) -> tuple[Axis, ...]:
     if not isinstance(table, dict) or not isinstance(linked, list):
         raise SpecError("must be a table of fields ([axes]), and [[linked]] tables", "axes")
-    axes = [_axis(name, value, spec, sample) for name, value in _flat(table)]
-    axes += [_linked(entry, spec) for entry in linked]
+    axes = [_axis(name, value, sample) for name, value in _flat(table)] + [_linked(entry) for entry in linked]
     names = [name for axis in axes for name in axis.fields]
     for name in names:
         if names.count(name) > 1:
@@ -249,59 +224,41 @@ def _flat(table: dict[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
     return pairs
 
 
-def _axis(name: str, value: Any, spec: Spec, sample: Sample) -> Axis:
-    _refuse_unknown(name, spec)
+def _axis(name: str, value: Any, sample: Sample) -> Axis:
+    where, item = f"axes.{name}", _spec_field(name)
     if isinstance(value, list):
-        return Axis((name,), tuple((entry,) for entry in _filled(value, f"axes.{name}")))
+        return Axis((name,), tuple((entry,) for entry in _listed(name, value, where)))
     if not isinstance(value, dict):
-        raise SpecError(f"must be a list of values or a range {{low, high, steps}}, got {shown(value)}", f"axes.{name}")
-    for key in value:
-        if key not in RANGE_KEYS:
-            raise unknown_name(key, list(RANGE_KEYS), "key", f"axes.{name}")
-    return _range(name, value, spec, sample)
-
-
-def _range(name: str, value: dict[str, Any], spec: Spec, sample: Sample) -> Axis:
-    where = f"axes.{name}"
-    kind = optional_type(_spec_field(name).type)[0]
+        raise SpecError(f"must be a list of values or a range {{low, high, steps}}, got {shown(value)}", where)
+    kind = optional_type(item.type)[0]
     if kind not in (int, float):
         raise SpecError("is no number, so that it has no range; give a list of values", where)
-    low, high = (_finite(value.get(key), f"{where}.{key}") for key in ("low", "high"))
-    steps, scale = value.get("steps", 0), value.get("scale", "linear")
+    span: Range = build(Range, value, where)
+    low, high, steps = span.low, span.high, span.steps
     if not low < high:
         raise SpecError(f"must be above low = {number(low)}, got {number(high)}", f"{where}.high")
-    if scale not in SCALES:
-        raise unknown_name(str(scale), list(SCALES), "scale", f"{where}.scale")
-    if scale == "log" and low <= 0:
+    if span.scale == "log" and low <= 0:
         raise SpecError(f"must be above 0 on a log scale, got {number(low)}", f"{where}.low")
-    fewest = 2 if sample.method == "grid" else 0
-    if not isinstance(steps, int) or isinstance(steps, bool) or not fewest <= steps <= MOST_VALUES:
-        got = (
-            f"got {shown(steps)}"
-            if "steps" in value
-            else f"as {{ low = {number(low)}, high = {number(high)}, steps = 5 }}"
-        )
-        raise SpecError(f"must be a whole number, {fewest} … {MOST_VALUES}, {got}", f"{where}.steps")
+    if sample.method == "grid" and steps < 2:
+        example = f"as {{ low = {number(low)}, high = {number(high)}, steps = 5 }}"
+        got = f"got {steps}" if steps else example
+        raise SpecError(f"must be a whole number, 2 … {MOST_VALUES}, {got}", f"{where}.steps")
     if kind is int:
         if ceil(low) > floor(high):
             raise SpecError(f"holds no whole number, from {number(low)} to {number(high)}", where)
-        low, high = float(ceil(low)), float(floor(high))
-    return Axis((name,), (), low, high, steps, scale, kind is int)
+        span = replace(span, low=float(ceil(low)), high=float(floor(high)))
+    axis = Axis((name,), range=span, whole=kind is int)
+    if sample.method != "grid":
+        return axis
+    return replace(axis, values=tuple(dict.fromkeys(axis.at(k / (steps - 1)) for k in range(steps))))
 
 
-def _finite(value: Any, where: str) -> float:
-    if not isinstance(value, (int, float)) or isinstance(value, bool) or not abs(value) < LARGEST:
-        raise SpecError(f"must be a number, got {shown(value)}" if value is not None else "is missing", where)
-    return float(value)
-
-
-def _linked(entry: Any, spec: Spec) -> Axis:
+def _linked(entry: Any) -> Axis:
     pairs = _flat(entry) if isinstance(entry, dict) else []
     if not pairs:
         raise SpecError("must be a table of fields with lists of one length", "linked")
     for name, values in pairs:
-        _refuse_unknown(name, spec)
-        _filled(values, f"linked.{name}")
+        _listed(name, values, f"linked.{name}")
         if len(values) != len(pairs[0][1]):
             raise SpecError(
                 f"must have {len(pairs[0][1])} values as {pairs[0][0]} has, got {len(values)}", f"linked.{name}"
@@ -309,14 +266,20 @@ def _linked(entry: Any, spec: Spec) -> Axis:
     return Axis(tuple(name for name, _ in pairs), tuple(zip(*(values for _, values in pairs), strict=True)))
 
 
-def _filled(values: Any, where: str) -> list[Any]:
+def _listed(name: str, values: Any, where: str) -> list[Any]:
+    """The values of a field; refuses one that it never takes, whatever the others are."""
+    item = _spec_field(name)
     if not isinstance(values, list) or not 1 <= len(values) <= MOST_VALUES:
         raise SpecError(f"must be a list of 1 … {MOST_VALUES} values, got {shown(values)}", where)
     for index, value in enumerate(values):
+        here = f"{where}[{index}]"
         if not _is_plain(value):
-            raise SpecError(
-                f"must be a number, text, true, false or a list of those, got {shown(value)}", f"{where}[{index}]"
-            )
+            raise SpecError(f"must be a number, text, true, false or a list of those, got {shown(value)}", here)
+        if name in CATALOGUES and isinstance(value, str):
+            if value not in catalogue(name):
+                raise unknown_name(value, list(catalogue(name)), name, here)
+        elif not is_dataclass(optional_type(item.type)[0]):
+            checked(item, value, here)
     return values
 
 
@@ -328,25 +291,16 @@ def _is_plain(value: Any, depth: int = 0) -> bool:
     return isinstance(value, str) or (isinstance(value, (int, float)) and abs(value) < LARGEST)
 
 
-def _refuse_unknown(name: str, spec: Spec) -> None:
-    if name in ("name", "padgen"):
-        raise SpecError("cannot be varied: each variant is named after the sweep and its number", f"axes.{name}")
-    where = f"axes.{name}"
-    value: Any = spec
-    known: list[str] = []
-    for part in name.split("."):
-        if not is_dataclass(value):
-            raise SpecError(f"must be a list of values or a range {{low, high, steps}}; it has no {part!r}", where)
-        known = [f.name for f in fields(value)]
-        if part not in known:
-            raise unknown_name(part, known, "field", where)
-        value = getattr(value, part)
-
-
 def _spec_field(name: str) -> "Field[Any]":
-    """A field of a spec, or a whole table, by its dotted name."""
-    kind: Any = Spec
+    """A field of a spec, or a whole table, by its dotted name; refuses what cannot be varied."""
+    where, kind = f"axes.{name}", Spec
+    if name in ("name", "padgen"):
+        raise SpecError("cannot be varied: each variant is named after the sweep and its number", where)
     for part in name.split("."):
-        item = next(f for f in fields(kind) if f.name == part)
-        kind = optional_type(item.type)[0]
-    return item
+        if not is_dataclass(kind):
+            raise SpecError(f"must be a list of values or a range {{low, high, steps}}; it has no {part!r}", where)
+        known = {f.name: f for f in fields(kind)}
+        if part not in known:
+            raise unknown_name(part, list(known), "field", where)
+        kind = optional_type(known[part].type)[0]
+    return known[part]

@@ -46,14 +46,12 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {"abs": abs, "min": min, "max": max, 
 
 @dataclass(frozen=True)
 class Expression:
-    """A condition as it was written, with the spec whose fields it falls back on, and the `names` of its fields."""
+    """A condition: as it was written, and parsed."""
 
     text: str
     tree: ast.expr
-    spec: Spec
-    names: frozenset[str]
 
-    def holds(self, values: Mapping[str, Any], spec: Spec | None = None) -> bool:
+    def holds(self, values: Mapping[str, Any], spec: Spec) -> bool:
         """Whether it holds for a variant with these `values` of dotted fields; all others are those of `spec`.
 
         Raises
@@ -62,7 +60,7 @@ class Expression:
             It cannot be worked out, as a division by zero.
         """
         try:
-            return bool(_evaluated(self.tree, values, spec or self.spec))
+            return bool(_evaluated(self.tree, values, spec))
         except (ArithmeticError, LookupError, RecursionError, TypeError, ValueError) as error:
             raise SpecError(f"cannot be worked out for {shown(dict(values))} ({error})", _where(self.text)) from error
 
@@ -81,28 +79,23 @@ def parse_expression(text: str, spec: Spec) -> Expression:
         raise SpecError(f"is no condition of at most {LONGEST} characters, it has {len(text)}; write several", where)
     try:
         tree = ast.parse(text.strip(), mode="eval").body
+        _refuse(tree, spec, where)
     except (RecursionError, MemoryError) as error:
         raise SpecError("is nested too deeply", where) from error
     except (SyntaxError, ValueError) as error:
         raise SpecError("is no condition; an example is 'resolution <= 64 and pad.width_mm >= 50'", where) from error
-    names: set[str] = set()
-    try:
-        _refuse(tree, spec, where, names)
-    except RecursionError as error:
-        raise SpecError("is nested too deeply", where) from error
-    return Expression(text, tree, spec, frozenset(names))
+    return Expression(text, tree)
 
 
 def _where(text: str) -> str:
     return f"constraint {text if len(text) <= LONGEST_SHOWN else text[:LONGEST_SHOWN] + '…'!r}"
 
 
-def _refuse(node: ast.expr, spec: Spec, where: str, names: set[str]) -> None:
-    """Raise for what is no condition; adds the fields to `names`."""
+def _refuse(node: ast.expr, spec: Spec, where: str) -> None:
+    """Raise for what is no condition."""
     name = _dotted(node)
     if name is not None:
         _field(name, spec, where)
-        names.add(name)
         return
     operators = [getattr(node, "op", None), *getattr(node, "ops", ())]
     if any(not isinstance(op, (ast.And, ast.Or)) and type(op) not in OPERATORS for op in operators if op):
@@ -112,14 +105,11 @@ def _refuse(node: ast.expr, spec: Spec, where: str, names: set[str]) -> None:
     allowed = (ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.Constant, ast.Call, ast.Subscript)
     if not isinstance(node, allowed):
         raise SpecError(f"uses {ast.unparse(node)!r}, which is none of comparison, arithmetic, and, or, not", where)
-    if isinstance(node, ast.Call):
-        if _dotted(node.func) not in FUNCTIONS or node.keywords:
-            raise SpecError(f"calls {ast.unparse(node.func)!r}, known are {', '.join(FUNCTIONS)}", where)
-        children: list[ast.expr] = list(node.args)
-    else:
-        children = [child for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr)]
-    for child in children:
-        _refuse(child, spec, where, names)
+    if isinstance(node, ast.Call) and (_dotted(node.func) not in FUNCTIONS or node.keywords):
+        raise SpecError(f"calls {ast.unparse(node.func)!r}, known are {', '.join(FUNCTIONS)}", where)
+    for child in node.args if isinstance(node, ast.Call) else ast.iter_child_nodes(node):
+        if isinstance(child, ast.expr):
+            _refuse(child, spec, where)
 
 
 def _evaluated(node: ast.expr, values: Mapping[str, Any], spec: Spec) -> Any:
@@ -135,10 +125,9 @@ def _value(node: ast.expr, values: Mapping[str, Any], spec: Spec) -> Any:
     match node:
         case ast.Constant():
             return node.value
-        case ast.BoolOp(op=ast.And()):
-            return all(_evaluated(part, values, spec) for part in node.values)
         case ast.BoolOp():
-            return any(_evaluated(part, values, spec) for part in node.values)
+            decide = all if isinstance(node.op, ast.And) else any
+            return decide(_evaluated(part, values, spec) for part in node.values)
         case ast.UnaryOp():
             return OPERATORS[type(node.op)](_evaluated(node.operand, values, spec))
         case ast.BinOp():

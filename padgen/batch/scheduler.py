@@ -6,13 +6,15 @@ import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager, suppress
+from functools import partial
 from importlib import import_module
-from queue import Empty, SimpleQueue
 from threading import Thread
 from typing import Any
 
+from padgen.batch.executors import told
 from padgen.core.cache import code_hash, version, versions
 from padgen.core.errors import EngineMissingError, PadgenError, number
+from padgen.core.registry import PLUGINS, plugin_code
 
 __all__ = ["connect", "fingerprint"]
 
@@ -45,11 +47,18 @@ def connect(address: str, timeout_s: float = TIMEOUT_S) -> Iterator[Executor]:
         There is no scheduler, it has no worker, or a worker cannot import padgen or has other code or versions.
     """
     where = f"scheduler {address}"
-    dask = _distributed(where)  # before `_quiet`, as loading it sets the level of its log
+    try:
+        dask = import_module("distributed")  # before `_quiet`, as loading it sets the level of its log
+    except ImportError as error:
+        raise EngineMissingError(
+            f"needs the package distributed ({error}); pip install 'padgen[dask]' brings it", where
+        ) from error
     with _quiet():
         client = _client(dask, address, timeout_s, where)
         try:
-            _wait_for_workers(client, timeout_s, where, address)
+            wait = partial(client.wait_for_workers, 1, timeout=timeout_s)
+            late = f"has no worker; dask worker {address} starts one"
+            _within(timeout_s + GRACE_S, wait, late, "does not tell its workers ({})", where)
             _refuse_others(client, timeout_s, where)
             yield _Cluster(client, where)
         finally:
@@ -58,8 +67,8 @@ def connect(address: str, timeout_s: float = TIMEOUT_S) -> Iterator[Executor]:
 
 
 def fingerprint() -> dict[str, str]:
-    """What two machines must share to make the same variants: hash of padgen's code, versions of its packages."""
-    return {"padgen": code_hash(), **versions(), "distributed": version("distributed")}
+    """What two machines must share to make the same variants: hashes of code, versions of padgen's packages."""
+    return {"padgen": code_hash(), PLUGINS: plugin_code(), **versions(), "distributed": version("distributed")}
 
 
 @contextmanager
@@ -102,15 +111,6 @@ class _Cluster(Executor):
         return outer
 
 
-def _distributed(where: str) -> Any:
-    try:
-        return import_module("distributed")
-    except ImportError as error:
-        raise EngineMissingError(
-            f"needs the package distributed ({error}); pip install 'padgen[dask]' brings it", where
-        ) from error
-
-
 def _client(dask: Any, address: str, timeout_s: float, where: str) -> Any:
     async def reach() -> None:
         security = dask.Security().get_connection_args("client")
@@ -122,70 +122,45 @@ def _client(dask: Any, address: str, timeout_s: float, where: str) -> Any:
             warnings.simplefilter("ignore")  # on versions: `_refuse_others` tells
             return dask.Client(address, timeout=timeout_s, set_as_default=False, name="padgen")
 
-    try:
-        # First, as a client that finds no scheduler may wait for ever, and is slow to go.
-        _within(timeout_s + GRACE_S, lambda: asyncio.run(reach()))
-        return _within(timeout_s + GRACE_S, opened)
-    except OSError as error:  # timeouts are
-        raise PadgenError(f"does not answer within {number(timeout_s)} s; is it running?", where) from error
-    except Exception as error:
-        raise PadgenError(f"cannot be used ({_line(error)}); an address is like tcp://host:8786", where) from error
-
-
-def _wait_for_workers(client: Any, timeout_s: float, where: str, address: str) -> None:
-    try:
-        _within(timeout_s + GRACE_S, lambda: client.wait_for_workers(1, timeout=timeout_s))
-    except TimeoutError as error:
-        raise PadgenError(f"has no worker; dask worker {address} starts one", where) from error
-    except Exception as error:
-        raise PadgenError(f"does not tell its workers ({_line(error)})", where) from error
+    late = f"does not answer within {number(timeout_s)} s; is it running?"
+    other = "cannot be used ({}); an address is like tcp://host:8786"
+    # First, as a client that finds no scheduler may wait for ever, and is slow to go.
+    _within(timeout_s + GRACE_S, lambda: asyncio.run(reach()), late, other, where)
+    return _within(timeout_s + GRACE_S, opened, late, other, where)
 
 
 def _refuse_others(client: Any, timeout_s: float, where: str) -> None:
     """Refuse workers that would not make what the variants' keys promise: the same code with the same packages."""
-    here = fingerprint()
-    try:
-        answers = _within(SLOW * timeout_s, lambda: client.run(eval, PROBE, on_error="return"))
-    except TimeoutError as error:
-        raise PadgenError(f"has workers that do not answer within {number(SLOW * timeout_s)} s", where) from error
-    except Exception as error:
-        raise PadgenError(f"cannot ask its workers ({_line(error)})", where) from error
-    for worker, answer in sorted(answers.items()):
+    here, seconds = fingerprint(), SLOW * timeout_s
+    late = f"has workers that do not answer within {number(seconds)} s"
+    ask = partial(client.run, eval, PROBE, on_error="return")
+    for worker, answer in sorted(_within(seconds, ask, late, "cannot ask its workers ({})", where).items()):
+        place = f"worker {worker}"
         if not isinstance(answer, dict):
-            raise PadgenError(
-                f"cannot import padgen ({_line(answer)}); install the same padgen there", f"worker {worker}"
-            )
-        _refuse_other(answer, here, f"worker {worker}")
+            raise PadgenError(f"cannot import padgen ({told(answer)}); install the same padgen there", place)
+        for name, mine in here.items():
+            if answer.get(name) != mine:
+                other = {
+                    "padgen": "another padgen than this machine; install the same one on both",
+                    PLUGINS: f"other modules in {PLUGINS} than this machine; name the same ones on both",
+                }.get(name, f"{name} {answer.get(name)}, this machine {mine}; install the same version on both")
+                raise PadgenError(f"has {other}", place)
 
 
-def _refuse_other(there: dict[str, str], here: dict[str, str], where: str) -> None:
-    for name, mine in here.items():
-        if there.get(name) == mine:
-            continue
-        if name == "padgen":
-            raise PadgenError("has another padgen than this machine; install the same one on both", where)
-        raise PadgenError(f"has {name} {there.get(name)}, this machine {mine}; install the same version on both", where)
+def _within(seconds: float, act: Callable[[], Any], late: str, other: str, where: str) -> Any:
+    """What `act` returns; when it takes longer, and is left to itself, the error is `late`, else `other`."""
+    answer: Future[Any] = Future()
 
-
-def _within(seconds: float, act: Callable[[], Any]) -> Any:
-    """What `act` returns or raises; TimeoutError when it takes longer, and it is left to itself."""
-    answers: SimpleQueue[tuple[Any, BaseException | None]] = SimpleQueue()
-
-    def answer() -> None:
+    def run() -> None:
         try:
-            answers.put((act(), None))
+            answer.set_result(act())
         except BaseException as error:
-            answers.put((None, error))
+            answer.set_exception(error)
 
-    Thread(target=answer, daemon=True).start()
+    Thread(target=run, daemon=True).start()
     try:
-        value, error = answers.get(timeout=seconds)
-    except Empty:
-        raise TimeoutError from None
-    if error is not None:
-        raise error
-    return value
-
-
-def _line(error: Any) -> str:
-    return f"{type(error).__name__}: {' '.join(str(error).split())}".rstrip(": ")
+        return answer.result(seconds)
+    except OSError as error:  # timeouts are, and what cannot be reached
+        raise PadgenError(late, where) from error
+    except Exception as error:
+        raise PadgenError(other.format(told(error)), where) from error

@@ -6,30 +6,42 @@ on this machine or wherever the executor's own workers are.
 
 import errno
 import os
+import socket
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from functools import partial
+from html import escape
 from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple
+from tempfile import TemporaryDirectory
+from typing import Any
 
 from padgen.batch.definition import Sweep
-from padgen.batch.events import Clock, Event, Tell
-from padgen.batch.folder_lock import FolderLock
-from padgen.batch.index import INDEX, PARETO_FILES, Journal, write_index
-from padgen.batch.points import count_points, variant_name, variants
+from padgen.batch.executors import (
+    IMPORTS,
+    LostError,
+    StoppedError,
+    Window,
+    Work,
+    broken,
+    make_variants,
+    records_of,
+    run_tasks,
+)
+from padgen.batch.index import INDEX, Journal, write_index
+from padgen.batch.pareto import Overview, overview_of
+from padgen.batch.points import Variant, count_points, variant_name, variants
 from padgen.batch.variant import Record, Task, is_whole, run_task, task_of, writes_folders
-from padgen.batch.window import LostError, StoppedError, Window, records_of
-from padgen.batch.worker import IMPORTS, Work, broken, make_variants, run_tasks
 from padgen.core.cache import limit_bytes
 from padgen.core.errors import FileError, SpecError
-from padgen.core.files import remove_unchanged, take_away
-from padgen.core.runner import Runner, core_count, uninterrupted
-from padgen.make.pad import parse_formats
+from padgen.core.files import reason, take_away
+from padgen.core.lock import locked
+from padgen.core.runner import Runner, core_count, refuse_unshared, uninterrupted
 
-__all__ = ["SweepResult", "run_sweep"]
+__all__ = ["Counts", "Event", "SweepResult", "SweepTable", "event_table", "run_sweep", "run_to_table", "sole_sweep"]
 
 AHEAD = 4
 """Tasks that wait for each worker of our own."""
@@ -39,20 +51,20 @@ TICK_S = 1.0
 DISK_FULL = tuple(os.strerror(code) for code in (errno.ENOSPC, errno.EDQUOT))
 MOST_LOST = 8
 """Tasks in a row that an executor may lose before it is given up."""
-NOTHING, TO_RUN, TO_REPLACE = 0, 1, 2
-"""What is left of a variant: nothing; to make it; to make it over what an earlier run left."""
+ABSENT, KEPT, TO_RUN, TO_REPLACE = range(4)
+"""What a number is: of no variant; of one with its record; of one to make; to make over what an earlier run left."""
+LOCK, LOCK_S = ".lock", 0.1
+TOLD = ("number", "sentence", "values", "figures", "errors", "warnings", "findings", "seconds", "peak_memory_mb")
+"""Of a record, in a stream of events."""
 
 
-@dataclass(frozen=True, slots=True)
-class SweepResult:
-    """What a sweep came to.
+@dataclass(frozen=True)
+class Counts:
+    """How many variants there are: ``total = done + refused + failed + left``.
 
-    ``total = done + refused + failed + left``; `kept` of them were finished by an earlier run. `stopped` is
-    the sentence why variants are left, empty when none is; `interrupted`, whether that was Ctrl-C.
+    `kept` of them were finished by an earlier run; `seconds` since the start.
     """
 
-    folder: Path
-    index: Path
     total: int
     done: int
     refused: int
@@ -60,8 +72,75 @@ class SweepResult:
     kept: int
     left: int
     seconds: float
+
+
+@dataclass(frozen=True)
+class Event(Counts):
+    """One step of a sweep.
+
+    ``start`` comes first, with what is known from before counted; then one of ``done``, ``refused`` and
+    ``failed`` for each variant that ends, with its `record`, and ``progress`` when a second went by without
+    one; ``end`` comes last. A failed variant of an earlier run that is not tried again is told as ``failed``
+    with `reused` true. `eta_s` is the time left (None: not known yet).
+    """
+
+    kind: str
+    eta_s: float | None
+    record: Record | None = None
+    reused: bool = False
+
+
+def event_table(event: Event) -> dict[str, Any]:
+    """An event as plain data, for one line of JSON; of the record what a reader of the stream needs."""
+    table = {"kind": event.kind, **vars(event)}
+    record = table.pop("record")
+    if record is None:
+        del table["reused"]
+        return table
+    return table | {"variant": {name: getattr(record, name) for name in TOLD}}
+
+
+@dataclass(frozen=True)
+class SweepResult(Counts):
+    """What a sweep came to.
+
+    `stopped` is the sentence why variants are left, empty when none is; `interrupted`, whether that was Ctrl-C.
+    `overview` is of the index, empty where that could not be written.
+    """
+
+    folder: Path
+    index: Path
     stopped: str
     interrupted: bool
+    overview: Overview
+
+
+@dataclass(frozen=True)
+class SweepTable:
+    """The variants of a sweep, in the order of their numbers; made by `padgen.sweep`."""
+
+    name: str
+    rows: tuple[dict[str, Any], ...]
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Numbers of variants by status: done, refused, failed."""
+        return dict(Counter(row["status"] for row in self.rows))
+
+    def table(self) -> list[dict[str, Any]]:
+        """A dict for each variant: name, status, sentence, the varied fields and the figures, with their units."""
+        return [dict(row) for row in self.rows]
+
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{count} {status}" for status, count in self.counts.items())
+        return f"<Sweep {self.name}: {counts}>"
+
+    def _repr_html_(self) -> str:
+        columns = list(dict.fromkeys(name for row in self.rows for name in row))
+        head = "".join(f"<th>{escape(name)}</th>" for name in columns)
+        lines = ("".join(f"<td>{escape(str(row.get(name, '')))}</td>" for name in columns) for row in self.rows)
+        body = "".join(f"<tr>{line}</tr>" for line in lines)
+        return f"<p>{escape(repr(self))}</p><table><tr>{head}</tr>{body}</table>"
 
 
 def run_sweep(
@@ -71,9 +150,10 @@ def run_sweep(
     workers: int | None = None,
     resume: bool = True,
     retry: bool = False,
-    on_event: Tell = lambda event: None,
+    on_event: Callable[[Event], None] = lambda event: None,
     work: Work = run_task,
     chunk: int = 1,
+    take: Callable[[Record], None] = lambda record: None,
 ) -> SweepResult:
     """Make all variants of `sweep` in `folder`, and `index.csv` with a row for each.
 
@@ -91,127 +171,150 @@ def run_sweep(
         What makes a variant; importable by name.
     chunk : int
         Variants a task: more than one where an executor takes long to start a task, as a cluster's queue.
+    take : callable
+        Is given every record at the end, in the order of their numbers.
 
     Raises
     ------
     SpecError
-        The sweep cannot be laid out; nothing is written.
+        The sweep cannot be laid out, or something was registered that its workers do not know; nothing is written.
     FileError
         Another sweep writes into the folder, or it cannot be written to; what is done is kept.
     """
-    formats = parse_formats(sweep.settings.formats)
     limit_bytes()  # refused here rather than by each variant
-    numbers, folder = count_points(sweep), folder.absolute()
+    refuse_unshared()
+    numbers, folder, count = count_points(sweep), folder.absolute(), workers or core_count()
     # All of them where a constraint may not be worked out for one, so that nothing is written then.
     if not (sum(1 for _ in variants(sweep)) if sweep.constraints else numbers):
         raise SpecError(f"leave none of {numbers} variants; loosen one", "constraints")
-    with FolderLock(folder), Journal(folder, numbers) as journal:
-        run = _Run(sweep, folder, formats, journal, on_event)
-        with _place(executor, workers or core_count(), prepared=0 if journal.lines else numbers) as place:
-            run.survey(resume, retry)
-            if run.replaces:
-                # So that a killed run leaves no index of what is not there any more.
-                write_index(journal, sweep, folder)
-                remove_unchanged(folder, PARETO_FILES)
-            run.tell("start")
-            run.tell_failed()
-            window = Window(place.pool, place.most, place.function, work, sweep.limits)
-            try:
-                _run_all(run, window, chunk)
-            except KeyboardInterrupt:
-                run.stopped, run.interrupted = "interrupted", True
-            except StoppedError as error:
-                run.stopped = str(error)
-            finally:
-                with uninterrupted():
+    processes = Runner(count, IMPORTS) if executor is None else nullcontext()
+    with sole_sweep(folder), Journal(folder, numbers) as journal, processes as own:
+        run = _Run(sweep, folder, journal, on_event)
+        if own:
+            own.prepare(0 if journal.lines else min(count, numbers))
+            window = Window(own.threads, AHEAD * count, partial(make_variants, own), work, sweep.limits)
+        else:
+            window = Window(executor, FOREIGN_AHEAD, run_tasks, work, sweep.limits)
+        run.survey(resume, retry)
+        if TO_REPLACE in run.todo:
+            # So that a killed run leaves no index of what is not there any more.
+            write_index(journal, sweep, folder)
+        run.tell("start")
+        for number in range(numbers):
+            if run.todo[number] == KEPT and journal.status(number) == "failed":
+                run.tell("failed", journal.record(number), True)
+        overview, stopped, interrupted = overview_of((), ()), "", False
+        try:
+            _run_all(run, window, chunk)
+        except KeyboardInterrupt:
+            stopped, interrupted = "interrupted", True
+        except StoppedError as error:
+            stopped = str(error)
+        finally:
+            with uninterrupted():
+                try:
+                    # Before the workers are ended, as what they were at would come back as failed.
+                    for taken in window.rest():
+                        with suppress(LostError, StoppedError, FileError):
+                            for record in records_of(*taken):
+                                run.keep(record)
+                finally:
+                    if own:
+                        own.close()
                     try:
-                        # Before the workers are ended, as what they were at would come back as failed.
-                        _harvest(run, window)
-                    finally:
-                        place.close()
-                        _conclude(run)
+                        journal.refuse_removed()
+                        overview = write_index(journal, sweep, folder, take)
+                        journal.compact()
+                    except FileError as error:
+                        if not stopped:
+                            raise
+                        stopped += f"; {error}"  # one more reason
         run.tell("end")
-        return run.result()
+        return SweepResult(
+            **run.told, folder=folder, index=folder / INDEX, stopped=stopped, interrupted=interrupted, overview=overview
+        )
 
 
-def _conclude(run: "_Run") -> None:
-    """Write the index; where the sweep has been stopped already, that it cannot be written is one more reason."""
-    try:
-        run.journal.refuse_removed()
-        write_index(run.journal, run.sweep, run.folder)
-        run.journal.compact()
-    except FileError as error:
-        if not run.stopped:
-            raise
-        run.stopped += f"; {error}"
+def run_to_table(sweep: Sweep, folder: Path | None, workers: int | None) -> SweepTable:
+    """Run a sweep in `folder`, or in a place that goes afterwards; raises as `run_sweep` does."""
+    if folder is None:
+        with TemporaryDirectory(prefix="padgen-sweep-") as aside:
+            return run_to_table(sweep, Path(aside) / sweep.settings.name, workers)
+    rows: list[dict[str, Any]] = []
 
+    def take(record: Record) -> None:
+        head = {"name": variant_name(sweep, record.number), "status": record.status, "sentence": record.sentence}
+        rows.append(head | record.values | record.figures)
 
-class _Place(NamedTuple):
-    """Where variants are made: what tasks are submitted to, how many at a time, and what is called there."""
-
-    pool: Any
-    most: int
-    function: Callable[..., list[Record]]
-    close: Callable[[], None] = lambda: None
+    run_sweep(sweep, folder, workers=workers, take=take)
+    return SweepTable(sweep.settings.name, tuple(rows))
 
 
 @contextmanager
-def _place(executor: Any, workers: int, prepared: int) -> Iterator[_Place]:
-    """The caller's executor, or processes of this machine, of which up to `prepared` are started at once."""
-    if executor is not None:
-        yield _Place(executor, FOREIGN_AHEAD, run_tasks)
-        return
-    with Runner(workers, IMPORTS) as own:
-        own.prepare(min(workers, prepared))
-        yield _Place(own.threads, AHEAD * workers, partial(make_variants, own), own.close)
+def sole_sweep(folder: Path) -> Iterator[None]:
+    """Keep other sweeps out of a folder, which is made when it is not there.
+
+    The lock is the system's: there are no stale ones. On a file system without locks the word in its file takes its
+    place; after a power cut that has to be removed by hand, and the sentence says so.
+
+    Raises
+    ------
+    FileError
+        Another sweep has the folder, or it cannot be made or written to.
+    """
+    lock = folder / LOCK
+    with ExitStack() as held:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            has_lock = held.enter_context(locked(lock, LOCK_S))
+            holder = "" if has_lock else lock.read_text(errors="replace")
+            if holder or has_lock is False:
+                advice = "or name another folder" if has_lock is False else f"or, if it no longer runs, remove {LOCK}"
+                raise FileError(
+                    f"another sweep writes into it ({holder}); wait until it has ended, {advice}", str(folder)
+                )
+            lock.write_text(
+                f"process {os.getpid()} on {socket.gethostname()} since {time.strftime('%Y-%m-%d %H:%M:%S')}"
+            )
+        except OSError as error:
+            raise FileError(f"cannot be written to ({reason(error)})", str(folder)) from error
+        if has_lock is None:
+            held.callback(lock.unlink, missing_ok=True)
+        yield
 
 
 class _Run:
     """The state of a running sweep: what each variant is at, and how many are."""
 
-    def __init__(self, sweep: Sweep, folder: Path, formats: tuple[str, ...], journal: Journal, on_event: Tell) -> None:
+    def __init__(self, sweep: Sweep, folder: Path, journal: Journal, on_event: Callable[[Event], None]) -> None:
         self.sweep, self.folder, self.journal = sweep, folder, journal
-        self.stopped, self.interrupted = "", False
         self.counts = {"done": 0, "refused": 0, "failed": 0}
-        self.total = self.kept = 0
-        self._formats, self._on_event = formats, on_event
+        self.total = self.kept = self._ended = 0
+        self.todo = bytearray(journal.numbers)
+        self._on_event = on_event
         self._folders = writes_folders(sweep)
-        self._todo = bytearray(journal.numbers)
-        self._clock = Clock(time.monotonic)
-
-    @property
-    def left(self) -> int:
-        """Variants without a record of this sweep."""
-        return self.total - sum(self.counts.values())
-
-    @property
-    def replaces(self) -> bool:
-        """Whether a variant is to be made over what an earlier run left."""
-        return TO_REPLACE in self._todo
+        self._start = time.monotonic()
 
     def survey(self, resume: bool, retry: bool) -> None:
         """Find out which variants there are and which are finished; leave out the others' records."""
-        present = bytearray(len(self._todo))
         for variant in variants(self.sweep):
-            number = variant.number
-            present[number] = 1
-            self.total += 1
-            status = ""
-            if self.journal.known(number):
-                task = task_of(self.sweep, variant, self._formats, self.folder)
-                status = self._kept_status(task)
-            if not status or not resume or (retry and status == "failed"):
-                self._todo[number] = TO_REPLACE if self.journal.known(number) else TO_RUN
-            else:
+            number, self.total = variant.number, self.total + 1
+            known = self.journal.status(number)
+            status = self._kept_status(variant) if known else ""
+            if status and resume and not (retry and status == "failed"):
+                self.todo[number] = KEPT
                 self.counts[status] += 1
                 self.kept += 1
+            else:
+                self.todo[number] = TO_REPLACE if known else TO_RUN
             if not status:
                 self.journal.forget(number)
-        for number, there in enumerate(present):
-            if not there:
+        for number, state in enumerate(self.todo):
+            if state == ABSENT:
                 self.journal.forget(number)
 
-    def _kept_status(self, task: Task) -> str:
+    def _kept_status(self, variant: Variant) -> str:
+        task = task_of(self.sweep, variant, self.folder)
         status = self.journal.status(task.number, task.key)
         lost = status == "done" and task.out and not is_whole(Path(task.out), task.stage)
         return "" if lost else status
@@ -219,45 +322,37 @@ class _Run:
     def tasks(self) -> Iterator[Task]:
         """The variants that are to be made, as they are asked for."""
         for variant in variants(self.sweep):
-            if self._todo[variant.number] == TO_REPLACE:
+            if self.todo[variant.number] == TO_REPLACE:
                 self.journal.disown(variant.number)
-            if self._todo[variant.number]:
-                yield task_of(self.sweep, variant, self._formats, self.folder)
+            if self.todo[variant.number] >= TO_RUN:
+                yield task_of(self.sweep, variant, self.folder)
 
     def keep(self, record: Record) -> None:
         """Take in what came of a variant."""
-        if not self._todo[record.number]:
+        if self.todo[record.number] < TO_RUN:
             return  # told twice: an executor ran its task again
-        if any(reason in record.sentence for reason in DISK_FULL):
+        if any(full in record.sentence for full in DISK_FULL):
             raise StoppedError(record.sentence)  # not the variant's fault: the next run makes it
         if record.status != "done" or not self._folders:
             take_away(self.folder / variant_name(self.sweep, record.number))
         self.journal.add(record)
-        self._todo[record.number] = NOTHING
+        self.todo[record.number] = KEPT
         self.counts[record.status] += 1
-        self._clock.tick()
+        self._ended += 1
         self.tell(record.status, record)
 
-    def tell_failed(self) -> None:
-        """The failed variants of earlier runs that are not tried again, each with its sentence."""
-        for number in self.journal.numbers_of("failed"):
-            if not self._todo[number]:
-                self.tell("failed", self.journal.record(number), True)
-
     def tell(self, kind: str, record: Record | None = None, reused: bool = False) -> None:
-        """Tell the caller."""
-        eta_s = self._clock.eta_s(self.left)
-        self._on_event(Event(kind, **self._told(), eta_s=eta_s, record=record, reused=reused))
+        """Tell the caller; the time that is left goes by what variants have taken so far."""
+        told = self.told
+        eta_s = told["left"] * told["seconds"] / self._ended if self._ended else None
+        self._on_event(Event(**told, kind=kind, eta_s=eta_s, record=record, reused=reused))
 
-    def result(self) -> SweepResult:
-        """What it came to."""
-        return SweepResult(
-            self.folder, self.folder / INDEX, **self._told(), stopped=self.stopped, interrupted=self.interrupted
-        )
-
-    def _told(self) -> dict[str, Any]:
-        left = {"kept": self.kept, "left": self.left}
-        return {"total": self.total, **self.counts, **left, "seconds": self._clock.seconds}
+    @property
+    def told(self) -> dict[str, Any]:
+        """How many variants there are of each kind, and seconds since the start."""
+        left = self.total - sum(self.counts.values())
+        seconds = time.monotonic() - self._start
+        return {"total": self.total, **self.counts, "kept": self.kept, "left": left, "seconds": seconds}
 
 
 def _run_all(run: _Run, window: Window, chunk: int) -> None:
@@ -289,10 +384,3 @@ def _run_all(run: _Run, window: Window, chunk: int) -> None:
             lost = 0
         for record in records:
             run.keep(record)
-
-
-def _harvest(run: _Run, window: Window) -> None:
-    for taken in window.rest():
-        with suppress(LostError, StoppedError, FileError):
-            for record in records_of(*taken):
-                run.keep(record)

@@ -1,11 +1,10 @@
-"""One variant, from its table to its record: what a worker does."""
+"""One variant, from its table to its record: what a worker does, and the figures by which variants are compared."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from padgen.batch.definition import Sweep
-from padgen.batch.figures import build_figures, plan_figures, yield_figures
 from padgen.batch.points import Variant, variant_table
 from padgen.core.cache import code_hash, key_of, versions
 from padgen.core.errors import FileError, PadgenError
@@ -16,8 +15,10 @@ from padgen.core.files import (
     built_files,
     differs,
     file_hash,
+    json_text,
     read_bounded,
 )
+from padgen.core.registry import PAD_FORMATS, names_in, plugin_code
 from padgen.make.planning import plan_for
 from padgen.spec import make_spec
 from padgen.spec.threshold import LARGEST_FILE
@@ -25,11 +26,15 @@ from padgen.spec.threshold import LARGEST_FILE
 if TYPE_CHECKING:
     from padgen.core.finding import Finding
     from padgen.planner.plan import Plan
+    from padgen.planner.print_yield import PrintYield
 
-__all__ = ["STATUSES", "Record", "Task", "is_whole", "run_task", "task_of", "writes_folders"]
+__all__ = ["STATUSES", "Record", "Task", "is_whole", "plan_figures", "run_task", "task_of", "writes_folders"]
 
 STATUSES = ("done", "refused", "failed")
 """Made (whatever its findings); the spec cannot be met; something broke down."""
+FDM_MM_PER_S = 40.0
+"""Speed of a nozzle along fine walls; a print's time is of this order."""
+RESIN_S_PER_LAYER = 9.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,34 +73,26 @@ class Record:
     errors: int
     warnings: int
     findings: tuple[str, ...]
-    seconds: float | None
-    peak_memory_mb: float | None
+    seconds: float | None = None
+    peak_memory_mb: float | None = None
 
 
-def task_of(sweep: Sweep, variant: Variant, formats: tuple[str, ...], out: Path) -> Task:
+def task_of(sweep: Sweep, variant: Variant, out: Path) -> Task:
     """The task of a variant; its folder lies in `out`."""
-    settings, table = sweep.settings, variant_table(sweep, variant)
-    folder = str(out / table["name"]) if writes_folders(sweep) else None
+    stage, table = sweep.settings.stage, variant_table(sweep, variant)
+    formats = names_in(sweep.settings.formats, PAD_FORMATS.names(), "formats") if stage == "build" else ()
+    pads = sweep.settings.pads if stage == "yield" else 0
     inputs = {
         "table": table,
         "threshold": _threshold(table, sweep.folder),
-        "stage": settings.stage,
-        "formats": formats if settings.stage == "build" else (),
-        "pads": settings.pads if settings.stage == "yield" else 0,
-        "code": code_hash(),
+        "stage": stage,
+        "formats": formats,
+        "pads": pads,
+        "code": code_hash() + plugin_code(),
         "versions": versions(),
     }
-    return Task(
-        variant.number,
-        key_of(inputs),
-        variant.values,
-        table,
-        str(sweep.folder),
-        folder,
-        settings.stage,
-        formats,
-        settings.pads,
-    )
+    folder = str(out / table["name"]) if writes_folders(sweep) else None
+    return Task(variant.number, key_of(inputs), variant.values, table, str(sweep.folder), folder, stage, formats, pads)
 
 
 def writes_folders(sweep: Sweep) -> bool:
@@ -131,61 +128,92 @@ def run_task(task: Task) -> Record:
     except PadgenError as error:
         status, sentence = ("refused" if error.code in ("spec", "infeasible") else "failed"), str(error)
     told = tuple(sorted({f.code for f in findings if f.level != "note"}))
-    return Record(
-        task.number,
-        task.key,
-        status,
-        sentence,
-        task.values,
-        figures,
-        sum(f.level == "error" for f in findings),
-        sum(f.level == "warning" for f in findings),
-        told,
-        None,
-        None,
-    )
+    errors, warnings = (sum(f.level == level for f in findings) for level in ("error", "warning"))
+    return Record(task.number, task.key, status, sentence, task.values, figures, errors, warnings, told)
 
 
 def _made(task: Task) -> "tuple[dict[str, Any], tuple[Finding, ...]]":
-    spec = make_spec(task.table, Path(task.folder))
+    spec, out = make_spec(task.table, Path(task.folder)), Path(task.out or "")
     if task.stage == "build":
         from padgen.make.pad import Pad
 
         pad = Pad(spec)
-        built = pad.save(task.out or "", task.formats)
-        return {**plan_figures(pad.plan), **build_figures(pad.plan, built.figures)}, built.findings
+        built = pad.save(out, task.formats)
+        return plan_figures(pad.plan) | _build_figures(pad.plan, built.figures), built.findings
     from padgen.planner import plan_to_json
 
     plan = plan_for(spec)
     figures, texts = plan_figures(plan), {"plan.json": plan_to_json(plan)} if task.out else {}
     if task.stage == "yield":
-        figures |= _yield(plan, task, texts)
+        from padgen.planner.print_yield import print_yield
+
+        printed = print_yield(plan, task.pads, seed=0)
+        texts |= {YIELD_FILE: json_text(asdict(printed))} if task.out else {}
+        figures |= _yield_figures(printed)
     if task.out:
-        _write(Path(task.out), texts)
-        if task.stage == "study":
-            figures |= _study(plan, Path(task.out))
+        with OutputFolder(out) as folder:
+            for name, content in texts.items():
+                folder.write(name, content)
+            # What belonged to another plan that was there goes.
+            folder.commit(remove=built_files(out) if differs(out, "plan.json", texts["plan.json"]) else [])
+    if task.stage == "study":
+        from padgen.ladders.study import STUDY_FILES, run_study
+
+        run_study(plan, out)
+        figures["study_files"] = len(STUDY_FILES)
     return figures, plan.findings
 
 
-def _write(folder: Path, texts: dict[str, str]) -> None:
-    """Write files of a plan; what belonged to another plan that was there goes."""
-    with OutputFolder(folder) as out:
-        for name, content in texts.items():
-            out.write(name, content)
-        out.commit(remove=built_files(folder) if differs(folder, "plan.json", texts["plan.json"]) else [])
+def plan_figures(plan: "Plan") -> dict[str, Any]:
+    """Figures of a plan.
+
+    `selectivity_db` is the worse of what a coil keeps in all states and what its neighbours leak; None where
+    neither limits. `power_w` is the copper loss of all coils with all channels on.
+    """
+    kept = [db for db in (plan.selectivity.kept_db, plan.reuse.leak_db) if db is not None]
+    coils = plan.coils.rows * plan.coils.columns
+    rate = {f.scheme: f.frames_per_s for f in plan.refresh}[plan.selectivity.drive]
+    return {
+        "taxels": len(plan.taxels),
+        "coils": coils,
+        "channels": len(plan.channels),
+        "scheme": plan.selectivity.drive,
+        "selectivity_db": min(kept, default=None),
+        "in_coil_db": plan.selectivity.kept_db,
+        "leak_db": plan.reuse.leak_db,
+        "one_hot_db": plan.selectivity.one_hot_db,
+        "lowest_hz": plan.channels[0].resonance_hz,
+        "highest_hz": max(c.resonance_hz for c in plan.channels),
+        "frames_per_s": rate,
+        "reachable_level_um": plan.load.reachable_level_um,
+        "voltage_v": plan.load.voltage_peak_v,
+        "power_w": plan.load.copper_loss_w * coils,
+        "largest_print_spread": max(c.print_spread for c in plan.channels),
+        "largest_sag_um": max(c.sag_um for c in plan.channels),
+    }
 
 
-def _yield(plan: "Plan", task: Task, texts: dict[str, str]) -> dict[str, Any]:
-    from padgen.core.files import json_text
-    from padgen.planner.print_yield import print_yield
+def _yield_figures(printed: "PrintYield") -> dict[str, Any]:
+    """Shares of good prints, and what the median pad keeps."""
+    return {
+        "good_pads": printed.planned.pads.share,
+        "good_pads_retuned": printed.retuned.pads.share,
+        "good_taxels_retuned": printed.retuned.taxels.share,
+        "median_retuned_db": printed.retuned.median_db,
+    }
 
-    printed = print_yield(plan, task.pads, seed=0)
-    texts[YIELD_FILE] = json_text(asdict(printed))
-    return yield_figures(printed)
 
-
-def _study(plan: "Plan", folder: Path) -> dict[str, Any]:
-    from padgen.ladders.study import STUDY_FILES, run_study
-
-    run_study(plan, folder)
-    return {"study_files": len(STUDY_FILES)}
+def _build_figures(plan: "Plan", figures: dict[str, Any]) -> dict[str, Any]:
+    """What was measured on the mesh, and about how long it prints."""
+    spec, volume = plan.spec, float(figures["volume_mm3"])
+    printer = spec.printer
+    if printer.process == "resin":
+        seconds = figures["size_mm"][2] / printer.layer_mm * RESIN_S_PER_LAYER
+    else:
+        seconds = volume / (printer.line_width_mm * printer.layer_mm * FDM_MM_PER_S)
+    return {
+        "plastic_g": figures["plastic_g"],
+        "triangles": figures["triangles"],
+        "print_min": seconds / 60,
+        "off_plan_mm": figures.get("largest_difference_from_plan_mm"),
+    }

@@ -5,6 +5,7 @@ from dataclasses import asdict
 from typing import Any
 
 from padgen.cli.common import add_model, add_output, add_spec, asked_of, code_of, folder_of, progress_line, show
+from padgen.core.registry import PAD_FORMATS, USUAL_FORMATS
 
 __all__ = ["add"]
 
@@ -18,7 +19,12 @@ def add(commands: Any) -> None:
 def _add_build(commands: Any) -> None:
     parser = commands.add_parser("build", help="the pad, its checks and its driver table")
     add_spec(parser)
-    parser.add_argument("--formats", default="stl,3mf,step", help="of stl, 3mf, step, glb (default: %(default)s)")
+    parser.add_argument(
+        "--formats",
+        default=",".join(USUAL_FORMATS),
+        metavar="LIST",
+        help=f"of {', '.join(PAD_FORMATS.names())} (default: %(default)s)",
+    )
     parser.add_argument(
         "--parts",
         default="",

@@ -62,8 +62,8 @@ def _sweep(options: argparse.Namespace) -> int:
     with _executor(options.scheduler) as executor, _telling(options, sweep) as tell:
         result = run_sweep(sweep, folder, executor, options.jobs, options.resume, options.retry, tell)
     with uninterrupted() if result.interrupted else nullcontext():
-        overview, files, note = write_pareto(folder, sweep.settings.name)
-        _sum_up(options, (sweep, overview, replace(result, folder=folder), files), note)
+        files, note = write_pareto(folder, sweep.settings.name, result.overview)
+        _sum_up(options, (sweep, replace(result, folder=folder), files), note)
     if result.stopped:
         # After the summary, as what was done is kept.
         again = "the same command" if options.resume else "the same command without --no-resume"
@@ -81,7 +81,7 @@ def _sum_up(options: argparse.Namespace, told: tuple[Any, ...], note: str) -> No
     show(sweep_text(*told))
     if note:
         show(f"note: {note}")
-    if told[2].failed:
+    if told[1].failed:
         show("the same command with --retry makes the failed ones once more")
 
 
@@ -98,7 +98,7 @@ def _executor(address: str | None) -> Any:
 def _telling(options: argparse.Namespace, sweep: Any) -> Iterator[Callable[[Any], None]]:
     """What becomes of events: lines of JSON, or a bar on a terminal and a line for each failure."""
     if options.json:
-        from padgen.batch.events import event_table
+        from padgen.batch.sweep import event_table
 
         yield lambda event: _line(event_table(event))
     elif not sys.stderr.isatty():

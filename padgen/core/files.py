@@ -14,7 +14,6 @@ import stat
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import is_dataclass
-from fnmatch import fnmatchcase
 from hashlib import file_digest, sha256
 from itertools import takewhile
 from json.encoder import encode_basestring
@@ -46,7 +45,6 @@ from padgen.core.errors import FileError
 
 __all__ = [
     "MANIFEST",
-    "PLAN_FILES",
     "YIELD_FILE",
     "OutputFolder",
     "built_files",
@@ -61,7 +59,6 @@ __all__ = [
     "read_manifest",
     "reason",
     "recover",
-    "remove_unchanged",
     "take_away",
 ]
 
@@ -69,12 +66,8 @@ PLAN = "plan.json"
 MANIFEST = "manifest.json"
 YIELD_FILE = "yield.json"
 SPEC = "spec"
-PLAN_FILES = (
-    *(YIELD_FILE, "study.csv", "study.json", "study.svg", "study.png"),
-    *("drive.wav", "drive-wave.json", "hear.json", "drive-tuned.csv", "retune.json"),
-    *("drive.hjif", "drive_syntacts.py", "pad_drive.h", "excitation.wav", "excitation.json"),
-)
-"""Files that belong to the plan beside them and go with it."""
+MEASURED_FILES = ("tuning.json", "measured.csv", "printed.json")
+"""What is known of a print: it stays where the plan is another, with which everything else goes."""
 READ_BYTES = 1 << 16
 LONGEST_PIPE_S = 10.0
 """How long what comes through a pipe may take to end."""
@@ -191,11 +184,12 @@ class OutputFolder:
         if isinstance(error, OSError):
             raise FileError(f"cannot be written ({reason(error)})", str(self.path)) from error
 
-    def write(self, name: str, data: bytes | str) -> None:
-        """Add a file."""
+    def write(self, name: str, data: bytes | str) -> Path:
+        """Add a file; returns where it lies for now, for reading back."""
         raw = data.encode() if isinstance(data, str) else data
         write_synced(self._aside / name, raw)
         self._hashes[name] = file_hash(raw)
+        return self._aside / name
 
     def write_by(self, name: str, writer: Callable[[Path], None]) -> Path:
         """Add a file that `writer` writes to the path it is given; returns that path, for reading back."""
@@ -214,13 +208,15 @@ class OutputFolder:
     def commit(self, built_from: dict[str, Any] | None = None, remove: Iterable[str] = ()) -> list[str]:
         """Move all files in, then the manifest; returns files of an earlier build that a new plan contradicts.
 
+        Where the plan is another, what came of the old one goes, but for `MEASURED_FILES` and an earlier build's, which
+        go with the next build. Only what padgen wrote and nobody has changed since goes.
+
         Parameters
         ----------
         built_from : dict, optional
             These files are a build's: what it was made from, for `is_current`.
         remove : iterable of str
-            Patterns of file names that are stale now; `PLAN_FILES` are where the plan is another. Only what
-            padgen wrote and nobody has changed since goes.
+            Names of other files that are stale now.
 
         Raises
         ------
@@ -229,24 +225,26 @@ class OutputFolder:
         """
         with held(self.path):
             before = read_manifest(self.path)
-            known = before.get("files", {})
+            known, built = before.get("files", {}), before.get("built", [])
             for name in (*self._hashes, MANIFEST):
                 if (self.path / name).is_dir() and not (self.path / name).is_symlink():
                     raise FileError("cannot be written (a folder has its name)", str(self.path / name))
             other_plan = PLAN in known and known[PLAN] != self._hashes.get(PLAN, known[PLAN])
-            stale = [*remove, *(PLAN_FILES if other_plan else ())]
+            stale = {*remove, *(built if built_from is not None else ())}
+            if other_plan:
+                stale |= known.keys() - {*MEASURED_FILES, *built}
             gone = [
-                name
-                for name in known.keys() - self._hashes.keys()
-                if any(fnmatchcase(name, pattern) for pattern in stale) and has_hash(self.path / name, known[name])
+                name for name in (known.keys() & stale) - self._hashes.keys() if has_hash(self.path / name, known[name])
             ]
             rest = {name: known[name] for name in known.keys() - gone if os.path.lexists(self.path / name)}
             manifest: dict[str, Any] = {"padgen": __version__, "files": dict(sorted({**rest, **self._hashes}.items()))}
-            built = before.get("built", [])
+            left = [name for name in built if manifest["files"].get(name) == known[name]]
             if built_from is not None:
                 manifest |= {"inputs": built_from, "built": sorted(self._hashes)}
-            elif built and all(manifest["files"].get(name) == known[name] for name in built):
-                manifest |= {"inputs": before["inputs"], "built": built}
+            elif left:
+                manifest["built"] = left
+                if left == built and "inputs" in before:
+                    manifest["inputs"] = before["inputs"]
             text = json_text(manifest).encode()
             write_synced(self._aside / MANIFEST, text)
             self._move_in({**self._hashes, MANIFEST: file_hash(text)}, gone, before)
@@ -282,11 +280,11 @@ def read_manifest(path: Path) -> dict[str, Any]:
     built = manifest.setdefault("built", list(files) if "inputs" in manifest else [])
     if not isinstance(built, list) or not all(isinstance(name, str) and name in files for name in built):
         return {}
-    return manifest if "inputs" in manifest or not built else {}
+    return manifest
 
 
 def built_files(path: Path) -> list[str]:
-    """The files of the last build in a folder, none when its plan was replaced since."""
+    """The files of the last build in a folder, but for those that were replaced since."""
     return list(read_manifest(path).get("built", []))
 
 
@@ -294,12 +292,6 @@ def is_unchanged(path: Path, name: str) -> bool:
     """Whether padgen wrote this file of a folder and nobody has changed it since."""
     known = read_manifest(path).get("files", {})
     return name in known and has_hash(path / name, known[name])
-
-
-def remove_unchanged(path: Path, names: Iterable[str]) -> None:
-    """Remove those of some files of a folder that padgen wrote and nobody has changed since."""
-    for name in [name for name in names if is_unchanged(path, name)]:
-        (path / name).unlink(missing_ok=True)
 
 
 def take_away(path: Path) -> None:
@@ -329,7 +321,7 @@ def differs(path: Path, name: str, text: str) -> bool:
 def is_current(path: Path, inputs: dict[str, Any]) -> bool:
     """Whether a folder's last build was made from `inputs` and its files are all there, unchanged."""
     manifest = read_manifest(path)
-    if not manifest.get("built") or manifest["inputs"] != inputs:
+    if not manifest.get("built") or manifest.get("inputs") != inputs:
         return False
     return all(has_hash(path / name, manifest["files"][name]) for name in manifest["built"])
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from padgen.core.errors import LONGEST, plain
 
-__all__ = ["LEVELS", "Finding", "worst_level"]
+__all__ = ["LEVELS", "Finding"]
 
 LEVELS = ("note", "warning", "error")
 
@@ -35,8 +35,3 @@ class Finding:
             raise ValueError(f"level must be one of {LEVELS}, got {self.level!r}")
         for name in ("where", "message"):
             object.__setattr__(self, name, plain(getattr(self, name), LONGEST))
-
-
-def worst_level(findings: "tuple[Finding, ...] | list[Finding]") -> str:
-    """The most severe level among `findings`, ``'note'`` when there are none."""
-    return max((f.level for f in findings), key=LEVELS.index, default="note")

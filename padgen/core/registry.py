@@ -2,8 +2,12 @@
 
 Names are read from the files' names, so that telling them imports nothing; a module is imported when it is
 first asked for.
+
+What is registered in one process is known to that process. Modules named in the environment variable `PLUGINS` are
+imported, and so register theirs, when names are first asked for, here and in every worker, which inherits it.
 """
 
+import os
 import re
 from collections.abc import Iterable
 from functools import cache
@@ -13,14 +17,31 @@ from typing import Any, Generic, TypeVar, cast
 
 from padgen.core.errors import LONGEST_PART, SpecError, shown
 
-__all__ = ["FORMATS", "SCHEMES", "SUSPENSIONS", "Registry", "names_in", "unknown_name"]
+__all__ = [
+    "COILS",
+    "FORMATS",
+    "PAD_FORMATS",
+    "PLUGINS",
+    "SCHEMES",
+    "SUSPENSIONS",
+    "USUAL_FORMATS",
+    "Registry",
+    "names_in",
+    "plugin_code",
+    "registered_names",
+    "unknown_name",
+]
 
+PLUGINS = "PADGEN_PLUGINS"
+"""Environment variable: modules, with commas between them, that register things as they are imported."""
 T = TypeVar("T")
 NAME = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
 
 
 class Registry(Generic[T]):
-    """The things of one `kind`: the modules of `package` (``time_shared.py`` is ``time-shared``), and registered ones.
+    """The things of one `kind`: the modules of `package`, and registered ones.
+
+    ``time_shared.py`` is ``time-shared``, and ``_3mf.py`` is ``3mf``.
 
     `reserved` are words that mean something else where a name is asked for. `changes` counts registrations, for the
     keys of caches in memory: the same name may be another thing later.
@@ -33,7 +54,7 @@ class Registry(Generic[T]):
 
     def names(self) -> tuple[str, ...]:
         """All names: those of the package by the alphabet, then the registered ones in their order."""
-        return (*_names_of_files(self._package), *self._registered)
+        return (*_names_of_files(self._package), *self.registered)
 
     def register(self, name: str, thing: T, protocol: type) -> None:
         """Add `thing`, which holds to `protocol`, under `name`; `unregister` takes it away again.
@@ -70,6 +91,7 @@ class Registry(Generic[T]):
     @property
     def registered(self) -> tuple[str, ...]:
         """Names of what was registered, which padgen does not bring."""
+        plugin_code()
         return tuple(self._registered)
 
     def version(self, name: str) -> int:
@@ -84,19 +106,53 @@ class Registry(Generic[T]):
         SpecError
             There is none; the sentence, about the field `where`, tells the nearest name.
         """
-        if name in self._registered:
-            return self._registered[name]
         if name not in self.names():
             raise unknown_name(name, list(self.names()), self.kind, where)
-        module: Any = import_module(f"{self._package}.{name.replace('-', '_')}")
+        if name in self._registered:
+            return self._registered[name]
+        module: Any = import_module(f"{self._package}.{'_' * name[0].isdigit()}{name.replace('-', '_')}")
         return cast(T, module)
 
 
 @cache
 def _names_of_files(package: str) -> tuple[str, ...]:
-    """Names of the modules in a package of padgen, but for those that begin with an underscore."""
+    """Names of the modules in a package of padgen.
+
+    One with an underscore before it is private, unless that stands before a digit, with which no module can begin.
+    """
     folder = Path(__file__).parents[1].joinpath(*package.split(".")[1:])
-    return tuple(sorted(path.stem.replace("_", "-") for path in folder.glob("*.py") if path.stem[0] != "_"))
+    stems = (re.sub(r"^_(?=\d)", "", path.stem) for path in folder.glob("*.py"))
+    return tuple(sorted(stem.replace("_", "-") for stem in stems if stem[0] != "_"))
+
+
+def plugin_code() -> str:
+    """Import the modules that `PLUGINS` names; returns a hash of their code, empty where there are none.
+
+    Raises
+    ------
+    SpecError
+        One of them cannot be imported.
+    """
+    named = os.environ.get(PLUGINS, "")
+    return _code_of(tuple(name.strip() for name in named.split(",") if name.strip())) if named else ""
+
+
+@cache
+def _code_of(modules: tuple[str, ...]) -> str:
+    from hashlib import sha256
+
+    code = sha256()
+    for name in modules:
+        try:
+            code.update(Path(import_module(name).__file__ or "").read_bytes())
+        except Exception as error:
+            raise SpecError(f"cannot import {name!r} ({type(error).__name__}: {error})", PLUGINS) from error
+    return code.hexdigest()
+
+
+def registered_names() -> dict[str, tuple[str, ...]]:
+    """Names, by kind, of the registered things that a plan may depend on."""
+    return {registry.kind: registry.registered for registry in (SUSPENSIONS, SCHEMES)}
 
 
 def unknown_name(name: str, known: list[str], what: str, where: str) -> SpecError:
@@ -139,5 +195,11 @@ SUSPENSIONS: Registry[Any] = Registry("suspension", "padgen.planner.suspensions"
 """Modules or objects that hold to `padgen.planner.suspensions.Suspension`."""
 FORMATS: Registry[Any] = Registry("drive format", "padgen.driver.formats")
 """Modules or objects that hold to `padgen.driver.formats.DriveFormat`."""
+PAD_FORMATS: Registry[Any] = Registry("pad format", "padgen.solid.formats")
+"""Modules or objects that hold to `padgen.solid.formats.PadFormat`."""
+USUAL_FORMATS = ("stl", "3mf", "step")
+"""Those of `PAD_FORMATS` that a pad is saved in where nothing else is asked for."""
 SCHEMES: Registry[Any] = Registry("drive scheme", "padgen.physics.schemes", reserved=("auto",))
 """Modules or objects that hold to `padgen.physics.schemes.DriveScheme`."""
+COILS: Registry[Any] = Registry("kind of coil", "padgen.planner.coils")
+"""Modules or objects that hold to `padgen.planner.coils.CoilKind`."""

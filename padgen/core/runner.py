@@ -33,9 +33,20 @@ from time import perf_counter
 from types import TracebackType
 from typing import IO, Any
 
-from padgen.core.errors import PadgenError, SolverError, number
+from padgen.core.errors import PadgenError, SolverError, SpecError, number
+from padgen.core.registry import PLUGINS, registered_names
 
-__all__ = ["Answer", "Runner", "core_count", "memory_mb", "peak_mb", "reset_peak", "serve", "uninterrupted"]
+__all__ = [
+    "Answer",
+    "Runner",
+    "core_count",
+    "memory_mb",
+    "peak_mb",
+    "refuse_unshared",
+    "reset_peak",
+    "serve",
+    "uninterrupted",
+]
 
 ONE_THREAD = dict.fromkeys(
     (
@@ -315,6 +326,26 @@ class _Worker:
             name = next((f" ({one.name})" for one in signal.Signals if one == -code), "")
             return f"its process died of signal {-code}{name}"
         return f"its process ended with code {code}" + (f" ({self._last_line})" if self._last_line else "")
+
+
+def refuse_unshared() -> None:
+    """Raise for a suspension or drive scheme that was registered here and that workers do not know; asks one of them.
+
+    Raises
+    ------
+    SpecError
+        There is one; the sentence says how workers would know it.
+    """
+    here = registered_names()
+    if not any(here.values()):
+        return
+    with Runner() as runner:
+        there = runner.run(registered_names).value or {}
+    for kind, names in here.items():
+        for name in names:
+            if name not in there.get(kind, ()):
+                advice = f"register it in a module, and name that in the environment variable {PLUGINS}"
+                raise SpecError(f"the {kind} {name!r} is known to this process alone, not to its workers; {advice}")
 
 
 def core_count() -> int:

@@ -76,7 +76,10 @@ def write_drive(plan: "Plan", folder: Path, request: DriveRequest, progress: Pro
         # What was heard of a wave that is written anew does not stay.
         stale = out.commit(remove=["hear.json"] if job.report is not None and job.heard is None else [])
     findings = (*job.findings, *(job.report.findings if job.report else job.shown))
-    findings += _ear_findings(job.heard) if job.heard else ()
+    if job.heard:
+        from padgen.driver.heard_table import ear_findings
+
+        findings += ear_findings(job.heard)
     return Driven(folder, out.names, tuple(stale), job.report, job.heard, findings)
 
 
@@ -139,7 +142,7 @@ def _refuse(request: DriveRequest, formats: dict[str, DriveFormat]) -> None:
 
 
 def _timeline(plan: "Plan", drive: "PadDrive", request: DriveRequest) -> "Timeline":
-    from padgen.driver.ear.score import SETTLED_TAUS
+    from padgen.driver.ear import SETTLED_TAUS
     from padgen.driver.timeline import ramp_s, steady, timeline
 
     frames = request.frames
@@ -199,12 +202,6 @@ def _slowest_s(plan: "Plan", tuning: "Tuning | None") -> float:
     if tuning is None:
         return max(channel.ring_up_ms for channel in plan.channels) * MS
     return max(float(ring_up_time(taxel.resonance_hz, taxel.q)) for taxel in tuning.taxels)
-
-
-def _ear_findings(heard: "Heard") -> tuple[Finding, ...]:
-    from padgen.driver.ear.heard_table import ear_findings
-
-    return ear_findings(heard)
 
 
 def _excitation_table(plan: "Plan", played: "Excitation", scale: float, depth: str) -> dict[str, Any]:

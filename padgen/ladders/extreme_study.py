@@ -5,13 +5,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from math import isfinite, isnan, nan
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import PadgenError, SolverError
+from padgen.core.errors import SolverError
 from padgen.ladders.isolate import apart, timed
-from padgen.verify.extreme import ExtremeCase
+from padgen.verify.extreme import Answer, ExtremeCase
 
 __all__ = [
     "RIGHT",
@@ -70,16 +70,6 @@ class Verdict:
     note: str = ""
 
 
-class _Run(NamedTuple):
-    """A case's answer, or its refusal."""
-
-    values: np.ndarray | None
-    stated_error: float = nan
-    residual: float = nan
-    condition: float = nan
-    refusal: str = ""
-
-
 def named_cases(sets: tuple[tuple[str, str], ...] = SETS) -> list[Named]:
     """All cases of `sets`.
 
@@ -93,7 +83,7 @@ def named_cases(sets: tuple[tuple[str, str], ...] = SETS) -> list[Named]:
     found = []
     for module, function in sets:
         try:
-            cases = list(_cases(module, function))
+            cases = _cases(module, function)
         except ImportError as error:
             raise SolverError(f"the set of extreme cases cannot be loaded ({error})", module) from error
         found += [
@@ -103,53 +93,39 @@ def named_cases(sets: tuple[tuple[str, str], ...] = SETS) -> list[Named]:
     return found
 
 
-def _cases(module: str, function: str) -> Any:
-    return getattr(importlib.import_module(module), function)()
+def _cases(module: str, function: str) -> list[ExtremeCase]:
+    return list(getattr(importlib.import_module(module), function)())
 
 
-def _case(named: Named) -> ExtremeCase:
-    cases: list[ExtremeCase] = list(_cases(named.module, named.function))
-    return cases[named.place]
-
-
-def solve_case(named: Named) -> _Run:
-    """Run a case's model, in the process of its own."""
-    case = _case(named)
-    try:
-        answer = case.solve()
-    except PadgenError as error:
-        return _Run(None, refusal=str(error))
-    values = np.atleast_1d(np.asarray(answer.values))
-    return _Run(values, float(answer.stated_error), float(answer.residual), float(answer.condition))
+def solve_case(named: Named) -> Answer:
+    """Run a case's model, in the process of its own; raises what it refuses with."""
+    answer = _cases(named.module, named.function)[named.place].solve()
+    return answer._replace(values=np.atleast_1d(np.asarray(answer.values)))
 
 
 def reference_of(named: Named) -> np.ndarray:
     """A case's reference, in another process."""
-    return np.atleast_1d(np.asarray(_case(named).reference()))
+    return np.atleast_1d(np.asarray(_cases(named.module, named.function)[named.place].reference()))
 
 
 def verdict_of(named: Named, limit_s: float = LIMIT_S) -> Verdict:
     """Run a case and its reference, and compare."""
     say: Callable[..., Verdict] = partial(Verdict, named.name, named.domain, named.model, named.source)
     answer = timed(partial(solve_case, named), limit_s=limit_s, budget_s=0.5, most_runs=3)
-    if answer.kind == "refused":
-        return say(REFUSED, note=answer.sentence)
-    if answer.kind == "failed":
-        return say(WRONG, note=answer.sentence)
-    run: _Run = answer.value.value
-    if run.values is None:
-        return say(REFUSED, seconds=answer.value.seconds, note=run.refusal)
-    truth = apart(reference_of, named, limit_s=limit_s)
+    if answer.kind != "value":
+        return say(REFUSED if answer.kind == "refused" else WRONG, note=answer.sentence)
+    run: Answer = answer.value.value
     figures = {
-        "stated_error": run.stated_error,
+        "stated_error": float(run.stated_error),
         "seconds": answer.value.seconds,
-        "residual": run.residual,
-        "condition": run.condition,
+        "residual": float(run.residual),
+        "condition": float(run.condition),
     }
+    truth = apart(reference_of, named, limit_s=limit_s)
     if truth.kind != "value":
         return say(UNCHECKED, **figures, note=f"no reference: {truth.sentence}")
     error = relative_error(run.values, truth.value)
-    verdict, note = judged_error(error, run.stated_error)
+    verdict, note = judged_error(error, figures["stated_error"])
     return say(verdict, error, note=note, **figures)
 
 

@@ -89,7 +89,6 @@ def measured(rung: Rung) -> Measured:
         found.cpu_seconds,
         found.runs,
         found.memory_mb,
-        float(solved.proven),
     )
     if own.values is not None and np.isfinite(own.values).all():
         return own

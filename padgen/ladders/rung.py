@@ -13,13 +13,12 @@ __all__ = ["Judged", "Ladder", "Measured", "Order", "Row", "Rung", "Solved", "Th
 class Solved(NamedTuple):
     """What a rung answers: `values` of any shape, how many `unknowns` it solved for, the `residual` if it knows one.
 
-    `unknowns` is 0 for a formula. `proven` is a bound on its own relative error where there is a proof.
+    `unknowns` is 0 for a formula.
     """
 
     values: np.ndarray
     unknowns: int = 0
     residual: float = nan
-    proven: float = nan
 
 
 class Theory(NamedTuple):
@@ -90,7 +89,6 @@ class Measured:
     cpu_seconds: float = nan
     runs: int = 0
     memory_mb: float = nan
-    proven: float = nan
     note: str = ""
 
 
@@ -124,7 +122,7 @@ class Order:
 class Judged:
     """A ladder that was run. `uncertainty` is the reference's own error, inf where nothing is known of it.
 
-    `converged` tells whether two refinements (or a proof) show it; `why` is that as a sentence. `reference` is
+    `converged` tells whether two refinements show it; `why` is that as a sentence. `reference` is
     the index of its row, None where no rung of the reference's series has an answer.
     """
 

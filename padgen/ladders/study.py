@@ -15,6 +15,7 @@ from padgen.core.cache import version
 from padgen.core.errors import SpecError, number
 from padgen.core.files import OutputFolder, file_hash
 from padgen.core.registry import names_in
+from padgen.core.runner import refuse_unshared
 from padgen.ladders.extreme_study import SETS, WRONG, Verdict, named_cases, verdict_of
 from padgen.ladders.isolate import measured
 from padgen.ladders.rung import Judged, Ladder
@@ -125,9 +126,10 @@ def measured_study(
     Raises
     ------
     SpecError
-        The tolerance is not above 0 and at most 1.
+        The tolerance is not above 0 and at most 1, or something was registered that the rungs' processes do not know.
     """
     tolerances = _tolerances(tolerance)
+    refuse_unshared()
     with tempfile.TemporaryDirectory(prefix="padgen-study-") as aside:
         scene = Scene(plan, Path(aside), progress)
         results = [result for name in only or LADDERS for result in run_ladders(LADDERS[name](scene), progress)]

@@ -1,23 +1,19 @@
-"""A study as CSV and JSON, and what a later command reads back from it."""
+"""A study as CSV and JSON."""
 
 import csv
 import io
-import json
 from collections.abc import Sequence
-from math import inf, isfinite
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from padgen.core.errors import FileError
 from padgen.core.files import json_text
-from padgen.ladders.rung import Judged, Ladder, Measured, Row, Rung
-from padgen.ladders.verdicts import TOLERANCES, Pick, picks, recommended_row
+from padgen.ladders.rung import Judged, Row
+from padgen.ladders.verdicts import TOLERANCES, picks, recommended_row
 
 if TYPE_CHECKING:
     from padgen.ladders.extreme_study import Verdict
 
-__all__ = ["extreme_csv", "extreme_json", "picks_from_json", "study_csv", "study_json"]
+__all__ = ["extreme_csv", "extreme_json", "study_csv", "study_json"]
 
 COLUMNS = (
     "ladder",
@@ -136,44 +132,6 @@ def _rung(row: Row) -> dict[str, Any]:
         "values": None if own.values is None else own.values.tolist(),
         "note": own.note,
     }
-
-
-def picks_from_json(text: str, tolerance: float, where: str = "study.json") -> tuple[Pick, ...]:
-    """The recommended rung of each ladder of an earlier study for any `tolerance`: what ``--tolerance`` picks by.
-
-    Raises
-    ------
-    FileError
-        The text is not the JSON of a study.
-    """
-    try:
-        return picks([_read(entry) for entry in json.loads(text)["ladders"]], (tolerance,))
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise FileError(f"is not a study ({type(error).__name__}: {error})", where) from error
-
-
-def _read(entry: dict[str, Any]) -> Judged:
-    rows = tuple(_read_row(found) for found in entry["rungs"])
-    head = (entry["ladder"], entry["subject"], entry["quantity"], entry["unit"])
-    ladder = Ladder(*head, tuple(row.rung for row in rows), "", entry["relative_to"], note=entry["note"])
-    uncertainty = inf if entry["uncertainty"] is None else float(entry["uncertainty"])
-    return Judged(ladder, rows, entry["reference"], uncertainty, entry["converged"], entry["why"], ())
-
-
-def _read_row(found: dict[str, Any]) -> Row:
-    rung = Rung(found["model"], found["resolution"], _not_kept, found["series"], offered=found["offered"])
-    values = None if found["values"] is None else np.array(found["values"])
-    own = Measured(values, found["unknowns"], seconds=_number(found["seconds"]), note=found["note"])
-    at_most = inf if found["error_at_most"] is None else float(found["error_at_most"])
-    return Row(rung, own, _number(found["error"]), at_most, found["is_bound"])
-
-
-def _number(value: float | None) -> float:
-    return float("nan") if value is None else float(value)
-
-
-def _not_kept() -> Any:
-    raise FileError("a study that was read back holds figures, not models", "study.json")
 
 
 def extreme_csv(verdicts: Sequence["Verdict"]) -> str:

@@ -5,7 +5,7 @@ with differences d₁, then d₂, and their ratio r = d₂/d₁, a sequence that
 ``d₂ r/(1 − r)`` left, which is below d₂ for r ≤ ½ (Aitken's estimate; Roache, *Annu. Rev. Fluid Mech.*
 29, 1997, for grids). So the reference's own uncertainty is d₂, more when r is larger, and not less than
 a share of d₁: a last step that hardly changed anything may have refined what does not matter.
-Differences that do not fall show nothing. An answer that comes with a proof needs no refinement.
+Differences that do not fall show nothing.
 """
 
 from collections.abc import Iterable, Sequence
@@ -60,9 +60,6 @@ def _uncertainty(ladder: Ladder, measured: Sequence[Measured], solved: Sequence[
     if not solved:
         return inf, False, f"no rung of '{ladder.reference}' has an answer, so that there is no reference"
     name = f"{ladder.rungs[solved[-1]].model}, {ladder.rungs[solved[-1]].resolution}"
-    proven = measured[solved[-1]].proven
-    if not isnan(proven):
-        return max(proven, ROUNDING), True, f"{name} is proven to be within {proven:.2g}"
     if len(solved) < 3:
         return inf, False, f"not shown to be converged: two refinements to {name} are missing"
     first, second = (_distance(ladder, measured[a], measured[b]) for a, b in pairwise(solved[-3:]))

@@ -6,44 +6,28 @@ Knows when a folder is up to date without importing numpy or a CAD kernel.
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from padgen import __version__
 from padgen.core.cache import code_hash, versions
 from padgen.core.files import OutputFolder, built_files, differs, file_hash, is_current, json_text
 from padgen.core.finding import Finding
-from padgen.core.registry import SCHEMES, SUSPENSIONS, names_in
+from padgen.core.registry import PAD_FORMATS, SCHEMES, SUSPENSIONS, USUAL_FORMATS, names_in
 from padgen.make.planning import plan_for
 from padgen.spec import Spec
 
 if TYPE_CHECKING:
     from padgen.planner.plan import Plan
     from padgen.solid.checks import Report
+    from padgen.solid.formats import Part
     from padgen.solid.mesh import Mesh
     from padgen.solid.pad_solid import PadSolid
-    from padgen.solid.parts import Part
 
-__all__ = [
-    "DEFAULT_FORMATS",
-    "FORMATS",
-    "PARTS",
-    "Built",
-    "Pad",
-    "parse_formats",
-    "parse_parts",
-    "up_to_date",
-]
+__all__ = ["PARTS", "Built", "Pad", "parse_formats", "parse_parts", "up_to_date"]
 
-FORMATS = ("stl", "3mf", "step", "glb")
 PARTS = ("coupon", "coupon-tray", "tray")
 """What can be made beside the pad, see `padgen.solid.parts`."""
-DEFAULT_FORMATS = ("stl", "3mf", "step")
-OWN_FILES = ("pad.stl", "pad.3mf", "pad.glb", "taxel-*.step", *(f"{part}.*" for part in PARTS))
-"""Files of a build that the next one of other formats, parts or channels takes away, where it wrote them."""
-THUMBNAIL_PX = (256, 256)
-PAD_COLOUR = (0.90, 0.88, 0.82)
 Progress = Callable[[str], None]
 
 
@@ -60,8 +44,8 @@ class Built:
 
 
 def parse_formats(text: str) -> tuple[str, ...]:
-    """Formats from a comma-separated list, in the order of `FORMATS`."""
-    return names_in(text, FORMATS, "--formats")
+    """Formats from a comma-separated list, in the order of the registry."""
+    return names_in(text, PAD_FORMATS.names(), "--formats")
 
 
 def parse_parts(text: str) -> tuple[str, ...]:
@@ -143,12 +127,18 @@ class Pad:
 
     @cached_property
     def _beside(self) -> "tuple[Part, ...]":
-        return _parts(self.plan, self.parts, self.progress)
+        if not self.parts:
+            return ()
+        plan = self.plan
+        from padgen.solid.parts import build_part
+
+        self.progress(f"modelling {', '.join(self.parts)}")
+        return tuple(build_part(plan, name) for name in self.parts)
 
     def save(
         self,
         folder: str | Path,
-        formats: Sequence[str] = DEFAULT_FORMATS,
+        formats: Sequence[str] = USUAL_FORMATS,
         instances: bool = False,
         force: bool = False,
     ) -> Built:
@@ -159,7 +149,7 @@ class Pad:
         folder : path
             Made with its parents. A build of the same inputs that is there, unchanged, is left as it is.
         formats : sequence of str
-            Of stl, 3mf, step, glb.
+            Names of `padgen.solid.formats`: stl, 3mf, step, glb and what was registered.
         instances : bool
             3MF with one mesh per distinct taxel, placed many times.
         force : bool
@@ -191,100 +181,32 @@ class Pad:
         from padgen.planner import plan_to_json
 
         plan, pad, report, beside = self.plan, self.solid, self.check(), self._beside
-        from padgen.solid.export import bill_of_materials
+        from padgen.solid.bill import bill_of_materials
+        from padgen.solid.formats import ExportJob, Part
 
-        figures = report.figures
+        figures, findings = report.figures, [*plan.findings, *report.findings]
+        plastic_g = {part.name: part.report.figures["plastic_g"] for part in beside}
         if beside:
             figures = {**figures, "parts": {part.name: part.report.figures for part in beside}}
-        findings = (*plan.findings, *report.findings, *_part_findings(beside))
+        for part in beside:
+            findings += [replace(each, where=f"{part.name}: {each.where}") for each in part.report.findings]
         inputs = _inputs(plan.spec, formats, instances, self.parts)
+        about = f"{len(plan.taxels)} taxels over {plan.coils.rows} x {plan.coils.columns} coils"
+        whole = Part("pad", plan.name, about, pad.mesh, None, report)
+        jobs = [ExportJob(plan, whole, inputs["spec"], pad, instances)]
+        jobs += [ExportJob(plan, part, inputs["spec"]) for part in beside]
         with OutputFolder(folder) as out:
             out.write("plan.json", plan_to_json(plan))
             out.write("drive.csv", drive_csv(plan))
             out.write("drive.json", drive_json(plan))
-            out.write("bom.csv", bill_of_materials(plan, report.figures["plastic_g"], _plastic_g(beside)))
-            out.write("checks.json", _checks_json(figures, findings))
+            out.write("bom.csv", bill_of_materials(plan, report.figures["plastic_g"], plastic_g))
+            out.write("checks.json", json_text({"figures": figures, "findings": findings}))
             for name in formats:
                 self.progress(f"writing {name}")
-                _write_format(out, name, plan, pad, instances, inputs["spec"])
-            _write_parts(out, plan, beside, formats, inputs["spec"])
-            out.commit(inputs, remove=OWN_FILES)
-        return Built(folder, tuple(built_files(folder)), figures, findings, plan.printing, False)
-
-
-def _parts(plan: "Plan", names: tuple[str, ...], progress: Progress) -> "tuple[Part, ...]":
-    if not names:
-        return ()
-    from padgen.solid.parts import build_parts
-
-    progress(f"modelling {', '.join(names)}")
-    return build_parts(plan, names)
-
-
-def _part_findings(parts: "tuple[Part, ...]") -> list[Finding]:
-    return [replace(f, where=f"{part.name}: {f.where}") for part in parts for f in part.report.findings]
-
-
-def _plastic_g(parts: "tuple[Part, ...]") -> dict[str, float]:
-    return {part.name: part.report.figures["plastic_g"] for part in parts}
-
-
-def _write_parts(
-    out: OutputFolder, plan: "Plan", parts: "tuple[Part, ...]", formats: tuple[str, ...], spec_hash: str
-) -> None:
-    for part in parts:
-        from padgen.solid.parts import write_part_files
-
-        write_part_files(out, part, formats, _metadata(plan, spec_hash), f"{__version__} {spec_hash[:16]}")
-
-
-def _write_format(out: OutputFolder, name: str, plan: "Plan", pad: "PadSolid", instances: bool, spec_hash: str) -> None:
-    from padgen.solid import export
-
-    if name == "stl":
-        data = export.stl_bytes(pad.mesh, f"{__version__} {plan.name} {spec_hash[:16]}")
-        path = out.write_by("pad.stl", lambda path: _write_bytes(path, data))
-        export.verified("pad.stl", pad.mesh, export.stl_mesh(path.read_bytes()))
-    elif name == "3mf":
-        from padgen.solid.threemf import read_3mf, threemf_bytes
-
-        data = threemf_bytes(plan, pad, _metadata(plan, spec_hash), _thumbnail(pad), instances)
-        path = out.write_by("pad.3mf", lambda path: _write_bytes(path, data))
-        compare = export.verified_volume if instances else export.verified
-        compare("pad.3mf", pad.mesh, read_3mf(path, weld=instances))
-    elif name == "step":
-        for channel in plan.channels:
-            out.write_by(f"taxel-{channel.index}.step", partial(export.write_taxel_step, plan, channel))
-    elif name == "glb":
-        out.write("pad.glb", export.glb_bytes(plan, pad))
-
-
-def _write_bytes(path: Path, data: bytes) -> None:
-    path.write_bytes(data)
-
-
-def _thumbnail(pad: "PadSolid") -> bytes:
-    from padgen.solid.picture import picture_png
-
-    return picture_png([(pad.mesh, PAD_COLOUR)], THUMBNAIL_PX)
-
-
-def _metadata(plan: "Plan", spec_hash: str) -> dict[str, str]:
-    """3MF metadata; names of our own carry our namespace, as the format asks."""
-    own = "https://padgen.invalid/2026"
-    settings = "; ".join(f"{key} {value}" for key, value in plan.printing.items())
-    return {
-        "Title": plan.name,
-        "Application": f"padgen {__version__}",
-        "LicenseTerms": "the pad is yours; padgen is Apache-2.0",
-        "Description": f"{len(plan.taxels)} taxels over {plan.coils.rows} x {plan.coils.columns} coils",
-        f"{own}:SpecHash": spec_hash,
-        f"{own}:PrintSettings": settings,
-    }
-
-
-def _checks_json(figures: dict[str, Any], findings: tuple[Finding, ...]) -> str:
-    return json_text({"figures": figures, "findings": [asdict(f) for f in findings]})
+                for job in jobs:
+                    PAD_FORMATS.get(name).write(out, job)
+            out.commit(inputs)
+        return Built(folder, tuple(built_files(folder)), figures, tuple(findings), plan.printing, False)
 
 
 def _inputs(spec: Spec, formats: tuple[str, ...], instances: bool, parts: tuple[str, ...]) -> dict[str, Any]:
@@ -295,7 +217,7 @@ def _inputs(spec: Spec, formats: tuple[str, ...], instances: bool, parts: tuple[
         "formats": list(formats),
         "instances": instances,
         "parts": list(parts),
-        "registered": [*SUSPENSIONS.registered, *SCHEMES.registered],
+        "registered": [*SUSPENSIONS.registered, *SCHEMES.registered, *PAD_FORMATS.registered],
         "code": code_hash(),
         "versions": versions(),
     }

@@ -200,7 +200,7 @@ class TaxelSolver:
     def _computed(self, plan: Plan, channels: Sequence[Channel]) -> list[Solved]:
         """Model taxels and solve them, as many at a time as there are cores."""
         runner = self._started(len(channels))
-        from padgen.solid.export import write_taxel_step
+        from padgen.solid.formats.step import write_taxel_step
 
         with TemporaryDirectory(ignore_cleanup_errors=True) as folder:
             jobs = []

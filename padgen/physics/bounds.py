@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.physics.beams import BeamSection, bent_slowness, tip_mass
-from padgen.physics.magnetics import SolenoidCoil, SteelRing, core_charges, flat_spheroid_factor, flux_density
+from padgen.physics.magnetics import CoilSource, SteelRing, core_charges, flat_spheroid_factor, flux_density
 from padgen.physics.modes import BeamPlacement, to_tip
 from padgen.physics.poles import pole_field
 
@@ -150,7 +150,7 @@ class WasherMoment(NamedTuple):
     chi_n: np.ndarray
 
 
-def washer_moment(coil: SolenoidCoil, washer: SteelRing, gap: float, offset: np.ndarray) -> WasherMoment:
+def washer_moment(coil: CoilSource, washer: SteelRing, gap: float, offset: np.ndarray) -> WasherMoment:
     """What the coil makes of washers `offset` (n,) m off its axis, from the field at two points of each.
 
     The points lie on the middle line of the ring, nearest to and farthest from the coil's axis, on the
@@ -182,16 +182,16 @@ def washer_moment(coil: SolenoidCoil, washer: SteelRing, gap: float, offset: np.
     )
 
 
-def core_polarisation(coil: SolenoidCoil) -> tuple[float, float]:
+def core_polarisation(coil: CoilSource) -> tuple[float, float]:
     """Largest mean polarisation in T/A of a section of the core, and χN of the core; 0 and inf without one.
 
     The flux that has entered the core above a section is the magnetic charge above it.
     """
-    if coil.core_diameter <= 0 or coil.core_permeability <= 1:
+    if not coil.has_core:
         return 0.0, inf
     _, _, charge = core_charges(coil)
     area = pi / 4 * coil.core_diameter**2
-    demagnetised = (coil.core_permeability - 1) / (1 + 4 * coil.length / coil.core_diameter / sqrt(pi))
+    demagnetised = (coil.core_permeability - 1) / (1 + 4 * coil.core_length / coil.core_diameter / sqrt(pi))
     return MU_0 * float(np.abs(np.cumsum(charge)).max()) / area, demagnetised
 
 
@@ -206,7 +206,7 @@ def saturation_loss(polarised_share: Any, chi_n: Any) -> Any:
     return np.where(s < 1, s / (1 + chi_n * np.maximum(1 - s, 0)), 1.0)
 
 
-def core_eddies(coil: SolenoidCoil, resistivity: float, frequency: float) -> float:
+def core_eddies(coil: CoilSource, resistivity: float, frequency: float) -> float:
     """Relative change of the core's field at `frequency` in Hz by eddy currents in a core of `resistivity` in Ω·m.
 
     A long round rod answers with ``μ 2J₁(ka)/(ka J₀(ka))``, ``k² = −jωμ/ρ``. By the partial fractions of
@@ -216,7 +216,7 @@ def core_eddies(coil: SolenoidCoil, resistivity: float, frequency: float) -> flo
     """
     _, chi_n = core_polarisation(coil)
     depths = coil.core_diameter / 2 / _skin_depth(resistivity, coil.core_permeability, frequency)
-    ends = 1 + coil.core_diameter / coil.length / 2
+    ends = 1 + coil.core_diameter / (coil.core_length or inf) / 2
     return ends * min(depths**2 / 4, depths / sqrt(2) + 1) / (1 + chi_n)
 
 

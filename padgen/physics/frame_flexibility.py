@@ -2,8 +2,7 @@
 
 The resonance of a taxel is planned with the four sides of its sub-cell held. The real frame gives in two
 ways: the rib at the beams' root twists, and the pad bends as a plate. In series with a spring of stiffness k
-a compliance c lowers the resonance by k c/2. A pad that is not held at all moves against the taxel instead,
-which raises it by half the ratio of the masses.
+a compliance c lowers the resonance by k c/2.
 """
 
 from math import inf, pi
@@ -11,11 +10,9 @@ from typing import NamedTuple
 
 __all__ = ["SUPPORTS", "Ribs", "Support", "TaxelReaction", "lowest_frame_mode_hz", "shift_bound"]
 
-RIB_MARGIN, PLATE_MARGIN, FREE_MARGIN = 2.0, 2.0, 3.0
+RIB_MARGIN, PLATE_MARGIN = 2.0, 2.0
 """For what the formulas leave out: the give of the joint and the rib's lateral bending, unequal supports,
 more than one mode."""
-CORNER_RIDE = 7.0
-"""A free rigid pad heaves and rocks about two axes: compliance at its corner over that of heaving, 1 + 3 + 3."""
 SHEAR_SHARE = 0.9
 """What shear of the ribs, which a thin plate's formulas leave out, takes off the frame's lowest mode: 7 % were seen."""
 NEAR_RESONANCE = 0.7
@@ -24,21 +21,19 @@ NEAR_RESONANCE = 0.7
 
 class Support(NamedTuple):
     """A square plate of side a and bending stiffness D: deflection of its centre under a force P there is
-    ``point · P a²/D``, under an even pressure p it is ``even · p a⁴/D``; `free` if it is not held."""
+    ``point · P a²/D``, under an even pressure p it is ``even · p a⁴/D``."""
 
     point: float
     even: float
-    free: bool = False
 
 
 SUPPORTS = {
     "edges": Support(0.0056, 0.00126),
     "corners": Support(0.039, 0.0249),
     "bottom": Support(0.0, 0.0),
-    "free": Support(0.039, 0.0249, free=True),
 }
 """By name of the clamping. Plate coefficients for ν = 0.3: Timoshenko and Woinowsky-Krieger, Theory of Plates
-and Shells (1959), tables 35, 37 and 42. A free pad bends no more than one on its corners."""
+and Shells (1959), tables 35, 37 and 42."""
 
 
 class Ribs(NamedTuple):
@@ -68,15 +63,11 @@ class Ribs(NamedTuple):
 
 
 class TaxelReaction(NamedTuple):
-    """One channel: resonance in Hz, stiffness in N/m and moving mass in kg at the washer, Q, the `arm_m` of the
-    washer about the root, and how many `taxels` of it there are on the pad."""
+    """One channel: resonance in Hz, stiffness in N/m at the washer, and the `arm_m` of the washer about the root."""
 
     resonance_hz: float
     stiffness_n_per_m: float
-    mass_kg: float
-    q: float
     arm_m: float
-    taxels: int
 
 
 def lowest_frame_mode_hz(ribs: Ribs, support: Support, moving_kg: float) -> float:
@@ -92,19 +83,12 @@ def lowest_frame_mode_hz(ribs: Ribs, support: Support, moving_kg: float) -> floa
 
 
 def shift_bound(taxel: TaxelReaction, ribs: Ribs, support: Support, moving_kg: float) -> float:
-    """Largest relative shift, up or down, of a taxel's resonance on its frame; infinite near a frame mode.
-
-    The resonance is the peak of the taxel's own response. On a free pad the taxels that move in step make a
-    second peak beside it, of weight w at a distance s, which pulls the first by about ``w s/(1 + (2 s Q)²)``.
-    """
+    """Largest relative shift of a taxel's resonance, the peak of its own response, on its frame; infinite near a
+    frame mode."""
     mode = lowest_frame_mode_hz(ribs, support, moving_kg)
     if taxel.resonance_hz >= NEAR_RESONANCE * mode:
         return inf
     half = taxel.stiffness_n_per_m / 2
     rib = half * taxel.arm_m**2 / ribs.twist_n_m
     plate = half * support.point * ribs.side_m**2 / ribs.bending_n_m / (1 - (taxel.resonance_hz / mode) ** 2)
-    bound = RIB_MARGIN * rib + PLATE_MARGIN * plate
-    if support.free:
-        step = taxel.taxels * taxel.mass_kg / ribs.mass_kg / 2
-        bound += FREE_MARGIN * CORNER_RIDE * step / taxel.taxels / (1 + (2 * step * taxel.q) ** 2)
-    return float(bound)
+    return float(RIB_MARGIN * rib + PLATE_MARGIN * plate)

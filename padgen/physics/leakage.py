@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.physics.magnetics import MU_0, SolenoidCoil, SteelRing, flux_density
+from padgen.physics.magnetics import MU_0, CoilSource, SteelRing, flux_density
 from padgen.physics.poles import coil_poles, pole_field
 
 __all__ = ["Leakage", "easiness", "leakage"]
@@ -24,7 +24,7 @@ class Leakage(NamedTuple):
 
 
 def leakage(
-    coil: SolenoidCoil,
+    coil: CoilSource,
     washer: SteelRing,
     gap: float,
     place: np.ndarray,

@@ -1,4 +1,4 @@
-"""Pull of a cored solenoid on a washer, and the coil's impedance.
+"""Pull of a coil on a washer, and the coil's impedance.
 
 The force rung here is a washer magnetised by the field of winding and core, with demagnetising
 factors for its shape; paper Eq. 4 has no air gap and misses by seven decades. Axial positions are
@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 __all__ = [
-    "SolenoidCoil",
+    "CoilSource",
     "SteelRing",
+    "Winding",
     "balanced_deflection",
     "core_charges",
     "flat_spheroid_factor",
@@ -24,20 +25,72 @@ __all__ = [
     "pull_in_deflection",
     "pull_over_gap",
     "slack_at",
+    "solenoid",
 ]
 
 MU_0 = 4e-7 * pi
 
 
-class SolenoidCoil(NamedTuple):
-    """A winding with a core of its own length, in m; `core_diameter` 0 is an air core."""
+class Winding(NamedTuple):
+    """Turns spread evenly over a ring of rectangular cross-section, in m; heights are over the coil's top face."""
 
     outer_diameter: float
     inner_diameter: float
-    length: float
+    top: float
+    bottom: float
     turns: float
-    core_diameter: float
-    core_permeability: float
+
+    @property
+    def length(self) -> float:
+        """Height of the cross-section in m."""
+        return self.top - self.bottom
+
+
+class CoilSource(NamedTuple):
+    """What a coil of any kind is to its field: coaxial windings in series round a core, in m.
+
+    The core is a cylinder from `core_top` down, of relative permeability `core_permeability`; `core_diameter` 0 is an
+    air core. Nothing reaches above height 0, the coil's top face.
+    """
+
+    windings: tuple[Winding, ...]
+    core_diameter: float = 0.0
+    core_length: float = 0.0
+    core_permeability: float = 1.0
+    core_top: float = 0.0
+
+    @property
+    def outer_diameter(self) -> float:
+        """Of the widest winding, in m."""
+        return max(winding.outer_diameter for winding in self.windings)
+
+    @property
+    def length(self) -> float:
+        """From the top face to the lowest winding's end, in m."""
+        return max(-winding.bottom for winding in self.windings)
+
+    @property
+    def turns(self) -> float:
+        """Of all windings."""
+        return sum(winding.turns for winding in self.windings)
+
+    @property
+    def has_core(self) -> bool:
+        """Whether there is a core that is magnetic."""
+        return self.core_diameter > 0 and self.core_permeability > 1
+
+
+def solenoid(
+    outer_diameter: float,
+    inner_diameter: float,
+    length: float,
+    turns: float,
+    core_diameter: float = 0.0,
+    core_permeability: float = 1.0,
+) -> CoilSource:
+    """One winding with a core of its own length, in m."""
+    winding = Winding(outer_diameter, inner_diameter, 0.0, -length, turns)
+    return CoilSource((winding,), core_diameter, length, core_permeability)
 
 
 class SteelRing(NamedTuple):
@@ -54,13 +107,13 @@ def impedance(resistance: float, inductance: float, frequency: Any) -> Any:
     return resistance + 2j * pi * frequency * inductance
 
 
-def paper_force_constant(coil: SolenoidCoil, area: float) -> float:
+def paper_force_constant(coil: CoilSource, area: float) -> float:
     """c of F = c I² in N/A² as the paper's Eq. 4 prints it; kept as the reference, not used."""
     permeability = coil.core_permeability
     return float(MU_0 * permeability**2 * coil.turns**2 * area * np.log(permeability) / (2 * coil.length**2))
 
 
-def force_constant(coil: SolenoidCoil, washer: SteelRing, gap: float, offset: np.ndarray) -> np.ndarray:
+def force_constant(coil: CoilSource, washer: SteelRing, gap: float, offset: np.ndarray) -> np.ndarray:
     """c of the axial pull F = c I² in N/A², for washers whose axis is `offset` m off the coil's.
 
     `gap` in m from the coil's top face to the washer's underside. Against field solutions of the
@@ -70,9 +123,7 @@ def force_constant(coil: SolenoidCoil, washer: SteelRing, gap: float, offset: np
     return pull_over_gap(coil, washer, gap, offset)[0]
 
 
-def pull_over_gap(
-    coil: SolenoidCoil, washer: SteelRing, gap: float, offset: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def pull_over_gap(coil: CoilSource, washer: SteelRing, gap: float, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """`force_constant`, and the exponent m with which it falls about the gap, ``c ∝ gap^−m``."""
     step = 0.02 * (gap + washer.thickness)
     offset = np.asarray(offset, float)
@@ -110,7 +161,7 @@ def balanced_deflection(slack: float, gap: float, exponent: float) -> float | No
     return (low + high) / 2
 
 
-def flux_density(coil: SolenoidCoil, radius: np.ndarray, height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def flux_density(coil: CoilSource, radius: np.ndarray, height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Radial and axial flux density in T per ampere, outside winding and core, at points of one shape.
 
     Read-only arrays: plans of one coil and layout ask for the same points again.
@@ -126,7 +177,7 @@ MOST_POINTS_KEPT = 20_000
 
 @lru_cache(maxsize=64)
 def _kept_flux_density(
-    coil: SolenoidCoil, shape: tuple[int, ...], radius: bytes, height: bytes
+    coil: CoilSource, shape: tuple[int, ...], radius: bytes, height: bytes
 ) -> tuple[np.ndarray, np.ndarray]:
     field = _flux_density(coil, *(np.frombuffer(at).reshape(shape) for at in (radius, height)))
     for part in field:
@@ -134,9 +185,9 @@ def _kept_flux_density(
     return field
 
 
-def _flux_density(coil: SolenoidCoil, radius: np.ndarray, height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _flux_density(coil: CoilSource, radius: np.ndarray, height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     radial, axial = _winding_field(coil, radius, height)
-    if coil.core_diameter > 0 and coil.core_permeability > 1:
+    if coil.has_core:
         at_radius, at_height, charge = core_charges(coil)
         core_radial, core_axial = _ring_charge_field(at_radius, radius[..., None], height[..., None] - at_height)
         radial = radial + MU_0 * (charge * core_radial).sum(-1)
@@ -151,7 +202,7 @@ def _gauss_points(count: int) -> tuple[np.ndarray, np.ndarray]:
     return node, weight
 
 
-def _co_energy(coil: SolenoidCoil, washer: SteelRing, gap: float, offset: np.ndarray) -> np.ndarray:
+def _co_energy(coil: CoilSource, washer: SteelRing, gap: float, offset: np.ndarray) -> np.ndarray:
     """Magnetic co-energy in J/A² of the washer, ½ V χ_eff B²/μ0 with a factor per direction."""
     rings, spokes = 3, 12
     node, weight = _gauss_points(rings)
@@ -193,16 +244,18 @@ def flat_spheroid_factor(flatness: float) -> float:
 
 
 def _winding_field(
-    coil: SolenoidCoil, radius: np.ndarray, height: np.ndarray, loops: int = 16
+    coil: CoilSource, radius: np.ndarray, height: np.ndarray, loops: int = 16
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Field per ampere of the winding, as a few nested current sheets of `loops` each."""
+    """Field per ampere of the windings, each as a few nested current sheets of `loops` each."""
     node, weight = _gauss_points(4)
-    inner, outer = coil.inner_diameter / 2, coil.outer_diameter / 2
     radial, axial = 0.0, 0.0
-    for at, share in zip((node + 1) / 2, weight / 2, strict=True):
-        b_radial, b_axial = _sheet_field(inner + at * (outer - inner), coil.length, radius, height, loops)
-        sheet = share * coil.turns / coil.length
-        radial, axial = radial + sheet * b_radial, axial + sheet * b_axial
+    for winding in coil.windings:
+        inner, outer = winding.inner_diameter / 2, winding.outer_diameter / 2
+        for at, share in zip((node + 1) / 2, weight / 2, strict=True):
+            at_radius = inner + at * (outer - inner)
+            b_radial, b_axial = _sheet_field(at_radius, winding.length, radius, height - winding.top, loops)
+            sheet = share * winding.turns / winding.length
+            radial, axial = radial + sheet * b_radial, axial + sheet * b_axial
     return np.asarray(radial), np.asarray(axial)
 
 
@@ -261,7 +314,7 @@ CONVERGED = 1e-9
 
 
 @lru_cache(maxsize=32)
-def core_charges(coil: SolenoidCoil) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def core_charges(coil: CoilSource) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rings of magnetic charge on the core's surface: radii, heights in m and charges in A·m per ampere.
 
     The core is an equipotential of winding and charges together, with no net charge: an
@@ -270,14 +323,15 @@ def core_charges(coil: SolenoidCoil) -> tuple[np.ndarray, np.ndarray, np.ndarray
     Sato and Ishii (1989), ``1/(1 + 4γ/√π)``, γ = length/diameter.
     """
     edge = coil.core_diameter / 2
-    radius, height, width = _core_panels(edge, coil.length)
+    radius, height, width = _core_panels(edge, coil.core_length)
+    height = height + coil.core_top
     far = (radius[:, None] + radius) ** 2 + (height[:, None] - height) ** 2
     same = np.eye(len(radius), dtype=bool)
     first, _ = _elliptic(np.where(same, 0.0, 4 * radius[:, None] * radius / far))
     kernel = np.where(same, (np.log(16 * radius / width) + 1) / (2 * radius), first / np.sqrt(far)) / (2 * pi**2)
     system = np.block([[kernel, -np.ones((len(radius), 1))], [np.ones((1, len(radius))), np.zeros((1, 1))]])
     charge = np.linalg.solve(system, np.append(-_winding_potential(coil, radius, height), 0.0))[:-1]
-    chi_n = (coil.core_permeability - 1) / (1 + 4 * coil.length / coil.core_diameter / np.sqrt(pi))
+    chi_n = (coil.core_permeability - 1) / (1 + 4 * coil.core_length / coil.core_diameter / np.sqrt(pi))
     return radius, height, charge * chi_n / (1 + chi_n)
 
 
@@ -291,7 +345,7 @@ def _core_panels(edge: float, length: float) -> tuple[np.ndarray, np.ndarray, np
     return middle_radius, middle_height, np.hypot(np.diff(radius), np.diff(height))
 
 
-def _winding_potential(coil: SolenoidCoil, radius: np.ndarray, height: np.ndarray) -> np.ndarray:
+def _winding_potential(coil: CoilSource, radius: np.ndarray, height: np.ndarray) -> np.ndarray:
     """Scalar potential in A per ampere of the winding along the core's outline, from its first point."""
     radial, axial = (b / MU_0 for b in _winding_field(coil, radius, height, loops=48))
     along = (radial[1:] + radial[:-1]) / 2 * np.diff(radius) + (axial[1:] + axial[:-1]) / 2 * np.diff(height)

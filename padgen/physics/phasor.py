@@ -56,8 +56,8 @@ def tones(
     return Tones(frequency, size, phase, decay, rest)
 
 
-def turns(frequency_hz: np.ndarray, time_s: np.ndarray, rest_s: np.ndarray | float = 0.0) -> np.ndarray:
-    """Cycles that a tone is into its period, in [−½, ½], of ``frequency × (time + rest)``.
+def turns(frequency_hz: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+    """Cycles that a tone is into its period, in [−½, ½], of ``frequency × time``.
 
     The product is taken to 106 bits before whole periods are dropped: 2π f t of a long time has no
     digits left otherwise.
@@ -65,17 +65,15 @@ def turns(frequency_hz: np.ndarray, time_s: np.ndarray, rest_s: np.ndarray | flo
     product = frequency_hz * time_s
     (a, b), (c, d) = _halves(np.asarray(frequency_hz)), _halves(np.asarray(time_s))
     lost = ((a * c - product) + a * d + b * c) + b * d
-    cycles: np.ndarray = (product - np.rint(product)) + (lost + frequency_hz * rest_s)
-    return cycles
+    return np.asarray((product - np.rint(product)) + lost)
 
 
-def signal(wave: Tones, time_s: np.ndarray, start_s: float = 0.0) -> np.ndarray:
-    """Values (k,) or (n, k) of a sum of tones at times (k,) in s; phases count from 0, decays from `start_s`."""
+def signal(wave: Tones, time_s: np.ndarray) -> np.ndarray:
+    """Values (k,) or (n, k) of a sum of tones at times (k,) in s."""
     at = np.asarray(time_s, float)
     cycles = turns(wave.frequency_hz[:, None], at) + wave.rest_hz[:, None] * at
-    carrier = np.exp(-wave.decay_per_s[:, None] * (at - start_s)) * np.cos(2 * np.pi * cycles + wave.phase_rad[:, None])
-    values: np.ndarray = wave.amplitude @ carrier
-    return values
+    carrier = np.exp(-wave.decay_per_s[:, None] * at) * np.cos(2 * np.pi * cycles + wave.phase_rad[:, None])
+    return np.asarray(wave.amplitude @ carrier)
 
 
 def squared(wave: Tones) -> Tones:
@@ -101,12 +99,9 @@ def squared(wave: Tones) -> Tones:
     )
 
 
-def circuit_current(
-    voltage: Tones, resistance: float, inductance: float, initial_a: float = 0.0, start_s: float = 0.0
-) -> Tones:
-    """Current in A of ``u = R i + L di/dt`` from `initial_a` at `start_s`: a line per tone and the transient.
+def circuit_current(voltage: Tones, resistance: float, inductance: float, initial_a: float = 0.0) -> Tones:
+    """Current in A of ``u = R i + L di/dt`` from `initial_a` at time 0: a line per tone and the transient.
 
-    The transient decays from `start_s`, as `propagate` and `signal` take it when they are given the same.
     Much earlier than L/R the lines cancel: they are exact to 1e-16 of the largest, not of their sum.
 
     Raises
@@ -121,8 +116,7 @@ def circuit_current(
     angular = 2 * np.pi * (voltage.frequency_hz + voltage.rest_hz)
     size = voltage.amplitude / np.hypot(resistance, angular * inductance)
     phase = voltage.phase_rad - np.arctan2(angular * inductance, resistance)
-    started = 2 * np.pi * (turns(voltage.frequency_hz, np.asarray(start_s)) + voltage.rest_hz * start_s)
-    transient = initial_a - float((size * np.cos(phase + started)).sum())
+    transient = initial_a - float((size * np.cos(phase)).sum())
     return Tones(
         np.append(voltage.frequency_hz, 0.0),
         np.append(size, transient),
@@ -163,9 +157,7 @@ def steady_lines(
     bracket = offset * (own + tone) + 1j * loss
     if force.decay_per_s.any() or (bracket == 0).any():
         raise SolverError("there is no steady state under a decaying tone, nor under one on an undamped resonance")
-    per_force = 1 / (4 * np.pi**2 * mass * bracket)
-    lines: np.ndarray = per_force * force.amplitude * np.exp(1j * force.phase_rad)
-    return lines
+    return np.asarray(1 / (4 * np.pi**2 * mass * bracket) * force.amplitude * np.exp(1j * force.phase_rad))
 
 
 def _halves(value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -4,26 +4,26 @@ from functools import lru_cache
 
 import numpy as np
 
-from padgen.physics.magnetics import SolenoidCoil, core_charges
+from padgen.physics.magnetics import CoilSource, Winding, core_charges
 
 __all__ = ["coil_poles", "pole_error", "pole_field"]
 
 
 @lru_cache(maxsize=64)
-def coil_poles(coil: SolenoidCoil) -> np.ndarray:
-    """A coil as magnetic poles on its axis: charge in A·m/A and height in m over its top, shape (4, 2).
+def coil_poles(coil: CoilSource) -> np.ndarray:
+    """A coil as magnetic poles on its axis: charge in A·m/A and height in m over its top, shape (poles, 2).
 
-    The winding's ends, and core's positive and negative charges, each pair where its middle is.
+    The windings' ends, and core's positive and negative charges, each pair where its middle is.
     """
-    outer, inner = coil.outer_diameter / 2, coil.inner_diameter / 2
-    area = np.pi * (outer**2 + outer * inner + inner**2) / 3
-    winding = coil.turns * area / coil.length
-    poles = [(winding, 0.0), (-winding, -coil.length), (0.0, 0.0), (0.0, 0.0)]
-    if coil.core_diameter > 0 and coil.core_permeability > 1:
-        _, height, charge = core_charges(coil)
-        for k, sign in ((2, charge > 0), (3, charge < 0)):
-            total = float(charge[sign].sum())
-            poles[k] = (total, float((charge[sign] * height[sign]).sum()) / total)
+    poles = []
+    for winding in coil.windings:
+        charge = winding.turns * (np.pi * _radius_square(winding) / 3) / winding.length
+        poles += [(charge, winding.top), (-charge, winding.bottom)]
+    if coil.has_core:
+        _, height, charges = core_charges(coil)
+        for sign in (charges > 0, charges < 0):
+            total = float(charges[sign].sum())
+            poles.append((total, float((charges[sign] * height[sign]).sum()) / total))
     result = np.array(poles)
     result.setflags(write=False)
     return result
@@ -40,8 +40,13 @@ def pole_field(poles: np.ndarray, height: float, away: np.ndarray) -> tuple[np.n
     return (weight * arm).sum(-2), (weight * along).sum(-2)
 
 
-def pole_error(coil: SolenoidCoil, distance: np.ndarray) -> np.ndarray:
+def pole_error(coil: CoilSource, distance: np.ndarray) -> np.ndarray:
     """Relative error of `pole_field` at a `distance` (…) in m: the next multipole's, ``¾ ⟨r²⟩/d²``."""
-    outer, inner = coil.outer_diameter / 2, coil.inner_diameter / 2
-    square = max((outer**2 + outer * inner + inner**2) / 3, (coil.core_diameter / 2) ** 2)
+    square = max((coil.core_diameter / 2) ** 2, *(_radius_square(winding) / 3 for winding in coil.windings))
     return np.asarray(0.75 * square / distance**2)
+
+
+def _radius_square(winding: Winding) -> float:
+    """Three times the mean of the squared radius of its turns, in m²."""
+    outer, inner = winding.outer_diameter / 2, winding.inner_diameter / 2
+    return outer**2 + outer * inner + inner**2

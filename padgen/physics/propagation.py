@@ -19,8 +19,6 @@ arithmetic to `STATED_ERROR` of the largest of a resonator (`tests/test_dynamics
 infinity, on resonance, 1e-9 off it, 10 s at 200 kHz.
 """
 
-from collections.abc import Sequence
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +26,7 @@ import numpy as np
 from padgen.core.errors import SolverError, number
 from padgen.physics.phasor import Tones, turns
 
-__all__ = ["STATED_ERROR", "Motion", "propagate", "propagate_piecewise"]
+__all__ = ["STATED_ERROR", "propagate"]
 
 STATED_ERROR = 1e-12
 BLOCK = 1 << 21
@@ -39,15 +37,8 @@ EXACT_Q = 10.0
 """Q from which on whole periods are dropped exactly; a more damped vibration is gone before it matters."""
 
 
-class Motion(NamedTuple):
-    """Displacement in m and velocity in m/s, (n, k), or of one moment (n,)."""
-
-    displacement_m: np.ndarray
-    velocity_m_per_s: np.ndarray
-
-
 class _Poles(NamedTuple):
-    """Resonators (n,): α, ``((s₁ − s₂)/2)²`` and its root, damped frequency as two doubles, rates if overdamped, ω²."""
+    """Resonators (n,): α, ``((s₁ − s₂)/2)²`` and its root, damped frequency as two doubles, rates if overdamped."""
 
     alpha: np.ndarray
     square: np.ndarray
@@ -57,7 +48,6 @@ class _Poles(NamedTuple):
     cycles_rest_hz: np.ndarray
     slow: np.ndarray
     fast: np.ndarray
-    stiff: np.ndarray
 
 
 class _Driven(NamedTuple):
@@ -68,17 +58,15 @@ class _Driven(NamedTuple):
     second: np.ndarray
     nearest: np.ndarray
     phasor: np.ndarray
-    start_turns: np.ndarray
 
 
 class _Free(NamedTuple):
-    """Free motions (n, k): e^(s₁t), e^(s₂t), from a unit velocity, and the rest of the transition matrix."""
+    """Free motions (n, k): e^(s₁t), e^(s₂t), from a unit velocity, from a unit displacement."""
 
     first: np.ndarray
     second: np.ndarray
     push: np.ndarray
     keep: np.ndarray
-    slow_down: np.ndarray
 
 
 def propagate(
@@ -87,76 +75,36 @@ def propagate(
     mass_kg: np.ndarray | float,
     force: Tones,
     time_s: np.ndarray,
-    state: Motion | None = None,
-    start_s: float = 0.0,
-) -> Motion:
-    """Displacement and velocity (n, k) of resonators (n,) at times (k,), in any order.
+) -> np.ndarray:
+    """Displacement (n, k) in m of resonators (n,), at rest at time 0, at times (k,), in any order.
 
-    They are at `state` (rest if None) at `start_s`. `force` in N, amplitudes (m,) alike for all or
-    (n, m); phases count from time 0, decays from `start_s`. Q may be anything above 0, infinity too.
+    `force` in N, amplitudes (m,) alike for all or (n, m). Q may be anything above 0, infinity too.
     Memory O(nk + nm); O(nmk) multiplications, in matrix products.
 
     Raises
     ------
     SolverError
-        Frequency, Q or mass not above 0, or a time before `start_s` or not finite.
+        Frequency, Q or mass not above 0, or a time below 0 or not finite.
     """
     own, quality, mass = np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, float)) for v in (frequency_hz, q, mass_kg)))
     time = np.atleast_1d(np.asarray(time_s, float))
-    _refuse(own, quality, mass, time, start_s)
-    poles = _poles(own, quality)
-    driven = _driven(poles, force, mass, start_s)
-    order = np.argsort(time, kind="stable")
-    moved = np.empty((2, len(own), len(time)))
-    for part in _blocks(time[order], start_s, max(driven.phasor.shape)):
-        moved[:, :, order[part]] = _move(poles, driven, force, time[order[part]], state, start_s)
-    return Motion(*moved)
-
-
-def propagate_piecewise(
-    frequency_hz: np.ndarray,
-    q: np.ndarray | float,
-    mass_kg: np.ndarray | float,
-    segments: Sequence[tuple[float, Tones]],
-    time_s: np.ndarray,
-    state: Motion | None = None,
-) -> Motion:
-    """As `propagate`, under tones that change: `segments` of (start in s, force), the first holding `state`.
-
-    Raises
-    ------
-    SolverError
-        As `propagate`, and for no segments or starts that do not rise.
-    """
-    starts = [start for start, _ in segments]
-    if not starts or any(b <= a for a, b in pairwise(starts)):
-        raise SolverError("segments must be one or more, with starts that rise")
-    time = np.atleast_1d(np.asarray(time_s, float))
-    if (time < starts[0]).any():
-        raise SolverError(f"times must be at least {number(starts[0])} s, got {number(float(time.min()))} s")
-    last = np.searchsorted(starts, time, side="right") - 1
-    parts = []
-    for k, (start, force) in enumerate(segments):
-        ends = [starts[k + 1]] if k + 1 < len(starts) else []
-        moved = propagate(frequency_hz, q, mass_kg, force, np.append(time[last == k], ends), state, start)
-        parts.append(Motion(*(v[:, : int((last == k).sum())] for v in moved)))
-        state = Motion(*(v[:, -1] for v in moved)) if ends else state
-    back = np.argsort(np.argsort(last, kind="stable"), kind="stable")
-    return Motion(*(np.concatenate(values, axis=1)[:, back] for values in zip(*parts, strict=True)))
-
-
-def _refuse(own: np.ndarray, q: np.ndarray, mass: np.ndarray, time: np.ndarray, start_s: float) -> None:
-    for name, values in (("frequency", own), ("Q", q), ("mass", mass)):
+    for name, values in (("frequency", own), ("Q", quality), ("mass", mass)):
         if not (values > 0).all() or (name != "Q" and not np.isfinite(values).all()):
             raise SolverError(f"the {name} of a resonator must be above 0, got {number(float(values.min()))}")
-    if not (np.isfinite(time).all() and np.isfinite(start_s) and (time >= start_s).all()):
-        raise SolverError(f"times must be finite and at least {number(start_s)} s, got {number(float(time.min()))} s")
+    if not (np.isfinite(time) & (time >= 0)).all():
+        raise SolverError(f"times must be finite and at least 0 s, got {number(float(time.min()))} s")
+    poles = _poles(own, quality)
+    driven = _driven(poles, force, mass)
+    order = np.argsort(time, kind="stable")
+    moved = np.empty((len(own), len(time)))
+    for part in _blocks(time[order], max(driven.phasor.shape)):
+        moved[:, order[part]] = _move(poles, driven, force, time[order[part]])
+    return moved
 
 
-def _blocks(time: np.ndarray, start_s: float, width: int) -> list[np.ndarray]:
+def _blocks(time: np.ndarray, width: int) -> list[np.ndarray]:
     """Indices of sorted times in blocks that last at most as long as what went before them."""
-    since = time - start_s
-    octave = np.where(since > 0, np.frexp(since)[1], -2000)
+    octave = np.where(time > 0, np.frexp(time)[1], -2000)
     most = max(BLOCK // width, 16)
     groups = np.split(np.arange(len(time)), np.flatnonzero(np.diff(octave)) + 1)
     return [group[k : k + most] for group in groups for k in range(0, len(group), most)]
@@ -166,7 +114,8 @@ def _poles(own: np.ndarray, q: np.ndarray) -> _Poles:
     """Poles without cancellation: ``α² − ω² = ω² (1 − 2Q)(1 + 2Q)/4Q²``."""
     omega, alpha = 2 * np.pi * own, np.pi * own / q
     half = 1 / (2 * q)
-    square = omega**2 * (1 - 2 * q) * half * ((1 + 2 * q) * half) if np.isfinite(q).all() else _square(omega, q)
+    finite = np.where(np.isfinite(q), q, 1.0)
+    square = omega**2 * np.where(np.isfinite(q), (1 - 2 * finite) * half * ((1 + 2 * finite) * half), -1.0)
     root = np.sqrt(np.abs(square))
     over = square > 0
     fast = np.where(over, alpha + root, 1.0)
@@ -182,39 +131,24 @@ def _poles(own: np.ndarray, q: np.ndarray) -> _Poles:
         cycles_rest_hz=np.where(exact, -shortfall, 0.0),
         slow=np.where(over, omega**2 / fast, 0.0),
         fast=fast,
-        stiff=omega**2,
     )
 
 
-def _square(omega: np.ndarray, q: np.ndarray) -> np.ndarray:
-    finite = np.where(np.isfinite(q), q, 1.0)
-    return omega**2 * np.where(np.isfinite(q), (1 - 2 * finite) * (1 + 2 * finite) / (4 * finite**2), -1.0)
-
-
-def _free(poles: _Poles, time: np.ndarray, rest: np.ndarray) -> _Free:
-    """Free motions at times (k,) since the start, ``time + rest``."""
+def _free(poles: _Poles, time: np.ndarray) -> _Free:
+    """Free motions at times (k,)."""
     alpha, root, over = poles.alpha[:, None], poles.root[:, None], poles.over[:, None]
-    cycles = turns(poles.cycles_hz[:, None], time, rest) + poles.cycles_rest_hz[:, None] * time
+    cycles = turns(poles.cycles_hz[:, None], time) + poles.cycles_rest_hz[:, None] * time
     angle, fade = 2 * np.pi * np.where(over, 0.0, cycles), np.exp(-alpha * time)
     crawl, dash = np.exp(-poles.slow[:, None] * time), np.exp(-poles.fast[:, None] * time)
     lone = np.where(root > 0, root, 1.0)
     swing = np.where(root > 0, np.sin(angle) / lone, time) * fade
     push = np.where(over, crawl * -np.expm1(-2 * root * time) / (2 * lone), swing)
     middle = np.where(over, (crawl + dash) / 2, np.cos(angle) * fade)
-    # Far from critical damping the two rates are apart, and the slow one's part would be lost in α.
-    apart = over & (poles.slow < poles.alpha / 2)[:, None]
-    rates = (poles.fast[:, None] * dash - poles.slow[:, None] * crawl) / (2 * lone)
     first = np.where(over, crawl, fade * np.exp(1j * angle))
-    return _Free(
-        first=first,
-        second=np.where(over, dash, first.conj()),
-        push=push,
-        keep=middle + alpha * push,
-        slow_down=np.where(apart, rates, middle - alpha * push),
-    )
+    return _Free(first, np.where(over, dash, first.conj()), push, middle + alpha * push)
 
 
-def _driven(poles: _Poles, force: Tones, mass: np.ndarray, start_s: float) -> _Driven:
+def _driven(poles: _Poles, force: Tones, mass: np.ndarray) -> _Driven:
     """Detunings, frequencies subtracted before anything is added to them, and phasors at the start."""
     hz, rest_hz, over = poles.cycles_hz[:, None], poles.cycles_rest_hz[:, None], poles.over[:, None]
     alpha, slow, fast = (rate[:, None] for rate in (poles.alpha, poles.slow, poles.fast))
@@ -223,44 +157,26 @@ def _driven(poles: _Poles, force: Tones, mass: np.ndarray, start_s: float) -> _D
     above = np.where(over, own_hz, (force.frequency_hz + hz) + (force.rest_hz + rest_hz))
     first = np.where(over, slow, alpha) - force.decay_per_s + 2j * np.pi * below
     second = np.where(over, fast, alpha) - force.decay_per_s + 2j * np.pi * above
-    start_turns = turns(force.frequency_hz, np.asarray(start_s)) + force.rest_hz * start_s
     return _Driven(
         exponent=-force.decay_per_s + 2j * np.pi * own_hz,
         first=first,
         second=second,
         nearest=np.minimum(np.abs(first), np.abs(second)),
-        phasor=force.amplitude / mass[:, None] * np.exp(1j * (2 * np.pi * start_turns + force.phase_rad)),
-        start_turns=start_turns,
+        phasor=force.amplitude / mass[:, None] * np.exp(1j * force.phase_rad),
     )
 
 
-def _move(
-    poles: _Poles, driven: _Driven, force: Tones, time: np.ndarray, state: Motion | None, start_s: float
-) -> np.ndarray:
-    """Displacement and velocity (2, n, k) at the times of one block."""
-    since = time - start_s
-    back = since - time
-    free = _free(poles, since, (time - (since - back)) - (start_s + back))
-    near = driven.nearest * since[0] < 1
+def _move(poles: _Poles, driven: _Driven, force: Tones, time: np.ndarray) -> np.ndarray:
+    """Displacement (n, k) at the times of one block."""
+    free = _free(poles, time)
+    near = driven.nearest * time[0] < 1
     steady = np.divide(driven.phasor, driven.first * driven.second, out=np.zeros(near.shape, complex), where=~near)
-    at_start = -np.stack([steady.real.sum(-1), (steady * driven.exponent).real.sum(-1)])
-    if state is not None:
-        at_start = at_start + np.stack([np.broadcast_to(v, at_start.shape[1:]) for v in state])
-    moved = np.zeros((2, len(steady), len(time)))
-    moved[0] = free.keep * at_start[0][:, None] + free.push * at_start[1][:, None]
-    moved[1] = free.slow_down * at_start[1][:, None] - poles.stiff[:, None] * free.push * at_start[0][:, None]
+    moved = -free.keep * steady.real.sum(-1)[:, None] - free.push * (steady * driven.exponent).real.sum(-1)[:, None]
     if near.any():
-        _add_near(moved, steady, near, poles, driven, free, since)
-    carrier = _carrier(force, since, time, -driven.start_turns)
-    for part, lines in zip(moved, (steady, steady * driven.exponent), strict=True):
-        part += lines.real @ carrier.real - lines.imag @ carrier.imag
-    return moved
-
-
-def _carrier(force: Tones, since: np.ndarray, time: np.ndarray, start_turns: np.ndarray) -> np.ndarray:
-    """Tones (m, k) relative to their phase at the start."""
-    cycles = turns(force.frequency_hz[:, None], time) + force.rest_hz[:, None] * time + start_turns[:, None]
-    return np.asarray(np.exp(-force.decay_per_s[:, None] * since + 2j * np.pi * cycles))
+        _add_near(moved, steady, near, poles, driven, free, time)
+    cycles = turns(force.frequency_hz[:, None], time) + force.rest_hz[:, None] * time
+    carrier = np.exp(-force.decay_per_s[:, None] * time + 2j * np.pi * cycles)
+    return np.asarray(moved + steady.real @ carrier.real - steady.imag @ carrier.imag)
 
 
 def _add_near(
@@ -270,46 +186,38 @@ def _add_near(
     poles: _Poles,
     driven: _Driven,
     free: _Free,
-    since: np.ndarray,
+    time: np.ndarray,
 ) -> None:
-    """Add the `near` pairs (n, m) to `moved`, what of them goes with the tones to the lines `steady`.
-
-    Velocities by Leibniz' rule, ``(λ e^(λt))[a, s₁, s₂] = a x + exp(t·)[s₁, s₂]``.
-    """
+    """Add the `near` pairs (n, m) to `moved`, what of them goes with the tones to the lines `steady`."""
     which, tone = np.nonzero(near)
-    phasor, exponent, last = driven.phasor[which, tone], driven.exponent[tone], float(since[-1])
-    moved[1] += _sums(phasor, which, len(moved[0])).real[:, None] * free.push
+    phasor, exponent, last = driven.phasor[which, tone], driven.exponent[tone], float(time[-1])
     gap = np.where(poles.over, 2 * poles.root, 2j * poles.root)[which]
-    apart = np.abs(gap) * since[0] >= 1
+    apart = np.abs(gap) * time[0] >= 1
     close = ~apart
     reach = (exponent + poles.alpha[which]) * last
-    fade = np.exp(-poles.alpha[:, None] * since) * since**2
-    weights = np.stack([phasor, phasor * exponent])
-    at = since / last if last else since
-    series = _series(reach[close], (poles.square * last**2)[which[close]], weights[:, close], which[close], len(steady))
+    fade = np.exp(-poles.alpha[:, None] * time) * time**2
+    at = time / last if last else time
+    series = _series(reach[close], (poles.square * last**2)[which[close]], phasor[close], which[close], len(steady))
     moved += fade * _polynomial(series.real, at)
     for sign, detuning, mode in ((1, driven.first, free.first), (-1, driven.second, free.second)):
         turn = detuning[which, tone]
-        slow, quick = apart & (np.abs(turn) * since[0] < 1), apart & (np.abs(turn) * since[0] >= 1)
-        shares = sign * np.divide(weights, gap, out=np.zeros(weights.shape, complex), where=apart)
-        plain = np.divide(shares, turn, out=np.zeros(weights.shape, complex), where=quick)
-        steady[which, tone] += plain[0]
-        moved -= (_sums(plain, which, len(steady))[..., None] * mode).real
-        grown = _growth(turn[slow] * last, shares[:, slow], which[slow], len(steady))
-        moved += (mode * since * _polynomial(grown, at)).real
+        slow, quick = apart & (np.abs(turn) * time[0] < 1), apart & (np.abs(turn) * time[0] >= 1)
+        shares = sign * np.divide(phasor, gap, out=np.zeros(phasor.shape, complex), where=apart)
+        plain = np.divide(shares, turn, out=np.zeros(phasor.shape, complex), where=quick)
+        steady[which, tone] += plain
+        moved -= (_sums(plain, which, len(steady))[:, None] * mode).real
+        grown = _growth(turn[slow] * last, shares[slow], which[slow], len(steady))
+        moved += (mode * time * _polynomial(grown, at)).real
 
 
 def _sums(values: np.ndarray, which: np.ndarray, count: int) -> np.ndarray:
-    """Sums (…, count) of values (…, p) by resonator `which` (p,), in rising order."""
-    sums = np.zeros((*values.shape[:-1], count), values.dtype)
-    if len(which):
-        edges = np.append(0, np.flatnonzero(np.diff(which)) + 1)
-        sums[..., which[edges]] = np.add.reduceat(values, edges, axis=-1)
+    """Sums (count,) of values (p,) by resonator `which` (p,)."""
+    sums: np.ndarray = np.bincount(which, values.real, count) + 1j * np.bincount(which, values.imag, count)
     return sums
 
 
 def _growth(turn: np.ndarray, weights: np.ndarray, which: np.ndarray, count: int) -> np.ndarray:
-    """Coefficients (2, n, terms) of ``Σ weight expm1(z)/z``, z = `turn` (p,) of the block's last time."""
+    """Coefficients (n, terms) of ``Σ weight expm1(z)/z``, z = `turn` (p,) of the block's last time."""
     sums, term, k, size = [_sums(weights, which, count)], weights, 1, 1.0
     largest = float(np.abs(turn).max(initial=0.0))
     while size > SMALLEST_TERM and largest:
@@ -321,7 +229,7 @@ def _growth(turn: np.ndarray, weights: np.ndarray, which: np.ndarray, count: int
 
 
 def _series(reach: np.ndarray, square: np.ndarray, weights: np.ndarray, which: np.ndarray, count: int) -> np.ndarray:
-    """Coefficients (2, n, terms) of Σ weight × divided difference of exp over `reach` and ± the root of `square`.
+    """Coefficients (n, terms) of Σ weight × divided difference of exp over `reach` and ± the root of `square`.
 
     ``Σ h_k/(k+2)!`` with h_k the complete homogeneous sums of the three.
     """
@@ -341,6 +249,4 @@ def _series(reach: np.ndarray, square: np.ndarray, weights: np.ndarray, which: n
 
 def _polynomial(coefficients: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Values (…, n, k) of polynomials (…, n, terms), lowest power first, at points (k,) in [0, 1]."""
-    powers = at ** np.arange(coefficients.shape[-1])[:, None]
-    values: np.ndarray = coefficients @ powers
-    return values
+    return np.asarray(coefficients @ at ** np.arange(coefficients.shape[-1])[:, None])

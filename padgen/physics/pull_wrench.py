@@ -5,7 +5,7 @@ from math import pi
 import numpy as np
 
 from padgen.core.errors import SpecError, number
-from padgen.physics.magnetics import SolenoidCoil, SteelRing, flat_spheroid_factor, flux_density
+from padgen.physics.magnetics import CoilSource, SteelRing, flat_spheroid_factor, flux_density
 
 __all__ = ["pull_wrench"]
 
@@ -13,7 +13,7 @@ MU_0 = 4e-7 * pi
 RINGS, SPOKES = 3, 12
 
 
-def pull_wrench(coil: SolenoidCoil, washer: SteelRing, gap_m: float, offset_m: np.ndarray) -> np.ndarray:
+def pull_wrench(coil: CoilSource, washer: SteelRing, gap_m: float, offset_m: np.ndarray) -> np.ndarray:
     """Wrench (n, 6) of the pull per newton of its vertical part, for washers `offset_m` (n,) off the coil's axis.
 
     ``(Fx, Fy, Fz, Mx, My, Mz)`` over Fz, so that the third entry is 1: x points from the coil's axis
@@ -62,7 +62,7 @@ def _points(washer: SteelRing, shape: tuple[int, ...]) -> tuple[np.ndarray, np.n
     return np.broadcast_to(arm.reshape(-1, 3), (*shape, RINGS * SPOKES, 3)), np.repeat(weight / 2, SPOKES) / SPOKES
 
 
-def _field_and_slopes(coil: SolenoidCoil, place: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+def _field_and_slopes(coil: CoilSource, place: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
     """Flux density (…, 3) in T per ampere at points (…, 3) above the coil, and its slopes (…, axis, 3) in T/m.
 
     Of an axisymmetric field without curl and divergence the slopes along the axis give all others:

@@ -1,11 +1,9 @@
-"""One resonator: frequency, receptance, ring-up, sag (paper Eq. 1-3)."""
+"""One resonator: frequency, receptance, ring-up (paper Eq. 1-3)."""
 
 from math import pi
 from typing import Any
 
 import numpy as np
-
-from padgen.core.units import GRAVITY_M_PER_S2
 
 __all__ = [
     "natural_frequency",
@@ -13,7 +11,6 @@ __all__ = [
     "relative_energy",
     "ring_up_time",
     "rule_stiffness",
-    "static_sag",
 ]
 
 Array = Any
@@ -59,8 +56,3 @@ def relative_energy(frequency: Array, resonance: Array, q: Array, rest: Array = 
 def ring_up_time(resonance: Array, q: Array) -> Array:
     """Time constant in s with which a vibration grows and decays, ``Q/(π f)``."""
     return np.asarray(q) / (pi * np.asarray(resonance))
-
-
-def static_sag(resonance: Array) -> Array:
-    """Sag in m under gravity of a resonator at `resonance` in Hz, ``g/(2π f)²``."""
-    return GRAVITY_M_PER_S2 / (2 * pi * np.asarray(resonance)) ** 2

@@ -9,7 +9,7 @@ import numpy as np
 
 from padgen.core.errors import SpecError, number
 
-__all__ = ["FERRITIC_STAINLESS", "MILD_STEEL", "TEAM_STEEL", "BHCurve", "saturating"]
+__all__ = ["MILD_STEEL", "TEAM_STEEL", "BHCurve", "saturating"]
 
 MU_0 = 4e-7 * pi
 
@@ -84,23 +84,6 @@ class BHCurve:
         beyond = b[-1] + MU_0 * (size - h[-1])
         return np.asarray(np.sign(field_a_per_m) * np.where(size > h[-1], beyond, inside))
 
-    def field_at(self, flux_density_t: Any) -> np.ndarray:
-        """H in A/m at flux densities B of any shape in T: `flux_density_at` inverted by bisection."""
-        h, b, _ = self._knots
-        size = np.abs(np.asarray(flux_density_t, float))
-        i = np.clip(np.searchsorted(b, size, side="right") - 1, 0, len(b) - 2)
-        low, high = h[i], h[i + 1]
-        for _ in range(60):
-            middle = (low + high) / 2
-            above = self.flux_density_at(middle) > size
-            low, high = np.where(above, low, middle), np.where(above, middle, high)
-        beyond = h[-1] + (size - b[-1]) / MU_0
-        return np.asarray(np.sign(flux_density_t) * np.where(size > b[-1], beyond, (low + high) / 2))
-
-    def permeability_at(self, field_a_per_m: Any) -> np.ndarray:
-        """Relative permeability B/(μ0 H) at fields above 0 in A/m."""
-        return np.asarray(self.flux_density_at(field_a_per_m) / (MU_0 * np.asarray(field_a_per_m, float)))
-
     def samples(self, about: int = 160) -> tuple[np.ndarray, np.ndarray]:
         """Fields and flux densities from the origin on, dense enough to join by straight lines.
 
@@ -163,6 +146,3 @@ TEAM_STEEL = BHCurve(
 MILD_STEEL = saturating("mild steel", initial_permeability=300, saturation_t=2.14)
 """Plain low-carbon steel of washers: polarisation at saturation of iron with little carbon (Bozorth 1951,
 table 2); permeability of the catalogue's washers."""
-
-FERRITIC_STAINLESS = saturating("ferritic stainless steel", initial_permeability=500, saturation_t=1.5)
-"""17 % chromium stainless steel (AISI 430): saturation about 1.5 T after the makers' data sheets."""

@@ -41,7 +41,6 @@ __all__ = [
     "Scheme",
     "all_states",
     "channels",
-    "exhaustive_states_db",
     "line_energy",
     "loudest_line",
     "off_energy",
@@ -265,24 +264,6 @@ def one_hot_db(which: Channels, scheme: Scheme, modes: ModalTaxels | None = None
     if len(which.line) < 2:
         return float("inf")
     return _below_db(float(off_energy(which, scheme, modes, one_hot=True).max()))
-
-
-def exhaustive_states_db(which: Channels, scheme: Scheme, modes: ModalTaxels | None = None) -> float:
-    """The figure of `all_states` by trying all 2ⁿ states (n ≤ 16)."""
-    count = len(which.line)
-    if count > 16:
-        raise ValueError(f"2^{count} states are too many to try, at most 2^16")
-    states = (np.arange(2**count)[:, None] >> np.arange(count)) & 1
-    energy = np.zeros(states.shape)
-    for part in scheme_lines(which, scheme):
-        heard = line_energy(which, part, modes)
-        if len(part.makers) == 1:
-            # A harmonic is no disturbance of its own taxel: it is there only when that is ON.
-            heard[part.makers[0], 1:, part.makers[0]] = 0.0
-        playing, heard = np.prod([states[:, maker] for maker in part.makers], axis=0, dtype=float), heard.sum(1)
-        energy += (playing[:, None] * heard).max(-1) if scheme.takes_turns else playing @ heard.T
-    on = states.astype(bool)
-    return float(10 * np.log10(energy[on].min() / energy[~on].max()))
 
 
 def loudest_line(

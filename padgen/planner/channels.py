@@ -8,10 +8,11 @@ import numpy as np
 
 from padgen.core.units import GRAM, MM, MN, MPA, MS, UM, decibel
 from padgen.physics.currents import mean_square_a2
-from padgen.physics.magnetics import SolenoidCoil, SteelRing, balanced_deflection, pull_over_gap
+from padgen.physics.magnetics import CoilSource, SteelRing, balanced_deflection, pull_over_gap
 from padgen.physics.resonator import ring_up_time
 from padgen.physics.selectivity import Scheme
 from padgen.physics.stretching import level_kept, resonance_rise
+from padgen.planner.coils import coil_source
 from padgen.planner.plan import Beam, Channel, Site, channel_sets
 from padgen.planner.pull_modes import each_distance, mode_fields, site_wrenches, taxel_modes
 from padgen.planner.settings import level_law
@@ -128,18 +129,11 @@ def wanted_line_a2(force_mn: float, force_constant_n_per_a2: float) -> float:
     return force_mn * MN / force_constant_n_per_a2 if force_constant_n_per_a2 > 0 else 0.0
 
 
-def magnetic_parts(spec: Spec) -> tuple[SolenoidCoil, SteelRing]:
+def magnetic_parts(spec: Spec) -> tuple[CoilSource, SteelRing]:
     """The coil and the washer of a spec in SI units."""
-    coil, washer = spec.coil, spec.washer
+    washer = spec.washer
     return (
-        SolenoidCoil(
-            coil.outer_diameter_mm * MM,
-            coil.inner_diameter_mm * MM,
-            coil.length_mm * MM,
-            coil.turns,
-            coil.core_diameter_mm * MM,
-            coil.core_relative_permeability,
-        ),
+        coil_source(spec.coil),
         SteelRing(
             washer.outer_diameter_mm * MM,
             washer.inner_diameter_mm * MM,

@@ -47,7 +47,6 @@ def plan_selectivity(spec: Spec, planned: Sequence[Channel], optimum: "Optimum |
     scheme = scheme_named(spec, name)
     states = min((all_states(which, scheme) for which in alike), key=lambda found: found.db)
     alone = len(sets[0]) < 2
-    proven = optimum if optimum and name == (spec.drive.scheme if spec.drive.scheme != "auto" else "tones") else None
     return Selectivity(
         drive=name,
         level_law="threshold" if spec.drive.threshold_hz else spec.drive.level_law,
@@ -62,8 +61,7 @@ def plan_selectivity(spec: Spec, planned: Sequence[Channel], optimum: "Optimum |
         snapping_db=None if alone else _worst_db(asked, scheme) - states.db,
         modes_cost_db=None if alone else _worst_db(bare, scheme) - _placed_db(placed, scheme),
         modes_left_out=max(float(modes.left_out.max()) for _, modes in placed),
-        optimum_db=proven.all_states_db if proven else None,
-        bound_db=proven.bound_db if proven else None,
+        optimum_db=optimum.all_states_db if optimum and optimum.drive == name else None,
         matrix_db=tuple(_matrix_db(which) for which in alike) if len(sets[0]) <= MOST_SPELLED_OUT else (),
         schemes=tuple(figures.values()),
     )

@@ -27,7 +27,7 @@ def flexibility_bounds(plan: Plan, clamping: str) -> np.ndarray:
 
 
 def frame_mode_estimate_hz(plan: Plan, clamping: str) -> float:
-    """Rough lowest bending mode of the frame, on the low side."""
+    """Estimate the lowest bending mode of the frame, to within a factor of two."""
     support, moving = SUPPORTS[_known(clamping)], _moving_kg(plan)
     return min(lowest_frame_mode_hz(_ribs(plan, channel, clamping), support, moving) for channel in plan.channels)
 
@@ -38,20 +38,15 @@ def _known(clamping: str) -> str:
     return clamping
 
 
-def _counts(plan: Plan) -> np.ndarray:
-    return np.bincount([taxel.channel for taxel in plan.taxels], minlength=len(plan.channels))
-
-
 def _moving_kg(plan: Plan) -> float:
-    return float(_counts(plan) @ [channel.effective_mass_g for channel in plan.channels]) * GRAM
+    counts = np.bincount([taxel.channel for taxel in plan.taxels], minlength=len(plan.channels))
+    return float(counts @ [channel.effective_mass_g for channel in plan.channels]) * GRAM
 
 
 def _reaction(plan: Plan, channel: Channel) -> TaxelReaction:
     arrangement = plan.arrangement(channel)
     arm = max(_arm_mm(path, float(arrangement.washer_x_mm)) for path in arrangement.beams) * MM
-    count = int(_counts(plan)[channel.index])
-    mass = channel.effective_mass_g * GRAM
-    return TaxelReaction(channel.resonance_hz, channel.stiffness_n_per_m, mass, channel.q, arm, count)
+    return TaxelReaction(channel.resonance_hz, channel.stiffness_n_per_m, arm)
 
 
 def _arm_mm(path: BeamPath, washer_x_mm: float) -> float:

@@ -15,7 +15,7 @@ from padgen.planner.layout import Layout, candidates, room
 from padgen.planner.left_out import left_out
 from padgen.planner.plan import Cell, Channel, CoilGrid, LayoutOption, Plan, Plate, Taxel, channel_sets
 from padgen.planner.printing import print_settings
-from padgen.planner.resonances import proven_optimum
+from padgen.planner.resonances import planned_optimum
 from padgen.planner.reuse import cell_is_turned, coil_reuse
 from padgen.planner.search import sites_of, sized_layouts
 from padgen.planner.settings import scheme_named
@@ -73,7 +73,7 @@ def _assemble(spec: Spec, choice: Choice) -> Plan:
     layout, sized = choice.layout, choice.channels
     sites = sites_of(spec, layout, sized)
     bare = plan_channels(spec, sized, sites)
-    selectivity = plan_selectivity(spec, bare, proven_optimum(spec, layout.channels, room(spec, layout)))
+    selectivity = plan_selectivity(spec, bare, planned_optimum(spec, layout.channels, room(spec, layout)))
     scheme = scheme_named(spec, selectivity.drive)
     channels = driven(spec, bare, scheme)
     reuse = coil_reuse(spec, layout, channels, scheme)

@@ -234,9 +234,9 @@ class Selectivity:
     wrench: what holds is the smaller. `modes_cost_db` is what these cost in all states, `modes_left_out` bounds
     the relative error of an amplitude by those far from every line. `asked_db` is Δy in dB, `paper_db` what Eq.
     12 promises for the closest pair, `snapping_db` what it costs in all states that beams print in steps. For
-    equal masses `optimum_db` is what the optimised resonances reach, and `bound_db` what was proven that none
-    in the reachable band exceed. `level_law` is an exponent or 'threshold'. `matrix_db` has, for each set of
-    channels, how far below its own ON amplitude taxel i (row) is at the tone of channel j; empty for many.
+    equal masses `optimum_db` is what the optimised resonances reach. `level_law` is an exponent or 'threshold'.
+    `matrix_db` has, for each set of channels, how far below its own ON amplitude taxel i (row) is at the tone
+    of channel j; empty for many.
     """
 
     drive: str
@@ -253,7 +253,6 @@ class Selectivity:
     modes_cost_db: float | None
     modes_left_out: float
     optimum_db: float | None
-    bound_db: float | None
     matrix_db: tuple[tuple[tuple[float, ...], ...], ...]
     schemes: tuple[SchemeFigures, ...]
 

@@ -13,15 +13,13 @@ from padgen.planner.printed_pads import (
     Design,
     Prints,
     Spreads,
-    coils_of,
     design_of,
-    places_of_mm,
     printed,
     spreads_of,
     work,
 )
 
-__all__ = ["ChannelSpread", "Cost", "Gain", "Outcome", "PrintYield", "Share", "print_yield", "shuffled_places_mm"]
+__all__ = ["ChannelSpread", "Cost", "Gain", "Outcome", "PrintYield", "Share", "print_yield"]
 
 BUDGET = 5e8
 """Responses that are computed for all pads together: a few seconds."""
@@ -170,21 +168,6 @@ def print_yield(
         costliest_planned=_costliest({cost.spread: cost.planned for cost in costs}),
         costliest_retuned=_costliest({cost.spread: cost.retuned for cost in costs}),
     )
-
-
-def shuffled_places_mm(plan: Plan, seed: int = 0) -> np.ndarray:
-    """Places (taxels, 2) with the taxels of each coil shuffled among each other: for `print_yield` to compare.
-
-    Measured with a gradient alone (8 channels of Q = 60 from 40 to 400 Hz over each of four coils, 50 mm pad,
-    20,000 pads): at 20 % from side to side, re-tuned pads have a median of 27.7 dB as planned, 27.5 … 27.6 dB with the
-    channels of each coil shuffled; with taxels that are shuffled over the whole pad 26.8 dB, and 5 % of pads are
-    lost. What counts is that a coil's channels lie over that coil, not how they lie there.
-    """
-    rng = np.random.default_rng(seed)
-    place = places_of_mm(plan)
-    for index in coils_of(plan).values():
-        place[index] = place[rng.permutation(index)]
-    return place
 
 
 def _criterion(plan: Plan, design: Design) -> str:

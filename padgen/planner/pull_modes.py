@@ -11,7 +11,7 @@ import numpy as np
 
 from padgen.core.units import MM
 from padgen.physics.ladder import slot_half_width
-from padgen.physics.magnetics import SolenoidCoil, SteelRing
+from padgen.physics.magnetics import CoilSource, SteelRing
 from padgen.physics.modal import ModalTaxels, felt_gains, modal_taxels, without_quiet_modes
 from padgen.physics.pull_wrench import pull_wrench
 from padgen.physics.taxel_modes import TaxelModes
@@ -95,7 +95,7 @@ def each_distance(sites: Sequence[Site]) -> tuple[np.ndarray, list[int]]:
     return np.array(different) * MM, [different.index(d) for d in offset_mm]
 
 
-def site_wrenches(spec: Spec, coil: SolenoidCoil, washer: SteelRing, sites: Sequence[Site]) -> np.ndarray:
+def site_wrenches(spec: Spec, coil: CoilSource, washer: SteelRing, sites: Sequence[Site]) -> np.ndarray:
     """Wrenches (n, 6) of a newton of pull at each site, in the taxel's own axes, at its washer's axis on z = 0."""
     distance_m, index = each_distance(sites)
     wrench = pull_wrench(coil, washer, spec.coil.gap_mm * MM, distance_m)[index]

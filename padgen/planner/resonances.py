@@ -1,7 +1,6 @@
 """Which resonances the channels of a coil get, within the band and within what a room can print."""
 
 from functools import lru_cache
-from math import isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +15,7 @@ from padgen.planner.sizing import reach
 from padgen.planner.suspensions import Room, allowed
 from padgen.spec import Spec
 
-__all__ = ["Optimum", "ladders", "optimum", "proven_optimum", "reachable_hz", "slot_band_hz"]
+__all__ = ["Optimum", "ladders", "optimum", "planned_optimum", "reachable_hz", "slot_band_hz"]
 
 KIND = "ladder"
 CODE = ("physics", "planner/resonances.py", "planner/settings.py")
@@ -24,11 +23,11 @@ CODE = ("physics", "planner/resonances.py", "planner/settings.py")
 
 
 class Optimum(NamedTuple):
-    """Resonances in Hz, their all-state figure in dB, and the one that none can exceed, where that was proven."""
+    """Resonances in Hz, their all-state figure in dB, and the drive scheme that they are for."""
 
     resonances_hz: tuple[float, ...]
     all_states_db: float
-    bound_db: float | None
+    drive: str
 
 
 def slot_band_hz(spec: Spec) -> tuple[float, float]:
@@ -105,8 +104,8 @@ def optimum(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
     """The resonances in a band that the drive scheme of `spec` tells apart best, for equal masses.
 
     An automatic scheme takes plain tones if a set of resonances keeps what is asked with them, else
-    what is best without spurs, else in turns. A search takes up to seconds: found ones are kept in the cache, but for
-    a registered scheme's, which may be another the next time.
+    what is best without spurs, else in turns. A search takes up to a second or two: found ones are kept in the
+    cache, but for a registered scheme's, which may be another the next time.
     """
     searched = _searched if SCHEMES.version(spec.drive.scheme) else _known
     return searched(spec, count, low_hz, high_hz)
@@ -144,60 +143,46 @@ def _known(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
 def _from_plain(entry: Any, count: int) -> Optimum | None:
     """The optimum that the cache holds, None where that is none of `count` resonances."""
     try:
-        hz, reached_db, bound_db = entry
+        hz, reached_db, drive = entry
         ladder = np.array(hz, float)
-        known = Optimum(tuple(ladder.tolist()), float(reached_db), None if bound_db is None else float(bound_db))
+        known = Optimum(tuple(ladder.tolist()), float(reached_db), str(drive))
     except (OverflowError, TypeError, ValueError):
         return None
     rises = ladder.shape == (count,) and ladder[0] > 0 and bool((np.diff(ladder) > 0).all())
-    return known if rises and np.isfinite([*ladder, reached_db, bound_db or 0.0]).all() else None
+    return known if rises and np.isfinite([*ladder, reached_db]).all() else None
 
 
 def _searched(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
-    law, q, drive = level_law(spec), spec.q_min, spec.drive.scheme
-    if drive == "auto":
-        drive = "tones" if count > 2 and _tones_can_be_clean(spec, count, low_hz, high_hz) else "spur-free"
-    if scheme_named(spec, drive).has_pair_spurs:
-        from padgen.physics.clean_sets import clean_set
-
-        found = clean_set(low_hz, high_hz, count, q, law, scheme_named(spec, drive))
-        return Optimum(
-            _rounded(found.resonances_hz), found.all_states_db, found.bound_db if isfinite(found.bound_db) else None
-        )
-    best = _minimax(spec, count, low_hz, high_hz, drive)
-    if spec.drive.scheme == "auto" and best.all_states_db < decibel(spec.delta_y):
-        turns = _minimax(spec, count, low_hz, high_hz, "time-shared")
+    if spec.drive.scheme != "auto":
+        return _best(spec, count, low_hz, high_hz, spec.drive.scheme)
+    clean = count > 2 and _tones_can_be_clean(spec, count, low_hz, high_hz)
+    best = _best(spec, count, low_hz, high_hz, "tones" if clean else "spur-free")
+    if best.all_states_db < decibel(spec.delta_y):
+        turns = _best(spec, count, low_hz, high_hz, "time-shared")
         best = turns if turns.all_states_db >= decibel(spec.delta_y) else best
     return best
 
 
-def _minimax(spec: Spec, count: int, low_hz: float, high_hz: float, drive: str) -> Optimum:
-    from padgen.physics.minimax import minimax_ladder
+@lru_cache(maxsize=256)
+def _best(spec: Spec, count: int, low_hz: float, high_hz: float, drive: str) -> Optimum:
+    from padgen.physics.optimal_ladder import optimal_ladder
 
     law, scheme = level_law(spec), scheme_named(spec, drive)
-    ladder = minimax_ladder(low_hz, high_hz, count, spec.q_min, law, scheme)
-    return Optimum(_rounded(ladder), all_states(channels(ladder, spec.q_min, law(ladder)), scheme).db, None)
+    ladder = optimal_ladder(low_hz, high_hz, count, spec.q_min, law, scheme)
+    return Optimum(_rounded(ladder), all_states(channels(ladder, spec.q_min, law(ladder)), scheme).db, drive)
 
 
-@lru_cache(maxsize=256)
 def _tones_can_be_clean(spec: Spec, count: int, low_hz: float, high_hz: float) -> bool:
     """Whether plain tones can keep what is asked. Where one channel fewer cannot, `count` cannot either."""
-    if count <= 2:
-        return True
-    if not _tones_can_be_clean(spec, count - 1, low_hz, high_hz):
-        return False
-    from padgen.physics.clean_sets import clean_set
-
-    law, tones = level_law(spec), scheme_named(spec, "tones")
-    return clean_set(low_hz, high_hz, count, spec.q_min, law, tones, budget=0).all_states_db >= decibel(spec.delta_y)
+    band, asked_db = (low_hz, high_hz), decibel(spec.delta_y)
+    return all(_best(spec, fewer, *band, "tones").all_states_db >= asked_db for fewer in range(3, count + 1))
 
 
-def proven_optimum(spec: Spec, count: int, room: Room) -> Optimum | None:
-    """The optimum of the room's band if it has a proven bound: equal masses, one set, beams of any width."""
+def planned_optimum(spec: Spec, count: int, room: Room) -> Optimum | None:
+    """The optimum of the room's band where the resonances are optimised: for equal masses, one set, any beam."""
     if spec.spacing != "optimised" or spec.resonances_hz or spec.coil.sets > 1 or count < 2:
         return None
-    best = _optimum(spec, count, room)
-    return best if best.bound_db is not None else None
+    return _optimum(spec, count, room)
 
 
 def _ladder(spec: Spec, count: int, low: float, high: float) -> tuple[float, ...] | None:

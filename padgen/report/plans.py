@@ -114,11 +114,8 @@ def _selectivity_lines(plan: "Plan") -> list[str]:
     kept = figures.kept_db
     if kept is not None and kept < states - SHOWN_DB:
         lines.append(f"with each washer pulled as strongly as it lies to the coil: {kept:.1f} dB in all states")
-    if figures.bound_db is not None and figures.optimum_db is not None:
-        lines.append(
-            f"with equal masses the best resonances reach {figures.optimum_db:.2f} dB; proven that none in the band"
-            f" that prints here exceed {figures.bound_db:.2f} dB"
-        )
+    if figures.optimum_db is not None:
+        lines.append(f"with equal masses the optimised resonances would reach {figures.optimum_db:.2f} dB")
     if (figures.snapping_db or 0.0) >= SHOWN_DB:
         lines.append(f"printing in steps costs {figures.snapping_db:.2f} dB of it")
     return lines

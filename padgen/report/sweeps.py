@@ -4,26 +4,24 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from padgen.batch.figures import OBJECTIVES
 from padgen.core.errors import number, plain
 from padgen.report.plans import table
 
 if TYPE_CHECKING:
     from padgen.batch.definition import Sweep
-    from padgen.batch.events import Event
-    from padgen.batch.front import Overview
-    from padgen.batch.sweep import SweepResult
+    from padgen.batch.pareto import Overview
+    from padgen.batch.sweep import Event, SweepResult
     from padgen.core.cache import CacheInfo
 
 __all__ = ["cache_text", "counts_text", "seconds_text", "sweep_table", "sweep_text"]
 
 MOST_ROWS = 12
 """Of a front that is shown whole; of a longer one, the best in each objective."""
-MOST_REFUSED = 3
 
 
-def sweep_text(sweep: "Sweep", overview: "Overview", result: "SweepResult", files: Sequence[str]) -> str:
+def sweep_text(sweep: "Sweep", result: "SweepResult", files: Sequence[str]) -> str:
     """How many variants were made, the best of them, and where everything is."""
+    overview = result.overview
     lines = [
         f"{sweep.settings.name}: {_variants(result.total)}, {counts_text(result)}, in {seconds_text(result.seconds)}"
     ]
@@ -31,9 +29,9 @@ def sweep_text(sweep: "Sweep", overview: "Overview", result: "SweepResult", file
         lines.append(f"{result.kept} of them were finished before and not made again")
     if overview.with_errors:
         lines.append(f"{overview.with_errors} of those made have error findings, in the column findings of the index")
-    lines += [f"refused: {told.name}: {told.sentence}" for told in overview.refused[:MOST_REFUSED]]
-    if result.refused > MOST_REFUSED:
-        lines.append(f"… and {result.refused - MOST_REFUSED} more refused, in the index")
+    lines += [f"refused: {name}: {sentence}" for name, sentence in overview.refused]
+    if result.refused > len(overview.refused):
+        lines.append(f"… and {result.refused - len(overview.refused)} more refused, in the index")
     if overview.rows:
         lines += ["", _front_line(overview), table(*_front_rows(sweep, overview))]
     lines += ["", f"written to {plain(str(result.folder))}: {'  '.join(('index.csv', *files))}"]
@@ -65,6 +63,8 @@ def _variants(count: int) -> str:
 
 
 def _front_line(overview: "Overview") -> str:
+    from padgen.batch.pareto import OBJECTIVES
+
     weighed = ", ".join(OBJECTIVES[name].word for name in overview.objectives)
     told = f"Pareto front over {weighed}: {_variants(len(overview.rows))} that no other beats"
     told += "; every variant has error findings" * overview.of_faulty
@@ -73,6 +73,8 @@ def _front_line(overview: "Overview") -> str:
 
 def _front_rows(sweep: "Sweep", overview: "Overview") -> tuple[list[str], list[list[str]]]:
     """Headings and rows of the front: what was varied, what came of it, what it is best in."""
+    from padgen.batch.pareto import OBJECTIVES
+
     axes, objectives = [name for axis in sweep.axes for name in axis.fields], overview.objectives
     best: dict[int, list[str]] = {row: [] for row in range(len(overview.rows)) if len(overview.rows) <= MOST_ROWS}
     for objective, row in overview.best().items():
@@ -101,8 +103,9 @@ def _cell(text: str) -> str:
         return text
 
 
-def sweep_table(sweep: "Sweep", overview: "Overview", result: "SweepResult", files: Sequence[str]) -> dict[str, Any]:
+def sweep_table(sweep: "Sweep", result: "SweepResult", files: Sequence[str]) -> dict[str, Any]:
     """The same as plain data: the last line of ``--json``."""
+    overview = result.overview
     at = {name: overview.header.index(name) for name in ("number", "name")} if overview.rows else {}
     counts = {key: getattr(result, key) for key in ("total", "done", "refused", "failed", "kept", "left", "seconds")}
     return {

@@ -10,8 +10,8 @@ from padgen.core.errors import MeshFileError
 from padgen.core.files import read_bounded, reason, recover
 from padgen.planner import Plan
 from padgen.solid.checks import Report, check_mesh, compare_mesh
+from padgen.solid.formats._3mf import LARGEST_FILE, MOST_TRIANGLES, read_3mf
 from padgen.solid.mesh import Mesh, joined, sound_mesh
-from padgen.solid.threemf_package import LARGEST_FILE, MOST_TRIANGLES
 from padgen.spec import Spec
 
 __all__ = ["check_foreign", "read_mesh"]
@@ -33,8 +33,6 @@ def read_mesh(path: Path) -> Mesh:
         raise MeshFileError(f"cannot be read ({reason(error)})", str(path)) from error
     kind = path.suffix.lower()
     if kind == ".3mf":
-        from padgen.solid.threemf import read_3mf
-
         return read_3mf(path)
     if kind not in (".stl", ".obj", ".ply"):
         raise MeshFileError("is not a mesh that can be checked; must be an STL, 3MF, OBJ or PLY file", str(path))

@@ -7,7 +7,7 @@ any of its fields.
 from dataclasses import dataclass, field
 from math import ceil
 
-from padgen.core.registry import SCHEMES, SUSPENSIONS
+from padgen.core.registry import COILS, SCHEMES, SUSPENSIONS
 from padgen.spec.fields import choice, entry_name, flag, folder_name, numbers, quantity, text
 
 __all__ = [
@@ -155,7 +155,7 @@ class Washer:
 
 @dataclass(frozen=True, slots=True)
 class Coil:
-    """A solenoid with a core of its own length, its top at `gap_mm` below the washers of a flat pad."""
+    """A coil on an optional core, its top at `gap_mm` below the washers of a flat pad."""
 
     name: str = entry_name(doc="name in the catalogue")
     outer_diameter_mm: float = quantity(unit="mm", low=0.5, high=200, doc="outside of the winding")
@@ -166,6 +166,7 @@ class Coil:
     inductance_mh: float = quantity(unit="mH", low=0, high=1e5, doc="inductance")
     core_diameter_mm: float = quantity(unit="mm", low=0, high=199, doc="core; 0 is an air core")
     core_relative_permeability: float = quantity(unit="1", low=1, high=1e6, doc="of the core")
+    kind: str = choice("solenoid", of=COILS.names, doc="what winding and core are like (padgen/planner/coils)")
     gap_mm: float = quantity(1.0, unit="mm", low=0.05, high=100, doc="coil top to washer underside, before sag")
     grid: tuple[int, int] | None = numbers(
         None, unit="coils", low=1, high=1000, count=2, doc="[rows, columns]; searched for when absent"

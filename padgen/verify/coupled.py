@@ -1,308 +1,395 @@
 """Coil, circuit and washers in time, as they act on each other: the finest rung of dynamics.
 
-Radau IIA with full Newton and steps that follow the solution. Chosen on evidence
-(docs/dynamics.md): with 20 stages it was cheaper at every error than the implicit midpoint rule,
-splitting with the exact propagator, and scipy's Radau, LSODA and DOP853, and an R-L time constant of
-a microsecond costs it nothing. Per step each washer is a small system of its own that meets the
-others in the current alone, so Newton costs O(n s³).
+A washer pulled by ``c i² (g/(g − z))^m`` (z towards the coil, m its pull exponent) is half the slope of an
+inductance, so that motion and circuit exchange energy without loss:
 
-Contacts are events: the step ends on the stop, the washer leaves with its restitution or, too slow,
-is held until the pull lets go. A stiff spring for a stop is cheap too, but errs by its compression.
+    λ = L(z) i,    u = R i + dλ/dt,    L(z) = L₀ + Σ 2 c g ((1 − z/g)^(1−m) − 1)/(m − 1)
+
+It is solved by Radau IIA collocation (Hairer and Wanner, *Solving ODEs II*, 1996) of 20 stages with full Newton and
+steps that follow the solution: of what was tried the cheapest at every error (docs/dynamics.md). A step lasts about
+a period, is of order 2s − 1 at its end, and damps what is faster, so that an R-L time constant of a microsecond
+costs nothing. The washers meet in the current alone: each is eliminated first, and Newton costs O(n s³).
+`scipy_motion` solves the same equations by scipy, as a reference.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.polynomial import legendre
 
 from padgen.core.errors import SolverError, number
-from padgen.verify.dynamics_collocation import Collocation, collocation
-from padgen.verify.dynamics_model import CoupledSystem, EnergyBalance, Source
-from padgen.verify.dynamics_newton import NoStepError, Scales, Stages, StepState, acceleration, solved_stages
+from padgen.physics.phasor import Tones, signal
+from padgen.verify.engines import engine
 
-__all__ = ["Contact", "CoupledMotion", "simulate"]
+__all__ = [
+    "Collocation",
+    "CoupledMotion",
+    "CoupledSystem",
+    "Source",
+    "from_tones",
+    "make_system",
+    "radau",
+    "scipy_motion",
+    "simulate",
+]
 
-MOST_CONTACTS = 1000
-"""Contacts that are kept; more are counted."""
 SMALLEST_STEP = 1e-13
 """Of the time that is simulated."""
 NEAREST = 0.99
-"""Share of the gap at which a washer without a stop counts as pulled in."""
-SLOW = 1e-3
-"""Speed of an impact, over that of a vibration as large as the gap, below which a washer does not leave again."""
+"""Share of the gap at which a washer counts as pulled in."""
+TOO_NEAR = 0.9999
+"""Share of the gap from which a trial state is no use."""
+MOST_ITERATIONS = 12
 
 
-class Contact(NamedTuple):
-    """A washer meets a stop: when, which, whether the coil's (else the one behind), how fast, whether it stays."""
+@dataclass(frozen=True)
+class CoupledSystem:
+    """Resonators over one coil, arrays (n,) in SI units; `make_system` checks and broadcasts.
 
-    time_s: float
-    taxel: int
-    at_coil: bool
-    speed_m_per_s: float
-    stays: bool
+    `pull_n_per_a2` is c at rest, `inductance_h` of the whole coil at rest.
+    """
+
+    frequency_hz: np.ndarray
+    q: np.ndarray
+    mass_kg: np.ndarray
+    pull_n_per_a2: np.ndarray
+    exponent: np.ndarray
+    gap_m: np.ndarray
+    resistance_ohm: float
+    inductance_h: float
+
+    @property
+    def angular(self) -> np.ndarray:
+        """Natural frequency (n,) in 1/s."""
+        return 2 * np.pi * self.frequency_hz
+
+    def slopes(self, z_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """dL/dz in H/m and d²L/dz² in H/m² at z (n, k): twice the pull per A² and its own slope."""
+        m, gap = self.exponent[:, None], self.gap_m[:, None]
+        near = 1 / (1 - z_m / gap)
+        slope = 2 * self.pull_n_per_a2[:, None] * near**m
+        return slope, slope * near * m / gap
+
+    def inductance(self, z_m: np.ndarray) -> np.ndarray:
+        """L in H (k,) of washers at z (n, k)."""
+        m1 = self.exponent[:, None] - 1
+        log = -np.log1p(-z_m / self.gap_m[:, None])
+        grown = np.where(m1 == 0, log, np.expm1(m1 * log) / np.where(m1 == 0, 1, m1))
+        return np.asarray(self.inductance_h + 2 * (self.pull_n_per_a2 * self.gap_m) @ grown)
+
+    def acceleration(self, z_m: np.ndarray, v_m_per_s: np.ndarray, current_a: np.ndarray) -> np.ndarray:
+        """Accelerations (n, k) in m/s² of washers at z and v (n, k) under a current (k,)."""
+        pull = current_a**2 * self.slopes(z_m)[0] / (2 * self.mass_kg[:, None])
+        angular = self.angular[:, None]
+        return np.asarray(pull - angular**2 * z_m - angular / self.q[:, None] * v_m_per_s)
+
+
+class Source(NamedTuple):
+    """What drives the coil: a 'voltage' in V or a 'current' in A as a function of times (k,) in s.
+
+    `breaks_s` are the times at which it jumps or has a corner, as when taxels are switched; no step goes across them.
+    """
+
+    kind: Literal["voltage", "current"]
+    wave: Callable[[np.ndarray], np.ndarray]
+    breaks_s: tuple[float, ...] = ()
 
 
 class CoupledMotion(NamedTuple):
-    """The motion at the times asked for, (n, k), the current (k,), and what happened on the way.
+    """The motion at the times asked for, (n, k), the current (k,), and where the energy went.
 
-    `held` (n,) are the washers that lie on the coil at the end: pulled in.
+    `energy_j` has what the source put in (driven by current: the pull), the losses in copper and in the suspensions,
+    and what is stored; `residual` is what does not add up, over the largest of them.
     """
 
     displacement_m: np.ndarray
     velocity_m_per_s: np.ndarray
     current_a: np.ndarray
-    contacts: tuple[Contact, ...]
-    contact_count: int
-    held: np.ndarray
-    energy: EnergyBalance
+    energy_j: np.ndarray
+    residual: float
     steps: int
-    rejected: int
+
+
+class Collocation(NamedTuple):
+    """Points (s,) on [0, 1], integrals (s, s) from 0 to them, weights (s,), stage values → Legendre coefficients."""
+
+    points: np.ndarray
+    integrals: np.ndarray
+    weights: np.ndarray
+    to_legendre: np.ndarray
+
+    def values(self, stages: np.ndarray, at: np.ndarray) -> np.ndarray:
+        """The polynomials through `stages` (…, s) at points (k,) of the step: (…, k)."""
+        return np.asarray(stages @ (legendre.legvander(2 * at - 1, len(self.points) - 1) @ self.to_legendre).T)
+
+    def integrated(self, stages: np.ndarray, at: np.ndarray) -> np.ndarray:
+        """Their integrals from 0 to points (k,) of the step: (…, k), in unit of a step."""
+        return np.asarray(stages @ (_integrals(at, len(self.points)) @ self.to_legendre).T)
+
+
+class _State(NamedTuple):
+    """Where a run is: time, motion (n,), flux in Wb and current."""
+
+    time_s: float
+    z: np.ndarray
+    v: np.ndarray
+    flux: float
+    current: float
+
+
+def make_system(
+    frequency_hz: object,
+    q: object,
+    mass_kg: object,
+    pull_n_per_a2: object,
+    exponent: object,
+    gap_m: object,
+    resistance_ohm: float = 0.0,
+    inductance_h: float = 1.0,
+) -> CoupledSystem:
+    """A `CoupledSystem` of arrays or numbers.
+
+    Raises
+    ------
+    SolverError
+        A number is out of its bounds: frequency, Q, mass, gap, L above 0; pull, exponent, R at least 0.
+    """
+    given = (frequency_hz, q, mass_kg, pull_n_per_a2, exponent, gap_m)
+    own, quality, mass, pull, power, gap = np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, float)) for v in given))
+    above = min(inductance_h, *(float(v.min()) for v in (own, quality, mass, gap)))
+    if not above > 0:
+        raise SolverError(f"frequencies, Q, masses, gaps and L must be above 0, got {number(above)}")
+    least = min(resistance_ohm, float(pull.min()), float(power.min()))
+    if not least >= 0:
+        raise SolverError(f"pulls, exponents and R must be at least 0, got {number(least)}")
+    return CoupledSystem(own, quality, mass, pull, power, gap, resistance_ohm, inductance_h)
+
+
+def from_tones(kind: Literal["voltage", "current"], wave: Tones) -> Source:
+    """A source that is a sum of tones."""
+    return Source(kind, lambda time_s: signal(wave, time_s))
 
 
 def simulate(
     system: CoupledSystem,
     source: Source,
     time_s: np.ndarray,
-    displacement_m: np.ndarray | float = 0.0,
-    velocity_m_per_s: np.ndarray | float = 0.0,
     current_a: float = 0.0,
     tolerance: float = 1e-8,
     stages: int = 20,
-    rule: str = "radau",
-    step_s: float | None = None,
     most_steps: int = 500_000,
 ) -> CoupledMotion:
-    """Motion at rising times (k,) from a state at t = 0; only what is asked for is kept.
+    """Motion from rest at t = 0, where a circuit carries `current_a`, at rising times (k,).
 
-    `tolerance` is the share of a step's solution that its polynomials may leave out; ends of steps are
-    far better. `rule` 'gauss' and a fixed `step_s` are there to compare methods.
+    `tolerance` is the share of a step's solution that its polynomials may leave out; ends of steps are far better.
 
     Raises
     ------
     SolverError
-        No step converges, there are more than `most_steps`, or a washer without a stop is pulled onto
-        the coil (the message says which and when).
+        No step converges, there are more than `most_steps`, or a washer is pulled onto the coil (the message says
+        which and when).
     """
     times = np.atleast_1d(np.asarray(time_s, float))
     if not np.isfinite(times).all() or (np.diff(times) < 0).any() or (len(times) and times[0] < 0):
         raise SolverError("times must be finite, at least 0 and rising")
-    if source.kind == "voltage" and not system.inductance(-system.gap_m) > 0:
+    if source.kind == "voltage" and not system.inductance(-system.gap_m[:, None]) > 0:
         raise SolverError(f"{number(system.inductance_h)} H at rest is less than the washers' share of it")
-    points = collocation("gauss" if rule == "gauss" else "radau", stages)
-    run = _Run(system, source, points, tolerance, float(times[-1]), most_steps, step_s)
-    return run.through(times, _start(system, displacement_m, velocity_m_per_s, current_a))
+    n, by_voltage = len(system.gap_m), source.kind == "voltage"
+    if not by_voltage:
+        current_a = float(source.wave(np.zeros(1))[0])
+    first = at = _State(0.0, np.zeros(n), np.zeros(n), system.inductance_h * current_a, current_a)
+    most = _stored(system, first, by_voltage)
+    sampled, done, count = np.empty((2 * n + 1, len(times))), int(np.searchsorted(times, 0.0, "right")), 0
+    sampled[:, :done] = np.append(np.zeros(2 * n), current_a)[:, None]
+    energy, rule = np.zeros(3), radau(stages)
+    for start, rows, at in _steps(system, source, rule, first, float(times[-1]), tolerance, most_steps):
+        length, v, current = at.time_s - start.time_s, rows[:-1], rows[-1]
+        z = start.z[:, None] + length * v @ rule.integrals.T
+        upto = len(times) if at.time_s >= times[-1] else int(np.searchsorted(times, at.time_s, "right"))
+        share = np.minimum((times[done:upto] - start.time_s) / length, 1.0)
+        sampled[:n, done:upto] = start.z[:, None] + length * rule.integrated(v, share)
+        faster = rule.integrated(system.acceleration(z, v, current), share)
+        sampled[n:-1, done:upto] = start.v[:, None] + length * faster
+        sampled[-1, done:upto] = rule.values(current, share)
+        copper = by_voltage * system.resistance_ohm * current**2
+        supplied = _drive(source, start.time_s + length * rule.points) * current
+        if not by_voltage:
+            supplied = current**2 / 2 * (system.slopes(z)[0] * v).sum(0)
+        damping = (system.mass_kg * system.angular / system.q) @ v**2
+        energy = energy + length * np.array([supplied, copper, damping]) @ rule.weights
+        most, done, count = max(most, _stored(system, at, by_voltage)), upto, count + 1
+    stored = _stored(system, at, by_voltage) - _stored(system, first, by_voltage)
+    largest = max(np.abs(energy).max(), most)
+    residual = abs(energy[0] - energy[1] - energy[2] - stored) / largest if largest else 0.0
+    return CoupledMotion(sampled[:n], sampled[n:-1], sampled[-1], np.append(energy, stored), float(residual), count)
 
 
-def _start(system: CoupledSystem, z: np.ndarray | float, v: np.ndarray | float, current: float) -> StepState:
-    shape = system.frequency_hz.shape
-    at, speed = (np.broadcast_to(np.asarray(value, float), shape).copy() for value in (z, v))
-    if (at > np.minimum(system.stop_m, NEAREST * system.gap_m)).any() or (at < -system.back_stop_m).any():
-        raise SolverError("the initial state must be between the stops")
-    return StepState(0.0, at, speed, current * float(system.inductance(at)), current, np.zeros(shape, int), np.zeros(4))
-
-
-class _Run:
-    """One simulation: the step's length, the scales of what moves, and counts."""
-
-    def __init__(
-        self,
-        system: CoupledSystem,
-        source: Source,
-        points: Collocation,
-        tolerance: float,
-        end_s: float,
-        most_steps: int,
-        step_s: float | None,
-    ) -> None:
-        self.system, self.source, self.points, self.tolerance = system, source, points, tolerance
-        self.end_s, self.most_steps, self.fixed = end_s, most_steps, step_s is not None
-        circuit = system.inductance_h / system.resistance_ohm if system.resistance_ohm > 0 else np.inf
-        shortest = min(1 / float(system.angular.max()), circuit if source.kind == "voltage" else np.inf)
-        self.step_s = step_s if step_s is not None else min(shortest / 10, end_s or 1.0)
-        self.stops_at = np.array(sorted({b for b in source.breaks_s if 0 < b < end_s} | {end_s}))
-        self.scales = Scales(np.zeros(len(system.frequency_hz)), 0.0)
-        self.steps = self.rejected = self.contact_count = 0
-        self.most_stored = 0.0
-        self.contacts: list[Contact] = []
-
-    def through(self, times: np.ndarray, state: StepState) -> CoupledMotion:
-        n = len(state.z)
-        sampled, done = np.empty((2 * n + 1, len(times))), int(np.searchsorted(times, 0.0, "right"))
-        if self.source.kind == "current":
-            state.current = float(self.source.wave(np.zeros(1))[0])
-        sampled[:, :done] = np.concatenate([state.z, state.v, [state.current]])[:, None]
-        before = self.most_stored = self._stored(state)
-        while state.time_s < self.end_s:
-            stages = self._accepted(state)
-            stages, event = self._cut_at_event(stages)
-            state = self._advanced(stages)
-            self.most_stored = max(self.most_stored, self._stored(state))
-            upto = len(times) if state.time_s >= self.end_s else int(np.searchsorted(times, state.time_s, "right"))
-            sampled[:, done:upto] = self._sampled(stages, times[done:upto])
-            done = upto
-            if event is not None:
-                self._meet(state, event)
-            self._refuse_pull_in(state)
-        return CoupledMotion(
-            sampled[:n],
-            sampled[n : 2 * n],
-            sampled[-1],
-            tuple(self.contacts),
-            self.contact_count,
-            state.held > 0,
-            self._balance(state, before),
-            self.steps,
-            self.rejected,
-        )
-
-    def _accepted(self, state: StepState) -> Stages:
-        """A step from `state` that converges and resolves what happens in it."""
-        limit = float(self.stops_at[np.searchsorted(self.stops_at, state.time_s, "right")]) - state.time_s
-        while True:
-            if self.steps >= self.most_steps:
-                raise SolverError(
-                    f"took {self.most_steps} steps up to {number(state.time_s)} s of {number(self.end_s)} s"
-                )
-            length = min(self.step_s, limit)
-            if length < SMALLEST_STEP * self.end_s and length < limit:
-                raise SolverError(
-                    f"no step converges at {number(state.time_s)} s; a washer may be pulled onto the coil"
-                )
-            try:
-                stages = self._solved(state, length)
-            except NoStepError:
-                self._shorten(length / 4)
-                continue
-            error = self._error(stages)
-            if error <= 1 or self.fixed:
-                if not self.fixed and length == self.step_s:
-                    self.step_s = length * min(4.0, 0.9 * max(error, 1e-12) ** (-1 / len(self.points.points)))
-                elif not self.fixed:
-                    shorter = 0.9 * max(error, 1e-12) ** (-1 / len(self.points.points)) * length
-                    self.step_s = min(self.step_s, max(shorter, length))
-                self.steps += 1
-                return stages
-            self._shorten(length * max(0.2, 0.8 * error ** (-1 / len(self.points.points))))
-
-    def _shorten(self, length: float) -> None:
-        if self.fixed:
-            raise SolverError(f"a fixed step of {number(self.step_s)} s does not converge")
-        self.step_s = length
-        self.rejected += 1
-
-    def _error(self, stages: Stages) -> float:
-        """What the step's polynomials leave out, over the tolerance."""
-        speed = np.maximum(self.scales.speed, np.abs(stages.v).max(1))
-        self.scales = Scales(speed, max(self.scales.amps, float(np.abs(stages.current).max())))
-        share = np.divide(self.points.tail(stages.v), speed, out=np.zeros(len(speed)), where=speed > 0)
-        ripple = float(self.points.tail(stages.current)) / self.scales.amps if self.scales.amps > 0 else 0.0
-        return max(float(share.max()), ripple) / self.tolerance
-
-    def _solved(self, state: StepState, length: float) -> Stages:
-        return solved_stages(self.system, self.source, self.points, state, length, self.tolerance, self.scales)
-
-    def _advanced(self, stages: Stages) -> StepState:
-        """The state at the end of a step, with what it cost."""
-        start, length, weights = stages.start, stages.length, self.points.weights
-        system, by_voltage = self.system, self.source.kind == "voltage"
-        loss = (system.mass_kg * system.angular / system.q) @ stages.v**2
-        if by_voltage:
-            supplied, copper = stages.drive * stages.current, system.resistance_ohm * stages.current**2
-        else:
-            supplied = stages.current**2 / 2 * (system.slopes(stages.z)[0] * stages.v).sum(0)
-            copper = 0 * supplied
-        parts = start.parts + length * np.array([supplied @ weights, copper @ weights, loss @ weights, 0.0])
-        z = start.z + length * stages.v @ weights
-        end = start.time_s + length
-        ends = self.stops_at[np.abs(self.stops_at - end) <= 4e-16 * self.end_s]
-        flux, current = start.flux, float(self.points.values(stages.current, np.ones(1))[0])
-        if by_voltage:
-            flux = start.flux + length * float((stages.drive - system.resistance_ohm * stages.current) @ weights)
-            current = flux / float(system.inductance(z))
-        v = start.v + length * stages.change @ weights
-        return StepState(float(ends[0]) if len(ends) else end, z, v, flux, current, start.held.copy(), parts)
-
-    def _sampled(self, stages: Stages, times: np.ndarray) -> np.ndarray:
-        """Displacements, velocities and current (2n + 1, k) within a step."""
-        at = np.minimum((times - stages.start.time_s) / stages.length, 1.0)
-        z = stages.start.z[:, None] + stages.length * self.points.integrated(stages.v, at)
-        v = stages.start.v[:, None] + stages.length * self.points.integrated(stages.change, at)
-        return np.concatenate([z, v, self.points.values(stages.current, at)[None]])
-
-    def _cut_at_event(self, stages: Stages) -> tuple[Stages, tuple[int, int] | None]:
-        """The step, ended where the first washer meets a stop or is let go: (taxel, side) or (taxel, 0)."""
-        system, state = self.system, stages.start
-        if not (np.isfinite(system.stop_m).any() or np.isfinite(system.back_stop_m).any()):
-            return stages, None
-        grid = np.linspace(0, 1, 4 * len(self.points.points) + 1)[1:]
-        first, found = 1.0, None
-        for taxel, side in self._watched():
-            over = self._over(stages, taxel, side, grid)
-            if over is None or not (over > 0).any():
-                continue
-            k = int(np.argmax(over > 0))
-            low, high = (float(grid[k - 1]) if k else 0.0), float(grid[k])
-            for _ in range(52):
-                middle = (low + high) / 2
-                past = self._over(stages, taxel, side, np.array([middle]))
-                low, high = (low, middle) if past is not None and past[0] > 0 else (middle, high)
-            if high < first or found is None:
-                first, found = high, (taxel, side if state.held[taxel] == 0 else 0)
-        if found is None:
-            return stages, None
-        length = max(first * stages.length, 4e-16 * max(state.time_s, stages.length))
-        return self._solved(state, length), found
-
-    def _watched(self) -> list[tuple[int, int]]:
-        stops = ((1, self.system.stop_m), (-1, self.system.back_stop_m))
-        return [(taxel, side) for side, at in stops for taxel in np.flatnonzero(np.isfinite(at)).tolist()]
-
-    def _over(self, stages: Stages, taxel: int, side: int, at: np.ndarray) -> np.ndarray | None:
-        """Positive where a free washer is beyond its stop, or where a held one is no longer pressed to it."""
-        system, held = self.system, int(stages.start.held[taxel])
-        if held not in (0, side):
-            return None
-        if held:
-            press = side * acceleration(system, stages.z, stages.v, stages.current)[taxel]
-            scale = system.angular[taxel] ** 2 * system.gap_m[taxel]
-            return np.asarray(-self.points.values(press, at) - 1e-12 * scale)
-        limit = system.stop_m[taxel] if side > 0 else system.back_stop_m[taxel]
-        z = stages.start.z[taxel] + stages.length * self.points.integrated(stages.v[taxel], at)
-        return np.asarray(side * z - limit - 1e-12 * system.gap_m[taxel])
-
-    def _meet(self, state: StepState, event: tuple[int, int]) -> None:
-        """Turn the washer round, hold it, or let it go; the shape of the motion changes, so the next step is short."""
-        system, (taxel, side) = self.system, event
-        self.step_s = self.step_s if self.fixed else min(self.step_s, 0.1 / float(system.angular[taxel]))
-        if side == 0:
-            state.held[taxel] = 0
-            return
-        speed, before = abs(float(state.v[taxel])), self._stored(state)
-        state.z[taxel] = side * (system.stop_m if side > 0 else system.back_stop_m)[taxel]
-        stays = speed * max(system.restitution, SLOW) <= SLOW * system.angular[taxel] * system.gap_m[taxel]
-        stays = stays or system.restitution == 0
-        state.v[taxel] = 0.0 if stays else -side * system.restitution * speed
-        moment = state.z[:, None], state.v[:, None], np.array([state.current])
-        push = side * acceleration(system, *moment)[taxel, 0]
-        state.held[taxel] = side if stays and push > 0 else 0
-        state.parts[3] += before - self._stored(state)
-        self.contact_count += 1
-        if len(self.contacts) < MOST_CONTACTS:
-            self.contacts.append(Contact(state.time_s, taxel, side > 0, speed, bool(state.held[taxel])))
-
-    def _refuse_pull_in(self, state: StepState) -> None:
-        near = (state.z > NEAREST * self.system.gap_m) & ~np.isfinite(self.system.stop_m)
+def _steps(
+    system: CoupledSystem,
+    source: Source,
+    rule: Collocation,
+    at: _State,
+    end_s: float,
+    tolerance: float,
+    most_steps: int,
+) -> Iterator[tuple[_State, np.ndarray, _State]]:
+    """Yield every step from `at` on: where it starts, its velocities and current (n + 1, s), where it ends."""
+    ends = np.array(sorted({b for b in source.breaks_s if 0 < b < end_s} | {end_s}))
+    circuit = system.resistance_ohm / system.inductance_h if source.kind == "voltage" else 0.0
+    step, scales, tried = 0.1 / max(float(system.angular.max()), circuit), np.zeros(len(at.z) + 1), 0
+    while at.time_s < end_s:
+        limit = float(ends[np.searchsorted(ends, at.time_s, "right")])
+        length = min(step, limit - at.time_s)
+        if tried >= most_steps:
+            raise SolverError(f"took {most_steps} steps up to {number(at.time_s)} s of {number(end_s)} s")
+        if length < SMALLEST_STEP * end_s and length == step:
+            raise SolverError(f"no step converges at {number(at.time_s)} s; a washer may be pulled onto the coil")
+        tried += 1
+        rows = _solved(system, source, rule, at, length, tolerance, scales)
+        if rows is None:
+            step = length / 4
+            continue
+        scales = np.maximum(scales, np.abs(rows).max(1))
+        # The larger of the last two Legendre coefficients is what the polynomials leave out.
+        left_out = _share(np.abs(rows @ rule.to_legendre[-2:].T).max(1), scales) / tolerance
+        grown = max(left_out, 1e-12) ** (-1 / len(rule.points))
+        if left_out > 1:
+            step = length * max(0.2, 0.8 * grown)
+            continue
+        step = length * min(4.0, 0.9 * grown) if length == step else min(step, length * max(0.9 * grown, 1.0))
+        start = at
+        at = _ended(system, source, rule, start, rows, length)
+        if limit - start.time_s == length:
+            at = at._replace(time_s=limit)
+        yield start, rows, at
+        near = at.z > NEAREST * system.gap_m
         if near.any():
             raise SolverError(
-                f"taxel {int(near.argmax())} is pulled onto the coil at {number(state.time_s)} s: less than"
-                f" {1 - NEAREST:.0%} of its gap is left; a stop would let it be followed"
+                f"taxel {int(near.argmax())} is pulled onto the coil at {number(at.time_s)} s: less than"
+                f" {1 - NEAREST:.0%} of its gap is left"
             )
 
-    def _stored(self, state: StepState) -> float:
-        return self.system.stored_j(state.z, state.v, state.flux if self.source.kind == "voltage" else None)
 
-    def _balance(self, state: StepState, before: float) -> EnergyBalance:
-        supplied, copper, damping, impact = (float(part) for part in state.parts)
-        stored = self._stored(state) - before
-        largest = max(abs(supplied), copper, damping, self.most_stored)
-        miss = supplied - copper - damping - impact - stored
-        return EnergyBalance(supplied, copper, damping, impact, stored, abs(miss) / largest if largest else 0.0)
+def _ended(
+    system: CoupledSystem, source: Source, rule: Collocation, at: _State, rows: np.ndarray, length: float
+) -> _State:
+    """The state at the end of a step."""
+    v, current, flux = rows[:-1], float(rows[-1, -1]), at.flux
+    z = at.z[:, None] + length * v @ rule.integrals.T
+    faster, end_z = system.acceleration(z, v, rows[-1]), at.z + length * v @ rule.weights
+    if source.kind == "voltage":
+        drop = _drive(source, at.time_s + length * rule.points) - system.resistance_ohm * rows[-1]
+        flux = at.flux + length * float(drop @ rule.weights)
+        current = flux / float(system.inductance(end_z[:, None])[0])
+    return _State(at.time_s + length, end_z, at.v + length * faster @ rule.weights, flux, current)
+
+
+def scipy_motion(
+    system: CoupledSystem, source: Source, time_s: np.ndarray, method: str = "DOP853", tolerance: float = 3e-14
+) -> np.ndarray:
+    """Displacements, velocities and current (2n + 1, k) from rest, driven by a voltage, by scipy's `solve_ivp`.
+
+    Raises
+    ------
+    EngineMissingError
+        scipy is not installed.
+    """
+    n, damping = len(system.gap_m), system.angular / system.q
+
+    def rates(t: float, y: np.ndarray) -> np.ndarray:
+        z = y[:n, None]
+        current = y[-1] / system.inductance(z)
+        flux = source.wave(np.array([t])) - system.resistance_ohm * current
+        pull = current**2 * system.slopes(z)[0][:, 0] / (2 * system.mass_kg)
+        return np.concatenate([y[n:-1], pull - damping * y[n:-1] - system.angular**2 * y[:n], flux])
+
+    scale = np.concatenate([system.gap_m, system.gap_m * system.angular, [1e-3]])
+    span, at_rest = (0.0, float(time_s[-1])), np.zeros(2 * n + 1)
+    solve = engine("scipy.integrate").solve_ivp
+    found = solve(rates, span, at_rest, method, time_s, rtol=tolerance, atol=1e-3 * tolerance * scale).y
+    return np.concatenate([found[:-1], [found[-1] / system.inductance(found[:n])]])
+
+
+@lru_cache(maxsize=16)
+def radau(stages: int) -> Collocation:
+    """Right Radau points: roots of ``P_s − P_(s−1)``."""
+    series = np.zeros(stages + 1)
+    series[-2:] = -1, 1
+    at = np.sort(legendre.legroots(series))
+    at[-1] = 1.0
+    points, to_legendre = (at + 1) / 2, np.linalg.inv(legendre.legvander(at, stages - 1))
+    weights = _integrals(np.ones(1), stages)[0] @ to_legendre
+    return Collocation(points, _integrals(points, stages) @ to_legendre, weights, to_legendre)
+
+
+def _integrals(at: np.ndarray, count: int) -> np.ndarray:
+    """Integrals (k, count) of the shifted Legendre polynomials from 0: ``(P_(j+1) − P_(j−1))/(2(2j + 1))``."""
+    values = legendre.legvander(2 * at - 1, count)
+    return np.column_stack([at, (values[:, 2:] - values[:, :-2]) / (2 * (2 * np.arange(1, count) + 1))])
+
+
+def _solved(
+    system: CoupledSystem,
+    source: Source,
+    rule: Collocation,
+    at: _State,
+    length: float,
+    tolerance: float,
+    scales: np.ndarray,
+) -> np.ndarray | None:
+    """Velocities and, last, the current (n + 1, s) at the stages of a step; None where a shorter one is needed.
+
+    Newton's method from a motion that goes on as it is. Driven by current, the last row is given.
+    """
+    drive, integrals = _drive(source, at.time_s + length * rule.points), length * rule.integrals
+    rows = np.tile(np.append(at.v, at.current)[:, None], len(drive))
+    if source.kind == "current":
+        rows[-1] = drive
+    mass, angular, loss = (x[:, None] for x in (system.mass_kg, system.angular, system.angular / system.q))
+    amps = np.zeros(len(drive))
+    for _ in range(MOST_ITERATIONS):
+        v, current = rows[:-1], rows[-1]
+        z = at.z[:, None] + v @ integrals.T
+        if (z >= TOO_NEAR * system.gap_m[:, None]).any():
+            return None
+        slope, bend = system.slopes(z)
+        miss = v - at.v[:, None] - system.acceleration(z, v, current) @ integrals.T
+        spring = (angular**2 - current**2 * bend / (2 * mass))[:, :, None]
+        matrix = np.eye(len(drive)) + loss[:, :, None] * integrals + integrals @ (spring * integrals)
+        push = (current * slope / mass)[:, None, :] * integrals
+        solved = np.linalg.solve(matrix, np.concatenate([-miss[:, :, None], push], -1))
+        if source.kind == "voltage":
+            back = (current * slope)[:, :, None] * integrals
+            coil, resistance = system.inductance(z), system.resistance_ohm
+            off = coil * current - at.flux - (drive - resistance * current) @ integrals.T
+            whole = np.diag(coil) + resistance * integrals + (back @ solved[:, :, 1:]).sum(0)
+            amps = np.linalg.solve(whole, -off - (back @ solved[:, :, :1]).sum(0)[:, 0])
+        more = np.vstack([solved[:, :, 0] + solved[:, :, 1:] @ amps, amps])
+        rows = rows + more
+        changed = _share(np.abs(more).max(1), np.abs(rows).max(1) + scales)
+        if not np.isfinite(changed):
+            return None
+        if changed < max(1e-3 * tolerance, 1e-13):
+            return rows
+    return None
+
+
+def _drive(source: Source, at: np.ndarray) -> np.ndarray:
+    """The drive at the stages; at a break, where the last one may be, what it is just before."""
+    for end in source.breaks_s:
+        at = np.where(np.abs(at - end) <= 4e-16 * end, np.nextafter(end, -np.inf), at)
+    return np.asarray(source.wave(at), float)
+
+
+def _share(change: np.ndarray, size: np.ndarray) -> float:
+    """The largest of `change` (k,) over `size` (k,), 0 where there is no size."""
+    return float(np.divide(change, size, out=np.zeros(len(size)), where=size > 0).max())
+
+
+def _stored(system: CoupledSystem, at: _State, by_voltage: bool) -> float:
+    """Energy in J of springs, masses and, driven by voltage, of the field."""
+    mechanical = float((system.mass_kg * (at.v**2 + (system.angular * at.z) ** 2)).sum() / 2)
+    return mechanical + (at.flux**2 / (2 * float(system.inductance(at.z[:, None])[0])) if by_voltage else 0.0)

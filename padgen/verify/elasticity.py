@@ -12,7 +12,6 @@ import numpy as np
 
 from padgen.core.errors import SolverError, number
 from padgen.physics.taxel_modes import TaxelModes
-from padgen.verify.elastic_adapt import edge_energy_shares, energy_shares
 from padgen.verify.elastic_material import Elastic, Orthotropy, layered
 from padgen.verify.elastic_mesh import (
     PRINTED,
@@ -24,7 +23,17 @@ from padgen.verify.elastic_mesh import (
     singular_edges,
     taxel_shape,
 )
-from padgen.verify.elastic_modes import Eigen, System, accurate, assembled, eigenmodes, factored, rigid_loads
+from padgen.verify.elastic_modes import (
+    Eigen,
+    System,
+    accurate,
+    assembled,
+    edge_energy_shares,
+    eigenmodes,
+    energy_shares,
+    factored,
+    rigid_loads,
+)
 from padgen.verify.engines import engine
 
 __all__ = ["SETTINGS", "Elastic", "Orthotropy", "SolidModes", "SolidTaxel", "converged_modes", "layered", "solve_modes"]

@@ -6,15 +6,15 @@ from math import pi
 
 import numpy as np
 
-from padgen.physics.magnetics import SolenoidCoil, SteelRing, force_constant
+from padgen.physics.magnetics import SteelRing, balanced_deflection, force_constant, pull_in_deflection, solenoid
 from padgen.physics.saturation import MILD_STEEL
 from padgen.verify.extreme import Answer, ExtremeCase
-from padgen.verify.field_axisymmetric import AxisymmetricForce, axisymmetric_force
-from padgen.verify.force_ladder import Pull, PullCurve, balance, pull_in
+from padgen.verify.field_axisymmetric import axisymmetric_force
+from padgen.verify.force_ladder import Pull
 
 __all__ = ["force_cases"]
 
-COIL = SolenoidCoil(10e-3, 4e-3, 10e-3, 1000, 4e-3, 1000)
+COIL = solenoid(10e-3, 4e-3, 10e-3, 1000, 4e-3, 1000)
 WASHER = SteelRing(4e-3, 2e-3, 0.5e-3, 1000)
 """The reference problem of tests/reference/magnetostatics.json."""
 FINER = {"order": 7, "levels": 6}
@@ -38,29 +38,17 @@ def force_cases() -> Iterator[ExtremeCase]:
 
 
 def _field_case(name: str, pull: Pull) -> ExtremeCase:
-    return ExtremeCase(
-        name=name,
-        domain="force",
-        model="axisymmetric",
-        solve=partial(_axisymmetric, pull),
-        reference=partial(_finer, pull),
-        source="the same by elements of order 7 and six refinements, scalar potential",
-    )
+    source = "the same by elements of order 7 and six refinements, scalar potential"
+    finer = partial(_axisymmetric, pull, **FINER)
+    return ExtremeCase(name, "force", "axisymmetric", partial(_axisymmetric, pull), lambda: finer().values, source)
 
 
-def _axisymmetric(pull: Pull) -> Answer:
-    solved = _solve(pull)
-    return Answer(np.array([-solved.force_n]), solved.error, solved.residual)
-
-
-def _finer(pull: Pull) -> np.ndarray:
-    return np.array([-_solve(pull, **FINER).scalar_n])
-
-
-def _solve(pull: Pull, **fineness: int) -> AxisymmetricForce:
-    return axisymmetric_force(
+def _axisymmetric(pull: Pull, **fineness: int) -> Answer:
+    """The middle of the bracket; of a finer solution what the scalar potential says."""
+    solved = axisymmetric_force(
         pull.coil, pull.washer, pull.gap_m, pull.current_a, pull.core_steel, pull.washer_steel, **fineness
     )
+    return Answer(np.array([-(solved.scalar_n if fineness else solved.force_n)]), solved.error, solved.residual)
 
 
 def _far_case(sizes: float) -> ExtremeCase:
@@ -73,38 +61,21 @@ def _far_case(sizes: float) -> ExtremeCase:
         near = force_constant(COIL, WASHER, near_m, np.zeros(1))
         return np.asarray(near * ((near_m + middles_m) / (gap_m + middles_m)) ** 7)
 
-    return ExtremeCase(
-        name=f"gap of {sizes:g} washer diameters",
-        domain="force",
-        model="axisymmetric",
-        solve=partial(_axisymmetric, Pull(COIL, WASHER, gap_m)),
-        reference=reference,
-        source="the magnetic circuit at 50 diameters, carried on by the dipole's seventh power",
-    )
+    name, solve = f"gap of {sizes:g} washer diameters", partial(_axisymmetric, Pull(COIL, WASHER, gap_m))
+    source = "the magnetic circuit at 50 diameters, carried on by the dipole's seventh power"
+    return ExtremeCase(name, "force", "axisymmetric", solve, reference, source)
 
 
 def _near_pull_in(share: float) -> ExtremeCase:
     """A pull c ∝ 1/gap² has its pull-in at a third of the gap; below it the balance solves a cubic."""
-    gap_m, stiffness = 1e-3, 20.0
-    gaps = gap_m * np.geomspace(0.3, 1.0, 5)
-    curve = PullCurve(gaps, 1e-7 / gaps**2)
+    gap_m = 1e-3
 
     def solve() -> Answer:
-        limit = pull_in(curve, stiffness, gap_m)
-        solved = balance(curve, stiffness, gap_m, share * limit.mean_square_a2)
-        return Answer(np.array([solved.deflection_m, solved.magnetic_n_per_m]), 1e-6)
+        slack = share * pull_in_deflection(gap_m, 2.0)[1]
+        return Answer(np.array([balanced_deflection(slack, gap_m, 2.0)], float), 1e-6)
 
-    def reference() -> np.ndarray:
-        # z (g − z)² = share · 4 g³/27; the smallest root in closed form.
-        turn = np.arccos(2 * share - 1)
-        z = gap_m * (2 / 3 + 2 / 3 * np.cos(turn / 3 + 2 * pi / 3))
-        return np.array([z, 2 * stiffness * z / (gap_m - z)])
-
-    return ExtremeCase(
-        name=f"balance at {share:g} of the pull-in current squared",
-        domain="force",
-        model="balance",
-        solve=solve,
-        reference=reference,
-        source="cubic of a spring against 1/gap^2, closed form",
-    )
+    # z (g − z)² = share · 4 g³/27; the smallest root in closed form.
+    root = gap_m * (2 / 3 + 2 / 3 * np.cos(np.arccos(2 * share - 1) / 3 + 2 * pi / 3))
+    name = f"balance at {share:g} of the pull-in current squared"
+    source = "cubic of a spring against 1/gap^2, closed form"
+    return ExtremeCase(name, "force", "balance", solve, partial(np.array, [root]), source)

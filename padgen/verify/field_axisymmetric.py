@@ -1,17 +1,18 @@
 """Pull of a coil on a coaxial washer by finite elements in the half plane, bracketed by two potentials."""
 
 import time
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from padgen.core.errors import SolverError, SpecError, number
-from padgen.physics.magnetics import SolenoidCoil, SteelRing
+from padgen.physics.magnetics import CoilSource, SteelRing
 from padgen.physics.saturation import BHCurve
 from padgen.verify.engines import engine
 from padgen.verify.field_scalar import MU_0, ScalarField, Steel, body_wrench, minimise, solve_scalar
 
-__all__ = ["WIDEST", "AxisymmetricForce", "axisymmetric_force", "check_parts"]
+__all__ = ["WIDEST", "AxisymmetricForce", "axisymmetric_force", "check_parts", "coil_cells", "wound"]
 
 FAR = 15.0
 """Radius of the far sphere over the largest distance of a part from the coil's middle."""
@@ -45,7 +46,7 @@ class AxisymmetricForce(NamedTuple):
 
 
 def axisymmetric_force(
-    coil: SolenoidCoil,
+    coil: CoilSource,
     washer: SteelRing,
     gap_m: float,
     current_a: float = 1.0,
@@ -88,7 +89,7 @@ def axisymmetric_force(
     return force
 
 
-def check_parts(coil: SolenoidCoil, washer: SteelRing, gap_m: float) -> None:
+def check_parts(coil: CoilSource, washer: SteelRing, gap_m: float) -> None:
     """Refuse dimensions that make no coil or no washer.
 
     Raises
@@ -97,38 +98,37 @@ def check_parts(coil: SolenoidCoil, washer: SteelRing, gap_m: float) -> None:
         Names the dimension, its bound and its value.
     """
     above_zero = {
-        "coil.length": coil.length,
-        "coil.inner_diameter": coil.inner_diameter,
         "coil.gap": gap_m,
         "washer.thickness": washer.thickness,
         "washer.inner_diameter": washer.inner_diameter,
     }
+    inside = [("washer.inner_diameter", washer.inner_diameter, washer.outer_diameter)]
+    if coil.core_diameter:
+        above_zero["coil.core_length"] = coil.core_length
+    for winding in coil.windings:
+        above_zero |= {"coil.length": winding.length, "coil.inner_diameter": winding.inner_diameter}
+        inside += [
+            ("coil.core_diameter", coil.core_diameter, winding.inner_diameter * (1 + 1e-9)),
+            ("coil.inner_diameter", winding.inner_diameter, winding.outer_diameter),
+        ]
     for where, value in above_zero.items():
         if not value > 0:
             raise SpecError(f"must be above 0 m, got {number(value)} m", where)
-    for where, inner, outer in (
-        ("coil.core_diameter", coil.core_diameter, coil.inner_diameter * (1 + 1e-9)),
-        ("coil.inner_diameter", coil.inner_diameter, coil.outer_diameter),
-        ("washer.inner_diameter", washer.inner_diameter, washer.outer_diameter),
-    ):
+    for where, inner, outer in inside:
         if not 0 <= inner < outer:
             raise SpecError(f"must be at least 0 and below {number(outer)} m, got {number(inner)} m", where)
 
 
-def _half_plane(coil: SolenoidCoil, washer: SteelRing, gap_m: float, levels: int) -> tuple[Any, float]:
+def _half_plane(coil: CoilSource, washer: SteelRing, gap_m: float, levels: int) -> tuple[Any, float]:
     """Mesh in mm (x is the radius, y the height above the coil's top) and the far circle's radius in mm."""
     occ, ng = engine("netgen.occ"), engine("ngsolve")
-    core, inner, outer, length = (1e3 * v for v in _coil_sizes(coil))
     low, high = 1e3 * gap_m, 1e3 * (gap_m + washer.thickness)
     hole, rim = 500 * washer.inner_diameter, 500 * washer.outer_diameter
-    rectangles = {"winding": (inner, outer, -length, 0.0), "washer": (hole, rim, low, high)}
-    if core > 0:
-        rectangles["core"] = (0.0, core, -length, 0.0)
-    if inner - core > 1e-6 * inner:
-        rectangles["bore"] = (core, inner, -length, 0.0)
+    rectangles = [("washer", hole, rim, low, high), *coil_cells(coil)]
+    outer, length = 500 * coil.outer_diameter, 1e3 * coil.length
     far = FAR * max(np.hypot(outer, length / 2), np.hypot(rim, high + length / 2))
     faces = []
-    for name, (left, right, bottom, top) in rectangles.items():
+    for name, left, right, bottom, top in rectangles:
         face = occ.MoveTo(left, bottom).Rectangle(right - left, top - bottom).Face()
         face.faces.name = name
         face.faces.maxh = max(top - bottom, right - left)
@@ -141,9 +141,9 @@ def _half_plane(coil: SolenoidCoil, washer: SteelRing, gap_m: float, levels: int
         air -= face
     air.faces.name = "air"
     shape = occ.Glue([*faces, air])
-    corners = [
-        (r, z) for n in ("core", "washer") if n in rectangles for r in rectangles[n][:2] for z in rectangles[n][2:]
-    ]
+    core, core_top = 500 * coil.core_diameter, 1e3 * coil.core_top
+    corners = [(r, z) for r in (hole, rim) for z in (low, high)]
+    corners += [(core, z) for z in (core_top, core_top - 1e3 * coil.core_length)]
     for vertex in shape.vertices:
         if any(r > 0 and np.hypot(vertex.p.x - r, vertex.p.y - z) < 1e-6 * r for r, z in corners):
             vertex.hpref = 1
@@ -157,29 +157,65 @@ def _half_plane(coil: SolenoidCoil, washer: SteelRing, gap_m: float, levels: int
     return mesh, far
 
 
-def _coil_sizes(coil: SolenoidCoil) -> tuple[float, float, float, float]:
-    """Radii of core and winding, and the length."""
-    return coil.core_diameter / 2, coil.inner_diameter / 2, coil.outer_diameter / 2, coil.length
+def coil_cells(coil: CoilSource) -> list[tuple[str, float, float, float, float]]:
+    """The parts of a coil's half plane in mm, on a grid of all their edges: name, radii and heights from … to.
+
+    Named ``core``, ``winding``, or ``bore`` within a winding.
+    """
+    core, core_top = 500 * coil.core_diameter, 1e3 * coil.core_top
+    core_low = core_top - 1e3 * coil.core_length
+    wound = [
+        tuple(1e3 * v for v in (w.inner_diameter / 2, w.outer_diameter / 2, w.bottom, w.top)) for w in coil.windings
+    ]
+    radii = _edges(0.0, core, *(r for w in wound for r in w[:2]))
+    heights = _edges(*(z for w in wound for z in w[2:]), *((core_low, core_top) if core else ()))
+    cells = []
+    for r, next_r in pairwise(radii):
+        for z, next_z in pairwise(heights):
+            around = [w for w in wound if r < w[1] and w[2] <= z < w[3]]
+            if r < core and core_low <= z < core_top:
+                cells.append(("core", r, next_r, z, next_z))
+            elif around:
+                within = any(w[0] <= r for w in around)
+                cells.append(("winding" if within else "bore", r, next_r, z, next_z))
+    return cells
+
+
+def _edges(*places: float) -> list[float]:
+    """Places in order, one of those that rounding keeps apart."""
+    ordered = sorted(places)
+    close = 1e-6 * (ordered[-1] - ordered[0])
+    return [ordered[0], *(v for u, v in pairwise(ordered) if v - u > close)]
+
+
+def wound(coil: CoilSource, current_a: float, radius: Any, height: Any) -> tuple[Any, Any]:
+    """T_z in A/m, whose curl is the current, and the current's density in A/(m·mm); coefficient functions, in mm."""
+    ng = engine("ngsolve")
+    potential, density = ng.CF(0), ng.CF(0)
+    for w in coil.windings:
+        inner, outer = 500 * w.inner_diameter, 500 * w.outer_diameter
+        full = w.turns * current_a / w.length
+        share = ng.IfPos(radius - inner, ng.IfPos(outer - radius, (outer - radius) / (outer - inner), 0), 1)
+        among = ng.IfPos(height - 1e3 * w.bottom, ng.IfPos(1e3 * w.top - height, full, 0), 0)
+        potential += among * share
+        density += among * ng.IfPos(radius - inner, ng.IfPos(outer - radius, 1 / (outer - inner), 0), 0)
+    return potential, density
 
 
 def _by_scalar(
-    mesh: Any, coil: SolenoidCoil, current_a: float, steels: dict[str, Steel], far_mm: float, order: int
+    mesh: Any, coil: CoilSource, current_a: float, steels: dict[str, Steel], far_mm: float, order: int
 ) -> ScalarField:
     ng = engine("ngsolve")
-    _, inner, outer, length = _coil_sizes(coil)
-    full = coil.turns * current_a / length
-    parts = {"core": full, "bore": full, "winding": full * (1e3 * outer - ng.x) / (1e3 * (outer - inner))}
-    source = ng.CF((0, mesh.MaterialCF(parts, default=0)))
+    source = ng.CF((0, wound(coil, current_a, ng.x, ng.y)[0]))
     return solve_scalar(mesh, source, steels, far_mm, order, weight=2 * np.pi * ng.x)
 
 
 def _by_vector(
-    mesh: Any, coil: SolenoidCoil, current_a: float, steels: dict[str, Steel], far_mm: float, order: int
+    mesh: Any, coil: CoilSource, current_a: float, steels: dict[str, Steel], far_mm: float, order: int
 ) -> ScalarField:
     """The same by ``A = r w``, in T and mm: ``B = (−r ∂w/∂z, 2w + r ∂w/∂r)``."""
     ng = engine("ngsolve")
-    _, inner, outer, length = _coil_sizes(coil)
-    density = mesh.MaterialCF({"winding": coil.turns * current_a / (length * (outer - inner))}, default=0)
+    _, density = wound(coil, current_a, ng.x, ng.y)
     space = ng.H1(mesh, order=order)
     trial = space.TrialFunction()
     radius = ng.x
@@ -189,7 +225,7 @@ def _by_vector(
     for name in dict.fromkeys(mesh.GetMaterials()):
         region = ng.dx(definedon=mesh.Materials(name), bonus_intorder=4)
         form += ng.Variation(weight * _energy_density(ng, steels.get(name, 1.0), flux) * region)
-    form += ng.Variation(-weight * 1e-3 * density * radius * trial * ng.dx(bonus_intorder=4))
+    form += ng.Variation(-weight * density * radius * trial * ng.dx(bonus_intorder=4))
     far = weight * (radius * trial) ** 2 / (2 * MU_0 * far_mm)
     form += ng.Variation(far * ng.ds("far", bonus_intorder=4))
     potential = ng.GridFunction(space)

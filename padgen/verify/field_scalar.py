@@ -52,12 +52,6 @@ class BodyWrench(NamedTuple):
     virtual_work: np.ndarray
     surface: np.ndarray
 
-    @property
-    def disagreement(self) -> float:
-        """Of the two forces, relative."""
-        size = np.linalg.norm(self.virtual_work[:3])
-        return float(np.linalg.norm((self.surface - self.virtual_work)[:3]) / size) if size > 0 else 0.0
-
 
 def solve_scalar(
     mesh: Any,

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.core.errors import SolverError, SpecError, number
-from padgen.physics.magnetics import SolenoidCoil, SteelRing
+from padgen.physics.magnetics import CoilSource, SteelRing
 from padgen.physics.saturation import BHCurve
 from padgen.verify.engines import engine
-from padgen.verify.field_axisymmetric import WIDEST, check_parts
+from padgen.verify.field_axisymmetric import WIDEST, check_parts, coil_cells, wound
 from padgen.verify.field_scalar import ScalarField, Steel, body_wrench, solve_scalar
 
 __all__ = ["PlacedWasher", "SolidForce", "solid_force"]
@@ -47,7 +47,7 @@ class SolidForce(NamedTuple):
 
 
 def solid_force(
-    coil: SolenoidCoil,
+    coil: CoilSource,
     washers: Sequence[PlacedWasher],
     current_a: float = 1.0,
     core_steel: BHCurve | None = None,
@@ -107,7 +107,7 @@ def _foot_mm(washer: PlacedWasher) -> tuple[float, float, float]:
     return 1e3 * washer.x_m, 1e3 * washer.y_m, 1e3 * washer.gap_m
 
 
-def _check(coil: SolenoidCoil, washers: Sequence[PlacedWasher]) -> None:
+def _check(coil: CoilSource, washers: Sequence[PlacedWasher]) -> None:
     if not washers:
         raise SpecError("needs at least one washer, got none", "washers")
     for w in washers:
@@ -123,15 +123,12 @@ def _check(coil: SolenoidCoil, washers: Sequence[PlacedWasher]) -> None:
                 )
 
 
-def _source(mesh: Any, coil: SolenoidCoil, current_a: float) -> Any:
+def _source(mesh: Any, coil: CoilSource, current_a: float) -> Any:
     ng = engine("ngsolve")
-    inner, outer = 500 * coil.inner_diameter, 500 * coil.outer_diameter
-    full = coil.turns * current_a / coil.length
-    winding = full * (outer - ng.sqrt(ng.x**2 + ng.y**2)) / (outer - inner)
-    return ng.CF((0, 0, mesh.MaterialCF({"core": full, "bore": full, "winding": winding}, default=0)))
+    return ng.CF((0, 0, wound(coil, current_a, ng.sqrt(ng.x**2 + ng.y**2), ng.z)[0]))
 
 
-def _mesh(coil: SolenoidCoil, washers: Sequence[PlacedWasher], half: bool, levels: int) -> tuple[Any, float]:
+def _mesh(coil: CoilSource, washers: Sequence[PlacedWasher], half: bool, levels: int) -> tuple[Any, float]:
     """Mesh in mm and the far sphere's radius in mm."""
     occ, ng = engine("netgen.occ"), engine("ngsolve")
     length = 1e3 * coil.length
@@ -164,20 +161,18 @@ def _mesh(coil: SolenoidCoil, washers: Sequence[PlacedWasher], half: bool, level
     return mesh, far
 
 
-def _coil_parts(occ: Any, coil: SolenoidCoil) -> list[Any]:
-    core, inner, outer, length = (
-        1e3 * v for v in (coil.core_diameter / 2, coil.inner_diameter / 2, coil.outer_diameter / 2, coil.length)
-    )
-    foot = (0.0, 0.0, -length)
-    parts = [_tube(occ, foot, inner, outer, length).mat("winding")]
-    if core > 0:
-        middle = occ.Cylinder(occ.Pnt(*foot), occ.Z, core, length).mat("core")
-        middle.faces.maxh = 0.6 * core
-        parts.append(middle)
-    if core == 0:
-        parts.append(occ.Cylinder(occ.Pnt(*foot), occ.Z, inner, length).mat("bore"))
-    elif inner - core > 1e-6 * inner:
-        parts.append(_tube(occ, foot, core, inner, length).mat("bore"))
+def _coil_parts(occ: Any, coil: CoilSource) -> list[Any]:
+    parts = []
+    for name, inner, outer, low, high in coil_cells(coil):
+        foot = (0.0, 0.0, low)
+        if inner > 0:
+            part = _tube(occ, foot, inner, outer, high - low)
+        else:
+            part = occ.Cylinder(occ.Pnt(*foot), occ.Z, outer, high - low)
+        part.mat(name)
+        if name == "core":
+            part.faces.maxh = 0.6 * outer
+        parts.append(part)
     return parts
 
 
@@ -186,10 +181,10 @@ def _tube(occ: Any, foot: tuple[float, float, float], inner: float, outer: float
     return occ.Cylinder(point, occ.Z, outer, height) - occ.Cylinder(point, occ.Z, inner, height)
 
 
-def _mark_edges(shape: Any, coil: SolenoidCoil, washers: Sequence[PlacedWasher]) -> None:
+def _mark_edges(shape: Any, coil: CoilSource, washers: Sequence[PlacedWasher]) -> None:
     """Mark the circular edges of core and washers, where the field is singular, for refinement."""
-    core = 500 * coil.core_diameter
-    circles = [(0.0, 0.0, z, core) for z in (0.0, -1e3 * coil.length) if core > 0]
+    core, top = 500 * coil.core_diameter, 1e3 * coil.core_top
+    circles = [(0.0, 0.0, z, core) for z in (top, top - 1e3 * coil.core_length) if core > 0]
     for w in washers:
         x, y, z = _foot_mm(w)
         circles += [(x, y, h, 500 * d) for h in (z, z + 1e3 * w.ring.thickness) for d in w.ring[:2]]

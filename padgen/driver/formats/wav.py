@@ -16,8 +16,8 @@ from padgen.core.finding import Finding
 from padgen.core.wav_reader import read_wav
 from padgen.driver.carriers import carrier_text
 from padgen.driver.ear import hear
-from padgen.driver.ear.heard_table import heard_table
 from padgen.driver.formats import DriveJob
+from padgen.driver.heard_table import heard_table
 from padgen.driver.limits import voltage_finding
 from padgen.driver.pad_drive import PadDrive, coil_lines
 from padgen.driver.timeline import Timeline
@@ -45,8 +45,6 @@ ORDER, MADE_OF, FILE = 4, "frames", "drive.wav"
 SIDECAR, HEARD = "drive-wave.json", "hear.json"
 LARGEST_WAVE = 8e9
 """Bytes of a WAV file."""
-MOST_HEARD = 25_000_000
-"""Samples of a file that is listened to: about 2 GB of memory."""
 SIGNALS = {"voltage": "V", "current": "A"}
 """What a file's samples are, and their unit."""
 CHECKED_BLOCK = 1 << 12
@@ -93,7 +91,7 @@ class _Tally(NamedTuple):
 
 
 def refuse(job: DriveJob) -> None:
-    """Refuse a wave that is longer than a file, or what listens to it, takes."""
+    """Refuse a wave that is longer than a file takes."""
     drive, timeline = job.played()
     bytes_each = 3 if job.request.depth == "24" else 4
     longest = LARGEST_WAVE / (bytes_each * len(drive.coils) * drive.rate_hz)
@@ -102,13 +100,6 @@ def refuse(job: DriveJob) -> None:
             f"of all frames together must be at most {at_most(longest)} s for a file of {LARGEST_WAVE / 1e9:g} GB,"
             f" they are {number(timeline.seconds)} s",
             "--seconds",
-        )
-    longest = MOST_HEARD / drive.rate_hz
-    if job.request.hear and timeline.seconds > longest:
-        raise SpecError(
-            f"listens to at most {at_most(longest)} s, the frames last {number(timeline.seconds)} s; fewer or shorter"
-            " ones (--seconds), or one state with --loop, would do",
-            "--hear",
         )
 
 

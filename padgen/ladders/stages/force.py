@@ -2,16 +2,18 @@
 
 from collections.abc import Iterator
 from functools import partial
+from math import pi
 
 import numpy as np
 
 from padgen.core.units import MM
 from padgen.ladders.rung import Ladder, Rung, Solved
 from padgen.ladders.stages.scene import Scene, chosen_channels
+from padgen.physics.magnetics import force_constant, paper_force_constant
 from padgen.planner.channels import magnetic_parts
-from padgen.verify.force_ladder import Pull, force_rung, solid_pull
+from padgen.verify.force_ladder import Pull, solid_pull
 
-__all__ = ["axisymmetric_pull", "force_ladders", "named_pull", "three_d_pull"]
+__all__ = ["axisymmetric_pull", "circuit_pull", "force_ladders", "paper_pull", "three_d_pull"]
 
 AXISYMMETRIC = ((3, 1), (4, 2), (5, 3), (6, 4))
 SOLID = ((2, 1), (3, 2), (4, 3))
@@ -41,8 +43,8 @@ def force_ladders(scene: Scene) -> Iterator[Ladder]:
 
 
 def _rungs(pull: Pull) -> Iterator[Rung]:
-    for model, resolution, name in (("paper", "Eq. 4 as printed", "paper"), ("circuit", "with the gap", "circuit")):
-        yield Rung(model, resolution, partial(named_pull, name, pull))
+    yield Rung("paper", "Eq. 4 as printed", partial(paper_pull, pull))
+    yield Rung("circuit", "with the gap", partial(circuit_pull, pull))
     if not pull.offset_m:
         for order, levels in AXISYMMETRIC:
             solve = partial(axisymmetric_pull, pull, order, levels)
@@ -56,10 +58,15 @@ def _resolution(order: int, levels: int) -> str:
     return f"p = {order}, {levels} level{'s' * (levels > 1)}"
 
 
-def named_pull(name: str, pull: Pull) -> Solved:
-    """By the rung `name` of `padgen.verify.force_ladder`."""
-    found = force_rung(name, pull)
-    return Solved(np.array([found.pull_n_per_a2]), found.unknowns, found.residual)
+def paper_pull(pull: Pull) -> Solved:
+    """By Eq. 4 as printed, over the core's end (the bore's without a core)."""
+    diameter = pull.coil.core_diameter or min(winding.inner_diameter for winding in pull.coil.windings)
+    return Solved(np.array([paper_force_constant(pull.coil, pi / 4 * diameter**2)]))
+
+
+def circuit_pull(pull: Pull) -> Solved:
+    """By the magnetic circuit of coil, core, gap and washer, which knows no saturation."""
+    return Solved(force_constant(pull.coil, pull.washer, pull.gap_m, np.array([pull.offset_m])))
 
 
 def axisymmetric_pull(pull: Pull, order: int, levels: int) -> Solved:

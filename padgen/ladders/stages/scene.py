@@ -53,7 +53,7 @@ def chosen_channels(plan: Plan) -> tuple[Channel, ...]:
 
 def write_steps(plan: Plan, folder: Path) -> dict[int, Path]:
     """Write the STEP file of every distinct channel into `folder`. Imports build123d."""
-    from padgen.solid.export import write_taxel_step
+    from padgen.solid.formats.step import write_taxel_step
 
     paths = {channel.index: folder / f"taxel-{channel.index}.step" for channel in distinct_channels(plan)}
     for index, path in paths.items():

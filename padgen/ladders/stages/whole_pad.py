@@ -1,65 +1,51 @@
-"""Pad: the resonances of taxels on the real frame, by how finely the seams between the tiles are described."""
+"""Pad: the resonances of taxels on the real frame, by the order of the elements that the frame is solved with."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
 from padgen.ladders.rung import Ladder, Rung, Solved
 from padgen.ladders.stages.scene import Scene
 from padgen.planner.plan import Plan
-from padgen.verify.pad_interface import Degrees
-from padgen.verify.pad_reduction import ReducedPad, Resolution, reduced_pad
 
-__all__ = ["clamped_hz", "pad_hz", "pad_ladders"]
+__all__ = ["pad_hz", "pad_ladders", "planned_hz"]
 
-SEAMS = (Degrees(2, 1), Degrees(4, 3), Degrees(6, 4))
-"""Degrees of the polynomials along a seam and through the frame's height."""
-REDUCED = "reduced pad"
-CLAMPING = "corners"
-ENGINE = ("ngsolve", "netgen.occ", "scipy.sparse.linalg", "padgen.verify.pad_modes")
+ORDERS = (2, 3, 4)
+ON_FRAME = "taxels on the frame"
+ENGINE = ("ngsolve", "netgen.occ", "scipy.linalg", "padgen.verify.pad_frame")
 
 
 def pad_ladders(scene: Scene) -> Iterator[Ladder]:
-    """One ladder: for each channel the resonance of its taxel nearest to the pad's centre, clamped by screws."""
-    written = {scene.plan.channels[index].beam: step for index, step in scene.steps.items()}
-    steps = {channel.index: written[channel.beam] for channel in scene.plan.channels}
-    rungs = [Rung("clamped sub-cell", "no frame around it", partial(clamped_hz, scene.plan, steps), imports=ENGINE)]
-    for degrees in SEAMS:
-        solve = partial(pad_hz, scene.plan, steps, degrees)
-        resolution = f"degree {degrees.along} along, {degrees.through} in height"
-        rungs.append(Rung(REDUCED, resolution, solve, REDUCED, imports=ENGINE))
+    """One ladder: for each channel the resonance of its taxel nearest to the pad's centre, the frame held by its
+    screws or, without holes, glued down."""
+    plan, clamping = scene.plan, "corners" if scene.plan.spec.pad.hole_diameter_mm else "bottom"
+    rungs = [Rung("clamped sub-cell", "no frame around it", partial(planned_hz, plan))]
+    rungs += [
+        Rung(ON_FRAME, f"frame p = {order}", partial(pad_hz, plan, clamping, order), ON_FRAME, imports=ENGINE)
+        for order in ORDERS
+    ]
     yield Ladder(
         "pad",
-        f"{len(scene.plan.taxels)} taxels held at the {CLAMPING}",
+        f"{len(plan.taxels)} taxels held at the {clamping}",
         "resonance of each channel on the frame",
         "Hz",
         tuple(rungs),
-        REDUCED,
+        ON_FRAME,
         "each",
-        note="within the tiles all rungs have the same finite elements, whose error the structure ladder tells",
+        note="the frame alone is a solid; taxels are the plan's, whose error the structure ladder tells",
     )
 
 
-def clamped_hz(plan: Plan, steps: Mapping[int, Path]) -> Solved:
-    """Each channel's taxel in its sub-cell with all sides held."""
-    pad = _reduced(plan, steps, SEAMS[0])
-    return Solved(np.array([pad.clamped_hz(channel) for channel in _channels(plan)]))
+def planned_hz(plan: Plan) -> Solved:
+    """Each channel's resonance as planned, with all sides of its sub-cell held."""
+    return Solved(np.array([plan.channels[c].resonance_hz for c in sorted({t.channel for t in plan.taxels})]))
 
 
-def pad_hz(plan: Plan, steps: Mapping[int, Path], degrees: Degrees) -> Solved:
-    """The same on the pad's own frame: the peak of each taxel's response."""
-    from padgen.verify.pad_modes import crosstalk, pad_modes
+def pad_hz(plan: Plan, clamping: str, order: int) -> Solved:
+    """The same, moved by as much as the frame moves the peak of the taxel's own response."""
+    from padgen.verify.pad_frame import central_taxels, pad_modes, shift
 
-    pad = _reduced(plan, steps, degrees)
-    found = crosstalk(pad, pad_modes(pad))
-    return Solved(np.array([one.resonance_hz for one in found]), pad.assembly.size)
-
-
-def _channels(plan: Plan) -> list[int]:
-    return sorted({taxel.channel for taxel in plan.taxels})
-
-
-def _reduced(plan: Plan, steps: Mapping[int, Path], degrees: Degrees) -> ReducedPad:
-    return reduced_pad(plan, steps, CLAMPING, Resolution(degrees))
+    modes, held = pad_modes(plan, clamping, order)
+    moved = [1 + shift(plan, modes, held, taxel) for taxel in central_taxels(plan)]
+    return Solved(planned_hz(plan).values * moved, modes.unknowns)

@@ -14,8 +14,7 @@ from padgen.physics.magnetics import impedance
 from padgen.physics.phasor import merged, signal, squared, steady_lines, tones
 from padgen.physics.resonator import receptance
 from padgen.planner.plan import Plan
-from padgen.verify.coupled import simulate
-from padgen.verify.dynamics_model import from_tones, make_system
+from padgen.verify.coupled import from_tones, make_system, simulate
 from padgen.verify.engines import engine
 
 __all__ = ["Comparison", "PaperFigures", "Spectrum", "draw_paper_figures", "fitted_q", "paper_figures"]

@@ -1,0 +1,468 @@
+"""The simulated ear: what fingers feel when a WAV file is played on a pad. From the file, not from the plan's drive.
+
+Samples → the coil's current through R and L → the pull by i² on each washer → every taxel's motion, all modes → what
+is felt on the boss in every state that is held, block by block. Left out: the coils beside (see `Plan.reuse`), the
+voltage that a moving washer induces, and what an amplifier adds.
+
+The circuit's and each mode's pole p is stepped exactly, ``y(t + T) = e^(pT) y(t) + ∫ e^(p(T−τ)) s(t + τ) dτ``, and
+`scipy.signal.lfilter` runs it. Between samples the voltage is the band-limited signal by a windowed sinc (lines below
+0.4 of the sample rate are off by 2e-5 at most), the squared current the cubic through four samples (off by 8e-6 for
+1 kHz of 48 kHz, by 0.7 % for an eighth of the rate). Exponential integrators: Cox and Matthews, J. Comput. Phys. 176,
+2002, 430.
+
+A *level* is √2 times the root mean square of what is felt, without its mean: for one line its amplitude. It is taken
+over the last whole period of the comb in a hold, in which all lines are orthogonal; in a hold shorter than that, over
+what has settled of it, with a Hann window. The *course* is the same figure in a Hann window of `COURSE_PERIODS`
+periods of the lowest line, less a parabola: what moves with the mean pull is no vibration. Where the channels take
+turns, a frame's level is the largest of its course.
+
+A taxel's levels are compared with what it is to be felt at level 1: the planned motion of its working mode, times
+what the plan's modal model lets a finger feel beyond that mode's own vertical motion (other modes, rolling).
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from padgen.core.errors import FileError
+from padgen.core.units import MH, MM, UM
+from padgen.core.wav_reader import Wave
+from padgen.measured.predict import levels_um
+from padgen.measured.tuning import TunedTaxel, Tuning, planned_response_um_per_a2, planned_tuning
+from padgen.physics.modal import felt_gains
+from padgen.physics.selectivity import Scheme
+from padgen.physics.taxel_modes import TaxelModes
+from padgen.planner.channels import hanging_gap_um
+from padgen.planner.plan import Channel, Plan
+
+__all__ = ["SETTLED_TAUS", "Heard", "Span", "circuit_filter", "hear", "mode_filter"]
+
+SETTLED_TAUS = 4.5
+"""Time constants in which a vibration comes within 0.1 dB of its last level: ``1 − e^-4.5`` is −0.1 dB."""
+# Time constants for which a loop is played before it is heard: e^-12 is 6e-6.
+LOOP_TAUS = 12.0
+# Samples on each side of an instant that make the voltage there, and Kaiser's β of their window.
+AROUND, KAISER = 16, 10.0
+# Where a step of 1 is integrated, exact to rounding for |p| up to 40, and the cubics there through its end and the
+# three samples before, of which each is 1 at one of them.
+WITHIN, WEIGHT = (np.polynomial.legendre.leggauss(32) + np.array([[1.0], [0.0]])) / 2
+THROUGH = np.linalg.solve(np.vander([1.0, 0.0, -1.0, -2.0]).T, np.vander(WITHIN, 4).T)
+# Time constants of the circuit in a sample, at most: with less inductance the current is that much late.
+STIFFEST = 40.0
+# Below a Q of a half there is no vibration; it is taken for critical damping.
+LEAST_Q = 0.5 * (1 + 1e-9)
+COURSE_PERIODS = 4.0
+# Share of its last level at which a taxel counts as switched on.
+RISEN = 0.9
+# Share of the gap at which a washer counts as pulled onto the coil; there its pull grows no further.
+NEAREST = 0.99
+# Samples of all coils together that are heard at a time.
+BLOCK = 1 << 18
+# With the gap: blocks a second, in each of which pull and motion are found in turns, so often at most.
+GAP_BLOCKS_PER_S, MOST_PULLS = 100, 20
+
+
+class Span(NamedTuple):
+    """One state in the file: switching begins at `begin_s`, it is held from `start_s` to `stop_s`.
+
+    Levels are taken from `window_s` on, over a `whole` period of the comb or not. `in_turns` tells that it is a frame
+    of slots. `levels` (taxels,) are shares of the ON amplitudes.
+    """
+
+    begin_s: float
+    start_s: float
+    stop_s: float
+    window_s: float
+    whole: bool
+    in_turns: bool
+    levels: np.ndarray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Heard:
+    """What is felt in each span (h,) of the file by taxel (n,), as in the plan.
+
+    `level_um` is all that is felt there, `tone_um` what of it is at the taxel's own line, `wanted_um` (n,) what is to
+    be felt at level 1, `peak_um` the largest motion of the washer from where it hangs, the mean pull's share included,
+    `rise_s` how long switching on takes to nine tenths (NaN: it was not), `settled` whether it has had its time before
+    its level is taken. `pulled_in` (n,): drawn onto the coil, with the gap only. A state that is held for `needs_s` is
+    heard settled, over a whole period of the comb. `coils` are rows of what flows in each over the whole file, its
+    `signal_peak` and `signal_mean` in V, or A if the file holds that.
+    """
+
+    name: str
+    ids: tuple[str, ...]
+    coil_of: np.ndarray
+    spans: tuple[Span, ...]
+    wanted_um: np.ndarray
+    level_um: np.ndarray
+    tone_um: np.ndarray
+    peak_um: np.ndarray
+    rise_s: np.ndarray
+    settled: np.ndarray
+    pulled_in: np.ndarray
+    coils: tuple[dict[str, Any], ...]
+    line_hz: np.ndarray
+    period_s: float
+    needs_s: float
+    with_gap: bool
+    asked_db: float
+
+    @property
+    def shares(self) -> np.ndarray:
+        """Levels (h, n) that are played."""
+        return np.array([span.levels for span in self.spans])
+
+    @property
+    def relative(self) -> np.ndarray:
+        """Felt levels (h, n) over what is wanted at level 1."""
+        return np.asarray(self.level_um / self.wanted_um)
+
+    @property
+    def on(self) -> np.ndarray:
+        """Felt levels (h, n) of the taxels that are ON over what is wanted, NaN else."""
+        shares = self.shares
+        on: np.ndarray = np.divide(self.relative, shares, out=np.full(shares.shape, np.nan), where=shares > 0)
+        return on
+
+    @property
+    def off(self) -> np.ndarray:
+        """Felt levels (h, n) of the taxels that are OFF over what is wanted at level 1, NaN else."""
+        return np.where(self.shares > 0, np.nan, self.relative)
+
+    @property
+    def selectivity_db(self) -> float | None:
+        """Smallest ON over largest OFF in all spans, each over the taxel's own; None where there is none of either."""
+        on, off = self.on, self.off
+        if np.isnan(on).all() or np.isnan(off).all():
+            return None
+        loudest = float(np.nanmax(off))
+        return float(20 * np.log10(np.nanmin(on) / loudest)) if loudest > 0 else float("inf")
+
+
+class _Score(NamedTuple):
+    """What the sidecar says of the file, see `padgen.driver.formats.wav.wave_json`; `channel`, `line_hz` (taxels,).
+
+    `step` are the samples from one window of the course to the next, half a window.
+    """
+
+    rate_hz: int
+    full_scale: float
+    by_voltage: bool
+    loops: bool
+    in_turns: bool
+    period_s: float
+    coils: tuple[tuple[int, int], ...]
+    channel: np.ndarray
+    line_hz: np.ndarray
+    time_s: np.ndarray
+    levels: np.ndarray
+    step: int
+
+
+def hear(
+    plan: Plan,
+    wave: Wave,
+    sidecar: Mapping[str, Any],
+    tuning: Tuning | None = None,
+    gap: bool = False,
+    where: str = "drive.wav",
+) -> Heard:
+    """Listen to `wave` on the pad of `plan`, or on the print that `tuning` tells of.
+
+    `sidecar` is the file's (`padgen.driver.formats.wav.wave_json`), read from JSON. A file that loops is heard as it
+    is after `LOOP_TAUS`, any other from rest. With the `gap` the pull grows as it closes, which takes longer.
+
+    Raises
+    ------
+    FileError
+        The file is not what the sidecar says, the sidecar not of this plan, or no state is held.
+    """
+    score = _score(plan, wave, sidecar, where)
+    known = (tuning or planned_tuning(plan)).taxels
+    resonance = np.array([taxel.resonance_hz for taxel in known])
+    tau_s = np.array([taxel.q for taxel in known]) / (np.pi * resonance)
+    spans = _spans(score, len(plan.sets[0]), float(tau_s.max()))
+    if not spans:
+        raise FileError("holds no state long enough to listen to", where)
+    alike: dict[tuple, list[int]] = {}
+    for k, (taxel, level) in enumerate(zip(plan.taxels, levels_um(plan, resonance).tolist(), strict=True)):
+        alike.setdefault((taxel.channel, level, tuning and tuning.taxels[k]), []).append(k)
+    groups = [
+        _Alike(plan, plan.channels[channel], level, tuned, np.array(which), score, spans, gap)
+        for (channel, level, tuned), which in alike.items()
+    ]
+    coils = _play(plan, wave, score, groups, gap)
+    order = np.argsort(np.concatenate([group.which for group in groups]))
+    level_m, tone_m, peak_m, course_m, wanted_m, pulled_in = (
+        np.concatenate(parts, axis=-1)[..., order] for parts in zip(*(group.found() for group in groups), strict=True)
+    )
+    at_s = np.arange(len(course_m)) * (score.step / score.rate_hz)
+    settled, rise_s = np.zeros(level_m.shape, bool), np.full(level_m.shape, np.nan)
+    # A file that does nothing but hold one state, and loops, has done so for ever.
+    since_s = np.full(len(tau_s), -np.inf if score.loops and len(spans) == 1 else 0.0)
+    before = spans[0].levels if score.loops else np.zeros(len(tau_s))
+    for h, span in enumerate(spans):
+        if span.in_turns:
+            level_m[h] = tone_m[h] = course_m[(at_s > span.start_s) & (at_s <= span.stop_s)].max(0, initial=0.0)
+        switched = np.isin(score.channel, score.channel[span.levels != before])
+        since_s = np.where(switched, span.start_s, since_s)
+        settled[h] = span.in_turns | (span.window_s - since_s >= SETTLED_TAUS * tau_s * (1 - 1e-6))
+        risen = (course_m >= RISEN * level_m[h]) & (at_s > span.begin_s)[:, None]
+        found = risen.any(0) & (level_m[h] > 0) & (span.levels > 0) & (before <= 0)
+        rise_s[h, found] = at_s[risen[:, found].argmax(0)] - span.begin_s
+        before = span.levels
+    return Heard(
+        name=plan.name,
+        ids=tuple(taxel.id for taxel in plan.taxels),
+        coil_of=score.channel,
+        spans=spans,
+        wanted_um=wanted_m / UM,
+        level_um=level_m / UM,
+        tone_um=tone_m / UM,
+        peak_um=peak_m / UM,
+        rise_s=rise_s,
+        settled=settled,
+        pulled_in=pulled_in,
+        coils=coils,
+        line_hz=score.line_hz,
+        period_s=score.period_s,
+        needs_s=SETTLED_TAUS * float(tau_s.max()) + score.period_s,
+        with_gap=gap,
+        asked_db=plan.selectivity.asked_db,
+    )
+
+
+def _score(plan: Plan, wave: Wave, sidecar: Mapping[str, Any], where: str) -> _Score:
+    try:
+        frames, taxels = sidecar["keyframes"], sidecar["taxels"]
+        line_hz = np.array([float(entry["force_hz"]) for entry in taxels])
+        coils = sorted(sidecar["coils"], key=lambda entry: int(entry["wav_channel"]))
+        said = int(sidecar["rate_hz"]), int(sidecar["count"]), len(coils)
+        score = _Score(
+            rate_hz=said[0],
+            full_scale=float(sidecar["full_scale"]),
+            by_voltage={"voltage": True, "current": False}[sidecar["signal"]],
+            loops=bool(sidecar["loops"]),
+            in_turns=Scheme(sidecar["scheme"]).takes_turns,
+            period_s=float(sidecar["period_s"]),
+            coils=tuple((int(entry["coil"][0]), int(entry["coil"][1])) for entry in coils),
+            channel=np.array([int(entry["wav_channel"]) for entry in taxels], int),
+            line_hz=line_hz,
+            time_s=np.array([float(frame["time_s"]) for frame in frames]),
+            levels=np.array([frame["levels"] for frame in frames], float).reshape(len(frames), len(taxels)),
+            step=max(round(COURSE_PERIODS / 2 / float(line_hz.min(initial=1e9)) * said[0]), 2),
+        )
+        named = [(str(entry["id"]), score.coils[int(entry["wav_channel"])]) for entry in taxels]
+    except (KeyError, IndexError, TypeError, ValueError) as error:
+        problem = f"does not tell what a WAV file plays ({type(error).__name__}: {error})"
+        raise FileError(problem, f"sidecar of {where}") from error
+    if named != [(taxel.id, taxel.coil) for taxel in plan.taxels]:
+        problem = (
+            f"is of {len(named)} taxels of {sidecar.get('name')!r}, not of the {len(plan.taxels)} of {plan.name!r}"
+        )
+        raise FileError(problem, f"sidecar of {where}")
+    has = wave.rate_hz, wave.count, wave.channels
+    if has != said:
+        told = [f"{count} samples in each of {channels} channels at {rate} Hz" for rate, count, channels in (has, said)]
+        raise FileError(f"has {told[0]}, its sidecar says {told[1]}", where)
+    return score
+
+
+def _spans(score: _Score, slots: int, tau_s: float) -> tuple[Span, ...]:
+    """The states that are held; where channels take turns, frames of so many `slots`, unless all is one state.
+
+    `tau_s` is the slowest taxel's time constant: windows begin, where they can, once it has settled.
+    """
+    time_s, levels = score.time_s.tolist(), score.levels
+    spans: list[Span] = []
+    if score.in_turns and len(time_s) > 2:
+        each = 2 * slots if (len(time_s) - 1) % (2 * slots) == 0 else 2
+        for k in range(0, len(time_s) - each, each):
+            start_s, stop_s = time_s[k], time_s[k + each]
+            spans.append(Span(start_s, start_s, stop_s, start_s, False, True, levels[k : k + each + 1].max(0)))
+        return tuple(spans)
+    same, begin_s = (np.abs(np.diff(levels, axis=0)).max(1) <= 1e-9).tolist(), time_s[0]
+    for held, run in groupby(range(len(same)), same.__getitem__):
+        first, *_, last = [*run] * 2
+        if held:
+            start_s, stop_s = time_s[first], time_s[last + 1]
+            latest_s = stop_s - COURSE_PERIODS / float(score.line_hz.min())
+            window_s = start_s + SETTLED_TAUS * tau_s
+            if whole := stop_s - start_s >= score.period_s * (1 - 1e-6):
+                window_s = stop_s - score.period_s
+            elif window_s > latest_s:
+                window_s = max(min(latest_s, (start_s + stop_s) / 2), start_s)
+            spans.append(Span(begin_s, start_s, stop_s, window_s, whole, False, levels[first]))
+            begin_s = stop_s
+    return tuple(spans)
+
+
+def _play(plan: Plan, wave: Wave, score: _Score, groups: "Sequence[_Alike]", gap: bool) -> tuple[dict[str, Any], ...]:
+    """Let all `groups` hear the file, and say what flows in the coils."""
+    from scipy.signal import lfilter
+
+    resistance, inductance = plan.spec.coil.resistance_ohm, plan.spec.coil.inductance_mh * MH
+    late, coefficients = 0, (np.ones(1), np.ones(1))
+    if score.by_voltage:
+        late, coefficients = AROUND - 1, circuit_filter(resistance, inductance, score.rate_hz)
+    memory = np.zeros((wave.channels, len(coefficients[0]) - 1))
+    slowest_s = max(group.slowest_s for group in groups) + inductance / resistance
+    start = -int(np.ceil(LOOP_TAUS * slowest_s * score.rate_hz)) if score.loops else 0
+    most_a, most, total, energy = np.zeros((4, wave.channels))
+    size = max(score.rate_hz // GAP_BLOCKS_PER_S if gap else BLOCK // wave.channels, 1)
+    for first, samples in _blocks(wave, start, wave.count + late, size):
+        signal = samples * score.full_scale
+        current, memory = lfilter(*coefficients, signal, zi=memory)
+        for group in groups:
+            group.hear(first - late, current**2)
+        current, signal = (part[:, max(late - first, 0) :] for part in (current, signal))
+        most_a = np.maximum(most_a, np.abs(current).max(1, initial=0.0))
+        most = np.maximum(most, np.abs(signal).max(1, initial=0.0))
+        energy += (current**2).sum(1)
+        total += signal.sum(1)
+    square = energy / wave.count
+    return tuple(
+        {
+            "coil": coil,
+            "peak_a": float(most_a[k]),
+            "rms_a": float(np.sqrt(square[k])),
+            "copper_loss_w": float(square[k] * resistance),
+            "signal_peak": float(most[k]),
+            "signal_mean": float(total[k] / wave.count),
+        }
+        for k, coil in enumerate(score.coils)
+    )
+
+
+def _blocks(wave: Wave, first: int, last: int, size: int) -> Iterator[tuple[int, np.ndarray]]:
+    """Samples `first` … `last` of a file that repeats: the index of a block's first, and the block (channels, s)."""
+    while first < last:
+        at = first % wave.count
+        stop = min(at + size, wave.count, at + last - first)
+        yield first, np.ascontiguousarray(wave.read(at, stop).T)
+        first += stop - at
+
+
+def circuit_filter(resistance_ohm: float, inductance_h: float, rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
+    """Numerator and denominator that make a coil's current of its voltage, ``AROUND − 1`` samples late."""
+    inductance_h = max(inductance_h, resistance_ohm / STIFFEST / rate_hz)
+    pole, off = -resistance_ohm / inductance_h / rate_hz, WITHIN - np.arange(AROUND, -AROUND, -1)[:, None]
+    through = np.sinc(off) * np.i0(KAISER * np.sqrt(1 - (off / AROUND) ** 2))
+    taps = through / through.sum(0) @ (WEIGHT * np.exp(pole * (1 - WITHIN)))
+    return taps / (inductance_h * rate_hz), np.array([1.0, -np.exp(pole)])
+
+
+def mode_filter(hz: float, q: float, rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
+    """Numerator and denominator that make u of s, samples of ``u'' + ω/Q u' + ω² u = ω² s``.
+
+    ``y' = p y + ω² s / Im p`` has ``u = Im y``: the real filter is that of the pole and its conjugate.
+    """
+    omega, damping = 2 * np.pi * hz / rate_hz, 1 / (2 * max(q, LEAST_Q))
+    pole = omega * (-damping + 1j * np.sqrt((1 - damping) * (1 + damping)))
+    keep, taps = np.exp(pole), THROUGH @ (WEIGHT * np.exp(pole * (1 - WITHIN))) * (omega**2 / pole.imag)
+    return np.convolve(taps, [1.0, -keep.conj()]).imag, np.array([1.0, -2 * keep.real, np.abs(keep) ** 2])
+
+
+class _Alike:
+    """Taxels `which` of a pad that are alike, with the filters of their modes, and the sums of what they feel."""
+
+    def __init__(
+        self,
+        plan: Plan,
+        channel: Channel,
+        level_um: float,
+        tuned: TunedTaxel | None,
+        which: np.ndarray,
+        score: _Score,
+        spans: tuple[Span, ...],
+        gap: bool,
+    ) -> None:
+        modes = TaxelModes(np.array(channel.modes_hz), np.array(channel.mode_motions))
+        radius_m = plan.spec.taxel.boss_diameter_mm / 2 * MM
+        hz, gain = felt_gains(modes, np.array(channel.pull_wrench), np.array(channel.rest_motion), radius_m)
+        # The plan's force constant is of the working mode, with its share of the pull as it is.
+        share = channel.pulled_shares[int(np.argmax(channel.mode_shares))]
+        gain = gain * (channel.force_constant_n_per_a2 / share if share else 0.0)
+        # What is felt at the own tone, all modes, over the motion of the working mode there.
+        over, working = channel.resonance_hz / hz, planned_response_um_per_a2(channel)
+        felt = np.linalg.norm((gain / (1 - over**2 + 1j * over / channel.q)[:, None]).sum(0)) / UM
+        self.wanted_m = np.full(len(which), level_um * (felt / working if working > 0 else 1.0) * UM)
+        q = channel.q
+        if tuned is not None:  # other modes of a print move with the working one, in frequency and in answer
+            gain = gain * (tuned.response_um_per_a2 / tuned.q / working * q if working > 0 else 0.0)
+            hz, q = hz * (tuned.resonance_hz / channel.resonance_hz), tuned.q
+        self.slowest_s = q / (np.pi * float(hz.min()))
+        self.which, self.coil, self.spans, self.gain = which, score.channel[which], spans, gain.T
+        self.filters = [mode_filter(float(each), q, score.rate_hz) for each in hz[:-1]]
+        self.memory = [np.zeros((len(which), len(THROUGH)))] * len(self.filters)
+        self.gap_m = float(hanging_gap_um(plan.spec, channel.sag_um)) * UM if gap else None
+        self.exponent, self.pulled_in = max(channel.pull_exponent, 0.0), np.zeros(len(which), bool)
+        # Samples at which a span's switching begins, its level is taken from, and it ends; a comb has whole samples.
+        edges = [(span.begin_s, span.window_s - span.stop_s, span.stop_s) for span in spans]
+        self.edges = np.rint(np.array(edges) * score.rate_hz).astype(int)
+        self.edges[:, 1] += self.edges[:, 2]
+        self.turns = 2j * np.pi * score.line_hz[which][:, None] / score.rate_hz
+        self.mean, self.square = np.zeros((2, len(spans), 3, len(which)))
+        self.tone, self.peak_m = np.zeros(self.mean.shape, complex), np.zeros((len(spans), len(which)))
+        self.step, at = score.step, (np.arange(2 * score.step) + 0.5) / (2 * score.step) - 0.5
+        self.root = np.cos(np.pi * at) / np.sqrt((np.cos(np.pi * at) ** 2).sum())
+        self.parabola = np.linalg.qr(self.root[:, None] * at[:, None] ** np.arange(3))[0]
+        self.loops = score.loops  # a loop is one state, whose course is not asked for
+        self.course_m, self.tail = [np.zeros((1, len(which)))], np.zeros((3, len(which), 0))
+
+    def hear(self, first: int, square_a2: np.ndarray) -> None:
+        """Take in i² (coils, s) of all coils from sample `first` on."""
+        felt = self._felt(square_a2[self.coil])
+        for h, edges in enumerate(np.clip(self.edges - first, 0, felt.shape[2]).tolist()):
+            begin, start, stop = edges
+            if stop == begin:
+                continue
+            self.peak_m[h] = np.maximum(self.peak_m[h], np.abs(felt[0, :, begin:stop]).max(1))
+            at, length = first + np.arange(start, stop), self.edges[h, 2] - self.edges[h, 1]
+            weight = np.full(len(at), 1 / length)
+            if not self.spans[h].whole:
+                weight *= 2 * np.sin(np.pi * (at - self.edges[h, 1] + 0.5) / length) ** 2
+            part = felt[:, :, start:stop]
+            self.mean[h] += part @ weight
+            self.square[h] += part**2 @ weight
+            self.tone[h] += np.einsum("pns,ns->pn", part, weight * np.exp(-self.turns * at))
+        if not self.loops:
+            self._take_course(felt)
+
+    def _felt(self, square_a2: np.ndarray) -> np.ndarray:
+        """What is felt (3, taxels, s) of i² (taxels, s) in m; the first part is the vertical motion at the axis."""
+        from scipy.signal import lfilter
+
+        pull = square_a2
+        for _ in range(MOST_PULLS):
+            moved = [lfilter(*each, pull, zi=held) for each, held in zip(self.filters, self.memory, strict=True)]
+            felt = np.tensordot(self.gain, [*(motion for motion, _ in moved), pull], 1)
+            if self.gap_m is None:
+                break
+            # F = c i² (g/(g − z))^p at the motion that was just found.
+            was, pull = pull, square_a2 * (1 - np.minimum(felt[0] / self.gap_m, NEAREST)) ** -self.exponent
+            if np.abs(pull - was).max() <= 1e-9 * pull.max():
+                break
+        self.memory = [held for _, held in moved]
+        self.pulled_in |= (felt[0] >= NEAREST * (self.gap_m or np.inf)).any(1)
+        return felt
+
+    def _take_course(self, felt: np.ndarray) -> None:
+        joined = np.concatenate([self.tail, felt], 2)
+        count = max(joined.shape[2] // self.step - 1, 0)
+        if count:
+            windows = np.lib.stride_tricks.sliding_window_view(joined, 2 * self.step, axis=2)
+            parts = windows[:, :, : count * self.step : self.step] * self.root
+            energy = (parts**2).sum((0, 3)) - ((parts @ self.parabola) ** 2).sum((0, 3))
+            self.course_m.append(np.sqrt(2 * np.maximum(energy, 0.0)).T)
+        self.tail = joined[:, :, count * self.step :]
+
+    def found(self) -> tuple[np.ndarray, ...]:
+        """Levels, own lines, peaks (h, n), course (t, n), wanted levels (n,), all in m; who was pulled in (n,)."""
+        level_m = np.sqrt(2 * np.maximum((self.square - self.mean**2).sum(1), 0.0))
+        tone_m = 2 * np.sqrt((np.abs(self.tone) ** 2).sum(1))
+        return level_m, tone_m, self.peak_m, np.concatenate(self.course_m), self.wanted_m, self.pulled_in

@@ -1,0 +1,58 @@
+"""The pad with its washers as binary glTF, for viewers; parts beside it have none."""
+
+from typing import Any
+
+import numpy as np
+
+from padgen.core.errors import GeometryError
+from padgen.core.files import OutputFolder
+from padgen.planner.plan import Plan
+from padgen.planner.tile import to_cell
+from padgen.solid.border import washer_mesh
+from padgen.solid.formats import ExportJob
+from padgen.solid.mesh import Mesh
+
+__all__ = ["write"]
+
+
+def write(out: OutputFolder, job: ExportJob) -> None:
+    """Add the pad."""
+    if job.pad is not None:
+        out.write("pad.glb", _glb_bytes(job.plan, job.pad.mesh))
+
+
+def _glb_bytes(plan: Plan, mesh: Mesh) -> bytes:
+    """The pad and its washers as binary glTF, in metres, y up, as viewers expect."""
+    import trimesh
+
+    turn = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], float)
+    turn[:3] *= 1e-3
+    scene = trimesh.Scene()
+    colours = {"pad": (225, 222, 214, 255), "washer": (120, 125, 135, 255)}
+    scene.add_geometry(_coloured(mesh, colours["pad"]), geom_name="pad", node_name="pad", transform=turn)
+    for channel in plan.channels:
+        washer = washer_mesh(plan, channel)
+        vertices = to_cell(washer.vertices_mm, channel)
+        centre = to_cell(np.array([float(plan.arrangement(channel).washer_x_mm), 0.0, 0.0]), channel)
+        part = _coloured(Mesh(vertices, washer.triangles), colours["washer"])
+        for taxel in plan.taxels:
+            if taxel.channel == channel.index:
+                place = np.eye(4)
+                place[:2, 3] = np.array([taxel.x_mm, taxel.y_mm]) - centre[:2]
+                scene.add_geometry(
+                    part, geom_name=f"washer-{channel.index}", node_name=f"washer-{taxel.id}", transform=turn @ place
+                )
+    data = scene.export(file_type="glb")
+    back = trimesh.load(trimesh.util.wrap_as_stream(data), file_type="glb")
+    if len(back.graph.nodes_geometry) != 1 + len(plan.taxels):
+        raise GeometryError("read back it lacks parts", "pad.glb")
+    return bytes(data)
+
+
+def _coloured(mesh: Mesh, rgba: tuple[int, int, int, int]) -> Any:
+    import trimesh
+
+    material = trimesh.visual.material.PBRMaterial(baseColorFactor=rgba, metallicFactor=0.0, roughnessFactor=0.8)
+    part = trimesh.Trimesh(mesh.vertices_mm, mesh.triangles, process=False)
+    part.visual = trimesh.visual.TextureVisuals(material=material)
+    return part

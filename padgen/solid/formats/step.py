@@ -1,0 +1,82 @@
+"""Solids as STEP: of the pad a taxel of each channel with its washer, of trays the whole; a coupon has none."""
+
+import itertools
+import re
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from padgen.core import cache
+from padgen.core.errors import GeometryError
+from padgen.core.files import OutputFolder
+from padgen.planner.plan import Channel, Plan
+from padgen.solid.formats import ExportJob
+from padgen.solid.kernel import build123d, kernel_errors
+from padgen.solid.taxel import taxel_solid, washer_solid
+from padgen.solid.tile_store import taxel_key
+
+__all__ = ["write", "write_taxel_step"]
+
+STEP_KIND = "taxel-step"
+_UNNAMED = "unnamed taxel of padgen"
+"""In place of the pad's name and the channel's number, in what is kept."""
+
+
+def write(out: OutputFolder, job: ExportJob) -> None:
+    """Add the solids of the pad's taxels, or the part's."""
+    if job.pad is not None:
+        for channel in job.plan.channels:
+            out.write_by(f"taxel-{channel.index}.step", partial(write_taxel_step, job.plan, channel))
+    elif job.part.solid is not None:
+        out.write_by(f"{job.part.name}.step", lambda path: _write_step(path, job.part.title, job.part.solid))
+
+
+def write_taxel_step(plan: Plan, channel: Channel, path: Path) -> None:
+    """Write the STEP file of a channel's taxel.
+
+    Two named solids in the taxel's own axes: ``printed``, the taxel in the frame of its sub-cell, and
+    ``washer`` where the glue holds it. Read back, they must have the same volumes. Kept like the taxel's
+    triangles (`padgen.solid.tile_store`).
+    """
+    writer = cache.code_hash("solid/formats/step.py")
+    key = taxel_key(plan, channel, washer=asdict(plan.spec.washer), step=_UNNAMED, writer=writer)
+
+    def made() -> bytes:
+        printed, washer = taxel_solid(plan, channel), washer_solid(plan, channel)
+        printed.label, washer.label = "printed", "washer"
+        _write_step(path, _UNNAMED, printed, washer)
+        cache.store_bytes(STEP_KIND, key, path.read_bytes())
+        return path.read_bytes()
+
+    known = cache.once(STEP_KIND, key, lambda: _known_step(key), made)
+    path.write_bytes(known.replace(_UNNAMED.encode(), f"{plan.name} taxel {channel.index}".encode()))
+
+
+def _known_step(key: str) -> bytes | None:
+    """The STEP text that is kept, None where that is none."""
+    data = cache.load_bytes(STEP_KIND, key)
+    if data is None or not data.startswith(b"ISO-10303-21;") or not data.rstrip().endswith(b"END-ISO-10303-21;"):
+        return None
+    return data if _UNNAMED.encode() in data else None
+
+
+def _write_step(path: Path, label: str, *solids: Any) -> None:
+    """Write solids under one label, and see that they read back with their volumes."""
+    b, planned = build123d(), sorted(float(solid.volume) for solid in solids)
+    with kernel_errors(path.name):
+        whole = b.Compound(children=solids) if len(solids) > 1 else solids[0]
+        whole.label = label
+        b.export_step(whole, path, timestamp="1970-01-01T00:00:00")
+        path.write_text(_renumbered(path.read_text()))
+        back = sorted(float(solid.volume) for solid in b.import_step(path).solids())
+    if len(back) != len(planned) or not np.allclose(back, planned, rtol=1e-6):
+        raise GeometryError(f"read back its solids have {back} mm³, written were {planned} mm³", path.name)
+
+
+def _renumbered(step: str) -> str:
+    """OCCT numbers the parts of an assembly through all files of a process; number them from 1 in each."""
+    count = itertools.count(1)
+    return re.sub(r"(NEXT_ASSEMBLY_USAGE_OCCURRENCE\(')\d+'", lambda match: f"{match[1]}{next(count)}'", step)

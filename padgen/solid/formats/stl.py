@@ -1,0 +1,38 @@
+"""A mesh as binary STL."""
+
+import numpy as np
+
+from padgen import __version__
+from padgen.core.files import OutputFolder
+from padgen.solid.formats import ExportJob, verified
+from padgen.solid.mesh import Mesh
+
+__all__ = ["stl_bytes", "stl_mesh", "write"]
+
+_STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+
+
+def write(out: OutputFolder, job: ExportJob) -> None:
+    """Add the part's mesh, read back corner by corner."""
+    part = job.part
+    name, title = f"{part.name}.stl", f"{__version__} {part.title} {job.spec_hash[:16]}"
+    verified(name, part.mesh, stl_mesh(out.write(name, stl_bytes(part.mesh, title)).read_bytes()))
+
+
+def stl_bytes(mesh: Mesh, title: str) -> bytes:
+    """Binary STL."""
+    triangles = np.zeros(len(mesh.triangles), _STL_TRIANGLE)
+    corners = mesh.corners_mm
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    size = np.linalg.norm(normal, axis=1, keepdims=True)
+    triangles["normal"] = normal / np.maximum(size, 1e-30)
+    triangles["corners"] = corners
+    header = f"padgen {title}".encode("ascii", "replace")[:80].ljust(80)
+    return header + np.uint32(len(triangles)).tobytes() + triangles.tobytes()
+
+
+def stl_mesh(data: bytes) -> Mesh:
+    """The triangles of a binary STL, not welded."""
+    triangles = np.frombuffer(data, _STL_TRIANGLE, offset=84)
+    corners = triangles["corners"].astype(float).reshape(-1, 3)
+    return Mesh(corners, np.arange(len(corners)).reshape(-1, 3))

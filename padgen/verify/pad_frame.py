@@ -1,0 +1,232 @@
+"""The taxels of a pad on its real frame: shift of their resonances and crosstalk, each taxel by the beam model.
+
+The frame alone is solved as a solid: window by window, without plates and beams. A taxel is the rigid body of
+the planner's beam model; each of its beams joins it by a 6 x 6 stiffness to the piece of rib behind the beam's
+root, whose mean motion as a body is carried to the taxel's centroid. Of the frame's motions those are kept that
+answer a static pull of any one taxel in its working mode (Ritz). Damping is structural: every stiffness
+times 1 + j/Q. SI units but for the solid's own millimetres.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from padgen.core.errors import SolverError
+from padgen.core.units import G_PER_CM3, GPA, MM
+from padgen.physics.beams import tip_stiffness
+from padgen.physics.modes import to_tip
+from padgen.planner.plan import Plan, Taxel
+from padgen.planner.suspensions import BeamShape
+from padgen.planner.taxel_model import TaxelModel, plate_shape
+from padgen.planner.tile import TURNS, taxel_places
+from padgen.verify.elastic_material import Elastic
+from padgen.verify.elastic_mesh import Fineness, meshed
+from padgen.verify.elastic_modes import System, assembled, factored, rigid_loads
+from padgen.verify.engines import engine
+
+__all__ = [
+    "CLAMPINGS",
+    "Hung",
+    "PadModes",
+    "central_taxels",
+    "coupled_modes",
+    "crosstalk_db",
+    "pad_modes",
+    "peak_hz",
+    "shift",
+]
+
+CLAMPINGS = ("edges", "bottom", "corners")
+"""Held are: outer side faces of the border; the frame's underside; the walls of the corner holes."""
+HELD, SEAM, PRINTED = "held", "seam", "printed"
+ROOT_DEPTH = 0.25
+"""Depth, as a share of a rib, of the piece behind a root that moves with the beam."""
+MESH = Fineness(levels=0, largest_mm=4.0, grading=0.8, per_face=10.0)
+"""Coarse: the order of the elements is what is refined."""
+
+
+class Hung(NamedTuple):
+    """A taxel on a frame: `mass` (6, 6) of its body at the centroid, and for each beam its stiffness (6, 6) there
+    and what takes the frame's motion to the root's (6, n), carried to the centroid. `pull` (6,) takes the
+    body's motion to its washer's vertical one."""
+
+    mass: np.ndarray
+    beams: Sequence[tuple[np.ndarray, np.ndarray]]
+    pull: np.ndarray
+
+
+class PadModes(NamedTuple):
+    """All modes of a pad: `square` (k,), ``(2πf)²`` in (rad/s)², and the washers' vertical `motion` (taxels, k) in
+    kg^-½; `unknowns` of the frame."""
+
+    square: np.ndarray
+    motion: np.ndarray
+    unknowns: int = 0
+
+    def receptance(self, taxel: int, frequency_hz: np.ndarray, q: float) -> np.ndarray:
+        """Vertical motion (frequencies, taxels) of all washers in m for 1 N on the washer of `taxel`, complex."""
+        square = (2 * np.pi * np.asarray(frequency_hz)[:, None]) ** 2
+        return np.asarray(self.motion[taxel] / (self.square * (1 + 1j / q) - square) @ self.motion.T)
+
+
+def pad_modes(plan: Plan, clamping: str, order: int) -> tuple[PadModes, PadModes]:
+    """Modes of the taxels on the frame held by `clamping`, and with all sub-cells' sides held; elements of `order`.
+
+    Both are of one mesh, so that what it errs by close to the roots leaves their ratio alone.
+
+    Raises
+    ------
+    SolverError
+        The clamping is unknown or holds nothing, or the frame cannot be meshed.
+    """
+    if clamping not in CLAMPINGS:
+        raise SolverError(f"must be one of {', '.join(CLAMPINGS)}, got {clamping}", "clamping")
+    engine("ngsolve").SetNumThreads(1)
+    mesh, material = meshed(_frame_solid(plan, clamping), MESH, "frame", set()), plan.spec.material
+    density = material.density_g_per_cm3 * G_PER_CM3
+    plastic = Elastic(material.youngs_modulus_gpa * GPA, material.poisson_ratio, density)
+    on_frame, held = (
+        _on_frame(plan, assembled(mesh, {".*": plastic}, order, faces)) for faces in (HELD, f"{SEAM}|{HELD}")
+    )
+    return on_frame, held
+
+
+def _turn(plan: Plan, taxel: Taxel) -> np.ndarray:
+    """From a taxel's own axes to the pad's (3, 3)."""
+    cosine, sine = TURNS[plan.channels[taxel.channel].site.along]
+    sign = -1 if taxel.turned else 1
+    return np.array([[sign * cosine, -sign * sine, 0.0], [sign * sine, sign * cosine, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _frame_solid(plan: Plan, clamping: str) -> Any:
+    """Netgen's shape of the frame in mm, from the pad's centre: the pieces of rib behind the roots, named
+    ``root<taxel>-<beam>``, and all else; side faces of sub-cells are named ``seam``, what is held ``held``."""
+    occ, pad = engine("netgen.occ"), plan.spec.pad
+    height, half = pad.frame_thickness_mm, np.array([pad.width_mm, pad.depth_mm]) / 2
+    outer = half + pad.border_mm
+
+    def block(corners: np.ndarray, top: float = height) -> Any:
+        return occ.Box(occ.Pnt(*corners.min(0), 0.0), occ.Pnt(*corners.max(0), top))
+
+    border = block(np.array([-outer, outer])) - block(np.array([-half, half]))
+    _name(border, SEAM)
+    if clamping == "edges":
+        _name([face for face in border.faces if np.isclose(np.abs(_centre(face)[:2]), outer).any()], HELD)
+    for corner in [(x, y) for x in (-1, 1) for y in (-1, 1)] if pad.hole_diameter_mm else []:
+        bore = occ.Cylinder(occ.Pnt(*(half + pad.border_mm / 2) * corner, 0.0), occ.Z, pad.hole_diameter_mm / 2, height)
+        _name(bore, HELD if clamping == "corners" else SEAM)
+        border = border - bore
+    solids, cell = [border], np.array([plan.cell.width_mm, plan.cell.depth_mm])
+    for (row, column), index in np.ndenumerate(taxel_places(plan)):
+        low = (column, row) * cell - half
+        tile = block(np.array([low, low + cell]))
+        _name([face for face in tile.faces if abs(_centre(face)[2] - height / 2) < height / 4], SEAM)
+        if index >= 0:
+            taxel = plan.taxels[index]
+            arrangement, turn = plan.arrangement(plan.channels[taxel.channel]), _turn(plan, taxel)[:2, :2]
+            place = (taxel.x_mm, taxel.y_mm) - turn @ (float(arrangement.washer_x_mm), 0.0)
+            length, width = (float(side) for side in arrangement.window_mm)
+            tile = tile - block(np.array([(0.0, -width / 2), (length, width / 2)]) @ turn.T + place)
+            for k, beam in enumerate(arrangement.beams):
+                aside = np.array([-beam.direction[1], beam.direction[0]]) * float(beam.width_mm) / 2
+                ends = [aside, -aside - np.array(beam.direction) * ROOT_DEPTH * pad.rib_mm]
+                root = block(
+                    (np.array(ends) + [float(v) for v in beam.root_mm]) @ turn.T + place, float(beam.thickness_mm)
+                )
+                root.solids[0].name = f"root{index}-{k}"
+                tile = tile - root
+                solids.append(root)
+        solids.append(tile)
+    shape = occ.Glue(solids)
+    if clamping == "bottom":
+        _name([face for face in shape.faces if abs(_centre(face)[2]) < height * 1e-6], HELD)
+    return shape
+
+
+def _name(faces: Any, name: str) -> None:
+    for face in getattr(faces, "faces", faces):
+        face.name = name
+
+
+def _centre(face: Any) -> np.ndarray:
+    return np.array([face.center.x, face.center.y, face.center.z])
+
+
+def _on_frame(plan: Plan, system: System) -> PadModes:
+    """Modes of all taxels of `plan` on the solid frame of `system`."""
+    solve, spec = factored(system), plan.spec
+    beams, plate = [channel.beam for channel in plan.channels], plate_shape(spec)
+    shapes = [BeamShape(beam.width_mm, beam.thickness_mm, beam.length_mm) for beam in beams]
+    models = [TaxelModel(spec, beam.topology, plate, shape) for beam, shape in zip(beams, shapes, strict=True)]
+    loads, pulls = [], np.zeros((system.free.size, len(plan.taxels)))
+    for index, taxel in enumerate(plan.taxels):
+        model, turn = models[taxel.channel], _turn(plan, taxel)
+        centre = turn @ (model.body.centroid - model.washer_point_m) / MM + (taxel.x_mm, taxel.y_mm, 0.0)
+        working = model.modes.shape[:, model.working]
+        for k, placement in enumerate(model.placements):
+            tip = to_tip(placement, model.body.centroid)
+            stiffness = tip.T @ tip_stiffness(placement.section, *model.elastic[:2]) @ tip
+            load = rigid_loads(system, f"root{index}-{k}", 1.0, *centre) @ np.kron(np.eye(2), turn)
+            loads.append((index, stiffness, load))
+            pulls[:, index] += load @ stiffness @ working
+    ritz = np.array([solve(pull * system.free) for pull in pulls.T]).T
+    ritz = ritz / np.sqrt(np.einsum("ik,ik->k", ritz, system.mass_times(ritz)))
+    hung = []
+    for index, taxel in enumerate(plan.taxels):
+        model = models[taxel.channel]
+        inverse = np.linalg.inv(model.modes.shape)
+        joints = [(stiffness, load.T @ ritz) for of, stiffness, load in loads if of == index]
+        hung.append(Hung(inverse.T @ inverse, joints, model.modes.at_point(model.washer_point_m)[2] @ inverse))
+    modes = coupled_modes(ritz.T @ system.stiffness_times(ritz), ritz.T @ system.mass_times(ritz), hung)
+    return modes._replace(unknowns=int(system.free.sum()))
+
+
+def coupled_modes(stiffness: np.ndarray, mass: np.ndarray, taxels: Sequence[Hung]) -> PadModes:
+    """Modes of `taxels` on a frame of `stiffness` and `mass` (n, n)."""
+    frame = slice(0, len(mass))
+    size = len(mass) + 6 * len(taxels)
+    whole, heavy, pulls = np.zeros((size, size)), np.zeros((size, size)), np.zeros((len(taxels), size))
+    whole[frame, frame], heavy[frame, frame] = stiffness, mass
+    for index, taxel in enumerate(taxels):
+        own = slice(len(mass) + 6 * index, len(mass) + 6 * index + 6)
+        heavy[own, own], pulls[index, own] = taxel.mass, taxel.pull
+        for beam, root in taxel.beams:
+            whole[frame, frame] += root.T @ beam @ root
+            whole[own, own] += beam
+            whole[own, frame] -= beam @ root
+            whole[frame, own] -= (beam @ root).T
+    square, vectors = engine("scipy.linalg").eigh(whole, heavy)
+    return PadModes(square, pulls @ vectors)
+
+
+def peak_hz(plan: Plan, modes: PadModes, taxel: int) -> float:
+    """Frequency of the highest response of a taxel to a force on itself, within 30 % of its channel's resonance."""
+    channel = plan.channels[plan.taxels[taxel].channel]
+    low, high, q = 0.7 * channel.resonance_hz, 1.3 * channel.resonance_hz, channel.q
+    for _ in range(6):
+        grid = np.linspace(low, high, 61)
+        at = int(np.abs(modes.receptance(taxel, grid, q)[:, taxel]).argmax())
+        low, high = grid[max(at - 1, 0)], grid[min(at + 1, 60)]
+    return float((low + high) / 2)
+
+
+def shift(plan: Plan, on_frame: PadModes, held: PadModes, taxel: int) -> float:
+    """How far the frame moves the resonance of a taxel, as a share of it (`pad_modes` gives both)."""
+    return peak_hz(plan, on_frame, taxel) / peak_hz(plan, held, taxel) - 1
+
+
+def central_taxels(plan: Plan) -> list[int]:
+    """For each channel on the pad the index of its taxel nearest to the pad's centre."""
+    taxels = plan.taxels
+    return [
+        min((k for k, t in enumerate(taxels) if t.channel == c), key=lambda k: np.hypot(taxels[k].x_mm, taxels[k].y_mm))
+        for c in sorted({taxel.channel for taxel in taxels})
+    ]
+
+
+def crosstalk_db(plan: Plan, modes: PadModes, driven: int) -> np.ndarray:
+    """How far below taxel `driven`, at its resonance, all washers (taxels,) move vertically, in dB; 0 for itself."""
+    q = plan.channels[plan.taxels[driven].channel].q
+    amplitude = np.abs(modes.receptance(driven, np.array([peak_hz(plan, modes, driven)]), q)[0])
+    return np.asarray(20 * np.log10(amplitude[driven] / amplitude))
