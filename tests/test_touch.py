@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import solve_bvp, solve_ivp
 from scipy.optimize import brentq
 
 import padgen as pg
@@ -160,6 +160,61 @@ def test_the_tone_of_small_motions_moves_a_hard_spring_less():
     )
     reached = np.abs(run.sol(np.linspace(1.4, 1.5, 4000))[0]).max()
     assert level_kept(alpha, q, asked) == pytest.approx(reached / asked, rel=0.02)
+
+
+def test_large_slopes_stay_within_their_bound():
+    """Secant stiffness of an end-loaded cantilever by the elastica, θ'' = −α cos θ, over the linear 3."""
+
+    def tip(alpha):
+        x = np.linspace(0, 1, 60)
+        start = np.array([alpha * (x - x * x / 2), alpha * (1 - x), alpha * x * x / 2])
+        found = solve_bvp(
+            lambda _, y: [y[1], -alpha * np.cos(y[0]), np.sin(y[0])],
+            lambda a, b: [a[0], b[1], a[2]],
+            x,
+            start,
+            tol=1e-8,
+        )
+        return found.y[2, -1]
+
+    for share in (0.05, 0.1, 0.2):
+        stiffer = brentq(lambda alpha, share=share: tip(alpha) - share, 0.1, 1.5) / 3 / share - 1
+        assert 0.1 * 1.2 * share**2 < stiffer < 1.2 * share**2
+
+
+def added_mass_of_a_square(n):
+    """Of a plate of side 1 in a fluid of density 1, by a lattice of n × n vortex rings."""
+    centre = (np.arange(n) + 0.5) / n
+    x, y = (v.ravel() for v in np.meshgrid(centre, centre, indexing="ij"))
+    wash = np.zeros((n * n, n * n))
+    for sx, sy in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+        a, b = x[:, None] - x + sx * 0.5 / n, y[:, None] - y + sy * 0.5 / n
+        # Downwash of a ring of unit circulation in its plane: the sum over its corners of √(a² + b²)/(a b)/4π.
+        wash -= sx * sy * np.hypot(a, b) / (a * b) / (4 * pi)
+    return abs(np.linalg.solve(wash, np.ones(n * n)).sum()) / n**2
+
+
+def test_air_that_moves_with_a_plate_stays_within_its_bound():
+    plan = pg.plan("paper-32")
+    # The lattice converges as 1/n; 0.455 is Blevins' figure.
+    added = 2 * added_mass_of_a_square(16) - added_mass_of_a_square(8)
+    assert added == pytest.approx(0.455, rel=0.01)
+    entry = next(e for e in plan.left_out if e.term == "air's mass")
+    side, lightest = plan.plate.length_mm * 1e-3, min(c.effective_mass_g for c in plan.channels) * 1e-3
+    true = added * 1.2 * side**3 / lightest / 2
+    assert plan.plate.length_mm == plan.plate.width_mm
+    assert true < entry.bound < 10 * true
+
+
+def test_every_effect_is_included_bounded_or_unbounded_and_bridges_warn():
+    plan = pg.plan("paper-32")
+    by_status = {s: [e for e in plan.left_out if e.status == s] for s in ("included", "bounded", "unbounded")}
+    assert sum(map(len, by_status.values())) == len(plan.left_out) >= 25
+    assert all(e.bound is None for e in by_status["unbounded"] + by_status["included"])
+    assert "skin" in {e.term for e in by_status["unbounded"]}
+    bridge = make_plan(parse_spec(BRIDGE))
+    assert "model.unbounded" in {f.code for f in bridge.findings if f.level == "warning"}
+    assert "model.unbounded" not in {f.code for f in plan.findings}
 
 
 def test_jumps_begin_where_the_response_becomes_threefold():

@@ -338,11 +338,12 @@ class LayoutOption:
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
-    """A term that the plan's models drop.
+    """An effect that the physics knows, and what the plan does about it.
 
-    Leaving out `term` changes the quantity `of` by at most `bound`, in `unit` ('1': relative); None
-    where no bound holds, since the quantity itself breaks down. Where `computed`, the plan counts the
-    term and `bound` is what remains.
+    Leaving out `term` changes the quantity `of` by at most `bound`, in `unit` ('1': relative); None where no bound
+    holds, since the quantity itself breaks down. Where `computed`, the plan counts it and `bound` is what
+    remains. `status` is 'bounded'; 'included' where a plan counts it whole, and what its model may be off by is in other
+    figures (`bound` None); or 'unbounded' where nothing that a plan knows bounds it.
     """
 
     term: str
@@ -350,6 +351,7 @@ class LeftOut:
     unit: str
     of: str
     computed: bool
+    status: str = "bounded"
 
 
 @dataclass(frozen=True, repr=False)
