@@ -342,8 +342,8 @@ class LeftOut:
 
     Leaving out `term` changes the quantity `of` by at most `bound`, in `unit` ('1': relative); None where no bound
     holds, since the quantity itself breaks down. Where `computed`, the plan counts it and `bound` is what
-    remains. `status` is 'bounded'; 'included' where a plan counts it whole, and what its model may be off by is in other
-    figures (`bound` None); or 'unbounded' where nothing that a plan knows bounds it.
+    remains. `status` is 'bounded'; 'included' where a plan counts it whole, and what its model may be off by is in
+    other figures (`bound` None); or 'unbounded' where nothing that a plan knows bounds it.
     """
 
     term: str
