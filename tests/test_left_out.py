@@ -547,7 +547,9 @@ def test_shielding_of_two_is_a_dipoles():
 
 @pytest.mark.parametrize("name", SCENES)
 def test_largest_first_and_plain(name):
-    entries = left_out(scene(name)[1])
+    every = left_out(scene(name)[1])
+    entries = [e for e in every if e.status == "bounded"]
+    assert list(every[: len(entries)]) == entries
     sizes = [np.inf if e.bound is None else e.bound for e in entries]
     assert sizes == sorted(sizes, reverse=True)
     assert len({e.term for e in entries}) == len(entries)
@@ -561,7 +563,7 @@ def test_largest_first_and_plain(name):
 
 def test_findings_are_of_terms_above_the_tolerance():
     spec, plan = scene("paper-32")
-    entries = left_out(plan)
+    entries = [e for e in left_out(plan) if e.status == "bounded"]
     for tolerance in (1e-4, 0.02, 0.5):
         asked = replace(spec, model=replace(spec.model, tolerance=tolerance))
         found = list(judge_left_out(asked, entries))
@@ -619,4 +621,4 @@ def test_a_washer_that_is_not_pulled_has_no_force_to_judge():
     _spec, plan = scene("paper-32")
     still = tuple(replace(c, force_constant_n_per_a2=0.0) for c in plan.channels)
     terms = {e.term for e in left_out(replace(plan, channels=still))}
-    assert terms == {"beam inertia", "frame", "far coils", "far modes"}
+    assert terms == {"beam inertia", "frame", "far coils", "far modes", "stretching", "skin"}

@@ -135,8 +135,8 @@ def test_a_frame_that_is_glued_down_carries_least(pads, plan):
 
 
 def test_bounds_end_below_the_frames_own_mode(plan):
-    # The full reduction finds it at 1013 Hz on the corners, 1017 Hz on the edges. A plate's formulas are 18 % above that
-    # on so small a frame: bounds end at `NEAR_RESONANCE` of them.
+    # The full reduction finds it at 1013 Hz on the corners, 1017 Hz on the edges. A plate's formulas are 18 % above
+    # that on so small a frame: bounds end at `NEAR_RESONANCE` of them.
     for clamping, lowest in (("corners", 1013.5), ("edges", 1016.9)):
         assert lowest / 5 < NEAR_RESONANCE * frame_mode_estimate_hz(plan, clamping) < lowest
     assert frame_mode_estimate_hz(plan, "bottom") == float("inf")

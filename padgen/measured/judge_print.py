@@ -126,6 +126,7 @@ def _level(plan: Plan, after: Sequence[CoilFigures], loads: Sequence[CoilLoad]) 
         "voltage": f"{number(load.voltage_peak_v)} V of {number(spec.drive.voltage_limit_v)} V",
         "copper loss": f"{number(load.copper_loss_w)} W of {number(spec.coil.power_limit_w)} W",
         "gap": "more than a third of the gap, with sag and mean pull",
+        "stretching": "more than beams that stretch follow without jumping between two levels",
         "root stress": "more than the beams' fatigue stress",
         "pull": "a washer that is not pulled",
     }

@@ -6,11 +6,12 @@ from math import log
 
 import numpy as np
 
-from padgen.core.units import GRAM, MM, MN, MPA, MS, UM
+from padgen.core.units import GRAM, MM, MN, MPA, MS, UM, decibel
 from padgen.physics.currents import mean_square_a2
 from padgen.physics.magnetics import CoilSource, SteelRing, balanced_deflection, pull_over_gap
 from padgen.physics.resonator import ring_up_time
 from padgen.physics.selectivity import Scheme
+from padgen.physics.stretching import level_kept, resonance_rise
 from padgen.planner.coils import coil_source
 from padgen.planner.plan import Beam, Channel, Site, channel_sets
 from padgen.planner.pull_modes import each_distance, mode_fields, site_wrenches, taxel_modes
@@ -46,6 +47,7 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
         modes = mode_fields(taxel_modes(item.model), wrench[i])
         force_mn = float(level_um[i]) * UM * stiffness / spec.q_min / MN
         force_constant = float(pull[i]) * modes.pulled_share
+        alpha, level_m, sag_m = item.model.hardening_per_m2, float(level_um[i]) * UM, float(item.model.sag_m)
         channels.append(
             Channel(
                 index=i,
@@ -63,7 +65,10 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
                 second_mode_hz=item.model.second_mode[0],
                 second_mode_share=item.model.second_mode[1],
                 **modes._asdict(),
-                sag_um=float(item.model.sag_m) / UM,
+                sag_um=sag_m / UM,
+                hardening_per_mm2=alpha * MM**2,
+                level_shift=resonance_rise(alpha, level_m, sag_m),
+                level_loss_db=-decibel(level_kept(alpha, spec.q_min, level_m, sag_m)),
                 root_stress_mpa=float(item.model.root_stress_pa(level_um[i] * UM)) / MPA,
                 print_spread=float(frequency_spread(item.beam, spec.printer)),
                 force_mn=force_mn,

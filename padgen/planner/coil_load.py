@@ -9,6 +9,7 @@ from padgen.core.units import MA, MH, MM, UM
 from padgen.physics.currents import mean_square_a2, peak_current_a, peak_voltage_v
 from padgen.physics.magnetics import pull_in_deflection, slack_at
 from padgen.physics.selectivity import Scheme
+from padgen.physics.stretching import jump_amplitude
 from padgen.planner.channels import hanging_gap_um
 from padgen.planner.plan import Channel, CoilLoad, channel_sets
 from padgen.spec import Spec
@@ -37,6 +38,7 @@ def _load(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> CoilLoad:
         "voltage": (spec.drive.voltage_limit_v / volts) ** 2 if volts > 0 else inf,
         "copper loss": coil.power_limit_w / loss_w if loss_w > 0 else inf,
         "gap": min(_gap_factor(spec, channel, square_a2) for channel in channels),
+        "stretching": min(jump_amplitude(c.hardening_per_mm2, c.q) * MM / UM / c.level_um for c in channels),
         "root stress": spec.material.fatigue_stress_mpa / max(c.root_stress_mpa for c in channels),
     }
     if min(c.force_constant_n_per_a2 for c in channels) <= 0:

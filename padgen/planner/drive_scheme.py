@@ -41,7 +41,8 @@ def plan_selectivity(spec: Spec, planned: Sequence[Channel], optimum: "Optimum |
     sets = channel_sets(planned, spec.coil.sets)
     alike, bare, asked = ([_resonators(spec, own, which) for own in sets] for which in ("alike", "placed", "asked"))
     placed = [(which, heard_modes(spec, own, which.line)) for own, which in zip(sets, bare, strict=True)]
-    figures = {name: _figures(spec, alike, placed, name) for name in in_order()}
+    lost_db = max(channel.level_loss_db for channel in planned)
+    figures = {name: _figures(spec, alike, placed, name, lost_db) for name in in_order()}
     name, why = _chosen(spec, figures, planned)
     scheme = scheme_named(spec, name)
     states = min((all_states(which, scheme) for which in alike), key=lambda found: found.db)
@@ -54,7 +55,7 @@ def plan_selectivity(spec: Spec, planned: Sequence[Channel], optimum: "Optimum |
         worst_state=states.state,
         asked_db=decibel(spec.delta_y),
         placed_one_hot_db=None if alone else min(one_hot_db(which, scheme, modes) for which, modes in placed),
-        placed_all_states_db=None if alone else _placed_db(placed, scheme),
+        placed_all_states_db=None if alone else _placed_db(placed, scheme) - lost_db,
         why=why,
         paper_db=None if alone else _paper_db(spec, planned),
         snapping_db=None if alone else _worst_db(asked, scheme) - states.db,
@@ -116,13 +117,15 @@ def _loudest_peak(spec: Spec, own: Sequence[Channel]) -> float:
     return float(peak.max() * line.max()) * max(2.0, 0.5 / spec.drive.bias_ratio)
 
 
-def _figures(spec: Spec, alike: Sequence[Channels], placed: Sequence[Placed], name: str) -> SchemeFigures:
+def _figures(
+    spec: Spec, alike: Sequence[Channels], placed: Sequence[Placed], name: str, lost_db: float
+) -> SchemeFigures:
     count, scheme = len(alike[0].line), scheme_named(spec, name)
     cubic = scheme.has_pair_spurs and count > MOST_WITH_SPURS and name != spec.drive.scheme
     if count < 2 or cubic:
         return SchemeFigures(name, None, None, None)
     one_hot = min(one_hot_db(which, scheme) for which in alike)
-    return SchemeFigures(name, one_hot, _worst_db(alike, scheme), _placed_db(placed, scheme))
+    return SchemeFigures(name, one_hot, _worst_db(alike, scheme), _placed_db(placed, scheme) - lost_db)
 
 
 def _chosen(spec: Spec, figures: dict[str, SchemeFigures], planned: Sequence[Channel]) -> tuple[str, str]:

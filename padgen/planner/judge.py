@@ -8,19 +8,28 @@ import numpy as np
 
 from padgen.core.errors import at_least, at_most, number
 from padgen.core.finding import LEVELS, Finding
-from padgen.core.units import MM, UM
+from padgen.core.units import MM, UM, decibel
 from padgen.physics.ladder import ladder_ratio, slot_half_width
+from padgen.physics.stretching import jump_amplitude, level_kept, resonance_rise
 from padgen.planner.channels import driven, pulls, wanted_line_a2
 from padgen.planner.drive_scheme import modes_matter
 from padgen.planner.judge_drive import judge_drive
 from padgen.planner.left_out import judge_left_out
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.printable import DRAWN_SHARE, steps_are_coarse
+from padgen.planner.touch import judge_touch
 from padgen.spec import Coil, Spec
 
 SPACING_SHARE = 0.05
 """Share of a slot by which a resonance may be off before it is worth a finding."""
 GAPS_TRIED = 8
+STRENGTH = 4.0
+"""Strength over the stress that many cycles allow: the catalogue takes fatigue at a quarter of strength."""
+LARGE_MOTION = 0.25
+"""Share of a beam's length that it may bend by: the secant stiffness of a cantilever under an end load is then 7 %
+above the linear theory's (elastica)."""
+LOSS_DB = 0.5
+"""Loss of level by stretching that is worth a finding."""
 ROUNDING_MM = 1e-6
 LARGEST_GAP_MM = next(item.metadata["high"] for item in fields(Coil) if item.name == "gap_mm")
 
@@ -41,6 +50,7 @@ def judge(plan: Plan) -> tuple[Finding, ...]:
         *_modes(plan),
         *_mechanics(plan),
         *_places(plan),
+        *judge_touch(plan),
         *judge_left_out(spec, plan.left_out),
     ]
     return tuple(sorted(found, key=lambda f: -LEVELS.index(f.level)))
@@ -169,6 +179,8 @@ def _mechanics(plan: Plan) -> Iterator[Finding]:
                 f"sag ({number(channel.sag_um)} µm), static pull ({number(channel.static_um)} µm) and amplitude"
                 f" together are {number(travel_mm)} mm, {bound}; {_wider_gap(plan)}",
             )
+        yield from _statics(spec, channel)
+        yield from _stretching(spec, channel)
         if channel.root_stress_mpa > spec.material.fatigue_stress_mpa:
             level = channel.level_um * spec.material.fatigue_stress_mpa / channel.root_stress_mpa
             yield Finding(
@@ -189,6 +201,60 @@ def _mechanics(plan: Plan) -> Iterator[Finding]:
                 f" asked is {spec.model.tolerance:.1%} (model.tolerance)"
                 + (f"; {remedy}" if channel.model == "beam" else ""),
             )
+
+
+def _statics(spec: Spec, channel: Channel) -> Iterator[Finding]:
+    """A taxel that breaks, or leaves what a beam model describes, under its own weight and pull."""
+    moved_um = channel.sag_um + channel.static_um + channel.level_um
+    stress, strength = (
+        channel.root_stress_mpa * moved_um / channel.level_um,
+        STRENGTH * spec.material.fatigue_stress_mpa,
+    )
+    if stress > strength:
+        yield Finding(
+            "error",
+            "beam.strength",
+            f"channel {channel.index}",
+            f"sag, mean pull and amplitude, {number(moved_um * UM / MM)} mm in all, stress its root by {number(stress)}"
+            f" MPa, {spec.material.name} breaks at about {number(strength)} MPa; a higher resonance would do",
+        )
+    length_mm = channel.beam.length_mm
+    if moved_um * UM / MM > LARGE_MOTION * length_mm:
+        yield Finding(
+            "error",
+            "beam.sag",
+            f"channel {channel.index}",
+            f"sag, mean pull and amplitude move it by {number(moved_um * UM / MM)} mm, more than {LARGE_MOTION:.0%} of"
+            f" its beams' length of {number(length_mm)} mm: no figure of this plan holds; a higher resonance would do",
+        )
+
+
+def _stretching(spec: Spec, channel: Channel) -> Iterator[Finding]:
+    """Beams that stretch to bend, those of a bridge: the tone of small motions falls short of the level."""
+    alpha, sag_mm = channel.hardening_per_mm2, channel.sag_um * UM / MM
+    if channel.level_loss_db <= LOSS_DB:
+        return
+    low, high = 0.0, channel.level_um
+    for _ in range(30):
+        level = (low + high) / 2
+        kept = level_kept(alpha, channel.q, level * UM / MM, sag_mm)
+        low, high = (low, level) if -decibel(kept) > LOSS_DB else (level, high)
+    would = at_most(spec.drive.level_um * low / channel.level_um)
+    sagged_hz = channel.resonance_hz * (1 + resonance_rise(alpha, 0.0, sag_mm))
+    jump_um = jump_amplitude(alpha, channel.q) * MM / UM
+    jumps = f"; above {number(jump_um)} µm its response jumps between two levels" if jump_um < channel.level_um else ""
+    yield Finding(
+        "warning",
+        "beam.stretching",
+        f"channel {channel.index}",
+        f"its beams stretch: moving by {number(channel.level_um)} µm it resonates {channel.level_shift:.1%} higher, and"
+        f" the planned tone moves it {channel.level_loss_db:.1f} dB less than asked{jumps};"
+        + (
+            f" drive.level_um = {would} would do"
+            if low > 0
+            else f" for its sag alone take {number(sagged_hz)} Hz, or re-tune it"
+        ),
+    )
 
 
 def _wider_gap(plan: Plan) -> str:

@@ -1,14 +1,15 @@
 """What the plan's models leave out for this pad, and what that may change at most."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
-from math import inf, isfinite
+from math import inf, isfinite, pi
 
 import numpy as np
 
 from padgen.core.errors import number
 from padgen.core.finding import Finding
-from padgen.core.units import G_PER_CM3, GPA, MA, MH, MM, UM
+from padgen.core.units import G_PER_CM3, GPA, GRAM, MA, MH, MM, UM
 from padgen.physics.bounds import (
     beam_inertia,
     core_eddies,
@@ -28,6 +29,7 @@ from padgen.physics.leakage import easiness
 from padgen.physics.magnetics import impedance
 from padgen.physics.modal import felt_energy
 from padgen.physics.poles import coil_poles, pole_error
+from padgen.physics.stretching import resonance_rise
 from padgen.planner.channels import hanging_gap_um, magnetic_parts
 from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.frame_give import flexibility_bounds
@@ -45,7 +47,13 @@ SATURATION_T = 1.5
 RESISTIVITY_OHM_M = 1e-7
 """Of the best conductor among cores and washers, iron."""
 
+AIR_KG_PER_M3, AIR_PA_S = 1.2, 1.8e-5
+"""Density and viscosity of air."""
+HARDENING_SHARE = 0.2
+"""Share by which the cubic spring of beams that stretch may be off (docs/accuracy.md, against NLGEOM)."""
+
 RUNGS = {
+    "stretching": "a lower drive.level_um, or beams free to slide at one end",
     "saturation": "a field solution with the steel's B-H curve (padgen.verify.force_ladder)",
     "eddy currents": "a force measured at the drive frequency, or a laminated or ferrite core",
     "shielding": "a field solution with all washers (padgen.verify.force_ladder)",
@@ -53,11 +61,44 @@ RUNGS = {
     "softening": "padgen study --only dynamics",
     "motion": "padgen study --only dynamics",
     "switching": "a coupled run over the switching (padgen.verify.coupled); wait that much longer between frames",
+    "air's mass": "re-tune: it is the same for every taxel",
+    "air's damping": "a wider gap, or a measured Q",
+    "large slopes": "a lower drive.level_um, or beams that sag less",
     "far modes": "padgen.planner.pull_modes.coil_modes",
     "frame": "padgen study --only pad",
     "beam inertia": "--model solid",
 }
 """Where each term is computed, for those that a plan cannot compute."""
+
+
+INCLUDED = {
+    "lines of the squared current": "selectivity",
+    "all channels of a coil at once": "selectivity",
+    "other modes of a taxel": "selectivity",
+    "distance of a washer from the axis": "force",
+    "side force and moment of the pull": "force",
+    "reactance of the coil": "voltage",
+    "first order of sag": "force",
+    "shear and twist of the beams": "resonance",
+    "give of the beams' ends": "resonance",
+    "rotary inertia of plate and washer": "resonance",
+    "glue and fillets": "resonance",
+    "whole layers and steps of the printer": "resonance",
+}
+"""Effects that every plan counts, and the figure that has them."""
+UNBOUNDED = {
+    "skin": ("resonance of every taxel that is touched", "`touched` has a provisional model"),
+    "temperature": ("resonance and current", "measure at the temperature of use"),
+    "moisture, creep and ageing of the plastic": ("resonance", "dry it, re-tune after some weeks"),
+    "modulus at the frequency of use": ("resonance", "re-tune"),
+    "losses of plastic and glue": ("Q, which the spec sets", "measure Q of a coupon"),
+    "hysteresis of the steel": ("force", "measure the level"),
+    "amplifier's own impedance and bandwidth": ("current", "measure the current"),
+    "mutual inductance of coils": ("current", "drive with a current source"),
+}
+"""Effects that nothing in a spec bounds: what they change, and what to do about them."""
+STRESSES = "stresses of the print"
+"""They pull beams that cannot shorten tight, which raises the resonance: unbounded, a warning where a spec has such."""
 
 
 def left_out(plan: Plan) -> tuple[LeftOut, ...]:
@@ -68,12 +109,21 @@ def left_out(plan: Plan) -> tuple[LeftOut, ...]:
     """
     found = [
         _inertia(plan),
+        _stretching(plan),
+        *_air(plan),
+        _large_motion(plan),
         _frame(plan),
         *_far_modes(plan),
         *_far_coils(plan),
         *_magnetic(plan),
     ]
-    return tuple(sorted(found, key=lambda entry: -_size(entry)))
+    found.sort(key=lambda entry: -_size(entry))
+    whole = [LeftOut(term, None, "1", of, True, "included") for term, of in INCLUDED.items()]
+    free = [LeftOut(term, None, "1", of, False, "unbounded") for term, (of, _) in UNBOUNDED.items()]
+    tight = [channel for channel in plan.channels if channel.hardening_per_mm2 > 0]
+    if tight:
+        free.insert(0, LeftOut(STRESSES, None, "1", f"resonance of channel {tight[0].index}", False, "unbounded"))
+    return (*found, *free, *whole)
 
 
 def left_out_line(entries: Sequence[LeftOut], most: int = 3) -> str:
@@ -82,7 +132,7 @@ def left_out_line(entries: Sequence[LeftOut], most: int = 3) -> str:
     >>> left_out_line([LeftOut("saturation", 0.0031, "1", "force of channel 1", False)])
     'left out: saturation ≤ 0.31 % of the force of channel 1'
     """
-    dropped = [entry for entry in entries if not entry.computed]
+    dropped = [entry for entry in entries if not entry.computed and entry.status == "bounded"]
     words = [
         f"{entry.term} {'without a bound' if entry.bound is None else f'≤ {_percent(entry.bound)}'} of the {entry.of}"
         for entry in dropped[:most]
@@ -97,8 +147,17 @@ def judge_left_out(spec: Spec, entries: Sequence[LeftOut]) -> Iterator[Finding]:
         f"{entry.term}, {'without a bound' if entry.bound is None else f'up to {_percent(entry.bound)}'} of the"
         f" {entry.of} ({RUNGS[entry.term]})"
         for entry in entries
-        if _size(entry) > spec.model.tolerance and not entry.computed
+        if _size(entry) > spec.model.tolerance and not entry.computed and entry.status == "bounded"
     ]
+    if any(entry.term == STRESSES for entry in entries):
+        yield Finding(
+            "warning",
+            "model.unbounded",
+            "plan",
+            "beams that cannot shorten are pulled tight as the print shrinks, which raises their resonance by nothing"
+            " that a plan can bound: print a coupon and measure it, or take beams that are free at one end"
+            " (suspension.topology = 'folded' or 'cantilever')",
+        )
     if told:
         yield Finding(
             "note",
@@ -140,6 +199,44 @@ def _inertia(plan: Plan) -> LeftOut:
         motion, hz = np.array(working), np.array([plan.channels[k].resonance_hz for k in own])
         bound[own] = beam_inertia(model.placements, motion, model.washer_point_m, hz, *elastic)
     return _worst("beam inertia", "resonance", plan.channels, bound)
+
+
+def _stretching(plan: Plan) -> LeftOut:
+    """What the cubic spring may be off by, and the mean pull's offset that `Channel.level_shift` leaves out."""
+    bound = [
+        float(
+            c.level_shift * HARDENING_SHARE
+            + c.hardening_per_mm2 * 1.5 * (c.static_um**2 + 2 * c.static_um * c.sag_um) * 1e-6
+        )
+        for c in plan.channels
+    ]
+    return replace(_worst("stretching", "resonance", plan.channels, np.array(bound)), computed=True)
+
+
+def _air(plan: Plan) -> Iterator[LeftOut]:
+    """Air that moves with a plate, and is squeezed between it and the coil.
+
+    Added mass of a disc of the plate's area, ``8/3 ρ a³`` (Lamb, Hydrodynamics, 102), and as much again by the coil
+    that is near; damping of such a disc over a plane, ``3π μ a⁴/(2 h³)`` (Stefan's law).
+    """
+    plate, spec = plan.plate, plan.spec
+    radius = (plate.length_mm * plate.width_mm / pi) ** 0.5 * MM
+    mass, stiffness, q, sag = np.array(
+        [(c.effective_mass_g * GRAM, c.stiffness_n_per_m, c.q, c.sag_um + c.static_um) for c in plan.channels]
+    ).T
+    yield _worst("air's mass", "resonance", plan.channels, 8 / 3 * AIR_KG_PER_M3 * radius**3 / mass)
+    below = plate.recess_depth_mm - spec.washer.thickness_mm
+    height = np.maximum((spec.coil.gap_mm - below) * MM - sag * UM, 1e-9)
+    squeezed = 3 * pi / 2 * AIR_PA_S * radius**4 / height**3
+    yield _worst("air's damping", "Q", plan.channels, squeezed * q / np.sqrt(stiffness * mass))
+
+
+def _large_motion(plan: Plan) -> LeftOut:
+    """What slopes of beams change beyond the linear theory: the secant stiffness grows by ``1.2 (z/l)²`` (elastica)."""
+    away, level, length = np.array(
+        [((c.sag_um + c.static_um) * UM, c.level_um * UM, c.beam.length_mm * MM) for c in plan.channels]
+    ).T
+    return _worst("large slopes", "resonance", plan.channels, resonance_rise(1.2 / length**2, level, away))
 
 
 def _frame(plan: Plan) -> LeftOut:

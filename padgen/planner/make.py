@@ -21,6 +21,7 @@ from padgen.planner.search import sites_of, sized_layouts
 from padgen.planner.settings import scheme_named
 from padgen.planner.sizing import SizedChannel
 from padgen.planner.taxel_model import plate_shape, post_diameter_mm, recess_mm
+from padgen.planner.touch import touched_pads
 from padgen.spec import Spec
 
 __all__ = ["Choice", "choose", "finish", "make_plan"]
@@ -90,6 +91,7 @@ def _assemble(spec: Spec, choice: Choice) -> Plan:
         load=coil_load(spec, channels, scheme),
         refresh=frame_rates(channels, spec.coil.sets),
         reuse=reuse,
+        touched=touched_pads(spec, channels, scheme),
         layouts=choice.runners_up,
         printing=print_settings(spec, [c.beam for c in channels]),
         left_out=(),

@@ -28,6 +28,7 @@ __all__ = [
     "Selectivity",
     "Site",
     "Taxel",
+    "Touched",
     "channel_sets",
     "plan_to_json",
 ]
@@ -144,6 +145,8 @@ class Channel:
     axes, about that axis at z = 0. `force_constant_n_per_a2` is the pull on the working mode, with its pulled share;
     `line_a2`, the force over it, is the amplitude of the wanted line of i², 0 for a washer that the coil does not pull.
     `mode_motions` (k, 6) are the washer's there, mass-normalised, `rest_motion` (6,) that of unsolved modes per newton.
+    Beams that stretch harden: the working mode's force is ``k z (1 + hardening_per_mm2 z²)``. At its level, about its
+    sag, it resonates higher by the share `level_shift`, and the tone at `resonance_hz` moves it `level_loss_db` less.
     `model` ('beam' or 'solid') gave the resonance and the modes, which may be off by `model_error` by
     its own estimate; `beam_error` is how far the beam model's resonance is off the solid's, None where
     no solid was solved.
@@ -170,6 +173,9 @@ class Channel:
     rest_motion: tuple[float, ...]
     pull_wrench: tuple[float, ...]
     sag_um: float
+    hardening_per_mm2: float
+    level_shift: float
+    level_loss_db: float
     root_stress_mpa: float
     print_spread: float
     force_mn: float
@@ -304,6 +310,21 @@ class Reuse:
 
 
 @dataclass(frozen=True, slots=True)
+class Touched:
+    """The pad under a finger whose `skin` is 'low', 'typical' or 'high' (`padgen.physics.skin`, provisional).
+
+    Resonance and Q of each channel's taxels, and what a coil driven as planned keeps in all states, own modes alone;
+    None where a coil has one channel or very many.
+    """
+
+    skin: str
+    skin_stiffness_n_per_m: float
+    resonance_hz: tuple[float, ...]
+    q: tuple[float, ...]
+    all_states_db: float | None
+
+
+@dataclass(frozen=True, slots=True)
 class LayoutOption:
     """A layout that would do as well; `kept_db` is what it keeps in all states, None for one channel."""
 
@@ -317,11 +338,12 @@ class LayoutOption:
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
-    """A term that the plan's models drop.
+    """An effect that the physics knows, and what the plan does about it.
 
-    Leaving out `term` changes the quantity `of` by at most `bound`, in `unit` ('1': relative); None
-    where no bound holds, since the quantity itself breaks down. Where `computed`, the plan counts the
-    term and `bound` is what remains.
+    Leaving out `term` changes the quantity `of` by at most `bound`, in `unit` ('1': relative); None where no bound
+    holds, since the quantity itself breaks down. Where `computed`, the plan counts it and `bound` is what
+    remains. `status` is 'bounded'; 'included' where a plan counts it whole, and what its model may be off by is in
+    other figures (`bound` None); or 'unbounded' where nothing that a plan knows bounds it.
     """
 
     term: str
@@ -329,6 +351,7 @@ class LeftOut:
     unit: str
     of: str
     computed: bool
+    status: str = "bounded"
 
 
 @dataclass(frozen=True, repr=False)
@@ -350,6 +373,7 @@ class Plan:
     load: CoilLoad
     refresh: tuple[FrameRate, ...]
     reuse: Reuse
+    touched: tuple[Touched, ...]
     layouts: tuple[LayoutOption, ...]
     printing: dict[str, str]
     left_out: tuple[LeftOut, ...]

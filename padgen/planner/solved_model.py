@@ -48,6 +48,11 @@ class SolvedModel(TaxelModel):
         """Sag of the washer under its own weight."""
         return np.asarray(self.beam_model.sag_m / self._stiffer)
 
+    @property
+    def hardening_per_m2(self) -> float:
+        """Hardening by beams that stretch, the beam model's."""
+        return self.beam_model.hardening_per_m2
+
     def root_stress_pa(self, level_m: np.ndarray) -> np.ndarray:
         """Largest bending stress of the beams when the washer moves by `level_m`."""
         return np.asarray(self.beam_model.root_stress_pa(level_m) * self._stiffer)

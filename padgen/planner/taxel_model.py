@@ -19,6 +19,7 @@ from padgen.physics.beams import BeamSection
 from padgen.physics.modes import BeamPlacement, Modes, bending_stress, suspended_modes
 from padgen.physics.resonator import natural_frequency, rule_stiffness
 from padgen.physics.rigid_body import RigidBody, box, combine, ring
+from padgen.physics.stretching import hardening
 from padgen.planner.suspensions import Arrangement, BeamPath, BeamShape, Block, PlateShape, suspension
 from padgen.spec import Spec
 
@@ -288,6 +289,14 @@ class TaxelModel:
         motion = shape / vertical[..., None]
         stresses = [bending_stress(beam, motion, self.modes.reference, *self.elastic[:2]) for beam in self.placements]
         return np.asarray(np.maximum.reduce(stresses))
+
+    @property
+    def hardening_per_m2(self) -> float:
+        """α of the working mode's force ``k z (1 + α z²)`` at the washer, by beams that stretch; of a single taxel."""
+        modes, working = self.modes, int(self.working)
+        motion = modes.shape[:, working] / self.modes.at_point(self.washer_point_m)[2, working]
+        scaled = modes.shape / (2 * np.pi * modes.frequency_hz)
+        return hardening(self.placements, motion, modes.reference, scaled @ scaled.T, self.elastic[:2])
 
     def root_stress_pa(self, level_m: np.ndarray) -> np.ndarray:
         """Largest bending stress of the beams when the washer moves by `level_m`, in the working mode."""

@@ -38,6 +38,7 @@ def plan_text(plan: "Plan") -> str:
         f" {capacity.limit}"
     )
     lines = [head, bound, "", _channel_table(plan.channels), "", _beam_table(plan.channels), "", *_drive_lines(plan)]
+    lines.append(_touched_line(plan))
     if plan.layouts:
         others = ", ".join(
             f"{o.rows} x {o.columns} coils with {o.channels} channels"
@@ -47,6 +48,17 @@ def plan_text(plan: "Plan") -> str:
         lines.append(f"runners-up: {others}")
     lines.append(left_out_line(plan.left_out))
     return "\n".join([*lines, _settings_line(plan.printing)])
+
+
+def _touched_line(plan: "Plan") -> str:
+    """What a finger makes of the softest channel and of the selectivity."""
+    first = plan.channels[0].resonance_hz
+    skins = [
+        f"{t.skin} skin {t.resonance_hz[0]:.0f} Hz, Q {t.q[0]:.2g}"
+        + ("" if t.all_states_db is None else f", {t.all_states_db:.1f} dB in all states")
+        for t in plan.touched
+    ]
+    return f"touched (provisional model), channel 0 of {first:.0f} Hz: {'; '.join(skins)}"
 
 
 def _settings_line(printing: dict[str, str]) -> str:
