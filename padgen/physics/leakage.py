@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.physics.magnetics import MU_0, CoilSource, SteelRing, flux_density
+from padgen.physics.coil_field import flux_density
+from padgen.physics.magnetics import MU_0, CoilSource, SteelRing
 from padgen.physics.poles import coil_poles, pole_field
 
 __all__ = ["Leakage", "easiness", "leakage"]

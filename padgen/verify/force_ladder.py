@@ -1,4 +1,4 @@
-"""The force ladder: paper Eq. 4, magnetic circuit, axisymmetric and solid field solution, and what they say
+"""The force ladder: paper Eq. 4, surface charges, axisymmetric and solid field solution, and what they say
 about a taxel: negative stiffness, pull-in, leakage, shielding."""
 
 import time
@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.core.errors import SolverError, SpecError, number
-from padgen.physics.magnetics import CoilSource, SteelRing, force_constant, paper_force_constant
+from padgen.physics.magnetics import CoilSource, SteelRing, paper_force_constant
+from padgen.physics.pull_table import solved_pulls
 from padgen.physics.saturation import BHCurve
 from padgen.verify.field_axisymmetric import axisymmetric_force, check_parts
 from padgen.verify.field_solid import PlacedWasher, SolidForce, solid_force
@@ -103,10 +104,11 @@ def _paper(pull: Pull) -> tuple[float, float, int, float]:
     return paper_force_constant(pull.coil, pi / 4 * diameter**2), nan, 0, nan
 
 
-def _circuit(pull: Pull) -> tuple[float, float, int, float]:
+def _charges(pull: Pull) -> tuple[float, float, int, float]:
     if pull.core_steel or pull.washer_steel:
-        raise SolverError("the magnetic circuit knows no saturation: ask the field solutions, or give no steel")
-    return float(force_constant(pull.coil, pull.washer, pull.gap_m, np.array(pull.offset_m))), nan, 0, nan
+        raise SolverError("surface charges know no saturation: ask the field solutions, or give no steel")
+    solved = solved_pulls(pull.coil, pull.washer, np.array([pull.gap_m]), np.array([pull.offset_m]))
+    return float(solved.pull[0]), float(solved.error[0]), 0, nan
 
 
 def _axisymmetric(pull: Pull) -> tuple[float, float, int, float]:
@@ -126,7 +128,7 @@ def _solid(pull: Pull) -> tuple[float, float, int, float]:
 
 RUNGS: Mapping[str, Callable[[Pull], tuple[float, float, int, float]]] = {
     "paper": _paper,
-    "circuit": _circuit,
+    "charges": _charges,
     "axisymmetric": _axisymmetric,
     "solid": _solid,
 }

@@ -8,7 +8,7 @@ import numpy as np
 from padgen.core.units import MM
 from padgen.ladders.rung import Ladder, Rung, Solved
 from padgen.ladders.stages.scene import Scene, chosen_channels
-from padgen.planner.channels import magnetic_parts
+from padgen.planner.pulls import magnetic_parts
 from padgen.verify.force_ladder import Pull, force_rung, solid_pull
 
 __all__ = ["axisymmetric_pull", "force_ladders", "named_pull", "three_d_pull"]
@@ -41,7 +41,10 @@ def force_ladders(scene: Scene) -> Iterator[Ladder]:
 
 
 def _rungs(pull: Pull) -> Iterator[Rung]:
-    for model, resolution, name in (("paper", "Eq. 4 as printed", "paper"), ("circuit", "with the gap", "circuit")):
+    for model, resolution, name in (
+        ("paper", "Eq. 4 as printed", "paper"),
+        ("charges", "on core and washer", "charges"),
+    ):
         yield Rung(model, resolution, partial(named_pull, name, pull))
     if not pull.offset_m:
         for order, levels in AXISYMMETRIC:
