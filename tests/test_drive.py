@@ -268,7 +268,7 @@ def test_pull_in_is_where_balance_ends(paper_plan):
         low, high = (middle, high) if balances(middle) else (low, middle)
     square_a2 = low * 1e-6 * channel.stiffness_n_per_m / channel.force_constant_n_per_a2
     assert pull_in_share(paper_plan.spec, channel, square_a2) == pytest.approx(1.0, rel=0.01)
-    assert balanced_deflection(low * 0.5, gap_um, 2.0) < pull_in_deflection(gap_um, 2.0)[0]
+    assert balanced_deflection(low * 0.25, gap_um, 2.0) < pull_in_deflection(gap_um, 2.0)[0]
 
 
 @pytest.mark.parametrize("share", [1e-3, 0.3, 0.99])

@@ -5,13 +5,12 @@ Windings are the charge on the ends of the magnetisation whose curl is their cur
 """
 
 from functools import lru_cache
-from math import ceil
 
 import numpy as np
 
 from padgen.physics.magnetics import MU_0, CoilSource, Winding
 from padgen.physics.ring_charges import gauss, ring_potential
-from padgen.physics.steel_body import SteelBody, crowded, cylinder, fine_rings, steel_body
+from padgen.physics.steel_body import SteelBody, crowded, cylinder, eights, fine_rings, steel_body
 
 __all__ = ["charged_core", "flux_density", "winding_rings"]
 
@@ -65,7 +64,7 @@ def winding_rings(windings: tuple[Winding, ...], step: float) -> tuple[np.ndarra
     for winding in windings:
         for z, sign, apart in ((winding.top, 1, step), (winding.bottom, -1, max(step, winding.length / 4))):
             for start, end in _spans(winding):
-                t, weight = gauss(max(6, ceil(1.7 * (end - start) / apart)))
+                t, weight = gauss(eights(1.7 * (end - start) / apart))
                 radius = start + t * (end - start)
                 charge = sign * _magnetised(winding, radius) * weight * (end - start)
                 rings.append(np.stack([radius, np.full(len(t), z), charge]))
@@ -76,7 +75,7 @@ def winding_rings(windings: tuple[Winding, ...], step: float) -> tuple[np.ndarra
 def flux_density(coil: CoilSource, radius: np.ndarray, height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Radial and axial flux density in T per ampere at points of one shape above the coil's top face, in m."""
     radius, height = np.broadcast_arrays(np.asarray(radius, float), np.asarray(height, float))
-    step = max(float(height.min(initial=np.inf)), coil.outer_diameter / MOST_RINGS)
+    step = max(float(height.min(initial=np.inf)) / 2, coil.outer_diameter / MOST_RINGS)
     at_radius, at_height, charge = _coil_rings(coil, step)
     of = ring_potential(radius[..., None], height[..., None], at_radius, at_height, 0, at_ring=False)
     return -MU_0 * (of.along_r[0] @ charge), -MU_0 * (of.along_z[0] @ charge)

@@ -48,8 +48,8 @@ def pulls(spec: Spec, gap_m: np.ndarray, offset_m: np.ndarray) -> PullAt:
             missing[among] = False
 
     answer(_brought(*parts), missing)
-    for offset in np.unique(offset_m[missing]):
-        answer(_own(*parts, spec.coil.gap_mm * MM, float(offset)), offset_m == offset)
+    for offset in sorted(set(offset_m[missing].tolist())):
+        answer(_own(*parts, spec.coil.gap_mm * MM, offset), offset_m == offset)
     if missing.any():
         result[:, missing] = solved_pulls(*parts, gap_m[missing], offset_m[missing])
     return PullAt(*result)
