@@ -33,7 +33,7 @@ from padgen.physics.bounds import (
     mutual_shielding,
     saturation_loss,
     washer_eddies,
-    washer_moment,
+    washer_magnetised,
 )
 from padgen.physics.currents import bias_a, current_lines_a
 from padgen.physics.frame import AttachedBody, Frame, divided, frame_modes
@@ -42,6 +42,7 @@ from padgen.physics.leakage import leakage
 from padgen.physics.magnetics import MU_0, CoilSource, SteelRing, impedance, solenoid
 from padgen.physics.modal import felt_energy
 from padgen.physics.modes import BeamPlacement, Modes, suspended_modes
+from padgen.physics.pull import pull
 from padgen.physics.pull_table import solved_pulls
 from padgen.physics.rigid_body import RigidBody
 from padgen.physics.saturation import saturating
@@ -444,10 +445,10 @@ def saturation(name: str, current_a: float) -> tuple[float, float]:
     linear = axisymmetric_force(coil, washer, gap, current_a, order=3, levels=1).force_n
     saturating_n = axisymmetric_force(coil, washer, gap, current_a, core, steel, order=3, levels=1).force_n
     true = abs(1 - saturating_n / linear)
-    moment = washer_moment(coil, washer, gap, np.zeros(1))
+    made = washer_magnetised(coil, washer, gap, np.zeros(1), np.array([pull(coil, washer, gap, 0.0).dipole]))
     core_t, core_chi_n = core_polarisation(coil)
     bound = 2 * saturation_loss(core_t * current_a / SATURATION_T, core_chi_n)
-    bound += saturation_loss(moment.polarisation[0] * current_a / SATURATION_T, moment.chi_n[0])
+    bound += saturation_loss(made.polarisation[0] * current_a / SATURATION_T, made.chi_n[0])
     return min(float(bound), 1.0), true
 
 

@@ -16,7 +16,7 @@ from padgen.physics.modes import BeamPlacement, to_tip
 from padgen.physics.poles import pole_field
 
 __all__ = [
-    "WasherMoment",
+    "Magnetised",
     "beam_inertia",
     "core_eddies",
     "core_polarisation",
@@ -26,7 +26,7 @@ __all__ = [
     "saturation_loss",
     "switching_delay",
     "washer_eddies",
-    "washer_moment",
+    "washer_magnetised",
 ]
 
 MU_0 = 4e-7 * pi
@@ -134,18 +134,21 @@ def _dynamic(slowness: Any) -> Any:
     return np.where(slowness < 1, slowness / np.maximum(1 - slowness, 1e-300), inf)
 
 
-class WasherMoment(NamedTuple):
-    """A washer in a coil's field: field (n,) in T/A, moment (n,) in A·m²/A, and for saturation the largest
-    polarisation (n,) in T/A with how much of a share of it the force feels, χN (n,)."""
+class Magnetised(NamedTuple):
+    """A washer in a coil's field: field (n,) in T/A, and for saturation the largest polarisation (n,) in T/A with how
+    much of a share of it the force feels, χN (n,)."""
 
     field: np.ndarray
-    moment: np.ndarray
     polarisation: np.ndarray
     chi_n: np.ndarray
 
 
-def washer_moment(coil: CoilSource, washer: SteelRing, gap: float, offset: np.ndarray) -> WasherMoment:
+def washer_magnetised(
+    coil: CoilSource, washer: SteelRing, gap: float, offset: np.ndarray, dipole: np.ndarray
+) -> Magnetised:
     """What the coil makes of washers `offset` (n,) m off its axis, from the field at two points of each.
+
+    No less than the mean polarisation, by each one's `dipole` (n,) in A·m²/A.
 
     The points lie on the middle line of the ring, nearest to and farthest from the coil's axis, on the
     washer's underside. Demagnetised by direction: the mean field along the plane meets the whole disc,
@@ -164,15 +167,11 @@ def washer_moment(coil: CoilSource, washer: SteelRing, gap: float, offset: np.nd
     polarisation = eased[:, None, None] * field
     energy = (polarisation * field).mean(1)
     size = np.hypot(polarisation[0] + polarisation[1], polarisation[2])
-    mean = eased[:, None] * np.sqrt((field**2).mean(1))
     volume = pi * (outer**2 - inner**2) * washer.thickness
-    # A share of the disc's own volume, not the ring's: its middle is bridged by the flux around it.
-    moment = volume / MU_0 * np.hypot(mean[0] * outer**2 / (outer**2 - inner**2), mean[2])
     weight = energy / energy.sum(0)
-    return WasherMoment(
+    return Magnetised(
         np.sqrt((radial**2 + axial**2).mean(0)),
-        moment,
-        size.max(0),
+        np.maximum(size.max(0), MU_0 * dipole / volume),
         1 / (weight / (chi * share[:, None])).sum(0) if chi > 0 else np.full(len(offset), inf),
     )
 

@@ -12,10 +12,10 @@ from padgen.physics.magnetics import MU_0, CoilSource, Winding
 from padgen.physics.ring_charges import gauss, ring_potential
 from padgen.physics.steel_body import SteelBody, crowded, cylinder, eights, fine_rings, steel_body
 
-__all__ = ["charged_core", "flux_density", "winding_rings"]
+__all__ = ["MOST_RINGS", "charged_core", "flux_density", "winding_rings"]
 
-MOST_RINGS = 200
-"""Across a coil: nearer to its top than a hundredth of its radius a field is less sure."""
+MOST_RINGS = 400
+"""Across a coil: nearer to its top than a two-hundredth of its radius a field is less sure."""
 
 
 @lru_cache(maxsize=32)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.physics.coil_field import charged_core, winding_rings
+from padgen.physics.coil_field import MOST_RINGS, charged_core, winding_rings
 from padgen.physics.magnetics import MU_0, CoilSource, SteelRing
 from padgen.physics.ring_charges import ring_potential
 from padgen.physics.steel_body import SteelBody, fine_rings, steel_body, tube
@@ -20,28 +20,41 @@ __all__ = ["Pull", "pull"]
 
 STEP = 0.8
 """Rings that face the washer lie this share of the gap apart at most."""
+MOST = (20, 40, 30, 40)
+"""Most nodes on faces of washer and core, and orders round either axis, for the sake of time."""
+LOST_SHARE = 0.0015
+"""Of the forces up and down on parts of a washer, that does not cancel as it should (docs/accuracy.md)."""
+COARSE = 0.1
+"""Relative error of a pull with half of the nodes that it takes."""
 
 
 class Pull(NamedTuple):
     """What a coil does to a washer, per A²: forces in N away from the coil's axis and upwards, and the moment in
     N·m about an axis across, through the middle of the washer's underside, that presses its far side up.
 
-    `size` is the sum of the vertical forces on all of its charge, up or down, in N: what the sum was lost from.
+    The axial force may be off by `doubt` in N: a share of the forces up and down on all of the washer's charge, which
+    may all but cancel, and more where there are not nodes enough. `dipole` in A·m² per ampere is what the coil makes of
+    the washer.
     """
 
     side: float
     axial: float
     moment: float
-    size: float
+    doubt: float
+    dipole: float
 
 
 class _Fineness(NamedTuple):
-    """Nodes of a pair at one place: on faces of washer and core, and orders round the axes of both."""
+    """Nodes of a pair at one place: on faces of washer and core, and orders round the axes of both.
+
+    `coarse` is how many times too few they are, at most; 1 where they are enough.
+    """
 
     face: int
     top: int
     orders: int
     core_orders: int
+    coarse: float
 
 
 def pull(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> Pull:
@@ -51,6 +64,7 @@ def pull(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> Pull
     less sure where washers lie so that the forces on their parts cancel.
     """
     fine = _fineness(coil, washer, gap, offset)
+    step = max(STEP * gap, coil.outer_diameter / MOST_RINGS)
     core = charged_core(coil, fine.top, fine.core_orders)
     body = _washer(washer, fine.face, fine.orders)
     turns = 1 if offset == 0 else fine.orders + 3
@@ -60,7 +74,7 @@ def pull(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> Pull
     z = np.broadcast_to((body.height + gap)[:, None], x.shape)
     rho = np.maximum(np.hypot(x, y), 1e-9 * washer.outer_diameter)
     around = np.arctan2(y, x)
-    radius, height, charge = winding_rings(coil.windings, STEP * gap)
+    radius, height, charge = winding_rings(coil.windings, step)
     of = ring_potential(rho[..., None], z[..., None], radius, height, 0, at_ring=False)
     potential, along_r, along_z, across = *(part[0] @ charge for part in of), np.zeros(x.shape)
     order = np.arange(fine.orders + 1)
@@ -70,7 +84,7 @@ def pull(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> Pull
         drawn = (body.response @ (project @ potential.T)[..., None])[..., 0]
     else:
         steel, own = core
-        radius, height, shares = fine_rings(steel, STEP * gap)
+        radius, height, shares = fine_rings(steel, step)
         of = ring_potential(rho[..., None], z[..., None], radius, height, fine.core_orders, at_ring=False)
         charge = shares @ own
         potential, along_r, along_z = (
@@ -90,7 +104,10 @@ def pull(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> Pull
     sideways = -on_charge * (along_r * np.cos(around) - across * np.sin(around))
     upwards = -on_charge * along_z
     moment = (body.height[:, None] * sideways - arm * upwards).sum()
-    return Pull(float(sideways.sum()), float(upwards.sum()), float(moment), float(np.abs(upwards).sum()))
+    dipole = np.hypot((on_charge * arm).sum(), (on_charge * body.height[:, None]).sum()) / MU_0
+    axial = upwards.sum()
+    doubt = LOST_SHARE * np.abs(upwards).sum() + COARSE * (fine.coarse - 1) * abs(axial)
+    return Pull(*map(float, (sideways.sum(), axial, moment, doubt, dipole)))
 
 
 def _fineness(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> _Fineness:
@@ -100,12 +117,13 @@ def _fineness(coil: CoilSource, washer: SteelRing, gap: float, offset: float) ->
         washer.outer_diameter / 2,
         coil.core_diameter / 2,
     )
-    face, top = ceil(5 + 0.5 * width / gap), ceil(6 + core / gap)
-    if not offset:
-        return _Fineness(min(face, 20), min(top, 40), 0, 0)
-    orders = ceil(3 + 1.3 * rim / (gap + 0.15e-3))
-    core_orders = ceil(3 + 1.2 * min(offset, core + rim) / (gap + 0.3e-3))
-    return _Fineness(min(face, 20), min(top, 40), min(orders, 30), min(core_orders, 40))
+    wanted = [5 + 0.5 * width / gap, 6 + core / gap]
+    if offset:
+        wanted += [3 + 1.3 * rim / (gap + 0.15e-3), 3 + 1.2 * min(offset, core + rim) / (gap + 0.3e-3)]
+    counts = [min(ceil(count), most) for count, most in zip(wanted, MOST, strict=False)]
+    coarse = max(1.0, *(count / most for count, most in zip(wanted, MOST, strict=False)))
+    face, top, orders, core_orders = [*counts, 0, 0][: len(MOST)]
+    return _Fineness(face, top, orders, core_orders, coarse)
 
 
 @lru_cache(maxsize=32)

@@ -13,10 +13,9 @@ from padgen.physics.pull import pull
 
 __all__ = ["BROUGHT", "PullAt", "PullTable", "brought_table", "make_table", "parts_key", "solved_pulls"]
 
-OWN_ERROR = 0.01
+OWN_ERROR = 0.004
 """Relative error of a solved pull (docs/accuracy.md)."""
-LOST_SHARE = 0.002
-"""Of the forces up and down on parts of a washer, that does not cancel as it should."""
+COLUMNS = 5
 SLOPE_STEP = 0.02
 """Relative step of the gap, where slopes are of solved pulls."""
 
@@ -27,7 +26,7 @@ BROUGHT = Path(__file__).with_name("pulls")
 class PullAt(NamedTuple):
     """Pulls (n,) per A²: `pull` towards the coil in N, its `slope` with the gap in N/m, and their relative errors.
 
-    `side` in N and `moment` in N·m are as in `pull.Pull`.
+    `side`, `moment` and `dipole` are as in `pull.Pull`.
     """
 
     pull: np.ndarray
@@ -36,12 +35,13 @@ class PullAt(NamedTuple):
     slope: np.ndarray
     error: np.ndarray
     slope_error: np.ndarray
+    dipole: np.ndarray
 
 
 class PullTable(NamedTuple):
-    """Coefficients (gaps, offsets, 4) of Chebyshev polynomials in ln gap and in the offset's square.
+    """Coefficients (gaps, offsets, 5) of Chebyshev polynomials in ln gap and in the offset's square.
 
-    Of axial force, side force and moment over the offset, and size of `pull.Pull`, over the exponential of the
+    Of axial force, side force and moment over the offset, doubt and dipole of `pull.Pull`, over the exponential of the
     polynomial `scale` (gaps,) in ln gap. Gaps `low` … `high` and offsets up to `reach`, in m.
     """
 
@@ -68,17 +68,17 @@ class PullTable(NamedTuple):
         across, _ = _chebyshev(2 * (offset / self.reach) ** 2 - 1, self.shape.shape[1])
         size = np.exp(basis @ self.scale)
         coefficients = np.einsum("ijk,nj->nik", self.shape, across)
-        axial, side, moment, rough = size * np.einsum("nik,ni->kn", coefficients, basis)
+        axial, side, moment, doubt, dipole = size * np.einsum("nik,ni->kn", coefficients, basis)
         change = np.einsum("ni,ni->n", coefficients[..., 0], slopes)
         slope = (size * change + axial * (slopes @ self.scale)) * per_log / gap
         tails = np.abs(coefficients[:, -1, 0])
         if self.shape.shape[1] > 1:
             tails = tails + np.abs(basis @ self.shape[:, -2:, 0]).sum(-1)
-        lost = size * tails + LOST_SHARE * np.abs(rough)
+        lost = size * tails + np.abs(doubt)
         # A polynomial's slope is off by as many times more as it has coefficients, about.
         steep = lost * len(self.scale) * per_log / gap
         x = offset / self.reach
-        return _stated(axial, side * x, moment * x, slope, lost, steep)
+        return _stated(axial, side * x, moment * x, slope, lost, steep, dipole)
 
 
 def make_table(
@@ -89,9 +89,9 @@ def make_table(
     gap = low * (high / low) ** ((at_gap + 1) / 2)
     offset = reach * np.sqrt((at_offset + 1) / 2)
     solved = np.array([[pull(coil, washer, float(g), float(d)) for d in offset] for g in gap])
-    side, axial, moment, size = np.moveaxis(solved, -1, 0)
+    side, axial, moment, doubt, dipole = np.moveaxis(solved, -1, 0)
     x = offset / reach
-    shape = np.stack([axial, side / x, moment / x, size], -1)
+    shape = np.stack([axial, side / x, moment / x, doubt, dipole], -1)
     scale = np.sqrt((axial**2).mean(1)) + 1e-30
     transforms = [np.linalg.inv(_chebyshev(at, len(at))[0]) for at in (at_gap, at_offset)]
     coefficients = np.einsum("ig,jd,gdk->ijk", *transforms, shape / scale[:, None, None], optimize=True)
@@ -112,7 +112,7 @@ def brought_table(coil: CoilSource, washer: SteelRing) -> PullTable | None:
         return None
     at, low, high, reach, gaps, offsets = place
     end = at + gaps
-    shape = numbers[end : end + 4 * gaps * offsets].reshape(gaps, offsets, 4)
+    shape = numbers[end : end + COLUMNS * gaps * offsets].reshape(gaps, offsets, COLUMNS)
     return PullTable(low, high, reach, numbers[at:end].astype(float), shape.astype(float))
 
 
@@ -126,18 +126,24 @@ def solved_pulls(coil: CoilSource, washer: SteelRing, gap: np.ndarray, offset: n
     """The same as `PullTable.at` without a table, at any place: three solutions each."""
     steps = (1 - SLOPE_STEP, 1.0, 1 + SLOPE_STEP)
     solved = [[pull(coil, washer, g * step, d) for step in steps] for g, d in zip(gap, offset, strict=True)]
-    near, (side, axial, moment, size), far = np.moveaxis(np.array(solved, float).reshape(-1, 3, 4), (1, 2), (0, 1))
+    near, at, far = np.moveaxis(np.array(solved).reshape(-1, 3, COLUMNS), (1, 2), (0, 1))
+    side, axial, moment, lost, dipole = at
     slope = (far[1] - near[1]) / (2 * SLOPE_STEP * gap)
-    lost = LOST_SHARE * size
-    return _stated(axial, side, moment, slope, lost, lost / gap)
+    return _stated(axial, side, moment, slope, lost, lost / gap, dipole)
 
 
 def _stated(
-    axial: np.ndarray, side: np.ndarray, moment: np.ndarray, slope: np.ndarray, lost: np.ndarray, steep: np.ndarray
+    axial: np.ndarray,
+    side: np.ndarray,
+    moment: np.ndarray,
+    slope: np.ndarray,
+    lost: np.ndarray,
+    steep: np.ndarray,
+    dipole: np.ndarray,
 ) -> PullAt:
     with np.errstate(divide="ignore", invalid="ignore"):
         error, slope_error = OWN_ERROR + lost / np.abs(axial), OWN_ERROR + steep / np.abs(slope)
-    return PullAt(-axial, side, moment, -slope, error, slope_error)
+    return PullAt(-axial, side, moment, -slope, error, slope_error, dipole)
 
 
 def _nodes(count: int) -> np.ndarray:

@@ -19,7 +19,7 @@ from padgen.physics.bounds import (
     saturation_loss,
     switching_delay,
     washer_eddies,
-    washer_moment,
+    washer_magnetised,
 )
 from padgen.physics.leakage import easiness
 from padgen.physics.magnetics import impedance
@@ -202,11 +202,13 @@ def _magnetic(plan: Plan) -> Iterator[LeftOut]:
         return
     coil, washer = magnetic_parts(spec)
     offset = np.array([channel.site.coil_distance_mm for channel in channels]) * MM
-    moment = washer_moment(coil, washer, spec.coil.gap_mm * MM, offset)
+    hanging_um = hanging_gap_um(spec, np.array([channel.sag_um for channel in channels]))
+    dipole = site_pulls(spec, [channel.site for channel in channels], hanging_um).dipole
+    made = washer_magnetised(coil, washer, spec.coil.gap_mm * MM, offset, dipole)
     peak_a = plan.load.current_peak_ma * MA
     core_t, core_chi_n = core_polarisation(coil)
     lost = 2 * saturation_loss(core_t * peak_a / SATURATION_T, core_chi_n)
-    lost = lost + saturation_loss(moment.polarisation * peak_a / SATURATION_T, moment.chi_n)
+    lost = lost + saturation_loss(made.polarisation * peak_a / SATURATION_T, made.chi_n)
     yield _worst("saturation", "force", channels, np.minimum(lost, 1.0))
     drive = np.array([channel.drive_hz for channel in channels])
     eddies = [2 * core_eddies(coil, RESISTIVITY_OHM_M, f) + washer_eddies(washer, RESISTIVITY_OHM_M, f) for f in drive]
@@ -214,7 +216,7 @@ def _magnetic(plan: Plan) -> Iterator[LeftOut]:
     shielded = np.zeros(len(channels))
     for own in _sets(channels, spec):
         place = np.array([channels[k].site.washer_mm for k in own]) * MM
-        shielded[own] = mutual_shielding(moment.moment[own], moment.field[own], place, washer.outer_diameter)
+        shielded[own] = mutual_shielding(dipole[own], made.field[own], place, washer.outer_diameter)
     if shielded.any():
         yield _worst("shielding", "force", channels, shielded)
     yield from _moving(plan, channels)

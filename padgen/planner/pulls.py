@@ -66,7 +66,7 @@ def _own(coil: CoilSource, washer: SteelRing, gap_m: float, offset_m: float) -> 
     low, high, reach = LOW * gap_m, HIGH * gap_m, max(offset_m, 1e-9) * sqrt(2)
     key = cache.key_of([parts_key(coil, washer), low, high, reach, GAPS, cache.code_hash(*CODE)])
     try:
-        known = np.array(cache.load(KIND, key), float).reshape(5, GAPS)
+        known = np.array(cache.load(KIND, key), float).reshape(-1, GAPS)
         if np.isfinite(known).all():
             return PullTable(low, high, reach, known[0], known[1:].T[:, None])
     except (TypeError, ValueError):
