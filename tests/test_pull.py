@@ -25,7 +25,7 @@ from padgen.core.units import MM, UM
 from padgen.physics.coil_field import flux_density
 from padgen.physics.magnetics import MU_0, SteelRing, solenoid
 from padgen.physics.pull import pull
-from padgen.physics.pull_table import brought_table, make_table, solved_pulls
+from padgen.physics.pull_table import OWN_ERROR, brought_table, make_table, solved_pulls
 from padgen.physics.ring_charges import ring_potential, toroidal
 from padgen.physics.steel_body import cylinder, steel_body, tube
 from padgen.planner import make_plan, pulls
@@ -171,26 +171,30 @@ def campaign():
 
 
 def test_random_pairs_against_the_solid_field():
-    """`docs/measure_force.py campaign` solved them; where that solution itself states less than 3 %."""
-    off, stated, sides = [], [], []
+    """`docs/measure_force.py campaign` solved them; its own error counts as well, and is small in most."""
+    found = []
     for case in campaign():
-        if not case["reference_error"] < 0.03:
-            continue
+        if np.isnan(case["axial_n_per_a2"]):
+            continue  # the field solution drowned in its own error, or could not be meshed
         sizes = [case[f"coil_{name}_mm"] * MM for name in ("outer", "inner", "length")]
         coil = solenoid(*sizes, 1000, case["core_mm"] * MM, case["core_permeability"])
         sizes = [case[f"washer_{name}_mm"] * MM for name in ("outer", "inner", "thickness")]
         washer = SteelRing(*sizes, case["washer_permeability"])
-        place = np.array([case["gap_mm"] * MM]), np.array([case["offset_mm"] * MM])
-        found = solved_pulls(coil, washer, *place)
-        pulled = -case["axial_n_per_a2"]
-        off.append(abs(float(found.pull[0]) / pulled - 1))
-        stated.append(float(found.error[0]) + case["reference_error"])
-        sides.append(abs(float(found.side[0]) - case["side_n_per_a2"]) / abs(pulled))
+        solved = pull(coil, washer, case["gap_mm"] * MM, case["offset_mm"] * MM)
+        off = abs(solved.axial / case["axial_n_per_a2"] - 1)
+        side = abs((solved.side - case["side_n_per_a2"]) / case["axial_n_per_a2"])
+        found.append((off, OWN_ERROR + solved.doubt / abs(solved.axial), case["reference_error"], side))
+    off, stated, reference, side = np.array(found).T
     assert len(off) >= 250
-    assert np.mean(np.array(off) < 0.03) >= 0.92
-    assert np.mean(np.array(off) < np.array(stated)) >= 0.92
-    assert np.median(off) < 0.005
-    assert np.mean(np.array(sides) < 0.03) >= 0.92
+    assert np.mean(off < stated + reference) >= 0.92
+    good = reference < 0.03
+    assert good.sum() >= 200
+    assert np.mean(off[good] < 0.03) >= 0.92
+    assert np.mean(side[good] < 0.03) >= 0.92
+    assert np.median(off[good]) < 0.004
+    best = reference < 0.01
+    assert np.mean(off[best] < stated[best]) >= 0.92
+    assert np.median(stated[best]) < 6 * np.median(off[best])
 
 
 def test_a_table_is_as_good_as_it_states():
@@ -249,4 +253,4 @@ def test_a_plan_states_the_pull_where_its_washers_hang_and_its_error():
     assert np.log(near.pull / far.pull) / np.log(1.01 / 0.99) == pytest.approx(pull_exponent(at, hanging), rel=1e-3)
     for channel, error in zip(plan.channels, at.error, strict=True):
         assert channel.force_error == error
-        assert 0.009 < error < 0.05
+        assert 0.004 < error < 0.05

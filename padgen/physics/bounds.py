@@ -273,11 +273,11 @@ def mutual_shielding(moment: np.ndarray, field: np.ndarray, place: np.ndarray, d
 
     Dipoles of `moment` (n,) in A·m² at `place` (n, 2) in m, each taken to point along the line to the washer
     that it disturbs, where its field is ``μ0 m/(2π d³)``, over the coil's own `field` (n,) there. Washers of
-    `diameter` are no points: that adds about ``(diameter/d)²``.
+    `diameter` are no points: that adds about ``2 (diameter/d)²``.
     """
     apart = np.linalg.norm(place[:, None] - place[None], axis=-1)
     np.fill_diagonal(apart, inf)
-    near = 1 + (diameter / apart) ** 2
+    near = 1 + 2 * (diameter / apart) ** 2
     return np.asarray((near * MU_0 * moment / (2 * pi * apart**3)).sum(-1) / np.where(field > 0, field, inf))
 
 

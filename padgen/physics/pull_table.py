@@ -11,7 +11,7 @@ import numpy as np
 from padgen.physics.magnetics import CoilSource, SteelRing
 from padgen.physics.pull import pull
 
-__all__ = ["BROUGHT", "PullAt", "PullTable", "brought_table", "make_table", "parts_key", "solved_pulls"]
+__all__ = ["BROUGHT", "OWN_ERROR", "PullAt", "PullTable", "brought_table", "make_table", "parts_key", "solved_pulls"]
 
 OWN_ERROR = 0.004
 """Relative error of a solved pull (docs/accuracy.md)."""
