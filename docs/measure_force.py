@@ -1,30 +1,40 @@
-"""Prints the tables of the force ladder for docs/accuracy.md; `python docs/measure_force.py [team]`.
+"""Prints the tables of the force ladder for docs/accuracy.md; `measure_force.py [team | tables | campaign N]`.
 
-Without `team` about two minutes of one core, TEAM problem 20 two more. Needs padgen[study].
+Without a word about two minutes of one core, TEAM problem 20 (`team`) two more. `tables` writes padgen/physics/pulls.*,
+the tables that plans read: after every change of the pull's physics (two minutes). `campaign 300` solves random pairs
+by the solid field into tests/reference/force_campaign.csv, going on where it was (an hour). Needs padgen[study].
 """
 
+import csv
 import json
 import sys
 import time
+from collections.abc import Iterator
 from functools import partial
+from math import ceil
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import netgen.occ as occ
 import ngsolve as ng
 import numpy as np
 
+from padgen.core.errors import SolverError
 from padgen.core.units import MM
-from padgen.ladders.stages.force import axisymmetric_pull, circuit_pull, paper_pull, three_d_pull
+from padgen.ladders.stages.force import axisymmetric_pull, charges_pull, paper_pull, three_d_pull
 from padgen.physics.leakage import leakage
-from padgen.physics.magnetics import SteelRing, force_constant, solenoid
-from padgen.physics.pull_wrench import pull_wrench
+from padgen.physics.magnetics import CoilSource, SteelRing, solenoid
+from padgen.physics.pull_table import BROUGHT, make_table, parts_key, solved_pulls
 from padgen.physics.saturation import MILD_STEEL, TEAM_STEEL
 from padgen.planner import make_plan
-from padgen.planner.channels import magnetic_parts
-from padgen.spec import load_spec
+from padgen.planner.pulls import magnetic_parts
+from padgen.spec import Coil, Washer, load_spec
+from padgen.spec.fields import build
+from padgen.spec.load import catalogue, template_paths
 from padgen.verify.field_axisymmetric import axisymmetric_force
 from padgen.verify.field_scalar import body_wrench, solve_scalar
+from padgen.verify.field_solid import PlacedWasher, solid_force
 from padgen.verify.force_ladder import Pull, shielding, solid_pull
 
 REFERENCE = Path(__file__).parents[1] / "tests" / "reference" / "magnetostatics.json"
@@ -49,7 +59,7 @@ def head(title: str, *cells: str) -> None:
 def rungs() -> None:
     head("Rungs", "offset mm", "rung", "N/A²", "unknowns", "residual", "CPU s")
     for offset in (0.0, 3 * MM):
-        models = {"paper": paper_pull, "circuit": circuit_pull}
+        models = {"paper": paper_pull, "circuit": charges_pull}
         models |= {} if offset else {"axisymmetric": partial(axisymmetric_pull, order=5, levels=4)}
         models["solid"] = partial(three_d_pull, order=3, levels=1)
         for name, model in models.items():
@@ -77,8 +87,8 @@ def saturation() -> None:
 
 def templates() -> None:
     head(
-        "Templates: circuit and wrench against the solid field", "template", "offset mm", "solid N/A²", "stated error",
-        "circuit N/A²", "off by", "Fx/Fz", "estimate", "My/Fz mm", "estimate",
+        "Templates: surface charges against the solid field", "template", "offset mm", "solid N/A²", "stated error",
+        "charges N/A²", "off by", "stated", "Fx/Fz", "charges", "My/Fz mm", "charges",
     )  # fmt: skip
     for name in TEMPLATES:
         spec = load_spec(name)
@@ -87,10 +97,11 @@ def templates() -> None:
         for offset in sorted({round(c.site.coil_distance_mm, 6) for c in make_plan(spec).channels}):
             solved = solid_pull(Pull(coil, washer, gap, offset * MM))
             force = solved.wrench[0]
-            circuit = float(force_constant(coil, washer, gap, np.array(offset * MM)))
-            estimate = pull_wrench(coil, washer, gap, np.array([offset * MM]))[0]
-            ratios = (force[0] / force[2], estimate[0], force[4] / force[2] / MM, estimate[4] / MM)
-            row(name, offset, -force[2], solved.error, circuit, f"{-circuit / force[2] - 1:+.0%}", *map(float, ratios))
+            found = solved_pulls(coil, washer, np.array([gap]), np.array([offset * MM]))
+            pull, side, moment = (float(v[0]) for v in (found.pull, found.side, found.moment))
+            ratios = (force[0] / force[2], -side / pull, force[4] / force[2] / MM, -moment / pull / MM)
+            off = f"{-pull / force[2] - 1:+.1%}"
+            row(name, offset, -force[2], solved.error, pull, off, f"{found.error[0]:.1%}", *map(float, ratios))
 
 
 def consequences() -> None:
@@ -171,9 +182,105 @@ def team() -> None:
         row(current, measured, *pulls, solved.unknowns, solved.steps)
 
 
+LOW, HIGH, GAPS, STEP = 0.2 * MM, 6 * MM, 9, 0.33 * MM
+"""Gaps of the tables that padgen brings, and how far their offsets are apart, about."""
+
+
+def brought_parts() -> Iterator[tuple[CoilSource, SteelRing]]:
+    """All coils and magnetic washers of the catalogues, and the templates' own."""
+    for coil in catalogue("coil").values():
+        for washer in catalogue("washer").values():
+            if washer["relative_permeability"] >= 2:
+                parts = build(Coil, {}, "coil", coil), build(Washer, {}, "washer", washer)
+                yield magnetic_parts(SimpleNamespace(coil=parts[0], washer=parts[1]))
+    for name in template_paths():
+        yield magnetic_parts(load_spec(name))
+
+
+def tables() -> None:
+    places: dict[str, list[float]] = {}
+    numbers: list[np.ndarray] = []
+    for coil, washer in dict.fromkeys(brought_parts()):
+        reach = 0.6 * coil.outer_diameter + washer.outer_diameter / 2
+        table = make_table(coil, washer, LOW, HIGH, reach, GAPS, offsets := ceil(reach / STEP))
+        places[parts_key(coil, washer)] = [sum(map(len, numbers)), LOW, HIGH, reach, GAPS, offsets]
+        numbers.append(np.concatenate([table.scale, table.shape.ravel()]).astype(np.float32))
+    np.save(BROUGHT.with_suffix(".npy"), np.concatenate(numbers))
+    lines = ",\n".join(f"{json.dumps(key)}: {json.dumps(place)}" for key, place in places.items())
+    BROUGHT.with_suffix(".json").write_text("{\n" + lines + "\n}\n")
+
+
+CAMPAIGN = REFERENCE.with_name("force_campaign.csv")
+FIELDS = (
+    "case", "coil_outer_mm", "coil_inner_mm", "coil_length_mm", "core_mm", "core_permeability", "washer_outer_mm",
+    "washer_inner_mm", "washer_thickness_mm", "washer_permeability", "gap_mm", "offset_mm",
+    "axial_n_per_a2", "side_n_per_a2", "moment_nm_per_a2", "reference_error",
+)  # fmt: skip
+SEED, TURNS = 20, 1000
+GOOD = 0.025
+"""Of a solution's own error; one that states more is solved again with higher elements."""
+
+
+def drawn(case: int) -> list[float]:
+    """A coil, a washer and its place, `FIELDS` from the second on: cores of 0 to 20 mm, washers M1 to M6."""
+    uniform = np.random.default_rng([SEED, case]).uniform
+
+    def logarithmic(low: float, high: float) -> float:
+        return float(np.exp(uniform(np.log(low), np.log(high))))
+
+    core = 0.0 if uniform() < 0.15 else uniform(1, 20)
+    inner = (core + (uniform(0.5, 2) if uniform() < 0.5 else 0.0)) if core else uniform(1, 20)
+    outer, length = inner + 2 * uniform(1.5, 8), uniform(4, 25)
+    core_permeability, thread = logarithmic(20, 5000), uniform(1, 6)
+    bore = 1.07 * thread
+    rim, thickness = bore * uniform(1.65, 2.4), max(0.2, thread * uniform(0.1, 0.28))
+    permeability, gap = logarithmic(20, 2000), logarithmic(0.2, 5)
+    offset = 0.0 if uniform() < 0.1 else uniform(0, min(15, outer / 2 + rim / 2))
+    numbers = outer, inner, length, core, core_permeability, rim, bore, thickness, permeability, gap, offset
+    return [round(value, 4) for value in numbers]
+
+
+def field_solution(case: int) -> list[float]:
+    """The last four of `FIELDS`; nan where the field has no answer."""
+    outer, inner, length, core, core_permeability, rim, bore, thickness, permeability, gap, offset = drawn(case)
+    coil = solenoid(outer * MM, inner * MM, length * MM, TURNS, core * MM, core_permeability)
+    washer = SteelRing(rim * MM, bore * MM, thickness * MM, permeability)
+    best = [np.nan] * 4
+    if not offset:
+        found = axisymmetric_force(coil, washer, gap * MM, order=5, levels=5)
+        return [found.force_n, 0.0, 0.0, found.error]
+    for order in (3, 4):
+        try:
+            solved = solid_force(coil, [PlacedWasher(washer, gap * MM, offset * MM)], order=order)
+        except SolverError:
+            continue
+        if not solved.error > best[3]:
+            best = [*map(float, solved.wrench[0, [2, 0, 4]]), solved.error]
+        if solved.error <= GOOD:
+            break
+    return best
+
+
+def campaign(count: int) -> None:
+    lines = CAMPAIGN.read_text().splitlines() if CAMPAIGN.exists() else []
+    known = {int(line.split(",")[0]) for line in lines if line[:1].isdigit()}
+    with CAMPAIGN.open("a", newline="") as out:
+        if not lines:
+            out.write(
+                "# Made by docs/measure_force.py campaign, from field_solid and field_axisymmetric of padgen/verify\n"
+            )
+            csv.writer(out).writerow(FIELDS)
+        for case in sorted(set(range(count)) - known):
+            csv.writer(out).writerow([case, *drawn(case), *(f"{value:.7g}" for value in field_solution(case))])
+            out.flush()
+
+
 def main() -> None:
-    if sys.argv[1:] == ["team"]:
-        team()
+    if sys.argv[1:] in (["team"], ["tables"]):
+        {"team": team, "tables": tables}[sys.argv[1]]()
+        return
+    if sys.argv[1:2] == ["campaign"]:
+        campaign(int(sys.argv[2]))
         return
     for table in (rungs, coaxial, saturation, templates, consequences):
         table()

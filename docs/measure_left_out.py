@@ -14,11 +14,9 @@ from statistics import median
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from padgen.core.units import MM, UM
-from padgen.physics.bounds import core_eddies, gap_change, pull_softening
-from padgen.physics.magnetics import pull_over_gap
-from padgen.planner.channels import magnetic_parts
-from padgen.planner.left_out import left_out
+from padgen.core.units import UM
+from padgen.physics.bounds import core_eddies
+from padgen.planner.left_out import _pulled, left_out
 from padgen.planner.reuse import coil_reuse
 from tests import test_left_out as truth
 
@@ -77,24 +75,11 @@ def times_table(name: str) -> list[str]:
     """What each term takes: its bound beside the term itself, as the true errors compute it."""
     spec, plan = truth.scene(name)
     channel = plan.channels
-    sag = np.array([c.sag_um + c.static_um for c in channel])
-    level, exponent, static = np.array([(c.level_um, c.pull_exponent, c.static_um) for c in channel]).T
-    gap_um, parts = spec.coil.gap_mm * MM / UM, magnetic_parts(spec)
-
-    def pull_where_it_hangs() -> None:
-        for c in channel:
-            nearer = np.array([c.site.coil_distance_mm * MM])
-            pull_over_gap(*parts, spec.coil.gap_mm * MM - (c.sag_um + c.static_um) * UM, nearer)
-
     case, beam = truth.FIELDS["paper coil"], truth.BEAMS[0]
     taxel = truth.suspended(*truth.scene(beam[0]), beam[1], truth.BeamShape(*beam[2]))
     pairs: dict[str, tuple[Callable[[], object], Callable[[], object], int]] = {
-        "gap": (lambda: gap_change(sag, level, gap_um, exponent), pull_where_it_hangs, 5),
-        "softening": (
-            lambda: pull_softening(static, sag, gap_um, exponent),
-            lambda: truth.true_softening(name),
-            3,
-        ),
+        "gap": (lambda: _pulled(plan, channel), lambda: truth.true_gap(name), 1),
+        "softening": (lambda: _pulled(plan, channel), lambda: truth.true_softening(name), 1),
         "far coils": (
             lambda: [e for e in left_out(plan) if e.term == "far coils"],
             lambda: truth.true_far_coils(name),

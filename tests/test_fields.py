@@ -8,7 +8,6 @@
 | solid field, washer 3 mm off the axis | 3-D reference | 0.8 % axial, 5 % lateral | order 3, one refinement |
 | solid field on the axis | axisymmetric | 1.5 % | the same |
 | wound ball, linear and saturated | closed forms | 1e-4, 5e-3 | elements of order 4; the curve is joined by lines |
-| pull_wrench | solid field | 0.12 in Fx, 0.35 mm in My, per newton | the estimate's own error |
 """
 
 import json
@@ -19,10 +18,10 @@ import numpy as np
 import pytest
 
 from padgen.core.errors import SolverError, SpecError
-from padgen.ladders.stages.force import axisymmetric_pull, circuit_pull, paper_pull, three_d_pull
+from padgen.ladders.stages.force import axisymmetric_pull, charges_pull, paper_pull, three_d_pull
 from padgen.physics.leakage import leakage
-from padgen.physics.magnetics import SteelRing, force_constant, solenoid
-from padgen.physics.pull_wrench import pull_wrench
+from padgen.physics.magnetics import SteelRing, solenoid
+from padgen.physics.pull import pull
 from padgen.physics.saturation import MILD_STEEL, TEAM_STEEL, BHCurve, saturating
 from padgen.verify.extreme_force import force_cases
 from padgen.verify.field_axisymmetric import axisymmetric_force
@@ -263,53 +262,20 @@ def test_washers_that_overlap_are_refused():
         solid_force(COIL, [])
 
 
-# --- wrench of an off-axis pull --------------------------------------------------------------------------
-
-
-def test_pull_wrench_against_the_solid_field(off_axis):
-    estimate = pull_wrench(COIL, WASHER, MM, np.array([0.0, 3 * MM]))
-    solid = off_axis.wrench[0] / off_axis.wrench[0, 2]
-    assert estimate[:, 2] == pytest.approx(1.0)
-    assert estimate[0, [0, 4]] == pytest.approx(0.0, abs=1e-12)
-    assert estimate[1, 0] == pytest.approx(solid[0], abs=0.12)
-    assert estimate[1, 4] == pytest.approx(solid[4], abs=0.35 * MM)
-    assert estimate[:, [1, 3, 5]] == pytest.approx(0.0)
-
-
-def test_pull_wrench_is_virtual_work_of_the_circuit():
-    # Its force must be the gradient of one co-energy: the lateral force against offset and the axial one
-    # against gap have equal cross slopes.
-    def force(gap_m, offset_m):
-        pull = force_constant(COIL, WASHER, gap_m, np.array([offset_m]))
-        return pull_wrench(COIL, WASHER, gap_m, np.array([offset_m]))[0, 0] * -pull[0], -pull[0]
-
-    step = 0.01 * MM
-    across = (force(MM + step, 4 * MM)[0] - force(MM - step, 4 * MM)[0]) / (2 * step)
-    along = (force(MM, 4 * MM + step)[1] - force(MM, 4 * MM - step)[1]) / (2 * step)
-    assert across == pytest.approx(along, rel=0.02)  # two quadratures of the same integral
-
-
-def test_pull_wrench_of_what_is_not_pulled():
-    unmagnetic = pull_wrench(COIL, WASHER._replace(permeability=1.0), MM, np.array([0.0, 3 * MM]))
-    assert (unmagnetic == [0.0, 0.0, 1.0, 0.0, 0.0, 0.0]).all()
-    with pytest.raises(SpecError, match="gap must be above 0"):
-        pull_wrench(COIL, WASHER, 0.0, np.zeros(1))
-
-
 # --- ladder ----------------------------------------------------------------------------------------------
 
 
 def test_the_ladder_climbs():
-    pull = Pull(COIL, WASHER, MM, current_a=AMPERE)
+    pulled = Pull(COIL, WASHER, MM, current_a=AMPERE)
     truth = MAGNETS["force_mn_by_gap_mm"]["1"] * 1e-3 / AMPERE**2
-    assert paper_pull(pull).values * AMPERE**2 == pytest.approx([1364], rel=1e-3)  # as printed in the reference
-    half = replace(pull, coil=COIL._replace(core_diameter=2 * MM))  # Eq. 4 goes with the area of the core's end
-    assert paper_pull(half).values == pytest.approx(paper_pull(pull).values / 4)
-    assert circuit_pull(pull).values == pytest.approx([truth], rel=0.15)
-    finest = axisymmetric_pull(pull, 5, 4)
+    assert paper_pull(pulled).values * AMPERE**2 == pytest.approx([1364], rel=1e-3)  # as printed in the reference
+    half = replace(pulled, coil=COIL._replace(core_diameter=2 * MM))  # Eq. 4 goes with the area of the core's end
+    assert paper_pull(half).values == pytest.approx(paper_pull(pulled).values / 4)
+    assert charges_pull(pulled).values == pytest.approx([truth], rel=1e-3)
+    finest = axisymmetric_pull(pulled, 5, 4)
     assert finest.values == pytest.approx([truth], rel=2e-3)
     assert finest.unknowns > 1000 and finest.residual < 1e-6
-    assert three_d_pull(pull, 3, 1).values == pytest.approx([truth], rel=0.015)
+    assert three_d_pull(pulled, 3, 1).values == pytest.approx([truth], rel=0.015)
 
 
 def test_leakage_on_a_neighbours_washer():

@@ -40,7 +40,7 @@ from padgen.physics.selectivity import (
 )
 from padgen.physics.taxel_modes import UPWARD, TaxelModes
 from padgen.planner import judge_modes, make_plan, plan_from_json, plan_to_json
-from padgen.planner.channels import magnetic_parts, plan_channels
+from padgen.planner.channels import hanging_gap_um, plan_channels, site_pulls
 from padgen.planner.drive_scheme import _resonators, modes_matter, placed_channels, plan_selectivity
 from padgen.planner.judge_modes import crowds
 from padgen.planner.plan import Site
@@ -318,18 +318,19 @@ def test_modes_of_the_beam_model_move_the_washer_as_a_body(paper_spec, topology,
 
 def test_wrenches_turn_with_the_taxel(paper_spec):
     """The same taxel seen from its coil in four directions; moved from the washer's underside to the bed's plane."""
-    parts = magnetic_parts(paper_spec)
     turned = {"+x": (2.0, -3.0), "+y": (3.0, 2.0), "-x": (-2.0, 3.0), "-y": (-3.0, -2.0)}
     sites = [Site((0, 0), (0, 0), at, along, float(np.hypot(*at))) for along, at in turned.items()]
-    wrench = site_wrenches(paper_spec, *parts, sites)
+    pulled = site_pulls(paper_spec, sites, np.full(4, 1000.0))
+    wrench = site_wrenches(paper_spec, pulled, sites)
     assert wrench == pytest.approx(np.tile(wrench[0], (4, 1)), abs=1e-15)
     high = replace(paper_spec, taxel=replace(paper_spec.taxel, glue_gap_mm=paper_spec.taxel.glue_gap_mm + 0.5))
-    lower = site_wrenches(high, *parts, sites[:1])[0]
+    lower = site_wrenches(high, site_pulls(high, sites[:1], np.array([1000.0])), sites[:1])[0]
     # Half a millimetre higher: r x F.
     assert lower - wrench[0] == pytest.approx(np.array([0, 0, 0, *np.cross([0, 0, 5e-4], wrench[0, :3])]), abs=1e-15)
     # Away from the axis and round it: the side force lies along (2, -3), the moment across.
     assert np.cross([2, -3, 0], [*wrench[0, :2], 0])[2] == pytest.approx(0, abs=1e-12)
-    on_axis = site_wrenches(paper_spec, *parts, [Site((0, 0), (0, 0), (0.0, 0.0), "+y", 0.0)])[0]
+    axis = [Site((0, 0), (0, 0), (0.0, 0.0), "+y", 0.0)]
+    on_axis = site_wrenches(paper_spec, site_pulls(paper_spec, axis, np.array([1000.0])), axis)[0]
     assert on_axis == pytest.approx(UPWARD, abs=1e-9)
 
 
@@ -464,7 +465,9 @@ def test_a_crowded_mode_is_found_and_costs(crowded_plan):
     gain[1, np.argmin(abs(modes.frequency_hz[1] - lateral))] = 0
     gained = all_states(which, scheme, modes._replace(gain=gain)).db - all_states(which, scheme, modes).db
     assert f"costs {gained:.1f} dB, at most 1" in crowded.message
-    wrench = site_wrenches(spec, *magnetic_parts(spec), [c.site for c in channels_])
+    sites = [c.site for c in channels_]
+    pulled = site_pulls(spec, sites, hanging_gap_um(spec, np.array([c.sag_um for c in channels_])))
+    wrench = site_wrenches(spec, pulled, sites)
     assert np.array([c.pull_wrench for c in channels_]) == pytest.approx(wrench, abs=1e-15)
     assert abs(wrench - wrench[0]).max() > 1e-3
     # No vertical pull at the axis excites it.

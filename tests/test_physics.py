@@ -8,9 +8,7 @@
 | beam model, modes 2 and 3 | 3-D elasticity, converged | 1.5 % | torsion and lateral |
 | bent beam | Castigliano's integrals of arcs and corners, straight beams | 1e-9 | the same assumptions |
 | point mass on a beam | Euler-Bernoulli closed forms | 1e-6 | slender limit |
-| coaxial force | axisymmetric field solution | 21 % | the rung's own error, see docs/accuracy.md |
-| force 3 mm off the axis | 3-D field solution | 40 % | the same |
-| field of winding and of charged rings on the axis | closed forms | 1e-5 | quadrature |
+| field of a thin winding on its axis | closed form | 1e-5 | quadrature |
 """
 
 import json
@@ -30,13 +28,11 @@ from padgen.physics.beams import (
     tip_stiffness,
     torsion_constant,
 )
+from padgen.physics.coil_field import flux_density
 from padgen.physics.ladder import capacity, geometric_ladder, ladder_ratio, paper_ladder, whole_channels
 from padgen.physics.magnetics import (
     SteelRing,
-    _ring_charge_field,
     flat_spheroid_factor,
-    flux_density,
-    force_constant,
     impedance,
     paper_force_constant,
     solenoid,
@@ -259,41 +255,6 @@ def test_a_ring_of_quarters_is_a_ring():
 COIL = solenoid(10 * MM, 4 * MM, 10 * MM, 1000, 4 * MM, 1000)
 WASHER = SteelRing(4 * MM, 2 * MM, 0.5 * MM, 1000)
 CURRENT_A = 0.05
-
-
-def force_mn(coil=COIL, washer=WASHER, gap_mm=1.0, offset_mm=0.0):
-    return float(force_constant(coil, washer, gap_mm * MM, np.array(offset_mm * MM))) * CURRENT_A**2 / MM
-
-
-@pytest.mark.parametrize("gap_mm", MAGNETS["force_mn_by_gap_mm"])
-def test_coaxial_force(gap_mm):
-    assert force_mn(gap_mm=float(gap_mm)) == pytest.approx(MAGNETS["force_mn_by_gap_mm"][gap_mm], rel=0.21)
-
-
-@pytest.mark.parametrize("mu", MAGNETS["force_mn_at_1mm_by_washer_mu_r"])
-def test_force_by_washer_permeability(mu):
-    washer = WASHER._replace(permeability=float(mu))
-    assert force_mn(washer=washer) == pytest.approx(MAGNETS["force_mn_at_1mm_by_washer_mu_r"][mu], rel=0.12)
-
-
-@pytest.mark.parametrize("mu", MAGNETS["force_mn_at_1mm_by_core_mu_r"])
-def test_force_by_core_permeability(mu):
-    coil = COIL._replace(core_permeability=float(mu))
-    assert force_mn(coil=coil) == pytest.approx(MAGNETS["force_mn_at_1mm_by_core_mu_r"][mu], rel=0.12)
-
-
-def test_force_off_the_axis():
-    reference = -MAGNETS["off_axis_3mm_mn"]["one_washer"]["axial"]
-    assert force_mn(offset_mm=3.0) == pytest.approx(reference, rel=0.4)
-    # The figure of docs/accuracy.md.
-    assert force_mn(offset_mm=3.0) == pytest.approx(0.231, rel=0.01)
-
-
-def test_charged_ring_on_its_axis():
-    height = np.array([0.3, 1.0, 4.0])
-    radial, axial = _ring_charge_field(np.array(2.0), np.zeros(3), height)
-    assert axial == pytest.approx(height / (4 * np.pi * (4 + height**2) ** 1.5), rel=1e-5)
-    assert np.abs(radial).max() < 1e-6
 
 
 def test_core_is_an_equipotential():

@@ -278,7 +278,7 @@ def code_hash(*parts: str) -> str:
     return file_hash(b"".join(path.read_bytes() for path in files))
 
 
-SOURCES = (".py", ".csv")
+SOURCES = (".py", ".csv", ".npy")
 
 
 def _head(key: str, data: bytes) -> bytes:

@@ -10,32 +10,26 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.physics.beams import BeamSection, bent_slowness, tip_mass
-from padgen.physics.magnetics import CoilSource, SteelRing, core_charges, flat_spheroid_factor, flux_density
+from padgen.physics.coil_field import charged_core, flux_density
+from padgen.physics.magnetics import CoilSource, SteelRing, flat_spheroid_factor
 from padgen.physics.modes import BeamPlacement, to_tip
 from padgen.physics.poles import pole_field
 
 __all__ = [
-    "WasherMoment",
+    "Magnetised",
     "beam_inertia",
     "core_eddies",
     "core_polarisation",
     "far_coils",
-    "gap_change",
-    "law_error",
     "motional_voltage",
     "mutual_shielding",
-    "pull_softening",
     "saturation_loss",
     "switching_delay",
     "washer_eddies",
-    "washer_moment",
+    "washer_magnetised",
 ]
 
 MU_0 = 4e-7 * pi
-EXPONENT_SLOPE = 0.7
-"""Largest |dm/d ln gap| of a pull ``gap^-m`` (docs/measure_left_out.py: 0.64 over the templates)."""
-MOMENT_SHARE = 0.1
-"""Share by which the force on a mode changes faster with the gap than the pull: its moment does too."""
 
 
 def beam_inertia(
@@ -140,21 +134,25 @@ def _dynamic(slowness: Any) -> Any:
     return np.where(slowness < 1, slowness / np.maximum(1 - slowness, 1e-300), inf)
 
 
-class WasherMoment(NamedTuple):
-    """A washer in a coil's field: field (n,) in T/A, moment (n,) in A·m²/A, and for saturation the largest
-    polarisation (n,) in T/A with how much of a share of it the force feels, χN (n,)."""
+class Magnetised(NamedTuple):
+    """A washer in a coil's field: field (n,) in T/A, and for saturation the largest polarisation (n,) in T/A with how
+    much of a share of it the force feels, χN (n,)."""
 
     field: np.ndarray
-    moment: np.ndarray
     polarisation: np.ndarray
     chi_n: np.ndarray
 
 
-def washer_moment(coil: CoilSource, washer: SteelRing, gap: float, offset: np.ndarray) -> WasherMoment:
+def washer_magnetised(
+    coil: CoilSource, washer: SteelRing, gap: float, offset: np.ndarray, dipole: np.ndarray
+) -> Magnetised:
     """What the coil makes of washers `offset` (n,) m off its axis, from the field at two points of each.
 
+    No less than the mean polarisation, by each one's `dipole` (n,) in A·m²/A.
+
     The points lie on the middle line of the ring, nearest to and farthest from the coil's axis, on the
-    washer's underside. Demagnetised by direction as in `magnetics.force_constant`.
+    washer's underside. Demagnetised by direction: the mean field along the plane meets the whole disc,
+    the rest of it the width of the ring, the axial field its thickness.
     """
     outer, inner = washer.outer_diameter / 2, washer.inner_diameter / 2
     at = offset + np.array([[-1.0], [1.0]]) * (outer + inner) / 2
@@ -169,15 +167,11 @@ def washer_moment(coil: CoilSource, washer: SteelRing, gap: float, offset: np.nd
     polarisation = eased[:, None, None] * field
     energy = (polarisation * field).mean(1)
     size = np.hypot(polarisation[0] + polarisation[1], polarisation[2])
-    mean = eased[:, None] * np.sqrt((field**2).mean(1))
     volume = pi * (outer**2 - inner**2) * washer.thickness
-    # A share of the disc's own volume, not the ring's: its middle is bridged by the flux around it.
-    moment = volume / MU_0 * np.hypot(mean[0] * outer**2 / (outer**2 - inner**2), mean[2])
     weight = energy / energy.sum(0)
-    return WasherMoment(
+    return Magnetised(
         np.sqrt((radial**2 + axial**2).mean(0)),
-        moment,
-        size.max(0),
+        np.maximum(size.max(0), MU_0 * dipole / volume),
         1 / (weight / (chi * share[:, None])).sum(0) if chi > 0 else np.full(len(offset), inf),
     )
 
@@ -187,9 +181,10 @@ def core_polarisation(coil: CoilSource) -> tuple[float, float]:
 
     The flux that has entered the core above a section is the magnetic charge above it.
     """
-    if not coil.has_core:
+    core = charged_core(coil)
+    if core is None:
         return 0.0, inf
-    _, _, charge = core_charges(coil)
+    charge = (core[0].area * core[1])[np.argsort(-core[0].height, kind="stable")]
     area = pi / 4 * coil.core_diameter**2
     demagnetised = (coil.core_permeability - 1) / (1 + 4 * coil.core_length / coil.core_diameter / sqrt(pi))
     return MU_0 * float(np.abs(np.cumsum(charge)).max()) / area, demagnetised
@@ -273,52 +268,16 @@ def switching_delay(
         return np.where((fall > 0) & (quiet > 1), np.log1p(static + kick) / np.log(quiet), inf)
 
 
-def gap_change(deflection: Any, amplitude: Any, gap: Any, exponent: Any) -> np.ndarray:
-    """Relative error of a force that is taken at a gap when the washer hangs `deflection` nearer to the coil.
-
-    A pull ``gap^-m`` whose exponent itself changes by at most 0.7 for a change of the gap by e; swinging
-    by `amplitude` adds the mean of the second order. Infinite where the washer would touch the coil.
-    """
-    nearer = (np.asarray(deflection, float) + amplitude) / gap
-    with np.errstate(divide="ignore", invalid="ignore"):
-        log_gap = -np.log1p(-np.asarray(deflection, float) / gap)
-        m = (1 + MOMENT_SHARE) * np.abs(exponent) + EXPONENT_SLOPE / 2 * log_gap
-        swing = (m * (m + 1) + EXPONENT_SLOPE) * (np.asarray(amplitude) / (gap - deflection)) ** 2 / 4
-        return np.where(nearer < 1, np.expm1(m * log_gap) + swing, inf)
-
-
-def law_error(gap: float, nearer: np.ndarray, exponent: np.ndarray) -> np.ndarray:
-    """Relative error (n,) of a force by the power law about `gap` at the gaps `nearer` (n,): as in `gap_change`.
-
-    The moment's share is that of an exponent of 0.3 at least: it changes where the pull does not.
-    """
-    log_gap, least = np.log(gap / nearer), np.maximum(np.abs(exponent), 0.3)
-    error: np.ndarray = np.expm1(log_gap * (MOMENT_SHARE * least + EXPONENT_SLOPE / 2 * log_gap))
-    return error
-
-
-def pull_softening(static: Any, deflection: Any, gap: Any, exponent: Any) -> np.ndarray:
-    """Relative error of a resonance by the pull's negative stiffness, ``1 − √(1 − κ)``, 1 from pull-in on.
-
-    ``κ = m z/(g − d)`` with the pull's own deflection z, `static` at the flat gap g, and all of the washer's,
-    d; z and m may be larger by what `gap_change` says. All lengths in one unit.
-    """
-    log_gap = -np.log1p(-np.minimum(np.asarray(deflection, float) / gap, 1 - 1e-12))
-    grown = static * (1 + gap_change(deflection, 0.0, gap, exponent))
-    softer = (np.abs(exponent) + EXPONENT_SLOPE * log_gap) * grown / (gap * np.exp(-log_gap))
-    return np.asarray(1 - np.sqrt(np.maximum(1 - softer, 0)))
-
-
 def mutual_shielding(moment: np.ndarray, field: np.ndarray, place: np.ndarray, diameter: float) -> np.ndarray:
     """Relative error (n,) of the pull on each washer of a coil by the field of the other washers.
 
     Dipoles of `moment` (n,) in A·m² at `place` (n, 2) in m, each taken to point along the line to the washer
     that it disturbs, where its field is ``μ0 m/(2π d³)``, over the coil's own `field` (n,) there. Washers of
-    `diameter` are no points: that adds about ``(diameter/d)²``.
+    `diameter` are no points: that adds about ``2 (diameter/d)²``.
     """
     apart = np.linalg.norm(place[:, None] - place[None], axis=-1)
     np.fill_diagonal(apart, inf)
-    near = 1 + (diameter / apart) ** 2
+    near = 1 + 2 * (diameter / apart) ** 2
     return np.asarray((near * MU_0 * moment / (2 * pi * apart**3)).sum(-1) / np.where(field > 0, field, inf))
 
 

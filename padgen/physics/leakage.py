@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.physics.magnetics import MU_0, CoilSource, SteelRing, flux_density
+from padgen.physics.coil_field import flux_density
+from padgen.physics.magnetics import MU_0, CoilSource, SteelRing
 from padgen.physics.poles import coil_poles, pole_field
 
 __all__ = ["Leakage", "easiness", "leakage"]
@@ -37,7 +38,8 @@ def leakage(
 
     The washer is a ring of points magnetised along its plane and its thickness as
     ``1/N``, N the demagnetising factors of its cross section; forces are gradients of ``B·B'`` over
-    the gap. The fields of two coils add before they are squared, hence the products.
+    the gap. The fields of two coils add before they are squared, hence the products. That puts `mutual` at 0.4 to 1.4
+    times what `physics.pull` says of washers one or two pitches away, more below the very rim of the next coil.
     """
     radius = (washer.outer_diameter + washer.inner_diameter) / 4
     angle = (np.arange(SPOKES) + 0.5) * 2 * np.pi / SPOKES

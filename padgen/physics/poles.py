@@ -4,7 +4,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from padgen.physics.magnetics import CoilSource, Winding, core_charges
+from padgen.physics.coil_field import charged_core
+from padgen.physics.magnetics import CoilSource, Winding
 
 __all__ = ["coil_poles", "pole_error", "pole_field"]
 
@@ -19,8 +20,8 @@ def coil_poles(coil: CoilSource) -> np.ndarray:
     for winding in coil.windings:
         charge = winding.turns * (np.pi * _radius_square(winding) / 3) / winding.length
         poles += [(charge, winding.top), (-charge, winding.bottom)]
-    if coil.has_core:
-        _, height, charges = core_charges(coil)
+    if (core := charged_core(coil)) is not None:
+        height, charges = core[0].height, core[0].area * core[1]
         for sign in (charges > 0, charges < 0):
             total = float(charges[sign].sum())
             poles.append((total, float((charges[sign] * height[sign]).sum()) / total))

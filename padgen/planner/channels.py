@@ -8,13 +8,14 @@ import numpy as np
 
 from padgen.core.units import GRAM, MM, MN, MPA, MS, UM, decibel
 from padgen.physics.currents import mean_square_a2
-from padgen.physics.magnetics import CoilSource, SteelRing, balanced_deflection, pull_over_gap
+from padgen.physics.magnetics import balanced_deflection
+from padgen.physics.pull_table import PullAt
 from padgen.physics.resonator import ring_up_time
 from padgen.physics.selectivity import Scheme
 from padgen.physics.stretching import level_kept, resonance_rise
-from padgen.planner.coils import coil_source
 from padgen.planner.plan import Beam, Channel, Site, channel_sets
-from padgen.planner.pull_modes import each_distance, mode_fields, site_wrenches, taxel_modes
+from padgen.planner.pull_modes import mode_fields, site_wrenches, taxel_modes
+from padgen.planner.pulls import pulls
 from padgen.planner.settings import level_law
 from padgen.planner.sizing import SizedChannel, frequency_spread
 from padgen.planner.taxel_model import fillet_mm
@@ -23,9 +24,9 @@ from padgen.spec import Spec
 __all__ = [
     "driven",
     "hanging_gap_um",
-    "magnetic_parts",
     "plan_channels",
-    "pulls",
+    "pull_exponent",
+    "site_pulls",
     "wanted_line_a2",
 ]
 
@@ -36,8 +37,9 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
     level = level_law(spec)(resonance)
     level_um = spec.drive.level_um * level / level[0]
     sag_um = np.array([float(s.model.sag_m) for s in sized]) / UM
-    pull, exponent = pulls(spec, sites, sag_um)
-    wrench = site_wrenches(spec, *magnetic_parts(spec), sites)
+    pulled = site_pulls(spec, sites, hanging_gap_um(spec, sag_um))
+    exponent = pull_exponent(pulled, hanging_gap_um(spec, sag_um))
+    wrench = site_wrenches(spec, pulled, sites)
     tau_ms = ring_up_time(resonance, spec.q_min) / MS
     quiet = _quiet_ratios(spec, resonance, level_um)
     channels = []
@@ -46,7 +48,7 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
         beam_error = item.model.beam_error
         modes = mode_fields(taxel_modes(item.model), wrench[i])
         force_mn = float(level_um[i]) * UM * stiffness / spec.q_min / MN
-        force_constant = float(pull[i]) * modes.pulled_share
+        force_constant = float(pulled.pull[i]) * modes.pulled_share
         alpha, level_m, sag_m = item.model.hardening_per_m2, float(level_um[i]) * UM, float(item.model.sag_m)
         channels.append(
             Channel(
@@ -74,6 +76,7 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
                 force_mn=force_mn,
                 force_constant_n_per_a2=force_constant,
                 line_a2=wanted_line_a2(force_mn, force_constant),
+                force_error=float(pulled.error[i]),
                 pull_exponent=float(exponent[i]),
                 static_um=0.0,
                 pull_shift=0.0,
@@ -86,14 +89,16 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
     return tuple(channels)
 
 
-def pulls(spec: Spec, sites: Sequence[Site], sag_um: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Force constants (n,) and exponents (n,) of `pull_over_gap` of washers that sag by `sag_um` (n,).
+def site_pulls(spec: Spec, sites: Sequence[Site], gap_um: np.ndarray) -> PullAt:
+    """Pulls (n,) on the washers of `sites`, each hanging over a gap (n,) in µm."""
+    return pulls(spec, gap_um * UM, np.array([site.coil_distance_mm for site in sites]) * MM)
 
-    From the field at the flat pad's gap by the power law; `planner.left_out` bounds what that leaves out.
-    """
-    distance_m, index = each_distance(sites)
-    pull, exponent = (v[index] for v in pull_over_gap(*magnetic_parts(spec), spec.coil.gap_mm * MM, distance_m))
-    return pull * (spec.coil.gap_mm * MM / UM / hanging_gap_um(spec, sag_um)) ** exponent, exponent
+
+def pull_exponent(pulled: PullAt, gap_um: np.ndarray) -> np.ndarray:
+    """The exponent m (n,) with which pulls fall about their gap, ``c ∝ gap^−m``; 0 for washers that are not pulled."""
+    return np.asarray(
+        np.divide(-pulled.slope * gap_um * UM, pulled.pull, out=np.zeros(len(gap_um)), where=pulled.pull > 0)
+    )
 
 
 def hanging_gap_um(spec: Spec, sag_um: np.ndarray | float) -> np.ndarray:
@@ -127,20 +132,6 @@ def driven(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> tuple[Cha
 def wanted_line_a2(force_mn: float, force_constant_n_per_a2: float) -> float:
     """Amplitude in A² of the line of i² that pulls with a force; 0 for a washer that the coil does not pull."""
     return force_mn * MN / force_constant_n_per_a2 if force_constant_n_per_a2 > 0 else 0.0
-
-
-def magnetic_parts(spec: Spec) -> tuple[CoilSource, SteelRing]:
-    """The coil and the washer of a spec in SI units."""
-    washer = spec.washer
-    return (
-        coil_source(spec.coil),
-        SteelRing(
-            washer.outer_diameter_mm * MM,
-            washer.inner_diameter_mm * MM,
-            washer.thickness_mm * MM,
-            washer.relative_permeability,
-        ),
-    )
 
 
 def _quiet_ratios(spec: Spec, resonance: np.ndarray, level_um: np.ndarray) -> np.ndarray:

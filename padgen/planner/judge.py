@@ -11,7 +11,7 @@ from padgen.core.finding import LEVELS, Finding
 from padgen.core.units import MM, UM, decibel
 from padgen.physics.ladder import ladder_ratio, slot_half_width
 from padgen.physics.stretching import jump_amplitude, level_kept, resonance_rise
-from padgen.planner.channels import driven, pulls, wanted_line_a2
+from padgen.planner.channels import driven, hanging_gap_um, pull_exponent, site_pulls, wanted_line_a2
 from padgen.planner.drive_scheme import modes_matter
 from padgen.planner.judge_drive import judge_drive
 from padgen.planner.left_out import judge_left_out
@@ -261,12 +261,13 @@ def _wider_gap(plan: Plan) -> str:
     """A gap at which all channels keep within its third: the pull at a wider one is another."""
     spec, gap_mm = plan.spec, plan.spec.coil.gap_mm
     sites, sag_um = [c.site for c in plan.channels], np.array([c.sag_um for c in plan.channels])
-    here, _ = pulls(spec, sites, sag_um)
-    share = np.array([channel.force_constant_n_per_a2 for channel in plan.channels]) / here
+    here = site_pulls(spec, sites, hanging_gap_um(spec, sag_um))
+    share = np.array([channel.force_constant_n_per_a2 for channel in plan.channels]) / here.pull
     for _ in range(GAPS_TRIED):
         wider = replace(spec, coil=replace(spec.coil, gap_mm=gap_mm))
-        pull, exponent = pulls(wider, sites, sag_um)
-        if (pull <= 0).any():
+        hanging_um = hanging_gap_um(wider, sag_um)
+        pulled = site_pulls(wider, sites, hanging_um)
+        if (pulled.pull <= 0).any():
             break
         moved = [
             replace(
@@ -275,7 +276,7 @@ def _wider_gap(plan: Plan) -> str:
                 line_a2=wanted_line_a2(channel.force_mn, float(c)),
                 pull_exponent=float(m),
             )
-            for channel, c, m in zip(plan.channels, pull * share, exponent, strict=True)
+            for channel, c, m in zip(plan.channels, pulled.pull * share, pull_exponent(pulled, hanging_um), strict=True)
         ]
         again = driven(wider, moved, plan.scheme)
         needed_mm = 3 * max(c.level_um + c.sag_um + c.static_um for c in again) * UM / MM

@@ -18,6 +18,8 @@ PULL_DB = 1.0
 """Loss of selectivity by unequal pull that is worth a finding."""
 SNAPPING_DB = 0.5
 """Loss of selectivity by printing in steps that is worth a finding."""
+UNSURE = 0.1
+"""Relative error of a pull that is worth a finding."""
 
 
 def judge_drive(plan: Plan) -> Iterator[Finding]:
@@ -144,6 +146,14 @@ def _reach(plan: Plan) -> Iterator[Finding]:
                 f"channel {channel.index}",
                 f"the coil does not pull its washer, {number(channel.site.coil_distance_mm)} mm off the axis;"
                 f" at most {number(reach)} mm would do",
+            )
+        elif channel.force_error > UNSURE:
+            yield Finding(
+                "warning",
+                "coil.unsure",
+                f"channel {channel.index}",
+                f"the pull on its washer is known to ± {channel.force_error:.0%} only: what draws its parts up and down"
+                " all but cancels",
             )
 
 

@@ -15,26 +15,25 @@ from padgen.physics.bounds import (
     core_eddies,
     core_polarisation,
     far_coils,
-    gap_change,
-    law_error,
     motional_voltage,
     mutual_shielding,
-    pull_softening,
     saturation_loss,
     switching_delay,
     washer_eddies,
-    washer_moment,
+    washer_magnetised,
 )
 from padgen.physics.leakage import easiness
 from padgen.physics.magnetics import impedance
 from padgen.physics.modal import felt_energy
 from padgen.physics.poles import coil_poles, pole_error
 from padgen.physics.stretching import resonance_rise
-from padgen.planner.channels import hanging_gap_um, magnetic_parts
+from padgen.physics.taxel_modes import TaxelModes
+from padgen.planner.channels import hanging_gap_um, site_pulls
 from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.frame_give import flexibility_bounds
 from padgen.planner.plan import Channel, LeftOut, Plan
-from padgen.planner.pull_modes import coil_modes, heard_modes
+from padgen.planner.pull_modes import coil_modes, heard_modes, mode_fields, site_wrenches
+from padgen.planner.pulls import magnetic_parts
 from padgen.planner.reuse import RINGS
 from padgen.planner.suspensions import BeamShape, PlateShape
 from padgen.planner.taxel_model import TaxelModel
@@ -46,6 +45,9 @@ SATURATION_T = 1.5
 """Polarisation at saturation of the least of the steels of cores and washers (ferritic stainless; iron has 2.15 T)."""
 RESISTIVITY_OHM_M = 1e-7
 """Of the best conductor among cores and washers, iron."""
+LEAST_GAP = 20
+"""Share of its gap, one over this, below which no pull is asked for."""
+ROUNDS = 3
 
 AIR_KG_PER_M3, AIR_PA_S = 1.2, 1.8e-5
 """Density and viscosity of air."""
@@ -297,11 +299,13 @@ def _magnetic(plan: Plan) -> Iterator[LeftOut]:
         return
     coil, washer = magnetic_parts(spec)
     offset = np.array([channel.site.coil_distance_mm for channel in channels]) * MM
-    moment = washer_moment(coil, washer, spec.coil.gap_mm * MM, offset)
+    hanging_um = hanging_gap_um(spec, np.array([channel.sag_um for channel in channels]))
+    dipole = site_pulls(spec, [channel.site for channel in channels], hanging_um).dipole
+    made = washer_magnetised(coil, washer, spec.coil.gap_mm * MM, offset, dipole)
     peak_a = plan.load.current_peak_ma * MA
     core_t, core_chi_n = core_polarisation(coil)
     lost = 2 * saturation_loss(core_t * peak_a / SATURATION_T, core_chi_n)
-    lost = lost + saturation_loss(moment.polarisation * peak_a / SATURATION_T, moment.chi_n)
+    lost = lost + saturation_loss(made.polarisation * peak_a / SATURATION_T, made.chi_n)
     yield _worst("saturation", "force", channels, np.minimum(lost, 1.0))
     drive = np.array([channel.drive_hz for channel in channels])
     eddies = [2 * core_eddies(coil, RESISTIVITY_OHM_M, f) + washer_eddies(washer, RESISTIVITY_OHM_M, f) for f in drive]
@@ -309,7 +313,7 @@ def _magnetic(plan: Plan) -> Iterator[LeftOut]:
     shielded = np.zeros(len(channels))
     for own in _sets(channels, spec):
         place = np.array([channels[k].site.washer_mm for k in own]) * MM
-        shielded[own] = mutual_shielding(moment.moment[own], moment.field[own], place, washer.outer_diameter)
+        shielded[own] = mutual_shielding(dipole[own], made.field[own], place, washer.outer_diameter)
     if shielded.any():
         yield _worst("shielding", "force", channels, shielded)
     yield from _moving(plan, channels)
@@ -324,13 +328,12 @@ def _sets(channels: Sequence[Channel], spec: Spec) -> list[list[int]]:
 def _moving(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut]:
     """What the washers' own motion changes."""
     spec = plan.spec
-    level, static, sag, exponent, ring_down, ring_up = np.array(
-        [(c.level_um, c.static_um, c.sag_um, c.pull_exponent, c.ring_down_ms, c.ring_up_ms) for c in channels]
+    level, static, ring_down, ring_up = np.array(
+        [(c.level_um, c.static_um, c.ring_down_ms, c.ring_up_ms) for c in channels]
     ).T
-    gap_um = hanging_gap_um(spec, sag)
-    sagged = law_error(spec.coil.gap_mm * MM / UM, gap_um, exponent)
-    yield _worst("gap", "force", channels, sagged + gap_change(static, level, gap_um, exponent))
-    yield _worst("softening", "resonance", channels, pull_softening(static, static, gap_um, exponent))
+    nearer, softer = _pulled(plan, channels)
+    yield _worst("gap", "force", channels, nearer)
+    yield _worst("softening", "resonance", channels, softer)
     yield _worst("motion", "current", channels, _motional(plan, channels))
     if not plan.scheme.takes_turns and (ring_down > 0).any():
         pull, stiffness, resonance, q = np.array(
@@ -340,6 +343,39 @@ def _moving(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut]:
         lag = spec.coil.inductance_mh * MH / spec.coil.resistance_ohm
         delay = switching_delay(static / level, pulse, resonance, q, np.exp(ring_down / ring_up), lag)
         yield _worst("switching", "ring-down", channels, np.where(ring_down > 0, delay, 0.0))
+
+
+def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.ndarray]:
+    """Relative errors (n,) of force and resonance, for pulls that are taken where the washers hang without current.
+
+    The mean pull draws a washer nearer by what balances it, there it swings (a pull at either side of the swing's rms
+    averages the second order right) and the pull's slope softens the spring. Infinite where nothing balances.
+    """
+    spec, sites = plan.spec, [channel.site for channel in channels]
+    sag, static, exponent, level, here = np.array(
+        [(c.sag_um, c.static_um, c.pull_exponent, c.level_um, c.force_constant_n_per_a2) for c in channels]
+    ).T
+    gap_um = hanging_gap_um(spec, sag)
+
+    def on_mode(nearer_um: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Pull on each working mode over `force_constant_n_per_a2`, its slope over that in 1/µm, and how far off."""
+        at = site_pulls(spec, sites, np.maximum(gap_um - nearer_um, gap_um / LEAST_GAP))
+        share = np.array([
+            mode_fields(TaxelModes(np.array(c.modes_hz), np.array(c.mode_motions)), wrench).pulled_share
+            for c, wrench in zip(channels, site_wrenches(spec, at, sites), strict=True)
+        ])  # fmt: skip
+        return at.pull * share / here, at.slope * share / here * UM, at.slope_error
+
+    # What the mean pull would deflect, did it not grow; in balance after a few rounds.
+    slack_um = static * np.maximum(1 - static / gap_um, 0) ** np.maximum(exponent, 0)
+    for _ in range(ROUNDS):
+        pull, slope, doubt = on_mode(static)
+        static = slack_um * pull
+    (near, _, _), (far, _, _) = (on_mode(static + side * level * np.sqrt(0.5)) for side in (1, -1))
+    softer = np.maximum(-slope * slack_um * (1 + doubt), 0)
+    meets = (static + level >= gap_um) | (np.array([c.static_um for c in channels]) >= gap_um)
+    forces = np.abs((near + far) / 2 - 1) * (1 + doubt)
+    return np.where(meets, inf, forces), np.where(meets | (softer >= 1), inf, 1 - np.sqrt(np.maximum(1 - softer, 0)))
 
 
 def _motional(plan: Plan, channels: Sequence[Channel]) -> np.ndarray:

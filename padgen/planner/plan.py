@@ -142,8 +142,9 @@ class Channel:
     ``gap^-pull_exponent``, which softens the spring and lowers the resonance by `pull_shift`.
     `mode_shares` are what the modes (k,) add to the static compliance, over the working one, under a vertical pull
     at the washer's axis, `pulled_shares` by the `pull_wrench` (6,) that there is: N and N m per vertical newton, own
-    axes, about that axis at z = 0. `force_constant_n_per_a2` is the pull on the working mode, with its pulled share;
-    `line_a2`, the force over it, is the amplitude of the wanted line of i², 0 for a washer that the coil does not pull.
+    axes, about that axis at z = 0. `force_constant_n_per_a2` is the pull on the working mode where the washer hangs,
+    with its pulled share, and may be off by `force_error`, relative; `line_a2`, the force over it, is the amplitude of
+    the wanted line of i², 0 for a washer that the coil does not pull.
     `mode_motions` (k, 6) are the washer's there, mass-normalised, `rest_motion` (6,) that of unsolved modes per newton.
     Beams that stretch harden: the working mode's force is ``k z (1 + hardening_per_mm2 z²)``. At its level, about its
     sag, it resonates higher by the share `level_shift`, and the tone at `resonance_hz` moves it `level_loss_db` less.
@@ -180,6 +181,7 @@ class Channel:
     print_spread: float
     force_mn: float
     force_constant_n_per_a2: float
+    force_error: float
     line_a2: float
     pull_exponent: float
     static_um: float

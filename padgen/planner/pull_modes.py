@@ -11,9 +11,8 @@ import numpy as np
 
 from padgen.core.units import MM
 from padgen.physics.ladder import slot_half_width
-from padgen.physics.magnetics import CoilSource, SteelRing
 from padgen.physics.modal import ModalTaxels, felt_gains, modal_taxels, without_quiet_modes
-from padgen.physics.pull_wrench import pull_wrench
+from padgen.physics.pull_table import PullAt
 from padgen.physics.taxel_modes import TaxelModes
 from padgen.planner.plan import Channel, Plan, Site
 from padgen.planner.taxel_model import TaxelModel, plate_shape, recess_mm
@@ -24,7 +23,6 @@ __all__ = [
     "MODES_DB",
     "ModeFields",
     "coil_modes",
-    "each_distance",
     "heard_modes",
     "mode_fields",
     "mode_names",
@@ -85,20 +83,14 @@ def mode_fields(modes: TaxelModes, wrench: np.ndarray) -> ModeFields:
     )
 
 
-def each_distance(sites: Sequence[Site]) -> tuple[np.ndarray, list[int]]:
-    """The different distances in m of washers from the coil's axis, and which of them each site has.
+def site_wrenches(spec: Spec, pulled: PullAt, sites: Sequence[Site]) -> np.ndarray:
+    """Wrenches (n, 6) of a newton of pull at each site, in the taxel's own axes, at its washer's axis on z = 0.
 
-    What depends on the distance alone is a field, and most of a plan's work.
+    A washer that the coil does not draw down is driven by nothing: its row is (0, 0, 1, 0, 0, 0).
     """
-    offset_mm = [site.coil_distance_mm for site in sites]
-    different = sorted(set(offset_mm))
-    return np.array(different) * MM, [different.index(d) for d in offset_mm]
-
-
-def site_wrenches(spec: Spec, coil: CoilSource, washer: SteelRing, sites: Sequence[Site]) -> np.ndarray:
-    """Wrenches (n, 6) of a newton of pull at each site, in the taxel's own axes, at its washer's axis on z = 0."""
-    distance_m, index = each_distance(sites)
-    wrench = pull_wrench(coil, washer, spec.coil.gap_mm * MM, distance_m)[index]
+    wrench = np.tile(np.eye(6)[2], (len(sites), 1))
+    for column, part in ((0, pulled.side), (4, pulled.moment)):
+        np.divide(part, -pulled.pull, out=wrench[:, column], where=pulled.pull > 0)
     # On the coil's axis there is no direction, and no side force.
     out = np.array([np.divide(site.washer_mm, site.coil_distance_mm or 1.0) for site in sites])
     cosine, sine = np.array([TURNS[site.along] for site in sites]).T

@@ -11,9 +11,9 @@ from padgen.physics.leakage import leakage
 from padgen.physics.resonator import relative_energy
 from padgen.physics.selectivity import Channels, Scheme, pair_lines, tone_energy
 from padgen.physics.selectivity import channels as resonators
-from padgen.planner.channels import magnetic_parts
 from padgen.planner.layout import Layout
 from padgen.planner.plan import Channel, Reuse, Site
+from padgen.planner.pulls import magnetic_parts
 from padgen.planner.settings import level_law
 from padgen.spec import Spec
 

@@ -84,7 +84,17 @@ def _drive_lines(plan: "Plan") -> list[str]:
         f"a coil with all channels on: {load.current_rms_ma:.1f} mA rms, up to {load.current_peak_ma:.1f} mA and"
         f" {load.voltage_peak_v:.2f} V, {load.copper_loss_w:.3f} W; every limit allows"
         f" {number(load.reachable_level_um)} µm on channel 0 ({load.reachable_by}){leak}",
+        *_force_line(plan.channels),
     ]
+
+
+def _force_line(channels: "Sequence[Channel]") -> list[str]:
+    """How sure the pulls are, and with them the currents, which go with the root."""
+    errors = [c.force_error for c in channels if c.force_constant_n_per_a2 > 0]
+    if not errors:
+        return []
+    worst = max(errors)
+    return [f"the coil's pull on a washer is known to ± {worst:.1%}, and so each current to ± {worst / 2:.1%}"]
 
 
 def _selectivity_lines(plan: "Plan") -> list[str]:

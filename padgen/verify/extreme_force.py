@@ -6,7 +6,8 @@ from math import pi
 
 import numpy as np
 
-from padgen.physics.magnetics import SteelRing, balanced_deflection, force_constant, pull_in_deflection, solenoid
+from padgen.physics.magnetics import SteelRing, balanced_deflection, pull_in_deflection, solenoid
+from padgen.physics.pull import pull as charges_pull
 from padgen.physics.saturation import MILD_STEEL
 from padgen.verify.extreme import Answer, ExtremeCase
 from padgen.verify.field_axisymmetric import axisymmetric_force
@@ -58,11 +59,11 @@ def _far_case(sizes: float) -> ExtremeCase:
     def reference() -> np.ndarray:
         # A dipole's pull on a small body falls with the seventh power of the distance of their middles.
         near_m, middles_m = 50 * WASHER.outer_diameter, (COIL.length + WASHER.thickness) / 2
-        near = force_constant(COIL, WASHER, near_m, np.zeros(1))
-        return np.asarray(near * ((near_m + middles_m) / (gap_m + middles_m)) ** 7)
+        near = -charges_pull(COIL, WASHER, near_m, 0.0).axial
+        return np.array([near]) * ((near_m + middles_m) / (gap_m + middles_m)) ** 7
 
     name, solve = f"gap of {sizes:g} washer diameters", partial(_axisymmetric, Pull(COIL, WASHER, gap_m))
-    source = "the magnetic circuit at 50 diameters, carried on by the dipole's seventh power"
+    source = "surface charges at 50 diameters, carried on by the dipole's seventh power"
     return ExtremeCase(name, "force", "axisymmetric", solve, reference, source)
 
 

@@ -84,7 +84,7 @@ def axisymmetric_force(
         raise SolverError(
             f"the force of {number(abs(force.force_n))} N over a gap of {number(gap_m)} m drowns in the field's own"
             f" error: the two potentials differ by {number(force.error)} of it, they may by {WIDEST};"
-            " a smaller gap, a higher order or the magnetic circuit would do"
+            " a smaller gap, a higher order or surface charges would do"
         )
     return force
 

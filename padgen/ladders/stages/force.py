@@ -9,11 +9,12 @@ import numpy as np
 from padgen.core.units import MM
 from padgen.ladders.rung import Ladder, Rung, Solved
 from padgen.ladders.stages.scene import Scene, chosen_channels
-from padgen.physics.magnetics import force_constant, paper_force_constant
-from padgen.planner.channels import magnetic_parts
+from padgen.physics.magnetics import paper_force_constant
+from padgen.physics.pull_table import solved_pulls
+from padgen.planner.pulls import magnetic_parts
 from padgen.verify.force_ladder import Pull, solid_pull
 
-__all__ = ["axisymmetric_pull", "circuit_pull", "force_ladders", "paper_pull", "three_d_pull"]
+__all__ = ["axisymmetric_pull", "charges_pull", "force_ladders", "paper_pull", "three_d_pull"]
 
 AXISYMMETRIC = ((3, 1), (4, 2), (5, 3), (6, 4))
 SOLID = ((2, 1), (3, 2), (4, 3))
@@ -44,7 +45,7 @@ def force_ladders(scene: Scene) -> Iterator[Ladder]:
 
 def _rungs(pull: Pull) -> Iterator[Rung]:
     yield Rung("paper", "Eq. 4 as printed", partial(paper_pull, pull))
-    yield Rung("circuit", "with the gap", partial(circuit_pull, pull))
+    yield Rung("charges", "on core and washer", partial(charges_pull, pull))
     if not pull.offset_m:
         for order, levels in AXISYMMETRIC:
             solve = partial(axisymmetric_pull, pull, order, levels)
@@ -64,9 +65,10 @@ def paper_pull(pull: Pull) -> Solved:
     return Solved(np.array([paper_force_constant(pull.coil, pi / 4 * diameter**2)]))
 
 
-def circuit_pull(pull: Pull) -> Solved:
-    """By the magnetic circuit of coil, core, gap and washer, which knows no saturation."""
-    return Solved(force_constant(pull.coil, pull.washer, pull.gap_m, np.array([pull.offset_m])))
+def charges_pull(pull: Pull) -> Solved:
+    """By surface charges on core and washer, which know no saturation: the plan's own."""
+    found = solved_pulls(pull.coil, pull.washer, np.array([pull.gap_m]), np.array([pull.offset_m]))
+    return Solved(found.pull)
 
 
 def axisymmetric_pull(pull: Pull, order: int, levels: int) -> Solved:

@@ -1,0 +1,92 @@
+"""The field of a coil with its core, above it: magnetic charge on the core and for the windings.
+
+Windings are the charge on the ends of the magnetisation whose curl is their current; the core is linear steel
+(`physics.steel_body`).
+"""
+
+from functools import lru_cache
+
+import numpy as np
+
+from padgen.physics.magnetics import MU_0, CoilSource, Winding
+from padgen.physics.ring_charges import gauss, ring_potential
+from padgen.physics.steel_body import SteelBody, crowded, cylinder, eights, fine_rings, steel_body
+
+__all__ = ["MOST_RINGS", "charged_core", "flux_density", "winding_rings"]
+
+MOST_RINGS = 400
+"""Across a coil: nearer to its top than a two-hundredth of its radius a field is less sure."""
+
+
+@lru_cache(maxsize=32)
+def charged_core(coil: CoilSource, top: int = 12, orders: int = 0) -> tuple[SteelBody, np.ndarray] | None:
+    """The core, `top` nodes on its upper face, and the charge per dt at its nodes in A/m per ampere; None without."""
+    if not coil.has_core:
+        return None
+    low = coil.core_top - coil.core_length
+    sides = cylinder(coil.core_diameter / 2, low, coil.core_top, (top, 8, 5))
+    core = steel_body(sides, coil.core_permeability, orders)
+    potential = np.zeros(len(core.area))
+    for winding in coil.windings:
+        full = winding.turns / winding.length
+        for z, sign in ((winding.top, 1), (winding.bottom, -1)):
+            for start, end in _spans(winding):
+                nearest = np.clip((core.radius - start) / (end - start), 0, 1)
+                t, weight = crowded(nearest, 24)
+                radius = start + t * (end - start)
+                of = ring_potential(core.radius[:, None], core.height[:, None], radius, np.array(z), 0, at_ring=True)
+                potential += sign * (of.value[0] * _magnetised(winding, radius) * weight * (end - start)).sum(1)
+        # Within the windings H is what the charges make and the magnetisation that stands for the current.
+        potential -= full * np.clip(core.height, winding.bottom, winding.top)
+    return core, core.response[0] @ potential
+
+
+def _spans(winding: Winding) -> list[tuple[float, float]]:
+    """Radii from … to of the bore and of the winding itself, where those differ."""
+    inner, outer = winding.inner_diameter / 2, winding.outer_diameter / 2
+    return [span for span in ((0.0, inner), (inner, outer)) if span[1] > span[0]]
+
+
+def _magnetised(winding: Winding, radius: np.ndarray) -> np.ndarray:
+    """Magnetisation along the axis in A/m per ampere whose curl is the winding's current."""
+    inner, outer = winding.inner_diameter / 2, winding.outer_diameter / 2
+    full = winding.turns / winding.length
+    inside = (radius < (inner + outer) / 2).astype(float) if outer == inner else (outer - radius) / (outer - inner)
+    return np.asarray(full * np.clip(inside, 0, 1))
+
+
+def winding_rings(windings: tuple[Winding, ...], step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The windings as rings of charge, for points above them: radii, heights, charges in A per ampere.
+
+    On upper ends no more than `step` m apart, on lower ones as their distance allows.
+    """
+    rings = []
+    for winding in windings:
+        for z, sign, apart in ((winding.top, 1, step), (winding.bottom, -1, max(step, winding.length / 4))):
+            for start, end in _spans(winding):
+                t, weight = gauss(eights(1.7 * (end - start) / apart))
+                radius = start + t * (end - start)
+                charge = sign * _magnetised(winding, radius) * weight * (end - start)
+                rings.append(np.stack([radius, np.full(len(t), z), charge]))
+    radius, height, charge = np.concatenate(rings, 1)
+    return radius, height, charge
+
+
+def flux_density(coil: CoilSource, radius: np.ndarray, height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Radial and axial flux density in T per ampere at points of one shape above the coil's top face, in m."""
+    radius, height = np.broadcast_arrays(np.asarray(radius, float), np.asarray(height, float))
+    step = max(float(height.min(initial=np.inf)) / 2, coil.outer_diameter / MOST_RINGS)
+    at_radius, at_height, charge = _coil_rings(coil, step)
+    of = ring_potential(radius[..., None], height[..., None], at_radius, at_height, 0, at_ring=False)
+    return -MU_0 * (of.along_r[0] @ charge), -MU_0 * (of.along_z[0] @ charge)
+
+
+@lru_cache(maxsize=16)
+def _coil_rings(coil: CoilSource, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The coil with its core as rings: radii, heights in m and charges in A per ampere; `step` m apart on top."""
+    rings = [np.stack(winding_rings(coil.windings, step))]
+    if (core := charged_core(coil)) is not None:
+        radius, height, shares = fine_rings(core[0], step)
+        rings.append(np.stack([radius, height, shares @ core[1]]))
+    radius, height, charge = np.concatenate(rings, 1)
+    return radius, height, charge

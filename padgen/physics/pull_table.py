@@ -1,0 +1,165 @@
+"""The pull of one coil on one washer over a range of gaps and offsets, interpolated, with its errors."""
+
+import json
+from functools import cache
+from math import log
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from padgen.physics.magnetics import CoilSource, SteelRing
+from padgen.physics.pull import pull
+
+__all__ = ["BROUGHT", "OWN_ERROR", "PullAt", "PullTable", "brought_table", "make_table", "parts_key", "solved_pulls"]
+
+OWN_ERROR = 0.008
+"""Relative error of a solved pull (docs/accuracy.md)."""
+COLUMNS = 5
+SLOPE_STEP = 0.02
+"""Relative step of the gap, where slopes are of solved pulls."""
+
+BROUGHT = Path(__file__).with_name("pulls")
+"""Tables of catalogue parts: numbers in ``pulls.npy``, where each begins, and its ranges, in ``pulls.json``."""
+
+
+class PullAt(NamedTuple):
+    """Pulls (n,) per A²: `pull` towards the coil in N, its `slope` with the gap in N/m, and their relative errors.
+
+    `side`, `moment` and `dipole` are as in `pull.Pull`.
+    """
+
+    pull: np.ndarray
+    side: np.ndarray
+    moment: np.ndarray
+    slope: np.ndarray
+    error: np.ndarray
+    slope_error: np.ndarray
+    dipole: np.ndarray
+
+
+class PullTable(NamedTuple):
+    """Coefficients (gaps, offsets, 5) of Chebyshev polynomials in ln gap and in the offset's square.
+
+    Of axial force, side force and moment over the offset, doubt and dipole of `pull.Pull`, over the exponential of the
+    polynomial `scale` (gaps,) in ln gap. Gaps `low` … `high` and offsets up to `reach`, in m.
+    """
+
+    low: float
+    high: float
+    reach: float
+    scale: np.ndarray
+    shape: np.ndarray
+
+    def covers(self, gap: np.ndarray, offset: np.ndarray) -> np.ndarray:
+        """Which places (n,) lie within."""
+        slack = 1e-9
+        inside = (gap >= self.low * (1 - slack)) & (gap <= self.high * (1 + slack))
+        return np.asarray(inside & (offset <= self.reach * (1 + slack)))
+
+    def at(self, gap: np.ndarray, offset: np.ndarray) -> PullAt:
+        """At gaps and offsets (n,) in m, which the table covers.
+
+        The interpolation's own error is taken as the last coefficients of either kind.
+        """
+        per_log = 2 / log(self.high / self.low)
+        along = np.log(gap / self.low) * per_log - 1
+        basis, slopes = _chebyshev(along, len(self.scale))
+        across, _ = _chebyshev(2 * (offset / self.reach) ** 2 - 1, self.shape.shape[1])
+        size = np.exp(basis @ self.scale)
+        coefficients = np.einsum("ijk,nj->nik", self.shape, across)
+        axial, side, moment, doubt, dipole = size * np.einsum("nik,ni->kn", coefficients, basis)
+        change = np.einsum("ni,ni->n", coefficients[..., 0], slopes)
+        slope = (size * change + axial * (slopes @ self.scale)) * per_log / gap
+        tails = np.abs(coefficients[:, -1, 0])
+        if self.shape.shape[1] > 1:
+            tails = tails + np.abs(basis @ self.shape[:, -2:, 0]).sum(-1)
+        lost = size * tails + np.abs(doubt)
+        # A polynomial's slope is off by as many times more as it has coefficients, about.
+        steep = lost * len(self.scale) * per_log / gap
+        x = offset / self.reach
+        return _stated(axial, side * x, moment * x, slope, lost, steep, dipole)
+
+
+def make_table(
+    coil: CoilSource, washer: SteelRing, low: float, high: float, reach: float, gaps: int, offsets: int
+) -> PullTable:
+    """Solve the pull at `gaps` times `offsets` places; with one offset, that is `reach` over √2."""
+    at_gap, at_offset = _nodes(gaps), _nodes(offsets)
+    gap = low * (high / low) ** ((at_gap + 1) / 2)
+    offset = reach * np.sqrt((at_offset + 1) / 2)
+    solved = np.array([[pull(coil, washer, float(g), float(d)) for d in offset] for g in gap])
+    side, axial, moment, doubt, dipole = np.moveaxis(solved, -1, 0)
+    x = offset / reach
+    shape = np.stack([axial, side / x, moment / x, doubt, dipole], -1)
+    scale = np.sqrt((axial**2).mean(1)) + 1e-30
+    transforms = [np.linalg.inv(_chebyshev(at, len(at))[0]) for at in (at_gap, at_offset)]
+    coefficients = np.einsum("ig,jd,gdk->ijk", *transforms, shape / scale[:, None, None], optimize=True)
+    return PullTable(low, high, reach, transforms[0] @ np.log(scale), coefficients)
+
+
+def parts_key(coil: CoilSource, washer: SteelRing) -> str:
+    """A coil and a washer by all of their numbers, as text."""
+    numbers = [*(v for winding in coil.windings for v in winding), *coil[1:], *washer]
+    return " ".join(f"{number:.9g}" for number in numbers)
+
+
+def brought_table(coil: CoilSource, washer: SteelRing) -> PullTable | None:
+    """The table that padgen brings for these parts, None for others."""
+    places, numbers = _brought()
+    place = places.get(parts_key(coil, washer))
+    if place is None:
+        return None
+    at, low, high, reach, gaps, offsets = place
+    end = at + gaps
+    shape = numbers[end : end + COLUMNS * gaps * offsets].reshape(gaps, offsets, COLUMNS)
+    return PullTable(low, high, reach, numbers[at:end].astype(float), shape.astype(float))
+
+
+@cache
+def _brought() -> tuple[dict[str, tuple[int, float, float, float, int, int]], np.ndarray]:
+    places = json.loads(BROUGHT.with_suffix(".json").read_text(encoding="ascii"))
+    return places, np.load(BROUGHT.with_suffix(".npy"))
+
+
+def solved_pulls(coil: CoilSource, washer: SteelRing, gap: np.ndarray, offset: np.ndarray) -> PullAt:
+    """The same as `PullTable.at` without a table, at any place: three solutions each."""
+    steps = (1 - SLOPE_STEP, 1.0, 1 + SLOPE_STEP)
+    solved = [[pull(coil, washer, g * step, d) for step in steps] for g, d in zip(gap, offset, strict=True)]
+    near, at, far = np.moveaxis(np.array(solved).reshape(-1, 3, COLUMNS), (1, 2), (0, 1))
+    side, axial, moment, lost, dipole = at
+    slope = (far[1] - near[1]) / (2 * SLOPE_STEP * gap)
+    return _stated(axial, side, moment, slope, lost, lost / gap, dipole)
+
+
+def _stated(
+    axial: np.ndarray,
+    side: np.ndarray,
+    moment: np.ndarray,
+    slope: np.ndarray,
+    lost: np.ndarray,
+    steep: np.ndarray,
+    dipole: np.ndarray,
+) -> PullAt:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        error, slope_error = OWN_ERROR + lost / np.abs(axial), OWN_ERROR + steep / np.abs(slope)
+    return PullAt(-axial, side, moment, -slope, error, slope_error, dipole)
+
+
+def _nodes(count: int) -> np.ndarray:
+    return np.asarray(np.cos((np.arange(count) + 0.5) * np.pi / count))
+
+
+def _chebyshev(x: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Chebyshev polynomials (n, count) of the first kind at x (n,), and their slopes."""
+    value, slope = np.ones((2, len(x), count))
+    slope[:, 0] = 0.0
+    if count > 1:
+        value[:, 1] = x
+    second = 2 * x  # of the second kind, order k − 1
+    before = np.ones(len(x))
+    for k in range(2, count):
+        value[:, k] = 2 * x * value[:, k - 1] - value[:, k - 2]
+        slope[:, k] = k * second
+        before, second = second, 2 * x * second - before
+    return value, slope

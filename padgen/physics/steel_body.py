@@ -1,0 +1,172 @@
+"""A linear steel body of revolution, and the charge that a potential from outside draws to its surface.
+
+With u the potential of all that stands outside, φ that of the surface's own charge σ and χ the susceptibility,
+
+    φ = −(1/χ + ½ + K)⁻¹ (½ + K) u,   σ = S⁻¹ φ
+
+with the single and the double layer's potentials S and K on the surface (Kress, *Linear Integral Equations*, ch. 6;
+Jackson, *Classical Electrodynamics*, 5.9). Round the axis all is in orders cos mφ, each by itself; along the meridian
+in polynomials on every side of the outline, of a variable that crowds at the edges as the charge does.
+"""
+
+from collections.abc import Sequence
+from math import ceil, pi
+from typing import NamedTuple
+
+import numpy as np
+
+from padgen.physics.ring_charges import gauss, ring_potential
+
+__all__ = ["Side", "SteelBody", "crowded", "cylinder", "eights", "fine_rings", "steel_body", "tube"]
+
+POINTS_ABOVE = 16
+"""Points of the quadrature, on either side of a singularity, more than a side has nodes."""
+
+
+class Side(NamedTuple):
+    """A straight side of the outline, (r, z) in m from `start` to `end`, with its outward `normal`.
+
+    `nodes` of the unknown. Where `on_axis` the start is no edge of the body.
+    """
+
+    start: tuple[float, float]
+    end: tuple[float, float]
+    normal: tuple[int, int]
+    nodes: int
+    on_axis: bool = False
+
+    @property
+    def length(self) -> float:
+        return float(np.hypot(self.end[0] - self.start[0], self.end[1] - self.start[1]))
+
+    def part(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Share of the length at t in 0 … 1, which crowds at edges, and its slope."""
+        return (1 - (1 - t) ** 2, 2 * (1 - t)) if self.on_axis else (t * t * (3 - 2 * t), 6 * t * (1 - t))
+
+    def at(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Radius and height there, in m."""
+        share, (r, z), (r1, z1) = self.part(t)[0], self.start, self.end
+        return r + share * (r1 - r), z + share * (z1 - z)
+
+
+class SteelBody(NamedTuple):
+    """Nodes (n,) of the outline in m, the `area` in m² that each stands for, and the `response` (m, n, n).
+
+    The response of each order gives the charge per dt of the meridian at the nodes for a potential there.
+    """
+
+    sides: tuple[Side, ...]
+    radius: np.ndarray
+    height: np.ndarray
+    area: np.ndarray
+    response: np.ndarray
+
+
+def tube(outer: float, inner: float, low: float, high: float, nodes: tuple[int, int]) -> tuple[Side, ...]:
+    """Outline of a washer by radii and heights in m, with `nodes` on each face and on each rim; `inner` 0 is a disc."""
+    face, rim = nodes
+    if inner <= 0:
+        return cylinder(outer, low, high, (face, rim, face))
+    return (
+        Side((inner, low), (outer, low), (0, -1), face),
+        Side((outer, low), (outer, high), (1, 0), rim),
+        Side((inner, high), (outer, high), (0, 1), face),
+        Side((inner, low), (inner, high), (-1, 0), rim),
+    )
+
+
+def cylinder(radius: float, low: float, high: float, nodes: tuple[int, int, int]) -> tuple[Side, ...]:
+    """Outline of a cylinder in m, with `nodes` on top, round and below."""
+    top, around, below = nodes
+    return (
+        Side((0.0, high), (radius, high), (0, 1), top, True),
+        Side((radius, low), (radius, high), (1, 0), around),
+        Side((0.0, low), (radius, low), (0, -1), below, True),
+    )
+
+
+def steel_body(sides: Sequence[Side], permeability: float, most: int) -> SteelBody:
+    """The body of that outline, for orders 0 … `most`."""
+    nodes = [gauss(side.nodes) for side in sides]
+    radius, height = np.concatenate([np.stack(side.at(t)) for side, (t, _) in zip(sides, nodes, strict=True)], 1)
+    area = 2 * pi * radius * np.concatenate([weight for _, weight in nodes])
+    count = len(radius)
+    single, double = np.zeros((2, most + 1, count, count))
+    at = 0
+    for side, (node, _) in zip(sides, nodes, strict=True):
+        own = slice(at, at + side.nodes)
+        single[..., own], double[..., own] = _layers(side, node, radius, height, own, most)
+        at += side.nodes
+    # What is constant makes no field: the rows of K have the sum −½ in the lowest order. All orders share the error.
+    diagonal = np.arange(count)
+    double[:, diagonal, diagonal] -= 0.5 + double[0].sum(-1)
+    inside = np.eye(count) / 2 + double
+    susceptibility = permeability - 1
+    charge = -np.linalg.solve(single, np.linalg.solve(np.eye(count) / susceptibility + inside, inside))
+    energy = area[:, None] * charge
+    return SteelBody(tuple(sides), radius, height, area, (energy + np.swapaxes(energy, 1, 2)) / 2 / area[:, None])
+
+
+def _layers(
+    side: Side, node: np.ndarray, radius: np.ndarray, height: np.ndarray, own: slice, most: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Potentials (m, n, nodes) at all nodes of single and double layers on a side, for each of its polynomials.
+
+    By Gauss points that crowd, on either side of it, towards the place nearest to the node.
+    """
+    start, along = np.array(side.start), np.subtract(side.end, side.start)
+    share = np.clip(((radius - start[0]) * along[0] + (height - start[1]) * along[1]) / side.length**2, 0, 1)
+    fine = np.linspace(0, 1, 2001)
+    nearest = np.interp(share, side.part(fine)[0], fine)
+    nearest[own] = node
+    t, weight = crowded(nearest, eights(side.nodes + POINTS_ABOVE))
+    ring_radius, ring_height = side.at(t)
+    of = ring_potential(radius[:, None], height[:, None], ring_radius, ring_height, most, at_ring=True)
+    basis = _lagrange(node, t)
+    out = side.normal[0] * of.along_r + side.normal[1] * of.along_z
+    layers = of.value * weight, out * (weight * side.part(t)[1] * side.length)
+    single, double = (np.swapaxes(np.swapaxes(layer, 0, 1) @ basis, 0, 1) for layer in layers)
+    return single, double
+
+
+def crowded(nearest: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points (n, 2 `count`) on [0, 1] that crowd towards `nearest` (n,) with their cubes, and weights."""
+    at, weight = gauss(count)
+    cube, weight = at**3, 3 * at**2 * weight
+    low, high = nearest[:, None], 1 - nearest[:, None]
+    return np.concatenate([low * (1 - cube), low + high * cube], 1), np.concatenate([low * weight, high * weight], 1)
+
+
+def eights(count: float) -> int:
+    """A number of points, up to a multiple of eight, so that few different ones are ever made."""
+    return 8 * ceil(count / 8)
+
+
+def _lagrange(node: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """The polynomials (…, n) that are 1 at one of the nodes (n,) and 0 at the others, at `t` (…)."""
+    own = 1 / np.prod(node[:, None] - node + np.eye(len(node)), axis=1)
+    away = t[..., None] - node
+    hit = np.abs(away) < 1e-14
+    share = own / np.where(hit, 1.0, away)
+    share /= share.sum(-1, keepdims=True)
+    return np.asarray(np.where(hit.any(-1, keepdims=True), hit, share))
+
+
+def fine_rings(body: SteelBody, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rings that stand for the charge where it is near: radii, heights, and shares (rings, nodes) of the nodes' charge.
+
+    No more than `step` m apart on the topmost side, elsewhere as the nodes lie.
+    """
+    top = max(side.end[1] for side in body.sides)
+    places, shares, at = [], [], 0
+    for side in body.sides:
+        node, weight = gauss(side.nodes)
+        share = np.diag(weight)
+        if side.start[1] == side.end[1] == top and (count := eights(1.7 * side.length / step)) > side.nodes:
+            t, weight = gauss(count)
+            node, share = t, _lagrange(node, t) * weight[:, None]
+        places.append(np.stack(side.at(node)))
+        shares.append(np.pad(share, ((0, 0), (at, len(body.area) - at - side.nodes))))
+        at += side.nodes
+    radius, height = np.concatenate(places, 1)
+    return radius, height, np.concatenate(shares)

@@ -1,0 +1,76 @@
+"""Pulls of a spec's coil on its washers, wherever a plan asks: from tables that padgen brings, or solved once and kept.
+
+Tables of all coils and washers of the catalogues lie in ``padgen/physics/pulls.npy`` (`docs/measure_force.py tables`
+makes them). Of other parts each distance from the coil's axis is solved at a few gaps and kept in the cache.
+"""
+
+from functools import lru_cache
+from math import sqrt
+
+import numpy as np
+
+from padgen.core.units import MM
+from padgen.physics.magnetics import CoilSource, SteelRing
+from padgen.physics.pull_table import PullAt, PullTable, brought_table, make_table, parts_key, solved_pulls
+from padgen.planner.coils import coil_source
+from padgen.spec import Spec
+
+__all__ = ["magnetic_parts", "pulls"]
+
+KIND = "pulls"
+CODE = tuple(f"physics/{name}.py" for name in ("coil_field", "pull", "pull_table", "ring_charges", "steel_body"))
+LOW, HIGH, GAPS = 0.35, 1.05, 5
+"""Gaps that are solved for one's own parts, over the flat pad's, and how many."""
+
+
+def magnetic_parts(spec: Spec) -> tuple[CoilSource, SteelRing]:
+    """The coil and the washer of a spec in SI units."""
+    washer = spec.washer
+    return (
+        coil_source(spec.coil),
+        SteelRing(
+            washer.outer_diameter_mm * MM,
+            washer.inner_diameter_mm * MM,
+            washer.thickness_mm * MM,
+            washer.relative_permeability,
+        ),
+    )
+
+
+def pulls(spec: Spec, gap_m: np.ndarray, offset_m: np.ndarray) -> PullAt:
+    """Pulls (n,) on washers over gaps (n,) in m and so far from the coil's axis, (n,) in m."""
+    parts = magnetic_parts(spec)
+    result, missing = np.empty((len(PullAt._fields), len(gap_m))), np.ones(len(gap_m), bool)
+
+    def answer(table: PullTable | None, among: np.ndarray) -> None:
+        if table is not None and (among := among & table.covers(gap_m, offset_m)).any():
+            result[:, among] = table.at(gap_m[among], offset_m[among])
+            missing[among] = False
+
+    answer(_brought(*parts), missing)
+    for offset in sorted(set(offset_m[missing].tolist())):
+        answer(_own(*parts, spec.coil.gap_mm * MM, offset), offset_m == offset)
+    if missing.any():
+        result[:, missing] = solved_pulls(*parts, gap_m[missing], offset_m[missing])
+    return PullAt(*result)
+
+
+_brought = lru_cache(maxsize=64)(brought_table)
+
+
+@lru_cache(maxsize=1024)
+def _own(coil: CoilSource, washer: SteelRing, gap_m: float, offset_m: float) -> PullTable:
+    """The pull at one distance, about a gap: kept in the cache, since it takes some ten milliseconds."""
+    from padgen.core import cache
+
+    low, high, reach = LOW * gap_m, HIGH * gap_m, max(offset_m, 1e-9) * sqrt(2)
+    key = cache.key_of([parts_key(coil, washer), low, high, reach, GAPS, cache.code_hash(*CODE)])
+    try:
+        known = np.array(cache.load(KIND, key), float).reshape(-1, GAPS)
+        if np.isfinite(known).all():
+            return PullTable(low, high, reach, known[0], known[1:].T[:, None])
+    except (TypeError, ValueError):
+        pass
+    table = make_table(coil, washer, low, high, reach, GAPS, 1)
+    cache.store(KIND, key, [table.scale.tolist(), *table.shape[:, 0].T.tolist()])
+    return table
