@@ -21,7 +21,6 @@ from padgen.core.errors import SolverError, SpecError
 from padgen.ladders.stages.force import axisymmetric_pull, charges_pull, paper_pull, three_d_pull
 from padgen.physics.leakage import leakage
 from padgen.physics.magnetics import SteelRing, solenoid
-from padgen.physics.pull import pull
 from padgen.physics.saturation import MILD_STEEL, TEAM_STEEL, BHCurve, saturating
 from padgen.verify.extreme_force import force_cases
 from padgen.verify.field_axisymmetric import axisymmetric_force
