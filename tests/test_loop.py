@@ -26,7 +26,7 @@ from padgen.spec import load_spec, parse_spec
 
 SPEC = 'name = "a"\nresolution = 2\nband_hz = [50, 200]\nq_min = 15\nresonances_hz = [80, 120]\n'
 WHOLE = "[pad]\nwidth_mm = 25\ndepth_mm = 25\n[coil]\ngrid = [1, 1]\n"
-SOLVED = 1e-3
+SOLVED = 2e-3
 """What the solver is asked for; the loop ends within half of it, or at a step of the printer."""
 
 
@@ -46,20 +46,23 @@ def test_the_printed_solid_resonates_where_it_was_planned(solved):
     _, plan = solved
     for channel in plan.channels:
         assert channel.model == "solid"
-        assert channel.resonance_hz == pytest.approx(channel.target_hz, rel=SOLVED)
+        assert channel.resonance_hz == pytest.approx(channel.target_hz, rel=SOLVED / 2)
         assert 0 < channel.model_error <= SOLVED
 
 
 def test_a_finer_solve_of_the_exported_file_agrees(solved, tmp_path):
-    """The bar of the project is 0.2 %; one order more than the loop took."""
+    """The bar of the project is 0.2 %; order 4 in every element, more than the loop took, not extrapolated."""
     _, plan = solved
     from padgen.solid.formats.step import write_taxel_step
+    from padgen.verify.elasticity import solve_modes
 
     for channel in plan.channels:
         path = tmp_path / f"{channel.index}.step"
         write_taxel_step(plan, channel, path)
-        found = in_a_process(loop.solve_step, loop.solid_taxel(plan, channel, path), SOLVED / 5, SOLVED)
-        assert channel.resonance_hz == pytest.approx(found.resonance_hz, rel=2e-3)
+        found = in_a_process(solve_modes, loop.solid_taxel(plan, channel, path), 4).modes
+        finer_hz = found.frequency_hz[found.working]
+        assert channel.resonance_hz == pytest.approx(finer_hz, rel=2e-3)
+        assert channel.resonance_hz == pytest.approx(finer_hz, rel=channel.model_error + 2e-4)
 
 
 def test_the_beam_models_error_is_told(solved):
@@ -97,12 +100,13 @@ def test_what_is_known_loads_neither_kernel_nor_engine(solved, tmp_path):
 
 def test_the_key_holds_all_that_the_modes_depend_on(solved):
     spec, plan = solved
-    solver = loop.TaxelSolver(SOLVED, SOLVED, lambda step: None)
-    first, second = (cache.key_of(solver._inputs(plan, channel)) for channel in plan.channels)
+    solver = loop.TaxelSolver(SOLVED, lambda step: None)
+    first, second = (cache.key_of(solver._inputs(plan, channel, 0)) for channel in plan.channels)
     assert first != second
+    assert cache.key_of(solver._inputs(plan, plan.channels[0], 1)) != first
     for change in ("[material]\nyoungs_modulus_gpa = 2.9", "[taxel]\nglue_mg = 1", "[washer]\ndensity_g_per_cm3 = 7.8"):
         other = loop.finish(parse_spec(SPEC + WHOLE + change), loop.choose(spec))
-        assert cache.key_of(solver._inputs(other, plan.channels[0])) != first
+        assert cache.key_of(solver._inputs(other, plan.channels[0], 0)) != first
 
 
 def test_what_another_process_solved_meanwhile_is_not_solved_again(solved, monkeypatch, tmp_path):
@@ -118,14 +122,14 @@ def test_what_another_process_solved_meanwhile_is_not_solved_again(solved, monke
         cache.store(kind, first, loop._to_plain(others))
         yield
 
-    def computed(self, plan, channels):
-        asked.extend(channels)
-        return [loop.Solved(TaxelModes(np.full(6, 120.0), np.ones((6, 6)), np.eye(6)), 1e-4)] * len(channels)
+    def computed(self, plan, tasks):
+        asked.extend(tasks)
+        return [loop.Solved(TaxelModes(np.full(6, 120.0), np.ones((6, 6)), np.eye(6)), 1e-4)] * len(tasks)
 
     monkeypatch.setattr(cache, "claimed", waited)
     monkeypatch.setattr(loop.TaxelSolver, "_computed", computed)
-    with loop.TaxelSolver(SOLVED, SOLVED, lambda step: None) as solver:
-        found = solver.solve(plan)
+    with loop.TaxelSolver(SOLVED, lambda step: None) as solver:
+        found = solver.solve(plan, [0, 0])
     assert len(asked) == len(plan.channels) - 1
     assert sorted(float(one.modes.frequency_hz[0]) for one in found) == [80.0, 120.0]
 
@@ -198,6 +202,7 @@ def test_bad_options_are_one_sentence(arguments, sentence, tmp_path, capsys):
         {"frequency_hz": [56.0]},
         {"frequency_hz": [1, 2], "motion": [[1]], "rest": None, "error": 0.1},
         {"frequency_hz": [1.0] * 6, "motion": [[1.0] * 6] * 6, "rest": [[float("nan")] * 6] * 6, "error": 0.1},
+        {"frequency_hz": [1.0] * 6, "motion": [[1.0] * 6] * 6, "rest": [[1.0] * 6] * 6, "error": 0.1},
     ],
 )
 def test_a_damaged_entry_counts_as_absent(entry):
@@ -205,11 +210,11 @@ def test_a_damaged_entry_counts_as_absent(entry):
 
 
 def test_an_entry_comes_back_as_it_was(solved):
-    solver = loop.TaxelSolver(SOLVED, SOLVED, lambda step: None)
-    found = loop.Solved(TaxelModes(np.arange(1.0, 7.0), np.eye(6), np.ones((6, 6))), 1e-3)
+    solver = loop.TaxelSolver(SOLVED, lambda step: None)
+    found = loop.Solved(TaxelModes(np.arange(1.0, 7.0), np.eye(6), np.ones((6, 6))), 1e-3, 2)
     again = loop._from_plain(json.loads(json.dumps(loop._to_plain(found))))
     assert all(np.array_equal(a, b) for a, b in zip(again.modes, found.modes, strict=True))
-    assert again.error == found.error
+    assert (again.error, again.setting) == (found.error, found.setting)
     assert solver._runner is None
 
 
@@ -226,7 +231,7 @@ def test_a_refusal_leaves_no_process_and_auto_its_beam_plan(monkeypatch, tmp_pat
     assert {c.model for c in plan.channels} == {"beam"}
 
 
-def _refuse(taxel, tolerance, accept):
+def _refuse(taxel, tolerance, setting):
     """The first channel's taxel has no answer, while the other's is still being solved."""
     if taxel.step.name != "taxel-0.step":
         time.sleep(60)
@@ -246,9 +251,9 @@ def test_a_solver_that_breaks_down_is_one_sentence(monkeypatch, tmp_path, way):
     assert error.type is kind
 
 
-def _dies(taxel, tolerance, accept):
+def _dies(taxel, tolerance, setting):
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-def _misses(taxel, tolerance, accept):
+def _misses(taxel, tolerance, setting):
     raise EngineMissingError("needs the package x", "model")
