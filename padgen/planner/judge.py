@@ -189,10 +189,8 @@ def _doubt(spec: Spec, channel: Channel) -> str:
     error, asked = channel.model_error, spec.model.tolerance
     if channel.model == "solid":
         asked = asked_error(spec)
-        kept = (
-            f"finite elements know the printed solid's resonance to {error:.2%}, asked is {asked:.2%}: it is not tuned"
-        )
-        return kept if error > asked else ""
+        known = f"finite elements know its resonance to {error:.2%} only, asked is {asked:.2%}: it is not tuned"
+        return known if error > asked else ""
     if spec.model.structure == "solid":
         return (
             f"not tuned to the printed solid: finite elements know its resonance no better than the beam model, whose"
