@@ -26,7 +26,7 @@ from padgen.spec import load_spec, parse_spec
 
 SPEC = 'name = "a"\nresolution = 2\nband_hz = [50, 200]\nq_min = 15\nresonances_hz = [80, 120]\n'
 WHOLE = "[pad]\nwidth_mm = 25\ndepth_mm = 25\n[coil]\ngrid = [1, 1]\n"
-SOLVED = 1e-3
+SOLVED = 2e-3
 """What the solver is asked for; the loop ends within half of it, or at a step of the printer."""
 
 
@@ -46,20 +46,23 @@ def test_the_printed_solid_resonates_where_it_was_planned(solved):
     _, plan = solved
     for channel in plan.channels:
         assert channel.model == "solid"
-        assert channel.resonance_hz == pytest.approx(channel.target_hz, rel=SOLVED)
+        assert channel.resonance_hz == pytest.approx(channel.target_hz, rel=SOLVED / 2)
         assert 0 < channel.model_error <= SOLVED
 
 
 def test_a_finer_solve_of_the_exported_file_agrees(solved, tmp_path):
-    """The bar of the project is 0.2 %; one order more than the loop took."""
+    """The bar of the project is 0.2 %; order 4 in every element, more than the loop took, not extrapolated."""
     _, plan = solved
     from padgen.solid.formats.step import write_taxel_step
+    from padgen.verify.elasticity import solve_modes
 
     for channel in plan.channels:
         path = tmp_path / f"{channel.index}.step"
         write_taxel_step(plan, channel, path)
-        found = in_a_process(loop.solve_step, loop.solid_taxel(plan, channel, path), SOLVED / 5, SOLVED)
-        assert channel.resonance_hz == pytest.approx(found.resonance_hz, rel=2e-3)
+        found = in_a_process(solve_modes, loop.solid_taxel(plan, channel, path), 4).modes
+        finer_hz = found.frequency_hz[found.working]
+        assert channel.resonance_hz == pytest.approx(finer_hz, rel=2e-3)
+        assert channel.resonance_hz == pytest.approx(finer_hz, rel=channel.model_error + 2e-4)
 
 
 def test_the_beam_models_error_is_told(solved):
@@ -97,12 +100,13 @@ def test_what_is_known_loads_neither_kernel_nor_engine(solved, tmp_path):
 
 def test_the_key_holds_all_that_the_modes_depend_on(solved):
     spec, plan = solved
-    solver = loop.TaxelSolver(SOLVED, SOLVED, lambda step: None)
-    first, second = (cache.key_of(solver._inputs(plan, channel)) for channel in plan.channels)
+    solver = loop.TaxelSolver(SOLVED, lambda step: None)
+    first, second = (cache.key_of(solver._inputs(plan, channel, 0)) for channel in plan.channels)
     assert first != second
+    assert cache.key_of(solver._inputs(plan, plan.channels[0], 1)) != first
     for change in ("[material]\nyoungs_modulus_gpa = 2.9", "[taxel]\nglue_mg = 1", "[washer]\ndensity_g_per_cm3 = 7.8"):
         other = loop.finish(parse_spec(SPEC + WHOLE + change), loop.choose(spec))
-        assert cache.key_of(solver._inputs(other, plan.channels[0])) != first
+        assert cache.key_of(solver._inputs(other, plan.channels[0], 0)) != first
 
 
 def test_what_another_process_solved_meanwhile_is_not_solved_again(solved, monkeypatch, tmp_path):
@@ -118,14 +122,14 @@ def test_what_another_process_solved_meanwhile_is_not_solved_again(solved, monke
         cache.store(kind, first, loop._to_plain(others))
         yield
 
-    def computed(self, plan, channels):
-        asked.extend(channels)
-        return [loop.Solved(TaxelModes(np.full(6, 120.0), np.ones((6, 6)), np.eye(6)), 1e-4)] * len(channels)
+    def computed(self, plan, tasks):
+        asked.extend(tasks)
+        return [loop.Solved(TaxelModes(np.full(6, 120.0), np.ones((6, 6)), np.eye(6)), 1e-4)] * len(tasks)
 
     monkeypatch.setattr(cache, "claimed", waited)
     monkeypatch.setattr(loop.TaxelSolver, "_computed", computed)
-    with loop.TaxelSolver(SOLVED, SOLVED, lambda step: None) as solver:
-        found = solver.solve(plan)
+    with loop.TaxelSolver(SOLVED, lambda step: None) as solver:
+        found = solver.solve(plan, [0, 0])
     assert len(asked) == len(plan.channels) - 1
     assert sorted(float(one.modes.frequency_hz[0]) for one in found) == [80.0, 120.0]
 
@@ -148,6 +152,65 @@ def test_the_secant_takes_its_slope_from_the_last_two_trials():
     # A tenth more of width moved ln f by 0.06: f goes as w^0.63.
     assert loop._slope([first, loop.Trial(wider, None, -0.01)]) == pytest.approx(0.06 / log(1.1))
     assert loop._slope([first, loop.Trial(wider, None, 0.0499)]) == loop.FLATTEST
+
+
+def planned_with(monkeypatch, error):
+    """A plan of solids whose solver states `error` and solves all to 80 Hz by setting 2; notes what it is asked for."""
+
+    def solve(self, plan, asked):
+        settings.append(asked)
+        return [loop.Solved(TaxelModes(np.arange(80.0, 86.0), np.eye(6), np.eye(6)), error, 2) for _ in asked]
+
+    settings = []
+    monkeypatch.setattr(loop.TaxelSolver, "solve", solve)
+    plan = loop.plan_tuned_to_solid(parse_spec('model = "solid"\n' + SPEC + WHOLE))
+    return plan, settings
+
+
+def test_a_solid_that_is_not_known_well_enough_is_said_not_to_be_tuned(monkeypatch):
+    plan, _ = planned_with(monkeypatch, 3e-3)
+    assert {c.model for c in plan.channels} == {"solid"}
+    doubts = [f for f in plan.findings if f.code == "model.error"]
+    assert [f.where for f in doubts] == ["channel 0", "channel 1"]
+    assert "to 0.30% only, asked is 0.20%: it is not tuned" in doubts[0].message
+    plan, _ = planned_with(monkeypatch, 1.9e-3)
+    assert "model.error" not in {f.code for f in plan.findings}
+
+
+def test_a_solid_less_sure_than_the_beam_leaves_the_beams_figures(monkeypatch):
+    plan, _ = planned_with(monkeypatch, 0.02)
+    beams = make_plan(parse_spec(SPEC + WHOLE))
+    assert [c.model for c in plan.channels] == ["beam", "beam"]
+    assert [(c.resonance_hz, c.beam, c.model_error) for c in plan.channels] == [
+        (c.resonance_hz, c.beam, c.model_error) for c in beams.channels
+    ]
+    doubts = [f.message for f in plan.findings if f.code == "model.error"]
+    assert len(doubts) == 2
+    assert "no better than the beam model" in doubts[0]
+    assert f"{plan.channels[0].model_error:.2%} and whose figures stay" in doubts[0]
+
+
+def test_what_sufficed_for_the_last_width_is_tried_first(monkeypatch):
+    _, settings = planned_with(monkeypatch, 1e-3)
+    assert settings[0] == [0, 0]
+    assert settings[1:] == [[2, 2]] * (len(settings) - 1) != []
+
+
+def test_a_folded_resin_taxel_is_known_to_its_stated_error(monkeypatch, tmp_path):
+    """Whose order 2 is 6 % off on the usual mesh, from which nothing can be extrapolated.
+
+    The reference is docs/measure_loop.py's: order 4 on a mesh of a third of the size with three layers, good to
+    0.05 %. The beam stays, as the printer's pixels are coarser than the miss.
+    """
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "empty"))
+    text = (
+        'name = "a"\nresolution = 1\nband_hz = [50, 400]\nq_min = 15\nmodel = "solid"\nprinter = "resin-0.05"\n'
+        '[pad]\nwidth_mm = 12\ndepth_mm = 12\n[coil]\ngrid = [1, 1]\n[suspension]\ntopology = "folded"\n'
+    )
+    (channel,) = planning.plan_for(parse_spec(text)).channels
+    assert channel.model == "solid"
+    assert channel.model_error <= SOLVED
+    assert channel.resonance_hz == pytest.approx(142.0, rel=SOLVED)
 
 
 def test_a_missing_engine_is_named(monkeypatch, tmp_path, capsys):
@@ -198,6 +261,7 @@ def test_bad_options_are_one_sentence(arguments, sentence, tmp_path, capsys):
         {"frequency_hz": [56.0]},
         {"frequency_hz": [1, 2], "motion": [[1]], "rest": None, "error": 0.1},
         {"frequency_hz": [1.0] * 6, "motion": [[1.0] * 6] * 6, "rest": [[float("nan")] * 6] * 6, "error": 0.1},
+        {"frequency_hz": [1.0] * 6, "motion": [[1.0] * 6] * 6, "rest": [[1.0] * 6] * 6, "error": 0.1},
     ],
 )
 def test_a_damaged_entry_counts_as_absent(entry):
@@ -205,11 +269,11 @@ def test_a_damaged_entry_counts_as_absent(entry):
 
 
 def test_an_entry_comes_back_as_it_was(solved):
-    solver = loop.TaxelSolver(SOLVED, SOLVED, lambda step: None)
-    found = loop.Solved(TaxelModes(np.arange(1.0, 7.0), np.eye(6), np.ones((6, 6))), 1e-3)
+    solver = loop.TaxelSolver(SOLVED, lambda step: None)
+    found = loop.Solved(TaxelModes(np.arange(1.0, 7.0), np.eye(6), np.ones((6, 6))), 1e-3, 2)
     again = loop._from_plain(json.loads(json.dumps(loop._to_plain(found))))
     assert all(np.array_equal(a, b) for a, b in zip(again.modes, found.modes, strict=True))
-    assert again.error == found.error
+    assert (again.error, again.setting) == (found.error, found.setting)
     assert solver._runner is None
 
 
@@ -226,7 +290,7 @@ def test_a_refusal_leaves_no_process_and_auto_its_beam_plan(monkeypatch, tmp_pat
     assert {c.model for c in plan.channels} == {"beam"}
 
 
-def _refuse(taxel, tolerance, accept):
+def _refuse(taxel, tolerance, setting):
     """The first channel's taxel has no answer, while the other's is still being solved."""
     if taxel.step.name != "taxel-0.step":
         time.sleep(60)
@@ -246,9 +310,9 @@ def test_a_solver_that_breaks_down_is_one_sentence(monkeypatch, tmp_path, way):
     assert error.type is kind
 
 
-def _dies(taxel, tolerance, accept):
+def _dies(taxel, tolerance, setting):
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-def _misses(taxel, tolerance, accept):
+def _misses(taxel, tolerance, setting):
     raise EngineMissingError("needs the package x", "model")

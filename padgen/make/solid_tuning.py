@@ -24,7 +24,7 @@ from padgen.planner.make import Choice, choose, finish
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.printable import on_grid, steps_are_coarse
 from padgen.planner.sizing import SizedChannel
-from padgen.planner.solved_model import solved_model
+from padgen.planner.solved_model import asked_error, solved_model
 from padgen.planner.suspensions import suspension
 from padgen.planner.taxel_model import plate_shape
 from padgen.planner.tile import shape_inputs
@@ -41,8 +41,6 @@ STEEPEST, FLATTEST = 2.0, 0.1
 ROUNDS = 5
 MISS_SHARE = 0.5
 """Share of the solver's tolerance within which a resonance is on its target."""
-FINEST = 2e-3
-"""Relative error that the solver is asked for; a smaller one only when the spec's tolerance is."""
 KIND = "taxel-modes"
 MODES = 6
 WORKERS = 8
@@ -52,13 +50,17 @@ STEEL_GPA, STEEL_POISSON = 200.0, 0.3
 """Of the washer: forty times stiffer than the print, it hardly bends."""
 CODE = ("physics/taxel_modes.py", "planner/arrangement.py", "planner/tile.py", "solid/taxel.py", "verify")
 Progress = Callable[[str], None]
+Task = tuple[Channel, int]
+"""Whose taxel is to be solved, and the first setting to try."""
 
 
 class Solved(NamedTuple):
-    """Modes of one taxel and what the finite elements state as their own relative error."""
+    """Modes of one taxel, what the finite elements state as their own relative error, and the `setting` that they
+    took (its place in `verify.elasticity.SETTINGS`)."""
 
     modes: TaxelModes
     error: float
+    setting: int = 0
 
     @property
     def resonance_hz(self) -> float:
@@ -77,30 +79,38 @@ class Trial(NamedTuple):
 def plan_tuned_to_solid(spec: Spec, progress: Progress = lambda step: None) -> Plan:
     """The plan of `spec` whose channels carry resonances and modes of the printed solids.
 
+    A channel whose solid is known to no better than the beam model's own estimate keeps the beam model's figures;
+    findings name it, and those that are not known to `asked_error`.
+
     Raises
     ------
     SpecError, InfeasibleError, GeometryError
         As planning and modelling do.
     SolverError
-        A solid cannot be meshed or its modes do not converge.
+        A solid cannot be meshed or solved.
     EngineMissingError
         The finite-element package is not installed.
     """
     choice = choose(spec)
-    goals = _goals(spec, choice.channels)
-    tolerance = min(FINEST, spec.model.tolerance / 2)
+    beams, goals = choice.channels, _goals(spec, choice.channels)
+    tolerance = asked_error(spec)
     trials: list[list[Trial]] = [[] for _ in goals]
-    with TaxelSolver(tolerance, spec.model.tolerance, progress) as solver:
+    with TaxelSolver(tolerance, progress) as solver:
         for _ in range(ROUNDS):
-            answers = solver.solve(finish(spec, choice))
+            # What sufficed for the last width suffices for the next, and nothing cheaper does.
+            settings = [tried[-1].solved.setting if tried else 0 for tried in trials]
+            answers = solver.solve(finish(spec, choice), settings)
             for tried, sized, goal, solved in zip(trials, choice.channels, goals, answers, strict=True):
                 tried.append(Trial(sized, solved, log(goal / solved.resonance_hz)))
             channels = tuple(_next(spec, choice, tried, tolerance * MISS_SHARE) for tried in trials)
             if channels == choice.channels:
                 break
             choice = choice._replace(channels=channels)
-    best = (min(tried, key=lambda trial: abs(trial.miss)) for tried in trials)
-    return finish(spec, choice._replace(channels=tuple(_with_modes(trial) for trial in best)))
+    best = [
+        _better(first, min(tried, key=lambda trial: abs(trial.miss)))
+        for first, tried in zip(beams, trials, strict=True)
+    ]
+    return finish(spec, choice._replace(channels=tuple(best)))
 
 
 def _goals(spec: Spec, channels: Sequence[SizedChannel]) -> list[float]:
@@ -133,8 +143,11 @@ def _slope(tried: Sequence[Trial]) -> float:
     return float(np.clip((before.miss - last.miss) / step, FLATTEST, STEEPEST)) if step else RULE_SLOPE
 
 
-def _with_modes(trial: Trial) -> SizedChannel:
+def _better(beam: SizedChannel, trial: Trial) -> SizedChannel:
+    """The channel with the solid's modes; as the `beam` model has it where that errs less by its own estimate."""
     sized, solved = trial.sized, trial.solved
+    if solved.error >= beam.model.error_estimate:
+        return beam
     model = solved_model(sized.model, solved.modes, solved.error)
     return SizedChannel(sized.target_hz, sized.topology, sized.beam, model)
 
@@ -143,12 +156,12 @@ class TaxelSolver:
     """Solves the taxels of plans, each distinct one once, in processes of their own; a context manager.
 
     The engine's libraries and the CAD kernel's are of different versions and must not meet in one process.
-    Processes are started with the first taxel that the cache does not hold. A relative error of `accept`
-    will do where `tolerance` would be dear.
+    Processes are started with the first taxel that the cache does not hold. The elements are refined until their
+    estimated error is below `tolerance`, or cannot be.
     """
 
-    def __init__(self, tolerance: float, accept: float, progress: Progress) -> None:
-        self.tolerance, self.accept = tolerance, accept
+    def __init__(self, tolerance: float, progress: Progress) -> None:
+        self.tolerance = tolerance
         self._progress = progress
         self._runner: Runner | None = None
 
@@ -161,18 +174,19 @@ class TaxelSolver:
         if self._runner:
             self._runner.close()
 
-    def solve(self, plan: Plan) -> list[Solved]:
-        """Modes of every channel's taxel."""
-        keys = [cache.key_of(self._inputs(plan, channel)) for channel in plan.channels]
+    def solve(self, plan: Plan, settings: Sequence[int]) -> list[Solved]:
+        """Modes of every channel's taxel; no setting of the elements before that of `settings` is tried."""
+        tasks = list(zip(plan.channels, settings, strict=True))
+        keys = [cache.key_of(self._inputs(plan, *task)) for task in tasks]
         known = _kept(set(keys))
         if len(known) < len(set(keys)):
             with cache.claimed(KIND, set(keys) - set(known)):
                 known |= _kept(set(keys) - set(known))  # by others, while we waited
-                missing = {key: channel for key, channel in zip(keys, plan.channels, strict=True) if key not in known}
+                missing = {key: task for key, task in zip(keys, tasks, strict=True) if key not in known}
                 known |= self._solved(plan, missing)
         return [known[key] for key in keys]
 
-    def _solved(self, plan: Plan, missing: dict[str, Channel]) -> dict[str, Solved]:
+    def _solved(self, plan: Plan, missing: dict[str, Task]) -> dict[str, Solved]:
         """The taxels of channels by their keys, solved and kept."""
         if not missing:
             return {}
@@ -182,7 +196,7 @@ class TaxelSolver:
             cache.store(KIND, key, _to_plain(solved))
         return found
 
-    def _inputs(self, plan: Plan, channel: Channel) -> dict[str, Any]:
+    def _inputs(self, plan: Plan, channel: Channel, setting: int) -> dict[str, Any]:
         """All that the modes depend on."""
         spec = plan.spec
         return {
@@ -190,25 +204,26 @@ class TaxelSolver:
             "material": asdict(spec.material),
             "washer": asdict(spec.washer),
             "glue_mg": spec.taxel.glue_mg,
-            "tolerance": [self.tolerance, self.accept],
+            "tolerance": self.tolerance,
+            "setting": setting,
             "code": cache.code_hash(*CODE),
             "versions": [
                 cache.version(name) for name in ("build123d", "cadquery-ocp-novtk", "netgen-mesher", "ngsolve")
             ],
         }
 
-    def _computed(self, plan: Plan, channels: Sequence[Channel]) -> list[Solved]:
+    def _computed(self, plan: Plan, tasks: Sequence[Task]) -> list[Solved]:
         """Model taxels and solve them, as many at a time as there are cores."""
-        runner = self._started(len(channels))
+        runner = self._started(len(tasks))
         from padgen.solid.formats.step import write_taxel_step
 
         with TemporaryDirectory(ignore_cleanup_errors=True) as folder:
             jobs = []
-            for channel in channels:
+            for channel, setting in tasks:
                 path = Path(folder) / f"taxel-{channel.index}.step"
                 write_taxel_step(plan, channel, path)
-                jobs.append(runner.submit(solve_step, solid_taxel(plan, channel, path), self.tolerance, self.accept))
-            return [_modes_of(job.result(), channel) for job, channel in zip(jobs, channels, strict=True)]
+                jobs.append(runner.submit(solve_step, solid_taxel(plan, channel, path), self.tolerance, setting))
+            return [_modes_of(job.result(), channel) for job, (channel, _) in zip(jobs, tasks, strict=True)]
 
     def _started(self, tasks: int) -> "Runner":
         """The runner; its processes load the engine while this one loads the CAD kernel."""
@@ -234,7 +249,7 @@ def _modes_of(answer: "Answer", channel: Channel) -> Solved:
     error = answer.error
     if isinstance(error, SolverError) and not isinstance(error, EngineMissingError):
         lost = answer.kind == "failed"
-        hint = "the finite elements have no answer: {}; a larger model.tolerance takes less memory"
+        hint = 'the finite elements have no answer: {}; model = "beam" plans without them'
         raise SolverError(hint.format(error.message) if lost else error.message, f"channel {channel.index}") from error
     if error:
         raise error
@@ -260,12 +275,12 @@ def solid_taxel(plan: Plan, channel: Channel, step: Path) -> Any:
     )
 
 
-def solve_step(taxel: Any, tolerance: float, accept: float) -> Solved:
+def solve_step(taxel: Any, tolerance: float, setting: int) -> Solved:
     """In a process of its own: the modes of one STEP file."""
     from padgen.verify.elasticity import converged_modes
 
-    found = converged_modes(taxel, tolerance, MODES, accept)
-    return Solved(found.modes, float(found.error[found.modes.working]))
+    found = converged_modes(taxel, tolerance, MODES, setting)
+    return Solved(found.modes, found.working_error, found.setting)
 
 
 def _to_plain(solved: Solved) -> dict[str, Any]:
@@ -276,6 +291,7 @@ def _to_plain(solved: Solved) -> dict[str, Any]:
         "motion": modes.motion.tolist(),
         "rest": rest.tolist(),
         "error": solved.error,
+        "setting": solved.setting,
     }
 
 
@@ -288,7 +304,7 @@ def _from_plain(entry: Any) -> Solved | None:
     """What the cache holds, None where that is no taxel's modes."""
     try:
         frequency, motion, rest = (np.array(entry[key], float) for key in ("frequency_hz", "motion", "rest"))
-        error = float(entry["error"])
+        error, setting = float(entry["error"]), int(entry["setting"])
     except (KeyError, OverflowError, TypeError, ValueError):
         return None
     shapes = (frequency.shape, motion.shape, rest.shape)
@@ -296,4 +312,4 @@ def _from_plain(entry: Any) -> Solved | None:
         return None
     if not all(np.isfinite(v).all() for v in (frequency, motion, rest, error)):
         return None
-    return Solved(TaxelModes(frequency, motion, rest), error)
+    return Solved(TaxelModes(frequency, motion, rest), error, setting)

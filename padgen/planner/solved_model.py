@@ -8,8 +8,12 @@ import numpy as np
 from padgen.physics.modes import Modes
 from padgen.physics.taxel_modes import TaxelModes
 from padgen.planner.taxel_model import TaxelModel
+from padgen.spec import Spec
 
-__all__ = ["SolvedModel", "solved_model"]
+__all__ = ["SolvedModel", "asked_error", "solved_model"]
+
+FINEST = 2e-3
+"""Relative error that finite elements are asked for."""
 
 
 @dataclass(frozen=True)
@@ -65,3 +69,8 @@ class SolvedModel(TaxelModel):
 def solved_model(model: TaxelModel, solved: TaxelModes, solver_error: float) -> SolvedModel:
     """`model` with its modes replaced."""
     return SolvedModel(model.spec, model.topology, model.plate, model.beam, solved, solver_error)
+
+
+def asked_error(spec: Spec) -> float:
+    """Relative error to which a solid's resonance must be known to count as tuned."""
+    return min(FINEST, spec.model.tolerance)

@@ -24,6 +24,7 @@ from padgen.verify.elastic_mesh import (
     taxel_shape,
 )
 from padgen.verify.elastic_modes import (
+    LEAN,
     Eigen,
     System,
     accurate,
@@ -47,17 +48,19 @@ class Setting(NamedTuple):
     per_face: float = 1.0
 
 
-SETTINGS = (Setting(3, 2), Setting(3, 2, 0.5), Setting(4, 2, 0.5), Setting(4, 3, 0.5))
+SETTINGS = (Setting(3, 2), Setting(3, 2, 0.5), Setting(4, 2, 0.5), Setting(4, 3, 0.35))
 """Cheapest first."""
-ENOUGH = 30_000
-"""Unknowns from which on an error that can be accepted is not worth making smaller."""
-ADDED = 0.15
-"""Share of the last order's change that all higher orders together still make: 0.06 … 0.3 on the templates' taxels
-and the reference problem (docs/accuracy.md)."""
-DOUBT = {3: 1 / 6, 4: 1 / 2}
-"""Share of that change by which the extrapolated frequency may be off; at order 4 the layers count as well."""
-EDGE_RATIO = 0.1
+ADDED = {3: 0.15, 4: 0.4}
+"""Share of the last order's change that all higher orders and finer meshes together still make: 0.03 … 0.24 at order 3,
+0.3 … 0.7 at order 4, whose change is small, on the taxels of docs/accuracy.md."""
+DOUBT = {3: 1 / 6, 4: 0.4}
+"""Share of that change by which the extrapolated frequency may be off."""
+REST = 3e-4
+"""Relative error of a frequency that no order shows: curves of order `LEAN`, elements that stay at it."""
+EDGE_RATIO = 0.02
 """Layers are worth while along edges whose tetrahedra hold this much of the energy at the worst edge."""
+POOR, POOR_OTHERS = 0.01, 0.2
+"""Share of the working mode's energy, and of every other's, in the elements that may stay at order `LEAN`."""
 
 
 class SolidTaxel(NamedTuple):
@@ -82,7 +85,7 @@ class SolidTaxel(NamedTuple):
 class SolidModes(NamedTuple):
     """Modes by elements of `order` on `elements` with `unknowns`; `residual` of the worst mode;
     `seconds` of processor time by stage; `error` (k,) estimated relative error of each frequency,
-    nan where there is no second order to compare with."""
+    nan where there is no second order to compare with; `setting` that of `SETTINGS` which was solved last."""
 
     modes: TaxelModes
     order: int
@@ -92,6 +95,12 @@ class SolidModes(NamedTuple):
     residual: float
     error: np.ndarray
     seconds: dict[str, float]
+    setting: int = 0
+
+    @property
+    def working_error(self) -> float:
+        """Estimated relative error of the working mode's frequency."""
+        return float(self.error[self.modes.working])
 
 
 class _Draft(NamedTuple):
@@ -100,6 +109,11 @@ class _Draft(NamedTuple):
     taxel: SolidTaxel
     shape: Any
     layered: set[str]
+
+    @property
+    def volume_mm3(self) -> dict[str, float]:
+        """Volumes by name of solid."""
+        return {solid.name: solid.mass for solid in self.shape.solids}
 
 
 class _Answer(NamedTuple):
@@ -139,47 +153,65 @@ def solve_modes(taxel: SolidTaxel, order: int = 3, levels: int = 2, modes: int =
     clock = _Clock()
     draft = _drafted(taxel, clock)
     setting = Setting(order, levels)
-    return _solved(taxel, _layered(draft, setting, clock), setting, modes, clock)
+    return _result(_answered(draft, _layered(draft, setting, clock), order, modes, clock), setting, clock)
 
 
-def converged_modes(
-    taxel: SolidTaxel, tolerance: float = 1e-3, modes: int = 6, accept: float | None = None
-) -> SolidModes:
+def converged_modes(taxel: SolidTaxel, tolerance: float = 1e-3, modes: int = 6, first: int = 0) -> SolidModes:
     """Modes with the estimated error of the working mode below `tolerance`, by the cheapest setting that does.
 
-    An error below `accept` will do where a smaller one would be dear.
+    Where no setting does, the modes of the one that comes nearest: compare their `error`. Settings before the one of
+    place `first` in `SETTINGS` are not tried.
 
-    Two orders are solved on one mesh, and the frequencies extrapolated by a share of their difference. Of other
-    modes `error` is the whole difference; for the torsion of thin beams, slow to converge, it may be too small.
+    On one mesh, order 2 tells which elements hold the energy, and these alone are solved by higher orders; the
+    frequencies are extrapolated by a share of the last order's change, which the error grows with. Of other
+    modes `error` is the whole change; for the torsion of thin beams, slow to converge, it may be too small.
 
     Raises
     ------
     SolverError
-        No setting reaches `tolerance`, or `accept`; otherwise as `solve_modes`.
+        As `solve_modes`; no such tolerance.
     """
     if not 0 < tolerance < 1:
         raise SolverError(f"must lie between 0 and 1, got {number(tolerance)}, e.g. 0.001", "tolerance")
-    clock, best, known = _Clock(), float("inf"), None
+    clock, known, before = _Clock(), None, None
     draft = _drafted(taxel, clock)
-    mesh, coarser, before = None, None, None
-    for setting in SETTINGS:
-        if mesh is None or coarser is None or before != setting[1:]:
-            mesh, before = _layered(draft, setting, clock), setting[1:]
-            coarser = _solved(taxel, mesh, setting._replace(order=setting.order - 1), modes, clock)
-        found = _solved(taxel, mesh, setting, modes, clock)
-        extrapolated = _extrapolated(coarser, found)
-        error = float(extrapolated.error[found.modes.working])
-        if error < best:
-            best, known = error, extrapolated
-        acceptable = accept is not None and best < accept
-        if known and (best < tolerance or (acceptable and (found.unknowns > ENOUGH or setting is SETTINGS[-1]))):
-            return known
-        coarser = found
-    raise SolverError(
-        f"its working mode is known to {best:.1e} at best, asked was {max(tolerance, accept or 0.0):.1e};"
-        " allow a larger model.tolerance",
-        str(taxel.step),
-    )
+    for place, setting in enumerate(SETTINGS[first:], first):
+        try:
+            if before != setting[1:]:
+                mesh, before = _layered(draft, setting, clock), setting[1:]
+                lean = _answered(draft, mesh, LEAN, modes, clock)
+                found = _result(lean, setting._replace(order=LEAN), clock)
+                shares = energy_shares(lean.system, taxel.materials, lean.eigen)
+                rich = _rich(mesh, shares, found.modes.working)
+            for order in range(found.order + 1, setting.order + 1):
+                coarser = found
+                found = _result(_answered(draft, mesh, order, modes, clock, rich), setting._replace(order=order), clock)
+        except SolverError:
+            if known is None:
+                raise
+            break  # the finer mesh tears: what is known stays
+        extrapolated = _extrapolated(coarser, found)._replace(setting=place)
+        if known is None or extrapolated.working_error < known.working_error:
+            known = extrapolated
+        if known.working_error < tolerance:
+            break
+    assert known is not None
+    return known
+
+
+def _rich(mesh: Any, shares: np.ndarray, working: int) -> np.ndarray:
+    """Elements (n,) to solve by higher orders: those that hold all but little of each mode's energy `shares` (n, k),
+    and all that touch them, where a stiff element has no energy because it cannot follow."""
+    poor = np.full(shares.shape[1], POOR_OTHERS)
+    poor[working] = POOR
+    order = shares.argsort(0)
+    rich = np.empty(shares.shape, bool)
+    np.put_along_axis(rich, order, np.take_along_axis(shares, order, 0).cumsum(0) > poor, 0)
+    corners = [[corner.nr for corner in element.vertices] for element in mesh.Elements()]
+    touched = np.zeros(mesh.nv, bool)
+    for place in np.flatnonzero(rich.any(1)):
+        touched[corners[place]] = True
+    return np.array([touched[own].any() for own in corners])
 
 
 def _extrapolated(coarser: SolidModes, found: SolidModes) -> SolidModes:
@@ -188,8 +220,8 @@ def _extrapolated(coarser: SolidModes, found: SolidModes) -> SolidModes:
     change = coarser.modes.frequency_hz / found.modes.frequency_hz - 1
     change[working] = coarser.modes.frequency_hz[other] / found.modes.frequency_hz[working] - 1
     error = np.abs(change)
-    error[working] *= DOUBT[found.order]
-    modes = found.modes._replace(frequency_hz=found.modes.frequency_hz * (1 - ADDED * change))
+    error[working] = DOUBT[found.order] * error[working] + REST
+    modes = found.modes._replace(frequency_hz=found.modes.frequency_hz * (1 - ADDED[found.order] * change))
     return found._replace(modes=modes, error=error)
 
 
@@ -200,12 +232,12 @@ def _drafted(taxel: SolidTaxel, clock: _Clock) -> _Draft:
     mesh = coarse_mesh(shape, where=str(taxel.step))
     singular = singular_edges(shape, mesh)
     clock.stop("mesh")
-    answer = _answered(taxel, engine("ngsolve").Mesh(mesh), 2, 6, clock)
+    draft = _Draft(taxel, shape, set())
+    answer = _answered(draft, engine("ngsolve").Mesh(mesh), LEAN, 6, clock)
     shares = edge_energy_shares(mesh, energy_shares(answer.system, taxel.materials, answer.eigen))
     worst = max((shares.get(edge, 0.0) for edge in singular), default=0.0)
-    layered = {edge for edge in singular if shares.get(edge, 0.0) > EDGE_RATIO * worst}
     clock.stop("modes")
-    return _Draft(taxel, shape, layered)
+    return draft._replace(layered={edge for edge in singular if shares.get(edge, 0.0) > EDGE_RATIO * worst})
 
 
 def _layered(draft: _Draft, setting: Setting, clock: _Clock) -> Any:
@@ -215,11 +247,15 @@ def _layered(draft: _Draft, setting: Setting, clock: _Clock) -> Any:
     return mesh
 
 
-def _answered(taxel: SolidTaxel, mesh: Any, order: int, modes: int, clock: _Clock) -> _Answer:
-    """Statics and modes, in blocks where rounding allows."""
+def _answered(
+    draft: _Draft, mesh: Any, order: int, modes: int, clock: _Clock, rich: np.ndarray | None = None
+) -> _Answer:
+    """Statics and modes, in blocks where rounding allows; elsewhere every element is `rich`."""
+    taxel = draft.taxel
     density = taxel.materials[WASHER].density_kg_per_m3
     for blocks in (True, False):
-        system = assembled(mesh, taxel.materials, order, blocks=blocks)
+        of_order = rich if blocks else None
+        system = assembled(mesh, taxel.materials, order, blocks=blocks, rich=of_order, volume_mm3=draft.volume_mm3)
         loads = rigid_loads(system, WASHER, density, taxel.washer_x_mm)
         clock.stop("assemble")
         solve = factored(system)
@@ -234,17 +270,16 @@ def _answered(taxel: SolidTaxel, mesh: Any, order: int, modes: int, clock: _Cloc
     return _Answer(system, loads, answers, eigen)
 
 
-def _solved(taxel: SolidTaxel, mesh: Any, setting: Setting, modes: int, clock: _Clock) -> SolidModes:
-    order, levels, _ = setting
-    system, loads, answers, eigen = _answered(taxel, mesh, order, modes, clock)
+def _result(answer: _Answer, setting: Setting, clock: _Clock) -> SolidModes:
+    system, loads, answers, eigen = answer
     motion = eigen.shape.T @ loads
     modal = motion.T @ (motion / (2 * np.pi * eigen.frequency_hz[:, None]) ** 2)
     return SolidModes(
         TaxelModes(eigen.frequency_hz, motion, loads.T @ answers - modal),
-        order,
-        levels,
+        setting.order,
+        setting.levels,
         int(system.free.sum()),
-        mesh.ne,
+        system.space.mesh.ne,
         eigen.residual,
         np.full(len(eigen.frequency_hz), np.nan),
         dict(clock.seconds),
