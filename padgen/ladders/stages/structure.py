@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from padgen.ladders.isolate import run_apart
 from padgen.ladders.rung import Ladder, Rung, Solved, Theory
-from padgen.ladders.stages.scene import Scene, chosen_channels
+from padgen.ladders.stages.scene import Scene, chosen_channels, write_steps
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
@@ -38,7 +39,7 @@ ENGINE = ("ngsolve", "netgen.occ", "scipy.sparse.linalg", "padgen.verify.elastic
 
 def structure_ladders(scene: Scene) -> Iterator[Ladder]:
     """One ladder per taxel that differs from the others in its beams (`chosen_channels`)."""
-    for channel in chosen_channels(scene.plan):
+    for place, channel in enumerate(chosen_channels(scene.plan)):
         yield Ladder(
             "structure",
             f"taxel of channel {channel.index}",
@@ -47,6 +48,7 @@ def structure_ladders(scene: Scene) -> Iterator[Ladder]:
             tuple(_rungs(scene, channel)),
             REFERENCE,
             theory=THEORY,
+            before=None if place else partial(run_apart, write_steps, scene),
         )
 
 
@@ -59,7 +61,7 @@ def _rungs(scene: Scene, channel: Channel) -> Iterator[Rung]:
         yield Rung("frame", f"{elements} element{'s' * (elements > 1)} a beam", solve, FRAME, 1 / elements, FRAMES)
     solve = partial(frame_hz, spec, channel, FULL, True)
     yield Rung("frame", f"{FULL} elements with inner motions", solve, imports=FRAMES)
-    step = scene.steps[channel.index]
+    step = scene.step(channel)
     for size in SIZES_MM:
         solve = partial(meshed_hz, plan, channel, step, 2, 0, size)
         yield Rung("solid", f"p = 2, elements of {size:g} mm", solve, UNIFORM, size, ENGINE)
