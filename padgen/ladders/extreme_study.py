@@ -13,7 +13,16 @@ from padgen.core.errors import SolverError
 from padgen.ladders.isolate import apart, timed
 from padgen.verify.extreme import Answer, ExtremeCase
 
-__all__ = ["MISSING", "RIGHT", "SETS", "Named", "Verdict", "judged_error", "named_cases", "relative_error", "verdict_of"]
+__all__ = [
+    "MISSING",
+    "SETS",
+    "Named",
+    "Verdict",
+    "judged_error",
+    "named_cases",
+    "relative_error",
+    "verdict_of",
+]
 
 SETS = (
     ("padgen.verify.extreme_structure", "structure_cases"),
@@ -83,7 +92,7 @@ def _cases(module: str, function: str) -> list[ExtremeCase]:
 
 
 def _asked(module: str, function: str, place: int, what: str) -> Answer:
-    """In a process of its own: what a case's model ('solve') or its 'reference' answers; raises what it refuses with."""
+    """In a process of its own: what a case's model ('solve') or its 'reference' answers; it raises refusals."""
     answer = getattr(_cases(module, function)[place], what)()
     answer = answer if isinstance(answer, Answer) else Answer(answer, 0.0)
     return answer._replace(values=np.atleast_1d(np.asarray(answer.values)))
@@ -91,7 +100,7 @@ def _asked(module: str, function: str, place: int, what: str) -> Answer:
 
 def verdict_of(named: Named, limit_s: float = LIMIT_S) -> Verdict:
     """Run a case and its reference, and compare; what the reference itself is off by is allowed for."""
-    *where, case = named
+    where, case = named[:3], named.case
     say: Callable[..., Verdict] = partial(Verdict, case.domain, case.name, case.model, source=case.source)
     answer = timed(partial(_asked, *where, "solve"), limit_s=limit_s, budget_s=0.5, most_runs=3)
     if answer.kind != "value":

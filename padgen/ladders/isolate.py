@@ -24,7 +24,7 @@ LONG_S = 6.0
 """A run that takes longer is not repeated, a shorter one at least once."""
 MODELS = ("padgen.physics", "padgen.planner", "padgen.verify")
 TIMES = (
-    f"run times are the best of 2 to {MOST_RUNS} runs (of one run where that takes over {LONG_S:g} s), on one thread, with"
+    f"run times are the best of 2 to {MOST_RUNS} runs (of one where that takes over {LONG_S:g} s), on one thread, with"
     " empty caches, in a process of its own that has started and imported what it needs: a first call takes longer"
 )
 

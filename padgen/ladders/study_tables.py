@@ -56,8 +56,9 @@ def study_csv(results: Sequence[Judged], tolerances: Sequence[float] = TOLERANCE
             table, values = _rung(row), row.measured.values
             table |= {"ladder": ladder.name, **{name: getattr(ladder, name) for name in HEAD}}
             table["values"] = "" if values is None else " ".join(f"{v:.10g}" for v in values.ravel())
-            holds = (f"{tol:g}" for tol in tolerances if recommended_row(result, tol) == index)
-            rows.append([{**table, "recommended_for": " ".join(holds)}[name] for name in COLUMNS])
+            holds = [f"{tol:g}" for tol in tolerances if recommended_row(result, tol) == index]
+            table["recommended_for"] = " ".join(holds)
+            rows.append([table[name] for name in COLUMNS])
     return _csv(COLUMNS, rows)
 
 
@@ -78,7 +79,11 @@ def _cell(value: Any) -> Any:
 def study_json(results: Sequence[Judged], about: dict[str, Any], tolerances: Sequence[float] = TOLERANCES) -> str:
     """All that was measured, with `about` (what was studied, by which versions) ahead of it."""
     missing = missing_rungs(results)
-    told = {"stopped": bool(missing), "missing": missing, "recommended": [p._asdict() for p in picks(results, tolerances)]}
+    told = {
+        "stopped": bool(missing),
+        "missing": missing,
+        "recommended": [p._asdict() for p in picks(results, tolerances)],
+    }
     return json_text({**about, **told, "ladders": [_ladder(result) for result in results]})
 
 

@@ -11,10 +11,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from padgen.verify.elasticity import SolidTaxel, converged_modes, solve_modes
 from padgen.verify.elastic_material import Elastic
+from padgen.verify.elasticity import SolidTaxel, converged_modes, solve_modes
 from padgen.verify.engines import engine
 from padgen.verify.extreme import Answer, ExtremeCase
 from padgen.verify.extreme_structure import Cantilever, exact_frequencies, frame_answer
@@ -57,9 +55,7 @@ class BlockTaxel(NamedTuple):
         step = folder / "taxel.step"
         occ.Compound([printed.solids[0], ring.solids[0]]).WriteStep(str(step))
         volume = pi / 4 * (outer**2 - inner**2) * thick
-        return SolidTaxel(
-            step, Elastic(self.modulus, self.poisson, DENSITY), self.washer, volume, middle, clamp="root"
-        )
+        return SolidTaxel(step, Elastic(self.modulus, self.poisson, DENSITY), self.washer, volume, middle, clamp="root")
 
     @property
     def as_cantilever(self) -> Cantilever:
