@@ -8,6 +8,7 @@ import pickle
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, partial
 from math import inf, isnan, nan
@@ -17,8 +18,9 @@ import numpy as np
 import pytest
 
 from padgen.cli import run
-from padgen.core.errors import SolverError, SpecError
+from padgen.core.errors import PadgenError, SolverError, SpecError
 from padgen.ladders.extreme_selectivity import selectivity_cases
+from padgen.ladders.extreme_specs import outcome, random_table, spec_cases
 from padgen.ladders.extreme_study import Verdict, judged_error, named_cases, relative_error, verdict_of
 from padgen.ladders.isolate import measured, run_apart, timed
 from padgen.ladders.pictures import extreme_picture, study_pictures
@@ -30,6 +32,7 @@ from padgen.ladders.study_tables import study_csv, study_json
 from padgen.ladders.text import extreme_text, percent, seconds_text, study_text
 from padgen.ladders.verdicts import TOLERANCES, judged, observed_order, picks, recommended_row
 from padgen.verify.extreme import Answer, ExtremeCase
+from padgen.verify.extreme_solid import solid_cases
 
 EXACT = 3.0
 
@@ -544,6 +547,54 @@ def test_errors_of_extreme_cases():
     assert judged_error(1e-3, 1e-3)[0] == "right"
     assert judged_error(1e-3, 0.0) == ("WRONG", "it states to be exact")
     assert judged_error(1e-3, 0.0, allowed=2e-3)[0] == "right"
+
+
+def test_random_specs_are_planned_or_refused_in_a_sentence():
+    """A few of the list; `padgen study --extreme` plans hundreds and solves some by finite elements."""
+    tables = [random_table(number) for number in range(24)]
+    assert tables == [random_table(number) for number in range(24)]
+    assert [outcome(table) for table in tables] == [""] * 24
+    odd = [set(table) - {"name", *random_table(0, 0)} for table in tables]
+    assert len(set.union(*odd)) > 3
+
+
+def test_a_wrong_plan_of_a_random_spec_is_found(monkeypatch):
+    from padgen.ladders import extreme_specs
+
+    table = {"name": "a", "resolution": 2, "band_hz": [50, 200], "q_min": 15}
+    plan = extreme_specs.make_plan(extreme_specs.make_spec(table))
+    lost = replace(plan, channels=(replace(plan.channels[0], sag_um=nan), *plan.channels[1:]))
+    monkeypatch.setattr(extreme_specs, "make_plan", lambda spec: lost)
+    assert outcome(table) == "sag_um is no number"
+
+    def breaks(spec):
+        raise ZeroDivisionError("by nothing")
+
+    monkeypatch.setattr(extreme_specs, "make_plan", breaks)
+    assert outcome(table) == "ZeroDivisionError: by nothing"
+    with pytest.raises(ValueError, match="are wrong: random "):
+        next(spec_cases()).solve()
+
+
+def test_statics_that_no_pad_survives_are_refused():
+    cases = [case for case in spec_cases() if "impossible" in repr(case.solve.args[:1])]
+    assert len(cases) == 4
+    for case in cases:
+        with suppress(PadgenError):
+            assert case.solve().values == case.reference()
+
+
+def solved_and_true(name: str):
+    """What the elements and the reference of a case of `solid_cases` say, in a process of its own."""
+    case = next(case for case in solid_cases() if case.name == name)
+    return case.solve(), case.reference()
+
+
+@pytest.mark.parametrize("name", ["modulus 1e+12 Pa, steel in proportion"])
+def test_elements_know_their_error(name):
+    """One of the list; `padgen study --extreme` runs all."""
+    answer, truth = run_apart(solved_and_true, name)
+    assert relative_error(answer.values, truth.values) <= answer.stated_error + truth.stated_error < 5e-3
 
 
 @pytest.mark.parametrize("case", list(selectivity_cases()), ids=lambda case: f"{case.name} {case.model}")
