@@ -22,9 +22,13 @@ EXTREME_HEADINGS = ("domain", "case", "model", "error", "stated", "run time", "r
 
 def study_text(study: "Study") -> str:
     """All ladders of which something was run, then the recommended rungs, what times are, and what was not run."""
-    run = [result for result in study.ladders if any(row.measured is not NOT_RUN for row in result.rows)]
-    parts = [ladder_text(result, study.tolerances) for result in run]
-    stopped = [f"not run: {rung}" for rung in study.missing]
+    parts, stopped = [], []
+    for result in study.ladders:
+        left, every = sum(row.measured is NOT_RUN for row in result.rows), len(result.rows)
+        if left:
+            stopped.append(f"not run: {left} of {every} rungs of {result.ladder.name}, {result.ladder.subject}")
+        if left < every:
+            parts.append(ladder_text(result, study.tolerances))
     return "\n\n".join([*parts, picks_text(study.picks), "\n".join([TIMES, *stopped])])
 
 

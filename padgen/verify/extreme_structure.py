@@ -226,8 +226,8 @@ def structure_cases() -> Iterator[ExtremeCase]:
         solve, reference = partial(frame_answer, beam), partial(_reference, beam)
         yield ExtremeCase(name, "structure", "frame", solve, reference, source)
     source = "3-D elasticity of the printed solid, order 3, 0.3 %"
-    for name, *taxel, hz in _TAXELS:
-        solve = partial(beam_answer, *taxel)
+    for name, topology, shape, figures, washer, hz in _TAXELS:
+        solve = partial(beam_answer, topology, shape, figures, washer)
         yield ExtremeCase(f"taxel: {name}", "structure", "beam", solve, partial(np.array, [hz]), source)
 
 
