@@ -290,6 +290,9 @@ def study(
 ) -> "Study":
     """Measure error against run time of the models behind a plan, every rung in a process of its own.
 
+    Interrupted (Ctrl-C) when it has measured something, it returns that, and ``.missing`` names what was not run. Times
+    are the best of a few runs in a process that has imported what it needs (``.about["times"]``).
+
     Parameters
     ----------
     plan : Plan, or what `padgen.plan` takes

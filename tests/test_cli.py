@@ -40,11 +40,11 @@ def modules_after(statements, *arguments):
 
 
 def test_plan_loads_little(work):
-    """Of other packages numpy alone; of padgen 82 modules and of Python 43 beyond numpy's, and a few for changes."""
+    """Of other packages numpy alone; of padgen 93 modules and of Python 43 beyond numpy's, and a few for changes."""
     loaded = loaded_after("plan", "paper-32")
     more = loaded - modules_after("import numpy")
     padgen = {name for name in more if name.partition(".")[0] == "padgen"}
-    assert len(padgen) <= 86, sorted(padgen)
+    assert len(padgen) <= 96, sorted(padgen)
     assert len(more - padgen) <= 52, sorted(more - padgen)
     packages = {name.partition(".")[0] for name in loaded - modules_after("pass")} - sys.stdlib_module_names
     assert packages == {"numpy", "padgen"}

@@ -22,7 +22,8 @@ from padgen.ladders.stages.force import axisymmetric_pull, charges_pull, paper_p
 from padgen.physics.leakage import leakage
 from padgen.physics.magnetics import SteelRing, solenoid
 from padgen.physics.saturation import MILD_STEEL, TEAM_STEEL, BHCurve, saturating
-from padgen.verify.extreme_force import force_cases
+from padgen.verify.extreme import Answer
+from padgen.verify.extreme_force import force_cases, planned_pull, random_pull
 from padgen.verify.field_axisymmetric import axisymmetric_force
 from padgen.verify.field_scalar import body_wrench, solve_scalar
 from padgen.verify.field_solid import PlacedWasher, solid_force
@@ -296,17 +297,23 @@ def test_leakage_on_a_neighbours_washer():
 # --- extreme cases ---------------------------------------------------------------------------------------
 
 
-QUICK = ("balance", "permeability 1.001", "permeability 1e+06", "gap of 0.01", "gap of 1000")
-"""The others run the same code, some for seconds; `padgen study` runs them all."""
+QUICK = ("balance", "permeability 1.001", "permeability 1e+06", "gap of 0.01 w", "gap of 100 w", "core 0 of")
+"""The others run the same code, some for seconds; `padgen study --extreme` runs them all."""
+CASES = [c for c in force_cases() if c.model in ("balance", "axisymmetric") and any(q in c.name for q in QUICK)]
 
 
-@pytest.mark.parametrize("case", [c for c in force_cases() if any(q in c.name for q in QUICK)], ids=lambda c: c.name)
-def test_extreme_cases_are_right_or_refused(case):
-    try:
-        answer = case.solve()
-    except SolverError:
-        assert case.name == "gap of 1000 washer diameters"
-        return
-    truth = case.reference()
-    error = np.abs(answer.values - truth).max() / np.abs(truth).max()
-    assert error <= answer.stated_error
+@pytest.mark.parametrize("case", CASES, ids=lambda c: c.name)
+def test_extreme_cases_are_right(case):
+    answer, truth = case.solve(), case.reference()
+    truth = truth if isinstance(truth, Answer) else Answer(truth, 0.0)
+    error = np.abs(answer.values - truth.values).max() / np.abs(truth.values).max()
+    assert error <= answer.stated_error + truth.stated_error < 0.05
+
+
+def test_random_pulls_are_what_a_spec_allows():
+    pulls = [random_pull(number) for number in range(50)]
+    assert pulls == [random_pull(number) for number in range(50)]
+    for pull in pulls:
+        assert 2e-4 <= pull.gap_m <= 5e-3 and 0 <= pull.offset_m <= 15e-3
+        assert 0 <= pull.coil.core_diameter <= min(20e-3, *(w.inner_diameter for w in pull.coil.windings))
+        assert np.isfinite(planned_pull(pull.coil, pull.washer, pull.gap_m, pull.offset_m).values).all()

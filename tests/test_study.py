@@ -5,8 +5,10 @@ import io
 import json
 import os
 import pickle
+import subprocess
 import sys
 import time
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, partial
 from math import inf, isnan, nan
@@ -15,12 +17,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from padgen.core.errors import SolverError, SpecError
+from padgen.cli import run
+from padgen.core.errors import PadgenError, SolverError, SpecError
 from padgen.ladders.extreme_selectivity import selectivity_cases
+from padgen.ladders.extreme_specs import outcome, random_table, spec_cases
 from padgen.ladders.extreme_study import Verdict, judged_error, named_cases, relative_error, verdict_of
 from padgen.ladders.isolate import measured, run_apart, timed
 from padgen.ladders.pictures import extreme_picture, study_pictures
-from padgen.ladders.rung import Ladder, Measured, Rung, Solved, Theory
+from padgen.ladders.rung import NOT_RUN, Ladder, Measured, Rung, Solved, Theory
 from padgen.ladders.stages import LADDERS, Scene
 from padgen.ladders.stages.scene import MOST_SUBJECTS, chosen_channels, distinct_channels
 from padgen.ladders.study import STUDY_FILES, Study, parse_only, parse_tolerance, run_extreme, run_study
@@ -28,6 +32,7 @@ from padgen.ladders.study_tables import study_csv, study_json
 from padgen.ladders.text import extreme_text, percent, seconds_text, study_text
 from padgen.ladders.verdicts import TOLERANCES, judged, observed_order, picks, recommended_row
 from padgen.verify.extreme import Answer, ExtremeCase
+from padgen.verify.extreme_solid import solid_cases
 
 EXACT = 3.0
 
@@ -348,7 +353,7 @@ def test_the_same_figures_draw_the_same_bytes(result):
     assert one == two
     assert b"dc:date" not in one[0]
     assert one[1].startswith(b"\x89PNG")
-    verdicts = [Verdict("a", "b", "c", "d", "right", 1e-9, 1e-6)]
+    verdicts = [Verdict("a", "b", "c", 1e-9, 1e-6, verdict="right")]
     assert extreme_picture(verdicts) == extreme_picture(verdicts)
 
 
@@ -385,14 +390,65 @@ def test_a_study_leaves_whole_files(paper_plan, tmp_path):
     assert study_text(study).count("allocation") >= 5
 
 
-def test_an_interrupted_study_leaves_nothing(paper_plan, tmp_path):
-    def interrupt(step: str) -> None:
-        if "rung 2" in step:
+def interrupted_at(words: str):
+    """A progress that presses Ctrl-C when it is told of these words."""
+
+    def progress(step: str) -> None:
+        if words in step:
             raise KeyboardInterrupt
 
+    return progress
+
+
+def test_an_interrupted_study_writes_what_it_has(paper_plan, tmp_path):
+    study = run_study(paper_plan, tmp_path / "out", ("allocation", "geometry"), progress=interrupted_at("rung 3"))
+    rows = [row for result in study.ladders for row in result.rows]
+    assert [row.measured is NOT_RUN for row in rows] == [False] * 2 + [True] * (len(rows) - 2)
+    told = json.loads((tmp_path / "out" / "study.json").read_text())
+    assert told["stopped"] and len(told["missing"]) == len(rows) - 2
+    assert told["missing"][0].startswith("allocation, ") and told["missing"][0].endswith("exact response, all states")
+    table = (tmp_path / "out" / "study.csv").read_text()
+    notes = [row["note"] for row in csv.DictReader(io.StringIO(table))]
+    assert notes == ["", ""] + ["not run: the study was stopped"] * (len(rows) - 2)
+    text = study_text(study)
+    assert "not run: 4 of 6 rungs of allocation, " in text and "not run: 8 of 8 rungs of geometry, " in text
+    assert "\ngeometry," not in text
+
+
+def test_interrupted_before_anything_it_leaves_nothing(paper_plan, tmp_path):
     with pytest.raises(KeyboardInterrupt):
-        run_study(paper_plan, tmp_path / "out", ("allocation",), progress=interrupt)
+        run_study(paper_plan, tmp_path / "out", ("allocation",), progress=interrupted_at("rung 1"))
+    with pytest.raises(KeyboardInterrupt):
+        run_extreme(tmp_path / "out", interrupted_at("case 1"), OWN_CASES)
     assert not (tmp_path / "out").exists()
+
+
+def test_interrupted_extreme_cases_say_which_were_not_run(tmp_path):
+    study = run_extreme(tmp_path / "out", interrupted_at("case 3"), OWN_CASES)
+    assert [v.verdict for v in study.verdicts] == ["right", "refused", *["not run"] * 5]
+    assert study.missing[0] == "test, wrong"
+    assert json.loads((tmp_path / "out" / "extreme.json").read_text())["stopped"]
+    assert "5 not run" in extreme_text(study)
+
+
+def test_the_command_stops_in_time_and_logs_its_rungs(tmp_path):
+    command = [sys.executable, "-m", "padgen", "study", "paper-pair", "--only", "dynamics", "-o", str(tmp_path)]
+    ended = subprocess.run([*command, "--time-limit", "6"], capture_output=True, text=True, timeout=120)
+    log = ended.stderr.splitlines()
+    assert any(line.startswith("rung 1 of ") for line in log)
+    if (tmp_path / "study.json").exists():  # else not even the first rung was done in time
+        told = json.loads((tmp_path / "study.json").read_text())
+        assert (ended.returncode, told["stopped"]) in ((2, True), (0, False))
+        assert not told["stopped"] or log[-1].startswith("padgen: stopped: ")
+        assert "best of 2 to 7 runs" in told["times"] and told["times"] in ended.stdout
+    else:
+        assert log[-1].startswith("padgen: interrupted")
+
+
+@pytest.mark.parametrize("limit", ["0", "-1", "nan", "inf"])
+def test_a_time_limit_that_is_none(limit, capsys):
+    assert run(["study", "paper-pair", "--time-limit", limit]) == 2
+    assert "--time-limit: must be above 0" in capsys.readouterr().err
 
 
 def test_names_of_ladders():
@@ -426,9 +482,7 @@ def test_a_tolerance_out_of_range_is_refused_before_work(paper_plan, tmp_path):
 
 @pytest.mark.parametrize("name", list(LADDERS))
 def test_every_rung_pickles_and_every_ladder_can_show_convergence(name, paper_spec, paper_plan, tmp_path):
-    scene = Scene(paper_plan, tmp_path)
-    vars(scene)["steps"] = {c.index: tmp_path / f"taxel-{c.index}.step" for c in distinct_channels(paper_plan)}
-    for found in LADDERS[name](scene):
+    for found in LADDERS[name](Scene(paper_plan, tmp_path)):
         assert found.name == name
         line = [rung for rung in found.rungs if rung.series == found.reference]
         assert len(line) >= 3
@@ -469,7 +523,7 @@ def test_mesh_volumes_converge_to_the_solids(small_plan):
 
 def test_verdicts(tmp_path):
     study = run_extreme(tmp_path / "out", sets=OWN_CASES)
-    found = {verdict.name: verdict for verdict in study.verdicts}
+    found = {verdict.case: verdict for verdict in study.verdicts}
     assert [v.verdict for v in study.verdicts] == ["right", "refused", "WRONG", "WRONG", "WRONG", "WRONG", "unchecked"]
     assert found["right"].error == pytest.approx(1e-3)
     assert found["refused"].note.startswith("rung: asks for more")
@@ -493,6 +547,55 @@ def test_errors_of_extreme_cases():
     assert relative_error(np.array([0.5]), np.array([0.0])) == 0.5
     assert judged_error(1e-3, 1e-3)[0] == "right"
     assert judged_error(1e-3, 0.0) == ("WRONG", "it states to be exact")
+    assert judged_error(1e-3, 0.0, allowed=2e-3)[0] == "right"
+
+
+def test_random_specs_are_planned_or_refused_in_a_sentence():
+    """A few of the list; `padgen study --extreme` plans hundreds and solves some by finite elements."""
+    tables = [random_table(number) for number in range(24)]
+    assert tables == [random_table(number) for number in range(24)]
+    assert [outcome(table) for table in tables] == [""] * 24
+    odd = [set(table) - {"name", *random_table(0, 0)} for table in tables]
+    assert len(set.union(*odd)) > 3
+
+
+def test_a_wrong_plan_of_a_random_spec_is_found(monkeypatch):
+    from padgen.ladders import extreme_specs
+
+    table = {"name": "a", "resolution": 2, "band_hz": [50, 200], "q_min": 15}
+    plan = extreme_specs.make_plan(extreme_specs.make_spec(table))
+    lost = replace(plan, channels=(replace(plan.channels[0], sag_um=nan), *plan.channels[1:]))
+    monkeypatch.setattr(extreme_specs, "make_plan", lambda spec: lost)
+    assert outcome(table) == "sag_um is no number"
+
+    def breaks(spec):
+        raise ZeroDivisionError("by nothing")
+
+    monkeypatch.setattr(extreme_specs, "make_plan", breaks)
+    assert outcome(table) == "ZeroDivisionError: by nothing"
+    with pytest.raises(ValueError, match="are wrong: random "):
+        next(spec_cases()).solve()
+
+
+def test_statics_that_no_pad_survives_are_refused():
+    cases = [case for case in spec_cases() if "impossible" in repr(case.solve.args[:1])]
+    assert len(cases) == 4
+    for case in cases:
+        with suppress(PadgenError):
+            assert case.solve().values == case.reference()
+
+
+def solved_and_true(name: str):
+    """What the elements and the reference of a case of `solid_cases` say, in a process of its own."""
+    case = next(case for case in solid_cases() if case.name == name)
+    return case.solve(), case.reference()
+
+
+@pytest.mark.parametrize("name", ["modulus 1e+12 Pa, steel in proportion"])
+def test_elements_know_their_error(name):
+    """One of the list; `padgen study --extreme` runs all."""
+    answer, truth = run_apart(solved_and_true, name)
+    assert relative_error(answer.values, truth.values) <= answer.stated_error + truth.stated_error < 5e-3
 
 
 @pytest.mark.parametrize("case", list(selectivity_cases()), ids=lambda case: f"{case.name} {case.model}")

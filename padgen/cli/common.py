@@ -1,6 +1,7 @@
 """What several commands share: exit codes, the options of a model and of the output, progress, printing."""
 
 import argparse
+import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,6 +19,7 @@ __all__ = [
     "add_spec",
     "asked_of",
     "code_of",
+    "end_as_by_ctrl_c",
     "folder_of",
     "progress_line",
     "show",
@@ -95,11 +97,16 @@ def code_of(findings: Any) -> int:
     return CHECK_FAILED if any(finding.level == "error" for finding in findings) else DONE
 
 
+def end_as_by_ctrl_c() -> None:
+    """Let a request to end (SIGTERM), as by a queue, end this process as Ctrl-C does: what is done is kept."""
+    signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
+
+
 @contextmanager
-def progress_line() -> Iterator[Any]:
-    """A line that says what is being done, on a terminal only."""
+def progress_line(log: bool = False) -> Iterator[Any]:
+    """A line that says what is being done, on a terminal; elsewhere nothing or, to `log`, a line for each step."""
     if not sys.stderr.isatty():
-        yield lambda step: None
+        yield lambda step: print(plain(step), file=sys.stderr, flush=True) if log else None
         return
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn

@@ -1,7 +1,6 @@
 """``padgen sweep``."""
 
 import argparse
-import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
@@ -9,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from padgen.cli.cache import add_cache, use_cache
-from padgen.cli.common import BAD_INPUT, CHECK_FAILED, DONE, folder_of, show
+from padgen.cli.common import BAD_INPUT, CHECK_FAILED, DONE, end_as_by_ctrl_c, folder_of, show
 from padgen.core.errors import SpecError, plain
 
 __all__ = ["add"]
@@ -55,8 +54,7 @@ def _sweep(options: argparse.Namespace) -> int:
     from padgen.batch.sweep import run_sweep
     from padgen.core.runner import uninterrupted
 
-    # A sweep that is asked to end, as by a queue, ends as by Ctrl-C: with an index of what is done.
-    signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
+    end_as_by_ctrl_c()
     sweep = load_sweep(options.sweep)
     folder = folder_of(options, sweep.settings.name)
     with _executor(options.scheduler) as executor, _telling(options, sweep) as tell:

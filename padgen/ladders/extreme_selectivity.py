@@ -4,7 +4,6 @@ Each figure is held to the same formula in 60 digits, at the frequencies that th
 """
 
 from collections.abc import Callable, Iterator
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -41,36 +40,40 @@ def selectivity_cases() -> Iterator[ExtremeCase]:
         yield _capacity(q, delta_y)
 
 
+def _case(name: str, model: str, value: Callable[[], float], stated: float, exact: Callable[[], Any]) -> ExtremeCase:
+    def reference() -> np.ndarray:
+        with engine("mpmath").workdps(DIGITS):
+            return np.array([float(exact())])
+
+    source = f"the same sums in {DIGITS} digits (mpmath)"
+    return ExtremeCase(name, "selectivity", model, lambda: Answer(np.array([value()]), stated), reference, source)
+
+
 def _energy(name: str, band_hz: tuple[float, float], count: int, q: float, scheme: str, off: int) -> ExtremeCase:
-    solve = partial(_solved_energy, band_hz, count, q, scheme, off)
-    reference = partial(_exact_energy, band_hz, count, q, scheme, off)
-    return ExtremeCase(name, "selectivity", scheme, solve, reference, f"the same sums in {DIGITS} digits (mpmath)")
+    def value() -> float:
+        return float(off_energy(_which(band_hz, count, q), Scheme(scheme))[off])
+
+    def exact() -> Any:
+        which, mpf = _which(band_hz, count, q), engine("mpmath").mpf
+        hz, line = ([mpf(float(v)) for v in part] for part in (which.resonance_hz, which.line))
+        return _summed(engine("mpmath"), hz, line, mpf(q), Scheme(scheme), off)
+
+    return _case(name, scheme, value, (PER_LINE + float(np.log2(count))) * ROUNDING, exact)
 
 
 def _capacity(q: float, delta_y: float) -> ExtremeCase:
-    solve: Callable[[], Answer] = partial(_solved_capacity, q, delta_y)
+    def exact() -> Any:
+        mp = engine("mpmath")
+        share = mp.mpf(delta_y) / (4 * mp.mpf(q))
+        return mp.log(mp.mpf(1000) / 20) / mp.log((1 + share) / (1 - share))
+
     name = f"channels in 20 … 1000 Hz, Q = {q:g}, Δy = {delta_y:g}"
-    reference = partial(_exact_capacity, q, delta_y)
-    return ExtremeCase(name, "selectivity", "Eq. 12", solve, reference, f"Eq. 12 in {DIGITS} digits (mpmath)")
+    return _case(name, "Eq. 12", lambda: capacity(20.0, 1000.0, q, delta_y), 8 * ROUNDING, exact)
 
 
 def _which(band_hz: tuple[float, float], count: int, q: float) -> Channels:
     resonance_hz = geometric_ladder(*band_hz, count)
     return channels(resonance_hz, q, LevelLaw(1.0)(resonance_hz))
-
-
-def _solved_energy(band_hz: tuple[float, float], count: int, q: float, scheme: str, off: int) -> Answer:
-    energy = off_energy(_which(band_hz, count, q), Scheme(scheme))[off]
-    return Answer(np.array([energy]), (PER_LINE + float(np.log2(count))) * ROUNDING)
-
-
-def _exact_energy(band_hz: tuple[float, float], count: int, q: float, scheme: str, off: int) -> np.ndarray:
-    """Sum over all other tones, and over all pairs of them where the scheme makes spurs."""
-    mp = engine("mpmath")
-    which = _which(band_hz, count, q)
-    with mp.workdps(DIGITS):
-        hz, line = ([mp.mpf(float(v)) for v in part] for part in (which.resonance_hz, which.line))
-        return np.array([float(_summed(mp, hz, line, mp.mpf(q), Scheme(scheme), off))])
 
 
 def _summed(mp: Any, hz: list[Any], line: list[Any], q: Any, scheme: Scheme, off: int) -> Any:
@@ -91,14 +94,3 @@ def _summed(mp: Any, hz: list[Any], line: list[Any], q: Any, scheme: Scheme, off
             both = 2 * mp.sqrt(line[a] * line[b]) if scheme.name == "tones" else line[a] * line[b] / biased
             total += heard((hz[a] + hz[b]) / half, both) + heard(abs(hz[a] - hz[b]) / half, both)
     return total
-
-
-def _solved_capacity(q: float, delta_y: float) -> Answer:
-    return Answer(np.array([capacity(20.0, 1000.0, q, delta_y)]), 8 * ROUNDING)
-
-
-def _exact_capacity(q: float, delta_y: float) -> np.ndarray:
-    mp = engine("mpmath")
-    with mp.workdps(DIGITS):
-        share = mp.mpf(delta_y) / (4 * mp.mpf(q))
-        return np.array([float(mp.log(mp.mpf(1000) / 20) / mp.log((1 + share) / (1 - share)))])

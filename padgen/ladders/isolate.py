@@ -16,13 +16,17 @@ from padgen.core.errors import SolverError
 from padgen.core.runner import Answer, Runner, peak_mb, reset_peak
 from padgen.ladders.rung import Measured, Rung
 
-__all__ = ["Timed", "apart", "measured", "run_apart", "run_timed", "timed"]
+__all__ = ["TIMES", "Timed", "apart", "measured", "run_apart", "run_timed", "timed"]
 
 LIMIT_S = 600.0
 BUDGET_S, MOST_RUNS = 2.0, 7
 LONG_S = 6.0
 """A run that takes longer is not repeated, a shorter one at least once."""
 MODELS = ("padgen.physics", "padgen.planner", "padgen.verify")
+TIMES = (
+    f"run times are the best of 2 to {MOST_RUNS} runs (of one where that takes over {LONG_S:g} s), on one thread, with"
+    " empty caches, in a process of its own that has started and imported what it needs: a first call takes longer"
+)
 
 
 class Timed(NamedTuple):

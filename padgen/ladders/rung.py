@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-__all__ = ["Judged", "Ladder", "Measured", "Order", "Row", "Rung", "Solved", "Theory"]
+__all__ = ["NOT_RUN", "Judged", "Ladder", "Measured", "Order", "Row", "Rung", "Solved", "Theory"]
 
 
 class Solved(NamedTuple):
@@ -60,7 +60,8 @@ class Ladder:
     """The rungs that answer one question about one `subject`, coarse to fine.
 
     The last three rungs of the series `reference` are what the others are measured against. Errors
-    are relative to each value (`relative_to` = "each") or to the largest one ("largest").
+    are relative to each value (`relative_to` = "each") or to the largest one ("largest"). `before` is called
+    once, ahead of the rungs.
     """
 
     name: str
@@ -72,6 +73,7 @@ class Ladder:
     relative_to: str = "largest"
     theory: Mapping[str, Theory] = field(default_factory=dict)
     note: str = ""
+    before: Callable[[], Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -90,6 +92,9 @@ class Measured:
     runs: int = 0
     memory_mb: float = nan
     note: str = ""
+
+
+NOT_RUN = Measured(note="not run: the study was stopped")
 
 
 @dataclass(frozen=True)

@@ -1,11 +1,13 @@
 """`padgen study`: run the ladders rung by rung, judge them, and leave the files.
 
-Rungs run one after the other, never in parallel: they are timed. Files are written when all is done.
+Rungs run one after the other, never in parallel: they are timed. Ctrl-C ends the running, and files are written of
+what was measured until then; before the first rung's end it leaves everything as it was.
 """
 
 import json
 import tempfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,12 +17,12 @@ from padgen.core.cache import version
 from padgen.core.errors import SpecError, number
 from padgen.core.files import OutputFolder, file_hash
 from padgen.core.registry import names_in
-from padgen.core.runner import refuse_unshared
-from padgen.ladders.extreme_study import SETS, WRONG, Verdict, named_cases, verdict_of
-from padgen.ladders.isolate import measured
-from padgen.ladders.rung import Judged, Ladder
+from padgen.core.runner import refuse_unshared, uninterrupted
+from padgen.ladders.extreme_study import MISSING, SETS, WRONG, Verdict, named_cases, verdict_of
+from padgen.ladders.isolate import TIMES, measured
+from padgen.ladders.rung import NOT_RUN, Judged, Ladder, Measured
 from padgen.ladders.stages import LADDERS, Scene
-from padgen.ladders.study_tables import extreme_csv, extreme_json, study_csv, study_json
+from padgen.ladders.study_tables import extreme_csv, extreme_json, missing_rungs, study_csv, study_json
 from padgen.ladders.verdicts import TOLERANCES, Pick, judged, picks
 from padgen.spec import Spec
 
@@ -51,7 +53,7 @@ class Study:
     """Error against run time of the models behind a plan; made by `padgen.study`.
 
     `tolerances` are the usual ones and the one that was asked for, `picks` the quickest rungs that meet them; `about`
-    has versions and the spec's hash.
+    has versions, the spec's hash and what the run times are.
     """
 
     name: str
@@ -62,6 +64,11 @@ class Study:
 
     def __repr__(self) -> str:
         return f"<Study {self.name}: {', '.join(dict.fromkeys(result.ladder.name for result in self.ladders))}>"
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Rungs that were not run since the study was stopped; none where it was not."""
+        return missing_rungs(self.ladders)
 
     def plot(self) -> Any:
         """Draw every rung's error against its run time; a `matplotlib.figure.Figure`."""
@@ -82,6 +89,11 @@ class ExtremeStudy:
     def holds(self) -> bool:
         """Whether no case is wrong."""
         return all(found.verdict != WRONG for found in self.verdicts)
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Cases that were not run since the study was stopped."""
+        return tuple(f"{found.domain}, {found.case}" for found in self.verdicts if found.verdict == MISSING)
 
 
 def parse_only(text: str | None) -> tuple[str, ...]:
@@ -123,16 +135,20 @@ def measured_study(
 ) -> Study:
     """Measure the ladders named in `only` (all without) on `plan`; nothing is written.
 
+    Interrupted (Ctrl-C), it returns what it has, and `missing` names the rungs that were not run.
+
     Raises
     ------
     SpecError
         The tolerance is not above 0 and at most 1, or something was registered that the rungs' processes do not know.
+    KeyboardInterrupt
+        It was interrupted before it had measured anything.
     """
     tolerances = _tolerances(tolerance)
     refuse_unshared()
     with tempfile.TemporaryDirectory(prefix="padgen-study-") as aside:
-        scene = Scene(plan, Path(aside), progress)
-        results = [result for name in only or LADDERS for result in run_ladders(LADDERS[name](scene), progress)]
+        scene = Scene(plan, Path(aside))
+        results = run_ladders([ladder for name in only or LADDERS for ladder in LADDERS[name](scene)], progress)
     about = {**_about(), "name": plan.name, "spec": _spec_hash(plan.spec), "tolerances": list(tolerances)}
     return Study(plan.name, tuple(results), picks(results, tolerances), tolerances, about)
 
@@ -155,33 +171,39 @@ def run_study(
     """
     with OutputFolder(folder) as out:
         study = measured_study(plan, only, tolerance, progress)
-        progress("drawing")
-        from padgen.ladders.pictures import study_pictures
+        with uninterrupted():
+            progress("drawing")
+            from padgen.ladders.pictures import study_pictures
 
-        svg, png = study_pictures(study.ladders, study.tolerances, study.name)
-        texts: tuple[str | bytes, ...] = (
-            study_csv(study.ladders, study.tolerances),
-            study_json(study.ladders, study.about, study.tolerances),
-            svg,
-            png,
-        )
-        for name, text in zip(STUDY_FILES, texts, strict=True):
-            out.write(name, text)
-        out.commit()
+            pictures = study_pictures(study.ladders, study.tolerances, study.name)
+            texts = (
+                study_csv(study.ladders, study.tolerances),
+                study_json(study.ladders, study.about, study.tolerances),
+            )
+            _commit(out, STUDY_FILES, (*texts, *pictures))
     return study
 
 
-def run_ladders(ladders: Iterable[Ladder], progress: Progress = lambda step: None) -> list[Judged]:
-    """Run all rungs of some ladders, one at a time, and judge them."""
-    results = []
-    for ladder in ladders:
-        found = []
-        for number_, rung in enumerate(ladder.rungs, 1):
-            place = f"rung {number_} of {len(ladder.rungs)}"
-            progress(f"{ladder.name}, {ladder.subject}, {place}: {rung.model}, {rung.resolution}")
-            found.append(measured(rung))
-        results.append(judged(ladder, found))
-    return results
+def run_ladders(ladders: Sequence[Ladder], progress: Progress = lambda step: None) -> list[Judged]:
+    """Run all rungs of some ladders, one at a time, and judge them; after Ctrl-C, what was measured until then."""
+    found: list[list[Measured]] = [[] for _ in ladders]
+    total, done = sum(len(ladder.rungs) for ladder in ladders), 0
+    with suppress(KeyboardInterrupt):
+        for ladder, own in zip(ladders, found, strict=True):
+            if ladder.before:
+                progress(f"rung {done + 1} of {total}: {ladder.name}, modelling")
+                ladder.before()
+            for rung in ladder.rungs:
+                done += 1
+                where = f"{ladder.name}, {ladder.subject}: {rung.model}, {rung.resolution}"
+                progress(f"rung {done} of {total}: {where}")
+                own.append(measured(rung))
+    if total and not any(found):
+        raise KeyboardInterrupt
+    return [
+        judged(ladder, own + [NOT_RUN] * (len(ladder.rungs) - len(own)))
+        for ladder, own in zip(ladders, found, strict=True)
+    ]
 
 
 def run_extreme(
@@ -189,29 +211,38 @@ def run_extreme(
 ) -> ExtremeStudy:
     """Hold every model to what it states in its extreme cases, and write `EXTREME_FILES` into `folder`.
 
+    Interrupted (Ctrl-C), the cases that were left are 'not run'.
+
     Raises
     ------
     FileError
         The folder cannot be written; what was there stays.
+    KeyboardInterrupt
+        It was interrupted before the first case was done.
     """
     with OutputFolder(folder) as out:
-        verdicts = []
         cases = named_cases(sets)
-        for number_, case in enumerate(cases, 1):
-            progress(f"case {number_} of {len(cases)}: {case.domain}, {case.name}")
-            verdicts.append(verdict_of(case))
-        progress("drawing")
-        from padgen.ladders.pictures import extreme_picture
+        verdicts = [Verdict(case.domain, case.name, case.model, source=case.source) for *_, case in cases]
+        with suppress(KeyboardInterrupt):
+            for place, named in enumerate(cases):
+                progress(f"case {place + 1} of {len(cases)}: {named.case.domain}, {named.case.name}")
+                verdicts[place] = verdict_of(named)
+        study = ExtremeStudy(folder, EXTREME_FILES, tuple(verdicts))
+        if len(study.missing) == len(cases) > 0:
+            raise KeyboardInterrupt
+        with uninterrupted():
+            progress("drawing")
+            from padgen.ladders.pictures import extreme_picture
 
-        texts: tuple[str | bytes, ...] = (
-            extreme_csv(verdicts),
-            extreme_json(verdicts, _about()),
-            extreme_picture(verdicts),
-        )
-        for name, text in zip(EXTREME_FILES, texts, strict=True):
-            out.write(name, text)
-        out.commit()
-    return ExtremeStudy(folder, EXTREME_FILES, tuple(verdicts))
+            texts = extreme_csv(verdicts), extreme_json(verdicts, _about())
+            _commit(out, EXTREME_FILES, (*texts, extreme_picture(verdicts)))
+    return study
+
+
+def _commit(out: OutputFolder, names: Sequence[str], texts: Sequence[str | bytes]) -> None:
+    for name, text in zip(names, texts, strict=True):
+        out.write(name, text)
+    out.commit()
 
 
 def _tolerances(asked: float | None) -> tuple[float, ...]:
@@ -221,7 +252,7 @@ def _tolerances(asked: float | None) -> tuple[float, ...]:
 
 
 def _about() -> dict[str, Any]:
-    return {"padgen": __version__, "versions": {name: version(name) for name in PACKAGES}}
+    return {"padgen": __version__, "versions": {name: version(name) for name in PACKAGES}, "times": TIMES}
 
 
 def _spec_hash(spec: Spec) -> str:

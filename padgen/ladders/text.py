@@ -1,11 +1,13 @@
 """A study as text for people. Makes text; the command line prints it."""
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from math import isfinite, isnan
 from typing import TYPE_CHECKING
 
 from padgen.core.errors import number
-from padgen.ladders.rung import Judged, Order, Row
+from padgen.ladders.isolate import TIMES
+from padgen.ladders.rung import NOT_RUN, Judged, Order, Row
 from padgen.ladders.verdicts import TOLERANCES, Pick, recommended_row
 
 if TYPE_CHECKING:
@@ -19,9 +21,15 @@ EXTREME_HEADINGS = ("domain", "case", "model", "error", "stated", "run time", "r
 
 
 def study_text(study: "Study") -> str:
-    """All ladders, then the recommended rungs."""
-    parts = [ladder_text(result, study.tolerances) for result in study.ladders]
-    return "\n\n".join([*parts, picks_text(study.picks)])
+    """All ladders of which something was run, then the recommended rungs, what times are, and what was not run."""
+    parts, stopped = [], []
+    for result in study.ladders:
+        left, every = sum(row.measured is NOT_RUN for row in result.rows), len(result.rows)
+        if left:
+            stopped.append(f"not run: {left} of {every} rungs of {result.ladder.name}, {result.ladder.subject}")
+        if left < every:
+            parts.append(ladder_text(result, study.tolerances))
+    return "\n\n".join([*parts, picks_text(study.picks), "\n".join([TIMES, *stopped])])
 
 
 def ladder_text(result: Judged, tolerances: Sequence[float] = TOLERANCES) -> str:
@@ -35,12 +43,9 @@ def ladder_text(result: Judged, tolerances: Sequence[float] = TOLERANCES) -> str
     if not result.converged and result.reference is not None:
         lines.append(f"nothing is recommended below {percent(result.uncertainty)}")
     lines += [_order(order) for order in result.orders]
-    lines += [f"{row.rung.model}, {row.rung.resolution}: {row.measured.note}" for row in _noted(result.rows)]
+    noted = [row for row in result.rows if row.measured.note and row.measured is not NOT_RUN]
+    lines += [f"{row.rung.model}, {row.rung.resolution}: {row.measured.note}" for row in noted]
     return "\n".join([*lines, *([ladder.note] if ladder.note else [])])
-
-
-def _noted(rows: Iterable[Row]) -> list[Row]:
-    return [row for row in rows if row.measured.note]
 
 
 def _row(result: Judged, index: int, tolerances: Sequence[float]) -> tuple[str, ...]:
@@ -48,7 +53,7 @@ def _row(result: Judged, index: int, tolerances: Sequence[float]) -> tuple[str, 
     own = row.measured
     holds = ", ".join(percent(tol) for tol in tolerances if recommended_row(result, tol) == index)
     if own.values is None:
-        return (row.rung.model, row.rung.resolution, "", "", "no answer", "", "", "")
+        return (row.rung.model, row.rung.resolution, "", "", "not run" if own is NOT_RUN else "no answer", "", "", "")
     value = f"{own.values.ravel()[0]:.7g}" if own.values.size == 1 else f"{own.values.size} values"
     return (
         row.rung.model,
@@ -88,27 +93,17 @@ def picks_text(picks: Iterable[Pick]) -> str:
 
 def extreme_text(study: "ExtremeStudy") -> str:
     """The table of cases, then what is refused or wrong, sentence by sentence."""
-    rows = [_verdict(found) for found in study.verdicts]
-    lines = [_table(EXTREME_HEADINGS, rows, left=3)]
-    lines += [f"{found.verdict}: {found.domain}, {found.name}: {found.note}" for found in study.verdicts if found.note]
-    counts: dict[str, int] = {}
-    for found in study.verdicts:
-        counts[found.verdict] = counts.get(found.verdict, 0) + 1
+    lines = [_table(EXTREME_HEADINGS, [_verdict(found) for found in study.verdicts], left=3)]
+    lines += [f"{found.verdict}: {found.domain}, {found.case}: {found.note}" for found in study.verdicts if found.note]
+    counts = Counter(found.verdict for found in study.verdicts)
     told = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
-    return "\n".join([*lines, f"{len(study.verdicts)} cases: {told}"])
+    return "\n".join([*lines, TIMES, f"{len(study.verdicts)} cases: {told}"])
 
 
 def _verdict(found: "Verdict") -> tuple[str, ...]:
-    figures = (_power(found.error), _power(found.stated_error), seconds_text(found.seconds))
-    return (
-        found.domain,
-        found.name,
-        found.model,
-        *figures,
-        _power(found.residual),
-        _power(found.condition),
-        found.verdict,
-    )
+    errors, rest = (found.error, found.stated_error), (found.residual, found.condition)
+    head = (found.domain, found.case, found.model, *map(_power, errors), seconds_text(found.seconds))
+    return (*head, *map(_power, rest), found.verdict)
 
 
 def _power(value: float) -> str:

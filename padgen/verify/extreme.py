@@ -25,13 +25,13 @@ class Answer(NamedTuple):
 class ExtremeCase:
     """One case: what padgen answers (or refuses by raising a `PadgenError`), and what is true.
 
-    Relative errors are of the largest entry of `values` unless `scale` says otherwise. `reference`
-    is analytic, of many digits, or a far finer solve (`source` says which).
+    Relative errors are of the largest entry of `values`. `reference` is analytic, of many digits, or a finer
+    solve (`source` says which); as an `Answer` it has an error of its own, which is allowed for.
     """
 
     name: str
     domain: str
     model: str
     solve: Callable[[], Answer]
-    reference: Callable[[], np.ndarray]
+    reference: Callable[[], np.ndarray | Answer]
     source: str

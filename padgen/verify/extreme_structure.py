@@ -20,7 +20,7 @@ from padgen.spec import make_spec
 from padgen.verify.engines import engine
 from padgen.verify.extreme import Answer, ExtremeCase
 
-__all__ = ["Cantilever", "ExtremeTaxel", "beam_answer", "exact_frequencies", "frame_answer", "structure_cases"]
+__all__ = ["Cantilever", "beam_answer", "exact_frequencies", "frame_answer", "structure_cases"]
 
 DIGITS = 40
 ELEMENTS = 4
@@ -134,109 +134,66 @@ def _frequency_equation(mp: Any, beam: Cantilever, angular: Any) -> Any:
     return rows[0][0] * rows[1][1] - rows[0][1] * rows[1][0]
 
 
-class ExtremeTaxel(NamedTuple):
-    """A taxel far from the usual, in mm, with its working resonance by 3-D elasticity (docs/measure_beams.py)."""
-
-    what: str
-    topology: str
-    beam: BeamShape
-    plate_mm: tuple[float, float]
-    rib_mm: float
-    fillet_mm: float
-    poisson: float
-    washer: str
-    working_hz: float
-
-    @property
-    def model(self) -> TaxelModel:
-        """The beam model of it; the plate is square, `plate_mm` its side and thickness."""
-        side, thickness = self.plate_mm
-        taxel = {"plate_length_mm": side, "plate_width_mm": side, "plate_thickness_mm": thickness}
-        spec = make_spec(
-            {
-                "name": "extreme",
-                "resolution": 1,
-                "band_hz": [1, 100_000],
-                "q_min": 15,
-                "pad": {"rib_mm": self.rib_mm},
-                "taxel": {**taxel, "fillet_mm": self.fillet_mm},
-                "printer": {"name": "fdm-0.25", "smallest_gap_mm": 0.2},
-                "material": {"name": "pla", "poisson_ratio": self.poisson},
-                "washer": self.washer,
-            }
-        )
-        return TaxelModel(spec, self.topology, plate_shape(spec), self.beam)
-
-
-_SMALL, _LARGE = "iso7092-m1.6", "iso7092-m3"
-_TAXELS = (
-    ExtremeTaxel(
+_TAXELS: tuple[tuple[str, str, BeamShape, tuple[float, ...], str, float], ...] = (
+    (
         "foil 23 times as wide as thick",
         "cantilever",
         BeamShape(3.048, 0.132, 1.4),
-        (5.16, 3.0),
-        0.68,
-        0.15,
-        0.2,
-        _SMALL,
+        (5.16, 3.0, 0.68, 0.15, 0.2),
+        "m1.6",
         121.1,
     ),
-    ExtremeTaxel(
-        "thread under a heavy plate",
-        "cantilever",
-        BeamShape(0.3, 0.123, 1.49),
-        (6.83, 4.0),
-        2.38,
-        0.0,
-        0.0,
-        _LARGE,
-        17.06,
-    ),
-    ExtremeTaxel(
-        "cubes on both sides", "bridge", BeamShape(0.461, 0.524, 0.68), (4.41, 4.0), 1.96, 0.3, 0.4, _SMALL, 6201.38
-    ),
-    ExtremeTaxel(
-        "ribbons on both sides", "bridge", BeamShape(3.492, 0.308, 1.57), (4.96, 4.0), 0.83, 0.6, 0.3, _SMALL, 4003.955
-    ),
-    ExtremeTaxel(
+    ("thread under a heavy plate", "cantilever", BeamShape(0.3, 0.123, 1.49), (6.83, 4.0, 2.38, 0.0, 0.0), "m3", 17.06),
+    ("cubes on both sides", "bridge", BeamShape(0.461, 0.524, 0.68), (4.41, 4.0, 1.96, 0.3, 0.4), "m1.6", 6201.38),
+    ("ribbons on both sides", "bridge", BeamShape(3.492, 0.308, 1.57), (4.96, 4.0, 0.83, 0.6, 0.3), "m1.6", 4003.955),
+    (
         "ribbon a ninth as long as wide",
         "cantilever",
         BeamShape(3.741, 0.359, 0.4),
-        (4.62, 2.0),
-        1.19,
-        0.0,
-        0.4,
-        _SMALL,
+        (4.62, 2.0, 1.19, 0.0, 0.4),
+        "m1.6",
         1315.85,
     ),
-    ExtremeTaxel(
-        "slit of two ribbons", "bridge", BeamShape(2.999, 0.232, 0.4), (4.43, 4.0), 1.42, 0.3, 0.45, _SMALL, 11116.38
-    ),
-    ExtremeTaxel(
+    ("slit of two ribbons", "bridge", BeamShape(2.999, 0.232, 0.4), (4.43, 4.0, 1.42, 0.3, 0.45), "m1.6", 11116.38),
+    (
         "block as long as thick",
         "cantilever",
         BeamShape(0.605, 1.473, 1.51),
-        (4.77, 4.0),
-        2.03,
-        0.3,
-        0.2,
-        _SMALL,
+        (4.77, 4.0, 2.03, 0.3, 0.2),
+        "m1.6",
         1644.294,
     ),
 )
+"""Taxels far from the usual: beam in mm; side and thickness of the plate, rib and fillet in mm and Poisson's ratio;
+washer; working resonance in Hz by 3-D elasticity (docs/measure_beams.py)."""
 
 
-def beam_answer(taxel: ExtremeTaxel) -> Answer:
-    """Working resonance by the beam model; it states two and a half of its standard deviations.
+def beam_answer(topology: str, beam: BeamShape, figures: tuple[float, ...], washer: str) -> Answer:
+    """Working resonance of one of the taxels by the beam model; it states two and a half of its standard deviations.
 
     Raises
     ------
     SolverError
         The beam is shorter than those that the model was fitted to; the message names the next rung.
     """
-    model = taxel.model
+    side, thick, rib, fillet, poisson = figures
+    plate = {"plate_length_mm": side, "plate_width_mm": side, "plate_thickness_mm": thick}
+    spec = make_spec(
+        {
+            "name": "extreme",
+            "resolution": 1,
+            "band_hz": [1, 100_000],
+            "q_min": 15,
+            "pad": {"rib_mm": rib},
+            "taxel": {**plate, "fillet_mm": fillet},
+            "printer": {"name": "fdm-0.25", "smallest_gap_mm": 0.2},
+            "material": {"name": "pla", "poisson_ratio": poisson},
+            "washer": f"iso7092-{washer}",
+        }
+    )
+    model = TaxelModel(spec, topology, plate_shape(spec), beam)
     if not model.in_range:
-        width, thickness, length = taxel.beam
+        width, thickness, length = beam
         raise SolverError(
             f"a beam of {number(length)} mm is too short beside its width of {number(width)} and thickness of"
             f" {number(thickness)} mm for the beam model: solve the solid"
@@ -264,29 +221,14 @@ def _cantilevers() -> Iterator[tuple[str, Cantilever]]:
 
 def structure_cases() -> Iterator[ExtremeCase]:
     """All cases of the structure ladder's beam rungs."""
+    source = "roots of Timoshenko's frequency equation, forty digits"
     for name, beam in _cantilevers():
-        solve = partial(frame_answer, beam)
-        yield ExtremeCase(
-            name=name,
-            domain="structure",
-            model="frame",
-            solve=solve,
-            reference=partial(_reference, beam),
-            source="roots of Timoshenko's frequency equation, forty digits",
-        )
-    yield from _taxel_cases()
-
-
-def _taxel_cases() -> Iterator[ExtremeCase]:
-    for taxel in _TAXELS:
-        yield ExtremeCase(
-            name=f"taxel: {taxel.what}",
-            domain="structure",
-            model="beam",
-            solve=partial(beam_answer, taxel),
-            reference=partial(np.array, [taxel.working_hz]),
-            source="3-D elasticity of the printed solid, order 3, 0.3 %",
-        )
+        solve, reference = partial(frame_answer, beam), partial(_reference, beam)
+        yield ExtremeCase(name, "structure", "frame", solve, reference, source)
+    source = "3-D elasticity of the printed solid, order 3, 0.3 %"
+    for name, topology, shape, figures, washer, hz in _TAXELS:
+        solve = partial(beam_answer, topology, shape, figures, washer)
+        yield ExtremeCase(f"taxel: {name}", "structure", "beam", solve, partial(np.array, [hz]), source)
 
 
 def _reference(beam: Cantilever) -> np.ndarray:

@@ -25,11 +25,11 @@ LEAST_OFFSET_MM = 1e-3
 
 
 def force_ladders(scene: Scene) -> Iterator[Ladder]:
-    """One ladder for a washer on the coil's axis, and one for each distance at which the plan has one."""
+    """One ladder for each distance from the coil's axis at which the plan has a washer."""
     coil, washer = magnetic_parts(scene.plan.spec)
     gap = scene.plan.spec.coil.gap_mm
-    offsets = sorted({round(c.site.coil_distance_mm, 3) for c in chosen_channels(scene.plan)})
-    for offset in [0.0, *(offset for offset in offsets if offset >= LEAST_OFFSET_MM)]:
+    distances = {round(c.site.coil_distance_mm, 3) for c in chosen_channels(scene.plan)}
+    for offset in sorted({distance if distance >= LEAST_OFFSET_MM else 0.0 for distance in distances}):
         pull = Pull(coil, washer, gap * MM, offset * MM)
         place = f"{offset:g} mm off the axis" if offset else "on the axis"
         yield Ladder(

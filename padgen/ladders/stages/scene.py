@@ -1,11 +1,8 @@
 """What a study is made about, and the solids that finer models need."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
-from padgen.ladders.isolate import run_apart
 from padgen.planner.plan import Channel, Plan
 
 __all__ = ["Scene", "chosen_channels", "distinct_channels", "write_steps"]
@@ -14,26 +11,15 @@ MOST_SUBJECTS = 4
 """Taxels that are studied one by one where a pad has more."""
 
 
-@dataclass(frozen=True)
-class Scene:
-    """A plan, a folder for what is made on the way, and how to say what is being done."""
+class Scene(NamedTuple):
+    """A plan, and a folder for what is made on the way."""
 
     plan: Plan
     aside: Path
-    progress: Callable[[str], None] = lambda step: None
 
-    @cached_property
-    def steps(self) -> dict[int, Path]:
-        """The STEP file of each channel's taxel, as a build writes it; made once, in a process of its own.
-
-        Raises
-        ------
-        PadgenError
-            A kernel refused a taxel.
-        """
-        self.progress("modelling the taxels")
-        written: dict[int, Path] = run_apart(write_steps, self.plan, self.aside)
-        return written
+    def step(self, channel: Channel) -> Path:
+        """Where `write_steps` puts the STEP file of a channel's taxel."""
+        return self.aside / f"taxel-{channel.index}.step"
 
 
 def distinct_channels(plan: Plan) -> tuple[Channel, ...]:
@@ -51,11 +37,15 @@ def chosen_channels(plan: Plan) -> tuple[Channel, ...]:
     return tuple(every[place] for place in places)
 
 
-def write_steps(plan: Plan, folder: Path) -> dict[int, Path]:
-    """Write the STEP file of every distinct channel into `folder`. Imports build123d."""
+def write_steps(scene: Scene) -> None:
+    """Write the STEP files of `chosen_channels`, as a build does. Imports build123d.
+
+    Raises
+    ------
+    PadgenError
+        The kernel refuses a taxel.
+    """
     from padgen.solid.formats.step import write_taxel_step
 
-    paths = {channel.index: folder / f"taxel-{channel.index}.step" for channel in distinct_channels(plan)}
-    for index, path in paths.items():
-        write_taxel_step(plan, plan.channels[index], path)
-    return paths
+    for channel in chosen_channels(scene.plan):
+        write_taxel_step(scene.plan, channel, scene.step(channel))

@@ -1,0 +1,160 @@
+"""Specs drawn from the whole space of specs, planned end to end: a plan of finite figures, or one sentence."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
+from functools import partial
+from math import nan
+from pathlib import Path
+from random import Random
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from padgen.core.errors import PadgenError
+from padgen.planner import make_plan
+from padgen.spec import Spec, catalogue, make_spec
+from padgen.spec.fields import choices
+from padgen.verify.extreme import Answer, ExtremeCase
+from padgen.verify.extreme_solid import FINER, FINER_ERROR
+from padgen.verify.extreme_structure import STATED_DEVIATIONS
+
+__all__ = ["outcome", "random_table", "spec_cases"]
+
+GROUPS, IN_GROUP = 8, 50
+SOLIDS = (0, 1, 9, 11, 30, 37)
+"""Random specs of which a taxel is solved by finite elements, too: feasible ones of every topology."""
+TOLERANCE = 3e-3
+QUICK, QUICK_ERROR = (3, 1), 3e-3
+"""Order and levels of elements that a beam model is held against, and what they may be off by."""
+MOST_ODD = 4
+"""Fields, at most, that are drawn from all that they may be, the others being of the catalogues or usual."""
+LONGEST_SENTENCE = 1000
+IMPOSSIBLE: dict[str, dict[str, Any]] = {
+    "a washer that sags by 25 mm over a gap of 1 mm": {"resonances_hz": [3.0], "band_hz": [2.5, 4], "resolution": 1},
+    "a washer that rests on its coil by its weight": {"coil": {"gap_mm": 0.05}, "resonances_hz": [60.0, 120.0]},
+    "a level of half the gap": {"drive": {"level_um": 500.0}},
+    "a level of twice the gap": {"drive": {"level_um": 2000.0}},
+}
+FREE = ("resolution", "threshold_file", "threshold_hz", "threshold_um", "resonances_hz", "structure", "name", "source")
+"""Fields of the spec that are not drawn among the odd ones: without bounds, or drawn always."""
+
+
+def spec_cases() -> Iterator[ExtremeCase]:
+    """Groups of random specs, taxels of some of them by finite elements, and statics that no pad survives."""
+    for first in range(0, GROUPS * IN_GROUP, IN_GROUP):
+        name, source = f"random {first} … {first + IN_GROUP - 1}", "a plan of finite figures, or one sentence"
+        yield ExtremeCase(name, "specs", "plan", partial(_group, first), partial(np.array, [0.0]), source)
+    for number in SOLIDS:
+        quick, source = partial(_solid, number, QUICK, QUICK_ERROR), f"elements of order {QUICK[0]}, {QUICK_ERROR:.1%}"
+        yield ExtremeCase(f"taxel of random {number}", "specs", "beam", partial(_beam, number), quick, source)
+    converged, finer = partial(_solid, SOLIDS[1], None, nan), partial(_solid, SOLIDS[1], FINER, FINER_ERROR)
+    source = f"elements of order {FINER[0]}, {FINER[1]} layers"
+    yield ExtremeCase(f"taxel of random {SOLIDS[1]}", "specs", "elements", converged, finer, source)
+    for name, fields_ in IMPOSSIBLE.items():
+        table = {"name": "impossible", "resolution": 4, "band_hz": [50, 200], "q_min": 15, **fields_}
+        told, source = partial(np.array, [1.0]), "an error or a refusal, since no pad can be so"
+        yield ExtremeCase(name, "specs", "plan", partial(_refused, table), told, source)
+
+
+def _group(first: int) -> Answer:
+    """How many of a group's specs are answered wrongly; raises with the first of them."""
+    found = {number: outcome(random_table(number)) for number in range(first, first + IN_GROUP)}
+    wrong = [f"random {number}: {fault}" for number, fault in found.items() if fault]
+    if wrong:
+        raise ValueError(f"{len(wrong)} of {IN_GROUP} are wrong: {'; '.join(wrong[:3])}")
+    return Answer(np.array([0.0]), 0.0)
+
+
+def _refused(table: dict[str, Any]) -> Answer:
+    """1 for a plan that has found an error; a refusal is raised."""
+    plan = make_plan(make_spec(table))
+    return Answer(np.array([float(any(finding.level == "error" for finding in plan.findings))]), 0.0)
+
+
+def _beam(number: int) -> Answer:
+    """The lowest resonance by the plan's model; it states some of its standard deviations."""
+    channel = make_plan(make_spec(random_table(number, 0))).channels[0]
+    return Answer(np.array([channel.resonance_hz]), STATED_DEVIATIONS * channel.model_error)
+
+
+def _solid(number: int, setting: tuple[int, int] | None, error: float) -> Answer:
+    """The same of the printed solid, by elements of a setting that err by `error`, else by those that tune plans."""
+    from padgen.make.solid_tuning import solid_taxel
+    from padgen.solid.formats.step import write_taxel_step  # before NGSolve, which brings another OCCT
+    from padgen.verify.elasticity import converged_modes, solve_modes
+
+    plan = make_plan(make_spec(random_table(number, 0)))
+    with TemporaryDirectory() as folder:
+        step = Path(folder) / "taxel.step"
+        write_taxel_step(plan, plan.channels[0], step)
+        taxel = solid_taxel(plan, plan.channels[0], step)
+        found = solve_modes(taxel, *setting) if setting else converged_modes(taxel, TOLERANCE)
+    working = found.modes.working
+    stated = error if setting else float(found.error[working])
+    return Answer(found.modes.frequency_hz[[working]], stated, found.residual)
+
+
+def random_table(number: int, most_odd: int = MOST_ODD) -> dict[str, Any]:
+    """Spec number `number` of those drawn, as a table; the same ones on every machine."""
+    random = Random(number)
+    draw = random.random
+    low, side_mm = 10 * 20 ** draw(), 30 * 5 ** draw()
+    material, made = random.choice(sorted(catalogue("material").items()))
+    printers = [name for name, entry in sorted(catalogue("printer").items()) if entry["process"] == made["process"]]
+    table: dict[str, Any] = {
+        "name": f"random-{number}",
+        "resolution": 1 + int((side_mm / 12) ** 2 * draw()),
+        "band_hz": [low, low * 2 * 10 ** draw()],
+        "q_min": 3 * 30 ** draw(),
+        "material": material,
+        "printer": random.choice(printers),
+        "washer": random.choice(sorted(catalogue("washer"))),
+        "pad": {"width_mm": side_mm, "depth_mm": side_mm},
+        "suspension": {"topology": random.choice(["auto", "cantilever", "folded", "bridge"])},
+    }
+    for _ in range(int(draw() * (most_odd + 1))):
+        name, item = random.choice(DRAWN)
+        meta = item.metadata
+        if known := choices(meta):
+            value: Any = random.choice(known)
+        elif meta["low"] > 0:
+            value = meta["low"] * (meta["high"] / meta["low"]) ** draw()
+        else:
+            value = meta["high"] * draw() ** 4
+        entry = table.setdefault(name, {}) if name else table
+        if isinstance(entry, str):
+            entry = table[name] = {"name": entry}
+        entry[item.name] = int(value) if item.type == "int" or item.type is int else value
+    return table
+
+
+def _is_drawn(item: Any) -> bool:
+    single = "low" in item.metadata and "count" not in item.metadata
+    return item.name not in FREE and (single or bool(choices(item.metadata)))
+
+
+DRAWN = [
+    (name, item)
+    for name, table in [("", Spec), *((part.name, part.type) for part in fields(Spec) if is_dataclass(part.type))]
+    for item in fields(table)
+    if _is_drawn(item)
+]
+"""The tables of a spec ("" is the top level) and their fields, those that have bounds or choices."""
+
+
+def outcome(table: dict[str, Any]) -> str:
+    """What is wrong with the answer to a spec: nothing where it is a plan of finite figures, or one sentence.
+
+    A plan that finds an error in itself, as where a coil does not pull its washer, may have infinite figures.
+    """
+    try:
+        plan = make_plan(make_spec(table))
+    except PadgenError as error:
+        return "its refusal is no sentence" if "\n" in str(error) or len(str(error)) > LONGEST_SENTENCE else ""
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+    honest = any(finding.level == "error" for finding in plan.findings)
+    lost = re.search(r"(\w+)\W+(nan|inf)\b", repr(vars(plan)))
+    return f"{lost[1]} is no number" if lost and not honest else ""
