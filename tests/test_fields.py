@@ -152,7 +152,15 @@ def test_saturation_weakens_the_pull_per_square():
 
 def test_a_force_lost_in_the_fields_error_is_refused():
     with pytest.raises(SolverError, match="two potentials differ"):
-        axisymmetric_force(COIL, WASHER, 100 * MM)
+        axisymmetric_force(COIL, WASHER, 4.0, order=4, levels=1)
+
+
+def test_a_force_far_away_falls_as_a_dipoles():
+    near, far = (axisymmetric_force(COIL, WASHER, gap) for gap in (100 * MM, 200 * MM))
+    middles = (COIL.length + WASHER.thickness) / 2
+    # A dipole's pull on a small body goes with 1/r⁷; what is left are the next poles, (10 mm/100 mm)² times a little.
+    assert near.force_n / far.force_n == pytest.approx(((200 * MM + middles) / (100 * MM + middles)) ** 7, rel=5e-3)
+    assert max(near.error, far.error) < 2e-3
 
 
 @pytest.mark.parametrize(

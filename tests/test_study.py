@@ -563,15 +563,15 @@ def test_a_wrong_plan_of_a_random_spec_is_found(monkeypatch):
     from padgen.ladders import extreme_specs
 
     table = {"name": "a", "resolution": 2, "band_hz": [50, 200], "q_min": 15}
-    plan = extreme_specs.make_plan(extreme_specs.make_spec(table))
+    plan = extreme_specs.plan_for(extreme_specs.make_spec(table))
     lost = replace(plan, channels=(replace(plan.channels[0], sag_um=nan), *plan.channels[1:]))
-    monkeypatch.setattr(extreme_specs, "make_plan", lambda spec: lost)
+    monkeypatch.setattr(extreme_specs, "plan_for", lambda spec: lost)
     assert outcome(table) == "sag_um is no number"
 
     def breaks(spec):
         raise ZeroDivisionError("by nothing")
 
-    monkeypatch.setattr(extreme_specs, "make_plan", breaks)
+    monkeypatch.setattr(extreme_specs, "plan_for", breaks)
     assert outcome(table) == "ZeroDivisionError: by nothing"
     with pytest.raises(ValueError, match="are wrong: random "):
         next(spec_cases()).solve()
