@@ -13,7 +13,7 @@ from padgen.physics.pull import pull
 
 __all__ = ["BROUGHT", "OWN_ERROR", "PullAt", "PullTable", "brought_table", "make_table", "parts_key", "solved_pulls"]
 
-OWN_ERROR = 0.004
+OWN_ERROR = 0.008
 """Relative error of a solved pull (docs/accuracy.md)."""
 COLUMNS = 5
 SLOPE_STEP = 0.02
