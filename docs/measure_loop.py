@@ -31,6 +31,7 @@ TPU = (
 )
 CASES = {
     "folded-resin": (2, 14, "[50, 400]", RESIN + 'material = "tough-resin"\n', "folded", ""),
+    "folded-one": (1, 12, "[50, 400]", RESIN, "folded", ""),
     "bridge-resin": (2, 12.5, "[50, 400]", RESIN, "bridge", ""),
     "bridge-tall": (1, 14, "[200, 1500]", RESIN + "resonances_hz = [700]\n", "bridge", ""),
     "bridge-stubby": (1, 16, "[300, 3000]", "resonances_hz = [1500]\n", "bridge", "length_mm = 2.5\n"),

@@ -50,10 +50,10 @@ class Setting(NamedTuple):
 
 SETTINGS = (Setting(3, 2), Setting(3, 2, 0.5), Setting(4, 2, 0.5), Setting(4, 3, 0.35))
 """Cheapest first."""
-ADDED = {3: 0.15, 4: 0.4}
+ADDED = {3: 0.15, 4: 0.7}
 """Share of the last order's change that all higher orders and finer meshes together still make: 0.03 … 0.24 at order 3,
-0.3 … 0.7 at order 4, whose change is small, on the taxels of docs/accuracy.md."""
-DOUBT = {3: 1 / 6, 4: 0.4}
+0.6 … 1.4 at order 4, whose change is small, on the taxels of docs/accuracy.md."""
+DOUBT = {3: 1 / 6, 4: 0.7}
 """Share of that change by which the extrapolated frequency may be off."""
 REST = 3e-4
 """Relative error of a frequency that no order shows: curves of order `LEAN`, elements that stay at it."""
