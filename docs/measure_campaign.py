@@ -1,0 +1,390 @@
+"""Prints the tables of docs/accuracy.md on taxels drawn at random; `--solve` adds solved ones to the set.
+
+python docs/measure_campaign.py                the beam model's errors and what it states, by stratum
+python docs/measure_campaign.py --solve 600    solve numbers 0 … 599 that the set does not have yet; may be stopped
+python docs/measure_campaign.py --check 7 19   those numbers anew by finer elements
+
+Number i is drawn from the seed (SEED, i): half of them as the planner sizes them from a random spec, half with
+dimensions drawn directly from all that a spec allows. Every third is held out of all fits.
+"""
+
+import argparse
+import csv
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT))
+from padgen.core.cache import version
+from padgen.core.errors import PadgenError
+from padgen.core.runner import Runner
+from padgen.planner.layout import room
+from padgen.planner.make import choose
+from padgen.planner.plan import Cell, Plate
+from padgen.planner.search import sites_of
+from padgen.planner.suspensions import BeamShape, suspension
+from padgen.planner.taxel_model import TaxelModel, fillet_mm, plate_shape, post_diameter_mm, recess_mm
+from padgen.planner.tile import Outline, outline
+from padgen.spec import Spec, catalogue, make_spec
+
+SET = ROOT / "tests" / "reference" / "taxel_campaign.csv"
+SEED, THIRD = 20261122, 3
+MODES = 6
+TOLERANCE = 1e-3
+TIME_S, MOST_MB = 240, 3000
+TRIES = 60
+TOPOLOGIES = ("cantilever", "folded", "bridge")
+# Modulus in GPa, Poisson's ratio, density in g/cm³.
+POLYMERS = {
+    "pla": ("fdm", 3.0, 0.36, 1.24),
+    "petg": ("fdm", 2.0, 0.38, 1.27),
+    "abs": ("fdm", 2.1, 0.37, 1.05),
+    "tpu": ("fdm", 0.06, 0.45, 1.21),
+    "resin": ("resin", 2.2, 0.40, 1.18),
+}
+# (The ISO washers begin at M1.6.)
+SMALLEST = {"outer_diameter_mm": 2.5, "inner_diameter_mm": 1.1, "thickness_mm": 0.3}
+WASHERS = ["m1", *(name for name in catalogue("washer") if not name.endswith(("-a2", "-410")))]
+
+NUMBERS = {
+    "width_mm": None,
+    "thickness_mm": None,
+    "length_mm": None,
+    "plate_length_mm": "taxel",
+    "plate_width_mm": "taxel",
+    "plate_thickness_mm": "taxel",
+    "boss_diameter_mm": "taxel",
+    "boss_protrusion_mm": "taxel",
+    "boss_edge_mm": "taxel",
+    "fillet_mm": "taxel",
+    "glue_mg": "taxel",
+    "frame_thickness_mm": "pad",
+    "rib_mm": "pad",
+    "line_width_mm": "printer",
+    "layer_mm": "printer",
+    "first_layer_mm": "printer",
+    "smallest_gap_mm": "printer",
+    "outer_diameter_mm": "washer",
+    "inner_diameter_mm": "washer",
+    "washer_thickness_mm": "washer",
+    "youngs_modulus_gpa": "material",
+    "poisson_ratio": "material",
+    "density_g_per_cm3": "material",
+    "cross_layer_ratio": "material",
+}
+"""Columns of numbers that make a taxel, and the tables of the spec that have them."""
+OUTLINE = ("x0_mm", "x1_mm", "y0_mm", "y1_mm")
+TEXTS = ("number", "drawn", "topology", "process", "polymer", "centre_post")
+"""`drawn`: 'planned' by the planner, or 'direct'."""
+AXES = ("x", "y", "z", "rx", "ry", "rz")
+FOUND = ("order", "unknowns", "seconds", "working")
+SOLVED = (
+    *FOUND,
+    *(f"hz_{k}" for k in range(MODES)),
+    *(f"error_{k}" for k in range(MODES)),
+    *(f"{axis}_{k}" for k in range(MODES) for axis in AXES),
+)
+COLUMNS = (*TEXTS, *NUMBERS, *OUTLINE, *SOLVED)
+
+Row = dict[str, Any]
+
+
+def rows_of(path: Path = SET) -> list[Row]:
+    """The taxels of the set, numbers as numbers."""
+    lines = [line for line in path.read_text().splitlines() if line and not line.startswith("#")]
+    return [
+        {key: value if key in TEXTS[1:] else float(value) for key, value in row.items()}
+        for row in csv.DictReader(lines)
+    ]
+
+
+def held_out(row: Row) -> bool:
+    """Whether a taxel is kept out of all fits."""
+    return int(row["number"]) % THIRD == 0
+
+
+def table_of(row: Row) -> dict[str, Any]:
+    """The spec of one taxel of the set as a table."""
+    tables: dict[str, Any] = {
+        "name": "set",
+        "resolution": 1,
+        "band_hz": [0.1, 1_000_000],
+        "q_min": 15,
+        "pad": {"border_mm": 20},
+        "taxel": {"centre_post": row["centre_post"] == "yes"},
+        "printer": {
+            "name": "fdm-0.25" if row["process"] == "fdm" else "resin-0.05",
+            "longest_bridge_mm": 50,
+            "smallest_beam_mm": 0.05,
+        },
+        "washer": {"name": "iso7089-m2"},
+        "material": {"name": "pla" if row["process"] == "fdm" else "tough-resin"},
+    }
+    for name, where in NUMBERS.items():
+        if where:
+            tables[where][name.removeprefix("washer_")] = row[name]
+    return tables
+
+
+def spec_of(row: Row) -> Spec:
+    return make_spec(table_of(row))
+
+
+def model_of(row: Row) -> TaxelModel:
+    """The beam model of one taxel of the set."""
+    spec = spec_of(row)
+    return TaxelModel(spec, row["topology"], plate_shape(spec), beam_of(row))
+
+
+def beam_of(row: Row) -> BeamShape:
+    return BeamShape(row["width_mm"], row["thickness_mm"], row["length_mm"])
+
+
+# Drawing
+
+
+def drawn(number: int) -> Row:
+    """The taxel of that number."""
+    for attempt in range(TRIES):
+        random = np.random.default_rng((SEED, number, attempt))
+        way = "planned" if np.random.default_rng((SEED, number)).random() < 0.5 else "direct"
+        try:
+            row = (_planned if way == "planned" else _direct)(random)
+            spec_of(row)
+        except PadgenError:
+            continue
+        if row:
+            return {"number": number, "drawn": way, **row}
+    raise SystemExit(f"number {number}: none of {TRIES} draws is a taxel")
+
+
+def _logs(random: Any, low: float, high: float) -> float:
+    return float(np.exp(random.uniform(np.log(low), np.log(high))))
+
+
+def _printed(random: Any) -> Row:
+    """Polymer, printer, washer and plate."""
+    polymer = str(random.choice([*POLYMERS, "resin"]))  # resin twice, as it is a process of its own
+    process, modulus, poisson, density = POLYMERS[polymer]
+    if random.random() < 0.4:
+        poisson = random.uniform(0.2, 0.45)
+    ratio = 1.0
+    if random.random() < (0.6 if process == "fdm" else 0.3):
+        ratio = _logs(random, 0.1 if process == "fdm" else 0.5, 1)
+    if process == "fdm":
+        layer = float(random.choice([0.05, 0.1, 0.15, 0.2, 0.25, 0.3]))
+        first, line = max(layer, float(random.choice([0.1, 0.2, 0.3]))), float(random.choice([0.27, 0.45]))
+        gap = 0.3 if line > 0.3 else 0.2
+    else:
+        layer = float(random.choice([0.025, 0.05, 0.1]))
+        first, line, gap = layer, 0.3, 0.2
+    name = str(random.choice(WASHERS))
+    washer = SMALLEST if name == "m1" else {key: float(catalogue("washer")[name][key]) for key in SMALLEST}
+    row: Row = {
+        "process": process,
+        "polymer": polymer,
+        "centre_post": "yes" if random.random() < 0.25 else "no",
+        "youngs_modulus_gpa": modulus,
+        "poisson_ratio": poisson,
+        "density_g_per_cm3": density,
+        "cross_layer_ratio": ratio,
+        "layer_mm": layer,
+        "first_layer_mm": first,
+        "line_width_mm": line,
+        "smallest_gap_mm": gap if random.random() < 0.7 else random.uniform(0.2, 0.6),
+        "outer_diameter_mm": washer["outer_diameter_mm"],
+        "inner_diameter_mm": washer["inner_diameter_mm"],
+        "washer_thickness_mm": washer["thickness_mm"],
+        "glue_mg": 0.0 if random.random() < 0.5 else random.uniform(1, 10),
+        "rib_mm": random.uniform(0.5, 2),
+        "fillet_mm": float(random.choice([0.0, 0.3, 0.3, 0.6, 1.0])) if random.random() < 0.7 else random.uniform(0, 1),
+        "boss_diameter_mm": random.uniform(1.5, 4),
+        "boss_protrusion_mm": random.uniform(0.3, 2),
+        "boss_edge_mm": float(random.choice([0.0, 0.2, 0.3])),
+    }
+    layers = int(np.ceil((row["washer_thickness_mm"] + 0.1 - first) / layer - 1e-6)) + 1
+    recess = first + (max(layers, 1) - 1) * layer
+    row["plate_thickness_mm"] = max(float(recess + 2 * layer), 0.4) * (1 + random.random() ** 2 * 2)
+    if random.random() < 0.5 and recess + 2 * layer < 4:
+        row["plate_thickness_mm"] = 4.0  # as specs have it that do not say
+    row["frame_thickness_mm"] = row["plate_thickness_mm"] + float(random.choice([0, 0.5, 2]))
+    walled = max(row["outer_diameter_mm"] + 0.2 + 2 * line, row["boss_diameter_mm"])
+    grown = random.uniform(1, 1.5, 2) if random.random() < 0.4 else (1.0, 1.0)
+    row["plate_length_mm"], row["plate_width_mm"] = (float(walled * g) + 1e-6 for g in grown)
+    return {key: round(value, 6) if isinstance(value, float) else value for key, value in row.items()}
+
+
+def _direct(random: Any) -> Row:
+    """Proportions drawn evenly in their logarithms."""
+    row: Row = {"topology": str(random.choice(TOPOLOGIES)), **_printed(random)}
+    thickest = min(row["plate_thickness_mm"] - row["layer_mm"], 2.4)
+    wanted = _logs(random, 0.1, max(thickest, 0.11))
+    count = max(round((wanted - row["first_layer_mm"]) / row["layer_mm"]), 0)
+    thickness = row["first_layer_mm"] + count * row["layer_mm"]
+    widest = row["plate_width_mm"] if row["topology"] != "folded" else 4.0
+    width = np.clip(thickness * _logs(random, 0.4, 16), row["line_width_mm"], widest)
+    shortest = suspension(row["topology"]).shortest(plate_shape(spec_of({**row, **_SIZED})), row["smallest_gap_mm"])
+    length = np.clip(thickness * _logs(random, 1, 60), max(shortest, thickness), max(25.0, shortest))
+    row |= {"width_mm": float(width), "thickness_mm": float(thickness), "length_mm": float(length)}
+    row = {key: round(value, 6) if isinstance(value, float) else value for key, value in row.items()}
+    if thickness > thickest + 1e-9:
+        return {}
+    window_length, window_width = (float(v) for v in model_of(row).arrangement.window_mm)
+    half = row["rib_mm"] / 2
+    return row | dict(zip(OUTLINE, (-half, window_length + half, -window_width / 2 - half, window_width / 2 + half)))
+
+
+_SIZED = {"width_mm": 1.0, "thickness_mm": 1.0, "length_mm": 1.0}
+
+
+def _planned(random: Any) -> Row:
+    """One channel of what the planner makes of a random spec."""
+    row: Row = {"topology": str(random.choice(TOPOLOGIES)), **_printed(random)}
+    channels, coils = int(random.integers(1, 4)), int(random.integers(1, 5))
+    pitch = _logs(random, 1.3, 4) * row["plate_width_mm"] * channels**0.5
+    base = _logs(random, 25, 600) * (row["youngs_modulus_gpa"] / 2) ** 0.5
+    table = table_of(row)
+    table |= {
+        "resolution": channels * coils**2,
+        "resonances_hz": [base * 1.4**k for k in range(channels)],
+        "suspension": {"topology": row["topology"]},
+        "coil": {
+            "name": "drum-20",
+            "outer_diameter_mm": 0.95 * pitch,
+            "inner_diameter_mm": 0.3 * pitch,
+            "core_diameter_mm": 0.3 * pitch,
+            "grid": [coils, coils],
+        },
+    }
+    table["pad"] |= {"width_mm": max(coils * pitch, 5.0), "depth_mm": max(coils * pitch, 5.0)}
+    table["printer"]["smallest_beam_mm"] = row["line_width_mm"]
+    spec = make_spec(table)
+    choice = choose(spec)
+    sized = choice.channels[int(random.integers(channels))]
+    layout = choice.layout
+    site = sites_of(spec, layout, choice.channels)[choice.channels.index(sized)]
+    plan: Any = SimpleNamespace(
+        cell=Cell(layout.sub_columns, layout.sub_rows, layout.sub_width_mm, layout.sub_depth_mm, layout.beam_axis)
+    )
+    sides = outline(plan, SimpleNamespace(site=site))
+    beam = (round(float(v), 9) for v in sized.beam)
+    return row | dict(zip(("width_mm", "thickness_mm", "length_mm"), beam)) | dict(zip(OUTLINE, sides))
+
+
+# Solving
+
+
+def solved(row: Row, finer: bool = False) -> Row:
+    """What 3-D elasticity makes of a taxel of the set: in a process of its own, which loads build123d first."""
+    from padgen.core.units import G_PER_CM3, GPA, GRAM
+    from padgen.solid.kernel import build123d
+    from padgen.solid.taxel import taxel_solid, washer_solid
+
+    b = build123d()
+    from padgen.verify.elasticity import Elastic, SolidTaxel, converged_modes, layered, solve_modes
+
+    spec = spec_of(row)
+    shape = plate_shape(spec)
+    arrangement = model_of(row).arrangement
+    sides = Outline(*(row[key] for key in OUTLINE))
+    taxel = spec.taxel
+    boss = (taxel.boss_diameter_mm, spec.pad.frame_thickness_mm + taxel.boss_protrusion_mm, taxel.boss_edge_mm)
+    channel: Any = SimpleNamespace(
+        index=int(row["number"]),
+        beam=SimpleNamespace(fillet_mm=float(fillet_mm(spec, arrangement))),
+        site=SimpleNamespace(
+            centre_mm=((sides.x0 + sides.x1) / 2, (sides.y0 + sides.y1) / 2), origin_mm=(0.0, 0.0), along="+x"
+        ),
+    )
+    plan: Any = SimpleNamespace(
+        plate=Plate(*shape, *recess_mm(spec), post_diameter_mm(spec), *boss, spec.printer.smallest_gap_mm),
+        spec=spec,
+        arrangement=lambda _: arrangement,
+        cell=Cell(1, 1, sides.x1 - sides.x0, sides.y1 - sides.y0, "x"),
+    )
+    printed, washer = taxel_solid(plan, channel), washer_solid(plan, channel)
+    printed.label, washer.label = "printed", "washer"
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "taxel.step"
+        b.export_step(b.Compound(label="taxel", children=[printed, washer]), path)
+        material = spec.material
+        polymer = Elastic(
+            material.youngs_modulus_gpa * GPA, material.poisson_ratio, material.density_g_per_cm3 * G_PER_CM3
+        )
+        given = SolidTaxel(
+            path,
+            layered(polymer, material.cross_layer_ratio),
+            Elastic(200e9, 0.3, spec.washer.density_g_per_cm3 * G_PER_CM3),
+            float(washer.volume),
+            float(arrangement.washer_x_mm),
+            taxel.glue_mg * 1e-3 * GRAM,
+        )
+        found = solve_modes(given, 4, 3) if finer else converged_modes(given, TOLERANCE, MODES)
+    modes = found.modes
+    return {
+        "order": found.order,
+        "unknowns": found.unknowns,
+        "seconds": sum(found.seconds.values()),
+        "working": modes.working,
+        **{f"hz_{k}": f for k, f in enumerate(modes.frequency_hz)},
+        **{f"error_{k}": e for k, e in enumerate(found.error)},
+        **{f"{axis}_{k}": m for k, row_ in enumerate(modes.motion) for axis, m in zip(AXES, row_)},
+    }
+
+
+def _text(name: str, value: Any) -> str:
+    if isinstance(value, str) or name in ("number", "order", "unknowns", "working"):
+        return str(value)
+    digits = 10 if name in NUMBERS or name in OUTLINE else 7 if name.startswith("hz") else 3
+    return f"{value:.{digits}g}"
+
+
+def solve(most: int, first: int, step: int) -> None:
+    """Solve what the set does not have yet."""
+    if not SET.exists():
+        versions = ", ".join(f"{name} {version(name)}" for name in ("build123d", "netgen-mesher", "ngsolve"))
+        SET.write_text(HEADER.format(versions=versions) + ",".join(COLUMNS) + "\n")
+    known = {int(line.split(",")[0].split()[-1]) for line in SET.read_text().splitlines() if line[:1].isdigit()}
+    known |= {int(line.split()[2]) for line in SET.read_text().splitlines() if line.startswith("# without")}
+    with Runner(1, ("build123d", "padgen.solid.taxel", "padgen.verify.elasticity")) as runner:
+        for number in range(first, most, step):
+            if number in known:
+                continue
+            row = drawn(number)
+            answer = runner.run(solved, row, time_s=TIME_S, most_mb=MOST_MB)
+            if answer.error:
+                line = f"# without {number} {row['topology']}: {answer.sentence}".replace("\n", " ")
+            else:
+                line = ",".join(_text(name, {**row, **answer.value}[name]) for name in COLUMNS)
+            with SET.open("a") as file:
+                file.write(line + "\n")
+
+
+HEADER = """\
+# Modes of random taxels by 3-D elasticity of their solids (`python docs/measure_campaign.py --solve 600`), clamped at
+# the sides of their sub-cells; {versions}, orders 3 and 4, extrapolated.
+# hz_k, error_k: frequencies and the reference's own relative error; x_k ... rz_k: motion of the washer about its axis on
+# the bed, mass-normalised, in kg^-1/2 and kg^-1/2/m; working: index of the mode that a vertical pull moves most.
+# Computed for padgen.
+"""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--solve", type=int, metavar="MOST", default=0)
+    parser.add_argument("--share", type=int, nargs=2, metavar=("FIRST", "STEP"), default=(0, 1))
+    parser.add_argument("--check", type=int, nargs="+", metavar="NUMBER", default=[])
+    asked = parser.parse_args()
+    if asked.solve:
+        solve(asked.solve, *asked.share)
+
+
+if __name__ == "__main__":
+    main()
