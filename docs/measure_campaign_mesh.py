@@ -10,11 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.planner.arrangement import Arrangement
-from padgen.verify.elastic_modes import Factored, System, eigenmodes, energy
+from padgen.verify.elastic_modes import energy
 
 MM = 1e-3
 CORNERS = 24
-REACH = 3.0
+REACH = 2.0
+LONGEST = 4.0
+"""How much longer than wide the pieces of a straight beam are."""
 ENERGY = 0.01
 """Share of the energy in elements that are left at order 2."""
 GRADED = 0.2
@@ -53,8 +55,10 @@ def _rectangle(x0: float, x1: float, y0: float, y1: float) -> Any:
 def _polygon(points: Any) -> Any:
     from netgen.occ import WorkPlane
 
-    plane = WorkPlane().MoveTo(*points[0])
-    for point in points[1:]:
+    doubled = sum(a[0] * b[1] - a[1] * b[0] for a, b in zip(points, [*points[1:], points[0]], strict=True))
+    first, *others = points if doubled > 0 else points[::-1]
+    plane = WorkPlane().MoveTo(*first)
+    for point in others:
         plane.LineTo(*point)
     return plane.Close().Face()
 
@@ -137,7 +141,7 @@ def _squeeze(taxel: Taxel) -> tuple[float, float]:
     thickness = float(taxel.arrangement.beams[0].thickness_mm)
     margin = max(taxel.fillet_mm, 0.0) + 1.0 * min(width, 2 * thickness)
     middle = strip.length - 2 * margin
-    return margin, min(middle, 2.5 * width) if middle > 0 else -1.0
+    return margin, min(middle, max(2.5 * width, middle / LONGEST)) if middle > 0 else -1.0
 
 
 def plan_mesh(taxel: Taxel, levels: int, size: float) -> Plan:
@@ -275,7 +279,7 @@ def half_mesh(taxel: Taxel, levels: int, size: float) -> Any:
     marks = {0.0, thickness, taxel.frame_mm, r.plate_top_mm, r.recess_depth_mm, r.washer_low_mm, r.boss_top_mm}
     marks |= {float(b.height_mm) for b in taxel.arrangement.blocks}
     for level in range(1, levels + 1):
-        marks |= {thickness * (1 - GRADED**level), thickness * (1 + GRADED**level)}
+        marks.add(thickness * (1 + GRADED**level))
     heights = [0.0]
     for z in sorted(marks):
         if z > heights[-1] + 1e-9:
@@ -388,32 +392,48 @@ def modes(mesh: Any, materials: Any, axis_x: float, order: int = 3, count: int =
     rigid = [(1, 0, 0), (0, 1, 0), (0, 0, 1), (0, -z, y), (z, 0, -x), (-y, x, 0)]
     test, field = space.TestFunction(), ngs.GridFunction(space)
     density = mesh.MaterialCF({name: energy(material, field, field) for name, material in materials.items()})
+    place = MM * (np.array([v.point for v in mesh.vertices]) - [axis_x, 0, 0])
+    into, out = stiffness.mat.CreateColVector(), stiffness.mat.CreateColVector()
+
+    def times(matrix: Any, vectors: np.ndarray) -> np.ndarray:
+        columns = []
+        for vector in vectors.T:
+            into.FV().NumPy()[:] = vector
+            out.data = matrix * into
+            columns.append(np.array(out.FV().NumPy()))
+        return np.array(columns).T
+
+    def inertia(vectors: np.ndarray) -> np.ndarray:
+        return np.concatenate([lumps @ part for part in vectors.reshape(3, scalar.ndof, -1)])
+
     frequency, change, motion, unknowns = [], [], [], 0
     for axes in FIELDS.values():
-        fields = [ngs.CoefficientFunction(rigid[k]) for k in axes]
-        loads = []
-        for one in fields:
+        loads, moved = [], np.zeros((3, scalar.ndof, 3))
+        for j, k in enumerate(axes):
             form = ngs.LinearForm(space)
-            form += MM**3 * ngs.InnerProduct(one, test) * washer
+            form += MM**3 * ngs.InnerProduct(ngs.CoefficientFunction(rigid[k]), test) * washer
             form.Assemble()
             loads.append(np.array(form.vec.FV().NumPy()))
-        gram = [[ngs.Integrate(MM**3 * ngs.InnerProduct(a, b) * washer, mesh) for a in fields] for b in fields]
-        load = np.linalg.solve(np.array(gram), np.array(loads)).T
+            # A rigid motion is linear: it has the corners' unknowns only.
+            moved[:, : len(place), j] = (np.eye(3)[k][:, None] if k < 3 else np.cross(np.eye(3)[k - 3], place).T)
+        load = np.array(loads).T
+        load = load @ np.linalg.inv(moved.reshape(-1, 3).T @ load)
         slides = np.concatenate([dofs.clamped | (dofs.middle if k in _HELD[axes] else False) for k in range(3)])
         chosen, found = dofs.order <= 2, []
-        while True:
+        for refined in (False, True):
             free = np.tile(chosen, 3) & ~slides
-            bits = ngs.BitArray(list(free.tolist()))
-            inverse = stiffness.mat.Inverse(bits, inverse="sparsecholesky")
-            solve = Factored(inverse, stiffness.mat.CreateColVector(), stiffness.mat.CreateColVector())
-            system = System(space, stiffness.mat, lumps, free, False)
-            answers = np.array([solve(column) for column in load.T]).T
-            found.append(eigenmodes(system, solve, count, answers if len(found) == 0 else np.hstack((answers, answers[:, :0]))))
-            if len(found) == 2 or order == 2:
+            inverse = stiffness.mat.Inverse(ngs.BitArray(free.tolist()), inverse="sparsecholesky")
+            # Static answers, and what their inertia makes of them: two blocks of Lanczos' method.
+            first = times(inverse, load)
+            first /= np.sqrt((first * inertia(first)).sum(0))
+            basis = np.hstack((first, times(inverse, inertia(first))))
+            square, shape = _lowest(basis, times(stiffness.mat, basis) * free[:, None], inertia(basis))
+            found.append(square[:count])
+            if refined:
                 break
             shares = []
-            for shape in found[0].shape.T:
-                field.vec.FV().NumPy()[:] = shape
+            for one in shape[:, :count].T:
+                field.vec.FV().NumPy()[:] = one
                 held = np.array(ngs.Integrate(density, mesh, element_wise=True).NumPy())
                 shares.append(held / held.sum())
             share = np.max(shares, 0)
@@ -421,16 +441,23 @@ def modes(mesh: Any, materials: Any, axis_x: float, order: int = 3, count: int =
             rich = rising[np.cumsum(share[rising]) > kept]
             chosen = chosen.copy()
             chosen[np.unique(np.concatenate([dofs.elements[k] for k in rich]))] = True
-        eigen = found[-1]
         part = np.zeros((count, 6))
-        part[:, axes] = eigen.shape.T @ load / 2**0.5
-        frequency.append(eigen.frequency_hz)
-        change.append(found[0].frequency_hz / eigen.frequency_hz - 1)
+        part[:, axes] = shape[:, :count].T @ load / 2**0.5
+        frequency.append(np.sqrt(found[1]) / (2 * np.pi))
+        change.append(np.sqrt(found[0] / found[1]) - 1)
         motion.append(part)
         unknowns += int(free.sum())
     hz = np.concatenate(frequency)
     rising = np.argsort(hz)
     return Found(hz[rising], np.concatenate(change)[rising], np.concatenate(motion)[rising], unknowns)
+
+
+def _lowest(basis: np.ndarray, stiff: np.ndarray, heavy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Squares of the angular frequencies within a basis, and the mass-normalised shapes (Rayleigh and Ritz)."""
+    size, turn = np.linalg.eigh(basis.T @ heavy)
+    kept = turn[:, size > 1e-13 * size[-1]] / np.sqrt(size[size > 1e-13 * size[-1]])
+    square, part = np.linalg.eigh(kept.T @ (basis.T @ stiff) @ kept)
+    return square, basis @ kept @ part
 
 
 _HELD = {(0, 2, 4): (1,), (1, 3, 5): (0, 2)}

@@ -35,6 +35,11 @@ SIDE_NARROW = 0.2
 SLIDE = 0.28
 TWIST = 0.79
 WARPING = 0.9
+ROOT_ACROSS=.5
+TIP_ACROSS=.5
+WALL_ACROSS=.7
+SIDE_ACROSS=.3
+DROP_ACROSS=.8
 SHORTEST_THICKNESSES = 1.2
 SHORTEST_WIDTHS = 0.25
 """Lengths of beam over thickness and width down to which the laws were fitted."""
@@ -53,13 +58,14 @@ class Surroundings(NamedTuple):
 def on_elastic_ends(section: BeamSection, around: Surroundings, poisson: Array) -> BeamSection:
     """The same beam with what its ends give; arrays of one shape, or numbers, in m."""
     width, thickness, length = (np.asarray(v, float) for v in section[:3])
+    across = np.asarray(section.across, float)
     flared = width / (width + 2 * np.asarray(section.fillet))
     give = Give(
-        root=flared / (1 / (ROOT * thickness) + 1 / (FRAME * around.frame)),
-        tip=1 / (1 / (TIP * thickness) + NARROW / width) + _wall_give(section, around),
-        lateral_root=flared**2 / (1 / (SIDE * width) + SIDE_NARROW / thickness + 1 / (FRAME * around.frame)),
-        lateral_tip=1 / (1 / (SIDE * width) + SIDE_NARROW / thickness),
-        shear=1 / (1 / (DROP * thickness) + DROP_NARROW / width),
+        root=across**-ROOT_ACROSS * flared / (1 / (ROOT * thickness) + 1 / (FRAME * around.frame)),
+        tip=across**-TIP_ACROSS / (1 / (TIP * thickness) + NARROW / width) + _wall_give(section, around) * across**-WALL_ACROSS,
+        lateral_root=across**-SIDE_ACROSS * flared**2 / (1 / (SIDE * width) + SIDE_NARROW / thickness + 1 / (FRAME * around.frame)),
+        lateral_tip=across**-SIDE_ACROSS / (1 / (SIDE * width) + SIDE_NARROW / thickness),
+        shear=across**-DROP_ACROSS / (1 / (DROP * thickness) + DROP_NARROW / width),
         lateral_shear=SLIDE * width,
         twist=_twist(width, thickness, length, poisson),
         stiffening=1 + poisson**2 / (1 - poisson**2) / (1 + (CURL * length / width) ** 2),

@@ -112,12 +112,14 @@ class _Builder:
         radius = float(section.fillet)
         flare = 2 * (radius - np.sqrt(max(radius**2 - max(radius - at, 0.0) ** 2, 0.0)))
         parts = flexibility(section, self.modulus, self.poisson)
-        plain = rectangle(float(section.width) + flare, float(section.thickness), self.poisson)
+        plain = rectangle(
+            float(section.width) + flare, float(section.thickness), self.poisson, float(section.across)
+        )
         return plain._replace(
             inertia_up=plain.inertia_up * float(np.asarray(section.give.stiffening)),
             torsion=plain.torsion * float(parts.twist / (parts.twist + parts.end_twist)),
             shear_up=plain.shear_up * float(parts.shear / (parts.shear + parts.end_shear)),
-            shear_across=plain.shear_across * float(parts.shear / (parts.shear + parts.lateral_end_shear)),
+            shear_across=plain.shear_across * float(parts.lateral_shear / (parts.lateral_shear + parts.lateral_end_shear)),
         )
 
     def yoke(self, plate: Block, neck: Block, crossbar: Block, tips: list[int]) -> list[AttachedBody]:

@@ -134,7 +134,8 @@ class TaxelModel:
         for path in self.arrangement.beams:
             width, thickness = path.width_mm * MM, path.thickness_mm * MM
             pieces = () if path.is_straight else tuple((s.length_mm * MM, s.turn_rad) for s in path.segments)
-            bare = BeamSection(width, thickness, path.length_mm * MM, fillet, path=pieces)
+            across = self.spec.material.cross_layer_ratio
+            bare = BeamSection(width, thickness, path.length_mm * MM, fillet, path=pieces, across=across)
             section = next((p.section for p in placements if _alike(p.section, bare)), None)
             if section is None:
                 section = on_elastic_ends(bare, self._surroundings, self.spec.material.poisson_ratio)
