@@ -156,7 +156,8 @@ def drawn(number: int) -> Row:
         way = "planned" if np.random.default_rng((SEED, number)).random() < 0.5 else "direct"
         try:
             row = (_planned if way == "planned" else _direct)(random)
-            spec_of(row)
+            if row:
+                spec_of(row)
         except PadgenError:
             continue
         if row:

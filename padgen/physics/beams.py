@@ -59,6 +59,8 @@ class Give(NamedTuple):
     stiffening: Array = 1.0
     root_height: Array = 0.0
     tip_height: Array = 0.0
+    stretch: Array = 0.0
+    hung: Array = 0.0
 
 
 RIGID = Give()
@@ -144,7 +146,7 @@ def flexibility(section: BeamSection, modulus: Array, poisson: Array) -> Flexibi
         give.lateral_shear / (area * sheared),
         flare.inverse_torsion / shear_modulus,
         np.maximum(give.twist / torsion, -HELD_MOST * flare.inverse_torsion) / shear_modulus,
-        flare.inverse_area / modulus,
+        (flare.inverse_area + give.stretch / area) / modulus,
     )
 
 
