@@ -106,9 +106,7 @@ def _strips(taxel: Taxel) -> list[Strip]:
     for path in taxel.arrangement.beams:
         x, y, half = float(path.root_mm[0]), float(path.root_mm[1]), float(path.width_mm) / 2
         if y >= 0:
-            found.append(
-                Strip(x, path.direction[0], max(y - half, 0.0) if y else 0.0, y + half, float(path.length_mm))
-            )
+            found.append(Strip(x, path.direction[0], max(y - half, 0.0) if y else 0.0, y + half, float(path.length_mm)))
     return found
 
 
@@ -174,7 +172,11 @@ def plan_mesh(taxel: Taxel, levels: int, size: float) -> Plan:
         depth = -x0 if strip.sign > 0 else x1 - whole
         reach = REACH * max(thickness, depth) + taxel.fillet_mm
         low, high = max(strip.low - reach, 0.0), min(strip.high + reach, y1)
-        root = 0.0 if strip.sign > 0 else 2 * short + float(arrangement.blocks[0].high_x_mm) - float(arrangement.blocks[0].low_x_mm)
+        root = (
+            0.0
+            if strip.sign > 0
+            else 2 * short + float(arrangement.blocks[0].high_x_mm) - float(arrangement.blocks[0].low_x_mm)
+        )
         moved = strip._replace(root=root, length=short)
         back = root - strip.sign * depth
         faces.append(_rectangle(min(root, back), max(root, back), low, high))
@@ -207,10 +209,18 @@ def plan_mesh(taxel: Taxel, levels: int, size: float) -> Plan:
         a, b = edge.start, edge.end
         edge.hpref = 0.0
         for at, low, high in lines:
-            if abs(a.x - at) < 1e-7 and abs(b.x - at) < 1e-7 and min(a.y, b.y) > low - 1e-7 and max(a.y, b.y) < high + 1e-7:
+            if (
+                abs(a.x - at) < 1e-7
+                and abs(b.x - at) < 1e-7
+                and min(a.y, b.y) > low - 1e-7
+                and max(a.y, b.y) < high + 1e-7
+            ):
                 edge.hpref = 1.0
     for corner in shape.vertices:
-        ends = any(abs(corner.p.x - at) < 1e-7 and min(abs(corner.p.y - y) for y in (low, high)) < 1e-7 for at, low, high in lines)
+        ends = any(
+            abs(corner.p.x - at) < 1e-7 and min(abs(corner.p.y - y) for y in (low, high)) < 1e-7
+            for at, low, high in lines
+        )
         corner.hpref = 1.0 if ends else 0.0
     for face in shape.faces:
         face.maxh = size * abs(face.mass) ** 0.5
@@ -306,9 +316,7 @@ def half_mesh(taxel: Taxel, levels: int, size: float) -> Any:
     for cell in plan.cells:
         places = plan.points[list(cell)][:, :2]
         columns = _columns(taxel, places.mean(0))
-        turned = 0.5 * sum(
-            a[0] * b[1] - a[1] * b[0] for a, b in zip(places, np.roll(places, -1, axis=0), strict=True)
-        )
+        turned = 0.5 * sum(a[0] * b[1] - a[1] * b[0] for a, b in zip(places, np.roll(places, -1, axis=0), strict=True))
         corners = cell if turned > 0 else cell[::-1]
         for level, (a, b) in enumerate(zip(heights, heights[1:])):
             middle = (a + b) / 2
@@ -415,7 +423,7 @@ def modes(mesh: Any, materials: Any, axis_x: float, order: int = 3, count: int =
             form.Assemble()
             loads.append(np.array(form.vec.FV().NumPy()))
             # A rigid motion is linear: it has the corners' unknowns only.
-            moved[:, : len(place), j] = (np.eye(3)[k][:, None] if k < 3 else np.cross(np.eye(3)[k - 3], place).T)
+            moved[:, : len(place), j] = np.eye(3)[k][:, None] if k < 3 else np.cross(np.eye(3)[k - 3], place).T
         load = np.array(loads).T
         load = load @ np.linalg.inv(moved.reshape(-1, 3).T @ load)
         slides = np.concatenate([dofs.clamped | (dofs.middle if k in _HELD[axes] else False) for k in range(3)])

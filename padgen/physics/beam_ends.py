@@ -143,5 +143,3 @@ def _held(share: float, one: Array, other: Array, length: Array, poisson: Array)
     slim = np.minimum(one, other) / np.maximum(one, other)
     warping = 2 * share * np.maximum(one, other) * np.sqrt((1 + poisson) / 24) * (1 - slim**2)
     return warping * np.tanh(length / np.maximum(warping, 1e-12))
-
-
