@@ -19,8 +19,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-ROOT = Path(__file__).parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "docs")]
+sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parents[1]))
 from padgen.core.cache import version
 from padgen.core.errors import PadgenError
 from padgen.core.runner import Runner
@@ -34,7 +34,7 @@ from padgen.planner.tile import Outline, outline
 from padgen.spec import Spec, catalogue, make_spec
 from padgen.verify.elastic_material import Elastic, layered
 
-SET = ROOT / "tests" / "reference" / "taxel_campaign.csv"
+SET = Path(__file__).parents[1] / "tests" / "reference" / "taxel_campaign.csv"
 SEED, THIRD = 20261122, 3
 MODES = 6
 TIME_S, MOST_MB = 240, 3000
@@ -329,7 +329,9 @@ def _direct(random: Any) -> Row:
         return {}
     window_length, window_width = (float(v) for v in model_of(row).arrangement.window_mm)
     half = row["rib_mm"] / 2
-    return row | dict(zip(OUTLINE, (-half, window_length + half, -window_width / 2 - half, window_width / 2 + half)))
+    return row | dict(
+        zip(OUTLINE, (-half, window_length + half, -window_width / 2 - half, window_width / 2 + half), strict=True)
+    )
 
 
 _SIZED = {"width_mm": 1.0, "thickness_mm": 1.0, "length_mm": 1.0}
@@ -366,7 +368,11 @@ def _planned(random: Any) -> Row:
     )
     sides = outline(plan, SimpleNamespace(site=site))
     beam = (round(float(v), 9) for v in sized.beam)
-    return row | dict(zip(("width_mm", "thickness_mm", "length_mm"), beam)) | dict(zip(OUTLINE, sides))
+    return (
+        row
+        | dict(zip(("width_mm", "thickness_mm", "length_mm"), beam, strict=True))
+        | dict(zip(OUTLINE, sides, strict=True))
+    )
 
 
 # Solving
@@ -493,8 +499,8 @@ def solve(most: int, first: int, step: int) -> None:
 HEADER = """\
 # Modes of random taxels by 3-D elasticity (`python docs/measure_campaign.py --solve 600`; {versions}).
 # The printed solid with its washer bonded to the recess' roof, held at the sub-cell's sides; half of it on prisms.
-# hz_k: frequencies by elements of order 3; change_k: how much higher order 2 had them, relative; x_k ... rz_k: motion of
-# the washer about its axis at z = 0, mass-normalised, kg^-1/2 and kg^-1/2/m; working: the mode that a vertical pull
+# hz_k: frequencies by elements of order 3; change_k: how much higher order 2 had them, relative; x_k ... rz_k: motion
+# of the washer about its axis at z = 0, mass-normalised, kg^-1/2 and kg^-1/2/m; working: the mode that a vertical pull
 # moves most. Computed for padgen.
 """
 

@@ -5,6 +5,7 @@ roots and tips (Netgen), then extruded from level to level, with thin levels at 
 of the same area, a chamfer is a boss as much shorter. The frame is kept near the roots only. Lengths in mm.
 """
 
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +14,6 @@ from padgen.planner.arrangement import Arrangement
 from padgen.verify.elastic_modes import energy
 
 MM = 1e-3
-CORNERS = 24
 REACH = 2.0
 LONGEST = 4.0
 """How much longer than wide the pieces of a straight beam are."""
@@ -143,8 +143,8 @@ def _squeeze(taxel: Taxel) -> tuple[float, float]:
 
 
 def plan_mesh(taxel: Taxel, levels: int, size: float) -> Plan:
-    from netgen.occ import Glue, OCCGeometry, X
     import ngsolve
+    from netgen.occ import Glue, OCCGeometry
 
     arrangement = taxel.arrangement
     strips = _strips(taxel)
@@ -164,7 +164,6 @@ def plan_mesh(taxel: Taxel, levels: int, size: float) -> Plan:
         return x if x <= margin else x - (length - short)
 
     whole = float(arrangement.window_mm[0])
-    half_window = float(arrangement.window_mm[1]) / 2
     x0, x1, _, y1 = taxel.sides
     faces = []
     lines = []
@@ -185,7 +184,7 @@ def plan_mesh(taxel: Taxel, levels: int, size: float) -> Plan:
             cuts = [root, root + strip.sign * margin, root + strip.sign * (margin + squeezed), end]
         else:
             cuts = [root, end]
-        faces += [_rectangle(min(a, b), max(a, b), strip.low, strip.high) for a, b in zip(cuts, cuts[1:])]
+        faces += [_rectangle(min(a, b), max(a, b), strip.low, strip.high) for a, b in pairwise(cuts)]
         faces += [_polygon(points) for points in _flares(moved, taxel.fillet_mm)]
         lines += [(root, strip.low, strip.high), (end, strip.low, strip.high)]
     shift = length - short if squeezing else 0.0
@@ -234,15 +233,10 @@ def plan_mesh(taxel: Taxel, levels: int, size: float) -> Plan:
         left = x + (np.clip(x, margin, margin + squeezed) - margin) * (stretch - 1)
         points[:, 0] = left
         if len(strips) > 1:
-            begin = strips_end = 0.0
             total = 2 * short + float(arrangement.blocks[0].high_x_mm) - float(arrangement.blocks[0].low_x_mm)
             begin = total - margin - squeezed
             points[:, 0] += (np.clip(x, begin, begin + squeezed) - begin) * (stretch - 1)
     return Plan(points, [tuple(v.nr for v in element.vertices) for element in mesh.Elements(ngsolve.VOL)])
-
-
-def _inside(place: np.ndarray, polygon_x0: float, x1: float, y0: float, y1: float) -> bool:
-    return polygon_x0 < place[0] < x1 and y0 < place[1] < y1
 
 
 def _columns(taxel: Taxel, place: np.ndarray) -> list[tuple[float, float, str]]:
@@ -296,7 +290,7 @@ def half_mesh(taxel: Taxel, levels: int, size: float) -> Any:
             heights.append(z)
     # Tall layers in pieces no taller than twice a beam's thickness, or a millimetre and a half.
     fine = [0.0]
-    for a, b in zip(heights, heights[1:]):
+    for a, b in pairwise(heights):
         count = int(np.ceil((b - a) / max(2 * thickness, 2.0)))
         fine += list(np.linspace(a, b, count + 1)[1:])
     heights = fine
@@ -318,7 +312,7 @@ def half_mesh(taxel: Taxel, levels: int, size: float) -> Any:
         columns = _columns(taxel, places.mean(0))
         turned = 0.5 * sum(a[0] * b[1] - a[1] * b[0] for a, b in zip(places, np.roll(places, -1, axis=0), strict=True))
         corners = cell if turned > 0 else cell[::-1]
-        for level, (a, b) in enumerate(zip(heights, heights[1:])):
+        for level, (a, b) in enumerate(pairwise(heights)):
             middle = (a + b) / 2
             material = next((name for low, high, name in columns if low < middle < high), None)
             if material is None:
@@ -359,11 +353,9 @@ def _dofs(mesh: Any, scalar: Any, order: int) -> _Dofs:
             place = ngs.NodeId(kind, node.nr)
             own = [d for d in scalar.GetDofNrs(place) if d >= 0]
             of[own] = order
-            first = len(own) if order == 2 else 1
-            squares = {ngs.EDGE: (2,), ngs.FACE: (4,), ngs.CELL: (8,)}[kind]
-            if order == 2 or (kind == ngs.EDGE or len(own) in (4, 8)):
-                of[own[:first]] = 2
-            del squares
+            # The first unknown of an edge, a quadrilateral and a hexahedron is of order 2.
+            if kind == ngs.EDGE or len(own) in (4, 8):
+                of[own[:1]] = 2
     held = {name: np.array(list(scalar.GetDofs(mesh.Boundaries(name))), bool) for name in (CLAMPED, MIDDLE)}
     elements = [np.array([d for d in scalar.GetDofNrs(e) if d >= 0]) for e in mesh.Elements(ngs.VOL)]
     return _Dofs(of, held[CLAMPED], held[MIDDLE], elements)

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from padgen.core.errors import SolverError
-from padgen.physics.beams import BeamSection, tip_stiffness
 from padgen.physics import beam_ends
+from padgen.physics.beams import BeamSection, tip_stiffness
 from padgen.physics.frame import (
     AttachedBody,
     Frame,

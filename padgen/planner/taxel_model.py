@@ -19,7 +19,7 @@ from padgen.physics.beams import BeamSection
 from padgen.physics.modes import BeamPlacement, Modes, bending_stress, suspended_modes
 from padgen.physics.resonator import natural_frequency, rule_stiffness
 from padgen.physics.rigid_body import RigidBody, box, combine, ring
-from padgen.planner.suspensions import Arrangement, BeamPath, BeamShape, Block, PlateShape, suspension
+from padgen.planner.suspensions import Arrangement, BeamShape, Block, PlateShape, suspension
 from padgen.spec import Spec
 
 __all__ = ["TaxelModel", "fillet_mm", "plate_shape", "post_diameter_mm", "recess_mm"]
