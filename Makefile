@@ -65,7 +65,7 @@ selectivity: $(STAMP) ## compute what docs/selectivity.md reports
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python docs/measure_selectivity.py
 
 accuracy: $(STAMP) ## compute what docs/accuracy.md and docs/dynamics.md report (half an hour)
-	for part in beams elasticity loop force pad left_out dynamics stretching; do \
+	for part in campaign beams elasticity loop force pad left_out dynamics stretching; do \
 	  OPENBLAS_NUM_THREADS=1 $(BIN)/python docs/measure_$$part.py || exit 1; done
 	$(BIN)/padgen study paper-32
 	$(BIN)/padgen study --extreme

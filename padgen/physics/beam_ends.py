@@ -1,12 +1,13 @@
 """What a beam's ends give: the frame under its root, the plate at its tip, by laws fitted to elasticity.
 
-Each law has the form that its limits ask for and a few constants, fitted to 3-D elasticity of printed
-taxels (`docs/measure_beams.py`, docs/accuracy.md):
+Each law has the form that its limits ask for and a few constants, fitted to 3-D elasticity of random
+printed taxels (`docs/measure_campaign.py`, docs/accuracy.md):
 
-- an end turns about as much as a piece of beam as long as the beam is thick, less where the beam is
-  narrow (it then presses on a small patch), and a root no more than a piece as long as the frame is
-  deep behind it;
-- the tip bends the wall between the plate's edge and the recess;
+- an end turns about as much as a piece of beam as long as the beam is thick, less where the beam is flared,
+  and a root no more than a piece as long as the frame is deep behind it; frame and plate stand higher than the
+  beam, and turn about a point above its axis;
+- the tip bends the wall between the plate's edge and the recess, or twists and bends the yoke that carries the plate;
+- layers that hold less well to each other make ends softer by a power of that;
 - ends keep the section from curling (anticlastic curvature) and from warping (Vlasov: each end shortens
   a ribbon in torsion by about ``w √((1+ν)/24)``).
 """
@@ -15,54 +16,86 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.physics.beams import BeamSection, Give
+from padgen.physics.beams import BeamSection, Give, torsion_constant
 
-__all__ = ["Surroundings", "fitted", "on_elastic_ends"]
+__all__ = ["Surroundings", "YokeSize", "fitted", "on_elastic_ends"]
 
 Array = Any
 
-CURL = 0.84
-ROOT = 0.67
-FRAME = 1.07
-TIP = 0.6
-NARROW = 0.34
-WALL = 1.7
-BURIED = 0.63
-DROP = 7.9
-DROP_NARROW = 0.39
-SIDE = 0.61
-SIDE_NARROW = 0.2
-SLIDE = 0.28
-TWIST = 0.79
-WARPING = 0.9
+CURL = 0.92
+ROOT = 0.63
+ROOT_HEIGHT = 0.66
+FRAME = 0.82
+TIP = 0.57
+TIP_HEIGHT = 0.42
+NARROW = 0.16
+WALL = 1.37
+BURIED = 2.64
+THIN = 1.8
+SPREAD = 4.65
+DROP = 8.76
+DROP_NARROW = 0.35
+SIDE = 0.54
+SIDE_NARROW = 0.024
+SLIDE = 0.22
+TWIST = 0.34
+WARPING = 0.59
+LAYERS = 0.35
+LAYERS_WALL = 0.71
+BAR_WARPING = 0.33
+BAR_SIDE = 2.39
+BAR_PULL = 1.62
+NECK = 0.37
 SHORTEST_THICKNESSES = 1.2
 SHORTEST_WIDTHS = 0.25
 """Lengths of beam over thickness and width down to which the laws were fitted."""
 
 
+class YokeSize(NamedTuple):
+    """A crossbar and the neck that carries the plate, in m: the bar's free arm between beam and neck, its width along
+    the beam, the height of both, the neck's length and width."""
+
+    arm: Array
+    bar_width: Array
+    height: Array
+    neck_length: Array
+    neck_width: Array
+
+
 class Surroundings(NamedTuple):
     """What a beam's ends are held by, in m: depth of the frame behind the root up to what holds it; at the
-    tip the wall between the plate's edge and the recess, that recess' depth (0: none near) and radius."""
+    tip the wall between the plate's edge and the recess, that recess' depth and radius, or a yoke in place of both."""
 
     frame: Array
     wall: Array
     recess_depth: Array
     recess_radius: Array
+    yoke: YokeSize | None = None
 
 
 def on_elastic_ends(section: BeamSection, around: Surroundings, poisson: Array) -> BeamSection:
     """The same beam with what its ends give; arrays of one shape, or numbers, in m."""
     width, thickness, length = (np.asarray(v, float) for v in section[:3])
-    flared = width / (width + 2 * np.asarray(section.fillet))
+    across = np.asarray(section.across, float)
+    softer = across**-LAYERS
+    flared = np.sqrt(width / (width + 2 * np.asarray(section.fillet)))
+    side = 1 / (SIDE * width) + SIDE_NARROW / thickness
+    hung, sideways, twisted, stretched = (_in_yoke if around.yoke else _in_wall)(section, around, poisson)
     give = Give(
-        root=flared / (1 / (ROOT * thickness) + 1 / (FRAME * around.frame)),
-        tip=1 / (1 / (TIP * thickness) + NARROW / width) + _wall_give(section, around),
-        lateral_root=flared**2 / (1 / (SIDE * width) + SIDE_NARROW / thickness + 1 / (FRAME * around.frame)),
-        lateral_tip=1 / (1 / (SIDE * width) + SIDE_NARROW / thickness),
-        shear=1 / (1 / (DROP * thickness) + DROP_NARROW / width),
+        root=softer * flared / (1 / (ROOT * thickness) + 1 / (FRAME * around.frame)),
+        tip=softer / (1 / (TIP * thickness) + NARROW / width) + hung,
+        lateral_root=softer * flared**4 / (side + 1 / (FRAME * around.frame)),
+        lateral_tip=softer / side + sideways,
+        shear=softer / (1 / (DROP * thickness) + DROP_NARROW / width),
         lateral_shear=SLIDE * width,
-        twist=_twist(width, thickness, length, poisson),
+        twist=TWIST / (1 / width + 1 / thickness)
+        - _held(WARPING, width, thickness / np.sqrt(across), length, poisson)
+        + twisted,
         stiffening=1 + poisson**2 / (1 - poisson**2) / (1 + (CURL * length / width) ** 2),
+        root_height=ROOT_HEIGHT * thickness,
+        tip_height=TIP_HEIGHT * thickness,
+        stretch=stretched,
+        hung=hung,
     )
     return section._replace(give=give)
 
@@ -72,20 +105,41 @@ def fitted(width: Array, thickness: Array, length: Array) -> Array:
     return (length >= SHORTEST_THICKNESSES * thickness) & (length >= SHORTEST_WIDTHS * width)
 
 
-def _wall_give(section: BeamSection, around: Surroundings) -> Array:
-    """What the wall between edge and recess adds: it hangs from the roof of the recess like a plate, as
-    high as the recess is deep, and spreads the moment by that; a thick beam reaches the roof itself."""
+def _in_wall(section: BeamSection, around: Surroundings, poisson: Array) -> tuple[Array, ...]:
+    """What the wall between edge and recess adds to bending; nothing to bending sideways, to twist and to stretch.
+
+    It hangs from the roof of the recess like a plate, as high as the recess is deep, and spreads the moment
+    by that; a thick beam reaches the roof itself.
+    """
     width, thickness = (np.asarray(v, float) for v in section[:2])
     depth = np.asarray(around.recess_depth, float)
     # A recess is round: beside the middle the wall is thicker.
     wall = around.wall + width**2 / (24 * around.recess_radius)
-    hanging = np.exp(-thickness / np.maximum(BURIED * depth, 1e-9))
-    return WALL * depth * hanging * (thickness / wall) ** 3 * width / (width + 2 * depth)
+    hanging = np.maximum(1 - thickness / (BURIED * depth), 0)
+    bent = WALL * depth * hanging * (thickness / wall) ** THIN * width / (width + SPREAD * depth)
+    return bent * np.asarray(section.across, float) ** -LAYERS_WALL, 0.0, 0.0, 0.0
 
 
-def _twist(width: Array, thickness: Array, length: Array, poisson: Array) -> Array:
-    """Length that local twist adds, less what held warping takes."""
-    slim = np.minimum(width, thickness) / np.maximum(width, thickness)
-    warping = WARPING * np.maximum(width, thickness) * np.sqrt((1 + poisson) / 24) * (1 - slim**2)
-    held = 2 * warping * np.tanh(length / np.maximum(2 * warping, 1e-12))
-    return TWIST / (1 / width + 1 / thickness) - held
+def _in_yoke(section: BeamSection, around: Surroundings, poisson: Array) -> tuple[Array, ...]:
+    """What twist of the crossbar and bending of the neck add to bending, and the bar's bending to the rest.
+
+    Each is a length of beam that gives as much: the beam's section constant over the bar's.
+    """
+    width, thickness = (np.asarray(v, float) for v in section[:2])
+    assert around.yoke is not None
+    across, (arm, bar, height, neck_length, neck_width) = np.asarray(section.across, float), around.yoke
+    free = arm + bar - _held(BAR_WARPING, bar, height / np.sqrt(across), arm, poisson)
+    bending, shear = width * thickness**3, 2 * (1 + poisson)
+    hung = bending / 12 * shear * free / torsion_constant(bar, height, across)
+    # The neck carries what two beams bring.
+    hung = hung + NECK * 2 * neck_length * bending / (neck_width * height**3)
+    sideways = BAR_SIDE * arm * thickness * width**3 / (height * bar**3)
+    twisted = arm * torsion_constant(width, thickness, across) * 12 / shear / (bar * height**3)
+    return hung, sideways, twisted, BAR_PULL * 4 * arm**3 * width * thickness / (height * bar**3)
+
+
+def _held(share: float, one: Array, other: Array, length: Array, poisson: Array) -> Array:
+    """Length of a bar of that section that ends take away by holding its warping."""
+    slim = np.minimum(one, other) / np.maximum(one, other)
+    warping = 2 * share * np.maximum(one, other) * np.sqrt((1 + poisson) / 24) * (1 - slim**2)
+    return warping * np.tanh(length / np.maximum(warping, 1e-12))

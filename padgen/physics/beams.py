@@ -44,7 +44,9 @@ class Give(NamedTuple):
     Rotations of root and tip in vertical and in lateral bending, under a moment; displacement of both
     ends together, up and sideways, under a shear force; rotation of both together about the beam's
     axis, negative where the ends keep the section from warping. `stiffening` is a factor on the
-    modulus in vertical bending, from ends that keep the section from curling.
+    modulus in vertical bending, from ends that keep the section from curling. The ends turn about points
+    `root_height` and `tip_height` (m) above the beam's axis, since what holds them stands higher than it: a beam
+    that may not move along itself is stiffer for it.
     """
 
     root: Array = 0.0
@@ -55,6 +57,10 @@ class Give(NamedTuple):
     lateral_shear: Array = 0.0
     twist: Array = 0.0
     stiffening: Array = 1.0
+    root_height: Array = 0.0
+    tip_height: Array = 0.0
+    stretch: Array = 0.0
+    hung: Array = 0.0
 
 
 RIGID = Give()
@@ -66,6 +72,7 @@ class BeamSection(NamedTuple):
     `fillet` is the radius of the flares on both sides of the root; `give` is what its ends give
     (`padgen.physics.beam_ends`), nothing by default. `path` has length and turn (rad, left positive) of each
     piece of a beam that bends, from the root, and is empty for a straight one; the flare must end on the first.
+    `across` is the stiffness of the print across its layers, which lie flat, over that along them.
     """
 
     width: Array
@@ -74,13 +81,14 @@ class BeamSection(NamedTuple):
     fillet: Array = 0.0
     give: Give = RIGID
     path: tuple[tuple[Array, Array], ...] = ()
+    across: Array = 1.0
 
 
 class Flexibility(NamedTuple):
     """How far a tip moves for a unit load on it, in parts: m/N, 1/N, 1/(N·m).
 
     Bending of the beam itself, up and sideways, as ∫ (l−s)^p ds/EI for p = 0, 1, 2; rotations of root
-    and tip in both planes; shear and twist of the beam and of its ends; stretch.
+    and tip in both planes; shear of the beam up and sideways and of its ends; twist of both; stretch.
     """
 
     up: tuple[Array, Array, Array]
@@ -90,6 +98,7 @@ class Flexibility(NamedTuple):
     lateral_root: Array
     lateral_tip: Array
     shear: Array
+    lateral_shear: Array
     end_shear: Array
     lateral_end_shear: Array
     twist: Array
@@ -97,15 +106,24 @@ class Flexibility(NamedTuple):
     stretch: Array
 
 
-def torsion_constant(width: Array, thickness: Array) -> Array:
-    """Torsion constant in m⁴ of a rectangle (Roark's formula for a solid rectangle, within 0.5 %)."""
-    a, b = np.maximum(width, thickness), np.minimum(width, thickness)
+def torsion_constant(width: Array, thickness: Array, across: Array = 1.0) -> Array:
+    """Torsion constant in m⁴ of a rectangle (Roark's formula for a solid rectangle, within 0.5 %).
+
+    With a shear modulus `across` the thickness of that share of the one along it, it is exactly that of an isotropic
+    rectangle ``thickness/√across`` thick, times ``across^{3/2}`` (Lekhnitskii, Theory of Elasticity of an
+    Anisotropic Body, 1963, on torsion of orthotropic bars).
+    """
+    tall = thickness / np.sqrt(across)
+    a, b = np.maximum(width, tall), np.minimum(width, tall)
     slim = b / a
-    return a * b**3 * (1 / 3 - 0.21 * slim * (1 - slim**4 / 12))
+    return a * b**3 * (1 / 3 - 0.21 * slim * (1 - slim**4 / 12)) * across**1.5
 
 
 def flexibility(section: BeamSection, modulus: Array, poisson: Array) -> Flexibility:
-    """What bends, shears, twists and gives. Shear coefficient after Cowper (1966)."""
+    """What bends, shears, twists and gives. Shear coefficient after Cowper (1966).
+
+    Layers that hold less well to each other than in themselves do not weaken bending, but shear up and twist.
+    """
     width, thickness = (np.asarray(v, float) for v in section[:2])
     give = section.give
     shear_modulus = modulus / (2 * (1 + poisson))
@@ -114,7 +132,7 @@ def flexibility(section: BeamSection, modulus: Array, poisson: Array) -> Flexibi
     plate_like = modulus * give.stiffening
     bending = modulus * width * thickness**3 / 12
     lateral = modulus * thickness * width**3 / 12
-    area, torsion = width * thickness, torsion_constant(width, thickness)
+    area, torsion = width * thickness, torsion_constant(width, thickness, section.across)
     return Flexibility(
         (flare.vertical[0] / plate_like, flare.vertical[1] / plate_like, flare.vertical[2] / plate_like),
         (flare.lateral[0] / modulus, flare.lateral[1] / modulus, flare.lateral[2] / modulus),
@@ -122,12 +140,13 @@ def flexibility(section: BeamSection, modulus: Array, poisson: Array) -> Flexibi
         give.tip / bending,
         give.lateral_root / lateral,
         give.lateral_tip / lateral,
+        flare.inverse_area / (sheared * section.across),
         flare.inverse_area / sheared,
         give.shear / (area * sheared),
         give.lateral_shear / (area * sheared),
         flare.inverse_torsion / shear_modulus,
         np.maximum(give.twist / torsion, -HELD_MOST * flare.inverse_torsion) / shear_modulus,
-        flare.inverse_area / modulus,
+        (flare.inverse_area + give.stretch / area) / modulus,
     )
 
 
@@ -142,16 +161,20 @@ def tip_stiffness(section: BeamSection, modulus: Array, poisson: Array) -> np.nd
     length = np.asarray(section.length, float)
     parts = flexibility(section, modulus, poisson)
     stiffness = np.zeros((*np.broadcast_shapes(np.shape(parts.up[2]), np.shape(parts.root)), 6, 6))
-    stiffness[..., 0, 0] = 1 / parts.stretch
     stiffness[..., 3, 3] = 1 / (parts.twist + parts.end_twist)
     # What the ends give turns the beam about its root (arm: the whole length) and its tip (no arm).
     up0, up1, up2 = parts.up
-    root, tip = parts.root, parts.tip
+    root, tip, high, low = parts.root, parts.tip, section.give.root_height, section.give.tip_height
     bend = up2 + root * length**2 + parts.shear + parts.end_shear
-    _fill_pair(stiffness, 2, 4, bend, -(up1 + root * length), up0 + root + tip)
+    along = parts.stretch + root * high**2 + tip * low**2
+    lifted, turned = root * high * length, -(root * high + tip * low)
+    rows = [[along, lifted, turned], [lifted, bend, -(up1 + root * length)], [turned, 0.0, up0 + root + tip]]
+    rows[2][1] = rows[1][2]
+    give = np.stack([np.stack(np.broadcast_arrays(*row), -1) for row in rows], -2)
+    stiffness[..., [[0], [2], [4]], [0, 2, 4]] = np.linalg.inv(give)
     side0, side1, side2 = parts.side
     root, tip = parts.lateral_root, parts.lateral_tip
-    bend = side2 + root * length**2 + parts.shear + parts.lateral_end_shear
+    bend = side2 + root * length**2 + parts.lateral_shear + parts.lateral_end_shear
     _fill_pair(stiffness, 1, 5, bend, side1 + root * length, side0 + root + tip)
     return stiffness
 
@@ -244,6 +267,7 @@ class _Flared(NamedTuple):
 def _flared(section: BeamSection) -> _Flared:
     """The integrals of a beam whose width flares at the root, by Gauss points within the flare."""
     width, thickness, length, fillet = (np.asarray(v, float) for v in section[:4])
+    across = np.asarray(section.across, float)
     start = np.minimum(fillet, length)
     at = _NODES * start[..., None]
     radius = fillet[..., None]
@@ -262,7 +286,8 @@ def _flared(section: BeamSection) -> _Flared:
         moments(flared * t**3 / 12, width * thickness**3 / 12),
         moments(t * flared**3 / 12, thickness * width**3 / 12),
         (weight / (flared * t)).sum(-1) + straight / (width * thickness),
-        (weight / torsion_constant(flared, t)).sum(-1) + straight / torsion_constant(width, thickness),
+        (weight / torsion_constant(flared, t, across[..., None])).sum(-1)
+        + straight / torsion_constant(width, thickness, across),
     )
 
 
@@ -300,7 +325,8 @@ def _planes(section: BeamSection, modulus: Array, poisson: Array) -> tuple[_Plan
     width = slices.width
     shear_modulus = modulus / (2 * (1 + poisson))
     sheared = 10 * (1 + poisson) / (12 + 11 * poisson) * shear_modulus
-    area, line, torsion = width * thickness, plain * thickness, torsion_constant(width, thickness)
+    across = np.asarray(section.across, float)[..., None]
+    area, line, torsion = width * thickness, plain * thickness, torsion_constant(width, thickness, across)
     bending, lateral = modulus * stiffening * width * thickness**3 / 12, modulus * thickness * width**3 / 12
     high, wide = plain * thickness**3 / 12, thickness * plain**3 / 12
     # What both ends give together, each gives half of.
@@ -311,7 +337,7 @@ def _planes(section: BeamSection, modulus: Array, poisson: Array) -> tuple[_Plan
             slices,
             within_up(slices),
             matrices([1 + zero, y, -x], [zero, cosine, sine], [zero, -sine, cosine]),
-            [1 / (area * sheared), 1 / (torsion * shear_modulus), 1 / bending],
+            [1 / (area * sheared * across), 1 / (torsion * shear_modulus), 1 / bending],
             ([shear, twist, parts.root], [shear, twist, parts.tip]),
             [line, high + wide, high],
         ),

@@ -70,7 +70,8 @@ def _missed_energy(
         energy = np.einsum("...i,...ij,...j->...", tip, tip_mass(section, density, poisson), tip)
         return 0.0, energy * _dynamic(square * bent_slowness(section, modulus, poisson, density))
     width, thickness, length = (np.asarray(v, float) for v in section[:3])
-    shear_modulus = modulus / (2 * (1 + poisson))
+    # Shear up and twist are as stiff as the print is across its layers, at least.
+    shear_modulus = modulus / (2 * (1 + poisson)) * section.across
     shear_speed = 10 * (1 + poisson) / (12 + 11 * poisson) * shear_modulus / density
     line = density * width * thickness
     missed = doubt = shear_doubt = 0.0 * length

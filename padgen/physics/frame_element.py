@@ -69,11 +69,11 @@ class Element(NamedTuple):
     hinge_end: tuple[float, float] = (0.0, 0.0)
 
 
-def rectangle(width: float, thickness: float, poisson: float) -> Section:
-    """A rectangle, `thickness` up; shear coefficient after Cowper (1966)."""
+def rectangle(width: float, thickness: float, poisson: float, across: float = 1.0) -> Section:
+    """A rectangle, `thickness` up, in layers (`beams.BeamSection.across`); shear coefficient after Cowper (1966)."""
     shear = 10 * (1 + poisson) / (12 + 11 * poisson)
-    torsion = float(torsion_constant(width, thickness))
-    return Section(width * thickness, width * thickness**3 / 12, thickness * width**3 / 12, torsion, shear, shear)
+    area, torsion = width * thickness, float(torsion_constant(width, thickness, across))
+    return Section(area, area * thickness**2 / 12, area * width**2 / 12, torsion, shear * across, shear)
 
 
 def circle(diameter: float, poisson: float) -> Section:

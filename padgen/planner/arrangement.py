@@ -5,7 +5,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-__all__ = ["Arrangement", "BeamPath", "BeamShape", "Block", "PathPoint", "PlateShape", "Room", "Segment", "arc"]
+__all__ = [
+    "Arrangement",
+    "BeamPath",
+    "BeamShape",
+    "Block",
+    "PathPoint",
+    "PlateShape",
+    "Room",
+    "Segment",
+    "Yoke",
+    "arc",
+]
 
 Number = Any
 """A float, or an array of candidates."""
@@ -131,13 +142,24 @@ class Block(NamedTuple):
     height_mm: Number
 
 
+class Yoke(NamedTuple):
+    """What joins two beams' tips to a plate between them: a crossbar, `arm_mm` of it free between beam and neck, wide
+    along the beams, as high as the neck that carries the plate."""
+
+    arm_mm: Number
+    bar_width_mm: Number
+    height_mm: Number
+    neck_length_mm: Number
+    neck_width_mm: Number
+
+
 class Arrangement(NamedTuple):
     """A suspended plate in its own axes: root side at x = 0, window centred in y.
 
     `window_mm` is (length, width) of the opening in the frame; roots lie on its edge. `washer_x_mm` is
     the place of washer and boss on y = 0; `root_clearance_mm` the room beside a root
-    that its fillets may take. `tip_twist_per_mm3` is the arm over the torsion constant of a crossbar that
-    the tips are joined to, 0 where it is the plate itself; `blocks` are then plate, neck and crossbar.
+    that its fillets may take. Where the tips are joined to a `yoke` and not to the plate itself, `blocks` are plate,
+    neck and crossbar.
     """
 
     beams: tuple[BeamPath, ...]
@@ -145,4 +167,4 @@ class Arrangement(NamedTuple):
     window_mm: tuple[Number, Number]
     washer_x_mm: Number
     root_clearance_mm: Number
-    tip_twist_per_mm3: Number = 0.0
+    yoke: Yoke | tuple[()] = ()

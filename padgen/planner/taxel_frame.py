@@ -29,11 +29,11 @@ def taxel_frame(model: TaxelModel, elements: int = 4, *, rigid_crossbar: bool = 
     """The frame of one taxel in its own axes, in m, with `elements` along each beam beyond its flare.
 
     The first body is the plate with boss and washer; its modes' `body_motion[:, 0]` is at its centroid.
-    With `rigid_crossbar` crossbar and neck are rigid but for the crossbar's twist, as in `TaxelModel`.
+    With `rigid_crossbar` crossbar and neck are rigid and the beams' tips give for them, as in `TaxelModel`.
     """
     builder = _Builder(model)
-    whole = rigid_crossbar or not np.any(model.arrangement.tip_twist_per_mm3)
-    tips = [builder.beam(k, elements, twisting_tip=whole) for k in range(len(model.placements))]
+    whole = rigid_crossbar or not model.arrangement.yoke
+    tips = [builder.beam(k, elements, with_yoke=whole) for k in range(len(model.placements))]
     if whole:
         return builder.frame([AttachedBody(model.body, tuple(tips))])
     plate, neck, crossbar = model.arrangement.blocks
@@ -80,10 +80,12 @@ class _Builder:
         shear_modulus = self.modulus / (2 * (1 + self.poisson))
         self.elements.append(Element(start, end, section, self.modulus, shear_modulus, self.density))
 
-    def beam(self, index: int, elements: int, *, twisting_tip: bool) -> int:
+    def beam(self, index: int, elements: int, *, with_yoke: bool) -> int:
         """One beam from its root, which is clamped; the index of its tip's node."""
         placement, path = self.model.placements[index], self.model.arrangement.beams[index]
         section, places, at = placement.section, [], []
+        if not with_yoke:
+            section = self.model.beside_yoke(section)
         before = np.cumsum([0.0, *(float(segment.length_mm) for segment in path.segments)]) * MM
         for k, share in _stations(path, float(section.fillet), elements):
             point = path.within(k, share)
@@ -93,15 +95,11 @@ class _Builder:
         self.roots.append(nodes[0])
         for (start, end), (low, high) in zip(pairwise(nodes), pairwise(at), strict=True):
             self.bar(start, end, self._slice(section, (low + high) / 2))
-        self._hinge(index, len(nodes) - 1, twisting_tip=twisting_tip)
+        self._hinge(section, len(nodes) - 1)
         return nodes[-1]
 
-    def _hinge(self, index: int, count: int, *, twisting_tip: bool) -> None:
-        """Let both ends of the last `count` elements, which are a beam's, turn as much as they give."""
-        section = self.model.placements[index].section
-        if not twisting_tip:
-            crossbar_give = self.model.crossbar_give_m(index)
-            section = section._replace(give=section.give._replace(tip=section.give.tip - crossbar_give))
+    def _hinge(self, section: BeamSection, count: int) -> None:
+        """Let both ends of the last `count` elements, which are a beam's, turn about its axis as much as they give."""
         parts = flexibility(section, self.modulus, self.poisson)
         root, tip = self.elements[-count], self.elements[-1]
         self.elements[-count] = root._replace(hinge_start=(float(parts.root), float(parts.lateral_root)))
@@ -112,12 +110,14 @@ class _Builder:
         radius = float(section.fillet)
         flare = 2 * (radius - np.sqrt(max(radius**2 - max(radius - at, 0.0) ** 2, 0.0)))
         parts = flexibility(section, self.modulus, self.poisson)
-        plain = rectangle(float(section.width) + flare, float(section.thickness), self.poisson)
+        wide, high, across = float(section.width) + flare, float(section.thickness), float(section.across)
+        plain = rectangle(wide, high, self.poisson, across)
         return plain._replace(
             inertia_up=plain.inertia_up * float(np.asarray(section.give.stiffening)),
             torsion=plain.torsion * float(parts.twist / (parts.twist + parts.end_twist)),
             shear_up=plain.shear_up * float(parts.shear / (parts.shear + parts.end_shear)),
-            shear_across=plain.shear_across * float(parts.shear / (parts.shear + parts.lateral_end_shear)),
+            shear_across=plain.shear_across
+            * float(parts.lateral_shear / (parts.lateral_shear + parts.lateral_end_shear)),
         )
 
     def yoke(self, plate: Block, neck: Block, crossbar: Block, tips: list[int]) -> list[AttachedBody]:

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 
 from padgen.core.units import G_PER_CM3, GPA, MM
-from padgen.physics.beam_ends import Surroundings, fitted, on_elastic_ends
-from padgen.physics.beam_error import BENT, FLOOR, HeldBy, relative_error, uncertain_energies
+from padgen.physics.beam_ends import Surroundings, YokeSize, fitted, on_elastic_ends
+from padgen.physics.beam_error import BENT, FLOOR, Plate, relative_error, uncertain_energies
 from padgen.physics.beams import BeamSection
 from padgen.physics.modes import BeamPlacement, Modes, bending_stress, suspended_modes
 from padgen.physics.resonator import natural_frequency, rule_stiffness
 from padgen.physics.rigid_body import RigidBody, box, combine, ring
 from padgen.physics.stretching import hardening
-from padgen.planner.suspensions import Arrangement, BeamPath, BeamShape, Block, PlateShape, suspension
+from padgen.planner.suspensions import Arrangement, BeamShape, Block, PlateShape, suspension
 from padgen.spec import Spec
 
 __all__ = ["TaxelModel", "fillet_mm", "plate_shape", "post_diameter_mm", "recess_mm"]
@@ -135,12 +135,11 @@ class TaxelModel:
         for path in self.arrangement.beams:
             width, thickness = path.width_mm * MM, path.thickness_mm * MM
             pieces = () if path.is_straight else tuple((s.length_mm * MM, s.turn_rad) for s in path.segments)
-            bare = BeamSection(width, thickness, path.length_mm * MM, fillet, path=pieces)
+            across = self.spec.material.cross_layer_ratio
+            bare = BeamSection(width, thickness, path.length_mm * MM, fillet, path=pieces, across=across)
             section = next((p.section for p in placements if _alike(p.section, bare)), None)
             if section is None:
                 section = on_elastic_ends(bare, self._surroundings, self.spec.material.poisson_ratio)
-                give = section.give._replace(tip=section.give.tip + self._twist_give_m(path))
-                section = section._replace(give=give)
             tip = path.corners[-1]
             x, y, z, *along = np.broadcast_arrays(tip.x_mm * MM, tip.y_mm * MM, thickness / 2, *tip[2:])
             placements.append(BeamPlacement(section, np.stack([x, y, z], -1), np.stack(along, -1)))
@@ -148,21 +147,18 @@ class TaxelModel:
 
     @cached_property
     def _surroundings(self) -> Surroundings:
-        """What the beams' ends are held by; a tip that is joined to a crossbar has no recess near."""
+        """What the beams' ends are held by."""
         diameter, depth = recess_mm(self.spec)
         frame = self.spec.pad.rib_mm / 2 if self.frame_depth_mm is None else self.frame_depth_mm
-        at_plate = np.asarray(self.arrangement.tip_twist_per_mm3) == 0
         wall = max((self.plate.length_mm - diameter) / 2, THINNEST_WALL_MM)
-        return Surroundings(frame * MM, wall * MM, np.where(at_plate, depth, 0.0) * MM, diameter / 2 * MM)
+        yoke = self.arrangement.yoke
+        size = YokeSize(*(v * MM for v in yoke)) if yoke else None
+        return Surroundings(frame * MM, wall * MM, depth * MM, diameter / 2 * MM, size)
 
-    def crossbar_give_m(self, index: int) -> float:
-        """What a crossbar's torsion adds to the give of one beam's tip, of a single taxel."""
-        return float(self._twist_give_m(self.arrangement.beams[index]))
-
-    def _twist_give_m(self, path: BeamPath) -> Any:
-        """What a crossbar's torsion adds to the tip's give: ``I_beam/J_bar · 2(1+ν) · arm``."""
-        inertia = path.width_mm * path.thickness_mm**3 / 12
-        return self.arrangement.tip_twist_per_mm3 * inertia * 2 * (1 + self.spec.material.poisson_ratio) * MM
+    def beside_yoke(self, section: BeamSection) -> BeamSection:
+        """A beam with what its ends give, but for the yoke that its tip may be joined to."""
+        around = self._surroundings._replace(yoke=YokeSize(0.0, 1.0, 1.0, 0.0, 1.0))
+        return on_elastic_ends(section, around, self.spec.material.poisson_ratio)
 
     @property
     def elastic(self) -> tuple[float, float, float]:
@@ -248,7 +244,7 @@ class TaxelModel:
 
     @property
     def error_estimate(self) -> np.ndarray:
-        """Estimated relative error (…,) of the resonance, as a standard deviation (`mode_errors`)."""
+        """Relative error (…,) within which the resonance is, most likely (`mode_errors`)."""
         return _take(self.mode_errors, self.working)
 
     @property
@@ -263,22 +259,14 @@ class TaxelModel:
     @cached_property
     @_of_array
     def mode_errors(self) -> np.ndarray:
-        """Estimated relative error (…, 6) of each mode's frequency, as a standard deviation
-        (`padgen.physics.beam_error`)."""
+        """Relative error (…, 6) within which each mode's frequency is, most likely (`padgen.physics.beam_error`)."""
         modulus, poisson, _ = self.elastic
-        energies = sum(
-            uncertain_energies(beam, self.modes, modulus, poisson, self._held_by) for beam in self.placements
-        )
-        return relative_error(np.asarray(energies), self.modes.frequency_hz, FLOOR if self._is_straight else BENT)
-
-    @cached_property
-    def _held_by(self) -> HeldBy:
-        """What the model takes as rigid: the plate above the recess, and a crossbar but for its twist."""
-        depth = recess_mm(self.spec)[1]
-        plate = self.plate
-        roof_mm = max(plate.thickness_mm - depth, plate.thickness_mm / 10)
-        arm = np.asarray(self.arrangement.tip_twist_per_mm3) / MM**3
-        return HeldBy(plate.length_mm * MM, plate.width_mm * MM, roof_mm * MM, arm)
+        length, width, thickness = (side * MM for side in self.plate)
+        roof = max(thickness - recess_mm(self.spec)[1] * MM, thickness / 10)
+        plate = Plate(length, width, roof)
+        energies = sum(uncertain_energies(beam, self.modes, modulus, poisson, plate) for beam in self.placements)
+        floor = FLOOR if self._is_straight else BENT
+        return relative_error(np.asarray(energies), self.modes.frequency_hz, self.working, floor)
 
     @cached_property
     @_of_array

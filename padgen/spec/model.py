@@ -85,7 +85,7 @@ class Material:
         unit="1",
         low=0.05,
         high=1,
-        doc="stiffness across the layers of a print over that along them; only finite elements (model solid) count it",
+        doc="stiffness across the layers of a print over that along them",
     )
     source: str = text("", doc="where the figures come from")
 

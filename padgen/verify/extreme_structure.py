@@ -27,7 +27,6 @@ ELEMENTS = 4
 BUBBLES = 6
 MODES = 3
 """Bending modes in the plane up that are compared."""
-STATED_DEVIATIONS = 2.5
 NEAR = 1e-4
 """Where the search for a root starts, on both sides of the guess."""
 UP_SHARE = 1e-3
@@ -169,7 +168,7 @@ washer; working resonance in Hz by 3-D elasticity (docs/measure_beams.py)."""
 
 
 def beam_answer(topology: str, beam: BeamShape, figures: tuple[float, ...], washer: str) -> Answer:
-    """Working resonance of one of the taxels by the beam model; it states two and a half of its standard deviations.
+    """Working resonance of one of the taxels by the beam model.
 
     Raises
     ------
@@ -198,7 +197,7 @@ def beam_answer(topology: str, beam: BeamShape, figures: tuple[float, ...], wash
             f"a beam of {number(length)} mm is too short beside its width of {number(width)} and thickness of"
             f" {number(thickness)} mm for the beam model: solve the solid"
         )
-    return Answer(np.array([float(model.resonance_hz)]), STATED_DEVIATIONS * float(model.error_estimate))
+    return Answer(np.array([float(model.resonance_hz)]), float(model.error_estimate))
 
 
 def _cantilevers() -> Iterator[tuple[str, Cantilever]]:

@@ -21,8 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from padgen.physics.beams import torsion_constant
-from padgen.planner.arrangement import Arrangement, BeamPath, BeamShape, Block, PlateShape, Room, Segment
+from padgen.planner.arrangement import Arrangement, BeamPath, BeamShape, Block, PlateShape, Room, Segment, Yoke
 
 __all__ = ["BEAMS", "END_FACTOR", "ORDER", "arrange", "longest", "shortest", "widest"]
 
@@ -76,7 +75,7 @@ def arrange(plate: PlateShape, beam: BeamShape, gap_mm: float) -> Arrangement:
         window_mm=(length + CROSSBAR_MM + gap_mm, 2 * (outside + gap_mm)),
         washer_x_mm=middle,
         root_clearance_mm=zero + gap_mm / 2,
-        tip_twist_per_mm3=(y - half / 2) / torsion_constant(CROSSBAR_MM, height),
+        yoke=Yoke(half / 2 + gap_mm, CROSSBAR_MM, height, length - high_x, half),
     )
 
 
