@@ -18,7 +18,6 @@ from padgen.spec import Spec, catalogue, make_spec
 from padgen.spec.fields import choices
 from padgen.verify.extreme import Answer, ExtremeCase
 from padgen.verify.extreme_solid import FINER, FINER_ERROR
-from padgen.verify.extreme_structure import STATED_DEVIATIONS
 
 __all__ = ["outcome", "random_table", "spec_cases"]
 
@@ -76,7 +75,7 @@ def _refused(table: dict[str, Any]) -> Answer:
 def _beam(number: int) -> Answer:
     """The lowest resonance by the plan's model; it states some of its standard deviations."""
     channel = plan_for(make_spec(random_table(number, 0))).channels[0]
-    return Answer(np.array([channel.resonance_hz]), STATED_DEVIATIONS * channel.model_error)
+    return Answer(np.array([channel.resonance_hz]), channel.model_error)
 
 
 def _solid(number: int, setting: tuple[int, int] | None, error: float) -> Answer:
