@@ -183,7 +183,8 @@ def test_all_on_is_as_cool_as_the_phases_allow(tmp_path_factory: pytest.TempPath
     coil = pad.drive.coils[0]
     (exact,) = constant_a2(pad.drive, coil, np.ones(11))
     assert squared(pad, run)[0, 0].real == pytest.approx(exact, rel=1e-4)
-    assert exact < 0.99 * ((1 + coil.margin) * coil.line_a2).sum()
+    # The strongest line is half of all: no phases take more than a hundredth off the constant.
+    assert exact < 0.995 * ((1 + coil.margin) * coil.line_a2).sum()
 
 
 @pads("one")

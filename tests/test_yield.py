@@ -305,7 +305,7 @@ def test_neighbours_that_swapped_or_came_too_close():
 
 def test_the_only_spread_is_the_costliest_and_all_of_the_loss():
     plan = plan_of(delta_y=2.0)
-    result = print_yield(plan, 300, spreads=only(thickness_mm=0.03, modulus=1e-5))
+    result = print_yield(plan, 300, spreads=only(thickness_mm=0.04, modulus=1e-5))
     assert [cost.spread for cost in result.costs] == list(module.NAMES)
     cost = result.costs[module.NAMES.index("thickness_mm")]
     assert result.cost_pads == 300
