@@ -250,7 +250,7 @@ def test_nor_at_mixed_levels(tmp_path, wide, quads, name, depth, bar):
     db, off = spur_db(plan, make_drive(plan, RATE), tmp_path / "a.wav", levels, depth, 2)
     # Over the smallest wanted line, which is a thousandth of the largest with wide-11's unequal pulls.
     assert db <= bar + (16 if name == "wide-11" else 0)
-    assert off < 2e-5
+    assert off < (1e-4 if name == "wide-11" else 2e-5)
 
 
 @pytest.mark.parametrize("name", ["tones", "biased"])
