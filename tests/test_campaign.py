@@ -9,6 +9,7 @@
 """
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,8 @@ sys.path.append(str(ROOT / "docs"))
 import measure_campaign as campaign  # noqa: E402
 
 from padgen.core.runner import Runner  # noqa: E402
+from padgen.planner import make_plan  # noqa: E402
+from padgen.spec import parse_spec  # noqa: E402
 
 ROWS = campaign.rows_of()
 LEAST_IN_STRATUM = 10
@@ -67,6 +70,30 @@ def test_every_stratum_is_covered(held_out, stratum):
 
 def test_other_modes_state_their_own_error(held_out):
     assert covered([one for one in held_out if not one.working and one.ratio < campaign.NEAR]) >= 0.85
+
+
+def test_a_deep_frame_widens_the_stated_error():
+    """As in plans: twice what the frame's true depth changes comes on top (chosen on this set: 96 % are within)."""
+    rows, within = [row for row in ROWS if campaign.is_deep(row)], []
+    for row in rows:
+        (own,) = working(campaign.compared(row))
+        model = campaign.model_of(row)
+        depth = max(-row["x0_mm"], row["x1_mm"] - float(model.arrangement.window_mm[0]))
+        deep = replace(model, frame_depth_mm=depth if row["topology"] == "bridge" else -row["x0_mm"])
+        more = 2 * abs(float(deep.resonance_hz / model.resonance_hz) - 1)
+        within.append(abs(own.error) <= own.stated + more)
+    assert len(rows) > 40
+    assert np.mean(within) >= 0.92
+
+
+def test_a_plan_adds_what_its_deep_frame_changes():
+    """One taxel on a wide cell: its root stands deep in the frame."""
+    text = 'name = "a"\nresolution = 1\nband_hz = [50, 400]\nq_min = 15\nresonances_hz = [300]\ncoil.grid = [1, 1]\n'
+    plans = [make_plan(parse_spec(text + f"pad = {{ width_mm = {side}, depth_mm = {side} }}")) for side in (13, 40)]
+    (tight,), (deep,) = (plan.channels for plan in plans)
+    assert tight.site.frame_depth_mm == pytest.approx(0.5, abs=0.3)
+    assert deep.site.frame_depth_mm > 5
+    assert deep.model_error > tight.model_error
 
 
 def test_layers_that_hold_less_well_are_counted():

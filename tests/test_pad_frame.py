@@ -150,7 +150,7 @@ def bare_frame_hz(plan, clamping):
 
 
 def test_the_estimate_of_the_frames_own_mode_is_low(plan, worker):
-    # A plate's formulas on a grid of ribs with all taxels riding on it, meant to be low; they weigh as much as the ribs.
+    # A plate's formulas on a grid of ribs with all taxels riding on it, meant to be low.
     for clamping in ("edges", "corners"):
         lowest = worker(bare_frame_hz, plan, clamping)
         assert lowest / 10 < frame_mode_estimate_hz(plan, clamping) < lowest

@@ -21,6 +21,9 @@ from padgen.planner.sizing import SizedChannel, frequency_spread
 from padgen.planner.taxel_model import fillet_mm
 from padgen.spec import Spec
 
+USUAL_DEPTH = 1.01
+"""Over half a rib: up to here the frame is as deep as beams are sized on."""
+
 __all__ = [
     "driven",
     "hanging_gap_um",
@@ -81,7 +84,7 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
                 static_um=0.0,
                 pull_shift=0.0,
                 model="beam" if beam_error is None else "solid",
-                model_error=float(item.model.error_estimate),
+                model_error=float(item.model.error_estimate) + _deep_frame_error(item, site),
                 beam_error=beam_error,
                 site=site,
             )
@@ -139,6 +142,18 @@ def _quiet_ratios(spec: Spec, resonance: np.ndarray, level_um: np.ndarray) -> np
     threshold = level_law(spec).threshold_um(resonance)
     ratio: np.ndarray = np.full(len(resonance), spec.delta_y) if threshold is None else level_um / threshold
     return ratio
+
+
+def _deep_frame_error(item: SizedChannel, site: Site) -> float:
+    """How far the resonance may be off since the frame behind a root is deeper than half a rib, as beams are sized on.
+
+    Twice what the model makes of the true depth: this covers 96 % of 53 random taxels (docs/accuracy.md).
+    """
+    model = item.model
+    if model.beam_error is not None or site.frame_depth_mm < model.spec.pad.rib_mm / 2 * USUAL_DEPTH:
+        return 0.0
+    deep = replace(model, frame_depth_mm=site.frame_depth_mm, member_of=None)
+    return 2 * abs(float(deep.resonance_hz / model.resonance_hz) - 1)
 
 
 def _beam(spec: Spec, item: SizedChannel) -> Beam:

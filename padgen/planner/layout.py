@@ -298,7 +298,10 @@ def place(spec: Spec, layout: Layout, centre: tuple[float, float], arrangement: 
     along = ("+" if sign > 0 else "-") + layout.beam_axis
     origin = (origin_v, origin_u) if across_x else (origin_u, origin_v)
     washer = (origin_v, washer_u) if across_x else (washer_u, origin_v)
-    return Site(centre, origin, washer, along, hypot(*washer))
+    cell = layout.sub_depth_mm if across_x else layout.sub_width_mm
+    roots = [(float(path.root_mm[0]) + start, float(path.direction[0])) for path in arrangement.beams]
+    depth = max(cell / 2 + (x if ahead > 0 else -x) for x, ahead in roots)
+    return Site(centre, origin, washer, along, hypot(*washer), round(depth, 6))
 
 
 def _clip(value: float, limit: float) -> float:

@@ -121,7 +121,8 @@ class Site:
     The taxel's own axes (beam along +x from the root, see `planner.suspensions`) have their origin
     at `origin_mm`; `along` is the direction ('+x', '-x', '+y', '-y') of the own x axis. The
     sub-cell's centre is `centre_mm`, the washer's axis `washer_mm`, `coil_distance_mm` away from the
-    coil's. In a cell that is turned (`Reuse.turned`) all of it is turned by 180°.
+    coil's. `frame_depth_mm` is how far the deepest root lies from the side of its sub-cell. In a cell
+    that is turned (`Reuse.turned`) all of it is turned by 180°.
     """
 
     centre_mm: tuple[float, float]
@@ -129,6 +130,7 @@ class Site:
     washer_mm: tuple[float, float]
     along: str
     coil_distance_mm: float
+    frame_depth_mm: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
