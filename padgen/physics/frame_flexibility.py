@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 __all__ = ["SUPPORTS", "Ribs", "Support", "TaxelReaction", "lowest_frame_mode_hz", "shift_bound"]
 
-RIB_MARGIN, PLATE_MARGIN = 2.0, 2.0
+RIB_MARGIN, PLATE_MARGIN = 2.5, 2.5
 """For what the formulas leave out: the give of the joint and the rib's lateral bending, unequal supports,
 more than one mode."""
 SHEAR_SHARE = 0.9
