@@ -1,4 +1,4 @@
-"""Where variants are made: a bounded window of tasks before any executor, and the watched processes beside its workers.
+"""Run variants on any executor, a bounded window of tasks at a time, with watched processes beside its workers.
 
 Only ``submit`` of an executor is used, and of its futures ``result`` with ``add_done_callback`` or, where they
 lack that, ``done``; so `concurrent.futures`, Dask, executorlib and submitit will do.

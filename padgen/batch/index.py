@@ -85,7 +85,7 @@ class Journal:
         self._reader.close()
 
     def status(self, number: int, key: str = "") -> str:
-        """What came of a variant (with these inputs), empty when that is not known."""
+        """Return the recorded status of a variant with these inputs, empty if there is none."""
         same = self._states[number] and (not key or self._keys[number] == int(key[:16], 16))
         return STATUSES[self._states[number] - 1] if same else ""
 

@@ -35,7 +35,7 @@ __all__ = [
 
 
 class Objective(NamedTuple):
-    """What a front weighs: whether the most or the least is best; a word, a heading, an axis' name."""
+    """One objective of a front: whether the most or the least of it is best, and its word, heading and axis label."""
 
     best: str
     word: str
@@ -378,7 +378,7 @@ def _legend(figure: Any, points: Any, panel: Any, coloured: str) -> None:
 
 
 def _is_wide(overview: Overview, objective: int) -> bool:
-    """Whether an objective spans ratios rather than differences."""
+    """True if the values of an objective spread over ratios, so that a logarithmic axis shows them better."""
     finite = overview.points[:, objective]
     finite = finite[np.isfinite(finite)]
     wide = finite.size and finite.min() > 0 and finite.max() > WIDE * finite.min()

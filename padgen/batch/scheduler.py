@@ -67,7 +67,7 @@ def connect(address: str, timeout_s: float = TIMEOUT_S) -> Iterator[Executor]:
 
 
 def fingerprint() -> dict[str, str]:
-    """What two machines must share to make the same variants: hashes of code, versions of padgen's packages."""
+    """Return hashes of the code and versions of the packages, which must agree between machines that share a sweep."""
     return {"padgen": code_hash(), PLUGINS: plugin_code(), **versions(), "distributed": version("distributed")}
 
 
@@ -148,7 +148,7 @@ def _refuse_others(client: Any, timeout_s: float, where: str) -> None:
 
 
 def _within(seconds: float, act: Callable[[], Any], late: str, other: str, where: str) -> Any:
-    """What `act` returns; when it takes longer, and is left to itself, the error is `late`, else `other`."""
+    """Call `act` with a time limit: raise `late` if it takes longer (then left to itself), `other` if it fails."""
     answer: Future[Any] = Future()
 
     def run() -> None:

@@ -52,15 +52,15 @@ DISK_FULL = tuple(os.strerror(code) for code in (errno.ENOSPC, errno.EDQUOT))
 MOST_LOST = 8
 """Tasks in a row that an executor may lose before it is given up."""
 ABSENT, KEPT, TO_RUN, TO_REPLACE = range(4)
-"""What a number is: of no variant; of one with its record; of one to make; to make over what an earlier run left."""
+"""States of a variant number: no such variant; recorded; to be made; to be made over what an earlier run left."""
 LOCK, LOCK_S = ".lock", 0.1
 TOLD = ("number", "sentence", "values", "figures", "errors", "warnings", "findings", "seconds", "peak_memory_mb")
-"""Of a record, in a stream of events."""
+"""Keys of a record that a progress event repeats."""
 
 
 @dataclass(frozen=True)
 class Counts:
-    """How many variants there are: ``total = done + refused + failed + left``.
+    """Counts of a sweep's variants: ``total = done + refused + failed + left``.
 
     `kept` of them were finished by an earlier run; `seconds` since the start.
     """
@@ -102,7 +102,7 @@ def event_table(event: Event) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class SweepResult(Counts):
-    """What a sweep came to.
+    """The result of a sweep.
 
     `stopped` is the sentence why variants are left, empty when none is; `interrupted`, whether that was Ctrl-C.
     `overview` is of the index, empty where that could not be written.

@@ -58,7 +58,7 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """What came of a variant: one row of the index.
+    """The result of one variant: one row of the index.
 
     `findings` are the codes of errors and warnings. `seconds` and `peak_memory_mb`, of the worker and all that it
     started, are filled in by who runs it; None where nobody measured.
