@@ -237,6 +237,7 @@ def test_jumps_begin_where_the_response_becomes_threefold():
     [
         ("resonances_hz = [3, 50]\npad = { width_mm = 180, depth_mm = 180 }\ncoil = { grid = [2, 1] }", "beam.sag"),
         ("resonances_hz = [30, 50]\ncoil = { gap_mm = 0.2, grid = [2, 1] }", "gap.travel"),
+        ("resonances_hz = [30, 50]\nmaterial = { name = 'pla', fatigue_stress_mpa = 0.1 }", "beam.strength"),
     ],
 )
 def test_impossible_statics_are_errors(text, code):
