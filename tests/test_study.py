@@ -11,7 +11,7 @@ import time
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, partial
-from math import inf, isnan, nan
+from math import inf, isnan, nan, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -585,17 +585,19 @@ def test_statics_that_no_pad_survives_are_refused():
             assert case.solve().values == case.reference()
 
 
-def solved_and_true(name: str):
-    """What the elements and the reference of a case of `solid_cases` say, in a process of its own."""
-    case = next(case for case in solid_cases() if case.name == name)
-    return case.solve(), case.reference()
+def solved(name: str):
+    """What the elements say of a case of `solid_cases`, in a process of its own."""
+    return next(case for case in solid_cases() if case.name == name).solve()
 
 
-@pytest.mark.parametrize("name", ["modulus 1e+12 Pa, steel in proportion"])
-def test_elements_know_their_error(name):
-    """One of the list; `padgen study --extreme` runs all."""
-    answer, truth = run_apart(solved_and_true, name)
-    assert relative_error(answer.values, truth.values) <= answer.stated_error + truth.stated_error < 5e-3
+def test_elements_know_their_error():
+    """One of the list; `padgen study --extreme` runs all, and solves the references anew.
+
+    138.80316 Hz is the block at 3 GPa by elements of order 4 in three layers (`extreme_solid._finer`, NGSolve 6.2.2608,
+    not extrapolated: good to 1e-3); resonances go with the root of the moduli.
+    """
+    answer, truth = run_apart(solved, "modulus 1e+12 Pa, steel in proportion"), 138.80316391 * sqrt(1e12 / 3e9)
+    assert relative_error(answer.values, np.array([truth])) <= answer.stated_error + 1e-3 < 5e-3
 
 
 @pytest.mark.parametrize("case", list(selectivity_cases()), ids=lambda case: f"{case.name} {case.model}")
