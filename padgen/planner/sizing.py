@@ -21,7 +21,7 @@ from padgen.planner.settings import level_law
 from padgen.planner.suspensions import BeamShape, Room, allowed, suspension
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.spec import Printer, Spec
-from padgen.spec.model import Drive, Pad
+from padgen.spec.model import Drive, Pad, Suspension
 
 __all__ = ["Reach", "SizedChannel", "crowded_modes", "frequency_spread", "reach", "size_channels"]
 
@@ -109,12 +109,14 @@ def _of_one_taxel(spec: Spec) -> Spec:
 
     So variants share what is known of it.
     """
+    # The topology is an argument of its own, and which dimensions may differ is asked later.
+    suspension = replace(spec.suspension, topology=Suspension().topology, tune=Suspension().tune)
     size = Pad(frame_thickness_mm=spec.pad.frame_thickness_mm, rib_mm=spec.pad.rib_mm)
     material = replace(spec.material, youngs_modulus_gpa=1.0)
     taxel = replace(
         spec, name="", resolution=1, band_hz=(1.0, 2.0), q_min=1.0, resonances_hz=None, pad=size, drive=Drive()
     )
-    return replace(taxel, material=material)
+    return replace(taxel, material=material, suspension=suspension)
 
 
 @lru_cache(maxsize=256)
