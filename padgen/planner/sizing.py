@@ -8,7 +8,7 @@ sensitive to the printer's tolerances wins. The widths are then solved for exact
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from itertools import pairwise
+from itertools import islice, pairwise
 from math import sqrt
 
 import numpy as np
@@ -162,8 +162,7 @@ def size_channels(spec: Spec, room: Room, resonance_hz: tuple[float, ...]) -> tu
     targets = np.asarray(resonance_hz)
     reaches = [r for name in allowed(spec.suspension.topology) if (r := reach(spec, name, room)) is not None]
     first = None
-    for tried, picks in enumerate(_choices(spec, reaches, targets)):
-        channels = _solved(spec, picks, targets)
+    for tried, channels in enumerate(_solved(spec, _choices(spec, reaches, targets), targets)):
         if channels is None:
             continue
         if not crowded_modes(spec, channels):
@@ -232,33 +231,49 @@ def _mixed(tables: list[tuple[Reach, np.ndarray, np.ndarray]]) -> Iterator[list[
     yield picks
 
 
-def _solved(spec: Spec, picks: list[Pick], targets: np.ndarray) -> tuple[SizedChannel, ...] | None:
-    """Solve for the widths, then take the beams that print; None where a target is not reached.
+def _solved(
+    spec: Spec, choices: Iterator[list[Pick]], targets: np.ndarray
+) -> Iterator[tuple[SizedChannel, ...] | None]:
+    """Of each choice the beams that print, None where a target is not reached.
+
+    The first choice does most often. The others are solved some at a time, which is quicker.
+    """
+    some = list(islice(choices, 1))
+    while some:
+        for ideal in _ideal_beams(spec, some, targets):
+            yield _printed(spec, ideal, targets) if ideal else None
+        some = list(islice(choices, TRIES))
+
+
+def _ideal_beams(spec: Spec, choices: list[list[Pick]], targets: np.ndarray) -> list[list[IdealBeam]]:
+    """The beams of each choice with their widths solved for; none where a target is not reached.
 
     Channels of one topology are solved together.
     """
-    ideal: dict[int, IdealBeam] = {}
-    for name in {p[0].topology for p in picks}:
-        index = [i for i, p in enumerate(picks) if p[0].topology == name]
-        chosen = [picks[i] for i in index]
+    ideal: list[dict[int, IdealBeam]] = [{} for _ in choices]
+    every = [(c, i, pick) for c, picks in enumerate(choices) for i, pick in enumerate(picks)]
+    for name in dict.fromkeys(pick[0].topology for _, _, pick in every):
+        own = [item for item in every if item[2][0].topology == name]
+        group, index = np.array([item[:2] for item in own]).T
+        chosen = [pick for _, _, pick in own]
         beam = BeamShape(
             np.array([p[3] for p in chosen]),
             np.array([p[0].thickness_mm[p[1]] for p in chosen]),
             np.array([p[0].length_mm[p[2]] for p in chosen]),
         )
         spans = np.array([p[0].width_mm[p[1], p[2], [0, -1]] for p in chosen])
-        beam, found = _width_solved(spec, name, beam, (spans[:, 0], spans[:, 1]), targets[index])
-        if np.abs(found / targets[index] - 1).max() > RESONANCE_TOLERANCE:
-            return None
-        for k, i in enumerate(index):
-            lengths = chosen[k][0].length_mm
-            ideal[i] = IdealBeam(
-                name,
-                BeamShape(*(float(v[k]) for v in beam)),
-                (float(spans[k, 0]), float(spans[k, 1])),
-                (float(lengths[0]), float(lengths[-1])),
-            )
-    ordered = [ideal[i] for i in range(len(picks))]
+        beam, found = _width_solved(spec, name, beam, (spans[:, 0], spans[:, 1]), targets[index], group)
+        reached = np.abs(found / targets[index] - 1) <= RESONANCE_TOLERANCE
+        for k, (c, i, pick) in enumerate(own):
+            lengths, width = pick[0].length_mm, (float(spans[k, 0]), float(spans[k, 1]))
+            if reached[k]:
+                shape = BeamShape(*(float(v[k]) for v in beam))
+                ideal[c][i] = IdealBeam(name, shape, width, (float(lengths[0]), float(lengths[-1])))
+    return [[beams[i] for i in range(len(targets))] if len(beams) == len(targets) else [] for beams in ideal]
+
+
+def _printed(spec: Spec, ordered: list[IdealBeam], targets: np.ndarray) -> tuple[SizedChannel, ...] | None:
+    """The beams that print for ideal ones; None where two channels would be the same."""
     beams = printable_beams(spec, ordered, targets)
     models = _models(spec, [item.topology for item in ordered], beams)
     channels = tuple(
@@ -285,9 +300,17 @@ RESONANCE_TOLERANCE = 2e-3
 
 
 def _width_solved(
-    spec: Spec, topology: str, beam: BeamShape, bounds: tuple[np.ndarray, np.ndarray], targets: np.ndarray
+    spec: Spec,
+    topology: str,
+    beam: BeamShape,
+    bounds: tuple[np.ndarray, np.ndarray],
+    targets: np.ndarray,
+    group: np.ndarray,
 ) -> tuple[BeamShape, np.ndarray]:
-    """Beams of solved widths and their resonances: they rise with the width, so a secant in log-log converges."""
+    """Beams of solved widths and their resonances: they rise with the width, so a secant in log-log converges.
+
+    Each `group` of beams is left as it is when all of it is solved.
+    """
     plate = plate_shape(spec)
     slope = np.full(len(targets), 0.5)
     previous = None
@@ -300,9 +323,11 @@ def _width_solved(
             secant = np.divide(np.log(found / previous[1]), step, out=slope.copy(), where=moved)
             slope = np.clip(secant, 0.1, 3)
         previous = (beam.width_mm, found)
-        if np.abs(miss).max() < 1e-5:
+        open_groups = group[np.abs(miss) >= 1e-5]
+        if not len(open_groups):
             return beam, found
-        beam = beam._replace(width_mm=np.clip(beam.width_mm * np.exp(miss / slope), *bounds))
+        width = np.clip(beam.width_mm * np.exp(miss / slope), *bounds)
+        beam = beam._replace(width_mm=np.where(np.isin(group, open_groups), width, beam.width_mm))
     return beam, TaxelModel(spec, topology, plate, beam).resonance_hz
 
 
