@@ -14,7 +14,7 @@ from padgen.physics.resonator import ring_up_time
 from padgen.physics.selectivity import Scheme
 from padgen.physics.stretching import level_kept, resonance_rise
 from padgen.planner.plan import Beam, Channel, Site, channel_sets
-from padgen.planner.pull_modes import mode_fields, site_wrenches, taxel_modes
+from padgen.planner.pull_modes import mode_fields, pulled_shares, site_wrenches, taxel_modes
 from padgen.planner.pulls import pulls
 from padgen.planner.settings import level_law
 from padgen.planner.sizing import SizedChannel, frequency_spread
@@ -27,6 +27,7 @@ USUAL_DEPTH = 1.01
 
 __all__ = [
     "driven",
+    "force_constants",
     "hanging_gap_um",
     "plan_channels",
     "pull_exponent",
@@ -92,6 +93,14 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
             )
         )
     return tuple(channels)
+
+
+def force_constants(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Site]) -> np.ndarray:
+    """The channels' `force_constant_n_per_a2` (n,), without all else that `plan_channels` works out."""
+    sag_um = np.array([float(s.model.sag_m) for s in sized]) / UM
+    pulled = site_pulls(spec, sites, hanging_gap_um(spec, sag_um))
+    share = pulled_shares([taxel_modes(s.model) for s in sized], site_wrenches(spec, pulled, sites))
+    return np.asarray(pulled.pull * share)
 
 
 def site_pulls(spec: Spec, sites: Sequence[Site], gap_um: np.ndarray) -> PullAt:

@@ -280,8 +280,8 @@ def _printed(spec: Spec, ordered: list[IdealBeam], targets: np.ndarray) -> tuple
         SizedChannel(float(hz), model.topology, model.beam, model) for hz, model in zip(targets, models, strict=True)
     )
     # In steps too coarse for the ladder, two targets may have the same beam.
-    apart = all(a.model.resonance_hz < b.model.resonance_hz for a, b in pairwise(channels))
-    return channels if apart or spec.resonances_hz else None
+    apart = spec.resonances_hz or all(a.model.resonance_hz < b.model.resonance_hz for a, b in pairwise(channels))
+    return channels if apart else None
 
 
 def _models(spec: Spec, names: Sequence[str], beams: Sequence[BeamShape]) -> list[TaxelModel]:
@@ -342,13 +342,11 @@ def crowded_modes(spec: Spec, channels: tuple[SizedChannel, ...]) -> list[tuple[
     resonance = np.array([float(c.model.resonance_hz) for c in channels])
     mass = np.array([float(c.model.effective_mass_kg) for c in channels])
     force = resonators(resonance, spec.q_min, level_law(spec)(resonance), mass).line
+    frequency = np.array([c.model.modes.frequency_hz for c in channels])
+    compliance, working = np.array([c.model.compliances for c in channels]), [int(c.model.working) for c in channels]
     crowded = []
-    for i, channel in enumerate(channels):
-        working = int(channel.model.working)
-        share = channel.model.compliances / channel.model.compliances[working]
-        for k, frequency in enumerate(channel.model.modes.frequency_hz):
-            for j in np.flatnonzero(np.abs(frequency / resonance - 1) < half_slot):
-                response = float(share[k] * force[j] / force[i])
-                if k != working and (i - j) % sets == 0 and response > 1 / spec.delta_y:
-                    crowded.append((i, float(frequency), int(j), response))
+    for i, k, j in np.argwhere(np.abs(frequency[..., None] / resonance - 1) < half_slot).tolist():
+        response = float(compliance[i, k] / compliance[i, working[i]] * force[j] / force[i])
+        if k != working[i] and (i - j) % sets == 0 and response > 1 / spec.delta_y:
+            crowded.append((i, float(frequency[i, k]), j, response))
     return crowded
