@@ -16,7 +16,7 @@ import numpy as np
 from padgen.core.registry import SUSPENSIONS
 from padgen.physics.ladder import slot_half_width
 from padgen.physics.selectivity import channels as resonators
-from padgen.planner.printable import LENGTH_STEP_MM, IdealBeam, printable_beams
+from padgen.planner.printable import LENGTH_STEP_MM, IdealBeam, printable_beams, steps_are_coarse
 from padgen.planner.settings import level_law
 from padgen.planner.suspensions import BeamShape, Room, allowed, suspension
 from padgen.planner.taxel_model import TaxelModel, plate_shape
@@ -234,15 +234,23 @@ def _mixed(tables: list[tuple[Reach, np.ndarray, np.ndarray]]) -> Iterator[list[
 def _solved(
     spec: Spec, choices: Iterator[list[Pick]], targets: np.ndarray
 ) -> Iterator[tuple[SizedChannel, ...] | None]:
-    """Of each choice the beams that print, None where a target is not reached.
+    """Of each choice the beams that print, None where a target is not reached or two channels would be the same.
 
-    The first choice does most often. The others are solved some at a time, which is quicker.
+    The first choice does most often. The others are worked out some at a time, which is quicker, where a beam for a
+    printer of coarse steps is not itself searched for.
     """
+    at_once = 1 if steps_are_coarse(spec) else TRIES
     some = list(islice(choices, 1))
     while some:
-        for ideal in _ideal_beams(spec, some, targets):
-            yield _printed(spec, ideal, targets) if ideal else None
-        some = list(islice(choices, TRIES))
+        ideal = _ideal_beams(spec, some, targets)
+        beams = [beam for own in ideal if own for beam in printable_beams(spec, own, targets)]
+        models = iter(_models(spec, [item.topology for own in ideal for item in own], beams))
+        for own in ideal:
+            channels = tuple(SizedChannel(float(f), m.topology, m.beam, m) for f, m in zip(targets[: len(own)], models))
+            # In steps too coarse for the ladder, two targets may have the same beam.
+            apart = all(a.model.resonance_hz < b.model.resonance_hz for a, b in pairwise(channels))
+            yield channels if channels and (apart or spec.resonances_hz) else None
+        some = list(islice(choices, at_once))
 
 
 def _ideal_beams(spec: Spec, choices: list[list[Pick]], targets: np.ndarray) -> list[list[IdealBeam]]:
@@ -270,18 +278,6 @@ def _ideal_beams(spec: Spec, choices: list[list[Pick]], targets: np.ndarray) -> 
                 shape = BeamShape(*(float(v[k]) for v in beam))
                 ideal[c][i] = IdealBeam(name, shape, width, (float(lengths[0]), float(lengths[-1])))
     return [[beams[i] for i in range(len(targets))] if len(beams) == len(targets) else [] for beams in ideal]
-
-
-def _printed(spec: Spec, ordered: list[IdealBeam], targets: np.ndarray) -> tuple[SizedChannel, ...] | None:
-    """The beams that print for ideal ones; None where two channels would be the same."""
-    beams = printable_beams(spec, ordered, targets)
-    models = _models(spec, [item.topology for item in ordered], beams)
-    channels = tuple(
-        SizedChannel(float(hz), model.topology, model.beam, model) for hz, model in zip(targets, models, strict=True)
-    )
-    # In steps too coarse for the ladder, two targets may have the same beam.
-    apart = spec.resonances_hz or all(a.model.resonance_hz < b.model.resonance_hz for a, b in pairwise(channels))
-    return channels if apart else None
 
 
 def _models(spec: Spec, names: Sequence[str], beams: Sequence[BeamShape]) -> list[TaxelModel]:
