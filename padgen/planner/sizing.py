@@ -246,7 +246,8 @@ def _solved(
         beams = [beam for own in ideal if own for beam in printable_beams(spec, own, targets)]
         models = iter(_models(spec, [item.topology for own in ideal for item in own], beams))
         for own in ideal:
-            channels = tuple(SizedChannel(float(f), m.topology, m.beam, m) for f, m in zip(targets[: len(own)], models))
+            found = zip(targets[: len(own)].tolist(), models, strict=False)
+            channels = tuple(SizedChannel(hz, model.topology, model.beam, model) for hz, model in found)
             # In steps too coarse for the ladder, two targets may have the same beam.
             apart = all(a.model.resonance_hz < b.model.resonance_hz for a, b in pairwise(channels))
             yield channels if channels and (apart or spec.resonances_hz) else None
