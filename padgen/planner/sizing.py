@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import islice, pairwise
 from math import sqrt
+from typing import Any
 
 import numpy as np
 
@@ -239,7 +240,14 @@ def _solved(
     The first choice does most often. The others are worked out some at a time, which is quicker, where a beam for a
     printer of coarse steps is not itself searched for.
     """
-    at_once = 1 if steps_are_coarse(spec) else TRIES
+    at_once, known = 1 if steps_are_coarse(spec) else 2 * TRIES, set[tuple[Any, ...]]()
+
+    def is_new(picks: list[Pick]) -> bool:
+        # More freedom often finds the same beams again.
+        key = tuple((reach.topology, *rest) for reach, *rest in picks)
+        return key not in known and not known.add(key)
+
+    choices = filter(is_new, choices)
     some = list(islice(choices, 1))
     while some:
         ideal = _ideal_beams(spec, some, targets)
