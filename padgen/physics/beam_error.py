@@ -1,9 +1,10 @@
 """How far the beam model of a taxel may be off, from where its modes keep their energy.
 
-A relative error u of a flexibility that holds the share s of a mode's energy moves the frequency to ``f/√(1 − u s)``
-where springs in series are stiffer, by u s/2 to the first order (Rayleigh). What is uncertain is what was fitted (`padgen.physics.beam_ends`) and what is left out. The
-uncertainties were fitted to the errors of random taxels against 3-D elasticity (`docs/measure_campaign.py`): the error
-of a working mode is within what comes out in about 94 of 100 cases (docs/accuracy.md).
+A flexibility that is less by the share u, and holds the share s of a mode's energy, moves the frequency to
+``f/√(1 − u s)``: by u s/2 to the first order (Rayleigh), by more where one part gives nearly all. What is uncertain is
+what was fitted (`padgen.physics.beam_ends`) and what is left out. The uncertainties were fitted to the errors of random
+taxels against 3-D elasticity (`docs/measure_campaign.py`): the error of a working mode is within what comes out in about
+94 of 100 cases (docs/accuracy.md).
 """
 
 from typing import Any, NamedTuple

@@ -156,15 +156,13 @@ def _quiet_ratios(spec: Spec, resonance: np.ndarray, level_um: np.ndarray) -> np
 
 
 def _deep_frame_errors(sized: Sequence[SizedChannel], sites: Sequence[Site]) -> np.ndarray:
-    """How far resonances (n,) may be off since the frame behind a root is deeper than half a rib, as beams are sized on.
+    """How far resonances (n,) may be off where the frame behind a root is deeper than half a rib, which beams have.
 
     Twice what the model makes of the true depth: this covers 96 % of 53 random taxels (docs/accuracy.md).
     """
     error, depth = np.zeros(len(sized)), np.array([site.frame_depth_mm for site in sites])
     models = [item.model for item in sized]
-    deep = [
-        i for i, m in enumerate(models) if m.beam_error is None and depth[i] >= m.spec.pad.rib_mm / 2 * USUAL_DEPTH
-    ]
+    deep = [i for i, m in enumerate(models) if m.beam_error is None and depth[i] >= m.spec.pad.rib_mm / 2 * USUAL_DEPTH]
     for topology in {models[i].topology for i in deep}:
         own = [i for i in deep if models[i].topology == topology]
         beam = BeamShape(*np.array([models[i].beam for i in own], float).T)
