@@ -3,8 +3,8 @@
 A flexibility that is less by the share u, and holds the share s of a mode's energy, moves the frequency to
 ``f/√(1 − u s)``: by u s/2 to the first order (Rayleigh), by more where one part gives nearly all. What is uncertain is
 what was fitted (`padgen.physics.beam_ends`) and what is left out. The uncertainties were fitted to the errors of random
-taxels against 3-D elasticity (`docs/measure_campaign.py`): the error of a working mode is within what comes out in about
-94 of 100 cases (docs/accuracy.md).
+taxels against 3-D elasticity (`docs/measure_campaign.py`): the error of a working mode is within what comes out in
+about 94 of 100 cases (docs/accuracy.md).
 """
 
 from typing import Any, NamedTuple

@@ -83,7 +83,7 @@ def flux_density(coil: CoilSource, radius: np.ndarray, height: np.ndarray) -> tu
     some = max(AT_ONCE // len(charge), 1)
     for first in range(0, radius.size, some):
         own = slice(first, first + some)
-        _, along_r, along_z = ring_potential(*points[:, own], at_radius, at_height, 0, at_ring=False)
+        _, along_r, along_z = ring_potential(points[0, own], points[1, own], at_radius, at_height, 0, at_ring=False)
         slopes[:, own] = along_r[0], along_z[0]
     radial, axial = -MU_0 * (slopes.reshape(2, *radius.shape, len(charge)) @ charge)
     return radial, axial
