@@ -244,8 +244,9 @@ def _solved(
 
     def is_new(picks: list[Pick]) -> bool:
         # More freedom often finds the same beams again.
-        key = tuple((reach.topology, *rest) for reach, *rest in picks)
-        return key not in known and not known.add(key)
+        before = len(known)
+        known.add(tuple((reach.topology, *rest) for reach, *rest in picks))
+        return len(known) > before
 
     choices = filter(is_new, choices)
     some = list(islice(choices, 1))
