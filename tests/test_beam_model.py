@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from padgen.physics.beam_error import UNCERTAINTY, relative_error
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.spec import load_spec, make_spec, parse_spec
@@ -83,6 +84,30 @@ def test_resonance_against_elasticity(row):
     model = old_model(row)
     error = abs(float(model.resonance_hz) / row["working_hz"] - 1)
     assert error < min(0.035, 1.5 * float(model.error_estimate))
+
+
+def test_an_uncertain_part_that_holds_nearly_all_of_the_energy():
+    """Of springs in series: the stiffest that the uncertain one may be is within what is stated, and the softest."""
+    frequency, parts = np.full(6, 100.0), len(UNCERTAINTY)
+    at, uncertain = list(UNCERTAINTY).index("hung"), UNCERTAINTY["hung"]
+    for share in (0.05, 0.5, 0.95):
+        energies = np.zeros((6, parts))
+        energies[:, at] = share * (2 * np.pi * frequency) ** 2
+        stated = float(relative_error(energies, frequency, np.array(0), floor=0.0)[0])
+        stiffest, softest = ((1 - share + share * (1 + sign * uncertain)) ** -0.5 for sign in (-1, 1))
+        assert stated == pytest.approx(stiffest - 1, rel=1e-12)
+        assert 1 - softest < stated
+    # All of the flexibility uncertain altogether: still a number.
+    assert 1 < relative_error(energies / uncertain, frequency, np.array(0), floor=0.0)[0] < 10
+
+
+def test_a_thick_beam_on_a_yoke_that_gives_nearly_all():
+    """1.45 x 3.9 x 11.3 mm, folded: 648.7 Hz by elements of order 3 (good to 0.3 %), the beam model has 547 Hz."""
+    spec = make_spec({"name": "a", "resolution": 1, "band_hz": [125, 2318], "q_min": 15, "washer": "iso7092-m5"})
+    model = TaxelModel(spec, "folded", plate_shape(spec), BeamShape(1.45, 3.9, 11.3))
+    error = float(model.resonance_hz) / 648.73 - 1
+    assert -0.17 < error < -0.15
+    assert abs(error) < float(model.error_estimate) < 1.3 * abs(error)
 
 
 def test_typical_error_is_below_one_percent():

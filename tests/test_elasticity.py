@@ -324,6 +324,15 @@ def test_what_cannot_be_solved(
         child.submit(solve_modes, taxel(steps, name)._replace(**change), 2, 0).result()
 
 
+def test_refusals_call_a_taxel_by_its_name(steps: Path, child: ProcessPoolExecutor) -> None:
+    """A name, where it has one: its file may lie in a folder that is gone when the sentence is read."""
+    lost = taxel(steps, "base")._replace(washer_volume_mm3=1.0)
+    for one, where in ((lost, str(lost.step)), (lost._replace(name="my-pad, channel 3"), "my-pad, channel 3")):
+        with pytest.raises(SolverError) as refused:
+            child.submit(solve_modes, one, 2, 0).result()
+        assert str(refused.value).startswith(f"{where}: none of its solids is the washer")
+
+
 def test_a_file_that_is_no_step(tmp_path: Path, child: ProcessPoolExecutor) -> None:
     (tmp_path / "empty.step").write_text("")
     with pytest.raises(SolverError, match="STEP"):

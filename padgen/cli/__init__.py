@@ -96,7 +96,7 @@ def _refused(sentence: str, code: str, as_json: bool) -> int:
 
 def _parsed(arguments: list[str]) -> argparse.Namespace:
     """The options; argparse loses an optional positional that comes after an option."""
-    parser = _parser()
+    parser = _parser(arguments[:1])
     options, rest = parser.parse_known_args(arguments)
     name = getattr(options, "late", None)
     if name and getattr(options, name) is None and len(rest) == 1 and not rest[0].startswith("-"):
@@ -113,12 +113,14 @@ class _Parser(argparse.ArgumentParser):
         raise PadgenError(f"{message}; {self.prog} --help tells more", self.prog)
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(asked: list[str]) -> argparse.ArgumentParser:
     parser = _Parser(
         prog="padgen", description="Vibrotactile pads with more taxels than coils, from a spec to a pad that prints."
     )
     parser.add_argument("--version", action="version", version=f"padgen {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for module in COMMANDS:
+    # The options of the others need not be known to run one command.
+    own = [module for module in COMMANDS if asked == [module.__name__.rpartition(".")[2]]]
+    for module in own or COMMANDS:
         module.add(commands)
     return parser

@@ -106,9 +106,10 @@ class Registry(Generic[T]):
         SpecError
             There is none; the sentence, about the field `where`, tells the nearest name.
         """
-        if name not in self.names():
-            raise unknown_name(name, list(self.names()), self.kind, where)
-        if name in self._registered:
+        # Names that padgen brings cannot be registered: plugins need not be looked for.
+        if name not in _names_of_files(self._package):
+            if name not in self.registered:
+                raise unknown_name(name, list(self.names()), self.kind, where)
             return self._registered[name]
         module: Any = import_module(f"{self._package}.{'_' * name[0].isdigit()}{name.replace('-', '_')}")
         return cast(T, module)

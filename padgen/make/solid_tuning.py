@@ -272,6 +272,7 @@ def solid_taxel(plan: Plan, channel: Channel, step: Path) -> Any:
         ring_mm2 * washer.thickness_mm,
         float(plan.arrangement(channel).washer_x_mm),
         spec.taxel.glue_mg * 1e-3 * GRAM,
+        name=f"{plan.name}, channel {channel.index}",
     )
 
 

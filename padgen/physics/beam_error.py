@@ -1,9 +1,10 @@
 """How far the beam model of a taxel may be off, from where its modes keep their energy.
 
-A relative error u of a flexibility that holds the share s of a mode's energy moves the frequency by
-u s/2 (Rayleigh). What is uncertain is what was fitted (`padgen.physics.beam_ends`) and what is left out. The
-uncertainties were fitted to the errors of random taxels against 3-D elasticity (`docs/measure_campaign.py`): the error
-of a working mode is within what comes out in about 93 of 100 cases (docs/accuracy.md).
+A flexibility that is less by the share u, and holds the share s of a mode's energy, moves the frequency to
+``f/√(1 − u s)``: by u s/2 to the first order (Rayleigh), by more where one part gives nearly all. What is uncertain is
+what was fitted (`padgen.physics.beam_ends`) and what is left out. The uncertainties were fitted to the errors of random
+taxels against 3-D elasticity (`docs/measure_campaign.py`): the error of a working mode is within what comes out in
+about 94 of 100 cases (docs/accuracy.md).
 """
 
 from typing import Any, NamedTuple
@@ -37,6 +38,10 @@ UNCERTAINTY = {
     "plate": 0.2,
 }
 """Relative uncertainty of each flexibility, in the order of `uncertain_energies`."""
+
+
+MOST_SOFTER = 0.8
+"""Share of all flexibility that is taken to be missing, at most."""
 
 
 class Plate(NamedTuple):
@@ -88,7 +93,8 @@ def relative_error(
     at = np.asarray(working)[..., None]
     ratio = frequency_hz / np.take_along_axis(frequency_hz, at, -1)
     others = np.hypot(OTHERS * moved, np.maximum(OTHERS_FLOOR + OTHERS_RISE * ratio, floor))
-    return np.asarray(np.where(np.arange(6) == at, np.hypot(moved, floor), others))
+    own = 1 / np.sqrt(1 - np.minimum(2 * moved, MOST_SOFTER)) - 1
+    return np.asarray(np.where(np.arange(6) == at, np.hypot(own, floor), others))
 
 
 def _bending(parts: Flexibility, up: Array, about_y: Array) -> Array:

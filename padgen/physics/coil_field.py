@@ -16,6 +16,8 @@ __all__ = ["MOST_RINGS", "charged_core", "flux_density", "winding_rings"]
 
 MOST_RINGS = 400
 """Across a coil: nearer to its top than a two-hundredth of its radius a field is less sure."""
+AT_ONCE = 4096
+"""Pairs of a point and a ring that are worked out together: no more than stay in a processor's cache."""
 
 
 @lru_cache(maxsize=32)
@@ -77,8 +79,14 @@ def flux_density(coil: CoilSource, radius: np.ndarray, height: np.ndarray) -> tu
     radius, height = np.broadcast_arrays(np.asarray(radius, float), np.asarray(height, float))
     step = max(float(height.min(initial=np.inf)) / 2, coil.outer_diameter / MOST_RINGS)
     at_radius, at_height, charge = _coil_rings(coil, step)
-    of = ring_potential(radius[..., None], height[..., None], at_radius, at_height, 0, at_ring=False)
-    return -MU_0 * (of.along_r[0] @ charge), -MU_0 * (of.along_z[0] @ charge)
+    points, slopes = np.stack([radius.ravel(), height.ravel()])[..., None], np.empty((2, radius.size, len(charge)))
+    some = max(AT_ONCE // len(charge), 1)
+    for first in range(0, radius.size, some):
+        own = slice(first, first + some)
+        _, along_r, along_z = ring_potential(points[0, own], points[1, own], at_radius, at_height, 0, at_ring=False)
+        slopes[:, own] = along_r[0], along_z[0]
+    radial, axial = -MU_0 * (slopes.reshape(2, *radius.shape, len(charge)) @ charge)
+    return radial, axial
 
 
 @lru_cache(maxsize=16)

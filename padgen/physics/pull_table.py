@@ -64,8 +64,8 @@ class PullTable(NamedTuple):
         """
         per_log = 2 / log(self.high / self.low)
         along = np.log(gap / self.low) * per_log - 1
-        basis, slopes = _chebyshev(along, len(self.scale))
-        across, _ = _chebyshev(2 * (offset / self.reach) ** 2 - 1, self.shape.shape[1])
+        basis, slopes = _chebyshev(along, len(self.scale)), _chebyshev_slopes(along, len(self.scale))
+        across = _chebyshev(2 * (offset / self.reach) ** 2 - 1, self.shape.shape[1])
         size = np.exp(basis @ self.scale)
         coefficients = np.einsum("ijk,nj->nik", self.shape, across)
         axial, side, moment, doubt, dipole = size * np.einsum("nik,ni->kn", coefficients, basis)
@@ -93,7 +93,7 @@ def make_table(
     x = offset / reach
     shape = np.stack([axial, side / x, moment / x, doubt, dipole], -1)
     scale = np.sqrt((axial**2).mean(1)) + 1e-30
-    transforms = [np.linalg.inv(_chebyshev(at, len(at))[0]) for at in (at_gap, at_offset)]
+    transforms = [np.linalg.inv(_chebyshev(at, len(at))) for at in (at_gap, at_offset)]
     coefficients = np.einsum("ig,jd,gdk->ijk", *transforms, shape / scale[:, None, None], optimize=True)
     return PullTable(low, high, reach, transforms[0] @ np.log(scale), coefficients)
 
@@ -150,16 +150,17 @@ def _nodes(count: int) -> np.ndarray:
     return np.asarray(np.cos((np.arange(count) + 0.5) * np.pi / count))
 
 
-def _chebyshev(x: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Chebyshev polynomials (n, count) of the first kind at x (n,), and their slopes."""
-    value, slope = np.ones((2, len(x), count))
-    slope[:, 0] = 0.0
-    if count > 1:
-        value[:, 1] = x
-    second = 2 * x  # of the second kind, order k − 1
-    before = np.ones(len(x))
-    for k in range(2, count):
-        value[:, k] = 2 * x * value[:, k - 1] - value[:, k - 2]
-        slope[:, k] = k * second
-        before, second = second, 2 * x * second - before
-    return value, slope
+def _chebyshev(x: np.ndarray, count: int, kind: int = 1) -> np.ndarray:
+    """Chebyshev polynomials (n, count) of the first or second kind at x (n,)."""
+    twice = 2 * x
+    values = [np.ones(len(x)), kind * x]
+    for _ in range(2, count):
+        values.append(twice * values[-1] - values[-2])
+    return np.stack(values[:count], -1)
+
+
+def _chebyshev_slopes(x: np.ndarray, count: int) -> np.ndarray:
+    """Slopes (n, count) of the polynomials of the first kind: k times those of the second, of one order less."""
+    slopes = np.arange(count) * np.ones((len(x), 1))
+    slopes[:, 1:] *= _chebyshev(x, count - 1, kind=2)
+    return slopes

@@ -22,26 +22,27 @@ BISECTIONS = 60
 
 def hardening(
     beams: list[BeamPlacement], motion: np.ndarray, reference: np.ndarray, compliance: np.ndarray, elastic: Any
-) -> float:
-    """α in 1/m² of the force ``k z (1 + α z²)`` of one taxel's working mode.
+) -> np.ndarray:
+    """α (…) in 1/m² of the force ``k z (1 + α z²)`` of the working mode of taxels.
 
-    `motion` (6,) is the body's at `reference` (3,) for 1 m of z, `compliance` (6, 6) the suspended body's there under
-    static loads, `elastic` Young's modulus in Pa and Poisson's ratio. Bent beams count as straight.
+    `motion` (…, 6) is the body's at `reference` (…, 3) for 1 m of z, `compliance` (…, 6, 6) the suspended body's there
+    under static loads, `elastic` Young's modulus in Pa and Poisson's ratio. Bent beams count as straight.
     """
-    load, kept, spring = np.zeros(6), 0.0, 1 / float(motion @ np.linalg.solve(compliance, motion))
+    load, kept = np.zeros_like(motion), np.zeros(motion.shape[:-1])
     for beam in beams:
-        carry, length = to_tip(beam, reference), float(beam.section.length)
-        tip = carry @ motion
+        carry, length = to_tip(beam, reference), np.asarray(beam.section.length, float)
+        tip = (carry @ motion[..., None])[..., 0]
         # Shortening of a cubic, ½ ∫ w'² dx, by the displacement and slope of its tip: both planes.
-        shorter = sum(
+        shorter: Any = sum(
             (36 * w**2 - 6 * length * w * slope + 4 * length**2 * slope**2) / (60 * length)
-            for w, slope in ((tip[2], -tip[4]), (tip[1], tip[5]))
+            for w, slope in ((tip[..., 2], -tip[..., 4]), (tip[..., 1], tip[..., 5]))
         )
-        along = float(tip_stiffness(beam.section, *elastic)[0, 0])
-        load += along * shorter * carry[0]
+        along = tip_stiffness(beam.section, *elastic)[..., 0, 0]
+        load += (along * shorter)[..., None] * carry[..., 0, :]
         kept += along * shorter**2
-    relieved = float(load @ compliance @ load)
-    return 2 * max(kept - relieved, 0.0) * spring if kept - relieved > RELIEVED * kept else 0.0
+    softness = (motion * np.linalg.solve(compliance, motion[..., None])[..., 0]).sum(-1)
+    left = kept - (load * (compliance @ load[..., None])[..., 0]).sum(-1)
+    return np.where(left > RELIEVED * kept, 2 * left / softness, 0.0)
 
 
 def resonance_rise(alpha: Any, amplitude: Any, offset: Any = 0.0) -> Any:

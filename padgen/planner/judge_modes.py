@@ -253,7 +253,7 @@ class _Again(NamedTuple):
 def _planned_again(plan: Plan, varied: Spec) -> _Again | None:
     """What a `varied` spec makes of the same coils; None where it takes others, or none at all."""
     from padgen.planner.capacity import channel_limit
-    from padgen.planner.channels import plan_channels
+    from padgen.planner.channels import force_constants, plan_channels
     from padgen.planner.drive_scheme import plan_selectivity
     from padgen.planner.layout import candidates
     from padgen.planner.search import sites_of, sized_layouts
@@ -264,9 +264,10 @@ def _planned_again(plan: Plan, varied: Spec) -> _Again | None:
     layout, beams = sized
     if (layout.rows, layout.columns, layout.channels) != (plan.coils.rows, plan.coils.columns, len(plan.sets[0])):
         return None
-    channels = plan_channels(varied, beams, sites_of(varied, layout, beams))
-    if any(channel.force_constant_n_per_a2 <= 0 for channel in channels):
+    sites = sites_of(varied, layout, beams)
+    if (force_constants(varied, beams, sites) <= 0).any():
         return None
+    channels = plan_channels(varied, beams, sites)
     figures = plan_selectivity(varied, channels)
     kept_db = inf if figures.kept_db is None else figures.kept_db
     return _Again(channels, scheme_named(varied, figures.drive), kept_db)

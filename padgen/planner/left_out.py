@@ -32,7 +32,7 @@ from padgen.planner.channels import hanging_gap_um, site_pulls
 from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.frame_give import flexibility_bounds
 from padgen.planner.plan import Channel, LeftOut, Plan
-from padgen.planner.pull_modes import coil_modes, heard_modes, mode_fields, site_wrenches
+from padgen.planner.pull_modes import coil_modes, heard_modes, pulled_shares, site_wrenches
 from padgen.planner.pulls import magnetic_parts
 from padgen.planner.reuse import RINGS
 from padgen.planner.suspensions import BeamShape, PlateShape
@@ -356,14 +356,12 @@ def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.nda
         [(c.sag_um, c.static_um, c.pull_exponent, c.level_um, c.force_constant_n_per_a2) for c in channels]
     ).T
     gap_um = hanging_gap_um(spec, sag)
+    modes = [TaxelModes(np.array(c.modes_hz), np.array(c.mode_motions)) for c in channels]
 
     def on_mode(nearer_um: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Pull on each working mode over `force_constant_n_per_a2`, its slope over that in 1/µm, and how far off."""
         at = site_pulls(spec, sites, np.maximum(gap_um - nearer_um, gap_um / LEAST_GAP))
-        share = np.array([
-            mode_fields(TaxelModes(np.array(c.modes_hz), np.array(c.mode_motions)), wrench).pulled_share
-            for c, wrench in zip(channels, site_wrenches(spec, at, sites), strict=True)
-        ])  # fmt: skip
+        share = pulled_shares(modes, site_wrenches(spec, at, sites))
         return at.pull * share / here, at.slope * share / here * UM, at.slope_error
 
     # What the mean pull would deflect, did it not grow; in balance after a few rounds.

@@ -27,6 +27,7 @@ __all__ = [
     "mode_fields",
     "mode_names",
     "modes_in_slots",
+    "pulled_shares",
     "site_wrenches",
     "taxel_modes",
 ]
@@ -81,6 +82,16 @@ def mode_fields(modes: TaxelModes, wrench: np.ndarray) -> ModeFields:
         tuple(rest.tolist()),
         tuple(wrench.tolist()),
     )
+
+
+def pulled_shares(modes: Sequence[TaxelModes], wrenches: np.ndarray) -> np.ndarray:
+    """`ModeFields.pulled_share` (n,) of taxels whose pulls have `wrenches` (n, 6)."""
+    shares = []
+    for own, wrench in zip(modes, wrenches, strict=True):
+        axial = own.compliances()
+        working = axial.argmax()
+        shares.append(own.compliances(wrench)[working] / axial[working])
+    return np.array(shares)
 
 
 def site_wrenches(spec: Spec, pulled: PullAt, sites: Sequence[Site]) -> np.ndarray:

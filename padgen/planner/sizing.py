@@ -8,20 +8,21 @@ sensitive to the printer's tolerances wins. The widths are then solved for exact
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from itertools import pairwise
+from itertools import islice, pairwise
 from math import sqrt
+from typing import Any
 
 import numpy as np
 
 from padgen.core.registry import SUSPENSIONS
 from padgen.physics.ladder import slot_half_width
 from padgen.physics.selectivity import channels as resonators
-from padgen.planner.printable import LENGTH_STEP_MM, IdealBeam, printable_beams
+from padgen.planner.printable import LENGTH_STEP_MM, IdealBeam, printable_beams, steps_are_coarse
 from padgen.planner.settings import level_law
 from padgen.planner.suspensions import BeamShape, Room, allowed, suspension
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.spec import Printer, Spec
-from padgen.spec.model import Drive, Pad
+from padgen.spec.model import Drive, Pad, Suspension
 
 __all__ = ["Reach", "SizedChannel", "crowded_modes", "frequency_spread", "reach", "size_channels"]
 
@@ -109,12 +110,14 @@ def _of_one_taxel(spec: Spec) -> Spec:
 
     So variants share what is known of it.
     """
+    # The topology is an argument of its own, and which dimensions may differ is asked later.
+    suspension = replace(spec.suspension, topology=Suspension().topology, tune=Suspension().tune)
     size = Pad(frame_thickness_mm=spec.pad.frame_thickness_mm, rib_mm=spec.pad.rib_mm)
     material = replace(spec.material, youngs_modulus_gpa=1.0)
     taxel = replace(
         spec, name="", resolution=1, band_hz=(1.0, 2.0), q_min=1.0, resonances_hz=None, pad=size, drive=Drive()
     )
-    return replace(taxel, material=material)
+    return replace(taxel, material=material, suspension=suspension)
 
 
 @lru_cache(maxsize=256)
@@ -160,8 +163,7 @@ def size_channels(spec: Spec, room: Room, resonance_hz: tuple[float, ...]) -> tu
     targets = np.asarray(resonance_hz)
     reaches = [r for name in allowed(spec.suspension.topology) if (r := reach(spec, name, room)) is not None]
     first = None
-    for tried, picks in enumerate(_choices(spec, reaches, targets)):
-        channels = _solved(spec, picks, targets)
+    for tried, channels in enumerate(_solved(spec, _choices(spec, reaches, targets), targets)):
         if channels is None:
             continue
         if not crowded_modes(spec, channels):
@@ -230,41 +232,62 @@ def _mixed(tables: list[tuple[Reach, np.ndarray, np.ndarray]]) -> Iterator[list[
     yield picks
 
 
-def _solved(spec: Spec, picks: list[Pick], targets: np.ndarray) -> tuple[SizedChannel, ...] | None:
-    """Solve for the widths, then take the beams that print; None where a target is not reached.
+def _solved(
+    spec: Spec, choices: Iterator[list[Pick]], targets: np.ndarray
+) -> Iterator[tuple[SizedChannel, ...] | None]:
+    """Of each choice the beams that print, None where a target is not reached or two channels would be the same.
+
+    The first choice does most often. The others are worked out some at a time, which is quicker, where a beam for a
+    printer of coarse steps is not itself searched for.
+    """
+    at_once, known = 1 if steps_are_coarse(spec) else 2 * TRIES, set[tuple[Any, ...]]()
+
+    def is_new(picks: list[Pick]) -> bool:
+        # More freedom often finds the same beams again.
+        before = len(known)
+        known.add(tuple((reach.topology, *rest) for reach, *rest in picks))
+        return len(known) > before
+
+    choices = filter(is_new, choices)
+    some = list(islice(choices, 1))
+    while some:
+        ideal = _ideal_beams(spec, some, targets)
+        beams = [beam for own in ideal if own for beam in printable_beams(spec, own, targets)]
+        models = iter(_models(spec, [item.topology for own in ideal for item in own], beams))
+        for own in ideal:
+            found = zip(targets[: len(own)].tolist(), models, strict=False)
+            channels = tuple(SizedChannel(hz, model.topology, model.beam, model) for hz, model in found)
+            # In steps too coarse for the ladder, two targets may have the same beam.
+            apart = all(a.model.resonance_hz < b.model.resonance_hz for a, b in pairwise(channels))
+            yield channels if channels and (apart or spec.resonances_hz) else None
+        some = list(islice(choices, at_once))
+
+
+def _ideal_beams(spec: Spec, choices: list[list[Pick]], targets: np.ndarray) -> list[list[IdealBeam]]:
+    """The beams of each choice with their widths solved for; none where a target is not reached.
 
     Channels of one topology are solved together.
     """
-    ideal: dict[int, IdealBeam] = {}
-    for name in {p[0].topology for p in picks}:
-        index = [i for i, p in enumerate(picks) if p[0].topology == name]
-        chosen = [picks[i] for i in index]
+    ideal: list[dict[int, IdealBeam]] = [{} for _ in choices]
+    every = [(c, i, pick) for c, picks in enumerate(choices) for i, pick in enumerate(picks)]
+    for name in dict.fromkeys(pick[0].topology for _, _, pick in every):
+        own = [item for item in every if item[2][0].topology == name]
+        group, index = np.array([item[:2] for item in own]).T
+        chosen = [pick for _, _, pick in own]
         beam = BeamShape(
             np.array([p[3] for p in chosen]),
             np.array([p[0].thickness_mm[p[1]] for p in chosen]),
             np.array([p[0].length_mm[p[2]] for p in chosen]),
         )
         spans = np.array([p[0].width_mm[p[1], p[2], [0, -1]] for p in chosen])
-        beam, found = _width_solved(spec, name, beam, (spans[:, 0], spans[:, 1]), targets[index])
-        if np.abs(found / targets[index] - 1).max() > RESONANCE_TOLERANCE:
-            return None
-        for k, i in enumerate(index):
-            lengths = chosen[k][0].length_mm
-            ideal[i] = IdealBeam(
-                name,
-                BeamShape(*(float(v[k]) for v in beam)),
-                (float(spans[k, 0]), float(spans[k, 1])),
-                (float(lengths[0]), float(lengths[-1])),
-            )
-    ordered = [ideal[i] for i in range(len(picks))]
-    beams = printable_beams(spec, ordered, targets)
-    models = _models(spec, [item.topology for item in ordered], beams)
-    channels = tuple(
-        SizedChannel(float(hz), model.topology, model.beam, model) for hz, model in zip(targets, models, strict=True)
-    )
-    # In steps too coarse for the ladder, two targets may have the same beam.
-    apart = all(a.model.resonance_hz < b.model.resonance_hz for a, b in pairwise(channels))
-    return channels if apart or spec.resonances_hz else None
+        beam, found = _width_solved(spec, name, beam, (spans[:, 0], spans[:, 1]), targets[index], group)
+        reached = np.abs(found / targets[index] - 1) <= RESONANCE_TOLERANCE
+        for k, (c, i, pick) in enumerate(own):
+            lengths, width = pick[0].length_mm, (float(spans[k, 0]), float(spans[k, 1]))
+            if reached[k]:
+                shape = BeamShape(*(float(v[k]) for v in beam))
+                ideal[c][i] = IdealBeam(name, shape, width, (float(lengths[0]), float(lengths[-1])))
+    return [[beams[i] for i in range(len(targets))] if len(beams) == len(targets) else [] for beams in ideal]
 
 
 def _models(spec: Spec, names: Sequence[str], beams: Sequence[BeamShape]) -> list[TaxelModel]:
@@ -283,9 +306,17 @@ RESONANCE_TOLERANCE = 2e-3
 
 
 def _width_solved(
-    spec: Spec, topology: str, beam: BeamShape, bounds: tuple[np.ndarray, np.ndarray], targets: np.ndarray
+    spec: Spec,
+    topology: str,
+    beam: BeamShape,
+    bounds: tuple[np.ndarray, np.ndarray],
+    targets: np.ndarray,
+    group: np.ndarray,
 ) -> tuple[BeamShape, np.ndarray]:
-    """Beams of solved widths and their resonances: they rise with the width, so a secant in log-log converges."""
+    """Beams of solved widths and their resonances: they rise with the width, so a secant in log-log converges.
+
+    Each `group` of beams is left as it is when all of it is solved.
+    """
     plate = plate_shape(spec)
     slope = np.full(len(targets), 0.5)
     previous = None
@@ -298,9 +329,11 @@ def _width_solved(
             secant = np.divide(np.log(found / previous[1]), step, out=slope.copy(), where=moved)
             slope = np.clip(secant, 0.1, 3)
         previous = (beam.width_mm, found)
-        if np.abs(miss).max() < 1e-5:
+        open_groups = group[np.abs(miss) >= 1e-5]
+        if not len(open_groups):
             return beam, found
-        beam = beam._replace(width_mm=np.clip(beam.width_mm * np.exp(miss / slope), *bounds))
+        width = np.clip(beam.width_mm * np.exp(miss / slope), *bounds)
+        beam = beam._replace(width_mm=np.where(np.isin(group, open_groups), width, beam.width_mm))
     return beam, TaxelModel(spec, topology, plate, beam).resonance_hz
 
 
@@ -315,13 +348,11 @@ def crowded_modes(spec: Spec, channels: tuple[SizedChannel, ...]) -> list[tuple[
     resonance = np.array([float(c.model.resonance_hz) for c in channels])
     mass = np.array([float(c.model.effective_mass_kg) for c in channels])
     force = resonators(resonance, spec.q_min, level_law(spec)(resonance), mass).line
+    frequency = np.array([c.model.modes.frequency_hz for c in channels])
+    compliance, working = np.array([c.model.compliances for c in channels]), [int(c.model.working) for c in channels]
     crowded = []
-    for i, channel in enumerate(channels):
-        working = int(channel.model.working)
-        share = channel.model.compliances / channel.model.compliances[working]
-        for k, frequency in enumerate(channel.model.modes.frequency_hz):
-            for j in np.flatnonzero(np.abs(frequency / resonance - 1) < half_slot):
-                response = float(share[k] * force[j] / force[i])
-                if k != working and (i - j) % sets == 0 and response > 1 / spec.delta_y:
-                    crowded.append((i, float(frequency), int(j), response))
+    for i, k, j in np.argwhere(np.abs(frequency[..., None] / resonance - 1) < half_slot).tolist():
+        response = float(compliance[i, k] / compliance[i, working[i]] * force[j] / force[i])
+        if k != working[i] and (i - j) % sets == 0 and response > 1 / spec.delta_y:
+            crowded.append((i, float(frequency[i, k]), j, response))
     return crowded

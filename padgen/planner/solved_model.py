@@ -53,7 +53,7 @@ class SolvedModel(TaxelModel):
         return np.asarray(self.beam_model.sag_m / self._stiffer)
 
     @property
-    def hardening_per_m2(self) -> float:
+    def hardening_per_m2(self) -> np.ndarray:
         """Hardening by beams that stretch, the beam model's."""
         return self.beam_model.hardening_per_m2
 

@@ -86,7 +86,7 @@ class TaxelModel:
     topology: str
     plate: PlateShape
     beam: BeamShape
-    frame_depth_mm: float | None = field(default=None, kw_only=True)
+    frame_depth_mm: Any = field(default=None, kw_only=True)
     member_of: "tuple[TaxelModel, int] | None" = field(default=None, kw_only=True, compare=False, repr=False)
 
     @cached_property
@@ -185,6 +185,7 @@ class TaxelModel:
         return np.stack([x, 0 * x, 0 * x], -1)
 
     @cached_property
+    @_of_array
     def compliances(self) -> np.ndarray:
         """Static compliance (…, 6) in m/N that each mode adds to a vertical force at the washer."""
         vertical = self.modes.at_point(self.washer_point_m)[..., 2, :]
@@ -192,21 +193,25 @@ class TaxelModel:
         return vertical**2 / angular**2
 
     @cached_property
+    @_of_array
     def working(self) -> np.ndarray:
         """Index of the mode that the washer's pull moves most: the channel's own."""
         return np.asarray(self.compliances.argmax(-1))
 
     @cached_property
+    @_of_array
     def resonance_hz(self) -> np.ndarray:
         """Resonance of the working mode."""
         return _take(self.modes.frequency_hz, self.working)
 
     @cached_property
+    @_of_array
     def stiffness_n_per_m(self) -> np.ndarray:
         """Stiffness of the working mode at the washer."""
         return 1 / _take(self.compliances, self.working)
 
     @cached_property
+    @_of_array
     def effective_mass_kg(self) -> np.ndarray:
         """Mass of the working mode at the washer."""
         return self.stiffness_n_per_m / (2 * np.pi * self.resonance_hz) ** 2
@@ -220,7 +225,8 @@ class TaxelModel:
         one = rule_stiffness(self.elastic[0], width, thickness, length, rule.END_FACTOR)
         return np.asarray(natural_frequency(rule.BEAMS * one, self.body.mass))
 
-    @property
+    @cached_property
+    @_of_array
     def sag_m(self) -> np.ndarray:
         """Sag of the washer under the weight of body and beams."""
         return self.modes.sag(self.washer_point_m)
@@ -272,19 +278,25 @@ class TaxelModel:
     @_of_array
     def stress_pa_per_m(self) -> np.ndarray:
         """Largest bending stress of the beams over the washer's motion, in the working mode."""
-        shape = np.take_along_axis(self.modes.shape, self.working[..., None, None], -1)[..., 0]
-        vertical = _take(self.modes.at_point(self.washer_point_m)[..., 2, :], self.working)
-        motion = shape / vertical[..., None]
-        stresses = [bending_stress(beam, motion, self.modes.reference, *self.elastic[:2]) for beam in self.placements]
+        motion, reference = self._working_motion, self.modes.reference
+        stresses = [bending_stress(beam, motion, reference, *self.elastic[:2]) for beam in self.placements]
         return np.asarray(np.maximum.reduce(stresses))
 
-    @property
-    def hardening_per_m2(self) -> float:
-        """α of the working mode's force ``k z (1 + α z²)`` at the washer, by beams that stretch; of a single taxel."""
-        modes, working = self.modes, int(self.working)
-        motion = modes.shape[:, working] / self.modes.at_point(self.washer_point_m)[2, working]
-        scaled = modes.shape / (2 * np.pi * modes.frequency_hz)
-        return hardening(self.placements, motion, modes.reference, scaled @ scaled.T, self.elastic[:2])
+    @cached_property
+    def _working_motion(self) -> np.ndarray:
+        """Motion (…, 6) of the body at the modes' reference in the working mode, for 1 m of the washer's."""
+        shape = np.take_along_axis(self.modes.shape, self.working[..., None, None], -1)[..., 0]
+        vertical = _take(self.modes.at_point(self.washer_point_m)[..., 2, :], self.working)
+        return np.asarray(shape / vertical[..., None])
+
+    @cached_property
+    @_of_array
+    def hardening_per_m2(self) -> np.ndarray:
+        """α of the working mode's force ``k z (1 + α z²)`` at the washer, by beams that stretch."""
+        modes = self.modes
+        scaled = modes.shape / (2 * np.pi * modes.frequency_hz[..., None, :])
+        compliance = scaled @ np.swapaxes(scaled, -1, -2)
+        return hardening(self.placements, self._working_motion, modes.reference, compliance, self.elastic[:2])
 
     def root_stress_pa(self, level_m: np.ndarray) -> np.ndarray:
         """Largest bending stress of the beams when the washer moves by `level_m`, in the working mode."""

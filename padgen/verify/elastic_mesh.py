@@ -52,9 +52,10 @@ class Fineness(NamedTuple):
 USUAL = Fineness()
 
 
-def taxel_shape(step: Path, washer_volume_mm3: float) -> Any:
+def taxel_shape(step: Path, washer_volume_mm3: float, where: str = "") -> Any:
     """The two solids of a STEP file glued into one shape that shares faces; solids are named
     ``printed`` and ``washer``, told apart by volume because names do not survive the import.
+    Refusals begin with `where`, with the file where that is empty.
 
     Raises
     ------
@@ -62,25 +63,25 @@ def taxel_shape(step: Path, washer_volume_mm3: float) -> Any:
         The file cannot be read, does not hold two solids with volume, none of them is the washer,
         or the washer does not touch the printed part.
     """
-    occ = engine("netgen.occ")
+    occ, where = engine("netgen.occ"), where or str(step)
     if not step.is_file():
-        raise SolverError("there is no such STEP file", str(step))
+        raise SolverError("there is no such STEP file", where)
     try:
         solids = list(occ.OCCGeometry(str(step)).shape.solids)
     except Exception as error:
-        raise SolverError(f"cannot be read as STEP ({_first_line(error)})", str(step)) from error
+        raise SolverError(f"cannot be read as STEP ({_first_line(error)})", where) from error
     volumes = [solid.mass for solid in solids]
     if len(solids) != 2 or min(volumes) <= 0:
-        raise SolverError(f"must hold two solids, printed part and washer, holds {len(solids)}", str(step))
+        raise SolverError(f"must hold two solids, printed part and washer, holds {len(solids)}", where)
     misfit = [abs(volume / washer_volume_mm3 - 1) for volume in volumes]
     if min(misfit) > VOLUME_SHARE:
         found = " and ".join(f"{number(v)} mm³" for v in volumes)
         raise SolverError(
-            f"none of its solids is the washer of {number(washer_volume_mm3)} mm³, they have {found}", str(step)
+            f"none of its solids is the washer of {number(washer_volume_mm3)} mm³, they have {found}", where
         )
     washer = int(np.argmin(misfit))
     solids[washer].name, solids[1 - washer].name = WASHER, PRINTED
-    return _glued(solids, str(step))
+    return _glued(solids, where)
 
 
 def _glued(solids: list[Any], where: str) -> Any:

@@ -65,7 +65,8 @@ POOR, POOR_OTHERS = 0.01, 0.2
 
 class SolidTaxel(NamedTuple):
     """One taxel to solve: a STEP file in mm with two solids, printed part and washer, bonded where they
-    touch. `glue_kg` is carried by the washer. `clamp` is one of `elastic_mesh.CLAMPS`."""
+    touch. `glue_kg` is carried by the washer. `clamp` is one of `elastic_mesh.CLAMPS`. Refusals call it by its `name`,
+    by its file where it has none."""
 
     step: Path
     printed: Elastic
@@ -74,6 +75,12 @@ class SolidTaxel(NamedTuple):
     washer_x_mm: float
     glue_kg: float = 0.0
     clamp: str = "sides"
+    name: str = ""
+
+    @property
+    def where(self) -> str:
+        """What refusals begin with."""
+        return self.name or str(self.step)
 
     @property
     def materials(self) -> dict[str, Elastic]:
@@ -227,9 +234,9 @@ def _extrapolated(coarser: SolidModes, found: SolidModes) -> SolidModes:
 
 def _drafted(taxel: SolidTaxel, clock: _Clock) -> _Draft:
     engine("ngsolve").SetNumThreads(1)
-    shape = clamped_shape(taxel_shape(taxel.step, taxel.washer_volume_mm3), taxel.clamp)
+    shape = clamped_shape(taxel_shape(taxel.step, taxel.washer_volume_mm3, taxel.where), taxel.clamp)
     clock.stop("read")
-    mesh = coarse_mesh(shape, where=str(taxel.step))
+    mesh = coarse_mesh(shape, where=taxel.where)
     singular = singular_edges(shape, mesh)
     clock.stop("mesh")
     draft = _Draft(taxel, shape, set())
@@ -242,7 +249,7 @@ def _drafted(taxel: SolidTaxel, clock: _Clock) -> _Draft:
 
 def _layered(draft: _Draft, setting: Setting, clock: _Clock) -> Any:
     fineness = Fineness(levels=setting.levels, per_face=setting.per_face)
-    mesh = meshed(draft.shape, fineness, str(draft.taxel.step), draft.layered)
+    mesh = meshed(draft.shape, fineness, draft.taxel.where, draft.layered)
     clock.stop("mesh")
     return mesh
 
@@ -264,7 +271,7 @@ def _answered(
         if accurate(system, solve, loads, answers):
             break
     else:
-        raise SolverError("stiff and soft parts lie too far apart for double precision", str(taxel.step))
+        raise SolverError("stiff and soft parts lie too far apart for double precision", taxel.where)
     eigen = eigenmodes(system, solve, modes, answers)
     clock.stop("modes")
     return _Answer(system, loads, answers, eigen)

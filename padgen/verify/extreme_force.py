@@ -7,6 +7,7 @@ from random import Random
 
 import numpy as np
 
+from padgen.core.errors import SolverError
 from padgen.physics.magnetics import CoilSource, SteelRing, balanced_deflection, pull_in_deflection, solenoid
 from padgen.physics.pull_table import solved_pulls
 from padgen.physics.saturation import MILD_STEEL
@@ -21,6 +22,7 @@ COIL = solenoid(10e-3, 4e-3, 10e-3, 1000, 4e-3, 1000)
 WASHER = SteelRing(4e-3, 2e-3, 0.5e-3, 1000)
 """The reference problem of tests/reference/magnetostatics.json."""
 FINER = {"order": 7, "levels": 6}
+HIGHER = 4
 RANDOM = 12
 """Coils, washers and places drawn from what a spec allows."""
 
@@ -83,7 +85,7 @@ def planned_pull(coil: CoilSource, washer: SteelRing, gap_m: float, offset_m: fl
 def _planned_case(name: str, pull: Pull) -> ExtremeCase:
     solve = partial(planned_pull, pull.coil, pull.washer, pull.gap_m, pull.offset_m)
     if pull.offset_m:
-        return ExtremeCase(name, "force", "plan", solve, partial(_solid, pull), "3-D field, with its own error")
+        return ExtremeCase(name, "force", "plan", solve, partial(_off_axis, pull), "3-D field, with its own error")
     return ExtremeCase(name, "force", "plan", solve, partial(_axisymmetric, pull), "axisymmetric field, with its error")
 
 
@@ -107,8 +109,16 @@ def _solid_case(name: str, pull: Pull) -> ExtremeCase:
     return ExtremeCase(name, "force", "3-D", partial(_solid, pull), partial(_axisymmetric, pull), source)
 
 
-def _solid(pull: Pull) -> Answer:
-    found = solid_pull(pull)
+def _off_axis(pull: Pull) -> Answer:
+    """The 3-D field; of a higher order where a weak pull drowns in the usual one's own error."""
+    try:
+        return _solid(pull)
+    except SolverError:
+        return _solid(pull, HIGHER)
+
+
+def _solid(pull: Pull, order: int = 3) -> Answer:
+    found = solid_pull(pull, order)
     return Answer(np.array([-float(found.wrench[0, 2]) / pull.current_a**2]), found.error, found.residual)
 
 

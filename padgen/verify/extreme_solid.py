@@ -11,6 +11,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
+from padgen.core.errors import number
 from padgen.verify.elastic_material import Elastic
 from padgen.verify.elasticity import SolidTaxel, converged_modes, solve_modes
 from padgen.verify.engines import engine
@@ -48,13 +49,15 @@ class BlockTaxel(NamedTuple):
         low, middle = -self.step_mm, self.length + BLOCK_MM / 2
         corner, opposite = (self.length, -BLOCK_MM / 2, low), (self.length + BLOCK_MM, BLOCK_MM / 2, HEIGHT_MM)
         beam = occ.Box(occ.Pnt(0, -self.width / 2, 0), occ.Pnt(self.length, self.width / 2, self.thickness))
-        printed = beam + occ.Box(occ.Pnt(*corner), occ.Pnt(*opposite))
+        body = beam + occ.Box(occ.Pnt(*corner), occ.Pnt(*opposite))
         foot = occ.Pnt(middle, 0, low - thick)
         ring = occ.Cylinder(foot, occ.Z, outer / 2, thick) - occ.Cylinder(foot, occ.Z, inner / 2, thick)
         step = folder / "taxel.step"
-        occ.Compound([printed.solids[0], ring.solids[0]]).WriteStep(str(step))
+        occ.Compound([body.solids[0], ring.solids[0]]).WriteStep(str(step))
         volume = pi / 4 * (outer**2 - inner**2) * thick
-        return SolidTaxel(step, Elastic(self.modulus, self.poisson, DENSITY), self.washer, volume, middle, clamp="root")
+        printed, sizes = Elastic(self.modulus, self.poisson, DENSITY), (self.length, self.width, self.thickness)
+        name = f"a block on a beam of {' x '.join(map(number, sizes))} mm"
+        return SolidTaxel(step, printed, self.washer, volume, middle, clamp="root", name=name)
 
 
 def solid_answer(taxel: BlockTaxel) -> Answer:
