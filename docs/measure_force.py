@@ -1,8 +1,9 @@
-"""Prints the tables of the force ladder for docs/accuracy.md; `measure_force.py [team | tables | campaign N]`.
+"""Prints the tables of the force ladder for docs/accuracy.md; `measure_force.py [team | tables | bounds | campaign N]`.
 
 Without a word about two minutes of one core, TEAM problem 20 (`team`) two more. `tables` writes padgen/physics/pulls.*,
 the tables that plans read: after every change of the pull's physics (two minutes). `campaign 300` solves random pairs
-by the solid field into tests/reference/force_campaign.csv, going on where it was (an hour). Needs padgen[study].
+by the solid field into tests/reference/force_campaign.csv, going on where it was (two hours). `bounds` tries the bounds
+of gap and softening on 1,960 combinations of core, gap, offset and sag (three minutes). Needs padgen[study].
 """
 
 import csv
@@ -279,9 +280,29 @@ def campaign(count: int) -> None:
             out.flush()
 
 
+def bounds() -> None:
+    sys.path.insert(0, str(Path(__file__).parents[1]))
+    from tests.test_left_out import pulled_bounds
+
+    bounded, broken = pulled_bounds()
+    head(
+        "Bounds of gap and softening that the pull itself breaks",
+        "term",
+        "core mm",
+        "gap mm",
+        "offset mm",
+        "sag",
+        "bound",
+        "true",
+    )
+    for cells in broken:
+        row(*cells)
+    print(f"\n{len(broken)} broken of those of {bounded} combinations")
+
+
 def main() -> None:
-    if sys.argv[1:] in (["team"], ["tables"]):
-        {"team": team, "tables": tables}[sys.argv[1]]()
+    if sys.argv[1:] in (["team"], ["tables"], ["bounds"]):
+        {"team": team, "tables": tables, "bounds": bounds}[sys.argv[1]]()
         return
     if sys.argv[1:2] == ["campaign"]:
         campaign(int(sys.argv[2]))

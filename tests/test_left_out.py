@@ -154,7 +154,12 @@ def true_softening(name: str) -> float:
     return max(softening_error(spec, channel) for channel in plan.channels[:4])
 
 
-CORES_MM, GAPS_MM, OUT, SAGS = (0, 1, 2, 3, 4, 5, 6), (0.4, 0.6, 0.8, 1, 1.5, 2, 3), np.linspace(0, 0.7, 8), np.linspace(0, 0.5, 5)
+CORES_MM, GAPS_MM, OUT, SAGS = (
+    (0, 1, 2, 3, 4, 5, 6),
+    (0.4, 0.6, 0.8, 1, 1.5, 2, 3),
+    np.linspace(0, 0.7, 8),
+    np.linspace(0, 0.5, 5),
+)
 """Cores of a coil of 10 mm, gaps, places over the coil's diameter, and sags over the gap: 1,960 combinations."""
 
 
@@ -193,7 +198,9 @@ def pulled_bounds(thinned: int = 1) -> tuple[int, list[tuple[object, ...]]]:
         if not np.isfinite(bounds).all():
             continue
         bounded += 1
-        for term, bound, true in zip(("gap", "softening"), bounds, (gap_error(spec, moved), softening_error(spec, moved)), strict=True):
+        for term, bound, true in zip(
+            ("gap", "softening"), bounds, (gap_error(spec, moved), softening_error(spec, moved)), strict=True
+        ):
             if true > SLACK * bound + 1e-6:
                 broken.append((term, core_mm, gap_mm, round(offset_mm, 2), sag, bound, true))
     return bounded, broken

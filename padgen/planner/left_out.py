@@ -348,8 +348,8 @@ def _moving(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut]:
 def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.ndarray]:
     """Relative errors (n,) of force and resonance, for pulls that are taken where the washers hang without current.
 
-    The mean pull draws a washer nearer by what balances it, there it swings, and the pull's slope, of force and lever alike, softens the spring. Infinite where
-    nothing balances.
+    The mean pull draws a washer nearer by what balances it, there it swings, and the pull's slope, of force and lever
+    alike, softens the spring. Infinite where nothing balances.
     """
     spec, sites = plan.spec, [channel.site for channel in channels]
     sag, static, exponent, level, here = np.array(

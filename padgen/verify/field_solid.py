@@ -130,9 +130,7 @@ def _source(mesh: Any, coil: CoilSource, current_a: float) -> Any:
     return ng.CF((0, 0, wound(coil, current_a, ng.sqrt(ng.x**2 + ng.y**2), ng.z)[0]))
 
 
-def _mesh(
-    coil: CoilSource, washers: Sequence[PlacedWasher], half: bool, levels: int, size: float
-) -> tuple[Any, float]:
+def _mesh(coil: CoilSource, washers: Sequence[PlacedWasher], half: bool, levels: int, size: float) -> tuple[Any, float]:
     """Mesh in mm and the far sphere's radius in mm."""
     occ, ng = engine("netgen.occ"), engine("ngsolve")
     length = 1e3 * coil.length
