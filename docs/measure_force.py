@@ -219,7 +219,7 @@ FIELDS = (
 )  # fmt: skip
 SEED, TURNS = 20, 1000
 GOOD = 0.01
-"""Of a solution's own error, relative to the axial force; one that states more is solved again with the next elements."""
+"""Of a solution's own error, relative to the axial force; above it the next elements follow."""
 ELEMENTS = ((3, 1, 1.0), (4, 1, 1.0), (4, 1, 1 / 3))
 """Their order, levels of refinement at edges, and size of those of the washer."""
 

@@ -47,6 +47,8 @@ RESISTIVITY_OHM_M = 1e-7
 """Of the best conductor among cores and washers, iron."""
 LEAST_GAP = 20
 """Share of its gap, one over this, below which no pull is asked for."""
+INTERPOLATED = 5e-4
+"""Relative to a pull, what tables make of its change between two gaps beside what it is (docs/accuracy.md)."""
 ROUNDS = 3
 
 AIR_KG_PER_M3, AIR_PA_S = 1.2, 1.8e-5
@@ -376,7 +378,7 @@ def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.nda
     swung = [on_mode(static + side)[0] for side in (outer, inner, -inner, -outer)]
     softer = np.maximum((swung[1] - swung[2]) / (2 * inner) * slack_um * (1 + doubt), 0)
     meets = (static + level >= gap_um) | (np.array([c.static_um for c in channels]) >= gap_um)
-    forces = np.abs(sum(swung) / 4 - 1) * (1 + doubt)
+    forces = np.abs(sum(swung) / 4 - 1) * (1 + doubt) + INTERPOLATED
     return np.where(meets, inf, forces), np.where(meets | (softer >= 1), inf, 1 - np.sqrt(np.maximum(1 - softer, 0)))
 
 
