@@ -14,7 +14,7 @@ from padgen.physics.resonator import ring_up_time
 from padgen.physics.selectivity import Scheme
 from padgen.physics.stretching import level_kept, resonance_rise
 from padgen.planner.plan import Beam, Channel, Site, channel_sets
-from padgen.planner.pull_modes import mode_fields, pulled_shares, site_wrenches, taxel_modes
+from padgen.planner.pull_modes import force_error, mode_fields, pulled_shares, site_wrenches, taxel_modes
 from padgen.planner.pulls import pulls
 from padgen.planner.settings import level_law
 from padgen.planner.sizing import SizedChannel, frequency_spread
@@ -48,11 +48,13 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
     tau_ms = ring_up_time(resonance, spec.q_min) / MS
     quiet = _quiet_ratios(spec, resonance, level_um)
     deep_error = _deep_frame_errors(sized, sites)
+    radius_m = spec.washer.outer_diameter_mm / 2 * MM
     channels = []
     for i, (item, site) in enumerate(zip(sized, sites, strict=True)):
         stiffness = float(item.model.stiffness_n_per_m)
         beam_error = item.model.beam_error
-        modes = mode_fields(taxel_modes(item.model), wrench[i])
+        moving = taxel_modes(item.model)
+        modes = mode_fields(moving, wrench[i])
         force_mn = float(level_um[i]) * UM * stiffness / spec.q_min / MN
         force_constant = float(pulled.pull[i]) * modes.pulled_share
         alpha, level_m, sag_m = float(item.model.hardening_per_m2), float(level_um[i]) * UM, float(item.model.sag_m)
@@ -82,7 +84,7 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
                 force_mn=force_mn,
                 force_constant_n_per_a2=force_constant,
                 line_a2=wanted_line_a2(force_mn, force_constant),
-                force_error=float(pulled.error[i]),
+                force_error=force_error(moving, wrench[i], float(pulled.error[i]), radius_m),
                 pull_exponent=float(exponent[i]),
                 static_um=0.0,
                 pull_shift=0.0,

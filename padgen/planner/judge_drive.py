@@ -153,7 +153,7 @@ def _reach(plan: Plan) -> Iterator[Finding]:
                 "coil.unsure",
                 f"channel {channel.index}",
                 f"the pull on its washer is known to ± {channel.force_error:.0%} only: what draws its parts up and down"
-                " all but cancels",
+                " or turns it all but cancels",
             )
 
 

@@ -47,6 +47,8 @@ RESISTIVITY_OHM_M = 1e-7
 """Of the best conductor among cores and washers, iron."""
 LEAST_GAP = 20
 """Share of its gap, one over this, below which no pull is asked for."""
+INTERPOLATED = 5e-4
+"""Relative to a pull, what tables make of its change between two gaps beside what it is (docs/accuracy.md)."""
 ROUNDS = 3
 
 AIR_KG_PER_M3, AIR_PA_S = 1.2, 1.8e-5
@@ -348,8 +350,8 @@ def _moving(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut]:
 def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.ndarray]:
     """Relative errors (n,) of force and resonance, for pulls that are taken where the washers hang without current.
 
-    The mean pull draws a washer nearer by what balances it, there it swings (a pull at either side of the swing's rms
-    averages the second order right) and the pull's slope softens the spring. Infinite where nothing balances.
+    The mean pull draws a washer nearer by what balances it, there it swings, and the pull's slope, of force and lever
+    alike, softens the spring. Infinite where nothing balances.
     """
     spec, sites = plan.spec, [channel.site for channel in channels]
     sag, static, exponent, level, here = np.array(
@@ -358,21 +360,23 @@ def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.nda
     gap_um = hanging_gap_um(spec, sag)
     modes = [TaxelModes(np.array(c.modes_hz), np.array(c.mode_motions)) for c in channels]
 
-    def on_mode(nearer_um: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Pull on each working mode over `force_constant_n_per_a2`, its slope over that in 1/µm, and how far off."""
+    def on_mode(nearer_um: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Pull on each working mode over `force_constant_n_per_a2`, and how far its slope is off."""
         at = site_pulls(spec, sites, np.maximum(gap_um - nearer_um, gap_um / LEAST_GAP))
         share = pulled_shares(modes, site_wrenches(spec, at, sites))
-        return at.pull * share / here, at.slope * share / here * UM, at.slope_error
+        return at.pull * share / here, at.slope_error
 
     # What the mean pull would deflect, did it not grow; in balance after a few rounds.
     slack_um = static * np.maximum(1 - static / gap_um, 0) ** np.maximum(exponent, 0)
     for _ in range(ROUNDS):
-        pull, slope, doubt = on_mode(static)
+        pull, doubt = on_mode(static)
         static = slack_um * pull
-    (near, _, _), (far, _, _) = (on_mode(static + side * level * np.sqrt(0.5)) for side in (1, -1))
-    softer = np.maximum(-slope * slack_um * (1 + doubt), 0)
+    # Means over a swing, exact to the seventh order, and the slope between the inner two.
+    outer, inner = level * np.cos(np.pi / 8), level * np.sin(np.pi / 8)
+    swung = [on_mode(static + side)[0] for side in (outer, inner, -inner, -outer)]
+    softer = np.maximum((swung[1] - swung[2]) / (2 * inner) * slack_um * (1 + doubt), 0)
     meets = (static + level >= gap_um) | (np.array([c.static_um for c in channels]) >= gap_um)
-    forces = np.abs((near + far) / 2 - 1) * (1 + doubt)
+    forces = np.abs(sum(swung) / 4 - 1) * (1 + doubt) + INTERPOLATED
     return np.where(meets, inf, forces), np.where(meets | (softer >= 1), inf, 1 - np.sqrt(np.maximum(1 - softer, 0)))
 
 

@@ -23,6 +23,7 @@ __all__ = [
     "MODES_DB",
     "ModeFields",
     "coil_modes",
+    "force_error",
     "heard_modes",
     "mode_fields",
     "mode_names",
@@ -92,6 +93,18 @@ def pulled_shares(modes: Sequence[TaxelModes], wrenches: np.ndarray) -> np.ndarr
         working = axial.argmax()
         shares.append(own.compliances(wrench)[working] / axial[working])
     return np.array(shares)
+
+
+def force_error(modes: TaxelModes, wrench: np.ndarray, error: float, radius_m: float) -> float:
+    """Relative error of the force on the working mode, its pull having the `wrench` (6,) of `site_wrenches`.
+
+    The axial pull has the relative `error`; the side force is off by as much in N, the moment by that at the rim of
+    the washer, `radius_m` from its axis (docs/accuracy.md), each by itself.
+    """
+    x, y = wrench[:2] / (np.hypot(*wrench[:2]) or 1.0)
+    off = np.array([(0, 0, 1, 0, 0, 0), (x, y, 0, 0, 0, 0), (0, 0, 0, -y * radius_m, x * radius_m, 0)])
+    share, *parts = (modes.compliances(part)[modes.working] for part in (wrench, *off))
+    return float(error * np.linalg.norm(parts) / abs(share)) if share else error
 
 
 def site_wrenches(spec: Spec, pulled: PullAt, sites: Sequence[Site]) -> np.ndarray:

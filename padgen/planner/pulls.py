@@ -1,17 +1,18 @@
 """Pulls of a spec's coil on its washers, wherever a plan asks: from tables that padgen brings, or solved once and kept.
 
 Tables of all coils and washers of the catalogues lie in ``padgen/physics/pulls.npy`` (`docs/measure_force.py tables`
-makes them). Of other parts each distance from the coil's axis is solved at a few gaps and kept in the cache.
+makes them). Of other parts each distance from the coil's axis is solved at a few gaps and kept in the cache, over
+ranges that are the same for every spec.
 """
 
 from functools import lru_cache
-from math import sqrt
+from math import log, sqrt
 
 import numpy as np
 
 from padgen.core.units import MM
 from padgen.physics.magnetics import CoilSource, SteelRing
-from padgen.physics.pull_table import PullAt, PullTable, brought_table, make_table, parts_key, solved_pulls
+from padgen.physics.pull_table import PullAt, PullTable, brought_table, make_table, parts_key
 from padgen.planner.coils import coil_source
 from padgen.spec import Spec
 
@@ -19,8 +20,8 @@ __all__ = ["magnetic_parts", "pulls"]
 
 KIND = "pulls"
 CODE = tuple(f"physics/{name}.py" for name in ("coil_field", "pull", "pull_table", "ring_charges", "steel_body"))
-LOW, HIGH, GAPS = 0.35, 1.05, 5
-"""Gaps that are solved for one's own parts, over the flat pad's, and how many."""
+LOW, RANGE, GAPS = 0.35 * MM, 3, 5
+"""One's own parts are solved over ranges of gaps from `LOW` or a power of `RANGE` times it on, at so many each."""
 
 
 def magnetic_parts(spec: Spec) -> tuple[CoilSource, SteelRing]:
@@ -48,10 +49,9 @@ def pulls(spec: Spec, gap_m: np.ndarray, offset_m: np.ndarray) -> PullAt:
             missing[among] = False
 
     answer(_brought(*parts), missing)
-    for offset in sorted(set(offset_m[missing].tolist())):
-        answer(_own(*parts, spec.coil.gap_mm * MM, offset), offset_m == offset)
-    if missing.any():
-        result[:, missing] = solved_pulls(*parts, gap_m[missing], offset_m[missing])
+    part = np.floor(np.log(gap_m / LOW) / log(RANGE)).astype(int)
+    for offset, k in sorted(set(zip(offset_m[missing].tolist(), part[missing].tolist(), strict=True))):
+        answer(_own(*parts, k, offset), (offset_m == offset) & (part == k))
     return PullAt(*result)
 
 
@@ -59,11 +59,11 @@ _brought = lru_cache(maxsize=64)(brought_table)
 
 
 @lru_cache(maxsize=1024)
-def _own(coil: CoilSource, washer: SteelRing, gap_m: float, offset_m: float) -> PullTable:
-    """The pull at one distance, about a gap: kept in the cache, since it takes some ten milliseconds."""
+def _own(coil: CoilSource, washer: SteelRing, part: int, offset_m: float) -> PullTable:
+    """The pull at one distance over one range of gaps: kept in the cache, since it takes some ten milliseconds."""
     from padgen.core import cache
 
-    low, high, reach = LOW * gap_m, HIGH * gap_m, max(offset_m, 1e-9) * sqrt(2)
+    low, high, reach = LOW * RANGE**part, LOW * RANGE ** (part + 1), max(offset_m, 1e-9) * sqrt(2)
     key = cache.key_of([parts_key(coil, washer), low, high, reach, GAPS, cache.code_hash(*CODE)])
     try:
         known = np.array(cache.load(KIND, key), float).reshape(-1, GAPS)

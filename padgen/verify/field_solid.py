@@ -53,11 +53,13 @@ def solid_force(
     core_steel: BHCurve | None = None,
     order: int = 3,
     levels: int = 1,
+    size: float = 1.0,
 ) -> SolidForce:
     """Forces and moments on `washers` above a coil that carries `current_a`.
 
     A steel of None is linear, with the part's permeability. Elements of `order` (at least 2), refined
-    `levels` times towards the edges of core and washers. Where all washers lie on y = 0 half the model is solved.
+    `levels` times towards the edges of core and washers; those of washers are `size` times as large as usual. Where
+    all washers lie on y = 0 half the model is solved.
 
     Raises
     ------
@@ -70,7 +72,7 @@ def solid_force(
     _check(coil, washers)
     start = time.process_time()
     half = all(abs(w.y_m) < 1e-9 for w in washers)
-    mesh, far_mm = _mesh(coil, washers, half, levels)
+    mesh, far_mm = _mesh(coil, washers, half, levels, size)
     steels: dict[str, Steel] = {f"washer{i}": w.steel or w.ring.permeability for i, w in enumerate(washers)}
     steels["core"] = core_steel or coil.core_permeability
     saturates = any(isinstance(steel, BHCurve) for steel in steels.values())
@@ -128,7 +130,7 @@ def _source(mesh: Any, coil: CoilSource, current_a: float) -> Any:
     return ng.CF((0, 0, wound(coil, current_a, ng.sqrt(ng.x**2 + ng.y**2), ng.z)[0]))
 
 
-def _mesh(coil: CoilSource, washers: Sequence[PlacedWasher], half: bool, levels: int) -> tuple[Any, float]:
+def _mesh(coil: CoilSource, washers: Sequence[PlacedWasher], half: bool, levels: int, size: float) -> tuple[Any, float]:
     """Mesh in mm and the far sphere's radius in mm."""
     occ, ng = engine("netgen.occ"), engine("ngsolve")
     length = 1e3 * coil.length
@@ -138,7 +140,7 @@ def _mesh(coil: CoilSource, washers: Sequence[PlacedWasher], half: bool, levels:
         x, y, z = _foot_mm(w)
         rim, high = 500 * w.ring.outer_diameter, 1e3 * w.ring.thickness
         body = _tube(occ, (x, y, z), 500 * w.ring.inner_diameter, rim, high)
-        body.mat(f"washer{i}").maxh = max(high, rim / 2)
+        body.mat(f"washer{i}").maxh = size * max(high, rim / 2)
         parts.append(body)
         reach = max(reach, float(np.hypot(np.hypot(x, y) + rim, z + high + length / 2)))
     far = FAR * reach
