@@ -8,7 +8,7 @@ from padgen.core.errors import FileError, SpecError, at_most
 from padgen.core.units import MH
 from padgen.core.wav_reader import Wave, read_wav
 from padgen.measured.measurement import LARGEST, SMALLEST, Record, Row, Spectrum
-from padgen.physics.driven_fit import current_of_voltage
+from padgen.physics.resonance_fit import current_of_voltage
 from padgen.planner.plan import Plan
 
 __all__ = ["read_records"]

@@ -11,17 +11,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from padgen.physics.circle_fit import CircleFit
 from padgen.physics.resonance_judge import (
     ResonanceFit,
-    agreement,
+    checked,
     refuse_bad_spectrum,
-    refuse_contradiction,
     refuse_edge,
     refuse_few,
     refuse_no_peak,
     refuse_no_resonance,
     refuse_two,
-    refuse_vague,
 )
 from padgen.physics.separable_fit import correlation_factor
 from padgen.physics.spectrum_noise import point_noise, rough_peak
@@ -69,29 +68,17 @@ def fit_magnitude(frequency_hz: np.ndarray, magnitude: np.ndarray, near_hz: floa
     fit = _fitted(inside, data, floor)
     hz, q, peak = float(np.exp(fit.theta[0])), float(np.exp(fit.theta[1])), float(abs(fit.theta[2]))
     refuse_no_peak(peak, fit.noise, _gain(inside, data, fit), frequency, size)
-    refuse_edge(frequency, hz, q)
+    refuse_edge(frequency[0], frequency[-1], hz, q)
     model = np.sqrt(_model(inside, fit.theta)[0])
     refuse_no_resonance(data, float(np.sqrt(np.mean((data - model) ** 2))), floor, hz)
     refuse_few(frequency, hz, q)
     others = tuple(p for p in peaks if abs(p[0] - hz) > hz / q)
     if near_hz is None:
         refuse_two(hz, peak * scale, others)
-    return _compared(inside, data, fit, scale, others)
-
-
-def _compared(
-    frequency: np.ndarray, data: np.ndarray, fit: _Squares, scale: float, others: tuple[tuple[float, float], ...]
-) -> ResonanceFit:
     sigma = correlation_factor(fit.left) * np.sqrt(np.diag(fit.covariance))
-    hz, q, peak = float(np.exp(fit.theta[0])), float(np.exp(fit.theta[1])), float(abs(fit.theta[2]))
-    errors = float(hz * sigma[0]), float(q * sigma[1])
-    refuse_vague(hz, errors[0], q)
-    check = _parabola(frequency, data, hz, q, fit)
-    agree = not check[0] or agreement((hz, errors[0]), (q, errors[1]), (check[1], check[2]), (check[3], check[4]))
-    if not agree:
-        refuse_contradiction(hz, q, *check[:2], check[3])
-    peak_error = float(sigma[2]) * scale
-    return ResonanceFit(hz, errors[0], q, errors[1], peak * scale, peak_error, fit.noise * scale, *check, agree, others)
+    errors = float(hz * sigma[0]), float(q * sigma[1]), float(sigma[2]) * scale
+    check = _parabola(inside, data, hz, q, fit)
+    return checked((hz, q, peak * scale), errors, fit.noise * scale, "parabola", check, others)
 
 
 def _peaks(
@@ -219,15 +206,14 @@ def _gain(frequency: np.ndarray, data: np.ndarray, fit: _Squares) -> float:
 
 def _parabola(
     frequency: np.ndarray, data: np.ndarray, hz: float, q: float, fit: _Squares
-) -> tuple[str, float, float, float, float]:
-    """f₀ and Q by the parabola of 1/|H|² over f² within the bandwidth and a half; ('', nan …) where it cannot be."""
-    none = "", np.nan, np.nan, np.nan, np.nan
+) -> CircleFit | None:
+    """f₀ and Q by the parabola of 1/|H|² over f² within the bandwidth and a half; None where it cannot be."""
     part = np.abs(q * (frequency / hz - hz / frequency)) <= 1.5
     clean, whole = fit.theta.copy(), _model(frequency, fit.theta)[0]
     clean[3:] = 0.0
     square = (data**2 - whole + _model(frequency, clean)[0])[part]
     if part.sum() < 6 or (square <= 0).any():
-        return none
+        return None
     v = (frequency[part] / hz - 1) * (frequency[part] / hz + 1) * q
     # 1/|H|² scatters by that of |H|² over |H|⁴, |H| by the fit: weights by the data would favour what noise made small.
     weight = _model(frequency, clean)[0][part] ** 2 / _scatter(frequency, fit.theta, fit.noise)[part]
@@ -237,18 +223,18 @@ def _parabola(
     covariance = np.linalg.pinv(columns.T @ columns) * variance
     result = _vertex(c, q)
     if result is None:
-        return none
+        return None
     slope = np.zeros((2, 3))
     for k in range(3):
         step = np.zeros(3)
         step[k] = 1e-6 * max(abs(c[k]), 1e-3 * abs(c[0]))
         high, low = _vertex(c + step, q), _vertex(c - step, q)
         if high is None or low is None:
-            return none
+            return None
         slope[:, k] = (np.array(high) - np.array(low)) / (2 * step[k])
     error = np.sqrt(np.diag(slope @ covariance @ slope.T))
     share, quality = result
-    return "parabola", hz * share, float(hz * error[0]), quality, float(error[1])
+    return CircleFit(hz * share, float(hz * error[0]), quality, float(error[1]))
 
 
 def _vertex(c: np.ndarray, q: float) -> tuple[float, float] | None:
