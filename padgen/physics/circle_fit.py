@@ -17,6 +17,8 @@ __all__ = ["CircleFit", "circle_resonance", "taubin_circle"]
 WIDEST_ARC = 2.5
 """Points are taken up to this |x| from the peak, farther out where they would be too few."""
 FEWEST = 6
+VAGUE = 1.0
+"""One sigma of ln Q, or of the frequency in bandwidths, beyond which a circle says nothing."""
 
 
 class CircleFit(NamedTuple):
@@ -56,7 +58,7 @@ def circle_resonance(
     sigma: np.ndarray | float = 1.0,
     decay: bool = False,
 ) -> CircleFit | None:
-    """Resonance by the circle of a complex `response` (n,) near `start_hz`; None where it has too few points.
+    """Resonance by the circle of a complex `response` (n,) near `start_hz`; None where it has too few points, or they tell nothing.
 
     `sigma` is the relative size of each point's noise. With `decay` the response is the transform of a free decay;
     else it is a receptance.
@@ -109,7 +111,7 @@ def _fitted(
     turn = np.stack([unit.imag, -unit.real, np.zeros(len(arm))], axis=1) / sigma[:, None]
     moved = inverse @ turn @ np.linalg.pinv(across)
     error = np.sqrt(variance * ((inverse**2).sum(1) + (moved**2).sum(1))) / radius
-    if abs(found.x[1]) > 0.99 / width or abs(found.x[2]) > 2.99:
+    if not (error[1:] < VAGUE).all() or abs(found.x[1]) > 0.99 / width or abs(found.x[2]) > 2.99:
         return None
     hz, q = float(hz * np.exp(found.x[1] * width)), float(q * np.exp(found.x[2]))
     return CircleFit(hz, float(hz * error[1] * width), q, float(q * error[2]))

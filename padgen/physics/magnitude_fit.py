@@ -204,9 +204,7 @@ def _gain(frequency: np.ndarray, data: np.ndarray, fit: _Squares) -> float:
     return (float(left @ left) - own) / max(own / len(goal), np.finfo(float).tiny)
 
 
-def _parabola(
-    frequency: np.ndarray, data: np.ndarray, hz: float, q: float, fit: _Squares
-) -> CircleFit | None:
+def _parabola(frequency: np.ndarray, data: np.ndarray, hz: float, q: float, fit: _Squares) -> CircleFit | None:
     """f₀ and Q by the parabola of 1/|H|² over f² within the bandwidth and a half; None where it cannot be."""
     part = np.abs(q * (frequency / hz - hz / frequency)) <= 1.5
     clean, whole = fit.theta.copy(), _model(frequency, fit.theta)[0]

@@ -27,6 +27,7 @@ from padgen.physics.circle_fit import circle_resonance
 from padgen.physics.magnitude_fit import fit_magnitude
 from padgen.physics.resonance_judge import (
     COMPARABLE,
+    MOST_VAGUE,
     ResonanceFit,
     checked,
     refuse_bad_record,
@@ -63,6 +64,10 @@ DECAY_TAUS, DECAY_PERIODS = 8.0, 10.0
 FEWEST_PERIODS = 4.0
 EXCITED = 1e-3
 """Of the largest power density of the excitation: the band that it shakes."""
+ROUGH_BAND = 64.0
+"""Periods of a record's length at whose resolution that band is first looked for."""
+MARGIN = 1.25
+"""Beyond that band lines are fitted by this factor: they show that a resonance is outside of it."""
 
 
 class Lines(NamedTuple):
@@ -146,7 +151,8 @@ def fit_driven(
     if np.ptp(x) == 0:
         raise SolverError("the excitation does not change; leave its column out for a free decay")
     _refuse_long(len(y), LONGEST, rate_hz)
-    whole = _lines_of(rate_hz, y, x)
+    low, high, _ = _excited_band(rate_hz, x, ROUGH_BAND * rate_hz / len(x))
+    whole = _lines_of(rate_hz, y, x).between(low / MARGIN, high * MARGIN)
     starts = _tops(whole)
     if near_hz is not None and near_hz < 0.4 * rate_hz:
         starts.append(near_hz)
@@ -304,8 +310,9 @@ def _basis(lines: Lines, theta: np.ndarray) -> np.ndarray:
             one, other = (_free(lines, p) for p in (pole, pole.conjugate()))
             columns += [(one + other) / 2, (one - other) / 2j]
     if x is not None:
-        far = [x, x * (frequency[0] * frequency[-1] / frequency**2)]
-        columns += far if lines.samples else [*far, 1j * far[0], 1j * far[1]]
+        share = frequency[0] * frequency[-1] / frequency**2
+        far = [x, x * share]
+        columns += [*far, x / share] if lines.samples else [*far, 1j * far[0], 1j * far[1]]
     if lines.samples:
         columns.append(1 / np.expm1(-2j * np.pi * frequency / lines.rate_hz))
     return np.stack(columns, axis=1).astype(complex)
@@ -325,7 +332,7 @@ def _structured(fit: SeparableFit) -> bool:
 
 
 def _better(lines: Lines, fit: SeparableFit, more: SeparableFit) -> bool:
-    """Whether a further mode is worth its four numbers, is resolved, and all stand apart from each other."""
+    """Whether a further mode is worth its four numbers, is resolved, and all are placed and apart from each other."""
     before, after = (float(np.linalg.norm(f.residual)) ** 2 for f in (fit, more))
     if before - after < WORTH * more.noise**2 / 2:
         return False
@@ -333,7 +340,8 @@ def _better(lines: Lines, fit: SeparableFit, more: SeparableFit) -> bool:
     width = np.maximum(hz / q, lines.step_hz)
     near = np.abs(hz[:, None] - hz) <= 0.5 * np.maximum.outer(width, width)
     resolved = lines.samples or ((np.abs(lines.frequency[:, None] - hz) <= width).sum(0) >= 3).all()
-    return bool(resolved and near.sum() == len(hz))
+    placed = np.sqrt(np.diag(more.covariance))[: 2 * len(hz) : 2] <= MOST_VAGUE / q
+    return bool(resolved and placed.all() and near.sum() == len(hz))
 
 
 def _main(lines: Lines, fit: SeparableFit, near_hz: float | None) -> Mode:

@@ -12,6 +12,7 @@ from padgen.physics.circle_fit import CircleFit
 
 __all__ = [
     "COMPARABLE",
+    "MOST_VAGUE",
     "ResonanceFit",
     "checked",
     "refuse_bad_record",

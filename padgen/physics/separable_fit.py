@@ -1,7 +1,8 @@
 """Least squares where some parameters enter linearly: ``data ≈ Φ(θ) c``, real θ and c, complex data.
 
 Variable projection (G. Golub, V. Pereyra, SIAM J. Numer. Anal. 10, 1973, 413-432): for each θ the best c is a linear
-least-squares solution, so that scipy searches for θ only, in what the columns of Φ(θ) leave of the data.
+least-squares solution, so that scipy searches for θ only, in what the columns of Φ(θ) leave of the data; the slope of
+that is taken without its second, small part (L. Kaufman, BIT 15, 1975, 49-57).
 """
 
 from collections.abc import Callable
@@ -13,7 +14,7 @@ __all__ = ["SeparableFit", "correlation_factor", "left_over", "separable_fit"]
 
 STEP = 1e-5
 """Of a parameter over its scale, in the slopes for the covariance."""
-MOST_STEPS = 100
+MOST_STEPS = 40
 
 
 class SeparableFit(NamedTuple):
@@ -44,46 +45,61 @@ def separable_fit(
     """
     from scipy.optimize import least_squares
 
-    size = float(np.linalg.norm(data)) or 1.0
-    low, high = ((np.broadcast_to(bound, start.shape) - start) / scale for bound in bounds)
-    moved = least_squares(
-        lambda u: left_over(model(start + scale * u), data) / size,
+    size, goal = float(np.linalg.norm(data)) or 1.0, _parts(data)
+    units = np.broadcast_to(scale, start.shape)
+    low, high = ((np.broadcast_to(bound, start.shape) - start) / units for bound in bounds)
+
+    def coefficients(columns: np.ndarray) -> np.ndarray:
+        norm = _norms(columns)
+        return np.asarray(np.linalg.lstsq(columns / norm, goal, rcond=1e-12)[0] / norm)
+
+    def slopes(u: np.ndarray, factors: np.ndarray) -> np.ndarray:
+        """Of the fitted data over u (2 n, p), by differences."""
+        moved = [start + units * (u + sign * step) for step in STEP * np.eye(len(u)) for sign in (1, -1)]
+        values = [_parts(model(theta) @ factors) for theta in moved]
+        return np.stack(values[::2], axis=1) / (2 * STEP) - np.stack(values[1::2], axis=1) / (2 * STEP)
+
+    def slopes_left(u: np.ndarray) -> np.ndarray:
+        columns = _parts(model(start + units * u))
+        return -_beside(columns, slopes(u, coefficients(columns))) / size
+
+    found = least_squares(
+        lambda u: left_over(model(start + units * u), data) / size,
         np.clip(0.0, low + 1e-9, high - 1e-9),
+        slopes_left,
         bounds=(low, high),
         x_scale="jac",
-        ftol=1e-14,
-        xtol=1e-12,
+        ftol=1e-12,
+        xtol=1e-10,
         gtol=None,
         max_nfev=MOST_STEPS,
-    ).x
-    theta, basis = start + scale * moved, model(start + scale * moved)
-    norm = np.linalg.norm(basis, axis=0)
-    norm[norm == 0] = 1.0
-    coefficients = np.linalg.lstsq(_parts(basis / norm), _parts(data), rcond=1e-12)[0] / norm
-    slopes = [
-        (model(theta + step) - model(theta - step)) @ coefficients / (2 * STEP)
-        for step in STEP * np.diag(np.broadcast_to(scale, theta.shape))
-    ]
-    jacobian = _parts(np.concatenate([np.transpose(slopes), basis], axis=1))
-    norm = np.linalg.norm(jacobian, axis=0)
-    norm[norm == 0] = 1.0
-    residual = data - basis @ coefficients
-    variance = float(np.vdot(residual, residual).real) / max(len(jacobian) - jacobian.shape[1], 1)
-    covariance = np.linalg.pinv((jacobian / norm).T @ (jacobian / norm), rcond=1e-15, hermitian=True)
-    units = np.concatenate([np.broadcast_to(scale, theta.shape), np.ones(len(coefficients))]) / norm
-    parts = len(jacobian) / len(data)
-    return SeparableFit(
-        theta, coefficients, residual, variance * covariance * np.outer(units, units), float(np.sqrt(parts * variance))
     )
+    theta = start + units * found.x
+    basis = model(theta)
+    factors = coefficients(_parts(basis))
+    jacobian = np.concatenate([slopes(found.x, factors) / units, _parts(basis)], axis=1)
+    norm = _norms(jacobian)
+    residual = data - basis @ factors
+    variance = float(np.vdot(residual, residual).real) / max(len(goal) - jacobian.shape[1], 1)
+    covariance = np.linalg.pinv((jacobian / norm).T @ (jacobian / norm), rcond=1e-15, hermitian=True)
+    noise = float(np.sqrt(variance * len(goal) / len(data)))
+    return SeparableFit(theta, factors, residual, variance * covariance / np.outer(norm, norm), noise)
 
 
 def left_over(basis: np.ndarray, data: np.ndarray) -> np.ndarray:
     """What the columns of `basis` (n, k), with real factors, leave of `data`: real, then imaginary parts (2 n,)."""
-    columns, goal = _parts(basis), _parts(data)
+    return _beside(_parts(basis), _parts(data))
+
+
+def _beside(columns: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """The part of `values` at right angles to the columns."""
+    q = np.linalg.qr(columns / _norms(columns))[0]
+    return np.asarray(values - q @ (q.T @ values))
+
+
+def _norms(columns: np.ndarray) -> np.ndarray:
     norm = np.linalg.norm(columns, axis=0)
-    norm[norm == 0] = 1.0
-    q = np.linalg.qr(columns / norm)[0]
-    return np.asarray(goal - q @ (q.T @ goal))
+    return np.where(norm == 0, 1.0, norm)
 
 
 def _parts(values: np.ndarray) -> np.ndarray:
