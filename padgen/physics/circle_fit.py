@@ -58,7 +58,7 @@ def circle_resonance(
     sigma: np.ndarray | float = 1.0,
     decay: bool = False,
 ) -> CircleFit | None:
-    """Resonance by the circle of a complex `response` (n,) near `start_hz`; None where it has too few points, or they tell nothing.
+    """Resonance by the circle of a complex `response` (n,) near `start_hz`; None where too few points tell of it.
 
     `sigma` is the relative size of each point's noise. With `decay` the response is the transform of a free decay;
     else it is a receptance.

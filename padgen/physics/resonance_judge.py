@@ -101,10 +101,10 @@ def checked(
         far = abs(hz - check.resonance_hz) > MOST_APART * hz / q or not 1 / MOST_APART_Q < q / check.q < MOST_APART_Q
         if far and not agree:
             raise SolverError(
-                f"least squares find {number(hz)} Hz with a Q of {number(q)}, the {name} {number(check.resonance_hz)} Hz"
-                f" with a Q of {number(check.q)}: one is wrong; see that the data are of displacement, not of velocity"
-                " or acceleration, and of one resonance, and that no voltage is taken for a current (--excitation"
-                " voltage)"
+                f"least squares find {number(hz)} Hz with a Q of {number(q)}, the {name}"
+                f" {number(check.resonance_hz)} Hz with a Q of {number(check.q)}: one is wrong; see that the data are of"
+                " displacement, not of velocity or acceleration, and of one resonance, and that no voltage is taken for"
+                " a current (--excitation voltage)"
             )
     method = name if check else ""
     return ResonanceFit(hz, errors[0], q, errors[1], peak, errors[2], noise, method, *seen, agree, others)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-__all__ = ["SeparableFit", "correlation_factor", "left_over", "separable_fit"]
+__all__ = ["SeparableFit", "correlation_factor", "left_over", "separable_fit", "unit_covariance"]
 
 STEP = 1e-5
 """Of a parameter over its scale, in the slopes for the covariance."""
@@ -78,12 +78,16 @@ def separable_fit(
     basis = model(theta)
     factors = coefficients(_parts(basis))
     jacobian = np.concatenate([slopes(found.x, factors) / units, _parts(basis)], axis=1)
-    norm = _norms(jacobian)
     residual = data - basis @ factors
     variance = float(np.vdot(residual, residual).real) / max(len(goal) - jacobian.shape[1], 1)
-    covariance = np.linalg.pinv((jacobian / norm).T @ (jacobian / norm), rcond=1e-15, hermitian=True)
     noise = float(np.sqrt(variance * len(goal) / len(data)))
-    return SeparableFit(theta, factors, residual, variance * covariance / np.outer(norm, norm), noise)
+    return SeparableFit(theta, factors, residual, variance * unit_covariance(jacobian), noise)
+
+
+def unit_covariance(jacobian: np.ndarray) -> np.ndarray:
+    """Covariance (p, p) by the linear rule for noise of variance 1 in what has the slopes `jacobian` (n, p)."""
+    norm = _norms(jacobian)
+    return np.linalg.pinv((jacobian / norm).T @ (jacobian / norm), rcond=1e-15, hermitian=True) / np.outer(norm, norm)
 
 
 def left_over(basis: np.ndarray, data: np.ndarray) -> np.ndarray:
