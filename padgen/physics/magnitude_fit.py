@@ -16,15 +16,16 @@ from padgen.physics.circle_fit import CircleFit
 from padgen.physics.resonance_judge import (
     ResonanceFit,
     checked,
+    point_noise,
     refuse_bad_spectrum,
     refuse_edge,
     refuse_few,
     refuse_no_peak,
     refuse_no_resonance,
     refuse_two,
+    rough_peak,
 )
 from padgen.physics.separable_fit import correlation_factor, left_over, unit_covariance
-from padgen.physics.spectrum_noise import point_noise, rough_peak
 
 __all__ = ["fit_magnitude"]
 

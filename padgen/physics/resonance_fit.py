@@ -30,6 +30,7 @@ from padgen.physics.resonance_judge import (
     MOST_VAGUE,
     ResonanceFit,
     checked,
+    point_noise,
     refuse_bad_record,
     refuse_bad_spectrum,
     refuse_edge,
@@ -40,7 +41,6 @@ from padgen.physics.resonance_judge import (
     refuse_two,
 )
 from padgen.physics.separable_fit import SeparableFit, correlation_factor, left_over, separable_fit
-from padgen.physics.spectrum_noise import point_noise
 
 __all__ = ["current_of_voltage", "fit_decay", "fit_driven", "fit_spectrum", "rough_hz"]
 

@@ -1,6 +1,6 @@
 """Whether a measured response shows one resonance that a fit can be trusted on; else the sentence that says why not.
 
-Frequencies are of the motion, in Hz.
+With it first looks at a spectrum: its largest peak and the noise of a point. Frequencies are of the motion, in Hz.
 """
 
 from typing import NamedTuple
@@ -15,6 +15,7 @@ __all__ = [
     "MOST_VAGUE",
     "ResonanceFit",
     "checked",
+    "point_noise",
     "refuse_bad_record",
     "refuse_bad_spectrum",
     "refuse_edge",
@@ -23,6 +24,7 @@ __all__ = [
     "refuse_no_peak",
     "refuse_no_resonance",
     "refuse_two",
+    "rough_peak",
 ]
 
 SILENCE = 1e-30
@@ -102,9 +104,9 @@ def checked(
         if far and not agree:
             raise SolverError(
                 f"least squares find {number(hz)} Hz with a Q of {number(q)}, the {name}"
-                f" {number(check.resonance_hz)} Hz with a Q of {number(check.q)}: one is wrong; see that the data are of"
-                " displacement, not of velocity or acceleration, and of one resonance, and that no voltage is taken for"
-                " a current (--excitation voltage)"
+                f" {number(check.resonance_hz)} Hz with a Q of {number(check.q)}: one is wrong; see that the data are"
+                " of displacement, not of velocity or acceleration, and of one resonance, and that no voltage is taken"
+                " for a current (--excitation voltage)"
             )
     method = name if check else ""
     return ResonanceFit(hz, errors[0], q, errors[1], peak, errors[2], noise, method, *seen, agree, others)
@@ -226,3 +228,23 @@ def refuse_two(hz: float, peak: float, others: tuple[tuple[float, float], ...]) 
                 f"has two peaks, at {number(low)} and {number(high)} Hz, the smaller of {number(other_peak / peak)} of"
                 f" the larger; sweep around the taxel's own alone, or ask for the one nearest to the plan"
             )
+
+
+def rough_peak(frequency: np.ndarray, size: np.ndarray) -> tuple[float, float]:
+    """Frequency of the largest `size` (n,), and the width where it is above 1/√2 of that without a break."""
+    top = int(size.argmax())
+    lower = np.flatnonzero(size < size[top] / np.sqrt(2))
+    low = frequency[lower[lower < top][-1] if (lower < top).any() else 0]
+    high = frequency[lower[lower > top][0] if (lower > top).any() else -1]
+    return float(frequency[top]), float(high - low)
+
+
+def point_noise(data: np.ndarray) -> float:
+    """Root mean square noise of a point (n,) by the median second difference, which few points of a peak do not move.
+
+    Of complex data of both parts together; of real data, such as magnitudes, of one.
+    """
+    second = np.abs(data[2:] - 2 * data[1:-1] + data[:-2])
+    # The median of a Rayleigh variable over its root mean square is √ln 2, that of a half-normal one 0.6745.
+    share = np.sqrt(np.log(2)) if np.iscomplexobj(data) else 0.67448975
+    return float(np.median(second) / share / np.sqrt(6))
