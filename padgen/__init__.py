@@ -65,7 +65,7 @@ __all__ = [
 ]
 
 _NOUNS = {
-    "Drive": "driver.drive",
+    "Drive": "driver.drive_folder",
     "Finding": "core.finding",
     "Pad": "make.pad",
     "Plan": "planner.plan",

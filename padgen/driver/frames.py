@@ -14,7 +14,7 @@ import numpy as np
 
 from padgen.core.errors import FileError, SpecError, number
 from padgen.driver.frame_files import SUFFIXES, frame_images
-from padgen.driver.tables import LARGEST_TABLE
+from padgen.driver.states import LARGEST_TABLE
 from padgen.planner.plan import Plan
 from padgen.planner.tile import taxel_places
 

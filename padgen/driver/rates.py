@@ -1,20 +1,13 @@
-"""Sample rates, the first at which a drive is as exact as its amplifier, and carriers for those that pass no 0 Hz.
-
-The lowest carrier is tried before it is named.
-"""
+"""Sample rates: the first of those that there are at which a drive is as exact as its amplifier."""
 
 from math import ceil
 
-from padgen.core.errors import SpecError, at_least
-from padgen.driver.limits import judge_load
-from padgen.driver.loads import load_of
 from padgen.driver.pad_drive import CARRIER_OVER_RESONANCE, PadDrive, make_drive
-from padgen.driver.timeline import Timeline
 from padgen.measured.tuning import Tuning
 from padgen.physics.root_margin import ALIAS_DB
 from padgen.planner.plan import Plan
 
-__all__ = ["CONTROLLER_RATES_HZ", "RATES_HZ", "carrier_text", "drive_at", "highest_hz"]
+__all__ = ["CONTROLLER_RATES_HZ", "RATES_HZ", "drive_at", "highest_hz"]
 
 RATES_HZ = (48_000, 96_000, 192_000)
 """Of sound cards; the first that the highest resonance and the root's bends allow is taken."""
@@ -54,16 +47,3 @@ def drive_at(
 def highest_hz(plan: Plan, tuning: Tuning | None) -> float:
     """The highest resonance of the plan's channels, or of the print's taxels."""
     return max(one.resonance_hz for one in (plan.channels if tuning is None else tuning.taxels))
-
-
-def carrier_text(plan: Plan, shown: Timeline, rate_hz: int | None, tuning: Tuning | None) -> str:
-    """Whether the lowest carrier that is accepted keeps all limits: as a clause."""
-    hz = at_least(CARRIER_OVER_RESONANCE * highest_hz(plan, tuning))
-    try:
-        drive = drive_at(plan, RATES_HZ, rate_hz, tuning, float(hz))
-    except SpecError as error:
-        return f"; a carrier has none, but the lowest, {hz} Hz, {error.message}"
-    beyond = next(judge_load("", plan, load_of(plan, drive, shown), tuning), None)
-    if beyond is None:
-        return f"; a carrier has none (--carrier {hz} keeps all limits)"
-    return f"; a carrier has none, but with the lowest that is accepted, --carrier {hz}, the current {beyond.message}"

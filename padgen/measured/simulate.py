@@ -5,11 +5,11 @@ pull log-normal with the spreads below, which are assumptions. The measurement: 
 record, all modes of the taxel included (they move with its resonance), with white noise `snr_db` below the largest
 value. Coils around and the frame's own motion are left out.
 
-All taxels of a coil are shaken by a chirp or noise. The force goes with i², so the current is made for i²: a chirp ``i = I sin(φ/2)`` gives ``i² = I²/2 (1 − cos φ)``, a
-chirp of the force with no harmonics, at twice the current's frequency; noise is the root of a constant and lines on a
-comb, as the spur-free drive is. At every frequency the force is so large that a taxel of the plan that resonates there
-moves by its ON amplitude: as its root mean square under noise, at most under a chirp.
-"""
+All taxels of a coil are shaken by a chirp or noise. The force goes with i², so the current is made for i²: a chirp ``i
+= I sin(φ/2)`` gives ``i² = I²/2 (1 − cos φ)``, a chirp of the force with no harmonics, at twice the current's
+frequency; noise is the root of a constant and lines on a comb, as the spur-free drive is. At every frequency the force
+is so large that a taxel of the plan that resonates there moves by its ON amplitude: as its root mean square under
+noise, at most under a chirp. """
 
 import io
 from collections.abc import Callable, Sequence

@@ -4,13 +4,12 @@ Each tone goes to its taxel's measured resonance, each current restores the leve
 beside the resonances were tried and are not worth their current (`docs/measure_retune.py`): hundredths of a dB on most
 coils, and at most 1.3 dB on two taxels that came out too close.
 
-What the measured taxels tell of the others (`estimated`): most of what a print gets wrong is common to it: the modulus of the spool, the height of the first layer, the model's
-own error for each kind of taxel. With the spreads of `padgen.planner.printed_pads`, ln of printed over planned
-resonance is a normal vector with a known covariance K, so that the rest follows from the measured ones as the
-conditional mean, ``K_rm (K_mm + R)⁻¹ y``, with R the variances of the measurement, and is known to the conditional
-variance (Rasmussen and Williams, *Gaussian Processes*, 2006, 2.23-2.24). A coupon printed beside the pad shares what is
-common and has no place on the pad.
-"""
+What the measured taxels tell of the others (`estimated`): most of what a print gets wrong is common to it: the modulus
+of the spool, the height of the first layer, the model's own error for each kind of taxel. With the spreads of
+`padgen.planner.printed_pads`, ln of printed over planned resonance is a normal vector with a known covariance K, so
+that the rest follows from the measured ones as the conditional mean, ``K_rm (K_mm + R)⁻¹ y``, with R the variances of
+the measurement, and is known to the conditional variance (Rasmussen and Williams, *Gaussian Processes*, 2006,
+2.23-2.24). A coupon printed beside the pad shares what is common and has no place on the pad. """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, replace

@@ -14,12 +14,12 @@ from padgen.core.errors import FileError, SpecError, at_most, number
 from padgen.core.files import OutputFolder, json_text
 from padgen.core.finding import Finding
 from padgen.core.wav_reader import read_wav
+from padgen.driver.carriers import carrier_text
 from padgen.driver.ear import hear
 from padgen.driver.formats import DriveJob
 from padgen.driver.heard_table import heard_table
 from padgen.driver.limits import voltage_finding
 from padgen.driver.pad_drive import PadDrive, coil_lines
-from padgen.driver.rates import carrier_text
 from padgen.driver.timeline import Timeline
 from padgen.driver.wav_file import BEYOND_LIMIT, LARGEST_24, WavWriter
 from padgen.driver.waveform import blocks, sample_count
