@@ -3,7 +3,7 @@
 One chirp or one stretch of noise (`padgen.measured.simulate`), followed by the silence in which the slowest taxel comes
 to rest; each coil in turn, or all at once. The volts are those that drive the current through the coil's resistance and
 inductance, ``R i + L di/dt``. Levels are those of the plan, or as much lower as amplifier, copper and the mean pull of
-all channels together ask for. """
+all channels together ask for."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

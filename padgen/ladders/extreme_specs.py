@@ -2,7 +2,7 @@
 
 Of a spec come a plan of finite figures, or one sentence. The selectivity's have a Q up to 1e7, thousands of channels,
 lines that all but meet; each figure is held to the same formula in 60 digits, at the frequencies that the doubles stand
-for. """
+for."""
 
 import re
 from collections.abc import Callable, Iterator

@@ -9,7 +9,7 @@ All taxels of a coil are shaken by a chirp or noise. The force goes with i², so
 = I sin(φ/2)`` gives ``i² = I²/2 (1 − cos φ)``, a chirp of the force with no harmonics, at twice the current's
 frequency; noise is the root of a constant and lines on a comb, as the spur-free drive is. At every frequency the force
 is so large that a taxel of the plan that resonates there moves by its ON amplitude: as its root mean square under
-noise, at most under a chirp. """
+noise, at most under a chirp."""
 
 import io
 from collections.abc import Callable, Sequence

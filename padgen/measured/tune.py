@@ -9,7 +9,7 @@ of the spool, the height of the first layer, the model's own error for each kind
 `padgen.planner.printed_pads`, ln of printed over planned resonance is a normal vector with a known covariance K, so
 that the rest follows from the measured ones as the conditional mean, ``K_rm (K_mm + R)⁻¹ y``, with R the variances of
 the measurement, and is known to the conditional variance (Rasmussen and Williams, *Gaussian Processes*, 2006,
-2.23-2.24). A coupon printed beside the pad shares what is common and has no place on the pad. """
+2.23-2.24). A coupon printed beside the pad shares what is common and has no place on the pad."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
