@@ -17,9 +17,8 @@ from dataclasses import astuple, dataclass, replace
 import numpy as np
 
 from padgen.core.finding import LEVELS, Finding
-from padgen.measured.advice import Trim, trims
+from padgen.measured.advice import Trim, judge_print, trims
 from padgen.measured.fits import TaxelFit
-from padgen.measured.judge_print import judge_print
 from padgen.measured.predict import (
     CoilFigures,
     levels_um,
