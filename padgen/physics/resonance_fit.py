@@ -101,7 +101,7 @@ class Lines(NamedTuple):
 class Mode(NamedTuple):
     """The resonance of a fit that is meant, and the other peaks (Hz, amplitude)."""
 
-    index: int
+    place: int
     hz: float
     q: float
     peak: float
@@ -163,7 +163,7 @@ def fit_driven(
     fit = _fitted(lines, starts)
     mode = _main(lines, fit, near_hz)
     _refuse_short(len(y) / rate_hz, mode.hz)
-    own = 3 * mode.index + np.arange(3)
+    own = 3 * mode.place + np.arange(3)
     spectrum = np.zeros(len(y) // 2 + 1, dtype=complex)
     first = round(lines.frequency[0] / lines.step_hz)
     spectrum[first : first + len(lines.data)] = _basis(lines, fit.theta)[:, own] @ fit.coefficients[own]
@@ -370,7 +370,7 @@ def _compared(lines: Lines, fit: SeparableFit, mode: Mode, noise: float, near_hz
     """The result of least squares beside the circle's, which gets the data without what all else adds."""
     if near_hz is None:
         refuse_two(mode.hz, mode.peak, mode.others)
-    widened, own = correlation_factor(fit.residual), lines.own_columns(mode.index)
+    widened, own = correlation_factor(fit.residual), lines.own_columns(mode.place)
     sigma = widened * np.sqrt(np.diag(fit.covariance))
     along, place = fit.coefficients[own] / mode.peak, len(fit.theta) + own
     peak_error = widened * float(np.sqrt(along @ fit.covariance[np.ix_(place, place)] @ along))
@@ -381,7 +381,7 @@ def _compared(lines: Lines, fit: SeparableFit, mode: Mode, noise: float, near_hz
         spread = 1 / np.abs(lines.excitation[strong])
         frequency, alone = frequency[strong], alone[strong] / lines.excitation[strong]
     circle = circle_resonance(frequency, alone, mode.hz, mode.q, spread, lines.excitation is None)
-    errors = float(mode.hz * sigma[2 * mode.index]), float(mode.q * sigma[2 * mode.index + 1])
+    errors = float(mode.hz * sigma[2 * mode.place]), float(mode.q * sigma[2 * mode.place + 1])
     return checked((mode.hz, mode.q, mode.peak), (*errors, peak_error), noise, "circle", circle, mode.others)
 
 

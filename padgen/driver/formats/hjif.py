@@ -259,7 +259,9 @@ def _refuse_difference(text: str, plan: Plan, course: _Course | None) -> None:
     """Read the levels of every taxel back."""
     channels = json.loads(text)["perceptions"][0]["channels"]
     same = [channel["description"].split()[0] for channel in channels] == [taxel.id for taxel in plan.taxels]
-    for k, channel in enumerate(channels) if course and same else ():
+    for k, channel in enumerate(channels if same else ()):
+        if course is None:
+            break
         effects = channel["bands"][0]["effects"]
         frames = [(e["position"] + f["relative_position"], f) for e in effects for f in e["keyframes"]]
         # Between two effects that meet, both have the level there.
