@@ -11,9 +11,8 @@ import numpy as np
 from padgen.measured.fits import TaxelFit, fit_measured
 from padgen.measured.predict import CoilFigures, levels_um, planned_tones, predicted, tones_at, worst_db
 from padgen.measured.read import read_measured_text
-from padgen.measured.rest import estimated
 from padgen.measured.simulate import simulate_print, simulated_measurement, spreads_for
-from padgen.measured.tune import tuning_of
+from padgen.measured.tune import estimated, tuning_of
 from padgen.measured.tuning import TunedTaxel, Tuning
 from padgen.physics.resonator import relative_energy
 from padgen.physics.selectivity import Channels, Scheme, off_energy

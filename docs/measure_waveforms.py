@@ -6,8 +6,14 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from padgen.physics import crest
-from padgen.physics.comb import comb_period_s, off_resonance
-from padgen.physics.crest import least_constant, low_crest_phases, schroeder_phases, waveform
+from padgen.physics.crest import (
+    comb_period_s,
+    least_constant,
+    low_crest_phases,
+    off_resonance,
+    schroeder_phases,
+    waveform,
+)
 from padgen.physics.root_margin import RootMargin, root_margin
 
 LOW_HZ, HIGH_HZ = 20.0, 1000.0

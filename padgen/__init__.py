@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     )
     from padgen.core.errors import FileError, InfeasibleError, PadgenError, SolverError, SpecError
     from padgen.core.finding import Finding
-    from padgen.driver.drive import Drive
+    from padgen.driver.drive_folder import Drive
     from padgen.make.pad import Pad
     from padgen.measured.tuning import Tuning
     from padgen.planner.plan import Plan
@@ -65,7 +65,7 @@ __all__ = [
 ]
 
 _NOUNS = {
-    "Drive": "driver.drive",
+    "Drive": "driver.drive_folder",
     "Finding": "core.finding",
     "Pad": "make.pad",
     "Plan": "planner.plan",

@@ -14,7 +14,7 @@ from padgen.spec import Spec, make_spec
 
 if TYPE_CHECKING:
     from padgen.batch.sweep import SweepTable
-    from padgen.driver.drive import Drive
+    from padgen.driver.drive_folder import Drive
     from padgen.ladders.study import Study
     from padgen.measured.tune import Retuned
     from padgen.measured.tuning import Tuning
@@ -221,7 +221,7 @@ def drive(
     >>> shown.frames.shape
     (1, 32)
     """
-    from padgen.driver.drive import Drive, levels_of
+    from padgen.driver.drive_folder import Drive, levels_of
 
     if isinstance(tuning, (str, Path)):
         tuning = read_tuning(tuning, plan)

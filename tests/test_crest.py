@@ -16,8 +16,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from padgen.physics import crest, root_margin
-from padgen.physics.comb import LONGEST_S, MOST_OFF, SHORTEST_S, comb_period_s, off_resonance, on_comb
-from padgen.physics.crest import EXACT, least_constant, low_crest_phases, schroeder_phases, waveform
+from padgen.physics.crest import (
+    EXACT,
+    LONGEST_S,
+    MOST_OFF,
+    SHORTEST_S,
+    comb_period_s,
+    least_constant,
+    low_crest_phases,
+    off_resonance,
+    on_comb,
+    schroeder_phases,
+    waveform,
+)
 from padgen.physics.resonator import relative_energy
 from padgen.physics.root_margin import ALIAS_DB, LEAST_SHARE
 

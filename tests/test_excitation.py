@@ -19,7 +19,7 @@ from scipy.signal import hilbert
 from padgen.core.errors import SpecError
 from padgen.core.units import MH
 from padgen.driver.excitation import KINDS, excitation
-from padgen.measured.shake import measuring_band_hz, noise_current_a, ring_s, shaking_line_a2, sweep_s
+from padgen.measured.simulate import measuring_band_hz, noise_current_a, ring_s, shaking_line_a2, sweep_s
 from padgen.physics.resonator import receptance
 from padgen.planner import make_plan
 from padgen.spec import parse_spec

@@ -23,8 +23,7 @@ from padgen.batch.definition import parse_sweep
 from padgen.core.errors import FileError, GeometryError, SpecError
 from padgen.core.registry import PAD_FORMATS, PLUGINS, USUAL_FORMATS, names_in
 from padgen.driver import formats as drive_formats
-from padgen.driver.drive import Drive
-from padgen.driver.drive_folder import DriveRequest, parse_formats, write_drive
+from padgen.driver.drive_folder import Drive, DriveRequest, parse_formats, write_drive
 from padgen.make.pad import parse_formats as parse_pad_formats
 from padgen.make.solid_tuning import solid_taxel
 from padgen.physics import schemes

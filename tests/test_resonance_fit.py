@@ -20,14 +20,11 @@ import numpy as np
 import pytest
 
 from padgen.core.errors import SolverError
-from padgen.physics.circle_fit import circle_resonance, taubin_circle
-from padgen.physics.decay_fit import fit_decay
-from padgen.physics.driven_fit import current_of_voltage, fit_driven
+from padgen.physics.circle_fit import CircleFit, circle_resonance, taubin_circle
 from padgen.physics.magnitude_fit import fit_magnitude
-from padgen.physics.resonance_fit import fit_spectrum
-from padgen.physics.resonance_judge import refuse_contradiction
+from padgen.physics.resonance_fit import current_of_voltage, fit_decay, fit_driven, fit_spectrum
+from padgen.physics.resonance_judge import checked, point_noise
 from padgen.physics.separable_fit import correlation_factor, separable_fit
-from padgen.physics.spectrum_noise import point_noise
 
 SWEEP = np.linspace(40.0, 160.0, 100)
 FINE = np.linspace(40.0, 160.0, 200)
@@ -220,8 +217,7 @@ def test_separable_fit_against_the_linear_rule():
     data = 2 * np.exp(-1.3 * time) + 0.01 * np.random.default_rng(8).standard_normal(60)
 
     def model(theta):
-        basis = np.exp(-theta[0] * time)[:, None]
-        return basis, (-time[:, None] * basis)[None]
+        return np.exp(-theta[0] * time)[:, None]
 
     fit = separable_fit(model, data, np.array([0.4]))
     jacobian = np.stack([-time * fit.coefficients[0] * np.exp(-fit.theta[0] * time), np.exp(-fit.theta[0] * time)], 1)
@@ -428,7 +424,10 @@ def test_velocity_is_not_taken_for_displacement(q, near_hz):
 
 
 def test_methods_a_bandwidth_apart_are_refused_and_errors_apart_are_not():
-    refuse_contradiction(60, 15, "circle", 60.9, 20)
+    def beside(hz, q):
+        return checked((60, 15, 1.0), (1e-3, 1e-3, 1e-3), 0.01, "circle", CircleFit(hz, 1e-3, q, 1e-3), ())
+
+    assert not beside(60.9, 20).agree
     for hz, q in ((61.1, 15), (58.9, 15), (60, 31), (60, 7)):
         with pytest.raises(SolverError, match=f"least squares find 60 Hz with a Q of 15, the circle {hz} Hz"):
-            refuse_contradiction(60, 15, "circle", hz, q)
+            beside(hz, q)

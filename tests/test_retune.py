@@ -33,7 +33,7 @@ from padgen.measured.predict import levels_um, planned_tones, played, predicted,
 from padgen.measured.read import read_measured_text
 from padgen.measured.simulate import KINDS, simulate_print, simulated_measurement, spreads_for
 from padgen.measured.tune import retuned, tuning_of
-from padgen.measured.tuned_table import measured_rows, tuned_drive_csv, tuned_rows
+from padgen.measured.tuned_folder import measured_rows, tuned_drive_csv, tuned_rows
 from padgen.measured.tuning import (
     planned_response_um_per_a2,
     planned_tuning,

@@ -19,16 +19,23 @@ import pytest
 
 from padgen.cli import run
 from padgen.core.errors import PadgenError, SolverError, SpecError
-from padgen.ladders.extreme_selectivity import selectivity_cases
-from padgen.ladders.extreme_specs import outcome, random_table, spec_cases
+from padgen.ladders.extreme_specs import outcome, random_table, selectivity_cases, spec_cases
 from padgen.ladders.extreme_study import Verdict, judged_error, named_cases, relative_error, verdict_of
 from padgen.ladders.isolate import measured, run_apart, timed
 from padgen.ladders.pictures import extreme_picture, study_pictures
 from padgen.ladders.rung import NOT_RUN, Ladder, Measured, Rung, Solved, Theory
 from padgen.ladders.stages import LADDERS, Scene
 from padgen.ladders.stages.scene import MOST_SUBJECTS, chosen_channels, distinct_channels
-from padgen.ladders.study import STUDY_FILES, Study, parse_only, parse_tolerance, run_extreme, run_study
-from padgen.ladders.study_tables import study_csv, study_json
+from padgen.ladders.study import (
+    STUDY_FILES,
+    Study,
+    parse_only,
+    parse_tolerance,
+    run_extreme,
+    run_study,
+    study_csv,
+    study_json,
+)
 from padgen.ladders.text import extreme_text, percent, seconds_text, study_text
 from padgen.ladders.verdicts import TOLERANCES, judged, observed_order, picks, recommended_row
 from padgen.verify.extreme import Answer, ExtremeCase

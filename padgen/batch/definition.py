@@ -1,19 +1,42 @@
-"""`Sweep`: which variants of a base spec are to be made, from TOML. Frozen plain data."""
+"""`Sweep`: which variants of a base spec are to be made, from TOML, as frozen plain data; and these variants.
 
+They are all combinations, or a seeded sample that fills the space evenly. A sample is drawn by `scipy.stats.qmc`: Latin
+hypercube (McKay 1979), or Sobol's sequence with Owen's scrambling. Variants are numbered before constraints take some
+away, so that a changed constraint does not rename the others."""
+
+from collections.abc import Iterable, Iterator
 from dataclasses import Field, asdict, dataclass, field, fields, is_dataclass, replace
-from math import ceil, floor
+from itertools import product
+from math import ceil, floor, prod
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from padgen.batch.expression import Expression, parse_expression
-from padgen.core.errors import FileError, SpecError, number, shown
+from padgen.core.errors import FileError, PadgenError, SpecError, number, shown
 from padgen.core.files import reason
 from padgen.core.registry import PAD_FORMATS, USUAL_FORMATS, names_in
 from padgen.spec import Spec, find_spec, make_spec
 from padgen.spec.fields import build, checked, choice, flag, folder_name, optional_type, quantity, text, unknown_name
-from padgen.spec.load import CATALOGUES, catalogue, parse_toml, read_table, read_toml, without_none
+from padgen.spec.load import CATALOGUES, catalogue, laid_over, parse_toml, read_table, read_toml, without_none
 
-__all__ = ["METHODS", "STAGES", "Axis", "Limits", "Sample", "Sweep", "load_sweep", "parse_sweep", "sweep_over"]
+__all__ = [
+    "METHODS",
+    "STAGES",
+    "Axis",
+    "Limits",
+    "Sample",
+    "Sweep",
+    "Variant",
+    "count_points",
+    "load_sweep",
+    "parse_sweep",
+    "sweep_over",
+    "variant_name",
+    "variant_table",
+    "variants",
+]
 
 STAGES = ("plan", "yield", "build", "study")
 METHODS = ("grid", "latin-hypercube", "sobol")
@@ -164,7 +187,7 @@ def _of_tables(table: dict[str, Any], folder: Path, base: dict[str, Any] | None)
         spec = make_spec(base, folder)
     except SpecError as error:
         raise SpecError(f"is no spec by itself: {error}", f"base {settings.base!r}") from error
-    sample = _sample(sample_table)
+    sample = _checked_sample(sample_table)
     found = _axes(axes, linked, sample)
     if not isinstance(constraints, list) or not all(isinstance(entry, str) for entry in constraints):
         raise SpecError(f"must be a list of conditions as text, got {shown(constraints)}", "constraints")
@@ -173,7 +196,7 @@ def _of_tables(table: dict[str, Any], folder: Path, base: dict[str, Any] | None)
     return Sweep(settings, base, spec, folder.absolute(), found, conditions, sample, build(Limits, limits, "limits"))
 
 
-def _sample(table: Any) -> Sample:
+def _checked_sample(table: Any) -> Sample:
     sample: Sample = build(Sample, table, "sample")
     if sample.method != "grid" and not sample.count:
         raise SpecError(f"must be at least 1 for method {sample.method!r}", "sample.count")
@@ -304,3 +327,75 @@ def _spec_field(name: str) -> "Field[Any]":
             raise unknown_name(part, list(known), "field", where)
         kind = optional_type(known[part].type)[0]
     return known[part]
+
+
+MOST_VARIANTS = 10_000_000
+BLOCK = 4096
+
+
+class Variant(NamedTuple):
+    """One point: its number, and the values of the varied fields by dotted name."""
+
+    number: int
+    values: dict[str, Any]
+
+
+def count_points(sweep: Sweep) -> int:
+    """How many points there are, before constraints.
+
+    Raises
+    ------
+    SpecError
+        More than ten million.
+    """
+    points = sweep.sample.count or prod(len(axis.values) for axis in sweep.axes)
+    if points > MOST_VARIANTS:
+        raise SpecError(f"has {points} combinations, at most {MOST_VARIANTS} will do; take a sample", "axes")
+    return points
+
+
+def variants(sweep: Sweep) -> Iterator[Variant]:
+    """The variants that the constraints leave, in the order of their numbers; made as they are asked for."""
+    count_points(sweep)
+    points = product(*(axis.values for axis in sweep.axes)) if sweep.sample.method == "grid" else _sample(sweep)
+    for place, chosen in enumerate(points):
+        pairs = zip(sweep.axes, chosen, strict=True)
+        variant = Variant(
+            place, {name: value for axis, row in pairs for name, value in zip(axis.fields, row, strict=True)}
+        )
+        if not sweep.constraints or _is_left(sweep, variant):
+            yield variant
+
+
+def _is_left(sweep: Sweep, variant: Variant) -> bool:
+    try:
+        # A constraint may ask for what a varied field brings along, as a printer its default material.
+        spec = make_spec(variant_table(sweep, variant), sweep.folder)
+    except PadgenError:
+        spec = sweep.spec  # its row will tell what is wrong with it
+    return all(condition.holds(variant.values, spec) for condition in sweep.constraints)
+
+
+def variant_name(sweep: Sweep, number: int) -> str:
+    """The name of a variant and of its folder."""
+    return f"{sweep.settings.name}-{number:05d}"
+
+
+def variant_table(sweep: Sweep, variant: Variant) -> dict[str, Any]:
+    """The table of a variant's spec: the base's with the varied fields and a name of its own."""
+    return laid_over(sweep.base, variant.values) | {"name": variant_name(sweep, variant.number)}
+
+
+def _sample(sweep: Sweep) -> Iterator[list[tuple[Any, ...]]]:
+    from scipy.stats import qmc
+
+    count, generator = sweep.sample.count, np.random.default_rng(sweep.sample.seed)
+    if sweep.sample.method == "latin-hypercube":
+        blocks: Iterable[np.ndarray] = [qmc.LatinHypercube(len(sweep.axes), rng=generator).random(count)]
+    else:
+        engine = qmc.Sobol(len(sweep.axes), rng=generator)
+        # Of a power of two, as the sequence is balanced.
+        blocks = (engine.random(BLOCK)[: count - start] for start in range(0, count, BLOCK))
+    for block in blocks:
+        for shares in block.tolist():
+            yield [axis.at(share, True) for axis, share in zip(sweep.axes, shares, strict=True)]

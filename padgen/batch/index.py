@@ -17,9 +17,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from padgen.batch.definition import Sweep
+from padgen.batch.definition import Sweep, variant_name
 from padgen.batch.pareto import PARETO_FILES, Overview, overview_of
-from padgen.batch.points import variant_name
 from padgen.batch.variant import STATUSES, Record
 from padgen.core.errors import FileError
 from padgen.core.files import OutputFolder, json_line, reason

@@ -19,7 +19,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from padgen.batch.definition import Sweep
+from padgen.batch.definition import Sweep, Variant, count_points, variant_name, variants
 from padgen.batch.executors import (
     IMPORTS,
     LostError,
@@ -33,7 +33,6 @@ from padgen.batch.executors import (
 )
 from padgen.batch.index import INDEX, Journal, write_index
 from padgen.batch.pareto import Overview, overview_of
-from padgen.batch.points import Variant, count_points, variant_name, variants
 from padgen.batch.variant import Record, Task, is_whole, run_task, task_of, writes_folders
 from padgen.core.cache import limit_bytes
 from padgen.core.errors import FileError, SpecError

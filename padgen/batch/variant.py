@@ -4,8 +4,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from padgen.batch.definition import Sweep
-from padgen.batch.points import Variant, variant_table
+from padgen.batch.definition import Sweep, Variant, variant_table
 from padgen.core.cache import code_hash, key_of, versions
 from padgen.core.errors import FileError, PadgenError
 from padgen.core.files import (

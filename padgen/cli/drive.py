@@ -113,8 +113,7 @@ def _drive(options: argparse.Namespace) -> int:
         raise SpecError(f"must be one of {', '.join(DEPTHS)}, got {options.depth!r}", "--depth")
     if options.excite is not None:
         return _excite(options)
-    from padgen.driver.drive import Drive
-    from padgen.driver.drive_folder import parse_formats
+    from padgen.driver.drive_folder import Drive, parse_formats
 
     _refuse(options)
     with progress_line() as progress:

@@ -79,7 +79,7 @@ def _retune(options: argparse.Namespace) -> int:
 
         print(json_text(written.table()), end="")
     else:
-        from padgen.measured.tuned_table import measured_rows
+        from padgen.measured.tuned_folder import measured_rows
         from padgen.report.plans import findings_text
         from padgen.report.retunes import retuned_text
 

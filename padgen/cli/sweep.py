@@ -115,7 +115,7 @@ def _line(table: dict[str, Any]) -> None:
 
 def _failure(sweep: Any, event: Any, write: Callable[[str], None]) -> None:
     if event.kind == "failed" and event.record is not None:
-        from padgen.batch.points import variant_name
+        from padgen.batch.definition import variant_name
 
         before = " (in an earlier run)" if event.reused else ""
         write(f"failed{before}: {variant_name(sweep, event.record.number)}: {plain(event.record.sentence)}")

@@ -1,10 +1,9 @@
 """Excitation files: what the coils play while the taxels' resonances are measured.
 
-One chirp or one stretch of noise (`padgen.measured.shake`), followed by the silence in which the slowest taxel comes to
-rest; each coil in turn, or all at once. The volts are those that drive the current through the coil's resistance and
+One chirp or one stretch of noise (`padgen.measured.simulate`), followed by the silence in which the slowest taxel comes
+to rest; each coil in turn, or all at once. The volts are those that drive the current through the coil's resistance and
 inductance, ``R i + L di/dt``. Levels are those of the plan, or as much lower as amplifier, copper and the mean pull of
-all channels together ask for.
-"""
+all channels together ask for."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ import numpy as np
 
 from padgen.core.errors import SpecError, at_least, number
 from padgen.core.units import MH
-from padgen.measured.shake import (
+from padgen.measured.simulate import (
     chirp_current_a,
     measuring_band_hz,
     noise_current_a,

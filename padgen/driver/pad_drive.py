@@ -18,8 +18,7 @@ from padgen.core.errors import SpecError, at_least, number
 from padgen.core.units import MH
 from padgen.measured.predict import levels_um
 from padgen.measured.tuning import Tuning, planned_tuning
-from padgen.physics.comb import comb_period_s, on_comb
-from padgen.physics.crest import least_constant, low_crest_phases
+from padgen.physics.crest import comb_period_s, least_constant, low_crest_phases, on_comb
 from padgen.physics.currents import bias_a, current_lines_a
 from padgen.physics.resonator import relative_energy
 from padgen.physics.root_margin import RootMargin, root_margin

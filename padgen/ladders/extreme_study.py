@@ -29,7 +29,7 @@ SETS = (
     ("padgen.verify.extreme_solid", "solid_cases"),
     ("padgen.verify.extreme_force", "force_cases"),
     ("padgen.verify.extreme_dynamics", "dynamics_cases"),
-    ("padgen.ladders.extreme_selectivity", "selectivity_cases"),
+    ("padgen.ladders.extreme_specs", "selectivity_cases"),
     ("padgen.ladders.extreme_specs", "spec_cases"),
 )
 """Modules and their functions that yield `ExtremeCase`s."""

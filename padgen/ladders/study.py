@@ -1,29 +1,31 @@
-"""`padgen study`: run the ladders rung by rung, judge them, and leave the files.
+"""`padgen study`: run the ladders rung by rung, judge them, and leave the files: CSV, JSON and pictures.
 
 Rungs run one after the other, never in parallel: they are timed. Ctrl-C ends the running, and files are written of
 what was measured until then; before the first rung's end it leaves everything as it was.
 """
 
+import csv
+import io
 import json
 import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, astuple, dataclass, fields
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from padgen import __version__
 from padgen.core.cache import version
 from padgen.core.errors import SpecError, number
-from padgen.core.files import OutputFolder, file_hash
+from padgen.core.files import OutputFolder, file_hash, json_text
 from padgen.core.registry import names_in
 from padgen.core.runner import refuse_unshared, uninterrupted
 from padgen.ladders.extreme_study import MISSING, SETS, WRONG, Verdict, named_cases, verdict_of
 from padgen.ladders.isolate import TIMES, measured
-from padgen.ladders.rung import NOT_RUN, Judged, Ladder, Measured
+from padgen.ladders.rung import NOT_RUN, Judged, Ladder, Measured, Row
 from padgen.ladders.stages import LADDERS, Scene
-from padgen.ladders.study_tables import extreme_csv, extreme_json, missing_rungs, study_csv, study_json
-from padgen.ladders.verdicts import TOLERANCES, Pick, judged, picks
+from padgen.ladders.verdicts import TOLERANCES, Pick, judged, picks, recommended_row
 from padgen.spec import Spec
 
 if TYPE_CHECKING:
@@ -34,12 +36,17 @@ __all__ = [
     "STUDY_FILES",
     "ExtremeStudy",
     "Study",
+    "extreme_csv",
+    "extreme_json",
     "measured_study",
+    "missing_rungs",
     "parse_only",
     "parse_tolerance",
     "run_extreme",
     "run_ladders",
     "run_study",
+    "study_csv",
+    "study_json",
 ]
 
 STUDY_FILES = ("study.csv", "study.json", "study.svg", "study.png")
@@ -258,3 +265,119 @@ def _about() -> dict[str, Any]:
 def _spec_hash(spec: Spec) -> str:
     """The spec's hash as a build's manifest has it, so that a reader can tell whose study it is."""
     return file_hash(json.dumps(asdict(spec), sort_keys=True).encode())
+
+
+HEAD = ("subject", "quantity", "unit")
+COLUMNS = (
+    "ladder",
+    *HEAD,
+    "model",
+    "resolution",
+    "series",
+    "step",
+    "unknowns",
+    "error",
+    "error_at_most",
+    "seconds",
+    "cpu_seconds",
+    "runs",
+    "memory_mb",
+    "residual",
+    "recommended_for",
+    "values",
+    "note",
+)
+EXTREME_COLUMNS = tuple(item.name for item in fields(Verdict))
+
+
+def missing_rungs(results: Sequence[Judged]) -> tuple[str, ...]:
+    """The rungs that were not run since the study was stopped."""
+    return tuple(
+        f"{result.ladder.name}, {result.ladder.subject}: {row.rung.model}, {row.rung.resolution}"
+        for result in results
+        for row in result.rows
+        if row.measured is NOT_RUN
+    )
+
+
+def study_csv(results: Sequence[Judged], tolerances: Sequence[float] = TOLERANCES) -> str:
+    """One row per rung, in the order of the ladders; no number is an empty cell."""
+    rows = []
+    for result in results:
+        ladder = result.ladder
+        for index, row in enumerate(result.rows):
+            table, values = _rung(row), row.measured.values
+            table |= {"ladder": ladder.name, **{name: getattr(ladder, name) for name in HEAD}}
+            table["values"] = "" if values is None else " ".join(f"{v:.10g}" for v in values.ravel())
+            holds = [f"{tol:g}" for tol in tolerances if recommended_row(result, tol) == index]
+            table["recommended_for"] = " ".join(holds)
+            rows.append([table[name] for name in COLUMNS])
+    return _csv(COLUMNS, rows)
+
+
+def _csv(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows([_cell(value) for value in row] for row in rows)
+    return out.getvalue()
+
+
+def _cell(value: Any) -> Any:
+    if isinstance(value, float):
+        return f"{value:.10g}" if isfinite(value) else ""
+    return value
+
+
+def study_json(results: Sequence[Judged], about: dict[str, Any], tolerances: Sequence[float] = TOLERANCES) -> str:
+    """All that was measured, with `about` (what was studied, by which versions) ahead of it."""
+    missing = missing_rungs(results)
+    told = {
+        "stopped": bool(missing),
+        "missing": missing,
+        "recommended": [p._asdict() for p in picks(results, tolerances)],
+    }
+    return json_text({**about, **told, "ladders": [_ladder(result) for result in results]})
+
+
+def _ladder(result: Judged) -> dict[str, Any]:
+    ladder = result.ladder
+    return {
+        "ladder": ladder.name,
+        **{name: getattr(ladder, name) for name in (*HEAD, "relative_to", "note")},
+        **{name: getattr(result, name) for name in ("reference", "uncertainty", "converged", "why")},
+        "orders": [
+            {
+                "series": order.series,
+                "observed": order.observed,
+                "theory": order.theory.order if order.theory else None,
+                "why": order.theory.why if order.theory else "",
+            }
+            for order in result.orders
+        ],
+        "rungs": [_rung(row) for row in result.rows],
+    }
+
+
+def _rung(row: Row) -> dict[str, Any]:
+    rung, own = row.rung, row.measured
+    return {
+        **{name: getattr(rung, name) for name in ("model", "resolution", "series", "offered", "step")},
+        "unknowns": own.unknowns,
+        "error": row.error,
+        "error_at_most": row.at_most,
+        "is_bound": row.is_bound,
+        **{name: getattr(own, name) for name in ("seconds", "cpu_seconds", "runs", "memory_mb", "residual")},
+        "values": None if own.values is None else own.values.tolist(),
+        "note": own.note,
+    }
+
+
+def extreme_csv(verdicts: Sequence[Verdict]) -> str:
+    """One row per case."""
+    return _csv(EXTREME_COLUMNS, [astuple(found) for found in verdicts])
+
+
+def extreme_json(verdicts: Sequence[Verdict], about: dict[str, Any]) -> str:
+    """The same with `about` ahead of it."""
+    return json_text({**about, "stopped": any(v.verdict == MISSING for v in verdicts), "cases": list(verdicts)})

@@ -8,10 +8,8 @@ import numpy as np
 from padgen.core.errors import FileError, SolverError, number
 from padgen.core.units import MS
 from padgen.measured.measurement import Measured, Record, Row, Spectrum
-from padgen.physics.decay_fit import fit_decay, rough_decay_hz
-from padgen.physics.driven_fit import fit_driven, rough_answer_hz
 from padgen.physics.magnitude_fit import fit_magnitude
-from padgen.physics.resonance_fit import fit_spectrum
+from padgen.physics.resonance_fit import fit_decay, fit_driven, fit_spectrum, rough_hz
 from padgen.physics.resonance_judge import ResonanceFit
 from padgen.planner.plan import Channel, Plan
 
@@ -226,6 +224,7 @@ def _rough_hz(part: Row | Spectrum | Record, channel: Channel) -> float:
         return part.resonance_hz
     if isinstance(part, Spectrum):
         return float(part.frequency_hz[int((np.abs(part.response) * part.frequency_hz).argmax())])
-    if part.squared_current_a2 is not None and np.ptp(part.displacement) > 0:
-        return rough_answer_hz(*_thinned(part, channel))
-    return rough_decay_hz(part.rate_hz, part.displacement)
+    if part.squared_current_a2 is None or np.ptp(part.displacement) == 0:
+        return rough_hz(part.rate_hz, part.displacement)
+    rate_hz, square, moved = _thinned(part, channel)
+    return rough_hz(rate_hz, moved, square)

@@ -10,7 +10,7 @@ import numpy as np
 from padgen.core.errors import FileError, number
 from padgen.core.units import MH
 from padgen.measured.measurement import LARGEST, SMALLEST, Record, Row, Spectrum, nearest_id
-from padgen.physics.driven_fit import current_of_voltage
+from padgen.physics.resonance_fit import current_of_voltage
 from padgen.planner.plan import Plan
 
 __all__ = ["read_csv"]

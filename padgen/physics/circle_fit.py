@@ -14,20 +14,20 @@ import numpy as np
 
 __all__ = ["CircleFit", "circle_resonance", "taubin_circle"]
 
-WIDEST_ARC, WIDEST_REACH = 2.5, 8.0
+WIDEST_ARC = 2.5
 """Points are taken up to this |x| from the peak, farther out where they would be too few."""
 FEWEST = 6
-MOST_STEPS = 30
+VAGUE = 1.0
+"""One sigma of ln Q, or of the frequency in bandwidths, beyond which a circle says nothing."""
 
 
 class CircleFit(NamedTuple):
-    """A resonance with one sigma of each figure; `points` on the circle were used."""
+    """A resonance with one sigma of each figure."""
 
     resonance_hz: float
     resonance_error_hz: float
     q: float
     q_error: float
-    points: int
 
 
 def taubin_circle(points: np.ndarray, weight: np.ndarray) -> tuple[complex, float]:
@@ -58,75 +58,60 @@ def circle_resonance(
     sigma: np.ndarray | float = 1.0,
     decay: bool = False,
 ) -> CircleFit | None:
-    """Resonance by the circle of a complex `response` (n,) near `start_hz`; None where it has too few points.
+    """Resonance by the circle of a complex `response` (n,) near `start_hz`; None where too few points tell of it.
 
-    `sigma` is the relative size of each point's noise. With `decay` the response is the transform of a free decay,
-    and the result its own frequency; else it is a receptance.
+    `sigma` is the relative size of each point's noise. With `decay` the response is the transform of a free decay;
+    else it is a receptance.
     """
+    if len(frequency_hz) < FEWEST:
+        return None
+    sigma, fit = np.broadcast_to(np.asarray(sigma, float), frequency_hz.shape), None
     hz, q = start_hz, start_q
-    fit = None
     for _ in range(2):
-        which = _arc(frequency_hz, hz, q, decay)
-        if which.sum() < FEWEST:
-            return fit
-        spread = np.broadcast_to(np.asarray(sigma, float), frequency_hz.shape)[which]
-        factor = np.ones(which.sum()) if decay else frequency_hz[which] / hz
-        fit = _fitted(frequency_hz[which], response[which] * factor, hz, q, spread * factor, decay)
+        away = np.abs(_law(frequency_hz, hz, q, decay))
+        arc = away <= max(WIDEST_ARC, float(np.sort(away)[FEWEST - 1]))
+        factor = np.ones(arc.sum()) if decay else frequency_hz[arc] / hz
+        fit = _fitted(frequency_hz[arc], response[arc] * factor, hz, q, sigma[arc] * factor, decay)
         if fit is None:
-            return None
+            break
         hz, q = fit.resonance_hz, fit.q
     return fit
 
 
-def _arc(frequency: np.ndarray, hz: float, q: float, decay: bool) -> np.ndarray:
-    away = np.abs(_law(frequency, hz, q, decay)[0])
-    reach = max(WIDEST_ARC, min(float(np.sort(away)[min(FEWEST, len(away)) - 1]), WIDEST_REACH))
-    chosen: np.ndarray = away <= reach
-    return chosen
-
-
-def _law(frequency: np.ndarray, hz: float, q: float, decay: bool) -> tuple[np.ndarray, np.ndarray]:
-    """x (n,) and its slope over ln f₀; that over ln Q is x itself."""
+def _law(frequency: np.ndarray, hz: float, q: float, decay: bool) -> np.ndarray:
+    """x (n,) in the phase ``−2 arctan x``."""
     s = frequency / hz
-    if decay:
-        return 2 * q * (s - 1), -2 * q * s
-    return q * (s - 1 / s), -q * (s + 1 / s)
+    return np.asarray(2 * q * s - np.sqrt(max(4 * q * q - 1, 0.0)) if decay else q * (s - 1 / s))
 
 
 def _fitted(
     frequency: np.ndarray, points: np.ndarray, hz: float, q: float, sigma: np.ndarray, decay: bool
 ) -> CircleFit | None:
+    from scipy.optimize import least_squares
+
     centre, radius = taubin_circle(points, sigma**-2)
     if not np.isfinite(radius):
         return None
     arm = points - centre
-    angle = np.angle(arm)
-    theta = np.array([angle[np.abs(frequency - hz).argmin()], np.log(hz), np.log(q)])
-    for _ in range(MOST_STEPS):
-        x, slope = _law(frequency, float(np.exp(theta[1])), float(np.exp(theta[2])), decay)
-        off = np.angle(np.exp(1j * (angle - theta[0] + 2 * np.arctan(x))))
-        bend = -2 / (1 + x * x)
-        jacobian = np.stack([np.ones(len(x)), bend * slope, bend * x], axis=1)
-        inverse = np.linalg.pinv(jacobian / sigma[:, None])
-        step = inverse @ (off / sigma)
-        theta = theta + np.clip(step, -0.5, 0.5)
-        if np.abs(step).max() < 1e-12:
-            break
-    error = _errors(arm, radius, off, inverse, sigma)
-    if not np.isfinite(theta).all() or abs(theta[1] - np.log(hz)) > 1 or abs(theta[2] - np.log(q)) > 3:
-        return None
-    hz, q = float(np.exp(theta[1])), float(np.exp(theta[2]))
-    return CircleFit(hz, float(hz * error[1]), q, float(q * error[2]), len(frequency))
+    angle, width = np.angle(arm), 1 / q
 
+    def off(theta: np.ndarray) -> np.ndarray:
+        x = _law(frequency, hz * np.exp(theta[1] * width), q * np.exp(theta[2]), decay)
+        return np.asarray(np.angle(np.exp(1j * (angle - theta[0] + 2 * np.arctan(x)))) / sigma)
 
-def _errors(arm: np.ndarray, radius: float, off: np.ndarray, inverse: np.ndarray, sigma: np.ndarray) -> np.ndarray:
-    """One sigma (3,) of the angle's parameters: noise along the circle, and what noise across it does to the centre."""
-    radial = (np.abs(arm) - radius) / sigma
-    along = radius * off / sigma
+    start = np.array([angle[np.abs(frequency - hz).argmin()], 0.0, 0.0])
+    found = least_squares(off, start, bounds=([-np.inf, -1 / width, -3], [np.inf, 1 / width, 3]), x_scale="jac")
+    inverse = np.linalg.pinv(found.jac)
+    # Noise along the circle, and what noise across it does to the centre: off by d it turns a point by −t·d over the
+    # radius, t the tangent there.
+    radial, along = (np.abs(arm) - radius) / sigma, radius * found.fun
     variance = float(radial @ radial + along @ along) / max(2 * len(arm) - 6, 1)
     unit = arm / np.abs(arm)
     across = np.stack([unit.real, unit.imag, np.ones(len(arm))], axis=1) / sigma[:, None]
-    # A centre off by d turns the angle of a point by −t·d over the radius, t the tangent there.
     turn = np.stack([unit.imag, -unit.real, np.zeros(len(arm))], axis=1) / sigma[:, None]
     moved = inverse @ turn @ np.linalg.pinv(across)
-    return np.asarray(np.sqrt(variance * ((inverse**2).sum(1) + (moved**2).sum(1))) / radius)
+    error = np.sqrt(variance * ((inverse**2).sum(1) + (moved**2).sum(1))) / radius
+    if not (error[1:] < VAGUE).all() or abs(found.x[1]) > 0.99 / width or abs(found.x[2]) > 2.99:
+        return None
+    hz, q = float(hz * np.exp(found.x[1] * width)), float(q * np.exp(found.x[2]))
+    return CircleFit(hz, float(hz * error[1] * width), q, float(q * error[2]))

@@ -3,28 +3,29 @@
 ``H = P/(Q (1 − s²) + j s) + a + b/s²`` as in `padgen.physics.resonance_fit`, P, a, b real. Of complex noise of rms N a
 squared magnitude has the mean ``|H|² + N²`` and the variance ``N² (2 |H|² + N²)`` (S. O. Rice, Bell Syst. Tech. J. 24,
 1945), which weighs the points; an average of many spectra has less, all by one factor. Near the peak
-``1/|H|² = (Q² (1 − u)² + u)/P²``, u = s², is a parabola in f²: linear least squares, once
-what a, b and N add is taken off.
+``1/|H|² = (Q² (1 − u)² + u)/P²``, u = s², is a parabola in f²: least squares in its three numbers, once what a, b and N
+add is taken off.
 """
 
+from math import log
 from typing import NamedTuple
 
 import numpy as np
 
+from padgen.physics.circle_fit import CircleFit
 from padgen.physics.resonance_judge import (
     ResonanceFit,
-    agreement,
+    checked,
+    point_noise,
     refuse_bad_spectrum,
-    refuse_contradiction,
     refuse_edge,
     refuse_few,
     refuse_no_peak,
     refuse_no_resonance,
     refuse_two,
-    refuse_vague,
+    rough_peak,
 )
-from padgen.physics.separable_fit import correlation_factor
-from padgen.physics.spectrum_noise import point_noise, rough_peak
+from padgen.physics.separable_fit import correlation_factor, left_over, unit_covariance
 
 __all__ = ["fit_magnitude"]
 
@@ -69,29 +70,17 @@ def fit_magnitude(frequency_hz: np.ndarray, magnitude: np.ndarray, near_hz: floa
     fit = _fitted(inside, data, floor)
     hz, q, peak = float(np.exp(fit.theta[0])), float(np.exp(fit.theta[1])), float(abs(fit.theta[2]))
     refuse_no_peak(peak, fit.noise, _gain(inside, data, fit), frequency, size)
-    refuse_edge(frequency, hz, q)
-    model = np.sqrt(_model(inside, fit.theta)[0])
+    refuse_edge(frequency[0], frequency[-1], hz, q)
+    model = np.sqrt(_model(inside, fit.theta))
     refuse_no_resonance(data, float(np.sqrt(np.mean((data - model) ** 2))), floor, hz)
     refuse_few(frequency, hz, q)
     others = tuple(p for p in peaks if abs(p[0] - hz) > hz / q)
     if near_hz is None:
         refuse_two(hz, peak * scale, others)
-    return _compared(inside, data, fit, scale, others)
-
-
-def _compared(
-    frequency: np.ndarray, data: np.ndarray, fit: _Squares, scale: float, others: tuple[tuple[float, float], ...]
-) -> ResonanceFit:
     sigma = correlation_factor(fit.left) * np.sqrt(np.diag(fit.covariance))
-    hz, q, peak = float(np.exp(fit.theta[0])), float(np.exp(fit.theta[1])), float(abs(fit.theta[2]))
-    errors = float(hz * sigma[0]), float(q * sigma[1])
-    refuse_vague(hz, errors[0], q)
-    check = _parabola(frequency, data, hz, q, fit)
-    agree = not check[0] or agreement((hz, errors[0]), (q, errors[1]), (check[1], check[2]), (check[3], check[4]))
-    if not agree:
-        refuse_contradiction(hz, q, *check[:2], check[3])
-    peak_error = float(sigma[2]) * scale
-    return ResonanceFit(hz, errors[0], q, errors[1], peak * scale, peak_error, fit.noise * scale, *check, agree, others)
+    errors = float(hz * sigma[0]), float(q * sigma[1]), float(sigma[2]) * scale
+    check = _parabola(inside, data, hz, q, fit)
+    return checked((hz, q, peak * scale), errors, fit.noise * scale, "parabola", check, others)
 
 
 def _peaks(
@@ -136,32 +125,26 @@ def _apart(size: np.ndarray, smooth: np.ndarray, tops: np.ndarray) -> np.ndarray
 def _fitted(frequency: np.ndarray, data: np.ndarray, floor: float) -> _Squares:
     from scipy.optimize import least_squares
 
-    best = None
+    fits = []
     for hz, q in _starts(frequency, data):
-        theta = np.array([np.log(hz), np.log(q), 1.0, 0.0, 0.0, floor])
+        # The frequency in bandwidths: the slopes are differences.
+        start, scale = np.array([log(hz), log(q), 1.0, 0.0, 0.0, floor]), np.array([1 / q, 1, 1, 1, 1, 1])
+        theta = start
         for _ in range(ROUNDS):
             scatter = _scatter(frequency, theta, floor)
             found = least_squares(
-                lambda t, w: (_model(frequency, t)[0] - data**2) / w,
-                theta,
-                lambda t, w: _model(frequency, t)[1] / w[:, None],
-                args=(scatter,),
+                lambda u, x=start, k=scale, w=scatter: (_model(frequency, x + k * u) - data**2) / w,
+                (theta - start) / scale,
                 method="lm",
                 x_scale="jac",
-                max_nfev=200,
+                max_nfev=1000,
             )
-            theta = found.x
-        cost = float(np.sum(np.abs(np.sqrt(_model(frequency, theta)[0]) - data) ** 2))
-        if np.isfinite(cost) and (best is None or cost < best[0]):
-            best = cost, theta, found.fun, found.jac
-    assert best is not None
-    _, theta, left, jacobian = best
-    size = np.linalg.norm(jacobian, axis=0)
-    size[size == 0] = 1.0
-    inverse = np.linalg.pinv((jacobian / size).T @ (jacobian / size), rcond=1e-13, hermitian=True)
+            theta = start + scale * found.x
+        cost = float(np.sum(np.abs(np.sqrt(_model(frequency, theta)) - data) ** 2))
+        fits.append((cost if np.isfinite(cost) else np.inf, theta, found.fun, found.jac / scale))
+    _, theta, left, jacobian = min(fits, key=lambda fit: fit[0])
     variance = float(left @ left) / max(len(left) - len(theta), 1)
-    noise = max(abs(float(theta[5])), floor)
-    return _Squares(theta, variance * inverse / np.outer(size, size), left, noise)
+    return _Squares(theta, variance * unit_covariance(jacobian), left, max(abs(float(theta[5])), floor))
 
 
 def _starts(frequency: np.ndarray, data: np.ndarray) -> list[tuple[float, float]]:
@@ -176,89 +159,53 @@ def _starts(frequency: np.ndarray, data: np.ndarray) -> list[tuple[float, float]
     for hz, q in tried:
         s = frequency / hz
         basis = np.stack([1 / ((q * (1 - s) * (1 + s)) ** 2 + s * s), np.ones(len(s))], axis=1)
-        left.append(float(np.linalg.norm(data**2 - basis @ np.linalg.lstsq(basis, data**2, rcond=None)[0])))
+        left.append(float(np.linalg.norm(left_over(basis, data**2))))
     return [tried[k] for k in np.argsort(left, kind="stable")[:2]]
 
 
 def _scatter(frequency: np.ndarray, theta: np.ndarray, floor: float) -> np.ndarray:
     """One sigma of each squared magnitude, from the model; N at least `floor`."""
     square = max(float(theta[5]) ** 2, floor**2)
-    clean = np.maximum(_model(frequency, theta)[0] - theta[5] ** 2, 0.0)
+    clean = np.maximum(_model(frequency, theta) - theta[5] ** 2, 0.0)
     return np.asarray(np.sqrt(square * (2 * clean + square)))
 
 
-def _model(frequency: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Squared magnitude (n,) and its slopes (n, 6)."""
+def _model(frequency: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    """Squared magnitude (n,)."""
     s, q = frequency / np.exp(np.clip(theta[0], -50, 50)), np.exp(np.clip(theta[1], -20, 20))
-    off = q * (1 - s) * (1 + s)
-    mode = 1 / (off + 1j * s)
-    far = frequency[0] * frequency[-1] / frequency**2
-    whole = theta[2] * mode + theta[3] + theta[4] * far
-    slopes = [
-        -theta[2] * mode**2 * (2 * q * s * s - 1j * s),
-        -theta[2] * mode**2 * off,
-        mode,
-        np.ones(len(s)),
-        far,
-    ]
-    columns = [2 * (whole.conj() * slope).real for slope in slopes]
-    columns.append(np.full(len(s), 2 * theta[5]))
-    return np.abs(whole) ** 2 + theta[5] ** 2, np.stack(columns, axis=1)
+    mode = theta[2] / (q * (1 - s) * (1 + s) + 1j * s)
+    whole = mode + theta[3] + theta[4] * (frequency[0] * frequency[-1] / frequency**2)
+    return np.asarray(np.abs(whole) ** 2 + theta[5] ** 2)
 
 
 def _gain(frequency: np.ndarray, data: np.ndarray, fit: _Squares) -> float:
     """What the resonance takes off the weighted sum of squares that a smooth curve leaves, in variances."""
     far = frequency[0] * frequency[-1] / frequency**2
     scatter = _scatter(frequency, fit.theta, fit.noise)
-    plain = np.stack([np.ones(len(far)), far, far**2], axis=1) / scatter[:, None]
-    goal = data**2 / scatter
-    left = goal - plain @ np.linalg.lstsq(plain, goal, rcond=None)[0]
+    left = left_over(np.stack([np.ones(len(far)), far, far**2], axis=1) / scatter[:, None], data**2 / scatter)
     own = float(fit.left @ fit.left)
-    return (float(left @ left) - own) / max(own / len(goal), np.finfo(float).tiny)
+    return (float(left @ left) - own) / max(own / len(left), np.finfo(float).tiny)
 
 
-def _parabola(
-    frequency: np.ndarray, data: np.ndarray, hz: float, q: float, fit: _Squares
-) -> tuple[str, float, float, float, float]:
-    """f₀ and Q by the parabola of 1/|H|² over f² within the bandwidth and a half; ('', nan …) where it cannot be."""
-    none = "", np.nan, np.nan, np.nan, np.nan
-    part = np.abs(q * (frequency / hz - hz / frequency)) <= 1.5
-    clean, whole = fit.theta.copy(), _model(frequency, fit.theta)[0]
-    clean[3:] = 0.0
-    square = (data**2 - whole + _model(frequency, clean)[0])[part]
-    if part.sum() < 6 or (square <= 0).any():
-        return none
-    v = (frequency[part] / hz - 1) * (frequency[part] / hz + 1) * q
+def _parabola(frequency: np.ndarray, data: np.ndarray, hz: float, q: float, fit: _Squares) -> CircleFit | None:
+    """f₀ and Q by the parabola of 1/|H|² over f² within the bandwidth and a half; None where it cannot be."""
+    from scipy.optimize import least_squares
+
+    inside = frequency[np.abs(q * (frequency / hz - hz / frequency)) <= 1.5]
+    alone = fit.theta * [1, 1, 1, 0, 0, 0]
+    clean = _model(frequency, alone)
+    square = (data**2 - _model(frequency, fit.theta) + clean)[np.isin(frequency, inside)]
+    if len(inside) < 6 or (square <= 0).any():
+        return None
     # 1/|H|² scatters by that of |H|² over |H|⁴, |H| by the fit: weights by the data would favour what noise made small.
-    weight = _model(frequency, clean)[0][part] ** 2 / _scatter(frequency, fit.theta, fit.noise)[part]
-    columns = np.stack([np.ones(len(v)), v, v * v], axis=1) * weight[:, None]
-    c = np.linalg.lstsq(columns, weight / square, rcond=None)[0]
+    weight = (clean**2 / _scatter(frequency, fit.theta, fit.noise))[np.isin(frequency, inside)]
+
+    def off(u: np.ndarray) -> np.ndarray:
+        model = _model(inside, alone + np.array([u[0] / q, *u[1:], 0, 0, 0]))
+        return np.asarray(weight * (1 / model - 1 / square))
+
+    found = least_squares(off, np.zeros(3), x_scale="jac")
     variance = float(fit.left @ fit.left) / max(len(fit.left) - len(fit.theta), 1)
-    covariance = np.linalg.pinv(columns.T @ columns) * variance
-    result = _vertex(c, q)
-    if result is None:
-        return none
-    slope = np.zeros((2, 3))
-    for k in range(3):
-        step = np.zeros(3)
-        step[k] = 1e-6 * max(abs(c[k]), 1e-3 * abs(c[0]))
-        high, low = _vertex(c + step, q), _vertex(c - step, q)
-        if high is None or low is None:
-            return none
-        slope[:, k] = (np.array(high) - np.array(low)) / (2 * step[k])
-    error = np.sqrt(np.diag(slope @ covariance @ slope.T))
-    share, quality = result
-    return "parabola", hz * share, float(hz * error[0]), quality, float(error[1])
-
-
-def _vertex(c: np.ndarray, q: float) -> tuple[float, float] | None:
-    """f₀ over the start's and Q, of ``c₀ + c₁ v + c₂ v²``, v = q (f²/f_start² − 1)."""
-    if c[2] <= 0:
-        return None
-    turning, least = -c[1] / (2 * c[2]), c[0] - c[1] ** 2 / (4 * c[2])
-    place = 1 + turning / q
-    if place <= 0 or least <= 0:
-        return None
-    kappa = least / (c[2] * (q * place) ** 2)
-    y = 2 * kappa / (1 + kappa + np.sqrt(1 + kappa))  # 1/Q²
-    return float(np.sqrt(place / (1 - y / 2))), float(1 / np.sqrt(y))
+    error = np.sqrt(variance * np.diag(unit_covariance(found.jac)))
+    there, quality = float(hz * np.exp(found.x[0] / q)), float(q * np.exp(found.x[1]))
+    return CircleFit(there, float(there * error[0] / q), quality, float(quality * error[1]))

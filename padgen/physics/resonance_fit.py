@@ -1,50 +1,111 @@
-"""One resonance from a measured spectrum: frequency, Q and the response at the peak, with one sigma of each.
+"""One resonance from what was measured: frequency, Q and the response at the peak, with one sigma of each.
 
-The model is the receptance of `padgen.physics.resonator`, with its peak P in place of the mass, and what modes far
-below and above the sweep add (D. J. Ewins, Modal Testing, 2nd ed. 2000, ch. 4):
+A spectrum, a record of the answer to a known excitation and one of a free decay are fitted by one model of lines of
+frequency; those of a record are its Fourier transform's:
 
-    H(f) = P / (Q (1 − s²) + j s) + a + b/s²,   s = f/f₀
+    Y(f) = X Σ P / (Q (1 − s²) + j s) + a X + b X/s² + Σ free decays,   s = f/f₀
 
-Complex spectra are fitted by least squares in P, a, b (complex: any phase of the sensor), f₀ and Q, and by the circle
-of `padgen.physics.circle_fit`. Further peaks that stand out of what is left become modes of the model, so that a small
-one beside the taxel's own does not pull it. Magnitudes are for `padgen.physics.magnitude_fit`.
+X is the transform of i², 1 for a spectrum, 0 for a free decay. a and b are what modes far above and below add
+(D. J. Ewins, Modal Testing, 2nd ed. 2000, ch. 4); P, a, b are complex for a spectrum (any phase of the sensor). What a
+mode brings with it into a record and carries out of its end is a free decay of the same pole, whose transform is
+``(1 − e^{λT})/(1 − e^{(λ − jω)/rate})``: so nothing needs to be silent or periodic. A drift is a pole at 0.
 
-Noise is taken as alike at all points and independent; where what is left of the data is correlated, the errors are
+Least squares in all lines near the resonance; further peaks that stand out of what is left become modes of the model,
+so that a small one beside the taxel's own does not pull it. The second method is the circle of
+`padgen.physics.circle_fit`. Magnitudes are for `padgen.physics.magnitude_fit`.
+
+Noise is taken as alike at all lines and independent; where what is left of the data is correlated, the errors are
 widened (`correlation_factor`). Checked from Q = 2 to 10⁴, at 20 to 60 dB, in `tests/test_resonance_fit.py`.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
-from padgen.core.errors import SolverError, number
+from padgen.core.errors import SolverError, at_least, at_most, number
 from padgen.physics.circle_fit import circle_resonance
 from padgen.physics.magnitude_fit import fit_magnitude
 from padgen.physics.resonance_judge import (
     COMPARABLE,
+    MOST_VAGUE,
     ResonanceFit,
-    agreement,
+    checked,
+    point_noise,
+    refuse_bad_record,
     refuse_bad_spectrum,
-    refuse_contradiction,
     refuse_edge,
     refuse_few,
+    refuse_hidden,
     refuse_no_peak,
     refuse_no_resonance,
     refuse_two,
-    refuse_vague,
 )
-from padgen.physics.separable_fit import SeparableFit, correlation_factor, separable_fit
-from padgen.physics.spectrum_noise import point_noise, rough_peak
+from padgen.physics.separable_fit import SeparableFit, correlation_factor, left_over, separable_fit
 
-__all__ = ["fit_spectrum"]
+__all__ = ["current_of_voltage", "fit_decay", "fit_driven", "fit_spectrum", "rough_hz"]
 
-MOST_OTHERS = 3
-"""Further modes of a spectrum."""
-LEAST_Q, LARGEST_Q = 0.5, 1e7
+MOST_MODES = 4
+LEAST_Q, LARGEST_Q = 0.55, 1e7
 SMOOTHED = (1, 5, 25, 125)
-"""Points over which a spectrum is averaged to find its peak in noise."""
+"""Lines over which a response is averaged to find its peak in noise."""
+TRIED_Q = 12
 WORTH = 40.0
 """What a further mode must take off the sum of squares, in variances."""
 SMALLEST_NOISE = 1e-9
 """Of the largest response: rounding, which is no noise."""
+LONGEST, LONGEST_DECAY = 1 << 21, 1 << 20
+"""Samples of a driven record and of a decay that are looked at."""
+MOST_LINES = 1 << 16
+"""Lines that are fitted, beyond which a fit takes minutes and gigabytes."""
+BELOW, ABOVE, LEAST_ABOVE = 1 / 8, 12.0, 3.0
+"""Lines of a record that are fitted, over the resonance; the last where there would be too many."""
+DECAY_TAUS, DECAY_PERIODS = 8.0, 10.0
+"""Time constants, but at least so many periods, of a decay that are fitted: what follows is noise."""
+FEWEST_PERIODS = 4.0
+EXCITED = 1e-3
+"""Of the largest power density of the excitation: the band that it shakes."""
+ROUGH_BAND = 64.0
+"""Periods of a record's length at whose resolution that band is first looked for."""
+MARGIN = 1.25
+"""Beyond that band lines are fitted by this factor: they show that a resonance is outside of it."""
+
+
+class Lines(NamedTuple):
+    """Measured lines: `data` (n,) over `frequency` (n,) Hz; `excitation` (n,), None of a free decay.
+
+    Of a record also its rate and its number of samples, 0 of a spectrum.
+    """
+
+    frequency: np.ndarray
+    data: np.ndarray
+    excitation: np.ndarray | None
+    rate_hz: float = 0.0
+    samples: int = 0
+
+    def between(self, low: float, high: float) -> "Lines":
+        keep = (self.frequency >= low) & (self.frequency <= high)
+        excitation = None if self.excitation is None else self.excitation[keep]
+        return self._replace(frequency=self.frequency[keep], data=self.data[keep], excitation=excitation)
+
+    def own_columns(self, mode: int) -> np.ndarray:
+        """The columns of the basis that are what a mode adds: its answer, or its decay where nothing drove it."""
+        driven = self.samples and self.excitation is not None
+        return np.array([3 * mode]) if driven else 2 * mode + np.arange(2)
+
+    @property
+    def step_hz(self) -> float:
+        """The distance of a record's lines."""
+        return self.rate_hz / self.samples if self.samples else 0.0
+
+
+class Mode(NamedTuple):
+    """The resonance of a fit that is meant, and the other peaks (Hz, amplitude)."""
+
+    place: int
+    hz: float
+    q: float
+    peak: float
+    others: tuple[tuple[float, float], ...]
 
 
 def fit_spectrum(frequency_hz: np.ndarray, response: np.ndarray, near_hz: float | None = None) -> ResonanceFit:
@@ -60,92 +121,208 @@ def fit_spectrum(frequency_hz: np.ndarray, response: np.ndarray, near_hz: float 
     """
     frequency, data = np.asarray(frequency_hz, float), np.asarray(response, complex)
     refuse_bad_spectrum(frequency, data)
-    fit = _started_anew(frequency, data, _one_mode(frequency, data))
-    _refuse_turned_phase(frequency, data, fit)
-    fit = _with_further_modes(frequency, data, fit)
-    _refuse_other_phase(frequency, data, fit)
-    hz, q, peak = _modes_of(fit)
-    main = _main(hz, peak, near_hz)
-    refuse_no_peak(float(peak[main]), fit.noise, _gain(frequency, data, fit), frequency, np.abs(data))
-    refuse_no_resonance(np.abs(data), fit.noise, point_noise(data), float(hz[main]))
-    refuse_edge(frequency, float(hz[main]), float(q[main]))
-    refuse_few(frequency, float(hz[main]), float(q[main]))
-    inside = (hz > frequency[0]) & (hz < frequency[-1]) & (np.arange(len(hz)) != main)
-    others = tuple((float(a), float(b)) for a, b in zip(hz[inside], peak[inside], strict=True))
-    if near_hz is None:
-        refuse_two(float(hz[main]), float(peak[main]), others)
-    return _compared(frequency, data, fit, main, others)
+    lines = Lines(frequency, data, np.ones(len(data)))
+    fit = _fitted(lines, _tops(lines))
+    _refuse_phase(lines, fit)
+    mode = _main(lines, fit, near_hz)
+    noise = point_noise(data)
+    refuse_no_peak(mode.peak, fit.noise, _gain(lines, fit), frequency, np.abs(data))
+    refuse_no_resonance(np.abs(data), fit.noise, noise, mode.hz)
+    refuse_edge(frequency[0], frequency[-1], mode.hz, mode.q)
+    refuse_few(frequency, mode.hz, mode.q)
+    inside = tuple(other for other in mode.others if frequency[0] < other[0] < frequency[-1])
+    return _compared(lines, fit, mode._replace(others=inside), fit.noise, near_hz)
 
 
-def _compared(
-    frequency: np.ndarray, data: np.ndarray, fit: SeparableFit, main: int, others: tuple[tuple[float, float], ...]
+def fit_driven(
+    rate_hz: float, squared_current: np.ndarray, displacement: np.ndarray, near_hz: float | None = None
 ) -> ResonanceFit:
-    """The result of least squares beside the circle's, which gets the data without what the other modes add."""
-    hz, q, peak = (float(values[main]) for values in _modes_of(fit))
-    basis, _ = _basis(frequency, fit.theta)
-    alone = fit.residual + basis[:, main] * fit.coefficients[main]
-    widened = correlation_factor(fit.residual)
-    sigma = widened * np.sqrt(np.diag(fit.covariance))
-    turn = fit.coefficients[main] / peak
-    real = len(fit.theta) + main
-    pair = np.array([real, real + len(fit.coefficients)])
-    along = np.array([turn.real, turn.imag])
-    peak_error = widened * float(np.sqrt(along @ fit.covariance[np.ix_(pair, pair)] @ along))
-    errors = float(hz * sigma[2 * main]), float(q * sigma[2 * main + 1])
-    refuse_vague(hz, errors[0], q)
-    circle = circle_resonance(frequency, alone, hz, q)
-    if circle is None:
-        check: tuple[str, float, float, float, float] = ("", np.nan, np.nan, np.nan, np.nan)
-        agree = True
-    else:
-        check = ("circle", *circle[:4])
-        agree = agreement((hz, errors[0]), (q, errors[1]), (check[1], check[2]), (check[3], check[4]))
-        if not agree:
-            refuse_contradiction(hz, q, "circle", check[1], check[3])
-    return ResonanceFit(hz, errors[0], q, errors[1], peak, peak_error, fit.noise, *check, agree, others)
+    """Fit the answer `displacement` (n,) to `squared_current` (n,); `peak` is per unit of a line of the latter.
+
+    `near_hz` is where to look first, the planned resonance; all of the excited band is looked at.
+
+    Raises
+    ------
+    SolverError
+        No answer, two comparable resonances, a resonance at an end of the excited band, or too short a record.
+    """
+    x, y = np.asarray(squared_current, float), np.asarray(displacement, float)
+    refuse_bad_record(y)
+    if np.ptp(x) == 0:
+        raise SolverError("the excitation does not change; leave its column out for a free decay")
+    _refuse_long(len(y), LONGEST, rate_hz)
+    low, high, _ = _excited_band(rate_hz, x, ROUGH_BAND * rate_hz / len(x))
+    whole = _lines_of(rate_hz, y, x).between(low / MARGIN, high * MARGIN)
+    starts = _tops(whole)
+    if near_hz is not None and near_hz < 0.4 * rate_hz:
+        starts.append(near_hz)
+    lines = whole.between(BELOW * min(starts), ABOVE * max(starts))
+    if len(lines.data) > MOST_LINES:
+        lines = whole.between(BELOW * min(starts), LEAST_ABOVE * max(starts))
+        _refuse_long(len(lines.data), MOST_LINES, len(lines.data) * lines.step_hz)
+    fit = _fitted(lines, starts)
+    mode = _main(lines, fit, near_hz)
+    _refuse_short(len(y) / rate_hz, mode.hz)
+    own = 3 * mode.place + np.arange(3)
+    spectrum = np.zeros(len(y) // 2 + 1, dtype=complex)
+    first = round(lines.frequency[0] / lines.step_hz)
+    spectrum[first : first + len(lines.data)] = _basis(lines, fit.theta)[:, own] @ fit.coefficients[own]
+    answer = float(np.abs(np.fft.irfft(spectrum, len(y))).max())
+    noise = _sample_noise(lines, fit)
+    refuse_hidden(answer, noise, _gain(lines, fit), "answer to the excitation")
+    lower, upper, step = _excited_band(rate_hz, x, mode.hz)
+    # The finer look may take what drifts for excitation; the coarser one is a step wide of it.
+    refuse_edge(max(low + step, lower), max(high, upper), mode.hz, mode.q, "what the excitation shakes", "it", step)
+    return _compared(lines, fit, mode, noise * mode.peak / answer, near_hz)
 
 
-def _modes_of(fit: SeparableFit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Frequencies, Qs and peaks (m,) of the modes of a fit."""
-    hz, q = np.exp(fit.theta[::2]), np.exp(fit.theta[1::2])
-    return hz, q, np.abs(fit.coefficients[: len(hz)])
+def fit_decay(rate_hz: float, displacement: np.ndarray, near_hz: float | None = None) -> ResonanceFit:
+    """Fit the free decay in `displacement` (n,) after its largest value; `peak` is about its amplitude there.
+
+    Raises
+    ------
+    SolverError
+        No decay, two comparable sines in it (unless `near_hz` tells which one is meant), or too short a record.
+    """
+    y = np.asarray(displacement, float)
+    refuse_bad_record(y)
+    first = _largest(y)
+    if first > 0.8 * len(y):
+        raise SolverError(
+            f"is largest {number(first / rate_hz)} s into a record of {number(len(y) / rate_hz)} s: a free decay starts"
+            " at its largest; add the excitation as a column if there was one"
+        )
+    y = y[first : first + LONGEST_DECAY]
+    whole = _lines_of(rate_hz, y)
+    hz, q = _start(whole.between(0, ABOVE * _tops(whole)[0]), _tops(whole)[:1])
+    seconds = max(min(DECAY_TAUS * q / (np.pi * hz), MOST_LINES / (ABOVE * hz)), DECAY_PERIODS / hz)
+    y = y[: int(seconds * rate_hz) + 1]
+    _refuse_short(len(y) / rate_hz, hz)
+    lines = _lines_of(rate_hz, y).between(BELOW * hz, ABOVE * hz)
+    fit = _fitted(lines, [hz])
+    mode = _main(lines, fit, near_hz)
+    noise = _sample_noise(lines, fit)
+    refuse_hidden(mode.peak, noise, _gain(lines, fit), "free decay")
+    return _compared(lines, fit, mode, noise, near_hz)
 
 
-def _one_mode(frequency: np.ndarray, data: np.ndarray) -> SeparableFit:
-    return _fitted(frequency, data, np.log(_start(frequency, data)))
+def rough_hz(rate_hz: float, displacement: np.ndarray, squared_current: np.ndarray | None = None) -> float:
+    """Where the answer to an excitation is largest, of its velocity, or the largest line of a decay: a first look."""
+    if squared_current is not None:
+        return _tops(_lines_of(rate_hz, displacement, squared_current))[0]
+    return _tops(_lines_of(rate_hz, displacement[_largest(displacement) :][:LONGEST_DECAY]))[0]
 
 
-def _started_anew(frequency: np.ndarray, data: np.ndarray, fit: SeparableFit) -> SeparableFit:
-    """Where one mode explains little, the better of it and of one that starts where the magnitude has its own."""
-    if fit.noise < 0.05 * np.abs(data).max():
-        return fit
-    try:
-        alone = fit_magnitude(frequency, np.abs(data))
-    except SolverError:
-        return fit
-    other = _fitted(frequency, data, np.log([alone.resonance_hz, alone.q]))
-    return other if other.noise < fit.noise else fit
+def current_of_voltage(rate_hz: float, voltage: np.ndarray, resistance: float, inductance: float) -> np.ndarray:
+    """Current (n,) in A that a voltage (n,) in V drives through R in Ω and L in H, steady before the record.
+
+    Exact for a voltage that is straight between samples.
+    """
+    settled = voltage / resistance
+    if inductance == 0:
+        return np.asarray(settled)
+    from scipy.signal import lfilter
+
+    z = -resistance / inductance / rate_hz
+    late = (np.expm1(z) - z) / z
+    inputs = -late * settled[1:] - (np.expm1(z) - late) * settled[:-1]
+    return np.concatenate([settled[:1], lfilter([1.0], [1.0, -np.exp(z)], inputs, zi=[np.exp(z) * settled[0]])[0]])
 
 
-def _fitted(frequency: np.ndarray, data: np.ndarray, start: np.ndarray) -> SeparableFit:
-    count = len(start) // 2
-    low = np.tile([np.log(frequency[0] / 3), np.log(LEAST_Q)], count)
-    high = np.tile([np.log(frequency[-1] * 3), np.log(LARGEST_Q)], count)
-    return separable_fit(lambda theta: _basis(frequency, theta), data, start, low, high)
+def _lines_of(rate: float, y: np.ndarray, x: np.ndarray | None = None) -> Lines:
+    """The lines of a record, without its mean."""
+    data, excitation = (None if v is None else np.fft.rfft(v - v.mean(dtype=float))[1:-1] for v in (y, x))
+    assert data is not None
+    return Lines(np.fft.rfftfreq(len(y), 1 / rate)[1:-1], data, excitation, rate, len(y))
 
 
-def _with_further_modes(frequency: np.ndarray, data: np.ndarray, fit: SeparableFit) -> SeparableFit:
-    """Add modes at the peaks of what is left, as long as one is worth its numbers."""
-    for _ in range(MOST_OTHERS):
-        numbers = len(fit.theta) + 2 * len(fit.coefficients) + 4
-        rounding = fit.noise < SMALLEST_NOISE * np.abs(data).max()
-        if rounding or len(frequency) < numbers or not _structured(fit):
+def _largest(y: np.ndarray) -> int:
+    """Where a signal is farthest from its mean."""
+    middle = y.mean(dtype=float)
+    return max(int(y.argmax()), int(y.argmin()), key=lambda k: abs(float(y[k]) - middle))
+
+
+def _tops(lines: Lines) -> list[float]:
+    """Where to look: where the mobility, averaged over so many lines, is largest, and where most is explained."""
+    from scipy.ndimage import uniform_filter1d
+
+    data, found = lines.data, [float(lines.frequency[np.abs(lines.data).argmax()])]
+    if lines.excitation is None:
+        return found
+    cross, power = data * lines.excitation.conj(), np.abs(lines.excitation) ** 2
+    sizes = [points for points in SMOOTHED if points <= max(len(data) // 4, 1)]
+    if lines.samples:
+        sizes, found = [max(len(data) // 1000, 3)], []
+    for points in sizes:
+        over = np.abs(uniform_filter1d(cross, points, mode="constant"))
+        under = np.maximum(uniform_filter1d(power, points, mode="constant"), 0)
+        under += EXCITED * under.max()
+        found += [float(lines.frequency[size.argmax()]) for size in (over / under * lines.frequency, over**2 / under)]
+    return found
+
+
+def _start(lines: Lines, tops: list[float], before: np.ndarray | None = None) -> np.ndarray:
+    """Frequency and Q of the mode, of those tried at the tops, that beside those `before` leaves least."""
+    finest = lines.step_hz / 10 or float(np.diff(lines.frequency).min())
+    kept: list[float] = []
+    for hz in tops:
+        if all(abs(hz - other) > max(finest, 1e-3 * hz) for other in kept):
+            kept.append(hz)
+    tried = [(hz, q) for hz in kept for q in np.geomspace(1.0, max(2 * hz / finest, 4.0), TRIED_Q)]
+    known = np.empty(0) if before is None else before
+    left = [np.linalg.norm(left_over(_basis(lines, np.append(known, np.log(each))), lines.data)) for each in tried]
+    return np.array(tried[int(np.argmin(left))])
+
+
+def _fitted(lines: Lines, tops: list[float]) -> SeparableFit:
+    """Modes one after the other, at the peaks of what is left, as long as one is worth its numbers."""
+    fit = _least_squares(lines, np.log(_start(lines, tops)))
+    for _ in range(MOST_MODES - 1):
+        numbers = (len(fit.covariance) + 5) / 2
+        rounding = fit.noise < SMALLEST_NOISE * np.abs(lines.data).max()
+        if rounding or len(lines.data) < numbers or not _structured(fit):
             break
-        more = _fitted(frequency, data, np.concatenate([fit.theta, np.log(_start(frequency, fit.residual))]))
-        if not _better(frequency, fit, more):
+        start = _start(lines, _tops(lines._replace(data=fit.residual)), fit.theta)
+        more = _least_squares(lines, np.concatenate([fit.theta, np.log(start)]))
+        if not _better(lines, fit, more):
             break
         fit = more
     return fit
+
+
+def _least_squares(lines: Lines, start: np.ndarray) -> SeparableFit:
+    low, high = lines.frequency[0] / 3, lines.frequency[-1] * (1 if lines.samples else 3)
+    bounds = tuple(np.tile(np.log(pair), len(start) // 2) for pair in ((low, LEAST_Q), (high, LARGEST_Q)))
+    scale = np.ones(len(start))
+    scale[::2] = np.exp(-start[1::2])
+    return separable_fit(lambda theta: _basis(lines, theta), lines.data, start, scale, (bounds[0], bounds[1]))
+
+
+def _basis(lines: Lines, theta: np.ndarray) -> np.ndarray:
+    """Columns of each mode, of peak 1, then those of far modes and a drift; their factors are real."""
+    frequency, x, columns = lines.frequency, lines.excitation, []
+    for hz, q in np.exp(theta.reshape(-1, 2)):
+        s = frequency / hz
+        if x is not None:
+            answer = x / (q * (1 - s) * (1 + s) + 1j * s)
+            columns += [answer] if lines.samples else [answer, 1j * answer]
+        if lines.samples:
+            pole = 2 * np.pi * hz * complex(-1 / (2 * q), np.sqrt(1 - 1 / (4 * q * q)))
+            one, other = (_free(lines, p) for p in (pole, pole.conjugate()))
+            columns += [(one + other) / 2, (one - other) / 2j]
+    if x is not None:
+        share = frequency[0] * frequency[-1] / frequency**2
+        far = [x, x * share]
+        columns += [*far, x / share] if lines.samples else [*far, 1j * far[0], 1j * far[1]]
+    if lines.samples:
+        columns.append(1 / np.expm1(-2j * np.pi * frequency / lines.rate_hz))
+    return np.stack(columns, axis=1).astype(complex)
+
+
+def _free(lines: Lines, pole: complex) -> np.ndarray:
+    """Transform (n,) of the samples of e^{λt} from the start of a record to its end."""
+    z = (pole - 2j * np.pi * lines.frequency) / lines.rate_hz
+    return np.asarray(np.expm1(pole * lines.samples / lines.rate_hz) / np.expm1(z))
 
 
 def _structured(fit: SeparableFit) -> bool:
@@ -155,43 +332,82 @@ def _structured(fit: SeparableFit) -> bool:
     return highest > fit.noise**2 * (np.log(len(fit.residual)) + 4) or correlation_factor(fit.residual) > 1
 
 
-def _better(frequency: np.ndarray, fit: SeparableFit, more: SeparableFit) -> bool:
-    """Whether a further mode is worth its four numbers, is resolved, and all stand apart from each other."""
+def _better(lines: Lines, fit: SeparableFit, more: SeparableFit) -> bool:
+    """Whether a further mode is worth its four numbers, is resolved, and all are placed and apart from each other."""
     before, after = (float(np.linalg.norm(f.residual)) ** 2 for f in (fit, more))
     if before - after < WORTH * more.noise**2 / 2:
         return False
-    hz, q, _ = _modes_of(more)
-    resolved = (np.abs(frequency[:, None] - hz) <= hz / q).sum(0) >= 3
-    near = np.abs(hz[:, None] - hz) <= 0.5 * np.maximum.outer(hz / q, hz / q)
-    return bool(resolved.all() and near.sum() == len(hz))
+    hz, q = np.exp(more.theta.reshape(-1, 2)).T
+    width = np.maximum(hz / q, lines.step_hz)
+    near = np.abs(hz[:, None] - hz) <= 0.5 * np.maximum.outer(width, width)
+    resolved = lines.samples or ((np.abs(lines.frequency[:, None] - hz) <= width).sum(0) >= 3).all()
+    placed = np.sqrt(np.diag(more.covariance))[: 2 * len(hz) : 2] <= MOST_VAGUE / q
+    return bool(resolved and placed.all() and near.sum() == len(hz))
 
 
-def _gain(frequency: np.ndarray, data: np.ndarray, fit: SeparableFit) -> float:
+def _main(lines: Lines, fit: SeparableFit, near_hz: float | None) -> Mode:
+    """The largest mode, or of those comparable to it the nearest."""
+    hz, q = np.exp(fit.theta.reshape(-1, 2)).T
+    peak = np.array([np.linalg.norm(fit.coefficients[lines.own_columns(k)]) for k in range(len(hz))])
+    away = -peak if near_hz is None else np.abs(np.log(hz / near_hz))
+    main = int(np.where(peak >= COMPARABLE * peak.max(), away, np.inf).argmin())
+    others = tuple((float(hz[k]), float(peak[k])) for k in range(len(hz)) if k != main)
+    return Mode(main, float(hz[main]), float(q[main]), float(peak[main]), others)
+
+
+def _gain(lines: Lines, fit: SeparableFit) -> float:
     """What the modes take off the sum of squares, in variances of a part of a point."""
-    far = _far(frequency)
-    plain = data - far @ np.linalg.lstsq(far, data, rcond=None)[0]
+    plain = left_over(_basis(lines, np.empty(0)), lines.data)
     taken = float(np.linalg.norm(plain)) ** 2 - float(np.linalg.norm(fit.residual)) ** 2
     return taken / max(fit.noise**2 / 2, np.finfo(float).tiny)
 
 
-def _refuse_turned_phase(frequency: np.ndarray, data: np.ndarray, fit: SeparableFit) -> None:
-    if fit.noise < 0.05 * np.abs(data).max():
+def _sample_noise(lines: Lines, fit: SeparableFit) -> float:
+    """Root mean square of the noise of a record in the band of the lines that are fitted."""
+    return fit.noise * float(np.sqrt(2 * len(lines.data))) / lines.samples
+
+
+def _compared(lines: Lines, fit: SeparableFit, mode: Mode, noise: float, near_hz: float | None) -> ResonanceFit:
+    """The result of least squares beside the circle's, which gets the data without what all else adds."""
+    if near_hz is None:
+        refuse_two(mode.hz, mode.peak, mode.others)
+    widened, own = correlation_factor(fit.residual), lines.own_columns(mode.place)
+    sigma = widened * np.sqrt(np.diag(fit.covariance))
+    along, place = fit.coefficients[own] / mode.peak, len(fit.theta) + own
+    peak_error = widened * float(np.sqrt(along @ fit.covariance[np.ix_(place, place)] @ along))
+    alone, spread = fit.residual + _basis(lines, fit.theta)[:, own] @ fit.coefficients[own], np.ones(1)
+    frequency = lines.frequency
+    if lines.excitation is not None:
+        strong = np.abs(lines.excitation) > EXCITED * np.abs(lines.excitation).max()
+        spread = 1 / np.abs(lines.excitation[strong])
+        frequency, alone = frequency[strong], alone[strong] / lines.excitation[strong]
+    circle = circle_resonance(frequency, alone, mode.hz, mode.q, spread, lines.excitation is None)
+    errors = float(mode.hz * sigma[2 * mode.place]), float(mode.q * sigma[2 * mode.place + 1])
+    return checked((mode.hz, mode.q, mode.peak), (*errors, peak_error), noise, "circle", circle, mode.others)
+
+
+def _excited_band(rate: float, x: np.ndarray, hz: float) -> tuple[float, float, float]:
+    """Ends of the band in which the squared current has its power, and how finely they are known."""
+    from scipy.signal import welch
+
+    frequency, power = welch(x - x.mean(), rate, nperseg=min(len(x), max(int(8 * rate / hz), 64)))
+    band = frequency[power > EXCITED * power[1:].max()]
+    return float(band[band > 0].min()), float(band.max()), float(frequency[1])
+
+
+def _refuse_phase(lines: Lines, fit: SeparableFit) -> None:
+    """Refuse a phase that rises through the peak, or that knows nothing of it."""
+    if fit.noise < 0.05 * np.abs(lines.data).max():
         return
-    turned = _one_mode(frequency, data.conj())
-    if turned.noise < 0.5 * fit.noise:
-        hz = float(np.exp(turned.theta[0]))
+    turned = lines._replace(data=lines.data.conj())
+    other = _least_squares(turned, np.log(_start(turned, _tops(turned))))
+    if other.noise < 0.5 * fit.noise:
         raise SolverError(
-            f"the phase rises through the peak at {number(hz)} Hz, where that of a displacement falls by 180°: negate"
-            " the phase or the imaginary part, or swap real and imaginary part back"
+            f"the phase rises through the peak at {number(float(np.exp(other.theta[0])))} Hz, where that of a"
+            " displacement falls by 180°: negate the phase or the imaginary part, or swap real and imaginary part back"
         )
-
-
-def _refuse_other_phase(frequency: np.ndarray, data: np.ndarray, fit: SeparableFit) -> None:
-    """Refuse a peak of the magnitude that the phase knows nothing of."""
-    if fit.noise < 0.05 * np.abs(data).max():
-        return
     try:
-        alone = fit_magnitude(frequency, np.abs(data))
+        alone = fit_magnitude(lines.frequency, np.abs(lines.data))
     except SolverError:
         return
     if alone.noise < 0.5 * fit.noise:
@@ -201,44 +417,17 @@ def _refuse_other_phase(frequency: np.ndarray, data: np.ndarray, fit: SeparableF
         )
 
 
-def _basis(frequency: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Modes of peak 1, a constant and 1/f²; slopes over ln f₀ and ln Q of each mode."""
-    count = len(theta) // 2
-    s, q = frequency[:, None] / np.exp(theta[::2]), np.exp(theta[1::2])
-    off = q * (1 - s) * (1 + s)
-    mode = 1 / (off + 1j * s)
-    slopes = np.zeros((2 * count, len(frequency), count + 2), dtype=complex)
-    own = np.arange(count)
-    slopes[2 * own, :, own] = (-(mode**2) * (2 * q * s * s - 1j * s)).T
-    slopes[2 * own + 1, :, own] = (-(mode**2) * off).T
-    return np.concatenate([mode, _far(frequency)], axis=1), slopes
+def _refuse_long(count: int, most: int, rate: float) -> None:
+    if count > most:
+        raise SolverError(
+            f"lasts {number(count / rate)} s; at most {at_most(most / rate)} s of it can be fitted: cut it to those in"
+            " which the excitation passes the resonance and the answer rings"
+        )
 
 
-def _far(frequency: np.ndarray) -> np.ndarray:
-    """A constant and 1/f² (n, 2): what modes far above and far below add."""
-    return np.stack([np.ones(len(frequency)), frequency[0] * frequency[-1] / frequency**2], axis=1)
-
-
-def _start(frequency: np.ndarray, data: np.ndarray) -> tuple[float, float]:
-    """Where the mobility, averaged over so many points, is largest, and a Q: those that leave least."""
-    tried = []
-    for points in SMOOTHED:
-        if points > len(frequency) // 4:
-            break
-        size = np.abs(np.convolve(data, np.full(points, 1 / points), "same")) * frequency
-        hz, width = rough_peak(frequency, size)
-        tried += [(hz, min(max(hz / width * factor, LEAST_Q), LARGEST_Q)) for factor in (0.4, 1.0, 2.5, 6.0)]
-    left = [_left_over(frequency, data, *each) for each in tried]
-    return tried[int(np.argmin(left))]
-
-
-def _left_over(frequency: np.ndarray, data: np.ndarray, hz: float, q: float) -> float:
-    basis, _ = _basis(frequency, np.log([hz, q]))
-    return float(np.linalg.norm(data - basis @ np.linalg.lstsq(basis, data, rcond=None)[0]))
-
-
-def _main(hz: np.ndarray, peak: np.ndarray, near_hz: float | None) -> int:
-    if near_hz is None:
-        return int(peak.argmax())
-    away = np.where(peak >= COMPARABLE * peak.max(), np.abs(np.log(hz / near_hz)), np.inf)
-    return int(away.argmin())
+def _refuse_short(seconds: float, hz: float) -> None:
+    if seconds * hz < FEWEST_PERIODS:
+        raise SolverError(
+            f"holds {number(float(seconds * hz))} periods of {number(hz)} Hz; record at least"
+            f" {at_least(FEWEST_PERIODS / hz)} s"
+        )

@@ -1,6 +1,6 @@
 """Whether a measured response shows one resonance that a fit can be trusted on; else the sentence that says why not.
 
-Frequencies are of the motion, in Hz.
+With it first looks at a spectrum: its largest peak and the noise of a point. Frequencies are of the motion, in Hz.
 """
 
 from typing import NamedTuple
@@ -8,27 +8,30 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.core.errors import SolverError, at_least, at_most, number
+from padgen.physics.circle_fit import CircleFit
 
 __all__ = [
     "COMPARABLE",
-    "FEWEST_POINTS",
-    "SILENCE",
+    "MOST_VAGUE",
     "ResonanceFit",
-    "agreement",
+    "checked",
+    "point_noise",
+    "refuse_bad_record",
     "refuse_bad_spectrum",
-    "refuse_contradiction",
     "refuse_edge",
     "refuse_few",
+    "refuse_hidden",
     "refuse_no_peak",
     "refuse_no_resonance",
     "refuse_two",
-    "refuse_vague",
+    "rough_peak",
 ]
 
 SILENCE = 1e-30
 """What a response must change by, in any unit: below it squares vanish."""
 FEWEST_POINTS = 12
 """Points of a spectrum: the model has ten numbers."""
+FEWEST_SAMPLES = 32
 MOST_POINTS = 1 << 17
 """Points of a spectrum, which take a few seconds and hundreds of megabytes."""
 FEWEST_IN_PEAK = 3
@@ -72,24 +75,41 @@ class ResonanceFit(NamedTuple):
     others: tuple[tuple[float, float], ...]
 
 
-def agreement(
-    hz: tuple[float, float], q: tuple[float, float], other_hz: tuple[float, float], other_q: tuple[float, float]
-) -> bool:
-    """Whether two methods' (value, sigma) of frequency and Q agree."""
-    near_hz = max(AGREEMENT * float(np.hypot(hz[1], other_hz[1])), AGREEMENT_FLOOR * hz[0] / q[0])
-    near_q = max(AGREEMENT * float(np.hypot(q[1], other_q[1])), AGREEMENT_FLOOR * q[0])
-    return abs(hz[0] - other_hz[0]) <= near_hz and abs(q[0] - other_q[0]) <= near_q
+def checked(
+    figures: tuple[float, float, float],
+    errors: tuple[float, float, float],
+    noise: float,
+    name: str,
+    check: CircleFit | None,
+    others: tuple[tuple[float, float], ...],
+) -> ResonanceFit:
+    """The result of a fit, frequency, Q and peak with one sigma of each, beside that of a second method, if any.
 
-
-def refuse_contradiction(hz: float, q: float, check: str, check_hz: float, check_q: float) -> None:
-    """Refuse a fit that a second method, which does not agree with it, has elsewhere."""
-    far = abs(hz - check_hz) > MOST_APART * hz / q or not 1 / MOST_APART_Q < q / check_q < MOST_APART_Q
-    if far:
+    Refuses a resonance that is not known to a quarter of its bandwidth, and one that the second method has elsewhere.
+    """
+    hz, q, peak = figures
+    if not errors[0] <= MOST_VAGUE * hz / q:
         raise SolverError(
-            f"least squares find {number(hz)} Hz with a Q of {number(q)}, the {check} {number(check_hz)} Hz with a Q of"
-            f" {number(check_q)}: one is wrong; see that the data are of displacement, not of velocity or acceleration,"
-            " and of one resonance, and that no voltage is taken for a current (--excitation voltage)"
+            f"the resonance near {number(hz)} Hz can be told to ± {number(errors[0])} Hz only, at most"
+            f" {at_most(MOST_VAGUE * hz / q)} Hz, a quarter of its bandwidth, would do;"
+            " excite more, average longer, or leave this taxel out"
         )
+    seen = check or CircleFit(np.nan, np.nan, np.nan, np.nan)
+    agree = check is None
+    if check is not None:
+        near_hz = max(AGREEMENT * float(np.hypot(errors[0], check.resonance_error_hz)), AGREEMENT_FLOOR * hz / q)
+        near_q = max(AGREEMENT * float(np.hypot(errors[1], check.q_error)), AGREEMENT_FLOOR * q)
+        agree = abs(hz - check.resonance_hz) <= near_hz and abs(q - check.q) <= near_q
+        far = abs(hz - check.resonance_hz) > MOST_APART * hz / q or not 1 / MOST_APART_Q < q / check.q < MOST_APART_Q
+        if far and not agree:
+            raise SolverError(
+                f"least squares find {number(hz)} Hz with a Q of {number(q)}, the {name}"
+                f" {number(check.resonance_hz)} Hz with a Q of {number(check.q)}: one is wrong; see that the data are"
+                " of displacement, not of velocity or acceleration, and of one resonance, and that no voltage is taken"
+                " for a current (--excitation voltage)"
+            )
+    method = name if check else ""
+    return ResonanceFit(hz, errors[0], q, errors[1], peak, errors[2], noise, method, *seen, agree, others)
 
 
 def refuse_bad_spectrum(frequency_hz: np.ndarray, response: np.ndarray) -> None:
@@ -100,17 +120,37 @@ def refuse_bad_spectrum(frequency_hz: np.ndarray, response: np.ndarray) -> None:
         raise SolverError(
             f"has {len(frequency_hz)} frequencies, at most {MOST_POINTS} are fitted; leave out those far from the peak"
         )
-    if not np.isfinite(frequency_hz).all() or not np.isfinite(response).all():
-        at = int(np.argmin(np.isfinite(frequency_hz) & np.isfinite(response)))
-        raise SolverError(f"must be finite numbers, point {at + 1} is not")
+    _refuse_numbers(response + 0 * frequency_hz, "point", "at all frequencies")
     rises = np.diff(frequency_hz) > 0
     if frequency_hz[0] <= 0 or not rises.all():
         at = int(np.argmin(rises)) + 1 if not rises.all() else 0
         raise SolverError(
             f"frequencies must be above 0 and rise, point {at + 1} has {number(float(frequency_hz[at]))} Hz"
         )
-    if np.ptp(response.real) < SILENCE and np.ptp(response.imag) < SILENCE:
-        raise SolverError(f"is {number(float(np.abs(response[0])))} at all frequencies: nothing was measured here")
+
+
+def refuse_bad_record(y: np.ndarray) -> None:
+    """Raise `SolverError` for a record that no resonance can be looked for in."""
+    if len(y) < FEWEST_SAMPLES:
+        raise SolverError(f"must have at least {FEWEST_SAMPLES} samples, got {len(y)}")
+    _refuse_numbers(y, "sample", "throughout")
+
+
+def _refuse_numbers(values: np.ndarray, point: str, everywhere: str) -> None:
+    if not np.isfinite(values).all():
+        raise SolverError(f"must be finite numbers, {point} {int(np.argmin(np.isfinite(values))) + 1} is not")
+    if np.ptp(values.real) < SILENCE and np.ptp(values.imag) < SILENCE:
+        raise SolverError(f"is {number(float(values.real[0]))} {everywhere}: nothing was measured here")
+
+
+def refuse_hidden(peak: float, noise: float, gain: float, what: str) -> None:
+    """Refuse a record whose motion does not stand out of the noise of a sample; `gain` as in `refuse_no_peak`."""
+    if peak < LEAST_PEAK * noise or gain < LEAST_GAIN:
+        stands = f"{20 * np.log10(max(peak / noise, 1e-3)):.1f} dB" if noise > 0 else "nothing"
+        raise SolverError(
+            f"shows no {what}: the best one stands {stands} over the noise of a sample, at least 6 dB are needed;"
+            " excite more, or leave this taxel out"
+        )
 
 
 def refuse_no_peak(peak: float, noise: float, gain: float, frequency_hz: np.ndarray, size: np.ndarray) -> None:
@@ -118,21 +158,16 @@ def refuse_no_peak(peak: float, noise: float, gain: float, frequency_hz: np.ndar
     low, high = float(frequency_hz[0]), float(frequency_hz[-1])
     if peak >= LEAST_PEAK * noise and gain >= LEAST_GAIN:
         return
-    ends = max(len(size) // 50, 1)
-    largest = int(size.argmax())
-    if largest < ends and size[0] > 3 * np.median(size):
-        raise SolverError(
-            f"the response is largest at the lower end of the sweep, {number(low)} Hz, without a peak;"
-            f" start the sweep at {at_most(low / 2)} Hz or below"
-        )
-    if largest >= len(size) - ends and size[-1] > 3 * np.median(size):
-        raise SolverError(
-            f"the response is largest at the upper end of the sweep, {number(high)} Hz, without a peak;"
-            f" end the sweep at {at_least(high * 2)} Hz or above"
-        )
-    if peak >= LEAST_PEAK * noise:
-        stands = "is no more than noise makes by chance"
-    else:
+    ends, largest = max(len(size) // 50, 1), int(size.argmax())
+    for away, end, place, cure in (
+        (largest, "lower", 0, f"start the sweep at {at_most(low / 2)} Hz or below"),
+        (len(size) - 1 - largest, "upper", -1, f"end the sweep at {at_least(high * 2)} Hz or above"),
+    ):
+        if away < ends and size[place] > 3 * np.median(size):
+            hz = number(float(frequency_hz[place]))
+            raise SolverError(f"the response is largest at the {end} end of the sweep, {hz} Hz, without a peak; {cure}")
+    stands = "is no more than noise makes by chance"
+    if peak < LEAST_PEAK * noise:
         stands = (
             f"stands {20 * np.log10(max(peak / noise, 1e-3)):.1f} dB over the noise of a point where 6 dB are needed"
         )
@@ -152,31 +187,21 @@ def refuse_no_resonance(size: np.ndarray, left: float, scatter: float, hz: float
         )
 
 
-def refuse_vague(hz: float, hz_error: float, q: float) -> None:
-    """Refuse a resonance that is not known to a quarter of its bandwidth."""
-    if not hz_error <= MOST_VAGUE * hz / q:
-        raise SolverError(
-            f"the resonance near {number(hz)} Hz can be told to ± {number(hz_error)} Hz only, at most"
-            f" {at_most(MOST_VAGUE * hz / q)} Hz, a quarter of its bandwidth, would do;"
-            " excite more, average longer, or leave this taxel out"
-        )
-
-
-def refuse_edge(frequency_hz: np.ndarray, hz: float, q: float) -> None:
-    """Refuse a resonance within half its bandwidth of an end of the sweep, or beyond it."""
-    low, high = float(frequency_hz[0]), float(frequency_hz[-1])
+def refuse_edge(
+    low: float, high: float, hz: float, q: float, what: str = "the sweep", it: str = "the sweep", slack: float = 0.0
+) -> None:
+    """Refuse a resonance within half its bandwidth of an end of the band `what`, `slack` in Hz, or beyond it."""
     half = hz / (2 * q)
-    slack = 1e-3 * half
-    if hz - half < low - slack:
-        raise SolverError(
-            f"the resonance of {number(hz)} Hz (bandwidth {number(2 * half)} Hz) is at the lower end of the sweep,"
-            f" {number(low)} Hz; start the sweep at {at_most(max(hz - 4 * half, hz / 2))} Hz or below"
-        )
-    if hz + half > high + slack:
-        raise SolverError(
-            f"the resonance of {number(hz)} Hz (bandwidth {number(2 * half)} Hz) is at the upper end of the sweep,"
-            f" {number(high)} Hz; end the sweep at {at_least(min(hz + 4 * half, hz * 2))} Hz or above"
-        )
+    slack += 1e-3 * half
+    for out, end, bound, cure in (
+        (hz - half < low - slack, "lower", low, f"start {it} at {at_most(max(hz - 4 * half, hz / 2))} Hz or below"),
+        (hz + half > high + slack, "upper", high, f"end {it} at {at_least(min(hz + 4 * half, hz * 2))} Hz or above"),
+    ):
+        if out:
+            raise SolverError(
+                f"the resonance of {number(hz)} Hz (bandwidth {number(2 * half)} Hz) is at the {end} end of {what},"
+                f" {number(float(bound))} Hz; {cure}"
+            )
 
 
 def refuse_few(frequency_hz: np.ndarray, hz: float, q: float) -> None:
@@ -203,3 +228,23 @@ def refuse_two(hz: float, peak: float, others: tuple[tuple[float, float], ...]) 
                 f"has two peaks, at {number(low)} and {number(high)} Hz, the smaller of {number(other_peak / peak)} of"
                 f" the larger; sweep around the taxel's own alone, or ask for the one nearest to the plan"
             )
+
+
+def rough_peak(frequency: np.ndarray, size: np.ndarray) -> tuple[float, float]:
+    """Frequency of the largest `size` (n,), and the width where it is above 1/√2 of that without a break."""
+    top = int(size.argmax())
+    lower = np.flatnonzero(size < size[top] / np.sqrt(2))
+    low = frequency[lower[lower < top][-1] if (lower < top).any() else 0]
+    high = frequency[lower[lower > top][0] if (lower > top).any() else -1]
+    return float(frequency[top]), float(high - low)
+
+
+def point_noise(data: np.ndarray) -> float:
+    """Root mean square noise of a point (n,) by the median second difference, which few points of a peak do not move.
+
+    Of complex data of both parts together; of real data, such as magnitudes, of one.
+    """
+    second = np.abs(data[2:] - 2 * data[1:-1] + data[:-2])
+    # The median of a Rayleigh variable over its root mean square is √ln 2, that of a half-normal one 0.6745.
+    share = np.sqrt(np.log(2)) if np.iscomplexobj(data) else 0.67448975
+    return float(np.median(second) / share / np.sqrt(6))

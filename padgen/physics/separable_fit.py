@@ -1,8 +1,8 @@
-"""Least squares where some parameters enter linearly: ``data ≈ Φ(θ) c``, real θ, real or complex c.
+"""Least squares where some parameters enter linearly: ``data ≈ Φ(θ) c``, real θ and c, complex data.
 
-Variable projection: for each θ the best c is a linear least-squares solution, so that only θ is searched for.
-The slope of what is left is taken without its second, small part (L. Kaufman, BIT 15, 1975, 49-57, after
-G. Golub and V. Pereyra, SIAM J. Numer. Anal. 10, 1973, 413-432); steps are damped after Marquardt.
+Variable projection (G. Golub, V. Pereyra, SIAM J. Numer. Anal. 10, 1973, 413-432): for each θ the best c is a linear
+least-squares solution, so that scipy searches for θ only, in what the columns of Φ(θ) leave of the data; the slope of
+that is taken without its second, small part (L. Kaufman, BIT 15, 1975, 49-57).
 """
 
 from collections.abc import Callable
@@ -10,23 +10,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-__all__ = ["Model", "SeparableFit", "correlation_factor", "separable_fit"]
+__all__ = ["SeparableFit", "correlation_factor", "left_over", "separable_fit", "unit_covariance"]
 
-Model = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
-"""θ (p,) → basis Φ (n, k) and the slope of each nonlinear parameter (p, n, k)."""
-
-MOST_STEPS = 80
-SMALL = 1e-10
-"""A step of θ, or a relative gain of the sum of squares, that ends the search."""
-STIFFEST = 1e12
+STEP = 1e-5
+"""Of a parameter over its scale, in the slopes for the covariance."""
+MOST_STEPS = 40
 
 
 class SeparableFit(NamedTuple):
     """The result; `theta` (p,), `coefficients` (k,), `residual` (n,).
 
-    `covariance` is of θ, then the real parts of c, then the imaginary parts of complex c, by the linear rule
-    at the solution. `noise` is the root mean square of the residual of a point (both parts of a complex one),
-    corrected for the number of parameters.
+    `covariance` (p + k, p + k) is of θ, then of c, by the linear rule at the solution. `noise` is the root mean square
+    of the residual of a point, real and imaginary part together, corrected for the number of parameters.
     """
 
     theta: np.ndarray
@@ -36,42 +31,83 @@ class SeparableFit(NamedTuple):
     noise: float
 
 
-class _Point(NamedTuple):
-    theta: np.ndarray
-    coefficients: np.ndarray
-    residual: np.ndarray
-    squares: float
-    normal: np.ndarray
-    gradient: np.ndarray
-
-
 def separable_fit(
-    model: Model,
+    model: Callable[[np.ndarray], np.ndarray],
     data: np.ndarray,
     start: np.ndarray,
-    low: np.ndarray | float = -np.inf,
-    high: np.ndarray | float = np.inf,
+    scale: np.ndarray | float = 1.0,
+    bounds: tuple[np.ndarray | float, np.ndarray | float] = (-np.inf, np.inf),
 ) -> SeparableFit:
-    """Minimise ``|data − Φ(θ) c|²`` from `start` (p,); steps are cut to keep θ within `low` and `high`.
+    """Minimise ``|data − Φ(θ) c|²`` from `start` (p,) within `bounds`; `model` gives Φ (n, k) for θ.
 
-    `data` (n,) is real or complex, as Φ. The nearest minimum downhill is found, not the deepest.
+    `scale` (p,) is what a parameter must move for Φ to change by much. `data` (n,) may be complex. The nearest minimum
+    downhill is found, not the deepest.
     """
-    point, damping = _at(model, data, np.asarray(start, float)), 1e-3
-    for _ in range(MOST_STEPS):
-        diagonal = np.diag(point.normal)
-        scale = np.diag(np.maximum(diagonal, 1e-12 * diagonal.max()) + np.finfo(float).tiny)
-        step = np.linalg.solve(point.normal + damping * scale, -point.gradient)
-        trial = _at(model, data, np.clip(point.theta + step, low, high))
-        if trial.squares <= point.squares:
-            gain, moved = point.squares - trial.squares, np.abs(trial.theta - point.theta).max()
-            point, damping = trial, damping / 10
-            if moved < SMALL or (gain <= SMALL * point.squares and moved < np.sqrt(SMALL)):
-                break
-        elif damping > STIFFEST:
-            break
-        else:
-            damping *= 10
-    return _with_covariance(model, data, point)
+    from scipy.optimize import least_squares
+
+    size, goal = float(np.linalg.norm(data)) or 1.0, _parts(data)
+    units = np.broadcast_to(scale, start.shape)
+    low, high = ((np.broadcast_to(bound, start.shape) - start) / units for bound in bounds)
+
+    def coefficients(columns: np.ndarray) -> np.ndarray:
+        norm = _norms(columns)
+        return np.asarray(np.linalg.lstsq(columns / norm, goal, rcond=1e-12)[0] / norm)
+
+    def slopes(u: np.ndarray, factors: np.ndarray) -> np.ndarray:
+        """Of the fitted data over u (2 n, p), by differences."""
+        moved = [start + units * (u + sign * step) for step in STEP * np.eye(len(u)) for sign in (1, -1)]
+        values = [_parts(model(theta) @ factors) for theta in moved]
+        return np.stack(values[::2], axis=1) / (2 * STEP) - np.stack(values[1::2], axis=1) / (2 * STEP)
+
+    def slopes_left(u: np.ndarray) -> np.ndarray:
+        columns = _parts(model(start + units * u))
+        return -_beside(columns, slopes(u, coefficients(columns))) / size
+
+    found = least_squares(
+        lambda u: left_over(model(start + units * u), data) / size,
+        np.clip(0.0, low + 1e-9, high - 1e-9),
+        slopes_left,
+        bounds=(low, high),
+        x_scale="jac",
+        ftol=1e-12,
+        xtol=1e-10,
+        gtol=None,
+        max_nfev=MOST_STEPS,
+    )
+    theta = start + units * found.x
+    basis = model(theta)
+    factors = coefficients(_parts(basis))
+    jacobian = np.concatenate([slopes(found.x, factors) / units, _parts(basis)], axis=1)
+    residual = data - basis @ factors
+    variance = float(np.vdot(residual, residual).real) / max(len(goal) - jacobian.shape[1], 1)
+    noise = float(np.sqrt(variance * len(goal) / len(data)))
+    return SeparableFit(theta, factors, residual, variance * unit_covariance(jacobian), noise)
+
+
+def unit_covariance(jacobian: np.ndarray) -> np.ndarray:
+    """Covariance (p, p) by the linear rule for noise of variance 1 in what has the slopes `jacobian` (n, p)."""
+    norm = _norms(jacobian)
+    return np.linalg.pinv((jacobian / norm).T @ (jacobian / norm), rcond=1e-15, hermitian=True) / np.outer(norm, norm)
+
+
+def left_over(basis: np.ndarray, data: np.ndarray) -> np.ndarray:
+    """What the columns of `basis` (n, k), with real factors, leave of `data`: real, then imaginary parts (2 n,)."""
+    return _beside(_parts(basis), _parts(data))
+
+
+def _beside(columns: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """The part of `values` at right angles to the columns."""
+    q = np.linalg.qr(columns / _norms(columns))[0]
+    return np.asarray(values - q @ (q.T @ values))
+
+
+def _norms(columns: np.ndarray) -> np.ndarray:
+    norm = np.linalg.norm(columns, axis=0)
+    return np.where(norm == 0, 1.0, norm)
+
+
+def _parts(values: np.ndarray) -> np.ndarray:
+    return np.concatenate([values.real, values.imag]) if np.iscomplexobj(values) else values
 
 
 def correlation_factor(residual: np.ndarray) -> float:
@@ -84,39 +120,3 @@ def correlation_factor(residual: np.ndarray) -> float:
         return 1.0
     rho = float(np.vdot(residual[:-1], residual[1:]).real) / power
     return 1.0 if rho < 2 / np.sqrt(len(residual)) else float(min(np.sqrt((1 + rho) / max(1 - rho, 1e-3)), 10.0))
-
-
-def _at(model: Model, data: np.ndarray, theta: np.ndarray) -> _Point:
-    basis, slopes = model(theta)
-    size = np.linalg.norm(basis, axis=0)
-    size[size == 0] = 1.0
-    q, r = np.linalg.qr(basis / size)
-    diagonal = np.abs(np.diag(r))
-    if diagonal.min() < 1e-13 * diagonal.max():  # two columns alike: the shortest solution
-        coefficients = np.linalg.lstsq(basis / size, data, rcond=1e-12)[0] / size
-    else:
-        coefficients = np.linalg.solve(r, q.conj().T @ data) / size
-    residual = data - basis @ coefficients
-    moves = (slopes @ coefficients).T
-    moves = moves - q @ (q.conj().T @ moves)
-    normal = (moves.conj().T @ moves).real
-    gradient = -(moves.conj().T @ residual).real
-    return _Point(theta, coefficients, residual, float(np.vdot(residual, residual).real), normal, gradient)
-
-
-def _with_covariance(model: Model, data: np.ndarray, point: _Point) -> SeparableFit:
-    basis, slopes = model(point.theta)
-    moves = (slopes @ point.coefficients).T
-    if np.iscomplexobj(basis):
-        columns = np.concatenate([moves, basis, 1j * basis], axis=1)
-        jacobian = np.concatenate([columns.real, columns.imag])
-        parts = 2
-    else:
-        jacobian, parts = np.concatenate([moves, basis], axis=1), 1
-    size = np.linalg.norm(jacobian, axis=0)
-    size[size == 0] = 1.0
-    freedom = max(len(jacobian) - jacobian.shape[1], 1)
-    variance = point.squares / freedom
-    inverse = np.linalg.pinv((jacobian / size).T @ (jacobian / size), rcond=1e-15, hermitian=True)
-    covariance = variance * inverse / np.outer(size, size)
-    return SeparableFit(point.theta, point.coefficients, point.residual, covariance, float(np.sqrt(parts * variance)))

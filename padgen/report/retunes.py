@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from padgen.measured.tune import Retuned
-    from padgen.measured.tuned_table import MeasuredRow
+    from padgen.measured.tuned_folder import MeasuredRow
 
 __all__ = ["retuned_text"]
 

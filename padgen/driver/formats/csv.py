@@ -3,7 +3,7 @@
 from padgen.core.files import OutputFolder
 from padgen.driver.formats import DriveJob
 from padgen.driver.tables import drive_csv
-from padgen.measured.tuned_table import tuned_drive_csv
+from padgen.measured.tuned_folder import tuned_drive_csv
 
 __all__ = ["FILE", "MADE_OF", "ORDER", "write"]
 

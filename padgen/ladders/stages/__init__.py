@@ -11,8 +11,7 @@ from padgen.ladders.stages.dynamics import dynamics_ladders
 from padgen.ladders.stages.force import force_ladders
 from padgen.ladders.stages.geometry import geometry_ladders
 from padgen.ladders.stages.scene import Scene
-from padgen.ladders.stages.structure import structure_ladders
-from padgen.ladders.stages.whole_pad import pad_ladders
+from padgen.ladders.stages.structure import pad_ladders, structure_ladders
 
 __all__ = ["LADDERS", "Scene"]
 
