@@ -305,12 +305,14 @@ class Reuse:
     """What the neighbouring coils, in their worst state, do to a taxel that is OFF.
 
     `turned` names the cells that are turned by 180° so that taxels of one channel are not back to back:
-    'none', 'odd rows' or 'odd columns'.
+    'none', 'odd rows' or 'odd columns'. `leaks_db` has how far below its own level each channel (n,) stays,
+    `leak_db` the worst of them.
     """
 
     leak_db: float | None
     leak_channel: int | None
     turned: str
+    leaks_db: tuple[float | None, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

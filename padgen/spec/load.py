@@ -11,7 +11,7 @@ from typing import Any
 from padgen.core.errors import FileError, SpecError, shown
 from padgen.core.files import read_bounded, reason, recover
 from padgen.spec.fields import build, optional_type, unknown_name
-from padgen.spec.model import Coil, Drive, Material, Model, Pad, Printer, Spec, Suspension, Taxel, Washer
+from padgen.spec.model import Coil, Drive, Material, Model, Pad, Printer, Spec, Spread, Suspension, Taxel, Washer
 from padgen.spec.refusals import refuse_contradictions
 from padgen.spec.threshold import with_threshold
 
@@ -27,6 +27,7 @@ __all__ = [
     "parse_toml",
     "read_table",
     "read_toml",
+    "spread_of",
     "template_paths",
     "without_none",
 ]
@@ -36,11 +37,13 @@ LARGEST_TOML, LARGEST_PLAN = 1 << 20, 1 << 25
 CATALOGUES = {
     "material": (Material, "materials.csv"),
     "printer": (Printer, "printers.csv"),
+    "spread": (Spread, "spreads.csv"),
     "washer": (Washer, "washers.csv"),
     "coil": (Coil, "coils.csv"),
 }
 DEFAULTS = {"printer": "fdm-0.4", "washer": "iso7092-m1.6", "coil": "paper"}
 DEFAULT_MATERIALS = {"fdm": "pla", "resin": "tough-resin"}
+DEFAULT_PRINTERS = {"fdm": "fdm-0.4", "resin": "resin-0.05"}
 PLAIN_TABLES = {"pad": Pad, "taxel": Taxel, "suspension": Suspension, "drive": Drive, "model": Model}
 
 
@@ -190,12 +193,19 @@ def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
     parts: dict[str, Any] = {name: build(kind, table.pop(name, {}), name) for name, kind in PLAIN_TABLES.items()}
     parts["printer"] = _entry("printer", table.pop("printer", {}), DEFAULTS["printer"])
     parts["material"] = _entry("material", table.pop("material", {}), DEFAULT_MATERIALS[parts["printer"].process])
+    parts["spread"] = _entry("spread", table.pop("spread", {}), spread_of(parts["printer"]))
     for name in ("washer", "coil"):
         parts[name] = _entry(name, table.pop(name, {}), DEFAULTS[name])
     parts["drive"] = with_threshold(parts["drive"], folder)
     spec: Spec = build(Spec, table, "", parts)
     refuse_contradictions(spec)
     return spec
+
+
+def spread_of(printer: Printer) -> str:
+    """Name of the catalogue's typical spread for `printer`; that of its process where it has none of its own."""
+    own = f"{printer.name}-typical"
+    return own if own in catalogue("spread") else f"{DEFAULT_PRINTERS[printer.process]}-typical"
 
 
 def _entry(table: str, value: Any, default: str) -> Any:

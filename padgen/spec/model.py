@@ -1,6 +1,6 @@
 """`Spec`: what the user asks for. Frozen, every field with unit, bounds and one line of meaning.
 
-`Material`, `Printer`, `Washer` and `Coil` are catalogue entries: a spec names one and may override
+`Material`, `Printer`, `Spread`, `Washer` and `Coil` are catalogue entries: a spec names one and may override
 any of its fields.
 """
 
@@ -18,6 +18,7 @@ __all__ = [
     "Pad",
     "Printer",
     "Spec",
+    "Spread",
     "Suspension",
     "Taxel",
     "Washer",
@@ -77,9 +78,6 @@ class Material:
     poisson_ratio: float = quantity(unit="1", low=0, high=0.499, doc="Poisson's ratio")
     density_g_per_cm3: float = quantity(unit="g/cm³", low=0.1, high=20, doc="density")
     fatigue_stress_mpa: float = quantity(unit="MPa", low=0.1, high=2000, doc="stress that many cycles allow")
-    modulus_spread: float = quantity(
-        0.05, unit="1", low=0, high=1, doc="relative spread of the modulus from pad to pad (spool, dryness, warmth)"
-    )
     cross_layer_ratio: float = quantity(
         1.0,
         unit="1",
@@ -110,24 +108,11 @@ class Printer:
     bed_x_mm: float = quantity(unit="mm", low=10, high=2000, doc="bed along x")
     bed_y_mm: float = quantity(unit="mm", low=10, high=2000, doc="bed along y")
     bed_z_mm: float = quantity(unit="mm", low=10, high=2000, doc="build height")
-    width_tolerance_mm: float = quantity(unit="mm", low=0, high=1, doc="spread of a beam's width")
-    thickness_tolerance_mm: float = quantity(unit="mm", low=0, high=1, doc="spread of a beam's thickness")
-    length_tolerance_mm: float = quantity(unit="mm", low=0, high=1, doc="spread of a beam's length")
     xy_compensation_mm: float = quantity(
         unit="mm", low=-1, high=1, doc="slicer's XY size compensation that lays beams at their drawn width"
     )
     width_step_mm: float = quantity(
         1e-3, unit="mm", low=1e-6, high=3, doc="steps in which a beam can be wider than the smallest (resin: pixel)"
-    )
-    thickness_drift_share: float = quantity(
-        0.9,
-        unit="1",
-        low=0,
-        high=1,
-        doc="share of thickness_tolerance_mm that all beams of a pad have in common (first layer, layer height)",
-    )
-    plate_gradient: float = quantity(
-        0.0, unit="1", low=0, high=1, doc="relative spread of f from one side of the pad to the other (bed level)"
     )
     source: str = text("", doc="where the figures come from")
 
@@ -138,6 +123,42 @@ class Printer:
     def height_mm(self, layers: int) -> float:
         """Height of so many layers, the first included."""
         return round(self.first_layer_mm + (layers - 1) * self.layer_mm, 9)
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """How far prints of one drawing differ, one sigma of each cause (sources in docs/yield.md).
+
+    A bias is alike in every print of a printer: a calibration or a re-tuning removes it, so that no print is drawn with
+    it. What is common is alike in all beams of a print; the field runs smoothly over the bed; the rest is each taxel's
+    own.
+    """
+
+    name: str = entry_name(doc="name in the catalogue")
+    process: str = choice(of=("fdm", "resin"), doc="process that it is of")
+    z_bias_mm: float = quantity(
+        unit="mm", low=0, high=1, doc="bias of a beam's thickness, alike in every print until the printer is calibrated"
+    )
+    modulus_bias: float = quantity(
+        unit="1", low=0, high=1, doc="relative bias of the modulus, alike in every print until it is calibrated"
+    )
+    common_z_mm: float = quantity(unit="mm", low=0, high=1, doc="thickness, alike in all beams of a print")
+    common_modulus: float = quantity(unit="1", low=0, high=1, doc="modulus, relative, alike in a print (spool, dryness)")
+    field_z_mm: float = quantity(unit="mm", low=0, high=1, doc="thickness over the bed, meshed before the print")
+    unmeshed_field_z_mm: float = quantity(unit="mm", low=0, high=1, doc="the same of a bed that is not meshed")
+    field_length_mm: float = quantity(
+        unit="mm", low=20, high=1000, doc="distance at which the field's correlation has fallen to 1/e"
+    )
+    thickness_mm: float = quantity(unit="mm", low=0, high=1, doc="a taxel's own thickness of the beams")
+    width_mm: float = quantity(unit="mm", low=0, high=1, doc="a taxel's own width of the beams")
+    length_mm: float = quantity(unit="mm", low=0, high=1, doc="a taxel's own length of the beams")
+    bed_meshed: bool = flag(True, doc="whether the bed's height is probed (meshed) before every print")
+    source: str = text("", doc="where the figures come from")
+
+    @property
+    def bed_field_mm(self) -> float:
+        """Sigma of the field, of the bed as it is."""
+        return self.field_z_mm if self.bed_meshed else self.unmeshed_field_z_mm
 
 
 @dataclass(frozen=True, slots=True)
@@ -304,6 +325,7 @@ class Spec:
     taxel: Taxel = field(default_factory=Taxel)
     material: Material = field(kw_only=True)
     printer: Printer = field(kw_only=True)
+    spread: Spread = field(kw_only=True)
     washer: Washer = field(kw_only=True)
     coil: Coil = field(kw_only=True)
     suspension: Suspension = field(default_factory=Suspension)
