@@ -22,9 +22,10 @@ quarter of the clearance is its sigma along each axis. The biases of a printer a
 
 Every printed coil is judged by the closed form of `padgen.physics.selectivity` over all states, counting the washers'
 unequal distances from the coil: the smallest ON amplitude, that of a taxel alone on, over the largest OFF
-amplitude, that with all others on, the coils around and its other modes adding what they do in the plan. *Planned*: tones and forces stay at the plan's, so that a detuned taxel moves
-less than planned when it is ON. *Retuned*: each tone goes to the measured resonance, the forces restore the level
-that the level law gives it there.
+amplitude, that with all others on, the coils around and its other modes adding what they do in the plan. Tones and
+forces are the plan's at first, so that a detuned taxel moves less than planned when it is ON; then each tone goes to
+where the taxel is believed to resonate, and the forces restore the level that the level law gives it there: after the
+coupon what is common is known, after some measured taxels the field as well, after re-tuning each taxel all of it.
 """
 
 from dataclasses import astuple, dataclass, fields
@@ -49,6 +50,7 @@ from padgen.spec import Spec
 __all__ = [
     "NAMES",
     "OF_A_PRINT",
+    "STAGES",
     "Coils",
     "Design",
     "Prints",
@@ -92,6 +94,8 @@ class Spreads:
     washer_mm: float
 
 
+STAGES = ("planned", "coupon", "some", "retuned")
+"""What the tones know: the plan, what is common to the print as well, the field too, each taxel's own resonance."""
 NAMES = tuple(f.name for f in fields(Spreads))
 OF_A_PRINT = ("modulus", "common_z_mm")
 """Causes with one number a print; the field has a smooth one, the others one a taxel."""
@@ -130,13 +134,17 @@ class Design(NamedTuple):
 
 
 class Prints(NamedTuple):
-    """Results of pads (p,); the first axis of 2 is planned, retuned. `ratio` is an energy, inf without OFF taxels."""
+    """Results of pads (p,); the first axis is the stages. `ratio` is an energy, inf where nothing moves OFF taxels.
+
+    `good_prints` (stages, taxels) counts the pads in which a taxel is good.
+    """
 
     ratio: np.ndarray
     good_taxels: np.ndarray
     good: np.ndarray
     square: np.ndarray
     neighbours: np.ndarray
+    good_prints: np.ndarray
 
 
 def spreads_of(spec: Spec) -> Spreads:
@@ -214,11 +222,11 @@ def design_of(plan: Plan, places_mm: np.ndarray | None) -> Design:
 
 
 def work(design: Design) -> float:
-    """Responses that one pad takes, planned and retuned; the random numbers of a taxel weigh as ten."""
+    """Responses that one pad takes in all stages; the random numbers of a taxel weigh as ten."""
     with_pairs = design.scheme.has_pair_spurs
     each = [(n := len(coils.channels)) ** 2 + with_pairs * (n > 2) * n**2 * (n - 1) for coils in design.coils]
     coils = [coils.taxels.shape[1] for coils in design.coils]
-    return 2.0 * sum(np.multiply(each, coils)) + 10.0 * len(design.channel)
+    return float(len(STAGES) * sum(np.multiply(each, coils)) + 10 * len(design.channel))
 
 
 def _beside(plan: Plan) -> np.ndarray:
@@ -254,18 +262,21 @@ def _washer_weight(plan: Plan) -> np.ndarray:
 
 
 def log_detuning(design: Design, spreads: Spreads, seed: int, unit: int, pads: int) -> np.ndarray:
-    """ln of printed over planned resonance (taxels, pads). Each cause has a stream of its own."""
+    """ln of printed over planned resonance (3, taxels, pads): what is common, with the field, with each one's own.
+
+    What is common, the field and what is each taxel's own have a stream of random numbers each.
+    """
     taxels = len(design.channel)
-    result = np.zeros((taxels, pads))
-    for k, (name, sigma) in enumerate(zip(NAMES, astuple(spreads), strict=True)):
-        if not sigma:
-            continue
-        rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(unit, k)))
-        if name == "field_z_mm":
-            z = _field(design, rng, pads)
-        else:
-            z = rng.standard_normal((1 if name in OF_A_PRINT else taxels, pads))
-        result += (sigma * design.weight[k])[design.channel, None] * z
+    weight = np.array(astuple(spreads))[:, None] * design.weight
+    streams = [np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(unit, k))) for k in range(3)]
+    result = np.zeros((3, taxels, pads))
+    common = [k for k, name in enumerate(NAMES) if name in OF_A_PRINT]
+    result[:] = (weight[common].T @ streams[0].standard_normal((len(common), pads)))[design.channel]
+    field = weight[NAMES.index("field_z_mm")]
+    if field.any():
+        result[1:] += field[design.channel, None] * _field(design, streams[1], pads)
+    own = np.sqrt((weight[[k for k, name in enumerate(NAMES) if name not in (*OF_A_PRINT, "field_z_mm")]] ** 2).sum(0))
+    result[2] += own[design.channel, None] * streams[2].standard_normal((taxels, pads))
     return result
 
 
@@ -311,48 +322,53 @@ def covariance(design: Design, spreads: Spreads, coupon: np.ndarray | None = Non
     return total
 
 
-def printed(design: Design, spreads: Spreads, pads: int, seed: int) -> Prints:
+def printed(design: Design, spreads: Spreads, pads: int, seed: int, stages: tuple[str, ...] = STAGES) -> Prints:
     """Print and judge, a stream of random numbers after the other, in blocks of bounded memory."""
-    taxels, count = len(design.channel), len(design.q)
+    taxels, count, many = len(design.channel), len(design.q), len(stages)
     unit = max(min(DRAWN // taxels, MOST_DRAWN), 1)
     step = max(BLOCK // taxels, 1)
     prints = Prints(
-        np.full((2, pads), np.inf), np.zeros((2, pads), int), np.ones((2, pads), bool), np.zeros(count), np.zeros(2)
+        np.full((many, pads), np.inf),
+        np.zeros((many, pads), int),
+        np.ones((many, pads), bool),
+        np.zeros(count),
+        np.zeros(2),
+        np.zeros((many, taxels), int),
     )
     for number in range(-(-pads // unit)):
         # A stream is drawn whole, so that the first pads are the same however many there are.
-        log_x = log_detuning(design, spreads, seed, number, unit)[:, : pads - number * unit]
-        prints.square[:] += np.bincount(design.channel, (log_x**2).sum(1), count)
-        x = np.exp(np.clip(log_x, -FARTHEST, FARTHEST))
+        log_x = log_detuning(design, spreads, seed, number, unit)[:, :, : pads - number * unit]
+        prints.square[:] += np.bincount(design.channel, (log_x[2] ** 2).sum(1), count)
+        known = np.concatenate([np.zeros((1, *log_x.shape[1:])), log_x])
+        tone, x = (np.exp(np.clip(part, -FARTHEST, FARTHEST)) for part in (known, log_x[2]))
+        tone = tone[[STAGES.index(stage) for stage in stages]]
         for first in range(0, x.shape[1], step):
-            part = x[:, first : first + step]
-            start = number * unit + first
-            block = slice(start, start + part.shape[1])
+            part = slice(first, first + step)
+            block = slice(number * unit + first, number * unit + min(first + step, x.shape[1]))
             for coils in design.coils:
-                _judge(design, coils, part, prints, block)
+                _judge(design, coils, x[:, part], tone[:, :, part], prints, block)
     return prints
 
 
-def _judge(design: Design, coils: Coils, x: np.ndarray, prints: Prints, block: slice) -> None:
-    """Enter what `coils` are like in prints that came out `x` (taxels, pads) off."""
+def _judge(design: Design, coils: Coils, x: np.ndarray, tones: np.ndarray, prints: Prints, block: slice) -> None:
+    """Enter what `coils` are like in prints that came out `x` (taxels, pads) off, for `tones` (stages, taxels, pads)."""
     n, shape = len(coils.channels), (*coils.taxels.shape, x.shape[1])
     x = x[coils.taxels].reshape(n, -1)
     f, q, mass, pull = (v[coils.channels, None] for v in (design.resonance_hz, design.q, design.mass_g, design.pull))
-    tuned = channels(f, q, design.law(f), mass, pull)
-    hz = f * x
-    found = channels(hz, q, design.law(hz), mass, pull)
-    cases = (Channels(hz, q, tuned.line * x**2), tuned), (found, found)
-    for k, (printed, tones) in enumerate(cases):
-        on = (relative_energy(tones.resonance_hz, hz, q) * (tones.line / printed.line) ** 2).reshape(shape)
-        off = np.broadcast_to(design.beside[coils.channels, None, None], shape)
-        if n > 1:
-            off = off + off_energy(printed, design.scheme, drivers=tones).reshape(shape)
+    hz, beside = f * x, design.beside[coils.channels, None, None]
+    for k, tone in enumerate(tones[:, coils.taxels].reshape(len(tones), n, -1)):
+        driven = channels(f * tone, q, design.law(f * tone), mass, pull)
+        # What would move a taxel by that level at its own resonance.
+        taxel = Channels(hz, q, driven.line * (x / tone) ** 2)
+        on = (relative_energy(driven.resonance_hz, hz, q) * (driven.line / taxel.line) ** 2).reshape(shape)
+        off = beside + (off_energy(taxel, design.scheme, drivers=driven).reshape(shape) if n > 1 else 0.0 * on)
         good = design.kept * on >= np.maximum(design.need * off, 0.5 if n == 1 else 0.0)
         with np.errstate(divide="ignore"):
             ratio = (design.kept * on.min(0) / off.max(0)).min(0)
         prints.ratio[k, block] = np.minimum(prints.ratio[k, block], ratio)
-        prints.good[k, block] &= (good.all((0, 1)) if n == 1 else ratio >= design.need)
+        prints.good[k, block] &= good.all((0, 1)) if n == 1 else ratio >= design.need
         prints.good_taxels[k, block] += good.sum((0, 1))
+        prints.good_prints[k, coils.taxels] += good.sum(-1)
     apart = hz[1:] / hz[:-1]
     limit = design.crowded_ratio
     prints.neighbours[:] += (apart < 1).sum(), ((apart < limit) & (apart > 1 / limit)).sum()
