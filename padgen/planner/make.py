@@ -1,10 +1,13 @@
 """Spec → Plan: search the layouts, size the beams, place the taxels, judge the result."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import islice
+from itertools import islice, product
+from math import inf
 from typing import NamedTuple
 
 from padgen.core.errors import InfeasibleError
+from padgen.core.units import decibel
 from padgen.planner.capacity import channel_limit, coil_capacity
 from padgen.planner.channels import driven, plan_channels
 from padgen.planner.coil_load import coil_load
@@ -15,6 +18,7 @@ from padgen.planner.layout import Layout, candidates, room
 from padgen.planner.left_out import left_out
 from padgen.planner.plan import Cell, Channel, CoilGrid, LayoutOption, Plan, Plate, Taxel, channel_sets
 from padgen.planner.printing import print_settings
+from padgen.planner.prints import on_paper_db, what_prints_keep
 from padgen.planner.resonances import planned_optimum
 from padgen.planner.reuse import cell_is_turned, coil_reuse
 from padgen.planner.search import sites_of, sized_layouts
@@ -27,15 +31,22 @@ from padgen.spec import Spec
 __all__ = ["Choice", "choose", "finish", "make_plan"]
 
 RUNNERS_UP = 2
+REUSES, GAPS_MM = ("same", "alternate"), (1.0, 0.6, 0.4)
+"""What the search tries where the spec leaves it free, the simplest first: a smaller gap asks for flatter coils."""
+QUICK_PADS = 200
+"""Simulated prints by which layouts are compared."""
+NEAREST = 4
+"""Layouts that are compared by their prints where none works."""
 
 
 class Choice(NamedTuple):
-    """The layout that was chosen with its beams, what limits it, and the next best ones."""
+    """A layout with its beams, the spec with what the search decided, what limits it, and the next best ones."""
 
+    spec: Spec
     layout: Layout
     channels: tuple[SizedChannel, ...]
-    runners_up: tuple[LayoutOption, ...]
-    limits: str
+    runners_up: tuple[LayoutOption, ...] = ()
+    limits: str = ""
 
 
 def make_plan(spec: Spec) -> Plan:
@@ -46,31 +57,67 @@ def make_plan(spec: Spec) -> Plan:
     InfeasibleError
         No layout holds; the message names the limits of the best candidates and what would do.
     """
-    return finish(spec, choose(spec))
+    return finish(choose(spec))
 
 
 def choose(spec: Spec) -> Choice:
-    """Search the layouts and size the beams; raises as `make_plan` does."""
-    limit = channel_limit(spec)
-    options = candidates(spec, limit)
-    sized = next(sized_layouts(spec, options), None)
-    if sized is None:
+    """Search the layouts and size the beams: the fewest coils of which as many prints work as asked, else the best.
+
+    Raises as `make_plan` does.
+    """
+    found: list[Choice] = []
+    for decided in _decided(spec):
+        limit = channel_limit(decided)
+        options = candidates(decided, limit)
+        for layout, channels in islice(sized_layouts(decided, options), None if _is_free(spec) else 1):
+            found.append(Choice(decided, layout, channels))
+    if not found:
         from padgen.planner.infeasible import why_not
 
-        raise InfeasibleError(why_not(spec, options, limit), "resolution")
-    layout, channels = sized
-    return Choice(layout, channels, _runners_up(spec, options, layout), _what_limits(spec, options, layout, limit))
+        decided = next(_decided(spec))
+        limit = channel_limit(decided)
+        raise InfeasibleError(why_not(decided, candidates(decided, limit), limit), "resolution")
+    best = found[0] if len(found) == 1 else _best(found)
+    limit = channel_limit(best.spec)
+    options = candidates(best.spec, limit)
+    limits = _what_limits(best.spec, options, best.layout, limit)
+    return best._replace(runners_up=_runners_up(best.spec, options, best.layout), limits=limits)
 
 
-def finish(spec: Spec, choice: Choice) -> Plan:
+def _is_free(spec: Spec) -> bool:
+    return not spec.coil.grid and not spec.resonances_hz
+
+
+def _decided(spec: Spec) -> Iterator[Spec]:
+    """`spec` with each reuse and gap that is left to the search, the simplest first."""
+    coil, free = spec.coil, _is_free(spec)
+    reuses = (coil.reuse,) if coil.reuse != "auto" else REUSES if free else REUSES[:1]
+    gaps = (coil.gap_mm,) if coil.gap_mm else GAPS_MM if free else GAPS_MM[:1]
+    for reuse, gap_mm in product(reuses, gaps):
+        yield replace(spec, coil=replace(coil, reuse=reuse, gap_mm=gap_mm))
+
+
+def _best(found: Sequence[Choice]) -> Choice:
+    """The first of the fewest coils whose prints work, else that which prints keep most of, of those on paper best."""
+    asked, wanted = decibel(found[0].spec.delta_y), found[0].spec.print_share
+    plans = sorted(((_assemble(c), c) for c in found), key=lambda pair: (pair[1].layout.surplus > 0, pair[1].layout.coils))
+    told = [(on_paper_db(plan), plan, choice) for plan, choice in plans]
+    for paper_db, plan, choice in told:
+        if paper_db >= asked and what_prints_keep(plan, QUICK_PADS).good_share >= wanted:
+            return choice
+    nearest = sorted(told, key=lambda one: -one[0])[:NEAREST]
+    return max(nearest, key=lambda one: what_prints_keep(one[1], QUICK_PADS).print_db or inf)[2]
+
+
+def finish(choice: Choice) -> Plan:
     """The plan of a choice; its channels' beams and models may have been changed since."""
-    bare = _assemble(spec, choice)
-    known = replace(bare, left_out=left_out(bare))
+    bare = _assemble(choice)
+    known = replace(bare, left_out=left_out(bare), prints=what_prints_keep(bare))
     return replace(known, findings=judge(known))
 
 
-def _assemble(spec: Spec, choice: Choice) -> Plan:
-    layout, sized = choice.layout, choice.channels
+def _assemble(choice: Choice) -> Plan:
+    spec, layout, sized = choice.spec, choice.layout, choice.channels
     sites = sites_of(spec, layout, sized)
     bare = plan_channels(spec, sized, sites)
     selectivity = plan_selectivity(spec, bare, planned_optimum(spec, layout.channels, room(spec, layout)))
@@ -91,6 +138,7 @@ def _assemble(spec: Spec, choice: Choice) -> Plan:
         load=coil_load(spec, channels, scheme),
         refresh=frame_rates(channels, spec.coil.sets),
         reuse=reuse,
+        prints=None,
         touched=touched_pads(spec, channels, scheme),
         layouts=choice.runners_up,
         printing=print_settings(spec, [c.beam for c in channels]),

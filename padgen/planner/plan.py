@@ -23,6 +23,7 @@ __all__ = [
     "LeftOut",
     "Plan",
     "Plate",
+    "Prints",
     "Reuse",
     "SchemeFigures",
     "Selectivity",
@@ -316,6 +317,28 @@ class Reuse:
 
 
 @dataclass(frozen=True, slots=True)
+class Prints:
+    """What printed pads keep, untouched: the worst state's ON over OFF, coils around and other modes counted.
+
+    `print_db` is what the share of pads that the spec asks for (`print_share`) reaches once each taxel is re-tuned;
+    `planned_db` with the driver table as it is, `coupon_db` once a coupon has told what is common to the print,
+    `some_db` once some taxels have told the smooth field over the bed as well. `good_share` of the pads and
+    `good_taxel_share` of the taxels reach what is asked, re-tuned. The dB are None where no taxel hears another.
+    Estimated from `pads` simulated ones: with 95 % confidence within `error_db` and `error_share`.
+    """
+
+    print_db: float | None
+    planned_db: float | None
+    coupon_db: float | None
+    some_db: float | None
+    good_share: float
+    good_taxel_share: float
+    pads: int
+    error_db: float | None
+    error_share: float
+
+
+@dataclass(frozen=True, slots=True)
 class Touched:
     """The pad under a finger whose `skin` is 'low', 'typical' or 'high' (`padgen.physics.skin`, provisional).
 
@@ -379,6 +402,7 @@ class Plan:
     load: CoilLoad
     refresh: tuple[FrameRate, ...]
     reuse: Reuse
+    prints: Prints | None
     touched: tuple[Touched, ...]
     layouts: tuple[LayoutOption, ...]
     printing: dict[str, str]

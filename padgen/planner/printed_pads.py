@@ -93,6 +93,10 @@ class Spreads:
     glue_mg: float
     washer_mm: float
 
+    def none(self) -> "Spreads":
+        """The same without any spread: prints as drawn."""
+        return Spreads(*[0.0] * len(NAMES))
+
 
 STAGES = ("planned", "coupon", "some", "retuned")
 """What the tones know: the plan, what is common to the print as well, the field too, each taxel's own resonance."""

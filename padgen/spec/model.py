@@ -176,7 +176,10 @@ class Washer:
 
 @dataclass(frozen=True, slots=True)
 class Coil:
-    """A coil on an optional core, its top at `gap_mm` below the washers of a flat pad."""
+    """A coil on an optional core, its top at `gap_mm` below the washers of a flat pad.
+
+    `gap_mm` and `reuse` may be left to the search (None, 'auto'); the spec of a plan has them.
+    """
 
     name: str = entry_name(doc="name in the catalogue")
     outer_diameter_mm: float = quantity(unit="mm", low=0.5, high=200, doc="outside of the winding")
@@ -188,15 +191,22 @@ class Coil:
     core_diameter_mm: float = quantity(unit="mm", low=0, high=199, doc="core; 0 is an air core")
     core_relative_permeability: float = quantity(unit="1", low=1, high=1e6, doc="of the core")
     kind: str = choice("solenoid", of=COILS.names, doc="what winding and core are like (padgen/planner/coils)")
-    gap_mm: float = quantity(1.0, unit="mm", low=0.05, high=100, doc="coil top to washer underside, before sag")
+    gap_mm: float = quantity(
+        None,
+        unit="mm",
+        low=0.05,
+        high=100,
+        doc="coil top to washer underside, before sag; when absent 1, or with a free grid what prints keep most with",
+    )
     grid: tuple[int, int] | None = numbers(
         None, unit="coils", low=1, high=1000, count=2, doc="[rows, columns]; searched for when absent"
     )
     reuse: str = choice(
-        "same",
-        of=("same", "alternate"),
+        "auto",
+        of=("auto", "same", "alternate"),
         doc="same: all coils have the same resonances; alternate: two sets take turns like a chessboard's colours,"
-        " so that a coil's tones fall between its neighbours' channels",
+        " so that a coil's tones fall between its neighbours' channels; auto: same on a grid or with resonances that the"
+        " spec names, else what prints keep most with",
     )
     power_limit_w: float = quantity(0.5, unit="W", low=1e-4, high=1e4, doc="copper loss that the coil bears for long")
     source: str = text("", doc="where the figures come from")
@@ -307,6 +317,9 @@ class Spec:
         low=1e-6,
         high=1e9,
         doc="amplitude ratio ON over OFF that is asked for: 10 is 20 dB, 7 is 17, 5 is 14",
+    )
+    print_share: float = quantity(
+        0.9, unit="1", low=0.5, high=0.999, doc="share of the printed pads that are to keep delta_y, re-tuned"
     )
     spacing: str = choice(
         "spread",
