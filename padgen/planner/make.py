@@ -6,8 +6,11 @@ from itertools import islice, product
 from math import inf
 from typing import NamedTuple
 
+import numpy as np
+
 from padgen.core.errors import InfeasibleError
 from padgen.core.units import decibel
+from padgen.physics.selectivity import Scheme
 from padgen.planner.capacity import channel_limit, coil_capacity
 from padgen.planner.channels import driven, plan_channels
 from padgen.planner.coil_load import coil_load
@@ -22,7 +25,7 @@ from padgen.planner.prints import on_paper_db, what_prints_keep
 from padgen.planner.resonances import planned_optimum
 from padgen.planner.reuse import cell_is_turned, coil_reuse
 from padgen.planner.search import sites_of, sized_layouts
-from padgen.planner.settings import scheme_named
+from padgen.planner.settings import scheme_named, sets_db
 from padgen.planner.sizing import SizedChannel
 from padgen.planner.taxel_model import plate_shape, post_diameter_mm, recess_mm
 from padgen.planner.touch import touched_pads
@@ -35,7 +38,7 @@ REUSES, GAPS_MM = ("same", "alternate"), (1.0, 0.6, 0.4)
 """What the search tries where the spec leaves it free, the simplest first: a smaller gap asks for flatter coils."""
 QUICK_PADS = 200
 """Simulated prints by which layouts are compared."""
-NEAREST = 4
+NEAREST = 12
 """Layouts that are compared by their prints where none works."""
 
 
@@ -98,15 +101,28 @@ def _decided(spec: Spec) -> Iterator[Spec]:
 
 
 def _best(found: Sequence[Choice]) -> Choice:
-    """The first of the fewest coils whose prints work, else that which prints keep most of, of those on paper best."""
+    """The first of the fewest coils whose prints work; else that of which prints keep most, of some that may."""
     asked, wanted = decibel(found[0].spec.delta_y), found[0].spec.print_share
-    plans = sorted(((_assemble(c), c) for c in found), key=lambda pair: (pair[1].layout.surplus > 0, pair[1].layout.coils))
-    told = [(on_paper_db(plan), plan, choice) for plan, choice in plans]
-    for paper_db, plan, choice in told:
-        if paper_db >= asked and what_prints_keep(plan, QUICK_PADS).good_share >= wanted:
-            return choice
-    nearest = sorted(told, key=lambda one: -one[0])[:NEAREST]
-    return max(nearest, key=lambda one: what_prints_keep(one[1], QUICK_PADS).print_db or inf)[2]
+    at_most_db = [_at_most_db(choice) for choice in found]
+    rank = sorted(range(len(found)), key=lambda k: (found[k].layout.surplus > 0, found[k].layout.coils))
+    for k in rank:
+        if at_most_db[k] >= asked:
+            plan = _assemble(found[k])
+            if on_paper_db(plan) >= asked and what_prints_keep(plan, QUICK_PADS).good_share >= wanted:
+                return found[k]
+    nearest = sorted(rank, key=lambda k: -min(at_most_db[k], asked))[:NEAREST]
+    return max((found[k] for k in nearest), key=_prints_keep_db)
+
+
+def _prints_keep_db(choice: Choice) -> float:
+    kept = what_prints_keep(_assemble(choice), QUICK_PADS).print_db
+    return inf if kept is None else kept
+
+
+def _at_most_db(choice: Choice) -> float:
+    """A bound of what the choice keeps, by its resonances alone and the quietest drive."""
+    hz = np.array([channel.target_hz for channel in choice.channels])
+    return sets_db(choice.spec, hz, np.ones(len(hz)), Scheme("time-shared"))
 
 
 def finish(choice: Choice) -> Plan:
