@@ -4,6 +4,7 @@ What is printed and how it is judged is told in `padgen.planner.printed_pads`.
 """
 
 from dataclasses import astuple, dataclass, replace
+from math import inf, log10
 
 import numpy as np
 
@@ -96,11 +97,11 @@ class Cost:
 class PrintYield:
     """What becomes of `pads` printed pads; fewer than `pads_asked` where those were too much work.
 
-    `criterion` says what a good taxel and a good pad are; `nominal_db` is the plan's own figure, each taxel taken
-    as its own mode alone, as here.
-    `after_coupon` the tones know what is common to a print, `after_some` measured taxels the smooth field as well;
-    `good_prints` has the share of pads in which each taxel (t,) is good once re-tuned. `swapped_share` of the neighbouring channels came out in the other order, `crowded_share` closer than the
-    slots of Eq. 12 are for the asked selectivity. `costs` come from the first `cost_pads` pads;
+    `criterion` says what a good taxel and a good pad are; `nominal_db` is what the drawing itself keeps. `after_coupon`
+    the tones know what is common to a print, `after_some` measured taxels the smooth field as well; `good_prints` has
+    the share of pads in which each taxel (t,) is good once re-tuned. `swapped_share` of the neighbouring channels came
+    out in the other order, `crowded_share` closer than the slots of Eq. 12 are for the asked selectivity. `costs` come
+    from the first `cost_pads` pads;
     `costliest_*` is the spread that gains most, and by which figure: 'pads', 'taxels' or 'median_db', the first of
     them that tells; ('none', 'none') where a print without one spread is no better by any.
     """
@@ -162,7 +163,7 @@ def print_yield(
         seed=seed,
         drive=design.scheme.name,
         asked_db=plan.selectivity.asked_db,
-        nominal_db=plan.selectivity.placed_own_modes_db,
+        nominal_db=_nominal_db(design, spreads),
         criterion=_criterion(plan, design),
         spreads=spreads,
         channels=_channel_spreads(design, prints, made),
@@ -175,6 +176,11 @@ def print_yield(
         costliest_planned=_costliest({cost.spread: cost.planned for cost in costs}),
         costliest_retuned=_costliest({cost.spread: cost.retuned for cost in costs}),
     )
+
+
+def _nominal_db(design: Design, spreads: Spreads) -> float | None:
+    ratio = float(printed(design, spreads.none(), 1, 0, STAGES[-1:]).ratio[0, 0])
+    return 10 * log10(ratio) if 0 < ratio < inf else None
 
 
 def _criterion(plan: Plan, design: Design) -> str:
