@@ -82,6 +82,4 @@ def _covariance(plan: Plan, coupon: np.ndarray) -> np.ndarray:
     )
     channel = np.concatenate([design.channel, coupon])
     model = np.array([c.model_error for c in plan.channels])[channel]
-    return covariance(design, spreads, coupon) + np.where(
-        channel[:, None] == channel, model[:, None] * model, 0.0
-    )
+    return covariance(design, spreads, coupon) + np.where(channel[:, None] == channel, model[:, None] * model, 0.0)

@@ -143,7 +143,9 @@ class Spread:
         unit="1", low=0, high=1, doc="relative bias of the modulus, alike in every print until it is calibrated"
     )
     common_z_mm: float = quantity(unit="mm", low=0, high=1, doc="thickness, alike in all beams of a print")
-    common_modulus: float = quantity(unit="1", low=0, high=1, doc="modulus, relative, alike in a print (spool, dryness)")
+    common_modulus: float = quantity(
+        unit="1", low=0, high=1, doc="modulus, relative, alike in a print (spool, dryness)"
+    )
     field_z_mm: float = quantity(unit="mm", low=0, high=1, doc="thickness over the bed, meshed before the print")
     unmeshed_field_z_mm: float = quantity(unit="mm", low=0, high=1, doc="the same of a bed that is not meshed")
     field_length_mm: float = quantity(
