@@ -19,9 +19,10 @@ from padgen.planner.frame_rates import frame_rates
 from padgen.planner.judge import judge
 from padgen.planner.layout import Layout, candidates, room
 from padgen.planner.left_out import left_out
+from padgen.planner.pitch import pitch_of
 from padgen.planner.plan import Cell, Channel, CoilGrid, LayoutOption, Plan, Plate, Taxel, channel_sets
 from padgen.planner.printing import print_settings
-from padgen.planner.prints import on_paper_db, what_prints_keep
+from padgen.planner.prints import NOT_PRINTED, on_paper_db, what_prints_keep
 from padgen.planner.resonances import planned_optimum
 from padgen.planner.reuse import cell_is_turned, coil_reuse
 from padgen.planner.search import sites_of, sized_layouts
@@ -141,6 +142,7 @@ def _assemble(choice: Choice) -> Plan:
     channels = driven(spec, bare, scheme)
     reuse = coil_reuse(spec, layout, channels, scheme)
     pitch_x, pitch_y = spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows
+    taxels = _taxels(spec, layout, channels, reuse.turned)
     return Plan(
         name=spec.name,
         spec=spec,
@@ -149,12 +151,13 @@ def _assemble(choice: Choice) -> Plan:
         cell=Cell(layout.sub_columns, layout.sub_rows, layout.sub_width_mm, layout.sub_depth_mm, layout.beam_axis),
         plate=_plate(spec),
         channels=channels,
-        taxels=_taxels(spec, layout, channels, reuse.turned),
+        taxels=taxels,
+        pitch=pitch_of(taxels),
         selectivity=selectivity,
         load=coil_load(spec, channels, scheme),
         refresh=frame_rates(channels, spec.coil.sets),
         reuse=reuse,
-        prints=None,
+        prints=NOT_PRINTED,
         touched=touched_pads(spec, channels, scheme),
         layouts=choice.runners_up,
         printing=print_settings(spec, [c.beam for c in channels]),

@@ -21,6 +21,7 @@ __all__ = [
     "FrameRate",
     "LayoutOption",
     "LeftOut",
+    "Pitch",
     "Plan",
     "Plate",
     "Prints",
@@ -317,6 +318,20 @@ class Reuse:
 
 
 @dataclass(frozen=True, slots=True)
+class Pitch:
+    """Smallest and largest distance of neighbouring columns (along x) and rows, empty where there is one alone.
+
+    `ratio` is the largest over the smallest distance, of the worse axis; `taken` the share of the crossings of rows and
+    columns that hold a taxel: 1 in a full grid, 0.5 on a checkerboard.
+    """
+
+    x_mm: tuple[float, ...]
+    y_mm: tuple[float, ...]
+    ratio: float
+    taken: float
+
+
+@dataclass(frozen=True, slots=True)
 class Prints:
     """What printed pads keep, untouched: the worst state's ON over OFF, coils around and other modes counted.
 
@@ -398,11 +413,12 @@ class Plan:
     plate: Plate
     channels: tuple[Channel, ...]
     taxels: tuple[Taxel, ...]
+    pitch: Pitch
     selectivity: Selectivity
     load: CoilLoad
     refresh: tuple[FrameRate, ...]
     reuse: Reuse
-    prints: Prints | None
+    prints: Prints
     touched: tuple[Touched, ...]
     layouts: tuple[LayoutOption, ...]
     printing: dict[str, str]

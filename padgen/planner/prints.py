@@ -7,13 +7,15 @@ import numpy as np
 from padgen.planner.plan import Plan, Prints
 from padgen.planner.printed_pads import STAGES, design_of, printed, spreads_of, work
 
-__all__ = ["on_paper_db", "what_prints_keep"]
+__all__ = ["NOT_PRINTED", "on_paper_db", "what_prints_keep"]
 
 PADS, FEWEST = 1000, 100
 """Pads that are simulated, and at least where they are much work."""
 WORK = 4e6
 """Responses that are computed at most."""
 CONFIDENT = 1.96
+NOT_PRINTED = Prints(None, None, None, None, 0.0, 0.0, 0, None, 1.0)
+"""Of a plan whose prints are not simulated yet."""
 
 
 def what_prints_keep(plan: Plan, pads: int = PADS) -> Prints:
