@@ -282,13 +282,14 @@ class CoilLoad:
 
     `pull_in_share` is the mean pull over the one at which the softest washer snaps to the coil.
     `reachable_level_um` is the largest `drive.level_um` that every limit allows, `reachable_by` the
-    limit that it meets.
+    limit that it meets. `idle_w` is what the constant current of a scheme takes with all taxels OFF.
     """
 
     current_peak_ma: float
     current_rms_ma: float
     voltage_peak_v: float
     copper_loss_w: float
+    idle_w: float
     pull_in_share: float
     reachable_level_um: float
     reachable_by: str
