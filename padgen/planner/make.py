@@ -73,7 +73,7 @@ def choose(spec: Spec) -> Choice:
     for decided in _decided(spec):
         limit = channel_limit(decided)
         options = candidates(decided, limit)
-        for layout, channels in islice(sized_layouts(decided, options), None if _is_free(spec) else 1):
+        for layout, channels in islice(sized_layouts(decided, options), None if spec.leaves_layout_free else 1):
             found.append(Choice(decided, layout, channels))
     if not found:
         from padgen.planner.infeasible import why_not
@@ -88,15 +88,11 @@ def choose(spec: Spec) -> Choice:
     return best._replace(runners_up=_runners_up(best.spec, options, best.layout), limits=limits)
 
 
-def _is_free(spec: Spec) -> bool:
-    return not spec.coil.grid and not spec.resonances_hz
-
-
 def _decided(spec: Spec) -> Iterator[Spec]:
     """`spec` with each reuse and gap that is left to the search, the simplest first."""
-    coil, free = spec.coil, _is_free(spec)
-    reuses = (coil.reuse,) if coil.reuse != "auto" else REUSES if free else REUSES[:1]
-    gaps = (coil.gap_mm,) if coil.gap_mm else GAPS_MM if free else GAPS_MM[:1]
+    coil = spec.coil
+    reuses = REUSES if coil.reuse == "auto" else (coil.reuse,)
+    gaps = (coil.gap_mm,) if coil.gap_mm else GAPS_MM
     for reuse, gap_mm in product(reuses, gaps):
         yield replace(spec, coil=replace(coil, reuse=reuse, gap_mm=gap_mm))
 

@@ -3,7 +3,7 @@
 import csv
 import json
 from copy import deepcopy
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from padgen.spec.threshold import with_threshold
 __all__ = [
     "CATALOGUES",
     "SHORTHANDS",
+    "answers",
     "catalogue",
     "find_spec",
     "laid_over",
@@ -42,6 +43,7 @@ CATALOGUES = {
     "coil": (Coil, "coils.csv"),
 }
 DEFAULTS = {"printer": "fdm-0.4", "washer": "iso7092-m1.6", "coil": "paper"}
+DEFAULT_GAP_MM = 1.0
 DEFAULT_MATERIALS = {"fdm": "pla", "resin": "tough-resin"}
 DEFAULT_PRINTERS = {"fdm": "fdm-0.4", "resin": "resin-0.05"}
 PLAIN_TABLES = {"pad": Pad, "taxel": Taxel, "suspension": Suspension, "drive": Drive, "model": Model}
@@ -198,8 +200,22 @@ def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
         parts[name] = _entry(name, table.pop(name, {}), DEFAULTS[name])
     parts["drive"] = with_threshold(parts["drive"], folder)
     spec: Spec = build(Spec, table, "", parts)
+    if not spec.leaves_layout_free:
+        simple = {"gap_mm": spec.coil.gap_mm or DEFAULT_GAP_MM, "reuse": spec.coil.reuse.replace("auto", "same")}
+        spec = replace(spec, coil=replace(spec.coil, **simple))
     refuse_contradictions(spec)
     return spec
+
+
+def answers(recorded: Spec, asked: Spec) -> bool:
+    """Whether the spec of a plan is what was `asked`, but for the model and for what was left to the search."""
+    own = recorded.coil
+    coil = replace(
+        asked.coil,
+        gap_mm=asked.coil.gap_mm or own.gap_mm,
+        reuse=own.reuse if asked.coil.reuse == "auto" else asked.coil.reuse,
+    )
+    return replace(recorded, model=asked.model) == replace(asked, coil=coil)
 
 
 def spread_of(printer: Printer) -> str:

@@ -198,7 +198,7 @@ class Coil:
         unit="mm",
         low=0.05,
         high=100,
-        doc="coil top to washer underside, before sag; when absent 1, or with a free grid what prints keep most with",
+        doc="coil top to washer underside, before sag; when absent searched for, 1 on a grid or with resonances given",
     )
     grid: tuple[int, int] | None = numbers(
         None, unit="coils", low=1, high=1000, count=2, doc="[rows, columns]; searched for when absent"
@@ -207,8 +207,8 @@ class Coil:
         "auto",
         of=("auto", "same", "alternate"),
         doc="same: all coils have the same resonances; alternate: two sets take turns like a chessboard's colours,"
-        " so that a coil's tones fall between its neighbours' channels; auto: same on a grid or with resonances that the"
-        " spec names, else what prints keep most with",
+        " so that a coil's tones fall between its neighbours' channels; auto: searched for, same on a grid or with"
+        " resonances given",
     )
     power_limit_w: float = quantity(0.5, unit="W", low=1e-4, high=1e4, doc="copper loss that the coil bears for long")
     source: str = text("", doc="where the figures come from")
@@ -346,6 +346,11 @@ class Spec:
     suspension: Suspension = field(default_factory=Suspension)
     drive: Drive = field(default_factory=Drive)
     model: Model = field(default_factory=Model)
+
+    @property
+    def leaves_layout_free(self) -> bool:
+        """Whether the search may choose the grid of coils, and with it what of their gap and reuse is left open."""
+        return not self.coil.grid and not self.resonances_hz
 
     @property
     def recess_depth_mm(self) -> float:
