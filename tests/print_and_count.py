@@ -1,10 +1,10 @@
 """A second opinion on what prints keep: from plan.json and print_spread.md alone, without any code of padgen.
 
-`python -m tests.print_and_count out/NAME/plan.json [low|typical|high]` prints the share of simulated pads, re-tuned taxel by
-taxel, that keep 14 and 20 dB, with what the coils around leak and without.
+`python -m tests.print_and_count out/NAME/plan.json [low|typical|high]` prints the share of simulated pads, re-tuned
+taxel by taxel, that keep 14 and 20 dB, with what the coils around leak and without.
 
-Each taxel's resonance follows the rule f ∝ E^½ w^½ t^{3/2} l^{−3/2} m^{−½}; its answer is the sum over the modes that the
-plan lists. Tones alone: plans of two channels a coil, whose spurs fall on no third.
+Each taxel's resonance follows the rule f ∝ E^½ w^½ t^{3/2} l^{−3/2} m^{−½}; its answer is the sum over the modes that
+the plan lists. Tones alone: plans of two channels a coil, whose spurs fall on no third.
 """
 
 import json
@@ -104,6 +104,5 @@ if __name__ == "__main__":
     for which in sys.argv[2:] or ["typical"]:
         for name, leaks in (("with leakage", True), ("within the coil", False)):
             found = kept_db(data, which, 5000, leaks)
-            print(
-                f"{which}, {name}: 14 dB {np.mean(found >= 14):.1%}, 20 dB {np.mean(found >= 20):.1%} of pads; nine in ten keep {np.quantile(found, 0.1):.1f} dB"
-            )
+            shares = ", ".join(f"{need} dB {np.mean(found >= need):.1%}" for need in (14, 20))
+            print(f"{which}, {name}: {shares} of pads; nine in ten keep {np.quantile(found, 0.1):.1f} dB")

@@ -1,6 +1,7 @@
 """How evenly a pad's taxels lie: distances of neighbouring rows and columns."""
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 from padgen.core.errors import number
 from padgen.core.finding import Finding
@@ -12,6 +13,8 @@ SAME_MM = 0.05
 """Rows or columns that are no farther apart are one."""
 LARGEST_RATIO = 1.2
 """Largest over smallest distance that still feels even."""
+HOLE_RATIO = 2.0
+"""From here on a display has holes."""
 
 
 def pitch_of(taxels: Sequence[Taxel]) -> Pitch:
@@ -31,12 +34,12 @@ def _lines(places_mm: list[float]) -> list[float]:
 
 
 def _steps(lines: list[float]) -> tuple[float, ...]:
-    steps = [round(b - a, 3) for a, b in zip(lines, lines[1:], strict=False)]
+    steps = [round(b - a, 3) for a, b in pairwise(lines)]
     return (min(steps), max(steps)) if steps else ()
 
 
 def judge_pitch(plan: Plan) -> Iterator[Finding]:
-    """A warning where a display would have holes."""
+    """A note where the pitch is uneven, a warning where a display would have holes."""
     pitch = plan.pitch
     if pitch.ratio > LARGEST_RATIO:
         axes = {"columns": pitch.x_mm, "rows": pitch.y_mm}
@@ -44,8 +47,9 @@ def judge_pitch(plan: Plan) -> Iterator[Finding]:
             ((name, step) for name, step in axes.items() if step), key=lambda item: item[1][1] / item[1][0]
         )
         yield Finding(
-            "warning",
+            "warning" if pitch.ratio > HOLE_RATIO else "note",
             "layout.pitch",
             "pad",
-            f"{name} of taxels lie {number(low)} to {number(high)} mm apart, even would be within {LARGEST_RATIO:g} : 1",
+            f"{name} of taxels lie {number(low)} to {number(high)} mm apart, since each washer hangs as near to its"
+            f" coil's axis as its beam allows; even would be within 1 : {LARGEST_RATIO:g}",
         )

@@ -59,6 +59,7 @@ __all__ = [
     "covariance",
     "design_of",
     "log_detuning",
+    "log_resonances",
     "places_of_mm",
     "printed",
     "sensitivities",
@@ -116,7 +117,8 @@ class Design(NamedTuple):
     """What of a plan a print depends on: channels (n,), taxels (t,), coils by how many channels they have.
 
     `beside` (n,) is the energy of an OFF taxel by the coils around and by its other modes, over that of its ON state,
-    `kept` what an ON taxel keeps of its energy where its beams stretch. `weight` (8, n) is d ln f per unit of each of `Spreads`, `field_length_mm` over which their field goes.
+    `kept` what an ON taxel keeps of its energy where its beams stretch. `weight` (8, n) is d ln f per unit of each of
+    `Spreads`, `field_length_mm` over which their field goes.
     """
 
     resonance_hz: np.ndarray
@@ -168,17 +170,26 @@ def spreads_of(spec: Spec) -> Spreads:
 
 def sensitivities(plan: Plan) -> np.ndarray:
     """d ln f / d ln of width, thickness and length (n, 3) of every channel, by the beam model."""
-    spec, result = plan.spec, np.empty((len(plan.channels), 3))
-    step = np.exp(STEP * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)]))
+    step = np.exp(STEP * np.concatenate([np.eye(3), -np.eye(3)]))
+    sizes = np.array([(c.beam.width_mm, c.beam.thickness_mm, c.beam.length_mm) for c in plan.channels])
+    log_hz = log_resonances(plan, sizes[:, None] * step)
+    slopes: np.ndarray = (log_hz[:, :3] - log_hz[:, 3:]) / (2 * STEP)
+    return slopes
+
+
+def log_resonances(plan: Plan, sizes_mm: np.ndarray) -> np.ndarray:
+    """ln of the resonance (n, k) in Hz of each channel's beams of these widths, thicknesses, lengths (n, k, 3)."""
+    result = np.empty(sizes_mm.shape[:2])
     for topology in {c.beam.topology for c in plan.channels}:
         index = [c.index for c in plan.channels if c.beam.topology == topology]
-        beams = [plan.channels[i].beam for i in index]
-        size = np.array([(b.width_mm, b.thickness_mm, b.length_mm) for b in beams])[:, None] * step
-        model = TaxelModel(spec, topology, plate_shape(spec), BeamShape(*np.moveaxis(size, -1, 0)))
-        # The mode that works as drawn is followed: which one works most must not jump between the steps.
-        working = np.broadcast_to(model.working[:, :1], model.working.shape)[..., None]
-        log_hz = np.log(np.take_along_axis(model.modes.frequency_hz, working, -1)[..., 0])
-        result[index] = (log_hz[:, 1:4] - log_hz[:, 4:]) / (2 * STEP)
+        drawn = np.array([(c.beam.width_mm, c.beam.thickness_mm, c.beam.length_mm) for c in plan.channels])[index, None]
+        size = np.concatenate([drawn, sizes_mm[index]], axis=1)
+        model = TaxelModel(plan.spec, topology, plate_shape(plan.spec), BeamShape(*np.moveaxis(size, -1, 0)))
+        # The mode that works as drawn is followed over steps, in which no modes change places: it must not jump.
+        # Farther off, as where a beam becomes wider than thick, it is the one that works there.
+        near = (np.abs(size / drawn - 1) < 2 * STEP).all(-1)
+        working = np.where(near, model.working[:, :1], model.working)[..., None]
+        result[index] = np.log(np.take_along_axis(model.modes.frequency_hz, working, -1)[:, 1:, 0])
     return result
 
 
@@ -355,7 +366,7 @@ def printed(design: Design, spreads: Spreads, pads: int, seed: int, stages: tupl
 
 
 def _judge(design: Design, coils: Coils, x: np.ndarray, tones: np.ndarray, prints: Prints, block: slice) -> None:
-    """Enter what `coils` are like in prints that came out `x` (taxels, pads) off, for `tones` (stages, taxels, pads)."""
+    """Enter what `coils` are like in prints `x` (taxels, pads) off, driven by `tones` (stages, taxels, pads)."""
     n, shape = len(coils.channels), (*coils.taxels.shape, x.shape[1])
     x = x[coils.taxels].reshape(n, -1)
     f, q, mass, pull = (v[coils.channels, None] for v in (design.resonance_hz, design.q, design.mass_g, design.pull))

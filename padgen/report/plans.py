@@ -119,8 +119,8 @@ def _power_lines(plan: "Plan") -> list[str]:
     skin = next((t for t in plan.touched if t.skin == "typical" and t.all_states_db is not None), None)
     if skin:
         lines.append(
-            f"That is untouched. Under a finger (typical skin, provisional) {plan.channels[0].resonance_hz:.0f} Hz become"
-            f" {skin.resonance_hz[0]:.0f} Hz at Q {skin.q[0]:.2g}, and a coil keeps {skin.all_states_db:.1f} dB."
+            "That is untouched. Under a finger (typical skin, provisional)"
+            f" {plan.channels[0].resonance_hz:.0f} Hz become {skin.resonance_hz[0]:.0f} Hz at Q {skin.q[0]:.2g}, and a coil keeps {skin.all_states_db:.1f} dB."
         )
     return lines
 

@@ -43,6 +43,8 @@ CATALOGUES = {
     "coil": (Coil, "coils.csv"),
 }
 DEFAULTS = {"printer": "fdm-0.4", "washer": "iso7092-m1.6", "coil": "paper"}
+CALIBRATED = ("printer", "spread", "material")
+"""Tables of the file of a calibrated printer."""
 DEFAULT_GAP_MM = 1.0
 DEFAULT_MATERIALS = {"fdm": "pla", "resin": "tough-resin"}
 DEFAULT_PRINTERS = {"fdm": "fdm-0.4", "resin": "resin-0.05"}
@@ -185,7 +187,7 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
 
 def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
     """Make a `Spec` from the nested tables of a TOML file; other files that it names lie in `folder`."""
-    table = dict(table)
+    table = _with_printer_file(dict(table), folder)
     for name, key in SHORTHANDS.items():
         value = table.get(name, {})
         if isinstance(value, str):
@@ -205,6 +207,22 @@ def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
         spec = replace(spec, coil=replace(spec.coil, **simple))
     refuse_contradictions(spec)
     return spec
+
+
+def _with_printer_file(table: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """`table` with what the file of a calibrated printer says, where it names one: printer, spread and material."""
+    name = table.get("printer")
+    if not isinstance(name, str) or not name.endswith(".toml"):
+        return table
+    told = read_toml(folder / name, f"printer: {name}")
+    if unknown := sorted(set(told) - set(CALIBRATED)):
+        raise SpecError(f"has no place in a printer's file, which has {', '.join(CALIBRATED)}", f"{name}: {unknown[0]}")
+    if "printer" not in told:
+        raise SpecError("is missing; padgen calibrate writes it", f"{name}: printer")
+    for key in ("spread", "material"):
+        if key in table and key in told and table[key] != told[key]:
+            raise SpecError(f"is in the printer's file {name} as well; leave it out of one of the two", key)
+    return {**table, **told}
 
 
 def answers(recorded: Spec, asked: Spec) -> bool:

@@ -114,6 +114,12 @@ class Printer:
     width_step_mm: float = quantity(
         1e-3, unit="mm", low=1e-6, high=3, doc="steps in which a beam can be wider than the smallest (resin: pixel)"
     )
+    z_offset_mm: float = quantity(
+        0.0, unit="mm", low=-0.5, high=0.5, doc="beams print so much thicker than drawn (padgen calibrate)"
+    )
+    width_offset_mm: float = quantity(
+        0.0, unit="mm", low=-0.5, high=0.5, doc="beams print so much wider than drawn (padgen calibrate)"
+    )
     source: str = text("", doc="where the figures come from")
 
     def layers_up_to(self, height_mm: float) -> int:
