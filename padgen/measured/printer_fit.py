@@ -21,7 +21,9 @@ __all__ = ["Calibration", "calibrated", "printer_toml"]
 
 TERMS = ("z_offset_mm", "width_offset_mm", "log_modulus")
 WIDTH_BIAS_MM = 0.06
-"""Bias of a width that a calibration must halve: three times a usual XY compensation."""
+"""Bias of a width before a calibration: three times a usual XY compensation."""
+REQUIRED = 0.6
+"""Share of a bias to which a calibration must know it."""
 ALIKE = 1e-4
 """Smallest singular value, of columns of size 1, below which beams do not tell the terms apart."""
 STEPS, STEP_MM = 8, 1e-3
@@ -146,17 +148,17 @@ def _refuse_alike(weighed: np.ndarray) -> None:
 
 
 def _refuse_vague(spec: Spec, sigma: np.ndarray) -> None:
-    """Refuse terms that are known no better than to half of what is not known before."""
+    """Refuse terms that are known hardly better than before."""
     bias = spec.spread
     for name, unit, known, before in (
         ("offset of height", "mm", sigma[0], bias.z_bias_mm),
         ("offset of width", "mm", sigma[1], WIDTH_BIAS_MM),
         ("modulus", "of itself", sigma[2], bias.modulus_bias),
     ):
-        if known > before / 2:
+        if known > REQUIRED * before:
             raise SolverError(
-                f"the {name} would be known to ± {number(float(known))} {unit}, where half of the ± {number(before)} of"
-                " a printer that was never measured is asked for; plan with --model solid, measure more prints, or"
+                f"the {name} would be known to ± {number(float(known))} {unit}, at most ± {number(REQUIRED * before)} is"
+                f" asked for (± {number(before)} before any calibration); plan with --model solid, measure more prints, or"
                 " beams that differ more in thickness and width (padgen build calibration)"
             )
 

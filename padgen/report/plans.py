@@ -120,7 +120,8 @@ def _power_lines(plan: "Plan") -> list[str]:
     if skin:
         lines.append(
             "That is untouched. Under a finger (typical skin, provisional)"
-            f" {plan.channels[0].resonance_hz:.0f} Hz become {skin.resonance_hz[0]:.0f} Hz at Q {skin.q[0]:.2g}, and a coil keeps {skin.all_states_db:.1f} dB."
+            f" {plan.channels[0].resonance_hz:.0f} Hz become {skin.resonance_hz[0]:.0f} Hz at Q {skin.q[0]:.2g},"
+            f" and a coil keeps {skin.all_states_db:.1f} dB."
         )
     return lines
 
