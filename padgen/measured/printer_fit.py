@@ -24,7 +24,7 @@ WIDTH_BIAS_MM = 0.06
 """Bias of a width before a calibration: three times a usual XY compensation."""
 REQUIRED = 0.6
 """Share of a bias to which a calibration must know it."""
-ALIKE = 1e-4
+ALIKE = 3e-3
 """Smallest singular value, of columns of size 1, below which beams do not tell the terms apart."""
 STEPS, STEP_MM = 8, 1e-3
 SETTLED = 1e-9
@@ -157,9 +157,9 @@ def _refuse_vague(spec: Spec, sigma: np.ndarray) -> None:
     ):
         if known > REQUIRED * before:
             raise SolverError(
-                f"the {name} would be known to ± {number(float(known))} {unit}, at most ± {number(REQUIRED * before)} is"
-                f" asked for (± {number(before)} before any calibration); plan with --model solid, measure more prints, or"
-                " beams that differ more in thickness and width (padgen build calibration)"
+                f"the {name} would be known to ± {number(float(known))} {unit}, at most"
+                f" ± {number(REQUIRED * before)} is asked for (± {number(before)} before any calibration); plan with"
+                " --model solid, measure more prints, or beams that differ more in thickness and width (padgen build calibration)"
             )
 
 
