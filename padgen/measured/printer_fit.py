@@ -140,7 +140,7 @@ def _scatter(
 
 def _refuse_alike(weighed: np.ndarray) -> None:
     size = np.linalg.svd(weighed / np.linalg.norm(weighed, axis=0), compute_uv=False)
-    if size[-1] < ALIKE:
+    if not size[-1] > ALIKE * size[0]:
         raise SolverError(
             "beams that are all as thick, or all as wide, cannot tell height, width and modulus apart; measure a pad"
             " whose channels differ in both (padgen build calibration)"
@@ -159,7 +159,8 @@ def _refuse_vague(spec: Spec, sigma: np.ndarray) -> None:
             raise SolverError(
                 f"the {name} would be known to ± {number(float(known))} {unit}, at most"
                 f" ± {number(REQUIRED * before)} is asked for (± {number(before)} before any calibration); plan with"
-                " --model solid, measure more prints, or beams that differ more in thickness and width (padgen build calibration)"
+                " --model solid, measure more prints, or beams that differ more in thickness and width (padgen build"
+                " calibration)"
             )
 
 

@@ -76,7 +76,7 @@ EVEN = 1.2
 
 
 def _summary_table(channels: "Sequence[Channel]") -> str:
-    rows = [
+    rows: list[Sequence[str]] = [
         (
             str(c.index),
             f"{c.resonance_hz:.2f}",

@@ -203,8 +203,8 @@ def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
     parts["drive"] = with_threshold(parts["drive"], folder)
     spec: Spec = build(Spec, table, "", parts)
     if not spec.leaves_layout_free:
-        simple = {"gap_mm": spec.coil.gap_mm or DEFAULT_GAP_MM, "reuse": spec.coil.reuse.replace("auto", "same")}
-        spec = replace(spec, coil=replace(spec.coil, **simple))
+        gap_mm, reuse = spec.coil.gap_mm or DEFAULT_GAP_MM, spec.coil.reuse.replace("auto", "same")
+        spec = replace(spec, coil=replace(spec.coil, gap_mm=gap_mm, reuse=reuse))
     refuse_contradictions(spec)
     return spec
 
