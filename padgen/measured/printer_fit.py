@@ -71,13 +71,18 @@ def calibrated(plan: Plan, prints: Sequence[Sequence[TaxelFit]]) -> Calibration:
     lower = np.linalg.cholesky(scatter)
     start = np.array([plan.spec.printer.z_offset_mm, plan.spec.printer.width_offset_mm, 0.0])
     terms = start.copy()
+    thinnest, narrowest = (
+        min(sides) for sides in zip(*((c.beam.thickness_mm, c.beam.width_mm) for c in plan.channels), strict=True)
+    )
+    farthest = np.array([thinnest / 2, narrowest / 2, 3.0])
     for _ in range(STEPS):
         value, slope = _model(plan, terms)
         weighed = np.linalg.solve(lower, slope[channel])
         left = np.linalg.solve(lower, measured - value[channel])
         _refuse_alike(weighed)
         step = np.linalg.lstsq(weighed, left, rcond=None)[0]
-        terms = terms + step
+        # No beam vanishes, whatever contradicts itself.
+        terms = np.clip(terms + step, -farthest, farthest)
         if np.abs(step).max() < SETTLED:
             break
     spread = np.linalg.inv(weighed.T @ weighed)
