@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from padgen.api import (
         build,
+        calibrate,
         check,
         drive,
         plan,
@@ -53,6 +54,7 @@ __all__ = [
     "Tuning",
     "__version__",
     "build",
+    "calibrate",
     "check",
     "drive",
     "plan",

@@ -16,12 +16,25 @@ if TYPE_CHECKING:
     from padgen.batch.sweep import SweepTable
     from padgen.driver.drive_folder import Drive
     from padgen.ladders.study import Study
+    from padgen.measured.printer_fit import Calibration
     from padgen.measured.tune import Retuned
     from padgen.measured.tuning import Tuning
     from padgen.planner.plan import Plan
     from padgen.solid.checks import Report
 
-__all__ = ["build", "check", "drive", "plan", "read_plan", "read_tuning", "retune", "study", "sweep", "template_names"]
+__all__ = [
+    "build",
+    "calibrate",
+    "check",
+    "drive",
+    "plan",
+    "read_plan",
+    "read_tuning",
+    "retune",
+    "study",
+    "sweep",
+    "template_names",
+]
 
 Source = "str | Path | Mapping[str, Any] | Spec"
 Progress = Callable[[str], None]
@@ -279,6 +292,35 @@ def retune(
 
     found = read_measured(Path(measured), plan, excitation)
     return fitted_and_retuned(plan, found, nearest, estimate_rest, None if coupon is None else str(coupon))[1]
+
+
+def calibrate(plan: "Plan", measured: "Sequence[str | Path]") -> "Calibration":
+    """Find a printer's offsets of height and width, and the modulus, from measured prints of a plan.
+
+    Parameters
+    ----------
+    plan : Plan
+        What was printed; beams of several thicknesses and widths tell the three apart.
+    measured : sequence of paths
+        What was measured of a print each: a CSV, a WAV, or a folder of them.
+
+    Returns
+    -------
+    Calibration
+        Offsets in mm and the modulus in GPa, with one sigma of each, and the chi-square of the fit.
+
+    Raises
+    ------
+    FileError, SpecError
+        What was measured cannot be read.
+    SolverError
+        It does not tell the three apart, or contradicts itself.
+    """
+    from padgen.measured.fits import fit_measured
+    from padgen.measured.printer_fit import calibrated
+    from padgen.measured.read import read_measured
+
+    return calibrated(plan, [fit_measured(read_measured(Path(each), plan), plan) for each in measured])
 
 
 def study(

@@ -13,7 +13,7 @@ from padgen.solid.kernel import build123d
 from padgen.spec import Spec, load_spec, parse_spec
 
 FOUR_LINES = 'name = "tiny"\nresolution = 4\nband_hz = [50, 200]\nq_min = 15\n'
-SMALL = FOUR_LINES + "[pad]\nwidth_mm = 25\ndepth_mm = 25\n"
+SMALL = FOUR_LINES + "coil = { grid = [1, 1] }\n[pad]\nwidth_mm = 25\ndepth_mm = 25\n"
 
 
 # Loaded after the finite-element engine, which carries another OCCT, build123d does not work; before it, it does.

@@ -122,7 +122,7 @@ def test_catalogue_entries_pass_their_own_checks(table):
     for name, entry in catalogue(table).items():
         assert entry["source"], f"{table} {name} has no source"
         extra = ""
-        if table == "material":
+        if table in ("material", "spread"):
             extra = f'printer = "{"fdm-0.4" if entry["process"] == "fdm" else "resin-0.05"}"\n'
         if (name != "iso7089-m2-a2" and entry.get("outer_diameter_mm", 0) < 9.8) or table == "coil":
             parse_spec(BASE + extra + f'{table} = "{name}"\n[taxel]\n')

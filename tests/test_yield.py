@@ -20,7 +20,7 @@ import sys
 from dataclasses import asdict, astuple, replace
 from functools import cache
 from itertools import combinations, pairwise, product
-from math import hypot, log, pi, sqrt
+from math import hypot, log, sqrt
 
 import numpy as np
 import pytest
@@ -29,15 +29,17 @@ from scipy.stats import norm
 from padgen.physics.ladder import ladder_ratio
 from padgen.physics.resonator import receptance
 from padgen.physics.schemes import in_order
-from padgen.planner import Plan, make_plan
+from padgen.planner import Plan, make_plan, plan_to_json
 from padgen.planner import printed_pads as module
-from padgen.planner.print_yield import print_yield
+from padgen.planner.print_yield import OUTCOMES, print_yield
 from padgen.planner.printed_pads import Spreads, spreads_of
-from padgen.spec import parse_spec
+from padgen.planner.prints import on_paper_db
+from padgen.spec import load_spec, parse_spec
+from tests.print_and_count import kept_db
 
 SCHEMES = in_order()
-NONE = Spreads(*[0.0] * 7)
-USUAL = Spreads(0.05, 0.01, 0.05, 0.05, 0.02, 0.1, 2.0)
+NONE = Spreads(*[0.0] * 8)
+USUAL = Spreads(0.05, 0.01, 0.02, 0.05, 0.02, 0.1, 2.0, 0.05)
 DB = 1e-9
 
 
@@ -48,7 +50,7 @@ def plan_of(
     """A pad of 25 mm cells with channels at `hz`."""
     rows, columns = coils
     taxels = taxels or rows * columns * len(hz)
-    return make_plan(
+    plan = make_plan(
         parse_spec(f"""
 name = "t"
 resolution = {taxels}
@@ -61,6 +63,17 @@ coil = {{ grid = [{rows}, {columns}], outer_diameter_mm = 24, inner_diameter_mm 
 drive = {{ scheme = "{scheme}", level_law = {law} }}
 """)
     )
+    return bare(plan)
+
+
+def bare(plan: Plan) -> Plan:
+    """The plan without coils around and other modes, so that a coil's closed form is all there is."""
+    own = []
+    for c in plan.channels:
+        k = int(np.argmax(c.mode_shares))
+        one = {name: (getattr(c, name)[k],) for name in ("modes_hz", "mode_shares", "pulled_shares", "mode_motions")}
+        own.append(replace(c, **one, rest_motion=(0.0,) * 6, level_loss_db=0.0))
+    return replace(plan, channels=tuple(own), reuse=replace(plan.reuse, leaks_db=(None,) * len(own)))
 
 
 def only(**spreads: float) -> Spreads:
@@ -84,12 +97,19 @@ def test_prints_without_spreads_are_the_plan(scheme):
 
 
 def test_the_paper_s_pad_as_planned_and_as_printed(paper_plan):
+    own = print_yield(bare(paper_plan), 50, spreads=NONE)
+    lost = paper_plan.selectivity.placed_own_modes_db + max(c.level_loss_db for c in paper_plan.channels)
+    assert dbs(own.planned) == pytest.approx([lost] * 4, abs=DB)
     exact = print_yield(paper_plan, 50, spreads=NONE)
-    assert dbs(exact.planned) == pytest.approx([paper_plan.selectivity.placed_own_modes_db] * 4, abs=DB)
+    # Coils around and other modes add energies to the worst channel's, which the plan states each for itself.
+    both = -10 * np.log10(
+        sum(10 ** (-db / 10) for db in (paper_plan.selectivity.placed_all_states_db, paper_plan.reuse.leak_db))
+    )
+    assert both - 0.1 < exact.nominal_db < both + 1
     printed = print_yield(paper_plan, 2000)
     assert printed.spreads == spreads_of(paper_plan.spec)
-    assert printed.planned.median_db < -10 < 0 < printed.retuned.median_db < exact.nominal_db
-    assert printed.planned.taxels.share < 0.01 < 0.4 < printed.retuned.taxels.share
+    stages = [getattr(printed, name).median_db for name in OUTCOMES]
+    assert stages == sorted(stages) and stages[-1] < exact.nominal_db
 
 
 def test_a_pad_that_is_scaled_as_a_whole_is_as_selective_after_tuning():
@@ -118,8 +138,9 @@ def test_tuning_never_costs_yield_where_channels_are_far_apart():
     ("name", "sigma", "per_unit", "low", "high"),
     [
         ("modulus", 0.01, lambda c: 0.5, 1, 1),
-        ("thickness_drift_mm", 0.002, lambda c: 1.5 / c.beam.thickness_mm, 0.98, 1.02),
+        ("common_z_mm", 0.002, lambda c: 1.5 / c.beam.thickness_mm, 0.98, 1.02),
         ("width_mm", 0.01, lambda c: 0.5 / c.beam.width_mm, 0.98, 1.02),
+        ("field_z_mm", 0.002, lambda c: 1.5 / c.beam.thickness_mm, 0.98, 1.02),
         ("thickness_mm", 0.002, lambda c: 1.5 / c.beam.thickness_mm, 0.98, 1.02),
         ("length_mm", 0.05, lambda c: 1.5 / c.beam.length_mm, 0.6, 1.0),
         ("glue_mg", 3.0, lambda c: 0.5 / (c.effective_mass_g * 1e3), 1, 1),
@@ -128,7 +149,7 @@ def test_tuning_never_costs_yield_where_channels_are_far_apart():
 def test_sigma_of_one_spread_is_by_the_rule(name, sigma, per_unit, low, high):
     plan = plan_of()
     result = print_yield(plan, 4000, spreads=only(**{name: sigma}))
-    draws = 4000 * (1 if name in module.OF_A_PAD else 4)
+    draws = 4000 * (1 if name in (*module.OF_A_PRINT, "field_z_mm") else 4)
     sampling = 4 / sqrt(2 * draws)
     for channel, found in zip(plan.channels, result.channels, strict=True):
         ratio = found.sigma_f / (sigma * per_unit(channel))
@@ -136,7 +157,7 @@ def test_sigma_of_one_spread_is_by_the_rule(name, sigma, per_unit, low, high):
 
 
 def test_sigma_of_all_spreads_adds_in_squares():
-    plan, z = plan_of(), replace(USUAL, plate_gradient=0.0, modulus=0.0, thickness_drift_mm=0.0)
+    plan, z = plan_of(), replace(USUAL, modulus=0.0, common_z_mm=0.0, field_z_mm=0.0, washer_mm=0.0)
     for channel, found in zip(plan.channels, print_yield(plan, 4000, spreads=z).channels, strict=True):
         terms = (
             found.per_width * z.width_mm / channel.beam.width_mm,
@@ -147,25 +168,62 @@ def test_sigma_of_all_spreads_adds_in_squares():
         assert found.sigma_f == pytest.approx(sqrt(sum(t**2 for t in terms)), rel=4 / sqrt(2 * 16000))
 
 
-def test_a_gradient_acts_by_place():
+def test_the_field_runs_smoothly_over_the_bed():
+    """Sample covariance of 4000 pads against exp(−d²/L²): its own sampling error of 4 sigma, and all other causes."""
+    plan = plan_of(coils=(2, 3))
+    design, pads = module.design_of(plan, None), 4000
+    for spreads in (only(field_z_mm=0.01), USUAL):
+        x = module.log_detuning(design, spreads, 3, 0, pads)[2]
+        expected = module.covariance(design, spreads)
+        sigma = np.sqrt(np.diag(expected))
+        found, sure = x @ x.T / pads / np.outer(sigma, sigma), 4 / sqrt(pads)
+        assert found == pytest.approx(expected / np.outer(sigma, sigma), abs=sqrt(2) * sure)
+    field = module.covariance(design, only(field_z_mm=0.01))
+    apart = np.linalg.norm(design.place_mm[:, None] - design.place_mm, axis=-1)
+    per_mm = [
+        result.per_thickness / c.beam.thickness_mm
+        for c, result in zip(plan.channels, print_yield(plan, 1).channels, strict=True)
+    ]
+    each = 0.01 * np.array(per_mm)[design.channel]
+    assert field == pytest.approx(np.outer(each, each) * np.exp(-((apart / 50.0) ** 2)), rel=1e-6)
+
+
+def test_the_semivariogram_of_measured_beds():
+    """288 public bed meshes (tests/reference/print_spread.md): 20, 47, 75, 92 % of the sill at 20, 40, 60, 80 mm."""
+    length = parse_spec('name = "a"\nresolution = 4\nband_hz = [50, 200]\nq_min = 15\n').spread.field_length_mm
+    places = np.arange(0, 81, 20.0)
+    waves = module._waves(places, length)
+    sill = 1 - (waves @ waves.T)[0]
+    # Their own spread over 25 printers is wider than this.
+    assert sill[1:] == pytest.approx([0.20, 0.47, 0.75, 0.92], abs=0.06)
+
+
+def test_a_coupon_shares_what_is_common_alone():
     plan = plan_of()
-    spreads, middle = only(plate_gradient=0.1), np.zeros((len(plan.taxels), 2))
-    corner = print_yield(plan, 20_000, spreads=spreads, places_mm=middle + 25.0)
-    assert corner.channels[0].sigma_f == pytest.approx(0.1 / sqrt(2 * pi), rel=4 * sqrt(2 / 20_000))
-    assert print_yield(plan, 10, spreads=spreads, places_mm=middle).channels[0].sigma_f == 0
+    design = module.design_of(plan, None)
+    total = module.covariance(design, USUAL, np.array([0, 1]))
+    taxels = len(plan.taxels)
+    weight = np.array(astuple(USUAL))[:, None] * design.weight
+    common = weight[:2].T @ weight[:2]
+    assert total[taxels:, :taxels] == pytest.approx(common[:2][:, design.channel], rel=1e-12)
 
 
-def test_taxels_far_apart_drift_apart_under_a_gradient():
-    plan, spreads = plan_of(), only(plate_gradient=0.3)
-    planned = print_yield(plan, 2000, spreads=spreads)
-    rng, shuffled = np.random.default_rng(1), module.places_of_mm(plan)
-    for index in module.coils_of(plan).values():
-        shuffled[index] = shuffled[rng.permutation(index)]
-    cells = [sorted(map(tuple, np.array(p).reshape(4, 4, 2)[0])) for p in (shuffled, module.places_of_mm(plan))]
-    assert cells[0] == cells[1] and not np.array_equal(shuffled, module.places_of_mm(plan))
-    anywhere = np.random.default_rng(1).permutation(shuffled)
-    scattered = print_yield(plan, 2000, spreads=spreads, places_mm=anywhere)
-    assert scattered.retuned.q05_db < planned.retuned.q05_db - 0.3
+def test_the_papers_five_replicas_are_likely_by_the_typical_spread_and_not_by_a_broad_one():
+    """Ten taxels of five prints answered within f/2Q of their tones (print_spread.md: 15 % likely at Q = 15).
+
+    The beam is taken as 1 × 1 × 10 mm, since the paper gives none; tones were set by the first print, the bias is off.
+    """
+    rng, half = np.random.default_rng(0), 1 / 30
+
+    def likely(common, own, prints=20_000):
+        x = common * rng.standard_normal((prints, 5, 1)) + own * rng.standard_normal((prints, 5, 2))
+        return float((np.abs(x) < half).all((1, 2)).mean())
+
+    spread = parse_spec('name = "a"\nresolution = 4\nband_hz = [50, 200]\nq_min = 15\n').spread
+    common = hypot(1.5 * hypot(spread.common_z_mm, spread.field_z_mm), spread.common_modulus / 2)
+    own = hypot(1.5 * spread.thickness_mm, 0.5 * spread.width_mm, 0.15 * spread.length_mm)
+    assert 0.05 < likely(common, own) < 0.5
+    assert likely(0.072, 0.044, 200_000) < 1e-3
 
 
 # One printed coil, state by state
@@ -216,7 +274,7 @@ def states_db(plan, off_by, retuned):
 def test_a_printed_coil_state_by_state(scheme, seed):
     plan = plan_of(scheme=scheme, coils=(1, 1), law=0.7)
     design = module.design_of(plan, None)
-    off_by = np.exp(module.log_detuning(design, USUAL, seed, 0, module.MOST_DRAWN)[:, 0])
+    off_by = np.exp(module.log_detuning(design, USUAL, seed, 0, module.MOST_DRAWN)[2, :, 0])
     result = print_yield(plan, 1, seed, spreads=USUAL)
     assert np.abs(off_by - 1).max() > 0.01
     assert result.planned.median_db == pytest.approx(states_db(plan, off_by, False), abs=DB)
@@ -266,7 +324,7 @@ def test_yields_are_of_the_asked_selectivity():
 
 
 def test_quantiles_rise_and_intervals_are_wilson_s():
-    shared = replace(USUAL, modulus=0.1, thickness_mm=0.01, thickness_drift_mm=0.02)
+    shared = replace(USUAL, modulus=0.1, thickness_mm=0.01, common_z_mm=0.02)
     result = print_yield(plan_of(delta_y=2.5), 2000, spreads=shared)
     for outcome in (result.planned, result.retuned):
         assert dbs(outcome) == sorted(set(dbs(outcome)))
@@ -342,7 +400,7 @@ def test_the_first_pads_are_the_same_however_many():
 
 def test_pads_are_limited_by_work():
     plan = plan_of(scheme="tones")
-    responses = 4 * 2 * (4**2 + 4 * 4 * 3) + 10 * 16
+    responses = 4 * 4 * (4**2 + 4 * 4 * 3) + 10 * 16
     result = print_yield(plan, 1000, spreads=USUAL, budget=100 * responses)
     assert (result.pads, result.pads_asked, result.cost_pads) == (100, 1000, 5)
     assert result.planned.pads.made == 100
@@ -360,3 +418,46 @@ def test_the_result_is_plain_data(small_plan):
 def test_planning_does_not_load_it():
     code = "import sys, padgen.planner; sys.exit('padgen.planner.print_yield' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
+
+
+# A plan's own estimate, and a second opinion that shares no code with it
+
+
+@cache
+def four_lines() -> Plan:
+    return make_plan(parse_spec('name = "four"\nresolution = 32\nband_hz = [50, 200]\nq_min = 15\n'))
+
+
+def test_the_four_line_spec_prints():
+    """Nine in ten of its re-tuned pads keep what is asked, by a program that knows plan.json and print_spread.md alone.
+
+    Its rule of exponents, its modes and its sampling (0.1 dB of 1000 pads) make it differ by less than 0.3 dB.
+    """
+    plan = four_lines()
+    data = json.loads(plan_to_json(plan))
+    told = kept_db(data, pads=1000)
+    assert np.mean(told >= 14) >= 0.95
+    assert np.mean(kept_db(data, pads=1000, leak=False) >= 20) >= 0.9
+    assert np.quantile(told, 0.1) == pytest.approx(plan.prints.print_db, abs=0.3)
+    assert plan.prints.good_share >= plan.spec.print_share
+
+
+@pytest.mark.parametrize("name", ["paper-32", "quad-64"])
+def test_the_plans_estimate_is_the_monte_carlos(name):
+    plan = make_plan(load_spec(name))
+    many, quick = print_yield(plan, 5000, seed=1), plan.prints
+    assert quick.print_db == pytest.approx(many.retuned.reached_by_90_percent_db, abs=0.3)
+    assert quick.planned_db == pytest.approx(many.planned.reached_by_90_percent_db, abs=0.6)
+    assert quick.good_share == pytest.approx(many.retuned.pads.share, abs=0.02)
+    assert 0 < quick.error_db < 0.3
+
+
+def test_modes_and_leakage_are_counted_once_each():
+    """In the drawing itself: what the plan says of all modes, and of the coils around, add as energies."""
+    plan = four_lines()
+    worst = max(
+        10 ** (-plan.selectivity.placed_all_states_db / 10) + 10 ** (-leak / 10) for leak in plan.reuse.leaks_db
+    )
+    lost = max(c.level_loss_db for c in plan.channels)
+    assert on_paper_db(plan) == pytest.approx(-10 * np.log10(worst) - lost, abs=1.0)
+    assert on_paper_db(plan) <= min(plan.reuse.leak_db, plan.selectivity.kept_db)

@@ -14,7 +14,7 @@ from contextlib import suppress
 from typing import NoReturn
 
 from padgen import __version__
-from padgen.cli import build, cache, drive, plan, play, retune, small, study, sweep
+from padgen.cli import build, cache, calibrate, drive, plan, play, retune, small, study, sweep
 from padgen.cli.common import BAD_INPUT, DONE
 from padgen.core.errors import LONGEST, PadgenError, plain
 
@@ -22,7 +22,7 @@ __all__ = ["main", "run"]
 
 DEBUG = "PADGEN_DEBUG"
 """The variable that lets warnings and tracebacks through."""
-COMMANDS = (plan, build, drive, play, retune, study, sweep, cache, small)
+COMMANDS = (plan, build, drive, play, retune, calibrate, study, sweep, cache, small)
 
 
 def main() -> NoReturn:

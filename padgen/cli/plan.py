@@ -28,6 +28,7 @@ def add(commands: Any) -> None:
         help="print it so many times in the computer (default: %(const)s): how many come out selective, and why not",
     )
     parser.add_argument("--seed", type=int, default=0, help="of --yield; the same seed, the same figures (default: 0)")
+    parser.add_argument("--verbose", action="store_true", help="all tables and notes")
     add_model(parser)
     add_output(parser)
     parser.set_defaults(command=_plan)
@@ -58,18 +59,18 @@ def _plan(options: argparse.Namespace) -> int:
         present = {key: asdict(part) for key, part in parts.items() if part}
         print(json_text({**json.loads(text), **present}) if present else text, end="")
     else:
-        _print_plan(plan, explanation, printed)
+        _print_plan(plan, explanation, printed, options.verbose)
         show(f"\nwritten: {plain(str(folder / 'plan.json'))}{f'  {YIELD_FILE}' if printed else ''}")
         if stale:
             show(f"the other files in {plain(str(folder))} are of an earlier plan; padgen build makes them anew")
     return code_of(plan.findings)
 
 
-def _print_plan(plan: Any, explanation: Any, printed: Any) -> None:
-    from padgen.report import explanation_text, findings_text, plan_text, yield_text
+def _print_plan(plan: Any, explanation: Any, printed: Any, verbose: bool) -> None:
+    from padgen.report import explanation_text, findings_text, plan_text, serious_text, summary_text, yield_text
 
-    show(plan_text(plan))
-    show(findings_text(plan.findings))
+    show(summary_text(plan))
+    show(f"{plan_text(plan)}\n{findings_text(plan.findings)}" if verbose else serious_text(plan.findings))
     if explanation:
         show(f"\n{explanation_text(explanation)}")
     if printed:

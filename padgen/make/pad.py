@@ -11,11 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from padgen.core.cache import code_hash, versions
+from padgen.core.errors import PadgenError
 from padgen.core.files import OutputFolder, built_files, differs, file_hash, is_current, json_text
 from padgen.core.finding import Finding
 from padgen.core.registry import PAD_FORMATS, SCHEMES, SUSPENSIONS, USUAL_FORMATS, names_in
 from padgen.make.planning import plan_for
-from padgen.spec import Spec
+from padgen.spec import Spec, load_spec
+from padgen.spec.load import answers
 
 if TYPE_CHECKING:
     from padgen.planner.plan import Plan
@@ -57,7 +59,7 @@ def up_to_date(
     spec: Spec, folder: Path, formats: tuple[str, ...], instances: bool, parts: tuple[str, ...] = ()
 ) -> Built | None:
     """The build in `folder` if nothing that went into it has changed, else None."""
-    inputs = _inputs(spec, formats, instances, parts)
+    inputs = _inputs(_searched(spec, folder), formats, instances, parts)
     # The code of what was registered is in no hash.
     if inputs["registered"] or not is_current(folder, inputs):
         return None
@@ -68,6 +70,17 @@ def up_to_date(
         return Built(folder, tuple(built_files(folder)), checks["figures"], findings, printing, True)
     except (OSError, ValueError, TypeError, KeyError, RecursionError):  # a manifest that somebody has made up
         return None
+
+
+def _searched(spec: Spec, folder: Path) -> Spec:
+    """`spec` with what a search decided when the plan in `folder` was made by it."""
+    if not spec.leaves_layout_free:
+        return spec
+    try:
+        recorded = load_spec(str(folder / "plan.json"))
+    except PadgenError:  # none is there
+        return spec
+    return recorded if recorded.model == spec.model and answers(recorded, spec) else spec
 
 
 @dataclass(frozen=True, eq=False, repr=False)

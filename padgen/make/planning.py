@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from padgen.core.commit import recover
 from padgen.core.errors import PadgenError, SolverError, SpecError
 from padgen.spec import Spec, find_spec, load_spec, make_spec
-from padgen.spec.load import laid_over, without_none
+from padgen.spec.load import answers, laid_over, without_none
 
 if TYPE_CHECKING:
     from padgen.planner.plan import Plan
@@ -63,7 +63,7 @@ def recorded_spec(spec: Spec, folder: Path) -> Spec:
         recorded = load_spec(str(folder / PLAN))
     except PadgenError:  # none is there
         return spec
-    return recorded if replace(recorded, model=spec.model) == spec else spec
+    return recorded if answers(recorded, spec) else spec
 
 
 def plan_for(spec: Spec, tolerance: float | None = None, progress: Progress = lambda step: None) -> "Plan":
@@ -132,7 +132,7 @@ def plan_to_compare(spec: str, mesh: Path, progress: Progress = lambda step: Non
     recover(mesh.parent)
     if beside.is_file():
         recorded = read_plan(beside)
-        if replace(recorded.spec, model=asked.model) == asked:
+        if answers(recorded.spec, asked):
             return _named(recorded, str(beside))
     return _named(plan_for(asked, progress=progress), f"{spec}, planned anew")
 

@@ -92,6 +92,7 @@ def plan_tuned_to_solid(spec: Spec, progress: Progress = lambda step: None) -> P
         The finite-element package is not installed.
     """
     choice = choose(spec)
+    spec = choice.spec
     beams, goals = choice.channels, _goals(spec, choice.channels)
     tolerance = asked_error(spec)
     trials: list[list[Trial]] = [[] for _ in goals]
@@ -99,7 +100,7 @@ def plan_tuned_to_solid(spec: Spec, progress: Progress = lambda step: None) -> P
         for _ in range(ROUNDS):
             # What sufficed for the last width suffices for the next, and nothing cheaper does.
             settings = [tried[-1].solved.setting if tried else 0 for tried in trials]
-            answers = solver.solve(finish(spec, choice), settings)
+            answers = solver.solve(finish(choice), settings)
             for tried, sized, goal, solved in zip(trials, choice.channels, goals, answers, strict=True):
                 tried.append(Trial(sized, solved, log(goal / solved.resonance_hz)))
             channels = tuple(_next(spec, choice, tried, tolerance * MISS_SHARE) for tried in trials)
@@ -110,7 +111,7 @@ def plan_tuned_to_solid(spec: Spec, progress: Progress = lambda step: None) -> P
         _better(first, min(tried, key=lambda trial: abs(trial.miss)))
         for first, tried in zip(beams, trials, strict=True)
     ]
-    return finish(spec, choice._replace(channels=tuple(best)))
+    return finish(choice._replace(channels=tuple(best)))
 
 
 def _goals(spec: Spec, channels: Sequence[SizedChannel]) -> list[float]:

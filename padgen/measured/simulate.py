@@ -57,7 +57,7 @@ def spreads_for(plan: Plan, sigma: float) -> Spreads:
     """The plan's spreads, all scaled alike so that the resonances of its taxels scatter by `sigma` (root of the mean
     square over the taxels)."""
     spreads, design = spreads_of(plan.spec), design_of(plan, None)
-    drawn = log_detuning(design, spreads, 0, 0, 2048)
+    drawn = log_detuning(design, spreads, 0, 0, 2048)[2]
     scale = sigma / float(np.sqrt((drawn**2).mean()))
     return Spreads(*(value * scale for value in astuple(spreads)))
 
@@ -65,7 +65,7 @@ def spreads_for(plan: Plan, sigma: float) -> Spreads:
 def simulate_print(plan: Plan, seed: int, spreads: Spreads | None = None) -> Tuning:
     """What one print came out as, known exactly; the same seed, the same print."""
     spreads, design = spreads or spreads_of(plan.spec), design_of(plan, None)
-    x = np.exp(np.clip(log_detuning(design, spreads, seed, 0, 1)[:, 0], -1.0, 1.0))
+    x = np.exp(np.clip(log_detuning(design, spreads, seed, 0, 1)[2, :, 0], -1.0, 1.0))
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0, 100)))
     q_factor, pull_factor = np.exp(rng.standard_normal((2, len(x))) * [[Q_SPREAD], [PULL_SPREAD]])
     taxels = []

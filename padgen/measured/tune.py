@@ -12,7 +12,8 @@ the measurement, and is known to the conditional variance (Rasmussen and William
 2.23-2.24). A coupon printed beside the pad shares what is common and has no place on the pad."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
+from math import hypot
 
 import numpy as np
 
@@ -36,7 +37,7 @@ from padgen.physics.schemes import in_order
 from padgen.physics.selectivity import Channels, off_energy
 from padgen.planner.coil_load import coil_load
 from padgen.planner.plan import CoilLoad, Plan
-from padgen.planner.printed_pads import NAMES, OF_A_PAD, coils_of, design_of, spreads_of
+from padgen.planner.printed_pads import coils_of, covariance, design_of, spreads_of
 from padgen.planner.settings import scheme_named
 
 __all__ = ["Retuned", "RetunedCoil", "estimated", "retuned", "tuning_of"]
@@ -209,8 +210,6 @@ def _low_db(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> list[fl
     return result
 
 
-DIRECTIONS = 64
-"""Directions of a gradient that are averaged over."""
 JITTER = 1e-12
 
 
@@ -233,12 +232,12 @@ def estimated(
     measured = [*fits, *coupon.values()]
     hz = np.array([fit.resonance_hz for fit in measured])
     noise = np.array([fit.resonance_error_hz for fit in measured]) / hz
-    covariance = _covariance(plan, np.array(channel))
-    among = covariance[np.ix_(known, known)] + np.diag(noise**2 + JITTER)
-    across = covariance[np.ix_(rest, known)]
+    spread_of_prints = _covariance(plan, np.array(list(coupon), int))
+    among = spread_of_prints[np.ix_(known, known)] + np.diag(noise**2 + JITTER)
+    across = spread_of_prints[np.ix_(rest, known)]
     gain = np.linalg.solve(among, across.T).T
     mean = gain @ np.log(hz / planned[known])
-    spread = np.sqrt(np.maximum(covariance[rest, rest] - (gain * across).sum(1), 0.0))
+    spread = np.sqrt(np.maximum(spread_of_prints[rest, rest] - (gain * across).sum(1), 0.0))
     taxels = list(tuning.taxels)
     for i, shift, sigma in zip(rest, mean, spread, strict=True):
         taxels[i] = _moved(plan, i, taxels[i], float(np.exp(shift)), float(sigma))
@@ -259,23 +258,17 @@ def _moved(plan: Plan, index: int, taxel: TunedTaxel, ratio: float, sigma: float
     )
 
 
-def _covariance(plan: Plan, channel: np.ndarray) -> np.ndarray:
-    """Covariance of ln f of the pad's taxels and then of a coupon's, whose `channel` (n,) are given."""
-    design, spreads = design_of(plan, None), spreads_of(plan.spec)
-    count = len(plan.taxels)
+def _covariance(plan: Plan, coupon: np.ndarray) -> np.ndarray:
+    """Covariance of ln f of the pad's taxels and then of a coupon's channels (k,).
+
+    The printer's biases and the model's own error are in it: the measured taxels tell them as well.
+    """
+    design, spreads, bias = design_of(plan, None), spreads_of(plan.spec), plan.spec.spread
+    spreads = replace(
+        spreads,
+        modulus=hypot(spreads.modulus, bias.modulus_bias),
+        common_z_mm=hypot(spreads.common_z_mm, bias.z_bias_mm),
+    )
+    channel = np.concatenate([design.channel, coupon])
     model = np.array([c.model_error for c in plan.channels])[channel]
-    total = np.where(channel[:, None] == channel, model[:, None] * model, 0.0)
-    along = np.zeros((len(channel), DIRECTIONS))
-    angle = np.arange(DIRECTIONS) * np.pi / DIRECTIONS
-    direction = np.stack([np.cos(angle), np.sin(angle)])
-    along[:count] = design.place_mm @ direction / (design.size_mm @ np.abs(direction))
-    for k, (name, sigma) in enumerate(zip(NAMES, astuple(spreads), strict=True)):
-        each = (sigma * design.weight[k])[channel]
-        if name not in OF_A_PAD:
-            total += np.diag(each**2)
-        elif name == "plate_gradient":
-            total += each[:, None] * each * (along @ along.T) / DIRECTIONS
-        else:
-            total += each[:, None] * each
-    covariance: np.ndarray = total
-    return covariance
+    return covariance(design, spreads, coupon) + np.where(channel[:, None] == channel, model[:, None] * model, 0.0)

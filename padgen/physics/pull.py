@@ -193,7 +193,7 @@ def _mutual(
         return np.asarray((washer.response @ potential[..., None])[..., 0])
 
     left = answer(potential)
-    charge, steps = np.zeros(left.shape), []
+    charge, steps = np.zeros(left.shape), list[tuple[np.ndarray, np.ndarray]]()
     enough = SOLVED * np.linalg.norm(left)
     while np.linalg.norm(left) > enough and len(steps) < MOST_STEPS:
         step = left

@@ -49,6 +49,7 @@ def _load(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> CoilLoad:
         current_rms_ma=square_a2**0.5 / MA,
         voltage_peak_v=volts,
         copper_loss_w=loss_w,
+        idle_w=mean_square_a2(scheme, lines, headroom, np.zeros(len(lines), bool)) * coil.resistance_ohm,
         pull_in_share=pull_in,
         reachable_level_um=spec.drive.level_um * factors[tightest],
         reachable_by=tightest,

@@ -15,6 +15,7 @@ from padgen.planner.channels import driven, hanging_gap_um, pull_exponent, site_
 from padgen.planner.drive_scheme import modes_matter
 from padgen.planner.judge_drive import judge_drive
 from padgen.planner.left_out import judge_left_out
+from padgen.planner.pitch import judge_pitch
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.printable import DRAWN_SHARE, steps_are_coarse
 from padgen.planner.solved_model import asked_error
@@ -45,12 +46,13 @@ def judge(plan: Plan) -> tuple[Finding, ...]:
         *_targets(spec, plan.channels),
         *_bed(spec),
         *judge_drive(plan),
-        *_spread(plan),
+        *_prints(plan),
         *_single_layers(spec, plan.channels),
         *_recess(spec),
         *_modes(plan),
         *_mechanics(plan),
         *_places(plan),
+        *judge_pitch(plan),
         *judge_touch(plan),
         *judge_left_out(spec, plan.left_out),
     ]
@@ -115,17 +117,26 @@ def _bed(spec: Spec) -> Iterator[Finding]:
         )
 
 
-def _spread(plan: Plan) -> Iterator[Finding]:
-    """Off its resonance by half the half-power width, a taxel loses 3 dB of its own tone."""
-    worst = max(plan.channels, key=lambda c: c.print_spread)
-    if worst.print_spread > 1 / (2 * worst.q):
+def _prints(plan: Plan) -> Iterator[Finding]:
+    """What survives printing, and what would have to be measured for it."""
+    prints, wanted, asked = plan.prints, plan.spec.print_share, plan.selectivity.asked_db
+    if prints.print_db is None or prints.planned_db is None:
+        return
+    if prints.good_share < wanted:
+        yield Finding(
+            "warning",
+            "print.share",
+            "pad",
+            f"of its prints, each taxel re-tuned, {prints.good_share:.0%} keep the {asked:.1f} dB that are asked for;"
+            f" {wanted:.0%} of them keep {prints.print_db:.1f} dB (delta_y = {at_most(10 ** (prints.print_db / 20))})",
+        )
+    if prints.planned_db < min(asked, prints.print_db):
         yield Finding(
             "note",
             "print.spread",
-            f"channel {worst.index}",
-            f"a print's resonance spreads by {worst.print_spread:.0%} (one sigma), its tone must meet it within"
-            f" {1 / (2 * worst.q):.1%}: the driver table is where to start; measure every taxel and take its own"
-            " frequency",
+            "pad",
+            f"measure every taxel of a print and re-tune it: with the plan's own driver table {wanted:.0%} of prints"
+            f" keep {prints.planned_db:.1f} dB",
         )
 
 

@@ -1,10 +1,16 @@
 """Spec → Plan: search the layouts, size the beams, place the taxels, judge the result."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import islice
+from itertools import islice, product
+from math import inf
 from typing import NamedTuple
 
+import numpy as np
+
 from padgen.core.errors import InfeasibleError
+from padgen.core.units import decibel
+from padgen.physics.selectivity import Scheme
 from padgen.planner.capacity import channel_limit, coil_capacity
 from padgen.planner.channels import driven, plan_channels
 from padgen.planner.coil_load import coil_load
@@ -13,12 +19,14 @@ from padgen.planner.frame_rates import frame_rates
 from padgen.planner.judge import judge
 from padgen.planner.layout import Layout, candidates, room
 from padgen.planner.left_out import left_out
+from padgen.planner.pitch import pitch_of
 from padgen.planner.plan import Cell, Channel, CoilGrid, LayoutOption, Plan, Plate, Taxel, channel_sets
 from padgen.planner.printing import print_settings
+from padgen.planner.prints import NOT_PRINTED, on_paper_db, what_prints_keep
 from padgen.planner.resonances import planned_optimum
 from padgen.planner.reuse import cell_is_turned, coil_reuse
 from padgen.planner.search import sites_of, sized_layouts
-from padgen.planner.settings import scheme_named
+from padgen.planner.settings import scheme_named, sets_db
 from padgen.planner.sizing import SizedChannel
 from padgen.planner.taxel_model import plate_shape, post_diameter_mm, recess_mm
 from padgen.planner.touch import touched_pads
@@ -27,15 +35,22 @@ from padgen.spec import Spec
 __all__ = ["Choice", "choose", "finish", "make_plan"]
 
 RUNNERS_UP = 2
+REUSES, GAPS_MM = ("same", "alternate"), (1.0, 0.6, 0.4)
+"""What the search tries where the spec leaves it free, the simplest first: a smaller gap asks for flatter coils."""
+QUICK_PADS = 200
+"""Simulated prints by which layouts are compared."""
+NEAREST = 12
+"""Layouts that are compared by their prints where none works."""
 
 
 class Choice(NamedTuple):
-    """The layout that was chosen with its beams, what limits it, and the next best ones."""
+    """A layout with its beams, the spec with what the search decided, what limits it, and the next best ones."""
 
+    spec: Spec
     layout: Layout
     channels: tuple[SizedChannel, ...]
-    runners_up: tuple[LayoutOption, ...]
-    limits: str
+    runners_up: tuple[LayoutOption, ...] = ()
+    limits: str = ""
 
 
 def make_plan(spec: Spec) -> Plan:
@@ -46,31 +61,76 @@ def make_plan(spec: Spec) -> Plan:
     InfeasibleError
         No layout holds; the message names the limits of the best candidates and what would do.
     """
-    return finish(spec, choose(spec))
+    return finish(choose(spec))
 
 
 def choose(spec: Spec) -> Choice:
-    """Search the layouts and size the beams; raises as `make_plan` does."""
-    limit = channel_limit(spec)
-    options = candidates(spec, limit)
-    sized = next(sized_layouts(spec, options), None)
-    if sized is None:
+    """Search the layouts and size the beams: the fewest coils of which as many prints work as asked, else the best.
+
+    Raises as `make_plan` does.
+    """
+    found: list[Choice] = []
+    for decided in _decided(spec):
+        limit = channel_limit(decided)
+        options = candidates(decided, limit)
+        for layout, channels in islice(sized_layouts(decided, options), None if spec.leaves_layout_free else 1):
+            found.append(Choice(decided, layout, channels))
+    if not found:
         from padgen.planner.infeasible import why_not
 
-        raise InfeasibleError(why_not(spec, options, limit), "resolution")
-    layout, channels = sized
-    return Choice(layout, channels, _runners_up(spec, options, layout), _what_limits(spec, options, layout, limit))
+        decided = next(_decided(spec))
+        limit = channel_limit(decided)
+        raise InfeasibleError(why_not(decided, candidates(decided, limit), limit), "resolution")
+    best = found[0] if len(found) == 1 else _best(found)
+    limit = channel_limit(best.spec)
+    options = candidates(best.spec, limit)
+    limits = _what_limits(best.spec, options, best.layout, limit)
+    return best._replace(runners_up=_runners_up(best.spec, options, best.layout), limits=limits)
 
 
-def finish(spec: Spec, choice: Choice) -> Plan:
+def _decided(spec: Spec) -> Iterator[Spec]:
+    """`spec` with each reuse and gap that is left to the search, the simplest first."""
+    coil = spec.coil
+    reuses = REUSES if coil.reuse == "auto" else (coil.reuse,)
+    gaps = (coil.gap_mm,) if coil.gap_mm else GAPS_MM
+    for reuse, gap_mm in product(reuses, gaps):
+        yield replace(spec, coil=replace(coil, reuse=reuse, gap_mm=gap_mm))
+
+
+def _best(found: Sequence[Choice]) -> Choice:
+    """The first of the fewest coils whose prints work; else that of which prints keep most, of some that may."""
+    asked, wanted = decibel(found[0].spec.delta_y), found[0].spec.print_share
+    at_most_db = [_at_most_db(choice) for choice in found]
+    rank = sorted(range(len(found)), key=lambda k: (found[k].layout.surplus > 0, found[k].layout.coils))
+    for k in rank:
+        if at_most_db[k] >= asked:
+            plan = _assemble(found[k])
+            if on_paper_db(plan) >= asked and what_prints_keep(plan, QUICK_PADS).good_share >= wanted:
+                return found[k]
+    nearest = sorted(rank, key=lambda k: -min(at_most_db[k], asked))[:NEAREST]
+    return max((found[k] for k in nearest), key=_prints_keep_db)
+
+
+def _prints_keep_db(choice: Choice) -> float:
+    kept = what_prints_keep(_assemble(choice), QUICK_PADS).print_db
+    return inf if kept is None else kept
+
+
+def _at_most_db(choice: Choice) -> float:
+    """A bound of what the choice keeps, by its resonances alone and the quietest drive."""
+    hz = np.array([channel.target_hz for channel in choice.channels])
+    return sets_db(choice.spec, hz, np.ones(len(hz)), Scheme("time-shared"))
+
+
+def finish(choice: Choice) -> Plan:
     """The plan of a choice; its channels' beams and models may have been changed since."""
-    bare = _assemble(spec, choice)
-    known = replace(bare, left_out=left_out(bare))
+    bare = _assemble(choice)
+    known = replace(bare, left_out=left_out(bare), prints=what_prints_keep(bare))
     return replace(known, findings=judge(known))
 
 
-def _assemble(spec: Spec, choice: Choice) -> Plan:
-    layout, sized = choice.layout, choice.channels
+def _assemble(choice: Choice) -> Plan:
+    spec, layout, sized = choice.spec, choice.layout, choice.channels
     sites = sites_of(spec, layout, sized)
     bare = plan_channels(spec, sized, sites)
     selectivity = plan_selectivity(spec, bare, planned_optimum(spec, layout.channels, room(spec, layout)))
@@ -78,6 +138,7 @@ def _assemble(spec: Spec, choice: Choice) -> Plan:
     channels = driven(spec, bare, scheme)
     reuse = coil_reuse(spec, layout, channels, scheme)
     pitch_x, pitch_y = spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows
+    taxels = _taxels(spec, layout, channels, reuse.turned)
     return Plan(
         name=spec.name,
         spec=spec,
@@ -86,11 +147,13 @@ def _assemble(spec: Spec, choice: Choice) -> Plan:
         cell=Cell(layout.sub_columns, layout.sub_rows, layout.sub_width_mm, layout.sub_depth_mm, layout.beam_axis),
         plate=_plate(spec),
         channels=channels,
-        taxels=_taxels(spec, layout, channels, reuse.turned),
+        taxels=taxels,
+        pitch=pitch_of(taxels),
         selectivity=selectivity,
         load=coil_load(spec, channels, scheme),
         refresh=frame_rates(channels, spec.coil.sets),
         reuse=reuse,
+        prints=NOT_PRINTED,
         touched=touched_pads(spec, channels, scheme),
         layouts=choice.runners_up,
         printing=print_settings(spec, [c.beam for c in channels]),

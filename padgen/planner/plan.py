@@ -21,8 +21,10 @@ __all__ = [
     "FrameRate",
     "LayoutOption",
     "LeftOut",
+    "Pitch",
     "Plan",
     "Plate",
+    "Prints",
     "Reuse",
     "SchemeFigures",
     "Selectivity",
@@ -280,13 +282,14 @@ class CoilLoad:
 
     `pull_in_share` is the mean pull over the one at which the softest washer snaps to the coil.
     `reachable_level_um` is the largest `drive.level_um` that every limit allows, `reachable_by` the
-    limit that it meets.
+    limit that it meets. `idle_w` is what the constant current of a scheme takes with all taxels OFF.
     """
 
     current_peak_ma: float
     current_rms_ma: float
     voltage_peak_v: float
     copper_loss_w: float
+    idle_w: float
     pull_in_share: float
     reachable_level_um: float
     reachable_by: str
@@ -305,12 +308,50 @@ class Reuse:
     """What the neighbouring coils, in their worst state, do to a taxel that is OFF.
 
     `turned` names the cells that are turned by 180° so that taxels of one channel are not back to back:
-    'none', 'odd rows' or 'odd columns'.
+    'none', 'odd rows' or 'odd columns'. `leaks_db` has how far below its own level each channel (n,) stays,
+    `leak_db` the worst of them.
     """
 
     leak_db: float | None
     leak_channel: int | None
     turned: str
+    leaks_db: tuple[float | None, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Pitch:
+    """Smallest and largest distance of neighbouring columns (along x) and rows, empty where there is one alone.
+
+    `ratio` is the largest over the smallest distance, of the worse axis; `taken` the share of the crossings of rows and
+    columns that hold a taxel: 1 in a full grid, 0.5 on a checkerboard.
+    """
+
+    x_mm: tuple[float, ...]
+    y_mm: tuple[float, ...]
+    ratio: float
+    taken: float
+
+
+@dataclass(frozen=True, slots=True)
+class Prints:
+    """What printed pads keep, untouched: the worst state's ON over OFF, coils around and other modes counted.
+
+    `print_db` is what the share of pads that the spec asks for (`print_share`) reaches once each taxel is re-tuned;
+    `planned_db` with the driver table as it is, `coupon_db` once a coupon has told what is common to the print,
+    `some_db` once some taxels have told the smooth field over the bed as well. `good_share` of the pads and
+    `good_taxel_share` of the taxels reach what is asked, re-tuned. The dB are None where no taxel hears another.
+    Estimated from `pads` simulated ones: with 95 % confidence within `error_db` and `error_share`.
+    """
+
+    print_db: float | None
+    planned_db: float | None
+    coupon_db: float | None
+    some_db: float | None
+    good_share: float
+    good_taxel_share: float
+    pads: int
+    error_db: float | None
+    error_share: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -373,10 +414,12 @@ class Plan:
     plate: Plate
     channels: tuple[Channel, ...]
     taxels: tuple[Taxel, ...]
+    pitch: Pitch
     selectivity: Selectivity
     load: CoilLoad
     refresh: tuple[FrameRate, ...]
     reuse: Reuse
+    prints: Prints
     touched: tuple[Touched, ...]
     layouts: tuple[LayoutOption, ...]
     printing: dict[str, str]

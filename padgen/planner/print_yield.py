@@ -4,12 +4,14 @@ What is printed and how it is judged is told in `padgen.planner.printed_pads`.
 """
 
 from dataclasses import astuple, dataclass, replace
+from math import inf, log10
 
 import numpy as np
 
 from padgen.planner.plan import Plan
 from padgen.planner.printed_pads import (
     NAMES,
+    STAGES,
     Design,
     Prints,
     Spreads,
@@ -25,6 +27,8 @@ BUDGET = 5e8
 """Responses that are computed for all pads together: a few seconds."""
 COST_SHARE, COST_PADS = 20, 2000
 """What each spread costs is found on one pad in so many, but on so many pads if there are."""
+OUTCOMES = ("planned", "after_coupon", "after_some", "retuned")
+"""`Outcome`s in the order of `STAGES`."""
 TELLING = {"pads": 0.01, "taxels": 0.01, "median_db": 0.1}
 """Gains below these do not tell one spread from another."""
 
@@ -93,10 +97,11 @@ class Cost:
 class PrintYield:
     """What becomes of `pads` printed pads; fewer than `pads_asked` where those were too much work.
 
-    `criterion` says what a good taxel and a good pad are; `nominal_db` is the plan's own figure, each taxel taken
-    as its own mode alone, as here.
-    `swapped_share` of the neighbouring channels came out in the other order, `crowded_share` closer than the
-    slots of Eq. 12 are for the asked selectivity. `costs` come from the first `cost_pads` pads;
+    `criterion` says what a good taxel and a good pad are; `nominal_db` is what the drawing itself keeps. `after_coupon`
+    the tones know what is common to a print, `after_some` measured taxels the smooth field as well; `good_prints` has
+    the share of pads in which each taxel (t,) is good once re-tuned. `swapped_share` of the neighbouring channels came
+    out in the other order, `crowded_share` closer than the slots of Eq. 12 are for the asked selectivity. `costs` come
+    from the first `cost_pads` pads;
     `costliest_*` is the spread that gains most, and by which figure: 'pads', 'taxels' or 'median_db', the first of
     them that tells; ('none', 'none') where a print without one spread is no better by any.
     """
@@ -111,7 +116,10 @@ class PrintYield:
     spreads: Spreads
     channels: tuple[ChannelSpread, ...]
     planned: Outcome
+    after_coupon: Outcome
+    after_some: Outcome
     retuned: Outcome
+    good_prints: tuple[float, ...]
     swapped_share: float | None
     crowded_share: float | None
     cost_pads: int
@@ -155,12 +163,12 @@ def print_yield(
         seed=seed,
         drive=design.scheme.name,
         asked_db=plan.selectivity.asked_db,
-        nominal_db=plan.selectivity.placed_own_modes_db,
+        nominal_db=_nominal_db(design, spreads),
         criterion=_criterion(plan, design),
         spreads=spreads,
         channels=_channel_spreads(design, prints, made),
-        planned=_outcome(prints, 0, len(design.channel)),
-        retuned=_outcome(prints, 1, len(design.channel)),
+        **dict(zip(OUTCOMES, (_outcome(prints, k, len(design.channel)) for k in range(len(STAGES))), strict=True)),
+        good_prints=tuple((prints.good_prints[-1] / made).tolist()),
         swapped_share=swapped,
         crowded_share=crowded,
         cost_pads=cost_pads,
@@ -170,10 +178,15 @@ def print_yield(
     )
 
 
+def _nominal_db(design: Design, spreads: Spreads) -> float | None:
+    ratio = float(printed(design, spreads.none(), 1, 0, STAGES[-1:]).ratio[0, 0])
+    return 10 * log10(ratio) if 0 < ratio < inf else None
+
+
 def _criterion(plan: Plan, design: Design) -> str:
     asked = (
         f"a taxel or a pad is good with an ON over OFF of {plan.selectivity.asked_db:.1f} dB, leakage of other coils"
-        " and other modes of the taxels not counted"
+        " and other modes of the taxels included"
     )
     alone = "a taxel with a coil to itself while its tone moves it by 1/sqrt(2) of its level"
     counts = {len(coils.channels) for coils in design.coils}
@@ -223,7 +236,7 @@ def _costs(design: Design, spreads: Spreads, pads: int, seed: int) -> tuple[Cost
     costs = []
     for name, sigma in zip(NAMES, astuple(spreads), strict=True):
         without = printed(design, replace(spreads, **{name: 0.0}), pads, seed) if sigma else base
-        costs.append(Cost(name, sigma, *(_gain(base, without, k, taxels) for k in (0, 1))))
+        costs.append(Cost(name, sigma, *(_gain(base, without, k, taxels) for k in (0, -1))))
     return tuple(costs)
 
 

@@ -1,41 +1,47 @@
 """Printing a plan many times over by a Monte-Carlo, and judging every printed coil.
 
-A print moves resonances, and nothing else is moved here: Q and the masses of the response stay. Each spread is one
-normal number z of the given sigma, its effect ``exp(s z)`` with s = d ln f / d z: log-normal, so that no dimension and
+A print moves resonances, and nothing else is moved here: Q and the masses of the response stay. Each cause is a normal
+number z of the given sigma, its effect ``exp(s z)`` with s = d ln f / d z: log-normal, so that no dimension and
 no resonance becomes negative however large a spread (at the sigma itself it is the linear rule).
 
 ====================  ==============================  =====================================================
-spread                acts on                         d ln f
+cause                 acts on                         d ln f
 ====================  ==============================  =====================================================
-modulus               a pad                           1/2 dE/E
-thickness drift       a pad                           s_t dt/t
-plate gradient        a pad, by a taxel's place       what the place has of one side-to-side difference
+modulus               a print                         1/2 dE/E
+common z              a print                         s_t dt/t
+field z               a taxel, by its place           s_t dt/t
 width, length         a taxel                         s_w dw/w, s_l dl/l
 thickness             a taxel                         s_t dt/t
 glue                  a taxel                         −1/2 dm over the effective mass
+washer                a taxel                         its mass times where its mode has it, by its place
 ====================  ==============================  =====================================================
 
-s_w, s_t, s_l come from the beam model by central differences (the rule says 1/2, 3/2, −3/2). The gradient has a
-random direction; along it the pad's two sides differ by its sigma, its middle not at all.
+s_w, s_t, s_l come from the beam model by central differences (the rule says 1/2, 3/2, −3/2). The field is a smooth
+height over the bed, of correlation ``exp(−d²/L²)`` between taxels d apart. A washer lies anywhere in its recess: a
+quarter of the clearance is its sigma along each axis. The biases of a printer are never drawn (`padgen.spec.Spread`).
 
-Every printed coil is judged by the closed form of `padgen.physics.selectivity` over all states, each washer pulled
-as strongly as it lies to the coil: the smallest ON amplitude, that of a taxel alone on, over the largest OFF
-amplitude, that with all others on. *Planned*: tones and forces stay at the plan's, so that a detuned taxel moves
-less than planned when it is ON. *Retuned*: each tone goes to the measured resonance, the forces restore the level
-that the level law gives it there.
+Every printed coil is judged by the closed form of `padgen.physics.selectivity` over all states, counting the washers'
+unequal distances from the coil: the smallest ON amplitude, that of a taxel alone on, over the largest OFF
+amplitude, that with all others on, the coils around and its other modes adding what they do in the plan. Tones and
+forces are the plan's at first, so that a detuned taxel moves less than planned when it is ON; then each tone goes to
+where the taxel is believed to resonate, and the forces restore the level that the level law gives it there: after the
+coupon what is common is known, after some measured taxels the field as well, after re-tuning each taxel all of it.
 """
 
 from dataclasses import astuple, dataclass, fields
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
 
-from padgen.core.units import GRAM, MG
+from padgen.core.units import G_PER_CM3, GRAM, MG, MM
 from padgen.physics.ladder import ladder_ratio
 from padgen.physics.levels import LevelLaw
 from padgen.physics.resonator import relative_energy
 from padgen.physics.selectivity import Channels, Scheme, channels, off_energy
+from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.plan import Plan
+from padgen.planner.pull_modes import heard_modes
 from padgen.planner.settings import level_law
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
@@ -43,14 +49,17 @@ from padgen.spec import Spec
 
 __all__ = [
     "NAMES",
-    "OF_A_PAD",
+    "OF_A_PRINT",
+    "STAGES",
     "Coils",
     "Design",
     "Prints",
     "Spreads",
     "coils_of",
+    "covariance",
     "design_of",
     "log_detuning",
+    "log_resonances",
     "places_of_mm",
     "printed",
     "sensitivities",
@@ -65,26 +74,36 @@ DRAWN, MOST_DRAWN = 1 << 18, 1 << 12
 STEP = 1e-3
 """Relative step of the central differences: their error is its square, that of rounding 1e-12 over it."""
 ROUNDING_DB = 1e-9
+NODES = 6
+"""Nodes of the field in its correlation length; with five the covariance is 1e-6 off."""
+SMALLEST_WAVE = 1e-12
 FARTHEST = 20.0
 """Largest d ln f: beyond it a taxel is as lost as at it, and powers would overflow."""
 
 
 @dataclass(frozen=True, slots=True)
 class Spreads:
-    """One sigma of each spread: relative (`modulus`, `plate_gradient`), in mm or in mg."""
+    """One sigma of each cause: `modulus` relative, else in mm or in mg."""
 
     modulus: float
-    thickness_drift_mm: float
-    plate_gradient: float
+    common_z_mm: float
+    field_z_mm: float
     width_mm: float
     thickness_mm: float
     length_mm: float
     glue_mg: float
+    washer_mm: float
+
+    def none(self) -> "Spreads":
+        """The same without any spread: prints as drawn."""
+        return Spreads(*[0.0] * len(NAMES))
 
 
+STAGES = ("planned", "coupon", "some", "retuned")
+"""What the tones know: the plan, what is common to the print as well, the field too, each taxel's own resonance."""
 NAMES = tuple(f.name for f in fields(Spreads))
-OF_A_PAD = ("modulus", "thickness_drift_mm", "plate_gradient")
-"""Spreads with one number a pad; the others have one a taxel."""
+OF_A_PRINT = ("modulus", "common_z_mm")
+"""Causes with one number a print; the field has a smooth one, the others one a taxel."""
 
 
 class Coils(NamedTuple):
@@ -97,13 +116,17 @@ class Coils(NamedTuple):
 class Design(NamedTuple):
     """What of a plan a print depends on: channels (n,), taxels (t,), coils by how many channels they have.
 
-    `weight` (7, n) is d ln f per unit of each of `Spreads`.
+    `beside` (n,) is the energy of an OFF taxel by the coils around and by its other modes, over that of its ON state,
+    `kept` what an ON taxel keeps of its energy where its beams stretch. `weight` (8, n) is d ln f per unit of each of
+    `Spreads`, `field_length_mm` over which their field goes.
     """
 
     resonance_hz: np.ndarray
     q: np.ndarray
     mass_g: np.ndarray
     pull: np.ndarray
+    beside: np.ndarray
+    kept: float
     law: LevelLaw
     scheme: Scheme
     need: float
@@ -112,50 +135,61 @@ class Design(NamedTuple):
     sensitivity: np.ndarray
     channel: np.ndarray
     place_mm: np.ndarray
-    size_mm: np.ndarray
+    field_length_mm: float
     coils: tuple[Coils, ...]
 
 
 class Prints(NamedTuple):
-    """Results of pads (p,); the first axis of 2 is planned, retuned. `ratio` is an energy, inf without OFF taxels."""
+    """Results of pads (p,); the first axis is the stages. `ratio` is an energy, inf where nothing moves OFF taxels.
+
+    `good_prints` (stages, taxels) counts the pads in which a taxel is good.
+    """
 
     ratio: np.ndarray
     good_taxels: np.ndarray
     good: np.ndarray
     square: np.ndarray
     neighbours: np.ndarray
+    good_prints: np.ndarray
 
 
 def spreads_of(spec: Spec) -> Spreads:
-    """The spreads that a spec's material, printer and glue have.
-
-    Of the tolerance of a thickness, a share is common to a pad; the squares of the two parts add up to its own.
-    """
-    printer, drift = spec.printer, spec.printer.thickness_drift_share
+    """The spreads of a spec's prints."""
+    own, taxel = spec.spread, spec.taxel
     return Spreads(
-        modulus=spec.material.modulus_spread,
-        thickness_drift_mm=printer.thickness_tolerance_mm * drift,
-        plate_gradient=printer.plate_gradient,
-        width_mm=printer.width_tolerance_mm,
-        thickness_mm=printer.thickness_tolerance_mm * (1 - drift**2) ** 0.5,
-        length_mm=printer.length_tolerance_mm,
-        glue_mg=spec.taxel.glue_spread_mg,
+        modulus=own.common_modulus,
+        common_z_mm=own.common_z_mm,
+        field_z_mm=own.bed_field_mm,
+        width_mm=own.width_mm,
+        thickness_mm=own.thickness_mm,
+        length_mm=own.length_mm,
+        glue_mg=taxel.glue_spread_mg,
+        washer_mm=0.0 if taxel.centre_post else taxel.washer_clearance_mm / 4,
     )
 
 
 def sensitivities(plan: Plan) -> np.ndarray:
     """d ln f / d ln of width, thickness and length (n, 3) of every channel, by the beam model."""
-    spec, result = plan.spec, np.empty((len(plan.channels), 3))
-    step = np.exp(STEP * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)]))
+    step = np.exp(STEP * np.concatenate([np.eye(3), -np.eye(3)]))
+    sizes = np.array([(c.beam.width_mm, c.beam.thickness_mm, c.beam.length_mm) for c in plan.channels])
+    log_hz = log_resonances(plan, sizes[:, None] * step)
+    slopes: np.ndarray = (log_hz[:, :3] - log_hz[:, 3:]) / (2 * STEP)
+    return slopes
+
+
+def log_resonances(plan: Plan, sizes_mm: np.ndarray) -> np.ndarray:
+    """ln of the resonance (n, k) in Hz of each channel's beams of these widths, thicknesses, lengths (n, k, 3)."""
+    result = np.empty(sizes_mm.shape[:2])
     for topology in {c.beam.topology for c in plan.channels}:
         index = [c.index for c in plan.channels if c.beam.topology == topology]
-        beams = [plan.channels[i].beam for i in index]
-        size = np.array([(b.width_mm, b.thickness_mm, b.length_mm) for b in beams])[:, None] * step
-        model = TaxelModel(spec, topology, plate_shape(spec), BeamShape(*np.moveaxis(size, -1, 0)))
-        # The mode that works as drawn is followed: which one works most must not jump between the steps.
-        working = np.broadcast_to(model.working[:, :1], model.working.shape)[..., None]
-        log_hz = np.log(np.take_along_axis(model.modes.frequency_hz, working, -1)[..., 0])
-        result[index] = (log_hz[:, 1:4] - log_hz[:, 4:]) / (2 * STEP)
+        drawn = np.array([(c.beam.width_mm, c.beam.thickness_mm, c.beam.length_mm) for c in plan.channels])[index, None]
+        size = np.concatenate([drawn, sizes_mm[index]], axis=1)
+        model = TaxelModel(plan.spec, topology, plate_shape(plan.spec), BeamShape(*np.moveaxis(size, -1, 0)))
+        # The mode that works as drawn is followed over steps, in which no modes change places: it must not jump.
+        # Farther off, as where a beam becomes wider than thick, it is the one that works there.
+        near = (np.abs(size / drawn - 1) < 2 * STEP).all(-1)
+        working = np.where(near, model.working[:, :1], model.working)[..., None]
+        result[index] = np.log(np.take_along_axis(model.modes.frequency_hz, working, -1)[:, 1:, 0])
     return result
 
 
@@ -187,94 +221,169 @@ def design_of(plan: Plan, places_mm: np.ndarray | None) -> Design:
         q=np.array([c.q for c in plan.channels]),
         mass_g=mass,
         pull=pull if (pull > 0).all() else np.ones(len(mass)),
+        beside=_beside(plan),
+        kept=float(10 ** (-max(c.level_loss_db for c in plan.channels) / 10)),
         law=level_law(spec),
         scheme=plan.scheme,
         need=10 ** ((plan.selectivity.asked_db - ROUNDING_DB) / 10),
         crowded_ratio=ladder_ratio(spec.q_min, spec.delta_y),
-        weight=np.array([one / 2, thickness, one, width, thickness, length, glue]),
+        weight=np.array([one / 2, thickness, thickness, width, thickness, length, glue, _washer_weight(plan)]),
         sensitivity=sensitivity,
         channel=channel,
         place_mm=places_of_mm(plan) if places_mm is None else np.asarray(places_mm, float),
-        size_mm=np.array([spec.pad.width_mm, spec.pad.depth_mm]),
+        field_length_mm=spec.spread.field_length_mm,
         coils=tuple(Coils(np.array(own), np.array(alike[own]).T) for own in sorted(alike)),
     )
 
 
 def work(design: Design) -> float:
-    """Responses that one pad takes, planned and retuned; the random numbers of a taxel weigh as ten."""
+    """Responses that one pad takes in all stages; the random numbers of a taxel weigh as ten."""
     with_pairs = design.scheme.has_pair_spurs
     each = [(n := len(coils.channels)) ** 2 + with_pairs * (n > 2) * n**2 * (n - 1) for coils in design.coils]
     coils = [coils.taxels.shape[1] for coils in design.coils]
-    return 2.0 * sum(np.multiply(each, coils)) + 10.0 * len(design.channel)
+    return float(len(STAGES) * sum(np.multiply(each, coils)) + 10 * len(design.channel))
+
+
+def _beside(plan: Plan) -> np.ndarray:
+    """Energy (n,) that the coils around and the other modes add to an OFF taxel, over that of its ON state.
+
+    Taken from the plan, of its tones as they are: the worst case of leakage, where a neighbour plays this taxel's own
+    resonance, which re-tuned prints do not quite reach.
+    """
+    leaks = [db for db in plan.reuse.leaks_db if db is not None] or [inf] * len(plan.channels)
+    total = 10 ** (-np.array(leaks) / 10)
+    for own in plan.sets:
+        if len(own) < 2:
+            continue
+        which = placed_channels(plan.spec, own)
+        modes = heard_modes(plan.spec, own, which.line)
+        more = off_energy(which, plan.scheme, modes) - off_energy(which, plan.scheme)
+        total[[c.index for c in own]] += np.maximum(more, 0.0)
+    return total
+
+
+def _washer_weight(plan: Plan) -> np.ndarray:
+    """|d ln f| per mm that a channel's washer lies off its recess's middle, whichever way (n,).
+
+    By the first order of perturbation: f falls by half of what the washer's kinetic energy in the mode rises.
+    """
+    washer = plan.spec.washer
+    area = np.pi / 4 * (washer.outer_diameter_mm**2 - washer.inner_diameter_mm**2) * MM**2
+    mass = area * washer.thickness_mm * MM * washer.density_g_per_cm3 * G_PER_CM3
+    motion = np.array([c.mode_motions[int(np.argmax(c.mode_shares))] for c in plan.channels])
+    up, tilt = motion[:, 2], motion[:, 3:5]
+    weight: np.ndarray = mass * np.abs(up) * np.hypot(*tilt.T) * MM
+    return weight
 
 
 def log_detuning(design: Design, spreads: Spreads, seed: int, unit: int, pads: int) -> np.ndarray:
-    """ln of printed over planned resonance (taxels, pads). Each spread has a stream of its own."""
+    """ln of printed over planned resonance (3, taxels, pads): what is common, with the field, with each one's own.
+
+    What is common, the field and what is each taxel's own have a stream of random numbers each.
+    """
     taxels = len(design.channel)
-    result = np.zeros((taxels, pads))
-    for k, (name, sigma) in enumerate(zip(NAMES, astuple(spreads), strict=True)):
-        if not sigma:
-            continue
-        rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(unit, k)))
-        z = rng.standard_normal((1 if name in OF_A_PAD else taxels, pads))
-        if name == "plate_gradient":
-            z = z * _along(design, rng.uniform(0, np.pi, pads))
-        result += (sigma * design.weight[k])[design.channel, None] * z
+    weight = np.array(astuple(spreads))[:, None] * design.weight
+    streams = [np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(unit, k))) for k in range(3)]
+    result = np.zeros((3, taxels, pads))
+    common = [k for k, name in enumerate(NAMES) if name in OF_A_PRINT]
+    result[:] = (weight[common].T @ streams[0].standard_normal((len(common), pads)))[design.channel]
+    field = weight[NAMES.index("field_z_mm")]
+    if field.any():
+        result[1:] += field[design.channel, None] * _field(design, streams[1], pads)
+    own = np.sqrt((weight[[k for k, name in enumerate(NAMES) if name not in (*OF_A_PRINT, "field_z_mm")]] ** 2).sum(0))
+    result[2] += own[design.channel, None] * streams[2].standard_normal((taxels, pads))
     return result
 
 
-def _along(design: Design, angle: np.ndarray) -> np.ndarray:
-    """Where taxels lie along a direction (taxels, pads): −1/2 at the pad's one side, 1/2 at the other."""
-    direction = np.stack([np.cos(angle), np.sin(angle)])
-    along: np.ndarray = (design.place_mm[:, :1] * direction[0] + design.place_mm[:, 1:] * direction[1]) / (
-        design.size_mm @ np.abs(direction)
-    )
-    return along
+def _field(design: Design, rng: np.random.Generator, pads: int) -> np.ndarray:
+    """A smooth field of sigma 1 at the taxels (taxels, pads): waves along x times waves along y."""
+    (x, at_x), (y, at_y) = (np.unique(side, return_inverse=True) for side in design.place_mm.T)
+    along, across = (_waves(side, design.field_length_mm) for side in (x, y))
+    z = rng.standard_normal((pads, along.shape[1], across.shape[1]))
+    grid = along @ z @ across.T
+    field: np.ndarray = grid[:, at_x, at_y].T
+    return field
 
 
-def printed(design: Design, spreads: Spreads, pads: int, seed: int) -> Prints:
+def _waves(place_mm: np.ndarray, length_mm: float) -> np.ndarray:
+    """W (n, k) with ``W Wᵀ`` = exp(−d²/length²) between places (n,), by nodes a quarter of the length apart."""
+    count = int(np.ptp(place_mm) / length_mm * NODES) + 2 * NODES
+    nodes = np.linspace(place_mm.min() - length_mm, place_mm.max() + length_mm, count)
+    size, shape = np.linalg.eigh(_alike(nodes, nodes, length_mm))
+    kept = size > SMALLEST_WAVE * size.max()
+    waves: np.ndarray = _alike(place_mm, nodes, length_mm) @ shape[:, kept] / np.sqrt(size[kept])
+    return waves
+
+
+def _alike(one_mm: np.ndarray, other_mm: np.ndarray, length_mm: float) -> np.ndarray:
+    alike: np.ndarray = np.exp(-(((one_mm[:, None] - other_mm) / length_mm) ** 2))
+    return alike
+
+
+def covariance(design: Design, spreads: Spreads, coupon: np.ndarray | None = None) -> np.ndarray:
+    """Covariance of ln f of the pad's taxels and then of a coupon's, whose channels (k,) are given.
+
+    The coupon is printed with the pad, somewhere else on the bed: the field there tells nothing.
+    """
+    apart = [np.exp(-((side[:, None] - side) ** 2) / design.field_length_mm**2) for side in design.place_mm.T]
+    taxels, more = len(design.channel), 0 if coupon is None else len(coupon)
+    channel = np.concatenate([design.channel, np.asarray(coupon if more else [], int)])
+    alike = {"field_z_mm": np.eye(taxels + more)} | dict.fromkeys(OF_A_PRINT, np.ones((taxels + more,) * 2))
+    alike["field_z_mm"][:taxels, :taxels] = apart[0] * apart[1]
+    total = np.zeros((taxels + more,) * 2)
+    for k, (name, sigma) in enumerate(zip(NAMES, astuple(spreads), strict=True)):
+        each = (sigma * design.weight[k])[channel]
+        total += alike[name] * np.outer(each, each) if name in alike else np.diag(each**2)
+    return total
+
+
+def printed(design: Design, spreads: Spreads, pads: int, seed: int, stages: tuple[str, ...] = STAGES) -> Prints:
     """Print and judge, a stream of random numbers after the other, in blocks of bounded memory."""
-    taxels, count = len(design.channel), len(design.q)
+    taxels, count, many = len(design.channel), len(design.q), len(stages)
     unit = max(min(DRAWN // taxels, MOST_DRAWN), 1)
     step = max(BLOCK // taxels, 1)
     prints = Prints(
-        np.full((2, pads), np.inf), np.zeros((2, pads), int), np.ones((2, pads), bool), np.zeros(count), np.zeros(2)
+        np.full((many, pads), np.inf),
+        np.zeros((many, pads), int),
+        np.ones((many, pads), bool),
+        np.zeros(count),
+        np.zeros(2),
+        np.zeros((many, taxels), int),
     )
     for number in range(-(-pads // unit)):
         # A stream is drawn whole, so that the first pads are the same however many there are.
-        log_x = log_detuning(design, spreads, seed, number, unit)[:, : pads - number * unit]
-        prints.square[:] += np.bincount(design.channel, (log_x**2).sum(1), count)
-        x = np.exp(np.clip(log_x, -FARTHEST, FARTHEST))
+        log_x = log_detuning(design, spreads, seed, number, unit)[:, :, : pads - number * unit]
+        prints.square[:] += np.bincount(design.channel, (log_x[2] ** 2).sum(1), count)
+        known = np.concatenate([np.zeros((1, *log_x.shape[1:])), log_x])
+        tone, x = (np.exp(np.clip(part, -FARTHEST, FARTHEST)) for part in (known, log_x[2]))
+        tone = tone[[STAGES.index(stage) for stage in stages]]
         for first in range(0, x.shape[1], step):
-            part = x[:, first : first + step]
-            start = number * unit + first
-            block = slice(start, start + part.shape[1])
+            part = slice(first, first + step)
+            block = slice(number * unit + first, number * unit + min(first + step, x.shape[1]))
             for coils in design.coils:
-                _judge(design, coils, part, prints, block)
+                _judge(design, coils, x[:, part], tone[:, :, part], prints, block)
     return prints
 
 
-def _judge(design: Design, coils: Coils, x: np.ndarray, prints: Prints, block: slice) -> None:
-    """Enter what `coils` are like in prints that came out `x` (taxels, pads) off."""
+def _judge(design: Design, coils: Coils, x: np.ndarray, tones: np.ndarray, prints: Prints, block: slice) -> None:
+    """Enter what `coils` are like in prints `x` (taxels, pads) off, driven by `tones` (stages, taxels, pads)."""
     n, shape = len(coils.channels), (*coils.taxels.shape, x.shape[1])
     x = x[coils.taxels].reshape(n, -1)
     f, q, mass, pull = (v[coils.channels, None] for v in (design.resonance_hz, design.q, design.mass_g, design.pull))
-    tuned = channels(f, q, design.law(f), mass, pull)
-    hz = f * x
-    found = channels(hz, q, design.law(hz), mass, pull)
-    cases = (Channels(hz, q, tuned.line * x**2), tuned), (found, found)
-    for k, (printed, tones) in enumerate(cases):
-        on = (relative_energy(tones.resonance_hz, hz, q) * (tones.line / printed.line) ** 2).reshape(shape)
-        if n == 1:
-            good = on >= 0.5
-            prints.good[k, block] &= good.all((0, 1))
-        else:
-            off = off_energy(printed, design.scheme, drivers=tones).reshape(shape)
-            good = on >= design.need * off
-            ratio = (on.min(0) / off.max(0)).min(0)
-            prints.ratio[k, block] = np.minimum(prints.ratio[k, block], ratio)
-            prints.good[k, block] &= ratio >= design.need
+    hz, beside = f * x, design.beside[coils.channels, None, None]
+    for k, tone in enumerate(tones[:, coils.taxels].reshape(len(tones), n, -1)):
+        driven = channels(f * tone, q, design.law(f * tone), mass, pull)
+        # What would move a taxel by that level at its own resonance.
+        taxel = Channels(hz, q, driven.line * (x / tone) ** 2)
+        on = (relative_energy(driven.resonance_hz, hz, q) * (driven.line / taxel.line) ** 2).reshape(shape)
+        off = beside + (off_energy(taxel, design.scheme, drivers=driven).reshape(shape) if n > 1 else 0.0 * on)
+        good = design.kept * on >= np.maximum(design.need * off, 0.5 if n == 1 else 0.0)
+        with np.errstate(divide="ignore"):
+            ratio = (design.kept * on.min(0) / off.max(0)).min(0)
+        prints.ratio[k, block] = np.minimum(prints.ratio[k, block], ratio)
+        prints.good[k, block] &= good.all((0, 1)) if n == 1 else ratio >= design.need
         prints.good_taxels[k, block] += good.sum((0, 1))
+        prints.good_prints[k, coils.taxels] += good.sum(-1)
     apart = hz[1:] / hz[:-1]
     limit = design.crowded_ratio
     prints.neighbours[:] += (apart < 1).sum(), ((apart < limit) & (apart > 1 / limit)).sum()

@@ -32,7 +32,7 @@ def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], scheme: 
     """
     turned = turned_cells(spec, layout, [channel.site for channel in channels])
     if layout.coils < 2:
-        return Reuse(None, None, turned)
+        return Reuse(None, None, turned, (None,) * len(channels))
     pitch = np.array([spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows])
     place = np.array([channel.site.washer_mm for channel in channels])
     steps_to = coils_around(layout.rows, layout.columns)
@@ -53,7 +53,8 @@ def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], scheme: 
             total += (square + constant) ** 2 * tones + (square * np.sqrt(spurs) + product * np.sqrt(beats)) ** 2
         energy = np.maximum(energy, total)
     worst = int(energy.argmax())
-    return Reuse(-decibel(float(energy[worst]) ** 0.5), worst, turned)
+    leaks = tuple(-decibel(float(value) ** 0.5) for value in energy)
+    return Reuse(leaks[worst], worst, turned, leaks)
 
 
 def _heard(spec: Spec, scheme: Scheme, channels: Sequence[Channel], steps: int) -> tuple[np.ndarray, ...]:

@@ -1,6 +1,7 @@
 """Layouts that hold, with their beams: room first, then resonances and beams for that room."""
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from functools import lru_cache
 from itertools import islice
 from math import inf
@@ -59,7 +60,8 @@ def sites_of(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> 
 
 def _beams(spec: Spec, layout: Layout) -> tuple[SizedChannel, ...] | None:
     """Beams for the first ladder that prints; optimised, for the ladder that keeps most as printed and pulled."""
-    options = _sized(spec, layout.channels, room(spec, layout))
+    # The gap below moves no resonance: one search of beams for all of them.
+    options = _sized(replace(spec, coil=replace(spec.coil, gap_mm=1.0)), layout.channels, room(spec, layout))
     if len(options) < 2:
         return options[0] if options else None
     return max(options, key=lambda channels: _keeps(spec, layout, channels))

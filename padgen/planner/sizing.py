@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import islice, pairwise
-from math import sqrt
+from math import hypot, sqrt
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from padgen.planner.printable import LENGTH_STEP_MM, IdealBeam, printable_beams,
 from padgen.planner.settings import level_law
 from padgen.planner.suspensions import BeamShape, Room, allowed, suspension
 from padgen.planner.taxel_model import TaxelModel, plate_shape
-from padgen.spec import Printer, Spec
+from padgen.spec import Printer, Spec, Spread
 from padgen.spec.model import Drive, Pad, Suspension
 
 __all__ = ["Reach", "SizedChannel", "crowded_modes", "frequency_spread", "reach", "size_channels"]
@@ -42,12 +42,14 @@ class SizedChannel:
     model: TaxelModel
 
 
-def frequency_spread(beam: BeamShape, printer: Printer) -> np.ndarray:
-    """Relative spread of a resonance from the printer's tolerances: ``f ∝ w^½ t^{3/2} l^{−3/2}``."""
+def frequency_spread(beam: BeamShape, spread: Spread) -> np.ndarray:
+    """Relative spread of a resonance in prints of a calibrated printer, by ``f ∝ w^½ t^{3/2} l^{−3/2}``."""
+    thickness = hypot(spread.common_z_mm, spread.bed_field_mm, spread.thickness_mm)
     terms = (
-        0.5 * printer.width_tolerance_mm / np.asarray(beam.width_mm),
-        1.5 * printer.thickness_tolerance_mm / np.asarray(beam.thickness_mm),
-        1.5 * printer.length_tolerance_mm / np.asarray(beam.length_mm),
+        0.5 * spread.common_modulus,
+        0.5 * spread.width_mm / np.asarray(beam.width_mm),
+        1.5 * thickness / np.asarray(beam.thickness_mm),
+        1.5 * spread.length_mm / np.asarray(beam.length_mm),
     )
     return np.sqrt(sum(term**2 for term in terms))
 
@@ -186,7 +188,7 @@ def _choices(spec: Spec, reaches: list[Reach], targets: np.ndarray) -> Iterator[
     for item in reaches:
         width = item.widths_for(targets)
         beam = BeamShape(width, item.thickness_mm[:, None], item.length_mm)
-        spread = np.where(np.isnan(width), np.inf, frequency_spread(beam, spec.printer))
+        spread = np.where(np.isnan(width), np.inf, frequency_spread(beam, spec.spread))
         tables.append((item, width, spread))
     allowed = set(spec.suspension.tune.split("+"))
     for step in _STEPS:

@@ -133,7 +133,8 @@ class TaxelModel:
         fillet = fillet_mm(self.spec, self.arrangement) * MM
         placements: list[BeamPlacement] = []
         for path in self.arrangement.beams:
-            width, thickness = path.width_mm * MM, path.thickness_mm * MM
+            width = (path.width_mm + self.spec.printer.width_offset_mm) * MM
+            thickness = (path.thickness_mm + self.spec.printer.z_offset_mm) * MM
             pieces = () if path.is_straight else tuple((s.length_mm * MM, s.turn_rad) for s in path.segments)
             across = self.spec.material.cross_layer_ratio
             bare = BeamSection(width, thickness, path.length_mm * MM, fillet, path=pieces, across=across)

@@ -1,5 +1,23 @@
 """What was made, as text for people. Makes text; the command line prints it."""
 
-from padgen.report.plans import built_text, explanation_text, figures_text, findings_text, plan_text, yield_text
+from padgen.report.plans import (
+    built_text,
+    explanation_text,
+    figures_text,
+    findings_text,
+    plan_text,
+    serious_text,
+    summary_text,
+    yield_text,
+)
 
-__all__ = ["built_text", "explanation_text", "figures_text", "findings_text", "plan_text", "yield_text"]
+__all__ = [
+    "built_text",
+    "explanation_text",
+    "figures_text",
+    "findings_text",
+    "plan_text",
+    "serious_text",
+    "summary_text",
+    "yield_text",
+]

@@ -13,11 +13,127 @@ if TYPE_CHECKING:
     from padgen.planner.plan import Channel, Plan
     from padgen.planner.print_yield import PrintYield, Share
 
-__all__ = ["built_text", "explanation_text", "figures_text", "findings_text", "plan_text", "yield_text"]
+__all__ = [
+    "built_text",
+    "explanation_text",
+    "figures_text",
+    "findings_text",
+    "plan_text",
+    "serious_text",
+    "summary_text",
+    "verdict_line",
+    "yield_text",
+]
+
+
+WIDTH = 100
+"""Columns of a text for people."""
+
+
+def summary_text(plan: "Plan") -> str:
+    """The verdict on a plan, the pad in a line, its channels, and what it takes to drive it."""
+    lines = [verdict_line(plan), _pad_line(plan), "", _summary_table(plan.channels), "", *_power_lines(plan)]
+    return "\n".join(wrapped for line in "\n".join(lines).split("\n") for wrapped in _wrapped(line))
+
+
+def verdict_line(plan: "Plan") -> str:
+    """Whether prints of the plan work, and by how much, in one sentence."""
+    prints, asked, share = plan.prints, plan.selectivity.asked_db, f"{plan.spec.print_share:.0%} of prints"
+    errors = [f for f in plan.findings if f.level == "error"]
+    if errors:
+        return f"{plan.name} does not work: see the {'error' if len(errors) == 1 else f'{len(errors)} errors'} below."
+    if prints.print_db is None or prints.planned_db is None:
+        return f"{plan.name} works: no taxel hears another."
+    if prints.planned_db >= asked:
+        return (
+            f"{plan.name} works as printed: with the plan's driver table {share} keep {prints.planned_db:.1f} dB of ON"
+            f" over OFF, asked are {asked:.1f} dB."
+        )
+    kept = f"{share} keep {prints.print_db:.1f} dB of ON over OFF, asked are {asked:.1f} dB"
+    if prints.good_share >= plan.spec.print_share:
+        return f"{plan.name} works once every taxel is measured and re-tuned: {kept}."
+    return f"{plan.name} does not keep what is asked: even re-tuned, {kept}."
+
+
+def _pad_line(plan: "Plan") -> str:
+    pad, coils, pitch = plan.spec.pad, plan.coils, plan.pitch
+    sides = ["-".join(dict.fromkeys(f"{v:.1f}" for v in step)) + " mm" for step in (pitch.x_mm, pitch.y_mm) if step]
+    even = "even" if pitch.ratio <= EVEN else "uneven"
+    full = "" if pitch.taken > 1 - 1e-9 else f", {pitch.taken:.0%} of the crossings taken"
+    constant = "DC" if plan.scheme.has_constant else "AC or DC"
+    return (
+        f"{len(plan.taxels)} taxels on {number(pad.width_mm)} x {number(pad.depth_mm)} mm"
+        + (f", {' x '.join(sides)} apart ({even}{full})" if sides else "")
+        + f"; {coils.rows} x {coils.columns} coils of {len(plan.sets[0])}"
+        + (" channels, two sets in turn" if coils.sets > 1 else f" channel{'s' * (len(plan.channels) > 1)}")
+        + f", {number(plan.spec.coil.gap_mm)} mm below; {coils.rows * coils.columns} amplifier channels,"
+        f" {constant} coupled."
+    )
+
+
+EVEN = 1.2
+"""Ratio of distances up to which a pitch is called even."""
+
+
+def _summary_table(channels: "Sequence[Channel]") -> str:
+    rows: list[Sequence[str]] = [
+        (
+            str(c.index),
+            f"{c.resonance_hz:.2f}",
+            f"{100 * c.model_error:.2g}",
+            f"{100 * c.print_spread:.1f}",
+            f"{c.drive_hz:.2f}",
+            c.beam.topology,
+            f"{c.beam.width_mm:.3f} x {c.beam.thickness_mm:.2f} x {c.beam.length_mm:.2f}",
+            str(c.beam.layers),
+            f"{c.level_um:.2f}",
+        )
+        for c in channels
+    ]
+    if len(rows) > SHOWN_CHANNELS:
+        rows[SHOWN_CHANNELS // 2 : -SHOWN_CHANNELS // 2] = [("…", *[""] * (len(rows[0]) - 1))]
+    heads = ("ch", "f Hz", "± %", "prints ± %", "drive Hz", "suspension", "beam w x t x l mm", "layers", "level µm")
+    return table(heads, rows)
+
+
+SHOWN_CHANNELS = 12
+
+
+def _power_lines(plan: "Plan") -> list[str]:
+    """Power of the pad, and what its prints keep by how well their resonances are known."""
+    load, prints, count = plan.load, plan.prints, plan.coils.rows * plan.coils.columns
+    lines = [
+        f"Drive: {plan.selectivity.drive}. All taxels on: {count * load.copper_loss_w:.2g} W in the coils"
+        f" ({load.current_rms_ma:.0f} mA rms, {load.current_peak_ma:.0f} mA and {load.voltage_peak_v:.2g} V peak each);"
+        f" idle: {count * load.idle_w:.2g} W."
+    ]
+    if prints.print_db is not None:
+        stages = (
+            ("the driver table as it is", prints.planned_db),
+            ("a coupon measured", prints.coupon_db),
+            ("some taxels measured", prints.some_db),
+            ("every taxel measured", prints.print_db),
+        )
+        told = ", ".join(f"{name} {db:.1f}" for name, db in stages if db is not None)
+        lines.append(f"{plan.spec.print_share:.0%} of prints keep, in dB: {told} (± {prints.error_db:.1f}).")
+    skin = next((t for t in plan.touched if t.skin == "typical" and t.all_states_db is not None), None)
+    if skin:
+        lines.append(
+            "That is untouched. Under a finger (typical skin, provisional)"
+            f" {plan.channels[0].resonance_hz:.0f} Hz become {skin.resonance_hz[0]:.0f} Hz at Q {skin.q[0]:.2g},"
+            f" and a coil keeps {skin.all_states_db:.1f} dB."
+        )
+    return lines
+
+
+def _wrapped(line: str) -> list[str]:
+    from textwrap import wrap
+
+    return wrap(line, WIDTH, break_on_hyphens=False, subsequent_indent="  ") if len(line) > WIDTH else [line]
 
 
 def plan_text(plan: "Plan") -> str:
-    """A plan as a table to read."""
+    """All that is known of a plan, as tables to read."""
     from padgen.planner.left_out import left_out_line
 
     pad, coils, capacity, figures = plan.spec.pad, plan.coils, plan.capacity, plan.selectivity
@@ -211,6 +327,17 @@ def findings_text(findings: Iterable[Finding]) -> str:
     if not ordered:
         return "all checks hold"
     return "\n".join(f"{f.level}: {f.where}: {f.message} [{f.code}]" for f in ordered)
+
+
+def serious_text(findings: Iterable[Finding]) -> str:
+    """Errors and warnings in lines that fit, and how many notes there are beside."""
+    all_of_them = list(findings)
+    shown = [f for f in sorted(all_of_them, key=lambda f: -LEVELS.index(f.level)) if f.level != "note"]
+    lines = [line for f in shown for line in _wrapped(f"{f.level}: {f.where}: {f.message} [{f.code}]")]
+    notes = len(all_of_them) - len(shown)
+    if notes:
+        lines.append(f"{notes} note{'s' * (notes > 1)}, and all tables: --verbose.")
+    return "\n".join(lines)
 
 
 def explanation_text(explanation: "Explanation") -> str:

@@ -1,7 +1,7 @@
 """The spec: what the user asks for, read from TOML and checked field by field."""
 
 from padgen.spec.load import catalogue, find_spec, load_spec, make_spec, parse_spec, template_paths
-from padgen.spec.model import Coil, Drive, Material, Pad, Printer, Spec, Suspension, Taxel, Washer
+from padgen.spec.model import Coil, Drive, Material, Pad, Printer, Spec, Spread, Suspension, Taxel, Washer
 
 __all__ = [
     "Coil",
@@ -10,6 +10,7 @@ __all__ = [
     "Pad",
     "Printer",
     "Spec",
+    "Spread",
     "Suspension",
     "Taxel",
     "Washer",

@@ -3,7 +3,7 @@
 import csv
 import json
 from copy import deepcopy
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -11,13 +11,14 @@ from typing import Any
 from padgen.core.errors import FileError, SpecError, shown
 from padgen.core.files import read_bounded, reason, recover
 from padgen.spec.fields import build, optional_type, unknown_name
-from padgen.spec.model import Coil, Drive, Material, Model, Pad, Printer, Spec, Suspension, Taxel, Washer
+from padgen.spec.model import Coil, Drive, Material, Model, Pad, Printer, Spec, Spread, Suspension, Taxel, Washer
 from padgen.spec.refusals import refuse_contradictions
 from padgen.spec.threshold import with_threshold
 
 __all__ = [
     "CATALOGUES",
     "SHORTHANDS",
+    "answers",
     "catalogue",
     "find_spec",
     "laid_over",
@@ -27,6 +28,7 @@ __all__ = [
     "parse_toml",
     "read_table",
     "read_toml",
+    "spread_of",
     "template_paths",
     "without_none",
 ]
@@ -36,11 +38,16 @@ LARGEST_TOML, LARGEST_PLAN = 1 << 20, 1 << 25
 CATALOGUES = {
     "material": (Material, "materials.csv"),
     "printer": (Printer, "printers.csv"),
+    "spread": (Spread, "spreads.csv"),
     "washer": (Washer, "washers.csv"),
     "coil": (Coil, "coils.csv"),
 }
 DEFAULTS = {"printer": "fdm-0.4", "washer": "iso7092-m1.6", "coil": "paper"}
+CALIBRATED = ("printer", "spread", "material")
+"""Tables of the file of a calibrated printer."""
+DEFAULT_GAP_MM = 1.0
 DEFAULT_MATERIALS = {"fdm": "pla", "resin": "tough-resin"}
+DEFAULT_PRINTERS = {"fdm": "fdm-0.4", "resin": "resin-0.05"}
 PLAIN_TABLES = {"pad": Pad, "taxel": Taxel, "suspension": Suspension, "drive": Drive, "model": Model}
 
 
@@ -180,7 +187,7 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
 
 def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
     """Make a `Spec` from the nested tables of a TOML file; other files that it names lie in `folder`."""
-    table = dict(table)
+    table = _with_printer_file(dict(table), folder)
     for name, key in SHORTHANDS.items():
         value = table.get(name, {})
         if isinstance(value, str):
@@ -190,12 +197,49 @@ def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
     parts: dict[str, Any] = {name: build(kind, table.pop(name, {}), name) for name, kind in PLAIN_TABLES.items()}
     parts["printer"] = _entry("printer", table.pop("printer", {}), DEFAULTS["printer"])
     parts["material"] = _entry("material", table.pop("material", {}), DEFAULT_MATERIALS[parts["printer"].process])
+    parts["spread"] = _entry("spread", table.pop("spread", {}), spread_of(parts["printer"]))
     for name in ("washer", "coil"):
         parts[name] = _entry(name, table.pop(name, {}), DEFAULTS[name])
     parts["drive"] = with_threshold(parts["drive"], folder)
     spec: Spec = build(Spec, table, "", parts)
+    if not spec.leaves_layout_free:
+        gap_mm, reuse = spec.coil.gap_mm or DEFAULT_GAP_MM, spec.coil.reuse.replace("auto", "same")
+        spec = replace(spec, coil=replace(spec.coil, gap_mm=gap_mm, reuse=reuse))
     refuse_contradictions(spec)
     return spec
+
+
+def _with_printer_file(table: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """`table` with what the file of a calibrated printer says, where it names one: printer, spread and material."""
+    name = table.get("printer")
+    if not isinstance(name, str) or not name.endswith(".toml"):
+        return table
+    told = read_toml(folder / name, f"printer: {name}")
+    if unknown := sorted(set(told) - set(CALIBRATED)):
+        raise SpecError(f"has no place in a printer's file, which has {', '.join(CALIBRATED)}", f"{name}: {unknown[0]}")
+    if "printer" not in told:
+        raise SpecError("is missing; padgen calibrate writes it", f"{name}: printer")
+    for key in ("spread", "material"):
+        if key in table and key in told and table[key] != told[key]:
+            raise SpecError(f"is in the printer's file {name} as well; leave it out of one of the two", key)
+    return {**table, **told}
+
+
+def answers(recorded: Spec, asked: Spec) -> bool:
+    """Whether the spec of a plan is what was `asked`, but for the model and for what was left to the search."""
+    own = recorded.coil
+    coil = replace(
+        asked.coil,
+        gap_mm=asked.coil.gap_mm or own.gap_mm,
+        reuse=own.reuse if asked.coil.reuse == "auto" else asked.coil.reuse,
+    )
+    return replace(recorded, model=asked.model) == replace(asked, coil=coil)
+
+
+def spread_of(printer: Printer) -> str:
+    """Name of the catalogue's typical spread for `printer`; that of its process where it has none of its own."""
+    own = f"{printer.name}-typical"
+    return own if own in catalogue("spread") else f"{DEFAULT_PRINTERS[printer.process]}-typical"
 
 
 def _entry(table: str, value: Any, default: str) -> Any:

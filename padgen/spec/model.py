@@ -1,6 +1,6 @@
 """`Spec`: what the user asks for. Frozen, every field with unit, bounds and one line of meaning.
 
-`Material`, `Printer`, `Washer` and `Coil` are catalogue entries: a spec names one and may override
+`Material`, `Printer`, `Spread`, `Washer` and `Coil` are catalogue entries: a spec names one and may override
 any of its fields.
 """
 
@@ -18,6 +18,7 @@ __all__ = [
     "Pad",
     "Printer",
     "Spec",
+    "Spread",
     "Suspension",
     "Taxel",
     "Washer",
@@ -77,9 +78,6 @@ class Material:
     poisson_ratio: float = quantity(unit="1", low=0, high=0.499, doc="Poisson's ratio")
     density_g_per_cm3: float = quantity(unit="g/cm³", low=0.1, high=20, doc="density")
     fatigue_stress_mpa: float = quantity(unit="MPa", low=0.1, high=2000, doc="stress that many cycles allow")
-    modulus_spread: float = quantity(
-        0.05, unit="1", low=0, high=1, doc="relative spread of the modulus from pad to pad (spool, dryness, warmth)"
-    )
     cross_layer_ratio: float = quantity(
         1.0,
         unit="1",
@@ -110,24 +108,17 @@ class Printer:
     bed_x_mm: float = quantity(unit="mm", low=10, high=2000, doc="bed along x")
     bed_y_mm: float = quantity(unit="mm", low=10, high=2000, doc="bed along y")
     bed_z_mm: float = quantity(unit="mm", low=10, high=2000, doc="build height")
-    width_tolerance_mm: float = quantity(unit="mm", low=0, high=1, doc="spread of a beam's width")
-    thickness_tolerance_mm: float = quantity(unit="mm", low=0, high=1, doc="spread of a beam's thickness")
-    length_tolerance_mm: float = quantity(unit="mm", low=0, high=1, doc="spread of a beam's length")
     xy_compensation_mm: float = quantity(
         unit="mm", low=-1, high=1, doc="slicer's XY size compensation that lays beams at their drawn width"
     )
     width_step_mm: float = quantity(
         1e-3, unit="mm", low=1e-6, high=3, doc="steps in which a beam can be wider than the smallest (resin: pixel)"
     )
-    thickness_drift_share: float = quantity(
-        0.9,
-        unit="1",
-        low=0,
-        high=1,
-        doc="share of thickness_tolerance_mm that all beams of a pad have in common (first layer, layer height)",
+    z_offset_mm: float = quantity(
+        0.0, unit="mm", low=-0.5, high=0.5, doc="beams print so much thicker than drawn (padgen calibrate)"
     )
-    plate_gradient: float = quantity(
-        0.0, unit="1", low=0, high=1, doc="relative spread of f from one side of the pad to the other (bed level)"
+    width_offset_mm: float = quantity(
+        0.0, unit="mm", low=-0.5, high=0.5, doc="beams print so much wider than drawn (padgen calibrate)"
     )
     source: str = text("", doc="where the figures come from")
 
@@ -138,6 +129,44 @@ class Printer:
     def height_mm(self, layers: int) -> float:
         """Height of so many layers, the first included."""
         return round(self.first_layer_mm + (layers - 1) * self.layer_mm, 9)
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """How far prints of one drawing differ, one sigma of each cause (sources in docs/yield.md).
+
+    A bias is alike in every print of a printer: a calibration or a re-tuning removes it, so that no print is drawn with
+    it. What is common is alike in all beams of a print; the field runs smoothly over the bed; the rest is each taxel's
+    own.
+    """
+
+    name: str = entry_name(doc="name in the catalogue")
+    process: str = choice(of=("fdm", "resin"), doc="process that it is of")
+    z_bias_mm: float = quantity(
+        unit="mm", low=0, high=1, doc="bias of a beam's thickness, alike in every print until the printer is calibrated"
+    )
+    modulus_bias: float = quantity(
+        unit="1", low=0, high=1, doc="relative bias of the modulus, alike in every print until it is calibrated"
+    )
+    common_z_mm: float = quantity(unit="mm", low=0, high=1, doc="thickness, alike in all beams of a print")
+    common_modulus: float = quantity(
+        unit="1", low=0, high=1, doc="modulus, relative, alike in a print (spool, dryness)"
+    )
+    field_z_mm: float = quantity(unit="mm", low=0, high=1, doc="thickness over the bed, meshed before the print")
+    unmeshed_field_z_mm: float = quantity(unit="mm", low=0, high=1, doc="the same of a bed that is not meshed")
+    field_length_mm: float = quantity(
+        unit="mm", low=20, high=1000, doc="distance at which the field's correlation has fallen to 1/e"
+    )
+    thickness_mm: float = quantity(unit="mm", low=0, high=1, doc="a taxel's own thickness of the beams")
+    width_mm: float = quantity(unit="mm", low=0, high=1, doc="a taxel's own width of the beams")
+    length_mm: float = quantity(unit="mm", low=0, high=1, doc="a taxel's own length of the beams")
+    bed_meshed: bool = flag(True, doc="whether the bed's height is probed (meshed) before every print")
+    source: str = text("", doc="where the figures come from")
+
+    @property
+    def bed_field_mm(self) -> float:
+        """Sigma of the field, of the bed as it is."""
+        return self.field_z_mm if self.bed_meshed else self.unmeshed_field_z_mm
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +184,10 @@ class Washer:
 
 @dataclass(frozen=True, slots=True)
 class Coil:
-    """A coil on an optional core, its top at `gap_mm` below the washers of a flat pad."""
+    """A coil on an optional core, its top at `gap_mm` below the washers of a flat pad.
+
+    `gap_mm` and `reuse` may be left to the search (None, 'auto'); the spec of a plan has them.
+    """
 
     name: str = entry_name(doc="name in the catalogue")
     outer_diameter_mm: float = quantity(unit="mm", low=0.5, high=200, doc="outside of the winding")
@@ -167,15 +199,22 @@ class Coil:
     core_diameter_mm: float = quantity(unit="mm", low=0, high=199, doc="core; 0 is an air core")
     core_relative_permeability: float = quantity(unit="1", low=1, high=1e6, doc="of the core")
     kind: str = choice("solenoid", of=COILS.names, doc="what winding and core are like (padgen/planner/coils)")
-    gap_mm: float = quantity(1.0, unit="mm", low=0.05, high=100, doc="coil top to washer underside, before sag")
+    gap_mm: float = quantity(
+        None,
+        unit="mm",
+        low=0.05,
+        high=100,
+        doc="coil top to washer underside, before sag; when absent searched for, 1 on a grid or with resonances given",
+    )
     grid: tuple[int, int] | None = numbers(
         None, unit="coils", low=1, high=1000, count=2, doc="[rows, columns]; searched for when absent"
     )
     reuse: str = choice(
-        "same",
-        of=("same", "alternate"),
+        "auto",
+        of=("auto", "same", "alternate"),
         doc="same: all coils have the same resonances; alternate: two sets take turns like a chessboard's colours,"
-        " so that a coil's tones fall between its neighbours' channels",
+        " so that a coil's tones fall between its neighbours' channels; auto: searched for, same on a grid or with"
+        " resonances given",
     )
     power_limit_w: float = quantity(0.5, unit="W", low=1e-4, high=1e4, doc="copper loss that the coil bears for long")
     source: str = text("", doc="where the figures come from")
@@ -287,6 +326,9 @@ class Spec:
         high=1e9,
         doc="amplitude ratio ON over OFF that is asked for: 10 is 20 dB, 7 is 17, 5 is 14",
     )
+    print_share: float = quantity(
+        0.9, unit="1", low=0.5, high=0.999, doc="share of the printed pads that are to keep delta_y, re-tuned"
+    )
     spacing: str = choice(
         "spread",
         of=("spread", "closest", "optimised"),
@@ -304,11 +346,17 @@ class Spec:
     taxel: Taxel = field(default_factory=Taxel)
     material: Material = field(kw_only=True)
     printer: Printer = field(kw_only=True)
+    spread: Spread = field(kw_only=True)
     washer: Washer = field(kw_only=True)
     coil: Coil = field(kw_only=True)
     suspension: Suspension = field(default_factory=Suspension)
     drive: Drive = field(default_factory=Drive)
     model: Model = field(default_factory=Model)
+
+    @property
+    def leaves_layout_free(self) -> bool:
+        """Whether the search may choose the grid of coils, and with it what of their gap and reuse is left open."""
+        return not self.coil.grid and not self.resonances_hz
 
     @property
     def recess_depth_mm(self) -> float:

@@ -67,6 +67,12 @@ def _refuse_parts(spec: Spec) -> None:
             f" {spec.printer.name!r} is {spec.printer.process}; name a {spec.printer.process} material",
             "material",
         )
+    if spec.spread.process != spec.printer.process:
+        raise SpecError(
+            f"{spec.spread.name!r} is of {spec.spread.process} prints, but printer {spec.printer.name!r} is"
+            f" {spec.printer.process}; leave it out for the typical one",
+            "spread",
+        )
     washer, coil = spec.washer, spec.coil
     if washer.relative_permeability < 2:
         raise SpecError(

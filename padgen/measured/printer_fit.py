@@ -1,0 +1,213 @@
+"""What a printer makes of beams, from measured prints: offsets of height and width, and the modulus.
+
+A print's measured resonances follow the beam model of beams that are ``z_offset`` thicker and ``width_offset`` wider
+than drawn, of a modulus E, and scatter about it by what `padgen.planner.printed_pads` says of prints, by the
+measurement, and by the model's own error, which all taxels of a channel share. The three are found by generalised
+least squares (Gauss-Newton, since the model bends little over some hundredths of a millimetre).
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+
+from padgen.core.errors import SolverError, number
+from padgen.measured.fits import TaxelFit
+from padgen.planner.plan import Plan
+from padgen.planner.printed_pads import covariance, design_of, log_resonances, spreads_of
+from padgen.spec import Spec
+
+__all__ = ["Calibration", "calibrated", "printer_toml"]
+
+TERMS = ("z_offset_mm", "width_offset_mm", "log_modulus")
+WIDTH_BIAS_MM = 0.06
+"""Bias of a width before a calibration: three times a usual XY compensation."""
+REQUIRED = 0.6
+"""Share of a bias to which a calibration must know it."""
+ALIKE = 3e-3
+"""Smallest singular value, of columns of size 1, below which beams do not tell the terms apart."""
+STEPS, STEP_MM = 8, 1e-3
+SETTLED = 1e-9
+LEAST_LIKELY = 1e-4
+"""Probability of a larger chi-square below which measurements contradict each other, or the model."""
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """Offsets in mm and modulus in GPa of a printer and a material, with one sigma of each.
+
+    `correlation` (3, 3) is of z offset, width offset and ln E; `chi_square` of `freedom` degrees says how well the
+    measurements agree: about 1 each where the spread is what the spec says.
+    """
+
+    z_offset_mm: float
+    z_offset_error_mm: float
+    width_offset_mm: float
+    width_offset_error_mm: float
+    modulus_gpa: float
+    modulus_error_gpa: float
+    correlation: tuple[tuple[float, ...], ...]
+    chi_square: float
+    freedom: int
+    prints: int
+    taxels: int
+
+
+def calibrated(plan: Plan, prints: Sequence[Sequence[TaxelFit]]) -> Calibration:
+    """Fit what a printer makes of the beams of `plan` to the measured taxels of its `prints`.
+
+    Raises
+    ------
+    SolverError
+        Too few taxels, taxels that cannot tell the three apart, or measurements that contradict each other.
+    """
+    place = {taxel.id: i for i, taxel in enumerate(plan.taxels)}
+    index = [np.array([place[fit.id] for fit in fits]) for fits in prints]
+    measured = np.log([fit.resonance_hz for fits in prints for fit in fits])
+    if len(measured) <= len(TERMS):
+        raise SolverError(f"{len(measured)} taxels were measured, at least {len(TERMS) + 1} are needed")
+    channel = np.array([taxel.channel for taxel in plan.taxels])[np.concatenate(index)]
+    scatter = _scatter(plan, prints, index, channel)
+    lower = np.linalg.cholesky(scatter)
+    start = np.array([plan.spec.printer.z_offset_mm, plan.spec.printer.width_offset_mm, 0.0])
+    terms = start.copy()
+    thinnest, narrowest = (
+        min(sides) for sides in zip(*((c.beam.thickness_mm, c.beam.width_mm) for c in plan.channels), strict=True)
+    )
+    farthest = np.array([thinnest / 2, narrowest / 2, 3.0])
+    for _ in range(STEPS):
+        value, slope = _model(plan, terms)
+        weighed = np.linalg.solve(lower, slope[channel])
+        left = np.linalg.solve(lower, measured - value[channel])
+        _refuse_alike(weighed)
+        step = np.linalg.lstsq(weighed, left, rcond=None)[0]
+        # No beam vanishes, whatever contradicts itself.
+        terms = np.clip(terms + step, -farthest, farthest)
+        if np.abs(step).max() < SETTLED:
+            break
+    spread = np.linalg.inv(weighed.T @ weighed)
+    sigma = np.sqrt(np.diag(spread))
+    _refuse_vague(plan.spec, sigma)
+    rest = left - weighed @ step
+    chi_square, freedom = float(rest @ rest), len(measured) - len(TERMS)
+    _refuse_contradiction(chi_square, freedom)
+    modulus = plan.spec.material.youngs_modulus_gpa * float(np.exp(terms[2]))
+    return Calibration(
+        z_offset_mm=float(terms[0]),
+        z_offset_error_mm=float(sigma[0]),
+        width_offset_mm=float(terms[1]),
+        width_offset_error_mm=float(sigma[1]),
+        modulus_gpa=modulus,
+        modulus_error_gpa=modulus * float(sigma[2]),
+        correlation=tuple(map(tuple, (spread / np.outer(sigma, sigma)).tolist())),
+        chi_square=chi_square,
+        freedom=freedom,
+        prints=len(prints),
+        taxels=len(measured),
+    )
+
+
+def _model(plan: Plan, terms: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """ln f (n,) of each channel with such offsets and modulus, and its slopes (n, 3)."""
+    printer = plan.spec.printer
+    sizes = np.array([(c.beam.width_mm, c.beam.thickness_mm, c.beam.length_mm) for c in plan.channels])
+    move = np.array([terms[1] - printer.width_offset_mm, terms[0] - printer.z_offset_mm, 0.0])
+    steps = STEP_MM * np.array([[0, 0, 0], [0, 1, 0], [0, -1, 0], [1, 0, 0], [-1, 0, 0]])
+    log_hz = log_resonances(plan, sizes[:, None] + move + steps) + 0.5 * terms[2]
+    slope = np.stack(
+        [
+            (log_hz[:, 1] - log_hz[:, 2]) / (2 * STEP_MM),
+            (log_hz[:, 3] - log_hz[:, 4]) / (2 * STEP_MM),
+            np.full(len(sizes), 0.5),
+        ],
+        axis=1,
+    )
+    # The channels' own resonances are the plan's, a solved solid's where it has them; the model says how they move.
+    drawn = log_resonances(plan, sizes[:, None])[:, 0]
+    return np.log([c.resonance_hz for c in plan.channels]) + log_hz[:, 0] - drawn, slope
+
+
+def _scatter(
+    plan: Plan, prints: Sequence[Sequence[TaxelFit]], index: Sequence[np.ndarray], channel: np.ndarray
+) -> np.ndarray:
+    """Covariance of ln f of all that was measured: within a print its spread, over all the model's own error."""
+    own = covariance(design_of(plan, None), spreads_of(plan.spec))
+    model = np.array([c.model_error for c in plan.channels])[channel]
+    total = np.where(channel[:, None] == channel, np.outer(model, model), 0.0)
+    first = 0
+    for part, fits in zip(index, prints, strict=True):
+        here = slice(first, first + len(part))
+        total[here, here] += own[np.ix_(part, part)]
+        total[here, here] += np.diag([(fit.resonance_error_hz / fit.resonance_hz) ** 2 for fit in fits])
+        first += len(part)
+    return total
+
+
+def _refuse_alike(weighed: np.ndarray) -> None:
+    size = np.linalg.svd(weighed / np.linalg.norm(weighed, axis=0), compute_uv=False)
+    if not size[-1] > ALIKE * size[0]:
+        raise SolverError(
+            "beams that are all as thick, or all as wide, cannot tell height, width and modulus apart; measure a pad"
+            " whose channels differ in both (padgen build calibration)"
+        )
+
+
+def _refuse_vague(spec: Spec, sigma: np.ndarray) -> None:
+    """Refuse terms that are known hardly better than before."""
+    bias = spec.spread
+    for name, unit, known, before in (
+        ("offset of height", "mm", sigma[0], bias.z_bias_mm),
+        ("offset of width", "mm", sigma[1], WIDTH_BIAS_MM),
+        ("modulus", "of itself", sigma[2], bias.modulus_bias),
+    ):
+        if known > REQUIRED * before:
+            raise SolverError(
+                f"the {name} would be known to ± {number(float(known))} {unit}, at most"
+                f" ± {number(REQUIRED * before)} is asked for (± {number(before)} before any calibration); plan with"
+                " --model solid, measure more prints, or beams that differ more in thickness and width (padgen build"
+                " calibration)"
+            )
+
+
+def _refuse_contradiction(chi_square: float, freedom: int) -> None:
+    from scipy.stats import chi2
+
+    if chi2.sf(chi_square, freedom) < LEAST_LIKELY:
+        raise SolverError(
+            f"the measurements lie {number((chi_square / freedom) ** 0.5)} times as far from any one printer as prints"
+            f" differ (chi-square {number(chi_square)} of {freedom}): is this the plan that was printed, with this"
+            " printer and material?"
+        )
+
+
+def printer_toml(spec: Spec, found: Calibration, name: str) -> str:
+    """The file of a calibrated printer, which a spec names as ``printer = "my-printer.toml"``."""
+    told = f"padgen calibrate: {found.prints} prints, {found.taxels} taxels, chi-square {number(found.chi_square)}"
+    printer = replace(
+        spec.printer,
+        name=name,
+        z_offset_mm=round(found.z_offset_mm, 6),
+        width_offset_mm=round(found.width_offset_mm, 6),
+        source=f"{spec.printer.name}; {told} of {found.freedom}",
+    )
+    spread = replace(
+        spec.spread,
+        name=name,
+        z_bias_mm=round(found.z_offset_error_mm, 6),
+        modulus_bias=round(found.modulus_error_gpa / found.modulus_gpa, 6),
+        source=f"{spec.spread.name}; biases {told}",
+    )
+    material = replace(spec.material, youngs_modulus_gpa=round(found.modulus_gpa, 6), source=told)
+    lines = []
+    for table, part in (("printer", printer), ("spread", spread), ("material", material)):
+        lines += [f"[{table}]", *(f"{key} = {_toml(value)}" for key, value in asdict(part).items()), ""]
+    return "\n".join(lines)
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        quoted = value.replace("\\", "\\\\").replace('"', '\\"')
+        return f'"{quoted}"'
+    return repr(value)

@@ -1,0 +1,55 @@
+"""How evenly a pad's taxels lie: distances of neighbouring rows and columns."""
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+from padgen.core.errors import number
+from padgen.core.finding import Finding
+from padgen.planner.plan import Pitch, Plan, Taxel
+
+__all__ = ["judge_pitch", "pitch_of"]
+
+SAME_MM = 0.05
+"""Rows or columns that are no farther apart are one."""
+LARGEST_RATIO = 1.2
+"""Largest over smallest distance that still feels even."""
+HOLE_RATIO = 2.0
+"""From here on a display has holes."""
+
+
+def pitch_of(taxels: Sequence[Taxel]) -> Pitch:
+    """Smallest and largest distance in mm of neighbouring columns and rows, and the share of crossings taken."""
+    columns, rows = (_lines([getattr(t, axis) for t in taxels]) for axis in ("x_mm", "y_mm"))
+    x, y = (_steps(lines) for lines in (columns, rows))
+    ratio = max((high / low for low, high in (step for step in (x, y) if step)), default=1.0)
+    return Pitch(x, y, ratio, len(taxels) / (len(columns) * len(rows)))
+
+
+def _lines(places_mm: list[float]) -> list[float]:
+    lines: list[float] = []
+    for place in sorted(places_mm):
+        if not lines or place - lines[-1] > SAME_MM:
+            lines.append(place)
+    return lines
+
+
+def _steps(lines: list[float]) -> tuple[float, ...]:
+    steps = [round(b - a, 3) for a, b in pairwise(lines)]
+    return (min(steps), max(steps)) if steps else ()
+
+
+def judge_pitch(plan: Plan) -> Iterator[Finding]:
+    """A note where the pitch is uneven, a warning where a display would have holes."""
+    pitch = plan.pitch
+    if pitch.ratio > LARGEST_RATIO:
+        axes = {"columns": pitch.x_mm, "rows": pitch.y_mm}
+        name, (low, high) = max(
+            ((name, step) for name, step in axes.items() if step), key=lambda item: item[1][1] / item[1][0]
+        )
+        yield Finding(
+            "warning" if pitch.ratio > HOLE_RATIO else "note",
+            "layout.pitch",
+            "pad",
+            f"{name} of taxels lie {number(low)} to {number(high)} mm apart, since each washer hangs as near to its"
+            f" coil's axis as its beam allows; even would be within 1 : {LARGEST_RATIO:g}",
+        )
