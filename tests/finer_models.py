@@ -13,14 +13,17 @@ import numpy as np
 from padgen.core.errors import PadgenError
 from padgen.core.units import G_PER_CM3, GPA, GRAM, MA, MH, MM, UM
 from padgen.physics.beams import Give
+from padgen.physics.bounds import beam_inertia, core_polarisation, saturation_loss, washer_magnetised
 from padgen.physics.currents import bias_a, current_lines_a
 from padgen.physics.frame import AttachedBody, Frame, divided, frame_modes
 from padgen.physics.frame_element import Element, rectangle
+from padgen.physics.magnetics import MU_0, CoilSource, SteelRing
 from padgen.physics.modal import felt_energy
 from padgen.physics.modes import BeamPlacement, Modes, suspended_modes, to_tip
 from padgen.physics.pull import pull
 from padgen.physics.pull_table import PullAt
 from padgen.physics.rigid_body import RigidBody
+from padgen.physics.saturation import saturating
 from padgen.physics.taxel_modes import TaxelModes
 from padgen.planner.channels import hanging_gap_um
 from padgen.planner.drive_scheme import placed_channels
@@ -62,7 +65,9 @@ def pull_curve(plan: Plan, channel: Channel, nodes: int = 8) -> PullCurve | None
     least_um = rest_um - 1.5 * channel.static_um - 1.1 * channel.level_um
     if least_um < rest_um / 20:
         return None
-    lows, high = np.log(least_um), np.log(rest_um + 1.1 * channel.level_um)
+    # Not too narrow a range: the charges' own numbers of nodes change with the gap, by some 1e-5 of the pull.
+    least_um = min(least_um, 0.75 * rest_um)
+    lows, high = np.log(least_um), np.log(max(rest_um + 1.1 * channel.level_um, 1.2 * rest_um))
     at = (lows + high) / 2 + (high - lows) / 2 * np.cos(np.pi * (np.arange(nodes) + 0.5) / nodes)
     modes = TaxelModes(np.array(channel.modes_hz), np.array(channel.mode_motions))
     offset = channel.site.coil_distance_mm * MM
@@ -87,7 +92,8 @@ def balance(channel: Channel, curve: PullCurve) -> tuple[float, float] | None:
     over = z - slack * curve.at(z)
     if not (over >= 0).any():
         return None
-    return slack, float(z[int((over >= 0).argmax())])
+    at = int((over >= 0).argmax())
+    return slack, float(z[at] - (z[1] * over[at] / (over[at] - over[at - 1]) if at else 0.0))
 
 
 SWING = 2 * np.pi * (np.arange(48) + 0.5) / 48
@@ -299,23 +305,30 @@ def elastica(
         x, _, slope, moment = shape(force, tuple(held))
         turned = slope + ends[1] * moment
         if slender:
-            return np.array([turned, x - 1])
+            return np.array([turned, (x - 1) * slender / 10])
         return np.array([moment - force * arm * np.cos(turned), held[1]])
 
-    compliance = 1 / 12 if slender else 1 / 3 + arm + arm**2
-    force, found = most / compliance / 12, [(0.0, 0.0, 1 + body[0], 0.0, 0.0)]
+    # Straight beams first: what the moment at the root is, and how far the washer goes, by superposition.
+    first = (1 / 2 + ends[1]) / (1 + ends[0] + ends[1]) if slender else 1 + arm
+    free = first * ends[0] + first - 1 / 2  # slope at the tip
+    compliance = first * ends[0] + first / 2 - 1 / 6 + (0.0 if slender else arm * (free + ends[1] * arm))
+    force, held, found = most / compliance / 12, [], [(0.0, 0.0, 1 + body[0], 0.0, 0.0)]
     # Of a bridge the force along follows from how much a cubic shortens: 0.6 z².
-    guess = np.array([force / 2, 0.5 * (force / 12) ** 2 * slender] if slender else [force * (1 + arm), 0.0])
+    guess = np.array([force * first, 0.5 * (force * compliance) ** 2 * slender if slender else 0.0])
     while found[-1][0] < most and len(found) < 60:
         solved = root(miss, guess, (force,), tol=1e-12)
-        if not solved.success and np.abs(solved.fun).max() > 1e-9:
+        if not solved.success and np.abs(solved.fun).max() > 1e-6:
             raise ArithmeticError(f"no elastica at {force:.3g}: {solved.message}")
         x, z, slope, moment = shape(force, tuple(solved.x))
         turned = 0.0 if slender else slope + ends[1] * moment
         place = x + body[0] * np.cos(turned), z + body[0] * np.sin(turned)
         found.append((z + arm * np.sin(turned), force, *place, turned))
         more = 1 + 1 / len(found[1:]) if not slender else max(1 + 1 / len(found[1:]), 1.35)
-        guess, force = solved.x * np.array([more, more**2 if len(found) < 4 else more]), force * more
+        held.append((force, solved.x))
+        guess, force = solved.x * np.array([more, more**2]), force * more
+        if len(held) > 2:
+            (f0, a), (f1, b) = held[-2:]
+            guess = b + (b - a) * (force - f1) / (f1 - f0)
     z, pulled, cx, cz, turn = np.array(found).T
     parts = (np.polynomial.Polynomial.fit(z, v, 7).deriv()(z) for v in (cx - cx[0], cz, turn))
     along, up, around = parts
@@ -390,9 +403,10 @@ def true_stretching(plan: Plan) -> float | None:
 
 
 def true_large_slopes(plan: Plan) -> float | None:
-    """The elastica's rise of beams that are free to shorten."""
-    true = [abs(motion_rise(plan, c)) for c in some(plan) if c.hardening_per_mm2 == 0 and is_straight(plan, c)]
-    return max(true, default=None)
+    """The elastica's rise of beams that are free to shorten, of the channel that moves farthest for its length."""
+    free = [c for c in plan.channels if c.hardening_per_mm2 == 0 and is_straight(plan, c)]
+    farthest = max(free, key=lambda c: (c.sag_um + c.static_um + c.level_um) / c.beam.length_mm, default=None)
+    return abs(motion_rise(plan, farthest)) if farthest else None
 
 
 # Air.
@@ -447,7 +461,9 @@ def true_air_mass(plan: Plan, across: int = 34) -> float | None:
     true = []
     for channel in {c.beam.topology: c for c in reversed(plan.channels)}.values():
         length, width = (float(v) for v in plan.arrangement(channel).window_mm)
-        cells = moved_cells(plan, channel, across, 1.5 * max(length, width, 2 * float(plan.arrangement(channel).washer_x_mm)))
+        window = 1.5 * max(length, width, 2 * float(plan.arrangement(channel).washer_x_mm))
+        # Of long beams the part near the plate.
+        cells = moved_cells(plan, channel, across, min(window, 3.2 * max(plan.plate.length_mm, plan.plate.width_mm)))
         if cells.height <= 0:
             return None
         panels = ~cells.slot
@@ -514,14 +530,22 @@ def true_air_damping(plan: Plan, across: int = 90) -> float | None:
 # Modes.
 
 
-def true_beam_inertia(plan: Plan) -> float | None:
-    """Timoshenko beams of several elements with inner motions."""
-    true = [
-        abs(element_error(suspended(plan.spec, plan, c.beam.topology, beam_shape(c))))
+def beam_inertia_of(taxel: Suspended) -> tuple[float, float]:
+    """Bound and true error of the resonance."""
+    modes, working = taxel.modes, int(taxel.working)
+    motion, hz = modes.shape[:, working], modes.frequency_hz[working]
+    bound = beam_inertia(taxel.beams, motion, modes.reference, hz, *taxel.elastic)
+    return float(bound), abs(element_error(taxel))
+
+
+def true_beam_inertia(plan: Plan) -> tuple[float, float] | None:
+    """Timoshenko beams of several elements with inner motions: of the channel whose bound, bare, is nearest broken."""
+    pairs = [
+        beam_inertia_of(suspended(plan.spec, plan, c.beam.topology, beam_shape(c)))
         for c in some(plan)
         if is_straight(plan, c)
     ]
-    return max(true, default=None)
+    return min(pairs, key=lambda pair: pair[0] / pair[1], default=None)
 
 
 def true_far_modes(plan: Plan) -> float | None:
@@ -547,9 +571,112 @@ def true_frame(plan: Plan, order: int = 3) -> float:
 
 # Fields: finite elements.
 
+SATURATION_T = 1.5
 
-def true_saturation(plan: Plan) -> float | None:
-    """Of the field with steels after Froehlich at the peak current, on the coil's axis, on one coarse mesh."""
+
+def gap_m(plan: Plan) -> float:
+    return plan.spec.coil.gap_mm * MM
+
+
+def saturation_on_axis(coil: CoilSource, washer: SteelRing, gap: float, current_a: float) -> tuple[float, float]:
+    """Bound, and loss of force with steels after Froehlich, on one coarse mesh, where its error cancels."""
+    from padgen.verify.field_axisymmetric import axisymmetric_force
+
+    core = saturating("core", coil.core_permeability, SATURATION_T) if coil.has_core else None
+    steel = saturating("washer", washer.permeability, SATURATION_T)
+    linear = axisymmetric_force(coil, washer, gap, current_a, order=3, levels=1).force_n
+    saturating_n = axisymmetric_force(coil, washer, gap, current_a, core, steel, order=3, levels=1).force_n
+    made = washer_magnetised(coil, washer, gap, np.zeros(1), np.array([pull(coil, washer, gap, 0.0).dipole]))
+    core_t, core_chi_n = core_polarisation(coil)
+    bound = 2 * saturation_loss(core_t * current_a / SATURATION_T, core_chi_n)
+    bound += saturation_loss(made.polarisation[0] * current_a / SATURATION_T, made.chi_n[0])
+    return min(float(bound), 1.0), abs(1 - saturating_n / linear)
+
+
+def true_saturation(plan: Plan) -> tuple[float, float]:
+    """Bound and truth of the plan's coil, washer and peak current, the washer on the coil's axis."""
+    return saturation_on_axis(*magnetic_parts(plan.spec), gap_m(plan), plan.load.current_peak_ma * MA)
+
+
+def true_saturation_aside(plan: Plan, order: int = 2) -> float:
+    """Three dimensions, the washer of the first channel where it is."""
+    from padgen.verify.field_solid import PlacedWasher, solid_force
+
+    coil, washer = magnetic_parts(plan.spec)
+    current, offset = plan.load.current_peak_ma * MA, plan.channels[0].site.coil_distance_mm * MM
+    core = saturating("core", coil.core_permeability, SATURATION_T) if coil.has_core else None
+    steel = saturating("washer", washer.permeability, SATURATION_T)
+    pulls = [
+        solid_force(
+            coil, [PlacedWasher(washer, gap_m(plan), offset, 0.0, one)], current, other, order=order, levels=0
+        ).wrench[0, 2]
+        for one, other in ((None, None), (steel, core))
+    ]
+    return float(abs(1 - pulls[1] / pulls[0]))
+
+
+def eddy_forces(coil: CoilSource, washer: SteelRing, gap: float, hz: float, resistivity: float) -> tuple:
+    """Phasors of the force at twice `hz`, without eddy currents and with them, by ``A = r w``."""
+    import ngsolve as ng
+
+    from padgen.verify.field_axisymmetric import _curl, _half_plane, wound
+
+    mesh, far = _half_plane(coil, washer, gap, 2)
+    space, radius = ng.H1(mesh, order=4, complex=True), ng.x
+    u, v = space.TnT()
+    weight = 2 * np.pi * radius
+    steels = {"core": coil.core_permeability, "washer": washer.permeability}
+    reluctivity = mesh.MaterialCF({k: 1 / (MU_0 * mu) for k, mu in steels.items()}, default=1 / MU_0)
+    conducting = mesh.MaterialCF(dict.fromkeys(steels, 1 / resistivity), default=0)
+    _, density = wound(coil, 1.0, ng.x, ng.y)
+    more = ng.dx(bonus_intorder=4)
+    source = ng.LinearForm(weight * density * radius * v * more).Assemble()
+    near = ng.GridFunction(ng.H1(mesh, order=1))
+    near.vec.FV().NumPy()[:] = [float(on) for on in near.space.GetDofs(mesh.Materials("washer"))]
+    slope, forces = ng.grad(near), []
+    for angular in (0.0, 2 * np.pi * hz):
+        form = ng.BilinearForm(space)
+        form += weight * reluctivity * ng.InnerProduct(_curl(ng, u), _curl(ng, v)) * more
+        form += weight * 1e-6j * angular * conducting * radius * u * radius * v * more
+        form += weight * radius * u * radius * v / (MU_0 * far) * ng.ds("far", bonus_intorder=4)
+        form.Assemble()
+        w = ng.GridFunction(space)
+        w.vec.data = form.mat.Inverse(space.FreeDofs(), inverse="umfpack") * source.vec
+        field = _curl(ng, w) / MU_0
+        square = field[0] * field[0] + field[1] * field[1]
+        stress = square / 2 * slope[1] - (field[0] * slope[0] + field[1] * slope[1]) * field[1]
+        forces.append(complex(ng.Integrate(weight * stress, mesh, definedon=mesh.Materials("air"), order=10)))
+    return tuple(forces)
+
+
+def true_eddy_currents(plan: Plan) -> float:
+    """The change of the force's phasor at the highest frequency, by eddy currents in core and washer of iron."""
+    coil, washer = magnetic_parts(plan.spec)
+    hz = max(channel.drive_hz for channel in plan.channels)
+    still, moved = eddy_forces(coil, washer, gap_m(plan), hz, 1e-7)
+    return float(abs(moved / still - 1))
+
+
+def true_shielding(plan: Plan, order: int = 3, levels: int = 0) -> float | None:
+    """The pull on a coil's first washer with the others and, on the same mesh, with the others turned to air."""
+    from padgen.verify.field_solid import PlacedWasher, solid_force
+
+    coil, washer = magnetic_parts(plan.spec)
+    gap, air = gap_m(plan), washer._replace(permeability=1 + 1e-9)
+    place = np.array([c.site.washer_mm for c in plan.sets[0]]) * MM
+    if len(place) < 2:
+        return None
+    first, second = place[:2]
+    if len(place) == 2 and abs(first[0] * second[1] - first[1] * second[0]) < 1e-12:
+        # On a line with the coil's axis: turned so that half the model does.
+        along = first / np.hypot(*first)
+        place = np.stack([place @ along, 0 * place[:, 0]], -1)
+    first, *rest = place
+    pulls = []
+    for other in (washer, air):
+        rings = [PlacedWasher(washer, gap, *first), *(PlacedWasher(other, gap, *at) for at in rest)]
+        pulls.append(solid_force(coil, rings, order=order, levels=levels).wrench[0, 2])
+    return float(abs(pulls[0] / pulls[1] - 1))
 
 
 TRUE = {
@@ -560,7 +687,17 @@ TRUE = {
     "beam inertia": true_beam_inertia,
     "stretching": true_stretching,
     "large slopes": true_large_slopes,
-    "air's mass": true_air_mass,
     "air's damping": true_air_damping,
     "far modes": true_far_modes,
 }
+"""Of every plan."""
+DEAR = {
+    "air's mass": (true_air_mass, 4),
+    "eddy currents": (true_eddy_currents, 2),
+    "saturation": (true_saturation, 4),
+    "shielding": (true_shielding, 12),
+    "saturation aside": (true_saturation_aside, 25),
+    "frame": (true_frame, 5),
+}
+"""By finite elements, of one plan in so many; the frame of those of up to `MOST_TAXELS` taxels that have a bound."""
+MOST_TAXELS = 4

@@ -259,14 +259,16 @@ def switching_delay(
 
     Beside the tone's own vibration the taxel is set free from the mean pull, `static` of its ON amplitude,
     and pushed on by the coil's current, which takes `lag` = L/R in s to die: a pull that falls with L/2R from
-    `pulse`, its deflection at rest over the ON amplitude. `quiet` is the ratio at which it counts as quiet.
+    `pulse`, its deflection at rest over the ON amplitude. `quiet` is the ratio at which it counts as quiet. What rings
+    down from a place and a speed is at most ``√(2Q/(2Q − 1))`` of both together, as where damping is strong.
     Infinite where nothing rings down, or where the current outlasts the vibration.
     """
     angular, ring_up = 2 * pi * resonance, q / (pi * resonance)
     fall = (2 / lag if lag > 0 else inf) - 1 / ring_up
     kick = pulse * angular / np.sqrt(np.maximum(fall, 0) ** 2 + angular**2)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where((fall > 0) & (quiet > 1), np.log1p(static + kick) / np.log(quiet), inf)
+        rung = np.log1p(static + kick) - 0.5 * np.log1p(-0.5 / q)
+        return np.where((fall > 0) & (quiet > 1), rung / np.log(quiet), inf)
 
 
 def mutual_shielding(moment: np.ndarray, field: np.ndarray, place: np.ndarray, diameter: float) -> np.ndarray:

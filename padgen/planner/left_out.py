@@ -224,21 +224,21 @@ def _air(plan: Plan) -> Iterator[LeftOut]:
     """
     spec, channels = plan.spec, plan.channels
     below, coil = plan.plate.recess_depth_mm - spec.washer.thickness_mm, spec.coil.outer_diameter_mm / 2 * MM
-    area, square, lowest, window = np.array([_swept(plan.arrangement(c), c) for c in channels]).T
+    area, square, most, window = np.array([_swept(plan.arrangement(c), c) for c in channels]).T
     mass, stiffness, q, sag, offset = np.array(
         [
             (c.effective_mass_g * GRAM, c.stiffness_n_per_m, c.q, c.sag_um + c.static_um, c.site.coil_distance_mm * MM)
             for c in channels
         ]
     ).T
-    height = np.maximum((spec.coil.gap_mm - below) * MM - sag * UM * lowest, 1e-9)
+    height = np.maximum((spec.coil.gap_mm - below) * MM - sag * UM * most, 1e-9)
     radius = np.sqrt(area / pi)
     film = pi * radius**4 * (1 + 4 * np.log(np.maximum(window / radius, 1)))
     heavier = AIR_KG_PER_M3 * square * (16 / 3 * radius**3 + film / (8 * height)) / mass
     yield _worst("air's mass", "resonance", channels, 1 - 1 / np.sqrt(1 + heavier))
     over = _common_radius(radius, coil, offset)
     film = pi * over**4 * (1 + 4 * np.log(np.maximum(coil / np.maximum(over, 1e-9), 1)))
-    damped = 1.5 * AIR_PA_S * film / height**3 * square * q / np.sqrt(stiffness * mass)
+    damped = 1.5 * AIR_PA_S * film / height**3 * most**2 * q / np.sqrt(stiffness * mass)
     yield _worst("air's damping", "Q", channels, damped / (1 + damped))
 
 
@@ -391,8 +391,8 @@ def _moving(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut]:
 def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.ndarray]:
     """Relative errors (n,) of force and resonance, for pulls that are taken where the washers hang without current.
 
-    The mean pull draws a washer nearer by what balances it, there it swings (a pull at either side of the swing's rms
-    averages the second order right) and the pull's slope softens the spring. Infinite where nothing balances.
+    The mean pull draws a washer nearer by what balances it, there it swings (pulls at either side of the swing's rms
+    average the second order right) and the pull's slope softens the spring. Infinite where nothing balances.
     """
     spec, sites = plan.spec, [channel.site for channel in channels]
     sag, static, exponent, level, here = np.array(
@@ -400,22 +400,23 @@ def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.nda
     ).T
     gap_um = hanging_gap_um(spec, sag)
 
-    def on_mode(nearer_um: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Pull on each working mode over `force_constant_n_per_a2`, its slope over that in 1/µm, and how far off."""
+    def on_mode(nearer_um: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Pull on each working mode over `force_constant_n_per_a2`, and how far off its slope may be."""
         at = site_pulls(spec, sites, np.maximum(gap_um - nearer_um, gap_um / LEAST_GAP))
         share = np.array([
             mode_fields(TaxelModes(np.array(c.modes_hz), np.array(c.mode_motions)), wrench).pulled_share
             for c, wrench in zip(channels, site_wrenches(spec, at, sites), strict=True)
         ])  # fmt: skip
-        return at.pull * share / here, at.slope * share / here * UM, at.slope_error
+        return at.pull * share / here, at.slope_error
 
     # What the mean pull would deflect, did it not grow; in balance after a few rounds.
     slack_um = static * np.maximum(1 - static / gap_um, 0) ** np.maximum(exponent, 0)
     for _ in range(ROUNDS):
-        pull, slope, doubt = on_mode(static)
+        pull, doubt = on_mode(static)
         static = slack_um * pull
-    (near, _, _), (far, _, _) = (on_mode(static + side * level * np.sqrt(0.5)) for side in (1, -1))
-    softer = np.maximum(-slope * slack_um * (1 + doubt), 0)
+    (near, _), (far, _) = (on_mode(static + side * level * np.sqrt(0.5)) for side in (1, -1))
+    # With the gap the pull's side force and moment change, too, and so its share of the mode: its slope is not enough.
+    softer = np.maximum((near - far) / (level * np.sqrt(2)) * slack_um * (1 + doubt), 0)
     meets = (static + level >= gap_um) | (np.array([c.static_um for c in channels]) >= gap_um)
     forces = np.abs((near + far) / 2 - 1) * (1 + doubt)
     return np.where(meets, inf, forces), np.where(meets | (softer >= 1), inf, 1 - np.sqrt(np.maximum(1 - softer, 0)))
