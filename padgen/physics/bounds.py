@@ -13,14 +13,12 @@ from padgen.physics.beams import BeamSection, bent_slowness, tip_mass
 from padgen.physics.coil_field import charged_core, flux_density
 from padgen.physics.magnetics import CoilSource, SteelRing, flat_spheroid_factor
 from padgen.physics.modes import BeamPlacement, to_tip
-from padgen.physics.poles import pole_field
 
 __all__ = [
     "Magnetised",
     "beam_inertia",
     "core_eddies",
     "core_polarisation",
-    "far_coils",
     "motional_voltage",
     "mutual_shielding",
     "saturation_loss",
@@ -282,39 +280,3 @@ def mutual_shielding(moment: np.ndarray, field: np.ndarray, place: np.ndarray, d
     np.fill_diagonal(apart, inf)
     near = 1 + 2 * (diameter / apart) ** 2
     return np.asarray((near * MU_0 * moment / (2 * pi * apart**3)).sum(-1) / np.where(field > 0, field, inf))
-
-
-def far_coils(
-    poles: np.ndarray,
-    height: float,
-    place: np.ndarray,
-    near: np.ndarray,
-    far: np.ndarray,
-    easiness: np.ndarray,
-    doubt: np.ndarray,
-) -> np.ndarray:
-    """Relative error (n,) of the leakage on washers at `place` (n, 2) by the coils `near` (k, 2).
-
-    From a share `doubt` (l,) of the fields of the coils `far` (l, 2): 1 for one that is not counted. Coils as
-    `poles.coil_poles`, at `height` over their tops; `easiness` (3,) as in `physics.leakage`. Pulls of two
-    coils together are at most the products of the lengths of their fields and gradients.
-    """
-    own = pole_field(poles, height, place[:, None])
-    beside = pole_field(poles, height, place[:, None] - near)
-    away = [(_length(v, easiness) * doubt).sum(1) for v in pole_field(poles, height, place[:, None] - far)]
-    (field, slope), (own_field, own_slope) = beside, own
-    weighed = field * easiness
-    mutual = np.einsum("nkc,nlc->nkl", weighed, slope)
-    squares = np.abs(mutual + np.swapaxes(mutual, 1, 2)).sum((1, 2))
-    products = np.abs(weighed @ np.swapaxes(own_slope, 1, 2) + (slope * easiness) @ np.swapaxes(own_field, 1, 2))
-    lengths = [_length(v, easiness).sum(1) for v in beside]
-    own_lengths = [_length(v, easiness)[:, 0] for v in own]
-    more = 2 * (away[0] * (lengths[1] + away[1]) + away[1] * lengths[0])
-    parts = (more, squares), (away[0] * own_lengths[1] + away[1] * own_lengths[0], products.sum((1, 2)))
-    growth = [np.divide(add, to, out=np.where(add > 0, inf, 0.0), where=to > 0) for add, to in parts]
-    return np.asarray(np.maximum(*growth))
-
-
-def _length(vector: np.ndarray, easiness: np.ndarray) -> np.ndarray:
-    length: np.ndarray = np.sqrt((vector**2 * easiness).sum(-1))
-    return length

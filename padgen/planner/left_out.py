@@ -14,7 +14,6 @@ from padgen.physics.bounds import (
     beam_inertia,
     core_eddies,
     core_polarisation,
-    far_coils,
     motional_voltage,
     mutual_shielding,
     saturation_loss,
@@ -22,10 +21,8 @@ from padgen.physics.bounds import (
     washer_eddies,
     washer_magnetised,
 )
-from padgen.physics.leakage import easiness
 from padgen.physics.magnetics import impedance
 from padgen.physics.modal import felt_energy
-from padgen.physics.poles import coil_poles, pole_error
 from padgen.physics.stretching import resonance_rise
 from padgen.physics.taxel_modes import TaxelModes
 from padgen.planner.channels import hanging_gap_um, site_pulls
@@ -34,7 +31,6 @@ from padgen.planner.frame_give import flexibility_bounds
 from padgen.planner.plan import Channel, LeftOut, Plan
 from padgen.planner.pull_modes import coil_modes, heard_modes, mode_fields, site_wrenches
 from padgen.planner.pulls import magnetic_parts
-from padgen.planner.reuse import RINGS
 from padgen.planner.suspensions import Arrangement, BeamShape, PlateShape
 from padgen.planner.taxel_model import TaxelModel
 from padgen.spec import Spec
@@ -116,7 +112,7 @@ def left_out(plan: Plan) -> tuple[LeftOut, ...]:
         _large_motion(plan),
         _frame(plan),
         *_far_modes(plan),
-        *_far_coils(plan),
+        *_leakage(plan),
         *_magnetic(plan),
     ]
     found.sort(key=lambda entry: -_size(entry))
@@ -313,26 +309,10 @@ def _unheard(spec: Spec, own: Sequence[Channel]) -> np.ndarray:
     return np.divide(more, 2 * amplitude, out=np.zeros(len(line)), where=amplitude > 0)
 
 
-def _far_coils(plan: Plan) -> Iterator[LeftOut]:
-    """Leakage: what `planner.reuse` is off by, which sees all coils but the next as poles, up to `RINGS` away."""
-    spec, grid = plan.spec, plan.coils
-    if plan.reuse.leak_db is None or max(grid.rows, grid.columns) < 3:
-        return
-    coil, washer = magnetic_parts(spec)
-    x, y = (np.arange(-(count // 2), count // 2 + 1) for count in (grid.columns, grid.rows))
-    steps = np.stack(np.meshgrid(x, y, indexing="ij"), -1).reshape(-1, 2)
-    ring, away = np.abs(steps).max(1), np.abs(steps).sum(1) % grid.sets
-    at = steps * np.array([grid.pitch_x_mm, grid.pitch_y_mm]) * MM
-    place = np.array([channel.site.washer_mm for channel in plan.channels]) * MM
-    distance = np.linalg.norm(at, axis=1) - np.linalg.norm(place, axis=1).max()
-    doubt = np.where(ring > RINGS, 1.0, pole_error(coil, np.maximum(distance, spec.coil.outer_diameter_mm * MM / 2)))
-    height, error = spec.coil.gap_mm * MM + washer.thickness / 2, np.zeros(len(place))
-    for kind in range(grid.sets):
-        counted, far = (ring > 0) & (ring <= RINGS) & (away == kind), (ring > 1) & (away == kind)
-        parts = place, at[counted], at[far], easiness(washer), doubt[far]
-        error = np.maximum(error, far_coils(coil_poles(coil), height, *parts))
-    bound = float(error.max())
-    yield LeftOut("far coils", bound if isfinite(bound) else None, "1", "leak from coil to coil", computed=True)
+def _leakage(plan: Plan) -> Iterator[LeftOut]:
+    """What `planner.reuse` may be off by."""
+    if plan.reuse.leak_db is not None:
+        yield LeftOut("leakage", plan.reuse.leak_error, "1", "leak from coil to coil", computed=True)
 
 
 def _magnetic(plan: Plan) -> Iterator[LeftOut]:

@@ -305,12 +305,13 @@ class Reuse:
     """What the neighbouring coils, in their worst state, do to a taxel that is OFF.
 
     `turned` names the cells that are turned by 180° so that taxels of one channel are not back to back:
-    'none', 'odd rows' or 'odd columns'.
+    'none', 'odd rows' or 'odd columns'. `leak_error` is what the leakage may be off by, relative.
     """
 
     leak_db: float | None
     leak_channel: int | None
     turned: str
+    leak_error: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
