@@ -7,12 +7,13 @@ dear; None where the plan has nothing of the term. `tests/test_left_out.py` and 
 from dataclasses import replace
 from math import ceil, inf, pi
 from typing import NamedTuple
+from unittest.mock import patch
 
 import numpy as np
 
-from padgen.core.errors import PadgenError
+import padgen.physics.pull as pull_module
 from padgen.core.units import G_PER_CM3, GPA, GRAM, MA, MH, MM, UM
-from padgen.physics.beams import Give
+from padgen.physics.beams import Give, tip_stiffness
 from padgen.physics.bounds import beam_inertia, core_polarisation, saturation_loss, washer_magnetised
 from padgen.physics.currents import bias_a, current_lines_a
 from padgen.physics.frame import AttachedBody, Frame, divided, frame_modes
@@ -20,7 +21,6 @@ from padgen.physics.frame_element import Element, rectangle
 from padgen.physics.magnetics import MU_0, CoilSource, SteelRing
 from padgen.physics.modal import felt_energy
 from padgen.physics.modes import BeamPlacement, Modes, suspended_modes, to_tip
-from padgen.physics.pull import pull
 from padgen.physics.pull_table import PullAt
 from padgen.physics.rigid_body import RigidBody
 from padgen.physics.saturation import saturating
@@ -65,15 +65,18 @@ def pull_curve(plan: Plan, channel: Channel, nodes: int = 8) -> PullCurve | None
     least_um = rest_um - 1.5 * channel.static_um - 1.1 * channel.level_um
     if least_um < rest_um / 20:
         return None
-    # Not too narrow a range: the charges' own numbers of nodes change with the gap, by some 1e-5 of the pull.
     least_um = min(least_um, 0.75 * rest_um)
     lows, high = np.log(least_um), np.log(max(rest_um + 1.1 * channel.level_um, 1.2 * rest_um))
     at = (lows + high) / 2 + (high - lows) / 2 * np.cos(np.pi * (np.arange(nodes) + 0.5) / nodes)
     modes = TaxelModes(np.array(channel.modes_hz), np.array(channel.mode_motions))
     offset = channel.site.coil_distance_mm * MM
 
+    # At all gaps with as many nodes as the smallest asks for: steps in their number are steps of the pull.
+    fine = pull_module._fineness(*magnetic_parts(spec), least_um * UM, offset)
+
     def on_mode(log_um: float) -> float:
-        found = pull(*magnetic_parts(spec), float(np.exp(log_um)) * UM, offset)
+        with patch.object(pull_module, "_fineness", lambda *_: fine):
+            found = pull_module.pull(*magnetic_parts(spec), float(np.exp(log_um)) * UM, offset)
         pulled = PullAt(*(np.array([v]) for v in (-found.axial, found.side, found.moment, 0.0, 0.0, 0.0, 0.0)))
         return -found.axial * mode_fields(modes, site_wrenches(spec, pulled, [channel.site])[0]).pulled_share
 
@@ -276,7 +279,7 @@ def elastica(
     arm: float, body: tuple[float, float], ends: tuple[float, float], slender: float | None, most: float
 ) -> Elastica:
     """A beam of unit length and bending stiffness: washer `arm` beyond its tip, body's centroid and square of its
-    radius of gyration; `ends` turn by that much per moment. With `slender`, EA l²/EI, the tip neither turns nor moves
+    radius of gyration; `ends` turn by that much per moment. With `slender`, stiffness along it times l³/EI, the tip neither turns nor moves
     along: a half of a bridge, whose body's mass just rises. Up to displacements of `most`.
     """
     from scipy.optimize import root
@@ -315,15 +318,15 @@ def elastica(
     force, held, found = most / compliance / 12, [], [(0.0, 0.0, 1 + body[0], 0.0, 0.0)]
     # Of a bridge the force along follows from how much a cubic shortens: 0.6 z².
     guess = np.array([force * first, 0.5 * (force * compliance) ** 2 * slender if slender else 0.0])
-    while found[-1][0] < most and len(found) < 60:
-        solved = root(miss, guess, (force,), tol=1e-12)
+    while found[-1][0] < most and len(found) < 90:
+        solved = root(miss, guess, (force,), method="lm", tol=1e-13)
         if not solved.success and np.abs(solved.fun).max() > 1e-6:
             raise ArithmeticError(f"no elastica at {force:.3g}: {solved.message}")
         x, z, slope, moment = shape(force, tuple(solved.x))
         turned = 0.0 if slender else slope + ends[1] * moment
         place = x + body[0] * np.cos(turned), z + body[0] * np.sin(turned)
         found.append((z + arm * np.sin(turned), force, *place, turned))
-        more = 1 + 1 / len(found[1:]) if not slender else max(1 + 1 / len(found[1:]), 1.35)
+        more = 1 + 1 / len(found[1:]) if not slender else 1.2
         held.append((force, solved.x))
         guess, force = solved.x * np.array([more, more**2]), force * more
         if len(held) > 2:
@@ -374,14 +377,19 @@ def motion_rise(plan: Plan, channel: Channel) -> float:
     out = float(np.asarray(placement.direction)[0])
     arm, centre = ((float(v) - tip[0]) * out / length for v in (washer[0], body.centroid[0]))
     gyration = float(body.inertia[1, 1] / body.mass) / length**2
-    slender = 12 * (length / (channel.beam.thickness_mm * MM)) ** 2 if bridge else None
+    modulus, poisson, _ = model.elastic
+    bends = modulus * float(section.width * section.thickness**3) / 12
+    # Along itself a beam is as stiff as the plan's model has it, ends included.
+    slender = float(tip_stiffness(section, modulus, poisson)[0, 0]) * length**3 / bends if bridge else None
     level, away = channel.level_um * UM / length, (channel.sag_um + channel.static_um) * UM / length
     # Where all is of the second order it is found at larger motions, since digits run out.
     more = max(0.03 / (level + away), 1.0) if not bridge else 1.0
     level, away = level * more, away * more
     if bridge:
         arm, centre, gyration = 0.0, 0.0, 0.0
-    found = elastica(arm, (centre, gyration), ends, slender, 1.15 * (level + away))
+    hard = channel.hardening_per_mm2 * channel.beam.length_mm**2
+    most = min(away, (away / hard) ** (1 / 3)) * 1.2 if bridge else away
+    found = elastica(arm, (centre, gyration), ends, slender, 1.15 * (level + most))
     if slender:  # the true offset is smaller: the beam has hardened
         small = found.force[1] / found.z[1]
         away = float(np.interp(away * small, found.force, found.z))
@@ -505,7 +513,7 @@ def true_air_damping(plan: Plan, across: int = 90) -> float | None:
         cosine, sine = {"+x": (1, 0), "+y": (0, 1), "-x": (-1, 0), "-y": (0, -1)}[channel.site.along]
         x, y = channel.site.washer_mm
         axis = -np.array([cosine * x + sine * y, -sine * x + cosine * y]) * MM
-        over = ((cells.at - axis) ** 2).sum(1) < coil_m**2
+        over = ((cells.at - axis) ** 2).sum(1) < (coil_m - cells.side / 2) ** 2  # beyond them the pressure is none
         film, slot_wide = cells.height**3 / (12 * AIR_PA_S), plan.plate.gap_mm * MM
         through = slot_wide**2 / (12 * AIR_PA_S * plan.plate.thickness_mm * MM) * cells.side**2
         number = np.full(across**2, -1)
@@ -586,7 +594,7 @@ def saturation_on_axis(coil: CoilSource, washer: SteelRing, gap: float, current_
     steel = saturating("washer", washer.permeability, SATURATION_T)
     linear = axisymmetric_force(coil, washer, gap, current_a, order=3, levels=1).force_n
     saturating_n = axisymmetric_force(coil, washer, gap, current_a, core, steel, order=3, levels=1).force_n
-    made = washer_magnetised(coil, washer, gap, np.zeros(1), np.array([pull(coil, washer, gap, 0.0).dipole]))
+    made = washer_magnetised(coil, washer, gap, np.zeros(1), np.array([pull_module.pull(coil, washer, gap, 0.0).dipole]))
     core_t, core_chi_n = core_polarisation(coil)
     bound = 2 * saturation_loss(core_t * current_a / SATURATION_T, core_chi_n)
     bound += saturation_loss(made.polarisation[0] * current_a / SATURATION_T, made.chi_n[0])

@@ -47,8 +47,8 @@ ROUNDS = 3
 
 AIR_KG_PER_M3, AIR_PA_S = 1.2, 1.8e-5
 """Density and viscosity of air."""
-HARDENING_SHARE = 0.2
-"""Share by which the cubic spring of beams that stretch may be off (docs/accuracy.md, against NLGEOM)."""
+HARDENING_SHARE = 0.25
+"""Share by which the cubic spring of beams that stretch may be off: 0.22 where their ends give much (docs/accuracy.md)."""
 
 RUNGS = {
     "stretching": "a lower drive.level_um, or beams free to slide at one end",
@@ -220,7 +220,7 @@ def _air(plan: Plan) -> Iterator[LeftOut]:
     """
     spec, channels = plan.spec, plan.channels
     below, coil = plan.plate.recess_depth_mm - spec.washer.thickness_mm, spec.coil.outer_diameter_mm / 2 * MM
-    area, square, most, window = np.array([_swept(plan.arrangement(c), c) for c in channels]).T
+    area, plates, square, most, window = np.array([_swept(plan.arrangement(c), c) for c in channels]).T
     mass, stiffness, q, sag, offset = np.array(
         [
             (c.effective_mass_g * GRAM, c.stiffness_n_per_m, c.q, c.sag_um + c.static_um, c.site.coil_distance_mm * MM)
@@ -232,7 +232,8 @@ def _air(plan: Plan) -> Iterator[LeftOut]:
     film = pi * radius**4 * (1 + 4 * np.log(np.maximum(window / radius, 1)))
     heavier = AIR_KG_PER_M3 * square * (16 / 3 * radius**3 + film / (8 * height)) / mass
     yield _worst("air's mass", "resonance", channels, 1 - 1 / np.sqrt(1 + heavier))
-    over = _common_radius(radius, coil, offset)
+    # Long parts may reach over the coil though their middle does not: as if all of them did.
+    over = np.minimum(np.sqrt(_common_radius(np.sqrt(plates / pi), coil, offset) ** 2 + (area - plates) / pi), coil)
     film = pi * over**4 * (1 + 4 * np.log(np.maximum(coil / np.maximum(over, 1e-9), 1)))
     damped = 1.5 * AIR_PA_S * film / height**3 * most**2 * q / np.sqrt(stiffness * mass)
     yield _worst("air's damping", "Q", channels, damped / (1 + damped))
@@ -248,9 +249,9 @@ def _common_radius(radius: np.ndarray, other: float, apart: np.ndarray) -> np.nd
     return np.asarray(np.sqrt((halves[0] + halves[1]) / pi))
 
 
-def _swept(arrangement: Arrangement, channel: Channel) -> tuple[float, float, float, float]:
-    """Area in m² of all that moves, the mean square of its motion over the washer's, the largest part of that, and how
-    far its window reaches, in m."""
+def _swept(arrangement: Arrangement, channel: Channel) -> tuple[float, ...]:
+    """Area in m² of all that moves and of its blocks alone, the mean square of its motion over the washer's, the largest
+    part of that, and how far its window reaches, in m."""
     motion = channel.mode_motions[int(np.argmax(channel.mode_shares))]
 
     def moves(x: float, y: float) -> float:
@@ -264,12 +265,13 @@ def _swept(arrangement: Arrangement, channel: Channel) -> tuple[float, float, fl
         # The mean square of a linear function over a rectangle, from its middle and its corners.
         square += own * (2 * np.mean(corners) ** 2 + np.mean(np.square(corners))) / 3
         area, most = area + own, max(most, *map(abs, corners))
+    blocks = area
     for path in arrangement.beams:
         own, tip = float(path.width_mm * path.length_mm), path.corners[-1]
         # A beam that is guided at its tip: 13/35 of the square there.
         square += own * 13 / 35 * moves(float(tip.x_mm), float(tip.y_mm)) ** 2
         area += own
-    return area * MM**2, square / area, most, float(np.hypot(*arrangement.window_mm)) * MM
+    return area * MM**2, blocks * MM**2, square / area, most, float(np.hypot(*arrangement.window_mm)) * MM
 
 
 def _large_motion(plan: Plan) -> LeftOut:
