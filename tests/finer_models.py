@@ -1,4 +1,4 @@
-"""Finer models of what a plan leaves out: for each bounded term the true size, worked out in another way than its bound.
+"""Finer models of what a plan leaves out: for each bounded term its true size, found in another way than its bound.
 
 Each takes a plan and returns the largest relative error over its channels, `MOST_CHANNELS` of them where a channel is
 dear; None where the plan has nothing of the term. `tests/test_left_out.py` and `docs/measure_left_out.py` compare.
@@ -15,21 +15,26 @@ import padgen.physics.pull as pull_module
 from padgen.core.units import G_PER_CM3, GPA, GRAM, MA, MH, MM, UM
 from padgen.physics.beams import Give, tip_stiffness
 from padgen.physics.bounds import beam_inertia, core_polarisation, saturation_loss, washer_magnetised
+from padgen.physics.coil_field import charged_core, winding_rings
 from padgen.physics.currents import bias_a, current_lines_a
 from padgen.physics.frame import AttachedBody, Frame, divided, frame_modes
 from padgen.physics.frame_element import Element, rectangle
+from padgen.physics.leakage import leakage
 from padgen.physics.magnetics import MU_0, CoilSource, SteelRing
 from padgen.physics.modal import felt_energy
-from padgen.physics.modes import BeamPlacement, Modes, suspended_modes, to_tip
+from padgen.physics.modes import BeamPlacement, Modes, suspended_modes
 from padgen.physics.pull_table import PullAt
 from padgen.physics.rigid_body import RigidBody
+from padgen.physics.ring_charges import RingPotential, ring_potential
 from padgen.physics.saturation import saturating
+from padgen.physics.steel_body import SteelBody, fine_rings, steel_body, tube
 from padgen.physics.taxel_modes import TaxelModes
 from padgen.planner.channels import hanging_gap_um
 from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.pull_modes import coil_modes, heard_modes, mode_fields, site_wrenches
 from padgen.planner.pulls import magnetic_parts
+from padgen.planner.reuse import coils_around
 from padgen.planner.suspensions import BeamShape, PlateShape
 from padgen.planner.taxel_model import TaxelModel
 from padgen.spec import Spec
@@ -58,7 +63,19 @@ class PullCurve(NamedTuple):
         return self.shape(np.log(self.rest_um - np.asarray(nearer_um)))
 
 
-def pull_curve(plan: Plan, channel: Channel, nodes: int = 8) -> PullCurve | None:
+CURVES: dict[int, tuple[Channel, PullCurve | None]] = {}
+"""By the channel's identity: gap and softening ask for the same ones."""
+
+
+def pull_curve(plan: Plan, channel: Channel) -> PullCurve | None:
+    if id(channel) not in CURVES:
+        if len(CURVES) > 16:
+            CURVES.clear()
+        CURVES[id(channel)] = channel, solved_curve(plan, channel)
+    return CURVES[id(channel)][1]
+
+
+def solved_curve(plan: Plan, channel: Channel, nodes: int = 8) -> PullCurve | None:
     """By surface charges at `nodes` gaps; None where the washer would come nearer than a twentieth of its gap."""
     spec = plan.spec
     rest_um = float(hanging_gap_um(spec, channel.sag_um))
@@ -195,13 +212,18 @@ def true_motion(plan: Plan) -> float:
             tone = current_lines_a(scheme, lines)[k]
             planned, moved = tone * np.sin(swing / 2 * t), -np.sin(swing * t)
         flux = 2 * channel.force_constant_n_per_a2 * channel.level_um * UM * moved
-        # δ = current − planned:  d/dt((L + flux) δ) + R δ = −d/dt(flux · planned), by the midpoint rule on λ = (L + flux) δ
+        # Of δ = current − planned: d/dt((L + flux) δ) + R δ = −d/dt(flux · planned); midpoint rule on (L + flux) δ.
         source = -np.diff(flux * planned)
         rate = resistance / (inductance + (flux[1:] + flux[:-1]) / 2) * (t[1] - t[0]) / 2
         if (inductance + flux).min() <= 0:
             true.append(inf)
             continue
-        linked, error, keep, add = 0.0, np.empty(steps), ((1 - rate) / (1 + rate)).tolist(), (source / (1 + rate)).tolist()
+        linked, error, keep, add = (
+            0.0,
+            np.empty(steps),
+            ((1 - rate) / (1 + rate)).tolist(),
+            (source / (1 + rate)).tolist(),
+        )
         for i in range(steps):
             linked = keep[i] * linked + add[i]
             error[i] = linked
@@ -278,9 +300,9 @@ class Elastica(NamedTuple):
 def elastica(
     arm: float, body: tuple[float, float], ends: tuple[float, float], slender: float | None, most: float
 ) -> Elastica:
-    """A beam of unit length and bending stiffness: washer `arm` beyond its tip, body's centroid and square of its
-    radius of gyration; `ends` turn by that much per moment. With `slender`, stiffness along it times l³/EI, the tip neither turns nor moves
-    along: a half of a bridge, whose body's mass just rises. Up to displacements of `most`.
+    """A beam of unit length and bending stiffness: washer `arm` beyond its tip, `body` its centroid there and its
+    squared radius of gyration; `ends` turn by that much per moment. With `slender`, stiffness along it times l³/EI, the
+    tip neither turns nor moves along: a half of a bridge, whose body just rises. Up to displacements of `most`.
     """
     from scipy.optimize import root
 
@@ -343,7 +365,8 @@ def elastica_rise(found: Elastica, level: float, away: float) -> float:
     z, scale = found.z[1:], found.z[-1]
     # Both are even in z (force over z).
     stiffness, mass = (
-        np.polynomial.Polynomial.fit((z / scale) ** 2, v, 5, domain=[0, 1]) for v in (found.force[1:] / z, found.mass[1:])
+        np.polynomial.Polynomial.fit((z / scale) ** 2, v, 5, domain=[0, 1])
+        for v in (found.force[1:] / z, found.mass[1:])
     )
 
     def potential(v):
@@ -367,7 +390,12 @@ def elastica_rise(found: Elastica, level: float, away: float) -> float:
 
 def motion_rise(plan: Plan, channel: Channel) -> float:
     """The rise of the elastica at a channel's level about sag and mean pull."""
-    model = TaxelModel(plan.spec, channel.beam.topology, PlateShape(plan.plate.length_mm, plan.plate.width_mm, plan.plate.thickness_mm), beam_shape(channel))
+    model = TaxelModel(
+        plan.spec,
+        channel.beam.topology,
+        PlateShape(plan.plate.length_mm, plan.plate.width_mm, plan.plate.thickness_mm),
+        beam_shape(channel),
+    )
     placement = model.placements[0]
     section, length = placement.section, channel.beam.length_mm * MM
     washer, tip = model.washer_point_m, np.asarray(placement.tip, float)
@@ -499,7 +527,7 @@ def true_air_mass(plan: Plan, across: int = 34) -> float | None:
 
 
 def true_air_damping(plan: Plan, across: int = 90) -> float | None:
-    """Reynolds' equation of the film over the coil's top, slots beside the plate open to the air: finite differences."""
+    """Reynolds' equation of the film over the coil, slots beside the plate open to the air: finite differences."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.linalg import spsolve
 
@@ -526,7 +554,10 @@ def true_air_damping(plan: Plan, across: int = 90) -> float | None:
             rows += [a[both], b[both]]
             columns += [b[both], a[both]]
             values += [np.full(2 * both.sum(), -film)]
-        rows, columns = np.concatenate([*rows, np.arange(len(diagonal))]), np.concatenate([*columns, np.arange(len(diagonal))])
+        rows, columns = (
+            np.concatenate([*rows, np.arange(len(diagonal))]),
+            np.concatenate([*columns, np.arange(len(diagonal))]),
+        )
         matrix = coo_matrix((np.concatenate([*values, diagonal]), (rows, columns))).tocsc()
         squeezed = np.where(cells.moves, cells.motion, 0.0)[over] * cells.side**2
         pressure = spsolve(matrix, squeezed)
@@ -594,7 +625,9 @@ def saturation_on_axis(coil: CoilSource, washer: SteelRing, gap: float, current_
     steel = saturating("washer", washer.permeability, SATURATION_T)
     linear = axisymmetric_force(coil, washer, gap, current_a, order=3, levels=1).force_n
     saturating_n = axisymmetric_force(coil, washer, gap, current_a, core, steel, order=3, levels=1).force_n
-    made = washer_magnetised(coil, washer, gap, np.zeros(1), np.array([pull_module.pull(coil, washer, gap, 0.0).dipole]))
+    made = washer_magnetised(
+        coil, washer, gap, np.zeros(1), np.array([pull_module.pull(coil, washer, gap, 0.0).dipole])
+    )
     core_t, core_chi_n = core_polarisation(coil)
     bound = 2 * saturation_loss(core_t * current_a / SATURATION_T, core_chi_n)
     bound += saturation_loss(made.polarisation[0] * current_a / SATURATION_T, made.chi_n[0])
@@ -606,7 +639,7 @@ def true_saturation(plan: Plan) -> tuple[float, float]:
     return saturation_on_axis(*magnetic_parts(plan.spec), gap_m(plan), plan.load.current_peak_ma * MA)
 
 
-def true_saturation_aside(plan: Plan, order: int = 2) -> float:
+def true_saturation_aside(plan: Plan, order: int = 3) -> float:
     """Three dimensions, the washer of the first channel where it is."""
     from padgen.verify.field_solid import PlacedWasher, solid_force
 
@@ -687,6 +720,109 @@ def true_shielding(plan: Plan, order: int = 3, levels: int = 0) -> float | None:
     return float(abs(pulls[0] / pulls[1] - 1))
 
 
+# Leakage: cores and a washer in the fields of each other and of all coils.
+
+
+class Placed(NamedTuple):
+    """A steel body of revolution, the place (2,) of its axis and how far up it lies, in m; orders round its axis."""
+
+    body: SteelBody
+    axis: np.ndarray
+    up: float
+    orders: int
+
+    @property
+    def angle(self) -> np.ndarray:
+        turns = 2 * self.orders + 4
+        return (np.arange(turns) + 0.5) * 2 * np.pi / turns
+
+    @property
+    def order(self) -> np.ndarray:
+        """Of 1, cos φ, sin φ, cos 2φ …"""
+        return (np.arange(2 * self.orders + 1) + 1) // 2
+
+    def waves(self, angle: np.ndarray) -> np.ndarray:
+        turned = [part(m * angle) for m in range(1, self.orders + 1) for part in (np.cos, np.sin)]
+        return np.stack([np.ones_like(angle), *turned])
+
+    def points(self) -> tuple[np.ndarray, np.ndarray]:
+        """Places (nodes, turns, 2) and heights (nodes, turns) on the surface."""
+        round_axis = np.stack([np.cos(self.angle), np.sin(self.angle)], -1)
+        at = self.axis + self.body.radius[:, None, None] * round_axis
+        return at, np.broadcast_to((self.body.height + self.up)[:, None], at.shape[:2])
+
+    def projected(self, value: np.ndarray) -> np.ndarray:
+        """Parts (…, parts · nodes) of what is given at the points (…, nodes, turns)."""
+        share = self.waves(self.angle) * np.where(self.order == 0, 1.0, 2.0)[:, None] / len(self.angle)
+        return np.swapaxes(value @ share.T, -1, -2).reshape(*value.shape[:-2], -1)
+
+    def made(self, at: np.ndarray, height: np.ndarray, step: float, slope: bool = False) -> np.ndarray:
+        """Potential (parts · nodes, …) at points of one unit of each part of the charge, or its slope along z."""
+        radius, low, shares = fine_rings(self.body, step)
+        rho, around = axial(at - self.axis)
+        of = ring_potential(rho[..., None], height[..., None], radius, low + self.up, self.orders, at_ring=False)
+        each = ((of.along_z if slope else of.value) @ shares)[self.order] * self.waves(around)[..., None]
+        return np.moveaxis(each, -1, 1).reshape(-1, *rho.shape)
+
+
+def axial(away: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return np.maximum(np.hypot(away[..., 0], away[..., 1]), 1e-9), np.arctan2(away[..., 1], away[..., 0])
+
+
+def many_coils(coil: CoilSource, washer: SteelRing, gap: float, place: np.ndarray, axes: np.ndarray) -> np.ndarray:
+    """Pulls (k, k) in N/A² on a washer at `place` by currents in the coils at `axes` (k, 2), the own first."""
+    core, step, count = charged_core(coil, 12, 2), 0.8 * gap, len(axes)
+    sides = tube(washer.outer_diameter / 2, washer.inner_diameter / 2, 0.0, washer.thickness, (9, 5))
+    ring = Placed(steel_body(sides, washer.permeability, 4), place, gap, 4)
+    bodies = [*([Placed(core[0], axis, 0.0, 2) for axis in axes] if core else []), ring]
+    ends = np.cumsum([0, *(len(b.order) * len(b.body.area) for b in bodies)])
+    mutual, outside = np.zeros((ends[-1], ends[-1])), np.zeros((ends[-1], count))
+    radius, low, charge = winding_rings(coil.windings, step)
+
+    def wound(axis: np.ndarray, at: np.ndarray, height: np.ndarray) -> RingPotential:
+        return ring_potential(axial(at - axis)[0][..., None], height[..., None], radius, low, 0, at_ring=False)
+
+    for i, one in enumerate(bodies):
+        own, (at, height) = slice(ends[i], ends[i + 1]), one.points()
+        answer = np.zeros((len(one.order), len(one.body.area)) * 2)
+        for part, order in enumerate(one.order):
+            answer[part, :, part] = one.body.response[order]
+        answer = answer.reshape(own.stop - own.start, -1)
+        for j, other in enumerate(bodies):
+            if i != j:
+                mutual[own, ends[j] : ends[j + 1]] = answer @ one.projected(other.made(at, height, step)).T
+        for k, axis in enumerate(axes):
+            if one is not ring and i == k:
+                outside[own, k][: len(one.body.area)] = core[1]  # a core in its own coil
+            else:
+                outside[own, k] = answer @ one.projected(wound(axis, at, height).value[0] @ charge)
+    drawn = np.linalg.solve(np.eye(ends[-1]) - mutual, outside)
+    at, height = ring.points()
+    slope = np.array([wound(axis, at, height).along_z[0] @ charge for axis in axes])
+    for j, other in enumerate(bodies[:-1]):
+        slope += np.tensordot(drawn[ends[j] : ends[j + 1]].T, other.made(at, height, step, slope=True), 1)
+    weight = (ring.body.area * np.where(ring.order == 0, 1.0, 0.5)[:, None]).ravel()
+    force = MU_0 * (drawn[ends[-2] :].T * weight) @ ring.projected(slope).T
+    return (force + force.T) / 2
+
+
+def true_leakage(plan: Plan) -> float | None:
+    """What the coils next to the middle one leak, over what the plan's model of these says."""
+    grid, parts = plan.coils, magnetic_parts(plan.spec)
+    steps = coils_around(grid.rows, grid.columns)
+    steps = steps[np.abs(steps).max(1) == 1]
+    if not len(steps):
+        return None
+    axes, true = steps * np.array([grid.pitch_x_mm, grid.pitch_y_mm]) * MM, []
+    for channel in some(plan)[:2]:
+        place = np.array(channel.site.washer_mm) * MM
+        pulls = many_coils(*parts, gap_m(plan), place, np.concatenate([np.zeros((1, 2)), axes]))
+        pulls = np.abs(pulls / pulls[0, 0])
+        found = leakage(*parts, gap_m(plan), place[None], axes)
+        true += [pulls[1:, 1:].sum() / np.abs(found.mutual).sum(), pulls[0, 1:].sum() / np.abs(found.product).sum()]
+    return float(max(abs(share - 1) for share in true))
+
+
 TRUE = {
     "gap": true_gap,
     "softening": true_softening,
@@ -700,12 +836,17 @@ TRUE = {
 }
 """Of every plan."""
 DEAR = {
+    "leakage": (true_leakage, 5),
     "air's mass": (true_air_mass, 4),
     "eddy currents": (true_eddy_currents, 2),
-    "saturation": (true_saturation, 4),
-    "shielding": (true_shielding, 12),
-    "saturation aside": (true_saturation_aside, 25),
+    "saturation": (true_saturation, 8),
+    "shielding": (true_shielding, 40),
+    "saturation aside": (true_saturation_aside, 125),
     "frame": (true_frame, 5),
 }
 """By finite elements, of one plan in so many; the frame of those of up to `MOST_TAXELS` taxels that have a bound."""
 MOST_TAXELS = 4
+LEAST = {"gap": 1e-6, "softening": 1e-6, "far modes": 1e-12, "saturation": 2e-5}
+"""Sizes below which a finer model's own digits run out."""
+OWN_BOUND = ("beam inertia", "saturation")
+"""Terms whose finer model needs parts a little other than the plan's, and gives their bound with the true size."""

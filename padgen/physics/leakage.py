@@ -59,21 +59,21 @@ def leakage(
     body = _washer(washer)
     turns = 2 * ORDERS + 2
     angle = (np.arange(turns) + 0.5) * 2 * np.pi / turns
-    points = np.stack(np.broadcast_arrays(body.radius[:, None] * np.cos(angle), body.radius[:, None] * np.sin(angle)), -1)
-    points = place[:, None, None] + points  # (n, j, turns, 2)
+    ring = body.radius[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], -1)
+    points = place[:, None, None] + ring  # (n, j, turns, 2)
     height = (body.height + gap)[:, None]
     own = _coaxial(coil_rings(coil, STEP * gap), points[:, None], height)
     near = _coaxial(_few_rings(coil), points[:, None] - neighbours[:, None, None], height)
     parts = _around(*(np.concatenate(pair, 1) for pair in zip(own, near, strict=True)), angle)
     if far is not None and len(far):
-        beyond = pole_field(coil_poles(coil), gap + washer.thickness / 2, place[:, None] - far)
         # About the washer's middle the far ones' field changes evenly.
         up, across = body.height - washer.thickness / 2, body.radius
-        value, slope = np.zeros((2, len(place), len(far), *parts.value.shape[2:]))
-        field, change = (v[..., None] for v in beyond)
-        value[:, :, 0], slope[:, :, 0] = -field[:, :, 2] * up, -field[:, :, 2] - change[:, :, 2] * up
-        value[:, :, 1:3], slope[:, :, 1:3] = -field[:, :, :2] * across, -change[:, :, :2] * across
-        parts = _Parts(*(np.concatenate(pair, 1) for pair in zip(parts, (value, slope), strict=True)))
+        flux = pole_field(coil_poles(coil), gap + washer.thickness / 2, place[:, None] - far)
+        field, change = (v[..., None] for v in flux)
+        beyond = np.zeros((2, len(place), len(far), *parts.value.shape[2:]))
+        beyond[0, :, :, 0], beyond[1, :, :, 0] = -field[:, :, 2] * up, -field[:, :, 2] - change[:, :, 2] * up
+        beyond[:, :, :, 1:3] = -np.stack([field, change])[:, :, :, :2] * across
+        parts = _Parts(*(np.concatenate(pair, 1) for pair in zip(parts, beyond, strict=True)))
     if (drawn := _core_charge(coil, neighbours, far)) is not None:
         core, charge = drawn
         of_core = _core_field(core, charge, points, height, angle, STEP * gap)
@@ -106,7 +106,11 @@ def _few_rings(coil: CoilSource) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     radius, height, density = winding_rings(coil.windings, coil.outer_diameter / 8)
     zone, charge = np.floor(6 * radius / coil.outer_diameter), radius * density
-    groups = [(radius, height, np.where((height == z) & (zone == k), charge, 0.0)) for z in set(height) for k in set(zone)]
+    groups = [
+        (radius, height, np.where((height == z) & (zone == k), charge, 0.0))
+        for z in np.unique(height)
+        for k in np.unique(zone)
+    ]
     if (core := charged_core(coil)) is not None:
         radius, height, charge = core[0].radius, core[0].height, core[0].area * core[1] / (2 * np.pi)
         groups += [(radius, height, np.where(height == z, charge, 0.0)) for z in np.unique(height)]
@@ -178,8 +182,8 @@ def _core_field(
     of = ring_potential(rho[..., None], z, radius, at, CORE_ORDERS, at_ring=False)
     order = (np.arange(charge.shape[1]) + 1) // 2
     waves = np.stack([np.ones_like(around), np.cos(around), np.sin(around)])[: charge.shape[1]]
-    made = []
+    made: list[np.ndarray] = []
     for part in (of.value, of.along_z):
         at_points = (part @ shares)[order] * waves[..., None]  # (parts, n, j, turns, nodes)
         made.append(np.einsum("pnjtc,kpc->nkjt", at_points, charge, optimize=True))
-    return _around(*made, angle)
+    return _around(made[0], made[1], angle)

@@ -48,7 +48,7 @@ ROUNDS = 3
 AIR_KG_PER_M3, AIR_PA_S = 1.2, 1.8e-5
 """Density and viscosity of air."""
 HARDENING_SHARE = 0.25
-"""Share by which the cubic spring of beams that stretch may be off: 0.22 where their ends give much (docs/accuracy.md)."""
+"""Share by which the cubic spring of beams that stretch may be off: 0.22 where their ends give (docs/accuracy.md)."""
 
 RUNGS = {
     "stretching": "a lower drive.level_um, or beams free to slide at one end",
@@ -250,8 +250,8 @@ def _common_radius(radius: np.ndarray, other: float, apart: np.ndarray) -> np.nd
 
 
 def _swept(arrangement: Arrangement, channel: Channel) -> tuple[float, ...]:
-    """Area in m² of all that moves and of its blocks alone, the mean square of its motion over the washer's, the largest
-    part of that, and how far its window reaches, in m."""
+    """Area in m² of all that moves and of its blocks, mean square and largest of its motion over the washer's, and how
+    far its window reaches, in m."""
     motion = channel.mode_motions[int(np.argmax(channel.mode_shares))]
 
     def moves(x: float, y: float) -> float:
@@ -263,7 +263,7 @@ def _swept(arrangement: Arrangement, channel: Channel) -> tuple[float, ...]:
         corners = [moves(x, y) for x in (x0, x1) for y in (y0, y1)]
         own = float((x1 - x0) * (y1 - y0))
         # The mean square of a linear function over a rectangle, from its middle and its corners.
-        square += own * (2 * np.mean(corners) ** 2 + np.mean(np.square(corners))) / 3
+        square += own * float(2 * np.mean(corners) ** 2 + np.mean(np.square(corners))) / 3
         area, most = area + own, max(most, *map(abs, corners))
     blocks = area
     for path in arrangement.beams:
