@@ -11,7 +11,6 @@ again, for their bounds alone, after a bound has changed. Terms that follow N ar
 """
 
 import csv
-import os
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -220,7 +219,7 @@ def renewed_bounds() -> None:
         writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
-    os.replace(aside, CAMPAIGN)
+    aside.replace(CAMPAIGN)
 
 
 def campaign_table() -> list[str]:

@@ -290,10 +290,10 @@ def test_shielding():
 
 
 def test_shielding_of_two_is_a_dipoles():
-    """By hand: a moment of 1 A·m² makes μ0/(2π) 1e9 T at 1 mm along its axis; of a washer as wide as that, thrice."""
+    """By hand: a moment of 1 A·m² makes μ0/(2π) 1e9 T at 1 mm along its axis; of a washer as wide as that, four times."""
     place = np.array([[0.0, 0.0], [1e-3, 0.0]])
     found = mutual_shielding(np.ones(2), np.full(2, 2.0), place, 1e-3)
-    assert found == pytest.approx(np.full(2, 3 * MU_0 / (2 * np.pi) * 1e9 / 2.0), rel=1e-12)
+    assert found == pytest.approx(np.full(2, 4 * MU_0 / (2 * np.pi) * 1e9 / 2.0), rel=1e-12)
 
 
 # Random specs, some of those of `docs/measure_left_out.py random`.

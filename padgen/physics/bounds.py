@@ -28,6 +28,8 @@ __all__ = [
 ]
 
 MU_0 = 4e-7 * pi
+LOCALLY = 1.5
+"""Polarisation of a wide washer above the rim of a core, over what two points of it tell (field solutions)."""
 
 
 def beam_inertia(
@@ -170,7 +172,7 @@ def washer_magnetised(
     weight = energy / energy.sum(0)
     return Magnetised(
         np.sqrt((radial**2 + axial**2).mean(0)),
-        np.maximum(size.max(0), MU_0 * dipole / volume),
+        LOCALLY * np.maximum(size.max(0), MU_0 * dipole / volume),
         1 / (weight / (chi * share[:, None])).sum(0) if chi > 0 else np.full(len(offset), inf),
     )
 
@@ -274,9 +276,9 @@ def mutual_shielding(moment: np.ndarray, field: np.ndarray, place: np.ndarray, d
 
     Dipoles of `moment` (n,) in A·m² at `place` (n, 2) in m, each taken to point along the line to the washer
     that it disturbs, where its field is ``μ0 m/(2π d³)``, over the coil's own `field` (n,) there. Washers of
-    `diameter` are no points: that adds about ``2 (diameter/d)²``.
+    `diameter` are no points: that adds about ``3 (diameter/d)²`` (field solutions of random coils).
     """
     apart = np.linalg.norm(place[:, None] - place[None], axis=-1)
     np.fill_diagonal(apart, inf)
-    near = 1 + 2 * (diameter / apart) ** 2
+    near = 1 + 3 * (diameter / apart) ** 2
     return np.asarray((near * MU_0 * moment / (2 * pi * apart**3)).sum(-1) / np.where(field > 0, field, inf))

@@ -87,8 +87,8 @@ def leakage(
     shape = len(place), parts.value.shape[1], -1
     pulled = (on_washer * weight).reshape(shape) @ np.swapaxes(parts.slope.reshape(shape), 1, 2)
     pulled = (pulled + np.swapaxes(pulled, 1, 2)) / 2
-    own = np.where(pulled[:, :1, :1] == 0, np.inf, pulled[:, :1, :1])
-    return Leakage(pulled[:, 1:, 1:] / own, pulled[:, 0, 1:] / own[:, 0])
+    alone = np.where(pulled[:, :1, :1] == 0, np.inf, pulled[:, :1, :1])
+    return Leakage(pulled[:, 1:, 1:] / alone, pulled[:, 0, 1:] / alone[:, 0])
 
 
 @lru_cache(maxsize=32)

@@ -45,6 +45,9 @@ LEAST_GAP = 20
 """Share of its gap, one over this, below which no pull is asked for."""
 ROUNDS = 3
 
+SLOPES = 1.3
+"""Growth of a beam's stiffness with the square of its deflection over its length: 1.2 by the elastica, a little more
+where its tip gives."""
 AIR_KG_PER_M3, AIR_PA_S = 1.2, 1.8e-5
 """Density and viscosity of air."""
 HARDENING_SHARE = 0.25
@@ -275,11 +278,11 @@ def _swept(arrangement: Arrangement, channel: Channel) -> tuple[float, ...]:
 
 
 def _large_motion(plan: Plan) -> LeftOut:
-    """What slopes of beams change beyond the linear theory: the secant stiffness grows by ``1.2 (z/l)²`` (elastica)."""
+    """What slopes of beams change beyond the linear theory: the secant stiffness grows by `SLOPES` ``(z/l)²``."""
     away, level, length = np.array(
         [((c.sag_um + c.static_um) * UM, c.level_um * UM, c.beam.length_mm * MM) for c in plan.channels]
     ).T
-    return _worst("large slopes", "resonance", plan.channels, resonance_rise(1.2 / length**2, level, away))
+    return _worst("large slopes", "resonance", plan.channels, resonance_rise(SLOPES / length**2, level, away))
 
 
 def _frame(plan: Plan) -> LeftOut:
