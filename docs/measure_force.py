@@ -21,6 +21,7 @@ import netgen.occ as occ
 import ngsolve as ng
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
 from padgen.core.errors import SolverError
 from padgen.core.units import MM
 from padgen.ladders.stages.force import axisymmetric_pull, charges_pull, paper_pull, three_d_pull
@@ -37,6 +38,7 @@ from padgen.verify.field_axisymmetric import axisymmetric_force
 from padgen.verify.field_scalar import body_wrench, solve_scalar
 from padgen.verify.field_solid import PlacedWasher, solid_force
 from padgen.verify.force_ladder import Pull, shielding, solid_pull
+from tests.finer_models import many_coils
 
 REFERENCE = Path(__file__).parents[1] / "tests" / "reference" / "magnetostatics.json"
 COIL = solenoid(10 * MM, 4 * MM, 10 * MM, 1000, 4 * MM, 1000)
@@ -126,9 +128,12 @@ def consequences() -> None:
     for stiffness in (5.0, 20.0, 100.0):
         current = float(stiffness * square_per_stiffness[end]) ** 0.5
         row(stiffness, current, float(z[end] / MM), f"{np.sqrt(1 - softening) - 1:.1%}")
+    place, pitch = np.array([3 * MM, 0.0]), np.array([[12.5 * MM, 0.0]])
+    estimate = leakage(COIL, WASHER, MM, place[None], pitch).mutual[0, 0, 0]
+    pulls = many_coils(COIL, WASHER, MM, place, np.concatenate([np.zeros((1, 2)), pitch]))
     near, far = (float(solid_pull(Pull(COIL, WASHER, MM, x * MM)).wrench[0, 2]) for x in (3, 9.5))
-    estimate = leakage(COIL, WASHER, MM, np.array([(3 * MM, 0.0)]), np.array([(12.5 * MM, 0.0)])).mutual[0, 0, 0]
-    print(f"\nLeakage of a neighbour 12.5 mm away: solid {far / near:.4f}, estimate {estimate:.4f}")
+    print(f"\nLeakage of a neighbour 12.5 mm away: estimate {estimate:.4f}, all cores {pulls[1, 1] / pulls[0, 0]:.4f},")
+    print(f"without the own core, solid: {far / near:.4f}")
     print(f"Shielding by a second washer opposite: {shielding(Pull(COIL, WASHER, MM, 3 * MM)):.1%}")
 
 
@@ -282,7 +287,7 @@ def campaign(count: int) -> None:
 
 def bounds() -> None:
     sys.path.insert(0, str(Path(__file__).parents[1]))
-    from tests.test_left_out import pulled_bounds
+    from tests.test_pulled_bounds import pulled_bounds
 
     bounded, broken = pulled_bounds()
     head(

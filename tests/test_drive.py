@@ -19,9 +19,9 @@ from scipy.signal import lfilter
 
 from padgen.core.errors import FileError, SpecError
 from padgen.driver import drive_json, drive_rows
-from padgen.physics.coil_field import flux_density
 from padgen.physics.leakage import leakage
 from padgen.physics.magnetics import (
+    SteelRing,
     balanced_deflection,
     impedance,
     pull_in_deflection,
@@ -36,6 +36,7 @@ from padgen.solid.checks import check_pad
 from padgen.solid.mesh import as_manifold
 from padgen.solid.pad_solid import build_pad
 from padgen.spec import load_spec, make_spec, parse_spec
+from tests.finer_models import many_coils
 
 FOUR = (
     'name = "four"\nresolution = 16\nband_hz = [50, 400]\nq_min = 15\nprinter = "fdm-0.25"\n'
@@ -290,55 +291,38 @@ def test_a_level_that_snaps_the_washers_in_is_an_error():
 # Coils that neighbour each other
 
 
-def test_leakage_against_the_force_model(paper_spec):
+def test_leakage_of_a_coil_without_a_core_is_its_pull(paper_spec):
+    """No core answers, so that a neighbour pulls as it would a washer so far off its own axis."""
     coil, washer = magnetic_parts(paper_spec)
+    coil = coil._replace(core_diameter=0.0)
     place, pitch = np.array([[3e-3, 0.0], [4.4e-3, 0.0]]), 12.5e-3
     found = leakage(coil, washer, 1e-3, place, np.array([[pitch, 0.0]]))
     x = place[:, 0]
     own, other = (np.array([pull(coil, washer, 1e-3, each).axial for each in at]) for at in (x, pitch - x))
-    assert found.mutual[:, 0, 0] == pytest.approx(other / own, rel=0.35)
+    assert found.mutual[:, 0, 0] == pytest.approx(other / own, rel=0.08)
+
+
+def test_leakage_goes_through_the_own_core(paper_spec):
+    """The 3-D field of a coil 12.5 mm away says 0.0130 ± 3 % of the own pull with the own core there, else 0.0016."""
+    found = leakage(*magnetic_parts(paper_spec), 1e-3, np.array([[3e-3, 0.0]]), np.array([[12.5e-3, 0.0]]))
+    wide = SteelRing(4e-3, 2e-3, 0.5e-3, 1000)
+    solid = leakage(magnetic_parts(paper_spec)[0], wide, 1e-3, np.array([[3e-3, 0.0]]), np.array([[12.5e-3, 0.0]]))
+    assert solid.mutual[0, 0, 0] == pytest.approx(0.0130, rel=0.15)
     # The mixed term is the larger: of the order of the root of the other.
     assert (np.abs(found.product[:, 0]) > np.abs(found.mutual[:, 0, 0])).all()
     assert (np.abs(found.product[:, 0]) < 2 * np.abs(found.mutual[:, 0, 0]) ** 0.5).all()
 
 
-def test_leakage_of_a_coil_on_its_own_washer_is_all_of_it(paper_spec):
-    coil, washer = magnetic_parts(paper_spec)
-    found = leakage(coil, washer, 1e-3, np.array([[3e-3, 1e-3]]), np.zeros((1, 2)))
-    assert found.mutual == pytest.approx(1) and found.product == pytest.approx(1)
-
-
-def superposed(spec, place_mm, axes_mm, currents):
-    """Force gradient of B² on a ring of points at a washer, by adding up the coils' fields: arbitrary unit."""
-    coil, washer = magnetic_parts(spec)
-    radius = (washer.outer_diameter + washer.inner_diameter) / 4
-    angle = (np.arange(6) + 0.5) * pi / 3
-    points = np.array(place_mm) * 1e-3 + radius * np.stack([np.cos(angle), np.sin(angle)], -1)
-    width = (washer.outer_diameter - washer.inner_diameter) / 2
-    easy = 1 + (washer.permeability - 1) * np.array([washer.thickness, washer.thickness, width]) / (
-        width + washer.thickness
-    )
-    energies = []
-    for height in (1e-3 + washer.thickness / 2 + side * 0.02 * (1e-3 + washer.thickness) for side in (-1, 1)):
-        field = np.zeros((6, 3))
-        for axis, current in zip(axes_mm, currents, strict=True):
-            away = points - np.array(axis) * 1e-3
-            distance = np.hypot(*away.T)
-            radial, axial = flux_density(coil, distance, np.full(6, height))
-            field += current * np.concatenate([away * (radial / distance)[:, None], axial[:, None]], 1)
-        energies.append((field**2 / easy).sum(1).mean())
-    return energies[0] - energies[1]
-
-
-def test_leakage_is_what_superposed_fields_make(paper_spec):
-    """Own current 1 and a neighbour's i: pull 1 + 2 i product + i² square, of the own pull."""
-    place, neighbour = (3.0, 1.0), (12.5, 0.0)
-    coil, washer = magnetic_parts(paper_spec)
-    found = leakage(coil, washer, 1e-3, np.array([place]) * 1e-3, np.array([neighbour]) * 1e-3)
-    own = superposed(paper_spec, place, [(0, 0)], [1.0])
-    both, against = (superposed(paper_spec, place, [(0, 0), neighbour], [1.0, i]) / own for i in (1.0, -1.0))
-    assert (both + against) / 2 - 1 == pytest.approx(found.mutual[0, 0, 0], rel=1e-6)
-    assert (both - against) / 4 == pytest.approx(found.product[0, 0], rel=1e-6)
+@pytest.mark.parametrize("place_mm", [(3.0, 0.0), (4.4, 1.0), (-3.0, 2.0)])
+def test_leakage_is_what_all_cores_together_make(paper_spec, place_mm):
+    """Own current 1 and a neighbour's i pull 1 + 2 i product + i² mutual: nine cores solved in each other's fields."""
+    parts, place = magnetic_parts(paper_spec), np.array(place_mm) * 1e-3
+    steps = np.array([(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if (x, y) != (0, 0)]) * 12.5e-3
+    found = leakage(*parts, 1e-3, place[None], steps)
+    pulls = many_coils(*parts, 1e-3, place, np.concatenate([np.zeros((1, 2)), steps]))
+    pulls /= pulls[0, 0]
+    assert found.product[0] == pytest.approx(pulls[0, 1:], abs=0.15 * np.abs(pulls[0, 1:]).max())
+    assert found.mutual[0] == pytest.approx(pulls[1:, 1:], abs=0.15 * np.abs(pulls[1:, 1:]).max())
 
 
 def test_leakage_of_a_plan_by_hand():
@@ -348,9 +332,9 @@ def test_leakage_of_a_plan_by_hand():
     (channel,), spec = tones.channels, tones.spec
     place = np.array([channel.site.washer_mm]) * 1e-3
     pitch = tones.coils.pitch_x_mm * 1e-3
-    sides = [leakage(*magnetic_parts(spec), 1e-3, place, np.array([[x, 0.0]])) for x in (pitch, -pitch)]
-    square = max(abs(float(side.mutual[0, 0, 0])) for side in sides)
-    both = max(abs(float(side.mutual[0, 0, 0])) + abs(float(side.product[0, 0])) for side in sides)
+    found = leakage(*magnetic_parts(spec), 1e-3, place, np.array([[-pitch, 0.0], [pitch, 0.0]]))
+    square = max(abs(float(found.mutual[0, side, side])) for side in (0, 1))
+    both = max(abs(float(found.mutual[0, side, side])) + abs(float(found.product[0, side])) for side in (0, 1))
     assert tones.reuse.leak_db == pytest.approx(-20 * np.log10(square), abs=1e-6)
     assert biased.reuse.leak_db == pytest.approx(-20 * np.log10(both), abs=1e-6)
 
@@ -424,10 +408,10 @@ def test_leakage_of_a_pair_adds_up(scheme):
     plan = plan_of("resonances_hz = [60, 150]\n" + row, scheme=scheme)
     tones, spurs, beats = _heard(plan.spec, Scheme(scheme), plan.channels, 0)
     place = np.array([c.site.washer_mm for c in plan.channels]) * 1e-3
-    worst = 0.0
-    for side in (plan.coils.pitch_x_mm * 1e-3, -plan.coils.pitch_x_mm * 1e-3):
-        found = leakage(*magnetic_parts(plan.spec), 1e-3, place, np.array([[side, 0.0]]))
-        square, product = abs(found.mutual[:, 0, 0]), abs(found.product[:, 0])
+    worst, pitch = 0.0, plan.coils.pitch_x_mm * 1e-3
+    found = leakage(*magnetic_parts(plan.spec), 1e-3, place, np.array([[-pitch, 0.0], [pitch, 0.0]]))
+    for side in (0, 1):
+        square, product = abs(found.mutual[:, side, side]), abs(found.product[:, side])
         constant = product if scheme == "biased" else 0
         lines = (square + constant) ** 2 * tones + (square * np.sqrt(spurs) + product * np.sqrt(beats)) ** 2
         worst = max(worst, float(lines.max()))

@@ -13,14 +13,12 @@ from padgen.physics.beams import BeamSection, bent_slowness, tip_mass
 from padgen.physics.coil_field import charged_core, flux_density
 from padgen.physics.magnetics import CoilSource, SteelRing, flat_spheroid_factor
 from padgen.physics.modes import BeamPlacement, to_tip
-from padgen.physics.poles import pole_field
 
 __all__ = [
     "Magnetised",
     "beam_inertia",
     "core_eddies",
     "core_polarisation",
-    "far_coils",
     "motional_voltage",
     "mutual_shielding",
     "saturation_loss",
@@ -30,6 +28,8 @@ __all__ = [
 ]
 
 MU_0 = 4e-7 * pi
+LOCALLY = 1.5
+"""Polarisation of a wide washer above the rim of a core, over what two points of it tell (field solutions)."""
 
 
 def beam_inertia(
@@ -172,7 +172,7 @@ def washer_magnetised(
     weight = energy / energy.sum(0)
     return Magnetised(
         np.sqrt((radial**2 + axial**2).mean(0)),
-        np.maximum(size.max(0), MU_0 * dipole / volume),
+        LOCALLY * np.maximum(size.max(0), MU_0 * dipole / volume),
         1 / (weight / (chi * share[:, None])).sum(0) if chi > 0 else np.full(len(offset), inf),
     )
 
@@ -259,14 +259,16 @@ def switching_delay(
 
     Beside the tone's own vibration the taxel is set free from the mean pull, `static` of its ON amplitude,
     and pushed on by the coil's current, which takes `lag` = L/R in s to die: a pull that falls with L/2R from
-    `pulse`, its deflection at rest over the ON amplitude. `quiet` is the ratio at which it counts as quiet.
+    `pulse`, its deflection at rest over the ON amplitude. `quiet` is the ratio at which it counts as quiet. What rings
+    down from a place and a speed is at most ``√(2Q/(2Q − 1))`` of both together, as where damping is strong.
     Infinite where nothing rings down, or where the current outlasts the vibration.
     """
     angular, ring_up = 2 * pi * resonance, q / (pi * resonance)
     fall = (2 / lag if lag > 0 else inf) - 1 / ring_up
     kick = pulse * angular / np.sqrt(np.maximum(fall, 0) ** 2 + angular**2)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where((fall > 0) & (quiet > 1), np.log1p(static + kick) / np.log(quiet), inf)
+        rung = np.log1p(static + kick) - 0.5 * np.log1p(-0.5 / q)
+        return np.where((fall > 0) & (quiet > 1), rung / np.log(quiet), inf)
 
 
 def mutual_shielding(moment: np.ndarray, field: np.ndarray, place: np.ndarray, diameter: float) -> np.ndarray:
@@ -274,45 +276,9 @@ def mutual_shielding(moment: np.ndarray, field: np.ndarray, place: np.ndarray, d
 
     Dipoles of `moment` (n,) in A·m² at `place` (n, 2) in m, each taken to point along the line to the washer
     that it disturbs, where its field is ``μ0 m/(2π d³)``, over the coil's own `field` (n,) there. Washers of
-    `diameter` are no points: that adds about ``2 (diameter/d)²``.
+    `diameter` are no points: that adds about ``3 (diameter/d)²`` (field solutions of random coils).
     """
     apart = np.linalg.norm(place[:, None] - place[None], axis=-1)
     np.fill_diagonal(apart, inf)
-    near = 1 + 2 * (diameter / apart) ** 2
+    near = 1 + 3 * (diameter / apart) ** 2
     return np.asarray((near * MU_0 * moment / (2 * pi * apart**3)).sum(-1) / np.where(field > 0, field, inf))
-
-
-def far_coils(
-    poles: np.ndarray,
-    height: float,
-    place: np.ndarray,
-    near: np.ndarray,
-    far: np.ndarray,
-    easiness: np.ndarray,
-    doubt: np.ndarray,
-) -> np.ndarray:
-    """Relative error (n,) of the leakage on washers at `place` (n, 2) by the coils `near` (k, 2).
-
-    From a share `doubt` (l,) of the fields of the coils `far` (l, 2): 1 for one that is not counted. Coils as
-    `poles.coil_poles`, at `height` over their tops; `easiness` (3,) as in `physics.leakage`. Pulls of two
-    coils together are at most the products of the lengths of their fields and gradients.
-    """
-    own = pole_field(poles, height, place[:, None])
-    beside = pole_field(poles, height, place[:, None] - near)
-    away = [(_length(v, easiness) * doubt).sum(1) for v in pole_field(poles, height, place[:, None] - far)]
-    (field, slope), (own_field, own_slope) = beside, own
-    weighed = field * easiness
-    mutual = np.einsum("nkc,nlc->nkl", weighed, slope)
-    squares = np.abs(mutual + np.swapaxes(mutual, 1, 2)).sum((1, 2))
-    products = np.abs(weighed @ np.swapaxes(own_slope, 1, 2) + (slope * easiness) @ np.swapaxes(own_field, 1, 2))
-    lengths = [_length(v, easiness).sum(1) for v in beside]
-    own_lengths = [_length(v, easiness)[:, 0] for v in own]
-    more = 2 * (away[0] * (lengths[1] + away[1]) + away[1] * lengths[0])
-    parts = (more, squares), (away[0] * own_lengths[1] + away[1] * own_lengths[0], products.sum((1, 2)))
-    growth = [np.divide(add, to, out=np.where(add > 0, inf, 0.0), where=to > 0) for add, to in parts]
-    return np.asarray(np.maximum(*growth))
-
-
-def _length(vector: np.ndarray, easiness: np.ndarray) -> np.ndarray:
-    length: np.ndarray = np.sqrt((vector**2 * easiness).sum(-1))
-    return length

@@ -12,7 +12,7 @@ from padgen.physics.magnetics import MU_0, CoilSource, Winding
 from padgen.physics.ring_charges import gauss, ring_potential
 from padgen.physics.steel_body import SteelBody, crowded, cylinder, eights, fine_rings, steel_body
 
-__all__ = ["MOST_RINGS", "charged_core", "flux_density", "winding_rings"]
+__all__ = ["MOST_RINGS", "charged_core", "coil_rings", "flux_density", "winding_rings"]
 
 MOST_RINGS = 400
 """Across a coil: nearer to its top than a two-hundredth of its radius a field is less sure."""
@@ -78,7 +78,7 @@ def flux_density(coil: CoilSource, radius: np.ndarray, height: np.ndarray) -> tu
     """Radial and axial flux density in T per ampere at points of one shape above the coil's top face, in m."""
     radius, height = np.broadcast_arrays(np.asarray(radius, float), np.asarray(height, float))
     step = max(float(height.min(initial=np.inf)) / 2, coil.outer_diameter / MOST_RINGS)
-    at_radius, at_height, charge = _coil_rings(coil, step)
+    at_radius, at_height, charge = coil_rings(coil, step)
     points, slopes = np.stack([radius.ravel(), height.ravel()])[..., None], np.empty((2, radius.size, len(charge)))
     some = max(AT_ONCE // len(charge), 1)
     for first in range(0, radius.size, some):
@@ -90,7 +90,7 @@ def flux_density(coil: CoilSource, radius: np.ndarray, height: np.ndarray) -> tu
 
 
 @lru_cache(maxsize=16)
-def _coil_rings(coil: CoilSource, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def coil_rings(coil: CoilSource, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The coil with its core as rings: radii, heights in m and charges in A per ampere; `step` m apart on top."""
     rings = [np.stack(winding_rings(coil.windings, step))]
     if (core := charged_core(coil)) is not None:

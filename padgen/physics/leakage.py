@@ -1,20 +1,28 @@
-"""Pull of a coil on the washers of its neighbours, relative to what their own coil pulls."""
+"""Pull of a coil on the washers of its neighbours, relative to what their own coil pulls, by surface charges."""
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from padgen.physics.coil_field import flux_density
-from padgen.physics.magnetics import MU_0, CoilSource, SteelRing
+from padgen.physics.coil_field import charged_core, coil_rings, winding_rings
+from padgen.physics.magnetics import CoilSource, SteelRing
 from padgen.physics.poles import coil_poles, pole_field
+from padgen.physics.ring_charges import ring_potential
+from padgen.physics.steel_body import SteelBody, fine_rings, steel_body, tube
 
-__all__ = ["Leakage", "easiness", "leakage"]
+__all__ = ["Leakage", "leakage"]
 
-SPOKES = 6
+FACE, RIM, ORDERS = 5, 3, 2
+"""Nodes on faces and rims of a washer and orders round its axis, for the sake of time."""
+CORE_ORDERS = 1
+"""Round the axis of a core that stands in its neighbours' fields."""
+STEP = 1.0
+"""Rings that face the washer lie this share of the gap apart at most."""
 
 
 class Leakage(NamedTuple):
-    """Force gradients on washers (n,), over what their own coil makes with unit current.
+    """Pulls on washers (n,), over what their own coil pulls with unit current.
 
     `mutual` (n, k, k): by the fields of neighbours k and l together, so that currents i_k pull with
     ``Σ mutual_kl i_k i_l``; `product` (n, k): by neighbour k and the own coil, ``2 product_k i i_k``.
@@ -22,6 +30,14 @@ class Leakage(NamedTuple):
 
     mutual: np.ndarray
     product: np.ndarray
+
+
+class _Parts(NamedTuple):
+    """Of potentials at the nodes (j,) of a body of revolution, and of their slopes along z, what is constant round its
+    axis and goes with cos φ, sin φ, cos 2φ … there: (…, parts, j)."""
+
+    value: np.ndarray
+    slope: np.ndarray
 
 
 def leakage(
@@ -36,35 +52,138 @@ def leakage(
 
     Those `far` are seen as their poles (`physics.poles`), and come after the others in the result.
 
-    The washer is a ring of points magnetised along its plane and its thickness as
-    ``1/N``, N the demagnetising factors of its cross section; forces are gradients of ``B·B'`` over
-    the gap. The fields of two coils add before they are squared, hence the products. That puts `mutual` at 0.4 to 1.4
-    times what `physics.pull` says of washers one or two pitches away, more below the very rim of the next coil.
+    Every coil with its core draws charge to the washer, and the neighbours to the own coil's core, whose field draws
+    more to the washer; other coils' cores answer each other as dipoles. The force is that of the fields on the charges.
+    What the washer draws to cores is left out.
     """
-    radius = (washer.outer_diameter + washer.inner_diameter) / 4
-    angle = (np.arange(SPOKES) + 0.5) * 2 * np.pi / SPOKES
-    points = place[:, None, :] + radius * np.stack([np.cos(angle), np.sin(angle)], -1)
-    axes = np.concatenate([np.zeros((1, 2)), neighbours])
-    away = points[:, None] - axes[None, :, None]  # (n, 1 + k, spokes, 2)
-    distance = np.maximum(np.hypot(away[..., 0], away[..., 1]), 1e-3 * radius)
-    step = 0.02 * (gap + washer.thickness)
-    products = []
-    for height in (gap + washer.thickness / 2 - step, gap + washer.thickness / 2 + step):
-        radial, axial = flux_density(coil, distance, np.full_like(distance, height))
-        field = np.concatenate([away * (radial / distance)[..., None], axial[..., None]], -1)
-        if far is not None:
-            beyond = MU_0 * pole_field(coil_poles(coil), height, points[:, None] - far[None, :, None])[0]
-            field = np.concatenate([field, beyond], 1)
-        weighed = (field * easiness(washer)).reshape(*field.shape[:2], -1)
-        products.append(weighed @ np.swapaxes(field.reshape(weighed.shape), 1, 2) / SPOKES)
-    gradient = products[0] - products[1]
-    own = np.where(gradient[:, :1, :1] == 0, np.inf, gradient[:, :1, :1])
-    return Leakage(gradient[:, 1:, 1:] / own, gradient[:, 0, 1:] / own[:, 0])
+    body = _washer(washer)
+    turns = 2 * ORDERS + 2
+    angle = (np.arange(turns) + 0.5) * 2 * np.pi / turns
+    ring = body.radius[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], -1)
+    points = place[:, None, None] + ring  # (n, j, turns, 2)
+    height = (body.height + gap)[:, None]
+    own = _coaxial(coil_rings(coil, STEP * gap), points[:, None], height)
+    near = _coaxial(_few_rings(coil), points[:, None] - neighbours[:, None, None], height)
+    parts = _around(*(np.concatenate(pair, 1) for pair in zip(own, near, strict=True)), angle)
+    if far is not None and len(far):
+        # About the washer's middle the far ones' field changes evenly.
+        up, across = body.height - washer.thickness / 2, body.radius
+        flux = pole_field(coil_poles(coil), gap + washer.thickness / 2, place[:, None] - far)
+        field, change = (v[..., None] for v in flux)
+        beyond = np.zeros((2, len(place), len(far), *parts.value.shape[2:]))
+        beyond[0, :, :, 0], beyond[1, :, :, 0] = -field[:, :, 2] * up, -field[:, :, 2] - change[:, :, 2] * up
+        beyond[:, :, :, 1:3] = -np.stack([field, change])[:, :, :, :2] * across
+        parts = _Parts(*(np.concatenate(pair, 1) for pair in zip(parts, beyond, strict=True)))
+    if (drawn := _core_charge(coil, neighbours, far)) is not None:
+        core, charge = drawn
+        of_core = _core_field(core, charge, points, height, angle, STEP * gap)
+        for part, more in zip(parts, of_core, strict=True):
+            part[:, 1:] += more
+        echo = _echoed(coil, core, np.concatenate([np.zeros((1, 2)), neighbours, *([] if far is None else [far])]))
+        parts = _Parts(*(np.einsum("njpi,jk->nkpi", part, echo, optimize=True) for part in parts))
+    order = (np.arange(parts.value.shape[2]) + 1) // 2
+    on_washer = (body.response[order] @ parts.value[..., None])[..., 0]
+    weight = body.area * np.where(order == 0, 1.0, 0.5)[:, None]
+    shape = len(place), parts.value.shape[1], -1
+    pulled = (on_washer * weight).reshape(shape) @ np.swapaxes(parts.slope.reshape(shape), 1, 2)
+    pulled = (pulled + np.swapaxes(pulled, 1, 2)) / 2
+    alone = np.where(pulled[:, :1, :1] == 0, np.inf, pulled[:, :1, :1])
+    return Leakage(pulled[:, 1:, 1:] / alone, pulled[:, 0, 1:] / alone[:, 0])
 
 
-def easiness(washer: SteelRing) -> np.ndarray:
-    """How easily a field along x, y and z magnetises the washer: ``1/(1 + χN)``."""
-    width = (washer.outer_diameter - washer.inner_diameter) / 2
-    along = np.array([washer.thickness, washer.thickness, width]) / (width + washer.thickness)
-    magnetised: np.ndarray = 1 / (1 + (washer.permeability - 1) * along)
-    return magnetised
+@lru_cache(maxsize=32)
+def _washer(washer: SteelRing) -> SteelBody:
+    sides = tube(washer.outer_diameter / 2, washer.inner_diameter / 2, 0.0, washer.thickness, (FACE, RIM))
+    return steel_body(sides, washer.permeability, ORDERS)
+
+
+@lru_cache(maxsize=32)
+def _few_rings(coil: CoilSource) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A coil as seen from beside it: of each end of a winding three rings, of the core one at every height.
+
+    Radii and heights in m, charges in A per ampere: each ring has the charge, mean height and mean squared radius of
+    what it stands for.
+    """
+    radius, height, density = winding_rings(coil.windings, coil.outer_diameter / 8)
+    zone, charge = np.floor(6 * radius / coil.outer_diameter), radius * density
+    groups = [
+        (radius, height, np.where((height == z) & (zone == k), charge, 0.0))
+        for z in np.unique(height)
+        for k in np.unique(zone)
+    ]
+    if (core := charged_core(coil)) is not None:
+        radius, height, charge = core[0].radius, core[0].height, core[0].area * core[1] / (2 * np.pi)
+        groups += [(radius, height, np.where(height == z, charge, 0.0)) for z in np.unique(height)]
+    total, square, at = np.array([(q.sum(), (q * r**2).sum(), (q * z).sum()) for r, z, q in groups if q.any()]).T
+    across = np.sqrt(square / total)
+    return across, at / total, total / across
+
+
+def _coaxial(
+    rings: tuple[np.ndarray, np.ndarray, np.ndarray], away: np.ndarray, height: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Potential of a coil's rings and its slope along z, at points `away` (…, 2) from its axis."""
+    radius, at, charge = rings
+    rho = np.hypot(away[..., 0], away[..., 1])
+    of = ring_potential(rho[..., None], np.broadcast_to(height, rho.shape)[..., None], radius, at, 0, at_ring=False)
+    return of.value[0] @ charge, of.along_z[0] @ charge
+
+
+def _around(value: np.ndarray, slope: np.ndarray, angle: np.ndarray) -> _Parts:
+    """What a potential and its slope (…, j, turns) have of 1, cos φ, sin φ, cos 2φ …"""
+    order = np.arange(1, len(angle) // 2)[:, None]
+    waves = 2 * np.stack([np.cos(order * angle), np.sin(order * angle)], 1).reshape(-1, len(angle))
+    waves = np.concatenate([np.ones((1, len(angle))), waves]) / len(angle)
+    return _Parts(*(np.swapaxes(part @ waves.T, -1, -2) for part in (value, slope)))
+
+
+def _core_charge(
+    coil: CoilSource, neighbours: np.ndarray, far: np.ndarray | None
+) -> tuple[SteelBody, np.ndarray] | None:
+    """The own coil's core, and the charge (k, parts, nodes) that the others' fields draw to it; None without a core."""
+    charged = charged_core(coil, orders=CORE_ORDERS)
+    if charged is None:
+        return None
+    core = charged[0]
+    turns = 2 * CORE_ORDERS + 2
+    angle = (np.arange(turns) + 0.5) * 2 * np.pi / turns
+    points = core.radius[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], -1)
+    value, _ = _around(*_coaxial(_few_rings(coil), points - neighbours[:, None, None], core.height[:, None]), angle)
+    if far is not None and len(far):
+        middle = coil.core_top - coil.core_length / 2
+        field = pole_field(coil_poles(coil), middle, -far)[0][..., None]
+        beyond = np.concatenate([-field[:, 2:] * (core.height - middle), -field[:, :2] * core.radius], 1)
+        value = np.concatenate([value, beyond])
+    order = (np.arange(value.shape[1]) + 1) // 2
+    return core, (core.response[order] @ value[..., None])[..., 0]
+
+
+def _echoed(coil: CoilSource, core: SteelBody, axes: np.ndarray) -> np.ndarray:
+    """What currents (k,) of coils at `axes`, the own first, amount to (k, k), as their cores magnetise each other.
+
+    A core in another coil's field is a dipole that counts as current of its own coil; the own core's is known better.
+    """
+    poles, middle = coil_poles(coil), coil.core_top - coil.core_length / 2
+    apart = axes[:, None] - axes + np.eye(len(axes))[..., None]  # no core in its own coil's field: a metre away
+    field = pole_field(poles, middle, apart)[0][..., 2] * (1 - np.eye(len(axes)))
+    drawn = core.area @ (core.response[0] @ (middle - core.height) * core.height)
+    share = field * drawn / (poles[:, 0] @ poles[:, 1])
+    share[0] = 0.0
+    return np.asarray(np.linalg.inv(np.eye(len(axes)) - share))
+
+
+def _core_field(
+    core: SteelBody, charge: np.ndarray, points: np.ndarray, height: np.ndarray, angle: np.ndarray, step: float
+) -> _Parts:
+    """What `charge` (k, parts, nodes) on the core makes at `points` (n, j, turns, 2) round each washer: (n, k, …)."""
+    radius, at, shares = fine_rings(core, step)
+    rho, around = np.hypot(points[..., 0], points[..., 1]), np.arctan2(points[..., 1], points[..., 0])
+    z = np.broadcast_to(height, rho.shape)[..., None]
+    of = ring_potential(rho[..., None], z, radius, at, CORE_ORDERS, at_ring=False)
+    order = (np.arange(charge.shape[1]) + 1) // 2
+    waves = np.stack([np.ones_like(around), np.cos(around), np.sin(around)])[: charge.shape[1]]
+    made: list[np.ndarray] = []
+    for part in (of.value, of.along_z):
+        at_points = (part @ shares)[order] * waves[..., None]  # (parts, n, j, turns, nodes)
+        made.append(np.einsum("pnjtc,kpc->nkjt", at_points, charge, optimize=True))
+    return _around(made[0], made[1], angle)

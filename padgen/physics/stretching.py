@@ -46,8 +46,15 @@ def hardening(
 
 
 def resonance_rise(alpha: Any, amplitude: Any, offset: Any = 0.0) -> Any:
-    """Relative rise of the resonance at an `amplitude` about a static `offset`, first order, lengths in one unit."""
-    return alpha * (3 / 8 * amplitude**2 + 3 / 2 * offset**2)
+    """Relative rise of the resonance at an `amplitude` about a static `offset`, lengths in one unit.
+
+    ``ω²/ω₀² = 1 + α (3/4 a² + 3 z²)`` (harmonic balance); z is where the hardened spring carries what would deflect one
+    that does not harden by `offset`: the real root of ``z + α z³ = offset``.
+    """
+    steep = np.sqrt(3 * np.asarray(alpha, float))
+    # z = 2/√(3α) sinh(asinh(3/2 √(3α) offset)/3); α z² from it without dividing by α.
+    square = 4 / 3 * np.sinh(np.arcsinh(1.5 * steep * offset) / 3) ** 2
+    return np.sqrt(1 + 0.75 * alpha * np.square(amplitude) + 3 * square) - 1
 
 
 def jump_amplitude(alpha: float, q: float) -> float:

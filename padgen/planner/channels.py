@@ -77,7 +77,7 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
                 **modes._asdict(),
                 sag_um=sag_m / UM,
                 hardening_per_mm2=alpha * MM**2,
-                level_shift=resonance_rise(alpha, level_m, sag_m),
+                level_shift=float(resonance_rise(alpha, level_m, sag_m)),
                 level_loss_db=-decibel(level_kept(alpha, spec.q_min, level_m, sag_m)),
                 root_stress_mpa=float(item.model.root_stress_pa(level_um[i] * UM)) / MPA,
                 print_spread=float(frequency_spread(item.beam, spec.spread)),

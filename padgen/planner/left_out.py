@@ -14,7 +14,6 @@ from padgen.physics.bounds import (
     beam_inertia,
     core_eddies,
     core_polarisation,
-    far_coils,
     motional_voltage,
     mutual_shielding,
     saturation_loss,
@@ -22,10 +21,8 @@ from padgen.physics.bounds import (
     washer_eddies,
     washer_magnetised,
 )
-from padgen.physics.leakage import easiness
 from padgen.physics.magnetics import impedance
 from padgen.physics.modal import felt_energy
-from padgen.physics.poles import coil_poles, pole_error
 from padgen.physics.stretching import resonance_rise
 from padgen.physics.taxel_modes import TaxelModes
 from padgen.planner.channels import hanging_gap_um, site_pulls
@@ -34,8 +31,7 @@ from padgen.planner.frame_give import flexibility_bounds
 from padgen.planner.plan import Channel, LeftOut, Plan
 from padgen.planner.pull_modes import coil_modes, heard_modes, pulled_shares, site_wrenches
 from padgen.planner.pulls import magnetic_parts
-from padgen.planner.reuse import RINGS
-from padgen.planner.suspensions import BeamShape, PlateShape
+from padgen.planner.suspensions import Arrangement, BeamShape, PlateShape
 from padgen.planner.taxel_model import TaxelModel
 from padgen.spec import Spec
 
@@ -51,10 +47,13 @@ INTERPOLATED = 5e-4
 """Relative to a pull, what tables make of its change between two gaps beside what it is (docs/accuracy.md)."""
 ROUNDS = 3
 
+SLOPES = 1.3
+"""Growth of a beam's stiffness with the square of its deflection over its length: 1.2 by the elastica, a little more
+where its tip gives."""
 AIR_KG_PER_M3, AIR_PA_S = 1.2, 1.8e-5
 """Density and viscosity of air."""
-HARDENING_SHARE = 0.2
-"""Share by which the cubic spring of beams that stretch may be off (docs/accuracy.md, against NLGEOM)."""
+HARDENING_SHARE = 0.25
+"""Share by which the cubic spring of beams that stretch may be off: 0.22 where their ends give (docs/accuracy.md)."""
 
 RUNGS = {
     "stretching": "a lower drive.level_um, or beams free to slide at one end",
@@ -118,7 +117,7 @@ def left_out(plan: Plan) -> tuple[LeftOut, ...]:
         _large_motion(plan),
         _frame(plan),
         *_far_modes(plan),
-        *_far_coils(plan),
+        *_leakage(plan),
         *_magnetic(plan),
     ]
     found.sort(key=lambda entry: -_size(entry))
@@ -207,40 +206,85 @@ def _inertia(plan: Plan) -> LeftOut:
 
 def _stretching(plan: Plan) -> LeftOut:
     """What the cubic spring may be off by, and the mean pull's offset that `Channel.level_shift` leaves out."""
-    bound = [
-        float(
-            c.level_shift * HARDENING_SHARE
-            + c.hardening_per_mm2 * 1.5 * (c.static_um**2 + 2 * c.static_um * c.sag_um) * 1e-6
-        )
-        for c in plan.channels
-    ]
-    return replace(_worst("stretching", "resonance", plan.channels, np.array(bound)), computed=True)
+    alpha, level, sag, static, shift = np.array(
+        [(c.hardening_per_mm2 * UM**2 / MM**2, c.level_um, c.sag_um, c.static_um, c.level_shift) for c in plan.channels]
+    ).T
+    pulled = resonance_rise(alpha, level, sag + static)
+    bound = pulled - shift + HARDENING_SHARE * pulled
+    return replace(_worst("stretching", "resonance", plan.channels, bound), computed=True)
 
 
 def _air(plan: Plan) -> Iterator[LeftOut]:
-    """Air that moves with a plate, and is squeezed between it and the coil.
+    """Air that moves with plate and beams, and is squeezed between them and the coil.
 
-    Added mass of a disc of the plate's area, ``8/3 ρ a³`` (Lamb, Hydrodynamics, 102), and as much again by the coil
-    that is near; damping of such a disc over a plane, ``3π μ a⁴/(2 h³)`` (Stefan's law).
+    A disc of their area in a wall without end carries ``8/3 ρ a³`` on either side (Rayleigh, Theory of Sound, 302), and
+    a film of height h below it, as wide as the window, R, ``πρ a⁴/(8h) (1 + 4 ln R/a)``; where it lies over a coil of
+    radius R that film damps by ``3πμ a⁴/(2h³) (1 + 4 ln R/a)`` (Stefan 1874; the logarithm is of what flows on from
+    the disc's edge to the coil's). Slots beside the plate only relieve both, and of all shapes and places in a circle
+    a disc in its middle has the most.
     """
-    plate, spec = plan.plate, plan.spec
-    radius = (plate.length_mm * plate.width_mm / pi) ** 0.5 * MM
-    mass, stiffness, q, sag = np.array(
-        [(c.effective_mass_g * GRAM, c.stiffness_n_per_m, c.q, c.sag_um + c.static_um) for c in plan.channels]
+    spec, channels = plan.spec, plan.channels
+    below, coil = plan.plate.recess_depth_mm - spec.washer.thickness_mm, spec.coil.outer_diameter_mm / 2 * MM
+    area, plates, square, most, window = np.array([_swept(plan.arrangement(c), c) for c in channels]).T
+    mass, stiffness, q, sag, offset = np.array(
+        [
+            (c.effective_mass_g * GRAM, c.stiffness_n_per_m, c.q, c.sag_um + c.static_um, c.site.coil_distance_mm * MM)
+            for c in channels
+        ]
     ).T
-    yield _worst("air's mass", "resonance", plan.channels, 8 / 3 * AIR_KG_PER_M3 * radius**3 / mass)
-    below = plate.recess_depth_mm - spec.washer.thickness_mm
-    height = np.maximum((spec.coil.gap_mm - below) * MM - sag * UM, 1e-9)
-    squeezed = 3 * pi / 2 * AIR_PA_S * radius**4 / height**3
-    yield _worst("air's damping", "Q", plan.channels, squeezed * q / np.sqrt(stiffness * mass))
+    height = np.maximum((spec.coil.gap_mm - below) * MM - sag * UM * most, 1e-9)
+    radius = np.sqrt(area / pi)
+    film = pi * radius**4 * (1 + 4 * np.log(np.maximum(window / radius, 1)))
+    heavier = AIR_KG_PER_M3 * square * (16 / 3 * radius**3 + film / (8 * height)) / mass
+    yield _worst("air's mass", "resonance", channels, 1 - 1 / np.sqrt(1 + heavier))
+    # Long parts may reach over the coil though their middle does not: as if all of them did.
+    over = np.minimum(np.sqrt(_common_radius(np.sqrt(plates / pi), coil, offset) ** 2 + (area - plates) / pi), coil)
+    film = pi * over**4 * (1 + 4 * np.log(np.maximum(coil / np.maximum(over, 1e-9), 1)))
+    damped = 1.5 * AIR_PA_S * film / height**3 * most**2 * q / np.sqrt(stiffness * mass)
+    yield _worst("air's damping", "Q", channels, damped / (1 + damped))
+
+
+def _common_radius(radius: np.ndarray, other: float, apart: np.ndarray) -> np.ndarray:
+    """Radius (n,) of a circle as large as what circles of `radius` (n,) and `other` have in common."""
+    apart = np.maximum(apart, 1e-9)
+    near = np.clip((apart**2 + radius**2 - other**2) / (2 * apart * radius), -1, 1)
+    far = np.clip((apart**2 + other**2 - radius**2) / (2 * apart * other), -1, 1)
+    # Sectors less the triangles between them; one whole circle where the other holds it.
+    halves = [r**2 * (np.arccos(c) - c * np.sqrt(1 - c**2)) for r, c in ((radius, near), (other, far))]
+    return np.asarray(np.sqrt((halves[0] + halves[1]) / pi))
+
+
+def _swept(arrangement: Arrangement, channel: Channel) -> tuple[float, ...]:
+    """Area in m² of all that moves and of its blocks, mean square and largest of its motion over the washer's, and how
+    far its window reaches, in m."""
+    motion = channel.mode_motions[int(np.argmax(channel.mode_shares))]
+
+    def moves(x: float, y: float) -> float:
+        return 1 + ((motion[3] * y - motion[4] * (x - float(arrangement.washer_x_mm))) * MM) / motion[2]
+
+    area = square = most = 0.0
+    for b in arrangement.blocks:
+        (x0, x1), (y0, y1) = (b.low_x_mm, b.high_x_mm), (b.low_y_mm, b.high_y_mm)
+        corners = [moves(x, y) for x in (x0, x1) for y in (y0, y1)]
+        own = float((x1 - x0) * (y1 - y0))
+        # The mean square of a linear function over a rectangle, from its middle and its corners.
+        square += own * float(2 * np.mean(corners) ** 2 + np.mean(np.square(corners))) / 3
+        area, most = area + own, max(most, *map(abs, corners))
+    blocks = area
+    for path in arrangement.beams:
+        own, tip = float(path.width_mm * path.length_mm), path.corners[-1]
+        # A beam that is guided at its tip: 13/35 of the square there.
+        square += own * 13 / 35 * moves(float(tip.x_mm), float(tip.y_mm)) ** 2
+        area += own
+    return area * MM**2, blocks * MM**2, square / area, most, float(np.hypot(*arrangement.window_mm)) * MM
 
 
 def _large_motion(plan: Plan) -> LeftOut:
-    """What slopes of beams change beyond the linear theory: the secant stiffness grows by ``1.2 (z/l)²`` (elastica)."""
+    """What slopes of beams change beyond the linear theory: the secant stiffness grows by `SLOPES` ``(z/l)²``."""
     away, level, length = np.array(
         [((c.sag_um + c.static_um) * UM, c.level_um * UM, c.beam.length_mm * MM) for c in plan.channels]
     ).T
-    return _worst("large slopes", "resonance", plan.channels, resonance_rise(1.2 / length**2, level, away))
+    return _worst("large slopes", "resonance", plan.channels, resonance_rise(SLOPES / length**2, level, away))
 
 
 def _frame(plan: Plan) -> LeftOut:
@@ -272,26 +316,10 @@ def _unheard(spec: Spec, own: Sequence[Channel]) -> np.ndarray:
     return np.divide(more, 2 * amplitude, out=np.zeros(len(line)), where=amplitude > 0)
 
 
-def _far_coils(plan: Plan) -> Iterator[LeftOut]:
-    """Leakage: what `planner.reuse` is off by, which sees all coils but the next as poles, up to `RINGS` away."""
-    spec, grid = plan.spec, plan.coils
-    if plan.reuse.leak_db is None or max(grid.rows, grid.columns) < 3:
-        return
-    coil, washer = magnetic_parts(spec)
-    x, y = (np.arange(-(count // 2), count // 2 + 1) for count in (grid.columns, grid.rows))
-    steps = np.stack(np.meshgrid(x, y, indexing="ij"), -1).reshape(-1, 2)
-    ring, away = np.abs(steps).max(1), np.abs(steps).sum(1) % grid.sets
-    at = steps * np.array([grid.pitch_x_mm, grid.pitch_y_mm]) * MM
-    place = np.array([channel.site.washer_mm for channel in plan.channels]) * MM
-    distance = np.linalg.norm(at, axis=1) - np.linalg.norm(place, axis=1).max()
-    doubt = np.where(ring > RINGS, 1.0, pole_error(coil, np.maximum(distance, spec.coil.outer_diameter_mm * MM / 2)))
-    height, error = spec.coil.gap_mm * MM + washer.thickness / 2, np.zeros(len(place))
-    for kind in range(grid.sets):
-        counted, far = (ring > 0) & (ring <= RINGS) & (away == kind), (ring > 1) & (away == kind)
-        parts = place, at[counted], at[far], easiness(washer), doubt[far]
-        error = np.maximum(error, far_coils(coil_poles(coil), height, *parts))
-    bound = float(error.max())
-    yield LeftOut("far coils", bound if isfinite(bound) else None, "1", "leak from coil to coil", computed=True)
+def _leakage(plan: Plan) -> Iterator[LeftOut]:
+    """What `planner.reuse` may be off by."""
+    if plan.reuse.leak_db is not None:
+        yield LeftOut("leakage", plan.reuse.leak_error, "1", "leak from coil to coil", computed=True)
 
 
 def _magnetic(plan: Plan) -> Iterator[LeftOut]:

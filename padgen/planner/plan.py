@@ -309,13 +309,14 @@ class Reuse:
 
     `turned` names the cells that are turned by 180° so that taxels of one channel are not back to back:
     'none', 'odd rows' or 'odd columns'. `leaks_db` has how far below its own level each channel (n,) stays,
-    `leak_db` the worst of them.
+    `leak_db` the worst of them. `leak_error` is what the leakage may be off by, relative.
     """
 
     leak_db: float | None
     leak_channel: int | None
     turned: str
     leaks_db: tuple[float | None, ...] = ()
+    leak_error: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,8 @@ from math import hypot
 import numpy as np
 
 from padgen.core.units import MM, decibel
-from padgen.physics.leakage import leakage
+from padgen.physics.leakage import Leakage, leakage
+from padgen.physics.poles import pole_error
 from padgen.physics.resonator import relative_energy
 from padgen.physics.selectivity import Channels, Scheme, pair_lines, tone_energy
 from padgen.physics.selectivity import channels as resonators
@@ -22,6 +23,8 @@ __all__ = ["RINGS", "cell_is_turned", "coil_reuse", "coils_around", "turned_cell
 TURNS = ("none", "odd rows", "odd columns")
 RINGS = 8
 """How many coils away leakage is counted."""
+LEAK_ERROR = 0.2
+"""Of leakage by the nearest coils, relative, where cores are no longer than the coils are apart (docs/accuracy.md)."""
 
 
 def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], scheme: Scheme) -> Reuse:
@@ -54,7 +57,28 @@ def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], scheme: 
         energy = np.maximum(energy, total)
     worst = int(energy.argmax())
     leaks = tuple(-decibel(float(value) ** 0.5) for value in energy)
-    return Reuse(leaks[worst], worst, turned, leaks)
+    error = _leak_error(spec, layout, leak, place[:, None] * MM - at, ~next_to, pitch) + channels[worst].force_error
+    return Reuse(leaks[worst], worst, turned, leaks, error)
+
+
+def _leak_error(
+    spec: Spec, layout: Layout, leak: Leakage, away_m: np.ndarray, far: np.ndarray, pitch_mm: np.ndarray
+) -> float:
+    """Relative error of the leakage: of its model, of coils that are seen as poles, of those too far to be counted.
+
+    These are left out with a share of the fields that falls with the cube of the distance.
+    """
+    doubt = np.where(far, pole_error(magnetic_parts(spec)[0], np.linalg.norm(away_m, axis=-1)), 0.0)
+    parts = (np.abs(leak.mutual).sum(1), 2.0), (np.abs(leak.product), 1.0)
+    shares = [times * (doubt * part).sum(1) / np.maximum(part.sum(1), 1e-300) for part, times in parts]
+    steps = np.stack(np.meshgrid(*(np.arange(-(n // 2), n // 2 + 1) for n in (layout.columns, layout.rows))), -1)
+    cube = np.linalg.norm(steps * pitch_mm, axis=-1) ** 3
+    ring = np.abs(steps).max(-1)
+    beyond, counted = ((1 / cube[among]).sum() for among in (ring > RINGS, (ring > 0) & (ring <= RINGS)))
+    # Cores answer each other as dipoles, which they are from farther away than they are long.
+    nearest = np.linalg.norm(steps * pitch_mm, axis=-1)[ring > 0].min() * MM
+    long = max(magnetic_parts(spec)[0].core_length / nearest, 1.0)
+    return float(LEAK_ERROR * long + max(map(np.max, shares)) + 2 * beyond / counted)
 
 
 def _heard(spec: Spec, scheme: Scheme, channels: Sequence[Channel], steps: int) -> tuple[np.ndarray, ...]:

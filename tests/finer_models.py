@@ -1,0 +1,852 @@
+"""Finer models of what a plan leaves out: for each bounded term its true size, found in another way than its bound.
+
+Each takes a plan and returns the largest relative error over its channels, `MOST_CHANNELS` of them where a channel is
+dear; None where the plan has nothing of the term. `tests/test_left_out.py` and `docs/measure_left_out.py` compare.
+"""
+
+from dataclasses import replace
+from math import ceil, inf, pi
+from typing import NamedTuple
+from unittest.mock import patch
+
+import numpy as np
+
+import padgen.physics.pull as pull_module
+from padgen.core.units import G_PER_CM3, GPA, GRAM, MA, MH, MM, UM
+from padgen.physics.beams import Give, tip_stiffness
+from padgen.physics.bounds import beam_inertia, core_polarisation, saturation_loss, washer_magnetised
+from padgen.physics.coil_field import charged_core, winding_rings
+from padgen.physics.currents import bias_a, current_lines_a
+from padgen.physics.frame import AttachedBody, Frame, divided, frame_modes
+from padgen.physics.frame_element import Element, rectangle
+from padgen.physics.leakage import leakage
+from padgen.physics.magnetics import MU_0, CoilSource, SteelRing
+from padgen.physics.modal import felt_energy
+from padgen.physics.modes import BeamPlacement, Modes, suspended_modes
+from padgen.physics.pull_table import PullAt
+from padgen.physics.rigid_body import RigidBody
+from padgen.physics.ring_charges import RingPotential, ring_potential
+from padgen.physics.saturation import saturating
+from padgen.physics.steel_body import SteelBody, fine_rings, steel_body, tube
+from padgen.physics.taxel_modes import TaxelModes
+from padgen.planner.channels import hanging_gap_um
+from padgen.planner.drive_scheme import placed_channels
+from padgen.planner.plan import Channel, Plan
+from padgen.planner.pull_modes import coil_modes, heard_modes, mode_fields, site_wrenches
+from padgen.planner.pulls import magnetic_parts
+from padgen.planner.reuse import coils_around
+from padgen.planner.suspensions import BeamShape, PlateShape
+from padgen.planner.taxel_model import TaxelModel
+from padgen.spec import Spec
+
+MOST_CHANNELS = 4
+AIR_KG_PER_M3, AIR_PA_S = 1.2, 1.8e-5
+
+
+def some(plan: Plan) -> list[Channel]:
+    """The lowest channels, which move most, and the highest."""
+    channels = plan.channels
+    return list(dict.fromkeys([*channels[: MOST_CHANNELS - 1], channels[-1]]))
+
+
+# The pull, solved where the washer hangs and swings.
+
+
+class PullCurve(NamedTuple):
+    """Pull on a channel's own mode over that at rest, a polynomial in ln gap; gap at rest and nearest in µm."""
+
+    shape: np.polynomial.Polynomial
+    rest_um: float
+    least_um: float
+
+    def at(self, nearer_um):
+        return self.shape(np.log(self.rest_um - np.asarray(nearer_um)))
+
+
+CURVES: dict[int, tuple[Channel, PullCurve | None]] = {}
+"""By the channel's identity: gap and softening ask for the same ones."""
+
+
+def pull_curve(plan: Plan, channel: Channel) -> PullCurve | None:
+    if id(channel) not in CURVES:
+        if len(CURVES) > 16:
+            CURVES.clear()
+        CURVES[id(channel)] = channel, solved_curve(plan, channel)
+    return CURVES[id(channel)][1]
+
+
+def solved_curve(plan: Plan, channel: Channel, nodes: int = 8) -> PullCurve | None:
+    """By surface charges at `nodes` gaps; None where the washer would come nearer than a twentieth of its gap."""
+    spec = plan.spec
+    rest_um = float(hanging_gap_um(spec, channel.sag_um))
+    least_um = rest_um - 1.5 * channel.static_um - 1.1 * channel.level_um
+    if least_um < rest_um / 20:
+        return None
+    least_um = min(least_um, 0.75 * rest_um)
+    lows, high = np.log(least_um), np.log(max(rest_um + 1.1 * channel.level_um, 1.2 * rest_um))
+    at = (lows + high) / 2 + (high - lows) / 2 * np.cos(np.pi * (np.arange(nodes) + 0.5) / nodes)
+    modes = TaxelModes(np.array(channel.modes_hz), np.array(channel.mode_motions))
+    offset = channel.site.coil_distance_mm * MM
+
+    # At all gaps with as many nodes as the smallest asks for: steps in their number are steps of the pull.
+    fine = pull_module._fineness(*magnetic_parts(spec), least_um * UM, offset)
+
+    def on_mode(log_um: float) -> float:
+        with patch.object(pull_module, "_fineness", lambda *_: fine):
+            found = pull_module.pull(*magnetic_parts(spec), float(np.exp(log_um)) * UM, offset)
+        pulled = PullAt(*(np.array([v]) for v in (-found.axial, found.side, found.moment, 0.0, 0.0, 0.0, 0.0)))
+        return -found.axial * mode_fields(modes, site_wrenches(spec, pulled, [channel.site])[0]).pulled_share
+
+    rest = on_mode(float(np.log(rest_um)))
+    if rest <= 0:
+        return None
+    shape = np.polynomial.Polynomial.fit(at, [on_mode(v) / rest for v in at], nodes - 1)
+    return PullCurve(shape, rest_um, least_um)
+
+
+def balance(channel: Channel, curve: PullCurve) -> tuple[float, float] | None:
+    """Slack of the mean pull, did it not grow, and where it balances, in µm; None where it does not."""
+    gap, static = curve.rest_um, channel.static_um
+    slack = static * max(1 - static / gap, 0) ** max(channel.pull_exponent, 0)
+    z = np.linspace(0, gap - curve.least_um - channel.level_um, 4001)
+    over = z - slack * curve.at(z)
+    if not (over >= 0).any():
+        return None
+    at = int((over >= 0).argmax())
+    return slack, float(z[at] - (z[1] * over[at] / (over[at] - over[at - 1]) if at else 0.0))
+
+
+SWING = 2 * np.pi * (np.arange(48) + 0.5) / 48
+
+
+def true_gap(plan: Plan) -> float:
+    """The pull where the washer hangs in balance, averaged over a swing, against the plan's at rest."""
+    true = []
+    for channel in some(plan):
+        curve = pull_curve(plan, channel)
+        found = curve and balance(channel, curve)
+        if not found:
+            return inf
+        true.append(abs(curve.at(found[1] + channel.level_um * np.sin(SWING)).mean() - 1))
+    return float(max(true))
+
+
+def true_softening(plan: Plan) -> float:
+    """The resonance on the pull's slope about where the washer hangs in balance, over the swing that it makes."""
+    true = []
+    for channel in some(plan):
+        curve = pull_curve(plan, channel)
+        found = curve and balance(channel, curve)
+        if not found:
+            return inf
+        slack, static = found
+        swung = curve.at(static + channel.level_um * np.sin(SWING)) * np.sin(SWING)
+        share = slack * 2 * swung.mean() / channel.level_um
+        true.append(1 - np.sqrt(max(1 - share, 0.0)))
+    return float(max(true))
+
+
+# The coil's current.
+
+
+def squares_at_worst(plan: Plan, own, k: int, phase: np.ndarray) -> np.ndarray:
+    """Largest i² when channel k's own line of it is at `phase`, the others' at any."""
+    scheme, lines = plan.scheme, np.array([c.line_a2 for c in own])
+    others = np.delete(np.arange(len(own)), k)
+    if scheme.name == "spur-free":
+        return (1 + plan.spec.drive.headroom) * lines.sum() + lines[k] * np.cos(phase) + lines[others].sum()
+    tones = current_lines_a(scheme, lines)
+    if scheme.name == "biased":
+        return (bias_a(scheme, lines) + tones[k] * np.cos(phase) + tones[others].sum()) ** 2
+    return (tones[k] * np.abs(np.cos(phase / 2)) + tones[others].sum()) ** 2
+
+
+def true_switching(plan: Plan) -> float | None:
+    """Free motion from the vibration, the mean deflection and the pull of the dying current."""
+    spec, delays = plan.spec, []
+    lag = spec.coil.inductance_mh * MH / spec.coil.resistance_ohm
+    phase = np.linspace(0, 2 * np.pi, 181)
+    for channel in plan.channels:
+        if channel.ring_down_ms <= 0:
+            continue
+        own = plan.sets[channel.index % len(plan.sets)]
+        w, tau = 2 * np.pi * channel.resonance_hz, channel.ring_up_ms * 1e-3
+        root = complex(-1 / tau, w * np.sqrt(1 - 1 / (4 * channel.q**2)))
+        worst, least = squares_at_worst(plan, own, own.index(channel), phase), 0 * phase
+        for square in (worst, least):
+            pushed = square * channel.force_constant_n_per_a2 / channel.stiffness_n_per_m / UM
+            fall = -2 / lag if lag > 0 else -1e12
+            forced = pushed * w**2 / (fall**2 + w / channel.q * fall + w**2)
+            start = channel.level_um * np.sin(phase) + channel.static_um - forced
+            speed = channel.level_um * w * np.cos(phase) - forced * fall
+            amplitude = np.hypot(start, (speed - root.real * start) / root.imag).max() / channel.level_um
+            delays.append(np.log(amplitude) / (channel.ring_down_ms / channel.ring_up_ms))
+    return float(max(delays)) if delays else None
+
+
+def true_motion(plan: Plan) -> float:
+    """The current in time, in the flux of a washer that moves: largest error over the channel's own tone."""
+    spec, scheme = plan.spec, plan.scheme
+    resistance, inductance = spec.coil.resistance_ohm, spec.coil.inductance_mh * MH
+    true = []
+    for channel in some(plan):
+        if channel.line_a2 <= 0:
+            continue
+        own = plan.sets[channel.index % len(plan.sets)]
+        lines, k = np.array([c.line_a2 for c in own]), own.index(channel)
+        swing = 2 * np.pi * channel.resonance_hz
+        settle = ceil((8 * inductance / resistance) * channel.resonance_hz / 2) * 2 / channel.resonance_hz
+        per_period = 400
+        steps = ceil((settle + 4 / channel.resonance_hz) * channel.resonance_hz * per_period)
+        if steps > 400_000:
+            continue
+        t = np.arange(steps + 1) / (channel.resonance_hz * per_period)
+        if scheme.name == "spur-free":
+            constant = (1 + spec.drive.headroom) * lines.sum()
+            planned, tone = np.sqrt(constant + lines[k] * np.cos(swing * t)), lines[k] / 2 / np.sqrt(constant)
+            moved = np.sin(swing * t)
+        elif scheme.name == "biased":
+            tone = current_lines_a(scheme, lines)[k]
+            planned, moved = bias_a(scheme, lines) + tone * np.sin(swing * t), -np.cos(swing * t)
+        else:
+            tone = current_lines_a(scheme, lines)[k]
+            planned, moved = tone * np.sin(swing / 2 * t), -np.sin(swing * t)
+        flux = 2 * channel.force_constant_n_per_a2 * channel.level_um * UM * moved
+        # Of δ = current − planned: d/dt((L + flux) δ) + R δ = −d/dt(flux · planned); midpoint rule on (L + flux) δ.
+        source = -np.diff(flux * planned)
+        rate = resistance / (inductance + (flux[1:] + flux[:-1]) / 2) * (t[1] - t[0]) / 2
+        if (inductance + flux).min() <= 0:
+            true.append(inf)
+            continue
+        linked, error, keep, add = (
+            0.0,
+            np.empty(steps),
+            ((1 - rate) / (1 + rate)).tolist(),
+            (source / (1 + rate)).tolist(),
+        )
+        for i in range(steps):
+            linked = keep[i] * linked + add[i]
+            error[i] = linked
+        error /= inductance + flux[1:]
+        true.append(np.abs(error[-4 * per_period :]).max() / tone)
+    return float(max(true, default=0.0))
+
+
+# Beams: no fillets, no Poisson's ratio and no give but rotations of the ends, since the elements have no others.
+
+
+class Suspended(NamedTuple):
+    body: RigidBody
+    beams: list[BeamPlacement]
+    modes: Modes
+    working: np.ndarray
+    elastic: tuple[float, float, float]
+
+
+def suspended(spec: Spec, plan: Plan, topology: str, shape: BeamShape) -> Suspended:
+    plate = PlateShape(plan.plate.length_mm, plan.plate.width_mm, plan.plate.thickness_mm)
+    material = replace(spec.material, poisson_ratio=0.0)
+    bare = replace(spec, material=material, taxel=replace(spec.taxel, fillet_mm=0.0))
+    model = TaxelModel(bare, topology, plate, shape)
+    elastic = material.youngs_modulus_gpa * GPA, 0.0, material.density_g_per_cm3 * G_PER_CM3
+    beams = [
+        beam._replace(section=beam.section._replace(give=Give(root=beam.section.give.root, tip=beam.section.give.tip)))
+        for beam in model.placements
+    ]
+    modes = suspended_modes(model.body, beams, *elastic)
+    compliance = modes.at_point(model.washer_point_m)[2] ** 2 / modes.frequency_hz**2
+    return Suspended(model.body, beams, modes, np.asarray(compliance.argmax()), elastic)
+
+
+def element_error(taxel: Suspended, parts: int = 3) -> float:
+    """How far the condensed beams' resonance is above that of many elements."""
+    modulus, _, density = taxel.elastic
+    nodes, elements, roots, tips = [], [], [], []
+    for beam in taxel.beams:
+        section, tip = beam.section, np.asarray(beam.tip, float)
+        root = tip - np.array([*np.asarray(beam.direction, float), 0.0]) * float(section.length)
+        points, pairs = divided(root, tip, parts, sum(map(len, nodes)))
+        cut = rectangle(float(section.width), float(section.thickness), 0.0, float(section.across))
+        for k, (a, b) in enumerate(pairs):
+            gives = [
+                (float(give) / (modulus * cut.inertia_up), 0.0) if there else (0.0, 0.0)
+                for give, there in ((section.give.root, k == 0), (section.give.tip, k == parts - 1))
+            ]
+            elements.append(Element(a, b, cut, modulus, modulus / 2, density, (0.0, 0.0, 1.0), *gives))
+        nodes.append(points)
+        roots.append(pairs[0][0])
+        tips.append(pairs[-1][1])
+    body = AttachedBody(taxel.body, tuple(tips))
+    solved = frame_modes(Frame(np.concatenate(nodes), tuple(elements), (body,), tuple(roots), bubbles=3), 8)
+    ratio = taxel.modes.frequency_hz[taxel.working] / solved.frequency_hz - 1
+    return float(ratio[np.abs(ratio).argmin()])
+
+
+def beam_shape(channel: Channel) -> BeamShape:
+    return BeamShape(channel.beam.width_mm, channel.beam.thickness_mm, channel.beam.length_mm)
+
+
+# Large motion: the elastica.
+
+
+class Elastica(NamedTuple):
+    """One beam under a vertical force at its washer: displacement there, and what its body's mass counts for."""
+
+    z: np.ndarray
+    force: np.ndarray
+    mass: np.ndarray
+
+
+def elastica(
+    arm: float, body: tuple[float, float], ends: tuple[float, float], slender: float | None, most: float
+) -> Elastica:
+    """A beam of unit length and bending stiffness: washer `arm` beyond its tip, `body` its centroid there and its
+    squared radius of gyration; `ends` turn by that much per moment. With `slender`, stiffness along it times l³/EI, the
+    tip neither turns nor moves along: a half of a bridge, whose body just rises. Up to displacements of `most`.
+    """
+    from scipy.optimize import root
+
+    steps = 40
+
+    def shape(force: float, held: tuple[float, float]) -> np.ndarray:
+        """x, z, slope and moment at the tip, of the moment at the root and the force along."""
+        moment, along = held
+        y = np.array([0.0, 0.0, ends[0] * moment, moment])
+
+        def rate(v: np.ndarray) -> np.ndarray:
+            cosine, sine = np.cos(v[2]), np.sin(v[2])
+            stretch = 1 + (along * cosine + force * sine) / slender if slender else 1.0
+            return np.array([stretch * cosine, stretch * sine, v[3], along * stretch * sine - force * stretch * cosine])
+
+        h = 1 / steps
+        for _ in range(steps):
+            a = rate(y)
+            b = rate(y + h / 2 * a)
+            c = rate(y + h / 2 * b)
+            y = y + h / 6 * (a + 2 * b + 2 * c + rate(y + h * c))
+        return y
+
+    def miss(held: np.ndarray, force: float) -> np.ndarray:
+        x, _, slope, moment = shape(force, tuple(held))
+        turned = slope + ends[1] * moment
+        if slender:
+            return np.array([turned, (x - 1) * slender / 10])
+        return np.array([moment - force * arm * np.cos(turned), held[1]])
+
+    # Straight beams first: what the moment at the root is, and how far the washer goes, by superposition.
+    first = (1 / 2 + ends[1]) / (1 + ends[0] + ends[1]) if slender else 1 + arm
+    free = first * ends[0] + first - 1 / 2  # slope at the tip
+    compliance = first * ends[0] + first / 2 - 1 / 6 + (0.0 if slender else arm * (free + ends[1] * arm))
+    force, held, found = most / compliance / 12, [], [(0.0, 0.0, 1 + body[0], 0.0, 0.0)]
+    # Of a bridge the force along follows from how much a cubic shortens: 0.6 z².
+    guess = np.array([force * first, 0.5 * (force * compliance) ** 2 * slender if slender else 0.0])
+    while found[-1][0] < most and len(found) < 90:
+        solved = root(miss, guess, (force,), method="lm", tol=1e-13)
+        if not solved.success and np.abs(solved.fun).max() > 1e-6:
+            raise ArithmeticError(f"no elastica at {force:.3g}: {solved.message}")
+        x, z, slope, moment = shape(force, tuple(solved.x))
+        turned = 0.0 if slender else slope + ends[1] * moment
+        place = x + body[0] * np.cos(turned), z + body[0] * np.sin(turned)
+        found.append((z + arm * np.sin(turned), force, *place, turned))
+        more = 1 + 1 / len(found[1:]) if not slender else 1.2
+        held.append((force, solved.x))
+        guess, force = solved.x * np.array([more, more**2]), force * more
+        if len(held) > 2:
+            (f0, a), (f1, b) = held[-2:]
+            guess = b + (b - a) * (force - f1) / (f1 - f0)
+    z, pulled, cx, cz, turn = np.array(found).T
+    parts = (np.polynomial.Polynomial.fit(z, v, 7).deriv()(z) for v in (cx - cx[0], cz, turn))
+    along, up, around = parts
+    return Elastica(z, pulled, along**2 + up**2 + body[1] * around**2)
+
+
+def elastica_rise(found: Elastica, level: float, away: float) -> float:
+    """Resonance of the free motion of amplitude `level` about `away`, over that of small motions at 0, less 1."""
+    z, scale = found.z[1:], found.z[-1]
+    # Both are even in z (force over z).
+    stiffness, mass = (
+        np.polynomial.Polynomial.fit((z / scale) ** 2, v, 5, domain=[0, 1])
+        for v in (found.force[1:] / z, found.mass[1:])
+    )
+
+    def potential(v):
+        x, weight = np.polynomial.legendre.leggauss(12)
+        at = v[..., None] * (x + 1) / 2
+        return (stiffness((at / scale) ** 2) * at * weight).sum(-1) * v / 2 - away * stiffness((away / scale) ** 2) * v
+
+    high = away + level
+    energy = potential(np.array(high))
+    low_end, low_start = away, away - 2.0 * level
+    for _ in range(60):
+        middle = (low_end + low_start) / 2
+        low_end, low_start = (middle, low_start) if potential(np.array(middle)) < energy else (low_end, middle)
+    low = (low_end + low_start) / 2
+    angle = np.pi * (np.arange(64) + 0.5) / 64
+    at = (high + low) / 2 + (high - low) / 2 * np.cos(angle)
+    speed = np.sqrt(2 * np.maximum(energy - potential(at), 1e-300) / mass((at / scale) ** 2))
+    half_period = ((high - low) / 2 * np.sin(angle) / speed).mean() * np.pi
+    return float(np.pi / half_period / np.sqrt(stiffness(0.0) / mass(0.0)) - 1)
+
+
+def motion_rise(plan: Plan, channel: Channel) -> float:
+    """The rise of the elastica at a channel's level about sag and mean pull."""
+    model = TaxelModel(
+        plan.spec,
+        channel.beam.topology,
+        PlateShape(plan.plate.length_mm, plan.plate.width_mm, plan.plate.thickness_mm),
+        beam_shape(channel),
+    )
+    placement = model.placements[0]
+    section, length = placement.section, channel.beam.length_mm * MM
+    washer, tip = model.washer_point_m, np.asarray(placement.tip, float)
+    ends = float(section.give.root) / length, float(section.give.tip) / length
+    body = model.body
+    bridge = channel.hardening_per_mm2 > 0
+    out = float(np.asarray(placement.direction)[0])
+    arm, centre = ((float(v) - tip[0]) * out / length for v in (washer[0], body.centroid[0]))
+    gyration = float(body.inertia[1, 1] / body.mass) / length**2
+    modulus, poisson, _ = model.elastic
+    bends = modulus * float(section.width * section.thickness**3) / 12
+    # Along itself a beam is as stiff as the plan's model has it, ends included.
+    slender = float(tip_stiffness(section, modulus, poisson)[0, 0]) * length**3 / bends if bridge else None
+    level, away = channel.level_um * UM / length, (channel.sag_um + channel.static_um) * UM / length
+    # Where all is of the second order it is found at larger motions, since digits run out.
+    more = max(0.03 / (level + away), 1.0) if not bridge else 1.0
+    level, away = level * more, away * more
+    if bridge:
+        arm, centre, gyration = 0.0, 0.0, 0.0
+    hard = channel.hardening_per_mm2 * channel.beam.length_mm**2
+    most = min(away, (away / hard) ** (1 / 3)) * 1.2 if bridge else away
+    found = elastica(arm, (centre, gyration), ends, slender, 1.15 * (level + most))
+    if slender:  # the true offset is smaller: the beam has hardened
+        small = found.force[1] / found.z[1]
+        away = float(np.interp(away * small, found.force, found.z))
+    return elastica_rise(found, level, away) / more**2
+
+
+def is_straight(plan: Plan, channel: Channel) -> bool:
+    return all(path.is_straight for path in plan.arrangement(channel).beams)
+
+
+def true_stretching(plan: Plan) -> float | None:
+    """What the plan's rise of the resonance misses of the elastica's whose ends are held."""
+    true = [
+        abs(motion_rise(plan, c) - c.level_shift)
+        for c in some(plan)
+        if c.hardening_per_mm2 > 0 and is_straight(plan, c)
+    ]
+    return max(true, default=None)
+
+
+def true_large_slopes(plan: Plan) -> float | None:
+    """The elastica's rise of beams that are free to shorten, of the channel that moves farthest for its length."""
+    free = [c for c in plan.channels if c.hardening_per_mm2 == 0 and is_straight(plan, c)]
+    farthest = max(free, key=lambda c: (c.sag_um + c.static_um + c.level_um) / c.beam.length_mm, default=None)
+    return abs(motion_rise(plan, farthest)) if farthest else None
+
+
+# Air.
+
+
+class Moved(NamedTuple):
+    """Square cells of `side` in m over what moves and its surroundings, (n, 2) from the washer's axis in own axes:
+    motion over the washer's, which cells move, and which are open slots."""
+
+    at: np.ndarray
+    side: float
+    motion: np.ndarray
+    moves: np.ndarray
+    slot: np.ndarray
+    height: float
+
+
+def moved_cells(plan: Plan, channel: Channel, across: int, wide_mm: float) -> Moved:
+    """A square of `wide_mm` about the washer; beams are taken to move as their ends do on average."""
+    arrangement = plan.arrangement(channel)
+    side = wide_mm / across
+    line = (np.arange(across) + 0.5) * side - wide_mm / 2
+    x, y = np.meshgrid(line, line, indexing="ij")
+    own_x = x + float(arrangement.washer_x_mm)
+    motion = np.array(channel.mode_motions[int(np.argmax(channel.mode_shares))])
+    rigid = 1 + (motion[3] * y - motion[4] * x) * MM / motion[2]
+    moves, field = np.zeros(x.shape, bool), np.zeros(x.shape)
+    for b in arrangement.blocks:
+        inside = (own_x > b.low_x_mm) & (own_x < b.high_x_mm) & (y > b.low_y_mm) & (y < b.high_y_mm)
+        moves |= inside
+    field[moves] = rigid[moves]
+    for path in arrangement.beams:
+        x0, y0 = (float(v) for v in path.root_mm)
+        direction = path.direction
+        along = ((own_x - x0) * direction[0] + (y - y0) * direction[1]) / float(path.length_mm)
+        beside = np.abs((y - y0) * direction[0] - (own_x - x0) * direction[1])
+        inside = (along > 0) & (along < 1) & (beside < float(path.width_mm) / 2) & ~moves
+        field[inside] = (rigid * along**2 * (3 - 2 * along))[inside]
+        moves = moves | inside
+    length, width = (float(v) for v in arrangement.window_mm)
+    window = (own_x > 0) & (own_x < length) & (np.abs(y) < width / 2)
+    slot = window & ~moves
+    below = plan.plate.recess_depth_mm - plan.spec.washer.thickness_mm
+    height = plan.spec.coil.gap_mm - below - (channel.sag_um + channel.static_um) * UM / MM
+    return Moved(
+        np.stack([x.ravel(), y.ravel()], -1) * MM, side * MM, field.ravel(), moves.ravel(), slot.ravel(), height * MM
+    )
+
+
+def true_air_mass(plan: Plan, across: int = 34) -> float | None:
+    """Potential flow about what moves in the frame's plane over the coil's, a plane without end: panels of doublets."""
+    true = []
+    for channel in {c.beam.topology: c for c in reversed(plan.channels)}.values():
+        length, width = (float(v) for v in plan.arrangement(channel).window_mm)
+        window = 1.5 * max(length, width, 2 * float(plan.arrangement(channel).washer_x_mm))
+        # Of long beams the part near the plate.
+        cells = moved_cells(plan, channel, across, min(window, 3.2 * max(plan.plate.length_mm, plan.plate.width_mm)))
+        if cells.height <= 0:
+            return None
+        panels = ~cells.slot
+        at, half = cells.at[panels], cells.side / 2
+        x, y = (at[:, None] - at[None]).transpose(2, 0, 1)
+
+        def upward(high: float, x=x, y=y, half=half) -> np.ndarray:
+            """Velocity along z of a square of unit doublets, `high` below: its rim as a vortex (Biot-Savart)."""
+            total = np.zeros(x.shape)
+            corners = [(-half, -half), (half, -half), (half, half), (-half, half)]
+            for (ax, ay), (bx, by) in zip(corners, corners[1:] + corners[:1], strict=True):
+                rx, ry, sx, sy = x - ax, y - ay, x - bx, y - by
+                r, s = np.sqrt(rx**2 + ry**2 + high**2), np.sqrt(sx**2 + sy**2 + high**2)
+                cross = rx * sy - ry * sx
+                square = cross**2 + high**2 * ((rx - sx) ** 2 + (ry - sy) ** 2)
+                dx, dy = bx - ax, by - ay
+                total += cross * ((dx * rx + dy * ry) / r - (dx * sx + dy * sy) / s) / square
+            return total / (4 * pi)
+
+        normal = upward(0.0) - upward(2 * cells.height)
+        jump = np.linalg.solve(normal, cells.motion[panels])
+        mass = AIR_KG_PER_M3 * abs(jump @ cells.motion[panels]) * cells.side**2
+        true.append(mass / (channel.effective_mass_g * GRAM) / 2)
+    return float(max(true))
+
+
+def true_air_damping(plan: Plan, across: int = 90) -> float | None:
+    """Reynolds' equation of the film over the coil, slots beside the plate open to the air: finite differences."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.linalg import spsolve
+
+    coil_m, true = plan.spec.coil.outer_diameter_mm * MM / 2, []
+    for channel in some(plan):
+        offset = channel.site.coil_distance_mm * MM
+        reach = min(coil_m + offset, 3e-2)
+        cells = moved_cells(plan, channel, across, 2 * reach / MM)
+        if cells.height <= 0:
+            return None
+        cosine, sine = {"+x": (1, 0), "+y": (0, 1), "-x": (-1, 0), "-y": (0, -1)}[channel.site.along]
+        x, y = channel.site.washer_mm
+        axis = -np.array([cosine * x + sine * y, -sine * x + cosine * y]) * MM
+        over = ((cells.at - axis) ** 2).sum(1) < (coil_m - cells.side / 2) ** 2  # beyond them the pressure is none
+        film, slot_wide = cells.height**3 / (12 * AIR_PA_S), plan.plate.gap_mm * MM
+        through = slot_wide**2 / (12 * AIR_PA_S * plan.plate.thickness_mm * MM) * cells.side**2
+        number = np.full(across**2, -1)
+        number[over] = np.arange(over.sum())
+        grid = number.reshape(across, across)
+        rows, columns, values = [], [], []
+        diagonal = np.where(cells.slot, through, 0.0)[over] + 4 * film
+        for a, b in ((grid[:-1], grid[1:]), (grid[:, :-1], grid[:, 1:])):
+            both = (a >= 0) & (b >= 0)
+            rows += [a[both], b[both]]
+            columns += [b[both], a[both]]
+            values += [np.full(2 * both.sum(), -film)]
+        rows, columns = (
+            np.concatenate([*rows, np.arange(len(diagonal))]),
+            np.concatenate([*columns, np.arange(len(diagonal))]),
+        )
+        matrix = coo_matrix((np.concatenate([*values, diagonal]), (rows, columns))).tocsc()
+        squeezed = np.where(cells.moves, cells.motion, 0.0)[over] * cells.side**2
+        pressure = spsolve(matrix, squeezed)
+        added = float(pressure @ squeezed) / np.sqrt(channel.stiffness_n_per_m * channel.effective_mass_g * GRAM)
+        true.append(added * channel.q / (1 + added * channel.q))
+    return float(max(true))
+
+
+# Modes.
+
+
+def beam_inertia_of(taxel: Suspended) -> tuple[float, float]:
+    """Bound and true error of the resonance."""
+    modes, working = taxel.modes, int(taxel.working)
+    motion, hz = modes.shape[:, working], modes.frequency_hz[working]
+    bound = beam_inertia(taxel.beams, motion, modes.reference, hz, *taxel.elastic)
+    return float(bound), abs(element_error(taxel))
+
+
+def true_beam_inertia(plan: Plan) -> tuple[float, float] | None:
+    """Timoshenko beams of several elements with inner motions: of the channel whose bound, bare, is nearest broken."""
+    pairs = [
+        beam_inertia_of(suspended(plan.spec, plan, c.beam.topology, beam_shape(c)))
+        for c in some(plan)
+        if is_straight(plan, c)
+    ]
+    return min(pairs, key=lambda pair: pair[0] / pair[1], default=None)
+
+
+def true_far_modes(plan: Plan) -> float | None:
+    """What an OFF taxel hears of all tones with every mode, over that with those that the plan counts."""
+    true = []
+    for own in plan.sets:
+        line, hz = placed_channels(plan.spec, own).line, np.array([c.resonance_hz for c in own])
+        weight = (line / line[:, None]) ** 2 * (1 - np.eye(len(line)))
+        taxels = coil_modes(plan.spec, own), heard_modes(plan.spec, own, line)
+        every, heard = ((felt_energy(t, slice(None), hz) * weight).sum(1) for t in taxels)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            true.append(np.nanmax(np.where(heard > 0, np.abs(np.sqrt(every / heard) - 1), 0.0)))
+    return float(max(true))
+
+
+def true_frame(plan: Plan, order: int = 3) -> float:
+    """The resonances on the whole pad's frame of solid elements."""
+    from padgen.verify.pad_frame import central_taxels, pad_modes, shift
+
+    on_frame, held = pad_modes(plan, "corners" if plan.spec.pad.hole_diameter_mm else "bottom", order)
+    return max(abs(shift(plan, on_frame, held, taxel)) for taxel in central_taxels(plan))
+
+
+# Fields: finite elements.
+
+SATURATION_T = 1.5
+
+
+def gap_m(plan: Plan) -> float:
+    return plan.spec.coil.gap_mm * MM
+
+
+def saturation_on_axis(coil: CoilSource, washer: SteelRing, gap: float, current_a: float) -> tuple[float, float]:
+    """Bound, and loss of force with steels after Froehlich, on one coarse mesh, where its error cancels."""
+    from padgen.verify.field_axisymmetric import axisymmetric_force
+
+    core = saturating("core", coil.core_permeability, SATURATION_T) if coil.has_core else None
+    steel = saturating("washer", washer.permeability, SATURATION_T)
+    linear = axisymmetric_force(coil, washer, gap, current_a, order=3, levels=1).force_n
+    saturating_n = axisymmetric_force(coil, washer, gap, current_a, core, steel, order=3, levels=1).force_n
+    made = washer_magnetised(
+        coil, washer, gap, np.zeros(1), np.array([pull_module.pull(coil, washer, gap, 0.0).dipole])
+    )
+    core_t, core_chi_n = core_polarisation(coil)
+    bound = 2 * saturation_loss(core_t * current_a / SATURATION_T, core_chi_n)
+    bound += saturation_loss(made.polarisation[0] * current_a / SATURATION_T, made.chi_n[0])
+    return min(float(bound), 1.0), abs(1 - saturating_n / linear)
+
+
+def true_saturation(plan: Plan) -> tuple[float, float]:
+    """Bound and truth of the plan's coil, washer and peak current, the washer on the coil's axis."""
+    return saturation_on_axis(*magnetic_parts(plan.spec), gap_m(plan), plan.load.current_peak_ma * MA)
+
+
+def true_saturation_aside(plan: Plan, order: int = 3) -> float:
+    """Three dimensions, the washer of the first channel where it is."""
+    from padgen.verify.field_solid import PlacedWasher, solid_force
+
+    coil, washer = magnetic_parts(plan.spec)
+    current, offset = plan.load.current_peak_ma * MA, plan.channels[0].site.coil_distance_mm * MM
+    core = saturating("core", coil.core_permeability, SATURATION_T) if coil.has_core else None
+    steel = saturating("washer", washer.permeability, SATURATION_T)
+    pulls = [
+        solid_force(
+            coil, [PlacedWasher(washer, gap_m(plan), offset, 0.0, one)], current, other, order=order, levels=0
+        ).wrench[0, 2]
+        for one, other in ((None, None), (steel, core))
+    ]
+    return float(abs(1 - pulls[1] / pulls[0]))
+
+
+def eddy_forces(coil: CoilSource, washer: SteelRing, gap: float, hz: float, resistivity: float) -> tuple:
+    """Phasors of the force at twice `hz`, without eddy currents and with them, by ``A = r w``."""
+    import ngsolve as ng
+
+    from padgen.verify.field_axisymmetric import _curl, _half_plane, wound
+
+    mesh, far = _half_plane(coil, washer, gap, 2)
+    space, radius = ng.H1(mesh, order=4, complex=True), ng.x
+    u, v = space.TnT()
+    weight = 2 * np.pi * radius
+    steels = {"core": coil.core_permeability, "washer": washer.permeability}
+    reluctivity = mesh.MaterialCF({k: 1 / (MU_0 * mu) for k, mu in steels.items()}, default=1 / MU_0)
+    conducting = mesh.MaterialCF(dict.fromkeys(steels, 1 / resistivity), default=0)
+    _, density = wound(coil, 1.0, ng.x, ng.y)
+    more = ng.dx(bonus_intorder=4)
+    source = ng.LinearForm(weight * density * radius * v * more).Assemble()
+    near = ng.GridFunction(ng.H1(mesh, order=1))
+    near.vec.FV().NumPy()[:] = [float(on) for on in near.space.GetDofs(mesh.Materials("washer"))]
+    slope, forces = ng.grad(near), []
+    for angular in (0.0, 2 * np.pi * hz):
+        form = ng.BilinearForm(space)
+        form += weight * reluctivity * ng.InnerProduct(_curl(ng, u), _curl(ng, v)) * more
+        form += weight * 1e-6j * angular * conducting * radius * u * radius * v * more
+        form += weight * radius * u * radius * v / (MU_0 * far) * ng.ds("far", bonus_intorder=4)
+        form.Assemble()
+        w = ng.GridFunction(space)
+        w.vec.data = form.mat.Inverse(space.FreeDofs(), inverse="umfpack") * source.vec
+        field = _curl(ng, w) / MU_0
+        square = field[0] * field[0] + field[1] * field[1]
+        stress = square / 2 * slope[1] - (field[0] * slope[0] + field[1] * slope[1]) * field[1]
+        forces.append(complex(ng.Integrate(weight * stress, mesh, definedon=mesh.Materials("air"), order=10)))
+    return tuple(forces)
+
+
+def true_eddy_currents(plan: Plan) -> float:
+    """The change of the force's phasor at the highest frequency, by eddy currents in core and washer of iron."""
+    coil, washer = magnetic_parts(plan.spec)
+    hz = max(channel.drive_hz for channel in plan.channels)
+    still, moved = eddy_forces(coil, washer, gap_m(plan), hz, 1e-7)
+    return float(abs(moved / still - 1))
+
+
+def true_shielding(plan: Plan, order: int = 3, levels: int = 0) -> float | None:
+    """The pull on a coil's first washer with the others and, on the same mesh, with the others turned to air."""
+    from padgen.verify.field_solid import PlacedWasher, solid_force
+
+    coil, washer = magnetic_parts(plan.spec)
+    gap, air = gap_m(plan), washer._replace(permeability=1 + 1e-9)
+    place = np.array([c.site.washer_mm for c in plan.sets[0]]) * MM
+    if len(place) < 2:
+        return None
+    first, second = place[:2]
+    if len(place) == 2 and abs(first[0] * second[1] - first[1] * second[0]) < 1e-12:
+        # On a line with the coil's axis: turned so that half the model does.
+        along = first / np.hypot(*first)
+        place = np.stack([place @ along, 0 * place[:, 0]], -1)
+    first, *rest = place
+    pulls = []
+    for other in (washer, air):
+        rings = [PlacedWasher(washer, gap, *first), *(PlacedWasher(other, gap, *at) for at in rest)]
+        pulls.append(solid_force(coil, rings, order=order, levels=levels).wrench[0, 2])
+    return float(abs(pulls[0] / pulls[1] - 1))
+
+
+# Leakage: cores and a washer in the fields of each other and of all coils.
+
+
+class Placed(NamedTuple):
+    """A steel body of revolution, the place (2,) of its axis and how far up it lies, in m; orders round its axis."""
+
+    body: SteelBody
+    axis: np.ndarray
+    up: float
+    orders: int
+
+    @property
+    def angle(self) -> np.ndarray:
+        turns = 2 * self.orders + 4
+        return (np.arange(turns) + 0.5) * 2 * np.pi / turns
+
+    @property
+    def order(self) -> np.ndarray:
+        """Of 1, cos φ, sin φ, cos 2φ …"""
+        return (np.arange(2 * self.orders + 1) + 1) // 2
+
+    def waves(self, angle: np.ndarray) -> np.ndarray:
+        turned = [part(m * angle) for m in range(1, self.orders + 1) for part in (np.cos, np.sin)]
+        return np.stack([np.ones_like(angle), *turned])
+
+    def points(self) -> tuple[np.ndarray, np.ndarray]:
+        """Places (nodes, turns, 2) and heights (nodes, turns) on the surface."""
+        round_axis = np.stack([np.cos(self.angle), np.sin(self.angle)], -1)
+        at = self.axis + self.body.radius[:, None, None] * round_axis
+        return at, np.broadcast_to((self.body.height + self.up)[:, None], at.shape[:2])
+
+    def projected(self, value: np.ndarray) -> np.ndarray:
+        """Parts (…, parts · nodes) of what is given at the points (…, nodes, turns)."""
+        share = self.waves(self.angle) * np.where(self.order == 0, 1.0, 2.0)[:, None] / len(self.angle)
+        return np.swapaxes(value @ share.T, -1, -2).reshape(*value.shape[:-2], -1)
+
+    def made(self, at: np.ndarray, height: np.ndarray, step: float, slope: bool = False) -> np.ndarray:
+        """Potential (parts · nodes, …) at points of one unit of each part of the charge, or its slope along z."""
+        radius, low, shares = fine_rings(self.body, step)
+        rho, around = axial(at - self.axis)
+        of = ring_potential(rho[..., None], height[..., None], radius, low + self.up, self.orders, at_ring=False)
+        each = ((of.along_z if slope else of.value) @ shares)[self.order] * self.waves(around)[..., None]
+        return np.moveaxis(each, -1, 1).reshape(-1, *rho.shape)
+
+
+def axial(away: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return np.maximum(np.hypot(away[..., 0], away[..., 1]), 1e-9), np.arctan2(away[..., 1], away[..., 0])
+
+
+def many_coils(coil: CoilSource, washer: SteelRing, gap: float, place: np.ndarray, axes: np.ndarray) -> np.ndarray:
+    """Pulls (k, k) in N/A² on a washer at `place` by currents in the coils at `axes` (k, 2), the own first."""
+    core, step, count = charged_core(coil, 12, 2), 0.8 * gap, len(axes)
+    sides = tube(washer.outer_diameter / 2, washer.inner_diameter / 2, 0.0, washer.thickness, (9, 5))
+    ring = Placed(steel_body(sides, washer.permeability, 4), place, gap, 4)
+    bodies = [*([Placed(core[0], axis, 0.0, 2) for axis in axes] if core else []), ring]
+    ends = np.cumsum([0, *(len(b.order) * len(b.body.area) for b in bodies)])
+    mutual, outside = np.zeros((ends[-1], ends[-1])), np.zeros((ends[-1], count))
+    radius, low, charge = winding_rings(coil.windings, step)
+
+    def wound(axis: np.ndarray, at: np.ndarray, height: np.ndarray) -> RingPotential:
+        return ring_potential(axial(at - axis)[0][..., None], height[..., None], radius, low, 0, at_ring=False)
+
+    for i, one in enumerate(bodies):
+        own, (at, height) = slice(ends[i], ends[i + 1]), one.points()
+        answer = np.zeros((len(one.order), len(one.body.area)) * 2)
+        for part, order in enumerate(one.order):
+            answer[part, :, part] = one.body.response[order]
+        answer = answer.reshape(own.stop - own.start, -1)
+        for j, other in enumerate(bodies):
+            if i != j:
+                mutual[own, ends[j] : ends[j + 1]] = answer @ one.projected(other.made(at, height, step)).T
+        for k, axis in enumerate(axes):
+            if one is not ring and i == k:
+                outside[own, k][: len(one.body.area)] = core[1]  # a core in its own coil
+            else:
+                outside[own, k] = answer @ one.projected(wound(axis, at, height).value[0] @ charge)
+    drawn = np.linalg.solve(np.eye(ends[-1]) - mutual, outside)
+    at, height = ring.points()
+    slope = np.array([wound(axis, at, height).along_z[0] @ charge for axis in axes])
+    for j, other in enumerate(bodies[:-1]):
+        slope += np.tensordot(drawn[ends[j] : ends[j + 1]].T, other.made(at, height, step, slope=True), 1)
+    weight = (ring.body.area * np.where(ring.order == 0, 1.0, 0.5)[:, None]).ravel()
+    force = MU_0 * (drawn[ends[-2] :].T * weight) @ ring.projected(slope).T
+    return (force + force.T) / 2
+
+
+def true_leakage(plan: Plan) -> float | None:
+    """What the coils next to the middle one leak, over what the plan's model of these says."""
+    grid, parts = plan.coils, magnetic_parts(plan.spec)
+    steps = coils_around(grid.rows, grid.columns)
+    steps = steps[np.abs(steps).max(1) == 1]
+    if not len(steps):
+        return None
+    axes, true = steps * np.array([grid.pitch_x_mm, grid.pitch_y_mm]) * MM, []
+    for channel in some(plan)[:2]:
+        place = np.array(channel.site.washer_mm) * MM
+        pulls = many_coils(*parts, gap_m(plan), place, np.concatenate([np.zeros((1, 2)), axes]))
+        pulls = np.abs(pulls / pulls[0, 0])
+        found = leakage(*parts, gap_m(plan), place[None], axes)
+        true += [pulls[1:, 1:].sum() / np.abs(found.mutual).sum(), pulls[0, 1:].sum() / np.abs(found.product).sum()]
+    return float(max(abs(share - 1) for share in true))
+
+
+TRUE = {
+    "gap": true_gap,
+    "softening": true_softening,
+    "switching": true_switching,
+    "motion": true_motion,
+    "beam inertia": true_beam_inertia,
+    "stretching": true_stretching,
+    "large slopes": true_large_slopes,
+    "air's damping": true_air_damping,
+    "far modes": true_far_modes,
+}
+"""Of every plan."""
+DEAR = {
+    "leakage": (true_leakage, 5),
+    "air's mass": (true_air_mass, 4),
+    "eddy currents": (true_eddy_currents, 2),
+    "saturation": (true_saturation, 8),
+    "shielding": (true_shielding, 40),
+    "saturation aside": (true_saturation_aside, 125),
+    "frame": (true_frame, 5),
+}
+"""By finite elements, of one plan in so many; the frame of those of up to `MOST_TAXELS` taxels that have a bound."""
+MOST_TAXELS = 4
+LEAST = {"gap": 1e-6, "softening": 1e-6, "far modes": 1e-12, "saturation": 2e-5}
+"""Sizes below which a finer model's own digits run out."""
+OWN_BOUND = ("beam inertia", "saturation")
+"""Terms whose finer model needs parts a little other than the plan's, and gives their bound with the true size."""

@@ -1,0 +1,111 @@
+"""Bounds of gap and softening over all combinations of core, gap, offset and sag, against the pull itself.
+
+The reference solves surface charges where the washer hangs in balance, and averages them over the swing; a bound may be
+short by 1 % and 1e-6, the reference's own digits.
+"""
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from padgen.core.units import MM, UM
+from padgen.physics.pull import pull
+from padgen.physics.pull_table import PullAt
+from padgen.physics.taxel_modes import TaxelModes
+from padgen.planner import make_plan
+from padgen.planner.channels import driven, hanging_gap_um, pull_exponent, site_pulls, wanted_line_a2
+from padgen.planner.left_out import _pulled
+from padgen.planner.plan import Channel
+from padgen.planner.pull_modes import mode_fields, site_wrenches
+from padgen.planner.pulls import magnetic_parts
+from padgen.spec import Spec, load_spec
+
+SLACK = 1.01
+
+
+def pull_at(spec: Spec, channel: Channel, nearer_um: float) -> float:
+    """Pull in N/A² on the channel's own mode with the washer `nearer_um` to the coil than it hangs."""
+    gap_m = (float(hanging_gap_um(spec, channel.sag_um)) - nearer_um) * UM
+    solved = pull(*magnetic_parts(spec), gap_m, channel.site.coil_distance_mm * MM)
+    drawn = PullAt(-solved.axial, solved.side, solved.moment, *[0.0] * 4)
+    modes = TaxelModes(np.array(channel.modes_hz), np.array(channel.mode_motions))
+    wrench = site_wrenches(spec, PullAt(*map(np.atleast_1d, drawn)), [channel.site])[0]
+    return float(drawn.pull * mode_fields(modes, wrench).pulled_share)
+
+
+def gap_error(spec: Spec, channel: Channel) -> float:
+    """The pull where the washer hangs, drawn down and averaged over a swing, against the plan's at rest."""
+    phase = np.sin(np.linspace(0, 2 * np.pi, 6, endpoint=False) + 0.3)
+    pulls = [pull_at(spec, channel, channel.static_um + channel.level_um * side) for side in phase]
+    return float(abs(np.mean(pulls) / pull_at(spec, channel, 0.0) - 1))
+
+
+def softening_error(spec: Spec, channel: Channel) -> float:
+    """How much lower the resonance is on the pull's slope, where the washer hangs in balance."""
+    gap_um, static = float(hanging_gap_um(spec, channel.sag_um)), channel.static_um
+    slack_um = static * (1 - static / gap_um) ** max(channel.pull_exponent, 0)  # were the pull as at rest
+    rest, step_um = pull_at(spec, channel, 0.0), 0.02 * gap_um
+    for _ in range(4):
+        static = slack_um * pull_at(spec, channel, static) / rest
+    near, far = (pull_at(spec, channel, static + side) for side in (step_um, -step_um))
+    return float(1 - np.sqrt(max(1 - (near - far) / (2 * step_um) / rest * slack_um, 0)))
+
+
+CORES_MM, GAPS_MM, OUT, SAGS = (
+    (0, 1, 2, 3, 4, 5, 6),
+    (0.4, 0.6, 0.8, 1, 1.5, 2, 3),
+    np.linspace(0, 0.7, 8),
+    np.linspace(0, 0.5, 5),
+)
+"""Cores of a coil of 10 mm, gaps, places over the coil's diameter, and sags over the gap: 1,960 combinations."""
+
+
+def pulled_bounds(thinned: int = 1) -> tuple[int, list[tuple[object, ...]]]:
+    """How many combinations of core, gap, offset and sag have a bound of gap and softening, and which of them break it.
+
+    Every `thinned`th of `CORES_MM` … `SAGS`, its channel and its drive paper-32's first, moving a tenth of the gap.
+    """
+    base, broken, bounded = make_plan(load_spec("paper-32")), [], 0
+    for core_mm, gap_mm, out, sag in [*product(CORES_MM, GAPS_MM, OUT, SAGS)][::thinned]:
+        coil = replace(base.spec.coil, core_diameter_mm=core_mm, gap_mm=gap_mm)
+        spec, channel = replace(base.spec, coil=coil), base.channels[0]
+        offset_mm, gap_um = float(out * coil.outer_diameter_mm), gap_mm * 1e3
+        site = replace(channel.site, washer_mm=(offset_mm, 0.0), coil_distance_mm=offset_mm)
+        hanging_um = hanging_gap_um(spec, np.array([sag * gap_um]))
+        pulled = site_pulls(spec, [site], hanging_um)
+        modes = TaxelModes(np.array(channel.modes_hz), np.array(channel.mode_motions))
+        fields = mode_fields(modes, site_wrenches(spec, pulled, [site])[0])
+        force = float(pulled.pull[0]) * fields.pulled_share
+        if force <= 0:
+            continue
+        force_mn = channel.force_mn * 0.1 * gap_um / channel.level_um
+        moved = replace(
+            channel,
+            site=site,
+            **fields._asdict(),
+            sag_um=sag * gap_um,
+            level_um=0.1 * gap_um,
+            force_mn=force_mn,
+            force_constant_n_per_a2=force,
+            line_a2=wanted_line_a2(force_mn, force),
+            pull_exponent=float(pull_exponent(pulled, hanging_um)[0]),
+        )
+        (moved,) = driven(spec, [moved], base.scheme)
+        bounds = [float(bound[0]) for bound in _pulled(replace(base, spec=spec, channels=(moved,)), [moved])]
+        if not np.isfinite(bounds).all():
+            continue
+        bounded += 1
+        for term, bound, true in zip(
+            ("gap", "softening"), bounds, (gap_error(spec, moved), softening_error(spec, moved)), strict=True
+        ):
+            if true > SLACK * bound + 1e-6:
+                broken.append((term, core_mm, gap_mm, round(offset_mm, 2), sag, bound, true))
+    return bounded, broken
+
+
+def test_no_combination_of_parts_and_places_breaks_the_bounds_of_gap_and_softening():
+    """All 1,960 of them: `python docs/measure_force.py bounds`."""
+    bounded, broken = pulled_bounds(thinned=29)
+    assert bounded > 40
+    assert broken == []
