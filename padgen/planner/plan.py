@@ -309,13 +309,15 @@ class Reuse:
 
     `turned` names the cells that are turned by 180° so that taxels of one channel are not back to back:
     'none', 'odd rows' or 'odd columns'. `leaks_db` has how far below its own level each channel (n,) stays,
-    `leak_db` the worst of them. `leak_error` is what the leakage may be off by, relative.
+    `leak_db` the worst of them, all coils in step. `retuned_leaks_db` is of a print whose coils each play their own
+    taxels' measured frequencies, so that lines add as energies; `leak_error` is what a leakage may be off by, relative.
     """
 
     leak_db: float | None
     leak_channel: int | None
     turned: str
     leaks_db: tuple[float | None, ...] = ()
+    retuned_leaks_db: tuple[float | None, ...] = ()
     leak_error: float = 0.0
 
 

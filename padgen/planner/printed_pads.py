@@ -29,7 +29,6 @@ coupon what is common is known, after some measured taxels the field as well, af
 """
 
 from dataclasses import astuple, dataclass, fields
-from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -116,7 +115,8 @@ class Coils(NamedTuple):
 class Design(NamedTuple):
     """What of a plan a print depends on: channels (n,), taxels (t,), coils by how many channels they have.
 
-    `beside` (n,) is the energy of an OFF taxel by the coils around and by its other modes, over that of its ON state,
+    `beside` (2, n) is the energy of an OFF taxel by the coils around and by its other modes, over that of its ON state,
+    coils in step and re-tuned,
     `kept` what an ON taxel keeps of its energy where its beams stretch. `weight` (8, n) is d ln f per unit of each of
     `Spreads`, `field_length_mm` over which their field goes.
     """
@@ -245,20 +245,21 @@ def work(design: Design) -> float:
 
 
 def _beside(plan: Plan) -> np.ndarray:
-    """Energy (n,) that the coils around and the other modes add to an OFF taxel, over that of its ON state.
+    """Energy (2, n) that the coils around and the other modes add to an OFF taxel, over that of its ON state.
 
-    Taken from the plan, of its tones as they are: the worst case of leakage, where a neighbour plays this taxel's own
-    resonance, which re-tuned prints do not quite reach.
+    First with all coils in step, as by the driver table; then re-tuned, each coil at its own frequencies. Of a tone at
+    the taxel's own resonance, which those of other coils but come near to.
     """
-    leaks = [db for db in plan.reuse.leaks_db if db is not None] or [inf] * len(plan.channels)
-    total = 10 ** (-np.array(leaks) / 10)
+    total = np.zeros((2, len(plan.channels)))
+    for row, leaks_db in zip(total, (plan.reuse.leaks_db, plan.reuse.retuned_leaks_db), strict=True):
+        row += [0.0 if db is None else 10 ** (-db / 10) for db in leaks_db]
     for own in plan.sets:
         if len(own) < 2:
             continue
         which = placed_channels(plan.spec, own)
         modes = heard_modes(plan.spec, own, which.line)
         more = off_energy(which, plan.scheme, modes) - off_energy(which, plan.scheme)
-        total[[c.index for c in own]] += np.maximum(more, 0.0)
+        total[:, [c.index for c in own]] += np.maximum(more, 0.0)
     return total
 
 
@@ -340,6 +341,7 @@ def covariance(design: Design, spreads: Spreads, coupon: np.ndarray | None = Non
 def printed(design: Design, spreads: Spreads, pads: int, seed: int, stages: tuple[str, ...] = STAGES) -> Prints:
     """Print and judge, a stream of random numbers after the other, in blocks of bounded memory."""
     taxels, count, many = len(design.channel), len(design.q), len(stages)
+    beside = design.beside[[int(stage == STAGES[-1]) for stage in stages]]
     unit = max(min(DRAWN // taxels, MOST_DRAWN), 1)
     step = max(BLOCK // taxels, 1)
     prints = Prints(
@@ -361,22 +363,34 @@ def printed(design: Design, spreads: Spreads, pads: int, seed: int, stages: tupl
             part = slice(first, first + step)
             block = slice(number * unit + first, number * unit + min(first + step, x.shape[1]))
             for coils in design.coils:
-                _judge(design, coils, x[:, part], tone[:, :, part], prints, block)
+                _judge(design, coils, x[:, part], tone[:, :, part], beside, prints, block)
     return prints
 
 
-def _judge(design: Design, coils: Coils, x: np.ndarray, tones: np.ndarray, prints: Prints, block: slice) -> None:
-    """Enter what `coils` are like in prints `x` (taxels, pads) off, driven by `tones` (stages, taxels, pads)."""
+def _judge(
+    design: Design,
+    coils: Coils,
+    x: np.ndarray,
+    tones: np.ndarray,
+    beside: np.ndarray,
+    prints: Prints,
+    block: slice,
+) -> None:
+    """Enter what `coils` are like in prints `x` (taxels, pads) off, driven by `tones` (stages, taxels, pads).
+
+    `beside` (stages, n) as in `Design`.
+    """
     n, shape = len(coils.channels), (*coils.taxels.shape, x.shape[1])
     x = x[coils.taxels].reshape(n, -1)
     f, q, mass, pull = (v[coils.channels, None] for v in (design.resonance_hz, design.q, design.mass_g, design.pull))
-    hz, beside = f * x, design.beside[coils.channels, None, None]
+    hz = f * x
     for k, tone in enumerate(tones[:, coils.taxels].reshape(len(tones), n, -1)):
         driven = channels(f * tone, q, design.law(f * tone), mass, pull)
         # What would move a taxel by that level at its own resonance.
         taxel = Channels(hz, q, driven.line * (x / tone) ** 2)
         on = (relative_energy(driven.resonance_hz, hz, q) * (driven.line / taxel.line) ** 2).reshape(shape)
-        off = beside + (off_energy(taxel, design.scheme, drivers=driven).reshape(shape) if n > 1 else 0.0 * on)
+        more = beside[k, coils.channels, None, None]
+        off = more + (off_energy(taxel, design.scheme, drivers=driven).reshape(shape) if n > 1 else 0.0 * on)
         good = design.kept * on >= np.maximum(design.need * off, 0.5 if n == 1 else 0.0)
         with np.errstate(divide="ignore"):
             ratio = (design.kept * on.min(0) / off.max(0)).min(0)

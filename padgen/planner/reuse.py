@@ -35,7 +35,7 @@ def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], scheme: 
     """
     turned = turned_cells(spec, layout, [channel.site for channel in channels])
     if layout.coils < 2:
-        return Reuse(None, None, turned, (None,) * len(channels))
+        return Reuse(None, None, turned, (None,) * len(channels), (None,) * len(channels))
     pitch = np.array([spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows])
     place = np.array([channel.site.washer_mm for channel in channels])
     steps_to = coils_around(layout.rows, layout.columns)
@@ -44,9 +44,9 @@ def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], scheme: 
     leak = leakage(*magnetic_parts(spec), spec.coil.gap_mm * MM, place * MM, at[next_to], at[~next_to])
     away = np.abs(steps_to).sum(1) % spec.coil.sets
     heard = [_heard(spec, scheme, channels, steps) for steps in range(spec.coil.sets)]
-    energy = np.zeros(len(channels))
+    energy, apart = np.zeros((2, len(channels)))
     for there in _surroundings(layout, steps_to):
-        total = np.zeros(len(channels))
+        total, own_lines = np.zeros((2, len(channels)))
         for steps, (tones, spurs, beats) in enumerate(heard):
             some = there & (away == steps)
             square = np.abs(leak.mutual[:, some][:, :, some]).sum((1, 2))
@@ -54,11 +54,29 @@ def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], scheme: 
             constant = product if scheme.is_biased else 0.0
             # Spurs and beats of the same channels are of the same frequencies.
             total += (square + constant) ** 2 * tones + (square * np.sqrt(spurs) + product * np.sqrt(beats)) ** 2
-        energy = np.maximum(energy, total)
+            lines, products = _lines_apart(leak, some, scheme), (leak.product[:, some] ** 2).sum(1)
+            own_lines += lines * tones + (np.sqrt(lines * spurs) + np.sqrt(products * beats)) ** 2
+        energy, apart = np.maximum(energy, total), np.maximum(apart, own_lines)
     worst = int(energy.argmax())
-    leaks = tuple(-decibel(float(value) ** 0.5) for value in energy)
+    leaks, retuned = (tuple(-decibel(float(value) ** 0.5) for value in each) for each in (energy, apart))
     error = _leak_error(spec, layout, leak, place[:, None] * MM - at, ~next_to, pitch) + channels[worst].force_error
-    return Reuse(leaks[worst], worst, turned, leaks, error)
+    return Reuse(leaks[worst], worst, turned, leaks, retuned, error)
+
+
+def _lines_apart(leak: Leakage, some: np.ndarray, scheme: Scheme) -> np.ndarray:
+    """Energy (n,) of the coils' tones where each coil has its own frequencies, over that of a tone of the own coil.
+
+    Every coil makes a line then, and of tones alone every two coils one between theirs; lines apart add as energies.
+    With a constant current in all coils each coil's line is made with all of these.
+    """
+    mutual = np.abs(leak.mutual[:, some][:, :, some])
+    alone = np.einsum("nkk->nk", mutual)
+    if scheme.has_constant:
+        constant = np.abs(leak.product[:, some]) if scheme.is_biased else 0.0
+        energy: np.ndarray = ((mutual.sum(1) + constant) ** 2).sum(1)
+        return energy
+    pairs: np.ndarray = 2 * (mutual**2).sum((1, 2)) - (alone**2).sum(1)
+    return pairs
 
 
 def _leak_error(
