@@ -403,7 +403,9 @@ def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.nda
     # With the gap the pull's side force and moment change, too, and so its share of the mode: its slope is not enough.
     softer = np.maximum((near - far) / (level * np.sqrt(2)) * slack_um * (1 + doubt), 0)
     meets = (static + level >= gap_um) | (np.array([c.static_um for c in channels]) >= gap_um)
-    forces = np.abs((near + far) / 2 - 1) * (1 + doubt)
+    # The fourth order of the swing is less than a tenth of the second one's square.
+    forces = np.abs((near + far) / 2 - 1)
+    forces = forces * (1 + doubt + forces / 10)
     return np.where(meets, inf, forces), np.where(meets | (softer >= 1), inf, 1 - np.sqrt(np.maximum(1 - softer, 0)))
 
 
