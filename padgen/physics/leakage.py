@@ -64,8 +64,8 @@ def leakage(
     height = (body.height + gap)[:, None]
     own = _coaxial(coil_rings(coil, STEP * gap), points[:, None], height)
     near = _coaxial(_few_rings(coil), points[:, None] - neighbours[:, None, None], height)
-    both = [np.concatenate(pair, 1) for pair in zip(own, near, strict=True)]
-    parts = _around(both[0], both[1], angle)
+    value, slope = (np.concatenate(pair, 1) for pair in zip(own, near, strict=True))
+    parts = _around(value, slope, angle)
     if far is not None and len(far):
         # About the washer's middle the far ones' field changes evenly.
         up, across = body.height - washer.thickness / 2, body.radius

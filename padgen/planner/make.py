@@ -35,7 +35,7 @@ from padgen.spec import Spec
 __all__ = ["Choice", "choose", "finish", "make_plan"]
 
 RUNNERS_UP = 2
-REUSES, GAPS_MM = ("same", "alternate"), (1.0, 0.6, 0.4)
+REUSES, SCHEMES_TRIED, GAPS_MM = ("same", "alternate"), ("auto", "spur-free", "biased"), (1.0, 0.6, 0.4)
 """What the search tries where the spec leaves it free, the simplest first: a smaller gap asks for flatter coils."""
 QUICK_PADS = 200
 """Simulated prints by which layouts are compared."""
@@ -89,12 +89,13 @@ def choose(spec: Spec) -> Choice:
 
 
 def _decided(spec: Spec) -> Iterator[Spec]:
-    """`spec` with each reuse and gap that is left to the search, the simplest first."""
-    coil = spec.coil
+    """`spec` with each reuse, drive and gap that is left to the search, the simplest first."""
+    coil, drive = spec.coil, spec.drive
+    schemes = SCHEMES_TRIED if spec.leaves_layout_free and drive.scheme == "auto" else (drive.scheme,)
     reuses = REUSES if coil.reuse == "auto" else (coil.reuse,)
     gaps = (coil.gap_mm,) if coil.gap_mm else GAPS_MM
-    for reuse, gap_mm in product(reuses, gaps):
-        yield replace(spec, coil=replace(coil, reuse=reuse, gap_mm=gap_mm))
+    for reuse, scheme, gap_mm in product(reuses, schemes, gaps):
+        yield replace(spec, coil=replace(coil, reuse=reuse, gap_mm=gap_mm), drive=replace(drive, scheme=scheme))
 
 
 def _best(found: Sequence[Choice]) -> Choice:

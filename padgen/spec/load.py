@@ -233,7 +233,8 @@ def answers(recorded: Spec, asked: Spec) -> bool:
         gap_mm=asked.coil.gap_mm or own.gap_mm,
         reuse=own.reuse if asked.coil.reuse == "auto" else asked.coil.reuse,
     )
-    return replace(recorded, model=asked.model) == replace(asked, coil=coil)
+    drive = replace(asked.drive, scheme=recorded.drive.scheme) if asked.drive.scheme == "auto" else asked.drive
+    return replace(recorded, model=asked.model) == replace(asked, coil=coil, drive=drive)
 
 
 def spread_of(printer: Printer) -> str:
