@@ -19,9 +19,9 @@ $(STAMP): pyproject.toml setup.py constraints.txt
 
 setup: $(STAMP) ## make the environment in .venv, every extra included
 
-pad: $(STAMP) ## the paper's 32-taxel pad into out/paper-32
-	$(BIN)/padgen plan paper-32
-	$(BIN)/padgen build paper-32
+pad: $(STAMP) ## a 32-taxel pad that prints, into out/pad-32
+	$(BIN)/padgen plan pad-32
+	$(BIN)/padgen build pad-32
 
 test: $(STAMP) ## the whole test suite (the firmware's need gcc and g++, installed from Debian if missing)
 	@{ command -v $${CC:-cc} && command -v $${CXX:-c++}; } >/dev/null || \

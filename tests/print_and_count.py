@@ -4,7 +4,7 @@
 taxel by taxel, that keep 14 and 20 dB, with what the coils around leak and without.
 
 Each taxel's resonance follows the rule f ∝ E^½ w^½ t^{3/2} l^{−3/2} m^{−½}; its answer is the sum over the modes that
-the plan lists. Tones alone: plans of two channels a coil, whose spurs fall on no third.
+the plan lists. Plans of two channels a coil alone, whose spurs fall on no third.
 """
 
 import json
@@ -50,7 +50,7 @@ def terms_of(printer: str, level: str) -> dict[str, float]:
 def kept_db(plan: dict, level: str = "typical", pads: int = 2000, leak: bool = True, seed: int = 0) -> np.ndarray:
     """ON over OFF in dB of each pad's worst coil and state (pads,), each taxel driven at its own printed resonance."""
     spec, channels, taxels = plan["spec"], plan["channels"], plan["taxels"]
-    assert plan["selectivity"]["drive"] == "tones" and spec["drive"]["threshold_hz"] is None
+    assert plan["selectivity"]["drive"] in ("tones", "spur-free") and spec["drive"]["threshold_hz"] is None
     terms, rng = terms_of(spec["printer"]["name"], level), np.random.default_rng(seed)
     place = np.array([[t["x_mm"], t["y_mm"]] for t in taxels])
     far = np.linalg.norm(place[:, None] - place, axis=-1) / CORRELATION_MM[spec["printer"]["process"]]
@@ -94,7 +94,7 @@ def coil_db(plan: dict, taxels: list[dict], x: np.ndarray, leak: bool) -> np.nda
     off = []
     for i in range(len(channels)):
         heard = sum((line[j] * np.abs(answer(i, tone[j]))) ** 2 for j in range(len(channels)) if j != i)
-        around = plan["reuse"]["leaks_db"][channels[i]["index"]] if leak else None
+        around = plan["reuse"]["retuned_leaks_db"][channels[i]["index"]] if leak else None
         off.append(heard / level[i] ** 2 + (0.0 if around is None else 10 ** (-around / 10)))
     return -10 * np.log10(np.maximum(np.max(off, axis=0), 1e-30))
 

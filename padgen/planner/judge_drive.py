@@ -112,16 +112,21 @@ def _snapping(plan: Plan) -> Iterator[Finding]:
 
 
 def _leak(plan: Plan) -> Iterator[Finding]:
-    leak, asked = plan.reuse.leak_db, plan.selectivity.asked_db
+    """Re-tuned, coils play frequencies of their own; by the driver table they play in step."""
+    step, asked = plan.reuse.leak_db, plan.selectivity.asked_db
+    apart = min((db for db in plan.reuse.retuned_leaks_db if db is not None), default=None)
+    if step is None or apart is None or step >= asked:
+        return
     other = "coil.reuse = 'alternate', " if plan.coils.sets == 1 else ""
-    if leak is not None and leak < asked:
-        yield Finding(
-            "warning",
-            "coil.leak",
-            f"channel {plan.reuse.leak_channel}",
-            f"in their worst state the coils around shake this taxel, OFF, {_below(leak)} than its own would,"
-            f" asked: {asked:.1f} dB less; {other}washers nearer to their coil or a wider pitch would do",
-        )
+    short = apart < asked
+    kept = f"re-tuned, {_below(apart)}" if short else f"re-tuned {_below(apart)} and by the driver table {_below(step)}"
+    yield Finding(
+        "warning" if short else "note",
+        "coil.leak",
+        f"channel {plan.reuse.leak_channel}",
+        f"in their worst state the coils around shake this taxel, OFF, {kept} than its own would, asked:"
+        f" {asked:.1f} dB less; {other}washers nearer to their coil or a wider pitch would do",
+    )
 
 
 def _reach(plan: Plan) -> Iterator[Finding]:
