@@ -5,14 +5,15 @@ of which body it is, how far along a beam it lies, which station of a gap is nea
 grows with the length that is laid, and no more than a layer is held.
 """
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from padgen.core.errors import FileError, number
-from padgen.measured.gcode_file import Layer
+from padgen.measured.gcode_file import Layer, read_layers
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.tile import TURNS, outline, taxel_places
 
@@ -42,6 +43,8 @@ LEAST_MATCH = 0.6
 """Correlation of what is laid with the plan's cross-section below which it is not this pad (docs/printing.md)."""
 FIRST_LAYERS = 8
 """Layers in which the pad's lowest is looked for: below it may be a raft or a line that primes the nozzle."""
+FILAMENTS_MM = (1.75, 2.85)
+"""Diameters that a filament may have of which a file says nothing."""
 FRAME, PLATE, BEAM = 1, 2, 3
 
 
@@ -57,7 +60,7 @@ class Placing(NamedTuple):
 
 @dataclass(frozen=True)
 class LaidPad:
-    """What is laid, taxel by taxel in the plan's order; lengths in mm.
+    """What is laid, taxel by taxel in the plan's order; lengths in mm, heights from `bottom_mm` above the bed.
 
     `areas_mm2` (layers, taxels, nodes) is the cross-section of plastic at nodes along the beams, in layers up to a
     little above them, `steps_mm` (layers) their heights; `beams` has for each channel and beam the slice of its nodes,
@@ -68,6 +71,8 @@ class LaidPad:
     """
 
     placing: Placing
+    bottom_mm: float
+    filament_mm: float
     areas_mm2: np.ndarray
     steps_mm: np.ndarray
     beams: tuple[tuple[slice, ...], ...]
@@ -263,58 +268,78 @@ def cut(layer: Layer, piece_mm: float) -> tuple[np.ndarray, np.ndarray]:
     return layer.start[line] + share[:, None] * along[line], line
 
 
-def laid_pad(plan: Plan, layers: Iterable[Layer], where: str) -> LaidPad:
-    """Find the pad of `plan` in `layers` of G-code and measure it, layer by layer.
+def laid_pad(plan: Plan, path: Path, filament_mm: float | None = None) -> LaidPad:
+    """Find the pad of `plan` in a file of G-code and measure it, layer by layer.
+
+    Without a filament's diameter that of `FILAMENTS_MM` is taken by which the lowest layer comes out full.
 
     Raises
     ------
     FileError
         Nothing is laid, it is not this pad, or it ends before the pad does.
     """
-    maps = _Maps(plan)
-    reading = iter(layers)
-    placing, layer, bottom = _placed(maps, reading, where)
-    measuring = _Measuring(maps, placing)
-    measuring.add(layer, layer.top_mm - bottom)
-    top = layer.top_mm
-    for layer in reading:
+    where, maps = str(path), _Maps(plan)
+    reading = read_layers(path, filament_mm or FILAMENTS_MM[0])
+    placing, layer, step, full = _placed(maps, reading, where)
+    found = filament_mm or min(FILAMENTS_MM, key=lambda mm: abs(np.log(full * (mm / FILAMENTS_MM[0]) ** 2)))
+    share = 1.0 if filament_mm else (found / FILAMENTS_MM[0]) ** 2
+    measuring = _Measuring(maps, placing, layer.top_mm - step)
+    top = layer.top_mm - step
+    while True:
         if layer.top_mm <= top:
-            if len(layer.start) > 1 and measuring.reaches(top - bottom):
+            if measuring.is_whole:
                 break  # what comes after the pad
             raise FileError(
-                f"lays something at z = {number(layer.top_mm)} mm after z = {number(top)} mm; a pad is judged that is"
-                " printed layer by layer, alone or with others",
+                f"lays something at z = {number(layer.top_mm)} mm after z = {number(top)} mm; must be laid layer by layer,"
+                " all objects together",
                 where,
             )
-        measuring.add(layer, layer.top_mm - top)
+        measuring.add(replace(layer, area_mm2=share * layer.area_mm2), layer.top_mm - top)
         top = layer.top_mm
-    if not measuring.reaches(top - bottom):
-        whole = max(plan.plate.boss_top_mm, plan.spec.pad.frame_thickness_mm)
+        after = next(reading, None)
+        if after is None:
+            break
+        layer = after
+    if not measuring.is_whole:
         raise FileError(
-            f"ends {number(top - bottom)} mm above the bed, the pad {plan.name} is {number(whole)} mm high: the file is cut"
-            " short or of another pad",
+            f"ends at {number(measuring.top)} mm of the {number(measuring.whole_mm)} mm that the pad {plan.name} is high:"
+            " the file is cut short, or of another pad",
             where,
         )
-    return measuring.done()
+    return measuring.done(found)
 
 
-def _placed(maps: _Maps, layers: Iterator[Layer], where: str) -> tuple[Placing, Layer, float]:
-    """The pad's place by its lowest layer, that layer, and the height that it begins at."""
-    best, below = 0.0, 0.0
+def _placed(maps: _Maps, layers: Iterator[Layer], where: str) -> tuple[Placing, Layer, float, float]:
+    """The pad's place by its lowest layer, that layer, its height, and how full of plastic it is, 1 as planned."""
+    best = top = 0.0
     for _, layer in zip(range(FIRST_LAYERS), layers, strict=False):
-        height = layer.height_mm[0] if not np.isnan(layer.height_mm[0]) else layer.top_mm - max(below, 0.0)
-        below = layer.top_mm
-        placing = _registered(maps, layer, height if height > 0 else layer.top_mm)
+        told = float(layer.height_mm[0])
+        step = told if told > 0 else layer.top_mm - top if layer.top_mm > top else layer.top_mm
+        top = layer.top_mm
+        if not step > 0:
+            continue
+        placing = _registered(maps, layer, step)
         if placing.match >= LEAST_MATCH:
-            return placing, layer, layer.top_mm - (height if height > 0 else layer.top_mm)
+            return placing, layer, step, _fullness(maps, placing, layer, step)
         best = max(best, placing.match)
-    if not below:
+    if not top:
         raise FileError("has no moves that lay plastic; it is no G-code of a print", where)
     raise FileError(
-        f"does not hold the pad {maps.plan.name}: what is laid first matches its underside by {best:.0%}, must be"
+        f"does not hold the pad {maps.plan.name}: what is laid first matches its underside by {best:.0%}, must be at least"
         f" {LEAST_MATCH:.0%}; it is of another pad or spec, lies upside down, or is turned by no quarter turn",
         where,
     )
+
+
+def _fullness(maps: _Maps, placing: Placing, layer: Layer, step_mm: float) -> float:
+    """Plastic of the lowest layer over what the plates and frames of the plan's taxels have in it."""
+    points, line = cut(layer, COARSE_MM)
+    points = turned(points - (placing.x_mm, placing.y_mm), -placing.quarters)
+    pieces = np.bincount(line, minlength=len(layer.start))
+    is_taxel = maps.found(points)[0] >= 0
+    laid = (layer.volume_mm3 / pieces)[line][is_taxel].sum() / step_mm
+    planned = sum(float(m.solid.sum()) * m.pixel_mm**2 for m in (maps.maps[c] for c in maps.channel))
+    return float(laid / planned)
 
 
 def _registered(maps: _Maps, layer: Layer, height_mm: float) -> Placing:
@@ -383,8 +408,8 @@ def _depth(maps: _Maps, points: np.ndarray, step_mm: float) -> float:
 class _Measuring:
     """Sums and extremes over the layers that were added."""
 
-    def __init__(self, maps: _Maps, placing: Placing) -> None:
-        self.maps, self.plan, self.placing = maps, maps.plan, placing
+    def __init__(self, maps: _Maps, placing: Placing, bottom_mm: float) -> None:
+        self.maps, self.plan, self.placing, self.bottom = maps, maps.plan, placing, bottom_mm
         plan, count = maps.plan, len(maps.plan.taxels)
         self.beams_top = max(c.beam.thickness_mm for c in plan.channels) + plan.spec.printer.layer_mm + 0.25
         self.fine_top = max(self.beams_top, plan.plate.recess_depth_mm + 0.3)
@@ -402,10 +427,12 @@ class _Measuring:
         self.gap, self.gap_top = np.full(count, np.inf), np.full(count, np.nan)
         self.top = self.volume = 0.0
 
-    def reaches(self, height_mm: float) -> bool:
-        """Whether a height is the pad's, but for a layer."""
-        whole = max(self.plan.plate.boss_top_mm, self.plan.spec.pad.frame_thickness_mm)
-        return height_mm > whole - max(self.steps[-1], self.plan.spec.printer.layer_mm) - 0.05
+        self.whole_mm = max(plan.plate.boss_top_mm, plan.spec.pad.frame_thickness_mm)
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether the pad's height is reached, but for less than a layer."""
+        return self.top > self.whole_mm - max(self.steps[-1], self.plan.spec.printer.layer_mm) - 0.05
 
     def add(self, layer: Layer, step_mm: float) -> None:
         """Measure the next layer, `step_mm` higher than the last."""
@@ -455,11 +482,11 @@ class _Measuring:
         away = np.hypot(*own.T)
         above = (away < radius - WITHIN_RECESS_MM) & (away > post + WITHIN_RECESS_MM if post else True)
         open_yet = np.isnan(self.recess)
-        lowest = np.full(len(self.recess), np.inf)
-        np.minimum.at(lowest, taxel[above], self.top - height[above])
-        begins = open_yet & np.isfinite(lowest)
-        self.recess[begins] = lowest[begins]
-        self.strand[begins] = self.top - lowest[begins]
+        volume, count = pieces.volume[near][above], len(open_yet)
+        roof = np.bincount(taxel[above], volume, count)
+        begins = open_yet & (roof > 0)
+        strand = np.bincount(taxel[above], volume * height[above], count)[begins] / roof[begins]
+        self.strand[begins], self.recess[begins] = strand, self.top - strand
         side = (open_yet & ~begins)[taxel] & (away > post + WITHIN_RECESS_MM if post else True)
         for k, shift in enumerate(SHIFTS_MM):
             free = 2 * np.hypot(*(own[side] - shift).T) - width[side]
@@ -478,10 +505,12 @@ class _Measuring:
         self.gap_top[narrower] = self.top
         self.gap = np.minimum(self.gap, gap)
 
-    def done(self) -> LaidPad:
+    def done(self, filament_mm: float) -> LaidPad:
         """All that was measured."""
         return LaidPad(
             self.placing,
+            self.bottom,
+            filament_mm,
             np.array(self.areas),
             np.array(self.steps[: len(self.areas)]),
             tuple(tuple(m.beams) for m in self.maps.maps),
