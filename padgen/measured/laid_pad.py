@@ -39,8 +39,11 @@ STRAND = 2.0
 """Over the usual width: an extrusion that would be so much wider than it lies free, a round strand."""
 SHIFTS_MM = 0.06 * np.stack(np.meshgrid(np.arange(-1, 2), np.arange(-1, 2)), -1).reshape(-1, 2)
 """Places about a recess's middle where its washer may lie."""
-LEAST_MATCH = 0.6
-"""Correlation of what is laid with the plan's cross-section below which it is not this pad (docs/printing.md)."""
+MOST_OTHER = 0.15
+"""Share of a sub-cell that may be other than planned; slicers' settings make 0.06 of it, another pad 0.29 (docs/printing.md)."""
+LONG_MM = 1.0
+ALIKE = 2e-3
+"""Difference of two correlations by rounding: of a pad that looks the same when turned, the smaller turn is taken."""
 FIRST_LAYERS = 8
 """Layers in which the pad's lowest is looked for: below it may be a raft or a line that primes the nozzle."""
 FILAMENTS_MM = (1.75, 2.85)
@@ -49,13 +52,14 @@ FRAME, PLATE, BEAM = 1, 2, 3
 
 
 class Placing(NamedTuple):
-    """Where the pad's centre lies on the bed in mm, by how many quarter turns the pad is turned, and how well what is
-    laid matches the plan (a correlation, 1 at most)."""
+    """Where the pad's centre lies on the bed in mm, by how many quarter turns the pad is turned, how well what is laid
+    matches the plan (a correlation, 1 at most), and the largest share of a sub-cell that is other than planned."""
 
     x_mm: float
     y_mm: float
     quarters: int
     match: float
+    other: float
 
 
 @dataclass(frozen=True)
@@ -311,7 +315,7 @@ def laid_pad(plan: Plan, path: Path, filament_mm: float | None = None) -> LaidPa
 
 def _placed(maps: _Maps, layers: Iterator[Layer], where: str) -> tuple[Placing, Layer, float, float]:
     """The pad's place by its lowest layer, that layer, its height, and how full of plastic it is, 1 as planned."""
-    best = top = 0.0
+    least, top = 1.0, 0.0
     for _, layer in zip(range(FIRST_LAYERS), layers, strict=False):
         told = float(layer.height_mm[0])
         step = told if told > 0 else layer.top_mm - top if layer.top_mm > top else layer.top_mm
@@ -319,14 +323,15 @@ def _placed(maps: _Maps, layers: Iterator[Layer], where: str) -> tuple[Placing, 
         if not step > 0:
             continue
         placing = _registered(maps, layer, step)
-        if placing.match >= LEAST_MATCH:
+        if placing.other <= MOST_OTHER:
             return placing, layer, step, _fullness(maps, placing, layer, step)
-        best = max(best, placing.match)
+        least = min(least, placing.other)
     if not top:
         raise FileError("has no moves that lay plastic; it is no G-code of a print", where)
     raise FileError(
-        f"does not hold the pad {maps.plan.name}: what is laid first matches its underside by {best:.0%}, must be at least"
-        f" {LEAST_MATCH:.0%}; it is of another pad or spec, lies upside down, or is turned by no quarter turn",
+        f"does not hold the pad {maps.plan.name}: what is laid first differs from its underside on {least:.0%} of a taxel's"
+        f" cell, must be {MOST_OTHER:.0%} at most; it is of another pad or spec, lies upside down, or is turned by no"
+        " quarter turn",
         where,
     )
 
@@ -369,7 +374,8 @@ def _registered(maps: _Maps, layer: Layer, height_mm: float) -> Placing:
     fine = [((np.arange(5 * n) + 0.5) / 5 - n / 2) * pixel for n in count]
     at = np.stack(np.meshgrid(*fine, indexing="ij"), -1).reshape(-1, 2)
     plan = maps.solid_at(at).reshape(count[0], 5, count[1], 5).mean((1, 3))
-    plan = plan - plan.mean()
+    mean = plan.mean()
+    plan = plan - mean
     full = [1 << int(np.ceil(np.log2(a + b))) for a, b in zip(shape, (count.max(), count.max()), strict=True)]
     spectrum = np.fft.rfft2(laid, full)
     found = []
@@ -379,28 +385,56 @@ def _registered(maps: _Maps, layer: Layer, height_mm: float) -> Placing:
         i, j = np.unravel_index(int(score.argmax()), score.shape)
         shift = [k - n if k >= s else k for k, n, s in zip((i, j), full, shape, strict=True)]
         found.append((float(score[i, j]), quarters, low + (np.array(shift) + np.array(kernel.shape) / 2) * pixel))
-    best = Placing(0.0, 0.0, 0, 0.0)
-    for _, quarters, centre in sorted(found, key=lambda item: -item[0])[:2]:
+    best = Placing(0.0, 0.0, 0, 0.0, 1.0)
+    for _, quarters, centre in sorted(sorted(found, key=lambda item: -item[0])[:2], key=lambda item: item[1]):
         own = turned(points - centre, -quarters)
         step, moved, deepest = pixel / 2, np.zeros(2), -np.inf
         some = own[:: max(len(own) // 10_000, 1)]
         some = some[(np.abs(some) < size / 2).all(1)]
         while step > 0.004:
             tries = moved + step * SHIFTS_MM / 0.06
-            depths = [_depth(maps, some - shift, step) for shift in tries]
+            depths = [_depth(maps, some - shift) for shift in tries]
             k = int(np.argmax(depths))
             if depths[k] <= deepest or k == len(tries) // 2:
                 step /= 2
             moved, deepest = tries[k], depths[k]
+        moved = moved + _off_centre(*(turned(end - centre, -quarters) - moved for end in (layer.start, layer.stop)), size / 2)
         shown = image(own - moved, weight, -size / 2, count)
         match = float(np.corrcoef(shown.ravel(), plan.ravel())[0, 1]) if shown.any() else 0.0
-        if match > best.match:
-            best = Placing(*(centre + turned(moved[None], quarters)[0]).tolist(), quarters, match)
+        if match > best.match + ALIKE:
+            middles = ((np.arange(n) + 0.5) * pixel - n * pixel / 2 for n in count)
+            other = _largest_difference(maps, np.meshgrid(*middles, indexing="ij"), plan + mean, shown)
+            best = Placing(*(centre + turned(moved[None], quarters)[0]).tolist(), quarters, match, other)
     return best
 
 
-def _depth(maps: _Maps, points: np.ndarray, step_mm: float) -> float:
-    """How deep points lie within the plan's bodies, what is deeper than a bead's half width counted as that."""
+def _off_centre(start: np.ndarray, stop: np.ndarray, half_mm: np.ndarray) -> np.ndarray:
+    """How far the long straight beads within two opposite edges of the pad lie off the middle between them, (2,) in mm."""
+    off = np.zeros(2)
+    for k in (0, 1):
+        along = np.abs(stop[:, k] - start[:, k]) < 1e-3
+        along &= np.abs(stop[:, 1 - k] - start[:, 1 - k]) > LONG_MM
+        along &= (np.abs(start[:, 1 - k]) < half_mm[1 - k]) & (np.abs(stop[:, 1 - k]) < half_mm[1 - k])
+        depth = [half_mm[k] - side * start[along, k] for side in (-1, 1)]
+        low, high = (d[(d > 0.02) & (d < LONG_MM)] for d in depth)
+        if len(low) and len(high):
+            off[k] = (low.min() - high.min()) / 2
+    return off
+
+
+def _largest_difference(maps: _Maps, at: list[np.ndarray], plan: np.ndarray, laid: np.ndarray) -> float:
+    """The largest share of a sub-cell that is laid where the plan has a window, or bare where it has plastic."""
+    spec, cell, shape = maps.plan.spec.pad, maps.plan.cell, maps.places.shape
+    column = np.floor((at[0] + spec.width_mm / 2) / cell.width_mm).astype(np.int64)
+    row = np.floor((at[1] + spec.depth_mm / 2) / cell.depth_mm).astype(np.int64)
+    inside = (column >= 0) & (column < shape[1]) & (row >= 0) & (row < shape[0])
+    number = (row * shape[1] + column)[inside]
+    differs = (((laid > 0.3) & (plan < 0.05)) | ((laid < 0.15) & (plan > 0.95)))[inside]
+    return float((np.bincount(number, differs) / np.maximum(np.bincount(number), 1)).max())
+
+
+def _depth(maps: _Maps, points: np.ndarray) -> float:
+    """How deep points lie within the plan's bodies, all that is deeper than the beads of their sides counted alike."""
     taxel, _, pixel = maps.found(points)
     return float(np.clip(maps.depth_mm[pixel[taxel >= 0]], -0.5, 0.25).sum())
 
