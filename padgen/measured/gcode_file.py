@@ -76,6 +76,8 @@ def read_settings(path: Path) -> dict[str, str]:
         The file is not there, or no text of G-code.
     """
     try:
+        if not path.is_file():
+            raise FileError("is not a file" if path.exists() else "there is no such file", str(path))
         with path.open("rb") as file:
             begin = file.read(END_BYTES)
             size = file.seek(0, 2)

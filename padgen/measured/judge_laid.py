@@ -317,20 +317,22 @@ def _layers(plan: Plan, beams: list[list[_Beams]], wrong: Mapping[str, _Wrong]) 
 
 def _widths(plan: Plan, beams: list[list[_Beams]], wrong: Mapping[str, _Wrong]) -> Iterator[Finding]:
     each = list(_each(plan, beams))
-    causes = (
-        ("first layer", lambda b, i: b.width_mm[:1, i][b.is_laid[:1, i]], ("elephant_foot_compensation", "xy_size_compensation")),
-        ("layers above the first", lambda b, i: b.width_mm[1:, i][b.is_laid[1:, i]], ("xy_size_compensation", "wall_generator")),
-    )
-    for what, taken, names in causes:
-        misses = [(taken(b, i) - channel.beam.width_mm, name) for channel, name, b, i in each]
-        off = [(miss, name) for miss, name in misses if len(miss) and np.abs(miss).max() > WIDTH_MM]
-        if off:
+    for what, part in (("first layer", slice(0, 1)), ("layers above the first", slice(1, None))):
+        misses = [
+            ((b.width_mm[part, i] - channel.beam.width_mm)[b.is_laid[part, i]], name) for channel, name, b, i in each
+        ]
+        for wider in (False, True):
+            names = [name for miss, name in misses if (miss > WIDTH_MM if wider else miss < -WIDTH_MM).any()]
+            if not names:
+                continue
+            off = np.concatenate([np.abs(miss[miss > WIDTH_MM if wider else miss < -WIDTH_MM]) for miss, _ in misses])
+            foot = () if wider or part.start else ("elephant_foot_compensation",)
             yield Finding(
                 "warning",
                 "laid.width",
-                f"{len(off)} of {len(each)} beams",
-                f"in the {what} are laid {_range(np.concatenate([miss for miss, _ in off]))} mm wider than planned"
-                f" ({_named(name for _, name in off)}){_cause(wrong, *names)}",
+                f"{len(names)} of {len(each)} beams",
+                f"in the {what} are laid {_range(off)} mm {'wider' if wider else 'narrower'} than planned ({_named(names)})"
+                f"{_cause(wrong, *foot, 'xy_size_compensation', 'wall_generator', 'nozzle')}",
             )
 
 
@@ -391,7 +393,7 @@ def _masses(plan: Plan, plastic: np.ndarray, wrong: Mapping[str, _Wrong]) -> Ite
             "warning",
             "laid.mass",
             f"{int(off.sum())} of {len(plastic)} taxels",
-            f"the plate's plastic is {_range(100 * (plastic[off] - 1).round(4))} % more than planned, must be within"
+            f"the plastic of the plates is {_range(100 * plastic[off].round(4))} % of the plan's, must be within"
             f" {MASS_SHARE:.0%}{_cause(wrong, 'infill', 'infill_overlap', 'thick_bridges')}",
         )
 
