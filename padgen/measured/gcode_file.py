@@ -7,7 +7,6 @@ the height of what follows. Layers are told by their height, not by comments.
 """
 
 import re
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -231,9 +230,10 @@ def _words(text: np.ndarray, starts: np.ndarray, ends: np.ndarray, told: tuple[b
     is_letter = (line >= ord("A")) & (line <= ord("Z"))
     letters, rows = line[is_letter], row[is_letter]
     line[is_letter] = ord(" ")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # of what is no number; it is refused below
+    try:
         values = np.fromstring(line.tobytes(), sep=" ")
+    except ValueError:  # something is no number
+        values = np.empty(0)
     if len(values) != len(letters) or not np.isfinite(values).all():
         block, number, lines, path = told
         all_lines = block.split(b"\n")

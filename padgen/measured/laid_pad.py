@@ -44,6 +44,9 @@ MOST_OTHER = 0.15
 LONG_MM = 1.0
 ALIKE = 2e-3
 """Difference of two correlations by rounding: of a pad that looks the same when turned, the smaller turn is taken."""
+IMAGE_MM, MOST_IMAGE = 0.5, 1000
+"""Pixels of the images that are compared, so many at most along a side of what is searched."""
+WIDEST_MM = 2000.0
 FIRST_LAYERS = 8
 """Layers in which the pad's lowest is looked for: below it may be a raft or a line that primes the nozzle."""
 FILAMENTS_MM = (1.75, 2.85)
@@ -320,6 +323,12 @@ def _placed(maps: _Maps, layers: Iterator[Layer], where: str) -> tuple[Placing, 
         told = float(layer.height_mm[0])
         step = told if told > 0 else layer.top_mm - top if layer.top_mm > top else layer.top_mm
         top = layer.top_mm
+        wide = float(np.ptp(layer.start, axis=0).max())
+        if wide > WIDEST_MM:
+            raise FileError(
+                f"spreads over {number(wide)} mm, no printer is wider than {number(WIDEST_MM)} mm; G20 makes its numbers inches",
+                where,
+            )
         if not step > 0:
             continue
         placing = _registered(maps, layer, step)
@@ -357,38 +366,44 @@ def _registered(maps: _Maps, layer: Layer, height_mm: float) -> Placing:
     size = np.array([pad.width_mm, pad.depth_mm]) + 2 * pad.border_mm
     points, line = cut(layer, 0.2)
     low, high = points.min(0), points.max(0)
-    pixel = max(0.5, float(max(*(high - low), *size)) / 500)
+    coarse = max(IMAGE_MM, float(max(*(high - low), *size)) / MOST_IMAGE)
     volume = layer.volume_mm3 / np.bincount(line, minlength=len(layer.start))
 
-    def image(at: np.ndarray, weight: np.ndarray, corner: np.ndarray, shape: Any) -> np.ndarray:
+    def image(at: np.ndarray, corner: np.ndarray, shape: Any, pixel: float) -> np.ndarray:
+        """How full of plastic each pixel is, from a corner on."""
         index = np.floor((at - corner) / pixel).astype(np.int64)
         inside = ((index >= 0) & (index < shape)).all(1)
-        flat = np.bincount(index[inside, 0] * shape[1] + index[inside, 1], weight[inside], shape[0] * shape[1])
-        return np.asarray(np.minimum(flat, 1.2).reshape(shape))
+        number = index[inside, 0] * shape[1] + index[inside, 1]
+        full = np.bincount(number, volume[line][inside] / (height_mm * pixel**2), shape[0] * shape[1])
+        return np.asarray(np.minimum(full, 1.2).reshape(shape))
 
-    weight = volume[line] / (height_mm * pixel**2)
+    def planned(pixel: float) -> np.ndarray:
+        """The same of the plan, its centre in the middle."""
+        shape = np.ceil(size / pixel).astype(np.int64)
+        finer = int(np.clip(MOST_IMAGE * 3 // shape.max(), 2, 5))
+        axes = (((np.arange(finer * n) + 0.5) / finer - n / 2) * pixel for n in shape)
+        at = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 2)
+        return maps.solid_at(at).reshape(shape[0], finer, shape[1], finer).mean((1, 3))
+
     # The pad may lie beyond what is laid, by its own size, on the coarse grid.
-    shape = np.ceil((high - low) / pixel).astype(np.int64) + 1
-    laid = image(points, weight, low, shape)
-    count = np.ceil(size / pixel).astype(np.int64)
-    fine = [((np.arange(5 * n) + 0.5) / 5 - n / 2) * pixel for n in count]
-    at = np.stack(np.meshgrid(*fine, indexing="ij"), -1).reshape(-1, 2)
-    plan = maps.solid_at(at).reshape(count[0], 5, count[1], 5).mean((1, 3))
-    mean = plan.mean()
-    plan = plan - mean
-    full = [1 << int(np.ceil(np.log2(a + b))) for a, b in zip(shape, (count.max(), count.max()), strict=True)]
-    spectrum = np.fft.rfft2(laid, full)
+    shape = np.ceil((high - low) / coarse).astype(np.int64) + 1
+    plan = fine = planned(coarse)
+    full = [1 << int(np.ceil(np.log2(n + max(plan.shape)))) for n in shape]
+    spectrum = np.fft.rfft2(image(points, low, shape, coarse), full)
     found = []
     for quarters in range(4):
-        kernel = np.rot90(plan, quarters)
+        kernel = np.rot90(plan - plan.mean(), quarters)
         score = np.fft.irfft2(spectrum * np.conj(np.fft.rfft2(kernel, full)), full)
         i, j = np.unravel_index(int(score.argmax()), score.shape)
         shift = [k - n if k >= s else k for k, n, s in zip((i, j), full, shape, strict=True)]
-        found.append((float(score[i, j]), quarters, low + (np.array(shift) + np.array(kernel.shape) / 2) * pixel))
+        found.append((float(score[i, j]), quarters, low + (np.array(shift) + np.array(kernel.shape) / 2) * coarse))
+    if coarse > IMAGE_MM:
+        fine = planned(IMAGE_MM)
+    middles = [(np.arange(n) + 0.5) * IMAGE_MM - n * IMAGE_MM / 2 for n in fine.shape]
     best = Placing(0.0, 0.0, 0, 0.0, 1.0)
     for _, quarters, centre in sorted(sorted(found, key=lambda item: -item[0])[:2], key=lambda item: item[1]):
         own = turned(points - centre, -quarters)
-        step, moved, deepest = pixel / 2, np.zeros(2), -np.inf
+        step, moved, deepest = coarse / 2, np.zeros(2), -np.inf
         some = own[:: max(len(own) // 10_000, 1)]
         some = some[(np.abs(some) < size / 2).all(1)]
         while step > 0.004:
@@ -399,11 +414,10 @@ def _registered(maps: _Maps, layer: Layer, height_mm: float) -> Placing:
                 step /= 2
             moved, deepest = tries[k], depths[k]
         moved = moved + _off_centre(*(turned(end - centre, -quarters) - moved for end in (layer.start, layer.stop)), size / 2)
-        shown = image(own - moved, weight, -size / 2, count)
-        match = float(np.corrcoef(shown.ravel(), plan.ravel())[0, 1]) if shown.any() else 0.0
+        shown = image(own - moved, -np.array(fine.shape) * IMAGE_MM / 2, fine.shape, IMAGE_MM)
+        match = float(np.corrcoef(shown.ravel(), fine.ravel())[0, 1]) if shown.any() else 0.0
         if match > best.match + ALIKE:
-            middles = ((np.arange(n) + 0.5) * pixel - n * pixel / 2 for n in count)
-            other = _largest_difference(maps, np.meshgrid(*middles, indexing="ij"), plan + mean, shown)
+            other = _largest_difference(maps, np.meshgrid(*middles, indexing="ij"), fine, shown)
             best = Placing(*(centre + turned(moved[None], quarters)[0]).tolist(), quarters, match, other)
     return best
 
