@@ -217,7 +217,9 @@ def _codes(text: np.ndarray, starts: np.ndarray) -> np.ndarray:
     return np.where(is_command & is_digit[0] & ~(is_digit[1] & is_digit[2]) & known, code, -1)
 
 
-def _words(text: np.ndarray, starts: np.ndarray, ends: np.ndarray, told: tuple[bytes, int, np.ndarray, Path]) -> np.ndarray:
+def _words(
+    text: np.ndarray, starts: np.ndarray, ends: np.ndarray, told: tuple[bytes, int, np.ndarray, Path]
+) -> np.ndarray:
     """The numbers after X, Y, Z, E, I and J of some lines (n, 6), nan where a line has none."""
     signs = np.flatnonzero(text == ord(";"))
     comment = np.concatenate([signs, [len(text)]])[np.searchsorted(signs, starts)]
@@ -240,7 +242,10 @@ def _words(text: np.ndarray, starts: np.ndarray, ends: np.ndarray, told: tuple[b
         for k in lines.tolist():
             written = all_lines[k].split(b";")[0].strip()
             if not WORD.fullmatch(written):
-                raise FileError(f"line {number + k} is no G-code that can be read: {shown(written.decode(errors='replace'))}", str(path))
+                raise FileError(
+                    f"line {number + k} is no G-code that can be read: {shown(written.decode(errors='replace'))}",
+                    str(path),
+                )
         raise FileError(f"holds numbers that cannot be read after line {number}", str(path))
     column = np.full(256, -1)
     column[list(AXES)] = list(AXES.values())

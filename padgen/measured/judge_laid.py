@@ -199,7 +199,10 @@ def _inferred(plan: Plan, laid: LaidPad, beams: list[list[_Beams]]) -> dict[str,
     if (laid.strand_mm > 1.5 * values[counts.argmax()] + 1e-6).mean() > 0.5:
         found["thick_bridges"] = "on"
     narrower = [
-        (b.width_mm[1] - b.width_mm[0])[b.is_laid[0] & b.is_laid[1]] for own in beams for b in own if len(b.width_mm) > 1
+        (b.width_mm[1] - b.width_mm[0])[b.is_laid[0] & b.is_laid[1]]
+        for own in beams
+        for b in own
+        if len(b.width_mm) > 1
     ]
     narrower = np.concatenate(narrower) if narrower else np.zeros(0)
     if len(narrower) and np.median(narrower) > 2 * WIDTH_MM:
@@ -216,7 +219,9 @@ def _wrong(needs: Mapping[str, str], has: Mapping[str, str]) -> dict[str, _Wrong
         one, other = _plain(has[name]), _plain(needs[name])
         if one != other:
             value = _numeric(has[name])
-            unit = " mm" if needs[name].endswith("mm") and has[name].strip() == has[name] and "mm" not in has[name] else ""
+            unit = (
+                " mm" if needs[name].endswith("mm") and has[name].strip() == has[name] and "mm" not in has[name] else ""
+            )
             shown = "on" if has[name] == "1" else "off" if has[name] == "0" and not unit else f"{has[name]}{unit}"
             found[name] = _Wrong(name.replace("_", " "), shown if value is not None else has[name], needs[name])
     return found
@@ -299,7 +304,15 @@ def _lost(plan: Plan, beams: list[list[_Beams]], wrong: Mapping[str, _Wrong]) ->
 def _layers(plan: Plan, beams: list[list[_Beams]], wrong: Mapping[str, _Wrong]) -> Iterator[Finding]:
     each = list(_each(plan, beams))
     off = [
-        ((channel.beam.layers, channel.beam.thickness_mm, int(b.is_laid[:, i].sum()), round(float(b.thickness_mm[i]), 4)), name)
+        (
+            (
+                channel.beam.layers,
+                channel.beam.thickness_mm,
+                int(b.is_laid[:, i].sum()),
+                round(float(b.thickness_mm[i]), 4),
+            ),
+            name,
+        )
         for channel, name, b, i in each
         if b.is_laid[:, i].any() and abs(b.thickness_mm[i] - channel.beam.thickness_mm) > 0.01
     ]
@@ -444,7 +457,10 @@ def _figures(
                 "resonance_hz": _number(laid_hz[index]),
                 "beams": [
                     {
-                        "width_mm": [round(float(w), 4) for w in b.width_mm[: int(np.flatnonzero(b.is_laid[:, at]).max(initial=-1)) + 1, at]],
+                        "width_mm": [
+                            round(float(w), 4)
+                            for w in b.width_mm[: int(np.flatnonzero(b.is_laid[:, at]).max(initial=-1)) + 1, at]
+                        ],
                         "layers": int(b.is_laid[:, at].sum()),
                         "thickness_mm": round(float(b.thickness_mm[at]), 4),
                         "broken_at_mm": _number(b.broken_mm[at]),

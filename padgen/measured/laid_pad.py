@@ -14,25 +14,15 @@ import numpy as np
 
 from padgen.core.errors import FileError, number
 from padgen.measured.gcode_file import Layer, read_layers
-from padgen.planner.plan import Channel, Plan
-from padgen.planner.tile import TURNS, outline, taxel_places
+from padgen.measured.laid_map import PLATE, PadMaps, cut, turned
+from padgen.planner.plan import Plan
 
 __all__ = ["LaidPad", "Placing", "laid_pad"]
 
 ROUND_EDGES = 1 - np.pi / 4
 """What a bead of round edges is wider than the rectangle of its area, over its height."""
-PIXEL_MM, MOST_PIXELS = 0.02, 400_000
 FINE_MM, COARSE_MM = 0.04, 0.2
 """Pieces of an extrusion where beams and recesses are, and above them."""
-STATION_MM = 0.4
-GAPS = (0.9, 1.6)
-"""Widths, over the plan's least gap, of what counts as a gap: not the corners where a beam meets what it joins."""
-OPPOSITE = -0.8
-"""Cosine of the angle between the ways to both sides of a gap, at most."""
-NEAR_MM = 1.2
-"""How far the middle of a bead may be from the middle of a gap that it borders."""
-NODE_MM, MOST_NODES = 0.5, 16
-"""How far apart along a beam its width is measured, at most in so many places."""
 WITHIN_RECESS_MM = 0.35
 """How far within a recess's side plastic is its roof, and no bead of the side."""
 STRAND = 2.0
@@ -51,7 +41,6 @@ FIRST_LAYERS = 8
 """Layers in which the pad's lowest is looked for: below it may be a raft or a line that primes the nozzle."""
 FILAMENTS_MM = (1.75, 2.85)
 """Diameters that a filament may have of which a file says nothing."""
-FRAME, PLATE, BEAM = 1, 2, 3
 
 
 class Placing(NamedTuple):
@@ -93,113 +82,6 @@ class LaidPad:
     volume_mm3: float
 
 
-class TaxelMap:
-    """A grid over a taxel's sub-cell in its own axes: bodies, stretches of beams, stations of gaps, depth in a body."""
-
-    def __init__(self, plan: Plan, channel: Channel) -> None:
-        from scipy.ndimage import distance_transform_edt as distance
-
-        arrangement = plan.arrangement(channel)
-        sides = outline(plan, channel)
-        long, wide = sides.x1 - sides.x0, sides.y1 - sides.y0
-        self.pixel_mm = max(PIXEL_MM, (long * wide / MOST_PIXELS) ** 0.5)
-        self.low = np.array([sides.x0, sides.y0])
-        self.shape = tuple(int(np.ceil(v / self.pixel_mm)) for v in (long, wide))
-        x, y = (self.low[k] + (np.arange(self.shape[k]) + 0.5) * self.pixel_mm for k in (0, 1))
-        x, y = x[:, None], y[None, :]
-        length, width = (float(v) for v in arrangement.window_mm)
-        frame = (x < 0) | (x > length) | (np.abs(y) > width / 2)
-        plate = np.zeros(self.shape, bool)
-        for block in arrangement.blocks:
-            x0, x1, y0, y1 = (float(v) for v in block[:4])
-            plate |= (x > x0) & (x < x1) & (y > y0) & (y < y1)
-        bodies, along = [frame, plate & ~frame], []
-        self.node = np.full(self.shape, -1.0, np.float32)
-        self.beams: list[slice] = []
-        weights: list[float] = []
-        count, rest = 0, ~frame & ~plate
-        for path in arrangement.beams:
-            run, place = self._run_mm(path)
-            centre = np.zeros(self.shape, bool)
-            centre[place] = True
-            near, at = distance(~centre, self.pixel_mm, return_indices=True)
-            at_run = np.zeros(self.shape)
-            at_run[place] = run
-            own = at_run[at[0], at[1]]
-            fillet = channel.beam.fillet_mm * (not path.segments[0].turn_rad)
-            flare = fillet - np.sqrt(np.maximum(fillet**2 - np.maximum(fillet - own, 0) ** 2, 0))
-            bodies.append((near < float(path.width_mm) / 2 + flare) & rest)
-            steps = min(max(round(run[-1] / NODE_MM), 4), MOST_NODES - 1)
-            along.append(count + own / run[-1] * steps)
-            self.beams.append(slice(count, count + steps + 1))
-            weights += [share * run[-1] / steps for share in (0.5, *[1.0] * (steps - 1), 0.5)]
-            count += steps + 1
-        self.node_mm = np.array(weights)
-        far = (np.full(self.shape, np.inf), np.zeros((2, *self.shape), np.int32))
-        nearest = [distance(~body, self.pixel_mm, return_indices=True) if body.any() else far for body in bodies]
-        away, places = np.stack([n[0] for n in nearest]), np.stack([n[1] for n in nearest])
-        self.owner = (away.argmin(0) + 1).astype(np.int8)
-        for k, node in enumerate(along):
-            here = self.owner == BEAM + k
-            self.node[here] = node[here]
-        solid = np.logical_or.reduce(bodies)
-        washer_x, sizes = float(arrangement.washer_x_mm), plan.plate
-        radius = np.hypot(x - washer_x, y)
-        self.solid = solid & ~((radius < sizes.recess_diameter_mm / 2) & (radius > sizes.post_diameter_mm / 2))
-        self.depth_mm = (distance(self.solid, self.pixel_mm) - distance(~self.solid, self.pixel_mm)).astype(np.float32)
-        self._gaps(~solid, away, places, sizes.gap_mm)
-
-    def _run_mm(self, path: Any) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
-        """Points along a beam: how far from its root, and in which pixel."""
-        runs, points, done = [], [], 0.0
-        for k, segment in enumerate(path.segments):
-            long = float(segment.length_mm)
-            share = np.linspace(0, 1, int(2 * long / self.pixel_mm) + 2)
-            place = path.within(k, share)
-            runs.append(done + share * long)
-            points.append(np.stack(np.broadcast_arrays(place.x_mm, place.y_mm), -1).astype(float))
-            done += long
-        return np.concatenate(runs), tuple(self.pixels(np.concatenate(points)).T)
-
-    def _gaps(self, void: np.ndarray, away: np.ndarray, places: np.ndarray, gap_mm: float) -> None:
-        """Stations along the middle of each gap, and every pixel's distance from the nearest.
-
-        A gap has its two bodies on opposite sides; a corner where a beam meets what it joins has not.
-        """
-        from scipy.ndimage import distance_transform_edt as distance
-
-        who = np.sort(np.argsort(away, 0)[:2], 0)
-        one, other = (np.take_along_axis(away, k[None], 0)[0] for k in who)
-        wide = one + other
-        middle = void & (np.abs(one - other) < 1.5 * self.pixel_mm) & (wide > GAPS[0] * gap_mm) & (wide < GAPS[1] * gap_mm)
-        at = np.stack(np.nonzero(middle))
-        to_one, to_other = (places[k[middle], :, at[0], at[1]].T - at for k in who)
-        middle[tuple(at)] = (to_one * to_other).sum(0) < OPPOSITE * np.hypot(*to_one) * np.hypot(*to_other)
-        self.station = np.full(self.shape, -1, np.int32)
-        self.side = np.zeros(self.shape, np.int8)
-        self.aside_mm = np.full(self.shape, np.inf, np.float32)
-        self.stations = 0
-        if not middle.any():
-            return
-        off, at = distance(~middle, self.pixel_mm, return_indices=True)
-        tile = [np.arange(n) * self.pixel_mm // STATION_MM for n in self.shape]
-        name = ((who[0] * 64 + who[1]) * 1e8 + tile[0][:, None] * 1e4 + tile[1]).astype(np.int64)
-        names, station = np.unique(name[middle], return_inverse=True)
-        numbers = np.zeros(self.shape, np.int32)
-        numbers[middle] = station.ravel()
-        lower, upper = (k[at[0], at[1]] + 1 for k in who)
-        here = (off < NEAR_MM) & ((self.owner == lower) | (self.owner == upper))
-        self.station[here] = numbers[at[0], at[1]][here]
-        self.side[here] = (self.owner == upper)[here]
-        self.aside_mm[here] = off[here]
-        self.stations = len(names)
-
-    def pixels(self, points: np.ndarray) -> np.ndarray:
-        """In which pixel each point (n, 2) in own axes lies."""
-        at = np.floor((points - self.low) / self.pixel_mm).astype(np.int64)
-        return np.asarray(np.clip(at, 0, np.array(self.shape) - 1))
-
-
 class _Pieces(NamedTuple):
     """Pieces of extrusions, by their middles on the pad: volume, outer width and height in mm, the lowest that they
     reach; `taxel` −1 where none is. `own` (n, 2) is from the washer's axis in the taxel's own axes, `pixel` numbers its
@@ -213,68 +95,6 @@ class _Pieces(NamedTuple):
     pixel: np.ndarray
 
 
-class _Maps:
-    """The maps of all channels, one after the other, so that points of all taxels are looked up at once."""
-
-    def __init__(self, plan: Plan) -> None:
-        self.plan = plan
-        self.places = taxel_places(plan)
-        self.maps = [TaxelMap(plan, channel) for channel in plan.channels]
-        sizes = [m.owner.size for m in self.maps]
-        self.first = np.cumsum([0, *sizes[:-1]])
-        self.low = np.array([m.low for m in self.maps])
-        self.shape = np.array([m.shape for m in self.maps])
-        self.pixel_mm = np.array([m.pixel_mm for m in self.maps])
-        for name in ("owner", "node", "station", "side", "aside_mm", "solid", "depth_mm"):
-            setattr(self, name, np.concatenate([getattr(m, name).ravel() for m in self.maps]))
-        self.channel = np.array([t.channel for t in plan.taxels])
-        ways = np.array([TURNS[c.site.along] for c in plan.channels], float)[self.channel]
-        self.ways = ways * np.where([t.turned for t in plan.taxels], -1.0, 1.0)[:, None]
-        self.axis = np.array([(t.x_mm, t.y_mm) for t in plan.taxels])
-        washer = np.array([(float(plan.arrangement(c).washer_x_mm), 0.0) for c in plan.channels])
-        self.corner = (self.low - washer)[self.channel]
-
-    def found(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of points (n, 2) on the pad: the taxel (−1: none), the place from its washer's axis in own axes, the pixel."""
-        pad, cell = self.plan.spec.pad, self.plan.cell
-        rows, columns = self.places.shape
-        column = np.floor((points[:, 0] + pad.width_mm / 2) / cell.width_mm).astype(np.int32)
-        row = np.floor((points[:, 1] + pad.depth_mm / 2) / cell.depth_mm).astype(np.int32)
-        inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-        taxel = np.where(inside, self.places[row.clip(0, rows - 1), column.clip(0, columns - 1)], -1)
-        (x, y), (cosine, sine), corner = (points - self.axis[taxel]).T, self.ways[taxel].T, self.corner[taxel].T
-        own = np.stack([cosine * x + sine * y, cosine * y - sine * x], -1)
-        channel = self.channel[taxel]
-        pixel, shape = self.pixel_mm[channel], self.shape[channel].T
-        at = [((own[:, k] - corner[k]) / pixel).astype(np.int32).clip(0, shape[k] - 1) for k in (0, 1)]
-        return taxel, own, self.first[channel] + at[0] * shape[1] + at[1]
-
-    def solid_at(self, points: np.ndarray) -> np.ndarray:
-        """Whether the plan has plastic at points (n, 2) of its lowest layer."""
-        spec = self.plan.spec
-        taxel, _, pixel = self.found(points)
-        half = np.array([spec.pad.width_mm, spec.pad.depth_mm]) / 2
-        outside = (np.abs(points) > half + spec.pad.border_mm).any(1)
-        off = np.abs(points) - half - spec.pad.border_mm / 2
-        holes = np.hypot(*off.T) < spec.pad.hole_diameter_mm / 2
-        return np.asarray(np.where(taxel >= 0, self.solid[pixel], ~outside & ~holes))
-
-
-def turned(points: np.ndarray, quarters: int) -> np.ndarray:
-    """Points (n, 2) turned anticlockwise by quarter turns."""
-    cosine, sine = ((1, 0), (0, 1), (-1, 0), (0, -1))[quarters % 4]
-    return np.stack([cosine * points[:, 0] - sine * points[:, 1], sine * points[:, 0] + cosine * points[:, 1]], -1)
-
-
-def cut(layer: Layer, piece_mm: float) -> tuple[np.ndarray, np.ndarray]:
-    """Middles (n, 2) of pieces of a layer's extrusions that are no longer than `piece_mm`, and which each is of."""
-    along = layer.stop - layer.start
-    count = np.maximum(np.ceil(np.hypot(*along.T) / piece_mm), 1).astype(np.int64)
-    line = np.repeat(np.arange(len(count)), count)
-    share = (np.arange(len(line)) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[line]
-    return layer.start[line] + share[:, None] * along[line], line
-
-
 def laid_pad(plan: Plan, path: Path, filament_mm: float | None = None) -> LaidPad:
     """Find the pad of `plan` in a file of G-code and measure it, layer by layer.
 
@@ -285,7 +105,7 @@ def laid_pad(plan: Plan, path: Path, filament_mm: float | None = None) -> LaidPa
     FileError
         Nothing is laid, it is not this pad, or it ends before the pad does.
     """
-    where, maps = str(path), _Maps(plan)
+    where, maps = str(path), PadMaps(plan)
     reading = read_layers(path, filament_mm or FILAMENTS_MM[0])
     placing, layer, step, full = _placed(maps, reading, where)
     found = filament_mm or min(FILAMENTS_MM, key=lambda mm: abs(np.log(full * (mm / FILAMENTS_MM[0]) ** 2)))
@@ -316,7 +136,7 @@ def laid_pad(plan: Plan, path: Path, filament_mm: float | None = None) -> LaidPa
     return measuring.done(found)
 
 
-def _placed(maps: _Maps, layers: Iterator[Layer], where: str) -> tuple[Placing, Layer, float, float]:
+def _placed(maps: PadMaps, layers: Iterator[Layer], where: str) -> tuple[Placing, Layer, float, float]:
     """The pad's place by its lowest layer, that layer, its height, and how full of plastic it is, 1 as planned."""
     least, top = 1.0, 0.0
     for _, layer in zip(range(FIRST_LAYERS), layers, strict=False):
@@ -345,7 +165,7 @@ def _placed(maps: _Maps, layers: Iterator[Layer], where: str) -> tuple[Placing, 
     )
 
 
-def _fullness(maps: _Maps, placing: Placing, layer: Layer, step_mm: float) -> float:
+def _fullness(maps: PadMaps, placing: Placing, layer: Layer, step_mm: float) -> float:
     """Plastic of the lowest layer over what the plates and frames of the plan's taxels have in it."""
     points, line = cut(layer, COARSE_MM)
     points = turned(points - (placing.x_mm, placing.y_mm), -placing.quarters)
@@ -356,7 +176,7 @@ def _fullness(maps: _Maps, placing: Placing, layer: Layer, step_mm: float) -> fl
     return float(laid / planned)
 
 
-def _registered(maps: _Maps, layer: Layer, height_mm: float) -> Placing:
+def _registered(maps: PadMaps, layer: Layer, height_mm: float) -> Placing:
     """Where the pad lies, by the correlation of what a layer covers with the plan's lowest cross-section.
 
     First on a coarse grid in all quarter turns, by Fourier transforms; then the two best are moved until the beads
@@ -413,12 +233,13 @@ def _registered(maps: _Maps, layer: Layer, height_mm: float) -> Placing:
             if depths[k] <= deepest or k == len(tries) // 2:
                 step /= 2
             moved, deepest = tries[k], depths[k]
-        moved = moved + _off_centre(*(turned(end - centre, -quarters) - moved for end in (layer.start, layer.stop)), size / 2)
+        start, stop = (turned(end - centre, -quarters) - moved for end in (layer.start, layer.stop))
+        moved = moved + _off_centre(start, stop, size / 2)
         shown = image(own - moved, -np.array(fine.shape) * IMAGE_MM / 2, fine.shape, IMAGE_MM)
         match = float(np.corrcoef(shown.ravel(), fine.ravel())[0, 1]) if shown.any() else 0.0
         if match > best.match + ALIKE:
-            other = _largest_difference(maps, np.meshgrid(*middles, indexing="ij"), fine, shown)
-            best = Placing(*(centre + turned(moved[None], quarters)[0]).tolist(), quarters, match, other)
+            x, y = (centre + turned(moved[None], quarters)[0]).tolist()
+            best = Placing(x, y, quarters, match, _largest_difference(maps, middles, fine, shown))
     return best
 
 
@@ -436,18 +257,18 @@ def _off_centre(start: np.ndarray, stop: np.ndarray, half_mm: np.ndarray) -> np.
     return off
 
 
-def _largest_difference(maps: _Maps, at: list[np.ndarray], plan: np.ndarray, laid: np.ndarray) -> float:
-    """The largest share of a sub-cell that is laid where the plan has a window, or bare where it has plastic."""
-    spec, cell, shape = maps.plan.spec.pad, maps.plan.cell, maps.places.shape
-    column = np.floor((at[0] + spec.width_mm / 2) / cell.width_mm).astype(np.int64)
-    row = np.floor((at[1] + spec.depth_mm / 2) / cell.depth_mm).astype(np.int64)
-    inside = (column >= 0) & (column < shape[1]) & (row >= 0) & (row < shape[0])
-    number = (row * shape[1] + column)[inside]
+def _largest_difference(maps: PadMaps, middles: list[np.ndarray], plan: np.ndarray, laid: np.ndarray) -> float:
+    """The largest share of a sub-cell that is laid where the plan has a window, or bare where it has plastic.
+
+    `middles` are where the images' pixels lie, along x and y.
+    """
+    column, row, inside = maps.cells(np.stack(np.meshgrid(*middles, indexing="ij"), -1))
+    number = (row * maps.places.shape[1] + column)[inside]
     differs = (((laid > 0.3) & (plan < 0.05)) | ((laid < 0.15) & (plan > 0.95)))[inside]
     return float((np.bincount(number, differs) / np.maximum(np.bincount(number), 1)).max())
 
 
-def _depth(maps: _Maps, points: np.ndarray) -> float:
+def _depth(maps: PadMaps, points: np.ndarray) -> float:
     """How deep points lie within the plan's bodies, all that is deeper than the beads of their sides counted alike."""
     taxel, _, pixel = maps.found(points)
     return float(np.clip(maps.depth_mm[pixel[taxel >= 0]], -0.5, 0.25).sum())
@@ -456,7 +277,7 @@ def _depth(maps: _Maps, points: np.ndarray) -> float:
 class _Measuring:
     """Sums and extremes over the layers that were added."""
 
-    def __init__(self, maps: _Maps, placing: Placing, bottom_mm: float) -> None:
+    def __init__(self, maps: PadMaps, placing: Placing, bottom_mm: float) -> None:
         self.maps, self.plan, self.placing, self.bottom = maps, maps.plan, placing, bottom_mm
         plan, count = maps.plan, len(maps.plan.taxels)
         self.beams_top = max(c.beam.thickness_mm for c in plan.channels) + plan.spec.printer.layer_mm + 0.25
@@ -571,4 +392,3 @@ class _Measuring:
             np.array(self.steps),
             self.volume,
         )
-
