@@ -47,8 +47,8 @@ def _add_check(commands: Any) -> None:
     parser.add_argument(
         "--gcode",
         metavar="FILE",
-        help="a slicer's G-code of the pad, instead of a mesh: what of it would be laid, beam by beam, at which frequency"
-        " each taxel would resonate, and which settings to change; with --spec",
+        help="a slicer's G-code of the pad, instead of a mesh: what would be laid of it, beam by beam, at which"
+        " frequency each taxel would resonate, and which settings to change; with --spec",
     )
     parser.add_argument(
         "--spec",
@@ -96,6 +96,7 @@ def _check(options: argparse.Namespace) -> int:
     else:
         from padgen.report import figures_text, findings_text, laid_text
 
-        show(figures_text(report.figures) if options.mesh else laid_text(report, options.gcode, options.verbose))
+        laid = options.mesh is None
+        show(laid_text(report, options.gcode, options.verbose) if laid else figures_text(report.figures))
         show(findings_text(report.findings))
     return code_of(report.findings)

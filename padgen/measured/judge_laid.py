@@ -1,9 +1,9 @@
-"""Judges a pad as a slicer lays it: beam by beam, at which frequency each taxel would resonate, and which settings did it.
+"""Judges a pad as a slicer lays it: every beam, at which frequency each taxel would resonate, which settings did it.
 
-A beam's resonance comes from the plan's own beam model, with the stiffness of the layers that are laid (their widths and
-heights at nodes along the beam, as one stack) and the mass of the plate's plastic; the plan's resonance is scaled by what
-the model makes of the difference. Neglected are what G-code does not tell: how well strands weld, how plastic is pressed
-into the bed, and, small beside it, how far the frame's and the plate's edges are moved, which changes a beam's length.
+A resonance comes from the plan's own beam model, with the stiffness of the layers that are laid (their widths and
+heights at nodes along the beam, as one stack) and the mass of the plate's plastic; the plan's resonance is scaled by
+what the model makes of the difference. Neglected is what G-code does not tell: how well strands weld, how plastic is
+pressed into the bed; and how far the edges of frame and plate are moved, which changes a beam's length.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -265,7 +265,7 @@ def _on_raft(laid: LaidPad) -> Iterator[Finding]:
             "error",
             "laid.raft",
             "pad",
-            f"it begins {number(laid.bottom_mm)} mm above the bed; beams and recesses must lie on the bed, without a raft",
+            f"it begins {number(laid.bottom_mm)} mm above the bed; beams and recesses must lie on it, without a raft",
         )
 
 
@@ -323,8 +323,8 @@ def _layers(plan: Plan, beams: list[list[_Beams]], wrong: Mapping[str, _Wrong]) 
             "error",
             "laid.layers",
             f"{len(names)} of {len(each)} beams",
-            f"are laid {number(has)} mm thick in {laid} layer{'s' * (laid > 1)}, planned are {number(thick)} mm in {layers}"
-            f" ({_named(names)}){cause}",
+            f"are laid {number(has)} mm thick in {laid} layer{'s' * (laid > 1)}, planned are {number(thick)} mm in"
+            f" {layers} ({_named(names)}){cause}",
         )
 
 
@@ -332,7 +332,9 @@ def _widths(plan: Plan, beams: list[list[_Beams]], wrong: Mapping[str, _Wrong]) 
     each = list(_each(plan, beams))
     for what, part in (("first layer", slice(0, 1)), ("layers above the first", slice(1, None))):
         misses = [
-            ((b.width_mm[part, i] - channel.beam.width_mm)[b.is_laid[part, i]], name) for channel, name, b, i in each
+            ((b.width_mm[part, i] - channel.beam.width_mm)[b.is_laid[part, i]], name)
+            for channel, name, b, i in each
+            if np.isnan(b.broken_mm[i])
         ]
         for wider in (False, True):
             names = [name for miss, name in misses if (miss > WIDTH_MM if wider else miss < -WIDTH_MM).any()]
@@ -344,8 +346,8 @@ def _widths(plan: Plan, beams: list[list[_Beams]], wrong: Mapping[str, _Wrong]) 
                 "warning",
                 "laid.width",
                 f"{len(names)} of {len(each)} beams",
-                f"in the {what} are laid {_range(off)} mm {'wider' if wider else 'narrower'} than planned ({_named(names)})"
-                f"{_cause(wrong, *foot, 'xy_size_compensation', 'wall_generator', 'nozzle')}",
+                f"in the {what} are laid {_range(off)} mm {'wider' if wider else 'narrower'} than planned"
+                f" ({_named(names)}){_cause(wrong, *foot, 'xy_size_compensation', 'wall_generator', 'nozzle')}",
             )
 
 
@@ -360,7 +362,8 @@ def _gaps(plan: Plan, laid: LaidPad, wrong: Mapping[str, _Wrong]) -> Iterator[Fi
                 "laid.gap",
                 f"{int(which.sum())} of {len(ids)} taxels",
                 f"the gap around what moves {told}: {_range(laid.gap_mm[which])} mm between beads at z ="
-                f" {_range(laid.gap_top_mm[which])} mm, planned are {number(plan.plate.gap_mm)} mm ({_named(ids[which])}){cause}",
+                f" {_range(laid.gap_top_mm[which])} mm, planned are {number(plan.plate.gap_mm)} mm"
+                f" ({_named(ids[which])}){cause}",
             )
 
 
@@ -374,18 +377,18 @@ def _recesses(plan: Plan, laid: LaidPad, wrong: Mapping[str, _Wrong]) -> Iterato
             "warning" if fits else "error",
             "laid.recess",
             f"{int(hangs.sum())} of {len(ids)} taxels",
-            f"the recess's roof, strands {_range(laid.strand_mm[hangs])} mm high, hangs into it: {_range(laid.recess_mm[hangs])}"
-            f" mm are left of {number(depth)} mm, the washer has {number(washer.thickness_mm)} mm ({_named(ids[hangs])}){bridge}",
+            f"the recess's roof, strands {_range(laid.strand_mm[hangs])} mm high, hangs into it:"
+            f" {_range(laid.recess_mm[hangs])} mm are left of {number(depth)} mm, the washer has"
+            f" {number(washer.thickness_mm)} mm ({_named(ids[hangs])}){bridge}",
         )
-    deep = ~(laid.recess_mm <= depth + DEPTH_MM)
+    deep = laid.recess_mm > depth + DEPTH_MM
     if deep.any():
-        found = laid.recess_mm[deep]
-        told = "has no roof" if np.isnan(found).any() else f"is {_range(found)} mm deep, planned are {number(depth)} mm"
         yield Finding(
-            "error" if np.isnan(found).any() else "warning",
+            "warning",
             "laid.recess",
             f"{int(deep.sum())} of {len(ids)} taxels",
-            f"the recess {told} ({_named(ids[deep])}){bridge}",
+            f"the recess is {_range(laid.recess_mm[deep])} mm deep, planned are {number(depth)} mm"
+            f" ({_named(ids[deep])}){bridge}",
         )
     tight = laid.room_mm < washer.outer_diameter_mm
     if tight.any():
@@ -421,9 +424,10 @@ def _resonance_findings(plan: Plan, laid_hz: np.ndarray, wrong: Mapping[str, _Wr
             continue
         told = [f"{loose} would not hang by all of their beams"] if loose else []
         if len(hz):
+            share = 100 * (hz / channel.resonance_hz - 1).round(3)
             told.append(
-                f"as laid {len(hz)} would resonate at {_range(hz.round(1))} Hz ({_range(100 * (hz / channel.resonance_hz - 1).round(3))}"
-                f" %), planned are {number(round(channel.resonance_hz, 1))} Hz"
+                f"as laid {len(hz)} would resonate at {_range(hz.round(1))} Hz ({_range(share)} %), planned are"
+                f" {number(round(channel.resonance_hz, 1))} Hz"
             )
         yield Finding(
             "error" if loose or off > slot else "warning",

@@ -1,7 +1,7 @@
 """Maps of a pad's taxels, in which pieces of a slicer's extrusions are looked up: of which body, where on it.
 
-Each distinct taxel has one map (`TaxelMap`), a fine grid over its sub-cell in its own axes; `PadMaps` looks up points of
-all taxels at once.
+Each distinct taxel has one map (`TaxelMap`), a fine grid over its sub-cell in its own axes; `PadMaps` looks up points
+of all taxels at once.
 """
 
 from typing import Any
@@ -28,7 +28,7 @@ FRAME, PLATE, BEAM = 1, 2, 3
 
 
 class TaxelMap:
-    """A grid over a taxel's sub-cell in its own axes: bodies, stretches of beams, stations of gaps, depth in a body."""
+    """A grid over a taxel's sub-cell in its own axes: bodies, nodes along beams, stations of gaps, depth in a body."""
 
     def __init__(self, plan: Plan, channel: Channel) -> None:
         from scipy.ndimage import distance_transform_edt as distance
@@ -173,7 +173,7 @@ class PadMaps:
         return column, row, (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
 
     def found(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of points (n, 2) on the pad: the taxel (−1: none), the place from its washer's axis in own axes, the pixel."""
+        """Of points (n, 2) on the pad: the taxel (−1: none), the place from its washer in its own axes, and the pixel."""
         column, row, inside = self.cells(points)
         rows, columns = self.places.shape
         taxel = np.where(inside, self.places[row.clip(0, rows - 1), column.clip(0, columns - 1)], -1)

@@ -30,8 +30,9 @@ STRAND = 2.0
 SHIFTS_MM = 0.06 * np.stack(np.meshgrid(np.arange(-1, 2), np.arange(-1, 2)), -1).reshape(-1, 2)
 """Places about a recess's middle where its washer may lie."""
 MOST_OTHER = 0.15
-"""Share of a sub-cell that may be other than planned; slicers' settings make 0.06 of it, another pad 0.29 (docs/printing.md)."""
+"""Share of a sub-cell that may be other than planned: ordinary profiles differ on 0.06, other pads on 0.23 or more."""
 LONG_MM = 1.0
+"""How long a bead along the pad's edge is at least, and how far within the edge at most."""
 ALIKE = 2e-3
 """Difference of two correlations by rounding: of a pad that looks the same when turned, the smaller turn is taken."""
 IMAGE_MM, MOST_IMAGE = 0.5, 1000
@@ -61,7 +62,7 @@ class LaidPad:
     `areas_mm2` (layers, taxels, nodes) is the cross-section of plastic at nodes along the beams, in layers up to a
     little above them, `steps_mm` (layers) their heights; `beams` has for each channel and beam the slice of its nodes,
     evenly from root to tip. `plate_mm3` is the plastic of plate and boss. `recess_mm` is the
-    depth below the lowest strand of the recess's roof, `strand_mm` how high this is, nan without a roof; `room_mm` the
+    depth below the lowest strand of the recess's roof, `strand_mm` how high this is; `room_mm` the
     largest circle about the recess's middle that holds no plastic. `gap_mm` is the narrowest place of the gaps around
     what moves, `gap_top_mm` at which height. `all_steps_mm` are the heights of all layers, `volume_mm3` all plastic.
     """
@@ -117,8 +118,8 @@ def laid_pad(plan: Plan, path: Path, filament_mm: float | None = None) -> LaidPa
             if measuring.is_whole:
                 break  # what comes after the pad
             raise FileError(
-                f"lays something at z = {number(layer.top_mm)} mm after z = {number(top)} mm; must be laid layer by layer,"
-                " all objects together",
+                f"lays something at z = {number(layer.top_mm)} mm after z = {number(top)} mm; must be laid layer by"
+                " layer, all objects together",
                 where,
             )
         measuring.add(replace(layer, area_mm2=share * layer.area_mm2), layer.top_mm - top)
@@ -129,8 +130,8 @@ def laid_pad(plan: Plan, path: Path, filament_mm: float | None = None) -> LaidPa
         layer = after
     if not measuring.is_whole:
         raise FileError(
-            f"ends at {number(measuring.top)} mm of the {number(measuring.whole_mm)} mm that the pad {plan.name} is high:"
-            " the file is cut short, or of another pad",
+            f"ends at {number(measuring.top)} mm of the {number(measuring.whole_mm)} mm that the pad {plan.name} is"
+            " high: the file is cut short, or of another pad",
             where,
         )
     return measuring.done(found)
@@ -146,7 +147,8 @@ def _placed(maps: PadMaps, layers: Iterator[Layer], where: str) -> tuple[Placing
         wide = float(np.ptp(layer.start, axis=0).max())
         if wide > WIDEST_MM:
             raise FileError(
-                f"spreads over {number(wide)} mm, no printer is wider than {number(WIDEST_MM)} mm; G20 makes its numbers inches",
+                f"spreads over {number(wide)} mm, no printer is wider than {number(WIDEST_MM)} mm; G20 makes its numbers"
+                " inches",
                 where,
             )
         if not step > 0:
@@ -158,9 +160,9 @@ def _placed(maps: PadMaps, layers: Iterator[Layer], where: str) -> tuple[Placing
     if not top:
         raise FileError("has no moves that lay plastic; it is no G-code of a print", where)
     raise FileError(
-        f"does not hold the pad {maps.plan.name}: what is laid first differs from its underside on {least:.0%} of a taxel's"
-        f" cell, must be {MOST_OTHER:.0%} at most; it is of another pad or spec, lies upside down, or is turned by no"
-        " quarter turn",
+        f"does not hold the pad {maps.plan.name}: what is laid first differs from its underside on {least:.0%} of a"
+        f" taxel's cell, must be {MOST_OTHER:.0%} at most; it is of another pad or spec, lies upside down, or is turned by"
+        " no quarter turn",
         where,
     )
 
@@ -244,7 +246,7 @@ def _registered(maps: PadMaps, layer: Layer, height_mm: float) -> Placing:
 
 
 def _off_centre(start: np.ndarray, stop: np.ndarray, half_mm: np.ndarray) -> np.ndarray:
-    """How far the long straight beads within two opposite edges of the pad lie off the middle between them, (2,) in mm."""
+    """How far the straight beads within opposite edges of the pad lie off the middle between them, (2,) in mm."""
     off = np.zeros(2)
     for k in (0, 1):
         along = np.abs(stop[:, k] - start[:, k]) < 1e-3
@@ -375,7 +377,8 @@ class _Measuring:
         self.gap = np.minimum(self.gap, gap)
 
     def done(self, filament_mm: float) -> LaidPad:
-        """All that was measured."""
+        """All that was measured; a recess without a roof is as deep as the pad is high."""
+        self.recess[np.isnan(self.recess)] = self.top
         return LaidPad(
             self.placing,
             self.bottom,

@@ -1,18 +1,15 @@
 """A pad as a slicer lays it, as text for people."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from padgen.core.errors import number, plain
 from padgen.report.plans import table
 
-if TYPE_CHECKING:
-    from padgen.measured.judge_laid import LaidReport
-
 __all__ = ["laid_text"]
 
 
-def laid_text(report: "LaidReport", file: str, verbose: bool = False) -> str:
-    """Tell the verdict, what to set in the slicer, and of each channel (`verbose`: of each taxel) what would be printed."""
+def laid_text(report: Any, file: str, verbose: bool = False) -> str:
+    """Tell the verdict, what to set in the slicer, and what of each channel (`verbose`: of each taxel) would print."""
     figures = report.figures
     count = {level: sum(f.level == level for f in report.findings) for level in ("error", "warning")}
     verdict = "would print as planned"
@@ -22,8 +19,8 @@ def laid_text(report: "LaidReport", file: str, verbose: bool = False) -> str:
     turned = f", turned by {figures['turned_deg']}°" if figures["turned_deg"] else ""
     lines = [
         f"{plain(file)} {verdict}",
-        f"by {plain(figures['slicer'])}: {figures['layers']} layers, {number(figures['height_mm'])} mm high, the pad's centre"
-        f" at ({number(x)}, {number(y)}) mm{turned}; compared with {figures['compared_with']}",
+        f"by {plain(figures['slicer'])}: {figures['layers']} layers, {number(figures['height_mm'])} mm high, the pad's"
+        f" centre at ({number(x)}, {number(y)}) mm{turned}; compared with {figures['compared_with']}",
     ]
     if figures["settings_to_change"] and any(count.values()):
         changes = (f"{s['name']} {s['needs']} (is {plain(s['has'])})" for s in figures["settings_to_change"])
