@@ -214,7 +214,7 @@ def _extrusions(block: bytes, number: int, state: _State, path: Path) -> np.ndar
     lays = (code <= 3) & moved & (fed > 0) & ~beside
     table = np.stack([x[:-1], y[:-1], x[1:], y[1:], z[1:], fed, height], -1)
     if not (lays & is_arc).any():
-        return table[lays]
+        return np.asarray(table[lays])
     return _without_arcs(table[lays], np.where(is_arc, 2 * code - 5, 0)[lays], np.nan_to_num(words[lays, 4:]))
 
 
@@ -231,7 +231,7 @@ def _codes(text: np.ndarray, starts: np.ndarray) -> np.ndarray:
 
 
 def _words(text: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.ndarray | None:
-    """The numbers after X, Y, Z, E, I and J of some lines (n, 6), nan where a line has none; None if one is no number."""
+    """The numbers after X, Y, Z, E, I and J of some lines (n, 6), nan where there is none; None if one is no number."""
     signs = np.flatnonzero(text == ord(";"))
     comment = np.concatenate([signs, [len(text)]])[np.searchsorted(signs, starts)]
     stops = np.minimum(ends, comment) + 1
@@ -292,4 +292,4 @@ def _without_arcs(table: np.ndarray, turn: np.ndarray, centre: np.ndarray) -> np
         angle = begin[row] + sweep[row] * (share + ahead) / count[row]
         on_arc = middle[row] + radius[row, None] * np.stack([np.cos(angle), np.sin(angle)], -1)
         result[:, k : k + 2] = np.where((turn != 0)[row, None], on_arc, result[:, k : k + 2])
-    return result[np.hypot(*(result[:, 2:4] - result[:, :2]).T) > 0]
+    return np.asarray(result[np.hypot(*(result[:, 2:4] - result[:, :2]).T) > 0])

@@ -198,13 +198,8 @@ def _inferred(plan: Plan, laid: LaidPad, beams: list[list[_Beams]]) -> dict[str,
     }
     if (laid.strand_mm > 1.5 * values[counts.argmax()] + 1e-6).mean() > 0.5:
         found["thick_bridges"] = "on"
-    narrower = [
-        (b.width_mm[1] - b.width_mm[0])[b.is_laid[0] & b.is_laid[1]]
-        for own in beams
-        for b in own
-        if len(b.width_mm) > 1
-    ]
-    narrower = np.concatenate(narrower) if narrower else np.zeros(0)
+    pairs = [b.width_mm[:2, b.is_laid[:2].all(0)] for own in beams for b in own if len(b.width_mm) > 1]
+    narrower = np.concatenate([np.diff(pair, axis=0)[0] for pair in pairs]) if pairs else np.zeros(0)
     if len(narrower) and np.median(narrower) > 2 * WIDTH_MM:
         found["elephant_foot_compensation"] = f"about {float(np.median(narrower)) / 2:.2f} mm a side"
     return found

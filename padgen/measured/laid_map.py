@@ -4,12 +4,11 @@ Each distinct taxel has one map (`TaxelMap`), a fine grid over its sub-cell in i
 of all taxels at once.
 """
 
-from typing import Any
-
 import numpy as np
 
 from padgen.measured.gcode_file import Layer
 from padgen.planner.plan import Channel, Plan
+from padgen.planner.suspensions import BeamPath
 from padgen.planner.tile import TURNS, outline, taxel_places
 
 __all__ = ["PLATE", "PadMaps", "TaxelMap", "cut", "turned"]
@@ -53,20 +52,19 @@ class TaxelMap:
         weights: list[float] = []
         count, rest = 0, ~frame & ~plate
         for path in arrangement.beams:
-            run, place = self._run_mm(path)
-            centre = np.zeros(self.shape, bool)
-            centre[place] = True
-            near, at = distance(~centre, self.pixel_mm, return_indices=True)
-            at_run = np.zeros(self.shape)
-            at_run[place] = run
-            own = at_run[at[0], at[1]]
+            run, pixel = self._run_mm(path)
+            long_mm = float(path.length_mm)
+            points = np.bincount(pixel, minlength=frame.size).reshape(self.shape)
+            run_sum = np.bincount(pixel, run, frame.size).reshape(self.shape)
+            near, at = distance(points == 0, self.pixel_mm, return_indices=True)
+            own = (run_sum / np.maximum(points, 1))[at[0], at[1]]
             fillet = channel.beam.fillet_mm * (not path.segments[0].turn_rad)
             flare = fillet - np.sqrt(np.maximum(fillet**2 - np.maximum(fillet - own, 0) ** 2, 0))
             bodies.append((near < float(path.width_mm) / 2 + flare) & rest)
-            steps = min(max(round(run[-1] / NODE_MM), 4), MOST_NODES - 1)
-            along.append(count + own / run[-1] * steps)
+            steps = min(max(round(long_mm / NODE_MM), 4), MOST_NODES - 1)
+            along.append(count + own / long_mm * steps)
             self.beams.append(slice(count, count + steps + 1))
-            weights += [share * run[-1] / steps for share in (0.5, *[1.0] * (steps - 1), 0.5)]
+            weights += [share * long_mm / steps for share in (0.5, *[1.0] * (steps - 1), 0.5)]
             count += steps + 1
         self.node_mm = np.array(weights)
         far = (np.full(self.shape, np.inf), np.zeros((2, *self.shape), np.int32))
@@ -83,17 +81,19 @@ class TaxelMap:
         self.depth_mm = (distance(self.solid, self.pixel_mm) - distance(~self.solid, self.pixel_mm)).astype(np.float32)
         self._gaps(~solid, away, places, sizes.gap_mm)
 
-    def _run_mm(self, path: Any) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
+    def _run_mm(self, path: BeamPath) -> tuple[np.ndarray, np.ndarray]:
         """Points along a beam: how far from its root, and in which pixel."""
         runs, points, done = [], [], 0.0
         for k, segment in enumerate(path.segments):
             long = float(segment.length_mm)
-            share = np.linspace(0, 1, int(2 * long / self.pixel_mm) + 2)
+            share = (np.arange(int(8 * long / self.pixel_mm) + 1) + 0.5) / (int(8 * long / self.pixel_mm) + 1)
             place = path.within(k, share)
             runs.append(done + share * long)
             points.append(np.stack(np.broadcast_arrays(place.x_mm, place.y_mm), -1).astype(float))
             done += long
-        return np.concatenate(runs), tuple(self.pixels(np.concatenate(points)).T)
+        at = np.floor((np.concatenate(points) - self.low) / self.pixel_mm).astype(np.int64)
+        at = np.clip(at, 0, np.array(self.shape) - 1)
+        return np.concatenate(runs), at[:, 0] * self.shape[1] + at[:, 1]
 
     def _gaps(self, void: np.ndarray, away: np.ndarray, places: np.ndarray, gap_mm: float) -> None:
         """Stations along the middle of each gap, and every pixel's distance from the nearest.
@@ -129,11 +129,6 @@ class TaxelMap:
         self.side[here] = (self.owner == upper)[here]
         self.aside_mm[here] = off[here]
         self.stations = len(names)
-
-    def pixels(self, points: np.ndarray) -> np.ndarray:
-        """In which pixel each point (n, 2) in own axes lies."""
-        at = np.floor((points - self.low) / self.pixel_mm).astype(np.int64)
-        return np.asarray(np.clip(at, 0, np.array(self.shape) - 1))
 
 
 class PadMaps:
@@ -173,7 +168,7 @@ class PadMaps:
         return column, row, (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
 
     def found(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of points (n, 2) on the pad: the taxel (−1: none), the place from its washer in its own axes, and the pixel."""
+        """Of points (n, 2) on the pad: taxel (−1: none), place from the washer in the taxel's own axes, and pixel."""
         column, row, inside = self.cells(points)
         rows, columns = self.places.shape
         taxel = np.where(inside, self.places[row.clip(0, rows - 1), column.clip(0, columns - 1)], -1)

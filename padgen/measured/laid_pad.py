@@ -147,8 +147,8 @@ def _placed(maps: PadMaps, layers: Iterator[Layer], where: str) -> tuple[Placing
         wide = float(np.ptp(layer.start, axis=0).max())
         if wide > WIDEST_MM:
             raise FileError(
-                f"spreads over {number(wide)} mm, no printer is wider than {number(WIDEST_MM)} mm; G20 makes its numbers"
-                " inches",
+                f"spreads over {number(wide)} mm, no printer is wider than {number(WIDEST_MM)} mm; G20 makes its"
+                " numbers inches",
                 where,
             )
         if not step > 0:
@@ -161,8 +161,8 @@ def _placed(maps: PadMaps, layers: Iterator[Layer], where: str) -> tuple[Placing
         raise FileError("has no moves that lay plastic; it is no G-code of a print", where)
     raise FileError(
         f"does not hold the pad {maps.plan.name}: what is laid first differs from its underside on {least:.0%} of a"
-        f" taxel's cell, must be {MOST_OTHER:.0%} at most; it is of another pad or spec, lies upside down, or is turned by"
-        " no quarter turn",
+        f" taxel's cell, must be {MOST_OTHER:.0%} at most; it is of another pad or spec, lies upside down, or is turned"
+        " by no quarter turn",
         where,
     )
 
@@ -205,7 +205,7 @@ def _registered(maps: PadMaps, layer: Layer, height_mm: float) -> Placing:
         finer = int(np.clip(MOST_IMAGE * 3 // shape.max(), 2, 5))
         axes = (((np.arange(finer * n) + 0.5) / finer - n / 2) * pixel for n in shape)
         at = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 2)
-        return maps.solid_at(at).reshape(shape[0], finer, shape[1], finer).mean((1, 3))
+        return np.asarray(maps.solid_at(at).reshape(shape[0], finer, shape[1], finer).mean((1, 3)))
 
     # The pad may lie beyond what is laid, by its own size, on the coarse grid.
     shape = np.ceil((high - low) / coarse).astype(np.int64) + 1
