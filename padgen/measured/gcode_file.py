@@ -22,7 +22,7 @@ __all__ = ["Layer", "read_layers", "read_settings"]
 BLOCK_BYTES = 1 << 22
 END_BYTES = 1 << 18
 """How much of a file's begin and end is searched for the slicer's settings."""
-MOST_MOVES = 5_000_000
+MOST_MOVES = 3_000_000
 """Extrusions of one layer: with more it is no pad."""
 CHORD_MM = 0.005
 """How far the chords that stand for an arc may be off it."""

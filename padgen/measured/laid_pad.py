@@ -7,6 +7,7 @@ grows with the length that is laid, and no more than a layer is held.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,6 +24,8 @@ ROUND_EDGES = 1 - np.pi / 4
 """What a bead of round edges is wider than the rectangle of its area, over its height."""
 FINE_MM, COARSE_MM = 0.04, 0.2
 """Pieces of an extrusion where beams and recesses are, and above them."""
+MOST_PIECES = 1_000_000
+"""Pieces that are looked up at a time."""
 WITHIN_RECESS_MM = 0.35
 """How far within a recess's side plastic is its roof, and no bead of the side."""
 STRAND = 2.0
@@ -297,7 +300,6 @@ class _Measuring:
         self.room = np.full((len(SHIFTS_MM), count), np.inf)
         self.gap, self.gap_top = np.full(count, np.inf), np.full(count, np.nan)
         self.top = self.volume = 0.0
-
         self.whole_mm = max(plan.plate.boss_top_mm, plan.spec.pad.frame_thickness_mm)
 
     @property
@@ -309,72 +311,75 @@ class _Measuring:
         """Measure the next layer, `step_mm` higher than the last."""
         below, self.top = self.top, self.top + step_mm
         self.steps.append(step_mm)
-        pieces = self._pieces(layer, step_mm, FINE_MM if below < self.fine_top else COARSE_MM)
-        self.volume += float(pieces.volume.sum())
-        is_taxel = pieces.taxel >= 0
-        pieces = _Pieces(*(part[is_taxel] for part in pieces))
-        owner, count = self.maps.owner[pieces.pixel], len(self.plate)
-        self.plate += np.bincount(pieces.taxel, pieces.volume * (owner == PLATE), count)
-        if below < self.beams_top:
+        count, open_yet = len(self.plate), np.isnan(self.recess)
+        shared = np.zeros(count * self.width + 1)
+        roof, strands, room = np.zeros(count), np.zeros(count), np.full_like(self.room, np.inf)
+        sides = np.full(count * self.stations * 2, np.inf)
+        for pieces in self._pieces(layer, step_mm, FINE_MM if below < self.fine_top else COARSE_MM):
+            taxel, volume = pieces.taxel, pieces.volume
+            self.plate += np.bincount(taxel, volume * (self.maps.owner[pieces.pixel] == PLATE), count)
             node = self.maps.node[pieces.pixel]
-            on = node >= 0
-            first = node[on].astype(np.int64)
-            ahead = node[on] - first
-            volume, at = pieces.volume[on], pieces.taxel[on] * self.width + first
+            at, ahead = taxel * self.width + np.maximum(node, 0).astype(np.int64), node % 1
+            volume_on = np.where(node >= 0, volume, 0.0)
             # Shared between the nodes before and behind, so that where pieces are cut does not matter.
-            shared = np.bincount(at, volume * (1 - ahead), count * self.width + 1)
-            shared += np.bincount(at + 1, volume * ahead, count * self.width + 1)
+            shared += np.bincount(at, volume_on * (1 - ahead), len(shared))
+            shared += np.bincount(at + 1, volume_on * ahead, len(shared))
+            station = self.maps.station[pieces.pixel]
+            on = station >= 0
+            free = self.maps.aside_mm[pieces.pixel] - pieces.width / 2
+            side = (taxel * self.stations + station) * 2 + self.maps.side[pieces.pixel]
+            np.minimum.at(sides, side[on], free[on])
+            if open_yet.any():
+                self._add_recesses(pieces, roof, strands, room)
+        begins = open_yet & (roof > 0)
+        self.strand[begins] = strands[begins] / roof[begins]
+        self.recess[begins] = self.top - self.strand[begins]
+        still = open_yet & ~begins
+        self.room[:, still] = np.minimum(self.room, room)[:, still]
+        if below < self.beams_top:
             self.areas.append(shared[:-1].reshape(count, self.width) / self.node_mm)
-        self._add_recesses(pieces)
-        self._add_gaps(pieces)
+        gap = sides.reshape(count, self.stations, 2).sum(2).min(1)
+        self.gap_top[gap < self.gap] = self.top
+        self.gap = np.minimum(self.gap, gap)
 
-    def _pieces(self, layer: Layer, step_mm: float, piece_mm: float) -> _Pieces:
-        points, line = cut(layer, piece_mm)
-        points = turned(points - (self.placing.x_mm, self.placing.y_mm), -self.placing.quarters)
-        spec = self.plan.spec
-        half = np.array([spec.pad.width_mm, spec.pad.depth_mm]) / 2 + spec.pad.border_mm
-        inside = (np.abs(points) < half + 0.1).all(1)
-        pieces = np.bincount(line, minlength=len(layer.start))
-        points, line = points[inside], line[inside]
+    def _pieces(self, layer: Layer, step_mm: float, piece_mm: float) -> Iterator[_Pieces]:
+        """The pieces within the sub-cells of taxels, not too many at a time; adds up the plastic of the whole pad."""
         height = np.where(np.isnan(layer.height_mm), step_mm, layer.height_mm)
         wide = layer.area_mm2 / height
         strand = np.isnan(layer.height_mm) & (wide > STRAND * np.median(wide))
         height = np.where(strand, np.sqrt(4 / np.pi * layer.area_mm2), height)
         width = layer.area_mm2 / height + ROUND_EDGES * height
-        return _Pieces((layer.volume_mm3 / pieces)[line], width[line], height[line], *self.maps.found(points))
+        run = np.cumsum(np.hypot(*(layer.stop - layer.start).T) / piece_mm + 1)
+        ends = np.searchsorted(run, np.arange(MOST_PIECES, run[-1], MOST_PIECES))
+        pad = self.plan.spec.pad
+        half = np.array([pad.width_mm, pad.depth_mm]) / 2 + pad.border_mm
+        for first, last in pairwise((0, *ends.tolist(), len(run))):
+            part = replace(layer, start=layer.start[first:last], stop=layer.stop[first:last])
+            points, line = cut(part, piece_mm)
+            points = turned(points - (self.placing.x_mm, self.placing.y_mm), -self.placing.quarters)
+            inside = (np.abs(points) < half + 0.1).all(1)
+            volume = layer.volume_mm3[first:last] / np.bincount(line, minlength=last - first)
+            self.volume += float(volume[line[inside]].sum())
+            taxel, own, pixel = self.maps.found(points)
+            on = taxel >= 0
+            line = line[on]
+            yield _Pieces(
+                volume[line], width[first:last][line], height[first:last][line], taxel[on], own[on], pixel[on]
+            )
 
-    def _add_recesses(self, pieces: _Pieces) -> None:
-        plate = self.plan.plate
-        if self.top > self.fine_top + 1 and not np.isnan(self.recess).any():
-            return
-        radius, post = plate.recess_diameter_mm / 2, plate.post_diameter_mm / 2
+    def _add_recesses(self, pieces: _Pieces, roof: np.ndarray, strands: np.ndarray, room: np.ndarray) -> None:
+        """Add the plastic over each recess, the same times its height, and the room about its middle between beads."""
+        radius, post = self.plan.plate.recess_diameter_mm / 2, self.plan.plate.post_diameter_mm / 2
         near = np.abs(pieces.own).max(1) < radius + 1
         own, taxel, width, height = (part[near] for part in (pieces.own, pieces.taxel, pieces.width, pieces.height))
         away = np.hypot(*own.T)
-        above = (away < radius - WITHIN_RECESS_MM) & (away > post + WITHIN_RECESS_MM if post else True)
-        open_yet = np.isnan(self.recess)
-        volume, count = pieces.volume[near][above], len(open_yet)
-        roof = np.bincount(taxel[above], volume, count)
-        begins = open_yet & (roof > 0)
-        strand = np.bincount(taxel[above], volume * height[above], count)[begins] / roof[begins]
-        self.strand[begins], self.recess[begins] = strand, self.top - strand
-        side = (open_yet & ~begins)[taxel] & (away > post + WITHIN_RECESS_MM if post else True)
+        beside = away > post + WITHIN_RECESS_MM if post else np.ones(len(away), bool)
+        above = beside & (away < radius - WITHIN_RECESS_MM)
+        volume = pieces.volume[near][above]
+        roof += np.bincount(taxel[above], volume, len(roof))
+        strands += np.bincount(taxel[above], volume * height[above], len(roof))
         for k, shift in enumerate(SHIFTS_MM):
-            free = 2 * np.hypot(*(own[side] - shift).T) - width[side]
-            np.minimum.at(self.room[k], taxel[side], free)
-
-    def _add_gaps(self, pieces: _Pieces) -> None:
-        station = self.maps.station[pieces.pixel]
-        on = station >= 0
-        pixel, taxel = pieces.pixel[on], pieces.taxel[on]
-        free = self.maps.aside_mm[pixel] - pieces.width[on] / 2
-        shape = len(self.plate), self.stations, 2
-        sides = np.full(shape[0] * shape[1] * 2, np.inf)
-        np.minimum.at(sides, (taxel * self.stations + station[on]) * 2 + self.maps.side[pixel], free)
-        gap = sides.reshape(shape).sum(2).min(1)
-        narrower = gap < self.gap
-        self.gap_top[narrower] = self.top
-        self.gap = np.minimum(self.gap, gap)
+            np.minimum.at(room[k], taxel[beside], 2 * np.hypot(*(own[beside] - shift).T) - width[beside])
 
     def done(self, filament_mm: float) -> LaidPad:
         """All that was measured; a recess without a roof is as deep as the pad is high."""
