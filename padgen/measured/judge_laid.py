@@ -9,7 +9,6 @@ pressed into the bed; and how far the edges of frame and plate are moved, which 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import groupby
 from math import pi
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -106,15 +105,12 @@ def check_gcode(plan: Plan, path: Path) -> LaidReport:
     wrong = _wrong(plan.printing, has)
     plastic = laid.plate_mm3 / np.array([_plate_mm3(plan, c) for c in plan.channels])[_channels(plan)]
     laid_hz = _resonances(plan, beams, plastic)
+    raft = f"it begins {number(laid.bottom_mm)} mm above the bed; beams and recesses must lie on it, without a raft"
     findings = [
-        *_on_raft(laid),
-        *_lost(plan, beams, wrong),
-        *_layers(plan, beams, wrong),
-        *_widths(plan, beams, wrong),
-        *_gaps(plan, laid, wrong),
-        *_recesses(plan, laid, wrong),
-        *_masses(plan, plastic, wrong),
-        *_resonance_findings(plan, laid_hz, wrong),
+        *([Finding("error", "laid.raft", "pad", raft)] if laid.bottom_mm > DEPTH_MM else ()),
+        *_of_beams(plan, beams, wrong),
+        *_of_taxels(plan, laid, plastic, wrong),
+        *_resonance_findings(plan, laid_hz),
     ]
     return LaidReport(_figures(plan, laid, beams, plastic, laid_hz, settings, has, wrong), tuple(findings))
 
@@ -213,12 +209,9 @@ def _wrong(needs: Mapping[str, str], has: Mapping[str, str]) -> dict[str, _Wrong
             continue
         one, other = _plain(has[name]), _plain(needs[name])
         if one != other:
-            value = _numeric(has[name])
-            unit = (
-                " mm" if needs[name].endswith("mm") and has[name].strip() == has[name] and "mm" not in has[name] else ""
-            )
-            shown = "on" if has[name] == "1" else "off" if has[name] == "0" and not unit else f"{has[name]}{unit}"
-            found[name] = _Wrong(name.replace("_", " "), shown if value is not None else has[name], needs[name])
+            unit = " mm" * (needs[name].endswith("mm") and "mm" not in has[name])
+            shown = {"0": "off", "1": "on"}.get(has[name], has[name]) if needs[name] in ("on", "off") else has[name]
+            found[name] = _Wrong(name.replace("_", " "), f"{shown}{unit}", needs[name])
     return found
 
 
@@ -244,172 +237,101 @@ def _cause(wrong: Mapping[str, _Wrong], *names: str) -> str:
     return f": {'; '.join(told)}" if told else ""
 
 
-def _named(names: Iterable[str]) -> str:
+def _told(level: str, code: str, names: Iterable[str], of: str, told: str, cause: str) -> Iterator[Finding]:
+    """A finding that names the first few of those that it is of; none where it is of none."""
     names = list(names)
-    return ", ".join(names[:NAMED]) + (f" and {len(names) - NAMED} more" if len(names) > NAMED else "")
+    if names:
+        more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+        yield Finding(level, code, f"{len(names)} of {of}", f"{told} ({', '.join(names[:NAMED])}{more}){cause}")
 
 
 def _range(values: np.ndarray) -> str:
-    low, high = number(round(float(values.min()), 3)), number(round(float(values.max()), 3))
-    return low if low == high else f"{low} … {high}"
+    ends = (number(round(float(end), 3)) for end in (values.min(), values.max())) if values.size else ()
+    return " … ".join(dict.fromkeys(ends))
 
 
-def _on_raft(laid: LaidPad) -> Iterator[Finding]:
-    if laid.bottom_mm > 0.02:
-        yield Finding(
-            "error",
-            "laid.raft",
-            "pad",
-            f"it begins {number(laid.bottom_mm)} mm above the bed; beams and recesses must lie on it, without a raft",
-        )
-
-
-def _each(plan: Plan, beams: list[list[_Beams]]) -> Iterator[tuple[Channel, str, _Beams, int]]:
-    """Every beam: its channel, its name, and where it is in the arrays of its channel."""
-    for channel, own in zip(plan.channels, beams, strict=True):
-        for k, beam in enumerate(own):
-            for at, taxel in enumerate(_of(plan, channel)):
-                name = plan.taxels[taxel].id
-                yield channel, f"{name} beam {k + 1}" if len(own) > 1 else name, beam, at
-
-
-def _lost(plan: Plan, beams: list[list[_Beams]], wrong: Mapping[str, _Wrong]) -> Iterator[Finding]:
-    each = list(_each(plan, beams))
-    lost = [name for _, name, b, i in each if not b.is_laid[:, i].any()]
-    broken = [
-        f"{name} ({number(round(float(b.broken_mm[i]), 2))} mm)"
-        for _, name, b, i in each
-        if b.is_laid[:, i].any() and not np.isnan(b.broken_mm[i])
+def _of_beams(plan: Plan, beams: list[list[_Beams]], wrong: Mapping[str, _Wrong]) -> Iterator[Finding]:
+    """What is wrong with beams: pieces, layers and widths."""
+    each = [
+        (channel.beam, f"{plan.taxels[taxel].id}{f' beam {k + 1}' * (len(own) > 1)}", beam, at)
+        for channel, own in zip(plan.channels, beams, strict=True)
+        for k, beam in enumerate(own)
+        for at, taxel in enumerate(_of(plan, channel))
     ]
-    thin = [
-        f"{name} ({number(round(float(b.thin_mm[i]), 2))} mm)"
-        for _, name, b, i in each
-        if b.is_laid[:, i].any() and np.isnan(b.broken_mm[i]) and not np.isnan(b.thin_mm[i])
-    ]
+    of = f"{len(each)} beams"
+    laid = [item for item in each if item[2].is_laid[:, item[3]].any()]
+    whole = [item for item in laid if np.isnan(item[2].broken_mm[item[3]])]
     cause = _cause(wrong, "wall_generator", "elephant_foot_compensation", "nozzle")
-    for names, told in (
-        (lost, "are not laid at all"),
-        (broken, "are laid with a piece missing (in brackets: how far from the root)"),
-        (thin, "have a layer with a piece missing (in brackets: how far from the root)"),
-    ):
-        if names:
-            yield Finding("error", "laid.beam", f"{len(names)} of {len(each)} beams", f"{told}: {_named(names)}{cause}")
-
-
-def _layers(plan: Plan, beams: list[list[_Beams]], wrong: Mapping[str, _Wrong]) -> Iterator[Finding]:
-    each = list(_each(plan, beams))
-    off = [
-        (
-            (
-                channel.beam.layers,
-                channel.beam.thickness_mm,
-                int(b.is_laid[:, i].sum()),
-                round(float(b.thickness_mm[i]), 4),
-            ),
-            name,
+    lost = [name for _, name, b, i in each if not b.is_laid[:, i].any()]
+    yield from _told("error", "laid.beam", lost, of, "are not laid at all", cause)
+    broken = [f"{n} at {number(round(float(b.broken_mm[i]), 2))} mm" for _, n, b, i in laid if b.broken_mm[i] >= 0]
+    yield from _told("error", "laid.beam", broken, of, "are laid with a piece missing, so far from the root", cause)
+    thin = [f"{n} at {number(round(float(b.thin_mm[i]), 2))} mm" for _, n, b, i in whole if b.thin_mm[i] >= 0]
+    yield from _told("error", "laid.beam", thin, of, "have a layer with a piece missing, so far from the root", cause)
+    off: dict[tuple[float, int, float, int], list[str]] = {}
+    for beam, name, b, i in laid:
+        thick = round(float(b.thickness_mm[i]), 4)
+        if abs(thick - beam.thickness_mm) > 0.01:
+            key = (beam.thickness_mm, beam.layers, thick, int(b.is_laid[:, i].sum()))
+            off.setdefault(key, []).append(name)
+    for (planned, layers, thick, count), names in sorted(off.items()):
+        told = (
+            f"are laid {number(thick)} mm thick in {count} layer{'s' * (count > 1)}, planned are {number(planned)} mm"
         )
-        for channel, name, b, i in each
-        if b.is_laid[:, i].any() and abs(b.thickness_mm[i] - channel.beam.thickness_mm) > 0.01
-    ]
-    cause = _cause(wrong, "layer_height", "first_layer_height")
-    for (layers, thick, laid, has), group in groupby(sorted(off), key=lambda item: item[0]):
-        names = [name for _, name in group]
-        yield Finding(
-            "error",
-            "laid.layers",
-            f"{len(names)} of {len(each)} beams",
-            f"are laid {number(has)} mm thick in {laid} layer{'s' * (laid > 1)}, planned are {number(thick)} mm in"
-            f" {layers} ({_named(names)}){cause}",
-        )
-
-
-def _widths(plan: Plan, beams: list[list[_Beams]], wrong: Mapping[str, _Wrong]) -> Iterator[Finding]:
-    each = list(_each(plan, beams))
+        cause = _cause(wrong, "layer_height", "first_layer_height")
+        yield from _told("error", "laid.layers", names, of, f"{told} in {layers}", cause)
     for what, part in (("first layer", slice(0, 1)), ("layers above the first", slice(1, None))):
-        misses = [
-            ((b.width_mm[part, i] - channel.beam.width_mm)[b.is_laid[part, i]], name)
-            for channel, name, b, i in each
-            if np.isnan(b.broken_mm[i])
-        ]
-        for wider in (False, True):
-            names = [name for miss, name in misses if (miss > WIDTH_MM if wider else miss < -WIDTH_MM).any()]
-            if not names:
-                continue
-            off = np.concatenate([np.abs(miss[miss > WIDTH_MM if wider else miss < -WIDTH_MM]) for miss, _ in misses])
-            foot = () if wider or part.start else ("elephant_foot_compensation",)
-            yield Finding(
-                "warning",
-                "laid.width",
-                f"{len(names)} of {len(each)} beams",
-                f"in the {what} are laid {_range(off)} mm {'wider' if wider else 'narrower'} than planned"
-                f" ({_named(names)}){_cause(wrong, *foot, 'xy_size_compensation', 'wall_generator', 'nozzle')}",
-            )
+        misses = [((b.width_mm[part, i] - beam.width_mm)[b.is_laid[part, i]], name) for beam, name, b, i in whole]
+        for sign, word in ((-1, "narrower"), (1, "wider")):
+            names = [name for miss, name in misses if (sign * miss > WIDTH_MM).any()]
+            most = _range(np.concatenate([sign * miss[sign * miss > WIDTH_MM] for miss, _ in misses] or [np.zeros(0)]))
+            foot = () if sign > 0 or part.start else ("elephant_foot_compensation",)
+            cause = _cause(wrong, *foot, "xy_size_compensation", "wall_generator", "nozzle")
+            told = f"in the {what} are laid {most} mm {word} than planned"
+            yield from _told("warning", "laid.width", names, of, told, cause)
 
 
-def _gaps(plan: Plan, laid: LaidPad, wrong: Mapping[str, _Wrong]) -> Iterator[Finding]:
-    ids = np.array([t.id for t in plan.taxels])
+def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Mapping[str, _Wrong]) -> Iterator[Finding]:
+    """What is wrong with gaps, recesses and plates."""
+    ids, washer, plate = np.array([t.id for t in plan.taxels]), plan.spec.washer, plan.plate
+    of, depth, gap = f"{len(ids)} taxels", plan.plate.recess_depth_mm, laid.gap_mm
     cause = _cause(wrong, "xy_size_compensation", "elephant_foot_compensation", "nozzle", "infill_overlap")
-    closed, narrow = laid.gap_mm < CLOSED_MM, laid.gap_mm < NARROW_SHARE * plan.plate.gap_mm
-    for which, level, told in ((closed, "error", "is closed"), (narrow & ~closed, "warning", "is narrow")):
-        if which.any():
-            yield Finding(
-                level,
-                "laid.gap",
-                f"{int(which.sum())} of {len(ids)} taxels",
-                f"the gap around what moves {told}: {_range(laid.gap_mm[which])} mm between beads at z ="
-                f" {_range(laid.gap_top_mm[which])} mm, planned are {number(plan.plate.gap_mm)} mm"
-                f" ({_named(ids[which])}){cause}",
-            )
-
-
-def _recesses(plan: Plan, laid: LaidPad, wrong: Mapping[str, _Wrong]) -> Iterator[Finding]:
-    ids, washer, depth = np.array([t.id for t in plan.taxels]), plan.spec.washer, plan.plate.recess_depth_mm
-    bridge = _cause(wrong, "thick_bridges", "layer_height", "first_layer_height")
-    hangs = laid.recess_mm < depth - DEPTH_MM
-    if hangs.any():
-        fits = laid.recess_mm[hangs].min() >= washer.thickness_mm - 1e-6
-        yield Finding(
-            "warning" if fits else "error",
-            "laid.recess",
-            f"{int(hangs.sum())} of {len(ids)} taxels",
-            f"the recess's roof, strands {_range(laid.strand_mm[hangs])} mm high, hangs into it:"
-            f" {_range(laid.recess_mm[hangs])} mm are left of {number(depth)} mm, the washer has"
-            f" {number(washer.thickness_mm)} mm ({_named(ids[hangs])}){bridge}",
+    closed = gap < CLOSED_MM
+    for which, level, word in (
+        (closed, "error", "closed"),
+        (~closed & (gap < NARROW_SHARE * plate.gap_mm), "warning", "narrow"),
+    ):
+        told = (
+            f"the gap around what moves is {word}: {_range(gap[which])} mm between beads at z ="
+            f" {_range(laid.gap_top_mm[which])} mm, planned are {number(plate.gap_mm)} mm"
         )
-    deep = laid.recess_mm > depth + DEPTH_MM
-    if deep.any():
-        yield Finding(
-            "warning",
-            "laid.recess",
-            f"{int(deep.sum())} of {len(ids)} taxels",
-            f"the recess is {_range(laid.recess_mm[deep])} mm deep, planned are {number(depth)} mm"
-            f" ({_named(ids[deep])}){bridge}",
-        )
+        yield from _told(level, "laid.gap", ids[which], of, told, cause)
+    cause = _cause(wrong, "thick_bridges", "layer_height", "first_layer_height")
+    hangs, deep = laid.recess_mm < depth - DEPTH_MM, laid.recess_mm > depth + DEPTH_MM
+    told = (
+        f"the recess's roof, strands {_range(laid.strand_mm[hangs])} mm high, hangs into it:"
+        f" {_range(laid.recess_mm[hangs])} mm are left of {number(depth)} mm, the washer has"
+        f" {number(washer.thickness_mm)} mm"
+    )
+    fits = laid.recess_mm.min() >= washer.thickness_mm - 1e-6
+    yield from _told("warning" if fits else "error", "laid.recess", ids[hangs], of, told, cause)
+    told = f"the recess is {_range(laid.recess_mm[deep])} mm deep, planned are {number(depth)} mm"
+    yield from _told("warning", "laid.recess", ids[deep], of, told, cause)
     tight = laid.room_mm < washer.outer_diameter_mm
-    if tight.any():
-        yield Finding(
-            "error",
-            "laid.washer",
-            f"{int(tight.sum())} of {len(ids)} taxels",
-            f"the recess leaves {_range(laid.room_mm[tight])} mm between its beads, the washer {washer.name} has"
-            f" {number(washer.outer_diameter_mm)} mm ({_named(ids[tight])})"
-            f"{_cause(wrong, 'xy_size_compensation', 'wall_generator', 'layer_height')}",
-        )
-
-
-def _masses(plan: Plan, plastic: np.ndarray, wrong: Mapping[str, _Wrong]) -> Iterator[Finding]:
+    told = (
+        f"the recess leaves {_range(laid.room_mm[tight])} mm between its beads, the washer {washer.name} has"
+        f" {number(washer.outer_diameter_mm)} mm"
+    )
+    cause = _cause(wrong, "xy_size_compensation", "wall_generator", "layer_height")
+    yield from _told("error", "laid.washer", ids[tight], of, told, cause)
     off = np.abs(plastic - 1) > MASS_SHARE
-    if off.any():
-        yield Finding(
-            "warning",
-            "laid.mass",
-            f"{int(off.sum())} of {len(plastic)} taxels",
-            f"the plastic of the plates is {_range(100 * plastic[off].round(4))} % of the plan's, must be within"
-            f" {MASS_SHARE:.0%}{_cause(wrong, 'infill', 'infill_overlap', 'thick_bridges')}",
-        )
+    told = f"the plastic of the plates is {_range(100 * plastic[off])} % of the plan's, must be within {MASS_SHARE:.0%}"
+    yield from _told(
+        "warning", "laid.mass", ids[off], of, told, _cause(wrong, "infill", "infill_overlap", "thick_bridges")
+    )
 
 
-def _resonance_findings(plan: Plan, laid_hz: np.ndarray, wrong: Mapping[str, _Wrong]) -> Iterator[Finding]:
+def _resonance_findings(plan: Plan, laid_hz: np.ndarray) -> Iterator[Finding]:
     slot = slot_half_width(plan.spec.q_min, plan.spec.delta_y)
     for channel in plan.channels:
         hz = laid_hz[_of(plan, channel)]

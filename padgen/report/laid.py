@@ -14,7 +14,8 @@ def laid_text(report: Any, file: str, verbose: bool = False) -> str:
     count = {level: sum(f.level == level for f in report.findings) for level in ("error", "warning")}
     verdict = "would print as planned"
     if any(count.values()):
-        verdict = f"would not print as planned ({count['error']} errors, {count['warning']} warnings)"
+        told = (f"{n} {level}{'s' * (n > 1)}" for level, n in count.items() if n)
+        verdict = f"would not print as planned ({', '.join(told)})"
     x, y = figures["centre_mm"]
     turned = f", turned by {figures['turned_deg']}°" if figures["turned_deg"] else ""
     lines = [
