@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from padgen.batch.sweep import SweepTable
     from padgen.driver.drive_folder import Drive
     from padgen.ladders.study import Study
+    from padgen.measured.judge_laid import LaidReport
     from padgen.measured.printer_fit import Calibration
     from padgen.measured.tune import Retuned
     from padgen.measured.tuning import Tuning
@@ -145,30 +146,45 @@ def build(
     return Pad(spec_of(plan), named, progress=progress)
 
 
-def check(mesh: "str | Path", spec: str | None = None, *, progress: Progress = _silent) -> "Report":
-    """Check a mesh file against a printer's limits and, with a spec, against its plan.
+def check(
+    mesh: "str | Path", spec: str | None = None, *, gcode: bool = False, progress: Progress = _silent
+) -> "Report | LaidReport":
+    """Check a mesh file against a printer's limits and, with a spec, against its plan; or G-code against its plan.
 
     Parameters
     ----------
     mesh : path
-        An STL, 3MF, OBJ or PLY file in mm.
+        An STL, 3MF, OBJ or PLY file in mm, or a slicer's G-code.
     spec : str, optional
         A template, a TOML file or a plan.json; the plan that is recorded beside the mesh is taken where it is of this
-        spec.
+        spec. G-code needs one.
+    gcode : bool
+        The file is G-code: each taxel is judged as the slicer lays it, and at which frequency it would resonate.
 
     Returns
     -------
-    Report
+    Report or LaidReport
         ``.figures`` by name, and ``.findings``.
 
     Raises
     ------
     FileError
-        No mesh can be read there, or a plan.json holds no plan.
+        No mesh or no G-code of this pad can be read there, or a plan.json holds no plan.
+    SpecError
+        G-code is to be checked and no spec is given.
     """
     from dataclasses import replace
 
     progress("reading")
+    if gcode:
+        from padgen.measured.judge_laid import check_gcode
+
+        if spec is None:
+            raise SpecError("is needed to check G-code: a template, a TOML file or a plan.json", "spec")
+        compared, source = plan_to_compare(spec, Path(mesh), progress)
+        progress("reading and checking")
+        laid = check_gcode(compared, Path(mesh))
+        return replace(laid, figures={**laid.figures, "compared_with": source})
     from padgen.solid.foreign import check_foreign, read_mesh
 
     part = read_mesh(Path(mesh))

@@ -7,9 +7,9 @@ import subprocess
 import pytest
 
 from padgen.make.pad import Pad
+from padgen.measured.judge_laid import check_gcode
 from padgen.planner import plan_from_json
 from padgen.spec import load_spec
-from tests.gcode import laid_beams, laid_recesses, read_gcode
 
 pytestmark = pytest.mark.slicer
 
@@ -59,31 +59,60 @@ def sliced(folder):
         "--filament-diameter=1.75", "--fill-pattern=rectilinear", "--skirts=0",
         "--bed-shape=0x0,250x0,250x210,0x210", f"--center={CENTRE_MM[0]},{CENTRE_MM[1]}",
     )  # fmt: skip
-    return plan, read_gcode(folder / "pad.gcode")
+    return plan, check_gcode(plan, folder / "pad.gcode")
+
+
+def test_it_lies_where_the_slicer_was_told(sliced):
+    _, report = sliced
+    assert report.figures["centre_mm"] == pytest.approx(CENTRE_MM, abs=0.02)
+    assert report.figures["turned_deg"] == 0 and report.figures["settings_to_change"] == []
 
 
 def test_every_beam_is_laid_as_wide_and_as_thick_as_planned(sliced):
-    plan, laid_lines = sliced
-    beams = laid_beams(plan, laid_lines, CENTRE_MM)
-    assert len(beams) == 32
-    for beam in beams:
-        *laid, above = beam.laid_width_mm
-        assert above == 0.0, beam
+    plan, report = sliced
+    assert len(report.figures["taxels"]) == 32
+    for taxel in report.figures["taxels"]:
+        planned = plan.channels[taxel["channel"]].beam
+        (beam,) = taxel["beams"]
+        assert beam["broken_at_mm"] is None and beam["thin_at_mm"] is None, taxel
         # Half of what a bead's round edges take off in the thickest layer: 0.215 * 0.2 mm / 2.
-        assert laid == pytest.approx([beam.planned_width_mm] * beam.planned_layers, abs=0.022), beam
+        assert beam["width_mm"] == pytest.approx([planned.width_mm] * planned.layers, abs=0.022), taxel
+        assert taxel["resonance_hz"] == pytest.approx(taxel["planned_hz"], rel=0.02), taxel
 
 
 def test_the_pad_weighs_what_was_planned(folder, sliced):
-    _, laid_lines = sliced
+    _, report = sliced
     checks = json.loads((folder / "checks.json").read_text())
-    assert laid_lines.volume_mm3.sum() == pytest.approx(checks["figures"]["volume_mm3"], rel=0.01)
+    assert report.figures["plastic_mm3"] == pytest.approx(checks["figures"]["volume_mm3"], rel=0.01)
+    for taxel in report.figures["taxels"]:
+        assert taxel["plate_mg"] == pytest.approx(taxel["planned_plate_mg"], rel=0.01), taxel
 
 
 def test_washers_enter_their_recesses_and_sink_in(sliced):
-    plan, laid_lines = sliced
-    washer = plan.spec.washer
-    recesses = laid_recesses(plan, laid_lines, CENTRE_MM)
-    assert len(recesses) == 32
-    for recess in recesses:
-        assert recess.depth_mm == pytest.approx(plan.plate.recess_depth_mm, abs=1e-6), recess
-        assert recess.room_mm >= washer.outer_diameter_mm, recess
+    plan, report = sliced
+    for taxel in report.figures["taxels"]:
+        assert taxel["recess_depth_mm"] == pytest.approx(plan.plate.recess_depth_mm, abs=1e-3), taxel
+        assert taxel["recess_room_mm"] >= plan.spec.washer.outer_diameter_mm, taxel
+        assert taxel["gap_mm"] >= 0.7 * plan.plate.gap_mm, taxel
+
+
+def test_an_ordinary_profile_is_told_with_its_settings_and_every_lost_layer(folder, sliced):
+    """0.2 mm layers and 0.2 mm of elephant-foot compensation lose the second layer of every beam."""
+    plan, _ = sliced
+    slicer(
+        "--export-gcode", folder / "pad.stl", "--output", folder / "ordinary.gcode", "--nozzle-diameter=0.4",
+        "--layer-height=0.2", "--first-layer-height=0.2", "--elefant-foot-compensation=0.2", "--rotate=90",
+        "--bed-shape=0x0,250x0,250x210,0x210", "--center=90,100",
+    )  # fmt: skip
+    report = check_gcode(plan, folder / "ordinary.gcode")
+    assert report.figures["centre_mm"] == pytest.approx((90, 100), abs=0.02)
+    assert report.figures["turned_deg"] == 90
+    changes = {s["name"]: s["has"] for s in report.figures["settings_to_change"]}
+    assert changes["layer height"] == "0.2 mm" and changes["elephant foot compensation"] == "0.2 mm"
+    found = {f.code: f for f in report.findings}
+    assert found["laid.layers"].where == "32 of 32 beams" and "layer height is 0.2 mm" in found["laid.layers"].message
+    assert "elephant foot compensation is 0.2 mm" in found["laid.width"].message
+    for taxel in report.figures["taxels"]:
+        assert [beam["layers"] for beam in taxel["beams"]] == [1]
+        # (0.2/0.3)^1.5 is -46 %; the rest is the width that the elephant foot takes.
+        assert -0.6 < taxel["resonance_hz"] / taxel["planned_hz"] - 1 < -0.45

@@ -5,6 +5,7 @@ from dataclasses import asdict
 from typing import Any
 
 from padgen.cli.common import add_model, add_output, add_spec, asked_of, code_of, folder_of, progress_line, show
+from padgen.core.errors import PadgenError
 from padgen.core.registry import PAD_FORMATS, USUAL_FORMATS
 
 __all__ = ["add"]
@@ -41,16 +42,23 @@ def _add_build(commands: Any) -> None:
 
 
 def _add_check(commands: Any) -> None:
-    parser = commands.add_parser("check", help="print validation of any STL or 3MF")
-    parser.add_argument("mesh", metavar="MESH", help="an STL, 3MF, OBJ or PLY file")
+    parser = commands.add_parser("check", help="print validation of any STL or 3MF, or of a slicer's G-code")
+    parser.add_argument("mesh", metavar="MESH", nargs="?", help="an STL, 3MF, OBJ or PLY file")
+    parser.add_argument(
+        "--gcode",
+        metavar="FILE",
+        help="a slicer's G-code of the pad, instead of a mesh: what would be laid of it, beam by beam, at which"
+        " frequency each taxel would resonate, and which settings to change; with --spec",
+    )
     parser.add_argument(
         "--spec",
         metavar="SPEC",
         help="compare with the plan of this spec, the one recorded beside the mesh where it is of this spec, and take"
         " its printer's limits; a plan.json is taken as recorded",
     )
+    parser.add_argument("--verbose", action="store_true", help="of G-code, a line for each taxel")
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
-    parser.set_defaults(command=_check)
+    parser.set_defaults(command=_check, late="mesh")
 
 
 def _build(options: argparse.Namespace) -> int:
@@ -75,15 +83,20 @@ def _build(options: argparse.Namespace) -> int:
 def _check(options: argparse.Namespace) -> int:
     from padgen.api import check
 
+    if (options.mesh is None) == (options.gcode is None):
+        raise PadgenError("needs either a mesh or --gcode FILE; padgen check --help tells more", "padgen check")
     with progress_line() as progress:
-        report = check(options.mesh, options.spec or None, progress=progress)
+        report = check(
+            options.mesh or options.gcode, options.spec or None, gcode=options.mesh is None, progress=progress
+        )
     if options.json:
         from padgen.core.files import json_text
 
         print(json_text(asdict(report)), end="")
     else:
-        from padgen.report import figures_text, findings_text
+        from padgen.report import figures_text, findings_text, laid_text
 
-        show(figures_text(report.figures))
+        laid = options.mesh is None
+        show(laid_text(report, options.gcode, options.verbose) if laid else figures_text(report.figures))
         show(findings_text(report.findings))
     return code_of(report.findings)

@@ -96,6 +96,11 @@ class TaxelModel:
             self.plate, BeamShape(*(np.asarray(v, float) for v in self.beam)), self.spec.printer.smallest_gap_mm
         )
 
+    @property
+    def plastic_share(self) -> Any:
+        """Plastic of plate and boss over what is drawn of it; 1, since no print is known."""
+        return 1.0
+
     @cached_property
     def body(self) -> RigidBody:
         """What moves as one, without the beams: plate, boss, washer, glue, less the recess."""
@@ -104,7 +109,7 @@ class TaxelModel:
     def body_of(self, blocks: Sequence[Block]) -> RigidBody:
         """These `blocks` with boss, washer and glue, less the recess, as one."""
         spec, taxel = self.spec, self.spec.taxel
-        density = spec.material.density_g_per_cm3 * G_PER_CM3
+        density = spec.material.density_g_per_cm3 * G_PER_CM3 * self.plastic_share
         top = taxel.plate_thickness_mm * MM
         boss_top = (spec.pad.frame_thickness_mm + taxel.boss_protrusion_mm) * MM
         diameter, depth = (v * MM for v in recess_mm(spec))

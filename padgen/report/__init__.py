@@ -1,5 +1,6 @@
 """What was made, as text for people. Makes text; the command line prints it."""
 
+from padgen.report.laid import laid_text
 from padgen.report.plans import (
     built_text,
     explanation_text,
@@ -16,6 +17,7 @@ __all__ = [
     "explanation_text",
     "figures_text",
     "findings_text",
+    "laid_text",
     "plan_text",
     "serious_text",
     "summary_text",

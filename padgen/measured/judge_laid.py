@@ -1,0 +1,414 @@
+"""Judges a pad as a slicer lays it: every beam, at which frequency each taxel would resonate, which settings did it.
+
+A resonance comes from the plan's own beam model, with the stiffness of the layers that are laid (their widths and
+heights at nodes along the beam, as one stack) and the mass of the plate's plastic; the plan's resonance is scaled by
+what the model makes of the difference. Neglected is what G-code does not tell: how well strands weld, how plastic is
+pressed into the bed; and how far the edges of frame and plate are moved, which changes a beam's length.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from math import pi
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from padgen.core.errors import number
+from padgen.core.finding import Finding
+from padgen.core.units import G_PER_CM3, MG, MM
+from padgen.measured.gcode_file import read_settings
+from padgen.measured.laid_pad import LaidPad, laid_pad
+from padgen.physics.ladder import slot_half_width
+from padgen.planner.plan import Channel, Plan
+from padgen.planner.suspensions import Arrangement, BeamShape
+from padgen.planner.taxel_model import TaxelModel, plate_shape
+
+__all__ = ["LaidReport", "check_gcode"]
+
+LAID_SHARE = 0.25
+"""Of the planned width: less is no layer of a beam, or a place where one is missing."""
+WIDTH_MM, DEPTH_MM, MASS_SHARE = 0.05, 0.02, 0.02
+"""Differences of a layer's width, of a recess's depth and of a plate's plastic that are told."""
+CLOSED_MM, NARROW_SHARE = 0.05, 0.5
+"""A gap between beads that counts as closed, and the share of the plan's below which one is told."""
+SETTINGS = {
+    "layer_height": ("layer_height",),
+    "first_layer_height": ("first_layer_height", "initial_layer_print_height"),
+    "elephant_foot_compensation": ("elefant_foot_compensation",),
+    "xy_size_compensation": ("xy_size_compensation", "xy_contour_compensation"),
+    "infill_overlap": ("infill_overlap", "infill_wall_overlap"),
+    "thick_bridges": ("thick_bridges",),
+    "wall_generator": ("perimeter_generator", "wall_generator"),
+    "infill": ("fill_density", "sparse_infill_density"),
+    "nozzle": ("nozzle_diameter",),
+}
+"""Settings as the plan calls them, and as comments of G-code do."""
+NAMED = 3
+"""Taxels that a sentence names."""
+
+
+@dataclass(frozen=True)
+class LaidReport:
+    """What is laid, as figures by name (lengths in mm, frequencies in Hz, masses in mg), and the findings."""
+
+    figures: dict[str, Any]
+    findings: tuple[Finding, ...]
+
+
+@dataclass(frozen=True)
+class _LaidModel(TaxelModel):
+    """Taxels (n,) whose beams and plates are laid other than they were drawn: sections of each beam in mm, and the
+    share of the plate's plastic that is laid."""
+
+    sections: tuple[tuple[np.ndarray, np.ndarray], ...]
+    plastic: np.ndarray
+
+    @cached_property
+    def arrangement(self) -> Arrangement:
+        drawn = super().arrangement
+        beams = zip(drawn.beams, self.sections, strict=True)
+        return drawn._replace(beams=tuple(path._replace(width_mm=w, thickness_mm=t) for path, (w, t) in beams))
+
+    @property
+    def plastic_share(self) -> np.ndarray:
+        return self.plastic
+
+
+class _Beams(NamedTuple):
+    """One beam of all taxels of a channel (n,): widths (layers, n), layers that are laid, thickness, the section (w, t)
+    that is as stiff and heavy, where it is broken (distance from the root in mm, nan: nowhere) and where a layer is."""
+
+    width_mm: np.ndarray
+    is_laid: np.ndarray
+    thickness_mm: np.ndarray
+    section_mm: tuple[np.ndarray, np.ndarray]
+    broken_mm: np.ndarray
+    thin_mm: np.ndarray
+
+
+def check_gcode(plan: Plan, path: Path) -> LaidReport:
+    """Judge what the G-code in a file lays of the pad of `plan`.
+
+    Raises
+    ------
+    FileError
+        The file is no text of G-code, or does not hold this pad, or not all of it.
+    """
+    settings = read_settings(path)
+    laid = laid_pad(plan, path, _numeric(settings.get("filament_diameter", "")))
+    beams = [[_beam(plan, c, laid, k) for k in range(len(laid.beams[c.index]))] for c in plan.channels]
+    has = _inferred(plan, laid, beams) | {
+        name: settings[key] for name, keys in SETTINGS.items() for key in keys if key in settings
+    }
+    wrong = _wrong(plan.printing, has)
+    plastic = laid.plate_mm3 / np.array([_plate_mm3(plan, c) for c in plan.channels])[_channels(plan)]
+    laid_hz = _resonances(plan, beams, plastic)
+    raft = f"it begins {number(laid.bottom_mm)} mm above the bed; beams and recesses must lie on it, without a raft"
+    findings = [
+        *([Finding("error", "laid.raft", "pad", raft)] if laid.bottom_mm > DEPTH_MM else ()),
+        *_of_beams(plan, beams, wrong),
+        *_of_taxels(plan, laid, plastic, wrong),
+        *_resonance_findings(plan, laid_hz),
+    ]
+    return LaidReport(_figures(plan, laid, beams, plastic, laid_hz, settings, has, wrong), tuple(findings))
+
+
+def _channels(plan: Plan) -> np.ndarray:
+    return np.array([taxel.channel for taxel in plan.taxels])
+
+
+def _of(plan: Plan, channel: Channel) -> np.ndarray:
+    """Indices of a channel's taxels."""
+    return np.flatnonzero(_channels(plan) == channel.index)
+
+
+def _beam(plan: Plan, channel: Channel, laid: LaidPad, index: int) -> _Beams:
+    own, beam, steps = laid.beams[channel.index][index], channel.beam, laid.steps_mm
+    area = laid.areas_mm2[:, _of(plan, channel), own]
+    at = np.linspace(0, beam.length_mm, area.shape[2])
+    end = min(beam.fillet_mm + plan.spec.printer.line_width_mm, beam.length_mm / 4)
+    between = (at >= end - 1e-9) & (at <= beam.length_mm - end + 1e-9)
+    widths = area / steps[:, None, None]
+    width = widths[:, :, between].mean(2)
+    is_laid = width > LAID_SHARE * beam.width_mm
+    whole = area.sum(0)
+    broken = whole < LAID_SHARE * beam.width_mm * steps[0]
+    thin = (widths < LAID_SHARE * beam.width_mm) & is_laid[:, :, None]
+    middle = (np.cumsum(steps) - steps / 2)[:, None, None]
+    area = area[:, :, between] + 1e-12
+    mean = (area * middle).sum(0) / area.sum(0)
+    inertia = (area * (steps[:, None, None] ** 2 / 12 + (middle - mean) ** 2)).sum(0)
+    stack, inertia = area.sum(0).mean(1), 1 / (1 / inertia).mean(1)
+    thickness = np.sqrt(12 * inertia / stack)
+    first = [np.where(where.any(-1), at[where.argmax(-1)], np.nan) for where in (broken, thin.any(0))]
+    return _Beams(width, is_laid, (is_laid * steps[:, None]).sum(0), (stack / thickness, thickness), *first)
+
+
+def _plate_mm3(plan: Plan, channel: Channel) -> float:
+    """Plastic of plate and boss as planned."""
+    plate = plan.plate
+    blocks = plan.arrangement(channel).blocks
+    volume = sum(float((b.high_x_mm - b.low_x_mm) * (b.high_y_mm - b.low_y_mm) * b.height_mm) for b in blocks)
+    wide, edge = plate.boss_diameter_mm, plate.boss_edge_mm
+    boss = wide**2 * (plate.boss_top_mm - plate.thickness_mm) - edge**2 * (2 * wide - 4 * edge / 3)
+    return volume + pi / 4 * (
+        max(boss, 0.0) - (plate.recess_diameter_mm**2 - plate.post_diameter_mm**2) * plate.recess_depth_mm
+    )
+
+
+def _resonances(plan: Plan, beams: list[list[_Beams]], plastic: np.ndarray) -> np.ndarray:
+    """Resonance in Hz of each taxel as laid, nan where a beam is broken."""
+    result = np.full(len(plan.taxels), np.nan)
+    plate = plate_shape(plan.spec)
+    for channel, own in zip(plan.channels, beams, strict=True):
+        taxels = _of(plan, channel)
+        whole = np.logical_and.reduce([b.is_laid.any(0) & np.isnan(b.broken_mm) for b in own])
+        if not whole.any():
+            continue
+        drawn = BeamShape(channel.beam.width_mm, channel.beam.thickness_mm, channel.beam.length_mm)
+        shape = BeamShape(*(np.full(whole.sum(), side) for side in drawn))
+        sections = tuple((b.section_mm[0][whole], b.section_mm[1][whole]) for b in own)
+        model = _LaidModel(plan.spec, channel.beam.topology, plate, shape, sections, plastic[taxels[whole]])
+        planned = TaxelModel(plan.spec, channel.beam.topology, plate, drawn)
+        result[taxels[whole]] = channel.resonance_hz * model.resonance_hz / planned.resonance_hz
+    return result
+
+
+class _Wrong(NamedTuple):
+    """A setting by the plan's name, as the file has it and as the plan needs it."""
+
+    name: str
+    has: str
+    needs: str
+
+
+def _inferred(plan: Plan, laid: LaidPad, beams: list[list[_Beams]]) -> dict[str, str]:
+    """Settings that can be read off what is laid, where no comment tells them."""
+    steps = laid.all_steps_mm.round(4)
+    values, counts = np.unique(steps[1:] if len(steps) > 1 else steps, return_counts=True)
+    found = {
+        "layer_height": f"{number(float(values[counts.argmax()]))} mm",
+        "first_layer_height": f"{number(float(steps[0]))} mm",
+    }
+    if (laid.strand_mm > 1.5 * values[counts.argmax()] + 1e-6).mean() > 0.5:
+        found["thick_bridges"] = "on"
+    pairs = [b.width_mm[:2, b.is_laid[:2].all(0)] for own in beams for b in own if len(b.width_mm) > 1]
+    narrower = np.concatenate([np.diff(pair, axis=0)[0] for pair in pairs]) if pairs else np.zeros(0)
+    if len(narrower) and np.median(narrower) > 2 * WIDTH_MM:
+        found["elephant_foot_compensation"] = f"about {float(np.median(narrower)) / 2:.2f} mm a side"
+    return found
+
+
+def _wrong(needs: Mapping[str, str], has: Mapping[str, str]) -> dict[str, _Wrong]:
+    """Settings that differ from those that the plan counts on."""
+    found = {}
+    for name in SETTINGS:
+        if name not in needs or name not in has:
+            continue
+        one, other = _plain(has[name]), _plain(needs[name])
+        if one != other:
+            unit = " mm" * (needs[name].endswith("mm") and "mm" not in has[name])
+            shown = {"0": "off", "1": "on"}.get(has[name], has[name]) if needs[name] in ("on", "off") else has[name]
+            found[name] = _Wrong(name.replace("_", " "), f"{shown}{unit}", needs[name])
+    return found
+
+
+def _plain(text: str) -> Any:
+    """A setting's value so that two ways of writing it compare."""
+    text = text.split(",")[0].strip().lower()
+    for word in ("arachne", "classic"):
+        if word in text:
+            return word
+    return {"on": 1.0, "off": 0.0}.get(text, _numeric(text))
+
+
+def _numeric(text: str) -> float | None:
+    try:
+        return float(text.split(",")[0].replace("%", " ").replace("mm", " ").replace("about", " ").split()[0])
+    except (ValueError, IndexError):
+        return None
+
+
+def _cause(wrong: Mapping[str, _Wrong], *names: str) -> str:
+    """What of the settings can have done it, as the end of a sentence."""
+    told = [f"{w.name} is {w.has}, must be {w.needs}" for name in names if (w := wrong.get(name))]
+    return f": {'; '.join(told)}" if told else ""
+
+
+def _told(level: str, code: str, names: Iterable[str], of: str, told: str, cause: str) -> Iterator[Finding]:
+    """A finding that names the first few of those that it is of; none where it is of none."""
+    names = list(names)
+    if names:
+        more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+        yield Finding(level, code, f"{len(names)} of {of}", f"{told} ({', '.join(names[:NAMED])}{more}){cause}")
+
+
+def _range(values: np.ndarray) -> str:
+    ends = (number(round(float(end), 3)) for end in (values.min(), values.max())) if values.size else ()
+    return " … ".join(dict.fromkeys(ends))
+
+
+def _of_beams(plan: Plan, beams: list[list[_Beams]], wrong: Mapping[str, _Wrong]) -> Iterator[Finding]:
+    """What is wrong with beams: pieces, layers and widths."""
+    each = [
+        (channel.beam, f"{plan.taxels[taxel].id}{f' beam {k + 1}' * (len(own) > 1)}", beam, at)
+        for channel, own in zip(plan.channels, beams, strict=True)
+        for k, beam in enumerate(own)
+        for at, taxel in enumerate(_of(plan, channel))
+    ]
+    of = f"{len(each)} beams"
+    laid = [item for item in each if item[2].is_laid[:, item[3]].any()]
+    whole = [item for item in laid if np.isnan(item[2].broken_mm[item[3]])]
+    cause = _cause(wrong, "wall_generator", "elephant_foot_compensation", "nozzle")
+    lost = [name for _, name, b, i in each if not b.is_laid[:, i].any()]
+    yield from _told("error", "laid.beam", lost, of, "are not laid at all", cause)
+    broken = [f"{n} at {number(round(float(b.broken_mm[i]), 2))} mm" for _, n, b, i in laid if b.broken_mm[i] >= 0]
+    yield from _told("error", "laid.beam", broken, of, "are laid with a piece missing, so far from the root", cause)
+    thin = [f"{n} at {number(round(float(b.thin_mm[i]), 2))} mm" for _, n, b, i in whole if b.thin_mm[i] >= 0]
+    yield from _told("error", "laid.beam", thin, of, "have a layer with a piece missing, so far from the root", cause)
+    off: dict[tuple[float, int, float, int], list[str]] = {}
+    for beam, name, b, i in laid:
+        thick = round(float(b.thickness_mm[i]), 4)
+        if abs(thick - beam.thickness_mm) > 0.01:
+            key = (beam.thickness_mm, beam.layers, thick, int(b.is_laid[:, i].sum()))
+            off.setdefault(key, []).append(name)
+    for (planned, layers, thick, count), names in sorted(off.items()):
+        told = (
+            f"are laid {number(thick)} mm thick in {count} layer{'s' * (count > 1)}, planned are {number(planned)} mm"
+        )
+        cause = _cause(wrong, "layer_height", "first_layer_height")
+        yield from _told("error", "laid.layers", names, of, f"{told} in {layers}", cause)
+    for what, part in (("first layer", slice(0, 1)), ("layers above the first", slice(1, None))):
+        misses = [((b.width_mm[part, i] - beam.width_mm)[b.is_laid[part, i]], name) for beam, name, b, i in whole]
+        for sign, word in ((-1, "narrower"), (1, "wider")):
+            names = [name for miss, name in misses if (sign * miss > WIDTH_MM).any()]
+            most = _range(np.concatenate([sign * miss[sign * miss > WIDTH_MM] for miss, _ in misses] or [np.zeros(0)]))
+            foot = () if sign > 0 or part.start else ("elephant_foot_compensation",)
+            cause = _cause(wrong, *foot, "xy_size_compensation", "wall_generator", "nozzle")
+            told = f"in the {what} are laid {most} mm {word} than planned"
+            yield from _told("warning", "laid.width", names, of, told, cause)
+
+
+def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Mapping[str, _Wrong]) -> Iterator[Finding]:
+    """What is wrong with gaps, recesses and plates."""
+    ids, washer, plate = np.array([t.id for t in plan.taxels]), plan.spec.washer, plan.plate
+    of, depth, gap = f"{len(ids)} taxels", plan.plate.recess_depth_mm, laid.gap_mm
+    cause = _cause(wrong, "xy_size_compensation", "elephant_foot_compensation", "nozzle", "infill_overlap")
+    closed = gap < CLOSED_MM
+    for which, level, word in (
+        (closed, "error", "closed"),
+        (~closed & (gap < NARROW_SHARE * plate.gap_mm), "warning", "narrow"),
+    ):
+        told = (
+            f"the gap around what moves is {word}: {_range(gap[which])} mm between beads at z ="
+            f" {_range(laid.gap_top_mm[which])} mm, planned are {number(plate.gap_mm)} mm"
+        )
+        yield from _told(level, "laid.gap", ids[which], of, told, cause)
+    cause = _cause(wrong, "thick_bridges", "layer_height", "first_layer_height")
+    hangs, deep = laid.recess_mm < depth - DEPTH_MM, laid.recess_mm > depth + DEPTH_MM
+    told = (
+        f"the recess's roof, strands {_range(laid.strand_mm[hangs])} mm high, hangs into it:"
+        f" {_range(laid.recess_mm[hangs])} mm are left of {number(depth)} mm, the washer has"
+        f" {number(washer.thickness_mm)} mm"
+    )
+    fits = laid.recess_mm.min() >= washer.thickness_mm - 1e-6
+    yield from _told("warning" if fits else "error", "laid.recess", ids[hangs], of, told, cause)
+    told = f"the recess is {_range(laid.recess_mm[deep])} mm deep, planned are {number(depth)} mm"
+    yield from _told("warning", "laid.recess", ids[deep], of, told, cause)
+    tight = laid.room_mm < washer.outer_diameter_mm
+    told = (
+        f"the recess leaves {_range(laid.room_mm[tight])} mm between its beads, the washer {washer.name} has"
+        f" {number(washer.outer_diameter_mm)} mm"
+    )
+    cause = _cause(wrong, "xy_size_compensation", "wall_generator", "layer_height")
+    yield from _told("error", "laid.washer", ids[tight], of, told, cause)
+    off = np.abs(plastic - 1) > MASS_SHARE
+    told = f"the plastic of the plates is {_range(100 * plastic[off])} % of the plan's, must be within {MASS_SHARE:.0%}"
+    yield from _told(
+        "warning", "laid.mass", ids[off], of, told, _cause(wrong, "infill", "infill_overlap", "thick_bridges")
+    )
+
+
+def _resonance_findings(plan: Plan, laid_hz: np.ndarray) -> Iterator[Finding]:
+    slot = slot_half_width(plan.spec.q_min, plan.spec.delta_y)
+    for channel in plan.channels:
+        hz = laid_hz[_of(plan, channel)]
+        loose, hz = int(np.isnan(hz).sum()), hz[~np.isnan(hz)]
+        off = np.abs(hz / channel.resonance_hz - 1).max(initial=0.0)
+        if not loose and off <= plan.spec.model.tolerance:
+            continue
+        told = [f"{loose} would not hang by all of their beams"] if loose else []
+        if len(hz):
+            share = 100 * (hz / channel.resonance_hz - 1).round(3)
+            told.append(
+                f"as laid {len(hz)} would resonate at {_range(hz.round(1))} Hz ({_range(share)} %), planned are"
+                f" {number(round(channel.resonance_hz, 1))} Hz"
+            )
+        yield Finding(
+            "error" if loose or off > slot else "warning",
+            "laid.resonance",
+            f"channel {channel.index}",
+            f"of its {len(hz) + loose} taxels {', '.join(told)}"
+            + ("" if off <= slot or loose else f"; its slot ends {slot:.1%} away"),
+        )
+
+
+def _figures(
+    plan: Plan,
+    laid: LaidPad,
+    beams: list[list[_Beams]],
+    plastic: np.ndarray,
+    laid_hz: np.ndarray,
+    settings: Mapping[str, str],
+    has: Mapping[str, str],
+    wrong: Mapping[str, _Wrong],
+) -> dict[str, Any]:
+    """All that was measured, as plain data."""
+    gram = plan.spec.material.density_g_per_cm3 * G_PER_CM3 * MM**3 / MG
+    taxels: list[Any] = [None] * len(plan.taxels)
+    for channel, own in zip(plan.channels, beams, strict=True):
+        planned = _plate_mm3(plan, channel) * gram
+        for at, index in enumerate(_of(plan, channel)):
+            taxels[index] = {
+                "id": plan.taxels[index].id,
+                "channel": channel.index,
+                "planned_hz": channel.resonance_hz,
+                "resonance_hz": _number(laid_hz[index]),
+                "beams": [
+                    {
+                        "width_mm": [
+                            round(float(w), 4)
+                            for w in b.width_mm[: int(np.flatnonzero(b.is_laid[:, at]).max(initial=-1)) + 1, at]
+                        ],
+                        "layers": int(b.is_laid[:, at].sum()),
+                        "thickness_mm": round(float(b.thickness_mm[at]), 4),
+                        "broken_at_mm": _number(b.broken_mm[at]),
+                        "thin_at_mm": _number(b.thin_mm[at]),
+                    }
+                    for b in own
+                ],
+                "plate_mg": round(float(plastic[index]) * planned, 3),
+                "planned_plate_mg": round(planned, 3),
+                "recess_depth_mm": _number(laid.recess_mm[index]),
+                "recess_room_mm": _number(laid.room_mm[index]),
+                "gap_mm": _number(laid.gap_mm[index]),
+            }
+    return {
+        "slicer": settings.get("slicer", "unknown"),
+        "layers": len(laid.all_steps_mm),
+        "height_mm": round(float(laid.all_steps_mm.sum()), 4),
+        "centre_mm": [round(laid.placing.x_mm, 3), round(laid.placing.y_mm, 3)],
+        "turned_deg": 90 * laid.placing.quarters,
+        "match": round(laid.placing.match, 4),
+        "filament_mm": laid.filament_mm,
+        "plastic_mm3": round(laid.volume_mm3, 3),
+        "settings": dict(has),
+        "settings_to_change": [w._asdict() for w in wrong.values()],
+        "taxels": taxels,
+    }
+
+
+def _number(value: float) -> float | None:
+    return round(float(value), 4) if np.isfinite(value) else None

@@ -1,0 +1,73 @@
+"""A pad as a slicer lays it, as text for people."""
+
+from typing import Any
+
+from padgen.core.errors import number, plain
+from padgen.report.plans import table
+
+__all__ = ["laid_text"]
+
+
+def laid_text(report: Any, file: str, verbose: bool = False) -> str:
+    """Tell the verdict, what to set in the slicer, and what of each channel (`verbose`: of each taxel) would print."""
+    figures = report.figures
+    count = {level: sum(f.level == level for f in report.findings) for level in ("error", "warning")}
+    verdict = "would print as planned"
+    if any(count.values()):
+        told = (f"{n} {level}{'s' * (n > 1)}" for level, n in count.items() if n)
+        verdict = f"would not print as planned ({', '.join(told)})"
+    x, y = figures["centre_mm"]
+    turned = f", turned by {figures['turned_deg']}°" if figures["turned_deg"] else ""
+    lines = [
+        f"{plain(file)} {verdict}",
+        f"by {plain(figures['slicer'])}: {figures['layers']} layers, {number(figures['height_mm'])} mm high, the pad's"
+        f" centre at ({number(x)}, {number(y)}) mm{turned}; compared with {figures['compared_with']}",
+    ]
+    if figures["settings_to_change"] and any(count.values()):
+        changes = (f"{s['name']} {s['needs']} (is {plain(s['has'])})" for s in figures["settings_to_change"])
+        lines.append(f"in the slicer set: {', '.join(changes)}")
+    groups: dict[Any, list[dict[str, Any]]] = {}
+    for taxel in figures["taxels"]:
+        groups.setdefault(taxel["id"] if verbose else taxel["channel"], []).append(taxel)
+    headings = (
+        "taxel" if verbose else "ch",
+        "planned Hz",
+        "as laid Hz",
+        "off %",
+        "beam layers",
+        "thick mm",
+        "first mm wide",
+        "above mm wide",
+        "plate mg",
+        "recess mm",
+        "room mm",
+        "gap mm",
+    )
+    return "\n".join([*lines, "", table(headings, [_row(str(name), group) for name, group in groups.items()]), ""])
+
+
+def _row(name: str, taxels: list[dict[str, Any]]) -> tuple[str, ...]:
+    beams = [beam for taxel in taxels for beam in taxel["beams"]]
+    hz = [taxel["resonance_hz"] for taxel in taxels]
+    planned = taxels[0]["planned_hz"]
+    return (
+        name,
+        f"{planned:.1f}",
+        _span(hz, 1),
+        _span([None if f is None else 100 * (f / planned - 1) for f in hz], 1),
+        _span([beam["layers"] for beam in beams], 0),
+        _span([beam["thickness_mm"] for beam in beams], 2),
+        _span([width for beam in beams for width in beam["width_mm"][:1]], 3),
+        _span([width for beam in beams for width in beam["width_mm"][1:]], 3),
+        _span([taxel["plate_mg"] for taxel in taxels], 1),
+        _span([taxel["recess_depth_mm"] for taxel in taxels], 2),
+        _span([taxel["recess_room_mm"] for taxel in taxels], 2),
+        _span([taxel["gap_mm"] for taxel in taxels], 2),
+    )
+
+
+def _span(values: list[float | None], digits: int) -> str:
+    """The smallest and the largest value, with a dash where there is none for some."""
+    known = [value for value in values if value is not None]
+    ends = dict.fromkeys(f"{value:.{digits}f}" for value in (min(known), max(known))) if known else ()
+    return " … ".join((*ends, *("-",) * (len(known) < len(values) or not known)))

@@ -1,0 +1,486 @@
+"""A pad as a slicer lays it: G-code that is laid here by hand, of which every width, height and volume is known.
+
+| what | against | tolerance | why |
+|---|---|---|---|
+| plastic and places of moves | lengths and circles by hand | 1e-6, arcs 0.2 % | chords 5 µm off their arc |
+| laid widths | the width of the beads that were written | 0.01 mm | pieces of 0.04 mm, nodes 0.5 mm apart |
+| depth, room, gap | rectangles and circles by hand | 0.02 mm | pixels of 0.02 mm |
+| resonance with fewer layers | f ~ w^1/2 t^3/2 | 3 % | what the beam's ends give differs with its thickness |
+"""
+
+import gzip
+import json
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import padgen as pg
+from padgen import cli
+from padgen.core.errors import FileError
+from padgen.measured import gcode_file
+from padgen.measured.gcode_file import read_layers, read_settings
+from padgen.measured.judge_laid import check_gcode
+from padgen.planner import make_plan
+from padgen.spec import parse_spec
+
+REFERENCE = Path(__file__).parent / "reference" / "four-0.2mm.gcode.gz"
+"""`prusa-slicer --export-gcode pad.stl --layer-height=0.2 --first-layer-height=0.2 --elefant-foot-compensation=0.2
+--nozzle-diameter=0.4 --bed-shape=0x0,250x0,250x210,0x210 --center=90,100 --rotate=90` of PrusaSlicer 2.5.0, all else
+its defaults, of the pad of FOUR."""
+FOUR = """
+name = "four"
+resolution = 4
+band_hz = [50, 200]
+q_min = 15
+resonances_hz = [56, 76]
+pad = { width_mm = 25, depth_mm = 25 }
+coil = { grid = [1, 2] }
+taxel = { washer_clearance_mm = 0.2, glue_gap_mm = 0.1 }
+suspension = { topology = "cantilever", thickness_mm = 0.3 }
+"""
+FILAMENT_MM2 = math.pi / 4 * 1.75**2
+LINE_MM, THIN_MM = 0.45, 0.15
+
+
+@pytest.fixture(scope="module")
+def plan():
+    return make_plan(parse_spec(FOUR))
+
+
+@pytest.fixture(scope="module")
+def usual(plan, tmp_path_factory):
+    return check_gcode(plan, Hand(plan, quarters=1).file(tmp_path_factory.mktemp("usual")))
+
+
+def as_planned(taxel, layer):
+    return None
+
+
+@dataclass
+class Hand:
+    """Lays a pad of cantilevers by hand: straight beads that fill rectangles, in each taxel's axes, then on the bed.
+
+    What may be spoiled: `steps_mm` of the first and the other layers, `raft_mm` below; of a taxel and a layer the
+    `width` of its beam and the shares of its length between which there is a `piece`; the depth of recesses, how high
+    the `strand_mm`s of their roofs are, how much smaller their radius is; the plates' `flow`; a bead in one `gap`.
+    """
+
+    plan: pg.Plan
+    at: tuple = (100.0, 90.0)
+    quarters: int = 0
+    notes: bool = True
+    steps_mm: tuple = (0.2, 0.1)
+    raft_mm: float = 0.0
+    width: object = staticmethod(as_planned)
+    piece: object = staticmethod(as_planned)
+    recess_mm: float = 0.4
+    strand_mm: float | None = None
+    tighter_mm: float = 0.0
+    flow: float = 1.0
+    gap: str = ""
+    beads: list = field(default_factory=list)
+
+    def layers(self):
+        top = 0.0
+        while top < self.plan.plate.boss_top_mm - 1e-6:
+            step = self.steps_mm[bool(top)]
+            top = round(top + step, 6)
+            yield top, step
+
+    def fill(self, x0, x1, y0, y1, z, h, hole=None, flow=1.0, line=LINE_MM):
+        """Beads along x that fill a rectangle exactly, but for a round hole (x, y, radius)."""
+        count = max(round((y1 - y0) / min(line, (x1 - x0) / 4)), 1)
+        width = (y1 - y0) / count
+        for k in range(count):
+            y = y0 + (k + 0.5) * width
+            runs = [(x0, x1)]
+            if hole and abs(y - hole[1]) < hole[2] + width / 2:
+                # Where the nearer side of the bead meets the circle, so that none of it reaches in.
+                near = max(abs(y - hole[1]) - width / 2, 0.0)
+                half = math.sqrt(max(hole[2] ** 2 - near**2, 0))
+                runs = [(x0, hole[0] - half), (hole[0] + half, x1)]
+            for a, b in runs:
+                if b - a > width:
+                    # Drawn in by half its width, since its ends are round, with as much plastic.
+                    area = width * h * (b - a) / (b - a - width) * flow
+                    self.beads.append((a + width / 2, y, b - width / 2, y, area, h, z))
+
+    def taxel(self, taxel, layer, z, h):
+        plan, first = self.plan, len(self.beads)
+        channel = plan.channels[taxel.channel]
+        arrangement = plan.arrangement(channel)
+        (path,), (block,) = arrangement.beams, arrangement.blocks
+        x0, x1, _, y1 = (float(v) for v in block[:4])
+        long, wide = (float(v) for v in arrangement.window_mm)
+        washer = float(arrangement.washer_x_mm), 0.0
+        if z <= plan.plate.thickness_mm + 1e-6:
+            hole = (
+                (*washer, plan.plate.recess_diameter_mm / 2 - self.tighter_mm) if z <= self.recess_mm + 1e-6 else None
+            )
+            self.fill(x0, x1, -y1, y1, z, h, hole, self.flow, THIN_MM)
+            if self.strand_mm and not hole and z - h <= self.recess_mm + 1e-6:
+                self.beads[first:] = [(*bead[:5], self.strand_mm, z) for bead in self.beads[first:]]
+            cx, cy = self.own(channel, *channel.site.centre_mm)
+            half_x, half_y = plan.cell.width_mm / 2, plan.cell.depth_mm / 2
+            west, east, south, north = cx - half_x, cx + half_x, cy - half_y, cy + half_y
+            for box in ((west, 0, south, north), (long, east, south, north), (0, long, south, -wide / 2)):
+                self.fill(*box, z, h)
+            self.fill(0, long, wide / 2, north, z, h)
+            if taxel.id == self.gap:
+                self.fill(x0, x1, y1, wide / 2, z, h)
+        else:
+            half = math.sqrt(math.pi) / 4 * plan.plate.boss_diameter_mm  # of a square of the boss's area
+            self.fill(washer[0] - half, washer[0] + half, -half, half, z, h)
+        width, piece = self.width(taxel, layer), self.piece(taxel, layer)
+        if width is None:
+            width = channel.beam.width_mm if z <= channel.beam.thickness_mm + 1e-6 else 0.0
+        count = max(round(width / LINE_MM), 1)
+        for k in range(count if width else 0):
+            y = (k + 0.5) * width / count - width / 2
+            a, b = (share * path.length_mm for share in piece or (0, 1))
+            self.beads.append((a, y, b, y, width / count * h, h, z))
+        for k in range(first, len(self.beads)):
+            bead = self.beads[k]
+            ends = [self.on_pad(taxel, channel, washer, *bead[i : i + 2]) for i in (0, 2)]
+            self.beads[k] = (*ends[0], *ends[1], *bead[4:])
+
+    @staticmethod
+    def turn(along, x, y, back=False):
+        for _ in range({"+x": 0, "+y": 1, "-x": 2, "-y": 3}[along]):
+            x, y = (y, -x) if back else (-y, x)
+        return x, y
+
+    def own(self, channel, x, y):
+        return self.turn(channel.site.along, x - channel.site.origin_mm[0], y - channel.site.origin_mm[1], True)
+
+    def on_pad(self, taxel, channel, washer, x, y):
+        x, y = self.turn(channel.site.along, x - washer[0], y)
+        return (taxel.x_mm - x, taxel.y_mm - y) if taxel.turned else (taxel.x_mm + x, taxel.y_mm + y)
+
+    def lay(self):
+        pad = self.plan.spec.pad
+        half_x, half_y, border = pad.width_mm / 2, pad.depth_mm / 2, pad.border_mm
+        self.beads = []
+        for number, (z, h) in enumerate(self.layers()):
+            for taxel in self.plan.taxels:
+                self.taxel(taxel, number, z, h)
+            if z <= pad.frame_thickness_mm + 1e-6:
+                x, y = half_x + border - LINE_MM, half_y + border - LINE_MM
+                for low, high in ((-y, -half_y), (half_y, y)):
+                    self.fill(-x, x, low, high, z, h)
+                for low, high in ((-x, -half_x), (half_x, x)):
+                    self.fill(low, high, -half_y, half_y, z, h)
+                # Around it the outline, by which slicers begin.
+                x, y, area = x + LINE_MM / 2, y + LINE_MM / 2, LINE_MM * h
+                for a, b in (((-x, -y), (x, -y)), ((x, -y), (x, y)), ((x, y), (-x, y)), ((-x, y), (-x, -y))):
+                    self.beads.append((*a, *b, area, h, z))
+        return self
+
+    def text(self, relative=False, unit=1.0, footer=""):
+        cosine, sine = ((1, 0), (0, 1), (-1, 0), (0, -1))[self.quarters]
+        lines = ["; laid by hand", "G20" if unit != 1 else "G21", "G90", "M83" if relative else "M82", "G92 E0"]
+        e, at = 0.0, None
+        for x0, y0, x1, y1, area, height, z in self.beads:
+            ends = [
+                (cosine * x - sine * y + self.at[0], sine * x + cosine * y + self.at[1])
+                for x, y in ((x0, y0), (x1, y1))
+            ]
+            if z != at:
+                if self.notes:
+                    lines += [";LAYER_CHANGE", f";Z:{z:.4g}", f";HEIGHT:{height:.4g}"]
+                lines.append(f"G1 Z{(z + self.raft_mm) / unit:.6f} F600")
+                at, last = z, height
+            if self.notes and height != last:
+                lines.append(f";HEIGHT:{height:.4g}")
+                last = height
+            fed = area * math.dist(*ends) / FILAMENT_MM2 / unit
+            e = fed if relative else e + fed
+            lines.append(f"G0 X{ends[0][0] / unit:.6f} Y{ends[0][1] / unit:.6f} F9000")
+            lines.append(f"G1 X{ends[1][0] / unit:.6f} Y{ends[1][1] / unit:.6f} E{e:.7f}")
+        return "\n".join([*lines, footer, ""])
+
+    def file(self, folder, **how):
+        path = folder / "pad.gcode"
+        path.write_text(self.lay().text(**how))
+        return path
+
+
+def told(report, level=None):
+    return {f.code for f in report.findings if level in (None, f.level)}
+
+
+def one(report, code):
+    (finding,) = (f for f in report.findings if f.code == code)
+    return finding
+
+
+def test_what_is_laid_as_planned_holds(plan, usual):
+    assert usual.findings == ()
+    figures = usual.figures
+    assert figures["centre_mm"] == pytest.approx([100, 90], abs=0.01)
+    assert (figures["turned_deg"], figures["layers"]) == (90, 49)
+    blocks = 4.6**2 * 4 - math.pi / 4 * 3.7**2 * 0.4
+    # The broken edge is a triangle that turns about the axis (Pappus).
+    boss = math.pi / 4 * 2.5**2 - 0.3**2 / 2 * 2 * math.pi * (1.25 - 0.1)
+    for taxel in figures["taxels"]:
+        channel = plan.channels[taxel["channel"]]
+        (beam,) = taxel["beams"]
+        assert beam["width_mm"] == pytest.approx([channel.beam.width_mm] * 2, abs=0.01)
+        assert (beam["layers"], beam["thickness_mm"]) == (2, pytest.approx(0.3))
+        assert taxel["recess_depth_mm"] == pytest.approx(0.4, abs=1e-6)
+        # A bead's round edges are 0.215 of 0.2 mm wider than its rectangle; its ends are steps about the circle.
+        assert taxel["recess_room_mm"] == pytest.approx(3.7 - 0.043, abs=0.04)
+        assert taxel["gap_mm"] == pytest.approx(0.3 - 0.043, abs=0.03)
+        assert taxel["planned_plate_mg"] == pytest.approx(1.24 * (blocks + boss), rel=1e-4)
+        assert taxel["resonance_hz"] == pytest.approx(channel.resonance_hz, rel=0.01)
+
+
+@pytest.mark.parametrize("quarters", [0, 2, 3])
+def test_the_pad_is_found_wherever_it_lies(plan, tmp_path, quarters):
+    """Though turned by 180° it differs by its beams' widths alone."""
+    figures = check_gcode(plan, Hand(plan, (31.37, 208.11), quarters).file(tmp_path)).figures
+    assert figures["turned_deg"] == 90 * quarters
+    assert figures["centre_mm"] == pytest.approx([31.37, 208.11], abs=0.01)
+
+
+@pytest.mark.parametrize(
+    "how", [{"relative": True}, {"unit": 25.4}, {"footer": "G92 E0\nM104 S0"}, {"relative": True, "unit": 25.4}]
+)
+def test_dialects_say_the_same(plan, usual, tmp_path, how):
+    """Without comments too."""
+    other = check_gcode(plan, Hand(plan, quarters=1, notes=False).file(tmp_path, **how)).figures
+    for one, two in zip(usual.figures["taxels"], other["taxels"], strict=True):
+        assert two["resonance_hz"] == pytest.approx(one["resonance_hz"], rel=2e-3)
+        assert two["plate_mg"] == pytest.approx(one["plate_mg"], rel=1e-4)
+        assert two["recess_depth_mm"] == pytest.approx(one["recess_depth_mm"], abs=1e-4)
+
+
+def test_a_lost_layer_lowers_the_resonance_as_thickness_does(plan, tmp_path):
+    hand = Hand(plan, width=lambda taxel, layer: 0.0 if taxel.channel == 0 and layer else None)
+    report = check_gcode(plan, hand.file(tmp_path))
+    assert told(report) == {"laid.layers", "laid.resonance"}
+    finding = one(report, "laid.layers")
+    assert finding.where == "2 of 4 beams" and "0.2 mm thick in 1 layer, planned are 0.3 mm in 2" in finding.message
+    assert report.figures["taxels"][0]["resonance_hz"] == pytest.approx(
+        plan.channels[0].resonance_hz * (0.2 / 0.3) ** 1.5, rel=0.03
+    )
+    assert report.figures["taxels"][1]["resonance_hz"] == pytest.approx(plan.channels[1].resonance_hz, rel=0.01)
+
+
+def test_other_layers_are_named_with_the_setting(plan, tmp_path):
+    def width(taxel, layer):
+        return plan.channels[taxel.channel].beam.width_mm if layer == 0 else 0.0
+
+    report = check_gcode(plan, Hand(plan, steps_mm=(0.2, 0.2), width=width).file(tmp_path))
+    finding = one(report, "laid.layers")
+    assert finding.where == "4 of 4 beams" and finding.level == "error"
+    assert finding.message.endswith("layer height is 0.2 mm, must be 0.1 mm")
+
+
+def test_a_narrow_first_layer_lowers_the_resonance_by_the_root_of_its_share(plan, tmp_path):
+    """Of two layers, 0.2 and 0.1 mm, the first 0.4 mm narrower: the second moment by hand."""
+    wide = plan.channels[1].beam.width_mm
+    hand = Hand(plan, width=lambda taxel, layer: wide - 0.4 if taxel.channel == 1 and not layer else None)
+    footer = "; elefant_foot_compensation = 0.2\n; layer_height = 0.1"
+    report = check_gcode(plan, hand.file(tmp_path, footer=footer))
+    finding = one(report, "laid.width")
+    assert finding.where == "2 of 4 beams" and "laid 0.39" in finding.message
+    assert "elephant foot compensation is 0.2 mm, must be 0 mm" in finding.message
+    areas, middles, heights = np.array([0.2 * (wide - 0.4), 0.1 * wide]), np.array([0.1, 0.25]), np.array([0.2, 0.1])
+    mean = (areas * middles).sum() / areas.sum()
+    stiff = (areas * (heights**2 / 12 + (middles - mean) ** 2)).sum() / (wide * 0.3**3 / 12)
+    laid = report.figures["taxels"][1]["resonance_hz"]
+    assert laid == pytest.approx(plan.channels[1].resonance_hz * math.sqrt(stiff), rel=0.02)
+
+
+SPOILED = {
+    "beam lost": ({"width": lambda taxel, layer: 0.0 if taxel.id == "r0c1k0" else None}, "laid.beam", "r0c1k0"),
+    "piece lost": (
+        {"piece": lambda taxel, layer: (0, 0.6) if taxel.id == "r0c0k1" else None}, "laid.beam", "r0c0k1 at 4."
+    ),
+    "piece of a layer lost": (
+        {"piece": lambda taxel, layer: (0, 0.6) if taxel.id == "r0c0k1" and layer else None},
+        "laid.beam",
+        "have a layer with a piece missing, so far from the root (r0c0k1 at 4.",
+    ),
+    "wider": ({"width": lambda taxel, layer: 0.8 if taxel.channel == 0 and not layer else None}, "laid.width", "wider"),
+    "thick strands": ({"strand_mm": 0.4}, "laid.recess", "0.1 mm are left of 0.4 mm"),
+    "shallow recess": ({"recess_mm": 0.2}, "laid.recess", "0.2 mm are left of 0.4 mm"),
+    "deep recess": ({"recess_mm": 0.6}, "laid.recess", "0.6 mm deep"),
+    "tight recess": ({"tighter_mm": 0.15}, "laid.washer", "3.5 mm"),
+    "heavy plate": ({"flow": 1.06}, "laid.mass", "% of the plan's"),
+    "closed gap": ({"gap": "r0c0k0"}, "laid.gap", "is closed"),
+    "raft": ({"raft_mm": 0.6}, "laid.raft", "0.6 mm above the bed"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SPOILED)
+def test_what_is_spoiled_is_told(plan, tmp_path, name):
+    changes, code, words = SPOILED[name]
+    report = check_gcode(plan, Hand(plan, **changes).file(tmp_path))
+    assert words in one(report, code).message
+    broken = {"beam lost", "piece lost"}
+    lost = [t["id"] for t in report.figures["taxels"] if t["resonance_hz"] is None]
+    assert len(lost) == (name in broken)
+    if name in ("beam lost", "piece lost", "thick strands", "shallow recess", "tight recess", "closed gap", "raft"):
+        assert code in told(report, "error")
+
+
+def test_plates_as_heavy_as_laid(plan, usual, tmp_path):
+    """f goes with the root of the moving mass: here the plastic by hand and a washer of 7.85 g/cm³ and 0.3 mm."""
+    heavy = check_gcode(plan, Hand(plan, flow=1.06).file(tmp_path)).figures["taxels"][0]
+    usual = usual.figures["taxels"][0]
+    more = heavy["plate_mg"] - usual["plate_mg"]
+    assert more == pytest.approx(0.06 * 1.24 * (4.6**2 * 4 - math.pi / 4 * 3.7**2 * 0.4), rel=0.02)
+    moving = usual["plate_mg"] + 7.85 * 0.3 * math.pi / 4 * (3.5**2 - 1.7**2)
+    # What is more is spread nearly as what moves is; the effect is 2.4 %.
+    assert heavy["resonance_hz"] / usual["resonance_hz"] == pytest.approx((1 + more / moving) ** -0.5, abs=2e-3)
+
+
+def test_moves_arcs_and_modes_by_hand(tmp_path):
+    """A half circle each way, a whole one, lines in both modes and units: length and plastic by hand."""
+    path = tmp_path / "arcs.gcode"
+    path.write_text(
+        "G21\nG90\nM83\nG1 Z0.2\nG0 X10 Y0\n"
+        "G2 X-10 Y0 I-10 J0 E1\n"  # below: clockwise from +x
+        "G3 X10 Y0 I10 J0 E1\n"  # back the same way
+        "G3 I-10 J0 E2\n"  # once around
+        ";TYPE:Skirt/Brim\nG1 X50 E9\n;TYPE:Perimeter\n"
+        "G91\nG1 X-10 Y5 E1 ; X99 E99\nG90\nG92 X0 Y0\nG20\nG1 X1 E0.1\n"
+        "M117 X7 Y8 E9\nG1 Z1 E-1\n;HEIGHT:0.3\nG1X0Y0E.5\n"
+    )
+    below, above = read_layers(path, 1.75)
+    length = np.hypot(*(below.stop - below.start).T)
+    # 5 micrometres of 10 mm: a chord is 0.02 % short.
+    assert length.sum() == pytest.approx(4 * math.pi * 10 + math.hypot(10, 5) + 25.4, rel=2e-4)
+    assert below.volume_mm3.sum() == pytest.approx(FILAMENT_MM2 * (1 + 1 + 2 + 1 + 2.54), rel=1e-9)
+    on_circle = np.hypot(*below.start[below.area_mm2 < 0.16].T)
+    assert np.abs(on_circle[:-2] - 10).max() < 1e-6
+    assert below.start[1, 1] < 0 and np.isnan(below.height_mm).all()
+    assert (above.top_mm, above.height_mm.tolist()) == (pytest.approx(25.4), [0.3])
+
+
+def test_blocks_do_not_matter(plan, tmp_path, monkeypatch):
+    """What is read of a file is the same however it is cut, so that no more than a layer is ever held."""
+    path = Hand(plan).file(tmp_path, relative=True)
+    whole = list(read_layers(path, 1.75))
+    monkeypatch.setattr(gcode_file, "BLOCK_BYTES", 3001)
+    parts = list(read_layers(path, 1.75))
+    assert len(parts) == len(whole) == 49
+    for one, two in zip(whole, parts, strict=True):
+        assert one.top_mm == two.top_mm
+        for name in ("start", "stop", "area_mm2", "height_mm"):
+            np.testing.assert_allclose(getattr(one, name), getattr(two, name), atol=1e-9)
+
+
+def test_thick_filament_is_told_by_the_plastic(plan, tmp_path):
+    """Cura's files do not say; the same plastic is (1.75/2.85)² of the length."""
+    path = Hand(plan, notes=False).file(tmp_path, relative=True)
+    share = (1.75 / 2.85) ** 2
+    lines = [
+        f"{line[: line.index(' E')]} E{float(line[line.index(' E') + 2 :]) * share:.7f}" if " E" in line else line
+        for line in path.read_text().replace("G92 E0\n", "").splitlines()
+    ]
+    path.write_text("\n".join(lines))
+    report = check_gcode(plan, path)
+    assert report.findings == () and report.figures["filament_mm"] == 2.85
+
+
+def gcode_of_another(plan, folder):
+    return Hand(
+        make_plan(parse_spec(FOUR.replace("[1, 2]", "[1, 1]").replace("resolution = 4", "resolution = 2")))
+    ).file(folder)
+
+
+def cut_short(plan, folder):
+    path = Hand(plan).file(folder)
+    path.write_text(path.read_text()[: path.stat().st_size // 2])
+    return path
+
+
+def bytes_of(data, name="pad.gcode"):
+    def make(plan, folder):
+        (folder / name).write_bytes(data)
+        return folder / name
+
+    return make
+
+
+BAD = {
+    "another pad": (gcode_of_another, "does not hold the pad four"),
+    "cut short": (cut_short, "the file is cut short"),
+    "binary G-code": (bytes_of(b"GCDE\1\0\0\0"), "export it as text"),
+    "an STL": (bytes_of(bytes(80) + (1).to_bytes(4, "little") + bytes(50)), "is an STL; slice it first"),
+    "a text STL": (bytes_of(b"solid pad\nfacet normal 0 0 1\n"), "is an STL; slice it first"),
+    "a 3MF": (bytes_of(b"PK\3\4" + bytes(99)), "slice it first"),
+    "other binary": (bytes_of(bytes(range(256))), "is binary"),
+    "empty": (bytes_of(b" \n"), "is empty"),
+    "a profile": (bytes_of("Schichthöhe = 0,2\nlayer_height = 0.2\n".encode()), "no moves that lay plastic"),
+    "wide text": (bytes_of("G1 X1 Y2 E3\n".encode("utf-16")), "is UTF-16"),
+    "no number": (bytes_of(b"G1 Z1\nG1 X1 Y2 E3\nG1 X1.2.3 E4\n"), "line 3 is no G-code .* 'G1 X1.2.3 E4'"),
+    "one line": (bytes_of(b"x" * 9_000_000), "has a line that does not end"),
+    "another size": (bytes_of(b"G1 Z1\nG1 X1 E1\nG1 X90000 E2\nG1 Y3 E3\n"), "spreads over"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_what_is_no_gcode_of_this_pad_is_refused(plan, tmp_path, name):
+    make, words = BAD[name]
+    with pytest.raises(FileError, match=words):
+        check_gcode(plan, make(plan, tmp_path))
+
+
+def test_the_command_gives_the_verdict_first_then_what_to_set(tmp_path, capsys, monkeypatch):
+    """An ordinary profile, of a real slicer: layers, elephant foot, bridges and every lost beam."""
+    monkeypatch.chdir(tmp_path)
+    Path("four.toml").write_text(FOUR)
+    Path("four.gcode").write_bytes(gzip.decompress(REFERENCE.read_bytes()))
+    assert cli.run(["check", "--gcode", "four.gcode", "--spec", "four.toml"]) == 1
+    verdict, _, to_set, *rest = capsys.readouterr().out.splitlines()
+    assert "would not print as planned" in verdict
+    for words in (
+        "layer height 0.1 mm (is 0.2 mm)",
+        "elephant foot compensation 0 mm (is 0.2 mm)",
+        "thick bridges off",
+    ):
+        assert words in to_set
+    assert any("4 of 4 beams" in line and "laid.layers" in line for line in rest)
+    assert cli.run(["check", "--gcode", "four.gcode", "--spec", "four.toml", "--verbose"]) == 1
+    assert sum(line.lstrip().startswith("r0c") for line in capsys.readouterr().out.splitlines()) == 4
+    assert cli.run(["check", "--json", "--gcode", "four.gcode", "--spec", "four.toml"]) == 1
+    shown = json.loads(capsys.readouterr().out)
+    assert shown["figures"]["slicer"] == "PrusaSlicer 2.5.0" and shown["figures"]["turned_deg"] == 90
+    assert shown["figures"]["centre_mm"] == pytest.approx([90, 100], abs=0.01)
+    for taxel in shown["figures"]["taxels"]:
+        assert [beam["layers"] for beam in taxel["beams"]] == [1]
+        # (2/3)^1.5 of the thickness, less what the elephant foot takes of the width.
+        assert 0.4 < taxel["resonance_hz"] / taxel["planned_hz"] < 0.56
+    report = pg.check("four.gcode", "four.toml", gcode=True)
+    assert {f.code for f in report.findings} >= {"laid.layers", "laid.recess", "laid.resonance", "laid.width"}
+
+
+def test_usage(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for arguments, words in (
+        (["--gcode", "a.gcode"], "is needed to check G-code"),
+        ([], "needs either a mesh or --gcode FILE"),
+        (["a.stl", "--gcode", "a.gcode"], "needs either a mesh or --gcode FILE"),
+        (["--gcode", "a.gcode", "--spec", "paper-32"], "there is no such file"),
+    ):
+        assert cli.run(["check", *arguments]) == 2
+        assert words in capsys.readouterr().err
+
+
+def test_settings_of_slicers(tmp_path):
+    path = tmp_path / "a.gcode"
+    path.write_text(
+        "; generated by OrcaSlicer 2.1.0 on 2026\nG1 X1\n; elefant_foot_compensation = 0.15\r\n;layer_height = 0.2\n"
+    )
+    assert read_settings(path) == {
+        "slicer": "OrcaSlicer 2.1.0",
+        "elefant_foot_compensation": "0.15",
+        "layer_height": "0.2",
+    }
