@@ -77,6 +77,7 @@ pad = {{ width_mm = 32, depth_mm = 32 }}
 coil = {{ grid = [1, 1] }}
 suspension = {{ topology = "{NAME}" }}
 """
+SERPENTINES = tuple(f"serpentine-{legs}" for legs in (3, 5, 7))
 ALONG = pi / 4 + 0.5
 """Of a path, what its bends take over how far it lies from the plate's middle."""
 
@@ -182,10 +183,10 @@ def test_schema_and_refusals_name_what_is_registered(plan):
     def schema_names():
         return spec_schema()["properties"]["suspension"]["properties"]["topology"]["enum"]
 
-    assert schema_names() == ["auto", "bridge", "cantilever", "folded", NAME]
+    assert schema_names() == ["auto", "bridge", "cantilever", "folded", *SERPENTINES, NAME]
     with pytest.raises(SpecError, match="did you mean 'toy-spiral'"):
         parse_spec(SPEC.replace(NAME, "toy-spirl"))
-    with pytest.raises(SpecError, match="known are auto, bridge, cantilever, folded, toy-spiral"):
+    with pytest.raises(SpecError, match="known are auto, bridge, cantilever, folded, serpentine-3, serpentine-5, serpentine-7, toy-spiral"):
         parse_spec(SPEC.replace(NAME, "xyz"))
     text = plan_to_json(plan)
     unregister(NAME)

@@ -20,6 +20,7 @@ __all__ = [
     "BeamSection",
     "Flexibility",
     "Give",
+    "bend_stiffening",
     "bent_slowness",
     "flexibility",
     "largest_stress",
@@ -31,6 +32,8 @@ __all__ = [
 
 Array = Any
 
+SHARPEST = 0.98
+"""Width over twice the radius up to which a bend is taken as it is: where its inner side has no length, 1."""
 HELD_MOST = 0.85
 """Share of a beam's twist that ends may take away by holding its warping."""
 
@@ -329,6 +332,7 @@ def _planes(section: BeamSection, modulus: Array, poisson: Array) -> tuple[_Plan
     area, line, torsion = width * thickness, plain * thickness, torsion_constant(width, thickness, across)
     bending, lateral = modulus * stiffening * width * thickness**3 / 12, modulus * thickness * width**3 / 12
     high, wide = plain * thickness**3 / 12, thickness * plain**3 / 12
+    inner = bend_stiffening(slices.curved)
     # What both ends give together, each gives half of.
     shear, twist, slip = parts.end_shear / 2, parts.end_twist / 2, parts.lateral_end_shear / 2
     pull, push = [cosine, sine, x * sine - y * cosine], [-sine, cosine, x * cosine + y * sine]
@@ -337,7 +341,7 @@ def _planes(section: BeamSection, modulus: Array, poisson: Array) -> tuple[_Plan
             slices,
             within_up(slices),
             matrices([1 + zero, y, -x], [zero, cosine, sine], [zero, -sine, cosine]),
-            [1 / (area * sheared * across), 1 / (torsion * shear_modulus), 1 / bending],
+            [1 / (area * sheared * across), 1 / (torsion * shear_modulus * inner), 1 / (bending * inner)],
             ([shear, twist, parts.root], [shear, twist, parts.tip]),
             [line, high + wide, high],
         ),
@@ -350,6 +354,16 @@ def _planes(section: BeamSection, modulus: Array, poisson: Array) -> tuple[_Plan
             [line, line, wide],
         ),
     )
+
+
+def bend_stiffening(curved: Array) -> Array:
+    """How much stiffer a bend is out of its plane than a straight beam as long, by its width over twice its radius.
+
+    The mean across its width of the axis' radius over the radius there: slices turn as wholes, and their inner sides over
+    less length (as in Winkler's theory of thick curved bars, Timoshenko, Strength of Materials II).
+    """
+    at = np.clip(curved, 1e-6, SHARPEST)
+    return np.arctanh(at) / at
 
 
 def _plane(

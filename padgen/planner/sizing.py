@@ -19,7 +19,7 @@ from padgen.physics.selectivity import channels as resonators
 from padgen.planner.printable import LENGTH_STEP_MM, IdealBeam, printable_beams
 from padgen.planner.settings import level_law
 from padgen.planner.suspensions import BeamShape, Room, allowed, suspension
-from padgen.planner.taxel_model import TaxelModel, plate_shape
+from padgen.planner.taxel_model import STRAIGHT, Exponents, TaxelModel, plate_shape
 from padgen.spec import Printer, Spec
 from padgen.spec.model import Drive, Pad
 
@@ -41,14 +41,11 @@ class SizedChannel:
     model: TaxelModel
 
 
-def frequency_spread(beam: BeamShape, printer: Printer) -> np.ndarray:
-    """Relative spread of a resonance from the printer's tolerances: ``f ∝ w^½ t^{3/2} l^{−3/2}``."""
-    terms = (
-        0.5 * printer.width_tolerance_mm / np.asarray(beam.width_mm),
-        1.5 * printer.thickness_tolerance_mm / np.asarray(beam.thickness_mm),
-        1.5 * printer.length_tolerance_mm / np.asarray(beam.length_mm),
-    )
-    return np.sqrt(sum(term**2 for term in terms))
+def frequency_spread(beam: BeamShape, printer: Printer, exponents: Exponents = STRAIGHT) -> np.ndarray:
+    """Relative spread of a resonance from the printer's tolerances, ``f ∝ w^a t^b l^c`` with `exponents` (a, b, c)."""
+    tolerances = printer.width_tolerance_mm, printer.thickness_tolerance_mm, printer.length_tolerance_mm
+    terms = zip(exponents, tolerances, beam, strict=True)
+    return np.sqrt(sum((power * tolerance / np.asarray(size)) ** 2 for power, tolerance, size in terms))
 
 
 @dataclass(frozen=True)
@@ -57,7 +54,8 @@ class Reach:
 
     `thickness_mm` (T,), `length_mm` (L,), `width_mm` (T, L, W), `resonance_hz` (T, L, W), nan where it
     would be no beam. The width
-    runs from the printer's smallest to what the room holds, and rises with the resonance.
+    runs from the printer's smallest to what the room holds, and rises with the resonance. `bends` tells of beams that
+    go round corners.
     """
 
     topology: str
@@ -65,6 +63,7 @@ class Reach:
     length_mm: np.ndarray
     width_mm: np.ndarray
     resonance_hz: np.ndarray
+    bends: bool
 
     @cached_property
     def span_hz(self) -> tuple[float, float]:
@@ -84,6 +83,22 @@ class Reach:
         between = np.where(inside, width[..., :-1] + share * (width[..., 1:] - width[..., :-1]), -np.inf)
         found = between.max(-1)
         return np.where(np.isfinite(found), np.exp(found), np.nan)
+
+    def exponents(self, width_mm: np.ndarray) -> Exponents:
+        """Exponents of the resonance at widths (n, T, L): the rule's, of beams that bend those of the grid there."""
+        if not self.bends:
+            return STRAIGHT
+        at, grid = np.log(self.resonance_hz), np.log(self.width_mm)
+        nearest = np.abs(grid - np.log(width_mm)[..., None]).argmin(-1)[..., None]
+        steps = np.diff(at, axis=-1) / np.diff(grid, axis=-1)
+        slopes = [np.concatenate([steps[..., :1], steps], -1)]
+        for axis, (size, rule) in enumerate(((self.thickness_mm, STRAIGHT[1]), (self.length_mm, STRAIGHT[2]))):
+            sloping = np.gradient(at, np.log(size), axis=axis) if len(size) > 1 else np.full(at.shape, rule)
+            slopes.append(np.where(np.isnan(sloping), rule, sloping))
+        width, thickness, length = (
+            np.take_along_axis(slope[None], np.nan_to_num(nearest), -1)[..., 0] for slope in slopes
+        )
+        return width, thickness, length
 
 
 def layer_thicknesses_mm(printer: Printer, largest_mm: float) -> np.ndarray:
@@ -133,7 +148,8 @@ def _reach(spec: Spec, topology: str, room: Room, changes: int) -> Reach | None:
     model = TaxelModel(spec, topology, plate, BeamShape(wide, thick, long))
     # Nothing shorter than it is thick is a beam.
     resonance = np.where(long >= thick, np.maximum.accumulate(model.resonance_hz, axis=-1), np.nan)
-    return None if np.isnan(resonance).all() else Reach(topology, thickness, length, wide, resonance)
+    found = Reach(topology, thickness, length, wide, resonance, not model.is_straight)
+    return None if np.isnan(resonance).all() else found
 
 
 def _grid(spec: Spec, shortest: float, longest: float) -> tuple[np.ndarray, np.ndarray]:
@@ -184,7 +200,8 @@ def _choices(spec: Spec, reaches: list[Reach], targets: np.ndarray) -> Iterator[
     for item in reaches:
         width = item.widths_for(targets)
         beam = BeamShape(width, item.thickness_mm[:, None], item.length_mm)
-        spread = np.where(np.isnan(width), np.inf, frequency_spread(beam, spec.printer))
+        spread = frequency_spread(beam, spec.printer, item.exponents(width))
+        spread = np.where(np.isnan(width), np.inf, spread)
         tables.append((item, width, spread))
     allowed = set(spec.suspension.tune.split("+"))
     for step in _STEPS:

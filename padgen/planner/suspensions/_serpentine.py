@@ -1,21 +1,39 @@
-"""Serpentines across the window, of an odd number of legs: see the sketch in `serpentine_3.py`."""
+"""A beam in legs across the window, folded in its plane: softer than a straight one as thick, or thicker and as soft.
 
-from dataclasses import dataclass
+::
+
+         window
+    +----------------------+
+    |  __      +-------+   |
+    | |  |     | plate |   |     three legs of width w, a gap between them
+    |=+  |  +==|   O   |   |     O: washer below, boss above
+    |    |  |  |       |   |
+    |    +--+  +-------+   |     (all corners are round)
+    +----------------------+
+    root (x = 0)
+
+The legs twist and bend: a resonance goes with a lower power of the thickness and a higher one of the width than that of
+a straight beam, and so with less of what is common to a print. Sideways the legs are as soft as up and down.
+"""
+
 from math import pi
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from padgen.planner.arrangement import Arrangement, BeamPath, BeamShape, Block, PlateShape, Room, Segment, arc
 
-__all__ = ["Serpentine"]
+__all__ = ["BEAMS", "END_FACTOR", "ORDER", "Serpentine"]
 
+ORDER = None
+END_FACTOR = 0.25
+"""Of the same beam, unfolded."""
+BEAMS = 1
 WIDEST_SHARE = 0.2
 """Of the plate's width: what is wider has no legs to speak of."""
 
 
-@dataclass(frozen=True)
-class Serpentine:
+class Serpentine(NamedTuple):
     """A beam with `legs` across the window, an odd number: the first and the last reach from its middle to one side.
 
     All bends have the radius that leaves the smallest gap between legs, so that each leg takes the beam's width and one

@@ -1,10 +1,8 @@
-"""A beam of 5 legs across the window."""
+"""One beam of five legs across the window: see `_serpentine`."""
 
-from padgen.planner.suspensions._serpentine import Serpentine
+from padgen.planner.suspensions._serpentine import BEAMS, END_FACTOR, ORDER, Serpentine
 
-__all__ = ["BEAMS", "END_FACTOR", "arrange", "longest", "shortest", "widest"]
+__all__ = ["BEAMS", "END_FACTOR", "ORDER", "arrange", "longest", "shortest", "widest"]
 
-END_FACTOR = 0.25
-BEAMS = 1
 _SHAPE = Serpentine(5)
 longest, widest, shortest, arrange = _SHAPE.longest, _SHAPE.widest, _SHAPE.shortest, _SHAPE.arrange
