@@ -144,11 +144,12 @@ def _reach(spec: Spec, topology: str, room: Room, changes: int) -> Reach | None:
     if not len(thickness) or not len(length):
         return None
     width = np.geomspace(narrowest, max(widest, narrowest * (1 + 1e-6)), WIDTHS)
-    thick, long, wide = np.meshgrid(thickness, length, width, indexing="ij")
+    thick, long, wide = np.meshgrid(thickness, length, width, indexing="ij", sparse=True)
     model = TaxelModel(spec, topology, plate, BeamShape(wide, thick, long))
     # Nothing shorter than it is thick is a beam.
     resonance = np.where(long >= thick, np.maximum.accumulate(model.resonance_hz, axis=-1), np.nan)
-    found = Reach(topology, thickness, length, wide, resonance, not model.is_straight)
+    every = np.broadcast_to(wide, resonance.shape)
+    found = Reach(topology, thickness, length, every, resonance, not model.is_straight)
     return None if np.isnan(resonance).all() else found
 
 

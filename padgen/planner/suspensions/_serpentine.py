@@ -56,9 +56,9 @@ class Serpentine(NamedTuple):
         return min((along - gap_mm) / self.legs - gap_mm, WIDEST_SHARE * plate.width_mm)
 
     def shortest(self, plate: PlateShape, gap_mm: float) -> float:
-        """Shortest beam in mm: the widest one's bends follow on each other at the root."""
+        """Shortest beam in mm: of the widest, the first leg is straight for a gap's length."""
         widest = WIDEST_SHARE * plate.width_mm
-        return float(self._length_mm((widest + gap_mm) / 2, widest, gap_mm))
+        return float(self._length_mm((widest + gap_mm) / 2 + gap_mm, widest, gap_mm))
 
     def arrange(self, plate: PlateShape, beam: BeamShape, gap_mm: float) -> Arrangement:
         """Beams and blocks in mm for one beam shape, or for arrays of them."""
