@@ -82,7 +82,8 @@ def on_elastic_ends(section: BeamSection, around: Surroundings, poisson: Array) 
     flared = np.sqrt(width / (width + 2 * np.asarray(section.fillet)))
     side = 1 / (SIDE * width) + SIDE_NARROW / thickness
     hung, sideways, twisted, stretched = (_in_yoke if around.yoke else _in_wall)(section, around, poisson)
-    held = _held(WARPING, width, thickness / np.sqrt(across), inf if section.path else length, poisson)
+    tall = thickness / np.sqrt(across)
+    held = _held(WARPING, width, tall, inf if section.path else length, poisson)
     give = Give(
         root=softer * flared / (1 / (ROOT * thickness) + 1 / (FRAME * around.frame)),
         tip=softer / (1 / (TIP * thickness) + NARROW / width) + hung,
@@ -96,7 +97,8 @@ def on_elastic_ends(section: BeamSection, around: Surroundings, poisson: Array) 
         tip_height=TIP_HEIGHT * thickness,
         stretch=stretched,
         hung=hung,
-        warping=held if section.path else 0.0,
+        # Bends, about the vertical, hold the warping of a tall strip; that of a flat one goes on round them.
+        warping=np.where(tall > width, held, 0.0) if section.path else 0.0,
     )
     return section._replace(give=give)
 

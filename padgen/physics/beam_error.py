@@ -21,8 +21,8 @@ FLOOR = 0.008
 """What remains for slender beams: mass of the flares, rounding of the edges, the references' own error."""
 OTHERS, OTHERS_FLOOR, OTHERS_RISE = 2.5, 0.02, 0.008
 """For modes but the working one: a factor on what follows, and their floor, with its rise by their frequency ratio."""
-BENT = 0.05
-"""The same for beams that bend round corners, to which nothing was fitted, taken wide (docs/accuracy.md). Modes where
+BENT = 0.013
+"""The same for beams that bend round corners, after serpentines (docs/accuracy.md). Modes where
 the beams themselves swing, far above the working one, may be off by more (`padgen.physics.bounds.beam_inertia`)."""
 UNCERTAINTY = {
     "root": 0.47,

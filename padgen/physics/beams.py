@@ -24,6 +24,7 @@ __all__ = [
     "bent_slowness",
     "flexibility",
     "largest_stress",
+    "piece_twist",
     "root_load",
     "tip_mass",
     "tip_stiffness",
@@ -32,8 +33,6 @@ __all__ = [
 
 Array = Any
 
-SHARPEST = 0.98
-"""Width over twice the radius up to which a bend is taken as it is: where its inner side has no length, 1."""
 SHORTEST_M = 1e-12
 HELD_MOST = 0.85
 """Share of a beam's twist that ends may take away by holding its warping."""
@@ -364,9 +363,8 @@ def _planes(section: BeamSection, modulus: Array, poisson: Array) -> tuple[_Plan
     area, line, torsion = width * thickness, plain * thickness, torsion_constant(width, thickness, across)
     bending, lateral = modulus * stiffening * width * thickness**3 / 12, modulus * thickness * width**3 / 12
     high, wide = plain * thickness**3 / 12, thickness * plain**3 / 12
-    pieces = slices.straight / np.maximum(section.give.warping, SHORTEST_M)[..., None]
     inner = bend_stiffening(slices.curved)
-    twisting = (1 - np.tanh(pieces) / pieces) / inner
+    twisting = piece_twist(slices.straight, np.asarray(section.give.warping)[..., None]) / inner
     # What both ends give together, each gives half of.
     shear, twist, slip = parts.end_shear / 2, parts.end_twist / 2, parts.lateral_end_shear / 2
     pull, push = [cosine, sine, x * sine - y * cosine], [-sine, cosine, x * cosine + y * sine]
@@ -393,11 +391,17 @@ def _planes(section: BeamSection, modulus: Array, poisson: Array) -> tuple[_Plan
 def bend_stiffening(curved: Array) -> Array:
     """How much stiffer a bend is out of its plane than a straight beam as long, by its width over twice its radius.
 
-    The mean across its width of the axis' radius over the radius there: slices turn as wholes, and their inner sides over
-    less length (as in Winkler's theory of thick curved bars, Timoshenko, Strength of Materials II).
+    Slices turn as wholes, and their inner sides over less length: the first term of the mean across the width of the
+    axis' radius over the radius there (as in Winkler's theory of thick curved bars, Timoshenko, Strength of Materials II).
+    All terms together overrate sharp bends (docs/accuracy.md).
     """
-    at = np.clip(curved, 1e-6, SHARPEST)
-    return np.arctanh(at) / at
+    return 1 + curved**2 / 3
+
+
+def piece_twist(straight: Array, warping: Array) -> Array:
+    """How much a straight piece of a bent beam twists, over one whose ends warp freely (`Give.warping`)."""
+    pieces = straight / np.maximum(warping, SHORTEST_M)
+    return 1 - np.tanh(pieces) / pieces
 
 
 def _plane(
