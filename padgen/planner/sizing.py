@@ -54,8 +54,8 @@ class Reach:
 
     `thickness_mm` (T,), `length_mm` (L,), `width_mm` (T, L, W), `resonance_hz` (T, L, W), nan where it
     would be no beam. The width
-    runs from the printer's smallest to what the room holds, and rises with the resonance. `bends` tells of beams that
-    go round corners.
+    runs from the printer's smallest to what the room holds, and rises with the resonance. `apart` (T, L, W) tells, of
+    beams that go round corners, how far the nearest mode is from the working one, relative.
     """
 
     topology: str
@@ -63,7 +63,7 @@ class Reach:
     length_mm: np.ndarray
     width_mm: np.ndarray
     resonance_hz: np.ndarray
-    bends: bool
+    apart: np.ndarray | None
 
     @cached_property
     def span_hz(self) -> tuple[float, float]:
@@ -84,21 +84,24 @@ class Reach:
         found = between.max(-1)
         return np.where(np.isfinite(found), np.exp(found), np.nan)
 
-    def exponents(self, width_mm: np.ndarray) -> Exponents:
-        """Exponents of the resonance at widths (n, T, L): the rule's, of beams that bend those of the grid there."""
-        if not self.bends:
-            return STRAIGHT
-        at, grid = np.log(self.resonance_hz), np.log(self.width_mm)
-        nearest = np.abs(grid - np.log(width_mm)[..., None]).argmin(-1)[..., None]
-        steps = np.diff(at, axis=-1) / np.diff(grid, axis=-1)
-        slopes = [np.concatenate([steps[..., :1], steps], -1)]
-        for axis, (size, rule) in enumerate(((self.thickness_mm, STRAIGHT[1]), (self.length_mm, STRAIGHT[2]))):
-            sloping = np.gradient(at, np.log(size), axis=axis) if len(size) > 1 else np.full(at.shape, rule)
-            slopes.append(np.where(np.isnan(sloping), rule, sloping))
-        width, thickness, length = (
-            np.take_along_axis(slope[None], np.nan_to_num(nearest), -1)[..., 0] for slope in slopes
-        )
-        return width, thickness, length
+    def spread(self, width_mm: np.ndarray, spec: Spec) -> np.ndarray:
+        """Relative spread of prints at widths (n, T, L), inf where there is none.
+
+        Of beams that bend, the exponents are those of the grid at its nearest width, and a mode that lies on the
+        working one counts like a spread of 100 %.
+        """
+        beam, exponents, doubled = BeamShape(width_mm, self.thickness_mm[:, None], self.length_mm), STRAIGHT, 0.0
+        if self.apart is not None:
+            at, grid = np.log(self.resonance_hz), np.log(self.width_mm)
+            steps = np.diff(at, axis=-1) / np.diff(grid, axis=-1)
+            found = [np.concatenate([steps[..., :1], steps], -1)]
+            for axis, (size, rule) in enumerate(((self.thickness_mm, STRAIGHT[1]), (self.length_mm, STRAIGHT[2]))):
+                slope = np.gradient(at, np.log(size), axis=axis) if len(size) > 1 else np.full(at.shape, rule)
+                found.append(np.where(np.isnan(slope), rule, slope))
+            nearest = np.abs(grid - np.log(width_mm)[..., None]).argmin(-1)[..., None]
+            w, t, l, apart = (np.take_along_axis(part[None], nearest, -1)[..., 0] for part in (*found, self.apart))
+            exponents, doubled = (w, t, l), apart < 1 / spec.q_min
+        return np.where(np.isnan(width_mm), np.inf, frequency_spread(beam, spec.printer, exponents) + doubled)
 
 
 def layer_thicknesses_mm(printer: Printer, largest_mm: float) -> np.ndarray:
@@ -149,7 +152,8 @@ def _reach(spec: Spec, topology: str, room: Room, changes: int) -> Reach | None:
     # Nothing shorter than it is thick is a beam.
     resonance = np.where(long >= thick, np.maximum.accumulate(model.resonance_hz, axis=-1), np.nan)
     every = np.broadcast_to(wide, resonance.shape)
-    found = Reach(topology, thickness, length, every, resonance, not model.is_straight)
+    apart = None if model.is_straight else np.sort(np.abs(model.modes.frequency_hz / model.resonance_hz[..., None] - 1))
+    found = Reach(topology, thickness, length, every, resonance, apart if apart is None else apart[..., 1])
     return None if np.isnan(resonance).all() else found
 
 
@@ -181,7 +185,7 @@ def size_channels(spec: Spec, room: Room, resonance_hz: tuple[float, ...]) -> tu
         channels = _solved(spec, picks, targets)
         if channels is None:
             continue
-        if not crowded_modes(spec, channels):
+        if not crowded_modes(spec, channels) and not any(_doubled(spec, channel.model) for channel in channels):
             return channels
         first = first or channels
         if tried >= min(TRIES * len(_STEPS), MOST_BEAMS // len(targets)):
@@ -200,9 +204,7 @@ def _choices(spec: Spec, reaches: list[Reach], targets: np.ndarray) -> Iterator[
     tables = []
     for item in reaches:
         width = item.widths_for(targets)
-        beam = BeamShape(width, item.thickness_mm[:, None], item.length_mm)
-        spread = frequency_spread(beam, spec.printer, item.exponents(width))
-        spread = np.where(np.isnan(width), np.inf, spread)
+        spread = item.spread(width, spec)
         tables.append((item, width, spread))
     allowed = set(spec.suspension.tune.split("+"))
     for step in _STEPS:
@@ -320,6 +322,13 @@ def _width_solved(
             return beam, found
         beam = beam._replace(width_mm=np.clip(beam.width_mm * np.exp(miss / slope), *bounds))
     return beam, TaxelModel(spec, topology, plate, beam).resonance_hz
+
+
+def _doubled(spec: Spec, model: TaxelModel) -> bool:
+    """Whether another mode lies within the half-power width of the working one, on beams with bends: with no plane of
+    symmetry the two mix."""
+    hz = np.delete(model.modes.frequency_hz, int(model.working))
+    return not model.is_straight and bool((np.abs(hz / model.resonance_hz - 1) < 1 / spec.q_min).any())
 
 
 def crowded_modes(spec: Spec, channels: tuple[SizedChannel, ...]) -> list[tuple[int, float, int, float]]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from padgen.core.units import G_PER_CM3, GPA, MM
 from padgen.physics.beam_ends import Surroundings, YokeSize, fitted, on_elastic_ends
-from padgen.physics.beam_error import BENT, FLOOR, Plate, relative_error, uncertain_energies
+from padgen.physics.beam_error import BENT, FLOOR, TALL, Plate, relative_error, uncertain_energies
 from padgen.physics.beams import BeamSection
 from padgen.physics.modes import BeamPlacement, Modes, bending_stress, suspended_modes
 from padgen.physics.resonator import natural_frequency, rule_stiffness
@@ -283,7 +283,11 @@ class TaxelModel:
         roof = max(thickness - recess_mm(self.spec)[1] * MM, thickness / 10)
         plate = Plate(length, width, roof)
         energies = sum(uncertain_energies(beam, self.modes, modulus, poisson, plate) for beam in self.placements)
-        floor = FLOOR if self.is_straight else BENT
+        floor: Any = FLOOR
+        if not self.is_straight:
+            pieces = [s.length_mm for path in self.arrangement.beams for s in path.segments if not np.any(s.turn_rad)]
+            longest = np.maximum.reduce(np.broadcast_arrays(*pieces))
+            floor = np.hypot(BENT, TALL * self.beam.thickness_mm / longest)[..., None]
         return relative_error(np.asarray(energies), self.modes.frequency_hz, self.working, floor)
 
     @cached_property
