@@ -14,6 +14,7 @@ import csv
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from math import inf
 from pathlib import Path
 from types import SimpleNamespace
@@ -182,9 +183,9 @@ class Compared(NamedTuple):
     """Its frequency over the working mode's."""
 
 
-def compared(row: Row) -> list[Compared]:
-    """The beam model's modes beside those of 3-D elasticity that move the washer alike."""
-    model = model_of(row)
+def compared(row: Row, frame_depth_mm: float | None = None) -> list[Compared]:
+    """The beam model's modes, on a frame that deep, beside those of 3-D elasticity that move the washer alike."""
+    model = replace(model_of(row), frame_depth_mm=frame_depth_mm)
     motion = np.array([[row[f"{axis}_{k}"] for axis in AXES] for k in range(MODES)])
     own = np.concatenate([model.modes.at_point(model.washer_point_m), model.modes.shape[3:]])
     alike = np.linalg.solve(own, motion.T) ** 2
@@ -531,7 +532,8 @@ def main() -> None:
     elif asked.check:
         print("\n".join(checked([rows[number] for number in asked.check])))
     else:
-        print("\n".join(tables(list(rows.values()))))
+        for bent in (False, True):
+            print("\n".join(tables([row for number, row in rows.items() if (number >= BENT_FROM) is bent])) + "\n")
 
 
 def checked(rows: list[Row]) -> list[str]:

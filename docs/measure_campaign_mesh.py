@@ -372,7 +372,9 @@ def taxel_mesh(taxel: Taxel, levels: int, size: float) -> Any:
             for k in range(count):
                 p, q = corners[k], corners[(k + 1) % count]
                 ends = plan.points[[p, q]][:, :2]
-                held = any((np.abs(ends[:, axis] - at) < 1e-7).all() for axis, at in ((0, x0), (0, x1), (1, y0), (1, y1)))
+                held = any(
+                    (np.abs(ends[:, axis] - at) < 1e-7).all() for axis, at in ((0, x0), (0, x1), (1, y0), (1, y1))
+                )
                 mid = not taxel.bends and (np.abs(ends[:, 1]) < 1e-9).all()
                 if held or mid:
                     quad = [node(p, level), node(q, level), node(q, level + 1), node(p, level + 1)]

@@ -186,7 +186,10 @@ def test_schema_and_refusals_name_what_is_registered(plan):
     assert schema_names() == ["auto", "bridge", "cantilever", "folded", *SERPENTINES, NAME]
     with pytest.raises(SpecError, match="did you mean 'toy-spiral'"):
         parse_spec(SPEC.replace(NAME, "toy-spirl"))
-    with pytest.raises(SpecError, match="known are auto, bridge, cantilever, folded, serpentine-3, serpentine-5, serpentine-7, toy-spiral"):
+    with pytest.raises(
+        SpecError,
+        match="known are auto, bridge, cantilever, folded, serpentine-3, serpentine-5, serpentine-7, toy-spiral",
+    ):
         parse_spec(SPEC.replace(NAME, "xyz"))
     text = plan_to_json(plan)
     unregister(NAME)

@@ -64,7 +64,9 @@ def sliced(path: Sequence[tuple[Array, Array]], width: Array, fillet: Array) -> 
     turned = heading[..., -1:]
     x, y = x - x[..., -1:], y - y[..., -1:]
     x, y = np.cos(turned) * x + np.sin(turned) * y, np.cos(turned) * y - np.sin(turned) * x
-    return Slices(x, y, np.cos(heading - turned), np.sin(heading - turned), wide, share, curved, straight, _running(tuple(counts)))
+    return Slices(
+        x, y, np.cos(heading - turned), np.sin(heading - turned), wide, share, curved, straight, _running(tuple(counts))
+    )
 
 
 def within_up(slices: Slices) -> np.ndarray:
