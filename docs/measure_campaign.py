@@ -402,7 +402,7 @@ def polymer_of(row: Row) -> Any:
 def solved(row: Row, levels: int = 1, order: int = 3, kept: float = 0.05) -> Row:
     """What 3-D elasticity makes of a taxel of the set."""
     import ngsolve
-    from measure_campaign_mesh import PRINTED, WASHER, Round, Taxel, taxel_mesh, modes
+    from measure_campaign_mesh import PRINTED, WASHER, Round, Taxel, modes, taxel_mesh
 
     ngsolve.SetNumThreads(1)
     began = time.process_time()

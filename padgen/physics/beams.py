@@ -324,13 +324,13 @@ class _Plane(NamedTuple):
     inertia: np.ndarray
 
     @property
-    def flexibility(self) -> np.ndarray:
+    def flexibility(self) -> Array:
         """Of the tip (…, 3, 3)."""
         given = self.give * self.slices.running[-1][:, None]
         return _squared(self.within, given) + self._at_root + self.tip[..., None] * np.eye(3)
 
     @property
-    def running(self) -> np.ndarray:
+    def running(self) -> Array:
         """Flexibility (…, k, 3, 3) of the beam from the root to each slice, for loads on the tip."""
         # Sums written out: products of 3 x 3 matrices one by one take ten times as long.
         grown = np.einsum("...ki,...k,...kj->...ij", self.within, self.give, self.within)
@@ -338,11 +338,11 @@ class _Plane(NamedTuple):
         return running + self._at_root[..., None, :, :]
 
     @property
-    def _at_root(self) -> np.ndarray:
+    def _at_root(self) -> Array:
         return _squared(self.within[..., :1, :, :], self.root[..., None, :])
 
 
-def _squared(rows: np.ndarray, weight: np.ndarray) -> np.ndarray:
+def _squared(rows: np.ndarray, weight: np.ndarray) -> Array:
     """Sum (…, 3, 3) over slices (…, k, 3, 3) of their rows times themselves, each with its `weight` (…, k, 3)."""
     scaled = np.sqrt(weight)[..., None] * rows
     flat = scaled.reshape(*scaled.shape[:-3], -1, 3)
@@ -392,7 +392,7 @@ def bend_stiffening(curved: Array) -> Array:
     """How much stiffer a bend is out of its plane than a straight beam as long, by its width over twice its radius.
 
     Slices turn as wholes, and their inner sides over less length: the first term of the mean across the width of the
-    axis' radius over the radius there (as in Winkler's theory of thick curved bars, Timoshenko, Strength of Materials II).
+    axis' radius over the radius there (as in Winkler's theory of thick curved bars, Timoshenko, Strength of Materials).
     All terms together overrate sharp bends (docs/accuracy.md).
     """
     return 1 + curved**2 / 3

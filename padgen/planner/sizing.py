@@ -45,7 +45,7 @@ def frequency_spread(beam: BeamShape, printer: Printer, exponents: Exponents = S
     """Relative spread of a resonance from the printer's tolerances, ``f ∝ w^a t^b l^c`` with `exponents` (a, b, c)."""
     tolerances = printer.width_tolerance_mm, printer.thickness_tolerance_mm, printer.length_tolerance_mm
     terms = zip(exponents, tolerances, beam, strict=True)
-    return np.sqrt(sum((power * tolerance / np.asarray(size)) ** 2 for power, tolerance, size in terms))
+    return np.asarray(sum((power * tolerance / np.asarray(size)) ** 2 for power, tolerance, size in terms) ** 0.5)
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,8 @@ class Reach:
         Of beams that bend, the exponents are those of the grid at its nearest width, and a mode that lies on the
         working one counts like a spread of 100 %.
         """
-        beam, exponents, doubled = BeamShape(width_mm, self.thickness_mm[:, None], self.length_mm), STRAIGHT, 0.0
+        beam = BeamShape(width_mm, self.thickness_mm[:, None], self.length_mm)
+        spread = frequency_spread(beam, spec.printer)
         if self.apart is not None:
             at, grid = np.log(self.resonance_hz), np.log(self.width_mm)
             steps = np.diff(at, axis=-1) / np.diff(grid, axis=-1)
@@ -99,9 +100,9 @@ class Reach:
                 slope = np.gradient(at, np.log(size), axis=axis) if len(size) > 1 else np.full(at.shape, rule)
                 found.append(np.where(np.isnan(slope), rule, slope))
             nearest = np.abs(grid - np.log(width_mm)[..., None]).argmin(-1)[..., None]
-            w, t, l, apart = (np.take_along_axis(part[None], nearest, -1)[..., 0] for part in (*found, self.apart))
-            exponents, doubled = (w, t, l), apart < 1 / spec.q_min
-        return np.where(np.isnan(width_mm), np.inf, frequency_spread(beam, spec.printer, exponents) + doubled)
+            here = [np.take_along_axis(part[None], nearest, -1)[..., 0] for part in (*found, self.apart)]
+            spread = frequency_spread(beam, spec.printer, (here[0], here[1], here[2])) + (here[3] < 1 / spec.q_min)
+        return np.where(np.isnan(width_mm), np.inf, spread)
 
 
 def layer_thicknesses_mm(printer: Printer, largest_mm: float) -> np.ndarray:

@@ -107,7 +107,7 @@ class _Builder:
         self.elements[-1] = tip._replace(hinge_end=(float(parts.tip), float(parts.lateral_tip)))
 
     def _slice(self, section: BeamSection, at: float, piece: Segment) -> Section:
-        """The section at `at` from the root on a `piece`, with what its ends give in shear and twist spread along it."""
+        """The section at `at` from the root, on a `piece`; what the ends give in shear and twist is spread along it."""
         radius = float(section.fillet)
         flare = 2 * (radius - np.sqrt(max(radius**2 - max(radius - at, 0.0) ** 2, 0.0)))
         parts = flexibility(section, self.modulus, self.poisson)
