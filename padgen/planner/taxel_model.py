@@ -287,7 +287,8 @@ class TaxelModel:
         if not self.is_straight:
             pieces = [s.length_mm for path in self.arrangement.beams for s in path.segments if not np.any(s.turn_rad)]
             longest = np.maximum.reduce(np.broadcast_arrays(*pieces))
-            floor = np.hypot(BENT, TALL * self.beam.thickness_mm / longest)[..., None]
+            tall = np.asarray(self.beam.thickness_mm) / self.spec.material.cross_layer_ratio**0.5
+            floor = np.hypot(BENT, TALL * tall / longest)[..., None]
         return relative_error(np.asarray(energies), self.modes.frequency_hz, self.working, floor)
 
     @cached_property
