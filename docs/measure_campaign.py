@@ -5,7 +5,8 @@ python docs/measure_campaign.py --solve 600    solve numbers 0 … 599 that the 
 python docs/measure_campaign.py --check 7 19   those numbers anew by finer elements
 
 Number i is drawn from the seed (SEED, i): half of them as the planner sizes them from a random spec, half with
-dimensions drawn directly from all that a spec allows. Every third is held out of all fits.
+dimensions drawn directly from all that a spec allows. Every third is held out of all fits. Numbers from 1000 on are
+serpentines (`--solve 1060 --share 1000 1`).
 """
 
 import argparse
@@ -13,6 +14,8 @@ import csv
 import sys
 import tempfile
 import time
+from dataclasses import replace
+from math import inf
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -28,7 +31,7 @@ from padgen.core.units import G_PER_CM3, GPA, GRAM
 from padgen.planner.make import choose
 from padgen.planner.plan import Cell, Plate
 from padgen.planner.search import sites_of
-from padgen.planner.suspensions import BeamShape, suspension
+from padgen.planner.suspensions import BeamShape, Room, suspension
 from padgen.planner.taxel_model import TaxelModel, fillet_mm, plate_shape, post_diameter_mm, recess_mm
 from padgen.planner.tile import Outline, outline
 from padgen.spec import Spec, catalogue, make_spec
@@ -40,6 +43,11 @@ MODES = 6
 TIME_S, MOST_MB = 240, 3000
 TRIES = 60
 TOPOLOGIES = ("cantilever", "folded", "bridge")
+BENT = ("serpentine-3", "serpentine-5", "serpentine-7")
+BENT_FROM = 1000
+"""Numbers from which taxels hang on beams that bend."""
+MOST_ACROSS = 4.0
+"""Largest reach in mm of a leg of those drawn directly."""
 # Modulus in GPa, Poisson's ratio, density in g/cm³.
 POLYMERS = {
     "pla": ("fdm", 3.0, 0.36, 1.24),
@@ -175,9 +183,9 @@ class Compared(NamedTuple):
     """Its frequency over the working mode's."""
 
 
-def compared(row: Row) -> list[Compared]:
-    """The beam model's modes beside those of 3-D elasticity that move the washer alike."""
-    model = model_of(row)
+def compared(row: Row, frame_depth_mm: float | None = None) -> list[Compared]:
+    """The beam model's modes, on a frame that deep, beside those of 3-D elasticity that move the washer alike."""
+    model = replace(model_of(row), frame_depth_mm=frame_depth_mm)
     motion = np.array([[row[f"{axis}_{k}"] for axis in AXES] for k in range(MODES)])
     own = np.concatenate([model.modes.at_point(model.washer_point_m), model.modes.shape[3:]])
     alike = np.linalg.solve(own, motion.T) ** 2
@@ -246,7 +254,7 @@ def drawn(number: int) -> Row:
         random = np.random.default_rng((SEED, number, attempt))
         way = "planned" if np.random.default_rng((SEED, number)).random() < 0.5 else "direct"
         try:
-            row = (_planned if way == "planned" else _direct)(random)
+            row = (_planned if way == "planned" else _direct)(random, BENT if number >= BENT_FROM else TOPOLOGIES)
             if row:
                 spec_of(row)
         except PadgenError:
@@ -312,17 +320,24 @@ def _printed(random: Any) -> Row:
     return {key: round(value, 6) if isinstance(value, float) else value for key, value in row.items()}
 
 
-def _direct(random: Any) -> Row:
+def _direct(random: Any, topologies: tuple[str, ...]) -> Row:
     """Proportions drawn evenly in their logarithms."""
-    row: Row = {"topology": str(random.choice(TOPOLOGIES)), **_printed(random)}
+    row: Row = {"topology": str(random.choice(topologies)), **_printed(random)}
     thickest = min(row["plate_thickness_mm"] - row["layer_mm"], 2.4)
     wanted = _logs(random, 0.1, max(thickest, 0.11))
     count = max(round((wanted - row["first_layer_mm"]) / row["layer_mm"]), 0)
     thickness = row["first_layer_mm"] + count * row["layer_mm"]
     widest = row["plate_width_mm"] if row["topology"] != "folded" else 4.0
     width = np.clip(thickness * _logs(random, 0.4, 16), row["line_width_mm"], widest)
-    shortest = suspension(row["topology"]).shortest(plate_shape(spec_of({**row, **_SIZED})), row["smallest_gap_mm"])
+    bare = plate_shape(spec_of({**row, **_SIZED}))
+    shortest = suspension(row["topology"]).shortest(bare, row["smallest_gap_mm"])
     length = np.clip(thickness * _logs(random, 1, 60), max(shortest, thickness), max(25.0, shortest))
+    if row["topology"] in BENT:
+        widest = suspension(row["topology"]).widest(Room(inf, inf), bare, row["smallest_gap_mm"])
+        if widest < row["line_width_mm"]:
+            return {}
+        width = _logs(random, row["line_width_mm"], widest)
+        length = shortest + 2 * (int(row["topology"][-1]) - 1) * random.uniform(0, MOST_ACROSS)
     row |= {"width_mm": float(width), "thickness_mm": float(thickness), "length_mm": float(length)}
     row = {key: round(value, 6) if isinstance(value, float) else value for key, value in row.items()}
     if thickness > thickest + 1e-9:
@@ -337,9 +352,9 @@ def _direct(random: Any) -> Row:
 _SIZED = {"width_mm": 1.0, "thickness_mm": 1.0, "length_mm": 1.0}
 
 
-def _planned(random: Any) -> Row:
+def _planned(random: Any, topologies: tuple[str, ...]) -> Row:
     """One channel of what the planner makes of a random spec."""
-    row: Row = {"topology": str(random.choice(TOPOLOGIES)), **_printed(random)}
+    row: Row = {"topology": str(random.choice(topologies)), **_printed(random)}
     channels, coils = int(random.integers(1, 4)), int(random.integers(1, 5))
     pitch = _logs(random, 1.3, 4) * row["plate_width_mm"] * channels**0.5
     base = _logs(random, 25, 600) * (row["youngs_modulus_gpa"] / 2) ** 0.5
@@ -387,7 +402,7 @@ def polymer_of(row: Row) -> Any:
 def solved(row: Row, levels: int = 1, order: int = 3, kept: float = 0.05) -> Row:
     """What 3-D elasticity makes of a taxel of the set."""
     import ngsolve
-    from measure_campaign_mesh import PRINTED, WASHER, Round, Taxel, half_mesh, modes
+    from measure_campaign_mesh import PRINTED, WASHER, Round, Taxel, modes, taxel_mesh
 
     ngsolve.SetNumThreads(1)
     began = time.process_time()
@@ -408,7 +423,7 @@ def solved(row: Row, levels: int = 1, order: int = 3, kept: float = 0.05) -> Row
     volume = np.pi / 4 * (ring[0] ** 2 - ring[1] ** 2) * washer.thickness_mm
     steel = Elastic(200e9, 0.3, washer.density_g_per_cm3 * G_PER_CM3 + taxel.glue_mg * 1e-6 / (volume * 1e-9))
     found = modes(
-        half_mesh(given, levels, 1.0),
+        taxel_mesh(given, levels, 1.0),
         {PRINTED: polymer_of(row), WASHER: steel},
         float(arrangement.washer_x_mm),
         order,
@@ -517,7 +532,8 @@ def main() -> None:
     elif asked.check:
         print("\n".join(checked([rows[number] for number in asked.check])))
     else:
-        print("\n".join(tables(list(rows.values()))))
+        for bent in (False, True):
+            print("\n".join(tables([row for number, row in rows.items() if (number >= BENT_FROM) is bent])) + "\n")
 
 
 def checked(rows: list[Row]) -> list[str]:

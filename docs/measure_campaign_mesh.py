@@ -1,8 +1,9 @@
-"""Modes of half a taxel on prisms: an own mesh for `measure_campaign.py`, some ten times as quick as tetrahedra.
+"""Modes of a taxel on prisms: an own mesh for `measure_campaign.py`, some ten times as quick as tetrahedra.
 
 A taxel is flat layers of one outline each. Its plan is meshed by triangles with shrinking quadrilaterals along
 roots and tips (Netgen), then extruded from level to level, with thin levels at the beams' top. Circles are polygons
-of the same area, a chamfer is a boss as much shorter. The frame is kept near the roots only. Lengths in mm.
+of the same area, bends chords as long as their arcs, a chamfer is a boss as much shorter. The frame is kept near the
+roots only. Of a taxel with a plane of symmetry half is meshed. Lengths in mm.
 """
 
 from itertools import pairwise
@@ -21,6 +22,11 @@ ENERGY = 0.01
 """Share of the energy in elements that are left at order 2."""
 GRADED = 0.2
 FIELDS = {"along": (0, 2, 4), "across": (1, 3, 5)}
+WHOLE = {"all": (0, 1, 2, 3, 4, 5)}
+TURN = np.pi / 8
+"""Of a bend within one chord."""
+PIECE = 2.5
+"""How much longer than wide the straight pieces of a bent beam are at most."""
 PRINTED, WASHER, CLAMPED, MIDDLE = "printed", "washer", "clamped", "middle"
 
 
@@ -44,6 +50,10 @@ class Taxel(NamedTuple):
     fillet_mm: float
     frame_mm: float
     sides: tuple[float, float, float, float]
+
+    @property
+    def bends(self) -> bool:
+        return not all(path.is_straight for path in self.arrangement.beams)
 
 
 def _rectangle(x0: float, x1: float, y0: float, y1: float) -> Any:
@@ -142,10 +152,72 @@ def _squeeze(taxel: Taxel) -> tuple[float, float]:
     return margin, min(middle, max(2.5 * width, middle / LONGEST)) if middle > 0 else -1.0
 
 
-def plan_mesh(taxel: Taxel, levels: int, size: float) -> Plan:
+def _meshed(faces: list[Any], lines: list[tuple[float, float, float]], levels: int, size: float) -> Plan:
+    """Triangles on faces, with shrinking quadrilaterals along `lines` (x, from y to y)."""
     import ngsolve
     from netgen.occ import Glue, OCCGeometry
 
+    shape = Glue(faces)
+    for edge in shape.edges:
+        a, b = edge.start, edge.end
+        edge.hpref = 0.0
+        for at, low, high in lines:
+            if (
+                abs(a.x - at) < 1e-7
+                and abs(b.x - at) < 1e-7
+                and min(a.y, b.y) > low - 1e-7
+                and max(a.y, b.y) < high + 1e-7
+            ):
+                edge.hpref = 1.0
+    for corner in shape.vertices:
+        ends = any(
+            abs(corner.p.x - at) < 1e-7 and min(abs(corner.p.y - y) for y in (low, high)) < 1e-7
+            for at, low, high in lines
+        )
+        corner.hpref = 1.0 if ends else 0.0
+    for face in shape.faces:
+        face.maxh = size * abs(face.mass) ** 0.5
+    mesh = ngsolve.Mesh(OCCGeometry(shape, dim=2).GenerateMesh(grading=0.9, segmentsperedge=0.1))
+    if levels:
+        mesh.RefineHP(levels, GRADED)
+    points = np.array([v.point for v in mesh.vertices])
+    return Plan(points, [tuple(v.nr for v in element.vertices) for element in mesh.Elements(ngsolve.VOL)])
+
+
+def _bent_strip(path: Any) -> list[Any]:
+    """Quadrilaterals along a beam; bends by chords about arcs of a radius that makes them as long as the arcs."""
+    half, (x, y), heading = float(path.width_mm) / 2, (float(v) for v in path.root_mm), 0.0
+    rungs = [((x, y), (0.0, 1.0))]
+    for segment in path.segments:
+        length, turn = float(segment.length_mm), float(segment.turn_rad)
+        count = round(abs(turn) / TURN) if turn else int(np.ceil(length / (PIECE * 2 * half)))
+        for _ in range(count):
+            heading += turn / count / 2
+            x, y = x + length / count * np.cos(heading), y + length / count * np.sin(heading)
+            heading += turn / count / 2
+            rungs.append(((x, y), (-np.sin(heading), np.cos(heading))))
+    sides = [[(float(a + s * half * n), float(b + s * half * m)) for s in (-1, 1)] for (a, b), (n, m) in rungs]
+    return [_polygon([low[0], high[0], high[1], low[1]]) for low, high in pairwise(sides)]
+
+
+def bent_plan_mesh(taxel: Taxel, levels: int, size: float) -> Plan:
+    """The whole plan of a taxel on one bent beam."""
+    (path,), (block,), r = taxel.arrangement.beams, taxel.arrangement.blocks, taxel.round
+    half, thickness, x0 = float(path.width_mm) / 2, float(path.thickness_mm), taxel.sides[0]
+    reach = REACH * max(thickness, -x0)
+    low, high = max(-half - reach, taxel.sides[2]), min(half + reach, taxel.sides[3])
+    begin, end, *sides = (float(v) for v in block[:4])
+    faces = [_rectangle(x0, 0.0, low, high), *_bent_strip(path), _rectangle(begin, end, *sides)]
+    angle = np.linspace(0, 2 * np.pi, 25)
+    for diameter in (r.recess_mm, r.washer_outer_mm, r.washer_inner_mm, r.boss_mm, r.post_mm):
+        if diameter > 0:
+            radius, centre = _radii(diameter, angle)[0], float(taxel.arrangement.washer_x_mm)
+            at = centre + radius * np.cos(angle[:-1]), radius * np.sin(angle[:-1])
+            faces.append(_polygon(list(zip(*(v.tolist() for v in at), strict=True))))
+    return _meshed(faces, [(0.0, -half, half), (begin, -half, half)], levels, size)
+
+
+def plan_mesh(taxel: Taxel, levels: int, size: float) -> Plan:
     arrangement = taxel.arrangement
     strips = _strips(taxel)
     thickness = float(arrangement.beams[0].thickness_mm)
@@ -203,30 +275,7 @@ def plan_mesh(taxel: Taxel, levels: int, size: float) -> Plan:
     ):
         if diameter > 0:
             faces.append(_half_disc(diameter, centre, corners))
-    shape = Glue(faces)
-    for edge in shape.edges:
-        a, b = edge.start, edge.end
-        edge.hpref = 0.0
-        for at, low, high in lines:
-            if (
-                abs(a.x - at) < 1e-7
-                and abs(b.x - at) < 1e-7
-                and min(a.y, b.y) > low - 1e-7
-                and max(a.y, b.y) < high + 1e-7
-            ):
-                edge.hpref = 1.0
-    for corner in shape.vertices:
-        ends = any(
-            abs(corner.p.x - at) < 1e-7 and min(abs(corner.p.y - y) for y in (low, high)) < 1e-7
-            for at, low, high in lines
-        )
-        corner.hpref = 1.0 if ends else 0.0
-    for face in shape.faces:
-        face.maxh = size * abs(face.mass) ** 0.5
-    mesh = ngsolve.Mesh(OCCGeometry(shape, dim=2).GenerateMesh(grading=0.9, segmentsperedge=0.1))
-    if levels:
-        mesh.RefineHP(levels, GRADED)
-    points = np.array([v.point for v in mesh.vertices])
+    points, cells = _meshed(faces, lines, levels, size)
     if squeezing:
         x = points[:, 0].copy()
         stretch = (length - 2 * margin) / squeezed
@@ -236,17 +285,17 @@ def plan_mesh(taxel: Taxel, levels: int, size: float) -> Plan:
             total = 2 * short + float(arrangement.blocks[0].high_x_mm) - float(arrangement.blocks[0].low_x_mm)
             begin = total - margin - squeezed
             points[:, 0] += (np.clip(x, begin, begin + squeezed) - begin) * (stretch - 1)
-    return Plan(points, [tuple(v.nr for v in element.vertices) for element in mesh.Elements(ngsolve.VOL)])
+    return Plan(points, cells)
 
 
 def _columns(taxel: Taxel, place: np.ndarray) -> list[tuple[float, float, str]]:
     """What stands over a place of the plan: material from level to level."""
     arrangement, r = taxel.arrangement, taxel.round
-    x, y = place
+    x, y = place[0], abs(place[1])  # round parts are the same on both sides
     distance = np.hypot(x - float(arrangement.washer_x_mm), y)
     whole = float(arrangement.window_mm[0])
 
-    fine, coarse = _rounds(taxel)
+    fine, coarse = (np.linspace(0, np.pi, 13),) * 2 if taxel.bends else _rounds(taxel)
 
     def within(diameter: float, angle: np.ndarray) -> bool:
         radius, at = _radii(diameter, angle), np.arctan2(y, x - float(arrangement.washer_x_mm))
@@ -259,7 +308,7 @@ def _columns(taxel: Taxel, place: np.ndarray) -> list[tuple[float, float, str]]:
         return [(0.0, taxel.frame_mm, PRINTED)]
     for block in arrangement.blocks:
         low_x, high_x, low_y, high_y, top = (float(v) for v in block)
-        if low_x < x < high_x and low_y < y < high_y:
+        if low_x < x < high_x and low_y < place[1] < high_y:
             bottom = 0.0
             found = []
             if top == r.plate_top_mm:
@@ -273,12 +322,12 @@ def _columns(taxel: Taxel, place: np.ndarray) -> list[tuple[float, float, str]]:
     return [(0.0, float(arrangement.beams[0].thickness_mm), PRINTED)]
 
 
-def half_mesh(taxel: Taxel, levels: int, size: float) -> Any:
-    """NGSolve mesh of the half with y ≥ 0."""
+def taxel_mesh(taxel: Taxel, levels: int, size: float) -> Any:
+    """NGSolve mesh of the half with y ≥ 0, of the whole where a beam bends."""
     import netgen.meshing as nm
     import ngsolve
 
-    plan = plan_mesh(taxel, levels, size)
+    plan = (bent_plan_mesh if taxel.bends else plan_mesh)(taxel, levels, size)
     thickness, r = float(taxel.arrangement.beams[0].thickness_mm), taxel.round
     marks = {0.0, thickness, taxel.frame_mm, r.plate_top_mm, r.recess_depth_mm, r.washer_low_mm, r.boss_top_mm}
     marks |= {float(b.height_mm) for b in taxel.arrangement.blocks}
@@ -304,7 +353,7 @@ def half_mesh(taxel: Taxel, levels: int, size: float) -> Any:
             known[corner, level] = mesh.Add(nm.MeshPoint(nm.Pnt(float(x), float(y), float(heights[level]))))
         return known[corner, level]
 
-    x0, x1, _, y1 = taxel.sides
+    x0, x1, y0, y1 = taxel.sides
     for bc in (1, 2):
         mesh.Add(nm.FaceDescriptor(surfnr=bc, domin=1, bc=bc))
     for cell in plan.cells:
@@ -323,8 +372,10 @@ def half_mesh(taxel: Taxel, levels: int, size: float) -> Any:
             for k in range(count):
                 p, q = corners[k], corners[(k + 1) % count]
                 ends = plan.points[[p, q]][:, :2]
-                held = any((np.abs(ends[:, axis] - at) < 1e-7).all() for axis, at in ((0, x0), (0, x1), (1, y1)))
-                mid = (np.abs(ends[:, 1]) < 1e-9).all()
+                held = any(
+                    (np.abs(ends[:, axis] - at) < 1e-7).all() for axis, at in ((0, x0), (0, x1), (1, y0), (1, y1))
+                )
+                mid = not taxel.bends and (np.abs(ends[:, 1]) < 1e-9).all()
                 if held or mid:
                     quad = [node(p, level), node(q, level), node(q, level + 1), node(p, level + 1)]
                     mesh.Add(nm.Element2D(1 if held else 2, quad))
@@ -371,7 +422,10 @@ class Found(NamedTuple):
 
 
 def modes(mesh: Any, materials: Any, axis_x: float, order: int = 3, count: int = 3, kept: float = ENERGY) -> Found:
-    """The lowest `count` modes of either symmetry, by elements of order 2, and of `order` where they hold energy."""
+    """The lowest `count` modes of either symmetry, by elements of order 2, and of `order` where they hold energy.
+
+    Of a whole taxel, which has no boundary called `MIDDLE`, twice as many of all.
+    """
     import ngsolve as ngs
     import scipy.sparse as sparse
 
@@ -407,8 +461,10 @@ def modes(mesh: Any, materials: Any, axis_x: float, order: int = 3, count: int =
         return np.concatenate([lumps @ part for part in vectors.reshape(3, scalar.ndof, -1)])
 
     frequency, change, motion, unknowns = [], [], [], 0
-    for axes in FIELDS.values():
-        loads, moved = [], np.zeros((3, scalar.ndof, 3))
+    whole = not dofs.middle.any()
+    for axes in (WHOLE if whole else FIELDS).values():
+        count, halves = (2 * count, 1) if whole else (count, 2)
+        loads, moved = [], np.zeros((3, scalar.ndof, len(axes)))
         for j, k in enumerate(axes):
             form = ngs.LinearForm(space)
             form += MM**3 * ngs.InnerProduct(ngs.CoefficientFunction(rigid[k]), test) * washer
@@ -417,8 +473,8 @@ def modes(mesh: Any, materials: Any, axis_x: float, order: int = 3, count: int =
             # A rigid motion is linear: it has the corners' unknowns only.
             moved[:, : len(place), j] = np.eye(3)[k][:, None] if k < 3 else np.cross(np.eye(3)[k - 3], place).T
         load = np.array(loads).T
-        load = load @ np.linalg.inv(moved.reshape(-1, 3).T @ load)
-        slides = np.concatenate([dofs.clamped | (dofs.middle if k in _HELD[axes] else False) for k in range(3)])
+        load = load @ np.linalg.inv(moved.reshape(-1, len(axes)).T @ load)
+        slides = np.concatenate([dofs.clamped | (dofs.middle if k in _HELD.get(axes, ()) else False) for k in range(3)])
         chosen, found = dofs.order <= 2, []
         for refined in (False, True):
             free = np.tile(chosen, 3) & ~slides
@@ -442,7 +498,7 @@ def modes(mesh: Any, materials: Any, axis_x: float, order: int = 3, count: int =
             chosen = chosen.copy()
             chosen[np.unique(np.concatenate([dofs.elements[k] for k in rich]))] = True
         part = np.zeros((count, 6))
-        part[:, axes] = shape[:, :count].T @ load / 2**0.5
+        part[:, axes] = shape[:, :count].T @ load / halves**0.5
         frequency.append(np.sqrt(found[1]) / (2 * np.pi))
         change.append(np.sqrt(found[0] / found[1]) - 1)
         motion.append(part)

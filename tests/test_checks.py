@@ -304,3 +304,18 @@ def test_many_findings_are_summed_up(small_pad, small_plan):
     found = [f for f in check_pad(small_pad, other).findings if f.code == "built.planned"]
     assert len(found) <= 6
     assert any("more like the last" in f.message for f in found)
+
+
+def test_legs_of_a_serpentine_that_are_too_near_or_too_thin_are_found():
+    """What its path says is built and passes; with the gaps of a finer printer, or thinner legs, it does not."""
+    spec = parse_spec(SMALL + "[suspension]\ntopology = 'serpentine-5'\n")
+    plan = make_plan(replace(spec, band_hz=(40.0, 400.0), resonances_hz=(100.0, 140.0)))
+    pad = build_pad(plan)
+    report = check_pad(pad, plan)
+    assert not [finding for finding in report.findings if finding.level == "error"]
+    assert report.figures["smallest_gap_mm"] == pytest.approx(plan.plate.gap_mm, abs=2e-3)
+    assert report.figures["largest_difference_from_plan_mm"] < 0.01
+    near = replace(plan, plate=replace(plan.plate, gap_mm=plan.plate.gap_mm - 0.05))
+    assert "print.gap" in codes(check_pad(build_pad(near), near))
+    thin = with_beam(plan, 0, width_mm=plan.channels[0].beam.width_mm - 0.03)
+    assert {"built.planned"} <= codes(check_pad(build_pad(thin), plan))

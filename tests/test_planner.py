@@ -17,7 +17,7 @@ from padgen.planner.channels import wanted_line_a2
 from padgen.planner.judge_drive import judge_drive
 from padgen.planner.layout import _channel_counts, candidates
 from padgen.planner.sizing import SizedChannel, crowded_modes, reach
-from padgen.planner.suspensions import BeamShape, PlateShape, Room, names, suspension
+from padgen.planner.suspensions import BeamShape, PlateShape, Room, allowed, names, suspension
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.report import plan_text
 from padgen.spec import load_spec, make_spec, parse_spec, template_paths
@@ -108,6 +108,7 @@ def test_resonance_rises_with_width_and_thickness_and_falls_with_length(paper_sp
     plate = plate_shape(paper_spec)
     for topology in names():
         length = np.array([9.0, 9.0, 9.0, 10.0])
+        length += max(suspension(topology).shortest(plate, 0.3) - 9.0, 0.0)
         beam = BeamShape(np.array([0.6, 0.9, 0.6, 0.6]), np.array([0.3, 0.3, 0.4, 0.3]), length)
         base, wide, thick, long = TaxelModel(paper_spec, topology, plate, beam).resonance_hz
         assert wide > base
@@ -592,3 +593,76 @@ def test_body_mass_by_hand(paper_spec):
 def test_make_spec_refuses_what_is_no_table():
     with pytest.raises(SpecError):
         make_spec({"name": "a", "resolution": 1, "band_hz": [1, 2], "q_min": 15, "drive": 4})
+
+
+def hung_on(paper_spec, topology, tune="width+thickness+length"):
+    suspension = replace(paper_spec.suspension, topology=topology, tune=tune)
+    return make_plan(replace(paper_spec, suspension=suspension))
+
+
+def slopes(plan, channel):
+    """d ln f / d ln of width, thickness and length, by whole steps of 1 %."""
+    beam, spec = plan.channels[channel].beam, plan.spec
+    size, found = np.array([beam.width_mm, beam.thickness_mm, beam.length_mm]), []
+    for axis in np.eye(3):
+        pair = [
+            TaxelModel(spec, beam.topology, plate_shape(spec), BeamShape(*(size * np.exp(side * axis).tolist())))
+            for side in (-0.01, 0.01)
+        ]
+        found.append(float(np.log(pair[1].resonance_hz / pair[0].resonance_hz)) / 0.02)
+    return np.array(found)
+
+
+def test_serpentines_print_alike_in_the_papers_cell(paper_spec, paper_plan):
+    """Of the paper's pair, at most 60 % of the straight beams' spread, and no more of a taxel's own.
+
+    By typical terms of a print: thickness and width of a taxel's own, 0.006 and 0.015 mm; height common to a print and
+    over the bed, 0.015 and 0.01 mm; modulus 2 %.
+    """
+
+    def spreads(plan, channel):
+        width, thickness, _ = slopes(plan, channel)
+        beam = plan.channels[channel].beam
+        own = np.hypot(width * 0.015 / beam.width_mm, thickness * 0.006 / beam.thickness_mm)
+        return own, np.sqrt(own**2 + (thickness / beam.thickness_mm) ** 2 * (0.015**2 + 0.01**2) + 0.01**2)
+
+    for channel, topology in enumerate(("serpentine-7", "serpentine-5")):
+        plan = hung_on(paper_spec, topology)
+        assert plan.channels[channel].resonance_hz == pytest.approx((56, 76)[channel], rel=2e-3)
+        assert plan.channels[channel].model_error < 0.02
+        assert plan.cell == paper_plan.cell
+        (own, total), (straight_own, straight_total) = spreads(plan, channel), spreads(paper_plan, channel)
+        assert straight_total == pytest.approx(0.095, abs=0.002)
+        assert total <= 0.6 * straight_total
+        assert own <= straight_own
+        ranked = plan.channels[channel].print_spread
+        assert ranked < 0.6 * paper_plan.channels[channel].print_spread
+
+
+def test_exponents_of_a_serpentine_are_what_a_print_goes_with(paper_spec):
+    """On the grid that the planner ranks by, of one channel, and by steps of each dimension."""
+    plan = hung_on(paper_spec, "serpentine-5")
+    beam = plan.channels[0].beam
+    size = BeamShape(beam.width_mm, beam.thickness_mm, beam.length_mm)
+    of_channel = TaxelModel(paper_spec, "serpentine-5", plate_shape(paper_spec), size).exponents
+    assert of_channel == pytest.approx(slopes(plan, 0), rel=2e-3)
+    grid = reach(paper_spec, "serpentine-5", Room(11.5, 5.25))
+    t = int(np.abs(grid.thickness_mm - beam.thickness_mm).argmin())
+    n = int(np.abs(grid.length_mm - beam.length_mm).argmin())
+    ranked = grid.spread(grid.widths_for(np.array([56.0])), paper_spec)[0, t, n]
+    # Between four widths and nine lengths.
+    assert ranked == pytest.approx(plan.channels[0].print_spread, rel=0.1)
+
+
+def test_a_mode_on_the_working_one_is_told(paper_spec, paper_plan):
+    def told(plan):
+        return [finding.where for finding in plan.findings if finding.code == "modes.doubled"]
+
+    assert told(paper_plan) == told(hung_on(paper_spec, "serpentine-5")) == []
+    # No bend of seven legs at 76 Hz there has its plate's sideways mode clear of it.
+    assert told(hung_on(paper_spec, "serpentine-7")) == ["channel 1"]
+
+
+def test_auto_leaves_serpentines_to_those_who_name_them():
+    assert allowed("auto") == ["cantilever", "folded", "bridge"]
+    assert allowed("serpentine-3") == ["serpentine-3"]

@@ -76,6 +76,7 @@ pad = {{ width_mm = 32, depth_mm = 32 }}
 coil = {{ grid = [1, 1] }}
 suspension = {{ topology = "{NAME}" }}
 """
+SERPENTINES = tuple(f"serpentine-{legs}" for legs in (3, 5, 7))
 ALONG = pi / 4 + 0.5
 """Of a path, what its bends take over how far it lies from the plate's middle."""
 
@@ -181,10 +182,13 @@ def test_schema_and_refusals_name_what_is_registered(plan):
     def schema_names():
         return spec_schema()["properties"]["suspension"]["properties"]["topology"]["enum"]
 
-    assert schema_names() == ["auto", "bridge", "cantilever", "folded", NAME]
+    assert schema_names() == ["auto", "bridge", "cantilever", "folded", *SERPENTINES, NAME]
     with pytest.raises(SpecError, match="did you mean 'toy-spiral'"):
         parse_spec(SPEC.replace(NAME, "toy-spirl"))
-    with pytest.raises(SpecError, match="known are auto, bridge, cantilever, folded, toy-spiral"):
+    with pytest.raises(
+        SpecError,
+        match=f"known are auto, bridge, cantilever, folded, {', '.join(SERPENTINES)}, toy-spiral",
+    ):
         parse_spec(SPEC.replace(NAME, "xyz"))
     text = plan_to_json(plan)
     unregister(NAME)
@@ -260,8 +264,8 @@ def test_model_frame_and_solid_agree(plan, tmp_path):
     write_taxel_step(plan, channel, tmp_path / "taxel.step")
     with ProcessPoolExecutor(1, get_context("spawn")) as solver:
         solved = solver.submit(solve_modes, solid_taxel(plan, channel, tmp_path / "taxel.step"), 3, 0).result().modes
-    # 5 % for bends, and what the frame behind the roots, deeper than half a rib, adds.
-    assert 0.05 <= channel.model_error < 0.08
+    # What is stated for bends, and what the frame behind the roots, deeper than half a rib, adds.
+    assert 0.013 <= channel.model_error < 0.05
     assert not taxel.in_range
     assert abs(solved.frequency_hz[solved.working] / channel.resonance_hz - 1) < channel.model_error
     assert np.abs(solved.frequency_hz[:4] / taxel.modes.frequency_hz[:4] - 1).max() < channel.model_error

@@ -12,6 +12,7 @@ printed taxels (`docs/measure_campaign.py`, docs/accuracy.md):
   a ribbon in torsion by about ``w √((1+ν)/24)``).
 """
 
+from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -81,6 +82,8 @@ def on_elastic_ends(section: BeamSection, around: Surroundings, poisson: Array) 
     flared = np.sqrt(width / (width + 2 * np.asarray(section.fillet)))
     side = 1 / (SIDE * width) + SIDE_NARROW / thickness
     hung, sideways, twisted, stretched = (_in_yoke if around.yoke else _in_wall)(section, around, poisson)
+    tall = thickness / np.sqrt(across)
+    held = _held(WARPING, width, tall, inf if section.path else length, poisson)
     give = Give(
         root=softer * flared / (1 / (ROOT * thickness) + 1 / (FRAME * around.frame)),
         tip=softer / (1 / (TIP * thickness) + NARROW / width) + hung,
@@ -88,14 +91,14 @@ def on_elastic_ends(section: BeamSection, around: Surroundings, poisson: Array) 
         lateral_tip=softer / side + sideways,
         shear=softer / (1 / (DROP * thickness) + DROP_NARROW / width),
         lateral_shear=SLIDE * width,
-        twist=TWIST / (1 / width + 1 / thickness)
-        - _held(WARPING, width, thickness / np.sqrt(across), length, poisson)
-        + twisted,
+        twist=TWIST / (1 / width + 1 / thickness) - (0.0 if section.path else held) + twisted,
         stiffening=1 + poisson**2 / (1 - poisson**2) / (1 + (CURL * length / width) ** 2),
         root_height=ROOT_HEIGHT * thickness,
         tip_height=TIP_HEIGHT * thickness,
         stretch=stretched,
         hung=hung,
+        # Bends, about the vertical, hold the warping of a tall strip; that of a flat one goes on round them.
+        warping=np.where(tall > width, held, 0.0) if section.path else 0.0,
     )
     return section._replace(give=give)
 

@@ -14,7 +14,7 @@ import numpy as np
 from padgen.physics.beams import BeamSection, Flexibility, Give, flexibility, root_load, tip_stiffness
 from padgen.physics.modes import BeamPlacement, Modes
 
-__all__ = ["BENT", "FLOOR", "UNCERTAINTY", "Plate", "relative_error", "uncertain_energies"]
+__all__ = ["BENT", "FLOOR", "TALL", "UNCERTAINTY", "Plate", "relative_error", "uncertain_energies"]
 
 Array = Any
 
@@ -22,9 +22,12 @@ FLOOR = 0.008
 """What remains for slender beams: mass of the flares, rounding of the edges, the references' own error."""
 OTHERS, OTHERS_FLOOR, OTHERS_RISE = 2.5, 0.02, 0.008
 """For modes but the working one: a factor on what follows, and their floor, with its rise by their frequency ratio."""
-BENT = 0.05
-"""The same for beams that bend round corners, to which nothing was fitted, taken wide (docs/accuracy.md). Modes where
+BENT = 0.013
+"""The same for beams that bend round corners, after serpentines (docs/accuracy.md). Modes where
 the beams themselves swing, far above the working one, may be off by more (`padgen.physics.bounds.beam_inertia`)."""
+TALL = 0.04
+"""What comes to it, times the thickness (over the root of `BeamSection.across`) over the longest straight piece: tall
+legs are plates."""
 UNCERTAINTY = {
     "root": 0.47,
     "tip": 0.097,
@@ -81,7 +84,7 @@ def uncertain_energies(beam: BeamPlacement, modes: Modes, modulus: float, poisso
 
 
 def relative_error(
-    energies: np.ndarray, frequency_hz: np.ndarray, working: np.ndarray, floor: float = FLOOR
+    energies: np.ndarray, frequency_hz: np.ndarray, working: np.ndarray, floor: Array = FLOOR
 ) -> np.ndarray:
     """Relative error (…, 6) of each frequency from the energies (…, 6, parts) of all beams, at least `floor`.
 

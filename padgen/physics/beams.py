@@ -20,9 +20,11 @@ __all__ = [
     "BeamSection",
     "Flexibility",
     "Give",
+    "bend_stiffening",
     "bent_slowness",
     "flexibility",
     "largest_stress",
+    "piece_twist",
     "root_load",
     "tip_mass",
     "tip_stiffness",
@@ -31,6 +33,7 @@ __all__ = [
 
 Array = Any
 
+SHORTEST_M = 1e-12
 HELD_MOST = 0.85
 """Share of a beam's twist that ends may take away by holding its warping."""
 
@@ -46,7 +49,8 @@ class Give(NamedTuple):
     axis, negative where the ends keep the section from warping. `stiffening` is a factor on the
     modulus in vertical bending, from ends that keep the section from curling. The ends turn about points
     `root_height` and `tip_height` (m) above the beam's axis, since what holds them stands higher than it: a beam
-    that may not move along itself is stiffer for it.
+    that may not move along itself is stiffer for it. `warping` is the length over which the two ends of each
+    straight piece of a bent beam, most often bends, keep its section from warping.
     """
 
     root: Array = 0.0
@@ -61,6 +65,7 @@ class Give(NamedTuple):
     tip_height: Array = 0.0
     stretch: Array = 0.0
     hung: Array = 0.0
+    warping: Array = 0.0
 
 
 RIGID = Give()
@@ -190,8 +195,7 @@ def tip_mass(section: BeamSection, density: float, poisson: Array = 0.3) -> np.n
         for plane in _planes(section, 1.0, poisson):
             stiffness = np.linalg.inv(plane.flexibility)
             shape = np.einsum("...ki,...ij->...kj", plane.back, plane.running)
-            carried = np.einsum("...pki,...pk,...pkj->...ij", shape, plane.inertia, shape)
-            masses.append(density * stiffness @ carried @ stiffness)
+            masses.append(density * stiffness @ _squared(shape, plane.inertia) @ stiffness)
         return _of_planes(masses)
     width, thickness, length = (np.asarray(v, float) for v in section[:3])
     beam = density * width * thickness * length
@@ -304,15 +308,45 @@ _UP, _SIDE = [2, 3, 4], [0, 1, 5]
 
 
 class _Plane(NamedTuple):
-    """How a bent beam moves in three degrees of freedom: flexibility (…, 3, 3) of its tip; for each slice that of
-    the beam from the root to there, for loads on the tip (…, k, 3, 3); the motion there from that of the tip as if it
-    were rigid (…, k, 3, 3); mass and inertia over density (…, k, 3).
+    """How a bent beam moves in three degrees of freedom.
+
+    For each slice: the three parts of the load `within` it for loads on the tip (…, k, 3, 3), what it gives under them
+    `give` (…, k, 3); the motion there from that of the tip as if it were rigid (`back`, …, k, 3, 3); mass and inertia
+    over density (…, k, 3). What `root` and `tip` give (…, 3).
     """
 
-    flexibility: np.ndarray
-    running: np.ndarray
+    slices: Slices
+    within: np.ndarray
     back: np.ndarray
+    give: np.ndarray
+    root: np.ndarray
+    tip: np.ndarray
     inertia: np.ndarray
+
+    @property
+    def flexibility(self) -> Array:
+        """Of the tip (…, 3, 3)."""
+        given = self.give * self.slices.running[-1][:, None]
+        return _squared(self.within, given) + self._at_root + self.tip[..., None] * np.eye(3)
+
+    @property
+    def running(self) -> Array:
+        """Flexibility (…, k, 3, 3) of the beam from the root to each slice, for loads on the tip."""
+        # Sums written out: products of 3 x 3 matrices one by one take ten times as long.
+        grown = np.einsum("...ki,...k,...kj->...ij", self.within, self.give, self.within)
+        running = np.einsum("sp,...pij->...sij", self.slices.running, grown, optimize=True)
+        return running + self._at_root[..., None, :, :]
+
+    @property
+    def _at_root(self) -> Array:
+        return _squared(self.within[..., :1, :, :], self.root[..., None, :])
+
+
+def _squared(rows: np.ndarray, weight: np.ndarray) -> Array:
+    """Sum (…, 3, 3) over slices (…, k, 3, 3) of their rows times themselves, each with its `weight` (…, k, 3)."""
+    scaled = np.sqrt(weight)[..., None] * rows
+    flat = scaled.reshape(*scaled.shape[:-3], -1, 3)
+    return np.swapaxes(flat, -1, -2) @ flat
 
 
 def _planes(section: BeamSection, modulus: Array, poisson: Array) -> tuple[_Plane, _Plane]:
@@ -329,6 +363,8 @@ def _planes(section: BeamSection, modulus: Array, poisson: Array) -> tuple[_Plan
     area, line, torsion = width * thickness, plain * thickness, torsion_constant(width, thickness, across)
     bending, lateral = modulus * stiffening * width * thickness**3 / 12, modulus * thickness * width**3 / 12
     high, wide = plain * thickness**3 / 12, thickness * plain**3 / 12
+    inner = bend_stiffening(slices.curved)
+    twisting = piece_twist(slices.straight, np.asarray(section.give.warping)[..., None]) / inner
     # What both ends give together, each gives half of.
     shear, twist, slip = parts.end_shear / 2, parts.end_twist / 2, parts.lateral_end_shear / 2
     pull, push = [cosine, sine, x * sine - y * cosine], [-sine, cosine, x * cosine + y * sine]
@@ -337,7 +373,7 @@ def _planes(section: BeamSection, modulus: Array, poisson: Array) -> tuple[_Plan
             slices,
             within_up(slices),
             matrices([1 + zero, y, -x], [zero, cosine, sine], [zero, -sine, cosine]),
-            [1 / (area * sheared * across), 1 / (torsion * shear_modulus), 1 / bending],
+            [1 / (area * sheared * across), twisting / (torsion * shear_modulus), 1 / (bending * inner)],
             ([shear, twist, parts.root], [shear, twist, parts.tip]),
             [line, high + wide, high],
         ),
@@ -352,6 +388,22 @@ def _planes(section: BeamSection, modulus: Array, poisson: Array) -> tuple[_Plan
     )
 
 
+def bend_stiffening(curved: Array) -> Array:
+    """How much stiffer a bend is out of its plane than a straight beam as long, by its width over twice its radius.
+
+    Slices turn as wholes, and their inner sides over less length: the first term of the mean across the width of the
+    axis' radius over the radius there (as in Winkler's theory of thick curved bars, Timoshenko, Strength of Materials).
+    All terms together overrate sharp bends (docs/accuracy.md).
+    """
+    return 1 + curved**2 / 3
+
+
+def piece_twist(straight: Array, warping: Array) -> Array:
+    """How much a straight piece of a bent beam twists, over one whose ends warp freely (`Give.warping`)."""
+    pieces = straight / np.maximum(warping, SHORTEST_M)
+    return 1 - np.tanh(pieces) / pieces
+
+
 def _plane(
     slices: Slices,
     within: np.ndarray,
@@ -363,13 +415,9 @@ def _plane(
     """The motion in three degrees of freedom: `give` of a slice per length, and of root and tip, under the three parts
     of the load `within` the beam; `inertia` per length over density."""
     root, tip = (columns(end) for end in ends)
-    # Sums written out: products of 3 x 3 matrices one by one take ten times as long.
-    grown = np.einsum("...ki,...k,...kj->...ij", within, columns(give) * slices.share[..., None], within)
-    at_root = np.einsum("...ki,...k,...kj->...ij", within[..., 0, :, :], root, within[..., 0, :, :])
-    running = np.einsum("sp,...pij->...sij", slices.running, grown, optimize=True) + at_root[..., None, :, :]
-    flexibility = running[..., -1, :, :] + tip[..., None] * np.eye(3)
-    weight = slices.running[-1] * slices.share
-    return _Plane(flexibility, running, back, columns(inertia) * weight[..., None])
+    share = slices.share[..., None]
+    weight = slices.running[-1][:, None] * share
+    return _Plane(slices, within, back, columns(give) * share, root, tip, columns(inertia) * weight)
 
 
 def _loads(section: BeamSection, load: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -13,11 +13,15 @@ import numpy as np
 __all__ = ["Slices", "columns", "matrices", "sliced", "within_side", "within_up"]
 
 Array = Any
+_NO_PIECE = 0.0, 0.0, np.inf
+"""Length, curvature and straight length at root and tip."""
 
 
 class Slices(NamedTuple):
     """Slices of a bent beam, its root first and its tip last: place (…, k) from the tip and direction (…, k) in beam
     axes, width (…, k), share of the length (…, k) in m, and the matrix (k, k) that sums from the root to each slice.
+
+    `curved` (…, k) is the width over twice the radius, `straight` (…, k) the length in m of a straight piece, else inf.
     """
 
     x: Array
@@ -26,6 +30,8 @@ class Slices(NamedTuple):
     sine: Array
     width: Array
     share: Array
+    curved: Array
+    straight: Array
     running: np.ndarray
 
 
@@ -36,28 +42,31 @@ def sliced(path: Sequence[tuple[Array, Array]], width: Array, fillet: Array) -> 
     pieces = [(np.asarray(length, float), np.asarray(turn, float), 0.0 * fillet) for length, turn in path]
     if (fillet > 0).any():
         pieces[:1] = [(fillet, 0.0 * fillet, fillet), (pieces[0][0] - fillet, pieces[0][1], 0.0 * fillet)]
-    places: list[list[Array]] = [[0.0 * width, 0.0 * width, 0.0 * width, width + 2 * fillet, 0.0 * width]]
+    places: list[list[Array]] = [[0.0 * width, 0.0 * width, 0.0 * width, width + 2 * fillet, *_NO_PIECE]]
     x, y, heading = (0.0 * width for _ in range(3))
     counts = []
     for length, turn, flare in pieces:
-        counts.append(6 + int(np.ceil(3 * np.abs(turn).max())))
+        counts.append(4 + int(np.ceil(2 * np.abs(turn).max())))
         share, _ = _gauss(counts[-1])
+        piece = length, np.abs(turn) * width / (2 * length), np.where(turn, np.inf, length)
         for at in (*share, 1.0):
             half = turn * at / 2
             chord = length * at * np.sinc(half / np.pi)
             flared = 2 * (flare - np.sqrt(np.maximum(flare**2 - np.maximum(flare - length * at, 0) ** 2, 0)))
             across = x + chord * np.cos(heading + half), y + chord * np.sin(heading + half)
-            places.append([*across, heading + turn * at, width + flared, length])
+            places.append([*across, heading + turn * at, width + flared, *piece])
         x, y, heading = places.pop()[:3]
-    places.append([x, y, heading, width, 0.0 * width])
+    places.append([x, y, heading, width, *_NO_PIECE])
     shape = np.broadcast_shapes(*(np.shape(value) for place in places for value in place))
     whole = np.array([[np.broadcast_to(value, shape) for value in place] for place in places])
-    x, y, heading, wide, share = np.moveaxis(whole, 0, -1)
+    x, y, heading, wide, share, curved, straight = np.moveaxis(whole, 0, -1)
     # From the root's axes to the tip's.
     turned = heading[..., -1:]
     x, y = x - x[..., -1:], y - y[..., -1:]
     x, y = np.cos(turned) * x + np.sin(turned) * y, np.cos(turned) * y - np.sin(turned) * x
-    return Slices(x, y, np.cos(heading - turned), np.sin(heading - turned), wide, share, _running(tuple(counts)))
+    return Slices(
+        x, y, np.cos(heading - turned), np.sin(heading - turned), wide, share, curved, straight, _running(tuple(counts))
+    )
 
 
 def within_up(slices: Slices) -> np.ndarray:

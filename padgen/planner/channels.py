@@ -80,7 +80,7 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
                 level_shift=float(resonance_rise(alpha, level_m, sag_m)),
                 level_loss_db=-decibel(level_kept(alpha, spec.q_min, level_m, sag_m)),
                 root_stress_mpa=float(item.model.root_stress_pa(level_um[i] * UM)) / MPA,
-                print_spread=float(frequency_spread(item.beam, spec.spread)),
+                print_spread=float(frequency_spread(item.beam, spec.spread, item.model.exponents)),
                 force_mn=force_mn,
                 force_constant_n_per_a2=force_constant,
                 line_a2=wanted_line_a2(force_mn, force_constant),

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import fields, replace
 from itertools import pairwise
+from math import inf
 
 import numpy as np
 
@@ -164,6 +165,21 @@ def _recess(spec: Spec) -> Iterator[Finding]:
 
 
 def _modes(plan: Plan) -> Iterator[Finding]:
+    for channel in plan.channels:
+        if all(path.is_straight for path in plan.arrangement(channel).beams):
+            continue
+        # (the working mode's share is 1, the largest)
+        others = [hz for hz, share in zip(channel.modes_hz, channel.mode_shares, strict=True) if share < 1]
+        near = min(others, key=lambda hz: abs(hz - channel.resonance_hz), default=inf)
+        if abs(near / channel.resonance_hz - 1) < 1 / channel.q:
+            yield Finding(
+                "warning",
+                "modes.doubled",
+                f"channel {channel.index}",
+                f"it has another mode at {number(near)} Hz, {abs(near / channel.resonance_hz - 1):.1%} off its"
+                f" resonance of {number(channel.resonance_hz)} Hz, at least the half-power width of {1 / channel.q:.1%}"
+                " should lie between them: a beam with bends has no plane of symmetry that would keep the two apart",
+            )
     if not modes_matter(plan):
         return
     # Most plans do without it.

@@ -20,7 +20,7 @@ from padgen.physics.selectivity import channels as resonators
 from padgen.planner.printable import LENGTH_STEP_MM, IdealBeam, printable_beams, steps_are_coarse
 from padgen.planner.settings import level_law
 from padgen.planner.suspensions import BeamShape, Room, allowed, suspension
-from padgen.planner.taxel_model import TaxelModel, plate_shape
+from padgen.planner.taxel_model import STRAIGHT, Exponents, TaxelModel, plate_shape
 from padgen.spec import Printer, Spec, Spread
 from padgen.spec.model import Drive, Pad, Suspension
 
@@ -42,16 +42,12 @@ class SizedChannel:
     model: TaxelModel
 
 
-def frequency_spread(beam: BeamShape, spread: Spread) -> np.ndarray:
-    """Relative spread of a resonance in prints of a calibrated printer, by ``f ∝ w^½ t^{3/2} l^{−3/2}``."""
-    thickness = hypot(spread.common_z_mm, spread.bed_field_mm, spread.thickness_mm)
-    terms = (
-        0.5 * spread.common_modulus,
-        0.5 * spread.width_mm / np.asarray(beam.width_mm),
-        1.5 * thickness / np.asarray(beam.thickness_mm),
-        1.5 * spread.length_mm / np.asarray(beam.length_mm),
-    )
-    return np.sqrt(sum(term**2 for term in terms))
+def frequency_spread(beam: BeamShape, spread: Spread, exponents: Exponents = STRAIGHT) -> np.ndarray:
+    """Relative spread of f in prints of a calibrated printer, ``f ∝ w^a t^b l^c`` with `exponents` (a, b, c)."""
+    sigmas = spread.width_mm, hypot(spread.common_z_mm, spread.bed_field_mm, spread.thickness_mm), spread.length_mm
+    terms = zip(exponents, sigmas, beam, strict=True)
+    own = sum((power * sigma / np.asarray(size)) ** 2 for power, sigma, size in terms)
+    return np.asarray((own + (0.5 * spread.common_modulus) ** 2) ** 0.5)
 
 
 @dataclass(frozen=True)
@@ -60,7 +56,8 @@ class Reach:
 
     `thickness_mm` (T,), `length_mm` (L,), `width_mm` (T, L, W), `resonance_hz` (T, L, W), nan where it
     would be no beam. The width
-    runs from the printer's smallest to what the room holds, and rises with the resonance.
+    runs from the printer's smallest to what the room holds, and rises with the resonance. `apart` (T, L, W) tells, of
+    beams that go round corners, how far the nearest mode is from the working one, relative.
     """
 
     topology: str
@@ -68,6 +65,7 @@ class Reach:
     length_mm: np.ndarray
     width_mm: np.ndarray
     resonance_hz: np.ndarray
+    apart: np.ndarray | None
 
     @cached_property
     def span_hz(self) -> tuple[float, float]:
@@ -87,6 +85,26 @@ class Reach:
         between = np.where(inside, width[..., :-1] + share * (width[..., 1:] - width[..., :-1]), -np.inf)
         found = between.max(-1)
         return np.where(np.isfinite(found), np.exp(found), np.nan)
+
+    def spread(self, width_mm: np.ndarray, spec: Spec) -> np.ndarray:
+        """Relative spread of prints at widths (n, T, L), inf where there is none.
+
+        Of beams that bend, the exponents are those of the grid at its nearest width, and a mode that lies on the
+        working one counts like a spread of 100 %.
+        """
+        beam = BeamShape(width_mm, self.thickness_mm[:, None], self.length_mm)
+        spread = frequency_spread(beam, spec.spread)
+        if self.apart is not None:
+            at, grid = np.log(self.resonance_hz), np.log(self.width_mm)
+            steps = np.diff(at, axis=-1) / np.diff(grid, axis=-1)
+            found = [np.concatenate([steps[..., :1], steps], -1)]
+            for axis, (size, rule) in enumerate(((self.thickness_mm, STRAIGHT[1]), (self.length_mm, STRAIGHT[2]))):
+                slope = np.gradient(at, np.log(size), axis=axis) if len(size) > 1 else np.full(at.shape, rule)
+                found.append(np.where(np.isnan(slope), rule, slope))
+            nearest = np.abs(grid - np.log(width_mm)[..., None]).argmin(-1)[..., None]
+            here = [np.take_along_axis(part[None], nearest, -1)[..., 0] for part in (*found, self.apart)]
+            spread = frequency_spread(beam, spec.spread, (here[0], here[1], here[2])) + (here[3] < 1 / spec.q_min)
+        return np.where(np.isnan(width_mm), np.inf, spread)
 
 
 def layer_thicknesses_mm(printer: Printer, largest_mm: float) -> np.ndarray:
@@ -134,11 +152,14 @@ def _reach(spec: Spec, topology: str, room: Room, changes: int) -> Reach | None:
     if not len(thickness) or not len(length):
         return None
     width = np.geomspace(narrowest, max(widest, narrowest * (1 + 1e-6)), WIDTHS)
-    thick, long, wide = np.meshgrid(thickness, length, width, indexing="ij")
+    thick, long, wide = np.meshgrid(thickness, length, width, indexing="ij", sparse=True)
     model = TaxelModel(spec, topology, plate, BeamShape(wide, thick, long))
     # Nothing shorter than it is thick is a beam.
     resonance = np.where(long >= thick, np.maximum.accumulate(model.resonance_hz, axis=-1), np.nan)
-    return None if np.isnan(resonance).all() else Reach(topology, thickness, length, wide, resonance)
+    every = np.broadcast_to(wide, resonance.shape)
+    apart = None if model.is_straight else np.sort(np.abs(model.modes.frequency_hz / model.resonance_hz[..., None] - 1))
+    found = Reach(topology, thickness, length, every, resonance, apart if apart is None else apart[..., 1])
+    return None if np.isnan(resonance).all() else found
 
 
 def _grid(spec: Spec, shortest: float, longest: float) -> tuple[np.ndarray, np.ndarray]:
@@ -168,7 +189,7 @@ def size_channels(spec: Spec, room: Room, resonance_hz: tuple[float, ...]) -> tu
     for tried, channels in enumerate(_solved(spec, _choices(spec, reaches, targets), targets)):
         if channels is None:
             continue
-        if not crowded_modes(spec, channels):
+        if not crowded_modes(spec, channels) and not any(_doubled(spec, channel.model) for channel in channels):
             return channels
         first = first or channels
         if tried >= min(TRIES * len(_STEPS), MOST_BEAMS // len(targets)):
@@ -187,8 +208,7 @@ def _choices(spec: Spec, reaches: list[Reach], targets: np.ndarray) -> Iterator[
     tables = []
     for item in reaches:
         width = item.widths_for(targets)
-        beam = BeamShape(width, item.thickness_mm[:, None], item.length_mm)
-        spread = np.where(np.isnan(width), np.inf, frequency_spread(beam, spec.spread))
+        spread = item.spread(width, spec)
         tables.append((item, width, spread))
     allowed = set(spec.suspension.tune.split("+"))
     for step in _STEPS:
@@ -337,6 +357,13 @@ def _width_solved(
         width = np.clip(beam.width_mm * np.exp(miss / slope), *bounds)
         beam = beam._replace(width_mm=np.where(np.isin(group, open_groups), width, beam.width_mm))
     return beam, TaxelModel(spec, topology, plate, beam).resonance_hz
+
+
+def _doubled(spec: Spec, model: TaxelModel) -> bool:
+    """Whether another mode lies within the half-power width of the working one, on beams with bends: with no plane of
+    symmetry the two mix."""
+    hz = np.delete(model.modes.frequency_hz, int(model.working))
+    return not model.is_straight and bool((np.abs(hz / model.resonance_hz - 1) < 1 / spec.q_min).any())
 
 
 def crowded_modes(spec: Spec, channels: tuple[SizedChannel, ...]) -> list[tuple[int, float, int, float]]:

@@ -10,11 +10,11 @@ from math import ceil, pi
 import numpy as np
 
 from padgen.core.units import MM
-from padgen.physics.beams import BeamSection, flexibility
+from padgen.physics.beams import BeamSection, bend_stiffening, flexibility, piece_twist
 from padgen.physics.frame import AttachedBody, Frame
 from padgen.physics.frame_element import Element, Section, rectangle
 from padgen.physics.rigid_body import RigidBody, box
-from padgen.planner.suspensions import BeamPath, Block
+from padgen.planner.suspensions import BeamPath, Block, Segment
 from padgen.planner.taxel_model import TaxelModel
 
 __all__ = ["taxel_frame"]
@@ -94,7 +94,8 @@ class _Builder:
         nodes = [self.node(place) for place in places]
         self.roots.append(nodes[0])
         for (start, end), (low, high) in zip(pairwise(nodes), pairwise(at), strict=True):
-            self.bar(start, end, self._slice(section, (low + high) / 2))
+            piece = path.segments[int(np.searchsorted(before, (low + high) / 2)) - 1]
+            self.bar(start, end, self._slice(section, (low + high) / 2, piece))
         self._hinge(section, len(nodes) - 1)
         return nodes[-1]
 
@@ -105,16 +106,18 @@ class _Builder:
         self.elements[-count] = root._replace(hinge_start=(float(parts.root), float(parts.lateral_root)))
         self.elements[-1] = tip._replace(hinge_end=(float(parts.tip), float(parts.lateral_tip)))
 
-    def _slice(self, section: BeamSection, at: float) -> Section:
-        """The section at `at` from the root, with what its ends give in shear and twist spread along it."""
+    def _slice(self, section: BeamSection, at: float, piece: Segment) -> Section:
+        """The section at `at` from the root, on a `piece`; what the ends give in shear and twist is spread along it."""
         radius = float(section.fillet)
         flare = 2 * (radius - np.sqrt(max(radius**2 - max(radius - at, 0.0) ** 2, 0.0)))
         parts = flexibility(section, self.modulus, self.poisson)
         wide, high, across = float(section.width) + flare, float(section.thickness), float(section.across)
-        plain = rectangle(wide, high, self.poisson, across)
+        length, turn = float(piece.length_mm) * MM, abs(float(piece.turn_rad))
+        plain, bent = rectangle(wide, high, self.poisson, across), bend_stiffening(turn * wide / (2 * length))
+        twisting = 1.0 if turn else float(piece_twist(length, section.give.warping))
         return plain._replace(
-            inertia_up=plain.inertia_up * float(np.asarray(section.give.stiffening)),
-            torsion=plain.torsion * float(parts.twist / (parts.twist + parts.end_twist)),
+            inertia_up=plain.inertia_up * float(np.asarray(section.give.stiffening)) * bent,
+            torsion=plain.torsion * float(parts.twist / (parts.twist + parts.end_twist)) * bent / twisting,
             shear_up=plain.shear_up * float(parts.shear / (parts.shear + parts.end_shear)),
             shear_across=plain.shear_across
             * float(parts.lateral_shear / (parts.lateral_shear + parts.lateral_end_shear)),

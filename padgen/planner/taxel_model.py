@@ -14,7 +14,7 @@ import numpy as np
 
 from padgen.core.units import G_PER_CM3, GPA, MM
 from padgen.physics.beam_ends import Surroundings, YokeSize, fitted, on_elastic_ends
-from padgen.physics.beam_error import BENT, FLOOR, Plate, relative_error, uncertain_energies
+from padgen.physics.beam_error import BENT, FLOOR, TALL, Plate, relative_error, uncertain_energies
 from padgen.physics.beams import BeamSection
 from padgen.physics.modes import BeamPlacement, Modes, bending_stress, suspended_modes
 from padgen.physics.resonator import natural_frequency, rule_stiffness
@@ -23,9 +23,14 @@ from padgen.physics.stretching import hardening
 from padgen.planner.suspensions import Arrangement, BeamShape, Block, PlateShape, suspension
 from padgen.spec import Spec
 
-__all__ = ["TaxelModel", "fillet_mm", "plate_shape", "post_diameter_mm", "recess_mm"]
+__all__ = ["STRAIGHT", "Exponents", "TaxelModel", "fillet_mm", "plate_shape", "post_diameter_mm", "recess_mm"]
 
 THINNEST_WALL_MM = 1e-3
+Exponents = tuple[Any, Any, Any]
+STRAIGHT: Exponents = (0.5, 1.5, -1.5)
+"""Exponents of width, thickness and length that a resonance goes with, of straight beams."""
+STEP = 1e-3
+"""Relative step of a dimension for exponents."""
 SAME_M = 1e-15
 
 
@@ -260,13 +265,26 @@ class TaxelModel:
         return _take(self.mode_errors, self.working)
 
     @property
-    def _is_straight(self) -> bool:
+    def is_straight(self) -> bool:
+        """Whether no beam bends round a corner."""
         return all(path.is_straight for path in self.arrangement.beams)
+
+    @property
+    def exponents(self) -> Exponents:
+        """Exponents that a single taxel's resonance goes with: the rule's, of beams that bend their own."""
+        if self.is_straight:
+            return STRAIGHT
+        step = np.exp(STEP * np.concatenate([np.eye(3), -np.eye(3)]))
+        near = TaxelModel(self.spec, self.topology, self.plate, BeamShape(*(np.array(self.beam) * step).T))
+        # The mode that works as drawn is followed.
+        log_hz = np.log(near.modes.frequency_hz[:, int(self.working)])
+        width, thickness, length = (log_hz[:3] - log_hz[3:]) / (2 * STEP)
+        return width, thickness, length
 
     @property
     def in_range(self) -> np.ndarray:
         """Whether the beams are like those that the model was fitted to (…,); elsewhere solve the solid."""
-        return np.asarray(self._is_straight & fitted(*(np.asarray(side, float) for side in self.beam)))
+        return np.asarray(self.is_straight & fitted(*(np.asarray(side, float) for side in self.beam)))
 
     @cached_property
     @_of_array
@@ -277,7 +295,12 @@ class TaxelModel:
         roof = max(thickness - recess_mm(self.spec)[1] * MM, thickness / 10)
         plate = Plate(length, width, roof)
         energies = sum(uncertain_energies(beam, self.modes, modulus, poisson, plate) for beam in self.placements)
-        floor = FLOOR if self._is_straight else BENT
+        floor: Any = FLOOR
+        if not self.is_straight:
+            pieces = [s.length_mm for path in self.arrangement.beams for s in path.segments if not np.any(s.turn_rad)]
+            longest = np.maximum.reduce(np.broadcast_arrays(*pieces))
+            tall = np.asarray(self.beam.thickness_mm) / self.spec.material.cross_layer_ratio**0.5
+            floor = np.hypot(BENT, TALL * tall / longest)[..., None]
         return relative_error(np.asarray(energies), self.modes.frequency_hz, self.working, floor)
 
     @cached_property

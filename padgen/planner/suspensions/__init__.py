@@ -43,7 +43,8 @@ __all__ = [
 class Suspension(Protocol):
     """A kind of suspension: a module, or any object, with these names.
 
-    An `ORDER` may say when the planner tries it, the lowest first; those without one come last.
+    An `ORDER` may say when the planner tries it, the lowest first; those without one come last, and one of None is
+    planned only where a spec names it.
     """
 
     END_FACTOR: float
@@ -101,7 +102,8 @@ def suspension(name: str) -> Suspension:
 
 
 def allowed(topology: str) -> list[str]:
-    """Names that a spec's `topology` stands for: with ``auto`` all, in the order in which they are tried."""
+    """Names that a spec's `topology` stands for: with ``auto`` those with an order, as they are tried."""
     if topology != "auto":
         return [topology]
-    return sorted(names(), key=lambda name: getattr(suspension(name), "ORDER", inf))
+    orders = {name: getattr(suspension(name), "ORDER", inf) for name in names()}
+    return sorted((name for name in orders if orders[name] is not None), key=lambda name: orders[name])

@@ -1,0 +1,8 @@
+"""One beam of seven legs across the window: see `_serpentine`."""
+
+from padgen.planner.suspensions._serpentine import BEAMS, END_FACTOR, ORDER, Serpentine
+
+__all__ = ["BEAMS", "END_FACTOR", "ORDER", "arrange", "longest", "shortest", "widest"]
+
+_SHAPE = Serpentine(7)
+longest, widest, shortest, arrange = _SHAPE.longest, _SHAPE.widest, _SHAPE.shortest, _SHAPE.arrange
