@@ -48,6 +48,8 @@ UNCOMPARED = Finding(
 MOST_BODIES = 100
 """Bodies of a mesh whose walls are looked at: with more it is no pad."""
 Spot = Callable[[Narrow], str]
+APART_MM = 1.0
+"""Steps in the plane: what is too narrow within one is told once, whatever its height."""
 SAID = 2
 """Dimensions of a taxel that are told when more are off."""
 AT_ONCE = 5
@@ -167,10 +169,8 @@ def _differing(mesh: Mesh, planned: Mesh, plan: Plan) -> tuple[bool, list[Findin
     if reached.mean() < 0.5:
         room = cells.room(reached)
         one, other = one ^ room, other ^ room
-    names = {
-        name for row, near in zip(cells.taxels, reached, strict=True) for name, on in zip(row, near, strict=True) if on
-    }
-    taxels = [taxel for taxel in plan.taxels if taxel.id in names]
+    names = set(np.array(cells.names)[reached].tolist())
+    taxels = [taxel for taxel in plan.taxels if f"taxel {taxel.id}" in names]
     within_mm = [BUILT_MM, BUILT_MM + SMALLEST_MM]
     off = [d for d in measured(plan, one, taxels) if not abs(d.built_mm - d.planned_mm) <= within_mm[d.facets_mm > 0]]
     found = differences(one, other)
@@ -186,8 +186,7 @@ def told(off: list[Dimension], found: list[Difference], cells: Cells | None) -> 
         dimensions.setdefault(f"taxel {d.taxel}", []).append(text)
     pieces: dict[str, list[Difference]] = {}
     for piece in found:
-        name = cells.named(*piece.place_mm[:2]) if cells else ""
-        pieces.setdefault(f"taxel {name}" if name else "frame" if cells else "mesh", []).append(piece)
+        pieces.setdefault(cells.named(*piece.place_mm[:2]) if cells else "mesh", []).append(piece)
     alike: dict[Any, list[str]] = {}
     for where in dict.fromkeys([*pieces, *dimensions]):
         sizes = [(p.more, f"{p.volume_mm3:.2g}", np.round(p.extent_mm, 2).tolist()) for p in pieces.get(where, [])[:1]]
@@ -381,29 +380,35 @@ def _printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[str, 
 
 def _walls(cuts: list[Section], printer: Printer, spot: Spot) -> Iterator[Finding]:
     limit = min(printer.line_width_mm, printer.smallest_beam_mm)
-    for cut in cuts:
-        places = narrow_walls(cut, limit - FACET_MM)
-        thinnest = smallest(cut, False, limit) if places else limit
-        for place in places:
-            yield Finding(
-                "error",
-                "print.wall",
-                spot(place),
-                f"a wall is thinner than {number(limit)} mm, the least that {printer.name} lays (at this height down to"
-                f" {number(thinnest)} mm)",
-            )
+    for cut, place in _apart((each, place) for each in cuts for place in narrow_walls(each, limit - FACET_MM)):
+        yield Finding(
+            "error",
+            "print.wall",
+            spot(place),
+            f"a wall is thinner than {number(limit)} mm, the least that {printer.name} lays (at this height down to"
+            f" {number(smallest(cut, False, limit))} mm)",
+        )
 
 
 def _gaps(cuts: list[Section], printer: Printer, spot: Spot) -> Iterator[Finding]:
-    for cut in cuts:
-        for place in narrow_gaps(cut, printer.smallest_gap_mm - FACET_MM):
-            yield Finding(
-                "error",
-                "print.gap",
-                spot(place),
-                f"a gap is narrower than {number(printer.smallest_gap_mm)} mm, the least that {printer.name}"
-                " keeps open",
-            )
+    limit = printer.smallest_gap_mm
+    for _, place in _apart((each, place) for each in cuts for place in narrow_gaps(each, limit - FACET_MM)):
+        yield Finding(
+            "error",
+            "print.gap",
+            spot(place),
+            f"a gap is narrower than {number(limit)} mm, the least that {printer.name} keeps open",
+        )
+
+
+def _apart(found: Iterable[tuple[Section, Narrow]]) -> Iterator[tuple[Section, Narrow]]:
+    """Of places one above the other the lowest, with its cross-section."""
+    seen: set[tuple[int, int]] = set()
+    for cut, place in found:
+        near = round(place.x_mm / APART_MM), round(place.y_mm / APART_MM)
+        if near not in seen:
+            seen.add(near)
+            yield cut, place
 
 
 def _overhangs(mesh: Mesh, printer: Printer, spot: Spot) -> Iterator[Finding]:

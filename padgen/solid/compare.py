@@ -13,7 +13,7 @@ from padgen.core.errors import number
 from padgen.core.finding import Finding
 from padgen.planner.plan import Plan
 from padgen.planner.tile import taxel_places
-from padgen.solid.mesh import Mesh, as_manifold
+from padgen.solid.mesh import Mesh
 
 __all__ = ["SMALLEST_MM", "Cells", "Difference", "Pose", "differences", "loose_triangles", "pose_of"]
 
@@ -36,7 +36,7 @@ SCALE = 5e-4
 
 
 class Pose(NamedTuple):
-    """How a mesh lies: `rows` (3, 3) and `shift_mm` take it to where it was planned; `share` of the corners are there."""
+    """How a mesh lies: `rows` (3, 3) and `shift_mm` take it to where it was planned, `share` of its corners fit."""
 
     rows: np.ndarray
     shift_mm: np.ndarray
@@ -75,17 +75,17 @@ class Pose(NamedTuple):
 
 
 class Cells(NamedTuple):
-    """The lattice in which differences are looked for: edges of columns and rows in mm, and the taxel in each cell."""
+    """The lattice in which differences are looked for: edges of columns and rows in mm, and what is in each cell."""
 
     x_mm: np.ndarray
     y_mm: np.ndarray
-    taxels: tuple[tuple[str, ...], ...]
+    names: tuple[tuple[str, ...], ...]
 
     @classmethod
     def of(cls, plan: Plan) -> "Cells":
         """The sub-cells of a pad, and around them its border."""
-        places = np.pad(taxel_places(plan), 1, constant_values=-1)
-        names = [*(taxel.id for taxel in plan.taxels), ""]
+        places = np.pad(taxel_places(plan), 1, constant_values=-2)
+        names = [*(f"taxel {taxel.id}" for taxel in plan.taxels), "border", "frame"]
         rows, columns = np.array(places.shape) - 1
         half_x, half_y = plan.spec.pad.width_mm / 2, plan.spec.pad.depth_mm / 2
         return cls(
@@ -119,8 +119,8 @@ class Cells(NamedTuple):
         return manifold3d.Manifold.batch_boolean(boxes, manifold3d.OpType.Add)
 
     def named(self, x_mm: float, y_mm: float) -> str:
-        """The taxel at a place, an empty name where there is none."""
-        return self.taxels[np.searchsorted(self.y_mm, y_mm)][np.searchsorted(self.x_mm, x_mm)]
+        """What is at a place."""
+        return self.names[np.searchsorted(self.y_mm, y_mm)][np.searchsorted(self.x_mm, x_mm)]
 
 
 class Difference(NamedTuple):

@@ -23,7 +23,7 @@ from padgen.spec import Spec
 
 __all__ = ["check_foreign", "read_mesh"]
 
-LEAST_SHARE, SURE = 0.5, 0.9
+LEAST_SHARE, SURE = 0.2, 0.9
 """Share of a part's corners that a mesh has if it is that part, and with which no other part is tried."""
 
 
@@ -104,7 +104,7 @@ def _recognised(mesh: Mesh, plan: Plan) -> tuple[str, Plan, PadSolid | TraySolid
         pose = pose_of(mesh, planned.mesh)
         # A coupon is all there in a pad of one coil.
         sizes = [np.sort(np.ptp(each.vertices_mm, axis=0)) for each in (pose.laid(mesh), planned.mesh)]
-        likeness = pose.share - min(float(np.abs(sizes[0] / sizes[1] - 1).max()), 1 - LEAST_SHARE)
+        likeness = pose.share - min(float(np.abs(sizes[0] / sizes[1] - 1).max()), 0.5)
         if likeness > most:
             best, most = (name, own, planned, pose), likeness
         if most > SURE and name in ("pad", "coupon"):

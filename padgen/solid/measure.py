@@ -20,6 +20,8 @@ HEIGHTS = (0.02, 0.5, 0.98)
 """Where in a recess, as a share of its depth, the room for a washer is measured: a mouth may be narrower."""
 
 
+LARGEST_RECESS = 1.5
+"""Of what diameter a hole is still a recess, in planned ones."""
 NEAR_MM = 0.05
 """How near to the end of an arc a ray along it starts."""
 
@@ -190,8 +192,9 @@ def _hole_around(plan: Plan, holes: Holes, taxel: Taxel) -> _Hole | None:
     """The hole around a taxel's washer: its recess."""
     column, row = _sub_cell(plan, taxel.x_mm, taxel.y_mm)
     near = [hole for i in (-1, 0, 1) for j in (-1, 0, 1) for hole in holes.get((column + i, row + j), [])]
-    # The window around a plate may have the same centre as its recess, but is larger.
-    inside = [hole for hole in near if _offset_mm(hole, taxel) < hole.diameter_mm / 2]
+    # The window around a plate may have the same centre as its recess, but is larger: it is none.
+    most = LARGEST_RECESS * plan.plate.recess_diameter_mm
+    inside = [hole for hole in near if _offset_mm(hole, taxel) < hole.diameter_mm / 2 < most / 2]
     return min(inside, key=lambda hole: hole.diameter_mm, default=None)
 
 

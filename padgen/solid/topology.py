@@ -53,7 +53,7 @@ def topology(mesh: Mesh) -> Topology:
 
 
 def _edge_counts(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of each edge, how many triangles have it, how many of these run along it from its lower vertex, and that vertex."""
+    """Of each edge, how many triangles have it, how many of these run along it from its lower vertex; that vertex."""
     # One sort of whole numbers, the direction in the last digit: with several columns, or for the order, it
     # would take many times as long.
     count = max(len(mesh.vertices_mm), 1)
