@@ -1,16 +1,20 @@
-"""Pads that somebody has changed in one place, of thirty kinds; and the honest pad as other programs would hand it on."""
+"""Pads changed in one place, in thirty ways; and honest pads of random specs, as other programs hand them on."""
 
+from dataclasses import replace
 from functools import partial
 
 import manifold3d
 import numpy as np
 
+from padgen.core.errors import PadgenError
+from padgen.planner import make_plan
 from padgen.planner.coupon import coil_axis_mm
 from padgen.planner.tile import to_cell
 from padgen.solid.mesh import Mesh, as_manifold, from_manifold, welded
-from padgen.solid.pad_solid import assembled
+from padgen.solid.pad_solid import assembled, build_pad
+from padgen.spec import catalogue, make_spec
 
-__all__ = ["KINDS", "as_single_precision", "tampered"]
+__all__ = ["KINDS", "WAYS", "as_single_precision", "honest", "tampered"]
 
 
 def box(size, centre):
@@ -37,13 +41,15 @@ class Place:
         self.channel = plan.channels[self.taxel.channel]
         self.arrangement = plan.arrangement(self.channel)
         self.plate, self.top = plan.plate, plan.spec.pad.frame_thickness_mm
+        self.wide, self.deep = plan.plate.recess_diameter_mm, plan.plate.recess_depth_mm
+        self.thick = float(self.arrangement.beams[0].thickness_mm)
 
     def at(self, x, y, z):
         """A place in the taxel's own axes, in the pad's."""
         moved = to_cell(np.array([float(x), float(y), float(z)]), self.channel)
         if self.taxel.turned:
             moved[:2] *= -1
-        return moved + (*coil_axis_mm(self.plan.coils, *self.taxel.coil), 0.0)
+        return moved + np.array([*coil_axis_mm(self.plan.coils, *self.taxel.coil), 0.0])
 
     def along_beam(self, low, high, across, z0, z1):
         """A box along a beam's first piece, from `low` to `high` of its length, `across` its width (own axes)."""
@@ -60,8 +66,13 @@ class Place:
             ((corners[0, 0] + corners[1, 0]) / 2, (corners[0, 1] + corners[1, 1]) / 2, (z0 + z1) / 2),
         )
 
-    def beam(self):
-        return self.arrangement.beams[0]
+    def part(self, mm):
+        """Of the length of a beam's first piece."""
+        return mm / float(self.arrangement.beams[0].segments[0].length_mm)
+
+    def share(self, mm):
+        """Of a beam's width."""
+        return mm / float(self.arrangement.beams[0].width_mm)
 
     def on_gap(self, z):
         """A place in the middle of the gap beside the plate, and the direction across it, at height `z`."""
@@ -213,8 +224,7 @@ def patch(p, change):
 
 def crack(p):
     at = p.rng.uniform(0.3, 0.8)
-    length = float(p.beam().segments[0].length_mm)
-    return beams(p, at, at + 0.08 / length, (-0.7, 0.7), -1.0, 3.0)
+    return beams(p, at, at + p.part(0.08), (-0.7, 0.7), -1.0, 3.0)
 
 
 KINDS = {
@@ -229,15 +239,15 @@ KINDS = {
     "pit in a boss": pit,
     "notch in a beam": notched,
     "crack through a beam": crack,
-    "beam narrower": lambda p: beams(p, 0.0, 1.0, (0.5, 0.5 - 0.1 / float(p.beam().width_mm)), -1.0, 3.0),
-    "beam wider": lambda p: beams(p, 0.0, 1.0, (0.5, 0.5 + 0.1 / float(p.beam().width_mm)), 0.0, float(p.beam().thickness_mm), add=True),
-    "beam a layer thinner": lambda p: beams(p, 0.1, 0.9, (-0.6, 0.6), float(p.beam().thickness_mm) - 0.1, 3.0),
-    "beam a layer thicker": lambda p: beams(p, 0.0, 1.0, (-0.5, 0.5), 0.0, float(p.beam().thickness_mm) + 0.1, add=True),
-    "beam shorter": lambda p: beams(p, 0.0, 0.2 / float(p.beam().segments[0].length_mm), (-1.5, 1.5), 0.0, 2.0, add=True),
-    "recess shallower": lambda p: recess(p, p.plate.recess_diameter_mm + 0.1, p.plate.recess_depth_mm - 0.1, p.plate.recess_depth_mm + 0.05, True),
-    "recess deeper": lambda p: recess(p, p.plate.recess_diameter_mm, -1.0, p.plate.recess_depth_mm + 0.1, False),
-    "recess narrower": lambda p: recess(p, p.plate.recess_diameter_mm + 0.02, 0.0, p.plate.recess_depth_mm, True, 0.2),
-    "recess filled": lambda p: recess(p, p.plate.recess_diameter_mm + 0.1, 0.0, p.plate.recess_depth_mm + 0.01, True),
+    "beam narrower": lambda p: beams(p, 0.0, 1.0, (0.5, 0.5 - p.share(0.1)), -1.0, 3.0),
+    "beam wider": lambda p: beams(p, 0.0, 1.0, (0.5, 0.5 + p.share(0.1)), 0.0, p.thick, add=True),
+    "beam a layer thinner": lambda p: beams(p, 0.1, 0.9, (-0.6, 0.6), p.thick - 0.1, 3.0),
+    "beam a layer thicker": lambda p: beams(p, 0.0, 1.0, (-0.5, 0.5), 0.0, p.thick + 0.1, add=True),
+    "beam shorter": lambda p: beams(p, 0.0, p.part(0.2), (-1.5, 1.5), 0.0, 2.0, add=True),
+    "recess shallower": lambda p: recess(p, p.wide + 0.1, p.deep - 0.1, p.deep + 0.05, True),
+    "recess deeper": lambda p: recess(p, p.wide, -1.0, p.deep + 0.1, False),
+    "recess narrower": lambda p: recess(p, p.wide + 0.02, 0.0, p.deep, True, 0.2),
+    "recess filled": lambda p: recess(p, p.wide + 0.1, 0.0, p.deep + 0.01, True),
     "taxel missing": missing,
     "taxel doubled": doubled,
     "taxel turned round": turned,
@@ -258,3 +268,48 @@ def tampered(name, seed, plan, pad):
     made = KINDS[name](place)
     mesh = made if isinstance(made, Mesh) else from_manifold(made)
     return as_single_precision(mesh), place.taxel
+
+
+def simplified(plan, pad):
+    """Its triangles merged where they are flat, and cut anew."""
+    solid = as_manifold(pad.mesh, "pad").rotate((0, 0, 30)).simplify(1e-6)
+    return as_single_precision(from_manifold(solid.rotate((0, 0, -30))))
+
+
+def round_faces(plan, pad, chord_mm, angle_rad):
+    return as_single_precision(build_pad(plan, chord_mm, angle_rad).mesh)
+
+
+WAYS = {
+    "binary STL": lambda plan, pad: as_single_precision(pad.mesh),
+    "triangles merged and cut anew": simplified,
+    "every triangle cut in four": lambda plan, pad: from_manifold(as_manifold(pad.mesh, "pad").refine(2)),
+    "round faces coarser (0.05 mm, 0.5 rad)": partial(round_faces, chord_mm=0.05, angle_rad=0.5),
+    "round faces finer (0.004 mm, 0.15 rad)": partial(round_faces, chord_mm=0.004, angle_rad=0.15),
+}
+
+
+def honest(seed):
+    """A random pad and the way it came, or None where the spec has no plan: plan, mesh, name of the way."""
+    rng = np.random.default_rng(seed)
+    low, (width, depth) = rng.uniform(50, 150), rng.uniform(20, 60, 2)
+    washers = sorted(name for name, w in catalogue("washer").items() if w["relative_permeability"] > 2)
+    table = {
+        "name": "random",
+        "resolution": int(rng.integers(1, max(2, int(width * depth / 150)))),
+        "band_hz": [low, low * rng.uniform(1.5, 8)],
+        "q_min": rng.uniform(8, 60),
+        "printer": str(rng.choice(sorted(catalogue("printer")))),
+        "washer": str(rng.choice(washers[-4:] + ["iso7092-m1.6"] * 4)),
+        "pad": {"width_mm": width, "depth_mm": depth},
+        "suspension": {"topology": str(rng.choice(["auto", "auto", "cantilever", "folded", "bridge"]))},
+        "taxel": {"centre_post": bool(rng.integers(2))},
+        "coil": {"reuse": str(rng.choice(["same", "alternate"]))},
+    }
+    try:
+        plan = make_plan(make_spec(table))
+    except PadgenError:
+        return None
+    plan = replace(plan, spec=replace(plan.spec, printer=replace(plan.spec.printer, bed_x_mm=500.0, bed_y_mm=500.0)))
+    way = list(WAYS)[seed % len(WAYS)]
+    return plan, WAYS[way](plan, build_pad(plan)), way

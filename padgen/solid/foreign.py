@@ -23,8 +23,10 @@ from padgen.spec import Spec
 
 __all__ = ["check_foreign", "read_mesh"]
 
-LEAST_SHARE, SURE = 0.2, 0.9
-"""Share of a part's corners that a mesh has if it is that part, and with which no other part is tried."""
+LEAST_SHARE = 0.2
+"""Share of a part's corners that a mesh has if it is that part."""
+ENOUGH = {"pad": 0.999, "coupon": 0.5, "tray": 0.5, "coupon-tray": 0.0}
+"""The same, less what its size is off, with which no part after this one is tried; for trays a CAD kernel is loaded."""
 
 
 def read_mesh(path: Path) -> Mesh:
@@ -107,7 +109,7 @@ def _recognised(mesh: Mesh, plan: Plan) -> tuple[str, Plan, PadSolid | TraySolid
         likeness = pose.share - min(float(np.abs(sizes[0] / sizes[1] - 1).max()), 0.5)
         if likeness > most:
             best, most = (name, own, planned, pose), likeness
-        if most > SURE and name in ("pad", "coupon"):
+        if most > ENOUGH[name]:
             break
     return best
 

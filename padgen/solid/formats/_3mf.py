@@ -154,19 +154,19 @@ def _decimal(values: np.ndarray) -> np.ndarray:
 
 def _read_plain(path: Path) -> Mesh:
     """The one mesh of a file as it is written here, without what reading any file takes."""
-    found: dict[bytes, list[np.ndarray]] = {b"<vertex ": [], b"<triangle ": []}
+    # Each corner's own number stands in its name.
+    kinds = (b"<vertex ", (3, slice(None)), float), (b"<triangle ", (6, slice(1, None, 2)), np.int64)
+    found: dict[bytes, list[np.ndarray]] = {row: [np.empty((0, 3), kind)] for row, _, kind in kinds}
     with zipfile.ZipFile(path) as package, package.open(MODEL) as file:
         rest = b""
         while block := file.read(READ_BYTES):
             text = rest + block
             text, rest = text[: text.rfind(b"\n") + 1], text[text.rfind(b"\n") + 1 :]
-            for row, numbers in found.items():
+            for row, (width, used), kind in kinds:
                 if (start := text.find(row)) >= 0:
-                    rows = text[start : text.index(b"\n", text.rfind(row))]
-                    numbers.append(np.fromstring(rows.translate(_NUMBERS).decode(), sep=" "))
-    vertices, triangles = (np.concatenate([np.empty(0), *numbers]) for numbers in found.values())
-    # Each corner's own number stands in its name.
-    return Mesh(vertices.reshape(-1, 3), triangles.reshape(-1, 6)[:, 1::2].astype(np.int64))
+                    rows = text[start : text.index(b"\n", text.rfind(row))].translate(_NUMBERS).decode()
+                    found[row].append(np.fromstring(rows, kind, sep=" ").reshape(-1, width)[:, used])
+    return Mesh(*(np.concatenate(parts) for parts in found.values()))
 
 
 def _metadata(job: ExportJob) -> dict[str, str]:
