@@ -1,6 +1,7 @@
 """What `padgen check --spec` finds of tampered pads, and says of honest ones; a section of docs/accuracy.md.
 
-``python docs/measure_checks.py [PLACES] [HONEST]``: places tried of each kind (10), honest pads (200).
+``python docs/measure_checks.py [PLACES [HONEST [FIRST]]]``: places tried of each kind (10), honest pads (200), and the
+first seed of these.
 """
 
 import sys
@@ -40,9 +41,9 @@ def tampering(places: int) -> None:
     print(f"\n{caught} of {tried} caught.\n")
 
 
-def accused(pads: int) -> None:
+def accused(pads: int, first: int) -> None:
     tried, wrong = Counter(), Counter()
-    for seed in count():
+    for seed in count(first):
         if sum(tried.values()) == pads:
             break
         if (made := honest(seed)) is None:
@@ -58,5 +59,8 @@ def accused(pads: int) -> None:
 
 
 if __name__ == "__main__":
-    tampering(int(sys.argv[1]) if len(sys.argv) > 1 else 10)
-    accused(int(sys.argv[2]) if len(sys.argv) > 2 else 200)
+    places, pads, first = [int(v) for v in sys.argv[1:]] + [10, 200, 0][len(sys.argv) - 1 :]
+    if places:
+        tampering(places)
+    if pads:
+        accused(pads, first)

@@ -1,6 +1,7 @@
 """How run time and memory grow with taxels, 32 … 8,192; draws docs/growth.svg. A section of docs/performance.md.
 
-``python docs/measure_growth.py TAXELS FOLDER`` builds one such pad into a folder, and prints the seconds of its stages (of processors: others may work here).
+``python docs/measure_growth.py TAXELS FOLDER`` builds one such pad into a folder, and prints the
+seconds of its stages (of processors: others may work here).
 """
 
 import json
@@ -44,7 +45,7 @@ def large_plan(taxels: int) -> Plan:
 
 
 def one(taxels: int, folder: str) -> None:
-    """Plan, model, and check, in seconds of processors; and where a folder is named all of it with files, as the command does."""
+    """Plan, model and check; where a folder is named, all of it with files, as the command does."""
     clock = [time.process_time()]
     plan = large_plan(taxels)
     clock.append(time.process_time())

@@ -142,7 +142,7 @@ def _of_tiles(pad: PadSolid, plan: Plan, closed: bool) -> tuple[dict[str, Any], 
 def _as_planned(plan: Plan, solid: Any, figures: dict[str, Any]) -> list[Finding]:
     """Built against planned, for every taxel; adds the largest difference to `figures`."""
     spec = plan.spec
-    dimensions = list(measured(plan, solid, plan.taxels))
+    dimensions = list(measured(plan, solid))
     gaps = [abs(d.built_mm - d.planned_mm) for d in dimensions]
     figures["largest_difference_from_plan_mm"] = max((gap for gap in gaps if isfinite(gap)), default=None)
     figures["measured_dimensions"] = len(dimensions)

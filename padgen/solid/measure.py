@@ -47,8 +47,8 @@ class _Gauge(NamedTuple):
     facets_mm: float = 0.0
 
 
-def measured(plan: Plan, solid: Any, taxels: Sequence[Taxel]) -> Iterator[Dimension]:
-    """Measure beams, recess and boss of these taxels on the manifold `solid` of the pad, or of a part that has them.
+def measured(plan: Plan, solid: Any, taxels: Sequence[Taxel] | None = None) -> Iterator[Dimension]:
+    """Measure beams, recess and boss of these taxels, or all, on the manifold `solid` of the pad or a part of it.
 
     A ray runs until it meets a face: from within a beam sideways (width, and that its path is where it was planned),
     above it on from both ends of its path (length), from below and above onto it (thickness), and up into the recess
@@ -56,7 +56,7 @@ def measured(plan: Plan, solid: Any, taxels: Sequence[Taxel]) -> Iterator[Dimens
     """
     gauges = {c.index: _placed(_gauges(plan, c), c) for c in plan.channels}
     recesses = _holes(plan, solid.slice(plan.plate.recess_depth_mm / 2))
-    for taxel in taxels:
+    for taxel in plan.taxels if taxels is None else taxels:
         hole = _hole_around(plan, recesses, taxel)
         built, offset = (nan, nan) if hole is None else (hole.diameter_mm, _offset_mm(hole, taxel))
         yield Dimension(taxel.id, "recess diameter", plan.plate.recess_diameter_mm, built)
