@@ -173,8 +173,8 @@ def _differing(mesh: Mesh, planned: Mesh, plan: Plan) -> tuple[bool, list[Findin
     taxels = [taxel for taxel in plan.taxels if f"taxel {taxel.id}" in names]
     within_mm = [BUILT_MM, BUILT_MM + SMALLEST_MM]
     off = [d for d in measured(plan, one, taxels) if not abs(d.built_mm - d.planned_mm) <= within_mm[d.facets_mm > 0]]
-    found = differences(one, other)
-    return False, [*told(off, found, cells), *_few(_washers_enter(plan.spec, washer_rooms(plan, one, taxels)))]
+    found, rooms = differences(one, other), washer_rooms(plan, one, taxels)
+    return False, [*told(off, found, cells), *_few(_washers_enter(plan.spec, rooms, SMALLEST_MM))]
 
 
 def told(off: list[Dimension], found: list[Difference], cells: Cells | None) -> list[Finding]:
@@ -204,14 +204,14 @@ def told(off: list[Dimension], found: list[Difference], cells: Cells | None) -> 
     return list(_few(findings))
 
 
-def _washers_enter(spec: Spec, rooms: Iterable[tuple[str, float]]) -> Iterator[Finding]:
-    """Catalogues give the largest diameter that a washer may have."""
+def _washers_enter(spec: Spec, rooms: Iterable[tuple[str, float]], within_mm: float = 0.0) -> Iterator[Finding]:
+    """Catalogues give the largest diameter that a washer may have; other programs' round faces are `within_mm`."""
     printer, washer = spec.printer, spec.washer
     laid_mm = 2 * printer.xy_compensation_mm + LAID_MM[printer.process]
     needed_mm, least_mm = washer.outer_diameter_mm + laid_mm, laid_mm + FACET_MM
     cure = f"; taxel.washer_clearance_mm = {at_least(least_mm)} would do"
     for taxel, room_mm in rooms:
-        if not room_mm >= needed_mm:
+        if not room_mm >= needed_mm - within_mm:
             room = f"{number(room_mm)} mm" if isfinite(room_mm) else "missing"
             yield Finding(
                 "error",

@@ -15,7 +15,6 @@ __all__ = [
     "as_manifold",
     "from_manifold",
     "joined",
-    "ordered",
     "signed_volume_mm3",
     "sound_mesh",
     "tessellated",
@@ -116,13 +115,6 @@ def joined(mesh: Mesh, where: str) -> Mesh:
     if not len(whole.triangles):
         raise MeshFileError(f"holds no triangle whose corners are {FILE_WELD_MM:g} mm apart", where)
     return whole
-
-
-def ordered(mesh: Mesh) -> Mesh:
-    """The same triangles in an order that does not depend on where they come from, vertices left as they are."""
-    first = mesh.triangles.argmin(1)[:, None]
-    turned = np.take_along_axis(mesh.triangles, (first + np.arange(3)) % 3, 1)
-    return Mesh(mesh.vertices_mm, np.ascontiguousarray(turned[np.lexsort(turned.T)]))
 
 
 def signed_volume_mm3(mesh: Mesh) -> float:
