@@ -14,9 +14,10 @@ from padgen.solid.coupon_solid import build_coupon
 from padgen.solid.foreign import check_foreign
 from padgen.solid.formats import _3mf
 from padgen.solid.formats._3mf import read_3mf
-from padgen.solid.mesh import Mesh, as_manifold
+from padgen.solid.mesh import Mesh, as_manifold, from_manifold
 from padgen.solid.pad_solid import build_pad, sampled, turned_grid
 from padgen.solid.topology import topology
+from padgen.solid.tray_solid import build_tray
 from padgen.spec import parse_spec
 from tests.conftest import FOUR_LINES, SMALL
 from tests.tampering import KINDS, WAYS, as_single_precision, box, honest, tampered
@@ -132,9 +133,17 @@ def test_the_coupon_is_judged_as_one(small_plan):
     assert any(f.code == "built.planned" for f in report.findings)
 
 
-def test_something_else_is_said_to_be(small_plan):
-    from padgen.solid.mesh import from_manifold
+def test_a_tray_is_judged_as_one(small_plan):
+    mesh = build_tray(small_plan).mesh
+    report = check_foreign(as_single_precision(mesh), small_plan.spec, small_plan)
+    assert report.figures["part"] == "tray"
+    assert [f for f in report.findings if f.level == "error"] == []
+    filled = from_manifold(as_manifold(mesh, "tray") + box((3, 3, 3), (5, 0, 2)))
+    errors = [f for f in found(filled, small_plan) if f.level == "error"]
+    assert any("more than planned near (" in f.message for f in errors)
 
+
+def test_something_else_is_said_to_be(small_plan):
     said = [f for f in found(from_manifold(box((30, 20, 5), (0, 0, 0))), small_plan) if f.code == "built.other"]
     assert len(said) == 1
 

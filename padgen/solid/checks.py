@@ -422,10 +422,11 @@ def _overhangs(mesh: Mesh, printer: Printer, spot: Spot) -> Iterator[Finding]:
     area = float(size[steep].sum() / 2)
     if area > printer.line_width_mm**2:
         worst = np.flatnonzero(steep)[angle[steep].argmax()]
+        x, y, z = corners[worst].mean(0).tolist()
         yield Finding(
             "error",
             "print.overhang",
-            spot(Narrow(*corners[worst].mean(0).tolist(), area)),
+            spot(Narrow(x, y, z, area)),
             f"{number(area)} mm² lean out by up to {number(float(angle[worst]))}°, {printer.name} prints"
             f" {number(printer.steepest_overhang_deg)}° without supports",
         )

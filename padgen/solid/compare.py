@@ -184,7 +184,7 @@ def _landmarks(mesh: Mesh) -> np.ndarray:
     angles = np.arccos(np.clip(-np.einsum("tij,tij->ti", sides, np.roll(sides, 1, axis=1)), -1, 1))
     whole = np.bincount(mesh.triangles.ravel(), angles.ravel(), len(mesh.vertices_mm))
     marks = mesh.vertices_mm[np.abs(whole - 2 * np.pi) > CORNER_RAD]
-    return marks[:: len(marks) // LANDMARKS + 1]
+    return np.asarray(marks[:: len(marks) // LANDMARKS + 1])
 
 
 def loose_triangles(mesh: Mesh, planned: Mesh) -> tuple[np.ndarray, np.ndarray, Mesh]:

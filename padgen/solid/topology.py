@@ -57,15 +57,15 @@ def _edge_counts(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     # One sort of whole numbers, the direction in the last digit: with several columns, or for the order, it
     # would take many times as long.
     count = max(len(mesh.vertices_mm), 1)
-    key = np.empty((3, len(mesh.triangles)), np.int64)
-    for i, side in enumerate(key):
+    sides = np.empty((3, len(mesh.triangles)), np.int64)
+    for i, side in enumerate(sides):
         a, b = mesh.triangles[:, i], mesh.triangles[:, i - 2]
         np.minimum(a, b, out=side)
         side *= count
         side += np.maximum(a, b)
         side *= 2
         side += a < b
-    key = key.ravel()
+    key = sides.ravel()
     key.sort()
     forward = (key & 1).astype(np.int32)
     key >>= 1
