@@ -194,7 +194,8 @@ class Pad:
         # What writes text, packs and waits for the disk leaves the other core to the checks.
         with OutputFolder(folder) as out, ThreadPoolExecutor(1) as writer:
             self.progress(f"checking, and writing {', '.join(formats)}")
-            written = [writer.submit(PAD_FORMATS.get(name).write, out, job) for name in formats for job in jobs]
+            work = [(PAD_FORMATS.get(name), job) for name in formats for job in jobs]
+            written = [writer.submit(maker.write, out, job) for maker, job in work]
             report = self.check()
             figures, findings = report.figures, [*plan.findings, *report.findings]
             plastic_g = {name: own.figures["plastic_g"] for name, own in reports.items()}
@@ -207,8 +208,12 @@ class Pad:
             out.write("drive.json", drive_json(plan))
             out.write("bom.csv", bill_of_materials(plan, report.figures["plastic_g"], plastic_g))
             out.write("checks.json", json_text({"figures": figures, "findings": findings}))
-            for each in written:
-                each.result()
+            # What it has not begun is done here, from the end.
+            for each, (maker, job) in reversed(list(zip(written, work, strict=True))):
+                if each.cancel():
+                    maker.write(out, job)
+                else:
+                    each.result()
             out.commit(inputs)
         return Built(folder, tuple(built_files(folder)), figures, tuple(findings), plan.printing, False)
 
