@@ -148,6 +148,13 @@ def test_something_else_is_said_to_be(small_plan):
     assert len(said) == 1
 
 
+def test_a_sheet_is_no_pad(small_plan):
+    """On a line seen from above: it has no outline."""
+    corners = np.array([(0, 0, 0), (30, 30, 0), (30, 30, 5), (0, 0, 5)], float)
+    codes = {f.code for f in found(Mesh(corners, np.array([[0, 1, 2], [0, 2, 3], [0, 2, 1], [0, 3, 2]])), small_plan)}
+    assert "built.other" in codes
+
+
 def test_a_sample_has_every_tile_and_every_seam(wide_plan, paper_plan):
     def neighbours(plan, pad):
         kinds = np.pad(2 * pad.grid + turned_grid(plan), 1, constant_values=-1)

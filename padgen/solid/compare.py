@@ -31,6 +31,8 @@ CORNER_RAD = 0.8
 MARGIN_MM = 0.137
 """By which the parts that are cut out of both reach beyond their cells: where no faces are."""
 OUTSIDE_MM = 2e4
+MOST_PIECES = 200
+"""Differences of a kind whose volumes are worked out: of another pad's thousands only some are told."""
 SCALE = 5e-4
 """Smallest relative difference in size that is one of scale."""
 
@@ -48,7 +50,7 @@ class Pose(NamedTuple):
 
     def laid(self, mesh: Mesh) -> Mesh:
         """The mesh where it was planned, its triangles outwards as before."""
-        if self.share and not self.shift_mm.any() and np.array_equal(self.rows, np.eye(3)):
+        if not self.shift_mm.any() and np.array_equal(self.rows, np.eye(3)):
             return mesh
         triangles = mesh.triangles[:, ::-1] if np.linalg.det(self.rows) < 0 else mesh.triangles
         return Mesh(mesh.vertices_mm @ self.rows.T + self.shift_mm, triangles)
@@ -138,7 +140,7 @@ def pose_of(mesh: Mesh, planned: Mesh) -> Pose:
     Only a mesh that is not where it was planned is tried otherwise: by its outline, whose longest side is one of the
     border's, and by its box. Of all ways that of which most corners of the planned mesh are in it is taken.
     """
-    from scipy.spatial import ConvexHull, cKDTree
+    from scipy.spatial import ConvexHull, QhullError, cKDTree
 
     marks, tree = _landmarks(planned), cKDTree(mesh.vertices_mm)
 
@@ -150,7 +152,10 @@ def pose_of(mesh: Mesh, planned: Mesh) -> Pose:
     size = np.ptp(mesh.vertices_mm, axis=0)
     if best.share > 0.999 or not size.all():
         return best
-    outline = mesh.vertices_mm[ConvexHull(mesh.vertices_mm[:, :2]).vertices]
+    try:
+        outline = mesh.vertices_mm[ConvexHull(mesh.vertices_mm[:, :2]).vertices]
+    except QhullError:  # it stands on a line
+        return best
     sides = np.roll(outline, -1, axis=0) - outline
     along = sides[np.hypot(*sides[:, :2].T).argmax()]
     ends = np.concatenate([outline, mesh.vertices_mm[mesh.vertices_mm[:, 2].argsort()[[0, -1]]]])
@@ -216,7 +221,7 @@ def differences(one: Any, other: Any) -> list[Difference]:
         # What is left are places of a cube's lowest corner: all eight corners lie in the part.
         for step in np.eye(3) * SMALLEST_MM:
             core = core ^ core.translate(tuple(-step))
-        for piece in core.decompose():
+        for piece in sorted(core.decompose(), key=lambda each: -each.volume())[:MOST_PIECES]:
             bounds = np.array(piece.bounding_box())
             low, high = bounds[:3], bounds[3:] + SMALLEST_MM
             box = type(part).cube(tuple(high - low)).translate(tuple(low))
