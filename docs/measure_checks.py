@@ -24,7 +24,7 @@ def errors(mesh, plan):
 
 
 def tampering(places: int) -> None:
-    """Small pads on both sides: one coil with four channels, and 32 coils' cells with two."""
+    """One coil with four channels, and three such coils, in turn."""
     plans = [make_plan(parse_spec(SMALL)), make_plan(parse_spec(SMALL.replace("= 4", "= 12").replace("= 25", "= 40")))]
     pads = [build_pad(plan) for plan in plans]
     print("| kind | caught | of | said of the first |\n|---|---|---|---|")
