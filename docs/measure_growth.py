@@ -1,6 +1,14 @@
-"""How run time grows with taxels, 32 … 8,192; draws docs/growth.svg. A section of docs/performance.md."""
+"""How run time and memory grow with taxels, 32 … 8,192; draws docs/growth.svg. A section of docs/performance.md.
 
-import resource
+``python docs/measure_growth.py TAXELS FOLDER`` builds one such pad into a folder, and prints the
+seconds of its stages (of processors: others may work here).
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -8,15 +16,13 @@ from pathlib import Path
 import numpy as np
 
 from padgen.core.plots import STYLE, plot_bytes
+from padgen.make.pad import Pad
 from padgen.planner import Plan, make_plan
-from padgen.solid.checks import _narrowest_of_cell, check_pad
-from padgen.solid.pad_solid import build_pad
-from padgen.solid.topology import _kept_pairs
 from padgen.spec import parse_spec
 
 HERE = Path(__file__).parent
 SIZES = (32, 72, 128, 288, 512, 1152, 2048, 4608, 8192)
-WHAT = ("plan", "build without checks", "checks")
+WHAT = ("plan", "solids and union", "checks", "whole command")
 
 
 def large_plan(taxels: int) -> Plan:
@@ -38,36 +44,59 @@ def large_plan(taxels: int) -> Plan:
     return make_plan(replace(spec, resolution=taxels, pad=pad, coil=replace(spec.coil, grid=(coils, coils))))
 
 
+def one(taxels: int, folder: str) -> None:
+    """Plan, model and check; where a folder is named, all of it with files, as the command does."""
+    clock = [time.process_time()]
+    plan = large_plan(taxels)
+    clock.append(time.process_time())
+    pad = Pad(plan.spec, given=plan)
+    if folder:
+        findings = pad.save(folder, ("stl", "3mf", "step"), force=True).findings
+    else:
+        assert len(pad.mesh.triangles)
+        clock.append(time.process_time())
+        findings = pad.check().findings
+    clock.append(time.process_time())
+    assert not [f for f in findings if f.level == "error"], findings
+    print(json.dumps([*np.diff(clock).tolist(), len(pad.mesh.triangles)]))
+
+
+def measured(taxels: int, folder: str) -> tuple[list[float], float, float, float]:
+    """What a process of its own prints; its seconds from start to end, those of both cores, and its peak in MiB."""
+    start = time.perf_counter()
+    child = subprocess.Popen([sys.executable, __file__, str(taxels), folder], stdout=subprocess.PIPE, text=True)
+    printed = json.loads(child.stdout.read())
+    _, status, used = os.wait4(child.pid, 0)
+    seconds = time.perf_counter() - start
+    assert status == 0
+    return printed, seconds, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
+
+
 def growth() -> list[str]:
     """Times against taxels, the fits of their growth, and the picture."""
-    build_pad(large_plan(32))
     rows = []
-    for taxels in SIZES:
-        best = np.full(3, np.inf)
-        for _ in range(3 if taxels < 2000 else 2):
-            # What earlier rounds and sizes found of the same tiles.
-            _kept_pairs.cache_clear()
-            _narrowest_of_cell.cache_clear()
-            clock = [time.perf_counter()]
-            plan = large_plan(taxels)
-            clock.append(time.perf_counter())
-            pad = build_pad(plan)
-            clock.append(time.perf_counter())
-            report = check_pad(pad, plan)
-            clock.append(time.perf_counter())
-            assert not [f for f in report.findings if f.level == "error"], report.findings
-            best = np.minimum(best, np.diff(clock))
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        rows.append((taxels, len(pad.mesh.triangles), *best.tolist(), peak))
+    with tempfile.TemporaryDirectory() as folder:
+        measured(32, folder)  # the taxels are known from then on
+        for taxels in SIZES:
+            best = np.full(6, np.inf)
+            for _ in range(3 if taxels < 1000 else 1):
+                (plan, build, checks, triangles), *_ = measured(taxels, "")
+                _, whole, both, peak = measured(taxels, folder)
+                best = np.minimum(best, [plan, build, checks, whole, both, peak])
+            rows.append((taxels, int(triangles), *best.tolist()))
     table = np.array(rows, float)
-    slopes = np.polyfit(np.log(table[:, 0]), np.log(table[:, 2:5]), 1)[0]
-    last = np.log(table[-1, 2:5] / table[-3, 2:5]) / np.log(table[-1, 0] / table[-3, 0])
+    times = table[:, 2:7]
+    slopes = np.polyfit(np.log(table[:, 0]), np.log(times), 1)[0]
+    last = np.log(times[-1] / times[-3]) / np.log(table[-1, 0] / table[-3, 0])
     draw(table, slopes)
     return [
-        "| taxels | triangles | plan s | build without checks s | checks s | peak MiB |",
-        "|---|---|---|---|---|---|",
-        *(f"| {n} | {t} | {p:.3f} | {b:.3f} | {c:.3f} | {m:.0f} |" for n, t, p, b, c, m in rows),
-        "| **fitted exponent** (bar 1.1) | | " + " | ".join(f"**{slope:.2f}**" for slope in slopes) + " | |",
+        "| taxels | triangles | plan s | solids and union s | checks s | whole command s | both cores s | peak MiB |",
+        "|---|---|---|---|---|---|---|---|",
+        *(
+            f"| {n} | {t} | {p:.3f} | {b:.3f} | {c:.3f} | {w:.2f} | {u:.2f} | {m:.0f} |"
+            for n, t, p, b, c, w, u, m in rows
+        ),
+        "| **fitted exponent** (bar 1.05) | | " + " | ".join(f"**{slope:.2f}**" for slope in slopes) + " | |",
         "| from the last but two to the last | | " + " | ".join(f"{slope:.2f}" for slope in last) + " | |",
         "",
         "![Run time against taxels](growth.svg)",
@@ -84,7 +113,9 @@ def draw(table: np.ndarray, slopes: np.ndarray) -> None:
         figure = Figure(figsize=(6, 4), layout="constrained")
         FigureCanvasAgg(figure)
         axes = figure.subplots()
-        marks = zip(WHAT, table[:, 2:5].T, slopes, "os^", ("#0072b2", "#009e73", "#d55e00"), strict=True)
+        marks = zip(
+            WHAT, table[:, 2:6].T, slopes[:4], "os^D", ("#0072b2", "#009e73", "#d55e00", "#cc79a7"), strict=True
+        )
         for name, seconds, slope, mark, colour in marks:
             centre = np.exp(np.log(table[:, 0]).mean()), np.exp(np.log(seconds).mean())
             axes.plot(table[:, 0], seconds, mark, color=colour, label=f"{name}, exponent {slope:.2f}")
@@ -93,3 +124,7 @@ def draw(table: np.ndarray, slopes: np.ndarray) -> None:
         axes.grid(which="major", lw=0.4)
         axes.legend(frameon=False)
         (HERE / "growth.svg").write_bytes(plot_bytes(figure, "svg"))
+
+
+if __name__ == "__main__":
+    one(int(sys.argv[1]), sys.argv[2])

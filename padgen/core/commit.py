@@ -231,7 +231,7 @@ def say_kept(path: Path, there: Path) -> None:
     logging.getLogger("padgen").warning("padgen: %s was not as padgen wrote it; kept as %s", path, there.name)
 
 
-def write_synced(path: Path, data: bytes) -> None:
+def write_synced(path: Path, data: bytes | bytearray) -> None:
     """Write a file, and wait until it is on the disk."""
     file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | getattr(os, "O_BINARY", 0), 0o666)
     try:

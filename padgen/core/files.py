@@ -136,7 +136,7 @@ def _key(key: Any) -> str:
     return encode_basestring(key if isinstance(key, str) else json.dumps(key))
 
 
-def file_hash(data: bytes) -> str:
+def file_hash(data: bytes | bytearray) -> str:
     """SHA-256 of some bytes, in hexadecimal."""
     return sha256(data).hexdigest()
 
@@ -184,7 +184,7 @@ class OutputFolder:
         if isinstance(error, OSError):
             raise FileError(f"cannot be written ({reason(error)})", str(self.path)) from error
 
-    def write(self, name: str, data: bytes | str) -> Path:
+    def write(self, name: str, data: bytes | bytearray | str) -> Path:
         """Add a file; returns where it lies for now, for reading back."""
         raw = data.encode() if isinstance(data, str) else data
         write_synced(self._aside / name, raw)

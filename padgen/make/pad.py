@@ -5,6 +5,7 @@ Knows when a folder is up to date without importing numpy or a CAD kernel.
 
 import json
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -193,31 +194,39 @@ class Pad:
         from padgen.driver import drive_csv, drive_json
         from padgen.planner import plan_to_json
 
-        plan, pad, report, beside = self.plan, self.solid, self.check(), self._beside
+        plan, pad, beside = self.plan, self.solid, self._beside
         from padgen.solid.bill import bill_of_materials
         from padgen.solid.formats import ExportJob, Part
 
-        figures, findings = report.figures, [*plan.findings, *report.findings]
-        plastic_g = {part.name: part.report.figures["plastic_g"] for part in beside}
-        if beside:
-            figures = {**figures, "parts": {part.name: part.report.figures for part in beside}}
-        for part in beside:
-            findings += [replace(each, where=f"{part.name}: {each.where}") for each in part.report.findings]
         inputs = _inputs(plan.spec, formats, instances, self.parts)
         about = f"{len(plan.taxels)} taxels over {plan.coils.rows} x {plan.coils.columns} coils"
-        whole = Part("pad", plan.name, about, pad.mesh, None, report)
+        whole = Part("pad", plan.name, about, pad.mesh, None, None)
         jobs = [ExportJob(plan, whole, inputs["spec"], pad, instances)]
         jobs += [ExportJob(plan, part, inputs["spec"]) for part in beside]
-        with OutputFolder(folder) as out:
+        reports = {part.name: part.report for part in beside if part.report}
+        # What writes text, packs and waits for the disk leaves the other core to the checks.
+        with OutputFolder(folder) as out, ThreadPoolExecutor(1) as writer:
+            self.progress(f"checking, and writing {', '.join(formats)}")
+            work = [(PAD_FORMATS.get(name), job) for name in formats for job in jobs]
+            written = [writer.submit(maker.write, out, job) for maker, job in work]
+            report = self.check()
+            figures, findings = report.figures, [*plan.findings, *report.findings]
+            plastic_g = {name: own.figures["plastic_g"] for name, own in reports.items()}
+            if reports:
+                figures = {**figures, "parts": {name: own.figures for name, own in reports.items()}}
+            for name, own in reports.items():
+                findings += [replace(each, where=f"{name}: {each.where}") for each in own.findings]
             out.write("plan.json", plan_to_json(plan))
             out.write("drive.csv", drive_csv(plan))
             out.write("drive.json", drive_json(plan))
             out.write("bom.csv", bill_of_materials(plan, report.figures["plastic_g"], plastic_g))
             out.write("checks.json", json_text({"figures": figures, "findings": findings}))
-            for name in formats:
-                self.progress(f"writing {name}")
-                for job in jobs:
-                    PAD_FORMATS.get(name).write(out, job)
+            # What it has not begun is done here, from the end.
+            for each, (maker, job) in reversed(list(zip(written, work, strict=True))):
+                if each.cancel():
+                    maker.write(out, job)
+                else:
+                    each.result()
             out.commit(inputs)
         return Built(folder, tuple(built_files(folder)), figures, tuple(findings), plan.printing, False)
 

@@ -446,6 +446,8 @@ def figures_text(figures: dict[str, Any]) -> str:
         if value is not None:
             text = str(value) if isinstance(value, int) else f"{0.0 if abs(value) < 1e-6 else value:.3g}"
             parts.append(f"{text} {unit if value == 1 or key != 'bodies' else 'bodies'}")
+    if figures.get("part", "pad") != "pad":
+        parts.append(f"taken as the {figures['part']}")
     if "compared_with" in figures:
         parts.append(f"compared with {figures['compared_with']}")
     if "limits_of" in figures:

@@ -4,7 +4,7 @@ Checks of the mesh alone need a printer's limits; with a plan come those that co
 with what was planned.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import isfinite
@@ -15,14 +15,24 @@ import numpy as np
 from padgen.core.errors import GeometryError, at_least, number
 from padgen.core.finding import Finding
 from padgen.planner.plan import Plan
+from padgen.solid.compare import SMALLEST_MM, Cells, Difference, differences, loose_triangles
 from padgen.solid.measure import Dimension, measured, washer_rooms
-from padgen.solid.mesh import Mesh, as_manifold, from_manifold, ordered
-from padgen.solid.pad_solid import PadSolid
-from padgen.solid.sections import Section, narrow_gaps, narrow_walls, sections, smallest, thin_skins, unsupported_spans
+from padgen.solid.mesh import Mesh, as_manifold
+from padgen.solid.pad_solid import PadSolid, Places, assembled, sampled
+from padgen.solid.sections import (
+    Narrow,
+    Section,
+    narrow_gaps,
+    narrow_walls,
+    sections,
+    smallest,
+    thin_skins,
+    unsupported_spans,
+)
 from padgen.solid.topology import MOST_FOUND, Topology, intersecting_pairs, topology
 from padgen.spec import Printer, Spec
 
-__all__ = ["Report", "check_mesh", "check_pad", "compare_mesh"]
+__all__ = ["Report", "check_against", "check_mesh", "check_pad", "told"]
 
 BUILT_MM = 0.01
 """Largest difference of a built dimension from the planned one."""
@@ -37,6 +47,11 @@ UNCOMPARED = Finding(
 )
 MOST_BODIES = 100
 """Bodies of a mesh whose walls are looked at: with more it is no pad."""
+Spot = Callable[[Narrow], str]
+APART_MM = 1.0
+"""Steps in the plane: what is too narrow within one is told once, whatever its height."""
+SAID = 2
+"""Dimensions of a taxel that are told when more are off."""
 AT_ONCE = 5
 """Findings of one kind that are listed; the last says how many more there are."""
 
@@ -52,95 +67,151 @@ class Report:
 def check_mesh(mesh: Mesh, printer: Printer, density_g_per_cm3: float) -> Report:
     """The checks that need no plan, against the limits of `printer`."""
     state = topology(mesh)
-    figures = _shape_figures(mesh, state, density_g_per_cm3)
+    figures, findings = _whole(mesh, state, printer, density_g_per_cm3)
     pierced = list(_pierced(mesh))
-    findings = [*_closed(state), *_one_body(state), *pierced, *_on_bed(mesh, printer)]
     # Of a mesh that lies in itself a thousandfold, cross-sections would take hours and tell nothing.
-    if state.closed and state.volume_mm3 > 0 and state.shells <= MOST_BODIES and UNCOMPARED not in pierced:
-        solid, refused = _manifold(mesh)
-        findings += refused
-        if solid is not None:
-            cuts = sections(solid, mesh)
-            findings += [*_walls_and_gaps(cuts, printer), *_overhangs(mesh, printer)]
-            smallest_figures, narrow = _narrowest(cuts, solid, mesh, printer)
-            figures, findings = figures | smallest_figures, findings + narrow
-    return Report(figures, tuple(findings))
+    printable = state.closed and state.volume_mm3 > 0 and state.shells <= MOST_BODIES and UNCOMPARED not in pierced
+    more_figures, more = _printable(mesh, printer, Places()) if printable else ({}, [])
+    return Report(figures | more_figures, (*findings, *pierced, *more))
 
 
 def check_pad(pad: PadSolid, plan: Plan) -> Report:
     """All checks of a pad that was built from `plan`.
 
-    What one coil's cell can tell is looked for there once, since all cells are alike: pierced
-    triangles (a tile cannot leave its sub-cell), spans and the smallest widths. Everything that a
-    seam or a lost taxel could break is looked for in the whole pad.
+    Whether it is closed, one body and of the right volume is seen on the whole mesh. All that tiles and their seams
+    can tell is measured on a sample that has each of them (`sampled`), and the pad's mesh must be made of these tiles.
     """
-    spec = plan.spec
     state = topology(pad.mesh)
-    figures = _shape_figures(pad.mesh, state, spec.material.density_g_per_cm3)
-    findings = [*_closed(state), *_one_body(state), *_on_bed(pad.mesh, spec.printer)]
+    figures, findings = _whole(pad.mesh, state, plan.spec.printer, plan.spec.material.density_g_per_cm3)
+    own_figures, own = _of_tiles(pad, plan, state.closed)
+    findings += [*_volume(state.volume_mm3, pad.volume_mm3), *own]
+    if state.closed and own_figures["measured_taxels"] < len(plan.taxels):
+        placed = assembled(plan, pad.tiles, pad.border, pad.grid)
+        if not all(np.array_equal(a, b) for a, b in zip(placed, pad.mesh, strict=True)):
+            findings += _differing(pad.mesh, placed, plan)[1]
+    return Report(figures | own_figures, tuple(findings))
+
+
+def check_against(mesh: Mesh, pad: PadSolid, plan: Plan) -> Report:
+    """All checks of a mesh from anywhere that is to be the `pad` of `plan`; it must lie as that was built.
+
+    What it has of the pad's triangles is proven by them. Where it has others, solids are compared: any difference
+    that a cube of `padgen.solid.compare.SMALLEST_MM` fits into is found, and beams and recesses are measured.
+    """
+    state, printer = topology(mesh), plan.spec.printer
+    figures, findings = _whole(mesh, state, printer, plan.spec.material.density_g_per_cm3)
+    if not state.closed or state.volume_mm3 <= 0:
+        return Report(figures, tuple(findings))
+    same, differing = _differing(mesh, pad.mesh, plan)
+    findings += [] if same else _pierced(mesh)
+    if differing:
+        more_figures, more = _printable(mesh, printer, Places()) if state.shells <= MOST_BODIES else ({}, [])
+    else:
+        more_figures, more = _of_tiles(pad, plan, True)
+    return Report(figures | more_figures, (*findings, *differing, *more))
+
+
+def _whole(
+    mesh: Mesh, state: Topology, printer: Printer, density_g_per_cm3: float
+) -> tuple[dict[str, Any], list[Finding]]:
+    """Figures and findings that only the whole mesh has."""
+    findings = [*_closed(mesh, state), *_one_body(state), *_on_bed(mesh, printer)]
+    return _shape_figures(mesh, state, density_g_per_cm3), findings
+
+
+def _of_tiles(pad: PadSolid, plan: Plan, closed: bool) -> tuple[dict[str, Any], list[Finding]]:
+    """What is measured of the pad's distinct tiles, and where the pad is `closed` of their seams."""
+    findings: list[Finding] = []
     for name, tile in zip([*(f"taxel {c.index}" for c in plan.channels), "frame"], pad.tiles, strict=True):
         findings += [*_pierced(tile.mesh, name), *_within_cell(tile.mesh, plan, name)]
-    findings += _volume(state.volume_mm3, pad.volume_mm3)
-    figures["exact_volume_mm3"] = pad.volume_mm3
-    if state.closed:
-        solid, refused = _manifold(pad.mesh)
-        findings += refused
-        if solid is not None:
-            findings += _walls_and_gaps(sections(solid, pad.mesh), spec.printer)
-            findings += _overhangs(pad.mesh, spec.printer)
-            findings += compare(plan, solid, figures)
-            cell = ordered(from_manifold(_one_cell(plan, solid)))
-            smallest_figures, narrow = _narrowest_of_cell(
-                cell.vertices_mm.tobytes(), cell.triangles.tobytes(), spec.printer
-            )
-            figures, findings = figures | smallest_figures, findings + narrow
-    return Report(figures, tuple(findings))
-
-
-def compare_mesh(report: Report, mesh: Mesh, plan: Plan) -> Report:
-    """Add to the `report` on a mesh what its comparison with `plan` finds; it must lie as it was built."""
-    solid, _ = _manifold(mesh) if topology(mesh).closed else (None, [])
+    figures: dict[str, Any] = {"exact_volume_mm3": pad.volume_mm3, "measured_taxels": 0}
+    sample = sampled(plan, pad) if closed else None
+    if sample is None:
+        return figures, findings
+    mesh = sample.pad.mesh
+    solid, refused = _manifold(mesh)
     if solid is None:
-        return report
-    figures = dict(report.figures)
-    return Report(figures, (*report.findings, *compare(plan, solid, figures)))
+        return figures, [*findings, *refused]
+    print_figures, found = _kept_printable(
+        mesh.vertices_mm.tobytes(), mesh.triangles.tobytes(), plan.spec.printer, sample.places
+    )
+    figures |= print_figures | {"measured_taxels": len(sample.plan.taxels)}
+    return figures, [*findings, *found, *_as_planned(sample.plan, solid, figures)]
 
 
-def compare(plan: Plan, solid: Any, figures: dict[str, Any]) -> list[Finding]:
+def _as_planned(plan: Plan, solid: Any, figures: dict[str, Any]) -> list[Finding]:
     """Built against planned, for every taxel; adds the largest difference to `figures`."""
     spec = plan.spec
     dimensions = list(measured(plan, solid))
     gaps = [abs(d.built_mm - d.planned_mm) for d in dimensions]
-    finite = [gap for gap in gaps if isfinite(gap)]
-    figures["largest_difference_from_plan_mm"] = max(finite, default=None)
+    figures["largest_difference_from_plan_mm"] = max((gap for gap in gaps if isfinite(gap)), default=None)
     figures["measured_dimensions"] = len(dimensions)
+    off = [d for d in dimensions if not abs(d.built_mm - d.planned_mm) <= BUILT_MM + d.facets_mm]
     return [
-        *_few(_differs(d) for d in dimensions if not abs(d.built_mm - d.planned_mm) <= BUILT_MM + d.facets_mm),
-        *_few(_washers_enter(spec, washer_rooms(plan, solid))),
+        *told(off, [], None),
+        *_few(_washers_enter(spec, washer_rooms(plan, solid, plan.taxels))),
         *_few(_washers_sink_in(spec, dimensions)),
         *_few(_lines_and_layers(spec.printer, dimensions)),
     ]
 
 
-def _differs(dimension: Dimension) -> Finding:
-    built = f"{number(dimension.built_mm)} mm" if isfinite(dimension.built_mm) else "missing"
-    return Finding(
-        "error",
-        "built.planned",
-        f"taxel {dimension.taxel}",
-        f"{dimension.name} is {built}, planned are {number(dimension.planned_mm)} mm within"
-        f" {number(BUILT_MM + dimension.facets_mm)} mm",
-    )
+def _differing(mesh: Mesh, planned: Mesh, plan: Plan) -> tuple[bool, list[Finding]]:
+    """Whether all triangles are those planned; and where that is not so, what differs."""
+    loose, lost, snapped = loose_triangles(mesh, planned)
+    if not loose.any() and not lost.any():
+        return True, []
+    cells = Cells.of(plan)
+    reached = cells.within(np.concatenate([snapped.corners_mm[loose], planned.corners_mm[lost]]))
+    one, refused = _manifold(snapped)
+    other, _ = _manifold(planned)
+    if one is None:
+        return False, refused
+    if reached.mean() < 0.5:
+        room = cells.room(reached)
+        one, other = one ^ room, other ^ room
+    names = set(np.array(cells.names)[reached].tolist())
+    taxels = [taxel for taxel in plan.taxels if f"taxel {taxel.id}" in names]
+    within_mm = [BUILT_MM, BUILT_MM + SMALLEST_MM]
+    off = [d for d in measured(plan, one, taxels) if not abs(d.built_mm - d.planned_mm) <= within_mm[d.facets_mm > 0]]
+    found, rooms = differences(one, other), washer_rooms(plan, one, taxels)
+    return False, [*told(off, found, cells), *_few(_washers_enter(plan.spec, rooms, SMALLEST_MM))]
 
 
-def _washers_enter(spec: Spec, rooms: Iterable[tuple[str, float]]) -> Iterator[Finding]:
-    """Catalogues give the largest diameter that a washer may have."""
+def told(off: list[Dimension], found: list[Difference], cells: Cells | None) -> list[Finding]:
+    """One finding for each taxel, or other part, that differs; one for all that differ alike."""
+    dimensions: dict[str, list[str]] = {}
+    for d in off:
+        built = f"{number(d.built_mm)} mm" if isfinite(d.built_mm) else "missing"
+        text = f"{d.name} is {built}, planned are {number(d.planned_mm)} mm"
+        dimensions.setdefault(f"taxel {d.taxel}", []).append(text)
+    pieces: dict[str, list[Difference]] = {}
+    for piece in found:
+        pieces.setdefault(cells.named(*piece.place_mm[:2]) if cells else "mesh", []).append(piece)
+    alike: dict[Any, list[str]] = {}
+    for where in dict.fromkeys([*pieces, *dimensions]):
+        sizes = [(p.more, f"{p.volume_mm3:.2g}", np.round(p.extent_mm, 2).tolist()) for p in pieces.get(where, [])[:1]]
+        alike.setdefault(str((dimensions.get(where, [])[:SAID], sizes)), []).append(where)
+    findings = []
+    for first, *others in alike.values():
+        said = dimensions.get(first, [])[:SAID]
+        for piece in pieces.get(first, [])[:1]:
+            x, y, z = (number(round(v, 3)) for v in piece.place_mm)
+            extent = " x ".join(number(round(v, 2)) for v in piece.extent_mm)
+            what = "more than planned" if piece.more else "missing"
+            said = [*said, f"{piece.volume_mm3:.2g} mm³ are {what} near ({x}, {y}, {z}) mm, over {extent} mm"]
+        more = f"; so are {', '.join(others[:AT_ONCE])}{' and others' * (len(others) > AT_ONCE)}" if others else ""
+        findings.append(Finding("error", "built.planned", first, "; ".join(said) + more))
+    return list(_few(findings))
+
+
+def _washers_enter(spec: Spec, rooms: Iterable[tuple[str, float]], within_mm: float = 0.0) -> Iterator[Finding]:
+    """Catalogues give the largest diameter that a washer may have; other programs' round faces are `within_mm`."""
     printer, washer = spec.printer, spec.washer
     laid_mm = 2 * printer.xy_compensation_mm + LAID_MM[printer.process]
     needed_mm, least_mm = washer.outer_diameter_mm + laid_mm, laid_mm + FACET_MM
     cure = f"; taxel.washer_clearance_mm = {at_least(least_mm)} would do"
     for taxel, room_mm in rooms:
-        if not room_mm >= needed_mm:
+        if not room_mm >= needed_mm - within_mm:
             room = f"{number(room_mm)} mm" if isfinite(room_mm) else "missing"
             yield Finding(
                 "error",
@@ -154,7 +225,7 @@ def _washers_enter(spec: Spec, rooms: Iterable[tuple[str, float]]) -> Iterator[F
 
 def _washers_sink_in(spec: Spec, dimensions: Iterable[Dimension]) -> Iterator[Finding]:
     for d in dimensions:
-        if d.name == "recess depth" and not d.built_mm >= spec.washer.thickness_mm:
+        if d.name == "recess depth" and d.built_mm < spec.washer.thickness_mm:
             yield Finding(
                 "error",
                 "washer.fit",
@@ -199,14 +270,17 @@ def _shape_figures(mesh: Mesh, state: Topology, density_g_per_cm3: float) -> dic
     }
 
 
-def _closed(state: Topology) -> Iterator[Finding]:
+def _closed(mesh: Mesh, state: Topology) -> Iterator[Finding]:
     for count, what in (
         (state.open_edges, "edges have a triangle on one side only"),
         (state.crowded_edges, "edges join more than two triangles"),
         (state.turned_edges, "edges join triangles that disagree which side is out"),
     ):
         if count:
-            yield Finding("error", "mesh.closed", "mesh", f"{count} {what}, must be 0")
+            first = f", the first near {_spot(*mesh.vertices_mm[state.first_broken].tolist())}"
+            yield Finding("error", "mesh.closed", "mesh", f"{count} {what}, must be 0{first}")
+            # What is wrong with one edge shows in others.
+            return
     if state.closed and state.volume_mm3 <= 0:
         yield Finding("error", "mesh.inside_out", "mesh", "the triangles face inwards; turn them all round")
 
@@ -223,13 +297,13 @@ def _pierced(mesh: Mesh, where: str = "mesh") -> Iterator[Finding]:
         yield replace(UNCOMPARED, where=where)
         return
     if len(pairs):
-        x, y, z = (number(float(v)) for v in mesh.corners_mm[pairs[0, 0]].mean(0))
         least = "at least " * (len(pairs) > MOST_FOUND)
         yield Finding(
             "error",
             "mesh.intersects",
             where,
-            f"{least}{len(pairs)} pairs of triangles pierce each other, must be 0; the first near ({x}, {y}, {z}) mm",
+            f"{least}{len(pairs)} pairs of triangles pierce each other, must be 0; the first near"
+            f" {_spot(*mesh.corners_mm[pairs[0, 0]].mean(0).tolist())}",
         )
 
 
@@ -273,38 +347,71 @@ def _manifold(mesh: Mesh) -> tuple[Any, list[Finding]]:
         return None, [Finding("error", "mesh.manifold", "mesh", error.message)]
 
 
-def _walls_and_gaps(cuts: list[Section], printer: Printer) -> list[Finding]:
-    return [*_few(_walls(cuts, printer)), *_few(_gaps(cuts, printer))]
+@lru_cache(maxsize=64)
+def _kept_printable(
+    vertices_mm: bytes, triangles: bytes, printer: Printer, places: Places
+) -> tuple[dict[str, Any], list[Finding]]:
+    """Variants of a layout have the same sample again and again."""
+    corners, sides = np.frombuffer(vertices_mm).copy(), np.frombuffer(triangles, np.int64)
+    return _printable(Mesh(corners.reshape(-1, 3), sides.reshape(-1, 3)), printer, places)
 
 
-def _walls(cuts: list[Section], printer: Printer) -> Iterator[Finding]:
+def _printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[str, Any], list[Finding]]:
+    """Figures and findings of all that a printer sets limits to, with where they are in the pad."""
+    solid, refused = _manifold(mesh)
+    if solid is None:
+        return {}, refused
+    cuts = sections(solid, mesh)
+    bound, limit = 4 * max(printer.line_width_mm, printer.smallest_gap_mm), printer.longest_bridge_mm
+    span, place = unsupported_spans(solid, mesh, limit + 1.0)
+    figures = {
+        "smallest_wall_mm": min((smallest(cut, False, bound) for cut in cuts), default=None),
+        "smallest_gap_mm": min((smallest(cut, True, bound) for cut in cuts), default=None),
+        "longest_bridge_mm": span,
+    }
+
+    def spot(at: Narrow) -> str:
+        return _spot(*places.in_pad(at.x_mm, at.y_mm), at.z_mm)
+
+    kinds = [_walls(cuts, printer, spot), _gaps(cuts, printer, spot), _overhangs(mesh, printer, spot)]
+    kinds += [_skins(solid, mesh, printer, spot), _bridges(place, span, printer, spot)]
+    return figures, [finding for kind in kinds for finding in _few(kind)]
+
+
+def _walls(cuts: list[Section], printer: Printer, spot: Spot) -> Iterator[Finding]:
     limit = min(printer.line_width_mm, printer.smallest_beam_mm)
-    for cut in cuts:
-        places = narrow_walls(cut, limit - FACET_MM)
-        thinnest = smallest(cut, False, limit) if places else limit
-        for place in places:
-            yield Finding(
-                "error",
-                "print.wall",
-                f"({number(place.x_mm)}, {number(place.y_mm)}, {number(place.z_mm)}) mm",
-                f"a wall is thinner than {number(limit)} mm, the least that {printer.name} lays (at this height down to"
-                f" {number(thinnest)} mm)",
-            )
+    for cut, place in _apart((each, place) for each in cuts for place in narrow_walls(each, limit - FACET_MM)):
+        yield Finding(
+            "error",
+            "print.wall",
+            spot(place),
+            f"a wall is thinner than {number(limit)} mm, the least that {printer.name} lays (at this height down to"
+            f" {number(smallest(cut, False, limit))} mm)",
+        )
 
 
-def _gaps(cuts: list[Section], printer: Printer) -> Iterator[Finding]:
-    for cut in cuts:
-        for place in narrow_gaps(cut, printer.smallest_gap_mm - FACET_MM):
-            yield Finding(
-                "error",
-                "print.gap",
-                f"({number(place.x_mm)}, {number(place.y_mm)}, {number(place.z_mm)}) mm",
-                f"a gap is narrower than {number(printer.smallest_gap_mm)} mm, the least that {printer.name}"
-                " keeps open",
-            )
+def _gaps(cuts: list[Section], printer: Printer, spot: Spot) -> Iterator[Finding]:
+    limit = printer.smallest_gap_mm
+    for _, place in _apart((each, place) for each in cuts for place in narrow_gaps(each, limit - FACET_MM)):
+        yield Finding(
+            "error",
+            "print.gap",
+            spot(place),
+            f"a gap is narrower than {number(limit)} mm, the least that {printer.name} keeps open",
+        )
 
 
-def _overhangs(mesh: Mesh, printer: Printer) -> Iterator[Finding]:
+def _apart(found: Iterable[tuple[Section, Narrow]]) -> Iterator[tuple[Section, Narrow]]:
+    """Of places one above the other the lowest, with its cross-section."""
+    seen: set[tuple[int, int]] = set()
+    for cut, place in found:
+        near = round(place.x_mm / APART_MM), round(place.y_mm / APART_MM)
+        if near not in seen:
+            seen.add(near)
+            yield cut, place
+
+
+def _overhangs(mesh: Mesh, printer: Printer, spot: Spot) -> Iterator[Finding]:
     corners = mesh.corners_mm
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     size = np.linalg.norm(normal, axis=1)
@@ -315,69 +422,40 @@ def _overhangs(mesh: Mesh, printer: Printer) -> Iterator[Finding]:
     area = float(size[steep].sum() / 2)
     if area > printer.line_width_mm**2:
         worst = np.flatnonzero(steep)[angle[steep].argmax()]
-        x, y, z = (number(float(v)) for v in corners[worst].mean(0))
+        x, y, z = corners[worst].mean(0).tolist()
         yield Finding(
             "error",
             "print.overhang",
-            f"({x}, {y}, {z}) mm",
+            spot(Narrow(x, y, z, area)),
             f"{number(area)} mm² lean out by up to {number(float(angle[worst]))}°, {printer.name} prints"
             f" {number(printer.steepest_overhang_deg)}° without supports",
         )
 
 
-def _one_cell(plan: Plan, solid: Any) -> Any:
-    """The part of the pad over the first coil, which has all channels, and over its neighbour where it has others."""
-    import manifold3d
-
-    coils, size = plan.coils, plan.spec.pad
-    low = (-coils.columns * coils.pitch_x_mm / 2, -coils.rows * coils.pitch_y_mm / 2, -1.0)
-    height = size.frame_thickness_mm + plan.spec.taxel.boss_protrusion_mm + 2
-    wide, deep = (coils.sets, 1) if coils.columns > 1 else (1, coils.sets)
-    room = manifold3d.Manifold.cube((wide * coils.pitch_x_mm, deep * coils.pitch_y_mm, height)).translate(low)
-    return solid ^ room
-
-
-@lru_cache(maxsize=64)
-def _narrowest_of_cell(vertices_mm: bytes, triangles: bytes, printer: Printer) -> tuple[dict[str, Any], list[Finding]]:
-    """`_narrowest` of a mesh in order: variants of a layout have the same cell."""
-    corners, sides = np.frombuffer(vertices_mm).copy(), np.frombuffer(triangles, np.int64)
-    mesh = Mesh(corners.reshape(-1, 3), sides.reshape(-1, 3))
-    solid = as_manifold(mesh, "one cell of the mesh")
-    return _narrowest(sections(solid, mesh), solid, mesh, printer)
-
-
-def _narrowest(cuts: list[Section], solid: Any, mesh: Mesh, printer: Printer) -> tuple[dict[str, Any], list[Finding]]:
-    """The smallest wall and gap and the longest span, and what is found about skins and the span."""
-    bound = 4 * max(printer.line_width_mm, printer.smallest_gap_mm)
-    limit = printer.longest_bridge_mm
-    span, place = unsupported_spans(solid, mesh, limit + 1.0)
-    figures = {
-        "smallest_wall_mm": min((smallest(cut, False, bound) for cut in cuts), default=None),
-        "smallest_gap_mm": min((smallest(cut, True, bound) for cut in cuts), default=None),
-        "longest_bridge_mm": span,
-    }
-    findings = list(_few(_skins(solid, mesh, printer)))
-    if place and span > limit:
-        at_least = "at least " if span > limit + 0.99 else ""
-        findings.append(
-            Finding(
-                "error",
-                "print.bridge",
-                f"({number(place.x_mm)}, {number(place.y_mm)}, {number(place.z_mm)}) mm",
-                f"a face hangs free over {at_least}{number(span)} mm, {printer.name} bridges {number(limit)} mm",
-            )
+def _bridges(place: Narrow | None, span: float, printer: Printer, spot: Spot) -> Iterator[Finding]:
+    if place and span > printer.longest_bridge_mm:
+        at_least = "at least " if span > printer.longest_bridge_mm + 0.99 else ""
+        yield Finding(
+            "error",
+            "print.bridge",
+            spot(place),
+            f"a face hangs free over {at_least}{number(span)} mm, {printer.name} bridges"
+            f" {number(printer.longest_bridge_mm)} mm",
         )
-    return figures, findings
 
 
-def _skins(solid: Any, mesh: Mesh, printer: Printer) -> Iterator[Finding]:
+def _skins(solid: Any, mesh: Mesh, printer: Printer, spot: Spot) -> Iterator[Finding]:
     for place in thin_skins(solid, mesh, printer.layer_mm):
         yield Finding(
             "error",
             "print.skin",
-            f"({number(place.x_mm)}, {number(place.y_mm)}, {number(place.z_mm)}) mm",
+            spot(place),
             f"{number(place.area_mm2)} mm² are thinner than a layer of {number(printer.layer_mm)} mm",
         )
+
+
+def _spot(x_mm: float, y_mm: float, z_mm: float) -> str:
+    return f"({number(x_mm)}, {number(y_mm)}, {number(z_mm)}) mm"
 
 
 def _few(findings: Iterable[Finding]) -> Iterator[Finding]:

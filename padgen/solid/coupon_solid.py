@@ -28,4 +28,4 @@ def grooved(plan: Plan, pad: PadSolid, groove: Outline) -> PadSolid:
     """The `pad` with a `groove` cut from its border over the whole height."""
     border = Tile(border_mesh(plan, pad.grid.shape, CHORD_MM, ANGLE_RAD, groove), border_volume_mm3(plan, groove))
     volume = pad.volume_mm3 - pad.border.volume_mm3 + border.volume_mm3
-    return replace(pad, mesh=assembled(plan, list(pad.tiles), border, pad.grid), volume_mm3=volume, border=border)
+    return replace(pad, mesh=assembled(plan, pad.tiles, border, pad.grid), volume_mm3=volume, border=border)

@@ -1,20 +1,32 @@
 """Checks of a mesh file from anywhere: read by trimesh or lib3mf, welded, judged."""
 
 import io
-from dataclasses import replace
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
-from padgen.core.errors import MeshFileError
+from padgen.core.errors import InfeasibleError, MeshFileError
 from padgen.core.files import read_bounded, reason, recover
+from padgen.core.finding import Finding
 from padgen.planner import Plan
-from padgen.solid.checks import Report, check_mesh, compare_mesh
+from padgen.solid.checks import Report, check_against, check_mesh
+from padgen.solid.compare import Pose, pose_of
+from padgen.solid.coupon_solid import build_coupon
 from padgen.solid.formats._3mf import LARGEST_FILE, MOST_TRIANGLES, read_3mf
 from padgen.solid.mesh import Mesh, joined, sound_mesh
+from padgen.solid.pad_solid import PadSolid, build_pad
+from padgen.solid.tray_checks import check_tray
+from padgen.solid.tray_solid import TraySolid, build_tray
 from padgen.spec import Spec
 
 __all__ = ["check_foreign", "read_mesh"]
+
+LEAST_SHARE = 0.2
+"""Share of a part's corners that a mesh has if it is that part."""
+ENOUGH = {"pad": 0.999, "coupon": 0.5, "tray": 0.5, "coupon-tray": 0.0}
+"""The same, less what its size is off, with which no part after this one is tried; for trays a CAD kernel is loaded."""
 
 
 def read_mesh(path: Path) -> Mesh:
@@ -64,7 +76,48 @@ def _refuse_cut_short(data: bytes, path: Path) -> None:
 
 
 def check_foreign(mesh: Mesh, spec: Spec, plan: Plan | None) -> Report:
-    """Check a mesh against the limits of the spec's printer and, where there is one, against the `plan`."""
-    report = check_mesh(mesh, spec.printer, spec.material.density_g_per_cm3)
-    report = replace(report, figures={**report.figures, "limits_of": spec.printer.name})
-    return report if plan is None else compare_mesh(report, mesh, plan)
+    """Check a mesh against the limits of the spec's printer and, where there is one, against the `plan`.
+
+    What it is (the pad, its coupon, a tray for either), and how it lies, is seen from its corners.
+    """
+    printer, density = spec.printer, spec.material.density_g_per_cm3
+    limits = {"limits_of": printer.name}
+    found = None if plan is None else _recognised(mesh, plan)
+    if plan is None or found is None:
+        report = check_mesh(mesh, printer, density)
+        unknown = Finding(
+            "error",
+            "built.other",
+            "mesh",
+            f"it is nothing that padgen makes of {spec.name}, neither the pad nor its coupon nor a tray; name the spec"
+            " or plan.json that it was built by",
+        )
+        return Report(report.figures | limits, (*report.findings, *([] if plan is None else [unknown])))
+    name, own, planned, pose = found
+    laid = pose.laid(mesh)
+    report = check_tray(planned, own, laid) if isinstance(planned, TraySolid) else check_against(laid, planned, own)
+    return Report(report.figures | limits | {"part": name}, (*pose.findings(), *report.findings))
+
+
+def _recognised(mesh: Mesh, plan: Plan) -> tuple[str, Plan, PadSolid | TraySolid, Pose] | None:
+    """Which part of the plan a mesh is, that part's own plan and solid, and how the mesh lies; None if it is none."""
+    best, most = None, LEAST_SHARE
+    for name, own, planned in _parts(plan):
+        pose = pose_of(mesh, planned.mesh)
+        # A coupon is all there in a pad of one coil.
+        sizes = [np.sort(np.ptp(each.vertices_mm, axis=0)) for each in (pose.laid(mesh), planned.mesh)]
+        likeness = pose.share - min(float(np.abs(sizes[0] / sizes[1] - 1).max()), 0.5)
+        if likeness > most:
+            best, most = (name, own, planned, pose), likeness
+        if most > ENOUGH[name]:
+            break
+    return best
+
+
+def _parts(plan: Plan) -> Iterator[tuple[str, Plan, PadSolid | TraySolid]]:
+    yield "pad", plan, build_pad(plan)
+    coupon, solid = build_coupon(plan)
+    yield "coupon", coupon, solid
+    for name, over in (("tray", plan), ("coupon-tray", coupon)):
+        with suppress(InfeasibleError):
+            yield name, over, build_tray(over)

@@ -1,6 +1,6 @@
 """Built = planned: dimensions of every taxel measured back from the final mesh by rays."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from math import inf, isfinite, nan
 from typing import Any, NamedTuple
 
@@ -20,6 +20,8 @@ HEIGHTS = (0.02, 0.5, 0.98)
 """Where in a recess, as a share of its depth, the room for a washer is measured: a mouth may be narrower."""
 
 
+LARGEST_RECESS = 1.5
+"""Of what diameter a hole is still a recess, in planned ones."""
 NEAR_MM = 0.05
 """How near to the end of an arc a ray along it starts."""
 
@@ -45,8 +47,8 @@ class _Gauge(NamedTuple):
     facets_mm: float = 0.0
 
 
-def measured(plan: Plan, solid: Any) -> Iterator[Dimension]:
-    """Measure beams, recess and boss of every taxel on the manifold `solid` of the pad.
+def measured(plan: Plan, solid: Any, taxels: Sequence[Taxel] | None = None) -> Iterator[Dimension]:
+    """Measure beams, recess and boss of these taxels, or all, on the manifold `solid` of the pad or a part of it.
 
     A ray runs until it meets a face: from within a beam sideways (width, and that its path is where it was planned),
     above it on from both ends of its path (length), from below and above onto it (thickness), and up into the recess
@@ -54,7 +56,7 @@ def measured(plan: Plan, solid: Any) -> Iterator[Dimension]:
     """
     gauges = {c.index: _placed(_gauges(plan, c), c) for c in plan.channels}
     recesses = _holes(plan, solid.slice(plan.plate.recess_depth_mm / 2))
-    for taxel in plan.taxels:
+    for taxel in plan.taxels if taxels is None else taxels:
         hole = _hole_around(plan, recesses, taxel)
         built, offset = (nan, nan) if hole is None else (hole.diameter_mm, _offset_mm(hole, taxel))
         yield Dimension(taxel.id, "recess diameter", plan.plate.recess_diameter_mm, built)
@@ -66,13 +68,13 @@ def measured(plan: Plan, solid: Any) -> Iterator[Dimension]:
             yield Dimension(taxel.id, gauge.name, gauge.planned_mm, gauge.combine(runs), gauge.facets_mm)
 
 
-def washer_rooms(plan: Plan, solid: Any) -> Iterator[tuple[str, float]]:
-    """For every taxel, the diameter of the largest circle about its recess's middle that holds no plastic.
+def washer_rooms(plan: Plan, solid: Any, taxels: Sequence[Taxel]) -> Iterator[tuple[str, float]]:
+    """For each of these taxels, the diameter of the largest circle about its recess's middle that holds no plastic.
 
     A round recess is a polygon in the mesh, whose sides are nearer than its corners; nan where there is none.
     """
     cuts = [_holes(plan, solid.slice(plan.plate.recess_depth_mm * share)) for share in HEIGHTS]
-    for taxel in plan.taxels:
+    for taxel in taxels:
         found = [_hole_around(plan, holes, taxel) for holes in cuts]
         rooms = [nan if hole is None else 2 * distance_to_sides(hole.outline, hole.centre) for hole in found]
         yield taxel.id, float(np.min(rooms))
@@ -190,8 +192,9 @@ def _hole_around(plan: Plan, holes: Holes, taxel: Taxel) -> _Hole | None:
     """The hole around a taxel's washer: its recess."""
     column, row = _sub_cell(plan, taxel.x_mm, taxel.y_mm)
     near = [hole for i in (-1, 0, 1) for j in (-1, 0, 1) for hole in holes.get((column + i, row + j), [])]
-    # The window around a plate may have the same centre as its recess, but is larger.
-    inside = [hole for hole in near if _offset_mm(hole, taxel) < hole.diameter_mm / 2]
+    # The window around a plate may have the same centre as its recess, but is larger: it is none.
+    most = LARGEST_RECESS * plan.plate.recess_diameter_mm
+    inside = [hole for hole in near if _offset_mm(hole, taxel) < hole.diameter_mm / 2 < most / 2]
     return min(inside, key=lambda hole: hole.diameter_mm, default=None)
 
 

@@ -9,12 +9,12 @@ from padgen.solid.kernel import build123d, kernel_errors
 
 __all__ = [
     "ANGLE_RAD",
+    "AT_ONCE",
     "CHORD_MM",
     "Mesh",
     "as_manifold",
     "from_manifold",
     "joined",
-    "ordered",
     "signed_volume_mm3",
     "sound_mesh",
     "tessellated",
@@ -25,6 +25,8 @@ CHORD_MM = 0.01
 """Default largest distance between a curved face and its triangles (docs/performance.md has the table)."""
 ANGLE_RAD = 0.3
 WELD_MM, FILE_WELD_MM = 1e-6, 1e-5
+AT_ONCE = 500_000
+"""Triangles whose corners are looked at together: those of a large pad would take more memory than all else."""
 LARGEST_MM = 1e4
 """Coordinates of a file."""
 
@@ -75,9 +77,13 @@ def tessellated(solid: Any, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE
 
 def welded(vertices_mm: np.ndarray, triangles: np.ndarray, tolerance_mm: float = WELD_MM) -> Mesh:
     """Join vertices that agree within `tolerance_mm` and drop triangles that lose a side by it."""
-    keys = np.round(vertices_mm / tolerance_mm).astype(np.int64)
-    _, first, joined = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    triangles = joined.reshape(-1)[triangles]
+    # By ranks along each axis, which pack into one number: rows would sort many times as slowly.
+    number = np.zeros(len(vertices_mm), np.int64)
+    for axis in vertices_mm.T:
+        rank = np.unique(np.round(axis / tolerance_mm).astype(np.int64), return_inverse=True)[1]
+        number = np.unique(number * (int(rank.max(initial=0)) + 1) + rank, return_inverse=True)[1]
+    _, first = np.unique(number, return_index=True)
+    triangles = number[triangles]
     a, b, c = triangles.T
     return Mesh(vertices_mm[first], triangles[(a != b) & (b != c) & (c != a)])
 
@@ -111,17 +117,13 @@ def joined(mesh: Mesh, where: str) -> Mesh:
     return whole
 
 
-def ordered(mesh: Mesh) -> Mesh:
-    """The same triangles in an order that does not depend on where they come from, vertices left as they are."""
-    first = mesh.triangles.argmin(1)[:, None]
-    turned = np.take_along_axis(mesh.triangles, (first + np.arange(3)) % 3, 1)
-    return Mesh(mesh.vertices_mm, np.ascontiguousarray(turned[np.lexsort(turned.T)]))
-
-
 def signed_volume_mm3(mesh: Mesh) -> float:
     """Volume by the divergence theorem; negative for a mesh turned inside out."""
-    a, b, c = np.moveaxis(mesh.corners_mm, 1, 0)
-    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+    volume = 0.0
+    for some in np.array_split(mesh.triangles, len(mesh.triangles) // AT_ONCE + 1):
+        a, b, c = np.moveaxis(mesh.vertices_mm[some], 1, 0)
+        volume += float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+    return volume
 
 
 def as_manifold(mesh: Mesh, what: str) -> Any:

@@ -5,8 +5,10 @@ two tiles meet, or a tile meets the border, are left out and their corner vertic
 union of face-adjacent solids, in time linear in the number of tiles.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +19,18 @@ from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, Mesh, tessellated
 from padgen.solid.taxel import taxel_solid
 from padgen.solid.tile_store import KnownSolid, kept_solid, taxel_key
 
-__all__ = ["PadSolid", "Tile", "assembled", "build_pad", "tile_grid", "turned_grid", "turned_mesh"]
+__all__ = [
+    "PadSolid",
+    "Places",
+    "Sample",
+    "Tile",
+    "assembled",
+    "build_pad",
+    "sampled",
+    "tile_grid",
+    "turned_grid",
+    "turned_mesh",
+]
 
 SEAM_MM = 1e-7
 
@@ -45,6 +58,28 @@ class PadSolid:
     grid: np.ndarray
 
 
+class Places(NamedTuple):
+    """Where the columns and the rows of a sample lie in the pad: their lower ends in it, and the way to the pad's."""
+
+    columns_mm: tuple[float, ...] = ()
+    column_shifts_mm: tuple[float, ...] = (0.0,)
+    rows_mm: tuple[float, ...] = ()
+    row_shifts_mm: tuple[float, ...] = (0.0,)
+
+    def in_pad(self, x_mm: float, y_mm: float) -> tuple[float, float]:
+        """A place of the sample in the pad's coordinates."""
+        column, row = np.searchsorted(self.columns_mm, x_mm), np.searchsorted(self.rows_mm, y_mm)
+        return x_mm + self.column_shifts_mm[column], y_mm + self.row_shifts_mm[row]
+
+
+class Sample(NamedTuple):
+    """A pad with every tile of another one beside every neighbour that it has there, in few coils."""
+
+    plan: Plan
+    pad: PadSolid
+    places: Places
+
+
 def build_pad(plan: Plan, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_RAD) -> PadSolid:
     """Model each distinct taxel once and make the pad of `plan`.
 
@@ -55,11 +90,59 @@ def build_pad(plan: Plan, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_R
     """
     tiles = [_taxel_tile(plan, index, chord_mm, angle_rad) for index in range(len(plan.channels))]
     tiles.append(_bare_tile(plan))
+    return _of_tiles(plan, tuple(tiles), chord_mm, angle_rad)
+
+
+def _of_tiles(plan: Plan, tiles: tuple[Tile, ...], chord_mm: float, angle_rad: float) -> PadSolid:
     grid = tile_grid(plan)
     border = Tile(border_mesh(plan, grid.shape, chord_mm, angle_rad), border_volume_mm3(plan))
     counts = np.bincount(grid.ravel(), minlength=len(tiles))
     volume = border.volume_mm3 + sum(float(n) * t.volume_mm3 for n, t in zip(counts, tiles, strict=True))
-    return PadSolid(assembled(plan, tiles, border, grid), volume, tuple(tiles), border, grid)
+    return PadSolid(assembled(plan, tiles, border, grid), volume, tiles, border, grid)
+
+
+def sampled(plan: Plan, pad: PadSolid) -> Sample:
+    """Leave out the rows and columns of coils that repeat what is beside them already; all measures hold for both."""
+    coils, spec = plan.coils, plan.spec
+    kinds = 2 * pad.grid + turned_grid(plan)
+    rows = _unrepeated([part.tobytes() for part in kinds.reshape(coils.rows, -1)])
+    columns = _unrepeated([part.tobytes() for part in np.ascontiguousarray(kinds.T).reshape(coils.columns, -1)])
+    if len(rows) * len(columns) == coils.rows * coils.columns:
+        return Sample(plan, pad, Places())
+    wide, deep = len(columns) * coils.pitch_x_mm, len(rows) * coils.pitch_y_mm
+    shift_x = [(k - j) * coils.pitch_x_mm + (wide - spec.pad.width_mm) / 2 for j, k in enumerate(columns)]
+    shift_y = [(k - j) * coils.pitch_y_mm + (deep - spec.pad.depth_mm) / 2 for j, k in enumerate(rows)]
+    taxels = tuple(
+        replace(t, coil=(i, j), x_mm=t.x_mm - shift_x[j], y_mm=t.y_mm - shift_y[i])
+        for t in plan.taxels
+        if t.coil[0] in rows and t.coil[1] in columns
+        for i, j in [(rows.index(t.coil[0]), columns.index(t.coil[1]))]
+    )
+    fewer = replace(
+        plan,
+        spec=replace(spec, pad=replace(spec.pad, width_mm=wide, depth_mm=deep), resolution=len(taxels)),
+        coils=replace(coils, rows=len(rows), columns=len(columns)),
+        taxels=taxels,
+    )
+    places = Places(
+        tuple(j * coils.pitch_x_mm - wide / 2 for j in range(1, len(columns))),
+        tuple(shift_x),
+        tuple(i * coils.pitch_y_mm - deep / 2 for i in range(1, len(rows))),
+        tuple(shift_y),
+    )
+    return Sample(fewer, _of_tiles(fewer, pad.tiles, CHORD_MM, ANGLE_RAD), places)
+
+
+def _unrepeated(kinds: Sequence[bytes]) -> list[int]:
+    """Which of a row of things to keep so that all pairs of neighbours are still there, with those at its ends."""
+    kept: list[int] = []
+    for index in range(len(kinds)):
+        kept.append(index)
+        for period in (1, 2):
+            last = [kinds[k] for k in kept[-2 * period - 1 :]]
+            if len(last) > 2 * period and last[:-period] == last[period:]:
+                del kept[-period:]
+    return kept
 
 
 def tile_grid(plan: Plan) -> np.ndarray:
@@ -77,7 +160,7 @@ def turned_grid(plan: Plan) -> np.ndarray:
     return cells.repeat(plan.cell.rows, 0).repeat(plan.cell.columns, 1)
 
 
-def assembled(plan: Plan, tiles: list[Tile], border: Tile, grid: np.ndarray) -> Mesh:
+def assembled(plan: Plan, tiles: Sequence[Tile], border: Tile, grid: np.ndarray) -> Mesh:
     """Place `tiles` by `grid` within `border` and weld the seams."""
     rows, columns = grid.shape
     spec = plan.spec

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.solid.mesh import Mesh
+from padgen.solid.mesh import AT_ONCE, Mesh
 
 __all__ = ["View", "picture_png"]
 
@@ -30,21 +30,23 @@ def picture_png(
 
     oversample = 2
     width, height = (oversample * n for n in size_px)
-    corners = np.concatenate([mesh.corners_mm for mesh, _ in parts])
-    colours = np.concatenate([np.tile(colour, (len(mesh.triangles), 1)) for mesh, colour in parts])
     axes = _camera(view or View())
-    screen = _fitted(corners @ axes.T, width, height)
-    across = corners[:, 1:] - corners[:, :1]
-    normal = np.cross(across[:, 0], across[:, 1])
-    facing = normal @ axes[2] > 0
-    normal, colours, screen = normal[facing], colours[facing], screen[facing]
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
-    shade = AMBIENT + sum(
-        share * np.clip(normal @ axes.T @ (light / np.linalg.norm(light)), 0, 1) for light, share in LIGHTS
-    )
-    pixels, owner = _visible(screen, width, height)
-    image = np.tile(BACKGROUND, (width * height, 1))
-    image[pixels] = np.clip(colours * shade[:, None], 0, 1)[owner]
+    scale, shift = _fit(np.concatenate([mesh.vertices_mm @ axes.T for mesh, _ in parts]), width, height)
+    image, nearest = np.tile(BACKGROUND, (width * height, 1)), np.full(width * height, -np.inf)
+    for mesh, colour in parts:
+        for k in range(0, len(mesh.triangles), AT_ONCE):
+            corners = mesh.vertices_mm[mesh.triangles[k : k + AT_ONCE]]
+            across = corners[:, 1:] - corners[:, :1]
+            normal = np.cross(across[:, 0], across[:, 1])
+            facing = normal @ axes[2] > 0
+            normal = normal[facing] / np.maximum(np.linalg.norm(normal[facing], axis=1, keepdims=True), 1e-30)
+            shade = AMBIENT + sum(
+                share * np.clip(normal @ axes.T @ (light / np.linalg.norm(light)), 0, 1) for light, share in LIGHTS
+            )
+            pixels, owner, depth = _visible(corners[facing] @ axes.T * scale + shift, width, height)
+            over = depth >= nearest[pixels]
+            nearest[pixels[over]] = depth[over]
+            image[pixels[over]] = np.clip(np.array(colour) * shade[:, None], 0, 1)[owner[over]]
     image = image.reshape(height, width, 3)
     steps = range(oversample)
     # (A mean over two axes takes ten times as long.)
@@ -62,19 +64,16 @@ def _camera(view: View) -> np.ndarray:
     return np.stack([right, np.cross(toward, right), toward])
 
 
-def _fitted(screen: np.ndarray, width: int, height: int) -> np.ndarray:
-    flat = screen[..., :2].reshape(-1, 2)
-    low, high = (np.array([of(flat[:, 0]), of(flat[:, 1])]) for of in (np.min, np.max))
+def _fit(seen: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
+    """Factors and shifts of right, up and depth that bring points (n, 3) into the picture."""
+    low, high = (np.array([of(seen[:, 0]), of(seen[:, 1])]) for of in (np.min, np.max))
     scale = 0.94 * min(width / (high[0] - low[0]), height / (high[1] - low[1]))
-    fitted: np.ndarray = screen * scale
     centre = (low + high) / 2 * scale
-    fitted[..., 0] += width / 2 - centre[0]
-    fitted[..., 1] = height / 2 + centre[1] - fitted[..., 1]
-    return fitted
+    return scale * np.array([1.0, -1.0, 1.0]), np.array([width / 2 - centre[0], height / 2 + centre[1], 0.0])
 
 
-def _visible(screen: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels that some triangle covers and the index of the nearest one, by scan lines."""
+def _visible(screen: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Pixels that some triangle covers, the index of the nearest one and its depth, by scan lines."""
     x, y, z = np.moveaxis(screen, -1, 0)
     # One row per triangle and scan line through pixel centres.
     first = np.clip(np.ceil(y.min(1) - 0.5), 0, height).astype(np.int64)
@@ -103,7 +102,9 @@ def _visible(screen: np.ndarray, width: int, height: int) -> tuple[np.ndarray, n
     seen = np.full(width * height, -1)
     seen[pixel[order]] = owner[order]
     covered = np.flatnonzero(seen >= 0)
-    return covered, seen[covered]
+    nearest = np.full(width * height, -np.inf)
+    nearest[pixel[order]] = depth[order]
+    return covered, seen[covered], nearest[covered]
 
 
 def _runs(first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

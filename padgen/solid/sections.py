@@ -7,7 +7,6 @@ space narrow gaps.
 
 from collections.abc import Callable
 from functools import partial
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,8 +30,6 @@ STEP_MM = 1e-4
 AREA_MM2 = 1e-6
 ROOM_MM = 5.0
 SPLINTER_SHARE = 0.05
-STRIP_CORNERS, STRIP_MM, OVERLAP_MM = 8000, 12.0, 2.0
-"""Corners of a cross-section from which on it is cut into strips, the least width of one, and of their overlap."""
 
 
 class Section(NamedTuple):
@@ -128,64 +125,12 @@ def _flat_heights_mm(mesh: Mesh, up: bool) -> np.ndarray:
 def _narrow(shape: Any, z_mm: float, limit_mm: float, empty: bool = False) -> list[Narrow]:
     """Where the material is, or the `empty` space around and within it, narrower than `limit_mm`."""
     # Square corners come back whole; acute ones lose a splinter, which is no wall.
-    splinter = SPLINTER_SHARE * (limit_mm / 2) ** 2
-    strips = _strips(shape, max(4 * limit_mm, OVERLAP_MM))
-    lost = [_lost(part, limit_mm, empty, core if len(strips) > 1 else None) for part, core in strips]
-    if sum(part.area() for part in lost) < splinter:
-        return []
-    whole = _union(lost) if len(lost) > 1 else lost[0]
-    return [_where(piece, z_mm) for piece in whole.decompose() if piece.area() > splinter]
-
-
-def _lost(shape: Any, limit_mm: float, empty: bool, core: Any) -> Any:
-    """What of a shape, or of the space around it, does not come back; within `core` where there is one."""
+    splinter, half = SPLINTER_SHARE * (limit_mm / 2) ** 2, limit_mm / 2
     filled = _empty(shape) if empty else shape
-    half = limit_mm / 2
-    opened = filled.offset(-half, _join("Miter")).offset(half * 1.001, _join("Miter"))
-    return filled - opened if core is None else (filled - opened) ^ core
-
-
-def _strips(shape: Any, overlap_mm: float) -> list[tuple[Any, Any]]:
-    """A large cross-section cut along y: parts that overlap, each with the core that is its own.
-
-    Sweeping over all of it at once would take longer than in proportion to its corners: at each y it looks
-    through all sides there. What a cut adds stays within a limit of it, so that the cores do not see it.
-    """
-    x0, y0, x1, y1 = shape.bounds()
-    count = min(shape.num_vert() // STRIP_CORNERS, int((x1 - x0) // max(STRIP_MM, 4 * overlap_mm)))
-    if count < 2:
-        return [(shape, None)]
-    contours = shape.to_polygons()
-    low, high = np.array([(c[:, 0].min(), c[:, 0].max()) for c in contours]).T
-    at = np.linspace(x0, x1, count + 1)
-    # The space around is seen, too.
-    at[0], at[-1] = x0 - ROOM_MM, x1 + ROOM_MM
-    strips = []
-    for left, right in pairwise(at.tolist()):
-        start, stop = left - overlap_mm, right + overlap_mm
-        near = np.flatnonzero((low <= stop) & (high >= start))
-        part = _filled([contours[k] for k in near.tolist()]) ^ _box(start, y0 - ROOM_MM, stop, y1 + ROOM_MM)
-        if not part.is_empty():
-            strips.append((part, _box(left, y0 - ROOM_MM, right, y1 + ROOM_MM)))
-    return strips
-
-
-def _filled(contours: list[np.ndarray]) -> Any:
-    import manifold3d
-
-    return manifold3d.CrossSection(contours, manifold3d.FillRule.Positive)
-
-
-def _union(parts: list[Any]) -> Any:
-    import manifold3d
-
-    return manifold3d.CrossSection.batch_boolean(parts, manifold3d.OpType.Add)
-
-
-def _box(x0: float, y0: float, x1: float, y1: float) -> Any:
-    import manifold3d
-
-    return manifold3d.CrossSection.square((x1 - x0, y1 - y0)).translate((x0, y0))
+    lost = filled - filled.offset(-half, _join("Miter")).offset(half * 1.001, _join("Miter"))
+    if lost.area() < splinter:
+        return []
+    return [_where(piece, z_mm) for piece in lost.decompose() if piece.area() > splinter]
 
 
 def _where(shape: Any, z_mm: float) -> Narrow:
@@ -196,7 +141,8 @@ def _where(shape: Any, z_mm: float) -> Narrow:
 def _empty(shape: Any) -> Any:
     """The space around and within a cross-section."""
     x0, y0, x1, y1 = shape.bounds()
-    return _box(x0 - ROOM_MM, y0 - ROOM_MM, x1 + ROOM_MM, y1 + ROOM_MM) - shape
+    room = type(shape).square((x1 - x0 + 2 * ROOM_MM, y1 - y0 + 2 * ROOM_MM))
+    return room.translate((x0 - ROOM_MM, y0 - ROOM_MM)) - shape
 
 
 def _bisect(narrower: Callable[[float], bool], bound_mm: float) -> float:

@@ -20,13 +20,17 @@ MOST_COLUMNS, MOST_CELLS, MANY_PAIRS = 10_000, 16, 100
 
 @dataclass(frozen=True)
 class Topology:
-    """Counts that are all zero for a printable mesh, but for `shells` (1) and `volume_mm3`."""
+    """Counts that are all zero for a printable mesh, but for `shells` (1) and `volume_mm3`.
+
+    `first_broken` is a vertex of an edge that breaks it, 0 where there is none.
+    """
 
     open_edges: int
     crowded_edges: int
     turned_edges: int
     shells: int
     volume_mm3: float
+    first_broken: int
 
     @property
     def closed(self) -> bool:
@@ -36,26 +40,38 @@ class Topology:
 
 def topology(mesh: Mesh) -> Topology:
     """Count the edges that break a mesh, and its shells."""
-    counts, forward = _edge_counts(mesh)
+    counts, forward, lower = _edge_counts(mesh)
+    broken = lower[(counts != 2) | (forward != 1)]
     return Topology(
         open_edges=int((counts == 1).sum()),
         crowded_edges=int((counts > 2).sum()),
         turned_edges=int(((counts == 2) & (forward != 1)).sum()),
         shells=int(shells(mesh).max()) + 1 if len(mesh.triangles) else 0,
         volume_mm3=signed_volume_mm3(mesh),
+        first_broken=int(broken[0]) if len(broken) else 0,
     )
 
 
-def _edge_counts(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
-    """Of each edge, how many triangles have it, and how many of them run along it from its lower vertex."""
-    a, b = mesh.triangles.T.ravel(), mesh.triangles.T[[1, 2, 0]].ravel()
+def _edge_counts(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of each edge, how many triangles have it, how many of these run along it from its lower vertex; that vertex."""
     # One sort of whole numbers, the direction in the last digit: with several columns, or for the order, it
     # would take many times as long.
-    key = (np.minimum(a, b) * len(mesh.vertices_mm) + np.maximum(a, b)) * 2 + (a < b)
+    count = max(len(mesh.vertices_mm), 1)
+    sides = np.empty((3, len(mesh.triangles)), np.int64)
+    for i, side in enumerate(sides):
+        a, b = mesh.triangles[:, i], mesh.triangles[:, i - 2]
+        np.minimum(a, b, out=side)
+        side *= count
+        side += np.maximum(a, b)
+        side *= 2
+        side += a < b
+    key = sides.ravel()
     key.sort()
-    start = np.flatnonzero(np.append(True, (key[1:] >> 1) != (key[:-1] >> 1))) if len(key) else np.empty(0, np.int64)
+    forward = (key & 1).astype(np.int32)
+    key >>= 1
+    start = np.flatnonzero(np.append(True, key[1:] != key[:-1])) if len(key) else np.empty(0, np.int64)
     counts = np.diff(np.append(start, len(key)))
-    return counts, np.add.reduceat(key & 1, start) if len(key) else counts
+    return counts, np.add.reduceat(forward, start) if len(key) else counts, key[start] // count
 
 
 def shells(mesh: Mesh) -> np.ndarray:

@@ -11,7 +11,8 @@ from padgen.core.finding import Finding
 from padgen.planner.plan import Plan
 from padgen.planner.tile import Outline
 from padgen.planner.tray import Tray, tray_findings, washer_underside_mm
-from padgen.solid.checks import Report, check_mesh
+from padgen.solid.checks import Report, check_mesh, told
+from padgen.solid.compare import differences
 from padgen.solid.measure import distance_to_sides
 from padgen.solid.mesh import CHORD_MM, Mesh, as_manifold, signed_volume_mm3
 from padgen.solid.tray_solid import TraySolid
@@ -40,19 +41,24 @@ class Gauge(NamedTuple):
     within_mm: float = BUILT_MM
 
 
-def check_tray(built: TraySolid, plan: Plan) -> Report:
-    """All checks of a tray that was built for `plan`; figures of the mesh, and of the gap as measured."""
-    spec, tray = plan.spec, built.tray
-    report = check_mesh(built.mesh, spec.printer, spec.material.density_g_per_cm3)
+def check_tray(built: TraySolid, plan: Plan, mesh: Mesh | None = None) -> Report:
+    """All checks of a tray that was built for `plan`, or of a `mesh` from anywhere that is to be it.
+
+    Figures are of the mesh, and of the gap as measured.
+    """
+    spec, tray, mesh = plan.spec, built.tray, mesh or built.mesh
+    report = check_mesh(mesh, spec.printer, spec.material.density_g_per_cm3)
     figures = {**report.figures, "exact_volume_mm3": built.volume_mm3}
-    findings = [*tray_findings(plan, tray), *report.findings, *_volume(built)]
+    findings = [*tray_findings(plan, tray), *report.findings, *_volume(mesh, built.volume_mm3)]
     try:
-        solid = as_manifold(built.mesh, "the tray")
+        solid = as_manifold(mesh, "the tray")
     except GeometryError:
         # The checks of the mesh have said so.
         return Report(figures, tuple(findings))
+    if mesh is not built.mesh:
+        findings += told([], differences(solid, as_manifold(built.mesh, "the tray as planned")), None)
     gauges = list(measured_tray(tray, spec, solid))
-    findings += [*_off(gauges), *_gap(plan, gauges, figures), *_free(tray, spec, built.mesh, solid)]
+    findings += [*_off(gauges), *_gap(plan, gauges, figures), *_free(tray, spec, mesh, solid)]
     off = [abs(g.built_mm - g.planned_mm) for g in gauges if isfinite(g.built_mm) and g.within_mm == BUILT_MM]
     figures["largest_difference_from_plan_mm"] = max(off, default=None)
     figures["measured_dimensions"] = len(gauges)
@@ -221,13 +227,13 @@ def _passes(solid: Any, slot: Outline, tray: Tray, pad: Pad) -> bool:
     return not solid.ray_cast(start, stop)
 
 
-def _volume(built: TraySolid) -> Iterator[Finding]:
-    volume = signed_volume_mm3(built.mesh)
-    if not abs(volume / built.volume_mm3 - 1) <= VOLUME_SHARE:
+def _volume(mesh: Mesh, exact_mm3: float) -> Iterator[Finding]:
+    volume = signed_volume_mm3(mesh)
+    if not abs(volume / exact_mm3 - 1) <= VOLUME_SHARE:
         yield Finding(
             "error",
             "mesh.volume",
             "mesh",
-            f"its volume is {number(volume)} mm³, the solid's is {number(built.volume_mm3)} mm³,"
+            f"its volume is {number(volume)} mm³, the solid's is {number(exact_mm3)} mm³,"
             f" within {VOLUME_SHARE:.1%}; a finer chord would do",
         )

@@ -1,4 +1,4 @@
-"""3MF by lib3mf: millimetres, name, metadata, thumbnail; reading any 3MF, judged before lib3mf meets it.
+"""3MF: millimetres, name, metadata, thumbnail, written row by row; reading any, by lib3mf, judged before it meets it.
 
 A few hundred bytes can ask for 10^38 parts, each a component of the next, and deflate packs a thousandfold. lib3mf
 follows both to the end, so a package is unpacked here within bounds, and how often its parts are placed is counted.
@@ -6,14 +6,14 @@ follows both to the end, so a package is unpacked here within bounds, and how of
 
 import ctypes
 import io
-import struct
 import zipfile
 from collections import Counter
+from collections.abc import Generator, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
-from uuid import NAMESPACE_DNS, uuid5
 from xml.parsers import expat
+from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
@@ -38,8 +38,31 @@ MOST_PARTS, DEEPEST = 50_000, 64
 Key = tuple[str, str]
 """An object: the part of the package that it lies in, and its number there."""
 
-_NAMESPACE = uuid5(NAMESPACE_DNS, "padgen")
-"""Root of the name-based UUIDs: the same pad has the same ones."""
+MODEL = "3D/3dmodel.model"
+OWN = "https://padgen.invalid/2026"
+QUICK = 1
+"""Level of deflate: the others take three times as long for a tenth less."""
+ROWS, READ_BYTES = 100_000, 1 << 23
+"""Rows of text written, and bytes read, at once: a large pad's text takes more memory than its mesh."""
+_NUMBERS = bytes(c if chr(c) in "0123456789.-" else ord(" ") for c in range(256))
+"""Translates rows of a file to numbers with blanks between."""
+_CONTENT_TYPES = b"""<?xml version="1.0" encoding="UTF-8"?>
+<Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">
+<Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships+xml"/>
+<Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/>
+<Default Extension="png" ContentType="image/png"/>
+</Types>
+"""
+_RELATIONS = b"""<?xml version="1.0" encoding="UTF-8"?>
+<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships">
+<Relationship Id="rel0" Target="/3D/3dmodel.model" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/>
+<Relationship Id="rel1" Target="/Metadata/thumbnail.png"
+ Type="http://schemas.openxmlformats.org/package/2006/relationships/metadata/thumbnail"/>
+</Relationships>
+"""
+_MODEL_HEAD = f"""<?xml version="1.0" encoding="UTF-8"?>
+<model unit="millimeter" xml:lang="en-US" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
+ xmlns:padgen="{OWN}">"""
 THUMBNAIL_PX = (256, 256)
 COLOUR = (0.90, 0.88, 0.82)
 
@@ -48,39 +71,113 @@ def write(out: OutputFolder, job: ExportJob) -> None:
     """Add the part's mesh, read back corner by corner, or where it is stored in instances by its volume."""
     name, instances = f"{job.part.name}.3mf", job.instances and job.pad is not None
     path = out.write(name, threemf_bytes(job))
-    (verified_volume if instances else verified)(name, job.part.mesh, read_3mf(path, weld=instances))
+    if instances:
+        verified_volume(name, job.part.mesh, read_3mf(path, weld=False))
+    else:
+        verified(name, job.part.mesh, _read_plain(path))
 
 
 def threemf_bytes(job: ExportJob) -> bytes:
     """The part as one named object, or the pad in instances: one mesh per distinct tile, placed many times."""
-    wrapper, title = _wrapper(), job.part.title
-    model = wrapper.CreateModel()
-    model.SetUnit(_lib3mf().ModelUnit.MilliMeter)
-    notes = model.GetMetaDataGroup()
-    for key, value in _metadata(job).items():
-        space, _, name = key.rpartition(":")
-        notes.AddMetaData(space, name, value, "xs:string", True)
+    parts = {
+        "[Content_Types].xml": [_CONTENT_TYPES],
+        "_rels/.rels": [_RELATIONS],
+        MODEL: _model(job),
+        "Metadata/thumbnail.png": [picture_png([(job.part.mesh, COLOUR)], THUMBNAIL_PX)],
+    }
+    data = io.BytesIO()
+    with zipfile.ZipFile(data, "w") as package:
+        for name, texts in parts.items():
+            # Dated 1980-01-01, the earliest that a zip knows.
+            entry = zipfile.ZipInfo(name)
+            entry.compress_type, entry.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
+            entry._compresslevel = QUICK  # type: ignore[attr-defined]
+            with package.open(entry, "w") as file:
+                for text in texts:
+                    file.write(text)
+    return data.getvalue()
+
+
+def _model(job: ExportJob) -> Iterator[bytes]:
+    """The package's model, some rows at a time."""
+    meta = [f"<metadata name={quoteattr(key)}>{escape(value)}</metadata>" for key, value in _metadata(job).items()]
+    yield "\n".join([_MODEL_HEAD, *meta, "<resources>\n"]).encode()
     if job.instances and job.pad is not None:
-        _add_instances(model, wrapper, job.plan, job.pad)
+        last = yield from _instances(job.plan, job.pad)
     else:
-        model.AddBuildItem(_add_mesh(model, job.part.mesh, title), wrapper.GetIdentityTransform())
-    thumbnail = picture_png([(job.part.mesh, COLOUR)], THUMBNAIL_PX)
-    picture = (ctypes.c_uint8 * len(thumbnail)).from_buffer_copy(thumbnail)
-    model.CreatePackageThumbnailAttachment().ReadFromBuffer(picture)
-    _name_uuids(model, title)
-    return _without_times(bytes(model.QueryWriter("3mf").WriteToBuffer()))
+        last = 1
+        yield from _object(last, job.part.title, job.part.mesh)
+    yield f'</resources>\n<build>\n<item objectid="{last}"/>\n</build>\n</model>\n'.encode()
+
+
+def _object(number: int, name: str, mesh: Mesh) -> Iterator[bytes]:
+    yield f'<object id="{number}" name={quoteattr(name)} type="model">\n<mesh>\n<vertices>\n'.encode()
+    for some in np.array_split(mesh.vertices_mm, len(mesh.vertices_mm) // ROWS + 1):
+        yield _rows([_decimal(axis) for axis in some.T], b'<vertex x="', b'" y="', b'" z="', b'"/>\n')
+    yield b"</vertices>\n<triangles>\n"
+    for some in np.array_split(mesh.triangles, len(mesh.triangles) // ROWS + 1):
+        yield _rows([_digits(corner, 8) for corner in some.T], b'<triangle v1="', b'" v2="', b'" v3="', b'"/>\n')
+    yield b"</triangles>\n</mesh>\n</object>\n"
+
+
+def _rows(columns: list[np.ndarray], *between: bytes) -> bytes:
+    """Rows of text from columns of characters (n, width), with texts before, between and after; zeros are left out."""
+    count, parts = len(columns[0]), [np.frombuffer(text, np.uint8) for text in between]
+    sides = [np.broadcast_to(part, (count, len(part))) for part in parts]
+    text = np.concatenate([*(each for pair in zip(sides, columns, strict=False) for each in pair), sides[-1]], 1)
+    written: bytes = text[text != 0].tobytes()
+    return written
+
+
+def _digits(numbers: np.ndarray, width: int) -> np.ndarray:
+    """Whole numbers as characters (n, width), zero in place of leading noughts."""
+    text, left = np.empty((len(numbers), width), np.uint8), numbers.astype(np.int32)
+    for k in reversed(range(width)):
+        tens = left // 10
+        text[:, k] = left - 10 * tens + ord("0")
+        text[(left == 0) & (k < width - 1), k] = 0
+        left = tens
+    return text
+
+
+def _decimal(values: np.ndarray) -> np.ndarray:
+    """Coordinates as characters, to the millionth, without noughts at the end."""
+    whole, millionths = np.divmod(np.rint(np.abs(values) * 1e6).astype(np.int64), 1_000_000)
+    # With a one before them their noughts stay.
+    behind = _digits(millionths + 1_000_000, 7)
+    behind[:, 0] = np.where(millionths, ord("."), 0)
+    for k in range(1, 7):
+        behind[millionths % 10 ** (7 - k) == 0, k] = 0
+    minus = np.where((values < 0) & (whole + millionths > 0), ord("-"), 0).astype(np.uint8)
+    return np.concatenate([minus[:, None], _digits(whole, 5), behind], 1)
+
+
+def _read_plain(path: Path) -> Mesh:
+    """The one mesh of a file as it is written here, without what reading any file takes."""
+    # Each corner's own number stands in its name.
+    kinds = (b"<vertex ", (3, slice(None)), float), (b"<triangle ", (6, slice(1, None, 2)), np.int64)
+    found: dict[bytes, list[np.ndarray]] = {row: [np.empty((0, 3), kind)] for row, _, kind in kinds}
+    with zipfile.ZipFile(path) as package, package.open(MODEL) as file:
+        rest = b""
+        while block := file.read(READ_BYTES):
+            text = rest + block
+            text, rest = text[: text.rfind(b"\n") + 1], text[text.rfind(b"\n") + 1 :]
+            for row, (width, used), kind in kinds:
+                if (start := text.find(row)) >= 0:
+                    rows = text[start : text.index(b"\n", text.rfind(row))].translate(_NUMBERS).decode()
+                    found[row].append(np.fromstring(rows, kind, sep=" ").reshape(-1, width)[:, used])
+    return Mesh(*(np.concatenate(parts) for parts in found.values()))
 
 
 def _metadata(job: ExportJob) -> dict[str, str]:
     """3MF metadata; names of our own carry our namespace, as the format asks."""
-    own = "https://padgen.invalid/2026"
     return {
         "Title": job.part.title,
         "Application": f"padgen {__version__}",
         "LicenseTerms": "the pad is yours; padgen is Apache-2.0",
         "Description": job.part.description,
-        f"{own}:SpecHash": job.spec_hash,
-        f"{own}:PrintSettings": "; ".join(f"{key} {value}" for key, value in job.plan.printing.items()),
+        "padgen:SpecHash": job.spec_hash,
+        "padgen:PrintSettings": "; ".join(f"{key} {value}" for key, value in job.plan.printing.items()),
     }
 
 
@@ -131,78 +228,28 @@ def _wrapper() -> Any:
     return _lib3mf().Wrapper()
 
 
-def _add_mesh(model: Any, mesh: Mesh, name: str) -> Any:
-    lib3mf = _lib3mf()
-    part = model.AddMeshObject()
-    part.SetName(name)
-    vertices = np.ascontiguousarray(mesh.vertices_mm, np.float32)
-    triangles = np.ascontiguousarray(mesh.triangles, np.uint32)
-    part.SetGeometry(
-        (lib3mf.Position * len(vertices)).from_buffer(vertices),
-        (lib3mf.Triangle * len(triangles)).from_buffer(triangles),
-    )
-    return part
-
-
-def _add_instances(model: Any, wrapper: Any, plan: Plan, pad: PadSolid) -> None:
+def _instances(plan: Plan, pad: PadSolid) -> Generator[bytes, None, int]:
+    """The objects of distinct tiles and border, and the one that places them, whose number is returned."""
     spec, turned = plan.spec, turned_grid(plan)
+    yield from _object(1, "border", pad.border.mesh)
+    placed, number = ['<component objectid="1"/>'], 1
     names = [f"taxel-{channel.index}" for channel in plan.channels] + ["frame"]
-    whole = model.AddComponentsObject()
-    whole.SetName(plan.name)
-    whole.AddComponent(_add_mesh(model, pad.border.mesh, "border"), wrapper.GetIdentityTransform())
-    for index, tile in enumerate(pad.tiles):
+    for index, (name, tile) in enumerate(zip(names, pad.tiles, strict=True)):
         places = np.argwhere(pad.grid == index)
         if not len(places):
             continue
-        part = _add_mesh(model, tile.mesh, names[index])
-        for row, column in places:
-            place = wrapper.GetIdentityTransform()
-            if turned[row, column]:
-                place.Fields[0][0] = place.Fields[1][1] = -1.0
+        number += 1
+        yield from _object(number, name, tile.mesh)
+        for row, column in places.tolist():
             x = (column + 0.5) * plan.cell.width_mm - spec.pad.width_mm / 2
             y = (row + 0.5) * plan.cell.depth_mm - spec.pad.depth_mm / 2
-            place.Fields[3][0], place.Fields[3][1] = float(x), float(y)
-            whole.AddComponent(part, place)
-    model.AddBuildItem(whole, wrapper.GetIdentityTransform())
-
-
-def _name_uuids(model: Any, name: str) -> None:
-    """lib3mf draws random UUIDs; name-based ones keep the bytes the same."""
-    model.SetBuildUUID(str(uuid5(_NAMESPACE, f"{name}/build")))
-    resources = model.GetObjects()
-    count = 0
-    while resources.MoveNext():
-        part = resources.GetCurrentObject()
-        part.SetUUID(str(uuid5(_NAMESPACE, f"{name}/object/{count}")))
-        if part.IsComponentsObject():
-            components = model.GetComponentsObjectByID(part.GetUniqueResourceID())
-            for i in range(components.GetComponentCount()):
-                components.GetComponent(i).SetUUID(str(uuid5(_NAMESPACE, f"{name}/component/{i}")))
-        count += 1
-    items = model.GetBuildItems()
-    while items.MoveNext():
-        items.GetCurrent().SetUUID(str(uuid5(_NAMESPACE, f"{name}/item")))
-
-
-def _without_times(data: bytes) -> bytes:
-    """The same package with its zip entries dated 1980-01-01, the earliest that a zip knows.
-
-    lib3mf dates them at month 0. Only the dates are written over: to pack anew takes as long as to write.
-    """
-    result = bytearray(data)
-    with zipfile.ZipFile(io.BytesIO(data)) as package:
-        at, entries = package.start_dir, package.infolist()
-    for entry in entries:
-        _DOS_TIME.pack_into(result, entry.header_offset + 10, 0, _DOS_DAY)
-        _DOS_TIME.pack_into(result, at + 12, 0, _DOS_DAY)
-        # Behind a fixed part follow name, extra field and comment.
-        at += 46 + sum(struct.unpack_from("<HHH", data, at + 28))
-    return bytes(result)
-
-
-_DOS_TIME = struct.Struct("<HH")
-_DOS_DAY = 1 << 5 | 1
-"""The first day of the first month of 1980."""
+            way = -1 if turned[row, column] else 1
+            place = f"{way} 0 0 0 {way} 0 0 0 1 {x:.6f} {y:.6f} 0"
+            placed.append(f'<component objectid="{number}" transform="{place}"/>')
+    number += 1
+    head = f'<object id="{number}" name={quoteattr(plan.name)} type="model">'
+    yield "\n".join([head, "<components>", *placed, "</components>", "</object>\n"]).encode()
+    return number
 
 
 def _matrix(transform: Any) -> np.ndarray:

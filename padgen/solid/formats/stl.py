@@ -5,7 +5,7 @@ import numpy as np
 from padgen import __version__
 from padgen.core.files import OutputFolder
 from padgen.solid.formats import ExportJob, verified
-from padgen.solid.mesh import Mesh
+from padgen.solid.mesh import AT_ONCE, Mesh
 
 __all__ = ["stl_bytes", "stl_mesh", "write"]
 
@@ -16,23 +16,34 @@ def write(out: OutputFolder, job: ExportJob) -> None:
     """Add the part's mesh, read back corner by corner."""
     part = job.part
     name, title = f"{part.name}.stl", f"{__version__} {part.title} {job.spec_hash[:16]}"
-    verified(name, part.mesh, stl_mesh(out.write(name, stl_bytes(part.mesh, title)).read_bytes()))
+    path = out.write(name, stl_bytes(part.mesh, title))
+    vertices, triangles = part.mesh
+    for k in range(0, len(triangles), AT_ONCE):
+        # The last reads to the file's end, whatever is there.
+        count = AT_ONCE if k + AT_ONCE < len(triangles) else -1
+        some = np.fromfile(path, _STL_TRIANGLE, count, offset=84 + k * _STL_TRIANGLE.itemsize)
+        verified(name, Mesh(vertices, triangles[k : k + AT_ONCE]), _not_welded(some))
 
 
-def stl_bytes(mesh: Mesh, title: str) -> bytes:
+def stl_bytes(mesh: Mesh, title: str) -> bytearray:
     """Binary STL."""
-    triangles = np.zeros(len(mesh.triangles), _STL_TRIANGLE)
-    corners = mesh.corners_mm
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    size = np.linalg.norm(normal, axis=1, keepdims=True)
-    triangles["normal"] = normal / np.maximum(size, 1e-30)
-    triangles["corners"] = corners
-    header = f"padgen {title}".encode("ascii", "replace")[:80].ljust(80)
-    return header + np.uint32(len(triangles)).tobytes() + triangles.tobytes()
+    data = bytearray(84 + _STL_TRIANGLE.itemsize * len(mesh.triangles))
+    data[:80] = f"padgen {title}".encode("ascii", "replace")[:80].ljust(80)
+    data[80:84] = np.uint32(len(mesh.triangles)).tobytes()
+    triangles = np.frombuffer(data, _STL_TRIANGLE, offset=84)
+    for k in range(0, len(triangles), AT_ONCE):
+        some, corners = triangles[k : k + AT_ONCE], mesh.vertices_mm[mesh.triangles[k : k + AT_ONCE]]
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        some["normal"] = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+        some["corners"] = corners
+    return data
 
 
 def stl_mesh(data: bytes) -> Mesh:
     """The triangles of a binary STL, not welded."""
-    triangles = np.frombuffer(data, _STL_TRIANGLE, offset=84)
-    corners = triangles["corners"].astype(float).reshape(-1, 3)
+    return _not_welded(np.frombuffer(data, _STL_TRIANGLE, offset=84))
+
+
+def _not_welded(triangles: np.ndarray) -> Mesh:
+    corners = triangles["corners"].reshape(-1, 3)
     return Mesh(corners, np.arange(len(corners)).reshape(-1, 3))
