@@ -309,8 +309,8 @@ def test_many_findings_are_summed_up(small_pad, small_plan):
 
 def test_legs_of_a_serpentine_that_are_too_near_or_too_thin_are_found():
     """What its path says is built and passes; with the gaps of a finer printer, or thinner legs, it does not."""
-    spec = parse_spec(SMALL + "[suspension]\ntopology = 'serpentine-5'\n")
-    plan = make_plan(replace(spec, band_hz=(40.0, 400.0), resonances_hz=(100.0, 140.0)))
+    text = SMALL.replace("coil = { grid = [1, 1] }", "resonances_hz = [100, 140]").replace("[50, 200]", "[40, 400]")
+    plan = make_plan(parse_spec(text + "[suspension]\ntopology = 'serpentine-5'\n"))
     pad = build_pad(plan)
     report = check_pad(pad, plan)
     assert not [finding for finding in report.findings if finding.level == "error"]
