@@ -26,8 +26,8 @@ BENT = 0.013
 """The same for beams that bend round corners, after serpentines (docs/accuracy.md). Modes where
 the beams themselves swing, far above the working one, may be off by more (`padgen.physics.bounds.beam_inertia`)."""
 TALL = 0.04
-"""What comes to it, times the thickness (over the root of `BeamSection.across`) over the longest straight piece: tall
-legs are plates."""
+"""Adds to it, times the thickness (over the root of `BeamSection.across`) over the longest straight piece: tall legs
+are plates."""
 UNCERTAINTY = {
     "root": 0.47,
     "tip": 0.097,

@@ -34,6 +34,7 @@ __all__ = [
 Array = Any
 
 SHORTEST_M = 1e-12
+"""Stands for a length of nothing."""
 HELD_MOST = 0.85
 """Share of a beam's twist that ends may take away by holding its warping."""
 
