@@ -10,6 +10,7 @@ from itertools import product
 
 import numpy as np
 
+from padgen.planner.marks import corner_groove
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.tile import Outline, outline, taxel_places, to_cell
 from padgen.solid.border import border_mesh, border_volume_mm3
@@ -56,7 +57,8 @@ def build_pad(plan: Plan, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_R
     tiles = [_taxel_tile(plan, index, chord_mm, angle_rad) for index in range(len(plan.channels))]
     tiles.append(_bare_tile(plan))
     grid = tile_grid(plan)
-    border = Tile(border_mesh(plan, grid.shape, chord_mm, angle_rad), border_volume_mm3(plan))
+    mark = corner_groove(plan.spec)
+    border = Tile(border_mesh(plan, grid.shape, chord_mm, angle_rad, mark), border_volume_mm3(plan, mark))
     counts = np.bincount(grid.ravel(), minlength=len(tiles))
     volume = border.volume_mm3 + sum(float(n) * t.volume_mm3 for n, t in zip(counts, tiles, strict=True))
     return PadSolid(assembled(plan, tiles, border, grid), volume, tuple(tiles), border, grid)

@@ -58,7 +58,7 @@ class Taxel:
     boss_protrusion_mm: float = quantity(1.0, unit="mm", low=0, high=10, doc="height of the boss above the frame")
     boss_edge_mm: float = quantity(0.3, unit="mm", low=0, high=5, doc="chamfer that breaks the edge of the boss")
     fillet_mm: float = quantity(0.3, unit="mm", low=0, high=5, doc="fillets at the roots of the beams")
-    washer_clearance_mm: float = quantity(0.2, unit="mm", low=0, high=2, doc="recess diameter over washer diameter")
+    washer_clearance_mm: float = quantity(0.25, unit="mm", low=0, high=2, doc="recess diameter over washer diameter")
     glue_gap_mm: float = quantity(
         0.1, unit="mm", low=0, high=1, doc="least recess depth over washer thickness; rounded up to layers"
     )
@@ -99,6 +99,9 @@ class Printer:
     nozzle_mm: float = quantity(unit="mm", low=0.01, high=2, doc="nozzle diameter (resin: pixel)")
     line_width_mm: float = quantity(unit="mm", low=0.01, high=3, doc="one extrusion line; smallest wall")
     smallest_beam_mm: float = quantity(unit="mm", low=0.01, high=3, doc="smallest width of a beam")
+    shortest_beam_mm: float = quantity(
+        unit="mm", low=0, high=10, doc="shortest beam, without its flare, that the slicer lays at its drawn width"
+    )
     layer_mm: float = quantity(unit="mm", low=0.01, high=1, doc="layer height")
     first_layer_mm: float = quantity(unit="mm", low=0.01, high=1, doc="height of the first layer")
     smallest_beam_layers: int = quantity(unit="layers", low=1, high=100, doc="fewest layers of a beam")
@@ -115,6 +118,12 @@ class Printer:
     length_tolerance_mm: float = quantity(unit="mm", low=0, high=1, doc="spread of a beam's length")
     xy_compensation_mm: float = quantity(
         unit="mm", low=-1, high=1, doc="slicer's XY size compensation that lays beams at their drawn width"
+    )
+    hole_loss_mm: float = quantity(
+        unit="mm",
+        low=0,
+        high=1,
+        doc="what the slicer lays into a round recess beyond its drawn sides, on both together",
     )
     width_step_mm: float = quantity(
         1e-3, unit="mm", low=1e-6, high=3, doc="steps in which a beam can be wider than the smallest (resin: pixel)"

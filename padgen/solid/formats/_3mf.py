@@ -21,6 +21,7 @@ from padgen import __version__
 from padgen.core.errors import FileError, MeshFileError
 from padgen.core.files import OutputFolder, read_bounded
 from padgen.planner.plan import Plan
+from padgen.planner.printing import prusa_profile
 from padgen.solid.formats import ExportJob, verified, verified_volume
 from padgen.solid.mesh import Mesh, joined, sound_mesh
 from padgen.solid.pad_solid import PadSolid, turned_grid
@@ -40,6 +41,10 @@ Key = tuple[str, str]
 
 _NAMESPACE = uuid5(NAMESPACE_DNS, "padgen")
 """Root of the name-based UUIDs: the same pad has the same ones."""
+OWN = "https://padgen.invalid/2026"
+"""Namespace of the metadata that only padgen has."""
+PRUSA_CONFIG = "/Metadata/Slic3r_PE.config"
+"""Where PrusaSlicer looks for the settings of a project."""
 THUMBNAIL_PX = (256, 256)
 COLOUR = (0.90, 0.88, 0.82)
 
@@ -60,10 +65,20 @@ def threemf_bytes(job: ExportJob) -> bytes:
     for key, value in _metadata(job).items():
         space, _, name = key.rpartition(":")
         notes.AddMetaData(space, name, value, "xs:string", True)
-    if job.instances and job.pad is not None:
-        _add_instances(model, wrapper, job.plan, job.pad)
-    else:
-        model.AddBuildItem(_add_mesh(model, job.part.mesh, title), wrapper.GetIdentityTransform())
+    printer = job.plan.spec.printer
+    whole = (
+        _instances(model, wrapper, job.plan, job.pad)
+        if job.instances and job.pad is not None
+        else _add_mesh(model, job.part.mesh, title)
+    )
+    model.AddBuildItem(whole, wrapper.GetTranslationTransform(printer.bed_x_mm / 2, printer.bed_y_mm / 2, 0.0))
+    if profile := prusa_profile(job.plan.spec):
+        model.AddCustomContentType("config", "text/plain")
+        # PrusaSlicer skips the first line.
+        lines = ("; settings for PrusaSlicer", *(f"; {key} = {value}" for key, value in profile.items()), "")
+        config = "\n".join(lines).encode()
+        attached = model.AddAttachment(PRUSA_CONFIG, f"{OWN}/slicer-config")
+        attached.ReadFromBuffer((ctypes.c_uint8 * len(config)).from_buffer_copy(config))
     thumbnail = picture_png([(job.part.mesh, COLOUR)], THUMBNAIL_PX)
     picture = (ctypes.c_uint8 * len(thumbnail)).from_buffer_copy(thumbnail)
     model.CreatePackageThumbnailAttachment().ReadFromBuffer(picture)
@@ -73,19 +88,20 @@ def threemf_bytes(job: ExportJob) -> bytes:
 
 def _metadata(job: ExportJob) -> dict[str, str]:
     """3MF metadata; names of our own carry our namespace, as the format asks."""
-    own = "https://padgen.invalid/2026"
     return {
         "Title": job.part.title,
         "Application": f"padgen {__version__}",
         "LicenseTerms": "the pad is yours; padgen is Apache-2.0",
         "Description": job.part.description,
-        f"{own}:SpecHash": job.spec_hash,
-        f"{own}:PrintSettings": "; ".join(f"{key} {value}" for key, value in job.plan.printing.items()),
+        f"{OWN}:SpecHash": job.spec_hash,
+        f"{OWN}:PrintSettings": "; ".join(f"{key} {value}" for key, value in job.plan.printing.items()),
     }
 
 
 def read_3mf(path: Path, weld: bool = True) -> Mesh:
     """All triangles of the build items of a 3MF in mm, instances placed, parts joined where they touch.
+
+    An only item lies about its own origin, wherever it is put on the bed.
 
     Raises
     ------
@@ -104,8 +120,11 @@ def read_3mf(path: Path, weld: bool = True) -> Mesh:
     items = model.GetBuildItems()
     while items.MoveNext():
         item = items.GetCurrent()
+        matrix = _matrix(item.GetObjectTransform())
+        if items.Count() == 1:  # where it lies on the bed
+            matrix[3] = 0.0
         with np.errstate(all="ignore"):  # what no longer is a number is refused
-            _collect(model, item.GetObjectResource(), _matrix(item.GetObjectTransform()), parts)
+            _collect(model, item.GetObjectResource(), matrix, parts)
     if not parts:
         raise MeshFileError("holds no triangles", str(path))
     scale = _MM_PER_UNIT[model.GetUnit()]
@@ -144,7 +163,7 @@ def _add_mesh(model: Any, mesh: Mesh, name: str) -> Any:
     return part
 
 
-def _add_instances(model: Any, wrapper: Any, plan: Plan, pad: PadSolid) -> None:
+def _instances(model: Any, wrapper: Any, plan: Plan, pad: PadSolid) -> Any:
     spec, turned = plan.spec, turned_grid(plan)
     names = [f"taxel-{channel.index}" for channel in plan.channels] + ["frame"]
     whole = model.AddComponentsObject()
@@ -163,7 +182,7 @@ def _add_instances(model: Any, wrapper: Any, plan: Plan, pad: PadSolid) -> None:
             y = (row + 0.5) * plan.cell.depth_mm - spec.pad.depth_mm / 2
             place.Fields[3][0], place.Fields[3][1] = float(x), float(y)
             whole.AddComponent(part, place)
-    model.AddBuildItem(whole, wrapper.GetIdentityTransform())
+    return whole
 
 
 def _name_uuids(model: Any, name: str) -> None:
