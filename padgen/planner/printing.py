@@ -128,9 +128,10 @@ def prusa_profile(spec: Spec) -> dict[str, str]:
     if printer.process != "fdm":
         return {}
     profile = {key: value for setting in _settings(spec) for key, value in setting.prusa.items()}
-    # PrusaSlicer's own defaults, named because a user's profile may have others.
+    # With more than two perimeters the inner ones would hang free over the recesses. The others are PrusaSlicer's own
+    # defaults, named because a user's profile may have others.
     profile |= {
-        "perimeters": "3", "extra_perimeters": "1", "infill_every_layers": "1", "fill_angle": "45",
+        "perimeters": "2", "extra_perimeters": "1", "infill_every_layers": "1", "fill_angle": "45",
         "top_fill_pattern": "monotonic", "bottom_fill_pattern": "monotonic", "top_solid_layers": "3",
         "bottom_solid_layers": "3", "external_perimeters_first": "0", "overhangs": "1", "bridge_flow_ratio": "1",
         "extrusion_multiplier": "1", "gap_fill_enabled": "1", "min_feature_size": "25%", "min_bead_width": "85%",
