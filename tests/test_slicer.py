@@ -235,5 +235,43 @@ def test_profile_and_project_are_the_same_to_the_slicer(folder):
         assert {key: taken.get(key) for key in asked} == asked, name
 
 
+def test_a_slicer_without_variable_line_width(folder):
+    """Slic3r 1.3 lays every beam in every layer, but only to the next whole line: docs/printing.md advises against."""
+    plan, path, _, middle = built("paper-16", folder)
+    printer = plan.spec.printer
+    same = (path / PROFILE_FILE).read_text().splitlines()
+    known = (
+        "layer_height",
+        "first_layer",
+        "extrusion_",
+        "perimeter_ex",
+        "external_perimeter_ex",
+        "fill_",
+        "infill_",
+        "thin_",
+    )
+    known += ("solid_infill_ex", "top_infill_ex", "xy_", "nozzle_", "filament_", "perimeters", "skirts", "bed_shape")
+    (path / "slic3r.ini").write_text("\n".join(line for line in same if line.startswith(known)))
+    centre = ",".join(str(v) for v in middle)
+    program(
+        "slic3r", "--load", path / "slic3r.ini", "--print-center", centre, "-o", path / "slic3r.gcode", path / "pad.stl"
+    )
+    told, top = [], 0.0
+    for line in (path / "slic3r.gcode").read_text().splitlines():
+        words = line.split()
+        height = float(words[1][1:]) if line.startswith("G1 Z") else top
+        if line.startswith("G1 Z") and height in (printer.first_layer_mm, round(top + printer.layer_mm, 6)):
+            told += [";LAYER_CHANGE", f";Z:{height}", f";HEIGHT:{height - top}"]
+            top = height
+        told.append(line)
+    (path / "told.gcode").write_text("\n".join(told))
+    lines, widths = read_gcode(path / "told.gcode"), []
+    for taxel in plan.taxels:
+        off, above = laid_widths(plan, taxel, lines, middle)
+        assert above == 0.0, taxel
+        widths += off
+    assert 0.04 < np.abs(widths).max() < 0.14
+
+
 def settings(lines):
     return dict(line.split(" = ", 1) for line in lines if " = " in line and not line.startswith("#"))

@@ -99,9 +99,6 @@ class Printer:
     nozzle_mm: float = quantity(unit="mm", low=0.01, high=2, doc="nozzle diameter (resin: pixel)")
     line_width_mm: float = quantity(unit="mm", low=0.01, high=3, doc="one extrusion line; smallest wall")
     smallest_beam_mm: float = quantity(unit="mm", low=0.01, high=3, doc="smallest width of a beam")
-    shortest_beam_mm: float = quantity(
-        unit="mm", low=0, high=10, doc="shortest beam, without its flare, that the slicer lays at its drawn width"
-    )
     layer_mm: float = quantity(unit="mm", low=0.01, high=1, doc="layer height")
     first_layer_mm: float = quantity(unit="mm", low=0.01, high=1, doc="height of the first layer")
     smallest_beam_layers: int = quantity(unit="layers", low=1, high=100, doc="fewest layers of a beam")
@@ -119,7 +116,11 @@ class Printer:
     xy_compensation_mm: float = quantity(
         unit="mm", low=-1, high=1, doc="slicer's XY size compensation that lays beams at their drawn width"
     )
+    shortest_beam_mm: float = quantity(
+        0.0, unit="mm", low=0, high=10, doc="shortest beam, without its flare, that the slicer lays at its drawn width"
+    )
     hole_loss_mm: float = quantity(
+        0.0,
         unit="mm",
         low=0,
         high=1,
