@@ -51,8 +51,9 @@ endif
 $(TEMPLATES:%=variant-%): variant-%: $(STAMP)
 	$(BIN)/padgen build $*
 
-slice: pad ## slice the paper's pad with PrusaSlicer (installed from Debian if missing) and measure its beams
-	@command -v prusa-slicer >/dev/null || { apt-get update -qq && apt-get install -y -qq --no-install-recommends prusa-slicer; }
+slice: $(STAMP) ## slice every template and ten odd pads with PrusaSlicer (installed from Debian if missing) and measure them
+	@{ command -v prusa-slicer && command -v slic3r; } >/dev/null || \
+	  { apt-get update -qq && apt-get install -y -qq --no-install-recommends prusa-slicer slic3r; }
 	$(BIN)/python -m pytest -m slicer tests/test_slicer.py
 
 goldens: $(STAMP) ## write the golden texts anew, after a wanted change of geometry

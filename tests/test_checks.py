@@ -166,12 +166,12 @@ def test_a_lifted_beam(small_pad, small_plan):
 
 
 def test_a_washer_that_does_not_fit(small_pad, small_plan):
-    spec = replace(small_plan.spec, washer=replace(small_plan.spec.washer, outer_diameter_mm=3.8))
+    spec = replace(small_plan.spec, washer=replace(small_plan.spec.washer, outer_diameter_mm=3.85))
     found = check_pad(small_pad, replace(small_plan, spec=spec)).findings
     assert any(f.code == "washer.fit" and "recess diameter" in f.message for f in found)
     other = replace(small_plan, plate=replace(small_plan.plate, recess_diameter_mm=4.0, recess_depth_mm=0.5))
     found = [f.message for f in check_pad(small_pad, other).findings if f.code == "built.planned"]
-    assert any("recess diameter is 3.7 mm, planned are 4 mm" in message for message in found)
+    assert any("recess diameter is 3.75 mm, planned are 4 mm" in message for message in found)
     assert any("recess depth is 0.4 mm, planned are 0.5 mm" in message for message in found)
 
 
@@ -208,10 +208,10 @@ def test_a_tight_recess_of_a_foreign_mesh(small_pad, small_plan):
         found = check_against(mesh, small_pad, small_plan).findings
         (tight,) = [f for f in found if f.code == "washer.fit"]
         assert tight.where == f"taxel {small_plan.taxels[0].id}"
-        # 3.7 cos(π/12)
-        assert "the recess diameter between the sides of its polygon is 3.5739 mm" in tight.message
+        # 3.75 cos(π/12)
+        assert "the recess diameter between the sides of its polygon is 3.6222 mm" in tight.message
         # The plan's clearance would do.
-        assert tight.message.endswith("lays 0.16 mm into it")
+        assert tight.message.endswith("lays 0.198 mm into it")
 
 
 def test_a_recess_of_half_a_layer(small_plan):

@@ -64,7 +64,7 @@ def test_post_stands_in_the_recess(small_plan):
     with_post = make_plan(replace(spec, taxel=replace(spec.taxel, centre_post=True)))
     channel = with_post.channels[0]
     grown = float(taxel_solid(with_post, channel).volume) - volume_by_hand(with_post, channel)
-    assert grown == pytest.approx(np.pi / 4 * (1.7 - 0.2) ** 2 * 0.4, rel=1e-6)
+    assert grown == pytest.approx(np.pi / 4 * (1.7 - 0.25) ** 2 * 0.4, rel=1e-6)
 
 
 def test_washer_touches_the_roof_of_its_recess(small_plan):
@@ -78,7 +78,8 @@ def test_pad_volume_is_its_tiles_and_border(small_pad, small_plan):
     tiles = sum(volume_by_hand(small_plan, small_plan.channels[t.channel]) for t in small_plan.taxels)
     pad = small_plan.spec.pad
     side, radius = 25 + 2 * pad.border_mm, pad.border_mm / 2
-    border = side**2 - (4 - np.pi) * radius**2 - 25**2 - np.pi * pad.hole_diameter_mm**2
+    groove = 1.5 * 1.0
+    border = side**2 - (4 - np.pi) * radius**2 - 25**2 - np.pi * pad.hole_diameter_mm**2 - groove
     assert small_pad.volume_mm3 == pytest.approx(tiles + border * pad.frame_thickness_mm, rel=1e-9)
     # Chords of 0.01 mm on holes and bosses.
     assert signed_volume_mm3(small_pad.mesh) == pytest.approx(small_pad.volume_mm3, rel=1e-4)

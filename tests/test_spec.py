@@ -69,7 +69,7 @@ def test_a_new_entry_needs_all_its_fields():
         (BASE + 'washer = "iso7089-m2-a2"\n', "washer: .* is not magnetic"),
         (
             BASE + 'washer = "iso7089-m6"\n',
-            "washer: .* spans 12.2 mm, fdm-0.4 bridges 10 mm; .* at most 9.8 mm",
+            "washer: .* spans 12.25 mm, fdm-0.4 bridges 10 mm; .* at most 9.75 mm",
         ),
         (BASE + "[washer]\ninner_diameter_mm = 9\n", "washer.inner_diameter_mm: must be below the outer diameter"),
         (BASE + "[coil]\ncore_diameter_mm = 5\n", "coil.core_diameter_mm: must fit the winding's bore of 4 mm"),
@@ -78,7 +78,7 @@ def test_a_new_entry_needs_all_its_fields():
         (BASE + "[taxel]\nplate_thickness_mm = 0.5\n", "taxel.plate_thickness_mm: must be at least 0.6 mm"),
         (BASE + "[taxel]\nplate_thickness_mm = 9\n", "taxel.plate_thickness_mm: must not exceed the frame"),
         (BASE + "[taxel]\nboss_edge_mm = 2\n", "taxel.boss_edge_mm: must be at most"),
-        (BASE + "[taxel]\nplate_width_mm = 3\n", "taxel.plate_width_mm: must be at least 4.6 mm"),
+        (BASE + "[taxel]\nplate_width_mm = 3\n", "taxel.plate_width_mm: must be at least 4.65 mm"),
         (BASE + "[pad]\nrib_mm = 0.3\n", "pad.rib_mm: must be at least a line of 0.45 mm"),
         ("a = " + "[" * 5000 + "]" * 5000, "nested too deeply"),
         (BASE + "[pad]\nhole_diameter_mm = 8\n", "pad.hole_diameter_mm: must leave a line of wall"),

@@ -193,6 +193,7 @@ class Pad:
     def _written(self, folder: Path, formats: tuple[str, ...], instances: bool) -> Built:
         from padgen.driver import drive_csv, drive_json
         from padgen.planner import plan_to_json
+        from padgen.planner.printing import OTHER_SLICERS_FILE, PROFILE_FILE, other_slicers_text, profile_text
 
         plan, pad, beside = self.plan, self.solid, self._beside
         from padgen.solid.bill import bill_of_materials
@@ -221,6 +222,9 @@ class Pad:
             out.write("drive.json", drive_json(plan))
             out.write("bom.csv", bill_of_materials(plan, report.figures["plastic_g"], plastic_g))
             out.write("checks.json", json_text({"figures": figures, "findings": findings}))
+            if profile := profile_text(plan):
+                out.write(PROFILE_FILE, profile)
+            out.write(OTHER_SLICERS_FILE, other_slicers_text(plan))
             # What it has not begun is done here, from the end.
             for each, (maker, job) in reversed(list(zip(written, work, strict=True))):
                 if each.cancel():

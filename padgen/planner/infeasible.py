@@ -9,7 +9,7 @@ from padgen.planner.layout import SLACK_MM, Layout, candidates, explain, most_ch
 from padgen.planner.resonances import ladders, reachable_hz
 from padgen.planner.search import sized_layouts
 from padgen.planner.suspensions import allowed, suspension
-from padgen.planner.taxel_model import plate_shape
+from padgen.planner.taxel_model import plate_shape, shortest_mm
 from padgen.spec import Spec, Suspension, catalogue, make_spec
 from padgen.spec.load import without_none
 
@@ -81,7 +81,7 @@ def _no_beam(spec: Spec, layout: Layout) -> str:
         shape = suspension(name)
         longest, widest = shape.longest(space, plate, gap), shape.widest(space, plate, gap)
         spans.append(
-            f"{name}: lengths of {number(shape.shortest(plate, gap))} … {number(longest)} mm,"
+            f"{name}: lengths of {number(shortest_mm(spec, name))} … {number(longest)} mm,"
             f" widths of {number(spec.printer.smallest_beam_mm)} … {number(widest)} mm"
         )
     asked = (

@@ -12,7 +12,7 @@ from math import ceil, floor, hypot, inf, pi, sqrt
 from padgen.core.errors import number
 from padgen.planner.plan import Site
 from padgen.planner.suspensions import Arrangement, Room, allowed, suspension
-from padgen.planner.taxel_model import plate_shape, recess_mm
+from padgen.planner.taxel_model import plate_shape, recess_mm, shortest_mm
 from padgen.spec import Spec
 
 __all__ = [
@@ -233,7 +233,7 @@ def _fits(spec: Spec, layout: Layout, inside: Room) -> tuple[tuple[str, float], 
         widths.append(
             widest - spec.printer.smallest_beam_mm if widest >= 0 else inside.width_mm - plate.width_mm - 2 * gap
         )
-        lengths.append(shape.longest(inside, plate, gap) - shape.shortest(plate, gap))
+        lengths.append(shape.longest(inside, plate, gap) - shortest_mm(spec, name))
     best = max(range(len(widths)), key=lambda i: min(widths[i], lengths[i]))
     return ("coil", pitch - spec.coil.outer_diameter_mm), ("width", widths[best]), ("length", lengths[best])
 

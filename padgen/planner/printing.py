@@ -1,37 +1,189 @@
-"""What the slicer must be told so that the pad prints as planned."""
+"""What the slicer must be told so that the pad prints as planned: in plain words, PrusaSlicer's and others' names."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
+from padgen import __version__
 from padgen.core.errors import number
-from padgen.planner.plan import Beam
+from padgen.planner.plan import Beam, Plan
 from padgen.spec import Spec
 
-__all__ = ["print_settings"]
+__all__ = [
+    "OTHER_SLICERS_FILE",
+    "PROFILE_FILE",
+    "other_slicers_text",
+    "print_settings",
+    "profile_text",
+    "prusa_profile",
+]
+
+PROFILE_FILE, OTHER_SLICERS_FILE = "pad.ini", "slicer-settings.txt"
+TYPICAL_C = {"pla": (215, 60), "petg": (240, 80), "abs": (250, 100), "pa12": (255, 100)}
+"""Temperatures of nozzle and bed that makers of filament name for each material of the catalogue; pla's for others."""
+
+
+class Setting(NamedTuple):
+    """A setting by its plain `name` and `value`, as PrusaSlicer has it, and its names in Cura and in Orca and Bambu.
+
+    A name with a colon brings a value of its own; none is empty.
+    """
+
+    name: str
+    value: str
+    prusa: dict[str, str]
+    cura: str
+    orca: str
+
+
+def _settings(spec: Spec) -> list[Setting]:
+    """All settings that beams, plates, recesses or gaps depend on, those first that matter most."""
+    printer = spec.printer
+    layer, first, line, xy = (
+        number(v) for v in (printer.layer_mm, printer.first_layer_mm, printer.line_width_mm, printer.xy_compensation_mm)
+    )
+    heights = [
+        Setting("layer_height", f"{layer} mm", {"layer_height": layer}, "Layer Height", "Layer height"),
+        Setting(
+            "first_layer_height",
+            f"{first} mm",
+            {"first_layer_height": first},
+            "Initial Layer Height",
+            "First layer height",
+        ),
+    ]
+    foot = Setting(
+        "elephant_foot_compensation",
+        "0 mm",
+        {"elefant_foot_compensation": "0"},
+        "Initial Layer Horizontal Expansion",
+        "Elephant foot compensation",
+    )
+    bare = [
+        Setting("supports", "none", {"support_material": "0"}, "Generate Support", "Enable support"),
+        Setting("raft", "none", {"raft_layers": "0", "brim_width": "0"}, "Build Plate Adhesion Type", "Raft layers"),
+    ]
+    if printer.process != "fdm":
+        return [*heights, foot, *bare]
+    kinds = ("", "first_layer_", "perimeter_", "external_perimeter_", "infill_", "solid_infill_", "top_infill_")
+    return [
+        *heights,
+        Setting(
+            "wall_generator",
+            "variable line width (Arachne)",
+            {"perimeter_generator": "arachne"},
+            "Variable line widths: always, from version 5.0",
+            "Wall generator",
+        ),
+        foot,
+        Setting("thick_bridges", "off", {"thick_bridges": "0"}, "", "Thick bridges"),
+        Setting(
+            "line_width", f"{line} mm", {f"{kind}extrusion_width": line for kind in kinds}, "Line Width", "Line width"
+        ),
+        Setting(
+            "xy_size_compensation",
+            f"{xy} mm",
+            {"xy_size_compensation": xy},
+            "Horizontal Expansion: 0 mm, as it lays lines without round edges",
+            f"X-Y contour compensation: {xy} mm, X-Y hole compensation: -{xy} mm",
+        ),
+        Setting("detect_thin_walls", "off", {"thin_walls": "0"}, "Print Thin Walls", "Detect thin wall"),
+        Setting(
+            "infill",
+            "100 %",
+            {"fill_density": "100%", "fill_pattern": "rectilinear"},
+            "Infill Density",
+            "Sparse infill density",
+        ),
+        Setting(
+            "infill_overlap",
+            "0 %",
+            {"infill_overlap": "0%"},
+            "Infill Overlap Percentage, Skin Overlap Percentage",
+            "Infill/Wall overlap",
+        ),
+        *bare,
+        Setting(
+            "nozzle", f"{number(printer.nozzle_mm)} mm", {"nozzle_diameter": number(printer.nozzle_mm)}, "Nozzle Size",
+            "Nozzle diameter",
+        ),
+    ]  # fmt: skip
 
 
 def print_settings(spec: Spec, beams: Sequence[Beam]) -> dict[str, str]:
-    """Slicer settings by plain name, for the plan, what a build tells, the 3MF's metadata and the docs."""
-    printer = spec.printer
-    settings = {
-        "printer": printer.name,
+    """Slicer settings by plain name, those first that matter most, for the plan, what a build tells and the 3MF."""
+    return {
+        **{setting.name: setting.value for setting in _settings(spec)},
+        "printer": spec.printer.name,
         "material": spec.material.name,
-        "layer_height": f"{number(printer.layer_mm)} mm",
-        "first_layer_height": f"{number(printer.first_layer_mm)} mm",
-        "supports": "none",
-        "raft": "none",
-        "elephant_foot_compensation": "0 mm",
+        "beam_layers": ", ".join(str(n) for n in sorted({beam.layers for beam in beams})),
     }
-    if printer.process == "fdm":
-        settings |= {
-            "nozzle": f"{number(printer.nozzle_mm)} mm",
-            "line_width": f"{number(printer.line_width_mm)} mm",
-            "wall_generator": "variable line width (Arachne)",
-            "xy_size_compensation": f"{number(printer.xy_compensation_mm)} mm",
-            "detect_thin_walls": "off",
-            "infill": "100 %",
-            "infill_overlap": "0 %",
-            "thick_bridges": "off",
-        }
-    layers = sorted({beam.layers for beam in beams})
-    settings["beam_layers"] = ", ".join(str(n) for n in layers)
-    return settings
+
+
+def prusa_profile(spec: Spec) -> dict[str, str]:
+    """PrusaSlicer's settings by its own names, none left to be set; empty for a printer that is not of plastic strands.
+
+    What beams, plates and recesses depend on comes first, then what a printer and its filament typically want.
+    """
+    printer = spec.printer
+    if printer.process != "fdm":
+        return {}
+    profile = {key: value for setting in _settings(spec) for key, value in setting.prusa.items()}
+    # With more than two perimeters the inner ones would hang free over the recesses. The others are PrusaSlicer's own
+    # defaults, named because a user's profile may have others.
+    profile |= {
+        "perimeters": "2", "extra_perimeters": "1", "infill_every_layers": "1", "fill_angle": "45",
+        "top_fill_pattern": "monotonic", "bottom_fill_pattern": "monotonic", "top_solid_layers": "3",
+        "bottom_solid_layers": "3", "external_perimeters_first": "0", "overhangs": "1", "bridge_flow_ratio": "1",
+        "extrusion_multiplier": "1", "gap_fill_enabled": "1", "min_feature_size": "25%", "min_bead_width": "85%",
+        "wall_distribution_count": "1", "wall_transition_length": "100%", "wall_transition_angle": "10",
+        "wall_transition_filter_deviation": "25%", "slice_closing_radius": "0.049", "slicing_mode": "regular",
+        "resolution": "0", "gcode_resolution": "0.0125", "fuzzy_skin": "none", "ironing": "0", "spiral_vase": "0",
+        "skirts": "0", "filament_diameter": "1.75",
+    }  # fmt: skip
+    hot, bed = (str(celsius) for celsius in TYPICAL_C.get(spec.material.name, TYPICAL_C["pla"]))
+    x, y = number(printer.bed_x_mm), number(printer.bed_y_mm)
+    return profile | {
+        "temperature": hot, "first_layer_temperature": hot, "bed_temperature": bed, "first_layer_bed_temperature": bed,
+        "perimeter_speed": "30", "external_perimeter_speed": "20", "small_perimeter_speed": "15", "infill_speed": "40",
+        "solid_infill_speed": "30", "top_solid_infill_speed": "20", "gap_fill_speed": "15", "bridge_speed": "20",
+        "first_layer_speed": "15", "travel_speed": "120", "retract_length": "0.8", "slowdown_below_layer_time": "10",
+        "gcode_flavor": "marlin", "bed_shape": f"0x0,{x}x0,{x}x{y},0x{y}", "max_print_height": number(printer.bed_z_mm),
+    }  # fmt: skip
+
+
+def profile_text(plan: Plan) -> str:
+    """The file that ``prusa-slicer --load`` takes; empty where there is no such profile."""
+    spec, profile = plan.spec, prusa_profile(plan.spec)
+    notes = {
+        "layer_height": f"PrusaSlicer's settings for {plan.name} on {spec.printer.name} in {spec.material.name}, by"
+        f" padgen {__version__}: prusa-slicer --load {PROFILE_FILE} pad.stl, or File, Import, Import Config.\n"
+        "# Beams, plates, recesses and gaps depend on these:",
+        "temperature": "Typical; take what your spool says. Add your printer's own start and end G-code.",
+    }
+    lines = []
+    for key, value in profile.items():
+        if key in notes:
+            lines.append(f"# {notes[key]}")
+        lines.append(f"{key} = {value}")
+    return "\n".join([*lines, ""]) if lines else ""
+
+
+def other_slicers_text(plan: Plan) -> str:
+    """The settings by the names that other slicers give them, to be set by hand."""
+    heading = (
+        f"Settings for {plan.name} on {plan.spec.printer.name}, in the order in which they matter.\n"
+        "Print flat, the recesses down, without supports.\n"
+    )
+    settings = _settings(plan.spec)
+    if plan.spec.printer.process != "fdm":
+        return heading + "".join(f"{each.name.replace('_', ' ')}: {each.value}\n" for each in settings)
+    names = (("Cura", [each.cura for each in settings]), ("OrcaSlicer, Bambu Studio", [each.orca for each in settings]))
+    parts = [f"PrusaSlicer takes all of them from {PROFILE_FILE}. By the names of others, untested:\n"]
+    for slicer, own in names:
+        lines = (
+            f"  {name}" + f": {each.value}" * (":" not in name)
+            for name, each in zip(own, settings, strict=True)
+            if name
+        )
+        parts.append("\n".join((f"{slicer}:", *lines, "")))
+    return "\n".join((heading, *parts))

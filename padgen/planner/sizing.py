@@ -20,7 +20,7 @@ from padgen.physics.selectivity import channels as resonators
 from padgen.planner.printable import LENGTH_STEP_MM, IdealBeam, printable_beams, steps_are_coarse
 from padgen.planner.settings import level_law
 from padgen.planner.suspensions import BeamShape, Room, allowed, suspension
-from padgen.planner.taxel_model import STRAIGHT, Exponents, TaxelModel, plate_shape
+from padgen.planner.taxel_model import STRAIGHT, Exponents, TaxelModel, plate_shape, shortest_mm
 from padgen.spec import Printer, Spec, Spread
 from padgen.spec.model import Drive, Pad, Suspension
 
@@ -145,7 +145,7 @@ def _reach(spec: Spec, topology: str, room: Room, changes: int) -> Reach | None:
     shape, gap = suspension(topology), spec.printer.smallest_gap_mm
     plate = plate_shape(spec)
     longest, widest = shape.longest(room, plate, gap), shape.widest(room, plate, gap)
-    shortest, narrowest = shape.shortest(plate, gap), spec.printer.smallest_beam_mm
+    shortest, narrowest = shortest_mm(spec, topology), spec.printer.smallest_beam_mm
     if longest < shortest or widest < narrowest:
         return None
     thickness, length = _grid(spec, shortest, longest)

@@ -23,7 +23,16 @@ from padgen.physics.stretching import hardening
 from padgen.planner.suspensions import Arrangement, BeamShape, Block, PlateShape, suspension
 from padgen.spec import Spec
 
-__all__ = ["STRAIGHT", "Exponents", "TaxelModel", "fillet_mm", "plate_shape", "post_diameter_mm", "recess_mm"]
+__all__ = [
+    "STRAIGHT",
+    "Exponents",
+    "TaxelModel",
+    "fillet_mm",
+    "plate_shape",
+    "post_diameter_mm",
+    "recess_mm",
+    "shortest_mm",
+]
 
 THINNEST_WALL_MM = 1e-3
 Exponents = tuple[Any, Any, Any]
@@ -45,6 +54,12 @@ def plate_shape(spec: Spec) -> PlateShape:
     )
 
 
+def shortest_mm(spec: Spec, topology: str) -> float:
+    """Length in mm of the shortest beam that fits the plate and that the printer lays as drawn."""
+    least = suspension(topology).shortest(plate_shape(spec), spec.printer.smallest_gap_mm)
+    return max(least, spec.printer.shortest_beam_mm)
+
+
 def recess_mm(spec: Spec) -> tuple[float, float]:
     """Diameter and depth in mm of the recess below the plate."""
     return spec.washer.outer_diameter_mm + spec.taxel.washer_clearance_mm, spec.recess_depth_mm
@@ -58,9 +73,11 @@ def post_diameter_mm(spec: Spec) -> float:
 
 def fillet_mm(spec: Spec, arrangement: Arrangement) -> Any:
     """Radius in mm of the root fillets: as the spec says, less where the window or a short beam leaves
-    less room, none where a beam begins with an arc."""
+    less room (beyond them it must be as long as the printer's shortest), none where a beam begins with an arc."""
     first = [path.segments[0] for path in arrangement.beams]
-    short = np.minimum.reduce(np.broadcast_arrays(*(np.where(s.turn_rad, 0.0, s.length_mm / 3) for s in first)))
+    room = (np.minimum(s.length_mm / 3, s.length_mm - spec.printer.shortest_beam_mm) for s in first)
+    straight = (np.where(s.turn_rad, 0.0, own) for s, own in zip(first, room, strict=True))
+    short = np.minimum.reduce(np.broadcast_arrays(*straight))
     return np.clip(np.minimum(arrangement.root_clearance_mm, short), 0, spec.taxel.fillet_mm)
 
 

@@ -40,8 +40,6 @@ VOLUME_SHARE = 1e-3
 """Largest relative difference of the mesh's volume from the exact one."""
 FACET_MM = 0.012
 """What triangles may take off a wall or gap between round faces: the chord, on both sides."""
-LAID_MM = {"fdm": 0.12, "resin": 0.0}
-"""What is laid into a round recess beyond its drawn sides, on both of them together (docs/printing.md)."""
 UNCOMPARED = Finding(
     "error", "mesh.intersects", "mesh", "too many of its triangles lie over each other for all of them to be compared"
 )
@@ -207,7 +205,7 @@ def told(off: list[Dimension], found: list[Difference], cells: Cells | None) -> 
 def _washers_enter(spec: Spec, rooms: Iterable[tuple[str, float]], within_mm: float = 0.0) -> Iterator[Finding]:
     """Catalogues give the largest diameter that a washer may have; other programs' round faces are `within_mm`."""
     printer, washer = spec.printer, spec.washer
-    laid_mm = 2 * printer.xy_compensation_mm + LAID_MM[printer.process]
+    laid_mm = 2 * printer.xy_compensation_mm + printer.hole_loss_mm
     needed_mm, least_mm = washer.outer_diameter_mm + laid_mm, laid_mm + FACET_MM
     cure = f"; taxel.washer_clearance_mm = {at_least(least_mm)} would do"
     for taxel, room_mm in rooms:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from padgen.planner.marks import corner_groove
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.tile import Outline, outline, taxel_places, to_cell
 from padgen.solid.border import border_mesh, border_volume_mm3
@@ -95,7 +96,8 @@ def build_pad(plan: Plan, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_R
 
 def _of_tiles(plan: Plan, tiles: tuple[Tile, ...], chord_mm: float, angle_rad: float) -> PadSolid:
     grid = tile_grid(plan)
-    border = Tile(border_mesh(plan, grid.shape, chord_mm, angle_rad), border_volume_mm3(plan))
+    mark = corner_groove(plan.spec)
+    border = Tile(border_mesh(plan, grid.shape, chord_mm, angle_rad, mark), border_volume_mm3(plan, mark))
     counts = np.bincount(grid.ravel(), minlength=len(tiles))
     volume = border.volume_mm3 + sum(float(n) * t.volume_mm3 for n, t in zip(counts, tiles, strict=True))
     return PadSolid(assembled(plan, tiles, border, grid), volume, tiles, border, grid)

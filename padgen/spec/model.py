@@ -59,7 +59,7 @@ class Taxel:
     boss_protrusion_mm: float = quantity(1.0, unit="mm", low=0, high=10, doc="height of the boss above the frame")
     boss_edge_mm: float = quantity(0.3, unit="mm", low=0, high=5, doc="chamfer that breaks the edge of the boss")
     fillet_mm: float = quantity(0.3, unit="mm", low=0, high=5, doc="fillets at the roots of the beams")
-    washer_clearance_mm: float = quantity(0.2, unit="mm", low=0, high=2, doc="recess diameter over washer diameter")
+    washer_clearance_mm: float = quantity(0.25, unit="mm", low=0, high=2, doc="recess diameter over washer diameter")
     glue_gap_mm: float = quantity(
         0.1, unit="mm", low=0, high=1, doc="least recess depth over washer thickness; rounded up to layers"
     )
@@ -110,6 +110,16 @@ class Printer:
     bed_z_mm: float = quantity(unit="mm", low=10, high=2000, doc="build height")
     xy_compensation_mm: float = quantity(
         unit="mm", low=-1, high=1, doc="slicer's XY size compensation that lays beams at their drawn width"
+    )
+    shortest_beam_mm: float = quantity(
+        0.0, unit="mm", low=0, high=10, doc="shortest beam, without its flare, that the slicer lays at its drawn width"
+    )
+    hole_loss_mm: float = quantity(
+        0.0,
+        unit="mm",
+        low=0,
+        high=1,
+        doc="what the slicer lays into a round recess beyond its drawn sides, on both together",
     )
     width_step_mm: float = quantity(
         1e-3, unit="mm", low=1e-6, high=3, doc="steps in which a beam can be wider than the smallest (resin: pixel)"

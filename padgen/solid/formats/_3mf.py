@@ -8,7 +8,7 @@ import ctypes
 import io
 import zipfile
 from collections import Counter
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from padgen import __version__
 from padgen.core.errors import FileError, MeshFileError
 from padgen.core.files import OutputFolder, read_bounded
 from padgen.planner.plan import Plan
+from padgen.planner.printing import prusa_profile
 from padgen.solid.formats import ExportJob, verified, verified_volume
 from padgen.solid.mesh import Mesh, joined, sound_mesh
 from padgen.solid.pad_solid import PadSolid, turned_grid
@@ -35,6 +36,8 @@ MOST_TRIANGLES = 2_000_000
 MOST_PARTS, DEEPEST = 50_000, 64
 """Meshes and components placed, and components within one another."""
 
+PRUSA_CONFIG = "Metadata/Slic3r_PE.config"
+"""Where PrusaSlicer looks for the settings of a project."""
 Key = tuple[str, str]
 """An object: the part of the package that it lies in, and its number there."""
 
@@ -51,6 +54,7 @@ _CONTENT_TYPES = b"""<?xml version="1.0" encoding="UTF-8"?>
 <Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships+xml"/>
 <Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/>
 <Default Extension="png" ContentType="image/png"/>
+<Default Extension="config" ContentType="text/plain"/>
 </Types>
 """
 _RELATIONS = b"""<?xml version="1.0" encoding="UTF-8"?>
@@ -79,12 +83,16 @@ def write(out: OutputFolder, job: ExportJob) -> None:
 
 def threemf_bytes(job: ExportJob) -> bytes:
     """The part as one named object, or the pad in instances: one mesh per distinct tile, placed many times."""
-    parts = {
+    parts: dict[str, Iterable[bytes]] = {
         "[Content_Types].xml": [_CONTENT_TYPES],
         "_rels/.rels": [_RELATIONS],
         MODEL: _model(job),
         "Metadata/thumbnail.png": [picture_png([(job.part.mesh, COLOUR)], THUMBNAIL_PX)],
     }
+    if profile := prusa_profile(job.plan.spec):
+        # PrusaSlicer skips the first line.
+        lines = ("; settings for PrusaSlicer", *(f"; {key} = {value}" for key, value in profile.items()), "")
+        parts[PRUSA_CONFIG] = ["\n".join(lines).encode()]
     data = io.BytesIO()
     with zipfile.ZipFile(data, "w") as package:
         for name, texts in parts.items():
@@ -107,7 +115,9 @@ def _model(job: ExportJob) -> Iterator[bytes]:
     else:
         last = 1
         yield from _object(last, job.part.title, job.part.mesh)
-    yield f'</resources>\n<build>\n<item objectid="{last}"/>\n</build>\n</model>\n'.encode()
+    printer = job.plan.spec.printer
+    middle = f"1 0 0 0 1 0 0 0 1 {printer.bed_x_mm / 2:.6f} {printer.bed_y_mm / 2:.6f} 0"
+    yield f'</resources>\n<build>\n<item objectid="{last}" transform="{middle}"/>\n</build>\n</model>\n'.encode()
 
 
 def _object(number: int, name: str, mesh: Mesh) -> Iterator[bytes]:
@@ -184,6 +194,8 @@ def _metadata(job: ExportJob) -> dict[str, str]:
 def read_3mf(path: Path, weld: bool = True) -> Mesh:
     """All triangles of the build items of a 3MF in mm, instances placed, parts joined where they touch.
 
+    An only item lies about its own origin, wherever it is put on the bed.
+
     Raises
     ------
     MeshFileError
@@ -201,8 +213,11 @@ def read_3mf(path: Path, weld: bool = True) -> Mesh:
     items = model.GetBuildItems()
     while items.MoveNext():
         item = items.GetCurrent()
+        matrix = _matrix(item.GetObjectTransform())
+        if items.Count() == 1:  # where it lies on the bed
+            matrix[3] = 0.0
         with np.errstate(all="ignore"):  # what no longer is a number is refused
-            _collect(model, item.GetObjectResource(), _matrix(item.GetObjectTransform()), parts)
+            _collect(model, item.GetObjectResource(), matrix, parts)
     if not parts:
         raise MeshFileError("holds no triangles", str(path))
     scale = _MM_PER_UNIT[model.GetUnit()]
