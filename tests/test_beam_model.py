@@ -5,6 +5,7 @@ fit, and the templates' channels; `suspension_modes.json` is an older set with 4
 """
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,11 @@ from padgen.spec import load_spec, make_spec, parse_spec
 FOLDER = Path(__file__).parent / "reference"
 TABLE = json.loads((FOLDER / "suspension_modes.json").read_text())["taxels"]
 CALIBRATION = json.loads((FOLDER / "beam_calibration.json").read_text())["taxels"]
-SPEC = parse_spec('name = "a"\nresolution = 1\nband_hz = [20, 2000]\nq_min = 15\n')
+# The taxel that the solids of the table have.
+SPEC = parse_spec(
+    'name = "a"\nresolution = 1\nband_hz = [20, 2000]\nq_min = 15\n'
+    "taxel = { washer_clearance_mm = 0.2 }\nprinter = { name = 'fdm-0.4', shortest_beam_mm = 0 }\n"
+)
 OLD_FRAME_MM = 4.0
 
 
@@ -30,7 +35,9 @@ def old_model(row):
 def row_spec(row):
     made = row.get("spec")
     if made is None:
-        return load_spec(row["name"].rpartition("-")[0])
+        spec = load_spec(row["name"].rpartition("-")[0])
+        taxel, printer = replace(spec.taxel, washer_clearance_mm=0.2), replace(spec.printer, shortest_beam_mm=0.0)
+        return replace(spec, taxel=taxel, printer=printer)
     taxel = {key: made[key] for key in ("plate_length_mm", "plate_width_mm", "plate_thickness_mm", "fillet_mm")}
     return make_spec(
         {
@@ -39,8 +46,8 @@ def row_spec(row):
             "band_hz": [1, 100000],
             "q_min": 15,
             "pad": {"rib_mm": made["rib_mm"]},
-            "taxel": taxel,
-            "printer": {"name": "fdm-0.25", "smallest_gap_mm": made["gap_mm"]},
+            "taxel": taxel | {"washer_clearance_mm": 0.2},
+            "printer": {"name": "fdm-0.25", "smallest_gap_mm": made["gap_mm"], "shortest_beam_mm": 0},
             "material": {"name": "pla", "poisson_ratio": made["poisson_ratio"]},
             "washer": made["washer"],
         }
