@@ -228,7 +228,7 @@ def test_a_table_is_as_good_as_it_states():
 
 
 def test_the_tables_that_padgen_brings_are_those_of_its_parts():
-    """Of templates, and right where their washers lie (1.1 % at 0.4 mm): after a change `docs/measure_force.py tables`."""
+    """Of templates, right where their washers lie (1.1 % at 0.4 mm): after a change `docs/measure_force.py tables`."""
     for name in ("paper-32", "wide-11", "resin-fine"):
         spec = load_spec(name)
         table = brought_table(*magnetic_parts(spec))
