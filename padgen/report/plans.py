@@ -330,14 +330,25 @@ def findings_text(findings: Iterable[Finding]) -> str:
 
 
 def serious_text(findings: Iterable[Finding]) -> str:
-    """Errors and warnings in lines that fit, and how many notes there are beside."""
-    all_of_them = list(findings)
-    shown = [f for f in sorted(all_of_them, key=lambda f: -LEVELS.index(f.level)) if f.level != "note"]
+    """Errors and warnings in lines that fit, those of one cause once, and how many more there are."""
+    ordered = sorted(findings, key=lambda f: -LEVELS.index(f.level))
+    serious = [f for f in ordered if f.level != "note"]
+    # What prints keep has all of these in it, and the verdict says it.
+    parts = [f for f in serious if f.level == "warning" and f.code.startswith(IN_PRINTS)]
+    shown = [f for f in serious if f not in parts]
     lines = [line for f in shown for line in _wrapped(f"{f.level}: {f.where}: {f.message} [{f.code}]")]
-    notes = len(all_of_them) - len(shown)
-    if notes:
-        lines.append(f"{notes} note{'s' * (notes > 1)}, and all tables: --verbose.")
+    more = (
+        (len(parts), "warning", " on what the verdict counts"),
+        (len(ordered) - len(serious), "note", ""),
+    )
+    told = [f"{count} {word}{'s' * (count > 1)}{about}" for count, word, about in more if count]
+    if told:
+        lines.append(f"{', '.join(told)}, and all tables: --verbose.")
     return "\n".join(lines)
+
+
+IN_PRINTS = ("ladder.", "selectivity.", "coil.leak", "modes.")
+"""Beginnings of the codes of findings whose effect is part of what prints keep."""
 
 
 def explanation_text(explanation: "Explanation") -> str:
