@@ -43,11 +43,14 @@ TEMPLATES = Path(__file__).parents[1] / "templates"
 
 
 def template(name, scheme=""):
-    text = (TEMPLATES / f"{name}.toml").read_text()
+    """The plan of a template, with a drive of the test's choice instead of its own."""
+    lines = (TEMPLATES / f"{name}.toml").read_text().splitlines()
     if scheme:
-        text += "" if "[drive]" in text else "\n[drive]"
-        text = text.replace("[drive]", f'[drive]\nscheme = "{scheme}"')
-    return make_plan(parse_spec(text))
+        own = "[drive]" in lines
+        chosen = f'[drive]\nscheme = "{scheme}"' if own else f'drive = "{scheme}"'
+        lines = [chosen if line == "[drive]" else line for line in lines if not line.startswith("drive = ")]
+        lines = lines if own else [chosen, *lines]
+    return make_plan(parse_spec("\n".join(lines)))
 
 
 @pytest.fixture(scope="module")
