@@ -103,7 +103,7 @@ def test_the_key_holds_all_that_the_modes_depend_on(solved):
     assert first != second
     assert cache.key_of(solver._inputs(plan, plan.channels[0], 1)) != first
     for change in ("[material]\nyoungs_modulus_gpa = 2.9", "[taxel]\nglue_mg = 1", "[washer]\ndensity_g_per_cm3 = 7.8"):
-        other = loop.finish(parse_spec(SPEC + WHOLE + change), loop.choose(spec))
+        other = loop.finish(loop.choose(spec)._replace(spec=parse_spec(SPEC + WHOLE + change)))
         assert cache.key_of(solver._inputs(other, plan.channels[0], 0)) != first
 
 

@@ -413,4 +413,5 @@ def test_every_template_has_a_tray_and_a_coupon(name):
     assert tray.clear_mm + washer_underside_mm(plan) == pytest.approx(tray.gap_mm)
     assert len(tray.coils_mm) == plan.coils.rows * plan.coils.columns
     assert len(own.taxels) == len(plan.channels)
-    assert len(plan_tray(own).coils_mm) == 1
+    # Two sets of channels alternate between coils: a cell of each.
+    assert len(plan_tray(own).coils_mm) == (2 if plan.spec.coil.reuse == "alternate" else 1)

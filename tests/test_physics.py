@@ -6,7 +6,8 @@
 | impedance of the paper's coil | computed figures | as printed | |
 | beam model of a taxel, f1 | 3-D elasticity, converged | 0.8 % | Timoshenko's own error there |
 | beam model, modes 2 and 3 | 3-D elasticity, converged | 1.5 % | torsion and lateral |
-| bent beam | Castigliano's integrals of arcs and corners, straight beams | 1e-9 | the same assumptions |
+| bent beam, its bends as stiff as its axis | Castigliano's arcs and corners, straight beams | 1e-9 | same assumptions |
+| flared bent beam | flared straight beam | 5e-5 | four Gauss points on the flare, not six |
 | point mass on a beam | Euler-Bernoulli closed forms | 1e-6 | slender limit |
 | field of a thin winding on its axis | closed form | 1e-5 | quadrature |
 """
@@ -18,6 +19,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from padgen.physics import beams
 from padgen.physics.beams import (
     BeamSection,
     Give,
@@ -158,8 +160,15 @@ def flexible(section, *path):
     return np.linalg.inv(tip_stiffness(section._replace(length=length, path=path), E, NU))
 
 
+@pytest.fixture
+def thin(monkeypatch):
+    """Bends of thin bars: no stiffer than their axis."""
+    monkeypatch.setattr(beams, "bend_stiffening", np.ones_like)
+
+
 @pytest.mark.parametrize("turn", [0.3, np.pi / 2, np.pi, 2 * np.pi])
 @pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.usefixtures("thin")
 def test_arc_against_castigliano(turn, side):
     """Forces and moments on the tip of an arc, in its plane and out of it, by hand."""
     radius = 3 * MM
@@ -202,13 +211,34 @@ def test_corner_against_castigliano():
 
 @pytest.mark.parametrize("fillet", [0.0, 0.3 * MM])
 @pytest.mark.parametrize("give", [Give(), GIVING])
-def test_straight_pieces_in_line_are_one_beam(fillet, give):
+def test_straight_pieces_in_line_are_one_beam(monkeypatch, fillet, give):
     one = BENT._replace(fillet=fillet, give=give)
     pieces = one._replace(path=((3 * MM, 0.0), (5 * MM, 0.0)))
-    whole, parted = tip_stiffness(one, E, NU), tip_stiffness(pieces, E, NU)
-    assert parted == pytest.approx(whole, rel=1e-10, abs=1e-12 * whole.max())
+    parted = tip_stiffness(pieces, E, NU)
+    rounded = 5e-5 if fillet else 1e-10
+    assert parted == pytest.approx(tip_stiffness(one, E, NU), rel=rounded, abs=1e-12 * parted.max())
+    # With as few Gauss points on the straight beam's flare as on the path's they are the same sums.
+    nodes, weights = np.polynomial.legendre.leggauss(4)
+    monkeypatch.setattr(beams, "_NODES", (nodes + 1) / 2)
+    monkeypatch.setattr(beams, "_WEIGHTS", weights / 2)
+    assert parted == pytest.approx(tip_stiffness(one, E, NU), rel=1e-10, abs=1e-12 * parted.max())
     load = np.arange(1.0, 7.0)
     assert root_load(pieces, load) == pytest.approx(root_load(one, load), rel=1e-10)
+
+
+def test_bends_and_held_pieces_are_stiffer_out_of_their_plane():
+    """Numbers of the two corrections by hand, and that pieces of no length have none."""
+    # As wide as its radius (w/2R = 1/2): 1 + 1/12. A piece as long as its warping: 1 - tanh 1.
+    assert beams.bend_stiffening(0.5) == pytest.approx(13 / 12, rel=1e-15)
+    assert beams.piece_twist(1e-3, 1e-3) == pytest.approx(0.23840584404423515, rel=1e-12)
+    assert beams.piece_twist(1e-3, 0.0) == pytest.approx(1, abs=1e-8)
+    radius, turn = BENT.width, np.pi / 2
+    bent = flexible(BENT, (radius * turn, turn))
+    loose = flexible(BENT._replace(give=Give(warping=1 * MM)), (3 * MM, 0.0), (0.0, 0.0), (2 * MM, 0.0))
+    up, _, twist, _, _ = rigidities(BENT)
+    assert bent[3, 3] == pytest.approx(radius * np.pi / 4 * (1 / twist + 1 / up) / (13 / 12), rel=1e-9)
+    held = 3 * MM * (1 - np.tanh(3) / 3) + 2 * MM * (1 - np.tanh(2) / 2)
+    assert loose[3, 3] == pytest.approx(held / twist, rel=1e-9)
 
 
 def test_a_wide_arc_tends_to_a_straight_beam():

@@ -6,7 +6,9 @@ Agreement:
 figure                       against                                       tolerance
 ===========================  ============================================  =========================================
 volts, all schemes           i(t) written out, its slope by differences    1e-7 of the peak: the differences' error
-wanted lines of a file       line_a2 times the level                       2e-5: the smallest is 1/800 of the largest
+wanted lines of a file       line_a2 times the level                       2e-5; wide-11 in 24 bit 1e-4: rounding scatters its
+                                                                           smallest line, 1/3,300 of the largest, by
+                                                                           2.3e-5 (sd; unrounded it is right to 1e-11)
 all other lines of i²        0                                             −80 dB of the wanted (24 bit), −100 (float)
 lines of tones and biased    the scheme's spurs, spelled out               1e-6 of the largest
 ringing after a switch       0                                             −50 dB of the taxel's ON amplitude
@@ -43,11 +45,14 @@ TEMPLATES = Path(__file__).parents[1] / "templates"
 
 
 def template(name, scheme=""):
-    text = (TEMPLATES / f"{name}.toml").read_text()
+    """The plan of a template, with a drive of the test's choice instead of its own."""
+    lines = (TEMPLATES / f"{name}.toml").read_text().splitlines()
     if scheme:
-        text += "" if "[drive]" in text else "\n[drive]"
-        text = text.replace("[drive]", f'[drive]\nscheme = "{scheme}"')
-    return make_plan(parse_spec(text))
+        own = "[drive]" in lines
+        chosen = f'[drive]\nscheme = "{scheme}"' if own else f'drive = "{scheme}"'
+        lines = [chosen if line == "[drive]" else line for line in lines if not line.startswith("drive = ")]
+        lines = lines if own else [chosen, *lines]
+    return make_plan(parse_spec("\n".join(lines)))
 
 
 @pytest.fixture(scope="module")
@@ -237,9 +242,10 @@ def test_a_spur_free_file_has_no_spurs(tmp_path, wide, quads, name, depth, bar, 
     plan = wide if name == "wide-11" else quads["spur-free"]
     drive = make_drive(plan, RATE)
     db, off = spur_db(plan, drive, tmp_path / "a.wav", all_on(plan), depth, over)
-    # Over the smallest wanted line, which is a thousandth of the largest with wide-11's unequal pulls.
+    # Over the smallest wanted line, which is 1/3,300 of the largest with wide-11's unequal pulls.
     assert db <= bar + (16 if name == "wide-11" else 0)
-    assert off < 2e-5
+    # Rounding to 24 bit alone scatters that line by 2.3e-5, one standard deviation over shifts of less than a step.
+    assert off < (1e-4 if name == "wide-11" and depth == "24" else 2e-5)
 
 
 @pytest.mark.parametrize("depth, bar", [("24", -80), ("float", -100)])
@@ -248,7 +254,7 @@ def test_nor_at_mixed_levels(tmp_path, wide, quads, name, depth, bar):
     plan = wide if name == "wide-11" else quads["spur-free"]
     levels = np.random.default_rng(3).uniform(0.3, 1, len(plan.taxels))
     db, off = spur_db(plan, make_drive(plan, RATE), tmp_path / "a.wav", levels, depth, 2)
-    # Over the smallest wanted line, which is a thousandth of the largest with wide-11's unequal pulls.
+    # Over the smallest wanted line, which is 1/3,300 of the largest with wide-11's unequal pulls.
     assert db <= bar + (16 if name == "wide-11" else 0)
     assert off < (1e-4 if name == "wide-11" else 2e-5)
 
@@ -577,8 +583,9 @@ def test_coils_alike_share_the_work(monkeypatch):
     pad_drive._shape.cache_clear()
     drive = make_drive(plan, RATE)
     assert len(drive.coils) == 256
-    assert pad_drive._shape.cache_info().misses == 1
-    assert len(list(waveform._groups(drive, steady(all_on(plan), 1.0), "voltage"))) == 1
+    # Its coils alternate between two sets of resonances.
+    assert pad_drive._shape.cache_info().misses == 2
+    assert len(list(waveform._groups(drive, steady(all_on(plan), 1.0), "voltage"))) == 2
 
 
 @pytest.mark.parametrize(

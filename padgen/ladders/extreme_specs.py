@@ -41,7 +41,11 @@ LONGEST_SENTENCE = 1000
 IMPOSSIBLE: dict[str, dict[str, Any]] = {
     "a washer that sags by 10 mm over a gap of 1 mm": {"resonances_hz": [5.0], "band_hz": [4, 6], "resolution": 1},
     "a washer that rests on its coil by its weight": {"coil": {"gap_mm": 0.05}, "resonances_hz": [60.0, 120.0]},
-    "a level of half the gap": {"drive": {"level_um": 500.0}},
+    # Tones, or fewer channels over a coil, pull less: the search would take those, and that pad does survive.
+    "a level of half the gap": {
+        "drive": {"level_um": 500.0, "scheme": "biased"},
+        "coil": {"grid": [1, 1], "gap_mm": 1.0},
+    },
     "a level of twice the gap": {"drive": {"level_um": 2000.0}},
 }
 FREE = ("resolution", "threshold_file", "threshold_hz", "threshold_um", "resonances_hz", "structure", "name", "source")

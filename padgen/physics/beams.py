@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.physics.path_slices import Slices, columns, matrices, sliced, within_side, within_up
+from padgen.physics.path_slices import SHORTEST_M, Slices, columns, matrices, sliced, within_side, within_up
 
 __all__ = [
     "RIGID",
@@ -33,8 +33,6 @@ __all__ = [
 
 Array = Any
 
-SHORTEST_M = 1e-12
-"""Stands for a length of nothing."""
 HELD_MOST = 0.85
 """Share of a beam's twist that ends may take away by holding its warping."""
 
@@ -340,7 +338,10 @@ class _Plane(NamedTuple):
 
     @property
     def _at_root(self) -> Array:
-        return _squared(self.within[..., :1, :, :], self.root[..., None, :])
+        # What an end gives in twist is negative where it holds the warping, and has no root that `_squared` could take.
+        first = self.within[..., 0, :, :]
+        held: Array = np.swapaxes(first, -1, -2) @ (self.root[..., None] * first)
+        return held
 
 
 def _squared(rows: np.ndarray, weight: np.ndarray) -> Array:
@@ -401,7 +402,7 @@ def bend_stiffening(curved: Array) -> Array:
 
 def piece_twist(straight: Array, warping: Array) -> Array:
     """How much a straight piece of a bent beam twists, over one whose ends warp freely (`Give.warping`)."""
-    pieces = straight / np.maximum(warping, SHORTEST_M)
+    pieces = np.maximum(straight, SHORTEST_M) / np.maximum(warping, SHORTEST_M)
     return 1 - np.tanh(pieces) / pieces
 
 

@@ -10,9 +10,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-__all__ = ["Slices", "columns", "matrices", "sliced", "within_side", "within_up"]
+__all__ = ["SHORTEST_M", "Slices", "columns", "matrices", "sliced", "within_side", "within_up"]
 
 Array = Any
+SHORTEST_M = 1e-12
+"""Stands for a length of nothing, as of a corner."""
 _NO_PIECE = 0.0, 0.0, np.inf
 """Length, curvature and straight length at root and tip."""
 
@@ -48,7 +50,7 @@ def sliced(path: Sequence[tuple[Array, Array]], width: Array, fillet: Array) -> 
     for length, turn, flare in pieces:
         counts.append(4 + int(np.ceil(2 * np.abs(turn).max())))
         share, _ = _gauss(counts[-1])
-        piece = length, np.abs(turn) * width / (2 * length), np.where(turn, np.inf, length)
+        piece = length, np.abs(turn) * width / (2 * np.maximum(length, SHORTEST_M)), np.where(turn, np.inf, length)
         for at in (*share, 1.0):
             half = turn * at / 2
             chord = length * at * np.sinc(half / np.pi)
