@@ -15,7 +15,7 @@ from padgen.solid.pad_solid import build_pad, tile_grid
 from padgen.solid.taxel import taxel_solid, washer_solid
 from padgen.solid.topology import topology
 from padgen.spec import parse_spec
-from tests.conftest import FOUR_LINES, SMALL
+from tests.conftest import FOUR_LINES
 
 
 def volume_by_hand(plan, channel):
