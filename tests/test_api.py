@@ -57,6 +57,7 @@ def test_a_spec_from_anything(work):
         "resolution": 4,
         "band_hz": [50, 200],
         "q_min": 15,
+        "coil": {"grid": [1, 1]},
         "pad": {"width_mm": 25, "depth_mm": 25},
     }
     by_path, by_table = pg.plan("tiny.toml"), pg.plan(table)

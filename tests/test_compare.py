@@ -114,7 +114,8 @@ def test_a_moved_pad_with_a_lump(small_pad, small_plan):
 
 
 def test_other_beams_are_said_in_one_sentence_for_all_that_differ_alike():
-    plan = make_plan(parse_spec(SMALL.replace("= 4", "= 8").replace("width_mm = 25", "width_mm = 37")))
+    text = SMALL.replace("= 4", "= 8").replace("[1, 1]", "[1, 2]").replace("width_mm = 25", "width_mm = 37")
+    plan = make_plan(parse_spec(text))
     channel = plan.channels[0]
     beam = replace(channel.beam, width_mm=channel.beam.width_mm + 0.2)
     other = replace(plan, channels=(replace(channel, beam=beam), *plan.channels[1:]))

@@ -89,10 +89,17 @@ def test_changes_that_the_coil_cannot_pull_do_not_count():
 
 
 @pytest.mark.parametrize("resolution", [24, 28, 32])
-def test_naming_the_grid_that_the_search_takes_changes_nothing(resolution):
-    spec = parse_spec(f'name = "own"\nresolution = {resolution}\nband_hz = [50, 200]\nq_min = 15\n')
-    plan = make_plan(spec)
-    named = make_plan(replace(spec, coil=replace(spec.coil, grid=(plan.coils.rows, plan.coils.columns))))
+def test_naming_what_the_search_takes_changes_nothing(resolution):
+    """Its grid of coils, their reuse and gap, and the drive."""
+    text = f'name = "own"\nresolution = {resolution}\nband_hz = [50, 200]\nq_min = 15\n'
+    plan = make_plan(parse_spec(text))
+    coils, taken = plan.coils, plan.spec
+    named = make_plan(
+        parse_spec(
+            f"{text}drive = '{taken.drive.scheme}'\n[coil]\ngrid = [{coils.rows}, {coils.columns}]\n"
+            f"reuse = '{taken.coil.reuse}'\ngap_mm = {taken.coil.gap_mm}\n"
+        )
+    )
     assert named.taxels == plan.taxels
     assert named.selectivity.kept_db == pytest.approx(plan.selectivity.kept_db)
 
@@ -189,7 +196,7 @@ def coarse(step_mm, extra=""):
     return make_plan(
         parse_spec(
             f'name = "lines"\nresolution = 32\nband_hz = [40, 400]\nq_min = 15\n{extra}'
-            f'[printer]\nname = "fdm-0.4"\nwidth_step_mm = {step_mm}\n'
+            f'coil = {{ grid = [2, 4] }}\n[printer]\nname = "fdm-0.4"\nwidth_step_mm = {step_mm}\n'
         )
     )
 

@@ -1,5 +1,6 @@
 """What the slicer is told: its profile, the project in the 3MF, the words of other slicers, where the pad lies."""
 
+import re
 import zipfile
 
 import numpy as np
@@ -80,7 +81,8 @@ def test_the_3mf_brings_profile_and_place(folder):
     first, *lines = package.read("Metadata/Slic3r_PE.config").decode().splitlines()
     assert "=" not in first  # PrusaSlicer skips it
     assert settings(line.removeprefix("; ") for line in lines) == profile
-    assert b'transform="1 0 0 0 1 0 0 0 1 125 105 0"' in package.read("3D/3dmodel.model")
+    (place,) = re.findall(rb'<item objectid="1" transform="([^"]*)"', package.read("3D/3dmodel.model"))
+    assert [float(v) for v in place.split()] == [1, 0, 0, 0, 1, 0, 0, 0, 1, 125, 105, 0]
     assert (folder / OTHER_SLICERS_FILE).read_text().startswith("Settings for tiny on fdm-0.4")
 
 

@@ -15,7 +15,7 @@ from padgen.solid.pad_solid import build_pad, tile_grid
 from padgen.solid.taxel import taxel_solid, washer_solid
 from padgen.solid.topology import topology
 from padgen.spec import parse_spec
-from tests.conftest import SMALL
+from tests.conftest import FOUR_LINES
 
 
 def volume_by_hand(plan, channel):
@@ -44,9 +44,9 @@ def volume_by_hand(plan, channel):
 
 @pytest.mark.parametrize("topology_name", names())
 def test_volume_of_a_taxel_by_hand(topology_name):
-    spec = parse_spec(SMALL + f"[suspension]\ntopology = '{topology_name}'\n[drive]\n".replace("[drive]\n", ""))
-    spec = replace(spec, band_hz=(100.0, 900.0), resonances_hz=(150.0, 300.0))
-    plan = make_plan(replace(spec, pad=replace(spec.pad, width_mm=30.0, depth_mm=30.0)))
+    text = FOUR_LINES.replace("[50, 200]", "[100, 900]") + "resonances_hz = [150, 300]\ncoil = { grid = [1, 2] }\n"
+    text += f"suspension = {{ topology = '{topology_name}' }}\npad = {{ width_mm = 30, depth_mm = 30 }}\n"
+    plan = make_plan(parse_spec(text))
     for channel in plan.channels:
         solid = taxel_solid(plan, channel)
         assert float(solid.volume) == pytest.approx(volume_by_hand(plan, channel), rel=1e-9)
@@ -99,7 +99,8 @@ def test_seams_leave_no_doubled_vertices(small_pad):
 
 
 def test_empty_places_are_plain_frame():
-    plan = make_plan(parse_spec('name = "odd"\nresolution = 7\nband_hz = [50, 200]\nq_min = 15\n'))
+    text = FOUR_LINES.replace("= 4", "= 7") + "coil = { grid = [2, 2] }\n"
+    plan = make_plan(parse_spec(text))
     grid = tile_grid(plan)
     assert (grid == len(plan.channels)).sum() == 1
     pad = build_pad(plan)

@@ -23,7 +23,7 @@ from tests.test_cli import HEAVY, loaded_after
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "docs" / "examples").glob("*.toml"))
-SWEEP = 'name = "q"\nbase = "tiny.toml"\n[axes]\nq_min = [10, 20]\nresolution = [1, 4]\n'
+SWEEP = 'name = "q"\nbase = "tiny.toml"\n[axes]\nq_min = [15, 20]\nresolution = [1, 4]\n'
 
 
 @pytest.fixture
@@ -139,7 +139,7 @@ def test_bad_input_is_one_sentence(work, capsys, arguments, sentence, as_json):
 
 
 def test_a_sweep_that_is_stopped_says_how_to_go_on(work):
-    (work / "q.toml").write_text(SWEEP.replace("[10, 20]", "{ low = 10, high = 20, steps = 2000 }"))
+    (work / "q.toml").write_text(SWEEP.replace("[15, 20]", "{ low = 15, high = 20, steps = 2000 }"))
     command = [sys.executable, "-m", "padgen", "sweep", "q.toml", "--json", "-j", "2"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         while json.loads(process.stdout.readline())["kind"] != "done":

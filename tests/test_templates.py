@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from padgen.planner import make_plan
@@ -46,14 +47,35 @@ def paper_pair(plan):
     assert f"\n0        {strong:.1f}\n1  {weak:.1f}" in plan_text(plan)
 
 
+def spread_slots(low_hz, high_hz, delta_y, count):
+    """`count` slots of the paper at Q = 15, spread evenly by ratio, the outer ones touching the band's ends."""
+    half = delta_y / (4 * 15)
+    low_hz, high_hz = low_hz / (1 - half), high_hz / (1 + half)
+    return pytest.approx([low_hz * (high_hz / low_hz) ** (k / (count - 1)) for k in range(count)], rel=2e-3)
+
+
 def triple_48(plan):
-    assert len(plan.channels) == 3
-    assert plan.channels[0].resonance_hz == pytest.approx(50 / (1 - 1 / 6), rel=2e-3)
+    # Two sets of three share one ladder of six in turns.
+    assert plan.spec.coil.sets == 2
+    assert resonances(plan) == spread_slots(50, 400, 5, 6)
 
 
 def quad_64(plan):
-    assert len(plan.channels) == 4
-    assert plan.channels[-1].resonance_hz == pytest.approx(400 / (1 + 1 / 6), rel=2e-3)
+    assert resonances(plan) == spread_slots(50, 400, 5, 4)
+
+
+def pad_32(plan):
+    assert (len(plan.taxels), plan.spec.coil.sets) == (32, 2)
+    assert resonances(plan) == spread_slots(50, 200, 5, 4)
+    assert plan.prints.good_share >= 0.9
+
+
+def calibration(plan):
+    """Resonances as spread; thickness and width vary apart, so that each one's error can be told."""
+    assert resonances(plan) == spread_slots(50, 400, 10, 4)
+    beams = [(c.beam.thickness_mm, c.beam.width_mm) for c in plan.channels]
+    assert len({t for t, _ in beams}) == 4
+    assert abs(np.corrcoef(np.log(beams).T)[0, 1]) < 0.9
 
 
 def wide_11(plan):
@@ -74,7 +96,7 @@ def resin_fine(plan):
 
 def big_512(plan):
     assert len(plan.taxels) == 512
-    assert resonances(plan) == pytest.approx([56, 76], rel=1e-3)
+    assert resonances(plan) == spread_slots(50, 200, 5, 4)
 
 
 PHYSICS = {name: globals().get(name.replace("-", "_")) for name in TEMPLATES}

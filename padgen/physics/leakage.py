@@ -106,15 +106,16 @@ def _few_rings(coil: CoilSource) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     what it stands for.
     """
     radius, height, density = winding_rings(coil.windings, coil.outer_diameter / 8)
+    # Sorted sets: np.unique would load numpy.ma into every plan.
     zone, charge = np.floor(6 * radius / coil.outer_diameter), radius * density
     groups = [
         (radius, height, np.where((height == z) & (zone == k), charge, 0.0))
-        for z in np.unique(height)
-        for k in np.unique(zone)
+        for z in sorted(set(height))
+        for k in sorted(set(zone))
     ]
     if (core := charged_core(coil)) is not None:
         radius, height, charge = core[0].radius, core[0].height, core[0].area * core[1] / (2 * np.pi)
-        groups += [(radius, height, np.where(height == z, charge, 0.0)) for z in np.unique(height)]
+        groups += [(radius, height, np.where(height == z, charge, 0.0)) for z in sorted(set(height))]
     total, square, at = np.array([(q.sum(), (q * r**2).sum(), (q * z).sum()) for r, z, q in groups if q.any()]).T
     across = np.sqrt(square / total)
     return across, at / total, total / across
