@@ -6,9 +6,9 @@ Agreement:
 figure                       against                                       tolerance
 ===========================  ============================================  =========================================
 volts, all schemes           i(t) written out, its slope by differences    1e-7 of the peak: the differences' error
-wanted lines of a file       line_a2 times the level                       2e-5; wide-11 in 24 bit 1e-4: rounding scatters its
-                                                                           smallest line, 1/3,300 of the largest, by
-                                                                           2.3e-5 (sd; unrounded it is right to 1e-11)
+wanted lines of a file       line_a2 times the level                       2e-5; wide-11 in 24 bit 1e-4: by rounding
+                                                                           its smallest line, 1/3,300 of the largest,
+                                                                           scatters by 2.3e-5 (unrounded 1e-11)
 all other lines of i²        0                                             −80 dB of the wanted (24 bit), −100 (float)
 lines of tones and biased    the scheme's spurs, spelled out               1e-6 of the largest
 ringing after a switch       0                                             −50 dB of the taxel's ON amplitude
