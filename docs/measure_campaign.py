@@ -136,11 +136,13 @@ def table_of(row: Row) -> dict[str, Any]:
         "band_hz": [0.1, 1_000_000],
         "q_min": 15,
         "pad": {"border_mm": 20},
-        "taxel": {"centre_post": row["centre_post"] == "yes"},
+        # Of when the set was drawn, before prints were planned as they are laid.
+        "taxel": {"centre_post": row["centre_post"] == "yes", "washer_clearance_mm": 0.2},
         "printer": {
             "name": "fdm-0.25" if row["process"] == "fdm" else "resin-0.05",
             "longest_bridge_mm": 50,
             "smallest_beam_mm": 0.05,
+            "shortest_beam_mm": 0.0,
         },
         "washer": {"name": "iso7089-m2"},
         "material": {"name": "pla" if row["process"] == "fdm" else "tough-resin"},
