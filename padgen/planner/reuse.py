@@ -21,7 +21,7 @@ from padgen.spec import Spec
 __all__ = ["RINGS", "cell_is_turned", "coil_reuse", "coils_around", "turned_cells"]
 
 TURNS = ("none", "odd rows", "odd columns")
-RINGS = 8
+RINGS = 5
 """How many coils away leakage is counted."""
 LEAK_ERROR = 0.2
 """Of leakage by the nearest coils, relative, where cores are no longer than the coils are apart (docs/accuracy.md)."""
