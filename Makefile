@@ -26,7 +26,7 @@ pad: $(STAMP) ## a 32-taxel pad that prints, into out/pad-32
 test: $(STAMP) ## the whole test suite (the firmware's need gcc and g++, installed from Debian if missing)
 	@{ command -v $${CC:-cc} && command -v $${CXX:-c++}; } >/dev/null || \
 	  { apt-get update -qq && apt-get install -y -qq --no-install-recommends gcc g++ libc6-dev; }
-	$(BIN)/python -m pytest -n auto --dist worksteal
+	$(BIN)/python -m pytest -n auto --dist loadfile
 
 check: $(STAMP) ## style and types
 	$(BIN)/ruff check .

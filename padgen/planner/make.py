@@ -70,11 +70,14 @@ def choose(spec: Spec) -> Choice:
     Raises as `make_plan` does.
     """
     found: list[Choice] = []
+    known: dict[tuple[str, ...], list[tuple[Layout, tuple[SizedChannel, ...]]]] = {}
     for decided in _decided(spec):
-        limit = channel_limit(decided)
-        options = candidates(decided, limit)
-        for layout, channels in islice(sized_layouts(decided, options), None if spec.leaves_layout_free else 1):
-            found.append(Choice(decided, layout, channels))
+        # Neither the gap nor, but for optimised resonances, the drive changes a beam.
+        key = (decided.coil.reuse, decided.drive.scheme if spec.spacing == "optimised" else "")
+        if key not in known:
+            some = sized_layouts(decided, candidates(decided, channel_limit(decided)))
+            known[key] = list(islice(some, None if spec.leaves_layout_free else 1))
+        found += [Choice(decided, *sized) for sized in known[key]]
     if not found:
         from padgen.planner.infeasible import why_not
 
