@@ -15,6 +15,7 @@ import pytest
 
 from padgen.cli import run
 from padgen.core.errors import SolverError, SpecError
+from padgen.make.solid_tuning import plan_tuned_to_solid
 from padgen.measured.fits import TaxelFit
 from padgen.measured.printer_fit import calibrated, printer_toml
 from padgen.planner import Plan, make_plan
@@ -134,6 +135,13 @@ def test_bad_printer_files_are_refused(text, sentence, tmp_path):
     with pytest.raises(SpecError) as error:
         make_spec({"name": "a", "resolution": 4, "band_hz": [50, 200], "q_min": 15, "printer": "my.toml"}, tmp_path)
     assert sentence in str(error.value)
+
+
+def test_elements_of_beams_as_drawn_are_refused_for_a_calibrated_printer():
+    """They know nothing of the offsets: the plan would be tuned to another printer, unsaid."""
+    text = TEXT + 'model = "solid"\nprinter = { name = "fdm-0.4", z_offset_mm = 0.03 }\n'
+    with pytest.raises(SpecError, match=r"come out 0\.03 mm thicker and 0 mm wider; take 'beam'"):
+        plan_tuned_to_solid(parse_spec(text))
 
 
 def test_the_command(tmp_path, monkeypatch, capsys):

@@ -341,7 +341,7 @@ class Variant(NamedTuple):
 
 
 def count_points(sweep: Sweep) -> int:
-    """How many points there are, before constraints.
+    """Return the number of points, before constraints.
 
     Raises
     ------

@@ -264,7 +264,7 @@ def levels_of(plan: Plan, state: str | None, frames: Any) -> np.ndarray | None:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Drive:
-    """What the coils of a plan are to show; made by `padgen.drive`, whose parameters these are.
+    """The frames that a plan's coils are to show; made by `padgen.drive`, whose parameters these are.
 
     `frames` (k, taxels) are levels in 0 … 1, None for tables alone; `held` tells that they are states.
     """

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from padgen.core import cache
-from padgen.core.errors import EngineMissingError, SolverError
+from padgen.core.errors import EngineMissingError, SolverError, SpecError, number
 from padgen.core.units import G_PER_CM3, GPA, GRAM
 from padgen.physics.taxel_modes import TaxelModes
 from padgen.planner.layout import room
@@ -91,6 +91,13 @@ def plan_tuned_to_solid(spec: Spec, progress: Progress = lambda step: None) -> P
     EngineMissingError
         The finite-element package is not installed.
     """
+    if spec.printer.z_offset_mm or spec.printer.width_offset_mm:
+        raise SpecError(
+            f"'solid' solves beams as they are drawn, and those of printer {spec.printer.name!r} come out"
+            f" {number(spec.printer.z_offset_mm)} mm thicker and {number(spec.printer.width_offset_mm)} mm wider; take"
+            " 'beam', which counts it",
+            "model.structure",
+        )
     choice = choose(spec)
     spec = choice.spec
     beams, goals = choice.channels, _goals(spec, choice.channels)

@@ -219,9 +219,9 @@ COARSE = 0.25
 """Share of half a bandwidth that the error of a resonance may have."""
 MOST_NAMED = 4
 ROUNDED_DB = 0.05
-"""What a figure may be short of another by and be shown alike."""
+"""Largest difference of two figures that are shown alike."""
 LOWEST_TRIM = 0.85
-"""Of a resonance: what glue or a file can still do; further down a taxel gains a third of its mass."""
+"""Largest relative shift of a resonance that glue or a file can make; beyond, a taxel gains a third of its mass."""
 
 
 def judge_print(
@@ -297,7 +297,7 @@ def _pair_text(tuning: Tuning, coil: CoilFigures) -> str:
 
 
 def trim_text(trim: Trim) -> str:
-    """What to do to a coil, as a clause."""
+    """Say in a clause how to mend a coil."""
     if any(step.to_hz < LOWEST_TRIM * step.from_hz for step in trim.steps):
         return "no trim that is a trim would part them; print that pad, or these taxels' cells, again"
     steps = " and ".join(_step_text(step) for step in trim.steps)

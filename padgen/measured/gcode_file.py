@@ -21,11 +21,11 @@ __all__ = ["Layer", "read_layers", "read_settings"]
 
 BLOCK_BYTES = 1 << 22
 END_BYTES = 1 << 18
-"""How much of a file's begin and end is searched for the slicer's settings."""
+"""Bytes of a file's begin and end that are searched for the slicer's settings."""
 MOST_MOVES = 3_000_000
 """Extrusions of one layer: with more it is no pad."""
 CHORD_MM = 0.005
-"""How far the chords that stand for an arc may be off it."""
+"""Largest distance of an arc from the chords that stand for it."""
 INCH_MM = 25.4
 SAME_Z_MM = 1e-4
 BESIDE = ("SKIRT", "BRIM", "SUPPORT", "PRIME", "WIPE", "CUSTOM", "RAFT")
@@ -53,7 +53,7 @@ AXES = {ord(letter): column for column, letter in enumerate("XYZEIJ")}
 
 @dataclass(frozen=True)
 class Layer:
-    """What is laid at one height: straight extrusions from `start` to `stop` (n, 2) in mm.
+    """The plastic laid at one height: straight extrusions from `start` to `stop` (n, 2) in mm.
 
     `area_mm2` (n,) is the cross-section of the plastic, `height_mm` (n,) how high the slicer says that an extrusion is,
     nan where it says nothing; `top_mm` is the height of the nozzle.
@@ -154,7 +154,7 @@ def _blocks(path: Path) -> Iterator[tuple[int, bytes]]:
 
 
 class _State:
-    """How numbers are meant, and where the nozzle is, where a block ends: the next begins there."""
+    """State of the printer at the end of a block: meaning of numbers and place of the nozzle; the next begins there."""
 
     def __init__(self) -> None:
         self.last = dict.fromkeys("XYZE", 0.0)
@@ -168,7 +168,7 @@ class _State:
         return result
 
     def followed(self, axis: str, given: np.ndarray, relative: np.ndarray) -> np.ndarray:
-        """Where an axis is after each row, one more row in front, from what is `given` in mm (nan: nothing)."""
+        """Return an axis's place in mm after each row, one more row in front, from the words `given` (nan: none)."""
         is_given = ~np.isnan(given)
         run = np.cumsum(np.where(is_given & relative, given, 0.0))
         at = np.maximum.accumulate(np.where(is_given & ~relative, np.arange(len(given)), -1))

@@ -51,7 +51,7 @@ NAMED = 3
 
 @dataclass(frozen=True)
 class LaidReport:
-    """What is laid, as figures by name (lengths in mm, frequencies in Hz, masses in mg), and the findings."""
+    """Figures of the pad as laid, by name (lengths in mm, frequencies in Hz, masses in mg), and the findings."""
 
     figures: dict[str, Any]
     findings: tuple[Finding, ...]
@@ -232,7 +232,7 @@ def _numeric(text: str) -> float | None:
 
 
 def _cause(wrong: Mapping[str, _Wrong], *names: str) -> str:
-    """What of the settings can have done it, as the end of a sentence."""
+    """Name the settings that can have done it, as the end of a sentence."""
     told = [f"{w.name} is {w.has}, must be {w.needs}" for name in names if (w := wrong.get(name))]
     return f": {'; '.join(told)}" if told else ""
 
@@ -251,7 +251,7 @@ def _range(values: np.ndarray) -> str:
 
 
 def _of_beams(plan: Plan, beams: list[list[_Beams]], wrong: Mapping[str, _Wrong]) -> Iterator[Finding]:
-    """What is wrong with beams: pieces, layers and widths."""
+    """Find faults of beams: pieces, layers and widths."""
     each = [
         (channel.beam, f"{plan.taxels[taxel].id}{f' beam {k + 1}' * (len(own) > 1)}", beam, at)
         for channel, own in zip(plan.channels, beams, strict=True)
@@ -292,7 +292,7 @@ def _of_beams(plan: Plan, beams: list[list[_Beams]], wrong: Mapping[str, _Wrong]
 
 
 def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Mapping[str, _Wrong]) -> Iterator[Finding]:
-    """What is wrong with gaps, recesses and plates."""
+    """Find faults of gaps, recesses and plates."""
     ids, washer, plate = np.array([t.id for t in plan.taxels]), plan.spec.washer, plan.plate
     of, depth, gap = f"{len(ids)} taxels", plan.plate.recess_depth_mm, laid.gap_mm
     cause = _cause(wrong, "xy_size_compensation", "elephant_foot_compensation", "nozzle", "infill_overlap")

@@ -20,9 +20,9 @@ GAPS = (0.9, 1.6)
 OPPOSITE = -0.8
 """Cosine of the angle between the ways to both sides of a gap, at most."""
 NEAR_MM = 1.2
-"""How far the middle of a bead may be from the middle of a gap that it borders."""
+"""Largest distance of a bead's middle from the middle of a gap that it borders."""
 NODE_MM, MOST_NODES = 0.5, 16
-"""How far apart along a beam its width is measured, at most in so many places."""
+"""Distance along a beam at which its width is measured, and the most places."""
 FRAME, PLATE, BEAM = 1, 2, 3
 
 
@@ -180,7 +180,7 @@ class PadMaps:
         return taxel, own, self.first[channel] + at[0] * shape[1] + at[1]
 
     def solid_at(self, points: np.ndarray) -> np.ndarray:
-        """Whether the plan has plastic at points (n, 2) of its lowest layer."""
+        """Tell at which points (n, 2) the plan has plastic in its lowest layer."""
         spec = self.plan.spec
         taxel, _, pixel = self.found(points)
         half = np.array([spec.pad.width_mm, spec.pad.depth_mm]) / 2

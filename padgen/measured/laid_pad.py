@@ -21,13 +21,13 @@ from padgen.planner.plan import Plan
 __all__ = ["LaidPad", "Placing", "laid_pad"]
 
 ROUND_EDGES = 1 - np.pi / 4
-"""What a bead of round edges is wider than the rectangle of its area, over its height."""
+"""Excess width of a bead of round edges over the rectangle of its area, per height."""
 FINE_MM, COARSE_MM = 0.04, 0.2
 """Pieces of an extrusion where beams and recesses are, and above them."""
 MOST_PIECES = 1_000_000
 """Pieces that are looked up at a time."""
 WITHIN_RECESS_MM = 0.35
-"""How far within a recess's side plastic is its roof, and no bead of the side."""
+"""Distance from a recess's side beyond which plastic is its roof, and no bead of the side."""
 STRAND = 2.0
 """Over the usual width: an extrusion that would be so much wider than it lies free, a round strand."""
 SHIFTS_MM = 0.06 * np.stack(np.meshgrid(np.arange(-1, 2), np.arange(-1, 2)), -1).reshape(-1, 2)
@@ -35,7 +35,7 @@ SHIFTS_MM = 0.06 * np.stack(np.meshgrid(np.arange(-1, 2), np.arange(-1, 2)), -1)
 MOST_OTHER = 0.15
 """Share of a sub-cell that may be other than planned: ordinary profiles differ on 0.06, other pads on 0.23 or more."""
 LONG_MM = 1.0
-"""How long a bead along the pad's edge is at least, and how far within the edge at most."""
+"""Least length of a bead along the pad's edge, and its largest distance within the edge."""
 ALIKE = 2e-3
 """Difference of two correlations by rounding: of a pad that looks the same when turned, the smaller turn is taken."""
 IMAGE_MM, MOST_IMAGE = 0.5, 1000
@@ -48,7 +48,7 @@ FILAMENTS_MM = (1.75, 2.85)
 
 
 class Placing(NamedTuple):
-    """Where the pad's centre lies on the bed in mm, by how many quarter turns the pad is turned, how well what is laid
+    """Place of the pad's centre on the bed in mm, by how many quarter turns the pad is turned, how well what is laid
     matches the plan (a correlation, 1 at most), and the largest share of a sub-cell that is other than planned."""
 
     x_mm: float
@@ -60,7 +60,7 @@ class Placing(NamedTuple):
 
 @dataclass(frozen=True)
 class LaidPad:
-    """What is laid, taxel by taxel in the plan's order; lengths in mm, heights from `bottom_mm` above the bed.
+    """Measure the pad as laid, taxel by taxel in the plan's order; lengths in mm, heights from `bottom_mm` on.
 
     `areas_mm2` (layers, taxels, nodes) is the cross-section of plastic at nodes along the beams, in layers up to a
     little above them, `steps_mm` (layers) their heights; `beams` has for each channel and beam the slice of its nodes,
@@ -182,7 +182,7 @@ def _fullness(maps: PadMaps, placing: Placing, layer: Layer, step_mm: float) -> 
 
 
 def _registered(maps: PadMaps, layer: Layer, height_mm: float) -> Placing:
-    """Where the pad lies, by the correlation of what a layer covers with the plan's lowest cross-section.
+    """Find where the pad lies, by the correlation of what a layer covers with the plan's lowest cross-section.
 
     First on a coarse grid in all quarter turns, by Fourier transforms; then the two best are moved until the beads
     lie deepest within the plan's bodies, which puts gaps on both sides alike.
@@ -195,7 +195,7 @@ def _registered(maps: PadMaps, layer: Layer, height_mm: float) -> Placing:
     volume = layer.volume_mm3 / np.bincount(line, minlength=len(layer.start))
 
     def image(at: np.ndarray, corner: np.ndarray, shape: Any, pixel: float) -> np.ndarray:
-        """How full of plastic each pixel is, from a corner on."""
+        """Return each pixel's share of plastic, from a corner on."""
         index = np.floor((at - corner) / pixel).astype(np.int64)
         inside = ((index >= 0) & (index < shape)).all(1)
         number = index[inside, 0] * shape[1] + index[inside, 1]
@@ -249,7 +249,7 @@ def _registered(maps: PadMaps, layer: Layer, height_mm: float) -> Placing:
 
 
 def _off_centre(start: np.ndarray, stop: np.ndarray, half_mm: np.ndarray) -> np.ndarray:
-    """How far the straight beads within opposite edges of the pad lie off the middle between them, (2,) in mm."""
+    """Return the distance (2,) in mm of the middle between beads at opposite edges from the pad's middle."""
     off = np.zeros(2)
     for k in (0, 1):
         along = np.abs(stop[:, k] - start[:, k]) < 1e-3
@@ -274,7 +274,7 @@ def _largest_difference(maps: PadMaps, middles: list[np.ndarray], plan: np.ndarr
 
 
 def _depth(maps: PadMaps, points: np.ndarray) -> float:
-    """How deep points lie within the plan's bodies, all that is deeper than the beads of their sides counted alike."""
+    """Return the depth of points within the plan's bodies, at most that of the beads of their sides."""
     taxel, _, pixel = maps.found(points)
     return float(np.clip(maps.depth_mm[pixel[taxel >= 0]], -0.5, 0.25).sum())
 
@@ -304,7 +304,7 @@ class _Measuring:
 
     @property
     def is_whole(self) -> bool:
-        """Whether the pad's height is reached, but for less than a layer."""
+        """Tell whether the pad's height is reached, but for less than a layer."""
         return self.top > self.whole_mm - max(self.steps[-1], self.plan.spec.printer.layer_mm) - 0.05
 
     def add(self, layer: Layer, step_mm: float) -> None:

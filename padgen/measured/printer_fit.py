@@ -1,4 +1,4 @@
-"""What a printer makes of beams, from measured prints: offsets of height and width, and the modulus.
+"""Fit a printer to measured prints: offsets of height and width, and the modulus.
 
 A print's measured resonances follow the beam model of beams that are ``z_offset`` thicker and ``width_offset`` wider
 than drawn, of a modulus E, and scatter about it by what `padgen.planner.printed_pads` says of prints, by the

@@ -224,7 +224,7 @@ RING_TAUS = 6.0
 FADE_PERIODS = 4.0
 CREST_STEPS = 30
 CREST = 1.7
-"""What the constant of the noise is aimed at, over the lines' root mean square."""
+"""Goal of the noise's constant, over the lines' root mean square."""
 MARGIN = 0.1
 """Share of the constant that keeps the root off its cusp."""
 

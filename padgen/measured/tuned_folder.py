@@ -156,7 +156,7 @@ class TunedRow(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class MeasuredRow:
-    """What was measured of a taxel, `_error` one sigma, and the tone that it gets.
+    """A taxel as measured, `_error` one sigma, and the tone that it gets.
 
     `planned_hz` is the plan's resonance, `line_a2` the line of i², `level_um` the ON amplitude. `measured` and
     `level_measured` tell what of it was measured; the rest is the plan's.

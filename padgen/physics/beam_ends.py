@@ -109,7 +109,7 @@ def fitted(width: Array, thickness: Array, length: Array) -> Array:
 
 
 def _in_wall(section: BeamSection, around: Surroundings, poisson: Array) -> tuple[Array, ...]:
-    """What the wall between edge and recess adds to bending; nothing to bending sideways, to twist and to stretch.
+    """Compliance that the wall between edge and recess adds to bending; none to the other motions.
 
     It hangs from the roof of the recess like a plate, as high as the recess is deep, and spreads the moment
     by that; a thick beam reaches the roof itself.
@@ -124,7 +124,7 @@ def _in_wall(section: BeamSection, around: Surroundings, poisson: Array) -> tupl
 
 
 def _in_yoke(section: BeamSection, around: Surroundings, poisson: Array) -> tuple[Array, ...]:
-    """What twist of the crossbar and bending of the neck add to bending, and the bar's bending to the rest.
+    """Compliance that twist of the crossbar and bending of the neck add to bending, and the bar's bending to the rest.
 
     Each is a length of beam that gives as much: the beam's section constant over the bar's.
     """

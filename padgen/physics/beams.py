@@ -124,7 +124,7 @@ def torsion_constant(width: Array, thickness: Array, across: Array = 1.0) -> Arr
 
 
 def flexibility(section: BeamSection, modulus: Array, poisson: Array) -> Flexibility:
-    """What bends, shears, twists and gives. Shear coefficient after Cowper (1966).
+    """Stiffness of a beam that bends, shears, twists and has elastic ends. Shear coefficient after Cowper (1966).
 
     Layers that hold less well to each other than in themselves do not weaken bending, but shear up and twist.
     """
@@ -307,7 +307,7 @@ _UP, _SIDE = [2, 3, 4], [0, 1, 5]
 
 
 class _Plane(NamedTuple):
-    """How a bent beam moves in three degrees of freedom.
+    """Flexibility of a bent beam in three degrees of freedom.
 
     For each slice: the three parts of the load `within` it for loads on the tip (…, k, 3, 3), what it gives under them
     `give` (…, k, 3); the motion there from that of the tip as if it were rigid (`back`, …, k, 3, 3); mass and inertia
@@ -391,7 +391,7 @@ def _planes(section: BeamSection, modulus: Array, poisson: Array) -> tuple[_Plan
 
 
 def bend_stiffening(curved: Array) -> Array:
-    """How much stiffer a bend is out of its plane than a straight beam as long, by its width over twice its radius.
+    """Ratio by which a bend is stiffer out of its plane than a straight beam, by its width over twice its radius.
 
     Slices turn as wholes, and their inner sides over less length: the first term of the mean across the width of the
     axis' radius over the radius there (as in Winkler's theory of thick curved bars, Timoshenko, Strength of Materials).
@@ -401,7 +401,7 @@ def bend_stiffening(curved: Array) -> Array:
 
 
 def piece_twist(straight: Array, warping: Array) -> Array:
-    """How much a straight piece of a bent beam twists, over one whose ends warp freely (`Give.warping`)."""
+    """Twist of a straight piece of a bent beam, over that of one whose ends warp freely (`Give.warping`)."""
     pieces = np.maximum(straight, SHORTEST_M) / np.maximum(warping, SHORTEST_M)
     return 1 - np.tanh(pieces) / pieces
 

@@ -272,7 +272,7 @@ def _programmed(at: _Descent) -> tuple[np.ndarray, float]:
 
 
 MOST_OFF = 0.1
-"""How far off its resonance the comb may move a line, in half bandwidths f/(2Q).
+"""Largest distance from its resonance to which the comb may move a line, in half bandwidths f/(2Q).
 
 The caller makes the line larger by what the taxel answers less there, √(1 + 0.1²) or 0.04 dB. What changes is
 what the OFF taxels hear of it: a neighbour Δ half bandwidths away is 0.1/Δ nearer or farther, together at most
@@ -314,7 +314,7 @@ def comb_period_s(resonance_hz: np.ndarray, q: np.ndarray, step: int, rate_hz: i
 
 
 def off_resonance(resonance_hz: np.ndarray, q: np.ndarray, period_s: float, step: int) -> np.ndarray:
-    """How far (n,) the comb's nearest line is off each resonance, in half bandwidths."""
+    """Return the distance (n,) of the comb's nearest line from each resonance, in half bandwidths."""
     line_hz = on_comb(resonance_hz, period_s, step) / period_s
     off: np.ndarray = np.abs(line_hz / np.asarray(resonance_hz, float) - 1) * 2 * np.asarray(q, float)
     return off

@@ -132,7 +132,7 @@ def _coaxial(
 
 
 def _around(value: np.ndarray, slope: np.ndarray, angle: np.ndarray) -> _Parts:
-    """What a potential and its slope (…, j, turns) have of 1, cos φ, sin φ, cos 2φ …"""
+    """Fourier coefficients of a potential and its slope (…, j, turns): of 1, cos φ, sin φ, cos 2φ …"""
     order = np.arange(1, len(angle) // 2)[:, None]
     waves = 2 * np.stack([np.cos(order * angle), np.sin(order * angle)], 1).reshape(-1, len(angle))
     waves = np.concatenate([np.ones((1, len(angle))), waves]) / len(angle)
@@ -161,7 +161,7 @@ def _core_charge(
 
 
 def _echoed(coil: CoilSource, core: SteelBody, axes: np.ndarray) -> np.ndarray:
-    """What currents (k,) of coils at `axes`, the own first, amount to (k, k), as their cores magnetise each other.
+    """Effective currents (k, k) of coils at `axes`, the own first, as their cores magnetise each other.
 
     A core in another coil's field is a dipole that counts as current of its own coil; the own core's is known better.
     """
@@ -177,7 +177,7 @@ def _echoed(coil: CoilSource, core: SteelBody, axes: np.ndarray) -> np.ndarray:
 def _core_field(
     core: SteelBody, charge: np.ndarray, points: np.ndarray, height: np.ndarray, angle: np.ndarray, step: float
 ) -> _Parts:
-    """What `charge` (k, parts, nodes) on the core makes at `points` (n, j, turns, 2) round each washer: (n, k, …)."""
+    """Field of `charge` (k, parts, nodes) on the core at `points` (n, j, turns, 2) round each washer: (n, k, …)."""
     radius, at, shares = fine_rings(core, step)
     rho, around = np.hypot(points[..., 0], points[..., 1]), np.arctan2(points[..., 1], points[..., 0])
     z = np.broadcast_to(height, rho.shape)[..., None]

@@ -23,7 +23,7 @@ STEP = 0.8
 MOST = (20, 40, 30, 40)
 """Most nodes on faces of washer and core, and orders round either axis, for the sake of time."""
 SOLVED, MOST_STEPS = 1e-7, 60
-"""What is left of the charge that two bodies draw to each other, relative, and in how many steps at most."""
+"""Relative remainder at which two bodies' charges are solved, and the most steps for it."""
 LOST_SHARE = 0.0015
 """Of the forces up and down on parts of a washer, that does not cancel as it should (docs/accuracy.md)."""
 FEWER = 0.7
@@ -131,7 +131,7 @@ def _pull_by(fine: _Fineness, coil: CoilSource, washer: SteelRing, gap: float, o
 
 
 def _nearest(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> float:
-    """How near the steel of washer and core are to each other in m, or the washer to the windings."""
+    """Return the distance in m of the washer's steel from the core's, or from the windings."""
     core, rim, bore = coil.core_diameter / 2, washer.outer_diameter / 2, washer.inner_diameter / 2
     beside = max(offset - rim - core, bore - core - offset, 0.0) if coil.has_core else 0.0
     return float(np.hypot(gap, beside))
@@ -185,7 +185,7 @@ def _mutual(
     )
 
     def echo(charge: np.ndarray) -> np.ndarray:
-        """What the charge (m, n) draws to the core."""
+        """Return the charge that (m, n) on the washer draws to the core."""
         back = ((weight * charge).T @ project).ravel() @ forth / weight_core
         return np.asarray((core.response @ back[..., None])[..., 0])
 

@@ -207,7 +207,7 @@ def fit_decay(rate_hz: float, displacement: np.ndarray, near_hz: float | None = 
 
 
 def rough_hz(rate_hz: float, displacement: np.ndarray, squared_current: np.ndarray | None = None) -> float:
-    """Where the answer to an excitation is largest, of its velocity, or the largest line of a decay: a first look."""
+    """Frequency in Hz of the largest velocity under an excitation, or of the largest line of a decay: a first look."""
     if squared_current is not None:
         return _tops(_lines_of(rate_hz, displacement, squared_current))[0]
     return _tops(_lines_of(rate_hz, displacement[_largest(displacement) :][:LONGEST_DECAY]))[0]
@@ -237,13 +237,13 @@ def _lines_of(rate: float, y: np.ndarray, x: np.ndarray | None = None) -> Lines:
 
 
 def _largest(y: np.ndarray) -> int:
-    """Where a signal is farthest from its mean."""
+    """Return the index at which a signal is farthest from its mean."""
     middle = y.mean(dtype=float)
     return max(int(y.argmax()), int(y.argmin()), key=lambda k: abs(float(y[k]) - middle))
 
 
 def _tops(lines: Lines) -> list[float]:
-    """Where to look: where the mobility, averaged over so many lines, is largest, and where most is explained."""
+    """Frequencies to start at: where the averaged mobility is largest, and where most is explained."""
     from scipy.ndimage import uniform_filter1d
 
     data, found = lines.data, [float(lines.frequency[np.abs(lines.data).argmax()])]
@@ -333,7 +333,7 @@ def _structured(fit: SeparableFit) -> bool:
 
 
 def _better(lines: Lines, fit: SeparableFit, more: SeparableFit) -> bool:
-    """Whether a further mode is worth its four numbers, is resolved, and all are placed and apart from each other."""
+    """Tell whether a further mode is worth its four numbers, resolved, and apart from the others."""
     before, after = (float(np.linalg.norm(f.residual)) ** 2 for f in (fit, more))
     if before - after < WORTH * more.noise**2 / 2:
         return False

@@ -91,7 +91,7 @@ def unit_covariance(jacobian: np.ndarray) -> np.ndarray:
 
 
 def left_over(basis: np.ndarray, data: np.ndarray) -> np.ndarray:
-    """What the columns of `basis` (n, k), with real factors, leave of `data`: real, then imaginary parts (2 n,)."""
+    """Residual of `data` after the columns of `basis` (n, k) with real factors: real, then imaginary parts (2 n,)."""
     return _beside(_parts(basis), _parts(data))
 
 

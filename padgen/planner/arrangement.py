@@ -143,7 +143,7 @@ class Block(NamedTuple):
 
 
 class Yoke(NamedTuple):
-    """What joins two beams' tips to a plate between them: a crossbar, `arm_mm` of it free between beam and neck, wide
+    """The yoke from two beams' tips to the plate between: a crossbar, `arm_mm` of it free between beam and neck, wide
     along the beams, as high as the neck that carries the plate."""
 
     arm_mm: Number

@@ -158,7 +158,7 @@ def _quiet_ratios(spec: Spec, resonance: np.ndarray, level_um: np.ndarray) -> np
 
 
 def _deep_frame_errors(sized: Sequence[SizedChannel], sites: Sequence[Site]) -> np.ndarray:
-    """How far resonances (n,) may be off where the frame behind a root is deeper than half a rib, which beams have.
+    """Relative errors (n,) of resonances where the frame behind a root is deeper than half a rib, which beams have.
 
     Twice what the model makes of the true depth: this covers 96 % of 53 random taxels (docs/accuracy.md).
     """

@@ -119,7 +119,7 @@ def _bed(spec: Spec) -> Iterator[Finding]:
 
 
 def _prints(plan: Plan) -> Iterator[Finding]:
-    """What survives printing, and what would have to be measured for it."""
+    """Findings of how many prints work, and of what would have to be measured for it."""
     prints, wanted, asked = plan.prints, plan.spec.print_share, plan.selectivity.asked_db
     if prints.print_db is None or prints.planned_db is None:
         return

@@ -280,7 +280,7 @@ def _swept(arrangement: Arrangement, channel: Channel) -> tuple[float, ...]:
 
 
 def _large_motion(plan: Plan) -> LeftOut:
-    """What slopes of beams change beyond the linear theory: the secant stiffness grows by `SLOPES` ``(z/l)²``."""
+    """Bound of what beams' slopes change beyond linear theory: the secant stiffness grows by `SLOPES` ``(z/l)²``."""
     away, level, length = np.array(
         [((c.sag_um + c.static_um) * UM, c.level_um * UM, c.beam.length_mm * MM) for c in plan.channels]
     ).T
@@ -317,7 +317,7 @@ def _unheard(spec: Spec, own: Sequence[Channel]) -> np.ndarray:
 
 
 def _leakage(plan: Plan) -> Iterator[LeftOut]:
-    """What `planner.reuse` may be off by."""
+    """Bound of the error of the leakage in `planner.reuse`."""
     if plan.reuse.leak_db is not None:
         yield LeftOut("leakage", plan.reuse.leak_error, "1", "leak from coil to coil", computed=True)
 

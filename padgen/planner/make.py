@@ -36,7 +36,7 @@ __all__ = ["Choice", "choose", "finish", "make_plan"]
 
 RUNNERS_UP = 2
 REUSES, SCHEMES_TRIED, GAPS_MM = ("same", "alternate"), ("auto", "spur-free", "biased"), (1.0, 0.6, 0.4)
-"""What the search tries where the spec leaves it free, the simplest first: a smaller gap asks for flatter coils."""
+"""Values that the search tries where it is free, the simplest first: a smaller gap asks for flatter coils."""
 QUICK_PADS = 200
 """Simulated prints by which layouts are compared."""
 NEAREST = 12

@@ -1,4 +1,4 @@
-"""How evenly a pad's taxels lie: distances of neighbouring rows and columns."""
+"""Evenness of a pad's taxels: distances of neighbouring rows and columns."""
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise

@@ -337,7 +337,7 @@ class Pitch:
 
 @dataclass(frozen=True, slots=True)
 class Prints:
-    """What printed pads keep, untouched: the worst state's ON over OFF, coils around and other modes counted.
+    """Selectivity that printed pads keep, untouched: the worst state's ON over OFF, leakage and other modes counted.
 
     `print_db` is what the share of pads that the spec asks for (`print_share`) reaches once each taxel is re-tuned;
     `planned_db` with the driver table as it is, `coupon_db` once a coupon has told what is common to the print,

@@ -102,7 +102,7 @@ class Spreads:
 
 
 STAGES = ("planned", "coupon", "some", "retuned")
-"""What the tones know: the plan, what is common to the print as well, the field too, each taxel's own resonance."""
+"""Stages of knowledge behind the tones: the plan; also what is common to the print; the field; each taxel itself."""
 NAMES = tuple(f.name for f in fields(Spreads))
 OF_A_PRINT = ("modulus", "common_z_mm")
 """Causes with one number a print; the field has a smooth one, the others one a taxel."""

@@ -1,4 +1,4 @@
-"""What the slicer must be told so that the pad prints as planned: in plain words, PrusaSlicer's and others' names."""
+"""Slicer settings with which the pad prints as planned: in plain words, PrusaSlicer's and others' names."""
 
 from collections.abc import Sequence
 from typing import NamedTuple

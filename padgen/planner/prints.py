@@ -1,4 +1,4 @@
-"""What printed pads keep, quickly: few simulated prints of `padgen.planner.printed_pads`, with their error."""
+"""Quick estimate of what printed pads keep: few simulated prints of `padgen.planner.printed_pads`, with their error."""
 
 from math import sqrt
 

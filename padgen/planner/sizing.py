@@ -360,7 +360,7 @@ def _width_solved(
 
 
 def _doubled(spec: Spec, model: TaxelModel) -> bool:
-    """Whether another mode lies within the half-power width of the working one, on beams with bends: with no plane of
+    """Tell if another mode lies within the half-power width of the working one, on beams with bends: with no plane of
     symmetry the two mix."""
     hz = np.delete(model.modes.frequency_hz, int(model.working))
     return not model.is_straight and bool((np.abs(hz / model.resonance_hz - 1) < 1 / spec.q_min).any())

@@ -175,7 +175,7 @@ class TaxelModel:
 
     @cached_property
     def _surroundings(self) -> Surroundings:
-        """What the beams' ends are held by."""
+        """The parts that hold the beams' ends."""
         diameter, depth = recess_mm(self.spec)
         frame = self.spec.pad.rib_mm / 2 if self.frame_depth_mm is None else self.frame_depth_mm
         wall = max((self.plate.length_mm - diameter) / 2, THINNEST_WALL_MM)
@@ -283,7 +283,7 @@ class TaxelModel:
 
     @property
     def is_straight(self) -> bool:
-        """Whether no beam bends round a corner."""
+        """Tell whether no beam bends round a corner."""
         return all(path.is_straight for path in self.arrangement.beams)
 
     @property

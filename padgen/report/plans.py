@@ -37,7 +37,7 @@ def summary_text(plan: "Plan") -> str:
 
 
 def verdict_line(plan: "Plan") -> str:
-    """Whether prints of the plan work, and by how much, in one sentence."""
+    """Say in one sentence whether prints of the plan work, and by how much."""
     prints, asked, share = plan.prints, plan.selectivity.asked_db, f"{plan.spec.print_share:.0%} of prints"
     errors = [f for f in plan.findings if f.level == "error"]
     if errors:

@@ -118,7 +118,7 @@ def _whole(
 
 
 def _of_tiles(pad: PadSolid, plan: Plan, closed: bool) -> tuple[dict[str, Any], list[Finding]]:
-    """What is measured of the pad's distinct tiles, and where the pad is `closed` of their seams."""
+    """Measurements of the pad's distinct tiles, and where the pad is `closed` of their seams."""
     findings: list[Finding] = []
     for name, tile in zip([*(f"taxel {c.index}" for c in plan.channels), "frame"], pad.tiles, strict=True):
         findings += [*_pierced(tile.mesh, name), *_within_cell(tile.mesh, plan, name)]
@@ -154,7 +154,7 @@ def _as_planned(plan: Plan, solid: Any, figures: dict[str, Any]) -> list[Finding
 
 
 def _differing(mesh: Mesh, planned: Mesh, plan: Plan) -> tuple[bool, list[Finding]]:
-    """Whether all triangles are those planned; and where that is not so, what differs."""
+    """Tell whether all triangles are those planned and, where not, what differs."""
     loose, lost, snapped = loose_triangles(mesh, planned)
     if not loose.any() and not lost.any():
         return True, []

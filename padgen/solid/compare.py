@@ -23,11 +23,11 @@ SMALLEST_MM = 0.06
 About half a layer, and what coarse chords take off a round recess (0.5 rad at 3.7 mm: 0.058 mm).
 """
 SAME_MM = 1e-3
-"""How far corners may be apart that are the same: single precision, or text of a few digits."""
+"""Largest distance of corners that are the same: single precision, or text of a few digits."""
 LANDMARK_MM, LANDMARKS = 0.02, 4000
 """The same of the corners by which a mesh is laid over another, and how many of them."""
 CORNER_RAD = 0.8
-"""What a corner's angles lack of a whole turn, or have beyond it: more than those of a round face's rim."""
+"""Least difference of a corner's angles from a whole turn: more than those of a round face's rim."""
 MARGIN_MM = 0.137
 """By which the parts that are cut out of both reach beyond their cells: where no faces are."""
 OUTSIDE_MM = 2e4
@@ -38,7 +38,7 @@ SCALE = 5e-4
 
 
 class Pose(NamedTuple):
-    """How a mesh lies: `rows` (3, 3) and `shift_mm` take it to where it was planned, `share` of its corners fit."""
+    """Pose of a mesh: `rows` (3, 3) and `shift_mm` take it to where it was planned, `share` of its corners fit."""
 
     rows: np.ndarray
     shift_mm: np.ndarray
@@ -56,7 +56,7 @@ class Pose(NamedTuple):
         return Mesh(mesh.vertices_mm @ self.rows.T + self.shift_mm, triangles)
 
     def findings(self) -> Iterator[Finding]:
-        """What is to be said of it, in one sentence: errors where a print would be another."""
+        """Describe the pose in one sentence: as an error where a print would be another."""
         x, y, z = (number(round(float(-v), 4)) for v in self.shift_mm)
         turned = f"turned by {number(round(self.turned_deg, 3))}° about z" if self.turned_deg else ""
         said = [turned] if turned else []
@@ -97,7 +97,7 @@ class Cells(NamedTuple):
         )
 
     def within(self, corners_mm: np.ndarray) -> np.ndarray:
-        """Which cells (rows + 2, columns + 2) triangles, by their corners (n, 3, 3), reach into."""
+        """Mark the cells (rows + 2, columns + 2) that triangles (n, 3, 3) reach into."""
         low, high = corners_mm[..., :2].min(1) - MARGIN_MM / 2, corners_mm[..., :2].max(1) + MARGIN_MM / 2
         x0, x1 = np.searchsorted(self.x_mm, low[:, 0]), np.searchsorted(self.x_mm, high[:, 0])
         y0, y1 = np.searchsorted(self.y_mm, low[:, 1]), np.searchsorted(self.y_mm, high[:, 1])
@@ -121,12 +121,12 @@ class Cells(NamedTuple):
         return manifold3d.Manifold.batch_boolean(boxes, manifold3d.OpType.Add)
 
     def named(self, x_mm: float, y_mm: float) -> str:
-        """What is at a place."""
+        """Name the part at a place."""
         return self.names[np.searchsorted(self.y_mm, y_mm)][np.searchsorted(self.x_mm, x_mm)]
 
 
 class Difference(NamedTuple):
-    """What is `more` than planned, or missing: its volume, its middle and its extent, in mm."""
+    """A difference that is `more` than planned, or missing: its volume, its middle and its extent, in mm."""
 
     more: bool
     volume_mm3: float
@@ -135,7 +135,7 @@ class Difference(NamedTuple):
 
 
 def pose_of(mesh: Mesh, planned: Mesh) -> Pose:
-    """How the mesh lies against the one that was planned: as it is, or moved, turned, mirrored and scaled.
+    """Find the pose of the mesh against the one that was planned: as it is, or moved, turned, mirrored and scaled.
 
     Only a mesh that is not where it was planned is tried otherwise: by its outline, whose longest side is one of the
     border's, and by its box. Of all ways that of which most corners of the planned mesh are in it is taken.
@@ -214,7 +214,7 @@ def _keys(triangles: np.ndarray, count: int) -> np.ndarray:
 
 
 def differences(one: Any, other: Any) -> list[Difference]:
-    """What of the manifold `one` is more or less than in the `other`, largest first; see `SMALLEST_MM`."""
+    """Differences of the manifold `one` from the `other`, largest first; see `SMALLEST_MM`."""
     found = []
     for more, part in ((True, one - other), (False, other - one)):
         core = part

@@ -100,7 +100,7 @@ def check_foreign(mesh: Mesh, spec: Spec, plan: Plan | None) -> Report:
 
 
 def _recognised(mesh: Mesh, plan: Plan) -> tuple[str, Plan, PadSolid | TraySolid, Pose] | None:
-    """Which part of the plan a mesh is, that part's own plan and solid, and how the mesh lies; None if it is none."""
+    """Recognise the part of the plan that a mesh is; return its plan, its solid and the mesh's pose, or None."""
     best, most = None, LEAST_SHARE
     for name, own, planned in _parts(plan):
         pose = pose_of(mesh, planned.mesh)

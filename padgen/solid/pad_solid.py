@@ -60,7 +60,7 @@ class PadSolid:
 
 
 class Places(NamedTuple):
-    """Where the columns and the rows of a sample lie in the pad: their lower ends in it, and the way to the pad's."""
+    """Places of a sample's columns and rows in the pad: their lower ends in it, and the way to the pad's."""
 
     columns_mm: tuple[float, ...] = ()
     column_shifts_mm: tuple[float, ...] = (0.0,)
@@ -136,7 +136,7 @@ def sampled(plan: Plan, pad: PadSolid) -> Sample:
 
 
 def _unrepeated(kinds: Sequence[bytes]) -> list[int]:
-    """Which of a row of things to keep so that all pairs of neighbours are still there, with those at its ends."""
+    """Choose those of a row of things with which all pairs of neighbours are still there, with those at its ends."""
     kept: list[int] = []
     for index in range(len(kinds)):
         kept.append(index)

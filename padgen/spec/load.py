@@ -226,7 +226,7 @@ def _with_printer_file(table: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 
 def answers(recorded: Spec, asked: Spec) -> bool:
-    """Whether the spec of a plan is what was `asked`, but for the model and for what was left to the search."""
+    """Tell whether the spec of a plan is what was `asked`, but for the model and for what was left to the search."""
     own = recorded.coil
     coil = replace(
         asked.coil,

@@ -143,7 +143,7 @@ class Printer:
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """How far prints of one drawing differ, one sigma of each cause (sources in docs/yield.md).
+    """Spread of prints of one drawing, one sigma of each cause (sources in docs/yield.md).
 
     A bias is alike in every print of a printer: a calibration or a re-tuning removes it, so that no print is drawn with
     it. What is common is alike in all beams of a print; the field runs smoothly over the bed; the rest is each taxel's
@@ -365,7 +365,7 @@ class Spec:
 
     @property
     def leaves_layout_free(self) -> bool:
-        """Whether the search may choose the grid of coils, and with it what of their gap and reuse is left open."""
+        """Tell whether the search may choose the grid of coils, and with it their gap, reuse and drive."""
         return not self.coil.grid and not self.resonances_hz
 
     @property

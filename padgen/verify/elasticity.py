@@ -79,7 +79,7 @@ class SolidTaxel(NamedTuple):
 
     @property
     def where(self) -> str:
-        """What refusals begin with."""
+        """Beginning of refusals."""
         return self.name or str(self.step)
 
     @property

@@ -37,7 +37,7 @@ MOST_PARTS, DEEPEST = 50_000, 64
 """Meshes and components placed, and components within one another."""
 
 PRUSA_CONFIG = "Metadata/Slic3r_PE.config"
-"""Where PrusaSlicer looks for the settings of a project."""
+"""Path at which PrusaSlicer looks for the settings of a project."""
 Key = tuple[str, str]
 """An object: the part of the package that it lies in, and its number there."""
 
