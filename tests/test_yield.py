@@ -27,13 +27,16 @@ import pytest
 from scipy.stats import norm
 
 from padgen.physics.ladder import ladder_ratio
+from padgen.physics.leakage import Leakage
 from padgen.physics.resonator import receptance
 from padgen.physics.schemes import in_order
+from padgen.physics.selectivity import Scheme
 from padgen.planner import Plan, make_plan, plan_to_json
 from padgen.planner import printed_pads as module
 from padgen.planner.print_yield import OUTCOMES, print_yield
 from padgen.planner.printed_pads import Spreads, spreads_of
 from padgen.planner.prints import on_paper_db
+from padgen.planner.reuse import _lines_apart
 from padgen.spec import load_spec, parse_spec
 from tests.print_and_count import kept_db
 
@@ -466,3 +469,16 @@ def test_modes_and_leakage_are_counted_once_each():
     lost = max(c.level_loss_db for c in plan.channels)
     assert on_paper_db(plan) == pytest.approx(-10 * np.log10(worst) - lost, abs=1.0)
     assert on_paper_db(plan) <= min(*plan.reuse.retuned_leaks_db, plan.selectivity.kept_db)
+
+
+def test_lines_of_coils_apart_add_as_energies():
+    """Line by line: i_k i_l of tones at f_k and f_l, by hand for three coils; in step their fields add to (Σ b)⁴."""
+    field = np.array([0.3, 0.2, 0.1])
+    leak = Leakage(np.outer(field, field)[None], field[None])
+    lines = [(field[k] ** 2) ** 2 for k in range(3)]
+    lines += [(2 * field[a] * field[b]) ** 2 for a, b in combinations(range(3), 2)]
+    every = np.ones(3, bool)
+    assert _lines_apart(leak, every, Scheme("tones")) == pytest.approx([sum(lines)], rel=1e-12)
+    biased = [(field[k] * field.sum() + field[k]) ** 2 for k in range(3)]
+    assert _lines_apart(leak, every, Scheme("biased")) == pytest.approx([sum(biased)], rel=1e-12)
+    assert sum(lines) < field.sum() ** 4
