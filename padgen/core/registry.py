@@ -111,8 +111,13 @@ class Registry(Generic[T]):
             if name not in self.registered:
                 raise unknown_name(name, list(self.names()), self.kind, where)
             return self._registered[name]
-        module: Any = import_module(f"{self._package}.{'_' * name[0].isdigit()}{name.replace('-', '_')}")
-        return cast(T, module)
+        return cast(T, _module(self._package, name))
+
+
+@cache
+def _module(package: str, name: str) -> Any:
+    """The module of a name, kept: plans ask for it a thousand times, and `import_module` takes its time."""
+    return import_module(f"{package}.{'_' * name[0].isdigit()}{name.replace('-', '_')}")
 
 
 @cache

@@ -78,7 +78,7 @@ WORKS = 0.3
 ROUNDING_DB = 1e-9
 NODES = 6
 """Nodes of the field in its correlation length; with five the covariance is 1e-6 off."""
-SMALLEST_WAVE = 1e-12
+SMALLEST_WAVE = 1e-7
 FARTHEST = 20.0
 """Largest d ln f: beyond it a taxel is as lost as at it, and powers would overflow."""
 
@@ -311,9 +311,14 @@ def _field(design: Design, rng: np.random.Generator, pads: int) -> np.ndarray:
 
 
 def _waves(place_mm: np.ndarray, length_mm: float) -> np.ndarray:
-    """W (n, k) with ``W Wᵀ`` = exp(−d²/length²) between places (n,), by nodes a quarter of the length apart."""
+    """W (n, k) with ``W Wᵀ`` = exp(−d²/length²) between places (n,), by nodes a sixth of the length apart.
+
+    Or by the places themselves, where these are fewer: each wave takes a random number of every pad.
+    """
     count = int(np.ptp(place_mm) / length_mm * NODES) + 2 * NODES
-    nodes = np.linspace(place_mm.min() - length_mm, place_mm.max() + length_mm, count)
+    nodes = place_mm
+    if count < len(place_mm):
+        nodes = np.linspace(place_mm.min() - length_mm, place_mm.max() + length_mm, count)
     size, shape = np.linalg.eigh(_alike(nodes, nodes, length_mm))
     kept = size > SMALLEST_WAVE * size.max()
     waves: np.ndarray = _alike(place_mm, nodes, length_mm) @ shape[:, kept] / np.sqrt(size[kept])
