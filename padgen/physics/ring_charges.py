@@ -18,7 +18,9 @@ __all__ = ["RingPotential", "gauss", "ring_potential", "toroidal"]
 CONVERGED = 1e-9
 """Half the difference of the two means; the next one would be less than its square."""
 FAR = 0.3
-"""ε from which on the recurrence runs down from high orders: running up loses all digits there."""
+"""ε from which on the recurrence runs down from high orders: running up to the twelfth loses too many digits there."""
+LOST = 1e7
+"""Rounding errors may grow by this on the way up: by about (2 + 2 ε)² an order."""
 ORDERS_ABOVE = 12
 """Where it starts above the highest order wanted: what it starts from has then decayed to 1e-8."""
 NEAREST = 1e-15
@@ -38,7 +40,7 @@ def toroidal(above_one: np.ndarray, most: int) -> np.ndarray:
     first, second = _elliptic(flat / (flat + 2))
     result = np.empty((most + 1, flat.size))
     result[0] = np.sqrt(2 / (x + 1)) * first
-    far = flat > FAR
+    far = flat > max(FAR, 0.5 * LOST ** (0.5 / most) - 1)
     if not far.all():
         near = ~far if far.any() else slice(None)
         up, x_near = result[:, near], x[near]
