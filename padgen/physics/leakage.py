@@ -81,7 +81,7 @@ def leakage(
         for part, more in zip(parts, of_core, strict=True):
             part[:, 1:] += more
         echo = _echoed(coil, core, np.concatenate([np.zeros((1, 2)), neighbours, *([] if far is None else [far])]))
-        parts = _Parts(*(np.einsum("njpi,jk->nkpi", part, echo, optimize=True) for part in parts))
+        parts = _Parts(*((echo.T @ part.reshape(*part.shape[:2], -1)).reshape(part.shape) for part in parts))
     order = (np.arange(parts.value.shape[2]) + 1) // 2
     on_washer = (body.response[order] @ parts.value[..., None])[..., 0]
     weight = body.area * np.where(order == 0, 1.0, 0.5)[:, None]
@@ -182,10 +182,9 @@ def _core_field(
     rho, around = np.hypot(points[..., 0], points[..., 1]), np.arctan2(points[..., 1], points[..., 0])
     z = np.broadcast_to(height, rho.shape)[..., None]
     of = ring_potential(rho[..., None], z, radius, at, CORE_ORDERS, at_ring=False)
-    order = (np.arange(charge.shape[1]) + 1) // 2
-    waves = np.stack([np.ones_like(around), np.cos(around), np.sin(around)])[: charge.shape[1]]
+    waves = np.ones_like(around), np.cos(around), np.sin(around)
     made: list[np.ndarray] = []
     for part in (of.value, of.along_z):
-        at_points = (part @ shares)[order] * waves[..., None]  # (parts, n, j, turns, nodes)
-        made.append(np.einsum("pnjtc,kpc->nkjt", at_points, charge, optimize=True))
-    return _around(made[0], made[1], angle)
+        each = (part[(k + 1) // 2] @ (shares @ charge[:, k].T) for k in range(charge.shape[1]))
+        made.append(sum(wave[..., None] * field for wave, field in zip(waves, each, strict=False)))
+    return _around(*(np.moveaxis(field, -1, 1) for field in made), angle)
