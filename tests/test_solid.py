@@ -184,16 +184,22 @@ def test_what_no_kernel_raised_passes_through():
         raise KeyError("x")
 
 
-def test_deferred_import_still_works():
-    """build123d's one use of scikit-learn works after its import was put off."""
+def test_what_build123d_imports_late_still_works(tmp_path):
+    """Clusters of scikit-learn, curves of svgpathtools, hulls of scipy."""
     import sys
 
-    build123d()
-    assert not type(sys.modules.get("sklearn.cluster")).__name__.startswith("_Deferred")
+    made = build123d()
+    assert not any(type(module).__name__ == "_Deferred" for module in sys.modules.values())
     from build123d import brep_from_stl
 
     groups = brep_from_stl.DBSCAN(eps=1.0, min_samples=1).fit(np.array([[0.0], [0.1], [9.0]])).labels_
     assert len(set(groups)) == 2
+    drawing = made.ExportSVG()
+    drawing.add_shape(made.Face.make_rect(3, 2) - made.Face(made.Wire.make_circle(0.5)))
+    drawing.write(str(tmp_path / "a.svg"))
+    assert "<path" in (tmp_path / "a.svg").read_text()
+    corners = [made.Vector(*at) for at in ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (0.1, 0.1, 0.1))]
+    assert made.ConvexPolyhedron(corners).volume == pytest.approx(1 / 6)
 
 
 def test_an_interrupted_import_is_an_interrupt():

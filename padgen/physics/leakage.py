@@ -186,5 +186,6 @@ def _core_field(
     made: list[np.ndarray] = []
     for part in (of.value, of.along_z):
         each = (part[(k + 1) // 2] @ (shares @ charge[:, k].T) for k in range(charge.shape[1]))
-        made.append(sum(wave[..., None] * field for wave, field in zip(waves, each, strict=False)))
-    return _around(*(np.moveaxis(field, -1, 1) for field in made), angle)
+        field: np.ndarray = sum(wave[..., None] * one for wave, one in zip(waves, each, strict=False))
+        made.append(np.moveaxis(field, -1, 1))
+    return _around(made[0], made[1], angle)

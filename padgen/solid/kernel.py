@@ -1,14 +1,14 @@
 """The one door to build123d and OCCT: a quicker import, and their errors as `GeometryError`.
 
-build123d imports scikit-learn for one function that recognises primitives in foreign meshes; that
-is 40 % of its import and padgen never calls it. While build123d is imported, a placeholder stands
-in for ``sklearn.cluster``; the function still works, since the placeholder fetches the real module
-when it is called.
+Half of the time that build123d takes to be imported goes into libraries that it needs for a few functions which
+padgen never calls: drawing SVG, optimising curves, hulls, recognising primitives in foreign meshes. While it is
+imported placeholders stand in for them; those functions still work, since a placeholder fetches the real module when
+something of it is used.
 """
 
 import importlib
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from types import ModuleType
@@ -18,36 +18,48 @@ from padgen.core.errors import GeometryError
 
 __all__ = ["build123d", "kernel_errors"]
 
-DEFERRED = "sklearn.cluster"
+DEFERRED = ("scipy.optimize", "scipy.spatial", "sklearn", "sklearn.cluster", "svgpathtools")
+
+
+class _Later:
+    """Stands in for a module's function or class until it is called or asked for something."""
+
+    def __init__(self, module: str, name: str) -> None:
+        self._at = module, name
+
+    def _real(self) -> Any:
+        return getattr(importlib.import_module(self._at[0]), self._at[1])
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        return self._real()(*args, **kwargs)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._real(), name)
+
+    def __or__(self, other: object) -> Any:
+        return self  # in a hint of types only
 
 
 class _Deferred(ModuleType):
-    """Stands in for a module whose functions are only called later."""
+    """Stands in for a module of which nothing is used but later."""
 
-    def __getattr__(self, name: str) -> Callable[..., Any]:
+    def __getattr__(self, name: str) -> _Later:
         if name.startswith("__"):
             raise AttributeError(name)
-
-        def call(*args: Any, **kwargs: Any) -> Any:
-            return getattr(importlib.import_module(self.__name__), name)(*args, **kwargs)
-
-        return call
+        return _Later(self.__name__, name)
 
 
 @contextmanager
-def _deferred(name: str) -> Iterator[None]:
-    """Let ``import name`` succeed at once within the block, if it was not imported yet."""
-    package = name.partition(".")[0]
-    added = [part for part in (package, name) if part not in sys.modules]
-    if name in sys.modules:
-        added = []
-    for part in added:
-        sys.modules[part] = _Deferred(part)
+def _deferred() -> Iterator[None]:
+    """Let imports of `DEFERRED` succeed at once within the block, where they were not imported yet."""
+    added = [name for name in DEFERRED if name not in sys.modules]
+    for name in added:
+        sys.modules[name] = _Deferred(name)
     try:
         yield
     finally:
-        for part in added:
-            sys.modules.pop(part, None)
+        for name in added:
+            sys.modules.pop(name, None)
 
 
 @cache
@@ -60,7 +72,7 @@ def build123d() -> Any:
         build123d or one of its libraries is missing or broken.
     """
     try:
-        with _deferred(DEFERRED):
+        with _deferred():
             return importlib.import_module("build123d")
     except ImportError as error:
         if _interrupted(error):
