@@ -26,8 +26,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """Tests neither use nor fill the user's cache; they share one among them."""
-    os.environ[VARIABLE] = str(tmp_path_factory.mktemp("cache"))
+    """Tests neither use nor fill the user's cache; they share one among them, also those in other processes."""
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent
+    os.environ[VARIABLE] = str(folder / "shared-cache")
 
 
 @pytest.fixture(scope="session")
