@@ -5,23 +5,33 @@ from math import sqrt
 import numpy as np
 
 from padgen.planner.plan import Plan, Prints
-from padgen.planner.printed_pads import STAGES, design_of, printed, spreads_of, work
+from padgen.planner.printed_pads import STAGES, Design, design_of, printed, spreads_of, work
 
 __all__ = ["NOT_PRINTED", "on_paper_db", "what_prints_keep"]
 
 PADS, FEWEST = 1000, 100
 """Pads that are simulated, and at least where they are much work."""
-WORK = 4e6
-"""Responses that are computed at most."""
+SURE_SHARE, SURE_DB = 0.013, 0.2
+"""Half intervals beyond which more pads are simulated: of two hundred plans none is then 2 % or 0.3 dB off."""
+WORK, MOST_WORK = 4e6, 1.6e7
+"""Responses that are computed at most, and where more pads are simulated."""
 CONFIDENT = 1.96
 NOT_PRINTED = Prints(None, None, None, None, 0.0, 0.0, 0, None, 1.0)
 """Of a plan whose prints are not simulated yet."""
 
 
-def what_prints_keep(plan: Plan, pads: int = PADS) -> Prints:
-    """Simulate up to `pads` prints of `plan`, always the same ones."""
+def what_prints_keep(plan: Plan, pads: int | None = None) -> Prints:
+    """Simulate `pads` prints of `plan`, always the same ones: of themselves as many as make the estimate sure."""
     design = design_of(plan, None)
-    made = int(min(pads, max(WORK / work(design), FEWEST)))
+    first, most = (int(max(limit / work(design), FEWEST)) for limit in (WORK, MOST_WORK))
+    prints = _simulated(plan, design, min(pads or PADS, first))
+    unsure = max(prints.error_share / SURE_SHARE, (prints.error_db or 0.0) / SURE_DB) ** 2
+    if pads or unsure <= 1:
+        return prints
+    return _simulated(plan, design, int(min(unsure * prints.pads, most)))
+
+
+def _simulated(plan: Plan, design: Design, made: int) -> Prints:
     prints, share = printed(design, spreads_of(plan.spec), made, 0), plan.spec.print_share
     kept = np.sort(10 * np.log10(np.maximum(prints.ratio, np.finfo(float).tiny)), axis=1)
     reached = kept[:, min(int((1 - share) * made), made - 1)].tolist()
