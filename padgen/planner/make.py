@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import islice, product
 from math import inf
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -256,7 +257,8 @@ def _taxels(spec: Spec, layout: Layout, channels: tuple[Channel, ...], turned: s
 
 def _runners_up(spec: Spec, options: list[Layout], chosen: Layout) -> tuple[LayoutOption, ...]:
     """The next layouts that hold as well."""
-    others = (sized for sized in sized_layouts(spec, options) if sized[0] is not chosen)
+    key = attrgetter("rows", "columns", "channels")
+    others = (sized for sized in sized_layouts(spec, options) if key(sized[0]) != key(chosen))
     return tuple(_option(spec, *sized) for sized in islice(others, RUNNERS_UP))
 
 
