@@ -129,5 +129,5 @@ def searches(specs: int) -> list[str]:
 
 if __name__ == "__main__":
     count = int(sys.argv[1]) if len(sys.argv) > 1 else SPECS
-    for lines in (estimates(count), searches(count)):
-        print("\n".join(["", *lines]), flush=True)
+    for part in (estimates, searches):
+        print("\n".join(["", *part(count)]), flush=True)

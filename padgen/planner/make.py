@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.core.errors import InfeasibleError
+from padgen.core.registry import SUSPENSIONS
 from padgen.core.units import decibel
 from padgen.physics.selectivity import Scheme
 from padgen.planner.capacity import channel_limit, coil_capacity
@@ -50,6 +51,9 @@ REUSES, SCHEMES_TRIED, GAPS_MM = ("same", "alternate"), ("auto", "spur-free", "b
 """Values that the search tries where it is free, the simplest first: a smaller gap asks for flatter coils."""
 QUICK_PADS = 200
 """Simulated prints by which layouts are compared."""
+FOLDED = 2
+"""Layouts whose straight beams print too unlike that are tried with folded ones, most of a second each."""
+_grid = attrgetter("rows", "columns", "channels")
 CLOSE = 0.07
 """Of the share asked: nearer to it, as many prints as make it sure; three sigma of 200."""
 
@@ -122,6 +126,15 @@ def _best(found: Sequence[Choice]) -> Choice:
         if one.share >= wanted:
             return choice
         tried.append(one)
+    # Of layouts that would do as drawn, those whose beams may be folded, which print more alike.
+    if found[0].spec.leaves_layout_free and found[0].spec.suspension.topology == "auto":
+        near = [choice for choice, one in zip(rank, tried, strict=True) if one.share >= 0]
+        for choice in islice((folded for choice in near[:FOLDED] for folded in _folded(choice)), FOLDED):
+            one = _tried(choice, asked)
+            if one.share >= wanted:
+                return choice
+            rank.append(choice)
+            tried.append(one)
     # The most that a choice may keep comes first, so that the others need no prints once it is less than found.
     best, least = Tried(-inf, -inf, -inf), -inf
     for choice, one in sorted(zip(rank, tried, strict=True), key=lambda item: -item[1].at_most_db):
@@ -140,6 +153,16 @@ class Tried(NamedTuple):
     at_most_db: float
     share: float = -1.0
     print_db: float = -inf
+
+
+def _folded(choice: Choice) -> Iterator[Choice]:
+    """The choice with each family of suspensions that an automatic choice leaves to those who name it."""
+    layout = choice.layout
+    for kind in SUSPENSIONS.families():
+        spec = replace(choice.spec, suspension=replace(choice.spec.suspension, topology=kind))
+        options = [o for o in candidates(spec, layout.channels) if _grid(o) == _grid(layout)]
+        for sized in islice(sized_layouts(spec, options), 1):
+            yield Choice(spec, *sized)
 
 
 def _tried(choice: Choice, least_db: float) -> Tried:
@@ -257,9 +280,8 @@ def _taxels(spec: Spec, layout: Layout, channels: tuple[Channel, ...], turned: s
 
 def _runners_up(spec: Spec, options: list[Layout], chosen: Layout) -> tuple[LayoutOption, ...]:
     """The next layouts that hold as well."""
-    key = attrgetter("rows", "columns", "channels")
-    others = (sized for sized in sized_layouts(spec, options) if key(sized[0]) != key(chosen))
-    return tuple(_option(spec, *sized) for sized in islice(others, RUNNERS_UP))
+    others = [option for option in options if _grid(option) != _grid(chosen)]
+    return tuple(_option(spec, *sized) for sized in islice(sized_layouts(spec, others), RUNNERS_UP))
 
 
 def _option(spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...]) -> LayoutOption:

@@ -18,7 +18,7 @@ from padgen.spec import Spec
 
 __all__ = ["sites_of", "sized_layouts"]
 
-RINGS, ALIKE_MM = (0.0, 0.6, 0.8, 1.0), 0.1
+RINGS, ALIKE_MM = (0.0, 0.8, 1.0), 0.1
 """Shares of the farthest washer's distance that the others are kept at, where their distances are not alike."""
 WORTH_DB = 0.5
 """What a ring must gain: farther from the axis a washer takes more current, and hears more of the coils around."""
