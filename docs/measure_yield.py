@@ -97,7 +97,10 @@ def estimates(specs: int) -> list[str]:
         print(seed, plan.name, told.pads, *(f"{value:.4f}" for value in (*off[-1], share, db)), file=sys.stderr)
     db, share, error_db, error_share = np.abs(np.array(off)).T
     rows = [("print_db, dB", db, error_db, 0.01), ("share of good pads, %", 100 * share, 100 * error_share, 1e-9)]
-    table = ["| of the plan's estimate | median off | 95 % | largest | within its stated error |", "|---|---|---|---|---|"]
+    table = [
+        "| of the plan's estimate | median off | 95 % | largest | within its stated error |",
+        "|---|---|---|---|---|",
+    ]
     for name, values, stated, rounding in rows:
         figures = " | ".join(f"{value:.2f}" for value in (np.median(values), np.quantile(values, 0.95), values.max()))
         table.append(f"| {name} | {figures} | {np.mean(values <= stated + rounding):.0%} |")
@@ -120,7 +123,7 @@ def searches(specs: int) -> list[str]:
     short, coils, layouts = np.array(found).T
     large = np.array(times)[layouts >= 200]
     return [
-        f"{specs} small specs of {int(layouts.min())} to {int(layouts.max())} layouts (median {np.median(layouts):.0f}):"
+        f"{specs} small specs of {layouts.min():.0f} to {layouts.max():.0f} layouts (median {np.median(layouts):.0f}):"
         f" share short by more than 1 % in {(short > 0.01).sum()}, at most {max(short.max(), 0):.1%}; more coils than"
         f" needed in {(coils > 0).sum()}. Search: median {np.median(times):.2f} s, largest {max(times):.2f} s,"
         f" of 200 layouts or more {large.max() if len(large) else 0:.2f} s ({len(large)} specs) of processor time",

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import islice, product
+from itertools import chain, islice, product
 from math import inf
 from operator import attrgetter
 from typing import NamedTuple
@@ -34,7 +34,7 @@ from padgen.planner.plan import (
     channel_sets,
 )
 from padgen.planner.printing import print_settings
-from padgen.planner.prints import NOT_PRINTED, on_paper_db, what_prints_keep
+from padgen.planner.prints import NOT_PRINTED, compared_prints, what_prints_keep
 from padgen.planner.resonances import planned_optimum
 from padgen.planner.reuse import cell_is_turned, coil_reuse
 from padgen.planner.search import sites_of, sized_layouts
@@ -49,13 +49,9 @@ __all__ = ["Choice", "choose", "finish", "make_plan"]
 RUNNERS_UP = 2
 REUSES, SCHEMES_TRIED, GAPS_MM = ("same", "alternate"), ("auto", "spur-free", "biased"), (1.0, 0.6, 0.4)
 """Values that the search tries where it is free, the simplest first: a smaller gap asks for flatter coils."""
-QUICK_PADS = 200
-"""Simulated prints by which layouts are compared."""
 FOLDED = 2
 """Layouts whose straight beams print too unlike that are tried with folded ones, most of a second each."""
 _grid = attrgetter("rows", "columns", "channels")
-CLOSE = 0.07
-"""Of the share asked: nearer to it, as many prints as make it sure; three sigma of 200."""
 
 
 class Choice(NamedTuple):
@@ -128,15 +124,15 @@ def _best(found: Sequence[Choice]) -> Choice:
         tried.append(one)
     # Of layouts that would do as drawn, those whose beams may be folded, which print more alike.
     if found[0].spec.leaves_layout_free and found[0].spec.suspension.topology == "auto":
-        near = [choice for choice, one in zip(rank, tried, strict=True) if one.share >= 0]
-        for choice in islice((folded for choice in near[:FOLDED] for folded in _folded(choice)), FOLDED):
+        near = [choice for choice, one in zip(rank, tried, strict=True) if one.share >= 0][:FOLDED]
+        for choice in chain.from_iterable(map(_folded, near)):
             one = _tried(choice, asked)
             if one.share >= wanted:
                 return choice
             rank.append(choice)
             tried.append(one)
     # The most that a choice may keep comes first, so that the others need no prints once it is less than found.
-    best, least = Tried(-inf, -inf, -inf), -inf
+    chosen, best, least = rank[0], Tried(-inf, -inf, -inf), -inf
     for choice, one in sorted(zip(rank, tried, strict=True), key=lambda item: -item[1].at_most_db):
         if one.at_most_db < least:
             break
@@ -148,7 +144,7 @@ def _best(found: Sequence[Choice]) -> Choice:
 
 
 class Tried(NamedTuple):
-    """The most dB that a choice may keep as far as it was looked at; of its prints the share that works and their dB."""
+    """The most dB that a choice may keep, as far as it was looked at; the share of its prints that work, their dB."""
 
     at_most_db: float
     share: float = -1.0
@@ -176,12 +172,10 @@ def _tried(choice: Choice, least_db: float) -> Tried:
     if at_most < least_db:
         return Tried(at_most)
     plan = _assemble(choice, channels, selectivity)
-    at_most = min(at_most, on_paper_db(plan))
-    if at_most < least_db:
+    paper_db, prints = compared_prints(plan, least_db)
+    at_most = min(at_most, paper_db)
+    if prints is NOT_PRINTED:
         return Tried(at_most)
-    prints = what_prints_keep(plan, QUICK_PADS)
-    if abs(prints.good_share - choice.spec.print_share) < CLOSE:
-        prints = what_prints_keep(plan)
     return Tried(at_most, prints.good_share, inf if prints.print_db is None else prints.print_db)
 
 
