@@ -187,7 +187,7 @@ def test_schema_and_refusals_name_what_is_registered(plan):
         parse_spec(SPEC.replace(NAME, "toy-spirl"))
     with pytest.raises(
         SpecError,
-        match=f"known are auto, serpentine, bridge, cantilever, folded, {', '.join(SERPENTINES)}, toy-spiral",
+        match=f"known are auto, bridge, cantilever, folded, serpentine, {', '.join(SERPENTINES)}, toy-spiral",
     ):
         parse_spec(SPEC.replace(NAME, "xyz"))
     text = plan_to_json(plan)
