@@ -182,12 +182,12 @@ def test_schema_and_refusals_name_what_is_registered(plan):
     def schema_names():
         return spec_schema()["properties"]["suspension"]["properties"]["topology"]["enum"]
 
-    assert schema_names() == ["auto", "bridge", "cantilever", "folded", *SERPENTINES, NAME]
+    assert schema_names() == ["auto", "serpentine", "bridge", "cantilever", "folded", *SERPENTINES, NAME]
     with pytest.raises(SpecError, match="did you mean 'toy-spiral'"):
         parse_spec(SPEC.replace(NAME, "toy-spirl"))
     with pytest.raises(
         SpecError,
-        match=f"known are auto, bridge, cantilever, folded, {', '.join(SERPENTINES)}, toy-spiral",
+        match=f"known are auto, bridge, cantilever, folded, serpentine, {', '.join(SERPENTINES)}, toy-spiral",
     ):
         parse_spec(SPEC.replace(NAME, "xyz"))
     text = plan_to_json(plan)

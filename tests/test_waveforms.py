@@ -50,7 +50,8 @@ def template(name, scheme=""):
     if scheme:
         own = "[drive]" in lines
         chosen = f'[drive]\nscheme = "{scheme}"' if own else f'drive = "{scheme}"'
-        lines = [chosen if line == "[drive]" else line for line in lines if not line.startswith("drive = ")]
+        other = [line for line in lines if not line.startswith(("drive = ", "scheme = "))]
+        lines = [chosen if line == "[drive]" else line for line in other]
         lines = lines if own else [chosen, *lines]
     return make_plan(parse_spec("\n".join(lines)))
 

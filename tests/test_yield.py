@@ -21,6 +21,7 @@ from dataclasses import asdict, astuple, replace
 from functools import cache
 from itertools import combinations, pairwise, product
 from math import hypot, log, sqrt
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -35,10 +36,14 @@ from padgen.planner import Plan, make_plan, plan_to_json
 from padgen.planner import printed_pads as module
 from padgen.planner.print_yield import OUTCOMES, print_yield
 from padgen.planner.printed_pads import Spreads, spreads_of
-from padgen.planner.prints import on_paper_db
+from padgen.planner.prints import NOT_PRINTED, compared_prints
 from padgen.planner.reuse import _lines_apart
 from padgen.spec import load_spec, parse_spec
 from tests.print_and_count import kept_db
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "docs"))
+
+from measure_yield import random_spec, shortfall
 
 SCHEMES = in_order()
 NONE = Spreads(*[0.0] * 8)
@@ -450,14 +455,29 @@ def test_the_four_line_spec_prints():
     assert plan.prints.good_share >= plan.spec.print_share
 
 
-@pytest.mark.parametrize("name", ["paper-32", "quad-64"])
-def test_the_plans_estimate_is_the_monte_carlos(name):
-    plan = make_plan(load_spec(name))
-    many, quick = print_yield(plan, 5000, seed=1), plan.prints
+@pytest.mark.parametrize("seed", [None, 13, 147])
+def test_the_plans_estimate_is_the_monte_carlos(seed):
+    """Of 200 random specs none is 0.3 dB or 2 % off (docs/yield.md); where 91 or 74 % are good, more pads are taken."""
+    plan = make_plan(random_spec(seed, 48) if seed else load_spec("paper-32"))
+    many, quick = print_yield(plan, 10_000, seed=1), plan.prints
     assert quick.print_db == pytest.approx(many.retuned.reached_by_90_percent_db, abs=0.3)
     assert quick.planned_db == pytest.approx(many.planned.reached_by_90_percent_db, abs=0.6)
     assert quick.good_share == pytest.approx(many.retuned.pads.share, abs=0.02)
-    assert 0 < quick.error_db < 0.3
+    assert 0 < quick.error_db < 0.3 and quick.error_share < 0.02
+    assert (quick.pads > 1000) == (seed is not None)
+
+
+@pytest.mark.parametrize("seed", [20002, 20029, 20045])
+def test_the_search_against_every_layout(seed):
+    """Each layout of a small pad planned and printed: the choice is good enough, and none of fewer coils is.
+
+    Two that need alternate sets, another drive or more coils than the fewest, and one that none satisfies. By 2000 pads
+    of another seed; over random specs: docs/yield.md.
+    """
+    spec = random_spec(seed, 10)
+    short, coils, layouts = shortfall(replace(spec, coil=replace(spec.coil, gap_mm=1.0)), 2000)
+    assert layouts > 5
+    assert (short <= 0.01, coils) == (True, 0)
 
 
 def test_modes_and_leakage_are_counted_once_each():
@@ -467,8 +487,10 @@ def test_modes_and_leakage_are_counted_once_each():
         10 ** (-plan.selectivity.placed_all_states_db / 10) + 10 ** (-leak / 10) for leak in plan.reuse.retuned_leaks_db
     )
     lost = max(c.level_loss_db for c in plan.channels)
-    assert on_paper_db(plan) == pytest.approx(-10 * np.log10(worst) - lost, abs=1.0)
-    assert on_paper_db(plan) <= min(*plan.reuse.retuned_leaks_db, plan.selectivity.kept_db)
+    paper_db, prints = compared_prints(plan, np.inf)
+    assert prints is NOT_PRINTED
+    assert paper_db == pytest.approx(-10 * np.log10(worst) - lost, abs=1.0)
+    assert paper_db <= min(*plan.reuse.retuned_leaks_db, plan.selectivity.kept_db)
 
 
 def test_lines_of_coils_apart_add_as_energies():

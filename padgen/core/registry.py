@@ -56,6 +56,11 @@ class Registry(Generic[T]):
         """All names: those of the package by the alphabet, then the registered ones in their order."""
         return (*_names_of_files(self._package), *self.registered)
 
+    def families(self) -> tuple[str, ...]:
+        """What several names begin with that end with a hyphen and a number, by the alphabet."""
+        stems = [stem for name in self.names() if (stem := name.rpartition("-"))[2].isdigit()]
+        return tuple(sorted({stem for stem, _, _ in stems if sum(stem == other for other, _, _ in stems) > 1}))
+
     def register(self, name: str, thing: T, protocol: type) -> None:
         """Add `thing`, which holds to `protocol`, under `name`; `unregister` takes it away again.
 

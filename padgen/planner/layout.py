@@ -9,6 +9,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from math import ceil, floor, hypot, inf, pi, sqrt
 
+import numpy as np
+
 from padgen.core.errors import number
 from padgen.planner.plan import Site
 from padgen.planner.suspensions import Arrangement, Room, allowed, suspension
@@ -35,7 +37,10 @@ SLACK_MM = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """A candidate: `rows` × `columns` coils with `channels` each, a cell of `sub_columns` × `sub_rows`."""
+    """A candidate: `rows` × `columns` coils with `channels` each, a cell of `sub_columns` × `sub_rows`.
+
+    Washers hang as near to their coil's axis as they can, but not nearer than `ring_mm`.
+    """
 
     rows: int
     columns: int
@@ -48,6 +53,7 @@ class Layout:
     surplus: int
     slacks: tuple[tuple[str, float], ...]
     """Named slacks in mm, negative where a limit is broken."""
+    ring_mm: float = 0.0
 
     @property
     def coils(self) -> int:
@@ -279,7 +285,7 @@ def _distances_differ(centres: list[tuple[float, float]]) -> bool:
 
 
 def place(spec: Spec, layout: Layout, centre: tuple[float, float], arrangement: Arrangement) -> Site:
-    """Put a taxel into its sub-cell so that its washer comes nearest to the coil axis.
+    """Put a taxel into its sub-cell so that its washer comes as near to the coil axis as the layout's ring lets it.
 
     The root lies on the side away from the coil; where the sub-cell is not split along the beams,
     roots alternate so that the pad stays balanced.
@@ -289,12 +295,15 @@ def place(spec: Spec, layout: Layout, centre: tuple[float, float], arrangement: 
     u, v = centre[::-1] if across_x else centre
     length, width = _sides_mm(spec, layout)
     sign = -1.0 if u > 1e-9 or (abs(u) <= 1e-9 and v > 1e-9) else 1.0
-    # In the own direction: the window may slide by what the room leaves, towards the coil axis.
-    slide = (length - window_mm[0]) / 2
-    start = _clip(-sign * u - washer_x_mm + window_mm[0] / 2, slide) - window_mm[0] / 2
-    v_shift = _clip(-v, (width - window_mm[1]) / 2)
-    origin_u, origin_v = round(u + sign * start, 6), round(v + v_shift, 6)
-    washer_u = origin_u + sign * washer_x_mm
+    # The window may slide by what the room leaves: towards the coil axis, and from there towards the farthest corner.
+    slide, slide_across = (length - window_mm[0]) / 2, (width - window_mm[1]) / 2
+    middle = washer_x_mm - window_mm[0] / 2
+    near = np.array([sign * (middle + _clip(-sign * u - middle, slide)) + u, v + _clip(-v, slide_across)])
+    far = np.array([sign * middle + u, v])
+    far += np.copysign([slide, slide_across], far) * (np.abs(far) > SLACK_MM)
+    washer_u, washer_v = near + _share_to(layout.ring_mm, near, far - near) * (far - near)
+    origin_u, origin_v = round(float(washer_u) - sign * washer_x_mm, 6), round(float(washer_v), 6)
+    washer_u, start = origin_u + sign * washer_x_mm, sign * (origin_u - u)
     along = ("+" if sign > 0 else "-") + layout.beam_axis
     origin = (origin_v, origin_u) if across_x else (origin_u, origin_v)
     washer = (origin_v, washer_u) if across_x else (washer_u, origin_v)
@@ -302,6 +311,15 @@ def place(spec: Spec, layout: Layout, centre: tuple[float, float], arrangement: 
     roots = [(float(path.root_mm[0]) + start, float(path.direction[0])) for path in arrangement.beams]
     depth = max(cell / 2 + (x if ahead > 0 else -x) for x, ahead in roots)
     return Site(centre, origin, washer, along, hypot(*washer), round(depth, 6))
+
+
+def _share_to(ring_mm: float, near: np.ndarray, way: np.ndarray) -> float:
+    """Share of `way` after which a place that sets out `near` the axis is `ring_mm` from it; all where that is not."""
+    short, length = ring_mm**2 - float(near @ near), float(way @ way)
+    if short <= 0 or not length:
+        return 0.0
+    ahead = float(near @ way) / length
+    return min(sqrt(ahead**2 + short / length) - ahead, 1.0)
 
 
 def _clip(value: float, limit: float) -> float:

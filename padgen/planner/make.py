@@ -2,13 +2,15 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import islice, product
+from itertools import chain, islice, product
 from math import inf
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
 
 from padgen.core.errors import InfeasibleError
+from padgen.core.registry import SUSPENSIONS
 from padgen.core.units import decibel
 from padgen.physics.selectivity import Scheme
 from padgen.planner.capacity import channel_limit, coil_capacity
@@ -20,9 +22,19 @@ from padgen.planner.judge import judge
 from padgen.planner.layout import Layout, candidates, room
 from padgen.planner.left_out import left_out
 from padgen.planner.pitch import pitch_of
-from padgen.planner.plan import Cell, Channel, CoilGrid, LayoutOption, Plan, Plate, Taxel, channel_sets
+from padgen.planner.plan import (
+    Cell,
+    Channel,
+    CoilGrid,
+    LayoutOption,
+    Plan,
+    Plate,
+    Selectivity,
+    Taxel,
+    channel_sets,
+)
 from padgen.planner.printing import print_settings
-from padgen.planner.prints import NOT_PRINTED, on_paper_db, what_prints_keep
+from padgen.planner.prints import NOT_PRINTED, compared_prints, what_prints_keep
 from padgen.planner.resonances import planned_optimum
 from padgen.planner.reuse import cell_is_turned, coil_reuse
 from padgen.planner.search import sites_of, sized_layouts
@@ -37,10 +49,9 @@ __all__ = ["Choice", "choose", "finish", "make_plan"]
 RUNNERS_UP = 2
 REUSES, SCHEMES_TRIED, GAPS_MM = ("same", "alternate"), ("auto", "spur-free", "biased"), (1.0, 0.6, 0.4)
 """Values that the search tries where it is free, the simplest first: a smaller gap asks for flatter coils."""
-QUICK_PADS = 200
-"""Simulated prints by which layouts are compared."""
-NEAREST = 12
-"""Layouts that are compared by their prints where none works."""
+FOLDED = 2
+"""Layouts whose straight beams print too unlike that are tried with folded ones, most of a second each."""
+_grid = attrgetter("rows", "columns", "channels")
 
 
 class Choice(NamedTuple):
@@ -102,22 +113,70 @@ def _decided(spec: Spec) -> Iterator[Spec]:
 
 
 def _best(found: Sequence[Choice]) -> Choice:
-    """The first of the fewest coils whose prints work; else that of which prints keep most, of some that may."""
+    """The first of the fewest coils whose prints work; where none do, that of which most prints do."""
     asked, wanted = decibel(found[0].spec.delta_y), found[0].spec.print_share
-    at_most_db = [_at_most_db(choice) for choice in found]
-    rank = sorted(range(len(found)), key=lambda k: (found[k].layout.surplus > 0, found[k].layout.coils))
-    for k in rank:
-        if at_most_db[k] >= asked:
-            plan = _assemble(found[k])
-            if on_paper_db(plan) >= asked and what_prints_keep(plan, QUICK_PADS).good_share >= wanted:
-                return found[k]
-    nearest = sorted(rank, key=lambda k: -min(at_most_db[k], asked))[:NEAREST]
-    return max((found[k] for k in nearest), key=_prints_keep_db)
+    rank = sorted(found, key=lambda choice: (choice.layout.surplus > 0, choice.layout.coils))
+    tried = []
+    for choice in rank:
+        one = _tried(choice, asked)
+        if one.share >= wanted:
+            return choice
+        tried.append(one)
+    # Of layouts that would do as drawn, those whose beams may be folded, which print more alike.
+    if found[0].spec.leaves_layout_free and found[0].spec.suspension.topology == "auto":
+        near = [choice for choice, one in zip(rank, tried, strict=True) if one.share >= 0][:FOLDED]
+        for choice in chain.from_iterable(map(_folded, near)):
+            one = _tried(choice, asked)
+            if one.share >= wanted:
+                return choice
+            rank.append(choice)
+            tried.append(one)
+    # The most that a choice may keep comes first, so that the others need no prints once it is less than found.
+    chosen, best, least = rank[0], Tried(-inf, -inf, -inf), -inf
+    for choice, one in sorted(zip(rank, tried, strict=True), key=lambda item: -item[1].at_most_db):
+        if one.at_most_db < least:
+            break
+        if one.share < 0:
+            one = _tried(choice, least)
+        if (one.share, one.print_db) > (best.share, best.print_db):
+            best, chosen, least = one, choice, asked if one.share > 0 else one.print_db
+    return chosen
 
 
-def _prints_keep_db(choice: Choice) -> float:
-    kept = what_prints_keep(_assemble(choice), QUICK_PADS).print_db
-    return inf if kept is None else kept
+class Tried(NamedTuple):
+    """The most dB that a choice may keep, as far as it was looked at; the share of its prints that work, their dB."""
+
+    at_most_db: float
+    share: float = -1.0
+    print_db: float = -inf
+
+
+def _folded(choice: Choice) -> Iterator[Choice]:
+    """The choice with each family of suspensions that an automatic choice leaves to those who name it."""
+    layout = choice.layout
+    for kind in SUSPENSIONS.families():
+        spec = replace(choice.spec, suspension=replace(choice.spec.suspension, topology=kind))
+        options = [o for o in candidates(spec, layout.channels) if _grid(o) == _grid(layout)]
+        for sized in islice(sized_layouts(spec, options), 1):
+            yield Choice(spec, *sized)
+
+
+def _tried(choice: Choice, least_db: float) -> Tried:
+    """Look at a choice as far as it may keep `least_db`: resonances, then pull and modes, then leakage, then prints."""
+    at_most = _at_most_db(choice)
+    if at_most < least_db:
+        return Tried(at_most)
+    channels, selectivity = _driven(choice)
+    if selectivity.kept_db is not None:
+        at_most = min(at_most, selectivity.kept_db)
+    if at_most < least_db:
+        return Tried(at_most)
+    plan = _assemble(choice, channels, selectivity)
+    paper_db, prints = compared_prints(plan, least_db)
+    at_most = min(at_most, paper_db)
+    if prints is NOT_PRINTED:
+        return Tried(at_most)
+    return Tried(at_most, prints.good_share, inf if prints.print_db is None else prints.print_db)
 
 
 def _at_most_db(choice: Choice) -> float:
@@ -128,18 +187,21 @@ def _at_most_db(choice: Choice) -> float:
 
 def finish(choice: Choice) -> Plan:
     """The plan of a choice; its channels' beams and models may have been changed since."""
-    bare = _assemble(choice)
+    bare = _assemble(choice, *_driven(choice))
     known = replace(bare, left_out=left_out(bare), prints=what_prints_keep(bare))
     return replace(known, findings=judge(known))
 
 
-def _assemble(choice: Choice) -> Plan:
+def _driven(choice: Choice) -> tuple[tuple[Channel, ...], Selectivity]:
+    """The channels of a choice with the drive that is chosen for them."""
     spec, layout, sized = choice.spec, choice.layout, choice.channels
-    sites = sites_of(spec, layout, sized)
-    bare = plan_channels(spec, sized, sites)
+    bare = plan_channels(spec, sized, sites_of(spec, layout, sized))
     selectivity = plan_selectivity(spec, bare, planned_optimum(spec, layout.channels, room(spec, layout)))
-    scheme = scheme_named(spec, selectivity.drive)
-    channels = driven(spec, bare, scheme)
+    return driven(spec, bare, scheme_named(spec, selectivity.drive)), selectivity
+
+
+def _assemble(choice: Choice, channels: tuple[Channel, ...], selectivity: Selectivity) -> Plan:
+    spec, layout, scheme = choice.spec, choice.layout, scheme_named(choice.spec, selectivity.drive)
     reuse = coil_reuse(spec, layout, channels, scheme)
     pitch_x, pitch_y = spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows
     taxels = _taxels(spec, layout, channels, reuse.turned)
@@ -212,8 +274,8 @@ def _taxels(spec: Spec, layout: Layout, channels: tuple[Channel, ...], turned: s
 
 def _runners_up(spec: Spec, options: list[Layout], chosen: Layout) -> tuple[LayoutOption, ...]:
     """The next layouts that hold as well."""
-    others = (sized for sized in sized_layouts(spec, options) if sized[0] is not chosen)
-    return tuple(_option(spec, *sized) for sized in islice(others, RUNNERS_UP))
+    others = [option for option in options if _grid(option) != _grid(chosen)]
+    return tuple(_option(spec, *sized) for sized in islice(sized_layouts(spec, others), RUNNERS_UP))
 
 
 def _option(spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...]) -> LayoutOption:

@@ -284,19 +284,20 @@ def _washer_weight(plan: Plan) -> np.ndarray:
 def log_detuning(design: Design, spreads: Spreads, seed: int, unit: int, pads: int) -> np.ndarray:
     """ln of printed over planned resonance (3, taxels, pads): what is common, with the field, with each one's own.
 
-    What is common, the field and what is each taxel's own have a stream of random numbers each.
+    What is common, the field and what is each taxel's own have a stream of random numbers each, drawn pad by pad: the
+    first pads are the same however many there are.
     """
     taxels = len(design.channel)
     weight = np.array(astuple(spreads))[:, None] * design.weight
     streams = [np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(unit, k))) for k in range(3)]
     result = np.zeros((3, taxels, pads))
     common = [k for k, name in enumerate(NAMES) if name in OF_A_PRINT]
-    result[:] = (weight[common].T @ streams[0].standard_normal((len(common), pads)))[design.channel]
+    result[:] = (weight[common].T @ streams[0].standard_normal((pads, len(common))).T)[design.channel]
     field = weight[NAMES.index("field_z_mm")]
     if field.any():
         result[1:] += field[design.channel, None] * _field(design, streams[1], pads)
     own = np.sqrt((weight[[k for k, name in enumerate(NAMES) if name not in (*OF_A_PRINT, "field_z_mm")]] ** 2).sum(0))
-    result[2] += own[design.channel, None] * streams[2].standard_normal((taxels, pads))
+    result[2] += own[design.channel, None] * streams[2].standard_normal((pads, taxels)).T
     return result
 
 
@@ -362,8 +363,7 @@ def printed(design: Design, spreads: Spreads, pads: int, seed: int, stages: tupl
         np.zeros((many, taxels), int),
     )
     for number in range(-(-pads // unit)):
-        # A stream is drawn whole, so that the first pads are the same however many there are.
-        log_x = log_detuning(design, spreads, seed, number, unit)[:, :, : pads - number * unit]
+        log_x = log_detuning(design, spreads, seed, number, min(unit, pads - number * unit))
         prints.square[:] += np.bincount(design.channel, (log_x[2] ** 2).sum(1), count)
         known = np.concatenate([np.zeros((1, *log_x.shape[1:])), log_x])
         tone, x = (np.exp(np.clip(part, -FARTHEST, FARTHEST)) for part in (known, log_x[2]))

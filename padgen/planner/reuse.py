@@ -1,6 +1,7 @@
 """Frequencies are used again over every coil: what leaks from coil to coil, and how cells are turned."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import product
 from math import hypot
 
@@ -8,6 +9,7 @@ import numpy as np
 
 from padgen.core.units import MM, decibel
 from padgen.physics.leakage import Leakage, leakage
+from padgen.physics.magnetics import CoilSource, SteelRing
 from padgen.physics.poles import pole_error
 from padgen.physics.resonator import relative_energy
 from padgen.physics.selectivity import Channels, Scheme, pair_lines, tone_energy
@@ -37,11 +39,12 @@ def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], scheme: 
     if layout.coils < 2:
         return Reuse(None, None, turned, (None,) * len(channels), (None,) * len(channels))
     pitch = np.array([spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows])
-    place = np.array([channel.site.washer_mm for channel in channels])
+    washers_mm = tuple(channel.site.washer_mm for channel in channels)
+    place = np.array(washers_mm)
     steps_to = coils_around(layout.rows, layout.columns)
     next_to = np.abs(steps_to).max(1) == 1
     at = steps_to * pitch * MM
-    leak = leakage(*magnetic_parts(spec), spec.coil.gap_mm * MM, place * MM, at[next_to], at[~next_to])
+    leak = _leakage(magnetic_parts(spec), spec.coil.gap_mm, washers_mm, (layout.rows, layout.columns), tuple(pitch))
     away = np.abs(steps_to).sum(1) % spec.coil.sets
     heard = [_heard(spec, scheme, channels, steps) for steps in range(spec.coil.sets)]
     energy, apart = np.zeros((2, len(channels)))
@@ -61,6 +64,20 @@ def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], scheme: 
     leaks, retuned = (tuple(-decibel(float(value) ** 0.5) for value in each) for each in (energy, apart))
     error = _leak_error(spec, layout, leak, place[:, None] * MM - at, ~next_to, pitch) + channels[worst].force_error
     return Reuse(leaks[worst], worst, turned, leaks, retuned, error)
+
+
+@lru_cache(maxsize=64)
+def _leakage(
+    parts: tuple[CoilSource, SteelRing],
+    gap_mm: float,
+    washers_mm: tuple[tuple[float, float], ...],
+    grid: tuple[int, int],
+    pitch_mm: tuple[float, float],
+) -> Leakage:
+    """Leakage by the coils around in the order of `coils_around`: that of one layout under every drive."""
+    steps = coils_around(*grid)
+    at, next_to = steps * np.array(pitch_mm) * MM, np.abs(steps).max(1) == 1
+    return leakage(*parts, gap_mm * MM, np.array(washers_mm) * MM, at[next_to], at[~next_to])
 
 
 def _lines_apart(leak: Leakage, some: np.ndarray, scheme: Scheme) -> np.ndarray:

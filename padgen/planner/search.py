@@ -18,6 +18,10 @@ from padgen.spec import Spec
 
 __all__ = ["sites_of", "sized_layouts"]
 
+RINGS, ALIKE_MM = (0.0, 0.8, 1.0), 0.1
+"""Shares of the farthest washer's distance that the others are kept at, where their distances are not alike."""
+WORTH_DB = 0.5
+"""What a ring must gain: farther from the axis a washer takes more current, and hears more of the coils around."""
 LAYOUTS_SIZED, CHANNELS_SIZED = 24, 600
 """Layouts with room whose beams are sized before giving up, and channels in all of them."""
 
@@ -35,7 +39,7 @@ def sized_layouts(spec: Spec, options: Iterable[Layout]) -> Iterator[tuple[Layou
         channels = _beams(spec, layout)
         if channels and _within_reach(spec, layout, channels):
             seen.add(key)
-            yield layout, channels
+            yield _evened(spec, layout, channels), channels
         elif channels and spec.coil.grid:
             far.append((layout, channels))
     # A grid that the user chose is planned even if its coils do not reach; the findings judge it.
@@ -47,6 +51,17 @@ def _within_reach(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]
     """Whether every washer overlaps its coil."""
     sites = sites_of(spec, layout, channels)
     return max(site.coil_distance_mm for site in sites) <= coil_reach_mm(spec) + SLACK_MM
+
+
+def _evened(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> Layout:
+    """The layout with the washers near the coil's axis farther from it, where the pull is so much more alike then."""
+    distances = [site.coil_distance_mm for site in sites_of(spec, layout, channels)]
+    if len(channels) < 2 or max(distances) - min(distances) < ALIKE_MM:
+        return layout
+    rings = [replace(layout, ring_mm=round(share * max(distances), 6)) for share in RINGS]
+    kept_db = [_keeps(spec, ring, channels)[-1] for ring in rings]
+    best = max(range(len(rings)), key=lambda k: kept_db[k])
+    return rings[best] if kept_db[best] > kept_db[0] + WORTH_DB else layout
 
 
 def sites_of(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> tuple[Site, ...]:

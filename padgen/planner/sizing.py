@@ -210,7 +210,11 @@ def _choices(spec: Spec, reaches: list[Reach], targets: np.ndarray) -> Iterator[
         width = item.widths_for(targets)
         spread = item.spread(width, spec)
         tables.append((item, width, spread))
-    allowed = set(spec.suspension.tune.split("+"))
+    allowed, kind = set(spec.suspension.tune.split("+")), spec.suspension.topology
+    mixes = len(tables) > 1 and allowed > {"width"}
+    # Members of a family differ in a number: to mix them is to tune one dimension more.
+    if mixes and kind != "auto":
+        yield from _mixed(tables)
     for step in _STEPS:
         if set(step.split("+")) <= allowed:
             ranked = sorted(
@@ -218,7 +222,7 @@ def _choices(spec: Spec, reaches: list[Reach], targets: np.ndarray) -> Iterator[
             )
             for _, picks in ranked[:TRIES]:
                 yield picks
-    if len(tables) > 1 and allowed > {"width"}:
+    if mixes and kind == "auto":
         yield from _mixed(tables)
 
 

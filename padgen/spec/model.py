@@ -241,8 +241,9 @@ class Suspension:
 
     topology: str = choice(
         "auto",
-        of=lambda: ("auto", *SUSPENSIONS.names()),
-        doc="kind of suspension; auto takes the one least sensitive to printing",
+        of=lambda: ("auto", *SUSPENSIONS.families(), *SUSPENSIONS.names()),
+        doc="kind of suspension; auto takes the one least sensitive to printing, serpentine for each channel the number"
+        " of legs that is",
     )
     tune: str = choice(
         "width+thickness+length",

@@ -103,6 +103,8 @@ def suspension(name: str) -> Suspension:
 
 def allowed(topology: str) -> list[str]:
     """Names that a spec's `topology` stands for: with ``auto`` those with an order, as they are tried."""
+    if topology in SUSPENSIONS.families():
+        return [name for name in names() if name.rpartition("-")[0] == topology]
     if topology != "auto":
         return [topology]
     orders = {name: getattr(suspension(name), "ORDER", inf) for name in names()}

@@ -1,0 +1,136 @@
+"""Measures what docs/yield.md reports of the plan's estimate and of the search. Prints Markdown.
+
+`python docs/measure_yield.py [SPECS]`: random specs whose plan's estimate is compared with 40,000 simulated pads of
+another seed, and as many small ones of which every layout is planned; half an hour for 200.
+"""
+
+import random
+import sys
+import time
+from collections.abc import Iterator
+
+import numpy as np
+
+from padgen.core.errors import PadgenError
+from padgen.core.units import decibel
+from padgen.planner import Plan, make_plan
+from padgen.planner.capacity import channel_limit
+from padgen.planner.layout import SLACK_MM, candidates
+from padgen.planner.make import Choice, _assemble, _decided, _driven, choose
+from padgen.planner.printed_pads import STAGES, design_of, printed, spreads_of
+from padgen.planner.search import _beams, _within_reach
+from padgen.spec import Spec, parse_spec
+
+SPECS, PADS, SMALL_PADS = 200, 40_000, 4000
+PRINTERS = ("fdm-0.4", "fdm-0.4", "fdm-0.25", "resin-0.05")
+
+
+def random_spec(seed: int, most: int) -> Spec:
+    """A spec of up to `most` taxels, whose layout is free in two of three."""
+    rng = random.Random(seed)
+    side, low = rng.choice((18, 25, 30, 40, 50)), rng.uniform(30, 90)
+    taxels = rng.choice([n for n in (2, 3, 4, 5, 6, 8, 9, 10, 12, 15, 16, 18, 20, 24, 32, 48) if n <= most])
+    text = f"""
+name = "random-{seed}"
+resolution = {taxels}
+band_hz = [{low:.0f}, {low * rng.uniform(2.5, 8):.0f}]
+q_min = {rng.choice((8, 10, 15, 20, 30))}
+delta_y = {rng.choice((3, 5, 7, 10))}
+printer = "{rng.choice(PRINTERS)}"
+pad = {{ width_mm = {side}, depth_mm = {rng.choice((side, 25))} }}
+"""
+    rows, columns = rng.choice(((0, 0), (0, 0), (2, 2), (2, 3)))
+    return parse_spec(text + (f"coil = {{ grid = [{rows}, {columns}] }}\n" if rows and most > 24 else ""))
+
+
+def kept(plan: Plan, pads: int, seed: int = 1) -> tuple[float, float]:
+    """Share of simulated re-tuned pads that keep what is asked, and the dB that as many keep as the spec wants."""
+    prints = printed(design_of(plan, None), spreads_of(plan.spec), pads, seed, STAGES[-1:])
+    with np.errstate(divide="ignore"):
+        db = 10 * np.log10(prints.ratio[0])
+    return float(prints.good[0].mean()), float(np.sort(db)[int((1 - plan.spec.print_share) * pads)])
+
+
+def every_layout(spec: Spec) -> Iterator[Choice]:
+    """Each layout with room, in each of its divisions, under each reuse, drive and gap that the spec leaves free."""
+    for decided in _decided(spec):
+        for layout in candidates(decided, channel_limit(decided)):
+            beams = layout.margin_mm >= -SLACK_MM and _beams(decided, layout)
+            if beams and _within_reach(decided, layout, beams):
+                yield Choice(decided, layout, beams)
+
+
+def order(choice: Choice) -> tuple[bool, int]:
+    """What is wanted of layouts whose prints work: no empty places, few coils."""
+    return choice.layout.surplus > 0, choice.layout.coils
+
+
+def shortfall(spec: Spec, pads: int) -> tuple[float, int, int]:
+    """How much the share of the search's choice falls short, its coils beyond the fewest, and the layouts.
+
+    Of the share asked where some layout reaches it, else of the best.
+    """
+    chosen = choose(spec)
+    share = kept(_assemble(chosen, *_driven(chosen)), pads)[0]
+    found = [(kept(_assemble(one, *_driven(one)), pads)[0], one) for one in every_layout(spec)]
+    most = max(share for share, _ in found)
+    if most < spec.print_share:
+        return most - share, 0, len(found)
+    fewest = min(order(one) for share, one in found if share >= spec.print_share)
+    return spec.print_share - share, order(chosen)[1] - fewest[1] if order(chosen) > fewest else 0, len(found)
+
+
+def estimates(specs: int) -> list[str]:
+    seed, off = 0, []
+    while len(off) < specs:
+        seed += 1
+        try:
+            plan = make_plan(random_spec(seed, 48))
+        except PadgenError:
+            continue
+        share, db = kept(plan, PADS)
+        told = plan.prints
+        alone = told.print_db is None or not np.isfinite(db)
+        off.append(
+            (0.0 if alone else told.print_db - db, told.good_share - share, told.error_db or 0.0, told.error_share)
+        )
+        print(seed, plan.name, told.pads, *(f"{value:.4f}" for value in (*off[-1], share, db)), file=sys.stderr)
+    db, share, error_db, error_share = np.abs(np.array(off)).T
+    rows = [("print_db, dB", db, error_db, 0.01), ("share of good pads, %", 100 * share, 100 * error_share, 1e-9)]
+    table = [
+        "| of the plan's estimate | median off | 95 % | largest | within its stated error |",
+        "|---|---|---|---|---|",
+    ]
+    for name, values, stated, rounding in rows:
+        figures = " | ".join(f"{value:.2f}" for value in (np.median(values), np.quantile(values, 0.95), values.max()))
+        table.append(f"| {name} | {figures} | {np.mean(values <= stated + rounding):.0%} |")
+    return table
+
+
+def searches(specs: int) -> list[str]:
+    seed, found, times = 10_000, [], []
+    while len(found) < specs:
+        seed += 1
+        spec = random_spec(seed, 24)
+        start = time.process_time()
+        try:
+            choose(spec)
+        except PadgenError:
+            continue
+        times.append(time.process_time() - start)
+        found.append(shortfall(spec, SMALL_PADS))
+        print(seed, f"{times[-1]:.2f} s", found[-1], f"{decibel(spec.delta_y):.0f} dB", file=sys.stderr)
+    short, coils, layouts = np.array(found).T
+    large = np.array(times)[layouts >= 200]
+    return [
+        f"{specs} small specs of {layouts.min():.0f} to {layouts.max():.0f} layouts (median {np.median(layouts):.0f}):"
+        f" share short by more than 1 % in {(short > 0.01).sum()}, at most {max(short.max(), 0):.1%}; more coils than"
+        f" needed in {(coils > 0).sum()}. Search: median {np.median(times):.2f} s, largest {max(times):.2f} s,"
+        f" of 200 layouts or more {large.max() if len(large) else 0:.2f} s ({len(large)} specs) of processor time",
+    ]
+
+
+if __name__ == "__main__":
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else SPECS
+    for part in (estimates, searches):
+        print("\n".join(["", *part(count)]), flush=True)
