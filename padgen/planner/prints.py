@@ -5,7 +5,7 @@ from math import sqrt
 import numpy as np
 
 from padgen.planner.plan import Plan, Prints
-from padgen.planner.printed_pads import STAGES, design_of, printed, spreads_of, work
+from padgen.planner.printed_pads import STAGES, design_of, printed, ratio_spread, spreads_of, work
 
 __all__ = ["NOT_PRINTED", "on_paper_db", "what_prints_keep"]
 
@@ -14,20 +14,21 @@ PADS, FEWEST = 1000, 100
 WORK = 4e6
 """Responses that are computed at most."""
 CONFIDENT = 1.96
-NOT_PRINTED = Prints(None, None, None, None, 0.0, 0.0, 0, None, 1.0)
+NOT_PRINTED = Prints(None, None, None, None, 0.0, 0.0, 0, None, 1.0, 0.0, ())
 """Of a plan whose prints are not simulated yet."""
 
 
 def what_prints_keep(plan: Plan, pads: int = PADS) -> Prints:
     """Simulate up to `pads` prints of `plan`, always the same ones."""
-    design = design_of(plan, None)
+    design, spreads, columns = design_of(plan, None), spreads_of(plan.spec), plan.coils.columns
     made = int(min(pads, max(WORK / work(design), FEWEST)))
-    prints, share = printed(design, spreads_of(plan.spec), made, 0), plan.spec.print_share
+    prints, share = printed(design, spreads, made, 0), plan.spec.print_share
     kept = np.sort(10 * np.log10(np.maximum(prints.ratio, np.finfo(float).tiny)), axis=1)
     reached = kept[:, min(int((1 - share) * made), made - 1)].tolist()
     good = float(prints.good[-1].mean())
     taxels = float(prints.good_taxels[-1].mean()) / len(plan.taxels)
     heard = bool(np.isfinite(kept).all())
+    of_coils = dict(zip([t.coil for t in plan.taxels], (prints.good_coils[-1] / made).tolist(), strict=True))
     dbs = dict(zip(STAGES, reached if heard else [None] * len(STAGES), strict=True))
     # Ranks between which the quantile lies, by the normal limit of the binomial law.
     away = CONFIDENT * sqrt(made * share * (1 - share))
@@ -42,6 +43,8 @@ def what_prints_keep(plan: Plan, pads: int = PADS) -> Prints:
         pads=made,
         error_db=float(kept[-1, high] - kept[-1, low]) / 2 if heard else None,
         error_share=_half_width(good, made),
+        ratio_spread=ratio_spread(design, spreads),
+        coil_shares=tuple(of_coils.get(divmod(k, columns), 1.0) for k in range(plan.coils.rows * columns)),
     )
 
 

@@ -150,8 +150,9 @@ def plan_text(plan: "Plan") -> str:
     bound = (
         f"capacity of a coil: {capacity.paper} channels by the paper's bound ({capacity.paper_unrounded:.2f},"
         f" ratio {number(capacity.ratio)}), {capacity.exact_one_hot} by the exact response with one channel on,"
-        f" {_counted(capacity.exact, capacity.searched_to)} in all states with {figures.drive}; limited by"
-        f" {capacity.limit}"
+        f" {_counted(capacity.exact, capacity.searched_to)} in all states with {figures.drive},"
+        f" {capacity.prints} where {plan.spec.print_share:.0%} of prints are to keep it (ratios of neighbours"
+        f" ± {plan.prints.ratio_spread:.1%}); limited by {capacity.limit}"
     )
     lines = [head, bound, "", _channel_table(plan.channels), "", _beam_table(plan.channels), "", *_drive_lines(plan)]
     lines.append(_touched_line(plan))
