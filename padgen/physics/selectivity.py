@@ -311,11 +311,12 @@ def print_share(
         sigmas = NormalDist().inv_cdf((1 + share ** (1 / (coils * len(of.line)))) / 2)
         need = need * (1 + (2 * float(of.q.max()) * np.sinh(sigmas * missed)) ** 2)
     hz, q = of.resonance_hz[:, None, None], of.q[:, None, None]
-    total, log_share = off_energy(of, scheme)[:, None, None], 0.0
-    for part in scheme_lines(of, scheme):
-        heard = line_energy(of, part)
+    parts = [(part, line_energy(of, part)) for part in scheme_lines(of, scheme)]
+    for part, heard in parts:
         for maker in part.makers:
             heard[maker, :, np.arange(len(maker))] = 0.0
+    total, log_share = sum(heard.sum((1, 2), keepdims=True) for _, heard in parts), 0.0
+    for part, heard in parts:
         left = np.maximum(1 / need - (0.0 if scheme.takes_turns else total - heard), LEAST)
         apart = np.abs(np.log(part.hz / hz))
         peak = heard * (1 + (2 * q * np.sinh(apart)) ** 2)
