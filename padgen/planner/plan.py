@@ -449,7 +449,7 @@ class Plan:
         return plan_html(self)
 
     def plot(self) -> Any:
-        """Draw the pad and the ladder of its resonances; a `matplotlib.figure.Figure`."""
+        """Draw the pad, with each coil's share of good prints, and its resonances; a `matplotlib.figure.Figure`."""
         from padgen.report.plan_view import plan_figure
 
         return plan_figure(self)
