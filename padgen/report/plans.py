@@ -358,11 +358,15 @@ def explanation_text(explanation: "Explanation") -> str:
     keep = "channel per coil keeps" if held == 1 else "channels per coil keep"
     lines = [f"{held} {keep} what was asked (driven {explanation.drive}); one more is stopped by"]
     lines += [f"  - {limit}" for limit in explanation.limits] or ["  - nothing that was tried"]
+    shares = ", ".join(f"{k} {share:.1%}" for k, share in enumerate(explanation.channel_shares))
+    lines.append(f"prints in which a taxel is good once re-tuned, by channel: {shares}")
     if explanation.changes:
         rows = [
             (
                 change.change,
                 change.cost,
+                "" if change.good_share is None else f"{change.good_share:.0%}",
+                "" if change.print_db is None else f"{change.print_db:.1f}",
                 f"{change.gained:+d} ({change.drive})" if change.gained else "",
                 f"{change.gained_in_band:+d}" if change.gained_in_band else "",
                 "" if change.gained_db is None else f"{change.gained_db:+.1f}",
@@ -372,7 +376,7 @@ def explanation_text(explanation: "Explanation") -> str:
         lines += [
             "",
             "what one change buys:",
-            table(("change", "costs", "channels", "if there were room", "gain dB"), rows),
+            table(("change", "costs", "prints", "keep dB", "channels", "if there were room", "gain dB"), rows),
         ]
     laws = list(dict.fromkeys(row.level_law for row in explanation.capacities))
     by_scheme: dict[str, list[str]] = {}
