@@ -50,6 +50,8 @@ def test_changes_keep_what_they_promise(explained):
             planned = make_plan(replace(other, coil=replace(other.coil, grid=(2, 2))))
             gained = planned.selectivity.kept_db - plan.selectivity.kept_db
             assert gained == pytest.approx(change.gained_db)
+            assert change.good_share in (None, planned.prints.good_share)
+            assert change.print_db in (None, planned.prints.print_db)
 
 
 def test_one_more_than_held_does_not_hold(explained):
@@ -113,9 +115,17 @@ def test_optimised_spacing_is_tried(explained):
     assert change.gained_db > 1
 
 
-def test_changes_are_ranked_by_what_they_buy_then_by_cost(explained):
-    changes = explained[2].changes
-    assert [c.gained for c in changes] == sorted((c.gained for c in changes), reverse=True)
+def test_changes_are_ranked_by_what_prints_keep_then_by_what_they_buy(explained):
+    _, plan, explanation = explained
+    changes, asked = explanation.changes, plan.spec.print_share
+    assert (explanation.good_share, explanation.print_db) == (plan.prints.good_share, plan.prints.print_db)
+    assert plan.prints.good_share < asked
+    works = [c.good_share is not None and c.good_share >= asked for c in changes]
+    assert any(works) and works == sorted(works, reverse=True)
+    gained = [c.gained for c, good in zip(changes, works, strict=True) if good]
+    assert gained == sorted(gained, reverse=True)
+    lacking = [(-(c.good_share or 0.0), -(c.print_db or 0.0)) for c in changes[sum(works) :]]
+    assert lacking == sorted(lacking)
     assert any("Q 15 → " in c.change and c.gained_in_band > 0 for c in changes)
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -74,7 +75,8 @@ class Change:
 class Explanation:
     """`channels` per coil keep what was asked on this grid with `drive`; `limits` say what stops one more.
 
-    `channel_shares` (n,) are of the prints in which a taxel of each channel is good, re-tuned.
+    As planned, `good_share` of the re-tuned prints keep it, and the asked share of them `print_db`, as in `Change`;
+    `channel_shares` (n,) are of the prints in which a taxel of each channel is good.
     """
 
     channels: int
@@ -83,6 +85,8 @@ class Explanation:
     changes: tuple[Change, ...]
     capacities: tuple[CapacityRow, ...]
     channel_shares: tuple[float, ...]
+    good_share: float | None
+    print_db: float | None
 
 
 def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None) -> Explanation:
@@ -94,10 +98,9 @@ def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None
     planned = _figures(spec, grid, count)
     now = planned.kept_db if planned else None
     shares = _channel_shares(plan)
-    weakest = int(np.argmin(shares))
-    share_now, print_now_db = _prints(spec, grid, count)
+    share_now, print_now_db = now_printed = _prints(spec, grid, count)
     changes = []
-    for cost, words, varied in _changes(plan, weakest):
+    for cost, words, varied in _changes(plan):
         progress(words)
         channels, scheme = _channels_held(varied, grid, least)
         optimise = varied.spacing != spec.spacing and count <= OPTIMISED_TRIED
@@ -107,19 +110,18 @@ def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None
         more_in_band = 0 if in_band >= MOST_IN_BAND else _channels_in_band(varied) - in_band
         prints = _prints(varied, grid, count, optimise)
         change = Change(words, COSTS[cost], channels, scheme, channels - held, more_in_band, gained_db, *prints)
-        more_db = max(
-            gained_db or 0.0, (prints[1] or 0.0) - (print_now_db or 0.0) if prints[1] and print_now_db else 0.0
-        )
+        more_db = max(gained_db or 0.0, (prints[1] or -inf) - (print_now_db or inf))
         prints_more = (prints[0] or 0.0) - (share_now or 0.0) > WORTH_SHARE
         if prints_more or change.gained > 0 or (change.gained == 0 and (more_in_band > 0 or more_db > WORTH_DB)):
             changes.append(change)
     changes.sort(key=lambda change: _rank(change, spec.print_share))
     limits = tuple(_limits(plan, held, drive))
-    return Explanation(held, drive, limits, tuple(changes), tuple(_capacities(spec)), tuple(shares.tolist()))
+    capacities = tuple(_capacities(spec))
+    return Explanation(held, drive, limits, tuple(changes), capacities, tuple(shares.tolist()), *now_printed)
 
 
 def _rank(change: Change, asked: float) -> tuple[float, ...]:
-    """Sort by the prints up to the share that is `asked`, below it by what they keep; then by channels, then by cost."""
+    """Sort by good prints up to the share `asked`, below it by what they keep; then by channels, then by cost."""
     share, print_db = change.good_share or 0.0, change.print_db or 0.0
     short_db = -print_db if share < asked else 0.0
     return -min(share, asked), short_db, -change.gained, -change.gained_in_band, COSTS.index(change.cost), -print_db
@@ -262,18 +264,18 @@ def _room_limits(plan: Plan, more: int) -> Iterator[str]:
         yield f"printable beams: no set of beams in the sub-cells reaches {more} resonances in {band}"
 
 
-def _changes(plan: Plan, weakest: int = 0) -> Iterator[tuple[int, str, Spec]]:
+def _changes(plan: Plan) -> Iterator[tuple[int, str, Spec]]:
     """Cost (index into `COSTS`), words and spec of what may be tried."""
     table = without_none(asdict(plan.spec))
-    for cost, words, changed in _tables(plan, weakest):
+    for cost, words, changed in _tables(plan):
         try:
             yield cost, words, make_spec(without_none({**table, **changed}))
         except SpecError:
             continue
 
 
-def _tables(plan: Plan, weakest: int) -> Iterator[tuple[int, str, dict[str, Any]]]:
-    spec, own = plan.spec, plan.channels[weakest].beam
+def _tables(plan: Plan) -> Iterator[tuple[int, str, dict[str, Any]]]:
+    spec, weakest = plan.spec, max(plan.channels, key=lambda channel: channel.print_spread)
     drive, (low, high) = asdict(spec.drive), spec.band_hz
     if spec.resonances_hz:
         yield 0, "no resonances_hz, so that the search spreads them", {"resonances_hz": None}
@@ -294,11 +296,11 @@ def _tables(plan: Plan, weakest: int) -> Iterator[tuple[int, str, dict[str, Any]
         if getattr(spec.suspension, key) != default:
             yield 0, f"suspension.{key} = {default!r}", {"suspension": {**asdict(spec.suspension), key: default}}
     for name in SUSPENSIONS.names():
-        if name not in (spec.suspension.topology, own.topology):
+        if name not in (spec.suspension.topology, weakest.beam.topology):
             yield 0, f"suspension.topology = {name!r}", {"suspension": {**asdict(spec.suspension), "topology": name}}
-    thicker = number(round(own.thickness_mm + spec.printer.layer_mm, 6))
+    thicker = number(round(weakest.beam.thickness_mm + spec.printer.layer_mm, 6))
     beams = {**asdict(spec.suspension), "thickness_mm": float(thicker)}
-    yield 0, f"suspension.thickness_mm = {thicker} (a layer more than channel {weakest})", {"suspension": beams}
+    yield 0, f"suspension.thickness_mm = {thicker} (a layer more than channel {weakest.index})", {"suspension": beams}
     if not spec.spread.bed_meshed:
         yield 1, "bed_meshed = true (mesh the bed first)", {"spread": {**asdict(spec.spread), "bed_meshed": True}}
     yield 1, f"band from {number(low * 1.25)} Hz, for thicker beams", {"band_hz": (low * 1.25, high)}

@@ -295,7 +295,7 @@ def ratio_spread(design: Design, spreads: Spreads) -> float:
         total = covariance(pair, spreads)
         each = np.diag(total)
         worst = max(worst, float((each[1:] + each[:-1] - 2 * np.diag(total, 1)).max()))
-    return worst**0.5
+    return float(np.sqrt(worst))
 
 
 def log_detuning(design: Design, spreads: Spreads, seed: int, unit: int, pads: int) -> np.ndarray:

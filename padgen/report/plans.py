@@ -9,7 +9,7 @@ from padgen.core.finding import LEVELS, Finding
 
 if TYPE_CHECKING:
     from padgen.make.pad import Built
-    from padgen.planner.explain import Explanation
+    from padgen.planner.explain import Change, Explanation
     from padgen.planner.plan import Channel, Plan
     from padgen.planner.print_yield import PrintYield, Share
 
@@ -361,12 +361,12 @@ def explanation_text(explanation: "Explanation") -> str:
     shares = ", ".join(f"{k} {share:.1%}" for k, share in enumerate(explanation.channel_shares))
     lines.append(f"prints in which a taxel is good once re-tuned, by channel: {shares}")
     if explanation.changes:
-        rows = [
+        rows = [("as it is", "", *_printed_cells(explanation), "", "", "")]
+        rows += [
             (
                 change.change,
                 change.cost,
-                "" if change.good_share is None else f"{change.good_share:.0%}",
-                "" if change.print_db is None else f"{change.print_db:.1f}",
+                *_printed_cells(change),
                 f"{change.gained:+d} ({change.drive})" if change.gained else "",
                 f"{change.gained_in_band:+d}" if change.gained_in_band else "",
                 "" if change.gained_db is None else f"{change.gained_db:+.1f}",
@@ -385,6 +385,11 @@ def explanation_text(explanation: "Explanation") -> str:
     columns = ["drive", *(law if isinstance(law, str) else f"1/f^{law:g}" for law in laws)]
     lines += ["", "most channels in the band, with one on and in all states, by level law:"]
     return "\n".join([*lines, table(columns, [(name, *cells) for name, cells in by_scheme.items()])])
+
+
+def _printed_cells(of: "Explanation | Change") -> tuple[str, str]:
+    share = "" if of.good_share is None else f"{of.good_share:.0%}"
+    return share, "" if of.print_db is None else f"{of.print_db:.1f}"
 
 
 def yield_text(result: "PrintYield") -> str:
