@@ -102,13 +102,15 @@ def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None
     changes = []
     for cost, words, varied in _changes(plan):
         progress(words)
-        channels, scheme = _channels_held(varied, grid, least)
         optimise = varied.spacing != spec.spacing and count <= OPTIMISED_TRIED
         figures = _figures(varied, grid, count, optimise) if count <= MOST_TRIED else None
+        if figures is None and count <= MOST_TRIED:
+            continue  # The pad itself could not be laid out any more.
+        channels, scheme = _channels_held(varied, grid, least)
         after = figures.kept_db if figures else None
         gained_db = after - now if after is not None and now is not None else None
         more_in_band = 0 if in_band >= MOST_IN_BAND else _channels_in_band(varied) - in_band
-        prints = _prints(varied, grid, count, optimise)
+        prints = _prints(varied, grid, count, optimise) if figures else (None, None)
         change = Change(words, COSTS[cost], channels, scheme, channels - held, more_in_band, gained_db, *prints)
         more_db = max(gained_db or 0.0, (prints[1] or -inf) - (print_now_db or inf))
         prints_more = (prints[0] or 0.0) - (share_now or 0.0) > WORTH_SHARE
