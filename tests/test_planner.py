@@ -57,6 +57,17 @@ def test_fewest_coils_whose_prints_work():
     assert less.coils.rows * less.coils.columns < 16 and less.prints.good_share >= less.spec.print_share
 
 
+@pytest.mark.parametrize(("rows", "columns", "axis"), [(2, 4, "y_mm"), (4, 2, "x_mm")])
+def test_a_layout_with_a_hole_is_a_warning(rows, columns, axis, paper_plan):
+    """Rows 6.25, 18.75, 6.25 mm apart over 2 x 4 coils, columns over 4 x 2; paper-32 is even."""
+    plan = plan_of(extra=f"[coil]\ngrid = [{rows}, {columns}]\n")
+    gaps = np.diff(sorted({round(getattr(taxel, axis), 3) for taxel in plan.taxels}))
+    assert gaps == pytest.approx([6.25, 18.75, 6.25], abs=0.01)
+    (found,) = (f for f in plan.findings if f.code == "layout.pitch")
+    assert found.level == "warning" and "6.25 to 18.75 mm apart" in found.message
+    assert "layout.pitch" not in {f.code for f in paper_plan.findings}
+
+
 def test_only_width_differs_where_it_reaches(paper_plan):
     beams = [c.beam for c in paper_plan.channels]
     assert len({(b.thickness_mm, b.length_mm, b.topology) for b in beams}) == 1

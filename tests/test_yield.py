@@ -11,6 +11,9 @@
 | neighbours swapped, too close | normal law of their distance | 4 sigma | sampling only |
 | share of lone taxels | normal law over the half-power band | 4 sigma | independent taxels |
 | one printed coil | all 2^n states with complex receptances | 1e-9 dB | the same sums in another order |
+| capacity that prints, closed form | Monte-Carlo of the ladders | 1 channel | of all lines one comes near |
+| same, two channels in turn | normal law of their ratio | 1e-9 | the same formula, by another distribution function |
+| spread of a ratio | sample of simulated prints | 4 sigma | sampling only |
 | intervals | Wilson's formula | 1e-3 of the width | whole numbers of independent taxels |
 """
 
@@ -27,16 +30,18 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from padgen.physics.ladder import ladder_ratio
+from padgen.physics.ladder import geometric_ladder, ladder_ratio
 from padgen.physics.leakage import Leakage
+from padgen.physics.levels import LevelLaw
 from padgen.physics.resonator import receptance
 from padgen.physics.schemes import in_order
-from padgen.physics.selectivity import Scheme
+from padgen.physics.selectivity import Scheme, channels, print_share
 from padgen.planner import Plan, make_plan, plan_to_json
 from padgen.planner import printed_pads as module
+from padgen.planner.capacity import largest_counts, printed_count
 from padgen.planner.print_yield import OUTCOMES, print_yield
 from padgen.planner.printed_pads import Spreads, spreads_of
-from padgen.planner.prints import NOT_PRINTED, compared_prints
+from padgen.planner.prints import NOT_PRINTED, compared_prints, what_prints_keep
 from padgen.planner.reuse import _lines_apart
 from padgen.spec import load_spec, parse_spec
 from tests.print_and_count import kept_db
@@ -370,6 +375,82 @@ def test_neighbours_that_swapped_or_came_too_close():
     assert result.crowded_share == pytest.approx(np.mean(crowded), abs=sampling)
 
 
+# Capacity with a guard band, in closed form
+
+BAND_HZ, COILS = (20.0, 1000.0), 16
+
+
+def good_share(count, q, law, scheme, need, sigma, stage, pads=200):
+    """Share of simulated pads that are good: the ladder over 16 coils, each taxel with a sigma of its own."""
+    hz, one = geometric_ladder(*BAND_HZ, count), np.ones(count)
+    weight = np.zeros((8, count))
+    weight[module.NAMES.index("thickness_mm")] = 1.0
+    design = module.Design(
+        *(hz, q * one, one, one, np.zeros((2, count)), 1.0, law, scheme, need, 1.0, weight, np.zeros((count, 3))),
+        *(np.tile(np.arange(count), COILS), np.zeros((count * COILS, 2)), 50.0),
+        (module.Coils(np.arange(count), np.arange(count * COILS).reshape(COILS, count).T),),
+    )
+    return module.printed(design, only(thickness_mm=sigma), pads, 1, (stage,)).good.mean()
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize(
+    ("q", "asked_db", "law", "sigma", "stage"),
+    [
+        (15, 20, 1, 0.03, "retuned"),
+        (60, 14, 0, 0.03, "retuned"),
+        (30, 20, 1, 0.01, "some"),
+        (30, 17, 2, 0.01, "retuned"),
+    ],
+)
+def test_channels_that_print_are_the_monte_carlos(scheme, q, asked_db, law, sigma, stage):
+    """One channel less prints well, and two more do not (0.05 is 2 sigma of 200 pads).
+
+    Biased at 1/f², where differences of pairs decide, whose amplitudes a print changes, may be three channels off.
+    """
+    slack = 3 if (scheme, law) == ("biased", 2) else 1
+    law, drive = LevelLaw(law), Scheme(scheme)
+    spreads = (sigma, 0.0) if stage == "retuned" else (0.0, sigma)
+    found = printed_count(BAND_HZ, q, law, drive, asked_db, 0.9, COILS, *spreads)
+    exact, _ = largest_counts(BAND_HZ, q, law, drive, asked_db)
+    need = 10 ** (asked_db / 10)
+    fewer, more = found - slack, found + slack + 1
+    assert fewer < 2 or good_share(fewer, q, law, drive, need, sigma, stage) > 0.85
+    assert more > exact or good_share(more, q, law, drive, need, sigma, stage) < 0.95
+    assert printed_count(BAND_HZ, q, law, drive, asked_db, 0.9, COILS, 0.0) == exact
+
+
+def test_two_channels_in_turn_print_as_their_ratio_does():
+    q, sigma, need = 15.0, 0.1, 100.0
+    hz = np.array([50.0, 75.0])
+    closest = np.arcsinh(sqrt(need - 1) / (2 * q))
+    alone = norm.cdf((log(1.5) - closest) / (sqrt(2) * sigma)) + norm.cdf((-log(1.5) - closest) / (sqrt(2) * sigma))
+    found = print_share(channels(hz, q, LevelLaw(1)(hz)), Scheme("time-shared"), need, 5, sigma)
+    assert 0.1 < found == pytest.approx(alone**5, rel=1e-9)
+    # Eq. 12 asks for 1.4: it takes √(Δy² − 1) for Δy and the response as straight.
+    assert np.exp(closest) == pytest.approx(ladder_ratio(q, 10), rel=0.015)
+
+
+def test_spread_of_a_ratio_and_coils_of_a_plan():
+    """The worst pair's ratio as simulated prints have it, and each coil's share with its taxels'."""
+    plan = make_plan(load_spec("triple-48"))
+    design, spreads, pads = module.design_of(plan, None), spreads_of(plan.spec), 4000
+    log_x = module.log_detuning(design, spreads, 3, 0, pads)[2]
+    # Of both sets of resonances.
+    pairs = [np.diff(log_x[module.coils_of(plan)[coil]], axis=0) for coil in ((0, 0), (0, 1))]
+    sampled = np.std(pairs, axis=-1).max()
+    assert plan.prints.ratio_spread == pytest.approx(sampled, rel=4 / sqrt(2 * pads))
+    assert 1 <= plan.capacity.prints < plan.capacity.exact
+    plan = replace(plan, selectivity=replace(plan.selectivity, asked_db=21.5))
+    prints = what_prints_keep(plan)
+    taxels = print_yield(plan, prints.pads).good_prints
+    assert len(set(prints.coil_shares)) > 1
+    for (row, column), own in module.coils_of(plan).items():
+        share = prints.coil_shares[row * plan.coils.columns + column]
+        assert prints.good_share <= share <= min(taxels[i] for i in own)
+    assert prints.good_share >= 1 - sum(1 - share for share in prints.coil_shares)
+
+
 # What costs most
 
 
@@ -461,7 +542,8 @@ def test_the_plans_estimate_is_the_monte_carlos(seed):
     plan = make_plan(random_spec(seed, 48) if seed else load_spec("paper-32"))
     many, quick = print_yield(plan, 10_000, seed=1), plan.prints
     assert quick.print_db == pytest.approx(many.retuned.reached_by_90_percent_db, abs=0.3)
-    assert quick.planned_db == pytest.approx(many.planned.reached_by_90_percent_db, abs=0.6)
+    # As planned, prints scatter most: the tenth-worst of a thousand is known to 0.5 dB (one sigma).
+    assert quick.planned_db == pytest.approx(many.planned.reached_by_90_percent_db, abs=1.2)
     assert quick.good_share == pytest.approx(many.retuned.pads.share, abs=0.02)
     assert 0 < quick.error_db < 0.3 and quick.error_share < 0.02
     assert (quick.pads > 1000) == (seed is not None)

@@ -11,6 +11,7 @@ from padgen.core.errors import SpecError, plain
 __all__ = ["add"]
 
 MOST_PADS = 10_000_000
+PLOT_FILE = "plan.svg"
 
 
 def add(commands: Any) -> None:
@@ -28,6 +29,11 @@ def add(commands: Any) -> None:
         help="print it so many times in the computer (default: %(const)s): how many come out selective, and why not",
     )
     parser.add_argument("--seed", type=int, default=0, help="of --yield; the same seed, the same figures (default: 0)")
+    parser.add_argument(
+        "--plot",
+        action="store_true",
+        help=f"write {PLOT_FILE}: the pad to scale, which coils' prints suffer, resonances",
+    )
     parser.add_argument("--verbose", action="store_true", help="all tables and notes")
     add_model(parser)
     add_output(parser)
@@ -53,6 +59,10 @@ def _plan(options: argparse.Namespace) -> int:
         out.write("plan.json", text)
         if printed:
             out.write(YIELD_FILE, json_text(asdict(printed)))
+        if options.plot:
+            from padgen.core.plots import plot_bytes
+
+            out.write(PLOT_FILE, plot_bytes(plan.plot(), "svg"))
         stale = out.commit()
     if options.json:
         parts = {"explain": explanation, "yield": printed}
@@ -60,7 +70,7 @@ def _plan(options: argparse.Namespace) -> int:
         print(json_text({**json.loads(text), **present}) if present else text, end="")
     else:
         _print_plan(plan, explanation, printed, options.verbose)
-        show(f"\nwritten: {plain(str(folder / 'plan.json'))}{f'  {YIELD_FILE}' if printed else ''}")
+        show(f"\nwritten: {plain(str(folder / 'plan.json'))}{''.join(f'  {name}' for name in out.names[1:])}")
         if stale:
             show(f"the other files in {plain(str(folder))} are of an earlier plan; padgen build makes them anew")
     return code_of(plan.findings)

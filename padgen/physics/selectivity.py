@@ -23,6 +23,7 @@ hears of a line is another number then, and the lines' energies still only add.
 
 from collections.abc import Iterator
 from functools import lru_cache
+from math import erfc
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -47,6 +48,7 @@ __all__ = [
     "one_hot_db",
     "own_lines",
     "pair_lines",
+    "print_share",
     "scheme_lines",
     "tone_energy",
 ]
@@ -54,6 +56,8 @@ __all__ = [
 BLOCK = 1 << 15
 """Responses that are worked on at a time: what stays in a core's cache."""
 MANY = 1 << 62
+FARTHEST_SIGMA, LEAST = 8.0, 1e-300
+"""Beyond so many sigma nothing comes too near; what stands for no energy at all."""
 
 
 class Scheme(NamedTuple):
@@ -280,6 +284,54 @@ def loudest_line(
             kinds = ("tone", "harmonic") if len(part.makers) == 1 else ("sum", "difference")
             found = tuple(int(maker[at]) for maker in part.makers), kinds[kind]
     return found
+
+
+def print_share(
+    of: Channels, scheme: Scheme, need: float, coils: int, followed: float, missed: float = 0.0, share: float = 0.9
+) -> float:
+    """Share of printed pads of so many `coils` that keep the energy ratio `need` of ON over OFF, in closed form.
+
+    Eq. 12 with a guard band for the print. A line may come as near to an OFF taxel as `need` allows, all other lines
+    staying where they are: in logarithms ``x = arsinh(√(P/b − 1)/2Q)``, P being its energy at the taxel's resonance
+    over that of the ON state and b what the other lines leave of 1/need. For one line of a taxel beside it that is
+    Eq. 12's ``2 artanh(Δy/4Q)`` but for its approximation. Lines that are drawn d apart come nearer than x in
+    ``Φ((x − d)/s)`` of the prints, and pads are good in which none does.
+
+    `followed` is the sigma of each taxel's own ln f that tones follow, so that s is the spread of a ratio (√2
+    `followed` between neighbours). `missed` is the sigma that they do not follow: of a taxel beside its own tone, which
+    also makes ON taxels quieter; `share` is of the pads that lose no more by it than is counted.
+
+    Notes
+    -----
+    After Mohammadi et al. (Eq. 6-12). Geometric ladders, against Monte-Carlo: `docs/yield.md`.
+    """
+    if missed:
+        from statistics import NormalDist
+
+        sigmas = NormalDist().inv_cdf((1 + share ** (1 / (coils * len(of.line)))) / 2)
+        need = need * (1 + (2 * float(of.q.max()) * np.sinh(sigmas * missed)) ** 2)
+    hz, q = of.resonance_hz[:, None, None], of.q[:, None, None]
+    parts = [(part, line_energy(of, part)) for part in scheme_lines(of, scheme)]
+    for part, heard in parts:
+        for maker in part.makers:
+            heard[maker, :, np.arange(len(maker))] = 0.0
+    total, log_share = sum(heard.sum((1, 2), keepdims=True) for _, heard in parts), 0.0
+    for part, heard in parts:
+        left = np.maximum(1 / need - (0.0 if scheme.takes_turns else total - heard), LEAST)
+        apart = np.abs(np.log(part.hz / hz))
+        peak = heard * (1 + (2 * q * np.sinh(apart)) ** 2)
+        closest = np.arcsinh(np.sqrt(np.maximum(peak / left - 1, 0)) / (2 * q))
+        moves = 1.0
+        if len(part.makers) > 1:
+            moves = scheme.pair_scale**2 * sum(of.resonance_hz[maker] ** 2 for maker in part.makers) / part.hz**2
+        elif not missed:  # Of two neighbours each hears the other, but there is one gap between them.
+            closest[:, 0] = np.triu(np.maximum(closest[:, 0], closest[:, 0].T))
+        spread = np.broadcast_to(np.sqrt(missed**2 + followed**2 * (1 + moves) + LEAST), heard.shape)
+        near = (closest > 0) & (apart - closest < FARTHEST_SIGMA * spread)
+        low, high = ((apart + sign * closest)[near] / spread[near] / 2**0.5 for sign in (-1, 1))
+        fails = np.array([(erfc(a) - erfc(b)) / 2 for a, b in zip(low.tolist(), high.tolist(), strict=True)])
+        log_share += float(np.log(np.maximum(1 - fails, LEAST)).sum())
+    return float(np.exp(coils * log_share))
 
 
 @lru_cache(maxsize=64)

@@ -7,14 +7,14 @@ from padgen.core.errors import SpecError, at_least, number
 from padgen.core.units import decibel
 from padgen.physics.ladder import capacity, geometric_ladder, ladder_ratio, slot_half_width, whole_channels
 from padgen.physics.levels import LevelLaw
-from padgen.physics.selectivity import Channels, Scheme, all_states, channels, loudest_line, one_hot_db
+from padgen.physics.selectivity import Channels, Scheme, all_states, channels, loudest_line, one_hot_db, print_share
 from padgen.planner.plan import Capacity
 from padgen.planner.printable import DRAWN_SHARE
 from padgen.planner.resonances import slot_band_hz
 from padgen.planner.settings import level_law
 from padgen.spec import Spec
 
-__all__ = ["channel_limit", "coil_capacity", "largest_counts", "searched_to"]
+__all__ = ["channel_limit", "coil_capacity", "largest_counts", "printed_count", "searched_to"]
 
 WIDEST_HZ = 1e5
 LARGEST_WITH_SPURS = 32
@@ -96,6 +96,31 @@ def largest_counts(
         return states, one_hot
     one_hot = _last(one_hot_holds, SCANNED, most)
     return (_last(states_hold, SCANNED, one_hot) if states == SCANNED else states), one_hot
+
+
+def printed_count(
+    band_hz: tuple[float, float],
+    q: float,
+    law: LevelLaw,
+    scheme: Scheme,
+    target_db: float,
+    share: float,
+    coils: int,
+    followed: float,
+    missed: float = 0.0,
+) -> int:
+    """Most channels on the ladders of `largest_counts` of which `share` of the pads keep `target_db`.
+
+    By `padgen.physics.selectivity.print_share`: `followed` is the sigma of ln f of each taxel that tones follow,
+    `missed` that which they do not.
+    """
+
+    def holds(count: int) -> bool:
+        which = _ladder(band_hz, count, q, law)
+        return print_share(which, scheme, 10 ** (target_db / 10), coils, followed, missed, share) >= share
+
+    most, _ = largest_counts(band_hz, q, law, scheme, target_db)
+    return next((n for n in range(most, 1, -1) if holds(n)), 1) if most <= SCANNED else _last(holds, 1, most)
 
 
 def _last(holds: Callable[[int], bool], low: int, high: int) -> int:

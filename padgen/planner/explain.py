@@ -1,10 +1,14 @@
-"""Which limit keeps a coil from more channels, and what the cheapest changes would buy."""
+"""Which limit keeps a coil from more channels, what its prints suffer from, and what the cheapest changes would buy."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
+from math import inf
 from typing import Any
 
+import numpy as np
+
 from padgen.core.errors import SpecError, number
+from padgen.core.registry import SUSPENSIONS
 from padgen.core.units import decibel
 from padgen.physics.levels import LevelLaw
 from padgen.physics.schemes import in_order
@@ -12,7 +16,9 @@ from padgen.planner.capacity import channel_limit, coil_capacity, largest_counts
 from padgen.planner.channels import plan_channels
 from padgen.planner.drive_scheme import plan_selectivity
 from padgen.planner.layout import SLACK_MM, candidates, explain
+from padgen.planner.make import make_plan
 from padgen.planner.plan import Plan, Selectivity
+from padgen.planner.printed_pads import STAGES, design_of, printed, spreads_of
 from padgen.planner.search import sites_of, sized_layouts
 from padgen.planner.settings import level_law, scheme_named
 from padgen.spec import Spec, catalogue, make_spec
@@ -28,7 +34,7 @@ MOST_IN_BAND = 20
 """Channels up to which it is counted what a change gains were there room."""
 PATIENCE = 2
 """Counts in a row that fail before more channels are given up."""
-WORTH_DB = 0.1
+WORTH_DB, WORTH_SHARE = 0.1, 0.01
 COSTS = ("a line of the spec", "another print", "other parts", "another pad")
 
 
@@ -49,7 +55,9 @@ class Change:
 
     `channels` per coil then keep what was asked, `gained` more than now; `gained_in_band` more would
     if there were room for all (0 where more are not counted); `gained_db` is added to the all-state
-    figure of the planned number. `drive` is the scheme that `channels` per coil take.
+    figure of the planned number. `drive` is the scheme that `channels` per coil take. Planned anew with
+    the change and as many channels as now, `good_share` of the re-tuned prints keep what is asked, and the
+    asked share of them `print_db`; None where that is no plan without errors, or no taxel hears another.
     """
 
     change: str
@@ -59,17 +67,26 @@ class Change:
     gained: int
     gained_in_band: int
     gained_db: float | None
+    good_share: float | None
+    print_db: float | None
 
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """`channels` per coil keep what was asked on this grid with `drive`; `limits` say what stops one more."""
+    """`channels` per coil keep what was asked on this grid with `drive`; `limits` say what stops one more.
+
+    As planned, `good_share` of the re-tuned prints keep it, and the asked share of them `print_db`, as in `Change`;
+    `channel_shares` (n,) are of the prints in which a taxel of each channel is good.
+    """
 
     channels: int
     drive: str
     limits: tuple[str, ...]
     changes: tuple[Change, ...]
     capacities: tuple[CapacityRow, ...]
+    channel_shares: tuple[float, ...]
+    good_share: float | None
+    print_db: float | None
 
 
 def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None) -> Explanation:
@@ -80,20 +97,44 @@ def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None
     (held, drive), in_band = _channels_held(spec, grid, least), _channels_in_band(spec)
     planned = _figures(spec, grid, count)
     now = planned.kept_db if planned else None
+    shares = _channel_shares(plan)
+    share_now, print_now_db = now_printed = _prints(spec, grid, count)
     changes = []
     for cost, words, varied in _changes(plan):
         progress(words)
-        channels, scheme = _channels_held(varied, grid, least)
         optimise = varied.spacing != spec.spacing and count <= OPTIMISED_TRIED
         figures = _figures(varied, grid, count, optimise) if count <= MOST_TRIED else None
+        if figures is None and count <= MOST_TRIED:
+            continue  # The pad itself could not be laid out any more.
+        channels, scheme = _channels_held(varied, grid, least)
         after = figures.kept_db if figures else None
         gained_db = after - now if after is not None and now is not None else None
         more_in_band = 0 if in_band >= MOST_IN_BAND else _channels_in_band(varied) - in_band
-        change = Change(words, COSTS[cost], channels, scheme, channels - held, more_in_band, gained_db)
-        if change.gained > 0 or (change.gained == 0 and (change.gained_in_band > 0 or (gained_db or 0.0) > WORTH_DB)):
+        prints = _prints(varied, grid, count, optimise) if figures else (None, None)
+        change = Change(words, COSTS[cost], channels, scheme, channels - held, more_in_band, gained_db, *prints)
+        more_db = max(gained_db or 0.0, (prints[1] or -inf) - (print_now_db or inf))
+        prints_more = (prints[0] or 0.0) - (share_now or 0.0) > WORTH_SHARE
+        if prints_more or change.gained > 0 or (change.gained == 0 and (more_in_band > 0 or more_db > WORTH_DB)):
             changes.append(change)
-    changes.sort(key=lambda c: (-c.gained, -c.gained_in_band, COSTS.index(c.cost), -(c.gained_db or 0.0)))
-    return Explanation(held, drive, tuple(_limits(plan, held, drive)), tuple(changes), tuple(_capacities(spec)))
+    changes.sort(key=lambda change: _rank(change, spec.print_share))
+    limits = tuple(_limits(plan, held, drive))
+    capacities = tuple(_capacities(spec))
+    return Explanation(held, drive, limits, tuple(changes), capacities, tuple(shares.tolist()), *now_printed)
+
+
+def _rank(change: Change, asked: float) -> tuple[float, ...]:
+    """Sort by good prints up to the share `asked`, below it by what they keep; then by channels, then by cost."""
+    share, print_db = change.good_share or 0.0, change.print_db or 0.0
+    short_db = -print_db if share < asked else 0.0
+    return -min(share, asked), short_db, -change.gained, -change.gained_in_band, COSTS.index(change.cost), -print_db
+
+
+def _channel_shares(plan: Plan) -> np.ndarray:
+    """Share of re-tuned prints in which a taxel of each channel (n,) is good."""
+    design = design_of(plan, None)
+    good = printed(design, spreads_of(plan.spec), plan.prints.pads, 0, STAGES[-1:]).good_prints[0]
+    shares: np.ndarray = np.bincount(design.channel, good) / np.bincount(design.channel) / plan.prints.pads
+    return shares
 
 
 def _channels_in_band(spec: Spec) -> int:
@@ -136,11 +177,7 @@ def _figures(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = Fal
     Unless told to `optimise`, optimised spacing is judged by the evenly spread one: it would take long.
     """
     try:
-        other = replace(spec, resolution=grid[0] * grid[1] * count, coil=replace(spec.coil, grid=grid))
-        if other.spacing == "optimised" and not optimise:
-            other = replace(other, spacing="spread")
-        if count * spec.coil.sets != len(spec.resonances_hz or ()):
-            other = replace(other, resonances_hz=None)
+        other = _narrowed(spec, grid, count, optimise)
         sized = next(sized_layouts(other, candidates(other, channel_limit(other))), None)
     except SpecError:
         return None
@@ -150,6 +187,25 @@ def _figures(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = Fal
     channels = plan_channels(other, beams, sites_of(other, layout, beams))
     pulled = all(channel.force_constant_n_per_a2 > 0 for channel in channels)
     return plan_selectivity(other, channels) if pulled else None
+
+
+def _narrowed(spec: Spec, grid: tuple[int, int], count: int, optimise: bool) -> Spec:
+    other = replace(spec, resolution=grid[0] * grid[1] * count, coil=replace(spec.coil, grid=grid))
+    if other.spacing == "optimised" and not optimise:
+        other = replace(other, spacing="spread")
+    if count * spec.coil.sets != len(spec.resonances_hz or ()):
+        other = replace(other, resonances_hz=None)
+    return other
+
+
+def _prints(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = False) -> tuple[float | None, float | None]:
+    """`Change.good_share` and `Change.print_db` of `count` channels per coil on `grid`."""
+    try:
+        plan = make_plan(_narrowed(spec, grid, count, optimise))
+    except SpecError:
+        return None, None
+    works = all(finding.level != "error" for finding in plan.findings)
+    return (plan.prints.good_share, plan.prints.print_db) if works else (None, None)
 
 
 def _limits(plan: Plan, held: int, drive: str) -> Iterator[str]:
@@ -221,7 +277,7 @@ def _changes(plan: Plan) -> Iterator[tuple[int, str, Spec]]:
 
 
 def _tables(plan: Plan) -> Iterator[tuple[int, str, dict[str, Any]]]:
-    spec = plan.spec
+    spec, weakest = plan.spec, max(plan.channels, key=lambda channel: channel.print_spread)
     drive, (low, high) = asdict(spec.drive), spec.band_hz
     if spec.resonances_hz:
         yield 0, "no resonances_hz, so that the search spreads them", {"resonances_hz": None}
@@ -241,6 +297,15 @@ def _tables(plan: Plan) -> Iterator[tuple[int, str, dict[str, Any]]]:
     for key, default in (("topology", "auto"), ("tune", "width+thickness+length")):
         if getattr(spec.suspension, key) != default:
             yield 0, f"suspension.{key} = {default!r}", {"suspension": {**asdict(spec.suspension), key: default}}
+    for name in SUSPENSIONS.names():
+        if name not in (spec.suspension.topology, weakest.beam.topology):
+            yield 0, f"suspension.topology = {name!r}", {"suspension": {**asdict(spec.suspension), "topology": name}}
+    thicker = number(round(weakest.beam.thickness_mm + spec.printer.layer_mm, 6))
+    beams = {**asdict(spec.suspension), "thickness_mm": float(thicker)}
+    yield 0, f"suspension.thickness_mm = {thicker} (a layer more than channel {weakest.index})", {"suspension": beams}
+    if not spec.spread.bed_meshed:
+        yield 1, "bed_meshed = true (mesh the bed first)", {"spread": {**asdict(spec.spread), "bed_meshed": True}}
+    yield 1, f"band from {number(low * 1.25)} Hz, for thicker beams", {"band_hz": (low * 1.25, high)}
     for factor in (1.5, 2.0):
         yield 1, f"band up to {number(high * factor)} Hz", {"band_hz": (low, high * factor)}
         yield 1, f"band from {number(low / factor)} Hz", {"band_hz": (low / factor, high)}

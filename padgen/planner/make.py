@@ -13,7 +13,7 @@ from padgen.core.errors import InfeasibleError
 from padgen.core.registry import SUSPENSIONS
 from padgen.core.units import decibel
 from padgen.physics.selectivity import Scheme
-from padgen.planner.capacity import channel_limit, coil_capacity
+from padgen.planner.capacity import channel_limit, coil_capacity, printed_count
 from padgen.planner.channels import driven, plan_channels
 from padgen.planner.coil_load import coil_load
 from padgen.planner.drive_scheme import plan_selectivity
@@ -38,7 +38,7 @@ from padgen.planner.prints import NOT_PRINTED, compared_prints, what_prints_keep
 from padgen.planner.resonances import planned_optimum
 from padgen.planner.reuse import cell_is_turned, coil_reuse
 from padgen.planner.search import sites_of, sized_layouts
-from padgen.planner.settings import scheme_named, sets_db
+from padgen.planner.settings import level_law, scheme_named, sets_db
 from padgen.planner.sizing import SizedChannel
 from padgen.planner.taxel_model import plate_shape, post_diameter_mm, recess_mm
 from padgen.planner.touch import touched_pads
@@ -188,7 +188,12 @@ def _at_most_db(choice: Choice) -> float:
 def finish(choice: Choice) -> Plan:
     """The plan of a choice; its channels' beams and models may have been changed since."""
     bare = _assemble(choice, *_driven(choice))
-    known = replace(bare, left_out=left_out(bare), prints=what_prints_keep(bare))
+    spec, prints, coils = bare.spec, what_prints_keep(bare), bare.coils.rows * bare.coils.columns
+    asked = bare.selectivity.asked_db, spec.print_share
+    alike = prints.ratio_spread / 2**0.5
+    printed = printed_count(spec.band_hz, spec.q_min, level_law(spec), bare.scheme, *asked, coils, alike)
+    capacity = replace(bare.capacity, prints=printed)
+    known = replace(bare, left_out=left_out(bare), prints=prints, capacity=capacity)
     return replace(known, findings=judge(known))
 
 

@@ -43,7 +43,9 @@ class Capacity:
     `paper_unrounded` is Eq. 12 before rounding down, `exact_one_hot` counts one channel on at a
     time, `ratio` the smallest ratio of neighbours, `limit` what keeps the pad from more, `breaks`
     the line that makes one channel more than `exact` too many. An `exact` of `searched_to` means that
-    or more. All are of one coil with equal masses and channels evenly in octaves.
+    or more. All are of one coil with equal masses and channels evenly in octaves. `prints` are the channels per coil
+    of which `print_share` of the pads keep what is asked, re-tuned, where the ratio of every two neighbours differs
+    from print to print as `Prints.ratio_spread` says; leakage and other modes are not counted.
     """
 
     paper: int
@@ -54,6 +56,7 @@ class Capacity:
     exact_one_hot: int
     breaks: str
     searched_to: int
+    prints: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -344,6 +347,8 @@ class Prints:
     `some_db` once some taxels have told the smooth field over the bed as well. `good_share` of the pads and
     `good_taxel_share` of the taxels reach what is asked, re-tuned. The dB are None where no taxel hears another.
     Estimated from `pads` simulated ones: with 95 % confidence within `error_db` and `error_share`.
+    `ratio_spread` is the sigma of the ratio of a coil's neighbouring resonances, relative, of the worst pair; that of
+    one channel is of two such taxels. `coil_shares` are of each coil, row by row: its good prints, re-tuned.
     """
 
     print_db: float | None
@@ -355,6 +360,8 @@ class Prints:
     pads: int
     error_db: float | None
     error_share: float
+    ratio_spread: float
+    coil_shares: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -442,7 +449,7 @@ class Plan:
         return plan_html(self)
 
     def plot(self) -> Any:
-        """Draw the pad and the ladder of its resonances; a `matplotlib.figure.Figure`."""
+        """Draw the pad, with each coil's share of good prints, and its resonances; a `matplotlib.figure.Figure`."""
         from padgen.report.plan_view import plan_figure
 
         return plan_figure(self)

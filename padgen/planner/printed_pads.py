@@ -62,6 +62,7 @@ __all__ = [
     "log_resonances",
     "places_of_mm",
     "printed",
+    "ratio_spread",
     "sensitivities",
     "spreads_of",
     "work",
@@ -145,7 +146,7 @@ class Design(NamedTuple):
 class Prints(NamedTuple):
     """Results of pads (p,); the first axis is the stages. `ratio` is an energy, inf where nothing moves OFF taxels.
 
-    `good_prints` (stages, taxels) counts the pads in which a taxel is good.
+    `good_prints` (stages, taxels) counts the pads in which a taxel is good, `good_coils` those in which its coil is.
     """
 
     ratio: np.ndarray
@@ -154,6 +155,7 @@ class Prints(NamedTuple):
     square: np.ndarray
     neighbours: np.ndarray
     good_prints: np.ndarray
+    good_coils: np.ndarray
 
 
 def spreads_of(spec: Spec) -> Spreads:
@@ -281,6 +283,21 @@ def _washer_weight(plan: Plan) -> np.ndarray:
     return weight
 
 
+def ratio_spread(design: Design, spreads: Spreads) -> float:
+    """Sigma of the ratio of neighbouring resonances of a coil, relative, of the worst pair of all kinds of coils.
+
+    What is common to a print goes with each one's share of it, the field with their distance; for one channel, of two.
+    """
+    worst = 0.0
+    for coils in design.coils:
+        index = np.repeat(coils.taxels[:, 0], 2 if len(coils.channels) == 1 else 1)
+        pair = design._replace(channel=design.channel[index], place_mm=design.place_mm[index])
+        total = covariance(pair, spreads)
+        each = np.diag(total)
+        worst = max(worst, float((each[1:] + each[:-1] - 2 * np.diag(total, 1)).max()))
+    return float(np.sqrt(worst))
+
+
 def log_detuning(design: Design, spreads: Spreads, seed: int, unit: int, pads: int) -> np.ndarray:
     """ln of printed over planned resonance (3, taxels, pads): what is common, with the field, with each one's own.
 
@@ -361,6 +378,7 @@ def printed(design: Design, spreads: Spreads, pads: int, seed: int, stages: tupl
         np.zeros(count),
         np.zeros(2),
         np.zeros((many, taxels), int),
+        np.zeros((many, taxels), int),
     )
     for number in range(-(-pads // unit)):
         log_x = log_detuning(design, spreads, seed, number, min(unit, pads - number * unit))
@@ -402,11 +420,13 @@ def _judge(
         off = more + (off_energy(taxel, design.scheme, drivers=driven).reshape(shape) if n > 1 else 0.0 * on)
         good = design.kept * on >= np.maximum(design.need * off, 0.5 if n == 1 else 0.0)
         with np.errstate(divide="ignore"):
-            ratio = (design.kept * on.min(0) / off.max(0)).min(0)
-        prints.ratio[k, block] = np.minimum(prints.ratio[k, block], ratio)
-        prints.good[k, block] &= good.all((0, 1)) if n == 1 else ratio >= design.need
+            ratio = design.kept * on.min(0) / off.max(0)
+        good_coils = good[0] if n == 1 else ratio >= design.need
+        prints.ratio[k, block] = np.minimum(prints.ratio[k, block], ratio.min(0))
+        prints.good[k, block] &= good_coils.all(0)
         prints.good_taxels[k, block] += good.sum((0, 1))
         prints.good_prints[k, coils.taxels] += good.sum(-1)
+        prints.good_coils[k, coils.taxels] += good_coils.sum(-1)
     apart = hz[1:] / hz[:-1]
     limit = design.crowded_ratio
     prints.neighbours[:] += (apart < 1).sum(), ((apart < limit) & (apart > 1 / limit)).sum()

@@ -5,7 +5,7 @@ from math import sqrt
 import numpy as np
 
 from padgen.planner.plan import Plan, Prints
-from padgen.planner.printed_pads import STAGES, Design, design_of, printed, spreads_of, work
+from padgen.planner.printed_pads import STAGES, Design, design_of, printed, ratio_spread, spreads_of, work
 
 __all__ = ["NOT_PRINTED", "compared_prints", "what_prints_keep"]
 
@@ -18,7 +18,7 @@ SURE_SHARE, SURE_DB = 0.013, 0.2
 WORK, MOST_WORK = 4e6, 1.6e7
 """Responses that are computed at most, and where more pads are simulated."""
 CONFIDENT = 1.96
-NOT_PRINTED = Prints(None, None, None, None, 0.0, 0.0, 0, None, 1.0)
+NOT_PRINTED = Prints(None, None, None, None, 0.0, 0.0, 0, None, 1.0, 0.0, ())
 """Of a plan whose prints are not simulated yet."""
 
 
@@ -52,12 +52,14 @@ def _sure(plan: Plan, design: Design, stages: tuple[str, ...]) -> Prints:
 
 
 def _simulated(plan: Plan, design: Design, made: int, stages: tuple[str, ...]) -> Prints:
-    prints, share = printed(design, spreads_of(plan.spec), made, 0, stages), plan.spec.print_share
+    spreads, columns = spreads_of(plan.spec), plan.coils.columns
+    prints, share = printed(design, spreads, made, 0, stages), plan.spec.print_share
     kept = np.sort(10 * np.log10(np.maximum(prints.ratio, np.finfo(float).tiny)), axis=1)
     reached = kept[:, min(int((1 - share) * made), made - 1)].tolist()
     good = float(prints.good[-1].mean())
     taxels = float(prints.good_taxels[-1].mean()) / len(plan.taxels)
     heard = bool(np.isfinite(kept).all())
+    of_coils = dict(zip([t.coil for t in plan.taxels], (prints.good_coils[-1] / made).tolist(), strict=True))
     dbs: dict[str, float | None] = dict(zip(stages, reached, strict=True)) if heard else {}
     # Ranks between which the quantile lies, by the normal limit of the binomial law.
     away = CONFIDENT * sqrt(made * share * (1 - share))
@@ -72,6 +74,8 @@ def _simulated(plan: Plan, design: Design, made: int, stages: tuple[str, ...]) -
         pads=made,
         error_db=float(kept[-1, high] - kept[-1, low]) / 2 if heard else None,
         error_share=_half_width(good, made),
+        ratio_spread=ratio_spread(design, spreads),
+        coil_shares=tuple(of_coils.get(divmod(k, columns), 1.0) for k in range(plan.coils.rows * columns)),
     )
 
 

@@ -14,6 +14,8 @@ __all__ = ["plan_figure", "plan_html"]
 LEVEL_COLOURS = {"error": "#c2241a", "warning": "#a86a00", "note": "#666666"}
 HEADINGS = ("channel", "resonance Hz", "drive Hz", "suspension", "beam mm (w × t × l)", "ring-up ms", "level µm")
 LADDER_PX, LADDER_HEIGHT_PX = 560, 46
+MOST_LABELLED = 64
+"""Coils up to which each one's share of prints is written beside it."""
 
 
 def plan_figure(plan: "Plan") -> Any:
@@ -22,7 +24,9 @@ def plan_figure(plan: "Plan") -> Any:
     Returns
     -------
     matplotlib.figure.Figure
-        Left: coils (open circles) and bosses, coloured by channel. Right: each channel's slot and resonance.
+        Left: coils (open circles) and bosses, coloured by channel. Each cell says of which share of re-tuned prints its
+        coil keeps what is asked, and is tinted by it, fully where that coil alone misses `print_share`. Right: each
+        channel's slot and resonance.
     """
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -57,11 +61,19 @@ def _draw_pad(axis: Any, plan: "Plan", colours: list[Any]) -> None:
                 (column - (coils.columns - 1) / 2) * coils.pitch_x_mm,
                 (row - (coils.rows - 1) / 2) * coils.pitch_y_mm,
             )
+            corner = centre[0] - coils.pitch_x_mm / 2, centre[1] - coils.pitch_y_mm / 2
+            share = plan.prints.coil_shares[row * coils.columns + column]
+            tint = 0.6 * min((1 - share) / (1 - plan.spec.print_share), 1.0)
+            cell = Rectangle(corner, coils.pitch_x_mm, coils.pitch_y_mm, facecolor=(0.76, 0.14, 0.1, tint), linewidth=0)
+            axis.add_patch(cell)
+            if coils.rows * coils.columns <= MOST_LABELLED:
+                axis.annotate(f"{100 * share:.3g} %", corner, (2, 2), textcoords="offset points", fontsize=6)
             axis.add_patch(Circle(centre, plan.spec.coil.outer_diameter_mm / 2, fill=False, color="#b8753a"))
     for taxel in plan.taxels:
         boss = Circle((taxel.x_mm, taxel.y_mm), plan.plate.boss_diameter_mm / 2, color=colours[taxel.channel])
         axis.add_patch(boss)
-    axis.set(xlabel="x, mm", ylabel="y, mm", title="touch side: bosses over coils")
+    title = f"touch side: bosses over coils, prints that keep {plan.selectivity.asked_db:.1f} dB there"
+    axis.set(xlabel="x, mm", ylabel="y, mm", title=title)
     axis.set_aspect("equal")
     axis.autoscale_view()
 

@@ -9,7 +9,7 @@ from padgen.core.finding import LEVELS, Finding
 
 if TYPE_CHECKING:
     from padgen.make.pad import Built
-    from padgen.planner.explain import Explanation
+    from padgen.planner.explain import Change, Explanation
     from padgen.planner.plan import Channel, Plan
     from padgen.planner.print_yield import PrintYield, Share
 
@@ -150,8 +150,9 @@ def plan_text(plan: "Plan") -> str:
     bound = (
         f"capacity of a coil: {capacity.paper} channels by the paper's bound ({capacity.paper_unrounded:.2f},"
         f" ratio {number(capacity.ratio)}), {capacity.exact_one_hot} by the exact response with one channel on,"
-        f" {_counted(capacity.exact, capacity.searched_to)} in all states with {figures.drive}; limited by"
-        f" {capacity.limit}"
+        f" {_counted(capacity.exact, capacity.searched_to)} in all states with {figures.drive},"
+        f" {capacity.prints} where {plan.spec.print_share:.0%} of prints are to keep it (ratios of neighbours"
+        f" ± {plan.prints.ratio_spread:.1%}); limited by {capacity.limit}"
     )
     lines = [head, bound, "", _channel_table(plan.channels), "", _beam_table(plan.channels), "", *_drive_lines(plan)]
     lines.append(_touched_line(plan))
@@ -357,11 +358,15 @@ def explanation_text(explanation: "Explanation") -> str:
     keep = "channel per coil keeps" if held == 1 else "channels per coil keep"
     lines = [f"{held} {keep} what was asked (driven {explanation.drive}); one more is stopped by"]
     lines += [f"  - {limit}" for limit in explanation.limits] or ["  - nothing that was tried"]
+    shares = ", ".join(f"{k} {share:.1%}" for k, share in enumerate(explanation.channel_shares))
+    lines.append(f"prints in which a taxel is good once re-tuned, by channel: {shares}")
     if explanation.changes:
-        rows = [
+        rows = [("as it is", "", *_printed_cells(explanation), "", "", "")]
+        rows += [
             (
                 change.change,
                 change.cost,
+                *_printed_cells(change),
                 f"{change.gained:+d} ({change.drive})" if change.gained else "",
                 f"{change.gained_in_band:+d}" if change.gained_in_band else "",
                 "" if change.gained_db is None else f"{change.gained_db:+.1f}",
@@ -371,7 +376,7 @@ def explanation_text(explanation: "Explanation") -> str:
         lines += [
             "",
             "what one change buys:",
-            table(("change", "costs", "channels", "if there were room", "gain dB"), rows),
+            table(("change", "costs", "prints", "keep dB", "channels", "if there were room", "gain dB"), rows),
         ]
     laws = list(dict.fromkeys(row.level_law for row in explanation.capacities))
     by_scheme: dict[str, list[str]] = {}
@@ -380,6 +385,11 @@ def explanation_text(explanation: "Explanation") -> str:
     columns = ["drive", *(law if isinstance(law, str) else f"1/f^{law:g}" for law in laws)]
     lines += ["", "most channels in the band, with one on and in all states, by level law:"]
     return "\n".join([*lines, table(columns, [(name, *cells) for name, cells in by_scheme.items()])])
+
+
+def _printed_cells(of: "Explanation | Change") -> tuple[str, str]:
+    share = "" if of.good_share is None else f"{of.good_share:.0%}"
+    return share, "" if of.print_db is None else f"{of.print_db:.1f}"
 
 
 def yield_text(result: "PrintYield") -> str:

@@ -1,0 +1,88 @@
+"""Computes the channels per coil that print, for docs/yield.md and docs/capacity.svg: part of `make pictures`."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from padgen.core.plots import STYLE, plot_bytes
+from padgen.physics.levels import LevelLaw
+from padgen.physics.schemes import in_order
+from padgen.physics.selectivity import Scheme
+from padgen.planner.capacity import largest_counts, printed_count
+from tests.test_yield import BAND_HZ, COILS, good_share
+
+PAGE = Path(__file__).with_name("yield.md")
+BEGIN, END = "<!-- made by docs/draw_capacity.py -->\n", "<!-- end -->\n"
+SHARE, LAW, PADS = 0.9, LevelLaw(1), 400
+QS, ASKED_DB, SPREADS = (10, 15, 30, 60), (14, 20), (0.0, 0.01, 0.02, 0.04, 0.08)
+DRAWN = [k * 0.0025 for k in range(41)]
+COLOURS = dict(zip(QS, ("#7b3fa0", "#1f5fa8", "#2f8a4c", "#c2571a"), strict=True))
+
+
+def closed(q: float, asked_db: float, name: str, spread: float) -> int:
+    """Channels by the closed form; `spread` is of the ratio of two neighbours."""
+    return printed_count(BAND_HZ, q, LAW, Scheme(name), asked_db, SHARE, COILS, spread / 2**0.5)
+
+
+def simulated(q: float, asked_db: float, name: str, spread: float, near: int) -> int:
+    """Channels by Monte-Carlo, looked for from three above `near` downwards."""
+    most, _ = largest_counts(BAND_HZ, q, LAW, Scheme(name), asked_db)
+    asked = q, LAW, Scheme(name), 10 ** (asked_db / 10), spread / 2**0.5, "retuned", PADS
+    return next((n for n in range(min(near + 3, most), 1, -1) if good_share(n, *asked) >= SHARE), 1)
+
+
+def table() -> list[str]:
+    lines = [
+        f"| Q | asked dB | drive | {' | '.join(f'± {spread:.0%}' for spread in SPREADS)} |",
+        "|---|---|---|" + "---|" * len(SPREADS),
+    ]
+    for q in QS:
+        for asked_db in ASKED_DB:
+            for name in in_order():
+                cells = []
+                for spread in SPREADS:
+                    found = closed(q, asked_db, name, spread)
+                    other = simulated(q, asked_db, name, spread, found) if spread else found
+                    cells.append(f"{found}" + (f" ({other})" if other != found else ""))
+                lines.append(f"| {q} | {asked_db} | {name} | {' | '.join(cells)} |")
+    return lines
+
+
+def picture() -> bytes:
+    import matplotlib
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(9, 3.8), layout="constrained")
+        FigureCanvasAgg(figure)
+        axes = figure.subplots(1, 2, sharey=True)
+        for axis, asked_db in zip(axes, ASKED_DB, strict=True):
+            for q in QS:
+                for name, style in (("spur-free", "-"), ("time-shared", ":")):
+                    counts = [closed(q, asked_db, name, spread) for spread in DRAWN]
+                    percent = [100 * spread for spread in DRAWN]
+                    label = f"Q = {q}" if style == "-" else None
+                    axis.plot(percent, counts, style, color=COLOURS[q], drawstyle="steps-mid", label=label)
+                for spread in SPREADS[1:]:
+                    found = simulated(q, asked_db, "spur-free", spread, closed(q, asked_db, "spur-free", spread))
+                    axis.plot([100 * spread], [found], "o", color=COLOURS[q], markersize=4)
+            axis.set(xlabel="spread of a ratio of neighbours, %", title=f"{asked_db} dB", yscale="log", ylim=(1, 60))
+            axis.set_yticks([1, 2, 4, 8, 16, 32], ["1", "2", "4", "8", "16", "32"])
+            axis.minorticks_off()
+            axis.grid(alpha=0.25)
+        axes[0].set_ylabel("channels per coil")
+        axes[1].legend()
+        return plot_bytes(figure, "svg")
+
+
+def main() -> None:
+    PAGE.with_name("capacity.svg").write_bytes(picture())
+    before, rest = PAGE.read_text(encoding="utf-8").split(BEGIN)
+    lines = "\n".join(table())
+    PAGE.write_text(f"{before}{BEGIN}{lines}\n{END}{rest.split(END)[1]}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
