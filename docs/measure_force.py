@@ -24,7 +24,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from padgen.core.errors import SolverError
 from padgen.core.units import MM
-from padgen.ladders.stages.force import axisymmetric_pull, charges_pull, paper_pull, three_d_pull
+from padgen.ladders.stages import axisymmetric_pull, charges_pull, paper_pull, three_d_pull
 from padgen.physics.leakage import leakage
 from padgen.physics.magnetics import CoilSource, SteelRing, solenoid
 from padgen.physics.pull_table import BROUGHT, make_table, parts_key, solved_pulls
@@ -34,10 +34,8 @@ from padgen.planner.pulls import magnetic_parts
 from padgen.spec import Coil, Washer, load_spec
 from padgen.spec.fields import build
 from padgen.spec.load import catalogue, template_paths
-from padgen.verify.field_axisymmetric import axisymmetric_force
-from padgen.verify.field_scalar import body_wrench, solve_scalar
-from padgen.verify.field_solid import PlacedWasher, solid_force
-from padgen.verify.force_ladder import Pull, shielding, solid_pull
+from padgen.verify.field_axisymmetric import axisymmetric_force, body_wrench, solve_scalar
+from padgen.verify.field_solid import PlacedWasher, Pull, shielding, solid_force, solid_pull
 from tests.finer_models import many_coils
 
 REFERENCE = Path(__file__).parents[1] / "tests" / "reference" / "magnetostatics.json"

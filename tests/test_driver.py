@@ -8,7 +8,7 @@ from math import isclose, sqrt
 import numpy as np
 import pytest
 
-from padgen.driver import coil_states, drive_csv, drive_json, drive_rows
+from padgen.driver.tables import coil_states, drive_csv, drive_json, drive_rows
 from padgen.planner import make_plan
 from padgen.spec import parse_spec
 

@@ -21,11 +21,10 @@ from padgen.core.errors import FileError
 from padgen.core.files import json_text
 from padgen.core.units import GRAM, UM
 from padgen.core.wav_reader import read_wav
-from padgen.driver.ear import AROUND, circuit_filter, hear, mode_filter
+from padgen.driver.ear import AROUND, circuit_filter, ear_findings, hear, heard_table, mode_filter
 from padgen.driver.formats.wav import wave_json, write_wave
-from padgen.driver.heard_table import ear_findings, heard_table
 from padgen.driver.pad_drive import make_drive
-from padgen.driver.timeline import Timeline, blend, ramp_s, steady, timeline
+from padgen.driver.waveform import Timeline, blend, ramp_s, steady, timeline
 from padgen.measured.tuning import planned_tuning
 from padgen.physics.modal import felt_energy
 from padgen.physics.phasor import tones

@@ -20,17 +20,14 @@ from padgen import cli
 from padgen.core.errors import SpecError
 from padgen.core.finding import Finding
 from padgen.core.wav_reader import read_wav
-from padgen.driver.device import sound_card
-from padgen.driver.device.protocol import frame_message
+from padgen.driver import limits, sound_card
 from padgen.driver.drive_folder import Driven, DriveRequest, write_drive, write_excitation
 from padgen.driver.excitation import KINDS, excitation
 from padgen.driver.frames import state_frame
-from padgen.driver.limits import judge_limits, judge_load
-from padgen.driver.loads import excitation_load, load_of
-from padgen.driver.pad_drive import make_drive
-from padgen.driver.rates import CONTROLLER_RATES_HZ, RATES_HZ, drive_at
-from padgen.driver.timeline import Timeline, ramp_s, steady, timeline
-from padgen.driver.waveform import volts
+from padgen.driver.limits import excitation_load, judge_limits, judge_load, load_of
+from padgen.driver.pad_drive import CONTROLLER_RATES_HZ, RATES_HZ, drive_at, make_drive
+from padgen.driver.serial_line import frame_message
+from padgen.driver.waveform import Timeline, ramp_s, steady, timeline, volts
 from padgen.measured.tuning import planned_tuning
 from padgen.planner import Plan, make_plan
 from padgen.spec import load_spec, parse_spec
@@ -262,7 +259,6 @@ def test_the_widest_template_is_judged_by_what_it_takes():
 
 
 def test_a_bound_of_many_states_is_one(monkeypatch):
-    from padgen.driver import loads
 
     plan = planned("", "scheme = 'spur-free'\nvoltage_limit_v = 1")
     for carrier_hz in (None, 3000.0):
@@ -270,7 +266,7 @@ def test_a_bound_of_many_states_is_one(monkeypatch):
         seen = load_of(plan, drive)
         for name, value in (("MOST_CHANNELS", 3), ("MOST_POINTS", 0)):
             with monkeypatch.context() as patch:
-                patch.setattr(loads, name, value)
+                patch.setattr(limits, name, value)
                 bound = load_of(plan, drive)
             assert seen.peak_v <= bound.peak_v < 1.6 * seen.peak_v
             assert (seen.square_a2 <= bound.square_a2 + 1e-15).all()
@@ -291,12 +287,11 @@ def test_grey_levels_and_changes_are_never_above_what_is_judged():
 
 @pytest.mark.parametrize("scheme", SCHEMES[:3])
 def test_a_change_that_is_quick_is_never_above_what_is_judged(monkeypatch, scheme):
-    from padgen.driver import loads
 
     plan = planned("power_limit_w = 1e-3", f"scheme = '{scheme}'\nvoltage_limit_v = 1")
     drive = make_drive(plan, 48_000)
     quick_s = 5e-4
-    monkeypatch.setattr(loads, "ramp_s", lambda plan: quick_s)
+    monkeypatch.setattr(limits, "ramp_s", lambda plan: quick_s)
     held, on = 0.0213, np.ones((1, 16))
     times = np.cumsum([0.0, *[quick_s, held] * 10])
     levels = np.concatenate([0 * on, *[on, on, 0 * on, 0 * on] * 5])

@@ -24,8 +24,7 @@ from types import SimpleNamespace
 import pytest
 
 from padgen.batch import index
-from padgen.batch.definition import count_points, load_sweep, parse_sweep, variant_table, variants
-from padgen.batch.expression import parse_expression
+from padgen.batch.definition import count_points, load_sweep, parse_expression, parse_sweep, variant_table, variants
 from padgen.batch.sweep import Event, event_table, run_sweep
 from padgen.batch.variant import plan_figures
 from padgen.core.errors import FileError, SpecError

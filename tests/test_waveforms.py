@@ -26,12 +26,21 @@ import pytest
 from padgen.core.errors import FileError, SpecError
 from padgen.core.wav_reader import read_wav
 from padgen.driver import pad_drive, waveform
-from padgen.driver.formats.wav import full_scale, wave_json, write_wave
-from padgen.driver.loads import load_of
+from padgen.driver.formats.wav import WavWriter, full_scale, wave_json, write_wave
+from padgen.driver.limits import load_of
 from padgen.driver.pad_drive import coil_lines, constant_a2, make_drive
-from padgen.driver.timeline import Timeline, blend, blend_slope, frame_s, ramp_s, steady, timeline
-from padgen.driver.wav_file import WavWriter
-from padgen.driver.waveform import blocks, sample_count, volts
+from padgen.driver.waveform import (
+    Timeline,
+    blend,
+    blend_slope,
+    blocks,
+    frame_s,
+    ramp_s,
+    sample_count,
+    steady,
+    timeline,
+    volts,
+)
 from padgen.measured.tuning import planned_tuning
 from padgen.physics.currents import formula
 from padgen.planner import make_plan

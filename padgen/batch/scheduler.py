@@ -11,7 +11,7 @@ from importlib import import_module
 from threading import Thread
 from typing import Any
 
-from padgen.batch.executors import told
+from padgen.batch.sweep import told
 from padgen.core.cache import code_hash, version, versions
 from padgen.core.errors import EngineMissingError, PadgenError, number
 from padgen.core.registry import PLUGINS, plugin_code

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from padgen.driver.excitation import Excitation
     from padgen.driver.formats.wav import WaveReport
     from padgen.driver.pad_drive import PadDrive
-    from padgen.driver.timeline import Timeline
+    from padgen.driver.waveform import Timeline
     from padgen.measured.tuning import Tuning
 
 __all__ = [
@@ -86,7 +86,7 @@ def write_drive(plan: "Plan", folder: Path, request: DriveRequest, progress: Pro
         stale = out.commit(remove=["hear.json"] if job.report is not None and job.heard is None else [])
     findings = (*job.findings, *(job.report.findings if job.report else job.shown))
     if job.heard:
-        from padgen.driver.heard_table import ear_findings
+        from padgen.driver.ear import ear_findings
 
         findings += ear_findings(job.heard)
     return Driven(folder, out.names, tuple(stale), job.report, job.heard, findings)
@@ -112,10 +112,9 @@ def write_excitation(
         As `excitation` and `write_drive` do.
     """
     from padgen.driver.excitation import excitation
-    from padgen.driver.limits import judge_load
-    from padgen.driver.loads import excitation_load
-    from padgen.driver.rates import RATES_HZ
-    from padgen.driver.wav_file import BEYOND_LIMIT, WavWriter
+    from padgen.driver.formats.wav import BEYOND_LIMIT, WavWriter
+    from padgen.driver.limits import excitation_load, judge_load
+    from padgen.driver.pad_drive import RATES_HZ
     from padgen.planner.plan import plan_to_json
 
     played = excitation(plan, kind, RATES_HZ[0] if rate_hz is None else rate_hz, seconds, seed, together)
@@ -152,7 +151,7 @@ def _refuse(request: DriveRequest, formats: dict[str, DriveFormat]) -> None:
 
 def _timeline(plan: "Plan", drive: "PadDrive", request: DriveRequest) -> "Timeline":
     from padgen.driver.ear import SETTLED_TAUS
-    from padgen.driver.timeline import ramp_s, steady, timeline
+    from padgen.driver.waveform import ramp_s, steady, timeline
 
     frames = request.frames
     assert frames is not None
@@ -176,7 +175,7 @@ def _timeline(plan: "Plan", drive: "PadDrive", request: DriveRequest) -> "Timeli
 def _judged(job: DriveJob, formats: dict[str, DriveFormat]) -> DriveJob:
     """The job with its drive, what it shows, and what is found of both."""
     from padgen.driver.limits import judge_limits
-    from padgen.driver.rates import RATES_HZ
+    from padgen.driver.pad_drive import RATES_HZ
 
     plan, request = job.plan, job.request
     unpulled = [finding for finding in plan.findings if finding.code == "coil.force"]

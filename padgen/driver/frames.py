@@ -1,25 +1,290 @@
 """What the pad shows: images, tables and states → levels of all taxels in the plan's order.
 
 Seen from the touch side a pad is an image: row 1 at the top (the largest y), column 1 at the left (the smallest x),
-one pixel for each sub-cell of each coil's cell. A level is a share of a taxel's ON amplitude, 0 … 1.
+one pixel for each sub-cell of each coil's cell. A level is a share of a taxel's ON amplitude, 0 … 1. Files of frames:
+
+============  =========================================================================================
+`.png .gif`   grey, of colours the luminance (ITU-R BT.601), linear, transparent is dark; 1 to 16 bits;
+              an animation is several frames
+`.csv .tsv`   numbers between commas, semicolons, tabs or blanks; an empty line between frames
+`.npy`        (rows, columns) or (frames, rows, columns): truth values and real numbers as they are, bytes
+              over 255, unsigned 16 bits over 65535, other whole numbers 0 and 1
+`.txt`        signs: ``1 #`` ON, ``0 .`` and blanks OFF, ``+`` a half; an empty line between frames
+============  =========================================================================================
 """
 
 import re
-from collections.abc import Callable, Iterable, Iterator
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import groupby, islice, product
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from padgen.core.errors import FileError, SpecError, number
-from padgen.driver.frame_files import SUFFIXES, frame_images
-from padgen.driver.states import LARGEST_TABLE
+from padgen.core.files import read_bounded
 from padgen.planner.plan import Plan
 from padgen.planner.tile import taxel_places
 
-__all__ = ["Frames", "frames_text", "map_text", "read_frames", "state_frame", "taxel_grid"]
+if TYPE_CHECKING:
+    from PIL import Image
 
+__all__ = [
+    "LARGEST_TABLE",
+    "SUFFIXES",
+    "Check",
+    "Frames",
+    "frame_images",
+    "frames_text",
+    "map_text",
+    "read_frames",
+    "state_frame",
+    "taxel_grid",
+]
+
+Row = TypeVar("Row")
+Check = Callable[[int, int], None]
+"""Called with the rows and columns of each frame before it is decoded; raises where they do not fit."""
+MAGIC = b"\x93NUMPY"
+LARGEST_TEXT = 1 << 25
+"""Bytes of a text file."""
+MOST_ROWS = 100_000
+"""Rows of a frame in a text file: as many as a pad has taxels at most."""
+SIGNS = {"1": 1.0, "#": 1.0, "+": 0.5, "0": 0.0, ".": 0.0, " ": 0.0}
+LUMINANCE = np.array([299, 587, 114])
+"""Of red, green and blue, in thousandths (ITU-R BT.601)."""
+
+
+def frame_images(path: Path, check: Check) -> Iterator[np.ndarray]:
+    """The frames of a file, each (rows, columns) with values in 0 … 1.
+
+    Raises
+    ------
+    FileError
+        The file is none of these, is damaged, or has what is no level.
+    """
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        raise FileError(f"is none of the files that hold frames: {', '.join(SUFFIXES)}", str(path))
+    frames = 0
+    try:
+        if path.exists() and not path.is_file():
+            raise FileError("is not a file", str(path))
+        for image in reader(path, check):
+            frames += 1
+            yield image
+    except OSError as error:
+        raise FileError(f"cannot be read ({error.strerror or type(error).__name__})", str(path)) from error
+    if not frames:
+        raise FileError("is empty; a frame is due", str(path))
+
+
+def _pictures(path: Path, check: Check) -> Iterator[np.ndarray]:
+    import struct
+    import zlib
+
+    from PIL import Image, UnidentifiedImageError
+
+    damage = (SyntaxError, ValueError, EOFError, IndexError, KeyError, struct.error, zlib.error)
+    try:
+        with _opened(path) as image:
+            for k in _numbers(image):
+                image.seek(k)
+                check(image.height, image.width)
+                yield _grey(image)
+    except UnidentifiedImageError as error:
+        raise FileError("is not a PNG or GIF picture", str(path)) from error
+    except Image.DecompressionBombError as error:
+        raise FileError("is a picture of more pixels than any pad", str(path)) from error
+    except (*damage, OSError) as error:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise
+        raise FileError(f"is a damaged picture ({error})", str(path)) from error
+
+
+def _opened(path: Path) -> "Image.Image":
+    from PIL import Image
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of its size, which is checked before it is decoded
+        return Image.open(path, formats=("PNG", "GIF"))
+
+
+def _numbers(image: "Image.Image") -> range:
+    """Which frames of an animation are shown: not the still picture that some carry for other viewers."""
+    return range(1 if getattr(image, "default_image", False) else 0, getattr(image, "n_frames", 1))
+
+
+def _grey(image: "Image.Image") -> np.ndarray:
+    if image.mode.startswith("I"):
+        deep: np.ndarray = np.asarray(image).astype(float) / 65535
+        return deep
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of a palette's way to be transparent
+        colours = np.asarray(image.convert("RGBA")).astype(np.int64)
+    grey: np.ndarray = (colours[..., :3] @ LUMINANCE) * colours[..., 3] / (255_000 * 255)
+    return grey
+
+
+def _text(path: Path) -> str:
+    try:
+        return read_bounded(path, LARGEST_TEXT, "a text of frames").decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise FileError(f"is not text: byte {error.start} is not UTF-8", str(path)) from error
+
+
+def _numbers_in_rows(path: Path, check: Check) -> Iterator[np.ndarray]:
+    return _tables(_text(path), path, check)
+
+
+def _tables(text: str, path: Path, check: Check) -> Iterator[np.ndarray]:
+    delimiter = next((sign for sign in ";\t," if sign in text), None)
+    rows = ([cell.strip() for cell in line.split(delimiter)] for line in text.splitlines())
+    blocks = (_block(block, path) for filled, block in groupby(rows, key=any) if filled)
+    for frame, block in enumerate(blocks, start=1):
+        _refuse_ragged(block, frame, path, "numbers")
+        check(len(block), len(block[0]))
+        yield _levels(block, frame, path)
+
+
+def _block(rows: Iterator[Row], path: Path) -> list[Row]:
+    """The rows of a frame, not more than a pad can have."""
+    block = list(islice(rows, MOST_ROWS + 1))
+    if len(block) > MOST_ROWS:
+        raise FileError(f"has a frame of more than {MOST_ROWS} rows", str(path))
+    return block
+
+
+def _levels(block: list[list[str]], frame: int, path: Path) -> np.ndarray:
+    values = np.empty((len(block), len(block[0])))
+    for row, cells in enumerate(block):
+        for column, cell in enumerate(cells):
+            try:
+                values[row, column] = _number(cell)
+            except ValueError as error:
+                got = f"got {_short(cell)}" if cell else "is empty"
+                hint = "; decimals take a point" if re.fullmatch(r"\d*,\d+", cell) else ""
+                at = _place(frame, row, column)
+                raise FileError(f"{at} must be a number in 0 … 1, {got}{hint}", str(path)) from error
+    _refuse_levels(values, frame, path)
+    return values
+
+
+def _number(cell: str) -> float:
+    if "_" in cell:  # which Python takes in numbers
+        raise ValueError
+    return float(cell)
+
+
+def _short(cell: str) -> str:
+    return repr(cell if len(cell) <= 40 else cell[:40] + "…")
+
+
+def _place(frame: int, row: int, column: int) -> str:
+    return f"frame {frame}, row {row + 1}, column {column + 1}"
+
+
+def _refuse_ragged(block: Sequence[Sequence[str]], frame: int, path: Path, what: str) -> None:
+    first = len(block[0])
+    for row, cells in enumerate(block):
+        if len(cells) != first:
+            raise FileError(
+                f"frame {frame}, row {row + 1} has {len(cells)} {what}, its row 1 has {first}; all must have as many",
+                str(path),
+            )
+
+
+def _refuse_levels(values: np.ndarray, frame: int, path: Path) -> None:
+    bad = np.argwhere(~((values >= 0) & (values <= 1)))
+    if len(bad):
+        row, column = (int(k) for k in bad[0])
+        value = float(values[row, column])
+        near = "" if np.isnan(value) else f"; {0 if value < 0 else 1} would do"
+        raise FileError(f"{_place(frame, row, column)} must be a level in 0 … 1, got {number(value)}{near}", str(path))
+
+
+def _array(path: Path, check: Check) -> Iterator[np.ndarray]:
+    with path.open("rb") as file:
+        if file.read(len(MAGIC)) != MAGIC:
+            raise FileError("is not a NumPy array of numbers (it does not begin as one)", str(path))
+    try:
+        array = np.load(path, mmap_mode="r", allow_pickle=False)
+    except OSError:
+        raise
+    except Exception as error:  # a damaged header fails in whichever part of it is read first
+        raise FileError(f"is not a NumPy array of numbers ({error})", str(path)) from error
+    if array.dtype.kind not in "biuf":
+        raise FileError(f"must be an array of truth values or real numbers, holds {array.dtype}", str(path))
+    if array.ndim not in (2, 3):
+        raise FileError(f"must have the shape (rows, columns) or (frames, rows, columns), has {array.shape}", str(path))
+    scale = {"uint8": 255, "uint16": 65535}.get(array.dtype.newbyteorder("=").name, 1)
+    for frame, image in enumerate(array if array.ndim == 3 else array[None], start=1):
+        check(*image.shape)
+        values = np.asarray(image).astype(float) / scale
+        if scale == 1 and array.dtype.kind in "iu":
+            _refuse_whole(values, frame, path)
+        _refuse_levels(values, frame, path)
+        yield values
+
+
+def _refuse_whole(values: np.ndarray, frame: int, path: Path) -> None:
+    bad = np.argwhere((values != 0) & (values != 1))
+    if len(bad):
+        row, column = (int(k) for k in bad[0])
+        raise FileError(
+            f"{_place(frame, row, column)} must be 0 or 1 in an array of whole numbers that is neither of bytes nor"
+            f" of unsigned 16 bits, got {number(float(values[row, column]))}",
+            str(path),
+        )
+
+
+def _signs(path: Path, check: Check) -> Iterator[np.ndarray]:
+    text = _text(path)
+    if any(sign in text for sign in ";\t,"):
+        yield from _tables(text, path, check)
+        return
+    lines = text.splitlines()
+    if all(re.fullmatch(r"[01]( [01])+ *", line) for line in lines if line):
+        lines = [line.replace(" ", "") for line in lines]
+    # Editors take blanks off the ends of lines: they are put back where blanks are what OFF is written as.
+    pads = not any(sign in text for sign in "0.")
+    blocks = (_block(block, path) for filled, block in groupby(lines, key=bool) if filled)
+    for frame, block in enumerate(blocks, start=1):
+        width = max(len(line) for line in block)
+        rows = [line.ljust(width) if pads else line for line in block]
+        _refuse_ragged(rows, frame, path, "signs")
+        check(len(rows), width)
+        yield _sign_levels(rows, frame, path)
+
+
+def _sign_levels(rows: list[str], frame: int, path: Path) -> np.ndarray:
+    for row, line in enumerate(rows):
+        for column, sign in enumerate(line):
+            if sign not in SIGNS:
+                at = _place(frame, row, column)
+                raise FileError(
+                    f"{at} must be 1 or # for ON, 0 or . or a blank for OFF or + for a half, got {sign!r};"
+                    " numbers go into a .csv file",
+                    str(path),
+                )
+    return np.array([[SIGNS[sign] for sign in line] for line in rows])
+
+
+READERS: dict[str, Callable[[Path, Check], Iterator[np.ndarray]]] = {
+    ".csv": _numbers_in_rows,
+    ".gif": _pictures,
+    ".npy": _array,
+    ".png": _pictures,
+    ".tsv": _numbers_in_rows,
+    ".txt": _signs,
+}
+SUFFIXES = tuple(READERS)
+
+
+LARGEST_TABLE = 6
+"""Channels up to which all 2ⁿ states are spelled out (paper Table I has n = 2)."""
 MOST_LEVELS = 1 << 25
 """Levels that are held at once: a quarter of a gigabyte."""
 
@@ -44,7 +309,7 @@ def read_frames(paths: str | Path | Iterable[str | Path], plan: Plan) -> Frames:
     """The frames of files, folders and patterns (``frames/*.png``), one after the other.
 
     What is in a folder or matches a pattern comes in order of names, numbers in them by value. The files:
-    `padgen.driver.frame_files`. Pixels where the pad has no taxel are left out; lit ones are counted in a note.
+    `padgen.driver.frames`. Pixels where the pad has no taxel are left out; lit ones are counted in a note.
 
     Raises
     ------

@@ -24,8 +24,7 @@ from padgen.physics.selectivity import Channels, Scheme, channels, off_energy
 from padgen.spec import Spec, catalogue, make_spec
 from padgen.spec.fields import choices
 from padgen.verify.engines import engine
-from padgen.verify.extreme import Answer, ExtremeCase
-from padgen.verify.extreme_solid import FINER, FINER_ERROR
+from padgen.verify.extreme import FINER_ELEMENTS, FINER_ERROR, Answer, ExtremeCase
 
 __all__ = ["outcome", "random_table", "selectivity_cases", "spec_cases"]
 
@@ -60,8 +59,8 @@ def spec_cases() -> Iterator[ExtremeCase]:
     for number in SOLIDS:
         quick, source = partial(_solid, number, QUICK, QUICK_ERROR), f"elements of order {QUICK[0]}, {QUICK_ERROR:.1%}"
         yield ExtremeCase(f"taxel of random {number}", "specs", "beam", partial(_beam, number), quick, source)
-    converged, finer = partial(_solid, SOLIDS[1], None, nan), partial(_solid, SOLIDS[1], FINER, FINER_ERROR)
-    source = f"elements of order {FINER[0]}, {FINER[1]} layers"
+    converged, finer = partial(_solid, SOLIDS[1], None, nan), partial(_solid, SOLIDS[1], FINER_ELEMENTS, FINER_ERROR)
+    source = f"elements of order {FINER_ELEMENTS[0]}, {FINER_ELEMENTS[1]} layers"
     yield ExtremeCase(f"taxel of random {SOLIDS[1]}", "specs", "elements", converged, finer, source)
     for name, fields_ in IMPOSSIBLE.items():
         table = {"name": "impossible", "resolution": 4, "band_hz": [50, 200], "q_min": 15, **fields_}

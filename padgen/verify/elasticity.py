@@ -12,7 +12,6 @@ import numpy as np
 
 from padgen.core.errors import SolverError, number
 from padgen.physics.taxel_modes import TaxelModes
-from padgen.verify.elastic_material import Elastic, Orthotropy, layered
 from padgen.verify.elastic_mesh import (
     PRINTED,
     WASHER,
@@ -26,6 +25,8 @@ from padgen.verify.elastic_mesh import (
 from padgen.verify.elastic_modes import (
     LEAN,
     Eigen,
+    Elastic,
+    Orthotropy,
     System,
     accurate,
     assembled,
@@ -33,6 +34,7 @@ from padgen.verify.elastic_modes import (
     eigenmodes,
     energy_shares,
     factored,
+    layered,
     rigid_loads,
 )
 from padgen.verify.engines import engine

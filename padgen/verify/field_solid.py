@@ -1,7 +1,11 @@
-"""Pull of a coil on washers anywhere above it, by finite elements in three dimensions."""
+"""Pull of a coil on washers anywhere above it, by finite elements in three dimensions.
+
+With a steel it is solved on the B-H curve; several washers shield each other.
+"""
 
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,10 +14,18 @@ from padgen.core.errors import SolverError, SpecError, number
 from padgen.physics.magnetics import CoilSource, SteelRing
 from padgen.physics.saturation import BHCurve
 from padgen.verify.engines import engine
-from padgen.verify.field_axisymmetric import WIDEST, check_parts, coil_cells, wound
-from padgen.verify.field_scalar import ScalarField, Steel, body_wrench, solve_scalar
+from padgen.verify.field_axisymmetric import (
+    WIDEST,
+    ScalarField,
+    Steel,
+    body_wrench,
+    check_parts,
+    coil_cells,
+    solve_scalar,
+    wound,
+)
 
-__all__ = ["PlacedWasher", "SolidForce", "solid_force"]
+__all__ = ["PlacedWasher", "Pull", "SolidForce", "shielding", "solid_force", "solid_pull"]
 
 FAR = 8.0
 """Radius of the far sphere over the largest distance of a part from the coil's middle."""
@@ -197,3 +209,44 @@ def _mark_edges(shape: Any, coil: CoilSource, washers: Sequence[PlacedWasher]) -
             low, high = edge.bounding_box
             if on_circle and high.y - low.y > radius / 2:  # a cut's diameter ends on the circle too, but is flat in y
                 edge.hpref = 1
+
+
+@dataclass(frozen=True)
+class Pull:
+    """One question to the ladder: a coil at `current_a` pulls a washer `offset_m` off its axis over `gap_m`.
+
+    A steel of None is linear, with the part's permeability.
+    """
+
+    coil: CoilSource
+    washer: SteelRing
+    gap_m: float
+    offset_m: float = 0.0
+    current_a: float = 1.0
+    core_steel: BHCurve | None = None
+    washer_steel: BHCurve | None = None
+
+
+def solid_pull(pull: Pull, order: int = 3, levels: int = 1, opposite: bool = False) -> SolidForce:
+    """The solid field solution with its whole wrench, also with a second washer `opposite` on the same coil.
+
+    Raises
+    ------
+    SolverError
+        As `field_solid.solid_force`.
+    """
+    places = (pull.offset_m, -pull.offset_m)[: 2 if opposite else 1]
+    washers = [PlacedWasher(pull.washer, pull.gap_m, x, 0.0, pull.washer_steel) for x in places]
+    return solid_force(pull.coil, washers, pull.current_a, pull.core_steel, order, levels)
+
+
+def shielding(pull: Pull, order: int = 3) -> float:
+    """Share of the pull that a second washer, opposite on the same coil, takes from the first.
+
+    Raises
+    ------
+    SolverError
+        As `solid_pull`.
+    """
+    both, alone = (solid_pull(pull, order, opposite=more).wrench[:, 2].mean() for more in (True, False))
+    return float(1 - both / alone)

@@ -20,9 +20,8 @@ from padgen.planner.plan import Plan, Taxel
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.planner.tile import TURNS, taxel_places
-from padgen.verify.elastic_material import Elastic
 from padgen.verify.elastic_mesh import Fineness, meshed
-from padgen.verify.elastic_modes import System, assembled, factored, rigid_loads
+from padgen.verify.elastic_modes import Elastic, System, assembled, factored, rigid_loads
 from padgen.verify.engines import engine
 
 __all__ = [

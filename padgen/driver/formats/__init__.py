@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from padgen.driver.ear import Heard
     from padgen.driver.formats.wav import WaveReport
     from padgen.driver.pad_drive import PadDrive
-    from padgen.driver.timeline import Timeline
+    from padgen.driver.waveform import Timeline
     from padgen.measured.tuning import Tuning
     from padgen.planner.plan import Plan
 
@@ -68,7 +68,7 @@ class DriveJob:
 
     def drive_at(self, rates_hz: tuple[int, ...]) -> "PadDrive":
         """The drive at the rate that is asked for, or else at the first of these that will do."""
-        from padgen.driver.rates import drive_at
+        from padgen.driver.pad_drive import drive_at
 
         return drive_at(self.plan, rates_hz, self.request.rate_hz, self.request.tuning, self.request.carrier_hz)
 

@@ -15,13 +15,11 @@ import numpy as np
 
 from padgen.core.errors import SpecError
 from padgen.core.files import OutputFolder
-from padgen.driver.device.protocol import HOLD_WATCHDOGS, plan_hash
 from padgen.driver.formats import DriveJob
-from padgen.driver.limits import judge_limits
-from padgen.driver.loads import group_channels, least_constants
-from padgen.driver.pad_drive import CoilDrive, PadDrive
-from padgen.driver.rates import CONTROLLER_RATES_HZ
-from padgen.driver.timeline import frame_s, ramp_s
+from padgen.driver.limits import group_channels, judge_limits, least_constants
+from padgen.driver.pad_drive import CONTROLLER_RATES_HZ, CoilDrive, PadDrive
+from padgen.driver.serial_line import HOLD_WATCHDOGS, plan_hash
+from padgen.driver.waveform import frame_s, ramp_s
 from padgen.measured.tuning import Tuning, tuning_hash
 from padgen.physics.selectivity import Scheme
 from padgen.planner.plan import Plan

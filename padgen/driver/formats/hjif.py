@@ -23,7 +23,7 @@ from padgen.core.files import OutputFolder, json_text
 from padgen.core.units import GRAM, MH, MM, UM
 from padgen.driver.formats import DriveJob
 from padgen.driver.frames import taxel_grid
-from padgen.driver.timeline import Timeline, blend
+from padgen.driver.waveform import Timeline, blend
 from padgen.measured.tuning import TunedTaxel, Tuning, planned_tuning
 from padgen.physics.magnetics import impedance
 from padgen.planner.plan import Plan

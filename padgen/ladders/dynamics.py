@@ -1,4 +1,4 @@
-"""Dynamics: where a coil's taxels are after switching on, from phasors to coil and washers acting on each other.
+"""The dynamics ladder: where a coil's taxels are after switching on, from phasors to coil and washers in motion.
 
 Phasors leave out the transient and how motion acts back, exact propagation only the latter.
 """
@@ -11,8 +11,7 @@ import numpy as np
 
 from padgen.core.errors import SolverError, number
 from padgen.core.units import GRAM, MH, MM
-from padgen.ladders.rung import Ladder, Rung, Solved
-from padgen.ladders.stages.scene import Scene
+from padgen.ladders.rung import Ladder, Rung, Scene, Solved
 from padgen.physics.currents import bias_a
 from padgen.physics.magnetics import impedance
 from padgen.physics.phasor import Tones, signal, squared, steady_lines, tones

@@ -10,8 +10,8 @@ import numpy as np
 
 from padgen.core.errors import EngineMissingError, FileError, SpecError
 from padgen.core.wav_reader import Wave, read_wav
-from padgen.driver.timeline import blend
-from padgen.driver.wav_file import BEYOND_LIMIT
+from padgen.driver.formats.wav import BEYOND_LIMIT
+from padgen.driver.waveform import blend
 
 __all__ = ["EXTRA", "AudioDevice", "Sounded", "list_devices", "play_wave"]
 
