@@ -38,6 +38,8 @@ from padgen.planner.reuse import coils_around
 from padgen.planner.suspensions import BeamShape, PlateShape
 from padgen.planner.taxel_model import TaxelModel
 from padgen.spec import Spec
+from padgen.verify.field_solid import PlacedWasher, Pull, solid_force
+from padgen.verify.pad_frame import PadModes, peak_hz
 
 MOST_CHANNELS = 4
 AIR_KG_PER_M3, AIR_PA_S = 1.2, 1.8e-5
@@ -850,3 +852,17 @@ LEAST = {"gap": 1e-6, "softening": 1e-6, "far modes": 1e-12, "saturation": 2e-5}
 """Sizes below which a finer model's own digits run out."""
 OWN_BOUND = ("beam inertia", "saturation")
 """Terms whose finer model needs parts a little other than the plan's, and gives their bound with the true size."""
+
+
+def shielding(pull: Pull, order: int = 3) -> float:
+    """Share of the pull that a second washer, opposite on the same coil, takes from the first, by fields in space."""
+    near, far = (PlacedWasher(pull.washer, pull.gap_m, x) for x in (pull.offset_m, -pull.offset_m))
+    both, alone = (solid_force(pull.coil, own, order=order).wrench[:, 2].mean() for own in ((near, far), (near,)))
+    return float(1 - both / alone)
+
+
+def crosstalk_db(plan: Plan, modes: PadModes, driven: int) -> np.ndarray:
+    """How far below taxel `driven`, at its resonance, all washers (taxels,) move vertically, in dB; 0 for itself."""
+    q = plan.channels[plan.taxels[driven].channel].q
+    amplitude = np.abs(modes.receptance(driven, np.array([peak_hz(plan, modes, driven)]), q)[0])
+    return np.asarray(20 * np.log10(amplitude[driven] / amplitude))

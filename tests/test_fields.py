@@ -23,7 +23,8 @@ from padgen.physics.magnetics import SteelRing, solenoid
 from padgen.physics.saturation import MILD_STEEL, TEAM_STEEL, BHCurve, saturating
 from padgen.verify.extreme import Answer, force_cases, planned_pull, random_pull
 from padgen.verify.field_axisymmetric import axisymmetric_force, body_wrench, solve_scalar
-from padgen.verify.field_solid import PlacedWasher, Pull, shielding, solid_force, solid_pull
+from padgen.verify.field_solid import PlacedWasher, Pull, solid_force, solid_pull
+from tests.finer_models import shielding
 
 MAGNETS = json.loads((Path(__file__).parent / "reference" / "magnetostatics.json").read_text())
 MM = 1e-3

@@ -20,7 +20,7 @@ from padgen import cli
 from padgen.core.errors import SpecError
 from padgen.core.finding import Finding
 from padgen.core.wav_reader import read_wav
-from padgen.driver import limits, sound_card
+from padgen.driver import limits, pad_drive, sound_card
 from padgen.driver.drive_folder import Driven, DriveRequest, write_drive, write_excitation
 from padgen.driver.excitation import KINDS, excitation
 from padgen.driver.frames import state_frame
@@ -210,10 +210,11 @@ def test_judged_volts_are_those_of_the_script(tmp_path, library, carrier_hz):  #
     assert peak == pytest.approx(figure(driven, "wave.voltage"), rel=0.01 if carrier_hz is None else 0.05)
 
 
-def test_a_peak_between_samples_is_judged():
+def test_a_peak_between_samples_is_judged(monkeypatch):
     plan = planned("", "scheme = 'spur-free'\nvoltage_limit_v = 1")
     # Three samples a cycle, always at the same places of it.
-    drive = make_drive(plan, 48_000, period_s=0.25, carrier_hz=16_000.0)
+    monkeypatch.setattr(pad_drive, "comb_period_s", lambda *_: 0.25)
+    drive = make_drive(plan, 48_000, carrier_hz=16_000.0)
     shown = steady(np.ones(16), drive.period_s)
     coarse, fine = (
         max(np.abs(block).max() for block in volts(replace(drive, rate_hz=rate), shown)) for rate in (48_000, 960_000)

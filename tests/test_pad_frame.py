@@ -35,11 +35,11 @@ from padgen.verify.pad_frame import (
     _frame_solid,
     central_taxels,
     coupled_modes,
-    crosstalk_db,
     pad_modes,
     peak_hz,
     shift,
 )
+from tests.finer_models import crosstalk_db
 
 TEXT = """
 name = "tiny"

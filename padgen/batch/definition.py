@@ -328,34 +328,38 @@ def _plain_lists(axes: Any) -> Any:
 
 def _sweep(table: dict[str, Any], folder: Path, where: str, base: dict[str, Any] | None = None) -> Sweep:
     try:
-        return _of_tables(table, folder, base)
+        axes, sample_table, limits = (table.pop(key, {}) for key in ("axes", "sample", "limits"))
+        linked, constraints = (table.pop(key, []) for key in ("linked", "constraints"))
+        formats = table.get("formats")
+        if isinstance(formats, list) and all(isinstance(entry, str) for entry in formats):
+            table["formats"] = ",".join(formats)
+        for key in table:
+            if key not in TOP_KEYS:
+                raise unknown_name(key, TOP_KEYS, "key", "sweep")
+        settings: Settings = build(Settings, table, "")
+        if base is None:
+            name = settings.base
+            beside = folder / name
+            try:
+                path = beside if beside.is_file() else find_spec(name)
+            except OSError as error:
+                raise FileError(f"cannot be read ({reason(error)})", f"base {name!r}") from error
+            base, folder = read_table(path, name), path.parent
+        try:
+            spec = make_spec(base, folder)
+        except SpecError as error:
+            raise SpecError(f"is no spec by itself: {error}", f"base {settings.base!r}") from error
+        sample = _checked_sample(sample_table)
+        found = _axes(axes, linked, sample)
+        if not isinstance(constraints, list) or not all(isinstance(entry, str) for entry in constraints):
+            raise SpecError(f"must be a list of conditions as text, got {shown(constraints)}", "constraints")
+        names_in(settings.formats, PAD_FORMATS.names(), "formats")
+        conditions = tuple(parse_expression(entry, spec) for entry in constraints)
+        return Sweep(
+            settings, base, spec, folder.absolute(), found, conditions, sample, build(Limits, limits, "limits")
+        )
     except RecursionError as error:
         raise SpecError("cannot be read: its values are nested too deeply", where) from error
-
-
-def _of_tables(table: dict[str, Any], folder: Path, base: dict[str, Any] | None) -> Sweep:
-    axes, sample_table, limits = (table.pop(key, {}) for key in ("axes", "sample", "limits"))
-    linked, constraints = (table.pop(key, []) for key in ("linked", "constraints"))
-    formats = table.get("formats")
-    if isinstance(formats, list) and all(isinstance(entry, str) for entry in formats):
-        table["formats"] = ",".join(formats)
-    for key in table:
-        if key not in TOP_KEYS:
-            raise unknown_name(key, TOP_KEYS, "key", "sweep")
-    settings: Settings = build(Settings, table, "")
-    if base is None:
-        base, folder = _base(settings.base, folder)
-    try:
-        spec = make_spec(base, folder)
-    except SpecError as error:
-        raise SpecError(f"is no spec by itself: {error}", f"base {settings.base!r}") from error
-    sample = _checked_sample(sample_table)
-    found = _axes(axes, linked, sample)
-    if not isinstance(constraints, list) or not all(isinstance(entry, str) for entry in constraints):
-        raise SpecError(f"must be a list of conditions as text, got {shown(constraints)}", "constraints")
-    names_in(settings.formats, PAD_FORMATS.names(), "formats")
-    conditions = tuple(parse_expression(entry, spec) for entry in constraints)
-    return Sweep(settings, base, spec, folder.absolute(), found, conditions, sample, build(Limits, limits, "limits"))
 
 
 def _checked_sample(table: Any) -> Sample:
@@ -371,16 +375,6 @@ def _checked_sample(table: Any) -> Sample:
             "sample.count",
         )
     return sample
-
-
-def _base(name: str, folder: Path) -> tuple[dict[str, Any], Path]:
-    """The base spec's table: a file beside the sweep's, or a template."""
-    beside = folder / name
-    try:
-        path = beside if beside.is_file() else find_spec(name)
-    except OSError as error:
-        raise FileError(f"cannot be read ({reason(error)})", f"base {name!r}") from error
-    return read_table(path, name), path.parent
 
 
 def _axes(table: Any, linked: Any, sample: Sample) -> tuple[Axis, ...]:

@@ -123,8 +123,7 @@ def front_mask(scores: np.ndarray) -> np.ndarray:
         open_ = np.flatnonzero(_as_good(losses[:start][on_front[:start]], block) == 0)
         # Rows are distinct, so each is as good as itself once.
         on_front[start + open_[_as_good(block[open_], block[open_]) == 1]] = True
-    kept: np.ndarray = on_front[back.reshape(-1)]
-    return kept
+    return np.asarray(on_front[back.reshape(-1)])
 
 
 def _as_good(others: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -132,8 +131,7 @@ def _as_good(others: np.ndarray, rows: np.ndarray) -> np.ndarray:
     good = np.ones((len(rows), len(others)), dtype=bool)
     for own, other in zip(rows.T, others.T, strict=True):
         good &= other[None, :] <= own[:, None]
-    count: np.ndarray = good.sum(axis=1)
-    return count
+    return np.asarray(good.sum(axis=1))
 
 
 def _scores(values: np.ndarray, objectives: Sequence[str]) -> np.ndarray:
@@ -246,27 +244,41 @@ def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
         return None
     import matplotlib
 
-    title, overview = _title(overview, name), _bounded(overview)
+    parts = [overview.values.copy(), overview.beaten.copy(), overview.faulty.copy()]
+    for i, named in enumerate(overview.objectives):
+        finite = np.concatenate([part[np.isfinite(part[:, i]), i] for part in parts])
+        for part in parts if named in UNBOUNDED else ():
+            part[np.isnan(part[:, i]), i] = finite.max() + 0.15 * max(float(np.ptp(finite)), 1.0)
+    title, overview = _title(overview, name), replace(overview, values=parts[0], beaten=parts[1], faulty=parts[2])
     with matplotlib.rc_context(STYLE):
         figure, panels = _figure(shown)
         hue = min(shown, key=lambda i: COLOURED_BY.index(overview.objectives[i]))
         for (x, y), axis in panels.items():
             points = _panel(axis, overview, (x, y), hue)
         for (x, y), axis in panels.items():
-            _name_axes(axis, overview, (x, y), (y == shown[-1], x == shown[0]))
-        _legend(figure, points, panels[shown[0], shown[1]], _label(overview, hue))
+            for which, shows, objective in zip(
+                (axis.xaxis, axis.yaxis), (y == shown[-1], x == shown[0]), (x, y), strict=True
+            ):
+                if _is_wide(overview, objective):
+                    which._set_axes_scale("log")
+                    _round_ticks(which)
+                if shows:
+                    which.set_label_text(_label(overview, objective))
+        wide, high = figure.get_size_inches()
+        left, top = 1 - (LEGEND_INCHES - 0.2) / wide, 1 - TITLE_INCHES / high
+        figure.legend(
+            *panels[shown[0], shown[1]].get_legend_handles_labels(),
+            loc="upper left",
+            bbox_to_anchor=(left, top),
+            frameon=False,
+        )
+        place = figure.add_axes((left + 0.2 / wide, top - 2.1 / high, 0.16 / wide, 1.0 / high))
+        bar = figure.colorbar(points, cax=place)
+        if bar.ax.get_yscale() == "log":
+            _round_ticks(bar.ax.yaxis)
+        bar.set_label(f"colour: {_label(overview, hue)}", fontsize=8)
         figure.text(0.012, 1 - 0.08 / figure.get_figheight(), title, fontsize=9, va="top")
         return plot_bytes(figure, "svg"), plot_bytes(figure, "png")
-
-
-def _bounded(overview: Overview) -> Overview:
-    """With a place for values that nothing limits: a little beyond the largest."""
-    parts = [overview.values.copy(), overview.beaten.copy(), overview.faulty.copy()]
-    for i, name in enumerate(overview.objectives):
-        finite = np.concatenate([part[np.isfinite(part[:, i]), i] for part in parts])
-        for part in parts if name in UNBOUNDED else ():
-            part[np.isnan(part[:, i]), i] = finite.max() + 0.15 * max(float(np.ptp(finite)), 1.0)
-    return replace(overview, values=parts[0], beaten=parts[1], faulty=parts[2])
 
 
 def _figure(shown: list[int]) -> tuple[Any, dict[tuple[int, int], Any]]:
@@ -299,7 +311,9 @@ def _panel(axis: Any, overview: Overview, pair: tuple[int, int], hue: int) -> An
     beaten, faulty, front = (points[:, pair] for points in (overview.beaten, overview.faulty, overview.values))
     _scatter(axis, beaten, "o", 3.0, "#bdbdbd", "beaten by others")
     _scatter(axis, faulty, "x", 3.5, "#d49a8a", "has error findings")
-    edge = _edge(overview, pair)
+    values: np.ndarray = overview.values[:, pair]
+    values = np.unique(values[np.isfinite(values).all(axis=1)], axis=0)
+    edge: np.ndarray = values[front_mask(_scores(values, [overview.objectives[i] for i in pair]))]
     axis.plot(*edge.T, color="#666666", linewidth=0.8, zorder=2, label="best in these two" if len(edge) else None)
     points = axis.scatter(
         *front.T,
@@ -326,14 +340,6 @@ def _scatter(axis: Any, points: np.ndarray, mark: str, size: float, color: str, 
     axis.plot(*points.T, mark, **style, rasterized=many, label=label if len(points) else None)
 
 
-def _edge(overview: Overview, pair: tuple[int, int]) -> np.ndarray:
-    """Points of the front that none beats in two objectives alone, by the first of these."""
-    values: np.ndarray = overview.values[:, pair]
-    values = np.unique(values[np.isfinite(values).all(axis=1)], axis=0)
-    kept: np.ndarray = values[front_mask(_scores(values, [overview.objectives[i] for i in pair]))]
-    return kept
-
-
 def _write_numbers(axis: Any, overview: Overview, pair: tuple[int, int]) -> None:
     """Numbers of the variants that are best in an objective; of those at one place together."""
     column = overview.header.index("number")
@@ -347,15 +353,6 @@ def _write_numbers(axis: Any, overview: Overview, pair: tuple[int, int]) -> None
         axis.annotate(", ".join(numbers), place, **style, bbox={"color": "white", "alpha": 0.6, "pad": 0.3})
 
 
-def _name_axes(axis: Any, overview: Overview, pair: tuple[int, int], named: tuple[bool, bool]) -> None:
-    for which, shows, objective in zip((axis.xaxis, axis.yaxis), named, pair, strict=True):
-        if _is_wide(overview, objective):
-            which._set_axes_scale("log")
-            _round_ticks(which)
-        if shows:
-            which.set_label_text(_label(overview, objective))
-
-
 def _round_ticks(axis: Any) -> None:
     """1, 2, 5, 10, ... instead of powers."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
@@ -363,18 +360,6 @@ def _round_ticks(axis: Any) -> None:
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
-
-
-def _legend(figure: Any, points: Any, panel: Any, coloured: str) -> None:
-    """Beside a single panel, or in the empty corner of the triangle."""
-    wide, high = figure.get_size_inches()
-    left, top = 1 - (LEGEND_INCHES - 0.2) / wide, 1 - TITLE_INCHES / high
-    figure.legend(*panel.get_legend_handles_labels(), loc="upper left", bbox_to_anchor=(left, top), frameon=False)
-    place = figure.add_axes((left + 0.2 / wide, top - 2.1 / high, 0.16 / wide, 1.0 / high))
-    bar = figure.colorbar(points, cax=place)
-    if bar.ax.get_yscale() == "log":
-        _round_ticks(bar.ax.yaxis)
-    bar.set_label(f"colour: {coloured}", fontsize=8)
 
 
 def _is_wide(overview: Overview, objective: int) -> bool:

@@ -25,7 +25,6 @@ from padgen.spec.threshold import LARGEST_FILE
 if TYPE_CHECKING:
     from padgen.core.finding import Finding
     from padgen.planner.plan import Plan
-    from padgen.planner.print_yield import PrintYield
 
 __all__ = ["STATUSES", "Record", "Task", "is_whole", "plan_figures", "run_task", "task_of", "writes_folders"]
 
@@ -148,7 +147,12 @@ def _made(task: Task) -> "tuple[dict[str, Any], tuple[Finding, ...]]":
 
         printed = print_yield(plan, task.pads, seed=0)
         texts |= {YIELD_FILE: json_text(asdict(printed))} if task.out else {}
-        figures |= _yield_figures(printed)
+        figures |= {
+            "good_pads": printed.planned.pads.share,
+            "good_pads_retuned": printed.retuned.pads.share,
+            "good_taxels_retuned": printed.retuned.taxels.share,
+            "median_retuned_db": printed.retuned.median_db,
+        }
     if task.out:
         with OutputFolder(out) as folder:
             for name, content in texts.items():
@@ -189,16 +193,6 @@ def plan_figures(plan: "Plan") -> dict[str, Any]:
         "power_w": plan.load.copper_loss_w * coils,
         "largest_print_spread": max(c.print_spread for c in plan.channels),
         "largest_sag_um": max(c.sag_um for c in plan.channels),
-    }
-
-
-def _yield_figures(printed: "PrintYield") -> dict[str, Any]:
-    """Shares of good prints, and what the median pad keeps."""
-    return {
-        "good_pads": printed.planned.pads.share,
-        "good_pads_retuned": printed.retuned.pads.share,
-        "good_taxels_retuned": printed.retuned.taxels.share,
-        "median_retuned_db": printed.retuned.median_db,
     }
 
 

@@ -76,7 +76,16 @@ def write_drive(plan: "Plan", folder: Path, request: DriveRequest, progress: Pro
     from padgen.planner.plan import plan_to_json
 
     formats = in_order(request.formats)
-    _refuse(request, formats)
+    if request.frames is None:
+        for name, drive_format in formats.items():
+            if drive_format.MADE_OF == "frames":
+                raise SpecError(f"{name} needs something to show; add --state or --frames", "--formats")
+    if request.seconds_each is not None and request.frames is None:
+        raise SpecError("is how long a frame lasts; add --state or --frames", "--seconds")
+    if request.hear and "wav" not in formats:
+        raise SpecError("listens to a WAV; add wav to --formats, and --state or --frames", "--hear")
+    if request.loop and (request.frames is None or len(request.frames) != 1):
+        raise SpecError("repeats one state without a seam; add --state with one", "--loop")
     job = _judged(DriveJob(plan, request, progress), formats)
     with OutputFolder(folder) as out:
         out.write("plan.json", plan_to_json(plan))
@@ -131,22 +140,33 @@ def write_excitation(
     with OutputFolder(folder) as out:
         out.write("plan.json", plan_to_json(plan))
         out.write_by("excitation.wav", write)
-        out.write("excitation.json", json_text(_excitation_table(plan, played, scale, depth)))
+        out.write(
+            "excitation.json",
+            json_text(
+                {
+                    "name": plan.name,
+                    "wave": "excitation.wav",
+                    "kind": played.kind,
+                    "rate_hz": played.rate_hz,
+                    "samples": played.samples,
+                    "seconds": played.seconds,
+                    "depth": depth,
+                    "signal": "voltage",
+                    "unit": "V",
+                    "full_scale": scale,
+                    "peak": float(abs(played.voltage_v).max()),
+                    "band_hz": list(played.band_hz),
+                    "sweep_s": played.sweep_s,
+                    "turn_s": len(played.current_a) / played.rate_hz,
+                    "together": played.together,
+                    "level_share": played.level_share,
+                    "copper_loss_w": played.copper_loss_w,
+                    "coils": [{"wav_channel": k, "coil": list(coil)} for k, coil in enumerate(played.coils)],
+                }
+            ),
+        )
         out.commit()
     return played, findings
-
-
-def _refuse(request: DriveRequest, formats: dict[str, DriveFormat]) -> None:
-    if request.frames is None:
-        for name, drive_format in formats.items():
-            if drive_format.MADE_OF == "frames":
-                raise SpecError(f"{name} needs something to show; add --state or --frames", "--formats")
-    if request.seconds_each is not None and request.frames is None:
-        raise SpecError("is how long a frame lasts; add --state or --frames", "--seconds")
-    if request.hear and "wav" not in formats:
-        raise SpecError("listens to a WAV; add wav to --formats, and --state or --frames", "--hear")
-    if request.loop and (request.frames is None or len(request.frames) != 1):
-        raise SpecError("repeats one state without a seam; add --state with one", "--loop")
 
 
 def _timeline(plan: "Plan", drive: "PadDrive", request: DriveRequest) -> "Timeline":
@@ -210,29 +230,6 @@ def _slowest_s(plan: "Plan", tuning: "Tuning | None") -> float:
     if tuning is None:
         return max(channel.ring_up_ms for channel in plan.channels) * MS
     return max(float(ring_up_time(taxel.resonance_hz, taxel.q)) for taxel in tuning.taxels)
-
-
-def _excitation_table(plan: "Plan", played: "Excitation", scale: float, depth: str) -> dict[str, Any]:
-    return {
-        "name": plan.name,
-        "wave": "excitation.wav",
-        "kind": played.kind,
-        "rate_hz": played.rate_hz,
-        "samples": played.samples,
-        "seconds": played.seconds,
-        "depth": depth,
-        "signal": "voltage",
-        "unit": "V",
-        "full_scale": scale,
-        "peak": float(abs(played.voltage_v).max()),
-        "band_hz": list(played.band_hz),
-        "sweep_s": played.sweep_s,
-        "turn_s": len(played.current_a) / played.rate_hz,
-        "together": played.together,
-        "level_share": played.level_share,
-        "copper_loss_w": played.copper_loss_w,
-        "coils": [{"wav_channel": k, "coil": list(coil)} for k, coil in enumerate(played.coils)],
-    }
 
 
 DEFAULT_TABLES, DEFAULT_WAVES = ("csv", "json"), ("csv", "json", "wav")

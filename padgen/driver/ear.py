@@ -136,8 +136,7 @@ class Heard:
     def on(self) -> np.ndarray:
         """Felt levels (h, n) of the taxels that are ON over what is wanted, NaN else."""
         shares = self.shares
-        on: np.ndarray = np.divide(self.relative, shares, out=np.full(shares.shape, np.nan), where=shares > 0)
-        return on
+        return np.asarray(np.divide(self.relative, shares, out=np.full(shares.shape, np.nan), where=shares > 0))
 
     @property
     def off(self) -> np.ndarray:
@@ -442,7 +441,14 @@ class _Alike:
             self.square[h] += part**2 @ weight
             self.tone[h] += np.einsum("pns,ns->pn", part, weight * np.exp(-self.turns * at))
         if not self.loops:
-            self._take_course(felt)
+            joined = np.concatenate([self.tail, felt], 2)
+            count = max(joined.shape[2] // self.step - 1, 0)
+            if count:
+                windows = np.lib.stride_tricks.sliding_window_view(joined, 2 * self.step, axis=2)
+                parts = windows[:, :, : count * self.step : self.step] * self.root
+                energy = (parts**2).sum((0, 3)) - ((parts @ self.parabola) ** 2).sum((0, 3))
+                self.course_m.append(np.sqrt(2 * np.maximum(energy, 0.0)).T)
+            self.tail = joined[:, :, count * self.step :]
 
     def _felt(self, square_a2: np.ndarray) -> np.ndarray:
         """What is felt (3, taxels, s) of i² (taxels, s) in m; the first part is the vertical motion at the axis."""
@@ -461,16 +467,6 @@ class _Alike:
         self.memory = [held for _, held in moved]
         self.pulled_in |= (felt[0] >= NEAREST * (self.gap_m or np.inf)).any(1)
         return felt
-
-    def _take_course(self, felt: np.ndarray) -> None:
-        joined = np.concatenate([self.tail, felt], 2)
-        count = max(joined.shape[2] // self.step - 1, 0)
-        if count:
-            windows = np.lib.stride_tricks.sliding_window_view(joined, 2 * self.step, axis=2)
-            parts = windows[:, :, : count * self.step : self.step] * self.root
-            energy = (parts**2).sum((0, 3)) - ((parts @ self.parabola) ** 2).sum((0, 3))
-            self.course_m.append(np.sqrt(2 * np.maximum(energy, 0.0)).T)
-        self.tail = joined[:, :, count * self.step :]
 
     def found(self) -> tuple[np.ndarray, ...]:
         """Levels, own lines, peaks (h, n), course (t, n), wanted levels (n,), all in m; who was pulled in (n,)."""

@@ -90,7 +90,7 @@ def _pictures(path: Path, check: Check) -> Iterator[np.ndarray]:
     damage = (SyntaxError, ValueError, EOFError, IndexError, KeyError, struct.error, zlib.error)
     try:
         with _opened(path) as image:
-            for k in _numbers(image):
+            for k in range(1 if getattr(image, "default_image", False) else 0, getattr(image, "n_frames", 1)):
                 image.seek(k)
                 check(image.height, image.width)
                 yield _grey(image)
@@ -112,20 +112,13 @@ def _opened(path: Path) -> "Image.Image":
         return Image.open(path, formats=("PNG", "GIF"))
 
 
-def _numbers(image: "Image.Image") -> range:
-    """Which frames of an animation are shown: not the still picture that some carry for other viewers."""
-    return range(1 if getattr(image, "default_image", False) else 0, getattr(image, "n_frames", 1))
-
-
 def _grey(image: "Image.Image") -> np.ndarray:
     if image.mode.startswith("I"):
-        deep: np.ndarray = np.asarray(image).astype(float) / 65535
-        return deep
+        return np.asarray(np.asarray(image).astype(float) / 65535)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of a palette's way to be transparent
         colours = np.asarray(image.convert("RGBA")).astype(np.int64)
-    grey: np.ndarray = (colours[..., :3] @ LUMINANCE) * colours[..., 3] / (255_000 * 255)
-    return grey
+    return np.asarray((colours[..., :3] @ LUMINANCE) * colours[..., 3] / (255_000 * 255))
 
 
 def _text(path: Path) -> str:
@@ -224,20 +217,16 @@ def _array(path: Path, check: Check) -> Iterator[np.ndarray]:
         check(*image.shape)
         values = np.asarray(image).astype(float) / scale
         if scale == 1 and array.dtype.kind in "iu":
-            _refuse_whole(values, frame, path)
+            bad = np.argwhere((values != 0) & (values != 1))
+            if len(bad):
+                row, column = (int(k) for k in bad[0])
+                raise FileError(
+                    f"{_place(frame, row, column)} must be 0 or 1 in an array of whole numbers that is neither of bytes"
+                    f" nor of unsigned 16 bits, got {number(float(values[row, column]))}",
+                    str(path),
+                )
         _refuse_levels(values, frame, path)
         yield values
-
-
-def _refuse_whole(values: np.ndarray, frame: int, path: Path) -> None:
-    bad = np.argwhere((values != 0) & (values != 1))
-    if len(bad):
-        row, column = (int(k) for k in bad[0])
-        raise FileError(
-            f"{_place(frame, row, column)} must be 0 or 1 in an array of whole numbers that is neither of bytes nor"
-            f" of unsigned 16 bits, got {number(float(values[row, column]))}",
-            str(path),
-        )
 
 
 def _signs(path: Path, check: Check) -> Iterator[np.ndarray]:
@@ -323,7 +312,9 @@ def read_frames(paths: str | Path | Iterable[str | Path], plan: Plan) -> Frames:
     first = ""
     for path in _files([paths] if isinstance(paths, (str, Path)) else paths):
         for image in frame_images(path, taken.checked_in(str(path))):
-            images.append(_by_taxel(image, grid, len(plan.taxels)))
+            levels = np.zeros(len(plan.taxels))
+            levels[grid[grid >= 0]] = image[grid >= 0]
+            images.append(levels)
             lit = np.argwhere((image > 0) & (grid < 0))
             if len(lit) and not lost:
                 first = f"{path}, frame {taken.number}, row {lit[0][0] + 1}, column {lit[0][1] + 1}"
@@ -364,12 +355,6 @@ class _Taken:
                 )
 
         return check
-
-
-def _by_taxel(image: np.ndarray, grid: np.ndarray, taxels: int) -> np.ndarray:
-    levels = np.zeros(taxels)
-    levels[grid[grid >= 0]] = image[grid >= 0]
-    return levels
 
 
 def _files(paths: Iterable[str | Path]) -> Iterator[Path]:
@@ -435,8 +420,7 @@ def state_frame(plan: Plan, text: str) -> np.ndarray:
             raise SpecError(f"must be at most {MOST_LEVELS // len(plan.taxels)} states, got {len(words)}", where)
         states = np.array([_state(word, count, where) for word in words])
     place = {channel.index: k for own in plan.sets for k, channel in enumerate(own)}
-    frames: np.ndarray = states[:, [place[taxel.channel] for taxel in plan.taxels]]
-    return frames
+    return np.asarray(states[:, [place[taxel.channel] for taxel in plan.taxels]])
 
 
 def _asked(count: int) -> str:

@@ -112,11 +112,7 @@ def excitation_load(plan: Plan, played: Excitation) -> Load:
     """What an excitation asks of the coils, over its sweep, at most."""
     sweep = played.current_a[: round(played.sweep_s * played.rate_hz)]
     squares = np.full(len(played.coils), float((sweep**2).mean()))
-    return Load(_between_v(played.voltage_v), squares, np.full(len(plan.taxels), played.level_share))
-
-
-def _between_v(samples: np.ndarray) -> float:
-    """The largest that samples reach, between them too, as a converter plays them."""
+    samples = played.voltage_v
     peak = float(np.abs(samples).max(initial=0.0))
     ends = np.pad(samples, OVERLAP)
     fade = np.sin(np.linspace(0.0, np.pi / 2, OVERLAP)) ** 2
@@ -128,7 +124,7 @@ def _between_v(samples: np.ndarray) -> float:
             part = np.pad(part, (0, len(window) - len(part))) * window
             finer = np.fft.irfft(np.fft.rfft(part), FINER * len(window)) * FINER
             reached = max(reached, float(np.abs(finer[FINER * OVERLAP : -FINER * OVERLAP]).max()))
-    return reached
+    return Load(reached, squares, np.full(len(plan.taxels), played.level_share))
 
 
 def _shown(drive: PadDrive, coil: CoilDrive, timeline: Timeline) -> _Asked:
@@ -155,8 +151,7 @@ def _any(drive: PadDrive, coil: CoilDrive) -> _Asked:
 def _tones_v(drive: PadDrive, coil: CoilDrive) -> np.ndarray:
     """Complex amplitudes (n,) of the voltages of the current's tones at level 1; spur-free there are none."""
     harmonic, amplitude = coil_lines(drive, coil)
-    volts: np.ndarray = impedance(drive.resistance_ohm, drive.inductance_h, harmonic / drive.period_s) * amplitude
-    return volts
+    return np.asarray(impedance(drive.resistance_ohm, drive.inductance_h, harmonic / drive.period_s) * amplitude)
 
 
 def _bound_v(drive: PadDrive, coil: CoilDrive, asked: _Asked, ramp: float) -> float:
@@ -194,8 +189,7 @@ def _root_bound_v(drive: PadDrive, coil: CoilDrive, states: np.ndarray, constant
 def _on_carrier(drive: PadDrive, volts: np.ndarray, root: np.ndarray) -> np.ndarray:
     """The envelope of the voltage of ``√2 root cos 2πf_c t``, with `volts` those of the root alone."""
     assert drive.carrier_hz is not None
-    reach: np.ndarray = np.sqrt(2) * np.hypot(volts, 2 * np.pi * drive.carrier_hz * drive.inductance_h * root)
-    return reach
+    return np.asarray(np.sqrt(2) * np.hypot(volts, 2 * np.pi * drive.carrier_hz * drive.inductance_h * root))
 
 
 # ---- Peaks ---------------------------------------------------------------------------------------------------------
@@ -288,8 +282,7 @@ def _constants_a2(drive: PadDrive, coil: CoilDrive) -> np.ndarray:
     which = np.arange(len(states))
     constant = sum(group[(which >> (size * k)) & (len(group) - 1)] for k, group in enumerate(groups))
     constant[-1] = all_on
-    with_margin: np.ndarray = constant + states @ (coil.margin * coil.line_a2)
-    return with_margin
+    return np.asarray(constant + states @ (coil.margin * coil.line_a2))
 
 
 def _largest_constant_a2(drive: PadDrive, coil: CoilDrive) -> float:
@@ -375,21 +368,6 @@ def judge_load(
             f"takes {number(loss_w)} W of copper loss in its warmest state, above coil.power_limit_w ="
             f" {number(spec.coil.power_limit_w)} W{cure}",
         )
-    yield from _pull(where, plan, load, tuning, cure)
-
-
-def voltage_finding(where: str, peak_v: float, limit_v: float, cure: str) -> Finding:
-    """The error of a voltage above the amplifier's."""
-    return Finding(
-        "error",
-        "wave.voltage",
-        where,
-        f"peaks at {number(peak_v)} V, above drive.voltage_limit_v = {number(limit_v)} V{cure}",
-    )
-
-
-def _pull(where: str, plan: Plan, load: Load, tuning: Tuning | None, cure: str) -> Iterator[Finding]:
-    """Whether a washer snaps to its coil, or comes nearer to it than a third of the gap leaves."""
     spec, columns = plan.spec, plan.coils.columns
     share, travel_um = 0.0, 0.0
     seen: dict[tuple[Channel, float, float], tuple[float, float]] = {}
@@ -419,6 +397,16 @@ def _pull(where: str, plan: Plan, load: Load, tuning: Tuning | None, cure: str) 
             f"moves a washer by {number(travel_um * UM / MM)} mm, sag and static pull with it; a third of the gap is"
             f" {number(third_um * UM / MM)} mm{cure}",
         )
+
+
+def voltage_finding(where: str, peak_v: float, limit_v: float, cure: str) -> Finding:
+    """The error of a voltage above the amplifier's."""
+    return Finding(
+        "error",
+        "wave.voltage",
+        where,
+        f"peaks at {number(peak_v)} V, above drive.voltage_limit_v = {number(limit_v)} V{cure}",
+    )
 
 
 def _level_text(plan: Plan, drive: PadDrive, shown: Timeline | None, tuning: Tuning | None, load: Load) -> str:

@@ -298,7 +298,13 @@ def play_frames(
         with link.closing_in(f"frame 0 of {len(frames)}"):
             device = link.greet(plan, tuning, greet_s)
         each = frame_s or device.frame_us * 1e-6
-        _refuse_crowd(bytes_each, baud, each)
+        least_s = _seconds(bytes_each, baud)
+        if each < least_s:
+            raise SpecError(
+                f"must be at least {at_least(least_s)} s for a frame of {bytes_each} bytes at {baud} baud,"
+                f" got {number(each)} s",
+                "frames",
+            )
         began = time.monotonic()
         try:
             link.show_all(frames, each, told)
@@ -311,17 +317,6 @@ def play_frames(
 
 def _seconds(count: int, baud: int) -> float:
     return count * BITS_A_BYTE / baud
-
-
-def _refuse_crowd(count: int, baud: int, each_s: float) -> None:
-    """A sentence where frames of `count` bytes follow each other faster than the line carries them."""
-    least_s = _seconds(count, baud)
-    if each_s < least_s:
-        raise SpecError(
-            f"must be at least {at_least(least_s)} s for a frame of {count} bytes at {baud} baud,"
-            f" got {number(each_s)} s",
-            "frames",
-        )
 
 
 class _Link:
@@ -348,10 +343,6 @@ class _Link:
                     self._port,
                 )
             answer = self._once(message)
-        self._device = self._same_pad(answer, plan, wanted)
-        return self._device
-
-    def _same_pad(self, answer: Message, plan: Plan, wanted: bytes) -> Greeting:
         cure = "write its firmware anew with padgen drive --formats c, and compile it"
         if answer.version != VERSION:
             raise FileError(
@@ -364,7 +355,8 @@ class _Link:
                 f" {plan.name!r} ({len(plan.taxels)} taxels, {wanted.hex()}); {cure}, or name its tuning (--tuning)",
                 self._port,
             )
-        return device
+        self._device = device
+        return self._device
 
     def show_all(self, frames: np.ndarray, each_s: float, told: Callable[[int], None]) -> None:
         """Every frame at its time; those that a late one would crowd are later, so that none is shorter than it can.

@@ -90,7 +90,22 @@ def play_wave(
         raise SpecError(f"is not played: it {beyond[0]}", str(path))
     sound = _sounddevice()
     chosen = _chosen(sound, device)
-    _refuse(sound, wave, chosen)
+    named = f"{chosen.name} (device {chosen.index})"
+    if wave.channels > chosen.channels:
+        raise SpecError(
+            f"{named} has {chosen.channels} output channels, {wave.path.name} needs {wave.channels}, one a coil",
+            "--audio",
+        )
+    try:
+        sound.check_output_settings(
+            device=chosen.index, channels=wave.channels, dtype="float32", samplerate=wave.rate_hz
+        )
+    except (ValueError, sound.PortAudioError) as error:
+        raise SpecError(
+            f"{named} does not play {wave.channels} channels at {wave.rate_hz} Hz ({error}); its own rate is"
+            f" {chosen.rate_hz:g} Hz, for which padgen drive --rate writes",
+            "--audio",
+        ) from error
     told(chosen)
     try:
         with sound.OutputStream(
@@ -152,26 +167,6 @@ def _chosen(sound: Any, device: int | str | None) -> AudioDevice:
         named = "no output device was found" if device is None else f"no output device {device!r}"
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise SpecError(f"{named} ({reason}); there are: {there}", "--audio") from error
-
-
-def _refuse(sound: Any, wave: Wave, device: AudioDevice) -> None:
-    """A sentence where a device cannot play a file."""
-    named = f"{device.name} (device {device.index})"
-    if wave.channels > device.channels:
-        raise SpecError(
-            f"{named} has {device.channels} output channels, {wave.path.name} needs {wave.channels}, one a coil",
-            "--audio",
-        )
-    try:
-        sound.check_output_settings(
-            device=device.index, channels=wave.channels, dtype="float32", samplerate=wave.rate_hz
-        )
-    except (ValueError, sound.PortAudioError) as error:
-        raise SpecError(
-            f"{named} does not play {wave.channels} channels at {wave.rate_hz} Hz ({error}); its own rate is"
-            f" {device.rate_hz:g} Hz, for which padgen drive --rate writes",
-            "--audio",
-        ) from error
 
 
 def _device(entry: Any, default: int | None) -> AudioDevice:

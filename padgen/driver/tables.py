@@ -4,7 +4,8 @@ A coil pulls with the square of its current (paper Eq. 5); what lines that makes
 scheme's doing, see `padgen.physics.selectivity`.
 """
 
-from dataclasses import asdict, astuple, dataclass
+from collections.abc import Iterator
+from dataclasses import asdict, astuple
 from itertools import combinations, product
 from math import sqrt
 from typing import Any
@@ -21,108 +22,57 @@ from padgen.planner.drive_rows import BIAS, COLUMNS, DriveRow, bias_row, coil_ro
 from padgen.planner.frame_rates import slot_ms
 from padgen.planner.plan import Channel, Plan
 
-__all__ = ["Line", "Spur", "State", "coil_states", "drive_csv", "drive_json", "drive_rows"]
+__all__ = ["coil_states", "drive_csv", "drive_json", "drive_rows"]
 
 SMALLEST_LINE = 1e-300
 """In A²: a coil that pulls no washer has none."""
+SPUR_KEYS = ("channels", "kind", "force_hz", "force_mn", "near_channel", "offset_hz")
 
 
-@dataclass(frozen=True, slots=True)
-class Line:
-    """A wanted line of the force."""
+def coil_states(plan: Plan) -> list[dict[str, Any]]:
+    """Return every state of a coil of each set, the lowest channel changing slowest; none above `LARGEST_TABLE`.
 
-    channel: int
-    force_hz: float
-    force_mn: float
-
-
-@dataclass(frozen=True, slots=True)
-class Spur:
-    """An unwanted line of the force, and the third channel it falls nearest to (None: there is none).
-
-    `force_mn` is on a washer that is pulled like those of its own channels (their geometric mean).
+    `set` says of which coils (see `CoilGrid`), `state` has a 1 for every channel that is on, the lowest first. `lines`
+    of the force are wanted, `spurs` are not: their force is on a washer that is pulled like those of their own channels
+    (their geometric mean), and they fall nearest to a third channel (None: there is none). `static_force_mn` is the
+    mean pull on the lowest channel's washer.
     """
-
-    channels: tuple[int, ...]
-    kind: str
-    force_hz: float
-    force_mn: float
-    near_channel: int | None
-    offset_hz: float | None
-
-
-@dataclass(frozen=True, slots=True)
-class State:
-    """One state of a coil: `state` has a 1 for every channel that is on, the lowest first.
-
-    `set` says of which coils, see `CoilGrid`; `static_force_mn` is the mean pull on the lowest channel's
-    washer.
-    """
-
-    set: int
-    state: str
-    drive_hz: tuple[float, ...]
-    lines: tuple[Line, ...]
-    spurs: tuple[Spur, ...]
-    static_force_mn: float
+    states: list[dict[str, Any]] = []
+    for number_of, own in enumerate(plan.sets if len(plan.sets[0]) <= LARGEST_TABLE else ()):
+        lines = np.array([c.line_a2 for c in own])
+        for bits in product((0, 1), repeat=len(own)):
+            on = [c for c, bit in zip(own, bits, strict=True) if bit]
+            square_a2 = mean_square_a2(plan.scheme, lines, plan.spec.drive.headroom, np.array(bits, dtype=bool))
+            states.append(
+                {
+                    "set": number_of,
+                    "state": "".join(map(str, bits)),
+                    "drive_hz": [c.drive_hz for c in on],
+                    "lines": [{"channel": c.index, "force_hz": c.resonance_hz, "force_mn": c.force_mn} for c in on],
+                    "spurs": list(_spurs(plan.scheme, own, on)) if plan.scheme.has_pair_spurs else [],
+                    "static_force_mn": square_a2 * own[0].force_constant_n_per_a2 / MN,
+                }
+            )
+    return states
 
 
-def coil_states(plan: Plan) -> tuple[State, ...]:
-    """All states of a coil of each set, the lowest channel changing slowest; empty above `LARGEST_TABLE` channels."""
-    if len(plan.sets[0]) > LARGEST_TABLE:
-        return ()
-    scheme = plan.scheme
-    return tuple(
-        _state(plan, scheme, number, bits)
-        for number, own in enumerate(plan.sets)
-        for bits in product((0, 1), repeat=len(own))
-    )
+def _spurs(scheme: Scheme, own: tuple[Channel, ...], on: list[Channel]) -> Iterator[dict[str, Any]]:
+    scale = 4 * scheme.bias_ratio * max(*(c.line_a2 for c in own), SMALLEST_LINE)
 
+    def spur(kind: str, hz: float, force_mn: float, *which: int) -> dict[str, Any]:
+        thirds = [c for c in own if c.index not in which]
+        near = min(thirds, key=lambda c: abs(c.resonance_hz - hz), default=None)
+        beside = (near.index, hz - near.resonance_hz) if near else (None, None)
+        return dict(zip(SPUR_KEYS, (list(which), kind, hz, force_mn, *beside), strict=True))
 
-def _state(plan: Plan, scheme: Scheme, number: int, bits: tuple[int, ...]) -> State:
-    own = plan.sets[number]
-    on = [c for c, bit in zip(own, bits, strict=True) if bit]
-    return State(
-        set=number,
-        state="".join(str(bit) for bit in bits),
-        drive_hz=tuple(c.drive_hz for c in on),
-        lines=tuple(Line(c.index, c.resonance_hz, c.force_mn) for c in on),
-        spurs=tuple(_spurs(scheme, own, on)),
-        static_force_mn=_static_force_mn(plan, scheme, own, bits),
-    )
-
-
-def _static_force_mn(plan: Plan, scheme: Scheme, own: tuple[Channel, ...], bits: tuple[int, ...]) -> float:
-    lines, on = np.array([c.line_a2 for c in own]), np.array(bits, dtype=bool)
-    square_a2 = mean_square_a2(scheme, lines, plan.spec.drive.headroom, on)
-    return square_a2 * own[0].force_constant_n_per_a2 / MN
-
-
-def _spurs(scheme: Scheme, own: tuple[Channel, ...], on: list[Channel]) -> list[Spur]:
-    if not scheme.has_pair_spurs:
-        return []
-    lines = {channel.index: channel.line_a2 for channel in own}
-    largest = max(*lines.values(), SMALLEST_LINE)
-    spurs = []
     for a, b in combinations(on, 2):
-        total, difference = a.resonance_hz + b.resonance_hz, abs(a.resonance_hz - b.resonance_hz)
-        force = 2 * sqrt(a.force_mn * b.force_mn)
-        total, difference = total * scheme.pair_scale, difference * scheme.pair_scale
+        force_mn = 2 * sqrt(a.force_mn * b.force_mn)
         if scheme.is_biased:
-            force *= sqrt(lines[a.index] * lines[b.index]) / (4 * scheme.bias_ratio * largest)
-        spurs.append(_spur(own, (a.index, b.index), "sum", total, force))
-        spurs.append(_spur(own, (a.index, b.index), "difference", difference, force))
-    if scheme.is_biased:
-        for c in on:
-            force = c.force_mn * lines[c.index] / (4 * scheme.bias_ratio * largest)
-            spurs.append(_spur(own, (c.index,), "harmonic", 2 * c.resonance_hz, force))
-    return spurs
-
-
-def _spur(own: tuple[Channel, ...], which: tuple[int, ...], kind: str, hz: float, force_mn: float) -> Spur:
-    thirds = [c for c in own if c.index not in which]
-    near = min(thirds, key=lambda c: abs(c.resonance_hz - hz), default=None)
-    return Spur(which, kind, hz, force_mn, near.index if near else None, hz - near.resonance_hz if near else None)
+            force_mn *= sqrt(a.line_a2 * b.line_a2) / scale
+        yield spur("sum", (a.resonance_hz + b.resonance_hz) * scheme.pair_scale, force_mn, a.index, b.index)
+        yield spur("difference", abs(a.resonance_hz - b.resonance_hz) * scheme.pair_scale, force_mn, a.index, b.index)
+    for c in on if scheme.is_biased else ():
+        yield spur("harmonic", 2 * c.resonance_hz, c.force_mn * c.line_a2 / scale, c.index)
 
 
 def drive_rows(plan: Plan) -> tuple[DriveRow, ...]:
@@ -158,7 +108,7 @@ def drive_json(plan: Plan) -> str:
         "current": [_recipe(plan, kind) for kind in range(len(plan.sets))],
         "channels": [asdict(row) for row in drive_rows(plan)],
         "frames_per_s": {f.scheme: f.frames_per_s for f in plan.refresh}[plan.selectivity.drive],
-        "states": [asdict(state) for state in coil_states(plan)],
+        "states": coil_states(plan),
         "states_note": ""
         if len(plan.sets[0]) <= LARGEST_TABLE
         else f"{number(2 ** len(plan.sets[0]))} states are not spelled out; at most {LARGEST_TABLE} channels are",

@@ -70,14 +70,12 @@ class Timeline:
 
 def blend(share: np.ndarray) -> np.ndarray:
     """The smooth step from 0 to 1 over shares of a transition, the integral of `blend_slope`."""
-    step: np.ndarray = share**5 * (126 - share * (420 - share * (540 - share * (315 - 70 * share))))
-    return step
+    return np.asarray(share**5 * (126 - share * (420 - share * (540 - share * (315 - 70 * share)))))
 
 
 def blend_slope(share: np.ndarray) -> np.ndarray:
     """The slope of `blend`, ``630 (s (1 − s))⁴``."""
-    slope: np.ndarray = 630 * (share * (1 - share)) ** 4
-    return slope
+    return np.asarray(630 * (share * (1 - share)) ** 4)
 
 
 def frame_s(plan: Plan) -> float:
@@ -145,7 +143,8 @@ def _checked(plan: Plan, frames: np.ndarray, seconds_each: float | None) -> np.n
 
 
 def _in_turns(plan: Plan, frames: np.ndarray, seconds_each: float | None) -> Timeline:
-    turn, slots = _turns(plan), len(plan.sets[0])
+    order = {channel.index: k for own in plan.sets for k, channel in enumerate(own)}
+    turn, slots = np.array([order[taxel.channel] for taxel in plan.taxels]), len(plan.sets[0])
     slot = (seconds_each or frame_s(plan)) / slots
     if slot < 2 * ramp_s(plan) * (1 - 1e-12):
         raise SpecError(
@@ -159,12 +158,6 @@ def _in_turns(plan: Plan, frames: np.ndarray, seconds_each: float | None) -> Tim
         for s in range(slots):
             levels[2 * (k * slots + s) + 1] = np.where(turn == s, frame, 0.0)
     return Timeline(times, levels, False)
-
-
-def _turns(plan: Plan) -> np.ndarray:
-    """Which slot of its coil each taxel has."""
-    order = {channel.index: k for own in plan.sets for k, channel in enumerate(own)}
-    return np.array([order[taxel.channel] for taxel in plan.taxels])
 
 
 BLOCK = 1 << 17
@@ -377,8 +370,7 @@ def _on_carrier(drive: PadDrive, group: _Group, where: _Stretch, root: np.ndarra
     angle = 2 * np.pi / period * ((np.arange(where.start, where.stop) % period * harmonic) % period)[:, None]
     cosine, sine = np.sqrt(2) * np.cos(angle), np.sqrt(2) * np.sin(angle)
     turn: np.ndarray = cosine - 2 * np.pi * drive.carrier_hz * group.tau_s * sine
-    voltage: np.ndarray = root * turn + slope / (2 * root) * cosine
-    return voltage
+    return np.asarray(root * turn + slope / (2 * root) * cosine)
 
 
 def _biased(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch) -> Part:

@@ -248,7 +248,19 @@ def judged(ladder: Ladder, measured: Sequence[Measured]) -> Judged:
     if line and solved and solved[-1] != line[-1]:
         why += f"; finer ones have no answer ({measured[line[-1]].note})"
     rows = tuple(_row(ladder, measured, i, reference, uncertainty) for i in range(len(ladder.rungs)))
-    return Judged(ladder, rows, reference, uncertainty, converged, why, _orders(ladder, rows, uncertainty))
+    names = dict.fromkeys(row.rung.series for row in rows if row.rung.series and not isnan(row.rung.step))
+    found = []
+    for name in names:
+        own = [row for row in rows if row.rung.series == name and row.measured.values is not None]
+        own = [row for row in own if not isnan(row.rung.step)]
+        steps, theory = [row.rung.step for row in own], ladder.theory.get(name)
+        if theory and theory.same_limit:
+            order = _order_of_errors(steps, [row.error for row in own], uncertainty)
+        else:
+            gaps = [_distance(ladder, a.measured, b.measured, own[-1].measured) for a, b in pairwise(own)]
+            order = observed_order(steps, gaps)
+        found.append(Order(name, order, theory))
+    return Judged(ladder, rows, reference, uncertainty, converged, why, tuple(found))
 
 
 def _uncertainty(ladder: Ladder, measured: Sequence[Measured], solved: Sequence[int]) -> tuple[float, bool, str]:
@@ -290,23 +302,6 @@ def _row(ladder: Ladder, measured: Sequence[Measured], index: int, reference: in
     if not isfinite(error):
         return Row(rung, own)
     return Row(rung, own, error, error + uncertainty, error <= uncertainty)
-
-
-def _orders(ladder: Ladder, rows: Sequence[Row], uncertainty: float) -> tuple[Order, ...]:
-    """Of each series that has steps, in the order of the rungs."""
-    names = dict.fromkeys(row.rung.series for row in rows if row.rung.series and not isnan(row.rung.step))
-    found = []
-    for name in names:
-        own = [row for row in rows if row.rung.series == name and row.measured.values is not None]
-        own = [row for row in own if not isnan(row.rung.step)]
-        steps, theory = [row.rung.step for row in own], ladder.theory.get(name)
-        if theory and theory.same_limit:
-            order = _order_of_errors(steps, [row.error for row in own], uncertainty)
-        else:
-            gaps = [_distance(ladder, a.measured, b.measured, own[-1].measured) for a, b in pairwise(own)]
-            order = observed_order(steps, gaps)
-        found.append(Order(name, order, theory))
-    return tuple(found)
 
 
 def _order_of_errors(steps: Sequence[float], errors: Sequence[float], uncertainty: float) -> float | None:

@@ -223,7 +223,7 @@ def _force_rungs(pull: Pull) -> Iterator[Rung]:
 
 
 def _resolution(order: int, levels: int) -> str:
-    return f"p = {order}, {levels} level{'s' * (levels > 1)}"
+    return f"p = {order}, {levels} level{'s' * (levels != 1)}"
 
 
 def paper_pull(pull: Pull) -> Solved:
@@ -290,11 +290,7 @@ def _structure_rungs(scene: Scene, channel: Channel) -> Iterator[Rung]:
     step = scene.step(channel)
     for order, levels in GRADED:
         solve = partial(graded_hz, plan, channel, step, order, levels)
-        yield Rung("solid", f"p = {order}, {_levels(levels)}", solve, REFERENCE, imports=ENGINE)
-
-
-def _levels(levels: int) -> str:
-    return f"{levels} level{'s' * (levels != 1)}"
+        yield Rung("solid", _resolution(order, levels), solve, REFERENCE, imports=ENGINE)
 
 
 def _model(spec: Spec, channel: Channel) -> TaxelModel:
@@ -336,11 +332,7 @@ def graded_hz(plan: Plan, channel: Channel, step: Path, order: int, levels: int)
     from padgen.verify.elasticity import solve_modes
 
     found = solve_modes(solid_taxel(plan, channel, step), order, levels)
-    return _working(found.modes, found.unknowns, found.residual)
-
-
-def _working(modes: Any, unknowns: int, residual: float) -> Solved:
-    return Solved(np.array([modes.frequency_hz[modes.working]]), unknowns, residual)
+    return Solved(np.array([found.modes.frequency_hz[found.modes.working]]), found.unknowns, found.residual)
 
 
 ORDERS = (2, 3, 4)

@@ -41,7 +41,6 @@ from padgen.ladders.rung import (
     recommended_row,
 )
 from padgen.ladders.stages import LADDERS
-from padgen.spec import Spec
 from padgen.verify.extreme import Answer, ExtremeCase
 
 if TYPE_CHECKING:
@@ -296,7 +295,12 @@ def measured_study(
     with tempfile.TemporaryDirectory(prefix="padgen-study-") as aside:
         scene = Scene(plan, Path(aside))
         results = run_ladders([ladder for name in only or LADDERS for ladder in LADDERS[name](scene)], progress)
-    about = {**_about(), "name": plan.name, "spec": _spec_hash(plan.spec), "tolerances": list(tolerances)}
+    about = {
+        **_about(),
+        "name": plan.name,
+        "spec": file_hash(json.dumps(asdict(plan.spec), sort_keys=True).encode()),
+        "tolerances": list(tolerances),
+    }
     return Study(plan.name, tuple(results), picks(results, tolerances), tolerances, about)
 
 
@@ -400,11 +404,6 @@ def _tolerances(asked: float | None) -> tuple[float, ...]:
 
 def _about() -> dict[str, Any]:
     return {"padgen": __version__, "versions": {name: version(name) for name in PACKAGES}, "times": TIMES}
-
-
-def _spec_hash(spec: Spec) -> str:
-    """The spec's hash as a build's manifest has it, so that a reader can tell whose study it is."""
-    return file_hash(json.dumps(asdict(spec), sort_keys=True).encode())
 
 
 HEAD = ("subject", "quantity", "unit")

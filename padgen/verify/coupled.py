@@ -88,14 +88,10 @@ class CoupledSystem:
 
 
 class Source(NamedTuple):
-    """What drives the coil: a 'voltage' in V or a 'current' in A as a function of times (k,) in s.
-
-    `breaks_s` are the times at which it jumps or has a corner, as when taxels are switched; no step goes across them.
-    """
+    """What drives the coil: a smooth 'voltage' in V or 'current' in A as a function of times (k,) in s."""
 
     kind: Literal["voltage", "current"]
     wave: Callable[[np.ndarray], np.ndarray]
-    breaks_s: tuple[float, ...] = ()
 
 
 class CoupledMotion(NamedTuple):
@@ -215,7 +211,7 @@ def simulate(
         sampled[n:-1, done:upto] = start.v[:, None] + length * faster
         sampled[-1, done:upto] = rule.values(current, share)
         copper = by_voltage * system.resistance_ohm * current**2
-        supplied = _drive(source, start.time_s + length * rule.points) * current
+        supplied = source.wave(start.time_s + length * rule.points) * current
         if not by_voltage:
             supplied = current**2 / 2 * (system.slopes(z)[0] * v).sum(0)
         damping = (system.mass_kg * system.angular / system.q) @ v**2
@@ -237,12 +233,10 @@ def _steps(
     most_steps: int,
 ) -> Iterator[tuple[_State, np.ndarray, _State]]:
     """Yield every step from `at` on: where it starts, its velocities and current (n + 1, s), where it ends."""
-    ends = np.array(sorted({b for b in source.breaks_s if 0 < b < end_s} | {end_s}))
     circuit = system.resistance_ohm / system.inductance_h if source.kind == "voltage" else 0.0
     step, scales, tried = 0.1 / max(float(system.angular.max()), circuit), np.zeros(len(at.z) + 1), 0
     while at.time_s < end_s:
-        limit = float(ends[np.searchsorted(ends, at.time_s, "right")])
-        length = min(step, limit - at.time_s)
+        length = min(step, end_s - at.time_s)
         if tried >= most_steps:
             raise SolverError(f"took {most_steps} steps up to {number(at.time_s)} s of {number(end_s)} s")
         if length < SMALLEST_STEP * end_s and length == step:
@@ -261,9 +255,16 @@ def _steps(
             continue
         step = length * min(4.0, 0.9 * grown) if length == step else min(step, length * max(0.9 * grown, 1.0))
         start = at
-        at = _ended(system, source, rule, start, rows, length)
-        if limit - start.time_s == length:
-            at = at._replace(time_s=limit)
+        v, current, flux = rows[:-1], float(rows[-1, -1]), start.flux
+        z = start.z[:, None] + length * v @ rule.integrals.T
+        faster, end_z = system.acceleration(z, v, rows[-1]), start.z + length * v @ rule.weights
+        if source.kind == "voltage":
+            drop = source.wave(start.time_s + length * rule.points) - system.resistance_ohm * rows[-1]
+            flux = start.flux + length * float(drop @ rule.weights)
+            current = flux / float(system.inductance(end_z[:, None])[0])
+        at = _State(start.time_s + length, end_z, start.v + length * faster @ rule.weights, flux, current)
+        if end_s - start.time_s == length:
+            at = at._replace(time_s=end_s)
         yield start, rows, at
         near = at.z > NEAREST * system.gap_m
         if near.any():
@@ -271,20 +272,6 @@ def _steps(
                 f"taxel {int(near.argmax())} is pulled onto the coil at {number(at.time_s)} s: less than"
                 f" {1 - NEAREST:.0%} of its gap is left"
             )
-
-
-def _ended(
-    system: CoupledSystem, source: Source, rule: Collocation, at: _State, rows: np.ndarray, length: float
-) -> _State:
-    """The state at the end of a step."""
-    v, current, flux = rows[:-1], float(rows[-1, -1]), at.flux
-    z = at.z[:, None] + length * v @ rule.integrals.T
-    faster, end_z = system.acceleration(z, v, rows[-1]), at.z + length * v @ rule.weights
-    if source.kind == "voltage":
-        drop = _drive(source, at.time_s + length * rule.points) - system.resistance_ohm * rows[-1]
-        flux = at.flux + length * float(drop @ rule.weights)
-        current = flux / float(system.inductance(end_z[:, None])[0])
-    return _State(at.time_s + length, end_z, at.v + length * faster @ rule.weights, flux, current)
 
 
 def scipy_motion(
@@ -344,7 +331,7 @@ def _solved(
 
     Newton's method from a motion that goes on as it is. Driven by current, the last row is given.
     """
-    drive, integrals = _drive(source, at.time_s + length * rule.points), length * rule.integrals
+    drive, integrals = source.wave(at.time_s + length * rule.points), length * rule.integrals
     rows = np.tile(np.append(at.v, at.current)[:, None], len(drive))
     if source.kind == "current":
         rows[-1] = drive
@@ -375,13 +362,6 @@ def _solved(
         if changed < max(1e-3 * tolerance, 1e-13):
             return rows
     return None
-
-
-def _drive(source: Source, at: np.ndarray) -> np.ndarray:
-    """The drive at the stages; at a break, where the last one may be, what it is just before."""
-    for end in source.breaks_s:
-        at = np.where(np.abs(at - end) <= 4e-16 * end, np.nextafter(end, -np.inf), at)
-    return np.asarray(source.wave(at), float)
 
 
 def _share(change: np.ndarray, size: np.ndarray) -> float:

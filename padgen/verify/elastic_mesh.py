@@ -81,11 +81,6 @@ def taxel_shape(step: Path, washer_volume_mm3: float, where: str = "") -> Any:
         )
     washer = int(np.argmin(misfit))
     solids[washer].name, solids[1 - washer].name = WASHER, PRINTED
-    return _glued(solids, where)
-
-
-def _glued(solids: list[Any], where: str) -> Any:
-    """Solids that touch by faces as one shape."""
     occ = engine("netgen.occ")
     shape = occ.Glue(solids)
     if len(shape.solids) != len(solids):
@@ -151,7 +146,9 @@ def meshed(shape: Any, fineness: Fineness = USUAL, where: str = "taxel", layered
             return mesh
         volume = _volumes(mesh).sum()
         mesh.RefineHP(attempt.levels, attempt.factor)
-        if _is_sound(mesh, volume):
+        straight = _volumes(mesh)
+        mesh.Curve(2)
+        if bool(abs(straight.sum() / volume - 1) < LOST_VOLUME and min(straight.min(), _volumes(mesh).min()) > 0):
             return mesh
     raise SolverError("layers round its edges tear the mesh: a part is thinner than the mesh resolves", where)
 
@@ -177,13 +174,6 @@ def _coarse_meshes(shape: Any, fineness: Fineness, where: str) -> Iterator[tuple
 def _volumes(mesh: Any) -> np.ndarray:
     """Volumes in mm³ of the elements."""
     return np.asarray(engine("ngsolve").Integrate(1.0, mesh, element_wise=True).NumPy())
-
-
-def _is_sound(mesh: Any, volume: float) -> bool:
-    """Whether no element has lost its volume, straight or curved (as `Curve` leaves it, at order 2)."""
-    straight = _volumes(mesh)
-    mesh.Curve(2)
-    return bool(abs(straight.sum() / volume - 1) < LOST_VOLUME and min(straight.min(), _volumes(mesh).min()) > 0)
 
 
 def coarse_mesh(shape: Any, fineness: Fineness = USUAL, where: str = "taxel") -> Any:
@@ -253,13 +243,9 @@ def edge_angles(mesh: Any) -> dict[str, float]:
         pair = neighbours.get(ends, [])
         if len(pair) == 2:
             name = mesh.GetCD2Name(int(segment["index"]) - 1)
-            angles[name] = max(angles.get(name, 0.0), _filled(pair, ends, points, corner, normal))
+            one, other = normal[pair[0]], normal[pair[1]]
+            (apex,) = set(corner[pair[1]].tolist()) - ends
+            above = one @ (points[apex] - points[next(iter(ends))])
+            turn = np.degrees(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other))
+            angles[name] = max(angles.get(name, 0.0), float(180 + turn if above > 0 else 180 - turn))
     return angles
-
-
-def _filled(pair: list[int], ends: frozenset[int], points: np.ndarray, corner: np.ndarray, normal: np.ndarray) -> float:
-    one, other = normal[pair[0]], normal[pair[1]]
-    (apex,) = set(corner[pair[1]].tolist()) - ends
-    above = one @ (points[apex] - points[next(iter(ends))])
-    turn = np.degrees(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other))
-    return float(180 + turn if above > 0 else 180 - turn)

@@ -80,11 +80,6 @@ def stiffness_pa(material: Elastic) -> np.ndarray:
         axes = Orthotropy((e,) * 3, (e / 2 / (1 + nu),) * 3, (nu,) * 3)
     else:
         axes = material.axes
-    return _inverted(_compliance(axes))
-
-
-def _compliance(axes: Orthotropy) -> np.ndarray:
-    """Compliance (6, 6) in 1/Pa."""
     ex, ey, ez = axes.modulus_pa
     yz, zx, xy = axes.poisson
     if min(*axes.modulus_pa, *axes.shear_pa) <= 0:
@@ -92,10 +87,6 @@ def _compliance(axes: Orthotropy) -> np.ndarray:
     compliance = np.diag([1 / ex, 1 / ey, 1 / ez, *(1 / g for g in axes.shear_pa)])
     for i, j, coupling in ((0, 1, xy / ex), (1, 2, yz / ey), (0, 2, zx / ez)):
         compliance[i, j] = compliance[j, i] = -coupling
-    return compliance
-
-
-def _inverted(compliance: np.ndarray) -> np.ndarray:
     if np.linalg.eigvalsh(compliance / np.abs(compliance).max())[0] <= 0:
         raise SolverError("Poisson ratios too large for the moduli: strain energy must be positive in every direction")
     stiffness = np.linalg.inv(compliance)

@@ -4,7 +4,6 @@ NGSolve must not be imported into a process that has loaded build123d: call thes
 process of their own (they can be pickled).
 """
 
-import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -93,7 +92,7 @@ class SolidTaxel(NamedTuple):
 
 class SolidModes(NamedTuple):
     """Modes by elements of `order` on `elements` with `unknowns`; `residual` of the worst mode;
-    `seconds` of processor time by stage; `error` (k,) estimated relative error of each frequency,
+    `error` (k,) estimated relative error of each frequency,
     nan where there is no second order to compare with; `setting` that of `SETTINGS` which was solved last."""
 
     modes: TaxelModes
@@ -103,7 +102,6 @@ class SolidModes(NamedTuple):
     elements: int
     residual: float
     error: np.ndarray
-    seconds: dict[str, float]
     setting: int = 0
 
     @property
@@ -134,19 +132,6 @@ class _Answer(NamedTuple):
     eigen: Eigen
 
 
-class _Clock:
-    """Processor time by stage."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-        self.last = time.process_time()
-
-    def stop(self, stage: str) -> None:
-        now = time.process_time()
-        self.seconds[stage] = self.seconds.get(stage, 0.0) + now - self.last
-        self.last = now
-
-
 def solve_modes(taxel: SolidTaxel, order: int = 3, levels: int = 2, modes: int = 6) -> SolidModes:
     """The lowest modes of `taxel` by elements of `order` with `levels` of layers round singular edges.
 
@@ -159,10 +144,9 @@ def solve_modes(taxel: SolidTaxel, order: int = 3, levels: int = 2, modes: int =
     """
     if order < 2 or levels < 0 or modes < 1:
         raise SolverError(f"needs order ≥ 2, levels ≥ 0 and modes ≥ 1, got {order}, {levels} and {modes}", "elasticity")
-    clock = _Clock()
-    draft = _drafted(taxel, clock)
+    draft = _drafted(taxel)
     setting = Setting(order, levels)
-    return _result(_answered(draft, _layered(draft, setting, clock), order, modes, clock), setting, clock)
+    return _result(_answered(draft, _layered(draft, setting), order, modes), setting)
 
 
 def converged_modes(taxel: SolidTaxel, tolerance: float = 1e-3, modes: int = 6, first: int = 0) -> SolidModes:
@@ -182,19 +166,19 @@ def converged_modes(taxel: SolidTaxel, tolerance: float = 1e-3, modes: int = 6, 
     """
     if not 0 < tolerance < 1:
         raise SolverError(f"must lie between 0 and 1, got {number(tolerance)}, e.g. 0.001", "tolerance")
-    clock, known, before = _Clock(), None, None
-    draft = _drafted(taxel, clock)
+    known, before = None, None
+    draft = _drafted(taxel)
     for place, setting in enumerate(SETTINGS[first:], first):
         try:
             if before != setting[1:]:
-                mesh, before = _layered(draft, setting, clock), setting[1:]
-                lean = _answered(draft, mesh, LEAN, modes, clock)
-                found = _result(lean, setting._replace(order=LEAN), clock)
+                mesh, before = _layered(draft, setting), setting[1:]
+                lean = _answered(draft, mesh, LEAN, modes)
+                found = _result(lean, setting._replace(order=LEAN))
                 shares = energy_shares(lean.system, taxel.materials, lean.eigen)
                 rich = _rich(mesh, shares, found.modes.working)
             for order in range(found.order + 1, setting.order + 1):
                 coarser = found
-                found = _result(_answered(draft, mesh, order, modes, clock, rich), setting._replace(order=order), clock)
+                found = _result(_answered(draft, mesh, order, modes, rich), setting._replace(order=order))
         except SolverError:
             if known is None:
                 raise
@@ -234,31 +218,24 @@ def _extrapolated(coarser: SolidModes, found: SolidModes) -> SolidModes:
     return found._replace(modes=modes, error=error)
 
 
-def _drafted(taxel: SolidTaxel, clock: _Clock) -> _Draft:
+def _drafted(taxel: SolidTaxel) -> _Draft:
     engine("ngsolve").SetNumThreads(1)
     shape = clamped_shape(taxel_shape(taxel.step, taxel.washer_volume_mm3, taxel.where), taxel.clamp)
-    clock.stop("read")
     mesh = coarse_mesh(shape, where=taxel.where)
     singular = singular_edges(shape, mesh)
-    clock.stop("mesh")
     draft = _Draft(taxel, shape, set())
-    answer = _answered(draft, engine("ngsolve").Mesh(mesh), LEAN, 6, clock)
+    answer = _answered(draft, engine("ngsolve").Mesh(mesh), LEAN, 6)
     shares = edge_energy_shares(mesh, energy_shares(answer.system, taxel.materials, answer.eigen))
     worst = max((shares.get(edge, 0.0) for edge in singular), default=0.0)
-    clock.stop("modes")
     return draft._replace(layered={edge for edge in singular if shares.get(edge, 0.0) > EDGE_RATIO * worst})
 
 
-def _layered(draft: _Draft, setting: Setting, clock: _Clock) -> Any:
+def _layered(draft: _Draft, setting: Setting) -> Any:
     fineness = Fineness(levels=setting.levels, per_face=setting.per_face)
-    mesh = meshed(draft.shape, fineness, draft.taxel.where, draft.layered)
-    clock.stop("mesh")
-    return mesh
+    return meshed(draft.shape, fineness, draft.taxel.where, draft.layered)
 
 
-def _answered(
-    draft: _Draft, mesh: Any, order: int, modes: int, clock: _Clock, rich: np.ndarray | None = None
-) -> _Answer:
+def _answered(draft: _Draft, mesh: Any, order: int, modes: int, rich: np.ndarray | None = None) -> _Answer:
     """Statics and modes, in blocks where rounding allows; elsewhere every element is `rich`."""
     taxel = draft.taxel
     density = taxel.materials[WASHER].density_kg_per_m3
@@ -266,20 +243,17 @@ def _answered(
         of_order = rich if blocks else None
         system = assembled(mesh, taxel.materials, order, blocks=blocks, rich=of_order, volume_mm3=draft.volume_mm3)
         loads = rigid_loads(system, WASHER, density, taxel.washer_x_mm)
-        clock.stop("assemble")
         solve = factored(system)
-        clock.stop("factor")
         answers = np.array([solve(load) for load in loads.T]).T
         if accurate(system, solve, loads, answers):
             break
     else:
         raise SolverError("stiff and soft parts lie too far apart for double precision", taxel.where)
     eigen = eigenmodes(system, solve, modes, answers)
-    clock.stop("modes")
     return _Answer(system, loads, answers, eigen)
 
 
-def _result(answer: _Answer, setting: Setting, clock: _Clock) -> SolidModes:
+def _result(answer: _Answer, setting: Setting) -> SolidModes:
     system, loads, answers, eigen = answer
     motion = eigen.shape.T @ loads
     modal = motion.T @ (motion / (2 * np.pi * eigen.frequency_hz[:, None]) ** 2)
@@ -291,5 +265,4 @@ def _result(answer: _Answer, setting: Setting, clock: _Clock) -> SolidModes:
         system.space.mesh.ne,
         eigen.residual,
         np.full(len(eigen.frequency_hz), np.nan),
-        dict(clock.seconds),
     )

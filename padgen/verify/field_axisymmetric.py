@@ -8,7 +8,6 @@ problem, so that Newton's method with a line search always gets there. Meshes ar
 A washer on the coil's axis is solved in the half plane, and its pull bracketed by two potentials.
 """
 
-import time
 from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -45,14 +44,13 @@ class ScalarField(NamedTuple):
     """A solved field: NGSolve's `mesh` in mm and `field`, H in A/m as a coefficient function.
 
     `weight` multiplies volumes (2πr in mm in a half plane of revolution, 2 for half of a symmetric
-    model); `co_energy_j`; `residual` of the last step relative to the first; `order` of the elements.
+    model); `residual` of the last step relative to the first; `order` of the elements.
     """
 
     mesh: Any
     potential: Any
     field: Any
     weight: Any
-    co_energy_j: float
     unknowns: int
     residual: float
     steps: int
@@ -79,13 +77,11 @@ def solve_scalar(
     order: int,
     weight: Any = 1.0,
     start: ScalarField | None = None,
-    grounded: str = "",
 ) -> ScalarField:
     """Solve for Ω on `mesh` (materials named in `steels` are steel, all others air; far boundary ``far``).
 
     `source` is T in A/m as a coefficient function; it may jump at faces of the mesh only. `start` is a
-    solution on the same mesh to begin with; on the boundary `grounded` Ω is 0 (a plane that the field crosses
-    at a right angle).
+    solution on the same mesh to begin with.
 
     Raises
     ------
@@ -95,19 +91,19 @@ def solve_scalar(
         Newton's method does not bring the residual down to 1e-8 of the first.
     """
     ng = engine("ngsolve")
-    space = ng.H1(mesh, order=order, dirichlet=grounded)
+    space = ng.H1(mesh, order=order)
     trial = space.TrialFunction()
     field = source - ng.grad(trial)
     form = ng.BilinearForm(space, symmetric=True, condense=True)
     extra = 2 if mesh.dim == 2 else 1
     for name in dict.fromkeys(mesh.GetMaterials()):
         region = ng.dx(definedon=mesh.Materials(name), bonus_intorder=extra)
-        form += ng.Variation(weight * _co_energy_density(ng, steels.get(name, 1.0), field, name) * region)
+        form += ng.Variation(weight * _energy_density(ng, steels.get(name, 1.0), field, name) * region)
     form += ng.Variation(weight * MU_0 / far_radius_mm * trial**2 * ng.ds("far", bonus_intorder=2))
     potential = ng.GridFunction(space)
     if start is None and order > 1 and any(isinstance(steel, BHCurve) for steel in steels.values()):
         # Most of Newton's steps are then taken with few unknowns.
-        start = solve_scalar(mesh, source, steels, far_radius_mm, order - 1, weight, grounded=grounded)
+        start = solve_scalar(mesh, source, steels, far_radius_mm, order - 1, weight)
     if start is not None:
         potential.Set(start.potential)
     residual, steps = minimise(ng, form, space, potential)
@@ -116,7 +112,6 @@ def solve_scalar(
         potential=potential,
         field=source - ng.grad(potential),
         weight=weight,
-        co_energy_j=float(form.Energy(potential.vec)) * 1e-9,
         unknowns=space.ndof,
         residual=residual,
         steps=steps,
@@ -124,15 +119,15 @@ def solve_scalar(
     )
 
 
-def _co_energy_density(ng: Any, steel: Steel, field: Any, name: str) -> Any:
+def _energy_density(ng: Any, steel: Steel, field: Any, name: str, of_flux: bool = False) -> Any:
+    """Co-energy in J/m³ of a field H in A/m, or energy of a flux density B in T."""
     square = ng.InnerProduct(field, field)
     if isinstance(steel, BHCurve):
-        fields, densities = steel.samples()
-        curve = ng.BSpline(2, [0.0, *fields.tolist()], densities.tolist()).Integrate()
-        return curve(ng.sqrt(square + (1e-6 * float(fields[1])) ** 2))
+        along, across = (axis.tolist() for axis in (steel.samples()[::-1] if of_flux else steel.samples()))
+        return ng.BSpline(2, [0.0, *along], across).Integrate()(ng.sqrt(square + (1e-6 * along[1]) ** 2))
     if not steel > 0:
         raise SpecError(f"the permeability must be above 0, got {number(steel)}", name)
-    return MU_0 * steel / 2 * square
+    return square / (2 * MU_0 * steel) if of_flux else MU_0 * steel / 2 * square
 
 
 def minimise(ng: Any, form: Any, space: Any, solution: Any) -> tuple[float, int]:
@@ -155,7 +150,12 @@ def minimise(ng: Any, form: Any, space: Any, solution: Any) -> tuple[float, int]
         if residual <= RESIDUAL:
             return residual, count
         form.AssembleLinearization(solution.vec)
-        _newton_step(form, space, slope, step)
+        inverse = form.mat.Inverse(space.FreeDofs(True), inverse="sparsecholesky")
+        outer = slope.CreateVector()
+        outer.data = slope + form.harmonic_extension_trans * slope
+        step.data = inverse * outer
+        step.data += form.harmonic_extension * step
+        step.data += form.inner_solve * slope
         if not _line_search(form, solution, step, trial, expected=float(ng.InnerProduct(slope, step))):
             break
     if residual <= 100 * RESIDUAL:  # the energy has no more digits to lose
@@ -164,15 +164,6 @@ def minimise(ng: Any, form: Any, space: Any, solution: Any) -> tuple[float, int]
         f"the magnetic field did not converge: after {count + 1} Newton steps the residual is"
         f" {number(residual)} of the first, it must be {number(RESIDUAL)}"
     )
-
-
-def _newton_step(form: Any, space: Any, slope: Any, step: Any) -> None:
-    inverse = form.mat.Inverse(space.FreeDofs(True), inverse="sparsecholesky")
-    outer = slope.CreateVector()
-    outer.data = slope + form.harmonic_extension_trans * slope
-    step.data = inverse * outer
-    step.data += form.harmonic_extension * step
-    step.data += form.inner_solve * slope
 
 
 def _line_search(form: Any, solution: Any, step: Any, trial: Any, expected: float) -> bool:
@@ -194,15 +185,11 @@ def body_wrench(solved: ScalarField, body: str, at_mm: tuple[float, float, float
     """
     ng = engine("ngsolve")
     space = ng.H1(solved.mesh, order=1)
-    moved = _flags(space.GetDofs(solved.mesh.Materials(body)))
+    moved = np.fromiter((float(flag) for flag in space.GetDofs(solved.mesh.Materials(body))), float)
     near = ng.GridFunction(space)
     near.vec.FV().NumPy()[:] = moved
     both = [_stress_on(ng, solved, shift, at_mm) for shift in (_spread(ng, solved, space, near), near)]
     return BodyWrench(*both)
-
-
-def _flags(dofs: Any) -> np.ndarray:
-    return np.fromiter((float(flag) for flag in dofs), float)
 
 
 def _spread(ng: Any, solved: ScalarField, space: Any, near: Any) -> Any:
@@ -253,7 +240,6 @@ class AxisymmetricForce(NamedTuple):
     vector_n: float
     unknowns: int
     residual: float
-    seconds: float
 
     @property
     def force_n(self) -> float:
@@ -290,17 +276,18 @@ def axisymmetric_force(
         than a fifth (a washer very far away).
     """
     check_parts(coil, washer, gap_m)
-    start = time.process_time()
     mesh, far_mm = _half_plane(coil, washer, gap_m, levels)
     steels: dict[str, Steel] = {
         "core": core_steel or coil.core_permeability,
         "washer": washer_steel or washer.permeability,
     }
-    scalar = _by_scalar(mesh, coil, current_a, steels, far_mm, order)
+    ng = engine("ngsolve")
+    source = ng.CF((0, wound(coil, current_a, ng.x, ng.y)[0]))
+    scalar = solve_scalar(mesh, source, steels, far_mm, order, weight=2 * np.pi * ng.x)
     vector = _by_vector(mesh, coil, current_a, steels, far_mm, order)
     methods = zip(*(body_wrench(field, "washer", (0, 0, 0)) for field in (scalar, vector)), strict=True)
-    residual, seconds = max(scalar.residual, vector.residual), time.process_time() - start
-    found = [(float(a[2]), float(b[2]), scalar.unknowns, residual, seconds) for a, b in methods]
+    residual = max(scalar.residual, vector.residual)
+    found = [(float(a[2]), float(b[2]), scalar.unknowns, residual) for a, b in methods]
     force = min((AxisymmetricForce(*figures) for figures in found), key=lambda force: force.error)
     if force.error > WIDEST:
         raise SolverError(
@@ -424,14 +411,6 @@ def wound(coil: CoilSource, current_a: float, radius: Any, height: Any) -> tuple
     return potential, density
 
 
-def _by_scalar(
-    mesh: Any, coil: CoilSource, current_a: float, steels: dict[str, Steel], far_mm: float, order: int
-) -> ScalarField:
-    ng = engine("ngsolve")
-    source = ng.CF((0, wound(coil, current_a, ng.x, ng.y)[0]))
-    return solve_scalar(mesh, source, steels, far_mm, order, weight=2 * np.pi * ng.x)
-
-
 def _by_vector(
     mesh: Any, coil: CoilSource, current_a: float, steels: dict[str, Steel], far_mm: float, order: int
 ) -> ScalarField:
@@ -446,27 +425,16 @@ def _by_vector(
     form = ng.BilinearForm(space, symmetric=True, condense=True)
     for name in dict.fromkeys(mesh.GetMaterials()):
         region = ng.dx(definedon=mesh.Materials(name), bonus_intorder=4)
-        form += ng.Variation(weight * _energy_density(ng, steels.get(name, 1.0), flux) * region)
+        form += ng.Variation(weight * _energy_density(ng, steels.get(name, 1.0), flux, name, of_flux=True) * region)
     form += ng.Variation(-weight * density * radius * trial * ng.dx(bonus_intorder=4))
     far = weight * (radius * trial) ** 2 / (2 * MU_0 * far_mm)
     form += ng.Variation(far * ng.ds("far", bonus_intorder=4))
     potential = ng.GridFunction(space)
     residual, steps = minimise(ng, form, space, potential)
     field = _curl(ng, potential) / MU_0  # right in air, where the stress is taken
-    return ScalarField(
-        mesh, potential, field, weight, -float(form.Energy(potential.vec)) * 1e-9, space.ndof, residual, steps, order
-    )
+    return ScalarField(mesh, potential, field, weight, space.ndof, residual, steps, order)
 
 
 def _curl(ng: Any, w: Any) -> Any:
     slope = ng.grad(w)
     return ng.CF((-ng.x * slope[1], 2 * w + ng.x * slope[0]))
-
-
-def _energy_density(ng: Any, steel: Steel, flux: Any) -> Any:
-    square = ng.InnerProduct(flux, flux)
-    if isinstance(steel, BHCurve):
-        fields, densities = steel.samples()
-        curve = ng.BSpline(2, [0.0, *densities.tolist()], fields.tolist()).Integrate()
-        return curve(ng.sqrt(square + (1e-6 * float(densities[1])) ** 2))
-    return square / (2 * MU_0 * steel)

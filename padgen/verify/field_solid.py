@@ -3,7 +3,6 @@
 With a steel it is solved on the B-H curve; several washers shield each other.
 """
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -25,7 +24,7 @@ from padgen.verify.field_axisymmetric import (
     wound,
 )
 
-__all__ = ["PlacedWasher", "Pull", "SolidForce", "shielding", "solid_force", "solid_pull"]
+__all__ = ["PlacedWasher", "Pull", "SolidForce", "solid_force", "solid_pull"]
 
 FAR = 8.0
 """Radius of the far sphere over the largest distance of a part from the coil's middle."""
@@ -52,10 +51,8 @@ class SolidForce(NamedTuple):
     wrench: np.ndarray
     surface: np.ndarray
     error: float
-    co_energy_j: float
     unknowns: int
     residual: float
-    seconds: float
 
 
 def solid_force(
@@ -82,13 +79,13 @@ def solid_force(
         fifth of it (a washer far away).
     """
     _check(coil, washers)
-    start = time.process_time()
     half = all(abs(w.y_m) < 1e-9 for w in washers)
     mesh, far_mm = _mesh(coil, washers, half, levels, size)
     steels: dict[str, Steel] = {f"washer{i}": w.steel or w.ring.permeability for i, w in enumerate(washers)}
     steels["core"] = core_steel or coil.core_permeability
     saturates = any(isinstance(steel, BHCurve) for steel in steels.values())
-    source, weight = _source(mesh, coil, current_a), 2.0 if half else 1.0
+    ng = engine("ngsolve")
+    source, weight = ng.CF((0, 0, wound(coil, current_a, ng.sqrt(ng.x**2 + ng.y**2), ng.z)[0])), 2.0 if half else 1.0
     kept = np.array([1.0, 0.0, 1.0, 0.0, 1.0, 0.0]) if half else np.ones(6)
 
     def at_order(p: int, start: ScalarField | None) -> tuple[ScalarField, np.ndarray, np.ndarray]:
@@ -110,10 +107,8 @@ def solid_force(
         wrench=wrench,
         surface=surface,
         error=error,
-        co_energy_j=solved.co_energy_j,
         unknowns=solved.unknowns,
         residual=solved.residual,
-        seconds=time.process_time() - start,
     )
 
 
@@ -135,11 +130,6 @@ def _check(coil: CoilSource, washers: Sequence[PlacedWasher]) -> None:
                 raise SpecError(
                     f"two washers must be more than {number(least)} m apart, got {number(apart)} m", "washers"
                 )
-
-
-def _source(mesh: Any, coil: CoilSource, current_a: float) -> Any:
-    ng = engine("ngsolve")
-    return ng.CF((0, 0, wound(coil, current_a, ng.sqrt(ng.x**2 + ng.y**2), ng.z)[0]))
 
 
 def _mesh(coil: CoilSource, washers: Sequence[PlacedWasher], half: bool, levels: int, size: float) -> tuple[Any, float]:
@@ -227,26 +217,13 @@ class Pull:
     washer_steel: BHCurve | None = None
 
 
-def solid_pull(pull: Pull, order: int = 3, levels: int = 1, opposite: bool = False) -> SolidForce:
-    """The solid field solution with its whole wrench, also with a second washer `opposite` on the same coil.
+def solid_pull(pull: Pull, order: int = 3, levels: int = 1) -> SolidForce:
+    """The solid field solution with its whole wrench.
 
     Raises
     ------
     SolverError
         As `field_solid.solid_force`.
     """
-    places = (pull.offset_m, -pull.offset_m)[: 2 if opposite else 1]
-    washers = [PlacedWasher(pull.washer, pull.gap_m, x, 0.0, pull.washer_steel) for x in places]
-    return solid_force(pull.coil, washers, pull.current_a, pull.core_steel, order, levels)
-
-
-def shielding(pull: Pull, order: int = 3) -> float:
-    """Share of the pull that a second washer, opposite on the same coil, takes from the first.
-
-    Raises
-    ------
-    SolverError
-        As `solid_pull`.
-    """
-    both, alone = (solid_pull(pull, order, opposite=more).wrench[:, 2].mean() for more in (True, False))
-    return float(1 - both / alone)
+    washer = PlacedWasher(pull.washer, pull.gap_m, pull.offset_m, 0.0, pull.washer_steel)
+    return solid_force(pull.coil, [washer], pull.current_a, pull.core_steel, order, levels)

@@ -30,7 +30,6 @@ __all__ = [
     "PadModes",
     "central_taxels",
     "coupled_modes",
-    "crosstalk_db",
     "pad_modes",
     "peak_hz",
     "shift",
@@ -222,10 +221,3 @@ def central_taxels(plan: Plan) -> list[int]:
         min((k for k, t in enumerate(taxels) if t.channel == c), key=lambda k: np.hypot(taxels[k].x_mm, taxels[k].y_mm))
         for c in sorted({taxel.channel for taxel in taxels})
     ]
-
-
-def crosstalk_db(plan: Plan, modes: PadModes, driven: int) -> np.ndarray:
-    """How far below taxel `driven`, at its resonance, all washers (taxels,) move vertically, in dB; 0 for itself."""
-    q = plan.channels[plan.taxels[driven].channel].q
-    amplitude = np.abs(modes.receptance(driven, np.array([peak_hz(plan, modes, driven)]), q)[0])
-    return np.asarray(20 * np.log10(amplitude[driven] / amplitude))

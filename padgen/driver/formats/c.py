@@ -82,8 +82,17 @@ def c_header(plan: Plan, drive: PadDrive, tuning: Tuning | None = None) -> str:
     slots = {channel.index: k for own in plan.sets for k, channel in enumerate(own)}
     of_coil = [_kind(coil, [slots[plan.taxels[t].channel] for t in coil.taxels]) for coil in drive.coils]
     kinds = list(dict.fromkeys(of_coil))
+    name = _plain(plan.name)
+    print_of = "as planned" if tuning is None else f"for the print of tuning {tuning_hash(tuning)}"
     parts = [
-        _comment(plan, drive, tuning),
+        (
+            f"/* What the coils of the pad '{name}' play, {print_of} ({drive.scheme.name}).\n"
+            " * Do not edit: padgen writes it anew.\n"
+            " * Currents in A, lines of their square in A2; phases and increments in 2^-32 turns.\n"
+            f" * Tones are off by at most {drive.rate_hz / 2 / TURN:.2g} Hz within a period of the comb and"
+            " begin anew\n"
+            f" * with the next: no phase is ever off by more than {drive.period_samples / 2 / TURN:.2g} of a turn.\n */"
+        ),
         "#ifndef PADGEN_PAD_DRIVE_H\n#define PADGEN_PAD_DRIVE_H\n\n#include <stdint.h>\n",
         _defines(plan, drive, kinds),
         _table("uint8_t padgen_plan_hash[8]", [f"0x{byte:02x}" for byte in plan_hash(plan, tuning)]),
@@ -99,18 +108,6 @@ def _kind(coil: CoilDrive, slots: Iterable[int]) -> _Kind:
     lists = (part.tolist() for part in (coil.harmonic, coil.line_a2, coil.phase_rad, coil.margin))
     harmonic, line_a2, phase_rad, margin = (tuple(part) for part in lists)
     return _Kind(harmonic, line_a2, phase_rad, margin, coil.bias_a, tuple(slots))
-
-
-def _comment(plan: Plan, drive: PadDrive, tuning: Tuning | None) -> str:
-    name = _plain(plan.name)
-    print_of = "as planned" if tuning is None else f"for the print of tuning {tuning_hash(tuning)}"
-    return (
-        f"/* What the coils of the pad '{name}' play, {print_of} ({drive.scheme.name}).\n"
-        " * Do not edit: padgen writes it anew.\n"
-        " * Currents in A, lines of their square in A2; phases and increments in 2^-32 turns.\n"
-        f" * Tones are off by at most {drive.rate_hz / 2 / TURN:.2g} Hz within a period of the comb and begin anew\n"
-        f" * with the next: no phase is ever off by more than {drive.period_samples / 2 / TURN:.2g} of a turn.\n */"
-    )
 
 
 def _plain(text: str) -> str:

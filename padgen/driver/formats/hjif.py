@@ -82,12 +82,16 @@ def hjif_text(plan: Plan, timeline: Timeline | None = None, tuning: Tuning | Non
             )
     devices, device_of = _devices(plan, tuning)
     course = _course(timeline) if timeline else None
+    loop = "; the end leads over into the beginning" if timeline and timeline.loops else ""
     table = {
         "version": "2023",
         "profile": "Simple Parametric",
         "level": 1 if len(plan.taxels) <= MOST_LEVEL_1 else 2,
         "date": DATE,
-        "description": _description(plan, timeline),
+        "description": (
+            f"{plan.name}: {len(plan.taxels)} taxels. Amplitude 1 is a taxel's ON amplitude. Frequencies of keyframes"
+            f" are whole hertz; the exact resonance is the reference device's, whose custom value is Q{loop}."
+        ),
         "timescale": TICKS_PER_S,
         "avatars": [],
         "perceptions": [
@@ -106,14 +110,6 @@ def hjif_text(plan: Plan, timeline: Timeline | None = None, tuning: Tuning | Non
     text = json_text(table)
     _refuse_difference(text, plan, course)
     return text
-
-
-def _description(plan: Plan, timeline: Timeline | None) -> str:
-    loop = "; the end leads over into the beginning" if timeline and timeline.loops else ""
-    return (
-        f"{plan.name}: {len(plan.taxels)} taxels. Amplitude 1 is a taxel's ON amplitude. Frequencies of keyframes are"
-        f" whole hertz; the exact resonance is the reference device's, whose custom value is Q{loop}."
-    )
 
 
 def _devices(plan: Plan, tuning: Tuning) -> tuple[list[dict[str, Any]], list[int]]:
@@ -151,7 +147,9 @@ def _device(plan: Plan, index: int, tuned: TunedTaxel, device_id: int) -> dict[s
         "custom": q,
     }
     if gain := _gain(plan):
-        device["maximum_displacement"] = _on_um(plan, hz) / gain * UM / MM
+        law, drive = level_law(plan.spec), plan.spec.drive
+        lowest, own = law(np.array([plan.channels[0].resonance_hz, hz]))
+        device["maximum_displacement"] = float(drive.level_um * own / lowest) / gain * UM / MM
     return device
 
 
@@ -159,12 +157,6 @@ def _gain(plan: Plan) -> float:
     """ON displacement over the largest that the limits allow; 0 where there is no such limit, or no pull."""
     largest_um = plan.load.reachable_level_um
     return plan.spec.drive.level_um / largest_um if largest_um > 0 and isfinite(largest_um) else 0.0
-
-
-def _on_um(plan: Plan, resonance_hz: float) -> float:
-    law, drive = level_law(plan.spec), plan.spec.drive
-    lowest, own = law(np.array([plan.channels[0].resonance_hz, resonance_hz]))
-    return float(drive.level_um * own / lowest)
 
 
 def _channels(
@@ -175,6 +167,7 @@ def _channels(
     place = {int(index): at for at, index in np.ndenumerate(grid) if index >= 0}
     for k, taxel in enumerate(plan.taxels):
         device = devices[device_of[k]]
+        hz = round(device["resonance_frequency"])
         channel = {
             "id": k,
             "description": f"{taxel.id} at x = {number(taxel.x_mm)} mm, y = {number(taxel.y_mm)} mm",
@@ -183,7 +176,14 @@ def _channels(
             "mixing_coefficient": 1.0,
             "body_part_mask": 0,
             "direction": {"X": 0, "Y": 0, "Z": LARGEST_VECTOR},
-            "bands": [_band(device, course, k)],
+            "bands": [
+                {
+                    "band_type": "VectorialWave",
+                    "lower_frequency_limit": min(floor(device["minimum_frequency"]), hz),
+                    "upper_frequency_limit": min(max(ceil(device["maximum_frequency"]), hz), HIGHEST_HZ),
+                    "effects": list(_effects(course, k, hz)) if course else [],
+                }
+            ],
         }
         if max(rows, columns) <= LARGEST_VECTOR:
             row, column = place[k]
@@ -193,16 +193,6 @@ def _channels(
         yield channel
 
 
-def _band(device: dict[str, Any], course: _Course | None, k: int) -> dict[str, Any]:
-    hz = round(device["resonance_frequency"])
-    return {
-        "band_type": "VectorialWave",
-        "lower_frequency_limit": min(floor(device["minimum_frequency"]), hz),
-        "upper_frequency_limit": min(max(ceil(device["maximum_frequency"]), hz), HIGHEST_HZ),
-        "effects": list(_effects(course, k, hz)) if course else [],
-    }
-
-
 def _course(timeline: Timeline) -> _Course:
     """The smooth steps between the keyframes as straight pieces, on whole ticks."""
     key = np.round(timeline.time_s * TICKS_PER_S).astype(int)
@@ -210,19 +200,14 @@ def _course(timeline: Timeline) -> _Course:
     if np.abs(key / TICKS_PER_S - timeline.time_s).max() > 1.5 / TICKS_PER_S:
         raise SpecError("frames are too short for an .hjif file, which counts in milliseconds", "frames")
     pieces = [key, np.arange(0, int(key[-1]) + 1, LONGEST_EFFECT)]
-    for first, last in zip(*_changes(key, timeline.levels), strict=True):
+    changes = (timeline.levels[1:] != timeline.levels[:-1]).any(axis=1)
+    for first, last in zip(key[:-1][changes], key[1:][changes], strict=True):
         pieces.append(np.round(np.linspace(first, last, PIECES + 1)).astype(int))
     tick = np.unique(np.concatenate(pieces))
     before = np.clip(np.searchsorted(key, tick, side="right") - 1, 0, len(key) - 2)
     share = blend((tick - key[before]) / (key[before + 1] - key[before]))[:, None]
     level = (1 - share) * timeline.levels[before] + share * timeline.levels[before + 1]
     return _Course(tick, np.round(level, 6), np.searchsorted(tick, key))
-
-
-def _changes(key: np.ndarray, levels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """First and last ticks of the transitions in which a level changes."""
-    changes = (levels[1:] != levels[:-1]).any(axis=1)
-    return key[:-1][changes], key[1:][changes]
 
 
 def _effects(course: _Course, k: int, hz: int) -> Iterator[dict[str, Any]]:

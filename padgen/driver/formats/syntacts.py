@@ -198,7 +198,14 @@ def syntacts_script(plan: Plan, drive: PadDrive, timeline: Timeline, full_scale_
     known: dict[str, int] = {}
     texts: list[str] = []
     for coil in drive.coils:
-        texts.append(_coil_text(list(_parts(drive, timeline, coil, stretches, scale_v))))
+        texts.append(
+            "["
+            + ",\n     ".join(
+                f"({s.start_s!r}, {s.length_s!r}, {_terms_text(terms)})"
+                for s, terms in _parts(drive, timeline, coil, stretches, scale_v)
+            )
+            + "]"
+        )
         known.setdefault(texts[-1], len(known))
     signals = "".join(f"    {text},\n" for text in known)
     coils = "".join(
@@ -427,10 +434,6 @@ def _carrier_text(drive: PadDrive, stretch: _Stretch, r: float, half_l: float) -
     angle = f"({_n(rate)} * t + {_n(np.angle(turned))})"
     high = abs(turned)
     return f"{_n(high)} * (({_n(r)} * r + {_n(half_l)} * s) * cos{angle} - {_n(2 * half_l * rate)} * r * sin{angle})"
-
-
-def _coil_text(parts: list[tuple[_Stretch, list[Term]]]) -> str:
-    return "[" + ",\n     ".join(f"({s.start_s!r}, {s.length_s!r}, {_terms_text(terms)})" for s, terms in parts) + "]"
 
 
 def _terms_text(terms: list[Term]) -> str:

@@ -289,9 +289,20 @@ def write_wave(
         cure = f"; drive.level_um of {level} would fit it"
         judged = (voltage_finding(path.name, tally.peak, drive.voltage_limit_v, cure),)
     count = sample_count(drive, timeline)
-    _read_back(path, drive, depth, tally, count)
+    wave = read_wav(path)
+    said = wave.rate_hz, wave.channels, wave.count, wave.kind, wave.bits
+    due = drive.rate_hz, len(drive.coils), count, *(("pcm", 24) if depth == "24" else ("float", 32))
+    checksum = 0
+    for part in wave.data():
+        checksum = zlib.crc32(part, checksum)
+    # Half a step of 24 bits; a float's rounding is as large, at full scale.
+    near = np.abs(wave.read(0, len(tally.first)) - tally.first).max(initial=0) <= 0.5001 * 2.0**-23
+    if said != due or checksum != tally.checksum or not near:
+        raise FileError("read back is not what was written; the disk may be full or faulty", str(path))
     mean_square = tally.square_a2 / max(count, 1)
-    tones_a2 = _tones_square_a2(drive, timeline) * drive.rate_hz
+    seconds = np.diff(timeline.time_s)
+    mean = seconds @ (timeline.levels[:-1] + timeline.levels[1:]) / 2
+    tones_a2 = float(sum((mean[coil.taxels] * coil.line_a2).sum() for coil in drive.coils)) * drive.rate_hz
     return WaveReport(
         rate_hz=drive.rate_hz,
         count=count,
@@ -359,20 +370,6 @@ class _WouldClipError(Exception):
     """Leaves a file whose scale was too small."""
 
 
-def _read_back(path: Path, drive: PadDrive, depth: str, tally: _Tally, count: int) -> None:
-    """Raise unless the file has what was written: its head, its first samples by value, all others by checksum."""
-    wave = read_wav(path)
-    said = wave.rate_hz, wave.channels, wave.count, wave.kind, wave.bits
-    due = drive.rate_hz, len(drive.coils), count, *(("pcm", 24) if depth == "24" else ("float", 32))
-    checksum = 0
-    for part in wave.data():
-        checksum = zlib.crc32(part, checksum)
-    # Half a step of 24 bits; a float's rounding is as large, at full scale.
-    near = np.abs(wave.read(0, len(tally.first)) - tally.first).max(initial=0) <= 0.5001 * 2.0**-23
-    if said != due or checksum != tally.checksum or not near:
-        raise FileError("read back is not what was written; the disk may be full or faulty", str(path))
-
-
 def _refuse_seam(drive: PadDrive, timeline: Timeline) -> None:
     if not timeline.loops:
         return
@@ -397,13 +394,6 @@ def _refuse_crowd(drive: PadDrive, timeline: Timeline) -> None:
                 f"has two channels of coil ({coil.row}, {coil.column}) on at once, and time-shared they take turns",
                 "frames",
             )
-
-
-def _tones_square_a2(drive: PadDrive, timeline: Timeline) -> float:
-    """Integral in A² s of i² of all coils with plain tones of the same lines: their mean is the sum of the lines."""
-    seconds = np.diff(timeline.time_s)
-    mean = seconds @ (timeline.levels[:-1] + timeline.levels[1:]) / 2
-    return float(sum((mean[coil.taxels] * coil.line_a2).sum() for coil in drive.coils))
 
 
 def _findings(name: str, drive: PadDrive, carrier: str) -> Iterator[Finding]:
