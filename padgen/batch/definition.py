@@ -67,12 +67,13 @@ OPERATORS: dict[type, Callable[..., Any]] = {
 }
 
 
-def _round(value: float, digits: int | None = None) -> float:
-    """Round to digits as a float: a whole number would be divided by ten to as many as are asked for."""
-    return round(value) if digits is None else round(float(value), digits)
-
-
-FUNCTIONS: dict[str, Callable[..., Any]] = {"abs": abs, "min": min, "max": max, "round": _round}
+FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "abs": abs,
+    "min": min,
+    "max": max,
+    # To digits as a float: a whole number would be divided by ten to as many as are asked for.
+    "round": lambda value, digits=None: round(value) if digits is None else round(float(value), digits),
+}
 
 
 @dataclass(frozen=True)

@@ -329,19 +329,6 @@ def _panel(axis: Any, overview: Overview, pair: tuple[int, int], hue: int) -> An
         label="Pareto front" + ", all with error findings" * overview.of_faulty,
     )
     axis.grid(alpha=0.25)
-    _write_numbers(axis, overview, pair)
-    return points
-
-
-def _scatter(axis: Any, points: np.ndarray, mark: str, size: float, color: str, label: str) -> None:
-    """Points behind the front; smaller, and as pixels, where there are many."""
-    many = len(points) > MOST_VECTORS
-    style = {"linestyle": "none", "zorder": 1, "markersize": size / 2 if many else size, "color": color}
-    axis.plot(*points.T, mark, **style, rasterized=many, label=label if len(points) else None)
-
-
-def _write_numbers(axis: Any, overview: Overview, pair: tuple[int, int]) -> None:
-    """Numbers of the variants that are best in an objective; of those at one place together."""
     column = overview.header.index("number")
     places: dict[tuple[float, float], list[str]] = {}
     for row in dict.fromkeys(overview.best().values()):
@@ -351,6 +338,14 @@ def _write_numbers(axis: Any, overview: Overview, pair: tuple[int, int]) -> None
     for place, numbers in places.items():
         style = {"xytext": (4, 3), "textcoords": "offset points", "fontsize": 7, "zorder": 4}
         axis.annotate(", ".join(numbers), place, **style, bbox={"color": "white", "alpha": 0.6, "pad": 0.3})
+    return points
+
+
+def _scatter(axis: Any, points: np.ndarray, mark: str, size: float, color: str, label: str) -> None:
+    """Points behind the front; smaller, and as pixels, where there are many."""
+    many = len(points) > MOST_VECTORS
+    style = {"linestyle": "none", "zorder": 1, "markersize": size / 2 if many else size, "color": color}
+    axis.plot(*points.T, mark, **style, rasterized=many, label=label if len(points) else None)
 
 
 def _round_ticks(axis: Any) -> None:

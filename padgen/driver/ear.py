@@ -486,11 +486,24 @@ def heard_table(heard: Heard) -> dict[str, Any]:
     is the slowest switching on, `peak_um` the largest motion of a washer; currents and losses are of the coil that has
     most; None where no taxel is ON, or OFF.
     """
+    tone, most = _tone_db(heard), {}
+    for figure in ("peak_a", "rms_a", "copper_loss_w", "signal_peak", "signal_mean"):
+        most[figure] = max((coil[figure] for coil in heard.coils), key=abs)
     return {
         "name": heard.name,
         "with_gap": heard.with_gap,
         "asked_db": heard.asked_db,
-        "summary": _summary(heard),
+        "summary": {
+            "smallest_on_db": _largest(-_db(heard.on), -1.0),
+            "loudest_off_db": _largest(_db(heard.off)),
+            "selectivity_db": heard.selectivity_db,
+            "tone_low_db": _largest(-tone, -1.0),
+            "tone_high_db": _largest(tone),
+            "rise_s": _largest(heard.rise_s),
+            "peak_um": float(heard.peak_um.max()),
+            **most,
+            "all_settled": bool(heard.settled.all()),
+        },
         "coils": list(heard.coils),
         "rows": list(_rows(heard)),
         "taxels": list(heard.ids),
@@ -511,23 +524,6 @@ def heard_table(heard: Heard) -> dict[str, Any]:
             }
             for h, span in enumerate(heard.spans)
         ],
-    }
-
-
-def _summary(heard: Heard) -> dict[str, Any]:
-    tone, most = _tone_db(heard), {}
-    for figure in ("peak_a", "rms_a", "copper_loss_w", "signal_peak", "signal_mean"):
-        most[figure] = max((coil[figure] for coil in heard.coils), key=abs)
-    return {
-        "smallest_on_db": _largest(-_db(heard.on), -1.0),
-        "loudest_off_db": _largest(_db(heard.off)),
-        "selectivity_db": heard.selectivity_db,
-        "tone_low_db": _largest(-tone, -1.0),
-        "tone_high_db": _largest(tone),
-        "rise_s": _largest(heard.rise_s),
-        "peak_um": float(heard.peak_um.max()),
-        **most,
-        "all_settled": bool(heard.settled.all()),
     }
 
 

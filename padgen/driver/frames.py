@@ -128,10 +128,6 @@ def _text(path: Path) -> str:
         raise FileError(f"is not text: byte {error.start} is not UTF-8", str(path)) from error
 
 
-def _numbers_in_rows(path: Path, check: Check) -> Iterator[np.ndarray]:
-    return _tables(_text(path), path, check)
-
-
 def _tables(text: str, path: Path, check: Check) -> Iterator[np.ndarray]:
     delimiter = next((sign for sign in ";\t," if sign in text), None)
     rows = ([cell.strip() for cell in line.split(delimiter)] for line in text.splitlines())
@@ -155,24 +151,14 @@ def _levels(block: list[list[str]], frame: int, path: Path) -> np.ndarray:
     for row, cells in enumerate(block):
         for column, cell in enumerate(cells):
             try:
-                values[row, column] = _number(cell)
+                values[row, column] = float("" if "_" in cell else cell)  # which Python takes in numbers
             except ValueError as error:
-                got = f"got {_short(cell)}" if cell else "is empty"
+                got = f"got {cell if len(cell) <= 40 else cell[:40] + '…'!r}" if cell else "is empty"
                 hint = "; decimals take a point" if re.fullmatch(r"\d*,\d+", cell) else ""
                 at = _place(frame, row, column)
                 raise FileError(f"{at} must be a number in 0 … 1, {got}{hint}", str(path)) from error
     _refuse_levels(values, frame, path)
     return values
-
-
-def _number(cell: str) -> float:
-    if "_" in cell:  # which Python takes in numbers
-        raise ValueError
-    return float(cell)
-
-
-def _short(cell: str) -> str:
-    return repr(cell if len(cell) <= 40 else cell[:40] + "…")
 
 
 def _place(frame: int, row: int, column: int) -> str:
@@ -262,11 +248,11 @@ def _sign_levels(rows: list[str], frame: int, path: Path) -> np.ndarray:
 
 
 READERS: dict[str, Callable[[Path, Check], Iterator[np.ndarray]]] = {
-    ".csv": _numbers_in_rows,
+    ".csv": lambda path, check: _tables(_text(path), path, check),
     ".gif": _pictures,
     ".npy": _array,
     ".png": _pictures,
-    ".tsv": _numbers_in_rows,
+    ".tsv": lambda path, check: _tables(_text(path), path, check),
     ".txt": _signs,
 }
 SUFFIXES = tuple(READERS)

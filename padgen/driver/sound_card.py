@@ -126,21 +126,16 @@ def _stream(stream: Any, wave: Wave, loops: int) -> int:
         while done < total:
             start = done % wave.count
             block = wave.read(start, min(start + size, wave.count))
-            missed += bool(stream.write(_faded_in(block, done, fade)))
+            if done < fade:
+                share = np.minimum((done + np.arange(len(block))) / fade, 1.0)
+                block = block * blend(share)[:, None]
+            missed += bool(stream.write(np.ascontiguousarray(block, np.float32)))
             done += len(block)
         stream.write(_faded_out(wave, total, fade))
     except KeyboardInterrupt:
         stream.write(_faded_out(wave, done, fade))
         raise
     return missed
-
-
-def _faded_in(block: np.ndarray, done: int, fade: int) -> np.ndarray:
-    """Samples that come in smoothly if the file does not begin in silence."""
-    if done < fade:
-        share = np.minimum((done + np.arange(len(block))) / fade, 1.0)
-        block = block * blend(share)[:, None]
-    return np.ascontiguousarray(block, np.float32)
 
 
 def _faded_out(wave: Wave, done: int, fade: int) -> np.ndarray:

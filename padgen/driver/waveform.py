@@ -104,25 +104,6 @@ def timeline(plan: Plan, frames: np.ndarray, seconds_each: float | None = None) 
     SpecError
         No frame, a level that is not in 0 … 1, or frames too short for their transitions.
     """
-    frames = _checked(plan, frames, seconds_each)
-    if plan.scheme.takes_turns:
-        return _in_turns(plan, frames, seconds_each)
-    ramp, length = ramp_s(plan), seconds_each or frame_s(plan)
-    if length < ramp:
-        raise SpecError(
-            f"must be at least {at_least(ramp)} s for a frame, which switches in so long, got {number(length)} s",
-            "frames",
-        )
-    silence = np.zeros((1, frames.shape[1]))
-    starts = np.arange(len(frames) + 1) * length
-    times = np.stack([starts, starts + ramp], 1).ravel()
-    before = np.concatenate([silence, frames])
-    after = np.concatenate([frames, silence])
-    return Timeline(times, np.stack([before, after], 1).reshape(len(times), -1), False)
-
-
-def _checked(plan: Plan, frames: np.ndarray, seconds_each: float | None) -> np.ndarray:
-    """Frames (k, taxels), or the sentence that says what is wrong with them."""
     checked = np.atleast_2d(np.asarray(frames, float))
     if checked.ndim != 2 or checked.shape[1] != len(plan.taxels) or not len(checked):
         raise SpecError(
@@ -139,7 +120,21 @@ def _checked(plan: Plan, frames: np.ndarray, seconds_each: float | None) -> np.n
         )
     if seconds_each is not None and not (np.isfinite(seconds_each) and seconds_each > 0):
         raise SpecError(f"must be above 0 s for a frame, got {number(seconds_each)} s", "frames")
-    return checked
+    frames = checked
+    if plan.scheme.takes_turns:
+        return _in_turns(plan, frames, seconds_each)
+    ramp, length = ramp_s(plan), seconds_each or frame_s(plan)
+    if length < ramp:
+        raise SpecError(
+            f"must be at least {at_least(ramp)} s for a frame, which switches in so long, got {number(length)} s",
+            "frames",
+        )
+    silence = np.zeros((1, frames.shape[1]))
+    starts = np.arange(len(frames) + 1) * length
+    times = np.stack([starts, starts + ramp], 1).ravel()
+    before = np.concatenate([silence, frames])
+    after = np.concatenate([frames, silence])
+    return Timeline(times, np.stack([before, after], 1).reshape(len(times), -1), False)
 
 
 def _in_turns(plan: Plan, frames: np.ndarray, seconds_each: float | None) -> Timeline:
@@ -355,22 +350,17 @@ def _spur_free(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stret
     square = force.sum(0) / group.gain**2
     root = np.sqrt(np.maximum(force, SMALLEST, out=force), out=force)
     if drive.carrier_hz is not None:
-        return _on_carrier(drive, group, where, root, slope), square
+        assert drive.carrier_hz is not None
+        harmonic, period = round(drive.carrier_hz * drive.period_s), drive.period_samples
+        angle = 2 * np.pi / period * ((np.arange(where.start, where.stop) % period * harmonic) % period)[:, None]
+        cosine, sine = np.sqrt(2) * np.cos(angle), np.sqrt(2) * np.sin(angle)
+        turn: np.ndarray = cosine - 2 * np.pi * drive.carrier_hz * group.tau_s * sine
+        return np.asarray(root * turn + slope / (2 * root) * cosine), square
     if group.tau_s:
         slope = np.divide(slope, root, out=slope)
         slope *= 0.5
         root += slope
     return root, square
-
-
-def _on_carrier(drive: PadDrive, group: _Group, where: _Stretch, root: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    """Voltage of ``√2 root cos 2πf_c t``, with L/R times the slope of root²."""
-    assert drive.carrier_hz is not None
-    harmonic, period = round(drive.carrier_hz * drive.period_s), drive.period_samples
-    angle = 2 * np.pi / period * ((np.arange(where.start, where.stop) % period * harmonic) % period)[:, None]
-    cosine, sine = np.sqrt(2) * np.cos(angle), np.sqrt(2) * np.sin(angle)
-    turn: np.ndarray = cosine - 2 * np.pi * drive.carrier_hz * group.tau_s * sine
-    return np.asarray(root * turn + slope / (2 * root) * cosine)
 
 
 def _biased(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch) -> Part:

@@ -124,18 +124,13 @@ def _run(pickled: bytes, made: tuple[Any, ...]) -> tuple[Any, float, float]:
     Unpickled anew and with empty caches, so that a repeated run is as dear as the first.
     """
     _, work = pickle.loads(pickled)
-    _forget()
+    for name, module in list(sys.modules.items()):
+        if name.startswith(MODELS):
+            for held in list(vars(module).values()):
+                clear = getattr(held, "cache_clear", None)
+                if callable(clear):
+                    clear()
     gc.collect()
     wall, cpu = time.perf_counter(), time.process_time()
     value = work(*made)
     return value, time.perf_counter() - wall, time.process_time() - cpu
-
-
-def _forget() -> None:
-    """Empty the caches of padgen's models."""
-    for name, module in list(sys.modules.items()):
-        if name.startswith(MODELS):
-            for value in list(vars(module).values()):
-                clear = getattr(value, "cache_clear", None)
-                if callable(clear):
-                    clear()

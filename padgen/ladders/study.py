@@ -458,14 +458,9 @@ def _csv(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(columns)
-    writer.writerows([_cell(value) for value in row] for row in rows)
+    cells = ([v if not isinstance(v, float) else f"{v:.10g}" if isfinite(v) else "" for v in row] for row in rows)
+    writer.writerows(cells)
     return out.getvalue()
-
-
-def _cell(value: Any) -> Any:
-    if isinstance(value, float):
-        return f"{value:.10g}" if isfinite(value) else ""
-    return value
 
 
 def study_json(results: Sequence[Judged], about: dict[str, Any], tolerances: Sequence[float] = TOLERANCES) -> str:

@@ -69,19 +69,11 @@ def _table_row(result: Judged, index: int, tolerances: Sequence[float]) -> tuple
         row.rung.resolution,
         str(own.unknowns or ""),
         value,
-        _error(row),
+        "?" if isnan(row.error) else f"≤ {percent(row.at_most)}" if row.is_bound else percent(row.error),
         seconds_text(own.seconds),
         f"{own.memory_mb:.1f}",
         holds,
     )
-
-
-def _error(row: Row) -> str:
-    if isnan(row.error):
-        return "?"
-    if row.is_bound:
-        return f"≤ {percent(row.at_most)}"
-    return percent(row.error)
 
 
 def _order(order: Order) -> str:

@@ -162,7 +162,22 @@ def _coarse_meshes(shape: Any, fineness: Fineness, where: str) -> Iterator[tuple
     for factor, grading in ((1.0, 1.0), (0.8, 1.0), (1.0, 0.8), (0.7, 0.8), (0.8, 0.6)):
         attempt = fineness._replace(factor=factor * fineness.factor, grading=grading * fineness.grading)
         try:
-            mesh = _netgen(shape, attempt, where)
+            occ = engine("netgen.occ")
+            try:
+                # Netgen's own threads made meshing 10 times slower on a busy machine.
+                mesh = occ.OCCGeometry(shape).GenerateMesh(
+                    maxh=attempt.largest_mm,
+                    grading=attempt.grading,
+                    curvaturesafety=attempt.curvature,
+                    segmentsperedge=attempt.per_edge,
+                    parallel_meshing=False,
+                )
+            except Exception as error:
+                why = f"Netgen cannot mesh it ({_first_line(error)}): a part is thinner than it resolves"
+                raise SolverError(why, where) from error
+            if mesh.ne == 0:
+                raise SolverError("Netgen's mesh of it is empty: a part is thinner than it resolves", where)
+            mesh = mesh
         except SolverError as error:
             failure = failure or error
         else:
@@ -194,25 +209,6 @@ def singular_edges(shape: Any, mesh: Any) -> set[str]:
 def _mark(edges: Iterable[Any], singular: set[str]) -> None:
     for edge in edges:
         edge.hpref = 1.0 if edge.name in singular else 0.0
-
-
-def _netgen(shape: Any, fineness: Fineness, where: str) -> Any:
-    occ = engine("netgen.occ")
-    try:
-        # Netgen's own threads made meshing 10 times slower on a busy machine.
-        mesh = occ.OCCGeometry(shape).GenerateMesh(
-            maxh=fineness.largest_mm,
-            grading=fineness.grading,
-            curvaturesafety=fineness.curvature,
-            segmentsperedge=fineness.per_edge,
-            parallel_meshing=False,
-        )
-    except Exception as error:
-        why = f"Netgen cannot mesh it ({_first_line(error)}): a part is thinner than it resolves"
-        raise SolverError(why, where) from error
-    if mesh.ne == 0:
-        raise SolverError("Netgen's mesh of it is empty: a part is thinner than it resolves", where)
-    return mesh
 
 
 def _first_line(error: Exception) -> str:

@@ -292,35 +292,26 @@ def eigenmodes(system: System, solve: Factored, modes: int, start: np.ndarray | 
     unknowns = int(system.free.sum())
     if modes >= unknowns:
         raise SolverError(f"has {unknowns} unknowns, too few for {modes} modes", "elasticity")
-    block = _scattered(system, solve, modes + SPARE) if start is None else start
+    block = start
+    if block is None:  # answers to inertia of irregular motions, always the same: no mode is orthogonal to them
+        wave = np.cos(np.outer(np.arange(system.free.size), np.sqrt(np.arange(2, 2 + modes + SPARE))))
+        block = np.array([solve(load) for load in system.mass_times(wave).T]).T
     basis = stiff = np.zeros((system.free.size, 0))
     values = np.full(modes, np.inf)
     for _ in range(BLOCKS):
-        new = _orthogonal(system, basis, block)
-        basis, stiff = np.hstack((basis, new)), np.hstack((stiff, system.stiffness_times(new)))
+        for _ in range(2):  # M-orthonormal to the basis and in itself; twice, as rounding asks for
+            block = block - basis @ (basis.T @ system.mass_times(block))
+            size, turn = np.linalg.eigh(block.T @ system.mass_times(block))
+            kept = size > size[-1] * np.finfo(float).eps * len(size)
+            block = block @ (turn[:, kept] / np.sqrt(size[kept]))
+        basis, stiff = np.hstack((basis, block)), np.hstack((stiff, system.stiffness_times(block)))
         square, part = np.linalg.eigh(basis[system.free].T @ stiff[system.free])
         if len(square) >= modes:
             moved, values = np.abs(values / square[:modes] - 1).max(), square[:modes]
             if moved < SETTLED:
                 return _checked(system, basis @ part[:, :modes], stiff @ part[:, :modes], values)
-        block = np.array([solve(load) for load in system.mass_times(new).T]).T
+        block = np.array([solve(load) for load in system.mass_times(block).T]).T
     raise SolverError(f"the eigenvalue solver did not converge within {BLOCKS} blocks", "elasticity")
-
-
-def _scattered(system: System, solve: Factored, width: int) -> np.ndarray:
-    """A block that no mode is orthogonal to: answers to inertia of irregular motions, always the same."""
-    wave = np.cos(np.outer(np.arange(system.free.size), np.sqrt(np.arange(2, 2 + width))))
-    return np.array([solve(load) for load in system.mass_times(wave).T]).T
-
-
-def _orthogonal(system: System, basis: np.ndarray, block: np.ndarray) -> np.ndarray:
-    """`block` made M-orthonormal to `basis` and in itself; twice, as rounding asks for."""
-    for _ in range(2):
-        block = block - basis @ (basis.T @ system.mass_times(block))
-        size, turn = np.linalg.eigh(block.T @ system.mass_times(block))
-        kept = size > size[-1] * np.finfo(float).eps * len(size)
-        block = block @ (turn[:, kept] / np.sqrt(size[kept]))
-    return block
 
 
 def _checked(system: System, shape: np.ndarray, stiff: np.ndarray, square: np.ndarray) -> Eigen:

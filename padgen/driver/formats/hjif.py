@@ -24,7 +24,7 @@ from padgen.core.units import GRAM, MH, MM, UM
 from padgen.driver.formats import DriveJob
 from padgen.driver.frames import taxel_grid
 from padgen.driver.waveform import Timeline, blend
-from padgen.measured.tuning import TunedTaxel, Tuning, planned_tuning
+from padgen.measured.tuning import Tuning, planned_tuning
 from padgen.physics.magnetics import impedance
 from padgen.planner.plan import Plan
 from padgen.planner.settings import level_law
@@ -108,7 +108,19 @@ def hjif_text(plan: Plan, timeline: Timeline | None = None, tuning: Tuning | Non
         "syncs": [],
     }
     text = json_text(table)
-    _refuse_difference(text, plan, course)
+    channels = json.loads(text)["perceptions"][0]["channels"]
+    same = [channel["description"].split()[0] for channel in channels] == [taxel.id for taxel in plan.taxels]
+    for k, channel in enumerate(channels if same else ()):
+        if course is None:
+            break
+        effects = channel["bands"][0]["effects"]
+        frames = [(e["position"] + f["relative_position"], f) for e in effects for f in e["keyframes"]]
+        # Between two effects that meet, both have the level there.
+        at, level = [tick for tick, _ in frames] or [0], [f["amplitude_modulation"] for _, f in frames] or [0]
+        read = np.interp(course.tick, at, level, left=0.0, right=0.0)
+        same &= bool(np.abs(read - course.level[:, k]).max() < 1e-6 and (np.diff(at) >= 0).all())
+    if not same:
+        raise FileError("did not read back as it was written; this is a fault of padgen's", "pad.hjif")
     return text
 
 
@@ -121,36 +133,32 @@ def _devices(plan: Plan, tuning: Tuning) -> tuple[list[dict[str, Any]], list[int
         key = (taxel.channel, tuned.resonance_hz, tuned.q)
         if key not in known:
             known[key] = len(devices)
-            devices.append(_device(plan, taxel.channel, tuned, len(devices) + 1))
+            channel, coil, hz, q = plan.channels[taxel.channel], plan.spec.coil, tuned.resonance_hz, tuned.q
+            scheme = plan.scheme
+            drive_hz = hz if scheme.has_constant else hz / 2
+            as_planned = (hz, q) == (channel.resonance_hz, channel.q)
+            half = 1 / (2 * q)
+            middle = sqrt(1 + half**2)
+            entry = {
+                "id": (len(devices) + 1),
+                "name": f"{plan.name} " + (f"channel {taxel.channel}" if as_planned else tuned.id),
+                "type": "LRA",
+                "resonance_frequency": hz,
+                "minimum_frequency": hz * (middle - half),
+                "maximum_frequency": hz * (middle + half),
+                "impedance": abs(complex(impedance(coil.resistance_ohm, coil.inductance_mh * MH, drive_hz))),
+                "maximum_voltage": plan.spec.drive.voltage_limit_v,
+                "maximum_current": sqrt(coil.power_limit_w / coil.resistance_ohm),
+                "weight": channel.effective_mass_g * GRAM,
+                "custom": q,
+            }
+            if gain := _gain(plan):
+                law, drive = level_law(plan.spec), plan.spec.drive
+                lowest, own = law(np.array([plan.channels[0].resonance_hz, hz]))
+                entry["maximum_displacement"] = float(drive.level_um * own / lowest) / gain * UM / MM
+            devices.append(entry)
         device_of.append(known[key])
     return devices, device_of
-
-
-def _device(plan: Plan, index: int, tuned: TunedTaxel, device_id: int) -> dict[str, Any]:
-    channel, coil, hz, q = plan.channels[index], plan.spec.coil, tuned.resonance_hz, tuned.q
-    scheme = plan.scheme
-    drive_hz = hz if scheme.has_constant else hz / 2
-    as_planned = (hz, q) == (channel.resonance_hz, channel.q)
-    half = 1 / (2 * q)
-    middle = sqrt(1 + half**2)
-    device = {
-        "id": device_id,
-        "name": f"{plan.name} " + (f"channel {index}" if as_planned else tuned.id),
-        "type": "LRA",
-        "resonance_frequency": hz,
-        "minimum_frequency": hz * (middle - half),
-        "maximum_frequency": hz * (middle + half),
-        "impedance": abs(complex(impedance(coil.resistance_ohm, coil.inductance_mh * MH, drive_hz))),
-        "maximum_voltage": plan.spec.drive.voltage_limit_v,
-        "maximum_current": sqrt(coil.power_limit_w / coil.resistance_ohm),
-        "weight": channel.effective_mass_g * GRAM,
-        "custom": q,
-    }
-    if gain := _gain(plan):
-        law, drive = level_law(plan.spec), plan.spec.drive
-        lowest, own = law(np.array([plan.channels[0].resonance_hz, hz]))
-        device["maximum_displacement"] = float(drive.level_um * own / lowest) / gain * UM / MM
-    return device
 
 
 def _gain(plan: Plan) -> float:
@@ -238,20 +246,3 @@ def _effect(tick: np.ndarray, level: np.ndarray, hz: int) -> dict[str, Any]:
         "base_signal": "Sine",
         "keyframes": frames,
     }
-
-
-def _refuse_difference(text: str, plan: Plan, course: _Course | None) -> None:
-    """Read the levels of every taxel back."""
-    channels = json.loads(text)["perceptions"][0]["channels"]
-    same = [channel["description"].split()[0] for channel in channels] == [taxel.id for taxel in plan.taxels]
-    for k, channel in enumerate(channels if same else ()):
-        if course is None:
-            break
-        effects = channel["bands"][0]["effects"]
-        frames = [(e["position"] + f["relative_position"], f) for e in effects for f in e["keyframes"]]
-        # Between two effects that meet, both have the level there.
-        at, level = [tick for tick, _ in frames] or [0], [f["amplitude_modulation"] for _, f in frames] or [0]
-        read = np.interp(course.tick, at, level, left=0.0, right=0.0)
-        same &= bool(np.abs(read - course.level[:, k]).max() < 1e-6 and (np.diff(at) >= 0).all())
-    if not same:
-        raise FileError("did not read back as it was written; this is a fault of padgen's", "pad.hjif")

@@ -208,10 +208,10 @@ def syntacts_script(plan: Plan, drive: PadDrive, timeline: Timeline, full_scale_
         )
         known.setdefault(texts[-1], len(known))
     signals = "".join(f"    {text},\n" for text in known)
-    coils = "".join(
-        f"    {known[text]},  # row {coil.row}, column {coil.column}: {_taxels(plan, coil)}\n"
-        for text, coil in zip(texts, drive.coils, strict=True)
-    )
+    coils = ""
+    for text, coil in zip(texts, drive.coils, strict=True):
+        ids = " ".join(plan.taxels[index].id for index in coil.taxels) or "no taxel"
+        coils += f"    {known[text]},  # row {coil.row}, column {coil.column}: {ids}\n"
     constant = CONSTANT if drive.has_constant else ""
     return TEMPLATE.format(
         name=plan.name,
@@ -231,10 +231,6 @@ def syntacts_script(plan: Plan, drive: PadDrive, timeline: Timeline, full_scale_
 def _scale_v(drive: PadDrive, timeline: Timeline) -> float:
     peak_v = max((float(np.abs(block).max(initial=0)) for block in volts(drive, timeline)), default=0.0)
     return drive.voltage_limit_v if peak_v <= drive.voltage_limit_v else float(at_least(peak_v))
-
-
-def _taxels(plan: Plan, coil: CoilDrive) -> str:
-    return " ".join(plan.taxels[index].id for index in coil.taxels) or "no taxel"
 
 
 def _figure(value: float) -> str:
@@ -291,7 +287,9 @@ def _tones(drive: PadDrive, coil: CoilDrive, stretch: _Stretch, levels: Pair, sc
         elif low == 0 or high == 0:
             shape, slope = _root_of_step(stretch, rises=low == 0)
         else:
-            shape, slope = _root_of_levels(stretch, low, high)
+            level, rise = _levels_text(stretch, low, high)
+            value = level.removeprefix(_share(stretch))
+            shape, slope = f"{_share(stretch)}sqrt({value})", f"{rise} / (2 * sqrt({value}))"
         height = float(np.sqrt(low if low == high else 1 if min(low, high) > 0 else max(low, high)))
         tones = list(_lines(drive, stretch, harmonic[own], height / scale_v * amplitude[own]))
         yield from _fed(drive, (shape, slope), 0.0, tones)
@@ -371,13 +369,6 @@ def _root_of_step(stretch: _Stretch, rises: bool) -> tuple[str, str]:
     )
 
 
-def _root_of_levels(stretch: _Stretch, low: float, high: float) -> tuple[str, str]:
-    """The root of a level that goes from one value to another, neither 0, and its slope."""
-    level, slope = _levels_text(stretch, low, high)
-    value = level.removeprefix(_share(stretch))
-    return f"{_share(stretch)}sqrt({value})", f"{slope} / (2 * sqrt({value}))"
-
-
 def _levels_text(stretch: _Stretch, low: float, high: float) -> tuple[str, str]:
     """A level that goes from one value to another, and its slope."""
     share = _share(stretch)
@@ -417,23 +408,21 @@ def _root_text(
     text += f"var r := sqrt(max({' + '.join(force)}, 1e-300)); var s := ({' + '.join(slope)}) / r; "
     if drive.carrier_hz is None:
         return f"{text}{_n(r)} * r + {_n(half_l)} * s"
-    return text + _carrier_text(drive, stretch, r, half_l)
+    assert drive.carrier_hz is not None
+    harmonic = np.array([round(drive.carrier_hz * drive.period_s)])
+    ((begin, speed),) = _lines(drive, stretch, harmonic, np.full(1, np.sqrt(2) + 0j))
+    swing = f"({_n(speed)} * t + {_n(np.angle(begin))})"
+    high = abs(begin)
+    return (
+        text
+        + f"{_n(high)} * (({_n(r)} * r + {_n(half_l)} * s) * cos{swing} - {_n(2 * half_l * speed)} * r * sin{swing})"
+    )
 
 
 def _mixed(before: float, after: float) -> str:
     """A number that goes with the smooth step b, of which q is what is left to 1."""
     shares = [f"{_n(value)} * {share}" for value, share in ((before, "q"), (after, "b")) if value]
     return _n(before) if before == after else f"({' + '.join(shares)})"
-
-
-def _carrier_text(drive: PadDrive, stretch: _Stretch, r: float, half_l: float) -> str:
-    """What the root `r` and its slope `s` make on a carrier."""
-    assert drive.carrier_hz is not None
-    harmonic = np.array([round(drive.carrier_hz * drive.period_s)])
-    ((turned, rate),) = _lines(drive, stretch, harmonic, np.full(1, np.sqrt(2) + 0j))
-    angle = f"({_n(rate)} * t + {_n(np.angle(turned))})"
-    high = abs(turned)
-    return f"{_n(high)} * (({_n(r)} * r + {_n(half_l)} * s) * cos{angle} - {_n(2 * half_l * rate)} * r * sin{angle})"
 
 
 def _terms_text(terms: list[Term]) -> str:

@@ -33,7 +33,6 @@ from padgen.planner.plan import Plan
 
 __all__ = [
     "BEYOND_LIMIT",
-    "DEPTHS",
     "FILE",
     "LARGEST_24",
     "MADE_OF",
@@ -49,7 +48,6 @@ __all__ = [
     "write_wave",
 ]
 
-DEPTHS = ("24", "float")
 BEYOND_LIMIT = "; not to be played: "
 """What a file's comment has before each limit that the file is beyond."""
 LARGEST_24 = 1 - 2.0**-23
@@ -275,8 +273,23 @@ def write_wave(
         A timeline that loops and is not whole periods of the comb, or that has two channels of a coil on where they
         take turns.
     """
-    _refuse_seam(drive, timeline)
-    _refuse_crowd(drive, timeline)
+    if timeline.loops:
+        periods = sample_count(drive, timeline) / drive.period_samples
+        if abs(periods - round(periods)) * drive.period_samples > 0.5 or round(periods) < 1:
+            whole = max(round(periods), 1) * drive.period_s
+            raise SpecError(
+                f"of a loop must be whole periods of {number(drive.period_s)} s, got {number(timeline.seconds)} s;"
+                f" {number(whole)} s would do",
+                "--seconds",
+            )
+        if not np.array_equal(timeline.levels[0], timeline.levels[-1]):
+            raise SpecError("that loop must end with the levels that they begin with", "frames")
+    for coil in drive.coils if drive.scheme.takes_turns else ():
+        if ((timeline.levels[:, coil.taxels] > 0).sum(1) > 1).any():
+            raise SpecError(
+                f"has two channels of coil ({coil.row}, {coil.column}) on at once, and time-shared they take turns",
+                "frames",
+            )
     scale = full_scale(drive, signal)
     beyond = "".join(f"{BEYOND_LIMIT}{finding.message}" for finding in judged or ())
     tally = _write(path, drive, timeline, depth, signal, scale, beyond)
@@ -370,32 +383,6 @@ class _WouldClipError(Exception):
     """Leaves a file whose scale was too small."""
 
 
-def _refuse_seam(drive: PadDrive, timeline: Timeline) -> None:
-    if not timeline.loops:
-        return
-    periods = sample_count(drive, timeline) / drive.period_samples
-    if abs(periods - round(periods)) * drive.period_samples > 0.5 or round(periods) < 1:
-        whole = max(round(periods), 1) * drive.period_s
-        raise SpecError(
-            f"of a loop must be whole periods of {number(drive.period_s)} s, got {number(timeline.seconds)} s;"
-            f" {number(whole)} s would do",
-            "--seconds",
-        )
-    if not np.array_equal(timeline.levels[0], timeline.levels[-1]):
-        raise SpecError("that loop must end with the levels that they begin with", "frames")
-
-
-def _refuse_crowd(drive: PadDrive, timeline: Timeline) -> None:
-    if not drive.scheme.takes_turns:
-        return
-    for coil in drive.coils:
-        if ((timeline.levels[:, coil.taxels] > 0).sum(1) > 1).any():
-            raise SpecError(
-                f"has two channels of coil ({coil.row}, {coil.column}) on at once, and time-shared they take turns",
-                "frames",
-            )
-
-
 def _findings(name: str, drive: PadDrive, carrier: str) -> Iterator[Finding]:
     if drive.has_constant:
         yield Finding("note", "wave.dc", name, f"has a constant part, so the amplifier must pass 0 Hz{carrier}")
@@ -424,6 +411,18 @@ def wave_json(
     """
     figures: dict[str, Any] = {key: value for key, value in asdict(report).items() if key != "findings"}
     figures["seconds"] = report.seconds
+    taxels: dict[int, dict[str, Any]] = {}
+    for wav_channel, coil in enumerate(drive.coils):
+        drive_hz = coil_lines(drive, coil).harmonic / drive.period_s
+        for j, index in enumerate(coil.taxels.tolist()):
+            taxels[index] = {
+                "id": plan.taxels[index].id,
+                "wav_channel": wav_channel,
+                "force_hz": float(coil.force_hz[j]),
+                "drive_hz": float(drive_hz[j]),
+                "line_a2": float(coil.line_a2[j]),
+                "phase_rad": float(coil.phase_rad[j]),
+            }
     table = {
         "name": plan.name,
         "wave": name,
@@ -434,7 +433,7 @@ def wave_json(
         "inductance_mh": drive.inductance_h * 1e3,
         "findings": [asdict(finding) for finding in report.findings],
         "coils": [{"wav_channel": k, "coil": [c.row, c.column]} for k, c in enumerate(drive.coils)],
-        "taxels": _taxels(plan, drive),
+        "taxels": [taxels[index] for index in sorted(taxels)],
         "keyframes_note": "levels of all taxels, in the order of the plan's, from each time on blended into the next",
     }
     rows = (
@@ -443,20 +442,3 @@ def wave_json(
     )
     lines = ",\n  ".join(json.dumps(row) for row in rows)
     return f'{json_text(table).rstrip()[:-1].rstrip()},\n "keyframes": [\n  {lines}\n ]\n}}\n'
-
-
-def _taxels(plan: Plan, drive: PadDrive) -> list[dict[str, Any]]:
-    """Every taxel's line of i², in the order of the plan's."""
-    rows: dict[int, dict[str, Any]] = {}
-    for wav_channel, coil in enumerate(drive.coils):
-        drive_hz = coil_lines(drive, coil).harmonic / drive.period_s
-        for j, index in enumerate(coil.taxels.tolist()):
-            rows[index] = {
-                "id": plan.taxels[index].id,
-                "wav_channel": wav_channel,
-                "force_hz": float(coil.force_hz[j]),
-                "drive_hz": float(drive_hz[j]),
-                "line_a2": float(coil.line_a2[j]),
-                "phase_rad": float(coil.phase_rad[j]),
-            }
-    return [rows[index] for index in sorted(rows)]
