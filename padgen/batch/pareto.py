@@ -5,8 +5,6 @@ in one pass: memory holds the front, one block of rows and a thinned rest, howev
 give the same bytes.
 """
 
-import csv
-import io
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -20,6 +18,7 @@ import numpy as np
 from padgen.batch.variant import Record
 from padgen.core.files import OutputFolder
 from padgen.core.plots import STYLE, plot_bytes
+from padgen.planner.drive_rows import table_csv
 
 __all__ = [
     "BLOCK",
@@ -201,14 +200,10 @@ def overview_of(header: tuple[str, ...], pairs: Iterable[tuple[Record, tuple[str
 def pareto_csv(overview: Overview) -> str:
     """The front's rows, and what each is best in; the same index gives the same bytes."""
     columns = [i for i, name in enumerate(overview.header) if name not in LEFT_OUT]
-    best = overview.best()
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow([*(overview.header[i] for i in columns), "best_in"])
+    rows, best = [], overview.best()
     for index, row in enumerate(overview.rows):
-        best_in = " ".join(name for name, which in best.items() if which == index)
-        writer.writerow([*(row[i] for i in columns), best_in])
-    return out.getvalue()
+        rows.append([*(row[i] for i in columns), " ".join(name for name, which in best.items() if which == index)])
+    return table_csv([*(overview.header[i] for i in columns), "best_in"], rows)
 
 
 def write_pareto(folder: Path, name: str, overview: Overview) -> tuple[tuple[str, ...], str]:
@@ -283,14 +278,12 @@ def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
 
 def _figure(shown: list[int]) -> tuple[Any, dict[tuple[int, int], Any]]:
     """The lower triangle of a square of panels by the objectives along x and y; room for the legend at its right."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     side = len(shown) - 1
     wide = MARGIN_INCHES[0] + side * PANEL_INCHES[0] + (LEGEND_INCHES if side == 1 else 0.2)
     high = MARGIN_INCHES[1] + side * PANEL_INCHES[1] + TITLE_INCHES
     figure = Figure(figsize=(wide, high))
-    FigureCanvasAgg(figure)
     axes = figure.subplots(side, side, sharex="col", sharey="row", squeeze=False)
     right = (MARGIN_INCHES[0] + side * PANEL_INCHES[0]) / wide
     left, bottom, top = MARGIN_INCHES[0] / wide, MARGIN_INCHES[1] / high, 1 - TITLE_INCHES / high

@@ -79,18 +79,10 @@ class Window:
     """
 
     def __init__(self, executor: Any, most: int, function: Callable[..., list[Record]], *rest: Any) -> None:
-        self._executor, self._most, self._function, self._rest = executor, most, function, rest
-        self._pending: dict[int, tuple[Any, list[Task]]] = {}
+        self.most, self._executor, self._function, self._rest = most, executor, function, rest
+        self.pending: dict[int, tuple[Any, list[Task]]] = {}
         self._finished: SimpleQueue[int] = SimpleQueue()
         self._silent = False
-
-    def __len__(self) -> int:
-        return len(self._pending)
-
-    @property
-    def full(self) -> bool:
-        """Whether enough tasks are waiting."""
-        return len(self._pending) >= self._most
 
     def give(self, tasks: list[Task]) -> None:
         """Hand tasks over.
@@ -104,7 +96,7 @@ class Window:
             future = self._executor.submit(self._function, tasks, *self._rest)
         except Exception as error:
             raise StoppedError(f"takes no more tasks ({told(error)})", "executor") from error
-        self._pending[id(future)] = future, tasks
+        self.pending[id(future)] = future, tasks
         if hasattr(future, "add_done_callback"):
             future.add_done_callback(lambda future: self._finished.put(id(future)))
         else:
@@ -115,21 +107,21 @@ class Window:
         end = time.monotonic() + wait_s
         while (wait := end - time.monotonic()) > 0:
             try:
-                return self._pending.pop(self._finished.get(timeout=min(wait, POLL_S) if self._silent else wait))
+                return self.pending.pop(self._finished.get(timeout=min(wait, POLL_S) if self._silent else wait))
             except Empty:
-                for future, _ in self._pending.values() if self._silent else ():
+                for future, _ in self.pending.values() if self._silent else ():
                     if not hasattr(future, "add_done_callback") and future.done():
                         self._finished.put(id(future))
         return None
 
     def rest(self) -> Iterator[tuple[Any, list[Task]]]:
         """What is finished without having been taken; the others are cancelled."""
-        for future, tasks in self._pending.values():
+        for future, tasks in self.pending.values():
             if future.done():
                 yield future, tasks
             elif hasattr(future, "cancel"):
                 future.cancel()
-        self._pending.clear()
+        self.pending.clear()
 
 
 def records_of(future: Any, tasks: list[Task]) -> list[Record]:
@@ -522,9 +514,9 @@ def _run_all(run: _Run, window: Window, chunk: int) -> None:
     alone: list[list[Task]] = []
     lost = 0
     while True:
-        while not window.full and (batch := alone.pop() if alone else list(islice(tasks, chunk))):
+        while len(window.pending) < window.most and (batch := alone.pop() if alone else list(islice(tasks, chunk))):
             window.give(batch)
-        if not len(window):
+        if not window.pending:
             return
         taken = window.take(TICK_S)
         if taken is None:

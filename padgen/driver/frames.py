@@ -17,6 +17,7 @@ import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import groupby, islice, product
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -45,8 +46,8 @@ __all__ = [
 ]
 
 Row = TypeVar("Row")
-Check = Callable[[int, int], None]
-"""Called with the rows and columns of each frame before it is decoded; raises where they do not fit."""
+Check = Callable[[int, int, int], None]
+"""Called with each frame's number, rows and columns before it is decoded; raises where they do not fit."""
 MAGIC = b"\x93NUMPY"
 LARGEST_TEXT = 1 << 25
 """Bytes of a text file."""
@@ -90,9 +91,10 @@ def _pictures(path: Path, check: Check) -> Iterator[np.ndarray]:
     damage = (SyntaxError, ValueError, EOFError, IndexError, KeyError, struct.error, zlib.error)
     try:
         with _opened(path) as image:
-            for k in range(1 if getattr(image, "default_image", False) else 0, getattr(image, "n_frames", 1)):
+            still = int(getattr(image, "default_image", False))  # a picture for viewers that show no animation
+            for k in range(still, getattr(image, "n_frames", 1)):
                 image.seek(k)
-                check(image.height, image.width)
+                check(k + 1 - still, image.height, image.width)
                 yield _grey(image)
     except UnidentifiedImageError as error:
         raise FileError("is not a PNG or GIF picture", str(path)) from error
@@ -134,7 +136,7 @@ def _tables(text: str, path: Path, check: Check) -> Iterator[np.ndarray]:
     blocks = (_block(block, path) for filled, block in groupby(rows, key=any) if filled)
     for frame, block in enumerate(blocks, start=1):
         _refuse_ragged(block, frame, path, "numbers")
-        check(len(block), len(block[0]))
+        check(frame, len(block), len(block[0]))
         yield _levels(block, frame, path)
 
 
@@ -200,7 +202,7 @@ def _array(path: Path, check: Check) -> Iterator[np.ndarray]:
         raise FileError(f"must have the shape (rows, columns) or (frames, rows, columns), has {array.shape}", str(path))
     scale = {"uint8": 255, "uint16": 65535}.get(array.dtype.newbyteorder("=").name, 1)
     for frame, image in enumerate(array if array.ndim == 3 else array[None], start=1):
-        check(*image.shape)
+        check(frame, *image.shape)
         values = np.asarray(image).astype(float) / scale
         if scale == 1 and array.dtype.kind in "iu":
             bad = np.argwhere((values != 0) & (values != 1))
@@ -230,7 +232,7 @@ def _signs(path: Path, check: Check) -> Iterator[np.ndarray]:
         width = max(len(line) for line in block)
         rows = [line.ljust(width) if pads else line for line in block]
         _refuse_ragged(rows, frame, path, "signs")
-        check(len(rows), width)
+        check(frame, len(rows), width)
         yield _sign_levels(rows, frame, path)
 
 
@@ -293,17 +295,15 @@ def read_frames(paths: str | Path | Iterable[str | Path], plan: Plan) -> Frames:
         or there are more frames than can be held. Frames, rows and columns are counted from 1, top left.
     """
     grid = taxel_grid(plan)
-    taken, lost = _Taken(plan, grid), 0
+    lost, first = 0, ""
     images: list[np.ndarray] = []
-    first = ""
     for path in _files([paths] if isinstance(paths, (str, Path)) else paths):
-        for image in frame_images(path, taken.checked_in(str(path))):
-            levels = np.zeros(len(plan.taxels))
-            levels[grid[grid >= 0]] = image[grid >= 0]
-            images.append(levels)
+        for frame, image in enumerate(frame_images(path, partial(_refuse_shape, plan, grid, images, path)), start=1):
+            images.append(np.zeros(len(plan.taxels)))
+            images[-1][grid[grid >= 0]] = image[grid >= 0]
             lit = np.argwhere((image > 0) & (grid < 0))
             if len(lit) and not lost:
-                first = f"{path}, frame {taken.number}, row {lit[0][0] + 1}, column {lit[0][1] + 1}"
+                first = f"{path}, frame {frame}, row {lit[0][0] + 1}, column {lit[0][1] + 1}"
             lost += len(lit)
     if not images:
         raise FileError("must name a file, a folder or a pattern", "frames")
@@ -311,36 +311,22 @@ def read_frames(paths: str | Path | Iterable[str | Path], plan: Plan) -> Frames:
     return Frames(np.stack(images), (note,) if lost else ())
 
 
-class _Taken:
-    """Counts the frames that are read, and refuses those of a wrong shape and those too many, before they are."""
-
-    def __init__(self, plan: Plan, grid: np.ndarray) -> None:
-        coils, cell = plan.coils, plan.cell
-        self._shape = grid.shape
-        self._pad = (
-            f"{grid.shape[0]} x {grid.shape[1]}: {coils.rows} x {coils.columns} coils"
-            f" of {cell.rows} x {cell.columns} taxels"
+def _refuse_shape(
+    plan: Plan, grid: np.ndarray, taken: list[np.ndarray], path: Path, frame: int, rows: int, columns: int
+) -> None:
+    """Refuse a frame of a wrong shape, and one more than can be held, before it is read."""
+    if (rows, columns) != grid.shape:
+        raise FileError(
+            f"frame {frame} is {rows} x {columns}; the pad shows {grid.shape[0]} x {grid.shape[1]}: {plan.coils.rows} x"
+            f" {plan.coils.columns} coils of {plan.cell.rows} x {plan.cell.columns} taxels",
+            str(path),
         )
-        self._taxels, self._most = len(plan.taxels), MOST_LEVELS // len(plan.taxels)
-        self._all = self.number = 0
-
-    def checked_in(self, where: str) -> Callable[[int, int], None]:
-        """What a reader calls with the rows and columns of each frame before it hands it over."""
-        self.number = 0
-
-        def check(rows: int, columns: int) -> None:
-            self.number += 1
-            self._all += 1
-            if (rows, columns) != self._shape:
-                raise FileError(f"frame {self.number} is {rows} x {columns}; the pad shows {self._pad}", where)
-            if self._all > self._most:
-                raise FileError(
-                    f"at most {self._most} frames of {self._taxels} taxels are read at once; frame {self.number}"
-                    " is one too many",
-                    where,
-                )
-
-        return check
+    most = MOST_LEVELS // len(plan.taxels)
+    if len(taken) >= most:
+        raise FileError(
+            f"at most {most} frames of {len(plan.taxels)} taxels are read at once; frame {frame} is one too many",
+            str(path),
+        )
 
 
 def _files(paths: Iterable[str | Path]) -> Iterator[Path]:

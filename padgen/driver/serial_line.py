@@ -226,6 +226,13 @@ def _unstuffed(packet: bytes) -> bytes | None:
     return bytes(body)
 
 
+try:
+    from termios import error as TerminalError
+
+    LINE_ERRORS: tuple[type[Exception], ...] = (OSError, TerminalError)
+except ImportError:
+    LINE_ERRORS = (OSError,)
+"""What a line raises that is gone: pyserial's own error is an OSError, that of a Unix terminal is not."""
 EXTRA = "play"
 BAUD = 115_200
 BITS_A_BYTE = 10
@@ -385,7 +392,7 @@ class _Link:
 
     def silence_if_it_can(self) -> None:
         """Silence, on the way out with an error that matters more than another one."""
-        with suppress(*_line_errors(), FileError):
+        with suppress(*LINE_ERRORS, FileError):
             self._ask(Message(Kind.SILENCE, self._next_tag()))
 
     @contextmanager
@@ -393,8 +400,11 @@ class _Link:
         """Turn what a line that is gone raises into a sentence."""
         try:
             yield
-        except _line_errors() as error:
-            raise FileError(f"the line closed in {what} ({_reason(error)}); {self._what_then}", self._port) from error
+        except LINE_ERRORS as error:
+            raise FileError(
+                f"the line closed in {what} ({_reason(error)}); {self._what_then}",
+                self._port,
+            ) from error
 
     @property
     def _what_then(self) -> str:
@@ -500,13 +510,16 @@ def _opened(port: str, baud: int) -> Iterator[Any]:
     serial = _serial()
     try:
         line = serial.Serial(port, baud, timeout=0, write_timeout=2.0, exclusive=True)
-    except (*_line_errors(), ValueError, OverflowError) as error:
+    except (*LINE_ERRORS, ValueError, OverflowError) as error:
         there = ", ".join(serial_ports()) or "none"
-        raise FileError(f"cannot be opened ({_reason(error)}); serial ports that there are: {there}", port) from error
+        raise FileError(
+            f"cannot be opened ({_reason(error)}); serial ports that there are: {there}",
+            port,
+        ) from error
     try:
         yield line
     finally:
-        with suppress(*_line_errors()):
+        with suppress(*LINE_ERRORS):
             line.close()
 
 
@@ -519,15 +532,5 @@ def _serial() -> Any:
         ) from error
 
 
-def _line_errors() -> tuple[type[Exception], type[Exception]]:
-    """What a line raises that is gone: pyserial's own error is an OSError, that of a Unix terminal is not."""
-    try:
-        terminal: type[Exception] = import_module("termios").error
-    except ImportError:
-        return OSError, OSError
-    return OSError, terminal
-
-
 def _reason(error: Exception) -> str:
-    strerror = getattr(error, "strerror", None)
-    return str(strerror or error or type(error).__name__)
+    return str(getattr(error, "strerror", None) or error or type(error).__name__)

@@ -5,9 +5,7 @@ what was measured until then; before the first rung's end it leaves everything a
 (`run_extreme`) run one process each, too, and each model is held to the error that it states.
 """
 
-import csv
 import importlib
-import io
 import json
 import tempfile
 from collections.abc import Callable, Sequence
@@ -41,6 +39,7 @@ from padgen.ladders.rung import (
     recommended_row,
 )
 from padgen.ladders.stages import LADDERS
+from padgen.planner.drive_rows import table_csv
 from padgen.verify.extreme import Answer, ExtremeCase
 
 if TYPE_CHECKING:
@@ -455,12 +454,8 @@ def study_csv(results: Sequence[Judged], tolerances: Sequence[float] = TOLERANCE
 
 
 def _csv(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(columns)
     cells = ([v if not isinstance(v, float) else f"{v:.10g}" if isfinite(v) else "" for v in row] for row in rows)
-    writer.writerows(cells)
-    return out.getvalue()
+    return table_csv(columns, cells)
 
 
 def study_json(results: Sequence[Judged], about: dict[str, Any], tolerances: Sequence[float] = TOLERANCES) -> str:
