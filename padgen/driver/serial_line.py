@@ -227,11 +227,11 @@ def _unstuffed(packet: bytes) -> bytes | None:
 
 
 try:
-    from termios import error as TerminalError
+    import termios
 
-    LINE_ERRORS: tuple[type[Exception], ...] = (OSError, TerminalError)
+    LINE_ERRORS: tuple[type[Exception], type[Exception]] = (OSError, termios.error)
 except ImportError:
-    LINE_ERRORS = (OSError,)
+    LINE_ERRORS = (OSError, OSError)
 """What a line raises that is gone: pyserial's own error is an OSError, that of a Unix terminal is not."""
 EXTRA = "play"
 BAUD = 115_200
