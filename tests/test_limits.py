@@ -21,7 +21,7 @@ from padgen.core.errors import SpecError
 from padgen.core.finding import Finding
 from padgen.core.wav_reader import read_wav
 from padgen.driver import limits, pad_drive, sound_card
-from padgen.driver.drive_folder import Driven, DriveRequest, write_drive, write_excitation
+from padgen.driver.drive_folder import Drive, Driven, write_excitation
 from padgen.driver.excitation import KINDS, excitation
 from padgen.driver.frames import state_frame
 from padgen.driver.limits import excitation_load, judge_limits, judge_load, load_of
@@ -61,7 +61,7 @@ def planned(coil: str = "", drive: str = "") -> Plan:
 
 def written(plan: Plan, folder: Path, formats: str, state: str = "1111", **more) -> Driven:
     frames = state_frame(plan, state) if state else None
-    return write_drive(plan, folder, DriveRequest(tuple(formats.split(",")), frames, held=True, **more))
+    return Drive(plan, frames, held=True, **more).save_folder(folder, formats.split(","))
 
 
 def watts(plan: Plan, volts_held: np.ndarray, rate_hz: int) -> float:
@@ -202,7 +202,7 @@ def test_judged_watts_of_turns_are_those_of_the_warmest(tmp_path):
 @pytest.mark.parametrize("carrier_hz", [None, 3000.0, 9000.0])
 def test_judged_volts_are_those_of_the_script(tmp_path, library, carrier_hz):  # noqa: F811
     plan = planned("", "scheme = 'spur-free'\nvoltage_limit_v = 1")
-    driven = written(plan, tmp_path / "o", "syntacts", carrier_hz=carrier_hz, rate_hz=48_000, seconds_each=0.3)
+    driven = written(plan, tmp_path / "o", "syntacts", carrier_hz=carrier_hz, rate_hz=48_000, seconds=0.3)
     count = round(0.3 * 48_000)
     peak = np.abs(rendered((tmp_path / "o" / "drive_syntacts.py").read_text(), count)).max()
     # At 9 kHz some 5 samples make a period, and between them the peak is up to 5 % higher.

@@ -218,7 +218,7 @@ class _Tally(NamedTuple):
 def refuse(job: DriveJob) -> None:
     """Refuse a wave that is longer than a file takes."""
     drive, timeline = job.played()
-    bytes_each = 3 if job.request.depth == "24" else 4
+    bytes_each = 3 if job.depth == "24" else 4
     longest = LARGEST_WAVE / (bytes_each * len(drive.coils) * drive.rate_hz)
     if timeline.seconds > longest:
         raise SpecError(
@@ -238,15 +238,15 @@ def write(out: OutputFolder, job: DriveJob) -> None:
     reports: list[WaveReport] = []
 
     def put(path: Path) -> None:
-        reports.append(write_wave(path, drive, timeline, request.depth, request.signal, job.shown, carrier))
+        reports.append(write_wave(path, drive, timeline, job.depth, request.signal, job.shown, carrier))
 
     path = out.write_by(FILE, put)
     sidecar = wave_json(job.plan, drive, timeline, reports[0], tuning=request.tuning)
     out.write(SIDECAR, sidecar)
     job.report = reports[0]
-    if request.hear:
+    if job.hear:
         job.progress("listening to the file")
-        job.heard = hear(job.plan, read_wav(path), json.loads(sidecar), request.tuning, request.gap)
+        job.heard = hear(job.plan, read_wav(path), json.loads(sidecar), request.tuning, job.gap)
         out.write(HEARD, json_text(heard_table(job.heard)))
 
 
