@@ -84,7 +84,7 @@ class Expression:
     tree: ast.expr
 
     def holds(self, values: Mapping[str, Any], spec: Spec) -> bool:
-        """Whether it holds for a variant with these `values` of dotted fields; all others are those of `spec`.
+        """Tell whether it holds for a variant with these `values` of dotted fields; all others are those of `spec`.
 
         Raises
         ------
@@ -179,7 +179,7 @@ def _value(node: ast.expr, values: Mapping[str, Any], spec: Spec) -> Any:
 
 
 def _dotted(node: ast.expr) -> str | None:
-    """``a.b.c`` as text, None for anything else."""
+    """Return ``a.b.c`` as text, None for anything else."""
     if isinstance(node, ast.Name):
         return node.id
     if isinstance(node, ast.Attribute):
@@ -223,7 +223,7 @@ class Range:
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """What is varied together: `fields` are dotted names of a spec.
+    """Fields that are varied together, by their dotted names in a spec.
 
     Either `values` (k, fields), or, of a sample, a `range` of one field; `whole`: it takes whole numbers only.
     """
@@ -234,7 +234,7 @@ class Axis:
     whole: bool = False
 
     def at(self, share: float, even: bool = False) -> tuple[Any, ...]:
-        """The values at a share, 0 … 1, of it; `even`: each whole number or row of values at as many shares."""
+        """Return the values at a share, 0 … 1, of it; `even`: each whole number or row of values at as many shares."""
         if self.range is None:
             return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
         low, high = self.range.low, self.range.high
@@ -246,7 +246,7 @@ class Axis:
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """How the points are chosen."""
+    """The choice of the points."""
 
     method: str = choice("grid", of=METHODS, doc="grid: all combinations; the others: `count` points, seeded")
     count: int = quantity(0, unit="variants", low=0, high=10_000_000, doc="of a sample")
@@ -255,7 +255,7 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What one variant may take before it is given up."""
+    """Limits of one variant, beyond which it is given up."""
 
     time_s: float = quantity(600.0, unit="s", low=0.1, high=1e6, doc="run time of one variant")
     memory_mb: float = quantity(4000.0, unit="MB", low=100, high=1e7, doc="memory of a worker")
@@ -275,7 +275,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class Sweep:
-    """The whole sweep. `base` is the table that the variants are laid over, `spec` what it means by itself."""
+    """The whole sweep. `base` is the table that the variants are laid over, `spec` the spec that it is by itself."""
 
     settings: Settings
     base: dict[str, Any]
@@ -319,7 +319,7 @@ def sweep_over(spec: Spec, axes: dict[str, Any], stage: str = "plan") -> Sweep:
 
 
 def _plain_lists(axes: Any) -> Any:
-    """Lists where a program gives tuples, ranges or arrays."""
+    """Turn the tuples, ranges or arrays that a program gives into lists."""
     if isinstance(axes, dict):
         return {name: _plain_lists(values) for name, values in axes.items()}
     if hasattr(axes, "tolist"):
@@ -392,7 +392,7 @@ def _axes(table: Any, linked: Any, sample: Sample) -> tuple[Axis, ...]:
 
 
 def _flat(table: dict[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
-    """Dotted names and values: ``pad.width_mm = …`` is a nested table in TOML."""
+    """Return dotted names and values: ``pad.width_mm = …`` is a nested table in TOML."""
     pairs = []
     for key, value in table.items():
         if isinstance(value, dict) and not set(value) & set(RANGE_KEYS):
@@ -447,7 +447,7 @@ def _linked(entry: Any) -> Axis:
 
 
 def _listed(name: str, values: Any, where: str) -> list[Any]:
-    """The values of a field; refuses one that it never takes, whatever the others are."""
+    """Return the values of a field; refuse one that it never takes, whatever the others are."""
     item = _spec_field(name)
     if not isinstance(values, list) or not 1 <= len(values) <= MOST_VALUES:
         raise SpecError(f"must be a list of 1 … {MOST_VALUES} values, got {shown(values)}", where)
@@ -472,7 +472,7 @@ def _is_plain(value: Any, depth: int = 0) -> bool:
 
 
 def _spec_field(name: str) -> "Field[Any]":
-    """A field of a spec, or a whole table, by its dotted name; refuses what cannot be varied."""
+    """Return a field of a spec, or a whole table, by its dotted name; refuse what cannot be varied."""
     where, kind = f"axes.{name}", Spec
     if name in ("name", "padgen"):
         raise SpecError("cannot be varied: each variant is named after the sweep and its number", where)
@@ -512,7 +512,7 @@ def count_points(sweep: Sweep) -> int:
 
 
 def variants(sweep: Sweep) -> Iterator[Variant]:
-    """The variants that the constraints leave, in the order of their numbers; made as they are asked for."""
+    """Yield the variants that the constraints leave, in the order of their numbers."""
     count_points(sweep)
     points = product(*(axis.values for axis in sweep.axes)) if sweep.sample.method == "grid" else _sample(sweep)
     for place, chosen in enumerate(points):
@@ -534,12 +534,12 @@ def _is_left(sweep: Sweep, variant: Variant) -> bool:
 
 
 def variant_name(sweep: Sweep, number: int) -> str:
-    """The name of a variant and of its folder."""
+    """Return the name of a variant and of its folder."""
     return f"{sweep.settings.name}-{number:05d}"
 
 
 def variant_table(sweep: Sweep, variant: Variant) -> dict[str, Any]:
-    """The table of a variant's spec: the base's with the varied fields and a name of its own."""
+    """Return the table of a variant's spec: the base's with the varied fields and a name of its own."""
     return laid_over(sweep.base, variant.values) | {"name": variant_name(sweep, variant.number)}
 
 

@@ -101,7 +101,7 @@ class Overview:
         return np.concatenate([self.values, self.beaten, self.faulty])
 
     def best(self) -> dict[str, int]:
-        """By objective in which variants differ, the row of the front that is best in it; of equals the first."""
+        """Return by objective in which variants differ the row of the front that is best in it; of equals the first."""
         if not self.rows:
             return {}
         scores, every = (_scores(values, self.objectives) for values in (self.values, self.points))
@@ -110,7 +110,7 @@ class Overview:
 
 
 def front_mask(scores: np.ndarray) -> np.ndarray:
-    """Which rows of `scores` (variants, objectives; more is better) no other row beats.
+    """Tell which rows of `scores` (variants, objectives; more is better) no other row beats.
 
     Rows are compared in lexicographic order, best first, so that only what is already on the front can
     beat the next: of the order of rows times front, in blocks.
@@ -126,7 +126,7 @@ def front_mask(scores: np.ndarray) -> np.ndarray:
 
 
 def _as_good(others: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """For each of `rows`, how many of `others` lose no more in any objective."""
+    """Count for each of `rows` how many of `others` lose no more in any objective."""
     good = np.ones((len(rows), len(others)), dtype=bool)
     for own, other in zip(rows.T, others.T, strict=True):
         good &= other[None, :] <= own[:, None]
@@ -134,7 +134,7 @@ def _as_good(others: np.ndarray, rows: np.ndarray) -> np.ndarray:
 
 
 def _scores(values: np.ndarray, objectives: Sequence[str]) -> np.ndarray:
-    """Values with a sign that makes more better, and infinities where there are none."""
+    """Return values with a sign that makes more better, and infinities where there are none."""
     signs = [1.0 if OBJECTIVES[name].best == "most" else -1.0 for name in objectives]
     empty = [np.inf if name in UNBOUNDED else -np.inf for name in objectives]
     return np.where(np.isnan(values), empty, values * signs)
@@ -198,7 +198,7 @@ def overview_of(header: tuple[str, ...], pairs: Iterable[tuple[Record, tuple[str
 
 
 def pareto_csv(overview: Overview) -> str:
-    """The front's rows, and what each is best in; the same index gives the same bytes."""
+    """Write the front's rows, and what each is best in; the same index gives the same bytes."""
     columns = [i for i, name in enumerate(overview.header) if name not in LEFT_OUT]
     rows, best = [], overview.best()
     for index, row in enumerate(overview.rows):
@@ -227,7 +227,7 @@ def write_pareto(folder: Path, name: str, overview: Overview) -> tuple[tuple[str
 
 
 def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
-    """The front as SVG and PNG; None where fewer than two objectives differ.
+    """Draw the front as SVG and PNG; None where fewer than two objectives differ.
 
     One panel for every two objectives that differ among variants: coloured is the front, grey what it
     beats, a cross what has error findings. A line joins those that none beats in the panel's two alone.
@@ -277,7 +277,7 @@ def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
 
 
 def _figure(shown: list[int]) -> tuple[Any, dict[tuple[int, int], Any]]:
-    """The lower triangle of a square of panels by the objectives along x and y; room for the legend at its right."""
+    """Make the lower triangle of a square of panels by the objectives along x and y, with room for the legend."""
     from matplotlib.figure import Figure
 
     side = len(shown) - 1
@@ -335,14 +335,14 @@ def _panel(axis: Any, overview: Overview, pair: tuple[int, int], hue: int) -> An
 
 
 def _scatter(axis: Any, points: np.ndarray, mark: str, size: float, color: str, label: str) -> None:
-    """Points behind the front; smaller, and as pixels, where there are many."""
+    """Draw points behind the front; smaller, and as pixels, where there are many."""
     many = len(points) > MOST_VECTORS
     style = {"linestyle": "none", "zorder": 1, "markersize": size / 2 if many else size, "color": color}
     axis.plot(*points.T, mark, **style, rasterized=many, label=label if len(points) else None)
 
 
 def _round_ticks(axis: Any) -> None:
-    """1, 2, 5, 10, ... instead of powers."""
+    """Write 1, 2, 5, 10, ... at an axis instead of powers."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -351,7 +351,7 @@ def _round_ticks(axis: Any) -> None:
 
 
 def _is_wide(overview: Overview, objective: int) -> bool:
-    """True if the values of an objective spread over ratios, so that a logarithmic axis shows them better."""
+    """Tell whether the values of an objective spread over ratios, so that a logarithmic axis shows them better."""
     finite = overview.points[:, objective]
     finite = finite[np.isfinite(finite)]
     wide = finite.size and finite.min() > 0 and finite.max() > WIDE * finite.min()

@@ -97,7 +97,7 @@ def _quiet() -> Iterator[None]:
 
 
 class _Cluster(Executor):
-    """Dask's executor; what it cancels by itself tells why."""
+    """Dask's executor, whose cancelled tasks tell why."""
 
     def __init__(self, client: Any, where: str) -> None:
         # Not pure: a task that was lost is run again, not answered from what is known of it.

@@ -103,7 +103,7 @@ class Window:
             self._silent = True
 
     def take(self, wait_s: float) -> tuple[Any, list[Task]] | None:
-        """A future that is finished, with its tasks; None when `wait_s` went by without one."""
+        """Return a future that is finished, with its tasks; None when `wait_s` went by without one."""
         end = time.monotonic() + wait_s
         while (wait := end - time.monotonic()) > 0:
             try:
@@ -115,7 +115,7 @@ class Window:
         return None
 
     def rest(self) -> Iterator[tuple[Any, list[Task]]]:
-        """What is finished without having been taken; the others are cancelled."""
+        """Yield what is finished without having been taken; cancel the others."""
         for future, tasks in self.pending.values():
             if future.done():
                 yield future, tasks
@@ -125,7 +125,7 @@ class Window:
 
 
 def records_of(future: Any, tasks: list[Task]) -> list[Record]:
-    """What a finished future brings: one record a task.
+    """Return the records of a finished future, one a task.
 
     Raises
     ------
@@ -149,7 +149,7 @@ def records_of(future: Any, tasks: list[Task]) -> list[Record]:
 
 
 def told(error: Any) -> str:
-    """An error on one line, with its kind where it is not one of ours."""
+    """Return an error on one line, with its kind where it is not one of ours."""
     text = " ".join(str(error).split())
     return str(error) if isinstance(error, PadgenError) else f"{type(error).__name__}: {text}".rstrip(": ")
 
@@ -191,7 +191,7 @@ def _made_one(runner: Runner, task: Task, work: Work, limits: Limits) -> Record:
 
 
 def broken(task: Task, sentence: str, seconds: float | None = None, memory_mb: float | None = None) -> Record:
-    """The record of a variant whose worker cannot tell any more what happened."""
+    """Make the record of a variant whose worker cannot tell any more what happened."""
     return Record(task.number, task.key, "failed", sentence, task.values, {}, 0, 0, (), seconds, memory_mb)
 
 
@@ -243,7 +243,7 @@ class Event(Counts):
 
 
 def event_table(event: Event) -> dict[str, Any]:
-    """An event as plain data, for one line of JSON; of the record what a reader of the stream needs."""
+    """Turn an event into plain data, for one line of JSON; of the record what a reader of the stream needs."""
     table = {"kind": event.kind, **vars(event)}
     record = table.pop("record")
     if record is None:
@@ -472,7 +472,7 @@ class _Run:
         return "" if lost else status
 
     def tasks(self) -> Iterator[Task]:
-        """The variants that are to be made, as they are asked for."""
+        """Yield the variants that are to be made, as they are asked for."""
         for variant in variants(self.sweep):
             if self.todo[variant.number] == TO_REPLACE:
                 self.journal.disown(variant.number)

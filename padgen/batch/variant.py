@@ -37,7 +37,7 @@ RESIN_S_PER_LAYER = 9.0
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What a worker is told: plain data, so that it travels to any executor.
+    """A worker's orders: plain data, so that they travel to any executor.
 
     `key` is the hash of all that the record depends on; `folder` is where the base's files lie, `out` the
     variant's own folder (None: none is written).
@@ -76,7 +76,7 @@ class Record:
 
 
 def task_of(sweep: Sweep, variant: Variant, out: Path) -> Task:
-    """The task of a variant; its folder lies in `out`."""
+    """Make the task of a variant; its folder lies in `out`."""
     stage, table = sweep.settings.stage, variant_table(sweep, variant)
     formats = names_in(sweep.settings.formats, PAD_FORMATS.names(), "formats") if stage == "build" else ()
     pads = sweep.settings.pads if stage == "yield" else 0
@@ -94,18 +94,18 @@ def task_of(sweep: Sweep, variant: Variant, out: Path) -> Task:
 
 
 def writes_folders(sweep: Sweep) -> bool:
-    """Whether each variant gets a folder."""
+    """Tell whether each variant gets a folder."""
     return sweep.settings.folders or sweep.settings.stage in ("build", "study")
 
 
 def is_whole(folder: Path, stage: str) -> bool:
-    """Whether the files that a stage writes are all there."""
+    """Tell whether the files that a stage writes are all there."""
     names = {"yield": [YIELD_FILE], "study": ["study.csv"], "build": built_files(folder) or [MANIFEST]}
     return all((folder / name).is_file() for name in ("plan.json", *names.get(stage, ())))
 
 
 def _threshold(table: dict[str, Any], folder: Path) -> str:
-    """Hash of the curve that a spec names, as its words alone do not tell when the file has changed."""
+    """Hash the curve that a spec names, as its words alone do not tell when the file has changed."""
     drive = table.get("drive")
     name = drive.get("threshold_file") if isinstance(drive, dict) else None
     if not isinstance(name, str):
@@ -168,7 +168,7 @@ def _made(task: Task) -> "tuple[dict[str, Any], tuple[Finding, ...]]":
 
 
 def plan_figures(plan: "Plan") -> dict[str, Any]:
-    """Figures of a plan.
+    """Return the figures of a plan by which variants are compared.
 
     `selectivity_db` is the worse of what a coil keeps in all states and what its neighbours leak; None where
     neither limits. `power_w` is the copper loss of all coils with all channels on.
@@ -197,7 +197,7 @@ def plan_figures(plan: "Plan") -> dict[str, Any]:
 
 
 def _build_figures(plan: "Plan", figures: dict[str, Any]) -> dict[str, Any]:
-    """What was measured on the mesh, and about how long it prints."""
+    """Return what was measured on the mesh, and about how long it prints."""
     spec, volume = plan.spec, float(figures["volume_mm3"])
     printer = spec.printer
     if printer.process == "resin":

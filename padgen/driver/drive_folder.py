@@ -46,7 +46,7 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Driven:
-    """What was written, and what was seen on the way."""
+    """The result of writing a drive: its files, findings and what was heard."""
 
     folder: Path
     files: tuple[str, ...]
@@ -57,7 +57,7 @@ class Driven:
 
 
 def parse_formats(text: str) -> tuple[str, ...]:
-    """Formats from a comma-separated list, in the order in which they are written."""
+    """Read formats from a comma-separated list, in the order in which they are written."""
     return tuple(in_order(names_in(text, FORMATS.names(), "--formats")))
 
 
@@ -144,7 +144,7 @@ def _timeline(drive: PadDrive, request: "Drive") -> Timeline:
 
 
 def _judged(job: DriveJob, formats: dict[str, DriveFormat]) -> DriveJob:
-    """The job with its drive, what it shows, and what is found of both."""
+    """Fill in the drive of a job, its timeline, and the findings on both."""
     plan, request = job.plan, job.request
     unpulled = [finding for finding in plan.findings if finding.code == "coil.force"]
     if unpulled and all(each.MADE_OF == "plan" for each in formats.values()):
@@ -167,12 +167,12 @@ def _judged(job: DriveJob, formats: dict[str, DriveFormat]) -> DriveJob:
 
 
 def _where(played: Sequence[DriveFormat]) -> str:
-    """The file that says most of what is played."""
+    """Return the name of the file that says most of what is played."""
     return min(played, key=lambda each: ("frames", "drive", "plan").index(each.MADE_OF)).FILE
 
 
 def _slowest_s(plan: Plan, tuning: Tuning | None) -> float:
-    """The slowest taxel's time constant."""
+    """Return the slowest taxel's time constant in s."""
     if tuning is None:
         return max(channel.ring_up_ms for channel in plan.channels) * MS
     return max(float(ring_up_time(taxel.resonance_hz, taxel.q)) for taxel in tuning.taxels)
@@ -183,7 +183,7 @@ DEFAULT_TABLES, DEFAULT_WAVES = ("csv", "json"), ("csv", "json", "wav")
 
 
 def levels_of(plan: Plan, state: str | None, frames: Any) -> np.ndarray | None:
-    """Levels (k, taxels) in 0 … 1 of a state, or of frames: files of images, or levels themselves; None for neither.
+    """Return levels (k, taxels) in 0 … 1 of a state, of files of images, or as given; None without either.
 
     Raises
     ------

@@ -77,7 +77,7 @@ GAP_BLOCKS_PER_S, MOST_PULLS = 100, 20
 
 
 class Span(NamedTuple):
-    """One state in the file: switching begins at `begin_s`, it is held from `start_s` to `stop_s`.
+    """One state that the file holds: switching begins at `begin_s`, it is held from `start_s` to `stop_s`.
 
     Levels are taken from `window_s` on, over a `whole` period of the comb or not. `in_turns` tells that it is a frame
     of slots. `levels` (taxels,) are shares of the ON amplitudes.
@@ -94,7 +94,7 @@ class Span(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Heard:
-    """What is felt in each span (h,) of the file by taxel (n,), as in the plan.
+    """The levels that are felt in each span (h,) of the file at each taxel (n,), as in the plan.
 
     `level_um` is all that is felt there, `tone_um` what of it is at the taxel's own line, `wanted_um` (n,) what is to
     be felt at level 1, `peak_um` the largest motion of the washer from where it hangs, the mean pull's share included,
@@ -154,7 +154,7 @@ class Heard:
 
 
 class _Score(NamedTuple):
-    """What the sidecar says of the file, see `padgen.driver.formats.wav.wave_json`; `channel`, `line_hz` (taxels,).
+    """The sidecar's account of the file (`padgen.driver.formats.wav.wave_json`); `channel`, `line_hz` (taxels,).
 
     `step` are the samples from one window of the course to the next, half a window.
     """
@@ -283,7 +283,7 @@ def _score(plan: Plan, wave: Wave, sidecar: Mapping[str, Any], where: str) -> _S
 
 
 def _spans(score: _Score, slots: int, tau_s: float) -> tuple[Span, ...]:
-    """The states that are held; where channels take turns, frames of so many `slots`, unless all is one state.
+    """Return the states that are held; where channels take turns, frames of so many `slots`, unless all is one state.
 
     `tau_s` is the slowest taxel's time constant: windows begin, where they can, once it has settled.
     """
@@ -312,7 +312,7 @@ def _spans(score: _Score, slots: int, tau_s: float) -> tuple[Span, ...]:
 
 
 def _play(plan: Plan, wave: Wave, score: _Score, groups: "Sequence[_Alike]", gap: bool) -> tuple[dict[str, Any], ...]:
-    """Let all `groups` hear the file, and say what flows in the coils."""
+    """Let all `groups` hear the file; return the figures of what flows in each coil."""
     from scipy.signal import lfilter
 
     resistance, inductance = plan.spec.coil.resistance_ohm, plan.spec.coil.inductance_mh * MH
@@ -349,7 +349,7 @@ def _play(plan: Plan, wave: Wave, score: _Score, groups: "Sequence[_Alike]", gap
 
 
 def _blocks(wave: Wave, first: int, last: int, size: int) -> Iterator[tuple[int, np.ndarray]]:
-    """Samples `first` … `last` of a file that repeats: the index of a block's first, and the block (channels, s)."""
+    """Yield samples `first` … `last` of a file that repeats: the index of the first, and the block (channels, s)."""
     while first < last:
         at = first % wave.count
         stop = min(at + size, wave.count, at + last - first)
@@ -358,7 +358,7 @@ def _blocks(wave: Wave, first: int, last: int, size: int) -> Iterator[tuple[int,
 
 
 def circuit_filter(resistance_ohm: float, inductance_h: float, rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
-    """Numerator and denominator that make a coil's current of its voltage, ``AROUND − 1`` samples late."""
+    """Return the filter from a coil's voltage to its current, ``AROUND − 1`` samples late, as fraction."""
     inductance_h = max(inductance_h, resistance_ohm / STIFFEST / rate_hz)
     pole, off = -resistance_ohm / inductance_h / rate_hz, WITHIN - np.arange(AROUND, -AROUND, -1)[:, None]
     through = np.sinc(off) * np.i0(KAISER * np.sqrt(1 - (off / AROUND) ** 2))
@@ -367,7 +367,7 @@ def circuit_filter(resistance_ohm: float, inductance_h: float, rate_hz: float) -
 
 
 def mode_filter(hz: float, q: float, rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
-    """Numerator and denominator that make u of s, samples of ``u'' + ω/Q u' + ω² u = ω² s``.
+    """Return the filter from s to u, samples of ``u'' + ω/Q u' + ω² u = ω² s``: numerator and denominator.
 
     ``y' = p y + ω² s / Im p`` has ``u = Im y``: the real filter is that of the pole and its conjugate.
     """
@@ -451,7 +451,7 @@ class _Alike:
             self.tail = joined[:, :, count * self.step :]
 
     def _felt(self, square_a2: np.ndarray) -> np.ndarray:
-        """What is felt (3, taxels, s) of i² (taxels, s) in m; the first part is the vertical motion at the axis."""
+        """Return the felt motion (3, taxels, s) in m for i² (taxels, s); its first part is vertical, at the axis."""
         from scipy.signal import lfilter
 
         pull = square_a2
@@ -480,7 +480,7 @@ MISSED_DB = 0.5
 
 
 def heard_table(heard: Heard) -> dict[str, Any]:
-    """All of it for a JSON file: summary, coils, rows, and the levels of every taxel in every span.
+    """Make plain data for a JSON file: summary, coils, rows, and the levels of every taxel in every span.
 
     In the summary `tone_low_db`, `tone_high_db` are how far ON taxels' own lines are off what they are to be, `rise_s`
     is the slowest switching on, `peak_um` the largest motion of a washer; currents and losses are of the coil that has
@@ -528,7 +528,7 @@ def heard_table(heard: Heard) -> dict[str, Any]:
 
 
 def _rows(heard: Heard) -> Iterator[dict[str, Any]]:
-    """A row for every coil that has taxels in every span, in the order of the file.
+    """Yield a row for every coil that has taxels in every span, in the order of the file.
 
     `state` has a sign for every taxel, the lowest line first: 1 is ON, 0 is OFF, + in between. `on_db` is the smallest
     ON level, over what that taxel is to have there, `off_db` the loudest OFF level over the taxel's own ON level; None
@@ -557,7 +557,7 @@ def _rows(heard: Heard) -> Iterator[dict[str, Any]]:
 
 
 def ear_findings(heard: Heard, where: str = "drive.wav") -> tuple[Finding, ...]:
-    """What is wrong with what was heard in the file called `where`."""
+    """Judge what was heard in the file called `where`."""
     return tuple(_findings(heard, where))
 
 
@@ -606,7 +606,7 @@ def _findings(heard: Heard, where: str) -> Iterator[Finding]:
 
 
 def _tone_db(heard: Heard) -> np.ndarray:
-    """Own lines (h, n) of ON taxels over what they are to be, in dB; NaN for OFF ones."""
+    """Return own lines (h, n) of ON taxels over what they are to be, in dB; NaN for OFF ones."""
     wanted = heard.shares * heard.wanted_um
     return _db(np.divide(heard.tone_um, wanted, out=np.full(wanted.shape, np.nan), where=wanted > 0))
 
@@ -617,5 +617,5 @@ def _db(ratio: np.ndarray) -> np.ndarray:
 
 
 def _largest(values: np.ndarray, sign: float = 1.0) -> float | None:
-    """The largest that is a number, times `sign`; None where none is."""
+    """Return the largest that is a number, times `sign`; None where none is."""
     return None if np.isnan(values).all() else sign * float(np.nanmax(values))

@@ -37,7 +37,7 @@ LEAST_WIDTHS = 1.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Excitation:
-    """What the coils play, and how strongly.
+    """The current and voltage that the coils play while taxels are measured, and how strong they are.
 
     `current_a`, `voltage_v` (samples,) are of one coil's turn; `coils` (row, column) in the order of the columns of
     `blocks`. `level_share` is how strongly taxels are shaken over their planned levels; `copper_loss_w` the mean of a
@@ -66,7 +66,7 @@ class Excitation:
         return self.samples / self.rate_hz
 
     def blocks(self, block_samples: int = 1 << 16, signal: str = "voltage") -> Iterator[np.ndarray]:
-        """Blocks (samples, coils) of the whole, in V (`signal` 'voltage') or A ('current')."""
+        """Yield blocks (samples, coils) of the whole, in V (`signal` 'voltage') or A ('current')."""
         turn = self.voltage_v if signal == "voltage" else self.current_a
         for k in range(1 if self.together else len(self.coils)):
             for start in range(0, len(turn), block_samples):
@@ -79,7 +79,7 @@ class Excitation:
 def excitation(
     plan: Plan, kind: str, rate_hz: int, seconds: float | None = None, seed: int = 0, together: bool = False
 ) -> Excitation:
-    """What to play to measure `plan`'s pad, sampled at `rate_hz`.
+    """Make the excitation that measures `plan`'s pad, sampled at `rate_hz`.
 
     `seconds` is the length of the chirp or the noise (None: as long as the slowest taxel asks for), to which the
     silence is added. `seed` is the noise's. `together` shakes all coils at once: quicker, and each taxel then hears its

@@ -59,7 +59,7 @@ LUMINANCE = np.array([299, 587, 114])
 
 
 def frame_images(path: Path, check: Check) -> Iterator[np.ndarray]:
-    """The frames of a file, each (rows, columns) with values in 0 … 1.
+    """Yield the frames of a file, each (rows, columns) with values in 0 … 1.
 
     Raises
     ------
@@ -141,7 +141,7 @@ def _tables(text: str, path: Path, check: Check) -> Iterator[np.ndarray]:
 
 
 def _block(rows: Iterator[Row], path: Path) -> list[Row]:
-    """The rows of a frame, not more than a pad can have."""
+    """Return the rows of a frame, not more than a pad can have."""
     block = list(islice(rows, MOST_ROWS + 1))
     if len(block) > MOST_ROWS:
         raise FileError(f"has a frame of more than {MOST_ROWS} rows", str(path))
@@ -275,7 +275,7 @@ class Frames:
 
 
 def taxel_grid(plan: Plan) -> np.ndarray:
-    """The pad as an image (rows, columns): which taxel, by index in the plan, is at each place; -1 where none is.
+    """Return the pad as an image (rows, columns) of indices of taxels in the plan; -1 where none is.
 
     A taxel's place is that of its sub-cell, since washers need not lie on a lattice within their cells.
     """
@@ -283,7 +283,7 @@ def taxel_grid(plan: Plan) -> np.ndarray:
 
 
 def read_frames(paths: str | Path | Iterable[str | Path], plan: Plan) -> Frames:
-    """The frames of files, folders and patterns (``frames/*.png``), one after the other.
+    """Read the frames of files, folders and patterns (``frames/*.png``), one after the other.
 
     What is in a folder or matches a pattern comes in order of names, numbers in them by value. The files:
     `padgen.driver.frames`. Pixels where the pad has no taxel are left out; lit ones are counted in a note.
@@ -358,13 +358,13 @@ def _several(path: Path) -> list[Path]:
 
 
 def _by_value(path: Path) -> tuple[list[tuple[bool, int, str]], str]:
-    """Order of names with the numbers in them by value: 2.png before 10.png."""
+    """Order names with the numbers in them by value: 2.png before 10.png."""
     parts = re.split(r"([0-9]+)", path.name)
     return [(k % 2 == 1, int(part) if k % 2 else 0, part) for k, part in enumerate(parts)], str(path)
 
 
 def state_frame(plan: Plan, text: str) -> np.ndarray:
-    """Frames (k, taxels) in which every coil is in the same state.
+    """Return frames (k, taxels) in which every coil is in the same state.
 
     A state is a digit 0 or 1 for each channel of a coil, its lowest first (``0110``), or levels between commas
     (``0,0.5,1,1``). Several, with blanks between them, and ``all`` for all 2ⁿ, make a frame each. With two
@@ -415,7 +415,7 @@ def _state(word: str, count: int, where: str) -> list[float]:
 
 
 def map_text(plan: Plan) -> str:
-    """Which taxel is at each pixel, as seen from the touch side: rows of names, '-' where none is."""
+    """Write which taxel is at each pixel, as seen from the touch side: rows of names, '-' where none is."""
     grid = taxel_grid(plan)
     names = [[plan.taxels[index].id if index >= 0 else "-" for index in row] for row in grid.tolist()]
     width = max(len(name) for row in names for name in row)
@@ -423,7 +423,7 @@ def map_text(plan: Plan) -> str:
 
 
 def frames_text(plan: Plan, levels: np.ndarray) -> str:
-    """Frames (k, taxels), or one (taxels,), as small pictures: '#' for ON, '+' between, '.' for OFF, ' ' no taxel."""
+    """Draw frames (k, taxels), or one (taxels,), with signs: '#' for ON, '+' between, '.' for OFF, ' ' no taxel."""
     grid = taxel_grid(plan)
     signs = np.array([".", "+", "#", " "])
     pictures = []

@@ -87,14 +87,14 @@ class Load(NamedTuple):
 
 
 class _Asked(NamedTuple):
-    """A coil's largest levels (n,) and, spur-free, its largest constant of i²; its mean square is `square_a2`."""
+    """A coil's largest levels (n,), and its mean square `square_a2` (spur-free its largest constant of i²)."""
 
     level: np.ndarray
     square_a2: float
 
 
 def load_of(plan: Plan, drive: PadDrive, shown: Timeline | None = None) -> Load:
-    """What a timeline, or whatever the firmware may be sent (None), asks of the coils at most."""
+    """Bound what a timeline, or whatever the firmware may be sent (None), asks of the coils."""
     ramp = ramp_s(plan)
     if shown is None:
         asked = [_any(drive, coil) for coil in drive.coils]
@@ -109,7 +109,7 @@ def load_of(plan: Plan, drive: PadDrive, shown: Timeline | None = None) -> Load:
 
 
 def excitation_load(plan: Plan, played: Excitation) -> Load:
-    """What an excitation asks of the coils, over its sweep, at most."""
+    """Bound what an excitation asks of the coils, over its sweep."""
     sweep = played.current_a[: round(played.sweep_s * played.rate_hz)]
     squares = np.full(len(played.coils), float((sweep**2).mean()))
     samples = played.voltage_v
@@ -149,13 +149,13 @@ def _any(drive: PadDrive, coil: CoilDrive) -> _Asked:
 
 
 def _tones_v(drive: PadDrive, coil: CoilDrive) -> np.ndarray:
-    """Complex amplitudes (n,) of the voltages of the current's tones at level 1; spur-free there are none."""
+    """Return complex amplitudes (n,) of the voltages of the current's tones at level 1; spur-free there are none."""
     harmonic, amplitude = coil_lines(drive, coil)
     return np.asarray(impedance(drive.resistance_ohm, drive.inductance_h, harmonic / drive.period_s) * amplitude)
 
 
 def _bound_v(drive: PadDrive, coil: CoilDrive, asked: _Asked, ramp: float) -> float:
-    """Bound of a coil's voltage at all times, through transitions too."""
+    """Bound a coil's voltage at all times, through transitions too."""
     if not len(coil.taxels):
         return 0.0
     if drive.scheme.is_root:
@@ -168,7 +168,7 @@ def _bound_v(drive: PadDrive, coil: CoilDrive, asked: _Asked, ramp: float) -> fl
 
 
 def _ramp_v(drive: PadDrive, coil: CoilDrive, asked: _Asked, ramp: float) -> float:
-    """What the slope of the blend adds at most: the current's peak times L and the blend's steepest slope."""
+    """Bound what the slope of the blend adds: the current's peak times L and the blend's steepest slope."""
     if drive.scheme.is_root:
         square = asked.square_a2 + float(asked.level @ coil.line_a2)
         current = float(np.sqrt(square if drive.carrier_hz is None else 2 * square))
@@ -178,7 +178,7 @@ def _ramp_v(drive: PadDrive, coil: CoilDrive, asked: _Asked, ramp: float) -> flo
 
 
 def _root_bound_v(drive: PadDrive, coil: CoilDrive, states: np.ndarray, constant_a2: np.ndarray) -> np.ndarray:
-    """Bound (s,) of the voltage of a spur-free coil in steady states: a force F ≥ 0 has ``F'² ≤ 2 F max F''``."""
+    """Bound (s,) the voltage of a spur-free coil in steady states: a force F ≥ 0 has ``F'² ≤ 2 F max F''``."""
     lines = states * coil.line_a2
     root = np.sqrt(constant_a2 + lines.sum(1))
     slope = np.sqrt(lines @ (2 * np.pi * coil.force_hz) ** 2 / 2)
@@ -187,7 +187,7 @@ def _root_bound_v(drive: PadDrive, coil: CoilDrive, states: np.ndarray, constant
 
 
 def _on_carrier(drive: PadDrive, volts: np.ndarray, root: np.ndarray) -> np.ndarray:
-    """The envelope of the voltage of ``√2 root cos 2πf_c t``, with `volts` those of the root alone."""
+    """Return the envelope of the voltage of ``√2 root cos 2πf_c t``, with `volts` those of the root alone."""
     assert drive.carrier_hz is not None
     return np.asarray(np.sqrt(2) * np.hypot(volts, 2 * np.pi * drive.carrier_hz * drive.inductance_h * root))
 
@@ -196,7 +196,7 @@ def _on_carrier(drive: PadDrive, volts: np.ndarray, root: np.ndarray) -> np.ndar
 
 
 def _shown_v(drive: PadDrive, timeline: Timeline) -> float:
-    """The largest voltage of a timeline, between the samples too."""
+    """Return the largest voltage of a timeline, between the samples too."""
     highest_hz = max(float(coil.force_hz.max(initial=0.0)) for coil in drive.coils) + (drive.carrier_hz or 0.0)
     finer = int(np.ceil(PER_CYCLE * highest_hz / drive.rate_hz))
     fine = replace(drive, rate_hz=max(finer, 1) * drive.rate_hz)
@@ -204,7 +204,7 @@ def _shown_v(drive: PadDrive, timeline: Timeline) -> float:
 
 
 def _any_v(drive: PadDrive, ramp: float) -> float:
-    """The largest voltage of all levels that may be sent, and of changes between them."""
+    """Return the largest voltage of all levels that may be sent, and of changes between them."""
     alike = {coil.harmonic.tobytes() + coil.line_a2.tobytes(): coil for coil in drive.coils if len(coil.taxels)}
     bounds = sorted(((_bound_v(drive, c, _any(drive, c), ramp), key) for key, c in alike.items()), reverse=True)
     peak = 0.0
@@ -236,7 +236,7 @@ def _points(harmonic: np.ndarray) -> int:
 
 
 def _roots_v(drive: PadDrive, coil: CoilDrive) -> float:
-    """The largest voltage of all on/off states of a spur-free coil."""
+    """Return the largest voltage of all on/off states of a spur-free coil."""
     count = len(coil.line_a2)
     if count > MOST_CHANNELS:
         largest = np.array([_largest_constant_a2(drive, coil)])
@@ -262,13 +262,13 @@ def _roots_v(drive: PadDrive, coil: CoilDrive) -> float:
 
 
 def _states(count: int) -> np.ndarray:
-    """All on/off states (2ⁿ, n), the first channel changing fastest."""
+    """Return all on/off states (2ⁿ, n), the first channel changing fastest."""
     bits: np.ndarray = (np.arange(1 << count)[:, None] >> np.arange(count)) & 1
     return bits.astype(float)
 
 
 def _groups(drive: PadDrive, coil: CoilDrive) -> tuple[float, list[np.ndarray], int]:
-    """The firmware's constants in A²: all on, those of all states of each group of channels, channels of a group."""
+    """Return the firmware's constants in A²: all on, those of all states of each group; and a group's size."""
     size = group_channels(max(len(c.taxels) for c in drive.coils))
     shape = (coil.harmonic.tolist(), coil.line_a2.tolist(), coil.phase_rad.tolist())
     all_on, groups = least_constants(*(tuple(part) for part in shape), size)
@@ -276,7 +276,7 @@ def _groups(drive: PadDrive, coil: CoilDrive) -> tuple[float, list[np.ndarray], 
 
 
 def _constants_a2(drive: PadDrive, coil: CoilDrive) -> np.ndarray:
-    """The firmware's constant (2ⁿ,) of i² in all `_states`, the margin with it."""
+    """Return the firmware's constant (2ⁿ,) of i² in all `_states`, the margin with it."""
     all_on, groups, size = _groups(drive, coil)
     states = _states(len(coil.line_a2))
     which = np.arange(len(states))
@@ -286,7 +286,7 @@ def _constants_a2(drive: PadDrive, coil: CoilDrive) -> np.ndarray:
 
 
 def _largest_constant_a2(drive: PadDrive, coil: CoilDrive) -> float:
-    """The largest that the firmware's constant of i² can be; of many channels a bound."""
+    """Return the largest that the firmware's constant of i² can be; of many channels a bound."""
     if len(coil.line_a2) <= MOST_CHANNELS:
         return float(_constants_a2(drive, coil).max())
     all_on, groups, _ = _groups(drive, coil)
@@ -294,7 +294,7 @@ def _largest_constant_a2(drive: PadDrive, coil: CoilDrive) -> float:
 
 
 def group_channels(channels: int) -> int:
-    """Channels of a group, as few as the number of groups allows, for a pad whose largest coil has `channels`."""
+    """Return the channels of a group, as few as the number of groups allows, where the largest coil has `channels`."""
     return ceil(channels / ceil(channels / GROUP_CHANNELS))
 
 
@@ -302,7 +302,7 @@ def group_channels(channels: int) -> int:
 def least_constants(
     harmonics: tuple[int, ...], line_a2: tuple[float, ...], phase_rad: tuple[float, ...], size: int
 ) -> tuple[float, tuple[tuple[float, ...], ...]]:
-    """A coil's least constant with all channels on, and those of each group of `size` in every on/off state, in A²."""
+    """Return a coil's least constant with all channels on, and those of each group of `size` in every state, in A²."""
     harmonic, phase, line = np.array(harmonics, int), np.array(phase_rad), np.array(line_a2)
     groups = []
     for start in range(0, len(line), size):
@@ -325,7 +325,7 @@ SMALLEST_LEVEL_UM = 1e-4
 def judge_limits(
     where: str, plan: Plan, drive: PadDrive, shown: Timeline | None = None, tuning: Tuning | None = None
 ) -> tuple[Finding, ...]:
-    """Errors where `drive`, made for `plan` and `tuning`, asks for more than is borne; none where all limits hold.
+    """Find errors where `drive`, made for `plan` and `tuning`, asks for more than is borne; none where all limits hold.
 
     `shown` None: by the worst of all levels and changes that the firmware may be sent.
     """
@@ -354,7 +354,7 @@ def judge_load(
     limit_v: float | None = None,
     cure: str = "",
 ) -> Iterator[Finding]:
-    """Errors about a load; `limit_v` None is the spec's, `cure` ends every sentence."""
+    """Yield errors about a load; `limit_v` None is the spec's, `cure` ends every sentence."""
     spec = plan.spec
     limit_v = spec.drive.voltage_limit_v if limit_v is None else limit_v
     if load.peak_v > limit_v * NEAR:
@@ -400,7 +400,7 @@ def judge_load(
 
 
 def voltage_finding(where: str, peak_v: float, limit_v: float, cure: str) -> Finding:
-    """The error of a voltage above the amplifier's."""
+    """Make the error of a voltage above the amplifier's."""
     return Finding(
         "error",
         "wave.voltage",
@@ -410,7 +410,7 @@ def voltage_finding(where: str, peak_v: float, limit_v: float, cure: str) -> Fin
 
 
 def _level_text(plan: Plan, drive: PadDrive, shown: Timeline | None, tuning: Tuning | None, load: Load) -> str:
-    """The level at which the same is within all limits, as a clause: it was tried."""
+    """Name the level at which the same is within all limits, as a clause: it was tried."""
     spec = plan.spec
     level = spec.drive.level_um
     for _ in range(TRIES):
@@ -433,7 +433,7 @@ def _level_text(plan: Plan, drive: PadDrive, shown: Timeline | None, tuning: Tun
 
 
 def carrier_text(plan: Plan, shown: Timeline, rate_hz: int | None, tuning: Tuning | None) -> str:
-    """Whether the lowest carrier that is accepted keeps all limits: as a clause."""
+    """Tell, as a clause, whether the lowest carrier that is accepted keeps all limits."""
     hz = at_least(CARRIER_OVER_RESONANCE * highest_hz(plan, tuning))
     try:
         drive = drive_at(plan, RATES_HZ, rate_hz, tuning, float(hz))

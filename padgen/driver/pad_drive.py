@@ -50,7 +50,7 @@ CARRIER_OVER_RESONANCE = 5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CoilDrive:
-    """What one coil plays; arrays (n,), its lowest channel first.
+    """One coil's part of a drive; arrays (n,), its lowest channel first.
 
     `taxels` are indices into the plan's. A taxel at level 1 gets the line ``line_a2 cos(2π force_hz t + phase_rad)``
     of i²; `force_hz` is ``harmonic / period``. `bias_a` is the constant current of the biased scheme, else 0;
@@ -108,7 +108,7 @@ class CoilLines(NamedTuple):
 
 
 def coil_lines(drive: PadDrive, coil: CoilDrive) -> CoilLines:
-    """The lines of a coil's current in A beside its `bias_a`; spur-free those of i² in A² beside its `constant_a2`.
+    """Return the lines of a coil's current in A beside its `bias_a`; spur-free of i² in A² beside `constant_a2`.
 
     They go with the level; where the scheme has no constant, with its root, at half the force's frequency.
     """
@@ -119,7 +119,7 @@ def coil_lines(drive: PadDrive, coil: CoilDrive) -> CoilLines:
 
 
 def constant_a2(drive: PadDrive, coil: CoilDrive, levels: np.ndarray) -> np.ndarray:
-    """The constant part (s,) of i² of a spur-free coil with its channels at `levels` (s, n)."""
+    """Return the constant part (s,) of i² of a spur-free coil with its channels at `levels` (s, n)."""
     lines = np.atleast_2d(levels) * coil.line_a2
     states, which = np.unique(lines, axis=0, return_inverse=True)
     least = least_constant(coil.harmonic, states, coil.phase_rad)
@@ -133,7 +133,7 @@ def make_drive(
     carrier_hz: float | None = None,
     bandwidth_hz: float | None = None,
 ) -> PadDrive:
-    """The drive of `plan`, for the print that `tuning` tells of (None: as planned), sampled at `rate_hz`.
+    """Make the drive of `plan`, for the print that `tuning` tells of (None: as planned), sampled at `rate_hz`.
 
     The comb's period is the shortest that moves no line far off its resonance; `bandwidth_hz` is the amplifier's (None:
     half the rate); a carrier is moved onto the comb.
@@ -205,7 +205,7 @@ def make_drive(
 
 @dataclass(frozen=True, slots=True)
 class _Feed:
-    """What all coils of a pad share; `most_constant` is the planned constant of i² over the sum of the lines."""
+    """Figures that all coils of a pad share; `most_constant` is the planned constant of i² over the sum of lines."""
 
     scheme: Scheme
     rate_hz: int
@@ -219,7 +219,7 @@ class _Feed:
 
 @lru_cache(maxsize=1024)
 def _shape(feed: _Feed, harmonic: tuple[int, ...], line_a2: tuple[float, ...]) -> tuple[tuple[float, ...], RootMargin]:
-    """Phases (n,) and margin of a coil; many coils of a pad are alike."""
+    """Return phases (n,) and margin of a coil; many coils of a pad are alike."""
     k, line = np.array(harmonic, int), np.array(line_a2)
     none = RootMargin(np.zeros(len(k)), -np.inf, 0.0, 1.0)
     if not feed.scheme.has_constant or not len(k):
@@ -234,7 +234,7 @@ def _shape(feed: _Feed, harmonic: tuple[int, ...], line_a2: tuple[float, ...]) -
 
 
 def _margin(feed: _Feed, harmonic: np.ndarray, line_a2: np.ndarray, phase: np.ndarray) -> RootMargin:
-    """The margin for the amplifier's band, and for its voltage as far as the planned constant goes.
+    """Return the margin for the amplifier's band, and for its voltage as far as the planned constant goes.
 
     More of it would heat the coil and pull the washers by more than the plan was judged by.
     """
@@ -293,7 +293,7 @@ def drive_at(
     tuning: Tuning | None = None,
     carrier_hz: float | None = None,
 ) -> PadDrive:
-    """The drive at `rate_hz`, or where that is None at the first of `rates_hz` that will do."""
+    """Make the drive at `rate_hz`, or where that is None at the first of `rates_hz` that will do."""
 
     def made(rate: int) -> PadDrive:
         return make_drive(plan, rate, tuning=tuning, carrier_hz=carrier_hz, bandwidth_hz=plan.spec.drive.bandwidth_hz)
@@ -314,5 +314,5 @@ def drive_at(
 
 
 def highest_hz(plan: Plan, tuning: Tuning | None) -> float:
-    """The highest resonance of the plan's channels, or of the print's taxels."""
+    """Return the highest resonance of the plan's channels, or of the print's taxels."""
     return max(one.resonance_hz for one in (plan.channels if tuning is None else tuning.taxels))

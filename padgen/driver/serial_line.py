@@ -66,7 +66,7 @@ HOLD_WATCHDOGS = 8
 
 
 class Kind(IntEnum):
-    """What a message is; below 128 from the computer, the others are answers."""
+    """The kinds of messages; those below 128 are from the computer, the others are answers."""
 
     HELLO = 1
     FRAME = 2
@@ -79,7 +79,7 @@ class Kind(IntEnum):
 
 
 class State(IntEnum):
-    """What a device does, as its ACKs tell."""
+    """The states of a device, as its ACKs tell."""
 
     SILENT = 0
     SWITCHING = 1
@@ -87,7 +87,7 @@ class State(IntEnum):
 
 
 class Reason(IntEnum):
-    """Why a message was refused."""
+    """The reasons for refusing a message."""
 
     DAMAGED = 1
     VERSION = 2
@@ -110,7 +110,7 @@ class Message:
 
 
 class Greeting(NamedTuple):
-    """What a device tells of itself; times as its samples make them."""
+    """A device's account of itself; times as its samples make them."""
 
     plan_hash: bytes
     taxels: int
@@ -134,26 +134,26 @@ class Refusal(NamedTuple):
 
 
 def plan_hash(plan: Plan, tuning: Tuning | None = None) -> bytes:
-    """By what computer and device know that they speak of the same pad: the SHA-256 of plan and tuning, cut short."""
+    """Return the SHA-256 of plan and tuning, cut short: computer and device know by it that they mean one pad."""
     told = plan_to_json(plan) + ("" if tuning is None else tuning_to_json(tuning))
     return sha256(told.encode()).digest()[:HASH_BYTES]
 
 
 def encode(message: Message) -> bytes:
-    """The packet of a message, both zeros with it."""
+    """Return the packet of a message, both zeros with it."""
     head = HEAD.pack(message.version, message.kind, message.sequence % SEQUENCES)
     body = head + message.payload
     return b"\0" + _stuffed(body + TAIL.pack(crc32(body))) + b"\0"
 
 
 def decode(stream: bytes) -> tuple[list[Message | None], bytes]:
-    """The messages of `stream`, None for each that is damaged, and the bytes that are still without an end."""
+    """Return the messages of `stream`, None for each that is damaged, and the bytes that are still without an end."""
     *packets, rest = stream.split(b"\0")
     return [_message(packet) for packet in packets if packet], rest
 
 
 def frame_message(levels: np.ndarray, sequence: int) -> Message:
-    """A frame of levels (taxels,) in 0 … 1, in the plan's order: a bit each where all are 0 or 1, else a byte each.
+    """Pack levels (taxels,) in 0 … 1, in the plan's order: a bit each where all are 0 or 1, else a byte each.
 
     Bits fill bytes from the lowest on; bytes are in steps of 1/255.
     """
@@ -201,7 +201,7 @@ def _message(packet: bytes) -> Message | None:
 
 
 def _stuffed(body: bytes) -> bytes:
-    """Every zero replaced by the distance to the next one, in blocks of at most 254 bytes."""
+    """Replace every zero by the distance to the next one, in blocks of at most 254 bytes."""
     blocks = []
     for run in body.split(b"\0"):
         while len(run) >= LONGEST_BLOCK:
@@ -212,7 +212,7 @@ def _stuffed(body: bytes) -> bytes:
 
 
 def _unstuffed(packet: bytes) -> bytes | None:
-    """The body of a packet without its zeros; None where its blocks do not come out even."""
+    """Return the body of a packet without its zeros; None where its blocks do not come out even."""
     body, start = bytearray(), 0
     while start < len(packet):
         code = packet[start]
@@ -250,7 +250,7 @@ READ_BYTES = 4096
 
 @dataclass(frozen=True, slots=True)
 class Played:
-    """What was played, and by what: `resent` messages were sent again, since the line had lost or changed them."""
+    """The result of playing: `resent` messages were sent again, since the line had lost or changed them."""
 
     device: Greeting
     frames: int
@@ -259,7 +259,7 @@ class Played:
 
 
 def serial_ports() -> list[str]:
-    """The names of the serial ports that there are.
+    """Return the names of the serial ports that there are.
 
     Raises
     ------
@@ -366,7 +366,7 @@ class _Link:
         return self._device
 
     def show_all(self, frames: np.ndarray, each_s: float, told: Callable[[int], None]) -> None:
-        """Every frame at its time; those that a late one would crowd are later, so that none is shorter than it can.
+        """Show every frame at its time; those that a late one would crowd come later, so that none is too short.
 
         A frame that is to last longer than the device holds one is sent again meanwhile, which no taxel feels.
         """
@@ -489,7 +489,7 @@ class _Link:
 
 
 def _answers(answer: Message, message: Message) -> bool:
-    """Whether an answer is to this message; one that came damaged had no name, and one of another version no form."""
+    """Tell whether an answer is to this message; a damaged one has no name, one of another version no form."""
     if answer.version != VERSION:
         return message.kind == Kind.HELLO and answer.kind >= Kind.GREETING
     if answer.kind == Kind.NAK and len(answer.payload) >= 4:

@@ -34,7 +34,7 @@ class AudioDevice:
 
 @dataclass(frozen=True, slots=True)
 class Sounded:
-    """What was played, and through what; `missed` blocks came too late and left a gap."""
+    """The result of playing a file; `missed` blocks came too late and left a gap."""
 
     device: AudioDevice
     channels: int
@@ -44,7 +44,7 @@ class Sounded:
 
 
 def list_devices() -> list[AudioDevice]:
-    """All outputs.
+    """Return all outputs.
 
     Raises
     ------
@@ -139,20 +139,20 @@ def _stream(stream: Any, wave: Wave, loops: int) -> int:
 
 
 def _faded_out(wave: Wave, done: int, fade: int) -> np.ndarray:
-    """What follows sample `done`, going out smoothly; a file that ends in silence is silent here too."""
+    """Return what follows sample `done`, going out smoothly; a file that ends in silence is silent here too."""
     places = (done + np.arange(fade)) % wave.count
     after = wave.read()[places] if wave.count <= fade else _around(wave, int(places[0]), fade)
     return np.ascontiguousarray(after * blend(1 - np.arange(fade) / fade)[:, None], np.float32)
 
 
 def _around(wave: Wave, start: int, count: int) -> np.ndarray:
-    """Samples from `start` on, the file's beginning after its end."""
+    """Return samples from `start` on, the file's beginning after its end."""
     first = wave.read(start, min(start + count, wave.count))
     return np.concatenate([first, wave.read(0, count - len(first))])
 
 
 def _chosen(sound: Any, device: int | str | None) -> AudioDevice:
-    """The device that is meant: by number, by a part of its name, or the first choice."""
+    """Find the device that is meant: by number, by a part of its name, or the first choice."""
     if isinstance(device, str) and device.isdigit():
         device = int(device)
     try:
@@ -165,7 +165,7 @@ def _chosen(sound: Any, device: int | str | None) -> AudioDevice:
 
 
 def _device(entry: Any, default: int | None) -> AudioDevice:
-    """A device as sounddevice tells of it; `default` is the number of the first choice, None if this is it."""
+    """Read a device as sounddevice tells of it; `default` is the number of the first choice, None if this is it."""
     index = int(entry["index"])
     rate, channels = float(entry["default_samplerate"]), int(entry["max_output_channels"])
     return AudioDevice(index, str(entry["name"]), channels, rate, default is None or index == default)

@@ -76,7 +76,7 @@ def _spurs(scheme: Scheme, own: tuple[Channel, ...], on: list[Channel]) -> Itera
 
 
 def drive_rows(plan: Plan) -> tuple[DriveRow, ...]:
-    """The table: a row per channel and, where the current has a constant part, its row."""
+    """Return the table: a row per channel and, where the current has a constant part, its row."""
     spec = plan.spec
     scheme = plan.scheme
     rows: dict[int | str, DriveRow] = {}
@@ -89,7 +89,7 @@ def drive_rows(plan: Plan) -> tuple[DriveRow, ...]:
 
 
 def drive_csv(plan: Plan) -> str:
-    """The table as CSV."""
+    """Write the table as CSV."""
     return table_csv(COLUMNS, (astuple(row) for row in drive_rows(plan)))
 
 
@@ -138,7 +138,7 @@ def drive_json(plan: Plan) -> str:
 
 
 def _recipe(plan: Plan, kind: int) -> dict[str, Any]:
-    """What the current of a coil of set `kind` is made of, as a formula and its numbers in A and A²."""
+    """Describe the current of a coil of set `kind` by a formula and its numbers in A and A²."""
     scheme, own = plan.scheme, plan.sets[kind]
     lines, headroom = np.array([c.line_a2 for c in own]), plan.spec.drive.headroom
     recipe: dict[str, Any] = {

@@ -69,32 +69,32 @@ class Timeline:
 
 
 def blend(share: np.ndarray) -> np.ndarray:
-    """The smooth step from 0 to 1 over shares of a transition, the integral of `blend_slope`."""
+    """Return the smooth step from 0 to 1 over shares of a transition, the integral of `blend_slope`."""
     return np.asarray(share**5 * (126 - share * (420 - share * (540 - share * (315 - 70 * share)))))
 
 
 def blend_slope(share: np.ndarray) -> np.ndarray:
-    """The slope of `blend`, ``630 (s (1 − s))⁴``."""
+    """Return the slope of `blend`, ``630 (s (1 − s))⁴``."""
     return np.asarray(630 * (share * (1 - share)) ** 4)
 
 
 def frame_s(plan: Plan) -> float:
-    """Seconds of a frame at the planned refresh rate of the plan's scheme."""
+    """Return the seconds of a frame at the planned refresh rate of the plan's scheme."""
     return 1 / {f.scheme: f.frames_per_s for f in plan.refresh}[plan.selectivity.drive]
 
 
 def ramp_s(plan: Plan) -> float:
-    """Seconds that a transition takes, or time-shared the least that half a slot may be."""
+    """Return the seconds that a transition takes, or time-shared the least that half a slot may be."""
     return switch_ms(plan.channels, plan.coils.sets) * MS
 
 
 def steady(levels: np.ndarray, seconds: float) -> Timeline:
-    """The same levels (taxels,) all the time: a loop without seam if `seconds` are whole periods of the comb."""
+    """Hold the same levels (taxels,) all the time: a loop without seam if `seconds` are whole periods of the comb."""
     return Timeline(np.array([0.0, seconds]), np.stack([levels, levels]), True)
 
 
 def timeline(plan: Plan, frames: np.ndarray, seconds_each: float | None = None) -> Timeline:
-    """Frames (k, taxels) one after the other, from silence to silence.
+    """Show frames (k, taxels) one after the other, from silence to silence.
 
     `seconds_each` is a frame's length (None: by the planned refresh rate). Where the channels of a coil take
     turns, a frame is a slot for each channel, up over its one half and down over the other.
@@ -211,12 +211,12 @@ class _Ramp(NamedTuple):
 def volts(
     drive: PadDrive, timeline: Timeline, block_samples: int | None = None, signal: str = "voltage"
 ) -> Iterator[np.ndarray]:
-    """Volts (samples, coils) of all coils, coils as in `drive`, one block after the other; A for a 'current' signal."""
+    """Yield volts (samples, coils) of all coils, coils as in `drive`, block by block; A for a 'current' signal."""
     return (block.samples for block in blocks(drive, timeline, block_samples, signal))
 
 
 def sample_count(drive: PadDrive, timeline: Timeline) -> int:
-    """Samples of the whole timeline."""
+    """Return the number of samples of the whole timeline."""
     return round(timeline.seconds * drive.rate_hz)
 
 
@@ -227,7 +227,7 @@ def blocks(
     signal: str = "voltage",
     periods: bool = False,
 ) -> Iterator[Block]:
-    """Blocks of at most `block_samples` (None: what is fastest), without a gap; `signal` 'voltage' or 'current'.
+    """Yield blocks of at most `block_samples` (None: what is fastest), without a gap; `signal` 'voltage' or 'current'.
 
     `periods`: of levels that stay no more than one period of the comb, which is what all others are.
     """
@@ -257,7 +257,7 @@ def blocks(
 
 
 def _groups(drive: PadDrive, timeline: Timeline, signal: str) -> Iterator[_Group]:
-    """Coils with the same frequencies, together; those without a taxel are in none and stay silent."""
+    """Put coils with the same frequencies together; those without a taxel are in none and stay silent."""
     gain = drive.resistance_ohm if signal == "voltage" else 1.0
     tau_s = drive.inductance_h / drive.resistance_ohm if signal == "voltage" else 0.0
     alike: dict[tuple[int, ...], list[int]] = {}
@@ -280,7 +280,7 @@ def _groups(drive: PadDrive, timeline: Timeline, signal: str) -> Iterator[_Group
 
 
 def edges(drive: PadDrive, timeline: Timeline) -> list[int]:
-    """Number of the first sample at or after each keyframe; at the last one that of all samples."""
+    """Return the number of the first sample at or after each keyframe; at the last one that of all samples."""
     edge = np.ceil(np.round(timeline.time_s * drive.rate_hz, 6)).astype(int)
     return [*edge[:-1].tolist(), sample_count(drive, timeline)]
 
@@ -296,7 +296,7 @@ def _ramp(drive: PadDrive, timeline: Timeline, where: _Stretch) -> _Ramp:
 def _sums(
     drive: PadDrive, group: _Group, where: _Stretch, weight: np.ndarray, constant: np.ndarray | float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """``constant + Re Σ_j w_j exp(iω_j t)`` (s, m) for weights (m, n), and L/R times its slope; (1, 1) for no L."""
+    """Return ``constant + Re Σ_j w_j exp(iω_j t)`` (s, m) for weights (m, n), and L/R times its slope."""
     count, n = where.stop - where.start, len(group.harmonic)
     rows = -(-count // ROW)
     period = drive.period_samples
@@ -317,7 +317,7 @@ Part = tuple[np.ndarray, np.ndarray] | None
 
 
 def _levels(timeline: Timeline, group: _Group, key: int) -> tuple[np.ndarray, np.ndarray]:
-    """Levels (m, n) at a keyframe and at the next."""
+    """Return levels (m, n) at a keyframe and at the next."""
     return timeline.levels[key][group.taxels], timeline.levels[key + 1][group.taxels]
 
 
@@ -328,7 +328,7 @@ def _blended(
     where: _Stretch,
     constant: tuple[np.ndarray | float, np.ndarray | float],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Sum and L/R times its slope, linear in the levels (and the constants) of the two keyframes."""
+    """Return the sum and L/R times its slope, linear in the levels (and the constants) of the two keyframes."""
     before, after = _levels(timeline, group, where.key)
     if np.array_equal(before, after):
         return _sums(drive, group, where, before * group.weight, constant[0])
@@ -378,7 +378,7 @@ def _biased(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch)
 
 
 def is_fed(timeline: Timeline, key: int) -> bool:
-    """Whether the constant current flows at a keyframe: not in the silence before the first and after the last."""
+    """Tell whether the constant current flows at a keyframe: not in the silence before the first and after the last."""
     ends = key in (0, len(timeline.time_s) - 1)
     return timeline.loops or not ends or bool(timeline.levels[key].any())
 
@@ -386,7 +386,7 @@ def is_fed(timeline: Timeline, key: int) -> bool:
 def _rooted(
     ramp: _Ramp, rises: bool, tau_s: float, value: np.ndarray, slope: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A sum and its slope times √b, or times √(1 − b)."""
+    """Return a sum and its slope times √b, or times √(1 − b)."""
     share, sign = (ramp.after, 1) if rises else (ramp.before, -1)
     root = np.sqrt(share)
     root_slope = sign * tau_s * ramp.slope / (2 * np.maximum(root, SMALLEST))
@@ -417,7 +417,7 @@ def _tones(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch) 
 def _grey(
     drive: PadDrive, group: _Group, where: _Stretch, ramp: _Ramp, j: int, before: np.ndarray, after: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What channel j adds to the current of the coils (m,) where it goes from one level to another, neither 0."""
+    """Return what channel j adds to the current of coils (m,) where it goes from one level to another, neither 0."""
     changes = (before > 0) & (after > 0) & (before != after)
     weight = np.zeros_like(group.weight)
     weight[:, j] = group.weight[:, j] * changes

@@ -66,7 +66,7 @@ class DynamicsQuestion:
 
 
 def dynamics_ladders(scene: Scene) -> Iterator[Ladder]:
-    """One ladder per kind of coil, in the plan's worst state; none where the coil pulls no washer."""
+    """Yield one ladder per kind of coil, in the plan's worst state; none where the coil pulls no washer."""
     for kind in range(len(scene.plan.sets)):
         try:
             question = dynamics_question(scene.plan, coil_set=kind)
@@ -89,13 +89,13 @@ def dynamics_ladders(scene: Scene) -> Iterator[Ladder]:
 
 
 def solved(solve: Callable[[], Answer], unknowns: int) -> Solved:
-    """The answer of one of the `dynamics_models`."""
+    """Turn the answer of one of the `dynamics_models` into a `Solved`."""
     answer = solve()
     return Solved(answer.values, unknowns, answer.residual)
 
 
 def dynamics_question(plan: Plan, after_s: float | None = None, coil_set: int = 0) -> DynamicsQuestion:
-    """The question for one coil of a plan, in its worst state, two periods of the lowest channel from `after_s` on.
+    """Ask about one coil of a plan, in its worst state, two periods of the lowest channel from `after_s` on.
 
     Three ring-ups of the slowest channel unless told otherwise.
 
@@ -164,7 +164,7 @@ def _coupled(question: DynamicsQuestion, tolerance: float) -> Answer:
 
 
 def _acting_back(question: DynamicsQuestion, moved: np.ndarray) -> float:
-    """Estimate of what the linear models leave out, of the amplitude.
+    """Estimate what the linear models leave out, as a share of the amplitude.
 
     The mean pull softens a spring by ``m z/g``, and its resonance, met within 1/Q, feels that Q
     times; the swing itself does so in second order; and it changes the coil's inductance.
@@ -177,7 +177,7 @@ def _acting_back(question: DynamicsQuestion, moved: np.ndarray) -> float:
 
 
 def _root_voltage(lines: Tones, resistance: float, inductance: float, time_s: np.ndarray) -> np.ndarray:
-    """u = R i + L di/dt in V of i = √F: ``di/dt = F'/(2i)``."""
+    """Return u = R i + L di/dt in V of i = √F: ``di/dt = F'/(2i)``."""
     slope = 2 * np.pi * lines.frequency_hz * lines.amplitude
     quarter = lines._replace(amplitude=slope, phase_rad=lines.phase_rad + np.pi / 2)
     current = np.sqrt(signal(lines, time_s))

@@ -52,7 +52,7 @@ FREE = ("resolution", "threshold_file", "threshold_hz", "threshold_um", "resonan
 
 
 def spec_cases() -> Iterator[ExtremeCase]:
-    """Groups of random specs, taxels of some of them by finite elements, and statics that no pad survives."""
+    """Yield groups of random specs, taxels of some of them by finite elements, and statics that no pad survives."""
     for first in range(0, GROUPS * IN_GROUP, IN_GROUP):
         name, source = f"random {first} … {first + IN_GROUP - 1}", "a plan of finite figures, or one sentence"
         yield ExtremeCase(name, "specs", "plan", partial(_group, first), partial(np.array, [0.0]), source)
@@ -69,7 +69,7 @@ def spec_cases() -> Iterator[ExtremeCase]:
 
 
 def _group(first: int) -> Answer:
-    """How many of a group's specs are answered wrongly; raises with the first of them."""
+    """Count how many of a group's specs are answered wrongly; raise with the first of them."""
     found = {number: outcome(random_table(number)) for number in range(first, first + IN_GROUP)}
     wrong = [f"random {number}: {fault}" for number, fault in found.items() if fault]
     if wrong:
@@ -78,19 +78,19 @@ def _group(first: int) -> Answer:
 
 
 def _refused(table: dict[str, Any]) -> Answer:
-    """1 for a plan that has found an error; a refusal is raised."""
+    """Return 1 for a plan that has found an error; a refusal is raised."""
     plan = plan_for(make_spec(table))
     return Answer(np.array([float(any(finding.level == "error" for finding in plan.findings))]), 0.0)
 
 
 def _beam(number: int) -> Answer:
-    """The lowest resonance by the plan's model; it states some of its standard deviations."""
+    """Return the lowest resonance by the plan's model, which states some of its standard deviations."""
     channel = plan_for(make_spec(random_table(number, 0))).channels[0]
     return Answer(np.array([channel.resonance_hz]), channel.model_error)
 
 
 def _solid(number: int, setting: tuple[int, int] | None, error: float) -> Answer:
-    """The same of the printed solid, by elements of a setting that err by `error`, else by those that tune plans."""
+    """Return the same of the printed solid, by elements of a setting that err by `error`, or by the tuning ones."""
     from padgen.make.solid_tuning import solid_taxel
     from padgen.solid.formats.step import write_taxel_step  # before NGSolve, which brings another OCCT
     from padgen.verify.elasticity import converged_modes, solve_modes
@@ -107,7 +107,7 @@ def _solid(number: int, setting: tuple[int, int] | None, error: float) -> Answer
 
 
 def random_table(number: int, most_odd: int = MOST_ODD) -> dict[str, Any]:
-    """Spec number `number` of those drawn, as a table; the same ones on every machine."""
+    """Draw spec number `number`, as a table; the same on every machine."""
     random = Random(number)
     draw = random.random
     low, side_mm = 10 * 20 ** draw(), 30 * 5 ** draw()
@@ -155,7 +155,7 @@ DRAWN = [
 
 
 def outcome(table: dict[str, Any]) -> str:
-    """What is wrong with the answer to a spec: nothing where it is a plan of finite figures, or one sentence.
+    """Return what is wrong with the answer to a spec: nothing where it is a plan of finite figures, or one sentence.
 
     A plan that finds an error in itself, as where a coil does not pull its washer, may have infinite figures.
     """
@@ -177,7 +177,7 @@ PER_LINE = 16
 
 
 def selectivity_cases() -> Iterator[ExtremeCase]:
-    """Energy of one OFF taxel in the worst state of the others, and the paper's capacity."""
+    """Yield the energy of one OFF taxel in the worst state of the others, and the paper's capacity."""
     for q in (1.0, 15.0, 1e3, 1e5, 1e7):
         yield _energy(f"32 channels in 20 … 1000 Hz, Q = {q:g}", (20.0, 1000.0), 32, q, "spur-free", 16)
     wide = "of 2,048 channels over 10⁴ in frequency, Q ="

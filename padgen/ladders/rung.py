@@ -52,18 +52,18 @@ class Scene(NamedTuple):
     aside: Path
 
     def step(self, channel: Channel) -> Path:
-        """Where `write_steps` puts the STEP file of a channel's taxel."""
+        """Return where `write_steps` puts the STEP file of a channel's taxel."""
         return self.aside / f"taxel-{channel.index}.step"
 
 
 def distinct_channels(plan: Plan) -> tuple[Channel, ...]:
-    """Channels whose taxels differ in their beams, the first of each kind."""
+    """Return channels whose taxels differ in their beams, the first of each kind."""
     found = {channel.beam: channel for channel in reversed(plan.channels)}
     return tuple(sorted(found.values(), key=lambda channel: channel.index))
 
 
 def chosen_channels(plan: Plan) -> tuple[Channel, ...]:
-    """The distinct channels, or of many a few that are spread from the lowest to the highest."""
+    """Return the distinct channels, or of many a few that are spread from the lowest to the highest."""
     every = distinct_channels(plan)
     if len(every) <= MOST_SUBJECTS:
         return every
@@ -86,7 +86,7 @@ def write_steps(scene: Scene) -> None:
 
 
 class Solved(NamedTuple):
-    """What a rung answers: `values` of any shape, how many `unknowns` it solved for, the `residual` if it knows one.
+    """A rung's answer: `values` of any shape, how many `unknowns` it solved for, the `residual` if it knows one.
 
     `unknowns` is 0 for a formula.
     """
@@ -153,7 +153,7 @@ class Ladder:
 
 @dataclass(frozen=True)
 class Measured:
-    """What running a rung gave; `values` is None where it refused or broke down, and `note` says why.
+    """The figures of a rung that was run; `values` is None where it refused or broke down, and `note` says why.
 
     `seconds` (wall) and `cpu_seconds` are the best of `runs`, `memory_mb` is the peak over what the
     process held after its imports.
@@ -264,7 +264,7 @@ def judged(ladder: Ladder, measured: Sequence[Measured]) -> Judged:
 
 
 def _uncertainty(ladder: Ladder, measured: Sequence[Measured], solved: Sequence[int]) -> tuple[float, bool, str]:
-    """The reference's own relative error, whether it is shown, and a sentence on it."""
+    """Return the reference's own relative error, whether it is shown, and a sentence on it."""
     if not solved:
         return inf, False, f"no rung of '{ladder.reference}' has an answer, so that there is no reference"
     name = f"{ladder.rungs[solved[-1]].model}, {ladder.rungs[solved[-1]].resolution}"
@@ -280,7 +280,7 @@ def _uncertainty(ladder: Ladder, measured: Sequence[Measured], solved: Sequence[
 
 
 def _distance(ladder: Ladder, one: Measured, other: Measured, to: Measured | None = None) -> float:
-    """Largest difference of two answers, relative to `to` (the second of them) as the ladder says.
+    """Return the largest difference of two answers, relative to `to` (the second of them) as the ladder says.
 
     inf where they have no common shape.
     """
@@ -305,7 +305,7 @@ def _row(ladder: Ladder, measured: Sequence[Measured], index: int, reference: in
 
 
 def _order_of_errors(steps: Sequence[float], errors: Sequence[float], uncertainty: float) -> float | None:
-    """Slope of the last two errors that the reference's own `uncertainty` does not blur."""
+    """Return the slope of the last two errors that the reference's own `uncertainty` does not blur."""
     clear = [k for k, error in enumerate(errors) if error > CLEAR * uncertainty]
     if len(clear) < 2:
         return None
@@ -314,7 +314,7 @@ def _order_of_errors(steps: Sequence[float], errors: Sequence[float], uncertaint
 
 
 def observed_order(steps: Sequence[float], differences: Sequence[float]) -> float | None:
-    """Order q of answers ``v + C h^q`` at `steps` (n,), from the `differences` (n − 1,) of neighbours.
+    """Return the order q of answers ``v + C h^q`` at `steps` (n,), from the `differences` (n − 1,) of neighbours.
 
     Of the last two differences that are more than rounding: ``(h₁^q − h₂^q)/(h₂^q − h₃^q) = d₁/d₂``,
     by bisection in 0.01 … 20; None where there are no two or no such q.
@@ -339,7 +339,7 @@ def observed_order(steps: Sequence[float], differences: Sequence[float]) -> floa
 
 
 def recommended_row(result: Judged, tolerance: float) -> int | None:
-    """Index of the quickest row whose error is at most `tolerance`, None where none is known to be."""
+    """Return the index of the quickest row whose error is at most `tolerance`, None where none is known to be."""
     held = [i for i, row in enumerate(result.rows) if _holds(row, tolerance)]
     return min(held, key=lambda i: result.rows[i].measured.seconds, default=None)
 
@@ -349,7 +349,7 @@ def _holds(row: Row, tolerance: float) -> bool:
 
 
 def picks(results: Iterable[Judged], tolerances: Sequence[float] = TOLERANCES) -> tuple[Pick, ...]:
-    """For each ladder and tolerance the rung that is quickest over all subjects and holds for each of them.
+    """Return for each ladder and tolerance the rung that is quickest over all subjects and holds for each of them.
 
     A ladder and tolerance for which none is known has a `Pick` without a model.
     """

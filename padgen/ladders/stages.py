@@ -63,7 +63,7 @@ EFFORTS = (0.1, 0.3, 1.0)
 
 
 def allocation_ladders(scene: Scene) -> Iterator[Ladder]:
-    """One ladder: the smallest ON over the largest OFF amplitude in all states, equal masses, in the spec's band."""
+    """Yield one ladder: the smallest ON over the largest OFF amplitude in all states, equal masses, in the band."""
     spec, drive = scene.plan.spec, scene.plan.selectivity.drive
     count = len(scene.plan.sets[0])
     if count < 2:
@@ -92,19 +92,19 @@ def allocation_ladders(scene: Scene) -> Iterator[Ladder]:
 
 
 def bound_promise(spec: Spec, drive: str, count: int) -> Solved:
-    """Δy that Eq. 12 promises for `count` channels evenly in octaves: ``4 Q (ρ − 1)/(ρ + 1)``."""
+    """Return Δy that Eq. 12 promises for `count` channels evenly in octaves: ``4 Q (ρ − 1)/(ρ + 1)``."""
     ratio = (spec.band_hz[1] / spec.band_hz[0]) ** (1 / (count - 1))
     return Solved(np.array([4 * spec.q_min * (ratio - 1) / (ratio + 1)]))
 
 
 def even_ratio(spec: Spec, drive: str, count: int, one_hot: bool) -> Solved:
-    """The exact figure of resonances evenly in octaves."""
+    """Return the exact figure of resonances evenly in octaves."""
     which, scheme = _resonators(spec, geometric_ladder(*spec.band_hz, count)), scheme_named(spec, drive)
     return _as_ratio(one_hot_db(which, scheme) if one_hot else all_states(which, scheme).db, count)
 
 
 def optimal_ratio(spec: Spec, drive: str, count: int, effort: float) -> Solved:
-    """The figure of the best resonances that a search of this effort finds."""
+    """Return the figure of the best resonances that a search of this effort finds."""
     scheme = scheme_named(spec, drive)
     ladder = optimal_ladder(*spec.band_hz, count, spec.q_min, level_law(spec), scheme, effort)
     return _as_ratio(all_states(_resonators(spec, ladder), scheme).db, count)
@@ -125,7 +125,7 @@ CHORD = "mesh, chord and angle together"
 
 
 def geometry_ladders(scene: Scene) -> Iterator[Ladder]:
-    """One ladder: the volumes of all distinct taxels, with the frame of their sub-cells."""
+    """Yield one ladder: the volumes of all distinct taxels, with the frame of their sub-cells."""
     from padgen.solid.mesh import ANGLE_RAD, CHORD_MM
 
     count, model = len(distinct_channels(scene.plan)), partial(taxel_solids, scene.plan)
@@ -153,14 +153,14 @@ def geometry_ladders(scene: Scene) -> Iterator[Ladder]:
 
 
 def taxel_solids(plan: Plan) -> list[Any]:
-    """The build123d solids of all distinct taxels."""
+    """Make the build123d solids of all distinct taxels."""
     from padgen.solid.taxel import taxel_solid
 
     return [taxel_solid(plan, channel) for channel in distinct_channels(plan)]
 
 
 def mesh_volumes(chord_mm: float, angle_rad: float, solids: list[Any]) -> Solved:
-    """Volumes in mm³ of the solids' triangles."""
+    """Return volumes in mm³ of the solids' triangles."""
     from padgen.solid.mesh import signed_volume_mm3, tessellated
 
     meshes = [tessellated(solid, chord_mm, angle_rad) for solid in solids]
@@ -168,7 +168,7 @@ def mesh_volumes(chord_mm: float, angle_rad: float, solids: list[Any]) -> Solved
 
 
 def exact_volumes(tolerance: float, solids: list[Any]) -> Solved:
-    """Volumes in mm³ of the solids by adaptive integration over their faces, to a relative `tolerance`."""
+    """Integrate the volumes of the solids in mm³ adaptively over their faces, to a relative `tolerance`."""
     from OCP.BRepGProp import BRepGProp
     from OCP.GProp import GProp_GProps
 
@@ -192,7 +192,7 @@ LEAST_OFFSET_MM = 1e-3
 
 
 def force_ladders(scene: Scene) -> Iterator[Ladder]:
-    """One ladder for each distance from the coil's axis at which the plan has a washer."""
+    """Yield one ladder for each distance from the coil's axis at which the plan has a washer."""
     coil, washer = magnetic_parts(scene.plan.spec)
     gap = scene.plan.spec.coil.gap_mm
     distances = {round(c.site.coil_distance_mm, 3) for c in chosen_channels(scene.plan)}
@@ -227,19 +227,19 @@ def _resolution(order: int, levels: int) -> str:
 
 
 def paper_pull(pull: Pull) -> Solved:
-    """By Eq. 4 as printed, over the core's end (the bore's without a core)."""
+    """Return the pull by Eq. 4 as printed, over the core's end (the bore's without a core)."""
     diameter = pull.coil.core_diameter or min(winding.inner_diameter for winding in pull.coil.windings)
     return Solved(np.array([paper_force_constant(pull.coil, pi / 4 * diameter**2)]))
 
 
 def charges_pull(pull: Pull) -> Solved:
-    """By surface charges on core and washer, which know no saturation: the plan's own."""
+    """Return the pull by surface charges on core and washer, which know no saturation: the plan's own."""
     found = solved_pulls(pull.coil, pull.washer, np.array([pull.gap_m]), np.array([pull.offset_m]))
     return Solved(found.pull)
 
 
 def axisymmetric_pull(pull: Pull, order: int, levels: int) -> Solved:
-    """By elements of `order` in the half plane, the middle of what two potentials say."""
+    """Return the pull by elements of `order` in the half plane, the middle of what two potentials say."""
     from padgen.verify.field_axisymmetric import axisymmetric_force
 
     found = axisymmetric_force(pull.coil, pull.washer, pull.gap_m, pull.current_a, order=order, levels=levels)
@@ -247,7 +247,7 @@ def axisymmetric_pull(pull: Pull, order: int, levels: int) -> Solved:
 
 
 def three_d_pull(pull: Pull, order: int, levels: int) -> Solved:
-    """By elements of `order` in space."""
+    """Return the pull by elements of `order` in space."""
     found = solid_pull(pull, order, levels)
     return Solved(np.array([-float(found.wrench[0, 2]) / pull.current_a**2]), found.unknowns, found.residual)
 
@@ -264,7 +264,7 @@ ENGINE = ("ngsolve", "netgen.occ", "scipy.sparse.linalg", "padgen.verify.elastic
 
 
 def structure_ladders(scene: Scene) -> Iterator[Ladder]:
-    """One ladder per taxel that differs from the others in its beams (`chosen_channels`)."""
+    """Yield one ladder per taxel that differs from the others in its beams (`chosen_channels`)."""
     for place, channel in enumerate(chosen_channels(scene.plan)):
         yield Ladder(
             "structure",
@@ -300,17 +300,17 @@ def _model(spec: Spec, channel: Channel) -> TaxelModel:
 
 
 def rule_hz(spec: Spec, channel: Channel) -> Solved:
-    """By the paper's Eq. 1 and 2."""
+    """Return the resonance by the paper's Eq. 1 and 2."""
     return Solved(np.array([_model(spec, channel).rule_hz]))
 
 
 def beam_hz(spec: Spec, channel: Channel) -> Solved:
-    """By the model that plans are made with."""
+    """Return the resonance by the model that plans are made with."""
     return Solved(np.array([_model(spec, channel).resonance_hz]), 6)
 
 
 def frame_hz(spec: Spec, channel: Channel, elements: int, inner: bool) -> Solved:
-    """By a frame of `elements` along each beam, with motions within the elements or without."""
+    """Return the resonance by a frame of `elements` along each beam, with motions within the elements or without."""
     from padgen.physics.frame import frame_modes
     from padgen.planner.taxel_frame import taxel_frame
 
@@ -327,7 +327,7 @@ def frame_hz(spec: Spec, channel: Channel, elements: int, inner: bool) -> Solved
 
 
 def graded_hz(plan: Plan, channel: Channel, step: Path, order: int, levels: int) -> Solved:
-    """By 3-D elements of `order`, refined `levels` times at the singular edges that hold energy."""
+    """Return the resonance by 3-D elements of `order`, refined `levels` times at the edges that hold energy."""
     from padgen.make.solid_tuning import solid_taxel
     from padgen.verify.elasticity import solve_modes
 
@@ -362,12 +362,12 @@ def pad_ladders(scene: Scene) -> Iterator[Ladder]:
 
 
 def planned_hz(plan: Plan) -> Solved:
-    """Each channel's resonance as planned, with all sides of its sub-cell held."""
+    """Return each channel's resonance as planned, with all sides of its sub-cell held."""
     return Solved(np.array([plan.channels[c].resonance_hz for c in sorted({t.channel for t in plan.taxels})]))
 
 
 def pad_hz(plan: Plan, clamping: str, order: int) -> Solved:
-    """The same, moved by as much as the frame moves the peak of the taxel's own response."""
+    """Return the same, moved by as much as the frame moves the peak of the taxel's own response."""
     from padgen.verify.pad_frame import central_taxels, pad_modes, shift
 
     modes, held = pad_modes(plan, clamping, order)

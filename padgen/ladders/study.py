@@ -95,7 +95,7 @@ class Named(NamedTuple):
 
 @dataclass(frozen=True)
 class Verdict:
-    """What came of a case: the columns of its table. `error` is relative, against the case's own reference.
+    """The verdict on a case: the columns of its table. `error` is relative, against the case's own reference.
 
     'right': within the stated error; 'refused': one sentence instead of an answer; 'WRONG': worse than
     stated, no number, or no end; 'unchecked': the reference itself could not be computed; 'not run'.
@@ -115,7 +115,7 @@ class Verdict:
 
 
 def named_cases(sets: tuple[tuple[str, str], ...] = SETS) -> list[Named]:
-    """All cases of `sets`.
+    """List all cases of `sets`.
 
     Raises
     ------
@@ -139,7 +139,7 @@ def _cases(module: str, function: str) -> list[ExtremeCase]:
 
 
 def _asked(module: str, function: str, place: int, what: str) -> Answer:
-    """In a process of its own: what a case's model ('solve') or its 'reference' answers; it raises refusals."""
+    """Ask, in a process of its own, what a case's model ('solve') or its 'reference' answers; refusals are raised."""
     answer = getattr(_cases(module, function)[place], what)()
     answer = answer if isinstance(answer, Answer) else Answer(answer, 0.0)
     return answer._replace(values=np.atleast_1d(np.asarray(answer.values)))
@@ -169,7 +169,7 @@ def verdict_of(named: Named, limit_s: float = LIMIT_S) -> Verdict:
 
 
 def relative_error(values: np.ndarray, reference: np.ndarray) -> float:
-    """Largest difference over the largest entry of `reference`; nan for a shape or number that is none."""
+    """Return the largest difference over the largest entry of `reference`; nan for a shape or number that is none."""
     if values.shape != reference.shape or not np.isfinite(reference).all() or not np.isfinite(values).all():
         return nan
     difference, scale = float(np.abs(values - reference).max(initial=0.0)), float(np.abs(reference).max(initial=0.0))
@@ -177,7 +177,7 @@ def relative_error(values: np.ndarray, reference: np.ndarray) -> float:
 
 
 def judged_error(error: float, stated: float, allowed: float = 0.0) -> tuple[str, str]:
-    """The verdict on an error beside what was stated, `allowed` being the reference's own; why where not 'right'."""
+    """Judge an error beside what was stated, `allowed` being the reference's own; tell why where it is not 'right'."""
     if isnan(error):
         return WRONG, "the answer is not a number, or not of the reference's shape"
     if not isfinite(stated):
@@ -242,7 +242,7 @@ class ExtremeStudy:
 
 
 def parse_only(text: str | None) -> tuple[str, ...]:
-    """Ladders from a comma-separated list, in the order in which they run; None means all.
+    """Read ladders from a comma-separated list, in the order in which they run; None means all.
 
     Raises
     ------
@@ -253,7 +253,7 @@ def parse_only(text: str | None) -> tuple[str, ...]:
 
 
 def parse_tolerance(text: str) -> float:
-    """A relative error from '1%' or '0.01'.
+    """Read a relative error such as '1%' or '0.01'.
 
     Raises
     ------
@@ -429,7 +429,7 @@ EXTREME_COLUMNS = tuple(item.name for item in fields(Verdict))
 
 
 def missing_rungs(results: Sequence[Judged]) -> tuple[str, ...]:
-    """The rungs that were not run since the study was stopped."""
+    """Name the rungs that were not run since the study was stopped."""
     return tuple(
         f"{result.ladder.name}, {result.ladder.subject}: {row.rung.model}, {row.rung.resolution}"
         for result in results
@@ -439,7 +439,7 @@ def missing_rungs(results: Sequence[Judged]) -> tuple[str, ...]:
 
 
 def study_csv(results: Sequence[Judged], tolerances: Sequence[float] = TOLERANCES) -> str:
-    """One row per rung, in the order of the ladders; no number is an empty cell."""
+    """Write one row per rung, in the order of the ladders; no number is an empty cell."""
     rows = []
     for result in results:
         ladder = result.ladder
@@ -459,7 +459,7 @@ def _csv(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
 
 
 def study_json(results: Sequence[Judged], about: dict[str, Any], tolerances: Sequence[float] = TOLERANCES) -> str:
-    """All that was measured, with `about` (what was studied, by which versions) ahead of it."""
+    """Write all that was measured, with `about` (what was studied, by which versions) ahead of it."""
     missing = missing_rungs(results)
     told = {
         "stopped": bool(missing),
@@ -503,10 +503,10 @@ def _rung(row: Row) -> dict[str, Any]:
 
 
 def extreme_csv(verdicts: Sequence[Verdict]) -> str:
-    """One row per case."""
+    """Write one row per case."""
     return _csv(EXTREME_COLUMNS, [astuple(found) for found in verdicts])
 
 
 def extreme_json(verdicts: Sequence[Verdict], about: dict[str, Any]) -> str:
-    """The same with `about` ahead of it."""
+    """Write the cases with `about` ahead of them."""
     return json_text({**about, "stopped": any(v.verdict == MISSING for v in verdicts), "cases": list(verdicts)})

@@ -30,7 +30,7 @@ EXTREME_HEADINGS = ("domain", "case", "model", "error", "stated", "run time", "r
 
 
 def study_text(study: "Study") -> str:
-    """All ladders of which something was run, then the recommended rungs, what times are, and what was not run."""
+    """Write all ladders of which something was run, the recommended rungs, what times are, and what was not run."""
     parts, stopped = [], []
     for result in study.ladders:
         left, every = sum(row.measured is NOT_RUN for row in result.rows), len(result.rows)
@@ -42,7 +42,7 @@ def study_text(study: "Study") -> str:
 
 
 def ladder_text(result: Judged, tolerances: Sequence[float] = TOLERANCES) -> str:
-    """One ladder as a table, what it was measured against, and the orders of convergence."""
+    """Write one ladder as a table, what it was measured against, and the orders of convergence."""
     ladder = result.ladder
     unit = f", {ladder.unit}" if ladder.unit else ""
     lines = [f"{ladder.name}, {ladder.subject}: {ladder.quantity}{unit}"]
@@ -83,7 +83,7 @@ def _order(order: Order) -> str:
 
 
 def picks_text(picks: Iterable[Pick]) -> str:
-    """The recommended rung of each ladder for each tolerance."""
+    """Write the recommended rung of each ladder for each tolerance."""
     rows = []
     for pick in picks:
         rung = f"{pick.model}, {pick.resolution}" if pick.model else "none is known to hold"
@@ -93,7 +93,7 @@ def picks_text(picks: Iterable[Pick]) -> str:
 
 
 def extreme_text(study: "ExtremeStudy") -> str:
-    """The table of cases, then what is refused or wrong, sentence by sentence."""
+    """Write the table of cases, then what is refused or wrong, sentence by sentence."""
     lines = [_table(EXTREME_HEADINGS, [_verdict(found) for found in study.verdicts], left=3)]
     lines += [f"{found.verdict}: {found.domain}, {found.case}: {found.note}" for found in study.verdicts if found.note]
     counts = Counter(found.verdict for found in study.verdicts)
@@ -112,7 +112,7 @@ def _power(value: float) -> str:
 
 
 def percent(share: float) -> str:
-    """A share in percent, two significant digits, three from 100 %."""
+    """Write a share in percent, with two significant digits, three from 100 %."""
     if not isfinite(share):
         return "?"
     value = 100 * share
@@ -120,7 +120,7 @@ def percent(share: float) -> str:
 
 
 def seconds_text(seconds: float) -> str:
-    """A time with the unit that suits it."""
+    """Write a time with the unit that suits it."""
     if not isfinite(seconds):
         return ""
     for unit, size in (("s", 1.0), ("ms", 1e-3)):
@@ -130,7 +130,7 @@ def seconds_text(seconds: float) -> str:
 
 
 def _table(headings: Sequence[str], rows: Iterable[Sequence[str]], left: int) -> str:
-    """Columns under their headings, the first `left` of them flush left."""
+    """Write columns under their headings, the first `left` of them flush left."""
     cells = [tuple(headings), *(tuple(row) for row in rows)]
     widths = [max(len(row[i]) for row in cells) for i in range(len(headings))]
     lines = [
@@ -153,7 +153,7 @@ LEAST = 1e-13
 
 
 def study_pictures(results: Sequence[Judged], tolerances: Sequence[float], name: str) -> tuple[bytes, bytes]:
-    """The plot of `study_figure` as SVG and PNG."""
+    """Return the plot of `study_figure` as SVG and PNG."""
     import matplotlib
 
     with matplotlib.rc_context(STYLE):
@@ -177,7 +177,7 @@ def study_figure(results: Sequence[Judged], tolerances: Sequence[float], name: s
 
 
 def extreme_picture(verdicts: Sequence["Verdict"]) -> bytes:
-    """Error against stated error of the extreme cases, as SVG: right are those below the diagonal."""
+    """Draw error against stated error of the extreme cases, as SVG: right are those below the diagonal."""
     import matplotlib
 
     with matplotlib.rc_context(STYLE):
@@ -257,7 +257,7 @@ def _rings(axis: Any, results: Sequence[Judged], tolerances: Sequence[float]) ->
 
 
 def _decades(values: Sequence[float]) -> tuple[float, float]:
-    """Whole decades around `values`, so that every axis has labels."""
+    """Return whole decades around `values`, so that every axis has labels."""
     low, high = (10.0 ** round_(log10(value)) for round_, value in ((floor, min(values)), (ceil, max(values))))
     return (low / 2, high * 3) if high > low else (low / 2, high * 10)
 

@@ -67,28 +67,28 @@ class CoupledSystem:
         return 2 * np.pi * self.frequency_hz
 
     def slopes(self, z_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """dL/dz in H/m and d²L/dz² in H/m² at z (n, k): twice the pull per A² and its own slope."""
+        """Return dL/dz in H/m and d²L/dz² in H/m² at z (n, k): twice the pull per A² and its own slope."""
         m, gap = self.exponent[:, None], self.gap_m[:, None]
         near = 1 / (1 - z_m / gap)
         slope = 2 * self.pull_n_per_a2[:, None] * near**m
         return slope, slope * near * m / gap
 
     def inductance(self, z_m: np.ndarray) -> np.ndarray:
-        """L in H (k,) of washers at z (n, k)."""
+        """Return L in H (k,) of washers at z (n, k)."""
         m1 = self.exponent[:, None] - 1
         log = -np.log1p(-z_m / self.gap_m[:, None])
         grown = np.where(m1 == 0, log, np.expm1(m1 * log) / np.where(m1 == 0, 1, m1))
         return np.asarray(self.inductance_h + 2 * (self.pull_n_per_a2 * self.gap_m) @ grown)
 
     def acceleration(self, z_m: np.ndarray, v_m_per_s: np.ndarray, current_a: np.ndarray) -> np.ndarray:
-        """Accelerations (n, k) in m/s² of washers at z and v (n, k) under a current (k,)."""
+        """Return accelerations (n, k) in m/s² of washers at z and v (n, k) under a current (k,)."""
         pull = current_a**2 * self.slopes(z_m)[0] / (2 * self.mass_kg[:, None])
         angular = self.angular[:, None]
         return np.asarray(pull - angular**2 * z_m - angular / self.q[:, None] * v_m_per_s)
 
 
 class Source(NamedTuple):
-    """What drives the coil: a smooth 'voltage' in V or 'current' in A as a function of times (k,) in s."""
+    """The drive of a coil: a smooth 'voltage' in V or 'current' in A as a function of times (k,) in s."""
 
     kind: Literal["voltage", "current"]
     wave: Callable[[np.ndarray], np.ndarray]
@@ -118,16 +118,16 @@ class Collocation(NamedTuple):
     to_legendre: np.ndarray
 
     def values(self, stages: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """The polynomials through `stages` (…, s) at points (k,) of the step: (…, k)."""
+        """Return the polynomials through `stages` (…, s) at points (k,) of the step: (…, k)."""
         return np.asarray(stages @ (legendre.legvander(2 * at - 1, len(self.points) - 1) @ self.to_legendre).T)
 
     def integrated(self, stages: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """Their integrals from 0 to points (k,) of the step: (…, k), in unit of a step."""
+        """Return their integrals from 0 to points (k,) of the step: (…, k), in unit of a step."""
         return np.asarray(stages @ (_integrals(at, len(self.points)) @ self.to_legendre).T)
 
 
 class _State(NamedTuple):
-    """Where a run is: time, motion (n,), flux in Wb and current."""
+    """The state of a run: time, motion (n,), flux in Wb and current."""
 
     time_s: float
     z: np.ndarray
@@ -146,7 +146,7 @@ def make_system(
     resistance_ohm: float = 0.0,
     inductance_h: float = 1.0,
 ) -> CoupledSystem:
-    """A `CoupledSystem` of arrays or numbers.
+    """Make a `CoupledSystem` of arrays or numbers.
 
     Raises
     ------
@@ -165,7 +165,7 @@ def make_system(
 
 
 def from_tones(kind: Literal["voltage", "current"], wave: Tones) -> Source:
-    """A source that is a sum of tones."""
+    """Make a source that is a sum of tones."""
     return Source(kind, lambda time_s: signal(wave, time_s))
 
 
@@ -178,7 +178,7 @@ def simulate(
     stages: int = 20,
     most_steps: int = 500_000,
 ) -> CoupledMotion:
-    """Motion from rest at t = 0, where a circuit carries `current_a`, at rising times (k,).
+    """Simulate motion from rest at t = 0, where a circuit carries `current_a`, at rising times (k,).
 
     `tolerance` is the share of a step's solution that its polynomials may leave out; ends of steps are far better.
 
@@ -277,7 +277,7 @@ def _steps(
 def scipy_motion(
     system: CoupledSystem, source: Source, time_s: np.ndarray, method: str = "DOP853", tolerance: float = 3e-14
 ) -> np.ndarray:
-    """Displacements, velocities and current (2n + 1, k) from rest, driven by a voltage, by scipy's `solve_ivp`.
+    """Return displacements, velocities and current (2n + 1, k) from rest, driven by a voltage, by scipy's `solve_ivp`.
 
     Raises
     ------
@@ -302,7 +302,7 @@ def scipy_motion(
 
 @lru_cache(maxsize=16)
 def radau(stages: int) -> Collocation:
-    """Right Radau points: roots of ``P_s − P_(s−1)``."""
+    """Return the rule of right Radau points, roots of ``P_s − P_(s−1)``."""
     series = np.zeros(stages + 1)
     series[-2:] = -1, 1
     at = np.sort(legendre.legroots(series))
@@ -313,7 +313,7 @@ def radau(stages: int) -> Collocation:
 
 
 def _integrals(at: np.ndarray, count: int) -> np.ndarray:
-    """Integrals (k, count) of the shifted Legendre polynomials from 0: ``(P_(j+1) − P_(j−1))/(2(2j + 1))``."""
+    """Return integrals (k, count) of the shifted Legendre polynomials from 0: ``(P_(j+1) − P_(j−1))/(2(2j + 1))``."""
     values = legendre.legvander(2 * at - 1, count)
     return np.column_stack([at, (values[:, 2:] - values[:, :-2]) / (2 * (2 * np.arange(1, count) + 1))])
 
@@ -327,7 +327,7 @@ def _solved(
     tolerance: float,
     scales: np.ndarray,
 ) -> np.ndarray | None:
-    """Velocities and, last, the current (n + 1, s) at the stages of a step; None where a shorter one is needed.
+    """Return velocities and, last, the current (n + 1, s) at the stages of a step; None where a shorter one is needed.
 
     Newton's method from a motion that goes on as it is. Driven by current, the last row is given.
     """
@@ -365,11 +365,11 @@ def _solved(
 
 
 def _share(change: np.ndarray, size: np.ndarray) -> float:
-    """The largest of `change` (k,) over `size` (k,), 0 where there is no size."""
+    """Return the largest of `change` (k,) over `size` (k,), 0 where there is no size."""
     return float(np.divide(change, size, out=np.zeros(len(size)), where=size > 0).max())
 
 
 def _stored(system: CoupledSystem, at: _State, by_voltage: bool) -> float:
-    """Energy in J of springs, masses and, driven by voltage, of the field."""
+    """Return the energy in J of springs, masses and, driven by voltage, of the field."""
     mechanical = float((system.mass_kg * (at.v**2 + (system.angular * at.z) ** 2)).sum() / 2)
     return mechanical + (at.flux**2 / (2 * float(system.inductance(at.z[:, None])[0])) if by_voltage else 0.0)

@@ -154,7 +154,7 @@ def meshed(shape: Any, fineness: Fineness = USUAL, where: str = "taxel", layered
 
 
 def _coarse_meshes(shape: Any, fineness: Fineness, where: str) -> Iterator[tuple[Any, Fineness]]:
-    """Netgen's meshes of `shape`, and how fine each is: as asked, then slightly other ones; at least one."""
+    """Yield Netgen's meshes of `shape`, and how fine each is: as asked, then slightly other ones; at least one."""
     failure: SolverError | None = None
     for face in shape.faces:
         # Long thin faces bend: no element longer than a share of a square of the same area.
@@ -187,12 +187,12 @@ def _coarse_meshes(shape: Any, fineness: Fineness, where: str) -> Iterator[tuple
 
 
 def _volumes(mesh: Any) -> np.ndarray:
-    """Volumes in mm³ of the elements."""
+    """Return volumes in mm³ of the elements."""
     return np.asarray(engine("ngsolve").Integrate(1.0, mesh, element_wise=True).NumPy())
 
 
 def coarse_mesh(shape: Any, fineness: Fineness = USUAL, where: str = "taxel") -> Any:
-    """Netgen mesh of `shape` without layers; names the edges of the shape ``edge0``, ``edge1``, …"""
+    """Mesh `shape` by Netgen without layers; name the edges of the shape ``edge0``, ``edge1``, …"""
     for place, edge in enumerate(shape.edges):
         edge.name = f"edge{place}"
     _mark(shape.edges, set())
@@ -201,7 +201,7 @@ def coarse_mesh(shape: Any, fineness: Fineness = USUAL, where: str = "taxel") ->
 
 
 def singular_edges(shape: Any, mesh: Any) -> set[str]:
-    """Names of the edges where stress is singular: re-entrant ones and those of clamped faces."""
+    """Return names of the edges where stress is singular: re-entrant ones and those of clamped faces."""
     clamped = {edge.name for face in shape.faces if face.name == CLAMPED for edge in face.edges}
     return clamped | {name for name, angle in edge_angles(mesh).items() if angle > REENTRANT_DEG}
 
@@ -216,7 +216,7 @@ def _first_line(error: Exception) -> str:
 
 
 def edge_angles(mesh: Any) -> dict[str, float]:
-    """Angle in degrees that the material fills at each named edge, over 180 where it is re-entrant.
+    """Return the angle in degrees that the material fills at each named edge, over 180 where it is re-entrant.
 
     Measured on the triangles of the outer surface of a Netgen surface mesh; inner edges of a glued
     shape, where no outer surface meets, are left out.

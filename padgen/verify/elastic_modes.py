@@ -53,7 +53,7 @@ class Elastic(NamedTuple):
 
 
 def layered(material: Elastic, ratio: float) -> Elastic:
-    """`material` printed in layers across z: its modulus and shear moduli across them are `ratio` of those along."""
+    """Return `material` printed in layers across z, where its modulus and shear moduli are `ratio` of those along."""
     if ratio == 1:
         return material
     e, nu = material.modulus_pa, material.poisson
@@ -64,7 +64,7 @@ def layered(material: Elastic, ratio: float) -> Elastic:
 
 
 def stiffness_pa(material: Elastic) -> np.ndarray:
-    """Stiffness (6, 6) in Pa for engineering strains in the order xx, yy, zz, yz, zx, xy (Voigt).
+    """Return the stiffness (6, 6) in Pa for engineering strains in the order xx, yy, zz, yz, zx, xy (Voigt).
 
     Raises
     ------
@@ -121,20 +121,20 @@ class System(NamedTuple):
     blocks: bool = True
 
     def stiffness_times(self, vectors: np.ndarray) -> np.ndarray:
-        """K v of (n,) or (n, k), in N."""
+        """Return K v of (n,) or (n, k), in N."""
         into, out = self.stiffness.CreateColVector(), self.stiffness.CreateColVector()
         columns = [_applied(self.stiffness, into, out, column) for column in np.atleast_2d(vectors.T)]
         return np.array(columns).T if vectors.ndim == 2 else columns[0]
 
     def mass_times(self, vectors: np.ndarray) -> np.ndarray:
-        """M v of (n,) or (n, k)."""
+        """Return M v of (n,) or (n, k)."""
         nodes = self.mass.shape[0]
         if self.blocks:
             return np.asarray(self.mass @ vectors.reshape(nodes, -1)).reshape(vectors.shape)
         return np.concatenate([self.mass @ part for part in vectors.reshape(3, nodes, *vectors.shape[1:])])
 
     def stiffness_blocks(self) -> Any:
-        """The stiffness as scipy matrix (n, n), BSR where the unknowns come in blocks."""
+        """Return the stiffness as scipy matrix (n, n), BSR where the unknowns come in blocks."""
         sparse = engine("scipy.sparse")
         values, columns, starts = (np.asarray(part) for part in self.stiffness.CSR())
         if self.blocks:
@@ -215,7 +215,7 @@ def _thin(space: Any, mesh: Any, order: int, rich: np.ndarray) -> None:
 
 
 def energy(material: Elastic, u: Any, v: Any) -> Any:
-    """Integrand in mm of the stiffness: displacements in m, coordinates in mm."""
+    """Return the integrand in mm of the stiffness: displacements in m, coordinates in mm."""
     ngs = engine("ngsolve")
     stiffness = stiffness_pa(material)
     # du/dx has 1/mm, the volume mm³: Pa · 1e6/m² · 1e-9 m³.
@@ -228,7 +228,7 @@ def energy(material: Elastic, u: Any, v: Any) -> Any:
 
 
 def _strain(u: Any) -> Any:
-    """Engineering strain in Voigt's order."""
+    """Return the engineering strain in Voigt's order."""
     ngs = engine("ngsolve")
     g = ngs.Grad(u)
     return ngs.CoefficientFunction((g[0, 0], g[1, 1], g[2, 2], g[1, 2] + g[2, 1], g[0, 2] + g[2, 0], g[0, 1] + g[1, 0]))
@@ -246,7 +246,7 @@ class Factored(NamedTuple):
 
 
 def factored(system: System) -> Factored:
-    """Cholesky factors of the stiffness.
+    """Factor the stiffness by Cholesky.
 
     Raises
     ------
@@ -261,7 +261,7 @@ def factored(system: System) -> Factored:
 
 
 def accurate(system: System, solve: Factored, loads: np.ndarray, answers: np.ndarray) -> bool:
-    """Whether `answers` (n, k) to `loads` (n, k) hold: for the softest, the energy of its correction.
+    """Tell whether `answers` (n, k) to `loads` (n, k) hold: for the softest, by the energy of its correction.
 
     The inverses of 3 × 3 pivots in NGSolve's Cholesky lose soft directions when the stiffnesses of a
     solid lie more than about 1e8 apart, without a word.
@@ -279,7 +279,7 @@ def _applied(matrix: Any, into: Any, out: Any, vector: np.ndarray) -> np.ndarray
 
 
 def eigenmodes(system: System, solve: Factored, modes: int, start: np.ndarray | None = None) -> Eigen:
-    """The lowest `modes` of ``K x = (2πf)² M x`` by block Lanczos on K⁻¹ M from `start` (n, b).
+    """Return the lowest `modes` of ``K x = (2πf)² M x`` by block Lanczos on K⁻¹ M from `start` (n, b).
 
     Static answers to loads on the washer are a good start: two blocks more do. Each block is
     orthogonal to all before; Rayleigh–Ritz on all of them, until no λ moves by `SETTLED`.
@@ -315,7 +315,7 @@ def eigenmodes(system: System, solve: Factored, modes: int, start: np.ndarray | 
 
 
 def _checked(system: System, shape: np.ndarray, stiff: np.ndarray, square: np.ndarray) -> Eigen:
-    """Modes with their residuals ``|D^-½ (K x − λ M x)| / |x|_K``, D the diagonal of K; `stiff` is K x."""
+    """Return modes with their residuals ``|D^-½ (K x − λ M x)| / |x|_K``, D the diagonal of K; `stiff` is K x."""
     left = (stiff - system.mass_times(shape) * square)[system.free]
     diagonal = system.stiffness_blocks().diagonal()[system.free]
     residual = np.sqrt((left**2 / diagonal[:, None]).sum(0) / square).max() if square[0] > 0 else np.inf
@@ -351,7 +351,7 @@ def rigid_loads(
 
 
 def energy_shares(system: System, materials: Mapping[str, Elastic], eigen: Eigen) -> np.ndarray:
-    """Share (elements, k) of each element in the strain energy of each mode; columns sum to 1."""
+    """Return the share (elements, k) of each element in the strain energy of each mode; columns sum to 1."""
     ngs = engine("ngsolve")
     mesh = system.space.mesh
     field = ngs.GridFunction(system.space)
@@ -365,7 +365,7 @@ def energy_shares(system: System, materials: Mapping[str, Elastic], eigen: Eigen
 
 
 def edge_energy_shares(netgen_mesh: Any, shares: np.ndarray) -> dict[str, float]:
-    """Largest share over the modes of the tetrahedra along each named edge of the solid."""
+    """Return the largest share over the modes of the tetrahedra along each named edge of the solid."""
     nodes = netgen_mesh.Elements3D().NumPy()["nodes"][:, :4].astype(np.int64)
     segments = netgen_mesh.Elements1D().NumPy()
     ends = np.sort(segments["nodes"][:, :2].astype(np.int64), axis=1)

@@ -133,7 +133,7 @@ class _Answer(NamedTuple):
 
 
 def solve_modes(taxel: SolidTaxel, order: int = 3, levels: int = 2, modes: int = 6) -> SolidModes:
-    """The lowest modes of `taxel` by elements of `order` with `levels` of layers round singular edges.
+    """Return the lowest modes of `taxel` by elements of `order` with `levels` of layers round singular edges.
 
     All frequencies come out too high. `rest` of the result makes the static compliance exact.
 
@@ -150,7 +150,7 @@ def solve_modes(taxel: SolidTaxel, order: int = 3, levels: int = 2, modes: int =
 
 
 def converged_modes(taxel: SolidTaxel, tolerance: float = 1e-3, modes: int = 6, first: int = 0) -> SolidModes:
-    """Modes with the estimated error of the working mode below `tolerance`, by the cheapest setting that does.
+    """Return modes with the estimated error of the working mode below `tolerance`, by the cheapest setting that does.
 
     Where no setting does, the modes of the one that comes nearest: compare their `error`. Settings before the one of
     place `first` in `SETTINGS` are not tried.
@@ -208,7 +208,7 @@ def _rich(mesh: Any, shares: np.ndarray, working: int) -> np.ndarray:
 
 
 def _extrapolated(coarser: SolidModes, found: SolidModes) -> SolidModes:
-    """`found` with what higher orders than its own would still add, judged by the step from `coarser`."""
+    """Add to `found` what higher orders than its own would still add, judged by the step from `coarser`."""
     working, other = found.modes.working, coarser.modes.working
     change = coarser.modes.frequency_hz / found.modes.frequency_hz - 1
     change[working] = coarser.modes.frequency_hz[other] / found.modes.frequency_hz[working] - 1
@@ -236,7 +236,7 @@ def _layered(draft: _Draft, setting: Setting) -> Any:
 
 
 def _answered(draft: _Draft, mesh: Any, order: int, modes: int, rich: np.ndarray | None = None) -> _Answer:
-    """Statics and modes, in blocks where rounding allows; elsewhere every element is `rich`."""
+    """Solve statics and modes, in blocks where rounding allows; elsewhere every element is `rich`."""
     taxel = draft.taxel
     density = taxel.materials[WASHER].density_kg_per_m3
     for blocks in (True, False):

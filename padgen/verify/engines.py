@@ -17,7 +17,7 @@ def require(name: str) -> None:
 
 
 def engine(name: str) -> Any:
-    """The optional package `name`.
+    """Import the optional package `name`.
 
     Raises
     ------

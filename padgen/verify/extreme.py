@@ -53,7 +53,7 @@ __all__ = [
 
 
 class Answer(NamedTuple):
-    """What a model says: `values` of any shape and the relative error that it states itself.
+    """A model's answer: `values` of any shape and the relative error that it states itself.
 
     `residual` and `condition` are of the linear or eigen problem behind it, nan where there is none.
     """
@@ -66,7 +66,7 @@ class Answer(NamedTuple):
 
 @dataclass(frozen=True)
 class ExtremeCase:
-    """One case: what padgen answers (or refuses by raising a `PadgenError`), and what is true.
+    """One case: the answer of padgen (or its refusal by raising a `PadgenError`), and what is true.
 
     Relative errors are of the largest entry of `values`. `reference` is analytic, of many digits, or a finer
     solve (`source` says which); as an `Answer` it has an error of its own, which is allowed for.
@@ -120,7 +120,7 @@ class Cantilever(NamedTuple):
 
 
 def frame_answer(beam: Cantilever) -> Answer:
-    """Bending frequencies up by the frame, lowest first; motions across, along and about the axis are held.
+    """Return bending frequencies up by the frame, lowest first; motions across, along and about the axis are held.
 
     Raises
     ------
@@ -144,7 +144,7 @@ def frame_answer(beam: Cantilever) -> Answer:
 
 
 def exact_frequencies(beam: Cantilever, guess_hz: np.ndarray) -> np.ndarray:
-    """Roots of Timoshenko's frequency equation nearest to `guess_hz`, in forty digits.
+    """Return roots of Timoshenko's frequency equation nearest to `guess_hz`, in forty digits.
 
     The state (deflection, rotation, moment, shear) is carried along the beam by the exponential of
     its equations (Huang, J. Appl. Mech. 28, 1961, in the form of a transfer matrix).
@@ -162,7 +162,7 @@ def _root(mp: Any, beam: Cantilever, guess_hz: float) -> Any:
 
 
 def _frequency_equation(mp: Any, beam: Cantilever, angular: Any) -> Any:
-    """Determinant of the tip's conditions, over the beam's length and stiffness; zero at a mode."""
+    """Return the determinant of the tip's conditions, over the beam's length and stiffness; zero at a mode."""
     length, modulus, density = (mp.mpf(v) for v in (beam.length, beam.modulus, beam.density))
     area = mp.mpf(beam.width) * mp.mpf(beam.thickness)
     inertia = area * mp.mpf(beam.thickness) ** 2 / 12
@@ -226,7 +226,7 @@ washer; working resonance in Hz by 3-D elasticity (docs/measure_beams.py)."""
 
 
 def beam_answer(topology: str, beam: BeamShape, figures: tuple[float, ...], washer: str) -> Answer:
-    """Working resonance of one of the taxels by the beam model.
+    """Return the working resonance of one of the taxels by the beam model.
 
     Raises
     ------
@@ -259,7 +259,7 @@ def beam_answer(topology: str, beam: BeamShape, figures: tuple[float, ...], wash
 
 
 def _cantilevers() -> Iterator[tuple[str, Cantilever]]:
-    """The cases: each is one step away from a plain beam of 10 × 1 × 1 mm."""
+    """Yield the cases: each is one step away from a plain beam of 10 × 1 × 1 mm."""
     plain = Cantilever(1e-3, 1e-3, 10e-3)
     for per_length in (1 / 500, 1 / 100, 1 / 20, 1 / 5, 1 / 2, 1.0):
         beam = plain._replace(thickness=per_length * plain.length)
@@ -277,7 +277,7 @@ def _cantilevers() -> Iterator[tuple[str, Cantilever]]:
 
 
 def structure_cases() -> Iterator[ExtremeCase]:
-    """All cases of the structure ladder's beam rungs."""
+    """Yield all cases of the structure ladder's beam rungs."""
     source = "roots of Timoshenko's frequency equation, forty digits"
     for name, beam in _cantilevers():
         solve, reference = partial(frame_answer, beam), partial(_reference, beam)
@@ -316,7 +316,7 @@ class BlockTaxel(NamedTuple):
     washer: Elastic = STEEL
 
     def written(self, folder: Path) -> SolidTaxel:
-        """The taxel as STEP file in `folder`. Imports netgen."""
+        """Write the taxel as STEP file in `folder`. Imports netgen."""
         occ = engine("netgen.occ")
         outer, inner, thick = RING_MM
         low, middle = -self.step_mm, self.length + BLOCK_MM / 2
@@ -334,7 +334,7 @@ class BlockTaxel(NamedTuple):
 
 
 def solid_answer(taxel: BlockTaxel) -> Answer:
-    """Working resonance in Hz, and its error, by the elements that tune plans."""
+    """Return the working resonance in Hz, and its error, by the elements that tune plans."""
     with TemporaryDirectory() as folder:
         found = converged_modes(taxel.written(Path(folder)), TOLERANCE)
     working = found.modes.working
@@ -342,14 +342,14 @@ def solid_answer(taxel: BlockTaxel) -> Answer:
 
 
 def _by_finer(taxel: BlockTaxel, scale: float = 1.0) -> Answer:
-    """By elements of `FINER_ELEMENTS`, times `scale`."""
+    """Solve by elements of `FINER_ELEMENTS`; return the resonance times `scale`."""
     with TemporaryDirectory() as folder:
         found = solve_modes(taxel.written(Path(folder)), *FINER_ELEMENTS)
     return Answer(scale * found.modes.frequency_hz[[found.modes.working]], FINER_ERROR)
 
 
 def solid_cases() -> Iterator[ExtremeCase]:
-    """All cases of the domain 'solid'; they need NGSolve."""
+    """Yield all cases of the domain 'solid'; they need NGSolve."""
     plain, same = BlockTaxel(), f"elements of order {FINER_ELEMENTS[0]}, {FINER_ELEMENTS[1]} layers"
 
     def case(name: str, taxel: BlockTaxel, reference: Callable[[], Any], source: str) -> ExtremeCase:
@@ -390,7 +390,7 @@ RANDOM = 12
 
 
 def force_cases() -> Iterator[ExtremeCase]:
-    """The cases; every reference is a closed form or a field solution of far more unknowns."""
+    """Yield the cases; every reference is a closed form or a field solution of far more unknowns."""
     for share in (0.5, 0.99, 0.9999):
         yield _near_pull_in(share)
     for permeability in (1.001, 1.1, 10.0, 1e3, 1e6):
@@ -423,7 +423,7 @@ def force_cases() -> Iterator[ExtremeCase]:
 
 
 def random_pull(index: int) -> Pull:
-    """Coil, washer and place number `index` of those drawn: gap 0.2 … 5 mm, offset 0 … 15 mm, core 0 … 20 mm.
+    """Draw coil, washer and place number `index`: gap 0.2 … 5 mm, offset 0 … 15 mm, core 0 … 20 mm.
 
     The same ones on every machine.
     """
@@ -439,7 +439,7 @@ def random_pull(index: int) -> Pull:
 
 
 def planned_pull(coil: CoilSource, washer: SteelRing, gap_m: float, offset_m: float) -> Answer:
-    """The pull over the current's square by which plans are made, and the error that it states."""
+    """Return the pull over the current's square by which plans are made, and the error that it states."""
     found = solved_pulls(coil, washer, np.array([gap_m]), np.array([offset_m]))
     return Answer(found.pull, float(found.error[0]))
 
@@ -458,7 +458,7 @@ def _axisymmetric_case(name: str, pull: Pull) -> ExtremeCase:
 
 
 def _axisymmetric(pull: Pull, **fineness: int) -> Answer:
-    """The middle of the bracket over the current's square; of a finer solution what the scalar potential says."""
+    """Return the bracket's middle over the current's square; of a finer solution the scalar potential's answer."""
     solved = axisymmetric_force(
         pull.coil, pull.washer, pull.gap_m, pull.current_a, pull.core_steel, pull.washer_steel, **fineness
     )
@@ -472,7 +472,7 @@ def _solid_case(name: str, pull: Pull) -> ExtremeCase:
 
 
 def _off_axis(pull: Pull) -> Answer:
-    """The 3-D field; of a higher order where a weak pull drowns in the usual one's own error."""
+    """Solve the 3-D field; by a higher order where a weak pull drowns in the usual one's own error."""
     try:
         return _solid_field(pull)
     except SolverError:
@@ -485,7 +485,7 @@ def _solid_field(pull: Pull, order: int = 3) -> Answer:
 
 
 def _near_pull_in(share: float) -> ExtremeCase:
-    """A pull c ∝ 1/gap² has its pull-in at a third of the gap; below it the balance solves a cubic."""
+    """Make a case of a pull c ∝ 1/gap², whose pull-in is at a third of the gap; below it the balance solves a cubic."""
     gap_m = 1e-3
 
     def solve() -> Answer:

@@ -120,7 +120,7 @@ def solve_scalar(
 
 
 def _energy_density(ng: Any, steel: Steel, field: Any, name: str, of_flux: bool = False) -> Any:
-    """Co-energy in J/m³ of a field H in A/m, or energy of a flux density B in T."""
+    """Return the co-energy in J/m³ of a field H in A/m, or the energy of a flux density B in T."""
     square = ng.InnerProduct(field, field)
     if isinstance(steel, BHCurve):
         along, across = (axis.tolist() for axis in (steel.samples()[::-1] if of_flux else steel.samples()))
@@ -179,7 +179,7 @@ def _line_search(form: Any, solution: Any, step: Any, trial: Any, expected: floa
 
 
 def body_wrench(solved: ScalarField, body: str, at_mm: tuple[float, float, float]) -> BodyWrench:
-    """Wrench on the material `body`, surrounded by the material ``air``, about the point `at_mm`.
+    """Return the wrench on the material `body`, surrounded by the material ``air``, about the point `at_mm`.
 
     In a half plane of revolution (two-dimensional meshes) only Fz.
     """
@@ -193,7 +193,7 @@ def body_wrench(solved: ScalarField, body: str, at_mm: tuple[float, float, float
 
 
 def _spread(ng: Any, solved: ScalarField, space: Any, near: Any) -> Any:
-    """The displacement 1 on the body, harmonic in the air, 0 on all other bodies and on the far sphere."""
+    """Return the displacement 1 on the body, harmonic in the air, 0 on all other bodies and on the far sphere."""
     mesh = solved.mesh
     others = [name for name in dict.fromkeys(mesh.GetMaterials()) if name != "air"]
     fixed = space.GetDofs(mesh.Materials("|".join(others))) | space.GetDofs(mesh.Boundaries("far"))
@@ -206,7 +206,7 @@ def _spread(ng: Any, solved: ScalarField, space: Any, near: Any) -> Any:
 
 
 def _stress_on(ng: Any, solved: ScalarField, shift: Any, at_mm: tuple[float, float, float]) -> np.ndarray:
-    """``−∫ σ·∇g`` and its moment, with Maxwell's stress σ = μ0 (H⊗H − ½ H²)."""
+    """Return ``−∫ σ·∇g`` and its moment, with Maxwell's stress σ = μ0 (H⊗H − ½ H²)."""
     slope, field = ng.grad(shift), solved.field
     density = MU_0 * (ng.InnerProduct(field, field) / 2 * slope - ng.InnerProduct(field, slope) * field)
     options = {"definedon": solved.mesh.Materials("air"), "order": 2 * solved.order + 2}
@@ -262,7 +262,7 @@ def axisymmetric_force(
     order: int = 5,
     levels: int = 4,
 ) -> AxisymmetricForce:
-    """Force on a washer on the coil's axis, `gap_m` above its top face, at `current_a`.
+    """Return the force on a washer on the coil's axis, `gap_m` above its top face, at `current_a`.
 
     A steel of None is linear, with the part's permeability. Elements of `order` (at least 3), refined
     `levels` times towards every corner of core and washer.
@@ -329,7 +329,7 @@ def check_parts(coil: CoilSource, washer: SteelRing, gap_m: float) -> None:
 
 
 def _half_plane(coil: CoilSource, washer: SteelRing, gap_m: float, levels: int) -> tuple[Any, float]:
-    """Mesh in mm (x is the radius, y the height above the coil's top) and the far circle's radius in mm."""
+    """Return the mesh in mm (x is the radius, y the height above the coil's top) and the far circle's radius in mm."""
     occ, ng = engine("netgen.occ"), engine("ngsolve")
     low, high = 1e3 * gap_m, 1e3 * (gap_m + washer.thickness)
     hole, rim = 500 * washer.inner_diameter, 500 * washer.outer_diameter
@@ -367,7 +367,7 @@ def _half_plane(coil: CoilSource, washer: SteelRing, gap_m: float, levels: int) 
 
 
 def coil_cells(coil: CoilSource) -> list[tuple[str, float, float, float, float]]:
-    """The parts of a coil's half plane in mm, on a grid of all their edges: name, radii and heights from … to.
+    """Return the parts of a coil's half plane in mm, on a grid of all their edges: name, radii and heights from … to.
 
     Named ``core``, ``winding``, or ``bore`` within a winding.
     """
@@ -391,14 +391,14 @@ def coil_cells(coil: CoilSource) -> list[tuple[str, float, float, float, float]]
 
 
 def _edges(*places: float) -> list[float]:
-    """Places in order, one of those that rounding keeps apart."""
+    """Return places in order, one of those that rounding keeps apart."""
     ordered = sorted(places)
     close = 1e-6 * (ordered[-1] - ordered[0])
     return [ordered[0], *(v for u, v in pairwise(ordered) if v - u > close)]
 
 
 def wound(coil: CoilSource, current_a: float, radius: Any, height: Any) -> tuple[Any, Any]:
-    """T_z in A/m, whose curl is the current, and the current's density in A/(m·mm); coefficient functions, in mm."""
+    """Return T_z in A/m, whose curl is the current, and the current's density in A/(m·mm), as functions in mm."""
     ng = engine("ngsolve")
     potential, density = ng.CF(0), ng.CF(0)
     for w in coil.windings:
@@ -414,7 +414,7 @@ def wound(coil: CoilSource, current_a: float, radius: Any, height: Any) -> tuple
 def _by_vector(
     mesh: Any, coil: CoilSource, current_a: float, steels: dict[str, Steel], far_mm: float, order: int
 ) -> ScalarField:
-    """The same by ``A = r w``, in T and mm: ``B = (−r ∂w/∂z, 2w + r ∂w/∂r)``."""
+    """Solve the same by ``A = r w``, in T and mm: ``B = (−r ∂w/∂z, 2w + r ∂w/∂r)``."""
     ng = engine("ngsolve")
     _, density = wound(coil, current_a, ng.x, ng.y)
     space = ng.H1(mesh, order=order)

@@ -64,7 +64,7 @@ def solid_force(
     levels: int = 1,
     size: float = 1.0,
 ) -> SolidForce:
-    """Forces and moments on `washers` above a coil that carries `current_a`.
+    """Return forces and moments on `washers` above a coil that carries `current_a`.
 
     A steel of None is linear, with the part's permeability. Elements of `order` (at least 2), refined
     `levels` times towards the edges of core and washers; those of washers are `size` times as large as usual. Where
@@ -133,7 +133,7 @@ def _check(coil: CoilSource, washers: Sequence[PlacedWasher]) -> None:
 
 
 def _mesh(coil: CoilSource, washers: Sequence[PlacedWasher], half: bool, levels: int, size: float) -> tuple[Any, float]:
-    """Mesh in mm and the far sphere's radius in mm."""
+    """Return the mesh in mm and the far sphere's radius in mm."""
     occ, ng = engine("netgen.occ"), engine("ngsolve")
     length = 1e3 * coil.length
     parts = _coil_parts(occ, coil)
@@ -218,7 +218,7 @@ class Pull:
 
 
 def solid_pull(pull: Pull, order: int = 3, levels: int = 1) -> SolidForce:
-    """The solid field solution with its whole wrench.
+    """Solve the field in space; return the whole wrench.
 
     Raises
     ------

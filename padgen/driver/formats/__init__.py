@@ -25,7 +25,7 @@ __all__ = ["DriveFormat", "DriveJob", "in_order", "register", "unregister"]
 
 @dataclass(slots=True, eq=False)
 class DriveJob:
-    """What a format writes, judged before anything is, and what was seen on the way.
+    """One job of writing files, judged before anything is written, and what was seen on the way.
 
     `request` is what is asked for, `depth` of a WAV's samples; `hear` and `gap` as `Drive.save` has them.
     `drive` is None where only tables are asked for of a pad with a washer that no coil pulls, `timeline` where nothing
@@ -46,13 +46,13 @@ class DriveJob:
     heard: "Heard | None" = None
 
     def drive_at(self, rates_hz: tuple[int, ...]) -> "PadDrive":
-        """The drive at the rate that is asked for, or else at the first of these that will do."""
+        """Make the drive at the rate that is asked for, or else at the first of these that will do."""
         from padgen.driver.pad_drive import drive_at
 
         return drive_at(self.plan, rates_hz, self.request.rate_hz, self.request.tuning, self.request.carrier_hz)
 
     def played(self) -> "tuple[PadDrive, Timeline]":
-        """The drive and what it shows, for a format that is made of ``"frames"``."""
+        """Return the drive and what it shows, for a format that is made of ``"frames"``."""
         assert self.drive is not None
         assert self.timeline is not None
         return self.drive, self.timeline
@@ -92,7 +92,7 @@ def unregister(name: str) -> None:
 
 
 def in_order(names: Iterable[str]) -> dict[str, DriveFormat]:
-    """The formats of these names, in the order in which they are written.
+    """Return the formats of these names, in the order in which they are written.
 
     Raises
     ------

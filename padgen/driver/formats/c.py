@@ -41,7 +41,7 @@ NO_TAXEL = 0xFFFF
 
 @dataclass(frozen=True, slots=True)
 class _Kind:
-    """What coils that play alike share: the channels (n,) of one coil, as the header's tables have them."""
+    """The data that coils that play alike share: the channels (n,) of one coil, as the header's tables have them."""
 
     harmonic: tuple[int, ...]
     line_a2: tuple[float, ...]
@@ -52,7 +52,7 @@ class _Kind:
 
 
 def write(out: OutputFolder, job: DriveJob) -> None:
-    """Add the header and the firmware; judged is whatever a host may send."""
+    """Add the header and the firmware; the worst that a host may send is judged."""
     drive = job.drive_at(CONTROLLER_RATES_HZ)
     job.findings += judge_limits(FILE, job.plan, drive, tuning=job.request.tuning)
     out.write(FILE, c_header(job.plan, drive, job.request.tuning))
@@ -61,13 +61,13 @@ def write(out: OutputFolder, job: DriveJob) -> None:
 
 
 def firmware_files() -> dict[str, bytes]:
-    """The firmware's files by name, which go beside the header."""
+    """Return the firmware's files by name, which go beside the header."""
     paths = (path for path in sorted(FIRMWARE.iterdir()) if path.suffix in (".c", ".h", ".md"))
     return {NAMES.get(path.name, path.name): path.read_bytes() for path in paths}
 
 
 def c_header(plan: Plan, drive: PadDrive, tuning: Tuning | None = None) -> str:
-    """`pad_drive.h`: what the firmware must know of a pad, as C99 and C++; its tables have a row for a kind of coil.
+    """Write `pad_drive.h`, a pad for the firmware, as C99 and C++; its tables have a row for each kind of coil.
 
     Frequencies and phases are of the current's tones: half the force's where it has no constant part. `tuning` is the
     one that `drive` was made with.
@@ -111,7 +111,7 @@ def _kind(coil: CoilDrive, slots: Iterable[int]) -> _Kind:
 
 
 def _plain(text: str) -> str:
-    """Text that can stand in a C comment."""
+    """Replace what cannot stand in a C comment."""
     return "".join(c if c.isascii() and c.isprintable() and c not in "*/\\?" else "_" for c in text)
 
 
@@ -152,7 +152,7 @@ def _defines(plan: Plan, drive: PadDrive, kinds: Sequence[_Kind]) -> str:
 
 
 def _played_as(scheme: Scheme) -> str:
-    """The scheme of the firmware that makes the same current."""
+    """Return the scheme of the firmware that makes the same current."""
     made = scheme.kind.CURRENT, scheme.takes_turns
     played = {(own.kind.CURRENT, own.takes_turns): own.name for own in map(Scheme, SCHEME_NUMBERS)}
     if made in played:
@@ -165,7 +165,7 @@ def _upper(scheme: str) -> str:
 
 
 def _channels(kinds: Sequence[_Kind]) -> int:
-    """Channels of the coil that has most; tables of none are no C."""
+    """Return the channels of the coil that has most, at least 1: an empty table is no C."""
     return max(1, *(len(kind.line_a2) for kind in kinds))
 
 
@@ -205,7 +205,7 @@ def _kind_tables(drive: PadDrive, kinds: Sequence[_Kind]) -> Iterable[str]:
 
 
 def _constant_tables(kinds: Sequence[_Kind]) -> Iterable[str]:
-    """Spur-free: the least constants of all on/off states of each group of channels, of all on, and the margins."""
+    """Yield, for spur-free drives, the least constants of all states of each group, of all on, and the margins."""
     channels = _channels(kinds)
     size = group_channels(channels)
     groups = ceil(channels / size)
@@ -225,18 +225,18 @@ def _constant_tables(kinds: Sequence[_Kind]) -> Iterable[str]:
 
 
 def _turns(turns: float) -> int:
-    """A share of a turn in 2⁻³² turns."""
+    """Convert a share of a turn into 2⁻³² turns."""
     return round(turns * TURN) % TURN
 
 
 def _float(value: float) -> str:
-    """A C float, as exact as it can be."""
+    """Write a C float, as exact as it can be."""
     text = f"{float(np.float32(value)):.9g}"
     return f"{text}f" if "." in text or "e" in text else f"{text}.0f"
 
 
 def _float_above(value: float) -> str:
-    """A C float that is no smaller."""
+    """Write a C float that is no smaller."""
     single = np.float32(value)
     return _float(float(single if single >= value else np.nextafter(single, np.float32(np.inf))))
 

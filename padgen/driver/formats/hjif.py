@@ -65,7 +65,7 @@ def write(out: OutputFolder, job: DriveJob) -> None:
 
 
 def hjif_text(plan: Plan, timeline: Timeline | None = None, tuning: Tuning | None = None) -> str:
-    """The text of an `.hjif` file: the pad, as planned or as measured, and what `timeline` shows on it.
+    """Write the text of an `.hjif` file: the pad, as planned or as measured, and what `timeline` shows on it.
 
     Raises
     ------
@@ -125,7 +125,7 @@ def hjif_text(plan: Plan, timeline: Timeline | None = None, tuning: Tuning | Non
 
 
 def _devices(plan: Plan, tuning: Tuning) -> tuple[list[dict[str, Any]], list[int]]:
-    """A device for each kind of taxel, and which (index) each taxel is."""
+    """Make a device for each kind of taxel; return them, and which (index) each taxel is."""
     known: dict[tuple[int, float, float], int] = {}
     devices: list[dict[str, Any]] = []
     device_of = []
@@ -162,7 +162,7 @@ def _devices(plan: Plan, tuning: Tuning) -> tuple[list[dict[str, Any]], list[int
 
 
 def _gain(plan: Plan) -> float:
-    """ON displacement over the largest that the limits allow; 0 where there is no such limit, or no pull."""
+    """Return the ON displacement over the largest that the limits allow; 0 where there is no such limit, or no pull."""
     largest_um = plan.load.reachable_level_um
     return plan.spec.drive.level_um / largest_um if largest_um > 0 and isfinite(largest_um) else 0.0
 
@@ -202,7 +202,7 @@ def _channels(
 
 
 def _course(timeline: Timeline) -> _Course:
-    """The smooth steps between the keyframes as straight pieces, on whole ticks."""
+    """Turn the smooth steps between the keyframes into straight pieces on whole ticks."""
     key = np.round(timeline.time_s * TICKS_PER_S).astype(int)
     key = np.maximum.accumulate(key - np.arange(len(key))) + np.arange(len(key))  # no two on one tick
     if np.abs(key / TICKS_PER_S - timeline.time_s).max() > 1.5 / TICKS_PER_S:
@@ -219,7 +219,7 @@ def _course(timeline: Timeline) -> _Course:
 
 
 def _effects(course: _Course, k: int, hz: int) -> Iterator[dict[str, Any]]:
-    """The stretches in which a taxel vibrates, cut where they would get too long; the phase leads on."""
+    """Yield the stretches in which a taxel vibrates, cut where they would get too long; the phase leads on."""
     tick, level = course.tick, course.level[:, k]
     cut = tick % LONGEST_EFFECT == 0
     sounds = np.append((level[:-1] > 0) | (level[1:] > 0), False)  # from each tick to the next

@@ -189,7 +189,7 @@ def write(out: OutputFolder, job: DriveJob) -> None:
 
 
 def syntacts_script(plan: Plan, drive: PadDrive, timeline: Timeline, full_scale_v: float | None = None) -> str:
-    """The script's text; a sample of 1 is `full_scale_v` at the coil.
+    """Write the script's text; a sample of 1 is `full_scale_v` at the coil.
 
     That should be the written wave's, if there is one; None: the amplifier's limit, or the peak where it is above.
     """
@@ -234,12 +234,12 @@ def _scale_v(drive: PadDrive, timeline: Timeline) -> float:
 
 
 def _figure(value: float) -> str:
-    """A number for the script: twelve digits, so that platforms agree."""
+    """Write a number for the script with twelve digits, so that platforms agree."""
     return repr(float(f"{value:.12g}"))
 
 
 def _stretches(drive: PadDrive, timeline: Timeline) -> Iterator[_Stretch]:
-    """What is between the keyframes, in the samples that the written wave has it in."""
+    """Yield the stretches between the keyframes, cut at the same samples as the written wave."""
     rate = drive.rate_hz
     edge = edges(drive, timeline)
     for key, (first, last) in enumerate(pairwise(edge)):
@@ -255,7 +255,7 @@ def _stretches(drive: PadDrive, timeline: Timeline) -> Iterator[_Stretch]:
 def _parts(
     drive: PadDrive, timeline: Timeline, coil: CoilDrive, stretches: list[_Stretch], scale_v: float
 ) -> Iterator[tuple[_Stretch, list[Term]]]:
-    """The terms of one coil's stretches, in shares of `scale_v`; none for silence."""
+    """Yield the terms of one coil's stretches, in shares of `scale_v`; none for silence."""
     if not len(coil.taxels):
         return
     levels = timeline.levels[:, coil.taxels]
@@ -278,7 +278,7 @@ Pair = tuple[np.ndarray, np.ndarray]
 
 
 def _tones(drive: PadDrive, coil: CoilDrive, stretch: _Stretch, levels: Pair, scale_v: float) -> Iterator[Term]:
-    """Sines at half the force's frequency, each with the root of its level."""
+    """Yield sines at half the force's frequency, each with the root of its level."""
     harmonic, amplitude = coil_lines(drive, coil)
     for low, high in _pairs(levels):
         own = (levels[0] == low) & (levels[1] == high)
@@ -298,7 +298,7 @@ def _tones(drive: PadDrive, coil: CoilDrive, stretch: _Stretch, levels: Pair, sc
 def _biased(
     drive: PadDrive, coil: CoilDrive, stretch: _Stretch, levels: Pair, fed: tuple[bool, bool], scale_v: float
 ) -> Iterator[Term]:
-    """A constant and sines at the force's frequency, each as its level; as a whole with a root from and to silence."""
+    """Yield a constant and sines at the force's frequency, each as its level; with a root from and to silence."""
     harmonic, amplitude = coil_lines(drive, coil)
     weight, bias = amplitude / scale_v, coil.bias_a / scale_v
     if fed[0] != fed[1]:
@@ -315,13 +315,13 @@ def _biased(
 
 
 def _pairs(levels: Pair) -> list[tuple[float, float]]:
-    """The distinct pairs of levels that are not silent."""
+    """Return the distinct pairs of levels that are not silent."""
     pairs = {(float(low), float(high)) for low, high in zip(*levels, strict=True)}
     return sorted(pair for pair in pairs if any(pair))
 
 
 def _lines(drive: PadDrive, stretch: _Stretch, harmonic: np.ndarray, weight: np.ndarray) -> Iterator[tuple]:
-    """Complex amplitudes of the current when t is 0, with their rates in rad/s."""
+    """Yield complex amplitudes of the current when t is 0, with their rates in rad/s."""
     for k, amplitude in zip(harmonic.tolist(), weight.tolist(), strict=True):
         turned = k * stretch.half_samples % (2 * drive.period_samples) / (2 * drive.period_samples)
         if amplitude:
@@ -329,7 +329,7 @@ def _lines(drive: PadDrive, stretch: _Stretch, harmonic: np.ndarray, weight: np.
 
 
 def _fed(drive: PadDrive, shapes: tuple[str, str], constant: float, lines: list[tuple]) -> Iterator[Term]:
-    """The volts of ``shape(t) (constant + lines)``: R i + L di/dt, the shape's slope with it."""
+    """Yield the volts of ``shape(t) (constant + lines)``: R i + L di/dt, the shape's slope with it."""
     r, inductance = drive.resistance_ohm, drive.inductance_h
     if not (lines or constant):
         return
@@ -339,12 +339,12 @@ def _fed(drive: PadDrive, shapes: tuple[str, str], constant: float, lines: list[
 
 
 def _tone(amplitude: complex, rate: float) -> tuple[float, float, float]:
-    """Amplitude, rate and phase of the sine that is the real part of ``amplitude exp(i rate t)``."""
+    """Return amplitude, rate and phase of the sine that is the real part of ``amplitude exp(i rate t)``."""
     return abs(amplitude), rate, float(np.angle(1j * amplitude))
 
 
 def _n(value: float) -> str:
-    """A number for an expression."""
+    """Write a number for an expression."""
     return f"{value:.15g}" if value >= 0 else f"({value:.15g})"
 
 
@@ -359,7 +359,7 @@ STEP_SLOPE = "630 * x * x * x * x * (1 - x) * (1 - x) * (1 - x) * (1 - x)"
 
 
 def _root_of_step(stretch: _Stretch, rises: bool) -> tuple[str, str]:
-    """The root of the smooth step, up or down, and its slope; in closed form, since both vanish where it starts."""
+    """Return the root of the smooth step, up or down, and its slope, in closed form: both vanish where it starts."""
     share = _share(stretch) + ("" if rises else "x := 1 - x; ")
     speed = stretch.speed if rises else -stretch.speed
     fall = "(1 - x) * (1 - x) * (1 - x) * (1 - x)"
@@ -370,7 +370,7 @@ def _root_of_step(stretch: _Stretch, rises: bool) -> tuple[str, str]:
 
 
 def _levels_text(stretch: _Stretch, low: float, high: float) -> tuple[str, str]:
-    """A level that goes from one value to another, and its slope."""
+    """Return a level that goes from one value to another, and its slope."""
     share = _share(stretch)
     rise = f"{_n(high - low)}"
     return f"{share}{_n(low)} + {rise} * ({STEP})", f"{share}{_n((high - low) * stretch.speed)} * {STEP_SLOPE}"
@@ -379,7 +379,7 @@ def _levels_text(stretch: _Stretch, low: float, high: float) -> tuple[str, str]:
 def _root_text(
     drive: PadDrive, coil: CoilDrive, stretch: _Stretch, levels: Pair, constant: np.ndarray, scale_v: float
 ) -> str:
-    """The volts of √F, with F from one keyframe's force to the next's; '' for silence.
+    """Return the volts of √F, with F from one keyframe's force to the next's; '' for silence.
 
     On a carrier the current is √(2F) cos(w t + p).
     """
@@ -420,7 +420,7 @@ def _root_text(
 
 
 def _mixed(before: float, after: float) -> str:
-    """A number that goes with the smooth step b, of which q is what is left to 1."""
+    """Write a number that goes with the smooth step b, of which q is what is left to 1."""
     shares = [f"{_n(value)} * {share}" for value, share in ((before, "q"), (after, "b")) if value]
     return _n(before) if before == after else f"({' + '.join(shares)})"
 

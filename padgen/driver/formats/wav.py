@@ -56,7 +56,7 @@ MOST_CHANNELS = 65535
 
 
 def wav_header(rate_hz: int, channels: int, count: int, depth: str, comment: str = "") -> bytes:
-    """All bytes before the samples of a file of `count` samples in each channel, `depth` '24' or 'float'.
+    """Return all bytes before the samples of a file of `count` samples in each channel, `depth` '24' or 'float'.
 
     Raises
     ------
@@ -145,7 +145,7 @@ class WavWriter:
 
 
 def _packed_24(samples: np.ndarray) -> np.ndarray:
-    """Bytes (s, channels, 3), little-endian, rounded to the nearest.
+    """Return bytes (s, channels, 3), little-endian, rounded to the nearest.
 
     Without dither: the rounding error of a sum of lines is noise-like at this depth (`tests/test_wav.py`).
     """
@@ -178,7 +178,7 @@ CHECKED_BLOCK = 1 << 12
 
 @dataclass(frozen=True, slots=True)
 class WaveReport:
-    """What was written: sample 1 is `full_scale`, in V or A as `signal` says; WAV channels are the coils.
+    """Figures of a written wave: sample 1 is `full_scale`, in V or A as `signal` says; WAV channels are the coils.
 
     `rms_current_a`, `copper_loss_w` are each coil's over the file, `loss_over_tones` what all coils' is over that of
     plain tones with the same lines. `alias_db`: see `PadDrive`.
@@ -207,7 +207,7 @@ class WaveReport:
 
 
 class _Tally(NamedTuple):
-    """What a pass over all blocks found: largest sample, sum of i² (coils,), checksum, the first samples."""
+    """Sums of a pass over all blocks: largest sample, sum of i² (coils,), checksum, the first samples."""
 
     peak: float
     square_a2: np.ndarray
@@ -336,7 +336,7 @@ def write_wave(
 
 
 def full_scale(drive: PadDrive, signal: str = "voltage") -> float:
-    """What sample 1 is in a file of this drive: the amplifier's limit in V, or a round current in A above all."""
+    """Return sample 1 of a file of this drive: the amplifier's limit in V, or a round current in A above all."""
     if signal == "voltage":
         return drive.voltage_limit_v
     peak_a = max(peak_current_a(drive.scheme, c.line_a2, float(c.margin.max(initial=0.0))) for c in drive.coils)
@@ -344,7 +344,7 @@ def full_scale(drive: PadDrive, signal: str = "voltage") -> float:
 
 
 def _round_up(value: float) -> float:
-    """The next of 1, 1.5, 2, 3, 5, 7 times a power of ten."""
+    """Return the next of 1, 1.5, 2, 3, 5, 7 times a power of ten."""
     if value <= 0:
         return 1.0
     power = floor(log10(value))
@@ -354,7 +354,7 @@ def _round_up(value: float) -> float:
 def _write(
     path: Path, drive: PadDrive, timeline: Timeline, depth: str, signal: str, scale: float, beyond: str
 ) -> _Tally:
-    """One pass; once a sample would be clipped only the largest is looked for, since another pass follows."""
+    """Write the file in one pass; once a sample would be clipped only the largest is looked for, for another pass."""
     count, coils = sample_count(drive, timeline), len(drive.coils)
     peak, square, first = 0.0, np.zeros(coils), np.zeros((0, coils))
     comment = f"sample 1 = {scale:g} {SIGNALS[signal]}; channel k is coil k, row by row{beyond}"
@@ -405,7 +405,7 @@ def wave_json(
     name: str = "drive.wav",
     tuning: Tuning | None = None,
 ) -> str:
-    """What a reader of the WAV file must know, as JSON: scale, coils in the order of its channels, lines, keyframes.
+    """Describe the WAV file as JSON: scale, coils in the order of its channels, lines, keyframes.
 
     `tuning` is the one that `drive` was made with.
     """
