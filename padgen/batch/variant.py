@@ -137,7 +137,16 @@ def _made(task: Task) -> "tuple[dict[str, Any], tuple[Finding, ...]]":
 
         pad = Pad(spec)
         built = pad.save(out, task.formats)
-        return plan_figures(pad.plan) | _build_figures(pad.plan, built.figures), built.findings
+        mesh, printer = built.figures, pad.plan.spec.printer
+        resin_s = mesh["size_mm"][2] / printer.layer_mm * RESIN_S_PER_LAYER
+        nozzle_s = float(mesh["volume_mm3"]) / (printer.line_width_mm * printer.layer_mm * FDM_MM_PER_S)
+        figures = plan_figures(pad.plan) | {
+            "plastic_g": mesh["plastic_g"],
+            "triangles": mesh["triangles"],
+            "print_min": (resin_s if printer.process == "resin" else nozzle_s) / 60,
+            "off_plan_mm": mesh.get("largest_difference_from_plan_mm"),
+        }
+        return figures, built.findings
     from padgen.planner import plan_to_json
 
     plan = plan_for(spec)
@@ -193,20 +202,4 @@ def plan_figures(plan: "Plan") -> dict[str, Any]:
         "power_w": plan.load.copper_loss_w * coils,
         "largest_print_spread": max(c.print_spread for c in plan.channels),
         "largest_sag_um": max(c.sag_um for c in plan.channels),
-    }
-
-
-def _build_figures(plan: "Plan", figures: dict[str, Any]) -> dict[str, Any]:
-    """Return what was measured on the mesh, and about how long it prints."""
-    spec, volume = plan.spec, float(figures["volume_mm3"])
-    printer = spec.printer
-    if printer.process == "resin":
-        seconds = figures["size_mm"][2] / printer.layer_mm * RESIN_S_PER_LAYER
-    else:
-        seconds = volume / (printer.line_width_mm * printer.layer_mm * FDM_MM_PER_S)
-    return {
-        "plastic_g": figures["plastic_g"],
-        "triangles": figures["triangles"],
-        "print_min": seconds / 60,
-        "off_plan_mm": figures.get("largest_difference_from_plan_mm"),
     }

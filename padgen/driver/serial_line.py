@@ -480,7 +480,8 @@ class _Link:
             messages, self._rest = decode(stream)
             for answer in messages:
                 if answer is not None and _answers(answer, message):
-                    return None if _is_damaged(answer) else answer
+                    damaged = answer.kind == Kind.NAK and answer.version == VERSION
+                    return None if damaged and refusal(answer).reason == Reason.DAMAGED else answer
         return None
 
     def _next_tag(self) -> int:
@@ -499,10 +500,6 @@ def _answers(answer: Message, message: Message) -> bool:
         return answer.payload[0] == message.kind and answer.sequence == message.sequence
     whole = len(answer.payload) >= GREETING_BYTES
     return answer.kind == Kind.GREETING and message.kind == Kind.HELLO and whole
-
-
-def _is_damaged(answer: Message) -> bool:
-    return answer.version == VERSION and answer.kind == Kind.NAK and refusal(answer).reason == Reason.DAMAGED
 
 
 @contextmanager

@@ -54,8 +54,6 @@ __all__ = [
     "Named",
     "Study",
     "Verdict",
-    "extreme_csv",
-    "extreme_json",
     "judged_error",
     "measured_study",
     "missing_rungs",
@@ -384,7 +382,8 @@ def run_extreme(
             progress("drawing")
             from padgen.ladders.text import extreme_picture
 
-            texts = extreme_csv(verdicts), extreme_json(verdicts, _about())
+            table = {**_about(), "stopped": bool(study.missing), "cases": verdicts}
+            texts = _csv(EXTREME_COLUMNS, [astuple(found) for found in verdicts]), json_text(table)
             _commit(out, EXTREME_FILES, (*texts, extreme_picture(verdicts)))
     return study
 
@@ -500,13 +499,3 @@ def _rung(row: Row) -> dict[str, Any]:
         "values": None if own.values is None else own.values.tolist(),
         "note": own.note,
     }
-
-
-def extreme_csv(verdicts: Sequence[Verdict]) -> str:
-    """Write one row per case."""
-    return _csv(EXTREME_COLUMNS, [astuple(found) for found in verdicts])
-
-
-def extreme_json(verdicts: Sequence[Verdict], about: dict[str, Any]) -> str:
-    """Write the cases with `about` ahead of them."""
-    return json_text({**about, "stopped": any(v.verdict == MISSING for v in verdicts), "cases": list(verdicts)})

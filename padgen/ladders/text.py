@@ -94,17 +94,16 @@ def picks_text(picks: Iterable[Pick]) -> str:
 
 def extreme_text(study: "ExtremeStudy") -> str:
     """Write the table of cases, then what is refused or wrong, sentence by sentence."""
-    lines = [_table(EXTREME_HEADINGS, [_verdict(found) for found in study.verdicts], left=3)]
+    rows = []
+    for found in study.verdicts:
+        errors = _power(found.error), _power(found.stated_error), seconds_text(found.seconds)
+        rest = _power(found.residual), _power(found.condition), found.verdict
+        rows.append((found.domain, found.case, found.model, *errors, *rest))
+    lines = [_table(EXTREME_HEADINGS, rows, left=3)]
     lines += [f"{found.verdict}: {found.domain}, {found.case}: {found.note}" for found in study.verdicts if found.note]
     counts = Counter(found.verdict for found in study.verdicts)
     told = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
     return "\n".join([*lines, TIMES, f"{len(study.verdicts)} cases: {told}"])
-
-
-def _verdict(found: "Verdict") -> tuple[str, ...]:
-    errors, rest = (found.error, found.stated_error), (found.residual, found.condition)
-    head = (found.domain, found.case, found.model, *map(_power, errors), seconds_text(found.seconds))
-    return (*head, *map(_power, rest), found.verdict)
 
 
 def _power(value: float) -> str:

@@ -133,13 +133,11 @@ class System(NamedTuple):
             return np.asarray(self.mass @ vectors.reshape(nodes, -1)).reshape(vectors.shape)
         return np.concatenate([self.mass @ part for part in vectors.reshape(3, nodes, *vectors.shape[1:])])
 
-    def stiffness_blocks(self) -> Any:
-        """Return the stiffness as scipy matrix (n, n), BSR where the unknowns come in blocks."""
-        sparse = engine("scipy.sparse")
+    def diagonal(self) -> np.ndarray:
+        """Return the diagonal (n,) of the stiffness."""
         values, columns, starts = (np.asarray(part) for part in self.stiffness.CSR())
-        if self.blocks:
-            return sparse.bsr_matrix((values.reshape(-1, 3, 3), columns, starts))
-        return sparse.csr_matrix((values, columns, starts))
+        kind, values = ("bsr_matrix", values.reshape(-1, 3, 3)) if self.blocks else ("csr_matrix", values)
+        return np.asarray(getattr(engine("scipy.sparse"), kind)((values, columns, starts)).diagonal())
 
 
 class Eigen(NamedTuple):
@@ -309,19 +307,17 @@ def eigenmodes(system: System, solve: Factored, modes: int, start: np.ndarray | 
         if len(square) >= modes:
             moved, values = np.abs(values / square[:modes] - 1).max(), square[:modes]
             if moved < SETTLED:
-                return _checked(system, basis @ part[:, :modes], stiff @ part[:, :modes], values)
+                shape = basis @ part[:, :modes]
+                # |D^-½ (K x − λ M x)| / |x|_K, D the diagonal of K
+                left = (stiff @ part[:, :modes] - system.mass_times(shape) * values)[system.free]
+                bent = (left**2 / system.diagonal()[system.free, None]).sum(0)
+                residual = float(np.sqrt(bent / values).max()) if values[0] > 0 else np.inf
+                if not residual < RESIDUAL_LIMIT:
+                    why = f"a mode leaves a residual of {residual:.1e}, must be below {RESIDUAL_LIMIT}"
+                    raise SolverError(why, "elasticity")
+                return Eigen(np.sqrt(values) / (2 * np.pi), shape, residual)
         block = np.array([solve(load) for load in system.mass_times(block).T]).T
     raise SolverError(f"the eigenvalue solver did not converge within {BLOCKS} blocks", "elasticity")
-
-
-def _checked(system: System, shape: np.ndarray, stiff: np.ndarray, square: np.ndarray) -> Eigen:
-    """Return modes with their residuals ``|D^-½ (K x − λ M x)| / |x|_K``, D the diagonal of K; `stiff` is K x."""
-    left = (stiff - system.mass_times(shape) * square)[system.free]
-    diagonal = system.stiffness_blocks().diagonal()[system.free]
-    residual = np.sqrt((left**2 / diagonal[:, None]).sum(0) / square).max() if square[0] > 0 else np.inf
-    if not residual < RESIDUAL_LIMIT:
-        raise SolverError(f"a mode leaves a residual of {residual:.1e}, must be below {RESIDUAL_LIMIT}", "elasticity")
-    return Eigen(np.sqrt(square) / (2 * np.pi), shape, float(residual))
 
 
 def rigid_loads(
