@@ -137,7 +137,18 @@ def _tables(text: str, path: Path, check: Check) -> Iterator[np.ndarray]:
     for frame, block in enumerate(blocks, start=1):
         _refuse_ragged(block, frame, path, "numbers")
         check(frame, len(block), len(block[0]))
-        yield _levels(block, frame, path)
+        values = np.empty((len(block), len(block[0])))
+        for row, cells in enumerate(block):
+            for column, cell in enumerate(cells):
+                try:
+                    values[row, column] = float("" if "_" in cell else cell)  # which Python takes in numbers
+                except ValueError as error:
+                    got = f"got {cell if len(cell) <= 40 else cell[:40] + '…'!r}" if cell else "is empty"
+                    hint = "; decimals take a point" if re.fullmatch(r"\d*,\d+", cell) else ""
+                    at = _place(frame, row, column)
+                    raise FileError(f"{at} must be a number in 0 … 1, {got}{hint}", str(path)) from error
+        _refuse_levels(values, frame, path)
+        yield values
 
 
 def _block(rows: Iterator[Row], path: Path) -> list[Row]:
@@ -146,21 +157,6 @@ def _block(rows: Iterator[Row], path: Path) -> list[Row]:
     if len(block) > MOST_ROWS:
         raise FileError(f"has a frame of more than {MOST_ROWS} rows", str(path))
     return block
-
-
-def _levels(block: list[list[str]], frame: int, path: Path) -> np.ndarray:
-    values = np.empty((len(block), len(block[0])))
-    for row, cells in enumerate(block):
-        for column, cell in enumerate(cells):
-            try:
-                values[row, column] = float("" if "_" in cell else cell)  # which Python takes in numbers
-            except ValueError as error:
-                got = f"got {cell if len(cell) <= 40 else cell[:40] + '…'!r}" if cell else "is empty"
-                hint = "; decimals take a point" if re.fullmatch(r"\d*,\d+", cell) else ""
-                at = _place(frame, row, column)
-                raise FileError(f"{at} must be a number in 0 … 1, {got}{hint}", str(path)) from error
-    _refuse_levels(values, frame, path)
-    return values
 
 
 def _place(frame: int, row: int, column: int) -> str:
@@ -233,20 +229,16 @@ def _signs(path: Path, check: Check) -> Iterator[np.ndarray]:
         rows = [line.ljust(width) if pads else line for line in block]
         _refuse_ragged(rows, frame, path, "signs")
         check(frame, len(rows), width)
-        yield _sign_levels(rows, frame, path)
-
-
-def _sign_levels(rows: list[str], frame: int, path: Path) -> np.ndarray:
-    for row, line in enumerate(rows):
-        for column, sign in enumerate(line):
-            if sign not in SIGNS:
-                at = _place(frame, row, column)
-                raise FileError(
-                    f"{at} must be 1 or # for ON, 0 or . or a blank for OFF or + for a half, got {sign!r};"
-                    " numbers go into a .csv file",
-                    str(path),
-                )
-    return np.array([[SIGNS[sign] for sign in line] for line in rows])
+        for row, line in enumerate(rows):
+            for column, sign in enumerate(line):
+                if sign not in SIGNS:
+                    at = _place(frame, row, column)
+                    raise FileError(
+                        f"{at} must be 1 or # for ON, 0 or . or a blank for OFF or + for a half, got {sign!r};"
+                        " numbers go into a .csv file",
+                        str(path),
+                    )
+        yield np.array([[SIGNS[sign] for sign in line] for line in rows])
 
 
 READERS: dict[str, Callable[[Path, Check], Iterator[np.ndarray]]] = {
