@@ -635,9 +635,11 @@ def test_memory_of_the_parent_is_flat(tmp_path):
 
 
 def test_the_time_left(tmp_path, monkeypatch):
-    """Two seconds a variant: as many for each of those that are left; none is known before the first."""
-    now = iter(range(0, 10**6, 1))
-    monkeypatch.setattr("padgen.batch.sweep.time", SimpleNamespace(monotonic=lambda: next(now), strftime=time.strftime))
+    """What a variant took, for each of those that are left; none is known before the first."""
+    now = iter(range(10**6))
+    monkeypatch.setattr(
+        "padgen.batch.sweep.time", SimpleNamespace(monotonic=lambda: next(now) / 1024, strftime=time.strftime)
+    )
     events = []
     text = NO_FOLDERS + "[axes]\nq_min = [10, 11, 12, 13]\n"
     run_sweep(parse_sweep(text), tmp_path, Inline(), on_event=events.append)
