@@ -303,5 +303,5 @@ class Drive:
             stale = out.commit(remove=["hear.json"] if job.report is not None and job.heard is None else [])
         findings = (*job.findings, *(job.report.findings if job.report else job.shown))
         if job.heard:
-            findings += ear_findings(job.heard)
+            findings += tuple(ear_findings(job.heard))
         return Driven(folder, out.names, tuple(stale), job.report, job.heard, findings)

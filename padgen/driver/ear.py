@@ -51,6 +51,7 @@ __all__ = [
     "mode_filter",
 ]
 
+WHERE = "drive.wav"
 SETTLED_TAUS = 4.5
 """Time constants in which a vibration comes within 0.1 dB of its last level: ``1 − e^-4.5`` is −0.1 dB."""
 # Time constants for which a loop is played before it is heard: e^-12 is 6e-6.
@@ -179,25 +180,39 @@ def hear(
     sidecar: Mapping[str, Any],
     tuning: Tuning | None = None,
     gap: bool = False,
-    where: str = "drive.wav",
 ) -> Heard:
     """Listen to `wave` on the pad of `plan`, or on the print that `tuning` tells of.
 
-    `sidecar` is the file's (`padgen.driver.formats.wav.wave_json`), read from JSON. A file that loops is heard as it
-    is after `LOOP_TAUS`, any other from rest. With the `gap` the pull grows as it closes, which takes longer.
+    `sidecar` is the file's (`padgen.driver.formats.wav.wave_json`), of this plan, read from JSON. A file that loops is
+    heard as it is after `LOOP_TAUS`, any other from rest. With the `gap` the pull grows as it closes, which takes longer.
 
     Raises
     ------
     FileError
-        The file is not what the sidecar says, the sidecar not of this plan, or no state is held.
+        No state is held long enough.
     """
-    score = _score(plan, wave, sidecar, where)
+    taxels, rate_hz = sidecar["taxels"], sidecar["rate_hz"]
+    line_hz = np.array([entry["force_hz"] for entry in taxels])
+    score = _Score(
+        rate_hz=rate_hz,
+        full_scale=sidecar["full_scale"],
+        by_voltage=sidecar["signal"] == "voltage",
+        loops=sidecar["loops"],
+        in_turns=Scheme(sidecar["scheme"]).takes_turns,
+        period_s=sidecar["period_s"],
+        coils=tuple((row, column) for row, column in (entry["coil"] for entry in sidecar["coils"])),
+        channel=np.array([entry["wav_channel"] for entry in taxels], int),
+        line_hz=line_hz,
+        time_s=np.array([frame["time_s"] for frame in sidecar["keyframes"]]),
+        levels=np.array([frame["levels"] for frame in sidecar["keyframes"]], float),
+        step=max(round(COURSE_PERIODS / 2 / float(line_hz.min(initial=1e9)) * rate_hz), 2),
+    )
     known = (tuning or planned_tuning(plan)).taxels
     resonance = np.array([taxel.resonance_hz for taxel in known])
     tau_s = np.array([taxel.q for taxel in known]) / (np.pi * resonance)
     spans = _spans(score, len(plan.sets[0]), float(tau_s.max()))
     if not spans:
-        raise FileError("holds no state long enough to listen to", where)
+        raise FileError("holds no state long enough to listen to", WHERE)
     alike: dict[tuple, list[int]] = {}
     for k, (taxel, level) in enumerate(zip(plan.taxels, levels_um(plan, resonance).tolist(), strict=True)):
         alike.setdefault((taxel.channel, level, tuning and tuning.taxels[k]), []).append(k)
@@ -244,42 +259,6 @@ def hear(
         with_gap=gap,
         asked_db=plan.selectivity.asked_db,
     )
-
-
-def _score(plan: Plan, wave: Wave, sidecar: Mapping[str, Any], where: str) -> _Score:
-    try:
-        frames, taxels = sidecar["keyframes"], sidecar["taxels"]
-        line_hz = np.array([float(entry["force_hz"]) for entry in taxels])
-        coils = sorted(sidecar["coils"], key=lambda entry: int(entry["wav_channel"]))
-        said = int(sidecar["rate_hz"]), int(sidecar["count"]), len(coils)
-        score = _Score(
-            rate_hz=said[0],
-            full_scale=float(sidecar["full_scale"]),
-            by_voltage={"voltage": True, "current": False}[sidecar["signal"]],
-            loops=bool(sidecar["loops"]),
-            in_turns=Scheme(sidecar["scheme"]).takes_turns,
-            period_s=float(sidecar["period_s"]),
-            coils=tuple((int(entry["coil"][0]), int(entry["coil"][1])) for entry in coils),
-            channel=np.array([int(entry["wav_channel"]) for entry in taxels], int),
-            line_hz=line_hz,
-            time_s=np.array([float(frame["time_s"]) for frame in frames]),
-            levels=np.array([frame["levels"] for frame in frames], float).reshape(len(frames), len(taxels)),
-            step=max(round(COURSE_PERIODS / 2 / float(line_hz.min(initial=1e9)) * said[0]), 2),
-        )
-        named = [(str(entry["id"]), score.coils[int(entry["wav_channel"])]) for entry in taxels]
-    except (KeyError, IndexError, TypeError, ValueError) as error:
-        problem = f"does not tell what a WAV file plays ({type(error).__name__}: {error})"
-        raise FileError(problem, f"sidecar of {where}") from error
-    if named != [(taxel.id, taxel.coil) for taxel in plan.taxels]:
-        problem = (
-            f"is of {len(named)} taxels of {sidecar.get('name')!r}, not of the {len(plan.taxels)} of {plan.name!r}"
-        )
-        raise FileError(problem, f"sidecar of {where}")
-    has = wave.rate_hz, wave.count, wave.channels
-    if has != said:
-        told = [f"{count} samples in each of {channels} channels at {rate} Hz" for rate, count, channels in (has, said)]
-        raise FileError(f"has {told[0]}, its sidecar says {told[1]}", where)
-    return score
 
 
 def _spans(score: _Score, slots: int, tau_s: float) -> tuple[Span, ...]:
@@ -556,15 +535,11 @@ def _rows(heard: Heard) -> Iterator[dict[str, Any]]:
             }
 
 
-def ear_findings(heard: Heard, where: str = "drive.wav") -> tuple[Finding, ...]:
-    """Judge what was heard in the file called `where`."""
-    return tuple(_findings(heard, where))
-
-
-def _findings(heard: Heard, where: str) -> Iterator[Finding]:
+def ear_findings(heard: Heard) -> Iterator[Finding]:
+    """Judge what was heard in the file."""
     if heard.pulled_in.any():
         told = (
-            f"is pulled onto its coil by {where}, as {int(heard.pulled_in.sum())} of {len(heard.ids)} taxels are;"
+            f"is pulled onto its coil by {WHERE}, as {int(heard.pulled_in.sum())} of {len(heard.ids)} taxels are;"
             " a lower drive.level_um or a wider coil.gap_mm would do"
         )
         yield Finding("error", "ear.pull_in", heard.ids[int(heard.pulled_in.argmax())], told)
@@ -587,7 +562,7 @@ def _findings(heard: Heard, where: str) -> Iterator[Finding]:
             f"keeps {kept:.1f} dB between the smallest ON and the loudest OFF taxel, {heard.ids[i]} in the state that"
             f" ends at {number(heard.spans[h].stop_s)} s; asked: {asked:.1f} dB (Δy)"
         )
-        yield Finding("warning", "ear.selectivity", where, told)
+        yield Finding("warning", "ear.selectivity", WHERE, told)
     late = ~heard.settled.all(1)
     if late.any():
         span = heard.spans[int(late.argmax())]
@@ -596,13 +571,13 @@ def _findings(heard: Heard, where: str) -> Iterator[Finding]:
             f" short for taxels to come within 0.1 dB of their levels ({int(late.sum())} of {len(heard.spans)} states"
             f" are); {at_least(heard.needs_s)} s after each switch would do"
         )
-        yield Finding("warning", "ear.unsettled", where, told)
+        yield Finding("warning", "ear.unsettled", WHERE, told)
     if any(not span.whole and not span.in_turns for span in heard.spans):
         told = (
             f"holds states for less than the comb's period of {number(heard.period_s)} s, so that their levels are"
             " means over a part of it and lines close to each other are not told apart"
         )
-        yield Finding("note", "ear.window", where, told)
+        yield Finding("note", "ear.window", WHERE, told)
 
 
 def _tone_db(heard: Heard) -> np.ndarray:
