@@ -679,13 +679,13 @@ def eddy_forces(coil: CoilSource, washer: SteelRing, gap: float, hz: float, resi
     slope, forces = ng.grad(near), []
     for angular in (0.0, 2 * np.pi * hz):
         form = ng.BilinearForm(space)
-        form += weight * reluctivity * ng.InnerProduct(_curl(ng, u), _curl(ng, v)) * more
+        form += weight * reluctivity * ng.InnerProduct(_curl(u), _curl(v)) * more
         form += weight * 1e-6j * angular * conducting * radius * u * radius * v * more
         form += weight * radius * u * radius * v / (MU_0 * far) * ng.ds("far", bonus_intorder=4)
         form.Assemble()
         w = ng.GridFunction(space)
         w.vec.data = form.mat.Inverse(space.FreeDofs(), inverse="umfpack") * source.vec
-        field = _curl(ng, w) / MU_0
+        field = _curl(w) / MU_0
         square = field[0] * field[0] + field[1] * field[1]
         stress = square / 2 * slope[1] - (field[0] * slope[0] + field[1] * slope[1]) * field[1]
         forces.append(complex(ng.Integrate(weight * stress, mesh, definedon=mesh.Materials("air"), order=10)))

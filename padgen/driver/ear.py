@@ -184,7 +184,8 @@ def hear(
     """Listen to `wave` on the pad of `plan`, or on the print that `tuning` tells of.
 
     `sidecar` is the file's (`padgen.driver.formats.wav.wave_json`), of this plan, read from JSON. A file that loops is
-    heard as it is after `LOOP_TAUS`, any other from rest. With the `gap` the pull grows as it closes: that takes longer.
+    heard as it is after `LOOP_TAUS`, any other from rest. With the `gap` the pull grows as it closes, which takes more
+    time.
 
     Raises
     ------

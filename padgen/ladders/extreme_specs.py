@@ -23,7 +23,7 @@ from padgen.physics.levels import LevelLaw
 from padgen.physics.selectivity import Channels, Scheme, channels, off_energy
 from padgen.spec import Spec, catalogue, make_spec
 from padgen.spec.fields import choices
-from padgen.verify.engines import engine
+from padgen.verify.engines import mpmath
 from padgen.verify.extreme import FINER_ELEMENTS, FINER_ERROR, Answer, ExtremeCase
 
 __all__ = ["outcome", "random_table", "selectivity_cases", "spec_cases"]
@@ -196,7 +196,7 @@ def selectivity_cases() -> Iterator[ExtremeCase]:
 
 def _case(name: str, model: str, value: Callable[[], float], stated: float, exact: Callable[[], Any]) -> ExtremeCase:
     def reference() -> np.ndarray:
-        with engine("mpmath").workdps(DIGITS):
+        with mpmath.workdps(DIGITS):
             return np.array([float(exact())])
 
     source = f"the same sums in {DIGITS} digits (mpmath)"
@@ -208,18 +208,17 @@ def _energy(name: str, band_hz: tuple[float, float], count: int, q: float, schem
         return float(off_energy(_which(band_hz, count, q), Scheme(scheme))[off])
 
     def exact() -> Any:
-        which, mpf = _which(band_hz, count, q), engine("mpmath").mpf
-        hz, line = ([mpf(float(v)) for v in part] for part in (which.resonance_hz, which.line))
-        return _summed(engine("mpmath"), hz, line, mpf(q), Scheme(scheme), off)
+        which = _which(band_hz, count, q)
+        hz, line = ([mpmath.mpf(float(v)) for v in part] for part in (which.resonance_hz, which.line))
+        return _summed(hz, line, mpmath.mpf(q), Scheme(scheme), off)
 
     return _case(name, scheme, value, (PER_LINE + float(np.log2(count))) * ROUNDING, exact)
 
 
 def _capacity(q: float, delta_y: float) -> ExtremeCase:
     def exact() -> Any:
-        mp = engine("mpmath")
-        share = mp.mpf(delta_y) / (4 * mp.mpf(q))
-        return mp.log(mp.mpf(1000) / 20) / mp.log((1 + share) / (1 - share))
+        share = mpmath.mpf(delta_y) / (4 * mpmath.mpf(q))
+        return mpmath.log(mpmath.mpf(1000) / 20) / mpmath.log((1 + share) / (1 - share))
 
     name = f"channels in 20 … 1000 Hz, Q = {q:g}, Δy = {delta_y:g}"
     return _case(name, "Eq. 12", lambda: capacity(20.0, 1000.0, q, delta_y), 8 * ROUNDING, exact)
@@ -230,7 +229,7 @@ def _which(band_hz: tuple[float, float], count: int, q: float) -> Channels:
     return channels(resonance_hz, q, LevelLaw(1.0)(resonance_hz))
 
 
-def _summed(mp: Any, hz: list[Any], line: list[Any], q: Any, scheme: Scheme, off: int) -> Any:
+def _summed(hz: list[Any], line: list[Any], q: Any, scheme: Scheme, off: int) -> Any:
     def heard(frequency: Any, amplitude: Any) -> Any:
         share = frequency / hz[off]
         return (amplitude / line[off]) ** 2 / ((q * (1 - share**2)) ** 2 + share**2)
@@ -240,11 +239,11 @@ def _summed(mp: Any, hz: list[Any], line: list[Any], q: Any, scheme: Scheme, off
     if not scheme.has_pair_spurs:
         return total
     half = 2 if scheme.name == "tones" else 1
-    biased = 2 * mp.mpf(scheme.bias_ratio) * max(line)
+    biased = 2 * mpmath.mpf(scheme.bias_ratio) * max(line)
     for place, a in enumerate(others):
         if scheme.is_biased:
             total += heard(2 * hz[a], line[a] ** 2 / (2 * biased))
         for b in others[place + 1 :]:
-            both = 2 * mp.sqrt(line[a] * line[b]) if scheme.name == "tones" else line[a] * line[b] / biased
+            both = 2 * mpmath.sqrt(line[a] * line[b]) if scheme.name == "tones" else line[a] * line[b] / biased
             total += heard((hz[a] + hz[b]) / half, both) + heard(abs(hz[a] - hz[b]) / half, both)
     return total

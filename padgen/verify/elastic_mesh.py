@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.core.errors import SolverError, number
-from padgen.verify.engines import engine
+from padgen.verify.engines import ng, occ
 
 __all__ = [
     "CLAMPED",
@@ -63,7 +63,7 @@ def taxel_shape(step: Path, washer_volume_mm3: float, where: str = "") -> Any:
         The file cannot be read, does not hold two solids with volume, none of them is the washer,
         or the washer does not touch the printed part.
     """
-    occ, where = engine("netgen.occ"), where or str(step)
+    where = where or str(step)
     if not step.is_file():
         raise SolverError("there is no such STEP file", where)
     try:
@@ -81,7 +81,6 @@ def taxel_shape(step: Path, washer_volume_mm3: float, where: str = "") -> Any:
         )
     washer = int(np.argmin(misfit))
     solids[washer].name, solids[1 - washer].name = WASHER, PRINTED
-    occ = engine("netgen.occ")
     shape = occ.Glue(solids)
     if len(shape.solids) != len(solids):
         raise SolverError("its solids overlap: washer and printed part must touch by faces only", where)
@@ -141,7 +140,7 @@ def meshed(shape: Any, fineness: Fineness = USUAL, where: str = "taxel", layered
         layered = singular_edges(shape, coarse_mesh(shape, fineness, where))
     _mark(shape.edges, layered)
     for coarse, attempt in _coarse_meshes(shape, fineness, where):
-        mesh = engine("ngsolve").Mesh(coarse)
+        mesh = ng.Mesh(coarse)
         if not fineness.levels:
             return mesh
         volume = _volumes(mesh).sum()
@@ -162,7 +161,6 @@ def _coarse_meshes(shape: Any, fineness: Fineness, where: str) -> Iterator[tuple
     for factor, grading in ((1.0, 1.0), (0.8, 1.0), (1.0, 0.8), (0.7, 0.8), (0.8, 0.6)):
         attempt = fineness._replace(factor=factor * fineness.factor, grading=grading * fineness.grading)
         try:
-            occ = engine("netgen.occ")
             try:
                 # Netgen's own threads made meshing 10 times slower on a busy machine.
                 mesh = occ.OCCGeometry(shape).GenerateMesh(
@@ -188,7 +186,7 @@ def _coarse_meshes(shape: Any, fineness: Fineness, where: str) -> Iterator[tuple
 
 def _volumes(mesh: Any) -> np.ndarray:
     """Return volumes in mm³ of the elements."""
-    return np.asarray(engine("ngsolve").Integrate(1.0, mesh, element_wise=True).NumPy())
+    return np.asarray(ng.Integrate(1.0, mesh, element_wise=True).NumPy())
 
 
 def coarse_mesh(shape: Any, fineness: Fineness = USUAL, where: str = "taxel") -> Any:

@@ -11,7 +11,7 @@ import numpy as np
 
 from padgen.core.errors import SolverError, number
 from padgen.verify.elastic_mesh import CLAMPED
-from padgen.verify.engines import engine
+from padgen.verify.engines import ng, sparse
 
 __all__ = [
     "LEAN",
@@ -137,7 +137,7 @@ class System(NamedTuple):
         """Return the diagonal (n,) of the stiffness."""
         values, columns, starts = (np.asarray(part) for part in self.stiffness.CSR())
         kind, values = ("bsr_matrix", values.reshape(-1, 3, 3)) if self.blocks else ("csr_matrix", values)
-        return np.asarray(getattr(engine("scipy.sparse"), kind)((values, columns, starts)).diagonal())
+        return np.asarray(getattr(sparse, kind)((values, columns, starts)).diagonal())
 
 
 class Eigen(NamedTuple):
@@ -167,69 +167,65 @@ def assembled(
     The mesh is curved to the lowest order: elements curved more than their order cannot turn without
     strain (f₁ came out four times too high).
     """
-    ngs = engine("ngsolve")
     mesh.Curve(order if rich is None else LEAN)
-    scalar = ngs.H1(mesh, order=order)
+    scalar = ng.H1(mesh, order=order)
     if blocks and flat is None:
-        space = ngs.H1(mesh, order=order, dim=3, dirichlet=clamped)
+        space = ng.H1(mesh, order=order, dim=3, dirichlet=clamped)
         if rich is not None:
             for varied in (scalar, space):
                 _thin(varied, mesh, order, rich)
     else:
         blocks, slides = False, {"dirichletz": f"{clamped}|{flat}"} if flat else {}
-        space = ngs.VectorH1(mesh, order=order, dirichlet=clamped, **slides)
+        space = ng.VectorH1(mesh, order=order, dirichlet=clamped, **slides)
     (u, v), (a, b) = space.TnT(), scalar.TnT()
-    stiffness, mass = ngs.BilinearForm(space, symmetric=True), ngs.BilinearForm(scalar, symmetric=True)
+    stiffness, mass = ng.BilinearForm(space, symmetric=True), ng.BilinearForm(scalar, symmetric=True)
     for name, material in materials.items():
-        where = ngs.dx(definedon=mesh.Materials(name))
+        where = ng.dx(definedon=mesh.Materials(name))
         stiffness += energy(material, u, v) * where
-        whole = volume_mm3[name] / ngs.Integrate(1.0, mesh.Materials(name)) if volume_mm3 else 1.0
+        whole = volume_mm3[name] / ng.Integrate(1.0, mesh.Materials(name)) if volume_mm3 else 1.0
         mass += MM**3 * whole * material.density_kg_per_m3 * a * b * where
     stiffness.Assemble()
     mass.Assemble()
     values, columns, starts = (np.array(part) for part in mass.mat.CSR())
     free = np.array(list(space.FreeDofs()), bool)
-    lumps = engine("scipy.sparse").csr_matrix((values, columns, starts))
+    lumps = sparse.csr_matrix((values, columns, starts))
     return System(space, stiffness.mat, lumps, np.repeat(free, 3) if blocks else free, blocks)
 
 
 def _thin(space: Any, mesh: Any, order: int, rich: np.ndarray) -> None:
     """Lower a space of `order` to `LEAN` at edges, faces and insides that belong to no element of `rich`."""
-    ngs = engine("ngsolve")
-    counts = {ngs.EDGE: mesh.nedge, ngs.FACE: mesh.nface, ngs.CELL: mesh.ne}
+    counts = {ng.EDGE: mesh.nedge, ng.FACE: mesh.nface, ng.CELL: mesh.ne}
     # The edges and faces that layers have split are numbered still; at order 1 they have no unknowns.
     orders = {kind: np.ones(count, int) for kind, count in counts.items()}
     for place in [*np.flatnonzero(~rich), *np.flatnonzero(rich)]:
-        element = mesh[ngs.ElementId(ngs.VOL, int(place))]
+        element = mesh[ng.ElementId(ng.VOL, int(place))]
         own = order if rich[place] else LEAN
-        orders[ngs.EDGE][[edge.nr for edge in element.edges]] = own
-        orders[ngs.FACE][[face.nr for face in element.faces]] = own
-        orders[ngs.CELL][place] = own
+        orders[ng.EDGE][[edge.nr for edge in element.edges]] = own
+        orders[ng.FACE][[face.nr for face in element.faces]] = own
+        orders[ng.CELL][place] = own
     for kind, wanted in orders.items():
         for place in np.flatnonzero(wanted != order):
-            space.SetOrder(ngs.NodeId(kind, int(place)), int(wanted[place]))
+            space.SetOrder(ng.NodeId(kind, int(place)), int(wanted[place]))
     space.UpdateDofTables()
     space.FinalizeUpdate()
 
 
 def energy(material: Elastic, u: Any, v: Any) -> Any:
     """Return the integrand in mm of the stiffness: displacements in m, coordinates in mm."""
-    ngs = engine("ngsolve")
     stiffness = stiffness_pa(material)
     # du/dx has 1/mm, the volume mm³: Pa · 1e6/m² · 1e-9 m³.
     if material.axes is None:
         shear, lame = MM * stiffness[5, 5], MM * stiffness[0, 1]
-        du, dv = ngs.Grad(u), ngs.Grad(v)
-        return 2 * shear * ngs.InnerProduct(ngs.Sym(du), ngs.Sym(dv)) + lame * ngs.Trace(du) * ngs.Trace(dv)
-    voigt = ngs.CoefficientFunction(tuple((MM * stiffness).ravel().tolist()), dims=(6, 6))
-    return ngs.InnerProduct(voigt * _strain(u), _strain(v))
+        du, dv = ng.Grad(u), ng.Grad(v)
+        return 2 * shear * ng.InnerProduct(ng.Sym(du), ng.Sym(dv)) + lame * ng.Trace(du) * ng.Trace(dv)
+    voigt = ng.CoefficientFunction(tuple((MM * stiffness).ravel().tolist()), dims=(6, 6))
+    return ng.InnerProduct(voigt * _strain(u), _strain(v))
 
 
 def _strain(u: Any) -> Any:
     """Return the engineering strain in Voigt's order."""
-    ngs = engine("ngsolve")
-    g = ngs.Grad(u)
-    return ngs.CoefficientFunction((g[0, 0], g[1, 1], g[2, 2], g[1, 2] + g[2, 1], g[0, 2] + g[2, 0], g[0, 1] + g[1, 0]))
+    g = ng.Grad(u)
+    return ng.CoefficientFunction((g[0, 0], g[1, 1], g[2, 2], g[1, 2] + g[2, 1], g[0, 2] + g[2, 0], g[0, 1] + g[1, 0]))
 
 
 class Factored(NamedTuple):
@@ -329,33 +325,31 @@ def rigid_loads(
     Their transpose takes a displacement to the solid's mean motion as a body, in m and rad: the
     mass-weighted least-squares fit.
     """
-    ngs = engine("ngsolve")
-    mesh, where = system.space.mesh, ngs.dx(definedon=system.space.mesh.Materials(solid))
-    x, y, z = MM * (ngs.x - x_mm), MM * (ngs.y - y_mm), MM * (ngs.z - z_mm)
+    mesh, where = system.space.mesh, ng.dx(definedon=system.space.mesh.Materials(solid))
+    x, y, z = MM * (ng.x - x_mm), MM * (ng.y - y_mm), MM * (ng.z - z_mm)
     turns = [(0, -z, y), (z, 0, -x), (-y, x, 0)]
-    fields = [ngs.CoefficientFunction(f) for f in [(1, 0, 0), (0, 1, 0), (0, 0, 1), *turns]]
+    fields = [ng.CoefficientFunction(f) for f in [(1, 0, 0), (0, 1, 0), (0, 0, 1), *turns]]
     weight = MM**3 * density_kg_per_m3
     v = system.space.TestFunction()
     loads = []
     for field in fields:
-        form = ngs.LinearForm(system.space)
-        form += weight * ngs.InnerProduct(field, v) * where
+        form = ng.LinearForm(system.space)
+        form += weight * ng.InnerProduct(field, v) * where
         form.Assemble()
         loads.append(np.array(form.vec.FV().NumPy()))
-    gram = [[ngs.Integrate(weight * ngs.InnerProduct(a, b) * where, mesh) for a in fields] for b in fields]
+    gram = [[ng.Integrate(weight * ng.InnerProduct(a, b) * where, mesh) for a in fields] for b in fields]
     return np.asarray(np.linalg.solve(np.array(gram), np.array(loads)).T)
 
 
 def energy_shares(system: System, materials: Mapping[str, Elastic], eigen: Eigen) -> np.ndarray:
     """Return the share (elements, k) of each element in the strain energy of each mode; columns sum to 1."""
-    ngs = engine("ngsolve")
     mesh = system.space.mesh
-    field = ngs.GridFunction(system.space)
+    field = ng.GridFunction(system.space)
     density = mesh.MaterialCF({name: energy(material, field, field) for name, material in materials.items()})
     shares = []
     for shape in eigen.shape.T:
         field.vec.FV().NumPy()[:] = shape
-        held = np.array(ngs.Integrate(density, mesh, element_wise=True).NumPy())
+        held = np.array(ng.Integrate(density, mesh, element_wise=True).NumPy())
         shares.append(held / held.sum())
     return np.array(shares).T
 

@@ -36,7 +36,7 @@ from padgen.verify.elastic_modes import (
     layered,
     rigid_loads,
 )
-from padgen.verify.engines import engine
+from padgen.verify.engines import ng
 
 __all__ = ["SETTINGS", "Elastic", "Orthotropy", "SolidModes", "SolidTaxel", "converged_modes", "layered", "solve_modes"]
 
@@ -116,11 +116,6 @@ class _Draft(NamedTuple):
     taxel: SolidTaxel
     shape: Any
     layered: set[str]
-
-    @property
-    def volume_mm3(self) -> dict[str, float]:
-        """Volumes by name of solid."""
-        return {solid.name: solid.mass for solid in self.shape.solids}
 
 
 class _Answer(NamedTuple):
@@ -219,12 +214,12 @@ def _extrapolated(coarser: SolidModes, found: SolidModes) -> SolidModes:
 
 
 def _drafted(taxel: SolidTaxel) -> _Draft:
-    engine("ngsolve").SetNumThreads(1)
+    ng.SetNumThreads(1)
     shape = clamped_shape(taxel_shape(taxel.step, taxel.washer_volume_mm3, taxel.where), taxel.clamp)
     mesh = coarse_mesh(shape, where=taxel.where)
     singular = singular_edges(shape, mesh)
     draft = _Draft(taxel, shape, set())
-    answer = _answered(draft, engine("ngsolve").Mesh(mesh), LEAN, 6)
+    answer = _answered(draft, ng.Mesh(mesh), LEAN, 6)
     shares = edge_energy_shares(mesh, energy_shares(answer.system, taxel.materials, answer.eigen))
     worst = max((shares.get(edge, 0.0) for edge in singular), default=0.0)
     return draft._replace(layered={edge for edge in singular if shares.get(edge, 0.0) > EDGE_RATIO * worst})
@@ -239,9 +234,10 @@ def _answered(draft: _Draft, mesh: Any, order: int, modes: int, rich: np.ndarray
     """Solve statics and modes, in blocks where rounding allows; elsewhere every element is `rich`."""
     taxel = draft.taxel
     density = taxel.materials[WASHER].density_kg_per_m3
+    volumes = {solid.name: solid.mass for solid in draft.shape.solids}
     for blocks in (True, False):
         of_order = rich if blocks else None
-        system = assembled(mesh, taxel.materials, order, blocks=blocks, rich=of_order, volume_mm3=draft.volume_mm3)
+        system = assembled(mesh, taxel.materials, order, blocks=blocks, rich=of_order, volume_mm3=volumes)
         loads = rigid_loads(system, WASHER, density, taxel.washer_x_mm)
         solve = factored(system)
         answers = np.array([solve(load) for load in loads.T]).T

@@ -31,7 +31,7 @@ from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.spec import catalogue, make_spec
 from padgen.verify.elastic_modes import Elastic
 from padgen.verify.elasticity import SolidTaxel, converged_modes, solve_modes
-from padgen.verify.engines import engine
+from padgen.verify.engines import mpmath, occ
 from padgen.verify.field_axisymmetric import axisymmetric_force
 from padgen.verify.field_solid import Pull, solid_pull
 
@@ -149,29 +149,28 @@ def exact_frequencies(beam: Cantilever, guess_hz: np.ndarray) -> np.ndarray:
     The state (deflection, rotation, moment, shear) is carried along the beam by the exponential of
     its equations (Huang, J. Appl. Mech. 28, 1961, in the form of a transfer matrix).
     """
-    mp = engine("mpmath")
-    with mp.workdps(DIGITS):
-        return np.array([float(_root(mp, beam, guess)) for guess in guess_hz])
+    with mpmath.workdps(DIGITS):
+        return np.array([float(_root(beam, guess)) for guess in guess_hz])
 
 
-def _root(mp: Any, beam: Cantilever, guess_hz: float) -> Any:
-    start = 2 * mp.pi * mp.mpf(float(guess_hz))
+def _root(beam: Cantilever, guess_hz: float) -> Any:
+    start = 2 * mpmath.pi * mpmath.mpf(float(guess_hz))
     around = (start * (1 - NEAR), start * (1 + NEAR))
-    found = mp.findroot(partial(_frequency_equation, mp, beam), around, tol=1e-25, verify=False)
-    return found / (2 * mp.pi)
+    found = mpmath.findroot(partial(_frequency_equation, beam), around, tol=1e-25, verify=False)
+    return found / (2 * mpmath.pi)
 
 
-def _frequency_equation(mp: Any, beam: Cantilever, angular: Any) -> Any:
+def _frequency_equation(beam: Cantilever, angular: Any) -> Any:
     """Return the determinant of the tip's conditions, over the beam's length and stiffness; zero at a mode."""
-    length, modulus, density = (mp.mpf(v) for v in (beam.length, beam.modulus, beam.density))
-    area = mp.mpf(beam.width) * mp.mpf(beam.thickness)
-    inertia = area * mp.mpf(beam.thickness) ** 2 / 12
-    poisson = mp.mpf(beam.poisson)
+    length, modulus, density = (mpmath.mpf(v) for v in (beam.length, beam.modulus, beam.density))
+    area = mpmath.mpf(beam.width) * mpmath.mpf(beam.thickness)
+    inertia = area * mpmath.mpf(beam.thickness) ** 2 / 12
+    poisson = mpmath.mpf(beam.poisson)
     shear = 10 * (1 + poisson) / (12 + 11 * poisson) * modulus / (2 * (1 + poisson)) * area
     bending = modulus * inertia
     force, moment = bending / length**2, bending / length
     # Deflections in lengths, forces and moments in those of the beam: the matrix stays of order one.
-    state = mp.matrix(
+    state = mpmath.matrix(
         [
             [0, 1, 0, force / shear],
             [0, 0, 1, 0],
@@ -179,9 +178,9 @@ def _frequency_equation(mp: Any, beam: Cantilever, angular: Any) -> Any:
             [-density * area * angular**2 * length**2 / force, 0, 0, 0],
         ]
     )
-    carried = mp.expm(state, method="taylor")
-    mass, gyration = mp.mpf(beam.tip_mass), mp.mpf(beam.tip_inertia)
-    offset = mp.mpf(beam.offset)
+    carried = mpmath.expm(state, method="taylor")
+    mass, gyration = mpmath.mpf(beam.tip_mass), mpmath.mpf(beam.tip_inertia)
+    offset = mpmath.mpf(beam.offset)
     rows = []
     for column in (2, 3):
         up, turn, bent, sheared = (carried[k, column] for k in range(4))
@@ -317,7 +316,6 @@ class BlockTaxel(NamedTuple):
 
     def written(self, folder: Path) -> SolidTaxel:
         """Write the taxel as STEP file in `folder`. Imports netgen."""
-        occ = engine("netgen.occ")
         outer, inner, thick = RING_MM
         low, middle = -self.step_mm, self.length + BLOCK_MM / 2
         corner, opposite = (self.length, -BLOCK_MM / 2, low), (self.length + BLOCK_MM, BLOCK_MM / 2, HEIGHT_MM)

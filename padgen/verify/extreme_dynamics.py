@@ -14,7 +14,7 @@ from padgen.physics.magnetics import balanced_deflection, impedance, pull_in_def
 from padgen.physics.phasor import Tones, circuit_current, squared, steady_lines, tones
 from padgen.physics.propagation import STATED_ERROR, propagate
 from padgen.verify.coupled import CoupledSystem, Source, from_tones, make_system, scipy_motion, simulate
-from padgen.verify.engines import engine
+from padgen.verify.engines import mpmath
 from padgen.verify.extreme import Answer, ExtremeCase
 
 __all__ = ["dynamics_cases", "exact_displacement"]
@@ -59,7 +59,7 @@ def exact_displacement(frequency_hz: float, q: float, mass_kg: float, force: Ton
     EngineMissingError
         mpmath is not installed.
     """
-    mp = engine("mpmath").mp.clone()
+    mp = mpmath.mp.clone()
     mp.dps = DIGITS + 20
     omega, t = 2 * mp.pi * mp.mpf(float(frequency_hz)), mp.mpf(float(time_s))
     alpha = omega / (2 * mp.mpf(float(q)))
@@ -107,7 +107,7 @@ def _phasor_near_resonance() -> ExtremeCase:
     force = tones(hz + 1e-9, 1e-5)
 
     def exact() -> np.ndarray:
-        mp = engine("mpmath").mp.clone()
+        mp = mpmath.mp.clone()
         mp.dps = DIGITS
         own, at = mp.mpf(hz), mp.mpf(float(force.frequency_hz[0]))
         bracket = 4 * mp.pi**2 * mp.mpf(MASS_KG) * mp.mpc(own**2 - at**2, at * own / mp.mpf(q))

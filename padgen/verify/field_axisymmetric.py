@@ -17,7 +17,7 @@ import numpy as np
 from padgen.core.errors import SolverError, SpecError, number
 from padgen.physics.magnetics import CoilSource, SteelRing
 from padgen.physics.saturation import BHCurve
-from padgen.verify.engines import engine
+from padgen.verify.engines import ng, occ
 
 __all__ = [
     "WIDEST",
@@ -90,7 +90,6 @@ def solve_scalar(
     SolverError
         Newton's method does not bring the residual down to 1e-8 of the first.
     """
-    ng = engine("ngsolve")
     space = ng.H1(mesh, order=order)
     trial = space.TrialFunction()
     field = source - ng.grad(trial)
@@ -98,7 +97,7 @@ def solve_scalar(
     extra = 2 if mesh.dim == 2 else 1
     for name in dict.fromkeys(mesh.GetMaterials()):
         region = ng.dx(definedon=mesh.Materials(name), bonus_intorder=extra)
-        form += ng.Variation(weight * _energy_density(ng, steels.get(name, 1.0), field, name) * region)
+        form += ng.Variation(weight * _energy_density(steels.get(name, 1.0), field, name) * region)
     form += ng.Variation(weight * MU_0 / far_radius_mm * trial**2 * ng.ds("far", bonus_intorder=2))
     potential = ng.GridFunction(space)
     if start is None and order > 1 and any(isinstance(steel, BHCurve) for steel in steels.values()):
@@ -106,7 +105,7 @@ def solve_scalar(
         start = solve_scalar(mesh, source, steels, far_radius_mm, order - 1, weight)
     if start is not None:
         potential.Set(start.potential)
-    residual, steps = minimise(ng, form, space, potential)
+    residual, steps = minimise(form, space, potential)
     return ScalarField(
         mesh=mesh,
         potential=potential,
@@ -119,7 +118,7 @@ def solve_scalar(
     )
 
 
-def _energy_density(ng: Any, steel: Steel, field: Any, name: str, of_flux: bool = False) -> Any:
+def _energy_density(steel: Steel, field: Any, name: str, of_flux: bool = False) -> Any:
     """Return the co-energy in J/m³ of a field H in A/m, or the energy of a flux density B in T."""
     square = ng.InnerProduct(field, field)
     if isinstance(steel, BHCurve):
@@ -130,7 +129,7 @@ def _energy_density(ng: Any, steel: Steel, field: Any, name: str, of_flux: bool 
     return square / (2 * MU_0 * steel) if of_flux else MU_0 * steel / 2 * square
 
 
-def minimise(ng: Any, form: Any, space: Any, solution: Any) -> tuple[float, int]:
+def minimise(form: Any, space: Any, solution: Any) -> tuple[float, int]:
     """Minimise the convex energy `form` (statically condensed) from `solution` on; residual and Newton steps.
 
     Raises
@@ -183,16 +182,15 @@ def body_wrench(solved: ScalarField, body: str, at_mm: tuple[float, float, float
 
     In a half plane of revolution (two-dimensional meshes) only Fz.
     """
-    ng = engine("ngsolve")
     space = ng.H1(solved.mesh, order=1)
     moved = np.fromiter((float(flag) for flag in space.GetDofs(solved.mesh.Materials(body))), float)
     near = ng.GridFunction(space)
     near.vec.FV().NumPy()[:] = moved
-    both = [_stress_on(ng, solved, shift, at_mm) for shift in (_spread(ng, solved, space, near), near)]
+    both = [_stress_on(solved, shift, at_mm) for shift in (_spread(solved, space, near), near)]
     return BodyWrench(*both)
 
 
-def _spread(ng: Any, solved: ScalarField, space: Any, near: Any) -> Any:
+def _spread(solved: ScalarField, space: Any, near: Any) -> Any:
     """Return the displacement 1 on the body, harmonic in the air, 0 on all other bodies and on the far sphere."""
     mesh = solved.mesh
     others = [name for name in dict.fromkeys(mesh.GetMaterials()) if name != "air"]
@@ -205,7 +203,7 @@ def _spread(ng: Any, solved: ScalarField, space: Any, near: Any) -> Any:
     return spread
 
 
-def _stress_on(ng: Any, solved: ScalarField, shift: Any, at_mm: tuple[float, float, float]) -> np.ndarray:
+def _stress_on(solved: ScalarField, shift: Any, at_mm: tuple[float, float, float]) -> np.ndarray:
     """Return ``−∫ σ·∇g`` and its moment, with Maxwell's stress σ = μ0 (H⊗H − ½ H²)."""
     slope, field = ng.grad(shift), solved.field
     density = MU_0 * (ng.InnerProduct(field, field) / 2 * slope - ng.InnerProduct(field, slope) * field)
@@ -281,7 +279,6 @@ def axisymmetric_force(
         "core": core_steel or coil.core_permeability,
         "washer": washer_steel or washer.permeability,
     }
-    ng = engine("ngsolve")
     source = ng.CF((0, wound(coil, current_a, ng.x, ng.y)[0]))
     scalar = solve_scalar(mesh, source, steels, far_mm, order, weight=2 * np.pi * ng.x)
     vector = _by_vector(mesh, coil, current_a, steels, far_mm, order)
@@ -330,7 +327,6 @@ def check_parts(coil: CoilSource, washer: SteelRing, gap_m: float) -> None:
 
 def _half_plane(coil: CoilSource, washer: SteelRing, gap_m: float, levels: int) -> tuple[Any, float]:
     """Return the mesh in mm (x is the radius, y the height above the coil's top) and the far circle's radius in mm."""
-    occ, ng = engine("netgen.occ"), engine("ngsolve")
     low, high = 1e3 * gap_m, 1e3 * (gap_m + washer.thickness)
     hole, rim = 500 * washer.inner_diameter, 500 * washer.outer_diameter
     rectangles = [("washer", hole, rim, low, high), *coil_cells(coil)]
@@ -399,7 +395,6 @@ def _edges(*places: float) -> list[float]:
 
 def wound(coil: CoilSource, current_a: float, radius: Any, height: Any) -> tuple[Any, Any]:
     """Return T_z in A/m, whose curl is the current, and the current's density in A/(m·mm), as functions in mm."""
-    ng = engine("ngsolve")
     potential, density = ng.CF(0), ng.CF(0)
     for w in coil.windings:
         inner, outer = 500 * w.inner_diameter, 500 * w.outer_diameter
@@ -415,26 +410,25 @@ def _by_vector(
     mesh: Any, coil: CoilSource, current_a: float, steels: dict[str, Steel], far_mm: float, order: int
 ) -> ScalarField:
     """Solve the same by ``A = r w``, in T and mm: ``B = (−r ∂w/∂z, 2w + r ∂w/∂r)``."""
-    ng = engine("ngsolve")
     _, density = wound(coil, current_a, ng.x, ng.y)
     space = ng.H1(mesh, order=order)
     trial = space.TrialFunction()
     radius = ng.x
     weight = 2 * np.pi * radius
-    flux = _curl(ng, trial)
+    flux = _curl(trial)
     form = ng.BilinearForm(space, symmetric=True, condense=True)
     for name in dict.fromkeys(mesh.GetMaterials()):
         region = ng.dx(definedon=mesh.Materials(name), bonus_intorder=4)
-        form += ng.Variation(weight * _energy_density(ng, steels.get(name, 1.0), flux, name, of_flux=True) * region)
+        form += ng.Variation(weight * _energy_density(steels.get(name, 1.0), flux, name, of_flux=True) * region)
     form += ng.Variation(-weight * density * radius * trial * ng.dx(bonus_intorder=4))
     far = weight * (radius * trial) ** 2 / (2 * MU_0 * far_mm)
     form += ng.Variation(far * ng.ds("far", bonus_intorder=4))
     potential = ng.GridFunction(space)
-    residual, steps = minimise(ng, form, space, potential)
-    field = _curl(ng, potential) / MU_0  # right in air, where the stress is taken
+    residual, steps = minimise(form, space, potential)
+    field = _curl(potential) / MU_0  # right in air, where the stress is taken
     return ScalarField(mesh, potential, field, weight, space.ndof, residual, steps, order)
 
 
-def _curl(ng: Any, w: Any) -> Any:
+def _curl(w: Any) -> Any:
     slope = ng.grad(w)
     return ng.CF((-ng.x * slope[1], 2 * w + ng.x * slope[0]))

@@ -12,7 +12,7 @@ import numpy as np
 from padgen.core.errors import SolverError, SpecError, number
 from padgen.physics.magnetics import CoilSource, SteelRing
 from padgen.physics.saturation import BHCurve
-from padgen.verify.engines import engine
+from padgen.verify.engines import ng, occ
 from padgen.verify.field_axisymmetric import (
     WIDEST,
     ScalarField,
@@ -84,7 +84,6 @@ def solid_force(
     steels: dict[str, Steel] = {f"washer{i}": w.steel or w.ring.permeability for i, w in enumerate(washers)}
     steels["core"] = core_steel or coil.core_permeability
     saturates = any(isinstance(steel, BHCurve) for steel in steels.values())
-    ng = engine("ngsolve")
     source, weight = ng.CF((0, 0, wound(coil, current_a, ng.sqrt(ng.x**2 + ng.y**2), ng.z)[0])), 2.0 if half else 1.0
     kept = np.array([1.0, 0.0, 1.0, 0.0, 1.0, 0.0]) if half else np.ones(6)
 
@@ -134,14 +133,13 @@ def _check(coil: CoilSource, washers: Sequence[PlacedWasher]) -> None:
 
 def _mesh(coil: CoilSource, washers: Sequence[PlacedWasher], half: bool, levels: int, size: float) -> tuple[Any, float]:
     """Return the mesh in mm and the far sphere's radius in mm."""
-    occ, ng = engine("netgen.occ"), engine("ngsolve")
     length = 1e3 * coil.length
-    parts = _coil_parts(occ, coil)
+    parts = _coil_parts(coil)
     reach = float(np.hypot(500 * coil.outer_diameter, length / 2))
     for i, w in enumerate(washers):
         x, y, z = _foot_mm(w)
         rim, high = 500 * w.ring.outer_diameter, 1e3 * w.ring.thickness
-        body = _tube(occ, (x, y, z), 500 * w.ring.inner_diameter, rim, high)
+        body = _tube((x, y, z), 500 * w.ring.inner_diameter, rim, high)
         body.mat(f"washer{i}").maxh = size * max(high, rim / 2)
         parts.append(body)
         reach = max(reach, float(np.hypot(np.hypot(x, y) + rim, z + high + length / 2)))
@@ -165,12 +163,12 @@ def _mesh(coil: CoilSource, washers: Sequence[PlacedWasher], half: bool, levels:
     return mesh, far
 
 
-def _coil_parts(occ: Any, coil: CoilSource) -> list[Any]:
+def _coil_parts(coil: CoilSource) -> list[Any]:
     parts = []
     for name, inner, outer, low, high in coil_cells(coil):
         foot = (0.0, 0.0, low)
         if inner > 0:
-            part = _tube(occ, foot, inner, outer, high - low)
+            part = _tube(foot, inner, outer, high - low)
         else:
             part = occ.Cylinder(occ.Pnt(*foot), occ.Z, outer, high - low)
         part.mat(name)
@@ -180,7 +178,7 @@ def _coil_parts(occ: Any, coil: CoilSource) -> list[Any]:
     return parts
 
 
-def _tube(occ: Any, foot: tuple[float, float, float], inner: float, outer: float, height: float) -> Any:
+def _tube(foot: tuple[float, float, float], inner: float, outer: float, height: float) -> Any:
     point = occ.Pnt(*foot)
     return occ.Cylinder(point, occ.Z, outer, height) - occ.Cylinder(point, occ.Z, inner, height)
 

@@ -22,7 +22,7 @@ from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.planner.tile import TURNS, taxel_places
 from padgen.verify.elastic_mesh import Fineness, meshed
 from padgen.verify.elastic_modes import Elastic, System, assembled, factored, rigid_loads
-from padgen.verify.engines import engine
+from padgen.verify.engines import engine, ng, occ
 
 __all__ = [
     "CLAMPINGS",
@@ -80,7 +80,7 @@ def pad_modes(plan: Plan, clamping: str, order: int) -> tuple[PadModes, PadModes
     """
     if clamping not in CLAMPINGS:
         raise SolverError(f"must be one of {', '.join(CLAMPINGS)}, got {clamping}", "clamping")
-    engine("ngsolve").SetNumThreads(1)
+    ng.SetNumThreads(1)
     mesh, material = meshed(_frame_solid(plan, clamping), MESH, "frame", set()), plan.spec.material
     density = material.density_g_per_cm3 * G_PER_CM3
     plastic = Elastic(material.youngs_modulus_gpa * GPA, material.poisson_ratio, density)
@@ -100,7 +100,7 @@ def _turn(plan: Plan, taxel: Taxel) -> np.ndarray:
 def _frame_solid(plan: Plan, clamping: str) -> Any:
     """Netgen's shape of the frame in mm, from the pad's centre: the pieces of rib behind the roots, named
     ``root<taxel>-<beam>``, and all else; side faces of sub-cells are named ``seam``, what is held ``held``."""
-    occ, pad = engine("netgen.occ"), plan.spec.pad
+    pad = plan.spec.pad
     height, half = pad.frame_thickness_mm, np.array([pad.width_mm, pad.depth_mm]) / 2
     outer = half + pad.border_mm
 
