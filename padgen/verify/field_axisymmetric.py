@@ -229,7 +229,7 @@ class AxisymmetricForce(NamedTuple):
     """Axial force on the washer in N, negative towards the coil, by either potential.
 
     The scalar potential bounds the field's energy from one side, the vector potential from the other;
-    so far they did so with the force as well. Taken is the method (`field_scalar.BodyWrench`) by which the two lie
+    so far they did so with the force as well. Taken is the method (`BodyWrench`) by which the two lie
     closer together: virtual work near the coil; far away, where that drowns in rounding, the stress around the
     washer. `residual` is the larger of the two.
     """

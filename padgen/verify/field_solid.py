@@ -44,7 +44,7 @@ class PlacedWasher(NamedTuple):
 class SolidForce(NamedTuple):
     """Wrench (washers, 6) on each washer: force in N and moment in N·m about its axis at its underside.
 
-    Axes as `PlacedWasher`'s; `surface` is the same by a second method (`field_scalar.BodyWrench`), `error` the
+    Axes as `PlacedWasher`'s; `surface` is the same by a second method (`field_axisymmetric.BodyWrench`), `error` the
     larger of their disagreement and the step from elements of one order less, relative to the force.
     """
 
