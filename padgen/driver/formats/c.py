@@ -183,38 +183,34 @@ def _pad_tables(plan: Plan, drive: PadDrive, kinds: Sequence[_Kind], of_coil: Se
 
 
 def _kind_tables(drive: PadDrive, kinds: Sequence[_Kind]) -> Iterable[str]:
-    channels, samples = _channels(kinds), drive.period_samples
-    share = 1.0 if drive.scheme.has_constant else 0.5
-
-    def table(declared: str, entries: Iterable[list[str]], empty: str) -> str:
-        rows = [_braces([*own, *[empty] * (channels - len(own))]) + "," for own in entries]
-        return _rows(f"{declared}[PADGEN_KINDS][PADGEN_CHANNELS]", rows)
-
-    def phase(rad: float) -> str:
-        return f"{_turns(rad * share / (2 * pi))}u"
-
+    samples, share = drive.period_samples, 1.0 if drive.scheme.has_constant else 0.5
     # Whole numbers before they are divided: what is rounded is the increment alone.
     increments = ([f"{_turns(k * share / samples)}u" for k in kind.harmonic] for kind in kinds)
-    yield table("uint32_t padgen_increment", increments, "0u")
-    yield table("uint32_t padgen_phase", ([phase(rad) for rad in kind.phase_rad] for kind in kinds), "0u")
+    yield _by_kind("uint32_t padgen_increment", kinds, increments, "0u")
+    phases = ([f"{_turns(rad * share / (2 * pi))}u" for rad in kind.phase_rad] for kind in kinds)
+    yield _by_kind("uint32_t padgen_phase", kinds, phases, "0u")
     hertz = ([_float(k * share * drive.rate_hz / samples) for k in kind.harmonic] for kind in kinds)
-    yield table("float padgen_tone_hz", hertz, "0.0f")
-    yield table("float padgen_line_a2", ([_float(line) for line in kind.line_a2] for kind in kinds), "0.0f")
-    yield table("uint8_t padgen_slot", ([str(slot) for slot in kind.slot] for kind in kinds), "0")
+    yield _by_kind("float padgen_tone_hz", kinds, hertz, "0.0f")
+    yield _by_kind("float padgen_line_a2", kinds, ([_float(line) for line in kind.line_a2] for kind in kinds), "0.0f")
+    yield _by_kind("uint8_t padgen_slot", kinds, ([str(slot) for slot in kind.slot] for kind in kinds), "0")
     yield _table("float padgen_bias_a[PADGEN_KINDS]", [_float(kind.bias_a) for kind in kinds])
+
+
+def _by_kind(declared: str, kinds: Sequence[_Kind], entries: Iterable[list[str]], empty: str) -> str:
+    """Write a table with a row for each kind, filled up with `empty`."""
+    channels = _channels(kinds)
+    rows = [_braces([*own, *[empty] * (channels - len(own))]) + "," for own in entries]
+    return _rows(f"{declared}[PADGEN_KINDS][PADGEN_CHANNELS]", rows)
 
 
 def _constant_tables(kinds: Sequence[_Kind]) -> Iterable[str]:
     """Yield, for spur-free drives, the least constants of all states of each group, of all on, and the margins."""
-    channels = _channels(kinds)
-    size = group_channels(channels)
-    groups = ceil(channels / size)
+    size = group_channels(_channels(kinds))
+    groups = ceil(_channels(kinds) / size)
     yield f"#define PADGEN_GROUPS {groups}\n"
-    margins = []
-    for kind in kinds:
-        own = [_float_above(share * line) for share, line in zip(kind.margin, kind.line_a2, strict=True)]
-        margins.append(_braces([*own, *["0.0f"] * (channels - len(own))]) + ",")
-    yield _rows("float padgen_margin_a2[PADGEN_KINDS][PADGEN_CHANNELS]", margins)
+    shares = (zip(kind.margin, kind.line_a2, strict=True) for kind in kinds)
+    margins = ([_float_above(share * line) for share, line in own] for own in shares)
+    yield _by_kind("float padgen_margin_a2", kinds, margins, "0.0f")
     tables = [least_constants(kind.harmonic, kind.line_a2, kind.phase_rad, size) for kind in kinds]
     yield _table("float padgen_all_on_a2[PADGEN_KINDS]", [_float_above(all_on) for all_on, _ in tables])
     rows = []
