@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from padgen.driver.pad_drive import PadDrive, make_drive
-from padgen.driver.timeline import steady
-from padgen.driver.waveform import volts
+from padgen.driver.waveform import steady, volts
 from padgen.planner import make_plan
 from padgen.spec import load_spec
 

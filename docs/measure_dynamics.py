@@ -12,7 +12,7 @@ from paper_figures import PaperFigures, draw_paper_figures, paper_figures
 from scipy.integrate import solve_ivp
 
 from padgen.core.errors import PadgenError
-from padgen.ladders.stages.dynamics import dynamics_models, dynamics_question
+from padgen.ladders.stages import dynamics_models, dynamics_question
 from padgen.physics.magnetics import impedance
 from padgen.physics.phasor import Tones, tones
 from padgen.physics.propagation import propagate

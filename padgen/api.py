@@ -370,7 +370,7 @@ def study(
     SpecError
         A name is no ladder's, or the tolerance is not above 0 and at most 1.
     """
-    from padgen.ladders import measured_study, parse_only
+    from padgen.ladders.study import measured_study, parse_only
 
     made = plan if hasattr(plan, "channels") else plan_for(spec_of(plan), progress=progress)
     return measured_study(made, parse_only(None if only is None else ",".join(only)), tolerance, progress)  # type: ignore[arg-type]

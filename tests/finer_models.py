@@ -38,6 +38,8 @@ from padgen.planner.reuse import coils_around
 from padgen.planner.suspensions import BeamShape, PlateShape
 from padgen.planner.taxel_model import TaxelModel
 from padgen.spec import Spec
+from padgen.verify.field_solid import PlacedWasher, Pull, solid_force
+from padgen.verify.pad_frame import PadModes, peak_hz
 
 MOST_CHANNELS = 4
 AIR_KG_PER_M3, AIR_PA_S = 1.2, 1.8e-5
@@ -677,13 +679,13 @@ def eddy_forces(coil: CoilSource, washer: SteelRing, gap: float, hz: float, resi
     slope, forces = ng.grad(near), []
     for angular in (0.0, 2 * np.pi * hz):
         form = ng.BilinearForm(space)
-        form += weight * reluctivity * ng.InnerProduct(_curl(ng, u), _curl(ng, v)) * more
+        form += weight * reluctivity * ng.InnerProduct(_curl(u), _curl(v)) * more
         form += weight * 1e-6j * angular * conducting * radius * u * radius * v * more
         form += weight * radius * u * radius * v / (MU_0 * far) * ng.ds("far", bonus_intorder=4)
         form.Assemble()
         w = ng.GridFunction(space)
         w.vec.data = form.mat.Inverse(space.FreeDofs(), inverse="umfpack") * source.vec
-        field = _curl(ng, w) / MU_0
+        field = _curl(w) / MU_0
         square = field[0] * field[0] + field[1] * field[1]
         stress = square / 2 * slope[1] - (field[0] * slope[0] + field[1] * slope[1]) * field[1]
         forces.append(complex(ng.Integrate(weight * stress, mesh, definedon=mesh.Materials("air"), order=10)))
@@ -850,3 +852,17 @@ LEAST = {"gap": 1e-6, "softening": 1e-6, "far modes": 1e-12, "saturation": 2e-5}
 """Sizes below which a finer model's own digits run out."""
 OWN_BOUND = ("beam inertia", "saturation")
 """Terms whose finer model needs parts a little other than the plan's, and gives their bound with the true size."""
+
+
+def shielding(pull: Pull, order: int = 3) -> float:
+    """Share of the pull that a second washer, opposite on the same coil, takes from the first, by fields in space."""
+    near, far = (PlacedWasher(pull.washer, pull.gap_m, x) for x in (pull.offset_m, -pull.offset_m))
+    both, alone = (solid_force(pull.coil, own, order=order).wrench[:, 2].mean() for own in ((near, far), (near,)))
+    return float(1 - both / alone)
+
+
+def crosstalk_db(plan: Plan, modes: PadModes, driven: int) -> np.ndarray:
+    """How far below taxel `driven`, at its resonance, all washers (taxels,) move vertically, in dB; 0 for itself."""
+    q = plan.channels[plan.taxels[driven].channel].q
+    amplitude = np.abs(modes.receptance(driven, np.array([peak_hz(plan, modes, driven)]), q)[0])
+    return np.asarray(20 * np.log10(amplitude[driven] / amplitude))

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from padgen.driver.device.protocol import Kind, Message, decode, encode, plan_hash
 from padgen.driver.formats.c import FILE, c_header, firmware_files
 from padgen.driver.pad_drive import PadDrive, make_drive
+from padgen.driver.serial_line import Kind, Message, decode, encode, plan_hash
 from padgen.planner import Plan, make_plan
 from padgen.spec import load_spec, parse_spec
 

@@ -18,7 +18,7 @@ from scipy.linalg import expm
 from scipy.signal import lfilter
 
 from padgen.core.errors import FileError, SpecError
-from padgen.driver import drive_json, drive_rows
+from padgen.driver.tables import drive_json, drive_rows
 from padgen.physics.leakage import leakage
 from padgen.physics.magnetics import (
     SteelRing,

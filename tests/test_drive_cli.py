@@ -228,7 +228,7 @@ def test_bad_input_is_one_sentence_and_nothing_is_written(work, capsys, argument
 
 
 def test_a_full_disk_leaves_the_old_wave(work, capsys, monkeypatch):
-    from padgen.driver.wav_file import WavWriter
+    from padgen.driver.formats.wav import WavWriter
 
     assert cli.run(["drive", "paper-32", "--state", "10", "-o", "o"]) == 0
     before = {path.name: path.read_bytes() for path in (work / "o").iterdir()}

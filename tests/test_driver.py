@@ -8,7 +8,7 @@ from math import isclose, sqrt
 import numpy as np
 import pytest
 
-from padgen.driver import coil_states, drive_csv, drive_json, drive_rows
+from padgen.driver.tables import coil_states, drive_csv, drive_json, drive_rows
 from padgen.planner import make_plan
 from padgen.spec import parse_spec
 
@@ -41,12 +41,12 @@ def test_force_gives_the_level(paper_plan):
 
 def test_table_one_of_the_paper(paper_plan):
     states = coil_states(paper_plan)
-    assert [s.state for s in states] == ["00", "01", "10", "11"]
-    assert [len(s.lines) for s in states] == [0, 1, 1, 2]
-    assert [len(s.spurs) for s in states] == [0, 0, 0, 2]
+    assert [s["state"] for s in states] == ["00", "01", "10", "11"]
+    assert [len(s["lines"]) for s in states] == [0, 1, 1, 2]
+    assert [len(s["spurs"]) for s in states] == [0, 0, 0, 2]
     low, high = (c.resonance_hz for c in paper_plan.channels)
-    assert [s.force_hz for s in states[3].spurs] == pytest.approx([(low + high) / 2, (high - low) / 2])
-    assert all(s.near_channel is None for s in states[3].spurs)
+    assert [s["force_hz"] for s in states[3]["spurs"]] == pytest.approx([(low + high) / 2, (high - low) / 2])
+    assert all(s["near_channel"] is None for s in states[3]["spurs"])
 
 
 def test_spurs_of_a_triple_fall_next_to_a_third_channel():
@@ -54,9 +54,9 @@ def test_spurs_of_a_triple_fall_next_to_a_third_channel():
     text += 'drive = "tones"\n'
     plan = make_plan(parse_spec(text))
     full = coil_states(plan)[-1]
-    middle = next(s for s in full.spurs if s.channels == (0, 2) and s.kind == "sum")
-    assert middle.near_channel == 1
-    assert middle.offset_hz == pytest.approx(0, abs=0.1)
+    middle = next(s for s in full["spurs"] if s["channels"] == [0, 2] and s["kind"] == "sum")
+    assert middle["near_channel"] == 1
+    assert middle["offset_hz"] == pytest.approx(0, abs=0.1)
 
 
 def test_spectrum_of_the_squared_current(paper_plan):
@@ -68,19 +68,19 @@ def test_spectrum_of_the_squared_current(paper_plan):
     window = np.hanning(len(time))
     constants = [c.force_constant_n_per_a2 for c in paper_plan.channels]
     # A line as its own washer feels it; a spur, no one's, by the mean of the two.
-    felt = [(line, constants[line.channel]) for line in state.lines]
-    felt += [(spur, sqrt(constants[0] * constants[1])) for spur in state.spurs]
+    felt = [(line, constants[line["channel"]]) for line in state["lines"]]
+    felt += [(spur, sqrt(constants[0] * constants[1])) for spur in state["spurs"]]
     for line, constant in felt:
-        carrier = np.exp(-2j * np.pi * line.force_hz * time)
+        carrier = np.exp(-2j * np.pi * line["force_hz"] * time)
         amplitude = 2 * abs((constant * current**2 * carrier * window).sum()) / window.sum()
-        assert isclose(amplitude * 1e3, line.force_mn, rel_tol=1e-3)
-    assert constants[0] * (current**2).mean() * 1e3 == pytest.approx(state.static_force_mn, rel=1e-3)
+        assert isclose(amplitude * 1e3, line["force_mn"], rel_tol=1e-3)
+    assert constants[0] * (current**2).mean() * 1e3 == pytest.approx(state["static_force_mn"], rel=1e-3)
 
 
 def test_spurs_are_six_db_above_equal_lines(paper_plan):
-    spur = coil_states(paper_plan)[3].spurs[0]
+    spur = coil_states(paper_plan)[3]["spurs"][0]
     forces = [c.force_mn for c in paper_plan.channels]
-    assert spur.force_mn == pytest.approx(2 * sqrt(forces[0] * forces[1]))
+    assert spur["force_mn"] == pytest.approx(2 * sqrt(forces[0] * forces[1]))
 
 
 def test_many_channels_are_not_spelled_out():

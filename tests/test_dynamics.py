@@ -23,7 +23,7 @@ from scipy.integrate import solve_ivp
 
 from docs.paper_figures import draw_paper_figures, paper_figures
 from padgen.core.errors import SolverError
-from padgen.ladders.stages.dynamics import dynamics_models, dynamics_question
+from padgen.ladders.stages import dynamics_models, dynamics_question
 from padgen.physics.magnetics import balanced_deflection, impedance, pull_in_deflection
 from padgen.physics.phasor import Tones, circuit_current, merged, signal, squared, steady_lines, tones
 from padgen.physics.propagation import STATED_ERROR, propagate

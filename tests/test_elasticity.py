@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 
 from padgen.core.errors import SolverError
-from padgen.verify.elastic_material import stiffness_pa
 from padgen.verify.elastic_mesh import (
     CLAMPED,
     PRINTED,
@@ -27,7 +26,7 @@ from padgen.verify.elastic_mesh import (
     meshed,
     taxel_shape,
 )
-from padgen.verify.elastic_modes import accurate, assembled, eigenmodes, factored, rigid_loads
+from padgen.verify.elastic_modes import accurate, assembled, eigenmodes, factored, rigid_loads, stiffness_pa
 from padgen.verify.elasticity import Elastic, Orthotropy, SolidModes, SolidTaxel, converged_modes, layered, solve_modes
 
 REFERENCE = json.loads((Path(__file__).parent / "reference" / "taxel_modes.json").read_text())

@@ -18,15 +18,13 @@ import numpy as np
 import pytest
 
 from padgen.core.errors import SolverError, SpecError
-from padgen.ladders.stages.force import axisymmetric_pull, charges_pull, paper_pull, three_d_pull
+from padgen.ladders.stages import axisymmetric_pull, charges_pull, paper_pull, three_d_pull
 from padgen.physics.magnetics import SteelRing, solenoid
 from padgen.physics.saturation import MILD_STEEL, TEAM_STEEL, BHCurve, saturating
-from padgen.verify.extreme import Answer
-from padgen.verify.extreme_force import force_cases, planned_pull, random_pull
-from padgen.verify.field_axisymmetric import axisymmetric_force
-from padgen.verify.field_scalar import body_wrench, solve_scalar
-from padgen.verify.field_solid import PlacedWasher, solid_force
-from padgen.verify.force_ladder import Pull, shielding, solid_pull
+from padgen.verify.extreme import Answer, force_cases, planned_pull, random_pull
+from padgen.verify.field_axisymmetric import axisymmetric_force, body_wrench, solve_scalar
+from padgen.verify.field_solid import PlacedWasher, Pull, solid_force, solid_pull
+from tests.finer_models import shielding
 
 MAGNETS = json.loads((Path(__file__).parent / "reference" / "magnetostatics.json").read_text())
 MM = 1e-3

@@ -19,7 +19,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from padgen.driver.device.protocol import (
+from padgen.driver.formats.c import SCHEME_NUMBERS, firmware_files
+from padgen.driver.pad_drive import constant_a2, make_drive
+from padgen.driver.serial_line import (
     HOLD_WATCHDOGS,
     VERSION,
     Kind,
@@ -33,10 +35,7 @@ from padgen.driver.device.protocol import (
     plan_hash,
     refusal,
 )
-from padgen.driver.formats.c import SCHEME_NUMBERS, firmware_files
-from padgen.driver.pad_drive import constant_a2, make_drive
-from padgen.driver.timeline import Timeline, frame_s, ramp_s
-from padgen.driver.waveform import volts
+from padgen.driver.waveform import Timeline, frame_s, ramp_s, volts
 
 from .firmware_host import PADS, STRICT, Host, Run, compiled, compiler, drum, feed, host
 

@@ -10,7 +10,7 @@ from padgen.core.errors import FileError, SpecError
 from padgen.driver.formats import hjif
 from padgen.driver.formats.hjif import hjif_text
 from padgen.driver.frames import state_frame, taxel_grid
-from padgen.driver.timeline import Timeline, blend, steady, timeline
+from padgen.driver.waveform import Timeline, blend, steady, timeline
 from padgen.measured.tuning import TunedTaxel, Tuning, planned_tuning
 from padgen.physics.resonator import relative_energy
 from padgen.planner import Plan, make_plan

@@ -21,8 +21,7 @@ import numpy as np
 import pytest
 
 from padgen import cli
-from padgen.batch.definition import parse_sweep
-from padgen.batch.expression import parse_expression
+from padgen.batch.definition import parse_expression, parse_sweep
 from padgen.core import cache
 from padgen.core.errors import FileError, PadgenError, SpecError, at_least, at_most, number, plain, shown
 from padgen.core.files import json_line, json_text

@@ -20,17 +20,14 @@ from padgen import cli
 from padgen.core.errors import SpecError
 from padgen.core.finding import Finding
 from padgen.core.wav_reader import read_wav
-from padgen.driver.device import sound_card
-from padgen.driver.device.protocol import frame_message
-from padgen.driver.drive_folder import Driven, DriveRequest, write_drive, write_excitation
+from padgen.driver import limits, pad_drive, sound_card
+from padgen.driver.drive_folder import Drive, Driven, write_excitation
 from padgen.driver.excitation import KINDS, excitation
 from padgen.driver.frames import state_frame
-from padgen.driver.limits import judge_limits, judge_load
-from padgen.driver.loads import excitation_load, load_of
-from padgen.driver.pad_drive import make_drive
-from padgen.driver.rates import CONTROLLER_RATES_HZ, RATES_HZ, drive_at
-from padgen.driver.timeline import Timeline, ramp_s, steady, timeline
-from padgen.driver.waveform import volts
+from padgen.driver.limits import excitation_load, judge_limits, judge_load, load_of
+from padgen.driver.pad_drive import CONTROLLER_RATES_HZ, RATES_HZ, drive_at, make_drive
+from padgen.driver.serial_line import frame_message
+from padgen.driver.waveform import Timeline, ramp_s, steady, timeline, volts
 from padgen.measured.tuning import planned_tuning
 from padgen.planner import Plan, make_plan
 from padgen.spec import load_spec, parse_spec
@@ -64,7 +61,7 @@ def planned(coil: str = "", drive: str = "") -> Plan:
 
 def written(plan: Plan, folder: Path, formats: str, state: str = "1111", **more) -> Driven:
     frames = state_frame(plan, state) if state else None
-    return write_drive(plan, folder, DriveRequest(tuple(formats.split(",")), frames, held=True, **more))
+    return Drive(plan, frames, held=True, **more).save_folder(folder, formats.split(","))
 
 
 def watts(plan: Plan, volts_held: np.ndarray, rate_hz: int) -> float:
@@ -205,7 +202,7 @@ def test_judged_watts_of_turns_are_those_of_the_warmest(tmp_path):
 @pytest.mark.parametrize("carrier_hz", [None, 3000.0, 9000.0])
 def test_judged_volts_are_those_of_the_script(tmp_path, library, carrier_hz):  # noqa: F811
     plan = planned("", "scheme = 'spur-free'\nvoltage_limit_v = 1")
-    driven = written(plan, tmp_path / "o", "syntacts", carrier_hz=carrier_hz, rate_hz=48_000, seconds_each=0.3)
+    driven = written(plan, tmp_path / "o", "syntacts", carrier_hz=carrier_hz, rate_hz=48_000, seconds=0.3)
     count = round(0.3 * 48_000)
     peak = np.abs(rendered((tmp_path / "o" / "drive_syntacts.py").read_text(), count)).max()
     # At 9 kHz some 5 samples make a period, and between them the peak is up to 5 % higher.
@@ -213,10 +210,11 @@ def test_judged_volts_are_those_of_the_script(tmp_path, library, carrier_hz):  #
     assert peak == pytest.approx(figure(driven, "wave.voltage"), rel=0.01 if carrier_hz is None else 0.05)
 
 
-def test_a_peak_between_samples_is_judged():
+def test_a_peak_between_samples_is_judged(monkeypatch):
     plan = planned("", "scheme = 'spur-free'\nvoltage_limit_v = 1")
     # Three samples a cycle, always at the same places of it.
-    drive = make_drive(plan, 48_000, period_s=0.25, carrier_hz=16_000.0)
+    monkeypatch.setattr(pad_drive, "comb_period_s", lambda *_: 0.25)
+    drive = make_drive(plan, 48_000, carrier_hz=16_000.0)
     shown = steady(np.ones(16), drive.period_s)
     coarse, fine = (
         max(np.abs(block).max() for block in volts(replace(drive, rate_hz=rate), shown)) for rate in (48_000, 960_000)
@@ -263,7 +261,6 @@ def test_the_widest_template_is_judged_by_what_it_takes():
 
 
 def test_a_bound_of_many_states_is_one(monkeypatch):
-    from padgen.driver import loads
 
     plan = planned("", "scheme = 'spur-free'\nvoltage_limit_v = 1")
     for carrier_hz in (None, 3000.0):
@@ -271,7 +268,7 @@ def test_a_bound_of_many_states_is_one(monkeypatch):
         seen = load_of(plan, drive)
         for name, value in (("MOST_CHANNELS", 3), ("MOST_POINTS", 0)):
             with monkeypatch.context() as patch:
-                patch.setattr(loads, name, value)
+                patch.setattr(limits, name, value)
                 bound = load_of(plan, drive)
             assert seen.peak_v <= bound.peak_v < 1.6 * seen.peak_v
             assert (seen.square_a2 <= bound.square_a2 + 1e-15).all()
@@ -292,12 +289,11 @@ def test_grey_levels_and_changes_are_never_above_what_is_judged():
 
 @pytest.mark.parametrize("scheme", SCHEMES[:3])
 def test_a_change_that_is_quick_is_never_above_what_is_judged(monkeypatch, scheme):
-    from padgen.driver import loads
 
     plan = planned("power_limit_w = 1e-3", f"scheme = '{scheme}'\nvoltage_limit_v = 1")
     drive = make_drive(plan, 48_000)
     quick_s = 5e-4
-    monkeypatch.setattr(loads, "ramp_s", lambda plan: quick_s)
+    monkeypatch.setattr(limits, "ramp_s", lambda plan: quick_s)
     held, on = 0.0213, np.ones((1, 16))
     times = np.cumsum([0.0, *[quick_s, held] * 10])
     levels = np.concatenate([0 * on, *[on, on, 0 * on, 0 * on] * 5])

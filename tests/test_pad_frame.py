@@ -24,9 +24,8 @@ from padgen.core.units import G_PER_CM3, GPA
 from padgen.planner import Plan, make_plan
 from padgen.planner.frame_give import flexibility_bounds, frame_mode_estimate_hz
 from padgen.spec import parse_spec
-from padgen.verify.elastic_material import Elastic
 from padgen.verify.elastic_mesh import meshed
-from padgen.verify.elastic_modes import assembled, eigenmodes, factored
+from padgen.verify.elastic_modes import Elastic, assembled, eigenmodes, factored
 from padgen.verify.pad_frame import (
     CLAMPINGS,
     HELD,
@@ -36,11 +35,11 @@ from padgen.verify.pad_frame import (
     _frame_solid,
     central_taxels,
     coupled_modes,
-    crosstalk_db,
     pad_modes,
     peak_hz,
     shift,
 )
+from tests.finer_models import crosstalk_db
 
 TEXT = """
 name = "tiny"

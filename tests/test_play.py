@@ -15,13 +15,12 @@ import pytest
 
 from padgen.core.errors import EngineMissingError, FileError, SpecError
 from padgen.core.wav_reader import read_wav
-from padgen.driver.device import serial_line as play_serial
-from padgen.driver.device import sound_card as play_audio
-from padgen.driver.device.protocol import VERSION, Kind, Message, decode, encode, plan_hash
-from padgen.driver.device.serial_line import play_frames, serial_ports
-from padgen.driver.device.sound_card import list_devices, play_wave
-from padgen.driver.timeline import ramp_s
-from padgen.driver.wav_file import WavWriter
+from padgen.driver import serial_line as play_serial
+from padgen.driver import sound_card as play_audio
+from padgen.driver.formats.wav import WavWriter
+from padgen.driver.serial_line import VERSION, Kind, Message, decode, encode, plan_hash, play_frames, serial_ports
+from padgen.driver.sound_card import list_devices, play_wave
+from padgen.driver.waveform import ramp_s
 
 from .firmware_host import Host, host
 

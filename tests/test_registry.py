@@ -23,7 +23,7 @@ from padgen.batch.definition import parse_sweep
 from padgen.core.errors import FileError, GeometryError, SpecError
 from padgen.core.registry import PAD_FORMATS, PLUGINS, USUAL_FORMATS, names_in
 from padgen.driver import formats as drive_formats
-from padgen.driver.drive_folder import Drive, DriveRequest, parse_formats, write_drive
+from padgen.driver.drive_folder import Drive, parse_formats
 from padgen.make.pad import parse_formats as parse_pad_formats
 from padgen.make.solid_tuning import solid_taxel
 from padgen.physics import schemes
@@ -319,10 +319,10 @@ def registered_format(thing):
 def test_a_registered_format_is_written_alone_and_beside_others(small_plan, tmp_path, made_of):
     frame = np.ones((1, len(small_plan.taxels)))
     with registered_format(toy_format(made_of)):
-        driven = write_drive(small_plan, tmp_path / "alone", DriveRequest((FORMAT,), frames=frame))
+        driven = Drive(small_plan, frame).save_folder(tmp_path / "alone", (FORMAT,))
         assert driven.files == ("plan.json", "toy.txt")
         formats = parse_formats(f"{FORMAT},wav,csv")
-        driven = write_drive(small_plan, tmp_path / "beside", DriveRequest(formats, frames=frame))
+        driven = Drive(small_plan, frame).save_folder(tmp_path / "beside", formats)
         assert driven.files == ("plan.json", "drive.csv", "drive.wav", "drive-wave.json", "toy.txt")
     assert (tmp_path / "beside/toy.txt").read_text() == (tmp_path / "alone/toy.txt").read_text()
     assert float((tmp_path / "alone/toy.txt").read_text().split()[-2]) > 0
@@ -351,10 +351,10 @@ def test_a_format_may_need_something_to_show_and_may_refuse(small_plan, tmp_path
     thing = toy_format("frames")
     with registered_format(thing):
         with pytest.raises(SpecError, match="toy-text needs something to show; add --state or --frames"):
-            write_drive(small_plan, tmp_path / "d", DriveRequest((FORMAT,)))
+            Drive(small_plan).save_folder(tmp_path / "d", (FORMAT,))
         thing.refuse = refuse
         with pytest.raises(SpecError, match="too long for a toy"):
-            write_drive(small_plan, tmp_path / "d", DriveRequest((FORMAT,), np.ones((1, len(small_plan.taxels)))))
+            Drive(small_plan, np.ones((1, len(small_plan.taxels)))).save_folder(tmp_path / "d", (FORMAT,))
     assert not (tmp_path / "d").exists()
 
 
@@ -510,8 +510,8 @@ def test_a_registered_scheme_plans_and_drives(tmp_path):
             kept.append(plan.selectivity.all_states_db)
             exact.append(plan.capacity.exact)
             assert plan.load == plain.load
-            driven = write_drive(
-                plan, tmp_path, DriveRequest(("csv", "json", "c", "wav", "syntacts"), np.ones((1, len(plan.taxels))))
+            driven = Drive(plan, np.ones((1, len(plan.taxels)))).save_folder(
+                tmp_path, ("csv", "json", "c", "wav", "syntacts")
             )
             assert driven.report.scheme == SCHEME
             assert "#define PADGEN_SCHEME PADGEN_TONES" in (tmp_path / "pad_drive.h").read_text()
@@ -691,7 +691,7 @@ def test_a_registered_coil_plans_and_drives(tmp_path):
         assert plan.spec.coil.kind == COIL
         text = plan_to_json(plan)
         assert plan_to_json(plan_from_json(text)) == text
-        write_drive(plan, tmp_path, DriveRequest(("csv", "json")))
+        Drive(plan).save_folder(tmp_path, ("csv", "json"))
         assert (tmp_path / "drive.csv").read_text().count("\n") > len(plan.channels)
         pulls = [channel.force_constant_n_per_a2 for channel in plan.channels]
     twice = FLAT.replace("turns = 40", "turns = 80")

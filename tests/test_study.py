@@ -20,26 +20,42 @@ import pytest
 from padgen.cli import run
 from padgen.core.errors import PadgenError, SolverError, SpecError
 from padgen.ladders.extreme_specs import outcome, random_table, selectivity_cases, spec_cases
-from padgen.ladders.extreme_study import Verdict, judged_error, named_cases, relative_error, verdict_of
 from padgen.ladders.isolate import measured, run_apart, timed
-from padgen.ladders.pictures import extreme_picture, study_pictures
-from padgen.ladders.rung import NOT_RUN, Ladder, Measured, Rung, Solved, Theory
-from padgen.ladders.stages import LADDERS, Scene
-from padgen.ladders.stages.scene import MOST_SUBJECTS, chosen_channels, distinct_channels
+from padgen.ladders.rung import (
+    MOST_SUBJECTS,
+    NOT_RUN,
+    TOLERANCES,
+    Ladder,
+    Measured,
+    Rung,
+    Scene,
+    Solved,
+    Theory,
+    chosen_channels,
+    distinct_channels,
+    judged,
+    observed_order,
+    picks,
+    recommended_row,
+)
+from padgen.ladders.stages import LADDERS
 from padgen.ladders.study import (
     STUDY_FILES,
     Study,
+    Verdict,
+    judged_error,
+    named_cases,
     parse_only,
     parse_tolerance,
+    relative_error,
     run_extreme,
     run_study,
     study_csv,
     study_json,
+    verdict_of,
 )
-from padgen.ladders.text import extreme_text, percent, seconds_text, study_text
-from padgen.ladders.verdicts import TOLERANCES, judged, observed_order, picks, recommended_row
-from padgen.verify.extreme import Answer, ExtremeCase
-from padgen.verify.extreme_solid import solid_cases
+from padgen.ladders.text import extreme_picture, extreme_text, percent, seconds_text, study_pictures, study_text
+from padgen.verify.extreme import Answer, ExtremeCase, solid_cases
 
 EXACT = 3.0
 
@@ -307,7 +323,7 @@ def test_caches_of_models_are_emptied_between_runs(monkeypatch):
     cached = lru_cache(maxsize=None)(lambda: object())
     monkeypatch.setattr(magnetics, "a_cache", cached, raising=False)
     cached()
-    isolate._forget()
+    isolate._run(pickle.dumps((None, int)), ())
     assert cached.cache_info().currsize == 0
 
 
@@ -513,7 +529,7 @@ def test_of_many_taxels_a_few_are_studied(paper_plan):
 
 
 def test_mesh_volumes_converge_to_the_solids(small_plan):
-    from padgen.ladders.stages.geometry import exact_volumes, mesh_volumes, taxel_solids
+    from padgen.ladders.stages import exact_volumes, mesh_volumes, taxel_solids
 
     solids = taxel_solids(small_plan)
     exact = exact_volumes(1e-9, solids).values
@@ -600,7 +616,7 @@ def solved(name: str):
 def test_elements_know_their_error():
     """One of the list; `padgen study --extreme` runs all, and solves the references anew.
 
-    138.80316 Hz is the block at 3 GPa by elements of order 4 in three layers (`extreme_solid._finer`, NGSolve 6.2.2608,
+    138.80316 Hz is the block at 3 GPa by elements of order 4 in three layers (`extreme._by_finer`, NGSolve 6.2.2608,
     not extrapolated: good to 1e-3); resonances go with the root of the moduli.
     """
     answer, truth = run_apart(solved, "modulus 1e+12 Pa, steel in proportion"), 138.80316391 * sqrt(1e12 / 3e9)

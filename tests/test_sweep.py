@@ -24,8 +24,7 @@ from types import SimpleNamespace
 import pytest
 
 from padgen.batch import index
-from padgen.batch.definition import count_points, load_sweep, parse_sweep, variant_table, variants
-from padgen.batch.expression import parse_expression
+from padgen.batch.definition import count_points, load_sweep, parse_expression, parse_sweep, variant_table, variants
 from padgen.batch.sweep import Event, event_table, run_sweep
 from padgen.batch.variant import plan_figures
 from padgen.core.errors import FileError, SpecError
@@ -636,9 +635,11 @@ def test_memory_of_the_parent_is_flat(tmp_path):
 
 
 def test_the_time_left(tmp_path, monkeypatch):
-    """Two seconds a variant: as many for each of those that are left; none is known before the first."""
-    now = iter(range(0, 10**6, 1))
-    monkeypatch.setattr("padgen.batch.sweep.time", SimpleNamespace(monotonic=lambda: next(now), strftime=time.strftime))
+    """What a variant took, for each of those that are left; none is known before the first."""
+    now = iter(range(10**6))
+    monkeypatch.setattr(
+        "padgen.batch.sweep.time", SimpleNamespace(monotonic=lambda: next(now) / 1024, strftime=time.strftime)
+    )
     events = []
     text = NO_FOLDERS + "[axes]\nq_min = [10, 11, 12, 13]\n"
     run_sweep(parse_sweep(text), tmp_path, Inline(), on_event=events.append)

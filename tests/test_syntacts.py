@@ -10,8 +10,7 @@ import pytest
 from padgen.driver.formats.syntacts import syntacts_script
 from padgen.driver.frames import state_frame
 from padgen.driver.pad_drive import PadDrive, make_drive
-from padgen.driver.timeline import Timeline, steady, timeline
-from padgen.driver.waveform import volts
+from padgen.driver.waveform import Timeline, steady, timeline, volts
 from padgen.planner import Plan, make_plan
 from padgen.spec import load_spec, parse_spec
 

@@ -12,7 +12,7 @@ from scipy.io import wavfile
 
 from padgen.core.errors import FileError
 from padgen.core.wav_reader import read_wav
-from padgen.driver.wav_file import LARGEST_24, WavWriter, wav_header
+from padgen.driver.formats.wav import LARGEST_24, WavWriter, wav_header
 
 RATE = 48000
 STEP_24 = 2.0**-23

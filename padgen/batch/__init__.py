@@ -1,6 +1,5 @@
 """Batches of pad variants: what is varied, run over any executor, one row and one folder a variant.
 
-`definition` reads a sweep with the conditions of `expression`, `points` lists its variants, `variant` makes one (in a
-worker), `sweep` makes them all, `index` keeps what came of them, `pareto` finds the best. `executors` feeds whatever
-runs them and starts the watched processes, `scheduler` connects to a Dask cluster.
+`definition` reads a sweep and lists its variants, `variant` makes one (in a worker), `sweep` makes them all on whatever
+runs them, `index` keeps what came of them, `pareto` finds the best. `scheduler` connects to a Dask cluster.
 """

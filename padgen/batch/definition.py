@@ -2,9 +2,13 @@
 
 They are all combinations, or a seeded sample that fills the space evenly. A sample is drawn by `scipy.stats.qmc`: Latin
 hypercube (McKay 1979), or Sobol's sequence with Owen's scrambling. Variants are numbered before constraints take some
-away, so that a changed constraint does not rename the others."""
+away, so that a changed constraint does not rename the others. Constraints are comparisons and arithmetic on fields of a
+spec, and nothing else."""
 
-from collections.abc import Iterable, Iterator
+import ast
+import math
+import operator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import Field, asdict, dataclass, field, fields, is_dataclass, replace
 from itertools import product
 from math import ceil, floor, prod
@@ -13,7 +17,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.batch.expression import Expression, parse_expression
 from padgen.core.errors import FileError, PadgenError, SpecError, number, shown
 from padgen.core.files import reason
 from padgen.core.registry import PAD_FORMATS, USUAL_FORMATS, names_in
@@ -25,18 +28,178 @@ __all__ = [
     "METHODS",
     "STAGES",
     "Axis",
+    "Expression",
     "Limits",
     "Sample",
     "Sweep",
     "Variant",
     "count_points",
     "load_sweep",
+    "parse_expression",
     "parse_sweep",
     "sweep_over",
     "variant_name",
     "variant_table",
     "variants",
 ]
+
+LONGEST, LONGEST_SHOWN = 1000, 80
+"""Characters of a condition, and of what errors repeat of it."""
+LARGEST_WHOLE = 2**53
+"""Whole numbers beyond are taken as floats, whose arithmetic takes no time and no room."""
+OPERATORS: dict[type, Callable[..., Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: math.pow,  # of floats: 9**9**9 ends in an error at once
+    ast.Mod: operator.mod,
+    ast.FloorDiv: operator.floordiv,
+    ast.USub: operator.neg,
+    ast.UAdd: operator.pos,
+    ast.Not: operator.not_,
+    ast.Eq: operator.eq,
+    ast.NotEq: operator.ne,
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+}
+
+
+FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "abs": abs,
+    "min": min,
+    "max": max,
+    # To digits as a float: a whole number would be divided by ten to as many as are asked for.
+    "round": lambda value, digits=None: round(value) if digits is None else round(float(value), digits),
+}
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A condition: as it was written, and parsed."""
+
+    text: str
+    tree: ast.expr
+
+    def holds(self, values: Mapping[str, Any], spec: Spec) -> bool:
+        """Tell whether it holds for a variant with these `values` of dotted fields; all others are those of `spec`.
+
+        Raises
+        ------
+        SpecError
+            It cannot be worked out, as a division by zero.
+        """
+        try:
+            return bool(_evaluated(self.tree, values, spec))
+        except (ArithmeticError, LookupError, RecursionError, TypeError, ValueError) as error:
+            raise SpecError(f"cannot be worked out for {shown(dict(values))} ({error})", _where(self.text)) from error
+
+
+def parse_expression(text: str, spec: Spec) -> Expression:
+    """Read a condition such as ``pad.width_mm >= 2 * pad.border_mm or resolution < 8``.
+
+    Raises
+    ------
+    SpecError
+        It is no expression, or uses a field that a spec does not have, or anything but comparisons,
+        arithmetic, ``and``, ``or``, ``not``, abs, min, max and round.
+    """
+    where = _where(text)
+    if len(text) > LONGEST:
+        raise SpecError(f"is no condition of at most {LONGEST} characters, it has {len(text)}; write several", where)
+    try:
+        tree = ast.parse(text.strip(), mode="eval").body
+        _refuse(tree, spec, where)
+    except (RecursionError, MemoryError) as error:
+        raise SpecError("is nested too deeply", where) from error
+    except (SyntaxError, ValueError) as error:
+        raise SpecError("is no condition; an example is 'resolution <= 64 and pad.width_mm >= 50'", where) from error
+    return Expression(text, tree)
+
+
+def _where(text: str) -> str:
+    return f"constraint {text if len(text) <= LONGEST_SHOWN else text[:LONGEST_SHOWN] + '…'!r}"
+
+
+def _refuse(node: ast.expr, spec: Spec, where: str) -> None:
+    """Raise for what is no condition."""
+    name = _dotted(node)
+    if name is not None:
+        _field(name, spec, where)
+        return
+    operators = [getattr(node, "op", None), *getattr(node, "ops", ())]
+    if any(not isinstance(op, (ast.And, ast.Or)) and type(op) not in OPERATORS for op in operators if op):
+        raise SpecError(f"uses {ast.unparse(node)!r}, whose operator is not known here", where)
+    if isinstance(node, ast.Constant) and not isinstance(node.value, (int, float, str)):
+        raise SpecError(f"uses {shown(node.value)}, which is neither number nor text, true or false", where)
+    allowed = (ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.Constant, ast.Call, ast.Subscript)
+    if not isinstance(node, allowed):
+        raise SpecError(f"uses {ast.unparse(node)!r}, which is none of comparison, arithmetic, and, or, not", where)
+    if isinstance(node, ast.Call) and (_dotted(node.func) not in FUNCTIONS or node.keywords):
+        raise SpecError(f"calls {ast.unparse(node.func)!r}, known are {', '.join(FUNCTIONS)}", where)
+    for child in node.args if isinstance(node, ast.Call) else ast.iter_child_nodes(node):
+        if isinstance(child, ast.expr):
+            _refuse(child, spec, where)
+
+
+def _evaluated(node: ast.expr, values: Mapping[str, Any], spec: Spec) -> Any:
+    value = _value(node, values, spec)
+    return float(value) if isinstance(value, int) and abs(value) > LARGEST_WHOLE else value
+
+
+def _value(node: ast.expr, values: Mapping[str, Any], spec: Spec) -> Any:
+    name = _dotted(node)
+    if name is not None:
+        # A table stands for what names it, which the variant's spec knows.
+        return values[name] if name in values and not isinstance(values[name], dict) else _field(name, spec, "")
+    match node:
+        case ast.Constant():
+            return node.value
+        case ast.BoolOp():
+            decide = all if isinstance(node.op, ast.And) else any
+            return decide(_evaluated(part, values, spec) for part in node.values)
+        case ast.UnaryOp():
+            return OPERATORS[type(node.op)](_evaluated(node.operand, values, spec))
+        case ast.BinOp():
+            left, right = _evaluated(node.left, values, spec), _evaluated(node.right, values, spec)
+            if not isinstance(left, (int, float)) or not isinstance(right, (int, float)):
+                raise TypeError("arithmetic is of numbers")  # of text it might take all memory
+            return OPERATORS[type(node.op)](left, right)
+        case ast.Compare():
+            parts = [_evaluated(part, values, spec) for part in (node.left, *node.comparators)]
+            pairs = zip(node.ops, parts, parts[1:], strict=False)
+            return all(OPERATORS[type(op)](left, right) for op, left, right in pairs)
+        case ast.Subscript():
+            return _evaluated(node.value, values, spec)[_evaluated(node.slice, values, spec)]
+        case ast.Call():
+            return FUNCTIONS[_dotted(node.func) or ""](*(_evaluated(part, values, spec) for part in node.args))
+    raise TypeError(ast.unparse(node))
+
+
+def _dotted(node: ast.expr) -> str | None:
+    """Return ``a.b.c`` as text, None for anything else."""
+    if isinstance(node, ast.Name):
+        return node.id
+    if isinstance(node, ast.Attribute):
+        before = _dotted(node.value)
+        return None if before is None else f"{before}.{node.attr}"
+    return None
+
+
+def _field(name: str, spec: Spec, where: str) -> Any:
+    value: Any = spec
+    for part in name.split("."):
+        if not hasattr(type(value), "__dataclass_fields__") or part not in type(value).__dataclass_fields__:
+            raise SpecError(f"names {name!r}, which a spec does not have; words stand in quotes", where)
+        value = getattr(value, part)
+    # A table stands for what names it, as in TOML: material == 'pla', drive == 'tones'.
+    for word in ("name", "scheme", "structure"):
+        if is_dataclass(value) and hasattr(value, word):
+            return getattr(value, word)
+    return value
+
 
 STAGES = ("plan", "yield", "build", "study")
 METHODS = ("grid", "latin-hypercube", "sobol")
@@ -60,7 +223,7 @@ class Range:
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """What is varied together: `fields` are dotted names of a spec.
+    """Fields that are varied together, by their dotted names in a spec.
 
     Either `values` (k, fields), or, of a sample, a `range` of one field; `whole`: it takes whole numbers only.
     """
@@ -71,7 +234,7 @@ class Axis:
     whole: bool = False
 
     def at(self, share: float, even: bool = False) -> tuple[Any, ...]:
-        """The values at a share, 0 … 1, of it; `even`: each whole number or row of values at as many shares."""
+        """Return the values at a share, 0 … 1, of it; `even`: each whole number or row of values at as many shares."""
         if self.range is None:
             return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
         low, high = self.range.low, self.range.high
@@ -83,7 +246,7 @@ class Axis:
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """How the points are chosen."""
+    """The choice of the points."""
 
     method: str = choice("grid", of=METHODS, doc="grid: all combinations; the others: `count` points, seeded")
     count: int = quantity(0, unit="variants", low=0, high=10_000_000, doc="of a sample")
@@ -92,7 +255,7 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What one variant may take before it is given up."""
+    """Limits of one variant, beyond which it is given up."""
 
     time_s: float = quantity(600.0, unit="s", low=0.1, high=1e6, doc="run time of one variant")
     memory_mb: float = quantity(4000.0, unit="MB", low=100, high=1e7, doc="memory of a worker")
@@ -112,7 +275,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class Sweep:
-    """The whole sweep. `base` is the table that the variants are laid over, `spec` what it means by itself."""
+    """The whole sweep. `base` is the table that the variants are laid over, `spec` the spec that it is by itself."""
 
     settings: Settings
     base: dict[str, Any]
@@ -156,7 +319,7 @@ def sweep_over(spec: Spec, axes: dict[str, Any], stage: str = "plan") -> Sweep:
 
 
 def _plain_lists(axes: Any) -> Any:
-    """Lists where a program gives tuples, ranges or arrays."""
+    """Turn the tuples, ranges or arrays that a program gives into lists."""
     if isinstance(axes, dict):
         return {name: _plain_lists(values) for name, values in axes.items()}
     if hasattr(axes, "tolist"):
@@ -166,34 +329,38 @@ def _plain_lists(axes: Any) -> Any:
 
 def _sweep(table: dict[str, Any], folder: Path, where: str, base: dict[str, Any] | None = None) -> Sweep:
     try:
-        return _of_tables(table, folder, base)
+        axes, sample_table, limits = (table.pop(key, {}) for key in ("axes", "sample", "limits"))
+        linked, constraints = (table.pop(key, []) for key in ("linked", "constraints"))
+        formats = table.get("formats")
+        if isinstance(formats, list) and all(isinstance(entry, str) for entry in formats):
+            table["formats"] = ",".join(formats)
+        for key in table:
+            if key not in TOP_KEYS:
+                raise unknown_name(key, TOP_KEYS, "key", "sweep")
+        settings: Settings = build(Settings, table, "")
+        if base is None:
+            name = settings.base
+            beside = folder / name
+            try:
+                path = beside if beside.is_file() else find_spec(name)
+            except OSError as error:
+                raise FileError(f"cannot be read ({reason(error)})", f"base {name!r}") from error
+            base, folder = read_table(path, name), path.parent
+        try:
+            spec = make_spec(base, folder)
+        except SpecError as error:
+            raise SpecError(f"is no spec by itself: {error}", f"base {settings.base!r}") from error
+        sample = _checked_sample(sample_table)
+        found = _axes(axes, linked, sample)
+        if not isinstance(constraints, list) or not all(isinstance(entry, str) for entry in constraints):
+            raise SpecError(f"must be a list of conditions as text, got {shown(constraints)}", "constraints")
+        names_in(settings.formats, PAD_FORMATS.names(), "formats")
+        conditions = tuple(parse_expression(entry, spec) for entry in constraints)
+        return Sweep(
+            settings, base, spec, folder.absolute(), found, conditions, sample, build(Limits, limits, "limits")
+        )
     except RecursionError as error:
         raise SpecError("cannot be read: its values are nested too deeply", where) from error
-
-
-def _of_tables(table: dict[str, Any], folder: Path, base: dict[str, Any] | None) -> Sweep:
-    axes, sample_table, limits = (table.pop(key, {}) for key in ("axes", "sample", "limits"))
-    linked, constraints = (table.pop(key, []) for key in ("linked", "constraints"))
-    formats = table.get("formats")
-    if isinstance(formats, list) and all(isinstance(entry, str) for entry in formats):
-        table["formats"] = ",".join(formats)
-    for key in table:
-        if key not in TOP_KEYS:
-            raise unknown_name(key, TOP_KEYS, "key", "sweep")
-    settings: Settings = build(Settings, table, "")
-    if base is None:
-        base, folder = _base(settings.base, folder)
-    try:
-        spec = make_spec(base, folder)
-    except SpecError as error:
-        raise SpecError(f"is no spec by itself: {error}", f"base {settings.base!r}") from error
-    sample = _checked_sample(sample_table)
-    found = _axes(axes, linked, sample)
-    if not isinstance(constraints, list) or not all(isinstance(entry, str) for entry in constraints):
-        raise SpecError(f"must be a list of conditions as text, got {shown(constraints)}", "constraints")
-    names_in(settings.formats, PAD_FORMATS.names(), "formats")
-    conditions = tuple(parse_expression(entry, spec) for entry in constraints)
-    return Sweep(settings, base, spec, folder.absolute(), found, conditions, sample, build(Limits, limits, "limits"))
 
 
 def _checked_sample(table: Any) -> Sample:
@@ -211,16 +378,6 @@ def _checked_sample(table: Any) -> Sample:
     return sample
 
 
-def _base(name: str, folder: Path) -> tuple[dict[str, Any], Path]:
-    """The base spec's table: a file beside the sweep's, or a template."""
-    beside = folder / name
-    try:
-        path = beside if beside.is_file() else find_spec(name)
-    except OSError as error:
-        raise FileError(f"cannot be read ({reason(error)})", f"base {name!r}") from error
-    return read_table(path, name), path.parent
-
-
 def _axes(table: Any, linked: Any, sample: Sample) -> tuple[Axis, ...]:
     if not isinstance(table, dict) or not isinstance(linked, list):
         raise SpecError("must be a table of fields ([axes]), and [[linked]] tables", "axes")
@@ -235,7 +392,7 @@ def _axes(table: Any, linked: Any, sample: Sample) -> tuple[Axis, ...]:
 
 
 def _flat(table: dict[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
-    """Dotted names and values: ``pad.width_mm = …`` is a nested table in TOML."""
+    """Return dotted names and values: ``pad.width_mm = …`` is a nested table in TOML."""
     pairs = []
     for key, value in table.items():
         if isinstance(value, dict) and not set(value) & set(RANGE_KEYS):
@@ -290,7 +447,7 @@ def _linked(entry: Any) -> Axis:
 
 
 def _listed(name: str, values: Any, where: str) -> list[Any]:
-    """The values of a field; refuses one that it never takes, whatever the others are."""
+    """Return the values of a field; refuse one that it never takes, whatever the others are."""
     item = _spec_field(name)
     if not isinstance(values, list) or not 1 <= len(values) <= MOST_VALUES:
         raise SpecError(f"must be a list of 1 … {MOST_VALUES} values, got {shown(values)}", where)
@@ -315,7 +472,7 @@ def _is_plain(value: Any, depth: int = 0) -> bool:
 
 
 def _spec_field(name: str) -> "Field[Any]":
-    """A field of a spec, or a whole table, by its dotted name; refuses what cannot be varied."""
+    """Return a field of a spec, or a whole table, by its dotted name; refuse what cannot be varied."""
     where, kind = f"axes.{name}", Spec
     if name in ("name", "padgen"):
         raise SpecError("cannot be varied: each variant is named after the sweep and its number", where)
@@ -355,7 +512,7 @@ def count_points(sweep: Sweep) -> int:
 
 
 def variants(sweep: Sweep) -> Iterator[Variant]:
-    """The variants that the constraints leave, in the order of their numbers; made as they are asked for."""
+    """Yield the variants that the constraints leave, in the order of their numbers."""
     count_points(sweep)
     points = product(*(axis.values for axis in sweep.axes)) if sweep.sample.method == "grid" else _sample(sweep)
     for place, chosen in enumerate(points):
@@ -377,12 +534,12 @@ def _is_left(sweep: Sweep, variant: Variant) -> bool:
 
 
 def variant_name(sweep: Sweep, number: int) -> str:
-    """The name of a variant and of its folder."""
+    """Return the name of a variant and of its folder."""
     return f"{sweep.settings.name}-{number:05d}"
 
 
 def variant_table(sweep: Sweep, variant: Variant) -> dict[str, Any]:
-    """The table of a variant's spec: the base's with the varied fields and a name of its own."""
+    """Return the table of a variant's spec: the base's with the varied fields and a name of its own."""
     return laid_over(sweep.base, variant.values) | {"name": variant_name(sweep, variant.number)}
 
 

@@ -95,7 +95,7 @@ class Journal:
         self._note(record.number, record, offset)
 
     def record(self, number: int) -> Record:
-        """The last record of a variant that is known."""
+        """Return the last record of a variant."""
         record = _parsed(self._line(self._offsets[number]))
         if not isinstance(record, Record):
             raise FileError("was changed while the sweep ran", str(self.path))
@@ -111,7 +111,7 @@ class Journal:
         self.forget(number)
 
     def records(self) -> Iterator[Record]:
-        """The last record of each variant, in the order of their numbers."""
+        """Return the last record of each variant, in the order of their numbers."""
         return (self.record(number) for number in range(self.numbers) if self._states[number])
 
     def refuse_removed(self) -> None:
@@ -210,7 +210,7 @@ def _cell(value: Any) -> str:
 
 
 def _parsed(line: bytes) -> Record | int | None:
-    """The record of a line, or the number of one that it takes back; None when it is torn or not one of ours."""
+    """Read the record of a line, or the number of one that it takes back; None when it is torn or not one of ours."""
     try:
         table = json.loads(line)
         if isinstance(table.get(FORGOTTEN), int):

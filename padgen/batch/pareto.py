@@ -5,8 +5,6 @@ in one pass: memory holds the front, one block of rows and a thinned rest, howev
 give the same bytes.
 """
 
-import csv
-import io
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -20,6 +18,7 @@ import numpy as np
 from padgen.batch.variant import Record
 from padgen.core.files import OutputFolder
 from padgen.core.plots import STYLE, plot_bytes
+from padgen.planner.drive_rows import table_csv
 
 __all__ = [
     "BLOCK",
@@ -102,7 +101,7 @@ class Overview:
         return np.concatenate([self.values, self.beaten, self.faulty])
 
     def best(self) -> dict[str, int]:
-        """By objective in which variants differ, the row of the front that is best in it; of equals the first."""
+        """Return by objective in which variants differ the row of the front that is best in it; of equals the first."""
         if not self.rows:
             return {}
         scores, every = (_scores(values, self.objectives) for values in (self.values, self.points))
@@ -111,7 +110,7 @@ class Overview:
 
 
 def front_mask(scores: np.ndarray) -> np.ndarray:
-    """Which rows of `scores` (variants, objectives; more is better) no other row beats.
+    """Tell which rows of `scores` (variants, objectives; more is better) no other row beats.
 
     Rows are compared in lexicographic order, best first, so that only what is already on the front can
     beat the next: of the order of rows times front, in blocks.
@@ -123,21 +122,19 @@ def front_mask(scores: np.ndarray) -> np.ndarray:
         open_ = np.flatnonzero(_as_good(losses[:start][on_front[:start]], block) == 0)
         # Rows are distinct, so each is as good as itself once.
         on_front[start + open_[_as_good(block[open_], block[open_]) == 1]] = True
-    kept: np.ndarray = on_front[back.reshape(-1)]
-    return kept
+    return np.asarray(on_front[back.reshape(-1)])
 
 
 def _as_good(others: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """For each of `rows`, how many of `others` lose no more in any objective."""
+    """Count for each of `rows` how many of `others` lose no more in any objective."""
     good = np.ones((len(rows), len(others)), dtype=bool)
     for own, other in zip(rows.T, others.T, strict=True):
         good &= other[None, :] <= own[:, None]
-    count: np.ndarray = good.sum(axis=1)
-    return count
+    return np.asarray(good.sum(axis=1))
 
 
 def _scores(values: np.ndarray, objectives: Sequence[str]) -> np.ndarray:
-    """Values with a sign that makes more better, and infinities where there are none."""
+    """Return values with a sign that makes more better, and infinities where there are none."""
     signs = [1.0 if OBJECTIVES[name].best == "most" else -1.0 for name in objectives]
     empty = [np.inf if name in UNBOUNDED else -np.inf for name in objectives]
     return np.where(np.isnan(values), empty, values * signs)
@@ -201,16 +198,12 @@ def overview_of(header: tuple[str, ...], pairs: Iterable[tuple[Record, tuple[str
 
 
 def pareto_csv(overview: Overview) -> str:
-    """The front's rows, and what each is best in; the same index gives the same bytes."""
+    """Write the front's rows, and what each is best in; the same index gives the same bytes."""
     columns = [i for i, name in enumerate(overview.header) if name not in LEFT_OUT]
-    best = overview.best()
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow([*(overview.header[i] for i in columns), "best_in"])
+    rows, best = [], overview.best()
     for index, row in enumerate(overview.rows):
-        best_in = " ".join(name for name, which in best.items() if which == index)
-        writer.writerow([*(row[i] for i in columns), best_in])
-    return out.getvalue()
+        rows.append([*(row[i] for i in columns), " ".join(name for name, which in best.items() if which == index)])
+    return table_csv([*(overview.header[i] for i in columns), "best_in"], rows)
 
 
 def write_pareto(folder: Path, name: str, overview: Overview) -> tuple[tuple[str, ...], str]:
@@ -234,7 +227,7 @@ def write_pareto(folder: Path, name: str, overview: Overview) -> tuple[tuple[str
 
 
 def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
-    """The front as SVG and PNG; None where fewer than two objectives differ.
+    """Draw the front as SVG and PNG; None where fewer than two objectives differ.
 
     One panel for every two objectives that differ among variants: coloured is the front, grey what it
     beats, a cross what has error findings. A line joins those that none beats in the panel's two alone.
@@ -246,39 +239,51 @@ def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
         return None
     import matplotlib
 
-    title, overview = _title(overview, name), _bounded(overview)
+    parts = [overview.values.copy(), overview.beaten.copy(), overview.faulty.copy()]
+    for i, named in enumerate(overview.objectives):
+        finite = np.concatenate([part[np.isfinite(part[:, i]), i] for part in parts])
+        for part in parts if named in UNBOUNDED else ():
+            part[np.isnan(part[:, i]), i] = finite.max() + 0.15 * max(float(np.ptp(finite)), 1.0)
+    title, overview = _title(overview, name), replace(overview, values=parts[0], beaten=parts[1], faulty=parts[2])
     with matplotlib.rc_context(STYLE):
         figure, panels = _figure(shown)
         hue = min(shown, key=lambda i: COLOURED_BY.index(overview.objectives[i]))
         for (x, y), axis in panels.items():
             points = _panel(axis, overview, (x, y), hue)
         for (x, y), axis in panels.items():
-            _name_axes(axis, overview, (x, y), (y == shown[-1], x == shown[0]))
-        _legend(figure, points, panels[shown[0], shown[1]], _label(overview, hue))
+            for which, shows, objective in zip(
+                (axis.xaxis, axis.yaxis), (y == shown[-1], x == shown[0]), (x, y), strict=True
+            ):
+                if _is_wide(overview, objective):
+                    which._set_axes_scale("log")
+                    _round_ticks(which)
+                if shows:
+                    which.set_label_text(_label(overview, objective))
+        wide, high = figure.get_size_inches()
+        left, top = 1 - (LEGEND_INCHES - 0.2) / wide, 1 - TITLE_INCHES / high
+        figure.legend(
+            *panels[shown[0], shown[1]].get_legend_handles_labels(),
+            loc="upper left",
+            bbox_to_anchor=(left, top),
+            frameon=False,
+        )
+        place = figure.add_axes((left + 0.2 / wide, top - 2.1 / high, 0.16 / wide, 1.0 / high))
+        bar = figure.colorbar(points, cax=place)
+        if bar.ax.get_yscale() == "log":
+            _round_ticks(bar.ax.yaxis)
+        bar.set_label(f"colour: {_label(overview, hue)}", fontsize=8)
         figure.text(0.012, 1 - 0.08 / figure.get_figheight(), title, fontsize=9, va="top")
         return plot_bytes(figure, "svg"), plot_bytes(figure, "png")
 
 
-def _bounded(overview: Overview) -> Overview:
-    """With a place for values that nothing limits: a little beyond the largest."""
-    parts = [overview.values.copy(), overview.beaten.copy(), overview.faulty.copy()]
-    for i, name in enumerate(overview.objectives):
-        finite = np.concatenate([part[np.isfinite(part[:, i]), i] for part in parts])
-        for part in parts if name in UNBOUNDED else ():
-            part[np.isnan(part[:, i]), i] = finite.max() + 0.15 * max(float(np.ptp(finite)), 1.0)
-    return replace(overview, values=parts[0], beaten=parts[1], faulty=parts[2])
-
-
 def _figure(shown: list[int]) -> tuple[Any, dict[tuple[int, int], Any]]:
-    """The lower triangle of a square of panels by the objectives along x and y; room for the legend at its right."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    """Make the lower triangle of a square of panels by the objectives along x and y, with room for the legend."""
     from matplotlib.figure import Figure
 
     side = len(shown) - 1
     wide = MARGIN_INCHES[0] + side * PANEL_INCHES[0] + (LEGEND_INCHES if side == 1 else 0.2)
     high = MARGIN_INCHES[1] + side * PANEL_INCHES[1] + TITLE_INCHES
     figure = Figure(figsize=(wide, high))
-    FigureCanvasAgg(figure)
     axes = figure.subplots(side, side, sharex="col", sharey="row", squeeze=False)
     right = (MARGIN_INCHES[0] + side * PANEL_INCHES[0]) / wide
     left, bottom, top = MARGIN_INCHES[0] / wide, MARGIN_INCHES[1] / high, 1 - TITLE_INCHES / high
@@ -299,7 +304,9 @@ def _panel(axis: Any, overview: Overview, pair: tuple[int, int], hue: int) -> An
     beaten, faulty, front = (points[:, pair] for points in (overview.beaten, overview.faulty, overview.values))
     _scatter(axis, beaten, "o", 3.0, "#bdbdbd", "beaten by others")
     _scatter(axis, faulty, "x", 3.5, "#d49a8a", "has error findings")
-    edge = _edge(overview, pair)
+    values: np.ndarray = overview.values[:, pair]
+    values = np.unique(values[np.isfinite(values).all(axis=1)], axis=0)
+    edge: np.ndarray = values[front_mask(_scores(values, [overview.objectives[i] for i in pair]))]
     axis.plot(*edge.T, color="#666666", linewidth=0.8, zorder=2, label="best in these two" if len(edge) else None)
     points = axis.scatter(
         *front.T,
@@ -315,27 +322,6 @@ def _panel(axis: Any, overview: Overview, pair: tuple[int, int], hue: int) -> An
         label="Pareto front" + ", all with error findings" * overview.of_faulty,
     )
     axis.grid(alpha=0.25)
-    _write_numbers(axis, overview, pair)
-    return points
-
-
-def _scatter(axis: Any, points: np.ndarray, mark: str, size: float, color: str, label: str) -> None:
-    """Points behind the front; smaller, and as pixels, where there are many."""
-    many = len(points) > MOST_VECTORS
-    style = {"linestyle": "none", "zorder": 1, "markersize": size / 2 if many else size, "color": color}
-    axis.plot(*points.T, mark, **style, rasterized=many, label=label if len(points) else None)
-
-
-def _edge(overview: Overview, pair: tuple[int, int]) -> np.ndarray:
-    """Points of the front that none beats in two objectives alone, by the first of these."""
-    values: np.ndarray = overview.values[:, pair]
-    values = np.unique(values[np.isfinite(values).all(axis=1)], axis=0)
-    kept: np.ndarray = values[front_mask(_scores(values, [overview.objectives[i] for i in pair]))]
-    return kept
-
-
-def _write_numbers(axis: Any, overview: Overview, pair: tuple[int, int]) -> None:
-    """Numbers of the variants that are best in an objective; of those at one place together."""
     column = overview.header.index("number")
     places: dict[tuple[float, float], list[str]] = {}
     for row in dict.fromkeys(overview.best().values()):
@@ -345,19 +331,18 @@ def _write_numbers(axis: Any, overview: Overview, pair: tuple[int, int]) -> None
     for place, numbers in places.items():
         style = {"xytext": (4, 3), "textcoords": "offset points", "fontsize": 7, "zorder": 4}
         axis.annotate(", ".join(numbers), place, **style, bbox={"color": "white", "alpha": 0.6, "pad": 0.3})
+    return points
 
 
-def _name_axes(axis: Any, overview: Overview, pair: tuple[int, int], named: tuple[bool, bool]) -> None:
-    for which, shows, objective in zip((axis.xaxis, axis.yaxis), named, pair, strict=True):
-        if _is_wide(overview, objective):
-            which._set_axes_scale("log")
-            _round_ticks(which)
-        if shows:
-            which.set_label_text(_label(overview, objective))
+def _scatter(axis: Any, points: np.ndarray, mark: str, size: float, color: str, label: str) -> None:
+    """Draw points behind the front; smaller, and as pixels, where there are many."""
+    many = len(points) > MOST_VECTORS
+    style = {"linestyle": "none", "zorder": 1, "markersize": size / 2 if many else size, "color": color}
+    axis.plot(*points.T, mark, **style, rasterized=many, label=label if len(points) else None)
 
 
 def _round_ticks(axis: Any) -> None:
-    """1, 2, 5, 10, ... instead of powers."""
+    """Write 1, 2, 5, 10, ... at an axis instead of powers."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -365,20 +350,8 @@ def _round_ticks(axis: Any) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def _legend(figure: Any, points: Any, panel: Any, coloured: str) -> None:
-    """Beside a single panel, or in the empty corner of the triangle."""
-    wide, high = figure.get_size_inches()
-    left, top = 1 - (LEGEND_INCHES - 0.2) / wide, 1 - TITLE_INCHES / high
-    figure.legend(*panel.get_legend_handles_labels(), loc="upper left", bbox_to_anchor=(left, top), frameon=False)
-    place = figure.add_axes((left + 0.2 / wide, top - 2.1 / high, 0.16 / wide, 1.0 / high))
-    bar = figure.colorbar(points, cax=place)
-    if bar.ax.get_yscale() == "log":
-        _round_ticks(bar.ax.yaxis)
-    bar.set_label(f"colour: {coloured}", fontsize=8)
-
-
 def _is_wide(overview: Overview, objective: int) -> bool:
-    """True if the values of an objective spread over ratios, so that a logarithmic axis shows them better."""
+    """Tell whether the values of an objective spread over ratios, so that a logarithmic axis shows them better."""
     finite = overview.points[:, objective]
     finite = finite[np.isfinite(finite)]
     wide = finite.size and finite.min() > 0 and finite.max() > WIDE * finite.min()

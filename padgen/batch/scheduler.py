@@ -11,7 +11,7 @@ from importlib import import_module
 from threading import Thread
 from typing import Any
 
-from padgen.batch.executors import told
+from padgen.batch.sweep import told
 from padgen.core.cache import code_hash, version, versions
 from padgen.core.errors import EngineMissingError, PadgenError, number
 from padgen.core.registry import PLUGINS, plugin_code
@@ -59,7 +59,20 @@ def connect(address: str, timeout_s: float = TIMEOUT_S) -> Iterator[Executor]:
             wait = partial(client.wait_for_workers, 1, timeout=timeout_s)
             late = f"has no worker; dask worker {address} starts one"
             _within(timeout_s + GRACE_S, wait, late, "does not tell its workers ({})", where)
-            _refuse_others(client, timeout_s, where)
+            here, seconds = fingerprint(), SLOW * timeout_s
+            slow = f"has workers that do not answer within {number(seconds)} s"
+            ask = partial(client.run, eval, PROBE, on_error="return")
+            for worker, answer in sorted(_within(seconds, ask, slow, "cannot ask its workers ({})", where).items()):
+                place = f"worker {worker}"
+                if not isinstance(answer, dict):
+                    raise PadgenError(f"cannot import padgen ({told(answer)}); install the same padgen there", place)
+                for name, mine in here.items():
+                    if answer.get(name) != mine:
+                        other = {
+                            "padgen": "another padgen than this machine; install the same one on both",
+                            PLUGINS: f"other modules in {PLUGINS} than this machine; name the same ones on both",
+                        }.get(name, f"{name} {answer.get(name)}, this machine {mine}; install the same version on both")
+                        raise PadgenError(f"has {other}", place)
             yield _Cluster(client, where)
         finally:
             with suppress(Exception):  # the scheduler may be gone; what it said is told already
@@ -84,7 +97,7 @@ def _quiet() -> Iterator[None]:
 
 
 class _Cluster(Executor):
-    """Dask's executor; what it cancels by itself tells why."""
+    """Dask's executor, whose cancelled tasks tell why."""
 
     def __init__(self, client: Any, where: str) -> None:
         # Not pure: a task that was lost is run again, not answered from what is known of it.
@@ -127,24 +140,6 @@ def _client(dask: Any, address: str, timeout_s: float, where: str) -> Any:
     # First, as a client that finds no scheduler may wait for ever, and is slow to go.
     _within(timeout_s + GRACE_S, lambda: asyncio.run(reach()), late, other, where)
     return _within(timeout_s + GRACE_S, opened, late, other, where)
-
-
-def _refuse_others(client: Any, timeout_s: float, where: str) -> None:
-    """Refuse workers that would not make what the variants' keys promise: the same code with the same packages."""
-    here, seconds = fingerprint(), SLOW * timeout_s
-    late = f"has workers that do not answer within {number(seconds)} s"
-    ask = partial(client.run, eval, PROBE, on_error="return")
-    for worker, answer in sorted(_within(seconds, ask, late, "cannot ask its workers ({})", where).items()):
-        place = f"worker {worker}"
-        if not isinstance(answer, dict):
-            raise PadgenError(f"cannot import padgen ({told(answer)}); install the same padgen there", place)
-        for name, mine in here.items():
-            if answer.get(name) != mine:
-                other = {
-                    "padgen": "another padgen than this machine; install the same one on both",
-                    PLUGINS: f"other modules in {PLUGINS} than this machine; name the same ones on both",
-                }.get(name, f"{name} {answer.get(name)}, this machine {mine}; install the same version on both")
-                raise PadgenError(f"has {other}", place)
 
 
 def _within(seconds: float, act: Callable[[], Any], late: str, other: str, where: str) -> Any:

@@ -1,46 +1,199 @@
 """Run a sweep over any executor: a bounded window of tasks, every record kept at once, whatever breaks down.
 
-The code path is one: what is submitted makes variants in a watched worker process (`padgen.core.runner`),
-on this machine or wherever the executor's own workers are.
+What is submitted makes variants in a watched worker process (`padgen.core.runner`), on this machine or wherever the
+executor's own workers are. Only ``submit`` of an executor is used, and of its futures ``result`` with
+``add_done_callback`` or, where they lack that, ``done``: `concurrent.futures`, Dask, executorlib and submitit will do.
 """
 
 import errno
 import os
 import socket
+import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor, CancelledError
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from html import escape
 from itertools import islice
 from pathlib import Path
+from queue import Empty, SimpleQueue
 from tempfile import TemporaryDirectory
+from threading import Lock
 from typing import Any
 
-from padgen.batch.definition import Sweep, Variant, count_points, variant_name, variants
-from padgen.batch.executors import (
-    IMPORTS,
-    LostError,
-    StoppedError,
-    Window,
-    Work,
-    broken,
-    make_variants,
-    records_of,
-    run_tasks,
-)
+from padgen.batch.definition import Limits, Sweep, Variant, count_points, variant_name, variants
 from padgen.batch.index import INDEX, Journal, write_index
 from padgen.batch.pareto import Overview, overview_of
 from padgen.batch.variant import Record, Task, is_whole, run_task, task_of, writes_folders
 from padgen.core.cache import limit_bytes
-from padgen.core.errors import FileError, SpecError
+from padgen.core.errors import FileError, PadgenError, SpecError
 from padgen.core.files import reason, take_away
 from padgen.core.lock import locked
 from padgen.core.runner import Runner, core_count, refuse_unshared, uninterrupted
 
-__all__ = ["Counts", "Event", "SweepResult", "SweepTable", "event_table", "run_sweep", "run_to_table", "sole_sweep"]
+__all__ = [
+    "IMPORTS",
+    "Counts",
+    "Event",
+    "LostError",
+    "StoppedError",
+    "SweepResult",
+    "SweepTable",
+    "Window",
+    "Work",
+    "broken",
+    "event_table",
+    "make_variants",
+    "records_of",
+    "run_sweep",
+    "run_tasks",
+    "run_to_table",
+    "sole_sweep",
+    "told",
+]
+
+Work = Callable[[Task], Record]
+POLL_S = 0.2
+"""Between two looks at futures that do not call back."""
+IMPORTS = ("padgen.planner",)
+"""Modules that every variant needs, loaded before its limit of time counts."""
+_own: dict[int, Runner] = {}
+_own_lock = Lock()
+
+
+class StoppedError(PadgenError):
+    """The executor makes no more variants."""
+
+
+class LostError(PadgenError):
+    """The executor lost a task, for whatever reason, and may still make others."""
+
+
+class Window:
+    """An executor, and the tasks, `most` at a time, that it has been given and has not given back.
+
+    What it is to call is ``function(tasks, *rest)``.
+    """
+
+    def __init__(self, executor: Any, most: int, function: Callable[..., list[Record]], *rest: Any) -> None:
+        self.most, self._executor, self._function, self._rest = most, executor, function, rest
+        self.pending: dict[int, tuple[Any, list[Task]]] = {}
+        self._finished: SimpleQueue[int] = SimpleQueue()
+        self._silent = False
+
+    def give(self, tasks: list[Task]) -> None:
+        """Hand tasks over.
+
+        Raises
+        ------
+        StoppedError
+            The executor takes none.
+        """
+        try:
+            future = self._executor.submit(self._function, tasks, *self._rest)
+        except Exception as error:
+            raise StoppedError(f"takes no more tasks ({told(error)})", "executor") from error
+        self.pending[id(future)] = future, tasks
+        if hasattr(future, "add_done_callback"):
+            future.add_done_callback(lambda future: self._finished.put(id(future)))
+        else:
+            self._silent = True
+
+    def take(self, wait_s: float) -> tuple[Any, list[Task]] | None:
+        """Return a future that is finished, with its tasks; None when `wait_s` went by without one."""
+        end = time.monotonic() + wait_s
+        while (wait := end - time.monotonic()) > 0:
+            try:
+                return self.pending.pop(self._finished.get(timeout=min(wait, POLL_S) if self._silent else wait))
+            except Empty:
+                for future, _ in self.pending.values() if self._silent else ():
+                    if not hasattr(future, "add_done_callback") and future.done():
+                        self._finished.put(id(future))
+        return None
+
+    def rest(self) -> Iterator[tuple[Any, list[Task]]]:
+        """Yield what is finished without having been taken; cancel the others."""
+        for future, tasks in self.pending.values():
+            if future.done():
+                yield future, tasks
+            elif hasattr(future, "cancel"):
+                future.cancel()
+        self.pending.clear()
+
+
+def records_of(future: Any, tasks: list[Task]) -> list[Record]:
+    """Return the records of a finished future, one a task.
+
+    Raises
+    ------
+    StoppedError
+        The executor has broken down or was shut down, or no worker can be started.
+    LostError
+        Anything else came instead.
+    """
+    # An executor that cancels as asyncio does has loaded it; we need not.
+    cancelled = getattr(sys.modules.get("asyncio"), "CancelledError", CancelledError)
+    try:
+        records = future.result()
+    except (CancelledError, cancelled, BrokenExecutor, PadgenError) as error:
+        raise StoppedError(f"has ended ({told(error)})", "executor") from error
+    except Exception as error:
+        raise LostError(told(error)) from error
+    asked = [(task.number, task.key) for task in tasks]
+    if not isinstance(records, list) or [(r.number, r.key) for r in records if isinstance(r, Record)] != asked:
+        raise LostError("what came back is not what was asked for")
+    return records
+
+
+def told(error: Any) -> str:
+    """Return an error on one line, with its kind where it is not one of ours."""
+    text = " ".join(str(error).split())
+    return str(error) if isinstance(error, PadgenError) else f"{type(error).__name__}: {text}".rstrip(": ")
+
+
+def run_tasks(tasks: list[Task], work: Work, limits: Limits) -> list[Record]:
+    """Make variants in a worker beside this process: what is submitted to an executor that the caller brought."""
+    with _own_lock:
+        own = _own.get(os.getpid())  # a forked process must not share the pipes of the one that it came from
+        if not own:
+            import atexit
+
+            own = _own[os.getpid()] = Runner(imports=IMPORTS)
+            atexit.register(own.close)
+    return make_variants(own, tasks, work, limits)
+
+
+def make_variants(runner: Runner, tasks: list[Task], work: Work, limits: Limits) -> list[Record]:
+    """Make variants one after the other in a worker; never raises but when no worker can be started.
+
+    Raises
+    ------
+    SolverError
+        A worker's interpreter cannot be started, or cannot import padgen.
+    """
+    return [_made_one(runner, task, work, limits) for task in tasks]
+
+
+def _made_one(runner: Runner, task: Task, work: Work, limits: Limits) -> Record:
+    answer = runner.run(work, task, time_s=limits.time_s, most_mb=limits.memory_mb)
+    if answer.kind == "value":
+        record: Record = answer.value
+        if isinstance(record, Record) and record.seconds is None:
+            return replace(record, seconds=answer.seconds, peak_memory_mb=answer.peak_mb)
+        return record
+    sentence = answer.sentence + f" (limits.{answer.limit})" * bool(answer.limit)
+    if answer.kind == "refused":
+        sentence = f"broke down ({type(answer.error).__name__}: {sentence})"
+    return broken(task, sentence, answer.seconds, answer.peak_mb)
+
+
+def broken(task: Task, sentence: str, seconds: float | None = None, memory_mb: float | None = None) -> Record:
+    """Make the record of a variant whose worker cannot tell any more what happened."""
+    return Record(task.number, task.key, "failed", sentence, task.values, {}, 0, 0, (), seconds, memory_mb)
+
 
 AHEAD = 4
 """Tasks that wait for each worker of our own."""
@@ -90,7 +243,7 @@ class Event(Counts):
 
 
 def event_table(event: Event) -> dict[str, Any]:
-    """An event as plain data, for one line of JSON; of the record what a reader of the stream needs."""
+    """Turn an event into plain data, for one line of JSON; of the record what a reader of the stream needs."""
     table = {"kind": event.kind, **vars(event)}
     record = table.pop("record")
     if record is None:
@@ -319,7 +472,7 @@ class _Run:
         return "" if lost else status
 
     def tasks(self) -> Iterator[Task]:
-        """The variants that are to be made, as they are asked for."""
+        """Yield the variants that are to be made, as they are asked for."""
         for variant in variants(self.sweep):
             if self.todo[variant.number] == TO_REPLACE:
                 self.journal.disown(variant.number)
@@ -361,9 +514,9 @@ def _run_all(run: _Run, window: Window, chunk: int) -> None:
     alone: list[list[Task]] = []
     lost = 0
     while True:
-        while not window.full and (batch := alone.pop() if alone else list(islice(tasks, chunk))):
+        while len(window.pending) < window.most and (batch := alone.pop() if alone else list(islice(tasks, chunk))):
             window.give(batch)
-        if not len(window):
+        if not window.pending:
             return
         taken = window.take(TICK_S)
         if taken is None:

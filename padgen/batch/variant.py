@@ -25,7 +25,6 @@ from padgen.spec.threshold import LARGEST_FILE
 if TYPE_CHECKING:
     from padgen.core.finding import Finding
     from padgen.planner.plan import Plan
-    from padgen.planner.print_yield import PrintYield
 
 __all__ = ["STATUSES", "Record", "Task", "is_whole", "plan_figures", "run_task", "task_of", "writes_folders"]
 
@@ -38,7 +37,7 @@ RESIN_S_PER_LAYER = 9.0
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What a worker is told: plain data, so that it travels to any executor.
+    """A worker's orders: plain data, so that they travel to any executor.
 
     `key` is the hash of all that the record depends on; `folder` is where the base's files lie, `out` the
     variant's own folder (None: none is written).
@@ -77,7 +76,7 @@ class Record:
 
 
 def task_of(sweep: Sweep, variant: Variant, out: Path) -> Task:
-    """The task of a variant; its folder lies in `out`."""
+    """Make the task of a variant; its folder lies in `out`."""
     stage, table = sweep.settings.stage, variant_table(sweep, variant)
     formats = names_in(sweep.settings.formats, PAD_FORMATS.names(), "formats") if stage == "build" else ()
     pads = sweep.settings.pads if stage == "yield" else 0
@@ -95,18 +94,18 @@ def task_of(sweep: Sweep, variant: Variant, out: Path) -> Task:
 
 
 def writes_folders(sweep: Sweep) -> bool:
-    """Whether each variant gets a folder."""
+    """Tell whether each variant gets a folder."""
     return sweep.settings.folders or sweep.settings.stage in ("build", "study")
 
 
 def is_whole(folder: Path, stage: str) -> bool:
-    """Whether the files that a stage writes are all there."""
+    """Tell whether the files that a stage writes are all there."""
     names = {"yield": [YIELD_FILE], "study": ["study.csv"], "build": built_files(folder) or [MANIFEST]}
     return all((folder / name).is_file() for name in ("plan.json", *names.get(stage, ())))
 
 
 def _threshold(table: dict[str, Any], folder: Path) -> str:
-    """Hash of the curve that a spec names, as its words alone do not tell when the file has changed."""
+    """Hash the curve that a spec names, as its words alone do not tell when the file has changed."""
     drive = table.get("drive")
     name = drive.get("threshold_file") if isinstance(drive, dict) else None
     if not isinstance(name, str):
@@ -138,7 +137,16 @@ def _made(task: Task) -> "tuple[dict[str, Any], tuple[Finding, ...]]":
 
         pad = Pad(spec)
         built = pad.save(out, task.formats)
-        return plan_figures(pad.plan) | _build_figures(pad.plan, built.figures), built.findings
+        mesh, printer = built.figures, pad.plan.spec.printer
+        resin_s = mesh["size_mm"][2] / printer.layer_mm * RESIN_S_PER_LAYER
+        nozzle_s = float(mesh["volume_mm3"]) / (printer.line_width_mm * printer.layer_mm * FDM_MM_PER_S)
+        figures = plan_figures(pad.plan) | {
+            "plastic_g": mesh["plastic_g"],
+            "triangles": mesh["triangles"],
+            "print_min": (resin_s if printer.process == "resin" else nozzle_s) / 60,
+            "off_plan_mm": mesh.get("largest_difference_from_plan_mm"),
+        }
+        return figures, built.findings
     from padgen.planner import plan_to_json
 
     plan = plan_for(spec)
@@ -148,7 +156,12 @@ def _made(task: Task) -> "tuple[dict[str, Any], tuple[Finding, ...]]":
 
         printed = print_yield(plan, task.pads, seed=0)
         texts |= {YIELD_FILE: json_text(asdict(printed))} if task.out else {}
-        figures |= _yield_figures(printed)
+        figures |= {
+            "good_pads": printed.planned.pads.share,
+            "good_pads_retuned": printed.retuned.pads.share,
+            "good_taxels_retuned": printed.retuned.taxels.share,
+            "median_retuned_db": printed.retuned.median_db,
+        }
     if task.out:
         with OutputFolder(out) as folder:
             for name, content in texts.items():
@@ -164,7 +177,7 @@ def _made(task: Task) -> "tuple[dict[str, Any], tuple[Finding, ...]]":
 
 
 def plan_figures(plan: "Plan") -> dict[str, Any]:
-    """Figures of a plan.
+    """Return the figures of a plan by which variants are compared.
 
     `selectivity_db` is the worse of what a coil keeps in all states and what its neighbours leak; None where
     neither limits. `power_w` is the copper loss of all coils with all channels on.
@@ -189,30 +202,4 @@ def plan_figures(plan: "Plan") -> dict[str, Any]:
         "power_w": plan.load.copper_loss_w * coils,
         "largest_print_spread": max(c.print_spread for c in plan.channels),
         "largest_sag_um": max(c.sag_um for c in plan.channels),
-    }
-
-
-def _yield_figures(printed: "PrintYield") -> dict[str, Any]:
-    """Shares of good prints, and what the median pad keeps."""
-    return {
-        "good_pads": printed.planned.pads.share,
-        "good_pads_retuned": printed.retuned.pads.share,
-        "good_taxels_retuned": printed.retuned.taxels.share,
-        "median_retuned_db": printed.retuned.median_db,
-    }
-
-
-def _build_figures(plan: "Plan", figures: dict[str, Any]) -> dict[str, Any]:
-    """What was measured on the mesh, and about how long it prints."""
-    spec, volume = plan.spec, float(figures["volume_mm3"])
-    printer = spec.printer
-    if printer.process == "resin":
-        seconds = figures["size_mm"][2] / printer.layer_mm * RESIN_S_PER_LAYER
-    else:
-        seconds = volume / (printer.line_width_mm * printer.layer_mm * FDM_MM_PER_S)
-    return {
-        "plastic_g": figures["plastic_g"],
-        "triangles": figures["triangles"],
-        "print_min": seconds / 60,
-        "off_plan_mm": figures.get("largest_difference_from_plan_mm"),
     }

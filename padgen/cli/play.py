@@ -49,7 +49,7 @@ def _play(options: argparse.Namespace) -> int:
 def _serial(options: argparse.Namespace) -> int:
     import numpy as np
 
-    from padgen.driver.device.serial_line import play_frames
+    from padgen.driver.serial_line import play_frames
 
     if options.state is None and options.frames is None:
         raise SpecError("needs something to show; add --state or --frames", "--port")
@@ -76,7 +76,7 @@ def _serial(options: argparse.Namespace) -> int:
 def _audio(options: argparse.Namespace) -> int:
     from pathlib import Path
 
-    from padgen.driver.device.sound_card import play_wave
+    from padgen.driver.sound_card import play_wave
 
     given = [f"--{name}" for name in ("state", "frames", "seconds", "tuning") if getattr(options, name) is not None]
     if given:

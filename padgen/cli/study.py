@@ -75,8 +75,7 @@ def _study(options: argparse.Namespace) -> int:
 
 
 def _ladders(options: argparse.Namespace) -> Any:
-    from padgen.ladders import parse_only, parse_tolerance, run_study
-    from padgen.ladders.study import STUDY_FILES
+    from padgen.ladders.study import STUDY_FILES, parse_only, parse_tolerance, run_study
     from padgen.ladders.text import study_text
     from padgen.make.planning import plan_for, recorded_spec, spec_of
 
@@ -89,7 +88,7 @@ def _ladders(options: argparse.Namespace) -> Any:
 
 
 def _extreme(options: argparse.Namespace) -> Any:
-    from padgen.ladders import run_extreme
+    from padgen.ladders.study import run_extreme
     from padgen.ladders.text import extreme_text
 
     with progress_line(log=True) as progress:

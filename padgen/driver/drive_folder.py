@@ -1,14 +1,14 @@
 """`Drive`: what the coils of a plan are to show, and the folder of files that make them show it.
 
-Tables, waveforms, what a microcontroller or another program needs. `write_drive` makes what was asked for and nothing
-else; every file is read back where it can be.
+Tables, waveforms, what a microcontroller or another program needs. Made is what was asked for and nothing else; every
+file is read back where it can be.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,28 +17,26 @@ from padgen.core.files import OutputFolder, json_text, reason
 from padgen.core.finding import Finding
 from padgen.core.registry import FORMATS, names_in
 from padgen.core.units import MS
-from padgen.driver.formats import DriveFormat, DriveJob, DriveRequest, in_order
+from padgen.driver.ear import SETTLED_TAUS, Heard, ear_findings
+from padgen.driver.excitation import Excitation, excitation
+from padgen.driver.formats import DriveFormat, DriveJob, in_order
+from padgen.driver.formats.wav import BEYOND_LIMIT, WaveReport, WavWriter
 from padgen.driver.frames import read_frames, state_frame
-from padgen.planner.plan import Plan
-
-if TYPE_CHECKING:
-    from padgen.driver.ear import Heard
-    from padgen.driver.excitation import Excitation
-    from padgen.driver.formats.wav import WaveReport
-    from padgen.driver.pad_drive import PadDrive
-    from padgen.driver.timeline import Timeline
-    from padgen.measured.tuning import Tuning
+from padgen.driver.limits import excitation_load, judge_limits, judge_load
+from padgen.driver.pad_drive import RATES_HZ, PadDrive
+from padgen.driver.waveform import Timeline, ramp_s, steady, timeline
+from padgen.measured.tuning import Tuning
+from padgen.physics.resonator import ring_up_time
+from padgen.planner.plan import Plan, plan_to_json
 
 __all__ = [
     "DEFAULT_TABLES",
     "DEFAULT_WAVES",
     "DEPTHS",
     "Drive",
-    "DriveRequest",
     "Driven",
     "levels_of",
     "parse_formats",
-    "write_drive",
     "write_excitation",
 ]
 
@@ -48,52 +46,23 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Driven:
-    """What was written, and what was seen on the way."""
+    """The result of writing a drive: its files, findings and what was heard."""
 
     folder: Path
     files: tuple[str, ...]
     stale: tuple[str, ...]
-    report: "WaveReport | None"
-    heard: "Heard | None"
+    report: WaveReport | None
+    heard: Heard | None
     findings: tuple[Finding, ...]
 
 
 def parse_formats(text: str) -> tuple[str, ...]:
-    """Formats from a comma-separated list, in the order in which they are written."""
+    """Read formats from a comma-separated list, in the order in which they are written."""
     return tuple(in_order(names_in(text, FORMATS.names(), "--formats")))
 
 
-def write_drive(plan: "Plan", folder: Path, request: DriveRequest, progress: Progress = lambda step: None) -> Driven:
-    """Write the driver files of `plan` into `folder`.
-
-    Raises
-    ------
-    SpecError
-        A request that this plan cannot meet; nothing is written.
-    FileError
-        The folder cannot be written; what was there stays.
-    """
-    from padgen.planner.plan import plan_to_json
-
-    formats = in_order(request.formats)
-    _refuse(request, formats)
-    job = _judged(DriveJob(plan, request, progress), formats)
-    with OutputFolder(folder) as out:
-        out.write("plan.json", plan_to_json(plan))
-        for drive_format in formats.values():
-            drive_format.write(out, job)
-        # What was heard of a wave that is written anew does not stay.
-        stale = out.commit(remove=["hear.json"] if job.report is not None and job.heard is None else [])
-    findings = (*job.findings, *(job.report.findings if job.report else job.shown))
-    if job.heard:
-        from padgen.driver.heard_table import ear_findings
-
-        findings += ear_findings(job.heard)
-    return Driven(folder, out.names, tuple(stale), job.report, job.heard, findings)
-
-
 def write_excitation(
-    plan: "Plan",
+    plan: Plan,
     folder: Path,
     kind: str,
     rate_hz: int | None,
@@ -101,7 +70,7 @@ def write_excitation(
     seconds: float | None,
     together: bool,
     seed: int = 0,
-) -> "tuple[Excitation, tuple[Finding, ...]]":
+) -> tuple[Excitation, tuple[Finding, ...]]:
     """Write ``excitation.wav`` and ``excitation.json``, which shake all taxels while they are measured.
 
     The findings say where it is beyond a limit, as a spec may make it whatever the level.
@@ -109,15 +78,8 @@ def write_excitation(
     Raises
     ------
     SpecError, FileError
-        As `excitation` and `write_drive` do.
+        As `excitation` and `Drive.save` do.
     """
-    from padgen.driver.excitation import excitation
-    from padgen.driver.limits import judge_load
-    from padgen.driver.loads import excitation_load
-    from padgen.driver.rates import RATES_HZ
-    from padgen.driver.wav_file import BEYOND_LIMIT, WavWriter
-    from padgen.planner.plan import plan_to_json
-
     played = excitation(plan, kind, RATES_HZ[0] if rate_hz is None else rate_hz, seconds, seed, together)
     findings = tuple(judge_load("excitation.wav", plan, excitation_load(plan, played)))
     scale = plan.spec.drive.voltage_limit_v
@@ -132,33 +94,41 @@ def write_excitation(
     with OutputFolder(folder) as out:
         out.write("plan.json", plan_to_json(plan))
         out.write_by("excitation.wav", write)
-        out.write("excitation.json", json_text(_excitation_table(plan, played, scale, depth)))
+        out.write(
+            "excitation.json",
+            json_text(
+                {
+                    "name": plan.name,
+                    "wave": "excitation.wav",
+                    "kind": played.kind,
+                    "rate_hz": played.rate_hz,
+                    "samples": played.samples,
+                    "seconds": played.seconds,
+                    "depth": depth,
+                    "signal": "voltage",
+                    "unit": "V",
+                    "full_scale": scale,
+                    "peak": float(abs(played.voltage_v).max()),
+                    "band_hz": list(played.band_hz),
+                    "sweep_s": played.sweep_s,
+                    "turn_s": len(played.current_a) / played.rate_hz,
+                    "together": played.together,
+                    "level_share": played.level_share,
+                    "copper_loss_w": played.copper_loss_w,
+                    "coils": [{"wav_channel": k, "coil": list(coil)} for k, coil in enumerate(played.coils)],
+                }
+            ),
+        )
         out.commit()
     return played, findings
 
 
-def _refuse(request: DriveRequest, formats: dict[str, DriveFormat]) -> None:
-    if request.frames is None:
-        for name, drive_format in formats.items():
-            if drive_format.MADE_OF == "frames":
-                raise SpecError(f"{name} needs something to show; add --state or --frames", "--formats")
-    if request.seconds_each is not None and request.frames is None:
-        raise SpecError("is how long a frame lasts; add --state or --frames", "--seconds")
-    if request.hear and "wav" not in formats:
-        raise SpecError("listens to a WAV; add wav to --formats, and --state or --frames", "--hear")
-    if request.loop and (request.frames is None or len(request.frames) != 1):
-        raise SpecError("repeats one state without a seam; add --state with one", "--loop")
-
-
-def _timeline(plan: "Plan", drive: "PadDrive", request: DriveRequest) -> "Timeline":
-    from padgen.driver.ear import SETTLED_TAUS
-    from padgen.driver.timeline import ramp_s, steady, timeline
-
-    frames = request.frames
+def _timeline(drive: PadDrive, request: "Drive") -> Timeline:
+    plan, frames = request.plan, request.frames
     assert frames is not None
     in_turns = plan.scheme.takes_turns
     if not request.loop:
-        seconds = request.seconds_each
+        seconds = request.seconds
         if seconds is None and request.held:
             settled = SETTLED_TAUS * _slowest_s(plan, request.tuning)
             half_slot = max(ramp_s(plan), settled)
@@ -166,7 +136,7 @@ def _timeline(plan: "Plan", drive: "PadDrive", request: DriveRequest) -> "Timeli
         return timeline(plan, frames, seconds)
     if in_turns:
         raise SpecError("is for drives that play all channels at once, this one takes turns", "--loop")
-    seconds = request.seconds_each or drive.period_s
+    seconds = request.seconds or drive.period_s
     periods = round(seconds / drive.period_s)
     if periods < 1:
         raise SpecError(f"of a loop must be at least {number(drive.period_s)} s, got {number(seconds)} s", "--seconds")
@@ -174,10 +144,7 @@ def _timeline(plan: "Plan", drive: "PadDrive", request: DriveRequest) -> "Timeli
 
 
 def _judged(job: DriveJob, formats: dict[str, DriveFormat]) -> DriveJob:
-    """The job with its drive, what it shows, and what is found of both."""
-    from padgen.driver.limits import judge_limits
-    from padgen.driver.rates import RATES_HZ
-
+    """Fill in the drive of a job, its timeline, and the findings on both."""
     plan, request = job.plan, job.request
     unpulled = [finding for finding in plan.findings if finding.code == "coil.force"]
     if unpulled and all(each.MADE_OF == "plan" for each in formats.values()):
@@ -186,7 +153,7 @@ def _judged(job: DriveJob, formats: dict[str, DriveFormat]) -> DriveJob:
     job.progress("choosing phases")
     job.drive = job.drive_at(RATES_HZ)
     if request.frames is not None:
-        job.timeline = _timeline(plan, job.drive, request)
+        job.timeline = _timeline(job.drive, request)
         for each in formats.values():
             getattr(each, "refuse", lambda job: None)(job)
     job.progress("judging limits")
@@ -200,40 +167,15 @@ def _judged(job: DriveJob, formats: dict[str, DriveFormat]) -> DriveJob:
 
 
 def _where(played: Sequence[DriveFormat]) -> str:
-    """The file that says most of what is played."""
+    """Return the name of the file that says most of what is played."""
     return min(played, key=lambda each: ("frames", "drive", "plan").index(each.MADE_OF)).FILE
 
 
-def _slowest_s(plan: "Plan", tuning: "Tuning | None") -> float:
-    """The slowest taxel's time constant."""
-    from padgen.physics.resonator import ring_up_time
-
+def _slowest_s(plan: Plan, tuning: Tuning | None) -> float:
+    """Return the slowest taxel's time constant in s."""
     if tuning is None:
         return max(channel.ring_up_ms for channel in plan.channels) * MS
     return max(float(ring_up_time(taxel.resonance_hz, taxel.q)) for taxel in tuning.taxels)
-
-
-def _excitation_table(plan: "Plan", played: "Excitation", scale: float, depth: str) -> dict[str, Any]:
-    return {
-        "name": plan.name,
-        "wave": "excitation.wav",
-        "kind": played.kind,
-        "rate_hz": played.rate_hz,
-        "samples": played.samples,
-        "seconds": played.seconds,
-        "depth": depth,
-        "signal": "voltage",
-        "unit": "V",
-        "full_scale": scale,
-        "peak": float(abs(played.voltage_v).max()),
-        "band_hz": list(played.band_hz),
-        "sweep_s": played.sweep_s,
-        "turn_s": len(played.current_a) / played.rate_hz,
-        "together": played.together,
-        "level_share": played.level_share,
-        "copper_loss_w": played.copper_loss_w,
-        "coils": [{"wav_channel": k, "coil": list(coil)} for k, coil in enumerate(played.coils)],
-    }
 
 
 DEFAULT_TABLES, DEFAULT_WAVES = ("csv", "json"), ("csv", "json", "wav")
@@ -241,7 +183,7 @@ DEFAULT_TABLES, DEFAULT_WAVES = ("csv", "json"), ("csv", "json", "wav")
 
 
 def levels_of(plan: Plan, state: str | None, frames: Any) -> np.ndarray | None:
-    """Levels (k, taxels) in 0 … 1 of a state, or of frames: files of images, or levels themselves; None for neither.
+    """Return levels (k, taxels) in 0 … 1 of a state, of files of images, or as given; None without either.
 
     Raises
     ------
@@ -277,7 +219,7 @@ class Drive:
     rate_hz: int | None = None
     signal: str = "voltage"
     carrier_hz: float | None = None
-    tuning: "Tuning | None" = None
+    tuning: Tuning | None = None
     progress: Callable[[str], None] = lambda step: None
 
     def __repr__(self) -> str:
@@ -291,7 +233,7 @@ class Drive:
         depth: str = "24",
         hear: bool = False,
         gap: bool = False,
-    ) -> "Driven":
+    ) -> Driven:
         """Write one file, or a folder of files, judged against the limits of coil, amplifier and gap.
 
         Parameters
@@ -338,21 +280,28 @@ class Drive:
 
     def save_folder(
         self, folder: Path, formats: Sequence[str] | None, depth: str = "24", hear: bool = False, gap: bool = False
-    ) -> "Driven":
+    ) -> Driven:
         """Write a folder of files; parameters, result and errors are those of `save`."""
         chosen = formats or (DEFAULT_TABLES if self.frames is None else DEFAULT_WAVES)
-        request = DriveRequest(
-            formats=parse_formats(",".join(chosen)),
-            frames=self.frames,
-            seconds_each=self.seconds,
-            held=self.held,
-            loop=self.loop,
-            rate_hz=self.rate_hz,
-            depth=depth,
-            signal=self.signal,
-            carrier_hz=self.carrier_hz,
-            tuning=self.tuning,
-            hear=hear,
-            gap=gap,
-        )
-        return write_drive(self.plan, folder, request, self.progress)
+        written = in_order(names_in(",".join(chosen), FORMATS.names(), "--formats"))
+        if self.frames is None:
+            for name, drive_format in written.items():
+                if drive_format.MADE_OF == "frames":
+                    raise SpecError(f"{name} needs something to show; add --state or --frames", "--formats")
+        if self.seconds is not None and self.frames is None:
+            raise SpecError("is how long a frame lasts; add --state or --frames", "--seconds")
+        if hear and "wav" not in written:
+            raise SpecError("listens to a WAV; add wav to --formats, and --state or --frames", "--hear")
+        if self.loop and (self.frames is None or len(self.frames) != 1):
+            raise SpecError("repeats one state without a seam; add --state with one", "--loop")
+        job = _judged(DriveJob(self.plan, self, self.progress, depth, hear, gap), written)
+        with OutputFolder(folder) as out:
+            out.write("plan.json", plan_to_json(self.plan))
+            for drive_format in written.values():
+                drive_format.write(out, job)
+            # What was heard of a wave that is written anew does not stay.
+            stale = out.commit(remove=["hear.json"] if job.report is not None and job.heard is None else [])
+        findings = (*job.findings, *(job.report.findings if job.report else job.shown))
+        if job.heard:
+            findings += tuple(ear_findings(job.heard))
+        return Driven(folder, out.names, tuple(stale), job.report, job.heard, findings)

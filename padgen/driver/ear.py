@@ -27,7 +27,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import FileError
+from padgen.core.errors import FileError, at_least, number
+from padgen.core.finding import Finding
 from padgen.core.units import MH, MM, UM
 from padgen.core.wav_reader import Wave
 from padgen.measured.predict import levels_um
@@ -38,8 +39,19 @@ from padgen.physics.taxel_modes import TaxelModes
 from padgen.planner.channels import hanging_gap_um
 from padgen.planner.plan import Channel, Plan
 
-__all__ = ["SETTLED_TAUS", "Heard", "Span", "circuit_filter", "hear", "mode_filter"]
+__all__ = [
+    "MISSED_DB",
+    "SETTLED_TAUS",
+    "Heard",
+    "Span",
+    "circuit_filter",
+    "ear_findings",
+    "hear",
+    "heard_table",
+    "mode_filter",
+]
 
+WHERE = "drive.wav"
 SETTLED_TAUS = 4.5
 """Time constants in which a vibration comes within 0.1 dB of its last level: ``1 − e^-4.5`` is −0.1 dB."""
 # Time constants for which a loop is played before it is heard: e^-12 is 6e-6.
@@ -66,7 +78,7 @@ GAP_BLOCKS_PER_S, MOST_PULLS = 100, 20
 
 
 class Span(NamedTuple):
-    """One state in the file: switching begins at `begin_s`, it is held from `start_s` to `stop_s`.
+    """One state that the file holds: switching begins at `begin_s`, it is held from `start_s` to `stop_s`.
 
     Levels are taken from `window_s` on, over a `whole` period of the comb or not. `in_turns` tells that it is a frame
     of slots. `levels` (taxels,) are shares of the ON amplitudes.
@@ -83,7 +95,7 @@ class Span(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Heard:
-    """What is felt in each span (h,) of the file by taxel (n,), as in the plan.
+    """The levels that are felt in each span (h,) of the file at each taxel (n,), as in the plan.
 
     `level_um` is all that is felt there, `tone_um` what of it is at the taxel's own line, `wanted_um` (n,) what is to
     be felt at level 1, `peak_um` the largest motion of the washer from where it hangs, the mean pull's share included,
@@ -125,8 +137,7 @@ class Heard:
     def on(self) -> np.ndarray:
         """Felt levels (h, n) of the taxels that are ON over what is wanted, NaN else."""
         shares = self.shares
-        on: np.ndarray = np.divide(self.relative, shares, out=np.full(shares.shape, np.nan), where=shares > 0)
-        return on
+        return np.asarray(np.divide(self.relative, shares, out=np.full(shares.shape, np.nan), where=shares > 0))
 
     @property
     def off(self) -> np.ndarray:
@@ -144,7 +155,7 @@ class Heard:
 
 
 class _Score(NamedTuple):
-    """What the sidecar says of the file, see `padgen.driver.formats.wav.wave_json`; `channel`, `line_hz` (taxels,).
+    """The sidecar's account of the file (`padgen.driver.formats.wav.wave_json`); `channel`, `line_hz` (taxels,).
 
     `step` are the samples from one window of the course to the next, half a window.
     """
@@ -169,25 +180,40 @@ def hear(
     sidecar: Mapping[str, Any],
     tuning: Tuning | None = None,
     gap: bool = False,
-    where: str = "drive.wav",
 ) -> Heard:
     """Listen to `wave` on the pad of `plan`, or on the print that `tuning` tells of.
 
-    `sidecar` is the file's (`padgen.driver.formats.wav.wave_json`), read from JSON. A file that loops is heard as it
-    is after `LOOP_TAUS`, any other from rest. With the `gap` the pull grows as it closes, which takes longer.
+    `sidecar` is the file's (`padgen.driver.formats.wav.wave_json`), of this plan, read from JSON. A file that loops is
+    heard as it is after `LOOP_TAUS`, any other from rest. With the `gap` the pull grows as it closes, which takes more
+    time.
 
     Raises
     ------
     FileError
-        The file is not what the sidecar says, the sidecar not of this plan, or no state is held.
+        No state is held long enough.
     """
-    score = _score(plan, wave, sidecar, where)
+    taxels, rate_hz = sidecar["taxels"], sidecar["rate_hz"]
+    line_hz = np.array([entry["force_hz"] for entry in taxels])
+    score = _Score(
+        rate_hz=rate_hz,
+        full_scale=sidecar["full_scale"],
+        by_voltage=sidecar["signal"] == "voltage",
+        loops=sidecar["loops"],
+        in_turns=Scheme(sidecar["scheme"]).takes_turns,
+        period_s=sidecar["period_s"],
+        coils=tuple((row, column) for row, column in (entry["coil"] for entry in sidecar["coils"])),
+        channel=np.array([entry["wav_channel"] for entry in taxels], int),
+        line_hz=line_hz,
+        time_s=np.array([frame["time_s"] for frame in sidecar["keyframes"]]),
+        levels=np.array([frame["levels"] for frame in sidecar["keyframes"]], float),
+        step=max(round(COURSE_PERIODS / 2 / float(line_hz.min(initial=1e9)) * rate_hz), 2),
+    )
     known = (tuning or planned_tuning(plan)).taxels
     resonance = np.array([taxel.resonance_hz for taxel in known])
     tau_s = np.array([taxel.q for taxel in known]) / (np.pi * resonance)
     spans = _spans(score, len(plan.sets[0]), float(tau_s.max()))
     if not spans:
-        raise FileError("holds no state long enough to listen to", where)
+        raise FileError("holds no state long enough to listen to", WHERE)
     alike: dict[tuple, list[int]] = {}
     for k, (taxel, level) in enumerate(zip(plan.taxels, levels_um(plan, resonance).tolist(), strict=True)):
         alike.setdefault((taxel.channel, level, tuning and tuning.taxels[k]), []).append(k)
@@ -236,44 +262,8 @@ def hear(
     )
 
 
-def _score(plan: Plan, wave: Wave, sidecar: Mapping[str, Any], where: str) -> _Score:
-    try:
-        frames, taxels = sidecar["keyframes"], sidecar["taxels"]
-        line_hz = np.array([float(entry["force_hz"]) for entry in taxels])
-        coils = sorted(sidecar["coils"], key=lambda entry: int(entry["wav_channel"]))
-        said = int(sidecar["rate_hz"]), int(sidecar["count"]), len(coils)
-        score = _Score(
-            rate_hz=said[0],
-            full_scale=float(sidecar["full_scale"]),
-            by_voltage={"voltage": True, "current": False}[sidecar["signal"]],
-            loops=bool(sidecar["loops"]),
-            in_turns=Scheme(sidecar["scheme"]).takes_turns,
-            period_s=float(sidecar["period_s"]),
-            coils=tuple((int(entry["coil"][0]), int(entry["coil"][1])) for entry in coils),
-            channel=np.array([int(entry["wav_channel"]) for entry in taxels], int),
-            line_hz=line_hz,
-            time_s=np.array([float(frame["time_s"]) for frame in frames]),
-            levels=np.array([frame["levels"] for frame in frames], float).reshape(len(frames), len(taxels)),
-            step=max(round(COURSE_PERIODS / 2 / float(line_hz.min(initial=1e9)) * said[0]), 2),
-        )
-        named = [(str(entry["id"]), score.coils[int(entry["wav_channel"])]) for entry in taxels]
-    except (KeyError, IndexError, TypeError, ValueError) as error:
-        problem = f"does not tell what a WAV file plays ({type(error).__name__}: {error})"
-        raise FileError(problem, f"sidecar of {where}") from error
-    if named != [(taxel.id, taxel.coil) for taxel in plan.taxels]:
-        problem = (
-            f"is of {len(named)} taxels of {sidecar.get('name')!r}, not of the {len(plan.taxels)} of {plan.name!r}"
-        )
-        raise FileError(problem, f"sidecar of {where}")
-    has = wave.rate_hz, wave.count, wave.channels
-    if has != said:
-        told = [f"{count} samples in each of {channels} channels at {rate} Hz" for rate, count, channels in (has, said)]
-        raise FileError(f"has {told[0]}, its sidecar says {told[1]}", where)
-    return score
-
-
 def _spans(score: _Score, slots: int, tau_s: float) -> tuple[Span, ...]:
-    """The states that are held; where channels take turns, frames of so many `slots`, unless all is one state.
+    """Return the states that are held; where channels take turns, frames of so many `slots`, unless all is one state.
 
     `tau_s` is the slowest taxel's time constant: windows begin, where they can, once it has settled.
     """
@@ -302,7 +292,7 @@ def _spans(score: _Score, slots: int, tau_s: float) -> tuple[Span, ...]:
 
 
 def _play(plan: Plan, wave: Wave, score: _Score, groups: "Sequence[_Alike]", gap: bool) -> tuple[dict[str, Any], ...]:
-    """Let all `groups` hear the file, and say what flows in the coils."""
+    """Let all `groups` hear the file; return the figures of what flows in each coil."""
     from scipy.signal import lfilter
 
     resistance, inductance = plan.spec.coil.resistance_ohm, plan.spec.coil.inductance_mh * MH
@@ -339,7 +329,7 @@ def _play(plan: Plan, wave: Wave, score: _Score, groups: "Sequence[_Alike]", gap
 
 
 def _blocks(wave: Wave, first: int, last: int, size: int) -> Iterator[tuple[int, np.ndarray]]:
-    """Samples `first` … `last` of a file that repeats: the index of a block's first, and the block (channels, s)."""
+    """Yield samples `first` … `last` of a file that repeats: the index of the first, and the block (channels, s)."""
     while first < last:
         at = first % wave.count
         stop = min(at + size, wave.count, at + last - first)
@@ -348,7 +338,7 @@ def _blocks(wave: Wave, first: int, last: int, size: int) -> Iterator[tuple[int,
 
 
 def circuit_filter(resistance_ohm: float, inductance_h: float, rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
-    """Numerator and denominator that make a coil's current of its voltage, ``AROUND − 1`` samples late."""
+    """Return the filter from a coil's voltage to its current, ``AROUND − 1`` samples late, as fraction."""
     inductance_h = max(inductance_h, resistance_ohm / STIFFEST / rate_hz)
     pole, off = -resistance_ohm / inductance_h / rate_hz, WITHIN - np.arange(AROUND, -AROUND, -1)[:, None]
     through = np.sinc(off) * np.i0(KAISER * np.sqrt(1 - (off / AROUND) ** 2))
@@ -357,7 +347,7 @@ def circuit_filter(resistance_ohm: float, inductance_h: float, rate_hz: float) -
 
 
 def mode_filter(hz: float, q: float, rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
-    """Numerator and denominator that make u of s, samples of ``u'' + ω/Q u' + ω² u = ω² s``.
+    """Return the filter from s to u, samples of ``u'' + ω/Q u' + ω² u = ω² s``: numerator and denominator.
 
     ``y' = p y + ω² s / Im p`` has ``u = Im y``: the real filter is that of the pole and its conjugate.
     """
@@ -431,10 +421,17 @@ class _Alike:
             self.square[h] += part**2 @ weight
             self.tone[h] += np.einsum("pns,ns->pn", part, weight * np.exp(-self.turns * at))
         if not self.loops:
-            self._take_course(felt)
+            joined = np.concatenate([self.tail, felt], 2)
+            count = max(joined.shape[2] // self.step - 1, 0)
+            if count:
+                windows = np.lib.stride_tricks.sliding_window_view(joined, 2 * self.step, axis=2)
+                parts = windows[:, :, : count * self.step : self.step] * self.root
+                energy = (parts**2).sum((0, 3)) - ((parts @ self.parabola) ** 2).sum((0, 3))
+                self.course_m.append(np.sqrt(2 * np.maximum(energy, 0.0)).T)
+            self.tail = joined[:, :, count * self.step :]
 
     def _felt(self, square_a2: np.ndarray) -> np.ndarray:
-        """What is felt (3, taxels, s) of i² (taxels, s) in m; the first part is the vertical motion at the axis."""
+        """Return the felt motion (3, taxels, s) in m for i² (taxels, s); its first part is vertical, at the axis."""
         from scipy.signal import lfilter
 
         pull = square_a2
@@ -451,18 +448,150 @@ class _Alike:
         self.pulled_in |= (felt[0] >= NEAREST * (self.gap_m or np.inf)).any(1)
         return felt
 
-    def _take_course(self, felt: np.ndarray) -> None:
-        joined = np.concatenate([self.tail, felt], 2)
-        count = max(joined.shape[2] // self.step - 1, 0)
-        if count:
-            windows = np.lib.stride_tricks.sliding_window_view(joined, 2 * self.step, axis=2)
-            parts = windows[:, :, : count * self.step : self.step] * self.root
-            energy = (parts**2).sum((0, 3)) - ((parts @ self.parabola) ** 2).sum((0, 3))
-            self.course_m.append(np.sqrt(2 * np.maximum(energy, 0.0)).T)
-        self.tail = joined[:, :, count * self.step :]
-
     def found(self) -> tuple[np.ndarray, ...]:
         """Levels, own lines, peaks (h, n), course (t, n), wanted levels (n,), all in m; who was pulled in (n,)."""
         level_m = np.sqrt(2 * np.maximum((self.square - self.mean**2).sum(1), 0.0))
         tone_m = 2 * np.sqrt((np.abs(self.tone) ** 2).sum(1))
         return level_m, tone_m, self.peak_m, np.concatenate(self.course_m), self.wanted_m, self.pulled_in
+
+
+MISSED_DB = 0.5
+"""How far an ON taxel may be from its level without a finding."""
+
+
+def heard_table(heard: Heard) -> dict[str, Any]:
+    """Make plain data for a JSON file: summary, coils, rows, and the levels of every taxel in every span.
+
+    In the summary `tone_low_db`, `tone_high_db` are how far ON taxels' own lines are off what they are to be, `rise_s`
+    is the slowest switching on, `peak_um` the largest motion of a washer; currents and losses are of the coil that has
+    most; None where no taxel is ON, or OFF.
+    """
+    tone, most = _tone_db(heard), {}
+    for figure in ("peak_a", "rms_a", "copper_loss_w", "signal_peak", "signal_mean"):
+        most[figure] = max((coil[figure] for coil in heard.coils), key=abs)
+    return {
+        "name": heard.name,
+        "with_gap": heard.with_gap,
+        "asked_db": heard.asked_db,
+        "summary": {
+            "smallest_on_db": _largest(-_db(heard.on), -1.0),
+            "loudest_off_db": _largest(_db(heard.off)),
+            "selectivity_db": heard.selectivity_db,
+            "tone_low_db": _largest(-tone, -1.0),
+            "tone_high_db": _largest(tone),
+            "rise_s": _largest(heard.rise_s),
+            "peak_um": float(heard.peak_um.max()),
+            **most,
+            "all_settled": bool(heard.settled.all()),
+        },
+        "coils": list(heard.coils),
+        "rows": list(_rows(heard)),
+        "taxels": list(heard.ids),
+        "wanted_um": heard.wanted_um.tolist(),
+        "spans": [
+            {
+                "start_s": span.start_s,
+                "stop_s": span.stop_s,
+                "heard_from_s": span.window_s,
+                "whole_periods": span.whole,
+                "in_turns": span.in_turns,
+                "levels": span.levels.tolist(),
+                "level_um": heard.level_um[h].tolist(),
+                "tone_um": heard.tone_um[h].tolist(),
+                "peak_um": heard.peak_um[h].tolist(),
+                "rise_s": heard.rise_s[h].tolist(),
+                "settled": heard.settled[h].tolist(),
+            }
+            for h, span in enumerate(heard.spans)
+        ],
+    }
+
+
+def _rows(heard: Heard) -> Iterator[dict[str, Any]]:
+    """Yield a row for every coil that has taxels in every span, in the order of the file.
+
+    `state` has a sign for every taxel, the lowest line first: 1 is ON, 0 is OFF, + in between. `on_db` is the smallest
+    ON level, over what that taxel is to have there, `off_db` the loudest OFF level over the taxel's own ON level; None
+    where there is none, -inf is silence.
+    """
+    on, off = _db(heard.on), _db(heard.off)
+    by_line = np.argsort(heard.line_hz, kind="stable")
+    for h, span in enumerate(heard.spans):
+        for k in np.unique(heard.coil_of).tolist():
+            which = by_line[heard.coil_of[by_line] == k]
+            quietest = min((i for i in which if span.levels[i] > 0), key=on[h].__getitem__, default=None)
+            loudest = max((i for i in which if span.levels[i] <= 0), key=off[h].__getitem__, default=None)
+            on_db = None if quietest is None else float(on[h, quietest])
+            off_db = None if loudest is None else float(off[h, loudest])
+            yield {
+                "until_s": span.stop_s,
+                "coil": heard.coils[k]["coil"],
+                "state": "".join("0" if x <= 0 else "1" if x > 1 - 1e-9 else "+" for x in span.levels[which]),
+                "on_db": on_db,
+                "on_taxel": "" if quietest is None else heard.ids[quietest],
+                "off_db": off_db,
+                "off_taxel": "" if loudest is None else heard.ids[loudest],
+                "selectivity_db": None if on_db is None or off_db is None else on_db - off_db,
+                "settled": bool(heard.settled[h, which].all()),
+            }
+
+
+def ear_findings(heard: Heard) -> Iterator[Finding]:
+    """Judge what was heard in the file."""
+    if heard.pulled_in.any():
+        told = (
+            f"is pulled onto its coil by {WHERE}, as {int(heard.pulled_in.sum())} of {len(heard.ids)} taxels are;"
+            " a lower drive.level_um or a wider coil.gap_mm would do"
+        )
+        yield Finding("error", "ear.pull_in", heard.ids[int(heard.pulled_in.argmax())], told)
+    tone = _tone_db(heard)
+    missed = np.abs(tone) > MISSED_DB
+    if missed.any():
+        h, i = np.unravel_index(int(np.nanargmax(np.abs(tone))), tone.shape)
+        span, hurried = heard.spans[h], heard.spans[h].in_turns or not heard.settled[h, i]
+        told = (
+            f"is to be felt with {number(span.levels[i] * heard.wanted_um[i])} µm in the state that ends at"
+            f" {number(span.stop_s)} s, has {number(heard.tone_um[h, i])} µm ({tone[h, i]:+.1f} dB), at most"
+            f" {MISSED_DB:g} dB off is meant, which {int(missed.sum())} of {int((heard.shares > 0).sum())} ON levels"
+            f" miss; {'frames that last longer' if hurried else 'padgen retune, or a lower level,'} would do"
+        )
+        yield Finding("warning", "ear.level", heard.ids[i], told)
+    asked, kept = heard.asked_db, heard.selectivity_db
+    if kept is not None and kept < asked:
+        h, i = np.unravel_index(int(np.nanargmax(heard.off)), heard.off.shape)
+        told = (
+            f"keeps {kept:.1f} dB between the smallest ON and the loudest OFF taxel, {heard.ids[i]} in the state that"
+            f" ends at {number(heard.spans[h].stop_s)} s; asked: {asked:.1f} dB (Δy)"
+        )
+        yield Finding("warning", "ear.selectivity", WHERE, told)
+    late = ~heard.settled.all(1)
+    if late.any():
+        span = heard.spans[int(late.argmax())]
+        told = (
+            f"holds the state that ends at {number(span.stop_s)} s for {number(span.stop_s - span.start_s)} s, too"
+            f" short for taxels to come within 0.1 dB of their levels ({int(late.sum())} of {len(heard.spans)} states"
+            f" are); {at_least(heard.needs_s)} s after each switch would do"
+        )
+        yield Finding("warning", "ear.unsettled", WHERE, told)
+    if any(not span.whole and not span.in_turns for span in heard.spans):
+        told = (
+            f"holds states for less than the comb's period of {number(heard.period_s)} s, so that their levels are"
+            " means over a part of it and lines close to each other are not told apart"
+        )
+        yield Finding("note", "ear.window", WHERE, told)
+
+
+def _tone_db(heard: Heard) -> np.ndarray:
+    """Return own lines (h, n) of ON taxels over what they are to be, in dB; NaN for OFF ones."""
+    wanted = heard.shares * heard.wanted_um
+    return _db(np.divide(heard.tone_um, wanted, out=np.full(wanted.shape, np.nan), where=wanted > 0))
+
+
+def _db(ratio: np.ndarray) -> np.ndarray:
+    with np.errstate(divide="ignore"):
+        return np.asarray(20 * np.log10(ratio))
+
+
+def _largest(values: np.ndarray, sign: float = 1.0) -> float | None:
+    """Return the largest that is a number, times `sign`; None where none is."""
+    return None if np.isnan(values).all() else sign * float(np.nanmax(values))

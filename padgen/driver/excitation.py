@@ -37,7 +37,7 @@ LEAST_WIDTHS = 1.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Excitation:
-    """What the coils play, and how strongly.
+    """The current and voltage that the coils play while taxels are measured, and how strong they are.
 
     `current_a`, `voltage_v` (samples,) are of one coil's turn; `coils` (row, column) in the order of the columns of
     `blocks`. `level_share` is how strongly taxels are shaken over their planned levels; `copper_loss_w` the mean of a
@@ -66,7 +66,7 @@ class Excitation:
         return self.samples / self.rate_hz
 
     def blocks(self, block_samples: int = 1 << 16, signal: str = "voltage") -> Iterator[np.ndarray]:
-        """Blocks (samples, coils) of the whole, in V (`signal` 'voltage') or A ('current')."""
+        """Yield blocks (samples, coils) of the whole, in V (`signal` 'voltage') or A ('current')."""
         turn = self.voltage_v if signal == "voltage" else self.current_a
         for k in range(1 if self.together else len(self.coils)):
             for start in range(0, len(turn), block_samples):
@@ -79,7 +79,7 @@ class Excitation:
 def excitation(
     plan: Plan, kind: str, rate_hz: int, seconds: float | None = None, seed: int = 0, together: bool = False
 ) -> Excitation:
-    """What to play to measure `plan`'s pad, sampled at `rate_hz`.
+    """Make the excitation that measures `plan`'s pad, sampled at `rate_hz`.
 
     `seconds` is the length of the chirp or the noise (None: as long as the slowest taxel asks for), to which the
     silence is added. `seed` is the noise's. `together` shakes all coils at once: quicker, and each taxel then hears its
@@ -94,9 +94,26 @@ def excitation(
     if kind not in KINDS:
         raise SpecError(f"must be one of {', '.join(KINDS)}, got {kind!r}", "--excite")
     band = measuring_band_hz(plan)
-    _refuse_rate(rate_hz, band[1])
+    least = SAMPLES_OF_HIGHEST * band[1]
+    if not rate_hz >= least:
+        raise SpecError(
+            f"must be at least {number(float(np.ceil(least)))} Hz, {SAMPLES_OF_HIGHEST} times the highest frequency"
+            f" that is measured, got {number(rate_hz)} Hz",
+            "--rate",
+        )
     sweep = sweep_s(plan) if seconds is None else seconds
-    _refuse_length(plan, sweep, rate_hz)
+    shortest = LEAST_WIDTHS * max(c.q / c.resonance_hz for c in plan.channels)
+    if not sweep >= shortest:
+        raise SpecError(
+            f"must be at least {at_least(shortest)} s, Q periods of the slowest taxel, got {number(sweep)} s",
+            "--seconds",
+        )
+    if (sweep + ring_s(plan)) * rate_hz > MOST_SAMPLES:
+        longest = MOST_SAMPLES / rate_hz - ring_s(plan)
+        would_do = f"at most {number(longest)} s would do" if longest > shortest else "a lower --rate would do"
+        raise SpecError(
+            f"{number(sweep)} s of sweep are too many samples at {number(rate_hz)} Hz; {would_do}", "--seconds"
+        )
     line, swept, total = shaking_line_a2(plan), round(sweep * rate_hz), round((sweep + ring_s(plan)) * rate_hz)
     if kind == "chirp":
         time = np.arange(total) / rate_hz
@@ -108,47 +125,18 @@ def excitation(
     coil = plan.spec.coil
     volts = coil.resistance_ohm * current + coil.inductance_mh * MH * slope
     square = float((current[:swept] ** 2).mean())
-    share = _share(plan, float(np.abs(volts).max()), square)
+    spec = plan.spec
+    scheme = plan.scheme
+    planned = max(mean_square_a2(scheme, np.array([c.line_a2 for c in own]), spec.drive.headroom) for own in plan.sets)
+    share = min(
+        1.0,
+        (VOLTAGE_SHARE * spec.drive.voltage_limit_v / float(np.abs(volts).max())) ** 2,
+        spec.coil.power_limit_w / (square * spec.coil.resistance_ohm),
+        max(planned / square, 1e-6),
+    )
     factor = share**0.5
     places = tuple((row, column) for row in range(plan.coils.rows) for column in range(plan.coils.columns))
     loss_w = share * square * swept / total * coil.resistance_ohm
     return Excitation(
         kind, rate_hz, band, swept / rate_hz, together, places, current * factor, volts * factor, share, loss_w
     )
-
-
-def _share(plan: Plan, peak_v: float, square_a2: float) -> float:
-    """What of the planned levels every limit allows: amplifier, copper, and the mean pull that the plan has."""
-    spec = plan.spec
-    scheme = plan.scheme
-    planned = max(mean_square_a2(scheme, np.array([c.line_a2 for c in own]), spec.drive.headroom) for own in plan.sets)
-    return min(
-        1.0,
-        (VOLTAGE_SHARE * spec.drive.voltage_limit_v / peak_v) ** 2,
-        spec.coil.power_limit_w / (square_a2 * spec.coil.resistance_ohm),
-        max(planned / square_a2, 1e-6),
-    )
-
-
-def _refuse_rate(rate_hz: int, highest_hz: float) -> None:
-    least = SAMPLES_OF_HIGHEST * highest_hz
-    if not rate_hz >= least:
-        raise SpecError(
-            f"must be at least {number(float(np.ceil(least)))} Hz, {SAMPLES_OF_HIGHEST} times the highest frequency"
-            f" that is measured, got {number(rate_hz)} Hz",
-            "--rate",
-        )
-
-
-def _refuse_length(plan: Plan, sweep: float, rate_hz: int) -> None:
-    least = LEAST_WIDTHS * max(c.q / c.resonance_hz for c in plan.channels)
-    if not sweep >= least:
-        raise SpecError(
-            f"must be at least {at_least(least)} s, Q periods of the slowest taxel, got {number(sweep)} s", "--seconds"
-        )
-    if (sweep + ring_s(plan)) * rate_hz > MOST_SAMPLES:
-        longest = MOST_SAMPLES / rate_hz - ring_s(plan)
-        would_do = f"at most {number(longest)} s would do" if longest > least else "a lower --rate would do"
-        raise SpecError(
-            f"{number(sweep)} s of sweep are too many samples at {number(rate_hz)} Hz; {would_do}", "--seconds"
-        )

@@ -1,29 +1,319 @@
 """The limits of coils, amplifiers and gaps: the one judge of all that is written or played, before it is.
 
 What is judged is what is shown (a timeline), or where that is not known the worst of whatever a host may send to the
-firmware (`padgen.driver.loads`).
+firmware: a `Load`.
+
+With levels g in 0 … 1 the voltage of a spur-free coil is ``u/√w``, u and w linear in g wherever the channels
+keep their order by level (`group_constant` in ``padgen_drive.c``): ``u²/w`` is convex there, so that no grey level is
+worse than an on/off state; and mean squares are linear. Between two frames the force is blended; what the blend's
+slope adds is bounded.
 """
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import lru_cache
+from math import ceil
+from typing import NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import SpecError, at_most, number
+from padgen.core.errors import SpecError, at_least, at_most, number
 from padgen.core.finding import Finding
 from padgen.core.units import MM, UM
-from padgen.driver.loads import Load, load_of
-from padgen.driver.pad_drive import PadDrive, make_drive
-from padgen.driver.rates import CONTROLLER_RATES_HZ, drive_at
-from padgen.driver.timeline import Timeline, timeline
+from padgen.driver.excitation import Excitation
+from padgen.driver.pad_drive import (
+    CARRIER_OVER_RESONANCE,
+    CONTROLLER_RATES_HZ,
+    RATES_HZ,
+    CoilDrive,
+    PadDrive,
+    coil_lines,
+    constant_a2,
+    drive_at,
+    highest_hz,
+    make_drive,
+)
+from padgen.driver.waveform import Timeline, blocks, is_fed, ramp_s, timeline
 from padgen.measured.predict import printed_channels
 from padgen.measured.tuning import Tuning, planned_tuning
-from padgen.physics.magnetics import balanced_deflection
+from padgen.physics.crest import least_constant
+from padgen.physics.currents import current_lines_a, mean_square_a2, peak_current_a
+from padgen.physics.magnetics import balanced_deflection, impedance
 from padgen.planner.channels import hanging_gap_um
 from padgen.planner.coil_load import pull_in_share
 from padgen.planner.plan import Channel, Plan
 
-__all__ = ["judge_limits", "judge_load", "refuse_frames", "voltage_finding"]
+__all__ = [
+    "Load",
+    "carrier_text",
+    "excitation_load",
+    "group_channels",
+    "judge_limits",
+    "judge_load",
+    "least_constants",
+    "load_of",
+    "refuse_frames",
+    "voltage_finding",
+]
+
+PER_CYCLE = 32
+"""Points in a cycle of the highest line where a peak is looked for: what lies between two is at most 0.5 % above."""
+STEEPEST = 630 / 256
+"""Largest slope of the blend between two frames, over one transition."""
+MOST_CHANNELS = 12
+"""Channels of a coil up to which all on/off states of a spur-free drive are looked at; beyond, they are bounded."""
+MOST_POINTS = 1 << 27
+"""Points of these that are looked at, the worst states first; the others are bounded."""
+BLOCK = 1 << 15
+"""Points that are worked on at a time: what stays in a core's cache."""
+PIECE, OVERLAP, FINER = 1 << 14, 1 << 10, 8
+"""Samples of an excitation that are looked at between at a time, on either side of them, and how much finer."""
+SMALLEST = 1e-100
+GROUP_CHANNELS = 8
+"""Channels whose on/off states have their least constants in a table: 256 numbers, 1 KiB, at most."""
+ROUNDING = 1e-6
+"""What `least_constant` may be too small by, over the sum of the lines."""
+
+
+class Load(NamedTuple):
+    """The most that is asked: V of any coil, mean i² (coils,) in A² of the warmest state, level (taxels,) in 0 … 1.
+
+    `peak_v` is a bound wherever that keeps the limit, and within 3 % of what is put out where it does not.
+    """
+
+    peak_v: float
+    square_a2: np.ndarray
+    level: np.ndarray
+
+
+class _Asked(NamedTuple):
+    """A coil's largest levels (n,), and its mean square `square_a2` (spur-free its largest constant of i²)."""
+
+    level: np.ndarray
+    square_a2: float
+
+
+def load_of(plan: Plan, drive: PadDrive, shown: Timeline | None = None) -> Load:
+    """Bound what a timeline, or whatever the firmware may be sent (None), asks of the coils."""
+    ramp = ramp_s(plan)
+    if shown is None:
+        asked = [_any(drive, coil) for coil in drive.coils]
+        level = np.ones(len(plan.taxels))
+    else:
+        asked = [_shown(drive, coil, shown) for coil in drive.coils]
+        level = shown.levels.max(0)
+    peak_v = max(_bound_v(drive, coil, own, ramp) for coil, own in zip(drive.coils, asked, strict=True))
+    if peak_v > drive.voltage_limit_v:
+        peak_v = _shown_v(drive, shown) if shown is not None else _any_v(drive, ramp)
+    return Load(peak_v, np.array([own.square_a2 for own in asked]), level)
+
+
+def excitation_load(plan: Plan, played: Excitation) -> Load:
+    """Bound what an excitation asks of the coils, over its sweep."""
+    sweep = played.current_a[: round(played.sweep_s * played.rate_hz)]
+    squares = np.full(len(played.coils), float((sweep**2).mean()))
+    samples = played.voltage_v
+    peak = float(np.abs(samples).max(initial=0.0))
+    ends = np.pad(samples, OVERLAP)
+    fade = np.sin(np.linspace(0.0, np.pi / 2, OVERLAP)) ** 2
+    window = np.concatenate([fade, np.ones(PIECE), fade[::-1]])
+    reached = peak
+    for start in range(0, len(samples), PIECE):
+        part = ends[start : start + len(window)]
+        if np.abs(part).max() > peak / 2:
+            part = np.pad(part, (0, len(window) - len(part))) * window
+            finer = np.fft.irfft(np.fft.rfft(part), FINER * len(window)) * FINER
+            reached = max(reached, float(np.abs(finer[FINER * OVERLAP : -FINER * OVERLAP]).max()))
+    return Load(reached, squares, np.full(len(plan.taxels), played.level_share))
+
+
+def _shown(drive: PadDrive, coil: CoilDrive, timeline: Timeline) -> _Asked:
+    levels = timeline.levels[:, coil.taxels]
+    if not len(coil.taxels):
+        return _Asked(levels.max(0), 0.0)
+    if drive.scheme.is_root:
+        square = constant_a2(drive, coil, levels)
+    elif drive.scheme.is_biased:
+        fed = np.array([is_fed(timeline, key) for key in range(len(levels))])
+        square = fed * (coil.bias_a**2 + ((levels * current_lines_a(drive.scheme, coil.line_a2)) ** 2).sum(1) / 2)
+    else:
+        square = levels @ coil.line_a2
+    return _Asked(levels.max(0), float(square.max()))
+
+
+def _any(drive: PadDrive, coil: CoilDrive) -> _Asked:
+    level = np.ones(len(coil.line_a2))
+    if drive.scheme.is_root:
+        return _Asked(level, _largest_constant_a2(drive, coil) if len(level) else 0.0)
+    return _Asked(level, mean_square_a2(drive.scheme, coil.line_a2, 0.0))
+
+
+def _tones_v(drive: PadDrive, coil: CoilDrive) -> np.ndarray:
+    """Return complex amplitudes (n,) of the voltages of the current's tones at level 1; spur-free there are none."""
+    harmonic, amplitude = coil_lines(drive, coil)
+    return np.asarray(impedance(drive.resistance_ohm, drive.inductance_h, harmonic / drive.period_s) * amplitude)
+
+
+def _bound_v(drive: PadDrive, coil: CoilDrive, asked: _Asked, ramp: float) -> float:
+    """Bound a coil's voltage at all times, through transitions too."""
+    if not len(coil.taxels):
+        return 0.0
+    if drive.scheme.is_root:
+        state = _root_bound_v(drive, coil, asked.level[None], np.array([asked.square_a2]))
+        return float(state[0]) + _ramp_v(drive, coil, asked, ramp)
+    share = asked.level if drive.scheme.is_biased else np.sqrt(asked.level)
+    volts = np.abs(_tones_v(drive, coil)) * share
+    steady = volts.max() if drive.scheme.takes_turns else volts.sum()
+    return float(drive.resistance_ohm * coil.bias_a + steady) + _ramp_v(drive, coil, asked, ramp)
+
+
+def _ramp_v(drive: PadDrive, coil: CoilDrive, asked: _Asked, ramp: float) -> float:
+    """Bound what the slope of the blend adds: the current's peak times L and the blend's steepest slope."""
+    if drive.scheme.is_root:
+        square = asked.square_a2 + float(asked.level @ coil.line_a2)
+        current = float(np.sqrt(square if drive.carrier_hz is None else 2 * square))
+    else:
+        current = peak_current_a(drive.scheme, coil.line_a2, 0.0)
+    return drive.inductance_h * current * STEEPEST / ramp
+
+
+def _root_bound_v(drive: PadDrive, coil: CoilDrive, states: np.ndarray, constant_a2: np.ndarray) -> np.ndarray:
+    """Bound (s,) the voltage of a spur-free coil in steady states: a force F ≥ 0 has ``F'² ≤ 2 F max F''``."""
+    lines = states * coil.line_a2
+    root = np.sqrt(constant_a2 + lines.sum(1))
+    slope = np.sqrt(lines @ (2 * np.pi * coil.force_hz) ** 2 / 2)
+    volts: np.ndarray = drive.resistance_ohm * root + drive.inductance_h * slope
+    return volts if drive.carrier_hz is None else _on_carrier(drive, volts, root)
+
+
+def _on_carrier(drive: PadDrive, volts: np.ndarray, root: np.ndarray) -> np.ndarray:
+    """Return the envelope of the voltage of ``√2 root cos 2πf_c t``, with `volts` those of the root alone."""
+    assert drive.carrier_hz is not None
+    return np.asarray(np.sqrt(2) * np.hypot(volts, 2 * np.pi * drive.carrier_hz * drive.inductance_h * root))
+
+
+# ---- Peaks ---------------------------------------------------------------------------------------------------------
+
+
+def _shown_v(drive: PadDrive, timeline: Timeline) -> float:
+    """Return the largest voltage of a timeline, between the samples too."""
+    highest_hz = max(float(coil.force_hz.max(initial=0.0)) for coil in drive.coils) + (drive.carrier_hz or 0.0)
+    finer = int(np.ceil(PER_CYCLE * highest_hz / drive.rate_hz))
+    fine = replace(drive, rate_hz=max(finer, 1) * drive.rate_hz)
+    return max(float(np.abs(block.samples).max(initial=0.0)) for block in blocks(fine, timeline, periods=True))
+
+
+def _any_v(drive: PadDrive, ramp: float) -> float:
+    """Return the largest voltage of all levels that may be sent, and of changes between them."""
+    alike = {coil.harmonic.tobytes() + coil.line_a2.tobytes(): coil for coil in drive.coils if len(coil.taxels)}
+    bounds = sorted(((_bound_v(drive, c, _any(drive, c), ramp), key) for key, c in alike.items()), reverse=True)
+    peak = 0.0
+    for bound, key in bounds:
+        if bound > peak:
+            coil = alike[key]
+            peak = max(peak, _steady_v(drive, coil) + _ramp_v(drive, coil, _any(drive, coil), ramp))
+    return peak
+
+
+def _steady_v(drive: PadDrive, coil: CoilDrive) -> float:
+    if drive.scheme.is_root:
+        return _roots_v(drive, coil)
+    if drive.scheme.takes_turns:
+        return float(np.abs(_tones_v(drive, coil)).max())
+    harmonic = coil_lines(drive, coil).harmonic
+    above, below = np.zeros(1), np.zeros(1)
+    # At each time the worst state has those channels on that push the same way.
+    for k, amplitude in zip(harmonic.tolist(), _tones_v(drive, coil).tolist(), strict=True):
+        angle = np.arange(_points(harmonic)) * (2 * np.pi * k / _points(harmonic))
+        volts = abs(amplitude) * np.cos(angle + np.angle(amplitude))
+        above, below = above + np.maximum(volts, 0.0), below + np.minimum(volts, 0.0)
+    bias_v = drive.resistance_ohm * coil.bias_a
+    return max(bias_v + float(above.max()), -bias_v - float(below.min()))
+
+
+def _points(harmonic: np.ndarray) -> int:
+    return 1 << (PER_CYCLE * int(harmonic.max()) - 1).bit_length()
+
+
+def _roots_v(drive: PadDrive, coil: CoilDrive) -> float:
+    """Return the largest voltage of all on/off states of a spur-free coil."""
+    count = len(coil.line_a2)
+    if count > MOST_CHANNELS:
+        largest = np.array([_largest_constant_a2(drive, coil)])
+        return float(_root_bound_v(drive, coil, np.ones((1, count)), largest)[0])
+    states, constant = _states(count), _constants_a2(drive, coil)
+    bound = _root_bound_v(drive, coil, states, constant)
+    order = np.argsort(-bound, kind="stable")
+    points = _points(coil.harmonic)
+    angle = np.outer(coil.harmonic, np.arange(points)) * (2 * np.pi / points) + coil.phase_rad[:, None]
+    cosine = coil.line_a2[:, None] * np.cos(angle)
+    sine = -(2 * np.pi * coil.force_hz * coil.line_a2)[:, None] * np.sin(angle)
+    size, peak = max(BLOCK // points, 1), 0.0
+    for start in range(0, len(order), size):
+        part = order[start : start + size]
+        if bound[part[0]] <= peak or start * points > MOST_POINTS:
+            return max(peak, float(bound[part[0]]) if start * points > MOST_POINTS else 0.0)
+        root = np.sqrt(np.maximum(constant[part, None] + states[part] @ cosine, SMALLEST))
+        volts = drive.resistance_ohm * root + drive.inductance_h * (states[part] @ sine) / (2 * root)
+        if drive.carrier_hz is not None:
+            volts = _on_carrier(drive, volts, root)
+        peak = max(peak, float(np.abs(volts[states[part].any(1)]).max(initial=0.0)))
+    return peak
+
+
+def _states(count: int) -> np.ndarray:
+    """Return all on/off states (2ⁿ, n), the first channel changing fastest."""
+    bits: np.ndarray = (np.arange(1 << count)[:, None] >> np.arange(count)) & 1
+    return bits.astype(float)
+
+
+def _groups(drive: PadDrive, coil: CoilDrive) -> tuple[float, list[np.ndarray], int]:
+    """Return the firmware's constants in A²: all on, those of all states of each group; and a group's size."""
+    size = group_channels(max(len(c.taxels) for c in drive.coils))
+    shape = (coil.harmonic.tolist(), coil.line_a2.tolist(), coil.phase_rad.tolist())
+    all_on, groups = least_constants(*(tuple(part) for part in shape), size)
+    return all_on, [np.array(group) for group in groups], size
+
+
+def _constants_a2(drive: PadDrive, coil: CoilDrive) -> np.ndarray:
+    """Return the firmware's constant (2ⁿ,) of i² in all `_states`, the margin with it."""
+    all_on, groups, size = _groups(drive, coil)
+    states = _states(len(coil.line_a2))
+    which = np.arange(len(states))
+    constant = sum(group[(which >> (size * k)) & (len(group) - 1)] for k, group in enumerate(groups))
+    constant[-1] = all_on
+    return np.asarray(constant + states @ (coil.margin * coil.line_a2))
+
+
+def _largest_constant_a2(drive: PadDrive, coil: CoilDrive) -> float:
+    """Return the largest that the firmware's constant of i² can be; of many channels a bound."""
+    if len(coil.line_a2) <= MOST_CHANNELS:
+        return float(_constants_a2(drive, coil).max())
+    all_on, groups, _ = _groups(drive, coil)
+    return max(all_on, float(sum(group.max() for group in groups))) + float(coil.margin @ coil.line_a2)
+
+
+def group_channels(channels: int) -> int:
+    """Return the channels of a group, as few as the number of groups allows, where the largest coil has `channels`."""
+    return ceil(channels / ceil(channels / GROUP_CHANNELS))
+
+
+@lru_cache(maxsize=1024)
+def least_constants(
+    harmonics: tuple[int, ...], line_a2: tuple[float, ...], phase_rad: tuple[float, ...], size: int
+) -> tuple[float, tuple[tuple[float, ...], ...]]:
+    """Return a coil's least constant with all channels on, and those of each group of `size` in every state, in A²."""
+    harmonic, phase, line = np.array(harmonics, int), np.array(phase_rad), np.array(line_a2)
+    groups = []
+    for start in range(0, len(line), size):
+        part = slice(start, start + size)
+        bits = (np.arange(1 << size)[:, None] >> np.arange(len(line[part]))) & 1
+        states = bits * line[part]
+        least = least_constant(harmonic[part], states, phase[part]) + ROUNDING * states.sum(1)
+        groups.append(tuple(least.tolist()))
+    all_on = least_constant(harmonic, line[None], phase)[0] + ROUNDING * line.sum() if len(line) else 0.0
+    return float(all_on), tuple(groups)
+
 
 NEAR = 1 + 1e-9
 """What is made to be at a limit is not beyond it by its rounding."""
@@ -35,7 +325,7 @@ SMALLEST_LEVEL_UM = 1e-4
 def judge_limits(
     where: str, plan: Plan, drive: PadDrive, shown: Timeline | None = None, tuning: Tuning | None = None
 ) -> tuple[Finding, ...]:
-    """Errors where `drive`, made for `plan` and `tuning`, asks for more than is borne; none where all limits hold.
+    """Find errors where `drive`, made for `plan` and `tuning`, asks for more than is borne; none where all limits hold.
 
     `shown` None: by the worst of all levels and changes that the firmware may be sent.
     """
@@ -64,7 +354,7 @@ def judge_load(
     limit_v: float | None = None,
     cure: str = "",
 ) -> Iterator[Finding]:
-    """Errors about a load; `limit_v` None is the spec's, `cure` ends every sentence."""
+    """Yield errors about a load; `limit_v` None is the spec's, `cure` ends every sentence."""
     spec = plan.spec
     limit_v = spec.drive.voltage_limit_v if limit_v is None else limit_v
     if load.peak_v > limit_v * NEAR:
@@ -78,21 +368,6 @@ def judge_load(
             f"takes {number(loss_w)} W of copper loss in its warmest state, above coil.power_limit_w ="
             f" {number(spec.coil.power_limit_w)} W{cure}",
         )
-    yield from _pull(where, plan, load, tuning, cure)
-
-
-def voltage_finding(where: str, peak_v: float, limit_v: float, cure: str) -> Finding:
-    """The error of a voltage above the amplifier's."""
-    return Finding(
-        "error",
-        "wave.voltage",
-        where,
-        f"peaks at {number(peak_v)} V, above drive.voltage_limit_v = {number(limit_v)} V{cure}",
-    )
-
-
-def _pull(where: str, plan: Plan, load: Load, tuning: Tuning | None, cure: str) -> Iterator[Finding]:
-    """Whether a washer snaps to its coil, or comes nearer to it than a third of the gap leaves."""
     spec, columns = plan.spec, plan.coils.columns
     share, travel_um = 0.0, 0.0
     seen: dict[tuple[Channel, float, float], tuple[float, float]] = {}
@@ -124,8 +399,18 @@ def _pull(where: str, plan: Plan, load: Load, tuning: Tuning | None, cure: str) 
         )
 
 
+def voltage_finding(where: str, peak_v: float, limit_v: float, cure: str) -> Finding:
+    """Make the error of a voltage above the amplifier's."""
+    return Finding(
+        "error",
+        "wave.voltage",
+        where,
+        f"peaks at {number(peak_v)} V, above drive.voltage_limit_v = {number(limit_v)} V{cure}",
+    )
+
+
 def _level_text(plan: Plan, drive: PadDrive, shown: Timeline | None, tuning: Tuning | None, load: Load) -> str:
-    """The level at which the same is within all limits, as a clause: it was tried."""
+    """Name the level at which the same is within all limits, as a clause: it was tried."""
     spec = plan.spec
     level = spec.drive.level_um
     for _ in range(TRIES):
@@ -145,3 +430,16 @@ def _level_text(plan: Plan, drive: PadDrive, shown: Timeline | None, tuning: Tun
         if not any(judge_load("", lower, load, tuning, drive.voltage_limit_v)):
             return f"; drive.level_um of {text} would fit it"
     return "; no lower drive.level_um that was tried would fit it"
+
+
+def carrier_text(plan: Plan, shown: Timeline, rate_hz: int | None, tuning: Tuning | None) -> str:
+    """Tell, as a clause, whether the lowest carrier that is accepted keeps all limits."""
+    hz = at_least(CARRIER_OVER_RESONANCE * highest_hz(plan, tuning))
+    try:
+        drive = drive_at(plan, RATES_HZ, rate_hz, tuning, float(hz))
+    except SpecError as error:
+        return f"; a carrier has none, but the lowest, {hz} Hz, {error.message}"
+    beyond = next(judge_load("", plan, load_of(plan, drive, shown), tuning), None)
+    if beyond is None:
+        return f"; a carrier has none (--carrier {hz} keeps all limits)"
+    return f"; a carrier has none, but with the lowest that is accepted, --carrier {hz}, the current {beyond.message}"

@@ -1,11 +1,10 @@
-"""`PadDrive`: what every coil of a pad, as planned or as measured, plays when its taxels are on.
+"""`PadDrive`: what every coil of a pad, as planned or as measured, plays when its taxels are on, and how it is sampled.
 
 Frequencies lie on a *comb*, whole multiples of 1/period, so that what is written can be looped without a
 seam and the smallest constant of a spur-free force is known for all times. A line that the comb moves off
 its taxel's resonance is made as much larger as the taxel answers less there.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
@@ -21,20 +20,24 @@ from padgen.measured.tuning import Tuning, planned_tuning
 from padgen.physics.crest import comb_period_s, least_constant, low_crest_phases, on_comb
 from padgen.physics.currents import bias_a, current_lines_a
 from padgen.physics.resonator import relative_energy
-from padgen.physics.root_margin import RootMargin, root_margin
+from padgen.physics.root_margin import ALIAS_DB, RootMargin, root_margin
 from padgen.physics.selectivity import Scheme
 from padgen.planner.plan import Plan
 from padgen.planner.printed_pads import coils_of
 
 __all__ = [
     "CARRIER_OVER_RESONANCE",
+    "CONTROLLER_RATES_HZ",
     "HIGHEST_RATE_HZ",
+    "RATES_HZ",
     "RATE_OVER_RESONANCE",
     "CoilDrive",
     "CoilLines",
     "PadDrive",
     "coil_lines",
     "constant_a2",
+    "drive_at",
+    "highest_hz",
     "make_drive",
 ]
 
@@ -47,7 +50,7 @@ CARRIER_OVER_RESONANCE = 5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CoilDrive:
-    """What one coil plays; arrays (n,), its lowest channel first.
+    """One coil's part of a drive; arrays (n,), its lowest channel first.
 
     `taxels` are indices into the plan's. A taxel at level 1 gets the line ``line_a2 cos(2π force_hz t + phase_rad)``
     of i²; `force_hz` is ``harmonic / period``. `bias_a` is the constant current of the biased scheme, else 0;
@@ -105,7 +108,7 @@ class CoilLines(NamedTuple):
 
 
 def coil_lines(drive: PadDrive, coil: CoilDrive) -> CoilLines:
-    """The lines of a coil's current in A beside its `bias_a`; spur-free those of i² in A² beside its `constant_a2`.
+    """Return the lines of a coil's current in A beside its `bias_a`; spur-free of i² in A² beside `constant_a2`.
 
     They go with the level; where the scheme has no constant, with its root, at half the force's frequency.
     """
@@ -116,40 +119,52 @@ def coil_lines(drive: PadDrive, coil: CoilDrive) -> CoilLines:
 
 
 def constant_a2(drive: PadDrive, coil: CoilDrive, levels: np.ndarray) -> np.ndarray:
-    """The constant part (s,) of i² of a spur-free coil with its channels at `levels` (s, n)."""
+    """Return the constant part (s,) of i² of a spur-free coil with its channels at `levels` (s, n)."""
     lines = np.atleast_2d(levels) * coil.line_a2
     states, which = np.unique(lines, axis=0, return_inverse=True)
     least = least_constant(coil.harmonic, states, coil.phase_rad)
-    constant: np.ndarray = (least + states @ coil.margin)[which.reshape(-1)]
-    return constant
+    return np.asarray((least + states @ coil.margin)[which.reshape(-1)])
 
 
 def make_drive(
     plan: Plan,
     rate_hz: int,
     tuning: Tuning | None = None,
-    period_s: float | None = None,
     carrier_hz: float | None = None,
     bandwidth_hz: float | None = None,
 ) -> PadDrive:
-    """The drive of `plan`, for the print that `tuning` tells of (None: as planned), sampled at `rate_hz`.
+    """Make the drive of `plan`, for the print that `tuning` tells of (None: as planned), sampled at `rate_hz`.
 
-    The comb's period is the shortest that moves no line far off its resonance, unless it is given; `bandwidth_hz`
-    is the amplifier's (None: half the rate); a carrier is moved onto the comb.
+    The comb's period is the shortest that moves no line far off its resonance; `bandwidth_hz` is the amplifier's (None:
+    half the rate); a carrier is moved onto the comb.
 
     Raises
     ------
     SpecError
-        `rate_hz` is too low for the highest line of the current, a period that keeps two channels of a coil no
-        lines of their own, a carrier outside its bounds, or a taxel that the coil cannot move.
+        `rate_hz` is too low for the highest line of the current, a carrier is outside its bounds, or a coil cannot move
+        a taxel.
     """
     tuning = tuning or planned_tuning(plan)
     spec, scheme = plan.spec, plan.scheme
-    highest_hz = max(taxel.resonance_hz for taxel in tuning.taxels)
-    _refuse_rate(rate_hz, highest_hz)
-    period_s, harmonic = _comb(plan, tuning, scheme, rate_hz, period_s)
+    known = np.array([(taxel.resonance_hz, taxel.q, taxel.response_um_per_a2) for taxel in tuning.taxels])
+    resonance, q, response = known.T
+    highest_hz = float(resonance.max())
+    lowest_rate = ceil(RATE_OVER_RESONANCE * highest_hz)
+    if not lowest_rate <= rate_hz <= HIGHEST_RATE_HZ:
+        raise SpecError(
+            f"must be {lowest_rate} … {HIGHEST_RATE_HZ} Hz, {RATE_OVER_RESONANCE} times the highest resonance or"
+            f" more, got {number(rate_hz)} Hz",
+            "--rate",
+        )
+    # A tone of the current at half the force's frequency must fit the period too.
+    step = 1 if scheme.has_constant else 2
+    period_s = comb_period_s(resonance, q, step, rate_hz)
+    harmonic = on_comb(resonance, period_s, step)
     if carrier_hz is not None:
         carrier_hz = _carrier_hz(carrier_hz, scheme, rate_hz, period_s, highest_hz)
+    if bandwidth_hz is not None and not (isfinite(bandwidth_hz) and bandwidth_hz > 0):
+        raise SpecError(f"must be above 0 Hz, got {number(bandwidth_hz)} Hz", "bandwidth")
+    band_hz = min(rate_hz / 2, bandwidth_hz or rate_hz / 2)
     feed = _Feed(
         scheme,
         rate_hz,
@@ -157,15 +172,23 @@ def make_drive(
         spec.coil.resistance_ohm,
         spec.coil.inductance_mh * MH,
         spec.drive.voltage_limit_v,
-        _band_hz(bandwidth_hz, carrier_hz, rate_hz),
+        # How far the root's lines may reach: about a carrier they go to both sides.
+        band_hz if carrier_hz is None else max(min(band_hz - carrier_hz, carrier_hz), 1.0),
         1 + spec.drive.headroom,
     )
-    line_a2 = _lines_a2(plan, tuning, harmonic / period_s)
-    coils, alias_db = [], []
-    for row, column, taxels in _coils(plan):
-        coil, alias = _coil(feed, row, column, taxels, harmonic[taxels], line_a2[taxels])
-        coils.append(coil)
-        alias_db.append(alias)
+    unmoved = [taxel.id for taxel in tuning.taxels if not taxel.response_um_per_a2 > 0]
+    if unmoved:
+        raise SpecError(f"{unmoved[0]} is not pulled by its coil and cannot be driven", plan.name)
+    force_hz = harmonic / period_s
+    line_a2 = levels_um(plan, resonance) / response / np.sqrt(relative_energy(force_hz, resonance, q))
+    coils, alias_db, taxels_of = [], [], coils_of(plan)
+    for place in product(range(plan.coils.rows), range(plan.coils.columns)):
+        taxels = np.array(taxels_of.get(place, ()), int)  # the lowest channel first
+        k, line = harmonic[taxels], line_a2[taxels]
+        phase, margin = _shape(feed, tuple(k.tolist()), tuple(line.tolist()))
+        bias = bias_a(scheme, line) if scheme.is_biased and len(taxels) else 0.0
+        coils.append(CoilDrive(*place, taxels, force_hz[taxels], k, line, np.array(phase), bias, margin.share))
+        alias_db.append(margin.alias_db)
     return PadDrive(
         scheme,
         rate_hz,
@@ -180,25 +203,9 @@ def make_drive(
     )
 
 
-def _comb(plan: Plan, tuning: Tuning, scheme: Scheme, rate_hz: int, given_s: float | None) -> tuple[float, np.ndarray]:
-    """The period and each taxel's multiple (taxels,) of 1/period."""
-    resonance = np.array([taxel.resonance_hz for taxel in tuning.taxels])
-    q = np.array([taxel.q for taxel in tuning.taxels])
-    # A tone of the current at half the force's frequency must fit the period too.
-    step = 1 if scheme.has_constant else 2
-    if given_s is None:
-        period_s = comb_period_s(resonance, q, step, rate_hz)
-        return period_s, on_comb(resonance, period_s, step)
-    period_s = _on_samples(given_s, rate_hz, step / float(resonance.min()))
-    harmonic = on_comb(resonance, period_s, step)
-    for _, _, taxels in _coils(plan):
-        _refuse_shared_line(plan, taxels, harmonic[taxels], resonance[taxels], step)
-    return period_s, harmonic
-
-
 @dataclass(frozen=True, slots=True)
 class _Feed:
-    """What all coils of a pad share; `most_constant` is the planned constant of i² over the sum of the lines."""
+    """Figures that all coils of a pad share; `most_constant` is the planned constant of i² over the sum of lines."""
 
     scheme: Scheme
     rate_hz: int
@@ -210,20 +217,9 @@ class _Feed:
     most_constant: float
 
 
-def _coil(
-    feed: _Feed, row: int, column: int, taxels: np.ndarray, harmonic: np.ndarray, line_a2: np.ndarray
-) -> tuple[CoilDrive, float]:
-    """One coil, and what its voltage has above the amplifier's band, in dB."""
-    phase, margin = _shape(feed, tuple(harmonic.tolist()), tuple(line_a2.tolist()))
-    bias = bias_a(feed.scheme, line_a2) if feed.scheme.is_biased and len(taxels) else 0.0
-    force_hz = harmonic / feed.period_s
-    coil = CoilDrive(row, column, taxels, force_hz, harmonic, line_a2, np.array(phase), bias, margin.share)
-    return coil, margin.alias_db
-
-
 @lru_cache(maxsize=1024)
 def _shape(feed: _Feed, harmonic: tuple[int, ...], line_a2: tuple[float, ...]) -> tuple[tuple[float, ...], RootMargin]:
-    """Phases (n,) and margin of a coil; many coils of a pad are alike."""
+    """Return phases (n,) and margin of a coil; many coils of a pad are alike."""
     k, line = np.array(harmonic, int), np.array(line_a2)
     none = RootMargin(np.zeros(len(k)), -np.inf, 0.0, 1.0)
     if not feed.scheme.has_constant or not len(k):
@@ -238,7 +234,7 @@ def _shape(feed: _Feed, harmonic: tuple[int, ...], line_a2: tuple[float, ...]) -
 
 
 def _margin(feed: _Feed, harmonic: np.ndarray, line_a2: np.ndarray, phase: np.ndarray) -> RootMargin:
-    """The margin for the amplifier's band, and for its voltage as far as the planned constant goes.
+    """Return the margin for the amplifier's band, and for its voltage as far as the planned constant goes.
 
     More of it would heat the coil and pull the washers by more than the plan was judged by.
     """
@@ -267,57 +263,6 @@ def _margin(feed: _Feed, harmonic: np.ndarray, line_a2: np.ndarray, phase: np.nd
     return RootMargin(share, least.alias_db, least.peak_v, feed.most_constant)
 
 
-def _lines_a2(plan: Plan, tuning: Tuning, force_hz: np.ndarray) -> np.ndarray:
-    """Lines (taxels,) of i² at `force_hz` that move the taxels of a print at their ON amplitudes."""
-    unmoved = [taxel.id for taxel in tuning.taxels if not taxel.response_um_per_a2 > 0]
-    if unmoved:
-        raise SpecError(f"{unmoved[0]} is not pulled by its coil and cannot be driven", plan.name)
-    resonance = np.array([taxel.resonance_hz for taxel in tuning.taxels])
-    q = np.array([taxel.q for taxel in tuning.taxels])
-    response = np.array([taxel.response_um_per_a2 for taxel in tuning.taxels])
-    lines: np.ndarray = levels_um(plan, resonance) / response / np.sqrt(relative_energy(force_hz, resonance, q))
-    return lines
-
-
-def _refuse_rate(rate_hz: int, highest_hz: float) -> None:
-    lowest_rate = ceil(RATE_OVER_RESONANCE * highest_hz)
-    if not lowest_rate <= rate_hz <= HIGHEST_RATE_HZ:
-        raise SpecError(
-            f"must be {lowest_rate} … {HIGHEST_RATE_HZ} Hz, {RATE_OVER_RESONANCE} times the highest resonance or"
-            f" more, got {number(rate_hz)} Hz",
-            "--rate",
-        )
-
-
-def _on_samples(period_s: float, rate_hz: int, least_s: float) -> float:
-    """A given period as a whole number of samples."""
-    if not (isfinite(period_s) and period_s >= least_s):
-        raise SpecError(
-            f"must be at least {at_least(least_s)} s, one period of all, got {number(period_s)} s", "period"
-        )
-    return round(period_s * rate_hz) / rate_hz
-
-
-def _refuse_shared_line(
-    plan: Plan, taxels: np.ndarray, harmonic: np.ndarray, resonance_hz: np.ndarray, step: int
-) -> None:
-    order = np.argsort(resonance_hz, kind="stable")
-    apart = np.diff(resonance_hz[order])
-    same = np.flatnonzero((np.diff(harmonic[order]) == 0) & (apart > 0))
-    if len(same):
-        a, b = plan.taxels[taxels[order[same[0]]]].id, plan.taxels[taxels[order[same[0] + 1]]].id
-        least_s = at_least(step / float(apart[same[0]]))
-        raise SpecError(f"must be about {least_s} s for {a} and {b} of one coil to have lines of their own", "period")
-
-
-def _band_hz(bandwidth_hz: float | None, carrier_hz: float | None, rate_hz: int) -> float:
-    """How far the root's lines may reach: about a carrier they go to both sides."""
-    if bandwidth_hz is not None and not (isfinite(bandwidth_hz) and bandwidth_hz > 0):
-        raise SpecError(f"must be above 0 Hz, got {number(bandwidth_hz)} Hz", "bandwidth")
-    band_hz = min(rate_hz / 2, bandwidth_hz or rate_hz / 2)
-    return band_hz if carrier_hz is None else max(min(band_hz - carrier_hz, carrier_hz), 1.0)
-
-
 def _carrier_hz(carrier_hz: float, scheme: Scheme, rate_hz: int, period_s: float, highest_hz: float) -> float:
     if not scheme.is_root:
         raise SpecError(f"is for the spur-free drive only, this one is {scheme.name!r}", "--carrier")
@@ -333,8 +278,41 @@ def _carrier_hz(carrier_hz: float, scheme: Scheme, rate_hz: int, period_s: float
     return round(carrier_hz * period_s) / period_s
 
 
-def _coils(plan: Plan) -> Sequence[tuple[int, int, np.ndarray]]:
-    """Row, column and taxels (by index, lowest channel first) of every coil, row by row."""
-    own = coils_of(plan)
-    places = product(range(plan.coils.rows), range(plan.coils.columns))
-    return [(*place, np.array(own.get(place, ()), int)) for place in places]
+RATES_HZ = (48_000, 96_000, 192_000)
+"""Of sound cards; the first that the highest resonance and the root's bends allow is taken."""
+CONTROLLER_RATES_HZ = (8_000, 12_000, 16_000, 24_000, 32_000, *RATES_HZ)
+"""For a microcontroller, which makes every sample anew."""
+SAMPLES_OF_HIGHEST = 16
+"""Samples in a period of the highest resonance, at least, where the rate is ours to choose."""
+
+
+def drive_at(
+    plan: Plan,
+    rates_hz: tuple[int, ...],
+    rate_hz: int | None = None,
+    tuning: Tuning | None = None,
+    carrier_hz: float | None = None,
+) -> PadDrive:
+    """Make the drive at `rate_hz`, or where that is None at the first of `rates_hz` that will do."""
+
+    def made(rate: int) -> PadDrive:
+        return make_drive(plan, rate, tuning=tuning, carrier_hz=carrier_hz, bandwidth_hz=plan.spec.drive.bandwidth_hz)
+
+    if rate_hz is not None:
+        return made(rate_hz)
+    highest = highest_hz(plan, tuning)
+    least = SAMPLES_OF_HIGHEST * highest
+    if carrier_hz is not None:
+        # One that no rate carries is refused with the bounds of the highest.
+        least = max(least, min(2 * (carrier_hz + CARRIER_OVER_RESONANCE * highest), max(*rates_hz, least)))
+    enough = [rate for rate in rates_hz if rate >= least] or [ceil(least / 1000) * 1000]
+    for rate in enough:
+        drive = made(rate)
+        if drive.alias_db is None or drive.alias_db <= ALIAS_DB:
+            break
+    return drive
+
+
+def highest_hz(plan: Plan, tuning: Tuning | None) -> float:
+    """Return the highest resonance of the plan's channels, or of the print's taxels."""
+    return max(one.resonance_hz for one in (plan.channels if tuning is None else tuning.taxels))

@@ -1,24 +1,82 @@
-"""The driver frequency table: what each channel's line of the current must be, as CSV and JSON."""
+"""The driver table: what each channel's line of the current must be, and every on/off state of one coil; CSV and JSON.
 
+A coil pulls with the square of its current (paper Eq. 5); what lines that makes is the drive
+scheme's doing, see `padgen.physics.selectivity`.
+"""
+
+from collections.abc import Iterator
 from dataclasses import asdict, astuple
+from itertools import combinations, product
+from math import sqrt
 from typing import Any
 
 import numpy as np
 
 from padgen.core.errors import number
 from padgen.core.files import json_text
-from padgen.driver.frames import taxel_grid
-from padgen.driver.states import LARGEST_TABLE, coil_states
+from padgen.core.units import MN
+from padgen.driver.frames import LARGEST_TABLE, taxel_grid
 from padgen.physics.currents import bias_a, current_lines_a, formula, mean_square_a2
+from padgen.physics.selectivity import Scheme
 from padgen.planner.drive_rows import BIAS, COLUMNS, DriveRow, bias_row, coil_rows, table_csv
 from padgen.planner.frame_rates import slot_ms
-from padgen.planner.plan import Plan
+from padgen.planner.plan import Channel, Plan
 
-__all__ = ["drive_csv", "drive_json", "drive_rows"]
+__all__ = ["coil_states", "drive_csv", "drive_json", "drive_rows"]
+
+SMALLEST_LINE = 1e-300
+"""In A²: a coil that pulls no washer has none."""
+SPUR_KEYS = ("channels", "kind", "force_hz", "force_mn", "near_channel", "offset_hz")
+
+
+def coil_states(plan: Plan) -> list[dict[str, Any]]:
+    """Return every state of a coil of each set, the lowest channel changing slowest; none above `LARGEST_TABLE`.
+
+    `set` says of which coils (see `CoilGrid`), `state` has a 1 for every channel that is on, the lowest first. `lines`
+    of the force are wanted, `spurs` are not: their force is on a washer that is pulled like those of their own channels
+    (their geometric mean), and they fall nearest to a third channel (None: there is none). `static_force_mn` is the
+    mean pull on the lowest channel's washer.
+    """
+    states: list[dict[str, Any]] = []
+    for number_of, own in enumerate(plan.sets if len(plan.sets[0]) <= LARGEST_TABLE else ()):
+        lines = np.array([c.line_a2 for c in own])
+        for bits in product((0, 1), repeat=len(own)):
+            on = [c for c, bit in zip(own, bits, strict=True) if bit]
+            square_a2 = mean_square_a2(plan.scheme, lines, plan.spec.drive.headroom, np.array(bits, dtype=bool))
+            states.append(
+                {
+                    "set": number_of,
+                    "state": "".join(map(str, bits)),
+                    "drive_hz": [c.drive_hz for c in on],
+                    "lines": [{"channel": c.index, "force_hz": c.resonance_hz, "force_mn": c.force_mn} for c in on],
+                    "spurs": list(_spurs(plan.scheme, own, on)) if plan.scheme.has_pair_spurs else [],
+                    "static_force_mn": square_a2 * own[0].force_constant_n_per_a2 / MN,
+                }
+            )
+    return states
+
+
+def _spurs(scheme: Scheme, own: tuple[Channel, ...], on: list[Channel]) -> Iterator[dict[str, Any]]:
+    scale = 4 * scheme.bias_ratio * max(*(c.line_a2 for c in own), SMALLEST_LINE)
+
+    def spur(kind: str, hz: float, force_mn: float, *which: int) -> dict[str, Any]:
+        thirds = [c for c in own if c.index not in which]
+        near = min(thirds, key=lambda c: abs(c.resonance_hz - hz), default=None)
+        beside = (near.index, hz - near.resonance_hz) if near else (None, None)
+        return dict(zip(SPUR_KEYS, (list(which), kind, hz, force_mn, *beside), strict=True))
+
+    for a, b in combinations(on, 2):
+        force_mn = 2 * sqrt(a.force_mn * b.force_mn)
+        if scheme.is_biased:
+            force_mn *= sqrt(a.line_a2 * b.line_a2) / scale
+        yield spur("sum", (a.resonance_hz + b.resonance_hz) * scheme.pair_scale, force_mn, a.index, b.index)
+        yield spur("difference", abs(a.resonance_hz - b.resonance_hz) * scheme.pair_scale, force_mn, a.index, b.index)
+    for c in on if scheme.is_biased else ():
+        yield spur("harmonic", 2 * c.resonance_hz, c.force_mn * c.line_a2 / scale, c.index)
 
 
 def drive_rows(plan: Plan) -> tuple[DriveRow, ...]:
-    """The table: a row per channel and, where the current has a constant part, its row."""
+    """Return the table: a row per channel and, where the current has a constant part, its row."""
     spec = plan.spec
     scheme = plan.scheme
     rows: dict[int | str, DriveRow] = {}
@@ -31,7 +89,7 @@ def drive_rows(plan: Plan) -> tuple[DriveRow, ...]:
 
 
 def drive_csv(plan: Plan) -> str:
-    """The table as CSV."""
+    """Write the table as CSV."""
     return table_csv(COLUMNS, (astuple(row) for row in drive_rows(plan)))
 
 
@@ -50,7 +108,7 @@ def drive_json(plan: Plan) -> str:
         "current": [_recipe(plan, kind) for kind in range(len(plan.sets))],
         "channels": [asdict(row) for row in drive_rows(plan)],
         "frames_per_s": {f.scheme: f.frames_per_s for f in plan.refresh}[plan.selectivity.drive],
-        "states": [asdict(state) for state in coil_states(plan)],
+        "states": coil_states(plan),
         "states_note": ""
         if len(plan.sets[0]) <= LARGEST_TABLE
         else f"{number(2 ** len(plan.sets[0]))} states are not spelled out; at most {LARGEST_TABLE} channels are",
@@ -80,7 +138,7 @@ def drive_json(plan: Plan) -> str:
 
 
 def _recipe(plan: Plan, kind: int) -> dict[str, Any]:
-    """What the current of a coil of set `kind` is made of, as a formula and its numbers in A and A²."""
+    """Describe the current of a coil of set `kind` by a formula and its numbers in A and A²."""
     scheme, own = plan.scheme, plan.sets[kind]
     lines, headroom = np.array([c.line_a2 for c in own]), plan.spec.drive.headroom
     recipe: dict[str, Any] = {

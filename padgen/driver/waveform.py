@@ -1,7 +1,9 @@
-"""The volts, or amperes, of every coil of a pad in time, block by block.
+"""`Timeline`, the levels of all taxels in time, and the volts, or amperes, of every coil that it makes, block by block.
 
-i² is blended between keyframes, see `padgen.driver.timeline`; for a force ``F = Σ g_j A_j cos(2π r_j t + φ_j)`` with
-levels g and a current through R and L,
+A level is a share of a taxel's ON amplitude, and of its line of i². Between two keyframes the force is
+blended from one's to the other's by a smooth step, so that switching neither clicks nor shakes a taxel that stays OFF:
+the step is of ninth degree, flat to the fourth derivative at both ends, and as long as `ramp_s` says. For a force
+``F = Σ g_j A_j cos(2π r_j t + φ_j)`` with levels g and a current through R and L,
 
 ===========  ==================================================  ================================
 scheme       current                                             between keyframes
@@ -25,10 +27,133 @@ from typing import NamedTuple
 
 import numpy as np
 
+from padgen.core.errors import SpecError, at_least, number
+from padgen.core.units import MS
 from padgen.driver.pad_drive import PadDrive, coil_lines, constant_a2
-from padgen.driver.timeline import Timeline, blend, blend_slope
+from padgen.planner.frame_rates import switch_ms
+from padgen.planner.plan import Plan
 
-__all__ = ["BLOCK", "Block", "blocks", "edges", "is_fed", "sample_count", "volts"]
+__all__ = [
+    "BLOCK",
+    "Block",
+    "Timeline",
+    "blend",
+    "blend_slope",
+    "blocks",
+    "edges",
+    "frame_s",
+    "is_fed",
+    "ramp_s",
+    "sample_count",
+    "steady",
+    "timeline",
+    "volts",
+]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Timeline:
+    """Keyframes: `time_s` (k,), rising from 0, and `levels` (k, taxels) in 0 … 1, taxels as in the plan.
+
+    `loops` tells that the end leads over into the beginning.
+    """
+
+    time_s: np.ndarray
+    levels: np.ndarray
+    loops: bool
+
+    @property
+    def seconds(self) -> float:
+        """Its length."""
+        return float(self.time_s[-1])
+
+
+def blend(share: np.ndarray) -> np.ndarray:
+    """Return the smooth step from 0 to 1 over shares of a transition, the integral of `blend_slope`."""
+    return np.asarray(share**5 * (126 - share * (420 - share * (540 - share * (315 - 70 * share)))))
+
+
+def blend_slope(share: np.ndarray) -> np.ndarray:
+    """Return the slope of `blend`, ``630 (s (1 − s))⁴``."""
+    return np.asarray(630 * (share * (1 - share)) ** 4)
+
+
+def frame_s(plan: Plan) -> float:
+    """Return the seconds of a frame at the planned refresh rate of the plan's scheme."""
+    return 1 / {f.scheme: f.frames_per_s for f in plan.refresh}[plan.selectivity.drive]
+
+
+def ramp_s(plan: Plan) -> float:
+    """Return the seconds that a transition takes, or time-shared the least that half a slot may be."""
+    return switch_ms(plan.channels, plan.coils.sets) * MS
+
+
+def steady(levels: np.ndarray, seconds: float) -> Timeline:
+    """Hold the same levels (taxels,) all the time: a loop without seam if `seconds` are whole periods of the comb."""
+    return Timeline(np.array([0.0, seconds]), np.stack([levels, levels]), True)
+
+
+def timeline(plan: Plan, frames: np.ndarray, seconds_each: float | None = None) -> Timeline:
+    """Show frames (k, taxels) one after the other, from silence to silence.
+
+    `seconds_each` is a frame's length (None: by the planned refresh rate). Where the channels of a coil take
+    turns, a frame is a slot for each channel, up over its one half and down over the other.
+
+    Raises
+    ------
+    SpecError
+        No frame, a level that is not in 0 … 1, or frames too short for their transitions.
+    """
+    checked = np.atleast_2d(np.asarray(frames, float))
+    if checked.ndim != 2 or checked.shape[1] != len(plan.taxels) or not len(checked):
+        raise SpecError(
+            f"must be one or more rows of {len(plan.taxels)} levels, got {' x '.join(map(str, np.shape(frames)))}",
+            "frames",
+        )
+    bad = np.argwhere(~((checked >= 0) & (checked <= 1)))
+    if len(bad):
+        frame, taxel = bad[0]
+        raise SpecError(
+            f"levels must be in 0 … 1, got {number(float(checked[frame, taxel]))} for {plan.taxels[taxel].id} in frame"
+            f" {frame}",
+            "frames",
+        )
+    if seconds_each is not None and not (np.isfinite(seconds_each) and seconds_each > 0):
+        raise SpecError(f"must be above 0 s for a frame, got {number(seconds_each)} s", "frames")
+    frames = checked
+    if plan.scheme.takes_turns:
+        return _in_turns(plan, frames, seconds_each)
+    ramp, length = ramp_s(plan), seconds_each or frame_s(plan)
+    if length < ramp:
+        raise SpecError(
+            f"must be at least {at_least(ramp)} s for a frame, which switches in so long, got {number(length)} s",
+            "frames",
+        )
+    silence = np.zeros((1, frames.shape[1]))
+    starts = np.arange(len(frames) + 1) * length
+    times = np.stack([starts, starts + ramp], 1).ravel()
+    before = np.concatenate([silence, frames])
+    after = np.concatenate([frames, silence])
+    return Timeline(times, np.stack([before, after], 1).reshape(len(times), -1), False)
+
+
+def _in_turns(plan: Plan, frames: np.ndarray, seconds_each: float | None) -> Timeline:
+    order = {channel.index: k for own in plan.sets for k, channel in enumerate(own)}
+    turn, slots = np.array([order[taxel.channel] for taxel in plan.taxels]), len(plan.sets[0])
+    slot = (seconds_each or frame_s(plan)) / slots
+    if slot < 2 * ramp_s(plan) * (1 - 1e-12):
+        raise SpecError(
+            f"must be at least {at_least(2 * ramp_s(plan) * slots)} s for a frame of {slots} slots,"
+            f" got {number(slot * slots)} s",
+            "frames",
+        )
+    times = np.arange(2 * slots * len(frames) + 1) * slot / 2
+    levels = np.zeros((len(times), frames.shape[1]))
+    for k, frame in enumerate(frames):
+        for s in range(slots):
+            levels[2 * (k * slots + s) + 1] = np.where(turn == s, frame, 0.0)
+    return Timeline(times, levels, False)
+
 
 BLOCK = 1 << 17
 """Numbers in a block, samples times coils: what stays in a core's cache."""
@@ -86,12 +211,12 @@ class _Ramp(NamedTuple):
 def volts(
     drive: PadDrive, timeline: Timeline, block_samples: int | None = None, signal: str = "voltage"
 ) -> Iterator[np.ndarray]:
-    """Volts (samples, coils) of all coils, coils as in `drive`, one block after the other; A for a 'current' signal."""
+    """Yield volts (samples, coils) of all coils, coils as in `drive`, block by block; A for a 'current' signal."""
     return (block.samples for block in blocks(drive, timeline, block_samples, signal))
 
 
 def sample_count(drive: PadDrive, timeline: Timeline) -> int:
-    """Samples of the whole timeline."""
+    """Return the number of samples of the whole timeline."""
     return round(timeline.seconds * drive.rate_hz)
 
 
@@ -102,7 +227,7 @@ def blocks(
     signal: str = "voltage",
     periods: bool = False,
 ) -> Iterator[Block]:
-    """Blocks of at most `block_samples` (None: what is fastest), without a gap; `signal` 'voltage' or 'current'.
+    """Yield blocks of at most `block_samples` (None: what is fastest), without a gap; `signal` 'voltage' or 'current'.
 
     `periods`: of levels that stay no more than one period of the comb, which is what all others are.
     """
@@ -132,7 +257,7 @@ def blocks(
 
 
 def _groups(drive: PadDrive, timeline: Timeline, signal: str) -> Iterator[_Group]:
-    """Coils with the same frequencies, together; those without a taxel are in none and stay silent."""
+    """Put coils with the same frequencies together; those without a taxel are in none and stay silent."""
     gain = drive.resistance_ohm if signal == "voltage" else 1.0
     tau_s = drive.inductance_h / drive.resistance_ohm if signal == "voltage" else 0.0
     alike: dict[tuple[int, ...], list[int]] = {}
@@ -155,7 +280,7 @@ def _groups(drive: PadDrive, timeline: Timeline, signal: str) -> Iterator[_Group
 
 
 def edges(drive: PadDrive, timeline: Timeline) -> list[int]:
-    """Number of the first sample at or after each keyframe; at the last one that of all samples."""
+    """Return the number of the first sample at or after each keyframe; at the last one that of all samples."""
     edge = np.ceil(np.round(timeline.time_s * drive.rate_hz, 6)).astype(int)
     return [*edge[:-1].tolist(), sample_count(drive, timeline)]
 
@@ -171,7 +296,7 @@ def _ramp(drive: PadDrive, timeline: Timeline, where: _Stretch) -> _Ramp:
 def _sums(
     drive: PadDrive, group: _Group, where: _Stretch, weight: np.ndarray, constant: np.ndarray | float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """``constant + Re Σ_j w_j exp(iω_j t)`` (s, m) for weights (m, n), and L/R times its slope; (1, 1) for no L."""
+    """Return ``constant + Re Σ_j w_j exp(iω_j t)`` (s, m) for weights (m, n), and L/R times its slope."""
     count, n = where.stop - where.start, len(group.harmonic)
     rows = -(-count // ROW)
     period = drive.period_samples
@@ -192,7 +317,7 @@ Part = tuple[np.ndarray, np.ndarray] | None
 
 
 def _levels(timeline: Timeline, group: _Group, key: int) -> tuple[np.ndarray, np.ndarray]:
-    """Levels (m, n) at a keyframe and at the next."""
+    """Return levels (m, n) at a keyframe and at the next."""
     return timeline.levels[key][group.taxels], timeline.levels[key + 1][group.taxels]
 
 
@@ -203,7 +328,7 @@ def _blended(
     where: _Stretch,
     constant: tuple[np.ndarray | float, np.ndarray | float],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Sum and L/R times its slope, linear in the levels (and the constants) of the two keyframes."""
+    """Return the sum and L/R times its slope, linear in the levels (and the constants) of the two keyframes."""
     before, after = _levels(timeline, group, where.key)
     if np.array_equal(before, after):
         return _sums(drive, group, where, before * group.weight, constant[0])
@@ -225,23 +350,17 @@ def _spur_free(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stret
     square = force.sum(0) / group.gain**2
     root = np.sqrt(np.maximum(force, SMALLEST, out=force), out=force)
     if drive.carrier_hz is not None:
-        return _on_carrier(drive, group, where, root, slope), square
+        assert drive.carrier_hz is not None
+        harmonic, period = round(drive.carrier_hz * drive.period_s), drive.period_samples
+        angle = 2 * np.pi / period * ((np.arange(where.start, where.stop) % period * harmonic) % period)[:, None]
+        cosine, sine = np.sqrt(2) * np.cos(angle), np.sqrt(2) * np.sin(angle)
+        turn: np.ndarray = cosine - 2 * np.pi * drive.carrier_hz * group.tau_s * sine
+        return np.asarray(root * turn + slope / (2 * root) * cosine), square
     if group.tau_s:
         slope = np.divide(slope, root, out=slope)
         slope *= 0.5
         root += slope
     return root, square
-
-
-def _on_carrier(drive: PadDrive, group: _Group, where: _Stretch, root: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    """Voltage of ``√2 root cos 2πf_c t``, with L/R times the slope of root²."""
-    assert drive.carrier_hz is not None
-    harmonic, period = round(drive.carrier_hz * drive.period_s), drive.period_samples
-    angle = 2 * np.pi / period * ((np.arange(where.start, where.stop) % period * harmonic) % period)[:, None]
-    cosine, sine = np.sqrt(2) * np.cos(angle), np.sqrt(2) * np.sin(angle)
-    turn: np.ndarray = cosine - 2 * np.pi * drive.carrier_hz * group.tau_s * sine
-    voltage: np.ndarray = root * turn + slope / (2 * root) * cosine
-    return voltage
 
 
 def _biased(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch) -> Part:
@@ -259,7 +378,7 @@ def _biased(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch)
 
 
 def is_fed(timeline: Timeline, key: int) -> bool:
-    """Whether the constant current flows at a keyframe: not in the silence before the first and after the last."""
+    """Tell whether the constant current flows at a keyframe: not in the silence before the first and after the last."""
     ends = key in (0, len(timeline.time_s) - 1)
     return timeline.loops or not ends or bool(timeline.levels[key].any())
 
@@ -267,7 +386,7 @@ def is_fed(timeline: Timeline, key: int) -> bool:
 def _rooted(
     ramp: _Ramp, rises: bool, tau_s: float, value: np.ndarray, slope: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A sum and its slope times √b, or times √(1 − b)."""
+    """Return a sum and its slope times √b, or times √(1 − b)."""
     share, sign = (ramp.after, 1) if rises else (ramp.before, -1)
     root = np.sqrt(share)
     root_slope = sign * tau_s * ramp.slope / (2 * np.maximum(root, SMALLEST))
@@ -298,7 +417,7 @@ def _tones(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch) 
 def _grey(
     drive: PadDrive, group: _Group, where: _Stretch, ramp: _Ramp, j: int, before: np.ndarray, after: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What channel j adds to the current of the coils (m,) where it goes from one level to another, neither 0."""
+    """Return what channel j adds to the current of coils (m,) where it goes from one level to another, neither 0."""
     changes = (before > 0) & (after > 0) & (before != after)
     weight = np.zeros_like(group.weight)
     weight[:, j] = group.weight[:, j] * changes

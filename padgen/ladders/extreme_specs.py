@@ -23,9 +23,8 @@ from padgen.physics.levels import LevelLaw
 from padgen.physics.selectivity import Channels, Scheme, channels, off_energy
 from padgen.spec import Spec, catalogue, make_spec
 from padgen.spec.fields import choices
-from padgen.verify.engines import engine
-from padgen.verify.extreme import Answer, ExtremeCase
-from padgen.verify.extreme_solid import FINER, FINER_ERROR
+from padgen.verify.engines import mpmath
+from padgen.verify.extreme import FINER_ELEMENTS, FINER_ERROR, Answer, ExtremeCase
 
 __all__ = ["outcome", "random_table", "selectivity_cases", "spec_cases"]
 
@@ -53,15 +52,15 @@ FREE = ("resolution", "threshold_file", "threshold_hz", "threshold_um", "resonan
 
 
 def spec_cases() -> Iterator[ExtremeCase]:
-    """Groups of random specs, taxels of some of them by finite elements, and statics that no pad survives."""
+    """Yield groups of random specs, taxels of some of them by finite elements, and statics that no pad survives."""
     for first in range(0, GROUPS * IN_GROUP, IN_GROUP):
         name, source = f"random {first} … {first + IN_GROUP - 1}", "a plan of finite figures, or one sentence"
         yield ExtremeCase(name, "specs", "plan", partial(_group, first), partial(np.array, [0.0]), source)
     for number in SOLIDS:
         quick, source = partial(_solid, number, QUICK, QUICK_ERROR), f"elements of order {QUICK[0]}, {QUICK_ERROR:.1%}"
         yield ExtremeCase(f"taxel of random {number}", "specs", "beam", partial(_beam, number), quick, source)
-    converged, finer = partial(_solid, SOLIDS[1], None, nan), partial(_solid, SOLIDS[1], FINER, FINER_ERROR)
-    source = f"elements of order {FINER[0]}, {FINER[1]} layers"
+    converged, finer = partial(_solid, SOLIDS[1], None, nan), partial(_solid, SOLIDS[1], FINER_ELEMENTS, FINER_ERROR)
+    source = f"elements of order {FINER_ELEMENTS[0]}, {FINER_ELEMENTS[1]} layers"
     yield ExtremeCase(f"taxel of random {SOLIDS[1]}", "specs", "elements", converged, finer, source)
     for name, fields_ in IMPOSSIBLE.items():
         table = {"name": "impossible", "resolution": 4, "band_hz": [50, 200], "q_min": 15, **fields_}
@@ -70,7 +69,7 @@ def spec_cases() -> Iterator[ExtremeCase]:
 
 
 def _group(first: int) -> Answer:
-    """How many of a group's specs are answered wrongly; raises with the first of them."""
+    """Count how many of a group's specs are answered wrongly; raise with the first of them."""
     found = {number: outcome(random_table(number)) for number in range(first, first + IN_GROUP)}
     wrong = [f"random {number}: {fault}" for number, fault in found.items() if fault]
     if wrong:
@@ -79,19 +78,19 @@ def _group(first: int) -> Answer:
 
 
 def _refused(table: dict[str, Any]) -> Answer:
-    """1 for a plan that has found an error; a refusal is raised."""
+    """Return 1 for a plan that has found an error; a refusal is raised."""
     plan = plan_for(make_spec(table))
     return Answer(np.array([float(any(finding.level == "error" for finding in plan.findings))]), 0.0)
 
 
 def _beam(number: int) -> Answer:
-    """The lowest resonance by the plan's model; it states some of its standard deviations."""
+    """Return the lowest resonance by the plan's model, which states some of its standard deviations."""
     channel = plan_for(make_spec(random_table(number, 0))).channels[0]
     return Answer(np.array([channel.resonance_hz]), channel.model_error)
 
 
 def _solid(number: int, setting: tuple[int, int] | None, error: float) -> Answer:
-    """The same of the printed solid, by elements of a setting that err by `error`, else by those that tune plans."""
+    """Return the same of the printed solid, by elements of a setting that err by `error`, or by the tuning ones."""
     from padgen.make.solid_tuning import solid_taxel
     from padgen.solid.formats.step import write_taxel_step  # before NGSolve, which brings another OCCT
     from padgen.verify.elasticity import converged_modes, solve_modes
@@ -108,7 +107,7 @@ def _solid(number: int, setting: tuple[int, int] | None, error: float) -> Answer
 
 
 def random_table(number: int, most_odd: int = MOST_ODD) -> dict[str, Any]:
-    """Spec number `number` of those drawn, as a table; the same ones on every machine."""
+    """Draw spec number `number`, as a table; the same on every machine."""
     random = Random(number)
     draw = random.random
     low, side_mm = 10 * 20 ** draw(), 30 * 5 ** draw()
@@ -156,7 +155,7 @@ DRAWN = [
 
 
 def outcome(table: dict[str, Any]) -> str:
-    """What is wrong with the answer to a spec: nothing where it is a plan of finite figures, or one sentence.
+    """Return what is wrong with the answer to a spec: nothing where it is a plan of finite figures, or one sentence.
 
     A plan that finds an error in itself, as where a coil does not pull its washer, may have infinite figures.
     """
@@ -178,7 +177,7 @@ PER_LINE = 16
 
 
 def selectivity_cases() -> Iterator[ExtremeCase]:
-    """Energy of one OFF taxel in the worst state of the others, and the paper's capacity."""
+    """Yield the energy of one OFF taxel in the worst state of the others, and the paper's capacity."""
     for q in (1.0, 15.0, 1e3, 1e5, 1e7):
         yield _energy(f"32 channels in 20 … 1000 Hz, Q = {q:g}", (20.0, 1000.0), 32, q, "spur-free", 16)
     wide = "of 2,048 channels over 10⁴ in frequency, Q ="
@@ -197,7 +196,7 @@ def selectivity_cases() -> Iterator[ExtremeCase]:
 
 def _case(name: str, model: str, value: Callable[[], float], stated: float, exact: Callable[[], Any]) -> ExtremeCase:
     def reference() -> np.ndarray:
-        with engine("mpmath").workdps(DIGITS):
+        with mpmath.workdps(DIGITS):
             return np.array([float(exact())])
 
     source = f"the same sums in {DIGITS} digits (mpmath)"
@@ -209,18 +208,17 @@ def _energy(name: str, band_hz: tuple[float, float], count: int, q: float, schem
         return float(off_energy(_which(band_hz, count, q), Scheme(scheme))[off])
 
     def exact() -> Any:
-        which, mpf = _which(band_hz, count, q), engine("mpmath").mpf
-        hz, line = ([mpf(float(v)) for v in part] for part in (which.resonance_hz, which.line))
-        return _summed(engine("mpmath"), hz, line, mpf(q), Scheme(scheme), off)
+        which = _which(band_hz, count, q)
+        hz, line = ([mpmath.mpf(float(v)) for v in part] for part in (which.resonance_hz, which.line))
+        return _summed(hz, line, mpmath.mpf(q), Scheme(scheme), off)
 
     return _case(name, scheme, value, (PER_LINE + float(np.log2(count))) * ROUNDING, exact)
 
 
 def _capacity(q: float, delta_y: float) -> ExtremeCase:
     def exact() -> Any:
-        mp = engine("mpmath")
-        share = mp.mpf(delta_y) / (4 * mp.mpf(q))
-        return mp.log(mp.mpf(1000) / 20) / mp.log((1 + share) / (1 - share))
+        share = mpmath.mpf(delta_y) / (4 * mpmath.mpf(q))
+        return mpmath.log(mpmath.mpf(1000) / 20) / mpmath.log((1 + share) / (1 - share))
 
     name = f"channels in 20 … 1000 Hz, Q = {q:g}, Δy = {delta_y:g}"
     return _case(name, "Eq. 12", lambda: capacity(20.0, 1000.0, q, delta_y), 8 * ROUNDING, exact)
@@ -231,7 +229,7 @@ def _which(band_hz: tuple[float, float], count: int, q: float) -> Channels:
     return channels(resonance_hz, q, LevelLaw(1.0)(resonance_hz))
 
 
-def _summed(mp: Any, hz: list[Any], line: list[Any], q: Any, scheme: Scheme, off: int) -> Any:
+def _summed(hz: list[Any], line: list[Any], q: Any, scheme: Scheme, off: int) -> Any:
     def heard(frequency: Any, amplitude: Any) -> Any:
         share = frequency / hz[off]
         return (amplitude / line[off]) ** 2 / ((q * (1 - share**2)) ** 2 + share**2)
@@ -241,11 +239,11 @@ def _summed(mp: Any, hz: list[Any], line: list[Any], q: Any, scheme: Scheme, off
     if not scheme.has_pair_spurs:
         return total
     half = 2 if scheme.name == "tones" else 1
-    biased = 2 * mp.mpf(scheme.bias_ratio) * max(line)
+    biased = 2 * mpmath.mpf(scheme.bias_ratio) * max(line)
     for place, a in enumerate(others):
         if scheme.is_biased:
             total += heard(2 * hz[a], line[a] ** 2 / (2 * biased))
         for b in others[place + 1 :]:
-            both = 2 * mp.sqrt(line[a] * line[b]) if scheme.name == "tones" else line[a] * line[b] / biased
+            both = 2 * mpmath.sqrt(line[a] * line[b]) if scheme.name == "tones" else line[a] * line[b] / biased
             total += heard((hz[a] + hz[b]) / half, both) + heard(abs(hz[a] - hz[b]) / half, both)
     return total

@@ -30,7 +30,7 @@ TIMES = (
 
 
 class Timed(NamedTuple):
-    """What timed work returned, and the best of its `runs`; the peak of memory is over what was held before."""
+    """Timed work's result, and the best of its `runs`; the peak of memory is over what was held before."""
 
     value: Any
     seconds: float
@@ -46,7 +46,7 @@ def apart(work: Callable[..., Any], *arguments: Any, imports: tuple[str, ...] = 
 
 
 def run_apart(work: Callable[..., Any], *arguments: Any) -> Any:
-    """The value of `work`, run once in a process of its own.
+    """Return the value of `work`, run once in a process of its own.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def measured(rung: Rung) -> Measured:
 
 
 def run_timed(pickled: bytes, budget_s: float, most_runs: int) -> Timed:
-    """In the process of its own: run a pickled pair, a function to call off the clock or None, and the one to time."""
+    """Run a pickled pair in this process: a function to call off the clock or None, and the one to time."""
     prepare, _ = pickle.loads(pickled)  # so that the modules it names are loaded
     try:
         made = () if prepare is None else (prepare(),)
@@ -119,23 +119,18 @@ def run_timed(pickled: bytes, budget_s: float, most_runs: int) -> Timed:
 
 
 def _run(pickled: bytes, made: tuple[Any, ...]) -> tuple[Any, float, float]:
-    """One run and its wall and processor seconds.
+    """Run once; return the value with its wall and processor seconds.
 
     Unpickled anew and with empty caches, so that a repeated run is as dear as the first.
     """
     _, work = pickle.loads(pickled)
-    _forget()
+    for name, module in list(sys.modules.items()):
+        if name.startswith(MODELS):
+            for held in list(vars(module).values()):
+                clear = getattr(held, "cache_clear", None)
+                if callable(clear):
+                    clear()
     gc.collect()
     wall, cpu = time.perf_counter(), time.process_time()
     value = work(*made)
     return value, time.perf_counter() - wall, time.process_time() - cpu
-
-
-def _forget() -> None:
-    """Empty the caches of padgen's models."""
-    for name, module in list(sys.modules.items()):
-        if name.startswith(MODELS):
-            for value in list(vars(module).values()):
-                clear = getattr(value, "cache_clear", None)
-                if callable(clear):
-                    clear()

@@ -1,17 +1,92 @@
-"""What a ladder of models is made of, and what measuring it gives. Data only."""
+"""Ladders of models: what they are made of, and measured rungs → errors, observed orders, recommended rungs.
 
-from collections.abc import Callable, Mapping
+The reference of a ladder is the last rung of its series `reference`. Two refinements lead to it:
+with differences d₁, then d₂, and their ratio r = d₂/d₁, a sequence that goes on falling by r has
+``d₂ r/(1 − r)`` left, which is below d₂ for r ≤ ½ (Aitken's estimate; Roache, *Annu. Rev. Fluid Mech.*
+29, 1997, for grids). So the reference's own uncertainty is d₂, more when r is larger, and not less than
+a share of d₁: a last step that hardly changed anything may have refined what does not matter.
+Differences that do not fall show nothing.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import inf, nan
+from itertools import pairwise
+from math import inf, isfinite, isnan, log, nan
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-__all__ = ["NOT_RUN", "Judged", "Ladder", "Measured", "Order", "Row", "Rung", "Solved", "Theory"]
+from padgen.planner.plan import Channel, Plan
+
+__all__ = [
+    "NOT_RUN",
+    "TOLERANCES",
+    "Judged",
+    "Ladder",
+    "Measured",
+    "Order",
+    "Pick",
+    "Row",
+    "Rung",
+    "Scene",
+    "Solved",
+    "Theory",
+    "chosen_channels",
+    "distinct_channels",
+    "judged",
+    "observed_order",
+    "picks",
+    "recommended_row",
+    "write_steps",
+]
+
+MOST_SUBJECTS = 4
+"""Taxels that are studied one by one where a pad has more."""
+
+
+class Scene(NamedTuple):
+    """A plan, and a folder for what is made on the way."""
+
+    plan: Plan
+    aside: Path
+
+    def step(self, channel: Channel) -> Path:
+        """Return where `write_steps` puts the STEP file of a channel's taxel."""
+        return self.aside / f"taxel-{channel.index}.step"
+
+
+def distinct_channels(plan: Plan) -> tuple[Channel, ...]:
+    """Return channels whose taxels differ in their beams, the first of each kind."""
+    found = {channel.beam: channel for channel in reversed(plan.channels)}
+    return tuple(sorted(found.values(), key=lambda channel: channel.index))
+
+
+def chosen_channels(plan: Plan) -> tuple[Channel, ...]:
+    """Return the distinct channels, or of many a few that are spread from the lowest to the highest."""
+    every = distinct_channels(plan)
+    if len(every) <= MOST_SUBJECTS:
+        return every
+    places = (round(k * (len(every) - 1) / (MOST_SUBJECTS - 1)) for k in range(MOST_SUBJECTS))
+    return tuple(every[place] for place in places)
+
+
+def write_steps(scene: Scene) -> None:
+    """Write the STEP files of `chosen_channels`, as a build does. Imports build123d.
+
+    Raises
+    ------
+    PadgenError
+        The kernel refuses a taxel.
+    """
+    from padgen.solid.formats.step import write_taxel_step
+
+    for channel in chosen_channels(scene.plan):
+        write_taxel_step(scene.plan, channel, scene.step(channel))
 
 
 class Solved(NamedTuple):
-    """What a rung answers: `values` of any shape, how many `unknowns` it solved for, the `residual` if it knows one.
+    """A rung's answer: `values` of any shape, how many `unknowns` it solved for, the `residual` if it knows one.
 
     `unknowns` is 0 for a formula.
     """
@@ -78,7 +153,7 @@ class Ladder:
 
 @dataclass(frozen=True)
 class Measured:
-    """What running a rung gave; `values` is None where it refused or broke down, and `note` says why.
+    """The figures of a rung that was run; `values` is None where it refused or broke down, and `note` says why.
 
     `seconds` (wall) and `cpu_seconds` are the best of `runs`, `memory_mb` is the peak over what the
     process held after its imports.
@@ -138,3 +213,158 @@ class Judged:
     converged: bool
     why: str
     orders: tuple[Order, ...]
+
+
+TOLERANCES = (0.1, 0.01, 0.001, 0.0001)
+ROUNDING = 1e-12
+"""Relative differences that are as good as none."""
+SLOWEST = 0.7
+"""Largest ratio of two differences that counts as falling."""
+FASTEST = 0.05
+"""Smallest ratio that is believed."""
+CLEAR = 3.0
+"""Errors are counted for an order when they are so many times the reference's uncertainty."""
+CAUTION = 2.0
+"""What the differences are multiplied by where they do not fall: a guess, and called one."""
+
+
+class Pick(NamedTuple):
+    """The cheapest rung that meets a tolerance for every subject of a ladder, and what it costs and errs."""
+
+    ladder: str
+    tolerance: float
+    model: str
+    resolution: str
+    seconds: float
+    at_most: float
+
+
+def judged(ladder: Ladder, measured: Sequence[Measured]) -> Judged:
+    """Compare what the rungs of a ladder gave, in its order."""
+    line = [i for i, rung in enumerate(ladder.rungs) if rung.series == ladder.reference]
+    solved = [i for i in line if measured[i].values is not None]
+    reference = solved[-1] if solved else None
+    uncertainty, converged, why = _uncertainty(ladder, measured, solved)
+    if line and solved and solved[-1] != line[-1]:
+        why += f"; finer ones have no answer ({measured[line[-1]].note})"
+    rows = tuple(_row(ladder, measured, i, reference, uncertainty) for i in range(len(ladder.rungs)))
+    names = dict.fromkeys(row.rung.series for row in rows if row.rung.series and not isnan(row.rung.step))
+    found = []
+    for name in names:
+        own = [row for row in rows if row.rung.series == name and row.measured.values is not None]
+        own = [row for row in own if not isnan(row.rung.step)]
+        steps, theory = [row.rung.step for row in own], ladder.theory.get(name)
+        if theory and theory.same_limit:
+            order = _order_of_errors(steps, [row.error for row in own], uncertainty)
+        else:
+            gaps = [_distance(ladder, a.measured, b.measured, own[-1].measured) for a, b in pairwise(own)]
+            order = observed_order(steps, gaps)
+        found.append(Order(name, order, theory))
+    return Judged(ladder, rows, reference, uncertainty, converged, why, tuple(found))
+
+
+def _uncertainty(ladder: Ladder, measured: Sequence[Measured], solved: Sequence[int]) -> tuple[float, bool, str]:
+    """Return the reference's own relative error, whether it is shown, and a sentence on it."""
+    if not solved:
+        return inf, False, f"no rung of '{ladder.reference}' has an answer, so that there is no reference"
+    name = f"{ladder.rungs[solved[-1]].model}, {ladder.rungs[solved[-1]].resolution}"
+    if len(solved) < 3:
+        return inf, False, f"not shown to be converged: two refinements to {name} are missing"
+    first, second = (_distance(ladder, measured[a], measured[b]) for a, b in pairwise(solved[-3:]))
+    said = f"the last two refinements to {name} changed it by {first:.2g} and {second:.2g}"
+    ratio = second / first if first > 0 else inf
+    if second <= ROUNDING or ratio <= SLOWEST:
+        left = second * max(1.0, ratio / (1 - ratio)) if ratio <= SLOWEST else second
+        return max(left, FASTEST * first, ROUNDING), True, said
+    return CAUTION * max(first, second), False, f"not shown to be converged: {said}"
+
+
+def _distance(ladder: Ladder, one: Measured, other: Measured, to: Measured | None = None) -> float:
+    """Return the largest difference of two answers, relative to `to` (the second of them) as the ladder says.
+
+    inf where they have no common shape.
+    """
+    a, b, size = one.values, other.values, (to or other).values
+    if a is None or b is None or size is None or not a.shape == b.shape == size.shape:
+        return inf
+    scale = np.abs(size) if ladder.relative_to == "each" else np.full(size.shape, np.abs(size).max(initial=0.0))
+    difference = np.abs(a - b)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        relative = np.where(difference > 0, difference / scale, 0.0)
+    return float(relative.max(initial=0.0))
+
+
+def _row(ladder: Ladder, measured: Sequence[Measured], index: int, reference: int | None, uncertainty: float) -> Row:
+    rung, own = ladder.rungs[index], measured[index]
+    if reference is None or own.values is None:
+        return Row(rung, own)
+    error = 0.0 if index == reference else _distance(ladder, own, measured[reference])
+    if not isfinite(error):
+        return Row(rung, own)
+    return Row(rung, own, error, error + uncertainty, error <= uncertainty)
+
+
+def _order_of_errors(steps: Sequence[float], errors: Sequence[float], uncertainty: float) -> float | None:
+    """Return the slope of the last two errors that the reference's own `uncertainty` does not blur."""
+    clear = [k for k, error in enumerate(errors) if error > CLEAR * uncertainty]
+    if len(clear) < 2:
+        return None
+    a, b = clear[-2:]
+    return log(errors[a] / errors[b]) / log(steps[a] / steps[b])
+
+
+def observed_order(steps: Sequence[float], differences: Sequence[float]) -> float | None:
+    """Return the order q of answers ``v + C h^q`` at `steps` (n,), from the `differences` (n − 1,) of neighbours.
+
+    Of the last two differences that are more than rounding: ``(h₁^q − h₂^q)/(h₂^q − h₃^q) = d₁/d₂``,
+    by bisection in 0.01 … 20; None where there are no two or no such q.
+    """
+    last = next((k for k in range(len(differences) - 1, 0, -1) if differences[k] > 10 * ROUNDING), None)
+    if last is None or not all(isfinite(d) and d > 0 for d in differences[last - 1 : last + 1]):
+        return None
+    fine = steps[last + 1]
+    coarse, middle = steps[last - 1] / fine, steps[last] / fine
+    wanted = differences[last - 1] / differences[last]
+
+    def ratio(order: float) -> float:
+        return float((coarse**order - middle**order) / (middle**order - 1))
+
+    low, high = 0.01, 20.0
+    if not ratio(low) < wanted < ratio(high):
+        return None
+    for _ in range(60):
+        order = (low + high) / 2
+        low, high = (order, high) if ratio(order) < wanted else (low, order)
+    return (low + high) / 2
+
+
+def recommended_row(result: Judged, tolerance: float) -> int | None:
+    """Return the index of the quickest row whose error is at most `tolerance`, None where none is known to be."""
+    held = [i for i, row in enumerate(result.rows) if _holds(row, tolerance)]
+    return min(held, key=lambda i: result.rows[i].measured.seconds, default=None)
+
+
+def _holds(row: Row, tolerance: float) -> bool:
+    return row.rung.offered and row.at_most <= tolerance
+
+
+def picks(results: Iterable[Judged], tolerances: Sequence[float] = TOLERANCES) -> tuple[Pick, ...]:
+    """Return for each ladder and tolerance the rung that is quickest over all subjects and holds for each of them.
+
+    A ladder and tolerance for which none is known has a `Pick` without a model.
+    """
+    by_ladder: dict[str, list[Judged]] = {}
+    for result in results:
+        by_ladder.setdefault(result.ladder.name, []).append(result)
+    return tuple(_pick(name, own, tol) for name, own in by_ladder.items() for tol in tolerances)
+
+
+def _pick(name: str, results: Sequence[Judged], tolerance: float) -> Pick:
+    held: dict[tuple[str, str], list[Row]] = {}
+    for row in (row for result in results for row in result.rows if _holds(row, tolerance)):
+        held.setdefault((row.rung.model, row.rung.resolution), []).append(row)
+    costs = {key: sum(row.measured.seconds for row in rows) for key, rows in held.items() if len(rows) == len(results)}
+    if not costs:
+        return Pick(name, tolerance, "", "", nan, inf)
+    best = min(costs, key=lambda key: costs[key])
+    return Pick(name, tolerance, *best, costs[best] / len(results), max(row.at_most for row in held[best]))

@@ -1,53 +1,189 @@
 """`padgen study`: run the ladders rung by rung, judge them, and leave the files: CSV, JSON and pictures.
 
 Rungs run one after the other, never in parallel: they are timed. Ctrl-C ends the running, and files are written of
-what was measured until then; before the first rung's end it leaves everything as it was.
+what was measured until then; before the first rung's end it leaves everything as it was. The stiff and extreme cases
+(`run_extreme`) run one process each, too, and each model is held to the error that it states.
 """
 
-import csv
-import io
+import importlib
 import json
 import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, astuple, dataclass, fields
-from math import isfinite
+from functools import partial
+from math import isfinite, isnan, nan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
 
 from padgen import __version__
 from padgen.core.cache import version
-from padgen.core.errors import SpecError, number
+from padgen.core.errors import SolverError, SpecError, number
 from padgen.core.files import OutputFolder, file_hash, json_text
 from padgen.core.registry import names_in
 from padgen.core.runner import refuse_unshared, uninterrupted
-from padgen.ladders.extreme_study import MISSING, SETS, WRONG, Verdict, named_cases, verdict_of
-from padgen.ladders.isolate import TIMES, measured
-from padgen.ladders.rung import NOT_RUN, Judged, Ladder, Measured, Row
-from padgen.ladders.stages import LADDERS, Scene
-from padgen.ladders.verdicts import TOLERANCES, Pick, judged, picks, recommended_row
-from padgen.spec import Spec
+from padgen.ladders.isolate import TIMES, apart, measured, timed
+from padgen.ladders.rung import (
+    NOT_RUN,
+    TOLERANCES,
+    Judged,
+    Ladder,
+    Measured,
+    Pick,
+    Row,
+    Scene,
+    judged,
+    picks,
+    recommended_row,
+)
+from padgen.ladders.stages import LADDERS
+from padgen.planner.drive_rows import table_csv
+from padgen.verify.extreme import Answer, ExtremeCase
 
 if TYPE_CHECKING:
     from padgen.planner.plan import Plan
 
 __all__ = [
     "EXTREME_FILES",
+    "MISSING",
+    "SETS",
     "STUDY_FILES",
     "ExtremeStudy",
+    "Named",
     "Study",
-    "extreme_csv",
-    "extreme_json",
+    "Verdict",
+    "judged_error",
     "measured_study",
     "missing_rungs",
+    "named_cases",
     "parse_only",
     "parse_tolerance",
+    "relative_error",
     "run_extreme",
     "run_ladders",
     "run_study",
     "study_csv",
     "study_json",
+    "verdict_of",
 ]
+
+SETS = (
+    ("padgen.verify.extreme", "structure_cases"),
+    ("padgen.verify.extreme", "solid_cases"),
+    ("padgen.verify.extreme", "force_cases"),
+    ("padgen.verify.extreme_dynamics", "dynamics_cases"),
+    ("padgen.ladders.extreme_specs", "selectivity_cases"),
+    ("padgen.ladders.extreme_specs", "spec_cases"),
+)
+"""Modules and their functions that yield `ExtremeCase`s."""
+LIMIT_S = 300.0
+RIGHT, REFUSED, WRONG, UNCHECKED, MISSING = "right", "refused", "WRONG", "unchecked", "not run"
+
+
+class Named(NamedTuple):
+    """A case and where it comes from: the case itself need not pickle."""
+
+    module: str
+    function: str
+    place: int
+    case: ExtremeCase
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The verdict on a case: the columns of its table. `error` is relative, against the case's own reference.
+
+    'right': within the stated error; 'refused': one sentence instead of an answer; 'WRONG': worse than
+    stated, no number, or no end; 'unchecked': the reference itself could not be computed; 'not run'.
+    """
+
+    domain: str
+    case: str
+    model: str
+    error: float = nan
+    stated_error: float = nan
+    seconds: float = nan
+    residual: float = nan
+    condition: float = nan
+    verdict: str = MISSING
+    source: str = ""
+    note: str = ""
+
+
+def named_cases(sets: tuple[tuple[str, str], ...] = SETS) -> list[Named]:
+    """List all cases of `sets`.
+
+    Raises
+    ------
+    EngineMissingError
+        A package that the set's own references need is not installed.
+    SolverError
+        A set cannot be listed.
+    """
+    found: list[Named] = []
+    for module, function in sets:
+        try:
+            cases = _cases(module, function)
+        except ImportError as error:
+            raise SolverError(f"the set of extreme cases cannot be loaded ({error})", module) from error
+        found += [Named(module, function, place, case) for place, case in enumerate(cases)]
+    return found
+
+
+def _cases(module: str, function: str) -> list[ExtremeCase]:
+    return list(getattr(importlib.import_module(module), function)())
+
+
+def _asked(module: str, function: str, place: int, what: str) -> Answer:
+    """Ask, in a process of its own, what a case's model ('solve') or its 'reference' answers; refusals are raised."""
+    answer = getattr(_cases(module, function)[place], what)()
+    answer = answer if isinstance(answer, Answer) else Answer(answer, 0.0)
+    return answer._replace(values=np.atleast_1d(np.asarray(answer.values)))
+
+
+def verdict_of(named: Named, limit_s: float = LIMIT_S) -> Verdict:
+    """Run a case and its reference, and compare; what the reference itself is off by is allowed for."""
+    where, case = named[:3], named.case
+    say: Callable[..., Verdict] = partial(Verdict, case.domain, case.name, case.model, source=case.source)
+    answer = timed(partial(_asked, *where, "solve"), limit_s=limit_s, budget_s=0.5, most_runs=3)
+    if answer.kind != "value":
+        return say(verdict=REFUSED if answer.kind == "refused" else WRONG, note=answer.sentence)
+    values, stated, residual, condition = answer.value.value
+    say = partial(
+        say,
+        stated_error=float(stated),
+        seconds=answer.value.seconds,
+        residual=float(residual),
+        condition=float(condition),
+    )
+    truth = apart(_asked, *where, "reference", limit_s=limit_s)
+    if truth.kind != "value":
+        return say(verdict=UNCHECKED, note=f"no reference: {truth.sentence}")
+    error = relative_error(values, truth.value.values)
+    verdict, note = judged_error(error, float(stated), float(truth.value.stated_error))
+    return say(error=error, verdict=verdict, note=note)
+
+
+def relative_error(values: np.ndarray, reference: np.ndarray) -> float:
+    """Return the largest difference over the largest entry of `reference`; nan for a shape or number that is none."""
+    if values.shape != reference.shape or not np.isfinite(reference).all() or not np.isfinite(values).all():
+        return nan
+    difference, scale = float(np.abs(values - reference).max(initial=0.0)), float(np.abs(reference).max(initial=0.0))
+    return difference / scale if scale else difference
+
+
+def judged_error(error: float, stated: float, allowed: float = 0.0) -> tuple[str, str]:
+    """Judge an error beside what was stated, `allowed` being the reference's own; tell why where it is not 'right'."""
+    if isnan(error):
+        return WRONG, "the answer is not a number, or not of the reference's shape"
+    if not isfinite(stated):
+        return WRONG, "it states no error"
+    if error > stated + allowed:
+        return WRONG, f"{error / stated:.3g} times what it states" if stated > 0 else "it states to be exact"
+    return RIGHT, ""
+
 
 STUDY_FILES = ("study.csv", "study.json", "study.svg", "study.png")
 EXTREME_FILES = ("extreme.csv", "extreme.json", "extreme.svg")
@@ -79,7 +215,7 @@ class Study:
 
     def plot(self) -> Any:
         """Draw every rung's error against its run time; a `matplotlib.figure.Figure`."""
-        from padgen.ladders.pictures import study_figure
+        from padgen.ladders.text import study_figure
 
         return study_figure(self.ladders, self.tolerances, self.name)
 
@@ -104,7 +240,7 @@ class ExtremeStudy:
 
 
 def parse_only(text: str | None) -> tuple[str, ...]:
-    """Ladders from a comma-separated list, in the order in which they run; None means all.
+    """Read ladders from a comma-separated list, in the order in which they run; None means all.
 
     Raises
     ------
@@ -115,7 +251,7 @@ def parse_only(text: str | None) -> tuple[str, ...]:
 
 
 def parse_tolerance(text: str) -> float:
-    """A relative error from '1%' or '0.01'.
+    """Read a relative error such as '1%' or '0.01'.
 
     Raises
     ------
@@ -156,7 +292,12 @@ def measured_study(
     with tempfile.TemporaryDirectory(prefix="padgen-study-") as aside:
         scene = Scene(plan, Path(aside))
         results = run_ladders([ladder for name in only or LADDERS for ladder in LADDERS[name](scene)], progress)
-    about = {**_about(), "name": plan.name, "spec": _spec_hash(plan.spec), "tolerances": list(tolerances)}
+    about = {
+        **_about(),
+        "name": plan.name,
+        "spec": file_hash(json.dumps(asdict(plan.spec), sort_keys=True).encode()),
+        "tolerances": list(tolerances),
+    }
     return Study(plan.name, tuple(results), picks(results, tolerances), tolerances, about)
 
 
@@ -180,7 +321,7 @@ def run_study(
         study = measured_study(plan, only, tolerance, progress)
         with uninterrupted():
             progress("drawing")
-            from padgen.ladders.pictures import study_pictures
+            from padgen.ladders.text import study_pictures
 
             pictures = study_pictures(study.ladders, study.tolerances, study.name)
             texts = (
@@ -239,9 +380,10 @@ def run_extreme(
             raise KeyboardInterrupt
         with uninterrupted():
             progress("drawing")
-            from padgen.ladders.pictures import extreme_picture
+            from padgen.ladders.text import extreme_picture
 
-            texts = extreme_csv(verdicts), extreme_json(verdicts, _about())
+            table = {**_about(), "stopped": bool(study.missing), "cases": verdicts}
+            texts = _csv(EXTREME_COLUMNS, [astuple(found) for found in verdicts]), json_text(table)
             _commit(out, EXTREME_FILES, (*texts, extreme_picture(verdicts)))
     return study
 
@@ -260,11 +402,6 @@ def _tolerances(asked: float | None) -> tuple[float, ...]:
 
 def _about() -> dict[str, Any]:
     return {"padgen": __version__, "versions": {name: version(name) for name in PACKAGES}, "times": TIMES}
-
-
-def _spec_hash(spec: Spec) -> str:
-    """The spec's hash as a build's manifest has it, so that a reader can tell whose study it is."""
-    return file_hash(json.dumps(asdict(spec), sort_keys=True).encode())
 
 
 HEAD = ("subject", "quantity", "unit")
@@ -291,7 +428,7 @@ EXTREME_COLUMNS = tuple(item.name for item in fields(Verdict))
 
 
 def missing_rungs(results: Sequence[Judged]) -> tuple[str, ...]:
-    """The rungs that were not run since the study was stopped."""
+    """Name the rungs that were not run since the study was stopped."""
     return tuple(
         f"{result.ladder.name}, {result.ladder.subject}: {row.rung.model}, {row.rung.resolution}"
         for result in results
@@ -301,7 +438,7 @@ def missing_rungs(results: Sequence[Judged]) -> tuple[str, ...]:
 
 
 def study_csv(results: Sequence[Judged], tolerances: Sequence[float] = TOLERANCES) -> str:
-    """One row per rung, in the order of the ladders; no number is an empty cell."""
+    """Write one row per rung, in the order of the ladders; no number is an empty cell."""
     rows = []
     for result in results:
         ladder = result.ladder
@@ -316,21 +453,12 @@ def study_csv(results: Sequence[Judged], tolerances: Sequence[float] = TOLERANCE
 
 
 def _csv(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows([_cell(value) for value in row] for row in rows)
-    return out.getvalue()
-
-
-def _cell(value: Any) -> Any:
-    if isinstance(value, float):
-        return f"{value:.10g}" if isfinite(value) else ""
-    return value
+    cells = ([v if not isinstance(v, float) else f"{v:.10g}" if isfinite(v) else "" for v in row] for row in rows)
+    return table_csv(columns, cells)
 
 
 def study_json(results: Sequence[Judged], about: dict[str, Any], tolerances: Sequence[float] = TOLERANCES) -> str:
-    """All that was measured, with `about` (what was studied, by which versions) ahead of it."""
+    """Write all that was measured, with `about` (what was studied, by which versions) ahead of it."""
     missing = missing_rungs(results)
     told = {
         "stopped": bool(missing),
@@ -371,13 +499,3 @@ def _rung(row: Row) -> dict[str, Any]:
         "values": None if own.values is None else own.values.tolist(),
         "note": own.note,
     }
-
-
-def extreme_csv(verdicts: Sequence[Verdict]) -> str:
-    """One row per case."""
-    return _csv(EXTREME_COLUMNS, [astuple(found) for found in verdicts])
-
-
-def extreme_json(verdicts: Sequence[Verdict], about: dict[str, Any]) -> str:
-    """The same with `about` ahead of it."""
-    return json_text({**about, "stopped": any(v.verdict == MISSING for v in verdicts), "cases": list(verdicts)})

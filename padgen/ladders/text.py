@@ -1,27 +1,36 @@
-"""A study as text for people. Makes text; the command line prints it."""
+"""A study as text for people, and as pictures: error against run time. The same figures give the same bytes."""
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from math import isfinite, isnan
-from typing import TYPE_CHECKING
+from math import ceil, floor, isfinite, isnan, log10
+from typing import TYPE_CHECKING, Any
 
 from padgen.core.errors import number
+from padgen.core.plots import STYLE, plot_bytes
 from padgen.ladders.isolate import TIMES
-from padgen.ladders.rung import NOT_RUN, Judged, Order, Row
-from padgen.ladders.verdicts import TOLERANCES, Pick, recommended_row
+from padgen.ladders.rung import NOT_RUN, TOLERANCES, Judged, Order, Pick, Row, recommended_row
 
 if TYPE_CHECKING:
-    from padgen.ladders.extreme_study import Verdict
-    from padgen.ladders.study import ExtremeStudy, Study
+    from padgen.ladders.study import ExtremeStudy, Study, Verdict
 
-__all__ = ["extreme_text", "ladder_text", "percent", "picks_text", "seconds_text", "study_text"]
+__all__ = [
+    "extreme_picture",
+    "extreme_text",
+    "ladder_text",
+    "percent",
+    "picks_text",
+    "seconds_text",
+    "study_figure",
+    "study_pictures",
+    "study_text",
+]
 
 HEADINGS = ("model", "resolution", "unknowns", "value", "error", "run time", "memory MB", "recommended for")
 EXTREME_HEADINGS = ("domain", "case", "model", "error", "stated", "run time", "residual", "condition", "verdict")
 
 
 def study_text(study: "Study") -> str:
-    """All ladders of which something was run, then the recommended rungs, what times are, and what was not run."""
+    """Write all ladders of which something was run, the recommended rungs, what times are, and what was not run."""
     parts, stopped = [], []
     for result in study.ladders:
         left, every = sum(row.measured is NOT_RUN for row in result.rows), len(result.rows)
@@ -33,11 +42,11 @@ def study_text(study: "Study") -> str:
 
 
 def ladder_text(result: Judged, tolerances: Sequence[float] = TOLERANCES) -> str:
-    """One ladder as a table, what it was measured against, and the orders of convergence."""
+    """Write one ladder as a table, what it was measured against, and the orders of convergence."""
     ladder = result.ladder
     unit = f", {ladder.unit}" if ladder.unit else ""
     lines = [f"{ladder.name}, {ladder.subject}: {ladder.quantity}{unit}"]
-    lines.append(_table(HEADINGS, [_row(result, i, tolerances) for i in range(len(result.rows))], left=2))
+    lines.append(_table(HEADINGS, [_table_row(result, i, tolerances) for i in range(len(result.rows))], left=2))
     reference = "" if result.reference is None else f" (the reference is good to {percent(result.uncertainty)})"
     lines.append(f"{result.why}{reference}")
     if not result.converged and result.reference is not None:
@@ -48,7 +57,7 @@ def ladder_text(result: Judged, tolerances: Sequence[float] = TOLERANCES) -> str
     return "\n".join([*lines, *([ladder.note] if ladder.note else [])])
 
 
-def _row(result: Judged, index: int, tolerances: Sequence[float]) -> tuple[str, ...]:
+def _table_row(result: Judged, index: int, tolerances: Sequence[float]) -> tuple[str, ...]:
     row = result.rows[index]
     own = row.measured
     holds = ", ".join(percent(tol) for tol in tolerances if recommended_row(result, tol) == index)
@@ -60,19 +69,11 @@ def _row(result: Judged, index: int, tolerances: Sequence[float]) -> tuple[str, 
         row.rung.resolution,
         str(own.unknowns or ""),
         value,
-        _error(row),
+        "?" if isnan(row.error) else f"≤ {percent(row.at_most)}" if row.is_bound else percent(row.error),
         seconds_text(own.seconds),
         f"{own.memory_mb:.1f}",
         holds,
     )
-
-
-def _error(row: Row) -> str:
-    if isnan(row.error):
-        return "?"
-    if row.is_bound:
-        return f"≤ {percent(row.at_most)}"
-    return percent(row.error)
 
 
 def _order(order: Order) -> str:
@@ -82,7 +83,7 @@ def _order(order: Order) -> str:
 
 
 def picks_text(picks: Iterable[Pick]) -> str:
-    """The recommended rung of each ladder for each tolerance."""
+    """Write the recommended rung of each ladder for each tolerance."""
     rows = []
     for pick in picks:
         rung = f"{pick.model}, {pick.resolution}" if pick.model else "none is known to hold"
@@ -92,18 +93,17 @@ def picks_text(picks: Iterable[Pick]) -> str:
 
 
 def extreme_text(study: "ExtremeStudy") -> str:
-    """The table of cases, then what is refused or wrong, sentence by sentence."""
-    lines = [_table(EXTREME_HEADINGS, [_verdict(found) for found in study.verdicts], left=3)]
+    """Write the table of cases, then what is refused or wrong, sentence by sentence."""
+    rows = []
+    for found in study.verdicts:
+        errors = _power(found.error), _power(found.stated_error), seconds_text(found.seconds)
+        rest = _power(found.residual), _power(found.condition), found.verdict
+        rows.append((found.domain, found.case, found.model, *errors, *rest))
+    lines = [_table(EXTREME_HEADINGS, rows, left=3)]
     lines += [f"{found.verdict}: {found.domain}, {found.case}: {found.note}" for found in study.verdicts if found.note]
     counts = Counter(found.verdict for found in study.verdicts)
     told = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
     return "\n".join([*lines, TIMES, f"{len(study.verdicts)} cases: {told}"])
-
-
-def _verdict(found: "Verdict") -> tuple[str, ...]:
-    errors, rest = (found.error, found.stated_error), (found.residual, found.condition)
-    head = (found.domain, found.case, found.model, *map(_power, errors), seconds_text(found.seconds))
-    return (*head, *map(_power, rest), found.verdict)
 
 
 def _power(value: float) -> str:
@@ -111,7 +111,7 @@ def _power(value: float) -> str:
 
 
 def percent(share: float) -> str:
-    """A share in percent, two significant digits, three from 100 %."""
+    """Write a share in percent, with two significant digits, three from 100 %."""
     if not isfinite(share):
         return "?"
     value = 100 * share
@@ -119,7 +119,7 @@ def percent(share: float) -> str:
 
 
 def seconds_text(seconds: float) -> str:
-    """A time with the unit that suits it."""
+    """Write a time with the unit that suits it."""
     if not isfinite(seconds):
         return ""
     for unit, size in (("s", 1.0), ("ms", 1e-3)):
@@ -129,7 +129,7 @@ def seconds_text(seconds: float) -> str:
 
 
 def _table(headings: Sequence[str], rows: Iterable[Sequence[str]], left: int) -> str:
-    """Columns under their headings, the first `left` of them flush left."""
+    """Write columns under their headings, the first `left` of them flush left."""
     cells = [tuple(headings), *(tuple(row) for row in rows)]
     widths = [max(len(row[i]) for row in cells) for i in range(len(headings))]
     lines = [
@@ -141,3 +141,129 @@ def _table(headings: Sequence[str], rows: Iterable[Sequence[str]], left: int) ->
     ]
     lines.insert(1, "  ".join("-" * width for width in widths))
     return "\n".join(lines)
+
+
+COLOURS = ("#1f5fa8", "#c2571a", "#2f8a4c", "#7b3fa0", "#a8851f", "#3a9aa8", "#8a4c2f", "#666666")
+MARKS = ("o", "s", "D", "^", "v", "P", "X", "*")
+VERDICT_COLOURS = {"right": "#2f8a4c", "WRONG": "#c2241a", "unchecked": "#a8851f", "refused": "#666666"}
+PANEL_INCHES = (5.6, 4.2)
+LEAST = 1e-13
+"""Errors below are drawn here."""
+
+
+def study_pictures(results: Sequence[Judged], tolerances: Sequence[float], name: str) -> tuple[bytes, bytes]:
+    """Return the plot of `study_figure` as SVG and PNG."""
+    import matplotlib
+
+    with matplotlib.rc_context(STYLE):
+        figure = study_figure(results, tolerances, name)
+        return plot_bytes(figure, "svg"), plot_bytes(figure, "png")
+
+
+def study_figure(results: Sequence[Judged], tolerances: Sequence[float], name: str) -> Any:
+    """Draw every rung's error against its run time, recommended ones ringed; a `matplotlib.figure.Figure`."""
+    import matplotlib
+
+    with matplotlib.rc_context(STYLE):
+        panels: dict[str, list[Judged]] = {}
+        for result in results:
+            panels.setdefault(result.ladder.name, []).append(result)
+        figure, axes = _figure(max(len(panels), 1))
+        for axis, (ladder, own) in zip(axes, panels.items(), strict=False):
+            _panel(axis, ladder, own, tolerances)
+        figure.suptitle(f"{name}: error against run time\nringed: the quickest rung for a tolerance", fontsize=10)
+    return figure
+
+
+def extreme_picture(verdicts: Sequence["Verdict"]) -> bytes:
+    """Draw error against stated error of the extreme cases, as SVG: right are those below the diagonal."""
+    import matplotlib
+
+    with matplotlib.rc_context(STYLE):
+        figure, (axis,) = _figure(1)
+        axis.plot([LEAST, 10], [LEAST, 10], color="#888888", linewidth=1)
+        domains = list(dict.fromkeys(found.domain for found in verdicts))
+        for found in verdicts:
+            if isfinite(found.error) and isfinite(found.stated_error):
+                place = (max(found.stated_error, LEAST), max(found.error, LEAST))
+                mark = MARKS[domains.index(found.domain) % len(MARKS)]
+                axis.plot(*place, mark, color=VERDICT_COLOURS[found.verdict], markersize=5, linestyle="none")
+        for index, domain in enumerate(domains):
+            axis.plot([], [], MARKS[index % len(MARKS)], color="#444444", linestyle="none", label=domain)
+        axis.set(xscale="log", yscale="log", xlabel="stated relative error", ylabel="relative error")
+        axis.set_title("extreme cases: green below the line is right, red is worse than stated")
+        if domains:
+            axis.legend(frameon=False)
+        axis.grid(alpha=0.25)
+        return plot_bytes(figure, "svg")
+
+
+def _figure(count: int) -> tuple[Any, list[Any]]:
+    from matplotlib.figure import Figure
+
+    columns = min(count, 2)
+    rows = -(-count // columns)
+    figure = Figure(figsize=(PANEL_INCHES[0] * columns, PANEL_INCHES[1] * rows + 0.4), layout="constrained")
+    axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
+    for spare in axes[count:]:
+        spare.set_axis_off()
+    return figure, axes[:count]
+
+
+def _panel(axis: Any, ladder: str, results: Sequence[Judged], tolerances: Sequence[float]) -> None:
+    models = list(dict.fromkeys(row.rung.model for result in results for row in result.rows))
+    drawn = [(result, i) for result in results for i, row in enumerate(result.rows) if _shown(row)]
+    axis.set_title(f"{ladder}: {results[0].ladder.quantity}")
+    if not drawn:
+        axis.text(0.5, 0.5, "no reference, so no errors", ha="center", va="center", transform=axis.transAxes)
+        axis.set_axis_off()
+        return
+    for result, i in drawn:
+        row = result.rows[i]
+        colour = COLOURS[models.index(row.rung.model) % len(COLOURS)]
+        mark = MARKS[results.index(result) % len(MARKS)]
+        # What cannot be told from the reference's own error is hollow: the error is at most this.
+        fill = "white" if row.is_bound else colour
+        axis.plot(*_place(row), mark, color=colour, markerfacecolor=fill, markersize=6, zorder=3)
+    _rings(axis, results, tolerances)
+    for model in dict.fromkeys(result.rows[i].rung.model for result, i in drawn):
+        colour = COLOURS[models.index(model) % len(COLOURS)]
+        axis.plot([], [], "o", color=colour, label=model)
+    for index, result in enumerate(results if len(results) > 1 else ()):
+        axis.plot([], [], MARKS[index % len(MARKS)], color="#444444", label=result.ladder.subject)
+    places = [_place(result.rows[i]) for result, i in drawn]
+    axis.set(xscale="log", yscale="log", xlabel="run time, s", ylabel="relative error (hollow: at most)")
+    axis.set(xlim=_decades([x for x, _ in places]), ylim=_decades([y for _, y in places] + list(tolerances)))
+    for tolerance in tolerances:
+        axis.axhline(tolerance, color="#888888", linewidth=0.8, linestyle=(0, (2, 4)), zorder=1)
+    axis.grid(alpha=0.2)
+    axis.legend(frameon=False, fontsize=8)
+
+
+def _rings(axis: Any, results: Sequence[Judged], tolerances: Sequence[float]) -> None:
+    """Ring each recommended rung and write the tolerances that it is for beside it."""
+    for result in results:
+        held: dict[int, list[str]] = {}
+        for tolerance in tolerances:
+            index = recommended_row(result, tolerance)
+            if index is not None and _shown(result.rows[index]):
+                held.setdefault(index, []).append(percent(tolerance))
+        for index, names in held.items():
+            place = _place(result.rows[index])
+            axis.plot(*place, "o", color="black", markerfacecolor="none", markersize=12, zorder=2)
+            right = {"xytext": (8, 5), "textcoords": "offset points", "fontsize": 7, "zorder": 4}
+            axis.annotate(", ".join(names), place, **right, bbox={"color": "white", "alpha": 0.7, "pad": 0.5})
+
+
+def _decades(values: Sequence[float]) -> tuple[float, float]:
+    """Return whole decades around `values`, so that every axis has labels."""
+    low, high = (10.0 ** round_(log10(value)) for round_, value in ((floor, min(values)), (ceil, max(values))))
+    return (low / 2, high * 3) if high > low else (low / 2, high * 10)
+
+
+def _shown(row: Row) -> bool:
+    return isfinite(row.error) and isfinite(row.measured.seconds) and isfinite(row.at_most)
+
+
+def _place(row: Row) -> tuple[float, float]:
+    return max(row.measured.seconds, 1e-7), max(row.at_most if row.is_bound else row.error, LEAST)

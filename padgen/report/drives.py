@@ -49,7 +49,7 @@ def driven_text(plan: "Plan", driven: "Driven", frames: "np.ndarray | None", not
 
 def driven_table(driven: "Driven", notes: Sequence[str]) -> dict[str, Any]:
     """The same as plain data."""
-    from padgen.driver.heard_table import heard_table
+    from padgen.driver.ear import heard_table
 
     return {
         "folder": str(driven.folder),

@@ -67,35 +67,31 @@ class CoupledSystem:
         return 2 * np.pi * self.frequency_hz
 
     def slopes(self, z_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """dL/dz in H/m and d²L/dz² in H/m² at z (n, k): twice the pull per A² and its own slope."""
+        """Return dL/dz in H/m and d²L/dz² in H/m² at z (n, k): twice the pull per A² and its own slope."""
         m, gap = self.exponent[:, None], self.gap_m[:, None]
         near = 1 / (1 - z_m / gap)
         slope = 2 * self.pull_n_per_a2[:, None] * near**m
         return slope, slope * near * m / gap
 
     def inductance(self, z_m: np.ndarray) -> np.ndarray:
-        """L in H (k,) of washers at z (n, k)."""
+        """Return L in H (k,) of washers at z (n, k)."""
         m1 = self.exponent[:, None] - 1
         log = -np.log1p(-z_m / self.gap_m[:, None])
         grown = np.where(m1 == 0, log, np.expm1(m1 * log) / np.where(m1 == 0, 1, m1))
         return np.asarray(self.inductance_h + 2 * (self.pull_n_per_a2 * self.gap_m) @ grown)
 
     def acceleration(self, z_m: np.ndarray, v_m_per_s: np.ndarray, current_a: np.ndarray) -> np.ndarray:
-        """Accelerations (n, k) in m/s² of washers at z and v (n, k) under a current (k,)."""
+        """Return accelerations (n, k) in m/s² of washers at z and v (n, k) under a current (k,)."""
         pull = current_a**2 * self.slopes(z_m)[0] / (2 * self.mass_kg[:, None])
         angular = self.angular[:, None]
         return np.asarray(pull - angular**2 * z_m - angular / self.q[:, None] * v_m_per_s)
 
 
 class Source(NamedTuple):
-    """What drives the coil: a 'voltage' in V or a 'current' in A as a function of times (k,) in s.
-
-    `breaks_s` are the times at which it jumps or has a corner, as when taxels are switched; no step goes across them.
-    """
+    """The drive of a coil: a smooth 'voltage' in V or 'current' in A as a function of times (k,) in s."""
 
     kind: Literal["voltage", "current"]
     wave: Callable[[np.ndarray], np.ndarray]
-    breaks_s: tuple[float, ...] = ()
 
 
 class CoupledMotion(NamedTuple):
@@ -122,16 +118,16 @@ class Collocation(NamedTuple):
     to_legendre: np.ndarray
 
     def values(self, stages: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """The polynomials through `stages` (…, s) at points (k,) of the step: (…, k)."""
+        """Return the polynomials through `stages` (…, s) at points (k,) of the step: (…, k)."""
         return np.asarray(stages @ (legendre.legvander(2 * at - 1, len(self.points) - 1) @ self.to_legendre).T)
 
     def integrated(self, stages: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """Their integrals from 0 to points (k,) of the step: (…, k), in unit of a step."""
+        """Return their integrals from 0 to points (k,) of the step: (…, k), in unit of a step."""
         return np.asarray(stages @ (_integrals(at, len(self.points)) @ self.to_legendre).T)
 
 
 class _State(NamedTuple):
-    """Where a run is: time, motion (n,), flux in Wb and current."""
+    """The state of a run: time, motion (n,), flux in Wb and current."""
 
     time_s: float
     z: np.ndarray
@@ -150,7 +146,7 @@ def make_system(
     resistance_ohm: float = 0.0,
     inductance_h: float = 1.0,
 ) -> CoupledSystem:
-    """A `CoupledSystem` of arrays or numbers.
+    """Make a `CoupledSystem` of arrays or numbers.
 
     Raises
     ------
@@ -169,7 +165,7 @@ def make_system(
 
 
 def from_tones(kind: Literal["voltage", "current"], wave: Tones) -> Source:
-    """A source that is a sum of tones."""
+    """Make a source that is a sum of tones."""
     return Source(kind, lambda time_s: signal(wave, time_s))
 
 
@@ -182,7 +178,7 @@ def simulate(
     stages: int = 20,
     most_steps: int = 500_000,
 ) -> CoupledMotion:
-    """Motion from rest at t = 0, where a circuit carries `current_a`, at rising times (k,).
+    """Simulate motion from rest at t = 0, where a circuit carries `current_a`, at rising times (k,).
 
     `tolerance` is the share of a step's solution that its polynomials may leave out; ends of steps are far better.
 
@@ -215,7 +211,7 @@ def simulate(
         sampled[n:-1, done:upto] = start.v[:, None] + length * faster
         sampled[-1, done:upto] = rule.values(current, share)
         copper = by_voltage * system.resistance_ohm * current**2
-        supplied = _drive(source, start.time_s + length * rule.points) * current
+        supplied = source.wave(start.time_s + length * rule.points) * current
         if not by_voltage:
             supplied = current**2 / 2 * (system.slopes(z)[0] * v).sum(0)
         damping = (system.mass_kg * system.angular / system.q) @ v**2
@@ -237,12 +233,10 @@ def _steps(
     most_steps: int,
 ) -> Iterator[tuple[_State, np.ndarray, _State]]:
     """Yield every step from `at` on: where it starts, its velocities and current (n + 1, s), where it ends."""
-    ends = np.array(sorted({b for b in source.breaks_s if 0 < b < end_s} | {end_s}))
     circuit = system.resistance_ohm / system.inductance_h if source.kind == "voltage" else 0.0
     step, scales, tried = 0.1 / max(float(system.angular.max()), circuit), np.zeros(len(at.z) + 1), 0
     while at.time_s < end_s:
-        limit = float(ends[np.searchsorted(ends, at.time_s, "right")])
-        length = min(step, limit - at.time_s)
+        length = min(step, end_s - at.time_s)
         if tried >= most_steps:
             raise SolverError(f"took {most_steps} steps up to {number(at.time_s)} s of {number(end_s)} s")
         if length < SMALLEST_STEP * end_s and length == step:
@@ -261,9 +255,16 @@ def _steps(
             continue
         step = length * min(4.0, 0.9 * grown) if length == step else min(step, length * max(0.9 * grown, 1.0))
         start = at
-        at = _ended(system, source, rule, start, rows, length)
-        if limit - start.time_s == length:
-            at = at._replace(time_s=limit)
+        v, current, flux = rows[:-1], float(rows[-1, -1]), start.flux
+        z = start.z[:, None] + length * v @ rule.integrals.T
+        faster, end_z = system.acceleration(z, v, rows[-1]), start.z + length * v @ rule.weights
+        if source.kind == "voltage":
+            drop = source.wave(start.time_s + length * rule.points) - system.resistance_ohm * rows[-1]
+            flux = start.flux + length * float(drop @ rule.weights)
+            current = flux / float(system.inductance(end_z[:, None])[0])
+        at = _State(start.time_s + length, end_z, start.v + length * faster @ rule.weights, flux, current)
+        if end_s - start.time_s == length:
+            at = at._replace(time_s=end_s)
         yield start, rows, at
         near = at.z > NEAREST * system.gap_m
         if near.any():
@@ -273,24 +274,10 @@ def _steps(
             )
 
 
-def _ended(
-    system: CoupledSystem, source: Source, rule: Collocation, at: _State, rows: np.ndarray, length: float
-) -> _State:
-    """The state at the end of a step."""
-    v, current, flux = rows[:-1], float(rows[-1, -1]), at.flux
-    z = at.z[:, None] + length * v @ rule.integrals.T
-    faster, end_z = system.acceleration(z, v, rows[-1]), at.z + length * v @ rule.weights
-    if source.kind == "voltage":
-        drop = _drive(source, at.time_s + length * rule.points) - system.resistance_ohm * rows[-1]
-        flux = at.flux + length * float(drop @ rule.weights)
-        current = flux / float(system.inductance(end_z[:, None])[0])
-    return _State(at.time_s + length, end_z, at.v + length * faster @ rule.weights, flux, current)
-
-
 def scipy_motion(
     system: CoupledSystem, source: Source, time_s: np.ndarray, method: str = "DOP853", tolerance: float = 3e-14
 ) -> np.ndarray:
-    """Displacements, velocities and current (2n + 1, k) from rest, driven by a voltage, by scipy's `solve_ivp`.
+    """Return displacements, velocities and current (2n + 1, k) from rest, driven by a voltage, by scipy's `solve_ivp`.
 
     Raises
     ------
@@ -315,7 +302,7 @@ def scipy_motion(
 
 @lru_cache(maxsize=16)
 def radau(stages: int) -> Collocation:
-    """Right Radau points: roots of ``P_s − P_(s−1)``."""
+    """Return the rule of right Radau points, roots of ``P_s − P_(s−1)``."""
     series = np.zeros(stages + 1)
     series[-2:] = -1, 1
     at = np.sort(legendre.legroots(series))
@@ -326,7 +313,7 @@ def radau(stages: int) -> Collocation:
 
 
 def _integrals(at: np.ndarray, count: int) -> np.ndarray:
-    """Integrals (k, count) of the shifted Legendre polynomials from 0: ``(P_(j+1) − P_(j−1))/(2(2j + 1))``."""
+    """Return integrals (k, count) of the shifted Legendre polynomials from 0: ``(P_(j+1) − P_(j−1))/(2(2j + 1))``."""
     values = legendre.legvander(2 * at - 1, count)
     return np.column_stack([at, (values[:, 2:] - values[:, :-2]) / (2 * (2 * np.arange(1, count) + 1))])
 
@@ -340,11 +327,11 @@ def _solved(
     tolerance: float,
     scales: np.ndarray,
 ) -> np.ndarray | None:
-    """Velocities and, last, the current (n + 1, s) at the stages of a step; None where a shorter one is needed.
+    """Return velocities and, last, the current (n + 1, s) at the stages of a step; None where a shorter one is needed.
 
     Newton's method from a motion that goes on as it is. Driven by current, the last row is given.
     """
-    drive, integrals = _drive(source, at.time_s + length * rule.points), length * rule.integrals
+    drive, integrals = source.wave(at.time_s + length * rule.points), length * rule.integrals
     rows = np.tile(np.append(at.v, at.current)[:, None], len(drive))
     if source.kind == "current":
         rows[-1] = drive
@@ -377,19 +364,12 @@ def _solved(
     return None
 
 
-def _drive(source: Source, at: np.ndarray) -> np.ndarray:
-    """The drive at the stages; at a break, where the last one may be, what it is just before."""
-    for end in source.breaks_s:
-        at = np.where(np.abs(at - end) <= 4e-16 * end, np.nextafter(end, -np.inf), at)
-    return np.asarray(source.wave(at), float)
-
-
 def _share(change: np.ndarray, size: np.ndarray) -> float:
-    """The largest of `change` (k,) over `size` (k,), 0 where there is no size."""
+    """Return the largest of `change` (k,) over `size` (k,), 0 where there is no size."""
     return float(np.divide(change, size, out=np.zeros(len(size)), where=size > 0).max())
 
 
 def _stored(system: CoupledSystem, at: _State, by_voltage: bool) -> float:
-    """Energy in J of springs, masses and, driven by voltage, of the field."""
+    """Return the energy in J of springs, masses and, driven by voltage, of the field."""
     mechanical = float((system.mass_kg * (at.v**2 + (system.angular * at.z) ** 2)).sum() / 2)
     return mechanical + (at.flux**2 / (2 * float(system.inductance(at.z[:, None])[0])) if by_voltage else 0.0)

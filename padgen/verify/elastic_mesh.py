@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.core.errors import SolverError, number
-from padgen.verify.engines import engine
+from padgen.verify.engines import ng, occ
 
 __all__ = [
     "CLAMPED",
@@ -63,7 +63,7 @@ def taxel_shape(step: Path, washer_volume_mm3: float, where: str = "") -> Any:
         The file cannot be read, does not hold two solids with volume, none of them is the washer,
         or the washer does not touch the printed part.
     """
-    occ, where = engine("netgen.occ"), where or str(step)
+    where = where or str(step)
     if not step.is_file():
         raise SolverError("there is no such STEP file", where)
     try:
@@ -81,12 +81,6 @@ def taxel_shape(step: Path, washer_volume_mm3: float, where: str = "") -> Any:
         )
     washer = int(np.argmin(misfit))
     solids[washer].name, solids[1 - washer].name = WASHER, PRINTED
-    return _glued(solids, where)
-
-
-def _glued(solids: list[Any], where: str) -> Any:
-    """Solids that touch by faces as one shape."""
-    occ = engine("netgen.occ")
     shape = occ.Glue(solids)
     if len(shape.solids) != len(solids):
         raise SolverError("its solids overlap: washer and printed part must touch by faces only", where)
@@ -146,18 +140,20 @@ def meshed(shape: Any, fineness: Fineness = USUAL, where: str = "taxel", layered
         layered = singular_edges(shape, coarse_mesh(shape, fineness, where))
     _mark(shape.edges, layered)
     for coarse, attempt in _coarse_meshes(shape, fineness, where):
-        mesh = engine("ngsolve").Mesh(coarse)
+        mesh = ng.Mesh(coarse)
         if not fineness.levels:
             return mesh
         volume = _volumes(mesh).sum()
         mesh.RefineHP(attempt.levels, attempt.factor)
-        if _is_sound(mesh, volume):
+        straight = _volumes(mesh)
+        mesh.Curve(2)
+        if bool(abs(straight.sum() / volume - 1) < LOST_VOLUME and min(straight.min(), _volumes(mesh).min()) > 0):
             return mesh
     raise SolverError("layers round its edges tear the mesh: a part is thinner than the mesh resolves", where)
 
 
 def _coarse_meshes(shape: Any, fineness: Fineness, where: str) -> Iterator[tuple[Any, Fineness]]:
-    """Netgen's meshes of `shape`, and how fine each is: as asked, then slightly other ones; at least one."""
+    """Yield Netgen's meshes of `shape`, and how fine each is: as asked, then slightly other ones; at least one."""
     failure: SolverError | None = None
     for face in shape.faces:
         # Long thin faces bend: no element longer than a share of a square of the same area.
@@ -165,7 +161,21 @@ def _coarse_meshes(shape: Any, fineness: Fineness, where: str) -> Iterator[tuple
     for factor, grading in ((1.0, 1.0), (0.8, 1.0), (1.0, 0.8), (0.7, 0.8), (0.8, 0.6)):
         attempt = fineness._replace(factor=factor * fineness.factor, grading=grading * fineness.grading)
         try:
-            mesh = _netgen(shape, attempt, where)
+            try:
+                # Netgen's own threads made meshing 10 times slower on a busy machine.
+                mesh = occ.OCCGeometry(shape).GenerateMesh(
+                    maxh=attempt.largest_mm,
+                    grading=attempt.grading,
+                    curvaturesafety=attempt.curvature,
+                    segmentsperedge=attempt.per_edge,
+                    parallel_meshing=False,
+                )
+            except Exception as error:
+                why = f"Netgen cannot mesh it ({_first_line(error)}): a part is thinner than it resolves"
+                raise SolverError(why, where) from error
+            if mesh.ne == 0:
+                raise SolverError("Netgen's mesh of it is empty: a part is thinner than it resolves", where)
+            mesh = mesh
         except SolverError as error:
             failure = failure or error
         else:
@@ -175,19 +185,12 @@ def _coarse_meshes(shape: Any, fineness: Fineness, where: str) -> Iterator[tuple
 
 
 def _volumes(mesh: Any) -> np.ndarray:
-    """Volumes in mm³ of the elements."""
-    return np.asarray(engine("ngsolve").Integrate(1.0, mesh, element_wise=True).NumPy())
-
-
-def _is_sound(mesh: Any, volume: float) -> bool:
-    """Whether no element has lost its volume, straight or curved (as `Curve` leaves it, at order 2)."""
-    straight = _volumes(mesh)
-    mesh.Curve(2)
-    return bool(abs(straight.sum() / volume - 1) < LOST_VOLUME and min(straight.min(), _volumes(mesh).min()) > 0)
+    """Return volumes in mm³ of the elements."""
+    return np.asarray(ng.Integrate(1.0, mesh, element_wise=True).NumPy())
 
 
 def coarse_mesh(shape: Any, fineness: Fineness = USUAL, where: str = "taxel") -> Any:
-    """Netgen mesh of `shape` without layers; names the edges of the shape ``edge0``, ``edge1``, …"""
+    """Mesh `shape` by Netgen without layers; name the edges of the shape ``edge0``, ``edge1``, …"""
     for place, edge in enumerate(shape.edges):
         edge.name = f"edge{place}"
     _mark(shape.edges, set())
@@ -196,7 +199,7 @@ def coarse_mesh(shape: Any, fineness: Fineness = USUAL, where: str = "taxel") ->
 
 
 def singular_edges(shape: Any, mesh: Any) -> set[str]:
-    """Names of the edges where stress is singular: re-entrant ones and those of clamped faces."""
+    """Return names of the edges where stress is singular: re-entrant ones and those of clamped faces."""
     clamped = {edge.name for face in shape.faces if face.name == CLAMPED for edge in face.edges}
     return clamped | {name for name, angle in edge_angles(mesh).items() if angle > REENTRANT_DEG}
 
@@ -206,31 +209,12 @@ def _mark(edges: Iterable[Any], singular: set[str]) -> None:
         edge.hpref = 1.0 if edge.name in singular else 0.0
 
 
-def _netgen(shape: Any, fineness: Fineness, where: str) -> Any:
-    occ = engine("netgen.occ")
-    try:
-        # Netgen's own threads made meshing 10 times slower on a busy machine.
-        mesh = occ.OCCGeometry(shape).GenerateMesh(
-            maxh=fineness.largest_mm,
-            grading=fineness.grading,
-            curvaturesafety=fineness.curvature,
-            segmentsperedge=fineness.per_edge,
-            parallel_meshing=False,
-        )
-    except Exception as error:
-        why = f"Netgen cannot mesh it ({_first_line(error)}): a part is thinner than it resolves"
-        raise SolverError(why, where) from error
-    if mesh.ne == 0:
-        raise SolverError("Netgen's mesh of it is empty: a part is thinner than it resolves", where)
-    return mesh
-
-
 def _first_line(error: Exception) -> str:
     return (str(error).strip().splitlines() or [type(error).__name__])[0]
 
 
 def edge_angles(mesh: Any) -> dict[str, float]:
-    """Angle in degrees that the material fills at each named edge, over 180 where it is re-entrant.
+    """Return the angle in degrees that the material fills at each named edge, over 180 where it is re-entrant.
 
     Measured on the triangles of the outer surface of a Netgen surface mesh; inner edges of a glued
     shape, where no outer surface meets, are left out.
@@ -253,13 +237,9 @@ def edge_angles(mesh: Any) -> dict[str, float]:
         pair = neighbours.get(ends, [])
         if len(pair) == 2:
             name = mesh.GetCD2Name(int(segment["index"]) - 1)
-            angles[name] = max(angles.get(name, 0.0), _filled(pair, ends, points, corner, normal))
+            one, other = normal[pair[0]], normal[pair[1]]
+            (apex,) = set(corner[pair[1]].tolist()) - ends
+            above = one @ (points[apex] - points[next(iter(ends))])
+            turn = np.degrees(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other))
+            angles[name] = max(angles.get(name, 0.0), float(180 + turn if above > 0 else 180 - turn))
     return angles
-
-
-def _filled(pair: list[int], ends: frozenset[int], points: np.ndarray, corner: np.ndarray, normal: np.ndarray) -> float:
-    one, other = normal[pair[0]], normal[pair[1]]
-    (apex,) = set(corner[pair[1]].tolist()) - ends
-    above = one @ (points[apex] - points[next(iter(ends))])
-    turn = np.degrees(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other))
-    return float(180 + turn if above > 0 else 180 - turn)

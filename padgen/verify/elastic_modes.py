@@ -1,4 +1,4 @@
-"""Assembly and eigenvalues of 3-D elasticity on an NGSolve mesh in mm; matrices in N/m and kg.
+"""Elastic materials; assembly and eigenvalues of 3-D elasticity on an NGSolve mesh in mm, matrices in N/m and kg.
 
 A frame, a plate and a washer hardly bend. The error of a frequency is at most the energy of the parts that are solved
 crudely, so edges are refined by their share of it in every mode asked for (`edge_energy_shares`).
@@ -9,16 +9,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import SolverError
-from padgen.verify.elastic_material import Elastic, stiffness_pa
+from padgen.core.errors import SolverError, number
 from padgen.verify.elastic_mesh import CLAMPED
-from padgen.verify.engines import engine
+from padgen.verify.engines import ng, sparse
 
 __all__ = [
     "LEAN",
     "RESIDUAL_LIMIT",
     "Eigen",
+    "Elastic",
     "Factored",
+    "Orthotropy",
     "System",
     "accurate",
     "assembled",
@@ -27,8 +28,70 @@ __all__ = [
     "energy",
     "energy_shares",
     "factored",
+    "layered",
     "rigid_loads",
+    "stiffness_pa",
 ]
+
+
+class Orthotropy(NamedTuple):
+    """Constants along x, y and z, as layered prints have: moduli (Ex, Ey, Ez) and shear moduli
+    (Gyz, Gzx, Gxy) in Pa, and Poisson ratios (ν_yz, ν_zx, ν_xy), ν_ij = −ε_j/ε_i under σ_i."""
+
+    modulus_pa: tuple[float, float, float]
+    shear_pa: tuple[float, float, float]
+    poisson: tuple[float, float, float]
+
+
+class Elastic(NamedTuple):
+    """A linear elastic material. With `axes` given, they replace `modulus_pa` and `poisson`."""
+
+    modulus_pa: float
+    poisson: float
+    density_kg_per_m3: float
+    axes: Orthotropy | None = None
+
+
+def layered(material: Elastic, ratio: float) -> Elastic:
+    """Return `material` printed in layers across z, where its modulus and shear moduli are `ratio` of those along."""
+    if ratio == 1:
+        return material
+    e, nu = material.modulus_pa, material.poisson
+    shear = e / 2 / (1 + nu)
+    # Pulled along a layer it narrows as before; ν_zx E_x = ν_xz E_z.
+    axes = Orthotropy((e, e, ratio * e), (ratio * shear, ratio * shear, shear), (nu, ratio * nu, nu))
+    return material._replace(axes=axes)
+
+
+def stiffness_pa(material: Elastic) -> np.ndarray:
+    """Return the stiffness (6, 6) in Pa for engineering strains in the order xx, yy, zz, yz, zx, xy (Voigt).
+
+    Raises
+    ------
+    SolverError
+        The constants belong to no stable material: strain energy or density would be negative.
+    """
+    e, nu = material.modulus_pa, material.poisson
+    if material.density_kg_per_m3 <= 0:
+        raise SolverError(f"density must be above 0, got {number(material.density_kg_per_m3)} kg/m³")
+    if material.axes is None:
+        if e <= 0 or not -1 < nu < 0.5:
+            raise SolverError(f"needs E > 0 and -1 < ν < 0.5, got {number(e)} Pa and {number(nu)}, e.g. 0.36")
+        axes = Orthotropy((e,) * 3, (e / 2 / (1 + nu),) * 3, (nu,) * 3)
+    else:
+        axes = material.axes
+    ex, ey, ez = axes.modulus_pa
+    yz, zx, xy = axes.poisson
+    if min(*axes.modulus_pa, *axes.shear_pa) <= 0:
+        raise SolverError(f"moduli must be above 0, got {axes.modulus_pa} and {axes.shear_pa} Pa")
+    compliance = np.diag([1 / ex, 1 / ey, 1 / ez, *(1 / g for g in axes.shear_pa)])
+    for i, j, coupling in ((0, 1, xy / ex), (1, 2, yz / ey), (0, 2, zx / ez)):
+        compliance[i, j] = compliance[j, i] = -coupling
+    if np.linalg.eigvalsh(compliance / np.abs(compliance).max())[0] <= 0:
+        raise SolverError("Poisson ratios too large for the moduli: strain energy must be positive in every direction")
+    stiffness = np.linalg.inv(compliance)
+    return np.asarray((stiffness + stiffness.T) / 2)
+
 
 RESIDUAL_LIMIT = 1e-4
 """The eigenvalue is off by its square."""
@@ -58,25 +121,23 @@ class System(NamedTuple):
     blocks: bool = True
 
     def stiffness_times(self, vectors: np.ndarray) -> np.ndarray:
-        """K v of (n,) or (n, k), in N."""
+        """Return K v of (n,) or (n, k), in N."""
         into, out = self.stiffness.CreateColVector(), self.stiffness.CreateColVector()
         columns = [_applied(self.stiffness, into, out, column) for column in np.atleast_2d(vectors.T)]
         return np.array(columns).T if vectors.ndim == 2 else columns[0]
 
     def mass_times(self, vectors: np.ndarray) -> np.ndarray:
-        """M v of (n,) or (n, k)."""
+        """Return M v of (n,) or (n, k)."""
         nodes = self.mass.shape[0]
         if self.blocks:
             return np.asarray(self.mass @ vectors.reshape(nodes, -1)).reshape(vectors.shape)
         return np.concatenate([self.mass @ part for part in vectors.reshape(3, nodes, *vectors.shape[1:])])
 
-    def stiffness_blocks(self) -> Any:
-        """The stiffness as scipy matrix (n, n), BSR where the unknowns come in blocks."""
-        sparse = engine("scipy.sparse")
+    def diagonal(self) -> np.ndarray:
+        """Return the diagonal (n,) of the stiffness."""
         values, columns, starts = (np.asarray(part) for part in self.stiffness.CSR())
-        if self.blocks:
-            return sparse.bsr_matrix((values.reshape(-1, 3, 3), columns, starts))
-        return sparse.csr_matrix((values, columns, starts))
+        kind, values = ("bsr_matrix", values.reshape(-1, 3, 3)) if self.blocks else ("csr_matrix", values)
+        return np.asarray(getattr(sparse, kind)((values, columns, starts)).diagonal())
 
 
 class Eigen(NamedTuple):
@@ -106,69 +167,65 @@ def assembled(
     The mesh is curved to the lowest order: elements curved more than their order cannot turn without
     strain (f₁ came out four times too high).
     """
-    ngs = engine("ngsolve")
     mesh.Curve(order if rich is None else LEAN)
-    scalar = ngs.H1(mesh, order=order)
+    scalar = ng.H1(mesh, order=order)
     if blocks and flat is None:
-        space = ngs.H1(mesh, order=order, dim=3, dirichlet=clamped)
+        space = ng.H1(mesh, order=order, dim=3, dirichlet=clamped)
         if rich is not None:
             for varied in (scalar, space):
                 _thin(varied, mesh, order, rich)
     else:
         blocks, slides = False, {"dirichletz": f"{clamped}|{flat}"} if flat else {}
-        space = ngs.VectorH1(mesh, order=order, dirichlet=clamped, **slides)
+        space = ng.VectorH1(mesh, order=order, dirichlet=clamped, **slides)
     (u, v), (a, b) = space.TnT(), scalar.TnT()
-    stiffness, mass = ngs.BilinearForm(space, symmetric=True), ngs.BilinearForm(scalar, symmetric=True)
+    stiffness, mass = ng.BilinearForm(space, symmetric=True), ng.BilinearForm(scalar, symmetric=True)
     for name, material in materials.items():
-        where = ngs.dx(definedon=mesh.Materials(name))
+        where = ng.dx(definedon=mesh.Materials(name))
         stiffness += energy(material, u, v) * where
-        whole = volume_mm3[name] / ngs.Integrate(1.0, mesh.Materials(name)) if volume_mm3 else 1.0
+        whole = volume_mm3[name] / ng.Integrate(1.0, mesh.Materials(name)) if volume_mm3 else 1.0
         mass += MM**3 * whole * material.density_kg_per_m3 * a * b * where
     stiffness.Assemble()
     mass.Assemble()
     values, columns, starts = (np.array(part) for part in mass.mat.CSR())
     free = np.array(list(space.FreeDofs()), bool)
-    lumps = engine("scipy.sparse").csr_matrix((values, columns, starts))
+    lumps = sparse.csr_matrix((values, columns, starts))
     return System(space, stiffness.mat, lumps, np.repeat(free, 3) if blocks else free, blocks)
 
 
 def _thin(space: Any, mesh: Any, order: int, rich: np.ndarray) -> None:
     """Lower a space of `order` to `LEAN` at edges, faces and insides that belong to no element of `rich`."""
-    ngs = engine("ngsolve")
-    counts = {ngs.EDGE: mesh.nedge, ngs.FACE: mesh.nface, ngs.CELL: mesh.ne}
+    counts = {ng.EDGE: mesh.nedge, ng.FACE: mesh.nface, ng.CELL: mesh.ne}
     # The edges and faces that layers have split are numbered still; at order 1 they have no unknowns.
     orders = {kind: np.ones(count, int) for kind, count in counts.items()}
     for place in [*np.flatnonzero(~rich), *np.flatnonzero(rich)]:
-        element = mesh[ngs.ElementId(ngs.VOL, int(place))]
+        element = mesh[ng.ElementId(ng.VOL, int(place))]
         own = order if rich[place] else LEAN
-        orders[ngs.EDGE][[edge.nr for edge in element.edges]] = own
-        orders[ngs.FACE][[face.nr for face in element.faces]] = own
-        orders[ngs.CELL][place] = own
+        orders[ng.EDGE][[edge.nr for edge in element.edges]] = own
+        orders[ng.FACE][[face.nr for face in element.faces]] = own
+        orders[ng.CELL][place] = own
     for kind, wanted in orders.items():
         for place in np.flatnonzero(wanted != order):
-            space.SetOrder(ngs.NodeId(kind, int(place)), int(wanted[place]))
+            space.SetOrder(ng.NodeId(kind, int(place)), int(wanted[place]))
     space.UpdateDofTables()
     space.FinalizeUpdate()
 
 
 def energy(material: Elastic, u: Any, v: Any) -> Any:
-    """Integrand in mm of the stiffness: displacements in m, coordinates in mm."""
-    ngs = engine("ngsolve")
+    """Return the integrand in mm of the stiffness: displacements in m, coordinates in mm."""
     stiffness = stiffness_pa(material)
     # du/dx has 1/mm, the volume mm³: Pa · 1e6/m² · 1e-9 m³.
     if material.axes is None:
         shear, lame = MM * stiffness[5, 5], MM * stiffness[0, 1]
-        du, dv = ngs.Grad(u), ngs.Grad(v)
-        return 2 * shear * ngs.InnerProduct(ngs.Sym(du), ngs.Sym(dv)) + lame * ngs.Trace(du) * ngs.Trace(dv)
-    voigt = ngs.CoefficientFunction(tuple((MM * stiffness).ravel().tolist()), dims=(6, 6))
-    return ngs.InnerProduct(voigt * _strain(u), _strain(v))
+        du, dv = ng.Grad(u), ng.Grad(v)
+        return 2 * shear * ng.InnerProduct(ng.Sym(du), ng.Sym(dv)) + lame * ng.Trace(du) * ng.Trace(dv)
+    voigt = ng.CoefficientFunction(tuple((MM * stiffness).ravel().tolist()), dims=(6, 6))
+    return ng.InnerProduct(voigt * _strain(u), _strain(v))
 
 
 def _strain(u: Any) -> Any:
-    """Engineering strain in Voigt's order."""
-    ngs = engine("ngsolve")
-    g = ngs.Grad(u)
-    return ngs.CoefficientFunction((g[0, 0], g[1, 1], g[2, 2], g[1, 2] + g[2, 1], g[0, 2] + g[2, 0], g[0, 1] + g[1, 0]))
+    """Return the engineering strain in Voigt's order."""
+    g = ng.Grad(u)
+    return ng.CoefficientFunction((g[0, 0], g[1, 1], g[2, 2], g[1, 2] + g[2, 1], g[0, 2] + g[2, 0], g[0, 1] + g[1, 0]))
 
 
 class Factored(NamedTuple):
@@ -183,7 +240,7 @@ class Factored(NamedTuple):
 
 
 def factored(system: System) -> Factored:
-    """Cholesky factors of the stiffness.
+    """Factor the stiffness by Cholesky.
 
     Raises
     ------
@@ -198,7 +255,7 @@ def factored(system: System) -> Factored:
 
 
 def accurate(system: System, solve: Factored, loads: np.ndarray, answers: np.ndarray) -> bool:
-    """Whether `answers` (n, k) to `loads` (n, k) hold: for the softest, the energy of its correction.
+    """Tell whether `answers` (n, k) to `loads` (n, k) hold: for the softest, by the energy of its correction.
 
     The inverses of 3 × 3 pivots in NGSolve's Cholesky lose soft directions when the stiffnesses of a
     solid lie more than about 1e8 apart, without a word.
@@ -216,7 +273,7 @@ def _applied(matrix: Any, into: Any, out: Any, vector: np.ndarray) -> np.ndarray
 
 
 def eigenmodes(system: System, solve: Factored, modes: int, start: np.ndarray | None = None) -> Eigen:
-    """The lowest `modes` of ``K x = (2πf)² M x`` by block Lanczos on K⁻¹ M from `start` (n, b).
+    """Return the lowest `modes` of ``K x = (2πf)² M x`` by block Lanczos on K⁻¹ M from `start` (n, b).
 
     Static answers to loads on the washer are a good start: two blocks more do. Each block is
     orthogonal to all before; Rayleigh–Ritz on all of them, until no λ moves by `SETTLED`.
@@ -229,45 +286,34 @@ def eigenmodes(system: System, solve: Factored, modes: int, start: np.ndarray | 
     unknowns = int(system.free.sum())
     if modes >= unknowns:
         raise SolverError(f"has {unknowns} unknowns, too few for {modes} modes", "elasticity")
-    block = _scattered(system, solve, modes + SPARE) if start is None else start
+    block = start
+    if block is None:  # answers to inertia of irregular motions, always the same: no mode is orthogonal to them
+        wave = np.cos(np.outer(np.arange(system.free.size), np.sqrt(np.arange(2, 2 + modes + SPARE))))
+        block = np.array([solve(load) for load in system.mass_times(wave).T]).T
     basis = stiff = np.zeros((system.free.size, 0))
     values = np.full(modes, np.inf)
     for _ in range(BLOCKS):
-        new = _orthogonal(system, basis, block)
-        basis, stiff = np.hstack((basis, new)), np.hstack((stiff, system.stiffness_times(new)))
+        for _ in range(2):  # M-orthonormal to the basis and in itself; twice, as rounding asks for
+            block = block - basis @ (basis.T @ system.mass_times(block))
+            size, turn = np.linalg.eigh(block.T @ system.mass_times(block))
+            kept = size > size[-1] * np.finfo(float).eps * len(size)
+            block = block @ (turn[:, kept] / np.sqrt(size[kept]))
+        basis, stiff = np.hstack((basis, block)), np.hstack((stiff, system.stiffness_times(block)))
         square, part = np.linalg.eigh(basis[system.free].T @ stiff[system.free])
         if len(square) >= modes:
             moved, values = np.abs(values / square[:modes] - 1).max(), square[:modes]
             if moved < SETTLED:
-                return _checked(system, basis @ part[:, :modes], stiff @ part[:, :modes], values)
-        block = np.array([solve(load) for load in system.mass_times(new).T]).T
+                shape = basis @ part[:, :modes]
+                # |D^-½ (K x − λ M x)| / |x|_K, D the diagonal of K
+                left = (stiff @ part[:, :modes] - system.mass_times(shape) * values)[system.free]
+                bent = (left**2 / system.diagonal()[system.free, None]).sum(0)
+                residual = float(np.sqrt(bent / values).max()) if values[0] > 0 else np.inf
+                if not residual < RESIDUAL_LIMIT:
+                    why = f"a mode leaves a residual of {residual:.1e}, must be below {RESIDUAL_LIMIT}"
+                    raise SolverError(why, "elasticity")
+                return Eigen(np.sqrt(values) / (2 * np.pi), shape, residual)
+        block = np.array([solve(load) for load in system.mass_times(block).T]).T
     raise SolverError(f"the eigenvalue solver did not converge within {BLOCKS} blocks", "elasticity")
-
-
-def _scattered(system: System, solve: Factored, width: int) -> np.ndarray:
-    """A block that no mode is orthogonal to: answers to inertia of irregular motions, always the same."""
-    wave = np.cos(np.outer(np.arange(system.free.size), np.sqrt(np.arange(2, 2 + width))))
-    return np.array([solve(load) for load in system.mass_times(wave).T]).T
-
-
-def _orthogonal(system: System, basis: np.ndarray, block: np.ndarray) -> np.ndarray:
-    """`block` made M-orthonormal to `basis` and in itself; twice, as rounding asks for."""
-    for _ in range(2):
-        block = block - basis @ (basis.T @ system.mass_times(block))
-        size, turn = np.linalg.eigh(block.T @ system.mass_times(block))
-        kept = size > size[-1] * np.finfo(float).eps * len(size)
-        block = block @ (turn[:, kept] / np.sqrt(size[kept]))
-    return block
-
-
-def _checked(system: System, shape: np.ndarray, stiff: np.ndarray, square: np.ndarray) -> Eigen:
-    """Modes with their residuals ``|D^-½ (K x − λ M x)| / |x|_K``, D the diagonal of K; `stiff` is K x."""
-    left = (stiff - system.mass_times(shape) * square)[system.free]
-    diagonal = system.stiffness_blocks().diagonal()[system.free]
-    residual = np.sqrt((left**2 / diagonal[:, None]).sum(0) / square).max() if square[0] > 0 else np.inf
-    if not residual < RESIDUAL_LIMIT:
-        raise SolverError(f"a mode leaves a residual of {residual:.1e}, must be below {RESIDUAL_LIMIT}", "elasticity")
-    return Eigen(np.sqrt(square) / (2 * np.pi), shape, float(residual))
 
 
 def rigid_loads(
@@ -279,39 +325,37 @@ def rigid_loads(
     Their transpose takes a displacement to the solid's mean motion as a body, in m and rad: the
     mass-weighted least-squares fit.
     """
-    ngs = engine("ngsolve")
-    mesh, where = system.space.mesh, ngs.dx(definedon=system.space.mesh.Materials(solid))
-    x, y, z = MM * (ngs.x - x_mm), MM * (ngs.y - y_mm), MM * (ngs.z - z_mm)
+    mesh, where = system.space.mesh, ng.dx(definedon=system.space.mesh.Materials(solid))
+    x, y, z = MM * (ng.x - x_mm), MM * (ng.y - y_mm), MM * (ng.z - z_mm)
     turns = [(0, -z, y), (z, 0, -x), (-y, x, 0)]
-    fields = [ngs.CoefficientFunction(f) for f in [(1, 0, 0), (0, 1, 0), (0, 0, 1), *turns]]
+    fields = [ng.CoefficientFunction(f) for f in [(1, 0, 0), (0, 1, 0), (0, 0, 1), *turns]]
     weight = MM**3 * density_kg_per_m3
     v = system.space.TestFunction()
     loads = []
     for field in fields:
-        form = ngs.LinearForm(system.space)
-        form += weight * ngs.InnerProduct(field, v) * where
+        form = ng.LinearForm(system.space)
+        form += weight * ng.InnerProduct(field, v) * where
         form.Assemble()
         loads.append(np.array(form.vec.FV().NumPy()))
-    gram = [[ngs.Integrate(weight * ngs.InnerProduct(a, b) * where, mesh) for a in fields] for b in fields]
+    gram = [[ng.Integrate(weight * ng.InnerProduct(a, b) * where, mesh) for a in fields] for b in fields]
     return np.asarray(np.linalg.solve(np.array(gram), np.array(loads)).T)
 
 
 def energy_shares(system: System, materials: Mapping[str, Elastic], eigen: Eigen) -> np.ndarray:
-    """Share (elements, k) of each element in the strain energy of each mode; columns sum to 1."""
-    ngs = engine("ngsolve")
+    """Return the share (elements, k) of each element in the strain energy of each mode; columns sum to 1."""
     mesh = system.space.mesh
-    field = ngs.GridFunction(system.space)
+    field = ng.GridFunction(system.space)
     density = mesh.MaterialCF({name: energy(material, field, field) for name, material in materials.items()})
     shares = []
     for shape in eigen.shape.T:
         field.vec.FV().NumPy()[:] = shape
-        held = np.array(ngs.Integrate(density, mesh, element_wise=True).NumPy())
+        held = np.array(ng.Integrate(density, mesh, element_wise=True).NumPy())
         shares.append(held / held.sum())
     return np.array(shares).T
 
 
 def edge_energy_shares(netgen_mesh: Any, shares: np.ndarray) -> dict[str, float]:
-    """Largest share over the modes of the tetrahedra along each named edge of the solid."""
+    """Return the largest share over the modes of the tetrahedra along each named edge of the solid."""
     nodes = netgen_mesh.Elements3D().NumPy()["nodes"][:, :4].astype(np.int64)
     segments = netgen_mesh.Elements1D().NumPy()
     ends = np.sort(segments["nodes"][:, :2].astype(np.int64), axis=1)

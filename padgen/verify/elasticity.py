@@ -4,7 +4,6 @@ NGSolve must not be imported into a process that has loaded build123d: call thes
 process of their own (they can be pickled).
 """
 
-import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,7 +11,6 @@ import numpy as np
 
 from padgen.core.errors import SolverError, number
 from padgen.physics.taxel_modes import TaxelModes
-from padgen.verify.elastic_material import Elastic, Orthotropy, layered
 from padgen.verify.elastic_mesh import (
     PRINTED,
     WASHER,
@@ -26,6 +24,8 @@ from padgen.verify.elastic_mesh import (
 from padgen.verify.elastic_modes import (
     LEAN,
     Eigen,
+    Elastic,
+    Orthotropy,
     System,
     accurate,
     assembled,
@@ -33,9 +33,10 @@ from padgen.verify.elastic_modes import (
     eigenmodes,
     energy_shares,
     factored,
+    layered,
     rigid_loads,
 )
-from padgen.verify.engines import engine
+from padgen.verify.engines import ng
 
 __all__ = ["SETTINGS", "Elastic", "Orthotropy", "SolidModes", "SolidTaxel", "converged_modes", "layered", "solve_modes"]
 
@@ -91,7 +92,7 @@ class SolidTaxel(NamedTuple):
 
 class SolidModes(NamedTuple):
     """Modes by elements of `order` on `elements` with `unknowns`; `residual` of the worst mode;
-    `seconds` of processor time by stage; `error` (k,) estimated relative error of each frequency,
+    `error` (k,) estimated relative error of each frequency,
     nan where there is no second order to compare with; `setting` that of `SETTINGS` which was solved last."""
 
     modes: TaxelModes
@@ -101,7 +102,6 @@ class SolidModes(NamedTuple):
     elements: int
     residual: float
     error: np.ndarray
-    seconds: dict[str, float]
     setting: int = 0
 
     @property
@@ -117,11 +117,6 @@ class _Draft(NamedTuple):
     shape: Any
     layered: set[str]
 
-    @property
-    def volume_mm3(self) -> dict[str, float]:
-        """Volumes by name of solid."""
-        return {solid.name: solid.mass for solid in self.shape.solids}
-
 
 class _Answer(NamedTuple):
     """`loads` (n, 6) on the washer, the static `answers` (n, 6) to them, and the modes."""
@@ -132,21 +127,8 @@ class _Answer(NamedTuple):
     eigen: Eigen
 
 
-class _Clock:
-    """Processor time by stage."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-        self.last = time.process_time()
-
-    def stop(self, stage: str) -> None:
-        now = time.process_time()
-        self.seconds[stage] = self.seconds.get(stage, 0.0) + now - self.last
-        self.last = now
-
-
 def solve_modes(taxel: SolidTaxel, order: int = 3, levels: int = 2, modes: int = 6) -> SolidModes:
-    """The lowest modes of `taxel` by elements of `order` with `levels` of layers round singular edges.
+    """Return the lowest modes of `taxel` by elements of `order` with `levels` of layers round singular edges.
 
     All frequencies come out too high. `rest` of the result makes the static compliance exact.
 
@@ -157,14 +139,13 @@ def solve_modes(taxel: SolidTaxel, order: int = 3, levels: int = 2, modes: int =
     """
     if order < 2 or levels < 0 or modes < 1:
         raise SolverError(f"needs order ≥ 2, levels ≥ 0 and modes ≥ 1, got {order}, {levels} and {modes}", "elasticity")
-    clock = _Clock()
-    draft = _drafted(taxel, clock)
+    draft = _drafted(taxel)
     setting = Setting(order, levels)
-    return _result(_answered(draft, _layered(draft, setting, clock), order, modes, clock), setting, clock)
+    return _result(_answered(draft, _layered(draft, setting), order, modes), setting)
 
 
 def converged_modes(taxel: SolidTaxel, tolerance: float = 1e-3, modes: int = 6, first: int = 0) -> SolidModes:
-    """Modes with the estimated error of the working mode below `tolerance`, by the cheapest setting that does.
+    """Return modes with the estimated error of the working mode below `tolerance`, by the cheapest setting that does.
 
     Where no setting does, the modes of the one that comes nearest: compare their `error`. Settings before the one of
     place `first` in `SETTINGS` are not tried.
@@ -180,19 +161,19 @@ def converged_modes(taxel: SolidTaxel, tolerance: float = 1e-3, modes: int = 6, 
     """
     if not 0 < tolerance < 1:
         raise SolverError(f"must lie between 0 and 1, got {number(tolerance)}, e.g. 0.001", "tolerance")
-    clock, known, before = _Clock(), None, None
-    draft = _drafted(taxel, clock)
+    known, before = None, None
+    draft = _drafted(taxel)
     for place, setting in enumerate(SETTINGS[first:], first):
         try:
             if before != setting[1:]:
-                mesh, before = _layered(draft, setting, clock), setting[1:]
-                lean = _answered(draft, mesh, LEAN, modes, clock)
-                found = _result(lean, setting._replace(order=LEAN), clock)
+                mesh, before = _layered(draft, setting), setting[1:]
+                lean = _answered(draft, mesh, LEAN, modes)
+                found = _result(lean, setting._replace(order=LEAN))
                 shares = energy_shares(lean.system, taxel.materials, lean.eigen)
                 rich = _rich(mesh, shares, found.modes.working)
             for order in range(found.order + 1, setting.order + 1):
                 coarser = found
-                found = _result(_answered(draft, mesh, order, modes, clock, rich), setting._replace(order=order), clock)
+                found = _result(_answered(draft, mesh, order, modes, rich), setting._replace(order=order))
         except SolverError:
             if known is None:
                 raise
@@ -222,7 +203,7 @@ def _rich(mesh: Any, shares: np.ndarray, working: int) -> np.ndarray:
 
 
 def _extrapolated(coarser: SolidModes, found: SolidModes) -> SolidModes:
-    """`found` with what higher orders than its own would still add, judged by the step from `coarser`."""
+    """Add to `found` what higher orders than its own would still add, judged by the step from `coarser`."""
     working, other = found.modes.working, coarser.modes.working
     change = coarser.modes.frequency_hz / found.modes.frequency_hz - 1
     change[working] = coarser.modes.frequency_hz[other] / found.modes.frequency_hz[working] - 1
@@ -232,52 +213,43 @@ def _extrapolated(coarser: SolidModes, found: SolidModes) -> SolidModes:
     return found._replace(modes=modes, error=error)
 
 
-def _drafted(taxel: SolidTaxel, clock: _Clock) -> _Draft:
-    engine("ngsolve").SetNumThreads(1)
+def _drafted(taxel: SolidTaxel) -> _Draft:
+    ng.SetNumThreads(1)
     shape = clamped_shape(taxel_shape(taxel.step, taxel.washer_volume_mm3, taxel.where), taxel.clamp)
-    clock.stop("read")
     mesh = coarse_mesh(shape, where=taxel.where)
     singular = singular_edges(shape, mesh)
-    clock.stop("mesh")
     draft = _Draft(taxel, shape, set())
-    answer = _answered(draft, engine("ngsolve").Mesh(mesh), LEAN, 6, clock)
+    answer = _answered(draft, ng.Mesh(mesh), LEAN, 6)
     shares = edge_energy_shares(mesh, energy_shares(answer.system, taxel.materials, answer.eigen))
     worst = max((shares.get(edge, 0.0) for edge in singular), default=0.0)
-    clock.stop("modes")
     return draft._replace(layered={edge for edge in singular if shares.get(edge, 0.0) > EDGE_RATIO * worst})
 
 
-def _layered(draft: _Draft, setting: Setting, clock: _Clock) -> Any:
+def _layered(draft: _Draft, setting: Setting) -> Any:
     fineness = Fineness(levels=setting.levels, per_face=setting.per_face)
-    mesh = meshed(draft.shape, fineness, draft.taxel.where, draft.layered)
-    clock.stop("mesh")
-    return mesh
+    return meshed(draft.shape, fineness, draft.taxel.where, draft.layered)
 
 
-def _answered(
-    draft: _Draft, mesh: Any, order: int, modes: int, clock: _Clock, rich: np.ndarray | None = None
-) -> _Answer:
-    """Statics and modes, in blocks where rounding allows; elsewhere every element is `rich`."""
+def _answered(draft: _Draft, mesh: Any, order: int, modes: int, rich: np.ndarray | None = None) -> _Answer:
+    """Solve statics and modes, in blocks where rounding allows; elsewhere every element is `rich`."""
     taxel = draft.taxel
     density = taxel.materials[WASHER].density_kg_per_m3
+    volumes = {solid.name: solid.mass for solid in draft.shape.solids}
     for blocks in (True, False):
         of_order = rich if blocks else None
-        system = assembled(mesh, taxel.materials, order, blocks=blocks, rich=of_order, volume_mm3=draft.volume_mm3)
+        system = assembled(mesh, taxel.materials, order, blocks=blocks, rich=of_order, volume_mm3=volumes)
         loads = rigid_loads(system, WASHER, density, taxel.washer_x_mm)
-        clock.stop("assemble")
         solve = factored(system)
-        clock.stop("factor")
         answers = np.array([solve(load) for load in loads.T]).T
         if accurate(system, solve, loads, answers):
             break
     else:
         raise SolverError("stiff and soft parts lie too far apart for double precision", taxel.where)
     eigen = eigenmodes(system, solve, modes, answers)
-    clock.stop("modes")
     return _Answer(system, loads, answers, eigen)
 
 
-def _result(answer: _Answer, setting: Setting, clock: _Clock) -> SolidModes:
+def _result(answer: _Answer, setting: Setting) -> SolidModes:
     system, loads, answers, eigen = answer
     motion = eigen.shape.T @ loads
     modal = motion.T @ (motion / (2 * np.pi * eigen.frequency_hz[:, None]) ** 2)
@@ -289,5 +261,4 @@ def _result(answer: _Answer, setting: Setting, clock: _Clock) -> SolidModes:
         system.space.mesh.ne,
         eigen.residual,
         np.full(len(eigen.frequency_hz), np.nan),
-        dict(clock.seconds),
     )

@@ -5,7 +5,7 @@ from typing import Any
 
 from padgen.core.errors import EngineMissingError
 
-__all__ = ["engine", "require"]
+__all__ = ["engine", "mpmath", "ng", "occ", "require", "sparse"]
 
 EXTRA = "study"
 
@@ -17,7 +17,7 @@ def require(name: str) -> None:
 
 
 def engine(name: str) -> Any:
-    """The optional package `name`.
+    """Import the optional package `name`.
 
     Raises
     ------
@@ -33,3 +33,16 @@ def engine(name: str) -> Any:
 def _missing(name: str, why: str) -> EngineMissingError:
     package = name.partition(".")[0]
     return EngineMissingError(f"needs the package {package} ({why}); pip install 'padgen[{EXTRA}]' brings it", "model")
+
+
+class Engine:
+    """An optional package that is imported when one of its names is first asked for; raises as `engine` does."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(engine(self._name), name)
+
+
+ng, occ, mpmath, sparse = (Engine(name) for name in ("ngsolve", "netgen.occ", "mpmath", "scipy.sparse"))

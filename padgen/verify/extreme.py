@@ -1,16 +1,59 @@
-"""Stiff and extreme cases: what each model says, what is true, and whether it knew."""
+"""Stiff and extreme cases of beams, solids and forces: what each model says, what is true, and whether it knew.
 
-from collections.abc import Callable
+Structure: foils and blocks, ribbons and blades, feathers and anvils at the tip: the frame of Timoshenko elements
+against the roots of the frequency equation in forty digits, and the beam model of taxels against 3-D elasticity of
+their printed solids. Solid: slivers, foils, moduli over nine decades, nearly incompressible: a block on a beam, a
+steel ring glued below it, the beam's root held, written as STEP and solved as a plan's taxels are; the references are
+finer elements, or the same with all moduli scaled. Force: the plan's pull, fields near and far, saturated, of any
+permeability; pull-in.
+"""
+
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import partial
+from math import pi, sqrt
+from pathlib import Path
+from random import Random
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
 
 import numpy as np
 
-__all__ = ["Answer", "ExtremeCase"]
+from padgen.core.errors import SolverError, number
+from padgen.physics.frame import AttachedBody, Frame, checked_frame_modes, divided
+from padgen.physics.frame_element import Element, rectangle
+from padgen.physics.magnetics import CoilSource, SteelRing, balanced_deflection, pull_in_deflection, solenoid
+from padgen.physics.pull_table import solved_pulls
+from padgen.physics.rigid_body import RigidBody
+from padgen.physics.saturation import MILD_STEEL
+from padgen.planner.suspensions import BeamShape
+from padgen.planner.taxel_model import TaxelModel, plate_shape
+from padgen.spec import catalogue, make_spec
+from padgen.verify.elastic_modes import Elastic
+from padgen.verify.elasticity import SolidTaxel, converged_modes, solve_modes
+from padgen.verify.engines import mpmath, occ
+from padgen.verify.field_axisymmetric import axisymmetric_force
+from padgen.verify.field_solid import Pull, solid_pull
+
+__all__ = [
+    "Answer",
+    "BlockTaxel",
+    "Cantilever",
+    "ExtremeCase",
+    "beam_answer",
+    "exact_frequencies",
+    "force_cases",
+    "frame_answer",
+    "planned_pull",
+    "random_pull",
+    "solid_answer",
+    "solid_cases",
+    "structure_cases",
+]
 
 
 class Answer(NamedTuple):
-    """What a model says: `values` of any shape and the relative error that it states itself.
+    """A model's answer: `values` of any shape and the relative error that it states itself.
 
     `residual` and `condition` are of the linear or eigen problem behind it, nan where there is none.
     """
@@ -23,7 +66,7 @@ class Answer(NamedTuple):
 
 @dataclass(frozen=True)
 class ExtremeCase:
-    """One case: what padgen answers (or refuses by raising a `PadgenError`), and what is true.
+    """One case: the answer of padgen (or its refusal by raising a `PadgenError`), and what is true.
 
     Relative errors are of the largest entry of `values`. `reference` is analytic, of many digits, or a finer
     solve (`source` says which); as an `Answer` it has an error of its own, which is allowed for.
@@ -35,3 +78,420 @@ class ExtremeCase:
     solve: Callable[[], Answer]
     reference: Callable[[], np.ndarray | Answer]
     source: str
+
+
+DIGITS = 40
+ELEMENTS = 4
+BUBBLES = 6
+MODES = 3
+"""Bending modes in the plane up that are compared."""
+NEAR = 1e-4
+"""Where the search for a root starts, on both sides of the guess."""
+UP_SHARE = 1e-3
+"""Share of the upward motion above which a mode counts as bending up: the others have none but rounding."""
+
+
+class Cantilever(NamedTuple):
+    """A uniform cantilever with a rigid body at its tip, in SI units.
+
+    The body has `mass_ratio` times the beam's mass, its centroid `offset` beyond the tip, and the
+    radius of gyration `gyration` in lengths of the beam.
+    """
+
+    width: float
+    thickness: float
+    length: float
+    mass_ratio: float = 0.0
+    offset: float = 0.0
+    gyration: float = 0.0
+    modulus: float = 3e9
+    poisson: float = 0.36
+    density: float = 1240.0
+
+    @property
+    def tip_mass(self) -> float:
+        """Mass of the body in kg."""
+        return self.mass_ratio * self.density * self.width * self.thickness * self.length
+
+    @property
+    def tip_inertia(self) -> float:
+        """Moment of inertia of the body about its centroid in kg·m²."""
+        return self.tip_mass * (self.gyration * self.length) ** 2
+
+
+def frame_answer(beam: Cantilever) -> Answer:
+    """Return bending frequencies up by the frame, lowest first; motions across, along and about the axis are held.
+
+    Raises
+    ------
+    SolverError
+        The frame has no trustworthy modes.
+    """
+    section = rectangle(beam.width, beam.thickness, beam.poisson)
+    nodes, pairs = divided(np.zeros(3), np.array([beam.length, 0.0, 0.0]), ELEMENTS)
+    shear_modulus = beam.modulus / (2 * (1 + beam.poisson))
+    elements = tuple(Element(a, b, section, beam.modulus, shear_modulus, beam.density) for a, b in pairs)
+    bodies: tuple[AttachedBody, ...] = ()
+    if beam.mass_ratio:
+        centroid = np.array([beam.length + beam.offset, 0.0, 0.0])
+        body = RigidBody(np.asarray(beam.tip_mass), centroid, beam.tip_inertia * np.eye(3))
+        bodies = (AttachedBody(body, (ELEMENTS,)),)
+    frame = Frame(nodes, elements, bodies, (0,), bubbles=BUBBLES)
+    modes, error = checked_frame_modes(frame, 5 * MODES)
+    motion = np.abs(modes.node_motion) * np.repeat([1.0, beam.length], 3)
+    up = motion[..., 2].max(1) > UP_SHARE * motion.max((1, 2))
+    return Answer(modes.frequency_hz[up][:MODES], float(error[up][:MODES].max()), modes.residual, modes.condition)
+
+
+def exact_frequencies(beam: Cantilever, guess_hz: np.ndarray) -> np.ndarray:
+    """Return roots of Timoshenko's frequency equation nearest to `guess_hz`, in forty digits.
+
+    The state (deflection, rotation, moment, shear) is carried along the beam by the exponential of
+    its equations (Huang, J. Appl. Mech. 28, 1961, in the form of a transfer matrix).
+    """
+    with mpmath.workdps(DIGITS):
+        return np.array([float(_root(beam, guess)) for guess in guess_hz])
+
+
+def _root(beam: Cantilever, guess_hz: float) -> Any:
+    start = 2 * mpmath.pi * mpmath.mpf(float(guess_hz))
+    around = (start * (1 - NEAR), start * (1 + NEAR))
+    found = mpmath.findroot(partial(_frequency_equation, beam), around, tol=1e-25, verify=False)
+    return found / (2 * mpmath.pi)
+
+
+def _frequency_equation(beam: Cantilever, angular: Any) -> Any:
+    """Return the determinant of the tip's conditions, over the beam's length and stiffness; zero at a mode."""
+    length, modulus, density = (mpmath.mpf(v) for v in (beam.length, beam.modulus, beam.density))
+    area = mpmath.mpf(beam.width) * mpmath.mpf(beam.thickness)
+    inertia = area * mpmath.mpf(beam.thickness) ** 2 / 12
+    poisson = mpmath.mpf(beam.poisson)
+    shear = 10 * (1 + poisson) / (12 + 11 * poisson) * modulus / (2 * (1 + poisson)) * area
+    bending = modulus * inertia
+    force, moment = bending / length**2, bending / length
+    # Deflections in lengths, forces and moments in those of the beam: the matrix stays of order one.
+    state = mpmath.matrix(
+        [
+            [0, 1, 0, force / shear],
+            [0, 0, 1, 0],
+            [0, -density * inertia * angular**2 * length / moment, 0, -1],
+            [-density * area * angular**2 * length**2 / force, 0, 0, 0],
+        ]
+    )
+    carried = mpmath.expm(state, method="taylor")
+    mass, gyration = mpmath.mpf(beam.tip_mass), mpmath.mpf(beam.tip_inertia)
+    offset = mpmath.mpf(beam.offset)
+    rows = []
+    for column in (2, 3):
+        up, turn, bent, sheared = (carried[k, column] for k in range(4))
+        pull = mass * angular**2 * (up * length + offset * turn) / force
+        twist = (gyration * angular**2 * turn) / moment + offset / length * pull
+        rows.append((bent - twist, sheared - pull))
+    return rows[0][0] * rows[1][1] - rows[0][1] * rows[1][0]
+
+
+_TAXELS: tuple[tuple[str, str, BeamShape, tuple[float, ...], str, float], ...] = (
+    (
+        "foil 23 times as wide as thick",
+        "cantilever",
+        BeamShape(3.048, 0.132, 1.4),
+        (5.16, 3.0, 0.68, 0.15, 0.2),
+        "m1.6",
+        121.1,
+    ),
+    ("thread under a heavy plate", "cantilever", BeamShape(0.3, 0.123, 1.49), (6.83, 4.0, 2.38, 0.0, 0.0), "m3", 17.06),
+    ("cubes on both sides", "bridge", BeamShape(0.461, 0.524, 0.68), (4.41, 4.0, 1.96, 0.3, 0.4), "m1.6", 6201.38),
+    ("ribbons on both sides", "bridge", BeamShape(3.492, 0.308, 1.57), (4.96, 4.0, 0.83, 0.6, 0.3), "m1.6", 4003.955),
+    (
+        "ribbon a ninth as long as wide",
+        "cantilever",
+        BeamShape(3.741, 0.359, 0.4),
+        (4.62, 2.0, 1.19, 0.0, 0.4),
+        "m1.6",
+        1315.85,
+    ),
+    ("slit of two ribbons", "bridge", BeamShape(2.999, 0.232, 0.4), (4.43, 4.0, 1.42, 0.3, 0.45), "m1.6", 11116.38),
+    (
+        "block as long as thick",
+        "cantilever",
+        BeamShape(0.605, 1.473, 1.51),
+        (4.77, 4.0, 2.03, 0.3, 0.2),
+        "m1.6",
+        1644.294,
+    ),
+)
+"""Taxels far from the usual: beam in mm; side and thickness of the plate, rib and fillet in mm and Poisson's ratio;
+washer; working resonance in Hz by 3-D elasticity (docs/measure_beams.py)."""
+
+
+def beam_answer(topology: str, beam: BeamShape, figures: tuple[float, ...], washer: str) -> Answer:
+    """Return the working resonance of one of the taxels by the beam model.
+
+    Raises
+    ------
+    SolverError
+        The beam is shorter than those that the model was fitted to; the message names the next rung.
+    """
+    side, thick, rib, fillet, poisson = figures
+    plate = {"plate_length_mm": side, "plate_width_mm": side, "plate_thickness_mm": thick}
+    spec = make_spec(
+        {
+            "name": "extreme",
+            "resolution": 1,
+            "band_hz": [1, 100_000],
+            "q_min": 15,
+            "pad": {"rib_mm": rib},
+            "taxel": {**plate, "fillet_mm": fillet},
+            "printer": {"name": "fdm-0.25", "smallest_gap_mm": 0.2},
+            "material": {"name": "pla", "poisson_ratio": poisson},
+            "washer": f"iso7092-{washer}",
+        }
+    )
+    model = TaxelModel(spec, topology, plate_shape(spec), beam)
+    if not model.in_range:
+        width, thickness, length = beam
+        raise SolverError(
+            f"a beam of {number(length)} mm is too short beside its width of {number(width)} and thickness of"
+            f" {number(thickness)} mm for the beam model: solve the solid"
+        )
+    return Answer(np.array([float(model.resonance_hz)]), float(model.error_estimate))
+
+
+def _cantilevers() -> Iterator[tuple[str, Cantilever]]:
+    """Yield the cases: each is one step away from a plain beam of 10 × 1 × 1 mm."""
+    plain = Cantilever(1e-3, 1e-3, 10e-3)
+    for per_length in (1 / 500, 1 / 100, 1 / 20, 1 / 5, 1 / 2, 1.0):
+        beam = plain._replace(thickness=per_length * plain.length)
+        yield f"thickness {per_length:.3g} of the length", beam
+        yield (
+            f"thickness {per_length:.3g} of the length, body 10 times its mass",
+            beam._replace(mass_ratio=10.0, offset=2e-3, gyration=0.1),
+        )
+    for width_ratio in (0.2, 1.0, 5.0, 20.0):
+        yield f"width {width_ratio:g} of the thickness", plain._replace(width=width_ratio * plain.thickness)
+    for ratio in 10.0 ** np.arange(-3, 4):
+        yield f"tip mass {ratio:g} of the beam's", plain._replace(mass_ratio=float(ratio), offset=1e-3, gyration=0.2)
+    yield "foil of 0.1 mm, 15 mm long", Cantilever(1e-3, 1e-4, 15e-3, 100.0, 3e-3, 0.1)
+    yield "steel beam under a resin plate", Cantilever(1e-3, 2e-4, 5e-3, 12.0, 2e-3, 0.3, 200e9, 0.3, 7850.0)
+
+
+def structure_cases() -> Iterator[ExtremeCase]:
+    """Yield all cases of the structure ladder's beam rungs."""
+    source = "roots of Timoshenko's frequency equation, forty digits"
+    for name, beam in _cantilevers():
+        solve, reference = partial(frame_answer, beam), partial(_reference, beam)
+        yield ExtremeCase(name, "structure", "frame", solve, reference, source)
+    source = "3-D elasticity of the printed solid, order 3, 0.3 %"
+    for name, topology, shape, figures, washer, hz in _TAXELS:
+        solve = partial(beam_answer, topology, shape, figures, washer)
+        yield ExtremeCase(f"taxel: {name}", "structure", "beam", solve, partial(np.array, [hz]), source)
+
+
+def _reference(beam: Cantilever) -> np.ndarray:
+    return exact_frequencies(beam, frame_answer(beam).values)
+
+
+STEEL = Elastic(200e9, 0.3, 7850.0)
+DENSITY = 1240.0
+BLOCK_MM, HEIGHT_MM = 5.0, 2.0
+RING_MM = (4.0, 2.0, 0.5)
+"""Outer and inner diameter and thickness."""
+TOLERANCE = 5e-3
+FINER_ELEMENTS = (4, 3)
+"""Order and levels of the reference's elements."""
+FINER_ERROR = 1e-3
+"""What those may be off by: they are not extrapolated."""
+
+
+class BlockTaxel(NamedTuple):
+    """A block of `BLOCK_MM` on a beam of these dimensions in mm; `step_mm` of its height stick out below the beam."""
+
+    length: float = 6.0
+    width: float = 1.0
+    thickness: float = 0.4
+    step_mm: float = 0.0
+    modulus: float = 3e9
+    poisson: float = 0.36
+    washer: Elastic = STEEL
+
+    def written(self, folder: Path) -> SolidTaxel:
+        """Write the taxel as STEP file in `folder`. Imports netgen."""
+        outer, inner, thick = RING_MM
+        low, middle = -self.step_mm, self.length + BLOCK_MM / 2
+        corner, opposite = (self.length, -BLOCK_MM / 2, low), (self.length + BLOCK_MM, BLOCK_MM / 2, HEIGHT_MM)
+        beam = occ.Box(occ.Pnt(0, -self.width / 2, 0), occ.Pnt(self.length, self.width / 2, self.thickness))
+        body = beam + occ.Box(occ.Pnt(*corner), occ.Pnt(*opposite))
+        foot = occ.Pnt(middle, 0, low - thick)
+        ring = occ.Cylinder(foot, occ.Z, outer / 2, thick) - occ.Cylinder(foot, occ.Z, inner / 2, thick)
+        step = folder / "taxel.step"
+        occ.Compound([body.solids[0], ring.solids[0]]).WriteStep(str(step))
+        volume = pi / 4 * (outer**2 - inner**2) * thick
+        printed, sizes = Elastic(self.modulus, self.poisson, DENSITY), (self.length, self.width, self.thickness)
+        name = f"a block on a beam of {' x '.join(map(number, sizes))} mm"
+        return SolidTaxel(step, printed, self.washer, volume, middle, clamp="root", name=name)
+
+
+def solid_answer(taxel: BlockTaxel) -> Answer:
+    """Return the working resonance in Hz, and its error, by the elements that tune plans."""
+    with TemporaryDirectory() as folder:
+        found = converged_modes(taxel.written(Path(folder)), TOLERANCE)
+    working = found.modes.working
+    return Answer(found.modes.frequency_hz[[working]], float(found.error[working]), found.residual)
+
+
+def _by_finer(taxel: BlockTaxel, scale: float = 1.0) -> Answer:
+    """Solve by elements of `FINER_ELEMENTS`; return the resonance times `scale`."""
+    with TemporaryDirectory() as folder:
+        found = solve_modes(taxel.written(Path(folder)), *FINER_ELEMENTS)
+    return Answer(scale * found.modes.frequency_hz[[found.modes.working]], FINER_ERROR)
+
+
+def solid_cases() -> Iterator[ExtremeCase]:
+    """Yield all cases of the domain 'solid'; they need NGSolve."""
+    plain, same = BlockTaxel(), f"elements of order {FINER_ELEMENTS[0]}, {FINER_ELEMENTS[1]} layers"
+
+    def case(name: str, taxel: BlockTaxel, reference: Callable[[], Any], source: str) -> ExtremeCase:
+        return ExtremeCase(name, "solid", "elements", partial(solid_answer, taxel), reference, source)
+
+    for step in (0.05, 1e-3):
+        taxel = plain._replace(step_mm=step)
+        yield case(f"a sliver of {1e3 * step:g} µm under the beam", taxel, partial(_by_finer, taxel), same)
+    for aspect in (1e2, 1e3, 1e4):
+        taxel = plain._replace(length=10.0, thickness=10.0 / aspect)
+        yield case(f"a beam {aspect:g} times as long as thick", taxel, partial(_by_finer, taxel), same)
+    for poisson in (0.0, 0.49, 0.499):
+        taxel = plain._replace(poisson=poisson)
+        yield case(f"Poisson's ratio {poisson:g}", taxel, partial(_by_finer, taxel), same)
+    for modulus in (1e3, 1e6):
+        # Beside steel the print is soft: only the root of its modulus counts.
+        reference = partial(_by_finer, plain._replace(modulus=1e7), sqrt(modulus / 1e7))
+        taxel, source = plain._replace(modulus=modulus), f"{same}, at 10 MPa, by the root of the modulus"
+        yield case(f"modulus {modulus:g} Pa under steel", taxel, reference, source)
+    for modulus in (1e3, 1e12):
+        share = modulus / plain.modulus
+        taxel = plain._replace(modulus=modulus, washer=STEEL._replace(modulus_pa=share * STEEL.modulus_pa))
+        source = f"{same}, at {plain.modulus:g} Pa, by the root of the moduli"
+        yield case(
+            f"modulus {modulus:g} Pa, steel in proportion", taxel, partial(_by_finer, plain, sqrt(share)), source
+        )
+    taxel = plain._replace(modulus=1e12)
+    yield case("modulus 1e+12 Pa under steel", taxel, partial(_by_finer, taxel), same)
+
+
+COIL = solenoid(10e-3, 4e-3, 10e-3, 1000, 4e-3, 1000)
+WASHER = SteelRing(4e-3, 2e-3, 0.5e-3, 1000)
+"""The reference problem of tests/reference/magnetostatics.json."""
+FINER_FIELD = {"order": 7, "levels": 6}
+HIGHER = 4
+RANDOM = 12
+"""Coils, washers and places drawn from what a spec allows."""
+
+
+def force_cases() -> Iterator[ExtremeCase]:
+    """Yield the cases; every reference is a closed form or a field solution of far more unknowns."""
+    for share in (0.5, 0.99, 0.9999):
+        yield _near_pull_in(share)
+    for permeability in (1.001, 1.1, 10.0, 1e3, 1e6):
+        parts = (COIL._replace(core_permeability=permeability), WASHER._replace(permeability=permeability))
+        yield _axisymmetric_case(f"both steels of permeability {permeability:g}", Pull(*parts, gap_m=1e-3))
+    for sizes in (1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3):
+        gap_m = sizes * WASHER.outer_diameter
+        yield _axisymmetric_case(f"gap of {sizes:g} washer diameters", Pull(COIL, WASHER, gap_m))
+    for current_a in (2.0, 20.0, 200.0):
+        saturated = Pull(COIL, WASHER, 1e-3, 0.0, current_a, MILD_STEEL, MILD_STEEL)
+        yield _axisymmetric_case(f"saturated steels, {1000 * current_a:g} ampere turns", saturated)
+    yield _solid_case("saturated steels, 20000 ampere turns", Pull(COIL, WASHER, 1e-3, 0, 20.0, MILD_STEEL, MILD_STEEL))
+    for ratio in (0.0, 0.98):
+        coil = solenoid(10e-3, max(ratio, 0.4) * 10e-3, 10e-3, 1000, ratio * 10e-3, 1000)
+        pull, name = Pull(coil, WASHER, 1e-3), f"core {ratio:g} of the coil's diameter"
+        yield _axisymmetric_case(name, pull)
+        yield _solid_case(name, pull)
+        yield _planned_case(name, pull)
+    for gap_m in (1e-5, 5e-5, 2e-4, 5e-3):
+        yield _planned_case(f"gap of {1e3 * gap_m:g} mm", Pull(COIL, WASHER, gap_m))
+    for offset_m in (3e-3, 5e-3, 8e-3):
+        yield _planned_case(f"{1e3 * offset_m:g} mm off the axis", Pull(COIL, WASHER, 1e-3, offset_m))
+    wide, small = solenoid(20e-3, 16e-3, 20e-3, 1000, 16e-3, 1000), SteelRing(4e-3, 1.7e-3, 0.3e-3, 300)
+    yield _planned_case("washer of M1.6 over a core of 16 mm", Pull(wide, small, 5e-4))
+    for index in range(RANDOM):
+        pull = random_pull(index)
+        what = f"washer of {1e3 * pull.washer.outer_diameter:g} mm, core of {1e3 * pull.coil.core_diameter:.3g} mm"
+        place = f"{1e3 * pull.gap_m:.3g} mm above, {1e3 * pull.offset_m:.3g} mm aside"
+        yield _planned_case(f"random {index}: {what}, {place}", pull)
+
+
+def random_pull(index: int) -> Pull:
+    """Draw coil, washer and place number `index`: gap 0.2 … 5 mm, offset 0 … 15 mm, core 0 … 20 mm.
+
+    The same ones on every machine.
+    """
+    draw = Random(index).random
+    washers = [entry for name, entry in sorted(catalogue("washer").items()) if entry["relative_permeability"] > 10]
+    ring = washers[int(draw() * len(washers))]
+    core = 20e-3 * draw() if draw() < 0.8 else 0.0
+    bore = max(core, 2e-3) * (1 + 0.3 * draw())
+    outer, length = bore + 2e-3 * (1 + 4 * draw()), 5e-3 * 8 ** draw()
+    sizes = [1e-3 * ring[key] for key in ("outer_diameter_mm", "inner_diameter_mm", "thickness_mm")]
+    coil = solenoid(outer, bore, length, 1000, core, 1000)
+    return Pull(coil, SteelRing._make([*sizes, ring["relative_permeability"]]), 2e-4 * 25 ** draw(), 15e-3 * draw())
+
+
+def planned_pull(coil: CoilSource, washer: SteelRing, gap_m: float, offset_m: float) -> Answer:
+    """Return the pull over the current's square by which plans are made, and the error that it states."""
+    found = solved_pulls(coil, washer, np.array([gap_m]), np.array([offset_m]))
+    return Answer(found.pull, float(found.error[0]))
+
+
+def _planned_case(name: str, pull: Pull) -> ExtremeCase:
+    solve = partial(planned_pull, pull.coil, pull.washer, pull.gap_m, pull.offset_m)
+    if pull.offset_m:
+        return ExtremeCase(name, "force", "plan", solve, partial(_off_axis, pull), "3-D field, with its own error")
+    return ExtremeCase(name, "force", "plan", solve, partial(_axisymmetric, pull), "axisymmetric field, with its error")
+
+
+def _axisymmetric_case(name: str, pull: Pull) -> ExtremeCase:
+    source = "the same by elements of order 7 and six refinements, with its own error"
+    finer = partial(_axisymmetric, pull, **FINER_FIELD)
+    return ExtremeCase(name, "force", "axisymmetric", partial(_axisymmetric, pull), finer, source)
+
+
+def _axisymmetric(pull: Pull, **fineness: int) -> Answer:
+    """Return the bracket's middle over the current's square; of a finer solution the scalar potential's answer."""
+    solved = axisymmetric_force(
+        pull.coil, pull.washer, pull.gap_m, pull.current_a, pull.core_steel, pull.washer_steel, **fineness
+    )
+    force_n = solved.scalar_n if fineness else solved.force_n
+    return Answer(np.array([-force_n / pull.current_a**2]), solved.error, solved.residual)
+
+
+def _solid_case(name: str, pull: Pull) -> ExtremeCase:
+    source = "axisymmetric field, with its own error"
+    return ExtremeCase(name, "force", "3-D", partial(_solid_field, pull), partial(_axisymmetric, pull), source)
+
+
+def _off_axis(pull: Pull) -> Answer:
+    """Solve the 3-D field; by a higher order where a weak pull drowns in the usual one's own error."""
+    try:
+        return _solid_field(pull)
+    except SolverError:
+        return _solid_field(pull, HIGHER)
+
+
+def _solid_field(pull: Pull, order: int = 3) -> Answer:
+    found = solid_pull(pull, order)
+    return Answer(np.array([-float(found.wrench[0, 2]) / pull.current_a**2]), found.error, found.residual)
+
+
+def _near_pull_in(share: float) -> ExtremeCase:
+    """Make a case of a pull c ∝ 1/gap², whose pull-in is at a third of the gap; below it the balance solves a cubic."""
+    gap_m = 1e-3
+
+    def solve() -> Answer:
+        slack = share * pull_in_deflection(gap_m, 2.0)[1]
+        return Answer(np.array([balanced_deflection(slack, gap_m, 2.0)], float), 1e-6)
+
+    # z (g − z)² = share · 4 g³/27; the smallest root in closed form.
+    root = gap_m * (2 / 3 + 2 / 3 * np.cos(np.arccos(2 * share - 1) / 3 + 2 * pi / 3))
+    name = f"balance at {share:g} of the pull-in current squared"
+    source = "cubic of a spring against 1/gap^2, closed form"
+    return ExtremeCase(name, "force", "balance", solve, partial(np.array, [root]), source)

@@ -14,7 +14,7 @@ from padgen.physics.magnetics import balanced_deflection, impedance, pull_in_def
 from padgen.physics.phasor import Tones, circuit_current, squared, steady_lines, tones
 from padgen.physics.propagation import STATED_ERROR, propagate
 from padgen.verify.coupled import CoupledSystem, Source, from_tones, make_system, scipy_motion, simulate
-from padgen.verify.engines import engine
+from padgen.verify.engines import mpmath
 from padgen.verify.extreme import Answer, ExtremeCase
 
 __all__ = ["dynamics_cases", "exact_displacement"]
@@ -26,7 +26,7 @@ COUPLED_TOLERANCE = 1e-9
 
 
 def dynamics_cases() -> Iterator[ExtremeCase]:
-    """All cases of the domain 'dynamics'; references need mpmath or scipy when they are asked for."""
+    """Yield all cases of the domain 'dynamics'; references need mpmath or scipy when they are asked for."""
     hz, early_and_late = np.array([20.0, 110.0, 440.0, 1000.0]), np.array([1e-3, 0.1, 10.0])
     force = tones(np.append(hz[:2], hz[2:] + 1e-9), 1e-5, np.arange(4.0))
     for q in (1.0, 15.0, 1e3, 1e5, 1e7):
@@ -52,14 +52,14 @@ def dynamics_cases() -> Iterator[ExtremeCase]:
 
 
 def exact_displacement(frequency_hz: float, q: float, mass_kg: float, force: Tones, time_s: float) -> float:
-    """Displacement in m of one resonator from rest by the textbook formula, in arithmetic of many digits.
+    """Return the displacement in m of one resonator from rest by the textbook formula, in arithmetic of many digits.
 
     Raises
     ------
     EngineMissingError
         mpmath is not installed.
     """
-    mp = engine("mpmath").mp.clone()
+    mp = mpmath.mp.clone()
     mp.dps = DIGITS + 20
     omega, t = 2 * mp.pi * mp.mpf(float(frequency_hz)), mp.mpf(float(time_s))
     alpha = omega / (2 * mp.mpf(float(q)))
@@ -87,7 +87,7 @@ def _case(
 
 
 def _over_largest(values: np.ndarray) -> np.ndarray:
-    """Displacements (n, k) over each resonator's largest."""
+    """Return displacements (n, k) over each resonator's largest."""
     return np.asarray(values / np.abs(values).max(1, keepdims=True))
 
 
@@ -107,7 +107,7 @@ def _phasor_near_resonance() -> ExtremeCase:
     force = tones(hz + 1e-9, 1e-5)
 
     def exact() -> np.ndarray:
-        mp = engine("mpmath").mp.clone()
+        mp = mpmath.mp.clone()
         mp.dps = DIGITS
         own, at = mp.mpf(hz), mp.mpf(float(force.frequency_hz[0]))
         bracket = 4 * mp.pi**2 * mp.mpf(MASS_KG) * mp.mpc(own**2 - at**2, at * own / mp.mpf(q))
@@ -122,7 +122,7 @@ def _phasor_near_resonance() -> ExtremeCase:
 
 
 def _many_oscillators() -> ExtremeCase:
-    """In unit of a static deflection, so that slow and fast resonators weigh alike."""
+    """Make a case of 2,048 resonators in unit of a static deflection, so that slow and fast ones weigh alike."""
     hz = np.geomspace(0.1, 1000, 2048)
     force, seen = tones(hz[::32], 1e-5, np.arange(64)), np.linspace(0, len(hz) - 1, 16).astype(int)
     times, static = np.linspace(0, 10, 201)[1:], 1e-5 / (MASS_KG * (2 * np.pi * hz[seen]) ** 2)
@@ -139,7 +139,7 @@ def _many_oscillators() -> ExtremeCase:
 
 
 def _refined(system: CoupledSystem, voltage: Tones, times: np.ndarray) -> Answer:
-    """A coupled run; it states ten times what a finer one with other stages differs by."""
+    """Make a coupled run; it states ten times what a finer one with other stages differs by."""
     source = from_tones("voltage", voltage)
     run = simulate(system, source, times, tolerance=COUPLED_TOLERANCE)
     fine = simulate(system, source, times, tolerance=COUPLED_TOLERANCE / 100, stages=14).displacement_m
@@ -149,7 +149,7 @@ def _refined(system: CoupledSystem, voltage: Tones, times: np.ndarray) -> Answer
 
 
 def _circuit_and_taxel(constant_s: float) -> ExtremeCase:
-    """A pull so weak that nothing acts back: the linear model is the truth."""
+    """Make a case of a pull so weak that nothing acts back: the linear model is the truth."""
     inductance, weak = RESISTANCE_OHM * constant_s, 1e-12
     voltage = tones([0.0, 500.0, 380.0], [1.0, 2.0, 2.0], [0.0, 0.3, 0.2])
     system = make_system(1000.0, 15.0, MASS_KG, weak, 0.0, GAP_M, RESISTANCE_OHM, inductance)
@@ -165,7 +165,7 @@ def _circuit_and_taxel(constant_s: float) -> ExtremeCase:
 
 
 def _acting_back(constant_s: float) -> ExtremeCase:
-    """A pull that moves the washer by a tenth of its gap, and motion that moves the current."""
+    """Make a case of a pull that moves the washer by a tenth of its gap, and motion that moves the current."""
     inductance, hz = RESISTANCE_OHM * constant_s, 1000.0
     stiffness = MASS_KG * (2 * np.pi * hz) ** 2
     pull = min(stiffness * GAP_M / 10, inductance / GAP_M / 20)
@@ -187,7 +187,7 @@ def _against_scipy(name: str, system: CoupledSystem, voltage: Tones, times: np.n
 
 
 def _pull_in() -> Iterator[ExtremeCase]:
-    """A constant current beside the one that pulls the washer in: damped, and let go of undamped."""
+    """Yield cases of a constant current beside the one that pulls the washer in: damped, and let go of undamped."""
     hz, exponent, direct = 100.0, 2.0, Source("current", np.ones_like)
     stiffness = MASS_KG * (2 * np.pi * hz) ** 2
     largest = stiffness * pull_in_deflection(GAP_M, exponent)[1]

@@ -1,6 +1,14 @@
-"""Pull of a coil on a coaxial washer by finite elements in the half plane, bracketed by two potentials."""
+"""Magnetostatics by a scalar potential: steels that saturate, forces and moments on bodies.
 
-import time
+H = T − ∇Ω with curl T the current (T–Ω formulation, Carpenter 1977): Ω minimises the co-energy, a convex
+problem, so that Newton's method with a line search always gets there. Meshes are in mm, potentials in
+(A/m)·mm, everything else in SI units. The far sphere carries the condition of a dipole at its centre,
+``∂Ω/∂n = −2Ω/R``.
+
+A washer on the coil's axis is solved in the half plane, and its pull bracketed by two potentials.
+"""
+
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -9,10 +17,206 @@ import numpy as np
 from padgen.core.errors import SolverError, SpecError, number
 from padgen.physics.magnetics import CoilSource, SteelRing
 from padgen.physics.saturation import BHCurve
-from padgen.verify.engines import engine
-from padgen.verify.field_scalar import MU_0, ScalarField, Steel, body_wrench, minimise, solve_scalar
+from padgen.verify.engines import ng, occ
 
-__all__ = ["WIDEST", "AxisymmetricForce", "axisymmetric_force", "check_parts", "coil_cells", "wound"]
+__all__ = [
+    "WIDEST",
+    "AxisymmetricForce",
+    "BodyWrench",
+    "ScalarField",
+    "Steel",
+    "axisymmetric_force",
+    "body_wrench",
+    "check_parts",
+    "coil_cells",
+    "minimise",
+    "solve_scalar",
+    "wound",
+]
+
+MU_0 = 4e-7 * np.pi
+RESIDUAL, STEPS = 1e-8, 60
+Steel = float | BHCurve
+"""A relative permeability, or a magnetisation curve."""
+
+
+class ScalarField(NamedTuple):
+    """A solved field: NGSolve's `mesh` in mm and `field`, H in A/m as a coefficient function.
+
+    `weight` multiplies volumes (2πr in mm in a half plane of revolution, 2 for half of a symmetric
+    model); `residual` of the last step relative to the first; `order` of the elements.
+    """
+
+    mesh: Any
+    potential: Any
+    field: Any
+    weight: Any
+    unknowns: int
+    residual: float
+    steps: int
+    order: int
+
+
+class BodyWrench(NamedTuple):
+    """Force and moment (6,) in N and N·m on a body, and the same by a second method.
+
+    `virtual_work` spreads a virtual displacement over all the air between the bodies; `surface` over the
+    one layer of elements around the body (Coulomb 1983; Maxwell's stress right at the surface). They
+    agree where the field is resolved.
+    """
+
+    virtual_work: np.ndarray
+    surface: np.ndarray
+
+
+def solve_scalar(
+    mesh: Any,
+    source: Any,
+    steels: Mapping[str, Steel],
+    far_radius_mm: float,
+    order: int,
+    weight: Any = 1.0,
+    start: ScalarField | None = None,
+) -> ScalarField:
+    """Solve for Ω on `mesh` (materials named in `steels` are steel, all others air; far boundary ``far``).
+
+    `source` is T in A/m as a coefficient function; it may jump at faces of the mesh only. `start` is a
+    solution on the same mesh to begin with.
+
+    Raises
+    ------
+    SpecError
+        A permeability that is not above 0.
+    SolverError
+        Newton's method does not bring the residual down to 1e-8 of the first.
+    """
+    space = ng.H1(mesh, order=order)
+    trial = space.TrialFunction()
+    field = source - ng.grad(trial)
+    form = ng.BilinearForm(space, symmetric=True, condense=True)
+    extra = 2 if mesh.dim == 2 else 1
+    for name in dict.fromkeys(mesh.GetMaterials()):
+        region = ng.dx(definedon=mesh.Materials(name), bonus_intorder=extra)
+        form += ng.Variation(weight * _energy_density(steels.get(name, 1.0), field, name) * region)
+    form += ng.Variation(weight * MU_0 / far_radius_mm * trial**2 * ng.ds("far", bonus_intorder=2))
+    potential = ng.GridFunction(space)
+    if start is None and order > 1 and any(isinstance(steel, BHCurve) for steel in steels.values()):
+        # Most of Newton's steps are then taken with few unknowns.
+        start = solve_scalar(mesh, source, steels, far_radius_mm, order - 1, weight)
+    if start is not None:
+        potential.Set(start.potential)
+    residual, steps = minimise(form, space, potential)
+    return ScalarField(
+        mesh=mesh,
+        potential=potential,
+        field=source - ng.grad(potential),
+        weight=weight,
+        unknowns=space.ndof,
+        residual=residual,
+        steps=steps,
+        order=order,
+    )
+
+
+def _energy_density(steel: Steel, field: Any, name: str, of_flux: bool = False) -> Any:
+    """Return the co-energy in J/m³ of a field H in A/m, or the energy of a flux density B in T."""
+    square = ng.InnerProduct(field, field)
+    if isinstance(steel, BHCurve):
+        along, across = (axis.tolist() for axis in (steel.samples()[::-1] if of_flux else steel.samples()))
+        return ng.BSpline(2, [0.0, *along], across).Integrate()(ng.sqrt(square + (1e-6 * along[1]) ** 2))
+    if not steel > 0:
+        raise SpecError(f"the permeability must be above 0, got {number(steel)}", name)
+    return square / (2 * MU_0 * steel) if of_flux else MU_0 * steel / 2 * square
+
+
+def minimise(form: Any, space: Any, solution: Any) -> tuple[float, int]:
+    """Minimise the convex energy `form` (statically condensed) from `solution` on; residual and Newton steps.
+
+    Raises
+    ------
+    SolverError
+        The residual does not come down to 1e-8 of the first, or no step lowers the energy.
+    """
+    slope, step, trial = (solution.vec.CreateVector() for _ in range(3))
+    free = ng.Projector(space.FreeDofs(), True)
+    first, residual = 0.0, 1.0
+    for count in range(STEPS):
+        form.Apply(solution.vec, slope)
+        free.Project(slope)
+        size = float(slope.Norm())
+        first = first or size
+        residual = size / first if first else 0.0
+        if residual <= RESIDUAL:
+            return residual, count
+        form.AssembleLinearization(solution.vec)
+        inverse = form.mat.Inverse(space.FreeDofs(True), inverse="sparsecholesky")
+        outer = slope.CreateVector()
+        outer.data = slope + form.harmonic_extension_trans * slope
+        step.data = inverse * outer
+        step.data += form.harmonic_extension * step
+        step.data += form.inner_solve * slope
+        if not _line_search(form, solution, step, trial, expected=float(ng.InnerProduct(slope, step))):
+            break
+    if residual <= 100 * RESIDUAL:  # the energy has no more digits to lose
+        return residual, count
+    raise SolverError(
+        f"the magnetic field did not converge: after {count + 1} Newton steps the residual is"
+        f" {number(residual)} of the first, it must be {number(RESIDUAL)}"
+    )
+
+
+def _line_search(form: Any, solution: Any, step: Any, trial: Any, expected: float) -> bool:
+    """Go along −step as far as the energy falls by a share of what the slope promises; False if nowhere."""
+    energy, share = float(form.Energy(solution.vec)), 1.0
+    while share > 1e-6:
+        trial.data = solution.vec - share * step
+        if float(form.Energy(trial)) <= energy - 1e-4 * share * expected + 1e-13 * abs(energy):
+            solution.vec.data = trial
+            return True
+        share /= 2
+    return False
+
+
+def body_wrench(solved: ScalarField, body: str, at_mm: tuple[float, float, float]) -> BodyWrench:
+    """Return the wrench on the material `body`, surrounded by the material ``air``, about the point `at_mm`.
+
+    In a half plane of revolution (two-dimensional meshes) only Fz.
+    """
+    space = ng.H1(solved.mesh, order=1)
+    moved = np.fromiter((float(flag) for flag in space.GetDofs(solved.mesh.Materials(body))), float)
+    near = ng.GridFunction(space)
+    near.vec.FV().NumPy()[:] = moved
+    both = [_stress_on(solved, shift, at_mm) for shift in (_spread(solved, space, near), near)]
+    return BodyWrench(*both)
+
+
+def _spread(solved: ScalarField, space: Any, near: Any) -> Any:
+    """Return the displacement 1 on the body, harmonic in the air, 0 on all other bodies and on the far sphere."""
+    mesh = solved.mesh
+    others = [name for name in dict.fromkeys(mesh.GetMaterials()) if name != "air"]
+    fixed = space.GetDofs(mesh.Materials("|".join(others))) | space.GetDofs(mesh.Boundaries("far"))
+    trial, test = space.TnT()
+    form = ng.BilinearForm(solved.weight * ng.grad(trial) * ng.grad(test) * ng.dx).Assemble()
+    spread = ng.GridFunction(space)
+    spread.vec.data = near.vec
+    spread.vec.data -= form.mat.Inverse(~fixed, inverse="sparsecholesky") @ form.mat * near.vec
+    return spread
+
+
+def _stress_on(solved: ScalarField, shift: Any, at_mm: tuple[float, float, float]) -> np.ndarray:
+    """Return ``−∫ σ·∇g`` and its moment, with Maxwell's stress σ = μ0 (H⊗H − ½ H²)."""
+    slope, field = ng.grad(shift), solved.field
+    density = MU_0 * (ng.InnerProduct(field, field) / 2 * slope - ng.InnerProduct(field, slope) * field)
+    options = {"definedon": solved.mesh.Materials("air"), "order": 2 * solved.order + 2}
+    if solved.mesh.dim == 2:
+        pull = float(ng.Integrate(solved.weight * density[1], solved.mesh, **options)) * 1e-6
+        return np.array([0.0, 0.0, pull, 0.0, 0.0, 0.0])
+    arm = [c - a for c, a in zip((ng.x, ng.y, ng.z), at_mm, strict=True)]
+    part = [density[i] for i in range(3)]
+    moment = [arm[i - 2] * part[i - 1] - arm[i - 1] * part[i - 2] for i in range(3)]
+    total = np.array(ng.Integrate(solved.weight * ng.CF((density, *moment)), solved.mesh, **options))
+    return np.asarray(total * np.array([1e-6] * 3 + [1e-9] * 3))
+
 
 FAR = 15.0
 """Radius of the far sphere over the largest distance of a part from the coil's middle."""
@@ -25,7 +229,7 @@ class AxisymmetricForce(NamedTuple):
     """Axial force on the washer in N, negative towards the coil, by either potential.
 
     The scalar potential bounds the field's energy from one side, the vector potential from the other;
-    so far they did so with the force as well. Taken is the method (`field_scalar.BodyWrench`) by which the two lie
+    so far they did so with the force as well. Taken is the method (`BodyWrench`) by which the two lie
     closer together: virtual work near the coil; far away, where that drowns in rounding, the stress around the
     washer. `residual` is the larger of the two.
     """
@@ -34,7 +238,6 @@ class AxisymmetricForce(NamedTuple):
     vector_n: float
     unknowns: int
     residual: float
-    seconds: float
 
     @property
     def force_n(self) -> float:
@@ -57,7 +260,7 @@ def axisymmetric_force(
     order: int = 5,
     levels: int = 4,
 ) -> AxisymmetricForce:
-    """Force on a washer on the coil's axis, `gap_m` above its top face, at `current_a`.
+    """Return the force on a washer on the coil's axis, `gap_m` above its top face, at `current_a`.
 
     A steel of None is linear, with the part's permeability. Elements of `order` (at least 3), refined
     `levels` times towards every corner of core and washer.
@@ -71,17 +274,17 @@ def axisymmetric_force(
         than a fifth (a washer very far away).
     """
     check_parts(coil, washer, gap_m)
-    start = time.process_time()
     mesh, far_mm = _half_plane(coil, washer, gap_m, levels)
     steels: dict[str, Steel] = {
         "core": core_steel or coil.core_permeability,
         "washer": washer_steel or washer.permeability,
     }
-    scalar = _by_scalar(mesh, coil, current_a, steels, far_mm, order)
+    source = ng.CF((0, wound(coil, current_a, ng.x, ng.y)[0]))
+    scalar = solve_scalar(mesh, source, steels, far_mm, order, weight=2 * np.pi * ng.x)
     vector = _by_vector(mesh, coil, current_a, steels, far_mm, order)
     methods = zip(*(body_wrench(field, "washer", (0, 0, 0)) for field in (scalar, vector)), strict=True)
-    residual, seconds = max(scalar.residual, vector.residual), time.process_time() - start
-    found = [(float(a[2]), float(b[2]), scalar.unknowns, residual, seconds) for a, b in methods]
+    residual = max(scalar.residual, vector.residual)
+    found = [(float(a[2]), float(b[2]), scalar.unknowns, residual) for a, b in methods]
     force = min((AxisymmetricForce(*figures) for figures in found), key=lambda force: force.error)
     if force.error > WIDEST:
         raise SolverError(
@@ -123,8 +326,7 @@ def check_parts(coil: CoilSource, washer: SteelRing, gap_m: float) -> None:
 
 
 def _half_plane(coil: CoilSource, washer: SteelRing, gap_m: float, levels: int) -> tuple[Any, float]:
-    """Mesh in mm (x is the radius, y the height above the coil's top) and the far circle's radius in mm."""
-    occ, ng = engine("netgen.occ"), engine("ngsolve")
+    """Return the mesh in mm (x is the radius, y the height above the coil's top) and the far circle's radius in mm."""
     low, high = 1e3 * gap_m, 1e3 * (gap_m + washer.thickness)
     hole, rim = 500 * washer.inner_diameter, 500 * washer.outer_diameter
     rectangles = [("washer", hole, rim, low, high), *coil_cells(coil)]
@@ -161,7 +363,7 @@ def _half_plane(coil: CoilSource, washer: SteelRing, gap_m: float, levels: int) 
 
 
 def coil_cells(coil: CoilSource) -> list[tuple[str, float, float, float, float]]:
-    """The parts of a coil's half plane in mm, on a grid of all their edges: name, radii and heights from … to.
+    """Return the parts of a coil's half plane in mm, on a grid of all their edges: name, radii and heights from … to.
 
     Named ``core``, ``winding``, or ``bore`` within a winding.
     """
@@ -185,15 +387,14 @@ def coil_cells(coil: CoilSource) -> list[tuple[str, float, float, float, float]]
 
 
 def _edges(*places: float) -> list[float]:
-    """Places in order, one of those that rounding keeps apart."""
+    """Return places in order, one of those that rounding keeps apart."""
     ordered = sorted(places)
     close = 1e-6 * (ordered[-1] - ordered[0])
     return [ordered[0], *(v for u, v in pairwise(ordered) if v - u > close)]
 
 
 def wound(coil: CoilSource, current_a: float, radius: Any, height: Any) -> tuple[Any, Any]:
-    """T_z in A/m, whose curl is the current, and the current's density in A/(m·mm); coefficient functions, in mm."""
-    ng = engine("ngsolve")
+    """Return T_z in A/m, whose curl is the current, and the current's density in A/(m·mm), as functions in mm."""
     potential, density = ng.CF(0), ng.CF(0)
     for w in coil.windings:
         inner, outer = 500 * w.inner_diameter, 500 * w.outer_diameter
@@ -205,49 +406,29 @@ def wound(coil: CoilSource, current_a: float, radius: Any, height: Any) -> tuple
     return potential, density
 
 
-def _by_scalar(
-    mesh: Any, coil: CoilSource, current_a: float, steels: dict[str, Steel], far_mm: float, order: int
-) -> ScalarField:
-    ng = engine("ngsolve")
-    source = ng.CF((0, wound(coil, current_a, ng.x, ng.y)[0]))
-    return solve_scalar(mesh, source, steels, far_mm, order, weight=2 * np.pi * ng.x)
-
-
 def _by_vector(
     mesh: Any, coil: CoilSource, current_a: float, steels: dict[str, Steel], far_mm: float, order: int
 ) -> ScalarField:
-    """The same by ``A = r w``, in T and mm: ``B = (−r ∂w/∂z, 2w + r ∂w/∂r)``."""
-    ng = engine("ngsolve")
+    """Solve the same by ``A = r w``, in T and mm: ``B = (−r ∂w/∂z, 2w + r ∂w/∂r)``."""
     _, density = wound(coil, current_a, ng.x, ng.y)
     space = ng.H1(mesh, order=order)
     trial = space.TrialFunction()
     radius = ng.x
     weight = 2 * np.pi * radius
-    flux = _curl(ng, trial)
+    flux = _curl(trial)
     form = ng.BilinearForm(space, symmetric=True, condense=True)
     for name in dict.fromkeys(mesh.GetMaterials()):
         region = ng.dx(definedon=mesh.Materials(name), bonus_intorder=4)
-        form += ng.Variation(weight * _energy_density(ng, steels.get(name, 1.0), flux) * region)
+        form += ng.Variation(weight * _energy_density(steels.get(name, 1.0), flux, name, of_flux=True) * region)
     form += ng.Variation(-weight * density * radius * trial * ng.dx(bonus_intorder=4))
     far = weight * (radius * trial) ** 2 / (2 * MU_0 * far_mm)
     form += ng.Variation(far * ng.ds("far", bonus_intorder=4))
     potential = ng.GridFunction(space)
-    residual, steps = minimise(ng, form, space, potential)
-    field = _curl(ng, potential) / MU_0  # right in air, where the stress is taken
-    return ScalarField(
-        mesh, potential, field, weight, -float(form.Energy(potential.vec)) * 1e-9, space.ndof, residual, steps, order
-    )
+    residual, steps = minimise(form, space, potential)
+    field = _curl(potential) / MU_0  # right in air, where the stress is taken
+    return ScalarField(mesh, potential, field, weight, space.ndof, residual, steps, order)
 
 
-def _curl(ng: Any, w: Any) -> Any:
+def _curl(w: Any) -> Any:
     slope = ng.grad(w)
     return ng.CF((-ng.x * slope[1], 2 * w + ng.x * slope[0]))
-
-
-def _energy_density(ng: Any, steel: Steel, flux: Any) -> Any:
-    square = ng.InnerProduct(flux, flux)
-    if isinstance(steel, BHCurve):
-        fields, densities = steel.samples()
-        curve = ng.BSpline(2, [0.0, *densities.tolist()], fields.tolist()).Integrate()
-        return curve(ng.sqrt(square + (1e-6 * float(densities[1])) ** 2))
-    return square / (2 * MU_0 * steel)

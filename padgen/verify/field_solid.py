@@ -1,7 +1,10 @@
-"""Pull of a coil on washers anywhere above it, by finite elements in three dimensions."""
+"""Pull of a coil on washers anywhere above it, by finite elements in three dimensions.
 
-import time
+With a steel it is solved on the B-H curve; several washers shield each other.
+"""
+
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,11 +12,19 @@ import numpy as np
 from padgen.core.errors import SolverError, SpecError, number
 from padgen.physics.magnetics import CoilSource, SteelRing
 from padgen.physics.saturation import BHCurve
-from padgen.verify.engines import engine
-from padgen.verify.field_axisymmetric import WIDEST, check_parts, coil_cells, wound
-from padgen.verify.field_scalar import ScalarField, Steel, body_wrench, solve_scalar
+from padgen.verify.engines import ng, occ
+from padgen.verify.field_axisymmetric import (
+    WIDEST,
+    ScalarField,
+    Steel,
+    body_wrench,
+    check_parts,
+    coil_cells,
+    solve_scalar,
+    wound,
+)
 
-__all__ = ["PlacedWasher", "SolidForce", "solid_force"]
+__all__ = ["PlacedWasher", "Pull", "SolidForce", "solid_force", "solid_pull"]
 
 FAR = 8.0
 """Radius of the far sphere over the largest distance of a part from the coil's middle."""
@@ -33,17 +44,15 @@ class PlacedWasher(NamedTuple):
 class SolidForce(NamedTuple):
     """Wrench (washers, 6) on each washer: force in N and moment in N·m about its axis at its underside.
 
-    Axes as `PlacedWasher`'s; `surface` is the same by a second method (`field_scalar.BodyWrench`), `error` the
+    Axes as `PlacedWasher`'s; `surface` is the same by a second method (`field_axisymmetric.BodyWrench`), `error` the
     larger of their disagreement and the step from elements of one order less, relative to the force.
     """
 
     wrench: np.ndarray
     surface: np.ndarray
     error: float
-    co_energy_j: float
     unknowns: int
     residual: float
-    seconds: float
 
 
 def solid_force(
@@ -55,7 +64,7 @@ def solid_force(
     levels: int = 1,
     size: float = 1.0,
 ) -> SolidForce:
-    """Forces and moments on `washers` above a coil that carries `current_a`.
+    """Return forces and moments on `washers` above a coil that carries `current_a`.
 
     A steel of None is linear, with the part's permeability. Elements of `order` (at least 2), refined
     `levels` times towards the edges of core and washers; those of washers are `size` times as large as usual. Where
@@ -70,13 +79,12 @@ def solid_force(
         fifth of it (a washer far away).
     """
     _check(coil, washers)
-    start = time.process_time()
     half = all(abs(w.y_m) < 1e-9 for w in washers)
     mesh, far_mm = _mesh(coil, washers, half, levels, size)
     steels: dict[str, Steel] = {f"washer{i}": w.steel or w.ring.permeability for i, w in enumerate(washers)}
     steels["core"] = core_steel or coil.core_permeability
     saturates = any(isinstance(steel, BHCurve) for steel in steels.values())
-    source, weight = _source(mesh, coil, current_a), 2.0 if half else 1.0
+    source, weight = ng.CF((0, 0, wound(coil, current_a, ng.sqrt(ng.x**2 + ng.y**2), ng.z)[0])), 2.0 if half else 1.0
     kept = np.array([1.0, 0.0, 1.0, 0.0, 1.0, 0.0]) if half else np.ones(6)
 
     def at_order(p: int, start: ScalarField | None) -> tuple[ScalarField, np.ndarray, np.ndarray]:
@@ -98,10 +106,8 @@ def solid_force(
         wrench=wrench,
         surface=surface,
         error=error,
-        co_energy_j=solved.co_energy_j,
         unknowns=solved.unknowns,
         residual=solved.residual,
-        seconds=time.process_time() - start,
     )
 
 
@@ -125,21 +131,15 @@ def _check(coil: CoilSource, washers: Sequence[PlacedWasher]) -> None:
                 )
 
 
-def _source(mesh: Any, coil: CoilSource, current_a: float) -> Any:
-    ng = engine("ngsolve")
-    return ng.CF((0, 0, wound(coil, current_a, ng.sqrt(ng.x**2 + ng.y**2), ng.z)[0]))
-
-
 def _mesh(coil: CoilSource, washers: Sequence[PlacedWasher], half: bool, levels: int, size: float) -> tuple[Any, float]:
-    """Mesh in mm and the far sphere's radius in mm."""
-    occ, ng = engine("netgen.occ"), engine("ngsolve")
+    """Return the mesh in mm and the far sphere's radius in mm."""
     length = 1e3 * coil.length
-    parts = _coil_parts(occ, coil)
+    parts = _coil_parts(coil)
     reach = float(np.hypot(500 * coil.outer_diameter, length / 2))
     for i, w in enumerate(washers):
         x, y, z = _foot_mm(w)
         rim, high = 500 * w.ring.outer_diameter, 1e3 * w.ring.thickness
-        body = _tube(occ, (x, y, z), 500 * w.ring.inner_diameter, rim, high)
+        body = _tube((x, y, z), 500 * w.ring.inner_diameter, rim, high)
         body.mat(f"washer{i}").maxh = size * max(high, rim / 2)
         parts.append(body)
         reach = max(reach, float(np.hypot(np.hypot(x, y) + rim, z + high + length / 2)))
@@ -163,12 +163,12 @@ def _mesh(coil: CoilSource, washers: Sequence[PlacedWasher], half: bool, levels:
     return mesh, far
 
 
-def _coil_parts(occ: Any, coil: CoilSource) -> list[Any]:
+def _coil_parts(coil: CoilSource) -> list[Any]:
     parts = []
     for name, inner, outer, low, high in coil_cells(coil):
         foot = (0.0, 0.0, low)
         if inner > 0:
-            part = _tube(occ, foot, inner, outer, high - low)
+            part = _tube(foot, inner, outer, high - low)
         else:
             part = occ.Cylinder(occ.Pnt(*foot), occ.Z, outer, high - low)
         part.mat(name)
@@ -178,7 +178,7 @@ def _coil_parts(occ: Any, coil: CoilSource) -> list[Any]:
     return parts
 
 
-def _tube(occ: Any, foot: tuple[float, float, float], inner: float, outer: float, height: float) -> Any:
+def _tube(foot: tuple[float, float, float], inner: float, outer: float, height: float) -> Any:
     point = occ.Pnt(*foot)
     return occ.Cylinder(point, occ.Z, outer, height) - occ.Cylinder(point, occ.Z, inner, height)
 
@@ -197,3 +197,31 @@ def _mark_edges(shape: Any, coil: CoilSource, washers: Sequence[PlacedWasher]) -
             low, high = edge.bounding_box
             if on_circle and high.y - low.y > radius / 2:  # a cut's diameter ends on the circle too, but is flat in y
                 edge.hpref = 1
+
+
+@dataclass(frozen=True)
+class Pull:
+    """One question to the ladder: a coil at `current_a` pulls a washer `offset_m` off its axis over `gap_m`.
+
+    A steel of None is linear, with the part's permeability.
+    """
+
+    coil: CoilSource
+    washer: SteelRing
+    gap_m: float
+    offset_m: float = 0.0
+    current_a: float = 1.0
+    core_steel: BHCurve | None = None
+    washer_steel: BHCurve | None = None
+
+
+def solid_pull(pull: Pull, order: int = 3, levels: int = 1) -> SolidForce:
+    """Solve the field in space; return the whole wrench.
+
+    Raises
+    ------
+    SolverError
+        As `field_solid.solid_force`.
+    """
+    washer = PlacedWasher(pull.washer, pull.gap_m, pull.offset_m, 0.0, pull.washer_steel)
+    return solid_force(pull.coil, [washer], pull.current_a, pull.core_steel, order, levels)

@@ -20,10 +20,9 @@ from padgen.planner.plan import Plan, Taxel
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.planner.tile import TURNS, taxel_places
-from padgen.verify.elastic_material import Elastic
 from padgen.verify.elastic_mesh import Fineness, meshed
-from padgen.verify.elastic_modes import System, assembled, factored, rigid_loads
-from padgen.verify.engines import engine
+from padgen.verify.elastic_modes import Elastic, System, assembled, factored, rigid_loads
+from padgen.verify.engines import engine, ng, occ
 
 __all__ = [
     "CLAMPINGS",
@@ -31,7 +30,6 @@ __all__ = [
     "PadModes",
     "central_taxels",
     "coupled_modes",
-    "crosstalk_db",
     "pad_modes",
     "peak_hz",
     "shift",
@@ -65,13 +63,13 @@ class PadModes(NamedTuple):
     unknowns: int = 0
 
     def receptance(self, taxel: int, frequency_hz: np.ndarray, q: float) -> np.ndarray:
-        """Vertical motion (frequencies, taxels) of all washers in m for 1 N on the washer of `taxel`, complex."""
+        """Return motion (frequencies, taxels) of all washers in m for 1 N on the washer of `taxel`, complex."""
         square = (2 * np.pi * np.asarray(frequency_hz)[:, None]) ** 2
         return np.asarray(self.motion[taxel] / (self.square * (1 + 1j / q) - square) @ self.motion.T)
 
 
 def pad_modes(plan: Plan, clamping: str, order: int) -> tuple[PadModes, PadModes]:
-    """Modes of the taxels on the frame held by `clamping`, and with all sub-cells' sides held; elements of `order`.
+    """Return modes of the taxels on the frame held by `clamping`, and with all sub-cells' sides held.
 
     Both are of one mesh, so that what it errs by close to the roots leaves their ratio alone.
 
@@ -82,7 +80,7 @@ def pad_modes(plan: Plan, clamping: str, order: int) -> tuple[PadModes, PadModes
     """
     if clamping not in CLAMPINGS:
         raise SolverError(f"must be one of {', '.join(CLAMPINGS)}, got {clamping}", "clamping")
-    engine("ngsolve").SetNumThreads(1)
+    ng.SetNumThreads(1)
     mesh, material = meshed(_frame_solid(plan, clamping), MESH, "frame", set()), plan.spec.material
     density = material.density_g_per_cm3 * G_PER_CM3
     plastic = Elastic(material.youngs_modulus_gpa * GPA, material.poisson_ratio, density)
@@ -93,7 +91,7 @@ def pad_modes(plan: Plan, clamping: str, order: int) -> tuple[PadModes, PadModes
 
 
 def _turn(plan: Plan, taxel: Taxel) -> np.ndarray:
-    """From a taxel's own axes to the pad's (3, 3)."""
+    """Return the turn (3, 3) from a taxel's own axes to the pad's."""
     cosine, sine = TURNS[plan.channels[taxel.channel].site.along]
     sign = -1 if taxel.turned else 1
     return np.array([[sign * cosine, -sign * sine, 0.0], [sign * sine, sign * cosine, 0.0], [0.0, 0.0, 1.0]])
@@ -102,7 +100,7 @@ def _turn(plan: Plan, taxel: Taxel) -> np.ndarray:
 def _frame_solid(plan: Plan, clamping: str) -> Any:
     """Netgen's shape of the frame in mm, from the pad's centre: the pieces of rib behind the roots, named
     ``root<taxel>-<beam>``, and all else; side faces of sub-cells are named ``seam``, what is held ``held``."""
-    occ, pad = engine("netgen.occ"), plan.spec.pad
+    pad = plan.spec.pad
     height, half = pad.frame_thickness_mm, np.array([pad.width_mm, pad.depth_mm]) / 2
     outer = half + pad.border_mm
 
@@ -154,7 +152,7 @@ def _centre(face: Any) -> np.ndarray:
 
 
 def _on_frame(plan: Plan, system: System) -> PadModes:
-    """Modes of all taxels of `plan` on the solid frame of `system`."""
+    """Return modes of all taxels of `plan` on the solid frame of `system`."""
     solve, spec = factored(system), plan.spec
     beams, plate = [channel.beam for channel in plan.channels], plate_shape(spec)
     shapes = [BeamShape(beam.width_mm, beam.thickness_mm, beam.length_mm) for beam in beams]
@@ -183,7 +181,7 @@ def _on_frame(plan: Plan, system: System) -> PadModes:
 
 
 def coupled_modes(stiffness: np.ndarray, mass: np.ndarray, taxels: Sequence[Hung]) -> PadModes:
-    """Modes of `taxels` on a frame of `stiffness` and `mass` (n, n)."""
+    """Return modes of `taxels` on a frame of `stiffness` and `mass` (n, n)."""
     frame = slice(0, len(mass))
     size = len(mass) + 6 * len(taxels)
     whole, heavy, pulls = np.zeros((size, size)), np.zeros((size, size)), np.zeros((len(taxels), size))
@@ -201,7 +199,7 @@ def coupled_modes(stiffness: np.ndarray, mass: np.ndarray, taxels: Sequence[Hung
 
 
 def peak_hz(plan: Plan, modes: PadModes, taxel: int) -> float:
-    """Frequency of the highest response of a taxel to a force on itself, within 30 % of its channel's resonance."""
+    """Return the frequency of a taxel's highest response to a force on itself, near its channel's resonance."""
     channel = plan.channels[plan.taxels[taxel].channel]
     low, high, q = 0.7 * channel.resonance_hz, 1.3 * channel.resonance_hz, channel.q
     for _ in range(6):
@@ -212,21 +210,14 @@ def peak_hz(plan: Plan, modes: PadModes, taxel: int) -> float:
 
 
 def shift(plan: Plan, on_frame: PadModes, held: PadModes, taxel: int) -> float:
-    """How far the frame moves the resonance of a taxel, as a share of it (`pad_modes` gives both)."""
+    """Return how far the frame moves the resonance of a taxel, as a share of it (`pad_modes` gives both)."""
     return peak_hz(plan, on_frame, taxel) / peak_hz(plan, held, taxel) - 1
 
 
 def central_taxels(plan: Plan) -> list[int]:
-    """For each channel on the pad the index of its taxel nearest to the pad's centre."""
+    """Return for each channel on the pad the index of its taxel nearest to the pad's centre."""
     taxels = plan.taxels
     return [
         min((k for k, t in enumerate(taxels) if t.channel == c), key=lambda k: np.hypot(taxels[k].x_mm, taxels[k].y_mm))
         for c in sorted({taxel.channel for taxel in taxels})
     ]
-
-
-def crosstalk_db(plan: Plan, modes: PadModes, driven: int) -> np.ndarray:
-    """How far below taxel `driven`, at its resonance, all washers (taxels,) move vertically, in dB; 0 for itself."""
-    q = plan.channels[plan.taxels[driven].channel].q
-    amplitude = np.abs(modes.receptance(driven, np.array([peak_hz(plan, modes, driven)]), q)[0])
-    return np.asarray(20 * np.log10(amplitude[driven] / amplitude))

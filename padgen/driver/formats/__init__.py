@@ -12,53 +12,32 @@ from padgen.core.finding import Finding
 from padgen.core.registry import FORMATS
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from padgen.core.files import OutputFolder
+    from padgen.driver.drive_folder import Drive
     from padgen.driver.ear import Heard
     from padgen.driver.formats.wav import WaveReport
     from padgen.driver.pad_drive import PadDrive
-    from padgen.driver.timeline import Timeline
-    from padgen.measured.tuning import Tuning
+    from padgen.driver.waveform import Timeline
     from padgen.planner.plan import Plan
 
-__all__ = ["DriveFormat", "DriveJob", "DriveRequest", "in_order", "register", "unregister"]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class DriveRequest:
-    """What is asked for.
-
-    `frames` (k, taxels) are levels in 0 … 1, shown for `seconds_each` (None: as the plan's frame rate has it, or where
-    they are `held`, until all taxels have their level); a single one may `loop` without a seam. `rate_hz` None: the
-    first of a sound card's that will do.
-    """
-
-    formats: tuple[str, ...]
-    frames: "np.ndarray | None" = None
-    seconds_each: float | None = None
-    held: bool = False
-    loop: bool = False
-    rate_hz: int | None = None
-    depth: str = "24"
-    signal: str = "voltage"
-    carrier_hz: float | None = None
-    tuning: "Tuning | None" = None
-    hear: bool = False
-    gap: bool = False
+__all__ = ["DriveFormat", "DriveJob", "in_order", "register", "unregister"]
 
 
 @dataclass(slots=True, eq=False)
 class DriveJob:
-    """What a format writes, judged before anything is, and what was seen on the way.
+    """One job of writing files, judged before anything is written, and what was seen on the way.
 
+    `request` is what is asked for, `depth` of a WAV's samples; `hear` and `gap` as `Drive.save` has them.
     `drive` is None where only tables are asked for of a pad with a washer that no coil pulls, `timeline` where nothing
     is shown. `shown` are the findings about the timeline, `findings` all others; `report` and `heard` are the wave's.
     """
 
     plan: "Plan"
-    request: DriveRequest
+    request: "Drive"
     progress: Callable[[str], None]
+    depth: str = "24"
+    hear: bool = False
+    gap: bool = False
     drive: "PadDrive | None" = None
     timeline: "Timeline | None" = None
     shown: tuple[Finding, ...] = ()
@@ -67,13 +46,13 @@ class DriveJob:
     heard: "Heard | None" = None
 
     def drive_at(self, rates_hz: tuple[int, ...]) -> "PadDrive":
-        """The drive at the rate that is asked for, or else at the first of these that will do."""
-        from padgen.driver.rates import drive_at
+        """Make the drive at the rate that is asked for, or else at the first of these that will do."""
+        from padgen.driver.pad_drive import drive_at
 
         return drive_at(self.plan, rates_hz, self.request.rate_hz, self.request.tuning, self.request.carrier_hz)
 
     def played(self) -> "tuple[PadDrive, Timeline]":
-        """The drive and what it shows, for a format that is made of ``"frames"``."""
+        """Return the drive and what it shows, for a format that is made of ``"frames"``."""
         assert self.drive is not None
         assert self.timeline is not None
         return self.drive, self.timeline
@@ -113,7 +92,7 @@ def unregister(name: str) -> None:
 
 
 def in_order(names: Iterable[str]) -> dict[str, DriveFormat]:
-    """The formats of these names, in the order in which they are written.
+    """Return the formats of these names, in the order in which they are written.
 
     Raises
     ------

@@ -15,13 +15,11 @@ import numpy as np
 
 from padgen.core.errors import SpecError
 from padgen.core.files import OutputFolder
-from padgen.driver.device.protocol import HOLD_WATCHDOGS, plan_hash
 from padgen.driver.formats import DriveJob
-from padgen.driver.limits import judge_limits
-from padgen.driver.loads import group_channels, least_constants
-from padgen.driver.pad_drive import CoilDrive, PadDrive
-from padgen.driver.rates import CONTROLLER_RATES_HZ
-from padgen.driver.timeline import frame_s, ramp_s
+from padgen.driver.limits import group_channels, judge_limits, least_constants
+from padgen.driver.pad_drive import CONTROLLER_RATES_HZ, CoilDrive, PadDrive
+from padgen.driver.serial_line import HOLD_WATCHDOGS, plan_hash
+from padgen.driver.waveform import frame_s, ramp_s
 from padgen.measured.tuning import Tuning, tuning_hash
 from padgen.physics.selectivity import Scheme
 from padgen.planner.plan import Plan
@@ -43,7 +41,7 @@ NO_TAXEL = 0xFFFF
 
 @dataclass(frozen=True, slots=True)
 class _Kind:
-    """What coils that play alike share: the channels (n,) of one coil, as the header's tables have them."""
+    """The data that coils that play alike share: the channels (n,) of one coil, as the header's tables have them."""
 
     harmonic: tuple[int, ...]
     line_a2: tuple[float, ...]
@@ -54,7 +52,7 @@ class _Kind:
 
 
 def write(out: OutputFolder, job: DriveJob) -> None:
-    """Add the header and the firmware; judged is whatever a host may send."""
+    """Add the header and the firmware; the worst that a host may send is judged."""
     drive = job.drive_at(CONTROLLER_RATES_HZ)
     job.findings += judge_limits(FILE, job.plan, drive, tuning=job.request.tuning)
     out.write(FILE, c_header(job.plan, drive, job.request.tuning))
@@ -63,13 +61,13 @@ def write(out: OutputFolder, job: DriveJob) -> None:
 
 
 def firmware_files() -> dict[str, bytes]:
-    """The firmware's files by name, which go beside the header."""
+    """Return the firmware's files by name, which go beside the header."""
     paths = (path for path in sorted(FIRMWARE.iterdir()) if path.suffix in (".c", ".h", ".md"))
     return {NAMES.get(path.name, path.name): path.read_bytes() for path in paths}
 
 
 def c_header(plan: Plan, drive: PadDrive, tuning: Tuning | None = None) -> str:
-    """`pad_drive.h`: what the firmware must know of a pad, as C99 and C++; its tables have a row for a kind of coil.
+    """Write `pad_drive.h`, a pad for the firmware, as C99 and C++; its tables have a row for each kind of coil.
 
     Frequencies and phases are of the current's tones: half the force's where it has no constant part. `tuning` is the
     one that `drive` was made with.
@@ -84,8 +82,17 @@ def c_header(plan: Plan, drive: PadDrive, tuning: Tuning | None = None) -> str:
     slots = {channel.index: k for own in plan.sets for k, channel in enumerate(own)}
     of_coil = [_kind(coil, [slots[plan.taxels[t].channel] for t in coil.taxels]) for coil in drive.coils]
     kinds = list(dict.fromkeys(of_coil))
+    name = _plain(plan.name)
+    print_of = "as planned" if tuning is None else f"for the print of tuning {tuning_hash(tuning)}"
     parts = [
-        _comment(plan, drive, tuning),
+        (
+            f"/* What the coils of the pad '{name}' play, {print_of} ({drive.scheme.name}).\n"
+            " * Do not edit: padgen writes it anew.\n"
+            " * Currents in A, lines of their square in A2; phases and increments in 2^-32 turns.\n"
+            f" * Tones are off by at most {drive.rate_hz / 2 / TURN:.2g} Hz within a period of the comb and"
+            " begin anew\n"
+            f" * with the next: no phase is ever off by more than {drive.period_samples / 2 / TURN:.2g} of a turn.\n */"
+        ),
         "#ifndef PADGEN_PAD_DRIVE_H\n#define PADGEN_PAD_DRIVE_H\n\n#include <stdint.h>\n",
         _defines(plan, drive, kinds),
         _table("uint8_t padgen_plan_hash[8]", [f"0x{byte:02x}" for byte in plan_hash(plan, tuning)]),
@@ -103,20 +110,8 @@ def _kind(coil: CoilDrive, slots: Iterable[int]) -> _Kind:
     return _Kind(harmonic, line_a2, phase_rad, margin, coil.bias_a, tuple(slots))
 
 
-def _comment(plan: Plan, drive: PadDrive, tuning: Tuning | None) -> str:
-    name = _plain(plan.name)
-    print_of = "as planned" if tuning is None else f"for the print of tuning {tuning_hash(tuning)}"
-    return (
-        f"/* What the coils of the pad '{name}' play, {print_of} ({drive.scheme.name}).\n"
-        " * Do not edit: padgen writes it anew.\n"
-        " * Currents in A, lines of their square in A2; phases and increments in 2^-32 turns.\n"
-        f" * Tones are off by at most {drive.rate_hz / 2 / TURN:.2g} Hz within a period of the comb and begin anew\n"
-        f" * with the next: no phase is ever off by more than {drive.period_samples / 2 / TURN:.2g} of a turn.\n */"
-    )
-
-
 def _plain(text: str) -> str:
-    """Text that can stand in a C comment."""
+    """Replace what cannot stand in a C comment."""
     return "".join(c if c.isascii() and c.isprintable() and c not in "*/\\?" else "_" for c in text)
 
 
@@ -157,7 +152,7 @@ def _defines(plan: Plan, drive: PadDrive, kinds: Sequence[_Kind]) -> str:
 
 
 def _played_as(scheme: Scheme) -> str:
-    """The scheme of the firmware that makes the same current."""
+    """Return the scheme of the firmware that makes the same current."""
     made = scheme.kind.CURRENT, scheme.takes_turns
     played = {(own.kind.CURRENT, own.takes_turns): own.name for own in map(Scheme, SCHEME_NUMBERS)}
     if made in played:
@@ -170,7 +165,7 @@ def _upper(scheme: str) -> str:
 
 
 def _channels(kinds: Sequence[_Kind]) -> int:
-    """Channels of the coil that has most; tables of none are no C."""
+    """Return the channels of the coil that has most, at least 1: an empty table is no C."""
     return max(1, *(len(kind.line_a2) for kind in kinds))
 
 
@@ -188,38 +183,34 @@ def _pad_tables(plan: Plan, drive: PadDrive, kinds: Sequence[_Kind], of_coil: Se
 
 
 def _kind_tables(drive: PadDrive, kinds: Sequence[_Kind]) -> Iterable[str]:
-    channels, samples = _channels(kinds), drive.period_samples
-    share = 1.0 if drive.scheme.has_constant else 0.5
-
-    def table(declared: str, entries: Iterable[list[str]], empty: str) -> str:
-        rows = [_braces([*own, *[empty] * (channels - len(own))]) + "," for own in entries]
-        return _rows(f"{declared}[PADGEN_KINDS][PADGEN_CHANNELS]", rows)
-
-    def phase(rad: float) -> str:
-        return f"{_turns(rad * share / (2 * pi))}u"
-
+    samples, share = drive.period_samples, 1.0 if drive.scheme.has_constant else 0.5
     # Whole numbers before they are divided: what is rounded is the increment alone.
     increments = ([f"{_turns(k * share / samples)}u" for k in kind.harmonic] for kind in kinds)
-    yield table("uint32_t padgen_increment", increments, "0u")
-    yield table("uint32_t padgen_phase", ([phase(rad) for rad in kind.phase_rad] for kind in kinds), "0u")
+    yield _by_kind("uint32_t padgen_increment", kinds, increments, "0u")
+    phases = ([f"{_turns(rad * share / (2 * pi))}u" for rad in kind.phase_rad] for kind in kinds)
+    yield _by_kind("uint32_t padgen_phase", kinds, phases, "0u")
     hertz = ([_float(k * share * drive.rate_hz / samples) for k in kind.harmonic] for kind in kinds)
-    yield table("float padgen_tone_hz", hertz, "0.0f")
-    yield table("float padgen_line_a2", ([_float(line) for line in kind.line_a2] for kind in kinds), "0.0f")
-    yield table("uint8_t padgen_slot", ([str(slot) for slot in kind.slot] for kind in kinds), "0")
+    yield _by_kind("float padgen_tone_hz", kinds, hertz, "0.0f")
+    yield _by_kind("float padgen_line_a2", kinds, ([_float(line) for line in kind.line_a2] for kind in kinds), "0.0f")
+    yield _by_kind("uint8_t padgen_slot", kinds, ([str(slot) for slot in kind.slot] for kind in kinds), "0")
     yield _table("float padgen_bias_a[PADGEN_KINDS]", [_float(kind.bias_a) for kind in kinds])
 
 
-def _constant_tables(kinds: Sequence[_Kind]) -> Iterable[str]:
-    """Spur-free: the least constants of all on/off states of each group of channels, of all on, and the margins."""
+def _by_kind(declared: str, kinds: Sequence[_Kind], entries: Iterable[list[str]], empty: str) -> str:
+    """Write a table with a row for each kind, filled up with `empty`."""
     channels = _channels(kinds)
-    size = group_channels(channels)
-    groups = ceil(channels / size)
+    rows = [_braces([*own, *[empty] * (channels - len(own))]) + "," for own in entries]
+    return _rows(f"{declared}[PADGEN_KINDS][PADGEN_CHANNELS]", rows)
+
+
+def _constant_tables(kinds: Sequence[_Kind]) -> Iterable[str]:
+    """Yield, for spur-free drives, the least constants of all states of each group, of all on, and the margins."""
+    size = group_channels(_channels(kinds))
+    groups = ceil(_channels(kinds) / size)
     yield f"#define PADGEN_GROUPS {groups}\n"
-    margins = []
-    for kind in kinds:
-        own = [_float_above(share * line) for share, line in zip(kind.margin, kind.line_a2, strict=True)]
-        margins.append(_braces([*own, *["0.0f"] * (channels - len(own))]) + ",")
-    yield _rows("float padgen_margin_a2[PADGEN_KINDS][PADGEN_CHANNELS]", margins)
+    shares = (zip(kind.margin, kind.line_a2, strict=True) for kind in kinds)
+    margins = ([_float_above(share * line) for share, line in own] for own in shares)
+    yield _by_kind("float padgen_margin_a2", kinds, margins, "0.0f")
     tables = [least_constants(kind.harmonic, kind.line_a2, kind.phase_rad, size) for kind in kinds]
     yield _table("float padgen_all_on_a2[PADGEN_KINDS]", [_float_above(all_on) for all_on, _ in tables])
     rows = []
@@ -230,18 +221,18 @@ def _constant_tables(kinds: Sequence[_Kind]) -> Iterable[str]:
 
 
 def _turns(turns: float) -> int:
-    """A share of a turn in 2⁻³² turns."""
+    """Convert a share of a turn into 2⁻³² turns."""
     return round(turns * TURN) % TURN
 
 
 def _float(value: float) -> str:
-    """A C float, as exact as it can be."""
+    """Write a C float, as exact as it can be."""
     text = f"{float(np.float32(value)):.9g}"
     return f"{text}f" if "." in text or "e" in text else f"{text}.0f"
 
 
 def _float_above(value: float) -> str:
-    """A C float that is no smaller."""
+    """Write a C float that is no smaller."""
     single = np.float32(value)
     return _float(float(single if single >= value else np.nextafter(single, np.float32(np.inf))))
 

@@ -11,7 +11,7 @@ ORDER, MADE_OF, FILE = 0, "plan", "drive.csv"
 
 
 def write(out: OutputFolder, job: DriveJob) -> None:
-    """Add the table, and the tuned one."""
+    """Add the table, and with a tuning the table of the print as measured."""
     out.write(FILE, drive_csv(job.plan))
     if job.request.tuning is not None:
         out.write("drive-tuned.csv", tuned_drive_csv(job.plan, job.request.tuning))

@@ -23,8 +23,8 @@ from padgen.core.files import OutputFolder, json_text
 from padgen.core.units import GRAM, MH, MM, UM
 from padgen.driver.formats import DriveJob
 from padgen.driver.frames import taxel_grid
-from padgen.driver.timeline import Timeline, blend
-from padgen.measured.tuning import TunedTaxel, Tuning, planned_tuning
+from padgen.driver.waveform import Timeline, blend
+from padgen.measured.tuning import Tuning, planned_tuning
 from padgen.physics.magnetics import impedance
 from padgen.planner.plan import Plan
 from padgen.planner.settings import level_law
@@ -65,7 +65,7 @@ def write(out: OutputFolder, job: DriveJob) -> None:
 
 
 def hjif_text(plan: Plan, timeline: Timeline | None = None, tuning: Tuning | None = None) -> str:
-    """The text of an `.hjif` file: the pad, as planned or as measured, and what `timeline` shows on it.
+    """Write the text of an `.hjif` file: the pad, as planned or as measured, and what `timeline` shows on it.
 
     Raises
     ------
@@ -82,12 +82,16 @@ def hjif_text(plan: Plan, timeline: Timeline | None = None, tuning: Tuning | Non
             )
     devices, device_of = _devices(plan, tuning)
     course = _course(timeline) if timeline else None
+    loop = "; the end leads over into the beginning" if timeline and timeline.loops else ""
     table = {
         "version": "2023",
         "profile": "Simple Parametric",
         "level": 1 if len(plan.taxels) <= MOST_LEVEL_1 else 2,
         "date": DATE,
-        "description": _description(plan, timeline),
+        "description": (
+            f"{plan.name}: {len(plan.taxels)} taxels. Amplitude 1 is a taxel's ON amplitude. Frequencies of keyframes"
+            f" are whole hertz; the exact resonance is the reference device's, whose custom value is Q{loop}."
+        ),
         "timescale": TICKS_PER_S,
         "avatars": [],
         "perceptions": [
@@ -104,20 +108,24 @@ def hjif_text(plan: Plan, timeline: Timeline | None = None, tuning: Tuning | Non
         "syncs": [],
     }
     text = json_text(table)
-    _refuse_difference(text, plan, course)
+    channels = json.loads(text)["perceptions"][0]["channels"]
+    same = [channel["description"].split()[0] for channel in channels] == [taxel.id for taxel in plan.taxels]
+    for k, channel in enumerate(channels if same else ()):
+        if course is None:
+            break
+        effects = channel["bands"][0]["effects"]
+        frames = [(e["position"] + f["relative_position"], f) for e in effects for f in e["keyframes"]]
+        # Between two effects that meet, both have the level there.
+        at, level = [tick for tick, _ in frames] or [0], [f["amplitude_modulation"] for _, f in frames] or [0]
+        read = np.interp(course.tick, at, level, left=0.0, right=0.0)
+        same &= bool(np.abs(read - course.level[:, k]).max() < 1e-6 and (np.diff(at) >= 0).all())
+    if not same:
+        raise FileError("did not read back as it was written; this is a fault of padgen's", "pad.hjif")
     return text
 
 
-def _description(plan: Plan, timeline: Timeline | None) -> str:
-    loop = "; the end leads over into the beginning" if timeline and timeline.loops else ""
-    return (
-        f"{plan.name}: {len(plan.taxels)} taxels. Amplitude 1 is a taxel's ON amplitude. Frequencies of keyframes are"
-        f" whole hertz; the exact resonance is the reference device's, whose custom value is Q{loop}."
-    )
-
-
 def _devices(plan: Plan, tuning: Tuning) -> tuple[list[dict[str, Any]], list[int]]:
-    """A device for each kind of taxel, and which (index) each taxel is."""
+    """Make a device for each kind of taxel; return them, and which (index) each taxel is."""
     known: dict[tuple[int, float, float], int] = {}
     devices: list[dict[str, Any]] = []
     device_of = []
@@ -125,46 +133,38 @@ def _devices(plan: Plan, tuning: Tuning) -> tuple[list[dict[str, Any]], list[int
         key = (taxel.channel, tuned.resonance_hz, tuned.q)
         if key not in known:
             known[key] = len(devices)
-            devices.append(_device(plan, taxel.channel, tuned, len(devices) + 1))
+            channel, coil, hz, q = plan.channels[taxel.channel], plan.spec.coil, tuned.resonance_hz, tuned.q
+            scheme = plan.scheme
+            drive_hz = hz if scheme.has_constant else hz / 2
+            as_planned = (hz, q) == (channel.resonance_hz, channel.q)
+            half = 1 / (2 * q)
+            middle = sqrt(1 + half**2)
+            entry = {
+                "id": (len(devices) + 1),
+                "name": f"{plan.name} " + (f"channel {taxel.channel}" if as_planned else tuned.id),
+                "type": "LRA",
+                "resonance_frequency": hz,
+                "minimum_frequency": hz * (middle - half),
+                "maximum_frequency": hz * (middle + half),
+                "impedance": abs(complex(impedance(coil.resistance_ohm, coil.inductance_mh * MH, drive_hz))),
+                "maximum_voltage": plan.spec.drive.voltage_limit_v,
+                "maximum_current": sqrt(coil.power_limit_w / coil.resistance_ohm),
+                "weight": channel.effective_mass_g * GRAM,
+                "custom": q,
+            }
+            if gain := _gain(plan):
+                law, drive = level_law(plan.spec), plan.spec.drive
+                lowest, own = law(np.array([plan.channels[0].resonance_hz, hz]))
+                entry["maximum_displacement"] = float(drive.level_um * own / lowest) / gain * UM / MM
+            devices.append(entry)
         device_of.append(known[key])
     return devices, device_of
 
 
-def _device(plan: Plan, index: int, tuned: TunedTaxel, device_id: int) -> dict[str, Any]:
-    channel, coil, hz, q = plan.channels[index], plan.spec.coil, tuned.resonance_hz, tuned.q
-    scheme = plan.scheme
-    drive_hz = hz if scheme.has_constant else hz / 2
-    as_planned = (hz, q) == (channel.resonance_hz, channel.q)
-    half = 1 / (2 * q)
-    middle = sqrt(1 + half**2)
-    device = {
-        "id": device_id,
-        "name": f"{plan.name} " + (f"channel {index}" if as_planned else tuned.id),
-        "type": "LRA",
-        "resonance_frequency": hz,
-        "minimum_frequency": hz * (middle - half),
-        "maximum_frequency": hz * (middle + half),
-        "impedance": abs(complex(impedance(coil.resistance_ohm, coil.inductance_mh * MH, drive_hz))),
-        "maximum_voltage": plan.spec.drive.voltage_limit_v,
-        "maximum_current": sqrt(coil.power_limit_w / coil.resistance_ohm),
-        "weight": channel.effective_mass_g * GRAM,
-        "custom": q,
-    }
-    if gain := _gain(plan):
-        device["maximum_displacement"] = _on_um(plan, hz) / gain * UM / MM
-    return device
-
-
 def _gain(plan: Plan) -> float:
-    """ON displacement over the largest that the limits allow; 0 where there is no such limit, or no pull."""
+    """Return the ON displacement over the largest that the limits allow; 0 where there is no such limit, or no pull."""
     largest_um = plan.load.reachable_level_um
     return plan.spec.drive.level_um / largest_um if largest_um > 0 and isfinite(largest_um) else 0.0
-
-
-def _on_um(plan: Plan, resonance_hz: float) -> float:
-    law, drive = level_law(plan.spec), plan.spec.drive
-    lowest, own = law(np.array([plan.channels[0].resonance_hz, resonance_hz]))
-    return float(drive.level_um * own / lowest)
 
 
 def _channels(
@@ -175,6 +175,7 @@ def _channels(
     place = {int(index): at for at, index in np.ndenumerate(grid) if index >= 0}
     for k, taxel in enumerate(plan.taxels):
         device = devices[device_of[k]]
+        hz = round(device["resonance_frequency"])
         channel = {
             "id": k,
             "description": f"{taxel.id} at x = {number(taxel.x_mm)} mm, y = {number(taxel.y_mm)} mm",
@@ -183,7 +184,14 @@ def _channels(
             "mixing_coefficient": 1.0,
             "body_part_mask": 0,
             "direction": {"X": 0, "Y": 0, "Z": LARGEST_VECTOR},
-            "bands": [_band(device, course, k)],
+            "bands": [
+                {
+                    "band_type": "VectorialWave",
+                    "lower_frequency_limit": min(floor(device["minimum_frequency"]), hz),
+                    "upper_frequency_limit": min(max(ceil(device["maximum_frequency"]), hz), HIGHEST_HZ),
+                    "effects": list(_effects(course, k, hz)) if course else [],
+                }
+            ],
         }
         if max(rows, columns) <= LARGEST_VECTOR:
             row, column = place[k]
@@ -193,24 +201,15 @@ def _channels(
         yield channel
 
 
-def _band(device: dict[str, Any], course: _Course | None, k: int) -> dict[str, Any]:
-    hz = round(device["resonance_frequency"])
-    return {
-        "band_type": "VectorialWave",
-        "lower_frequency_limit": min(floor(device["minimum_frequency"]), hz),
-        "upper_frequency_limit": min(max(ceil(device["maximum_frequency"]), hz), HIGHEST_HZ),
-        "effects": list(_effects(course, k, hz)) if course else [],
-    }
-
-
 def _course(timeline: Timeline) -> _Course:
-    """The smooth steps between the keyframes as straight pieces, on whole ticks."""
+    """Turn the smooth steps between the keyframes into straight pieces on whole ticks."""
     key = np.round(timeline.time_s * TICKS_PER_S).astype(int)
     key = np.maximum.accumulate(key - np.arange(len(key))) + np.arange(len(key))  # no two on one tick
     if np.abs(key / TICKS_PER_S - timeline.time_s).max() > 1.5 / TICKS_PER_S:
         raise SpecError("frames are too short for an .hjif file, which counts in milliseconds", "frames")
     pieces = [key, np.arange(0, int(key[-1]) + 1, LONGEST_EFFECT)]
-    for first, last in zip(*_changes(key, timeline.levels), strict=True):
+    changes = (timeline.levels[1:] != timeline.levels[:-1]).any(axis=1)
+    for first, last in zip(key[:-1][changes], key[1:][changes], strict=True):
         pieces.append(np.round(np.linspace(first, last, PIECES + 1)).astype(int))
     tick = np.unique(np.concatenate(pieces))
     before = np.clip(np.searchsorted(key, tick, side="right") - 1, 0, len(key) - 2)
@@ -219,14 +218,8 @@ def _course(timeline: Timeline) -> _Course:
     return _Course(tick, np.round(level, 6), np.searchsorted(tick, key))
 
 
-def _changes(key: np.ndarray, levels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """First and last ticks of the transitions in which a level changes."""
-    changes = (levels[1:] != levels[:-1]).any(axis=1)
-    return key[:-1][changes], key[1:][changes]
-
-
 def _effects(course: _Course, k: int, hz: int) -> Iterator[dict[str, Any]]:
-    """The stretches in which a taxel vibrates, cut where they would get too long; the phase leads on."""
+    """Yield the stretches in which a taxel vibrates, cut where they would get too long; the phase leads on."""
     tick, level = course.tick, course.level[:, k]
     cut = tick % LONGEST_EFFECT == 0
     sounds = np.append((level[:-1] > 0) | (level[1:] > 0), False)  # from each tick to the next
@@ -253,20 +246,3 @@ def _effect(tick: np.ndarray, level: np.ndarray, hz: int) -> dict[str, Any]:
         "base_signal": "Sine",
         "keyframes": frames,
     }
-
-
-def _refuse_difference(text: str, plan: Plan, course: _Course | None) -> None:
-    """Read the levels of every taxel back."""
-    channels = json.loads(text)["perceptions"][0]["channels"]
-    same = [channel["description"].split()[0] for channel in channels] == [taxel.id for taxel in plan.taxels]
-    for k, channel in enumerate(channels if same else ()):
-        if course is None:
-            break
-        effects = channel["bands"][0]["effects"]
-        frames = [(e["position"] + f["relative_position"], f) for e in effects for f in e["keyframes"]]
-        # Between two effects that meet, both have the level there.
-        at, level = [tick for tick, _ in frames] or [0], [f["amplitude_modulation"] for _, f in frames] or [0]
-        read = np.interp(course.tick, at, level, left=0.0, right=0.0)
-        same &= bool(np.abs(read - course.level[:, k]).max() < 1e-6 and (np.diff(at) >= 0).all())
-    if not same:
-        raise FileError("did not read back as it was written; this is a fault of padgen's", "pad.hjif")

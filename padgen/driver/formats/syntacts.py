@@ -19,13 +19,147 @@ import numpy as np
 from padgen.core.errors import at_least, number
 from padgen.core.files import OutputFolder
 from padgen.driver.formats import DriveJob
-from padgen.driver.formats._syntacts_player import CONSTANT, TEMPLATE
 from padgen.driver.pad_drive import CoilDrive, PadDrive, coil_lines, constant_a2
-from padgen.driver.timeline import Timeline, ramp_s
-from padgen.driver.waveform import edges, is_fed, volts
+from padgen.driver.waveform import Timeline, edges, is_fed, ramp_s, volts
 from padgen.planner.plan import Plan
 
 __all__ = ["FILE", "MADE_OF", "ORDER", "syntacts_script", "write"]
+
+CONSTANT = """
+The current has a constant part: the outputs and the amplifiers must pass 0 Hz.
+"""
+
+TEMPLATE = '''"""Plays the pad {name} ({scheme}) through Syntacts, one output channel for each of its {coils} coils.
+
+    python FILE          lists the devices
+    python FILE INDEX    plays on one of them
+
+Put it beside syntacts.py and its library, which there is for Windows and macOS. Set the amplifiers so that full
+scale of an output (a sample of 1) is {scale_v} V at its coil.
+{constant}
+Channels begin within a buffer of each other, which no taxel feels: each coil is a channel of its own.
+"""
+
+import math
+import sys
+import time
+
+from syntacts import Envelope, Expression, Ramp, Repeater, Scalar, Sequence, Session, Sine
+
+RATE_HZ = {rate}
+SECONDS = {seconds}
+LOOPS = {loops}
+RAMP_S = {ramp}
+# Each signal is a list of parts: start and length in s, and terms; a term is the product of an expression of the
+# part's own t (or '' for 1) and of a constant plus sines of amplitude, rate in rad/s and phase in rad.
+SIGNALS = [
+{signals}]
+# Which of them each channel plays.
+COILS = [
+{coil_signals}]
+GROUP = 16
+
+
+class Index(int):
+    """A device's index; 0 too counts as one, which Session.open takes for none."""
+
+    def __bool__(self):
+        return True
+
+
+def term_signal(shape, constant, tones):
+    signal = Scalar(constant)
+    for amplitude, rate, phase in tones:
+        signal = signal + amplitude * Sine(Ramp(phase, rate))
+    if not shape:
+        return signal
+    envelope = Expression(shape)
+    if not math.isfinite(envelope.sample(0.0)):
+        sys.exit(f"This Syntacts cannot read the expression {{shape}}")
+    return envelope * signal
+
+
+def part_signal(terms):
+    signal = term_signal(*terms[0])
+    for term in terms[1:]:
+        signal = signal + term_signal(*term)
+    return signal
+
+
+def sequence(parts):
+    """Signals (start, length, signal) one after the other; in groups, as a sequence asks all its parts at every t."""
+    while len(parts) > GROUP:
+        groups = [parts[k : k + GROUP] for k in range(0, len(parts), GROUP)]
+        parts = [(group[0][0], group[-1][0] + group[-1][1] - group[0][0], sequence(group)) for group in groups]
+    origin = parts[0][0]
+    played = Sequence()
+    for start, length, signal in parts:
+        played.insert(Envelope(length) * signal, start - origin)
+    return played
+
+
+def coil_signal(parts):
+    """What a coil plays, None for silence."""
+    if not parts:
+        return None
+    if LOOPS and len(parts) == 1:
+        return part_signal(parts[0][2])
+    signals = [(start, length, part_signal(terms)) for start, length, terms in parts]
+    if signals[0][0] > 0:
+        signals.insert(0, (0.0, signals[0][0], Scalar(0.0)))
+    played = sequence(signals)
+    return Repeater(played + Envelope(SECONDS, 0.0), 1_000_000, 0.0) if LOOPS else played
+
+
+def coil_signals():
+    signals = [coil_signal(parts) for parts in SIGNALS]
+    return [signals[k] for k in COILS]
+
+
+def fade(session):
+    """Down in steps, for a silence without a click, where the signals themselves do not end."""
+    for step in range(32, -1, -1):
+        for channel in range(len(COILS)):
+            session.set_volume(channel, step / 32)
+        time.sleep(RAMP_S / 32)
+
+
+def main():
+    session = Session()
+    fitting = {{
+        device.index: device
+        for device in session.available_devices
+        if device.max_channels >= len(COILS) and RATE_HZ in device.sample_rates
+    }}
+    if len(sys.argv) != 2 or not sys.argv[1].isdecimal() or int(sys.argv[1]) not in fitting:
+        print(f"Devices with {{len(COILS)}} channels at {{RATE_HZ}} Hz:")
+        for index, device in fitting.items():
+            print(f"{{index:4}}  {{device.name}} ({{device.api_name}}), {{device.max_channels}} channels")
+        return 2
+    signals = coil_signals()
+    fault = session.open(Index(sys.argv[1]), len(COILS), RATE_HZ)
+    if fault:
+        print(f"The device does not open (Syntacts error {{fault}}).")
+        return 1
+    try:
+        for channel, signal in enumerate(signals):
+            if signal is not None:
+                session.play(channel, signal)
+        while LOOPS:
+            time.sleep(0.1)
+        time.sleep(SECONDS + 0.5)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        fade(session)
+        session.close()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
+'''
+
 
 ORDER, MADE_OF, FILE = 5, "frames", "drive_syntacts.py"
 Tones = list[tuple[complex, float, float]]
@@ -55,7 +189,7 @@ def write(out: OutputFolder, job: DriveJob) -> None:
 
 
 def syntacts_script(plan: Plan, drive: PadDrive, timeline: Timeline, full_scale_v: float | None = None) -> str:
-    """The script's text; a sample of 1 is `full_scale_v` at the coil.
+    """Write the script's text; a sample of 1 is `full_scale_v` at the coil.
 
     That should be the written wave's, if there is one; None: the amplifier's limit, or the peak where it is above.
     """
@@ -64,13 +198,20 @@ def syntacts_script(plan: Plan, drive: PadDrive, timeline: Timeline, full_scale_
     known: dict[str, int] = {}
     texts: list[str] = []
     for coil in drive.coils:
-        texts.append(_coil_text(list(_parts(drive, timeline, coil, stretches, scale_v))))
+        texts.append(
+            "["
+            + ",\n     ".join(
+                f"({s.start_s!r}, {s.length_s!r}, {_terms_text(terms)})"
+                for s, terms in _parts(drive, timeline, coil, stretches, scale_v)
+            )
+            + "]"
+        )
         known.setdefault(texts[-1], len(known))
     signals = "".join(f"    {text},\n" for text in known)
-    coils = "".join(
-        f"    {known[text]},  # row {coil.row}, column {coil.column}: {_taxels(plan, coil)}\n"
-        for text, coil in zip(texts, drive.coils, strict=True)
-    )
+    coils = ""
+    for text, coil in zip(texts, drive.coils, strict=True):
+        ids = " ".join(plan.taxels[index].id for index in coil.taxels) or "no taxel"
+        coils += f"    {known[text]},  # row {coil.row}, column {coil.column}: {ids}\n"
     constant = CONSTANT if drive.has_constant else ""
     return TEMPLATE.format(
         name=plan.name,
@@ -92,17 +233,13 @@ def _scale_v(drive: PadDrive, timeline: Timeline) -> float:
     return drive.voltage_limit_v if peak_v <= drive.voltage_limit_v else float(at_least(peak_v))
 
 
-def _taxels(plan: Plan, coil: CoilDrive) -> str:
-    return " ".join(plan.taxels[index].id for index in coil.taxels) or "no taxel"
-
-
 def _figure(value: float) -> str:
-    """A number for the script: twelve digits, so that platforms agree."""
+    """Write a number for the script with twelve digits, so that platforms agree."""
     return repr(float(f"{value:.12g}"))
 
 
 def _stretches(drive: PadDrive, timeline: Timeline) -> Iterator[_Stretch]:
-    """What is between the keyframes, in the samples that the written wave has it in."""
+    """Yield the stretches between the keyframes, cut at the same samples as the written wave."""
     rate = drive.rate_hz
     edge = edges(drive, timeline)
     for key, (first, last) in enumerate(pairwise(edge)):
@@ -118,7 +255,7 @@ def _stretches(drive: PadDrive, timeline: Timeline) -> Iterator[_Stretch]:
 def _parts(
     drive: PadDrive, timeline: Timeline, coil: CoilDrive, stretches: list[_Stretch], scale_v: float
 ) -> Iterator[tuple[_Stretch, list[Term]]]:
-    """The terms of one coil's stretches, in shares of `scale_v`; none for silence."""
+    """Yield the terms of one coil's stretches, in shares of `scale_v`; none for silence."""
     if not len(coil.taxels):
         return
     levels = timeline.levels[:, coil.taxels]
@@ -141,7 +278,7 @@ Pair = tuple[np.ndarray, np.ndarray]
 
 
 def _tones(drive: PadDrive, coil: CoilDrive, stretch: _Stretch, levels: Pair, scale_v: float) -> Iterator[Term]:
-    """Sines at half the force's frequency, each with the root of its level."""
+    """Yield sines at half the force's frequency, each with the root of its level."""
     harmonic, amplitude = coil_lines(drive, coil)
     for low, high in _pairs(levels):
         own = (levels[0] == low) & (levels[1] == high)
@@ -150,7 +287,9 @@ def _tones(drive: PadDrive, coil: CoilDrive, stretch: _Stretch, levels: Pair, sc
         elif low == 0 or high == 0:
             shape, slope = _root_of_step(stretch, rises=low == 0)
         else:
-            shape, slope = _root_of_levels(stretch, low, high)
+            level, rise = _levels_text(stretch, low, high)
+            value = level.removeprefix(_share(stretch))
+            shape, slope = f"{_share(stretch)}sqrt({value})", f"{rise} / (2 * sqrt({value}))"
         height = float(np.sqrt(low if low == high else 1 if min(low, high) > 0 else max(low, high)))
         tones = list(_lines(drive, stretch, harmonic[own], height / scale_v * amplitude[own]))
         yield from _fed(drive, (shape, slope), 0.0, tones)
@@ -159,7 +298,7 @@ def _tones(drive: PadDrive, coil: CoilDrive, stretch: _Stretch, levels: Pair, sc
 def _biased(
     drive: PadDrive, coil: CoilDrive, stretch: _Stretch, levels: Pair, fed: tuple[bool, bool], scale_v: float
 ) -> Iterator[Term]:
-    """A constant and sines at the force's frequency, each as its level; as a whole with a root from and to silence."""
+    """Yield a constant and sines at the force's frequency, each as its level; with a root from and to silence."""
     harmonic, amplitude = coil_lines(drive, coil)
     weight, bias = amplitude / scale_v, coil.bias_a / scale_v
     if fed[0] != fed[1]:
@@ -176,13 +315,13 @@ def _biased(
 
 
 def _pairs(levels: Pair) -> list[tuple[float, float]]:
-    """The distinct pairs of levels that are not silent."""
+    """Return the distinct pairs of levels that are not silent."""
     pairs = {(float(low), float(high)) for low, high in zip(*levels, strict=True)}
     return sorted(pair for pair in pairs if any(pair))
 
 
 def _lines(drive: PadDrive, stretch: _Stretch, harmonic: np.ndarray, weight: np.ndarray) -> Iterator[tuple]:
-    """Complex amplitudes of the current when t is 0, with their rates in rad/s."""
+    """Yield complex amplitudes of the current when t is 0, with their rates in rad/s."""
     for k, amplitude in zip(harmonic.tolist(), weight.tolist(), strict=True):
         turned = k * stretch.half_samples % (2 * drive.period_samples) / (2 * drive.period_samples)
         if amplitude:
@@ -190,7 +329,7 @@ def _lines(drive: PadDrive, stretch: _Stretch, harmonic: np.ndarray, weight: np.
 
 
 def _fed(drive: PadDrive, shapes: tuple[str, str], constant: float, lines: list[tuple]) -> Iterator[Term]:
-    """The volts of ``shape(t) (constant + lines)``: R i + L di/dt, the shape's slope with it."""
+    """Yield the volts of ``shape(t) (constant + lines)``: R i + L di/dt, the shape's slope with it."""
     r, inductance = drive.resistance_ohm, drive.inductance_h
     if not (lines or constant):
         return
@@ -200,12 +339,12 @@ def _fed(drive: PadDrive, shapes: tuple[str, str], constant: float, lines: list[
 
 
 def _tone(amplitude: complex, rate: float) -> tuple[float, float, float]:
-    """Amplitude, rate and phase of the sine that is the real part of ``amplitude exp(i rate t)``."""
+    """Return amplitude, rate and phase of the sine that is the real part of ``amplitude exp(i rate t)``."""
     return abs(amplitude), rate, float(np.angle(1j * amplitude))
 
 
 def _n(value: float) -> str:
-    """A number for an expression."""
+    """Write a number for an expression."""
     return f"{value:.15g}" if value >= 0 else f"({value:.15g})"
 
 
@@ -215,12 +354,12 @@ def _share(stretch: _Stretch) -> str:
 
 REST = "(126 - x * (420 - x * (540 - x * (315 - 70 * x))))"
 STEP = f"x * x * x * x * x * {REST}"
-"""`padgen.driver.timeline.blend` as an expression of the share x."""
+"""`padgen.driver.waveform.blend` as an expression of the share x."""
 STEP_SLOPE = "630 * x * x * x * x * (1 - x) * (1 - x) * (1 - x) * (1 - x)"
 
 
 def _root_of_step(stretch: _Stretch, rises: bool) -> tuple[str, str]:
-    """The root of the smooth step, up or down, and its slope; in closed form, since both vanish where it starts."""
+    """Return the root of the smooth step, up or down, and its slope, in closed form: both vanish where it starts."""
     share = _share(stretch) + ("" if rises else "x := 1 - x; ")
     speed = stretch.speed if rises else -stretch.speed
     fall = "(1 - x) * (1 - x) * (1 - x) * (1 - x)"
@@ -230,15 +369,8 @@ def _root_of_step(stretch: _Stretch, rises: bool) -> tuple[str, str]:
     )
 
 
-def _root_of_levels(stretch: _Stretch, low: float, high: float) -> tuple[str, str]:
-    """The root of a level that goes from one value to another, neither 0, and its slope."""
-    level, slope = _levels_text(stretch, low, high)
-    value = level.removeprefix(_share(stretch))
-    return f"{_share(stretch)}sqrt({value})", f"{slope} / (2 * sqrt({value}))"
-
-
 def _levels_text(stretch: _Stretch, low: float, high: float) -> tuple[str, str]:
-    """A level that goes from one value to another, and its slope."""
+    """Return a level that goes from one value to another, and its slope."""
     share = _share(stretch)
     rise = f"{_n(high - low)}"
     return f"{share}{_n(low)} + {rise} * ({STEP})", f"{share}{_n((high - low) * stretch.speed)} * {STEP_SLOPE}"
@@ -247,7 +379,7 @@ def _levels_text(stretch: _Stretch, low: float, high: float) -> tuple[str, str]:
 def _root_text(
     drive: PadDrive, coil: CoilDrive, stretch: _Stretch, levels: Pair, constant: np.ndarray, scale_v: float
 ) -> str:
-    """The volts of √F, with F from one keyframe's force to the next's; '' for silence.
+    """Return the volts of √F, with F from one keyframe's force to the next's; '' for silence.
 
     On a carrier the current is √(2F) cos(w t + p).
     """
@@ -276,27 +408,21 @@ def _root_text(
     text += f"var r := sqrt(max({' + '.join(force)}, 1e-300)); var s := ({' + '.join(slope)}) / r; "
     if drive.carrier_hz is None:
         return f"{text}{_n(r)} * r + {_n(half_l)} * s"
-    return text + _carrier_text(drive, stretch, r, half_l)
+    assert drive.carrier_hz is not None
+    harmonic = np.array([round(drive.carrier_hz * drive.period_s)])
+    ((begin, speed),) = _lines(drive, stretch, harmonic, np.full(1, np.sqrt(2) + 0j))
+    swing = f"({_n(speed)} * t + {_n(np.angle(begin))})"
+    high = abs(begin)
+    return (
+        text
+        + f"{_n(high)} * (({_n(r)} * r + {_n(half_l)} * s) * cos{swing} - {_n(2 * half_l * speed)} * r * sin{swing})"
+    )
 
 
 def _mixed(before: float, after: float) -> str:
-    """A number that goes with the smooth step b, of which q is what is left to 1."""
+    """Write a number that goes with the smooth step b, of which q is what is left to 1."""
     shares = [f"{_n(value)} * {share}" for value, share in ((before, "q"), (after, "b")) if value]
     return _n(before) if before == after else f"({' + '.join(shares)})"
-
-
-def _carrier_text(drive: PadDrive, stretch: _Stretch, r: float, half_l: float) -> str:
-    """What the root `r` and its slope `s` make on a carrier."""
-    assert drive.carrier_hz is not None
-    harmonic = np.array([round(drive.carrier_hz * drive.period_s)])
-    ((turned, rate),) = _lines(drive, stretch, harmonic, np.full(1, np.sqrt(2) + 0j))
-    angle = f"({_n(rate)} * t + {_n(np.angle(turned))})"
-    high = abs(turned)
-    return f"{_n(high)} * (({_n(r)} * r + {_n(half_l)} * s) * cos{angle} - {_n(2 * half_l * rate)} * r * sin{angle})"
-
-
-def _coil_text(parts: list[tuple[_Stretch, list[Term]]]) -> str:
-    return "[" + ",\n     ".join(f"({s.start_s!r}, {s.length_s!r}, {_terms_text(terms)})" for s, terms in parts) + "]"
 
 
 def _terms_text(terms: list[Term]) -> str:

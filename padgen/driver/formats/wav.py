@@ -1,45 +1,170 @@
-"""The pad's waveforms as a WAV file, and beside it what a reader must know: scale, coils, lines, keyframes."""
+"""The pad's waveforms as a WAV file, and beside it what a reader must know: scale, coils, lines, keyframes.
+
+Files are written in blocks: PCM of 24 bits and IEEE floats, any number of channels. RIFF/WAVE; above 4 GiB RF64 (EBU
+Tech 3306), whose chunk `ds64` has the sizes in 64 bits. With more than two channels or more than 16 bits the format is
+WAVE_FORMAT_EXTENSIBLE, here without loudspeaker positions: channel k is coil k. `padgen.core.wav_reader` reads them.
+"""
 
 import json
+import struct
 import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from math import floor, log10
 from pathlib import Path
-from typing import Any, NamedTuple
+from types import TracebackType
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 
 from padgen.core.errors import FileError, SpecError, at_most, number
 from padgen.core.files import OutputFolder, json_text
 from padgen.core.finding import Finding
-from padgen.core.wav_reader import read_wav
-from padgen.driver.carriers import carrier_text
-from padgen.driver.ear import hear
+from padgen.core.wav_reader import EXTENSIBLE, FLOAT, IN_DS64, PCM, SUBFORMAT, read_wav
+from padgen.driver.ear import hear, heard_table
 from padgen.driver.formats import DriveJob
-from padgen.driver.heard_table import heard_table
-from padgen.driver.limits import voltage_finding
+from padgen.driver.limits import carrier_text, voltage_finding
 from padgen.driver.pad_drive import PadDrive, coil_lines
-from padgen.driver.timeline import Timeline
-from padgen.driver.wav_file import BEYOND_LIMIT, LARGEST_24, WavWriter
-from padgen.driver.waveform import blocks, sample_count
+from padgen.driver.waveform import Timeline, blocks, sample_count
 from padgen.measured.tuning import Tuning, tuning_hash
 from padgen.physics.currents import peak_current_a
 from padgen.physics.root_margin import ALIAS_DB
 from padgen.planner.plan import Plan
 
 __all__ = [
+    "BEYOND_LIMIT",
     "FILE",
+    "LARGEST_24",
     "MADE_OF",
     "ORDER",
     "SIGNALS",
+    "WavWriter",
     "WaveReport",
     "full_scale",
     "refuse",
+    "wav_header",
     "wave_json",
     "write",
     "write_wave",
 ]
+
+BEYOND_LIMIT = "; not to be played: "
+"""What a file's comment has before each limit that the file is beyond."""
+LARGEST_24 = 1 - 2.0**-23
+"""The largest sample that 24 bits hold; the smallest is −1."""
+MOST_CHANNELS = 65535
+
+
+def wav_header(rate_hz: int, channels: int, count: int, depth: str, comment: str = "") -> bytes:
+    """Return all bytes before the samples of a file of `count` samples in each channel, `depth` '24' or 'float'.
+
+    Raises
+    ------
+    FileError
+        No or too many channels, or a rate that the format cannot tell.
+    """
+    if not 1 <= channels <= MOST_CHANNELS:
+        raise FileError(f"must have 1 … {MOST_CHANNELS} channels, got {channels}", "WAV")
+    width = 3 if depth == "24" else 4
+    if channels * width > MOST_CHANNELS or channels * width * rate_hz > IN_DS64:
+        most = min(MOST_CHANNELS // width, IN_DS64 // (width * rate_hz))
+        raise FileError(f"of {depth} can have at most {most} channels at {rate_hz} Hz, got {channels}", "WAV")
+    data = count * channels * width
+    chunks = _format_chunk(rate_hz, channels, depth)
+    if depth == "float":
+        chunks += _chunk(b"fact", struct.pack("<I", min(count, IN_DS64)))
+    if comment:
+        chunks += _chunk(b"LIST", b"INFO" + _chunk(b"ICMT", comment.encode() + b"\0"))
+    riff = 4 + len(chunks) + 8 + data + data % 2
+    if riff < IN_DS64:
+        return b"RIFF" + struct.pack("<I", riff) + b"WAVE" + chunks + b"data" + struct.pack("<I", data)
+    sizes = _chunk(b"ds64", struct.pack("<QQQI", riff + 36, data, count, 0))
+    head = b"RF64" + struct.pack("<I", IN_DS64) + b"WAVE" + sizes
+    return head + chunks + b"data" + struct.pack("<I", IN_DS64)
+
+
+def _chunk(name: bytes, data: bytes) -> bytes:
+    return name + struct.pack("<I", len(data)) + data + b"\0" * (len(data) % 2)
+
+
+def _format_chunk(rate_hz: int, channels: int, depth: str) -> bytes:
+    width, code = (3, PCM) if depth == "24" else (4, FLOAT)
+    frame = channels * width
+    extended = channels > 2 or depth == "24"
+    tag = EXTENSIBLE if extended else code
+    head = struct.pack("<HHIIHH", tag, channels, rate_hz, frame * rate_hz, frame, 8 * width)
+    if not extended:
+        return _chunk(b"fmt ", head + struct.pack("<H", 0))
+    return _chunk(b"fmt ", head + struct.pack("<HHIIHH8s", 22, 8 * width, 0, code, *SUBFORMAT))
+
+
+class WavWriter:
+    """Writes a WAV file block by block; a context manager. The number of samples is given beforehand.
+
+    `checksum` is the CRC-32 of the samples' bytes.
+    """
+
+    def __init__(self, path: Path, rate_hz: int, channels: int, count: int, depth: str, comment: str = "") -> None:
+        self._header = wav_header(rate_hz, channels, count, depth, comment)
+        self._path, self._depth, self._channels, self._left = path, depth, channels, count
+        self._odd = count * channels * (3 if depth == "24" else 4) % 2
+        self.checksum = 0
+        self._file: BinaryIO
+
+    def __enter__(self) -> "WavWriter":
+        try:
+            self._file = self._path.open("wb")
+        except OSError as error:
+            raise FileError(f"cannot be written ({error.strerror})", str(self._path)) from error
+        self._file.write(self._header)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        with self._file:
+            if kind is None:
+                self._file.write(b"\0" * self._odd)
+        if kind is None and self._left:
+            raise ValueError(f"{self._left} samples are missing")
+
+    def write(self, samples: np.ndarray) -> None:
+        """Append samples (s, channels) in −1 … 1.
+
+        Raises
+        ------
+        ValueError
+            A sample would be clipped, or there are more samples than were announced.
+        """
+        if samples.shape[1] != self._channels or len(samples) > self._left:
+            raise ValueError(f"{samples.shape} samples, at most {(self._left, self._channels)} are due")
+        raw = (_packed_24(samples) if self._depth == "24" else _packed_float(samples)).data
+        self._left -= len(samples)
+        self.checksum = zlib.crc32(raw, self.checksum)
+        self._file.write(raw)
+
+
+def _packed_24(samples: np.ndarray) -> np.ndarray:
+    """Return bytes (s, channels, 3), little-endian, rounded to the nearest.
+
+    Without dither: the rounding error of a sum of lines is noise-like at this depth (`tests/test_wav.py`).
+    """
+    scaled = np.rint(samples * 2.0**23)
+    if not (scaled.min(initial=0) >= -(2.0**23) and scaled.max(initial=0) < 2.0**23):
+        raise ValueError("samples would be clipped")
+    whole = scaled.astype("<i4").view(np.uint8).reshape(*samples.shape, 4)
+    packed = np.empty((*samples.shape, 3), np.uint8)
+    # Three strided copies are several times faster than one of three bytes each.
+    for byte in range(3):
+        packed[..., byte] = whole[..., byte]
+    return packed
+
+
+def _packed_float(samples: np.ndarray) -> np.ndarray:
+    if not np.abs(samples).max(initial=0) <= 1.0:
+        raise ValueError("samples would be clipped")
+    return np.ascontiguousarray(samples, dtype="<f4")
+
 
 ORDER, MADE_OF, FILE = 4, "frames", "drive.wav"
 SIDECAR, HEARD = "drive-wave.json", "hear.json"
@@ -53,7 +178,7 @@ CHECKED_BLOCK = 1 << 12
 
 @dataclass(frozen=True, slots=True)
 class WaveReport:
-    """What was written: sample 1 is `full_scale`, in V or A as `signal` says; WAV channels are the coils.
+    """Figures of a written wave: sample 1 is `full_scale`, in V or A as `signal` says; WAV channels are the coils.
 
     `rms_current_a`, `copper_loss_w` are each coil's over the file, `loss_over_tones` what all coils' is over that of
     plain tones with the same lines. `alias_db`: see `PadDrive`.
@@ -82,7 +207,7 @@ class WaveReport:
 
 
 class _Tally(NamedTuple):
-    """What a pass over all blocks found: largest sample, sum of i² (coils,), checksum, the first samples."""
+    """Sums of a pass over all blocks: largest sample, sum of i² (coils,), checksum, the first samples."""
 
     peak: float
     square_a2: np.ndarray
@@ -93,7 +218,7 @@ class _Tally(NamedTuple):
 def refuse(job: DriveJob) -> None:
     """Refuse a wave that is longer than a file takes."""
     drive, timeline = job.played()
-    bytes_each = 3 if job.request.depth == "24" else 4
+    bytes_each = 3 if job.depth == "24" else 4
     longest = LARGEST_WAVE / (bytes_each * len(drive.coils) * drive.rate_hz)
     if timeline.seconds > longest:
         raise SpecError(
@@ -113,15 +238,15 @@ def write(out: OutputFolder, job: DriveJob) -> None:
     reports: list[WaveReport] = []
 
     def put(path: Path) -> None:
-        reports.append(write_wave(path, drive, timeline, request.depth, request.signal, job.shown, carrier))
+        reports.append(write_wave(path, drive, timeline, job.depth, request.signal, job.shown, carrier))
 
     path = out.write_by(FILE, put)
     sidecar = wave_json(job.plan, drive, timeline, reports[0], tuning=request.tuning)
     out.write(SIDECAR, sidecar)
     job.report = reports[0]
-    if request.hear:
+    if job.hear:
         job.progress("listening to the file")
-        job.heard = hear(job.plan, read_wav(path), json.loads(sidecar), request.tuning, request.gap)
+        job.heard = hear(job.plan, read_wav(path), json.loads(sidecar), request.tuning, job.gap)
         out.write(HEARD, json_text(heard_table(job.heard)))
 
 
@@ -148,8 +273,23 @@ def write_wave(
         A timeline that loops and is not whole periods of the comb, or that has two channels of a coil on where they
         take turns.
     """
-    _refuse_seam(drive, timeline)
-    _refuse_crowd(drive, timeline)
+    if timeline.loops:
+        periods = sample_count(drive, timeline) / drive.period_samples
+        if abs(periods - round(periods)) * drive.period_samples > 0.5 or round(periods) < 1:
+            whole = max(round(periods), 1) * drive.period_s
+            raise SpecError(
+                f"of a loop must be whole periods of {number(drive.period_s)} s, got {number(timeline.seconds)} s;"
+                f" {number(whole)} s would do",
+                "--seconds",
+            )
+        if not np.array_equal(timeline.levels[0], timeline.levels[-1]):
+            raise SpecError("that loop must end with the levels that they begin with", "frames")
+    for coil in drive.coils if drive.scheme.takes_turns else ():
+        if ((timeline.levels[:, coil.taxels] > 0).sum(1) > 1).any():
+            raise SpecError(
+                f"has two channels of coil ({coil.row}, {coil.column}) on at once, and time-shared they take turns",
+                "frames",
+            )
     scale = full_scale(drive, signal)
     beyond = "".join(f"{BEYOND_LIMIT}{finding.message}" for finding in judged or ())
     tally = _write(path, drive, timeline, depth, signal, scale, beyond)
@@ -162,9 +302,20 @@ def write_wave(
         cure = f"; drive.level_um of {level} would fit it"
         judged = (voltage_finding(path.name, tally.peak, drive.voltage_limit_v, cure),)
     count = sample_count(drive, timeline)
-    _read_back(path, drive, depth, tally, count)
+    wave = read_wav(path)
+    said = wave.rate_hz, wave.channels, wave.count, wave.kind, wave.bits
+    due = drive.rate_hz, len(drive.coils), count, *(("pcm", 24) if depth == "24" else ("float", 32))
+    checksum = 0
+    for part in wave.data():
+        checksum = zlib.crc32(part, checksum)
+    # Half a step of 24 bits; a float's rounding is as large, at full scale.
+    near = np.abs(wave.read(0, len(tally.first)) - tally.first).max(initial=0) <= 0.5001 * 2.0**-23
+    if said != due or checksum != tally.checksum or not near:
+        raise FileError("read back is not what was written; the disk may be full or faulty", str(path))
     mean_square = tally.square_a2 / max(count, 1)
-    tones_a2 = _tones_square_a2(drive, timeline) * drive.rate_hz
+    seconds = np.diff(timeline.time_s)
+    mean = seconds @ (timeline.levels[:-1] + timeline.levels[1:]) / 2
+    tones_a2 = float(sum((mean[coil.taxels] * coil.line_a2).sum() for coil in drive.coils)) * drive.rate_hz
     return WaveReport(
         rate_hz=drive.rate_hz,
         count=count,
@@ -185,7 +336,7 @@ def write_wave(
 
 
 def full_scale(drive: PadDrive, signal: str = "voltage") -> float:
-    """What sample 1 is in a file of this drive: the amplifier's limit in V, or a round current in A above all."""
+    """Return sample 1 of a file of this drive: the amplifier's limit in V, or a round current in A above all."""
     if signal == "voltage":
         return drive.voltage_limit_v
     peak_a = max(peak_current_a(drive.scheme, c.line_a2, float(c.margin.max(initial=0.0))) for c in drive.coils)
@@ -193,7 +344,7 @@ def full_scale(drive: PadDrive, signal: str = "voltage") -> float:
 
 
 def _round_up(value: float) -> float:
-    """The next of 1, 1.5, 2, 3, 5, 7 times a power of ten."""
+    """Return the next of 1, 1.5, 2, 3, 5, 7 times a power of ten."""
     if value <= 0:
         return 1.0
     power = floor(log10(value))
@@ -203,7 +354,7 @@ def _round_up(value: float) -> float:
 def _write(
     path: Path, drive: PadDrive, timeline: Timeline, depth: str, signal: str, scale: float, beyond: str
 ) -> _Tally:
-    """One pass; once a sample would be clipped only the largest is looked for, since another pass follows."""
+    """Write the file in one pass; once a sample would be clipped only the largest is looked for, for another pass."""
     count, coils = sample_count(drive, timeline), len(drive.coils)
     peak, square, first = 0.0, np.zeros(coils), np.zeros((0, coils))
     comment = f"sample 1 = {scale:g} {SIGNALS[signal]}; channel k is coil k, row by row{beyond}"
@@ -232,53 +383,6 @@ class _WouldClipError(Exception):
     """Leaves a file whose scale was too small."""
 
 
-def _read_back(path: Path, drive: PadDrive, depth: str, tally: _Tally, count: int) -> None:
-    """Raise unless the file has what was written: its head, its first samples by value, all others by checksum."""
-    wave = read_wav(path)
-    said = wave.rate_hz, wave.channels, wave.count, wave.kind, wave.bits
-    due = drive.rate_hz, len(drive.coils), count, *(("pcm", 24) if depth == "24" else ("float", 32))
-    checksum = 0
-    for part in wave.data():
-        checksum = zlib.crc32(part, checksum)
-    # Half a step of 24 bits; a float's rounding is as large, at full scale.
-    near = np.abs(wave.read(0, len(tally.first)) - tally.first).max(initial=0) <= 0.5001 * 2.0**-23
-    if said != due or checksum != tally.checksum or not near:
-        raise FileError("read back is not what was written; the disk may be full or faulty", str(path))
-
-
-def _refuse_seam(drive: PadDrive, timeline: Timeline) -> None:
-    if not timeline.loops:
-        return
-    periods = sample_count(drive, timeline) / drive.period_samples
-    if abs(periods - round(periods)) * drive.period_samples > 0.5 or round(periods) < 1:
-        whole = max(round(periods), 1) * drive.period_s
-        raise SpecError(
-            f"of a loop must be whole periods of {number(drive.period_s)} s, got {number(timeline.seconds)} s;"
-            f" {number(whole)} s would do",
-            "--seconds",
-        )
-    if not np.array_equal(timeline.levels[0], timeline.levels[-1]):
-        raise SpecError("that loop must end with the levels that they begin with", "frames")
-
-
-def _refuse_crowd(drive: PadDrive, timeline: Timeline) -> None:
-    if not drive.scheme.takes_turns:
-        return
-    for coil in drive.coils:
-        if ((timeline.levels[:, coil.taxels] > 0).sum(1) > 1).any():
-            raise SpecError(
-                f"has two channels of coil ({coil.row}, {coil.column}) on at once, and time-shared they take turns",
-                "frames",
-            )
-
-
-def _tones_square_a2(drive: PadDrive, timeline: Timeline) -> float:
-    """Integral in A² s of i² of all coils with plain tones of the same lines: their mean is the sum of the lines."""
-    seconds = np.diff(timeline.time_s)
-    mean = seconds @ (timeline.levels[:-1] + timeline.levels[1:]) / 2
-    return float(sum((mean[coil.taxels] * coil.line_a2).sum() for coil in drive.coils))
-
-
 def _findings(name: str, drive: PadDrive, carrier: str) -> Iterator[Finding]:
     if drive.has_constant:
         yield Finding("note", "wave.dc", name, f"has a constant part, so the amplifier must pass 0 Hz{carrier}")
@@ -301,12 +405,24 @@ def wave_json(
     name: str = "drive.wav",
     tuning: Tuning | None = None,
 ) -> str:
-    """What a reader of the WAV file must know, as JSON: scale, coils in the order of its channels, lines, keyframes.
+    """Describe the WAV file as JSON: scale, coils in the order of its channels, lines, keyframes.
 
     `tuning` is the one that `drive` was made with.
     """
     figures: dict[str, Any] = {key: value for key, value in asdict(report).items() if key != "findings"}
     figures["seconds"] = report.seconds
+    taxels: dict[int, dict[str, Any]] = {}
+    for wav_channel, coil in enumerate(drive.coils):
+        drive_hz = coil_lines(drive, coil).harmonic / drive.period_s
+        for j, index in enumerate(coil.taxels.tolist()):
+            taxels[index] = {
+                "id": plan.taxels[index].id,
+                "wav_channel": wav_channel,
+                "force_hz": float(coil.force_hz[j]),
+                "drive_hz": float(drive_hz[j]),
+                "line_a2": float(coil.line_a2[j]),
+                "phase_rad": float(coil.phase_rad[j]),
+            }
     table = {
         "name": plan.name,
         "wave": name,
@@ -317,7 +433,7 @@ def wave_json(
         "inductance_mh": drive.inductance_h * 1e3,
         "findings": [asdict(finding) for finding in report.findings],
         "coils": [{"wav_channel": k, "coil": [c.row, c.column]} for k, c in enumerate(drive.coils)],
-        "taxels": _taxels(plan, drive),
+        "taxels": [taxels[index] for index in sorted(taxels)],
         "keyframes_note": "levels of all taxels, in the order of the plan's, from each time on blended into the next",
     }
     rows = (
@@ -326,20 +442,3 @@ def wave_json(
     )
     lines = ",\n  ".join(json.dumps(row) for row in rows)
     return f'{json_text(table).rstrip()[:-1].rstrip()},\n "keyframes": [\n  {lines}\n ]\n}}\n'
-
-
-def _taxels(plan: Plan, drive: PadDrive) -> list[dict[str, Any]]:
-    """Every taxel's line of i², in the order of the plan's."""
-    rows: dict[int, dict[str, Any]] = {}
-    for wav_channel, coil in enumerate(drive.coils):
-        drive_hz = coil_lines(drive, coil).harmonic / drive.period_s
-        for j, index in enumerate(coil.taxels.tolist()):
-            rows[index] = {
-                "id": plan.taxels[index].id,
-                "wav_channel": wav_channel,
-                "force_hz": float(coil.force_hz[j]),
-                "drive_hz": float(drive_hz[j]),
-                "line_a2": float(coil.line_a2[j]),
-                "phase_rad": float(coil.phase_rad[j]),
-            }
-    return [rows[index] for index in sorted(rows)]

@@ -1,44 +1,238 @@
-"""Frames over a serial port to a pad's microcontroller, each shown once and in order.
+"""Frames over a serial port to a pad's microcontroller, each shown once and in order (docs/protocol.md).
+
+A packet is version, kind, sequence number, payload and CRC-32, its zeros taken out by consistent overhead
+byte stuffing (Cheshire and Baker, IEEE/ACM Trans. Networking 7 (1999) 159), with a zero before and after. So
+a zero on the line is always an end: whatever was lost or added, the next packet is read.
 
 One message at a time is on its way, and sent again until it is answered; the device refuses what is damaged, what it
-has shown and what is not due (`padgen.driver.device.protocol`). Whatever ends the playing, the device falls silent: it
+has shown and what is not due. Whatever ends the playing, the device falls silent: it
 is told to, and where the line is gone its watchdog does it.
 """
 
+import struct
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from enum import IntEnum
+from hashlib import sha256
 from importlib import import_module
 from math import ceil
-from typing import Any
+from typing import Any, NamedTuple
+from zlib import crc32
 
 import numpy as np
 
 from padgen.core.errors import EngineMissingError, FileError, SpecError, at_least, number
-from padgen.driver.device.protocol import (
-    GREETING_BYTES,
-    HOLD_WATCHDOGS,
-    VERSION,
-    Greeting,
-    Kind,
-    Message,
-    Reason,
-    State,
-    decode,
-    encode,
-    frame_message,
-    greeting,
-    plan_hash,
-    refusal,
-)
 from padgen.driver.limits import refuse_frames
-from padgen.driver.timeline import timeline
-from padgen.measured.tuning import Tuning
-from padgen.planner.plan import Plan
+from padgen.driver.waveform import timeline
+from padgen.measured.tuning import Tuning, tuning_to_json
+from padgen.planner.plan import Plan, plan_to_json
 
-__all__ = ["BAUD", "EXTRA", "Played", "play_frames", "serial_ports"]
+__all__ = [
+    "BAUD",
+    "EXTRA",
+    "GREETING_BYTES",
+    "HOLD_WATCHDOGS",
+    "VERSION",
+    "Greeting",
+    "Kind",
+    "Message",
+    "Played",
+    "Reason",
+    "Refusal",
+    "State",
+    "decode",
+    "encode",
+    "frame_message",
+    "greeting",
+    "plan_hash",
+    "play_frames",
+    "refusal",
+    "serial_ports",
+]
 
+VERSION = 1
+HASH_BYTES = 8
+FULL_LEVEL = 255
+SEQUENCES = 1 << 16
+HEAD, TAIL = struct.Struct("<BBH"), struct.Struct("<I")
+GREETING = struct.Struct(f"<{HASH_BYTES}sHHBBHIIIII")
+REFUSAL = struct.Struct("<BBH")
+GREETING_BYTES = GREETING.size
+LONGEST_BLOCK = 254
+HOLD_WATCHDOGS = 8
+"""Times of the watchdog that a frame is held for, whatever else than a new frame comes."""
+
+
+class Kind(IntEnum):
+    """The kinds of messages; those below 128 are from the computer, the others are answers."""
+
+    HELLO = 1
+    FRAME = 2
+    FRAME_BITS = 3
+    SILENCE = 4
+    PING = 5
+    GREETING = 129
+    ACK = 130
+    NAK = 131
+
+
+class State(IntEnum):
+    """The states of a device, as its ACKs tell."""
+
+    SILENT = 0
+    SWITCHING = 1
+    HOLDING = 2
+
+
+class Reason(IntEnum):
+    """The reasons for refusing a message."""
+
+    DAMAGED = 1
+    VERSION = 2
+    KIND = 3
+    LENGTH = 4
+    STRANGER = 5
+    DUPLICATE = 6
+    ORDER = 7
+    BUSY = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One message; `version` is that of its sender."""
+
+    kind: int
+    sequence: int
+    payload: bytes = b""
+    version: int = VERSION
+
+
+class Greeting(NamedTuple):
+    """A device's account of itself; times as its samples make them."""
+
+    plan_hash: bytes
+    taxels: int
+    coils: int
+    channels: int
+    scheme: int
+    next_sequence: int
+    rate_hz: int
+    frame_us: int
+    least_frame_us: int
+    watchdog_ms: int
+    silence_ms: int
+
+
+class Refusal(NamedTuple):
+    """The kind of message that was refused (0 unknown), why, and the sequence number that is due."""
+
+    kind: int
+    reason: int
+    next_sequence: int
+
+
+def plan_hash(plan: Plan, tuning: Tuning | None = None) -> bytes:
+    """Return the SHA-256 of plan and tuning, cut short: computer and device know by it that they mean one pad."""
+    told = plan_to_json(plan) + ("" if tuning is None else tuning_to_json(tuning))
+    return sha256(told.encode()).digest()[:HASH_BYTES]
+
+
+def encode(message: Message) -> bytes:
+    """Return the packet of a message, both zeros with it."""
+    head = HEAD.pack(message.version, message.kind, message.sequence % SEQUENCES)
+    body = head + message.payload
+    return b"\0" + _stuffed(body + TAIL.pack(crc32(body))) + b"\0"
+
+
+def decode(stream: bytes) -> tuple[list[Message | None], bytes]:
+    """Return the messages of `stream`, None for each that is damaged, and the bytes that are still without an end."""
+    *packets, rest = stream.split(b"\0")
+    return [_message(packet) for packet in packets if packet], rest
+
+
+def frame_message(levels: np.ndarray, sequence: int) -> Message:
+    """Pack levels (taxels,) in 0 … 1, in the plan's order: a bit each where all are 0 or 1, else a byte each.
+
+    Bits fill bytes from the lowest on; bytes are in steps of 1/255.
+    """
+    values = np.asarray(levels, float)
+    if np.isin(values, (0.0, 1.0)).all():
+        return Message(Kind.FRAME_BITS, sequence, np.packbits(values.astype(bool), bitorder="little").tobytes())
+    return Message(Kind.FRAME, sequence, np.rint(values * FULL_LEVEL).astype(np.uint8).tobytes())
+
+
+def greeting(message: Message) -> Greeting:
+    """Read the payload of a `Kind.GREETING`; a longer one is a later version's.
+
+    Raises
+    ------
+    ValueError
+        It is shorter than this version's.
+    """
+    if len(message.payload) < GREETING.size:
+        raise ValueError(f"a greeting has {GREETING.size} bytes, got {len(message.payload)}")
+    return Greeting(*GREETING.unpack_from(message.payload))
+
+
+def refusal(message: Message) -> Refusal:
+    """Read the payload of a `Kind.NAK`.
+
+    Raises
+    ------
+    ValueError
+        It is shorter than this version's.
+    """
+    if len(message.payload) < REFUSAL.size:
+        raise ValueError(f"a refusal has {REFUSAL.size} bytes, got {len(message.payload)}")
+    return Refusal(*REFUSAL.unpack_from(message.payload))
+
+
+def _message(packet: bytes) -> Message | None:
+    body = _unstuffed(packet)
+    if body is None or len(body) < HEAD.size + TAIL.size:
+        return None
+    body, check = body[: -TAIL.size], body[-TAIL.size :]
+    if crc32(body) != TAIL.unpack(check)[0]:
+        return None
+    version, kind, sequence = HEAD.unpack_from(body)
+    return Message(kind, sequence, body[HEAD.size :], version)
+
+
+def _stuffed(body: bytes) -> bytes:
+    """Replace every zero by the distance to the next one, in blocks of at most 254 bytes."""
+    blocks = []
+    for run in body.split(b"\0"):
+        while len(run) >= LONGEST_BLOCK:
+            blocks.append(b"\xff" + run[:LONGEST_BLOCK])
+            run = run[LONGEST_BLOCK:]
+        blocks.append(bytes([len(run) + 1]) + run)
+    return b"".join(blocks)
+
+
+def _unstuffed(packet: bytes) -> bytes | None:
+    """Return the body of a packet without its zeros; None where its blocks do not come out even."""
+    body, start = bytearray(), 0
+    while start < len(packet):
+        code = packet[start]
+        block = packet[start + 1 : start + code]
+        if len(block) != code - 1:
+            return None
+        body += block
+        start += code
+        if code - 1 < LONGEST_BLOCK and start < len(packet):
+            body.append(0)
+    return bytes(body)
+
+
+try:
+    import termios
+
+    LINE_ERRORS: tuple[type[Exception], type[Exception]] = (OSError, termios.error)
+except ImportError:
+    LINE_ERRORS = (OSError, OSError)
+"""What a line raises that is gone: pyserial's own error is an OSError, that of a Unix terminal is not."""
 EXTRA = "play"
 BAUD = 115_200
 BITS_A_BYTE = 10
@@ -56,7 +250,7 @@ READ_BYTES = 4096
 
 @dataclass(frozen=True, slots=True)
 class Played:
-    """What was played, and by what: `resent` messages were sent again, since the line had lost or changed them."""
+    """The result of playing: `resent` messages were sent again, since the line had lost or changed them."""
 
     device: Greeting
     frames: int
@@ -65,7 +259,7 @@ class Played:
 
 
 def serial_ports() -> list[str]:
-    """The names of the serial ports that there are.
+    """Return the names of the serial ports that there are.
 
     Raises
     ------
@@ -111,7 +305,13 @@ def play_frames(
         with link.closing_in(f"frame 0 of {len(frames)}"):
             device = link.greet(plan, tuning, greet_s)
         each = frame_s or device.frame_us * 1e-6
-        _refuse_crowd(bytes_each, baud, each)
+        least_s = _seconds(bytes_each, baud)
+        if each < least_s:
+            raise SpecError(
+                f"must be at least {at_least(least_s)} s for a frame of {bytes_each} bytes at {baud} baud,"
+                f" got {number(each)} s",
+                "frames",
+            )
         began = time.monotonic()
         try:
             link.show_all(frames, each, told)
@@ -124,17 +324,6 @@ def play_frames(
 
 def _seconds(count: int, baud: int) -> float:
     return count * BITS_A_BYTE / baud
-
-
-def _refuse_crowd(count: int, baud: int, each_s: float) -> None:
-    """A sentence where frames of `count` bytes follow each other faster than the line carries them."""
-    least_s = _seconds(count, baud)
-    if each_s < least_s:
-        raise SpecError(
-            f"must be at least {at_least(least_s)} s for a frame of {count} bytes at {baud} baud,"
-            f" got {number(each_s)} s",
-            "frames",
-        )
 
 
 class _Link:
@@ -161,10 +350,6 @@ class _Link:
                     self._port,
                 )
             answer = self._once(message)
-        self._device = self._same_pad(answer, plan, wanted)
-        return self._device
-
-    def _same_pad(self, answer: Message, plan: Plan, wanted: bytes) -> Greeting:
         cure = "write its firmware anew with padgen drive --formats c, and compile it"
         if answer.version != VERSION:
             raise FileError(
@@ -177,10 +362,11 @@ class _Link:
                 f" {plan.name!r} ({len(plan.taxels)} taxels, {wanted.hex()}); {cure}, or name its tuning (--tuning)",
                 self._port,
             )
-        return device
+        self._device = device
+        return self._device
 
     def show_all(self, frames: np.ndarray, each_s: float, told: Callable[[int], None]) -> None:
-        """Every frame at its time; those that a late one would crowd are later, so that none is shorter than it can.
+        """Show every frame at its time; those that a late one would crowd come later, so that none is too short.
 
         A frame that is to last longer than the device holds one is sent again meanwhile, which no taxel feels.
         """
@@ -206,7 +392,7 @@ class _Link:
 
     def silence_if_it_can(self) -> None:
         """Silence, on the way out with an error that matters more than another one."""
-        with suppress(*_line_errors(), FileError):
+        with suppress(*LINE_ERRORS, FileError):
             self._ask(Message(Kind.SILENCE, self._next_tag()))
 
     @contextmanager
@@ -214,8 +400,11 @@ class _Link:
         """Turn what a line that is gone raises into a sentence."""
         try:
             yield
-        except _line_errors() as error:
-            raise FileError(f"the line closed in {what} ({_reason(error)}); {self._what_then}", self._port) from error
+        except LINE_ERRORS as error:
+            raise FileError(
+                f"the line closed in {what} ({_reason(error)}); {self._what_then}",
+                self._port,
+            ) from error
 
     @property
     def _what_then(self) -> str:
@@ -291,7 +480,8 @@ class _Link:
             messages, self._rest = decode(stream)
             for answer in messages:
                 if answer is not None and _answers(answer, message):
-                    return None if _is_damaged(answer) else answer
+                    damaged = answer.kind == Kind.NAK and answer.version == VERSION
+                    return None if damaged and refusal(answer).reason == Reason.DAMAGED else answer
         return None
 
     def _next_tag(self) -> int:
@@ -300,7 +490,7 @@ class _Link:
 
 
 def _answers(answer: Message, message: Message) -> bool:
-    """Whether an answer is to this message; one that came damaged had no name, and one of another version no form."""
+    """Tell whether an answer is to this message; a damaged one has no name, one of another version no form."""
     if answer.version != VERSION:
         return message.kind == Kind.HELLO and answer.kind >= Kind.GREETING
     if answer.kind == Kind.NAK and len(answer.payload) >= 4:
@@ -312,22 +502,21 @@ def _answers(answer: Message, message: Message) -> bool:
     return answer.kind == Kind.GREETING and message.kind == Kind.HELLO and whole
 
 
-def _is_damaged(answer: Message) -> bool:
-    return answer.version == VERSION and answer.kind == Kind.NAK and refusal(answer).reason == Reason.DAMAGED
-
-
 @contextmanager
 def _opened(port: str, baud: int) -> Iterator[Any]:
     serial = _serial()
     try:
         line = serial.Serial(port, baud, timeout=0, write_timeout=2.0, exclusive=True)
-    except (*_line_errors(), ValueError, OverflowError) as error:
+    except (*LINE_ERRORS, ValueError, OverflowError) as error:
         there = ", ".join(serial_ports()) or "none"
-        raise FileError(f"cannot be opened ({_reason(error)}); serial ports that there are: {there}", port) from error
+        raise FileError(
+            f"cannot be opened ({_reason(error)}); serial ports that there are: {there}",
+            port,
+        ) from error
     try:
         yield line
     finally:
-        with suppress(*_line_errors()):
+        with suppress(*LINE_ERRORS):
             line.close()
 
 
@@ -340,15 +529,5 @@ def _serial() -> Any:
         ) from error
 
 
-def _line_errors() -> tuple[type[Exception], type[Exception]]:
-    """What a line raises that is gone: pyserial's own error is an OSError, that of a Unix terminal is not."""
-    try:
-        terminal: type[Exception] = import_module("termios").error
-    except ImportError:
-        return OSError, OSError
-    return OSError, terminal
-
-
 def _reason(error: Exception) -> str:
-    strerror = getattr(error, "strerror", None)
-    return str(strerror or error or type(error).__name__)
+    return str(getattr(error, "strerror", None) or error or type(error).__name__)

@@ -10,8 +10,8 @@ import numpy as np
 
 from padgen.core.errors import EngineMissingError, FileError, SpecError
 from padgen.core.wav_reader import Wave, read_wav
-from padgen.driver.timeline import blend
-from padgen.driver.wav_file import BEYOND_LIMIT
+from padgen.driver.formats.wav import BEYOND_LIMIT
+from padgen.driver.waveform import blend
 
 __all__ = ["EXTRA", "AudioDevice", "Sounded", "list_devices", "play_wave"]
 
@@ -34,7 +34,7 @@ class AudioDevice:
 
 @dataclass(frozen=True, slots=True)
 class Sounded:
-    """What was played, and through what; `missed` blocks came too late and left a gap."""
+    """The result of playing a file; `missed` blocks came too late and left a gap."""
 
     device: AudioDevice
     channels: int
@@ -44,7 +44,7 @@ class Sounded:
 
 
 def list_devices() -> list[AudioDevice]:
-    """All outputs.
+    """Return all outputs.
 
     Raises
     ------
@@ -90,7 +90,22 @@ def play_wave(
         raise SpecError(f"is not played: it {beyond[0]}", str(path))
     sound = _sounddevice()
     chosen = _chosen(sound, device)
-    _refuse(sound, wave, chosen)
+    named = f"{chosen.name} (device {chosen.index})"
+    if wave.channels > chosen.channels:
+        raise SpecError(
+            f"{named} has {chosen.channels} output channels, {wave.path.name} needs {wave.channels}, one a coil",
+            "--audio",
+        )
+    try:
+        sound.check_output_settings(
+            device=chosen.index, channels=wave.channels, dtype="float32", samplerate=wave.rate_hz
+        )
+    except (ValueError, sound.PortAudioError) as error:
+        raise SpecError(
+            f"{named} does not play {wave.channels} channels at {wave.rate_hz} Hz ({error}); its own rate is"
+            f" {chosen.rate_hz:g} Hz, for which padgen drive --rate writes",
+            "--audio",
+        ) from error
     told(chosen)
     try:
         with sound.OutputStream(
@@ -111,7 +126,10 @@ def _stream(stream: Any, wave: Wave, loops: int) -> int:
         while done < total:
             start = done % wave.count
             block = wave.read(start, min(start + size, wave.count))
-            missed += bool(stream.write(_faded_in(block, done, fade)))
+            if done < fade:
+                share = np.minimum((done + np.arange(len(block))) / fade, 1.0)
+                block = block * blend(share)[:, None]
+            missed += bool(stream.write(np.ascontiguousarray(block, np.float32)))
             done += len(block)
         stream.write(_faded_out(wave, total, fade))
     except KeyboardInterrupt:
@@ -120,29 +138,21 @@ def _stream(stream: Any, wave: Wave, loops: int) -> int:
     return missed
 
 
-def _faded_in(block: np.ndarray, done: int, fade: int) -> np.ndarray:
-    """Samples that come in smoothly if the file does not begin in silence."""
-    if done < fade:
-        share = np.minimum((done + np.arange(len(block))) / fade, 1.0)
-        block = block * blend(share)[:, None]
-    return np.ascontiguousarray(block, np.float32)
-
-
 def _faded_out(wave: Wave, done: int, fade: int) -> np.ndarray:
-    """What follows sample `done`, going out smoothly; a file that ends in silence is silent here too."""
+    """Return what follows sample `done`, going out smoothly; a file that ends in silence is silent here too."""
     places = (done + np.arange(fade)) % wave.count
     after = wave.read()[places] if wave.count <= fade else _around(wave, int(places[0]), fade)
     return np.ascontiguousarray(after * blend(1 - np.arange(fade) / fade)[:, None], np.float32)
 
 
 def _around(wave: Wave, start: int, count: int) -> np.ndarray:
-    """Samples from `start` on, the file's beginning after its end."""
+    """Return samples from `start` on, the file's beginning after its end."""
     first = wave.read(start, min(start + count, wave.count))
     return np.concatenate([first, wave.read(0, count - len(first))])
 
 
 def _chosen(sound: Any, device: int | str | None) -> AudioDevice:
-    """The device that is meant: by number, by a part of its name, or the first choice."""
+    """Find the device that is meant: by number, by a part of its name, or the first choice."""
     if isinstance(device, str) and device.isdigit():
         device = int(device)
     try:
@@ -154,28 +164,8 @@ def _chosen(sound: Any, device: int | str | None) -> AudioDevice:
         raise SpecError(f"{named} ({reason}); there are: {there}", "--audio") from error
 
 
-def _refuse(sound: Any, wave: Wave, device: AudioDevice) -> None:
-    """A sentence where a device cannot play a file."""
-    named = f"{device.name} (device {device.index})"
-    if wave.channels > device.channels:
-        raise SpecError(
-            f"{named} has {device.channels} output channels, {wave.path.name} needs {wave.channels}, one a coil",
-            "--audio",
-        )
-    try:
-        sound.check_output_settings(
-            device=device.index, channels=wave.channels, dtype="float32", samplerate=wave.rate_hz
-        )
-    except (ValueError, sound.PortAudioError) as error:
-        raise SpecError(
-            f"{named} does not play {wave.channels} channels at {wave.rate_hz} Hz ({error}); its own rate is"
-            f" {device.rate_hz:g} Hz, for which padgen drive --rate writes",
-            "--audio",
-        ) from error
-
-
 def _device(entry: Any, default: int | None) -> AudioDevice:
-    """A device as sounddevice tells of it; `default` is the number of the first choice, None if this is it."""
+    """Read a device as sounddevice tells of it; `default` is the number of the first choice, None if this is it."""
     index = int(entry["index"])
     rate, channels = float(entry["default_samplerate"]), int(entry["max_output_channels"])
     return AudioDevice(index, str(entry["name"]), channels, rate, default is None or index == default)

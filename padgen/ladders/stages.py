@@ -1,0 +1,561 @@
+"""The ladders of a study: from a scene (a plan) to the rungs that answer one question each.
+
+Allocation: how far a coil's channels can be told apart in the band, from Eq. 12 to the optimum. Geometry: the mesh that
+is printed against the B-rep that was modelled. Force: the coil's pull on a washer, from the paper's Eq. 4 to field
+solutions. Structure: a taxel's working resonance, from the paper's point-mass rule to 3-D elements of the printed
+solid; and the resonances of taxels on the real frame of the pad. Functions here hand a plan's figures to models that
+live elsewhere.
+
+Dynamics: where a coil's taxels are after switching on; phasors leave out the transient and how motion acts back, exact
+propagation only the latter.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from padgen.core.errors import SolverError, number
+from padgen.core.units import GRAM, MH, MM
+from padgen.ladders.isolate import run_apart
+from padgen.ladders.rung import Ladder, Rung, Scene, Solved, Theory, chosen_channels, distinct_channels, write_steps
+from padgen.physics.currents import bias_a
+from padgen.physics.ladder import geometric_ladder
+from padgen.physics.magnetics import impedance, paper_force_constant
+from padgen.physics.optimal_ladder import optimal_ladder
+from padgen.physics.phasor import Tones, signal, squared, steady_lines, tones
+from padgen.physics.propagation import propagate
+from padgen.physics.pull_table import solved_pulls
+from padgen.physics.selectivity import Channels, Scheme, all_states, channels, one_hot_db
+from padgen.planner.plan import Channel, Plan
+from padgen.planner.pulls import magnetic_parts
+from padgen.planner.settings import level_law, scheme_named
+from padgen.planner.suspensions import BeamShape
+from padgen.planner.taxel_model import TaxelModel, plate_shape
+from padgen.spec import Spec
+from padgen.verify.coupled import CoupledSystem, Source, from_tones, make_system, simulate
+from padgen.verify.extreme import Answer
+from padgen.verify.field_solid import Pull, solid_pull
+
+__all__ = [
+    "LADDERS",
+    "DynamicsQuestion",
+    "Scene",
+    "allocation_ladders",
+    "axisymmetric_pull",
+    "beam_hz",
+    "bound_promise",
+    "charges_pull",
+    "dynamics_ladders",
+    "dynamics_models",
+    "dynamics_question",
+    "even_ratio",
+    "exact_volumes",
+    "force_ladders",
+    "frame_hz",
+    "geometry_ladders",
+    "graded_hz",
+    "mesh_volumes",
+    "optimal_ratio",
+    "pad_hz",
+    "pad_ladders",
+    "paper_pull",
+    "planned_hz",
+    "rule_hz",
+    "solved",
+    "structure_ladders",
+    "taxel_solids",
+    "three_d_pull",
+]
+
+FINEST = "coupled"
+COUPLED_TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)
+SAMPLES = 64
+RING_UPS = 3.0
+
+
+@dataclass(frozen=True)
+class DynamicsQuestion:
+    """One coil with its taxels, what it is driven with, and the times (k,) in s to answer for.
+
+    `current` in A is of schemes that are sums of tones, None where it is the root of `squared_current` in A².
+    """
+
+    system: CoupledSystem
+    scheme: Scheme
+    current: Tones | None
+    squared_current: Tones
+    time_s: np.ndarray
+
+    @property
+    def force(self) -> Tones:
+        """The pull in N on each washer where it rests, amplitudes (n, m)."""
+        lines = self.squared_current
+        return lines._replace(amplitude=self.system.pull_n_per_a2[:, None] * lines.amplitude)
+
+    @property
+    def voltage(self) -> Source:
+        """The voltage that makes this current in the coil with its washers at rest."""
+        resistance, inductance, current = self.system.resistance_ohm, self.system.inductance_h, self.current
+        if current is None:
+            return Source("voltage", partial(_root_voltage, self.squared_current, resistance, inductance))
+        z = impedance(resistance, inductance, current.frequency_hz)
+        size, phase = current.amplitude * np.abs(z), current.phase_rad + np.angle(z)
+        return from_tones("voltage", current._replace(amplitude=size, phase_rad=phase))
+
+    @property
+    def initial_a(self) -> float:
+        """The current in A at t = 0, when the taxels are let go: no step of the voltage is left to the circuit."""
+        value = float(signal(self.current or self.squared_current, np.zeros(1))[0])
+        return value if self.current else value**0.5
+
+
+def dynamics_ladders(scene: Scene) -> Iterator[Ladder]:
+    """Yield one ladder per kind of coil, in the plan's worst state; none where the coil pulls no washer."""
+    for kind in range(len(scene.plan.sets)):
+        try:
+            question = dynamics_question(scene.plan, coil_set=kind)
+        except SolverError:
+            continue
+        first, last = (1e3 * float(question.time_s[place]) for place in (0, -1))
+        channels = ", ".join(str(channel.index) for channel in scene.plan.sets[kind])
+        yield Ladder(
+            "dynamics",
+            f"channels {channels}, driven {question.scheme.name}",
+            f"displacement {first:.4g} … {last:.4g} ms after switching on",
+            "m",
+            tuple(
+                Rung(model, resolution, partial(solved, solve, unknowns), FINEST if model == FINEST else "")
+                for model, resolution, unknowns, solve in dynamics_models(question)
+            ),
+            FINEST,
+            note="errors are of the largest displacement; the coupled model refines its tolerance",
+        )
+
+
+def solved(solve: Callable[[], Answer], unknowns: int) -> Solved:
+    """Turn the answer of one of the `dynamics_models` into a `Solved`."""
+    answer = solve()
+    return Solved(answer.values, unknowns, answer.residual)
+
+
+def dynamics_question(plan: Plan, after_s: float | None = None, coil_set: int = 0) -> DynamicsQuestion:
+    """Ask about one coil of a plan, in its worst state, two periods of the lowest channel from `after_s` on.
+
+    Three ring-ups of the slowest channel unless told otherwise.
+
+    Raises
+    ------
+    SolverError
+        `after_s` is negative, or the coil pulls none of its washers.
+    """
+    own, coil, scheme, state = plan.sets[coil_set], plan.spec.coil, plan.scheme, plan.selectivity.worst_state
+    on = np.array([bit == "1" for bit in state] if len(state) == len(own) and "1" in state else [True] * len(own))
+    line_a2 = np.array([c.line_a2 for c in own])
+    frequency, q = np.array([c.resonance_hz for c in own]), np.array([c.q for c in own])
+    start = RING_UPS * float((q / (np.pi * frequency)).max()) if after_s is None else after_s
+    if start < 0 or not line_a2[on].any():
+        raise SolverError(f"needs a time of at least 0 s and a washer that is pulled, got {number(start)} s")
+    system = make_system(
+        frequency,
+        q,
+        [c.effective_mass_g * GRAM for c in own],
+        [max(c.force_constant_n_per_a2, 0.0) for c in own],
+        [max(c.pull_exponent, 0.0) for c in own],
+        coil.gap_mm * MM,
+        coil.resistance_ohm,
+        coil.inductance_mh * MH,
+    )
+    hz, lines, bias = frequency[on], line_a2[on], bias_a(scheme, line_a2)
+    current = None if scheme.is_root else tones(hz / 2, np.sqrt(2 * lines), -np.pi / 2)
+    if scheme.is_biased:
+        phase = np.append(np.full(len(hz), -np.pi / 2), 0.0)
+        current = tones(np.append(hz, 0.0), np.append(lines / (2 * bias), bias), phase)
+    wanted = tones(np.append(hz, 0.0), np.append(lines, (1 + plan.spec.drive.headroom) * lines.sum()))
+    times = start + np.linspace(0, 2 / float(frequency.min()), SAMPLES)
+    return DynamicsQuestion(system, scheme, current, squared(current) if current else wanted, times)
+
+
+def dynamics_models(question: DynamicsQuestion) -> Iterator[tuple[str, str, int, Callable[[], Answer]]]:
+    """Yield model, resolution, unknowns and what answers, coarsest first; the coupled one with ever finer tolerances.
+
+    Answers are displacements (n, k) in m; they can be sent to another process.
+    """
+    n = len(question.system.frequency_hz)
+    yield "phasor", "steady state", n, partial(_phasor, question)
+    yield "exponential", "exact, linear", 2 * n, partial(_exponential, question)
+    for tolerance in COUPLED_TOLERANCES:
+        yield FINEST, f"tolerance {tolerance:g}", 2 * n + 1, partial(_coupled, question, tolerance)
+
+
+def _phasor(question: DynamicsQuestion) -> Answer:
+    system, force = question.system, question.force
+    lines = steady_lines(system.frequency_hz, system.q, system.mass_kg, force)
+    moved = (lines @ np.exp(2j * np.pi * (force.frequency_hz + force.rest_hz)[:, None] * question.time_s)).real
+    transient = np.exp(-np.pi * system.frequency_hz / system.q * question.time_s[0]).max()
+    return Answer(moved, float(transient) + _acting_back(question, moved))
+
+
+def _exponential(question: DynamicsQuestion) -> Answer:
+    system = question.system
+    moved = propagate(system.frequency_hz, system.q, system.mass_kg, question.force, question.time_s)
+    return Answer(moved, _acting_back(question, moved))
+
+
+def _coupled(question: DynamicsQuestion, tolerance: float) -> Answer:
+    motion = simulate(question.system, question.voltage, question.time_s, question.initial_a, tolerance)
+    # Steps add up: a hundred periods of a root's corners came to 1.2 tolerances.
+    return Answer(motion.displacement_m, 10 * tolerance, motion.residual)
+
+
+def _acting_back(question: DynamicsQuestion, moved: np.ndarray) -> float:
+    """Estimate what the linear models leave out, as a share of the amplitude.
+
+    The mean pull softens a spring by ``m z/g``, and its resonance, met within 1/Q, feels that Q
+    times; the swing itself does so in second order; and it changes the coil's inductance.
+    """
+    system, largest = question.system, np.abs(moved).max(1)
+    mean, swing = np.abs(moved.mean(1)) / system.gap_m, largest / system.gap_m
+    m, q = system.exponent, np.maximum(system.q, 1)
+    spring = q * m * mean + m * swing + q * m * (m + 1) * swing**2
+    return float(spring.max()) + 4 * float((system.pull_n_per_a2 * largest).sum()) / system.inductance_h
+
+
+def _root_voltage(lines: Tones, resistance: float, inductance: float, time_s: np.ndarray) -> np.ndarray:
+    """Return u = R i + L di/dt in V of i = √F: ``di/dt = F'/(2i)``."""
+    slope = 2 * np.pi * lines.frequency_hz * lines.amplitude
+    quarter = lines._replace(amplitude=slope, phase_rad=lines.phase_rad + np.pi / 2)
+    current = np.sqrt(signal(lines, time_s))
+    return np.asarray(resistance * current + inductance * signal(quarter, time_s) / (2 * current))
+
+
+EFFORTS = (0.1, 0.3, 1.0)
+"""Shares of the random sets that are improved, and of the linear programs."""
+
+
+def allocation_ladders(scene: Scene) -> Iterator[Ladder]:
+    """Yield one ladder: the smallest ON over the largest OFF amplitude in all states, equal masses, in the band."""
+    spec, drive = scene.plan.spec, scene.plan.selectivity.drive
+    count = len(scene.plan.sets[0])
+    if count < 2:
+        return
+    solve = (spec, drive, count)
+    rungs = [
+        Rung("paper's bound", "Eq. 12", partial(bound_promise, *solve)),
+        Rung("exact response", "one channel on", partial(even_ratio, *solve, True)),
+        Rung("exact response", "all states", partial(even_ratio, *solve, False)),
+    ]
+    rungs += [
+        Rung("optimised", f"{effort:.0%} of the search", partial(optimal_ratio, *solve, effort), "optimised")
+        for effort in EFFORTS
+    ]
+    low, high = spec.band_hz
+    yield Ladder(
+        "allocation",
+        f"{count} channels in {low:g} … {high:g} Hz, driven {drive}",
+        "ON over OFF amplitude in all states",
+        "",
+        tuple(rungs),
+        "optimised",
+        note="the first three are of resonances evenly in octaves: what they lack is what another choice would gain;"
+        " a search proves nothing: docs/selectivity.md compares it with what has been proven",
+    )
+
+
+def bound_promise(spec: Spec, drive: str, count: int) -> Solved:
+    """Return Δy that Eq. 12 promises for `count` channels evenly in octaves: ``4 Q (ρ − 1)/(ρ + 1)``."""
+    ratio = (spec.band_hz[1] / spec.band_hz[0]) ** (1 / (count - 1))
+    return Solved(np.array([4 * spec.q_min * (ratio - 1) / (ratio + 1)]))
+
+
+def even_ratio(spec: Spec, drive: str, count: int, one_hot: bool) -> Solved:
+    """Return the exact figure of resonances evenly in octaves."""
+    which, scheme = _resonators(spec, geometric_ladder(*spec.band_hz, count)), scheme_named(spec, drive)
+    return _as_ratio(one_hot_db(which, scheme) if one_hot else all_states(which, scheme).db, count)
+
+
+def optimal_ratio(spec: Spec, drive: str, count: int, effort: float) -> Solved:
+    """Return the figure of the best resonances that a search of this effort finds."""
+    scheme = scheme_named(spec, drive)
+    ladder = optimal_ladder(*spec.band_hz, count, spec.q_min, level_law(spec), scheme, effort)
+    return _as_ratio(all_states(_resonators(spec, ladder), scheme).db, count)
+
+
+def _resonators(spec: Spec, resonance_hz: np.ndarray) -> Channels:
+    return channels(resonance_hz, spec.q_min, level_law(spec)(resonance_hz))
+
+
+def _as_ratio(decibel: float, count: int) -> Solved:
+    return Solved(np.array([10 ** (decibel / 20)]), count)
+
+
+CHORDS_MM = (0.04, 0.01, 0.0025, 0.000625, 0.00015625)
+INTEGRATED_TO = (1e-3, 1e-6, 1e-9)
+KERNEL = ("build123d", "padgen.solid.taxel")
+CHORD = "mesh, chord and angle together"
+
+
+def geometry_ladders(scene: Scene) -> Iterator[Ladder]:
+    """Yield one ladder: the volumes of all distinct taxels, with the frame of their sub-cells."""
+    from padgen.solid.mesh import ANGLE_RAD, CHORD_MM
+
+    count, model = len(distinct_channels(scene.plan)), partial(taxel_solids, scene.plan)
+    rungs = []
+    for chord in CHORDS_MM:
+        # The height of a segment goes with the square of its angle.
+        angle = ANGLE_RAD * (chord / CHORD_MM) ** 0.5
+        solve = partial(mesh_volumes, chord, angle)
+        rungs.append(Rung("mesh", f"chord {chord:.2g} mm, {angle:.2g} rad", solve, CHORD, chord, KERNEL, prepare=model))
+    for tolerance in INTEGRATED_TO:
+        solve = partial(exact_volumes, tolerance)
+        label = f"integrated to {tolerance:g}"
+        rungs.append(Rung("B-rep", label, solve, "B-rep", imports=KERNEL, prepare=model, offered=False))
+    yield Ladder(
+        "geometry",
+        f"{count} distinct taxel{'s' if count > 1 else ''}",
+        "volume of the printed solid",
+        "mm³",
+        tuple(rungs),
+        "B-rep",
+        "each",
+        {CHORD: Theory(1, "a segment's area goes with its height, the chord tolerance", True)},
+        f"a build meshes with a chord of {CHORD_MM:g} mm and {ANGLE_RAD:g} rad; the unknowns are triangles and faces",
+    )
+
+
+def taxel_solids(plan: Plan) -> list[Any]:
+    """Make the build123d solids of all distinct taxels."""
+    from padgen.solid.taxel import taxel_solid
+
+    return [taxel_solid(plan, channel) for channel in distinct_channels(plan)]
+
+
+def mesh_volumes(chord_mm: float, angle_rad: float, solids: list[Any]) -> Solved:
+    """Return volumes in mm³ of the solids' triangles."""
+    from padgen.solid.mesh import signed_volume_mm3, tessellated
+
+    meshes = [tessellated(solid, chord_mm, angle_rad) for solid in solids]
+    return Solved(np.array([signed_volume_mm3(mesh) for mesh in meshes]), sum(len(m.triangles) for m in meshes))
+
+
+def exact_volumes(tolerance: float, solids: list[Any]) -> Solved:
+    """Integrate the volumes of the solids in mm³ adaptively over their faces, to a relative `tolerance`."""
+    from OCP.BRepGProp import BRepGProp
+    from OCP.GProp import GProp_GProps
+
+    from padgen.solid.kernel import kernel_errors
+
+    volumes = []
+    with kernel_errors("a volume"):
+        for solid in solids:
+            found = GProp_GProps()
+            BRepGProp.VolumeProperties_s(solid.wrapped, found, tolerance)
+            volumes.append(float(found.Mass()))
+    return Solved(np.array(volumes), sum(len(solid.faces()) for solid in solids))
+
+
+AXISYMMETRIC = ((3, 1), (4, 2), (5, 3), (6, 4))
+SOLID = ((2, 1), (3, 2), (4, 3))
+"""(order, levels of refinement at the edges of steel): both are refined at a time."""
+COAXIAL, OFF_AXIS = "axisymmetric field", "3-D field"
+FIELD_ENGINE = ("ngsolve", "netgen.occ", "netgen.geom2d", "scipy.sparse.linalg", "padgen.verify.field_solid")
+LEAST_OFFSET_MM = 1e-3
+
+
+def force_ladders(scene: Scene) -> Iterator[Ladder]:
+    """Yield one ladder for each distance from the coil's axis at which the plan has a washer."""
+    coil, washer = magnetic_parts(scene.plan.spec)
+    gap = scene.plan.spec.coil.gap_mm
+    distances = {round(c.site.coil_distance_mm, 3) for c in chosen_channels(scene.plan)}
+    for offset in sorted({distance if distance >= LEAST_OFFSET_MM else 0.0 for distance in distances}):
+        pull = Pull(coil, washer, gap * MM, offset * MM)
+        place = f"{offset:g} mm off the axis" if offset else "on the axis"
+        yield Ladder(
+            "force",
+            f"{place}, gap {gap:g} mm",
+            "pull over the current's square",
+            "N/A²",
+            tuple(_force_rungs(pull)),
+            OFF_AXIS if offset else COAXIAL,
+            note="steel is linear, with the catalogue's permeability",
+        )
+
+
+def _force_rungs(pull: Pull) -> Iterator[Rung]:
+    yield Rung("paper", "Eq. 4 as printed", partial(paper_pull, pull))
+    yield Rung("charges", "on core and washer", partial(charges_pull, pull))
+    if not pull.offset_m:
+        for order, levels in AXISYMMETRIC:
+            solve = partial(axisymmetric_pull, pull, order, levels)
+            yield Rung(COAXIAL, _resolution(order, levels), solve, COAXIAL, imports=FIELD_ENGINE)
+    for order, levels in SOLID:
+        solve = partial(three_d_pull, pull, order, levels)
+        yield Rung(OFF_AXIS, _resolution(order, levels), solve, OFF_AXIS, imports=FIELD_ENGINE)
+
+
+def _resolution(order: int, levels: int) -> str:
+    return f"p = {order}, {levels} level{'s' * (levels != 1)}"
+
+
+def paper_pull(pull: Pull) -> Solved:
+    """Return the pull by Eq. 4 as printed, over the core's end (the bore's without a core)."""
+    diameter = pull.coil.core_diameter or min(winding.inner_diameter for winding in pull.coil.windings)
+    return Solved(np.array([paper_force_constant(pull.coil, pi / 4 * diameter**2)]))
+
+
+def charges_pull(pull: Pull) -> Solved:
+    """Return the pull by surface charges on core and washer, which know no saturation: the plan's own."""
+    found = solved_pulls(pull.coil, pull.washer, np.array([pull.gap_m]), np.array([pull.offset_m]))
+    return Solved(found.pull)
+
+
+def axisymmetric_pull(pull: Pull, order: int, levels: int) -> Solved:
+    """Return the pull by elements of `order` in the half plane, the middle of what two potentials say."""
+    from padgen.verify.field_axisymmetric import axisymmetric_force
+
+    found = axisymmetric_force(pull.coil, pull.washer, pull.gap_m, pull.current_a, order=order, levels=levels)
+    return Solved(np.array([-found.force_n / pull.current_a**2]), found.unknowns, found.residual)
+
+
+def three_d_pull(pull: Pull, order: int, levels: int) -> Solved:
+    """Return the pull by elements of `order` in space."""
+    found = solid_pull(pull, order, levels)
+    return Solved(np.array([-float(found.wrench[0, 2]) / pull.current_a**2]), found.unknowns, found.residual)
+
+
+GRADED = ((2, 0), (2, 1), (3, 1), (3, 2), (4, 3), (5, 4))
+"""(order, levels of refinement at the edges that matter), as `solve_modes` has them; the last steps refine both."""
+ELEMENTS, FULL = (1, 2, 4, 8), 4
+FRAME, FRAMES = "frame, cubic elements", ("padgen.planner.taxel_frame",)
+REFERENCE = "solid, graded"
+THEORY = {
+    FRAME: Theory(4, "frequencies by cubic shapes and consistent mass; what the flares' fixed slices err by stays"),
+}
+ENGINE = ("ngsolve", "netgen.occ", "scipy.sparse.linalg", "padgen.verify.elasticity")
+
+
+def structure_ladders(scene: Scene) -> Iterator[Ladder]:
+    """Yield one ladder per taxel that differs from the others in its beams (`chosen_channels`)."""
+    for place, channel in enumerate(chosen_channels(scene.plan)):
+        yield Ladder(
+            "structure",
+            f"taxel of channel {channel.index}",
+            "working resonance",
+            "Hz",
+            tuple(_structure_rungs(scene, channel)),
+            REFERENCE,
+            theory=THEORY,
+            before=None if place else partial(run_apart, write_steps, scene),
+        )
+
+
+def _structure_rungs(scene: Scene, channel: Channel) -> Iterator[Rung]:
+    spec, plan = scene.plan.spec, scene.plan
+    yield Rung("rule", "point mass", partial(rule_hz, spec, channel))
+    yield Rung("beam", "6 motions of a rigid body", partial(beam_hz, spec, channel))
+    for elements in ELEMENTS:
+        solve = partial(frame_hz, spec, channel, elements, False)
+        yield Rung("frame", f"{elements} element{'s' * (elements > 1)} a beam", solve, FRAME, 1 / elements, FRAMES)
+    solve = partial(frame_hz, spec, channel, FULL, True)
+    yield Rung("frame", f"{FULL} elements with inner motions", solve, imports=FRAMES)
+    step = scene.step(channel)
+    for order, levels in GRADED:
+        solve = partial(graded_hz, plan, channel, step, order, levels)
+        yield Rung("solid", _resolution(order, levels), solve, REFERENCE, imports=ENGINE)
+
+
+def _model(spec: Spec, channel: Channel) -> TaxelModel:
+    beam = channel.beam
+    shape = BeamShape(beam.width_mm, beam.thickness_mm, beam.length_mm)
+    return TaxelModel(spec, beam.topology, plate_shape(spec), shape)
+
+
+def rule_hz(spec: Spec, channel: Channel) -> Solved:
+    """Return the resonance by the paper's Eq. 1 and 2."""
+    return Solved(np.array([_model(spec, channel).rule_hz]))
+
+
+def beam_hz(spec: Spec, channel: Channel) -> Solved:
+    """Return the resonance by the model that plans are made with."""
+    return Solved(np.array([_model(spec, channel).resonance_hz]), 6)
+
+
+def frame_hz(spec: Spec, channel: Channel, elements: int, inner: bool) -> Solved:
+    """Return the resonance by a frame of `elements` along each beam, with motions within the elements or without."""
+    from padgen.physics.frame import frame_modes
+    from padgen.planner.taxel_frame import taxel_frame
+
+    model = _model(spec, channel)
+    frame = taxel_frame(model, elements)
+    frame = frame if inner else frame._replace(bubbles=0)
+    modes = frame_modes(frame)
+    arm = np.asarray(model.washer_point_m) - frame.bodies[0].body.centroid
+    plate = modes.body_motion[:, 0]
+    vertical = plate[:, 2] + plate[:, 3] * arm[1] - plate[:, 4] * arm[0]
+    working = int(np.abs(vertical / modes.frequency_hz).argmax())
+    unknowns = 6 * (len(frame.nodes) - len(frame.clamped))
+    return Solved(modes.frequency_hz[[working]], unknowns, modes.residual)
+
+
+def graded_hz(plan: Plan, channel: Channel, step: Path, order: int, levels: int) -> Solved:
+    """Return the resonance by 3-D elements of `order`, refined `levels` times at the edges that hold energy."""
+    from padgen.make.solid_tuning import solid_taxel
+    from padgen.verify.elasticity import solve_modes
+
+    found = solve_modes(solid_taxel(plan, channel, step), order, levels)
+    return Solved(np.array([found.modes.frequency_hz[found.modes.working]]), found.unknowns, found.residual)
+
+
+ORDERS = (2, 3, 4)
+ON_FRAME = "taxels on the frame"
+FRAME_ENGINE = ("ngsolve", "netgen.occ", "scipy.linalg", "padgen.verify.pad_frame")
+
+
+def pad_ladders(scene: Scene) -> Iterator[Ladder]:
+    """One ladder: for each channel the resonance of its taxel nearest to the pad's centre, the frame held by its
+    screws or, without holes, glued down."""
+    plan, clamping = scene.plan, "corners" if scene.plan.spec.pad.hole_diameter_mm else "bottom"
+    rungs = [Rung("clamped sub-cell", "no frame around it", partial(planned_hz, plan))]
+    rungs += [
+        Rung(ON_FRAME, f"frame p = {order}", partial(pad_hz, plan, clamping, order), ON_FRAME, imports=FRAME_ENGINE)
+        for order in ORDERS
+    ]
+    yield Ladder(
+        "pad",
+        f"{len(plan.taxels)} taxels held at the {clamping}",
+        "resonance of each channel on the frame",
+        "Hz",
+        tuple(rungs),
+        ON_FRAME,
+        "each",
+        note="the frame alone is a solid; taxels are the plan's, whose error the structure ladder tells",
+    )
+
+
+def planned_hz(plan: Plan) -> Solved:
+    """Return each channel's resonance as planned, with all sides of its sub-cell held."""
+    return Solved(np.array([plan.channels[c].resonance_hz for c in sorted({t.channel for t in plan.taxels})]))
+
+
+def pad_hz(plan: Plan, clamping: str, order: int) -> Solved:
+    """Return the same, moved by as much as the frame moves the peak of the taxel's own response."""
+    from padgen.verify.pad_frame import central_taxels, pad_modes, shift
+
+    modes, held = pad_modes(plan, clamping, order)
+    moved = [1 + shift(plan, modes, held, taxel) for taxel in central_taxels(plan)]
+    return Solved(planned_hz(plan).values * moved, modes.unknowns)
+
+
+LADDERS: dict[str, Callable[[Scene], Iterable[Ladder]]] = {
+    "allocation": allocation_ladders,
+    "geometry": geometry_ladders,
+    "dynamics": dynamics_ladders,
+    "force": force_ladders,
+    "structure": structure_ladders,
+    "pad": pad_ladders,
+}
+"""The ladders by name, in the order in which they run: the quick ones first."""
