@@ -2,27 +2,29 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import islice, product
 from math import inf
 from typing import NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import InfeasibleError
+from padgen.core.errors import InfeasibleError, number
 from padgen.core.units import decibel
 from padgen.physics.selectivity import Scheme
 from padgen.planner.capacity import channel_limit, coil_capacity
-from padgen.planner.channels import driven, plan_channels
+from padgen.planner.channels import driven, force_constants, plan_channels
 from padgen.planner.coil_load import coil_load
+from padgen.planner.cures import Cure, varied, with_tried_cures
 from padgen.planner.drive_scheme import plan_selectivity
 from padgen.planner.frame_rates import frame_rates
 from padgen.planner.judge import judge
-from padgen.planner.layout import Layout, candidates, room
+from padgen.planner.layout import Layout, candidates, coil_reach_mm, room
 from padgen.planner.left_out import left_out
 from padgen.planner.pitch import pitch_of
 from padgen.planner.plan import Cell, Channel, CoilGrid, LayoutOption, Plan, Plate, Taxel, channel_sets
 from padgen.planner.printing import print_settings
-from padgen.planner.prints import NOT_PRINTED, on_paper_db, what_prints_keep
+from padgen.planner.prints import NOT_PRINTED, PADS, on_paper_db, what_prints_keep
 from padgen.planner.resonances import planned_optimum
 from padgen.planner.reuse import cell_is_turned, coil_reuse
 from padgen.planner.search import sites_of, sized_layouts
@@ -32,7 +34,7 @@ from padgen.planner.taxel_model import plate_shape, post_diameter_mm, recess_mm
 from padgen.planner.touch import touched_pads
 from padgen.spec import Spec
 
-__all__ = ["Choice", "choose", "finish", "make_plan"]
+__all__ = ["Choice", "choose", "finish", "make_plan", "with_cures"]
 
 RUNNERS_UP = 2
 REUSES, SCHEMES_TRIED, GAPS_MM = ("same", "alternate"), ("auto", "spur-free", "biased"), (1.0, 0.6, 0.4)
@@ -61,7 +63,20 @@ def make_plan(spec: Spec) -> Plan:
     InfeasibleError
         No layout holds; the message names the limits of the best candidates and what would do.
     """
-    return finish(choose(spec))
+    return with_cures(spec, finish(choose(spec)))
+
+
+def with_cures(spec: Spec, plan: Plan) -> Plan:
+    """Try what the findings of the `plan` of `spec` propose, and return it with the cures that hold."""
+    return with_tried_cures(plan, partial(_planned_with, spec))
+
+
+def _planned_with(spec: Spec, cure: Cure) -> Plan:
+    """The plan of `spec` with the fields of `cure`, from few prints; raises as `choose` does, without cures."""
+    choice = _searched(varied(spec, cure))
+    if choice is None:
+        raise InfeasibleError("no layout holds", "resolution")
+    return finish(choice, QUICK_PADS)
 
 
 def choose(spec: Spec) -> Choice:
@@ -69,6 +84,17 @@ def choose(spec: Spec) -> Choice:
 
     Raises as `make_plan` does.
     """
+    choice = _searched(spec)
+    if choice is None:
+        from padgen.planner.infeasible import refusal
+
+        decided = next(_decided(spec))
+        limit = channel_limit(decided)
+        raise refusal(decided, candidates(decided, limit), limit, partial(_planned_with, spec))
+    return choice
+
+
+def _searched(spec: Spec) -> Choice | None:
     found: list[Choice] = []
     known: dict[tuple[str, ...], list[tuple[Layout, tuple[SizedChannel, ...]]]] = {}
     for decided in _decided(spec):
@@ -79,16 +105,26 @@ def choose(spec: Spec) -> Choice:
             known[key] = list(islice(some, None if spec.leaves_layout_free else 1))
         found += [Choice(decided, *sized) for sized in known[key]]
     if not found:
-        from padgen.planner.infeasible import why_not
-
-        decided = next(_decided(spec))
-        limit = channel_limit(decided)
-        raise InfeasibleError(why_not(decided, candidates(decided, limit), limit), "resolution")
+        return None
     best = found[0] if len(found) == 1 else _best(found)
+    _refuse_unpulled(best)
     limit = channel_limit(best.spec)
     options = candidates(best.spec, limit)
     limits = _what_limits(best.spec, options, best.layout, limit)
     return best._replace(runners_up=_runners_up(best.spec, options, best.layout), limits=limits)
+
+
+def _refuse_unpulled(choice: Choice) -> None:
+    """Raise `InfeasibleError` where a coil does not pull one of its washers, as on a grid with too few coils."""
+    spec, sites = choice.spec, sites_of(choice.spec, choice.layout, choice.channels)
+    pulls = force_constants(spec, choice.channels, sites)
+    far = int(pulls.argmin())
+    if pulls[far] <= 0:
+        raise InfeasibleError(
+            f"the washer of channel {far} lies {number(sites[far].coil_distance_mm)} mm off its coil's axis, where the"
+            f" coil does not pull it; beyond {number(coil_reach_mm(spec))} mm the two do not overlap",
+            "coil.grid",
+        )
 
 
 def _decided(spec: Spec) -> Iterator[Spec]:
@@ -126,10 +162,13 @@ def _at_most_db(choice: Choice) -> float:
     return sets_db(choice.spec, hz, np.ones(len(hz)), Scheme("time-shared"))
 
 
-def finish(choice: Choice) -> Plan:
-    """The plan of a choice; its channels' beams and models may have been changed since."""
+def finish(choice: Choice, pads: int = PADS) -> Plan:
+    """The plan of a choice; its channels' beams and models may have been changed since.
+
+    Up to `pads` of its prints are simulated. The cures of its findings are proposals, which nobody has tried.
+    """
     bare = _assemble(choice)
-    known = replace(bare, left_out=left_out(bare), prints=what_prints_keep(bare))
+    known = replace(bare, left_out=left_out(bare), prints=what_prints_keep(bare, pads))
     return replace(known, findings=judge(known))
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from padgen.planner.plan import Plan, Prints
 from padgen.planner.printed_pads import STAGES, design_of, printed, spreads_of, work
 
-__all__ = ["NOT_PRINTED", "on_paper_db", "what_prints_keep"]
+__all__ = ["NOT_PRINTED", "PADS", "on_paper_db", "what_prints_keep"]
 
 PADS, FEWEST = 1000, 100
 """Pads that are simulated, and at least where they are much work."""

@@ -13,6 +13,7 @@ from padgen.spec.fields import choice, entry_name, flag, folder_name, numbers, q
 __all__ = [
     "Coil",
     "Drive",
+    "Limits",
     "Material",
     "Model",
     "Pad",
@@ -318,6 +319,15 @@ class Model:
 
 
 @dataclass(frozen=True, slots=True)
+class Limits:
+    """What the pad as a whole may take."""
+
+    power_w: float | None = quantity(
+        None, unit="W", low=1e-4, high=1e6, doc="heat of all coils together with all taxels on; no limit when absent"
+    )
+
+
+@dataclass(frozen=True, slots=True)
 class Spec:
     """The whole spec. `name`, `resolution`, `band_hz` and `q_min` have no default."""
 
@@ -362,6 +372,7 @@ class Spec:
     suspension: Suspension = field(default_factory=Suspension)
     drive: Drive = field(default_factory=Drive)
     model: Model = field(default_factory=Model)
+    limits: Limits = field(default_factory=Limits)
 
     @property
     def leaves_layout_free(self) -> bool:
