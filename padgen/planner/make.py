@@ -71,9 +71,12 @@ def with_cures(spec: Spec, plan: Plan) -> Plan:
     return with_tried_cures(plan, partial(_planned_with, spec))
 
 
-def _planned_with(spec: Spec, cure: Cure) -> Plan:
-    """The plan of `spec` with the fields of `cure`, from few prints; raises as `choose` does, without cures."""
-    choice = _searched(varied(spec, cure))
+def _planned_with(spec: Spec, cure: Cure, quick: bool = False) -> Plan:
+    """The plan of `spec` with the fields of `cure`, from few prints; raises as `choose` does, without cures.
+
+    A `quick` one is of the first layout that holds, whether or not its prints work.
+    """
+    choice = _searched(varied(spec, cure), quick)
     if choice is None:
         raise InfeasibleError("no layout holds", "resolution")
     return finish(choice, QUICK_PADS)
@@ -90,11 +93,11 @@ def choose(spec: Spec) -> Choice:
 
         decided = next(_decided(spec))
         limit = channel_limit(decided)
-        raise refusal(decided, candidates(decided, limit), limit, partial(_planned_with, spec))
+        raise refusal(decided, candidates(decided, limit), limit, partial(_planned_with, spec, quick=True))
     return choice
 
 
-def _searched(spec: Spec) -> Choice | None:
+def _searched(spec: Spec, quick: bool = False) -> Choice | None:
     found: list[Choice] = []
     known: dict[tuple[str, ...], list[tuple[Layout, tuple[SizedChannel, ...]]]] = {}
     for decided in _decided(spec):
@@ -102,7 +105,9 @@ def _searched(spec: Spec) -> Choice | None:
         key = (decided.coil.reuse, decided.drive.scheme if spec.spacing == "optimised" else "")
         if key not in known:
             some = sized_layouts(decided, candidates(decided, channel_limit(decided)))
-            known[key] = list(islice(some, None if spec.leaves_layout_free else 1))
+            known[key] = list(islice(some, None if spec.leaves_layout_free and not quick else 1))
+        if quick and known[key]:
+            return Choice(decided, *known[key][0])
         found += [Choice(decided, *sized) for sized in known[key]]
     if not found:
         return None
