@@ -4,7 +4,17 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from padgen.cli.common import add_model, add_output, add_spec, asked_of, code_of, folder_of, progress_line, show
+from padgen.cli.common import (
+    add_model,
+    add_output,
+    add_spec,
+    add_verbose,
+    asked_of,
+    code_of,
+    folder_of,
+    progress_line,
+    show,
+)
 from padgen.core.errors import SpecError, number
 from padgen.core.registry import FORMATS
 
@@ -46,6 +56,7 @@ def add(commands: Any) -> None:
         "--excite", metavar="chirp|noise", help="only a file that shakes every taxel while it is measured"
     )
     parser.add_argument("--together", action="store_true", help="with --excite: all coils at once, not in turn")
+    add_verbose(parser, "all notes")
     add_model(parser)
     add_output(parser)
     parser.set_defaults(command=_drive)
@@ -144,7 +155,7 @@ def _drive(options: argparse.Namespace) -> int:
 
         print(json_text(driven_table(driven, notes)), end="")
     else:
-        show(driven_text(plan, driven, frames, notes))
+        show(driven_text(plan, driven, frames, notes, options.verbose))
     return code_of(driven.findings)
 
 

@@ -5,7 +5,17 @@ import json
 from dataclasses import asdict
 from typing import Any
 
-from padgen.cli.common import add_model, add_output, add_spec, asked_of, code_of, folder_of, progress_line, show
+from padgen.cli.common import (
+    add_model,
+    add_output,
+    add_spec,
+    add_verbose,
+    asked_of,
+    code_of,
+    folder_of,
+    progress_line,
+    show,
+)
 from padgen.core.errors import SpecError, plain
 
 __all__ = ["add"]
@@ -28,7 +38,7 @@ def add(commands: Any) -> None:
         help="print it so many times in the computer (default: %(const)s): how many come out selective, and why not",
     )
     parser.add_argument("--seed", type=int, default=0, help="of --yield; the same seed, the same figures (default: 0)")
-    parser.add_argument("--verbose", action="store_true", help="all tables and notes")
+    add_verbose(parser)
     add_model(parser)
     add_output(parser)
     parser.set_defaults(command=_plan)
@@ -67,10 +77,12 @@ def _plan(options: argparse.Namespace) -> int:
 
 
 def _print_plan(plan: Any, explanation: Any, printed: Any, verbose: bool) -> None:
-    from padgen.report import explanation_text, findings_text, plan_text, serious_text, summary_text, yield_text
+    from padgen.report import explanation_text, plan_text, serious_text, summary_text, yield_text
 
     show(summary_text(plan))
-    show(f"{plan_text(plan)}\n{findings_text(plan.findings)}" if verbose else serious_text(plan.findings))
+    if verbose:
+        show(plan_text(plan))
+    show(serious_text(plan.findings, verbose))
     if explanation:
         show(f"\n{explanation_text(explanation)}")
     if printed:

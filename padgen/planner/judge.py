@@ -85,8 +85,8 @@ def _targets(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Finding]:
                 "resonance.off",
                 f"channel {channel.index}",
                 f"it resonates {percent(miss)} off its target of {number(channel.target_hz)} Hz, {percent(share)}"
-                f" allowed, since its beams' width is a whole number of steps of {number(spec.printer.width_step_mm)} mm; the"
-                " driver table drives it where it resonates",
+                f" allowed: beams are as wide as whole steps of {number(spec.printer.width_step_mm)} mm; the driver"
+                " table drives it where it resonates",
             )
         if not spec.band_hz[0] * (1 - DRAWN_SHARE) <= channel.resonance_hz <= spec.band_hz[1] * (1 + DRAWN_SHARE):
             yield Finding(
