@@ -3,7 +3,7 @@
 ::
 
     PadgenError            one sentence for the user, exit code 2
-    +-- SpecError          the spec: where, value, bound, unit, nearest value that would do
+    +-- SpecError          the spec: where, value, bound, unit, cures
     |   +-- InfeasibleError    the spec is well formed, yet no pad meets it
     +-- FileError          a file or folder that cannot be read or written
     |   +-- MeshFileError      a file that holds no mesh

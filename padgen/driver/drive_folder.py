@@ -179,10 +179,6 @@ def _judged(job: DriveJob, formats: dict[str, DriveFormat]) -> DriveJob:
     from padgen.driver.rates import RATES_HZ
 
     plan, request = job.plan, job.request
-    unpulled = [finding for finding in plan.findings if finding.code == "coil.force"]
-    if unpulled and all(each.MADE_OF == "plan" for each in formats.values()):
-        job.findings += unpulled
-        return job
     job.progress("choosing phases")
     job.drive = job.drive_at(RATES_HZ)
     if request.frames is not None:

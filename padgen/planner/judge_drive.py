@@ -82,7 +82,7 @@ def _below(level_db: float) -> str:
 
 def _unequal_pull(plan: Plan) -> Iterator[Finding]:
     figures, pull = plan.selectivity, [c.force_constant_n_per_a2 for c in plan.channels]
-    if figures.one_hot_db is None or figures.placed_one_hot_db is None or min(pull) <= 0:
+    if figures.one_hot_db is None or figures.placed_one_hot_db is None:
         return
     # Other modes are in the placed figure, too: pulls that differ by less cannot cost as much.
     if figures.placed_one_hot_db < figures.one_hot_db - PULL_DB and decibel(max(pull) / min(pull)) > PULL_DB:
