@@ -165,7 +165,7 @@ def _recess(spec: Spec) -> Iterator[Finding]:
             "recess.layers",
             "recess",
             f"the recess is {number(depth_mm)} mm deep, a whole number of layers; washer and glue need"
-            f" {number(asked_mm)} mm",
+            f" {number(asked_mm)} mm; taxel.glue_gap_mm = {number(depth_mm - spec.washer.thickness_mm)} says the same",
         )
 
 

@@ -61,14 +61,14 @@ class Taxel:
     boss_edge_mm: float = quantity(0.3, unit="mm", low=0, high=5, doc="chamfer that breaks the edge of the boss")
     fillet_mm: float = quantity(0.3, unit="mm", low=0, high=5, doc="fillets at the roots of the beams")
     washer_clearance_mm: float = quantity(
-        0.25, unit="mm", low=0, high=2, doc="how much wider than the washer its recess is"
+        0.25, unit="mm", low=0, high=2, doc="how much wider its recess is than the washer"
     )
     glue_gap_mm: float = quantity(
         0.1,
         unit="mm",
         low=0,
         high=1,
-        doc="how much deeper than the washer its recess is at least; rounded up to whole layers",
+        doc="how much deeper its recess is than the washer, rounded up to whole layers",
     )
     glue_mg: float = quantity(0.0, unit="mg", low=0, high=1000, doc="mass of glue per taxel; weigh ten")
     glue_spread_mg: float = quantity(2.0, unit="mg", low=0, high=1000, doc="spread of the glue from taxel to taxel")
@@ -163,7 +163,7 @@ class Spread:
         unit="mm",
         low=0,
         high=1,
-        doc="how far beams' thickness is off in every print of a printer, until it is calibrated",
+        doc="how far beams' thickness is off in every print until the printer is calibrated",
     )
     modulus_bias: float = quantity(
         unit="1", low=0, high=1, doc="how far the modulus is off in every print, relative, until it is calibrated"
@@ -327,7 +327,7 @@ class Model:
         unit="1",
         low=1e-4,
         high=0.5,
-        doc="largest error of a resonance, relative, that is not warned of: 0.02 is 2 %",
+        doc="relative error of a resonance from which on plans warn: 0.02 is 2 %",
     )
 
 
@@ -353,7 +353,7 @@ class Spec:
         unit="1",
         low=0.5,
         high=1e9,
-        doc="smallest quality factor of a taxel: about the cycles until a pluck has decayed to 4 %",
+        doc="smallest quality factor of a taxel: cycles until a pluck has decayed to 4 %",
     )
     delta_y: float = quantity(
         10.0,
@@ -367,7 +367,7 @@ class Spec:
         unit="1",
         low=0.5,
         high=0.999,
-        doc="share of the printed pads that are to keep delta_y once they are re-tuned",
+        doc="share of the prints that are to keep delta_y once they are re-tuned",
     )
     spacing: str = choice(
         "spread",
