@@ -141,7 +141,7 @@ def _parser(asked: list[str]) -> argparse.ArgumentParser:
         "--print-completion",
         action=_Completion,
         metavar="SHELL",
-        help="print what completes padgen's commands and options in bash, zsh or tcsh (needs padgen[completion])",
+        help="print what completes padgen's commands and options in bash, zsh, fish or tcsh (needs padgen[completion])",
     )
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     # The options of the others need not be known to run one command.

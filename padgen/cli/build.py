@@ -15,7 +15,7 @@ from padgen.cli.common import (
     progress_line,
     show,
 )
-from padgen.core.errors import PadgenError
+from padgen.core.errors import PadgenError, plain
 from padgen.core.registry import PAD_FORMATS, USUAL_FORMATS
 
 __all__ = ["add"]
@@ -87,6 +87,7 @@ def _build(options: argparse.Namespace) -> int:
         from padgen.report import built_text
 
         show(built_text(built, options.verbose))
+        show(f"next: print it, then padgen drive {plain(options.spec)} --state all --hear")
     return code_of(built.findings)
 
 
@@ -110,7 +111,8 @@ def _check(options: argparse.Namespace) -> int:
             show(laid_text(report, options.gcode, options.verbose))
         else:
             show(held_line(f"{options.mesh} is read", report.findings))
-        show(serious_text(report.findings, options.verbose))
+        if told := serious_text(report.findings, options.verbose):
+            show(told)
         if options.mesh is not None:
             show(figures_text(report.figures))
     return code_of(report.findings)

@@ -25,7 +25,7 @@ __all__ = ["driven_table", "driven_text", "excitation_text"]
 MOST_MAPPED = 16
 """Rows and columns of a pad whose taxels are named."""
 MOST_PICTURES = 4
-"""Frames that are shown as text."""
+"""Frames that are shown as text where all is asked for."""
 
 
 def driven_text(
@@ -37,7 +37,7 @@ def driven_text(
     if heard is not None and heard.selectivity_db is not None:
         done = f"heard on {name}, the file keeps {heard.selectivity_db:.1f} dB of {heard.asked_db:.1f} dB asked"
     lines = [held_line(done[0].upper() + done[1:], driven.findings), serious_text(driven.findings, verbose)]
-    lines.append(_map_text(plan) if frames is None else _frames_line(plan, frames))
+    lines.append(_map_text(plan) if frames is None else _frames_line(plan, frames, MOST_PICTURES if verbose else 1))
     if driven.report is not None:
         lines.append(_wave_text(plan, driven.report))
     if driven.heard is not None:
@@ -73,10 +73,10 @@ def _map_text(plan: "Plan") -> str:
     return f"pixels of an image of this pad, seen from the touch side:\n{map_text(plan)}\n"
 
 
-def _frames_line(plan: "Plan", frames: "np.ndarray") -> str:
+def _frames_line(plan: "Plan", frames: "np.ndarray", most: int) -> str:
     from padgen.driver.frames import frames_text
 
-    shown = frames[:MOST_PICTURES]
+    shown = frames[:most]
     more = f", the first {len(shown)}" if len(frames) > len(shown) else ""
     count = "1 frame" if len(frames) == 1 else f"{len(frames)} frames"
     return f"{count}, seen from the touch side (# ON, + between, . OFF){more}:\n{frames_text(plan, shown)}"

@@ -348,7 +348,7 @@ def serious_text(findings: Iterable[Finding], verbose: bool = False) -> str:
     shown = [f for f in serious if f not in parts]
     lines = [_finding_line(f) for f in shown]
     more = (
-        (len(parts), "warning", " on what the verdict counts"),
+        (len(parts), "warning", " on what prints keep"),
         (len(ordered) - len(serious), "note", ""),
     )
     told = [f"{count} {word}{'s' * (count > 1)}{about}" for count, word, about in more if count]
