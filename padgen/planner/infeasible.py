@@ -7,7 +7,17 @@ from typing import Any
 
 from padgen.core.errors import InfeasibleError, PadgenError, SpecError, number
 from padgen.planner.cures import Cure, varied
-from padgen.planner.layout import SLACK_MM, Layout, candidates, explain, most_channels, most_coils, room, whole_grids
+from padgen.planner.layout import (
+    SLACK_MM,
+    Layout,
+    candidates,
+    coil_reach_mm,
+    explain,
+    most_channels,
+    most_coils,
+    room,
+    whole_grids,
+)
 from padgen.planner.resonances import ladders, reachable_hz
 from padgen.planner.search import sized_layouts
 from padgen.planner.suspensions import allowed, suspension
@@ -79,11 +89,13 @@ def _unreached(spec: Spec, layout: Layout) -> str:
     asked = ", ".join(number(f) for f in wanted[0]) if wanted else "none in the band"
     if not found:
         return _no_beam(spec, layout)
-    span = f"{number(found[0])} … {number(found[1])} Hz"
+    grid = f"{layout.channels} channels per coil on the {layout.rows} x {layout.columns} grid"
+    if wanted and found[0] <= wanted[0][0] and wanted[0][-1] <= found[1]:
+        reach = number(coil_reach_mm(spec))
+        return f"{grid}: beams for {asked} Hz hold a washer beyond the coil's reach of {reach} mm from its axis"
     return (
-        f"{layout.channels} channels per coil on the {layout.rows} x {layout.columns} grid: the"
-        f" {number(layout.sub_width_mm)} x {number(layout.sub_depth_mm)} mm sub-cell can be printed for {span},"
-        f" asked are {asked} Hz"
+        f"{grid}: the {number(layout.sub_width_mm)} x {number(layout.sub_depth_mm)} mm sub-cell can be printed for"
+        f" {number(found[0])} … {number(found[1])} Hz, asked are {asked} Hz"
     )
 
 

@@ -9,7 +9,6 @@ from padgen.core.finding import Finding
 from padgen.core.units import decibel
 from padgen.physics.ladder import slot_half_width
 from padgen.physics.selectivity import Scheme
-from padgen.planner.layout import coil_reach_mm
 from padgen.planner.plan import Plan
 from padgen.spec import Spec
 
@@ -31,7 +30,7 @@ def judge_drive(plan: Plan) -> Iterator[Finding]:
     yield from _unequal_pull(plan)
     yield from _snapping(plan)
     yield from _leak(plan)
-    yield from _reach(plan)
+    yield from _unsure(plan)
     yield from _limits(plan)
     yield from _softening(plan)
     yield from _beats(plan)
@@ -125,26 +124,15 @@ def _leak(plan: Plan) -> Iterator[Finding]:
     )
 
 
-def _reach(plan: Plan) -> Iterator[Finding]:
-    reach = coil_reach_mm(plan.spec)
-    far = max(plan.channels, key=lambda c: c.site.coil_distance_mm)
-    distance = far.site.coil_distance_mm
-    if distance > reach:
-        yield Finding(
-            "warning",
-            "coil.reach",
-            f"channel {far.index}",
-            f"its washer lies {number(distance)} mm off the coil's axis; beyond {number(reach)} mm it does not"
-            " overlap the coil and is hardly pulled",
-        )
+def _unsure(plan: Plan) -> Iterator[Finding]:
     for channel in plan.channels:
         if channel.force_error > UNSURE:
             yield Finding(
                 "warning",
                 "coil.unsure",
                 f"channel {channel.index}",
-                f"the pull on its washer is known to ± {channel.force_error:.0%} only: what draws its parts up and down"
-                " or turns it all but cancels",
+                f"the pull on its washer is known to ± {channel.force_error:.0%} only, so far off the coil's axis"
+                f" ({number(channel.site.coil_distance_mm)} mm) that one side of it is drawn up and the other down",
             )
 
 

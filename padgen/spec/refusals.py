@@ -98,6 +98,13 @@ def _refuse_parts(spec: Spec) -> None:
                 f"must be below the outer diameter of {number(outer)} mm, got {number(inner)} mm",
                 f"{where}.inner_diameter_mm",
             )
+    if coil.gap_mm and coil.gap_mm > coil.outer_diameter_mm:
+        raise SpecError(
+            f"must be at most the coil's outer diameter of {number(coil.outer_diameter_mm)} mm, beyond which it hardly"
+            f" pulls a washer, got {number(coil.gap_mm)} mm",
+            "coil.gap_mm",
+            [{"coil.gap_mm": coil.outer_diameter_mm}],
+        )
     if coil.core_diameter_mm > coil.inner_diameter_mm:
         raise SpecError(
             f"must fit the winding's bore of {number(coil.inner_diameter_mm)} mm,"
