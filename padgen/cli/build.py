@@ -28,7 +28,7 @@ def add(commands: Any) -> None:
 
 
 def _add_build(commands: Any) -> None:
-    parser = commands.add_parser("build", help="the pad, its checks and its driver table")
+    parser = commands.add_parser("build", help="model the pad, check it, and write its files and its driver table")
     add_spec(parser)
     parser.add_argument(
         "--formats",
@@ -40,7 +40,7 @@ def _add_build(commands: Any) -> None:
         "--parts",
         default="",
         metavar="LIST",
-        help="what goes with the pad, of tray (holds the coils), coupon (one taxel of each kind), coupon-tray",
+        help="parts beside the pad: tray (holds the coils), coupon (one taxel of each kind), coupon-tray",
     )
     parser.add_argument(
         "--instances", action="store_true", help="3MF with one mesh per distinct taxel, placed many times"
@@ -53,7 +53,7 @@ def _add_build(commands: Any) -> None:
 
 
 def _add_check(commands: Any) -> None:
-    parser = commands.add_parser("check", help="print validation of any STL or 3MF, or of a slicer's G-code")
+    parser = commands.add_parser("check", help="whether an STL or 3MF prints, or what a slicer's G-code makes of a pad")
     parser.add_argument("mesh", metavar="MESH", nargs="?", help="an STL, 3MF, OBJ or PLY file")
     parser.add_argument(
         "--gcode",

@@ -41,14 +41,14 @@ def add_model(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--model",
         metavar="beam|solid",
-        help="where resonances come from: the beam model, or finite elements of the printed solid, to which the beams"
-        " are then tuned (default: the spec's; after a plan, that of the plan in the folder)",
+        help="how resonances are computed: by the beam model, or by finite elements of the printed solid, which then"
+        " also tune the beams (default: as the spec says, or as the plan in the folder was made)",
     )
     parser.add_argument(
         "--tolerance",
         metavar="SHARE",
-        help="relative error of a resonance that will do, as 1%% or 0.01: finite elements where the beam model's own"
-        " estimate is more",
+        help="largest relative error of a resonance, as 1%% or 0.01: where the beam model may be off by more, finite"
+        " elements are solved",
     )
 
 

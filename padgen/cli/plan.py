@@ -25,9 +25,13 @@ MOST_PADS = 10_000_000
 
 def add(commands: Any) -> None:
     """Add the command."""
-    parser = commands.add_parser("plan", help="frequency allocation, beams, selectivity, feasibility")
+    parser = commands.add_parser("plan", help="search coils, resonances and beams, and say whether the pad works")
     add_spec(parser)
-    parser.add_argument("--explain", action="store_true", help="which limit binds, and what the cheapest changes buy")
+    parser.add_argument(
+        "--explain",
+        action="store_true",
+        help="what keeps a coil from one more channel, and what changes of the spec would gain",
+    )
     parser.add_argument(
         "--yield",
         dest="pads",
@@ -35,9 +39,14 @@ def add(commands: Any) -> None:
         type=int,
         nargs="?",
         const=100_000,
-        help="print it so many times in the computer (default: %(const)s): how many come out selective, and why not",
+        help="print the pad so many times in the computer (default: %(const)s) and say how many keep what is asked",
     )
-    parser.add_argument("--seed", type=int, default=0, help="of --yield; the same seed, the same figures (default: 0)")
+    parser.add_argument(
+        "--seed",
+        type=int,
+        default=0,
+        help="start of the random numbers of --yield: the same seed gives the same figures (default: 0)",
+    )
     add_verbose(parser)
     add_model(parser)
     add_output(parser)

@@ -45,8 +45,15 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "--simulate", metavar="SEED", type=int, help="measure a pad that the computer prints, to try the loop"
     )
-    parser.add_argument("--kind", default="spectrum", metavar="|".join(KINDS), help="of --simulate (default: spectrum)")
-    parser.add_argument("--snr", default=30.0, metavar="DB", type=float, help="of --simulate (default: 30)")
+    parser.add_argument(
+        "--kind",
+        default="spectrum",
+        metavar="|".join(KINDS),
+        help="with --simulate: what is measured (default: spectrum)",
+    )
+    parser.add_argument(
+        "--snr", default=30.0, metavar="DB", type=float, help="with --simulate: signal over noise (default: 30)"
+    )
     add_verbose(parser, "all notes, and more taxels")
     add_model(parser)
     add_output(parser)

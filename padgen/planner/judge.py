@@ -141,8 +141,8 @@ def _prints(plan: Plan) -> Iterator[Finding]:
             "note",
             "print.spread",
             "pad",
-            f"measure every taxel of a print and re-tune it: with the plan's own driver table {wanted:.0%} of prints"
-            f" keep {prints.planned_db:.1f} dB",
+            f"expect to measure and re-tune every taxel: driven as planned, {wanted:.0%} of prints keep"
+            f" {prints.planned_db:.1f} dB",
         )
 
 
@@ -153,7 +153,8 @@ def _single_layers(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Findin
             "note",
             "beam.single_layer",
             ("channels " if len(single) > 1 else "channel ") + ", ".join(str(c.index) for c in single),
-            f"their beams are a single layer of {number(single[0].beam.thickness_mm)} mm: level the bed well",
+            f"beams of a single layer of {number(single[0].beam.thickness_mm)} mm come out as thick as the bed is"
+            " level: level it well",
         )
 
 
@@ -234,16 +235,15 @@ def _doubt(spec: Spec, channel: Channel) -> str:
     error, asked = channel.model_error, spec.model.tolerance
     if channel.model == "solid":
         asked = asked_error(spec)
-        known = f"finite elements know its resonance to {error:.2%} only, asked is {asked:.2%}: it is not tuned"
+        known = f"finite elements may be off by {error:.2%} of its resonance, asked is {asked:.2%}: it is not tuned"
         return known if error > asked else ""
     if spec.model.structure == "solid":
         return (
-            f"not tuned to the printed solid: finite elements know its resonance no better than the beam model, whose"
-            f" own estimate of its error is {error:.2%} and whose figures stay; asked is {asked_error(spec):.2%}"
+            f"it is planned by the beam model, which may be off by {error:.2%} of its resonance, since finite elements"
+            f" know it no better; asked is {asked_error(spec):.2%}"
         )
-    remedy = "--model solid solves the printed solid and tunes its beams to it"
-    own = f"the beam model's own estimate of its error is {error:.1%} of the resonance"
-    return f"{own}, asked is {asked:.1%} (model.tolerance); {remedy}" if error > asked else ""
+    own = f"the beam model may be off by {error:.1%} of its resonance, model.tolerance is {asked:.1%}"
+    return f"{own}; --model solid computes it by finite elements and tunes its beams" if error > asked else ""
 
 
 def _statics(spec: Spec, channel: Channel) -> Iterator[Finding]:
