@@ -49,7 +49,17 @@ IMPOSSIBLE: dict[str, dict[str, Any]] = {
     },
     "a level of twice the gap": {"drive": {"level_um": 2000.0}},
 }
-FREE = ("resolution", "threshold_file", "threshold_hz", "threshold_um", "resonances_hz", "structure", "name", "source")
+FREE = (
+    "resolution",
+    "threshold_file",
+    "threshold_hz",
+    "threshold_um",
+    "resonances_hz",
+    "structure",
+    "name",
+    "source",
+    "power_w",
+)
 """Fields of the spec that are not drawn among the odd ones: without bounds, or drawn always."""
 
 

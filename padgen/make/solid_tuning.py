@@ -118,7 +118,7 @@ def plan_tuned_to_solid(spec: Spec, progress: Progress = lambda step: None) -> P
         _better(first, min(tried, key=lambda trial: abs(trial.miss)))
         for first, tried in zip(beams, trials, strict=True)
     ]
-    return with_cures(asked, finish(choice._replace(channels=tuple(best))))
+    return with_cures(asked, choice._replace(channels=tuple(best)))
 
 
 def _goals(spec: Spec, channels: Sequence[SizedChannel]) -> list[float]:

@@ -63,23 +63,26 @@ def make_plan(spec: Spec) -> Plan:
     InfeasibleError
         No layout holds; the message names the limits of the best candidates and what would do.
     """
-    return with_cures(spec, finish(choose(spec)))
+    return with_cures(spec, choose(spec))
 
 
-def with_cures(spec: Spec, plan: Plan) -> Plan:
-    """Try what the findings of the `plan` of `spec` propose, and return it with the cures that hold."""
-    return with_tried_cures(plan, partial(_planned_with, spec))
+def with_cures(spec: Spec, choice: Choice) -> Plan:
+    """The plan of a `choice` for `spec`, with the cures of its findings that hold."""
+    return with_tried_cures(finish(choice), partial(_planned_with, spec, choice))
 
 
-def _planned_with(spec: Spec, cure: Cure, quick: bool = False) -> Plan:
+def _planned_with(spec: Spec, choice: Choice | None, cure: Cure) -> Plan:
     """The plan of `spec` with the fields of `cure`, from few prints; raises as `choose` does, without cures.
 
-    A `quick` one is of the first layout that holds, whether or not its prints work.
+    Another level moves no beam of the `choice` that there is. Where there is none, it is the plan of the first layout
+    that holds, whether or not its prints work.
     """
-    choice = _searched(varied(spec, cure), quick)
-    if choice is None:
+    if choice and set(cure) == {"drive.level_um"}:
+        return finish(choice._replace(spec=varied(choice.spec, cure)), QUICK_PADS)
+    found = _searched(varied(spec, cure), quick=choice is None)
+    if found is None:
         raise InfeasibleError("no layout holds", "resolution")
-    return finish(choice, QUICK_PADS)
+    return finish(found, QUICK_PADS)
 
 
 def choose(spec: Spec) -> Choice:
@@ -93,7 +96,7 @@ def choose(spec: Spec) -> Choice:
 
         decided = next(_decided(spec))
         limit = channel_limit(decided)
-        raise refusal(decided, candidates(decided, limit), limit, partial(_planned_with, spec, quick=True))
+        raise refusal(decided, candidates(decided, limit), limit, partial(_planned_with, spec, None))
     return choice
 
 
