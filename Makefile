@@ -14,7 +14,7 @@ help: ## list the targets
 $(STAMP): pyproject.toml setup.py constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dask,dev,play,study]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[completion,dask,dev,play,study]'
 	@touch $@
 
 setup: $(STAMP) ## make the environment in .venv, every extra included

@@ -72,6 +72,41 @@ def test_plan_writes_and_tells(work, capsys):
     assert {p.name for p in (work / "out/tiny").iterdir()} == {"manifest.json", "plan.json"}
 
 
+COMPLETE = """source completion
+for words in "padgen retu" "padgen build --form" "padgen plan ti"; do
+    COMP_WORDS=($words) COMP_CWORD=$(( $(echo $words | wc -w) - 1 )) COMPREPLY=()
+    _shtab_padgen
+    echo "${COMPREPLY[@]}"
+done
+complete -p padgen"""
+
+
+def test_bash_completes_commands_options_and_files(work, capsys):
+    pytest.importorskip("shtab")
+    assert cli.run(["--print-completion", "bash"]) == 0
+    (work / "completion").write_text(capsys.readouterr().out)
+    done = subprocess.run(["bash", "-c", COMPLETE], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[:3] == ["retune", "--formats", "tiny.toml"]
+    assert "-F _shtab_padgen padgen" in done.stdout
+    assert cli.run(["--print-completion", "basic"]) == 2
+    assert "must be bash, zsh, " in capsys.readouterr().err
+
+
+def test_what_is_told_fits_a_hundred_columns_and_begins_with_the_verdict(work, capsys):
+    verdicts = {
+        "build": "tiny is built, with 5 warnings.",
+        "drive": "The drive of tiny is written, and every check holds.",
+        "check": "out/tiny/pad.stl is read, and every check holds.",
+        "retune": "4 of 4 taxels are re-tuned: the worst coil then keeps ",
+    }
+    more = {"drive": ["--state", "all"], "retune": ["--simulate", "1"]}
+    for command, verdict in verdicts.items():
+        cli.run([command, "out/tiny/pad.stl" if command == "check" else "tiny.toml", *more.get(command, ())])
+        lines = capsys.readouterr().out.splitlines()
+        assert lines[0].startswith(verdict), lines[0]
+        assert max(map(len, lines)) <= 100
+
+
 def test_json_is_one_object_on_standard_output(work, capsys):
     assert cli.run(["plan", "tiny.toml", "--json", "-o", "elsewhere"]) == 0
     table = json.loads(capsys.readouterr().out)
@@ -106,10 +141,10 @@ def test_plan_build_and_3mf_give_the_same_print_settings(work, capsys, setting):
     from lib3mf import get_wrapper
 
     told = []
-    # A plan is told in short; its settings are among what --verbose adds.
-    for command in (["plan", "--verbose"], ["build"], ["build"]):
-        assert cli.run([*command, "tiny.toml"]) == 0
-        told += [line for line in capsys.readouterr().out.splitlines() if line.startswith("print with: ")]
+    for command in ("plan", "build", "build"):
+        assert cli.run([command, "--verbose", "tiny.toml"]) == 0
+        out = capsys.readouterr().out.replace("\n  ", " ")
+        told += [line for line in out.splitlines() if line.startswith("print with: ")]
     assert len(told) == 3
     assert len(set(told)) == 1
     assert setting in told[0]

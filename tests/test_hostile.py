@@ -36,8 +36,9 @@ from padgen.solid.bill import bill_of_materials
 from padgen.solid.foreign import read_mesh
 from padgen.solid.topology import intersecting_pairs
 from padgen.spec import catalogue, load_spec, make_spec, parse_spec, template_paths
+from padgen.spec.entries import CATALOGUES
 from padgen.spec.fields import optional_type
-from padgen.spec.load import CATALOGUES, PLAIN_TABLES, SHORTHANDS
+from padgen.spec.load import PLAIN_TABLES, SHORTHANDS
 from padgen.spec.model import Spec
 
 BASE = 'name = "a"\nresolution = 4\nband_hz = [50, 200]\nq_min = 15\n'

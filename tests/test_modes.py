@@ -490,12 +490,9 @@ def test_a_mode_that_is_near_and_costs_is_one_finding(crowded_plan):
 
 def test_the_remedy_of_a_crowded_mode_works(crowded_plan):
     (crowded,) = of(crowded_plan, "modes.crowded")
-    change, kept = re.search(
-        r"; (resonances_hz = \[.*\]) clears all modes and keeps ([\d.]+) dB", crowded.message
-    ).groups()
+    (change,) = re.findall(r"; (resonances_hz = \[.*\]) would do$", crowded.message)
     again = make_plan(parse_spec(CROWDED.replace("resonances_hz = [60, 85, 120, {}]", change)))
     assert of(again, "modes.crowded") == of(again, "selectivity.modes") == []
-    assert f"{again.selectivity.kept_db:.1f}" == kept
     assert again.selectivity.kept_db > crowded_plan.selectivity.kept_db
 
 
@@ -509,9 +506,7 @@ def test_a_change_that_does_not_help_is_not_offered(crowded_plan, monkeypatch, a
         "no pad": None,
     }[again]
     monkeypatch.setattr(judge_modes, "_planned_again", lambda plan, varied: found)
-    messages = [f.message for f in judge_modes.judge_modes(crowded_plan)]
-    assert len(messages) == 2
-    assert all(re.search(r"none of \d+ changes .* clears it", message) for message in messages)
+    assert [f.cures for f in judge_modes.judge_modes(crowded_plan)] == [(), ()]
 
 
 def test_a_mode_on_a_spur_is_named_with_its_makers_and_cleared_by_a_drive(crowded_plan):

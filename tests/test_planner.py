@@ -14,7 +14,6 @@ from padgen.core.errors import FileError, InfeasibleError, SpecError
 from padgen.physics.ladder import slot_half_width
 from padgen.planner import make_plan, plan_from_json, plan_to_json
 from padgen.planner.channels import wanted_line_a2
-from padgen.planner.judge_drive import judge_drive
 from padgen.planner.layout import _channel_counts, candidates, place, room, slots
 from padgen.planner.sizing import SizedChannel, crowded_modes, reach
 from padgen.planner.suspensions import BeamShape, PlateShape, Room, allowed, names, suspension
@@ -170,17 +169,17 @@ def test_whole_grids_come_before_empty_places():
 @pytest.mark.parametrize(
     ("resolution", "low", "high", "extra", "sentence"),
     [
-        (128, 50, 200, "", "128 taxels .* room for 25 coils .* at most 4 channels .* what would do: .*taxels"),
+        (128, 50, 200, "", "128 taxels .* room for 25 coils .* at most 4 channels .*; .*resolution = .* would do"),
         (100000, 20, 1000, "", "room for 25 coils of 10 mm, each with at most 11 channels"),
-        (32, 50, 200, 'washer = "iso7089-m3"\n', "washer iso7089-m3 .* leaves .* what would do: washer"),
-        (64, 50, 400, "", "leaves no length for a beam .* what would do: a pad of"),
+        (32, 50, 200, 'washer = "iso7089-m3"\n', "washer iso7089-m3 .* leaves .*; washer = .* would do"),
+        (64, 50, 400, "", "leaves no length for a beam .*pad.width_mm = .* with pad.depth_mm = .* would do"),
         (16, 5, 9, "", "can be printed for .* Hz, asked are"),
         (
             4,
             50,
             200,
             "[coil]\ngrid = [9, 9]\n",
-            "exceeds the pitch of 5.5556 mm; what would do: coil.grid = \\[1, 1\\]",
+            "exceeds the pitch of 5.5556 mm; coil.grid = \\[1, 1\\]",
         ),
         (33, 50, 200, "resonances_hz = [56, 76]\n[coil]\ngrid = [4, 4]\n", "each with exactly 2 channels"),
         (16, 50, 200, "[coil]\nouter_diameter_mm = 60\ngrid = [1, 4]\n", "the coil \\(60 mm\\) exceeds the pitch"),
@@ -189,7 +188,7 @@ def test_whole_grids_come_before_empty_places():
             50,
             200,
             "[suspension]\nlength_mm = 200\n",
-            "asked is suspension.length_mm = 200; .* no suspension.length_mm",
+            "asked is suspension.length_mm = 200; .*no suspension.length_mm",
         ),
         (31, 50, 200, "[coil]\ngrid = [4, 4]\n[suspension]\ntopology = 'folded'\n", "suspension.topology = 'auto'"),
     ],
@@ -200,22 +199,15 @@ def test_infeasible_specs_name_the_limit_and_a_cure(resolution, low, high, extra
     assert "\n" not in str(refusal.value)
 
 
-def test_the_cure_holds():
-    with pytest.raises(InfeasibleError) as refusal:
-        plan_of(64, 50, 400)
-    side = float(re.search(r"a pad of ([\d.]+) x", str(refusal.value)).group(1))
-    plan_of(64, 50, 400, f"[pad]\nwidth_mm = {side}\ndepth_mm = {side}\n")
-    fewer = int(re.search(r"or (\d+) taxels", str(refusal.value)).group(1))
-    assert len(plan_of(fewer, 50, 400).taxels) == fewer
-
-
 def test_a_band_narrower_than_a_slot_is_refused():
-    with pytest.raises(SpecError, match=r"band_hz: holds no channel.*e\.g\. \[50, 70"):
+    with pytest.raises(SpecError, match=r"band_hz: holds no channel.*; band_hz = \[50, 70\.07\] would do$"):
         plan_of(4, 50, 60)
 
 
 def test_a_band_narrower_than_a_drawn_beam_is_refused():
-    with pytest.raises(SpecError, match=r"band_hz: is narrower than beams can be drawn, to 0\.2%.* up to 100\.3 Hz"):
+    with pytest.raises(
+        SpecError, match=r"band_hz: is narrower than beams can be drawn, to 0\.2%.*; band_hz = \[100, 100\.3\]"
+    ):
         make_plan(parse_spec(FOUR_LINES.format(4, 100, 100.0001).replace("15", "1e8")))
     make_plan(parse_spec(FOUR_LINES.format(1, 100, 100.3).replace("15", "1e8")))
 
@@ -422,15 +414,6 @@ def test_silent_second_modes_near_a_channel_are_noted():
     assert "modes.near" not in {f.code for f in make_plan(load_spec("paper-32")).findings}
 
 
-def test_a_washer_that_the_coil_does_not_pull_is_an_error():
-    extra = "resonances_hz = [60]\n[coil]\ngrid = [1, 1]\nouter_diameter_mm = 4.5\nlength_mm = 60\n"
-    plan = plan_of(1, 50, 200, extra + "[suspension]\ntopology = 'cantilever'\n")
-    (channel,) = plan.channels
-    broken = replace(plan, channels=(replace(channel, force_constant_n_per_a2=-1e-9),))
-    assert "coil.force" in {f.code for f in judge_drive(broken)}
-    assert "coil.force" not in {f.code for f in plan.findings}
-
-
 def test_unequal_pull_is_found():
     plan = plan_of(44, 20, 1000, WIDE)
     figures = plan.selectivity
@@ -489,18 +472,6 @@ def test_no_beam_is_shorter_than_thick_and_those_beyond_the_model_are_found():
     assert "model.error" not in {f.code for f in relaxed.findings}
 
 
-@pytest.mark.parametrize(("level_um", "gap_mm"), [(250, 1.0), (700, 1.0), (1234.5, 2.0)])
-def test_a_suggested_gap_would_do(level_um, gap_mm):
-    def found(gap):
-        plan = plan_of(4, 50, 200, f"[drive]\nlevel_um = {level_um}\n[coil]\ngap_mm = {gap}\n")
-        return [f.message for f in plan.findings if f.code == "gap.travel"]
-
-    first = found(gap_mm)
-    assert first
-    gaps = [float(re.search(r"a gap of ([\d.]+) mm", message).group(1)) for message in first]
-    assert found(max(gaps)) == []
-
-
 @pytest.mark.parametrize(
     "extra",
     [
@@ -519,7 +490,7 @@ def test_a_washer_that_meets_the_coil_is_an_error(extra):
     for where, travel_um in travels_um.items():
         assert level.get(where) == ("error" if travel_um >= gap_um else "warning" if travel_um > gap_um / 3 else None)
     message = next(f.message for f in plan.findings if f.code == "gap.travel")
-    assert f"the gap is {plan.spec.coil.gap_mm:g} mm: its washer meets the coil; a gap of" in message
+    assert f"the gap is {plan.spec.coil.gap_mm:g} mm: its washer meets the coil" in message
 
 
 def test_no_gap_is_suggested_that_a_coil_may_not_have():
@@ -527,7 +498,7 @@ def test_no_gap_is_suggested_that_a_coil_may_not_have():
     plan = plan_of(1, 1, 20, f"resonances_hz = [2.5]\n[coil]\ngrid = [1, 1]\n{soft}")
     (found,) = [f for f in plan.findings if f.code == "gap.travel"]
     assert found.level == "error"
-    assert found.message.endswith("no gap that a coil may have would do, only beams that sag less")
+    assert found.message.endswith("its washer meets the coil")
 
 
 @pytest.mark.parametrize(
@@ -577,11 +548,14 @@ def test_explicit_pair_too_close_is_judged(paper_plan):
     assert {f.level for f in paper_plan.findings} <= {"warning", "note"}
 
 
-@pytest.mark.parametrize(("coil_mm", "found"), [(6, True), (45, False)])
-def test_coil_far_from_its_washers_is_judged(coil_mm, found):
+@pytest.mark.parametrize(("coil_mm", "reaches"), [(6, False), (12, False), (45, True)])
+def test_a_coil_that_does_not_reach_its_washers_is_refused(coil_mm, reaches):
     extra = f"resonances_hz = [60, 84, 118, 164, 230]\n[coil]\ngrid = [1, 1]\nouter_diameter_mm = {coil_mm}\n"
-    plan = plan_of(5, 50, 300, extra)
-    assert ("coil.reach" in {f.code for f in plan.findings}) == found
+    if reaches:
+        plan_of(5, 50, 300, extra)
+        return
+    with pytest.raises(InfeasibleError, match=r"beyond the coil's reach of [\d.]+ mm"):
+        plan_of(5, 50, 300, extra)
 
 
 def test_glue_and_post_change_the_mass(paper_spec):

@@ -48,7 +48,7 @@ def test_sweep_tells_writes_and_goes_on(work, capsys):
     assert cli.run(["sweep", "q.toml", "-j", "2"]) == 0
     out = capsys.readouterr().out
     assert "q: 4 variants, 4 done, 0 failed, in " in out
-    assert "written to out/q: index.csv  pareto.csv  pareto.svg  pareto.png" in out
+    assert "written to out/q: index.csv, pareto.csv, pareto.svg, pareto.png" in out
     assert [(r["name"], r["status"], r["taxels"]) for r in rows()] == [
         ("q-00000", "done", "1"),
         ("q-00001", "done", "4"),

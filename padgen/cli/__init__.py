@@ -11,12 +11,12 @@ import os
 import sys
 import warnings
 from contextlib import suppress
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from padgen import __version__
 from padgen.cli import build, cache, calibrate, drive, plan, play, retune, small, study, sweep
 from padgen.cli.common import BAD_INPUT, DONE
-from padgen.core.errors import LONGEST, PadgenError, plain
+from padgen.core.errors import LONGEST, EngineMissingError, PadgenError, plain
 
 __all__ = ["main", "run"]
 
@@ -113,11 +113,36 @@ class _Parser(argparse.ArgumentParser):
         raise PadgenError(f"{message}; {self.prog} --help tells more", self.prog)
 
 
+class _Completion(argparse.Action):
+    """Print a shell's completion of all commands and options, and end."""
+
+    def __call__(self, parser: argparse.ArgumentParser, namespace: Any, values: Any, option: str | None = None) -> None:
+        try:
+            import shtab
+        except ImportError as error:
+            raise EngineMissingError("needs shtab: pip install 'padgen[completion]'", "--print-completion") from error
+        if values not in shtab.SUPPORTED_SHELLS:
+            raise PadgenError(f"must be {', '.join(shtab.SUPPORTED_SHELLS)}, got {values!r}", "--print-completion")
+        completes = {"DIR": shtab.DIRECTORY, **dict.fromkeys(("SPEC", "FILE", "MESH", "MEASURED", "SWEEP"), shtab.FILE)}
+        every = next(action.choices for action in parser._actions if isinstance(action.choices, dict))
+        for action in (action for command in every.values() for action in command._actions):
+            if action.metavar in completes:
+                action.complete = completes[action.metavar]
+        print(shtab.complete(parser, values), end="")
+        parser.exit()
+
+
 def _parser(asked: list[str]) -> argparse.ArgumentParser:
     parser = _Parser(
         prog="padgen", description="Vibrotactile pads with more taxels than coils, from a spec to a pad that prints."
     )
     parser.add_argument("--version", action="version", version=f"padgen {__version__}")
+    parser.add_argument(
+        "--print-completion",
+        action=_Completion,
+        metavar="SHELL",
+        help="print what completes padgen's commands and options in bash, zsh, fish or tcsh (needs padgen[completion])",
+    )
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     # The options of the others need not be known to run one command.
     own = [module for module in COMMANDS if asked == [module.__name__.rpartition(".")[2]]]

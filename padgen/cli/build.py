@@ -4,8 +4,18 @@ import argparse
 from dataclasses import asdict
 from typing import Any
 
-from padgen.cli.common import add_model, add_output, add_spec, asked_of, code_of, folder_of, progress_line, show
-from padgen.core.errors import PadgenError
+from padgen.cli.common import (
+    add_model,
+    add_output,
+    add_spec,
+    add_verbose,
+    asked_of,
+    code_of,
+    folder_of,
+    progress_line,
+    show,
+)
+from padgen.core.errors import PadgenError, plain
 from padgen.core.registry import PAD_FORMATS, USUAL_FORMATS
 
 __all__ = ["add"]
@@ -18,7 +28,7 @@ def add(commands: Any) -> None:
 
 
 def _add_build(commands: Any) -> None:
-    parser = commands.add_parser("build", help="the pad, its checks and its driver table")
+    parser = commands.add_parser("build", help="model the pad, check it, and write its files and its driver table")
     add_spec(parser)
     parser.add_argument(
         "--formats",
@@ -30,19 +40,20 @@ def _add_build(commands: Any) -> None:
         "--parts",
         default="",
         metavar="LIST",
-        help="what goes with the pad, of tray (holds the coils), coupon (one taxel of each kind), coupon-tray",
+        help="parts beside the pad: tray (holds the coils), coupon (one taxel of each kind), coupon-tray",
     )
     parser.add_argument(
         "--instances", action="store_true", help="3MF with one mesh per distinct taxel, placed many times"
     )
     parser.add_argument("--force", action="store_true", help="build again even if nothing changed")
+    add_verbose(parser, "all notes and the slicer's settings")
     add_model(parser)
     add_output(parser)
     parser.set_defaults(command=_build)
 
 
 def _add_check(commands: Any) -> None:
-    parser = commands.add_parser("check", help="print validation of any STL or 3MF, or of a slicer's G-code")
+    parser = commands.add_parser("check", help="whether an STL or 3MF prints, or what a slicer's G-code makes of a pad")
     parser.add_argument("mesh", metavar="MESH", nargs="?", help="an STL, 3MF, OBJ or PLY file")
     parser.add_argument(
         "--gcode",
@@ -56,7 +67,7 @@ def _add_check(commands: Any) -> None:
         help="compare with the plan of this spec, the one recorded beside the mesh where it is of this spec, and take"
         " its printer's limits; a plan.json is taken as recorded",
     )
-    parser.add_argument("--verbose", action="store_true", help="of G-code, a line for each taxel")
+    add_verbose(parser, "all notes; of G-code, a line for each taxel")
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
     parser.set_defaults(command=_check, late="mesh")
 
@@ -73,10 +84,10 @@ def _build(options: argparse.Namespace) -> int:
     if options.json:
         print(json_text({**asdict(built), "folder": str(built.folder)}), end="")
     else:
-        from padgen.report import built_text, findings_text
+        from padgen.report import built_text
 
-        show(built_text(built))
-        show(findings_text(built.findings))
+        show(built_text(built, options.verbose))
+        show(f"next: print it, then padgen drive {plain(options.spec)} --state all --hear")
     return code_of(built.findings)
 
 
@@ -94,9 +105,14 @@ def _check(options: argparse.Namespace) -> int:
 
         print(json_text(asdict(report)), end="")
     else:
-        from padgen.report import figures_text, findings_text, laid_text
+        from padgen.report import figures_text, held_line, laid_text, serious_text
 
-        laid = options.mesh is None
-        show(laid_text(report, options.gcode, options.verbose) if laid else figures_text(report.figures))
-        show(findings_text(report.findings))
+        if options.mesh is None:
+            show(laid_text(report, options.gcode, options.verbose))
+        else:
+            show(held_line(f"{options.mesh} is read", report.findings))
+        if told := serious_text(report.findings, options.verbose):
+            show(told)
+        if options.mesh is not None:
+            show(figures_text(report.figures))
     return code_of(report.findings)

@@ -23,9 +23,15 @@ def add(commands: Any) -> None:
         "measured",
         metavar="MEASURED",
         nargs="+",
-        help="what was measured of a print each: a CSV, a WAV, or a folder of them",
+        help="what was measured, one for each print: a CSV, a WAV, or a folder of them",
     )
-    parser.add_argument("-o", "--output", metavar="FILE", default="my-printer.toml", help="(default: my-printer.toml)")
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="FILE",
+        default="my-printer.toml",
+        help="the printer's file that is written (default: my-printer.toml)",
+    )
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
     add_model(parser)
     parser.set_defaults(command=_calibrate)

@@ -17,6 +17,7 @@ __all__ = [
     "add_model",
     "add_output",
     "add_spec",
+    "add_verbose",
     "asked_of",
     "code_of",
     "end_as_by_ctrl_c",
@@ -26,6 +27,8 @@ __all__ = [
 ]
 
 DONE, CHECK_FAILED, BAD_INPUT = 0, 1, 2
+WIDTH = 100
+"""Most columns of a text for people."""
 
 
 def add_spec(parser: argparse.ArgumentParser) -> None:
@@ -38,15 +41,20 @@ def add_model(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--model",
         metavar="beam|solid",
-        help="where resonances come from: the beam model, or finite elements of the printed solid, to which the beams"
-        " are then tuned (default: the spec's; after a plan, that of the plan in the folder)",
+        help="how resonances are computed: by the beam model, or by finite elements of the printed solid, which then"
+        " also tune the beams (default: as the spec says, or as the plan in the folder was made)",
     )
     parser.add_argument(
         "--tolerance",
         metavar="SHARE",
-        help="relative error of a resonance that will do, as 1%% or 0.01: finite elements where the beam model's own"
-        " estimate is more",
+        help="largest relative error of a resonance, as 1%% or 0.01: where the beam model may be off by more, finite"
+        " elements are solved",
     )
+
+
+def add_verbose(parser: argparse.ArgumentParser, told: str = "all tables and notes") -> None:
+    """The option that asks for all that is known."""
+    parser.add_argument("--verbose", action="store_true", help=told)
 
 
 def add_output(parser: argparse.ArgumentParser) -> None:
@@ -77,19 +85,18 @@ def folder_of(options: argparse.Namespace, name: str) -> Path:
 
 
 def show(text: str) -> None:
-    """Print for people, lines `plain`: on a terminal, sentences wrapped to its width; tables and pipes as they are."""
-    text = "\n".join(plain(line) for line in text.split("\n"))
+    """Print for people, lines `plain`: sentences wrapped to a terminal, at most to `WIDTH`, and tables whole."""
+    import textwrap
+
+    width = WIDTH
     if sys.stdout.isatty():
         import shutil
-        import textwrap
 
-        width = max(shutil.get_terminal_size().columns, 60)
+        width = min(max(shutil.get_terminal_size().columns, 60), WIDTH)
+    for line in map(plain, text.split("\n")):
         # Columns of a table stand two spaces apart.
-        text = "\n".join(
-            line if "  " in line.strip() else textwrap.fill(line, width, subsequent_indent="  ")
-            for line in text.split("\n")
-        )
-    print(text)
+        whole = len(line) <= width or "  " in line.strip()
+        print(line if whole else textwrap.fill(line, width, break_on_hyphens=False, subsequent_indent="  "))
 
 
 def code_of(findings: Any) -> int:

@@ -4,7 +4,17 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from padgen.cli.common import add_model, add_output, add_spec, asked_of, code_of, folder_of, progress_line, show
+from padgen.cli.common import (
+    add_model,
+    add_output,
+    add_spec,
+    add_verbose,
+    asked_of,
+    code_of,
+    folder_of,
+    progress_line,
+    show,
+)
 from padgen.core.errors import SpecError, number
 from padgen.core.registry import FORMATS
 
@@ -28,24 +38,35 @@ def add(commands: Any) -> None:
         help=f"of {', '.join(FORMATS.names())} (default: {DEFAULT_TABLES}, with something to show {DEFAULT_WAVES})",
     )
     add_frames(parser)
-    parser.add_argument(
-        "--loop", action="store_true", help="with --state: whole periods, to be repeated without a seam"
-    )
+    parser.add_argument("--loop", action="store_true", help="with --state: whole periods, which repeat without a jump")
     parser.add_argument("--rate", metavar="HZ", type=int, help="samples per second (default: 48000, or what it takes)")
-    parser.add_argument("--depth", default="24", metavar="24|float", help="of a sample: 24 bits or 32-bit float")
+    parser.add_argument(
+        "--depth",
+        default="24",
+        metavar="24|float",
+        help="bits of a sample of the WAV: 24, or 32-bit float (default: 24)",
+    )
     parser.add_argument(
         "--signal", default="voltage", metavar="voltage|current", help="what the amplifier controls (default: voltage)"
     )
     parser.add_argument(
-        "--carrier", metavar="HZ", type=float, help="spur-free drive on a carrier, for amplifiers that pass no 0 Hz"
+        "--carrier",
+        metavar="HZ",
+        type=float,
+        help="frequency of a carrier for the spur-free drive, for amplifiers that pass no 0 Hz",
     )
     parser.add_argument("--tuning", metavar="FILE", help="tuning.json of padgen retune: drive the print as measured")
-    parser.add_argument("--hear", action="store_true", help="listen to the written file: what fingers feel of it")
-    parser.add_argument("--gap", action="store_true", help="with --hear: the pull grows as the gap closes; slower")
     parser.add_argument(
-        "--excite", metavar="chirp|noise", help="only a file that shakes every taxel while it is measured"
+        "--hear", action="store_true", help="play the written file on a simulated pad and say what fingers feel of it"
+    )
+    parser.add_argument(
+        "--gap", action="store_true", help="with --hear: count that the pull grows as the gap closes; slower"
+    )
+    parser.add_argument(
+        "--excite", metavar="chirp|noise", help="write only a file that shakes every taxel, to measure it by"
     )
     parser.add_argument("--together", action="store_true", help="with --excite: all coils at once, not in turn")
+    add_verbose(parser, "all notes")
     add_model(parser)
     add_output(parser)
     parser.set_defaults(command=_drive)
@@ -144,7 +165,7 @@ def _drive(options: argparse.Namespace) -> int:
 
         print(json_text(driven_table(driven, notes)), end="")
     else:
-        show(driven_text(plan, driven, frames, notes))
+        show(driven_text(plan, driven, frames, notes, options.verbose))
     return code_of(driven.findings)
 
 

@@ -5,7 +5,17 @@ import json
 from dataclasses import asdict
 from typing import Any
 
-from padgen.cli.common import add_model, add_output, add_spec, asked_of, code_of, folder_of, progress_line, show
+from padgen.cli.common import (
+    add_model,
+    add_output,
+    add_spec,
+    add_verbose,
+    asked_of,
+    code_of,
+    folder_of,
+    progress_line,
+    show,
+)
 from padgen.core.errors import SpecError, plain
 
 __all__ = ["add"]
@@ -16,9 +26,13 @@ PLOT_FILE = "plan.svg"
 
 def add(commands: Any) -> None:
     """Add the command."""
-    parser = commands.add_parser("plan", help="frequency allocation, beams, selectivity, feasibility")
+    parser = commands.add_parser("plan", help="search coils, resonances and beams, and say whether the pad works")
     add_spec(parser)
-    parser.add_argument("--explain", action="store_true", help="which limit binds, and what the cheapest changes buy")
+    parser.add_argument(
+        "--explain",
+        action="store_true",
+        help="what keeps a coil from one more channel, and what changes of the spec would gain",
+    )
     parser.add_argument(
         "--yield",
         dest="pads",
@@ -26,15 +40,20 @@ def add(commands: Any) -> None:
         type=int,
         nargs="?",
         const=100_000,
-        help="print it so many times in the computer (default: %(const)s): how many come out selective, and why not",
+        help="print the pad so many times in the computer (default: %(const)s) and say how many keep what is asked",
     )
-    parser.add_argument("--seed", type=int, default=0, help="of --yield; the same seed, the same figures (default: 0)")
+    parser.add_argument(
+        "--seed",
+        type=int,
+        default=0,
+        help="start of the random numbers of --yield: the same seed gives the same figures (default: 0)",
+    )
     parser.add_argument(
         "--plot",
         action="store_true",
         help=f"write {PLOT_FILE}: the pad to scale, which coils' prints suffer, resonances",
     )
-    parser.add_argument("--verbose", action="store_true", help="all tables and notes")
+    add_verbose(parser)
     add_model(parser)
     add_output(parser)
     parser.set_defaults(command=_plan)
@@ -77,10 +96,12 @@ def _plan(options: argparse.Namespace) -> int:
 
 
 def _print_plan(plan: Any, explanation: Any, printed: Any, verbose: bool) -> None:
-    from padgen.report import explanation_text, findings_text, plan_text, serious_text, summary_text, yield_text
+    from padgen.report import explanation_text, plan_text, serious_text, summary_text, yield_text
 
     show(summary_text(plan))
-    show(f"{plan_text(plan)}\n{findings_text(plan.findings)}" if verbose else serious_text(plan.findings))
+    if verbose:
+        show(plan_text(plan))
+    show(serious_text(plan.findings, verbose))
     if explanation:
         show(f"\n{explanation_text(explanation)}")
     if printed:

@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from padgen.cli.common import add_model, add_output, add_spec, code_of, folder_of, progress_line, show
+from padgen.cli.common import add_model, add_output, add_spec, add_verbose, code_of, folder_of, progress_line, show
 from padgen.cli.drive import plan_of
 from padgen.core.errors import SpecError, plain
 
@@ -45,8 +45,16 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "--simulate", metavar="SEED", type=int, help="measure a pad that the computer prints, to try the loop"
     )
-    parser.add_argument("--kind", default="spectrum", metavar="|".join(KINDS), help="of --simulate (default: spectrum)")
-    parser.add_argument("--snr", default=30.0, metavar="DB", type=float, help="of --simulate (default: 30)")
+    parser.add_argument(
+        "--kind",
+        default="spectrum",
+        metavar="|".join(KINDS),
+        help="with --simulate: what is measured (default: spectrum)",
+    )
+    parser.add_argument(
+        "--snr", default=30.0, metavar="DB", type=float, help="with --simulate: signal over noise (default: 30)"
+    )
+    add_verbose(parser, "all notes, and more taxels")
     add_model(parser)
     add_output(parser)
     parser.set_defaults(command=_retune, late="measured")
@@ -80,13 +88,11 @@ def _retune(options: argparse.Namespace) -> int:
         print(json_text(written.table()), end="")
     else:
         from padgen.measured.tuned_folder import measured_rows
-        from padgen.report.plans import findings_text
         from padgen.report.retunes import retuned_text
 
-        show(retuned_text(written.result, measured_rows(plan, written.result.tuning)))
-        show(findings_text(written.result.findings))
+        show(retuned_text(written.result, measured_rows(plan, written.result.tuning), options.verbose))
         place = plain(str(written.folder))
-        show(f"written to {place}: {'  '.join(written.files)}")
+        show(f"written to {place}: {', '.join(written.files)}")
         show(f"next: padgen drive {plain(options.spec)} --tuning {place}/tuning.json --state all --hear")
     return code_of(written.result.findings)
 

@@ -3,7 +3,7 @@
 ::
 
     PadgenError            one sentence for the user, exit code 2
-    +-- SpecError          the spec: where, value, bound, unit, nearest value that would do
+    +-- SpecError          the spec: where, value, bound, unit, cures
     |   +-- InfeasibleError    the spec is well formed, yet no pad meets it
     +-- FileError          a file or folder that cannot be read or written
     |   +-- MeshFileError      a file that holds no mesh
@@ -14,7 +14,7 @@
 Findings (`padgen.core.finding`) are verdicts on a pad that was made; an exception means that none was.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from math import ceil, floor, log10
 from typing import Any
 from unicodedata import category
@@ -30,7 +30,9 @@ __all__ = [
     "SpecError",
     "at_least",
     "at_most",
+    "cured",
     "number",
+    "percent",
     "plain",
     "shown",
 ]
@@ -42,13 +44,16 @@ LONGEST, LONGEST_PART = 2000, 300
 class PadgenError(Exception):
     """Base of all errors that end a command with one sentence and exit code 2.
 
-    Whatever the sentence repeats of the user's input is cut where it is long, and made `plain`.
+    Whatever the sentence repeats of the user's input is cut where it is long, and made `plain`. `cures` are changes of
+    the spec, fields by their dotted names (None: left out), with each of which this is not refused; the sentence ends
+    with them.
     """
 
     code = "padgen"
 
-    def __init__(self, message: str, where: str = "") -> None:
-        self.message = plain(message, LONGEST)
+    def __init__(self, message: str, where: str = "", cures: Sequence[Mapping[str, Any]] = ()) -> None:
+        self.cures = tuple(cures)
+        self.message = plain(cured(message, self.cures), LONGEST)
         self.where = plain(where, LONGEST_PART)
         super().__init__(self.message, self.where)
 
@@ -117,6 +122,31 @@ STEERING = ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp")
 """Unicode's kinds of characters that are no writing: control, format, halves of others, private, none, line ends."""
 
 
+def cured(sentence: str, cures: Sequence[Mapping[str, Any]]) -> str:
+    """End a `sentence` with the changes of a spec that do, as the lines of its file.
+
+    >>> cured("too much", [{"coil.grid": [2, 2], "washer": "iso7092-m2"}, {"coil.gap_mm": None}])
+    "too much; coil.grid = [2, 2] with washer = 'iso7092-m2', or no coil.gap_mm, would do"
+    """
+    ways = [" with ".join(_line(*field) for field in cure.items()) for cure in cures]
+    comma = "," * (len(ways) > 1)
+    return f"{sentence}; {', or '.join(ways)}{comma} would do" if ways else sentence
+
+
+def _line(key: str, value: Any) -> str:
+    if value is None:
+        return f"no {key}"
+    if isinstance(value, list):
+        return f"{key} = [{', '.join(_toml(entry) for entry in value)}]"
+    return f"{key} = {_toml(value)}"
+
+
+def _toml(value: Any) -> str:
+    return (
+        f"{value:.10g}" if isinstance(value, float) else str(value).lower() if isinstance(value, bool) else repr(value)
+    )
+
+
 def shown(value: Any) -> str:
     """Write any `value` as a sentence repeats it: as Python does, dates as TOML, cut where it is long.
 
@@ -136,6 +166,15 @@ def number(value: float) -> str:
     ('4', '0.12346', '100000')
     """
     return shown(value) if isinstance(value, int) else f"{value:.5g}"
+
+
+def percent(share: float) -> str:
+    """Write a share as per cent with two significant digits.
+
+    >>> percent(0.0031), percent(0.02)
+    ('0.31 %', '2 %')
+    """
+    return f"{number(float(f'{share * 100:.2g}'))} %"
 
 
 def at_least(value: float) -> str:

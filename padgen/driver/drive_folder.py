@@ -146,10 +146,6 @@ def _timeline(drive: PadDrive, request: "Drive") -> Timeline:
 def _judged(job: DriveJob, formats: dict[str, DriveFormat]) -> DriveJob:
     """Fill in the drive of a job, its timeline, and the findings on both."""
     plan, request = job.plan, job.request
-    unpulled = [finding for finding in plan.findings if finding.code == "coil.force"]
-    if unpulled and all(each.MADE_OF == "plan" for each in formats.values()):
-        job.findings += unpulled
-        return job
     job.progress("choosing phases")
     job.drive = job.drive_at(RATES_HZ)
     if request.frames is not None:

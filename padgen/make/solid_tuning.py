@@ -20,7 +20,7 @@ from padgen.core.errors import EngineMissingError, SolverError, SpecError, numbe
 from padgen.core.units import G_PER_CM3, GPA, GRAM
 from padgen.physics.taxel_modes import TaxelModes
 from padgen.planner.layout import room
-from padgen.planner.make import Choice, choose, finish
+from padgen.planner.make import Choice, choose, finish, with_cures
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.printable import on_grid, steps_are_coarse
 from padgen.planner.sizing import SizedChannel
@@ -98,7 +98,7 @@ def plan_tuned_to_solid(spec: Spec, progress: Progress = lambda step: None) -> P
             " 'beam', which counts it",
             "model.structure",
         )
-    choice = choose(spec)
+    asked, choice = spec, choose(spec)
     spec = choice.spec
     beams, goals = choice.channels, _goals(spec, choice.channels)
     tolerance = asked_error(spec)
@@ -118,7 +118,7 @@ def plan_tuned_to_solid(spec: Spec, progress: Progress = lambda step: None) -> P
         _better(first, min(tried, key=lambda trial: abs(trial.miss)))
         for first, tried in zip(beams, trials, strict=True)
     ]
-    return finish(choice._replace(channels=tuple(best)))
+    return with_cures(asked, choice._replace(channels=tuple(best)))
 
 
 def _goals(spec: Spec, channels: Sequence[SizedChannel]) -> list[float]:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from functools import lru_cache
 
-from padgen.core.errors import SpecError, at_least, number
+from padgen.core.errors import SpecError, at_least, at_most, number
 from padgen.core.units import decibel
 from padgen.physics.ladder import capacity, geometric_ladder, ladder_ratio, slot_half_width, whole_channels
 from padgen.physics.levels import LevelLaw
@@ -37,21 +37,32 @@ def channel_limit(spec: Spec) -> int:
     if low > high and slot_half_width(spec.q_min, spec.delta_y) < DRAWN_SHARE:
         raise SpecError(
             f"is narrower than beams can be drawn, to {2 * DRAWN_SHARE:.1%}, got {spec.band_hz[0]:.9g} …"
-            f" {spec.band_hz[1]:.9g} Hz; the nearest that would do is up to"
-            f" {at_least(spec.band_hz[0] * (1 + DRAWN_SHARE) / (1 - DRAWN_SHARE))} Hz",
+            f" {spec.band_hz[1]:.9g} Hz",
             "band_hz",
+            [_band_up_to(spec, (1 + DRAWN_SHARE) / (1 - DRAWN_SHARE))],
         )
     count = whole_channels(_paper(spec))
     if count < 1:
         low, ratio = spec.band_hz[0], ladder_ratio(spec.q_min, spec.delta_y)
-        cure = f"e.g. [{low:g}, {low * ratio * 1.001:.4g}] Hz"
-        if low * ratio > WIDEST_HZ:
-            cure = f"more than any band; raise Q or lower delta_y, e.g. q_min = {at_least(spec.delta_y)}"
+        wider = low * ratio <= WIDEST_HZ
         raise SpecError(
-            f"holds no channel: at Q = {spec.q_min:g} one slot needs a band of 1 : {ratio:.4g}, {cure}",
+            f"holds no channel: at Q = {spec.q_min:g} one slot needs a band of 1 : {ratio:.4g},"
+            f" got {number(low)} … {number(spec.band_hz[1])} Hz",
             "band_hz",
+            [_band_up_to(spec, ratio * 1.001)] if wider else _selective_q(spec),
         )
     return count
+
+
+def _band_up_to(spec: Spec, ratio: float) -> dict[str, list[float]]:
+    """The band with its upper end at so many times the lower one, as a cure."""
+    return {"band_hz": [spec.band_hz[0], float(at_least(spec.band_hz[0] * ratio))]}
+
+
+def _selective_q(spec: Spec) -> list[dict[str, float]]:
+    """A ratio of ON over OFF with which a slot is a third of the band, as a cure."""
+    third = (spec.band_hz[1] / spec.band_hz[0]) ** (1 / 3)
+    return [{"delta_y": float(at_most(4 * spec.q_min * (third - 1) / (third + 1)))}]
 
 
 def coil_capacity(spec: Spec, scheme: Scheme, limit: str) -> Capacity:

@@ -1,33 +1,57 @@
 """The sentence for a spec that no pad meets: which limit binds, and the nearest specs that would do."""
 
-from collections.abc import Iterator
-from dataclasses import asdict, replace
+from collections.abc import Callable, Iterator
+from dataclasses import fields, replace
+from itertools import islice
 from typing import Any
 
-from padgen.core.errors import SpecError, number
-from padgen.planner.layout import SLACK_MM, Layout, candidates, explain, most_channels, most_coils, room, whole_grids
+from padgen.core.errors import InfeasibleError, PadgenError, SpecError, number
+from padgen.planner.cures import Cure, varied
+from padgen.planner.layout import (
+    SLACK_MM,
+    Layout,
+    candidates,
+    coil_reach_mm,
+    explain,
+    most_channels,
+    most_coils,
+    room,
+    whole_grids,
+)
 from padgen.planner.resonances import ladders, reachable_hz
 from padgen.planner.search import sized_layouts
 from padgen.planner.suspensions import allowed, suspension
 from padgen.planner.taxel_model import plate_shape, shortest_mm
-from padgen.spec import Spec, Suspension, catalogue, make_spec
-from padgen.spec.load import without_none
+from padgen.spec import Spec, Suspension, catalogue
 
-__all__ = ["why_not"]
+__all__ = ["refusal"]
+
+MOST_NAMED = 4
+"""Cures that a refusal names."""
 
 
-def why_not(spec: Spec, options: list[Layout], limit: int) -> str:
-    """Why none of `options` holds with up to `limit` channels per coil, and what would do."""
+def refusal(
+    spec: Spec, options: list[Layout], limit: int, planned: Callable[[Cure], Any], where: str = "resolution"
+) -> InfeasibleError:
+    """Return the error that says why none of `options` holds with up to `limit` channels per coil, and what would do.
+
+    `planned` makes the plan of what was asked with a cure; one whose plan has no error is named.
+    """
     pad = spec.pad
     wanted = f"{spec.resolution} taxels on {number(pad.width_mm)} x {number(pad.depth_mm)} mm"
     # Where a pad can be laid out at all, optimised resonances can be had as well.
-    cures = list(_cures(replace(spec, spacing="spread") if spec.spacing == "optimised" else spec, limit))
-    cure = (
-        "what would do: " + ", or ".join(cures)
-        if cures
-        else "no other washer, printer, pad or resolution that was tried would do"
-    )
-    return f"{wanted} cannot be laid out: {'; '.join(_reasons(spec, options, limit))}; {cure}"
+    cures = _cures(replace(spec, spacing="spread") if spec.spacing == "optimised" else spec, limit)
+    found = list(islice((cure for cure in cures if _works(planned, cure)), MOST_NAMED))
+    nothing = "" if found else "; no single change that was tried would do: washer, printer, beams, pad, taxels"
+    sentence = f"{wanted} cannot be laid out: {'; '.join(_reasons(spec, options, limit))}{nothing}"
+    return InfeasibleError(sentence, where, found)
+
+
+def _works(planned: Callable[[Cure], Any], cure: Cure) -> bool:
+    try:
+        return not any(finding.level == "error" for finding in planned(cure).findings)
+    except PadgenError:
+        return False
 
 
 def _reasons(spec: Spec, options: list[Layout], limit: int) -> list[str]:
@@ -65,11 +89,13 @@ def _unreached(spec: Spec, layout: Layout) -> str:
     asked = ", ".join(number(f) for f in wanted[0]) if wanted else "none in the band"
     if not found:
         return _no_beam(spec, layout)
-    span = f"{number(found[0])} … {number(found[1])} Hz"
+    grid = f"{layout.channels} channels per coil on the {layout.rows} x {layout.columns} grid"
+    if wanted and found[0] <= wanted[0][0] and wanted[0][-1] <= found[1]:
+        reach = number(coil_reach_mm(spec))
+        return f"{grid}: beams for {asked} Hz hold a washer beyond the coil's reach of {reach} mm from its axis"
     return (
-        f"{layout.channels} channels per coil on the {layout.rows} x {layout.columns} grid: the"
-        f" {number(layout.sub_width_mm)} x {number(layout.sub_depth_mm)} mm sub-cell can be printed for {span},"
-        f" asked are {asked} Hz"
+        f"{grid}: the {number(layout.sub_width_mm)} x {number(layout.sub_depth_mm)} mm sub-cell can be printed for"
+        f" {number(found[0])} … {number(found[1])} Hz, asked are {asked} Hz"
     )
 
 
@@ -93,52 +119,46 @@ def _no_beam(spec: Spec, layout: Layout) -> str:
     )
 
 
-def _cures(spec: Spec, limit: int) -> Iterator[str]:
-    """Nearest specs that hold: another grid, washer, printer or pad, or fewer taxels."""
-    if spec.coil.grid and (found := _holds(spec, limit, coil={**asdict(spec.coil), "grid": None})):
-        yield f"coil.grid = [{found.rows}, {found.columns}]"
-    entries = catalogue("washer").values()
-    smaller = [w for w in entries if w["outer_diameter_mm"] < spec.washer.outer_diameter_mm]
-    for washer in sorted(smaller, key=lambda w: -float(w["outer_diameter_mm"])):
-        if found := _holds(spec, limit, washer=washer):
-            yield (
-                f"washer {washer['name']} ({number(washer['outer_diameter_mm'])} mm) on the"
-                f" {found.rows} x {found.columns} grid"
-            )
-            break
-    for printer in catalogue("printer").values():
-        finer = printer["line_width_mm"] < spec.printer.line_width_mm and printer["process"] == spec.printer.process
-        if finer and _holds(spec, limit, printer=printer):
-            yield f"printer {printer['name']}"
-            break
-    yield from _freer_beams(spec, limit)
-    yield from _larger_pads(spec, limit)
+def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
+    """Changes after which the parts have room: another grid, washer, printer or pad, freer beams, or fewer taxels."""
+    if spec.coil.grid and (found := _holds(spec, limit, {"coil.grid": None})):
+        yield {"coil.grid": [found.rows, found.columns]}
+    sizes = {name: float(entry["outer_diameter_mm"]) for name, entry in catalogue("washer").items()}
+    smaller = [name for name, size in sizes.items() if size < spec.washer.outer_diameter_mm]
+    yield from _first(spec, limit, [{"washer": name} for name in sorted(smaller, key=lambda name: -sizes[name])])
+    printers = catalogue("printer").values()
+    finer = [entry for entry in printers if entry["line_width_mm"] < spec.printer.line_width_mm]
+    yield from _first(spec, limit, [{"printer": e["name"]} for e in finer if e["process"] == spec.printer.process])
+    for item in fields(Suspension):
+        if getattr(spec.suspension, item.name) != item.default:
+            yield from _first(spec, limit, [{f"suspension.{item.name}": item.default}])
+    sides = ("width_mm", "depth_mm")
+    yield from _first(
+        spec,
+        limit,
+        [
+            {f"pad.{side}": round(getattr(spec.pad, side) * percent / 100, 1) for side in sides}
+            for percent in (110, 120, 130, 150, 175, 200)
+        ],
+    )
     fewer = None if spec.coil.grid else next(sized_layouts(spec, whole_grids(spec, limit)), None)
     if fewer:
-        yield f"{fewer[0].coils * fewer[0].channels} taxels ({fewer[0].rows} x {fewer[0].columns} coils)"
+        yield {"resolution": fewer[0].coils * fewer[0].channels}
+    if spec.coil.grid:
+        coils = spec.coil.grid[0] * spec.coil.grid[1]
+        most = min(limit, (spec.resolution - 1) // coils)
+        yield from _first(spec, limit, [{"resolution": coils * count} for count in range(most, 0, -1)])
 
 
-def _freer_beams(spec: Spec, limit: int) -> Iterator[str]:
-    """Leaving one wish about the beams open."""
-    wishes, defaults = asdict(spec.suspension), asdict(Suspension())
-    for key, default in defaults.items():
-        if wishes[key] != default and _holds(spec, limit, suspension={**wishes, key: default}):
-            yield f"suspension.{key} = {default!r}" if default else f"no suspension.{key}"
+def _first(spec: Spec, limit: int, cures: list[Cure]) -> Iterator[Cure]:
+    """The first of `cures` after which the parts have room."""
+    yield from islice((cure for cure in cures if _holds(spec, limit, cure)), 1)
 
 
-def _larger_pads(spec: Spec, limit: int) -> Iterator[str]:
-    pad = asdict(spec.pad)
-    for percent in (110, 120, 130, 150, 175, 200):
-        sides = {key: round(pad[key] * percent / 100, 1) for key in ("width_mm", "depth_mm")}
-        if _holds(spec, limit, pad={**pad, **sides}):
-            yield f"a pad of {number(sides['width_mm'])} x {number(sides['depth_mm'])} mm"
-            return
-
-
-def _holds(spec: Spec, limit: int, **changes: Any) -> Layout | None:
-    """The best layout of the spec with some of its tables changed, None where it has none."""
+def _holds(spec: Spec, limit: int, cure: Cure) -> Layout | None:
+    """The best layout of the spec with a cure, None where it has none."""
     try:
-        other = make_spec(without_none({**asdict(spec), **changes}))
+        other = varied(spec, cure)
     except SpecError:
         return None
     found = next(sized_layouts(other, candidates(other, limit)), None)

@@ -1,20 +1,17 @@
 """The findings of a plan: what holds only just, what does not, and what would."""
 
 from collections.abc import Iterator
-from dataclasses import fields, replace
+from dataclasses import fields
 from itertools import pairwise
 from math import inf
 
-import numpy as np
-
-from padgen.core.errors import at_least, at_most, number
+from padgen.core.errors import at_least, number, percent
 from padgen.core.finding import LEVELS, Finding
 from padgen.core.units import MM, UM, decibel
 from padgen.physics.ladder import ladder_ratio, slot_half_width
 from padgen.physics.stretching import jump_amplitude, level_kept, resonance_rise
-from padgen.planner.channels import driven, hanging_gap_um, pull_exponent, site_pulls, wanted_line_a2
 from padgen.planner.drive_scheme import modes_matter
-from padgen.planner.judge_drive import judge_drive
+from padgen.planner.judge_drive import judge_drive, lower_level
 from padgen.planner.left_out import judge_left_out
 from padgen.planner.pitch import judge_pitch
 from padgen.planner.plan import Channel, Plan
@@ -25,7 +22,8 @@ from padgen.spec import Coil, Spec
 
 SPACING_SHARE = 0.05
 """Share of a slot by which a resonance may be off before it is worth a finding."""
-GAPS_TRIED = 8
+GAPS_TRIED = (1.01, 1.3, 2.0)
+"""Gaps over three times the travel over the gap that there is: a washer farther off is pulled more evenly."""
 STRENGTH = 4.0
 """Strength over the stress that many cycles allow: the catalogue takes fatigue at a quarter of strength."""
 LARGE_MOTION = 0.25
@@ -65,16 +63,13 @@ def _spacing(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Finding]:
     for lower, upper in pairwise(channels):
         ratio = upper.resonance_hz / lower.resonance_hz
         if ratio < 1 + (bound - 1) * (1 - SPACING_SHARE):
-            finer = (
-                f", or raise Q to {at_least(spec.delta_y / 4 * (ratio + 1) / (ratio - 1))}" if ratio > 1 + 1e-9 else ""
-            )
             yield Finding(
                 "warning",
                 "ladder.ratio",
                 f"channels {lower.index} and {upper.index}",
-                f"{number(lower.resonance_hz)} and {number(upper.resonance_hz)} Hz are {number(ratio)} apart,"
-                f" the paper's slots need {number(bound)} at Q = {number(spec.q_min)}: move the upper to"
-                f" {at_least(lower.resonance_hz * bound)} Hz{finer}",
+                f"{number(lower.resonance_hz)} and {number(upper.resonance_hz)} Hz lie a factor of {number(ratio)}"
+                f" apart; at Q = {number(spec.q_min)} the paper's formula asks for {number(bound)}, the upper one at"
+                f" {at_least(lower.resonance_hz * bound)} Hz or higher",
             )
 
 
@@ -89,9 +84,9 @@ def _targets(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Finding]:
                 "warning",
                 "resonance.off",
                 f"channel {channel.index}",
-                f"it resonates {miss:.1e} off its target of {number(channel.target_hz)} Hz, its slot allows"
-                f" {share:.1e}: beams are made in steps of {number(spec.printer.width_step_mm)} mm of width; drive it"
-                " where it resonates, as the driver table does, or ask for less Q",
+                f"it resonates {percent(miss)} off its target of {number(channel.target_hz)} Hz, {percent(share)}"
+                f" allowed: beams are as wide as whole steps of {number(spec.printer.width_step_mm)} mm; the driver"
+                " table drives it where it resonates",
             )
         if not spec.band_hz[0] * (1 - DRAWN_SHARE) <= channel.resonance_hz <= spec.band_hz[1] * (1 + DRAWN_SHARE):
             yield Finding(
@@ -99,7 +94,7 @@ def _targets(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Finding]:
                 "resonance.band",
                 f"channel {channel.index}",
                 f"it resonates at {channel.resonance_hz:.9g} Hz, outside the band of {spec.band_hz[0]:.9g} …"
-                f" {spec.band_hz[1]:.9g} Hz; a wider band would do",
+                f" {spec.band_hz[1]:.9g} Hz",
             )
 
 
@@ -113,9 +108,19 @@ def _bed(spec: Spec) -> Iterator[Finding]:
             "plan.bed",
             "pad",
             f"with its border it measures {number(size[1])} x {number(size[0])} mm, the bed of {printer.name} is"
-            f" {number(bed[1])} x {number(bed[0])} mm; an active area of {number(bed[1] - 2 * pad.border_mm)} x"
-            f" {number(bed[0] - 2 * pad.border_mm)} mm would fit",
+            f" {number(bed[1])} x {number(bed[0])} mm",
+            _fitting(spec),
         )
+
+
+def _fitting(spec: Spec) -> tuple[dict[str, float], ...]:
+    """The active area that the bed holds, whichever way round."""
+    pad, printer = spec.pad, spec.printer
+    bed = sorted((printer.bed_x_mm - 2 * pad.border_mm, printer.bed_y_mm - 2 * pad.border_mm))
+    sides = bed if pad.width_mm <= pad.depth_mm else bed[::-1]
+    if bed[0] <= 0:
+        return ()
+    return ({"pad.width_mm": min(pad.width_mm, sides[0]), "pad.depth_mm": min(pad.depth_mm, sides[1])},)
 
 
 def _prints(plan: Plan) -> Iterator[Finding]:
@@ -128,16 +133,16 @@ def _prints(plan: Plan) -> Iterator[Finding]:
             "warning",
             "print.share",
             "pad",
-            f"of its prints, each taxel re-tuned, {prints.good_share:.0%} keep the {asked:.1f} dB that are asked for;"
-            f" {wanted:.0%} of them keep {prints.print_db:.1f} dB (delta_y = {at_most(10 ** (prints.print_db / 20))})",
+            f"with every taxel re-tuned, {prints.good_share:.0%} of its prints keep the {asked:.1f} dB of ON over OFF"
+            f" that are asked for, {wanted:.0%} of them {prints.print_db:.1f} dB",
         )
     if prints.planned_db < min(asked, prints.print_db):
         yield Finding(
             "note",
             "print.spread",
             "pad",
-            f"measure every taxel of a print and re-tune it: with the plan's own driver table {wanted:.0%} of prints"
-            f" keep {prints.planned_db:.1f} dB",
+            f"expect to measure and re-tune every taxel: driven as planned, {wanted:.0%} of prints keep"
+            f" {prints.planned_db:.1f} dB",
         )
 
 
@@ -148,7 +153,8 @@ def _single_layers(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Findin
             "note",
             "beam.single_layer",
             ("channels " if len(single) > 1 else "channel ") + ", ".join(str(c.index) for c in single),
-            f"their beams are a single layer of {number(single[0].beam.thickness_mm)} mm: level the bed well",
+            f"beams of a single layer of {number(single[0].beam.thickness_mm)} mm come out as thick as the bed is"
+            " level: level it well",
         )
 
 
@@ -159,8 +165,8 @@ def _recess(spec: Spec) -> Iterator[Finding]:
             "note",
             "recess.layers",
             "recess",
-            f"washer and glue take {number(asked_mm)} mm, the recess is a whole number of layers deep,"
-            f" {number(depth_mm)} mm: taxel.glue_gap_mm = {number(depth_mm - spec.washer.thickness_mm)} says the same",
+            f"the recess is {number(depth_mm)} mm deep, a whole number of layers; washer and glue need"
+            f" {number(asked_mm)} mm; taxel.glue_gap_mm = {number(depth_mm - spec.washer.thickness_mm)} says the same",
         )
 
 
@@ -205,19 +211,20 @@ def _mechanics(plan: Plan) -> Iterator[Finding]:
                 "gap.travel",
                 where,
                 f"sag ({number(channel.sag_um)} µm), static pull ({number(channel.static_um)} µm) and amplitude"
-                f" together are {number(travel_mm)} mm, {bound}; {_wider_gap(plan)}",
+                f" together are {number(travel_mm)} mm, {bound}",
+                _more_room(spec, travel_mm),
             )
         yield from _statics(spec, channel)
         yield from _stretching(spec, channel)
         if channel.root_stress_mpa > spec.material.fatigue_stress_mpa:
-            level = channel.level_um * spec.material.fatigue_stress_mpa / channel.root_stress_mpa
             yield Finding(
                 "error",
                 "beam.stress",
                 where,
-                f"the root is stressed by {number(channel.root_stress_mpa)} MPa at {number(channel.level_um)} µm,"
-                f" {spec.material.name} bears {number(spec.material.fatigue_stress_mpa)} MPa;"
-                f" a level of {at_most(level)} µm would do",
+                f"at {number(channel.level_um)} µm the root of its beams is stressed by"
+                f" {number(channel.root_stress_mpa)} MPa, {spec.material.name} bears"
+                f" {number(spec.material.fatigue_stress_mpa)} MPa for long",
+                lower_level(spec, spec.material.fatigue_stress_mpa / channel.root_stress_mpa),
             )
         if doubt := _doubt(spec, channel):
             yield Finding("warning", "model.error", where, doubt)
@@ -228,16 +235,15 @@ def _doubt(spec: Spec, channel: Channel) -> str:
     error, asked = channel.model_error, spec.model.tolerance
     if channel.model == "solid":
         asked = asked_error(spec)
-        known = f"finite elements know its resonance to {error:.2%} only, asked is {asked:.2%}: it is not tuned"
+        known = f"finite elements may be off by {error:.2%} of its resonance, asked is {asked:.2%}: it is not tuned"
         return known if error > asked else ""
     if spec.model.structure == "solid":
         return (
-            f"not tuned to the printed solid: finite elements know its resonance no better than the beam model, whose"
-            f" own estimate of its error is {error:.2%} and whose figures stay; asked is {asked_error(spec):.2%}"
+            f"it is planned by the beam model, which may be off by {error:.2%} of its resonance, since finite elements"
+            f" know it no better; asked is {asked_error(spec):.2%}"
         )
-    remedy = "--model solid solves the printed solid and tunes its beams to it"
-    own = f"the beam model's own estimate of its error is {error:.1%} of the resonance"
-    return f"{own}, asked is {asked:.1%} (model.tolerance); {remedy}" if error > asked else ""
+    own = f"the beam model may be off by {error:.1%} of its resonance, model.tolerance is {asked:.1%}"
+    return f"{own}; --model solid computes it by finite elements and tunes its beams" if error > asked else ""
 
 
 def _statics(spec: Spec, channel: Channel) -> Iterator[Finding]:
@@ -253,7 +259,8 @@ def _statics(spec: Spec, channel: Channel) -> Iterator[Finding]:
             "beam.strength",
             f"channel {channel.index}",
             f"sag, mean pull and amplitude, {number(moved_um * UM / MM)} mm in all, stress its root by {number(stress)}"
-            f" MPa, {spec.material.name} breaks at about {number(strength)} MPa; a higher resonance would do",
+            f" MPa, {spec.material.name} breaks at about {number(strength)} MPa",
+            lower_level(spec, 0.5),
         )
     length_mm = channel.beam.length_mm
     if moved_um * UM / MM > LARGE_MOTION * length_mm:
@@ -262,7 +269,8 @@ def _statics(spec: Spec, channel: Channel) -> Iterator[Finding]:
             "beam.sag",
             f"channel {channel.index}",
             f"sag, mean pull and amplitude move it by {number(moved_um * UM / MM)} mm, more than {LARGE_MOTION:.0%} of"
-            f" its beams' length of {number(length_mm)} mm: no figure of this plan holds; a higher resonance would do",
+            f" its beams' length of {number(length_mm)} mm: no figure of this plan holds",
+            lower_level(spec, 0.5),
         )
 
 
@@ -276,55 +284,26 @@ def _stretching(spec: Spec, channel: Channel) -> Iterator[Finding]:
         level = (low + high) / 2
         kept = level_kept(alpha, channel.q, level * UM / MM, sag_mm)
         low, high = (low, level) if -decibel(kept) > LOSS_DB else (level, high)
-    would = at_most(spec.drive.level_um * low / channel.level_um)
     sagged_hz = channel.resonance_hz * (1 + resonance_rise(alpha, 0.0, sag_mm))
+    sags = "" if low > 0 else f"; its sag alone raises it to {number(sagged_hz)} Hz: re-tune it"
     jump_um = jump_amplitude(alpha, channel.q) * MM / UM
     jumps = f"; above {number(jump_um)} µm its response jumps between two levels" if jump_um < channel.level_um else ""
     yield Finding(
         "warning",
         "beam.stretching",
         f"channel {channel.index}",
-        f"its beams stretch: moving by {number(channel.level_um)} µm it resonates {channel.level_shift:.1%} higher, and"
-        f" the planned tone moves it {channel.level_loss_db:.1f} dB less than asked{jumps};"
-        + (
-            f" drive.level_um = {would} would do"
-            if low > 0
-            else f" for its sag alone take {number(sagged_hz)} Hz, or re-tune it"
-        ),
+        f"its beams stretch as they bend: moving by {number(channel.level_um)} µm it resonates"
+        f" {channel.level_shift:.1%} higher, and the planned tone moves it {channel.level_loss_db:.1f} dB less than"
+        f" asked{jumps}{sags}",
+        lower_level(spec, low / channel.level_um),
     )
 
 
-def _wider_gap(plan: Plan) -> str:
-    """A gap at which all channels keep within its third: the pull at a wider one is another."""
-    spec, gap_mm = plan.spec, plan.spec.coil.gap_mm
-    sites, sag_um = [c.site for c in plan.channels], np.array([c.sag_um for c in plan.channels])
-    here = site_pulls(spec, sites, hanging_gap_um(spec, sag_um))
-    share = np.array([channel.force_constant_n_per_a2 for channel in plan.channels]) / here.pull
-    for _ in range(GAPS_TRIED):
-        wider = replace(spec, coil=replace(spec.coil, gap_mm=gap_mm))
-        hanging_um = hanging_gap_um(wider, sag_um)
-        pulled = site_pulls(wider, sites, hanging_um)
-        if (pulled.pull <= 0).any():
-            break
-        moved = [
-            replace(
-                channel,
-                force_constant_n_per_a2=float(c),
-                line_a2=wanted_line_a2(channel.force_mn, float(c)),
-                pull_exponent=float(m),
-            )
-            for channel, c, m in zip(plan.channels, pulled.pull * share, pull_exponent(pulled, hanging_um), strict=True)
-        ]
-        again = driven(wider, moved, plan.scheme)
-        needed_mm = 3 * max(c.level_um + c.sag_um + c.static_um for c in again) * UM / MM
-        if needed_mm <= gap_mm and all(c.static_um * UM / MM < gap_mm for c in again):
-            return f"a gap of {number(gap_mm)} mm would do"
-        gap_mm = float(at_least(max(needed_mm, gap_mm) * 1.001))
-        if gap_mm > LARGEST_GAP_MM:
-            break
-    if max(sag_um) * UM / MM >= spec.coil.gap_mm / 3:
-        return "no gap that a coil may have would do, only beams that sag less"
-    return "a lower drive.level_um would do"
+def _more_room(spec: Spec, travel_mm: float) -> tuple[dict[str, float], ...]:
+    """Wider gaps, where the pull is another, and lower levels."""
+    gaps = [float(at_least(3 * travel_mm * factor)) for factor in GAPS_TRIED]
+    wider = [{"coil.gap_mm": gap_mm} for gap_mm in gaps if spec.coil.gap_mm < gap_mm <= LARGEST_GAP_MM]
+    return (*wider, *lower_level(spec, 0.5), *lower_level(spec, 0.1))
 
 
 def _places(plan: Plan) -> Iterator[Finding]:

@@ -2,16 +2,17 @@
 
 from collections.abc import Iterator
 from itertools import combinations
+from typing import Any
 
 from padgen.core.errors import at_least, at_most, number
 from padgen.core.finding import Finding
 from padgen.core.units import decibel
 from padgen.physics.ladder import slot_half_width
 from padgen.physics.selectivity import Scheme
-from padgen.planner.layout import coil_reach_mm
 from padgen.planner.plan import Plan
+from padgen.spec import Spec
 
-__all__ = ["judge_drive"]
+__all__ = ["judge_drive", "lower_level"]
 
 SMALLEST_LEVEL_UM = 1e-4
 """Smallest that a spec may ask for."""
@@ -29,7 +30,7 @@ def judge_drive(plan: Plan) -> Iterator[Finding]:
     yield from _unequal_pull(plan)
     yield from _snapping(plan)
     yield from _leak(plan)
-    yield from _reach(plan)
+    yield from _unsure(plan)
     yield from _limits(plan)
     yield from _softening(plan)
     yield from _beats(plan)
@@ -47,8 +48,8 @@ def _selectivity(plan: Plan) -> Iterator[Finding]:
             "warning",
             "selectivity.one_hot",
             "coil",
-            f"with one channel on, an OFF taxel vibrates {_below(one_hot)} than it,"
-            f" asked: {bound:.1f} dB less (Δy); fewer channels per coil, a wider band or a higher Q raise it",
+            f"with one channel on, an OFF taxel vibrates {_below(one_hot)} than the ON one, asked are"
+            f" {bound:.1f} dB less",
         )
     if kept < bound:
         placed = figures.all_states_db is not None and kept < figures.all_states_db - PULL_DB
@@ -56,29 +57,22 @@ def _selectivity(plan: Plan) -> Iterator[Finding]:
             "warning",
             "selectivity.all_states",
             f"state {figures.worst_state}",
-            f"(lowest channel first, 1 is ON) with {figures.drive} an OFF taxel vibrates {_below(kept)}"
-            f" than an ON one{', unequal pull and all modes counted' if placed else ''}, asked:"
-            f" {bound:.1f} dB less; {_better(plan)}",
+            f"in this worst state (lowest channel first, 1 is ON) with drive = {figures.drive!r} an OFF taxel vibrates"
+            f" {_below(kept)} than an ON one{', unequal pull and all modes counted' if placed else ''}, asked are"
+            f" {bound:.1f} dB less",
+            _better(plan),
         )
 
 
-def _better(plan: Plan) -> str:
-    """What would keep what was asked: another scheme for all at once, another grid, or, slow, turns."""
-    figures, rates = plan.selectivity, {rate.scheme: rate.frames_per_s for rate in plan.refresh}
-    reach = [s for s in figures.schemes if s.reached_db >= figures.asked_db]
-    ways = [f"drive = {s.scheme!r} keeps {s.reached_db:.1f} dB" for s in reach if not Scheme(s.scheme).takes_turns][:1]
-    for option in plan.layouts:
-        if option.kept_db is None or option.kept_db >= figures.asked_db:
-            kept = "one channel per coil" if option.kept_db is None else f"{option.channels} channels per coil"
-            db = "" if option.kept_db is None else f" and keeps {option.kept_db:.1f} dB"
-            ways.append(f"coil.grid = [{option.rows}, {option.columns}] has {kept}{db}")
-            break
-    for s in reach:
-        if Scheme(s.scheme).takes_turns:
-            ways.append(f"drive = {s.scheme!r} keeps {s.reached_db:.1f} dB at {rates[s.scheme]:.2g} frames/s")
-    if not ways:
-        ways.append("fewer channels per coil or a higher Q raise it; padgen plan --explain ranks what would do")
-    return "; ".join(ways)
+def _better(plan: Plan) -> tuple[dict[str, Any], ...]:
+    """What may keep what was asked: another scheme for all at once, another grid, or, slow, turns."""
+    asked, schemes = (
+        plan.selectivity.asked_db,
+        sorted(plan.selectivity.schemes, key=lambda s: Scheme(s.scheme).takes_turns),
+    )
+    ways: list[dict[str, Any]] = [{"drive.scheme": s.scheme} for s in schemes if s.reached_db >= asked]
+    grids = [o for o in plan.layouts if o.kept_db is None or o.kept_db >= asked]
+    return (*ways, *({"coil.grid": [o.rows, o.columns]} for o in grids))
 
 
 def _below(level_db: float) -> str:
@@ -87,7 +81,7 @@ def _below(level_db: float) -> str:
 
 def _unequal_pull(plan: Plan) -> Iterator[Finding]:
     figures, pull = plan.selectivity, [c.force_constant_n_per_a2 for c in plan.channels]
-    if figures.one_hot_db is None or figures.placed_one_hot_db is None or min(pull) <= 0:
+    if figures.one_hot_db is None or figures.placed_one_hot_db is None:
         return
     # Other modes are in the placed figure, too: pulls that differ by less cannot cost as much.
     if figures.placed_one_hot_db < figures.one_hot_db - PULL_DB and decibel(max(pull) / min(pull)) > PULL_DB:
@@ -95,9 +89,9 @@ def _unequal_pull(plan: Plan) -> Iterator[Finding]:
             "warning",
             "selectivity.pull",
             "coil",
-            f"the nearest washer of a coil is pulled {number(max(pull) / min(pull))} times as strongly as the farthest:"
-            f" with one channel on, an OFF taxel then vibrates {_below(figures.placed_one_hot_db)} than it;"
-            " fewer channels per coil or a wider coil even it out",
+            f"the washer nearest to a coil's axis is pulled {number(max(pull) / min(pull))} times as strongly as the"
+            f" farthest: with one channel on, an OFF taxel vibrates {_below(figures.placed_one_hot_db)} than the ON"
+            " one",
         )
 
 
@@ -108,8 +102,8 @@ def _snapping(plan: Plan) -> Iterator[Finding]:
             "note",
             "selectivity.snapping",
             "coil",
-            f"that beams print in steps moves the resonances, which costs {cost:.1f} dB in all states; a printer with"
-            " finer steps has it back",
+            f"{cost:.1f} dB of selectivity are lost because {plan.spec.printer.name} makes beams wider in steps of"
+            f" {number(plan.spec.printer.width_step_mm)} mm, which moves the resonances",
         )
 
 
@@ -119,56 +113,33 @@ def _leak(plan: Plan) -> Iterator[Finding]:
     apart = min((db for db in plan.reuse.retuned_leaks_db if db is not None), default=None)
     if step is None or apart is None or step >= asked:
         return
-    other = "coil.reuse = 'alternate', " if plan.coils.sets == 1 else ""
     short = apart < asked
     kept = f"re-tuned, {_below(apart)}" if short else f"re-tuned {_below(apart)} and by the driver table {_below(step)}"
     yield Finding(
         "warning" if short else "note",
         "coil.leak",
         f"channel {plan.reuse.leak_channel}",
-        f"in their worst state the coils around shake this taxel, OFF, {kept} than its own would, asked:"
-        f" {asked:.1f} dB less; {other}washers nearer to their coil or a wider pitch would do",
+        f"in their worst state the coils around shake this taxel, when OFF, {kept} than its own coil would, asked are"
+        f" {asked:.1f} dB less",
     )
 
 
-def _reach(plan: Plan) -> Iterator[Finding]:
-    reach = coil_reach_mm(plan.spec)
-    far = max(plan.channels, key=lambda c: c.site.coil_distance_mm)
-    distance = far.site.coil_distance_mm
-    if distance > reach:
-        needed = 2 * distance - plan.spec.washer.outer_diameter_mm
-        wider = f"a coil of {at_least(needed)} mm outer diameter or " if needed < plan.coils.pitch_mm else ""
-        yield Finding(
-            "warning",
-            "coil.reach",
-            f"channel {far.index}",
-            f"its washer lies {number(distance)} mm off the coil axis, beyond the coil's reach of {number(reach)} mm;"
-            f" {wider}a finer grid would do",
-        )
+def _unsure(plan: Plan) -> Iterator[Finding]:
     for channel in plan.channels:
-        if channel.force_constant_n_per_a2 <= 0:
-            yield Finding(
-                "error",
-                "coil.force",
-                f"channel {channel.index}",
-                f"the coil does not pull its washer, {number(channel.site.coil_distance_mm)} mm off the axis;"
-                f" at most {number(reach)} mm would do",
-            )
-        elif channel.force_error > UNSURE:
+        if channel.force_error > UNSURE:
             yield Finding(
                 "warning",
                 "coil.unsure",
                 f"channel {channel.index}",
-                f"the pull on its washer is known to ± {channel.force_error:.0%} only: what draws its parts up and down"
-                " or turns it all but cancels",
+                f"the pull on its washer is known to ± {channel.force_error:.0%} only, so far off the coil's axis"
+                f" ({number(channel.site.coil_distance_mm)} mm) that one side of it is drawn up and the other down",
             )
 
 
-def _level(level_um: float) -> str:
-    """A level that would do, unless it is none that a spec may ask for."""
-    if level_um < SMALLEST_LEVEL_UM:
-        return "no level would do"
-    return f"drive.level_um = {at_most(level_um)} would do"
+def lower_level(spec: Spec, share: float) -> tuple[dict[str, float], ...]:
+    """A `share` of the level as a cure, none where no spec may ask for so little."""
+    level_um = float(at_most(spec.drive.level_um * share))
+    return ({"drive.level_um": level_um},) if level_um >= SMALLEST_LEVEL_UM else ()
 
 
 def _softening(plan: Plan) -> Iterator[Finding]:
@@ -180,9 +151,9 @@ def _softening(plan: Plan) -> Iterator[Finding]:
             "warning",
             "coil.softening",
             f"channel {worst.index}",
-            f"the mean pull of all channels softens its spring and lowers its resonance by {worst.pull_shift:.1%}, a"
-            f" quarter of its slot is {quarter_slot:.1%}; a level of"
-            f" {at_most(spec.drive.level_um * quarter_slot / worst.pull_shift)} µm or a wider gap would do",
+            f"the mean pull of all channels acts as a negative spring that lowers its resonance by"
+            f" {worst.pull_shift:.1%}, more than a quarter of its slot, {quarter_slot:.1%}",
+            lower_level(spec, quarter_slot / worst.pull_shift * 0.99),
         )
 
 
@@ -199,9 +170,9 @@ def _beats(plan: Plan) -> Iterator[Finding]:
                             "warning",
                             "level.beats",
                             f"channels {low.index} and {high.index}",
-                            f"both on, they make a spur at {number(hz)} Hz, within the resonance of channel {hit.index}"
-                            f" ({number(hit.resonance_hz)} Hz), whose level then beats; move one by"
-                            f" {2 / hit.q:.0%}, or take drive = 'spur-free'",
+                            f"both on, they also pull at {number(hz)} Hz, within the resonance of channel {hit.index}"
+                            f" ({number(hit.resonance_hz)} Hz), whose level then rises and falls",
+                            ({"drive.scheme": "spur-free"},),
                         )
 
 
@@ -213,8 +184,8 @@ def _imperceptible(plan: Plan) -> Iterator[Finding]:
             "warning",
             "level.threshold",
             "channels " + ", ".join(str(channel.index) for channel in silent),
-            f"{number(drive.level_um)} µm on channel 0 is not above the detection threshold; a higher"
-            " drive.level_um would do",
+            f"{number(drive.level_um)} µm on channel 0 are not above the detection threshold: nobody feels it",
+            tuple({"drive.level_um": float(at_least(drive.level_um * factor))} for factor in (1.01, 2, 5)),
         )
 
 
@@ -227,21 +198,34 @@ def _limits(plan: Plan) -> Iterator[Finding]:
             "coil.voltage",
             "coil",
             f"{number(level)} µm with all channels on take up to {number(load.voltage_peak_v)} V, the amplifier has"
-            f" {number(volts)} V; {_level(level * (volts / load.voltage_peak_v) ** 2)}",
+            f" {number(volts)} V",
+            lower_level(spec, (volts / load.voltage_peak_v) ** 2),
         )
     if load.copper_loss_w > watts:
         yield Finding(
             "warning",
             "coil.heat",
             "coil",
-            f"{number(level)} µm with all channels on take {number(load.copper_loss_w)} W of copper loss, the coil"
-            f" bears {number(watts)} W; {_level(level * watts / load.copper_loss_w)}",
+            f"{number(level)} µm with all channels on heat each coil with {number(load.copper_loss_w)} W, it bears"
+            f" {number(watts)} W",
+            lower_level(spec, watts / load.copper_loss_w),
+        )
+    total_w, most_w = load.copper_loss_w * plan.coils.rows * plan.coils.columns, spec.limits.power_w
+    if most_w is not None and total_w > most_w:
+        yield Finding(
+            "warning",
+            "limits.power",
+            "pad",
+            f"{number(level)} µm with all taxels on take {number(total_w)} W in all coils, limits.power_w allows"
+            f" {number(most_w)} W",
+            lower_level(spec, most_w / total_w),
         )
     if load.pull_in_share >= 1:
         yield Finding(
             "error",
             "coil.pull_in",
             "coil",
-            f"the mean pull is {number(load.pull_in_share)} times the one at which the softest washer snaps to the"
-            f" coil; {_level(level / load.pull_in_share)}",
+            f"the mean pull is {number(load.pull_in_share)} times the one at which the softest washer snaps to"
+            " the coil",
+            lower_level(spec, 0.99 / load.pull_in_share),
         )

@@ -1,10 +1,9 @@
 """The findings about modes other than a taxel's own: which line of the drive they lie on, and what would clear them."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
 from itertools import islice
 from math import inf
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,13 +13,13 @@ from padgen.physics.ladder import slot_half_width
 from padgen.physics.modal import ModalTaxels, felt_energy
 from padgen.physics.schemes import simplest_first
 from padgen.physics.selectivity import Channels, Scheme, all_states, scheme_lines
+from padgen.planner.cures import Cure, varied
 from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.plan import Channel, Plan, channel_sets
 from padgen.planner.pull_modes import MODES_DB, coil_modes, mode_names, modes_in_slots
 from padgen.planner.settings import scheme_named
 from padgen.planner.suspensions import allowed
-from padgen.spec import Spec, make_spec
-from padgen.spec.load import without_none
+from padgen.spec import Spec
 
 __all__ = ["Crowd", "crowds", "judge_modes"]
 
@@ -161,7 +160,7 @@ def judge_modes(plan: Plan) -> Iterator[Finding]:
     """Findings about modes on lines of the drive, and about what all modes cost."""
     spec = plan.spec
     found = crowds(spec, plan.channels, plan.scheme)
-    tried = list(_tries(plan, found)) if found else []
+    cures = tuple(_cures(plan, found)) if found else ()
     yield from _silent(plan, found)
     for crowd in found:
         name = mode_names(spec, plan.channels[crowd.channel])[crowd.mode]
@@ -171,8 +170,9 @@ def judge_modes(plan: Plan) -> Iterator[Finding]:
             "modes.crowded",
             f"channel {crowd.channel}",
             f"its {name} mode at {number(crowd.hz)} Hz lies near {crowd.line} ({number(crowd.line_hz)} Hz), which moves"
-            f" it by {crowd.planned:.2g} of its ON amplitude, OFF, and by {crowd.at_peak:.2g} if a print brings the two"
-            f" together, at most {number(1 / spec.delta_y)}{cost}; {_remedy(tried, crowd)}",
+            f" the taxel, when OFF, by {crowd.planned:.2g} of its ON amplitude, and by {crowd.at_peak:.2g} if a print"
+            f" brings the two together, at most {number(1 / spec.delta_y)}{cost}",
+            cures,
         )
     figures = plan.selectivity
     if (figures.modes_cost_db or 0.0) > MODES_DB and figures.placed_all_states_db is not None:
@@ -185,9 +185,10 @@ def judge_modes(plan: Plan) -> Iterator[Finding]:
             "warning",
             "selectivity.modes",
             "coil",
-            "the taxels' other modes, which a pull beside the washers' axes excites, cost"
+            "the taxels' other modes, which a pull off the washers' centres excites, cost"
             f" {figures.modes_cost_db:.1f} dB in all states{most}: {figures.placed_all_states_db:.1f} dB are left, at"
-            f" most {number(MODES_DB)} dB should be lost; {_remedy(tried, worst)}",
+            f" most {number(MODES_DB)} dB should be lost",
+            cures,
         )
 
 
@@ -205,40 +206,17 @@ def _silent(plan: Plan, found: Sequence[Crowd]) -> Iterator[Finding]:
         )
 
 
-class _Try(NamedTuple):
-    """A change of the spec in words, what the plan then keeps, and whose modes are then crowded; None: no such pad."""
-
-    words: str
-    kept_db: float
-    left: tuple[int, ...] | None
-
-
-def _remedy(tried: Sequence[_Try], crowd: Crowd | None) -> str:
-    """The first change that clears all modes, else one that clears this channel's; computed, not guessed."""
-    known = [(item.words, item.kept_db, item.left) for item in tried if item.left is not None]
-    for words, kept_db, left in sorted(known, key=lambda item: len(item[2])):
-        if not left:
-            return f"{words} clears all modes and keeps {kept_db:.1f} dB"
-        if crowd and crowd.channel not in left:
-            channels = ", ".join(str(index) for index in dict.fromkeys(left))
-            return f"{words} clears it and keeps {kept_db:.1f} dB, with modes of channels {channels} left"
-    if not tried:
-        return "nothing that could be tried clears it"
-    return f"none of {len(tried)} changes of resonances, beams, suspension and drive that were tried clears it"
-
-
-def _tries(plan: Plan, found: Sequence[Crowd]) -> Iterator[_Try]:
-    """What may be tried, until all modes are clear, without losing more than `KEPT_DB` of what is asked."""
+def _cures(plan: Plan, found: Sequence[Crowd]) -> Iterator[Cure]:
+    """The first change that clears all modes on the same coils, without losing more than `KEPT_DB` of what is asked."""
     least = min(plan.selectivity.kept_db or 0.0, plan.selectivity.asked_db) - KEPT_DB
-    for words, varied in islice(_changes(plan, found), MOST_TRIED):
-        again = _planned_again(plan, varied)
-        left = None
-        if again and again.kept_db >= least:
-            left = tuple(crowd.channel for crowd in crowds(varied, again.channels, again.scheme))
-        yield _Try(
-            words, again.kept_db if again else -inf, left if left is not None and len(left) < len(found) else None
-        )
-        if left == ():
+    for cure in islice(_changes(plan, found), MOST_TRIED):
+        try:
+            changed = varied(plan.spec, cure)
+        except SpecError:
+            continue
+        again = _planned_again(plan, changed)
+        if again and again.kept_db >= least and not crowds(changed, again.channels, again.scheme):
+            yield cure
             return
 
 
@@ -273,38 +251,29 @@ def _planned_again(plan: Plan, varied: Spec) -> _Again | None:
     return _Again(channels, scheme_named(varied, figures.drive), kept_db)
 
 
-def _changes(plan: Plan, found: Sequence[Crowd]) -> Iterator[tuple[str, Spec]]:
-    table = without_none(asdict(plan.spec))
-    for words, changed in _tables(plan, found):
-        try:
-            yield words, make_spec(without_none({**table, **changed}))
-        except SpecError:
-            continue
-
-
-def _tables(plan: Plan, found: Sequence[Crowd]) -> Iterator[tuple[str, dict[str, Any]]]:
+def _changes(plan: Plan, found: Sequence[Crowd]) -> Iterator[Cure]:
     """Changes of the spec that move modes or lines, those first that touch least."""
     spec, channels = plan.spec, plan.channels
-    suspension = asdict(spec.suspension)
     if any(crowd.is_spur for crowd in found):
         for name in reversed(simplest_first()):
             if name != plan.selectivity.drive and not Scheme(name).takes_turns:
-                yield f"drive = {name!r}", {"drive": {**asdict(spec.drive), "scheme": name}}
+                yield {"drive.scheme": name}
     if len(dict.fromkeys(crowd.channel for crowd in found)) == 1:
         for factor in MOVES:
-            hz = [float(f"{c.target_hz * (factor if c.index == found[0].channel else 1):.4g}") for c in channels]
-            yield f"resonances_hz = [{', '.join(f'{f:g}' for f in hz)}]", {"resonances_hz": hz}
+            yield {
+                "resonances_hz": [
+                    float(f"{c.target_hz * (factor if c.index == found[0].channel else 1):.4g}") for c in channels
+                ]
+            }
     if spec.spacing == "optimised" and not spec.resonances_hz:
         return  # an optimum is sought again for every other suspension
     for name in allowed("auto"):
         if {c.beam.topology for c in channels} != {name}:
-            yield f"suspension.topology = {name!r}", {"suspension": {**suspension, "topology": name}}
+            yield {"suspension.topology": name}
     if len({c.beam.thickness_mm for c in channels}) == 1:
         for layers in LAYERS:
             thickness = round(channels[0].beam.thickness_mm + layers * spec.printer.layer_mm, 6)
-            changed = {"suspension": {**suspension, "thickness_mm": thickness}}
             if thickness >= spec.printer.first_layer_mm:
-                yield f"suspension.thickness_mm = {thickness:g}", changed
+                yield {"suspension.thickness_mm": thickness}
     for factor in LENGTHS:
-        length = round(max(c.beam.length_mm for c in channels) * factor, 1)
-        yield f"suspension.length_mm = {length:g}", {"suspension": {**suspension, "length_mm": length}}
+        yield {"suspension.length_mm": round(max(c.beam.length_mm for c in channels) * factor, 1)}

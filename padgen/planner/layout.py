@@ -198,8 +198,7 @@ def room(spec: Spec, layout: Layout) -> Room:
 
     Its two limits keep every washer over its coil's winding: with the sub-cell's centre at (u, v)
     from the coil axis and the root on the side away from it, the washer must not pass the axis, nor
-    stay short of it, by more than the winding reaches there. On a grid that the user chose the
-    second is left to the findings.
+    stay short of it, by more than the winding reaches there.
     """
     length, width = _sides_mm(spec, layout)
     slide = max(width - plate_shape(spec).width_mm, 0) / 2 - spec.printer.smallest_gap_mm
@@ -209,7 +208,7 @@ def room(spec: Spec, layout: Layout) -> Room:
         reach = sqrt(max((spec.coil.outer_diameter_mm / 2) ** 2 - max(v - max(slide, 0), 0) ** 2, 0.0))
         before = min(before, length / 2 + u + reach)
         behind = min(behind, length / 2 - u + reach)
-    return Room(length, width, before, inf if spec.coil.grid else behind)
+    return Room(length, width, before, behind)
 
 
 def _sides_mm(spec: Spec, layout: Layout) -> tuple[float, float]:
@@ -224,8 +223,7 @@ def _spare_mm(spec: Spec, layout: Layout) -> float:
 
 
 def _slacks(spec: Spec, layout: Layout) -> tuple[tuple[str, float], ...]:
-    slacks = _fits(spec, layout, room(spec, layout))
-    return slacks if spec.coil.grid else (*slacks, ("reach", _reach_slack_mm(spec, layout)))
+    return *_fits(spec, layout, room(spec, layout)), ("reach", _reach_slack_mm(spec, layout))
 
 
 def _fits(spec: Spec, layout: Layout, inside: Room) -> tuple[tuple[str, float], ...]:

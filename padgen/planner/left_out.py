@@ -7,7 +7,7 @@ from math import inf, isfinite, pi
 
 import numpy as np
 
-from padgen.core.errors import number
+from padgen.core.errors import percent
 from padgen.core.finding import Finding
 from padgen.core.units import G_PER_CM3, GPA, GRAM, MA, MH, MM, UM
 from padgen.physics.bounds import (
@@ -137,7 +137,7 @@ def left_out_line(entries: Sequence[LeftOut], most: int = 3) -> str:
     """
     dropped = [entry for entry in entries if not entry.computed and entry.status == "bounded"]
     words = [
-        f"{entry.term} {'without a bound' if entry.bound is None else f'≤ {_percent(entry.bound)}'} of the {entry.of}"
+        f"{entry.term} {'without a bound' if entry.bound is None else f'≤ {percent(entry.bound)}'} of the {entry.of}"
         for entry in dropped[:most]
     ]
     rest = f"; {len(dropped) - most} more, each less" if len(dropped) > most else ""
@@ -147,7 +147,7 @@ def left_out_line(entries: Sequence[LeftOut], most: int = 3) -> str:
 def judge_left_out(spec: Spec, entries: Sequence[LeftOut]) -> Iterator[Finding]:
     """One note of all dropped terms that may change more than `model.tolerance`, and of what computes them."""
     told = [
-        f"{entry.term}, {'without a bound' if entry.bound is None else f'up to {_percent(entry.bound)}'} of the"
+        f"{entry.term}, {'without a bound' if entry.bound is None else f'up to {percent(entry.bound)}'} of the"
         f" {entry.of} ({RUNGS[entry.term]})"
         for entry in entries
         if _size(entry) > spec.model.tolerance and not entry.computed and entry.status == "bounded"
@@ -157,26 +157,22 @@ def judge_left_out(spec: Spec, entries: Sequence[LeftOut]) -> Iterator[Finding]:
             "warning",
             "model.unbounded",
             "plan",
-            "beams that cannot shorten are pulled tight as the print shrinks, which raises their resonance by nothing"
-            " that a plan can bound: print a coupon and measure it, or take beams that are free at one end"
-            " (suspension.topology = 'folded' or 'cantilever')",
+            "beams held at both ends are pulled tight as the print shrinks, which raises their resonance by an unknown"
+            " amount: print a coupon and measure it",
+            ({"suspension.topology": "folded"}, {"suspension.topology": "cantilever"}),
         )
     if told:
         yield Finding(
             "note",
             "model.left_out",
             "plan",
-            f"left out are terms of more than {_percent(spec.model.tolerance)} (model.tolerance), in brackets what"
-            f" computes or avoids them: {'; '.join(told)}",
+            f"ignored effects above {percent(spec.model.tolerance)} (model.tolerance), and how to include or avoid"
+            f" them: {'; '.join(told)}",
         )
 
 
 def _size(entry: LeftOut) -> float:
     return inf if entry.bound is None else entry.bound
-
-
-def _percent(share: float) -> str:
-    return f"{number(float(f'{share * 100:.2g}'))} %"
 
 
 def _worst(term: str, of: str, channels: Sequence[Channel], bound: np.ndarray) -> LeftOut:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import chain, islice, product
 from math import inf
 from operator import attrgetter
@@ -9,17 +10,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import InfeasibleError
+from padgen.core.errors import InfeasibleError, number
 from padgen.core.registry import SUSPENSIONS
 from padgen.core.units import decibel
 from padgen.physics.selectivity import Scheme
 from padgen.planner.capacity import channel_limit, coil_capacity, printed_count
-from padgen.planner.channels import driven, plan_channels
+from padgen.planner.channels import driven, force_constants, plan_channels
 from padgen.planner.coil_load import coil_load
+from padgen.planner.cures import Cure, varied, with_tried_cures
 from padgen.planner.drive_scheme import plan_selectivity
 from padgen.planner.frame_rates import frame_rates
 from padgen.planner.judge import judge
-from padgen.planner.layout import Layout, candidates, room
+from padgen.planner.layout import Layout, candidates, coil_reach_mm, room
 from padgen.planner.left_out import left_out
 from padgen.planner.pitch import pitch_of
 from padgen.planner.plan import (
@@ -44,7 +46,7 @@ from padgen.planner.taxel_model import plate_shape, post_diameter_mm, recess_mm
 from padgen.planner.touch import touched_pads
 from padgen.spec import Spec
 
-__all__ = ["Choice", "choose", "finish", "make_plan"]
+__all__ = ["Choice", "choose", "finish", "make_plan", "with_cures"]
 
 RUNNERS_UP = 2
 REUSES, SCHEMES_TRIED, GAPS_MM = ("same", "alternate"), ("auto", "spur-free", "biased"), (1.0, 0.6, 0.4)
@@ -72,7 +74,26 @@ def make_plan(spec: Spec) -> Plan:
     InfeasibleError
         No layout holds; the message names the limits of the best candidates and what would do.
     """
-    return finish(choose(spec))
+    return with_cures(spec, choose(spec))
+
+
+def with_cures(spec: Spec, choice: Choice) -> Plan:
+    """The plan of a `choice` for `spec`, with the cures of its findings that hold."""
+    return with_tried_cures(finish(choice), partial(_planned_with, spec, choice))
+
+
+def _planned_with(spec: Spec, choice: Choice | None, cure: Cure) -> Plan:
+    """The plan of `spec` with the fields of `cure`, from few prints; raises as `choose` does, without cures.
+
+    Another level moves no beam of the `choice` that there is. Where there is none, it is the plan of the first layout
+    that holds, whether or not its prints work.
+    """
+    if choice and set(cure) == {"drive.level_um"}:
+        return finish(choice._replace(spec=varied(choice.spec, cure)), quick=True)
+    found = _searched(varied(spec, cure), quick=choice is None)
+    if found is None:
+        raise InfeasibleError("no layout holds", "resolution")
+    return finish(found, quick=True)
 
 
 def choose(spec: Spec) -> Choice:
@@ -80,6 +101,17 @@ def choose(spec: Spec) -> Choice:
 
     Raises as `make_plan` does.
     """
+    choice = _searched(spec)
+    if choice is None:
+        from padgen.planner.infeasible import refusal
+
+        decided = next(_decided(spec))
+        limit = channel_limit(decided)
+        raise refusal(decided, candidates(decided, limit), limit, partial(_planned_with, spec, None))
+    return choice
+
+
+def _searched(spec: Spec, quick: bool = False) -> Choice | None:
     found: list[Choice] = []
     known: dict[tuple[str, ...], list[tuple[Layout, tuple[SizedChannel, ...]]]] = {}
     for decided in _decided(spec):
@@ -87,19 +119,31 @@ def choose(spec: Spec) -> Choice:
         key = (decided.coil.reuse, decided.drive.scheme if spec.spacing == "optimised" else "")
         if key not in known:
             some = sized_layouts(decided, candidates(decided, channel_limit(decided)))
-            known[key] = list(islice(some, None if spec.leaves_layout_free else 1))
+            known[key] = list(islice(some, None if spec.leaves_layout_free and not quick else 1))
+        if quick and known[key]:
+            return Choice(decided, *known[key][0])
         found += [Choice(decided, *sized) for sized in known[key]]
     if not found:
-        from padgen.planner.infeasible import why_not
-
-        decided = next(_decided(spec))
-        limit = channel_limit(decided)
-        raise InfeasibleError(why_not(decided, candidates(decided, limit), limit), "resolution")
+        return None
     best = found[0] if len(found) == 1 else _best(found)
+    _refuse_unpulled(best)
     limit = channel_limit(best.spec)
     options = candidates(best.spec, limit)
     limits = _what_limits(best.spec, options, best.layout, limit)
     return best._replace(runners_up=_runners_up(best.spec, options, best.layout), limits=limits)
+
+
+def _refuse_unpulled(choice: Choice) -> None:
+    """Raise `InfeasibleError` where a coil does not pull one of its washers, as on a grid with too few coils."""
+    spec, sites = choice.spec, sites_of(choice.spec, choice.layout, choice.channels)
+    pulls = force_constants(spec, choice.channels, sites)
+    far = int(pulls.argmin())
+    if pulls[far] <= 0:
+        raise InfeasibleError(
+            f"the washer of channel {far} lies {number(sites[far].coil_distance_mm)} mm off its coil's axis, where the"
+            f" coil does not pull it; beyond {number(coil_reach_mm(spec))} mm the two do not overlap",
+            "coil.grid",
+        )
 
 
 def _decided(spec: Spec) -> Iterator[Spec]:
@@ -185,10 +229,13 @@ def _at_most_db(choice: Choice) -> float:
     return sets_db(choice.spec, hz, np.ones(len(hz)), Scheme("time-shared"))
 
 
-def finish(choice: Choice) -> Plan:
-    """The plan of a choice; its channels' beams and models may have been changed since."""
+def finish(choice: Choice, quick: bool = False) -> Plan:
+    """The plan of a choice; its channels' beams and models may have been changed since.
+
+    The cures of its findings are proposals, which nobody has tried. Where it is `quick`, few prints are simulated.
+    """
     bare = _assemble(choice, *_driven(choice))
-    spec, prints, coils = bare.spec, what_prints_keep(bare), bare.coils.rows * bare.coils.columns
+    spec, prints, coils = bare.spec, what_prints_keep(bare, quick), bare.coils.rows * bare.coils.columns
     asked = bare.selectivity.asked_db, spec.print_share
     alike = prints.ratio_spread / 2**0.5
     printed = printed_count(spec.band_hz, spec.q_min, level_law(spec), bare.scheme, *asked, coils, alike)

@@ -69,7 +69,11 @@ def _read(kind: Any, value: Any, where: str, drawn: bool = False) -> Any:
         kinds = [k for k in get_args(kind) if type(value) in KINDS[k][0]]
         return _read(kinds[0] if kinds else get_args(kind)[0], value, where, drawn)
     if get_origin(kind) is dict:
-        return {name: _read(str, entry, f"{where}.{name}") for name, entry in _table(value, where).items()}
+        return {
+            name: _read(get_args(kind)[1], entry, f"{where}.{name}") for name, entry in _table(value, where).items()
+        }
+    if kind is Any:  # the value of a field of the spec
+        return value
     if value is None and kind is float and not drawn:
         return None  # a figure without a finite value is written so
     allowed, what = KINDS[kind]

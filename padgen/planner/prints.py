@@ -22,9 +22,10 @@ NOT_PRINTED = Prints(None, None, None, None, 0.0, 0.0, 0, None, 1.0, 0.0, ())
 """Of a plan whose prints are not simulated yet."""
 
 
-def what_prints_keep(plan: Plan) -> Prints:
-    """Simulate prints of `plan`, always the same ones: as many as make the estimate sure."""
-    return _sure(plan, design_of(plan, None), STAGES)
+def what_prints_keep(plan: Plan, quick: bool = False) -> Prints:
+    """Simulate prints of `plan`, always the same ones: as many as make the estimate sure; few where it is `quick`."""
+    design = design_of(plan, None)
+    return _simulated(plan, design, QUICK_PADS, STAGES) if quick else _sure(plan, design, STAGES)
 
 
 def compared_prints(plan: Plan, least_db: float) -> tuple[float, Prints]:

@@ -28,7 +28,7 @@ LAYOUTS_SIZED, CHANNELS_SIZED = 24, 600
 
 def sized_layouts(spec: Spec, options: Iterable[Layout]) -> Iterator[tuple[Layout, tuple[SizedChannel, ...]]]:
     """Those of `options` that hold, in their order, with their beams; one division of each grid and count."""
-    seen, tried, sized, far = set(), 0, 0, []
+    seen, tried, sized = set(), 0, 0
     for layout in options:
         key = (layout.rows, layout.columns, layout.channels)
         if layout.margin_mm < -SLACK_MM or key in seen:
@@ -40,11 +40,6 @@ def sized_layouts(spec: Spec, options: Iterable[Layout]) -> Iterator[tuple[Layou
         if channels and _within_reach(spec, layout, channels):
             seen.add(key)
             yield _evened(spec, layout, channels), channels
-        elif channels and spec.coil.grid:
-            far.append((layout, channels))
-    # A grid that the user chose is planned even if its coils do not reach; the findings judge it.
-    if not seen:
-        yield from far[:1]
 
 
 def _within_reach(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> bool:

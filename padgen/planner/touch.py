@@ -81,7 +81,7 @@ def _touched(spec: Spec, skin: Skin, channels: Sequence[Channel]) -> tuple[np.nd
 
 def _kept_db(spec: Spec, own: Sequence[Channel], scheme: Scheme, skin: Skin) -> float | None:
     """Smallest ON over largest OFF level of a touched coil in all states; None for one channel, or very many."""
-    if not 2 <= len(own) <= MOST_CHANNELS or any(c.force_constant_n_per_a2 <= 0 for c in own):
+    if not 2 <= len(own) <= MOST_CHANNELS:
         return None
     planned, (hz, q, stiffer) = placed_channels(spec, own), _touched(spec, skin, own)
     stiffness = np.array([c.stiffness_n_per_m for c in own])

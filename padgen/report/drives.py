@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from padgen.core.errors import number, plain
 from padgen.physics.selectivity import Scheme
-from padgen.report.plans import findings_text, table
+from padgen.report.plans import findings_text, held_line, serious_text, table
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -25,21 +25,25 @@ __all__ = ["driven_table", "driven_text", "excitation_text"]
 MOST_MAPPED = 16
 """Rows and columns of a pad whose taxels are named."""
 MOST_PICTURES = 4
-"""Frames that are shown as text."""
+"""Frames that are shown as text where all is asked for."""
 
 
-def driven_text(plan: "Plan", driven: "Driven", frames: "np.ndarray | None", notes: Sequence[str]) -> str:
-    """What was written, what it plays, and what is heard of it."""
-    lines: list[str] = []
-    lines.append(_map_text(plan) if frames is None else _frames_line(plan, frames))
+def driven_text(
+    plan: "Plan", driven: "Driven", frames: "np.ndarray | None", notes: Sequence[str], verbose: bool = False
+) -> str:
+    """The verdict on what was written, what it plays, and what is heard of it."""
+    heard, name = driven.heard, plan.name
+    done = f"the drive of {name} is written"
+    if heard is not None and heard.selectivity_db is not None:
+        done = f"heard on {name}, the file keeps {heard.selectivity_db:.1f} dB of {heard.asked_db:.1f} dB asked"
+    lines = [held_line(done[0].upper() + done[1:], driven.findings), serious_text(driven.findings, verbose)]
+    lines.append(_map_text(plan) if frames is None else _frames_line(plan, frames, MOST_PICTURES if verbose else 1))
     if driven.report is not None:
         lines.append(_wave_text(plan, driven.report))
     if driven.heard is not None:
         lines.append(heard_text(plan, driven.heard))
     lines += [f"note: {plain(note)}" for note in notes]
-    if driven.findings:
-        lines.append(findings_text(driven.findings))
-    lines.append(f"written to {plain(str(driven.folder))}: {'  '.join(driven.files)}")
+    lines.append(f"written to {plain(str(driven.folder))}: {', '.join(driven.files)}")
     if driven.stale:
         lines.append(
             f"the other files in {plain(str(driven.folder))} are of an earlier plan; padgen build makes them anew"
@@ -69,10 +73,10 @@ def _map_text(plan: "Plan") -> str:
     return f"pixels of an image of this pad, seen from the touch side:\n{map_text(plan)}\n"
 
 
-def _frames_line(plan: "Plan", frames: "np.ndarray") -> str:
+def _frames_line(plan: "Plan", frames: "np.ndarray", most: int) -> str:
     from padgen.driver.frames import frames_text
 
-    shown = frames[:MOST_PICTURES]
+    shown = frames[:most]
     more = f", the first {len(shown)}" if len(frames) > len(shown) else ""
     count = "1 frame" if len(frames) == 1 else f"{len(frames)} frames"
     return f"{count}, seen from the touch side (# ON, + between, . OFF){more}:\n{frames_text(plan, shown)}"
@@ -121,8 +125,6 @@ def heard_text(plan: "Plan", heard: "Heard") -> str:
     text += "\n(wanted: what a finger on the boss is to feel, all modes counted; coils beside are left out"
     leak = plan.reuse.leak_db
     text += ")" if leak is None else f", the plan has their leakage at {-leak:.1f} dB or less)"
-    if heard.selectivity_db is not None:
-        text += f"\nselectivity heard: {heard.selectivity_db:.1f} dB (asked {heard.asked_db:.1f} dB)"
     return text
 
 
@@ -156,5 +158,5 @@ def excitation_text(played: "Excitation", folder: "Path", findings: "Sequence[Fi
         f" taxels are shaken at their planned levels{_share_text(played.level_share)}\n"
         "record each taxel's motion with the current or voltage beside it, and give the recording to padgen retune\n"
         + "".join(f"{findings_text([finding])}\n" for finding in findings)
-        + f"written to {plain(str(folder))}: excitation.wav  excitation.json"
+        + f"written to {plain(str(folder))}: excitation.wav, excitation.json"
     )

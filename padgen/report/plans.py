@@ -18,6 +18,7 @@ __all__ = [
     "explanation_text",
     "figures_text",
     "findings_text",
+    "held_line",
     "plan_text",
     "serious_text",
     "summary_text",
@@ -26,14 +27,10 @@ __all__ = [
 ]
 
 
-WIDTH = 100
-"""Columns of a text for people."""
-
-
 def summary_text(plan: "Plan") -> str:
     """The verdict on a plan, the pad in a line, its channels, and what it takes to drive it."""
     lines = [verdict_line(plan), _pad_line(plan), "", _summary_table(plan.channels), "", *_power_lines(plan)]
-    return "\n".join(wrapped for line in "\n".join(lines).split("\n") for wrapped in _wrapped(line))
+    return "\n".join(lines)
 
 
 def verdict_line(plan: "Plan") -> str:
@@ -124,12 +121,6 @@ def _power_lines(plan: "Plan") -> list[str]:
             f" and a coil keeps {skin.all_states_db:.1f} dB."
         )
     return lines
-
-
-def _wrapped(line: str) -> list[str]:
-    from textwrap import wrap
-
-    return wrap(line, WIDTH, break_on_hyphens=False, subsequent_indent="  ") if len(line) > WIDTH else [line]
 
 
 def plan_text(plan: "Plan") -> str:
@@ -224,8 +215,8 @@ def _selectivity_lines(plan: "Plan") -> list[str]:
     ]
     if paper is not None and isfinite(paper):  # of two alike it promises nothing
         lines.append(
-            f"the paper's bound promises {paper:.1f} dB for the closest pair: one on {one_hot - paper:+.1f} dB,"
-            f" all states {states - paper:+.1f} dB off it"
+            f"closest pair of channels: exact {one_hot:.1f} dB with one on and {states:.1f} dB in all states,"
+            f" the paper's formula {paper:.1f} dB"
         )
     if 2 <= len(plan.sets[0]) <= SHOWN_MATRIX:
         for own, matrix in zip(plan.sets, figures.matrix_db, strict=True):
@@ -240,11 +231,11 @@ def _selectivity_lines(plan: "Plan") -> list[str]:
             ]
     kept = figures.kept_db
     if kept is not None and kept < states - SHOWN_DB:
-        lines.append(f"with each washer pulled as strongly as it lies to the coil: {kept:.1f} dB in all states")
+        lines.append(f"counting the washers' unequal distances from the coil: {kept:.1f} dB in all states")
     if figures.optimum_db is not None:
         lines.append(f"with equal masses the optimised resonances would reach {figures.optimum_db:.2f} dB")
     if (figures.snapping_db or 0.0) >= SHOWN_DB:
-        lines.append(f"printing in steps costs {figures.snapping_db:.2f} dB of it")
+        lines.append(f"selectivity lost to the printer's resolution: {figures.snapping_db:.2f} dB")
     return lines
 
 
@@ -327,24 +318,43 @@ def findings_text(findings: Iterable[Finding]) -> str:
     ordered = sorted(findings, key=lambda f: -LEVELS.index(f.level))
     if not ordered:
         return "all checks hold"
-    return "\n".join(f"{f.level}: {f.where}: {f.message} [{f.code}]" for f in ordered)
+    return "\n".join(_finding_line(f) for f in ordered)
 
 
-def serious_text(findings: Iterable[Finding]) -> str:
-    """Errors and warnings in lines that fit, those of one cause once, and how many more there are."""
+def _finding_line(f: Finding) -> str:
+    return f"{f.level}: {f.where}: {f.message} [{f.code}]"
+
+
+def held_line(done: str, findings: Iterable[Finding]) -> str:
+    """Say in one sentence that something is `done`, and how its checks came out."""
+    levels = [f.level for f in findings]
+    errors, warnings = (levels.count(level) for level in ("error", "warning"))
+    if errors:
+        some = f"{errors} checks fail: see the errors" if errors > 1 else "a check fails: see the error"
+        return f"{done}, but {some} below."
+    if warnings:
+        return f"{done}, with {warnings} warning{'s' * (warnings > 1)}."
+    return f"{done}, and every check holds."
+
+
+def serious_text(findings: Iterable[Finding], verbose: bool = False) -> str:
+    """Errors and warnings, those of one cause once, and how many more there are; all findings where `verbose`."""
+    findings = tuple(findings)
+    if verbose:
+        return findings_text(findings)
     ordered = sorted(findings, key=lambda f: -LEVELS.index(f.level))
     serious = [f for f in ordered if f.level != "note"]
     # What prints keep has all of these in it, and the verdict says it.
     parts = [f for f in serious if f.level == "warning" and f.code.startswith(IN_PRINTS)]
     shown = [f for f in serious if f not in parts]
-    lines = [line for f in shown for line in _wrapped(f"{f.level}: {f.where}: {f.message} [{f.code}]")]
+    lines = [_finding_line(f) for f in shown]
     more = (
-        (len(parts), "warning", " on what the verdict counts"),
+        (len(parts), "warning", " on what prints keep"),
         (len(ordered) - len(serious), "note", ""),
     )
     told = [f"{count} {word}{'s' * (count > 1)}{about}" for count, word, about in more if count]
     if told:
-        lines.append(f"{', '.join(told)}, and all tables: --verbose.")
+        lines.append(f"{', '.join(told)}, and all details: --verbose.")
     return "\n".join(lines)
 
 
@@ -440,13 +450,18 @@ def _decibels(value: float | None, sign: str = "") -> str:
     return "" if value is None else f"{value:{sign}.1f}"
 
 
-def built_text(built: "Built") -> str:
-    """What a build left."""
-    files = "  ".join(built.files)
-    state = "is up to date, nothing to do" if built.up_to_date else "written"
-    lines = [f"{plain(str(built.folder))} {state}: {files}", figures_text(built.figures)]
-    lines += [f"{name}: {figures_text(figures)}" for name, figures in built.figures.get("parts", {}).items()]
-    return "\n".join([*lines, _settings_line(built.printing)])
+def built_text(built: "Built", verbose: bool = False) -> str:
+    """What a build left, its verdict first."""
+    state = "is up to date" if built.up_to_date else "is built"
+    lines = [
+        held_line(f"{built.folder.name} {state}", built.findings),
+        serious_text(built.findings, verbose),
+        figures_text(built.figures),
+        *(f"{name}: {figures_text(figures)}" for name, figures in built.figures.get("parts", {}).items()),
+        _settings_line(built.printing) if verbose else "",
+        f"{'in' if built.up_to_date else 'written to'} {plain(str(built.folder))}: {', '.join(built.files)}",
+    ]
+    return "\n".join(line for line in lines if line)
 
 
 def figures_text(figures: dict[str, Any]) -> str:

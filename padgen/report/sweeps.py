@@ -34,7 +34,7 @@ def sweep_text(sweep: "Sweep", result: "SweepResult", files: Sequence[str]) -> s
         lines.append(f"… and {result.refused - len(overview.refused)} more refused, in the index")
     if overview.rows:
         lines += ["", _front_line(overview), table(*_front_rows(sweep, overview))]
-    lines += ["", f"written to {plain(str(result.folder))}: {'  '.join(('index.csv', *files))}"]
+    lines += ["", f"written to {plain(str(result.folder))}: {', '.join(('index.csv', *files))}"]
     return "\n".join(line.rstrip() for line in "\n".join(lines).splitlines())
 
 

@@ -161,8 +161,9 @@ def _bounded(item: "Field[Any]", value: float, where: str) -> float:
     span = f"above {number(low)}" if meta["above"] else f"at least {number(low)}"
     unit = f" {unit}" if unit not in ("", "1") else ""
     nearest = high if value > high else low
-    hint = "" if meta["above"] and nearest == low else f"; the nearest that would do is {number(nearest)}{unit}"
-    raise SpecError(f"must be {span} and at most {number(high)}{unit}, got {number(value)}{unit}{hint}", where)
+    # Of a list's entry the bounds alone are told.
+    cures = [] if (meta["above"] and nearest == low) or where.endswith("]") else [{where: nearest}]
+    raise SpecError(f"must be {span} and at most {number(high)}{unit}, got {number(value)}{unit}", where, cures)
 
 
 def _checked_numbers(item: "Field[Any]", kind: Any, value: Any, where: str) -> tuple[Any, ...]:

@@ -1,25 +1,22 @@
 """A `Spec` from a TOML file or from the name of a template, with its catalogue entries filled in."""
 
-import csv
 import json
 from copy import deepcopy
 from dataclasses import fields, replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 from padgen.core.errors import FileError, SpecError, shown
 from padgen.core.files import read_bounded, reason, recover
-from padgen.spec.fields import build, optional_type, unknown_name
-from padgen.spec.model import Coil, Drive, Material, Model, Pad, Printer, Spec, Spread, Suspension, Taxel, Washer
+from padgen.spec.entries import CATALOGUES, catalogue
+from padgen.spec.fields import build, unknown_name
+from padgen.spec.model import Drive, Limits, Model, Pad, Printer, Spec, Suspension, Taxel
 from padgen.spec.refusals import refuse_contradictions
 from padgen.spec.threshold import with_threshold
 
 __all__ = [
-    "CATALOGUES",
     "SHORTHANDS",
     "answers",
-    "catalogue",
     "find_spec",
     "laid_over",
     "load_spec",
@@ -35,34 +32,19 @@ __all__ = [
 
 LARGEST_TOML, LARGEST_PLAN = 1 << 20, 1 << 25
 """Bytes of a spec or sweep, and of a plan.json: one of 100,000 taxels has a third of it."""
-CATALOGUES = {
-    "material": (Material, "materials.csv"),
-    "printer": (Printer, "printers.csv"),
-    "spread": (Spread, "spreads.csv"),
-    "washer": (Washer, "washers.csv"),
-    "coil": (Coil, "coils.csv"),
-}
 DEFAULTS = {"printer": "fdm-0.4", "washer": "iso7092-m1.6", "coil": "paper"}
 CALIBRATED = ("printer", "spread", "material")
 """Tables of the file of a calibrated printer."""
+WINDING = ("turns", "resistance_ohm", "inductance_mh")
+"""Fields of a coil that belong together: those of one winding tell nothing of another."""
 DEFAULT_GAP_MM = 1.0
 DEFAULT_MATERIALS = {"fdm": "pla", "resin": "tough-resin"}
 DEFAULT_PRINTERS = {"fdm": "fdm-0.4", "resin": "resin-0.05"}
-PLAIN_TABLES = {"pad": Pad, "taxel": Taxel, "suspension": Suspension, "drive": Drive, "model": Model}
+PLAIN_TABLES = {"pad": Pad, "taxel": Taxel, "suspension": Suspension, "drive": Drive, "model": Model, "limits": Limits}
 
 
 SHORTHANDS = {"drive": "scheme", "model": "structure"}
 """Tables that may be one word, and the field that it is."""
-
-
-@cache
-def catalogue(table: str) -> dict[str, dict[str, Any]]:
-    """The entries of one catalogue, by name; numbers are already numbers."""
-    kind, filename = CATALOGUES[table]
-    types = {f.name: optional_type(f.type)[0] for f in fields(kind)}
-    with open(Path(__file__).with_name("catalogue") / filename, encoding="utf-8", newline="") as lines:
-        rows = csv.DictReader(lines)
-        return {row["name"]: {key: types[key](value) for key, value in row.items()} for row in rows}
 
 
 def template_paths() -> dict[str, Path]:
@@ -251,6 +233,13 @@ def _entry(table: str, value: Any, default: str) -> Any:
     if not isinstance(overrides, dict):
         raise SpecError(f"must be a name or a table, got {shown(value)}", table)
     name = overrides.get("name", default)
+    given = [key for key in WINDING if key in overrides]
+    if table == "coil" and "name" not in overrides and 0 < len(given) < len(WINDING):
+        raise SpecError(
+            f"must have {', '.join(WINDING)} together, got {', '.join(given)} alone; of a coil that is like a"
+            " catalogue's but for that, give its name as well",
+            table,
+        )
     if not isinstance(name, str):
         raise SpecError(f"must be text, got {shown(name)}", f"{table}.name")
     if name in entries:

@@ -13,6 +13,7 @@ from padgen.spec.fields import choice, entry_name, flag, folder_name, numbers, q
 __all__ = [
     "Coil",
     "Drive",
+    "Limits",
     "Material",
     "Model",
     "Pad",
@@ -59,9 +60,15 @@ class Taxel:
     boss_protrusion_mm: float = quantity(1.0, unit="mm", low=0, high=10, doc="height of the boss above the frame")
     boss_edge_mm: float = quantity(0.3, unit="mm", low=0, high=5, doc="chamfer that breaks the edge of the boss")
     fillet_mm: float = quantity(0.3, unit="mm", low=0, high=5, doc="fillets at the roots of the beams")
-    washer_clearance_mm: float = quantity(0.25, unit="mm", low=0, high=2, doc="recess diameter over washer diameter")
+    washer_clearance_mm: float = quantity(
+        0.25, unit="mm", low=0, high=2, doc="how much wider its recess is than the washer"
+    )
     glue_gap_mm: float = quantity(
-        0.1, unit="mm", low=0, high=1, doc="least recess depth over washer thickness; rounded up to layers"
+        0.1,
+        unit="mm",
+        low=0,
+        high=1,
+        doc="how much deeper its recess is than the washer, rounded up to whole layers",
     )
     glue_mg: float = quantity(0.0, unit="mg", low=0, high=1000, doc="mass of glue per taxel; weigh ten")
     glue_spread_mg: float = quantity(2.0, unit="mg", low=0, high=1000, doc="spread of the glue from taxel to taxel")
@@ -119,16 +126,16 @@ class Printer:
         unit="mm",
         low=0,
         high=1,
-        doc="what the slicer lays into a round recess beyond its drawn sides, on both together",
+        doc="how much narrower than drawn the slicer lays a round recess",
     )
     width_step_mm: float = quantity(
         1e-3, unit="mm", low=1e-6, high=3, doc="steps in which a beam can be wider than the smallest (resin: pixel)"
     )
     z_offset_mm: float = quantity(
-        0.0, unit="mm", low=-0.5, high=0.5, doc="beams print so much thicker than drawn (padgen calibrate)"
+        0.0, unit="mm", low=-0.5, high=0.5, doc="how much thicker than drawn beams print (padgen calibrate finds it)"
     )
     width_offset_mm: float = quantity(
-        0.0, unit="mm", low=-0.5, high=0.5, doc="beams print so much wider than drawn (padgen calibrate)"
+        0.0, unit="mm", low=-0.5, high=0.5, doc="how much wider than drawn beams print (padgen calibrate finds it)"
     )
     source: str = text("", doc="where the figures come from")
 
@@ -153,23 +160,26 @@ class Spread:
     name: str = entry_name(doc="name in the catalogue")
     process: str = choice(of=("fdm", "resin"), doc="process that it is of")
     z_bias_mm: float = quantity(
-        unit="mm", low=0, high=1, doc="bias of a beam's thickness, alike in every print until the printer is calibrated"
+        unit="mm",
+        low=0,
+        high=1,
+        doc="how far beams' thickness is off in every print until the printer is calibrated",
     )
     modulus_bias: float = quantity(
-        unit="1", low=0, high=1, doc="relative bias of the modulus, alike in every print until it is calibrated"
+        unit="1", low=0, high=1, doc="how far the modulus is off in every print, relative, until it is calibrated"
     )
-    common_z_mm: float = quantity(unit="mm", low=0, high=1, doc="thickness, alike in all beams of a print")
+    common_z_mm: float = quantity(unit="mm", low=0, high=1, doc="spread of the beams' thickness from print to print")
     common_modulus: float = quantity(
-        unit="1", low=0, high=1, doc="modulus, relative, alike in a print (spool, dryness)"
+        unit="1", low=0, high=1, doc="spread of the modulus from print to print, relative (spool, dryness)"
     )
-    field_z_mm: float = quantity(unit="mm", low=0, high=1, doc="thickness over the bed, meshed before the print")
-    unmeshed_field_z_mm: float = quantity(unit="mm", low=0, high=1, doc="the same of a bed that is not meshed")
+    field_z_mm: float = quantity(unit="mm", low=0, high=1, doc="spread of thickness over a bed that is meshed")
+    unmeshed_field_z_mm: float = quantity(unit="mm", low=0, high=1, doc="spread of thickness over another bed")
     field_length_mm: float = quantity(
         unit="mm", low=20, high=1000, doc="distance at which the field's correlation has fallen to 1/e"
     )
-    thickness_mm: float = quantity(unit="mm", low=0, high=1, doc="a taxel's own thickness of the beams")
-    width_mm: float = quantity(unit="mm", low=0, high=1, doc="a taxel's own width of the beams")
-    length_mm: float = quantity(unit="mm", low=0, high=1, doc="a taxel's own length of the beams")
+    thickness_mm: float = quantity(unit="mm", low=0, high=1, doc="spread of the beams' thickness from taxel to taxel")
+    width_mm: float = quantity(unit="mm", low=0, high=1, doc="spread of the beams' width from taxel to taxel")
+    length_mm: float = quantity(unit="mm", low=0, high=1, doc="spread of the beams' length from taxel to taxel")
     bed_meshed: bool = flag(True, doc="whether the bed's height is probed (meshed) before every print")
     source: str = text("", doc="where the figures come from")
 
@@ -226,7 +236,7 @@ class Coil:
         " so that a coil's tones fall between its neighbours' channels; auto: searched for, same on a grid or with"
         " resonances given",
     )
-    power_limit_w: float = quantity(0.5, unit="W", low=1e-4, high=1e4, doc="copper loss that the coil bears for long")
+    power_limit_w: float = quantity(0.5, unit="W", low=1e-4, high=1e4, doc="heat that one coil bears for long")
     source: str = text("", doc="where the figures come from")
 
     @property
@@ -248,7 +258,7 @@ class Suspension:
     tune: str = choice(
         "width+thickness+length",
         of=("width", "width+thickness", "width+length", "width+thickness+length"),
-        doc="what may differ between channels; the first that reaches is used",
+        doc="what may differ between channels; no more of it does than the resonances take",
     )
     thickness_mm: float | None = quantity(
         None, unit="mm", low=0.01, high=20, doc="thickness of all beams; a whole number of layers"
@@ -314,7 +324,20 @@ class Model:
         " own error exceeds the tolerance",
     )
     tolerance: float = quantity(
-        0.02, unit="1", low=1e-4, high=0.5, doc="relative error of a resonance that will do: 0.02 is 2 %"
+        0.02,
+        unit="1",
+        low=1e-4,
+        high=0.5,
+        doc="relative error of a resonance from which on plans warn: 0.02 is 2 %",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What the pad as a whole may take."""
+
+    power_w: float | None = quantity(
+        None, unit="W", low=1e-4, high=1e6, doc="heat of all coils together with all taxels on; no limit when absent"
     )
 
 
@@ -328,7 +351,10 @@ class Spec:
         unit="Hz", low=0.01, high=1e6, count=2, doc="[lowest, highest] frequency of the resonances"
     )
     q_min: float = quantity(
-        unit="1", low=0.5, high=1e9, doc="smallest quality factor of a taxel: cycles until a pluck has decayed to 4 %"
+        unit="1",
+        low=0.5,
+        high=1e9,
+        doc="smallest quality factor of a taxel: cycles until a pluck has decayed to 4 %",
     )
     delta_y: float = quantity(
         10.0,
@@ -338,7 +364,11 @@ class Spec:
         doc="amplitude ratio ON over OFF that is asked for: 10 is 20 dB, 7 is 17, 5 is 14",
     )
     print_share: float = quantity(
-        0.9, unit="1", low=0.5, high=0.999, doc="share of the printed pads that are to keep delta_y, re-tuned"
+        0.9,
+        unit="1",
+        low=0.5,
+        high=0.999,
+        doc="share of the prints that are to keep delta_y once they are re-tuned",
     )
     spacing: str = choice(
         "spread",
@@ -363,6 +393,7 @@ class Spec:
     suspension: Suspension = field(default_factory=Suspension)
     drive: Drive = field(default_factory=Drive)
     model: Model = field(default_factory=Model)
+    limits: Limits = field(default_factory=Limits)
 
     @property
     def leaves_layout_free(self) -> bool:

@@ -1,0 +1,83 @@
+"""Cures of findings: changes of the spec, each tried by planning the changed spec before it is said."""
+
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from math import inf
+from typing import Any
+
+from padgen.core.errors import PadgenError, cured
+from padgen.core.finding import LEVELS
+from padgen.planner.plan import Plan
+from padgen.spec import Spec, make_spec
+from padgen.spec.entries import catalogue
+from padgen.spec.load import laid_over, spread_of, without_none
+
+__all__ = ["Cure", "varied", "with_tried_cures"]
+
+MOST_TRIED = 8
+"""Changes that are tried for one plan."""
+LOST_DB = 0.05
+"""What a cure may cost of the selectivity that is asked."""
+
+Cure = dict[str, Any]
+"""Fields of the spec by their dotted names, and their values; None leaves a field out."""
+
+
+def varied(spec: Spec, cure: Cure) -> Spec:
+    """Return `spec` with the fields of `cure`, as if they stood in its file; raises as `make_spec` does."""
+    table = without_none(asdict(spec))
+    if "printer" in cure and table["spread"] == catalogue("spread").get(spread_of(spec.printer)):
+        del table["spread"]  # the file leaves it to the printer
+    return make_spec(without_none(laid_over(table, cure)))
+
+
+def with_tried_cures(plan: Plan, planned: Callable[[Cure], Plan]) -> Plan:
+    """Return `plan` with the cures of its findings that hold, each finding's first one, and no others.
+
+    `planned` makes the plan of the spec with a cure. A cure holds where no finding of that kind is left, none of
+    another kind is new or more severe, and what is asked of the selectivity is kept as before.
+    """
+    proposed: dict[str, list[Cure]] = {}
+    for finding in plan.findings:
+        proposed.setdefault(finding.code, []).extend(finding.cures)
+    before, known, holds = _severities(plan), list[tuple[Cure, Plan | None]](), dict[str, list[Cure]]()
+    for code, cures in proposed.items():
+        for cure in cures:
+            if cure not in (tried for tried, _ in known) and len(known) < MOST_TRIED:
+                known.append((cure, _planned(planned, cure)))
+            again = next((made for tried, made in known if tried == cure), None)
+            if again and _is_better(plan, before, again, code):
+                holds[code] = [cure]
+                break
+    findings = (
+        replace(f, message=cured(f.message, holds.get(f.code, ())), cures=tuple(holds.get(f.code, ())))
+        for f in plan.findings
+    )
+    return replace(plan, findings=tuple(findings))
+
+
+def _planned(planned: Callable[[Cure], Plan], cure: Cure) -> Plan | None:
+    try:
+        return planned(cure)
+    except PadgenError:
+        return None
+
+
+def _severities(plan: Plan) -> dict[str, int]:
+    """How severe the worst finding of each kind is, but for notes."""
+    worst: dict[str, int] = {}
+    for f in plan.findings:
+        if f.level != "note":
+            worst[f.code] = max(worst.get(f.code, 0), LEVELS.index(f.level))
+    return worst
+
+
+def _is_better(plan: Plan, before: dict[str, int], again: Plan, code: str) -> bool:
+    after = _severities(again)
+    kept = [inf if p.selectivity.kept_db is None else p.selectivity.kept_db for p in (plan, again)]
+    return (
+        code not in after
+        # What the models know of themselves is no fault of the pad.
+        and all(after[other] <= before.get(other, 0) for other in after if not other.startswith("model."))
+        and kept[1] >= min(kept[0], plan.selectivity.asked_db) - LOST_DB
+    )

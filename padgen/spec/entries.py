@@ -1,0 +1,30 @@
+"""The catalogues of materials, printers, their spreads, washers and coils."""
+
+import csv
+from dataclasses import fields
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from padgen.spec.fields import optional_type
+from padgen.spec.model import Coil, Material, Printer, Spread, Washer
+
+__all__ = ["CATALOGUES", "catalogue"]
+
+CATALOGUES = {
+    "material": (Material, "materials.csv"),
+    "printer": (Printer, "printers.csv"),
+    "spread": (Spread, "spreads.csv"),
+    "washer": (Washer, "washers.csv"),
+    "coil": (Coil, "coils.csv"),
+}
+
+
+@cache
+def catalogue(table: str) -> dict[str, dict[str, Any]]:
+    """The entries of one catalogue, by name; numbers are already numbers."""
+    kind, filename = CATALOGUES[table]
+    types = {f.name: optional_type(f.type)[0] for f in fields(kind)}
+    with open(Path(__file__).with_name("catalogue") / filename, encoding="utf-8", newline="") as lines:
+        rows = csv.DictReader(lines)
+        return {row["name"]: {key: types[key](value) for key, value in row.items()} for row in rows}

@@ -1,0 +1,81 @@
+"""Cures that refusals and findings name: applied, they do what they say."""
+
+from collections import Counter
+from dataclasses import replace
+
+import pytest
+
+from padgen.core.errors import SpecError, cured
+from padgen.core.finding import Finding
+from padgen.ladders.extreme_specs import cures_of, random_table
+from padgen.planner import cures, make_plan, plan_from_json, plan_to_json
+from padgen.spec import make_spec
+
+SPECS = (*range(7, 26), *range(36, 45), 61, 64, 74, 78, 79, 83, 87, 88, 89, 94, 97, 99)
+BASE = {"name": "cured", "resolution": 4, "band_hz": [50, 200], "q_min": 15}
+
+
+def test_every_cure_of_random_specs_does_what_it_says():
+    tried = Counter()
+    for number in SPECS:
+        for what, fault in cures_of(random_table(number)):
+            assert not fault, (number, what, fault)
+            tried[what] += 1
+    assert tried.total() > 20 and {"resolution", "washer", "coil.heat"} <= set(tried), tried
+
+
+@pytest.mark.parametrize(
+    ("changes", "code"),
+    [
+        ({"drive": {"level_um": 250}, "coil": {"gap_mm": 1.0}}, "gap.travel"),
+        ({"drive": {"level_um": 300.0}, "coil": {"gap_mm": 3.0}}, "coil.heat"),
+        ({"drive": {"voltage_limit_v": 0.5}}, "coil.voltage"),
+        ({"limits": {"power_w": 0.001}}, "limits.power"),
+        ({"pad": {"width_mm": 260, "depth_mm": 40}, "resolution": 8}, "plan.bed"),
+    ],
+)
+def test_a_finding_names_a_cure(changes, code):
+    table = {**BASE, **changes}
+    found = [f for f in make_plan(make_spec(table)).findings if f.code == code]
+    assert found and all(f.cures and f.message.endswith(" would do") for f in found)
+    assert [fault for what, fault in cures_of(table) if what == code] == [""]
+
+
+def test_a_cure_that_helps_nothing_or_harms_is_not_said():
+    plan = make_plan(make_spec({**BASE, "resolution": 8}))
+    finding = Finding("warning", "coil.heat", "coil", "hot", ({"a": 1}, {"b": 2}, {"c": 3}))
+    ill = replace(plan, findings=(finding,))
+    answers = {
+        "a": ill,
+        "b": replace(plan, findings=(Finding("error", "gap.travel", "channel 0", "it meets the coil"),)),
+        "c": replace(plan, selectivity=replace(plan.selectivity, placed_all_states_db=-1.0)),
+    }
+    (told,) = cures.with_tried_cures(ill, lambda cure: answers[next(iter(cure))]).findings
+    assert (told.message, told.cures) == ("hot", ())
+    (told,) = cures.with_tried_cures(ill, lambda cure: replace(plan, findings=())).findings
+    assert (told.message, told.cures) == ("hot; a = 1 would do", ({"a": 1},))
+
+
+def test_cures_are_in_the_plan_and_come_back():
+    plan = make_plan(make_spec({**BASE, "limits": {"power_w": 0.001}}))
+    assert any(f.cures for f in plan.findings)
+    assert plan_from_json(plan_to_json(plan)).findings == plan.findings
+
+
+def test_cures_in_words():
+    cure = {"coil.reuse": "same", "taxel.centre_post": True, "band_hz": [50.0, 70.5]}
+    words = "coil.reuse = 'same' with taxel.centre_post = true with band_hz = [50, 70.5]"
+    assert cured("no", [cure]) == f"no; {words} would do"
+    assert cured("no", [{"material": None}, {"q_min": 1.5}]) == "no; no material, or q_min = 1.5, would do"
+    assert cured("no", []) == "no"
+
+
+@pytest.mark.parametrize(
+    "coil", [{"resistance_ohm": 5.0, "inductance_mh": 2.0}, {"turns": 300}, {"inductance_mh": 1.0, "gap_mm": 1.0}]
+)
+def test_a_coil_given_in_part_is_refused(coil):
+    with pytest.raises(SpecError, match=r"^coil: must have turns, resistance_ohm, inductance_mh together, got "):
+        make_spec({**BASE, "coil": coil})
+    assert make_spec({**BASE, "coil": {"name": "paper", **coil}}).coil.name == "paper"
+    whole = {"turns": 300, "resistance_ohm": 5.0, "inductance_mh": 2.0}
+    assert make_spec({**BASE, "coil": {**whole, **coil}}).coil.turns == 300
