@@ -1,7 +1,7 @@
 """Measures what docs/yield.md reports of the plan's estimate and of the search. Prints Markdown.
 
 `python docs/measure_yield.py [SPECS]`: random specs whose plan's estimate is compared with 40,000 simulated pads of
-another seed, and as many small ones of which every layout is planned; half an hour for 200.
+another seed, and as many small ones of which every layout is planned; an hour for 200.
 """
 
 import random
