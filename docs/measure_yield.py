@@ -1,7 +1,7 @@
 """Measures what docs/yield.md reports of the plan's estimate and of the search. Prints Markdown.
 
 `python docs/measure_yield.py [SPECS]`: random specs whose plan's estimate is compared with 40,000 simulated pads of
-another seed, and as many small ones of which every layout is planned; half an hour for 200.
+another seed, and as many small ones of which every layout is planned; an hour for 200.
 """
 
 import random
@@ -81,7 +81,7 @@ def shortfall(spec: Spec, pads: int) -> tuple[float, int, int]:
 
 
 def estimates(specs: int) -> list[str]:
-    seed, off = 0, []
+    seed, off = 0, list[tuple[float, ...]]()
     while len(off) < specs:
         seed += 1
         try:
@@ -90,10 +90,8 @@ def estimates(specs: int) -> list[str]:
             continue
         share, db = kept(plan, PADS)
         told = plan.prints
-        alone = told.print_db is None or not np.isfinite(db)
-        off.append(
-            (0.0 if alone else told.print_db - db, told.good_share - share, told.error_db or 0.0, told.error_share)
-        )
+        off_db = 0.0 if told.print_db is None or not np.isfinite(db) else told.print_db - db
+        off.append((off_db, told.good_share - share, told.error_db or 0.0, told.error_share))
         print(seed, plan.name, told.pads, *(f"{value:.4f}" for value in (*off[-1], share, db)), file=sys.stderr)
     db, share, error_db, error_share = np.abs(np.array(off)).T
     rows = [("print_db, dB", db, error_db, 0.01), ("share of good pads, %", 100 * share, 100 * error_share, 1e-9)]
@@ -108,7 +106,7 @@ def estimates(specs: int) -> list[str]:
 
 
 def searches(specs: int) -> list[str]:
-    seed, found, times = 10_000, [], []
+    seed, found, times = 10_000, list[tuple[float, int, int]](), list[float]()
     while len(found) < specs:
         seed += 1
         spec = random_spec(seed, 24)
