@@ -68,8 +68,8 @@ def picture() -> bytes:
                 for spread in SPREADS[1:]:
                     found = simulated(q, asked_db, "spur-free", spread, closed(q, asked_db, "spur-free", spread))
                     axis.plot([100 * spread], [found], "o", color=COLOURS[q], markersize=4)
-            axis.set(xlabel="spread of a ratio of neighbours, %", title=f"{asked_db} dB", yscale="log", ylim=(1, 60))
-            axis.set_yticks([1, 2, 4, 8, 16, 32], ["1", "2", "4", "8", "16", "32"])
+            axis.set(xlabel="spread of a ratio of neighbours, %", title=f"{asked_db} dB", yscale="log", ylim=(4, 64))
+            axis.set_yticks([4, 8, 16, 32, 64], ["4", "8", "16", "32", "64"])
             axis.minorticks_off()
             axis.grid(alpha=0.25)
         axes[0].set_ylabel("channels per coil")
@@ -79,8 +79,8 @@ def picture() -> bytes:
 
 def main() -> None:
     PAGE.with_name("capacity.svg").write_bytes(picture())
-    before, rest = PAGE.read_text(encoding="utf-8").split(BEGIN)
     lines = "\n".join(table())
+    before, rest = PAGE.read_text(encoding="utf-8").split(BEGIN)
     PAGE.write_text(f"{before}{BEGIN}{lines}\n{END}{rest.split(END)[1]}", encoding="utf-8")
 
 

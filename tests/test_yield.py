@@ -430,12 +430,15 @@ def test_spread_of_a_ratio_and_coils_of_a_plan():
     """The worst pair's ratio as simulated prints have it, and each coil's share with its taxels'."""
     plan = make_plan(load_spec("triple-48"))
     design, spreads, pads = module.design_of(plan, None), spreads_of(plan.spec), 4000
-    log_x = module.log_detuning(design, spreads, 3, 0, pads)[2]
+    log_x = module.log_detuning(design, spreads, 3, 0, pads)
     # Of both sets of resonances.
-    pairs = [np.diff(log_x[module.coils_of(plan)[coil]], axis=0) for coil in ((0, 0), (0, 1))]
+    pairs = [np.diff(log_x[2, module.coils_of(plan)[coil]], axis=0) for coil in ((0, 0), (0, 1))]
     sampled = np.std(pairs, axis=-1).max()
     assert plan.prints.ratio_spread == pytest.approx(sampled, rel=4 / sqrt(2 * pads))
     assert 1 <= plan.capacity.prints < plan.capacity.exact
+    missed = [(log_x[2] - known).std(axis=-1).max() for known in (0.0, *log_x)]
+    # The largest of several channels' samples is a little larger than its sigma.
+    assert module.missed_spreads(design, spreads) == pytest.approx(missed, rel=6 / sqrt(2 * pads))
     plan = replace(plan, selectivity=replace(plan.selectivity, asked_db=21.5))
     prints, taxels = what_prints_keep(plan), print_yield(plan, 1000).good_prints
     assert prints.pads == 1000 and len(set(prints.coil_shares)) > 1
