@@ -375,15 +375,15 @@ def test_neighbours_that_swapped_or_came_too_close():
 BAND_HZ, COILS = (20.0, 1000.0), 16
 
 
-def good_share(count, q, law, scheme, need, sigma, stage, pads=200):
-    """Share of simulated pads that are good: the ladder over 16 coils, each taxel with a sigma of its own."""
-    hz, one = geometric_ladder(*BAND_HZ, count), np.ones(count)
+def good_share(count, q, law, scheme, need, sigma, stage, pads=200, band_hz=BAND_HZ, coils=COILS):
+    """Share of simulated pads that are good: a ladder over so many coils, each taxel with a sigma of its own."""
+    hz, one = geometric_ladder(*band_hz, count), np.ones(count)
     weight = np.zeros((8, count))
     weight[module.NAMES.index("thickness_mm")] = 1.0
     design = module.Design(
         *(hz, q * one, one, one, np.zeros((2, count)), 1.0, law, scheme, need, 1.0, weight, np.zeros((count, 3))),
-        *(np.tile(np.arange(count), COILS), np.zeros((count * COILS, 2)), 50.0),
-        (module.Coils(np.arange(count), np.arange(count * COILS).reshape(COILS, count).T),),
+        *(np.tile(np.arange(count), coils), np.zeros((count * coils, 2)), 50.0),
+        (module.Coils(np.arange(count), np.arange(count * coils).reshape(coils, count).T),),
     )
     return module.printed(design, only(thickness_mm=sigma), pads, 1, (stage,)).good.mean()
 
