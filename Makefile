@@ -76,8 +76,9 @@ waveforms: $(STAMP) ## measure what docs/waveforms.md and docs/retune.md report 
 	  OPENBLAS_NUM_THREADS=1 $(BIN)/python docs/measure_$$part.py || exit 1; done
 	$(BIN)/python docs/draw_waveforms.py
 
-pictures: $(STAMP) ## draw the README's pictures anew
+pictures: $(STAMP) ## draw the README's pictures anew, and what docs/yield.md says of capacity
 	$(BIN)/python docs/pictures.py
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python docs/draw_capacity.py
 
 clean: ## remove generated files, the environment too
 	rm -rf out $(VENV)

@@ -126,6 +126,8 @@ def test_changes_are_ranked_by_what_prints_keep_then_by_what_they_buy(explained)
     assert plan.prints.good_share < asked
     works = [c.good_share is not None and c.good_share >= asked for c in changes]
     assert any(works) and works == sorted(works, reverse=True)
+    stages = explanation.stage_channels
+    assert stages == tuple(sorted(stages)) and stages[0] < stages[-1] == plan.capacity.prints
     gained = [c.gained for c, good in zip(changes, works, strict=True) if good]
     assert gained == sorted(gained, reverse=True)
     lacking = [(-(c.good_share or 0.0), -(c.print_db or 0.0)) for c in changes[sum(works) :]]

@@ -380,15 +380,15 @@ def test_neighbours_that_swapped_or_came_too_close():
 BAND_HZ, COILS = (20.0, 1000.0), 16
 
 
-def good_share(count, q, law, scheme, need, sigma, stage, pads=200):
-    """Share of simulated pads that are good: the ladder over 16 coils, each taxel with a sigma of its own."""
-    hz, one = geometric_ladder(*BAND_HZ, count), np.ones(count)
+def good_share(count, q, law, scheme, need, sigma, stage, pads=200, band_hz=BAND_HZ, coils=COILS):
+    """Share of simulated pads that are good: a ladder over so many coils, each taxel with a sigma of its own."""
+    hz, one = geometric_ladder(*band_hz, count), np.ones(count)
     weight = np.zeros((8, count))
     weight[module.NAMES.index("thickness_mm")] = 1.0
     design = module.Design(
         *(hz, q * one, one, one, np.zeros((2, count)), 1.0, law, scheme, need, 1.0, weight, np.zeros((count, 3))),
-        *(np.tile(np.arange(count), COILS), np.zeros((count * COILS, 2)), 50.0),
-        (module.Coils(np.arange(count), np.arange(count * COILS).reshape(COILS, count).T),),
+        *(np.tile(np.arange(count), coils), np.zeros((count * coils, 2)), 50.0),
+        (module.Coils(np.arange(count), np.arange(count * coils).reshape(coils, count).T),),
     )
     return module.printed(design, only(thickness_mm=sigma), pads, 1, (stage,)).good.mean()
 
@@ -435,12 +435,15 @@ def test_spread_of_a_ratio_and_coils_of_a_plan():
     """The worst pair's ratio as simulated prints have it, and each coil's share with its taxels'."""
     plan = make_plan(load_spec("triple-48"))
     design, spreads, pads = module.design_of(plan, None), spreads_of(plan.spec), 4000
-    log_x = module.log_detuning(design, spreads, 3, 0, pads)[2]
+    log_x = module.log_detuning(design, spreads, 3, 0, pads)
     # Of both sets of resonances.
-    pairs = [np.diff(log_x[module.coils_of(plan)[coil]], axis=0) for coil in ((0, 0), (0, 1))]
+    pairs = [np.diff(log_x[2, module.coils_of(plan)[coil]], axis=0) for coil in ((0, 0), (0, 1))]
     sampled = np.std(pairs, axis=-1).max()
     assert plan.prints.ratio_spread == pytest.approx(sampled, rel=4 / sqrt(2 * pads))
     assert 1 <= plan.capacity.prints < plan.capacity.exact
+    missed = [(log_x[2] - known).std(axis=-1).max() for known in (0.0, *log_x)]
+    # The largest of several channels' samples is a little larger than its sigma.
+    assert module.missed_spreads(design, spreads) == pytest.approx(missed, rel=6 / sqrt(2 * pads))
     plan = replace(plan, selectivity=replace(plan.selectivity, asked_db=21.5))
     prints = what_prints_keep(plan)
     taxels = print_yield(plan, prints.pads).good_prints

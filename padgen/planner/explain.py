@@ -12,13 +12,13 @@ from padgen.core.registry import SUSPENSIONS
 from padgen.core.units import decibel
 from padgen.physics.levels import LevelLaw
 from padgen.physics.schemes import in_order
-from padgen.planner.capacity import channel_limit, coil_capacity, largest_counts, searched_to
+from padgen.planner.capacity import channel_limit, coil_capacity, largest_counts, printed_count, searched_to
 from padgen.planner.channels import plan_channels
 from padgen.planner.drive_scheme import plan_selectivity
 from padgen.planner.layout import SLACK_MM, candidates, explain
 from padgen.planner.make import make_plan
 from padgen.planner.plan import Plan, Selectivity
-from padgen.planner.printed_pads import STAGES, design_of, printed, spreads_of
+from padgen.planner.printed_pads import STAGES, design_of, missed_spreads, printed, spreads_of
 from padgen.planner.search import sites_of, sized_layouts
 from padgen.planner.settings import level_law, scheme_named
 from padgen.spec import Spec, catalogue, make_spec
@@ -76,7 +76,8 @@ class Explanation:
     """`channels` per coil keep what was asked on this grid with `drive`; `limits` say what stops one more.
 
     As planned, `good_share` of the re-tuned prints keep it, and the asked share of them `print_db`, as in `Change`;
-    `channel_shares` (n,) are of the prints in which a taxel of each channel is good.
+    `channel_shares` (n,) are of the prints in which a taxel of each channel is good. `stage_channels` per coil would
+    print in the band at each of `padgen.planner.printed_pads.STAGES` of knowledge, at the last as `Capacity.prints`.
     """
 
     channels: int
@@ -87,6 +88,7 @@ class Explanation:
     channel_shares: tuple[float, ...]
     good_share: float | None
     print_db: float | None
+    stage_channels: tuple[int, ...]
 
 
 def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None) -> Explanation:
@@ -97,7 +99,6 @@ def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None
     (held, drive), in_band = _channels_held(spec, grid, least), _channels_in_band(spec)
     planned = _figures(spec, grid, count)
     now = planned.kept_db if planned else None
-    shares = _channel_shares(plan)
     share_now, print_now_db = now_printed = _prints(spec, grid, count)
     changes = []
     for cost, words, varied in _changes(plan):
@@ -119,7 +120,8 @@ def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None
     changes.sort(key=lambda change: _rank(change, spec.print_share))
     limits = tuple(_limits(plan, held, drive))
     capacities = tuple(_capacities(spec))
-    return Explanation(held, drive, limits, tuple(changes), capacities, tuple(shares.tolist()), *now_printed)
+    shares, stages = _of_prints(plan)
+    return Explanation(held, drive, limits, tuple(changes), capacities, shares, *now_printed, stages)
 
 
 def _rank(change: Change, asked: float) -> tuple[float, ...]:
@@ -129,12 +131,17 @@ def _rank(change: Change, asked: float) -> tuple[float, ...]:
     return -min(share, asked), short_db, -change.gained, -change.gained_in_band, COSTS.index(change.cost), -print_db
 
 
-def _channel_shares(plan: Plan) -> np.ndarray:
-    """Share of re-tuned prints in which a taxel of each channel (n,) is good."""
-    design = design_of(plan, None)
-    good = printed(design, spreads_of(plan.spec), plan.prints.pads, 0, STAGES[-1:]).good_prints[0]
-    shares: np.ndarray = np.bincount(design.channel, good) / np.bincount(design.channel) / plan.prints.pads
-    return shares
+def _of_prints(plan: Plan) -> tuple[tuple[float, ...], tuple[int, ...]]:
+    """`Explanation.channel_shares` and `Explanation.stage_channels`."""
+    spec, design, spreads = plan.spec, design_of(plan, None), spreads_of(plan.spec)
+    good = printed(design, spreads, plan.prints.pads, 0, STAGES[-1:]).good_prints[0]
+    shares = np.bincount(design.channel, good) / np.bincount(design.channel) / plan.prints.pads
+    asked = plan.selectivity.asked_db, spec.print_share, plan.coils.rows * plan.coils.columns
+    stages = [
+        printed_count(spec.band_hz, spec.q_min, level_law(spec), plan.scheme, *asked, 0.0, missed)
+        for missed in missed_spreads(design, spreads)[:-1]
+    ]
+    return tuple(shares.tolist()), (*stages, plan.capacity.prints)
 
 
 def _channels_in_band(spec: Spec) -> int:

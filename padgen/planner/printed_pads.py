@@ -60,6 +60,7 @@ __all__ = [
     "design_of",
     "log_detuning",
     "log_resonances",
+    "missed_spreads",
     "places_of_mm",
     "printed",
     "ratio_spread",
@@ -296,6 +297,13 @@ def ratio_spread(design: Design, spreads: Spreads) -> float:
         each = np.diag(total)
         worst = max(worst, float((each[1:] + each[:-1] - 2 * np.diag(total, 1)).max()))
     return float(np.sqrt(worst))
+
+
+def missed_spreads(design: Design, spreads: Spreads) -> tuple[float, ...]:
+    """Sigma of ln f of a taxel about its own tone at each of `STAGES`, of the channel where it is largest."""
+    square = (np.array(astuple(spreads))[:, None] * design.weight) ** 2
+    known = (), OF_A_PRINT, (*OF_A_PRINT, "field_z_mm"), NAMES
+    return tuple(float(square[[name not in some for name in NAMES]].sum(0).max() ** 0.5) for some in known)
 
 
 def log_detuning(design: Design, spreads: Spreads, seed: int, unit: int, pads: int) -> np.ndarray:

@@ -370,6 +370,9 @@ def explanation_text(explanation: "Explanation") -> str:
     lines += [f"  - {limit}" for limit in explanation.limits] or ["  - nothing that was tried"]
     shares = ", ".join(f"{k} {share:.1%}" for k, share in enumerate(explanation.channel_shares))
     lines.append(f"prints in which a taxel is good once re-tuned, by channel: {shares}")
+    words = ("the driver table", "a coupon", "some taxels", "every taxel")
+    stages = ", ".join(f"{n} by {known}" for known, n in zip(words, explanation.stage_channels, strict=True))
+    lines.append(f"channels per coil that would print in the band, by what is measured: {stages}")
     if explanation.changes:
         rows = [("as it is", "", *_printed_cells(explanation), "", "", "")]
         rows += [
