@@ -69,7 +69,7 @@ def test_a_new_entry_needs_all_its_fields():
         (BASE + 'washer = "iso7089-m2-a2"\n', "washer: .* is not magnetic"),
         (
             BASE + 'washer = "iso7089-m6"\n',
-            "washer: .* spans 12.25 mm, fdm-0.4 bridges 10 mm; washer = 'iso7089-m4', or taxel.centre_post = true, would do",
+            "washer: .* spans 12.25 mm, fdm-0.4 bridges 10 mm; washer = 'iso7089-m4', or taxel.centre_post",
         ),
         (BASE + "[washer]\ninner_diameter_mm = 9\n", "washer.inner_diameter_mm: must be below the outer diameter"),
         (BASE + "[coil]\ncore_diameter_mm = 5\n", "coil.core_diameter_mm: must fit the winding's bore of 4 mm"),
