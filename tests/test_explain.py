@@ -259,7 +259,7 @@ def test_what_steps_cost_is_shown():
     assert cost > 1
     assert steps.selectivity.snapping_db == pytest.approx(cost, abs=0.05)
     assert {"resonance.off", "selectivity.snapping"} <= {f.code for f in steps.findings}
-    assert f"printing in steps costs {steps.selectivity.snapping_db:.2f} dB" in plan_text(steps)
+    assert f"lost to the printer's resolution: {steps.selectivity.snapping_db:.2f} dB" in plan_text(steps)
 
 
 # Optimised spacing

@@ -333,8 +333,8 @@ DRUM = {**catalogue("coil")["paper"], "outer_diameter_mm": 200}
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({}, "25 coils of 10 mm, each with at most 25 channels .* 625 taxels in all; what would do: 48 taxels"),
-        ({"pad": WIDE}, "62500 taxels in all; what would do: 5600 taxels"),
+        ({}, "25 coils of 10 mm, each with at most 25 channels .* 625 taxels in all; resolution = 48 would do"),
+        ({"pad": WIDE}, "62500 taxels in all; no single change that was tried would do"),
         ({"q_min": 15}, r"at most 4 channels \(Q = 15 in 50 … 200 Hz\), 100 taxels in all"),
         ({"coil": {"name": "paper", "grid": [2, 2]}}, "the grid has 4 coils"),
         ({"pad": WIDE, "coil": DRUM}, "4 coils of 200 mm"),

@@ -382,7 +382,7 @@ def test_line():
     assert left_out_line(entries) == f"{switching}; motion ≤ 0.00035 % of the current of channel 2"
     assert left_out_line(entries, most=1) == f"{switching}; 1 more, each less"
     finding = next(judge_left_out(scene("paper-32")[0], entries))
-    assert "more than 2 % (model.tolerance)" in finding.message
+    assert "ignored effects above 2 % (model.tolerance)" in finding.message
     assert finding.message.endswith(
         f": switching, without a bound of the ring-down of channel 0 ({RUNGS['switching']})"
     )

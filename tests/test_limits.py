@@ -18,7 +18,6 @@ import pytest
 
 from padgen import cli
 from padgen.core.errors import SpecError
-from padgen.core.finding import Finding
 from padgen.core.wav_reader import read_wav
 from padgen.driver import limits, pad_drive, sound_card
 from padgen.driver.drive_folder import Drive, Driven, write_excitation
@@ -149,17 +148,6 @@ def test_nothing_beyond_a_limit_is_played_over_a_sound_card(tmp_path, monkeypatc
     written(planned(), tmp_path / "o", "wav", "1000", signal=signal)
     sound_card.play_wave(tmp_path / "o" / "drive.wav")
     assert card.blocks
-
-
-def test_a_washer_that_is_not_pulled_is_told_of_and_tables_are_written(tmp_path):
-    plan = planned()
-    channels = tuple(replace(c, force_constant_n_per_a2=0.0) if c.index == 1 else c for c in plan.channels)
-    finding = Finding("error", "coil.force", "channel 1", "the coil does not pull its washer")
-    unpulled = replace(plan, channels=channels, findings=(finding,))
-    assert written(unpulled, tmp_path / "o", "csv,json", "").findings == (finding,)
-    with pytest.raises(SpecError, match="not pulled"):
-        written(unpulled, tmp_path / "p", "csv,wav")
-    assert not (tmp_path / "p").exists()
 
 
 # ---- Figures -------------------------------------------------------------------------------------------------------

@@ -170,7 +170,7 @@ def test_a_solid_that_is_not_known_well_enough_is_said_not_to_be_tuned(monkeypat
     assert {c.model for c in plan.channels} == {"solid"}
     doubts = [f for f in plan.findings if f.code == "model.error"]
     assert [f.where for f in doubts] == ["channel 0", "channel 1"]
-    assert "to 0.30% only, asked is 0.20%: it is not tuned" in doubts[0].message
+    assert "by 0.30% of its resonance, asked is 0.20%: it is not tuned" in doubts[0].message
     plan, _ = planned_with(monkeypatch, 1.9e-3)
     assert "model.error" not in {f.code for f in plan.findings}
 

@@ -19,6 +19,10 @@ MOST_TRIED = 8
 LOST_DB = 0.05
 """What a cure may cost of the selectivity that is asked."""
 
+COUNTED = ("model.", "ladder.", "selectivity.", "coil.leak", "modes.")
+"""Beginnings of the codes of findings that are no harm of their own: what models know of themselves, and what the
+selectivity has in it."""
+
 Cure = dict[str, Any]
 """Fields of the spec by their dotted names, and their values; None leaves a field out."""
 
@@ -77,7 +81,6 @@ def _is_better(plan: Plan, before: dict[str, int], again: Plan, code: str) -> bo
     kept = [inf if p.selectivity.kept_db is None else p.selectivity.kept_db for p in (plan, again)]
     return (
         code not in after
-        # What the models know of themselves is no fault of the pad.
-        and all(after[other] <= before.get(other, 0) for other in after if not other.startswith("model."))
+        and all(after[other] <= before.get(other, 0) for other in after if not other.startswith(COUNTED))
         and kept[1] >= min(kept[0], plan.selectivity.asked_db) - LOST_DB
     )

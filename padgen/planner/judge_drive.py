@@ -70,7 +70,15 @@ def _better(plan: Plan) -> tuple[dict[str, Any], ...]:
         plan.selectivity.asked_db,
         sorted(plan.selectivity.schemes, key=lambda s: Scheme(s.scheme).takes_turns),
     )
-    ways: list[dict[str, Any]] = [{"drive.scheme": s.scheme} for s in schemes if s.reached_db >= asked]
+    # Turns are slow: with the scheme goes what they leave of the frame rate that is asked for.
+    slow = {
+        rate.scheme: {"drive.least_frames_per_s": float(at_most(rate.frames_per_s))}
+        for rate in plan.refresh
+        if Scheme(rate.scheme).takes_turns and rate.frames_per_s < plan.spec.drive.least_frames_per_s
+    }
+    ways: list[dict[str, Any]] = [
+        {"drive.scheme": s.scheme, **slow.get(s.scheme, {})} for s in schemes if s.reached_db >= asked
+    ]
     grids = [o for o in plan.layouts if o.kept_db is None or o.kept_db >= asked]
     return (*ways, *({"coil.grid": [o.rows, o.columns]} for o in grids))
 
