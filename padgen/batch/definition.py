@@ -9,6 +9,7 @@ import ast
 import math
 import operator
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import Field, asdict, dataclass, field, fields, is_dataclass, replace
 from itertools import product
 from math import ceil, floor, prod
@@ -521,17 +522,12 @@ def variants(sweep: Sweep) -> Iterator[Variant]:
         variant = Variant(
             place, {name: value for axis, row in pairs for name, value in zip(axis.fields, row, strict=True)}
         )
-        if not sweep.constraints or _is_left(sweep, variant):
+        spec = sweep.spec
+        with suppress(PadgenError):  # its row will tell what is wrong with it
+            # A constraint may ask for what a varied field brings along, as a printer its default material.
+            spec = make_spec(variant_table(sweep, variant), sweep.folder) if sweep.constraints else spec
+        if all(condition.holds(variant.values, spec) for condition in sweep.constraints):
             yield variant
-
-
-def _is_left(sweep: Sweep, variant: Variant) -> bool:
-    try:
-        # A constraint may ask for what a varied field brings along, as a printer its default material.
-        spec = make_spec(variant_table(sweep, variant), sweep.folder)
-    except PadgenError:
-        spec = sweep.spec  # its row will tell what is wrong with it
-    return all(condition.holds(variant.values, spec) for condition in sweep.constraints)
 
 
 def variant_name(sweep: Sweep, number: int) -> str:

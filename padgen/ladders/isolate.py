@@ -127,9 +127,8 @@ def _run(pickled: bytes, made: tuple[Any, ...]) -> tuple[Any, float, float]:
     for name, module in list(sys.modules.items()):
         if name.startswith(MODELS):
             for held in list(vars(module).values()):
-                clear = getattr(held, "cache_clear", None)
-                if callable(clear):
-                    clear()
+                if hasattr(type(held), "cache_clear"):
+                    held.cache_clear()
     gc.collect()
     wall, cpu = time.perf_counter(), time.process_time()
     value = work(*made)

@@ -42,6 +42,8 @@ class Engine:
         self._name = name
 
     def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):  # who looks at all modules' names must not load it
+            raise AttributeError(name)
         return getattr(engine(self._name), name)
 
 
