@@ -177,7 +177,7 @@ def fit_driven(
     refuse_hidden(answer, noise, _gain(lines, fit), "answer to the excitation")
     lower, upper, step = _excited_band(rate_hz, x, mode.hz)
     # The finer look may mistake drift for excitation, and the coarser one is uncertain by its step.
-    refuse_edge(max(low + step, lower), max(high, upper), mode.hz, mode.q, "what the excitation shakes", "it", step)
+    refuse_edge(max(low + step, lower), max(high, upper), mode.hz, mode.q, "the excited band", "the excitation", step)
     return _compared(lines, fit, mode, noise * mode.peak / answer, near_hz)
 
 
@@ -195,7 +195,7 @@ def fit_decay(rate_hz: float, displacement: np.ndarray, near_hz: float | None = 
     if first > 0.8 * len(y):
         raise SolverError(
             f"is largest {number(first / rate_hz)} s into a record of {number(len(y) / rate_hz)} s: a free decay starts"
-            " at its largest; add the excitation as a column if there was one"
+            " at its largest value; if there was an excitation, add it as a column"
         )
     y = y[first : first + LONGEST_DECAY]
     whole = _lines_of(rate_hz, y)
@@ -410,7 +410,7 @@ def _refuse_phase(lines: Lines, fit: SeparableFit) -> None:
     if other.noise < 0.5 * fit.noise:
         raise SolverError(
             f"the phase rises through the peak at {number(float(np.exp(other.theta[0])))} Hz, where that of a"
-            " displacement falls by 180°: negate the phase or the imaginary part, or swap real and imaginary part back"
+            " displacement falls by 180°: negate the phase or the imaginary part, or swap real and imaginary parts"
         )
     try:
         alone = fit_magnitude(lines.frequency, np.abs(lines.data))
@@ -419,7 +419,7 @@ def _refuse_phase(lines: Lines, fit: SeparableFit) -> None:
     if alone.noise < 0.5 * fit.noise:
         raise SolverError(
             f"the magnitude has a peak at {number(alone.resonance_hz)} Hz, but the phase does not fall by 180°"
-            " through it as that of a resonance; see that it is in degrees and of this taxel, or leave the phase out"
+            " there as at a resonance; check that it is in degrees and of this taxel, or leave it out"
         )
 
 
@@ -427,8 +427,8 @@ def _refuse_long(count: int, most: int, rate: float) -> None:
     """Refuse more samples or lines than are fitted."""
     if count > most:
         raise SolverError(
-            f"lasts {number(count / rate)} s; at most {at_most(most / rate)} s of it can be fitted: cut it to those in"
-            " which the excitation passes the resonance and the answer rings"
+            f"lasts {number(count / rate)} s; at most {at_most(most / rate)} s of it can be fitted: cut it to the part"
+            " in which the excitation passes the resonance and the response rings"
         )
 
 

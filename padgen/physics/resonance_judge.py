@@ -94,8 +94,8 @@ def checked(
     hz, q, peak = figures
     if not errors[0] <= MOST_VAGUE * hz / q:
         raise SolverError(
-            f"the resonance near {number(hz)} Hz can be told to ± {number(errors[0])} Hz only, at most"
-            f" {at_most(MOST_VAGUE * hz / q)} Hz, a quarter of its bandwidth, would do;"
+            f"the resonance near {number(hz)} Hz is known only to ± {number(errors[0])} Hz, where ±"
+            f" {at_most(MOST_VAGUE * hz / q)} Hz, a quarter of its bandwidth, is needed;"
             " excite more, average longer, or leave this taxel out"
         )
     seen = check or CircleFit(np.nan, np.nan, np.nan, np.nan)
@@ -108,9 +108,9 @@ def checked(
         if far and not agree:
             raise SolverError(
                 f"least squares find {number(hz)} Hz with a Q of {number(q)}, the {name}"
-                f" {number(check.resonance_hz)} Hz with a Q of {number(check.q)}: one is wrong; see that the data are"
-                " of displacement, not of velocity or acceleration, and of one resonance, and that no voltage is taken"
-                " for a current (--excitation voltage)"
+                f" {number(check.resonance_hz)} Hz with a Q of {number(check.q)}: one is wrong; check that the data are"
+                " of displacement, not of velocity or acceleration, and of one resonance, and that no voltage is read"
+                " as a current (--excitation voltage)"
             )
     method = name if check else ""
     return ResonanceFit(hz, errors[0], q, errors[1], peak, errors[2], noise, method, *seen, agree, others)
@@ -151,11 +151,15 @@ def _refuse_numbers(values: np.ndarray, point: str, everywhere: str) -> None:
 def refuse_hidden(peak: float, noise: float, gain: float, what: str) -> None:
     """Refuse a record whose motion is hidden in the noise of its samples; `gain` is as in `refuse_no_peak`."""
     if peak < LEAST_PEAK * noise or gain < LEAST_GAIN:
-        stands = f"{20 * np.log10(max(peak / noise, 1e-3)):.1f} dB" if noise > 0 else "nothing"
-        raise SolverError(
-            f"shows no {what}: the best one stands {stands} over the noise of a sample, at least 6 dB are needed;"
-            " excite more, or leave this taxel out"
-        )
+        weak = _too_weak(peak, noise, "sample")
+        raise SolverError(f"shows no {what}: the best one {weak}; excite more, or leave this taxel out")
+
+
+def _too_weak(peak: float, noise: float, point: str) -> str:
+    """Return the words for a peak that does not stand out of the noise of a `point` ('point' or 'sample')."""
+    if peak >= LEAST_PEAK * noise:
+        return "is no more than noise makes by chance"
+    return f"is {20 * np.log10(max(peak / noise, 1e-3)):.1f} dB above the noise of a {point}, where 6 dB are needed"
 
 
 def refuse_no_peak(peak: float, noise: float, gain: float, frequency_hz: np.ndarray, size: np.ndarray) -> None:
@@ -171,13 +175,9 @@ def refuse_no_peak(peak: float, noise: float, gain: float, frequency_hz: np.ndar
         if away < ends and size[place] > 3 * np.median(size):
             hz = number(float(frequency_hz[place]))
             raise SolverError(f"the response is largest at the {end} end of the sweep, {hz} Hz, without a peak; {cure}")
-    stands = "is no more than noise makes by chance"
-    if peak < LEAST_PEAK * noise:
-        stands = (
-            f"stands {20 * np.log10(max(peak / noise, 1e-3)):.1f} dB over the noise of a point where 6 dB are needed"
-        )
+    weak = _too_weak(peak, noise, "point")
     raise SolverError(
-        f"shows no resonance between {number(low)} and {number(high)} Hz: the best one {stands};"
+        f"shows no resonance between {number(low)} and {number(high)} Hz: the best one {weak};"
         " excite more, average longer, or leave this taxel out"
     )
 
@@ -188,7 +188,7 @@ def refuse_no_resonance(size: np.ndarray, left: float, scatter: float, hz: float
         raise SolverError(
             f"the peak at {number(hz)} Hz is not that of a resonance: the best fit leaves"
             f" {100 * left / float(size.max()):.0f} % of it, where noise is {100 * scatter / float(size.max()):.0f} %;"
-            " see that amplitudes are no decibels and phases are in degrees, or leave this taxel out"
+            " check that amplitudes are not in decibels and that phases are in degrees, or leave this taxel out"
         )
 
 
@@ -223,7 +223,7 @@ def refuse_few(frequency_hz: np.ndarray, hz: float, q: float) -> None:
     wanted = min(width / 2, step / 2)
     raise SolverError(
         f"has {inside} points within a bandwidth of the peak at {number(hz)} Hz, where {FEWEST_IN_PEAK} are needed:"
-        f" a step of {number(step)} Hz there, at most {at_most(wanted)} Hz would do"
+        f" the step there is {number(step)} Hz and must be at most {at_most(wanted)} Hz"
     )
 
 
@@ -233,8 +233,8 @@ def refuse_two(hz: float, peak: float, others: tuple[tuple[float, float], ...]) 
         if other_peak >= COMPARABLE * peak:
             low, high = sorted((hz, other_hz))
             raise SolverError(
-                f"has two peaks, at {number(low)} and {number(high)} Hz, the smaller of {number(other_peak / peak)} of"
-                f" the larger; sweep around the taxel's own alone, or ask for the one nearest to the plan"
+                f"has two peaks, at {number(low)} and {number(high)} Hz, the smaller {number(other_peak / peak)} times the"
+                " larger; sweep only around the taxel's own, or choose the one nearest to the plan"
             )
 
 

@@ -47,7 +47,7 @@ class BHCurve:
                 i = int(bad[0])
                 self._refuse(
                     f"the {name} of point {i + 1} must be above {number(float(before[i]))} {unit},"
-                    f" the one before it, got {number(float(values[i]))} {unit}"
+                    f" that of the point before, got {number(float(values[i]))} {unit}"
                 )
         flat = np.flatnonzero(np.diff(b) < MU_0 * np.diff(h) * (1 - 1e-9))
         if flat.size:
