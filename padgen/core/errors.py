@@ -63,7 +63,7 @@ class SpecError(PadgenError):
 
 
 class InfeasibleError(SpecError):
-    """No layout meets the spec; the message names the limit that binds and what would do."""
+    """No layout meets the spec; the message names the limit that prevents it and a change that helps."""
 
     code = "infeasible"
 
@@ -75,7 +75,7 @@ class FileError(PadgenError):
 
 
 class MeshFileError(FileError):
-    """A file given as a mesh holds none that can be read."""
+    """A file given as a mesh contains no readable mesh."""
 
     code = "mesh"
 
@@ -93,7 +93,7 @@ class SolverError(PadgenError):
 
 
 class EngineMissingError(SolverError):
-    """An optional package is not installed; the message names the extra that brings it."""
+    """An optional package is not installed; the message names the extra that installs it."""
 
     code = "engine"
 

@@ -223,7 +223,7 @@ class _Worker:
                         stderr=self._log,
                         env=environment | ONE_THREAD | {PROCESSES: str(cores)},
                         pass_fds=[life] if _is_life_line(life) else (),
-                        start_new_session=True,  # Ctrl-C is the parent's to handle; on Windows by the next line
+                        start_new_session=True,  # only the parent gets Ctrl-C; on Windows by the next line
                         creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
                     )
                 finally:

@@ -79,7 +79,7 @@ def _with_found_layout(spec: Spec, folder: Path) -> Spec:
         return spec
     try:
         recorded = load_spec(str(folder / "plan.json"))
-    except PadgenError:  # none is there
+    except PadgenError:  # there is no plan
         return spec
     return recorded if recorded.model == spec.model and answers(recorded, spec) else spec
 

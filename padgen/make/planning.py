@@ -65,16 +65,16 @@ def recorded_spec(spec: Spec, folder: Path) -> Spec:
         return spec
     try:
         recorded = load_spec(str(folder / PLAN))
-    except PadgenError:  # none is there
+    except PadgenError:  # there is no plan
         return spec
     return recorded if answers(recorded, spec) else spec
 
 
 def plan_for(spec: Spec, tolerance: float | None = None, progress: Progress = lambda step: None) -> "Plan":
-    """Plan `spec` by the model that it asks for, or by the cheapest that meets an asked `tolerance`.
+    """Plan `spec` by its own model, or by the cheapest model that meets `tolerance`.
 
-    Where a tolerance was asked for and finite elements have no answer, or are not installed, the plan stays the
-    beam model's, whose findings tell how far off it may be.
+    If a tolerance needs finite elements that have no answer or are not installed, the plan is the beam model's, and its
+    findings state the possible error.
 
     Raises
     ------

@@ -89,9 +89,11 @@ def on_elastic_ends(section: BeamSection, around: Surroundings, poisson: Array) 
     softer = across**-LAYERS
     flared = np.sqrt(width / (width + 2 * np.asarray(section.fillet)))
     side = 1 / (SIDE * width) + SIDE_NARROW / thickness
-    mount, sideways, twisted, stretched = (_in_yoke if around.yoke else _in_wall)(section, around, poisson)
+    mount, sideways, twisted, stretched = (_yoke_compliance if around.yoke else _wall_compliance)(
+        section, around, poisson
+    )
     tall = thickness / np.sqrt(across)
-    held = _held(WARPING, width, tall, inf if section.path else length, poisson)
+    held = _warping_length(WARPING, width, tall, inf if section.path else length, poisson)
     ends = EndCompliance(
         root=softer * flared / (1 / (ROOT * thickness) + 1 / (FRAME * around.frame)),
         tip=softer / (1 / (TIP * thickness) + NARROW / width) + mount,
@@ -116,7 +118,7 @@ def fitted(width: Array, thickness: Array, length: Array) -> Array:
     return (length >= SHORTEST_THICKNESSES * thickness) & (length >= SHORTEST_WIDTHS * width)
 
 
-def _in_wall(section: BeamSection, around: Surroundings, poisson: Array) -> tuple[Array, ...]:
+def _wall_compliance(section: BeamSection, around: Surroundings, poisson: Array) -> tuple[Array, ...]:
     """Compliance of the wall between edge and recess: in bending, and zero in lateral bending, twist and stretch.
 
     Each is a length of beam of equal compliance in m. The wall hangs from the roof of the recess like a plate, as high
@@ -131,7 +133,7 @@ def _in_wall(section: BeamSection, around: Surroundings, poisson: Array) -> tupl
     return bent * np.asarray(section.across, float) ** -LAYERS_WALL, 0.0, 0.0, 0.0
 
 
-def _in_yoke(section: BeamSection, around: Surroundings, poisson: Array) -> tuple[Array, ...]:
+def _yoke_compliance(section: BeamSection, around: Surroundings, poisson: Array) -> tuple[Array, ...]:
     """Compliance of the yoke: in bending, lateral bending, twist and stretch.
 
     Each is a length of beam of equal compliance in m: the beam's section constant over the bar's. Twist of the crossbar
@@ -140,7 +142,7 @@ def _in_yoke(section: BeamSection, around: Surroundings, poisson: Array) -> tupl
     width, thickness = (np.asarray(v, float) for v in section[:2])
     assert around.yoke is not None
     across, (arm, bar, height, neck_length, neck_width) = np.asarray(section.across, float), around.yoke
-    free = arm + bar - _held(BAR_WARPING, bar, height / np.sqrt(across), arm, poisson)
+    free = arm + bar - _warping_length(BAR_WARPING, bar, height / np.sqrt(across), arm, poisson)
     bending, shear = width * thickness**3, 2 * (1 + poisson)
     mount = bending / 12 * shear * free / torsion_constant(bar, height, across)
     # The neck carries the moments of two beams.
@@ -150,7 +152,7 @@ def _in_yoke(section: BeamSection, around: Surroundings, poisson: Array) -> tupl
     return mount, sideways, twisted, BAR_PULL * 4 * arm**3 * width * thickness / (height * bar**3)
 
 
-def _held(share: float, one: Array, other: Array, length: Array, poisson: Array) -> Array:
+def _warping_length(share: float, one: Array, other: Array, length: Array, poisson: Array) -> Array:
     """Return how much shorter in m a bar of section `one` × `other` acts in torsion because its ends cannot warp."""
     slim = np.minimum(one, other) / np.maximum(one, other)
     warping = 2 * share * np.maximum(one, other) * np.sqrt((1 + poisson) / 24) * (1 - slim**2)

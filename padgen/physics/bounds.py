@@ -28,7 +28,7 @@ __all__ = [
 ]
 
 MU_0 = 4e-7 * pi
-LOCALLY = 1.5
+LOCAL_PEAK = 1.5
 """Polarisation of a wide washer above the rim of a core, over the estimate from two points of the washer (from field
 solutions).
 """
@@ -183,7 +183,7 @@ def washer_magnetised(
     weight = energy / energy.sum(0)
     return Magnetised(
         np.sqrt((radial**2 + axial**2).mean(0)),
-        LOCALLY * np.maximum(size.max(0), MU_0 * dipole / volume),
+        LOCAL_PEAK * np.maximum(size.max(0), MU_0 * dipole / volume),
         1 / (weight / (chi * share[:, None])).sum(0) if chi > 0 else np.full(len(offset), inf),
     )
 
@@ -217,10 +217,10 @@ def saturation_loss(polarised_share: Any, chi_n: Any) -> Any:
 def core_eddies(coil: CoilSource, resistivity: float, frequency: float) -> float:
     """Return the relative change of the core's field at `frequency` in Hz by eddy currents; `resistivity` in Ω·m.
 
-    A long round rod has the effective permeability ``μ 2J₁(ka)/(ka J₀(ka))``, ``k² = −jωμ/ρ``. By the partial fractions
-    of ``z J₀/2J₁`` its inverse differs from that of μ by at most ``(a/δ)²/4``, and, by its modulus, at most ``a/(√2 δ)
-    + 1``, δ being the skin depth. Demagnetisation divides this by ``1 + χN``. Eddies at the ends of a core of finite
-    length add half of diameter over length, as a share.
+    The effective permeability of a long round rod is μ times ``R = 2J₁(ka)/(ka J₀(ka))``, ``k² = −jωμ/ρ``. By the
+    partial fractions of ``z J₀/2J₁``, 1/R differs from 1 by at most ``(a/δ)²/4``, and by the size of 1/R also by at
+    most ``a/(√2 δ) + 1``, δ being the skin depth. Demagnetisation divides this by ``1 + χN``. Eddies at the ends of a
+    core of finite length add half of diameter over length, as a share.
     """
     _, chi_n = core_polarisation(coil)
     depths = coil.core_diameter / 2 / _skin_depth(resistivity, coil.core_permeability, frequency)

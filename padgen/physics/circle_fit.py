@@ -69,23 +69,23 @@ def circle_resonance(
     sigma, fit = np.broadcast_to(np.asarray(sigma, float), frequency_hz.shape), None
     hz, q = start_hz, start_q
     for _ in range(2):
-        away = np.abs(_law(frequency_hz, hz, q, decay))
+        away = np.abs(_detuning(frequency_hz, hz, q, decay))
         arc = away <= max(WIDEST_ARC, float(np.sort(away)[FEWEST - 1]))
         factor = np.ones(arc.sum()) if decay else frequency_hz[arc] / hz
-        fit = _fitted(frequency_hz[arc], response[arc] * factor, hz, q, sigma[arc] * factor, decay)
+        fit = _fit_angle(frequency_hz[arc], response[arc] * factor, hz, q, sigma[arc] * factor, decay)
         if fit is None:
             break
         hz, q = fit.resonance_hz, fit.q
     return fit
 
 
-def _law(frequency: np.ndarray, hz: float, q: float, decay: bool) -> np.ndarray:
+def _detuning(frequency: np.ndarray, hz: float, q: float, decay: bool) -> np.ndarray:
     """Return x (n,) of the phase ``−2 arctan x``."""
     s = frequency / hz
     return np.asarray(2 * q * s - np.sqrt(max(4 * q * q - 1, 0.0)) if decay else q * (s - 1 / s))
 
 
-def _fitted(
+def _fit_angle(
     frequency: np.ndarray, points: np.ndarray, hz: float, q: float, sigma: np.ndarray, decay: bool
 ) -> CircleFit | None:
     from scipy.optimize import least_squares
@@ -97,7 +97,7 @@ def _fitted(
     angle, width = np.angle(arm), 1 / q
 
     def off(theta: np.ndarray) -> np.ndarray:
-        x = _law(frequency, hz * np.exp(theta[1] * width), q * np.exp(theta[2]), decay)
+        x = _detuning(frequency, hz * np.exp(theta[1] * width), q * np.exp(theta[2]), decay)
         return np.asarray(np.angle(np.exp(1j * (angle - theta[0] + 2 * np.arctan(x)))) / sigma)
 
     start = np.array([angle[np.abs(frequency - hz).argmin()], 0.0, 0.0])

@@ -34,7 +34,7 @@ BLOCK = 1 << 19
 DRAWS = 256
 """Random sets of phases that are tried as starts."""
 STARTS = 8
-"""Most starts that are descended from, each as it is and after a smooth descent."""
+"""Largest number of starts, each descended from as it is and after a smooth descent."""
 SAMPLES = 4096
 """Most angles used by a smooth descent and by the choice of the starts."""
 SHARPNESS = 30.0
@@ -48,7 +48,7 @@ WITHIN, MOST_DIPS = 0.1, 200
 TRUST = 0.1
 """First trust region in rad."""
 SETTLED = 1e-4
-"""Stop when a linear program promises less than this, over Σ A."""
+"""Stop when a linear program predicts a decrease of less than this, over Σ A."""
 LONG, FEWEST = 1 << 17, 3
 """Most points of the grids of all starts together, and fewest starts. On a long comb phases gain little, so it gets
 few.
@@ -182,9 +182,9 @@ def _phases(harmonic: tuple[int, ...], amplitude: tuple[float, ...]) -> tuple[fl
         return 0.0, _second_phase(*harmonic)
     k, a = np.array(harmonic), np.array(amplitude) / sum(amplitude)
     starts = _starts(k, a)
-    begun = [_descended(k, a, _Descent(start, *_dips(k, a, start), TRUST), FIRST_STEPS) for start in starts]
+    begun = [_descend(k, a, _Descent(start, *_dips(k, a, start), TRUST), FIRST_STEPS) for start in starts]
     begun.sort(key=lambda descent: descent.deepest)
-    ended = [_descended(k, a, descent, LAST_STEPS) for descent in begun[:BEST]]
+    ended = [_descend(k, a, descent, LAST_STEPS) for descent in begun[:BEST]]
     best = min(ended, key=lambda descent: descent.deepest).phase
     # Later digits may differ between machines, and have no effect on the depth.
     return tuple(np.round(best % (2 * np.pi), 6).tolist())
@@ -214,10 +214,10 @@ def _starts(harmonic: np.ndarray, amplitude: np.ndarray) -> list[np.ndarray]:
     best = draws[np.argsort(depth, kind="stable")[:few]]
     if count <= FEW:
         return list(best)
-    return [*best, *(_smoothly_descended(table, amplitude, phase) for phase in best)]
+    return [*best, *(_smooth_descent(table, amplitude, phase) for phase in best)]
 
 
-def _smoothly_descended(table: np.ndarray, amplitude: np.ndarray, phase: np.ndarray) -> np.ndarray:
+def _smooth_descent(table: np.ndarray, amplitude: np.ndarray, phase: np.ndarray) -> np.ndarray:
     """Return phases near `phase` that minimise the log-sum-exp of the depth at the table's angles."""
     from scipy.optimize import minimize
 
@@ -252,10 +252,10 @@ def _dips(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray) -> tup
     return -(np.cos(line) @ amplitude), amplitude * np.sin(line)
 
 
-def _descended(harmonic: np.ndarray, amplitude: np.ndarray, at: _Descent, steps: int) -> _Descent:
+def _descend(harmonic: np.ndarray, amplitude: np.ndarray, at: _Descent, steps: int) -> _Descent:
     """Minimise the deepest dip by linear programs in a trust region (Madsen, J. Inst. Maths Applics 16 (1975) 321)."""
     for _ in range(steps):
-        move, promised = _programmed(at)
+        move, promised = _best_move(at)
         if promised < SETTLED:
             break
         phase = at.phase + move
@@ -266,7 +266,7 @@ def _descended(harmonic: np.ndarray, amplitude: np.ndarray, at: _Descent, steps:
     return at
 
 
-def _programmed(at: _Descent) -> tuple[np.ndarray, float]:
+def _best_move(at: _Descent) -> tuple[np.ndarray, float]:
     """Return the best move (n,) of the phases by a linear program, and the predicted decrease of the deepest dip."""
     from scipy.optimize import linprog
 
@@ -314,7 +314,7 @@ def comb_period_s(resonance_hz: np.ndarray, q: np.ndarray, step: int, rate_hz: i
     least = float(off_resonance(resonance, quality, last / rate_hz, step).max())
     for start in range(first, last + 1, CHUNK):
         samples = np.arange(start, min(start + CHUNK, last + 1))
-        samples, off = _less_off(samples, resonance * (1 / (rate_hz * step)), quality, max(least, MOST_OFF))
+        samples, off = _near_enough(samples, resonance * (1 / (rate_hz * step)), quality, max(least, MOST_OFF))
         good = samples[off <= MOST_OFF]
         if good.size:
             return float(good[0] / rate_hz)
@@ -337,7 +337,7 @@ def on_comb(resonance_hz: np.ndarray, period_s: float, step: int) -> np.ndarray:
     return multiple
 
 
-def _less_off(
+def _near_enough(
     samples: np.ndarray, steps_per_sample: np.ndarray, q: np.ndarray, limit: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return those of the periods `samples` (m,) that put every line at most `limit` off, and the largest distance."""

@@ -64,10 +64,10 @@ def leakage(
     ring = body.radius[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], -1)
     points = place[:, None, None] + ring  # (n, j, turns, 2)
     height = (body.height + gap)[:, None]
-    own = _coaxial(coil_rings(coil, STEP * gap), points[:, None], height)
-    near = _coaxial(_few_rings(coil), points[:, None] - neighbours[:, None, None], height)
+    own = _coil_potential(coil_rings(coil, STEP * gap), points[:, None], height)
+    near = _coil_potential(_coarse_rings(coil), points[:, None] - neighbours[:, None, None], height)
     value, slope = (np.concatenate(pair, 1) for pair in zip(own, near, strict=True))
-    parts = _around(value, slope, angle)
+    parts = _fourier_parts(value, slope, angle)
     if far is not None and len(far):
         # Fields of far coils change linearly over the washer.
         up, across = body.height - washer.thickness / 2, body.radius
@@ -82,7 +82,9 @@ def leakage(
         of_core = _core_field(core, charge, points, height, angle, STEP * gap)
         for part, more in zip(parts, of_core, strict=True):
             part[:, 1:] += more
-        echo = _echoed(coil, core, np.concatenate([np.zeros((1, 2)), neighbours, *([] if far is None else [far])]))
+        echo = _effective_currents(
+            coil, core, np.concatenate([np.zeros((1, 2)), neighbours, *([] if far is None else [far])])
+        )
         parts = _Parts(*((echo.T @ part.reshape(*part.shape[:2], -1)).reshape(part.shape) for part in parts))
     order = (np.arange(parts.value.shape[2]) + 1) // 2
     on_washer = (body.response[order] @ parts.value[..., None])[..., 0]
@@ -101,7 +103,7 @@ def _washer(washer: SteelRing) -> SteelBody:
 
 
 @lru_cache(maxsize=32)
-def _few_rings(coil: CoilSource) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _coarse_rings(coil: CoilSource) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return a coil as seen from beside it: three rings for each end of a winding, and one for the core at every
     height.
 
@@ -124,7 +126,7 @@ def _few_rings(coil: CoilSource) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return across, at / total, total / across
 
 
-def _coaxial(
+def _coil_potential(
     rings: tuple[np.ndarray, np.ndarray, np.ndarray], away: np.ndarray, height: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the potential of a coil's rings and its slope along z, at points `away` (…, 2) in m from its axis."""
@@ -134,7 +136,7 @@ def _coaxial(
     return of.value[0] @ charge, of.along_z[0] @ charge
 
 
-def _around(value: np.ndarray, slope: np.ndarray, angle: np.ndarray) -> _Parts:
+def _fourier_parts(value: np.ndarray, slope: np.ndarray, angle: np.ndarray) -> _Parts:
     """Return Fourier coefficients of a potential and its slope (…, j, turns): of 1, cos φ, sin φ, cos 2φ …"""
     order = np.arange(1, len(angle) // 2)[:, None]
     waves = 2 * np.stack([np.cos(order * angle), np.sin(order * angle)], 1).reshape(-1, len(angle))
@@ -153,7 +155,9 @@ def _core_charge(
     turns = 2 * CORE_ORDERS + 2
     angle = (np.arange(turns) + 0.5) * 2 * np.pi / turns
     points = core.radius[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], -1)
-    value, _ = _around(*_coaxial(_few_rings(coil), points - neighbours[:, None, None], core.height[:, None]), angle)
+    value, _ = _fourier_parts(
+        *_coil_potential(_coarse_rings(coil), points - neighbours[:, None, None], core.height[:, None]), angle
+    )
     if far is not None and len(far):
         middle = coil.core_top - coil.core_length / 2
         field = pole_field(coil_poles(coil), middle, -far)[0][..., None]
@@ -163,7 +167,7 @@ def _core_charge(
     return core, (core.response[order] @ value[..., None])[..., 0]
 
 
-def _echoed(coil: CoilSource, core: SteelBody, axes: np.ndarray) -> np.ndarray:
+def _effective_currents(coil: CoilSource, core: SteelBody, axes: np.ndarray) -> np.ndarray:
     """Return effective currents (k, k) of coils at `axes`, the own one first, as their cores magnetise each other.
 
     A core in another coil's field is a dipole, which counts as additional current of the core's own coil. The first
@@ -194,4 +198,4 @@ def _core_field(
         each = (part[(k + 1) // 2] @ (shares @ charge[:, k].T) for k in range(charge.shape[1]))
         field: np.ndarray = sum(wave[..., None] * one for wave, one in zip(waves, each, strict=False))
         made.append(np.moveaxis(field, -1, 1))
-    return _around(made[0], made[1], angle)
+    return _fourier_parts(made[0], made[1], angle)

@@ -70,7 +70,7 @@ def fit_magnitude(frequency_hz: np.ndarray, magnitude: np.ndarray, near_hz: floa
     peaks, part = _peaks(frequency, size, near_hz)
     inside, data = frequency[part], size[part] / scale
     floor = max(scatter / scale, SMALLEST_NOISE)
-    fit = _fitted(inside, data, floor)
+    fit = _fit_squares(inside, data, floor)
     hz, q, peak = float(np.exp(fit.theta[0])), float(np.exp(fit.theta[1])), float(abs(fit.theta[2]))
     refuse_no_peak(peak, fit.noise, _gain(inside, data, fit), frequency, size)
     refuse_edge(frequency[0], frequency[-1], hz, q)
@@ -97,7 +97,7 @@ def _peaks(
     smooth = np.convolve(np.pad(size, points // 2, mode="edge"), np.full(points, 1 / points), "same")
     smooth = smooth[points // 2 : points // 2 + len(size)]
     least = max(LEAST_PROMINENCE * float(smooth.max()), 6 * point_noise(size) / np.sqrt(points))
-    tops = _apart(size, smooth, find_peaks(smooth, prominence=least)[0])
+    tops = _separate_peaks(size, smooth, find_peaks(smooth, prominence=least)[0])
     if not len(tops):
         return (), slice(0, len(size))
     main = tops[smooth[tops].argmax()]
@@ -110,7 +110,7 @@ def _peaks(
     return tuple((float(frequency[k]), float(smooth[k])) for k in tops), slice(int(first), int(last))
 
 
-def _apart(size: np.ndarray, smooth: np.ndarray, tops: np.ndarray) -> np.ndarray:
+def _separate_peaks(size: np.ndarray, smooth: np.ndarray, tops: np.ndarray) -> np.ndarray:
     """Return those of the peaks `tops` (indices) with a valley between, in means over a quarter of their distance."""
     # Magnitudes scatter 1.5 times as much at a peak as at the floor, from which `point_noise` mostly comes.
     scatter, kept = 1.5 * point_noise(size), list(tops[:1])
@@ -125,7 +125,7 @@ def _apart(size: np.ndarray, smooth: np.ndarray, tops: np.ndarray) -> np.ndarray
     return np.array(kept, dtype=int)
 
 
-def _fitted(frequency: np.ndarray, data: np.ndarray, floor: float) -> _Squares:
+def _fit_squares(frequency: np.ndarray, data: np.ndarray, floor: float) -> _Squares:
     from scipy.optimize import least_squares
 
     fits = []

@@ -62,7 +62,7 @@ def modal_taxels(frequency_hz: np.ndarray, gain: np.ndarray, q: np.ndarray, own_
         A taxel is not moved by its own tone at all.
     """
     bare = ModalTaxels(frequency_hz, np.asarray(q, float), gain, np.zeros(len(gain)))
-    own = _answer(bare, slice(None), own_hz[:, None], 0.0)[:, 0]
+    own = _response_energy(bare, slice(None), own_hz[:, None], 0.0)[:, 0]
     if not (own > 0).all():
         raise ValueError("a taxel must be moved by its own tone")
     return bare._replace(gain=gain / np.sqrt(own)[:, None, None])
@@ -73,7 +73,7 @@ def felt_energy(taxels: ModalTaxels, rows: slice, frequency: np.ndarray, rest: n
 
     `rest` is the rounding error of `frequency`, as in `resonator.relative_energy`.
     """
-    return _answer(taxels, rows, frequency, rest)
+    return _response_energy(taxels, rows, frequency, rest)
 
 
 def without_quiet_modes(
@@ -90,7 +90,7 @@ def without_quiet_modes(
     above = 1 - (2 * own_hz.max() / taxels.frequency_hz) ** 2
     largest = 1 / np.maximum(above, 1 / peak[:, None])
     size = np.sqrt((taxels.gain**2).sum(-1)) * largest * (max(2.0, 1 / bias_ratio) * line.sum() / line)[:, None]
-    heard = _heard_at_least(taxels, own_hz, line)
+    heard = _least_heard(taxels, own_hz, line)
     order = np.argsort(size, 1)
     total = np.cumsum(np.take_along_axis(size, order, 1), 1)
     quiet = total <= LEFT_OUT * heard[:, None]
@@ -106,18 +106,20 @@ def without_quiet_modes(
     )
 
 
-def _heard_at_least(taxels: ModalTaxels, own_hz: np.ndarray, line: np.ndarray) -> np.ndarray:
+def _least_heard(taxels: ModalTaxels, own_hz: np.ndarray, line: np.ndarray) -> np.ndarray:
     """Return a lower bound (n,) of an OFF taxel's amplitude: at a neighbour's tone, over its own ON amplitude."""
     if len(line) < 2:
         return np.zeros(len(line))
     heard = (
-        np.sqrt(_answer(taxels, slice(None), np.roll(own_hz, by)[:, None], 0.0)[:, 0]) * np.roll(line, by) / line
+        np.sqrt(_response_energy(taxels, slice(None), np.roll(own_hz, by)[:, None], 0.0)[:, 0])
+        * np.roll(line, by)
+        / line
         for by in (1, -1)
     )
     return np.asarray(np.maximum(*heard))
 
 
-def _answer(taxels: ModalTaxels, rows: slice, frequency: np.ndarray, rest: np.ndarray | float) -> np.ndarray:
+def _response_energy(taxels: ModalTaxels, rows: slice, frequency: np.ndarray, rest: np.ndarray | float) -> np.ndarray:
     """Return the energy (rows, lines) under lines (lines,), or under lines (rows, lines) of each taxel's own."""
     mode, gain = taxels.frequency_hz[rows, :, None], taxels.gain[rows].transpose(0, 2, 1)
     frequency, rest = np.asarray(frequency)[..., None, :], np.asarray(rest)

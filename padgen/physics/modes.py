@@ -28,7 +28,7 @@ class BeamPlacement(NamedTuple):
 class Modes(NamedTuple):
     """Modes of a suspended body, lowest first.
 
-    `frequency_hz` (…, 6); `shape` (…, 6, 6), one column a mode, mass-normalised, referred to
+    `frequency_hz` (…, 6); `shape` (…, 6, 6), one column per mode, mass-normalised, referred to
     `reference` (…, 3), the centroid of the rigid body.
     """
 

@@ -80,13 +80,13 @@ def optimal_ladder(
     parts = PARTS[:1] if count > MANY else PARTS
     starts = np.array([np.linspace(low + a * (high - low), low + b * (high - low), count) for a, b in parts])
     if spurs:
-        starts = _exchanged(case._replace(q=min(q, SMOOTH_Q)), effort * WORK)
+        starts = _search_by_exchange(case._replace(q=min(q, SMOOTH_Q)), effort * WORK)
     # The logarithm's rounding must not push an end out of the band.
-    found = [np.clip(np.exp(_descended(case, start, round(effort * PROGRAMS))), low_hz, high_hz) for start in starts]
+    found = [np.clip(np.exp(_descend(case, start, round(effort * PROGRAMS))), low_hz, high_hz) for start in starts]
     return max([even, *found], key=lambda hz: all_states(channels(hz, q, law(hz)), scheme).db)
 
 
-def _exchanged(case: _Case, work: float) -> np.ndarray:
+def _search_by_exchange(case: _Case, work: float) -> np.ndarray:
     """Return the best ascending sets (few, n) of log resonances found by moving one channel at a time, best first."""
     random, count, width = np.random.default_rng(1), case.size, case.high - case.low
 
@@ -116,7 +116,7 @@ def _exchanged(case: _Case, work: float) -> np.ndarray:
         sets = sets[: max(len(sets) // 2, LAST_SETS)]
 
 
-def _descended(case: _Case, start: np.ndarray, programs: int) -> np.ndarray:
+def _descend(case: _Case, start: np.ndarray, programs: int) -> np.ndarray:
     """Return log resonances (n,) near `start` (n,) that minimise the largest log energy.
 
     Sequential linear programming with a trust region that is a box.
@@ -134,7 +134,7 @@ def _descended(case: _Case, start: np.ndarray, programs: int) -> np.ndarray:
     here, reach = start + 2 * CLOSEST * (np.linspace(case.low, case.high, case.size) - start), spacing / 4
     energy, slope = lines(here)
     for _ in range(programs):
-        step, promised = _programmed(case, here, energy, slope, reach)
+        step, promised = _best_step(case, here, energy, slope, reach)
         if promised < SETTLED or reach < TIGHTEST * spacing:
             break
         there = np.clip(here + step, case.low, case.high)
@@ -146,7 +146,7 @@ def _descended(case: _Case, start: np.ndarray, programs: int) -> np.ndarray:
     return np.asarray(here)
 
 
-def _programmed(
+def _best_step(
     case: _Case, here: np.ndarray, energy: np.ndarray, slope: np.ndarray, reach: float
 ) -> tuple[np.ndarray, float]:
     """Return the step (n,) within `reach` that most lowers the linearised largest log energy, and its decrease."""

@@ -134,7 +134,7 @@ def merged(wave: Tones) -> Tones:
     phasor = np.zeros(unique.shape[1], complex)
     np.add.at(phasor, where.ravel(), wave.amplitude * np.exp(1j * wave.phase_rad))
     still = (unique[0] == 0) & (unique[1] == 0)
-    phasor[still] = phasor[still].real  # a constant is its cosine
+    phasor[still] = phasor[still].real  # a tone of 0 Hz is the constant A cos φ
     return Tones(unique[0], np.abs(phasor), np.angle(phasor), unique[2], unique[1])
 
 

@@ -155,7 +155,7 @@ def _free(poles: _Poles, time: np.ndarray) -> _Free:
 
 
 def _driven(poles: _Poles, force: Tones, mass: np.ndarray) -> _Driven:
-    """Detunings, frequencies subtracted before anything is added to them, and phasors at the start."""
+    """Return detunings and initial phasors; frequencies are subtracted first, which keeps their digits."""
     hz, rest_hz, over = poles.cycles_hz[:, None], poles.cycles_rest_hz[:, None], poles.over[:, None]
     alpha, slow, fast = (rate[:, None] for rate in (poles.alpha, poles.slow, poles.fast))
     own_hz = force.frequency_hz + force.rest_hz

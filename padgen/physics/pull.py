@@ -69,22 +69,22 @@ def pull(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> Pull
     """
     least = _least_gap(coil, washer, offset)
     if gap >= least:
-        return _solved(coil, washer, gap, offset)
-    at, further = (np.array(_solved(coil, washer, least * share, offset)) for share in (1.0, FURTHER))
+        return _solve(coil, washer, gap, offset)
+    at, further = (np.array(_solve(coil, washer, least * share, offset)) for share in (1.0, FURTHER))
     change = (at - further) * log(least / gap) / log(FURTHER)
     side, axial, moment, _, dipole = at + change
     return Pull(*map(float, (side, axial, moment, at[3] + abs(change[1]), dipole)))
 
 
 @lru_cache(maxsize=1024)
-def _solved(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> Pull:
+def _solve(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> Pull:
     """Return the pull with enough nodes, and its doubt from a solution with fewer."""
     fine = _fineness(coil, washer, gap, offset)
-    enough, fewer = (_pull_by(nodes, coil, washer, gap, offset) for nodes in (fine, _fewer(fine)))
+    enough, fewer = (_pull_with_nodes(nodes, coil, washer, gap, offset) for nodes in (fine, _fewer(fine)))
     return enough._replace(doubt=enough.doubt + abs(enough.axial - fewer.axial))
 
 
-def _pull_by(fine: _Fineness, coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> Pull:
+def _pull_with_nodes(fine: _Fineness, coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> Pull:
     """Return the pull solved with the given numbers of nodes and orders."""
     near = _nearest(coil, washer, gap, offset)
     finest = coil.outer_diameter / MOST_RINGS
@@ -116,7 +116,7 @@ def _pull_by(fine: _Fineness, coil: CoilSource, washer: SteelRing, gap: float, o
         order = np.arange(fine.core_orders + 1)[:, None, None]
         cosine, sine = np.cos(order * around), np.sin(order * around)
         at_nodes = (of.value @ shares) * cosine[..., None]
-        drawn, back = _mutual(body, steel, at_nodes, project, project @ potential.T)
+        drawn, back = _mutual_charges(body, steel, at_nodes, project, project @ potential.T)
         charges = back @ shares.T
         field = [(part @ charges[:, None, :, None])[..., 0] for part in of]
         along_r = along_r + (field[1] * cosine).sum(0)
@@ -172,7 +172,7 @@ def _washer(washer: SteelRing, face: int, orders: int) -> SteelBody:
     return steel_body(sides, washer.permeability, orders)
 
 
-def _mutual(
+def _mutual_charges(
     washer: SteelBody, core: SteelBody, at_nodes: np.ndarray, project: np.ndarray, potential: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the charges of the washer (m, n) and of the core (j, k), each in the other's field.

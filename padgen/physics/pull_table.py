@@ -80,7 +80,7 @@ class PullTable(NamedTuple):
         # The error of a polynomial's slope is larger by about its number of coefficients.
         steep = lost * len(self.scale) * per_log / gap
         x = offset / self.reach
-        return _stated(axial, side * x, moment * x, slope, lost, steep, dipole)
+        return _with_errors(axial, side * x, moment * x, slope, lost, steep, dipole)
 
 
 def make_table(
@@ -108,7 +108,7 @@ def parts_key(coil: CoilSource, washer: SteelRing) -> str:
 
 def brought_table(coil: CoilSource, washer: SteelRing) -> PullTable | None:
     """Return the table that comes with padgen for these parts, None for others."""
-    places, numbers = _brought()
+    places, numbers = _supplied_tables()
     place = places.get(parts_key(coil, washer))
     if place is None:
         return None
@@ -119,7 +119,7 @@ def brought_table(coil: CoilSource, washer: SteelRing) -> PullTable | None:
 
 
 @cache
-def _brought() -> tuple[dict[str, tuple[int, float, float, float, int, int]], np.ndarray]:
+def _supplied_tables() -> tuple[dict[str, tuple[int, float, float, float, int, int]], np.ndarray]:
     """Read the places of the tables by `parts_key`, and all their numbers."""
     places = json.loads(BROUGHT.with_suffix(".json").read_text(encoding="ascii"))
     return places, np.load(BROUGHT.with_suffix(".npy"))
@@ -132,10 +132,10 @@ def solved_pulls(coil: CoilSource, washer: SteelRing, gap: np.ndarray, offset: n
     near, at, far = np.moveaxis(np.array(solved).reshape(-1, 3, COLUMNS), (1, 2), (0, 1))
     side, axial, moment, lost, dipole = at
     slope = (far[1] - near[1]) / (2 * SLOPE_STEP * gap)
-    return _stated(axial, side, moment, slope, lost, lost / gap, dipole)
+    return _with_errors(axial, side, moment, slope, lost, lost / gap, dipole)
 
 
-def _stated(
+def _with_errors(
     axial: np.ndarray,
     side: np.ndarray,
     moment: np.ndarray,

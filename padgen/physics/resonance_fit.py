@@ -127,16 +127,16 @@ def fit_spectrum(frequency_hz: np.ndarray, response: np.ndarray, near_hz: float 
     frequency, data = np.asarray(frequency_hz, float), np.asarray(response, complex)
     refuse_bad_spectrum(frequency, data)
     lines = Lines(frequency, data, np.ones(len(data)))
-    fit = _fitted(lines, _tops(lines))
+    fit = _fit_modes(lines, _peak_candidates(lines))
     _refuse_phase(lines, fit)
-    mode = _main(lines, fit, near_hz)
+    mode = _chosen_mode(lines, fit, near_hz)
     noise = point_noise(data)
     refuse_no_peak(mode.peak, fit.noise, _gain(lines, fit), frequency, np.abs(data))
     refuse_no_resonance(np.abs(data), fit.noise, noise, mode.hz)
     refuse_edge(frequency[0], frequency[-1], mode.hz, mode.q)
     refuse_few(frequency, mode.hz, mode.q)
     inside = tuple(other for other in mode.others if frequency[0] < other[0] < frequency[-1])
-    return _compared(lines, fit, mode._replace(others=inside), fit.noise, near_hz)
+    return _with_circle_check(lines, fit, mode._replace(others=inside), fit.noise, near_hz)
 
 
 def fit_driven(
@@ -158,15 +158,15 @@ def fit_driven(
     _refuse_long(len(y), LONGEST, rate_hz)
     low, high, _ = _excited_band(rate_hz, x, ROUGH_BAND * rate_hz / len(x))
     whole = _lines_of(rate_hz, y, x).between(low / MARGIN, high * MARGIN)
-    starts = _tops(whole)
+    starts = _peak_candidates(whole)
     if near_hz is not None and near_hz < 0.4 * rate_hz:
         starts.append(near_hz)
     lines = whole.between(BELOW * min(starts), ABOVE * max(starts))
     if len(lines.data) > MOST_LINES:
         lines = whole.between(BELOW * min(starts), LEAST_ABOVE * max(starts))
         _refuse_long(len(lines.data), MOST_LINES, len(lines.data) * lines.step_hz)
-    fit = _fitted(lines, starts)
-    mode = _main(lines, fit, near_hz)
+    fit = _fit_modes(lines, starts)
+    mode = _chosen_mode(lines, fit, near_hz)
     _refuse_short(len(y) / rate_hz, mode.hz)
     own = 3 * mode.place + np.arange(3)
     spectrum = np.zeros(len(y) // 2 + 1, dtype=complex)
@@ -178,7 +178,7 @@ def fit_driven(
     lower, upper, step = _excited_band(rate_hz, x, mode.hz)
     # The finer look may mistake drift for excitation, and the coarser one is uncertain by its step.
     refuse_edge(max(low + step, lower), max(high, upper), mode.hz, mode.q, "the excited band", "the excitation", step)
-    return _compared(lines, fit, mode, noise * mode.peak / answer, near_hz)
+    return _with_circle_check(lines, fit, mode, noise * mode.peak / answer, near_hz)
 
 
 def fit_decay(rate_hz: float, displacement: np.ndarray, near_hz: float | None = None) -> ResonanceFit:
@@ -199,23 +199,23 @@ def fit_decay(rate_hz: float, displacement: np.ndarray, near_hz: float | None = 
         )
     y = y[first : first + LONGEST_DECAY]
     whole = _lines_of(rate_hz, y)
-    hz, q = _start(whole.between(0, ABOVE * _tops(whole)[0]), _tops(whole)[:1])
+    hz, q = _start(whole.between(0, ABOVE * _peak_candidates(whole)[0]), _peak_candidates(whole)[:1])
     seconds = max(min(DECAY_TAUS * q / (np.pi * hz), MOST_LINES / (ABOVE * hz)), DECAY_PERIODS / hz)
     y = y[: int(seconds * rate_hz) + 1]
     _refuse_short(len(y) / rate_hz, hz)
     lines = _lines_of(rate_hz, y).between(BELOW * hz, ABOVE * hz)
-    fit = _fitted(lines, [hz])
-    mode = _main(lines, fit, near_hz)
+    fit = _fit_modes(lines, [hz])
+    mode = _chosen_mode(lines, fit, near_hz)
     noise = _sample_noise(lines, fit)
     refuse_hidden(mode.peak, noise, _gain(lines, fit), "free decay")
-    return _compared(lines, fit, mode, noise, near_hz)
+    return _with_circle_check(lines, fit, mode, noise, near_hz)
 
 
 def rough_hz(rate_hz: float, displacement: np.ndarray, squared_current: np.ndarray | None = None) -> float:
     """Estimate the resonance in Hz: the largest velocity per excitation, or the largest line of a free decay."""
     if squared_current is not None:
-        return _tops(_lines_of(rate_hz, displacement, squared_current))[0]
-    return _tops(_lines_of(rate_hz, displacement[_largest(displacement) :][:LONGEST_DECAY]))[0]
+        return _peak_candidates(_lines_of(rate_hz, displacement, squared_current))[0]
+    return _peak_candidates(_lines_of(rate_hz, displacement[_largest(displacement) :][:LONGEST_DECAY]))[0]
 
 
 def current_of_voltage(rate_hz: float, voltage: np.ndarray, resistance: float, inductance: float) -> np.ndarray:
@@ -247,7 +247,7 @@ def _largest(y: np.ndarray) -> int:
     return max(int(y.argmax()), int(y.argmin()), key=lambda k: abs(float(y[k]) - middle))
 
 
-def _tops(lines: Lines) -> list[float]:
+def _peak_candidates(lines: Lines) -> list[float]:
     """Return frequencies in Hz to start at: the largest averaged mobility and the largest explained power."""
     from scipy.ndimage import uniform_filter1d
 
@@ -279,17 +279,17 @@ def _start(lines: Lines, tops: list[float], before: np.ndarray | None = None) ->
     return np.array(tried[int(np.argmin(left))])
 
 
-def _fitted(lines: Lines, tops: list[float]) -> SeparableFit:
+def _fit_modes(lines: Lines, tops: list[float]) -> SeparableFit:
     """Fit modes one after the other, at the peaks of the residual, as long as each is worth its parameters."""
     fit = _least_squares(lines, np.log(_start(lines, tops)))
     for _ in range(MOST_MODES - 1):
         numbers = (len(fit.covariance) + 5) / 2
         rounding = fit.noise < SMALLEST_NOISE * np.abs(lines.data).max()
-        if rounding or len(lines.data) < numbers or not _structured(fit):
+        if rounding or len(lines.data) < numbers or not _has_structure(fit):
             break
-        start = _start(lines, _tops(lines._replace(data=fit.residual)), fit.theta)
+        start = _start(lines, _peak_candidates(lines._replace(data=fit.residual)), fit.theta)
         more = _least_squares(lines, np.concatenate([fit.theta, np.log(start)]))
-        if not _better(lines, fit, more):
+        if not _is_better(lines, fit, more):
             break
         fit = more
     return fit
@@ -331,14 +331,14 @@ def _free(lines: Lines, pole: complex) -> np.ndarray:
     return np.asarray(np.expm1(pole * lines.samples / lines.rate_hz) / np.expm1(z))
 
 
-def _structured(fit: SeparableFit) -> bool:
+def _has_structure(fit: SeparableFit) -> bool:
     """Return whether the residual stands out of white noise somewhere, or is correlated between neighbours."""
     highest = float(np.abs(fit.residual).max()) ** 2
     # The square of complex noise exceeds m times its mean with probability exp(-m).
     return highest > fit.noise**2 * (np.log(len(fit.residual)) + 4) or correlation_factor(fit.residual) > 1
 
 
-def _better(lines: Lines, fit: SeparableFit, more: SeparableFit) -> bool:
+def _is_better(lines: Lines, fit: SeparableFit, more: SeparableFit) -> bool:
     """Return whether a further mode is worth its four parameters, resolved, and apart from the others."""
     before, after = (float(np.linalg.norm(f.residual)) ** 2 for f in (fit, more))
     if before - after < WORTH * more.noise**2 / 2:
@@ -351,8 +351,8 @@ def _better(lines: Lines, fit: SeparableFit, more: SeparableFit) -> bool:
     return bool(resolved and placed.all() and near.sum() == len(hz))
 
 
-def _main(lines: Lines, fit: SeparableFit, near_hz: float | None) -> Mode:
-    """Return the largest mode; with `near_hz`, the nearest to it of those of comparable size."""
+def _chosen_mode(lines: Lines, fit: SeparableFit, near_hz: float | None) -> Mode:
+    """Return the largest mode; with `near_hz`, the nearest to it among modes of comparable size."""
     hz, q = np.exp(fit.theta.reshape(-1, 2)).T
     peak = np.array([np.linalg.norm(fit.coefficients[lines.own_columns(k)]) for k in range(len(hz))])
     away = -peak if near_hz is None else np.abs(np.log(hz / near_hz))
@@ -373,7 +373,9 @@ def _sample_noise(lines: Lines, fit: SeparableFit) -> float:
     return fit.noise * float(np.sqrt(2 * len(lines.data))) / lines.samples
 
 
-def _compared(lines: Lines, fit: SeparableFit, mode: Mode, noise: float, near_hz: float | None) -> ResonanceFit:
+def _with_circle_check(
+    lines: Lines, fit: SeparableFit, mode: Mode, noise: float, near_hz: float | None
+) -> ResonanceFit:
     """Return the least-squares result beside the circle's, which is fitted to the data without all other terms."""
     if near_hz is None:
         refuse_two(mode.hz, mode.peak, mode.others)
@@ -406,7 +408,7 @@ def _refuse_phase(lines: Lines, fit: SeparableFit) -> None:
     if fit.noise < 0.05 * np.abs(lines.data).max():
         return
     turned = lines._replace(data=lines.data.conj())
-    other = _least_squares(turned, np.log(_start(turned, _tops(turned))))
+    other = _least_squares(turned, np.log(_start(turned, _peak_candidates(turned))))
     if other.noise < 0.5 * fit.noise:
         raise SolverError(
             f"the phase rises through the peak at {number(float(np.exp(other.theta[0])))} Hz, where that of a"

@@ -151,8 +151,9 @@ def _refuse_numbers(values: np.ndarray, point: str, everywhere: str) -> None:
 def refuse_hidden(peak: float, noise: float, gain: float, what: str) -> None:
     """Refuse a record whose motion is hidden in the noise of its samples; `gain` is as in `refuse_no_peak`."""
     if peak < LEAST_PEAK * noise or gain < LEAST_GAIN:
-        weak = _too_weak(peak, noise, "sample")
-        raise SolverError(f"shows no {what}: the best one {weak}; excite more, or leave this taxel out")
+        raise SolverError(
+            f"shows no {what}: the best one {_too_weak(peak, noise, 'sample')}; excite more, or leave this taxel out"
+        )
 
 
 def _too_weak(peak: float, noise: float, point: str) -> str:
@@ -175,9 +176,8 @@ def refuse_no_peak(peak: float, noise: float, gain: float, frequency_hz: np.ndar
         if away < ends and size[place] > 3 * np.median(size):
             hz = number(float(frequency_hz[place]))
             raise SolverError(f"the response is largest at the {end} end of the sweep, {hz} Hz, without a peak; {cure}")
-    weak = _too_weak(peak, noise, "point")
     raise SolverError(
-        f"shows no resonance between {number(low)} and {number(high)} Hz: the best one {weak};"
+        f"shows no resonance between {number(low)} and {number(high)} Hz: the best one {_too_weak(peak, noise, 'point')};"
         " excite more, average longer, or leave this taxel out"
     )
 
@@ -233,8 +233,8 @@ def refuse_two(hz: float, peak: float, others: tuple[tuple[float, float], ...]) 
         if other_peak >= COMPARABLE * peak:
             low, high = sorted((hz, other_hz))
             raise SolverError(
-                f"has two peaks, at {number(low)} and {number(high)} Hz, the smaller {number(other_peak / peak)} times the"
-                " larger; sweep only around the taxel's own, or choose the one nearest to the plan"
+                f"has two peaks, at {number(low)} and {number(high)} Hz, the smaller {number(other_peak / peak)} times"
+                " the larger; sweep only around the taxel's own, or choose the one nearest to the plan"
             )
 
 

@@ -57,7 +57,7 @@ class RootMargin(NamedTuple):
     constant: float
 
 
-class _Seen(NamedTuple):
+class _Sampled(NamedTuple):
     """A sum of lines in A² at samples, its slope in A²/s, and the window of its spectrum."""
 
     force: np.ndarray
@@ -71,8 +71,8 @@ class _Coil(NamedTuple):
     hz: np.ndarray
     line: np.ndarray
     least: float
-    spectrum: _Seen
-    peak: _Seen
+    spectrum: _Sampled
+    peak: _Sampled
     finer_hz: float
     band_hz: float
     resistance_ohm: float
@@ -102,12 +102,12 @@ def root_margin(
         return RootMargin(np.full(len(k), LEAST_SHARE), -np.inf, 0.0, 0.0)
     finer = round(FINER * rate_hz * period_s)
     whole = finer <= MOST_SAMPLES
-    coarse = _period(k, line, phase, period_s, finer if whole else 1 << (PER_CYCLE * int(k.max()) - 1).bit_length())
+    coarse = _one_period(k, line, phase, period_s, finer if whole else 1 << (PER_CYCLE * int(k.max()) - 1).bit_length())
     coil = _Coil(
         k / period_s,
         line,
         float(least_constant(k, line, phase)[0]),
-        coarse if whole else _piece(k, line, phase, period_s, FINER * rate_hz, coarse.force),
+        coarse if whole else _deepest_piece(k, line, phase, period_s, FINER * rate_hz, coarse.force),
         coarse,
         FINER * rate_hz,
         min(rate_hz / 2, bandwidth_hz or np.inf),
@@ -116,12 +116,12 @@ def root_margin(
     )
     margin = _smallest(lambda h: _together_db(coil, h), _smallest(lambda h: _alone_db(coil, h), SMALLEST))
     margin = _within_limit(coil, margin, voltage_limit_v)
-    share = _share(coil, margin)
+    share = _margin_share(coil, margin)
     alias = max(_alone_db(coil, margin), _together_db(coil, margin))
     return RootMargin(share, alias, _peak_v(coil, margin), float((coil.least + share @ line) / line.sum()))
 
 
-def _share(coil: _Coil, margin: float) -> np.ndarray:
+def _margin_share(coil: _Coil, margin: float) -> np.ndarray:
     """Return the margin (n,) over each line's amplitude: in proportion to the squared frequency, at least
     `LEAST_SHARE`.
     """
@@ -129,16 +129,16 @@ def _share(coil: _Coil, margin: float) -> np.ndarray:
     return share
 
 
-def _period(k: np.ndarray, line: np.ndarray, phase: np.ndarray, period_s: float, points: int) -> _Seen:
+def _one_period(k: np.ndarray, line: np.ndarray, phase: np.ndarray, period_s: float, points: int) -> _Sampled:
     """Return one period of all lines."""
     omega = 2 * np.pi * k / period_s
     force = waveform(k, line[None], phase, points)[0]
-    return _Seen(force, waveform(k, (omega * line)[None], phase + np.pi / 2, points)[0], np.ones(points))
+    return _Sampled(force, waveform(k, (omega * line)[None], phase + np.pi / 2, points)[0], np.ones(points))
 
 
-def _piece(
+def _deepest_piece(
     k: np.ndarray, line: np.ndarray, phase: np.ndarray, period_s: float, finer_hz: float, coarse: np.ndarray
-) -> _Seen:
+) -> _Sampled:
     """Return a piece of a long period at its deepest dip, to stand for the whole."""
     time = int(coarse.argmin()) / len(coarse) * period_s + (np.arange(PIECE) - PIECE // 2) / finer_hz
     force, slope = np.zeros(PIECE), np.zeros(PIECE)
@@ -146,7 +146,7 @@ def _piece(
         angle = omega * time + start
         force += a * np.cos(angle)
         slope -= omega * a * np.sin(angle)
-    return _Seen(force, slope, np.kaiser(PIECE, WINDOW))
+    return _Sampled(force, slope, np.kaiser(PIECE, WINDOW))
 
 
 def _voltage(coil: _Coil, force: np.ndarray, slope: np.ndarray) -> np.ndarray:
@@ -156,9 +156,9 @@ def _voltage(coil: _Coil, force: np.ndarray, slope: np.ndarray) -> np.ndarray:
     return volts
 
 
-def _together_v(coil: _Coil, seen: _Seen, margin: float) -> np.ndarray:
+def _together_v(coil: _Coil, seen: _Sampled, margin: float) -> np.ndarray:
     """Return the voltage (samples,) in V with all channels on."""
-    return _voltage(coil, coil.least + _share(coil, margin) @ coil.line + seen.force, seen.slope)
+    return _voltage(coil, coil.least + _margin_share(coil, margin) @ coil.line + seen.force, seen.slope)
 
 
 def _alone_v(coil: _Coil, margin: float) -> np.ndarray:
@@ -166,7 +166,7 @@ def _alone_v(coil: _Coil, margin: float) -> np.ndarray:
     most = int(coil.finer_hz / coil.hz.min())
     fewest, largest = ALONE_SAMPLES
     angle = np.arange(samples := min(max(1 << most.bit_length(), fewest), largest)) * (2 * np.pi / samples)
-    force = coil.line[:, None] * ((1 + _share(coil, margin))[:, None] + np.cos(angle))
+    force = coil.line[:, None] * ((1 + _margin_share(coil, margin))[:, None] + np.cos(angle))
     return _voltage(coil, force, -np.outer(2 * np.pi * coil.hz * coil.line, np.sin(angle)))
 
 

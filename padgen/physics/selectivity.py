@@ -212,7 +212,7 @@ def pair_lines(
 
 def line_energy(which: Channels, part: Lines, modes: ModalTaxels | None = None) -> np.ndarray:
     """Return the energy (n, k, l) of taxels under lines, over that of their own ON states."""
-    energy: np.ndarray = _heard(which, part, modes, slice(None)) / which.line[:, None, None] ** 2
+    energy: np.ndarray = _line_response(which, part, modes, slice(None)) / which.line[:, None, None] ** 2
     return energy
 
 
@@ -239,7 +239,7 @@ def off_energy(
         rows = max(BLOCK // (each * part.hz.shape[0] * part.hz.shape[1]), 1)
         for start in range(0, len(result), rows):
             own = slice(start, start + rows)
-            heard = _heard(which, part, modes, own).sum(1)
+            heard = _line_response(which, part, modes, own).sum(1)
             # A taxel's own lines are left out before adding; subtracting them later would leave rounding errors.
             for maker in part.makers:
                 there = np.flatnonzero((maker >= start) & (maker < start + rows))
@@ -281,7 +281,7 @@ def loudest_line(
     """
     loudest, found = -1.0, (tuple[int, ...]((off,)), "tone")
     for part in scheme_lines(which, scheme):
-        heard = _heard(which, part, modes, slice(off, off + 1))[0]
+        heard = _line_response(which, part, modes, slice(off, off + 1))[0]
         heard[:, np.any([maker == off for maker in part.makers], axis=0)] = -1.0
         kind, at = np.unravel_index(int(heard.argmax()), heard.shape)
         if heard[kind, at] > loudest:
@@ -300,7 +300,7 @@ def _pairs(count: int) -> tuple[np.ndarray, np.ndarray]:
     return pairs[0], pairs[1]
 
 
-def _heard(which: Channels, part: Lines, modes: ModalTaxels | None, rows: slice) -> np.ndarray:
+def _line_response(which: Channels, part: Lines, modes: ModalTaxels | None, rows: slice) -> np.ndarray:
     """Return the energy (rows, k, l, …) of taxels under lines, over that under a line of 1 at their own resonance."""
     if modes is None:
         hz, q = which.resonance_hz[rows, None, None], which.q[rows, None, None]

@@ -61,7 +61,7 @@ def separable_fit(
 
     def slopes_left(u: np.ndarray) -> np.ndarray:
         columns = _parts(model(start + units * u))
-        return -_beside(columns, slopes(u, coefficients(columns))) / size
+        return -_orthogonal_part(columns, slopes(u, coefficients(columns))) / size
 
     found = least_squares(
         lambda u: left_over(model(start + units * u), data) / size,
@@ -94,10 +94,10 @@ def unit_covariance(jacobian: np.ndarray) -> np.ndarray:
 
 def left_over(basis: np.ndarray, data: np.ndarray) -> np.ndarray:
     """Return the residual (2 n,) of `data` after `basis` (n, k) with real factors: real parts, then imaginary parts."""
-    return _beside(_parts(basis), _parts(data))
+    return _orthogonal_part(_parts(basis), _parts(data))
 
 
-def _beside(columns: np.ndarray, values: np.ndarray) -> np.ndarray:
+def _orthogonal_part(columns: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Return the part of `values` orthogonal to the columns."""
     q = np.linalg.qr(columns / _norms(columns))[0]
     return np.asarray(values - q @ (q.T @ values))
