@@ -265,9 +265,7 @@ def _process(aside: str) -> int:
 
 
 def _runs(aside: str) -> bool:
-    """Return whether the process of a folder aside still runs, and is another one; a folder without a process counts as
-    used.
-    """
+    """Return whether another process, the owner of a folder aside, still runs; without an owner, return True."""
     import psutil
 
     process = _process(aside)

@@ -74,11 +74,11 @@ LONGEST_PIPE_S = 10.0
 
 
 def json_text(table: Any) -> str:
-    """Return JSON in the form of all files: ten significant digits, so that platforms agree, and null for NaN and
-    infinity.
+    """Return JSON in the form of all files: numbers with ten significant digits, null for NaN and infinity.
 
-    An entry called `spec` is input, not a result: its numbers are written in full, so that they read back unchanged.
-    Takes plain data and dataclasses. Same layout as ``json.dumps`` with an indent of 1, but faster.
+    Ten digits agree between platforms. An entry called `spec` is input, not a result: its numbers are written in full,
+    so that they read back unchanged. Takes plain data and dataclasses. Same layout as ``json.dumps`` with an indent of
+    1, but faster.
     """
     return _whole(_json(table, "\n", False)) + "\n"
 

@@ -17,11 +17,10 @@ LOCKED_BYTE = 1 << 30
 
 @contextmanager
 def locked(path: Path, patience_s: float) -> Iterator[bool | None]:
-    """Hold a lock, or continue without it; yield True with the lock, False where another process kept it for
-    `patience_s`.
+    """Hold a lock, or continue without it.
 
-    Yields None where the file system has no locks; nobody is then kept out. The file exists as long as the lock is
-    held.
+    Yields True with the lock, False where another process kept it for `patience_s`, and None where the file system has
+    no locks; nobody is then kept out. The file exists as long as the lock is held.
     """
     file, has_lock, end = -1, None, time.monotonic() + patience_s
     try:

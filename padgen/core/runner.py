@@ -190,9 +190,7 @@ class Runner:
         return worker
 
     def _release(self, worker: "_Worker", most_mb: float) -> None:
-        """Make a worker available again, unless it has grown so large that the next job would be charged for its
-        memory.
-        """
+        """Make a worker available again, unless it has grown too large for the next job's memory limit."""
         grown = most_mb < inf and memory_mb(worker.pid) > most_mb / 2
         with self._lock:
             if not (grown or worker.ended or self._closed):
@@ -374,9 +372,7 @@ def uninterrupted() -> Iterator[None]:
 
 
 def memory_mb(pid: int) -> float:
-    """Return the resident memory of a process and all its descendants in MB (10⁶ bytes); 0 where the system does not
-    tell.
-    """
+    """Return the resident memory of a process and all its descendants in MB (10⁶ bytes); 0 where it is unknown."""
     import psutil
 
     total = 0
@@ -393,7 +389,7 @@ def reset_peak() -> None:
 
 
 def peak_mb() -> float | None:
-    """Return the peak resident memory of this process in MB (10⁶ bytes); None where the system does not tell."""
+    """Return the peak resident memory of this process in MB (10⁶ bytes); None where it is unknown."""
     with suppress(OSError):
         # ru_maxrss would include the parent's memory before the fork.
         for line in Path("/proc/self/status").read_text().splitlines():
@@ -471,9 +467,7 @@ def _conditions(imports: tuple[str, ...]) -> tuple[Any, ...]:
 
 
 def _is_life_line(descriptor: int) -> bool:
-    """Return whether a worker can use the parent's pipe: on Linux, and not one of the standard streams, which it
-    replaces.
-    """
+    """Return whether a worker can use the parent's pipe: on Linux, and not as one of its standard streams."""
     return sys.platform == "linux" and descriptor > 2
 
 

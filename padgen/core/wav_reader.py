@@ -72,8 +72,9 @@ class Wave:
         return self._unpacked(self._raw()[start:stop])
 
     def channel(self, index: int, compact: bool = False) -> np.ndarray:
-        """Return the samples (count,) of one channel: doubles, or with `compact` single floats where these hold them
-        exactly.
+        """Return the samples (count,) of one channel as doubles.
+
+        With `compact` they are single floats where these hold the samples exactly.
         """
         raw = self._raw()
         starts = range(0, self.count, READ_BYTES)

@@ -124,9 +124,7 @@ def plan_tuned_to_solid(spec: Spec, progress: Progress = lambda step: None) -> P
 
 
 def _goals(spec: Spec, channels: Sequence[SizedChannel]) -> list[float]:
-    """Return each taxel's wanted resonance in Hz: its target, or with coarse steps of the printer its printable
-    resonance.
-    """
+    """Return each taxel's wanted resonance in Hz: its target, or with coarse printer steps its printable one."""
     coarse = steps_are_coarse(spec) and not spec.resonances_hz
     return [float(c.model.resonance_hz) if coarse else c.target_hz for c in channels]
 

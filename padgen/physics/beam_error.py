@@ -94,11 +94,10 @@ def uncertain_energies(beam: BeamPlacement, modes: Modes, modulus: float, poisso
 def relative_error(
     energies: np.ndarray, frequency_hz: np.ndarray, working: np.ndarray, floor: Array = FLOOR
 ) -> np.ndarray:
-    """Return the relative error (…, 6) of each frequency from the energies (…, 6, parts) of all beams, at least
-    `floor`.
+    """Return the relative error (…, 6) of each frequency from the energies (…, 6, parts) of all beams.
 
-    For modes other than the `working` one (…,) the model leaves out more: how yoke, wall and plate yield along and
-    across the beam, and the beams' inertia. Their estimate is larger accordingly.
+    It is at least `floor`. For modes other than the `working` one (…,) the model leaves out more: how yoke, wall and
+    plate yield along and across the beam, and the beams' inertia. Their estimate is larger accordingly.
     """
     share = energies / (2 * np.pi * frequency_hz[..., None]) ** 2 / 2
     share[..., -1] /= 1 + share[..., -1]  # first order in the plate's share would overrate a very flexible plate

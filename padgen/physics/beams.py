@@ -213,8 +213,9 @@ def tip_mass(section: BeamSection, density: float, poisson: Array = 0.3) -> np.n
 
 
 def bent_slowness(section: BeamSection, modulus: Array, poisson: Array, density: float) -> Array:
-    """Return an upper bound of 1/ω² in s² for the lowest mode of a bent beam held at both ends: Dunkerley's sum over
-    slices.
+    """Return an upper bound of 1/ω² in s² for the lowest mode of a bent beam held at both ends.
+
+    It is Dunkerley's sum over slices.
     """
     slowness = []
     for plane in _planes(section, modulus, poisson):
@@ -400,12 +401,11 @@ def _planes(section: BeamSection, modulus: Array, poisson: Array) -> tuple[_Plan
 
 
 def bend_stiffening(curved: Array) -> Array:
-    """Return how many times stiffer a bend is out of its plane than a straight beam; `curved` is width over twice the
-    radius.
+    """Return how many times stiffer a bend is out of its plane than a straight beam.
 
-    Slices turn as rigid sections, over less length on the inner side. This is the first term of the mean across the
-    width of the axis' radius over the local radius (as in Winkler's theory of thick curved bars, Timoshenko, Strength
-    of Materials). The full series overrates sharp bends (docs/accuracy.md).
+    `curved` is the width over twice the radius. Slices turn as rigid sections, over less length on the inner side. This
+    is the first term of the mean across the width of the axis' radius over the local radius (as in Winkler's theory of
+    thick curved bars, Timoshenko, Strength of Materials). The full series overrates sharp bends (docs/accuracy.md).
     """
     return 1 + curved**2 / 3
 
@@ -424,10 +424,10 @@ def _plane(
     ends: tuple[list[Array], list[Array]],
     inertia: list[Array],
 ) -> _Plane:
-    """Return the flexibility in one plane from `compliance` and `inertia` (over density) per length and the ends'
-    compliance.
+    """Return the flexibility in one plane from its parts.
 
-    `within` is the internal load in each slice per unit load on the tip.
+    `within` is the internal load in each slice per unit load on the tip, `back` as in `_Plane`. `compliance` and
+    `inertia` (over density) are per length; `ends` are the compliances of root and tip.
     """
     root, tip = (columns(end) for end in ends)
     share = slices.share[..., None]
@@ -436,8 +436,9 @@ def _plane(
 
 
 def _loads(section: BeamSection, load: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return internal loads (…, k, 6) at the slices of a bent beam for a `load` (…, 6) on its tip, and widths (…, k) in
-    m.
+    """Return internal loads (…, k, 6) at the slices of a bent beam for a `load` (…, 6) on its tip.
+
+    The second result is the width (…, k) of each slice in m.
     """
     slices = sliced(section.path, section.width, section.fillet)
     parts = [

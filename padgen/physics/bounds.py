@@ -43,11 +43,11 @@ def beam_inertia(
     poisson: float,
     density: float,
 ) -> np.ndarray:
-    """Return the relative error (n,) of a resonance at `frequency` (n,) Hz from beam inertia that `tip_mass` leaves
-    out.
+    """Return the relative error (n,) of a resonance from beam inertia that `tip_mass` leaves out.
 
-    `motion` (n, 6) of the body is mass-normalised, at its point `reference` (n, 3), as in `modes.Modes`. A beam that is
-    condensed to its tip lacks three terms, as shares of the mode's kinetic energy:
+    The resonance is at `frequency` (n,) in Hz. `motion` (n, 6) of the body is mass-normalised, at its point `reference`
+    (n, 3), as in `modes.Modes`. A beam that is condensed to its tip lacks three terms, as shares of the mode's kinetic
+    energy:
 
     - its own modes between held ends: between 0 and ``T ω²/(ω₁² − ω²)``, with the beam's share T and the lowest of
       these modes ω₁ (the exact dynamic stiffness in partial fractions, in which the shares of the modes in T add to 1);
@@ -70,8 +70,9 @@ def beam_inertia(
 def _missed_energy(
     section: BeamSection, tip: np.ndarray, square: np.ndarray, modulus: float, poisson: float, density: float
 ) -> tuple[Any, Any]:
-    """Return the least and the most kinetic energy that a beam lacks, over that of the mode; `tip` (…, 6) is its tip's
-    motion.
+    """Return the least and the most kinetic energy that `tip_mass` misses of a beam, over that of the mode.
+
+    `tip` (…, 6) is the motion of the beam's tip.
     """
     if section.path:
         # The mass of a bent beam includes rotary inertia, compliance of its ends and shear already.
@@ -189,10 +190,9 @@ def washer_magnetised(
 
 
 def core_polarisation(coil: CoilSource) -> tuple[float, float]:
-    """Return the largest mean polarisation in T/A of a section of the core, and the core's χN; 0 and inf without a
-    core.
+    """Return the largest mean polarisation in T/A of a section of the core, and the core's χN.
 
-    The flux through a section is the magnetic charge on the core above it.
+    The flux through a section is the magnetic charge on the core above it. Without a core the result is 0 and inf.
     """
     core = charged_core(coil)
     if core is None:

@@ -78,8 +78,9 @@ def winding_rings(windings: tuple[Winding, ...], step: float) -> tuple[np.ndarra
 
 
 def flux_density(coil: CoilSource, radius: np.ndarray, height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return radial and axial flux density in T per ampere at points above the coil's top face; arrays of one shape, in
-    m.
+    """Return radial and axial flux density in T per ampere at points above the coil's top face.
+
+    `radius` and `height` are arrays of one shape, in m.
     """
     radius, height = np.broadcast_arrays(np.asarray(radius, float), np.asarray(height, float))
     step = max(float(height.min(initial=np.inf)) / 2, coil.outer_diameter / MOST_RINGS)

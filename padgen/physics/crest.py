@@ -86,11 +86,10 @@ def low_crest_phases(harmonic: np.ndarray, amplitude: np.ndarray) -> np.ndarray:
 
 
 def least_constant(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray) -> np.ndarray:
-    """Return the least F₀ (s,) of states `amplitude` (s, n): ``−min_x Σ_j A_sj cos(k_j x + φ_j)``, 0 for a silent
-    state.
+    """Return the least F₀ (s,) of states `amplitude` (s, n): ``−min_x Σ_j A_sj cos(k_j x + φ_j)``.
 
-    At most rounding above the true value and at most `EXACT` Σ A below it. A grid comes first; then each of its pieces
-    in which a Taylor bound allows a deeper dip is divided, until no piece is left.
+    It is 0 for a silent state; otherwise at most rounding above the true value and at most `EXACT` Σ A below it. A grid
+    comes first; then each of its pieces in which a Taylor bound allows a deeper dip is divided, until no piece is left.
     """
     k, a = np.asarray(harmonic, int), np.atleast_2d(np.asarray(amplitude, float))
     result = np.zeros(len(a))
@@ -107,8 +106,9 @@ def least_constant(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarra
 
 
 def waveform(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray, points: int) -> np.ndarray:
-    """Return ``Σ_j A_sj cos(k_j x + φ_j)`` (s, points) at x = 2π p/points, for amplitudes (s, n); requires 2 k <
-    points.
+    """Return ``Σ_j A_sj cos(k_j x + φ_j)`` (s, points) at x = 2π p/points, for amplitudes (s, n).
+
+    The harmonics must be below half of `points`.
     """
     lines = np.asarray(amplitude) * np.exp(1j * np.asarray(phase)) / 2
     spectrum = np.zeros((len(lines), points // 2 + 1), complex)
@@ -159,9 +159,7 @@ def _least_of_parabola(slope: np.ndarray, curve: np.ndarray, half: float) -> tup
 
 
 class _Descent(NamedTuple):
-    """State of a descent: phases (n,), depths (m,) of the sum's dips, their slopes (m, n) by the phases, the trust
-    region.
-    """
+    """State of a descent: phases (n,), the dips' depths (m,) and slopes (m, n) by the phases, the trust region."""
 
     phase: np.ndarray
     depth: np.ndarray

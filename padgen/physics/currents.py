@@ -47,9 +47,7 @@ def mean_square_a2(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.
 
 
 def current_lines_a(scheme: Scheme, line_a2: np.ndarray, headroom: float = 0.0) -> np.ndarray:
-    """Return the peak current (n,) in A of each channel: of its tone; for spur-free, of the coil with that channel
-    alone on.
-    """
+    """Return the peak current (n,) in A of each channel's tone; spur-free, of the coil with that channel alone on."""
     return scheme.kind.current_lines_a(scheme, line_a2, headroom)
 
 

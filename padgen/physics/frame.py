@@ -199,8 +199,9 @@ def _stacked_root(frame: Frame) -> np.ndarray:
 
 
 def _mass_root(frame: Frame, free: np.ndarray) -> np.ndarray:
-    """Return the square root (r, f) of the mass, mass = rootᵀ root, which keeps the digits of light parts beside heavy
-    ones.
+    """Return the square root (r, f) of the mass, mass = rootᵀ root.
+
+    A square root keeps the digits of light parts beside heavy ones.
     """
     rows = [_placed(frame, k, element_mass_root) @ free for k in range(len(frame.elements))]
     for k, attached in enumerate(frame.bodies):

@@ -34,8 +34,10 @@ _PLANES = ((2, 4, -1.0), (1, 5, 1.0))
 
 
 class Section(NamedTuple):
-    """A cross-section: area in m², second moments in m⁴ for bending `up` and `across`, torsion constant in m⁴, and
-    shear coefficients in both planes.
+    """A cross-section of an element.
+
+    Area in m², second moments in m⁴ for bending `up` and `across`, torsion constant in m⁴, and shear coefficients in
+    both planes.
     """
 
     area: float

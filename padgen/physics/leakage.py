@@ -50,13 +50,13 @@ def leakage(
     neighbours: np.ndarray,
     far: np.ndarray | None = None,
 ) -> Leakage:
-    """Return the leakage on washers at `place` (n, 2) in m from their coil, by coils at `neighbours` and `far` (k, 2)
-    in m.
+    """Return the leakage on washers from the coils around their own.
 
-    `far` coils are replaced by their poles (`physics.poles`) and come last in the result. Every coil with its core
-    magnetises the washer. Neighbours also magnetise the own coil's core, whose field magnetises the washer further;
-    other cores act on each other as dipoles. The force is that of the fields on the washer's charges. The effect of the
-    washer on cores is left out.
+    The washers are at `place` (n, 2) in m from the axis of their own coil, the other coils at `neighbours` and `far`
+    (k, 2). `far` coils are replaced by their poles (`physics.poles`) and come last in the result. Every coil with its
+    core magnetises the washer. Neighbours also magnetise the own coil's core, whose field magnetises the washer
+    further; other cores act on each other as dipoles. The force is that of the fields on the washer's charges. The
+    effect of the washer on cores is left out.
     """
     body = _washer(washer)
     turns = 2 * ORDERS + 2
@@ -104,11 +104,10 @@ def _washer(washer: SteelRing) -> SteelBody:
 
 @lru_cache(maxsize=32)
 def _coarse_rings(coil: CoilSource) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return a coil as seen from beside it: three rings for each end of a winding, and one for the core at every
-    height.
+    """Return a coil as a few rings of charge, for its field beside it.
 
-    Radii and heights in m, charges in A per ampere. Each ring has the charge, the mean height and the mean squared
-    radius of its part.
+    Each end of a winding is three rings, and the core one at every height of its nodes. Radii and heights in m, charges
+    in A per ampere. Each ring has the charge, the mean height and the mean squared radius of its part.
     """
     radius, height, density = winding_rings(coil.windings, coil.outer_diameter / 8)
     # Sorted sets, since np.unique would load numpy.ma in every plan.
@@ -185,8 +184,9 @@ def _effective_currents(coil: CoilSource, core: SteelBody, axes: np.ndarray) -> 
 def _core_field(
     core: SteelBody, charge: np.ndarray, points: np.ndarray, height: np.ndarray, angle: np.ndarray, step: float
 ) -> _Parts:
-    """Return the field of `charge` (k, parts, nodes) on the core at `points` (n, j, turns, 2) round each washer, as (n,
-    k, …).
+    """Return the field of `charge` (k, parts, nodes) on the core, round each washer, as (n, k, …).
+
+    The washers' nodes are at `points` (n, j, turns, 2) in m.
     """
     radius, at, shares = fine_rings(core, step)
     rho, around = np.hypot(points[..., 0], points[..., 1]), np.arctan2(points[..., 1], points[..., 0])

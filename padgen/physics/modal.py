@@ -53,8 +53,9 @@ def felt_gains(
 
 
 def modal_taxels(frequency_hz: np.ndarray, gain: np.ndarray, q: np.ndarray, own_hz: np.ndarray) -> ModalTaxels:
-    """Return `ModalTaxels` from felt amplitudes `gain` (n, k, p), each taxel's in any unit, and each own tone `own_hz`
-    (n,).
+    """Return `ModalTaxels` from felt amplitudes `gain` (n, k, p) and each taxel's own tone `own_hz` (n,).
+
+    The amplitudes of a taxel may have any unit.
 
     Raises
     ------

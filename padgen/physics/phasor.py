@@ -100,10 +100,10 @@ def squared(wave: Tones) -> Tones:
 
 
 def circuit_current(voltage: Tones, resistance: float, inductance: float, initial_a: float = 0.0) -> Tones:
-    """Return the current in A of ``u = R i + L di/dt`` from `initial_a` at time 0: one tone per tone of u, and the
-    transient.
+    """Return the current in A of ``u = R i + L di/dt`` from `initial_a` at time 0.
 
-    At times much shorter than L/R the tones cancel: they are exact to 1e-16 of the largest tone, not of their sum.
+    It has one tone for each of the voltage, and the transient. At times much shorter than L/R the tones cancel: they
+    are exact to 1e-16 of the largest tone, not of their sum.
 
     Raises
     ------

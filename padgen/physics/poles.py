@@ -32,8 +32,9 @@ def coil_poles(coil: CoilSource) -> np.ndarray:
 
 
 def pole_field(poles: np.ndarray, height: float, away: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the field (…, 3) in A/m per ampere at `height` in m, and its slope along z; `away` (…, 2) in m from the
-    axis.
+    """Return the field (…, 3) in A/m per ampere at `height` in m, and its slope along z.
+
+    `away` (…, 2) in m is the horizontal distance from the coil's axis.
     """
     charge, below = poles.T
     up = np.broadcast_to((height - below)[:, None], (*away.shape[:-1], len(poles), 1))

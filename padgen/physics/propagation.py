@@ -55,8 +55,9 @@ class _Poles(NamedTuple):
 
 
 class _Driven(NamedTuple):
-    """Tones on resonators, (n, m): exponents a (m,), ``a − s₁``, ``a − s₂``, the smaller of their sizes, force over
-    mass.
+    """Tones on resonators, (n, m).
+
+    The exponents a (m,), ``a − s₁`` and ``a − s₂``, the smaller of their sizes, and the force over mass as a phasor.
     """
 
     exponent: np.ndarray

@@ -92,9 +92,7 @@ class Lines(NamedTuple):
         return self._replace(frequency=self.frequency[keep], data=self.data[keep], excitation=excitation)
 
     def own_columns(self, mode: int) -> np.ndarray:
-        """Return the indices of a mode's columns in the basis: its driven response, or its decay where nothing drove
-        it.
-        """
+        """Return the indices of a mode's columns in the basis: of its driven response, or of its free decay."""
         driven = self.samples and self.excitation is not None
         return np.array([3 * mode]) if driven else 2 * mode + np.arange(2)
 

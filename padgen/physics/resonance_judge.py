@@ -177,8 +177,8 @@ def refuse_no_peak(peak: float, noise: float, gain: float, frequency_hz: np.ndar
             hz = number(float(frequency_hz[place]))
             raise SolverError(f"the response is largest at the {end} end of the sweep, {hz} Hz, without a peak; {cure}")
     raise SolverError(
-        f"shows no resonance between {number(low)} and {number(high)} Hz: the best one {_too_weak(peak, noise, 'point')};"
-        " excite more, average longer, or leave this taxel out"
+        f"shows no resonance between {number(low)} and {number(high)} Hz: the best one"
+        f" {_too_weak(peak, noise, 'point')}; excite more, average longer, or leave this taxel out"
     )
 
 
@@ -248,10 +248,9 @@ def rough_peak(frequency: np.ndarray, size: np.ndarray) -> tuple[float, float]:
 
 
 def point_noise(data: np.ndarray) -> float:
-    """Return the root mean square noise of a point (n,), from the median second difference, which a narrow peak hardly
-    moves.
+    """Return the root mean square noise of a point, from the median second difference of the data (n,).
 
-    For complex data it is of both parts together.
+    A narrow peak hardly changes that median. For complex data the noise is of both parts together.
     """
     second = np.abs(data[2:] - 2 * data[1:-1] + data[:-2])
     # The median of a Rayleigh variable over its root mean square is √ln 2, that of a half-normal one 0.6745.

@@ -122,9 +122,7 @@ def root_margin(
 
 
 def _margin_share(coil: _Coil, margin: float) -> np.ndarray:
-    """Return the margin (n,) over each line's amplitude: in proportion to the squared frequency, at least
-    `LEAST_SHARE`.
-    """
+    """Return the margin (n,) over each line's amplitude: as the squared frequency, at least `LEAST_SHARE`."""
     share: np.ndarray = np.maximum(margin * (coil.hz / coil.hz.max()) ** 2, LEAST_SHARE)
     return share
 

@@ -84,8 +84,7 @@ class BHCurve:
         return np.asarray(np.sign(field_a_per_m) * np.where(size > h[-1], beyond, inside))
 
     def samples(self, about: int = 160) -> tuple[np.ndarray, np.ndarray]:
-        """Return fields and flux densities from the origin on, about `about` points, close enough for straight lines
-        between.
+        """Return about `about` fields and flux densities from the origin on, close enough for straight lines between.
 
         The last point is at a thousand times the last field, on the line of slope μ0.
         """

@@ -81,8 +81,9 @@ class Scheme(NamedTuple):
         return 1.0 if self.has_constant else 0.5
 
     def pair_square(self, a: np.ndarray, b: np.ndarray, strongest: np.ndarray | float) -> np.ndarray:
-        """Return the squared amplitude of a pair's spurs by wanted lines a and b; `strongest` is the line that sets the
-        bias.
+        """Return the squared amplitude of the spurs of two channels with the wanted lines a and b.
+
+        `strongest` is the line that sets the bias.
         """
         return self.kind.pair_square(self, a, b, strongest)
 
@@ -120,11 +121,10 @@ class Channels(NamedTuple):
 
 
 class Lines(NamedTuple):
-    """Lines of i²: frequencies (k, l, …) in Hz, their rounding errors, squared amplitudes, and the channels that make
-    them.
+    """Lines of i² and the channels that make them.
 
-    Each of l channels or pairs makes k lines; `makers` has one array (l,) of channels, or two. Amplitudes are in the
-    unit of `Channels.line`.
+    `hz` are the frequencies (k, l, …), `rest` their rounding errors, `square` the squared amplitudes in the unit of
+    `Channels.line`. Each of l channels or pairs makes k lines; `makers` has one array (l,) of channels, or two.
     """
 
     hz: np.ndarray
@@ -166,8 +166,9 @@ def tone_energy(receivers: Channels, drivers: Channels) -> np.ndarray:
 
 
 def own_lines(of: Channels, scheme: Scheme, most: int = MANY) -> Iterator[Lines]:
-    """Yield the wanted lines of channels (n, …), with the second harmonics of biased tones, of up to `most` channels at
-    a time.
+    """Yield the wanted lines of channels (n, …), with the second harmonics of biased tones.
+
+    Each yield has up to `most` channels.
     """
     each = np.arange(len(of.line))
     for start in range(0, len(each), most):

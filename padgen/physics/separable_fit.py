@@ -85,8 +85,8 @@ def separable_fit(
 
 
 def unit_covariance(jacobian: np.ndarray) -> np.ndarray:
-    """Return the covariance (p, p) by the linear rule, for noise of variance 1 in data with the slopes `jacobian` (n,
-    p).
+    """Return the covariance (p, p) by the linear rule, for data of the slopes `jacobian` (n, p) and noise of variance
+    1.
     """
     norm = _norms(jacobian)
     return np.linalg.pinv((jacobian / norm).T @ (jacobian / norm), rcond=1e-15, hermitian=True) / np.outer(norm, norm)

@@ -31,8 +31,9 @@ contact radius of 5 mm. Low: E = 25 kPa; high: a margin for firmer touch.
 
 
 def touched(skin: Skin, radius: float, stiffness: Any, mass: Any, q: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return resonance in Hz, Q and stiffness in N/m of taxels under skin, from those in air; SI units, `mass`
-    effective.
+    """Return resonance in Hz, Q and stiffness in N/m of taxels under skin, from those in air.
+
+    All in SI units; `mass` is the effective one, `radius` that of the contact.
 
     >>> hz, q, k = touched(SKINS["typical"], 1.25e-3, 17.95, 1.45e-4, 15.0)
     >>> f"{hz:.0f} Hz, Q {q:.1f}, {k:.0f} N/m"

@@ -117,10 +117,9 @@ def steel_body(sides: Sequence[Side], permeability: float, most: int) -> SteelBo
 def _layers(
     side: Side, node: np.ndarray, radius: np.ndarray, height: np.ndarray, own: slice, most: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the potentials (m, n, nodes) at all nodes of single and double layers on a side, for each of its
-    polynomials.
+    """Return the potentials (m, n, nodes) of single and double layers on a side, for each of its polynomials.
 
-    By Gauss points on either side of the place nearest to the node, crowding towards it.
+    They are at all nodes, by Gauss points on either side of the place nearest to the node, crowding towards it.
     """
     start, along = np.array(side.start), np.subtract(side.end, side.start)
     share = np.clip(((radius - start[0]) * along[0] + (height - start[1]) * along[1]) / side.length**2, 0, 1)
@@ -161,10 +160,10 @@ def _lagrange(node: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 
 def fine_rings(body: SteelBody, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return rings of charge for fields near the body: radii and heights in m, shares (rings, nodes) of the nodes'
-    charge.
+    """Return rings of charge for fields near the body.
 
-    Rings on the topmost side are at most `step` m apart; elsewhere they lie at the nodes.
+    Radii and heights in m, and shares (rings, nodes) of the nodes' charge. Rings on the topmost side are at most `step`
+    m apart; elsewhere they lie at the nodes.
     """
     top = max(side.end[1] for side in body.sides)
     places, shares, at = [], [], 0

@@ -67,10 +67,10 @@ def jump_amplitude(alpha: float, q: float) -> float:
 
 
 def level_kept(alpha: float, q: float, amplitude: float, offset: float = 0.0) -> float:
-    """Return the amplitude over the wanted one when a tone stays at the resonance of small motions; 1 without
-    hardening.
+    """Return the amplitude over the wanted one when a tone stays at the resonance of small motions.
 
-    It is the root y of ``y² ((2 Q rise(y))² + 1) = 1``, which is unique since the tone lies below the resonance.
+    It is 1 without hardening; otherwise the root y of ``y² ((2 Q rise(y))² + 1) = 1``, which is unique since the tone
+    lies below the resonance.
     """
     low, high = 0.0, 1.0
     for _ in range(BISECTIONS):

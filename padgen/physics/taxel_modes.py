@@ -24,10 +24,10 @@ class TaxelModes(NamedTuple):
     rest: np.ndarray | None = None
 
     def compliances(self, wrench: np.ndarray = UPWARD) -> np.ndarray:
-        """Return the static compliance (k,) in m/N of each mode, from a `wrench` (6,) to the vertical motion at the
-        washer's axis.
+        """Return the static compliance (k,) in m/N of each mode, from a `wrench` (6,) to the washer's vertical motion.
 
-        The wrench acts on the washer; its vertical part is 1, its moments are in m about the axis' point.
+        The wrench acts on the washer; its vertical part is 1, its moments are in m about the axis' point. The motion is
+        that at the axis.
         """
         both: np.ndarray = self.motion[:, 2] * (self.motion @ wrench) / (2 * np.pi * self.frequency_hz) ** 2
         return both

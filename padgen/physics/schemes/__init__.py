@@ -37,8 +37,9 @@ class DriveScheme(Protocol):
     """True where two channels together make unwanted lines of i²."""
 
     def pair_square(self, scheme: "Scheme", a: np.ndarray, b: np.ndarray, strongest: np.ndarray | float) -> np.ndarray:
-        """Return the squared amplitude of a pair's spurs by wanted lines a and b; `strongest` is the line that sets the
-        bias.
+        """Return the squared amplitude of the spurs of two channels with the wanted lines a and b.
+
+        `strongest` is the line that sets the bias.
         """
 
     def mean_square_a2(self, scheme: "Scheme", line_a2: np.ndarray, headroom: float, on: np.ndarray) -> float:
