@@ -68,7 +68,7 @@ FEWEST_PERIODS = 4.0
 EXCITED = 1e-3
 """Power density at the edge of the excited band, over its largest."""
 ROUGH_BAND = 64.0
-"""Frequency that stands for the resonance in the first look for that band, in steps of a record's lines."""
+"""Frequency that stands for the resonance in the first look for the excited band, in steps of a record's lines."""
 MARGIN = 1.25
 """Factor by which lines are fitted beyond the excited band, to show a resonance outside of it."""
 

@@ -27,9 +27,9 @@ SMALLEST = 1e-4
 FINER = 4
 """Sampling rate of spectra over the drive's rate; parts above half of it fold back unseen."""
 MOST_SAMPLES = 1 << 18
-"""Longest period, in these finer samples, that is transformed whole; of a longer one only a piece."""
+"""Longest period that is transformed whole, in samples at `FINER` times the rate; of a longer one only a piece is."""
 PIECE = 1 << 17
-"""Samples of such a piece."""
+"""Samples of the piece of a longer period."""
 PER_CYCLE = 16
 """Fewest points per cycle of the highest line in the search for a long period's peak."""
 WINDOW = 20.0
