@@ -5,8 +5,8 @@ A pad is a TOML spec; everything else is derived from it by pure functions, in o
     spec.toml -> Spec -> Plan -> Pad (solids, meshes, checks) -> files
                           +----> Drive: tables, waveforms, firmware   <- Tuning: a print as measured
 
-Functions: `plan`, `build`, `check`, `drive`, `retune`, `study`, `sweep`; each does what the command of its name does.
-Nouns: `Spec`, `Plan`, `Pad`, `Drive`, `Tuning`, `Finding`. Names are loaded when they are first touched.
+Functions: `plan`, `build`, `check`, `drive`, `retune`, `calibrate`, `study`, `sweep`; each works as the command of the
+same name. Nouns: `Spec`, `Plan`, `Pad`, `Drive`, `Tuning`, `Finding`. Names are loaded when they are first used.
 
 >>> import padgen as pg
 >>> plan = pg.plan("paper-32", q_min=20)

@@ -1,6 +1,6 @@
-"""The public functions: each does what the command of its name does, and the commands are thin over the same calls.
+"""The public functions, one for each command; the commands are thin over the same calls.
 
-Imported by `padgen` when one of them is first touched.
+`padgen` imports this module when one of the functions is first used.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -40,15 +40,15 @@ __all__ = [
 Source = "str | Path | Mapping[str, Any] | Spec"
 Progress = Callable[[str], None]
 SMALLEST_SPEC = {"name": "default", "resolution": 1, "band_hz": [50, 200], "q_min": 15}
-"""For the limits of the default printer."""
+"""A spec that is used only for the limits of the default printer."""
 
 
 def _silent(step: str) -> None:
-    """Say nothing of what is being done."""
+    """Ignore a progress message."""
 
 
 def template_names() -> tuple[str, ...]:
-    """Names of the templates, which stand for their specs wherever one is asked for.
+    """Return the names of the templates, which may be given wherever a spec is expected.
 
     >>> "paper-32" in template_names()
     True
@@ -72,12 +72,12 @@ def plan(
     spec : str, path, mapping or Spec
         A template's name, a TOML file or plan.json, the tables of one, or a `Spec`.
     tolerance : float, optional
-        Relative error of a resonance that will do, 0 to 1; finite elements of the printed solid are solved where the
-        beam model's own estimate is more. Without it only ``model="solid"`` asks for them.
+        Largest accepted relative error of a resonance, 0 to 1. Where the beam model's own estimate is larger, finite
+        elements of the printed solid are solved. Without a tolerance only ``model="solid"`` asks for them.
     progress : callable
-        Told what is being done, a line at a time.
+        Called with one line of text at each step.
     **fields
-        Fields of the spec that differ: top-level ones by name, tables as mappings (``coil={"grid": [4, 4]}``).
+        Changed fields of the spec: top-level ones by name, tables as mappings (``coil={"grid": [4, 4]}``).
 
     Returns
     -------
@@ -89,7 +89,7 @@ def plan(
     SpecError, FileError
         A field is unknown or out of its bounds, or a file cannot be read.
     InfeasibleError
-        No pad meets the spec; the sentence says which limit binds.
+        No pad meets the spec; the sentence names the limit that prevents it.
     SolverError
         Finite elements were asked for and have no answer.
 
@@ -102,7 +102,7 @@ def plan(
 
 
 def read_plan(path: "str | Path") -> "Plan":
-    """Read the plan that a plan.json records, as it is; raises `FileError` where there is none."""
+    """Read the plan recorded in a plan.json, unchanged; raises `FileError` where there is none."""
     from padgen.planner import read_plan as read
 
     return read(Path(path))
@@ -114,25 +114,27 @@ def build(
     parts: Sequence[str] = (),
     progress: Progress = _silent,
 ) -> Pad:
-    """Make the pad of a plan, or of a spec; it is modelled when its mesh, its checks or its files are asked for.
+    """Make the pad of a plan or a spec; it is modelled once its mesh, checks or files are needed.
 
     Parameters
     ----------
     plan : Plan, or what `padgen.plan` takes
-        Which pad.
+        The pad's plan or spec.
     parts : sequence of str
-        What goes with it: 'tray', 'coupon', 'coupon-tray'.
+        Parts beside the pad: 'tray', 'coupon', 'coupon-tray'.
+    progress : callable
+        Called with one line of text at each step.
 
     Returns
     -------
     Pad
-        With ``.mesh`` (vertices (n, 3) in mm), ``.check()`` and ``.save(folder, formats=...)``, which writes the
-        folder of ``padgen build``.
+        With ``.mesh`` (vertices (n, 3) in mm), ``.check()`` and ``.save(folder, formats=...)``, which writes the folder
+        of ``padgen build``.
 
     Raises
     ------
     SpecError, FileError
-        The spec or a part's name is bad. Planning and modelling raise when they are asked for.
+        The spec or a part's name is bad. Errors of planning and modelling are raised once these are needed.
 
     Examples
     --------
@@ -149,17 +151,19 @@ def build(
 def check(
     mesh: "str | Path", spec: str | None = None, *, gcode: bool = False, progress: Progress = _silent
 ) -> "Report | LaidReport":
-    """Check a mesh file against a printer's limits and, with a spec, against its plan; or G-code against its plan.
+    """Check a mesh against a printer's limits and, with a spec, against its plan; or G-code against its plan.
 
     Parameters
     ----------
     mesh : path
         An STL, 3MF, OBJ or PLY file in mm, or a slicer's G-code.
     spec : str, optional
-        A template, a TOML file or a plan.json; the plan that is recorded beside the mesh is taken where it is of this
-        spec. G-code needs one.
+        A template, a TOML file or a plan.json. If the plan recorded beside the mesh is of this spec, the mesh is
+        compared with that plan. G-code needs a spec.
     gcode : bool
-        The file is G-code: each taxel is judged as the slicer lays it, and at which frequency it would resonate.
+        The file is G-code: each taxel is judged as the slicer lays it, with its resonance.
+    progress : callable
+        Called with one line of text at each step.
 
     Returns
     -------
@@ -169,7 +173,7 @@ def check(
     Raises
     ------
     FileError
-        No mesh or no G-code of this pad can be read there, or a plan.json holds no plan.
+        The file holds no readable mesh or no G-code of this pad, or a plan.json holds no plan.
     SpecError
         G-code is to be checked and no spec is given.
     """
@@ -210,28 +214,30 @@ def drive(
     tuning: "Tuning | str | Path | None" = None,
     progress: Progress = _silent,
 ) -> "Drive":
-    """Say what the coils of a plan are to show; ``.save`` writes the tables, waveforms or firmware for it.
+    """Drive the coils of a plan with a state or with frames; ``.save`` writes tables, waveforms or firmware.
 
     Parameters
     ----------
     plan : Plan
-        Whose coils.
+        The plan whose coils are driven.
     state : str, optional
         One state on every coil, lowest channel first: '0110', levels as '0,0.5,1,0', or 'all', one after the other.
     frames : path, list of paths or array, optional
-        Images of the pad, a pixel a taxel, or levels (k, taxels) in 0 ... 1.
+        Images of the pad, one pixel per taxel, or levels (k, taxels) in 0 ... 1.
     seconds : float, optional
-        How long each frame lasts; by default as the plan's frame rate has it.
+        Duration of each frame; by default from the plan's frame rate.
     loop : bool
-        With a state: whole periods, to be repeated without a seam.
+        With a state: whole periods, which repeat without a seam.
     rate_hz : int, optional
-        Samples per second; by default 48000, or what it takes.
+        Samples per second; by default 48000, or more where needed.
     signal : {'voltage', 'current'}
-        What the amplifier controls.
+        Quantity that the amplifier controls.
     carrier_hz : float, optional
         Spur-free drive on a carrier, for amplifiers that pass no 0 Hz.
     tuning : Tuning or path, optional
-        A print as measured, from `padgen.retune`.
+        Measurements of a print, from `padgen.retune`.
+    progress : callable
+        Called with one line of text at each step.
 
     Returns
     -------
@@ -260,7 +266,7 @@ def drive(
 
 
 def read_tuning(path: "str | Path", plan: "Plan") -> "Tuning":
-    """Read a tuning.json of `plan`; raises `FileError` where it is none, or of another pad."""
+    """Read a tuning.json of `plan`; raises `FileError` where the file is no tuning, or of another pad."""
     from padgen.measured.tuning import read_tuning as read
 
     return read(Path(path), plan)
@@ -275,33 +281,33 @@ def retune(
     estimate_rest: bool = False,
     coupon: "str | Path | None" = None,
 ) -> "Retuned":
-    """Fit what a print was measured to be, and re-tune tones and levels to it.
+    """Fit the measurements of a print, and re-tune tones and levels to it.
 
     Parameters
     ----------
     plan : Plan
-        What was printed.
+        The printed plan.
     measured : path
-        A CSV (resonances, spectra or time series), a WAV, or a folder of them, one taxel a file.
+        A CSV (resonances, spectra or time series), a WAV, or a folder of these with one file per taxel.
     excitation : {'current', 'voltage'}
-        What the first channel of a WAV holds, where it has one more than taxels.
+        Quantity in the first channel of a WAV that has one channel more than taxels.
     nearest : bool
-        Of two peaks that are alike, take the one nearer to the plan's.
+        Of two peaks of similar size, take the one nearer to the plan's resonance.
     estimate_rest : bool
-        Taxels that were not measured get the tones that the others make likely.
+        Give taxels that were not measured the tones that are likely from the others.
     coupon : path, optional
-        What was measured on the coupon printed beside the pad.
+        Measurements of the coupon printed beside the pad.
 
     Returns
     -------
     Retuned
-        ``.tuning`` is the print (resonances in Hz, Q, levels, with one-sigma errors), for `padgen.drive`; figures in
-        dB before and after; ``.findings``.
+        ``.tuning`` is the print (resonances in Hz, Q, levels, with one-sigma errors), for `padgen.drive`; figures in dB
+        before and after; ``.findings``.
 
     Raises
     ------
     FileError, SpecError, SolverError
-        What was measured cannot be read, or tells no resonance.
+        The measurements cannot be read, or show no resonance.
     """
     from padgen.measured.read import read_measured
     from padgen.measured.tuned_folder import fitted_and_retuned
@@ -311,14 +317,14 @@ def retune(
 
 
 def calibrate(plan: "Plan", measured: "Sequence[str | Path]") -> "Calibration":
-    """Find a printer's offsets of height and width, and the modulus, from measured prints of a plan.
+    """Fit a printer's offsets of height and width, and the modulus, to measured prints of a plan.
 
     Parameters
     ----------
     plan : Plan
-        What was printed; beams of several thicknesses and widths tell the three apart.
+        The printed plan; it needs beams of several thicknesses and widths to separate the three figures.
     measured : sequence of paths
-        What was measured of a print each: a CSV, a WAV, or a folder of them.
+        Measurements of one print each: a CSV, a WAV, or a folder of these.
 
     Returns
     -------
@@ -328,9 +334,9 @@ def calibrate(plan: "Plan", measured: "Sequence[str | Path]") -> "Calibration":
     Raises
     ------
     FileError, SpecError
-        What was measured cannot be read.
+        The measurements cannot be read.
     SolverError
-        It does not tell the three apart, or contradicts itself.
+        The measurements do not separate the three figures, or contradict each other.
     """
     from padgen.measured.fits import fit_measured
     from padgen.measured.printer_fit import calibrated
@@ -346,19 +352,21 @@ def study(
     tolerance: float | None = None,
     progress: Progress = _silent,
 ) -> "Study":
-    """Measure error against run time of the models behind a plan, every rung in a process of its own.
+    """Measure error against run time of the models behind a plan, each rung in a process of its own.
 
-    Interrupted (Ctrl-C) when it has measured something, it returns that, and ``.missing`` names what was not run. Times
-    are the best of a few runs in a process that has imported what it needs (``.about["times"]``).
+    After an interruption (Ctrl-C) the measured part is returned, and ``.missing`` names the rungs that were not run.
+    Times are the best of a few runs in a process that has imported its modules (``.about["times"]``).
 
     Parameters
     ----------
     plan : Plan, or what `padgen.plan` takes
-        Whose models.
+        The plan whose models are measured.
     only : sequence of str, optional
-        Names of ladders, e.g. ``["structure"]``; all without.
+        Names of ladders, e.g. ``["structure"]``; by default all.
     tolerance : float, optional
         A relative error to pick rungs for, beside the usual ones.
+    progress : callable
+        Called with one line of text at each step.
 
     Returns
     -------
@@ -384,17 +392,17 @@ def sweep(
     workers: int | None = None,
     **axes: Any,
 ) -> "SweepTable":
-    """Make all combinations of some fields' values, in as many processes as there are cores.
+    """Make all combinations of some fields' values, with one process per core.
 
     Parameters
     ----------
     base : str, path, mapping or Spec
-        What `padgen.plan` takes.
+        The spec to vary, as `padgen.plan` takes it.
     stage : {'plan', 'yield', 'build', 'study'}
-        How far each variant is made.
+        Last stage made of each variant.
     folder : path, optional
-        Where the index, and with `stage` 'build' or 'study' a folder of each variant, is kept; a temporary place that
-        goes afterwards without it.
+        Folder for the index and, with `stage` 'build' or 'study', a folder of each variant. Without it a temporary
+        folder is used and removed.
     workers : int, optional
         Processes at a time.
     **axes
@@ -403,7 +411,7 @@ def sweep(
     Returns
     -------
     SweepTable
-        ``.table()`` is a list with a dict for each variant, ``.counts`` how many were done, refused and failed.
+        ``.table()`` is a list with a dict for each variant, ``.counts`` the numbers of done, refused and failed ones.
 
     Raises
     ------

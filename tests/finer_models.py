@@ -13,7 +13,7 @@ import numpy as np
 
 import padgen.physics.pull as pull_module
 from padgen.core.units import G_PER_CM3, GPA, GRAM, MA, MH, MM, UM
-from padgen.physics.beams import Give, tip_stiffness
+from padgen.physics.beams import EndCompliance, tip_stiffness
 from padgen.physics.bounds import beam_inertia, core_polarisation, saturation_loss, washer_magnetised
 from padgen.physics.coil_field import charged_core, winding_rings
 from padgen.physics.currents import bias_a, current_lines_a
@@ -252,7 +252,9 @@ def suspended(spec: Spec, plan: Plan, topology: str, shape: BeamShape) -> Suspen
     model = TaxelModel(bare, topology, plate, shape)
     elastic = material.youngs_modulus_gpa * GPA, 0.0, material.density_g_per_cm3 * G_PER_CM3
     beams = [
-        beam._replace(section=beam.section._replace(give=Give(root=beam.section.give.root, tip=beam.section.give.tip)))
+        beam._replace(
+            section=beam.section._replace(ends=EndCompliance(root=beam.section.ends.root, tip=beam.section.ends.tip))
+        )
         for beam in model.placements
     ]
     modes = suspended_modes(model.body, beams, *elastic)
@@ -272,7 +274,7 @@ def element_error(taxel: Suspended, parts: int = 3) -> float:
         for k, (a, b) in enumerate(pairs):
             gives = [
                 (float(give) / (modulus * cut.inertia_up), 0.0) if there else (0.0, 0.0)
-                for give, there in ((section.give.root, k == 0), (section.give.tip, k == parts - 1))
+                for give, there in ((section.ends.root, k == 0), (section.ends.tip, k == parts - 1))
             ]
             elements.append(Element(a, b, cut, modulus, modulus / 2, density, (0.0, 0.0, 1.0), *gives))
         nodes.append(points)
@@ -401,7 +403,7 @@ def motion_rise(plan: Plan, channel: Channel) -> float:
     placement = model.placements[0]
     section, length = placement.section, channel.beam.length_mm * MM
     washer, tip = model.washer_point_m, np.asarray(placement.tip, float)
-    ends = float(section.give.root) / length, float(section.give.tip) / length
+    ends = float(section.ends.root) / length, float(section.ends.tip) / length
     body = model.body
     bridge = channel.hardening_per_mm2 > 0
     out = float(np.asarray(placement.direction)[0])

@@ -96,7 +96,7 @@ def test_resonance_against_elasticity(row):
 def test_an_uncertain_part_that_holds_nearly_all_of_the_energy():
     """Of springs in series: the stiffest that the uncertain one may be is within what is stated, and the softest."""
     frequency, parts = np.full(6, 100.0), len(UNCERTAINTY)
-    at, uncertain = list(UNCERTAINTY).index("hung"), UNCERTAINTY["hung"]
+    at, uncertain = list(UNCERTAINTY).index("mount"), UNCERTAINTY["mount"]
     for share in (0.05, 0.5, 0.95):
         energies = np.zeros((6, parts))
         energies[:, at] = share * (2 * np.pi * frequency) ** 2

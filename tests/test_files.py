@@ -141,7 +141,7 @@ def test_a_users_file_makes_room_and_is_kept(tmp_path, caplog):
     put(tmp_path, drive_csv="new", bom_csv="new")
     kept = {"drive.csv.old": "edited", "bom.csv.old": "older", "bom.csv.old2": "a user's"}
     assert texts(tmp_path) == {"drive.csv": "new", "bom.csv": "new", **kept}
-    assert "bom.csv was not as padgen wrote it; kept as bom.csv.old2" in caplog.text
+    assert "bom.csv is not padgen's or was changed; kept as bom.csv.old2" in caplog.text
     put(tmp_path, drive_csv="newer", bom_csv="newer")
     assert len(texts(tmp_path)) == 5, "what is ours is replaced"
 
@@ -463,7 +463,7 @@ def test_a_disk_that_does_not_come_back_is_put_right_when_it_is_there_again(tmp_
         with pytest.raises(FileError, match="Input/output error"):
             new_build(folder)
         assert seen(folder) != old
-        with pytest.raises(FileError, match=r"a killed run left it half-written, and it cannot be put right \(Input"):
+        with pytest.raises(FileError, match=r"a killed run left it half-written, and it cannot be restored \(Input"):
             is_current(folder, {"spec": "a"})
     assert is_current(folder, {"spec": "a"}) is False and seen(folder) == old
     enter(folder)
@@ -510,7 +510,7 @@ def test_without_locks_a_torn_folder_is_put_back_where_its_process_is_gone(tmp_p
     journal, living = (folder / commit.JOURNAL).read_text(), child("input()")
     (aside,) = folder.glob(".partial-*")
     (folder / commit.JOURNAL).write_text(journal.replace(aside.name, f".partial-{living.pid}"))
-    with pytest.raises(FileError, match="another process writes into it"):
+    with pytest.raises(FileError, match="another process is writing into it"):
         enter(folder)
     living.communicate("\n")
     (folder / commit.JOURNAL).write_text(journal)
@@ -591,7 +591,7 @@ def test_a_folder_that_another_process_writes_into_is_refused(tmp_path, monkeypa
     put(tmp_path, plan_json=PLAN_A)
     holder = child(HOLDER, tmp_path / commit.LOCK)
     assert holder.stdout.readline() == "True\n"
-    with pytest.raises(FileError, match="another process writes into it; try again"):
+    with pytest.raises(FileError, match="another process is writing into it; try again"):
         put(tmp_path, plan_json=PLAN_B)
     assert texts(tmp_path) == {"plan.json": PLAN_A, commit.LOCK: ""}
     holder.send_signal(signal.SIGKILL)

@@ -490,5 +490,5 @@ def test_velocity_is_refused_whichever_peak_is_meant(plan, nearest):
     time, current, moved = driven()
     velocity = [np.gradient(y, 1 / RATE) for y in moved]
     text = table("time_s,current_a,r0c0k0,r0c0k1", time, current, *velocity)
-    with pytest.raises(FileError, match=r"one is wrong; see that the data are of displacement|shows no answer"):
+    with pytest.raises(FileError, match=r"one is wrong; check that the data are of displacement|shows no answer"):
         fit_measured(read_measured_text(text, plan), plan, nearest)

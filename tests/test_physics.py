@@ -22,7 +22,7 @@ import pytest
 from padgen.physics import beams
 from padgen.physics.beams import (
     BeamSection,
-    Give,
+    EndCompliance,
     bent_slowness,
     largest_stress,
     root_load,
@@ -144,7 +144,7 @@ def test_tip_matrices_are_positive_definite_over_extremes():
 E, NU = 3e9, 0.36
 G = E / (2 * (1 + NU))
 BENT = BeamSection(0.6 * MM, 0.4 * MM, 8 * MM)
-GIVING = Give(0.1 * MM, 0.2 * MM, 0.15 * MM, 0.05 * MM, 0.3 * MM, 0.2 * MM, -0.1 * MM, 1.07)
+GIVING = EndCompliance(0.1 * MM, 0.2 * MM, 0.15 * MM, 0.05 * MM, 0.3 * MM, 0.2 * MM, -0.1 * MM, 1.07)
 
 
 def rigidities(section):
@@ -210,9 +210,9 @@ def test_corner_against_castigliano():
 
 
 @pytest.mark.parametrize("fillet", [0.0, 0.3 * MM])
-@pytest.mark.parametrize("give", [Give(), GIVING])
-def test_straight_pieces_in_line_are_one_beam(monkeypatch, fillet, give):
-    one = BENT._replace(fillet=fillet, give=give)
+@pytest.mark.parametrize("ends", [EndCompliance(), GIVING])
+def test_straight_pieces_in_line_are_one_beam(monkeypatch, fillet, ends):
+    one = BENT._replace(fillet=fillet, ends=ends)
     pieces = one._replace(path=((3 * MM, 0.0), (5 * MM, 0.0)))
     parted = tip_stiffness(pieces, E, NU)
     rounded = 5e-5 if fillet else 1e-10
@@ -234,7 +234,7 @@ def test_bends_and_held_pieces_are_stiffer_out_of_their_plane():
     assert beams.piece_twist(1e-3, 0.0) == pytest.approx(1, abs=1e-8)
     radius, turn = BENT.width, np.pi / 2
     bent = flexible(BENT, (radius * turn, turn))
-    loose = flexible(BENT._replace(give=Give(warping=1 * MM)), (3 * MM, 0.0), (0.0, 0.0), (2 * MM, 0.0))
+    loose = flexible(BENT._replace(ends=EndCompliance(warping=1 * MM)), (3 * MM, 0.0), (0.0, 0.0), (2 * MM, 0.0))
     up, _, twist, _, _ = rigidities(BENT)
     assert bent[3, 3] == pytest.approx(radius * np.pi / 4 * (1 / twist + 1 / up) / (13 / 12), rel=1e-9)
     held = 3 * MM * (1 - np.tanh(3) / 3) + 2 * MM * (1 - np.tanh(2) / 2)

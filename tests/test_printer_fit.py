@@ -140,7 +140,7 @@ def test_bad_printer_files_are_refused(text, sentence, tmp_path):
 def test_elements_of_beams_as_drawn_are_refused_for_a_calibrated_printer():
     """They know nothing of the offsets: the plan would be tuned to another printer, unsaid."""
     text = TEXT + 'model = "solid"\nprinter = { name = "fdm-0.4", z_offset_mm = 0.03 }\n'
-    with pytest.raises(SpecError, match=r"come out 0\.03 mm thicker and 0 mm wider; take 'beam'"):
+    with pytest.raises(SpecError, match=r"prints them 0\.03 mm thicker and 0 mm wider; use 'beam'"):
         plan_tuned_to_solid(parse_spec(text))
 
 

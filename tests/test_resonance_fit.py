@@ -187,7 +187,7 @@ def test_noise_alone_is_never_a_resonance():
 def test_a_peak_below_6_db_is_refused_however_many_points_show_it():
     frequency = np.linspace(40, 160, 4000)
     data = receptance(frequency, 80, 10) + noise(np.random.default_rng(15), 4000, 10 ** (-3 / 20))
-    with pytest.raises(SolverError, match=r"stands [23]\.\d dB over the noise of a point where 6 dB are needed"):
+    with pytest.raises(SolverError, match=r"is [23]\.\d dB above the noise of a point, where 6 dB are needed"):
         fit_spectrum(frequency, data)
 
 
@@ -274,8 +274,8 @@ def test_clean_decay_beside_a_second_mode_before_a_quiet_start():
         (decay(2000, 1, 80, 20) + 0.9 * decay(2000, 1, 130, 20), "has two peaks, at 80"),
         (np.zeros(500), "is 0 throughout"),
         (np.ones(10), "at least 32 samples, got 10"),
-        (np.random.default_rng(12).standard_normal(2000), "shows no free decay|starts at its largest|can be told"),
-        (decay(2000, 0.03, 80, 20), "periods of|can be told"),
+        (np.random.default_rng(12).standard_normal(2000), "shows no free decay|starts at its largest|is known only"),
+        (decay(2000, 0.03, 80, 20), "periods of|is known only"),
     ],
 )
 def test_bad_decays(y, sentence):
@@ -319,8 +319,8 @@ def test_driven_sigmas_are_honest():
 @pytest.mark.parametrize(
     ("y", "sentence"),
     [
-        (0.1 * np.random.default_rng(14).standard_normal(3000), "shows no answer to the excitation|can be told"),
-        (answer(chirp(1000.0, 3), 1000.0, 14.0, 30, 50.0), "at the lower end of what the excitation shakes"),
+        (0.1 * np.random.default_rng(14).standard_normal(3000), "shows no answer to the excitation|is known only"),
+        (answer(chirp(1000.0, 3), 1000.0, 14.0, 30, 50.0), "at the lower end of the excited band"),
         (
             answer(chirp(1000.0, 3), 1000.0, 80, 30, 50.0) + answer(chirp(1000.0, 3), 1000.0, 140, 30, 45.0),
             "has two peaks, at 80",
@@ -419,7 +419,7 @@ def test_velocity_is_not_taken_for_displacement(q, near_hz):
     """The least squares then are a bandwidth off, and the circle is not; the nearest peak has nothing to do with it."""
     x = chirp(1000.0, 3, 20.0, 250.0)
     velocity = np.gradient(answer(x, 1000.0, 60, q, 50.0), 1e-3)
-    with pytest.raises(SolverError, match=r"one is wrong; see that the data are of displacement|shows no answer"):
+    with pytest.raises(SolverError, match=r"one is wrong; check that the data are of displacement|shows no answer"):
         fit_driven(1000.0, x, velocity, near_hz)
 
 

@@ -185,7 +185,7 @@ def test_whatever_breaks_down_costs_the_job_and_not_the_worker(shared, work, sen
 @pytest.mark.parametrize(
     "work, sentence",
     [
-        ((dies, signal.SIGKILL), "its process was killed (signal 9), most likely by the system for want of memory"),
+        ((dies, signal.SIGKILL), "its process was killed (signal 9), most likely by the system for lack of memory"),
         ((dies, signal.SIGABRT), "its process died of signal 6 (SIGABRT)"),
         ((dies, signal.SIGTERM), "its process died of signal 15 (SIGTERM)"),
         ((dies, signal.SIGRTMIN + 1), f"its process died of signal {signal.SIGRTMIN + 1}"),

@@ -1,1 +1,1 @@
-"""Shared by all rooms: errors, units, findings, files, the cache, processes, registries."""
+"""Code that all rooms share: errors, units, findings, files, the cache, processes, registries."""

@@ -1,10 +1,9 @@
-"""Results that are dear to compute, kept by the hash of what went into them.
+"""Cache on disk for results that take long to compute, each under the hash of its inputs.
 
-One file an entry, written aside and renamed, so that two processes never see half of one; its first
-line is the hash of the rest, so that what a disk has spoiled counts as absent. Whoever reads an entry judges
-its shape as well: what does not fit is made again. A folder that cannot be
-written counts as full: a cache only ever saves time. Entries that were used longest ago go first when
-there is more than `limit_bytes` of them.
+Each entry is one file, written aside and renamed, so that no process ever reads half of one. Its first line holds the
+key and the hash of the rest; a damaged entry counts as absent. The reader of an entry also checks its form, and
+computes the result again where that is wrong. If the folder cannot be written, nothing is kept: a cache only saves
+time. Above `limit_bytes` the entries that were used longest ago are removed first.
 """
 
 import json
@@ -46,26 +45,26 @@ __all__ = [
 VARIABLE, LIMIT_VARIABLE = "PADGEN_CACHE", "PADGEN_CACHE_MB"
 DEFAULT_LIMIT_MB = 1024
 LOOK_SHARE = 0.02
-"""Of the limit that a process stores between two looks at how much there is."""
+"""Share of the limit that a process stores between two checks of the cache's size."""
 KEPT_SHARE = 0.8
-"""Of the limit that is left after a trim, so that not every entry asks for the next."""
+"""Share of the limit that remains after a trim, so that the next entries do not trim again."""
 ASIDE = ".aside"
 CLAIM = ".claim"
 PATIENCE_S = 120.0
-"""Longest wait for another process that works on the same."""
+"""Longest wait in s for another process that computes the same result."""
 LARGEST_ENTRY = 1 << 28
-"""Bytes of an entry that is read."""
+"""Largest entry in bytes that is read."""
 OWN = re.compile(r"[0-9a-f]{64}\.(entry|claim|json|[0-9]+|[0-9]+-[0-9]+\.aside)")
-"""Names of our files: entries, those of former versions, and what killed writers of both left."""
-_numbers, _unseen = count(), [float("inf")]
-"""Of files aside; and bytes stored since this process last looked, which it does at its first."""
+"""Names of padgen's files: entries, those of earlier versions, and files that killed writers left."""
+_file_numbers, _bytes_since_trim = count(), [float("inf")]
+"""Numbers for files aside; and the bytes stored since this process last checked the size, first at its first entry."""
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
 class CacheInfo:
-    """What the cache holds: entries and bytes, in all and by kind."""
+    """Contents of the cache: entries and bytes, in all and by kind."""
 
     folder: str
     limit_bytes: int
@@ -75,7 +74,7 @@ class CacheInfo:
 
 
 def folder() -> Path:
-    """Where entries lie: the folder named by ``PADGEN_CACHE``, else the user's own cache folder."""
+    """Return the folder of the entries: ``PADGEN_CACHE``, or the user's cache folder."""
     named = os.environ.get(VARIABLE)
     if named:
         return Path(named)
@@ -85,7 +84,7 @@ def folder() -> Path:
 
 
 def limit_bytes() -> int:
-    """Most that the cache may hold: ``PADGEN_CACHE_MB`` megabytes, else 1024.
+    """Return the cache's largest size in bytes: ``PADGEN_CACHE_MB`` megabytes, or 1024.
 
     Raises
     ------
@@ -105,12 +104,12 @@ def limit_bytes() -> int:
 
 
 def key_of(inputs: Any) -> str:
-    """The key of a result by all that it depends on, plain data."""
+    """Return the key of a result: a hash of all its inputs, which are plain data."""
     return file_hash(json.dumps(inputs, sort_keys=True).encode())
 
 
 def load(kind: str, key: str) -> Any:
-    """The stored result, None when there is none that can be read."""
+    """Return the stored result, None where there is none or it cannot be read."""
     data = load_bytes(kind, key)
     try:
         return None if data is None else json.loads(data)
@@ -124,7 +123,7 @@ def store(kind: str, key: str, result: Any) -> None:
 
 
 def load_bytes(kind: str, key: str) -> bytes | None:
-    """The stored bytes, None when there are none that are whole; they count as used now."""
+    """Return the stored bytes and mark them as used now; None where there are none or they are damaged."""
     path = _path(kind, key)
     try:
         if not path.is_file():
@@ -142,7 +141,7 @@ def load_bytes(kind: str, key: str) -> bytes | None:
 def store_bytes(kind: str, key: str, data: bytes) -> None:
     """Keep bytes, if the folder can be written."""
     path = _path(kind, key)
-    aside = path.with_suffix(f".{os.getpid()}-{next(_numbers)}{ASIDE}")
+    aside = path.with_suffix(f".{os.getpid()}-{next(_file_numbers)}{ASIDE}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         aside.write_bytes(_head(key, data) + b"\n" + data)
@@ -151,15 +150,19 @@ def store_bytes(kind: str, key: str, data: bytes) -> None:
         with suppress(OSError):
             aside.unlink(missing_ok=True)
         return
-    _unseen[0] += len(data)
-    with suppress(SpecError):  # who starts something long looks at the limit first
-        if _unseen[0] > LOOK_SHARE * limit_bytes():
-            _unseen[0] = 0
+    _bytes_since_trim[0] += len(data)
+    with suppress(SpecError):  # long commands refuse a bad limit as they start
+        if _bytes_since_trim[0] > LOOK_SHARE * limit_bytes():
+            _bytes_since_trim[0] = 0
             trim()
 
 
 def once(kind: str, key: str, find: Callable[[], T | None], make: Callable[[], T]) -> T:
-    """What `find` brings; else what `make` makes and keeps, in one process at a time where the folder takes locks."""
+    """Return the cached result, or compute and keep it in one process at a time.
+
+    `find` returns the result, or None where there is none; `make` computes and keeps it. Where the folder has no locks,
+    several processes may compute it.
+    """
     found = find()
     if found is not None:
         return found
@@ -170,13 +173,13 @@ def once(kind: str, key: str, find: Callable[[], T | None], make: Callable[[], T
 
 @contextmanager
 def claimed(kind: str, keys: Iterable[str]) -> Iterator[None]:
-    """While it holds, others that claim one of these keys wait: look again what is kept before working it out.
+    """Claim keys so that other processes wait; look in the cache again before computing the results.
 
-    It saves time and is no guarantee: where the folder takes no locks, or another process holds one for too
-    long, it holds without. The system takes it back from a process that dies.
+    A claim saves time and guarantees nothing: where the folder has no locks, or another process keeps one for more than
+    `PATIENCE_S`, the block runs without it. The system releases the claim of a process that dies.
     """
     with ExitStack() as stack:
-        for key in sorted(keys):  # in one order, so that no two wait for each other
+        for key in sorted(keys):  # in one order, so that no two processes wait for each other
             path = _path(kind, key).with_suffix(CLAIM)
             with suppress(OSError):
                 path.parent.mkdir(parents=True, exist_ok=True)
@@ -185,7 +188,7 @@ def claimed(kind: str, keys: Iterable[str]) -> Iterator[None]:
 
 
 def trim(most_bytes: int | None = None) -> int:
-    """Drop the entries that were used longest ago until no more than `most_bytes` (the limit) are left; how many."""
+    """Remove the entries used longest ago until `most_bytes` (default: the limit) suffice; return their number."""
     most = limit_bytes() if most_bytes is None else most_bytes
     entries = sorted(_entries(), key=lambda entry: entry[1:])
     total, dropped = sum(size for _, _, size in entries), 0
@@ -201,7 +204,7 @@ def trim(most_bytes: int | None = None) -> int:
 
 
 def info() -> CacheInfo:
-    """What there is."""
+    """Return the contents of the cache."""
     kinds: dict[str, tuple[int, int]] = {}
     for path, _, size in _entries():
         if path.suffix == CLAIM:
@@ -219,7 +222,7 @@ def info() -> CacheInfo:
 
 
 def clear() -> CacheInfo:
-    """Drop every entry; what there was.
+    """Remove every entry and return the contents before.
 
     Raises
     ------
@@ -250,17 +253,17 @@ PACKAGES = (
     "scipy",
     "trimesh",
 )
-"""What bytes that are written may depend on."""
+"""Packages whose versions may change the bytes of results."""
 
 
 def versions() -> dict[str, str]:
-    """Versions of the packages that results depend on."""
+    """Return the versions of the packages that results depend on."""
     return {name: version(name) for name in PACKAGES}
 
 
 @cache
 def version(package: str) -> str:
-    """Version of an installed package, 'missing' when it is not."""
+    """Return the version of an installed package, or 'missing'."""
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:
@@ -269,7 +272,7 @@ def version(package: str) -> str:
 
 @cache
 def code_hash(*parts: str) -> str:
-    """Hash of padgen's own code and data: of all, or of some of its folders and modules."""
+    """Return a hash of padgen's code and data: of all, or of the named folders and modules."""
     root = Path(__file__).parents[1]
     chosen = [root / part for part in parts] or [root]
     files = sorted(
@@ -286,9 +289,9 @@ def _head(key: str, data: bytes) -> bytes:
 
 
 def _entries() -> Iterator[tuple[Path, float, int]]:
-    """Path, time of the last use and size of every entry, what was left aside by killed writers too.
+    """Yield path, time of last use and size of every entry, including files that killed writers left.
 
-    Only files where entries lie: the folder may be one of the user's own.
+    Only files named as entries count, since the folder may be one of the user's own.
     """
     for path in folder().glob("*/[0-9a-f][0-9a-f]/*"):
         if OWN.fullmatch(path.name):

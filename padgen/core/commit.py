@@ -1,12 +1,12 @@
-"""Files of a folder that change all at once or not at all, also where the process is killed in between.
+"""Change the files of a folder all at once or not at all, even if the process is killed meanwhile.
 
-The new files lie complete in a hidden folder aside. A journal is put into the folder, the files are moved one by one,
-and the journal is removed: that is the commit. What was there before lies aside until then, so that whoever finds a
-journal and gets the folder's lock, which a living process would hold, puts everything back with it (`recover`). A kill
-while putting back does no harm: it goes on from where it was.
+The complete new files first lie in a hidden folder aside. A journal is put into the folder, the files are moved one by
+one, and removing the journal commits the change. The replaced files lie aside until then. Whoever finds a journal and
+gets the folder's lock, which a living process would hold, puts everything back with the journal (`recover`). A kill
+while files are put back does no harm, since the next process continues from there.
 
-Each system call that changes the disk is a function of `os` (those of `Path` call them), also where files are written:
-a test that replaces these has put another disk under it.
+Each system call that changes the disk is a function of `os` (those of `Path` call them), also in the writing of files.
+A test can therefore simulate another disk by replacing these functions.
 """
 
 import json
@@ -48,11 +48,11 @@ PARTIAL = ".partial-"
 JOURNAL = ".padgen.journal"
 LOCK = ".padgen.lock"
 REPLACED = ".replaced"
-"""The folder, in the one aside, of padgen's own files that are replaced or removed."""
+"""Name, in the folder aside, of the folder with padgen's own replaced and removed files."""
 PATIENCE_S = 10.0
-"""Longest wait of a commit for another; one takes milliseconds."""
+"""Longest wait in s of a commit for another, which takes milliseconds."""
 MOST_JSON = 1_000_000
-"""Bytes of a manifest or journal; the largest pad's have a hundredth."""
+"""Largest manifest or journal in bytes; the largest pad's have a hundredth of this."""
 PLAIN_NAME = re.compile(r"\w[\w.-]{0,254}", re.ASCII)
 HASH = re.compile("[0-9a-f]{64}")
 BAD_DISK = (EIO, ENOSPC, EDQUOT)
@@ -62,8 +62,8 @@ BAD_DISK = (EIO, ENOSPC, EDQUOT)
 class Moves:
     """The moves of a commit, by names of files in the folder.
 
-    `new` files and their hashes come from the folder `aside`; `away` are padgen's own that go there; `kept` are
-    users' files, each with the name that it is kept as.
+    `new` files, with their hashes, come from the folder `aside`. `away` are padgen's own files that go there. `kept`
+    are users' files, each with its new name.
     """
 
     aside: str
@@ -73,7 +73,7 @@ class Moves:
 
 
 def move_all(path: Path, moves: Moves) -> None:
-    """Move all files of a folder that is `held`; where that ends early, all are moved back."""
+    """Move all files of a folder that is `held`; after an error all are moved back."""
     aside, journal = path / moves.aside, path / JOURNAL
     try:
         (aside / REPLACED).mkdir()
@@ -95,14 +95,14 @@ def move_all(path: Path, moves: Moves) -> None:
 
 
 def _move_back(path: Path, moves: Moves) -> None:
-    """Undo each move that was done; what a user has put in the place of a file since is kept beside it."""
+    """Undo each completed move, and keep files that a user has put there since under another name."""
     aside = path / moves.aside
     lie = {name: aside / REPLACED / name for name in moves.away}
     lie |= {name: path / there for name, there in moves.kept.items()}
     for name in (moves.new | lie) if aside.is_dir() else ():
         place, old = path / name, lie.get(name)
         if old is not None and not os.path.lexists(old):
-            continue  # was never moved, or is back already
+            continue  # it was never moved, or is back already
         if os.path.lexists(place):
             if not os.path.lexists(aside / name) and has_hash(place, moves.new.get(name, "")):
                 place.replace(aside / name)
@@ -116,36 +116,36 @@ def _move_back(path: Path, moves: Moves) -> None:
 
 @contextmanager
 def held(path: Path) -> Iterator[None]:
-    """Keep other processes from changing a folder; what a killed commit has left in it is put back first.
+    """Keep other processes from changing a folder, and first undo the unfinished commit of a killed process.
 
     Raises
     ------
     FileError
-        Another process has it, or it cannot be put back.
+        Another process holds the folder, or the commit cannot be undone.
     """
     with locked(path / LOCK, PATIENCE_S) as has_lock:
         moves = _read_journal(path)
-        # Where there are no locks, the number of the process has to tell.
+        # Without locks, the process number in the folder's name decides.
         if has_lock is False or (has_lock is None and moves and _runs(moves.aside)):
-            raise FileError("another process writes into it; try again when it has ended", str(path))
+            raise FileError("another process is writing into it; try again when that has ended", str(path))
         if moves:
             try:
                 _move_back(path, moves)
             except OSError as error:
                 reason = error.strerror or type(error).__name__
-                sentence = f"a killed run left it half-written, and it cannot be put right ({reason})"
+                sentence = f"a killed run left it half-written, and it cannot be restored ({reason})"
                 raise FileError(sentence, str(path)) from error
             remove_aside(path / moves.aside)
         yield
 
 
 def recover(path: Path) -> None:
-    """Put a folder back to what it was before a commit that was killed; to be called before it is read.
+    """Undo the unfinished commit of a killed process; call this before reading the folder.
 
     Raises
     ------
     FileError
-        As `held` does.
+        As `held`.
     """
     if _read_journal(path):
         with held(path):
@@ -153,28 +153,28 @@ def recover(path: Path) -> None:
 
 
 def drop_partial(path: Path) -> None:
-    """Remove what killed runs left half-written in a folder."""
+    """Remove half-written files of killed processes from a folder."""
     left = [left for left in path.glob(f"{PARTIAL}*") if not _runs(left.name)]
-    if left or (path / LOCK).exists():  # which goes with being held
+    if left or (path / LOCK).exists():  # holding the folder removes the lock's file, too
         with held(path):
             for folder in left:
                 remove_aside(folder)
 
 
 def remove_aside(folder: Path) -> None:
-    """Remove a folder of files that are not needed, as far as the disk lets."""
-    with suppress(OSError):  # closing may fail, too
+    """Remove a folder of files that are not needed, as far as the disk allows."""
+    with suppress(OSError):  # closing the folder may fail even with ignore_errors
         shutil.rmtree(folder, ignore_errors=True)
 
 
 def is_under_way(path: Path, aside: str) -> bool:
-    """Tell whether the files that lie `aside` are needed to put a folder back."""
+    """Return whether the files in the folder `aside` are needed to undo a commit."""
     moves = _read_journal(path)
     return moves is not None and moves.aside == aside
 
 
 def _read_journal(path: Path) -> Moves | None:
-    """The journal in a folder, None where there is none of ours."""
+    """Return the journal in a folder, None where there is none or it is not padgen's."""
     try:
         moves = Moves(**read_json_table(path / JOURNAL))
         names = (*moves.new, *moves.away, *moves.kept, *moves.kept.values())
@@ -185,7 +185,7 @@ def _read_journal(path: Path) -> Moves | None:
 
 
 def read_json_table(file: Path) -> dict[str, Any]:
-    """The table in a small JSON file, empty when there is no such file or table."""
+    """Return the table in a small JSON file, empty where there is no such file or table."""
     try:
         if file.is_symlink() or not file.is_file() or file.stat().st_size > MOST_JSON:
             return {}
@@ -196,12 +196,12 @@ def read_json_table(file: Path) -> dict[str, Any]:
 
 
 def is_entry(name: str, known: object) -> bool:
-    """Tell whether these are the plain name of a file and a hash."""
+    """Return whether `name` is the plain name of a file and `known` a hash."""
     return PLAIN_NAME.fullmatch(name) is not None and isinstance(known, str) and HASH.fullmatch(known) is not None
 
 
 def has_hash(path: Path, known: str) -> bool:
-    """Tell whether this is a file, and no link to one, of this content."""
+    """Return whether `path` is a file, not a link, with this hash."""
     try:
         if path.is_symlink() or not path.is_file():
             return False
@@ -212,23 +212,23 @@ def has_hash(path: Path, known: str) -> bool:
 
 
 def free_name(path: Path) -> Path:
-    """A name for a user's file that makes room for an output: with .old, or .old2, or ... behind it."""
+    """Return a free name for a user's file: its name with .old, .old2, ... appended."""
     names = (path.with_name(f"{path.name}.old{number if number > 1 else ''}") for number in count(1))
     return next(name for name in names if not os.path.lexists(name))
 
 
 def keep_aside(path: Path) -> None:
-    """Make room for an output where a user's file has its name."""
+    """Rename a user's file to make room for an output of the same name."""
     there = free_name(path)
     path.replace(there)
     say_kept(path, there)
 
 
 def say_kept(path: Path, there: Path) -> None:
-    """Tell where a user's file is now."""
+    """Log the new name of a user's file."""
     import logging
 
-    logging.getLogger("padgen").warning("padgen: %s was not as padgen wrote it; kept as %s", path, there.name)
+    logging.getLogger("padgen").warning("padgen: %s is not padgen's or was changed; kept as %s", path, there.name)
 
 
 def write_synced(path: Path, data: bytes | bytearray) -> None:
@@ -244,7 +244,7 @@ def write_synced(path: Path, data: bytes | bytearray) -> None:
 
 
 def _sync_folder(path: Path) -> None:
-    """Wait until the names in a folder are on the disk, where the system can."""
+    """Wait until the names in a folder are on the disk, where the system can do this."""
     if not hasattr(os, "O_DIRECTORY"):
         return
     try:
@@ -259,13 +259,13 @@ def _sync_folder(path: Path) -> None:
 
 
 def _process(aside: str) -> int:
-    """The process whose folder aside this is, 0 where it is none's."""
+    """Return the process number in the name of a folder aside, 0 where it has none."""
     number = aside.removeprefix(PARTIAL)
     return int(number) if aside.startswith(PARTIAL) and number.isascii() and number.isdecimal() else 0
 
 
 def _runs(aside: str) -> bool:
-    """Whether another process, whose folder aside this is, still runs; a folder of no process counts as in use."""
+    """Return whether another process, the owner of a folder aside, still runs; without an owner, return True."""
     import psutil
 
     process = _process(aside)

@@ -38,15 +38,14 @@ __all__ = [
 ]
 
 LONGEST, LONGEST_PART = 2000, 300
-"""Characters of a sentence, and of where it applies or of one value in it."""
+"""Most characters of a sentence; and of the place that it is about, or of one value in it."""
 
 
 class PadgenError(Exception):
     """Base of all errors that end a command with one sentence and exit code 2.
 
-    Whatever the sentence repeats of the user's input is cut where it is long, and made `plain`. `cures` are changes of
-    the spec, fields by their dotted names (None: left out), with each of which this is not refused; the sentence ends
-    with them.
+    Input of the user in the sentence is shortened where it is long, and made `plain`. Each of `cures` is a change of
+    the spec (fields by their dotted names; None: left out) with which this is not refused; the sentence ends with them.
     """
 
     code = "padgen"
@@ -68,7 +67,7 @@ class SpecError(PadgenError):
 
 
 class InfeasibleError(SpecError):
-    """No layout meets the spec; the message names the limit that binds and what would do."""
+    """No layout meets the spec; the message names the limit that prevents it and a change that helps."""
 
     code = "infeasible"
 
@@ -80,7 +79,7 @@ class FileError(PadgenError):
 
 
 class MeshFileError(FileError):
-    """A file given as a mesh holds none that can be read."""
+    """A file given as a mesh contains no readable mesh."""
 
     code = "mesh"
 
@@ -98,15 +97,15 @@ class SolverError(PadgenError):
 
 
 class EngineMissingError(SolverError):
-    """An optional package is not installed; the message names the extra that brings it."""
+    """An optional package is not installed; the message names the extra that installs it."""
 
     code = "engine"
 
 
 def plain(text: str, most: int | None = None) -> str:
-    r"""`text` on one line, with what would steer a terminal or turn the writing's direction as its escape.
+    r"""Return `text` on one line, with characters that would steer a terminal or change the writing direction escaped.
 
-    Without its middle where it has more than `most` characters: a sentence ends with what would do.
+    A text of more than `most` characters loses its middle, since a sentence ends with its advice.
 
     >>> plain("pad\x1b[2J.stl\n"), plain("abcdefgh", 5)
     ('pad\\x1b[2J.stl\\n', 'ab…gh')
@@ -119,7 +118,7 @@ def plain(text: str, most: int | None = None) -> str:
 
 
 STEERING = ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp")
-"""Unicode's kinds of characters that are no writing: control, format, halves of others, private, none, line ends."""
+"""Unicode categories of characters that are escaped: control, format, surrogate, private, unassigned, separators."""
 
 
 def cured(sentence: str, cures: Sequence[Mapping[str, Any]]) -> str:
@@ -148,19 +147,19 @@ def _toml(value: Any) -> str:
 
 
 def shown(value: Any) -> str:
-    """Write any `value` as a sentence repeats it: as Python does, dates as TOML, cut where it is long.
+    """Write a value for a sentence: as Python writes it, dates as in TOML, shortened where it is long.
 
     >>> shown("pla"), shown(16**9999)
     ("'pla'", 'a value too large to be shown')
     """
     try:
         return plain(value.isoformat() if hasattr(value, "isoformat") else repr(value), LONGEST_PART)
-    except (ValueError, RecursionError):  # thousands of digits, or of brackets within brackets
+    except (ValueError, RecursionError):  # thousands of digits, or thousands of nested brackets
         return "a value too large to be shown"
 
 
 def number(value: float) -> str:
-    """Write `value` for a sentence: whole numbers whole, others with at most five significant digits.
+    """Write a number for a sentence: whole numbers in full, others with at most five significant digits.
 
     >>> number(4.0), number(0.123456), number(100_000)
     ('4', '0.12346', '100000')
@@ -178,7 +177,7 @@ def percent(share: float) -> str:
 
 
 def at_least(value: float) -> str:
-    """Write the smallest value that would do, rounded up to four digits so that it does.
+    """Write the smallest acceptable value, rounded up to four digits so that it is acceptable.
 
     >>> at_least(1.11201)
     '1.113'
@@ -187,7 +186,7 @@ def at_least(value: float) -> str:
 
 
 def at_most(value: float) -> str:
-    """Write the largest value that would do, rounded down to four digits so that it does.
+    """Write the largest acceptable value, rounded down to four digits so that it is acceptable.
 
     >>> at_most(380.149)
     '380.1'
@@ -196,7 +195,7 @@ def at_most(value: float) -> str:
 
 
 def _rounded_outwards(value: float, rounding: Callable[[float], int]) -> str:
-    if not 1e-300 < value < 1e300:  # nor is a step of them a number
+    if not 1e-300 < value < 1e300:  # outside, the rounding step would overflow or be 0
         return number(value)
     step = 10.0 ** (floor(log10(value)) - 3)
     return f"{rounding(value / step) * step:.4g}"

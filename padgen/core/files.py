@@ -1,11 +1,11 @@
-"""Output files that are whole or not there: written aside, renamed when complete.
+"""Output files that are complete or absent: written aside, renamed when complete.
 
-`OutputFolder` collects the files of one run in a hidden folder beside their place; `commit` moves
-them in, all or none (`padgen.core.commit`). An error, Ctrl-C or kill before that leaves the old files as they were.
+`OutputFolder` collects the files of one run in a hidden folder beside their place; `commit` moves all of them in, or
+none (`padgen.core.commit`). An error, Ctrl-C or kill before the commit leaves the old files as they were.
 
-``manifest.json`` lists what padgen wrote, with hashes. A listed file that still has its hash is padgen's: it may be
-removed and replaced. Any other is its user's: it is never removed, and where an output takes its name it is kept as
-``NAME.old``.
+``manifest.json`` lists padgen's files with their hashes. A listed file that still has its hash is padgen's and may be
+removed and replaced. Any other file is the user's: it is never removed, and is kept as ``NAME.old`` where an output
+takes its name.
 """
 
 import json
@@ -67,29 +67,29 @@ MANIFEST = "manifest.json"
 YIELD_FILE = "yield.json"
 SPEC = "spec"
 MEASURED_FILES = ("tuning.json", "measured.csv", "printed.json")
-"""What is known of a print: it stays where the plan is another, with which everything else goes."""
+"""Files with measurements of a print; they stay when the plan changes, while the rest of the old plan's files go."""
 READ_BYTES = 1 << 16
 LONGEST_PIPE_S = 10.0
-"""How long what comes through a pipe may take to end."""
+"""Longest time in s for reading a pipe to its end."""
 
 
 def json_text(table: Any) -> str:
-    """JSON as all files hold it: ten significant digits, so that platforms agree, and null for no number.
+    """Return JSON in the form of all files: numbers with ten significant digits, null for NaN and infinity.
 
-    An entry called `spec` is what was asked for, not a result: its numbers are written in full, so that they read
-    back as they were given. Of plain data and dataclasses. As ``json.dumps`` with an indent of 1, which has no
-    quick way to indent.
+    Ten digits agree between platforms. An entry called `spec` is input, not a result: its numbers are written in full,
+    so that they read back unchanged. Takes plain data and dataclasses. Same layout as ``json.dumps`` with an indent of
+    1, but faster.
     """
     return _whole(_json(table, "\n", False)) + "\n"
 
 
 def json_line(table: Any) -> str:
-    """The same conventions on one line, for streams and journals; values that are no plain data as text."""
+    """Return JSON on one line in the same form, for streams and journals; values that are no plain data become text."""
     return _whole(json.dumps(_plain(table), ensure_ascii=False))
 
 
 def _whole(text: str) -> str:
-    """JSON with halves of characters, as names of files may hold, as their escapes: no file takes them."""
+    """Escape lone surrogates in JSON, which names of files may contain but no file can."""
     try:
         text.encode()
     except UnicodeEncodeError:
@@ -98,6 +98,7 @@ def _whole(text: str) -> str:
 
 
 def _plain(value: Any) -> Any:
+    """Return a value as plain data with rounded numbers."""
     if isinstance(value, dict):
         return {str(key): _plain(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):
@@ -110,7 +111,7 @@ def _plain(value: Any) -> Any:
 
 
 def _json(value: Any, line: str, in_full: bool) -> str:
-    """The JSON of a value, its numbers rounded or `in_full`; `line` begins a new line at its depth."""
+    """Return the JSON of a value, its numbers rounded or `in_full`; `line` is a line break with its indent."""
     if isinstance(value, float):
         return float.__repr__(value if in_full else float(f"{value:.10g}")) if isfinite(value) else "null"
     if isinstance(value, str):
@@ -137,7 +138,7 @@ def _key(key: Any) -> str:
 
 
 def file_hash(data: bytes | bytearray) -> str:
-    """SHA-256 of some bytes, in hexadecimal."""
+    """Return the SHA-256 of bytes, in hexadecimal."""
     return sha256(data).hexdigest()
 
 
@@ -175,7 +176,7 @@ class OutputFolder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if not is_under_way(self.path, self._aside.name):  # else a broken disk keeps the files from going back
+        if not is_under_way(self.path, self._aside.name):  # else its files are needed to undo the commit
             remove_aside(self._aside)
         if kind is not None:
             with suppress(OSError):
@@ -185,38 +186,38 @@ class OutputFolder:
             raise FileError(f"cannot be written ({reason(error)})", str(self.path)) from error
 
     def write(self, name: str, data: bytes | bytearray | str) -> Path:
-        """Add a file; returns where it lies for now, for reading back."""
+        """Add a file and return its path aside, for reading back."""
         raw = data.encode() if isinstance(data, str) else data
         write_synced(self._aside / name, raw)
         self._hashes[name] = file_hash(raw)
         return self._aside / name
 
     def write_by(self, name: str, writer: Callable[[Path], None]) -> Path:
-        """Add a file that `writer` writes to the path it is given; returns that path, for reading back."""
+        """Add a file that `writer` writes to the path it is given; return that path, for reading back."""
         path = self._aside / name
         writer(path)
-        with path.open("r+b") as file:  # as Windows has it, to sync what is written
+        with path.open("r+b") as file:  # writable, since Windows syncs no other files
             self._hashes[name] = file_digest(file, "sha256").hexdigest()
             os.fsync(file)
         return path
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the files that were added."""
+        """Names of the added files."""
         return tuple(self._hashes)
 
     def commit(self, built_from: dict[str, Any] | None = None, remove: Iterable[str] = ()) -> list[str]:
-        """Move all files in, then the manifest; returns files of an earlier build that a new plan contradicts.
+        """Move all files in, then the manifest; return files of an earlier build that contradict a new plan.
 
-        Where the plan is another, what came of the old one goes, but for `MEASURED_FILES` and an earlier build's, which
-        go with the next build. Only what padgen wrote and nobody has changed since goes.
+        A changed plan removes the files that came of the old one, except `MEASURED_FILES` and those of an earlier
+        build, which the next build removes. Only unchanged files of padgen are removed.
 
         Parameters
         ----------
         built_from : dict, optional
-            These files are a build's: what it was made from, for `is_current`.
+            The inputs of a build, for `is_current`; given where these files are a build's.
         remove : iterable of str
-            Names of other files that are stale now.
+            Names of other files that are out of date.
 
         Raises
         ------
@@ -251,7 +252,7 @@ class OutputFolder:
         return [name for name in built if name in rest and name not in self._hashes] if other_plan else []
 
     def _move_in(self, new: dict[str, str], gone: list[str], before: dict[str, Any]) -> None:
-        """Take away what is `gone`, make room, and move all files to their places; or leave all as it was."""
+        """Remove the files `gone`, make room, and move all files to their places; or leave everything as it was."""
         away, kept = list(gone), {}
         for name in new:
             path = self.path / name
@@ -268,7 +269,10 @@ class OutputFolder:
 
 
 def read_manifest(path: Path) -> dict[str, Any]:
-    """The manifest in a folder, empty when there is none of ours: plain names of files there, each with a hash."""
+    """Return the manifest in a folder, empty where there is no valid one of padgen.
+
+    A valid one holds plain names of files, each with a hash.
+    """
     recover(path)
     manifest = read_json_table(path / MANIFEST)
     files = manifest.get("files")
@@ -276,7 +280,7 @@ def read_manifest(path: Path) -> dict[str, Any]:
         is_entry(name, known) and name.lower() != MANIFEST for name, known in files.items()
     ):
         return {}
-    # Before 0.2 builds alone wrote manifests.
+    # Before version 0.2 only builds wrote manifests.
     built = manifest.setdefault("built", list(files) if "inputs" in manifest else [])
     if not isinstance(built, list) or not all(isinstance(name, str) and name in files for name in built):
         return {}
@@ -284,18 +288,18 @@ def read_manifest(path: Path) -> dict[str, Any]:
 
 
 def built_files(path: Path) -> list[str]:
-    """The files of the last build in a folder, but for those that were replaced since."""
+    """Return the files of the last build in a folder, without those replaced since."""
     return list(read_manifest(path).get("built", []))
 
 
 def is_unchanged(path: Path, name: str) -> bool:
-    """Whether padgen wrote this file of a folder and nobody has changed it since."""
+    """Return whether padgen wrote this file of a folder and nobody has changed it since."""
     known = read_manifest(path).get("files", {})
     return name in known and has_hash(path / name, known[name])
 
 
 def take_away(path: Path) -> None:
-    """Remove what padgen wrote into a folder and nobody has changed since; the folder, too, when it is empty then."""
+    """Remove padgen's unchanged files from a folder, and the folder if it is then empty."""
     aside = path / f"{PARTIAL}{os.getpid()}"
     with suppress(OSError, FileError):
         drop_partial(path)
@@ -310,7 +314,7 @@ def take_away(path: Path) -> None:
 
 
 def differs(path: Path, name: str, text: str) -> bool:
-    """Whether a folder has a file of this name with another text."""
+    """Return whether a folder has a file of this name with another text."""
     recover(path)
     try:
         return (path / name).read_bytes() != text.encode()
@@ -319,7 +323,7 @@ def differs(path: Path, name: str, text: str) -> bool:
 
 
 def is_current(path: Path, inputs: dict[str, Any]) -> bool:
-    """Whether a folder's last build was made from `inputs` and its files are all there, unchanged."""
+    """Return whether a folder's last build was made from `inputs` and all its files are there, unchanged."""
     manifest = read_manifest(path)
     if not manifest.get("built") or manifest.get("inputs") != inputs:
         return False
@@ -327,15 +331,15 @@ def is_current(path: Path, inputs: dict[str, Any]) -> bool:
 
 
 def read_bounded(path: Path, most_bytes: int, what: str) -> bytes:
-    """Read a file whole, which is to be `what` ("a tuning") and has at most so many bytes.
+    """Read a file of at most `most_bytes`; `what` names its expected content in errors ("a tuning").
 
-    Ordinary files are read, and pipes (standard input, the shell's ``<(…)``) that end within `LONGEST_PIPE_S`; never
-    more than one byte beyond the bound.
+    Reads ordinary files, and pipes (standard input, the shell's ``<(…)``) that end within `LONGEST_PIPE_S`; never more
+    than one byte beyond the bound.
 
     Raises
     ------
     FileError
-        It is not there, a folder, a device, too large, or cannot be read.
+        The file is missing, a folder, a device or too large, or cannot be read.
     """
     recover(path.parent)
     try:
@@ -350,7 +354,7 @@ def read_bounded(path: Path, most_bytes: int, what: str) -> bytes:
             data = _read_pipe(path, most_bytes + 1)
     except OSError as error:
         raise FileError(f"cannot be read ({reason(error)})", str(path)) from error
-    except ValueError as error:  # names that no file can have
+    except ValueError as error:  # the name is impossible for a file
         raise FileError(f"cannot be read ({error})", str(path)) from error
     size = max(found.st_size, len(data))
     if size > most_bytes:
@@ -359,7 +363,7 @@ def read_bounded(path: Path, most_bytes: int, what: str) -> bytes:
 
 
 def _read_at_most(path: Path, most_bytes: int, likely: int = 0) -> bytes:
-    """Read at most so many bytes; a read takes the memory that it asks for, not what comes."""
+    """Read at most `most_bytes`, in blocks, since each read allocates all the memory that it asks for."""
     blocks: list[bytes] = []
     left = most_bytes
     with path.open("rb") as file:
@@ -370,7 +374,7 @@ def _read_at_most(path: Path, most_bytes: int, likely: int = 0) -> bytes:
 
 
 def _read_pipe(path: Path, most_bytes: int) -> bytes:
-    """Read what another process writes; a thread waits for it, since opening a pipe that no one writes to waits too."""
+    """Read a pipe in a thread with a time limit, since even opening a pipe waits for its writer."""
     read: list[bytes] = []
     failed: list[Exception] = []
 
@@ -393,5 +397,5 @@ def _read_pipe(path: Path, most_bytes: int) -> bytes:
 
 
 def reason(error: OSError) -> str:
-    """Why the system refused, in its words."""
+    """Return the system's own words for an error."""
     return error.strerror or type(error).__name__

@@ -1,4 +1,4 @@
-"""`Finding`: one verdict on a pad. A finding is data; only the command line prints it."""
+"""`Finding`: one verdict on a pad, as data that only the command line prints."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -17,11 +17,11 @@ class Finding:
     Parameters
     ----------
     level : {'note', 'warning', 'error'}
-        An error means that the pad does not hold what was asked; commands then exit with 1.
+        An error means that the pad does not meet the spec; commands then exit with 1.
     code : str
         Stable dotted name, e.g. ``'print.gap'``.
     where : str
-        What is judged: a channel, a taxel, a file.
+        The judged object: a channel, a taxel, a file.
     message : str
         One sentence with the value, its bound and the nearest value that would pass.
     cures : tuple of dict

@@ -1,4 +1,4 @@
-"""A lock on a file: the system's, which takes it back from a process that dies, however it dies."""
+"""A lock on a file by the operating system, which releases it when the process ends in any way."""
 
 import os
 import sys
@@ -10,17 +10,17 @@ from pathlib import Path
 __all__ = ["lock_file", "locked", "unlock_file"]
 
 LOOK_S = 0.02
-"""Between two looks at a lock that another has."""
+"""Seconds between two attempts to get a lock."""
 LOCKED_BYTE = 1 << 30
-"""The byte that Windows locks, which keeps others from reading it: beyond all that is written into the file."""
+"""Byte that Windows locks, beyond the file's content, since other processes cannot read a locked byte."""
 
 
 @contextmanager
 def locked(path: Path, patience_s: float) -> Iterator[bool | None]:
-    """Hold a lock, or go without; tells whether it is held: False where another has kept it for `patience_s`.
+    """Hold a lock, or continue without it.
 
-    The file is there for as long as the lock is held. Where the file system takes no locks, which None tells, nobody
-    is kept out.
+    Yields True with the lock, False where another process kept it for `patience_s`, and None where the file system has
+    no locks; nobody is then kept out. The file exists as long as the lock is held.
     """
     file, has_lock, end = -1, None, time.monotonic() + patience_s
     try:
@@ -35,7 +35,7 @@ def locked(path: Path, patience_s: float) -> Iterator[bool | None]:
 
 
 def lock_file(path: Path) -> int:
-    """Lock a file, which is made; returns it open, or -1 where another process has it.
+    """Create and lock a file; return its open descriptor, or -1 where another process has the lock.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def lock_file(path: Path) -> int:
         _lock(file)
         if os.fstat(file).st_ino == path.stat().st_ino:
             return file
-    except (BlockingIOError, FileNotFoundError):  # taken; or given back and taken away just now
+    except (BlockingIOError, FileNotFoundError):  # locked by another, or released and removed just now
         pass
     except BaseException:
         os.close(file)
@@ -57,10 +57,10 @@ def lock_file(path: Path) -> int:
 
 
 def unlock_file(path: Path, file: int) -> None:
-    """Give back what `lock_file` returned, and remove its file."""
+    """Release a lock of `lock_file`, and remove its file."""
     if sys.platform == "win32":
         os.close(file)
-        with suppress(OSError):  # which removes no open file, so none that another has locked meanwhile
+        with suppress(OSError):  # Windows keeps files that are open, such as one that another process has locked
             path.unlink()
     else:
         import fcntl
@@ -68,7 +68,7 @@ def unlock_file(path: Path, file: int) -> None:
         with suppress(OSError):
             path.unlink()
         with suppress(OSError):
-            # Closing alone would leave the lock to processes that were forked meanwhile.
+            # Closing alone would leave the lock with processes forked meanwhile.
             fcntl.flock(file, fcntl.LOCK_UN)
         with suppress(OSError):
             os.close(file)

@@ -1,4 +1,4 @@
-"""How plots are styled and written: the same figures give the same bytes, on every machine with the same versions."""
+"""Style and writing of plots: with the same versions, the same figure gives the same bytes on every machine."""
 
 import io
 from typing import Any
@@ -9,7 +9,7 @@ STYLE = {"svg.hashsalt": "padgen", "svg.fonttype": "path", "font.size": 9, "font
 
 
 def plot_bytes(figure: Any, kind: str) -> bytes:
-    """A matplotlib figure as ``svg`` or ``png``."""
+    """Return a matplotlib figure as the bytes of an ``svg`` or ``png`` file."""
     out = io.BytesIO()
     metadata: dict[str, Any] = {"Date": None} if kind == "svg" else {"Software": None}
     figure.savefig(out, format=kind, dpi=120, metadata=metadata, facecolor="white")

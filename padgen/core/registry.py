@@ -1,10 +1,9 @@
-"""Places to extend, by name: what padgen brings lies one file each in a package, more may be registered.
+"""Registries of extensions by name: padgen's own are one file each in a package; others may be registered.
 
-Names are read from the files' names, so that telling them imports nothing; a module is imported when it is
-first asked for.
+Names come from file names, so that listing them imports nothing. A module is imported when it is first needed.
 
-What is registered in one process is known to that process. Modules named in the environment variable `PLUGINS` are
-imported, and so register theirs, when names are first asked for, here and in every worker, which inherits it.
+A registration holds within its process. Modules named in the environment variable `PLUGINS` are imported, and register
+their extensions, when names are first needed, in this process and in every worker, which inherits the variable.
 """
 
 import os
@@ -33,18 +32,17 @@ __all__ = [
 ]
 
 PLUGINS = "PADGEN_PLUGINS"
-"""Environment variable: modules, with commas between them, that register things as they are imported."""
+"""Environment variable: names of modules, separated by commas, that register extensions when imported."""
 T = TypeVar("T")
 NAME = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
 
 
 class Registry(Generic[T]):
-    """The things of one `kind`: the modules of `package`, and registered ones.
+    """The extensions of one `kind`: the modules of `package`, and registered objects.
 
-    ``time_shared.py`` is ``time-shared``, and ``_3mf.py`` is ``3mf``.
-
-    `reserved` are words that mean something else where a name is asked for. `changes` counts registrations, for the
-    keys of caches in memory: the same name may be another thing later.
+    ``time_shared.py`` is ``time-shared``, and ``_3mf.py`` is ``3mf``. `reserved` names have another meaning where a
+    name is given. `changes` counts registrations, for keys of caches in memory: a name may later belong to another
+    object.
     """
 
     def __init__(self, kind: str, package: str, reserved: tuple[str, ...] = ()) -> None:
@@ -53,7 +51,7 @@ class Registry(Generic[T]):
         self._registered: dict[str, T] = {}
 
     def names(self) -> tuple[str, ...]:
-        """All names: those of the package by the alphabet, then the registered ones in their order."""
+        """Return all names: padgen's own in alphabetic order, then the registered ones in their order."""
         return (*_names_of_files(self._package), *self.registered)
 
     def families(self) -> tuple[str, ...]:
@@ -62,12 +60,12 @@ class Registry(Generic[T]):
         return tuple(sorted({stem for stem, _, _ in stems if sum(stem == other for other, _, _ in stems) > 1}))
 
     def register(self, name: str, thing: T, protocol: type) -> None:
-        """Add `thing`, which holds to `protocol`, under `name`; `unregister` takes it away again.
+        """Add `thing`, which has the names of `protocol`, under `name`; `unregister` removes it.
 
         Raises
         ------
         SpecError
-            The name is taken, or not of small letters, digits and hyphens; or the thing lacks something.
+            The name is taken or has characters other than small letters, digits and hyphens, or the thing lacks a name.
         """
         if not NAME.fullmatch(name):
             raise SpecError(f"the name of a {self.kind} must be small letters and digits with hyphens, got {name!r}")
@@ -81,12 +79,12 @@ class Registry(Generic[T]):
         self.changes += 1
 
     def unregister(self, name: str) -> None:
-        """Take away what was registered under `name`; what padgen brings stays.
+        """Remove the extension registered under `name`; padgen's own cannot be removed.
 
         Raises
         ------
         SpecError
-            Nothing was registered under it.
+            Nothing is registered under the name.
         """
         if name not in self._registered:
             raise unknown_name(name, list(self._registered), f"registered {self.kind}", "")
@@ -95,23 +93,23 @@ class Registry(Generic[T]):
 
     @property
     def registered(self) -> tuple[str, ...]:
-        """Names of what was registered, which padgen does not bring."""
+        """Names of the registered extensions, without padgen's own."""
         plugin_code()
         return tuple(self._registered)
 
     def version(self, name: str) -> int:
-        """0 for what padgen brings; for what was registered another number each time, for the keys of caches."""
+        """Return 0 for padgen's own extensions, and for registered ones a number that changes, for keys of caches."""
         return self.changes if name in self._registered else 0
 
     def get(self, name: str, where: str = "") -> T:
-        """The thing of that name.
+        """Return the extension of that name.
 
         Raises
         ------
         SpecError
-            There is none; the sentence, about the field `where`, tells the nearest name.
+            There is none; the sentence, about the field `where`, has the nearest name.
         """
-        # Names that padgen brings cannot be registered: plugins need not be looked for.
+        # Padgen's own names cannot be registered, so that plugins need not be imported for them.
         if name not in _names_of_files(self._package):
             if name not in self.registered:
                 raise unknown_name(name, list(self.names()), self.kind, where)
@@ -121,15 +119,16 @@ class Registry(Generic[T]):
 
 @cache
 def _module(package: str, name: str) -> Any:
-    """The module of a name, kept: plans ask for it a thousand times, and `import_module` takes its time."""
+    """Import and keep the module of a name, since plans ask for it a thousand times and `import_module` is slow."""
     return import_module(f"{package}.{'_' * name[0].isdigit()}{name.replace('-', '_')}")
 
 
 @cache
 def _names_of_files(package: str) -> tuple[str, ...]:
-    """Names of the modules in a package of padgen.
+    """Return the names of the modules in a package of padgen.
 
-    One with an underscore before it is private, unless that stands before a digit, with which no module can begin.
+    A file with an underscore before a digit has the name without it, since no module can begin with a digit. Other
+    files with an underscore are private.
     """
     folder = Path(__file__).parents[1].joinpath(*package.split(".")[1:])
     stems = (re.sub(r"^_(?=\d)", "", path.stem) for path in folder.glob("*.py"))
@@ -137,7 +136,7 @@ def _names_of_files(package: str) -> tuple[str, ...]:
 
 
 def plugin_code() -> str:
-    """Import the modules that `PLUGINS` names; returns a hash of their code, empty where there are none.
+    """Import the modules that `PLUGINS` names; return a hash of their code, empty where there are none.
 
     Raises
     ------
@@ -162,18 +161,18 @@ def _code_of(modules: tuple[str, ...]) -> str:
 
 
 def registered_names() -> dict[str, tuple[str, ...]]:
-    """Names, by kind, of the registered things that a plan may depend on."""
+    """Return the names, by kind, of registered extensions on which a plan may depend."""
     return {registry.kind: registry.registered for registry in (SUSPENSIONS, SCHEMES)}
 
 
 def unknown_name(name: str, known: list[str], what: str, where: str) -> SpecError:
-    """The error for a `name` that is none of `known`, with the nearest one that is."""
+    """Return the error for a `name` that is none of `known`, with the nearest known name."""
     hint = _nearest(name, known) or "known are " + ", ".join(sorted(known))
     return SpecError(f"there is no {what} {shown(name)}; {hint}", where)
 
 
 def names_in(text: str, known: Iterable[str], where: str, optional: bool = False) -> tuple[str, ...]:
-    """Names of a comma-separated list, in the order of `known`; none at all only if that is `optional`.
+    """Return the names of a comma-separated list in the order of `known`; an empty list only if it is `optional`.
 
     >>> names_in("step, stl,", ("stl", "3mf", "step"), "--formats")
     ('stl', 'step')
@@ -181,7 +180,7 @@ def names_in(text: str, known: Iterable[str], where: str, optional: bool = False
     Raises
     ------
     SpecError
-        A name is none of `known`: the sentence, about the option `where`, tells all and the nearest.
+        A name is none of `known`: the sentence, about the option `where`, lists all and has the nearest.
     """
     known = list(known)
     names = [name.strip() for name in text.split(",") if name.strip()]
@@ -195,7 +194,7 @@ def names_in(text: str, known: Iterable[str], where: str, optional: bool = False
 
 
 def _nearest(name: str, known: list[str]) -> str:
-    """A question for the one of `known` that is nearest to `name`, empty if none is near."""
+    """Return a question for the nearest of `known` to `name`, empty where none is near."""
     from difflib import get_close_matches
 
     near = get_close_matches(name[:LONGEST_PART], known, n=1, cutoff=0.5)
@@ -203,14 +202,14 @@ def _nearest(name: str, known: list[str]) -> str:
 
 
 SUSPENSIONS: Registry[Any] = Registry("suspension", "padgen.planner.suspensions", reserved=("auto",))
-"""Modules or objects that hold to `padgen.planner.suspensions.Suspension`."""
+"""Modules or objects with the names of `padgen.planner.suspensions.Suspension`."""
 FORMATS: Registry[Any] = Registry("drive format", "padgen.driver.formats")
-"""Modules or objects that hold to `padgen.driver.formats.DriveFormat`."""
+"""Modules or objects with the names of `padgen.driver.formats.DriveFormat`."""
 PAD_FORMATS: Registry[Any] = Registry("pad format", "padgen.solid.formats")
-"""Modules or objects that hold to `padgen.solid.formats.PadFormat`."""
+"""Modules or objects with the names of `padgen.solid.formats.PadFormat`."""
 USUAL_FORMATS = ("stl", "3mf", "step")
-"""Those of `PAD_FORMATS` that a pad is saved in where nothing else is asked for."""
+"""Formats of `PAD_FORMATS` in which a pad is saved by default."""
 SCHEMES: Registry[Any] = Registry("drive scheme", "padgen.physics.schemes", reserved=("auto",))
-"""Modules or objects that hold to `padgen.physics.schemes.DriveScheme`."""
+"""Modules or objects with the names of `padgen.physics.schemes.DriveScheme`."""
 COILS: Registry[Any] = Registry("kind of coil", "padgen.planner.coils")
-"""Modules or objects that hold to `padgen.planner.coils.CoilKind`."""
+"""Modules or objects with the names of `padgen.planner.coils.CoilKind`."""

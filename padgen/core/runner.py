@@ -1,15 +1,15 @@
 """Run functions in processes of their own: the only code that starts, feeds, watches and ends processes.
 
-A worker is a fresh interpreter that talks over its pipes and lives on from job to job, so that numpy, a CAD
-kernel or an engine is loaded once. What breaks down in it, what the system kills and what takes too long or
-too much memory costs the job that it was on and nothing else. It needs no ``multiprocessing``, hence neither a
-guarded ``__main__`` nor a parent that may have children: it also works inside the workers of a cluster.
+A worker is a fresh interpreter that receives jobs over its pipes and stays alive between them, so that numpy, a CAD
+kernel or an engine is loaded once. A crash, a kill by the system, or too much time or memory costs only the job
+concerned. Workers do not use ``multiprocessing``, which would need a guarded ``__main__`` and a parent that may have
+children; they also run inside the workers of a cluster.
 
-- Ctrl-C is the parent's to handle: workers are in sessions of their own.
-- Workers end with their parent, however it ends: on Linux the system kills them when a pipe that the parent
-  holds is closed, elsewhere a thread waits for that, which code that keeps Python's lock holds up.
-- Limits are watched from outside, as such code would hold up a watching thread, too; by resident memory, as a
-  limit on addresses (``RLIMIT_AS``) also counts what OpenBLAS and OCCT only reserve.
+- The parent handles Ctrl-C: workers are in sessions of their own.
+- Workers end with their parent, however it ends. On Linux the system kills them when a pipe held by the parent is
+  closed. Elsewhere a thread waits for this, which code that keeps Python's lock can delay.
+- Limits are watched from outside, since such code would also delay a watching thread. Memory is resident memory, since
+  a limit on addresses (``RLIMIT_AS``) also counts memory that OpenBLAS and OCCT only reserve.
 """
 
 import json
@@ -59,28 +59,28 @@ ONE_THREAD = dict.fromkeys(
     ),
     "1",
 )
-"""Environment of a process beside others: threads inside them would only get in each other's way."""
+"""Environment of a worker: threads inside several processes would only compete for the cores."""
 PROCESSES = "PADGEN_PROCESSES"
-"""Environment variable: how many processes of its own a process may use at a time; all cores by default."""
+"""Environment variable: number of processes that a process may use at a time; by default one per core."""
 START = "import json, sys; sys.path[:], *rest = json.loads(sys.argv[1]); import padgen.core.runner as r; r.serve(*rest)"
 WATCH_S, MOST_LOOKS = 0.05, 10
-"""Seconds between two looks at what a job takes, and for how many such looks one may count at most."""
+"""Seconds between two looks at a job's time and memory, and the number of looks that a single one may count as."""
 IDLE_S = 120.0
-"""After which a worker without work ends; a cluster's would outlive the sweep otherwise."""
+"""Seconds after which an idle worker ends, so that workers of a cluster do not outlive the sweep."""
 HEAD, LAST_BYTES = 8, 4096
-"""Bytes of a message's length before it, and of the end of what was printed."""
-SIGN = b""
-"""Message without content: a worker has started, or has taken a job; to a worker: it may end."""
+"""Bytes of the length before each message, and bytes kept of the end of printed output."""
+EMPTY = b""
+"""Empty message. From a worker: it has started, or has taken a job. To a worker: it is to end."""
 WHERE = "worker process"
 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What came of a job.
+    """The result of a job.
 
-    `kind` is 'value'; 'refused': the function raised `error`, a `PadgenError` of its own class; or 'failed': it
-    broke down, its process died, or it exceeded `limit` ('time_s' or 'memory_mb'), and `error` says so. `seconds`
-    and `peak_mb` (10⁶ bytes, of the worker and all that it started) are its own; None where nobody measured.
+    `kind` is 'value'; 'refused', where the function raised `error`, a `PadgenError` of its own class; or 'failed',
+    where the function broke down, its process died, or it exceeded `limit` ('time_s' or 'memory_mb'), as `error` says.
+    `seconds` and `peak_mb` (10⁶ bytes, of the worker and all its processes) are the job's; None where nobody measured.
     """
 
     kind: str
@@ -92,16 +92,16 @@ class Answer:
 
     @property
     def sentence(self) -> str:
-        """Why there is no value, empty where there is one."""
+        """The reason for the missing value, empty where there is a value."""
         return str(self.error or "")
 
 
 class Runner:
-    """Workers, started as they are needed and used again; a context manager that ends them.
+    """Workers that are started when needed and reused; a context manager that ends them.
 
-    There are as many as threads call `run` at a time; `threads` has `workers` for that. They load the modules
-    named in `imports` as they start, before any limit counts; what cannot be loaded is for the job to tell. Each
-    may use its share of the cores for processes of its own.
+    As many workers run as threads call `run` at a time; the pool `threads` has `workers` threads for this. Workers load
+    the modules named in `imports` as they start, before any limit counts; if one cannot be loaded, the job that needs
+    it fails. Each worker may use its share of the cores for processes of its own.
     """
 
     def __init__(self, workers: int = 1, imports: tuple[str, ...] = ()) -> None:
@@ -121,7 +121,7 @@ class Runner:
         self.close()
 
     def run(self, function: Callable[..., Any], *arguments: Any, time_s: float = inf, most_mb: float = inf) -> Answer:
-        """Call a function of a module in a worker and wait for its answer; everything must pickle.
+        """Call a function of a module in a worker and return its answer; function, arguments and result must pickle.
 
         Raises
         ------
@@ -133,33 +133,33 @@ class Runner:
         except Exception as error:
             return _broken(error)
         while True:
-            worker = self._taken()
+            worker = self._idle_or_new()
             try:
                 answer = worker.ask(job, time_s, most_mb)
             except BaseException:
                 worker.kill()
                 raise
             finally:
-                self._give_back(worker, most_mb)
+                self._release(worker, most_mb)
             if answer is not None:
                 return answer
 
     def submit(self, function: Callable[..., Any], *arguments: Any, **limits: float) -> "Future[Answer]":
-        """Let a thread `run` it."""
+        """Call `run` in a thread and return its future."""
         return self.threads.submit(self.run, function, *arguments, **limits)
 
     def prepare(self, count: int) -> None:
-        """Start workers for what is to come without waiting; where none starts, what comes will tell."""
+        """Start workers without waiting; if none starts, the next `run` raises the error."""
 
         def start() -> None:
             with suppress(PadgenError):
-                self._give_back(self._taken(), inf)
+                self._release(self._idle_or_new(), inf)
 
         for _ in range(count):
             self.threads.submit(start)
 
     def close(self) -> None:
-        """End all workers, whatever they are doing."""
+        """End all workers, even during a job."""
         with self._lock:
             self._closed = True
             workers, self._all, self._idle = self._all, set(), []
@@ -167,8 +167,8 @@ class Runner:
             worker.kill()
         self.threads.shutdown(cancel_futures=True)
 
-    def _taken(self) -> "_Worker":
-        """A worker for a job: an idle one that was started as it would be now, or a new one."""
+    def _idle_or_new(self) -> "_Worker":
+        """Return an idle worker that was started under the present conditions, or start a new one."""
         conditions = _conditions(self._imports)
         with self._lock:
             while self._idle:
@@ -180,7 +180,7 @@ class Runner:
             if self._closed:
                 raise SolverError("was ended", WHERE)
             worker = _Worker(conditions, self._cores)
-            self._all.add(worker)  # before it is ready, as it may have to be ended until then
+            self._all.add(worker)  # before it is ready, so that `close` can end it
         try:
             worker.wait()
         except SolverError:
@@ -189,8 +189,8 @@ class Runner:
             raise
         return worker
 
-    def _give_back(self, worker: "_Worker", most_mb: float) -> None:
-        """Let a worker be used again, unless what libraries have kept in it would be charged to the next job."""
+    def _release(self, worker: "_Worker", most_mb: float) -> None:
+        """Make a worker available again, unless it has grown too large for the next job's memory limit."""
         grown = most_mb < inf and memory_mb(worker.pid) > most_mb / 2
         with self._lock:
             if not (grown or worker.ended or self._closed):
@@ -202,14 +202,14 @@ class Runner:
 
 
 class _Worker:
-    """The parent's end of one worker, which is started under `conditions` (`_conditions`)."""
+    """The parent's side of one worker, which is started under `conditions` (`_conditions`)."""
 
     def __init__(self, conditions: tuple[Any, ...], cores: int) -> None:
         self.conditions = conditions
         environment, _, path, imports = conditions
         with ExitStack() as ends:
             try:
-                # What libraries print; its last line may tell why the process ended.
+                # Output printed by libraries, whose last line may tell why the process ended.
                 self._log = ends.enter_context(TemporaryFile(buffering=0))
                 life, own = os.pipe()
                 ends.callback(os.close, own)
@@ -221,7 +221,7 @@ class _Worker:
                         stderr=self._log,
                         env=environment | ONE_THREAD | {PROCESSES: str(cores)},
                         pass_fds=[life] if _is_life_line(life) else (),
-                        start_new_session=True,  # Ctrl-C is the parent's to handle; on Windows by the next line
+                        start_new_session=True,  # only the parent gets Ctrl-C; on Windows by the next line
                         creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
                     )
                 finally:
@@ -232,65 +232,65 @@ class _Worker:
         self.pid = self._process.pid
         self.rested, self._last_line = False, ""
         self._lock = Lock()
-        self._words: SimpleQueue[bytes | None] = SimpleQueue()
+        self._messages: SimpleQueue[bytes | None] = SimpleQueue()
         self._listener = Thread(target=self._listen, daemon=True)
         self._listener.start()
 
     def wait(self) -> None:
-        """Wait until it is ready.
+        """Wait until the worker is ready.
 
         Raises
         ------
         SolverError
-            It has ended instead.
+            The worker has ended instead.
         """
-        if self._words.get() is None:
+        if self._messages.get() is None:
             raise SolverError(f"cannot start ({self._last_line or f'exit code {self._process.returncode}'})", WHERE)
 
     def ask(self, job: bytes, time_s: float, most_mb: float) -> Answer | None:
-        """The answer to a pickled job; None where this worker, `rested`, had ended before it took the job.
+        """Return the answer to a pickled job, and end the worker if it exceeds a limit.
 
-        It is ended when it takes more than it may.
+        None where this worker, `rested`, had ended before it took the job.
         """
         taken, peak, spent_s, start = False, 0.0, 0.0, perf_counter()
         looked = start
-        with suppress(OSError, ValueError):  # it has ended, which will be heard
-            self._log.seek(0)  # which is the worker's place in it, too
+        with suppress(OSError, ValueError):  # if the worker has ended, a message will say so
+            self._log.seek(0)  # parent and worker share this position
             self._log.truncate()
             _send(self._in, job)
         while True:
             try:
-                word = self._words.get(timeout=WATCH_S)
+                message = self._messages.get(timeout=WATCH_S)
             except Empty:
                 peak = max(peak, memory_mb(self.pid))
-                # Not more than a few looks' worth, as this process may have been stopped meanwhile.
+                # One look counts for a few at most, since this process may have been stopped meanwhile.
                 now = perf_counter()
                 spent_s, looked = spent_s + min(now - looked, MOST_LOOKS * WATCH_S), now
                 if answer := _excess(spent_s, time_s, peak, most_mb):
                     self.kill()
                     return replace(answer, seconds=now - start, peak_mb=peak or None)
                 continue
-            if word is None:
+            if message is None:
                 if self.rested and not taken:
                     return None
-                return Answer("failed", None, SolverError(self._why()), perf_counter() - start, peak or None)
+                return Answer("failed", None, SolverError(self._cause_of_end()), perf_counter() - start, peak or None)
             if taken:
-                answer = _unpickled(word)
+                answer = _unpickled(message)
                 return replace(answer, peak_mb=max(peak, answer.peak_mb or 0.0) or None)
             taken = True
 
     @property
     def ended(self) -> bool:
-        """Whether its process is known to have ended."""
+        """True when the process is known to have ended."""
         return self._process.returncode is not None
 
     def retire(self) -> None:
-        """Ask it to end when it has answered everything."""
+        """Ask the worker to end after its present job."""
         with suppress(OSError, ValueError):
-            _send(self._in, SIGN)
+            _send(self._in, EMPTY)
 
     def kill(self) -> None:
-        """End it, and what it started."""
+        """End the worker and all processes that it started."""
         with self._lock:
             if not self.ended:
                 _end_family(self.pid)
@@ -302,26 +302,27 @@ class _Worker:
         return self._process.stdin
 
     def _listen(self) -> None:
+        """Pass messages on until the worker ends, then clean up after it."""
         stream = self._process.stdout
         assert stream
         with stream:
-            while (word := _received(stream)) is not None:
-                self._words.put(word)
+            while (message := _received(stream)) is not None:
+                self._messages.put(message)
         with self._lock:
-            _end_family(self.pid)  # before its number is given back
+            _end_family(self.pid)  # before the system reuses the process number
             self._process.wait()
         with suppress(OSError):
             self._in.close()
         self._log.seek(max(self._log.seek(0, os.SEEK_END) - LAST_BYTES, 0))
         self._last_line = self._log.read().decode(errors="replace").strip().rpartition("\n")[2]
         self._ends.close()
-        self._words.put(None)
+        self._messages.put(None)
 
-    def _why(self) -> str:
-        """Why it does not answer any more."""
+    def _cause_of_end(self) -> str:
+        """Return a sentence on the end of the process."""
         code = self._process.returncode
         if code == -9:
-            return "its process was killed (signal 9), most likely by the system for want of memory"
+            return "its process was killed (signal 9), most likely by the system for lack of memory"
         if code < 0:
             name = next((f" ({one.name})" for one in signal.Signals if one == -code), "")
             return f"its process died of signal {-code}{name}"
@@ -329,12 +330,12 @@ class _Worker:
 
 
 def refuse_unshared() -> None:
-    """Raise for a suspension or drive scheme that was registered here and that workers do not know; asks one of them.
+    """Refuse a suspension or drive scheme that is registered in this process but unknown to a worker.
 
     Raises
     ------
     SpecError
-        There is one; the sentence says how workers would know it.
+        There is one; the sentence says how to register it for workers.
     """
     here = registered_names()
     if not any(here.values()):
@@ -349,7 +350,7 @@ def refuse_unshared() -> None:
 
 
 def core_count() -> int:
-    """Cores that this process may use."""
+    """Return the number of cores that this process may use."""
     named = os.environ.get(PROCESSES, "")
     if named.isdecimal() and int(named):
         return int(named)
@@ -359,7 +360,7 @@ def core_count() -> int:
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Ignore Ctrl-C meanwhile, where this is the thread that gets it."""
+    """Ignore Ctrl-C inside the block, in the main thread, which is the one that receives it."""
     if current_thread() is not main_thread():
         yield
         return
@@ -371,7 +372,7 @@ def uninterrupted() -> Iterator[None]:
 
 
 def memory_mb(pid: int) -> float:
-    """Resident memory of a process and of all that it started, MB (10⁶ bytes); 0 where the system does not tell."""
+    """Return the resident memory of a process and all its descendants in MB (10⁶ bytes); 0 where it is unknown."""
     import psutil
 
     total = 0
@@ -382,15 +383,15 @@ def memory_mb(pid: int) -> float:
 
 
 def reset_peak() -> None:
-    """Let the peak count from now on, where the system can (Linux)."""
+    """Restart the measurement of the peak, where the system can do this (Linux)."""
     with suppress(OSError):
         Path("/proc/self/clear_refs").write_bytes(b"5")
 
 
 def peak_mb() -> float | None:
-    """Peak resident memory of this process in MB (10⁶ bytes); None where the system does not tell."""
+    """Return the peak resident memory of this process in MB (10⁶ bytes); None where it is unknown."""
     with suppress(OSError):
-        # ru_maxrss would start with what the parent held.
+        # ru_maxrss would include the parent's memory before the fork.
         for line in Path("/proc/self/status").read_text().splitlines():
             if line.startswith("VmHWM:"):
                 return int(line.split()[1]) * 1024 / 1e6
@@ -403,7 +404,7 @@ def peak_mb() -> float | None:
 
 
 def _family(pid: int) -> list[Any]:
-    """A process (`psutil.Process`) and all that descend from it; none where it has ended."""
+    """Return a process (`psutil.Process`) and all its descendants; an empty list where it has ended."""
     import psutil
 
     found: list[Any] = []
@@ -415,13 +416,14 @@ def _family(pid: int) -> list[Any]:
 
 
 def _children(process: Any) -> list[Any]:
+    """Return the child processes of a process."""
     import psutil
 
     found: list[Any] = []
     with suppress(psutil.Error, OSError):
         if sys.platform != "linux":
             return list(process.children())
-        # Looked at often, and psutil would read what every process of the machine tells of its parent.
+        # Called often, and psutil would read the parent of every process of the machine.
         for thread in Path(f"/proc/{process.pid}/task").iterdir():
             for child in (thread / "children").read_text().split():
                 with suppress(psutil.Error):
@@ -430,7 +432,7 @@ def _children(process: Any) -> list[Any]:
 
 
 def _end_family(pid: int) -> None:
-    """End a process that nobody has waited for yet, its group, and all that descend from it."""
+    """End a process that nobody has waited for yet, its group, and all its descendants."""
     import psutil
 
     family = _family(pid)
@@ -442,6 +444,7 @@ def _end_family(pid: int) -> None:
 
 
 def _excess(seconds: float, time_s: float, used_mb: float, most_mb: float) -> Answer | None:
+    """Return the answer for an exceeded limit, None within the limits."""
     if seconds > time_s:
         return Answer("failed", error=SolverError(f"took longer than {number(time_s)} s"), limit="time_s")
     if used_mb > most_mb:
@@ -450,12 +453,13 @@ def _excess(seconds: float, time_s: float, used_mb: float, most_mb: float) -> An
 
 
 def _broken(error: BaseException) -> Answer:
+    """Return the answer for an exception that is not a `PadgenError`."""
     text = "not enough memory for it" if isinstance(error, MemoryError) else " ".join(str(error).split())
     return Answer("failed", error=SolverError(f"broke down ({type(error).__name__}: {text}".rstrip(": ") + ")"))
 
 
 def _conditions(imports: tuple[str, ...]) -> tuple[Any, ...]:
-    """Whatever a worker is started with: environment, working folder, where modules are found, which are loaded."""
+    """Return a worker's starting conditions: environment, working folder, module path, modules to load."""
     folder = None
     with suppress(OSError):  # it was removed
         folder = Path.cwd()
@@ -463,14 +467,14 @@ def _conditions(imports: tuple[str, ...]) -> tuple[Any, ...]:
 
 
 def _is_life_line(descriptor: int) -> bool:
-    """Whether a worker can use our pipe: on Linux, and clear of the standard streams, which it replaces."""
+    """Return whether a worker can use the parent's pipe: on Linux, and not as one of its standard streams."""
     return sys.platform == "linux" and descriptor > 2
 
 
 def serve(imports: list[str], life: int) -> None:
-    """In the worker: answer until there is nobody left who asks.
+    """Answer jobs in the worker until there is nobody left to ask.
 
-    `life` is the end of a pipe that its parent holds the other end of.
+    `life` is one end of a pipe, whose other end the parent holds.
     """
     questions, answers = _private_pipes()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -479,7 +483,7 @@ def serve(imports: list[str], life: int) -> None:
     def follow() -> None:
         while (question := _received(questions)) is not None:
             waiting.put(question)
-        # The parent is gone: what is still computed nobody waits for, here and in processes of ours.
+        # The parent is gone, so nobody waits for this worker's or its processes' results.
         with suppress(OSError, AttributeError):
             os.killpg(0, signal.SIGKILL)
         os._exit(1)
@@ -488,30 +492,30 @@ def serve(imports: list[str], life: int) -> None:
     if _is_life_line(life):
         import fcntl
 
-        with suppress(OSError):  # the system lacks it: `follow` ends us
+        with suppress(OSError):  # where the system lacks it, `follow` ends this process
             fcntl.fcntl(life, fcntl.F_SETSIG, signal.SIGKILL)
             fcntl.fcntl(life, fcntl.F_SETOWN, -os.getpgrp())
             fcntl.fcntl(life, fcntl.F_SETFL, os.O_ASYNC)
     with suppress(AttributeError):  # Windows
-        # Else our own end would not be heard as long as a process that was forked here lives.
+        # A forked process that kept the pipe open would hide this worker's end from the parent.
         os.register_at_fork(after_in_child=answers.raw.close)
     for name in imports:
         with suppress(Exception):
             import_module(name)
-    _send(answers, SIGN)
+    _send(answers, EMPTY)
     while True:
         try:
             job = waiting.get(timeout=IDLE_S)
         except Empty:
-            job = SIGN
-        if job == SIGN:
-            os._exit(0)  # at once: some engines crash when they are taken apart
-        _send(answers, SIGN)
+            job = EMPTY
+        if job == EMPTY:
+            os._exit(0)  # without clean-up, in which some engines crash
+        _send(answers, EMPTY)
         _send(answers, _answered(job))
 
 
 def _answered(job: bytes) -> bytes:
-    """The pickled answer to a pickled job."""
+    """Return the pickled answer to a pickled job."""
     reset_peak()
     start = perf_counter()
     try:
@@ -519,7 +523,7 @@ def _answered(job: bytes) -> bytes:
         answer = Answer("value", function(*arguments))
     except PadgenError as error:
         answer = Answer("refused", error=error)
-    except BaseException as error:  # not even an exit may end the worker in mid-job
+    except BaseException as error:  # not even SystemExit may end the worker during a job
         answer = _broken(error)
     answer = replace(answer, seconds=perf_counter() - start, peak_mb=peak_mb())
     try:
@@ -529,7 +533,7 @@ def _answered(job: bytes) -> bytes:
 
 
 def _private_pipes() -> tuple[BufferedReader, BufferedWriter]:
-    """The two pipes out of the way of libraries that print, and of processes that are started from here."""
+    """Return the two pipes under new descriptors, out of reach of libraries that print and of child processes."""
     pipes = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     os.dup2(2, 1)
@@ -537,21 +541,22 @@ def _private_pipes() -> tuple[BufferedReader, BufferedWriter]:
 
 
 def _send(stream: IO[bytes], data: bytes) -> None:
+    """Write a message with its length before it."""
     stream.write(len(data).to_bytes(HEAD, "little") + data)
     stream.flush()
 
 
 def _received(stream: IO[bytes]) -> bytes | None:
-    """The next message, None at the end."""
+    """Return the next message, None at the end."""
     head = stream.read(HEAD)
     data = stream.read(int.from_bytes(head, "little"))
     return data if len(head) == HEAD and len(data) == int.from_bytes(head, "little") else None
 
 
-def _unpickled(word: bytes) -> Answer:
-    """The answer that was sent, or that it cannot be read here."""
+def _unpickled(message: bytes) -> Answer:
+    """Return the answer that was sent, or a failed one where it cannot be unpickled."""
     try:
-        answer: Answer = pickle.loads(word)
+        answer: Answer = pickle.loads(message)
         return answer
     except Exception as error:
         return _broken(error)

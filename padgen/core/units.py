@@ -1,7 +1,7 @@
 """The only unit conversions of padgen.
 
-Specs and plans speak millimetre, gram and gigapascal, as drawings and catalogues do; `physics`
-speaks SI. ``length_mm * MM`` is metres and ``length_m / MM`` is millimetres, and so for the others.
+Specs and plans use millimetre, gram and gigapascal, as drawings and catalogues do; `physics` uses SI. ``length_mm *
+MM`` is metres and ``length_m / MM`` is millimetres; the others work alike.
 """
 
 from math import log10
@@ -37,5 +37,5 @@ GRAVITY_M_PER_S2 = 9.80665
 
 
 def decibel(ratio: float) -> float:
-    """Amplitude ratio in dB; 0 is -inf."""
+    """Return an amplitude ratio in dB; -inf for 0."""
     return 20.0 * log10(ratio) if ratio > 0 else float("-inf")

@@ -1,7 +1,7 @@
-"""Read WAV files: any number of channels, PCM of 1 to 64 bits and IEEE floats, samples when they are asked for.
+"""Read WAV files: any number of channels, PCM of 1 to 64 bits and IEEE floats, with samples read on demand.
 
-RIFF/WAVE, the same with the bytes in the other order (RIFX), and above 4 GiB RF64 (EBU Tech 3306), whose chunk `ds64`
-has the sizes in 64 bits.
+RIFF/WAVE; RIFX, the same with the other byte order; and above 4 GiB RF64 (EBU Tech 3306), whose chunk `ds64` has the
+sizes in 64 bits.
 """
 
 import struct
@@ -18,19 +18,19 @@ from padgen.core.errors import FileError, number
 __all__ = ["EXTENSIBLE", "FLOAT", "IN_DS64", "PCM", "RIFF", "SUBFORMAT", "Wave", "read_wav"]
 
 RIFF = b"RIFF", b"RIFX", b"RF64"
-"""What a file begins with; RIFX has the most significant bytes first."""
+"""First four bytes of a file; RIFX has the most significant bytes first."""
 PCM, FLOAT, EXTENSIBLE = 1, 3, 0xFFFE
 SUBFORMAT = 0, 0x10, bytes.fromhex("800000aa00389b71")
-"""What follows the format's number in the subformat of WAVE_FORMAT_EXTENSIBLE: two numbers and bytes."""
+"""Fields after the format's number in the subformat of WAVE_FORMAT_EXTENSIBLE: two numbers and bytes."""
 IN_DS64 = 0xFFFFFFFF
-"""The size of a chunk whose size stands in `ds64`."""
+"""Value in place of a chunk's size where `ds64` has the size."""
 SPOILT = "is cut off or damaged, not a WAV file that can be read: it"
 READ_BYTES = 1 << 22
 MOST_CHUNKS = 1000
 
 
 class _Chunk(NamedTuple):
-    """A chunk of a file: where its data begin and how many bytes it says they are."""
+    """A chunk of a file: its name, the start of its data, and their stated size in bytes."""
 
     name: bytes
     start: int
@@ -39,10 +39,10 @@ class _Chunk(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Wave:
-    """A WAV file: `count` samples of `channels` channels, read when they are asked for.
+    """A WAV file: `count` samples of `channels` channels, read on demand; full scale is 1.
 
-    `kind` is 'pcm' or 'float' with its `bits`, which lie in `width` bytes; `comment` that of the file's INFO list. Full
-    scale is 1. `held` are the file's bytes (None: they are on disk), `offset` is where the samples begin.
+    `kind` is 'pcm' or 'float', with `bits` bits in `width` bytes; `comment` is that of the file's INFO list. `held` are
+    the file's bytes (None: they are on disk); `offset` is the start of the samples.
     """
 
     path: Path
@@ -59,7 +59,7 @@ class Wave:
 
     @property
     def seconds(self) -> float:
-        """Its length."""
+        """Duration in s."""
         return self.count / self.rate_hz
 
     @property
@@ -68,24 +68,27 @@ class Wave:
         return self.read()
 
     def read(self, start: int = 0, stop: int | None = None) -> np.ndarray:
-        """Samples (s, channels) from `start` to before `stop`, as doubles."""
+        """Return samples (s, channels) from `start` up to, not including, `stop`, as doubles."""
         return self._unpacked(self._raw()[start:stop])
 
     def channel(self, index: int, compact: bool = False) -> np.ndarray:
-        """The samples (count,) of one channel: doubles, or `compact` single floats if these hold them exactly."""
+        """Return the samples (count,) of one channel as doubles.
+
+        With `compact` they are single floats where these hold the samples exactly.
+        """
         raw = self._raw()
         starts = range(0, self.count, READ_BYTES)
         parts = [self._unpacked(raw[i : i + READ_BYTES, index], compact) for i in starts]
         return np.concatenate(parts) if parts else np.zeros(0)
 
     def data(self) -> Iterator[bytes]:
-        """The samples' bytes in the file, in blocks."""
+        """Return the samples' bytes in the file, in blocks."""
         raw = self._raw()
         step = max(READ_BYTES // (self.channels * self.width), 1)
         return (raw[start : start + step].tobytes() for start in range(0, self.count, step))
 
     def _raw(self) -> np.ndarray:
-        """The file's bytes (count, channels, bytes of a sample)."""
+        """Return the file's bytes (count, channels, bytes of a sample)."""
         shape = self.count, self.channels, self.width
         if not self.count:
             return np.zeros(shape, np.uint8)
@@ -94,13 +97,13 @@ class Wave:
         return np.ndarray(shape, np.uint8, self.held, self.offset)
 
     def _unpacked(self, raw: np.ndarray, compact: bool = False) -> np.ndarray:
-        """Floats of the bytes (…, width) of samples."""
+        """Return the bytes (…, width) of samples as floats."""
         if self.big_endian:
             raw = raw[..., ::-1]
         if self.kind == "float":
             floats = np.ascontiguousarray(raw).view(f"<f{self.width}")[..., 0]
             return floats.astype("f4" if compact and self.width == 4 else "f8")
-        if self.bits <= 8:  # these have no sign
+        if self.bits <= 8:  # samples of up to 8 bits are unsigned
             return (raw[..., 0].astype("f4" if compact else "f8") - 128) / 128
         word = 4 if self.width <= 4 else 8
         whole = np.zeros((*raw.shape[:-1], word), np.uint8)
@@ -110,12 +113,12 @@ class Wave:
 
 
 def read_wav(path: Path, data: bytes | None = None) -> Wave:
-    """Read the head of the WAV file `path`; its samples stay on disk. `data` are its bytes if they are known already.
+    """Read the head of the WAV file `path`; its samples stay on disk unless its bytes are given as `data`.
 
     Raises
     ------
     FileError
-        It is not there, not a WAV file, of a kind that is not read, or shorter than it says.
+        The file is missing, not a WAV file, of an unsupported kind, or shorter than stated.
     """
     if data is not None:
         return _read(path, BytesIO(data), len(data), data)
@@ -130,6 +133,7 @@ def read_wav(path: Path, data: bytes | None = None) -> Wave:
 
 
 def _read(path: Path, file: BinaryIO, size: int, held: bytes | None) -> Wave:
+    """Read the head of an open file of `size` bytes; errors name `path`."""
     where, head = str(path), file.read(12)
     if head[:4] not in RIFF or head[8:] != b"WAVE":
         raise FileError("is not a WAV file that can be read (RIFF, RIFX or RF64)" if size else "is empty", where)
@@ -145,13 +149,13 @@ def _read(path: Path, file: BinaryIO, size: int, held: bytes | None) -> Wave:
             file.seek(chunk.start)
             parts[chunk.name] = file.read(min(chunk.size, 1 << 16))
     if b"fmt " not in parts or data is None:
-        raise FileError(f"{SPOILT} is without its {'format' if b'fmt ' not in parts else 'samples'}", where)
+        raise FileError(f"{SPOILT} has no {'format' if b'fmt ' not in parts else 'samples'}", where)
     rate_hz, channels, kind, bits, width = _format(parts[b"fmt "], order, where)
     said, frame = data.size, channels * width
     if said > size - data.start:
         there = max(size - data.start, 0) // frame
         raise FileError(
-            f"is cut off: it has {there} of the {said // frame} samples that it says; copy or write it anew", where
+            f"is cut off: it has {there} of the {said // frame} samples that it states; copy or write it again", where
         )
     if said % frame:
         raise FileError(f"has {said} bytes of samples, not whole samples of {frame} bytes", where)
@@ -160,7 +164,7 @@ def _read(path: Path, file: BinaryIO, size: int, held: bytes | None) -> Wave:
 
 
 def _chunks(file: BinaryIO, size: int, order: str) -> Iterator[_Chunk]:
-    """The chunks of a file; sizes that stand in `ds64` are taken from there."""
+    """Yield the chunks of a file, with sizes from `ds64` where they are there."""
     start, in_64 = 12, 0
     while start + 8 <= size:
         file.seek(start)
@@ -175,9 +179,9 @@ def _chunks(file: BinaryIO, size: int, order: str) -> Iterator[_Chunk]:
 
 
 def _format(data: bytes, order: str, where: str) -> tuple[int, int, str, int, int]:
-    """Rate, channels, kind, bits and bytes of a sample, of a format chunk."""
+    """Return rate, channels, kind, bits and bytes of a sample from a format chunk."""
     if len(data) < 16:
-        raise FileError(f"{SPOILT} has a format of {len(data)} bytes, at least 16 are due", where)
+        raise FileError(f"{SPOILT} has a format of {len(data)} bytes, at least 16 are needed", where)
     code, channels, rate_hz, _, frame, bits = struct.unpack(f"{order}HHIIHH", data[:16])
     if code == EXTENSIBLE and len(data) >= 40:
         own, *subformat = struct.unpack(f"{order}IHH8s", data[24:40])
@@ -197,7 +201,7 @@ def _format(data: bytes, order: str, where: str) -> tuple[int, int, str, int, in
 
 
 def _comment(data: bytes, order: str) -> str:
-    """The comment of an INFO list, empty where there is none."""
+    """Return the comment of an INFO list, empty where there is none."""
     at = 4
     while data[:4] == b"INFO" and at + 8 <= len(data):
         name, length = struct.unpack(f"{order}4sI", data[at : at + 8])

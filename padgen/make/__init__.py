@@ -1,1 +1,1 @@
-"""Spec → Plan → Pad: which model plans, plans tuned to the printed solid, a pad and its folder."""
+"""Plan a spec by the right model, tune plans to the printed solid, and build a pad with its folder."""

@@ -1,6 +1,6 @@
-"""Plan → a folder of files: the pad, its checks and its driver table.
+"""Write the folder of a plan: the pad, its checks and its driver table.
 
-Knows when a folder is up to date without importing numpy or a CAD kernel.
+Tells whether a folder is up to date without importing numpy or a CAD kernel.
 """
 
 import json
@@ -30,13 +30,13 @@ if TYPE_CHECKING:
 __all__ = ["PARTS", "Built", "Pad", "parse_formats", "parse_parts", "up_to_date"]
 
 PARTS = ("coupon", "coupon-tray", "tray")
-"""What can be made beside the pad, see `padgen.solid.parts`."""
+"""Names of the parts that can be made beside the pad, see `padgen.solid.parts`."""
 Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
 class Built:
-    """What a build left: the folder, its files, the figures of the checks, all findings, how to print it."""
+    """Result of a build: folder, files, figures of the checks, all findings, print settings."""
 
     folder: Path
     files: tuple[str, ...]
@@ -47,21 +47,21 @@ class Built:
 
 
 def parse_formats(text: str) -> tuple[str, ...]:
-    """Formats from a comma-separated list, in the order of the registry."""
+    """Return the formats in a comma-separated list, in the order of the registry."""
     return names_in(text, PAD_FORMATS.names(), "--formats")
 
 
 def parse_parts(text: str) -> tuple[str, ...]:
-    """Parts from a comma-separated list, in the order of `PARTS`."""
+    """Return the parts in a comma-separated list, in the order of `PARTS`."""
     return names_in(text, PARTS, "--parts", optional=True)
 
 
 def up_to_date(
     spec: Spec, folder: Path, formats: tuple[str, ...], instances: bool, parts: tuple[str, ...] = ()
 ) -> Built | None:
-    """The build in `folder` if nothing that went into it has changed, else None."""
-    inputs = _inputs(_searched(spec, folder), formats, instances, parts)
-    # The code of what was registered is in no hash.
+    """Return the build in `folder` if none of its inputs has changed, else None."""
+    inputs = _inputs(_with_found_layout(spec, folder), formats, instances, parts)
+    # No hash covers the code of registered extensions.
     if inputs["registered"] or not is_current(folder, inputs):
         return None
     try:
@@ -69,27 +69,27 @@ def up_to_date(
         findings = tuple(Finding(**entry) for entry in checks["findings"])
         printing = json.loads((folder / "plan.json").read_text(encoding="utf-8"))["printing"]
         return Built(folder, tuple(built_files(folder)), checks["figures"], findings, printing, True)
-    except (OSError, ValueError, TypeError, KeyError, RecursionError):  # a manifest that somebody has made up
+    except (OSError, ValueError, TypeError, KeyError, RecursionError):  # the manifest was made by somebody else
         return None
 
 
-def _searched(spec: Spec, folder: Path) -> Spec:
-    """`spec` with what a search decided when the plan in `folder` was made by it."""
+def _with_found_layout(spec: Spec, folder: Path) -> Spec:
+    """Return `spec` with the layout that a search found, where the plan in `folder` was made from the same spec."""
     if not spec.leaves_layout_free:
         return spec
     try:
         recorded = load_spec(str(folder / "plan.json"))
-    except PadgenError:  # none is there
+    except PadgenError:  # there is no plan
         return spec
     return recorded if recorded.model == spec.model and answers(recorded, spec) else spec
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Pad:
-    """A pad of `spec`, with the `parts` that go with it: planned, modelled and checked when that is first asked for.
+    """A pad of `spec` with the `parts` that go with it; planned, modelled and checked on first use.
 
-    Made by `padgen.build`. `given` is its plan where there is one already, `tolerance` that of `padgen.plan`;
-    `progress` is told what is being done. Lengths are in mm.
+    Made by `padgen.build`. `given` is the plan where one exists already, `tolerance` is as in `padgen.plan`; `progress`
+    is called with the name of each step. Lengths are in mm.
     """
 
     spec: Spec
@@ -104,7 +104,7 @@ class Pad:
 
     @cached_property
     def plan(self) -> "Plan":
-        """The plan that the pad is made by."""
+        """The plan of the pad."""
         return self.given or plan_for(self.spec, self.tolerance, self.progress)
 
     @cached_property
@@ -128,7 +128,7 @@ class Pad:
         return self.solid.mesh
 
     def check(self) -> "Report":
-        """Measure the pad's mesh: figures, and findings on what it does not hold; worked out once."""
+        """Measure the pad's mesh, once; return figures, and findings on unmet checks."""
         return self._report
 
     @cached_property
@@ -156,16 +156,16 @@ class Pad:
         instances: bool = False,
         force: bool = False,
     ) -> Built:
-        """Write the pad, its driver table and its checks into `folder`; nothing is done where all is up to date.
+        """Write the pad, its driver table and its checks into `folder`, unless all of it is up to date.
 
         Parameters
         ----------
         folder : path
-            Made with its parents. A build of the same inputs that is there, unchanged, is left as it is.
+            Made with its parents. An unchanged build of the same inputs is left as it is.
         formats : sequence of str
-            Names of `padgen.solid.formats`: stl, 3mf, step, glb and what was registered.
+            Names of `padgen.solid.formats`: stl, 3mf, step, glb and registered ones.
         instances : bool
-            3MF with one mesh per distinct taxel, placed many times.
+            Write 3MF with one mesh per distinct taxel, placed many times.
         force : bool
             Build again even if nothing changed.
 
@@ -174,14 +174,14 @@ class Pad:
         SpecError, InfeasibleError, SolverError, GeometryError
             The pad cannot be planned or made, or a file does not read back as written; nothing is written.
         FileError
-            The folder cannot be written; what was there stays.
+            The folder cannot be written; its old files stay.
         """
         folder, formats = Path(folder), parse_formats(",".join(formats))
         built = None if force else self._up_to_date(folder, formats, instances)
         return built or self._written(folder, formats, instances)
 
     def _up_to_date(self, folder: Path, formats: tuple[str, ...], instances: bool) -> Built | None:
-        # Which model a tolerance asks for only planning tells.
+        # With a tolerance, only planning decides on the model.
         spec = self.spec if self.tolerance is None else self.plan.spec
         if self.given:
             from padgen.planner import plan_to_json
@@ -205,7 +205,7 @@ class Pad:
         jobs = [ExportJob(plan, whole, inputs["spec"], pad, instances)]
         jobs += [ExportJob(plan, part, inputs["spec"]) for part in beside]
         reports = {part.name: part.report for part in beside if part.report}
-        # What writes text, packs and waits for the disk leaves the other core to the checks.
+        # Formats are written in a thread, which leaves the other core to the checks.
         with OutputFolder(folder) as out, ThreadPoolExecutor(1) as writer:
             self.progress(f"checking, and writing {', '.join(formats)}")
             work = [(PAD_FORMATS.get(name), job) for name in formats for job in jobs]
@@ -225,7 +225,7 @@ class Pad:
             if profile := profile_text(plan):
                 out.write(PROFILE_FILE, profile)
             out.write(OTHER_SLICERS_FILE, other_slicers_text(plan))
-            # What it has not begun is done here, from the end.
+            # Formats that the thread has not begun are written here, from the end.
             for each, (maker, job) in reversed(list(zip(written, work, strict=True))):
                 if each.cancel():
                     maker.write(out, job)
@@ -236,7 +236,7 @@ class Pad:
 
 
 def _inputs(spec: Spec, formats: tuple[str, ...], instances: bool, parts: tuple[str, ...]) -> dict[str, Any]:
-    """Everything that the bytes of a build depend on."""
+    """Return all inputs on which the bytes of a build depend."""
     text = json.dumps(asdict(spec), sort_keys=True)
     return {
         "spec": file_hash(text.encode()),

@@ -1,9 +1,9 @@
-"""Which spec is meant, and which model plans its pad: decided here, for every command and for `padgen.plan`.
+"""Find the spec that is meant and plan it by the right model, for every command and for `padgen.plan`.
 
-Finite elements are solved only where they were asked for: by ``model = "solid"`` in the spec, or by a tolerance
-that the beam model's own estimate does not meet. Elsewhere the plan is the beam model's, and a finding warns where
-it may be off by more than ``model.tolerance``. The plan's spec records the model, and all later stages use the one
-that the plan in their folder records.
+Finite elements are solved only on request: by ``model = "solid"`` in the spec, or by a tolerance that the beam model's
+own error estimate exceeds. Otherwise the beam model plans, and a finding warns where its error may exceed
+``model.tolerance``. The plan's spec records the model. All later stages use the model recorded by the plan in their
+folder.
 """
 
 from collections.abc import Callable, Mapping
@@ -27,14 +27,15 @@ Progress = Callable[[str], None]
 
 
 def spec_of(source: "str | Path | Mapping[str, Any] | Spec", fields: Mapping[str, Any] | None = None) -> Spec:
-    """Make the `Spec` that `source` means: a template's name, a file, nested tables, or a spec.
+    """Return the `Spec` that `source` means: a template's name, a file, nested tables, or a spec.
 
-    `fields` are laid over it: top-level fields by name, tables as nested mappings of what differs.
+    `fields` replace those of the source: top-level fields by name, tables as nested mappings with only the changed
+    fields.
 
     Raises
     ------
     SpecError, FileError
-        It is none of these, or a field is unknown or out of its bounds.
+        The source is none of these, or a field is unknown or out of its bounds.
     """
     if not isinstance(source, (str, Path, Mapping, Spec)):
         raise SpecError(f"must be a template, a path, tables or a Spec, got {type(source).__name__}", "spec")
@@ -42,11 +43,11 @@ def spec_of(source: "str | Path | Mapping[str, Any] | Spec", fields: Mapping[str
         source = make_spec(dict(source))
     elif not isinstance(source, Spec):
         source = load_spec(str(source))
-    return make_spec(laid_over(without_none(asdict(source)), _dotted(fields))) if fields else source
+    return make_spec(laid_over(without_none(asdict(source)), _by_dotted_name(fields))) if fields else source
 
 
-def _dotted(fields: Mapping[str, Any]) -> dict[str, Any]:
-    """Tables by their fields' dotted names, so that what they do not name stays."""
+def _by_dotted_name(fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Return tables as fields with dotted names, so that a table's other fields stay."""
     flat: dict[str, Any] = {}
     for name, value in fields.items():
         flat |= (
@@ -56,21 +57,24 @@ def _dotted(fields: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def recorded_spec(spec: Spec, folder: Path) -> Spec:
-    """Take the model that the plan in `folder` records, where it is of the same spec and that names no model itself."""
+    """Return `spec` with the model that the plan in `folder` records.
+
+    The spec stays as it is where it names a model itself, or where the plan is of another spec.
+    """
     if spec.model.structure != "auto":
         return spec
     try:
         recorded = load_spec(str(folder / PLAN))
-    except PadgenError:  # none is there
+    except PadgenError:  # there is no plan
         return spec
     return recorded if answers(recorded, spec) else spec
 
 
 def plan_for(spec: Spec, tolerance: float | None = None, progress: Progress = lambda step: None) -> "Plan":
-    """Plan `spec` by the model that it asks for, or by the cheapest that meets an asked `tolerance`.
+    """Plan `spec` by its own model, or by the cheapest model that meets `tolerance`.
 
-    Where a tolerance was asked for and finite elements have no answer, or are not installed, the plan stays the
-    beam model's, whose findings tell how far off it may be.
+    If a tolerance needs finite elements that have no answer or are not installed, the plan is the beam model's, and its
+    findings state the possible error.
 
     Raises
     ------
@@ -82,39 +86,41 @@ def plan_for(spec: Spec, tolerance: float | None = None, progress: Progress = la
         The spec asks for the solid, and the finite-element package is not installed.
     """
     if tolerance is not None:
-        spec = _by(spec, spec.model.structure, tolerance)
+        spec = _with_model(spec, spec.model.structure, tolerance)
     progress("planning")
     if spec.model.structure == "solid":
-        return _tuned(spec, progress)
+        return _plan_by_solid(spec, progress)
     from padgen.planner import make_plan
 
     plan = make_plan(spec)
     if tolerance is None or spec.model.structure == "beam":
         return plan
-    beam = replace(plan, spec=_by(spec, "beam", tolerance))
+    beam = replace(plan, spec=_with_model(spec, "beam", tolerance))
     if max(channel.model_error for channel in plan.channels) <= tolerance:
         return beam
     try:
-        return _tuned(_by(spec, "solid", tolerance), progress)
+        return _plan_by_solid(_with_model(spec, "solid", tolerance), progress)
     except SolverError:
         return beam
 
 
-def _by(spec: Spec, structure: str, tolerance: float) -> Spec:
+def _with_model(spec: Spec, structure: str, tolerance: float) -> Spec:
+    """Return the spec with this model and tolerance."""
     return spec_of(spec, {"model": {"structure": structure, "tolerance": tolerance}})
 
 
-def _tuned(spec: Spec, progress: Progress) -> "Plan":
+def _plan_by_solid(spec: Spec, progress: Progress) -> "Plan":
+    """Return the plan by finite elements of the printed solids."""
     from padgen.make.solid_tuning import plan_tuned_to_solid
 
     return plan_tuned_to_solid(spec, progress)
 
 
 def plan_to_compare(spec: str, mesh: Path, progress: Progress = lambda step: None) -> "tuple[Plan, str]":
-    """Find the plan that a mesh is compared with, and say which one it is.
+    """Return the plan with which a mesh is compared, and a text that names its source.
 
-    A plan.json is taken as it is recorded, beams and all. The plan of another spec is the one recorded beside the
-    mesh where that is of the same spec, by whichever model it was made; elsewhere it is planned as a build does.
+    A plan.json is used as recorded, beams included. For another spec it is the plan recorded beside the mesh, by any
+    model, if that plan is of the same spec; otherwise the spec is planned as for a build.
 
     Raises
     ------
@@ -127,16 +133,17 @@ def plan_to_compare(spec: str, mesh: Path, progress: Progress = lambda step: Non
 
     path, beside = find_spec(spec), mesh.parent / PLAN
     if path.suffix == ".json":
-        return _named(read_plan(path), spec)
+        return _with_source(read_plan(path), spec)
     asked = load_spec(spec)
     recover(mesh.parent)
     if beside.is_file():
         recorded = read_plan(beside)
         if answers(recorded.spec, asked):
-            return _named(recorded, str(beside))
-    return _named(plan_for(asked, progress=progress), f"{spec}, planned anew")
+            return _with_source(recorded, str(beside))
+    return _with_source(plan_for(asked, progress=progress), f"{spec}, planned anew")
 
 
-def _named(plan: "Plan", source: str) -> "tuple[Plan, str]":
+def _with_source(plan: "Plan", source: str) -> "tuple[Plan, str]":
+    """Return the plan, and its source with the models of its channels."""
     models = " and ".join(sorted({channel.model for channel in plan.channels}))
     return plan, f"{source} ({models} model)"

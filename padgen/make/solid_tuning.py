@@ -1,8 +1,8 @@
-"""Close the loop: tune beams until the printed solids themselves resonate where they were planned to.
+"""Tune the width of beams until the printed solids resonate at their planned frequencies.
 
-The planner's beam model proposes, finite elements of the solid that is printed decide: each distinct
-taxel's width is corrected by a secant that starts from the paper's ``f ∝ w^½``. What is solved is kept
-(`padgen.core.cache`), so that a plan whose taxels are known loads neither a CAD kernel nor an engine.
+The planner's beam model proposes widths, and finite elements of the printed solid decide: each distinct taxel's width
+is corrected by a secant that starts from the paper's ``f ∝ w^½``. Solutions are kept (`padgen.core.cache`), so that a
+plan whose taxels are all known loads neither a CAD kernel nor an engine.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -36,27 +36,29 @@ if TYPE_CHECKING:
 __all__ = ["TaxelSolver", "plan_tuned_to_solid", "solid_taxel", "solve_step"]
 
 RULE_SLOPE = 0.5
-"""d ln f / d ln w of the paper's rule, where the secant starts."""
+"""d ln f / d ln w of the paper's rule, the first slope of the secant."""
 STEEPEST, FLATTEST = 2.0, 0.1
 ROUNDS = 5
 MISS_SHARE = 0.5
-"""Share of the solver's tolerance within which a resonance is on its target."""
+"""Share of the solver's tolerance within which a resonance counts as on its target."""
 KIND = "taxel-modes"
 MODES = 6
 WORKERS = 8
 ENGINE = ("ngsolve", "padgen.verify.elasticity")
-"""What a solving process loads while the first taxel is modelled."""
+"""Modules that a solving process loads while the first taxel is modelled."""
 STEEL_GPA, STEEL_POISSON = 200.0, 0.3
-"""Of the washer: forty times stiffer than the print, it hardly bends."""
+"""Elastic constants of the washer, which is forty times stiffer than the print and hardly bends."""
 CODE = ("physics/taxel_modes.py", "planner/arrangement.py", "planner/tile.py", "solid/taxel.py", "verify")
 Progress = Callable[[str], None]
 Task = tuple[Channel, int]
-"""Whose taxel is to be solved, and the first setting to try."""
+"""The channel whose taxel is to be solved, and the first setting to try."""
 
 
 class Solved(NamedTuple):
-    """Modes of one taxel, what the finite elements state as their own relative error, and the `setting` that they
-    took (its place in `verify.elasticity.SETTINGS`)."""
+    """Modes of one taxel, the finite elements' own estimate of their relative error, and their `setting`.
+
+    The setting is the index in `verify.elasticity.SETTINGS`.
+    """
 
     modes: TaxelModes
     error: float
@@ -64,12 +66,12 @@ class Solved(NamedTuple):
 
     @property
     def resonance_hz(self) -> float:
-        """Resonance of the working mode."""
+        """Resonance of the working mode in Hz."""
         return float(self.modes.frequency_hz[self.modes.working])
 
 
 class Trial(NamedTuple):
-    """A channel with one width, and how far ``ln(goal/resonance)`` it is off."""
+    """A channel with one width, its modes, and its distance from the target, ``ln(goal/resonance)``."""
 
     sized: SizedChannel
     solved: Solved
@@ -77,10 +79,10 @@ class Trial(NamedTuple):
 
 
 def plan_tuned_to_solid(spec: Spec, progress: Progress = lambda step: None) -> Plan:
-    """The plan of `spec` whose channels carry resonances and modes of the printed solids.
+    """Return the plan of `spec` whose channels have resonances and modes of the printed solids.
 
-    A channel whose solid is known to no better than the beam model's own estimate keeps the beam model's figures;
-    findings name it, and those that are not known to `asked_error`.
+    A channel keeps the beam model's figures where the solid's error estimate is no smaller than the beam model's;
+    findings name such channels, and those whose error exceeds `asked_error`.
 
     Raises
     ------
@@ -93,9 +95,9 @@ def plan_tuned_to_solid(spec: Spec, progress: Progress = lambda step: None) -> P
     """
     if spec.printer.z_offset_mm or spec.printer.width_offset_mm:
         raise SpecError(
-            f"'solid' solves beams as they are drawn, and those of printer {spec.printer.name!r} come out"
-            f" {number(spec.printer.z_offset_mm)} mm thicker and {number(spec.printer.width_offset_mm)} mm wider; take"
-            " 'beam', which counts it",
+            f"'solid' solves beams as they are drawn, but printer {spec.printer.name!r} prints them"
+            f" {number(spec.printer.z_offset_mm)} mm thicker and {number(spec.printer.width_offset_mm)} mm wider; use"
+            " 'beam', which includes that",
             "model.structure",
         )
     asked, choice = spec, choose(spec)
@@ -105,30 +107,30 @@ def plan_tuned_to_solid(spec: Spec, progress: Progress = lambda step: None) -> P
     trials: list[list[Trial]] = [[] for _ in goals]
     with TaxelSolver(tolerance, progress) as solver:
         for _ in range(ROUNDS):
-            # What sufficed for the last width suffices for the next, and nothing cheaper does.
+            # The next width needs the same setting as the last one.
             settings = [tried[-1].solved.setting if tried else 0 for tried in trials]
             answers = solver.solve(finish(choice), settings)
             for tried, sized, goal, solved in zip(trials, choice.channels, goals, answers, strict=True):
                 tried.append(Trial(sized, solved, log(goal / solved.resonance_hz)))
-            channels = tuple(_next(spec, choice, tried, tolerance * MISS_SHARE) for tried in trials)
+            channels = tuple(_next_trial(spec, choice, tried, tolerance * MISS_SHARE) for tried in trials)
             if channels == choice.channels:
                 break
             choice = choice._replace(channels=channels)
     best = [
-        _better(first, min(tried, key=lambda trial: abs(trial.miss)))
+        _solid_or_beam(first, min(tried, key=lambda trial: abs(trial.miss)))
         for first, tried in zip(beams, trials, strict=True)
     ]
     return with_cures(asked, choice._replace(channels=tuple(best)))
 
 
 def _goals(spec: Spec, channels: Sequence[SizedChannel]) -> list[float]:
-    """Where each taxel is to resonate: on its target, or where coarse steps of the printer put the ladder."""
+    """Return each taxel's wanted resonance in Hz: its target, or with coarse printer steps its printable one."""
     coarse = steps_are_coarse(spec) and not spec.resonances_hz
     return [float(c.model.resonance_hz) if coarse else c.target_hz for c in channels]
 
 
-def _next(spec: Spec, choice: Choice, tried: Sequence[Trial], enough: float) -> SizedChannel:
-    """The channel with the width to try next; as it was when its best width is found."""
+def _next_trial(spec: Spec, choice: Choice, tried: Sequence[Trial], enough: float) -> SizedChannel:
+    """Return the channel with the width to try next, or the same channel once its best width is found."""
     last = tried[-1]
     if min(abs(trial.miss) for trial in tried) <= enough:
         return last.sized
@@ -143,7 +145,7 @@ def _next(spec: Spec, choice: Choice, tried: Sequence[Trial], enough: float) -> 
 
 
 def _slope(tried: Sequence[Trial]) -> float:
-    """d ln f / d ln w from the last two solves; from the rule after the first."""
+    """Return d ln f / d ln w from the last two solutions, or the rule's after the first."""
     if len(tried) < 2:
         return RULE_SLOPE
     before, last = tried[-2:]
@@ -151,8 +153,8 @@ def _slope(tried: Sequence[Trial]) -> float:
     return float(np.clip((before.miss - last.miss) / step, FLATTEST, STEEPEST)) if step else RULE_SLOPE
 
 
-def _better(beam: SizedChannel, trial: Trial) -> SizedChannel:
-    """The channel with the solid's modes; as the `beam` model has it where that errs less by its own estimate."""
+def _solid_or_beam(beam: SizedChannel, trial: Trial) -> SizedChannel:
+    """Return the channel with the solid's modes, or the `beam` model's where that has the smaller error estimate."""
     sized, solved = trial.sized, trial.solved
     if solved.error >= beam.model.error_estimate:
         return beam
@@ -163,9 +165,9 @@ def _better(beam: SizedChannel, trial: Trial) -> SizedChannel:
 class TaxelSolver:
     """Solves the taxels of plans, each distinct one once, in processes of their own; a context manager.
 
-    The engine's libraries and the CAD kernel's are of different versions and must not meet in one process.
-    Processes are started with the first taxel that the cache does not hold. The elements are refined until their
-    estimated error is below `tolerance`, or cannot be.
+    The engine's libraries and the CAD kernel's have different versions and must not be in one process. Processes are
+    started with the first taxel that the cache does not hold. The elements are refined until their estimated error is
+    below `tolerance`, or no further refinement is possible.
     """
 
     def __init__(self, tolerance: float, progress: Progress) -> None:
@@ -183,19 +185,19 @@ class TaxelSolver:
             self._runner.close()
 
     def solve(self, plan: Plan, settings: Sequence[int]) -> list[Solved]:
-        """Modes of every channel's taxel; no setting of the elements before that of `settings` is tried."""
+        """Return the modes of every channel's taxel; `settings` are the first settings of the elements to try."""
         tasks = list(zip(plan.channels, settings, strict=True))
         keys = [cache.key_of(self._inputs(plan, *task)) for task in tasks]
-        known = _kept(set(keys))
+        known = _from_cache(set(keys))
         if len(known) < len(set(keys)):
             with cache.claimed(KIND, set(keys) - set(known)):
-                known |= _kept(set(keys) - set(known))  # by others, while we waited
+                known |= _from_cache(set(keys) - set(known))  # others may have stored them during the wait
                 missing = {key: task for key, task in zip(keys, tasks, strict=True) if key not in known}
                 known |= self._solved(plan, missing)
         return [known[key] for key in keys]
 
     def _solved(self, plan: Plan, missing: dict[str, Task]) -> dict[str, Solved]:
-        """The taxels of channels by their keys, solved and kept."""
+        """Solve and keep the taxels that are missing, and return them by their keys."""
         if not missing:
             return {}
         self._progress(f"solving {len(missing)} taxel{'s' * (len(missing) > 1)} by finite elements")
@@ -205,7 +207,7 @@ class TaxelSolver:
         return found
 
     def _inputs(self, plan: Plan, channel: Channel, setting: int) -> dict[str, Any]:
-        """All that the modes depend on."""
+        """Return all inputs on which the modes depend."""
         spec = plan.spec
         return {
             **shape_inputs(plan, channel),
@@ -234,7 +236,7 @@ class TaxelSolver:
             return [_modes_of(job.result(), channel) for job, (channel, _) in zip(jobs, tasks, strict=True)]
 
     def _started(self, tasks: int) -> "Runner":
-        """The runner; its processes load the engine while this one loads the CAD kernel."""
+        """Return the runner; its processes load the engine while this one loads the CAD kernel."""
         if self._runner is None:
             from padgen.core.runner import Runner, core_count
             from padgen.verify.engines import require
@@ -247,12 +249,12 @@ class TaxelSolver:
 
 
 def _modes_of(answer: "Answer", channel: Channel) -> Solved:
-    """The modes that a process found.
+    """Return the modes that a process found.
 
     Raises
     ------
     PadgenError
-        What the process raised, or a `SolverError` where it broke down.
+        The error of the process, or a `SolverError` where it broke down.
     """
     error = answer.error
     if isinstance(error, SolverError) and not isinstance(error, EngineMissingError):
@@ -266,7 +268,7 @@ def _modes_of(answer: "Answer", channel: Channel) -> Solved:
 
 
 def solid_taxel(plan: Plan, channel: Channel, step: Path) -> Any:
-    """What is solved (`verify.elasticity.SolidTaxel`): the STEP file with its materials."""
+    """Return the input of the finite elements (`verify.elasticity.SolidTaxel`): the STEP file with its materials."""
     from padgen.verify.elasticity import Elastic, SolidTaxel, layered
 
     spec = plan.spec
@@ -285,7 +287,7 @@ def solid_taxel(plan: Plan, channel: Channel, step: Path) -> Any:
 
 
 def solve_step(taxel: Any, tolerance: float, setting: int) -> Solved:
-    """In a process of its own: the modes of one STEP file."""
+    """Return the modes of one STEP file; called in a process of its own."""
     from padgen.verify.elasticity import converged_modes
 
     found = converged_modes(taxel, tolerance, MODES, setting)
@@ -293,6 +295,7 @@ def solve_step(taxel: Any, tolerance: float, setting: int) -> Solved:
 
 
 def _to_plain(solved: Solved) -> dict[str, Any]:
+    """Return a solution as plain data for the cache."""
     modes = solved.modes
     rest = np.zeros((6, 6)) if modes.rest is None else modes.rest
     return {
@@ -304,13 +307,13 @@ def _to_plain(solved: Solved) -> dict[str, Any]:
     }
 
 
-def _kept(keys: Iterable[str]) -> dict[str, Solved]:
-    """Those of the keys that the cache holds."""
+def _from_cache(keys: Iterable[str]) -> dict[str, Solved]:
+    """Return those of the keys that the cache holds, with their solutions."""
     return {key: solved for key in keys if (solved := _from_plain(cache.load(KIND, key)))}
 
 
 def _from_plain(entry: Any) -> Solved | None:
-    """What the cache holds, None where that is no taxel's modes."""
+    """Return a solution from the cache's data, None where the data are not a taxel's modes."""
     try:
         frequency, motion, rest = (np.array(entry[key], float) for key in ("frequency_hz", "motion", "rest"))
         error, setting = float(entry["error"]), int(entry["setting"])

@@ -1,5 +1,5 @@
-"""Physics as pure functions on arrays: SI inside, numpy only, every formula with its source.
+"""Formulas as pure functions on arrays, in SI units, with numpy only and the source of each.
 
-"Paper" is Mohammadi, Abdelkhalek, Sadrafshari, *Resonance Frequency Selective Electromagnetic
-Actuation for High-Resolution Vibrotactile Displays*.
+"Paper" is Mohammadi, Abdelkhalek, Sadrafshari, *Resonance Frequency Selective Electromagnetic Actuation for
+High-Resolution Vibrotactile Displays*.
 """

@@ -1,15 +1,15 @@
-"""What a beam's ends give: the frame under its root, the plate at its tip, by laws fitted to elasticity.
+"""Compliance of a beam's ends: the frame at its root and the plate at its tip, by laws fitted to 3-D elasticity.
 
-Each law has the form that its limits ask for and a few constants, fitted to 3-D elasticity of random
-printed taxels (`docs/measure_campaign.py`, docs/accuracy.md):
+Each law has the right limits and a few constants. The constants were fitted to 3-D elasticity of random printed taxels
+(`docs/measure_campaign.py`, docs/accuracy.md):
 
-- an end turns about as much as a piece of beam as long as the beam is thick, less where the beam is flared,
-  and a root no more than a piece as long as the frame is deep behind it; frame and plate stand higher than the
-  beam, and turn about a point above its axis;
-- the tip bends the wall between the plate's edge and the recess, or twists and bends the yoke that carries the plate;
-- layers that hold less well to each other make ends softer by a power of that;
-- ends keep the section from curling (anticlastic curvature) and from warping (Vlasov: each end shortens
-  a ribbon in torsion by about ``w √((1+ν)/24)``).
+- An end turns about as much as a piece of beam that is as long as the beam is thick, less where the beam is flared. A
+  root turns no more than a piece as long as the frame behind it is deep. Frame and plate reach higher than the beam, so
+  the ends turn about points above its axis.
+- The tip bends the wall between the plate's edge and the recess, or twists and bends the yoke that carries the plate.
+- Layers that hold less well to each other make the ends softer, by a power of the ratio of the two stiffnesses.
+- Ends keep the section from curling (anticlastic curvature) and from warping (Vlasov: each end shortens a ribbon in
+  torsion by about ``w √((1+ν)/24)``).
 """
 
 from math import inf
@@ -17,12 +17,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.physics.beams import BeamSection, Give, torsion_constant
+from padgen.physics.beams import BeamSection, EndCompliance, torsion_constant
 
 __all__ = ["Surroundings", "YokeSize", "fitted", "on_elastic_ends"]
 
 Array = Any
 
+# Constants of the laws, all fitted.
 CURL = 0.92
 ROOT = 0.63
 ROOT_HEIGHT = 0.66
@@ -49,12 +50,15 @@ BAR_PULL = 1.62
 NECK = 0.37
 SHORTEST_THICKNESSES = 1.2
 SHORTEST_WIDTHS = 0.25
-"""Lengths of beam over thickness and width down to which the laws were fitted."""
+"""Shortest beams that the laws were fitted to: length over thickness, and length over width."""
 
 
 class YokeSize(NamedTuple):
-    """A crossbar and the neck that carries the plate, in m: the bar's free arm between beam and neck, its width along
-    the beam, the height of both, the neck's length and width."""
+    """A yoke: a crossbar between the beams and a neck that carries the plate. All sizes in m.
+
+    `arm` is the free part of the bar between beam and neck, `bar_width` its width along the beam, `height` the height
+    of bar and neck.
+    """
 
     arm: Array
     bar_width: Array
@@ -64,8 +68,12 @@ class YokeSize(NamedTuple):
 
 
 class Surroundings(NamedTuple):
-    """What a beam's ends are held by, in m: depth of the frame behind the root up to what holds it; at the
-    tip the wall between the plate's edge and the recess, that recess' depth and radius, or a yoke in place of both."""
+    """The parts that hold a beam's ends, in m.
+
+    `frame` is the depth of the frame behind the root, up to the part that holds the frame. The plate at the tip has a
+    `wall` between its edge and the recess, which is `recess_depth` deep and has `recess_radius`; or a `yoke` in place
+    of both.
+    """
 
     frame: Array
     wall: Array
@@ -75,18 +83,20 @@ class Surroundings(NamedTuple):
 
 
 def on_elastic_ends(section: BeamSection, around: Surroundings, poisson: Array) -> BeamSection:
-    """The same beam with what its ends give; arrays of one shape, or numbers, in m."""
+    """Return the beam with the compliance of its ends filled in; sizes are numbers, or arrays of one shape, in m."""
     width, thickness, length = (np.asarray(v, float) for v in section[:3])
     across = np.asarray(section.across, float)
     softer = across**-LAYERS
     flared = np.sqrt(width / (width + 2 * np.asarray(section.fillet)))
     side = 1 / (SIDE * width) + SIDE_NARROW / thickness
-    hung, sideways, twisted, stretched = (_in_yoke if around.yoke else _in_wall)(section, around, poisson)
+    mount, sideways, twisted, stretched = (_yoke_compliance if around.yoke else _wall_compliance)(
+        section, around, poisson
+    )
     tall = thickness / np.sqrt(across)
-    held = _held(WARPING, width, tall, inf if section.path else length, poisson)
-    give = Give(
+    held = _warping_length(WARPING, width, tall, inf if section.path else length, poisson)
+    ends = EndCompliance(
         root=softer * flared / (1 / (ROOT * thickness) + 1 / (FRAME * around.frame)),
-        tip=softer / (1 / (TIP * thickness) + NARROW / width) + hung,
+        tip=softer / (1 / (TIP * thickness) + NARROW / width) + mount,
         lateral_root=softer * flared**4 / (side + 1 / (FRAME * around.frame)),
         lateral_tip=softer / side + sideways,
         shear=softer / (1 / (DROP * thickness) + DROP_NARROW / width),
@@ -96,53 +106,54 @@ def on_elastic_ends(section: BeamSection, around: Surroundings, poisson: Array) 
         root_height=ROOT_HEIGHT * thickness,
         tip_height=TIP_HEIGHT * thickness,
         stretch=stretched,
-        hung=hung,
-        # Bends, about the vertical, hold the warping of a tall strip; that of a flat one goes on round them.
+        mount=mount,
+        # Bends (about the vertical) keep a tall strip from warping; the warping of a flat one goes on round them.
         warping=np.where(tall > width, held, 0.0) if section.path else 0.0,
     )
-    return section._replace(give=give)
+    return section._replace(ends=ends)
 
 
 def fitted(width: Array, thickness: Array, length: Array) -> Array:
-    """Whether a beam is as long beside its width and thickness as those that the laws were fitted to."""
+    """Return where a beam is long enough, for its width and thickness, for the range that the laws were fitted to."""
     return (length >= SHORTEST_THICKNESSES * thickness) & (length >= SHORTEST_WIDTHS * width)
 
 
-def _in_wall(section: BeamSection, around: Surroundings, poisson: Array) -> tuple[Array, ...]:
-    """Compliance that the wall between edge and recess adds to bending; none to the other motions.
+def _wall_compliance(section: BeamSection, around: Surroundings, poisson: Array) -> tuple[Array, ...]:
+    """Compliance of the wall between edge and recess: in bending, and zero in lateral bending, twist and stretch.
 
-    It hangs from the roof of the recess like a plate, as high as the recess is deep, and spreads the moment
-    by that; a thick beam reaches the roof itself.
+    Each is a length of beam of equal compliance in m. The wall hangs from the roof of the recess like a plate, as high
+    as the recess is deep, and spreads the moment over that height. A thick beam reaches the roof itself.
     """
     width, thickness = (np.asarray(v, float) for v in section[:2])
     depth = np.asarray(around.recess_depth, float)
-    # A recess is round: beside the middle the wall is thicker.
+    # The recess is round, so the wall is thicker away from its middle.
     wall = around.wall + width**2 / (24 * around.recess_radius)
     hanging = np.maximum(1 - thickness / (BURIED * depth), 0)
     bent = WALL * depth * hanging * (thickness / wall) ** THIN * width / (width + SPREAD * depth)
     return bent * np.asarray(section.across, float) ** -LAYERS_WALL, 0.0, 0.0, 0.0
 
 
-def _in_yoke(section: BeamSection, around: Surroundings, poisson: Array) -> tuple[Array, ...]:
-    """Compliance that twist of the crossbar and bending of the neck add to bending, and the bar's bending to the rest.
+def _yoke_compliance(section: BeamSection, around: Surroundings, poisson: Array) -> tuple[Array, ...]:
+    """Compliance of the yoke: in bending, lateral bending, twist and stretch.
 
-    Each is a length of beam that gives as much: the beam's section constant over the bar's.
+    Each is a length of beam of equal compliance in m: the beam's section constant over the bar's. Twist of the crossbar
+    and bending of the neck add to bending; bending of the bar adds to the other three.
     """
     width, thickness = (np.asarray(v, float) for v in section[:2])
     assert around.yoke is not None
     across, (arm, bar, height, neck_length, neck_width) = np.asarray(section.across, float), around.yoke
-    free = arm + bar - _held(BAR_WARPING, bar, height / np.sqrt(across), arm, poisson)
+    free = arm + bar - _warping_length(BAR_WARPING, bar, height / np.sqrt(across), arm, poisson)
     bending, shear = width * thickness**3, 2 * (1 + poisson)
-    hung = bending / 12 * shear * free / torsion_constant(bar, height, across)
-    # The neck carries what two beams bring.
-    hung = hung + NECK * 2 * neck_length * bending / (neck_width * height**3)
+    mount = bending / 12 * shear * free / torsion_constant(bar, height, across)
+    # The neck carries the moments of two beams.
+    mount = mount + NECK * 2 * neck_length * bending / (neck_width * height**3)
     sideways = BAR_SIDE * arm * thickness * width**3 / (height * bar**3)
     twisted = arm * torsion_constant(width, thickness, across) * 12 / shear / (bar * height**3)
-    return hung, sideways, twisted, BAR_PULL * 4 * arm**3 * width * thickness / (height * bar**3)
+    return mount, sideways, twisted, BAR_PULL * 4 * arm**3 * width * thickness / (height * bar**3)
 
 
-def _held(share: float, one: Array, other: Array, length: Array, poisson: Array) -> Array:
-    """Length of a bar of that section that ends take away by holding its warping."""
+def _warping_length(share: float, one: Array, other: Array, length: Array, poisson: Array) -> Array:
+    """Return how much shorter in m a bar of section `one` × `other` acts in torsion because its ends cannot warp."""
     slim = np.minimum(one, other) / np.maximum(one, other)
     warping = 2 * share * np.maximum(one, other) * np.sqrt((1 + poisson) / 24) * (1 - slim**2)
     return warping * np.tanh(length / np.maximum(warping, 1e-12))

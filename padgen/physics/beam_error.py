@@ -1,17 +1,17 @@
-"""How far the beam model of a taxel may be off, from where its modes keep their energy.
+"""Estimate the error of a taxel's beam model from the energy of its modes in each uncertain part.
 
-A flexibility that is less by the share u, and holds the share s of a mode's energy, moves the frequency to
-``f/√(1 − u s)``: by u s/2 to the first order (Rayleigh), by more where one part gives nearly all. What is uncertain is
-what was fitted (`padgen.physics.beam_ends`) and what is left out. The uncertainties were fitted to the errors of random
-taxels against 3-D elasticity (`docs/measure_campaign.py`): the error of a working mode is within what comes out in
-about 94 of 100 cases (docs/accuracy.md).
+A part with the relative uncertainty u that holds the share s of a mode's energy moves the frequency to ``f/√(1 − u
+s)``: by u s/2 to first order (Rayleigh), and by more where one part holds nearly all the energy. Uncertain are the
+fitted compliances (`padgen.physics.beam_ends`) and the effects that the model leaves out. The uncertainties were fitted
+to the errors of random taxels against 3-D elasticity (`docs/measure_campaign.py`): the error of a working mode is
+within the estimate in about 94 of 100 cases (docs/accuracy.md).
 """
 
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.physics.beams import BeamSection, Flexibility, Give, flexibility, root_load, tip_stiffness
+from padgen.physics.beams import BeamSection, EndCompliance, Flexibility, flexibility, root_load, tip_stiffness
 from padgen.physics.modes import BeamPlacement, Modes
 
 __all__ = ["BENT", "FLOOR", "TALL", "UNCERTAINTY", "Plate", "relative_error", "uncertain_energies"]
@@ -19,19 +19,24 @@ __all__ = ["BENT", "FLOOR", "TALL", "UNCERTAINTY", "Plate", "relative_error", "u
 Array = Any
 
 FLOOR = 0.008
-"""What remains for slender beams: mass of the flares, rounding of the edges, the references' own error."""
+"""Relative error that remains for slender beams: mass of the flares, rounding of the edges, the references' own error.
+"""
 OTHERS, OTHERS_FLOOR, OTHERS_RISE = 2.5, 0.02, 0.008
-"""For modes but the working one: a factor on what follows, and their floor, with its rise by their frequency ratio."""
+"""For all modes but the working one: a factor on the error from the uncertainties, its floor, and the floor's rise per
+unit of frequency ratio to the working mode.
+"""
 BENT = 0.013
-"""The same for beams that bend round corners, after serpentines (docs/accuracy.md). Modes where
-the beams themselves swing, far above the working one, may be off by more (`padgen.physics.bounds.beam_inertia`)."""
+"""Floor for beams that bend round corners, from serpentines (docs/accuracy.md). Modes where the beams themselves swing,
+far above the working one, may be off by more (`padgen.physics.bounds.beam_inertia`).
+"""
 TALL = 0.04
-"""Adds to it, times the thickness (over the root of `BeamSection.across`) over the longest straight piece: tall legs
-are plates."""
+"""Added to `BENT`, times thickness (over the root of `BeamSection.across`) over the longest straight piece: tall legs
+act as plates.
+"""
 UNCERTAINTY = {
     "root": 0.47,
     "tip": 0.097,
-    "hung": 0.3,
+    "mount": 0.3,
     "curl": 0.13,
     "lateral root": 0.81,
     "lateral tip": 0.81,
@@ -44,11 +49,11 @@ UNCERTAINTY = {
 
 
 MOST_SOFTER = 0.8
-"""Share of all flexibility that is taken to be missing, at most."""
+"""Largest share of all flexibility that is taken as missing."""
 
 
 class Plate(NamedTuple):
-    """The plate that the model takes as rigid, in m: its thickness is what is left above the recess."""
+    """The plate that the model takes as rigid, in m; `thickness` is that of the part above the recess."""
 
     length: Array
     width: Array
@@ -56,23 +61,26 @@ class Plate(NamedTuple):
 
 
 def uncertain_energies(beam: BeamPlacement, modes: Modes, modulus: float, poisson: float, plate: Plate) -> np.ndarray:
-    """Twice the energy (…, 6, parts) in 1/s² that each mode keeps in each uncertain flexibility of one beam."""
+    """Return twice the energy (…, 6, parts) in 1/s² that each mode has in each uncertain flexibility of one beam.
+
+    The modes are mass-normalised; the parts are those of `UNCERTAINTY`, in its order.
+    """
     width, thickness, length, fillet = (_beside_modes(v) for v in beam.section[:4])
-    give = Give(*(_beside_modes(v) for v in beam.section.give))
+    ends = EndCompliance(*(_beside_modes(v) for v in beam.section.ends))
     path = tuple((_beside_modes(length), _beside_modes(turn)) for length, turn in beam.section.path)
-    section = BeamSection(width, thickness, length, fillet, give, path, _beside_modes(beam.section.across))
+    section = BeamSection(width, thickness, length, fillet, ends, path, _beside_modes(beam.section.across))
     load = _tip_load(beam, modes, modulus, poisson)
     parts = flexibility(section, modulus, poisson)
     along, side, up, about_x, about_y, about_z = np.moveaxis(load, -1, 0)
     _, root_y, root_z = np.moveaxis(root_load(section, load)[..., 3:], -1, 0)
-    at_tip = (about_y - give.tip_height * along) ** 2
-    hung = parts.tip * give.hung / np.where(give.tip, give.tip, 1.0)
+    at_tip = (about_y - ends.tip_height * along) ** 2
+    mount = parts.tip * ends.mount / np.where(ends.tip, ends.tip, 1.0)
     plate_inertia = plate.width * plate.thickness**3 / 12
     energies = [
-        parts.root * (root_y - give.root_height * along) ** 2,
-        (parts.tip - hung) * at_tip,
-        hung * at_tip,
-        0.0 * up if path else (give.stiffening - 1) * _bending(parts, up, about_y),
+        parts.root * (root_y - ends.root_height * along) ** 2,
+        (parts.tip - mount) * at_tip,
+        mount * at_tip,
+        0.0 * up if path else (ends.stiffening - 1) * _bending(parts, up, about_y),
         parts.lateral_root * root_z**2,
         parts.lateral_tip * about_z**2,
         parts.end_shear * up**2,
@@ -86,12 +94,13 @@ def uncertain_energies(beam: BeamPlacement, modes: Modes, modulus: float, poisso
 def relative_error(
     energies: np.ndarray, frequency_hz: np.ndarray, working: np.ndarray, floor: Array = FLOOR
 ) -> np.ndarray:
-    """Relative error (…, 6) of each frequency from the energies (…, 6, parts) of all beams, at least `floor`.
+    """Return the relative error (…, 6) of each frequency from the energies (…, 6, parts) of all beams.
 
-    Of the modes but the `working` one (…,) more is left out: yoke, wall and plate along and across, the beams' inertia.
+    It is at least `floor`. For modes other than the `working` one (…,) the model leaves out more: how yoke, wall and
+    plate yield along and across the beam, and the beams' inertia. Their estimate is larger accordingly.
     """
     share = energies / (2 * np.pi * frequency_hz[..., None]) ** 2 / 2
-    share[..., -1] /= 1 + share[..., -1]  # a plate that holds most of the energy is no beam's tip any more
+    share[..., -1] /= 1 + share[..., -1]  # first order in the plate's share would overrate a very flexible plate
     moved = np.sqrt(((np.array(list(UNCERTAINTY.values())) * share) ** 2).sum(-1))
     at = np.asarray(working)[..., None]
     ratio = frequency_hz / np.take_along_axis(frequency_hz, at, -1)
@@ -101,16 +110,18 @@ def relative_error(
 
 
 def _bending(parts: Flexibility, up: Array, about_y: Array) -> Array:
+    """Return twice the energy of vertical bending under a force `up` and a moment `about_y` on the tip."""
     up0, up1, up2 = parts.up
     return up2 * up**2 - 2 * up1 * up * about_y + up0 * about_y**2
 
 
 def _beside_modes(value: Array) -> np.ndarray:
+    """Return the value as an array with a last axis of length 1, for the modes."""
     return np.asarray(value, float)[..., None]
 
 
 def _tip_load(beam: BeamPlacement, modes: Modes, modulus: float, poisson: float) -> np.ndarray:
-    """Forces and moments (…, 6 modes, 6) on the beam's tip in its own axes."""
+    """Return forces and moments (…, 6 modes, 6) on the beam's tip, in the beam's axes."""
     motion = np.concatenate([modes.at_point(beam.tip), modes.shape[..., 3:, :]], -2)
     cosine, sine = np.moveaxis(beam.direction, -1, 0)[..., None, None]
     turned = motion.copy()

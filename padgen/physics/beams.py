@@ -1,12 +1,12 @@
-"""Stiffness and mass of one beam, clamped at its root, as its tip feels them.
+"""Stiffness and mass of one beam that is clamped at its root, reduced to the motion of its tip.
 
-Beam axes: x along the beam at its tip, away from the root, z up, y so that the axes are right-handed. A tip
-has six degrees of freedom, in this order: displacements x, y, z, rotations about x, y, z.
+Beam axes: x along the beam at its tip, away from the root, z up, y so that the axes are right-handed. A tip has six
+degrees of freedom, in this order: displacements x, y, z, rotations about x, y, z.
 
-A straight beam has closed forms. A beam that bends in its plane is integrated along its path by the
-unit-load method (Castigliano's theorem, as in Timoshenko, Strength of Materials, on thin curved bars): each
-slice bends, twists, shears and stretches under what a load on the tip makes of it there. The slices are
-those of a straight beam, so radii should be no smaller than the width.
+A straight beam has closed forms. A beam that bends in its plane is integrated along its path by the unit-load method
+(Castigliano's theorem, as in Timoshenko, Strength of Materials, on thin curved bars): the load on the tip gives the
+load on each slice, and each slice bends, twists, shears and stretches under it. The slices are those of a straight
+beam, so radii should be no smaller than the width.
 """
 
 from typing import Any, NamedTuple
@@ -18,8 +18,8 @@ from padgen.physics.path_slices import SHORTEST_M, Slices, columns, matrices, sl
 __all__ = [
     "RIGID",
     "BeamSection",
+    "EndCompliance",
     "Flexibility",
-    "Give",
     "bend_stiffening",
     "bent_slowness",
     "flexibility",
@@ -34,22 +34,23 @@ __all__ = [
 Array = Any
 
 HELD_MOST = 0.85
-"""Share of a beam's twist that ends may take away by holding its warping."""
+"""Largest share of a beam's twist that ends may remove by holding its warping."""
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 _NODES, _WEIGHTS = (_NODES + 1) / 2, _WEIGHTS / 2
 
 
-class Give(NamedTuple):
-    """What the ends of a beam give, each as the length in m of beam that would give as much.
+class EndCompliance(NamedTuple):
+    """Compliance of a beam's ends, most of it as the length in m of beam of equal compliance.
 
-    Rotations of root and tip in vertical and in lateral bending, under a moment; displacement of both
-    ends together, up and sideways, under a shear force; rotation of both together about the beam's
-    axis, negative where the ends keep the section from warping. `stiffening` is a factor on the
-    modulus in vertical bending, from ends that keep the section from curling. The ends turn about points
-    `root_height` and `tip_height` (m) above the beam's axis, since what holds them stands higher than it: a beam
-    that may not move along itself is stiffer for it. `warping` is the length over which the two ends of each
-    straight piece of a bent beam, most often bends, keep its section from warping.
+    `root` and `tip` are for rotation under a moment in vertical bending, `lateral_root` and `lateral_tip` in lateral
+    bending. `shear` and `lateral_shear` are for displacement of both ends together under a shear force up and sideways,
+    `twist` for rotation of both together about the beam's axis (negative where the ends keep the section from warping),
+    `stretch` for both along it. `mount` is the part of `tip` that is due to the wall or yoke that carries the plate.
+    `stiffening` is a factor on the modulus in vertical bending, from ends that keep the section from curling. The ends
+    turn about points `root_height` and `tip_height` (m) above the beam's axis, since frame and plate reach higher than
+    the beam; this stiffens a beam that cannot move along itself. `warping` is the length in m over which the ends of
+    each straight piece of a bent beam keep its section from warping.
     """
 
     root: Array = 0.0
@@ -63,36 +64,37 @@ class Give(NamedTuple):
     root_height: Array = 0.0
     tip_height: Array = 0.0
     stretch: Array = 0.0
-    hung: Array = 0.0
+    mount: Array = 0.0
     warping: Array = 0.0
 
 
-RIGID = Give()
+RIGID = EndCompliance()
 
 
 class BeamSection(NamedTuple):
-    """Dimensions of a beam in m; arrays of one shape, or numbers.
+    """Dimensions of a beam in m: numbers, or arrays of one shape.
 
-    `fillet` is the radius of the flares on both sides of the root; `give` is what its ends give
-    (`padgen.physics.beam_ends`), nothing by default. `path` has length and turn (rad, left positive) of each
-    piece of a beam that bends, from the root, and is empty for a straight one; the flare must end on the first.
-    `across` is the stiffness of the print across its layers, which lie flat, over that along them.
+    `fillet` is the radius of the flares on both sides of the root. `ends` is the compliance of the ends
+    (`padgen.physics.beam_ends`), zero by default. `path` holds length in m and turn (rad, left positive) of each piece
+    of a beam that bends, from the root; it is empty for a straight beam. The flare must end on the first piece.
+    `across` is the stiffness of the print across its layers, which lie flat, over the stiffness along them.
     """
 
     width: Array
     thickness: Array
     length: Array
     fillet: Array = 0.0
-    give: Give = RIGID
+    ends: EndCompliance = RIGID
     path: tuple[tuple[Array, Array], ...] = ()
     across: Array = 1.0
 
 
 class Flexibility(NamedTuple):
-    """How far a tip moves for a unit load on it, in parts: m/N, 1/N, 1/(N·m).
+    """Motion of a beam's tip per unit load on it, by cause, in m/N, 1/N or 1/(N·m).
 
-    Bending of the beam itself, up and sideways, as ∫ (l−s)^p ds/EI for p = 0, 1, 2; rotations of root
-    and tip in both planes; shear of the beam up and sideways and of its ends; twist of both; stretch.
+    `up` and `side` are bending of the beam itself, as ∫ (l−s)^p ds/EI for p = 0, 1, 2. `root` to `lateral_tip` are
+    rotations of the ends in both planes. `shear` and `lateral_shear` belong to the beam, `end_shear` and
+    `lateral_end_shear` to its ends, and so do `twist` and `end_twist`; `stretch` is of both.
     """
 
     up: tuple[Array, Array, Array]
@@ -111,11 +113,11 @@ class Flexibility(NamedTuple):
 
 
 def torsion_constant(width: Array, thickness: Array, across: Array = 1.0) -> Array:
-    """Torsion constant in m⁴ of a rectangle (Roark's formula for a solid rectangle, within 0.5 %).
+    """Return the torsion constant in m⁴ of a rectangle (Roark's formula for a solid rectangle, within 0.5 %).
 
-    With a shear modulus `across` the thickness of that share of the one along it, it is exactly that of an isotropic
-    rectangle ``thickness/√across`` thick, times ``across^{3/2}`` (Lekhnitskii, Theory of Elasticity of an
-    Anisotropic Body, 1963, on torsion of orthotropic bars).
+    `across` is the shear modulus in the direction of `thickness` over the one in the direction of `width`. The constant
+    is then exactly that of an isotropic rectangle ``thickness/√across`` thick, times ``across^{3/2}`` (Lekhnitskii,
+    Theory of Elasticity of an Anisotropic Body, 1963, on torsion of orthotropic bars).
     """
     tall = thickness / np.sqrt(across)
     a, b = np.maximum(width, tall), np.minimum(width, tall)
@@ -124,41 +126,42 @@ def torsion_constant(width: Array, thickness: Array, across: Array = 1.0) -> Arr
 
 
 def flexibility(section: BeamSection, modulus: Array, poisson: Array) -> Flexibility:
-    """Stiffness of a beam that bends, shears, twists and has elastic ends. Shear coefficient after Cowper (1966).
+    """Return the flexibility of a beam that bends, shears, twists and has elastic ends.
 
-    Layers that hold less well to each other than in themselves do not weaken bending, but shear up and twist.
+    The shear coefficient is Cowper's (1966). Weaker bonds between layers soften upward shear and twist, but not
+    bending.
     """
     width, thickness = (np.asarray(v, float) for v in section[:2])
-    give = section.give
+    ends = section.ends
     shear_modulus = modulus / (2 * (1 + poisson))
     sheared = 10 * (1 + poisson) / (12 + 11 * poisson) * shear_modulus
     flare = _flared(section)
-    plate_like = modulus * give.stiffening
+    plate_like = modulus * ends.stiffening
     bending = modulus * width * thickness**3 / 12
     lateral = modulus * thickness * width**3 / 12
     area, torsion = width * thickness, torsion_constant(width, thickness, section.across)
     return Flexibility(
         (flare.vertical[0] / plate_like, flare.vertical[1] / plate_like, flare.vertical[2] / plate_like),
         (flare.lateral[0] / modulus, flare.lateral[1] / modulus, flare.lateral[2] / modulus),
-        give.root / bending,
-        give.tip / bending,
-        give.lateral_root / lateral,
-        give.lateral_tip / lateral,
+        ends.root / bending,
+        ends.tip / bending,
+        ends.lateral_root / lateral,
+        ends.lateral_tip / lateral,
         flare.inverse_area / (sheared * section.across),
         flare.inverse_area / sheared,
-        give.shear / (area * sheared),
-        give.lateral_shear / (area * sheared),
+        ends.shear / (area * sheared),
+        ends.lateral_shear / (area * sheared),
         flare.inverse_torsion / shear_modulus,
-        np.maximum(give.twist / torsion, -HELD_MOST * flare.inverse_torsion) / shear_modulus,
-        (flare.inverse_area + give.stretch / area) / modulus,
+        np.maximum(ends.twist / torsion, -HELD_MOST * flare.inverse_torsion) / shear_modulus,
+        (flare.inverse_area + ends.stretch / area) / modulus,
     )
 
 
 def tip_stiffness(section: BeamSection, modulus: Array, poisson: Array) -> np.ndarray:
-    """Stiffness of the tip, shape (…, 6, 6), N/m and N·m/rad.
+    """Return the stiffness of the tip, shape (…, 6, 6), in N/m, N and N·m (per radian).
 
-    Timoshenko beam by the unit-load method: the flexibility is integrated along the flared width
-    and inverted, so that a flare stiffens as much as it should.
+    A Timoshenko beam by the unit-load method: the flexibility is integrated along the flared width and inverted, so
+    that the flare is exact within beam theory.
     """
     if section.path:
         return _of_planes([np.linalg.inv(plane.flexibility) for plane in _planes(section, modulus, poisson)])
@@ -166,16 +169,16 @@ def tip_stiffness(section: BeamSection, modulus: Array, poisson: Array) -> np.nd
     parts = flexibility(section, modulus, poisson)
     stiffness = np.zeros((*np.broadcast_shapes(np.shape(parts.up[2]), np.shape(parts.root)), 6, 6))
     stiffness[..., 3, 3] = 1 / (parts.twist + parts.end_twist)
-    # What the ends give turns the beam about its root (arm: the whole length) and its tip (no arm).
+    # Rotation of the root moves the tip by the whole length as its arm, rotation of the tip by none.
     up0, up1, up2 = parts.up
-    root, tip, high, low = parts.root, parts.tip, section.give.root_height, section.give.tip_height
+    root, tip, high, low = parts.root, parts.tip, section.ends.root_height, section.ends.tip_height
     bend = up2 + root * length**2 + parts.shear + parts.end_shear
     along = parts.stretch + root * high**2 + tip * low**2
     lifted, turned = root * high * length, -(root * high + tip * low)
     rows = [[along, lifted, turned], [lifted, bend, -(up1 + root * length)], [turned, 0.0, up0 + root + tip]]
     rows[2][1] = rows[1][2]
-    give = np.stack([np.stack(np.broadcast_arrays(*row), -1) for row in rows], -2)
-    stiffness[..., [[0], [2], [4]], [0, 2, 4]] = np.linalg.inv(give)
+    compliance = np.stack([np.stack(np.broadcast_arrays(*row), -1) for row in rows], -2)
+    stiffness[..., [[0], [2], [4]], [0, 2, 4]] = np.linalg.inv(compliance)
     side0, side1, side2 = parts.side
     root, tip = parts.lateral_root, parts.lateral_tip
     bend = side2 + root * length**2 + parts.lateral_shear + parts.lateral_end_shear
@@ -184,9 +187,9 @@ def tip_stiffness(section: BeamSection, modulus: Array, poisson: Array) -> np.nd
 
 
 def tip_mass(section: BeamSection, density: float, poisson: Array = 0.3) -> np.ndarray:
-    """Consistent mass of the beam as its tip feels it, shape (…, 6, 6), kg, kg·m, kg·m².
+    """Return the consistent mass of the beam reduced to its tip, shape (…, 6, 6), in kg, kg·m and kg·m².
 
-    Cubic deflection of a uniform beam clamped at its root; the flare's mass hardly moves and is
+    A straight beam deflects as the cubic of a uniform clamped beam; its flare hardly moves, so the mass of the flare is
     left out. A bent beam has the shape that a load on its tip gives it.
     """
     if section.path:
@@ -210,7 +213,10 @@ def tip_mass(section: BeamSection, density: float, poisson: Array = 0.3) -> np.n
 
 
 def bent_slowness(section: BeamSection, modulus: Array, poisson: Array, density: float) -> Array:
-    """1/ω² in s² of the lowest mode of a bent beam held at both ends, at most: Dunkerley's sum over its slices."""
+    """Return an upper bound of 1/ω² in s² for the lowest mode of a bent beam held at both ends.
+
+    It is Dunkerley's sum over slices.
+    """
     slowness = []
     for plane in _planes(section, modulus, poisson):
         stiffness = np.linalg.inv(plane.flexibility)[..., None, :, :]
@@ -221,7 +227,7 @@ def bent_slowness(section: BeamSection, modulus: Array, poisson: Array, density:
 
 
 def root_load(section: BeamSection, load: np.ndarray) -> np.ndarray:
-    """Forces and moments (…, 6) at the root, in its own directions there, for a `load` (…, 6) on the tip."""
+    """Return forces and moments (…, 6) at the root for a `load` (…, 6) on the tip, along the axes at the root."""
     if section.path:
         return _loads(section, load)[0][..., 0, :]
     moved = load.copy()
@@ -231,11 +237,11 @@ def root_load(section: BeamSection, load: np.ndarray) -> np.ndarray:
 
 
 def largest_stress(section: BeamSection, load: np.ndarray) -> Array:
-    """Largest stress (…) in Pa along a beam for a `load` (…, 6) on its tip, notch factors left out.
+    """Return the largest stress (…) in Pa along a beam for a `load` (…, 6) on its tip, without notch factors.
 
-    Of a straight beam, in vertical bending: the moment is linear and the section uniform but for the flare, so it is
-    at the root, where the flare ends, or at the tip. Of a bent one, of bending both ways and torsion together, after
-    von Mises (torsion of a rectangle by Roark's formula).
+    For a straight beam it is the stress of vertical bending: the moment is linear and the section uniform but for the
+    flare, so the largest is at the root, where the flare ends, or at the tip. For a bent beam it is bending in both
+    planes and torsion together, after von Mises (torsion of a rectangle by Roark's formula).
     """
     thickness = np.asarray(section.thickness, float)
     if section.path:
@@ -259,7 +265,10 @@ def largest_stress(section: BeamSection, load: np.ndarray) -> Array:
 
 
 class _Flared(NamedTuple):
-    """Integrals along a beam without its moduli: bending is ∫ (l−s)^p ds/I for p = 0, 1, 2."""
+    """Integrals of the section along a beam, without its moduli.
+
+    `vertical` and `lateral` are ∫ (l−s)^p ds/I for p = 0, 1, 2; the others ∫ ds/A and ∫ ds/J.
+    """
 
     vertical: list[Array]
     lateral: list[Array]
@@ -268,7 +277,7 @@ class _Flared(NamedTuple):
 
 
 def _flared(section: BeamSection) -> _Flared:
-    """The integrals of a beam whose width flares at the root, by Gauss points within the flare."""
+    """Return the integrals of a beam whose width flares at the root, by Gauss points within the flare."""
     width, thickness, length, fillet = (np.asarray(v, float) for v in section[:4])
     across = np.asarray(section.across, float)
     start = np.minimum(fillet, length)
@@ -303,60 +312,61 @@ def _fill_pair(matrix: np.ndarray, i: int, j: int, ii: Array, ij: Array, jj: Arr
 
 
 _UP, _SIDE = [2, 3, 4], [0, 1, 5]
-"""Degrees of freedom out of the beam's plane and in it, which a bent beam of rectangular section keeps apart."""
+"""Degrees of freedom out of a bent beam's plane and in it; a rectangular section does not couple the two."""
 
 
 class _Plane(NamedTuple):
-    """Flexibility of a bent beam in three degrees of freedom.
+    """Flexibility of a bent beam in three degrees of freedom: out of its plane, or in it.
 
-    For each slice: the three parts of the load `within` it for loads on the tip (…, k, 3, 3), what it gives under them
-    `give` (…, k, 3); the motion there from that of the tip as if it were rigid (`back`, …, k, 3, 3); mass and inertia
-    over density (…, k, 3). What `root` and `tip` give (…, 3).
+    For each of k slices: `within` (…, k, 3, 3), the internal load per unit load on the tip; `compliance` (…, k, 3), the
+    deformation per unit internal load; `back` (…, k, 3, 3), the motion there per unit motion of the tip if all were
+    rigid; `inertia` (…, k, 3), mass and rotary inertia over density. `root` and `tip` (…, 3) are the compliance of the
+    ends.
     """
 
     slices: Slices
     within: np.ndarray
     back: np.ndarray
-    give: np.ndarray
+    compliance: np.ndarray
     root: np.ndarray
     tip: np.ndarray
     inertia: np.ndarray
 
     @property
     def flexibility(self) -> Array:
-        """Of the tip (…, 3, 3)."""
-        given = self.give * self.slices.running[-1][:, None]
-        return _squared(self.within, given) + self._at_root + self.tip[..., None] * np.eye(3)
+        """Flexibility of the tip (…, 3, 3)."""
+        per_slice = self.compliance * self.slices.running[-1][:, None]
+        return _squared(self.within, per_slice) + self._at_root + self.tip[..., None] * np.eye(3)
 
     @property
     def running(self) -> Array:
-        """Flexibility (…, k, 3, 3) of the beam from the root to each slice, for loads on the tip."""
-        # Sums written out: products of 3 x 3 matrices one by one take ten times as long.
-        grown = np.einsum("...ki,...k,...kj->...ij", self.within, self.give, self.within)
+        """Flexibility (…, k, 3, 3) of the part between root and each slice, for loads on the tip."""
+        # einsum, since products of many 3 x 3 matrices take ten times as long.
+        grown = np.einsum("...ki,...k,...kj->...ij", self.within, self.compliance, self.within)
         running = np.einsum("sp,...pij->...sij", self.slices.running, grown, optimize=True)
         return running + self._at_root[..., None, :, :]
 
     @property
     def _at_root(self) -> Array:
-        # What an end gives in twist is negative where it holds the warping, and has no root that `_squared` could take.
+        # The ends' compliance in twist may be negative (held warping), so `_squared` cannot take its square root.
         first = self.within[..., 0, :, :]
         held: Array = np.swapaxes(first, -1, -2) @ (self.root[..., None] * first)
         return held
 
 
 def _squared(rows: np.ndarray, weight: np.ndarray) -> Array:
-    """Sum (…, 3, 3) over slices (…, k, 3, 3) of their rows times themselves, each with its `weight` (…, k, 3)."""
+    """Return the sum (…, 3, 3) over slices of rowsᵀ · weight · rows, for `rows` (…, k, 3, 3) and `weight` (…, k, 3)."""
     scaled = np.sqrt(weight)[..., None] * rows
     flat = scaled.reshape(*scaled.shape[:-3], -1, 3)
     return np.swapaxes(flat, -1, -2) @ flat
 
 
 def _planes(section: BeamSection, modulus: Array, poisson: Array) -> tuple[_Plane, _Plane]:
-    """How a bent beam moves out of its plane (up, and turning about x and y), and in it (along, sideways, about z)."""
+    """Return a bent beam's flexibility out of its plane (up, about x and y) and in it (along, sideways, about z)."""
     slices, parts = sliced(section.path, section.width, section.fillet), flexibility(section, modulus, poisson)
     x, y, cosine, sine, zero = slices.x, slices.y, slices.cosine, slices.sine, 0.0 * slices.x
     plain, thickness, stiffening = (
-        np.asarray(v, float)[..., None] for v in (section.width, section.thickness, section.give.stiffening)
+        np.asarray(v, float)[..., None] for v in (section.width, section.thickness, section.ends.stiffening)
     )
     width = slices.width
     shear_modulus = modulus / (2 * (1 + poisson))
@@ -366,8 +376,8 @@ def _planes(section: BeamSection, modulus: Array, poisson: Array) -> tuple[_Plan
     bending, lateral = modulus * stiffening * width * thickness**3 / 12, modulus * thickness * width**3 / 12
     high, wide = plain * thickness**3 / 12, thickness * plain**3 / 12
     inner = bend_stiffening(slices.curved)
-    twisting = piece_twist(slices.straight, np.asarray(section.give.warping)[..., None]) / inner
-    # What both ends give together, each gives half of.
+    twisting = piece_twist(slices.straight, np.asarray(section.ends.warping)[..., None]) / inner
+    # These compliances are of both ends together; each end has half.
     shear, twist, slip = parts.end_shear / 2, parts.end_twist / 2, parts.lateral_end_shear / 2
     pull, push = [cosine, sine, x * sine - y * cosine], [-sine, cosine, x * cosine + y * sine]
     return (
@@ -391,17 +401,17 @@ def _planes(section: BeamSection, modulus: Array, poisson: Array) -> tuple[_Plan
 
 
 def bend_stiffening(curved: Array) -> Array:
-    """Ratio by which a bend is stiffer out of its plane than a straight beam, by its width over twice its radius.
+    """Return how many times stiffer a bend is out of its plane than a straight beam.
 
-    Slices turn as wholes, and their inner sides over less length: the first term of the mean across the width of the
-    axis' radius over the radius there (as in Winkler's theory of thick curved bars, Timoshenko, Strength of Materials).
-    All terms together overrate sharp bends (docs/accuracy.md).
+    `curved` is the width over twice the radius. Slices turn as rigid sections, over less length on the inner side. This
+    is the first term of the mean across the width of the axis' radius over the local radius (as in Winkler's theory of
+    thick curved bars, Timoshenko, Strength of Materials). The full series overrates sharp bends (docs/accuracy.md).
     """
     return 1 + curved**2 / 3
 
 
 def piece_twist(straight: Array, warping: Array) -> Array:
-    """Twist of a straight piece of a bent beam, over that of one whose ends warp freely (`Give.warping`)."""
+    """Return the twist of a straight piece of a bent beam over that of one with free ends (`EndCompliance.warping`)."""
     pieces = np.maximum(straight, SHORTEST_M) / np.maximum(warping, SHORTEST_M)
     return 1 - np.tanh(pieces) / pieces
 
@@ -410,20 +420,26 @@ def _plane(
     slices: Slices,
     within: np.ndarray,
     back: np.ndarray,
-    give: list[Array],
+    compliance: list[Array],
     ends: tuple[list[Array], list[Array]],
     inertia: list[Array],
 ) -> _Plane:
-    """The motion in three degrees of freedom: `give` of a slice per length, and of root and tip, under the three parts
-    of the load `within` the beam; `inertia` per length over density."""
+    """Return the flexibility in one plane from its parts.
+
+    `within` is the internal load in each slice per unit load on the tip, `back` as in `_Plane`. `compliance` and
+    `inertia` (over density) are per length; `ends` are the compliances of root and tip.
+    """
     root, tip = (columns(end) for end in ends)
     share = slices.share[..., None]
     weight = slices.running[-1][:, None] * share
-    return _Plane(slices, within, back, columns(give) * share, root, tip, columns(inertia) * weight)
+    return _Plane(slices, within, back, columns(compliance) * share, root, tip, columns(inertia) * weight)
 
 
 def _loads(section: BeamSection, load: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Forces and moments (…, k, 6) at the slices of a bent beam for a `load` (…, 6) on its tip, and widths (…, k)."""
+    """Return internal loads (…, k, 6) at the slices of a bent beam for a `load` (…, 6) on its tip.
+
+    The second result is the width (…, k) of each slice in m.
+    """
     slices = sliced(section.path, section.width, section.fillet)
     parts = [
         np.einsum("...pij,...j->...pi", within(slices), load[..., index])
@@ -433,7 +449,7 @@ def _loads(section: BeamSection, load: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def _of_planes(planes: list[np.ndarray]) -> np.ndarray:
-    """A matrix (…, 6, 6) from its parts (…, 3, 3) out of the plane and in it."""
+    """Return a matrix (…, 6, 6) from its parts (…, 3, 3) out of the plane and in it."""
     whole = np.zeros((*planes[0].shape[:-2], 6, 6))
     for index, part in zip((_UP, _SIDE), planes, strict=True):
         whole[..., np.array(index)[:, None], index] = part

@@ -1,7 +1,7 @@
-"""What a term that a plan's models drop can change at most: closed forms, a few operations each.
+"""Bounds on the error from terms that a plan's models leave out: closed forms of a few operations each.
 
-SI units. Relative errors are of the dropped term against the figure without it; 1 stands for all of it,
-infinite for a bound that does not hold there. `docs/measure_left_out.py` compares each with a finer model.
+SI units. An error is the left-out term over the figure without it: 1 is all of the figure, infinite means that the
+bound does not hold there. `docs/measure_left_out.py` compares each bound with a finer model.
 """
 
 from math import inf, pi, sqrt
@@ -28,8 +28,10 @@ __all__ = [
 ]
 
 MU_0 = 4e-7 * pi
-LOCALLY = 1.5
-"""Polarisation of a wide washer above the rim of a core, over what two points of it tell (field solutions)."""
+LOCAL_PEAK = 1.5
+"""Polarisation of a wide washer above the rim of a core, over the estimate from two points of the washer (from field
+solutions).
+"""
 
 
 def beam_inertia(
@@ -41,15 +43,19 @@ def beam_inertia(
     poisson: float,
     density: float,
 ) -> np.ndarray:
-    """Relative error (n,) of a resonance at `frequency` (n,) by what `tip_mass` leaves out of its beams.
+    """Return the relative error (n,) of a resonance from beam inertia that `tip_mass` leaves out.
 
-    `motion` (n, 6) of the body is mass-normalised, at its point `reference` (n, 3), as `modes.Modes` has it.
-    A beam that is condensed to its tip misses, in shares of the mode's kinetic energy: its own modes
-    between held ends, between 0 and ``T ω²/(ω₁² − ω²)`` with its share T and the lowest of them ω₁ (the
-    exact dynamic stiffness in partial fractions; the shares of the modes in T add to 1); the rotary
-    inertia of its sections; and how far the give of its ends and shear change its deflection from the
-    cubic between held ends. Half of the sum is the relative error. ω₁ is taken low, after Dunkerley, from
-    bending, shear and rotary inertia. Infinite where the mode is not below ω₁.
+    The resonance is at `frequency` (n,) in Hz. `motion` (n, 6) of the body is mass-normalised, at its point `reference`
+    (n, 3), as in `modes.Modes`. A beam that is condensed to its tip lacks three terms, as shares of the mode's kinetic
+    energy:
+
+    - its own modes between held ends: between 0 and ``T ω²/(ω₁² − ω²)``, with the beam's share T and the lowest of
+      these modes ω₁ (the exact dynamic stiffness in partial fractions, in which the shares of the modes in T add to 1);
+    - the rotary inertia of its sections;
+    - the change of its deflection, by compliance of its ends and by shear, from the cubic between held ends.
+
+    Half of their sum is the relative error. ω₁ is a lower bound after Dunkerley, from bending, shear and rotary
+    inertia. Infinite where the mode is not below ω₁.
     """
     square = (2 * pi * np.asarray(frequency)) ** 2
     least: Any = 0.0
@@ -64,26 +70,29 @@ def beam_inertia(
 def _missed_energy(
     section: BeamSection, tip: np.ndarray, square: np.ndarray, modulus: float, poisson: float, density: float
 ) -> tuple[Any, Any]:
-    """Least and most kinetic energy that a beam misses over that of the mode, `tip` (…, 6) being its tip's motion."""
+    """Return the least and the most kinetic energy that `tip_mass` misses of a beam, over that of the mode.
+
+    `tip` (…, 6) is the motion of the beam's tip.
+    """
     if section.path:
-        # Its mass has rotary inertia, and the shape that its ends' give and shear make, already.
+        # The mass of a bent beam includes rotary inertia, compliance of its ends and shear already.
         energy = np.einsum("...i,...ij,...j->...", tip, tip_mass(section, density, poisson), tip)
         return 0.0, energy * _dynamic(square * bent_slowness(section, modulus, poisson, density))
     width, thickness, length = (np.asarray(v, float) for v in section[:3])
-    # Shear up and twist are as stiff as the print is across its layers, at least.
+    # Stiffness across the layers is a lower bound for upward shear and twist.
     shear_modulus = modulus / (2 * (1 + poisson)) * section.across
     shear_speed = 10 * (1 + poisson) / (12 + 11 * poisson) * shear_modulus / density
     line = density * width * thickness
     missed = doubt = shear_doubt = 0.0 * length
-    give = section.give
+    ends = section.ends
     bends = (
-        (thickness, 2, 4, -1, give.root, give.tip, give.shear),
-        (width, 1, 5, 1, give.lateral_root, give.lateral_tip, give.lateral_shear),
+        (thickness, 2, 4, -1, ends.root, ends.tip, ends.shear),
+        (width, 1, 5, 1, ends.lateral_root, ends.lateral_tip, ends.lateral_shear),
     )
     for height, shift, turn, sign, root, end, slip in bends:
         deflected, held = _deflections(tip[..., shift], sign * tip[..., turn] * length, root / length, end / length)
         bending_speed = modulus / density * height**2 / 12
-        # 1/ω₁² of bending between held ends that give, of shear, and of rotary inertia.
+        # 1/ω₁²: bending between held, compliant ends, plus shear, plus rotary inertia.
         slow = (length + root + end) ** 4 / (4.730**4 * bending_speed)
         slow = slow + length * (length + 2 * slip) / (pi**2 * shear_speed) + length**2 * density / (pi**2 * modulus)
         sheared = 12 * bending_speed * (length + 2 * slip) / (shear_speed * length**3)
@@ -101,9 +110,10 @@ def _missed_energy(
 
 
 def _deflections(shift: Any, turn: Any, root: Any, tip: Any) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
-    """Slope at the root, shift and slope at the tip of a beam of unit length: one whose ends give, one whose do not.
+    """Return root slope, tip shift and tip slope of a beam of unit length: with compliant ends, and with rigid ends.
 
-    `shift` and `turn` are the body's; an end that gives by ``g`` lengths turns by ``g w''``.
+    `shift` and `turn` are the body's. `root` and `tip` are the ends' compliances in beam lengths: an end of compliance
+    ``g`` turns by ``g w''``.
     """
     determinant = (1 + 4 * root) * (1 + 4 * tip) - 4 * root * tip
     at_root = (6 * root * shift * (1 + 4 * tip) - 2 * root * (turn + 6 * tip * shift)) / determinant
@@ -112,32 +122,35 @@ def _deflections(shift: Any, turn: Any, root: Any, tip: Any) -> tuple[tuple[Any,
 
 
 def _shifting(deflection: tuple[Any, ...]) -> Any:
-    """∫ w² of a cubic with w = 0 at the root, from its `_deflections`."""
+    """Return ∫ w² of a cubic with w = 0 at the root, from its `_deflections`."""
     a, w, b = deflection
     return 13 / 35 * w**2 - 11 / 105 * w * b + (a**2 + b**2) / 105 + 13 / 210 * a * w - a * b / 70
 
 
 def _turning(deflection: tuple[Any, ...]) -> Any:
-    """∫ w'² of the same."""
+    """Return ∫ w'² of a cubic with w = 0 at the root, from its `_deflections`."""
     a, w, b = deflection
     return (36 * w**2 - 6 * w * (a + b) + 4 * (a**2 + b**2) - 2 * a * b) / 30
 
 
 def _torsion(width: np.ndarray, thickness: np.ndarray) -> np.ndarray:
-    """A torsion constant that is low: ``a b³/3 (1 − 0.63 b/a)`` of a rectangle a × b."""
+    """Return a lower bound of the torsion constant in m⁴ of a rectangle a × b: ``a b³/3 (1 − 0.63 b/a)``."""
     a, b = np.maximum(width, thickness), np.minimum(width, thickness)
     low: np.ndarray = a * b**3 / 3 * (1 - 0.63 * b / a)
     return low
 
 
 def _dynamic(slowness: Any) -> Any:
-    """ω²/(ω₁² − ω²) from (ω/ω₁)²."""
+    """Return ω²/(ω₁² − ω²) from `slowness` = (ω/ω₁)²; infinite from ω₁ on."""
     return np.where(slowness < 1, slowness / np.maximum(1 - slowness, 1e-300), inf)
 
 
 class Magnetised(NamedTuple):
-    """A washer in a coil's field: field (n,) in T/A, and for saturation the largest polarisation (n,) in T/A with how
-    much of a share of it the force feels, χN (n,)."""
+    """A washer in a coil's field.
+
+    `field` (n,) is in T/A. `polarisation` (n,) in T/A is the largest in the washer, for saturation; `chi_n` (n,) is χN,
+    by which demagnetisation weakens the effect of saturation on the force.
+    """
 
     field: np.ndarray
     polarisation: np.ndarray
@@ -147,13 +160,12 @@ class Magnetised(NamedTuple):
 def washer_magnetised(
     coil: CoilSource, washer: SteelRing, gap: float, offset: np.ndarray, dipole: np.ndarray
 ) -> Magnetised:
-    """What the coil makes of washers `offset` (n,) m off its axis, from the field at two points of each.
+    """Return field and polarisation of washers `offset` (n,) m off a coil's axis, from the field at two points of each.
 
-    No less than the mean polarisation, by each one's `dipole` (n,) in A·m²/A.
-
-    The points lie on the middle line of the ring, nearest to and farthest from the coil's axis, on the
-    washer's underside. Demagnetised by direction: the mean field along the plane meets the whole disc,
-    the rest of it the width of the ring, the axial field its thickness.
+    The points lie on the middle line of the ring, nearest to and farthest from the coil's axis, on the washer's
+    underside. Demagnetisation depends on direction: the mean field along the plane meets the whole disc, its remainder
+    the width of the ring, the axial field the thickness. The polarisation is at least the mean one by each washer's
+    `dipole` (n,) in A·m²/A.
     """
     outer, inner = washer.outer_diameter / 2, washer.inner_diameter / 2
     at = offset + np.array([[-1.0], [1.0]]) * (outer + inner) / 2
@@ -172,15 +184,15 @@ def washer_magnetised(
     weight = energy / energy.sum(0)
     return Magnetised(
         np.sqrt((radial**2 + axial**2).mean(0)),
-        LOCALLY * np.maximum(size.max(0), MU_0 * dipole / volume),
+        LOCAL_PEAK * np.maximum(size.max(0), MU_0 * dipole / volume),
         1 / (weight / (chi * share[:, None])).sum(0) if chi > 0 else np.full(len(offset), inf),
     )
 
 
 def core_polarisation(coil: CoilSource) -> tuple[float, float]:
-    """Largest mean polarisation in T/A of a section of the core, and χN of the core; 0 and inf without one.
+    """Return the largest mean polarisation in T/A of a section of the core, and the core's χN.
 
-    The flux that has entered the core above a section is the magnetic charge above it.
+    The flux through a section is the magnetic charge on the core above it. Without a core the result is 0 and inf.
     """
     core = charged_core(coil)
     if core is None:
@@ -192,23 +204,23 @@ def core_polarisation(coil: CoilSource) -> tuple[float, float]:
 
 
 def saturation_loss(polarised_share: Any, chi_n: Any) -> Any:
-    """Share by which a body's magnetisation falls short when it is `polarised_share` = J/J_s of the way to saturation.
+    """Return the share of a body's magnetisation lost to saturation at `polarised_share` = J/J_s.
 
-    A steel after Fröhlich has ``χ(1 − J/J_s)`` in the place of χ; in a field that demagnetises by N the
-    magnetisation ``χ/(1 + χN)`` then falls by ``s/(1 + χN(1 − s))``. s is taken a quarter larger, since
-    edges saturate first. All of it from J_s on.
+    By Fröhlich's law a steel has ``χ(1 − J/J_s)`` in place of χ. With the demagnetising factor N the magnetisation
+    ``χ/(1 + χN)`` then falls by ``s/(1 + χN(1 − s))``, s = J/J_s. s is taken a quarter larger, since edges saturate
+    first. The loss is 1 where that reaches 1.
     """
     s = 1.25 * np.asarray(polarised_share, float)
     return np.where(s < 1, s / (1 + chi_n * np.maximum(1 - s, 0)), 1.0)
 
 
 def core_eddies(coil: CoilSource, resistivity: float, frequency: float) -> float:
-    """Relative change of the core's field at `frequency` in Hz by eddy currents in a core of `resistivity` in Ω·m.
+    """Return the relative change of the core's field at `frequency` in Hz by eddy currents; `resistivity` in Ω·m.
 
-    A long round rod answers with ``μ 2J₁(ka)/(ka J₀(ka))``, ``k² = −jωμ/ρ``. By the partial fractions of
-    ``z J₀/2J₁`` the inverse of that differs from 1 by at most ``(a/δ)²/4``, and by its modulus by
-    ``a/(√2 δ) + 1``, δ the skin depth; demagnetised, by that over ``1 + χN``. Eddies at the ends of a core of
-    finite length count as half of diameter over length more.
+    The effective permeability of a long round rod is μ times ``R = 2J₁(ka)/(ka J₀(ka))``, ``k² = −jωμ/ρ``. By the
+    partial fractions of ``z J₀/2J₁``, 1/R differs from 1 by at most ``(a/δ)²/4``, and by the size of 1/R also by at
+    most ``a/(√2 δ) + 1``, δ being the skin depth. Demagnetisation divides this by ``1 + χN``. Eddies at the ends of a
+    core of finite length add half of diameter over length, as a share.
     """
     _, chi_n = core_polarisation(coil)
     depths = coil.core_diameter / 2 / _skin_depth(resistivity, coil.core_permeability, frequency)
@@ -217,10 +229,10 @@ def core_eddies(coil: CoilSource, resistivity: float, frequency: float) -> float
 
 
 def washer_eddies(washer: SteelRing, resistivity: float, frequency: float) -> float:
-    """Relative change of a washer's field at `frequency` in Hz by eddy currents.
+    """Return the relative change of a washer's field at `frequency` in Hz by eddy currents; `resistivity` in Ω·m.
 
-    Along the plane a sheet answers with ``tanh x/x``, ``x = (1+j) t/2δ``, whose inverse differs from 1 by at
-    most ``2 (t/2δ)²/3``; through the plane a disc screens by at most ``μ0 ω t r/(2ρ)``.
+    For a field along its plane a sheet responds as ``tanh x/x``, ``x = (1+j) t/2δ``, whose inverse differs from 1 by at
+    most ``2 (t/2δ)²/3``. Against a field through its plane a disc screens by at most ``μ0 ω t r/(2ρ)``.
     """
     chi_n = (washer.permeability - 1) * flat_spheroid_factor(washer.outer_diameter / washer.thickness)
     depths = washer.thickness / 2 / _skin_depth(resistivity, washer.permeability, frequency)
@@ -236,13 +248,13 @@ def _skin_depth(resistivity: float, permeability: float, frequency: float) -> fl
 def motional_voltage(
     pull: np.ndarray, amplitude: np.ndarray, resonance: np.ndarray, drive: np.ndarray, bias: np.ndarray, coil: Any
 ) -> np.ndarray:
-    """Relative error (n,) of each channel's current when its voltage is set as if nothing moved.
+    """Return the relative error (n,) of each channel's current when its voltage is set as if nothing moved.
 
-    The coil's flux has ``2 c z i`` more, c being its `pull` in N/A² and z the washer's motion of `amplitude` in m
-    at `resonance`. With a line of the current at `drive` in Hz it makes voltages at the sum and the difference
-    of the two frequencies, with a constant current of `bias` times that line one at the resonance. `coil` is
-    its impedance in Ω as a function of frequency. Errors at all frequencies are added, and the errors that
-    they make in turn: infinite where those do not die out.
+    The washer's motion z adds ``2 c z i`` to the coil's flux: c is its `pull` in N/A², `amplitude` in m that of z, at
+    `resonance` in Hz. With a line of the current at `drive` in Hz this induces voltages at the sum and the difference
+    of the two frequencies; with a constant current, `bias` times that line, one at the resonance. `coil` is the coil's
+    impedance in Ω as a function of frequency. Errors at all frequencies are added, and so are the errors that these
+    cause in turn; infinite where that series diverges.
     """
     flux = pull * amplitude
     error = np.zeros(len(pull))
@@ -255,13 +267,13 @@ def motional_voltage(
 def switching_delay(
     static: np.ndarray, pulse: np.ndarray, resonance: np.ndarray, q: np.ndarray, quiet: np.ndarray, lag: float
 ) -> np.ndarray:
-    """Relative error (n,) of the ring-down time when a coil is switched off.
+    """Return the relative error (n,) of the ring-down time when a coil is switched off.
 
-    Beside the tone's own vibration the taxel is set free from the mean pull, `static` of its ON amplitude,
-    and pushed on by the coil's current, which takes `lag` = L/R in s to die: a pull that falls with L/2R from
-    `pulse`, its deflection at rest over the ON amplitude. `quiet` is the ratio at which it counts as quiet. What rings
-    down from a place and a speed is at most ``√(2Q/(2Q − 1))`` of both together, as where damping is strong.
-    Infinite where nothing rings down, or where the current outlasts the vibration.
+    Beside its vibration the taxel is released from the mean pull, `static` over its ON amplitude, and still pushed by
+    the decaying current. The current falls with the time constant `lag` = L/R in s, and the pull with L/2R, from the
+    static deflection `pulse` over the ON amplitude. `quiet` is the ratio of ON amplitude to the one that counts as
+    quiet. Ring-down from a displacement and a velocity is at most ``√(2Q/(2Q − 1))`` times the two together, for strong
+    damping. Infinite where nothing rings down, or where the current outlasts the vibration.
     """
     angular, ring_up = 2 * pi * resonance, q / (pi * resonance)
     fall = (2 / lag if lag > 0 else inf) - 1 / ring_up
@@ -272,11 +284,11 @@ def switching_delay(
 
 
 def mutual_shielding(moment: np.ndarray, field: np.ndarray, place: np.ndarray, diameter: float) -> np.ndarray:
-    """Relative error (n,) of the pull on each washer of a coil by the field of the other washers.
+    """Return the relative error (n,) of the pull on each washer of a coil from the field of the other washers.
 
-    Dipoles of `moment` (n,) in A·m² at `place` (n, 2) in m, each taken to point along the line to the washer
-    that it disturbs, where its field is ``μ0 m/(2π d³)``, over the coil's own `field` (n,) there. Washers of
-    `diameter` are no points: that adds about ``3 (diameter/d)²`` (field solutions of random coils).
+    The others are dipoles of `moment` (n,) in A·m² at `place` (n, 2) in m, each taken to point along the line to the
+    disturbed washer, where its field is ``μ0 m/(2π d³)``. The error is their sum over the coil's own `field` (n,) in T
+    there. The washers' finite `diameter` adds about ``3 (diameter/d)²`` (field solutions of random coils).
     """
     apart = np.linalg.norm(place[:, None] - place[None], axis=-1)
     np.fill_diagonal(apart, inf)

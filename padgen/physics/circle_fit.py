@@ -1,11 +1,12 @@
-"""A resonance by its circle in the complex plane: the circle's fit, then the angle over frequency.
+"""Fit a resonance by its circle in the complex plane: first the circle, then the angle over frequency.
 
-Near a resonance of viscous damping the mobility ``s H = −j P / (1 + j x)``, ``x = Q (s − 1/s)``, s = f/f₀, runs on a
-circle of diameter P through the origin, whatever constant the far modes add to it; seen from its centre the
-angle is ``φ₀ − 2 arctan x`` (C. C. Kennedy, C. D. P. Pancu, J. Aeronaut. Sci. 14, 1947, 603-625). (Of hysteretic
-damping the receptance H itself would be one; over one bandwidth the two differ by 1/Q.) The transform of a free decay
-is a circle with ``x = (f − f_d)/h``, f_d its frequency and h half its bandwidth. The circle is G. Taubin's (IEEE Trans.
-PAMI 13, 1991, 1115-1138), which is not drawn inwards by noise as the plain algebraic one is.
+Near a resonance with viscous damping the mobility ``s H = −j P / (1 + j x)``, ``x = Q (s − 1/s)``, s = f/f₀, runs on a
+circle of diameter P through the origin. Far modes add a constant, which only shifts the circle. Seen from its centre
+the angle is ``φ₀ − 2 arctan x`` (C. C. Kennedy, C. D. P. Pancu, J. Aeronaut. Sci. 14, 1947, 603-625). (With hysteretic
+damping the receptance H itself would be a circle; over one bandwidth the two differ by 1/Q.) The transform of a free
+decay is a circle with ``x = (f − f_d)/h``, f_d its frequency and h half its bandwidth. The circle is fitted by the
+method of G. Taubin (IEEE Trans. PAMI 13, 1991, 1115-1138), which noise does not shrink as it does the plain algebraic
+fit.
 """
 
 from typing import NamedTuple
@@ -15,14 +16,14 @@ import numpy as np
 __all__ = ["CircleFit", "circle_resonance", "taubin_circle"]
 
 WIDEST_ARC = 2.5
-"""Points are taken up to this |x| from the peak, farther out where they would be too few."""
+"""Largest |x| of the points that are fitted; larger where fewer than `FEWEST` points would remain."""
 FEWEST = 6
 VAGUE = 1.0
-"""One sigma of ln Q, or of the frequency in bandwidths, beyond which a circle says nothing."""
+"""Largest useful sigma, of ln Q and of the frequency in bandwidths: with a larger one the circle has no result."""
 
 
 class CircleFit(NamedTuple):
-    """A resonance with one sigma of each figure."""
+    """Frequency and Q of a resonance, each with one sigma."""
 
     resonance_hz: float
     resonance_error_hz: float
@@ -31,9 +32,9 @@ class CircleFit(NamedTuple):
 
 
 def taubin_circle(points: np.ndarray, weight: np.ndarray) -> tuple[complex, float]:
-    """Centre and radius of the circle through complex `points` (n,), by Taubin's algebraic distance.
+    """Return centre and radius of the circle through complex `points` (n,), by Taubin's algebraic distance.
 
-    `weight` (n,) is of each squared distance. At least three points that are not on a line.
+    `weight` (n,) is of each squared distance. At least three points must not be on a line.
     """
     share = weight / weight.sum()
     middle = complex((share * points).sum())
@@ -58,33 +59,33 @@ def circle_resonance(
     sigma: np.ndarray | float = 1.0,
     decay: bool = False,
 ) -> CircleFit | None:
-    """Resonance by the circle of a complex `response` (n,) near `start_hz`; None where too few points tell of it.
+    """Fit the circle of a complex `response` (n,) near `start_hz`; None where too few points determine it.
 
-    `sigma` is the relative size of each point's noise. With `decay` the response is the transform of a free decay;
-    else it is a receptance.
+    `sigma` is the relative size of each point's noise. With `decay` the response is the transform of a free decay,
+    otherwise a receptance.
     """
     if len(frequency_hz) < FEWEST:
         return None
     sigma, fit = np.broadcast_to(np.asarray(sigma, float), frequency_hz.shape), None
     hz, q = start_hz, start_q
     for _ in range(2):
-        away = np.abs(_law(frequency_hz, hz, q, decay))
+        away = np.abs(_detuning(frequency_hz, hz, q, decay))
         arc = away <= max(WIDEST_ARC, float(np.sort(away)[FEWEST - 1]))
         factor = np.ones(arc.sum()) if decay else frequency_hz[arc] / hz
-        fit = _fitted(frequency_hz[arc], response[arc] * factor, hz, q, sigma[arc] * factor, decay)
+        fit = _fit_angle(frequency_hz[arc], response[arc] * factor, hz, q, sigma[arc] * factor, decay)
         if fit is None:
             break
         hz, q = fit.resonance_hz, fit.q
     return fit
 
 
-def _law(frequency: np.ndarray, hz: float, q: float, decay: bool) -> np.ndarray:
-    """x (n,) in the phase ``−2 arctan x``."""
+def _detuning(frequency: np.ndarray, hz: float, q: float, decay: bool) -> np.ndarray:
+    """Return x (n,) of the phase ``−2 arctan x``."""
     s = frequency / hz
     return np.asarray(2 * q * s - np.sqrt(max(4 * q * q - 1, 0.0)) if decay else q * (s - 1 / s))
 
 
-def _fitted(
+def _fit_angle(
     frequency: np.ndarray, points: np.ndarray, hz: float, q: float, sigma: np.ndarray, decay: bool
 ) -> CircleFit | None:
     from scipy.optimize import least_squares
@@ -96,14 +97,14 @@ def _fitted(
     angle, width = np.angle(arm), 1 / q
 
     def off(theta: np.ndarray) -> np.ndarray:
-        x = _law(frequency, hz * np.exp(theta[1] * width), q * np.exp(theta[2]), decay)
+        x = _detuning(frequency, hz * np.exp(theta[1] * width), q * np.exp(theta[2]), decay)
         return np.asarray(np.angle(np.exp(1j * (angle - theta[0] + 2 * np.arctan(x)))) / sigma)
 
     start = np.array([angle[np.abs(frequency - hz).argmin()], 0.0, 0.0])
     found = least_squares(off, start, bounds=([-np.inf, -1 / width, -3], [np.inf, 1 / width, 3]), x_scale="jac")
     inverse = np.linalg.pinv(found.jac)
-    # Noise along the circle, and what noise across it does to the centre: off by d it turns a point by −t·d over the
-    # radius, t the tangent there.
+    # Noise along the circle turns a point directly. Noise across it moves the centre: a centre that is off by d turns
+    # a point by −t·d over the radius, t being the tangent there.
     radial, along = (np.abs(arm) - radius) / sigma, radius * found.fun
     variance = float(radial @ radial + along @ along) / max(2 * len(arm) - 6, 1)
     unit = arm / np.abs(arm)

@@ -1,7 +1,7 @@
-"""The field of a coil with its core, above it: magnetic charge on the core and for the windings.
+"""Field above a coil with its core, from magnetic charge that stands for the core and for the windings.
 
-Windings are the charge on the ends of the magnetisation whose curl is their current; the core is linear steel
-(`physics.steel_body`).
+A winding is replaced by a magnetisation whose curl is its current; the charge lies on the ends of that magnetisation.
+The core is linear steel (`physics.steel_body`).
 """
 
 from functools import lru_cache
@@ -15,14 +15,17 @@ from padgen.physics.steel_body import SteelBody, crowded, cylinder, eights, fine
 __all__ = ["MOST_RINGS", "charged_core", "coil_rings", "flux_density", "winding_rings"]
 
 MOST_RINGS = 400
-"""Across a coil: nearer to its top than a two-hundredth of its radius a field is less sure."""
+"""Most rings across a coil. Nearer to its top than a two-hundredth of its radius the field is less certain."""
 AT_ONCE = 4096
-"""Pairs of a point and a ring that are worked out together: no more than stay in a processor's cache."""
+"""Pairs of a point and a ring computed together: few enough for a processor's cache."""
 
 
 @lru_cache(maxsize=32)
 def charged_core(coil: CoilSource, top: int = 12, orders: int = 0) -> tuple[SteelBody, np.ndarray] | None:
-    """The core, `top` nodes on its upper face, and the charge per dt at its nodes in A/m per ampere; None without."""
+    """Return the core and the charge per dt at its nodes in A per ampere (`SteelBody`); None without a core.
+
+    `top` is the number of nodes on its upper face, `orders` the highest order round its axis.
+    """
     if not coil.has_core:
         return None
     low = coil.core_top - coil.core_length
@@ -38,19 +41,19 @@ def charged_core(coil: CoilSource, top: int = 12, orders: int = 0) -> tuple[Stee
                 radius = start + t * (end - start)
                 of = ring_potential(core.radius[:, None], core.height[:, None], radius, np.array(z), 0, at_ring=True)
                 potential += sign * (of.value[0] * _magnetised(winding, radius) * weight * (end - start)).sum(1)
-        # Within the windings H is what the charges make and the magnetisation that stands for the current.
+        # Within the windings H is the field of the charges plus the magnetisation that replaces the current.
         potential -= full * np.clip(core.height, winding.bottom, winding.top)
     return core, core.response[0] @ potential
 
 
 def _spans(winding: Winding) -> list[tuple[float, float]]:
-    """Radii from … to of the bore and of the winding itself, where those differ."""
+    """Return the radii (from, to) in m of the bore and of the winding itself, without empty ones."""
     inner, outer = winding.inner_diameter / 2, winding.outer_diameter / 2
     return [span for span in ((0.0, inner), (inner, outer)) if span[1] > span[0]]
 
 
 def _magnetised(winding: Winding, radius: np.ndarray) -> np.ndarray:
-    """Magnetisation along the axis in A/m per ampere whose curl is the winding's current."""
+    """Return the axial magnetisation in A/m per ampere whose curl is the winding's current."""
     inner, outer = winding.inner_diameter / 2, winding.outer_diameter / 2
     full = winding.turns / winding.length
     inside = (radius < (inner + outer) / 2).astype(float) if outer == inner else (outer - radius) / (outer - inner)
@@ -58,9 +61,9 @@ def _magnetised(winding: Winding, radius: np.ndarray) -> np.ndarray:
 
 
 def winding_rings(windings: tuple[Winding, ...], step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The windings as rings of charge, for points above them: radii, heights, charges in A per ampere.
+    """Return the windings as rings of charge, for points above them: radii and heights in m, charges in A per ampere.
 
-    On upper ends no more than `step` m apart, on lower ones as their distance allows.
+    Rings on upper ends are at most `step` m apart; rings on lower ends may be wider apart, since they are farther away.
     """
     rings = []
     for winding in windings:
@@ -75,7 +78,10 @@ def winding_rings(windings: tuple[Winding, ...], step: float) -> tuple[np.ndarra
 
 
 def flux_density(coil: CoilSource, radius: np.ndarray, height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Radial and axial flux density in T per ampere at points of one shape above the coil's top face, in m."""
+    """Return radial and axial flux density in T per ampere at points above the coil's top face.
+
+    `radius` and `height` are arrays of one shape, in m.
+    """
     radius, height = np.broadcast_arrays(np.asarray(radius, float), np.asarray(height, float))
     step = max(float(height.min(initial=np.inf)) / 2, coil.outer_diameter / MOST_RINGS)
     at_radius, at_height, charge = coil_rings(coil, step)
@@ -91,7 +97,7 @@ def flux_density(coil: CoilSource, radius: np.ndarray, height: np.ndarray) -> tu
 
 @lru_cache(maxsize=16)
 def coil_rings(coil: CoilSource, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The coil with its core as rings: radii, heights in m and charges in A per ampere; `step` m apart on top."""
+    """Return coil and core as rings, on top `step` m apart: radii and heights in m, charges in A per ampere."""
     rings = [np.stack(winding_rings(coil.windings, step))]
     if (core := charged_core(coil)) is not None:
         radius, height, shares = fine_rings(core[0], step)

@@ -1,9 +1,9 @@
-"""Phases with which a sum of lines dips least below zero, and how deep a sum of lines dips.
+"""Choose phases for which a sum of cosines dips least below zero, find how deep a sum dips, and choose a comb's period.
 
-The spur-free drive's force is ``F₀ + Σ A_j cos(2π k_j t/T + φ_j)`` and may not be negative: F₀ is at least the
-depth of the sum's deepest dip, and it is copper loss and mean pull. All here is over one period T, at the angle
-x = 2πt/T, with whole harmonics k_j. Such
-frequencies are a comb, whole multiples of 1/T, so that a sum of lines repeats and can be looped.
+The spur-free drive's force is ``F₀ + Σ A_j cos(2π k_j t/T + φ_j)`` and may not be negative. F₀ is therefore at least
+the depth of the sum's deepest dip, and copper loss and mean pull are proportional to F₀. Everything is over one period
+T, at the angle x = 2πt/T, with whole harmonics k_j. Frequencies that are whole multiples of 1/T form a comb: their sum
+repeats and can be looped.
 """
 
 from functools import lru_cache
@@ -26,37 +26,40 @@ __all__ = [
 ]
 
 EXACT = 1e-6
-"""What `least_constant` is proven to be exact to, over Σ A."""
+"""Proven error of `least_constant`, over Σ A."""
 PER_CYCLE = 8
 """Fewest points of a grid in one cycle of the highest line."""
 BLOCK = 1 << 19
-"""Points of waveforms that are worked on at a time."""
+"""Points of waveforms computed at a time."""
 DRAWS = 256
-"""Random phases that are tried for starts."""
+"""Random sets of phases that are tried as starts."""
 STARTS = 8
-"""The best of them, at most, that are descended from, as they are and after a smooth descent."""
+"""Largest number of starts, each descended from as it is and after a smooth descent."""
 SAMPLES = 4096
-"""Most angles at which a smooth descent and the choice of the starts look."""
+"""Most angles used by a smooth descent and by the choice of the starts."""
 SHARPNESS = 30.0
-"""Of the smooth descent's maximum, over 1/Σ A: it sees what lies within a few hundredths of the deepest."""
+"""Sharpness of the smooth maximum, over 1/Σ A: dips within a few hundredths of the deepest count."""
 FEW = 4
-"""Up to so many lines the smooth descents find nothing more."""
+"""Up to this many lines smooth descents gain nothing and are left out."""
 FIRST_STEPS, LAST_STEPS, BEST = 4, 25, 2
-"""Linear programs from every start, and from the best of these."""
+"""Linear programs from every start, then more from the BEST starts."""
 WITHIN, MOST_DIPS = 0.1, 200
-"""Dips that a linear program knows: within so much of Σ A of the deepest, and at most so many."""
+"""Dips that a linear program includes: within this share of Σ A of the deepest, and at most MOST_DIPS."""
 TRUST = 0.1
 """First trust region in rad."""
 SETTLED = 1e-4
-"""Stop when a linear program promises less than this, over Σ A."""
+"""Stop when a linear program predicts a decrease of less than this, over Σ A."""
 LONG, FEWEST = 1 << 17, 3
-"""Points of all the starts' grids together, and fewest starts: a long comb, on which phases gain little, gets few."""
+"""Most points of the grids of all starts together, and fewest starts. On a long comb phases gain little, so it gets
+few.
+"""
 
 
 def schroeder_phases(amplitude: np.ndarray) -> np.ndarray:
-    """Phases (n,) in rad of lines in rising order whose sum sweeps through them, each for its share of the power.
+    """Return phases (n,) in rad for which the sum of lines in rising order sweeps through their frequencies.
 
-    ``φ_j = −2π Σ_{l<j} (j − l) p_l`` with p the shares: Schroeder, IEEE Trans. Inf. Theory 16 (1970) 85.
+    The sweep gives each line time by its share of the power. ``φ_j = −2π Σ_{l<j} (j − l) p_l`` with the shares p:
+    Schroeder, IEEE Trans. Inf. Theory 16 (1970) 85.
     """
     power = np.asarray(amplitude, float) ** 2
     before = np.concatenate([[0.0], np.cumsum(power / power.sum())[:-1]])
@@ -65,10 +68,10 @@ def schroeder_phases(amplitude: np.ndarray) -> np.ndarray:
 
 
 def low_crest_phases(harmonic: np.ndarray, amplitude: np.ndarray) -> np.ndarray:
-    """Phases φ (n,) in rad, in 0 … 2π, with which ``Σ A_j cos(k_j x + φ_j)`` dips least below zero.
+    """Return phases φ (n,) in rad, in 0 … 2π, for which ``Σ A_j cos(k_j x + φ_j)`` dips least below zero.
 
-    Exact for two lines, else the best of a few descents: a local optimum, the same each time. `amplitude` (n,)
-    is at least 0, up to a factor; lines of one harmonic get one phase.
+    Exact for two lines; otherwise the best of a few descents, a local optimum that is the same each time. `amplitude`
+    (n,) is at least 0, in any unit. Lines of one harmonic get one phase.
     """
     k, a = np.asarray(harmonic, int), np.asarray(amplitude, float)
     phase, played = np.zeros(len(k)), a > 0
@@ -83,10 +86,10 @@ def low_crest_phases(harmonic: np.ndarray, amplitude: np.ndarray) -> np.ndarray:
 
 
 def least_constant(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray) -> np.ndarray:
-    """The least F₀ (s,) of states `amplitude` (s, n): ``−min_x Σ_j A_sj cos(k_j x + φ_j)``, 0 for a silent one.
+    """Return the least F₀ (s,) of states `amplitude` (s, n): ``−min_x Σ_j A_sj cos(k_j x + φ_j)``.
 
-    Never above the truth by more than rounding, nor below it by more than `EXACT` Σ A: a grid, then every piece
-    of it on which a Taylor bound does not rule out a deeper dip is divided until none is left.
+    It is 0 for a silent state; otherwise at most rounding above the true value and at most `EXACT` Σ A below it. A grid
+    comes first; then each of its pieces in which a Taylor bound allows a deeper dip is divided, until no piece is left.
     """
     k, a = np.asarray(harmonic, int), np.atleast_2d(np.asarray(amplitude, float))
     result = np.zeros(len(a))
@@ -103,7 +106,10 @@ def least_constant(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarra
 
 
 def waveform(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray, points: int) -> np.ndarray:
-    """``Σ_j A_sj cos(k_j x + φ_j)`` (s, points) at x = 2π p/points, for amplitudes (s, n); 2 k < points."""
+    """Return ``Σ_j A_sj cos(k_j x + φ_j)`` (s, points) at x = 2π p/points, for amplitudes (s, n).
+
+    The harmonics must be below half of `points`.
+    """
     lines = np.asarray(amplitude) * np.exp(1j * np.asarray(phase)) / 2
     spectrum = np.zeros((len(lines), points // 2 + 1), complex)
     for j, k in enumerate(harmonic):
@@ -113,17 +119,17 @@ def waveform(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray, poi
 
 
 def _points(harmonic: np.ndarray) -> int:
-    """A power of two, `PER_CYCLE` or up to twice as many for each cycle of the highest line."""
+    """Return a power of two: at least `PER_CYCLE` points per cycle of the highest line, and less than twice as many."""
     return 1 << (PER_CYCLE * int(harmonic.max()) - 1).bit_length()
 
 
 def _depths(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray, points: int) -> np.ndarray:
-    """`least_constant` of states none of which is silent."""
+    """Return `least_constant` of states, each with at least one amplitude above 0."""
     wave = waveform(harmonic, amplitude, phase, points)
     total = amplitude.sum(1)
     bend, twist = amplitude @ harmonic**2.0, amplitude @ harmonic**3.0
     lowest, half = wave.min(1), np.pi / points
-    # A dip is at most half a step beside a point, and there the slope is 0.
+    # The slope is 0 at the deepest dip, and a grid point lies within half a step of it.
     state, point = np.nonzero(wave <= (lowest + bend * half**2 / 2)[:, None])
     angle = point * (2 * half)
     while state.size:
@@ -145,7 +151,7 @@ def _depths(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray, poin
 
 
 def _least_of_parabola(slope: np.ndarray, curve: np.ndarray, half: float) -> tuple[np.ndarray, np.ndarray]:
-    """Where in ±half ``slope d + curve d²/2`` is least, and its value there."""
+    """Return the d in ±half at which ``slope d + curve d²/2`` is least, and the value there."""
     edge = -np.copysign(half, slope)
     inside = (curve > 0) & (np.abs(slope) < curve * half)
     move = np.where(inside, -slope / np.where(inside, curve, 1.0), edge)
@@ -153,7 +159,7 @@ def _least_of_parabola(slope: np.ndarray, curve: np.ndarray, half: float) -> tup
 
 
 class _Descent(NamedTuple):
-    """Phases (n,), the sum's dips: depths (m,) and their slopes (m, n) against the phases, the trust region."""
+    """State of a descent: phases (n,), the dips' depths (m,) and slopes (m, n) by the phases, the trust region."""
 
     phase: np.ndarray
     depth: np.ndarray
@@ -167,32 +173,32 @@ class _Descent(NamedTuple):
 
 @lru_cache(maxsize=4096)
 def _phases(harmonic: tuple[int, ...], amplitude: tuple[float, ...]) -> tuple[float, ...]:
-    """`low_crest_phases` of rising harmonics without a common divisor; the first phase is 0."""
+    """Return `low_crest_phases` of rising harmonics without a common divisor; the first phase is 0."""
     if len(harmonic) == 1:
         return (0.0,)
     if len(harmonic) == 2:
         return 0.0, _second_phase(*harmonic)
     k, a = np.array(harmonic), np.array(amplitude) / sum(amplitude)
     starts = _starts(k, a)
-    begun = [_descended(k, a, _Descent(start, *_dips(k, a, start), TRUST), FIRST_STEPS) for start in starts]
+    begun = [_descend(k, a, _Descent(start, *_dips(k, a, start), TRUST), FIRST_STEPS) for start in starts]
     begun.sort(key=lambda descent: descent.deepest)
-    ended = [_descended(k, a, descent, LAST_STEPS) for descent in begun[:BEST]]
+    ended = [_descend(k, a, descent, LAST_STEPS) for descent in begun[:BEST]]
     best = min(ended, key=lambda descent: descent.deepest).phase
-    # What lies below the sixth digit may differ from one machine to another, and is worth nothing.
+    # Later digits may differ between machines, and have no effect on the depth.
     return tuple(np.round(best % (2 * np.pi), 6).tolist())
 
 
 def _second_phase(low: int, high: int) -> float:
-    """Best phase of the second of two lines, whatever their amplitudes.
+    """Return the best phase of the second of two lines, for any amplitudes.
 
-    The two angles run along lines of offset k₂θ₁ − k₁θ₂ in the plane, 2π apart; the dips lie about (π, π), and
-    the best offset is π from it. At phase 0 it is unless both harmonics are odd; then a phase of π makes it so.
+    The two angles run along lines of offset k₂θ₁ − k₁θ₂ in the plane, 2π apart. The dips lie near (π, π), and the best
+    offset is π away from that point. Phase 0 gives this unless both harmonics are odd, and phase π if they are.
     """
     return float(np.pi) if low % 2 and high % 2 else 0.0
 
 
 def _starts(harmonic: np.ndarray, amplitude: np.ndarray) -> list[np.ndarray]:
-    """Phases to descend from: Schroeder's and the least deep of random ones, as they are and smoothly descended."""
+    """Return phases to descend from: Schroeder's and the best random ones, as they are and after a smooth descent."""
     count, points = len(harmonic), _points(harmonic)
     random = np.random.default_rng(0)
     draws = np.concatenate([schroeder_phases(amplitude)[None], random.uniform(0, 2 * np.pi, (DRAWS, count))])
@@ -201,16 +207,16 @@ def _starts(harmonic: np.ndarray, amplitude: np.ndarray) -> list[np.ndarray]:
     angle = np.outer(where * (2 * np.pi / points), harmonic)
     table = np.hstack([np.cos(angle), np.sin(angle)])
     depth = -(table @ np.hstack([amplitude * np.cos(draws), -amplitude * np.sin(draws)]).T).min(0)
-    depth[0] = 0.0  # Schroeder's are always among them.
+    depth[0] = 0.0  # Schroeder's phases always rank first.
     few = min(STARTS, count - 1, max(LONG // (2 * points), FEWEST))
     best = draws[np.argsort(depth, kind="stable")[:few]]
     if count <= FEW:
         return list(best)
-    return [*best, *(_smoothly_descended(table, amplitude, phase) for phase in best)]
+    return [*best, *(_smooth_descent(table, amplitude, phase) for phase in best)]
 
 
-def _smoothly_descended(table: np.ndarray, amplitude: np.ndarray, phase: np.ndarray) -> np.ndarray:
-    """Phases that minimise the log of the sum of exponentials of the depth at the table's angles."""
+def _smooth_descent(table: np.ndarray, amplitude: np.ndarray, phase: np.ndarray) -> np.ndarray:
+    """Return phases near `phase` that minimise the log-sum-exp of the depth at the table's angles."""
     from scipy.optimize import minimize
 
     count = len(amplitude)
@@ -221,7 +227,7 @@ def _smoothly_descended(table: np.ndarray, amplitude: np.ndarray, phase: np.ndar
         weight = np.exp(SHARPNESS * (lowest - wave))
         mean = (weight @ table) / weight.sum()
         slope = amplitude * (np.sin(phase) * mean[:count] + np.cos(phase) * mean[count:])
-        slope[0] = 0.0  # A shift in time changes nothing: the first phase stays.
+        slope[0] = 0.0  # The first phase stays 0, since a shift in time changes nothing.
         return float(np.log(weight.sum())) / SHARPNESS - lowest, slope
 
     found: np.ndarray = minimize(depth, phase, jac=True, method="L-BFGS-B", options={"maxiter": 40}).x
@@ -229,7 +235,7 @@ def _smoothly_descended(table: np.ndarray, amplitude: np.ndarray, phase: np.ndar
 
 
 def _dips(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Depths (m,) of the sum's deep dips, the first the deepest on the grid, and their slopes (m, n) by the phases."""
+    """Return depths (m,) of the sum's deep dips, deepest on the grid first, and their slopes (m, n) by the phases."""
     points = _points(harmonic)
     wave = waveform(harmonic, amplitude[None], phase, points)[0]
     near = np.flatnonzero(wave < wave.min() + WITHIN)
@@ -244,10 +250,10 @@ def _dips(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray) -> tup
     return -(np.cos(line) @ amplitude), amplitude * np.sin(line)
 
 
-def _descended(harmonic: np.ndarray, amplitude: np.ndarray, at: _Descent, steps: int) -> _Descent:
+def _descend(harmonic: np.ndarray, amplitude: np.ndarray, at: _Descent, steps: int) -> _Descent:
     """Minimise the deepest dip by linear programs in a trust region (Madsen, J. Inst. Maths Applics 16 (1975) 321)."""
     for _ in range(steps):
-        move, promised = _programmed(at)
+        move, promised = _best_move(at)
         if promised < SETTLED:
             break
         phase = at.phase + move
@@ -258,8 +264,8 @@ def _descended(harmonic: np.ndarray, amplitude: np.ndarray, at: _Descent, steps:
     return at
 
 
-def _programmed(at: _Descent) -> tuple[np.ndarray, float]:
-    """The move (n,) of the phases that a linear program takes for best, and how much it promises."""
+def _best_move(at: _Descent) -> tuple[np.ndarray, float]:
+    """Return the best move (n,) of the phases by a linear program, and the predicted decrease of the deepest dip."""
     from scipy.optimize import linprog
 
     count = len(at.phase)
@@ -274,28 +280,30 @@ def _programmed(at: _Descent) -> tuple[np.ndarray, float]:
 MOST_OFF = 0.1
 """Largest distance from its resonance to which the comb may move a line, in half bandwidths f/(2Q).
 
-The caller makes the line larger by what the taxel answers less there, √(1 + 0.1²) or 0.04 dB. What changes is
-what the OFF taxels hear of it: a neighbour Δ half bandwidths away is 0.1/Δ nearer or farther, together at most
-0.13 dB at Δ = 10 (20 dB of selectivity) and 0.22 dB at Δ = 5; on a ladder's two sides the signs differ."""
+The caller raises the line to make up for the taxel's smaller response there, √(1 + 0.1²) or 0.04 dB. OFF taxels then
+hear the line from another distance: a neighbour Δ half bandwidths away is 0.1/Δ nearer or farther. That is at most 0.13
+dB at Δ = 10 (20 dB of selectivity) and 0.22 dB at Δ = 5; the signs differ on a ladder's two sides.
+"""
 SHORTEST_S = 0.1
 """Shortest period that is tried."""
 LONGEST_S = 30.0
-"""Longest period: where no shorter one keeps `MOST_OFF`, the best up to here is taken."""
+"""Longest period: where no shorter one keeps `MOST_OFF`, the best one up to this is taken."""
 LEAST_PERIODS = 2.0
-"""Fewest periods of the lowest line in the comb's."""
+"""Fewest periods of the lowest line in the comb's period."""
 CHUNK = 1 << 15
-"""Candidates that are worked on at a time."""
+"""Candidates judged at a time."""
 
 
 def comb_period_s(resonance_hz: np.ndarray, q: np.ndarray, step: int, rate_hz: int) -> float:
-    """Shortest period in s whose comb moves no line by more than `MOST_OFF` half bandwidths off its resonance.
+    """Return the shortest period in s whose comb moves no line by more than `MOST_OFF` half bandwidths.
 
-    Lines (n,) are on whole multiples of ``step/period``; the period is a whole number of samples at `rate_hz`,
-    at least `SHORTEST_S` and `LEAST_PERIODS` of the lowest line. From ``step max Q/f / MOST_OFF`` on every period
-    will do; where that is above `LONGEST_S`, and no shorter one fits, it is the one that is least off.
+    Lines (n,) are on whole multiples of ``step/period``. The period is a whole number of samples at `rate_hz`, at least
+    `SHORTEST_S` and at least `LEAST_PERIODS` of the lowest line. Every period from ``step max Q/f / MOST_OFF`` on keeps
+    the limit. Where that is above `LONGEST_S` and no shorter period keeps it, the result is the one with the smallest
+    distance.
     """
     resonance, quality = np.asarray(resonance_hz, float), np.asarray(q, float)
-    # Those that bind first: what the later ones would refuse is mostly gone by then.
+    # The strictest resonances first: they reject most candidates, so that few remain for the others.
     order = np.argsort(resonance / quality, kind="stable")
     resonance, quality = resonance[order], quality[order]
     first = int(np.ceil(max(SHORTEST_S, LEAST_PERIODS * step / float(resonance.min())) * rate_hz))
@@ -304,7 +312,7 @@ def comb_period_s(resonance_hz: np.ndarray, q: np.ndarray, step: int, rate_hz: i
     least = float(off_resonance(resonance, quality, last / rate_hz, step).max())
     for start in range(first, last + 1, CHUNK):
         samples = np.arange(start, min(start + CHUNK, last + 1))
-        samples, off = _less_off(samples, resonance * (1 / (rate_hz * step)), quality, max(least, MOST_OFF))
+        samples, off = _near_enough(samples, resonance * (1 / (rate_hz * step)), quality, max(least, MOST_OFF))
         good = samples[off <= MOST_OFF]
         if good.size:
             return float(good[0] / rate_hz)
@@ -321,16 +329,16 @@ def off_resonance(resonance_hz: np.ndarray, q: np.ndarray, period_s: float, step
 
 
 def on_comb(resonance_hz: np.ndarray, period_s: float, step: int) -> np.ndarray:
-    """The multiples (n,) of 1/period nearest to the resonances: whole multiples of `step`, at least one."""
+    """Return the multiples (n,) of 1/period nearest to the resonances: whole multiples of `step`, at least one."""
     steps = np.rint(np.asarray(resonance_hz, float) * period_s / step).astype(int)
     multiple: np.ndarray = np.maximum(steps, 1) * step
     return multiple
 
 
-def _less_off(
+def _near_enough(
     samples: np.ndarray, steps_per_sample: np.ndarray, q: np.ndarray, limit: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Those of the periods (m,) in samples that are at most `limit` off with every line, and by how much."""
+    """Return those of the periods `samples` (m,) that put every line at most `limit` off, and the largest distance."""
     off = np.zeros(len(samples))
     for slope, quality in zip(steps_per_sample, q, strict=True):
         steps = samples * slope

@@ -1,6 +1,7 @@
-"""What a drive scheme asks of a coil and its amplifier when all channels are on.
+"""Current and voltage that a drive scheme asks of a coil and its amplifier when all channels are on.
 
-`line_a2` (n,) are the amplitudes in A² of the wanted lines of i², one per channel.
+`line_a2` (n,) are the amplitudes in A² of the wanted lines of i², one per channel. `headroom` is the share by which the
+spur-free force's constant exceeds the sum of the lines.
 """
 
 import numpy as np
@@ -23,48 +24,48 @@ FORMULAS = {
     "tones": "i(t) = sum over ON channels of I_j sin(2 pi drive_hz_j t)",
     "turns": "i(t) = I_j sin(2 pi drive_hz_j t) in the slot of each ON channel j, one after the other",
 }
-"""Each kind of current: a_j are `line_a2`, B is `bias_a`, b_j and I_j are `current_lines_a`."""
+"""The formula of each kind of current: a_j are `line_a2`, B is `bias_a`, b_j and I_j are `current_lines_a`."""
 
 
 def formula(scheme: Scheme) -> str:
-    """The current of a scheme's coil over time."""
+    """Return the formula of a coil's current over time, as text."""
     return FORMULAS["turns" if scheme.takes_turns else scheme.kind.CURRENT]
 
 
 def bias_a(scheme: Scheme, line_a2: np.ndarray) -> float:
-    """Constant current B in A of the biased scheme: `bias_ratio` times its largest tone ``b = a/(2B)``."""
+    """Return the constant current B in A of the biased scheme: `bias_ratio` times its largest tone ``b = a/(2B)``."""
     return float(np.sqrt(scheme.bias_ratio * line_a2.max(initial=0.0) / 2))
 
 
 def mean_square_a2(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.ndarray | None = None) -> float:
-    """Mean of i² in A² with the channels `on` (n,), or all.
+    """Return the mean of i² in A² with the channels `on` (n,), or with all.
 
-    Times R it is the copper loss, times a force constant the mean pull.
+    Times R it is the copper loss; times a force constant it is the mean pull.
     """
     playing = np.ones(len(line_a2), dtype=bool) if on is None else on
     return scheme.kind.mean_square_a2(scheme, line_a2, headroom, playing)
 
 
 def current_lines_a(scheme: Scheme, line_a2: np.ndarray, headroom: float = 0.0) -> np.ndarray:
-    """Peak current (n,) in A of each channel: of its tone, or spur-free of the coil with it alone on."""
+    """Return the peak current (n,) in A of each channel's tone; spur-free, of the coil with that channel alone on."""
     return scheme.kind.current_lines_a(scheme, line_a2, headroom)
 
 
 def peak_current_a(scheme: Scheme, line_a2: np.ndarray, headroom: float) -> float:
-    """Largest current in A, all peaks together."""
+    """Return an upper bound in A of the current: all peaks at one moment."""
     return scheme.kind.peak_current_a(scheme, line_a2, headroom)
 
 
 def peak_voltage_v(
     scheme: Scheme, line_a2: np.ndarray, resonance_hz: np.ndarray, resistance: float, inductance: float, headroom: float
 ) -> float:
-    """Bound in V of what the coil asks for, all peaks together."""
+    """Return an upper bound in V of the coil's voltage: all peaks at one moment."""
     return scheme.kind.peak_voltage_v(scheme, line_a2, resonance_hz, resistance, inductance, headroom)
 
 
 def root_voltage_v(line_a2: float, resonance_hz: float, resistance: float, inductance: float, headroom: float) -> float:
-    """Peak in V of ``R i + L di/dt`` over one period for ``i² = a (1 + h + cos 2π r t)``: one channel on, spur-free."""
-    # The current's sharpest bend is √h wide.
+    """Return the peak in V of ``R i + L di/dt`` for ``i² = a (1 + h + cos 2π r t)``: one spur-free channel on."""
+    # Samples crowd at the sharpest bend of the current, which is √h wide.
     phase = np.pi + 2 * np.pi * np.sinh(np.linspace(-4, 4, 4001)) / (2 * np.sinh(4))
     current = np.sqrt(line_a2 * np.maximum(headroom + 2 * np.cos(phase / 2) ** 2, 1e-30))
     slope = -line_a2 * np.sin(phase) * 2 * np.pi * resonance_hz / (2 * current)

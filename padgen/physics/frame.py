@@ -1,9 +1,8 @@
-"""A 3-D frame of Timoshenko elements that carries rigid bodies: its natural modes and its static deflection.
+"""Natural modes and static deflection of a 3-D frame of Timoshenko elements that carries rigid bodies.
 
-The stiffness is kept as a product of a square root, and its triangular factor found by QR of that
-root: so the condition that rounding sees is the square root of the stiffness', and the lowest modes
-of the flexibility form M φ = (1/ω²) K φ come out to about 1e-9 for thicknesses of 1/500 of the
-length up to the length itself, and masses from nothing to a thousand times the beam's.
+The stiffness is kept as a product of a square root, whose triangular factor comes from QR. Rounding therefore sees the
+square root of the stiffness' condition. The lowest modes of the flexibility form M φ = (1/ω²) K φ are exact to about
+1e-9, for thicknesses from 1/500 of the length to the length itself and masses from zero to a thousand times the beam's.
 """
 
 from collections.abc import Callable
@@ -26,24 +25,24 @@ __all__ = [
 ]
 
 CONDITION_LIMIT = 1e10
-"""Of the square root of the stiffness: beyond it the frame is a mechanism, or six digits are gone."""
+"""Largest condition of the square root of the stiffness: beyond it the frame is a mechanism, or six digits are lost."""
 RESIDUAL_LIMIT = 1e-8
 ROUNDING = 1e-14
-"""Relative error of a frequency per square root of the condition: a few dozen units in the last place."""
+"""Relative error of a frequency per square root of the condition."""
 
 
 class AttachedBody(NamedTuple):
-    """A rigid body that `nodes` (indices) are fast to; in the frame's own axes, SI units."""
+    """A rigid body and the `nodes` (indices) that are fixed to it, in the frame's axes, SI units."""
 
     body: RigidBody
     nodes: tuple[int, ...]
 
 
 class Frame(NamedTuple):
-    """`nodes` (n, 3) in m, elements between them, bodies, and the nodes that are clamped.
+    """Nodes (n, 3) in m, elements between them, bodies, and the nodes that are clamped.
 
-    `held` lists single degrees of freedom as (node, 0 … 5), for supports that leave some free. Every
-    element has inner motions of degrees up to `bubbles` + 1, none for 0.
+    `held` lists single degrees of freedom as (node, 0 … 5), for supports that leave some free. Every element has inner
+    motions, polynomials of degrees up to `bubbles` + 1; none for 0.
     """
 
     nodes: np.ndarray
@@ -57,9 +56,9 @@ class Frame(NamedTuple):
 class FrameModes(NamedTuple):
     """Modes of a frame, lowest first, mass-normalised.
 
-    `frequency_hz` (k,); `node_motion` (k, n, 6) of the nodes and `body_motion` (k, b, 6) of the bodies'
-    centroids, displacements in kg^-½ and rotations in kg^-½/m. `residual` is the largest relative one of
-    the square root of the flexibility form, `condition` the stiffness' after scaling.
+    `frequency_hz` (k,); `node_motion` (k, n, 6) of the nodes and `body_motion` (k, b, 6) of the bodies' centroids,
+    displacements in kg^-½ and rotations in kg^-½/m. `residual` is the largest relative residual of the flexibility
+    form's square root, `condition` that of the scaled stiffness.
     """
 
     frequency_hz: np.ndarray
@@ -72,14 +71,14 @@ class FrameModes(NamedTuple):
 def divided(
     start: np.ndarray, end: np.ndarray, elements: int, first_node: int = 0
 ) -> tuple[np.ndarray, list[tuple[int, int]]]:
-    """Nodes (elements + 1, 3) evenly from `start` to `end`, and the pairs of indices between them."""
+    """Return nodes (elements + 1, 3) evenly from `start` to `end`, and the pairs of indices of the elements between."""
     share = np.linspace(0, 1, elements + 1)[:, None]
     nodes = (1 - share) * np.asarray(start, float) + share * np.asarray(end, float)
     return nodes, [(first_node + i, first_node + i + 1) for i in range(elements)]
 
 
 def frame_modes(frame: Frame, count: int = 6) -> FrameModes:
-    """The lowest `count` modes.
+    """Return the lowest `count` modes.
 
     Raises
     ------
@@ -105,10 +104,10 @@ def frame_modes(frame: Frame, count: int = 6) -> FrameModes:
 
 
 def checked_frame_modes(frame: Frame, count: int = 6) -> tuple[FrameModes, np.ndarray]:
-    """The lowest modes with one more inner motion, and how far off each (k,) is at most, relative.
+    """Return the lowest modes with one more inner motion per element, and a bound (k,) on their relative error.
 
-    The error is the change that the last inner motion made, and what rounding may do: of the solution
-    of the beams' equations, not of the beams as a model of a solid.
+    The bound is the change made by the last inner motion plus rounding. It covers the solution of the beam equations,
+    not the beams as a model of a solid.
 
     Raises
     ------
@@ -121,7 +120,7 @@ def checked_frame_modes(frame: Frame, count: int = 6) -> tuple[FrameModes, np.nd
 
 
 def frame_deflection(frame: Frame, load: np.ndarray) -> np.ndarray:
-    """Static motion (n + b, 6) of nodes and bodies under a `load` (n + b, 6) of forces in N and moments in N·m.
+    """Return the static motion (n + b, 6) of nodes and bodies under a `load` (n + b, 6) in N and N·m.
 
     Loads of bodies act at their centroids.
 
@@ -138,14 +137,14 @@ def frame_deflection(frame: Frame, load: np.ndarray) -> np.ndarray:
 
 
 def _outer(frame: Frame) -> int:
-    """Degrees of freedom of nodes and bodies; the elements' inner ones come after."""
+    """Return the number of degrees of freedom of nodes and bodies; the elements' inner ones follow these."""
     return 6 * (len(frame.nodes) + len(frame.bodies))
 
 
 def _motions(frame: Frame) -> np.ndarray:
-    """All motions (nodes, bodies, inner ones) for a unit of each of the f free ones, shape (…, f).
+    """Return all motions (nodes, bodies, inner ones) for a unit of each of the f free ones, shape (…, f).
 
-    A node that is fast to a body moves with it.
+    A node that is fixed to a body moves with it.
     """
     count, rows = len(frame.nodes), _outer(frame)
     inner = bubble_count(frame.bubbles) * len(frame.elements)
@@ -166,7 +165,7 @@ def _motions(frame: Frame) -> np.ndarray:
 
 
 def _carry(arm: np.ndarray) -> np.ndarray:
-    """Motion (6, 6) of a point at `arm` from a body's reference."""
+    """Return the matrix (6, 6) from the motion of a body's reference to that of a point at `arm` in m from it."""
     x, y, z = arm
     carry = np.eye(6)
     carry[:3, 3:] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
@@ -174,15 +173,15 @@ def _carry(arm: np.ndarray) -> np.ndarray:
 
 
 def _stiffness_factor(frame: Frame, free: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Triangular factor (f, f) of the scaled stiffness, scale (f,) and condition.
+    """Return the triangular factor (f, f) of the scaled stiffness, its scale (f,) and its condition.
 
-    Scaling every degree of freedom by its own stiffness makes metres and radians comparable.
+    Each degree of freedom is scaled by its own stiffness, so that metres and radians become comparable.
     """
     root = _stacked_root(frame) @ free
     scale = np.linalg.norm(root, axis=0)
     if not (scale > 0).all():
         raise SolverError("the frame is a mechanism: part of it is not held; clamp more nodes")
-    # Stiff rows first: Householder's QR is accurate row by row only then.
+    # Stiff rows first, since only then is Householder's QR accurate in each row.
     order = np.argsort(-np.abs(root / scale).max(1))
     factor = np.asarray(np.linalg.qr((root / scale)[order], mode="r"))
     size = np.linalg.svd(factor, compute_uv=False)
@@ -195,12 +194,15 @@ def _stiffness_factor(frame: Frame, free: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def _stacked_root(frame: Frame) -> np.ndarray:
-    """Square root (r, …) of the stiffness of all elements, over all motions."""
+    """Return the square root (r, …) of the stiffness of all elements, over all motions."""
     return np.concatenate([_placed(frame, k, element_root) for k in range(len(frame.elements))])
 
 
 def _mass_root(frame: Frame, free: np.ndarray) -> np.ndarray:
-    """Square root (r, f) of the mass: mass = rootᵀ root, so that light parts beside heavy ones keep their digits."""
+    """Return the square root (r, f) of the mass, mass = rootᵀ root.
+
+    A square root keeps the digits of light parts beside heavy ones.
+    """
     rows = [_placed(frame, k, element_mass_root) @ free for k in range(len(frame.elements))]
     for k, attached in enumerate(frame.bodies):
         body = attached.body
@@ -213,7 +215,7 @@ def _mass_root(frame: Frame, free: np.ndarray) -> np.ndarray:
 
 
 def _root(matrix: np.ndarray) -> np.ndarray:
-    """Square root of a positive semi-definite matrix, scaled so that its small entries keep their digits."""
+    """Return the square root of a positive semi-definite matrix, scaled so that its small entries keep their digits."""
     scale = np.sqrt(np.maximum(matrix.diagonal(), 0))
     unit = np.where(scale > 0, scale, 1)
     values, vectors = np.linalg.eigh(matrix / np.outer(unit, unit))
@@ -221,7 +223,7 @@ def _root(matrix: np.ndarray) -> np.ndarray:
 
 
 def _placed(frame: Frame, index: int, root: Callable[[Element, float, int], np.ndarray]) -> np.ndarray:
-    """The `root` of one element over all motions of the frame."""
+    """Return the `root` of one element over all motions of the frame."""
     element = frame.elements[index]
     start, end = frame.nodes[element.start], frame.nodes[element.end]
     length = float(np.linalg.norm(end - start))

@@ -1,14 +1,13 @@
-"""One straight Timoshenko element of a 3-D frame: how it deforms and what it weighs.
+"""One straight Timoshenko element of a 3-D frame: its stiffness and its mass.
 
-Own axes: x from start to end, z as near to the given `up` as is normal to x, y so that the axes are
-right-handed. A node has six degrees of freedom: displacements x, y, z, rotations about x, y, z.
+Element axes: x from start to end, z as near to the given `up` as is normal to x, y so that the axes are right-handed. A
+node has six degrees of freedom: displacements x, y, z, rotations about x, y, z.
 
-The static stiffness is exact for a uniform element (Przemieniecki, Theory of Matrix Structural
-Analysis, 1968, §5.6), kept as a square root so that a frame can be solved without squaring its
-condition. The mass is consistent with the static deflection, shear and rotary inertia included
-(Friedman and Kosmatka, Computers & Structures 47, 1993). On top of the static deflection an element
-may have inner motions, polynomials that vanish at its ends (Szabó and Babuška, Finite Element
-Analysis, 1991, chapter 3): few elements then give many digits.
+The static stiffness is exact for a uniform element (Przemieniecki, Theory of Matrix Structural Analysis, 1968, §5.6).
+It is kept as a square root so that a frame can be solved without squaring its condition. The mass is consistent with
+the static deflection, shear and rotary inertia included (Friedman and Kosmatka, Computers & Structures 47, 1993). In
+addition an element may have inner motions, polynomials that vanish at its ends (Szabó and Babuška, Finite Element
+Analysis, 1991, chapter 3), with which few elements give many digits.
 """
 
 from typing import Any, NamedTuple
@@ -35,8 +34,11 @@ _PLANES = ((2, 4, -1.0), (1, 5, 1.0))
 
 
 class Section(NamedTuple):
-    """A cross-section: area in m², second moments for bending `up` and `across` and torsion constant
-    in m⁴, shear coefficients in both planes."""
+    """A cross-section of an element.
+
+    Area in m², second moments in m⁴ for bending `up` and `across`, torsion constant in m⁴, and shear coefficients in
+    both planes.
+    """
 
     area: float
     inertia_up: float
@@ -47,15 +49,15 @@ class Section(NamedTuple):
 
     @property
     def planes(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Second moment and shear coefficient of bending up, and across."""
+        """Second moment in m⁴ and shear coefficient of bending up, then across."""
         return (self.inertia_up, self.shear_up), (self.inertia_across, self.shear_across)
 
 
 class Element(NamedTuple):
-    """An element between two nodes (by index) of one material; SI units.
+    """An element between two nodes (by index) of one material, in SI units.
 
-    `hinge_start` and `hinge_end` are the rotations in rad/(N·m) that its ends give under bending
-    moments in the planes up and across, against what the nodes turn.
+    `hinge_start` and `hinge_end` are the rotations in rad/(N·m) of its ends relative to the nodes, under bending
+    moments in the planes up and across.
     """
 
     start: int
@@ -70,21 +72,24 @@ class Element(NamedTuple):
 
 
 def rectangle(width: float, thickness: float, poisson: float, across: float = 1.0) -> Section:
-    """A rectangle, `thickness` up, in layers (`beams.BeamSection.across`); shear coefficient after Cowper (1966)."""
+    """Return the section of a rectangle, `thickness` upwards, in layers; sizes in m.
+
+    `across` is as in `beams.BeamSection`; the shear coefficient is Cowper's (1966).
+    """
     shear = 10 * (1 + poisson) / (12 + 11 * poisson)
     area, torsion = width * thickness, float(torsion_constant(width, thickness, across))
     return Section(area, area * thickness**2 / 12, area * width**2 / 12, torsion, shear * across, shear)
 
 
 def circle(diameter: float, poisson: float) -> Section:
-    """A solid circle; shear coefficient after Cowper (1966)."""
+    """Return the section of a solid circle, `diameter` in m; the shear coefficient is Cowper's (1966)."""
     inertia = np.pi * diameter**4 / 64
     shear = 6 * (1 + poisson) / (7 + 6 * poisson)
     return Section(np.pi * diameter**2 / 4, inertia, inertia, 2 * inertia, shear, shear)
 
 
 def element_axes(start: np.ndarray, end: np.ndarray, up: Array) -> np.ndarray:
-    """Own axes as rows (3, 3)."""
+    """Return the element's axes as rows (3, 3)."""
     x = (end - start) / np.linalg.norm(end - start)
     z = np.asarray(up, float) - x * (x @ np.asarray(up, float))
     z = z / np.linalg.norm(z)
@@ -92,16 +97,16 @@ def element_axes(start: np.ndarray, end: np.ndarray, up: Array) -> np.ndarray:
 
 
 def bubble_count(bubbles: int) -> int:
-    """Inner degrees of freedom of an element."""
+    """Return the number of inner degrees of freedom of an element."""
     return 6 * bubbles + 2 if bubbles else 0
 
 
 def element_root(element: Element, length: float, bubbles: int = 0) -> np.ndarray:
-    """Square root of the stiffness in own axes, shape (r, 12 + m): stiffness = rootᵀ root.
+    """Return the square root of the stiffness in element axes, shape (r, 12 + m): stiffness = rootᵀ root.
 
-    The first twelve columns are the nodes' motions, with the static deflection between them; the
-    others the inner motions of degrees up to `bubbles` + 1. The two do no work on each other, since
-    the static deflection is in balance with the ends alone.
+    The first twelve columns are the nodes' motions, with the static deflection between them; the others are the inner
+    motions of degrees up to `bubbles` + 1. The two groups do no work on each other, since the static deflection needs
+    forces at the ends alone.
     """
     section = element.section
     root = np.zeros((6, 12))
@@ -114,7 +119,7 @@ def element_root(element: Element, length: float, bubbles: int = 0) -> np.ndarra
 
 
 def element_mass_root(element: Element, length: float, bubbles: int = 0) -> np.ndarray:
-    """Square root of the consistent mass in own axes, shape (r, 12 + m), in the order of `element_root`."""
+    """Return the square root of the consistent mass in element axes, shape (r, 12 + m), as `element_root`."""
     section = element.section
     rows = []
     points, weights = np.polynomial.legendre.leggauss(bubbles + 4)
@@ -142,7 +147,7 @@ class _Bubbles(NamedTuple):
 
 
 def _bubbles(bubbles: int, s: float) -> _Bubbles:
-    """Integrated Legendre polynomials, one more than `bubbles` (none for none)."""
+    """Return integrated Legendre polynomials at the share `s` of the length: `bubbles` + 1 of them, or none for 0."""
     count = bubbles + 1 if bubbles else 0
     legendre = np.polynomial.legendre.legvander(np.array([2 * s - 1]), count + 1)[0]
     order = np.arange(1, count + 1)
@@ -159,7 +164,7 @@ def _inner(bubbles: int, kind: int, values: np.ndarray) -> np.ndarray:
 
 
 def _inner_root(element: Element, length: float, bubbles: int) -> np.ndarray:
-    """Square root of the inner motions' stiffness, one row a strain and Gauss point."""
+    """Return the square root of the inner motions' stiffness, with one row per strain and Gauss point."""
     section, shear_modulus = element.section, element.shear_modulus
     rows = []
     points, weights = np.polynomial.legendre.leggauss(bubbles + 2)
@@ -170,7 +175,7 @@ def _inner_root(element: Element, length: float, bubbles: int) -> np.ndarray:
         rows.append(each * np.sqrt(element.modulus * section.area) * _inner(bubbles, 0, few))
         rows.append(each * np.sqrt(shear_modulus * section.torsion) * _inner(bubbles, 1, few))
         for plane, (inertia, shear) in enumerate(section.planes):
-            # Turns are counted as slopes times the length, so that both motions are lengths.
+            # Rotations are multiplied by the length, so that all inner motions are lengths.
             rows.append(each / length * np.sqrt(element.modulus * inertia) * _inner(bubbles, 3 + 2 * plane, few))
             gap = _inner(bubbles, 2 + 2 * plane, inner.slope) - _inner(bubbles, 3 + 2 * plane, inner.shift[:bubbles])
             rows.append(each * np.sqrt(shear * shear_modulus * section.area) * gap)
@@ -185,22 +190,22 @@ def _block_diagonal(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def _shear_ratio(element: Element, length: float, plane: int) -> float:
-    """12 EI / (κ G A l²): what shear adds to the bending of an element."""
+    """Return 12 EI / (κ G A l²), the share that shear adds to the bending of an element."""
     inertia, shear = element.section.planes[plane]
     return 12 * element.modulus * inertia / (shear * element.shear_modulus * element.section.area * length**2)
 
 
 def _bending_flexibility(element: Element, length: float, plane: int, *, hinged: bool) -> np.ndarray:
-    """Rotations of both ends against the chord under unit moments at them, shape (2, 2)."""
+    """Return the rotations of both ends against the chord under unit moments at them, shape (2, 2), in rad/(N·m)."""
     inertia, _ = element.section.planes[plane]
     shear = _shear_ratio(element, length, plane)
     free = length / (12 * element.modulus * inertia) * np.array([[4 + shear, shear - 2], [shear - 2, 4 + shear]])
-    give = np.diag([element.hinge_start[plane], element.hinge_end[plane]])
-    return np.asarray(free + give) if hinged else free
+    hinges = np.diag([element.hinge_start[plane], element.hinge_end[plane]])
+    return np.asarray(free + hinges) if hinged else free
 
 
 def _from_chord(length: float, plane: int) -> np.ndarray:
-    """Rotations of the nodes against the chord, as slopes, shape (2, 12)."""
+    """Return the matrix (2, 12) from the nodes' motions to the rotations of both ends against the chord, as slopes."""
     shift, turn, sign = _PLANES[plane]
     rows = np.zeros((2, 12))
     rows[:, [shift, shift + 6]] = np.array([1.0, -1.0]) / length
@@ -209,10 +214,10 @@ def _from_chord(length: float, plane: int) -> np.ndarray:
 
 
 def _shapes(element: Element, length: float, plane: int, s: float) -> tuple[np.ndarray, np.ndarray]:
-    """Displacement and rotation (as a slope) at the share `s` of the length, for the 12 node motions.
+    """Return displacement and rotation (as a slope) at the share `s` of the length, for the 12 node motions.
 
-    The chord's motion, and on it the static deflection under the moments that the nodes' rotations
-    cause; shear bends the axis without turning the section.
+    They are the chord's motion plus the static deflection under the moments that the nodes' rotations cause. Shear
+    bends the axis without turning the section.
     """
     free = _bending_flexibility(element, length, plane, hinged=False)
     hinged = _bending_flexibility(element, length, plane, hinged=True)

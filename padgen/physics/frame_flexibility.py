@@ -1,8 +1,8 @@
-"""How far the frame's flexibility can shift a taxel's resonance: an upper bound by hand formulas.
+"""Upper bound, by hand formulas, on the shift of a taxel's resonance by the frame's flexibility.
 
-The resonance of a taxel is planned with the four sides of its sub-cell held. The real frame gives in two
-ways: the rib at the beams' root twists, and the pad bends as a plate. In series with a spring of stiffness k
-a compliance c lowers the resonance by k c/2.
+A taxel's resonance is planned with the four sides of its sub-cell held. The real frame yields in two ways: the rib at
+the beams' root twists, and the pad bends as a plate. In series with a spring of stiffness k a compliance c lowers the
+resonance by k c/2.
 """
 
 from math import inf, pi
@@ -11,17 +11,20 @@ from typing import NamedTuple
 __all__ = ["SUPPORTS", "Ribs", "Support", "TaxelReaction", "lowest_frame_mode_hz", "shift_bound"]
 
 RIB_MARGIN, PLATE_MARGIN = 2.5, 2.5
-"""For what the formulas leave out: the give of the joint and the rib's lateral bending, unequal supports,
-more than one mode."""
+"""Factors for effects outside the formulas: compliance of the joint, lateral bending of the rib, unequal supports, and
+further modes.
+"""
 SHEAR_SHARE = 0.9
-"""What shear of the ribs, which a thin plate's formulas leave out, takes off the frame's lowest mode: 7 % were seen."""
+"""Factor on the frame's lowest mode for shear of the ribs, which thin-plate formulas leave out: 7 % were seen."""
 NEAR_RESONANCE = 0.7
-"""Share of the frame's lowest mode beyond which a static compliance says nothing."""
+"""Share of the frame's lowest mode above which a static compliance is no bound."""
 
 
 class Support(NamedTuple):
-    """A square plate of side a and bending stiffness D: deflection of its centre under a force P there is
-    ``point · P a²/D``, under an even pressure p it is ``even · p a⁴/D``."""
+    """Coefficients of a square plate of side a and bending stiffness D on its supports.
+
+    The centre's deflection is ``point · P a²/D`` under a force P there and ``even · p a⁴/D`` under an even pressure p.
+    """
 
     point: float
     even: float
@@ -32,13 +35,17 @@ SUPPORTS = {
     "corners": Support(0.039, 0.0249),
     "bottom": Support(0.0, 0.0),
 }
-"""By name of the clamping. Plate coefficients for ν = 0.3: Timoshenko and Woinowsky-Krieger, Theory of Plates
-and Shells (1959), tables 35, 37 and 42."""
+"""Supports by name of the clamping. Plate coefficients for ν = 0.3: Timoshenko and Woinowsky-Krieger, Theory of Plates
+and Shells (1959), tables 35, 37 and 42.
+"""
 
 
 class Ribs(NamedTuple):
-    """The frame, in SI units: ribs of `width_m` and `height_m` that span `span_m` across the beams' root,
-    a pad of side `side_m` of which `share` is plastic across, border and mean of both directions, `mass_kg` in all."""
+    """The frame in SI units: ribs of `width_m` and `height_m` that span `span_m` across the beams' root.
+
+    The pad has sides of `side_m`. `share` is the part of its cross-section that is plastic, border included, as the
+    mean of both directions; `mass_kg` is its mass.
+    """
 
     width_m: float
     height_m: float
@@ -71,10 +78,10 @@ class TaxelReaction(NamedTuple):
 
 
 def lowest_frame_mode_hz(ribs: Ribs, support: Support, moving_kg: float) -> float:
-    """Estimate of the frame's lowest bending mode with all taxels riding on it, `moving_kg` in all.
+    """Estimate the frame's lowest bending mode in Hz, with the mass of all taxels, `moving_kg`, on it.
 
-    From the deflection under its own weight, ``ω² = g/w`` (Rayleigh with w the centre's deflection, which is
-    too low); infinite where nothing bends.
+    From the deflection w under its own weight, ``ω² = g/w`` (Rayleigh). The estimate is low, since w is that of the
+    centre. Infinite where nothing bends.
     """
     if not support.even:
         return inf
@@ -83,8 +90,10 @@ def lowest_frame_mode_hz(ribs: Ribs, support: Support, moving_kg: float) -> floa
 
 
 def shift_bound(taxel: TaxelReaction, ribs: Ribs, support: Support, moving_kg: float) -> float:
-    """Largest relative shift of a taxel's resonance, the peak of its own response, on its frame; infinite near a
-    frame mode."""
+    """Return the largest relative shift of a taxel's resonance by its frame; infinite near a frame mode.
+
+    The resonance is the peak of the taxel's own response.
+    """
     mode = lowest_frame_mode_hz(ribs, support, moving_kg)
     if taxel.resonance_hz >= NEAR_RESONANCE * mode:
         return inf

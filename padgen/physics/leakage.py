@@ -1,4 +1,4 @@
-"""Pull of a coil on the washers of its neighbours, relative to what their own coil pulls, by surface charges."""
+"""Pull of a coil on the washers of its neighbours, relative to the pull of their own coil, by surface charges."""
 
 from functools import lru_cache
 from typing import NamedTuple
@@ -14,18 +14,18 @@ from padgen.physics.steel_body import SteelBody, fine_rings, steel_body, tube
 __all__ = ["Leakage", "leakage"]
 
 FACE, RIM, ORDERS = 5, 3, 2
-"""Nodes on faces and rims of a washer and orders round its axis, for the sake of time."""
+"""Nodes on each face and each rim of a washer, and highest order round its axis; few, to save time."""
 CORE_ORDERS = 1
-"""Round the axis of a core that stands in its neighbours' fields."""
+"""Highest order round the axis of a core in its neighbours' fields."""
 STEP = 1.0
-"""Rings that face the washer lie this share of the gap apart at most."""
+"""Largest distance between rings that face the washer, over the gap."""
 
 
 class Leakage(NamedTuple):
-    """Pulls on washers (n,), over what their own coil pulls with unit current.
+    """Pulls on washers (n,), over the pull of their own coil with unit current.
 
-    `mutual` (n, k, k): by the fields of neighbours k and l together, so that currents i_k pull with
-    ``Σ mutual_kl i_k i_l``; `product` (n, k): by neighbour k and the own coil, ``2 product_k i i_k``.
+    `mutual` (n, k, k) is by the fields of neighbours k and l together: currents i_k pull with ``Σ mutual_kl i_k i_l``.
+    `product` (n, k) is by neighbour k and the washer's own coil: ``2 product_k i i_k``.
     """
 
     mutual: np.ndarray
@@ -33,8 +33,10 @@ class Leakage(NamedTuple):
 
 
 class _Parts(NamedTuple):
-    """Of potentials at the nodes (j,) of a body of revolution, and of their slopes along z, what is constant round its
-    axis and goes with cos φ, sin φ, cos 2φ … there: (…, parts, j)."""
+    """Fourier parts (…, parts, j) of a potential and of its slope along z at the nodes (j,) of a body of revolution.
+
+    The parts are the constant round the body's axis, then cos φ, sin φ, cos 2φ …
+    """
 
     value: np.ndarray
     slope: np.ndarray
@@ -48,13 +50,13 @@ def leakage(
     neighbours: np.ndarray,
     far: np.ndarray | None = None,
 ) -> Leakage:
-    """Leakage on washers at `place` (n, 2) in m from their coil, by coils at `neighbours` and `far` (k, 2) in m.
+    """Return the leakage on washers from the coils around their own.
 
-    Those `far` are seen as their poles (`physics.poles`), and come after the others in the result.
-
-    Every coil with its core draws charge to the washer, and the neighbours to the own coil's core, whose field draws
-    more to the washer; other coils' cores answer each other as dipoles. The force is that of the fields on the charges.
-    What the washer draws to cores is left out.
+    The washers are at `place` (n, 2) in m from the axis of their own coil, the other coils at `neighbours` and `far`
+    (k, 2). `far` coils are replaced by their poles (`physics.poles`) and come last in the result. Every coil with its
+    core magnetises the washer. Neighbours also magnetise the own coil's core, whose field magnetises the washer
+    further; other cores act on each other as dipoles. The force is that of the fields on the washer's charges. The
+    effect of the washer on cores is left out.
     """
     body = _washer(washer)
     turns = 2 * ORDERS + 2
@@ -62,12 +64,12 @@ def leakage(
     ring = body.radius[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], -1)
     points = place[:, None, None] + ring  # (n, j, turns, 2)
     height = (body.height + gap)[:, None]
-    own = _coaxial(coil_rings(coil, STEP * gap), points[:, None], height)
-    near = _coaxial(_few_rings(coil), points[:, None] - neighbours[:, None, None], height)
+    own = _coil_potential(coil_rings(coil, STEP * gap), points[:, None], height)
+    near = _coil_potential(_coarse_rings(coil), points[:, None] - neighbours[:, None, None], height)
     value, slope = (np.concatenate(pair, 1) for pair in zip(own, near, strict=True))
-    parts = _around(value, slope, angle)
+    parts = _fourier_parts(value, slope, angle)
     if far is not None and len(far):
-        # About the washer's middle the far ones' field changes evenly.
+        # Fields of far coils change linearly over the washer.
         up, across = body.height - washer.thickness / 2, body.radius
         flux = pole_field(coil_poles(coil), gap + washer.thickness / 2, place[:, None] - far)
         field, change = (v[..., None] for v in flux)
@@ -80,7 +82,9 @@ def leakage(
         of_core = _core_field(core, charge, points, height, angle, STEP * gap)
         for part, more in zip(parts, of_core, strict=True):
             part[:, 1:] += more
-        echo = _echoed(coil, core, np.concatenate([np.zeros((1, 2)), neighbours, *([] if far is None else [far])]))
+        echo = _effective_currents(
+            coil, core, np.concatenate([np.zeros((1, 2)), neighbours, *([] if far is None else [far])])
+        )
         parts = _Parts(*((echo.T @ part.reshape(*part.shape[:2], -1)).reshape(part.shape) for part in parts))
     order = (np.arange(parts.value.shape[2]) + 1) // 2
     on_washer = (body.response[order] @ parts.value[..., None])[..., 0]
@@ -99,14 +103,14 @@ def _washer(washer: SteelRing) -> SteelBody:
 
 
 @lru_cache(maxsize=32)
-def _few_rings(coil: CoilSource) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A coil as seen from beside it: of each end of a winding three rings, of the core one at every height.
+def _coarse_rings(coil: CoilSource) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return a coil as a few rings of charge, for its field beside it.
 
-    Radii and heights in m, charges in A per ampere: each ring has the charge, mean height and mean squared radius of
-    what it stands for.
+    Each end of a winding is three rings, and the core one at every height of its nodes. Radii and heights in m, charges
+    in A per ampere. Each ring has the charge, the mean height and the mean squared radius of its part.
     """
     radius, height, density = winding_rings(coil.windings, coil.outer_diameter / 8)
-    # Sorted sets: np.unique would load numpy.ma into every plan.
+    # Sorted sets, since np.unique would load numpy.ma in every plan.
     zone, charge = np.floor(6 * radius / coil.outer_diameter), radius * density
     groups = [
         (radius, height, np.where((height == z) & (zone == k), charge, 0.0))
@@ -121,18 +125,18 @@ def _few_rings(coil: CoilSource) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return across, at / total, total / across
 
 
-def _coaxial(
+def _coil_potential(
     rings: tuple[np.ndarray, np.ndarray, np.ndarray], away: np.ndarray, height: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Potential of a coil's rings and its slope along z, at points `away` (…, 2) from its axis."""
+    """Return the potential of a coil's rings and its slope along z, at points `away` (…, 2) in m from its axis."""
     radius, at, charge = rings
     rho = np.hypot(away[..., 0], away[..., 1])
     of = ring_potential(rho[..., None], np.broadcast_to(height, rho.shape)[..., None], radius, at, 0, at_ring=False)
     return of.value[0] @ charge, of.along_z[0] @ charge
 
 
-def _around(value: np.ndarray, slope: np.ndarray, angle: np.ndarray) -> _Parts:
-    """Fourier coefficients of a potential and its slope (…, j, turns): of 1, cos φ, sin φ, cos 2φ …"""
+def _fourier_parts(value: np.ndarray, slope: np.ndarray, angle: np.ndarray) -> _Parts:
+    """Return Fourier coefficients of a potential and its slope (…, j, turns): of 1, cos φ, sin φ, cos 2φ …"""
     order = np.arange(1, len(angle) // 2)[:, None]
     waves = 2 * np.stack([np.cos(order * angle), np.sin(order * angle)], 1).reshape(-1, len(angle))
     waves = np.concatenate([np.ones((1, len(angle))), waves]) / len(angle)
@@ -142,7 +146,7 @@ def _around(value: np.ndarray, slope: np.ndarray, angle: np.ndarray) -> _Parts:
 def _core_charge(
     coil: CoilSource, neighbours: np.ndarray, far: np.ndarray | None
 ) -> tuple[SteelBody, np.ndarray] | None:
-    """The own coil's core, and the charge (k, parts, nodes) that the others' fields draw to it; None without a core."""
+    """Return the own coil's core and its charge (k, parts, nodes) in the neighbours' fields; None without a core."""
     charged = charged_core(coil, orders=CORE_ORDERS)
     if charged is None:
         return None
@@ -150,7 +154,9 @@ def _core_charge(
     turns = 2 * CORE_ORDERS + 2
     angle = (np.arange(turns) + 0.5) * 2 * np.pi / turns
     points = core.radius[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], -1)
-    value, _ = _around(*_coaxial(_few_rings(coil), points - neighbours[:, None, None], core.height[:, None]), angle)
+    value, _ = _fourier_parts(
+        *_coil_potential(_coarse_rings(coil), points - neighbours[:, None, None], core.height[:, None]), angle
+    )
     if far is not None and len(far):
         middle = coil.core_top - coil.core_length / 2
         field = pole_field(coil_poles(coil), middle, -far)[0][..., None]
@@ -160,13 +166,14 @@ def _core_charge(
     return core, (core.response[order] @ value[..., None])[..., 0]
 
 
-def _echoed(coil: CoilSource, core: SteelBody, axes: np.ndarray) -> np.ndarray:
-    """Effective currents (k, k) of coils at `axes`, the own first, as their cores magnetise each other.
+def _effective_currents(coil: CoilSource, core: SteelBody, axes: np.ndarray) -> np.ndarray:
+    """Return effective currents (k, k) of coils at `axes`, the own one first, as their cores magnetise each other.
 
-    A core in another coil's field is a dipole that counts as current of its own coil; the own core's is known better.
+    A core in another coil's field is a dipole, which counts as additional current of the core's own coil. The first
+    coil's core is left out, since `_core_charge` computes it better.
     """
     poles, middle = coil_poles(coil), coil.core_top - coil.core_length / 2
-    apart = axes[:, None] - axes + np.eye(len(axes))[..., None]  # no core in its own coil's field: a metre away
+    apart = axes[:, None] - axes + np.eye(len(axes))[..., None]  # any distance but 0 for a core in its own coil
     field = pole_field(poles, middle, apart)[0][..., 2] * (1 - np.eye(len(axes)))
     drawn = core.area @ (core.response[0] @ (middle - core.height) * core.height)
     share = field * drawn / (poles[:, 0] @ poles[:, 1])
@@ -177,7 +184,10 @@ def _echoed(coil: CoilSource, core: SteelBody, axes: np.ndarray) -> np.ndarray:
 def _core_field(
     core: SteelBody, charge: np.ndarray, points: np.ndarray, height: np.ndarray, angle: np.ndarray, step: float
 ) -> _Parts:
-    """Field of `charge` (k, parts, nodes) on the core at `points` (n, j, turns, 2) round each washer: (n, k, …)."""
+    """Return the field of `charge` (k, parts, nodes) on the core, round each washer, as (n, k, …).
+
+    The washers' nodes are at `points` (n, j, turns, 2) in m.
+    """
     radius, at, shares = fine_rings(core, step)
     rho, around = np.hypot(points[..., 0], points[..., 1]), np.arctan2(points[..., 1], points[..., 0])
     z = np.broadcast_to(height, rho.shape)[..., None]
@@ -188,4 +198,4 @@ def _core_field(
         each = (part[(k + 1) // 2] @ (shares @ charge[:, k].T) for k in range(charge.shape[1]))
         field: np.ndarray = sum(wave[..., None] * one for wave, one in zip(waves, each, strict=False))
         made.append(np.moveaxis(field, -1, 1))
-    return _around(made[0], made[1], angle)
+    return _fourier_parts(made[0], made[1], angle)

@@ -1,4 +1,4 @@
-"""How strongly each channel is to vibrate when ON: level laws, up to one common factor."""
+"""Level laws: the ON vibration of each channel against its frequency, up to one common factor."""
 
 import numpy as np
 
@@ -8,9 +8,9 @@ __all__ = ["LevelLaw"]
 class LevelLaw:
     """ON displacement against frequency.
 
-    Either ``D ∝ f^−p`` (p = 0 equal displacement, 1 velocity, 2 acceleration) or equal sensation: in
-    proportion to a detection threshold that is given at a few frequencies, straight between them on
-    logarithmic axes, with bends at `bends_log_hz`, ln of its frequencies (empty for a power law).
+    Either a power law ``D ∝ f^−p`` (p = 0 equal displacement, 1 velocity, 2 acceleration), or equal sensation: in
+    proportion to a detection threshold that is given at a few frequencies and joined by straight lines on logarithmic
+    axes. `bends_log_hz` is ln of these frequencies, empty for a power law.
     """
 
     def __init__(self, exponent: float, curve_hz: tuple[float, ...] = (), curve_um: tuple[float, ...] = ()) -> None:
@@ -19,7 +19,7 @@ class LevelLaw:
         self.bends_log_hz, self._log_um = np.log(curve_hz), np.log(curve_um)
 
     def __call__(self, resonance_hz: np.ndarray) -> np.ndarray:
-        """Displacements (n,) for resonances (n,) in Hz."""
+        """Return displacements (n,) for resonances (n,) in Hz, in any unit."""
         threshold = self.threshold_um(resonance_hz)
         if threshold is not None:
             return threshold
@@ -27,7 +27,7 @@ class LevelLaw:
         return level
 
     def threshold_um(self, resonance_hz: np.ndarray) -> np.ndarray | None:
-        """The curve in µm at `resonance_hz`; None for a power law, which knows no threshold."""
+        """Return the threshold in µm at `resonance_hz`; None for a power law."""
         if not len(self.bends_log_hz):
             return None
         threshold: np.ndarray = np.exp(np.interp(np.log(resonance_hz), self.bends_log_hz, self._log_um))

@@ -1,6 +1,6 @@
-"""Coils and washers as the physics sees them, a coil's impedance, and the balance of a pull and a spring.
+"""Coils and washers as data, a coil's impedance, and the balance between a pull and a spring.
 
-The pull itself is `physics.pull`'s; paper Eq. 4 has no air gap and misses by seven decades. Heights are above the
+The pull itself is in `physics.pull`; paper Eq. 4 has no air gap and is wrong by seven decades. Heights are above the
 coil's top face.
 """
 
@@ -42,7 +42,7 @@ class Winding(NamedTuple):
 
 
 class CoilSource(NamedTuple):
-    """What a coil of any kind is to its field: coaxial windings in series round a core, in m.
+    """A coil of any kind as a source of field: coaxial windings in series round a core, in m.
 
     The core is a cylinder from `core_top` down, of relative permeability `core_permeability`; `core_diameter` 0 is an
     air core. Nothing reaches above height 0, the coil's top face.
@@ -56,22 +56,22 @@ class CoilSource(NamedTuple):
 
     @property
     def outer_diameter(self) -> float:
-        """Of the widest winding, in m."""
+        """Outer diameter of the widest winding in m."""
         return max(winding.outer_diameter for winding in self.windings)
 
     @property
     def length(self) -> float:
-        """From the top face to the lowest winding's end, in m."""
+        """Distance in m from the top face to the lowest end of a winding."""
         return max(-winding.bottom for winding in self.windings)
 
     @property
     def turns(self) -> float:
-        """Of all windings."""
+        """Turns of all windings."""
         return sum(winding.turns for winding in self.windings)
 
     @property
     def has_core(self) -> bool:
-        """Whether there is a core that is magnetic."""
+        """True with a magnetic core."""
         return self.core_diameter > 0 and self.core_permeability > 1
 
 
@@ -83,13 +83,13 @@ def solenoid(
     core_diameter: float = 0.0,
     core_permeability: float = 1.0,
 ) -> CoilSource:
-    """One winding with a core of its own length, in m."""
+    """Return a coil of one winding with a core of the same length; lengths in m."""
     winding = Winding(outer_diameter, inner_diameter, 0.0, -length, turns)
     return CoilSource((winding,), core_diameter, length, core_permeability)
 
 
 class SteelRing(NamedTuple):
-    """A washer, in m, with its relative permeability."""
+    """A washer: diameters and thickness in m, and its relative permeability."""
 
     outer_diameter: float
     inner_diameter: float
@@ -98,33 +98,33 @@ class SteelRing(NamedTuple):
 
 
 def impedance(resistance: float, inductance: float, frequency: Any) -> Any:
-    """Complex impedance in Ω at the *drive* frequency in Hz, ``R + j 2π f L``."""
+    """Return the complex impedance in Ω at the *drive* frequency in Hz, ``R + j 2π f L``."""
     return resistance + 2j * pi * frequency * inductance
 
 
 def paper_force_constant(coil: CoilSource, area: float) -> float:
-    """c of F = c I² in N/A² as the paper's Eq. 4 prints it; kept as the reference, not used."""
+    """Return c of F = c I² in N/A² by the paper's Eq. 4 (area in m²); kept as a reference, not used."""
     permeability = coil.core_permeability
     return float(MU_0 * permeability**2 * coil.turns**2 * area * np.log(permeability) / (2 * coil.length**2))
 
 
 def slack_at(deflection: float, gap: float, exponent: float) -> float:
-    """What a pull that is in balance at `deflection` would deflect the spring by, did it not grow as the gap closes.
+    """Return the static deflection by a pull that does not grow, if with growth it balances at `deflection`.
 
-    With a pull ``c I² (g/(g − z))^m`` against a spring, ``z (1 − z/g)^m``. All in the unit of `gap`.
+    For a pull ``c I² (g/(g − z))^m`` against a spring this is ``z (1 − z/g)^m``. All in the unit of `gap`.
     """
     slack: float = deflection * (1 - deflection / gap) ** exponent
     return slack
 
 
 def pull_in_deflection(gap: float, exponent: float) -> tuple[float, float]:
-    """Where balance ends, ``z = g/(m + 1)``, a third of the gap for m = 2, and its `slack_at` there, the largest."""
+    """Return the largest deflection in balance, ``z = g/(m + 1)`` (g/3 for m = 2), and its `slack_at`."""
     end = gap / (exponent + 1)
     return end, slack_at(end, gap, exponent)
 
 
 def balanced_deflection(slack: float, gap: float, exponent: float) -> float | None:
-    """Where a pull that at rest would deflect the spring by `slack` is in balance; None beyond pull-in."""
+    """Return the deflection in balance of a pull that at rest would deflect by `slack`; None beyond pull-in."""
     low, (high, largest) = 0.0, pull_in_deflection(gap, exponent)
     if slack > largest:
         return None
@@ -135,7 +135,7 @@ def balanced_deflection(slack: float, gap: float, exponent: float) -> float | No
 
 
 def flat_spheroid_factor(flatness: float) -> float:
-    """Demagnetising factor across a flat spheroid of diameter over thickness `flatness` (Osborn 1945)."""
+    """Return the demagnetising factor across a flat spheroid of diameter over thickness `flatness` (Osborn 1945)."""
     if flatness <= 1.01:
         return 1 / 3
     m2 = flatness**2 - 1

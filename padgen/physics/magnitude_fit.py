@@ -1,10 +1,10 @@
-"""One resonance from magnitudes without phase: least squares of ``|H|² + N²``, and the parabola that 1/|H|² is.
+"""Fit one resonance to magnitudes without phase: by least squares of ``|H|² + N²``, and by the parabola of 1/|H|².
 
-``H = P/(Q (1 − s²) + j s) + a + b/s²`` as in `padgen.physics.resonance_fit`, P, a, b real. Of complex noise of rms N a
-squared magnitude has the mean ``|H|² + N²`` and the variance ``N² (2 |H|² + N²)`` (S. O. Rice, Bell Syst. Tech. J. 24,
-1945), which weighs the points; an average of many spectra has less, all by one factor. Near the peak
-``1/|H|² = (Q² (1 − u)² + u)/P²``, u = s², is a parabola in f²: least squares in its three numbers, once what a, b and N
-add is taken off.
+``H = P/(Q (1 − s²) + j s) + a + b/s²`` as in `padgen.physics.resonance_fit`, with real P, a, b. In complex noise of rms
+N a squared magnitude has the mean ``|H|² + N²`` and the variance ``N² (2 |H|² + N²)`` (S. O. Rice, Bell Syst. Tech. J.
+24, 1945); the variance gives the weights. An average of many spectra has a smaller variance, by one factor at all
+points. Near the peak ``1/|H|² = (Q² (1 − u)² + u)/P²``, u = s², is a parabola in f². Its three numbers are fitted by
+least squares after the contributions of a, b and N are taken off.
 """
 
 from math import log
@@ -30,20 +30,23 @@ from padgen.physics.separable_fit import correlation_factor, left_over, unit_cov
 __all__ = ["fit_magnitude"]
 
 LEAST_PROMINENCE = 0.1
-"""Of the largest peak: what a further one must rise out of its valleys."""
+"""Smallest prominence of a further peak, over the largest peak."""
 SMOOTHED = (1, 5, 25)
-"""Points over which magnitudes are averaged to find where to start."""
+"""Numbers of points over which magnitudes are averaged to find starts."""
 CLEAR = 5.0
-"""Sigmas by which a valley must lie below the two peaks that it parts."""
+"""Sigmas by which a valley must lie below the two peaks beside it."""
 LARGEST_Q = 1e7
 ROUNDS = 4
-"""Times that the weights are taken from the fit before."""
+"""Rounds of the fit, each with weights from the one before."""
 SMALLEST_NOISE = 1e-6
-"""Of the largest magnitude, in the weights: below it all points count alike, relatively."""
+"""Smallest noise in the weights, over the largest magnitude; it keeps points without noise from dominating."""
 
 
 class _Squares(NamedTuple):
-    """A fit of squared magnitudes: ln f₀, ln Q, P, a, b, N (6,), its covariance, what is left over its scatter (n,)."""
+    """A fit of squared magnitudes.
+
+    `theta` (6,) is ln f₀, ln Q, P, a, b, N; `left` (n,) is the residual over each point's scatter.
+    """
 
     theta: np.ndarray
     covariance: np.ndarray
@@ -67,7 +70,7 @@ def fit_magnitude(frequency_hz: np.ndarray, magnitude: np.ndarray, near_hz: floa
     peaks, part = _peaks(frequency, size, near_hz)
     inside, data = frequency[part], size[part] / scale
     floor = max(scatter / scale, SMALLEST_NOISE)
-    fit = _fitted(inside, data, floor)
+    fit = _fit_squares(inside, data, floor)
     hz, q, peak = float(np.exp(fit.theta[0])), float(np.exp(fit.theta[1])), float(abs(fit.theta[2]))
     refuse_no_peak(peak, fit.noise, _gain(inside, data, fit), frequency, size)
     refuse_edge(frequency[0], frequency[-1], hz, q)
@@ -86,7 +89,7 @@ def fit_magnitude(frequency_hz: np.ndarray, magnitude: np.ndarray, near_hz: floa
 def _peaks(
     frequency: np.ndarray, size: np.ndarray, near_hz: float | None
 ) -> tuple[tuple[tuple[float, float], ...], slice]:
-    """All peaks (Hz, height), and the part of the sweep from valley to valley around the one that is meant."""
+    """Return all peaks (Hz, height), and the part of the sweep from valley to valley around the chosen one."""
     from scipy.signal import find_peaks
 
     hz, width = rough_peak(frequency, size)
@@ -94,7 +97,7 @@ def _peaks(
     smooth = np.convolve(np.pad(size, points // 2, mode="edge"), np.full(points, 1 / points), "same")
     smooth = smooth[points // 2 : points // 2 + len(size)]
     least = max(LEAST_PROMINENCE * float(smooth.max()), 6 * point_noise(size) / np.sqrt(points))
-    tops = _apart(size, smooth, find_peaks(smooth, prominence=least)[0])
+    tops = _separate_peaks(size, smooth, find_peaks(smooth, prominence=least)[0])
     if not len(tops):
         return (), slice(0, len(size))
     main = tops[smooth[tops].argmax()]
@@ -107,9 +110,9 @@ def _peaks(
     return tuple((float(frequency[k]), float(smooth[k])) for k in tops), slice(int(first), int(last))
 
 
-def _apart(size: np.ndarray, smooth: np.ndarray, tops: np.ndarray) -> np.ndarray:
-    """Those of the tops (indices) between which a valley shows in means over a quarter of their distance."""
-    # At a peak magnitudes scatter 1.5 times as much as at the floor, which `point_noise` mostly sees.
+def _separate_peaks(size: np.ndarray, smooth: np.ndarray, tops: np.ndarray) -> np.ndarray:
+    """Return those of the peaks `tops` (indices) with a valley between, in means over a quarter of their distance."""
+    # Magnitudes scatter 1.5 times as much at a peak as at the floor, from which `point_noise` mostly comes.
     scatter, kept = 1.5 * point_noise(size), list(tops[:1])
     for top in tops[1:]:
         last, points = kept[-1], max((top - kept[-1]) // 4, 1)
@@ -122,12 +125,12 @@ def _apart(size: np.ndarray, smooth: np.ndarray, tops: np.ndarray) -> np.ndarray
     return np.array(kept, dtype=int)
 
 
-def _fitted(frequency: np.ndarray, data: np.ndarray, floor: float) -> _Squares:
+def _fit_squares(frequency: np.ndarray, data: np.ndarray, floor: float) -> _Squares:
     from scipy.optimize import least_squares
 
     fits = []
     for hz, q in _starts(frequency, data):
-        # The frequency in bandwidths: the slopes are differences.
+        # ln f₀ in bandwidths, so that the finite differences take suitable steps.
         start, scale = np.array([log(hz), log(q), 1.0, 0.0, 0.0, floor]), np.array([1 / q, 1, 1, 1, 1, 1])
         theta = start
         for _ in range(ROUNDS):
@@ -148,7 +151,7 @@ def _fitted(frequency: np.ndarray, data: np.ndarray, floor: float) -> _Squares:
 
 
 def _starts(frequency: np.ndarray, data: np.ndarray) -> list[tuple[float, float]]:
-    """The two best of the peaks that averages over so many points show, and Qs, by a linear fit of the squares."""
+    """Return the two best pairs of frequency in Hz and Q among peaks of smoothed magnitudes, by a linear fit."""
     tried = []
     for points in SMOOTHED:
         smooth = np.convolve(data, np.full(points, 1 / points), "same")
@@ -164,14 +167,14 @@ def _starts(frequency: np.ndarray, data: np.ndarray) -> list[tuple[float, float]
 
 
 def _scatter(frequency: np.ndarray, theta: np.ndarray, floor: float) -> np.ndarray:
-    """One sigma of each squared magnitude, from the model; N at least `floor`."""
+    """Return one sigma (n,) of the squared magnitudes by the model, with N at least `floor`."""
     square = max(float(theta[5]) ** 2, floor**2)
     clean = np.maximum(_model(frequency, theta) - theta[5] ** 2, 0.0)
     return np.asarray(np.sqrt(square * (2 * clean + square)))
 
 
 def _model(frequency: np.ndarray, theta: np.ndarray) -> np.ndarray:
-    """Squared magnitude (n,)."""
+    """Return the model's squared magnitude (n,)."""
     s, q = frequency / np.exp(np.clip(theta[0], -50, 50)), np.exp(np.clip(theta[1], -20, 20))
     mode = theta[2] / (q * (1 - s) * (1 + s) + 1j * s)
     whole = mode + theta[3] + theta[4] * (frequency[0] * frequency[-1] / frequency**2)
@@ -179,7 +182,7 @@ def _model(frequency: np.ndarray, theta: np.ndarray) -> np.ndarray:
 
 
 def _gain(frequency: np.ndarray, data: np.ndarray, fit: _Squares) -> float:
-    """What the resonance takes off the weighted sum of squares that a smooth curve leaves, in variances."""
+    """Return the decrease of the weighted sum of squares by the resonance against a smooth curve, in variances."""
     far = frequency[0] * frequency[-1] / frequency**2
     scatter = _scatter(frequency, fit.theta, fit.noise)
     left = left_over(np.stack([np.ones(len(far)), far, far**2], axis=1) / scatter[:, None], data**2 / scatter)
@@ -188,7 +191,7 @@ def _gain(frequency: np.ndarray, data: np.ndarray, fit: _Squares) -> float:
 
 
 def _parabola(frequency: np.ndarray, data: np.ndarray, hz: float, q: float, fit: _Squares) -> CircleFit | None:
-    """f₀ and Q by the parabola of 1/|H|² over f² within the bandwidth and a half; None where it cannot be."""
+    """Fit f₀ and Q by the parabola of 1/|H|² over f² within 1.5 bandwidths of the peak; None if that is impossible."""
     from scipy.optimize import least_squares
 
     inside = frequency[np.abs(q * (frequency / hz - hz / frequency)) <= 1.5]
@@ -197,7 +200,8 @@ def _parabola(frequency: np.ndarray, data: np.ndarray, hz: float, q: float, fit:
     square = (data**2 - _model(frequency, fit.theta) + clean)[np.isin(frequency, inside)]
     if len(inside) < 6 or (square <= 0).any():
         return None
-    # 1/|H|² scatters by that of |H|² over |H|⁴, |H| by the fit: weights by the data would favour what noise made small.
+    # The sigma of 1/|H|² is that of |H|² over |H|⁴, with the fit's |H|: the data's would favour points that noise
+    # made small.
     weight = (clean**2 / _scatter(frequency, fit.theta, fit.noise))[np.isin(frequency, inside)]
 
     def off(u: np.ndarray) -> np.ndarray:

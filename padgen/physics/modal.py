@@ -1,15 +1,14 @@
-"""Taxels with all their modes: what a finger on the boss feels of a line that the coil pulls with.
+"""Taxels with all their modes: the vibration that a finger on the boss feels under a line of the coil's pull.
 
-Each mode is a resonator of its own. How far the pull at the taxel's site excites it is the pull's wrench
-along the mode's motion; what the finger feels of it is the vertical motion of the boss, its mean square over
-the boss' disc of radius a: ``z² + a²/4 (θx² + θy²)``, so that a plate that rolls about the boss is felt too.
-All modes add as complex amplitudes,
+Each mode is a resonator of its own. The pull's wrench along the mode's motion excites it. A finger feels the vertical
+motion of the boss, as the mean square over the boss' disc of radius a: ``z² + a²/4 (θx² + θy²)``, so that rolling of
+the plate counts, too. All modes add as complex amplitudes,
 
     R(f) = Σ_k g_k / (1 − (f/f_k)² + j f/(f_k Q)),   g_k = (φ_k·W) o(φ_k) / (2π f_k)²,
 
-with the mass-normalised motion φ_k of the washer, the wrench W for one newton of pull, and
-``o(φ) = (φ_z, a/2 φ_θx, a/2 φ_θy)``, three parts whose energies add. (Modal superposition with one loss
-factor: Ewins, *Modal Testing*, 2nd ed. 2000, 2.5.)
+with the mass-normalised motion φ_k of the washer, the wrench W for one newton of pull, and ``o(φ) = (φ_z, a/2 φ_θx, a/2
+φ_θy)``, three parts whose energies add. (Modal superposition with one loss factor: Ewins, *Modal Testing*, 2nd ed.
+2000, 2.5.)
 """
 
 from typing import NamedTuple
@@ -21,17 +20,17 @@ from padgen.physics.taxel_modes import TaxelModes
 __all__ = ["LEFT_OUT", "STATIC_HZ", "ModalTaxels", "felt_energy", "felt_gains", "modal_taxels", "without_quiet_modes"]
 
 STATIC_HZ = 1e30
-"""A frequency of a mode that no line is near to: it answers as a spring does, to rounding."""
+"""Frequency of a mode far above all lines: to rounding it responds as a spring."""
 LEFT_OUT = 1e-4
-"""Share of what the own mode lets an OFF taxel hear that modes may have together and be left out."""
+"""Largest joint amplitude of modes that are left out, over an OFF taxel's amplitude by its own mode."""
 
 
 class ModalTaxels(NamedTuple):
-    """Taxels (n,) with modes (k,), and with what is felt of them (p,).
+    """Taxels (n,) with modes (k,), and the felt parts (p,) of their motion.
 
-    `frequency_hz` (n, k); `q` (n,), one for all modes of a taxel; `gain` (n, k, p): felt static amplitude
-    that each mode adds to one newton, over the amplitude that one newton at the own tone makes. A mode with
-    no gain is none. `left_out` (n,) bounds the relative error of an OFF taxel's amplitude in its worst state.
+    `frequency_hz` (n, k); `q` (n,), one for all modes of a taxel. `gain` (n, k, p) is the felt static amplitude of each
+    mode under one newton, over the felt amplitude under one newton at the taxel's own tone; 0 marks an absent mode.
+    `left_out` (n,) bounds the relative error of an OFF taxel's amplitude in its worst state.
     """
 
     frequency_hz: np.ndarray
@@ -43,10 +42,10 @@ class ModalTaxels(NamedTuple):
 def felt_gains(
     modes: TaxelModes, wrench: np.ndarray, rest_motion: np.ndarray, boss_radius_m: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies (k + 1,) in Hz and felt static amplitudes (k + 1, 3) in m/N of the modes of one taxel.
+    """Return frequencies (k + 1,) in Hz and felt static amplitudes (k + 1, 3) in m/N of the modes of one taxel.
 
-    `wrench` (6,) is that of one newton of pull, at the washer's axis on the bed's plane. The last one is what
-    `rest_motion` (6,), the static motion by modes that were not solved for (`TaxelModes.rest`), adds.
+    `wrench` (6,) is that of one newton of pull, at the washer's axis on the bed's plane. The last entry is
+    `rest_motion` (6,), the static motion by modes that were not solved for (`TaxelModes.rest`).
     """
     push = (modes.motion @ wrench) / (2 * np.pi * modes.frequency_hz) ** 2
     motion = np.concatenate([modes.motion * push[:, None], rest_motion[None]])
@@ -54,7 +53,9 @@ def felt_gains(
 
 
 def modal_taxels(frequency_hz: np.ndarray, gain: np.ndarray, q: np.ndarray, own_hz: np.ndarray) -> ModalTaxels:
-    """`ModalTaxels` from felt amplitudes `gain` (n, k, p) up to a factor of each taxel, and its own tone (n,).
+    """Return `ModalTaxels` from felt amplitudes `gain` (n, k, p) and each taxel's own tone `own_hz` (n,).
+
+    The amplitudes of a taxel may have any unit.
 
     Raises
     ------
@@ -62,40 +63,40 @@ def modal_taxels(frequency_hz: np.ndarray, gain: np.ndarray, q: np.ndarray, own_
         A taxel is not moved by its own tone at all.
     """
     bare = ModalTaxels(frequency_hz, np.asarray(q, float), gain, np.zeros(len(gain)))
-    own = _answer(bare, slice(None), own_hz[:, None], 0.0)[:, 0]
+    own = _response_energy(bare, slice(None), own_hz[:, None], 0.0)[:, 0]
     if not (own > 0).all():
         raise ValueError("a taxel must be moved by its own tone")
     return bare._replace(gain=gain / np.sqrt(own)[:, None, None])
 
 
 def felt_energy(taxels: ModalTaxels, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0) -> np.ndarray:
-    """Energy (rows, lines) of taxels under lines (lines,) of one newton, over that of one newton at their own tone.
+    """Return the energy (rows, lines) of taxels under lines (lines,) of one newton, over the one at their own tone.
 
-    `rest` is what rounding left out of `frequency`, as in `resonator.relative_energy`.
+    `rest` is the rounding error of `frequency`, as in `resonator.relative_energy`.
     """
-    return _answer(taxels, rows, frequency, rest)
+    return _response_energy(taxels, rows, frequency, rest)
 
 
 def without_quiet_modes(
     taxels: ModalTaxels, own_hz: np.ndarray, line: np.ndarray, bias_ratio: float = 5.0
 ) -> ModalTaxels:
-    """`taxels` without the modes that no line of any drive scheme makes heard, and the bound of what they were.
+    """Return `taxels` without the modes that stay inaudible in every drive scheme, and with a bound on their effect.
 
-    Amplitudes over lines add at most as Σ|line| · |mode's largest answer| (Minkowski): a mode answers with at
-    most ``Q/√(1−1/(4Q²))``, one above all lines with ``1/(1−(f/f_k)²)``, f the highest line there is, twice the
-    highest tone. The lines (n,) of all schemes have together at most twice the sum of the wanted ones, as root
-    of their squares, biased with less than half the tone as constant 1/`bias_ratio` times.
+    Amplitudes over lines add to at most Σ|line| · |largest response of the mode| (Minkowski). A mode responds with at
+    most ``Q/√(1−1/(4Q²))``, and above all lines with at most ``1/(1−(f/f_k)²)``, f being the highest possible line,
+    twice the highest tone. The root sum square of all lines (n,) of a scheme is at most twice the sum of the wanted
+    ones; for the biased scheme with a constant below half the tone, 1/`bias_ratio` times that sum.
     """
     peak = taxels.q / np.sqrt(1 - 1 / (4 * taxels.q**2))
     above = 1 - (2 * own_hz.max() / taxels.frequency_hz) ** 2
     largest = 1 / np.maximum(above, 1 / peak[:, None])
     size = np.sqrt((taxels.gain**2).sum(-1)) * largest * (max(2.0, 1 / bias_ratio) * line.sum() / line)[:, None]
-    heard = _heard_at_least(taxels, own_hz, line)
+    heard = _least_heard(taxels, own_hz, line)
     order = np.argsort(size, 1)
     total = np.cumsum(np.take_along_axis(size, order, 1), 1)
     quiet = total <= LEFT_OUT * heard[:, None]
     missing = np.where(quiet, total, 0.0).max(1)
-    # The loudest first, so that what is left out by all can be cut off.
+    # The loudest first, so that modes left out of all taxels can be cut off.
     order, kept = order[:, ::-1], ~quiet[:, ::-1]
     most = int(kept.sum(1).max())
     gain = np.take_along_axis(taxels.gain, order[..., None], 1) * kept[..., None]
@@ -106,23 +107,25 @@ def without_quiet_modes(
     )
 
 
-def _heard_at_least(taxels: ModalTaxels, own_hz: np.ndarray, line: np.ndarray) -> np.ndarray:
-    """Amplitude (n,) of each taxel at the tone of the next one, over its own ON state: no more than what it hears."""
+def _least_heard(taxels: ModalTaxels, own_hz: np.ndarray, line: np.ndarray) -> np.ndarray:
+    """Return a lower bound (n,) of an OFF taxel's amplitude: at a neighbour's tone, over its own ON amplitude."""
     if len(line) < 2:
         return np.zeros(len(line))
     heard = (
-        np.sqrt(_answer(taxels, slice(None), np.roll(own_hz, by)[:, None], 0.0)[:, 0]) * np.roll(line, by) / line
+        np.sqrt(_response_energy(taxels, slice(None), np.roll(own_hz, by)[:, None], 0.0)[:, 0])
+        * np.roll(line, by)
+        / line
         for by in (1, -1)
     )
     return np.asarray(np.maximum(*heard))
 
 
-def _answer(taxels: ModalTaxels, rows: slice, frequency: np.ndarray, rest: np.ndarray | float) -> np.ndarray:
-    """Energy (rows, lines) of lines (lines,), or (rows, lines) where each taxel has its own."""
+def _response_energy(taxels: ModalTaxels, rows: slice, frequency: np.ndarray, rest: np.ndarray | float) -> np.ndarray:
+    """Return the energy (rows, lines) under lines (lines,), or under lines (rows, lines) of each taxel's own."""
     mode, gain = taxels.frequency_hz[rows, :, None], taxels.gain[rows].transpose(0, 2, 1)
     frequency, rest = np.asarray(frequency)[..., None, :], np.asarray(rest)
     share = frequency / mode
-    # As in `relative_energy`: a line keeps its distance to a mode at large Q.
+    # As in `relative_energy`: two subtractions keep a line's exact distance to a mode at large Q.
     stiff = mode - frequency
     stiff -= rest[..., None, :] if rest.ndim else rest
     stiff /= mode

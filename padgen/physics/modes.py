@@ -1,7 +1,7 @@
 """The six modes of a rigid body on massive beams: the model that sizes the taxels.
 
-One rung above the point mass: Timoshenko beams with consistent mass on a rigid body with centroid
-offset and rotary inertia. All six rigid-body modes come out, for any arrangement of beams.
+It is one rung above the point mass: Timoshenko beams with consistent mass carry a rigid body with centroid offset and
+rotary inertia. It gives all six rigid-body modes for any arrangement of beams.
 """
 
 from typing import Any, NamedTuple
@@ -18,7 +18,7 @@ Array = Any
 
 
 class BeamPlacement(NamedTuple):
-    """A beam and where it meets the body: `tip` (…, 3) in m, `direction` (…, 2) along it there, away from its root."""
+    """A beam and its place on the body: `tip` (…, 3) in m, `direction` (…, 2) of the beam there, away from its root."""
 
     section: BeamSection
     tip: np.ndarray
@@ -28,7 +28,7 @@ class BeamPlacement(NamedTuple):
 class Modes(NamedTuple):
     """Modes of a suspended body, lowest first.
 
-    `frequency_hz` (…, 6); `shape` (…, 6, 6), one column a mode, mass-normalised, referred to
+    `frequency_hz` (…, 6); `shape` (…, 6, 6), one column per mode, mass-normalised, referred to
     `reference` (…, 3), the centroid of the rigid body.
     """
 
@@ -37,8 +37,8 @@ class Modes(NamedTuple):
     reference: np.ndarray
 
     def at_point(self, point: np.ndarray) -> np.ndarray:
-        """Displacement (…, 3, 6) of a `point` (…, 3) of the body in each mode, in kg^-½."""
-        # Written out, as np.cross takes ten times as long on small arrays.
+        """Return the displacement (…, 3, 6) of a `point` (…, 3) in m of the body in each mode, in kg^-½."""
+        # Without np.cross, which takes ten times as long on small arrays.
         arm = (point - self.reference)[..., None]
         x, y, z = arm[..., 0, :], arm[..., 1, :], arm[..., 2, :]
         a, b, c = (self.shape[..., row, :] for row in (3, 4, 5))
@@ -49,9 +49,9 @@ class Modes(NamedTuple):
         return motion
 
     def sag(self, point: np.ndarray) -> np.ndarray:
-        """Static sag in m of a `point` of the body under gravity (…): the sum over all modes.
+        """Return the static sag (…) in m of a `point` of the body under gravity: the sum over all modes.
 
-        The load M g e_z takes part in mode k with the k-th entry of ``shape⁻¹ e_z``.
+        Mode k has the share in the load M g e_z that is the k-th entry of ``shape⁻¹ e_z``.
         """
         lift = np.broadcast_to(np.eye(6)[2], self.frequency_hz.shape)[..., None]
         part = np.linalg.solve(self.shape, lift)[..., 0]
@@ -62,7 +62,7 @@ class Modes(NamedTuple):
 def suspended_modes(
     body: RigidBody, beams: "list[BeamPlacement]", modulus: float, poisson: float, density: float
 ) -> Modes:
-    """Modes of `body` on `beams` of one material; SI units, arrays of taxels at once.
+    """Return the modes of `body` on `beams` of one material, in SI units, for arrays of taxels at once.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def suspended_modes(
     mass: Any = _body_mass(body)
     known: dict[int, tuple[np.ndarray, np.ndarray]] = {}
     for beam in beams:
-        # Beams that share a section, as most do, share its matrices.
+        # Most beams share a section, and with it the matrices.
         if id(beam.section) not in known:
             known[id(beam.section)] = (
                 tip_stiffness(beam.section, modulus, poisson),
@@ -90,13 +90,14 @@ def suspended_modes(
 def bending_stress(
     beam: BeamPlacement, displacement: np.ndarray, reference: np.ndarray, modulus: float, poisson: float
 ) -> np.ndarray:
-    """Largest stress in Pa along `beam` for a `displacement` (…, 6) of the body at `reference`."""
+    """Return the largest stress in Pa along `beam` for a `displacement` (…, 6) of the body at `reference`."""
     tip = to_tip(beam, reference) @ displacement[..., None]
     load = (tip_stiffness(beam.section, modulus, poisson) @ tip)[..., 0]
     return np.asarray(largest_stress(beam.section, load))
 
 
 def _body_mass(body: RigidBody) -> np.ndarray:
+    """Return the mass matrix (…, 6, 6) of a rigid body about its centroid."""
     mass = np.zeros((*np.shape(body.mass), 6, 6))
     mass[..., [0, 1, 2], [0, 1, 2]] = body.mass[..., None]
     mass[..., 3:, 3:] = body.inertia
@@ -104,7 +105,7 @@ def _body_mass(body: RigidBody) -> np.ndarray:
 
 
 def to_tip(beam: BeamPlacement, reference: np.ndarray) -> np.ndarray:
-    """Matrix from the body's motion at `reference` to the tip's motion in beam axes."""
+    """Return the matrix (…, 6, 6) from the body's motion at `reference` to the tip's motion in beam axes."""
     arm = beam.tip - reference
     x, y, z = arm[..., 0], arm[..., 1], arm[..., 2]
     c, s = beam.direction[..., 0], beam.direction[..., 1]
@@ -113,7 +114,7 @@ def to_tip(beam: BeamPlacement, reference: np.ndarray) -> np.ndarray:
         carry[..., first, first] = carry[..., first + 1, first + 1] = c
         carry[..., first, first + 1], carry[..., first + 1, first] = s, -s
         carry[..., first + 2, first + 2] = 1
-    # The turn of the axes times the cross product with the arm.
+    # The rotation into beam axes, times the cross product with the arm.
     carry[..., 0, 3], carry[..., 0, 4], carry[..., 0, 5] = -s * z, c * z, s * x - c * y
     carry[..., 1, 3], carry[..., 1, 4], carry[..., 1, 5] = -c * z, -s * z, c * x + s * y
     carry[..., 2, 3], carry[..., 2, 4] = y, -x
@@ -121,8 +122,10 @@ def to_tip(beam: BeamPlacement, reference: np.ndarray) -> np.ndarray:
 
 
 def _eigen(stiffness: np.ndarray, mass: np.ndarray, reference: np.ndarray) -> Modes:
-    """Modes by the flexibility form M φ = (1/ω²) K φ: its largest values, the lowest modes, are exact
-    to rounding however far away the stiffest mode is."""
+    """Solve the flexibility form M φ = (1/ω²) K φ for the modes.
+
+    Its largest values are the lowest modes, which are exact to rounding however far above them the stiffest mode is.
+    """
     root = np.linalg.inv(np.linalg.cholesky(stiffness))
     rooted = np.swapaxes(root, -1, -2)
     symmetric = root @ mass @ rooted

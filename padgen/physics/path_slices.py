@@ -1,7 +1,7 @@
-"""The path of a bent beam cut into slices, for integrals along it: straight pieces and arcs in one plane.
+"""Cut the path of a bent beam, straight pieces and arcs in one plane, into slices for integrals along it.
 
-Places and directions are in the axes of the tip: x along the path there, away from the root, y to the left.
-Integrals from the root to each slice are those of the polynomial through the Gauss points of a piece.
+Places and directions are in the axes of the tip: x along the path there, away from the root, y to the left. An integral
+from the root to a slice is that of the polynomial through the Gauss points of each piece.
 """
 
 from collections.abc import Sequence
@@ -14,16 +14,18 @@ __all__ = ["SHORTEST_M", "Slices", "columns", "matrices", "sliced", "within_side
 
 Array = Any
 SHORTEST_M = 1e-12
-"""Stands for a length of nothing, as of a corner."""
+"""Smallest length in divisions, for pieces of length 0 such as corners."""
 _NO_PIECE = 0.0, 0.0, np.inf
 """Length, curvature and straight length at root and tip."""
 
 
 class Slices(NamedTuple):
-    """Slices of a bent beam, its root first and its tip last: place (…, k) from the tip and direction (…, k) in beam
-    axes, width (…, k), share of the length (…, k) in m, and the matrix (k, k) that sums from the root to each slice.
+    """Slices of a bent beam, from its root to its tip.
 
-    `curved` (…, k) is the width over twice the radius, `straight` (…, k) the length in m of a straight piece, else inf.
+    `x` and `y` (…, k) in m are places from the tip, `cosine` and `sine` (…, k) directions, both in beam axes; `width`
+    (…, k) in m; `share` (…, k) is the length in m of the slice's piece. `curved` (…, k) is the width over twice the
+    radius, `straight` (…, k) the length in m of a straight piece, else inf. `running` (k, k) is the matrix of sums from
+    the root to each slice.
     """
 
     x: Array
@@ -38,8 +40,11 @@ class Slices(NamedTuple):
 
 
 def sliced(path: Sequence[tuple[Array, Array]], width: Array, fillet: Array) -> Slices:
-    """Gauss points of every piece of a path (its length and its turn, left positive), enough for its turn, between root
-    and tip; the `width` flares at the root by two quarter circles of the radius `fillet`, on the first piece."""
+    """Return slices at the Gauss points of every piece of a path, enough for its turn, and at root and tip.
+
+    `path` holds length in m and turn (left positive) of each piece. The `width` flares at the root by two quarter
+    circles of radius `fillet`, on the first piece.
+    """
     width, fillet = np.asarray(width, float), np.asarray(fillet, float)
     pieces = [(np.asarray(length, float), np.asarray(turn, float), 0.0 * fillet) for length, turn in path]
     if (fillet > 0).any():
@@ -62,7 +67,7 @@ def sliced(path: Sequence[tuple[Array, Array]], width: Array, fillet: Array) -> 
     shape = np.broadcast_shapes(*(np.shape(value) for place in places for value in place))
     whole = np.array([[np.broadcast_to(value, shape) for value in place] for place in places])
     x, y, heading, wide, share, curved, straight = np.moveaxis(whole, 0, -1)
-    # From the root's axes to the tip's.
+    # Turn from the root's axes to the tip's.
     turned = heading[..., -1:]
     x, y = x - x[..., -1:], y - y[..., -1:]
     x, y = np.cos(turned) * x + np.sin(turned) * y, np.cos(turned) * y - np.sin(turned) * x
@@ -72,31 +77,31 @@ def sliced(path: Sequence[tuple[Array, Array]], width: Array, fillet: Array) -> 
 
 
 def within_up(slices: Slices) -> np.ndarray:
-    """Shear force, twist and bending moment at each slice of loads on the tip: up, and about x and y."""
+    """Return shear force, twist and bending moment at each slice per unit load on the tip: up, about x, about y."""
     x, y, cosine, sine, zero = slices.x, slices.y, slices.cosine, slices.sine, 0.0 * slices.x
     twist, bending = [sine * x - cosine * y, cosine, sine], [cosine * x + sine * y, -sine, cosine]
     return matrices([1 + zero, zero, zero], twist, bending)
 
 
 def within_side(slices: Slices) -> np.ndarray:
-    """Pull, shear force and bending moment at each slice of loads on the tip: along, sideways, and about z."""
+    """Return pull, shear force and bending moment at each slice per unit load on the tip: along, sideways, about z."""
     x, y, cosine, sine, zero = slices.x, slices.y, slices.cosine, slices.sine, 0.0 * slices.x
     return matrices([cosine, sine, zero], [-sine, cosine, zero], [y, -x, 1 + zero])
 
 
 def matrices(*rows: list[Array]) -> np.ndarray:
-    """Small matrices, one a slice, from their rows of entries (…, k)."""
+    """Return small matrices, one per slice, from their rows of entries (…, k)."""
     return np.stack([columns(row) for row in rows], -2)
 
 
 def columns(values: list[Array]) -> np.ndarray:
-    """Arrays, or numbers, side by side along a new last axis."""
+    """Return arrays or numbers side by side along a new last axis."""
     return np.stack(np.broadcast_arrays(*values), -1)
 
 
 @cache
 def _gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Gauss points (k,) in 0 … 1, and what of values there makes up the integrals (k + 1, k) to each and to 1."""
+    """Return Gauss points (k,) in 0 … 1, and the matrix (k + 1, k) from values there to integrals to each and to 1."""
     nodes, _ = np.polynomial.legendre.leggauss(count)
     share = (nodes + 1) / 2
     legendre = np.polynomial.legendre.Legendre
@@ -107,7 +112,10 @@ def _gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 @cache
 def _running(counts: tuple[int, ...]) -> np.ndarray:
-    """Sums from the root to each slice of pieces of so many Gauss points, with a slice of no weight at either end."""
+    """Return the matrix of sums from the root to each slice, for pieces of `counts` Gauss points.
+
+    The slices at root and tip have no weight.
+    """
     size, first = sum(counts) + 2, 1
     matrix = np.zeros((size, size))
     for count in counts:

@@ -1,8 +1,8 @@
-"""Sums of tones: currents, what a circuit and a square make of them, and the steady state of resonators.
+"""Sums of damped tones: currents, their response in a circuit, their square, and the steady state of resonators.
 
-Everything linear in padgen's time domain is a sum of damped tones ``A e^(−σt) cos(2π f t + φ)``: the
-current of a driven R-L circuit with its transient, its square (paper Eq. 5), and so the pull.
-`padgen.physics.propagation` moves resonators under such sums exactly; here is where they end up.
+Everything linear in padgen's time domain is a sum of damped tones ``A e^(−σt) cos(2π f t + φ)``: the current of a
+driven R-L circuit with its transient, its square (paper Eq. 5), and thus the pull. `padgen.physics.propagation` moves
+resonators under these sums exactly; this module has their steady state.
 """
 
 from typing import NamedTuple
@@ -14,13 +14,13 @@ from padgen.core.errors import SolverError, number
 __all__ = ["Tones", "circuit_current", "merged", "signal", "squared", "steady_lines", "tones", "turns"]
 
 SPLITTER = 134217729.0
-"""2^27 + 1, which halves the digits of a double (Dekker 1971)."""
+"""2^27 + 1, the factor that splits a double into two halves of its digits (Dekker 1971)."""
 
 
 class Tones(NamedTuple):
     """``Σ_j amplitude_j e^(−decay_j t) cos(2π (frequency_j + rest_j) t + phase_j)``, arrays of shape (m,).
 
-    `amplitude` may be (n, m): of n receivers. `rest_hz` is what rounding took off `frequency_hz`.
+    `amplitude` may be (n, m), for n receivers. `rest_hz` is the rounding error of `frequency_hz`.
     """
 
     frequency_hz: np.ndarray
@@ -37,7 +37,7 @@ def tones(
     decay_per_s: object = 0.0,
     rest_hz: object = 0.0,
 ) -> Tones:
-    """`Tones` of what broadcasts to (m,), the amplitudes to (m,) or (n, m).
+    """Return `Tones` from values that broadcast to (m,); amplitudes may be (n, m).
 
     Raises
     ------
@@ -57,10 +57,10 @@ def tones(
 
 
 def turns(frequency_hz: np.ndarray, time_s: np.ndarray) -> np.ndarray:
-    """Cycles that a tone is into its period, in [−½, ½], of ``frequency × time``.
+    """Return the cycles of a tone since its last whole period, in [−½, ½], of ``frequency × time``.
 
-    The product is taken to 106 bits before whole periods are dropped: 2π f t of a long time has no
-    digits left otherwise.
+    The product is computed to 106 bits before whole periods are dropped, since 2π f t of a long time has no digits left
+    otherwise.
     """
     product = frequency_hz * time_s
     (a, b), (c, d) = _halves(np.asarray(frequency_hz)), _halves(np.asarray(time_s))
@@ -69,7 +69,7 @@ def turns(frequency_hz: np.ndarray, time_s: np.ndarray) -> np.ndarray:
 
 
 def signal(wave: Tones, time_s: np.ndarray) -> np.ndarray:
-    """Values (k,) or (n, k) of a sum of tones at times (k,) in s."""
+    """Return the values (k,) or (n, k) of a sum of tones at times (k,) in s."""
     at = np.asarray(time_s, float)
     cycles = turns(wave.frequency_hz[:, None], at) + wave.rest_hz[:, None] * at
     carrier = np.exp(-wave.decay_per_s[:, None] * at) * np.cos(2 * np.pi * cycles + wave.phase_rad[:, None])
@@ -77,9 +77,9 @@ def signal(wave: Tones, time_s: np.ndarray) -> np.ndarray:
 
 
 def squared(wave: Tones) -> Tones:
-    """The square of a sum of tones (m,) as a sum of m(m + 1) tones: what the pull of a coil goes with.
+    """Return the square of a sum of tones (m,), to which a coil's pull is proportional, as m(m + 1) tones.
 
-    All lines, wanted or not: ``2 f_a``, ``f_a ± f_b`` and the constants (paper Eq. 5).
+    It has all lines, wanted or not: ``2 f_a``, ``f_a ± f_b`` and the constants (paper Eq. 5).
     """
     a, b = np.triu_indices(len(wave.frequency_hz))
     product = np.where(a == b, 0.5, 1.0) * wave.amplitude[a] * wave.amplitude[b]
@@ -100,9 +100,10 @@ def squared(wave: Tones) -> Tones:
 
 
 def circuit_current(voltage: Tones, resistance: float, inductance: float, initial_a: float = 0.0) -> Tones:
-    """Current in A of ``u = R i + L di/dt`` from `initial_a` at time 0: a line per tone and the transient.
+    """Return the current in A of ``u = R i + L di/dt`` from `initial_a` at time 0.
 
-    Much earlier than L/R the lines cancel: they are exact to 1e-16 of the largest, not of their sum.
+    It has one tone for each of the voltage, and the transient. At times much shorter than L/R the tones cancel: they
+    are exact to 1e-16 of the largest tone, not of their sum.
 
     Raises
     ------
@@ -127,23 +128,23 @@ def circuit_current(voltage: Tones, resistance: float, inductance: float, initia
 
 
 def merged(wave: Tones) -> Tones:
-    """Tones of one frequency and decay added up, lowest frequency first; `wave` with amplitudes (m,)."""
+    """Add up the tones of one frequency and decay, lowest frequency first; `wave` has amplitudes (m,)."""
     key = np.stack([wave.frequency_hz, wave.rest_hz, wave.decay_per_s])
     unique, where = np.unique(key, axis=1, return_inverse=True)
     phasor = np.zeros(unique.shape[1], complex)
     np.add.at(phasor, where.ravel(), wave.amplitude * np.exp(1j * wave.phase_rad))
     still = (unique[0] == 0) & (unique[1] == 0)
-    phasor[still] = phasor[still].real  # a constant is its cosine
+    phasor[still] = phasor[still].real  # a tone of 0 Hz is the constant A cos φ
     return Tones(unique[0], np.abs(phasor), np.angle(phasor), unique[2], unique[1])
 
 
 def steady_lines(
     frequency_hz: np.ndarray, q: np.ndarray | float, mass_kg: np.ndarray | float, force: Tones
 ) -> np.ndarray:
-    """Displacement phasors (n, m) in m of resonators (n,) under the steady tones (m,) of a `force` in N.
+    """Return displacement phasors (n, m) in m of resonators (n,) under the steady tones (m,) of a `force` in N.
 
-    The displacement is the real part of their sum, each turning with ``exp(2πj f t)``. Detuning is
-    taken as ``(f_i − f)(f_i + f)`` with the tone's `rest_hz`, so that it keeps its digits at large Q.
+    The displacement is the real part of the phasors' sum, each turning with ``exp(2πj f t)``. Detuning is computed as
+    ``(f_i − f)(f_i + f)`` with the tone's `rest_hz`, which keeps its digits at large Q.
 
     Raises
     ------
@@ -161,6 +162,7 @@ def steady_lines(
 
 
 def _halves(value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Split each value into two halves of its digits, whose products are exact."""
     scaled = SPLITTER * value
     high = scaled - (scaled - value)
     return high, value - high

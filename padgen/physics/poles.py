@@ -1,4 +1,4 @@
-"""A coil from afar: magnetic poles on its axis."""
+"""Field of a coil far away, from magnetic poles on its axis."""
 
 from functools import lru_cache
 
@@ -12,9 +12,10 @@ __all__ = ["coil_poles", "pole_error", "pole_field"]
 
 @lru_cache(maxsize=64)
 def coil_poles(coil: CoilSource) -> np.ndarray:
-    """A coil as magnetic poles on its axis: charge in A·m/A and height in m over its top, shape (poles, 2).
+    """Return a coil's poles: charge in A·m per ampere and height in m over its top, shape (poles, 2).
 
-    The windings' ends, and core's positive and negative charges, each pair where its middle is.
+    Each end of a winding is one pole. The core's positive and its negative charges are one pole each, at the mean
+    height of those charges.
     """
     poles = []
     for winding in coil.windings:
@@ -31,7 +32,10 @@ def coil_poles(coil: CoilSource) -> np.ndarray:
 
 
 def pole_field(poles: np.ndarray, height: float, away: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Field (…, 3) in A/m per ampere and its slope along z, `away` (…, 2) in m from a coil's axis."""
+    """Return the field (…, 3) in A/m per ampere at `height` in m, and its slope along z.
+
+    `away` (…, 2) in m is the horizontal distance from the coil's axis.
+    """
     charge, below = poles.T
     up = np.broadcast_to((height - below)[:, None], (*away.shape[:-1], len(poles), 1))
     arm = np.concatenate([np.broadcast_to(away[..., None, :], (*up.shape[:-1], 2)), up], -1)
@@ -42,12 +46,12 @@ def pole_field(poles: np.ndarray, height: float, away: np.ndarray) -> tuple[np.n
 
 
 def pole_error(coil: CoilSource, distance: np.ndarray) -> np.ndarray:
-    """Relative error of `pole_field` at a `distance` (…) in m: the next multipole's, ``¾ ⟨r²⟩/d²``."""
+    """Return the relative error of `pole_field` at a `distance` (…) in m: the next multipole's, ``¾ ⟨r²⟩/d²``."""
     square = max((coil.core_diameter / 2) ** 2, *(_radius_square(winding) / 3 for winding in coil.windings))
     return np.asarray(0.75 * square / distance**2)
 
 
 def _radius_square(winding: Winding) -> float:
-    """Three times the mean of the squared radius of its turns, in m²."""
+    """Return three times the mean of the squared radius of a winding's turns, in m²."""
     outer, inner = winding.outer_diameter / 2, winding.inner_diameter / 2
     return outer**2 + outer * inner + inner**2

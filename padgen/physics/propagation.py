@@ -1,22 +1,21 @@
 """Exact motion of resonators under sums of tones, at any time, in closed form.
 
-A resonator with the poles s₁, s₂ that starts at rest moves under ``e^(at)`` by the divided difference
-of the exponential over its poles and a,
+A resonator with the poles s₁, s₂ that starts at rest moves under ``e^(at)`` by the divided difference of the
+exponential over a and its poles,
 
     x(t) = exp(t·)[a, s₁, s₂],
 
-whatever the damping, on resonance or off it. What is hard is to take it without loss of digits, so
-there are three ways (|·| of differences times t):
+for any damping, on resonance or off it. Three ways of computing it keep the digits (|·| of differences times t):
 
 - a far from both poles: the steady state less the free motion from its initial state;
-- a near one pole, the poles apart: ``(g(s₁) − g(s₂))/(s₁ − s₂)``, ``g(s) = e^(st) expm1((a − s)t)/(a − s)``,
-  the latter by its power series;
+- a near one pole, the poles apart: ``(g(s₁) − g(s₂))/(s₁ − s₂)``, ``g(s) = e^(st) expm1((a − s)t)/(a − s)``, the latter
+  by its power series;
 - all three together (critical damping, early times): the power series of the divided difference.
 
-Within a factor of two in time the choice is the same, and each way separates into sums over the tones
-and products with functions of time: all of it is matrix products. Displacements agree with 60-digit
-arithmetic to `STATED_ERROR` of the largest of a resonator (`tests/test_dynamics.py`): Q from 1e-3 to
-infinity, on resonance, 1e-9 off it, 10 s at 200 kHz.
+Within a factor of two in time the choice is the same. Each way separates into sums over the tones and products with
+functions of time, so that everything is matrix products. Displacements agree with 60-digit arithmetic to `STATED_ERROR`
+of a resonator's largest (`tests/test_dynamics.py`): Q from 1e-3 to infinity, on resonance, 1e-9 off it, 10 s at 200
+kHz.
 """
 
 from typing import NamedTuple
@@ -30,15 +29,20 @@ __all__ = ["STATED_ERROR", "propagate"]
 
 STATED_ERROR = 1e-12
 BLOCK = 1 << 21
-"""Entries of an array that are worked on at a time."""
+"""Entries of an array computed at a time."""
 SMALLEST_TERM = 1e-18
-"""Where a power series ends; its arguments are below 3."""
+"""Relative size of the first term that a power series leaves out; its arguments are below 3."""
 EXACT_Q = 10.0
-"""Q from which on whole periods are dropped exactly; a more damped vibration is gone before it matters."""
+"""Smallest Q for which whole periods are dropped exactly; a more damped vibration dies out before it matters."""
 
 
 class _Poles(NamedTuple):
-    """Resonators (n,): α, ``((s₁ − s₂)/2)²`` and its root, damped frequency as two doubles, rates if overdamped."""
+    """Resonators (n,).
+
+    `alpha` is the decay rate in 1/s; `square` is ``((s₁ − s₂)/2)²`` and `root` the root of its size; `over` marks
+    overdamped ones. The damped frequency is the sum of two doubles, `cycles_hz` and `cycles_rest_hz`; `slow` and `fast`
+    are the decay rates of overdamped resonators.
+    """
 
     alpha: np.ndarray
     square: np.ndarray
@@ -51,7 +55,10 @@ class _Poles(NamedTuple):
 
 
 class _Driven(NamedTuple):
-    """Tones on resonators (n, m): exponents a (m,), ``a − s₁``, ``a − s₂``, size of the smaller, force over mass."""
+    """Tones on resonators, (n, m).
+
+    The exponents a (m,), ``a − s₁`` and ``a − s₂``, the smaller of their sizes, and the force over mass as a phasor.
+    """
 
     exponent: np.ndarray
     first: np.ndarray
@@ -61,7 +68,7 @@ class _Driven(NamedTuple):
 
 
 class _Free(NamedTuple):
-    """Free motions (n, k): e^(s₁t), e^(s₂t), from a unit velocity, from a unit displacement."""
+    """Free motions (n, k): e^(s₁t), e^(s₂t), the motion from a unit velocity and from a unit displacement."""
 
     first: np.ndarray
     second: np.ndarray
@@ -76,9 +83,9 @@ def propagate(
     force: Tones,
     time_s: np.ndarray,
 ) -> np.ndarray:
-    """Displacement (n, k) in m of resonators (n,), at rest at time 0, at times (k,), in any order.
+    """Return the displacement (n, k) in m of resonators (n,), at rest at time 0, at times (k,) in s, in any order.
 
-    `force` in N, amplitudes (m,) alike for all or (n, m). Q may be anything above 0, infinity too.
+    `force` is in N; its amplitudes are (m,), the same for all, or (n, m). Q may be any number above 0 or infinity.
     Memory O(nk + nm); O(nmk) multiplications, in matrix products.
 
     Raises
@@ -103,7 +110,7 @@ def propagate(
 
 
 def _blocks(time: np.ndarray, width: int) -> list[np.ndarray]:
-    """Indices of sorted times in blocks that last at most as long as what went before them."""
+    """Return indices of sorted times in blocks, each at most as long as the time before it."""
     octave = np.where(time > 0, np.frexp(time)[1], -2000)
     most = max(BLOCK // width, 16)
     groups = np.split(np.arange(len(time)), np.flatnonzero(np.diff(octave)) + 1)
@@ -111,7 +118,7 @@ def _blocks(time: np.ndarray, width: int) -> list[np.ndarray]:
 
 
 def _poles(own: np.ndarray, q: np.ndarray) -> _Poles:
-    """Poles without cancellation: ``α² − ω² = ω² (1 − 2Q)(1 + 2Q)/4Q²``."""
+    """Return the poles without cancellation: ``α² − ω² = ω² (1 − 2Q)(1 + 2Q)/4Q²``."""
     omega, alpha = 2 * np.pi * own, np.pi * own / q
     half = 1 / (2 * q)
     finite = np.where(np.isfinite(q), q, 1.0)
@@ -135,7 +142,7 @@ def _poles(own: np.ndarray, q: np.ndarray) -> _Poles:
 
 
 def _free(poles: _Poles, time: np.ndarray) -> _Free:
-    """Free motions at times (k,)."""
+    """Return the free motions at times (k,)."""
     alpha, root, over = poles.alpha[:, None], poles.root[:, None], poles.over[:, None]
     cycles = turns(poles.cycles_hz[:, None], time) + poles.cycles_rest_hz[:, None] * time
     angle, fade = 2 * np.pi * np.where(over, 0.0, cycles), np.exp(-alpha * time)
@@ -149,7 +156,7 @@ def _free(poles: _Poles, time: np.ndarray) -> _Free:
 
 
 def _driven(poles: _Poles, force: Tones, mass: np.ndarray) -> _Driven:
-    """Detunings, frequencies subtracted before anything is added to them, and phasors at the start."""
+    """Return detunings and initial phasors; frequencies are subtracted first, which keeps their digits."""
     hz, rest_hz, over = poles.cycles_hz[:, None], poles.cycles_rest_hz[:, None], poles.over[:, None]
     alpha, slow, fast = (rate[:, None] for rate in (poles.alpha, poles.slow, poles.fast))
     own_hz = force.frequency_hz + force.rest_hz
@@ -167,7 +174,7 @@ def _driven(poles: _Poles, force: Tones, mass: np.ndarray) -> _Driven:
 
 
 def _move(poles: _Poles, driven: _Driven, force: Tones, time: np.ndarray) -> np.ndarray:
-    """Displacement (n, k) at the times of one block."""
+    """Return the displacement (n, k) at the times of one block."""
     free = _free(poles, time)
     near = driven.nearest * time[0] < 1
     steady = np.divide(driven.phasor, driven.first * driven.second, out=np.zeros(near.shape, complex), where=~near)
@@ -188,7 +195,7 @@ def _add_near(
     free: _Free,
     time: np.ndarray,
 ) -> None:
-    """Add the `near` pairs (n, m) to `moved`, what of them goes with the tones to the lines `steady`."""
+    """Add the `near` pairs (n, m) to `moved`, and their part that goes as the tones to `steady`."""
     which, tone = np.nonzero(near)
     phasor, exponent, last = driven.phasor[which, tone], driven.exponent[tone], float(time[-1])
     gap = np.where(poles.over, 2 * poles.root, 2j * poles.root)[which]
@@ -211,13 +218,13 @@ def _add_near(
 
 
 def _sums(values: np.ndarray, which: np.ndarray, count: int) -> np.ndarray:
-    """Sums (count,) of values (p,) by resonator `which` (p,)."""
+    """Return sums (count,) of values (p,) by resonator `which` (p,)."""
     sums: np.ndarray = np.bincount(which, values.real, count) + 1j * np.bincount(which, values.imag, count)
     return sums
 
 
 def _growth(turn: np.ndarray, weights: np.ndarray, which: np.ndarray, count: int) -> np.ndarray:
-    """Coefficients (n, terms) of ``Σ weight expm1(z)/z``, z = `turn` (p,) of the block's last time."""
+    """Return coefficients (n, terms) of ``Σ weight expm1(z)/z``, z = `turn` (p,), at the block's last time."""
     sums, term, k, size = [_sums(weights, which, count)], weights, 1, 1.0
     largest = float(np.abs(turn).max(initial=0.0))
     while size > SMALLEST_TERM and largest:
@@ -229,9 +236,9 @@ def _growth(turn: np.ndarray, weights: np.ndarray, which: np.ndarray, count: int
 
 
 def _series(reach: np.ndarray, square: np.ndarray, weights: np.ndarray, which: np.ndarray, count: int) -> np.ndarray:
-    """Coefficients (n, terms) of Σ weight × divided difference of exp over `reach` and ± the root of `square`.
+    """Return coefficients (n, terms) of Σ weight × divided difference of exp over `reach` and ± the root of `square`.
 
-    ``Σ h_k/(k+2)!`` with h_k the complete homogeneous sums of the three.
+    It is ``Σ h_k/(k+2)!`` with the complete homogeneous sums h_k of the three.
     """
     sums, power, k, scale = [_sums(weights, which, count) / 2], np.ones(len(reach)), 0, 0.5
     term, largest, size = np.ones(len(reach), complex), float(np.abs(reach).max(initial=0.0)) + 1, 1.0
@@ -248,5 +255,5 @@ def _series(reach: np.ndarray, square: np.ndarray, weights: np.ndarray, which: n
 
 
 def _polynomial(coefficients: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Values (…, n, k) of polynomials (…, n, terms), lowest power first, at points (k,) in [0, 1]."""
+    """Return values (…, n, k) of polynomials (…, n, terms), lowest power first, at points (k,) in [0, 1]."""
     return np.asarray(coefficients @ at ** np.arange(coefficients.shape[-1])[:, None])

@@ -1,8 +1,8 @@
 """Pull of a coil with its core on a washer anywhere above it: force, side force and moment, by surface charges.
 
-Windings are the magnetic charge on the ends of the magnetisation that has their current; core and washer are linear
-steel (`physics.steel_body`), each in orders round its own axis, and each draws charge to the other. The force on the
-washer is that of the field of all others on its charge.
+A winding is replaced by the magnetic charge on the ends of a magnetisation that has its current as curl. Core and
+washer are linear steel (`physics.steel_body`), each expanded in orders round its own axis, and magnetise each other.
+The force on the washer is that of all other charges' field on its charge.
 """
 
 from functools import lru_cache
@@ -19,28 +19,29 @@ from padgen.physics.steel_body import SteelBody, fine_rings, steel_body, tube
 __all__ = ["Pull", "pull"]
 
 STEP = 0.8
-"""Rings that face the washer lie this share of the gap apart at most."""
+"""Largest distance between rings that face the washer, over the gap."""
 MOST = (20, 40, 30, 40)
-"""Most nodes on faces of washer and core, and orders round either axis, for the sake of time."""
+"""Most nodes on faces of washer and core, and highest orders round the axis of either, to save time."""
 SOLVED, MOST_STEPS = 1e-7, 60
-"""Relative remainder at which two bodies' charges are solved, and the most steps for it."""
+"""Relative residual at which the charges of two bodies are solved, and the most steps to reach it."""
 LOST_SHARE = 0.0015
-"""Of the forces up and down on parts of a washer, that does not cancel as it should (docs/accuracy.md)."""
+"""Error by incomplete cancellation, over the forces up and down on parts of a washer (docs/accuracy.md)."""
 FEWER = 0.7
-"""Of the nodes that it takes: what that changes counts as doubt."""
+"""Share of the nodes in a second solution; its difference counts as doubt."""
 MOST_ACROSS = 50
-"""Gaps across the core's radius or the washer's ring: with more, they would take too many nodes."""
+"""Most gaps across the core's radius or the washer's ring: for more, too many nodes would be needed."""
 FURTHER = 1.05
-"""Over the least gap that is solved: from these two the pull is taken further down."""
+"""Second gap over the least one that is solved; the pull at smaller gaps is extrapolated from these two."""
 
 
 class Pull(NamedTuple):
-    """What a coil does to a washer, per A²: forces in N away from the coil's axis and upwards, and the moment in
-    N·m about an axis across, through the middle of the washer's underside, that presses its far side up.
+    """Effect of a coil on a washer, per A².
 
-    The axial force may be off by `doubt` in N: a share of the forces up and down on all of the washer's charge, which
-    may all but cancel, and what fewer nodes would change. `dipole` in A·m² per ampere is what the coil makes of
-    the washer.
+    `side` and `axial` are forces in N away from the coil's axis and upwards. `moment` in N·m is about a horizontal axis
+    through the middle of the washer's underside, at right angles to the offset; a positive one lifts the washer's far
+    side. `doubt` in N bounds the error of the axial force: a share of the upward and downward forces on all of the
+    washer's charge, which may nearly cancel, plus the change by fewer nodes. `dipole` in A·m² per ampere is the
+    washer's magnetic moment.
     """
 
     side: float
@@ -51,7 +52,7 @@ class Pull(NamedTuple):
 
 
 class _Fineness(NamedTuple):
-    """Nodes of a pair at one place: on faces of washer and core, and orders round the axes of both."""
+    """Numbers of nodes for a pair at one place, on faces of washer and core, and orders round the axes of both."""
 
     face: int
     top: int
@@ -60,30 +61,31 @@ class _Fineness(NamedTuple):
 
 
 def pull(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> Pull:
-    """The pull of a coil on a washer `gap` m over its top face and `offset` m off its axis.
+    """Return the pull of a coil on a washer `gap` m over its top face and `offset` m off its axis.
 
-    Against 3-D field solutions of 300 random pairs (docs/accuracy.md) the axial force is within 1 % for most; it is
-    less sure where washers lie so that the forces on their parts cancel. Nearer than nodes can see it goes on as it
-    changes there, with the logarithm of the gap, and may be off by all of that.
+    Against 3-D field solutions of 300 random pairs (docs/accuracy.md) the axial force is within 1 % for most. It is
+    less certain where the forces on parts of the washer nearly cancel. At gaps too small for the nodes the pull is
+    extrapolated in the logarithm of the gap, and all of that change counts as doubt.
     """
     least = _least_gap(coil, washer, offset)
     if gap >= least:
-        return _solved(coil, washer, gap, offset)
-    at, further = (np.array(_solved(coil, washer, least * share, offset)) for share in (1.0, FURTHER))
+        return _solve(coil, washer, gap, offset)
+    at, further = (np.array(_solve(coil, washer, least * share, offset)) for share in (1.0, FURTHER))
     change = (at - further) * log(least / gap) / log(FURTHER)
     side, axial, moment, _, dipole = at + change
     return Pull(*map(float, (side, axial, moment, at[3] + abs(change[1]), dipole)))
 
 
 @lru_cache(maxsize=1024)
-def _solved(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> Pull:
-    """The pull with enough nodes, and its doubt by what fewer of them would make of it."""
+def _solve(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> Pull:
+    """Return the pull with enough nodes, and its doubt from a solution with fewer."""
     fine = _fineness(coil, washer, gap, offset)
-    enough, fewer = (_pull_by(nodes, coil, washer, gap, offset) for nodes in (fine, _fewer(fine)))
+    enough, fewer = (_pull_with_nodes(nodes, coil, washer, gap, offset) for nodes in (fine, _fewer(fine)))
     return enough._replace(doubt=enough.doubt + abs(enough.axial - fewer.axial))
 
 
-def _pull_by(fine: _Fineness, coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> Pull:
+def _pull_with_nodes(fine: _Fineness, coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> Pull:
+    """Return the pull solved with the given numbers of nodes and orders."""
     near = _nearest(coil, washer, gap, offset)
     finest = coil.outer_diameter / MOST_RINGS
     core = charged_core(coil, fine.top, fine.core_orders)
@@ -114,7 +116,7 @@ def _pull_by(fine: _Fineness, coil: CoilSource, washer: SteelRing, gap: float, o
         order = np.arange(fine.core_orders + 1)[:, None, None]
         cosine, sine = np.cos(order * around), np.sin(order * around)
         at_nodes = (of.value @ shares) * cosine[..., None]
-        drawn, back = _mutual(body, steel, at_nodes, project, project @ potential.T)
+        drawn, back = _mutual_charges(body, steel, at_nodes, project, project @ potential.T)
         charges = back @ shares.T
         field = [(part @ charges[:, None, :, None])[..., 0] for part in of]
         along_r = along_r + (field[1] * cosine).sum(0)
@@ -138,14 +140,14 @@ def _nearest(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> 
 
 
 def _least_gap(coil: CoilSource, washer: SteelRing, offset: float) -> float:
-    """The gap in m from which on a pull can be solved: a 200th of the coil's radius; between steel as nodes allow."""
+    """Return the least gap in m at which a pull can be solved: a 200th of the coil's radius, or more for wide steel."""
     least, beside = coil.outer_diameter / MOST_RINGS, _nearest(coil, washer, 0.0, offset)
     wide = max(washer.outer_diameter - washer.inner_diameter, coil.core_diameter) / 2
     return max(least, float(np.sqrt(max((wide / MOST_ACROSS) ** 2 - beside**2, 0.0))))
 
 
 def _fineness(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> _Fineness:
-    """As many nodes as it takes to see what is a gap wide, within bounds of time."""
+    """Return the numbers of nodes that resolve one gap's width, within bounds of time."""
     width, rim, core = (
         (washer.outer_diameter - washer.inner_diameter) / 2,
         washer.outer_diameter / 2,
@@ -160,6 +162,7 @@ def _fineness(coil: CoilSource, washer: SteelRing, gap: float, offset: float) ->
 
 
 def _fewer(fine: _Fineness) -> _Fineness:
+    """Return the smaller numbers of nodes for the comparison."""
     return _Fineness(*(ceil(FEWER * count) for count in fine))
 
 
@@ -169,14 +172,14 @@ def _washer(washer: SteelRing, face: int, orders: int) -> SteelBody:
     return steel_body(sides, washer.permeability, orders)
 
 
-def _mutual(
+def _mutual_charges(
     washer: SteelBody, core: SteelBody, at_nodes: np.ndarray, project: np.ndarray, potential: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Charge (m, n) of the washer, and what it draws to the core (j, k), each in the other's field.
+    """Return the charges of the washer (m, n) and of the core (j, k), each in the other's field.
 
-    `at_nodes` (j, n, turns, k) gives the potential at the washer's nodes of the core's charge, `project` (m, turns)
-    its orders round the washer; what is the other way round follows from the energy that they have together. Solved
-    by conjugate residuals (Eisenstat, Elman and Schultz, *SIAM J. Numer. Anal.* 20, 1983).
+    `at_nodes` (j, n, turns, k) is the potential of the core's charge at the washer's nodes; `project` (m, turns)
+    expands it in orders round the washer. The opposite direction follows from their mutual energy. Solved by conjugate
+    residuals (Eisenstat, Elman and Schultz, *SIAM J. Numer. Anal.* 20, 1983).
     """
     core_orders, nodes, turns, others = at_nodes.shape
     forth = at_nodes.reshape(core_orders, nodes * turns, others)
@@ -185,11 +188,12 @@ def _mutual(
     )
 
     def echo(charge: np.ndarray) -> np.ndarray:
-        """Return the charge that (m, n) on the washer draws to the core."""
+        """Return the core's charge in the field of a charge (m, n) on the washer."""
         back = ((weight * charge).T @ project).ravel() @ forth / weight_core
         return np.asarray((core.response @ back[..., None])[..., 0])
 
     def answer(potential: np.ndarray) -> np.ndarray:
+        """Return the washer's charge in a potential."""
         return np.asarray((washer.response @ potential[..., None])[..., 0])
 
     left = answer(potential)
@@ -209,5 +213,5 @@ def _mutual(
 
 
 def _mean_square(orders: int) -> np.ndarray:
-    """Of cos mφ, for m = 0 … `orders` − 1."""
+    """Return the mean squares of cos mφ, for m = 0 … `orders` − 1."""
     return np.where(np.arange(orders) == 0, 1.0, 0.5)

@@ -1,4 +1,4 @@
-"""The pull of one coil on one washer over a range of gaps and offsets, interpolated, with its errors."""
+"""The pull of one coil on one washer over a range of gaps and offsets, interpolated from a table, with its errors."""
 
 import json
 from functools import cache
@@ -17,15 +17,16 @@ OWN_ERROR = 0.008
 """Relative error of a solved pull (docs/accuracy.md)."""
 COLUMNS = 5
 SLOPE_STEP = 0.02
-"""Relative step of the gap, where slopes are of solved pulls."""
+"""Relative step of the gap in differences between solved pulls."""
 
 BROUGHT = Path(__file__).with_name("pulls")
-"""Tables of catalogue parts: numbers in ``pulls.npy``, where each begins, and its ranges, in ``pulls.json``."""
+"""Tables of catalogue parts: the numbers in ``pulls.npy``; the start and the ranges of each table in ``pulls.json``."""
 
 
 class PullAt(NamedTuple):
-    """Pulls (n,) per A²: `pull` towards the coil in N, its `slope` with the gap in N/m, and their relative errors.
+    """Pulls (n,) per A² at places.
 
+    `pull` is towards the coil in N, `slope` its slope with the gap in N/m; `error` and `slope_error` are relative.
     `side`, `moment` and `dipole` are as in `pull.Pull`.
     """
 
@@ -39,10 +40,11 @@ class PullAt(NamedTuple):
 
 
 class PullTable(NamedTuple):
-    """Coefficients (gaps, offsets, 5) of Chebyshev polynomials in ln gap and in the offset's square.
+    """Coefficients (gaps, offsets, 5) of Chebyshev polynomials in ln gap and in the squared offset.
 
-    Of axial force, side force and moment over the offset, doubt and dipole of `pull.Pull`, over the exponential of the
-    polynomial `scale` (gaps,) in ln gap. Gaps `low` … `high` and offsets up to `reach`, in m.
+    The five are axial force, side force and moment over the offset, doubt and dipole of `pull.Pull`, each over the
+    exponential of the polynomial `scale` (gaps,) in ln gap. The table covers gaps `low` … `high` and offsets up to
+    `reach`, in m.
     """
 
     low: float
@@ -52,15 +54,15 @@ class PullTable(NamedTuple):
     shape: np.ndarray
 
     def covers(self, gap: np.ndarray, offset: np.ndarray) -> np.ndarray:
-        """Which places (n,) lie within."""
+        """Return which places (n,) lie within the table."""
         slack = 1e-9
         inside = (gap >= self.low * (1 - slack)) & (gap <= self.high * (1 + slack))
         return np.asarray(inside & (offset <= self.reach * (1 + slack)))
 
     def at(self, gap: np.ndarray, offset: np.ndarray) -> PullAt:
-        """At gaps and offsets (n,) in m, which the table covers.
+        """Return the pulls at gaps and offsets (n,) in m that the table covers.
 
-        The interpolation's own error is taken as the last coefficients of either kind.
+        The interpolation's own error is estimated as the size of the last coefficients in both directions.
         """
         per_log = 2 / log(self.high / self.low)
         along = np.log(gap / self.low) * per_log - 1
@@ -75,16 +77,16 @@ class PullTable(NamedTuple):
         if self.shape.shape[1] > 1:
             tails = tails + np.abs(basis @ self.shape[:, -2:, 0]).sum(-1)
         lost = size * tails + np.abs(doubt)
-        # A polynomial's slope is off by as many times more as it has coefficients, about.
+        # The error of a polynomial's slope is larger by about its number of coefficients.
         steep = lost * len(self.scale) * per_log / gap
         x = offset / self.reach
-        return _stated(axial, side * x, moment * x, slope, lost, steep, dipole)
+        return _with_errors(axial, side * x, moment * x, slope, lost, steep, dipole)
 
 
 def make_table(
     coil: CoilSource, washer: SteelRing, low: float, high: float, reach: float, gaps: int, offsets: int
 ) -> PullTable:
-    """Solve the pull at `gaps` times `offsets` places; with one offset, that is `reach` over √2."""
+    """Solve the pull at `gaps` times `offsets` places and return the table; a single offset is `reach` over √2."""
     at_gap, at_offset = _nodes(gaps), _nodes(offsets)
     gap = low * (high / low) ** ((at_gap + 1) / 2)
     offset = reach * np.sqrt((at_offset + 1) / 2)
@@ -99,14 +101,14 @@ def make_table(
 
 
 def parts_key(coil: CoilSource, washer: SteelRing) -> str:
-    """A coil and a washer by all of their numbers, as text."""
+    """Return all numbers of a coil and a washer as text, to identify the pair."""
     numbers = [*(v for winding in coil.windings for v in winding), *coil[1:], *washer]
     return " ".join(f"{number:.9g}" for number in numbers)
 
 
 def brought_table(coil: CoilSource, washer: SteelRing) -> PullTable | None:
-    """The table that padgen brings for these parts, None for others."""
-    places, numbers = _brought()
+    """Return the table that comes with padgen for these parts, None for others."""
+    places, numbers = _supplied_tables()
     place = places.get(parts_key(coil, washer))
     if place is None:
         return None
@@ -117,22 +119,23 @@ def brought_table(coil: CoilSource, washer: SteelRing) -> PullTable | None:
 
 
 @cache
-def _brought() -> tuple[dict[str, tuple[int, float, float, float, int, int]], np.ndarray]:
+def _supplied_tables() -> tuple[dict[str, tuple[int, float, float, float, int, int]], np.ndarray]:
+    """Read the places of the tables by `parts_key`, and all their numbers."""
     places = json.loads(BROUGHT.with_suffix(".json").read_text(encoding="ascii"))
     return places, np.load(BROUGHT.with_suffix(".npy"))
 
 
 def solved_pulls(coil: CoilSource, washer: SteelRing, gap: np.ndarray, offset: np.ndarray) -> PullAt:
-    """The same as `PullTable.at` without a table, at any place: three solutions each."""
+    """Return the pulls at gaps and offsets (n,) in m without a table, by three solutions each."""
     steps = (1 - SLOPE_STEP, 1.0, 1 + SLOPE_STEP)
     solved = [[pull(coil, washer, g * step, d) for step in steps] for g, d in zip(gap, offset, strict=True)]
     near, at, far = np.moveaxis(np.array(solved).reshape(-1, 3, COLUMNS), (1, 2), (0, 1))
     side, axial, moment, lost, dipole = at
     slope = (far[1] - near[1]) / (2 * SLOPE_STEP * gap)
-    return _stated(axial, side, moment, slope, lost, lost / gap, dipole)
+    return _with_errors(axial, side, moment, slope, lost, lost / gap, dipole)
 
 
-def _stated(
+def _with_errors(
     axial: np.ndarray,
     side: np.ndarray,
     moment: np.ndarray,
@@ -141,17 +144,19 @@ def _stated(
     steep: np.ndarray,
     dipole: np.ndarray,
 ) -> PullAt:
+    """Return pulls towards the coil with their relative errors, from upward forces and absolute errors."""
     with np.errstate(divide="ignore", invalid="ignore"):
         error, slope_error = OWN_ERROR + lost / np.abs(axial), OWN_ERROR + steep / np.abs(slope)
     return PullAt(-axial, side, moment, -slope, error, slope_error, dipole)
 
 
 def _nodes(count: int) -> np.ndarray:
+    """Return the Chebyshev nodes (count,) in −1 … 1."""
     return np.asarray(np.cos((np.arange(count) + 0.5) * np.pi / count))
 
 
 def _chebyshev(x: np.ndarray, count: int, kind: int = 1) -> np.ndarray:
-    """Chebyshev polynomials (n, count) of the first or second kind at x (n,)."""
+    """Return Chebyshev polynomials (n, count) of the first or second kind at x (n,)."""
     twice = 2 * x
     values = [np.ones(len(x)), kind * x]
     for _ in range(2, count):
@@ -160,7 +165,7 @@ def _chebyshev(x: np.ndarray, count: int, kind: int = 1) -> np.ndarray:
 
 
 def _chebyshev_slopes(x: np.ndarray, count: int) -> np.ndarray:
-    """Slopes (n, count) of the polynomials of the first kind: k times those of the second, of one order less."""
+    """Return slopes (n, count) of the polynomials of the first kind: k times the second kind's of one order less."""
     slopes = np.arange(count) * np.ones((len(x), 1))
     slopes[:, 1:] *= _chebyshev(x, count - 1, kind=2)
     return slopes

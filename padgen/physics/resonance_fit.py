@@ -1,21 +1,22 @@
-"""One resonance from what was measured: frequency, Q and the response at the peak, with one sigma of each.
+"""Fit one resonance to measured data: frequency, Q and peak response, with one sigma of each.
 
-A spectrum, a record of the answer to a known excitation and one of a free decay are fitted by one model of lines of
-frequency; those of a record are its Fourier transform's:
+The data are a spectrum, a record of the response to a known excitation, or a record of a free decay. All are fitted by
+one model in frequency; a record by its Fourier transform:
 
     Y(f) = X Σ P / (Q (1 − s²) + j s) + a X + b X/s² + Σ free decays,   s = f/f₀
 
-X is the transform of i², 1 for a spectrum, 0 for a free decay. a and b are what modes far above and below add
-(D. J. Ewins, Modal Testing, 2nd ed. 2000, ch. 4); P, a, b are complex for a spectrum (any phase of the sensor). What a
-mode brings with it into a record and carries out of its end is a free decay of the same pole, whose transform is
-``(1 − e^{λT})/(1 − e^{(λ − jω)/rate})``: so nothing needs to be silent or periodic. A drift is a pole at 0.
+X is the transform of i², 1 for a spectrum and 0 for a free decay. a and b are contributions of modes far above and
+below (D. J. Ewins, Modal Testing, 2nd ed. 2000, ch. 4). P, a, b are complex for a spectrum (any phase of the sensor).
+The vibration of a mode at a record's start and at its end is a free decay of the mode's pole, whose transform is ``(1 −
+e^{λT})/(1 − e^{(λ − jω)/rate})``; records need therefore be neither silent at their ends nor periodic. A drift is a
+pole at 0.
 
-Least squares in all lines near the resonance; further peaks that stand out of what is left become modes of the model,
-so that a small one beside the taxel's own does not pull it. The second method is the circle of
-`padgen.physics.circle_fit`. Magnitudes are for `padgen.physics.magnitude_fit`.
+The first method is least squares in all lines near the resonance. Further peaks that stand out of the residual become
+modes of the model, so that a small one does not distort the taxel's own. The second method, as a check, is the circle
+of `padgen.physics.circle_fit`. Magnitudes without phase are fitted by `padgen.physics.magnitude_fit`.
 
-Noise is taken as alike at all lines and independent; where what is left of the data is correlated, the errors are
-widened (`correlation_factor`). Checked from Q = 2 to 10⁴, at 20 to 60 dB, in `tests/test_resonance_fit.py`.
+Noise is assumed equal and independent at all lines; where the residual is correlated, the errors are widened
+(`correlation_factor`). Tested from Q = 2 to 10⁴, at 20 to 60 dB, in `tests/test_resonance_fit.py`.
 """
 
 from typing import NamedTuple
@@ -47,33 +48,35 @@ __all__ = ["current_of_voltage", "fit_decay", "fit_driven", "fit_spectrum", "rou
 MOST_MODES = 4
 LEAST_Q, LARGEST_Q = 0.55, 1e7
 SMOOTHED = (1, 5, 25, 125)
-"""Lines over which a response is averaged to find its peak in noise."""
+"""Numbers of lines over which a response is averaged to find its peak in noise."""
 TRIED_Q = 12
 WORTH = 40.0
-"""What a further mode must take off the sum of squares, in variances."""
+"""Least decrease of the sum of squares by a further mode, in variances."""
 SMALLEST_NOISE = 1e-9
-"""Of the largest response: rounding, which is no noise."""
+"""Noise over the largest response that counts as rounding only."""
 LONGEST, LONGEST_DECAY = 1 << 21, 1 << 20
-"""Samples of a driven record and of a decay that are looked at."""
+"""Most samples used of a driven record and of a decay."""
 MOST_LINES = 1 << 16
-"""Lines that are fitted, beyond which a fit takes minutes and gigabytes."""
+"""Most lines that are fitted; more would take minutes and gigabytes."""
 BELOW, ABOVE, LEAST_ABOVE = 1 / 8, 12.0, 3.0
-"""Lines of a record that are fitted, over the resonance; the last where there would be too many."""
+"""Lowest and highest line of a record that is fitted, over the resonance; the highest is LEAST_ABOVE for too many
+lines.
+"""
 DECAY_TAUS, DECAY_PERIODS = 8.0, 10.0
-"""Time constants, but at least so many periods, of a decay that are fitted: what follows is noise."""
+"""Fitted length of a decay in time constants, and its minimum in periods; the rest is noise."""
 FEWEST_PERIODS = 4.0
 EXCITED = 1e-3
-"""Of the largest power density of the excitation: the band that it shakes."""
+"""Power density at the edge of the excited band, over its largest."""
 ROUGH_BAND = 64.0
-"""Periods of a record's length at whose resolution that band is first looked for."""
+"""Frequency that stands for the resonance in the first look for the excited band, in steps of a record's lines."""
 MARGIN = 1.25
-"""Beyond that band lines are fitted by this factor: they show that a resonance is outside of it."""
+"""Factor by which lines are fitted beyond the excited band, to show a resonance outside of it."""
 
 
 class Lines(NamedTuple):
-    """Measured lines: `data` (n,) over `frequency` (n,) Hz; `excitation` (n,), None of a free decay.
+    """Measured lines: `data` (n,) over `frequency` (n,) in Hz; `excitation` (n,), None for a free decay.
 
-    Of a record also its rate and its number of samples, 0 of a spectrum.
+    `rate_hz` and the number of `samples` are those of a record, 0 for a spectrum.
     """
 
     frequency: np.ndarray
@@ -83,23 +86,24 @@ class Lines(NamedTuple):
     samples: int = 0
 
     def between(self, low: float, high: float) -> "Lines":
+        """Return the lines from `low` to `high` Hz."""
         keep = (self.frequency >= low) & (self.frequency <= high)
         excitation = None if self.excitation is None else self.excitation[keep]
         return self._replace(frequency=self.frequency[keep], data=self.data[keep], excitation=excitation)
 
     def own_columns(self, mode: int) -> np.ndarray:
-        """The columns of the basis that are what a mode adds: its answer, or its decay where nothing drove it."""
+        """Return the indices of a mode's columns in the basis: of its driven response, or of its free decay."""
         driven = self.samples and self.excitation is not None
         return np.array([3 * mode]) if driven else 2 * mode + np.arange(2)
 
     @property
     def step_hz(self) -> float:
-        """The distance of a record's lines."""
+        """Distance of a record's lines in Hz; 0 for a spectrum."""
         return self.rate_hz / self.samples if self.samples else 0.0
 
 
 class Mode(NamedTuple):
-    """The resonance of a fit that is meant, and the other peaks (Hz, amplitude)."""
+    """The chosen resonance of a fit: its index, frequency in Hz, Q and peak; and the other peaks (Hz, amplitude)."""
 
     place: int
     hz: float
@@ -111,40 +115,39 @@ class Mode(NamedTuple):
 def fit_spectrum(frequency_hz: np.ndarray, response: np.ndarray, near_hz: float | None = None) -> ResonanceFit:
     """Fit a complex `response` (n,) over rising `frequency_hz` (n,).
 
-    With `near_hz`, of several comparable peaks the one nearest to it is taken; else they are refused.
+    Of several comparable peaks the one nearest to `near_hz` is taken; without `near_hz` they are refused.
 
     Raises
     ------
     SolverError
-        No peak, one at an end of the sweep, two comparable ones, too few points in it, or a phase that turns the
-        wrong way.
+        No peak, one at an end of the sweep, two comparable ones, too few points in it, or a phase that rises.
     """
     frequency, data = np.asarray(frequency_hz, float), np.asarray(response, complex)
     refuse_bad_spectrum(frequency, data)
     lines = Lines(frequency, data, np.ones(len(data)))
-    fit = _fitted(lines, _tops(lines))
+    fit = _fit_modes(lines, _peak_candidates(lines))
     _refuse_phase(lines, fit)
-    mode = _main(lines, fit, near_hz)
+    mode = _chosen_mode(lines, fit, near_hz)
     noise = point_noise(data)
     refuse_no_peak(mode.peak, fit.noise, _gain(lines, fit), frequency, np.abs(data))
     refuse_no_resonance(np.abs(data), fit.noise, noise, mode.hz)
     refuse_edge(frequency[0], frequency[-1], mode.hz, mode.q)
     refuse_few(frequency, mode.hz, mode.q)
     inside = tuple(other for other in mode.others if frequency[0] < other[0] < frequency[-1])
-    return _compared(lines, fit, mode._replace(others=inside), fit.noise, near_hz)
+    return _with_circle_check(lines, fit, mode._replace(others=inside), fit.noise, near_hz)
 
 
 def fit_driven(
     rate_hz: float, squared_current: np.ndarray, displacement: np.ndarray, near_hz: float | None = None
 ) -> ResonanceFit:
-    """Fit the answer `displacement` (n,) to `squared_current` (n,); `peak` is per unit of a line of the latter.
+    """Fit the response `displacement` (n,) to `squared_current` (n,); `peak` is per unit of a line of the latter.
 
-    `near_hz` is where to look first, the planned resonance; all of the excited band is looked at.
+    `near_hz` is the planned resonance, where the search starts; all of the excited band is searched.
 
     Raises
     ------
     SolverError
-        No answer, two comparable resonances, a resonance at an end of the excited band, or too short a record.
+        No response, two comparable resonances, a resonance at an end of the excited band, or too short a record.
     """
     x, y = np.asarray(squared_current, float), np.asarray(displacement, float)
     refuse_bad_record(y)
@@ -153,15 +156,15 @@ def fit_driven(
     _refuse_long(len(y), LONGEST, rate_hz)
     low, high, _ = _excited_band(rate_hz, x, ROUGH_BAND * rate_hz / len(x))
     whole = _lines_of(rate_hz, y, x).between(low / MARGIN, high * MARGIN)
-    starts = _tops(whole)
+    starts = _peak_candidates(whole)
     if near_hz is not None and near_hz < 0.4 * rate_hz:
         starts.append(near_hz)
     lines = whole.between(BELOW * min(starts), ABOVE * max(starts))
     if len(lines.data) > MOST_LINES:
         lines = whole.between(BELOW * min(starts), LEAST_ABOVE * max(starts))
         _refuse_long(len(lines.data), MOST_LINES, len(lines.data) * lines.step_hz)
-    fit = _fitted(lines, starts)
-    mode = _main(lines, fit, near_hz)
+    fit = _fit_modes(lines, starts)
+    mode = _chosen_mode(lines, fit, near_hz)
     _refuse_short(len(y) / rate_hz, mode.hz)
     own = 3 * mode.place + np.arange(3)
     spectrum = np.zeros(len(y) // 2 + 1, dtype=complex)
@@ -171,9 +174,9 @@ def fit_driven(
     noise = _sample_noise(lines, fit)
     refuse_hidden(answer, noise, _gain(lines, fit), "answer to the excitation")
     lower, upper, step = _excited_band(rate_hz, x, mode.hz)
-    # The finer look may take what drifts for excitation; the coarser one is a step wide of it.
-    refuse_edge(max(low + step, lower), max(high, upper), mode.hz, mode.q, "what the excitation shakes", "it", step)
-    return _compared(lines, fit, mode, noise * mode.peak / answer, near_hz)
+    # The finer look may mistake drift for excitation, and the coarser one is uncertain by its step.
+    refuse_edge(max(low + step, lower), max(high, upper), mode.hz, mode.q, "the excited band", "the excitation", step)
+    return _with_circle_check(lines, fit, mode, noise * mode.peak / answer, near_hz)
 
 
 def fit_decay(rate_hz: float, displacement: np.ndarray, near_hz: float | None = None) -> ResonanceFit:
@@ -182,7 +185,7 @@ def fit_decay(rate_hz: float, displacement: np.ndarray, near_hz: float | None = 
     Raises
     ------
     SolverError
-        No decay, two comparable sines in it (unless `near_hz` tells which one is meant), or too short a record.
+        No decay, two comparable sines in it (unless `near_hz` selects one), or too short a record.
     """
     y = np.asarray(displacement, float)
     refuse_bad_record(y)
@@ -190,31 +193,31 @@ def fit_decay(rate_hz: float, displacement: np.ndarray, near_hz: float | None = 
     if first > 0.8 * len(y):
         raise SolverError(
             f"is largest {number(first / rate_hz)} s into a record of {number(len(y) / rate_hz)} s: a free decay starts"
-            " at its largest; add the excitation as a column if there was one"
+            " at its largest value; if there was an excitation, add it as a column"
         )
     y = y[first : first + LONGEST_DECAY]
     whole = _lines_of(rate_hz, y)
-    hz, q = _start(whole.between(0, ABOVE * _tops(whole)[0]), _tops(whole)[:1])
+    hz, q = _start(whole.between(0, ABOVE * _peak_candidates(whole)[0]), _peak_candidates(whole)[:1])
     seconds = max(min(DECAY_TAUS * q / (np.pi * hz), MOST_LINES / (ABOVE * hz)), DECAY_PERIODS / hz)
     y = y[: int(seconds * rate_hz) + 1]
     _refuse_short(len(y) / rate_hz, hz)
     lines = _lines_of(rate_hz, y).between(BELOW * hz, ABOVE * hz)
-    fit = _fitted(lines, [hz])
-    mode = _main(lines, fit, near_hz)
+    fit = _fit_modes(lines, [hz])
+    mode = _chosen_mode(lines, fit, near_hz)
     noise = _sample_noise(lines, fit)
     refuse_hidden(mode.peak, noise, _gain(lines, fit), "free decay")
-    return _compared(lines, fit, mode, noise, near_hz)
+    return _with_circle_check(lines, fit, mode, noise, near_hz)
 
 
 def rough_hz(rate_hz: float, displacement: np.ndarray, squared_current: np.ndarray | None = None) -> float:
-    """Frequency in Hz of the largest velocity under an excitation, or of the largest line of a decay: a first look."""
+    """Estimate the resonance in Hz: the largest velocity per excitation, or the largest line of a free decay."""
     if squared_current is not None:
-        return _tops(_lines_of(rate_hz, displacement, squared_current))[0]
-    return _tops(_lines_of(rate_hz, displacement[_largest(displacement) :][:LONGEST_DECAY]))[0]
+        return _peak_candidates(_lines_of(rate_hz, displacement, squared_current))[0]
+    return _peak_candidates(_lines_of(rate_hz, displacement[_largest(displacement) :][:LONGEST_DECAY]))[0]
 
 
 def current_of_voltage(rate_hz: float, voltage: np.ndarray, resistance: float, inductance: float) -> np.ndarray:
-    """Current (n,) in A that a voltage (n,) in V drives through R in Ω and L in H, steady before the record.
+    """Return the current (n,) in A that a voltage (n,) in V drives through R in Ω and L in H, steady before the record.
 
     Exact for a voltage that is straight between samples.
     """
@@ -230,7 +233,7 @@ def current_of_voltage(rate_hz: float, voltage: np.ndarray, resistance: float, i
 
 
 def _lines_of(rate: float, y: np.ndarray, x: np.ndarray | None = None) -> Lines:
-    """The lines of a record, without its mean."""
+    """Return the lines of a record, without its mean."""
     data, excitation = (None if v is None else np.fft.rfft(v - v.mean(dtype=float))[1:-1] for v in (y, x))
     assert data is not None
     return Lines(np.fft.rfftfreq(len(y), 1 / rate)[1:-1], data, excitation, rate, len(y))
@@ -242,8 +245,8 @@ def _largest(y: np.ndarray) -> int:
     return max(int(y.argmax()), int(y.argmin()), key=lambda k: abs(float(y[k]) - middle))
 
 
-def _tops(lines: Lines) -> list[float]:
-    """Frequencies to start at: where the averaged mobility is largest, and where most is explained."""
+def _peak_candidates(lines: Lines) -> list[float]:
+    """Return frequencies in Hz to start at: the largest averaged mobility and the largest explained power."""
     from scipy.ndimage import uniform_filter1d
 
     data, found = lines.data, [float(lines.frequency[np.abs(lines.data).argmax()])]
@@ -262,7 +265,7 @@ def _tops(lines: Lines) -> list[float]:
 
 
 def _start(lines: Lines, tops: list[float], before: np.ndarray | None = None) -> np.ndarray:
-    """Frequency and Q of the mode, of those tried at the tops, that beside those `before` leaves least."""
+    """Return frequency in Hz and Q of the mode, tried at `tops`, that leaves least beside the modes `before`."""
     finest = lines.step_hz / 10 or float(np.diff(lines.frequency).min())
     kept: list[float] = []
     for hz in tops:
@@ -274,23 +277,24 @@ def _start(lines: Lines, tops: list[float], before: np.ndarray | None = None) ->
     return np.array(tried[int(np.argmin(left))])
 
 
-def _fitted(lines: Lines, tops: list[float]) -> SeparableFit:
-    """Modes one after the other, at the peaks of what is left, as long as one is worth its numbers."""
+def _fit_modes(lines: Lines, tops: list[float]) -> SeparableFit:
+    """Fit modes one after the other, at the peaks of the residual, as long as each is worth its parameters."""
     fit = _least_squares(lines, np.log(_start(lines, tops)))
     for _ in range(MOST_MODES - 1):
         numbers = (len(fit.covariance) + 5) / 2
         rounding = fit.noise < SMALLEST_NOISE * np.abs(lines.data).max()
-        if rounding or len(lines.data) < numbers or not _structured(fit):
+        if rounding or len(lines.data) < numbers or not _has_structure(fit):
             break
-        start = _start(lines, _tops(lines._replace(data=fit.residual)), fit.theta)
+        start = _start(lines, _peak_candidates(lines._replace(data=fit.residual)), fit.theta)
         more = _least_squares(lines, np.concatenate([fit.theta, np.log(start)]))
-        if not _better(lines, fit, more):
+        if not _is_better(lines, fit, more):
             break
         fit = more
     return fit
 
 
 def _least_squares(lines: Lines, start: np.ndarray) -> SeparableFit:
+    """Fit all modes together, from `start` in ln f₀ and ln Q of each."""
     low, high = lines.frequency[0] / 3, lines.frequency[-1] * (1 if lines.samples else 3)
     bounds = tuple(np.tile(np.log(pair), len(start) // 2) for pair in ((low, LEAST_Q), (high, LARGEST_Q)))
     scale = np.ones(len(start))
@@ -299,7 +303,7 @@ def _least_squares(lines: Lines, start: np.ndarray) -> SeparableFit:
 
 
 def _basis(lines: Lines, theta: np.ndarray) -> np.ndarray:
-    """Columns of each mode, of peak 1, then those of far modes and a drift; their factors are real."""
+    """Return the columns of each mode, of peak 1, then of far modes and a drift; their factors are real."""
     frequency, x, columns = lines.frequency, lines.excitation, []
     for hz, q in np.exp(theta.reshape(-1, 2)):
         s = frequency / hz
@@ -320,20 +324,20 @@ def _basis(lines: Lines, theta: np.ndarray) -> np.ndarray:
 
 
 def _free(lines: Lines, pole: complex) -> np.ndarray:
-    """Transform (n,) of the samples of e^{λt} from the start of a record to its end."""
+    """Return the transform (n,) of the samples of e^{λt} from the start of a record to its end."""
     z = (pole - 2j * np.pi * lines.frequency) / lines.rate_hz
     return np.asarray(np.expm1(pole * lines.samples / lines.rate_hz) / np.expm1(z))
 
 
-def _structured(fit: SeparableFit) -> bool:
-    """Whether what is left of the data stands out of white noise somewhere, or is alike at neighbours."""
+def _has_structure(fit: SeparableFit) -> bool:
+    """Return whether the residual stands out of white noise somewhere, or is correlated between neighbours."""
     highest = float(np.abs(fit.residual).max()) ** 2
-    # The square of complex noise is above m times its mean with probability exp(-m).
+    # The square of complex noise exceeds m times its mean with probability exp(-m).
     return highest > fit.noise**2 * (np.log(len(fit.residual)) + 4) or correlation_factor(fit.residual) > 1
 
 
-def _better(lines: Lines, fit: SeparableFit, more: SeparableFit) -> bool:
-    """Tell whether a further mode is worth its four numbers, resolved, and apart from the others."""
+def _is_better(lines: Lines, fit: SeparableFit, more: SeparableFit) -> bool:
+    """Return whether a further mode is worth its four parameters, resolved, and apart from the others."""
     before, after = (float(np.linalg.norm(f.residual)) ** 2 for f in (fit, more))
     if before - after < WORTH * more.noise**2 / 2:
         return False
@@ -345,8 +349,8 @@ def _better(lines: Lines, fit: SeparableFit, more: SeparableFit) -> bool:
     return bool(resolved and placed.all() and near.sum() == len(hz))
 
 
-def _main(lines: Lines, fit: SeparableFit, near_hz: float | None) -> Mode:
-    """The largest mode, or of those comparable to it the nearest."""
+def _chosen_mode(lines: Lines, fit: SeparableFit, near_hz: float | None) -> Mode:
+    """Return the largest mode; with `near_hz`, the nearest to it among modes of comparable size."""
     hz, q = np.exp(fit.theta.reshape(-1, 2)).T
     peak = np.array([np.linalg.norm(fit.coefficients[lines.own_columns(k)]) for k in range(len(hz))])
     away = -peak if near_hz is None else np.abs(np.log(hz / near_hz))
@@ -356,19 +360,21 @@ def _main(lines: Lines, fit: SeparableFit, near_hz: float | None) -> Mode:
 
 
 def _gain(lines: Lines, fit: SeparableFit) -> float:
-    """What the modes take off the sum of squares, in variances of a part of a point."""
+    """Return the decrease of the sum of squares by all modes, in variances of the real or imaginary part of a point."""
     plain = left_over(_basis(lines, np.empty(0)), lines.data)
     taken = float(np.linalg.norm(plain)) ** 2 - float(np.linalg.norm(fit.residual)) ** 2
     return taken / max(fit.noise**2 / 2, np.finfo(float).tiny)
 
 
 def _sample_noise(lines: Lines, fit: SeparableFit) -> float:
-    """Root mean square of the noise of a record in the band of the lines that are fitted."""
+    """Return the root mean square noise of a record's samples in the band of the fitted lines."""
     return fit.noise * float(np.sqrt(2 * len(lines.data))) / lines.samples
 
 
-def _compared(lines: Lines, fit: SeparableFit, mode: Mode, noise: float, near_hz: float | None) -> ResonanceFit:
-    """The result of least squares beside the circle's, which gets the data without what all else adds."""
+def _with_circle_check(
+    lines: Lines, fit: SeparableFit, mode: Mode, noise: float, near_hz: float | None
+) -> ResonanceFit:
+    """Return the least-squares result beside the circle's, which is fitted to the data without all other terms."""
     if near_hz is None:
         refuse_two(mode.hz, mode.peak, mode.others)
     widened, own = correlation_factor(fit.residual), lines.own_columns(mode.place)
@@ -387,7 +393,7 @@ def _compared(lines: Lines, fit: SeparableFit, mode: Mode, noise: float, near_hz
 
 
 def _excited_band(rate: float, x: np.ndarray, hz: float) -> tuple[float, float, float]:
-    """Ends of the band in which the squared current has its power, and how finely they are known."""
+    """Return the ends in Hz of the band with the squared current's power, and the resolution in Hz."""
     from scipy.signal import welch
 
     frequency, power = welch(x - x.mean(), rate, nperseg=min(len(x), max(int(8 * rate / hz), 64)))
@@ -396,15 +402,15 @@ def _excited_band(rate: float, x: np.ndarray, hz: float) -> tuple[float, float, 
 
 
 def _refuse_phase(lines: Lines, fit: SeparableFit) -> None:
-    """Refuse a phase that rises through the peak, or that knows nothing of it."""
+    """Refuse a phase that rises through the peak, or that shows no resonance."""
     if fit.noise < 0.05 * np.abs(lines.data).max():
         return
     turned = lines._replace(data=lines.data.conj())
-    other = _least_squares(turned, np.log(_start(turned, _tops(turned))))
+    other = _least_squares(turned, np.log(_start(turned, _peak_candidates(turned))))
     if other.noise < 0.5 * fit.noise:
         raise SolverError(
             f"the phase rises through the peak at {number(float(np.exp(other.theta[0])))} Hz, where that of a"
-            " displacement falls by 180°: negate the phase or the imaginary part, or swap real and imaginary part back"
+            " displacement falls by 180°: negate the phase or the imaginary part, or swap real and imaginary parts"
         )
     try:
         alone = fit_magnitude(lines.frequency, np.abs(lines.data))
@@ -413,19 +419,21 @@ def _refuse_phase(lines: Lines, fit: SeparableFit) -> None:
     if alone.noise < 0.5 * fit.noise:
         raise SolverError(
             f"the magnitude has a peak at {number(alone.resonance_hz)} Hz, but the phase does not fall by 180°"
-            " through it as that of a resonance; see that it is in degrees and of this taxel, or leave the phase out"
+            " there as at a resonance; check that it is in degrees and of this taxel, or leave it out"
         )
 
 
 def _refuse_long(count: int, most: int, rate: float) -> None:
+    """Refuse more samples or lines than are fitted."""
     if count > most:
         raise SolverError(
-            f"lasts {number(count / rate)} s; at most {at_most(most / rate)} s of it can be fitted: cut it to those in"
-            " which the excitation passes the resonance and the answer rings"
+            f"lasts {number(count / rate)} s; at most {at_most(most / rate)} s of it can be fitted: cut it to the part"
+            " in which the excitation passes the resonance and the response rings"
         )
 
 
 def _refuse_short(seconds: float, hz: float) -> None:
+    """Refuse a record of too few periods."""
     if seconds * hz < FEWEST_PERIODS:
         raise SolverError(
             f"holds {number(float(seconds * hz))} periods of {number(hz)} Hz; record at least"

@@ -1,6 +1,6 @@
-"""Whether a measured response shows one resonance that a fit can be trusted on; else the sentence that says why not.
+"""Refuse measured responses whose fit cannot be trusted, each with a sentence that says why, and check two fits.
 
-With it first looks at a spectrum: its largest peak and the noise of a point. Frequencies are of the motion, in Hz.
+Also a first look at a spectrum: its largest peak and the noise of a point. Frequencies are of the motion, in Hz.
 """
 
 from typing import NamedTuple
@@ -28,35 +28,39 @@ __all__ = [
 ]
 
 SILENCE = 1e-30
-"""What a response must change by, in any unit: below it squares vanish."""
+"""Smallest range of a response, in any unit; below it squares underflow."""
 FEWEST_POINTS = 12
-"""Points of a spectrum: the model has ten numbers."""
+"""Fewest points of a spectrum, since the model has ten parameters."""
 FEWEST_SAMPLES = 32
 MOST_POINTS = 1 << 17
-"""Points of a spectrum, which take a few seconds and hundreds of megabytes."""
+"""Most points of a spectrum; these take a few seconds and hundreds of megabytes."""
 FEWEST_IN_PEAK = 3
-"""Points within one bandwidth on either side of the peak."""
+"""Fewest points within one bandwidth on either side of the peak."""
 LEAST_PEAK = 2.0
-"""The peak over the noise of a point: 6 dB."""
+"""Smallest peak over the noise of a point: 6 dB."""
 LEAST_GAIN = 40.0
-"""What the resonance must take off the sum of squares, in variances: 1000 points of noise reach 25 by chance."""
+"""Least decrease of the sum of squares by the resonance, in variances; 1000 points of noise reach 25 by chance."""
 MOST_LEFT = 0.2
-"""What a fit may leave of the largest response where that is no noise."""
+"""Largest residual of a fit, over the largest response, that may be more than noise."""
 MOST_VAGUE = 0.25
-"""Of the bandwidth: beyond it the tone is no better placed than by chance."""
+"""Largest sigma of the frequency in bandwidths; with more the tone is no better placed than by chance."""
 COMPARABLE = 0.5
-"""A second peak from this share of the first is as likely to be the one that is meant."""
+"""Share of the first peak from which a second one is as likely to be the right one."""
 MOST_APART, MOST_APART_Q = MOST_VAGUE, 2.0
-"""What two methods may differ by in frequency, of the bandwidth, and in Q, as a factor: beyond it one is wrong."""
+"""Largest difference of two methods, in bandwidths for the frequency and as a factor for Q; beyond it one is wrong."""
 AGREEMENT, AGREEMENT_FLOOR = 3.0, 0.01
-"""Two methods agree within so many sigmas, or so much of the bandwidth, which costs 0.02 % of the amplitude."""
+"""Two methods agree within this many sigmas, or within this share of the bandwidth, which costs 0.02 % of the
+amplitude.
+"""
 
 
 class ResonanceFit(NamedTuple):
-    """One resonance; `_error` is one sigma, `peak` the amplitude at resonance in the unit of the data.
+    """One resonance, by two methods.
 
-    `noise` is that of a point, or for a driven record that of a point over the largest response in it. `check_`
-    are of the second `check` method ('' where it could not be used). `others` are further peaks (Hz, amplitude).
+    Fields ending in `_error` are one sigma; `peak` is the amplitude at resonance in the unit of the data. `noise` is
+    that of a point; for a driven record, that of a sample over its largest response. Fields starting with `check_` are
+    the results of the second method, `check` ('' where it could not be used); `agree` says whether the two agree.
+    `others` are further peaks (Hz, amplitude).
     """
 
     resonance_hz: float
@@ -83,15 +87,15 @@ def checked(
     check: CircleFit | None,
     others: tuple[tuple[float, float], ...],
 ) -> ResonanceFit:
-    """The result of a fit, frequency, Q and peak with one sigma of each, beside that of a second method, if any.
+    """Return a fit's frequency, Q and peak with one sigma each, beside the result of the second method, if any.
 
-    Refuses a resonance that is not known to a quarter of its bandwidth, and one that the second method has elsewhere.
+    Refuses a resonance that is not known to a quarter of its bandwidth, and one that the second method finds elsewhere.
     """
     hz, q, peak = figures
     if not errors[0] <= MOST_VAGUE * hz / q:
         raise SolverError(
-            f"the resonance near {number(hz)} Hz can be told to ± {number(errors[0])} Hz only, at most"
-            f" {at_most(MOST_VAGUE * hz / q)} Hz, a quarter of its bandwidth, would do;"
+            f"the resonance near {number(hz)} Hz is known only to ± {number(errors[0])} Hz, where ±"
+            f" {at_most(MOST_VAGUE * hz / q)} Hz, a quarter of its bandwidth, is needed;"
             " excite more, average longer, or leave this taxel out"
         )
     seen = check or CircleFit(np.nan, np.nan, np.nan, np.nan)
@@ -104,16 +108,16 @@ def checked(
         if far and not agree:
             raise SolverError(
                 f"least squares find {number(hz)} Hz with a Q of {number(q)}, the {name}"
-                f" {number(check.resonance_hz)} Hz with a Q of {number(check.q)}: one is wrong; see that the data are"
-                " of displacement, not of velocity or acceleration, and of one resonance, and that no voltage is taken"
-                " for a current (--excitation voltage)"
+                f" {number(check.resonance_hz)} Hz with a Q of {number(check.q)}: one is wrong; check that the data are"
+                " of displacement, not of velocity or acceleration, and of one resonance, and that no voltage is read"
+                " as a current (--excitation voltage)"
             )
     method = name if check else ""
     return ResonanceFit(hz, errors[0], q, errors[1], peak, errors[2], noise, method, *seen, agree, others)
 
 
 def refuse_bad_spectrum(frequency_hz: np.ndarray, response: np.ndarray) -> None:
-    """Raise `SolverError` for data that no resonance can be looked for in."""
+    """Refuse data that are no spectrum, too few or too many."""
     if len(frequency_hz) != len(response) or len(frequency_hz) < FEWEST_POINTS:
         raise SolverError(f"must have at least {FEWEST_POINTS} frequencies, got {len(frequency_hz)}")
     if len(frequency_hz) > MOST_POINTS:
@@ -130,13 +134,14 @@ def refuse_bad_spectrum(frequency_hz: np.ndarray, response: np.ndarray) -> None:
 
 
 def refuse_bad_record(y: np.ndarray) -> None:
-    """Raise `SolverError` for a record that no resonance can be looked for in."""
+    """Refuse a record that is too short, constant or not finite."""
     if len(y) < FEWEST_SAMPLES:
         raise SolverError(f"must have at least {FEWEST_SAMPLES} samples, got {len(y)}")
     _refuse_numbers(y, "sample", "throughout")
 
 
 def _refuse_numbers(values: np.ndarray, point: str, everywhere: str) -> None:
+    """Refuse values that are not finite, or all alike."""
     if not np.isfinite(values).all():
         raise SolverError(f"must be finite numbers, {point} {int(np.argmin(np.isfinite(values))) + 1} is not")
     if np.ptp(values.real) < SILENCE and np.ptp(values.imag) < SILENCE:
@@ -144,17 +149,22 @@ def _refuse_numbers(values: np.ndarray, point: str, everywhere: str) -> None:
 
 
 def refuse_hidden(peak: float, noise: float, gain: float, what: str) -> None:
-    """Refuse a record whose motion does not stand out of the noise of a sample; `gain` as in `refuse_no_peak`."""
+    """Refuse a record whose motion is hidden in the noise of its samples; `gain` is as in `refuse_no_peak`."""
     if peak < LEAST_PEAK * noise or gain < LEAST_GAIN:
-        stands = f"{20 * np.log10(max(peak / noise, 1e-3)):.1f} dB" if noise > 0 else "nothing"
         raise SolverError(
-            f"shows no {what}: the best one stands {stands} over the noise of a sample, at least 6 dB are needed;"
-            " excite more, or leave this taxel out"
+            f"shows no {what}: the best one {_too_weak(peak, noise, 'sample')}; excite more, or leave this taxel out"
         )
 
 
+def _too_weak(peak: float, noise: float, point: str) -> str:
+    """Return the words for a peak that does not stand out of the noise of a `point` ('point' or 'sample')."""
+    if peak >= LEAST_PEAK * noise:
+        return "is no more than noise makes by chance"
+    return f"is {20 * np.log10(max(peak / noise, 1e-3)):.1f} dB above the noise of a {point}, where 6 dB are needed"
+
+
 def refuse_no_peak(peak: float, noise: float, gain: float, frequency_hz: np.ndarray, size: np.ndarray) -> None:
-    """Refuse a peak that does not stand out; `gain` is what it takes off the sum of squares, in variances."""
+    """Refuse a peak that does not stand out; `gain` is its decrease of the sum of squares, in variances."""
     low, high = float(frequency_hz[0]), float(frequency_hz[-1])
     if peak >= LEAST_PEAK * noise and gain >= LEAST_GAIN:
         return
@@ -166,31 +176,29 @@ def refuse_no_peak(peak: float, noise: float, gain: float, frequency_hz: np.ndar
         if away < ends and size[place] > 3 * np.median(size):
             hz = number(float(frequency_hz[place]))
             raise SolverError(f"the response is largest at the {end} end of the sweep, {hz} Hz, without a peak; {cure}")
-    stands = "is no more than noise makes by chance"
-    if peak < LEAST_PEAK * noise:
-        stands = (
-            f"stands {20 * np.log10(max(peak / noise, 1e-3)):.1f} dB over the noise of a point where 6 dB are needed"
-        )
     raise SolverError(
-        f"shows no resonance between {number(low)} and {number(high)} Hz: the best one {stands};"
-        " excite more, average longer, or leave this taxel out"
+        f"shows no resonance between {number(low)} and {number(high)} Hz: the best one"
+        f" {_too_weak(peak, noise, 'point')}; excite more, average longer, or leave this taxel out"
     )
 
 
 def refuse_no_resonance(size: np.ndarray, left: float, scatter: float, hz: float) -> None:
-    """Refuse a peak of another form: what a fit leaves is `left` (rms), of which `scatter` is noise."""
+    """Refuse a peak of another form: the fit's residual is `left` (rms), of which `scatter` is noise."""
     if left > MOST_LEFT * float(size.max()) and left > 4 * scatter:
         raise SolverError(
             f"the peak at {number(hz)} Hz is not that of a resonance: the best fit leaves"
             f" {100 * left / float(size.max()):.0f} % of it, where noise is {100 * scatter / float(size.max()):.0f} %;"
-            " see that amplitudes are no decibels and phases are in degrees, or leave this taxel out"
+            " check that amplitudes are not in decibels and that phases are in degrees, or leave this taxel out"
         )
 
 
 def refuse_edge(
     low: float, high: float, hz: float, q: float, what: str = "the sweep", it: str = "the sweep", slack: float = 0.0
 ) -> None:
-    """Refuse a resonance within half its bandwidth of an end of the band `what`, `slack` in Hz, or beyond it."""
+    """Refuse a resonance beyond an end of the band `what`, or within half a bandwidth of it.
+
+    `slack` in Hz is the uncertainty of the band's ends; `it` names what the user is to start or end elsewhere.
+    """
     half = hz / (2 * q)
     slack += 1e-3 * half
     for out, end, bound, cure in (
@@ -205,7 +213,7 @@ def refuse_edge(
 
 
 def refuse_few(frequency_hz: np.ndarray, hz: float, q: float) -> None:
-    """Refuse a peak that falls between the points."""
+    """Refuse a peak with too few points."""
     width = hz / q
     inside = int((np.abs(frequency_hz - hz) <= width).sum())
     if inside >= FEWEST_IN_PEAK:
@@ -215,23 +223,23 @@ def refuse_few(frequency_hz: np.ndarray, hz: float, q: float) -> None:
     wanted = min(width / 2, step / 2)
     raise SolverError(
         f"has {inside} points within a bandwidth of the peak at {number(hz)} Hz, where {FEWEST_IN_PEAK} are needed:"
-        f" a step of {number(step)} Hz there, at most {at_most(wanted)} Hz would do"
+        f" the step there is {number(step)} Hz and must be at most {at_most(wanted)} Hz"
     )
 
 
 def refuse_two(hz: float, peak: float, others: tuple[tuple[float, float], ...]) -> None:
-    """Refuse a second peak that may as well be the one that is meant."""
+    """Refuse a second peak that is as likely to be the right one."""
     for other_hz, other_peak in others:
         if other_peak >= COMPARABLE * peak:
             low, high = sorted((hz, other_hz))
             raise SolverError(
-                f"has two peaks, at {number(low)} and {number(high)} Hz, the smaller of {number(other_peak / peak)} of"
-                f" the larger; sweep around the taxel's own alone, or ask for the one nearest to the plan"
+                f"has two peaks, at {number(low)} and {number(high)} Hz, the smaller {number(other_peak / peak)} times"
+                " the larger; sweep only around the taxel's own, or choose the one nearest to the plan"
             )
 
 
 def rough_peak(frequency: np.ndarray, size: np.ndarray) -> tuple[float, float]:
-    """Frequency of the largest `size` (n,), and the width where it is above 1/√2 of that without a break."""
+    """Return the frequency of the largest `size` (n,), and the width in Hz around it where it is above 1/√2 of that."""
     top = int(size.argmax())
     lower = np.flatnonzero(size < size[top] / np.sqrt(2))
     low = frequency[lower[lower < top][-1] if (lower < top).any() else 0]
@@ -240,9 +248,9 @@ def rough_peak(frequency: np.ndarray, size: np.ndarray) -> tuple[float, float]:
 
 
 def point_noise(data: np.ndarray) -> float:
-    """Root mean square noise of a point (n,) by the median second difference, which few points of a peak do not move.
+    """Return the root mean square noise of a point, from the median second difference of the data (n,).
 
-    Of complex data of both parts together; of real data, such as magnitudes, of one.
+    A narrow peak hardly changes that median. For complex data the noise is of both parts together.
     """
     second = np.abs(data[2:] - 2 * data[1:-1] + data[:-2])
     # The median of a Rayleigh variable over its root mean square is √ln 2, that of a half-normal one 0.6745.

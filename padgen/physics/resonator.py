@@ -1,4 +1,4 @@
-"""One resonator: frequency, receptance, ring-up (paper Eq. 1-3)."""
+"""Formulas of one resonator: frequency, receptance, ring-up (paper Eq. 1-3)."""
 
 from math import pi
 from typing import Any
@@ -17,24 +17,24 @@ Array = Any
 
 
 def natural_frequency(stiffness: Array, mass: Array) -> Array:
-    """Natural frequency in Hz of a point mass in kg on a spring in N/m (paper Eq. 1)."""
+    """Return the natural frequency in Hz of a point mass in kg on a spring in N/m (paper Eq. 1)."""
     return np.sqrt(np.divide(stiffness, mass)) / (2 * pi)
 
 
 def rule_stiffness(modulus: Array, width: Array, thickness: Array, length: Array, end_factor: Array) -> Array:
-    """Stiffness in N/m of one beam by the point-mass rule ``k = c E w t³/l³`` (paper Eq. 2).
+    """Return the stiffness in N/m of one beam by the point-mass rule ``k = c E w t³/l³`` (paper Eq. 2).
 
-    `end_factor` c is 1/4 for a cantilever with a free end slope and 1 for a guided beam; beams in
-    parallel add. Lengths in m, `modulus` in Pa.
+    `end_factor` c is 1/4 for a cantilever with a free end slope and 1 for a guided beam; the stiffnesses of parallel
+    beams add. Lengths in m, `modulus` in Pa.
     """
     return end_factor * modulus * width * (np.asarray(thickness) / length) ** 3
 
 
 def receptance(frequency: Array, resonance: Array, mass: Array, q: Array) -> Array:
-    """Complex displacement per force in m/N at force `frequency` in Hz.
+    """Return the complex displacement per force in m/N at force `frequency` in Hz.
 
-    ``H = 1/(4π² m) / (f_i² − f² + j f f_i/Q_i)``. The difference of squares is taken as a product,
-    so that a tone next to its resonance keeps its digits at large Q.
+    ``H = 1/(4π² m) / (f_i² − f² + j f f_i/Q_i)``. The difference of squares is computed as a product, so that a tone
+    next to its resonance keeps its digits at large Q.
     """
     frequency, resonance = np.asarray(frequency, float), np.asarray(resonance, float)
     detuning = (resonance - frequency) * (resonance + frequency)
@@ -42,10 +42,10 @@ def receptance(frequency: Array, resonance: Array, mass: Array, q: Array) -> Arr
 
 
 def relative_energy(frequency: Array, resonance: Array, q: Array, rest: Array = 0.0) -> Array:
-    """Squared receptance at `frequency` over that at resonance, ``1/((Q (1−s²))² + s²)``, s = f/f_i.
+    """Return the squared receptance at `frequency` over that at resonance, ``1/((Q (1−s²))² + s²)``, s = f/f_i.
 
-    1 at the resonance, 1/Q² far below. `rest` is what rounding left out of `frequency`: the two are
-    subtracted from the resonance one after the other, so that a line keeps its distance to it.
+    It is 1 at the resonance and 1/Q² far below. `rest` is the rounding error of `frequency`: the two are subtracted
+    from the resonance one after the other, so that the distance of a line to it stays exact.
     """
     offset = (resonance - frequency) - rest
     share = frequency / resonance
@@ -54,5 +54,5 @@ def relative_energy(frequency: Array, resonance: Array, q: Array, rest: Array = 
 
 
 def ring_up_time(resonance: Array, q: Array) -> Array:
-    """Time constant in s with which a vibration grows and decays, ``Q/(π f)``."""
+    """Return the time constant in s with which a vibration grows and decays, ``Q/(π f)``."""
     return np.asarray(q) / (pi * np.asarray(resonance))

@@ -1,4 +1,4 @@
-"""Mass, centroid and inertia of a body composed of boxes, discs and points."""
+"""Mass, centroid and inertia of bodies composed of boxes and rings."""
 
 from typing import Any, NamedTuple
 
@@ -18,7 +18,7 @@ class RigidBody(NamedTuple):
 
 
 def box(low: tuple[Array, Array, Array], high: tuple[Array, Array, Array], density: float) -> RigidBody:
-    """A box between two corners in m; a negative `density` cuts it out."""
+    """Return a box between two corners in m, `density` in kg/m³; a negative density cuts it out."""
     x, y, z = (np.subtract(h, b) for b, h in zip(low, high, strict=True))
     mass = density * (x * y * z)
     share = mass / 12
@@ -29,7 +29,7 @@ def box(low: tuple[Array, Array, Array], high: tuple[Array, Array, Array], densi
 def ring(
     centre: tuple[Array, Array], z_low: Array, z_high: Array, outer: Array, inner: Array, density: float
 ) -> RigidBody:
-    """An upright ring (or disc, `inner` = 0) by its diameters in m."""
+    """Return an upright ring (a disc for `inner` = 0) by its diameters in m; `density` in kg/m³."""
     height = np.subtract(z_high, z_low)
     mass = density * np.pi / 4 * (np.square(outer) - np.square(inner)) * height
     square = np.square(outer) + np.square(inner)
@@ -38,7 +38,7 @@ def ring(
 
 
 def _upright(mass: Array, centre: tuple[Array, ...], moments: tuple[Array, ...]) -> RigidBody:
-    """A body whose main axes of inertia are x, y and z; all of its parts in one shape."""
+    """Return a body with main axes of inertia along x, y and z, with all parts broadcast to one shape."""
     shape = np.broadcast_shapes(*(np.shape(part) for part in (mass, *centre, *moments)))
     whole, at, inertia = np.empty(shape), np.empty((*shape, 3)), np.zeros((*shape, 3, 3))
     whole[...] = mass
@@ -48,7 +48,7 @@ def _upright(mass: Array, centre: tuple[Array, ...], moments: tuple[Array, ...])
 
 
 def combine(*bodies: RigidBody) -> RigidBody:
-    """The bodies as one, by Steiner's theorem."""
+    """Return the bodies as one, by Steiner's theorem."""
     mass: Any = sum(b.mass for b in bodies)
     centroid = sum(b.mass[..., None] * b.centroid for b in bodies) / mass[..., None]
     inertia: Any = 0.0

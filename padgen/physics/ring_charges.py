@@ -1,6 +1,6 @@
 """Rings of magnetic charge: potential and field of charge that varies as cos mφ round an axis.
 
-All is of toroidal functions, the Legendre functions Q_{m−½} of the second kind: between circles about one axis
+Both are toroidal functions, the Legendre functions Q_{m−½} of the second kind. Between circles about one axis
 
     ∫ cos mφ / R dφ = 2 Q_{m−½}(1 + ε) / √(r r'),   ε = ((r − r')² + (z − z')²) / (2 r r')
 
@@ -16,25 +16,27 @@ import numpy as np
 __all__ = ["RingPotential", "gauss", "ring_potential", "toroidal"]
 
 CONVERGED = 1e-9
-"""Half the difference of the two means; the next one would be less than its square."""
+"""Half the difference of the two means at which their iteration ends; the next one would be less than its square."""
 FAR = 0.3
-"""ε from which on the recurrence runs down from high orders: running up to the twelfth loses too many digits there."""
+"""ε above which the recurrence runs down from high orders, since running up to order twelve loses too many digits
+there.
+"""
 LOST = 1e7
-"""Rounding errors may grow by this on the way up: by about (2 + 2 ε)² an order."""
+"""Largest growth of rounding errors in the upward recurrence, which is about (2 + 2 ε)² per order."""
 ORDERS_ABOVE = 12
-"""Where it starts above the highest order wanted: what it starts from has then decayed to 1e-8."""
+"""Orders above the highest wanted at which the downward recurrence starts: its starting error then decays to 1e-8."""
 NEAREST = 1e-15
 
 
 @lru_cache(maxsize=256)
 def gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Gauss-Legendre points and weights on [0, 1]: an eigenproblem, needed many times over."""
+    """Return Gauss-Legendre points and weights on [0, 1], cached since each is an eigenproblem."""
     node, weight = np.polynomial.legendre.leggauss(count)
     return (node + 1) / 2, weight / 2
 
 
 def toroidal(above_one: np.ndarray, most: int) -> np.ndarray:
-    """Q_{m−½}(1 + ε) for m = 0 … `most` (at least 1), shape (most + 1, …)."""
+    """Return Q_{m−½}(1 + ε) for m = 0 … `most` (at least 1), shape (most + 1, …); `above_one` is ε."""
     flat = np.ravel(above_one)
     x = 1 + flat
     first, second = _elliptic(flat / (flat + 2))
@@ -53,7 +55,7 @@ def toroidal(above_one: np.ndarray, most: int) -> np.ndarray:
         down = np.empty((most + 1, x_far.size))
         ratio, below = 1 / (2 * x_far), np.empty_like(x_far)
         for m in range(most + ORDERS_ABOVE, 0, -1):
-            # (2m − 1)/(4m x − (2m + 1) ratio), in place: most of a field's time goes here.
+            # (2m − 1)/(4m x − (2m + 1) ratio), in place, since a field takes most of its time here.
             np.multiply(4 * m, x_far, out=below)
             ratio *= 2 * m + 1
             np.subtract(below, ratio, out=ratio)
@@ -66,9 +68,9 @@ def toroidal(above_one: np.ndarray, most: int) -> np.ndarray:
 
 
 def _elliptic(complement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Complete elliptic integrals K(m) and E(m) of m = 1 − `complement`, by the arithmetic-geometric mean."""
+    """Return the complete elliptic integrals K(m) and E(m), m = 1 − `complement`, by the arithmetic-geometric mean."""
     b = np.sqrt(complement)
-    # The first step, of a = 1; then in place, since these are the dearest lines of a field.
+    # The first step has a = 1. The others are in place, since these lines take much of a field's time.
     a, c, b = (1 + b) / 2, (1 - b) / 2, np.sqrt(b)
     total, power, square = (1 - complement) / 2 + c * c, 1.0, np.empty_like(c)
     while c.max(initial=0.0) > CONVERGED:
@@ -89,7 +91,7 @@ def _elliptic(complement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 class RingPotential(NamedTuple):
     """Potential of rings with a charge of cos mφ per metre of their meridian, and its slopes along r and z.
 
-    Each of shape (m, …), per unit of ``density dr'``: times r' and the ring's width already.
+    Each has the shape (m, …) and is per unit of ``density dr'``; the ring's radius r' is included as a factor.
     """
 
     value: np.ndarray
@@ -100,9 +102,9 @@ class RingPotential(NamedTuple):
 def ring_potential(
     radius: np.ndarray, height: np.ndarray, ring_radius: np.ndarray, ring_height: np.ndarray, most: int, at_ring: bool
 ) -> RingPotential:
-    """Of orders m = 0 … `most` at points (all four of shapes that broadcast); slopes at the rings where `at_ring`.
+    """Return potentials of orders m = 0 … `most` at points, with slopes at the points, or at the rings with `at_ring`.
 
-    On the axis a radius is taken as a ten-thousandth of the ring's.
+    The four arrays, in m, broadcast. A radius on the axis is replaced by a ten-thousandth of the ring's.
     """
     ring_radius = np.maximum(ring_radius, 1e-12)
     radius = np.maximum(radius, 1e-4 * ring_radius)

@@ -1,4 +1,4 @@
-"""Magnetisation curves of steels: flux density against field, monotone, with the slope of air beyond the last point."""
+"""Magnetisation curves of steels: flux density against field, monotone, saturated beyond the last point."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,15 +18,14 @@ MU_0 = 4e-7 * pi
 class BHCurve:
     """A magnetisation curve through the origin and the points `flux_density_t` (n,) at `field_a_per_m` (n,).
 
-    Between points a monotone cubic (Fritsch and Carlson, *SIAM J. Numer. Anal.* 17, 1980), beyond the
-    last one a line of slope μ0: the steel is saturated there. Hysteresis is left out.
+    Between points it is a monotone cubic (Fritsch and Carlson, *SIAM J. Numer. Anal.* 17, 1980); beyond the last one it
+    is a line of slope μ0, since the steel is saturated there. Hysteresis is left out.
 
     Raises
     ------
     SpecError
-        Fewer than three points, arrays of different length, a point that is not above 0 and finite,
-        one that does not rise above the one before, or two between which it rises less than in air:
-        the message says which point.
+        Fewer than three points, arrays of different length, a point that is not above 0 and finite or does not rise
+        above the one before, or two points between which the curve rises less than air. The message names the point.
     """
 
     name: str
@@ -48,7 +47,7 @@ class BHCurve:
                 i = int(bad[0])
                 self._refuse(
                     f"the {name} of point {i + 1} must be above {number(float(before[i]))} {unit},"
-                    f" the one before it, got {number(float(values[i]))} {unit}"
+                    f" that of the point before, got {number(float(values[i]))} {unit}"
                 )
         flat = np.flatnonzero(np.diff(b) < MU_0 * np.diff(h) * (1 - 1e-9))
         if flat.size:
@@ -63,13 +62,13 @@ class BHCurve:
 
     @cached_property
     def _knots(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Fields, flux densities and slopes with the origin before them."""
+        """Fields, flux densities and slopes, starting with the origin."""
         h = np.concatenate([[0.0], self.field_a_per_m])
         b = np.concatenate([[0.0], self.flux_density_t])
         return h, b, _monotone_slopes(h, b)
 
     def flux_density_at(self, field_a_per_m: Any) -> np.ndarray:
-        """B in T at fields H of any shape in A/m; odd in H."""
+        """Return B in T at fields H of any shape in A/m; odd in H."""
         h, b, slope = self._knots
         size = np.abs(np.asarray(field_a_per_m, float))
         i = np.clip(np.searchsorted(h, size, side="right") - 1, 0, len(h) - 2)
@@ -85,9 +84,9 @@ class BHCurve:
         return np.asarray(np.sign(field_a_per_m) * np.where(size > h[-1], beyond, inside))
 
     def samples(self, about: int = 160) -> tuple[np.ndarray, np.ndarray]:
-        """Fields and flux densities from the origin on, dense enough to join by straight lines.
+        """Return about `about` fields and flux densities from the origin on, close enough for straight lines between.
 
-        The last point lies a thousand times the last field on, on the line of slope μ0.
+        The last point is at a thousand times the last field, on the line of slope μ0.
         """
         h = self._knots[0]
         per_interval = -(-about // (len(h) - 1))
@@ -98,11 +97,11 @@ class BHCurve:
 
 
 def saturating(name: str, initial_permeability: float, saturation_t: float) -> BHCurve:
-    """A steel by two figures: ``J = χ μ0 H / (1 + χ μ0 H / J_s)`` (Fröhlich 1881, Kennelly 1891; Bozorth,
-    *Ferromagnetism*, 1951, ch. 11).
+    """Return the curve of a steel by two figures, ``J = χ μ0 H / (1 + χ μ0 H / J_s)``.
 
-    `initial_permeability` relative, at H → 0, so that a weakly driven part is as in a linear model;
-    `saturation_t` is the polarisation J_s in T. Sampled from J_s/1000 to 0.999 J_s.
+    The law is Fröhlich's (1881) and Kennelly's (1891); Bozorth, *Ferromagnetism*, 1951, ch. 11. `initial_permeability`
+    is relative, at H → 0, so that a weakly driven part acts as in a linear model; `saturation_t` is the polarisation
+    J_s in T. Sampled from J_s/1000 to 0.999 J_s.
 
     Raises
     ------
@@ -119,8 +118,10 @@ def saturating(name: str, initial_permeability: float, saturation_t: float) -> B
 
 
 def _monotone_slopes(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Slopes of a monotone cubic: weighted harmonic means of the chords inside, the first chord's own rise
-    at the origin, air's at the end."""
+    """Return the slopes of a monotone cubic.
+
+    Inside they are weighted harmonic means of the chords, at the origin a limited parabola's, at the end that of air.
+    """
     step, chord = np.diff(x), np.diff(y) / np.diff(x)
     first, second = 2 * step[1:] + step[:-1], step[1:] + 2 * step[:-1]
     inner = (first + second) / (first / chord[:-1] + second / chord[1:])
@@ -144,5 +145,6 @@ TEAM_STEEL = BHCurve(
 # fmt: on
 
 MILD_STEEL = saturating("mild steel", initial_permeability=300, saturation_t=2.14)
-"""Plain low-carbon steel of washers: polarisation at saturation of iron with little carbon (Bozorth 1951,
-table 2); permeability of the catalogue's washers."""
+"""Low-carbon steel of washers: saturation polarisation of iron with little carbon (Bozorth 1951, table 2), permeability
+of the catalogue's washers.
+"""

@@ -1,24 +1,22 @@
-"""How far OFF taxels stay below ON taxels, for every drive scheme and in every on/off state.
+"""Selectivity: the vibration of OFF taxels against that of ON taxels, for every drive scheme and every on/off state.
 
-A coil pulls with the square of its current, so that a drive scheme is a recipe for the lines of i².
-Each channel has its wanted line at its resonance r; what else a scheme makes are spurs:
+A coil pulls with the square of its current, so that a drive scheme determines the lines of i². Each channel has its
+wanted line at its resonance r; all other lines are spurs:
 
-=============  ==========================================  ================================
-scheme         current                                     spurs of channels a, b
-=============  ==========================================  ================================
-tones          sum of sines at r/2 (paper Eq. 4-5)         (r_a + r_b)/2 and abs(r_a − r_b)/2
-spur-free      square root of the wanted force             none
-biased         a constant and sines at r                   r_a + r_b, abs(r_a − r_b) and 2 r_a
-time-shared    one channel at a time, a sine at r/2        none, and never two tones at once
-=============  ==========================================  ================================
+=============  ==========================================  ================================ scheme         current
+spurs of channels a, b =============  ==========================================  ================================ tones
+sum of sines at r/2 (paper Eq. 4-5)         (r_a + r_b)/2 and abs(r_a − r_b)/2 spur-free      square root of the wanted
+force             none biased         a constant and sines at r                   r_a + r_b, abs(r_a − r_b) and 2 r_a
+time-shared    one channel at a time, a sine at r/2        none, and never two tones at once =============
+==========================================  ================================
 
-All figures are of the steady state: currents are switched in ramps that are slow against the
-ring-down of the taxels (time-shared, in every slot). Lines of distinct frequency add as energies,
-and energies only add: an OFF taxel is loudest when all others are on. So the worst of 2ⁿ states is
-one of n (or one pair, where channels take turns).
+All figures are of the steady state: currents are switched in ramps that are slow against the ring-down of the taxels
+(time-shared, in every slot). Lines of distinct frequency add as energies, and energies only add, so that an OFF taxel
+is loudest when all others are on. The worst of 2ⁿ states is therefore one of n (or one pair, where channels take
+turns).
 
-A taxel is one resonator, or all the modes of `padgen.physics.modal`, whose amplitudes add at each line: what it
-hears of a line is another number then, and the lines' energies still only add.
+A taxel is one resonator, or all the modes of `padgen.physics.modal`, whose amplitudes add at each line. With modes its
+response to each line differs, but the lines' energies still only add.
 """
 
 from collections.abc import Iterator
@@ -54,7 +52,7 @@ __all__ = [
 ]
 
 BLOCK = 1 << 15
-"""Responses that are worked on at a time: what stays in a core's cache."""
+"""Responses computed at a time: few enough for a core's cache."""
 MANY = 1 << 62
 FARTHEST_SIGMA, LEAST = 8.0, 1e-300
 """Beyond so many sigma nothing comes too near; what stands for no energy at all."""
@@ -63,7 +61,7 @@ FARTHEST_SIGMA, LEAST = 8.0, 1e-300
 class Scheme(NamedTuple):
     """A drive scheme; `bias_ratio` is the constant current over the largest tone's (biased only).
 
-    `version` tells apart, in caches, schemes that were registered under one name after each other.
+    `version` distinguishes, in caches, schemes that were registered one after the other under one name.
     """
 
     name: str
@@ -72,13 +70,13 @@ class Scheme(NamedTuple):
 
     @property
     def kind(self) -> "DriveScheme":
-        """What the scheme does, from its file or as it was registered."""
+        """The scheme's implementation, from its file or as registered."""
         found: DriveScheme = SCHEMES.get(self.name, "drive.scheme")
         return found
 
     @property
     def has_pair_spurs(self) -> bool:
-        """Whether two channels make lines that neither wants."""
+        """True where two channels together make unwanted lines."""
         return self.kind.HAS_PAIR_SPURS
 
     @property
@@ -87,35 +85,38 @@ class Scheme(NamedTuple):
         return 1.0 if self.has_constant else 0.5
 
     def pair_square(self, a: np.ndarray, b: np.ndarray, strongest: np.ndarray | float) -> np.ndarray:
-        """Square of the amplitude of a pair's spurs, by wanted lines; `strongest` is the line that sets the bias."""
+        """Return the squared amplitude of the spurs of two channels with the wanted lines a and b.
+
+        `strongest` is the line that sets the bias.
+        """
         return self.kind.pair_square(self, a, b, strongest)
 
     @property
     def is_root(self) -> bool:
-        """Whether the current is the root of the wanted force."""
+        """True where the current is the root of the wanted force."""
         return self.kind.CURRENT == "root"
 
     @property
     def is_biased(self) -> bool:
-        """Whether the current is a constant and tones."""
+        """True where the current is a constant and tones."""
         return self.kind.CURRENT == "biased"
 
     @property
     def has_constant(self) -> bool:
-        """Whether the current has a constant part, so that a channel's line of it is at its resonance."""
+        """True where the current has a constant part, so that a channel's line of current is at its resonance."""
         return self.kind.CURRENT != "tones"
 
     @property
     def takes_turns(self) -> bool:
-        """Whether one channel plays at a time."""
+        """True where one channel plays at a time."""
         return self.kind.TAKES_TURNS
 
 
 class Channels(NamedTuple):
     """The channels of one coil, arrays of shape (n,), or of many coils, (n, …).
 
-    `line` is the amplitude of a channel's wanted line of i², up to one common factor: the force
-    ``A = D 4π² m f²/Q`` that its ON displacement D takes, over what the coil pulls its washer with.
+    `line` is the amplitude of a channel's wanted line of i², up to one common factor: the force ``A = D 4π² m f²/Q``
+    for its ON displacement D, over the coil's force constant for its washer.
     """
 
     resonance_hz: np.ndarray
@@ -124,10 +125,10 @@ class Channels(NamedTuple):
 
 
 class Lines(NamedTuple):
-    """Lines of i²: frequencies (k, l, …), what rounding took off them, squares of amplitudes, and who makes them.
+    """Lines of i² and the channels that make them.
 
-    Each of l channels or pairs makes k lines; `makers` has one array (l,) of channels, or two. Amplitudes are in the
-    unit of `Channels.line`.
+    `hz` are the frequencies (k, l, …), `rest` their rounding errors, `square` the squared amplitudes in the unit of
+    `Channels.line`. Each of l channels or pairs makes k lines; `makers` has one array (l,) of channels, or two.
     """
 
     hz: np.ndarray
@@ -137,7 +138,7 @@ class Lines(NamedTuple):
 
 
 class AllStates(NamedTuple):
-    """Selectivity over all states in dB, a worst state as bits (channel 0 first), the OFF taxel of it."""
+    """Selectivity over all states in dB, a worst state as bits (channel 0 first), and its loudest OFF taxel."""
 
     db: float
     state: str
@@ -151,9 +152,9 @@ def channels(
     mass: np.ndarray | float = 1.0,
     pull: np.ndarray | float = 1.0,
 ) -> Channels:
-    """`Channels` from ON displacements `level`, effective masses and force constants `pull`.
+    """Return `Channels` from ON displacements `level`, effective masses and force constants `pull`.
 
-    Each up to a common factor; the defaults take all plates as alike and all washers as pulled alike.
+    Each may have any common factor. The defaults are equal masses and equal force constants.
     """
     resonance = np.asarray(resonance_hz, float)
     quality = np.broadcast_to(np.asarray(q, float), resonance.shape)
@@ -162,14 +163,17 @@ def channels(
 
 
 def tone_energy(receivers: Channels, drivers: Channels) -> np.ndarray:
-    """M_ij² (receivers, drivers): energy of taxel i at the tone of channel j over that of its own ON state."""
+    """Return M_ij² (receivers, drivers): the energy of taxel i at the tone of channel j over that when it is ON."""
     response = relative_energy(drivers.resonance_hz, receivers.resonance_hz[:, None], receivers.q[:, None])
     energy: np.ndarray = response * (drivers.line / receivers.line[:, None]) ** 2
     return energy
 
 
 def own_lines(of: Channels, scheme: Scheme, most: int = MANY) -> Iterator[Lines]:
-    """The wanted lines of channels (n, …), biased with the tones' second harmonics, of at most `most` at a time."""
+    """Yield the wanted lines of channels (n, …), with the second harmonics of biased tones.
+
+    Each yield has up to `most` channels.
+    """
     each = np.arange(len(of.line))
     for start in range(0, len(each), most):
         own = slice(start, start + most)
@@ -182,9 +186,9 @@ def own_lines(of: Channels, scheme: Scheme, most: int = MANY) -> Iterator[Lines]
 
 
 def scheme_lines(of: Channels, scheme: Scheme, most: int = MANY) -> Iterator[Lines]:
-    """All lines of i²: `own_lines`, then the sums and differences of pairs, at most `most` channels or pairs at a time.
+    """Yield all lines of i², up to `most` channels or pairs at a time: `own_lines`, then sums and differences of pairs.
 
-    Of two channels alone without the pair: it falls on no third.
+    Two channels alone have no lines of pairs, since there is no third taxel to hear them.
     """
     yield from own_lines(of, scheme, most)
     a, b = _pairs(len(of.line))
@@ -198,7 +202,10 @@ def pair_lines(
     makers: tuple[np.ndarray, np.ndarray] | None = None,
     strongest: np.ndarray | float | None = None,
 ) -> Lines:
-    """Spurs, sum and difference, of two `makers` each (l,), or of all pairs; `strongest`, or all's, sets the bias."""
+    """Return sum and difference spurs of pairs of `makers`, each (l,), or of all pairs.
+
+    `strongest`, by default the largest of all lines, sets the bias.
+    """
     a, b = makers = makers or _pairs(len(of.line))
     low, high = np.minimum(of.resonance_hz[a], of.resonance_hz[b]), np.maximum(of.resonance_hz[a], of.resonance_hz[b])
     # A spur on a resonance of high Q needs its frequency to better than the last digit of a double.
@@ -209,8 +216,8 @@ def pair_lines(
 
 
 def line_energy(which: Channels, part: Lines, modes: ModalTaxels | None = None) -> np.ndarray:
-    """Energy (n, k, l) of taxels under lines, over that of their own ON states."""
-    energy: np.ndarray = _heard(which, part, modes, slice(None)) / which.line[:, None, None] ** 2
+    """Return the energy (n, k, l) of taxels under lines, over that of their own ON states."""
+    energy: np.ndarray = _line_response(which, part, modes, slice(None)) / which.line[:, None, None] ** 2
     return energy
 
 
@@ -221,13 +228,13 @@ def off_energy(
     drivers: Channels | None = None,
     one_hot: bool = False,
 ) -> np.ndarray:
-    """Largest energy (n, …) of each OFF taxel over all states, over that of its own ON state.
+    """Return the largest energy (n, …) of each OFF taxel over all states, over that of its own ON state.
 
     Further axes are further coils (prints, candidates), without `modes`. The `drivers` (None: the channels themselves)
-    need not be at the taxels' resonances: then ``which.line`` is what moves a taxel by its level at its own resonance,
-    ``drivers.line`` what is played. With `one_hot`, over the states with one other channel on.
+    need not be at the taxels' resonances; ``which.line`` is then the line that moves a taxel by its level at its own
+    resonance, ``drivers.line`` the one that is played. With `one_hot`, only states with one other channel on count.
 
-    O(n²) without spurs, O(n³) with, times the number of modes; memory O(n²) at most.
+    O(n²) without spurs, O(n³) with them, times the number of modes; memory O(n²) at most.
     """
     drivers = which if drivers is None else drivers
     result = np.zeros(np.broadcast(which.resonance_hz, *drivers).shape)
@@ -237,12 +244,12 @@ def off_energy(
         rows = max(BLOCK // (each * part.hz.shape[0] * part.hz.shape[1]), 1)
         for start in range(0, len(result), rows):
             own = slice(start, start + rows)
-            heard = _heard(which, part, modes, own).sum(1)
-            # Lines of the taxel's own are left out before adding: taken off a sum they would leave its rounding.
+            heard = _line_response(which, part, modes, own).sum(1)
+            # A taxel's own lines are left out before adding; subtracting them later would leave rounding errors.
             for maker in part.makers:
                 there = np.flatnonzero((maker >= start) & (maker < start + rows))
                 heard[maker[there] - start, there] = 0.0
-            # Line by line, so that the figure of one coil does not depend on how many others there are.
+            # In a fixed order, so that one coil's result does not depend on the number of other coils.
             heard[:, 0] = join(heard[:, 0], result[own])
             result[own] = join.reduce(heard, 1)
     energy: np.ndarray = result / which.line**2
@@ -250,7 +257,7 @@ def off_energy(
 
 
 def all_states(which: Channels, scheme: Scheme, modes: ModalTaxels | None = None) -> AllStates:
-    """Selectivity over all 2ⁿ states: smallest ON amplitude over largest OFF amplitude, a closed form."""
+    """Return the selectivity over all 2ⁿ states: smallest ON amplitude over largest OFF amplitude, in closed form."""
     count = len(which.line)
     if count < 2:
         return AllStates(float("inf"), "1" * count, 0)
@@ -264,7 +271,7 @@ def all_states(which: Channels, scheme: Scheme, modes: ModalTaxels | None = None
 
 
 def one_hot_db(which: Channels, scheme: Scheme, modes: ModalTaxels | None = None) -> float:
-    """Selectivity with one channel on at a time, ``−20 log10 max_{i≠j} M_ij``; inf for one channel."""
+    """Return the selectivity in dB with one channel on at a time, ``−20 log10 max_{i≠j} M_ij``; inf for one channel."""
     if len(which.line) < 2:
         return float("inf")
     return _below_db(float(off_energy(which, scheme, modes, one_hot=True).max()))
@@ -273,10 +280,13 @@ def one_hot_db(which: Channels, scheme: Scheme, modes: ModalTaxels | None = None
 def loudest_line(
     which: Channels, scheme: Scheme, off: int, modes: ModalTaxels | None = None
 ) -> tuple[tuple[int, ...], str]:
-    """The channels and kind ('tone', 'harmonic', 'sum', 'difference') of the line that an OFF taxel hears loudest."""
+    """Return channels and kind of the line that an OFF taxel hears loudest.
+
+    The kind is 'tone', 'harmonic', 'sum' or 'difference'.
+    """
     loudest, found = -1.0, (tuple[int, ...]((off,)), "tone")
     for part in scheme_lines(which, scheme):
-        heard = _heard(which, part, modes, slice(off, off + 1))[0]
+        heard = _line_response(which, part, modes, slice(off, off + 1))[0]
         heard[:, np.any([maker == off for maker in part.makers], axis=0)] = -1.0
         kind, at = np.unravel_index(int(heard.argmax()), heard.shape)
         if heard[kind, at] > loudest:
@@ -336,15 +346,15 @@ def print_share(
 
 @lru_cache(maxsize=64)
 def _pairs(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Both channels of every pair."""
+    """Return the first and the second channel of every pair."""
     pairs = np.triu_indices(count, 1)
     for part in pairs:
         part.setflags(write=False)
     return pairs[0], pairs[1]
 
 
-def _heard(which: Channels, part: Lines, modes: ModalTaxels | None, rows: slice) -> np.ndarray:
-    """Energy (rows, k, l, …) of taxels under lines, over that under a line of 1 at their own resonance."""
+def _line_response(which: Channels, part: Lines, modes: ModalTaxels | None, rows: slice) -> np.ndarray:
+    """Return the energy (rows, k, l, …) of taxels under lines, over that under a line of 1 at their own resonance."""
     if modes is None:
         hz, q = which.resonance_hz[rows, None, None], which.q[rows, None, None]
         response = relative_energy(part.hz, hz, q, part.rest)
@@ -355,5 +365,5 @@ def _heard(which: Channels, part: Lines, modes: ModalTaxels | None, rows: slice)
 
 
 def _below_db(energy: float) -> float:
-    """How far an OFF energy lies below the smallest of an ON taxel: 1, alone on, since others only add."""
+    """Return in dB how far an OFF energy is below the smallest ON energy, 1: that of a taxel on alone."""
     return float(-10 * np.log10(energy)) if energy > 0 else float("inf")

@@ -1,12 +1,12 @@
-"""A linear steel body of revolution, and the charge that a potential from outside draws to its surface.
+"""Surface charge of a linear steel body of revolution in a potential from outside.
 
-With u the potential of all that stands outside, φ that of the surface's own charge σ and χ the susceptibility,
+With u the potential from outside, φ that of the surface's own charge σ, and χ the susceptibility,
 
     φ = −(1/χ + ½ + K)⁻¹ (½ + K) u,   σ = S⁻¹ φ
 
-with the single and the double layer's potentials S and K on the surface (Kress, *Linear Integral Equations*, ch. 6;
-Jackson, *Classical Electrodynamics*, 5.9). Round the axis all is in orders cos mφ, each by itself; along the meridian
-in polynomials on every side of the outline, of a variable that crowds at the edges as the charge does.
+where S and K are the single and the double layer potentials on the surface (Kress, *Linear Integral Equations*, ch. 6;
+Jackson, *Classical Electrodynamics*, 5.9). Round the axis everything is expanded in orders cos mφ, which do not couple;
+along the meridian in polynomials on each side of the outline, of a variable that crowds at edges as the charge does.
 """
 
 from collections.abc import Sequence
@@ -20,13 +20,13 @@ from padgen.physics.ring_charges import gauss, ring_potential
 __all__ = ["Side", "SteelBody", "crowded", "cylinder", "eights", "fine_rings", "steel_body", "tube"]
 
 POINTS_ABOVE = 16
-"""Points of the quadrature, on either side of a singularity, more than a side has nodes."""
+"""Quadrature points on either side of a singularity, in addition to a side's number of nodes."""
 
 
 class Side(NamedTuple):
     """A straight side of the outline, (r, z) in m from `start` to `end`, with its outward `normal`.
 
-    `nodes` of the unknown. Where `on_axis` the start is no edge of the body.
+    `nodes` is the number of unknowns. With `on_axis` the start lies on the axis and is no edge of the body.
     """
 
     start: tuple[float, float]
@@ -37,22 +37,25 @@ class Side(NamedTuple):
 
     @property
     def length(self) -> float:
+        """Length of the side in m."""
         return float(np.hypot(self.end[0] - self.start[0], self.end[1] - self.start[1]))
 
     def part(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Share of the length at t in 0 … 1, which crowds at edges, and its slope."""
+        """Return the share of the length at t in 0 … 1, and its slope over t; equal steps of t crowd at edges."""
         return (1 - (1 - t) ** 2, 2 * (1 - t)) if self.on_axis else (t * t * (3 - 2 * t), 6 * t * (1 - t))
 
     def at(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Radius and height there, in m."""
+        """Return radius and height in m at t in 0 … 1."""
         share, (r, z), (r1, z1) = self.part(t)[0], self.start, self.end
         return r + share * (r1 - r), z + share * (z1 - z)
 
 
 class SteelBody(NamedTuple):
-    """Nodes (n,) of the outline in m, the `area` in m² that each stands for, and the `response` (m, n, n).
+    """A body by its nodes (n,): radius and height in m, `area` and `response`.
 
-    The response of each order gives the charge per dt of the meridian at the nodes for a potential there.
+    t runs from 0 to 1 along each side. `area` (n,) in m is 2πr times the node's weight in dt: the sum of area times
+    charge per dt is the total charge. `response` (m, n, n) gives, for each order round the axis, the charge per dt in A
+    at the nodes for a potential in A there.
     """
 
     sides: tuple[Side, ...]
@@ -63,7 +66,10 @@ class SteelBody(NamedTuple):
 
 
 def tube(outer: float, inner: float, low: float, high: float, nodes: tuple[int, int]) -> tuple[Side, ...]:
-    """Outline of a washer by radii and heights in m, with `nodes` on each face and on each rim; `inner` 0 is a disc."""
+    """Return the outline of a washer by radii and heights in m; `inner` 0 is a disc.
+
+    `nodes` are the numbers on each face and on each rim.
+    """
     face, rim = nodes
     if inner <= 0:
         return cylinder(outer, low, high, (face, rim, face))
@@ -76,7 +82,7 @@ def tube(outer: float, inner: float, low: float, high: float, nodes: tuple[int, 
 
 
 def cylinder(radius: float, low: float, high: float, nodes: tuple[int, int, int]) -> tuple[Side, ...]:
-    """Outline of a cylinder in m, with `nodes` on top, round and below."""
+    """Return the outline of a cylinder in m; `nodes` are the numbers on its top, round it and on its bottom."""
     top, around, below = nodes
     return (
         Side((0.0, high), (radius, high), (0, 1), top, True),
@@ -86,7 +92,7 @@ def cylinder(radius: float, low: float, high: float, nodes: tuple[int, int, int]
 
 
 def steel_body(sides: Sequence[Side], permeability: float, most: int) -> SteelBody:
-    """The body of that outline, for orders 0 … `most`."""
+    """Return the body of an outline, with its response in orders 0 … `most` round the axis."""
     nodes = [gauss(side.nodes) for side in sides]
     radius, height = np.concatenate([np.stack(side.at(t)) for side, (t, _) in zip(sides, nodes, strict=True)], 1)
     area = 2 * pi * radius * np.concatenate([weight for _, weight in nodes])
@@ -97,7 +103,8 @@ def steel_body(sides: Sequence[Side], permeability: float, most: int) -> SteelBo
         own = slice(at, at + side.nodes)
         single[..., own], double[..., own] = _layers(side, node, radius, height, own, most)
         at += side.nodes
-    # What is constant makes no field: the rows of K have the sum −½ in the lowest order. All orders share the error.
+    # A constant potential makes no field, so the rows of K must add to −½ in the lowest order. Their error is taken off
+    # the diagonals of all orders, which share it.
     diagonal = np.arange(count)
     double[:, diagonal, diagonal] -= 0.5 + double[0].sum(-1)
     inside = np.eye(count) / 2 + double
@@ -110,9 +117,9 @@ def steel_body(sides: Sequence[Side], permeability: float, most: int) -> SteelBo
 def _layers(
     side: Side, node: np.ndarray, radius: np.ndarray, height: np.ndarray, own: slice, most: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Potentials (m, n, nodes) at all nodes of single and double layers on a side, for each of its polynomials.
+    """Return the potentials (m, n, nodes) of single and double layers on a side, for each of its polynomials.
 
-    By Gauss points that crowd, on either side of it, towards the place nearest to the node.
+    They are at all nodes, by Gauss points on either side of the place nearest to the node, crowding towards it.
     """
     start, along = np.array(side.start), np.subtract(side.end, side.start)
     share = np.clip(((radius - start[0]) * along[0] + (height - start[1]) * along[1]) / side.length**2, 0, 1)
@@ -130,7 +137,7 @@ def _layers(
 
 
 def crowded(nearest: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points (n, 2 `count`) on [0, 1] that crowd towards `nearest` (n,) with their cubes, and weights."""
+    """Return points (n, 2 `count`) on [0, 1] whose cubed distances crowd them towards `nearest` (n,), and weights."""
     at, weight = gauss(count)
     cube, weight = at**3, 3 * at**2 * weight
     low, high = nearest[:, None], 1 - nearest[:, None]
@@ -138,12 +145,12 @@ def crowded(nearest: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def eights(count: float) -> int:
-    """A number of points, up to a multiple of eight, so that few different ones are ever made."""
+    """Return a number of points, rounded up to a multiple of eight, so that few different rules are needed."""
     return 8 * ceil(count / 8)
 
 
 def _lagrange(node: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """The polynomials (…, n) that are 1 at one of the nodes (n,) and 0 at the others, at `t` (…)."""
+    """Return the polynomials (…, n) at `t` (…) that are 1 at one of the nodes (n,) and 0 at the others."""
     own = 1 / np.prod(node[:, None] - node + np.eye(len(node)), axis=1)
     away = t[..., None] - node
     hit = np.abs(away) < 1e-14
@@ -153,9 +160,10 @@ def _lagrange(node: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 
 def fine_rings(body: SteelBody, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rings that stand for the charge where it is near: radii, heights, and shares (rings, nodes) of the nodes' charge.
+    """Return rings of charge for fields near the body.
 
-    No more than `step` m apart on the topmost side, elsewhere as the nodes lie.
+    Radii and heights in m, and shares (rings, nodes) of the nodes' charge. Rings on the topmost side are at most `step`
+    m apart; elsewhere they lie at the nodes.
     """
     top = max(side.end[1] for side in body.sides)
     places, shares, at = [], [], 0

@@ -1,8 +1,8 @@
-"""Hardening of beams that must stretch to bend, as those of a bridge: a cubic spring (Duffing).
+"""Hardening by beams that must stretch to bend, such as those of a bridge: a cubic spring (Duffing).
 
-A beam that bends grows shorter along its axis. What the taxel's other motions cannot make up for stretches it:
-the working mode's force becomes ``k z (1 + α z²)``. For beams guided between two rigid ends ``α = 0.72/t²``
-(fixed cubic shape, Timoshenko, Vibration Problems in Engineering, on bars with immovable ends).
+A bending beam gets shorter along its axis. It is stretched as far as the taxel's other motions cannot compensate, and
+the working mode's force becomes ``k z (1 + α z²)``. For beams guided between two rigid ends ``α = 0.72/t²`` (fixed
+cubic shape, Timoshenko, Vibration Problems in Engineering, on bars with immovable ends).
 """
 
 from math import sqrt
@@ -16,23 +16,23 @@ from padgen.physics.modes import BeamPlacement, to_tip
 __all__ = ["hardening", "jump_amplitude", "level_kept", "resonance_rise"]
 
 RELIEVED = 1e-9
-"""Share of the stretching that is left when the taxel's other motions relieve it, by rounding."""
+"""Share of the stretching below which it counts as rounding: other motions then relieve all of it."""
 BISECTIONS = 60
 
 
 def hardening(
     beams: list[BeamPlacement], motion: np.ndarray, reference: np.ndarray, compliance: np.ndarray, elastic: Any
 ) -> np.ndarray:
-    """α (…) in 1/m² of the force ``k z (1 + α z²)`` of the working mode of taxels.
+    """Return α (…) in 1/m² of the force ``k z (1 + α z²)`` of the working mode of taxels.
 
-    `motion` (…, 6) is the body's at `reference` (…, 3) for 1 m of z, `compliance` (…, 6, 6) the suspended body's there
-    under static loads, `elastic` Young's modulus in Pa and Poisson's ratio. Bent beams count as straight.
+    `motion` (…, 6) is the body's at `reference` (…, 3) for 1 m of z. `compliance` (…, 6, 6) is that of the suspended
+    body there under static loads. `elastic` is Young's modulus in Pa and Poisson's ratio. Bent beams count as straight.
     """
     load, kept = np.zeros_like(motion), np.zeros(motion.shape[:-1])
     for beam in beams:
         carry, length = to_tip(beam, reference), np.asarray(beam.section.length, float)
         tip = (carry @ motion[..., None])[..., 0]
-        # Shortening of a cubic, ½ ∫ w'² dx, by the displacement and slope of its tip: both planes.
+        # Shortening of a cubic, ½ ∫ w'² dx, from displacement and slope of its tip, in both planes.
         shorter: Any = sum(
             (36 * w**2 - 6 * length * w * slope + 4 * length**2 * slope**2) / (60 * length)
             for w, slope in ((tip[..., 2], -tip[..., 4]), (tip[..., 1], tip[..., 5]))
@@ -46,10 +46,10 @@ def hardening(
 
 
 def resonance_rise(alpha: Any, amplitude: Any, offset: Any = 0.0) -> Any:
-    """Relative rise of the resonance at an `amplitude` about a static `offset`, lengths in one unit.
+    """Return the relative rise of the resonance at an `amplitude` about a static `offset`, all lengths in one unit.
 
-    ``ω²/ω₀² = 1 + α (3/4 a² + 3 z²)`` (harmonic balance); z is where the hardened spring carries what would deflect one
-    that does not harden by `offset`: the real root of ``z + α z³ = offset``.
+    ``ω²/ω₀² = 1 + α (3/4 a² + 3 z²)`` (harmonic balance). `offset` is the deflection without hardening; z is that with
+    it, the real root of ``z + α z³ = offset``.
     """
     steep = np.sqrt(3 * np.asarray(alpha, float))
     # z = 2/√(3α) sinh(asinh(3/2 √(3α) offset)/3); α z² from it without dividing by α.
@@ -58,18 +58,19 @@ def resonance_rise(alpha: Any, amplitude: Any, offset: Any = 0.0) -> Any:
 
 
 def jump_amplitude(alpha: float, q: float) -> float:
-    """Amplitude from which the response has two stable levels and jumps between them, in 1/√α; inf without hardening.
+    """Return the amplitude from which the response jumps between two stable levels, in √(1/α); inf without hardening.
 
-    Peak of the response that first has a vertical tangent, ``a² = 32/(9 √3 α Q)`` (Nayfeh and Mook, Nonlinear
+    It is the peak of the first response with a vertical tangent, ``a² = 32/(9 √3 α Q)`` (Nayfeh and Mook, Nonlinear
     Oscillations, 4.1).
     """
     return sqrt(32 / (9 * sqrt(3) * alpha * q)) if alpha > 0 else float("inf")
 
 
 def level_kept(alpha: float, q: float, amplitude: float, offset: float = 0.0) -> float:
-    """Amplitude over the one asked for when a tone stays at the resonance of small motions; 1 without hardening.
+    """Return the amplitude over the wanted one when a tone stays at the resonance of small motions.
 
-    Root y² of ``y² ((2 Q rise(y))² + 1) = 1``: one, since such a tone lies below the resonance.
+    It is 1 without hardening; otherwise the root y of ``y² ((2 Q rise(y))² + 1) = 1``, which is unique since the tone
+    lies below the resonance.
     """
     low, high = 0.0, 1.0
     for _ in range(BISECTIONS):

@@ -1,4 +1,4 @@
-"""What every rung of the structure ladder says about a taxel: its modes, as washer and finger feel them."""
+"""Modes of one taxel as washer and finger feel them: the common result of all rungs of the structure ladder."""
 
 from typing import NamedTuple
 
@@ -13,10 +13,10 @@ UPWARD = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 class TaxelModes(NamedTuple):
     """Modes of one taxel, lowest first.
 
-    `frequency_hz` (k,); `motion` (k, 6): mass-normalised motion of the washer as a body, displacement
-    of the point of its axis on the bed's plane (z = 0, taxel's own axes) in kg^-½ and rotation in
-    kg^-½/m. All modes together give the compliance of the washer; a rung that solves for few of
-    them may add in `rest` (6, 6) what the others add to the static compliance, in m/N (rad/(N·m)).
+    `frequency_hz` (k,); `motion` (k, 6) is the mass-normalised motion of the washer as a body: displacement of the
+    point of its axis on the bed's plane (z = 0, taxel axes) in kg^-½ and rotation in kg^-½/m. All modes together make
+    up the compliance of the washer. A rung that solves for few modes may give the static compliance of the others in
+    `rest` (6, 6), in m/N (rad/(N·m)).
     """
 
     frequency_hz: np.ndarray
@@ -24,12 +24,15 @@ class TaxelModes(NamedTuple):
     rest: np.ndarray | None = None
 
     def compliances(self, wrench: np.ndarray = UPWARD) -> np.ndarray:
-        """Static compliance (k,) in m/N that each mode adds, from a `wrench` (6,) on the washer (its
-        vertical part 1, moments in m about the axis' point) to the vertical motion at its axis."""
+        """Return the static compliance (k,) in m/N of each mode, from a `wrench` (6,) to the washer's vertical motion.
+
+        The wrench acts on the washer; its vertical part is 1, its moments are in m about the axis' point. The motion is
+        that at the axis.
+        """
         both: np.ndarray = self.motion[:, 2] * (self.motion @ wrench) / (2 * np.pi * self.frequency_hz) ** 2
         return both
 
     @property
     def working(self) -> int:
-        """Index of the mode that a vertical pull at the washer's axis moves most: the channel's own."""
+        """Index of the channel's own mode: the one that a vertical pull at the washer's axis moves most."""
         return int(self.compliances().argmax())

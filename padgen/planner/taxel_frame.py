@@ -114,9 +114,9 @@ class _Builder:
         wide, high, across = float(section.width) + flare, float(section.thickness), float(section.across)
         length, turn = float(piece.length_mm) * MM, abs(float(piece.turn_rad))
         plain, bent = rectangle(wide, high, self.poisson, across), bend_stiffening(turn * wide / (2 * length))
-        twisting = 1.0 if turn else float(piece_twist(length, section.give.warping))
+        twisting = 1.0 if turn else float(piece_twist(length, section.ends.warping))
         return plain._replace(
-            inertia_up=plain.inertia_up * float(np.asarray(section.give.stiffening)) * bent,
+            inertia_up=plain.inertia_up * float(np.asarray(section.ends.stiffening)) * bent,
             torsion=plain.torsion * float(parts.twist / (parts.twist + parts.end_twist)) * bent / twisting,
             shear_up=plain.shear_up * float(parts.shear / (parts.shear + parts.end_shear)),
             shear_across=plain.shear_across

@@ -1,8 +1,9 @@
-"""Drive schemes, one file each, found by the file's name; others are added by `register`.
+"""Drive schemes, one file each, found by the file's name; `register` adds others.
 
-A scheme holds to `DriveScheme`: what its current asks of coil and amplifier, and what its square makes beside the
-wanted lines. `line_a2` (n,) are the amplitudes in A² of the wanted lines of i², one per channel; `scheme` is the
-`padgen.physics.selectivity.Scheme` with the spec's settings.
+A scheme has the names of `DriveScheme`: the demands of its current on coil and amplifier, and the lines of its squared
+current beside the wanted ones. `line_a2` (n,) are the amplitudes in A² of the wanted lines of i², one per channel.
+`scheme` is the `padgen.physics.selectivity.Scheme` with the spec's settings. `headroom` is the share by which the
+spur-free force's constant exceeds the sum of the lines.
 """
 
 from collections.abc import Callable
@@ -22,29 +23,33 @@ __all__ = ["DriveScheme", "in_order", "register", "simplest_first", "unregister"
 class DriveScheme(Protocol):
     """A drive scheme: a module, or any object, with these names.
 
-    An `ORDER` may say where it stands in lists, a `SIMPLICITY` when an automatic choice tries it, the lowest first;
-    those without one come last.
+    An `ORDER` may set its place in lists; a `SIMPLICITY` may set when an automatic choice tries it, the lowest first.
+    Schemes without these come last.
     """
 
     CURRENT: str
-    """Of what the coil's current is made: ``"tones"`` (sines at half the resonances), ``"biased"`` (a constant and
-    sines at the resonances) or ``"root"`` (of the wanted force)."""
+    """Kind of the coil's current: ``"tones"`` (sines at half the resonances), ``"biased"`` (a constant and sines at the
+    resonances) or ``"root"`` (the square root of the wanted force).
+    """
     TAKES_TURNS: bool
-    """Whether one channel plays at a time."""
+    """True where one channel plays at a time."""
     HAS_PAIR_SPURS: bool
-    """Whether two channels make lines of i² that neither wants."""
+    """True where two channels together make unwanted lines of i²."""
 
     def pair_square(self, scheme: "Scheme", a: np.ndarray, b: np.ndarray, strongest: np.ndarray | float) -> np.ndarray:
-        """Square of the amplitude of a pair's spurs, by wanted lines; `strongest` is the line that sets the bias."""
+        """Return the squared amplitude of the spurs of two channels with the wanted lines a and b.
+
+        `strongest` is the line that sets the bias.
+        """
 
     def mean_square_a2(self, scheme: "Scheme", line_a2: np.ndarray, headroom: float, on: np.ndarray) -> float:
-        """Mean of i² in A² with the channels `on` (n,)."""
+        """Return the mean of i² in A² with the channels `on` (n,)."""
 
     def current_lines_a(self, scheme: "Scheme", line_a2: np.ndarray, headroom: float) -> np.ndarray:
-        """Peak current (n,) in A of each channel."""
+        """Return the peak current (n,) in A of each channel."""
 
     def peak_current_a(self, scheme: "Scheme", line_a2: np.ndarray, headroom: float) -> float:
-        """Largest current in A, all peaks together."""
+        """Return an upper bound in A of the current: all peaks at one moment."""
 
     def peak_voltage_v(
         self,
@@ -55,7 +60,7 @@ class DriveScheme(Protocol):
         inductance: float,
         headroom: float,
     ) -> float:
-        """Bound in V of what the coil asks for, all peaks together."""
+        """Return an upper bound in V of the coil's voltage: all peaks at one moment."""
 
 
 def register(name: str, scheme: DriveScheme) -> None:
@@ -64,23 +69,23 @@ def register(name: str, scheme: DriveScheme) -> None:
     Raises
     ------
     SpecError
-        The name is taken or no name, or the scheme lacks something.
+        The name is taken or malformed, or the scheme lacks a name of `DriveScheme`.
     """
     SCHEMES.register(name, scheme, DriveScheme)
 
 
 def unregister(name: str) -> None:
-    """Take away a scheme that was registered."""
+    """Remove a registered scheme."""
     SCHEMES.unregister(name)
 
 
 def in_order() -> tuple[str, ...]:
-    """Names of all schemes, as plans list them."""
+    """Return the names of all schemes in the order of a plan's lists."""
     return _sorted(lambda scheme: getattr(scheme, "ORDER", inf))
 
 
 def simplest_first() -> tuple[str, ...]:
-    """Names of all schemes by what the electronics must do, those that take turns last."""
+    """Return the names of all schemes by the demands on the electronics, those that take turns last."""
     return _sorted(lambda scheme: (scheme.TAKES_TURNS, getattr(scheme, "SIMPLICITY", inf)))
 
 

@@ -24,32 +24,32 @@ CURRENT, TAKES_TURNS, HAS_PAIR_SPURS = "biased", False, True
 
 
 def pair_square(scheme: Scheme, a: np.ndarray, b: np.ndarray, strongest: np.ndarray | float) -> np.ndarray:
-    """The product of two tones, which are small against the constant."""
+    """Return the squared product of two tones, which is small beside their products with the constant."""
     square: np.ndarray = (a * b / (2 * scheme.bias_ratio * strongest)) ** 2
     return square
 
 
 def mean_square_a2(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.ndarray) -> float:
-    """Of the constant, which stays on as for all channels, whatever is off, and the tones."""
+    """Return the mean square of the constant, which always has its value for all channels on, and of the tones `on`."""
     return float(bias_a(scheme, line_a2) ** 2 + (current_lines_a(scheme, line_a2, headroom)[on] ** 2).sum() / 2)
 
 
 def current_lines_a(scheme: Scheme, line_a2: np.ndarray, headroom: float) -> np.ndarray:
-    """Each channel's tone."""
+    """Return the peak (n,) in A of each channel's tone."""
     bias = bias_a(scheme, line_a2)
     tones: np.ndarray = line_a2 / (2 * bias) if bias else np.zeros(len(line_a2))
     return tones
 
 
 def peak_current_a(scheme: Scheme, line_a2: np.ndarray, headroom: float) -> float:
-    """The constant and all tones."""
+    """Return the sum in A of the constant and all tones."""
     return bias_a(scheme, line_a2) + float(current_lines_a(scheme, line_a2, headroom).sum())
 
 
 def peak_voltage_v(
     scheme: Scheme, line_a2: np.ndarray, resonance_hz: np.ndarray, resistance: float, inductance: float, headroom: float
 ) -> float:
-    """The constant's and all tones'."""
+    """Return the sum in V of the constant's voltage and all tones' voltages."""
     lines = current_lines_a(scheme, line_a2, headroom)
     volts = lines * np.abs(impedance(resistance, inductance, resonance_hz))
     return float(resistance * bias_a(scheme, line_a2) + volts.sum())

@@ -1,4 +1,4 @@
-"""Spur-free: the current is the square root of the wanted force, so that i² has the wanted lines and a constant."""
+"""Spur-free: the current is the square root of the wanted force, so that i² is a constant and the wanted lines."""
 
 import numpy as np
 
@@ -22,32 +22,32 @@ CURRENT, TAKES_TURNS, HAS_PAIR_SPURS = "root", False, False
 
 
 def pair_square(scheme: Scheme, a: np.ndarray, b: np.ndarray, strongest: np.ndarray | float) -> np.ndarray:
-    """None: the root makes no spurs."""
+    """Return zeros, since the root makes no spurs."""
     return np.zeros_like(a * b)
 
 
 def mean_square_a2(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.ndarray) -> float:
-    """The constant F₀/c, here at its safe value (1 + headroom) Σ a, for any phases."""
+    """Return the constant F₀/c in A² at its safe value (1 + headroom) Σ a, which suffices for any phases."""
     return float((1 + headroom) * line_a2[on].sum())
 
 
 def current_lines_a(scheme: Scheme, line_a2: np.ndarray, headroom: float) -> np.ndarray:
-    """The coil's current with each channel alone on."""
+    """Return the peak (n,) in A of the coil's current with each channel alone on."""
     alone: np.ndarray = np.sqrt((2 + headroom) * line_a2)
     return alone
 
 
 def peak_current_a(scheme: Scheme, line_a2: np.ndarray, headroom: float) -> float:
-    """Root of twice the lines and the headroom."""
+    """Return the root of twice the lines and the headroom, in A."""
     return float(np.sqrt((2 + headroom) * line_a2.sum()))
 
 
 def peak_voltage_v(
     scheme: Scheme, line_a2: np.ndarray, resonance_hz: np.ndarray, resistance: float, inductance: float, headroom: float
 ) -> float:
-    """``R √((2+h) Σa) + L √(Σ a ω²/2)``. The second is the steepest that the root can be.
+    """Return ``R √((2+h) Σa) + L √(Σ a ω²/2)`` in V, whose second term is the root's steepest possible slope.
 
-    With i² = h Σa + Σ a (1 + cos θ), Cauchy's inequality takes the sum out of ``(i²)'/(2i)``.
+    With i² = h Σa + Σ a (1 + cos θ) the slope is ``(i²)'/(2i)``, which Cauchy's inequality bounds.
     """
     slope = np.sqrt((line_a2 * (2 * np.pi * resonance_hz) ** 2).sum() / 2)
     return float(resistance * peak_current_a(scheme, line_a2, headroom) + inductance * slope)

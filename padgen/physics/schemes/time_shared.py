@@ -23,22 +23,22 @@ CURRENT, TAKES_TURNS, HAS_PAIR_SPURS = "tones", True, False
 
 
 def pair_square(scheme: Scheme, a: np.ndarray, b: np.ndarray, strongest: np.ndarray | float) -> np.ndarray:
-    """None: there are no pairs."""
+    """Return zeros, since no two channels are on at once."""
     return np.zeros_like(a * b)
 
 
 def mean_square_a2(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.ndarray) -> float:
-    """In the slot of the largest."""
+    """Return the mean of i² in A² during the slot of the largest channel."""
     return float(line_a2[on].max(initial=0.0))
 
 
 def peak_current_a(scheme: Scheme, line_a2: np.ndarray, headroom: float) -> float:
-    """The largest tone."""
+    """Return the peak in A of the largest tone."""
     return float(current_lines_a(scheme, line_a2, headroom).max(initial=0.0))
 
 
 def peak_voltage_v(
     scheme: Scheme, line_a2: np.ndarray, resonance_hz: np.ndarray, resistance: float, inductance: float, headroom: float
 ) -> float:
-    """The largest of the tones' voltages."""
+    """Return the largest peak voltage in V of a tone."""
     return float(tone_volts(line_a2, resonance_hz, resistance, inductance).max())

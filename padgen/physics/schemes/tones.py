@@ -24,35 +24,35 @@ CURRENT, TAKES_TURNS, HAS_PAIR_SPURS = "tones", False, True
 
 
 def pair_square(scheme: Scheme, a: np.ndarray, b: np.ndarray, strongest: np.ndarray | float) -> np.ndarray:
-    """I_a I_b against wanted lines of I²/2, twice the geometric mean."""
+    """Return the square of I_a I_b: twice the geometric mean of the wanted lines I²/2."""
     square: np.ndarray = 4 * (a * b)
     return square
 
 
 def mean_square_a2(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.ndarray) -> float:
-    """Sum of the lines."""
+    """Return the sum in A² of the lines `on`."""
     return float(line_a2[on].sum())
 
 
 def current_lines_a(scheme: Scheme, line_a2: np.ndarray, headroom: float) -> np.ndarray:
-    """Each channel's tone."""
+    """Return the peak (n,) in A of each channel's tone."""
     tones: np.ndarray = np.sqrt(2.0 * line_a2)
     return tones
 
 
 def tone_volts(line_a2: np.ndarray, resonance_hz: np.ndarray, resistance: float, inductance: float) -> np.ndarray:
-    """Peak voltage (n,) in V of each channel's tone, at half its resonance."""
+    """Return the peak voltage (n,) in V of each channel's tone, at half its resonance."""
     volts: np.ndarray = np.sqrt(2.0 * line_a2) * np.abs(impedance(resistance, inductance, resonance_hz / 2))
     return volts
 
 
 def peak_current_a(scheme: Scheme, line_a2: np.ndarray, headroom: float) -> float:
-    """Sum of the tones."""
+    """Return the sum in A of the tones' peaks."""
     return float(current_lines_a(scheme, line_a2, headroom).sum())
 
 
 def peak_voltage_v(
     scheme: Scheme, line_a2: np.ndarray, resonance_hz: np.ndarray, resistance: float, inductance: float, headroom: float
 ) -> float:
-    """Sum of the tones' voltages."""
+    """Return the sum in V of the tones' peak voltages."""
     return float(tone_volts(line_a2, resonance_hz, resistance, inductance).sum())
