@@ -188,7 +188,7 @@ def team() -> None:
         row(current, measured, *pulls, solved.unknowns, solved.steps)
 
 
-LOW, HIGH, GAPS, STEP = 0.2 * MM, 6 * MM, 9, 0.33 * MM
+LOW, HIGH, GAPS, STEP = 0.35 * MM, 6 * MM, 9, 0.17 * MM
 """Gaps of the tables that padgen brings, and how far their offsets are apart, about."""
 
 

@@ -571,10 +571,13 @@ def true_air_damping(plan: Plan, across: int = 90) -> float | None:
 
 def beam_inertia_of(taxel: Suspended) -> tuple[float, float]:
     """Bound and true error of the resonance."""
-    modes, working = taxel.modes, int(taxel.working)
-    motion, hz = modes.shape[:, working], modes.frequency_hz[working]
-    bound = beam_inertia(taxel.beams, motion, modes.reference, hz, *taxel.elastic)
-    return float(bound), abs(element_error(taxel))
+    return float(condensed_bound(taxel)[0]), abs(element_error(taxel))
+
+
+def condensed_bound(taxel: Suspended) -> np.ndarray:
+    modes = taxel.modes
+    of = modes.shape.T[None], modes.reference, modes.frequency_hz[None], taxel.working[None]
+    return beam_inertia(taxel.beams, *of, *taxel.elastic)
 
 
 def true_beam_inertia(plan: Plan) -> tuple[float, float] | None:

@@ -151,6 +151,8 @@ BEAMS = (
     ("paper-32", "cantilever", (0.627, 0.3, 6.6)),
     ("paper-32", "cantilever", (2.3, 1.5, 16.5)),
     ("paper-32", "folded", (0.627, 0.3, 6.6)),
+    ("paper-32", "folded", (1.725, 0.471, 9.546)),
+    ("resin-fine", "folded", (3.739, 1.132, 7.151)),
     ("paper-32", "bridge", (1.16, 0.3, 6.6)),
     ("quad-64", "cantilever", (0.347, 0.5, 1.2)),
     ("wide-11", "cantilever", (1.26, 2.4, 8.25)),
@@ -160,7 +162,8 @@ BEAMS = (
     ("resin-fine", "cantilever", (0.4, 0.45, 0.65)),
     ("resin-fine", "bridge", (0.4, 0.45, 0.65)),
 )
-"""Plates of these scenes on beams of width, thickness and length in mm."""
+"""Plates of these scenes on beams of width, thickness and length in mm; without the modes that what is missed mixes, the
+second and third folded ones would break the bound by a third and more."""
 
 
 def inertia(name: str, topology: str, shape_mm: tuple[float, float, float]) -> tuple[float, float]:
@@ -184,9 +187,9 @@ def test_beam_inertia_is_the_plans():
         model = TaxelModel(spec, channel.beam.topology, plate, shape)
         material = spec.material
         elastic = material.youngs_modulus_gpa * GPA, material.poisson_ratio, material.density_g_per_cm3 * G_PER_CM3
-        modes, working = model.modes, int(model.working)
-        motion = modes.shape[:, working], modes.reference, modes.frequency_hz[working]
-        bounds.append(float(beam_inertia(model.placements, *motion, *elastic)))
+        modes = model.modes
+        motion = modes.shape.T[None], modes.reference, modes.frequency_hz[None], np.array([int(model.working)])
+        bounds.append(float(beam_inertia(model.placements, *motion, *elastic)[0]))
     found = entry("wide-11", "beam inertia")
     assert found.bound == pytest.approx(max(bounds), rel=1e-9)
     assert found.of == f"resonance of channel {int(np.argmax(bounds))}"

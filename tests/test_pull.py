@@ -221,7 +221,7 @@ def test_a_table_is_as_good_as_it_states():
     assert table.covers(gap, offset).all() and not table.covers(gap * 5, offset).any()
     found, solved = table.at(gap, offset), solved_pulls(COIL, WASHER, gap, offset)
     assert np.mean(np.abs(found.pull / solved.pull - 1) <= found.error) >= 0.92
-    assert np.mean(np.abs(found.slope / solved.slope - 1) <= found.slope_error) >= 0.92
+    assert np.mean(np.abs(found.slope - solved.slope) <= found.slope_off) >= 0.92
     assert np.median(np.abs(found.pull / solved.pull - 1)) < 0.003
     assert found.side == pytest.approx(solved.side, abs=0.01 * solved.pull.max())
     assert found.moment == pytest.approx(solved.moment, abs=0.01 * (solved.pull * 2 * MM).max())

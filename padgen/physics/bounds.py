@@ -37,38 +37,61 @@ def beam_inertia(
     motion: np.ndarray,
     reference: np.ndarray,
     frequency: np.ndarray,
+    working: np.ndarray,
     modulus: float,
     poisson: float,
     density: float,
 ) -> np.ndarray:
-    """Relative error (n,) of a resonance at `frequency` (n,) by what `tip_mass` leaves out of its beams.
+    """Relative error (n,) of the resonance of mode `working` (n,) by what `tip_mass` leaves out of its beams.
 
-    `motion` (n, 6) of the body is mass-normalised, at its point `reference` (n, 3), as `modes.Modes` has it.
+    All modes of the body, at `frequency` (n, m), have mass-normalised `motion` (n, m, 6) at its point `reference`
+    (n, 3), as `modes.Modes` has it.
     A beam that is condensed to its tip misses, in shares of the mode's kinetic energy: its own modes
     between held ends, between 0 and ``T ω²/(ω₁² − ω²)`` with its share T and the lowest of them ω₁ (the
     exact dynamic stiffness in partial fractions; the shares of the modes in T add to 1); the rotary
     inertia of its sections; and how far the give of its ends and shear change its deflection from the
-    cubic between held ends. Half of the sum is the relative error. ω₁ is taken low, after Dunkerley, from
-    bending, shear and rotary inertia. Infinite where the mode is not below ω₁.
+    cubic between held ends. ω₁ is taken low, after Dunkerley, from bending, shear and rotary inertia.
+    What is missed also mixes the mode with each other one of ω_k, which adds ``d² ω²/(ω_k² − ω²)``, d being the
+    energy that they miss together, no more than by Cauchy's inequality where only its size is known.
+    Infinite where the mode is not below ω₁.
     """
-    square = (2 * pi * np.asarray(frequency)) ** 2
-    least: Any = 0.0
-    most: Any = 0.0
+    at = np.arange(len(working)), working
+    own = motion[at]
+    square = (2 * pi * frequency[at]) ** 2
+    # The modes one by one, then each together with the working one: (2 m, n, 6).
+    motions = np.concatenate([motion, motion + own[:, None]], 1).swapaxes(0, 1)
+    missed: Any = 0.0
+    either: Any = 0.0
+    more: Any = 0.0
     for beam in beams:
-        tip = (to_tip(beam, reference) @ motion[..., None])[..., 0]
-        low, high = _missed_energy(beam.section, tip, square, modulus, poisson, density)
-        least, most = least + low, most + high
-    return np.asarray(np.maximum(np.abs(least), np.abs(most)) / 2)
+        tip = (to_tip(beam, reference) @ motions[..., None])[..., 0]
+        parts = _missed_energy(beam.section, tip, square, modulus, poisson, density)
+        missed, either, more = missed + parts[0], either + parts[1], more + parts[2]
+    missed, together = np.split(missed, 2)
+    unsure = np.split(either + more, 2)[0]
+    first = missed[at[::-1]]
+    ratio = square / (2 * pi * frequency.T) ** 2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shared = np.abs(together - missed - first) / 2 + np.sqrt(unsure * unsure[at[::-1]])
+        mixed = np.nan_to_num(shared**2 * ratio / (1 - ratio), posinf=inf, neginf=-inf)
+    mixed[at[::-1]] = 0.0
+    least = first - either[at[::-1]] + np.minimum(mixed, 0).sum(0)
+    most = first + unsure[at[::-1]] + np.maximum(mixed, 0).sum(0)
+    return np.maximum(1 - np.sqrt(np.maximum(1 + least, 0)), np.sqrt(np.maximum(1 + most, 0)) - 1)
 
 
 def _missed_energy(
     section: BeamSection, tip: np.ndarray, square: np.ndarray, modulus: float, poisson: float, density: float
-) -> tuple[Any, Any]:
-    """Least and most kinetic energy that a beam misses over that of the mode, `tip` (…, 6) being its tip's motion."""
+) -> tuple[Any, Any, Any]:
+    """Kinetic energy that a beam misses over that of the mode, `tip` (…, 6) being its tip's motion.
+
+    What is known of it, how far that may be off either way, and how much more it may be.
+    """
     if section.path:
         # Its mass has rotary inertia, and the shape that its ends' give and shear make, already.
         energy = np.einsum("...i,...ij,...j->...", tip, tip_mass(section, density, poisson), tip)
-        return 0.0, energy * _dynamic(square * bent_slowness(section, modulus, poisson, density))
+        more = energy * _dynamic(square * bent_slowness(section, modulus, poisson, density))
+        return 0.0 * energy, 0.0 * energy, more
     width, thickness, length = (np.asarray(v, float) for v in section[:3])
     # Shear up and twist are as stiff as the print is across its layers, at least.
     shear_modulus = modulus / (2 * (1 + poisson)) * section.across
@@ -97,7 +120,7 @@ def _missed_energy(
     wave = square * (length / pi) ** 2
     doubt = doubt + along * tip[..., 0] ** 2 * _dynamic(wave * density / modulus)
     doubt = doubt + along * polar * tip[..., 3] ** 2 * _dynamic(wave * line * polar / twist)
-    return missed - shear_doubt, missed + shear_doubt + doubt
+    return missed, shear_doubt, doubt
 
 
 def _deflections(shift: Any, turn: Any, root: Any, tip: Any) -> tuple[tuple[Any, ...], tuple[Any, ...]]:

@@ -24,9 +24,10 @@ BROUGHT = Path(__file__).with_name("pulls")
 
 
 class PullAt(NamedTuple):
-    """Pulls (n,) per A²: `pull` towards the coil in N, its `slope` with the gap in N/m, and their relative errors.
+    """Pulls (n,) per A²: `pull` towards the coil in N, its `slope` with the gap in N/m.
 
-    `side`, `moment` and `dipole` are as in `pull.Pull`.
+    The pull may be off by the relative `error`, its slope by `slope_off` in N/m. `side`, `moment` and `dipole` are as
+    in `pull.Pull`.
     """
 
     pull: np.ndarray
@@ -34,7 +35,7 @@ class PullAt(NamedTuple):
     moment: np.ndarray
     slope: np.ndarray
     error: np.ndarray
-    slope_error: np.ndarray
+    slope_off: np.ndarray
     dipole: np.ndarray
 
 
@@ -142,8 +143,8 @@ def _stated(
     dipole: np.ndarray,
 ) -> PullAt:
     with np.errstate(divide="ignore", invalid="ignore"):
-        error, slope_error = OWN_ERROR + lost / np.abs(axial), OWN_ERROR + steep / np.abs(slope)
-    return PullAt(-axial, side, moment, -slope, error, slope_error, dipole)
+        error = OWN_ERROR + lost / np.abs(axial)
+    return PullAt(-axial, side, moment, -slope, error, steep + OWN_ERROR * np.abs(slope), dipole)
 
 
 def _nodes(count: int) -> np.ndarray:
