@@ -159,10 +159,13 @@ def _dynamic(slowness: Any) -> Any:
 
 
 class Magnetised(NamedTuple):
-    """A washer in a coil's field: field (n,) in T/A, and for saturation the largest polarisation (n,) in T/A with how
-    much of a share of it the force feels, χN (n,)."""
+    """A washer in a coil's field: field (n,) in T/A, the share (2, n) of it nearest to the coil's axis and farthest.
+
+    For saturation the largest `polarisation` (n,) in T/A, and how much of a share of it the force feels, χN (n,).
+    """
 
     field: np.ndarray
+    share: np.ndarray
     polarisation: np.ndarray
     chi_n: np.ndarray
 
@@ -193,8 +196,10 @@ def washer_magnetised(
     size = np.hypot(polarisation[0] + polarisation[1], polarisation[2])
     volume = pi * (outer**2 - inner**2) * washer.thickness
     weight = energy / energy.sum(0)
+    local = np.hypot(radial, axial)
     return Magnetised(
-        np.sqrt((radial**2 + axial**2).mean(0)),
+        np.sqrt((local**2).mean(0)),
+        local / local.sum(0),
         LOCALLY * np.maximum(size.max(0), MU_0 * dipole / volume),
         1 / (weight / (chi * share[:, None])).sum(0) if chi > 0 else np.full(len(offset), inf),
     )
@@ -203,15 +208,20 @@ def washer_magnetised(
 def core_polarisation(coil: CoilSource) -> tuple[float, float]:
     """Largest mean polarisation in T/A of a section of the core, and χN of the core; 0 and inf without one.
 
-    The flux that has entered the core above a section is the magnetic charge above it.
+    The flux that has entered the core above a section is the magnetic charge above it. A share more of χ makes
+    1/(1 + χN) of that share more flux: by the charge that the core's own field draws, since a charge of
+    ``σ = −S⁻¹ (1/χ + P)⁻¹ P u`` (`steel_body`) rises by ``σ + R S σ`` per d ln χ. (Of a cylinder as a field along it
+    alone would magnetise it, N is half as large again and more.)
     """
-    core = charged_core(coil)
-    if core is None:
+    charged = charged_core(coil)
+    if charged is None:
         return 0.0, inf
-    charge = (core[0].area * core[1])[np.argsort(-core[0].height, kind="stable")]
-    area = pi / 4 * coil.core_diameter**2
-    demagnetised = (coil.core_permeability - 1) / (1 + 4 * coil.core_length / coil.core_diameter / sqrt(pi))
-    return MU_0 * float(np.abs(np.cumsum(charge)).max()) / area, demagnetised
+    core, charge = charged
+    rise = charge + core.response[0] @ (core.own @ charge)
+    order = np.argsort(-core.height, kind="stable")
+    flux, more = (np.cumsum((core.area * each)[order]) for each in (charge, rise))
+    at = int(np.abs(flux).argmax())
+    return MU_0 * float(abs(flux[at])) / (pi / 4 * coil.core_diameter**2), float(abs(flux[at] / more[at])) - 1
 
 
 def saturation_loss(polarised_share: Any, chi_n: Any) -> Any:
@@ -294,14 +304,20 @@ def switching_delay(
         return np.where((fall > 0) & (quiet > 1), rung / np.log(quiet), inf)
 
 
-def mutual_shielding(moment: np.ndarray, field: np.ndarray, place: np.ndarray, diameter: float) -> np.ndarray:
+def mutual_shielding(
+    moment: np.ndarray, field: np.ndarray, share: np.ndarray, place: np.ndarray, middle: float
+) -> np.ndarray:
     """Relative error (n,) of the pull on each washer of a coil by the field of the other washers.
 
-    Dipoles of `moment` (n,) in A·m² at `place` (n, 2) in m, each taken to point along the line to the washer
-    that it disturbs, where its field is ``μ0 m/(2π d³)``, over the coil's own `field` (n,) there. Washers of
-    `diameter` are no points: that adds about ``3 (diameter/d)²`` (field solutions of random coils).
+    Dipoles of `moment` (n,) in A·m²/A at `place` (n, 2) in m from the coil's axis, each taken to point along the line
+    to the washer that it disturbs, where its field is ``μ0 m/(2π d³)``, over the coil's own `field` (n,) there. The
+    halves of a washer towards the axis and away from it count by their `share` (2, n) of the field, each where the
+    `middle` line of the ring, of that radius in m, crosses the line to the axis.
     """
-    apart = np.linalg.norm(place[:, None] - place[None], axis=-1)
-    np.fill_diagonal(apart, inf)
-    near = 1 + 3 * (diameter / apart) ** 2
-    return np.asarray((near * MU_0 * moment / (2 * pi * apart**3)).sum(-1) / np.where(field > 0, field, inf))
+    away = np.linalg.norm(place, axis=-1, keepdims=True)
+    out = np.divide(place, away, out=np.zeros_like(place), where=away > 0)
+    halves = place + np.array([-middle, middle])[:, None, None] * out
+    apart = np.linalg.norm(halves[:, None, :, None] - halves[None, :, None], axis=-1)
+    apart[..., np.eye(len(place), dtype=bool)] = inf
+    near = np.einsum("an,bk,abnk->nk", share, share, 1 / apart**3)
+    return np.asarray((near * MU_0 * moment / (2 * pi)).sum(-1) / np.where(field > 0, field, inf))

@@ -26,8 +26,8 @@ BROUGHT = Path(__file__).with_name("pulls")
 class PullAt(NamedTuple):
     """Pulls (n,) per A²: `pull` towards the coil in N, its `slope` with the gap in N/m.
 
-    The pull may be off by the relative `error`, its slope by `slope_off` in N/m. `side`, `moment` and `dipole` are as
-    in `pull.Pull`.
+    The pull may be off by the relative `error`, by `jump` in N of it from one table to the next, its slope by
+    `slope_off` in N/m. `side`, `moment` and `dipole` are as in `pull.Pull`.
     """
 
     pull: np.ndarray
@@ -35,6 +35,7 @@ class PullAt(NamedTuple):
     moment: np.ndarray
     slope: np.ndarray
     error: np.ndarray
+    jump: np.ndarray
     slope_off: np.ndarray
     dipole: np.ndarray
 
@@ -75,11 +76,12 @@ class PullTable(NamedTuple):
         tails = np.abs(coefficients[:, -1, 0])
         if self.shape.shape[1] > 1:
             tails = tails + np.abs(basis @ self.shape[:, -2:, 0]).sum(-1)
-        lost = size * tails + np.abs(doubt)
+        jump = size * tails
+        lost = jump + np.abs(doubt)
         # A polynomial's slope is off by as many times more as it has coefficients, about.
         steep = lost * len(self.scale) * per_log / gap
         x = offset / self.reach
-        return _stated(axial, side * x, moment * x, slope, lost, steep, dipole)
+        return _stated(axial, side * x, moment * x, slope, lost, jump, steep, dipole)
 
 
 def make_table(
@@ -130,7 +132,7 @@ def solved_pulls(coil: CoilSource, washer: SteelRing, gap: np.ndarray, offset: n
     near, at, far = np.moveaxis(np.array(solved).reshape(-1, 3, COLUMNS), (1, 2), (0, 1))
     side, axial, moment, lost, dipole = at
     slope = (far[1] - near[1]) / (2 * SLOPE_STEP * gap)
-    return _stated(axial, side, moment, slope, lost, lost / gap, dipole)
+    return _stated(axial, side, moment, slope, lost, 0 * lost, lost / gap, dipole)
 
 
 def _stated(
@@ -139,12 +141,13 @@ def _stated(
     moment: np.ndarray,
     slope: np.ndarray,
     lost: np.ndarray,
+    jump: np.ndarray,
     steep: np.ndarray,
     dipole: np.ndarray,
 ) -> PullAt:
     with np.errstate(divide="ignore", invalid="ignore"):
         error = OWN_ERROR + lost / np.abs(axial)
-    return PullAt(-axial, side, moment, -slope, error, steep + OWN_ERROR * np.abs(slope), dipole)
+    return PullAt(-axial, side, moment, -slope, error, jump, steep + OWN_ERROR * np.abs(slope), dipole)
 
 
 def _nodes(count: int) -> np.ndarray:

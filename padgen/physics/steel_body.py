@@ -52,7 +52,8 @@ class Side(NamedTuple):
 class SteelBody(NamedTuple):
     """Nodes (n,) of the outline in m, the `area` in m² that each stands for, and the `response` (m, n, n).
 
-    The response of each order gives the charge per dt of the meridian at the nodes for a potential there.
+    The response of each order gives the charge per dt of the meridian at the nodes for a potential there, `own` (n, n)
+    the potential at the nodes of such a charge, the same all round.
     """
 
     sides: tuple[Side, ...]
@@ -60,6 +61,7 @@ class SteelBody(NamedTuple):
     height: np.ndarray
     area: np.ndarray
     response: np.ndarray
+    own: np.ndarray
 
 
 def tube(outer: float, inner: float, low: float, high: float, nodes: tuple[int, int]) -> tuple[Side, ...]:
@@ -104,7 +106,8 @@ def steel_body(sides: Sequence[Side], permeability: float, most: int) -> SteelBo
     susceptibility = permeability - 1
     charge = -np.linalg.solve(single, np.linalg.solve(np.eye(count) / susceptibility + inside, inside))
     energy = area[:, None] * charge
-    return SteelBody(tuple(sides), radius, height, area, (energy + np.swapaxes(energy, 1, 2)) / 2 / area[:, None])
+    response = (energy + np.swapaxes(energy, 1, 2)) / 2 / area[:, None]
+    return SteelBody(tuple(sides), radius, height, area, response, single[0])
 
 
 def _layers(

@@ -340,10 +340,10 @@ def _magnetic(plan: Plan) -> Iterator[LeftOut]:
     drive = np.array([channel.drive_hz for channel in channels])
     eddies = [2 * core_eddies(coil, RESISTIVITY_OHM_M, f) + washer_eddies(washer, RESISTIVITY_OHM_M, f) for f in drive]
     yield _worst("eddy currents", "force", channels, np.array(eddies))
-    shielded = np.zeros(len(channels))
+    shielded, middle = np.zeros(len(channels)), (washer.outer_diameter + washer.inner_diameter) / 4
     for own in _sets(channels, spec):
         place = np.array([channels[k].site.washer_mm for k in own]) * MM
-        shielded[own] = mutual_shielding(dipole[own], made.field[own], place, washer.outer_diameter)
+        shielded[own] = mutual_shielding(dipole[own], made.field[own], made.share[:, own], place, middle)
     if shielded.any():
         yield _worst("shielding", "force", channels, shielded)
     yield from _moving(plan, channels)
@@ -390,27 +390,28 @@ def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.nda
     ).T
     gap_um = hanging_gap_um(spec, sag)
     rest = site_pulls(spec, sites, gap_um)
-    # Side force and moment are as unsure as the pull: by what that does to the force on the mode, so does its slope.
-    per_off = error / rest.error / rest.pull * UM
+    # Side force and moment are as unsure as the pull: more by what that does to the force on the mode.
+    unsure = error / rest.error / rest.pull
     modes = [TaxelModes(np.array(c.modes_hz), np.array(c.mode_motions)) for c in channels]
 
     def on_mode(nearer_um: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Pull on each working mode over `force_constant_n_per_a2`, and how far its slope is off, per µm."""
         at = site_pulls(spec, sites, np.maximum(gap_um - nearer_um, gap_um / LEAST_GAP))
         share = pulled_shares(modes, site_wrenches(spec, at, sites))
-        return at.pull * share / here, at.slope_off * per_off
+        return at.pull * share / here, at.slope_off * unsure * UM
 
     # What the mean pull would deflect, did it not grow; in balance after a few rounds.
     slack_um = static * np.maximum(1 - static / gap_um, 0) ** np.maximum(exponent, 0)
     for _ in range(ROUNDS):
         pull, doubt = on_mode(static)
         static = slack_um * pull
-    # Means over a swing, exact to the seventh order, and the slope between the inner two.
+    # Means over a swing, exact to the seventh order: of the pull, and of its part in step with the swing.
     outer, inner = level * np.cos(np.pi / 8), level * np.sin(np.pi / 8)
     swung = [on_mode(static + side)[0] for side in (outer, inner, -inner, -outer)]
-    softer = np.maximum(((swung[1] - swung[2]) / (2 * inner) + doubt) * slack_um, 0)
+    slope = ((swung[0] - swung[3]) * outer + (swung[1] - swung[2]) * inner) / (2 * level**2)
+    softer = np.maximum((slope + doubt) * slack_um, 0)
     meets = (static + level >= gap_um) | (np.array([c.static_um for c in channels]) >= gap_um)
-    forces = np.abs(sum(swung) / 4 - 1) + doubt * (static + BENT * level**2 / gap_um)
+    forces = np.abs(sum(swung) / 4 - 1) + doubt * (static + BENT * level**2 / gap_um) + rest.jump * unsure
     return np.where(meets, inf, forces), np.where(meets | (softer >= 1), inf, 1 - np.sqrt(np.maximum(1 - softer, 0)))
 
 
