@@ -293,12 +293,12 @@ def test_shielding():
 
 
 def test_shielding_of_two_is_a_dipoles():
-    """By hand: a moment of 1 A·m² makes μ0/(2π) 1e9 T at 1 mm along its axis; halves 0.25 mm off, towards each other or
-    away from it, lie 0.5, 1 and 1.5 mm apart."""
+    """By hand: a moment of 1 A·m² makes μ0/(2π) 1e9 T at 1 mm along its axis; quarters are 0.25 mm off, those towards each
+    other here 0.5 mm apart, those beside the line 1 mm or, across it, √1.25 mm, and either from the other √0.625 mm."""
     place = np.array([[-5e-4, 0.0], [5e-4, 0.0]])
-    for share, times in ((0.5, (8 + 2 + 1 / 1.5**3) / 4), (1.0, 8.0)):
-        found = mutual_shielding(np.ones(2), np.full(2, 2.0), np.array([[share] * 2, [1 - share] * 2]), place, 2.5e-4)
-        assert found == pytest.approx(np.full(2, times * MU_0 / (2 * np.pi) * 1e9 / 2.0), rel=1e-12)
+    found = mutual_shielding(np.ones(2), np.full(2, 2.0), np.array([[1.0] * 2, [0.0] * 2]), place, 2.5e-4)
+    times = 8 / 4 + 2 * (1 / 4) * 0.625**-1.5 + (1 / 8) * (1 + 1.25**-1.5)
+    assert found == pytest.approx(np.full(2, times * MU_0 / (2 * np.pi) * 1e9 / 2.0), rel=1e-12)
 
 
 # Random specs, some of those of `docs/measure_left_out.py random`.

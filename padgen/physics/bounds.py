@@ -311,13 +311,15 @@ def mutual_shielding(
 
     Dipoles of `moment` (n,) in A·m²/A at `place` (n, 2) in m from the coil's axis, each taken to point along the line
     to the washer that it disturbs, where its field is ``μ0 m/(2π d³)``, over the coil's own `field` (n,) there. The
-    halves of a washer towards the axis and away from it count by their `share` (2, n) of the field, each where the
-    `middle` line of the ring, of that radius in m, crosses the line to the axis.
+    quarters of a washer lie on the `middle` line of its ring, of that radius in m; the one towards the axis and the one
+    away from it count by their `share` (2, n) of the field.
     """
     away = np.linalg.norm(place, axis=-1, keepdims=True)
-    out = np.divide(place, away, out=np.zeros_like(place), where=away > 0)
-    halves = place + np.array([-middle, middle])[:, None, None] * out
-    apart = np.linalg.norm(halves[:, None, :, None] - halves[None, :, None], axis=-1)
+    out = np.divide(place, away, out=np.tile([1.0, 0.0], (len(place), 1)), where=away > 0)
+    aside = out[:, ::-1] * (-1, 1)
+    quarters = place + middle * np.stack([-out, out, -aside, aside])
+    weight = np.concatenate([share / 2, np.full_like(share, 0.25)])
+    apart = np.linalg.norm(quarters[:, None, :, None] - quarters[None, :, None], axis=-1)
     apart[..., np.eye(len(place), dtype=bool)] = inf
-    near = np.einsum("an,bk,abnk->nk", share, share, 1 / apart**3)
+    near = np.einsum("an,bk,abnk->nk", weight, weight, 1 / apart**3)
     return np.asarray((near * MU_0 * moment / (2 * pi)).sum(-1) / np.where(field > 0, field, inf))
