@@ -77,7 +77,7 @@ def beam_inertia(
     mixed[at[::-1]] = 0.0
     least = first - either[at[::-1]] + np.minimum(mixed, 0).sum(0)
     most = first + unsure[at[::-1]] + np.maximum(mixed, 0).sum(0)
-    return np.maximum(1 - np.sqrt(np.maximum(1 + least, 0)), np.sqrt(np.maximum(1 + most, 0)) - 1)
+    return np.asarray(np.maximum(1 - np.sqrt(np.maximum(1 + least, 0)), np.sqrt(np.maximum(1 + most, 0)) - 1))
 
 
 def _missed_energy(
