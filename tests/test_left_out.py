@@ -293,8 +293,11 @@ def test_shielding():
 
 
 def test_shielding_of_two_is_a_dipoles():
-    """By hand: a moment of 1 A·m² makes μ0/(2π) 1e9 T at 1 mm along its axis; of quarters 0.25 mm off, those towards each
-    other are 0.5 mm apart, those beside the line 1 mm or, across it, √1.25 mm, and either from the other √0.625 mm."""
+    """By hand: a moment of 1 A·m² makes μ0/(2π) 1e9 T at 1 mm along its axis.
+
+    Of quarters 0.25 mm off, those towards each other are 0.5 mm apart, those beside the line 1 mm or, across it,
+    √1.25 mm, and either from the other √0.625 mm.
+    """
     place = np.array([[-5e-4, 0.0], [5e-4, 0.0]])
     found = mutual_shielding(np.ones(2), np.full(2, 2.0), np.array([[1.0] * 2, [0.0] * 2]), place, 2.5e-4)
     times = 8 / 4 + 2 * (1 / 4) * 0.625**-1.5 + (1 / 8) * (1 + 1.25**-1.5)
