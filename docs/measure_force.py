@@ -3,7 +3,7 @@
 Without a word about two minutes of one core, TEAM problem 20 (`team`) two more. `tables` writes padgen/physics/pulls.*,
 the tables that plans read: after every change of the pull's physics (two minutes). `campaign 300` solves random pairs
 by the solid field into tests/reference/force_campaign.csv, going on where it was (two hours). `bounds` tries the bounds
-of gap and softening on 1,960 combinations of core, gap, offset and sag (three minutes). Needs padgen[study].
+of gap and softening on 1,960 combinations of core, gap, offset and sag (six minutes). Needs padgen[study].
 """
 
 import csv
@@ -188,7 +188,7 @@ def team() -> None:
         row(current, measured, *pulls, solved.unknowns, solved.steps)
 
 
-LOW, HIGH, GAPS, STEP = 0.2 * MM, 6 * MM, 9, 0.33 * MM
+LOW, HIGH, GAPS, STEP = 0.35 * MM, 6 * MM, 9, 0.17 * MM
 """Gaps of the tables that padgen brings, and how far their offsets are apart, about."""
 
 

@@ -96,7 +96,7 @@ def solved_curve(plan: Plan, channel: Channel, nodes: int = 8) -> PullCurve | No
     def on_mode(log_um: float) -> float:
         with patch.object(pull_module, "_fineness", lambda *_: fine):
             found = pull_module.pull(*magnetic_parts(spec), float(np.exp(log_um)) * UM, offset)
-        pulled = PullAt(*(np.array([v]) for v in (-found.axial, found.side, found.moment, 0.0, 0.0, 0.0, 0.0)))
+        pulled = PullAt(*(np.array([v]) for v in (-found.axial, found.side, found.moment, *[0.0] * 5)))
         return -found.axial * mode_fields(modes, site_wrenches(spec, pulled, [channel.site])[0]).pulled_share
 
     rest = on_mode(float(np.log(rest_um)))
@@ -575,10 +575,13 @@ def true_air_damping(plan: Plan, across: int = 90) -> float | None:
 
 def beam_inertia_of(taxel: Suspended) -> tuple[float, float]:
     """Bound and true error of the resonance."""
-    modes, working = taxel.modes, int(taxel.working)
-    motion, hz = modes.shape[:, working], modes.frequency_hz[working]
-    bound = beam_inertia(taxel.beams, motion, modes.reference, hz, *taxel.elastic)
-    return float(bound), abs(element_error(taxel))
+    return float(condensed_bound(taxel)[0]), abs(element_error(taxel))
+
+
+def condensed_bound(taxel: Suspended) -> np.ndarray:
+    modes = taxel.modes
+    of = modes.shape.T[None], modes.reference, modes.frequency_hz[None], taxel.working[None]
+    return beam_inertia(taxel.beams, *of, *taxel.elastic)
 
 
 def true_beam_inertia(plan: Plan) -> tuple[float, float] | None:

@@ -151,6 +151,8 @@ BEAMS = (
     ("paper-32", "cantilever", (0.627, 0.3, 6.6)),
     ("paper-32", "cantilever", (2.3, 1.5, 16.5)),
     ("paper-32", "folded", (0.627, 0.3, 6.6)),
+    ("paper-32", "folded", (1.725, 0.471, 9.546)),
+    ("resin-fine", "folded", (3.739, 1.132, 7.151)),
     ("paper-32", "bridge", (1.16, 0.3, 6.6)),
     ("quad-64", "cantilever", (0.347, 0.5, 1.2)),
     ("wide-11", "cantilever", (1.26, 2.4, 8.25)),
@@ -160,7 +162,8 @@ BEAMS = (
     ("resin-fine", "cantilever", (0.4, 0.45, 0.65)),
     ("resin-fine", "bridge", (0.4, 0.45, 0.65)),
 )
-"""Plates of these scenes on beams of width, thickness and length in mm."""
+"""Plates of these scenes on beams of width, thickness and length in mm. The second and third folded ones would break a
+bound that does not count how what is missed mixes modes, by a third and more."""
 
 
 def inertia(name: str, topology: str, shape_mm: tuple[float, float, float]) -> tuple[float, float]:
@@ -184,9 +187,9 @@ def test_beam_inertia_is_the_plans():
         model = TaxelModel(spec, channel.beam.topology, plate, shape)
         material = spec.material
         elastic = material.youngs_modulus_gpa * GPA, material.poisson_ratio, material.density_g_per_cm3 * G_PER_CM3
-        modes, working = model.modes, int(model.working)
-        motion = modes.shape[:, working], modes.reference, modes.frequency_hz[working]
-        bounds.append(float(beam_inertia(model.placements, *motion, *elastic)))
+        modes = model.modes
+        motion = modes.shape.T[None], modes.reference, modes.frequency_hz[None], np.array([int(model.working)])
+        bounds.append(float(beam_inertia(model.placements, *motion, *elastic)[0]))
     found = entry("wide-11", "beam inertia")
     assert found.bound == pytest.approx(max(bounds), rel=1e-9)
     assert found.of == f"resonance of channel {int(np.argmax(bounds))}"
@@ -250,6 +253,7 @@ FIELDS = {
         SteelRing(12e-3, 6.4e-3, 1.6e-3, 300),
         1e-3,
     ),
+    "long core": (solenoid(10e-3, 4e-3, 15.4e-3, 1000, 4e-3, 1000), SteelRing(6e-3, 2.7e-3, 0.5e-3, 300), 1e-3),
 }
 
 
@@ -275,7 +279,7 @@ def eddy_currents(name: str, hz: float) -> tuple[float, float]:
     return bound + washer_eddies(washer, 1e-7, hz), abs(moved / still - 1)
 
 
-@pytest.mark.parametrize("hz", [28.0, 350.0])
+@pytest.mark.parametrize("hz", [10.0, 350.0])
 @pytest.mark.parametrize("name", FIELDS)
 def test_eddy_currents(name, hz):
     pytest.importorskip("ngsolve", exc_type=ImportError)
@@ -290,10 +294,15 @@ def test_shielding():
 
 
 def test_shielding_of_two_is_a_dipoles():
-    """By hand: a moment of 1 A·m² makes μ0/(2π) 1e9 T at 1 mm along its axis; as wide a washer's is four times that."""
-    place = np.array([[0.0, 0.0], [1e-3, 0.0]])
-    found = mutual_shielding(np.ones(2), np.full(2, 2.0), place, 1e-3)
-    assert found == pytest.approx(np.full(2, 4 * MU_0 / (2 * np.pi) * 1e9 / 2.0), rel=1e-12)
+    """By hand: a moment of 1 A·m² makes μ0/(2π) 1e9 T at 1 mm along its axis.
+
+    Of quarters 0.25 mm off, those towards each other are 0.5 mm apart, those beside the line 1 mm or, across it,
+    √1.25 mm, and either from the other √0.625 mm.
+    """
+    place = np.array([[-5e-4, 0.0], [5e-4, 0.0]])
+    found = mutual_shielding(np.ones(2), np.full(2, 2.0), np.array([[1.0] * 2, [0.0] * 2]), place, 2.5e-4)
+    times = 8 / 4 + 2 * (1 / 4) * 0.625**-1.5 + (1 / 8) * (1 + 1.25**-1.5)
+    assert found == pytest.approx(np.full(2, times * MU_0 / (2 * np.pi) * 1e9 / 2.0), rel=1e-12)
 
 
 # Random specs, some of those of `docs/measure_left_out.py random`.
@@ -315,23 +324,13 @@ def test_bounds_of_random_specs_hold(number):
     assert compared >= 5
 
 
-OPEN = {("beam inertia", "1348")}
-"""Known to be broken, by 3 %, and not understood (docs/accuracy.md)."""
-
-
 def test_campaign_breaks_no_bound():
     """Plans of random specs, as recorded; each bound is at most ten times the true size in some of them."""
     path = Path(__file__).parent / "reference" / "left_out_campaign.csv"
     rows = list(csv.DictReader(path.read_text(encoding="ascii").splitlines()))
     ratios: dict[str, list[float]] = {}
     for row in rows:
-        known = (row["term"], row["number"]) in OPEN
-        if (
-            not known
-            and row["bound"]
-            and row["true"][:1].isdigit()
-            and float(row["true"]) > LEAST.get(row["term"], 0.0)
-        ):
+        if row["bound"] and row["true"][:1].isdigit() and float(row["true"]) > LEAST.get(row["term"], 0.0):
             ratios.setdefault(row["term"], []).append(float(row["bound"]) / float(row["true"]))
     assert set(ratios) == set(TRUE) | set(DEAR)
     assert {term: min(of) for term, of in ratios.items() if min(of) * SLACK < 1} == {}

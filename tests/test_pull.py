@@ -223,14 +223,14 @@ def test_a_table_is_as_good_as_it_states():
     assert table.covers(gap, offset).all() and not table.covers(gap * 5, offset).any()
     found, solved = table.at(gap, offset), solved_pulls(COIL, WASHER, gap, offset)
     assert np.mean(np.abs(found.pull / solved.pull - 1) <= found.error) >= 0.92
-    assert np.mean(np.abs(found.slope / solved.slope - 1) <= found.slope_error) >= 0.92
+    assert np.mean(np.abs(found.slope - solved.slope) <= found.slope_off) >= 0.92
     assert np.median(np.abs(found.pull / solved.pull - 1)) < 0.003
     assert found.side == pytest.approx(solved.side, abs=0.01 * solved.pull.max())
     assert found.moment == pytest.approx(solved.moment, abs=0.01 * (solved.pull * 2 * MM).max())
 
 
 def test_the_tables_that_padgen_brings_are_those_of_its_parts():
-    """Of templates, right where their washers lie (1.1 % at 0.4 mm): after a change `docs/measure_force.py tables`."""
+    """Right where templates have washers, and all over at 0.4 mm: after a change `docs/measure_force.py tables`."""
     for name in ("paper-32", "wide-11", "resin-fine"):
         spec = load_spec(name)
         table = brought_table(*magnetic_parts(spec))
@@ -239,9 +239,13 @@ def test_the_tables_that_padgen_brings_are_those_of_its_parts():
         gap = hanging_gap_um(spec, np.array([c.sag_um for c in plan.channels])) * UM
         offset = np.array([c.site.coil_distance_mm for c in plan.channels]) * MM
         found, solved = table.at(gap, offset), solved_pulls(*magnetic_parts(spec), gap, offset)
-        assert found.pull == pytest.approx(solved.pull, rel=0.015)
-        assert found.slope == pytest.approx(solved.slope, rel=0.1)
+        assert found.pull == pytest.approx(solved.pull, rel=0.003)
+        assert found.slope == pytest.approx(solved.slope, rel=0.04)
         assert (np.abs(found.pull / solved.pull - 1) <= found.error).all()
+    offset = np.linspace(0.3, 5.3, 8) * MM
+    found = table.at(np.full(8, 0.4 * MM), offset).pull
+    solved = np.array([-pull(*magnetic_parts(spec), 0.4 * MM, place).axial for place in offset])
+    assert found == pytest.approx(solved, rel=0.01)
 
 
 def test_parts_of_ones_own_are_solved_once_and_kept(tmp_path, monkeypatch):

@@ -1,7 +1,7 @@
 """Bounds of gap and softening over all combinations of core, gap, offset and sag, against the pull itself.
 
-The reference solves surface charges where the washer hangs in balance, and averages them over the swing; a bound may be
-short by 1 % and 1e-6, the reference's own digits.
+The reference (`finer_models.true_gap` and `true_softening`) solves surface charges where the washer hangs in balance,
+and averages them over the swing; a bound may be short by 1 % and 1e-6, the reference's own digits.
 """
 
 from dataclasses import replace
@@ -9,47 +9,15 @@ from itertools import product
 
 import numpy as np
 
-from padgen.core.units import MM, UM
-from padgen.physics.pull import pull
-from padgen.physics.pull_table import PullAt
 from padgen.physics.taxel_modes import TaxelModes
 from padgen.planner import make_plan
 from padgen.planner.channels import driven, hanging_gap_um, pull_exponent, site_pulls, wanted_line_a2
 from padgen.planner.left_out import _pulled
-from padgen.planner.plan import Channel
 from padgen.planner.pull_modes import mode_fields, site_wrenches
-from padgen.planner.pulls import magnetic_parts
-from padgen.spec import Spec, load_spec
+from padgen.spec import load_spec
+from tests.finer_models import true_gap, true_softening
 
 SLACK = 1.01
-
-
-def pull_at(spec: Spec, channel: Channel, nearer_um: float) -> float:
-    """Pull in N/A² on the channel's own mode with the washer `nearer_um` to the coil than it hangs."""
-    gap_m = (float(hanging_gap_um(spec, channel.sag_um)) - nearer_um) * UM
-    solved = pull(*magnetic_parts(spec), gap_m, channel.site.coil_distance_mm * MM)
-    drawn = PullAt(-solved.axial, solved.side, solved.moment, *[0.0] * 4)
-    modes = TaxelModes(np.array(channel.modes_hz), np.array(channel.mode_motions))
-    wrench = site_wrenches(spec, PullAt(*map(np.atleast_1d, drawn)), [channel.site])[0]
-    return float(drawn.pull * mode_fields(modes, wrench).pulled_share)
-
-
-def gap_error(spec: Spec, channel: Channel) -> float:
-    """The pull where the washer hangs, drawn down and averaged over a swing, against the plan's at rest."""
-    phase = np.sin(np.linspace(0, 2 * np.pi, 6, endpoint=False) + 0.3)
-    pulls = [pull_at(spec, channel, channel.static_um + channel.level_um * side) for side in phase]
-    return float(abs(np.mean(pulls) / pull_at(spec, channel, 0.0) - 1))
-
-
-def softening_error(spec: Spec, channel: Channel) -> float:
-    """How much lower the resonance is on the pull's slope, where the washer hangs in balance."""
-    gap_um, static = float(hanging_gap_um(spec, channel.sag_um)), channel.static_um
-    slack_um = static * (1 - static / gap_um) ** max(channel.pull_exponent, 0)  # were the pull as at rest
-    rest, step_um = pull_at(spec, channel, 0.0), 0.02 * gap_um
-    for _ in range(4):
-        static = slack_um * pull_at(spec, channel, static) / rest
-    near, far = (pull_at(spec, channel, static + side) for side in (step_um, -step_um))
-    return float(1 - np.sqrt(max(1 - (near - far) / (2 * step_um) / rest * slack_um, 0)))
 
 
 CORES_MM, GAPS_MM, OUT, SAGS = (
@@ -92,13 +60,12 @@ def pulled_bounds(thinned: int = 1) -> tuple[int, list[tuple[object, ...]]]:
             pull_exponent=float(pull_exponent(pulled, hanging_um)[0]),
         )
         (moved,) = driven(spec, [moved], base.scheme)
-        bounds = [float(bound[0]) for bound in _pulled(replace(base, spec=spec, channels=(moved,)), [moved])]
+        plan = replace(base, spec=spec, channels=(moved,))
+        bounds = [float(bound[0]) for bound in _pulled(plan, [moved])]
         if not np.isfinite(bounds).all():
             continue
         bounded += 1
-        for term, bound, true in zip(
-            ("gap", "softening"), bounds, (gap_error(spec, moved), softening_error(spec, moved)), strict=True
-        ):
+        for term, bound, true in zip(("gap", "softening"), bounds, (true_gap(plan), true_softening(plan)), strict=True):
             if true > SLACK * bound + 1e-6:
                 broken.append((term, core_mm, gap_mm, round(offset_mm, 2), sag, bound, true))
     return bounded, broken

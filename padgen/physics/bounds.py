@@ -39,45 +39,64 @@ def beam_inertia(
     motion: np.ndarray,
     reference: np.ndarray,
     frequency: np.ndarray,
+    working: np.ndarray,
     modulus: float,
     poisson: float,
     density: float,
 ) -> np.ndarray:
-    """Return the relative error (n,) of a resonance from beam inertia that `tip_mass` leaves out.
+    """Return the relative error (n,) of the resonance of mode `working` (n,) from what `tip_mass` leaves out.
 
-    The resonance is at `frequency` (n,) in Hz. `motion` (n, 6) of the body is mass-normalised, at its point `reference`
-    (n, 3), as in `modes.Modes`. A beam that is condensed to its tip lacks three terms, as shares of the mode's kinetic
-    energy:
+    `frequency` (n, m) in Hz and `motion` (n, m, 6) are those of all modes of the body; the motion is mass-normalised,
+    at its point `reference` (n, 3), as in `modes.Modes`. A beam that is condensed to its tip lacks, as shares of the
+    mode's kinetic energy:
 
     - its own modes between held ends: between 0 and ``T ω²/(ω₁² − ω²)``, with the beam's share T and the lowest of
       these modes ω₁ (the exact dynamic stiffness in partial fractions, in which the shares of the modes in T add to 1);
     - the rotary inertia of its sections;
     - the change of its deflection, by compliance of its ends and by shear, from the cubic between held ends.
 
-    Half of their sum is the relative error. ω₁ is a lower bound after Dunkerley, from bending, shear and rotary
-    inertia. Infinite where the mode is not below ω₁.
+    ω₁ is a lower bound after Dunkerley, from bending, shear and rotary inertia. The missing energy also mixes the mode
+    with each other mode ω_k, which adds ``d² ω²/(ω_k² − ω²)``: d is the energy that the two miss together, at most by
+    Cauchy's inequality where only its size is known. Infinite where the mode is not below ω₁.
     """
-    square = (2 * pi * np.asarray(frequency)) ** 2
-    least: Any = 0.0
-    most: Any = 0.0
+    at = np.arange(len(working)), working
+    own = motion[at]
+    square = (2 * pi * frequency[at]) ** 2
+    # The modes one by one, then each together with the working one: (2 m, n, 6).
+    motions = np.concatenate([motion, motion + own[:, None]], 1).swapaxes(0, 1)
+    missed: Any = 0.0
+    either: Any = 0.0
+    more: Any = 0.0
     for beam in beams:
-        tip = (to_tip(beam, reference) @ motion[..., None])[..., 0]
-        low, high = _missed_energy(beam.section, tip, square, modulus, poisson, density)
-        least, most = least + low, most + high
-    return np.asarray(np.maximum(np.abs(least), np.abs(most)) / 2)
+        tip = (to_tip(beam, reference) @ motions[..., None])[..., 0]
+        parts = _missed_energy(beam.section, tip, square, modulus, poisson, density)
+        missed, either, more = missed + parts[0], either + parts[1], more + parts[2]
+    missed, together = np.split(missed, 2)
+    unsure = np.split(either + more, 2)[0]
+    first = missed[at[::-1]]
+    ratio = square / (2 * pi * frequency.T) ** 2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shared = np.abs(together - missed - first) / 2 + np.sqrt(unsure * unsure[at[::-1]])
+        mixed = np.nan_to_num(shared**2 * ratio / (1 - ratio), posinf=inf, neginf=-inf)
+    mixed[at[::-1]] = 0.0
+    least = first - either[at[::-1]] + np.minimum(mixed, 0).sum(0)
+    most = first + unsure[at[::-1]] + np.maximum(mixed, 0).sum(0)
+    return np.asarray(np.maximum(1 - np.sqrt(np.maximum(1 + least, 0)), np.sqrt(np.maximum(1 + most, 0)) - 1))
 
 
 def _missed_energy(
     section: BeamSection, tip: np.ndarray, square: np.ndarray, modulus: float, poisson: float, density: float
-) -> tuple[Any, Any]:
-    """Return the least and the most kinetic energy that `tip_mass` misses of a beam, over that of the mode.
+) -> tuple[Any, Any, Any]:
+    """Return the kinetic energy that `tip_mass` misses of a beam, over that of the mode: three terms.
 
-    `tip` (…, 6) is the motion of the beam's tip.
+    The first is known, the second its uncertainty either way, the third what may come on top. `tip` (…, 6) is the
+    motion of the beam's tip.
     """
     if section.path:
         # The mass of a bent beam includes rotary inertia, compliance of its ends and shear already.
         energy = np.einsum("...i,...ij,...j->...", tip, tip_mass(section, density, poisson), tip)
-        return 0.0, energy * _dynamic(square * bent_slowness(section, modulus, poisson, density))
+        more = energy * _dynamic(square * bent_slowness(section, modulus, poisson, density))
+        return 0.0 * energy, 0.0 * energy, more
     width, thickness, length = (np.asarray(v, float) for v in section[:3])
     # Stiffness across the layers is a lower bound for upward shear and twist.
     shear_modulus = modulus / (2 * (1 + poisson)) * section.across
@@ -106,7 +125,7 @@ def _missed_energy(
     wave = square * (length / pi) ** 2
     doubt = doubt + along * tip[..., 0] ** 2 * _dynamic(wave * density / modulus)
     doubt = doubt + along * polar * tip[..., 3] ** 2 * _dynamic(wave * line * polar / twist)
-    return missed - shear_doubt, missed + shear_doubt + doubt
+    return missed, shear_doubt, doubt
 
 
 def _deflections(shift: Any, turn: Any, root: Any, tip: Any) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
@@ -148,11 +167,13 @@ def _dynamic(slowness: Any) -> Any:
 class Magnetised(NamedTuple):
     """A washer in a coil's field.
 
-    `field` (n,) is in T/A. `polarisation` (n,) in T/A is the largest in the washer, for saturation; `chi_n` (n,) is χN,
-    by which demagnetisation weakens the effect of saturation on the force.
+    `field` (n,) is in T/A, `share` (2, n) its shares at the washer's side nearest to the coil's axis and farthest
+    from it. `polarisation` (n,) in T/A is the largest in the washer, for saturation; `chi_n` (n,) is χN, by which
+    demagnetisation weakens the effect of saturation on the force.
     """
 
     field: np.ndarray
+    share: np.ndarray
     polarisation: np.ndarray
     chi_n: np.ndarray
 
@@ -182,8 +203,10 @@ def washer_magnetised(
     size = np.hypot(polarisation[0] + polarisation[1], polarisation[2])
     volume = pi * (outer**2 - inner**2) * washer.thickness
     weight = energy / energy.sum(0)
+    local = np.hypot(radial, axial)
     return Magnetised(
-        np.sqrt((radial**2 + axial**2).mean(0)),
+        np.sqrt((local**2).mean(0)),
+        local / local.sum(0),
         LOCAL_PEAK * np.maximum(size.max(0), MU_0 * dipole / volume),
         1 / (weight / (chi * share[:, None])).sum(0) if chi > 0 else np.full(len(offset), inf),
     )
@@ -192,15 +215,19 @@ def washer_magnetised(
 def core_polarisation(coil: CoilSource) -> tuple[float, float]:
     """Return the largest mean polarisation in T/A of a section of the core, and the core's χN.
 
-    The flux through a section is the magnetic charge on the core above it. Without a core the result is 0 and inf.
+    The flux through a section is the magnetic charge on the core above it. It rises by 1/(1 + χN) of a relative rise of
+    χ: a charge ``σ = −S⁻¹ (1/χ + P)⁻¹ P u`` (`steel_body`) rises by ``σ + R S σ`` per d ln χ. (A uniform field along
+    the core gives an N that is larger by half and more.) Without a core the result is 0 and inf.
     """
-    core = charged_core(coil)
-    if core is None:
+    charged = charged_core(coil)
+    if charged is None:
         return 0.0, inf
-    charge = (core[0].area * core[1])[np.argsort(-core[0].height, kind="stable")]
-    area = pi / 4 * coil.core_diameter**2
-    demagnetised = (coil.core_permeability - 1) / (1 + 4 * coil.core_length / coil.core_diameter / sqrt(pi))
-    return MU_0 * float(np.abs(np.cumsum(charge)).max()) / area, demagnetised
+    core, charge = charged
+    rise = charge + core.response[0] @ (core.own @ charge)
+    order = np.argsort(-core.height, kind="stable")
+    flux, more = (np.cumsum((core.area * each)[order]) for each in (charge, rise))
+    at = int(np.abs(flux).argmax())
+    return MU_0 * float(abs(flux[at])) / (pi / 4 * coil.core_diameter**2), float(abs(flux[at] / more[at])) - 1
 
 
 def saturation_loss(polarised_share: Any, chi_n: Any) -> Any:
@@ -283,14 +310,22 @@ def switching_delay(
         return np.where((fall > 0) & (quiet > 1), rung / np.log(quiet), inf)
 
 
-def mutual_shielding(moment: np.ndarray, field: np.ndarray, place: np.ndarray, diameter: float) -> np.ndarray:
+def mutual_shielding(
+    moment: np.ndarray, field: np.ndarray, share: np.ndarray, place: np.ndarray, middle: float
+) -> np.ndarray:
     """Return the relative error (n,) of the pull on each washer of a coil from the field of the other washers.
 
-    The others are dipoles of `moment` (n,) in A·m² at `place` (n, 2) in m, each taken to point along the line to the
-    disturbed washer, where its field is ``μ0 m/(2π d³)``. The error is their sum over the coil's own `field` (n,) in T
-    there. The washers' finite `diameter` adds about ``3 (diameter/d)²`` (field solutions of random coils).
+    The others are dipoles of `moment` (n,) in A·m²/A at `place` (n, 2) in m from the coil's axis, each taken to point
+    along the line to the disturbed washer, where its field is ``μ0 m/(2π d³)``. The error is their sum over the coil's
+    own `field` (n,) there. Each washer counts by its four quarters on the circle of radius `middle` in m; the quarters
+    towards the axis and away from it are weighted with their `share` (2, n) of the field.
     """
-    apart = np.linalg.norm(place[:, None] - place[None], axis=-1)
-    np.fill_diagonal(apart, inf)
-    near = 1 + 3 * (diameter / apart) ** 2
-    return np.asarray((near * MU_0 * moment / (2 * pi * apart**3)).sum(-1) / np.where(field > 0, field, inf))
+    away = np.linalg.norm(place, axis=-1, keepdims=True)
+    out = np.divide(place, away, out=np.tile([1.0, 0.0], (len(place), 1)), where=away > 0)
+    aside = out[:, ::-1] * (-1, 1)
+    quarters = place + middle * np.stack([-out, out, -aside, aside])
+    weight = np.concatenate([share / 2, np.full_like(share, 0.25)])
+    apart = np.linalg.norm(quarters[:, None, :, None] - quarters[None, :, None], axis=-1)
+    apart[..., np.eye(len(place), dtype=bool)] = inf
+    near = np.einsum("an,bk,abnk->nk", weight, weight, 1 / apart**3)
+    return np.asarray((near * MU_0 * moment / (2 * pi)).sum(-1) / np.where(field > 0, field, inf))

@@ -26,8 +26,9 @@ BROUGHT = Path(__file__).with_name("pulls")
 class PullAt(NamedTuple):
     """Pulls (n,) per A² at places.
 
-    `pull` is towards the coil in N, `slope` its slope with the gap in N/m; `error` and `slope_error` are relative.
-    `side`, `moment` and `dipole` are as in `pull.Pull`.
+    `pull` is towards the coil in N, `slope` its slope with the gap in N/m. `error` is relative; `jump` in N is its part
+    from one table to the next; `slope_off` in N/m is the error of the slope. `side`, `moment` and `dipole` are as in
+    `pull.Pull`.
     """
 
     pull: np.ndarray
@@ -35,7 +36,8 @@ class PullAt(NamedTuple):
     moment: np.ndarray
     slope: np.ndarray
     error: np.ndarray
-    slope_error: np.ndarray
+    jump: np.ndarray
+    slope_off: np.ndarray
     dipole: np.ndarray
 
 
@@ -76,11 +78,12 @@ class PullTable(NamedTuple):
         tails = np.abs(coefficients[:, -1, 0])
         if self.shape.shape[1] > 1:
             tails = tails + np.abs(basis @ self.shape[:, -2:, 0]).sum(-1)
-        lost = size * tails + np.abs(doubt)
+        jump = size * tails
+        lost = jump + np.abs(doubt)
         # The error of a polynomial's slope is larger by about its number of coefficients.
         steep = lost * len(self.scale) * per_log / gap
         x = offset / self.reach
-        return _with_errors(axial, side * x, moment * x, slope, lost, steep, dipole)
+        return _with_errors(axial, side * x, moment * x, slope, lost, jump, steep, dipole)
 
 
 def make_table(
@@ -132,7 +135,7 @@ def solved_pulls(coil: CoilSource, washer: SteelRing, gap: np.ndarray, offset: n
     near, at, far = np.moveaxis(np.array(solved).reshape(-1, 3, COLUMNS), (1, 2), (0, 1))
     side, axial, moment, lost, dipole = at
     slope = (far[1] - near[1]) / (2 * SLOPE_STEP * gap)
-    return _with_errors(axial, side, moment, slope, lost, lost / gap, dipole)
+    return _with_errors(axial, side, moment, slope, lost, 0 * lost, lost / gap, dipole)
 
 
 def _with_errors(
@@ -141,13 +144,14 @@ def _with_errors(
     moment: np.ndarray,
     slope: np.ndarray,
     lost: np.ndarray,
+    jump: np.ndarray,
     steep: np.ndarray,
     dipole: np.ndarray,
 ) -> PullAt:
     """Return pulls towards the coil with their relative errors, from upward forces and absolute errors."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        error, slope_error = OWN_ERROR + lost / np.abs(axial), OWN_ERROR + steep / np.abs(slope)
-    return PullAt(-axial, side, moment, -slope, error, slope_error, dipole)
+        error = OWN_ERROR + lost / np.abs(axial)
+    return PullAt(-axial, side, moment, -slope, error, jump, steep + OWN_ERROR * np.abs(slope), dipole)
 
 
 def _nodes(count: int) -> np.ndarray:

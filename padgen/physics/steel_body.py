@@ -55,7 +55,8 @@ class SteelBody(NamedTuple):
 
     t runs from 0 to 1 along each side. `area` (n,) in m is 2πr times the node's weight in dt: the sum of area times
     charge per dt is the total charge. `response` (m, n, n) gives, for each order round the axis, the charge per dt in A
-    at the nodes for a potential in A there.
+    at the nodes for a potential in A there. `own` (n, n) gives the potential at the nodes of a charge that is the same
+    all round.
     """
 
     sides: tuple[Side, ...]
@@ -63,6 +64,7 @@ class SteelBody(NamedTuple):
     height: np.ndarray
     area: np.ndarray
     response: np.ndarray
+    own: np.ndarray
 
 
 def tube(outer: float, inner: float, low: float, high: float, nodes: tuple[int, int]) -> tuple[Side, ...]:
@@ -111,7 +113,8 @@ def steel_body(sides: Sequence[Side], permeability: float, most: int) -> SteelBo
     susceptibility = permeability - 1
     charge = -np.linalg.solve(single, np.linalg.solve(np.eye(count) / susceptibility + inside, inside))
     energy = area[:, None] * charge
-    return SteelBody(tuple(sides), radius, height, area, (energy + np.swapaxes(energy, 1, 2)) / 2 / area[:, None])
+    response = (energy + np.swapaxes(energy, 1, 2)) / 2 / area[:, None]
+    return SteelBody(tuple(sides), radius, height, area, response, single[0])
 
 
 def _layers(

@@ -43,8 +43,8 @@ RESISTIVITY_OHM_M = 1e-7
 """Of the best conductor among cores and washers, iron."""
 LEAST_GAP = 20
 """Share of its gap, one over this, below which no pull is asked for."""
-INTERPOLATED = 5e-4
-"""Relative to a pull, what tables make of its change between two gaps beside what it is (docs/accuracy.md)."""
+BENT = 2.0
+"""Over its gap, by how much more a pull's curvature with the gap may be off than its slope."""
 ROUNDS = 3
 
 SLOPES = 1.3
@@ -183,21 +183,21 @@ def _worst(term: str, of: str, channels: Sequence[Channel], bound: np.ndarray) -
 
 
 def _inertia(plan: Plan) -> LeftOut:
-    if all(channel.model == "solid" for channel in plan.channels):
-        rest = max(plan.channels, key=lambda channel: channel.model_error)
-        return LeftOut("beam inertia", rest.model_error, "1", f"resonance of channel {rest.index}", computed=True)
+    """What condensed beams miss; of resonances that a solid has, what those may be off by."""
     plate = PlateShape(plan.plate.length_mm, plan.plate.width_mm, plan.plate.thickness_mm)
-    material, bound = plan.spec.material, np.zeros(len(plan.channels))
+    material, channels = plan.spec.material, plan.channels
+    bound = np.array([channel.model_error for channel in channels])
     elastic = material.youngs_modulus_gpa * GPA, material.poisson_ratio, material.density_g_per_cm3 * G_PER_CM3
-    for topology in dict.fromkeys(channel.beam.topology for channel in plan.channels):
-        own = [k for k, channel in enumerate(plan.channels) if channel.beam.topology == topology]
-        beams = [plan.channels[k].beam for k in own]
-        shape = BeamShape(*np.array([(b.width_mm, b.thickness_mm, b.length_mm) for b in beams]).T)
-        model = TaxelModel(plan.spec, topology, plate, shape)
-        working = [plan.channels[k].mode_motions[int(np.argmax(plan.channels[k].mode_shares))] for k in own]
-        motion, hz = np.array(working), np.array([plan.channels[k].resonance_hz for k in own])
-        bound[own] = beam_inertia(model.placements, motion, model.washer_point_m, hz, *elastic)
-    return _worst("beam inertia", "resonance", plan.channels, bound)
+    beams = [k for k, channel in enumerate(channels) if channel.model == "beam"]
+    for topology in dict.fromkeys(channels[k].beam.topology for k in beams):
+        own = [k for k in beams if channels[k].beam.topology == topology]
+        sizes = [(b.width_mm, b.thickness_mm, b.length_mm) for b in (channels[k].beam for k in own)]
+        model = TaxelModel(plan.spec, topology, plate, BeamShape(*np.array(sizes).T))
+        motion, hz, shares = (
+            np.array([getattr(channels[k], name) for k in own]) for name in ("mode_motions", "modes_hz", "mode_shares")
+        )
+        bound[own] = beam_inertia(model.placements, motion, model.washer_point_m, hz, shares.argmax(1), *elastic)
+    return replace(_worst("beam inertia", "resonance", channels, bound), computed=not beams)
 
 
 def _stretching(plan: Plan) -> LeftOut:
@@ -336,10 +336,10 @@ def _magnetic(plan: Plan) -> Iterator[LeftOut]:
     drive = np.array([channel.drive_hz for channel in channels])
     eddies = [2 * core_eddies(coil, RESISTIVITY_OHM_M, f) + washer_eddies(washer, RESISTIVITY_OHM_M, f) for f in drive]
     yield _worst("eddy currents", "force", channels, np.array(eddies))
-    shielded = np.zeros(len(channels))
+    shielded, middle = np.zeros(len(channels)), (washer.outer_diameter + washer.inner_diameter) / 4
     for own in _sets(channels, spec):
         place = np.array([channels[k].site.washer_mm for k in own]) * MM
-        shielded[own] = mutual_shielding(dipole[own], made.field[own], place, washer.outer_diameter)
+        shielded[own] = mutual_shielding(dipole[own], made.field[own], made.share[:, own], place, middle)
     if shielded.any():
         yield _worst("shielding", "force", channels, shielded)
     yield from _moving(plan, channels)
@@ -378,29 +378,36 @@ def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.nda
     alike, softens the spring. Infinite where nothing balances.
     """
     spec, sites = plan.spec, [channel.site for channel in channels]
-    sag, static, exponent, level, here = np.array(
-        [(c.sag_um, c.static_um, c.pull_exponent, c.level_um, c.force_constant_n_per_a2) for c in channels]
+    sag, static, exponent, level, here, error = np.array(
+        [
+            (c.sag_um, c.static_um, c.pull_exponent, c.level_um, c.force_constant_n_per_a2, c.force_error)
+            for c in channels
+        ]
     ).T
     gap_um = hanging_gap_um(spec, sag)
+    rest = site_pulls(spec, sites, gap_um)
+    # Side force and moment are as unsure as the pull: more by what that does to the force on the mode.
+    unsure = error / rest.error / rest.pull
     modes = [TaxelModes(np.array(c.modes_hz), np.array(c.mode_motions)) for c in channels]
 
     def on_mode(nearer_um: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Pull on each working mode over `force_constant_n_per_a2`, and how far its slope is off."""
+        """Pull on each working mode over `force_constant_n_per_a2`, and how far its slope is off, per µm."""
         at = site_pulls(spec, sites, np.maximum(gap_um - nearer_um, gap_um / LEAST_GAP))
         share = pulled_shares(modes, site_wrenches(spec, at, sites))
-        return at.pull * share / here, at.slope_error
+        return at.pull * share / here, at.slope_off * unsure * UM
 
     # What the mean pull would deflect, did it not grow; in balance after a few rounds.
     slack_um = static * np.maximum(1 - static / gap_um, 0) ** np.maximum(exponent, 0)
     for _ in range(ROUNDS):
         pull, doubt = on_mode(static)
         static = slack_um * pull
-    # Means over a swing, exact to the seventh order, and the slope between the inner two.
+    # Means over a swing, exact to the seventh order: of the pull, and of its part in step with the swing.
     outer, inner = level * np.cos(np.pi / 8), level * np.sin(np.pi / 8)
     swung = [on_mode(static + side)[0] for side in (outer, inner, -inner, -outer)]
-    softer = np.maximum((swung[1] - swung[2]) / (2 * inner) * slack_um * (1 + doubt), 0)
+    slope = ((swung[0] - swung[3]) * outer + (swung[1] - swung[2]) * inner) / (2 * level**2)
+    softer = np.maximum((slope + doubt) * slack_um, 0)
     meets = (static + level >= gap_um) | (np.array([c.static_um for c in channels]) >= gap_um)
-    forces = np.abs(sum(swung) / 4 - 1) * (1 + doubt) + INTERPOLATED
+    forces = np.abs(sum(swung) / 4 - 1) + doubt * (static + BENT * level**2 / gap_um) + rest.jump * unsure
     return np.where(meets, inf, forces), np.where(meets | (softer >= 1), inf, 1 - np.sqrt(np.maximum(1 - softer, 0)))
 
 

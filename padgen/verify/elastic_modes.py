@@ -95,8 +95,8 @@ def stiffness_pa(material: Elastic) -> np.ndarray:
 
 RESIDUAL_LIMIT = 1e-4
 """The eigenvalue is off by its square."""
-SETTLED = 1e-6
-"""Relative change of an eigenvalue from block to block; the change of the next is far smaller."""
+SETTLED = 1e-3
+"""Relative change of an eigenvalue from block to block, above which one that is lower may still turn up."""
 ENERGY_LOST = 1e-8
 """Share of the energy that rounding may cost a static answer."""
 LEAN = 2
@@ -172,8 +172,7 @@ def assembled(
     if blocks and flat is None:
         space = ng.H1(mesh, order=order, dim=3, dirichlet=clamped)
         if rich is not None:
-            for varied in (scalar, space):
-                _thin(varied, mesh, order, rich)
+            _thin((scalar, space), mesh, order, rich)
     else:
         blocks, slides = False, {"dirichletz": f"{clamped}|{flat}"} if flat else {}
         space = ng.VectorH1(mesh, order=order, dirichlet=clamped, **slides)
@@ -192,8 +191,8 @@ def assembled(
     return System(space, stiffness.mat, lumps, np.repeat(free, 3) if blocks else free, blocks)
 
 
-def _thin(space: Any, mesh: Any, order: int, rich: np.ndarray) -> None:
-    """Lower a space of `order` to `LEAN` at edges, faces and insides that belong to no element of `rich`."""
+def _thin(spaces: tuple[Any, ...], mesh: Any, order: int, rich: np.ndarray) -> None:
+    """Lower spaces of `order` to `LEAN` at edges, faces and insides that belong to no element of `rich`."""
     counts = {ng.EDGE: mesh.nedge, ng.FACE: mesh.nface, ng.CELL: mesh.ne}
     # The edges and faces that layers have split are numbered still; at order 1 they have no unknowns.
     orders = {kind: np.ones(count, int) for kind, count in counts.items()}
@@ -205,9 +204,12 @@ def _thin(space: Any, mesh: Any, order: int, rich: np.ndarray) -> None:
         orders[ng.CELL][place] = own
     for kind, wanted in orders.items():
         for place in np.flatnonzero(wanted != order):
-            space.SetOrder(ng.NodeId(kind, int(place)), int(wanted[place]))
-    space.UpdateDofTables()
-    space.FinalizeUpdate()
+            node, own = ng.NodeId(kind, int(place)), int(wanted[place])
+            for space in spaces:
+                space.SetOrder(node, own)
+    for space in spaces:
+        space.UpdateDofTables()
+        space.FinalizeUpdate()
 
 
 def energy(material: Elastic, u: Any, v: Any) -> Any:
@@ -276,12 +278,13 @@ def eigenmodes(system: System, solve: Factored, modes: int, start: np.ndarray | 
     """Return the lowest `modes` of ``K x = (2πf)² M x`` by block Lanczos on K⁻¹ M from `start` (n, b).
 
     Static answers to loads on the washer are a good start: two blocks more do. Each block is
-    orthogonal to all before; Rayleigh–Ritz on all of them, until no λ moves by `SETTLED`.
+    orthogonal to all before; Rayleigh–Ritz on all of them, until no λ moves by `SETTLED` and all residuals are below
+    `RESIDUAL_LIMIT`.
 
     Raises
     ------
     SolverError
-        More modes than unknowns are asked for, no convergence, or a residual over `RESIDUAL_LIMIT`.
+        More modes than unknowns are asked for, or no convergence.
     """
     unknowns = int(system.free.sum())
     if modes >= unknowns:
@@ -291,7 +294,7 @@ def eigenmodes(system: System, solve: Factored, modes: int, start: np.ndarray | 
         wave = np.cos(np.outer(np.arange(system.free.size), np.sqrt(np.arange(2, 2 + modes + SPARE))))
         block = np.array([solve(load) for load in system.mass_times(wave).T]).T
     basis = stiff = np.zeros((system.free.size, 0))
-    values = np.full(modes, np.inf)
+    values, residual = np.full(modes, np.inf), np.inf
     for _ in range(BLOCKS):
         for _ in range(2):  # M-orthonormal to the basis and in itself; twice, as rounding asks for
             block = block - basis @ (basis.T @ system.mass_times(block))
@@ -308,12 +311,14 @@ def eigenmodes(system: System, solve: Factored, modes: int, start: np.ndarray | 
                 left = (stiff @ part[:, :modes] - system.mass_times(shape) * values)[system.free]
                 bent = (left**2 / system.diagonal()[system.free, None]).sum(0)
                 residual = float(np.sqrt(bent / values).max()) if values[0] > 0 else np.inf
-                if not residual < RESIDUAL_LIMIT:
-                    why = f"a mode leaves a residual of {residual:.1e}, must be below {RESIDUAL_LIMIT}"
-                    raise SolverError(why, "elasticity")
-                return Eigen(np.sqrt(values) / (2 * np.pi), shape, residual)
+                if residual < RESIDUAL_LIMIT:
+                    return Eigen(np.sqrt(values) / (2 * np.pi), shape, residual)
         block = np.array([solve(load) for load in system.mass_times(block).T]).T
-    raise SolverError(f"the eigenvalue solver did not converge within {BLOCKS} blocks", "elasticity")
+    raise SolverError(
+        f"the eigenvalue solver leaves a residual of {residual:.1e} after {BLOCKS} blocks, must be below"
+        f" {RESIDUAL_LIMIT}",
+        "elasticity",
+    )
 
 
 def rigid_loads(
@@ -337,8 +342,9 @@ def rigid_loads(
         form += weight * ng.InnerProduct(field, v) * where
         form.Assemble()
         loads.append(np.array(form.vec.FV().NumPy()))
-    gram = [[ng.Integrate(weight * ng.InnerProduct(a, b) * where, mesh) for a in fields] for b in fields]
-    return np.asarray(np.linalg.solve(np.array(gram), np.array(loads)).T)
+    products = ng.CoefficientFunction(tuple(weight * ng.InnerProduct(a, b) for a in fields for b in fields))
+    gram = np.array(ng.Integrate(products, mesh, definedon=mesh.Materials(solid))).reshape(6, 6)
+    return np.asarray(np.linalg.solve(gram, np.array(loads)).T)
 
 
 def energy_shares(system: System, materials: Mapping[str, Elastic], eigen: Eigen) -> np.ndarray:
