@@ -25,7 +25,8 @@ def errors(mesh, plan):
 
 def tampering(places: int) -> None:
     """One coil with four channels, and three such coils, in turn."""
-    plans = [make_plan(parse_spec(SMALL)), make_plan(parse_spec(SMALL.replace("= 4", "= 12").replace("= 25", "= 40")))]
+    larger = SMALL.replace("= 4", "= 12").replace("= 25", "= 40").replace("[1, 1]", "[1, 3]")
+    plans = [make_plan(parse_spec(text)) for text in (SMALL, larger)]
     pads = [build_pad(plan) for plan in plans]
     print("| kind | caught | of | said of the first |\n|---|---|---|---|")
     caught = tried = 0

@@ -422,6 +422,7 @@ BAD = {
     "wide text": (bytes_of("G1 X1 Y2 E3\n".encode("utf-16")), "is UTF-16"),
     "no number": (bytes_of(b"G1 Z1\nG1 X1 Y2 E3\nG1 X1.2.3 E4\n"), "line 3 is no G-code .* 'G1 X1.2.3 E4'"),
     "one line": (bytes_of(b"x" * 9_000_000), "has a line that does not end"),
+    "an arc by radius": (bytes_of(b"G1 Z1\nG1 X1 Y2 E3\nG2 X5 R3 E4\n"), "line 3 is an arc by its radius"),
     "another size": (bytes_of(b"G1 Z1\nG1 X1 E1\nG1 X90000 E2\nG1 Y3 E3\n"), "spreads over"),
 }  # fmt: skip
 

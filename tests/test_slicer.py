@@ -5,6 +5,7 @@ import shutil
 import subprocess
 from dataclasses import replace
 from functools import cache
+from itertools import product
 
 import numpy as np
 import pytest
@@ -123,20 +124,37 @@ def laid_mm3(plan, taxel, lines, middle, low, high):
     return np.clip(np.minimum(last, 1.0) - np.maximum(first, 0.0), 0.0, 1.0) * lines.volume_mm3
 
 
+def straight_pieces(plan, channel):
+    """Beams and the numbers of those of their pieces that are straight and long enough to be measured."""
+    least = plan.spec.printer.shortest_beam_mm
+    return [
+        (path, k)
+        for path in plan.arrangement(channel).beams
+        for k, piece in enumerate(path.segments)
+        if not piece.turn_rad and piece.length_mm >= least
+    ]
+
+
 def laid_widths(plan, taxel, lines, middle):
-    """Of every layer of every beam: plastic in its middle half over that length and the layer's height, less the
-    planned width; and whatever lies above."""
+    """Of every layer of every beam's straight pieces: plastic in the middle half over that length and the layer's
+    height, less the planned width; and whatever lies above.
+
+    A beam with infill is laid 0.5 mm too wide and too narrow in turn where the zigzags turn, so that the mean is taken
+    of the middle half moved by up to one of them; and of all layers, since their zigzags are rounded to whole lines.
+    """
     channel, widths, above = plan.channels[taxel.channel], [], 0.0
-    beam, (length, _) = channel.beam, plan.arrangement(channel).window_mm
-    for path in plan.arrangement(channel).beams:
-        (x, y), half = (float(v) for v in path.root_mm), beam.length_mm / 4
-        centre = x + (1 if x < float(length) / 2 else -1) * beam.length_mm / 2
-        reach = beam.width_mm / 2 + 0.15
-        laid = laid_mm3(plan, taxel, lines, middle, (centre - half, y - reach), (centre + half, y + reach))
-        for layer in range(beam.layers):
-            own = lines.layer == layer
-            height = lines.height[own].max()
-            widths.append(laid[own].sum() / (2 * half * height) - beam.width_mm)
+    beam, printer = channel.beam, plan.spec.printer
+    is_filled = beam.width_mm > 5 * printer.line_width_mm
+    shifts = 2**1.5 * printer.line_width_mm * (np.arange(16) / 16 - 0.5) if is_filled else (0.0,)
+    for path, k in straight_pieces(plan, channel):
+        centre, along = np.split(np.array(path.within(k, 0.5), float), 2)
+        half = float(path.segments[k].length_mm) / 4
+        reach = np.abs(along) * half + np.abs(along[::-1]) * (beam.width_mm / 2 + 0.15)
+        boxes = [(centre + shift * along - reach, centre + shift * along + reach) for shift in shifts]
+        laid = np.mean([laid_mm3(plan, taxel, lines, middle, *box) for box in boxes], axis=0)
+        layers = [lines.layer == layer for layer in range(beam.layers)]
+        own = [laid[at].sum() / (2 * half * lines.height[at].max()) - beam.width_mm for at in layers]
+        widths += [np.mean(own)] if is_filled else own
         above += laid[lines.layer == beam.layers].sum()
     return widths, above
 
@@ -154,35 +172,38 @@ def plate_share(plan, taxel, lines, middle):
 
 
 def laid_gap(plan, taxel, lines, middle):
-    """The narrowest gap beside a plate, as laid: from the gap's middle to the next bead on either side."""
-    block, gap = plan.arrangement(plan.channels[taxel.channel]).blocks[0], plan.spec.printer.smallest_gap_mm
+    """The narrowest gap beside plate and beams, as laid: from the gap's middle to the next beads on both sides."""
+    channel, gap = plan.channels[taxel.channel], plan.spec.printer.smallest_gap_mm
+    block = plan.arrangement(channel).blocks[0]
+    sides = ((float(block.low_y_mm) - gap / 2, -1.0), (float(block.high_y_mm) + gap / 2, 1.0))
+    xs = np.linspace(float(block.low_x_mm) + 0.2, float(block.high_x_mm) - 0.2, 25)
+    places = [(x, y, 0.0, out) for x in xs for y, out in sides]
+    for (path, k), share, out in product(straight_pieces(plan, channel), np.linspace(0.1, 0.9, 7), (-1.0, 1.0)):
+        point = path.within(k, share)
+        places.append((*point.beside(out * (path.width_mm + gap) / 2), -out * point.along_y, out * point.along_x))
     start, stop = own_axes(plan, taxel, lines, middle)
-    beads = (lines.width + ROUND_EDGES * lines.height) / 2
-    along, y = stop - start, (start + stop)[:, 1] / 2
+    beads, along = (lines.width + ROUND_EDGES * lines.height) / 2, stop - start
     rooms = []
-    for x in np.linspace(float(block.low_x_mm) + 0.2, float(block.high_x_mm) - 0.2, 25):
-        for side in (float(block.low_y_mm) - gap / 2, float(block.high_y_mm) + gap / 2):
-            off = np.array([x, side]) - start
-            share = np.clip((off * along).sum(1) / (along**2).sum(1), 0, 1)
-            free = np.hypot(*(off - share[:, None] * along).T) - beads
-            inner = np.abs(y) < abs(side)
-            for layer in range(plan.spec.printer.layers_up_to(float(block.height_mm))):
-                own = lines.layer == layer
-                rooms.append(free[own & inner].min(initial=gap) + free[own & ~inner].min(initial=gap))
+    for place in np.array(places, float):
+        off = place[:2] - start
+        away = off - np.clip((off * along).sum(1) / (along**2).sum(1), 0, 1)[:, None] * along
+        free, beyond = np.hypot(*away.T) - beads, away @ place[2:] < 0
+        for layer in range(plan.spec.printer.layers_up_to(float(block.height_mm))):
+            own = lines.layer == layer
+            rooms.append(free[own & beyond].min(initial=gap) + free[own & ~beyond].min(initial=gap))
     return float(min(rooms))
 
 
 def test_beams_plates_gaps_and_recesses_are_laid_as_planned(sliced, capsys):
     plan, path, lines, middle = sliced
     spec, reach = plan.spec, np.array([plan.cell.width_mm, plan.cell.depth_mm]).max()
-    widths, planned, plates, gaps, recesses = [], [], [], [], []
+    widths, plates, gaps, recesses = [], [], [], []
     for taxel in plan.taxels:
         one = replace(plan, taxels=(taxel,))
         near = around(lines, np.array([taxel.x_mm, taxel.y_mm]) + middle, reach)
         off, above = laid_widths(plan, taxel, near, middle)
         assert above == 0.0, taxel
         widths += off
-        planned += [plan.channels[taxel.channel].beam.width_mm] * len(off)
         plates.append(plate_share(plan, taxel, near, middle))
         gaps.append(laid_gap(plan, taxel, near, middle) / spec.printer.smallest_gap_mm)
         recesses += laid_recesses(one, near, tuple(middle))
@@ -196,12 +217,10 @@ def test_beams_plates_gaps_and_recesses_are_laid_as_planned(sliced, capsys):
             f" {max(plates) - 1:+.2%}, pad {whole - 1:+.2%}, gaps {min(gaps):.0%}, washer {room:+.3f} mm,"
             f" lost {lost:.3f} mm"
         )
-    assert (np.abs(widths) <= np.maximum(0.02, 0.01 * np.array(planned))).all()
+    assert np.abs(widths).max() <= 0.02
     assert np.abs(np.array(plates) - 1).max() <= 0.01
     assert whole == pytest.approx(1, abs=0.01)
-    # At single spots, where one line of a plate's wall becomes two; most are over 0.8.
-    assert min(gaps) >= 0.6
-    assert np.median(gaps) >= 0.7
+    assert min(gaps) >= 0.7
     for recess in recesses:
         assert recess.depth_mm == pytest.approx(plan.plate.recess_depth_mm, abs=0.02), recess
     # What the print check counts on, and that a washer enters.

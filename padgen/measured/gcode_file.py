@@ -212,6 +212,10 @@ def _extrusions(block: bytes, number: int, state: _State, path: Path) -> np.ndar
     is_arc = (code == 2) | (code == 3)
     moved = (np.diff(x) != 0) | (np.diff(y) != 0) | is_arc
     lays = (code <= 3) & moved & (fed > 0) & ~beside
+    by_radius = lays & is_arc & np.isnan(words[:, 4:]).all(1)
+    if by_radius.any():
+        line = number + int(rows[by_radius.argmax()])
+        raise FileError(f"line {line} is an arc by its radius; must be one by its middle (I, J), or lines", str(path))
     table = np.stack([x[:-1], y[:-1], x[1:], y[1:], z[1:], fed, height], -1)
     if not (lays & is_arc).any():
         return np.asarray(table[lays])

@@ -33,7 +33,8 @@ STRAND = 2.0
 SHIFTS_MM = 0.06 * np.stack(np.meshgrid(np.arange(-1, 2), np.arange(-1, 2)), -1).reshape(-1, 2)
 """Places about a recess's middle where its washer may lie."""
 MOST_OTHER = 0.15
-"""Share of a sub-cell that may be other than planned: ordinary profiles differ on 0.06, other pads on 0.23 or more."""
+"""Share of a sub-cell or of the border that may be other than planned: ordinary profiles differ on 0.06, other pads on
+0.17 or more."""
 LONG_MM = 1.0
 """Least length of a bead along the pad's edge, and its largest distance within the edge."""
 ALIKE = 2e-3
@@ -49,7 +50,7 @@ FILAMENTS_MM = (1.75, 2.85)
 
 class Placing(NamedTuple):
     """Place of the pad's centre on the bed in mm, by how many quarter turns the pad is turned, how well what is laid
-    matches the plan (a correlation, 1 at most), and the largest share of a sub-cell that is other than planned."""
+    matches the plan (a correlation, 1 at most), and the largest share of a sub-cell or the border that is other."""
 
     x_mm: float
     y_mm: float
@@ -150,8 +151,8 @@ def _placed(maps: PadMaps, layers: Iterator[Layer], where: str) -> tuple[Placing
         wide = float(np.ptp(layer.start, axis=0).max())
         if wide > WIDEST_MM:
             raise FileError(
-                f"spreads over {number(wide)} mm, no printer is wider than {number(WIDEST_MM)} mm; G20 makes its"
-                " numbers inches",
+                f"spreads over {number(wide)} mm, no printer is wider than {number(WIDEST_MM)} mm; look for"
+                " a G20 (inches) or a G91 (relative moves) that is not meant",
                 where,
             )
         if not step > 0:
@@ -164,8 +165,8 @@ def _placed(maps: PadMaps, layers: Iterator[Layer], where: str) -> tuple[Placing
         raise FileError("has no moves that lay plastic; it is no G-code of a print", where)
     raise FileError(
         f"does not hold the pad {maps.plan.name}: what is laid first differs from its underside on {least:.0%} of a"
-        f" taxel's cell, must be {MOST_OTHER:.0%} at most; it is of another pad or spec, lies upside down, or is turned"
-        " by no quarter turn",
+        f" taxel's cell or of the border, must be {MOST_OTHER:.0%} at most; it is of another pad or spec, lies upside"
+        " down, or is turned by no quarter turn",
         where,
     )
 
@@ -263,13 +264,14 @@ def _off_centre(start: np.ndarray, stop: np.ndarray, half_mm: np.ndarray) -> np.
 
 
 def _largest_difference(maps: PadMaps, middles: list[np.ndarray], plan: np.ndarray, laid: np.ndarray) -> float:
-    """The largest share of a sub-cell that is laid where the plan has a window, or bare where it has plastic.
+    """The largest share of a sub-cell, or of the border, that is laid where the plan has a window, or bare where it
+    has plastic.
 
     `middles` are where the images' pixels lie, along x and y.
     """
     column, row, inside = maps.cells(np.stack(np.meshgrid(*middles, indexing="ij"), -1))
-    number = (row * maps.places.shape[1] + column)[inside]
-    differs = (((laid > 0.3) & (plan < 0.05)) | ((laid < 0.15) & (plan > 0.95)))[inside]
+    number = np.where(inside, row * maps.places.shape[1] + column, maps.places.size).ravel()
+    differs = (((laid > 0.3) & (plan < 0.05)) | ((laid < 0.15) & (plan > 0.95))).ravel()
     return float((np.bincount(number, differs) / np.maximum(np.bincount(number), 1)).max())
 
 
