@@ -500,7 +500,7 @@ def test_two_taxels_too_close_are_told_with_a_trim_that_parts_them():
     result = retuned(plan, fits_of(truth))
     finding = next(f for f in result.findings if f.code == "retune.close")
     assert finding.where == "coil r0c1"
-    assert "r0c1k0 at 66 Hz hears most of r0c1k1 at 70.0" in finding.message
+    assert "r0c1k0 at 66 Hz is moved most by the tone of r0c1k1 at 70.0" in finding.message
     assert "5.7% apart with a bandwidth of 3.3%" in finding.message
     assert "lower r0c1k0 to" in finding.message
     (trim,) = result.trims

@@ -299,15 +299,16 @@ def _pair_text(tuning: Tuning, coil: CoilFigures) -> str:
     taxels = {taxel.id: taxel for taxel in tuning.taxels}
     off, heard = taxels[coil.off], taxels[coil.heard]
     return (
-        f"{off.id} at {number(off.resonance_hz)} Hz hears most of {heard.id} at {number(heard.resonance_hz)} Hz,"
-        f" {abs(off.resonance_hz / heard.resonance_hz - 1):.1%} apart with a bandwidth of {1 / off.q:.1%}"
+        f"{off.id} at {number(off.resonance_hz)} Hz is moved most by the tone of {heard.id} at"
+        f" {number(heard.resonance_hz)} Hz, {abs(off.resonance_hz / heard.resonance_hz - 1):.1%} apart with a"
+        f" bandwidth of {1 / off.q:.1%}"
     )
 
 
 def trim_text(trim: Trim) -> str:
     """Return a clause that says how to mend a coil."""
     if any(step.to_hz < LOWEST_TRIM * step.from_hz for step in trim.steps):
-        return "no trim that is a trim would part them; print that pad, or these taxels' cells, again"
+        return "they are too close for any weight or file to part them; print that pad, or these taxels' cells, again"
     steps = " and ".join(_step_text(step) for step in trim.steps)
     reach = "keeps" if trim.reaches else "then keeps no more than"
     return f"{steps}: it {reach} {trim.after_db:.1f} dB; measure again after it"

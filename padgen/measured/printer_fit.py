@@ -162,7 +162,7 @@ def _refuse_vague(spec: Spec, sigma: np.ndarray) -> None:
     for name, unit, known, before in (
         ("offset of height", "mm", sigma[0], bias.z_bias_mm),
         ("offset of width", "mm", sigma[1], WIDTH_BIAS_MM),
-        ("modulus", "of itself", sigma[2], bias.modulus_bias),
+        ("modulus", "of its value", sigma[2], bias.modulus_bias),
     ):
         if known > REQUIRED * before:
             raise SolverError(
