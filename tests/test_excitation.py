@@ -1,4 +1,4 @@
-"""What is played to measure a pad, against calculus and the Fourier transform.
+"""The signals that are played to measure a pad, against calculus and the Fourier transform.
 
 | figure | reference | tolerance | reason |
 |---|---|---|---|
@@ -47,7 +47,7 @@ def plan():
 
 
 def amplitudes_um(plan, played):
-    """Displacement (channels, samples) in µm of the plan's taxels under the file."""
+    """Return the displacement (channels, samples) in µm of the plan's taxels while the file is played."""
     size = 2 * len(played.current_a)
     force = np.fft.rfft(played.current_a**2, size)
     f = np.fft.rfftfreq(size, 1 / played.rate_hz)
