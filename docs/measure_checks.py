@@ -1,7 +1,7 @@
-"""What `padgen check --spec` finds of tampered pads, and says of honest ones; a section of docs/accuracy.md.
+"""Print what `padgen check --spec` finds of tampered and of unchanged pads; a section of docs/accuracy.md.
 
-``python docs/measure_checks.py [PLACES [HONEST [FIRST]]]``: places tried of each kind (10), honest pads (200), and the
-first seed of these.
+``python docs/measure_checks.py [PLACES [HONEST [FIRST]]]``: places tried of each kind (10), unchanged pads (200), and
+the first seed of these.
 """
 
 import sys
@@ -24,7 +24,7 @@ def errors(mesh, plan):
 
 
 def tampering(places: int) -> None:
-    """One coil with four channels, and three such coils, in turn."""
+    """Tamper in turn with a pad of one coil with four channels, and one of three such coils."""
     plans = [make_plan(parse_spec(SMALL)), make_plan(parse_spec(SMALL.replace("= 4", "= 12").replace("= 25", "= 40")))]
     pads = [build_pad(plan) for plan in plans]
     print("| kind | caught | of | said of the first |\n|---|---|---|---|")

@@ -7,7 +7,7 @@
 | chirp's harmonics of i² | none in twice the band | -60 dB | what fading in and out spreads |
 | noise's i² | lines in the band alone | -80 dB | the fades' skirts |
 | volts of noise | as above | 1e-2 of the peak | the root is steep where it is small, which the spline rounds |
-| noise on a planned taxel | ON amplitude as root mean square | 30 % | one record is one sample of a random level |
+| noise on a planned taxel | root mean square of its ON motion | 30 % | one record is one sample of a random level |
 | chirp on a planned taxel | 0.5 … 1.02 of its ON amplitude | | the sweep is quicker than the ring-up |
 """
 

@@ -25,7 +25,7 @@ SLACK = 1.01
 
 
 def pull_at(spec: Spec, channel: Channel, nearer_um: float) -> float:
-    """Pull in N/A² on the channel's own mode with the washer `nearer_um` to the coil than it hangs."""
+    """Return the pull in N/A² on the channel's own mode, with the washer `nearer_um` closer than at rest."""
     gap_m = (float(hanging_gap_um(spec, channel.sag_um)) - nearer_um) * UM
     solved = pull(*magnetic_parts(spec), gap_m, channel.site.coil_distance_mm * MM)
     drawn = PullAt(-solved.axial, solved.side, solved.moment, *[0.0] * 4)
@@ -35,14 +35,14 @@ def pull_at(spec: Spec, channel: Channel, nearer_um: float) -> float:
 
 
 def gap_error(spec: Spec, channel: Channel) -> float:
-    """The pull where the washer hangs, drawn down and averaged over a swing, against the plan's at rest."""
+    """Compare the pull in balance, averaged over a swing, with the plan's pull at rest."""
     phase = np.sin(np.linspace(0, 2 * np.pi, 6, endpoint=False) + 0.3)
     pulls = [pull_at(spec, channel, channel.static_um + channel.level_um * side) for side in phase]
     return float(abs(np.mean(pulls) / pull_at(spec, channel, 0.0) - 1))
 
 
 def softening_error(spec: Spec, channel: Channel) -> float:
-    """How much lower the resonance is on the pull's slope, where the washer hangs in balance."""
+    """Return by how much the pull's slope lowers the resonance where the washer hangs in balance, relative."""
     gap_um, static = float(hanging_gap_um(spec, channel.sag_um)), channel.static_um
     slack_um = static * (1 - static / gap_um) ** max(channel.pull_exponent, 0)  # were the pull as at rest
     rest, step_um = pull_at(spec, channel, 0.0), 0.02 * gap_um
@@ -58,13 +58,14 @@ CORES_MM, GAPS_MM, OUT, SAGS = (
     np.linspace(0, 0.7, 8),
     np.linspace(0, 0.5, 5),
 )
-"""Cores of a coil of 10 mm, gaps, places over the coil's diameter, and sags over the gap: 1,960 combinations."""
+"""Cores of a coil of 10 mm, gaps, offsets over the coil's diameter, sags over the gap: 1,960 combinations."""
 
 
 def pulled_bounds(thinned: int = 1) -> tuple[int, list[tuple[object, ...]]]:
-    """How many combinations of core, gap, offset and sag have a bound of gap and softening, and which of them break it.
+    """Return how many combinations of parts and places have both bounds, and a list of those that break one.
 
-    Every `thinned`th of `CORES_MM` … `SAGS`, its channel and its drive paper-32's first, moving a tenth of the gap.
+    Every `thinned`th combination of `CORES_MM` … `SAGS` is tried, with the first channel and the drive of paper-32,
+    moving by a tenth of the gap.
     """
     base, broken, bounded = make_plan(load_spec("paper-32")), [], 0
     for core_mm, gap_mm, out, sag in [*product(CORES_MM, GAPS_MM, OUT, SAGS)][::thinned]:
@@ -105,7 +106,7 @@ def pulled_bounds(thinned: int = 1) -> tuple[int, list[tuple[object, ...]]]:
 
 
 def test_no_combination_of_parts_and_places_breaks_the_bounds_of_gap_and_softening():
-    """All 1,960 of them: `python docs/measure_force.py bounds`."""
+    """`python docs/measure_force.py bounds` tries all 1,960 of them."""
     bounded, broken = pulled_bounds(thinned=29)
     assert bounded > 40
     assert broken == []
