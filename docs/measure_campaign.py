@@ -56,7 +56,7 @@ POLYMERS = {
     "tpu": ("fdm", 0.06, 0.45, 1.21),
     "resin": ("resin", 2.2, 0.40, 1.18),
 }
-# (The ISO washers begin at M1.6.)
+# ISO washers begin at M1.6.
 SMALLEST = {"outer_diameter_mm": 2.5, "inner_diameter_mm": 1.1, "thickness_mm": 0.3}
 WASHERS = ["m1", *(name for name in catalogue("washer") if not name.endswith(("-a2", "-410")))]
 
@@ -138,7 +138,7 @@ def table_of(row: Row) -> dict[str, Any]:
         "band_hz": [0.1, 1_000_000],
         "q_min": 15,
         "pad": {"border_mm": 20},
-        # Of when the set was drawn, before prints were planned as they are laid.
+        # As when the set was drawn, before plans counted how beams are laid.
         "taxel": {"centre_post": row["centre_post"] == "yes", "washer_clearance_mm": 0.2},
         "printer": {
             "name": "fdm-0.25" if row["process"] == "fdm" else "resin-0.05",
@@ -319,7 +319,7 @@ def _printed(random: Any) -> Row:
     recess = first + (max(layers, 1) - 1) * layer
     row["plate_thickness_mm"] = max(float(recess + 2 * layer), 0.4) * (1 + random.random() ** 2 * 2)
     if random.random() < 0.5 and recess + 2 * layer < 4:
-        row["plate_thickness_mm"] = 4.0  # as specs have it that do not say
+        row["plate_thickness_mm"] = 4.0  # a spec's default
     row["frame_thickness_mm"] = row["plate_thickness_mm"] + float(random.choice([0, 0.5, 2]))
     walled = max(row["outer_diameter_mm"] + 0.2 + 2 * line, row["boss_diameter_mm"])
     grown = random.uniform(1, 1.5, 2) if random.random() < 0.4 else (1.0, 1.0)
@@ -415,7 +415,7 @@ def solved(row: Row, levels: int = 1, order: int = 3, kept: float = 0.05) -> Row
     began = time.process_time()
     spec, arrangement = spec_of(row), model_of(row).arrangement
     taxel, washer, (recess, depth) = spec.taxel, spec.washer, recess_mm(spec)
-    # A chamfer takes as much of the boss as the boss is made shorter here.
+    # The boss is made shorter by the volume of its chamfer.
     radius, edge = taxel.boss_diameter_mm / 2, taxel.boss_edge_mm
     top = spec.pad.frame_thickness_mm + taxel.boss_protrusion_mm - edge**2 * (radius - edge / 3) / radius**2
     ring = (washer.outer_diameter_mm, washer.inner_diameter_mm, depth - washer.thickness_mm)

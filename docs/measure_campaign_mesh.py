@@ -479,7 +479,7 @@ def modes(mesh: Any, materials: Any, axis_x: float, order: int = 3, count: int =
         for refined in (False, True):
             free = np.tile(chosen, 3) & ~slides
             inverse = stiffness.mat.Inverse(ngs.BitArray(free.tolist()), inverse="sparsecholesky")
-            # Static answers, and what their inertia makes of them: two blocks of Lanczos' method.
+            # Static answers, and the answers to their inertia: two blocks of Lanczos' method.
             first = times(inverse, load)
             first /= np.sqrt((first * inertia(first)).sum(0))
             basis = np.hstack((first, times(inverse, inertia(first))))

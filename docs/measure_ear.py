@@ -258,7 +258,7 @@ def cost() -> list[str]:
 
 
 def main() -> None:
-    # What it costs comes first: later tables raise the peak of the memory.
+    # The cost is measured first, since later tables raise the peak of the memory.
     costs = cost()
     parts = (
         ("Selectivity that files achieve", [*templates(), "", state_by_state()]),

@@ -43,7 +43,7 @@ CASES = {
     "wide": (1, 14, "[100, 1000]", "resonances_hz = [300]\n", "cantilever", "thickness_mm = 0.4\n"),
     "stubby": (1, 14, "[200, 2000]", "resonances_hz = [900]\n", "cantilever", "length_mm = 3\n"),
 }
-"""By name: channels of the one coil, the pad's side in mm, band, further top-level lines, suspension and tables."""
+"""Cases by name: channels of the one coil, side of the pad in mm, band, further top-level lines, suspension, tables."""
 
 
 def finer_hz(taxel: Any) -> float:

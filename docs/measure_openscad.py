@@ -69,7 +69,7 @@ def _module(plan: Plan, channel: Channel) -> str:
         root, tip = path.corners[0], path.corners[-1]
         low, high = sorted((float(root.x_mm), float(tip.x_mm)))
         y, half = float(root.y_mm), float(path.width_mm) / 2
-        # A little into frame and plate: what only touches is no solid for CGAL.
+        # Beams reach a little into frame and plate, since bodies that only touch are no solid for CGAL.
         boxes.append((low - 0.01, high + 0.01, y - half, y + half, float(path.thickness_mm)))
     boxes += [tuple(float(v) for v in block) for block in arranged.blocks]
     parts = "".join(

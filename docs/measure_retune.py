@@ -148,7 +148,7 @@ def rest(prints: int = 200) -> list[str]:
             known = [fit_of(t) for t, p in zip(truth.taxels, plan.taxels, strict=True) if p.coil in (places or ())]
             coupon = {}
             if places is None:
-                # Another place of the same print stands in for it.
+                # Taxels of the pad itself stand in for a coupon's.
                 coupon = {p.channel: fit_of(t) for t, p in zip(truth.taxels, plan.taxels, strict=True)}
             tuning = estimated(plan, tuning_of(plan, known), known, coupon)
             left = [k for k, t in enumerate(tuning.taxels) if not t.measured]

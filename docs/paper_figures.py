@@ -21,7 +21,7 @@ __all__ = ["Comparison", "PaperFigures", "Spectrum", "draw_paper_figures", "fitt
 
 RESONANCES_HZ = np.array([60.0, 78.0])
 MEASURED_OFF_DB = (25.0, 20.0)
-"""How far the taxel at 60 Hz, then the one at 78 Hz, is below its own ON level while only the other is on."""
+"""Level of the taxel at 60 Hz, then of the one at 78 Hz, below its own ON level while only the other is on."""
 MEASURED_BOTH_DB = -10.0
 """Approximate level of state 11, against the states with one tone."""
 STATES = ("10", "01", "11")

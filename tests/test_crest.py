@@ -214,7 +214,7 @@ def test_three_lines_get_their_best_phases():
 
 @pytest.mark.parametrize("count, bar", [(4, 0.9415), (8, 0.62), (11, 0.52)])
 def test_copper_loss_of_a_half_second_frame(count, bar):
-    """It is also clearly below a random search of 1000 draws, judged by a grid that flatters them."""
+    """The loss is also clearly below that of a random search of 1000 draws, judged by a grid that flatters them."""
     k, random = even(count), np.random.default_rng(0)
     found = constant(k, np.ones(count))
     assert found <= bar

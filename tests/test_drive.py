@@ -1,4 +1,4 @@
-"""How a plan drives its coils: the scheme, the load that it puts on the coil, and the leakage between coils.
+"""Drive of a plan's coils: the chosen scheme, its load on the coil, and the leakage between coils.
 
 | figure | reference | tolerance | reason |
 |---|---|---|---|

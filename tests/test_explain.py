@@ -304,7 +304,7 @@ def test_coarse_steps_leave_the_optimum_in_the_band():
 
 
 def test_optimised_keeps_the_spread_ladder_where_it_prints_better():
-    """With unequal masses the optimum for equal masses can be worse than the even ladder."""
+    """The optimum for equal masses can be worse than the even ladder where masses differ."""
     text = OWN_MASSES
     spread, best = (optimised(text, spacing) for spacing in ("spread", "optimised"))
     assert best.selectivity.all_states_db == pytest.approx(spread.selectivity.all_states_db)

@@ -111,7 +111,7 @@ def test_a_guided_beam_hardens_as_the_exact_beam_under_tension():
     for moved in (3e-5, 1e-4):
 
         def force(tension, moved=moved):
-            """Of one beam with tension T at deflection `moved`: closed form of the guided beam-column."""
+            """Return the closed form of the guided beam-column, with tension T at deflection `moved`."""
             mu = (tension / e / inertia) ** 0.5 * length
             # w(0)=w'(0)=0, w'(l)=0, w(l)=moved: shear V = 12 EI/l³ · φ, φ = (mu³/12)/(mu − 2 tanh(mu/2)).
             return moved * e * inertia / length**3 * mu**3 / (mu - 2 * np.tanh(mu / 2))

@@ -1,4 +1,4 @@
-"""What is written plays what is wanted: lines and spurs of i², transitions, volts against a formula in the open.
+"""Written waveforms: lines and spurs of i², transitions, and volts, against formulas written out here.
 
 Agreement:
 

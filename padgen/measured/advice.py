@@ -34,7 +34,7 @@ __all__ = [
 ]
 
 SHORT_OF_PLAN_DB = 1.0
-"""How much less than planned a coil may keep, in dB, where the plan itself keeps less than was asked."""
+"""Largest loss in dB against the plan that is accepted where the plan itself keeps less than was asked."""
 LARGEST = 0.25
 """Largest share by which a resonance is lowered; it takes a weight of 0.8 times the moving mass."""
 STEPS = 64
@@ -218,7 +218,7 @@ def _filed_mm(size_mm: float, share: float, sensitivity: float) -> float:
 LOW_Q = 0.8
 """Share of the plan's Q below which a taxel is worth a finding."""
 SIGMAS = 4.0
-"""How many print spreads a resonance may be off its plan before it looks like another taxel's."""
+"""Number of print spreads beyond which a resonance off its plan looks like another taxel's."""
 COARSE = 0.25
 """Largest error of a resonance, as a share of half its bandwidth, that is not reported."""
 MOST_NAMED = 4

@@ -252,7 +252,7 @@ def _words(text: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.ndarray
     line[is_letter] = ord(" ")
     try:
         values = np.fromstring(line.tobytes(), sep=" ")
-    except ValueError:  # something is no number
+    except ValueError:  # a word has no number
         values = np.empty(0)
     if len(values) != len(letters) or not np.isfinite(values).all():
         return None

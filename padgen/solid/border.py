@@ -73,7 +73,7 @@ def _outside(plan: Plan, chord_mm: float, angle_rad: float, groove: Outline | No
         above, edge = groove.y0 > 0, (groove.y0 + groove.y1) / 2
         within = groove.y0 if above else groove.y1
         notch = [(groove.x0, edge), (groove.x0, within), (groove.x1, within), (groove.x1, edge)]
-        # After the corner at whose end the groove's side begins.
+        # The groove follows the corner at which its side of the border begins.
         parts.insert(1 if above else 3, np.array(notch[::-1] if above else notch))
     return np.concatenate(parts)
 

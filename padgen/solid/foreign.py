@@ -56,7 +56,7 @@ def read_mesh(path: Path) -> Mesh:
     try:
         # From memory, so that trimesh opens no other file which this one names.
         part = trimesh.load(io.BytesIO(data), file_type=kind[1:], force="mesh", process=False)
-    except Exception as error:  # trimesh lets through whatever its many readers raise
+    except Exception as error:  # trimesh's readers raise errors of many kinds
         raise MeshFileError(f"is not a mesh that can be read ({error or type(error).__name__})", str(path)) from error
     if not isinstance(part, trimesh.Trimesh) or not len(part.faces):
         raise MeshFileError("holds no triangles", str(path))

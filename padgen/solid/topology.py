@@ -59,8 +59,8 @@ def _edge_counts(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
     They are the number of its triangles, how many of these run along it from its lower vertex number, and that number.
     """
-    # An edge and its direction (the last bit) are packed into one number: sorting rows, or for the order, would take
-    # many times as long.
+    # An edge and its direction (the last bit) are packed into one number: sorting rows, or an argsort, would take many
+    # times as long.
     count = max(len(mesh.vertices_mm), 1)
     sides = np.empty((3, len(mesh.triangles)), np.int64)
     for i, side in enumerate(sides):

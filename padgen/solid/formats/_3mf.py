@@ -208,14 +208,14 @@ def read_3mf(path: Path, weld: bool = True) -> Mesh:
         model.QueryReader("3mf").ReadFromBuffer((ctypes.c_uint8 * len(data)).from_buffer_copy(data))
     except FileError:
         raise
-    except Exception as error:  # zip, deflate, XML and lib3mf have one each
+    except Exception as error:  # zip, deflate, XML and lib3mf each have exceptions of their own
         raise MeshFileError(f"is not a 3MF that can be read ({error})", str(path)) from error
     parts: list[tuple[np.ndarray, np.ndarray]] = []
     items = model.GetBuildItems()
     while items.MoveNext():
         item = items.GetCurrent()
         matrix = _matrix(item.GetObjectTransform())
-        if items.Count() == 1:  # where it lies on the bed
+        if items.Count() == 1:  # a single item's place on the bed tells nothing
             matrix[3] = 0.0
         with np.errstate(all="ignore"):  # sound_mesh refuses overflows and nan
             _collect(model, item.GetObjectResource(), matrix, parts)
@@ -328,7 +328,7 @@ def _unpacked(path: Path) -> bytes:
             part = package.read(entry)
             if part.count(b"<") > 2 * MOST_TRIANGLES:
                 raise MeshFileError(f"holds more than {MOST_TRIANGLES} triangles", str(path))
-            if part.lstrip().startswith((b"<", b"\xef\xbb\xbf")):  # whatever its name
+            if part.lstrip().startswith((b"<", b"\xef\xbb\xbf")):  # XML may have any name
                 objects.read(entry.filename, part)
             plain.writestr(zipfile.ZipInfo(entry.filename), part)
     objects.refuse()
