@@ -40,9 +40,9 @@ def modules_after(statements, *arguments):
 
 
 def test_plan_loads_little(work):
-    """A plan loads only numpy of other packages; of padgen 98 modules, and 39 standard ones beyond numpy's random.
+    """A plan loads only numpy, 98 modules of padgen, and 39 of the standard library beyond numpy.random's.
 
-    Every plan simulates prints, leakage and touch, which need the random numbers.
+    The bounds leave room for a few more. Every plan simulates prints, leakage and touch, which need random numbers.
     """
     more = loaded_after("plan", "paper-32") - modules_after("import numpy.random")
     padgen = {name for name in more if name.partition(".")[0] == "padgen"}

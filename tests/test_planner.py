@@ -642,7 +642,7 @@ def test_serpentines_print_alike_in_the_papers_cell(paper_spec, paper_plan):
 
 
 def test_exponents_of_a_serpentine_are_what_a_print_goes_with(paper_spec):
-    """Exponents agree on the planner's grid for ranking, of one channel, and by steps of each dimension."""
+    """The exponents of the planner's ranking grid, of one channel, and by steps of each dimension agree."""
     plan = hung_on(paper_spec, "serpentine-5")
     beam = plan.channels[0].beam
     size = BeamShape(beam.width_mm, beam.thickness_mm, beam.length_mm)
