@@ -1,4 +1,4 @@
-"""Draws docs/waveforms.svg: the current, the voltage and the lines of i² of one coil, plain tones and spur-free."""
+"""Draw docs/waveforms.svg: the current, the voltage and the lines of i² of one coil, plain tones and spur-free."""
 
 import io
 from dataclasses import replace
@@ -17,7 +17,7 @@ SHOWN_S, HIGHEST_HZ = 0.1, 750.0
 
 
 def played(scheme: str) -> tuple[PadDrive, np.ndarray, np.ndarray]:
-    """One period of the first coil of quad-64, all on: current in A and voltage in V."""
+    """Return the drive and one period of the first coil of quad-64, all on: current in A and voltage in V."""
     spec = load_spec("quad-64")
     plan = make_plan(replace(spec, drive=replace(spec.drive, scheme=scheme)))
     drive = make_drive(plan, RATE_HZ)
@@ -50,7 +50,7 @@ def main() -> None:
 
 
 def draw_time(axes, current, voltage, title) -> None:
-    """Current and voltage over the first part of a period."""
+    """Draw current and voltage over the first part of a period."""
     count = round(SHOWN_S * RATE_HZ)
     time_ms = 1e3 * np.arange(count) / RATE_HZ
     axes.plot(time_ms, 1e3 * current[:count], color="tab:blue", lw=1.2)
@@ -62,7 +62,7 @@ def draw_time(axes, current, voltage, title) -> None:
 
 
 def draw_lines(axes, drive, current, title) -> None:
-    """Lines of i²: wanted ones and the others."""
+    """Draw the lines of i²: wanted ones and spurs."""
     size = 2 * np.abs(np.fft.rfft(current**2)) / len(current)
     hz = np.arange(len(size)) / drive.period_s
     wanted = np.zeros(len(size), bool)

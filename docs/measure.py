@@ -1,4 +1,4 @@
-"""Measures what docs/performance.md reports and writes it anew: `make performance`.
+"""Measure the figures of docs/performance.md and write it anew: `make performance`.
 
 ``python docs/measure.py SECTION …`` renews some sections: commands, sweeps, many, openscad, growth, chords.
 """
@@ -36,7 +36,10 @@ def wall_s(command: list[str]) -> float:
 
 
 def paired(command: list[str], base: list[str], runs: int, forget: bool) -> tuple[float, float, float]:
-    """Medians of both, and of the ratio, run in turn after one warm-up; with the cache emptied before each."""
+    """Return median seconds of both commands and the median ratio, run in turn after one warm-up.
+
+    With `forget` the cache is emptied before each run of `command`.
+    """
 
     def own_s() -> float:
         if forget:
@@ -120,7 +123,7 @@ def many_section() -> list[str]:
 
 
 def openscad_section() -> list[str]:
-    """By every OpenSCAD that there is."""
+    """Return the section that compares with every OpenSCAD that is installed."""
     rows = []
     for command, count in ((["openscad"], SLOW_PADS), (shlex.split(os.environ.get("OPENSCAD", "")), BUILDS)):
         if command and which(command[0]):
@@ -155,7 +158,7 @@ SECTIONS = {
 
 
 def main() -> None:
-    """Measure the sections that are asked for, and leave the others as they are."""
+    """Measure the sections that are named, and leave the others as they are."""
     asked = sys.argv[1:] or list(SECTIONS)
     path = HERE / "performance.md"
     known = dict(part.split("\n", 1) for part in path.read_text().split("\n## ")[1:])

@@ -1,4 +1,4 @@
-"""Prints the tables of docs/accuracy.md on the beam model; `--solve` solves taxels of its set anew.
+"""Print the tables of docs/accuracy.md on the beam model; `--solve` solves taxels of its set anew.
 
 python docs/measure_beams.py                    errors and estimates against the stored solutions
 python docs/measure_beams.py --solve NAME …     the STEP of those taxels, by padgen.verify.elasticity
@@ -28,7 +28,7 @@ BINS = ((1, 2), (2, 4), (4, 8), (8, 16), (16, 100))
 
 
 def spec_of(row: dict[str, Any]) -> Spec:
-    """The spec of one taxel of the set: a template's, or the designed one's."""
+    """Return the spec of one taxel of the set: a template's, or the designed one's."""
     made = row.get("spec")
     if made is None:
         return load_spec(row["name"].rpartition("-")[0])
@@ -52,7 +52,7 @@ def beam_of(row: dict[str, Any]) -> BeamShape:
 
 
 def compared(row: dict[str, Any]) -> dict[str, list[tuple[float, float]]]:
-    """Relative errors with their estimates: of the working mode, the other along, the two across."""
+    """Return relative errors with their estimates: of the working mode, the other one along, the two across."""
     spec = spec_of(row)
     model = TaxelModel(spec, row["topology"], plate_shape(spec), beam_of(row))
     motion = np.abs(model.modes.shape * np.repeat([1.0, 2e-3], 3)[:, None])
@@ -105,7 +105,7 @@ def tables(rows: list[dict[str, Any]]) -> list[str]:
 
 
 def write_step(row: dict[str, Any], path: Path) -> float:
-    """Write the STEP file of a taxel of the set with half a rib around its window; the washer's volume in mm³."""
+    """Write the STEP file of a taxel of the set, with half a rib around its window; return its washer's mm³."""
     from padgen.solid.kernel import build123d
     from padgen.solid.taxel import taxel_solid, washer_solid
 
@@ -134,7 +134,7 @@ def write_step(row: dict[str, Any], path: Path) -> float:
 
 
 def solve(row: dict[str, Any], path: Path, washer_mm3: float) -> tuple[float, list[float]]:
-    """Working resonance and all modes in Hz by finite elements; in a process without build123d."""
+    """Return the working resonance and all modes in Hz by finite elements, in a process without build123d."""
     from padgen.verify.elasticity import Elastic, SolidTaxel, solve_modes
 
     spec = spec_of(row)
@@ -147,7 +147,7 @@ def solve(row: dict[str, Any], path: Path, washer_mm3: float) -> tuple[float, li
 
 
 def solved_anew(rows: list[dict[str, Any]]) -> list[str]:
-    """Each taxel's stored working resonance beside a new solution, and the new modes."""
+    """Return a table of each taxel's stored working resonance, a new solution, and the new modes."""
     text = ["| taxel | stored Hz | solved Hz | change | modes Hz |", "|---|---|---|---|---|"]
     spawn = multiprocessing.get_context("spawn")
     with tempfile.TemporaryDirectory() as folder:

@@ -1,11 +1,11 @@
-"""Prints the tables of docs/accuracy.md on taxels drawn at random; `--solve` adds solved ones to the set.
+"""Print the tables of docs/accuracy.md on taxels drawn at random; `--solve` adds solved ones to the set.
 
-python docs/measure_campaign.py                the beam model's errors and what it states, by stratum
+python docs/measure_campaign.py                the beam model's errors and the errors that it states, by stratum
 python docs/measure_campaign.py --solve 600    solve numbers 0 … 599 that the set does not have yet; may be stopped
-python docs/measure_campaign.py --check 7 19   those numbers anew by finer elements
+python docs/measure_campaign.py --check 7 19   solve those numbers again by finer elements
 
-Number i is drawn from the seed (SEED, i): half of them as the planner sizes them from a random spec, half with
-dimensions drawn directly from all that a spec allows. Every third is held out of all fits. Numbers from 1000 on are
+Number i is drawn from the seed (SEED, i): half of the taxels are sized by the planner from a random spec, half have
+random dimensions from all that a spec allows. Every third is held out of all fits. Numbers from 1000 on are
 serpentines (`--solve 1060 --share 1000 1`).
 """
 
@@ -45,9 +45,9 @@ TRIES = 60
 TOPOLOGIES = ("cantilever", "folded", "bridge")
 BENT = ("serpentine-3", "serpentine-5", "serpentine-7")
 BENT_FROM = 1000
-"""Numbers from which taxels hang on beams that bend."""
+"""First number of taxels on bent beams."""
 MOST_ACROSS = 4.0
-"""Largest reach in mm of a leg of those drawn directly."""
+"""Largest length in mm of a serpentine's leg where dimensions are drawn directly."""
 # Modulus in GPa, Poisson's ratio, density in g/cm³.
 POLYMERS = {
     "pla": ("fdm", 3.0, 0.36, 1.24),
@@ -56,7 +56,7 @@ POLYMERS = {
     "tpu": ("fdm", 0.06, 0.45, 1.21),
     "resin": ("resin", 2.2, 0.40, 1.18),
 }
-# (The ISO washers begin at M1.6.)
+# ISO washers begin at M1.6.
 SMALLEST = {"outer_diameter_mm": 2.5, "inner_diameter_mm": 1.1, "thickness_mm": 0.3}
 WASHERS = ["m1", *(name for name in catalogue("washer") if not name.endswith(("-a2", "-410")))]
 
@@ -86,10 +86,10 @@ NUMBERS = {
     "density_g_per_cm3": "material",
     "cross_layer_ratio": "material",
 }
-"""Columns of numbers that make a taxel, and the tables of the spec that have them."""
+"""Columns of numbers that define a taxel, with the table of the spec that holds each."""
 OUTLINE = ("x0_mm", "x1_mm", "y0_mm", "y1_mm")
 TEXTS = ("number", "drawn", "topology", "process", "polymer", "centre_post")
-"""`drawn`: 'planned' by the planner, or 'direct'."""
+"""Columns of text; `drawn` is 'planned' (by the planner) or 'direct'."""
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 FOUND = ("unknowns", "seconds", "working")
 SOLVED = (
@@ -104,7 +104,7 @@ Row = dict[str, Any]
 
 
 def rows_of(path: Path = SET) -> list[Row]:
-    """The taxels of the set, numbers as numbers."""
+    """Read the taxels of the set, with numbers as floats."""
     lines = [line for line in path.read_text().splitlines() if line and not line.startswith("#")]
     return [
         {key: value if key in TEXTS[1:] else float(value) for key, value in row.items()}
@@ -113,30 +113,32 @@ def rows_of(path: Path = SET) -> list[Row]:
 
 
 ADDED, MOST_ADDED = 0.15, 2e-3
-"""Share of the change from order 2 to 3 by which higher orders lower a frequency still, and at most: orders 4 gave 0.02
-to 0.42 % on ten of the taxels."""
+"""Share of the change from order 2 to 3 by which higher orders still lower a frequency, and its maximum.
+
+Order 4 lowered it by 0.02 to 0.42 % on ten of the taxels.
+"""
 
 
 def true_hz(row: Row) -> np.ndarray:
-    """Frequencies (6,) in Hz, extrapolated; the working one to 0.25 %."""
+    """Return extrapolated frequencies (6,) in Hz, the working mode's good to 0.25 %."""
     hz, change = (np.array([row[f"{name}_{k}"] for k in range(MODES)]) for name in ("hz", "change"))
     return np.asarray(hz * (1 - np.minimum(ADDED * np.abs(change), MOST_ADDED)))
 
 
 def held_out(row: Row) -> bool:
-    """Whether a taxel is kept out of all fits."""
+    """Return whether a taxel is held out of all fits."""
     return int(row["number"]) % THIRD == 0
 
 
 def table_of(row: Row) -> dict[str, Any]:
-    """The spec of one taxel of the set as a table."""
+    """Return the spec of one taxel of the set as a table."""
     tables: dict[str, Any] = {
         "name": "set",
         "resolution": 1,
         "band_hz": [0.1, 1_000_000],
         "q_min": 15,
         "pad": {"border_mm": 20},
-        # Of when the set was drawn, before prints were planned as they are laid.
+        # As when the set was drawn, before plans counted how beams are laid.
         "taxel": {"centre_post": row["centre_post"] == "yes", "washer_clearance_mm": 0.2},
         "printer": {
             "name": "fdm-0.25" if row["process"] == "fdm" else "resin-0.05",
@@ -158,7 +160,7 @@ def spec_of(row: Row) -> Spec:
 
 
 def model_of(row: Row) -> TaxelModel:
-    """The beam model of one taxel of the set."""
+    """Return the beam model of one taxel of the set."""
     spec = spec_of(row)
     return TaxelModel(spec, row["topology"], plate_shape(spec), beam_of(row))
 
@@ -168,14 +170,14 @@ def beam_of(row: Row) -> BeamShape:
 
 
 def is_deep(row: Row) -> bool:
-    """Whether the frame behind a root is much deeper than half a rib, which is what the beam model takes."""
+    """Return whether the frame behind a root is much deeper than half a rib, the depth that the beam model assumes."""
     length = float(model_of(row).arrangement.window_mm[0])
     depth = max(-row["x0_mm"], row["x1_mm"] - length if row["topology"] == "bridge" else 0.0)
     return bool(depth > 0.75 * row["rib_mm"])
 
 
 class Compared(NamedTuple):
-    """One mode of one taxel: the beam model's relative error, what it states, and which mode it is."""
+    """One mode of one taxel: the beam model's relative error, the error that it states, and the frequency ratio."""
 
     row: Row
     working: bool
@@ -186,7 +188,10 @@ class Compared(NamedTuple):
 
 
 def compared(row: Row, frame_depth_mm: float | None = None) -> list[Compared]:
-    """The beam model's modes, on a frame that deep, beside those of 3-D elasticity that move the washer alike."""
+    """Compare the beam model's modes with the modes of 3-D elasticity that move the washer in the same way.
+
+    `frame_depth_mm` is the depth of the frame in the beam model (None: half a rib).
+    """
     model = replace(model_of(row), frame_depth_mm=frame_depth_mm)
     motion = np.array([[row[f"{axis}_{k}"] for axis in AXES] for k in range(MODES)])
     own = np.concatenate([model.modes.at_point(model.washer_point_m), model.modes.shape[3:]])
@@ -203,9 +208,9 @@ def compared(row: Row, frame_depth_mm: float | None = None) -> list[Compared]:
 
 
 ALIKE = 0.6
-"""Share of a mode's motion that must be the other's."""
+"""Least share of a mode's motion in a mode that counts as the same."""
 NEAR = 10.0
-"""Ratio to the working mode up to which other modes are counted."""
+"""Largest ratio to the working mode at which other modes are counted."""
 
 
 def slenderness(row: Row) -> str:
@@ -251,7 +256,7 @@ def tables(rows: list[Row]) -> list[str]:
 
 
 def drawn(number: int) -> Row:
-    """The taxel of that number."""
+    """Draw the taxel of that number."""
     for attempt in range(TRIES):
         random = np.random.default_rng((SEED, number, attempt))
         way = "planned" if np.random.default_rng((SEED, number)).random() < 0.5 else "direct"
@@ -271,7 +276,7 @@ def _logs(random: Any, low: float, high: float) -> float:
 
 
 def _printed(random: Any) -> Row:
-    """Polymer, printer, washer and plate."""
+    """Draw polymer, printer, washer and plate."""
     polymer = str(random.choice([*POLYMERS, "resin"]))  # resin twice, as it is a process of its own
     process, modulus, poisson, density = POLYMERS[polymer]
     if random.random() < 0.4:
@@ -314,7 +319,7 @@ def _printed(random: Any) -> Row:
     recess = first + (max(layers, 1) - 1) * layer
     row["plate_thickness_mm"] = max(float(recess + 2 * layer), 0.4) * (1 + random.random() ** 2 * 2)
     if random.random() < 0.5 and recess + 2 * layer < 4:
-        row["plate_thickness_mm"] = 4.0  # as specs have it that do not say
+        row["plate_thickness_mm"] = 4.0  # a spec's default
     row["frame_thickness_mm"] = row["plate_thickness_mm"] + float(random.choice([0, 0.5, 2]))
     walled = max(row["outer_diameter_mm"] + 0.2 + 2 * line, row["boss_diameter_mm"])
     grown = random.uniform(1, 1.5, 2) if random.random() < 0.4 else (1.0, 1.0)
@@ -323,7 +328,7 @@ def _printed(random: Any) -> Row:
 
 
 def _direct(random: Any, topologies: tuple[str, ...]) -> Row:
-    """Proportions drawn evenly in their logarithms."""
+    """Draw proportions evenly in their logarithms."""
     row: Row = {"topology": str(random.choice(topologies)), **_printed(random)}
     thickest = min(row["plate_thickness_mm"] - row["layer_mm"], 2.4)
     wanted = _logs(random, 0.1, max(thickest, 0.11))
@@ -355,7 +360,7 @@ _SIZED = {"width_mm": 1.0, "thickness_mm": 1.0, "length_mm": 1.0}
 
 
 def _planned(random: Any, topologies: tuple[str, ...]) -> Row:
-    """One channel of what the planner makes of a random spec."""
+    """Draw one channel of the plan of a random spec."""
     row: Row = {"topology": str(random.choice(topologies)), **_printed(random)}
     channels, coils = int(random.integers(1, 4)), int(random.integers(1, 5))
     pitch = _logs(random, 1.3, 4) * row["plate_width_mm"] * channels**0.5
@@ -396,13 +401,13 @@ def _planned(random: Any, topologies: tuple[str, ...]) -> Row:
 
 
 def polymer_of(row: Row) -> Any:
-    """What is printed, as the finite elements take it."""
+    """Return the printed material as the finite elements need it."""
     polymer = Elastic(row["youngs_modulus_gpa"] * GPA, row["poisson_ratio"], row["density_g_per_cm3"] * G_PER_CM3)
     return layered(polymer, row["cross_layer_ratio"])
 
 
 def solved(row: Row, levels: int = 1, order: int = 3, kept: float = 0.05) -> Row:
-    """What 3-D elasticity makes of a taxel of the set."""
+    """Solve a taxel of the set by 3-D elasticity."""
     import ngsolve
     from measure_campaign_mesh import PRINTED, WASHER, Round, Taxel, modes, taxel_mesh
 
@@ -410,7 +415,7 @@ def solved(row: Row, levels: int = 1, order: int = 3, kept: float = 0.05) -> Row
     began = time.process_time()
     spec, arrangement = spec_of(row), model_of(row).arrangement
     taxel, washer, (recess, depth) = spec.taxel, spec.washer, recess_mm(spec)
-    # A chamfer takes as much of the boss as the boss is made shorter here.
+    # The boss is made shorter by the volume of its chamfer.
     radius, edge = taxel.boss_diameter_mm / 2, taxel.boss_edge_mm
     top = spec.pad.frame_thickness_mm + taxel.boss_protrusion_mm - edge**2 * (radius - edge / 3) / radius**2
     ring = (washer.outer_diameter_mm, washer.inner_diameter_mm, depth - washer.thickness_mm)
@@ -443,7 +448,7 @@ def solved(row: Row, levels: int = 1, order: int = 3, kept: float = 0.05) -> Row
 
 
 def solved_step(row: Row) -> Any:
-    """The same by other elements, `padgen.verify.elasticity` on the STEP file: in a process of its own."""
+    """Solve a taxel by other elements, `padgen.verify.elasticity` on the STEP file, in a process of its own."""
     from padgen.solid.kernel import build123d
     from padgen.solid.taxel import taxel_solid, washer_solid
 
@@ -491,7 +496,7 @@ def _text(name: str, value: Any) -> str:
 
 
 def solve(most: int, first: int, step: int) -> None:
-    """Solve what the set does not have yet."""
+    """Solve the taxels that the set does not have yet."""
     from measure_campaign import solved as job  # by a name that other processes know
 
     if not SET.exists():
@@ -539,7 +544,7 @@ def main() -> None:
 
 
 def checked(rows: list[Row]) -> list[str]:
-    """Each taxel's frequencies in Hz beside those by tetrahedra on its STEP file."""
+    """Return each taxel's frequencies in Hz beside those by tetrahedra on its STEP file."""
     from measure_campaign import solved_step as job
 
     text = ["| number | set | by tetrahedra |", "|---|---|---|"]

@@ -1,9 +1,9 @@
-"""Modes of a taxel on prisms: an own mesh for `measure_campaign.py`, some ten times as quick as tetrahedra.
+"""Modes of a taxel by elements on prisms, a mesh for `measure_campaign.py` some ten times as fast as tetrahedra.
 
 A taxel is flat layers of one outline each. Its plan is meshed by triangles with shrinking quadrilaterals along
-roots and tips (Netgen), then extruded from level to level, with thin levels at the beams' top. Circles are polygons
-of the same area, bends chords as long as their arcs, a chamfer is a boss as much shorter. The frame is kept near the
-roots only. Of a taxel with a plane of symmetry half is meshed. Lengths in mm.
+roots and tips (Netgen), then extruded from level to level, with thin levels at the beams' top. Circles become polygons
+of the same area, bends chords as long as their arcs, and a chamfered boss a shorter one. The frame is kept only near
+the roots. A taxel with a plane of symmetry is meshed by half. Lengths are in mm.
 """
 
 from itertools import pairwise
@@ -17,21 +17,21 @@ from padgen.verify.elastic_modes import energy
 MM = 1e-3
 REACH = 2.0
 LONGEST = 4.0
-"""How much longer than wide the pieces of a straight beam are."""
+"""Length over width of the pieces of a straight beam."""
 ENERGY = 0.01
-"""Share of the energy in elements that are left at order 2."""
+"""Share of the energy that may lie in elements left at order 2."""
 GRADED = 0.2
 FIELDS = {"along": (0, 2, 4), "across": (1, 3, 5)}
 WHOLE = {"all": (0, 1, 2, 3, 4, 5)}
 TURN = np.pi / 8
-"""Of a bend within one chord."""
+"""Turn of a bend within one chord, in rad."""
 PIECE = 2.5
-"""How much longer than wide the straight pieces of a bent beam are at most."""
+"""Largest length over width of the straight pieces of a bent beam."""
 PRINTED, WASHER, CLAMPED, MIDDLE = "printed", "washer", "clamped", "middle"
 
 
 class Round(NamedTuple):
-    """The round parts: diameters and levels."""
+    """Diameters and levels of the round parts."""
 
     recess_mm: float
     recess_depth_mm: float
@@ -74,14 +74,14 @@ def _polygon(points: Any) -> Any:
 
 
 def _angles(fine: tuple[bool, bool]) -> np.ndarray:
-    """Corners of half a polygon in rad, closer where a beam meets the wall before it: at 0, at π."""
+    """Return corners of half a polygon in rad, closer at 0 or π where a beam meets the wall there."""
     near, far = [0, 4, 8, 13, 20, 30, 45, 60, 75, 90], [0, 15, 30, 45, 60, 75, 90]
     first, last = (near if one else far for one in fine)
     return np.radians([*first, *(180 - a for a in last[-2::-1])])
 
 
 def _radii(diameter: float, angle: np.ndarray) -> np.ndarray:
-    """Radii of the corners, so that each piece has about the area of its sector."""
+    """Return the radii of the corners, so that each piece has about the area of its sector."""
     step = np.diff(angle)
     grown = step / np.sin(step)
     return diameter / 2 * np.sqrt((np.r_[grown[0], grown] + np.r_[grown, grown[-1]]) / 2)
@@ -95,7 +95,7 @@ def _half_disc(diameter: float, x: float, angle: np.ndarray) -> Any:
 
 
 def _rounds(taxel: "Taxel") -> tuple[np.ndarray, np.ndarray]:
-    """Corners of recess and washer, and of the other round parts."""
+    """Return the corners' angles for recess and washer, and for the other round parts."""
     arrangement = taxel.arrangement
     straight = len(arrangement.blocks) == 1
     return _angles((straight and len(arrangement.beams) > 1, straight)), _angles((False, False))
@@ -121,7 +121,7 @@ def _strips(taxel: Taxel) -> list[Strip]:
 
 
 def _flares(strip: Strip, fillet: float) -> list[list[tuple[float, float]]]:
-    """Polygons of the flares beside a beam's root, on the sides that are not on the plane of symmetry."""
+    """Return polygons of the flares beside a beam's root, on sides that are not on the plane of symmetry."""
     if fillet < 1e-6:
         return []
     angle = np.linspace(0, np.pi / 2, 6)
@@ -136,14 +136,14 @@ def _flares(strip: Strip, fillet: float) -> list[list[tuple[float, float]]]:
 
 
 class Plan(NamedTuple):
-    """The plan's mesh: places (n, 2), corners of the elements."""
+    """The mesh of a taxel's plan: places (n, 2), and the corners of the elements."""
 
     points: np.ndarray
     cells: list[tuple[int, ...]]
 
 
 def _squeeze(taxel: Taxel) -> tuple[float, float]:
-    """Where the middle of a straight beam along which nothing else lies begins, and how long it is meshed."""
+    """Return the place where a straight beam's free middle begins, and the length with which it is meshed."""
     strip = _strips(taxel)[0]
     width = 2 * strip.high
     thickness = float(taxel.arrangement.beams[0].thickness_mm)
@@ -153,7 +153,7 @@ def _squeeze(taxel: Taxel) -> tuple[float, float]:
 
 
 def _meshed(faces: list[Any], lines: list[tuple[float, float, float]], levels: int, size: float) -> Plan:
-    """Triangles on faces, with shrinking quadrilaterals along `lines` (x, from y to y)."""
+    """Mesh faces by triangles, with shrinking quadrilaterals along `lines` (x, from y, to y)."""
     import ngsolve
     from netgen.occ import Glue, OCCGeometry
 
@@ -185,7 +185,7 @@ def _meshed(faces: list[Any], lines: list[tuple[float, float, float]], levels: i
 
 
 def _bent_strip(path: Any) -> list[Any]:
-    """Quadrilaterals along a beam; bends by chords about arcs of a radius that makes them as long as the arcs."""
+    """Return quadrilaterals along a beam; the chords of a bend are together as long as its arc."""
     half, (x, y), heading = float(path.width_mm) / 2, (float(v) for v in path.root_mm), 0.0
     rungs = [((x, y), (0.0, 1.0))]
     for segment in path.segments:
@@ -201,7 +201,7 @@ def _bent_strip(path: Any) -> list[Any]:
 
 
 def bent_plan_mesh(taxel: Taxel, levels: int, size: float) -> Plan:
-    """The whole plan of a taxel on one bent beam."""
+    """Mesh the whole plan of a taxel on one bent beam."""
     (path,), (block,), r = taxel.arrangement.beams, taxel.arrangement.blocks, taxel.round
     half, thickness, x0 = float(path.width_mm) / 2, float(path.thickness_mm), taxel.sides[0]
     reach = REACH * max(thickness, -x0)
@@ -228,7 +228,7 @@ def plan_mesh(taxel: Taxel, levels: int, size: float) -> Plan:
     short = 2 * margin + squeezed if squeezing else length
 
     def into(x: float) -> float:
-        """Where x of the taxel lies in the squeezed plan."""
+        """Return where x of the taxel lies in the squeezed plan."""
         if not squeezing:
             return x
         if len(strips) == 1:
@@ -289,7 +289,7 @@ def plan_mesh(taxel: Taxel, levels: int, size: float) -> Plan:
 
 
 def _columns(taxel: Taxel, place: np.ndarray) -> list[tuple[float, float, str]]:
-    """What stands over a place of the plan: material from level to level."""
+    """Return the materials over a place of the plan, each from level to level."""
     arrangement, r = taxel.arrangement, taxel.round
     x, y = place[0], abs(place[1])  # round parts are the same on both sides
     distance = np.hypot(x - float(arrangement.washer_x_mm), y)
@@ -323,7 +323,7 @@ def _columns(taxel: Taxel, place: np.ndarray) -> list[tuple[float, float, str]]:
 
 
 def taxel_mesh(taxel: Taxel, levels: int, size: float) -> Any:
-    """NGSolve mesh of the half with y ≥ 0, of the whole where a beam bends."""
+    """Return the NGSolve mesh of the half with y ≥ 0, or of the whole where a beam bends."""
     import netgen.meshing as nm
     import ngsolve
 
@@ -387,7 +387,7 @@ def taxel_mesh(taxel: Taxel, levels: int, size: float) -> Any:
 
 
 class _Dofs(NamedTuple):
-    """Unknowns of one component by their order and place: bits (n,) of what is held, and of each element's."""
+    """Unknowns of one component: their orders, masks (n,) of those held and on the symmetry plane, each element's."""
 
     order: np.ndarray
     clamped: np.ndarray
@@ -413,7 +413,7 @@ def _dofs(mesh: Any, scalar: Any, order: int) -> _Dofs:
 
 
 class Found(NamedTuple):
-    """`frequency_hz` (6,) rising; `change` (6,) from order 2 to order 3; motion (6, 6) of the washer."""
+    """Rising `frequency_hz` (6,), their `change` (6,) from order 2 to 3, and the washer's `motion` (6, 6)."""
 
     frequency_hz: np.ndarray
     change: np.ndarray
@@ -422,9 +422,9 @@ class Found(NamedTuple):
 
 
 def modes(mesh: Any, materials: Any, axis_x: float, order: int = 3, count: int = 3, kept: float = ENERGY) -> Found:
-    """The lowest `count` modes of either symmetry, by elements of order 2, and of `order` where they hold energy.
+    """Solve the lowest `count` modes of either symmetry by elements of order 2, and of `order` where they hold energy.
 
-    Of a whole taxel, which has no boundary called `MIDDLE`, twice as many of all.
+    A whole taxel has no boundary called `MIDDLE`; of it, twice as many modes of all kinds are solved.
     """
     import ngsolve as ngs
     import scipy.sparse as sparse
@@ -479,7 +479,7 @@ def modes(mesh: Any, materials: Any, axis_x: float, order: int = 3, count: int =
         for refined in (False, True):
             free = np.tile(chosen, 3) & ~slides
             inverse = stiffness.mat.Inverse(ngs.BitArray(free.tolist()), inverse="sparsecholesky")
-            # Static answers, and what their inertia makes of them: two blocks of Lanczos' method.
+            # Static answers, and the answers to their inertia: two blocks of Lanczos' method.
             first = times(inverse, load)
             first /= np.sqrt((first * inertia(first)).sum(0))
             basis = np.hstack((first, times(inverse, inertia(first))))
@@ -509,7 +509,7 @@ def modes(mesh: Any, materials: Any, axis_x: float, order: int = 3, count: int =
 
 
 def _lowest(basis: np.ndarray, stiff: np.ndarray, heavy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Squares of the angular frequencies within a basis, and the mass-normalised shapes (Rayleigh and Ritz)."""
+    """Return squared angular frequencies within a basis, and the mass-normalised shapes (Rayleigh and Ritz)."""
     size, turn = np.linalg.eigh(basis.T @ heavy)
     kept = turn[:, size > 1e-13 * size[-1]] / np.sqrt(size[size > 1e-13 * size[-1]])
     square, part = np.linalg.eigh(kept.T @ (basis.T @ stiff) @ kept)
@@ -517,4 +517,4 @@ def _lowest(basis: np.ndarray, stiff: np.ndarray, heavy: np.ndarray) -> tuple[np
 
 
 _HELD = {(0, 2, 4): (1,), (1, 3, 5): (0, 2)}
-"""Components held on the plane of symmetry."""
+"""Displacement components held on the plane of symmetry, for each of the two families of modes (`FIELDS`)."""

@@ -1,7 +1,7 @@
-"""What `padgen check --spec` finds of tampered pads, and says of honest ones; a section of docs/accuracy.md.
+"""Print what `padgen check --spec` finds of tampered and of unchanged pads; a section of docs/accuracy.md.
 
-``python docs/measure_checks.py [PLACES [HONEST [FIRST]]]``: places tried of each kind (10), honest pads (200), and the
-first seed of these.
+``python docs/measure_checks.py [PLACES [HONEST [FIRST]]]``: places tried of each kind (10), unchanged pads (200), and
+the first seed of these.
 """
 
 import sys

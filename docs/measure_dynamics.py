@@ -1,4 +1,4 @@
-"""Measures what docs/dynamics.md reports, and draws its picture: `python docs/measure_dynamics.py`."""
+"""Measure the figures of docs/dynamics.md and draw its picture: `python docs/measure_dynamics.py`."""
 
 import platform
 import time
@@ -50,7 +50,7 @@ def linear_rates(hz: np.ndarray, q: float, force: Tones) -> Callable[[float, np.
 
 
 def adaptive() -> list[str]:
-    """Drive at all resonances by scipy's solvers, from rest, against the closed form."""
+    """Compare scipy's solvers with the closed form, from rest, with tones on all resonances."""
     lines = [
         "| oscillators, tones | solver, relative tolerance | says | largest error | CPU s | closed form, CPU s |",
         "|---|---|---|---|---|---|",
@@ -95,7 +95,7 @@ def speed() -> list[str]:
 
 
 def pair() -> tuple[CoupledSystem, Tones, float]:
-    """The paper's pair, far above its level, so that the gap matters."""
+    """Return the paper's pair, driven far above its level so that the gap matters."""
     hz = np.array([60.0, 78.0])
     current = tones(hz / 2, 0.1, -np.pi / 2)
     z = impedance(62.9, 0.0417, hz / 2)
@@ -104,7 +104,7 @@ def pair() -> tuple[CoupledSystem, Tones, float]:
 
 
 def fast_circuit() -> tuple[CoupledSystem, Tones, float]:
-    """An R-L time constant of a microsecond beside a taxel of 1 kHz that moves it."""
+    """Return a circuit with a time constant L/R of a microsecond beside a taxel of 1 kHz."""
     pull = 62.9e-6 / GAP_M / 20
     amps = np.sqrt(MASS_KG * (2 * np.pi * 1000.0) ** 2 * GAP_M / 10 / pull)
     system = make_system(1000.0, 5.0, MASS_KG, pull, 2.0, GAP_M, 62.9, 62.9e-6)

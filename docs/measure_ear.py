@@ -1,4 +1,4 @@
-"""What written files make fingers feel, against the plan: prints the tables of docs/ear.md (a few minutes, one core).
+"""Print the tables of docs/ear.md: what fingers feel of written files, against the plan (a few minutes, one core).
 
 Every file is written as a 24-bit WAV and read back by the ear, with its sidecar.
 """
@@ -49,7 +49,7 @@ def heard_from_file(plan: Plan, drive: PadDrive, line: Timeline, gap: bool = Fal
 
 
 def states_of(plan: Plan) -> np.ndarray:
-    """States (s, n) of a coil: all of them, or random ones and the plan's worst."""
+    """Return states (s, n) of a coil: all of them, or random ones and the plan's worst."""
     n = len(plan.sets[0])
     if n <= MOST_SPELLED_OUT:
         return (np.arange(2**n)[:, None] >> np.arange(n)) & 1
@@ -65,7 +65,7 @@ def one_at_a_time(plan: Plan) -> np.ndarray:
 
 
 def through(plan: Plan, drive: PadDrive, states: np.ndarray) -> list[tuple[np.ndarray, Heard]]:
-    """As many files as it takes to put coils into all states, one coil one state."""
+    """Play files until coils have been in all states, each coil of a file in another state."""
     heard, coils = [], drive.coils
     for first in range(0, len(states), len(coils)):
         levels = np.zeros(len(plan.taxels))
@@ -76,7 +76,7 @@ def through(plan: Plan, drive: PadDrive, states: np.ndarray) -> list[tuple[np.nd
 
 
 def figures(heard: Sequence[tuple[np.ndarray, Heard]]) -> tuple[float, float]:
-    """Selectivity over all files in dB, and the largest miss of an ON taxel's own line in dB."""
+    """Return the selectivity over all files in dB, and the largest miss of an ON taxel's own line in dB."""
     on = np.concatenate([h.on.ravel() for _, h in heard])
     off = np.concatenate([h.off.ravel() for _, h in heard])
     tone = np.concatenate([(h.tone_um[0] / h.wanted_um)[levels > 0] for levels, h in heard])
@@ -119,7 +119,7 @@ def templates() -> list[str]:
 
 
 def state_by_state() -> str:
-    """How far each state's loudest OFF taxel is from the modal model's, for the pad with the most channels."""
+    """Compare each state's loudest OFF taxel with the modal model's, for the pad with the most channels."""
     plan = make_plan(load_spec("wide-11"))
     drive, spec, own = make_drive(plan, RATE_HZ), plan.spec, plan.sets[0]
     which, modes = placed_channels(spec, own), coil_modes(spec, own)
@@ -237,7 +237,7 @@ grid = [8, 8]
 
 
 def cost() -> list[str]:
-    """64 coils, 10 s at 48 kHz: two channels each, as planned and as a print on which no two taxels are alike."""
+    """Measure 64 coils of two channels over 10 s at 48 kHz, as planned and as a print of unlike taxels."""
     plan = make_plan(parse_spec(LARGE.format(taxels=128)))
     drive = make_drive(plan, RATE_HZ)
     frames = (np.random.default_rng(3).random((5, len(plan.taxels))) < 0.5).astype(float)
@@ -258,7 +258,7 @@ def cost() -> list[str]:
 
 
 def main() -> None:
-    # What it costs comes first: later tables raise the peak of the memory.
+    # The cost is measured first, since later tables raise the peak of the memory.
     costs = cost()
     parts = (
         ("Selectivity that files achieve", [*templates(), "", state_by_state()]),

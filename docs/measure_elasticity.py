@@ -25,7 +25,7 @@ from tests.test_elasticity import POLYMER, REFERENCE, RING_MM3, STEEL, off_refer
 
 RUNS = 3
 GRADED, UNIFORM = (0.05, 1e3), (None, 0.25)
-"""Size along singular edges, size everywhere, in mm."""
+"""Element sizes along singular edges, and everywhere, in mm."""
 
 
 def taxel(folder: Path, name: str) -> SolidTaxel:
@@ -72,7 +72,7 @@ def estimates(folder: Path) -> list[str]:
 
 
 def calculix_deck(folder: Path, along_mm: float | None, largest_mm: float) -> int:
-    """Write base.inp, quadratic tetrahedra by Netgen; the unknowns."""
+    """Write base.inp with quadratic tetrahedra by Netgen; return the number of unknowns."""
     from netgen.occ import OCCGeometry
 
     shape = clamped_shape(taxel_shape(folder / "base.step", RING_MM3), "root")

@@ -1,4 +1,4 @@
-"""Prints the tables of the force ladder for docs/accuracy.md; `measure_force.py [team | tables | bounds | campaign N]`.
+"""Print the tables of the force ladder for docs/accuracy.md; `measure_force.py [team | tables | bounds | campaign N]`.
 
 Without a word about two minutes of one core, TEAM problem 20 (`team`) two more. `tables` writes padgen/physics/pulls.*,
 the tables that plans read: after every change of the pull's physics (two minutes). `campaign 300` solves random pairs
@@ -138,14 +138,14 @@ def consequences() -> None:
 
 
 def winding(half_width: float) -> Any:
-    """The upright prism of the outline of TEAM 20's winding, in mm: rounded by 5 mm inside, wider outside."""
+    """Return the upright prism of the outline of TEAM 20's winding in mm, rounded by 5 mm inside and wider outside."""
     box = occ.Box(occ.Pnt(-half_width, -half_width, LOW), occ.Pnt(half_width, half_width, HIGH))
     upright = [e for e in box.edges if abs(e.vertices[0].p.z - e.vertices[1].p.z) > 1]
     return box.MakeFillet(upright, half_width - STRAIGHT)
 
 
 def team_mesh() -> Any:
-    """A quarter of TEAM 20 (Takahashi, Nakata and Morishige 1994) in mm: a saturated yoke and the pole it pulls."""
+    """Mesh a quarter of TEAM 20 (Takahashi, Nakata, Morishige 1994) in mm: a saturated yoke and the pole it pulls."""
 
     def block(x: float, y: float, low: float, high: float) -> Any:
         return occ.Box(occ.Pnt(0, 0, low), occ.Pnt(x, y, high))
@@ -173,7 +173,7 @@ def team_mesh() -> Any:
 
 
 def team() -> None:
-    """Pull on the pole at each current, 1000 turns, elements of order 2."""
+    """Print the pull on the pole at each current, with 1000 turns and elements of order 2."""
     head("TEAM 20", "A", "measured N", "virtual work N", "at the surface N", "unknowns", "Newton steps")
     mesh = team_mesh()
     # T in A/m along z, full inside the winding, falling to 0 across it.
@@ -193,7 +193,7 @@ LOW, HIGH, GAPS, STEP = 0.35 * MM, 6 * MM, 9, 0.17 * MM
 
 
 def brought_parts() -> Iterator[tuple[CoilSource, SteelRing]]:
-    """All coils and magnetic washers of the catalogues, and the templates' own."""
+    """Yield all coils and magnetic washers of the catalogues, and the templates' own."""
     for coil in catalogue("coil").values():
         for washer in catalogue("washer").values():
             if washer["relative_permeability"] >= 2:
@@ -224,13 +224,13 @@ FIELDS = (
 )  # fmt: skip
 SEED, TURNS = 20, 1000
 GOOD = 0.01
-"""Of a solution's own error, relative to the axial force; above it the next elements follow."""
+"""Largest accepted error of a solution over its axial force; above it the next elements are tried."""
 ELEMENTS = ((3, 1, 1.0), (4, 1, 1.0), (4, 1, 1 / 3))
-"""Their order, levels of refinement at edges, and size of those of the washer."""
+"""Order, levels of refinement at edges, and relative size in the washer, of the elements tried in turn."""
 
 
 def drawn(case: int) -> list[float]:
-    """A coil, a washer and its place, `FIELDS` from the second on: cores of 0 to 20 mm, washers M1 to M6."""
+    """Draw a coil, a washer and its place (`FIELDS` from the second on): cores of 0 to 20 mm, washers M1 to M6."""
     uniform = np.random.default_rng([SEED, case]).uniform
 
     def logarithmic(low: float, high: float) -> float:
@@ -249,7 +249,7 @@ def drawn(case: int) -> list[float]:
 
 
 def field_solution(case: int) -> list[float]:
-    """The last four of `FIELDS`; nan where the field has no answer."""
+    """Return the last four of `FIELDS`, nan where the field has no solution."""
     outer, inner, length, core, core_permeability, rim, bore, thickness, permeability, gap, offset = drawn(case)
     coil = solenoid(outer * MM, inner * MM, length * MM, TURNS, core * MM, core_permeability)
     washer = SteelRing(rim * MM, bore * MM, thickness * MM, permeability)

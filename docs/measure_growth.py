@@ -1,7 +1,7 @@
-"""How run time and memory grow with taxels, 32 … 8,192; draws docs/growth.svg. A section of docs/performance.md.
+"""Measure how run time and memory grow from 32 to 8,192 taxels; draw docs/growth.svg. A section of docs/performance.md.
 
-``python docs/measure_growth.py TAXELS FOLDER`` builds one such pad into a folder, and prints the
-seconds of its stages (of processors: others may work here).
+``python docs/measure_growth.py TAXELS FOLDER`` builds one such pad into a folder, and prints the processor seconds of
+its stages, on which other work on the machine has little influence.
 """
 
 import json
@@ -26,7 +26,7 @@ WHAT = ("plan", "solids and union", "checks", "whole command")
 
 
 def large_plan(taxels: int) -> Plan:
-    """The paper's cell repeated, beyond the 500 mm that a spec allows."""
+    """Plan many of the paper's cells, beyond the 500 mm that a spec allows."""
     coils = round((taxels / 2) ** 0.5)
     spec = parse_spec(
         """
@@ -45,7 +45,7 @@ def large_plan(taxels: int) -> Plan:
 
 
 def one(taxels: int, folder: str) -> None:
-    """Plan, model and check; where a folder is named, all of it with files, as the command does."""
+    """Plan, model and check a pad, and print seconds; with a folder, build it with files as the command does."""
     clock = [time.process_time()]
     plan = large_plan(taxels)
     clock.append(time.process_time())
@@ -62,7 +62,7 @@ def one(taxels: int, folder: str) -> None:
 
 
 def measured(taxels: int, folder: str) -> tuple[list[float], float, float, float]:
-    """What a process of its own prints; its seconds from start to end, those of both cores, and its peak in MiB."""
+    """Run `one` in a process of its own; return what it prints, its wall and processor seconds, and its peak in MiB."""
     start = time.perf_counter()
     child = subprocess.Popen([sys.executable, __file__, str(taxels), folder], stdout=subprocess.PIPE, text=True)
     printed = json.loads(child.stdout.read())
@@ -73,7 +73,7 @@ def measured(taxels: int, folder: str) -> tuple[list[float], float, float, float
 
 
 def growth() -> list[str]:
-    """Times against taxels, the fits of their growth, and the picture."""
+    """Return the table of times against taxels with the fits of their growth, and draw the picture."""
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         measured(32, folder)  # the taxels are known from then on
@@ -104,7 +104,7 @@ def growth() -> list[str]:
 
 
 def draw(table: np.ndarray, slopes: np.ndarray) -> None:
-    """The times in a log-log plot with their fits."""
+    """Draw the times in a log-log plot with their fits."""
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

@@ -1,13 +1,13 @@
-"""Measures what docs/accuracy.md says of the terms that a plan leaves out: `python docs/measure_left_out.py`.
+"""Measure the figures of docs/accuracy.md on the terms that a plan leaves out: `python docs/measure_left_out.py`.
 
-For each scene and term: the bound, the true error by a finer model (tests/test_left_out.py says which), their
-ratio, and what the bound takes beside computing the term, in ms of CPU time, the least of several runs. With
-`--fine` also the 3-D field solutions of four washers over a coil, some 20 s each.
+For each scene and term it prints the bound, the true error by a finer model (see tests/test_left_out.py), their ratio,
+and the run times of the bound and of computing the term, in ms of CPU time, the least of several runs. `--fine` adds
+3-D field solutions of four washers over a coil, some 20 s each.
 
-`random N` holds the bounds against finer models (tests/finer_models.py) on N plans of random specs: on all of them
-what takes up to a second, on one in so many what takes finite elements. Rows go into
-tests/reference/left_out_campaign.csv, which it goes on with where it was; `random N --bounds` plans the known ones
-again, for their bounds alone, after a bound has changed. Terms that follow N are the only ones. Half an hour for 500.
+`random N` compares bounds with finer models (tests/finer_models.py) on N plans of random specs: models that take up to
+a second on all plans, finite elements on one plan in so many. Rows are added to
+tests/reference/left_out_campaign.csv, going on where it was stopped. `random N --bounds` plans the known specs again,
+for their bounds alone, after a bound has changed. Terms named after N are the only ones. 500 plans take half an hour.
 """
 
 import csv
@@ -87,7 +87,7 @@ def spread_table(found: list[Row]) -> list[str]:
 
 
 def times_table(name: str) -> list[str]:
-    """What each term takes: its bound beside the term itself, as the true errors compute it."""
+    """Return the table of run times: of each bound, and of the term itself as the finer models compute it."""
     spec, plan = truth.scene(name)
     channel, grid = plan.channels, plan.coils
     layout = Layout(grid.rows, grid.columns, len(channel), 1, 1, 1.0, 1.0, "x", 0, (("none", 1.0),))
@@ -132,13 +132,13 @@ def times_table(name: str) -> list[str]:
 
 
 def copied(plan: Plan) -> Plan:
-    """The same plan, whose pulls the finer models have not kept."""
+    """Return the same plan, for which the finer models have not kept any pulls."""
     return replace(plan, channels=tuple(replace(channel) for channel in plan.channels))
 
 
 CAMPAIGN = Path(__file__).parents[1] / "tests" / "reference" / "left_out_campaign.csv"
 REFUSED = "refused"
-"""The term of a spec that has no plan, or one that finds an error in itself."""
+"""Term that marks a spec that has no plan, or one whose plan has an error."""
 
 
 def planned(number: int) -> Plan | None:
@@ -150,7 +150,7 @@ def planned(number: int) -> Plan | None:
 
 
 def asked(plan: Plan, place: int) -> dict[str, Callable[[Plan], object]]:
-    """The finer models that plan number `place` among those that hold is to be compared with."""
+    """Return the finer models to compare with plan number `place` of the valid plans."""
     bounds = {entry.term: entry.bound for entry in plan.left_out if entry.status == "bounded"}
     models = {term: model for term, model in finer_models.TRUE.items() if bounds.get(term)}
     for term, (model, every) in finer_models.DEAR.items():
@@ -161,7 +161,7 @@ def asked(plan: Plan, place: int) -> dict[str, Callable[[Plan], object]]:
 
 
 def compared(plan: Plan, term: str, model: Callable[[Plan], object]) -> list[object]:
-    """Bound, true size and seconds; what a model cannot solve says so in the place of its size."""
+    """Return bound, true size and seconds; an error of the model stands in place of its size."""
     start = time.process_time()
     bound = next(e.bound for e in plan.left_out if e.term == term.removesuffix(" aside"))
     try:
@@ -199,7 +199,7 @@ def random_campaign(wanted: int, only: list[str]) -> None:
 
 
 def renewed_bounds() -> None:
-    """The campaign's rows with the bounds of today; those whose model gives a bound of its own keep it."""
+    """Renew the bounds of the campaign's rows, except where the finer model gives a bound of its own."""
     rows, plans = list(csv.DictReader(CAMPAIGN.open())), {}
     for row in rows:
         number, term = int(row["number"]), row["term"]

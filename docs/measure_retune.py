@@ -1,4 +1,4 @@
-"""Measures what docs/retune.md reports: how well a print that was measured is re-tuned. Prints Markdown.
+"""Measure the figures of docs/retune.md, on how well a measured print is re-tuned, and print Markdown.
 
 `python docs/measure_retune.py [PRINTS]`; 1,000 prints of two pads take a while, mostly for the fits.
 """
@@ -43,7 +43,7 @@ def of_coil(figures: tuple[CoilFigures, ...], place: tuple[int, int]) -> float:
 
 
 class Tried:
-    """Prints that were measured and re-tuned: one coil of each, another one every time."""
+    """Prints that were measured and re-tuned: one coil of each, in turn."""
 
     def __init__(self, plan: Plan, prints: int, kind: str = "spectrum") -> None:
         self.errors: list[float] = []
@@ -109,7 +109,7 @@ def histograms(tried: dict[str, Tried]) -> list[str]:
 
 
 def yields(prints: int) -> list[str]:
-    """Whole pads by `print_yield`, where Q and pull do not scatter and other modes are left out, and by `predicted`."""
+    """Compare whole pads by `print_yield`, without scatter of Q and pull and other modes, with `predicted`."""
     lines = [
         "| pad | planned tones: `--yield`, here, median dB of pads | re-tuned: `--yield`, here, 5 %, median, 95 % dB |",
         "|---|---|---|",
@@ -135,7 +135,7 @@ def yields(prints: int) -> list[str]:
 
 
 def rest(prints: int = 200) -> list[str]:
-    """What a few measured taxels, or a coupon, tell of the others."""
+    """Return how well a few measured taxels, or a coupon, predict the others."""
     lines = [
         "| paper-32, catalogue's spreads | taxels measured | error of the other resonances, rms | stated |",
         "|---|---|---|---|",
@@ -148,7 +148,7 @@ def rest(prints: int = 200) -> list[str]:
             known = [fit_of(t) for t, p in zip(truth.taxels, plan.taxels, strict=True) if p.coil in (places or ())]
             coupon = {}
             if places is None:
-                # Another place of the same print stands in for it.
+                # Taxels of the pad itself stand in for a coupon's.
                 coupon = {p.channel: fit_of(t) for t, p in zip(truth.taxels, plan.taxels, strict=True)}
             tuning = estimated(plan, tuning_of(plan, known), known, coupon)
             left = [k for k, t in enumerate(tuning.taxels) if not t.measured]
@@ -171,7 +171,7 @@ def fit_of(taxel: TunedTaxel) -> TaxelFit:
 
 
 def shifting(prints: int = 60) -> list[str]:
-    """What tones beside the resonances would gain, by coordinate search for each print, levels restored."""
+    """Return the gain of tones beside the resonances, by coordinate search for each print with levels restored."""
     lines = [
         "| pad, drive | on the resonances, median dB | gain, median, 95 %, most, dB | more square of the current, dB |",
         "|---|---|---|---|",
@@ -189,7 +189,7 @@ def shifting(prints: int = 60) -> list[str]:
 
 
 def shifted(plan: Plan, truth: Tuning, scheme: Scheme) -> tuple[float, float, float]:
-    """Of the first coil: dB with tones on the resonances, dB gained by moving them, dB of current that it costs."""
+    """Return the first coil's dB with tones on the resonances, the dB gained by moving them, and the current's dB."""
     index = coils_of(plan)[(0, 0)]
     tones = tones_at(plan, truth)
     hz, line = tones.hz[index], tones.line_a2[index]

@@ -1,4 +1,4 @@
-"""Measures what docs/selectivity.md reports, and draws its picture: `make selectivity`."""
+"""Measure the figures of docs/selectivity.md and draw its picture: `make selectivity`."""
 
 import platform
 import time
@@ -72,8 +72,11 @@ PROVEN_DB = {
     30: {4: 29.71, 5: 20.02, 6: 13.87, 7: 10.80, 8: 9.34},
     60: {5: 26.04, 6: 19.88, 7: 16.80, 8: 15.32},
 }
-"""By Q and number of channels, what no resonances in the band can exceed: branch and bound over cells of the band, each
-term of an OFF taxel's energy at its least over the cells of its channels. It is no longer part of padgen."""
+"""Proven limits in dB by Q and number of channels, which no resonances in the band can exceed.
+
+They are by branch and bound over cells of the band, with each term of an OFF taxel's energy at its least over the
+cells of its channels. The proof is no longer part of padgen.
+"""
 
 
 def clean() -> tuple[list[str], dict[int, list[tuple[int, float, float]]]]:
@@ -180,13 +183,13 @@ COMPARED = (
     "The two are sets of 11 plain tones at 1/f². Beside these: 6 channels at Q = 10⁵ the same, 9 at 10⁷ 0.5 dB",
     "less; under a threshold curve as good or up to 0.3 dB better; the cases above the same within 0.01 dB.",
 )
-"""Measured when the proof was taken out, for which both had to be there."""
+"""Sentence measured when the proof was taken out, for which both searches were needed."""
 
 COLOURS = ("#1f5fa8", "#c2571a", "#2f8a4c", "#7b3fa0")
 
 
 def chart(clean_curve: list[tuple[int, float, float]]) -> str:
-    """All-state selectivity against channels per coil, Q = 15, as SVG."""
+    """Return all-state selectivity against channels per coil at Q = 15 as SVG."""
     counts = range(2, 14)
     curves: list[tuple[str, list[tuple[float, float]]]] = []
     for scheme in map(Scheme, in_order()):

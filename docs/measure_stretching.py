@@ -40,7 +40,7 @@ def planned(changes: dict[str, Any]) -> Plan:
 
 
 def secants(taxel: Any, forces_n: list[float]) -> list[tuple[float, float]]:
-    """Displacement in m and secant stiffness in N/m of the washer under each force, in a process of its own."""
+    """Return the washer's displacement in m and secant stiffness in N/m under each force, in a process of its own."""
     import ngsolve as ngs
 
     from padgen.verify.elastic_mesh import CLAMPED, PRINTED, WASHER, clamped_shape, coarse_mesh, taxel_shape

@@ -1,4 +1,4 @@
-"""Sweeps on one worker and on two, by `padgen sweep` itself. A section of docs/performance.md (`make performance`)."""
+"""Measure sweeps on one worker and on two by `padgen sweep`. A section of docs/performance.md (`make performance`)."""
 
 import csv
 import os
@@ -50,7 +50,7 @@ count = {MANY}
 
 
 def beam_pairs() -> list[tuple[float, float]]:
-    """Resonances of as many pads, no two of which share a taxel."""
+    """Return resonances of `BUILDS` pads, no two of which share a taxel."""
     return [(round(54 + 4 * k / BUILDS, 3), round(74 + 6 * k / BUILDS, 3)) for k in range(BUILDS)]
 
 
@@ -59,14 +59,14 @@ def beam_axes() -> str:
 
 
 def wall_s(command: list[str], cache: Path) -> float:
-    """Wall time of a command in a process of its own."""
+    """Return the wall time in s of a command in a process of its own."""
     start = time.perf_counter()
     subprocess.run(command, check=True, capture_output=True, env={**os.environ, VARIABLE: str(cache)})
     return time.perf_counter() - start
 
 
 def cold_s(work: Path, *command: str) -> float:
-    """Median wall time of a `padgen` command on paper-32, its cache and folder empty each time."""
+    """Return the median wall time in s of a `padgen` command on paper-32, with its cache and folder empty."""
     runs = []
     for _ in range(COLD_RUNS):
         with tempfile.TemporaryDirectory(dir=work) as there:
@@ -75,7 +75,7 @@ def cold_s(work: Path, *command: str) -> float:
 
 
 def swept_s(work: Path, text: str, workers: int, cache: Path) -> tuple[float, float]:
-    """Wall time of a whole `padgen sweep`, and the most memory in MB that a worker took."""
+    """Return the wall time in s of a whole `padgen sweep`, and the peak memory in MB of a worker."""
     with tempfile.TemporaryDirectory(dir=work) as there:
         path = Path(there, "sweep.toml")
         path.write_text(text)
@@ -87,7 +87,7 @@ def swept_s(work: Path, text: str, workers: int, cache: Path) -> tuple[float, fl
 
 
 def compared(work: Path, name: str, count: int, text: str, cold: list[str], bar: str, known: bool = False) -> str:
-    """One row: a sweep on one worker and on two and the cold command, in turn; medians of times and of ratios."""
+    """Return a row on a sweep on one and on two workers and the cold command, in turn: medians of times and ratios."""
     rounds, memory = [], 0.0
     for _ in range(ROUNDS):
         seconds = [cold_s(work, *cold)]
@@ -108,7 +108,7 @@ def compared(work: Path, name: str, count: int, text: str, cold: list[str], bar:
 
 
 def sweeps() -> list[str]:
-    """Bars of plans and builds."""
+    """Return the table of plans and builds, with their bars."""
     build, plan = ["build", "paper-32"], HEAD.format(stage="plan")
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)
@@ -142,7 +142,7 @@ def sweeps() -> list[str]:
 
 
 def many() -> list[str]:
-    """10,000 variants: memory of the parent as it goes on, and how soon a second run is done."""
+    """Return the figures of 10,000 variants: the parent's memory over time, and the time of a second run."""
     with tempfile.TemporaryDirectory() as folder:
         path, out, cache = Path(folder, "sweep.toml"), Path(folder, "out"), Path(folder, "cache")
         path.write_text(HEAD.format(stage="plan") + MANY_AXES)
@@ -159,7 +159,7 @@ def many() -> list[str]:
 
 
 def watched_mb(command: list[str], cache: Path) -> list[tuple[int, float]]:
-    """Resident memory of the parent after each fifth of the variants (Linux)."""
+    """Return the parent's resident memory in MB after each fifth of the variants (Linux)."""
     found = []
     env = {**os.environ, VARIABLE: str(cache)}
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=env) as process:
@@ -175,7 +175,7 @@ def watched_mb(command: list[str], cache: Path) -> list[tuple[int, float]]:
 
 
 def first_event_s(command: list[str], cache: Path) -> float:
-    """Wall time until a command says the first word."""
+    """Return the wall time in s until a command writes its first line."""
     start = time.perf_counter()
     with subprocess.Popen(command, stdout=subprocess.PIPE, env={**os.environ, VARIABLE: str(cache)}) as process:
         assert process.stdout

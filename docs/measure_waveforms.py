@@ -1,4 +1,4 @@
-"""Measures what docs/waveforms.md reports of copper loss as tables: `.venv/bin/python docs/measure_waveforms.py`."""
+"""Measure the copper loss tables of docs/waveforms.md: `.venv/bin/python docs/measure_waveforms.py`."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -30,14 +30,14 @@ OHM, HENRY, LIMIT_V = 62.9, 41.7e-3, 30.0
 
 
 def lines(count: int, period_s: float, law: str) -> tuple[np.ndarray, np.ndarray]:
-    """Harmonics of a comb that are nearest to an even ladder, and amplitudes that sum to 1."""
+    """Return the harmonics of a comb nearest to an even ladder, and amplitudes that sum to 1."""
     harmonic = np.rint(np.geomspace(LOW_HZ, HIGH_HZ, count) * period_s).astype(int)
     amplitude = LAWS[law](harmonic / period_s)
     return harmonic, amplitude / amplitude.sum()
 
 
 def random_search(harmonic: np.ndarray, amplitude: np.ndarray) -> float:
-    """The least constant of `DRAWS` random phases: all on a grid, the best 20 of them exactly."""
+    """Return the least constant of `DRAWS` random phases: all on a grid, the best 20 of them exactly."""
     random, points = np.random.default_rng(1), 1 << (8 * int(harmonic.max()) - 1).bit_length()
     draws = random.uniform(0, 2 * np.pi, (DRAWS, len(harmonic)))
     depth = [-waveform(harmonic, amplitude[None], phase, points).min() for phase in draws]
@@ -125,7 +125,7 @@ def times_ms(harmonic: np.ndarray, amplitude: np.ndarray, period_s: float) -> li
 
 
 def milliseconds(work: Callable[[], object]) -> float:
-    """Of the processor, so that neighbours count little."""
+    """Return the processor time in ms, which other work on the machine influences little."""
     start = time.process_time()
     work()
     return 1e3 * (time.process_time() - start)

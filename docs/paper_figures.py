@@ -1,4 +1,4 @@
-"""The paper's measured pair, state by state: what our models say beside what was measured.
+"""The paper's measured pair, state by state: padgen's models beside the measurements.
 
 The pair (60 and 78 Hz over one coil of 62.9 Ω and 41.7 mH) is the template *paper-pair*. The paper's
 Fig. 3 is about each taxel's response over frequency, Fig. 6 about spectra in the states 10, 01, 11.
@@ -21,19 +21,19 @@ __all__ = ["Comparison", "PaperFigures", "Spectrum", "draw_paper_figures", "fitt
 
 RESONANCES_HZ = np.array([60.0, 78.0])
 MEASURED_OFF_DB = (25.0, 20.0)
-"""How far the taxel at 60 Hz, then the one at 78 Hz, vibrates below its own ON level when only the other is on."""
+"""Level of the taxel at 60 Hz, then of the one at 78 Hz, below its own ON level while only the other is on."""
 MEASURED_BOTH_DB = -10.0
-"""State 11 against the states with one tone, about."""
+"""Approximate level of state 11, against the states with one tone."""
 STATES = ("10", "01", "11")
 SETTLE_S, WINDOW_S, SAMPLES = 2.0, 1.0, 512
-"""15 ring-ups, then one second: all lines of 30 and 39 Hz are whole multiples of 1 Hz."""
+"""Fifteen ring-ups, then one second, in which all lines of 30 and 39 Hz are whole multiples of 1 Hz."""
 
 
 class Spectrum(NamedTuple):
     """Displacement of both taxels (2, ·) in µm in a state (lowest channel first).
 
-    `phasor_um` at the exact lines `line_hz` of the linear model; `coupled_um` at `hz`, of the coupled
-    system in time.
+    `phasor_um` is that of the linear model at its exact lines `line_hz`; `coupled_um` is that of the coupled system in
+    time at `hz`.
     """
 
     state: str
@@ -44,7 +44,7 @@ class Spectrum(NamedTuple):
 
 
 class Comparison(NamedTuple):
-    """A level in dB as the paper measured it (nan: it gives none) and as it comes out here."""
+    """A level in dB as the paper measured it (nan where it gives none) and as padgen computes it."""
 
     what: str
     measured_db: float
@@ -53,7 +53,7 @@ class Comparison(NamedTuple):
 
 
 class PaperFigures(NamedTuple):
-    """Both figures as data: responses (2, k) in dB over each taxel's peak, at force frequencies (k,)."""
+    """The data of both figures: responses (2, k) in dB over each taxel's peak at force frequencies, and spectra."""
 
     q: float
     force_hz: np.ndarray
@@ -63,14 +63,16 @@ class PaperFigures(NamedTuple):
 
 
 def fitted_q() -> float:
-    """Q that fits the two measured off levels best: they are ``Q (r² − 1)`` and ``Q (1 − 1/r²)``, r = f₂/f₁."""
+    """Return the Q that fits both measured off levels best; they are ``Q (r² − 1)`` and ``Q (1 − 1/r²)``, r = f₂/f₁."""
     ratio = (RESONANCES_HZ[1] / RESONANCES_HZ[0]) ** 2
     shape_db = decibel(ratio - 1) + decibel(1 - 1 / ratio)
     return float(10 ** ((sum(MEASURED_OFF_DB) - shape_db) / 40))
 
 
 def paper_figures(plan: Plan) -> PaperFigures:
-    """Both figures for a plan of the paper's pair: its masses, pull, gap and levels; resonances as measured.
+    """Compute both figures for a plan of the paper's pair, with its masses, pull, gap and levels.
+
+    Resonances are the measured ones.
 
     Raises
     ------
@@ -162,7 +164,7 @@ def _comparisons(q: float, spectra: tuple[Spectrum, ...]) -> tuple[Comparison, .
 
 
 def _amplifiers() -> list[tuple[str, float, str]]:
-    """What an amplifier's limit does to the wanted lines in state 11, in dB: name, level, what it means."""
+    """Return how an amplifier's limit lowers the wanted lines in state 11: name, level in dB, remark."""
     time = np.arange(8192) / 8192 / 3
     wave = signal(tones(RESONANCES_HZ / 2, 1.0, -np.pi / 2), time)
     clipped = np.fft.rfft(np.clip(wave, -1, 1) ** 2)[(RESONANCES_HZ / 3).astype(int)]
@@ -175,7 +177,7 @@ def _amplifiers() -> list[tuple[str, float, str]]:
 
 
 def draw_paper_figures(figures: PaperFigures, path: Path) -> None:
-    """Draw both into an SVG or PNG file, by its name; the same figures give the same bytes.
+    """Draw both figures into an SVG or PNG file, chosen by its name; the same figures give the same bytes.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Draws the pictures of the README and of assembly.md from the paper's pad: `make pictures`."""
+"""Draw the pictures of the README and of assembly.md from the paper's pad: `make pictures`."""
 
 from pathlib import Path
 
@@ -32,7 +32,7 @@ def tube(outer: float, inner: float, height: float) -> Mesh:
 
 
 def exploded(plan: Plan, pad: Mesh) -> list[tuple[Mesh, tuple[float, float, float]]]:
-    """Coils below, washers between, the pad above."""
+    """Place coils below, washers between, the pad above."""
     spec = plan.spec
     parts = [(moved(pad, 0, 0, 42), CREAM)]
     washer = tube(spec.washer.outer_diameter_mm, spec.washer.inner_diameter_mm, spec.washer.thickness_mm)
@@ -48,7 +48,7 @@ def exploded(plan: Plan, pad: Mesh) -> list[tuple[Mesh, tuple[float, float, floa
 
 
 def stacked(plan: Plan, pad: Mesh, tray: Mesh, levels_mm: tuple[float, ...]) -> list[tuple[Mesh, Colour]]:
-    """Tray, coils, washers, pad and screws, each at its level."""
+    """Place tray, coils, washers, pad and screws, each at its level."""
     spec = plan.spec
     coils_mm, washers_mm, pad_mm, screws_mm = levels_mm
     parts = [(tray, SLATE), (moved(pad, 0, 0, pad_mm), CREAM)]
@@ -65,20 +65,20 @@ def stacked(plan: Plan, pad: Mesh, tray: Mesh, levels_mm: tuple[float, ...]) -> 
 
 
 def screw() -> Mesh:
-    """M3 x 10, its head's underside at z = 0."""
+    """Return an M3 x 10 screw, its head's underside at z = 0."""
     shank = manifold3d.Manifold.cylinder(10, 1.5, 1.5, 48).translate((0, 0, -10))
     return from_manifold(shank + manifold3d.Manifold.cylinder(3, 2.75, 2.75, 48))
 
 
 def cut(parts: list[tuple[Mesh, Colour]], x: tuple[float, float], y: float) -> list[tuple[Mesh, Colour]]:
-    """What lies behind `y` and between both `x`."""
+    """Return the material behind `y` and between both `x`."""
     room = manifold3d.Manifold.cube((x[1] - x[0], 100, 100)).translate((x[0], y, -10))
     inside = [(as_manifold(mesh, "a part") ^ room, colour) for mesh, colour in parts]
     return [(from_manifold(solid), colour) for solid, colour in inside if solid.num_tri()]
 
 
 def assembled(plan: Plan, pad: Mesh, tray: Mesh, of: Tray) -> list[tuple[Mesh, Colour]]:
-    """All parts in place, cut through the washers of the first taxel's row."""
+    """Place all parts and cut them through the washers of the first taxel's row."""
     low = of.height_mm + washer_underside_mm(plan)
     thick = plan.spec.pad.frame_thickness_mm
     parts = stacked(plan, pad, tray, (of.floor_mm, low, of.height_mm, of.height_mm + thick))

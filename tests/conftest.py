@@ -1,4 +1,4 @@
-"""Plans and pads that many tests look at, made once."""
+"""Fixtures that many tests share: plans and pads, made once, and a cache of their own."""
 
 import os
 
@@ -26,7 +26,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """Tests neither use nor fill the user's cache; they share one among them, also those in other processes."""
+    """Give all tests one cache, shared between their processes, apart from the user's."""
     folder = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
         folder = folder.parent
@@ -45,7 +45,7 @@ def paper_plan(paper_spec: Spec) -> Plan:
 
 @pytest.fixture(scope="session")
 def small_plan() -> Plan:
-    """Four taxels, quick to build."""
+    """Plan a pad of four taxels that is quick to build."""
     return make_plan(parse_spec(SMALL))
 
 

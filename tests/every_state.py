@@ -1,4 +1,4 @@
-"""The all-state figure by trying every state: the oracle of the closed form."""
+"""All-state selectivity by trying every state, the reference for the closed form."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from padgen.physics.selectivity import Channels, Scheme, line_energy, scheme_lin
 
 
 def exhaustive_states_db(which: Channels, scheme: Scheme, modes: ModalTaxels | None = None) -> float:
-    """The figure of `all_states` by trying all 2ⁿ states (n ≤ 16)."""
+    """Return the figure of `all_states` in dB by trying all 2ⁿ states (n ≤ 16)."""
     count = len(which.line)
     if count > 16:
         raise ValueError(f"2^{count} states are too many to try, at most 2^16")

@@ -1,7 +1,8 @@
-"""Finer models of what a plan leaves out: for each bounded term its true size, found in another way than its bound.
+"""Finer models of the terms that a plan leaves out: each gives the true size of a term, found apart from its bound.
 
-Each takes a plan and returns the largest relative error over its channels, `MOST_CHANNELS` of them where a channel is
-dear; None where the plan has nothing of the term. `tests/test_left_out.py` and `docs/measure_left_out.py` compare.
+Each function takes a plan and returns the largest relative error over its channels, or over `MOST_CHANNELS` of them
+where a channel takes long; None where the plan has nothing of the term. `tests/test_left_out.py` and
+`docs/measure_left_out.py` compare these errors with the bounds.
 """
 
 from dataclasses import replace
@@ -46,7 +47,7 @@ AIR_KG_PER_M3, AIR_PA_S = 1.2, 1.8e-5
 
 
 def some(plan: Plan) -> list[Channel]:
-    """The lowest channels, which move most, and the highest."""
+    """Return the lowest channels, which move most, and the highest."""
     channels = plan.channels
     return list(dict.fromkeys([*channels[: MOST_CHANNELS - 1], channels[-1]]))
 
@@ -55,7 +56,7 @@ def some(plan: Plan) -> list[Channel]:
 
 
 class PullCurve(NamedTuple):
-    """Pull on a channel's own mode over that at rest, a polynomial in ln gap; gap at rest and nearest in µm."""
+    """Pull on a channel's own mode over the pull at rest, a polynomial in ln gap; gaps at rest and nearest in µm."""
 
     shape: np.polynomial.Polynomial
     rest_um: float
@@ -66,7 +67,7 @@ class PullCurve(NamedTuple):
 
 
 CURVES: dict[int, tuple[Channel, PullCurve | None]] = {}
-"""By the channel's identity: gap and softening ask for the same ones."""
+"""Curves by the channel's identity, since gap and softening need the same ones."""
 
 
 def pull_curve(plan: Plan, channel: Channel) -> PullCurve | None:
@@ -78,7 +79,7 @@ def pull_curve(plan: Plan, channel: Channel) -> PullCurve | None:
 
 
 def solved_curve(plan: Plan, channel: Channel, nodes: int = 8) -> PullCurve | None:
-    """By surface charges at `nodes` gaps; None where the washer would come nearer than a twentieth of its gap."""
+    """Solve surface charges at `nodes` gaps; None where the washer would come nearer than a twentieth of its gap."""
     spec = plan.spec
     rest_um = float(hanging_gap_um(spec, channel.sag_um))
     least_um = rest_um - 1.5 * channel.static_um - 1.1 * channel.level_um
@@ -107,7 +108,7 @@ def solved_curve(plan: Plan, channel: Channel, nodes: int = 8) -> PullCurve | No
 
 
 def balance(channel: Channel, curve: PullCurve) -> tuple[float, float] | None:
-    """Slack of the mean pull, did it not grow, and where it balances, in µm; None where it does not."""
+    """Return the deflection by a constant mean pull and the one in balance, in µm; None where nothing balances."""
     gap, static = curve.rest_um, channel.static_um
     slack = static * max(1 - static / gap, 0) ** max(channel.pull_exponent, 0)
     z = np.linspace(0, gap - curve.least_um - channel.level_um, 4001)
@@ -122,7 +123,7 @@ SWING = 2 * np.pi * (np.arange(48) + 0.5) / 48
 
 
 def true_gap(plan: Plan) -> float:
-    """The pull where the washer hangs in balance, averaged over a swing, against the plan's at rest."""
+    """Compare the pull where the washer hangs in balance, averaged over a swing, with the plan's pull at rest."""
     true = []
     for channel in some(plan):
         curve = pull_curve(plan, channel)
@@ -134,7 +135,7 @@ def true_gap(plan: Plan) -> float:
 
 
 def true_softening(plan: Plan) -> float:
-    """The resonance on the pull's slope about where the washer hangs in balance, over the swing that it makes."""
+    """Compute the resonance lowered by the pull's slope about the place of balance, over the whole swing."""
     true = []
     for channel in some(plan):
         curve = pull_curve(plan, channel)
@@ -152,7 +153,7 @@ def true_softening(plan: Plan) -> float:
 
 
 def squares_at_worst(plan: Plan, own, k: int, phase: np.ndarray) -> np.ndarray:
-    """Largest i² when channel k's own line of it is at `phase`, the others' at any."""
+    """Return the largest i² (A²) where channel k's own line of i² is at `phase`, and the others' at any phase."""
     scheme, lines = plan.scheme, np.array([c.line_a2 for c in own])
     others = np.delete(np.arange(len(own)), k)
     if scheme.name == "spur-free":
@@ -164,7 +165,7 @@ def squares_at_worst(plan: Plan, own, k: int, phase: np.ndarray) -> np.ndarray:
 
 
 def true_switching(plan: Plan) -> float | None:
-    """Free motion from the vibration, the mean deflection and the pull of the dying current."""
+    """Compute the free motion after switching off, from vibration, mean deflection and the dying current's pull."""
     spec, delays = plan.spec, []
     lag = spec.coil.inductance_mh * MH / spec.coil.resistance_ohm
     phase = np.linspace(0, 2 * np.pi, 181)
@@ -187,7 +188,7 @@ def true_switching(plan: Plan) -> float | None:
 
 
 def true_motion(plan: Plan) -> float:
-    """The current in time, in the flux of a washer that moves: largest error over the channel's own tone."""
+    """Integrate the current with the flux of a moving washer; return the largest error over the channel's own tone."""
     spec, scheme = plan.spec, plan.scheme
     resistance, inductance = spec.coil.resistance_ohm, spec.coil.inductance_mh * MH
     true = []
@@ -263,7 +264,7 @@ def suspended(spec: Spec, plan: Plan, topology: str, shape: BeamShape) -> Suspen
 
 
 def element_error(taxel: Suspended, parts: int = 3) -> float:
-    """How far the condensed beams' resonance is above that of many elements."""
+    """Return by how much the condensed beams' resonance is above that of many elements, relative."""
     modulus, _, density = taxel.elastic
     nodes, elements, roots, tips = [], [], [], []
     for beam in taxel.beams:
@@ -294,7 +295,7 @@ def beam_shape(channel: Channel) -> BeamShape:
 
 
 class Elastica(NamedTuple):
-    """One beam under a vertical force at its washer: displacement there, and what its body's mass counts for."""
+    """One beam under a vertical force at its washer: displacement, force, and the effective mass of its body."""
 
     z: np.ndarray
     force: np.ndarray
@@ -304,16 +305,18 @@ class Elastica(NamedTuple):
 def elastica(
     arm: float, body: tuple[float, float], ends: tuple[float, float], slender: float | None, most: float
 ) -> Elastica:
-    """A beam of unit length and bending stiffness: washer `arm` beyond its tip, `body` its centroid there and its
-    squared radius of gyration; `ends` turn by that much per moment. With `slender`, stiffness along it times l³/EI, the
-    tip neither turns nor moves along: a half of a bridge, whose body just rises. Up to displacements of `most`.
+    """Solve a beam of unit length and bending stiffness, bent up to displacements of `most`.
+
+    The washer lies `arm` beyond the tip; `body` is the body's centroid beyond the tip and its squared radius of
+    gyration; `ends` are the turns of both ends per moment. `slender` is the stiffness along the beam times l³/EI: with
+    it the tip neither turns nor moves along, as in half of a bridge, whose body only rises.
     """
     from scipy.optimize import root
 
     steps = 40
 
     def shape(force: float, held: tuple[float, float]) -> np.ndarray:
-        """x, z, slope and moment at the tip, of the moment at the root and the force along."""
+        """Return x, z, slope and moment at the tip, given the moment at the root and the force along."""
         moment, along = held
         y = np.array([0.0, 0.0, ends[0] * moment, moment])
 
@@ -365,7 +368,7 @@ def elastica(
 
 
 def elastica_rise(found: Elastica, level: float, away: float) -> float:
-    """Resonance of the free motion of amplitude `level` about `away`, over that of small motions at 0, less 1."""
+    """Return the relative rise of the resonance for motion of amplitude `level` about `away`, over small motion."""
     z, scale = found.z[1:], found.z[-1]
     # Both are even in z (force over z).
     stiffness, mass = (
@@ -393,7 +396,7 @@ def elastica_rise(found: Elastica, level: float, away: float) -> float:
 
 
 def motion_rise(plan: Plan, channel: Channel) -> float:
-    """The rise of the elastica at a channel's level about sag and mean pull."""
+    """Return the elastica's rise of the resonance at a channel's level, about its sag and mean pull."""
     model = TaxelModel(
         plan.spec,
         channel.beam.topology,
@@ -433,7 +436,7 @@ def is_straight(plan: Plan, channel: Channel) -> bool:
 
 
 def true_stretching(plan: Plan) -> float | None:
-    """What the plan's rise of the resonance misses of the elastica's whose ends are held."""
+    """Compare the plan's rise of the resonance with the elastica's for beams whose ends are held."""
     true = [
         abs(motion_rise(plan, c) - c.level_shift)
         for c in some(plan)
@@ -443,7 +446,7 @@ def true_stretching(plan: Plan) -> float | None:
 
 
 def true_large_slopes(plan: Plan) -> float | None:
-    """The elastica's rise of beams that are free to shorten, of the channel that moves farthest for its length."""
+    """Return the elastica's rise of free beams, for the channel that moves farthest for its length."""
     free = [c for c in plan.channels if c.hardening_per_mm2 == 0 and is_straight(plan, c)]
     farthest = max(free, key=lambda c: (c.sag_um + c.static_um + c.level_um) / c.beam.length_mm, default=None)
     return abs(motion_rise(plan, farthest)) if farthest else None
@@ -453,8 +456,11 @@ def true_large_slopes(plan: Plan) -> float | None:
 
 
 class Moved(NamedTuple):
-    """Square cells of `side` in m over what moves and its surroundings, (n, 2) from the washer's axis in own axes:
-    motion over the washer's, which cells move, and which are open slots."""
+    """Square cells of side `side` m over the moving parts and around them.
+
+    `at` (n, 2) is from the washer's axis in the taxel's own axes in m, `motion` over the washer's; `moves` and `slot`
+    mark moving cells and open slots; `height` is the film's height over the coil in m.
+    """
 
     at: np.ndarray
     side: float
@@ -465,7 +471,7 @@ class Moved(NamedTuple):
 
 
 def moved_cells(plan: Plan, channel: Channel, across: int, wide_mm: float) -> Moved:
-    """A square of `wide_mm` about the washer; beams are taken to move as their ends do on average."""
+    """Lay cells over a square of `wide_mm` about the washer; a beam moves as a cubic from its root to the plate."""
     arrangement = plan.arrangement(channel)
     side = wide_mm / across
     line = (np.arange(across) + 0.5) * side - wide_mm / 2
@@ -497,7 +503,7 @@ def moved_cells(plan: Plan, channel: Channel, across: int, wide_mm: float) -> Mo
 
 
 def true_air_mass(plan: Plan, across: int = 34) -> float | None:
-    """Potential flow about what moves in the frame's plane over the coil's, a plane without end: panels of doublets."""
+    """Solve the potential flow of moving parts over the coil's plane, taken as infinite, by doublet panels."""
     true = []
     for channel in {c.beam.topology: c for c in reversed(plan.channels)}.values():
         length, width = (float(v) for v in plan.arrangement(channel).window_mm)
@@ -531,7 +537,7 @@ def true_air_mass(plan: Plan, across: int = 34) -> float | None:
 
 
 def true_air_damping(plan: Plan, across: int = 90) -> float | None:
-    """Reynolds' equation of the film over the coil, slots beside the plate open to the air: finite differences."""
+    """Solve Reynolds' equation of the film over the coil by finite differences, with slots open to the air."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.linalg import spsolve
 
@@ -585,7 +591,7 @@ def condensed_bound(taxel: Suspended) -> np.ndarray:
 
 
 def true_beam_inertia(plan: Plan) -> tuple[float, float] | None:
-    """Timoshenko beams of several elements with inner motions: of the channel whose bound, bare, is nearest broken."""
+    """Solve Timoshenko beams of several elements with inner motions; return the channel nearest to its bare bound."""
     pairs = [
         beam_inertia_of(suspended(plan.spec, plan, c.beam.topology, beam_shape(c)))
         for c in some(plan)
@@ -595,7 +601,7 @@ def true_beam_inertia(plan: Plan) -> tuple[float, float] | None:
 
 
 def true_far_modes(plan: Plan) -> float | None:
-    """What an OFF taxel hears of all tones with every mode, over that with those that the plan counts."""
+    """Compare an OFF taxel's motion under all tones with every mode to that with the modes that the plan counts."""
     true = []
     for own in plan.sets:
         line, hz = placed_channels(plan.spec, own).line, np.array([c.resonance_hz for c in own])
@@ -608,7 +614,7 @@ def true_far_modes(plan: Plan) -> float | None:
 
 
 def true_frame(plan: Plan, order: int = 3) -> float:
-    """The resonances on the whole pad's frame of solid elements."""
+    """Compute the shift of the resonances on the whole pad's frame, made of solid elements."""
     from padgen.verify.pad_frame import central_taxels, pad_modes, shift
 
     on_frame, held = pad_modes(plan, "corners" if plan.spec.pad.hole_diameter_mm else "bottom", order)
@@ -625,7 +631,7 @@ def gap_m(plan: Plan) -> float:
 
 
 def saturation_on_axis(coil: CoilSource, washer: SteelRing, gap: float, current_a: float) -> tuple[float, float]:
-    """Bound, and loss of force with steels after Froehlich, on one coarse mesh, where its error cancels."""
+    """Return bound and loss of force with saturating steels (Froehlich), on one coarse mesh, whose error cancels."""
     from padgen.verify.field_axisymmetric import axisymmetric_force
 
     core = saturating("core", coil.core_permeability, SATURATION_T) if coil.has_core else None
@@ -642,12 +648,12 @@ def saturation_on_axis(coil: CoilSource, washer: SteelRing, gap: float, current_
 
 
 def true_saturation(plan: Plan) -> tuple[float, float]:
-    """Bound and truth of the plan's coil, washer and peak current, the washer on the coil's axis."""
+    """Return bound and truth for the plan's coil, washer and peak current, with the washer on the coil's axis."""
     return saturation_on_axis(*magnetic_parts(plan.spec), gap_m(plan), plan.load.current_peak_ma * MA)
 
 
 def true_saturation_aside(plan: Plan, order: int = 3) -> float:
-    """Three dimensions, the washer of the first channel where it is."""
+    """Solve the loss in three dimensions, with the washer of the first channel at its place."""
     from padgen.verify.field_solid import PlacedWasher, solid_force
 
     coil, washer = magnetic_parts(plan.spec)
@@ -664,7 +670,7 @@ def true_saturation_aside(plan: Plan, order: int = 3) -> float:
 
 
 def eddy_forces(coil: CoilSource, washer: SteelRing, gap: float, hz: float, resistivity: float) -> tuple:
-    """Phasors of the force at twice `hz`, without eddy currents and with them, by ``A = r w``."""
+    """Return phasors of the force at twice `hz`, without and with eddy currents, by the axisymmetric ``A = r w``."""
     import ngsolve as ng
 
     from padgen.verify.field_axisymmetric import _curl, _half_plane, wound
@@ -698,7 +704,7 @@ def eddy_forces(coil: CoilSource, washer: SteelRing, gap: float, hz: float, resi
 
 
 def true_eddy_currents(plan: Plan) -> float:
-    """The change of the force's phasor at the highest frequency, by eddy currents in core and washer of iron."""
+    """Return the change of the force's phasor at the highest frequency by eddy currents in core and washer of iron."""
     coil, washer = magnetic_parts(plan.spec)
     hz = max(channel.drive_hz for channel in plan.channels)
     still, moved = eddy_forces(coil, washer, gap_m(plan), hz, 1e-7)
@@ -706,7 +712,7 @@ def true_eddy_currents(plan: Plan) -> float:
 
 
 def true_shielding(plan: Plan, order: int = 3, levels: int = 0) -> float | None:
-    """The pull on a coil's first washer with the others and, on the same mesh, with the others turned to air."""
+    """Compare the pull on a coil's first washer with the pull after the other washers became air, on the same mesh."""
     from padgen.verify.field_solid import PlacedWasher, solid_force
 
     coil, washer = magnetic_parts(plan.spec)
@@ -731,7 +737,7 @@ def true_shielding(plan: Plan, order: int = 3, levels: int = 0) -> float | None:
 
 
 class Placed(NamedTuple):
-    """A steel body of revolution, the place (2,) of its axis and how far up it lies, in m; orders round its axis."""
+    """A steel body of revolution at `axis` (2,), `up` m high; its charge has waves of up to `orders` round the axis."""
 
     body: SteelBody
     axis: np.ndarray
@@ -745,7 +751,7 @@ class Placed(NamedTuple):
 
     @property
     def order(self) -> np.ndarray:
-        """Of 1, cos φ, sin φ, cos 2φ …"""
+        """Orders of the parts 1, cos φ, sin φ, cos 2φ, …"""
         return (np.arange(2 * self.orders + 1) + 1) // 2
 
     def waves(self, angle: np.ndarray) -> np.ndarray:
@@ -753,18 +759,18 @@ class Placed(NamedTuple):
         return np.stack([np.ones_like(angle), *turned])
 
     def points(self) -> tuple[np.ndarray, np.ndarray]:
-        """Places (nodes, turns, 2) and heights (nodes, turns) on the surface."""
+        """Return the places (nodes, turns, 2) and heights (nodes, turns) of points on the surface."""
         round_axis = np.stack([np.cos(self.angle), np.sin(self.angle)], -1)
         at = self.axis + self.body.radius[:, None, None] * round_axis
         return at, np.broadcast_to((self.body.height + self.up)[:, None], at.shape[:2])
 
     def projected(self, value: np.ndarray) -> np.ndarray:
-        """Parts (…, parts · nodes) of what is given at the points (…, nodes, turns)."""
+        """Return the parts (…, parts · nodes) of values given at the points (…, nodes, turns)."""
         share = self.waves(self.angle) * np.where(self.order == 0, 1.0, 2.0)[:, None] / len(self.angle)
         return np.swapaxes(value @ share.T, -1, -2).reshape(*value.shape[:-2], -1)
 
     def made(self, at: np.ndarray, height: np.ndarray, step: float, slope: bool = False) -> np.ndarray:
-        """Potential (parts · nodes, …) at points of one unit of each part of the charge, or its slope along z."""
+        """Return the potential (parts · nodes, …), or its slope along z, of one unit of each part of the charge."""
         radius, low, shares = fine_rings(self.body, step)
         rho, around = axial(at - self.axis)
         of = ring_potential(rho[..., None], height[..., None], radius, low + self.up, self.orders, at_ring=False)
@@ -777,7 +783,7 @@ def axial(away: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def many_coils(coil: CoilSource, washer: SteelRing, gap: float, place: np.ndarray, axes: np.ndarray) -> np.ndarray:
-    """Pulls (k, k) in N/A² on a washer at `place` by currents in the coils at `axes` (k, 2), the own first."""
+    """Return pulls (k, k) in N/A² on a washer at `place` by currents in coils at `axes` (k, 2), the own coil first."""
     core, step, count = charged_core(coil, 12, 2), 0.8 * gap, len(axes)
     sides = tube(washer.outer_diameter / 2, washer.inner_diameter / 2, 0.0, washer.thickness, (9, 5))
     ring = Placed(steel_body(sides, washer.permeability, 4), place, gap, 4)
@@ -814,7 +820,7 @@ def many_coils(coil: CoilSource, washer: SteelRing, gap: float, place: np.ndarra
 
 
 def true_leakage(plan: Plan) -> float | None:
-    """What the coils next to the middle one leak, over what the plan's model of these says."""
+    """Compare what the coils next to the middle one leak with the plan's model of leakage."""
     grid, parts = plan.coils, magnetic_parts(plan.spec)
     steps = coils_around(grid.rows, grid.columns)
     steps = steps[np.abs(steps).max(1) == 1]
@@ -841,7 +847,7 @@ TRUE = {
     "air's damping": true_air_damping,
     "far modes": true_far_modes,
 }
-"""Of every plan."""
+"""Finer models that are tried on every plan."""
 DEAR = {
     "leakage": (true_leakage, 5),
     "air's mass": (true_air_mass, 4),
@@ -851,7 +857,7 @@ DEAR = {
     "saturation aside": (true_saturation_aside, 125),
     "frame": (true_frame, 5),
 }
-"""By finite elements, of one plan in so many; the frame of those of up to `MOST_TAXELS` taxels that have a bound."""
+"""Slow models, each tried on one plan in so many; the frame only for up to `MOST_TAXELS` taxels with a bound."""
 MOST_TAXELS = 4
 LEAST = {"gap": 1e-6, "softening": 1e-6, "far modes": 1e-12, "saturation": 2e-5}
 """Sizes below which a finer model's own digits run out."""

@@ -1,4 +1,4 @@
-"""The firmware, compiled for this computer, and what a script makes it do; shared by the tests of firmware and play."""
+"""The firmware compiled for this computer and run by scripts, for the tests of firmware and play."""
 
 import os
 import shutil
@@ -46,13 +46,13 @@ grid = [2, 2]
 
 
 def drum(name: str, taxels: int, drive: str, inductance_mh: float = 61, more: str = "") -> Plan:
-    """A pad over four large coils, of any scheme and with places that are empty."""
+    """Plan a pad over four large coils, with any scheme and with empty places."""
     text = f'name = "{name}"\n' + DRUM.format(taxels=taxels, drive=drive, inductance_mh=inductance_mh, more=more)
     return make_plan(parse_spec(text))
 
 
 def quick() -> Plan:
-    """A pad of one channel that is so high that frames may be short."""
+    """Plan a pad of one channel, so high that frames may be short."""
     return make_plan(parse_spec(QUICK))
 
 
@@ -77,15 +77,15 @@ PADS: dict[str, tuple[Callable[[], Plan], int, float | None]] = {
     "time-shared": (lambda: drum("time-shared", 11, "time-shared", 10), 8000, None),
     "big": (lambda: make_plan(load_spec("big-512")), 8000, None),
 }
-"""Pads by name: how they are planned, samples a second, carrier in Hz. Some have coils with fewer taxels."""
+"""Pads by name: the function that plans each, its samples a second, its carrier in Hz. Some coils have fewer taxels."""
 
 
 FULL_V = 1000.0
-"""Above what any of them asks for."""
+"""Voltage limit above all that these pads ask for."""
 
 
 def compiler(variable: str, name: str, package: str) -> str:
-    """A compiler; a machine without one cannot tell whether the firmware is right."""
+    """Return the path of a compiler, without which the firmware cannot be tested."""
     found = shutil.which(os.environ.get(variable, name))
     assert found, f"no compiler {os.environ.get(variable, name)!r}; make test installs {package}"
     return found
@@ -93,7 +93,7 @@ def compiler(variable: str, name: str, package: str) -> str:
 
 @dataclass(frozen=True)
 class Run:
-    """Volts (samples, coils), answers in order, lines of the log."""
+    """The result of a script: volts (samples, coils), answers in order, lines of the log."""
 
     volts: np.ndarray
     answers: list[Message | None]
@@ -123,12 +123,12 @@ class Host:
         return self.folder / "padgen_host"
 
     def number(self, name: str) -> int:
-        """A whole number that the header defines."""
+        """Return a whole number that the header defines."""
         text = (self.folder / FILE).read_text()
         return int(text.split(f"#define {name} ")[1].split()[0].rstrip("u"))
 
     def run(self, script: str, *options: str) -> Run:
-        """What the firmware does with a script of `feed` and `run` lines."""
+        """Run the firmware with a script of `feed` and `run` lines."""
         volts, log = self.folder / "volts", self.folder / "log"
         command = [self.program, "script", "--volts", volts, "--log", log, *options]
         done = subprocess.run(command, input=script, capture_output=True, text=True, timeout=60)
@@ -141,18 +141,18 @@ class Host:
 
     @property
     def hello(self) -> str:
-        """The script's line that names the pad."""
+        """The line of a script that names the pad."""
         return feed(Message(Kind.HELLO, 0, plan_hash(self.plan)))
 
     def wait(self, samples: int) -> str:
-        """The script's lines that let samples pass without the watchdog."""
+        """Return lines of a script that let samples pass without tripping the watchdog."""
         step = self.number("PADGEN_WATCHDOG_SAMPLES") // 2
         pings = f"run {step}\n" + feed(Message(Kind.PING, 0))
         return pings * (samples // step) + f"run {samples % step}\n"
 
 
 def feed(*messages: Message | bytes) -> str:
-    """The script's line that brings some messages, or bytes."""
+    """Return the line of a script that sends messages, or bytes."""
     return "feed " + b"".join(m if isinstance(m, bytes) else encode(m) for m in messages).hex() + "\n"
 
 
@@ -160,7 +160,7 @@ _compiled: dict[str, Host] = {}
 
 
 def host(name: str, folders: pytest.TempPathFactory) -> Host:
-    """The firmware of one of `PADS`, compiled once as the strictest of users would."""
+    """Return the firmware of one of `PADS`, compiled once with all warnings as errors."""
     if name not in _compiled:
         make, rate_hz, carrier_hz = PADS[name]
         plan = make()
@@ -171,7 +171,7 @@ def host(name: str, folders: pytest.TempPathFactory) -> Host:
 
 
 def compiled(plan: Plan, drive: PadDrive, folder: Path, header: Callable[[str], str] = str) -> Host:
-    """The firmware of a drive in a folder, its header changed by `header`."""
+    """Compile the firmware of a drive in a folder, with its header changed by `header`."""
     for name, data in firmware_files().items():
         (folder / name).write_bytes(data)
     (folder / FILE).write_text(header(c_header(plan, drive)))

@@ -1,4 +1,4 @@
-"""Reads a slicer's G-code: how wide a beam is laid, and in how many layers.
+"""A reader of a slicer's G-code, independent of padgen's: the width of each laid beam, and its layers.
 
 The laid width of a layer is the plastic it extrudes per length of beam and per layer height: a bead
 with round edges counts as the rectangle of the same area.
@@ -15,8 +15,10 @@ from padgen.planner.tile import TURNS, to_cell
 
 @dataclass(frozen=True)
 class Extrusions:
-    """Straight extrusions: `start` and `stop` (n, 2) in mm, the `width` (n,) of a rectangle of the same
-    area and one layer's height, that `height` (n,), and the `layer` of each, from 0."""
+    """Straight extrusions from `start` to `stop` (n, 2) in mm.
+
+    `width` (n,) is that of a rectangle of the same area and of the layer's `height` (n,); `layer` (n,) counts from 0.
+    """
 
     start: np.ndarray
     stop: np.ndarray
@@ -32,7 +34,7 @@ class Extrusions:
 
 
 def read_gcode(path: Path) -> Extrusions:
-    """Extruding moves of PrusaSlicer's G-code for 1.75 mm filament."""
+    """Read the extruding moves of PrusaSlicer's G-code for 1.75 mm filament."""
     x = y = e = 0.0
     height, layer = 0.0, -1
     filament = np.pi / 4 * 1.75**2
@@ -60,7 +62,7 @@ def read_gcode(path: Path) -> Extrusions:
 
 @dataclass(frozen=True)
 class LaidBeam:
-    """One beam as it is laid across its middle: planned and laid width in mm, layer by layer."""
+    """One beam as laid across its middle: planned width, and laid width layer by layer, in mm."""
 
     taxel: str
     planned_width_mm: float
@@ -69,7 +71,7 @@ class LaidBeam:
 
 
 def laid_beams(plan: Plan, extrusions: Extrusions, centre_mm: tuple[float, float]) -> list[LaidBeam]:
-    """Every beam of the plan as laid, for a pad whose centre lies at `centre_mm` on the bed."""
+    """Measure every beam of the plan as laid, for a pad whose centre lies at `centre_mm` on the bed."""
     result = []
     for taxel in plan.taxels:
         channel = plan.channels[taxel.channel]
@@ -84,7 +86,7 @@ def laid_beams(plan: Plan, extrusions: Extrusions, centre_mm: tuple[float, float
 
 @dataclass(frozen=True)
 class LaidRecess:
-    """One recess as it is laid: how deep, and the diameter of the largest circle in it that holds no bead."""
+    """One recess as laid: its depth, and the diameter of the largest circle in it that holds no bead."""
 
     taxel: str
     depth_mm: float
@@ -92,13 +94,13 @@ class LaidRecess:
 
 
 ROUND_EDGES = 1 - np.pi / 4
-"""What a bead of round edges is wider than the rectangle of its area, over its height."""
+"""Excess width of a bead with round edges over the rectangle of its area, over its height."""
 AROUND = 0.06 * np.stack(np.meshgrid(np.arange(-1, 2), np.arange(-1, 2)), -1).reshape(-1, 2)
-"""Places about a recess's middle where its washer may lie, in mm."""
+"""Shifts in mm from a recess's middle at which the room for its washer is tried."""
 
 
 def laid_recesses(plan: Plan, lines: Extrusions, centre_mm: tuple[float, float]) -> list[LaidRecess]:
-    """Every recess of the plan as laid, for a pad whose centre lies at `centre_mm` on the bed."""
+    """Measure every recess of the plan as laid, for a pad whose centre lies at `centre_mm` on the bed."""
     result = []
     for taxel in plan.taxels:
         middle = np.array([taxel.x_mm, taxel.y_mm]) + centre_mm
@@ -113,14 +115,14 @@ def laid_recesses(plan: Plan, lines: Extrusions, centre_mm: tuple[float, float])
 
 
 def _distance(lines: Extrusions, point: np.ndarray) -> np.ndarray:
-    """Distance of a point from the middle of each extrusion."""
+    """Return the distance of a point from the middle line of each extrusion."""
     along, start = lines.stop - lines.start, point - lines.start
     share = np.clip((start * along).sum(1) / (along**2).sum(1), 0, 1)
     return np.hypot(*(start - share[:, None] * along).T)
 
 
 def _middles(plan: Plan, channel: Channel, taxel: Taxel) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Middle of each beam on the pad and the direction across it."""
+    """Return the middle of each beam on the pad, and the direction across it."""
     arrangement = plan.arrangement(channel)
     middles = [path.within(0, 0.5) for path in arrangement.beams]
     points = [[float(middle.x_mm), float(middle.y_mm), 0.0] for middle in middles]
@@ -132,7 +134,7 @@ def _middles(plan: Plan, channel: Channel, taxel: Taxel) -> list[tuple[np.ndarra
 
 
 def _laid_width(lines: Extrusions, at: np.ndarray, middle: np.ndarray, across: np.ndarray, width: float) -> float:
-    """Sum of the widths of the lines that cross the section through `middle`."""
+    """Return the sum of the widths of the lines that cross the section through `middle`."""
     along = np.array([across[1], -across[0]])
     start, stop = lines.start[at] - middle, lines.stop[at] - middle
     a, b = start @ along, stop @ along

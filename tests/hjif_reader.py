@@ -1,4 +1,4 @@
-"""A reader of the `.hjif` files that padgen writes, to compare what they say with the plan."""
+"""A reader of the `.hjif` files that padgen writes, to compare their content with the plan."""
 
 import json
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ TICKS_PER_S = 1000
 
 @dataclass(frozen=True, slots=True)
 class HapticDevice:
-    """A kind of taxel; None where the file does not say."""
+    """A kind of taxel; fields that the file does not state are None."""
 
     id: int
     name: str
@@ -29,7 +29,7 @@ class HapticDevice:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HapticChannel:
-    """A taxel by its id, its device's, and its level (m,) at times (m,), straight between and 0 outside.
+    """A taxel: its id, its device's id, and its level (m,) at times (m,), straight in between and 0 outside.
 
     `place` is its row and column in `taxel_grid`, None where that is too large for the format.
     """
@@ -45,14 +45,14 @@ class HapticChannel:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hjif:
-    """What a file says."""
+    """The content of a file."""
 
     description: str
     devices: tuple[HapticDevice, ...]
     channels: tuple[HapticChannel, ...]
 
     def levels_at(self, time_s: np.ndarray) -> np.ndarray:
-        """Levels (k, channels) at times (k,)."""
+        """Return the levels (k, channels) at times (k,)."""
         levels = np.zeros((len(time_s), len(self.channels)))
         for k, channel in enumerate(self.channels):
             if len(channel.time_s):
@@ -61,7 +61,7 @@ class Hjif:
 
 
 def read_hjif(text: str) -> Hjif:
-    """Read back a file that `hjif_text` wrote; other text raises."""
+    """Read back a file that `hjif_text` wrote; other text raises an error."""
     table = json.loads(text)
     (perception,) = table["perceptions"]
     if table["timescale"] != TICKS_PER_S or perception["perception_modality"] != "Vibrotactile":

@@ -1,10 +1,10 @@
-"""A second opinion on what prints keep: from plan.json and print_spread.md alone, without any code of padgen.
+"""A second opinion on how many prints work, from plan.json and print_spread.md alone, without any code of padgen.
 
 `python -m tests.print_and_count out/NAME/plan.json [low|typical|high]` prints the share of simulated pads, re-tuned
-taxel by taxel, that keep 14 and 20 dB, with what the coils around leak and without.
+taxel by taxel, that keep 14 and 20 dB, with and without leakage from the coils around.
 
 Each taxel's resonance follows the rule f ∝ E^½ w^½ t^{3/2} l^{−3/2} m^{−½}; its answer is the sum over the modes that
-the plan lists. Plans of two channels a coil alone, whose spurs fall on no third.
+the plan lists. Only plans of up to two channels a coil can be counted: their spurs fall on no third channel.
 """
 
 import json
@@ -26,11 +26,11 @@ ROWS = {
 }
 CORRELATION_MM = {"fdm": 50.0, "resin": 75.0}
 WASHER = 0.01 / 2
-"""Of f: "about 1 %" at the end of the clearance; a place anywhere in the circle has half of it as its sigma."""
+"""Relative sigma of f by the washer's place: half of the "about 1 %" at the end of the clearance."""
 
 
 def terms_of(printer: str, level: str) -> dict[str, float]:
-    """The terms of the table's column for a printer of the catalogue."""
+    """Return the terms of the table's column for a printer of the catalogue."""
     column, k = (3 if printer.startswith("resin") else 2), LEVELS.index(level)
     table = {
         cells[0].strip(): cells
@@ -48,7 +48,7 @@ def terms_of(printer: str, level: str) -> dict[str, float]:
 
 
 def kept_db(plan: dict, level: str = "typical", pads: int = 2000, leak: bool = True, seed: int = 0) -> np.ndarray:
-    """ON over OFF in dB of each pad's worst coil and state (pads,), each taxel driven at its own printed resonance."""
+    """Return ON over OFF in dB of each pad's worst coil and state (pads,), each taxel driven at its own resonance."""
     spec, channels, taxels = plan["spec"], plan["channels"], plan["taxels"]
     assert plan["selectivity"]["drive"] in ("tones", "spur-free") and spec["drive"]["threshold_hz"] is None
     terms, rng = terms_of(spec["printer"]["name"], level), np.random.default_rng(seed)
@@ -81,7 +81,7 @@ def coil_db(plan: dict, taxels: list[dict], x: np.ndarray, leak: bool) -> np.nda
     tone = np.array([c["resonance_hz"] for c in channels])[:, None] * x
 
     def answer(i: int, hz: np.ndarray) -> np.ndarray:
-        """µm per newton-ish of what the coil pulls, all modes scaled with the print."""
+        """Return the complex motion of taxel i at `hz` per line of i², all modes scaled with the print."""
         c = channels[i]
         total = np.zeros(hz.shape, complex)
         for mode_hz, share in zip(c["modes_hz"], c["pulled_shares"], strict=True):

@@ -1,6 +1,6 @@
-"""What workers do in the tests of sweeps, in place of making variants: quick, or misbehaving on purpose.
+"""Stand-ins for making variants, used by the workers in tests of sweeps: quick, or misbehaving on purpose.
 
-A module of its own, so that a worker need not load the tests.
+They are a module of their own, so that a worker need not load the tests.
 """
 
 import os
@@ -12,7 +12,7 @@ from padgen.batch.variant import Record, Task
 from padgen.core.errors import FileError
 
 PLACE = "PADGEN_TEST_FOLDER"
-"""Environment variable: where `counted` leaves a line for each variant that it makes."""
+"""Environment variable with the folder in which `counted` adds a line for each variant that it makes."""
 
 
 def made(task: Task, **figures) -> Record:
@@ -21,7 +21,7 @@ def made(task: Task, **figures) -> Record:
 
 
 def counted(task: Task) -> Record:
-    """Quick; leaves word that it ran."""
+    """Make a variant at once, and note its number in a file."""
     with open(Path(os.environ[PLACE], "ran"), "a") as file:
         file.write(f"{task.number}\n")
     return made(task)
@@ -33,19 +33,19 @@ def slow(task: Task) -> Record:
 
 
 def brief(task: Task) -> Record:
-    """A tenth of a second each; of what may take one."""
+    """Make a variant in a tenth of a second, for tests that allow a second."""
     time.sleep(0.1)
     return counted(task)
 
 
 def uneven(task: Task) -> Record:
-    """Later variants are quicker, so that they end in another order; each second has another figure."""
+    """Make later variants sooner, so that they end in another order; odd and even ones have different figures."""
     time.sleep(0.02 * (5 - task.number % 6))
     return made(task, **({"odd": 1.5} if task.number % 2 else {"even": "x"}))
 
 
 def killed(task: Task) -> Record:
-    """The system ends the process of variant 3, and a kernel crashes in variant 5."""
+    """Kill the process at variant 3, and crash it at variant 5."""
     if task.number == 3:
         os.kill(os.getpid(), signal.SIGKILL)
     if task.number == 5:
@@ -54,7 +54,7 @@ def killed(task: Task) -> Record:
 
 
 def hungry(task: Task) -> Record:
-    """Variant 2 takes memory without end, variant 4 time."""
+    """Take memory without end at variant 2, and time without end at variant 4."""
     hoard = []
     while task.number == 2:
         hoard.append(b"x" * 10_000_000)
@@ -65,7 +65,7 @@ def hungry(task: Task) -> Record:
 
 
 def clumsy(task: Task) -> Record:
-    """Breaks down in every way that Python knows, and prints."""
+    """Fail in a different way at each variant, and print noise."""
     print("noise", flush=True)
     os.write(1, b"more noise")
     if task.number == 0:
@@ -82,7 +82,7 @@ def clumsy(task: Task) -> Record:
 
 
 def failing(task: Task) -> Record:
-    """Variant 1 fails as long as there is a file ``broken``."""
+    """Fail variant 1 as long as there is a file ``broken``."""
     record = counted(task)
     if task.number == 1 and Path(os.environ[PLACE], "broken").exists():
         return Record(task.number, task.key, "failed", "it is broken", task.values, {}, 0, 0, (), 0.001, 1.0)
@@ -90,7 +90,7 @@ def failing(task: Task) -> Record:
 
 
 def full(task: Task) -> Record:
-    """Finds the disk full from variant 3 on, as long as there is a file ``full``."""
+    """Report a full disk from variant 3 on, as long as there is a file ``full``."""
     if task.number >= 3 and Path(os.environ[PLACE], "full").exists():
         sentence = "out/s-00003: cannot be written (No space left on device)"
         return Record(task.number, task.key, "failed", sentence, task.values, {}, 0, 0, (), 0.001, 1.0)
@@ -102,7 +102,7 @@ def tiny(task: Task) -> Record:
 
 
 def held(task: Task) -> Record:
-    """Variant 4 waits until there is a file ``go``."""
+    """Wait at variant 4 until there is a file ``go``."""
     while task.number == 4 and not Path(os.environ[PLACE], "go").exists():
         time.sleep(0.01)
     return counted(task)

@@ -1,4 +1,4 @@
-"""Pads changed in one place, in thirty ways; and honest pads of random specs, as other programs hand them on."""
+"""Pads changed in one place, in thirty ways, and unchanged pads of random specs as other programs export them."""
 
 from dataclasses import replace
 from functools import partial
@@ -26,12 +26,12 @@ def tube(diameter, low, high, x, y, sides=64):
 
 
 def as_single_precision(mesh):
-    """As binary STL holds it."""
+    """Return the mesh as binary STL holds it."""
     return welded(mesh.vertices_mm.astype(np.float32).astype(float), mesh.triangles, 1e-5)
 
 
 class Place:
-    """A pad with a random taxel of it: where its washer is, how it is laid out, and its beam."""
+    """A random taxel of a pad: its washer's place, its arrangement, and its beams."""
 
     def __init__(self, rng, plan, pad):
         self.rng, self.plan, self.pad = rng, plan, pad
@@ -45,14 +45,14 @@ class Place:
         self.thick = float(self.arrangement.beams[0].thickness_mm)
 
     def at(self, x, y, z):
-        """A place in the taxel's own axes, in the pad's."""
+        """Return a place given in the taxel's own axes in the pad's coordinates."""
         moved = to_cell(np.array([float(x), float(y), float(z)]), self.channel)
         if self.taxel.turned:
             moved[:2] *= -1
         return moved + np.array([*coil_axis_mm(self.plan.coils, *self.taxel.coil), 0.0])
 
     def along_beam(self, low, high, across, z0, z1):
-        """A box along a beam's first piece, from `low` to `high` of its length, `across` its width (own axes)."""
+        """Return a box along a beam's first piece, from `low` to `high` of its length, `across` in its widths."""
         beam = self.arrangement.beams[self.rng.integers(len(self.arrangement.beams))]
         a, b = (beam.within(0, share) for share in (low, high))
         ends = []
@@ -67,15 +67,15 @@ class Place:
         )
 
     def part(self, mm):
-        """Of the length of a beam's first piece."""
+        """Return a length in mm as a share of the length of a beam's first piece."""
         return mm / float(self.arrangement.beams[0].segments[0].length_mm)
 
     def share(self, mm):
-        """Of a beam's width."""
+        """Return a width in mm as a share of a beam's width."""
         return mm / float(self.arrangement.beams[0].width_mm)
 
     def on_gap(self, z):
-        """A place in the middle of the gap beside the plate, and the direction across it, at height `z`."""
+        """Return a place in the middle of the gap beside the plate at height `z`, and the direction across the gap."""
         contours = [np.asarray(c) for c in self.solid.slice(z).to_polygons()]
         width, depth = self.plan.cell.width_mm / 2, self.plan.cell.depth_mm / 2
         found = []
@@ -152,7 +152,7 @@ def recess(p, diameter, low, high, add, ring=0.0):
 
 
 def window(p, margin=0.0):
-    """The room over the taxel's sub-cell within the ribs."""
+    """Return the room over the taxel's sub-cell within its ribs, and its centre."""
     at = to_cell_centre(p)
     rib = p.plan.spec.pad.rib_mm / 2
     size = p.plan.cell.width_mm - 2 * rib + 2 * margin, p.plan.cell.depth_mm - 2 * rib + 2 * margin
@@ -205,7 +205,7 @@ def void(p):
 
 
 def swapped(p):
-    """All taxels of one channel at another's places."""
+    """Swap all taxels of two channels."""
     grid = p.pad.grid.copy()
     a, b = p.rng.choice(len(p.plan.channels), 2, replace=False)
     grid[(p.pad.grid == a)], grid[(p.pad.grid == b)] = b, a
@@ -213,7 +213,7 @@ def swapped(p):
 
 
 def patch(p, change):
-    """Triangles about a random one: turned over, or taken out."""
+    """Turn over, or take out, the triangles around a random one."""
     mesh = p.pad.mesh
     middle = mesh.corners_mm.mean(1)
     near = np.hypot(*(middle - middle[p.rng.integers(len(middle))]).T[:2]) < p.rng.uniform(0.0, 1.0) + 1e-9
@@ -259,11 +259,11 @@ KINDS = {
     "hole in the surface": partial(patch, change="out"),
     "1 % larger": lambda p: p.solid.scale((1.01, 1.01, 1.01)),
 }  # fmt: skip
-"""Name, and what makes a manifold or a mesh of a `Place`."""
+"""Changes by name: each turns a `Place` into a manifold or a mesh."""
 
 
 def tampered(name, seed, plan, pad):
-    """A pad with one thing wrong, as binary STL would hand it on, and the taxel that was chosen."""
+    """Return a pad with one thing wrong, as binary STL would hold it, and the changed taxel."""
     place = Place(np.random.default_rng([seed, *name.encode()]), plan, pad)
     made = KINDS[name](place)
     mesh = made if isinstance(made, Mesh) else from_manifold(made)
@@ -271,7 +271,7 @@ def tampered(name, seed, plan, pad):
 
 
 def simplified(plan, pad):
-    """Its triangles merged where they are flat, and cut anew."""
+    """Return the pad with its triangles merged where they are flat, and cut anew."""
     solid = as_manifold(pad.mesh, "pad").rotate((0, 0, 30)).simplify(1e-6)
     return as_single_precision(from_manifold(solid.rotate((0, 0, -30))))
 
@@ -290,7 +290,7 @@ WAYS = {
 
 
 def honest(seed):
-    """A random pad and the way it came, or None where the spec has no plan: plan, mesh, name of the way."""
+    """Return a random plan, its unchanged pad as another program exports it, and that way's name, or None."""
     rng = np.random.default_rng(seed)
     low, (width, depth) = rng.uniform(50, 150), rng.uniform(20, 60, 2)
     washers = sorted(name for name, w in catalogue("washer").items() if w["relative_permeability"] > 2)

@@ -1,4 +1,4 @@
-"""The public names: what `import padgen` gives, that the commands write the same, and that it stays light."""
+"""The public names of `import padgen`: they write the same files as the commands, and importing them stays light."""
 
 import ast
 import json
@@ -177,7 +177,7 @@ def test_a_sweep_is_a_table(work):
 
 
 def test_all_stages_use_the_model_that_the_plan_records(work, monkeypatch):
-    """A plan by solids is followed by builds and drives by solids, unless the spec or the command names a model."""
+    """Builds and drives follow a plan by solids with solids, unless the spec or the command names a model."""
     from padgen.make import solid_tuning
     from padgen.planner import make_plan
 
@@ -205,7 +205,7 @@ def test_no_plan_solves_what_nobody_asked_for(work, monkeypatch):
 
 
 def test_nobody_but_planning_decides_which_model_plans():
-    """`make_plan` and the tuned plan are called in one module of those above the planner."""
+    """`make_plan` and the tuned plan are called in only one module above the planner."""
     callers = set()
     for path in ROOT.rglob("*.py"):
         if path.relative_to(ROOT).parts[0] in ("planner",):

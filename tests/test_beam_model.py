@@ -1,4 +1,4 @@
-"""The beam model against 3-D elasticity of the solids that padgen exports, and what it says of its own error.
+"""The beam model against 3-D elasticity of the exported solids, and against the error that it states.
 
 `beam_calibration.json` has a designed set of taxels over all dimensions, a third of it held out of the
 fit, and the templates' channels; `suspension_modes.json` is an older set with 4 mm of frame.
@@ -55,7 +55,7 @@ def row_spec(row):
 
 
 def errors_and_estimates(row):
-    """Signed relative errors and estimates of the working mode, and of the other ones (two along, two across)."""
+    """Return relative errors and their estimates by kind of mode: working, other along, across (two each)."""
     spec = row_spec(row)
     model = TaxelModel(
         spec, row["topology"], plate_shape(spec), BeamShape(row["width_mm"], row["thickness_mm"], row["length_mm"])
@@ -73,7 +73,7 @@ def errors_and_estimates(row):
 
 @pytest.fixture(scope="module")
 def compared():
-    """Name, row and errors of all taxels within the model's range."""
+    """Rows and errors of all taxels within the model's range."""
     return [(row, errors_and_estimates(row)) for row in CALIBRATION if row["in_range"]]
 
 
@@ -94,7 +94,7 @@ def test_resonance_against_elasticity(row):
 
 
 def test_an_uncertain_part_that_holds_nearly_all_of_the_energy():
-    """Of springs in series: the stiffest that the uncertain one may be is within what is stated, and the softest."""
+    """The stated error covers springs in series whose uncertain one is as stiff, or as soft, as it may be."""
     frequency, parts = np.full(6, 100.0), len(UNCERTAINTY)
     at, uncertain = list(UNCERTAINTY).index("mount"), UNCERTAINTY["mount"]
     for share in (0.05, 0.5, 0.95):
@@ -109,7 +109,7 @@ def test_an_uncertain_part_that_holds_nearly_all_of_the_energy():
 
 
 def test_a_thick_beam_on_a_yoke_that_gives_nearly_all():
-    """1.45 x 3.9 x 11.3 mm, folded: 648.7 Hz by elements of order 3 (good to 0.3 %), the beam model has 547 Hz."""
+    """1.45 x 3.9 x 11.3 mm, folded: 648.7 Hz by elements of order 3 (within 0.3 %), 547 Hz by the beam model."""
     spec = make_spec({"name": "a", "resolution": 1, "band_hz": [125, 2318], "q_min": 15, "washer": "iso7092-m5"})
     model = TaxelModel(spec, "folded", plate_shape(spec), BeamShape(1.45, 3.9, 11.3))
     error = float(model.resonance_hz) / 648.73 - 1
@@ -123,7 +123,7 @@ def test_typical_error_is_below_one_percent():
 
 
 def test_templates_within_one_percent(compared):
-    """What the plans rely on; the other modes 8 %, pitch of the stubbiest beam being the worst."""
+    """Plans rely on this; the other modes are within 8 %, pitch of the stubbiest beam being the worst."""
     templates = [(row, pairs) for row, pairs in compared if "spec" not in row]
     assert len({row["name"].rpartition("-")[0] for row, _ in templates}) == 7
     for row, pairs in templates:
@@ -141,7 +141,7 @@ def test_held_out_taxels(compared):
 
 
 def test_stated_error_covers_the_older_set(compared):
-    """Narrow and wide, in one piece of one polymer: none beyond what is stated and a third more, 95 % within."""
+    """One piece of one polymer, narrow and wide: no error above 4/3 of the stated one, 95 % below the stated one."""
     pairs = [(*pair, row["name"]) for row, kinds in compared for pair in (p for ps in kinds.values() for p in ps)]
     for error, stated, name in pairs:
         assert abs(error) < 1.35 * stated, name
@@ -149,7 +149,7 @@ def test_stated_error_covers_the_older_set(compared):
 
 
 def test_out_of_range_it_says_so():
-    """Ribbons shorter than a quarter of their width, blocks: errors up to 12 %, and estimates that tell."""
+    """Ribbons shorter than a quarter of their width, and blocks, have errors up to 12 %, and estimates to match."""
     rows = [row for row in CALIBRATION if not row["in_range"]]
     assert rows
     for row in rows:
@@ -178,6 +178,6 @@ def test_deeper_frame_is_softer():
 
 
 def test_the_point_mass_rule_is_far_off():
-    """Why the rule is only reported: it misses a straight cantilever by more than a channel's slot."""
+    """The rule is only reported, because it misses a straight cantilever by more than a channel's slot."""
     row = next(r for r in TABLE if r["topology"] == "cantilever" and r["thickness_mm"] == 0.3)
     assert float(old_model(row).rule_hz) / row["working_hz"] > 1.4

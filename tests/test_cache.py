@@ -1,4 +1,4 @@
-"""The cache of dear results: it only ever saves time."""
+"""The cache of slow results: it changes run times and nothing else."""
 
 import fcntl
 import os
@@ -95,7 +95,7 @@ def test_a_full_disk_is_no_error_and_leaves_nothing(entries, monkeypatch):
 
 
 def test_an_entry_is_written_aside_first(entries, monkeypatch):
-    """Killed before the renaming, a writer leaves no entry; what it leaves is counted and cleared."""
+    """A writer killed before the renaming leaves no entry, but a file that is counted and cleared."""
     monkeypatch.setattr("pathlib.Path.replace", lambda self, target: None)
     cache.store("kind", KEYS[0], 1)
     assert cache.load("kind", KEYS[0]) is None
@@ -121,7 +121,7 @@ def test_the_code_hash_tells_parts_apart():
 
 
 def aged(entries: Path, count: int, size: int, start_s: float = 1e9) -> None:
-    """Entries of `size` bytes of which each was used a second after the one before."""
+    """Store entries of `size` bytes, each last used a second after the one before."""
     for n in range(count):
         cache.store_bytes("kind", KEYS[n], bytes(size))
         os.utime(entries / "kind" / KEYS[n][:2] / f"{KEYS[n]}.entry", (start_s + n, start_s + n))
@@ -300,7 +300,7 @@ def test_a_claim_needs_no_folder(tmp_path, monkeypatch):
 
 
 def test_a_lock_on_a_file_that_was_taken_away_is_none(tmp_path, monkeypatch):
-    """Its holder gives it back and removes it between our opening and our locking it."""
+    """A holder may release and remove the lock's file between our opening and our locking it."""
     path, lock = tmp_path / "claim", fcntl.flock
 
     def late(file, how):

@@ -35,7 +35,7 @@ LEAST_IN_STRATUM = 10
 
 @pytest.fixture(scope="module")
 def held_out():
-    """All modes of the third that no fit has seen, with the frame that the model takes."""
+    """All modes of the third of the taxels that no fit has seen, on frames as deep as the model assumes."""
     rows = [row for row in ROWS if campaign.held_out(row) and not campaign.is_deep(row)]
     return [one for row in rows for one in campaign.compared(row)]
 
@@ -79,7 +79,7 @@ def test_other_modes_state_their_own_error(held_out):
 
 
 def test_a_deep_frame_widens_the_stated_error():
-    """As in plans: twice what the frame's true depth changes comes on top (chosen on this set: 96 % are within)."""
+    """Plans add twice the change by the frame's true depth (chosen on this set: 96 % are within)."""
     rows, within = [row for row in ROWS if campaign.is_deep(row)], []
     for row in rows:
         (own,) = working(campaign.compared(row))
@@ -93,7 +93,7 @@ def test_a_deep_frame_widens_the_stated_error():
 
 
 def test_a_plan_adds_what_its_deep_frame_changes():
-    """One taxel on a wide cell: its root stands deep in the frame."""
+    """The root of one taxel on a wide cell stands deep in the frame, which widens the stated error."""
     text = 'name = "a"\nresolution = 1\nband_hz = [50, 400]\nq_min = 15\nresonances_hz = [300]\ncoil.grid = [1, 1]\n'
     plans = [make_plan(parse_spec(text + f"pad = {{ width_mm = {side}, depth_mm = {side} }}")) for side in (13, 40)]
     (tight,), (deep,) = (plan.channels for plan in plans)
@@ -105,7 +105,7 @@ def test_a_plan_adds_what_its_deep_frame_changes():
 
 
 def test_layers_that_hold_less_well_are_counted():
-    """What an isotropic model would be off by, with a ratio below 0.4: mostly in shear and in the yoke's twist."""
+    """An isotropic model is worse for ratios below 0.4, mostly in shear and in the yoke's twist."""
     rows = [row for row in ROWS if row["cross_layer_ratio"] < 0.4 and not campaign.is_deep(row)]
     known = [abs(one.error) for row in rows for one in working(campaign.compared(row))]
     blind = [abs(one.error) for row in rows for one in working(campaign.compared(row | {"cross_layer_ratio": 1.0}))]
@@ -114,7 +114,7 @@ def test_layers_that_hold_less_well_are_counted():
 
 
 def serpentines(rows):
-    """Their modes with the frame as deep as it is, which plans take into what they state."""
+    """Compare serpentines' modes, with the frame's true depth, as plans do for the error that they state."""
     return [
         one
         for row in rows
@@ -123,7 +123,7 @@ def serpentines(rows):
 
 
 def test_serpentines_are_as_far_off_as_they_state():
-    """The floor was chosen on two thirds; of bends, twisted or held from warping, nothing was fitted."""
+    """The floor was chosen on two thirds of them; nothing was fitted to bends, their twist or their warping."""
     assert {row["topology"] for row in SERPENTINES} == set(campaign.BENT)
     assert len(SERPENTINES) >= 40
     for apart in (False, True):
@@ -137,7 +137,7 @@ def test_serpentines_are_as_far_off_as_they_state():
 
 
 def test_bends_are_stiffer_than_their_axis_and_hold_tall_legs(monkeypatch):
-    """Without either the model is off by several times as much."""
+    """Without either correction the model's errors are more than twice as large."""
     usual = np.mean([abs(one.error) for one in working(serpentines(SERPENTINES))])
     with monkeypatch.context() as without:
         without.setattr(beams, "bend_stiffening", lambda curved: 1.0 + 0.0 * curved)

@@ -1,4 +1,4 @@
-"""Every print check catches a pad that was broken for it, and lets a good one pass."""
+"""Every print check finds a pad that was broken for it, and passes a good one."""
 
 import re
 from dataclasses import replace
@@ -29,7 +29,7 @@ def box(size, at=(0.0, 0.0, 0.0)):
 
 
 def joined(*meshes):
-    """Meshes side by side in one, not united."""
+    """Put meshes into one without uniting them."""
     counts = np.cumsum([0] + [len(m.vertices_mm) for m in meshes])
     return Mesh(
         np.concatenate([m.vertices_mm for m in meshes]),
@@ -42,7 +42,7 @@ def checked(solid):
 
 
 def with_beam(plan, index, **changes):
-    """A plan whose channel `index` has another beam than was sized."""
+    """Return the plan with another beam for channel `index`."""
     channels = list(plan.channels)
     channels[index] = replace(channels[index], beam=replace(channels[index].beam, **changes))
     return replace(plan, channels=tuple(channels))
@@ -116,7 +116,7 @@ def test_pierced_tile(small_pad, small_plan):
 
 
 def test_pierced_pairs_agree_with_trying_all():
-    """The grid of columns finds what comparing every box with every other finds."""
+    """The grid of columns finds the same pairs as a comparison of every box with every other."""
     from padgen.solid.topology import _overlapping, _pierce
 
     seed = np.random.default_rng(1)
@@ -158,7 +158,7 @@ def test_built_other_than_planned(small_pad, small_plan, change, dimension):
 
 
 def test_a_lifted_beam(small_pad, small_plan):
-    """A beam that does not lie on the bed is found by its underside."""
+    """A beam above the bed is found by its underside."""
     solid = as_manifold(small_pad.mesh, "pad")
     lifted = solid - box((100, 100, 0.1), (-50, -50, -0.05)) + box((30, 2, 0.2), (-15, -18.4, 0))
     found = check_pad(replace(small_pad, mesh=from_manifold(lifted)), small_plan).findings
@@ -182,7 +182,7 @@ def with_clearance(clearance_mm, printer="fdm-0.4"):
 
 @pytest.mark.parametrize("printer", ["fdm-0.4", "fdm-0.25", "resin-0.05"])
 def test_a_washer_enters_what_is_laid_around_it(printer):
-    """Sides of a polygon are nearer than its corners, and a slicer lays some plastic beyond them."""
+    """A polygon's sides are nearer to its middle than its corners, and a slicer lays some plastic beyond them."""
     plan = with_clearance(0.0, printer)
     tight = [f for f in check_pad(build_pad(plan), plan).findings if f.code == "washer.fit"]
     assert len(tight) == len(plan.taxels)
@@ -196,7 +196,7 @@ def test_a_washer_enters_what_is_laid_around_it(printer):
 
 
 def test_a_tight_recess_of_a_foreign_mesh(small_pad, small_plan):
-    """A recess of few sides: its corners are where planned, a washer meets its sides; or only its mouth is narrow."""
+    """A recess with few sides has its corners as planned but its sides too near; or only its mouth is narrow."""
     solid, (x, y) = as_manifold(small_pad.mesh, "pad"), (small_plan.taxels[0].x_mm, small_plan.taxels[0].y_mm)
     plate = small_plan.plate
     hole = manifold3d.Manifold.cylinder(plate.recess_depth_mm, plate.recess_diameter_mm / 2, -1, 12)
@@ -265,7 +265,7 @@ def test_a_tile_that_leaves_its_cell(small_pad, small_plan):
 
 
 def test_a_tapered_beam(small_pad, small_plan):
-    """A notch near the tip is found though the beam's middle is as planned."""
+    """A notch near the tip is found where the beam's middle is as planned."""
     channel = small_plan.channels[0]
     taxel = next(t for t in small_plan.taxels if t.channel == 0)
     solid = as_manifold(small_pad.mesh, "pad")
@@ -308,7 +308,7 @@ def test_many_findings_are_summed_up(small_pad, small_plan):
 
 
 def test_legs_of_a_serpentine_that_are_too_near_or_too_thin_are_found():
-    """What its path says is built and passes; with the gaps of a finer printer, or thinner legs, it does not."""
+    """A serpentine as planned passes; it fails with a finer printer's gaps, or with thinner legs."""
     text = SMALL.replace("coil = { grid = [1, 1] }", "resonances_hz = [100, 140]").replace("[50, 200]", "[40, 400]")
     plan = make_plan(parse_spec(text + "[suspension]\ntopology = 'serpentine-5'\n"))
     pad = build_pad(plan)

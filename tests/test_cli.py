@@ -1,4 +1,4 @@
-"""The command line as a user meets it: exit codes, one sentence, whole files, nothing loaded in vain."""
+"""The command line as a user meets it: exit codes, refusals in one sentence, whole files, no needless imports."""
 
 import json
 import os
@@ -27,12 +27,12 @@ def work(tmp_path, monkeypatch):
 
 
 def loaded_after(*arguments):
-    """Names of the modules that a command loads, in a process of its own."""
+    """Return the names of the modules that a command loads in a process of its own."""
     return modules_after("from padgen.cli import run; run(sys.argv[1:])", *arguments)
 
 
 def modules_after(statements, *arguments):
-    """Names of the modules that are loaded after these statements, in a process of its own."""
+    """Return the names of the modules that are loaded after these statements, in a process of its own."""
     code = f"import sys; {statements}; print('loaded', *sys.modules, file=sys.stderr)"
     done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False)
     line = next(line for line in done.stderr.splitlines() if line.startswith("loaded "))
@@ -40,9 +40,9 @@ def modules_after(statements, *arguments):
 
 
 def test_plan_loads_little(work):
-    """Of other packages numpy alone; of padgen 98 modules, beyond numpy's random numbers 39 others, a few for changes.
+    """A plan loads only numpy, 98 modules of padgen, and 39 of the standard library beyond numpy.random's.
 
-    Every plan tells what its prints keep: simulated printing, leakage and touch come with it, and the random numbers.
+    The bounds leave room for a few more. Every plan simulates prints, leakage and touch, which need random numbers.
     """
     more = loaded_after("plan", "paper-32") - modules_after("import numpy.random")
     padgen = {name for name in more if name.partition(".")[0] == "padgen"}
@@ -176,7 +176,7 @@ def test_check_of_good_and_broken_files(work, capsys):
 
 
 def by_solids(spec, progress=None):
-    """Stands in for finite elements, which tune a beam to another width."""
+    """Replace finite elements by a function that tunes a beam to another width."""
     plan = make_plan(spec)
     first = plan.channels[0]
     wider = replace(first.beam, width_mm=first.beam.width_mm + 0.03)
@@ -477,7 +477,7 @@ def test_plan_and_drive_leave_a_build_up_to_date(work, capsys):
 
 
 def test_a_made_up_manifest_of_a_build_is_no_traceback(work):
-    """It says that the build is up to date, of files that tell nothing."""
+    """The manifest says that the build is up to date, but its files hold nothing."""
     from padgen.core.files import file_hash
 
     assert cli.run(["build", "tiny.toml", "--formats", "stl"]) == 0

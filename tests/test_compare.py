@@ -1,4 +1,4 @@
-"""A mesh against its plan's own solid: whatever is changed is found with its place, and no honest pad is accused."""
+"""Comparing a mesh with its plan's own solid: every change is found with its place, and unchanged pads pass."""
 
 import zipfile
 from dataclasses import replace
@@ -28,7 +28,7 @@ ELSEWHERE = {"lump", "hair", "filled", "widened", "slot", "channels", "part", "t
 
 @pytest.fixture(scope="module")
 def wide_plan():
-    """Many coils, of which the last have a taxel less, rows and columns in turn of two kinds."""
+    """Many coils, the last with a taxel fewer, and rows and columns of two kinds in turn."""
     text = FOUR_LINES.replace("= 4", "= 34") + "[pad]\nwidth_mm = 70\ndepth_mm = 80\n[coil]\ngrid = [5, 7]\n"
     return make_plan(parse_spec(text.replace("resolution = 34", "resolution = 69") + 'reuse = "alternate"\n'))
 
@@ -39,7 +39,7 @@ def found(mesh, plan):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_whatever_is_changed_is_found(kind, small_pad, small_plan):
-    """One place here, ten by docs/measure_checks.py."""
+    """One place is tried here; docs/measure_checks.py tries ten."""
     mesh, taxel = tampered(kind, 5, small_plan, small_pad)
     errors = [f for f in found(mesh, small_plan) if f.level == "error"]
     assert errors
@@ -61,7 +61,7 @@ def test_honest_pads_of_random_specs(seed):
 
 
 def test_what_is_found_is_as_small_as_is_said(small_pad):
-    """Cubes on the border a little larger and smaller than stated; of a slab the height counts."""
+    """Cubes on the border are a little larger and smaller than the stated one; a slab counts by its height."""
     solid = as_manifold(small_pad.mesh, "pad")
     top = small_pad.mesh.vertices_mm[small_pad.mesh.vertices_mm[:, 0] > 16][:, 2].max()
 
@@ -150,7 +150,7 @@ def test_something_else_is_said_to_be(small_plan):
 
 
 def test_a_sheet_is_no_pad(small_plan):
-    """On a line seen from above: it has no outline."""
+    """Seen from above the mesh is a line, and has no outline."""
     corners = np.array([(0, 0, 0), (30, 30, 0), (30, 30, 5), (0, 0, 5)], float)
     codes = {f.code for f in found(Mesh(corners, np.array([[0, 1, 2], [0, 2, 3], [0, 2, 1], [0, 3, 2]])), small_plan)}
     assert "built.other" in codes
@@ -182,7 +182,7 @@ def test_a_sample_has_every_tile_and_every_seam(wide_plan, paper_plan):
 
 
 def test_a_large_pad_whose_mesh_is_not_of_its_tiles(paper_plan):
-    """Far from the sample."""
+    """The change lies far from the sample."""
     pad = build_pad(paper_plan)
     assert check_pad(pad, paper_plan).findings == ()
     mesh, taxel = tampered("recess shallower", 3, paper_plan, pad)
@@ -206,7 +206,7 @@ def test_triangles_that_both_have_are_proven(small_pad):
 
 
 def test_numbers_in_a_3mf_are_read_alike_by_lib3mf(tmp_path):
-    """Signs, noughts at both ends, carries and large numbers, through the reader of any file and the quick one."""
+    """Both readers agree on signs, noughts at both ends, carries and large numbers."""
     rng = np.random.default_rng(2)
     special = [
         0,

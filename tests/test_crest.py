@@ -41,7 +41,7 @@ def even(count, period_s=0.5):
 
 
 def brute(harmonic, amplitude, phase, per_cycle=64):
-    """Depth of one state on a fine grid, and what the grid can have missed."""
+    """Return the depth of one state on a fine grid, and the most that the grid can have missed."""
     points = per_cycle * int(np.max(harmonic))
     angle = np.arange(points) * (2 * np.pi / points)
     wave = sum(a * np.cos(k * angle + p) for k, a, p in zip(harmonic, amplitude, phase, strict=True))
@@ -49,7 +49,7 @@ def brute(harmonic, amplitude, phase, per_cycle=64):
 
 
 def constant(harmonic, amplitude):
-    """F₀/Σ A with the phases that were found."""
+    """Return F₀/Σ A with the phases of `low_crest_phases`."""
     amplitude = np.asarray(amplitude, float)
     phase = low_crest_phases(harmonic, amplitude)
     return least_constant(harmonic, amplitude, phase)[0] / amplitude.sum()
@@ -105,7 +105,7 @@ def test_a_measured_pad_gets_a_comb_that_any_print_fits():
 @pytest.mark.parametrize("apart, bound_db", [(10, 0.13), (5, 0.22)])
 @pytest.mark.parametrize("side", [-1, 1])
 def test_a_line_off_by_the_most_changes_little_for_others(apart, bound_db, side):
-    """What a neighbour so many half bandwidths away hears of a line that was moved and made larger for it."""
+    """Bound a neighbour's change in motion when a line moves off its resonance and is made stronger for it."""
     q, own = 1000.0, 100.0
     half = own / (2 * q)
     heard = []
@@ -136,7 +136,7 @@ def test_least_constant_is_the_depth(harmonic, seed, states):
 
 @pytest.mark.parametrize("harmonic", [[97, 98, 99, 100], [1, 100], [1, 2, 29999], [500, 501, 999, 1000]])
 def test_least_constant_of_narrow_and_long_combs(harmonic):
-    """At the grid's own density a dip between points would be 2 % deeper than what it sees."""
+    """A grid of its density alone would miss 2 % of a dip between its points."""
     k, random = np.array(harmonic), np.random.default_rng(1)
     for _ in range(5):
         phase = random.uniform(0, 2 * np.pi, len(k))
@@ -181,7 +181,7 @@ def test_many_states_in_blocks(monkeypatch):
 
 
 def test_schroeder_phases():
-    """Equal lines: a parabola; else each line's group delay is the power below it, over all."""
+    """Equal lines give a parabola; otherwise each line's group delay is the share of power below it."""
     index = np.arange(7)
     np.testing.assert_allclose(schroeder_phases(np.full(7, 3.0)), -np.pi * index * (index + 1) / 7, atol=1e-12)
     steps = np.diff(schroeder_phases(np.array([1.0, 2.0, 3.0])))
@@ -214,7 +214,7 @@ def test_three_lines_get_their_best_phases():
 
 @pytest.mark.parametrize("count, bar", [(4, 0.9415), (8, 0.62), (11, 0.52)])
 def test_copper_loss_of_a_half_second_frame(count, bar):
-    """Also clearly below a random search: 1000 draws, judged by a grid that flatters them."""
+    """The loss is also clearly below that of a random search of 1000 draws, judged by a grid that flatters them."""
     k, random = even(count), np.random.default_rng(0)
     found = constant(k, np.ones(count))
     assert found <= bar
@@ -267,7 +267,7 @@ def test_phases_are_never_worse_than_none(harmonic, seed):
 
 
 def test_a_long_comb_gains_little():
-    """30 s: all phases of four lines are met, and the constant is that of any phases."""
+    """In 30 s four lines pass through all phases, so that the constant is that of any phases."""
     assert 0.98 < constant(even(4, 30.0), np.ones(4)) <= 1
 
 
@@ -290,7 +290,7 @@ def margin(k, line, *, rate=48000, period=0.5, henry=HENRY, limit=30.0, bandwidt
 
 
 def state_voltage(k, line, phase, share, level, *, finer=12 * 48000, period=0.5, henry=HENRY):
-    """Voltage of a state by its definition: the root, differentiated in the frequency domain."""
+    """Return the voltage of a state by its definition: the root of the force, differentiated by frequency."""
     points, own = round(finer * period), level * line
     force = least_constant(k, own, phase)[0] + share @ own + waveform(k, own[None], phase, points)[0]
     current = np.fft.rfft(np.sqrt(force), norm="forward")
@@ -347,7 +347,7 @@ def test_margin_follows_the_amplifier():
 
 
 def test_margin_keeps_the_voltage_limit_where_it_can():
-    """A single high channel: its voltage's jump at the cusp is blunted by more margin."""
+    """More margin blunts the cusp of a single high channel, and with it the jump of its voltage."""
     k, line = np.array([500]), np.array([1e-3])
     free = margin(k, line, limit=1e9)[1]
     margins = np.geomspace(free.share[0], 1.0, 60)

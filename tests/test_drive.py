@@ -1,4 +1,4 @@
-"""How a plan drives its coils: the scheme it takes, what that asks of the coil, and what leaks between coils.
+"""Drive of a plan's coils: the chosen scheme, its load on the coil, and the leakage between coils.
 
 | figure | reference | tolerance | reason |
 |---|---|---|---|
@@ -102,7 +102,7 @@ def test_turns_are_taken_only_where_they_reach_what_is_asked_and_fast_enough():
 
 
 def test_papers_bound_beside_the_exact_figure():
-    """Eq. 12 at the ladder's own ratio is what was asked; the exact figures fall short of it."""
+    """Eq. 12 at the ladder's own ratio gives what was asked for; the exact figures fall short of it."""
     plan = plan_of('spacing = "closest"\n' + FOUR + "[drive]\nscheme = 'spur-free'\nlevel_law = 0\n")
     figures = plan.selectivity
     # Beams are drawn to a micrometre, 0.05 % in frequency, of a step of 40 %.
@@ -253,7 +253,7 @@ def test_the_suggested_levels_would_do():
 
 
 def test_pull_in_is_where_balance_ends(paper_plan):
-    """Raise the mean pull until no gap balances the spring, with c ∝ gap^−m."""
+    """Raise the mean pull, with c ∝ gap^−m, until no gap balances the spring."""
     channel = paper_plan.channels[0]
     gap_um = 1000.0 - channel.sag_um
 
@@ -292,7 +292,7 @@ def test_a_level_that_snaps_the_washers_in_is_an_error():
 
 
 def test_leakage_of_a_coil_without_a_core_is_its_pull(paper_spec):
-    """No core answers, so that a neighbour pulls as it would a washer so far off its own axis."""
+    """Without cores, a neighbour pulls the washer as it would pull one of its own that far off its axis."""
     coil, washer = magnetic_parts(paper_spec)
     coil = coil._replace(core_diameter=0.0)
     place, pitch = np.array([[3e-3, 0.0], [4.4e-3, 0.0]]), 12.5e-3
@@ -303,7 +303,7 @@ def test_leakage_of_a_coil_without_a_core_is_its_pull(paper_spec):
 
 
 def test_leakage_goes_through_the_own_core(paper_spec):
-    """The 3-D field of a coil 12.5 mm away says 0.0130 ± 3 % of the own pull with the own core there, else 0.0016."""
+    """A 3-D field solution has 0.0130 ± 3 % of the own pull for a coil 12.5 mm away; without the own core 0.0016."""
     found = leakage(*magnetic_parts(paper_spec), 1e-3, np.array([[3e-3, 0.0]]), np.array([[12.5e-3, 0.0]]))
     wide = SteelRing(4e-3, 2e-3, 0.5e-3, 1000)
     solid = leakage(magnetic_parts(paper_spec)[0], wide, 1e-3, np.array([[3e-3, 0.0]]), np.array([[12.5e-3, 0.0]]))
@@ -315,7 +315,7 @@ def test_leakage_goes_through_the_own_core(paper_spec):
 
 @pytest.mark.parametrize("place_mm", [(3.0, 0.0), (4.4, 1.0), (-3.0, 2.0)])
 def test_leakage_is_what_all_cores_together_make(paper_spec, place_mm):
-    """Own current 1 and a neighbour's i pull 1 + 2 i product + i² mutual: nine cores solved in each other's fields."""
+    """Nine cores in each other's fields: an own current 1 and a neighbour's i pull 1 + 2 i product + i² mutual."""
     parts, place = magnetic_parts(paper_spec), np.array(place_mm) * 1e-3
     steps = np.array([(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if (x, y) != (0, 0)]) * 12.5e-3
     found = leakage(*parts, 1e-3, place[None], steps)
@@ -326,7 +326,7 @@ def test_leakage_is_what_all_cores_together_make(paper_spec, place_mm):
 
 
 def test_leakage_of_a_plan_by_hand():
-    """Two coils of one channel each: tones leak by the square, biased by the product with the constant as well."""
+    """Two coils of one channel each: tones leak by the square, biased drives also by the product with the constant."""
     text = FOUR.replace("resolution = 16", "resolution = 2").replace("[2, 2]", "[1, 2]") + "[suspension]\n"
     tones, biased = (plan_of("resonances_hz = [80]\n" + text, scheme=scheme) for scheme in ("tones", "biased"))
     (channel,), spec = tones.channels, tones.spec
@@ -340,7 +340,7 @@ def test_leakage_of_a_plan_by_hand():
 
 
 def test_neighbours_in_step_add_their_fields():
-    """Three coils in a row: on the middle one's washer both fields add before they are squared."""
+    """In a row of three coils, the fields of both outer ones add on the middle washer before they are squared."""
     row = FOUR.replace("width_mm = 25", "width_mm = 37.5").replace("[2, 2]", "[1, 3]")
     plan = plan_of("resonances_hz = [80]\n" + row.replace("resolution = 16", "resolution = 3"))
     place, pitch = np.array([plan.channels[0].site.washer_mm]) * 1e-3, plan.coils.pitch_x_mm * 1e-3
@@ -350,7 +350,7 @@ def test_neighbours_in_step_add_their_fields():
 
 
 def superposed_leak(plan, own_on, other_on, seconds=60):
-    """Energies of OFF taxel i with both coils played sample by sample: its lines near resonance, in unit products."""
+    """Return energies of OFF taxels under the sampled product of two coils' currents, for a unit product."""
     spec, scheme = plan.spec, Scheme(plan.selectivity.drive)
     resonance = np.array([c.resonance_hz for c in plan.channels])
     mass = np.array([c.effective_mass_g for c in plan.channels])
@@ -379,7 +379,7 @@ def superposed_leak(plan, own_on, other_on, seconds=60):
 
 @pytest.mark.parametrize("scheme", ["tones", "biased", "spur-free"])
 def test_beats_bound_what_two_coils_make_together(scheme):
-    """Twice the product of two coils' currents, by Fourier transform, over states: below the bound, but not far."""
+    """Twice the product of two coils' currents, by Fourier transform over states, is little below the bound."""
     plan = plan_of("resonances_hz = [60, 101, 150, 265]\n" + FOUR, scheme=scheme)
     spec = plan.spec
     tones, _, beats = _heard(spec, Scheme(scheme), plan.channels, 0)
@@ -395,7 +395,7 @@ def test_beats_bound_what_two_coils_make_together(scheme):
 
 
 def test_spurs_of_neighbours_leak_too():
-    """60 and 180 Hz make 60 Hz: a neighbour's spur is twice as strong as its tone there."""
+    """60 and 180 Hz make a spur at 60 Hz: a neighbour's spur there is twice as strong as its tone."""
     pair = FOUR.replace("resolution = 16", "resolution = 8")
     clean, hit = (plan_of(f"resonances_hz = [60, {hz}]\n" + pair, scheme="tones").reuse.leak_db for hz in (150, 180))
     assert clean - hit > 5
@@ -403,7 +403,7 @@ def test_spurs_of_neighbours_leak_too():
 
 @pytest.mark.parametrize("scheme", ["tones", "spur-free", "biased"])
 def test_leakage_of_a_pair_adds_up(scheme):
-    """Two coils side by side: tones by the square, spurs and beats of the same lines by amplitude."""
+    """From two coils side by side, tones leak by the square; spurs and beats on the same lines add by amplitude."""
     row = FOUR.replace("resolution = 16", "resolution = 4").replace("[2, 2]", "[1, 2]")
     plan = plan_of("resonances_hz = [60, 150]\n" + row, scheme=scheme)
     tones, spurs, beats = _heard(plan.spec, Scheme(scheme), plan.channels, 0)
@@ -476,7 +476,7 @@ def test_levels_below_the_threshold_are_found():
 
 
 def test_unequal_pull_decides():
-    """What holds is the smaller figure: drives are chosen and judged by what the washers really feel."""
+    """Drives are chosen and judged by the smaller figure, the one with the washers' unequal distances."""
     wide = load_spec("wide-11")
     plan = make_plan(replace(wide, delta_y=10.0, drive=replace(wide.drive, scheme="auto", level_law=0.0)))
     figures = plan.selectivity
@@ -495,7 +495,7 @@ def test_unequal_pull_decides():
 
 
 def test_slots_in_turn_are_long_enough():
-    """Time stepping of taxels that are OFF while others have their ramped slots: within 1 dB of the steady figure."""
+    """Time stepping of taxels that are OFF while others have their ramped slots is within 1 dB of the steady figure."""
     plan = plan_of(scheme="time-shared")
     slot_s = 2 * max(c.ring_down_ms for c in plan.channels) * 1e-3
     line = np.array([c.force_mn * 1e-3 / c.force_constant_n_per_a2 for c in plan.channels])
@@ -607,7 +607,7 @@ def unturned(plan, taxel):
 
 
 def test_turned_cells_are_built_where_they_are_planned(tmp_path):
-    """Every beam and recess is measured back from the mesh at the place that the plan has for it."""
+    """Every beam and recess is measured back from the mesh at its planned place."""
     plan = plan_of(BRIDGES)
     pad = build_pad(plan)
     report = check_pad(pad, plan)

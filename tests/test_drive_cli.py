@@ -1,4 +1,4 @@
-"""`padgen drive`, `retune` and `play` as a user calls them: files, refusals, and nothing lost."""
+"""`padgen drive`, `retune` and `play` as a user calls them: files, refusals, and that no file is lost."""
 
 import json
 import re

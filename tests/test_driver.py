@@ -60,7 +60,7 @@ def test_spurs_of_a_triple_fall_next_to_a_third_channel():
 
 
 def test_spectrum_of_the_squared_current(paper_plan):
-    """Square the current of state 11 sample by sample: its lines are the table's."""
+    """The lines of the sampled square of state 11's current are the table's."""
     rows, state = drive_rows(paper_plan), coil_states(paper_plan)[3]
     rate, seconds = 2000, 200
     time = np.arange(rate * seconds) / rate
@@ -105,7 +105,7 @@ TRIPLE = 'name = "a"\nresolution = 3\nband_hz = [40, 300]\nq_min = 15\nresonance
 
 
 def played(recipe, rows, on, time):
-    """The current in A that the formula of drive.json says, with the ON channels of a coil."""
+    """Return the current in A by the formula of drive.json, with these channels of a coil ON."""
     hz = np.array([row["resonance_hz"] for row in rows])[on]
     line = np.array(recipe["squared_lines_a2"])[on]
     if recipe["formula"].startswith("i(t) = B"):
@@ -121,7 +121,7 @@ def played(recipe, rows, on, time):
 @pytest.mark.parametrize("scheme", ["tones", "biased", "spur-free"])
 @pytest.mark.parametrize("state", ["101", "111"])
 def test_the_recipe_makes_the_lines_of_the_state(scheme, state):
-    """Square the current that drive.json describes: its lines and its mean are those of the table."""
+    """The square of the current that drive.json describes has the lines and the mean of the table."""
     plan = make_plan(parse_spec(TRIPLE.format(scheme)))
     table = json.loads(drive_json(plan))
     rows = [row for row in table["channels"] if row["channel"] != "bias"]

@@ -43,7 +43,7 @@ def pair_plan():
 
 
 def worst(hz, q, force, times):
-    """Largest error of propagation over the largest displacement of each resonator."""
+    """Return the largest error of propagation over the largest displacement of each resonator."""
     moved = propagate(hz, q, MASS, force, times)
     exact = np.array([[exact_displacement(f, d, MASS, force, t) for t in times] for f, d in zip(hz, q, strict=True)])
     return (np.abs(moved - exact).max(1) / np.abs(exact).max(1)).max()
@@ -234,7 +234,7 @@ def test_no_step_goes_across_a_switched_voltage():
 
 
 def strong():
-    """Three washers of unlike mass and exponent over one coil, moved by a tenth of the gap."""
+    """Three washers of unequal mass and exponent over one coil, moved by a tenth of the gap."""
     hz = np.array([60.0, 95.0, 170.0])
     pull = stiffness(hz) * GAP / 40
     inductance = 30 * GAP * float(pull.sum())

@@ -1,4 +1,4 @@
-"""The simulated ear: what a written file makes fingers feel, against the plan, other models and hand-made cases.
+"""The simulated ear, which computes what fingers feel of a written file, against the plan and other models.
 
 | must agree | with | to | why not exactly |
 |---|---|---|---|
@@ -42,7 +42,7 @@ RATE = 48000
 
 @dataclass(frozen=True)
 class Samples:
-    """Samples (count, channels) as a file would have them."""
+    """Samples (count, channels) with the interface of a WAV file's."""
 
     rate_hz: int
     samples: np.ndarray
@@ -69,14 +69,14 @@ def found_in(heard):
 
 
 def played(plan, drive, line, tmp_path, depth="24", signal="voltage"):
-    """A WAV file as it is on disk, and its sidecar."""
+    """Write a WAV file; return it as read back from disk, and its sidecar."""
     path = tmp_path / "drive.wav"
     report = write_wave(path, drive, line, depth, signal)
     return read_wav(path), json.loads(wave_json(plan, drive, line, report))
 
 
 def all_states(plan, drive):
-    """Levels that put the coils of a pad into different states; all of them if there are enough coils."""
+    """Return levels that put each coil of a pad into another state, until there are no more states."""
     n = len(plan.sets[0])
     levels = np.zeros(len(plan.taxels))
     for k, coil in enumerate(drive.coils):

@@ -1,6 +1,6 @@
-"""3-D elasticity of one taxel, and of solids whose modes are published.
+"""3-D elasticity of one taxel, and of solids with published modes.
 
-NGSolve and build123d do not live in one process: STEP files are made in one child, solved in another.
+NGSolve and build123d cannot share a process: one child makes STEP files, another solves them.
 """
 
 import json
@@ -36,7 +36,7 @@ RING_MM3 = np.pi * (2.0**2 - 1.0**2) * 0.5
 
 
 def write_steps(folder: Path) -> None:
-    """The taxels of taxel_modes.json and bad ones; runs where build123d is."""
+    """Write the STEP files of taxel_modes.json and some bad ones, in a process with build123d."""
     import build123d as b
 
     def block(x0: float, x1: float, width: float, height: float) -> Any:
@@ -93,7 +93,7 @@ def box(x: float, y: float, z: float) -> Any:
 def solid_modes(
     solid: Any, material: Elastic, order: int, modes: int, fineness: Fineness, flat: str | None = None
 ) -> list[float]:
-    """Frequencies in Hz of a solid in mm whose faces are named already."""
+    """Return frequencies in Hz of a solid in mm whose faces have names."""
     from ngsolve import SetNumThreads
 
     SetNumThreads(1)
@@ -102,7 +102,7 @@ def solid_modes(
 
 
 def bar_modes(material: Elastic, axis: int) -> list[float]:
-    """A bar 8 × 1 × 1 mm along `axis`, clamped at one end."""
+    """Return the modes of a bar of 8 × 1 × 1 mm along `axis`, clamped at one end."""
     from netgen.occ import X, Y, Z
 
     sides = [1.0, 1.0, 1.0]
@@ -121,7 +121,7 @@ def plate_modes() -> list[float]:
 
 
 def tapered(corners: list[tuple[float, float]]) -> Any:
-    """From a rectangle at x = 0 to one at x = 1000 mm (widths and heights)."""
+    """Return the solid between a rectangle at x = 0 and another at x = 1000 mm (widths and heights in mm)."""
     from netgen.occ import Pnt, Segment, ThruSections, Wire
 
     wires = []
@@ -143,7 +143,7 @@ def tapered_beam_modes() -> list[float]:
 
 
 def membrane_modes() -> list[float]:
-    """The upper half of NAFEMS FV32's membrane, at a hundredth of its size."""
+    """Return the modes of the upper half of NAFEMS FV32's membrane, at a hundredth of its size."""
     from netgen.occ import Face, Pnt, Segment, Wire, X, Z
 
     outline = [(0.0, -25.0), (100.0, -5.0), (100.0, 5.0), (0.0, 25.0)]
@@ -156,7 +156,7 @@ def membrane_modes() -> list[float]:
 
 
 def test_the_reference_taxel(steps: Path, child: ProcessPoolExecutor) -> None:
-    """`base`: f₁ to 0.1 %, the others to 0.5 %; the reference is good to 1e-4."""
+    """Taxel `base`: f₁ within 0.1 %, the other modes within 0.5 %; the reference is good to 1e-4."""
     found = child.submit(solve_modes, taxel(steps, "base"), 4, 2).result()
     assert off_reference(found, "base")[0] == pytest.approx(0, abs=1e-3)
     assert off_reference(found, "base") == pytest.approx(0, abs=5e-3)
@@ -164,7 +164,7 @@ def test_the_reference_taxel(steps: Path, child: ProcessPoolExecutor) -> None:
 
 
 def test_frequencies_fall_to_the_reference(steps: Path, child: ProcessPoolExecutor) -> None:
-    """A finer conforming space is softer: with order on one mesh, and never below the reference."""
+    """A finer conforming space is softer: frequencies fall with the order on one mesh, never below the reference."""
     off = [off_reference(child.submit(solve_modes, taxel(steps, "base"), p, 1).result(), "base") for p in (2, 3, 4)]
     for coarse, fine in pairwise(off):
         assert (fine < coarse).all()
@@ -175,14 +175,14 @@ def test_frequencies_fall_to_the_reference(steps: Path, child: ProcessPoolExecut
 
 @pytest.mark.parametrize("name", ["base", "slender", "foil"])
 def test_the_estimate_holds(steps: Path, child: ProcessPoolExecutor, name: str) -> None:
-    """True error of the working mode ≤ estimate ≤ 0.1 %, as order 3 reaches there; the reference is good to 1.5e-5."""
+    """The true error of the working mode is at most the estimate, and that 0.1 %; the reference is good to 1.5e-5."""
     found = child.submit(converged_modes, taxel(steps, name), 1e-2).result()
     error = abs(off_reference(found, name)[0])
     assert error - 1.5e-5 <= found.working_error <= 1e-3
 
 
 def lowest_hz(step: Path, order: int, share: float) -> float:
-    """f₁ with `share` of the elements of `order`, the others of order 2."""
+    """Return f₁ with a `share` of the elements of `order`, and the others of order 2."""
     mesh = meshed(clamped_shape(taxel_shape(step, RING_MM3), "root"), Fineness(levels=1))
     rich = np.arange(mesh.ne) < share * mesh.ne
     system = assembled(mesh, {PRINTED: POLYMER, WASHER: STEEL}, order, rich=rich)
@@ -190,7 +190,7 @@ def lowest_hz(step: Path, order: int, share: float) -> float:
 
 
 def test_elements_of_mixed_order_make_a_space_between(steps: Path, child: ProcessPoolExecutor) -> None:
-    """Spaces are nested, so frequencies fall; with no element of higher order it is order 2 itself."""
+    """The spaces are nested, so frequencies fall; without elements of higher order the space is order 2's."""
     plain, none, some, all_of_them = (
         child.submit(lowest_hz, steps / "base.step", *case).result()
         for case in ((2, 1.0), (3, 0.0), (3, 0.5), (3, 1.0))
@@ -200,7 +200,7 @@ def test_elements_of_mixed_order_make_a_space_between(steps: Path, child: Proces
 
 
 def test_modes_and_rest_give_the_static_compliance(steps: Path, child: ProcessPoolExecutor) -> None:
-    """Whatever the number of modes, modes and rest add up to one static answer; 1e-6 is the solver's."""
+    """Modes and rest add up to the same static answer for any number of modes, within the solver's 1e-6."""
     whole = []
     for modes in (2, 6):
         found = child.submit(solve_modes, taxel(steps, "base"), 2, 0, modes).result().modes
@@ -211,7 +211,7 @@ def test_modes_and_rest_give_the_static_compliance(steps: Path, child: ProcessPo
 
 
 def test_glue_rides_on_the_washer(steps: Path, child: ProcessPoolExecutor) -> None:
-    """df/f = −½ φ² dm to first order, φ the washer's mass-normalised motion; 2 mg to 2 % of the shift."""
+    """df/f = −½ φ² dm to first order, with φ the washer's mass-normalised motion: 2 mg within 2 % of the shift."""
     bare, glued = (
         child.submit(solve_modes, taxel(steps, "base")._replace(glue_kg=kg), 2, 1).result().modes for kg in (0.0, 1e-8)
     )
@@ -229,7 +229,7 @@ def test_a_hundred_times_the_size(steps: Path, child: ProcessPoolExecutor) -> No
 
 
 def rounding(step: Path, order: int) -> list[bool]:
-    """Whether blocks, then single components, keep the softest direction."""
+    """Return whether blocks, then single components, keep the softest direction through rounding."""
     mesh = meshed(clamped_shape(taxel_shape(step, RING_MM3), "root"), Fineness(levels=0, per_face=100.0))
     kept = []
     for blocks in (True, False):
@@ -240,13 +240,13 @@ def rounding(step: Path, order: int) -> list[bool]:
 
 
 def test_rounding_is_noticed(steps: Path, child: ProcessPoolExecutor) -> None:
-    """The foil's blocks are wrong by 90 % without a word from the solver; single components are not."""
+    """With blocks a foil's answer is wrong by 90 % and the solver silent; with single components it is right."""
     assert child.submit(rounding, steps / "foil.step", 2).result() == [False, True]
     assert child.submit(rounding, steps / "base.step", 2).result() == [True, True]
 
 
 def test_bars_along_and_across_the_layers(child: ProcessPoolExecutor) -> None:
-    """Without Poisson's ratio the axial mode is sin(πx/2l) exactly, f = √(E/ρ)/4l of its own axis.
+    """Without Poisson's ratio the axial mode is sin(πx/2l) exactly, with f = √(E/ρ)/4l of the bar's own axis.
 
     Order 5 on 8 × 1 × 1 mm resolves a quarter wave to 1e-6.
     """
@@ -267,8 +267,10 @@ def test_orthotropy_of_equal_axes_is_isotropy(child: ProcessPoolExecutor) -> Non
 
 
 def test_a_square_cantilever_plate(child: ProcessPoolExecutor) -> None:
-    """VPCS SDLS01, Barton 1951: λ² = 2πf a² √(ρh/D). His Ritz values are up to 0.7 % high, a
-    thickness of a/100 costs 0.2 %."""
+    """VPCS SDLS01, Barton 1951: λ² = 2πf a² √(ρh/D).
+
+    His Ritz values are up to 0.7 % high; a thickness of a/100 costs 0.2 %.
+    """
     flexural = METAL.modulus_pa * 1e-9 / 12 / (1 - 0.3**2)
     scale = 2 * np.pi * 0.1**2 * np.sqrt(METAL.density_kg_per_m3 * 1e-3 / flexural)
     found = np.array(child.submit(plate_modes).result()) * scale
@@ -276,8 +278,11 @@ def test_a_square_cantilever_plate(child: ProcessPoolExecutor) -> None:
 
 
 def test_a_tapered_cantilever(child: ProcessPoolExecutor) -> None:
-    """VPCS SDLL09, Mabie and Rogers 1972, λ on the tip's section. A solid is softer in shear: 0.1 % for
-    the first, rising with (kh)² to 2 % for the fourth. Each mode comes twice, up and sideways."""
+    """VPCS SDLL09, Mabie and Rogers 1972, with λ of the tip's section.
+
+    A solid is softer in shear: by 0.1 % in the first mode, rising with (kh)² to 2 % in the fourth. Each mode comes
+    twice, up and sideways.
+    """
     scale = 2 * np.pi / (np.sqrt(200e9 / 7800) * 0.01 / np.sqrt(12))
     found = np.array(child.submit(tapered_beam_modes).result()) * scale
     assert found[:8:2] == pytest.approx(found[1:8:2], rel=1e-3)
@@ -287,8 +292,10 @@ def test_a_tapered_cantilever(child: ProcessPoolExecutor) -> None:
 
 
 def test_a_tapered_membrane(child: ProcessPoolExecutor) -> None:
-    """NAFEMS FV32; a hundredth of the size has a hundred times the frequency.
-    Finer meshes of order 4 settle within 0.06 % of all six; this one is allowed 0.2 %."""
+    """NAFEMS FV32; at a hundredth of the size frequencies are a hundred times as high.
+
+    Finer meshes of order 4 settle within 0.06 % of all six modes; this one is allowed 0.2 %.
+    """
     found = np.array(child.submit(membrane_modes).result()) / 100
     assert found == pytest.approx([44.623, 130.03, 162.70, 246.05, 379.90, 391.44], rel=2e-3)
 
@@ -298,7 +305,7 @@ def angles_of(step: Path) -> list[float]:
 
 
 def test_reentrant_edges_are_found(steps: Path, child: ProcessPoolExecutor) -> None:
-    """`base`: three edges where the beam meets the plate and the circle under the boss fill 270°."""
+    """Taxel `base` has four edges of 270°: three where the beam meets the plate, and the circle under the boss."""
     angles = child.submit(angles_of, steps / "base.step").result()
     assert [angle for angle in angles if angle > 190] == [270] * 4
 
@@ -324,7 +331,7 @@ def test_what_cannot_be_solved(
 
 
 def test_refusals_call_a_taxel_by_its_name(steps: Path, child: ProcessPoolExecutor) -> None:
-    """A name, where it has one: its file may lie in a folder that is gone when the sentence is read."""
+    """A message names the taxel, since its file may lie in a folder that is gone when the message is read."""
     lost = taxel(steps, "base")._replace(washer_volume_mm3=1.0)
     for one, where in ((lost, str(lost.step)), (lost._replace(name="my-pad, channel 3"), "my-pad, channel 3")):
         with pytest.raises(SolverError) as refused:
@@ -352,7 +359,7 @@ def test_unstable_materials_are_refused() -> None:
 
 
 def test_a_print_in_layers_is_softer_across_them():
-    """By the compliance's own entries: pulled across, it gives 1/ratio as much; along a layer nothing changes."""
+    """By its own entries the compliance is 1/ratio as large across the layers, and unchanged along them."""
     plain = Elastic(3e9, 0.36, 1240.0)
     assert layered(plain, 1.0) == plain
     soft, same = (np.linalg.inv(stiffness_pa(m)) for m in (layered(plain, 0.6), plain))

@@ -1,4 +1,4 @@
-"""What is played to measure a pad, against calculus and the Fourier transform.
+"""The signals that are played to measure a pad, against calculus and the Fourier transform.
 
 | figure | reference | tolerance | reason |
 |---|---|---|---|
@@ -7,7 +7,7 @@
 | chirp's harmonics of i² | none in twice the band | -60 dB | what fading in and out spreads |
 | noise's i² | lines in the band alone | -80 dB | the fades' skirts |
 | volts of noise | as above | 1e-2 of the peak | the root is steep where it is small, which the spline rounds |
-| noise on a planned taxel | ON amplitude as root mean square | 30 % | one record is one sample of a random level |
+| noise on a planned taxel | root mean square of its ON motion | 30 % | one record is one sample of a random level |
 | chirp on a planned taxel | 0.5 … 1.02 of its ON amplitude | | the sweep is quicker than the ring-up |
 """
 
@@ -47,7 +47,7 @@ def plan():
 
 
 def amplitudes_um(plan, played):
-    """Displacement (channels, samples) in µm of the plan's taxels under the file."""
+    """Return the displacement (channels, samples) in µm of the plan's taxels while the file is played."""
     size = 2 * len(played.current_a)
     force = np.fft.rfft(played.current_a**2, size)
     f = np.fft.rfftfreq(size, 1 / played.rate_hz)

@@ -38,7 +38,7 @@ def explained():
 
 
 def test_changes_keep_what_they_promise(explained):
-    """Plan each change anew with the channels that it is said to hold: all states reach what is asked."""
+    """A plan with each suggested change and its promised channels keeps the asked selectivity in all states."""
     _spec, plan, explanation = explained
     specs = {words: other for _, words, other in _changes(plan)}
     assert len(explanation.changes) >= 5
@@ -70,7 +70,7 @@ def test_one_more_than_held_does_not_hold(explained):
 
 
 def test_a_count_may_hold_where_two_before_it_fail(monkeypatch):
-    """All counts up to the planned one are tried; only beyond it, two failures in a row end the search."""
+    """All counts up to the planned one are tried; beyond it, two failures in a row end the search."""
     plan = make_plan(parse_spec(FOUR))
     holds = {1, 4, 9}
 
@@ -82,7 +82,7 @@ def test_a_count_may_hold_where_two_before_it_fail(monkeypatch):
 
 
 def test_changes_that_the_coil_cannot_pull_do_not_count():
-    """One coil under two taxels: more would lie where it does not reach."""
+    """With one coil under two taxels, more taxels would lie where the coil does not reach."""
     spec = parse_spec('name = "coin"\nresolution = 2\nband_hz = [60, 180]\nq_min = 15\n')
     plan = make_plan(spec)
     grid = (plan.coils.rows, plan.coils.columns)
@@ -96,7 +96,7 @@ def test_changes_that_the_coil_cannot_pull_do_not_count():
 
 @pytest.mark.parametrize("resolution", [24, 28, 32])
 def test_naming_what_the_search_takes_changes_nothing(resolution):
-    """Its grid of coils, their reuse and gap, and the drive."""
+    """A spec that names the found coil grid, reuse, gap and drive gets the same plan."""
     text = f'name = "own"\nresolution = {resolution}\nband_hz = [50, 200]\nq_min = 15\n'
     plan = make_plan(parse_spec(text))
     coils, taken = plan.coils, plan.spec
@@ -244,7 +244,7 @@ def test_resonances_are_those_of_the_beams_that_print():
 
 
 def test_what_steps_cost_is_shown():
-    """With explicit resonances nothing may be re-fitted: the nearest beams, and their cost in dB."""
+    """Explicit resonances may not be re-fitted: the nearest beams are taken, and their cost is stated in dB."""
     # Only the width may change, so whole lines come nowhere near.
     text = (
         'name = "pair"\nresolution = 32\nband_hz = [50, 200]\nq_min = 15\nresonances_hz = [56, 76]\n'
@@ -296,7 +296,7 @@ def test_optimised_spacing_is_no_worse(scheme):
 
 
 def test_three_plain_tones_can_be_clean():
-    """Automatic drive with optimised spacing stays with plain tones where their spurs can miss all channels."""
+    """With optimised spacing the automatic drive keeps plain tones where their spurs can miss all channels."""
     text = FOUR.replace("resolution = 16", "resolution = 12").replace("[50, 400]", "[50, 800]")
     plan = optimised(text, "optimised")
     assert (len(plan.channels), plan.selectivity.drive) == (3, "tones")
@@ -321,7 +321,7 @@ def test_coarse_steps_leave_the_optimum_in_the_band():
 
 
 def test_optimised_keeps_the_spread_ladder_where_it_prints_better():
-    """Masses that differ can make the optimum for equal ones the worse of the two."""
+    """The optimum for equal masses can be worse than the even ladder where masses differ."""
     text = OWN_MASSES
     spread, best = (optimised(text, spacing) for spacing in ("spread", "optimised"))
     assert best.selectivity.all_states_db == pytest.approx(spread.selectivity.all_states_db)

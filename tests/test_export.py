@@ -1,4 +1,4 @@
-"""Files: what they hold, read back by their own libraries and by others; the same bytes every time."""
+"""Exported files: their content, read back by their own and by other libraries, and the same bytes every time."""
 
 import csv
 import io
@@ -45,7 +45,7 @@ def test_what_lies_in_the_folder(folder):
 
 
 def test_same_spec_same_bytes(folder, tmp_path):
-    """Another process, another hash seed, another folder."""
+    """The files are made in another process, with another hash seed, in another folder."""
     (tmp_path / "tiny.toml").write_text(SMALL)
     formats = "--formats=" + ",".join(ALL)
     command = [
@@ -64,7 +64,7 @@ def test_same_spec_same_bytes(folder, tmp_path):
 
 
 def test_same_bytes_in_one_process(folder, tmp_path):
-    """OCCT counts the parts of assemblies through a process."""
+    """OCCT goes on counting the parts of assemblies throughout a process."""
     Pad(parse_spec(SMALL)).save(tmp_path / "again", ("step",))
     for path in folder.glob("*.step"):
         assert path.read_bytes() == (tmp_path / "again" / path.name).read_bytes()
@@ -163,7 +163,7 @@ def test_formats_are_parsed_in_order():
 
 
 def test_picture_shows_the_nearer_part():
-    """A small red plate above a large blue one: red in the middle, blue around, white outside."""
+    """A small red plate lies above a large blue one: red in the middle, blue around it, white outside."""
     from PIL import Image
 
     def plate(half, z):

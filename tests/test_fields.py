@@ -180,7 +180,7 @@ def test_parts_that_are_none_are_refused(coil, washer, gap, where):
 
 
 def wound_ball(steel, sheet_a_per_m):
-    """A ball of radius 1 under a sheet of current ``K sin θ``, in the half plane; also H inside."""
+    """Solve a ball of radius 1 in a sheet of current ``K sin θ``, in the half plane; return also H inside."""
     import netgen.occ as occ
     import ngsolve as ng
 
@@ -284,7 +284,7 @@ def test_the_ladder_climbs():
 
 
 def test_pull_on_a_neighbours_washer():
-    """A coil alone pulls a washer 9.5 mm off its axis as the charges say, far less than its own one."""
+    """A lone coil pulls a washer 9.5 mm off its axis as surface charges say, far less than its own washer."""
 
     def ratio(order):
         far, own = (Pull(COIL, WASHER, MM, offset) for offset in (9.5 * MM, 3 * MM))
@@ -300,7 +300,7 @@ def test_pull_on_a_neighbours_washer():
 
 
 QUICK = ("balance", "permeability 1.001", "permeability 1e+06", "gap of 0.01 w", "gap of 100 w", "core 0 of")
-"""The others run the same code, some for seconds; `padgen study --extreme` runs them all."""
+"""Cases that take no seconds; the others run the same code, in `padgen study --extreme`."""
 CASES = [c for c in force_cases() if c.model in ("balance", "axisymmetric") and any(q in c.name for q in QUICK)]
 
 

@@ -1,4 +1,4 @@
-"""Folders of results: what padgen may remove and replace there, and that nobody's file is lost."""
+"""Folders of results: which files padgen may remove and replace, and that no user's file is lost."""
 
 import ast
 import json
@@ -36,7 +36,7 @@ PLAN_A, PLAN_B = '{"name": "a"}', '{"name": "b"}'
 
 
 def put(folder, built_from=None, remove=(), **texts):
-    """Write files whose names have a dot for the last underscore."""
+    """Write files named by keywords, in which the last underscore stands for the dot."""
     with OutputFolder(folder) as out:
         for name, text in texts.items():
             out.write(".".join(name.rsplit("_", 1)), text)
@@ -111,7 +111,7 @@ def test_a_build_stays_up_to_date_until_its_plan_or_a_file_of_it_is_another(tmp_
 
 
 def test_a_manifest_of_builds_alone_still_counts(tmp_path):
-    """As padgen 0.1 wrote it."""
+    """padgen 0.1 wrote such manifests."""
     listed = {name: file_hash(text.encode()) for name, text in (("plan.json", PLAN_A), ("pad.stl", "mesh"))}
     (tmp_path / "plan.json").write_text(PLAN_A)
     (tmp_path / "pad.stl").write_text("mesh")
@@ -265,7 +265,7 @@ def test_what_dead_processes_left_goes_and_a_living_ones_stays(tmp_path):
 
 
 def test_no_process_is_asked_by_a_signal():
-    """On Windows signal 0 is Ctrl-C."""
+    """On Windows, signal 0 is Ctrl-C."""
     for path in Path(padgen.__file__).parent.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "kill":
@@ -280,7 +280,7 @@ CHANGES = ("open", "write", "fsync", "close", "mkdir", "rename", "replace", "unl
 
 
 def faulty_disk(monkeypatch, at, fault):
-    """Let `fault` befall the call number `at` of those that change the disk; returns the calls that were made."""
+    """Run `fault` at call number `at` of those that change the disk; return the list of calls made."""
     calls = []
 
     def befallen(name):
@@ -302,7 +302,7 @@ def faulty_disk(monkeypatch, at, fault):
 
 
 def killed(at, work):
-    """Run `work` in a process that is gone at its call number `at`; whether it got that far."""
+    """Run `work` in a process that exits at its call number `at`; return whether it got that far."""
     process = os.fork()
     if process == 0:
         try:
@@ -317,7 +317,7 @@ def killed(at, work):
 
 
 def seen(folder):
-    """Names and contents of all that is not hidden."""
+    """Return the names and contents of all files that are not hidden."""
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.name[0] != "."} if folder.exists() else {}
 
 
@@ -358,7 +358,7 @@ commits = pytest.mark.parametrize(("before", "commit_"), COMMITS.values(), ids=C
 
 
 def states(tmp_path, before, commit_):
-    """A function that makes copies of a folder to be changed, and what is seen there before and after the change."""
+    """Return a function that copies a folder to be changed, and its content before and after the change."""
     model, folder = tmp_path / "model", tmp_path / "new"
     before(model)
 
@@ -429,7 +429,7 @@ def test_a_process_that_is_killed_while_it_puts_back_does_no_harm(tmp_path):
 
 
 def before_torn(tmp_path):
-    """A folder, what is seen in it, and the call of `new_build` before which some files are new and some are not."""
+    """Return a folder, its content, and the call of `new_build` at which some files are new and some old."""
     copied, old, _ = states(tmp_path, *COMMITS["users' files that are kept"])
     with pytest.MonkeyPatch.context() as patch:
         calls = faulty_disk(patch, -1, None)
@@ -439,7 +439,7 @@ def before_torn(tmp_path):
 
 
 def torn(tmp_path):
-    """A folder that a killed process left half old, half new; with what was seen in it before."""
+    """Return a folder that a killed process left half old and half new, with its content before."""
     folder, old, at = before_torn(tmp_path)
     assert killed(at, lambda: new_build(folder))
     assert (folder / "plan.json").read_text() == PLAN_B and not (folder / "manifest.json").exists()

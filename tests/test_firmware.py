@@ -53,14 +53,14 @@ def pads(*names: str) -> pytest.MarkDecorator:
 
 
 def frames(pad: Host, count: int, seed: int = 0) -> np.ndarray:
-    """All on, then random on/off states."""
+    """Return frames of levels: all on, then random on/off states."""
     states = np.random.default_rng(seed).integers(0, 2, (count, len(pad.plan.taxels))).astype(float)
     states[0] = 1.0
     return states
 
 
 def played(pad: Host, levels: np.ndarray, each: int) -> Run:
-    """Frames (k, taxels), one every `each` samples, and silence."""
+    """Play frames (k, taxels), one every `each` samples, then silence."""
     script = pad.hello + "".join(feed(frame_message(f, k)) + pad.wait(each) for k, f in enumerate(levels))
     return pad.run(script + feed(SILENCE) + f"run {each}\n")
 
@@ -122,7 +122,7 @@ def test_channels_take_their_turns(pad: Host):
 
 
 def squared(pad: Host, run: Run) -> np.ndarray:
-    """Lines (harmonics, coils) of i² in A² of the last period: 0 Hz, then amplitudes with their phases."""
+    """Return the lines (harmonics, coils) of i² in A² of the last period: 0 Hz, then amplitudes with phases."""
     drive, n = pad.drive, pad.drive.period_samples
     voltage = np.fft.rfft(run.volts[-n:], axis=0)
     omega = 2 * np.pi * np.arange(len(voltage)) / drive.period_s
@@ -297,7 +297,7 @@ def test_new_frames_hold_it_as_long_as_they_come(pad: Host):
 
 
 def test_time_that_passes_at_once_is_time_that_passed(pad: Host):
-    """A main program that was away for as long as the counter goes still falls silent."""
+    """A main program that was away for a whole turn of the counter still falls silent."""
     (pad.folder / "away.c").write_text(
         '#include <stdio.h>\n#include "padgen_protocol.h"\n'
         "static void send(void *c, const uint8_t *b, size_t n) { (void)c; (void)b; (void)n; }\n"

@@ -104,7 +104,7 @@ def test_exact_equation_is_the_textbook_s_for_a_thin_beam():
 
 @pytest.mark.parametrize(("bubbles", "order"), [(0, 4), (2, 6)])
 def test_order_of_convergence(bubbles, order):
-    """Slender: h⁴ by cubics, two orders more with inner motions of degree up to three and four."""
+    """Slender beams converge with h⁴ by cubics, and with h⁶ by two inner motions more."""
     section = rectangle(0.01, 0.01, 0.3)
     # The third pair of modes, far enough from rounding.
     found = [frame_modes(bar((0, 0, 0), (1, 0, 0), n, section, bubbles=bubbles), 5).frequency_hz[4] for n in (2, 4, 8)]
@@ -141,7 +141,7 @@ def test_rotated_frame_has_the_same_modes():
 
 
 def test_static_deflection_is_the_unit_load_method_s():
-    """One element, hinged at both ends, against the condensed stiffness of a beam: exact."""
+    """One element, hinged at both ends, has exactly the condensed stiffness of a beam."""
     width, thickness, length, modulus, poisson = 2e-3, 1e-3, 4e-3, 3e9, 0.36
     section = rectangle(width, thickness, poisson)
     element = Element(0, 1, section, modulus, modulus / (2 * (1 + poisson)), 1240.0)
@@ -168,7 +168,7 @@ def taxel(topology, width, thickness, length):
     ("topology", "shape"), [("cantilever", (0.6, 0.3, 6.6)), ("bridge", (1.0, 0.4, 3.0)), ("folded", (0.8, 0.4, 8.0))]
 )
 def test_taxel_frame_agrees_with_the_condensed_model(monkeypatch, topology, shape):
-    """The same gives and rigid parts: what is left is the beams' mass, 1 … 3 % of the body's.
+    """With the same end compliances and rigid parts the models differ by the beams' mass, 1 … 3 % of the body's.
 
     The frame's ends turn about the beams' axes and do not give along them.
     """
@@ -184,7 +184,7 @@ def test_taxel_frame_agrees_with_the_condensed_model(monkeypatch, topology, shap
 
 @pytest.mark.parametrize("topology", ["serpentine-3"])
 def test_a_frame_of_a_serpentine_agrees_with_its_path(topology):
-    """Elements in space against integrals along the path; chords of bends are 0.3 % shorter than their arcs."""
+    """Elements in space agree with integrals along the path; chords of bends are 0.3 % shorter than their arcs."""
     legs = int(topology[-1])
     for thickness in (0.4, 1.2):
         model = taxel(topology, 0.5, thickness, 4.0 * legs)
@@ -223,7 +223,7 @@ def test_refusals(change, words):
 
 
 def test_extreme_frames_know_their_error():
-    """A few of the list; `padgen study` runs all."""
+    """A few of the extreme cases; `padgen study` runs all."""
     cases = [case for case in structure_cases() if case.model == "frame"]
     assert len({case.name for case in cases}) == len(cases) >= 25
     for case in cases[::6]:

@@ -1,4 +1,4 @@
-"""Images, tables and states become levels of taxels where they lie."""
+"""Images, tables and states become levels of taxels at their places."""
 
 import os
 
@@ -18,7 +18,7 @@ TURNED = (
     'name = "t"\nresolution = 11\nband_hz = [50, 400]\nq_min = 15\n'
     '[pad]\nwidth_mm = 50\ndepth_mm = 40\n[coil]\ngrid = [2, 2]\nreuse = "alternate"\n'
 )
-"""Two sets of three channels, cells of odd columns turned, one place empty: it shows 6 x 2."""
+"""Two sets of three channels with cells of odd columns turned and one place empty, shown as 6 x 2."""
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +37,7 @@ LEVELS = np.array([[0, 255], [51, 0], [0, 102], [255, 0], [0, 0], [153, 204]])
 
 @pytest.mark.parametrize("name", ["paper-16", "paper-32", "quad-64", "wide-11", "turned"])
 def test_a_taxel_is_at_its_place_in_the_image(name):
-    """Against the washers' places, which are within their sub-cells: a quarter of one to spare would be luck."""
+    """Places are compared with the washers', which lie a quarter of a sub-cell or more inside it."""
     plan = make_plan(parse_spec(TURNED) if name == "turned" else load_spec(name))
     grid, pad = taxel_grid(plan), plan.spec.pad
     assert sorted(grid[grid >= 0]) == list(range(len(plan.taxels)))
@@ -48,14 +48,14 @@ def test_a_taxel_is_at_its_place_in_the_image(name):
 
 
 def test_grid_of_the_papers_pad(paper_plan):
-    """Two channels above each other: channel 0 below, so the image's last row is channel 0 of the first coils."""
+    """Two channels lie above each other, channel 0 below: the image's last row is channel 0 of the first coils."""
     ids = [[paper_plan.taxels[k].id for k in row] for row in taxel_grid(paper_plan)]
     assert ids[-1] == ["r0c0k0", "r0c1k0", "r0c2k0", "r0c3k0"]
     assert ids[0] == ["r3c0k1", "r3c1k1", "r3c2k1", "r3c3k1"]
 
 
 def seen(plan: Plan, levels: np.ndarray) -> np.ndarray:
-    """Levels of taxels as an image, 0 where none is."""
+    """Return the levels of taxels as an image, 0 where there is no taxel."""
     grid = taxel_grid(plan)
     return np.where(grid >= 0, levels[grid], 0.0)
 
@@ -252,7 +252,7 @@ def test_damaged_pictures_are_refused_in_a_sentence(plan, tmp_path):
 
 @pytest.mark.parametrize("suffix", ["png", "gif", "npy"])
 def test_damaged_bytes_end_in_a_sentence_or_in_a_frame(plan, tmp_path, suffix):
-    """Bytes overwritten anywhere: a decoder may not notice, but nothing else than a sentence may come of it."""
+    """A decoder may not notice bytes overwritten anywhere, but nothing except a refusal or a frame may result."""
     path, refused = tmp_path / f"a.{suffix}", 0
     if suffix == "npy":
         np.save(path, LEVELS.astype(np.uint8))
@@ -271,7 +271,7 @@ def test_damaged_bytes_end_in_a_sentence_or_in_a_frame(plan, tmp_path, suffix):
 
 
 def test_a_vast_picture_is_refused_before_it_is_decoded(plan, tmp_path):
-    """A header that says 30,000 x 30,000: Pillow warns of such, and refuses twice that."""
+    """The header says 30,000 x 30,000; Pillow only warns of that, and refuses twice as much."""
     picture(LEVELS, "L").save(tmp_path / "a.png")
     whole = bytearray((tmp_path / "a.png").read_bytes())
     import struct

@@ -1,4 +1,4 @@
-"""A pad as a slicer lays it: G-code that is laid here by hand, of which every width, height and volume is known.
+"""A pad as a slicer lays it, judged on G-code made here by hand, whose widths, heights and volumes are known.
 
 | what | against | tolerance | why |
 |---|---|---|---|
@@ -61,11 +61,11 @@ def as_planned(taxel, layer):
 
 @dataclass
 class Hand:
-    """Lays a pad of cantilevers by hand: straight beads that fill rectangles, in each taxel's axes, then on the bed.
+    """Writer of a pad of cantilevers as straight beads that fill rectangles, in each taxel's axes, then on the bed.
 
-    What may be spoiled: `steps_mm` of the first and the other layers, `raft_mm` below; of a taxel and a layer the
-    `width` of its beam and the shares of its length between which there is a `piece`; the depth of recesses, how high
-    the `strand_mm`s of their roofs are, how much smaller their radius is; the plates' `flow`; a bead in one `gap`.
+    Faults that it can make: wrong `steps_mm` (first layer, other layers), a raft of `raft_mm`; for a taxel and a layer
+    another `width` of the beam, or a `piece` missing between two shares of its length; recesses of other depth or
+    smaller radius, roofs with strands of `strand_mm`; another `flow` in the plates; a bead in one `gap`.
     """
 
     plan: pg.Plan
@@ -91,7 +91,7 @@ class Hand:
             yield top, step
 
     def fill(self, x0, x1, y0, y1, z, h, hole=None, flow=1.0, line=LINE_MM):
-        """Beads along x that fill a rectangle exactly, but for a round hole (x, y, radius)."""
+        """Fill a rectangle exactly with beads along x, but for a round hole (x, y, radius)."""
         count = max(round((y1 - y0) / min(line, (x1 - x0) / 4)), 1)
         width = (y1 - y0) / count
         for k in range(count):
@@ -240,7 +240,7 @@ def test_what_is_laid_as_planned_holds(plan, usual):
 
 @pytest.mark.parametrize("quarters", [0, 2, 3])
 def test_the_pad_is_found_wherever_it_lies(plan, tmp_path, quarters):
-    """Though turned by 180° it differs by its beams' widths alone."""
+    """Turned by 180° the pad differs by its beams' widths alone."""
     figures = check_gcode(plan, Hand(plan, (31.37, 208.11), quarters).file(tmp_path)).figures
     assert figures["turned_deg"] == 90 * quarters
     assert figures["centre_mm"] == pytest.approx([31.37, 208.11], abs=0.01)
@@ -250,7 +250,7 @@ def test_the_pad_is_found_wherever_it_lies(plan, tmp_path, quarters):
     "how", [{"relative": True}, {"unit": 25.4}, {"footer": "G92 E0\nM104 S0"}, {"relative": True, "unit": 25.4}]
 )
 def test_dialects_say_the_same(plan, usual, tmp_path, how):
-    """Without comments too."""
+    """The same moves in other dialects, one without comments, give the same figures."""
     other = check_gcode(plan, Hand(plan, quarters=1, notes=False).file(tmp_path, **how)).figures
     for one, two in zip(usual.figures["taxels"], other["taxels"], strict=True):
         assert two["resonance_hz"] == pytest.approx(one["resonance_hz"], rel=2e-3)
@@ -281,7 +281,7 @@ def test_other_layers_are_named_with_the_setting(plan, tmp_path):
 
 
 def test_a_narrow_first_layer_lowers_the_resonance_by_the_root_of_its_share(plan, tmp_path):
-    """Of two layers, 0.2 and 0.1 mm, the first 0.4 mm narrower: the second moment by hand."""
+    """Of two layers, 0.2 and 0.1 mm, the first is 0.4 mm narrower; the second moment is computed by hand."""
     wide = plan.channels[1].beam.width_mm
     hand = Hand(plan, width=lambda taxel, layer: wide - 0.4 if taxel.channel == 1 and not layer else None)
     footer = "; elefant_foot_compensation = 0.2\n; layer_height = 0.1"
@@ -330,7 +330,7 @@ def test_what_is_spoiled_is_told(plan, tmp_path, name):
 
 
 def test_plates_as_heavy_as_laid(plan, usual, tmp_path):
-    """f goes with the root of the moving mass: here the plastic by hand and a washer of 7.85 g/cm³ and 0.3 mm."""
+    """f goes with the inverse root of the moving mass: plastic by hand, and a washer of 7.85 g/cm³ and 0.3 mm."""
     heavy = check_gcode(plan, Hand(plan, flow=1.06).file(tmp_path)).figures["taxels"][0]
     usual = usual.figures["taxels"][0]
     more = heavy["plate_mg"] - usual["plate_mg"]
@@ -341,7 +341,7 @@ def test_plates_as_heavy_as_laid(plan, usual, tmp_path):
 
 
 def test_moves_arcs_and_modes_by_hand(tmp_path):
-    """A half circle each way, a whole one, lines in both modes and units: length and plastic by hand."""
+    """Half circles each way, a whole one, and lines in both modes and units have length and plastic known by hand."""
     path = tmp_path / "arcs.gcode"
     path.write_text(
         "G21\nG90\nM83\nG1 Z0.2\nG0 X10 Y0\n"
@@ -364,7 +364,7 @@ def test_moves_arcs_and_modes_by_hand(tmp_path):
 
 
 def test_blocks_do_not_matter(plan, tmp_path, monkeypatch):
-    """What is read of a file is the same however it is cut, so that no more than a layer is ever held."""
+    """However a file is cut into blocks, the same layers are read, one at a time."""
     path = Hand(plan).file(tmp_path, relative=True)
     whole = list(read_layers(path, 1.75))
     monkeypatch.setattr(gcode_file, "BLOCK_BYTES", 3001)
@@ -377,7 +377,7 @@ def test_blocks_do_not_matter(plan, tmp_path, monkeypatch):
 
 
 def test_thick_filament_is_told_by_the_plastic(plan, tmp_path):
-    """Cura's files do not say; the same plastic is (1.75/2.85)² of the length."""
+    """Cura's files do not state the filament; the same plastic then is (1.75/2.85)² of the length."""
     path = Hand(plan, notes=False).file(tmp_path, relative=True)
     share = (1.75 / 2.85) ** 2
     lines = [
@@ -435,7 +435,7 @@ def test_what_is_no_gcode_of_this_pad_is_refused(plan, tmp_path, name):
 
 
 def test_the_command_gives_the_verdict_first_then_what_to_set(tmp_path, capsys, monkeypatch):
-    """An ordinary profile, of a real slicer: layers, elephant foot, bridges and every lost beam."""
+    """A real slicer's usual profile: layers, elephant foot, bridges, and every lost beam are reported."""
     monkeypatch.chdir(tmp_path)
     Path("four.toml").write_text(FOUR)
     Path("four.gcode").write_bytes(gzip.decompress(REFERENCE.read_bytes()))

@@ -1,4 +1,4 @@
-"""MPEG haptics: the file keeps the published schemas and the reference decoder's rules, and says what the pad is."""
+"""MPEG haptics files: they keep the published schemas and the reference decoder's rules, and describe the pad."""
 
 import json
 
@@ -32,7 +32,7 @@ def real(low: float, high: float | None = None) -> dict:
 
 
 def table(required: dict, **optional: dict) -> dict:
-    """An object of these keys and no others: a key that the format does not know is a slip of ours."""
+    """Return the schema of an object with these keys only, since any other key would be a mistake."""
     return {
         "type": "object",
         "properties": required | optional,
@@ -116,8 +116,10 @@ SCHEMA = table(
         "syncs": rows({"type": "object"}),
     }
 )
-"""Names, enumerations and bounds of the format, ISO/IEC 23090-31 with the schemas of its edition 2023, as far as a pad
-uses them; in padgen's own words, since the schemas come without a licence."""
+"""Names, enumerations and bounds of the format that pads use, by ISO/IEC 23090-31 and its schemas (edition 2023).
+
+They are in padgen's own words, since the schemas come without a licence.
+"""
 
 
 def perception(text: str) -> dict:
@@ -125,7 +127,7 @@ def perception(text: str) -> dict:
 
 
 def refuse_faults(text: str) -> None:
-    """What the schemas ask, and what the reference decoder asks of the whole file."""
+    """Raise where a file breaks the schemas or the reference decoder's rules for the whole file."""
     whole_file = json.loads(text)
     jsonschema.validate(whole_file, SCHEMA)
     (own,) = whole_file["perceptions"]
@@ -182,7 +184,7 @@ def test_other_drives_and_two_sets(drive):
 
 
 def test_devices_are_the_kinds_of_taxel(small):
-    """Resonance, half-power frequencies, impedance, limits; ten digits are written."""
+    """Resonance, half-power frequencies, impedance and limits are written with ten digits."""
     spec, read = small.spec, read_hjif(hjif_text(small))
     assert [device.name for device in read.devices] == ["t channel 0", "t channel 1"]
     assert [read.devices[c.device - 1].name[-1] for c in read.channels] == list("0101010")
@@ -229,7 +231,7 @@ def test_a_measured_pad_has_a_device_for_each_taxel(small):
 
 
 def played(band: dict, time_s: np.ndarray) -> np.ndarray:
-    """The band as the standard's synthesiser plays it: straight amplitudes, a sine from the effect's phase on."""
+    """Play a band as the standard's synthesiser does: straight amplitudes times a sine from the effect's phase."""
     signal = np.zeros(len(time_s))
     for effect in band["effects"]:
         frames = effect["keyframes"]
@@ -242,7 +244,7 @@ def played(band: dict, time_s: np.ndarray) -> np.ndarray:
 
 
 def level_of(shown: Timeline, taxel: int, time_s: np.ndarray) -> np.ndarray:
-    """The timeline's level itself, with the smooth step."""
+    """Return the timeline's own level, with its smooth steps."""
     key = np.clip(np.searchsorted(shown.time_s, time_s, side="right") - 1, 0, len(shown.time_s) - 2)
     share = (time_s - shown.time_s[key]) / (shown.time_s[key + 1] - shown.time_s[key])
     before, after = shown.levels[key, taxel], shown.levels[key + 1, taxel]
@@ -250,7 +252,7 @@ def level_of(shown: Timeline, taxel: int, time_s: np.ndarray) -> np.ndarray:
 
 
 def test_what_is_played_has_the_timelines_levels(small):
-    """To 0.02: the straight pieces leave the step by 0.011, times are rounded to half a millisecond."""
+    """Within 0.02: straight pieces leave the smooth step by 0.011, and times are rounded to half a millisecond."""
     shown = timeline(small, frames_of(small, 4))
     channels = perception(hjif_text(small, shown))["channels"]
     time_s = np.arange(0, shown.seconds, 1e-3)
@@ -272,7 +274,7 @@ def test_long_vibrations_are_cut_without_a_seam(small):
 
 
 def test_what_was_written_is_read(small):
-    """At the keyframes, which are moved by half a millisecond at most, the level is theirs."""
+    """Levels are exact at the keyframes, whose times are moved by half a millisecond at most."""
     shown = timeline(small, frames_of(small, 5))
     read = read_hjif(hjif_text(small, shown))
     ticks = np.round(shown.time_s * 1000) / 1000

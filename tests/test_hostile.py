@@ -1,4 +1,4 @@
-"""Input that is made to break it: one sentence within seconds and bounded memory, and nothing of it on the terminal."""
+"""Hostile input: it gets one sentence within seconds and bounded memory, and none of its text steers the terminal."""
 
 import csv
 import io
@@ -44,16 +44,16 @@ from padgen.spec.model import Spec
 BASE = 'name = "a"\nresolution = 4\nband_hz = [50, 200]\nq_min = 15\n'
 SWEEP = 'name = "s"\nbase = "paper-32"\n'
 MEMORY, SECONDS = 3 << 30, 60
-"""Of a child: many times what it takes, and far below what it took."""
+"""Limits of a child process: many times what it needs, and far below what hostile input once took."""
 
 
 def numbered():
-    """Names of cases that are too long, or too odd, to be their own."""
+    """Return numbers as names of cases whose own text is too long, or too odd, for a name."""
     return map(str, count())
 
 
 def run(*arguments: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    """A command in a process that may not take all memory."""
+    """Run a command in a process with limited memory."""
     return subprocess.run(
         [sys.executable, "-m", "padgen", *arguments],
         capture_output=True,
@@ -67,7 +67,7 @@ def run(*arguments: str, folder: Path, **environment: str) -> subprocess.Complet
 
 
 def refused(done: subprocess.CompletedProcess[str]) -> str:
-    """The one sentence of a refusal."""
+    """Return the one sentence of a refusal."""
     assert done.returncode == 2, done
     assert not done.stdout
     assert "Traceback" not in done.stderr
@@ -281,7 +281,7 @@ BOUNDS = sorted((p for p in template_paths().values()), key=lambda p: p.stem)
 
 
 def mutated(rng: random.Random) -> dict:
-    """A template with some fields anywhere within their bounds, and beyond."""
+    """Return a template with some fields set anywhere within their bounds, or beyond."""
     table = tomllib.loads(rng.choice(BOUNDS).read_text())
     kinds = {**PLAIN_TABLES, **{name: kind for name, (kind, _) in CATALOGUES.items()}}
     for _ in range(rng.choice([1, 1, 1, 2, 3])):
@@ -519,7 +519,7 @@ def ply(vertices=4, faces=2, rows="3 0 1 2\n3 0 1 3\n") -> bytes:
 
 
 def prism(corners: int, radius) -> bytes:
-    """An OBJ of a prism whose ends are one polygon each."""
+    """Return an OBJ of a prism, each end of which is one polygon."""
     at = [
         (radius(k) * math.cos(2 * math.pi * k / corners), radius(k) * math.sin(2 * math.pi * k / corners))
         for k in range(corners)
@@ -547,7 +547,7 @@ TETRAHEDRON = (
 
 
 def threemf(objects: list[str], items: str, before: str = "", blank: int = 0) -> bytes:
-    """A 3MF of objects numbered from 1."""
+    """Return a 3MF of objects numbered from 1."""
     data = io.BytesIO()
     numbered = "".join(f'<object id="{k}" type="model">{body}</object>' for k, body in enumerate(objects, start=1))
     with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as package:

@@ -1,4 +1,4 @@
-"""Imports go one way; every module says what it offers."""
+"""Imports go one way between rooms and within them, and every module states its public names."""
 
 import ast
 import importlib
@@ -27,7 +27,7 @@ LAYERS = [
 LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}
 MODULES = sorted(ROOT.rglob("*.py"))
 FACES = {("planner/plan.py", "report")}
-"""How a noun shows itself: imported within a method, when a notebook or a plot asks."""
+"""Imports within a method by which a noun shows itself to a notebook or a plot."""
 
 
 def room(path: Path) -> str:
@@ -63,7 +63,7 @@ def module_name(path: Path, root: Path = ROOT) -> str:
 
 
 def run_imports(node: ast.AST) -> Iterator[str]:
-    """Names that may be modules, imported when a module is loaded or one of its functions runs."""
+    """Return names that may be modules, imported when a module is loaded or one of its functions runs."""
     if isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING"):
         for child in node.orelse:
             yield from run_imports(child)
@@ -78,7 +78,7 @@ def run_imports(node: ast.AST) -> Iterator[str]:
 
 
 def circles(root: Path) -> list[str]:
-    """One circle of imports in each room that has any."""
+    """Return one circle of imports for each room that has any."""
     rooms = defaultdict(dict)
     for path in root.rglob("*.py"):
         place = path.relative_to(root).parts
@@ -114,7 +114,7 @@ ONLY_TYPES = "import typing\nif typing.TYPE_CHECKING:\n    from toy.room.a impor
     ],
 )
 def test_circles_are_found(tmp_path, b, c, circle):
-    """Of a → b → c, an import within a function too; not what is for types alone, nor through another room."""
+    """A circle a → b → c counts, also by imports within functions, but not by types alone or through another room."""
     for name, text in {
         "room/a": "from toy.room.b import x",
         "room/b": b,
@@ -129,7 +129,7 @@ def test_circles_are_found(tmp_path, b, c, circle):
 
 
 def test_file_names_tell_modules_apart():
-    """No two rooms have a file of the same name; `cli` has one for each command."""
+    """No two rooms have a file of the same name, but `cli` has one for each command."""
     places = defaultdict(list)
     for path in MODULES:
         if path.stem != "__init__" and room(path) != "cli":

@@ -1,8 +1,7 @@
-"""Every term that a plan drops: true error ≤ bound ≤ 20 × true error, against a finer model of each.
+"""Every term that a plan leaves out has a bound with true error ≤ bound ≤ 20 × true error.
 
-`tests/finer_models.py` says what counts as true for each; here they meet scenes made for them, and random specs.
-
-The bounds are of the first order in places, so a true error may exceed them by `SLACK`.
+The true errors are by the finer models of `tests/finer_models.py`, on scenes made for each term and on random specs.
+The bounds are of the first order in places, so a true error may exceed them by the factor `SLACK`.
 """
 
 import csv
@@ -92,9 +91,9 @@ def within(bound: float | None, true: float, most: float = MOST) -> None:
 def true_current_error(
     pull: float, amplitude: float, resonance: float, resistance: float, inductance: float, bias: float = 0.0
 ) -> float:
-    """Steady current with a washer that moves, in its flux ``(L + 2 c z) i``, against the one planned.
+    """Integrate the steady current in the flux ``(L + 2 c z) i`` of a moving washer; return the plan's error.
 
-    A tone of 1 A at half the resonance, or at the resonance beside a constant of `bias`.
+    The current is a tone of 1 A at half the resonance, or at the resonance beside a constant of `bias`.
     """
     from scipy.integrate import solve_ivp
 
@@ -128,7 +127,7 @@ MOTIONS = (
 
 
 def motion(pull: float, amplitude: float, resonance: float, *coil: float) -> tuple[float, float]:
-    """Bound and true error of the current."""
+    """Return the bound and the true error of the current."""
     resistance, inductance, *bias = coil
     drive = resonance if bias else resonance / 2
     each = (np.array([v], float) for v in (pull, amplitude, resonance, drive, *(bias or [0.0])))
@@ -138,7 +137,7 @@ def motion(pull: float, amplitude: float, resonance: float, *coil: float) -> tup
 
 @pytest.mark.parametrize("numbers", MOTIONS)
 def test_motion(numbers):
-    """From a millionth of the current to a twentieth of it."""
+    """Errors reach from a millionth of the current to a twentieth."""
     within(*motion(*numbers))
 
 
@@ -162,23 +161,22 @@ BEAMS = (
     ("resin-fine", "cantilever", (0.4, 0.45, 0.65)),
     ("resin-fine", "bridge", (0.4, 0.45, 0.65)),
 )
-"""Plates of these scenes on beams of width, thickness and length in mm. The second and third folded ones would break a
-bound that does not count how what is missed mixes modes, by a third and more."""
+"""Scenes whose plates hang on beams of this topology, and of width, thickness and length in mm."""
 
 
 def inertia(name: str, topology: str, shape_mm: tuple[float, float, float]) -> tuple[float, float]:
-    """Bound and true error of the resonance."""
+    """Return the bound and the true error of the resonance."""
     return beam_inertia_of(suspended(*scene(name), topology, BeamShape(*shape_mm)))
 
 
 @pytest.mark.parametrize(("name", "topology", "shape_mm"), BEAMS)
 def test_beam_inertia(name, topology, shape_mm):
-    """From 5e-7 to 1 % of the resonance, of either sign: ends that give can make the beams' mass less."""
+    """Errors reach from 5e-7 to 1 % of the resonance, of either sign: soft beam ends can lower the beams' mass."""
     within(*inertia(name, topology, shape_mm))
 
 
 def test_beam_inertia_is_the_plans():
-    """The entry is the bound of the plan's own beams, of the worst channel; solved by finite elements there is none."""
+    """The entry is the largest bound of the plan's own beams; a plan solved by finite elements has none."""
     spec, plan = scene("wide-11")
     bounds = []
     for channel in plan.channels:
@@ -215,12 +213,12 @@ def test_bound_of_a_plan(term, name):
 LACKS = {
     "far modes": lambda spec, plan: plan.selectivity.modes_left_out == 0,
 }
-"""Where a plan leaves nothing of a term out."""
+"""Conditions under which a plan leaves nothing of a term out."""
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_frame(name):
-    """The bound that test_pad_frame holds against the whole pad, of the worst channel."""
+    """The entry is the bound that test_pad_frame compares with the whole pad, of the worst channel."""
     from padgen.planner.frame_give import flexibility_bounds
 
     bound = flexibility_bounds(scene(name)[1], "corners").max()
@@ -258,7 +256,7 @@ FIELDS = {
 
 
 def saturation(name: str, current_a: float) -> tuple[float, float]:
-    """Bound and loss of force."""
+    """Return the bound and the loss of force."""
     return saturation_on_axis(*FIELDS[name], current_a)
 
 
@@ -266,13 +264,13 @@ def saturation(name: str, current_a: float) -> tuple[float, float]:
     ("name", "current_a"), [("paper coil", 0.06), ("paper coil", 3.0), ("drum", 0.25), ("air core", 1.0)]
 )
 def test_saturation(name, current_a):
-    """Down to 0.06 %, and up to all of the core."""
+    """Losses reach from 0.06 % to that of a wholly saturated core."""
     pytest.importorskip("ngsolve", exc_type=ImportError)
     within(*saturation(name, current_a))
 
 
 def eddy_currents(name: str, hz: float) -> tuple[float, float]:
-    """Bound, and the change of the force's phasor, by eddy currents in core and washer of iron."""
+    """Return the bound and the change of the force's phasor by eddy currents in core and washer of iron."""
     coil, washer, gap = FIELDS[name]
     still, moved = eddy_forces(coil, washer, gap, hz, 1e-7)
     bound = 2 * core_eddies(coil, 1e-7, hz) if coil.core_diameter else 0.0
@@ -310,7 +308,7 @@ def test_shielding_of_two_is_a_dipoles():
 
 @pytest.mark.parametrize("number", [1, 23, 51, 125, 367])
 def test_bounds_of_random_specs_hold(number):
-    """A washer over a wide gap's film, an edge in the side force, bridges that stretch and sag, four of one coil."""
+    """Specs: a washer over a wide film, an edge in the side force, bridges that stretch and sag, four on a coil."""
     plan = make_plan(make_spec(random_table(number)))
     bounds = {e.term: e.bound for e in left_out(plan) if e.status == "bounded"}
     quick = {**TRUE, "leakage": true_leakage}
@@ -325,7 +323,7 @@ def test_bounds_of_random_specs_hold(number):
 
 
 def test_campaign_breaks_no_bound():
-    """Plans of random specs, as recorded; each bound is at most ten times the true size in some of them."""
+    """Recorded plans of random specs break no bound; each term's bound is at most ten times the true size in one."""
     path = Path(__file__).parent / "reference" / "left_out_campaign.csv"
     rows = list(csv.DictReader(path.read_text(encoding="ascii").splitlines()))
     ratios: dict[str, list[float]] = {}
@@ -394,7 +392,7 @@ def test_one_coil_leaks_nothing_and_one_channel_has_no_neighbour():
 
 
 def test_constant_current_of_a_biased_coil_counts():
-    """B over b is `bias_ratio` for the strongest line of its coil, more for the weaker."""
+    """B over b is `bias_ratio` for the strongest line of its coil, and larger for weaker ones."""
     spec, plan = scene("two sets")
     lines = np.array([c.line_a2 for c in plan.channels])
     strongest = np.array([max(lines[k % 2 :: 2]) for k in range(len(lines))])

@@ -64,7 +64,7 @@ def written(plan: Plan, folder: Path, formats: str, state: str = "1111", **more)
 
 
 def watts(plan: Plan, volts_held: np.ndarray, rate_hz: int) -> float:
-    """R times the mean of i² of the warmest coil, volts (samples, coils) over whole periods: v = R i + L di/dt."""
+    """Return R times the mean i² of the warmest coil, from volts (samples, coils) over whole periods."""
     coil, count = plan.spec.coil, len(volts_held)
     omega = 2 * np.pi * np.arange(count // 2 + 1) * rate_hz / count
     current = np.fft.rfft(volts_held, axis=0) / (coil.resistance_ohm + 1j * omega * coil.inductance_mh * 1e-3)[:, None]

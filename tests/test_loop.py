@@ -1,4 +1,4 @@
-"""Closing the loop: plans that carry what finite elements say of the printed solids."""
+"""Plans tuned to the finite-element resonances of their own printed solids."""
 
 import json
 import os
@@ -27,11 +27,11 @@ from padgen.spec import load_spec, parse_spec
 SPEC = 'name = "a"\nresolution = 2\nband_hz = [50, 200]\nq_min = 15\nresonances_hz = [80, 120]\n'
 WHOLE = "[pad]\nwidth_mm = 25\ndepth_mm = 25\n[coil]\ngrid = [1, 1]\n"
 SOLVED = 2e-3
-"""What the solver is asked for; the loop ends within half of it, or at a step of the printer."""
+"""Accuracy asked of the solver; the loop ends within half of it, or at a step of the printer."""
 
 
 def in_a_process(work, *arguments):
-    """The engine and the CAD kernel must not meet."""
+    """Run `work` in a process of its own, since the finite-element engine and the CAD kernel cannot share one."""
     with Runner() as runner:
         return runner.run(work, *arguments).value
 
@@ -51,7 +51,7 @@ def test_the_printed_solid_resonates_where_it_was_planned(solved):
 
 
 def test_a_finer_solve_of_the_exported_file_agrees(solved, tmp_path):
-    """By order 4 on elements of half the size; the loop took order 3 on the usual ones. The stated errors add up."""
+    """Order 4 on elements of half the size agrees with the loop's order 3 within the sum of both stated errors."""
     _, plan = solved
     from padgen.solid.formats.step import write_taxel_step
 
@@ -115,7 +115,7 @@ def test_what_another_process_solved_meanwhile_is_not_solved_again(solved, monke
 
     @contextmanager
     def waited(kind, keys):
-        """Until another process has solved the first taxel."""
+        """Wait until another process has solved the first taxel."""
         first, *_ = sorted(keys)
         cache.store(kind, first, loop._to_plain(others))
         yield
@@ -133,7 +133,7 @@ def test_what_another_process_solved_meanwhile_is_not_solved_again(solved, monke
 
 
 def test_coarse_steps_end_at_the_nearest_beam():
-    """A resin printer's pixels are coarser than the miss: the plan keeps its beams, with the solids' resonances."""
+    """A resin printer's pixels are coarser than the miss: the plan keeps its beams and takes the solids' resonances."""
     spec = load_spec("resin-fine")
     trial_hz, goal_hz = 64.0, 62.4
     sized = loop.choose(spec).channels[0]
@@ -153,7 +153,7 @@ def test_the_secant_takes_its_slope_from_the_last_two_trials():
 
 
 def planned_with(monkeypatch, error):
-    """A plan of solids whose solver states `error` and solves all to 80 Hz by setting 2; notes what it is asked for."""
+    """Plan with a solver that states `error`, solves every taxel to 80 Hz from setting 2 on, and notes its calls."""
 
     def solve(self, plan, asked):
         settings.append(asked)
@@ -195,7 +195,7 @@ def test_what_sufficed_for_the_last_width_is_tried_first(monkeypatch):
 
 
 def test_a_folded_resin_taxel_is_known_to_its_stated_error(monkeypatch, tmp_path):
-    """Whose order 2 is 6 % off on the usual mesh, from which nothing can be extrapolated.
+    """Order 2 is 6 % off on the usual mesh for this taxel, so that nothing can be extrapolated from it.
 
     The reference is docs/measure_loop.py's: order 4 on a mesh of a third of the size with three layers, good to
     0.05 %. The beam stays, as the printer's pixels are coarser than the miss.
@@ -276,7 +276,7 @@ def test_an_entry_comes_back_as_it_was(solved):
 
 
 def test_a_refusal_leaves_no_process_and_auto_its_beam_plan(monkeypatch, tmp_path):
-    """A tolerance that no setting reaches: the solver refuses, ``auto`` keeps the beam model's plan."""
+    """No setting reaches the tolerance: the solver refuses, and ``auto`` keeps the beam model's plan."""
     monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "empty"))
     monkeypatch.setattr(loop, "solve_step", _refuse)
     spec = parse_spec(SPEC + WHOLE)
@@ -289,7 +289,7 @@ def test_a_refusal_leaves_no_process_and_auto_its_beam_plan(monkeypatch, tmp_pat
 
 
 def _refuse(taxel, tolerance, setting):
-    """The first channel's taxel has no answer, while the other's is still being solved."""
+    """Refuse the first channel's taxel while the other's is still being solved."""
     if taxel.step.name != "taxel-0.step":
         time.sleep(60)
     raise SolverError("no answer")

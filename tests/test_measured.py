@@ -1,4 +1,4 @@
-"""Reading measurements, each kind against the print it was made of, and every bad one against its sentence.
+"""Reading measurements: each kind against the print that made it, and every bad file against its message.
 
 | figure | reference | tolerance | reason |
 |---|---|---|---|
@@ -32,12 +32,12 @@ from padgen.spec import parse_spec
 
 RATE = 2000.0
 PRINT = {"r0c0k0": (62.0, 14.0, 900.0), "r0c0k1": (91.0, 17.0, 400.0)}
-"""Resonance in Hz, Q, response in µm per A² of the print that is measured."""
+"""Resonance in Hz, Q, and response in µm per A² of the measured print."""
 
 
 @pytest.fixture(scope="module")
 def plan() -> Plan:
-    """Two coils of two channels, at 60 and 90 Hz."""
+    """A plan of two coils of two channels, at 60 and 90 Hz."""
     return make_plan(
         parse_spec("""
 name = "t"
@@ -82,7 +82,7 @@ def decays():
 
 
 def driven():
-    """Time, current, and both taxels' displacement in µm, by the receptance at every line of i²."""
+    """Return time, current, and both taxels' displacement in µm, by the receptance at every line of i²."""
     time = np.arange(int(3 * RATE)) / RATE
     phase = 2 * np.pi * (10 * time + 20 * time**2)
     current = 0.2 * np.sin(phase / 2 + 0.1) * np.minimum(1, 10 * (3 - time))
@@ -170,7 +170,7 @@ def wav(samples, rate=int(RATE)):
 
 
 def four(columns):
-    """Channels of all four taxels of the plan, the second coil's as the first's."""
+    """Return channels of all four taxels of the plan, with the second coil's equal to the first's."""
     return np.stack([*columns, *columns], axis=1)
 
 
@@ -368,7 +368,7 @@ def test_bad_folders(plan, tmp_path):
 
 
 def test_silence_around_a_coils_turn_changes_nothing(plan):
-    """A record of the whole excitation, in which the coil has its turn, tells what the turn alone tells."""
+    """A record of the whole excitation gives the same fit as the part in which the coil has its turn."""
     text = simulated_measurement(plan, planned_tuning(plan), 3, "chirp")
     whole = read_measured_text(text, plan)
     (first,) = (part for part in whole.taxels[:1])

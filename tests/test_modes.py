@@ -1,4 +1,4 @@
-"""All modes of the taxels: what they add to selectivity, and the findings about them.
+"""All modes of the taxels: their effect on selectivity, and the findings about them.
 
 | model | reference | tolerance | reason |
 |---|---|---|---|
@@ -72,7 +72,7 @@ boss_diameter_mm = 3.5
 
 
 def random_coil(count, modes, seed):
-    """Channels whose taxels have other modes anywhere, felt in three ways, up to half as much as the own one."""
+    """Return channels whose taxels have random other modes in three directions, up to half as strong as their own."""
     draw = np.random.default_rng(seed)
     own = np.sort(draw.uniform(40, 400, count))
     which = channels(own, draw.uniform(5, 50, count), draw.uniform(0.5, 2, count), 0.1, draw.uniform(0.5, 2, count))
@@ -90,7 +90,7 @@ def model_of(spec, topology="cantilever", beam=(0.627, 0.3, 6.6)):
 
 
 def test_a_taxel_with_two_modes_by_hand():
-    """Own mode at 50 Hz; one at 80 Hz of opposite sign and a tenth of its compliance. Q = 10."""
+    """The own mode is at 50 Hz, one of opposite sign and a tenth of its compliance at 80 Hz, with Q = 10."""
     frequency, gain, q = np.array([[50.0, 80.0]]), np.array([[[1.0], [-0.1]]]), np.array([10.0])
     taxels = modal_taxels(frequency, gain, q, np.array([50.0]))
 
@@ -105,7 +105,7 @@ def test_a_taxel_with_two_modes_by_hand():
 
 
 def test_the_figures_of_two_modes_by_hand():
-    """Two taxels, one channel on: taxel 0 has a mode on the other's tone."""
+    """With one of two channels on, the OFF taxel 0 has a mode on the other's tone."""
     which = channels(np.array([50.0, 80.0]), 10.0, np.array([1.0, 1.0]))
     frequency, gain = np.array([[50.0, 80.0], [80.0, 50.0]]), np.array([[[1.0], [0.2]], [[1.0], [0.0]]])
     modes = modal_taxels(frequency, gain, which.q, which.resonance_hz)
@@ -117,7 +117,7 @@ def test_the_figures_of_two_modes_by_hand():
 
 
 def test_in_turns_the_worst_channel_may_be_one_that_drives_a_mode():
-    """The nearer tone is the louder one for the taxel's own mode; its other mode lies on the farther one."""
+    """The nearer tone moves the taxel's own mode more; its other mode lies on the farther tone."""
     which = channels(np.array([50.0, 80.0, 130.0]), 10.0, np.array([1.0, 0.5, 0.2]))
     frequency, gain = np.array([[50.0, 130.0], [80.0, 1e3], [130.0, 1e3]]), np.zeros((3, 2, 1))
     gain[:, 0], gain[0, 1] = 1.0, 0.5
@@ -137,7 +137,7 @@ def test_one_mode_is_the_single_resonator():
 @pytest.mark.parametrize("own", [[0.1, 0.3, 0.4, 0.7], [100.0, 100.0 * (1 + 1e-9), 100.0 * (1 + 3e-9)]], ids=str)
 @pytest.mark.parametrize("q", [15.0, 1e8])
 def test_a_spur_on_a_resonance_keeps_its_distance(q, own):
-    """Where no frequency is a double, a sum of tones misses a third taxel by a rounding: at Q = 1e8 it counts."""
+    """A sum of rounded frequencies misses a third taxel's resonance by a rounding, which counts at Q = 1e8."""
     own = np.array(own)
     which = channels(own, q, 1 / own)
     alone = modal_taxels(own[:, None], np.ones((len(own), 1, 1)), which.q, own)
@@ -154,7 +154,7 @@ def test_a_taxel_that_its_own_tone_does_not_move_is_refused():
 
 
 def plain_energies(which: Channels, scheme: Scheme, modes: ModalTaxels, state):
-    """Energies (n,) of all taxels in one state, line by line from the definitions; taking turns, the loudest turn."""
+    """Return energies (n,) of all taxels in one state, line by line; where channels take turns, of the loudest turn."""
     on = np.flatnonzero(state)
     r, line = which.resonance_hz, which.line
 
@@ -182,7 +182,7 @@ def plain_energies(which: Channels, scheme: Scheme, modes: ModalTaxels, state):
 @pytest.mark.parametrize("scheme", ALL, ids=SCHEMES)
 @pytest.mark.parametrize("count", [2, 3, 5])
 def test_closed_form_equals_all_states_with_all_modes(count, scheme):
-    """Against complex sums over every state, and against the table of every state."""
+    """The closed form agrees with complex sums over every state, and with the table of every state."""
     which, modes = random_coil(count, 4, seed=count)
     figure = all_states(which, scheme, modes)
     ratios = []
@@ -248,7 +248,7 @@ def test_modes_far_from_every_line_are_left_out_within_their_bound():
 
 
 def test_the_bound_is_reached_by_a_mode_above_all_lines():
-    """One line at the top, one mode above in step: what is left out is at most a few times less than the bound."""
+    """With one line at the top and one mode above it, in step, the bound is at most a few times the true error."""
     which = channels(np.array([100.0, 200.0]), 15.0, np.array([1.0, 1.0]))
     gain = np.array([[[1.0], [3e-6]], [[1.0], [0.0]]])
     modes = modal_taxels(np.array([[100.0, 600.0], [200.0, 600.0]]), gain, which.q, which.resonance_hz)
@@ -258,7 +258,7 @@ def test_the_bound_is_reached_by_a_mode_above_all_lines():
 
 
 def test_the_bound_counts_lines_above_all_tones():
-    """Beside a small constant, two tones make a strong line at their sum; a mode lies on it, Q = 50."""
+    """Beside a small constant, two tones make a strong line at their sum, where a mode with Q = 50 lies."""
     which = channels(np.array([100.0, 130.0, 170.0]), 50.0, np.array([100.0, 130.0, 170.0]) ** -2.0)
     frequency, gain = np.array([[100.0, 300.0], [130.0, 1e4], [170.0, 1e4]]), np.zeros((3, 2, 1))
     gain[:, 0], gain[0, 1] = 1.0, 5e-9
@@ -281,7 +281,7 @@ def test_a_loud_mode_is_never_left_out():
 
 
 def test_a_pull_off_the_axis_excites_torsion_by_its_lever():
-    """A plate on a torsion spring: F at y turns it by F y/k_t, and the boss' disc of radius a then moves by a/2 θ."""
+    """A force F at y turns a plate on a torsion spring by θ = F y/k_t; the boss of radius a moves by a/2 θ."""
     inertia, mass, torsion_hz, bending_hz, lever, radius = 2e-10, 1e-4, 300.0, 60.0, 1.5e-3, 1.25e-3
     motion = np.zeros((2, 6))
     motion[0, 2], motion[1, 3] = mass**-0.5, inertia**-0.5
@@ -302,7 +302,7 @@ def test_a_pull_off_the_axis_excites_torsion_by_its_lever():
 
 @pytest.mark.parametrize(("topology", "beam"), [("cantilever", (0.627, 0.3, 6.6)), ("folded", (0.6, 0.4, 7.5))])
 def test_modes_of_the_beam_model_move_the_washer_as_a_body(paper_spec, topology, beam):
-    """The washer's axis on z = 0 and its turns give the motion of any other point, and the model's compliances."""
+    """The motion on the washer's axis and its turns give the model's compliances at any other point of the body."""
     model = model_of(paper_spec, topology, beam)
     modes = taxel_modes(model)
     arm = np.array([1.1e-3, -0.7e-3, 2.3e-3])
@@ -317,7 +317,7 @@ def test_modes_of_the_beam_model_move_the_washer_as_a_body(paper_spec, topology,
 
 
 def test_wrenches_turn_with_the_taxel(paper_spec):
-    """The same taxel seen from its coil in four directions; moved from the washer's underside to the bed's plane."""
+    """The same taxel is seen from its coil in four directions, and from the washer's underside or the bed."""
     turned = {"+x": (2.0, -3.0), "+y": (3.0, 2.0), "-x": (-2.0, 3.0), "-y": (-3.0, -2.0)}
     sites = [Site((0, 0), (0, 0), at, along, float(np.hypot(*at))) for along, at in turned.items()]
     pulled = site_pulls(paper_spec, sites, np.full(4, 1000.0))
@@ -335,7 +335,7 @@ def test_wrenches_turn_with_the_taxel(paper_spec):
 
 
 def test_the_side_nearer_to_the_coil_is_pulled_more(paper_plan):
-    """On the paper's pad the coil is on the side of the roots: it pulls nearer to them, and moves the boss less."""
+    """On the paper's pad the coil lies on the side of the roots: it pulls nearer to them, and moves the boss less."""
     for channel in paper_plan.channels:
         working = int(np.argmax(channel.mode_shares))
         assert channel.pull_wrench[4] > 0
@@ -370,7 +370,7 @@ def test_plans_carry_their_modes(paper_plan):
 
 
 def test_modes_of_a_solid_are_taken_as_they_are(paper_spec):
-    """Four of the beam model's six modes, the others as what they add to the static compliance: as good, far below."""
+    """Four of the beam model's six modes, with the rest as static compliance, are as good far below."""
     model = model_of(paper_spec)
     full = taxel_modes(model)
     high = full.motion[4:] / (2 * np.pi * full.frequency_hz[4:, None])
@@ -429,7 +429,7 @@ def test_modes_are_named_by_their_shape(paper_plan):
 
 @pytest.fixture(scope="module")
 def crowded_plan():
-    """Four channels, the highest on the lateral mode of the second, wherever the beam model puts that."""
+    """Plan four channels, the highest on the lateral mode of the second, as the beam model has it."""
     top_hz = 170.0
     for _ in range(3):
         plan = make_plan(parse_spec(CROWDED.format(f"{top_hz:.6g}")))
@@ -448,7 +448,7 @@ def of(plan, code):
 
 
 def test_a_crowded_mode_is_found_and_costs(crowded_plan):
-    """Channel 1's lateral mode lies on the tone of channel 3; beside its washer's axis the pull excites it."""
+    """Channel 1's lateral mode lies on the tone of channel 3, and the pull off the washer's axis excites it."""
     (crowded,), (cost,) = of(crowded_plan, "modes.crowded"), of(crowded_plan, "selectivity.modes")
     figures = crowded_plan.selectivity
     assert (crowded.level, crowded.where, cost.where) == ("warning", "channel 1", "coil")
@@ -477,7 +477,7 @@ def test_a_crowded_mode_is_found_and_costs(crowded_plan):
 
 
 def test_a_mode_that_is_near_and_costs_is_one_finding(crowded_plan):
-    """By equal displacement the highest tone is the strongest: the mode passes 1/Δy and costs more."""
+    """With equal displacement the highest tone is the strongest: the mode exceeds 1/Δy and costs more."""
     spec = parse_spec(CROWDED.format(f"{lateral_hz(crowded_plan):.6g}") + "[drive]\nlevel_law = 0\n")
     plan = make_plan(spec)
     (crowded,) = of(plan, "modes.crowded")
@@ -510,7 +510,7 @@ def test_a_change_that_does_not_help_is_not_offered(crowded_plan, monkeypatch, a
 
 
 def test_a_mode_on_a_spur_is_named_with_its_makers_and_cleared_by_a_drive(crowded_plan):
-    """Channel 0's torsion mode moved onto the sum spur of channels 1 and 3, and made loud."""
+    """Channel 0's torsion mode is moved onto the sum spur of channels 1 and 3, and made strong."""
     spec, (first, *others) = crowded_plan.spec, crowded_plan.channels
     torsion = mode_names(spec, first).index("torsion")
     spur_hz = (others[0].resonance_hz + others[2].resonance_hz) / 2
@@ -536,7 +536,7 @@ def test_a_mode_on_a_spur_is_named_with_its_makers_and_cleared_by_a_drive(crowde
 
 
 def test_the_quick_look_passes_nothing_over(crowded_plan):
-    """Where modes are not even looked at, looking finds none."""
+    """Where the quick look skips the modes, the full look finds none."""
     assert modes_matter(crowded_plan)
     for name in ("paper-16", "paper-32", "triple-48", "resin-fine"):
         plan = make_plan(load_spec(name))
@@ -563,7 +563,7 @@ def test_a_second_mode_in_a_slot_that_nothing_excites_is_a_note(crowded_plan):
 
 
 def test_levels_bend_what_counts():
-    """A flatter level law makes high tones relatively louder, so that a low taxel's mode on them counts more."""
+    """A flatter level law makes high tones relatively stronger, so that a low taxel's mode on them counts more."""
     spec = parse_spec(CROWDED.format(170))
     costs = []
     for law in (0.0, 2.0):

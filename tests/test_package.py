@@ -1,4 +1,4 @@
-"""What pip installs: the wheel of a checkout and that of an sdist, in an environment that has no checkout."""
+"""The wheels that pip installs, of a checkout and of its sdist, in an environment without the checkout."""
 
 import os
 import shutil
@@ -17,7 +17,7 @@ NOT_PACKED = (".*", "__pycache__", "*.egg-info", "build", "dist", "docs", "out",
 
 
 def pip_wheel(source: Path, folder: Path) -> Path:
-    """With the setuptools that is installed here, so that no network is needed."""
+    """Build a wheel with the installed setuptools, so that no network is needed."""
     command = [*PIP, "wheel", "--no-deps", "--no-build-isolation", "--no-index", "--wheel-dir", folder, source]
     subprocess.run([*map(str, command)], check=True, capture_output=True)
     (wheel,) = folder.glob("*.whl")
@@ -26,7 +26,7 @@ def pip_wheel(source: Path, folder: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def checkout(tmp_path_factory):
-    """A copy, as building leaves folders behind."""
+    """A copy of the checkout, since building leaves folders behind."""
     copy = tmp_path_factory.mktemp("checkout") / "padgen"
     shutil.copytree(ROOT, copy, ignore=shutil.ignore_patterns(*NOT_PACKED))
     return copy
@@ -38,7 +38,7 @@ def wheel(checkout, tmp_path_factory):
 
 
 def environment(folder: Path) -> Path:
-    """An empty environment that finds the packages of this one, but no editable ones; its folder of programs."""
+    """Make an empty environment that finds this one's packages, but no editable ones; return its folder of programs."""
     venv.create(folder, with_pip=False)
     paths = {name: sysconfig.get_path(name) for name in ("purelib", "platlib")}
     (site,) = folder.glob("lib/python*/site-packages")

@@ -57,9 +57,11 @@ REDUCED = {
     ("edges", 0): (-0.1448, -0.0529, (96.8, 88.4, 131.4)),
     ("edges", 1): (-0.2483, -0.0900, (132.6, 83.0, 98.4)),
 }
-"""By channel driven: shifts in % of its softest and stiffest taxel, and how many dB below it the others move, in the
-order of the plan. From a Craig-Bampton reduction of every tile, washers and all, by elements of order 4 and
-polynomials of degree 6 along the seams and 4 in height; from degree 6 to 9 its shifts grow by a twentieth."""
+"""Shifts in % of the softest and stiffest taxel of the driven channel, and by how many dB the others move less.
+
+They are from a Craig-Bampton reduction of every tile, washers included, by elements of order 4 and polynomials of
+degree 6 along the seams and 4 in height; from degree 6 to 9 its shifts grow by a twentieth.
+"""
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +85,7 @@ def shifts(plan, pad, channel) -> list[float]:
 
 
 def one_above_the_other(k: float, m: float, frame_k: float, frame_m: float) -> tuple[PadModes, np.ndarray, np.ndarray]:
-    """A taxel that only moves vertically on a frame of one motion; the same as two masses."""
+    """Return a taxel that only moves vertically on a frame of one motion, and the equal system of two masses."""
     stiff, up = np.diag([1e6, 1e6, k, 1e3, 1e3, 1e3]), np.eye(6)[:, [2]]
     body = np.diag([m, m, m, 1e-9, 1e-9, 1e-9])
     # Two beams that share the load: half the stiffness each.
@@ -140,7 +142,7 @@ def test_a_frame_that_is_glued_down_carries_least(pads, plan):
 
 
 def bare_frame_hz(plan, clamping):
-    """Lowest mode of the frame without taxels."""
+    """Return the lowest mode of the frame without taxels."""
     mesh = meshed(_frame_solid(plan, clamping), MESH, "frame", set())
     material = plan.spec.material
     plastic = Elastic(material.youngs_modulus_gpa * GPA, material.poisson_ratio, material.density_g_per_cm3 * G_PER_CM3)

@@ -14,7 +14,7 @@ HEADER = ("number", "name", "status", "taxels", "selectivity_db", "power_w", "se
 
 
 def row(number, taxels, selectivity, power, status="done", errors=0, sentence="", seconds=0.1):
-    """A record and its row of the index; a figure that is None is missing."""
+    """Return a record and its row of the index; a figure that is None is missing."""
     figures = {"taxels": taxels, "selectivity_db": selectivity, "power_w": power}
     cells = ("" if figure is None else f"{figure:.10g}" for figure in figures.values())
     record = Record(number, "", status, sentence, {}, figures, errors, 0, (), seconds, 90.0)
@@ -30,7 +30,7 @@ def numbers(told):
 
 
 def by_definition(scores):
-    """Every row against every other: the definition, word for word."""
+    """Compare every row with every other, as the definition of the front says."""
     return np.array([not any((o >= s).all() and (o > s).any() for o in scores) for s in scores], dtype=bool)
 
 

@@ -34,7 +34,7 @@ COILS = GRID + "[coil]\ngrid = [2, 2]\n"
 ALTERNATE = COILS + "reuse = 'alternate'\n"
 TINY_COIL = {"inner_diameter_mm": 0.5, "core_diameter_mm": 0.5}
 ROUND_MM = 0.02
-"""Chords of both faces of a diameter."""
+"""Tolerance of diameters: the chords on both sides."""
 
 
 @pytest.fixture(scope="module")
@@ -58,12 +58,12 @@ def coupon(plan):
 
 
 def with_spec(plan, table, **changes):
-    """A plan with other fields in one table of its spec, nothing else planned anew."""
+    """Return the plan with other fields in one table of its spec, not planned anew."""
     return replace(plan, spec=replace(plan.spec, **{table: replace(getattr(plan.spec, table), **changes)}))
 
 
 def rod(diameter, low, high, x=0.0, y=0.0):
-    """A round bar, its sides outside the circle nowhere."""
+    """Return a round bar that lies within its nominal circle."""
     return manifold3d.Manifold.cylinder(high - low, diameter / 2, diameter / 2, 96).translate((x, y, low))
 
 
@@ -72,12 +72,12 @@ def codes(report):
 
 
 def checked(tray, plan, solid):
-    """The report on a tray with another body."""
+    """Return the report on a tray with another body."""
     return check_tray(replace(tray, mesh=from_manifold(solid)), plan)
 
 
 def hole_centres(mesh, z, diameter):
-    """Centres of the round holes of about this diameter in a cross-section, sorted."""
+    """Return the sorted centres of the round holes of about this diameter in a cross-section."""
     found = []
     for contour in as_manifold(mesh, "part").slice(z).to_polygons():
         x, y = contour.T
@@ -108,7 +108,7 @@ def test_pad_coils_and_tray_go_together(plan, tray, pad):
 
 
 def test_the_gap_is_what_the_spec_asks(plan, tray):
-    """From the tray's own triangles: rim less seat less coil, and the glue's thickness."""
+    """The gap follows from the tray's triangles (rim less seat less coil) and the glue's thickness."""
     z = np.unique(tray.mesh.vertices_mm[:, 2].round(9))
     seat, rim = z[z > 1][0], z[-1]
     spec = plan.spec
@@ -133,7 +133,7 @@ def test_screws_meet_the_pads_holes(plan, tray, pad):
 
 
 def test_wires_leave_every_socket(plan, tray):
-    """A 0.8 mm wire lies in the lead slot over the whole depth, and one in each slot of the rim."""
+    """A wire of 0.8 mm fits into the lead slot over its whole depth, and one into each slot of the rim."""
     body, t = as_manifold(tray.mesh, "tray"), tray.tray
     radius = t.socket_diameter_mm / 2 + t.lead.reach_mm / 2
     for x, y in t.coils_mm:
@@ -189,7 +189,7 @@ def test_a_tray_with_a_hole_in_its_mesh(plan, tray):
 
 
 def test_other_sockets_than_planned_are_found(plan, tray):
-    """A tray built by other dimensions: everything that differs is told, five and how many more."""
+    """Of a tray built to other dimensions, five differences are listed, and the number of the others."""
     other = replace(tray.tray, socket_diameter_mm=10.1, floor_mm=2.2)
     built = tray_solid(other, plan.spec.pad)
     found = check_tray(replace(built, tray=tray.tray), plan).findings
@@ -288,7 +288,7 @@ def test_which_screw(hole, clamped, below, expected):
 
 
 def test_screws_hold_and_end_within_their_part():
-    """Over all sizes of pads and trays: 1.5 diameters of thread, never out of the other side, or a nut."""
+    """Over all sizes of pads and trays, screws have 1.5 diameters of thread and stay inside, or get a nut."""
     diameter = {size.name: size.diameter_mm for size in SIZES}
     for hole in np.arange(1.7, 20.1, 0.4):
         for clamped in np.arange(0.5, 20.1, 1.5):

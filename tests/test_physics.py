@@ -91,7 +91,7 @@ def test_impedance_of_the_papers_coil():
 
 
 def test_slender_tip_mass_is_the_closed_form():
-    """One slender beam with a heavy point at its tip: f = sqrt(3EI/(l³ m))/2π."""
+    """One slender beam with a heavy point at its tip has f = sqrt(3EI/(l³ m))/2π."""
     width, thickness, length, modulus, mass = 1 * MM, 0.2 * MM, 50 * MM, 3e9, 1e-3
     point = box((0, 0, 0), (1e-7, 1e-7, 1e-7), mass / 1e-21)
     beam = BeamPlacement(BeamSection(width, thickness, length), np.zeros(3) + point.centroid, np.array([1.0, 0.0]))
@@ -148,21 +148,21 @@ GIVING = EndCompliance(0.1 * MM, 0.2 * MM, 0.15 * MM, 0.05 * MM, 0.3 * MM, 0.2 *
 
 
 def rigidities(section):
-    """Of bending up and sideways, twist, stretch and shear."""
+    """Return the rigidities of bending up and sideways, twist, stretch and shear."""
     w, t = section.width, section.thickness
     sheared = 10 * (1 + NU) / (12 + 11 * NU) * G * w * t
     return E * w * t**3 / 12, E * t * w**3 / 12, G * float(torsion_constant(w, t)), E * w * t, sheared
 
 
 def flexible(section, *path):
-    """Flexibility of the tip of a beam along this path."""
+    """Return the flexibility matrix of the tip of a beam along this path."""
     length = sum(piece[0] for piece in path)
     return np.linalg.inv(tip_stiffness(section._replace(length=length, path=path), E, NU))
 
 
 @pytest.fixture
 def thin(monkeypatch):
-    """Bends of thin bars: no stiffer than their axis."""
+    """Make bends no stiffer than their axis, as in thin bars."""
     monkeypatch.setattr(beams, "bend_stiffening", np.ones_like)
 
 
@@ -170,7 +170,7 @@ def thin(monkeypatch):
 @pytest.mark.parametrize("side", [1, -1])
 @pytest.mark.usefixtures("thin")
 def test_arc_against_castigliano(turn, side):
-    """Forces and moments on the tip of an arc, in its plane and out of it, by hand."""
+    """Forces and moments on the tip of an arc, in its plane and out of it, agree with Castigliano's by hand."""
     radius = 3 * MM
     up, across, twist, stretch, shear = rigidities(BENT)
     found = flexible(BENT, (radius * turn, side * turn))
@@ -194,7 +194,7 @@ def test_arc_against_castigliano(turn, side):
 
 
 def test_corner_against_castigliano():
-    """Two legs at a right angle: the second twists the first."""
+    """Two legs at a right angle: bending the second twists the first."""
     first, second = 5 * MM, 3 * MM
     up, _, twist, _, shear = rigidities(BENT)
     found = flexible(BENT, (first, 0.0), (0.0, np.pi / 2), (second, 0.0))
@@ -227,7 +227,7 @@ def test_straight_pieces_in_line_are_one_beam(monkeypatch, fillet, ends):
 
 
 def test_bends_and_held_pieces_are_stiffer_out_of_their_plane():
-    """Numbers of the two corrections by hand, and that pieces of no length have none."""
+    """Both corrections have their values by hand, and none for pieces without length."""
     # As wide as its radius (w/2R = 1/2): 1 + 1/12. A piece as long as its warping: 1 - tanh 1.
     assert beams.bend_stiffening(0.5) == pytest.approx(13 / 12, rel=1e-15)
     assert beams.piece_twist(1e-3, 1e-3) == pytest.approx(0.23840584404423515, rel=1e-12)
@@ -288,7 +288,7 @@ CURRENT_A = 0.05
 
 
 def test_core_is_an_equipotential():
-    """Just above the top face of a highly permeable core the field stands on it."""
+    """Just above the top face of a highly permeable core the field is normal to it."""
     coil = COIL._replace(core_permeability=1e9)
     radial, axial = flux_density(coil, np.array([0.5, 1.0, 1.5]) * MM, np.full(3, 0.05 * MM))
     assert np.abs(radial / axial).max() < 0.1
@@ -307,7 +307,7 @@ def test_papers_equation_4_misses_by_decades():
 
 
 def test_field_on_the_axis_is_the_solenoids():
-    """A thin solenoid's axial field has a closed form."""
+    """The axial field of a thin solenoid has a closed form."""
     thin = solenoid(4.0002 * MM, 3.9998 * MM, 10 * MM, 1000, 0.0, 1.0)
     height = np.array([0.5, 1.0, 3.0]) * MM
     _, axial = flux_density(thin, np.zeros(3), height)

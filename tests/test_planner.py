@@ -1,4 +1,4 @@
-"""Plans: what is allotted, where it lies, and what is said when nothing holds."""
+"""Plans: their channels, layouts and findings, and the refusals where no layout holds."""
 
 import json
 import random
@@ -47,7 +47,7 @@ def test_capacity_of_the_papers_band():
 
 
 def test_fewest_coils_whose_prints_work():
-    """Eight coils of four channels have room, and no print of them keeps 20 dB."""
+    """Eight coils of four channels have room, but no print of them keeps 20 dB."""
     plan = plan_of()
     assert (plan.coils.rows * plan.coils.columns, len(plan.sets[0])) == (16, 2)
     eight = plan_of(extra="[coil]\ngrid = [2, 4]\n")
@@ -247,7 +247,7 @@ def test_the_text_of_a_plan_is_the_same_every_time(paper_plan):
 
 
 def jittered(value, seed):
-    """Numbers of a spec's tables with all the digits that a float has."""
+    """Return a spec's tables with all the digits of a float in their numbers."""
     if isinstance(value, dict):
         return {key: jittered(entry, seed) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):
@@ -336,7 +336,7 @@ def test_stress_grows_with_level():
 
 
 def test_stress_by_hand():
-    """A force at the washer, arm l + plate/2 − r from the end of the flare: σ = 6 F arm/(w t²)."""
+    """A force at the washer, with the arm l + plate/2 − r from the end of the flare, gives σ = 6 F arm/(w t²)."""
     plan = plan_of(4, extra="[suspension]\ntopology = 'cantilever'\n")
     channel = plan.channels[0]
     beam, fillet = channel.beam, channel.beam.fillet_mm
@@ -348,7 +348,7 @@ def test_stress_by_hand():
 
 
 def test_sag_by_hand():
-    """Weight at the centroid of a light cantilever: F (x³ − (x−l)³)/(3EI), x to the centroid, and the ends' give."""
+    """The weight at x on a light cantilever gives F (x³ − (x−l)³)/(3EI), and more by the compliance of its ends."""
     plan = plan_of(4, extra="[suspension]\ntopology = 'cantilever'\n[taxel]\nfillet_mm = 0\n")
     channel = plan.channels[0]
     beam = channel.beam
@@ -377,7 +377,7 @@ def test_bridge_plan_with_silent_second_mode_survives_json():
 
 
 def test_crowded_modes_are_found():
-    """A folded suspension whose pitch mode is excited and lies in the other channel's slot."""
+    """A folded suspension's pitch mode is excited, and lies in the other channel's slot."""
     spec = parse_spec(FOUR_LINES.format(2, 100, 400) + "q_min = 15\n".replace("q_min = 15\n", ""))
     plate = plate_shape(spec)
     beam = BeamShape(0.6, 0.3, 6.6)
@@ -438,7 +438,7 @@ grid = [2, 2]
 
 @pytest.mark.parametrize("q", [2.6, 1e3, 1e8])
 def test_extreme_q_is_planned_as_quickly(q):
-    """Ten million channels would fit the band at Q = 1e8; no more are tried than were asked for."""
+    """At Q = 1e8 ten million channels would fit the band; no more are tried than were asked for."""
     plan = make_plan(parse_spec(f'name = "a"\nresolution = 9\nband_hz = [20, 9000]\nq_min = {q}\n'))
     assert len(plan.taxels) == 9
     assert len(_channel_counts(plan.spec, 10**8)) <= 9
@@ -569,7 +569,7 @@ def test_glue_and_post_change_the_mass(paper_spec):
 
 
 def test_body_mass_by_hand(paper_spec):
-    """Plate, boss, recess and washer of the default taxel."""
+    """The mass of the default taxel's plate and boss, less the recess."""
     spec = paper_spec
     model = TaxelModel(spec, "cantilever", plate_shape(spec), BeamShape(0.6, 0.3, 6.6))
     plastic = 4.65**2 * 4 + np.pi / 4 * (2.5**2 * 1.0 - 3.75**2 * 0.4)
@@ -588,7 +588,7 @@ def hung_on(paper_spec, topology, tune="width+thickness+length"):
 
 
 def slopes(plan, channel):
-    """d ln f / d ln of width, thickness and length, by whole steps of 1 %."""
+    """Return d ln f / d ln of width, thickness and length, by whole steps of 1 %."""
     beam, spec = plan.channels[channel].beam, plan.spec
     size, found = np.array([beam.width_mm, beam.thickness_mm, beam.length_mm]), []
     for axis in np.eye(3):
@@ -628,7 +628,7 @@ def test_serpentines_print_alike_in_the_papers_cell(paper_spec, paper_plan):
 
 
 def test_exponents_of_a_serpentine_are_what_a_print_goes_with(paper_spec):
-    """On the grid that the planner ranks by, of one channel, and by steps of each dimension."""
+    """The exponents of the planner's ranking grid, of one channel, and by steps of each dimension agree."""
     plan = hung_on(paper_spec, "serpentine-5")
     beam = plan.channels[0].beam
     size = BeamShape(beam.width_mm, beam.thickness_mm, beam.length_mm)

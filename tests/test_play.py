@@ -1,4 +1,4 @@
-"""Playing to the compiled firmware over a line that is good, bad or gone; and through a sound card."""
+"""Playing to the compiled firmware over a good, a bad and a lost line, and through a sound card."""
 
 import os
 import select
@@ -25,13 +25,13 @@ from padgen.driver.waveform import ramp_s
 from .firmware_host import Host, host
 
 SPEED = 20
-"""Times real time at which the firmware's samples pass; where the machine is busy they pass more slowly."""
+"""Speed of the firmware's samples over real time; on a busy machine they pass more slowly."""
 FRAME_S = 0.05
 REPLY_S = 0.05
 
 
 class Relay(threading.Thread):
-    """A line between a pseudo-terminal and the firmware that damages what passes, byte by byte, as a seed says."""
+    """A line between a pseudo-terminal and the firmware that damages bytes at random, by a seed."""
 
     def __init__(
         self, pad: Host, share: float = 0.0, seed: int = 0, closes_after: int | None = None, speed: float = SPEED
@@ -72,7 +72,7 @@ class Relay(threading.Thread):
         os.close(self.theirs)
 
     def _damaged(self, data: bytes) -> bytes:
-        """Bytes flipped, dropped or doubled, and now and then all of it twice."""
+        """Return the bytes with some flipped, dropped or doubled, and now and then all of them twice."""
         if not self._share:
             return data
         result = bytearray()
@@ -87,7 +87,7 @@ class Relay(threading.Thread):
         return bytes(result) * (2 if self._rng.random() < 10 * self._share else 1)
 
     def _note(self, data: bytes) -> None:
-        """Which frames the computer has been told are shown."""
+        """Note the frames that the computer was told are shown."""
         messages, self._answers = decode(self._answers + data)
         for message in messages:
             is_frame = message and message.kind == Kind.ACK and message.payload[0] in (Kind.FRAME, Kind.FRAME_BITS)
@@ -95,7 +95,7 @@ class Relay(threading.Thread):
                 self.acknowledged.append(message.sequence)
 
     def finish(self) -> list[str]:
-        """Close the line; the lines of the firmware's log when it has come to rest."""
+        """Close the line; return the lines of the firmware's log once it has come to rest."""
         self._ended.set()
         self.join(10)
         assert self.firmware.stdin and self.firmware.stdout
@@ -122,7 +122,7 @@ def pad(tmp_path_factory: pytest.TempPathFactory) -> Host:
 
 
 def numbered(count: int) -> np.ndarray:
-    """Frames of 16 taxels that all differ, in bits and grey."""
+    """Return frames of 16 taxels that all differ, in bits and grey."""
     bits = (np.arange(1, count + 1)[:, None] >> np.arange(16) & 1).astype(float)
     bits[::3] *= 0.4
     return bits
@@ -238,7 +238,7 @@ def test_an_interrupt_is_told_to_the_device(pad: Host):
 
 @contextmanager
 def device(answers: bytes) -> Iterator[str]:
-    """A port that answers the first thing it hears with some bytes."""
+    """Open a port that replies to the first message with `answers`."""
     ours, theirs = os.openpty()
 
     def answer() -> None:
@@ -345,7 +345,7 @@ class PortAudioError(Exception):
 
 
 class Stream:
-    """An output that keeps what is written, and may fail or be interrupted after some blocks."""
+    """An output that keeps the samples written to it, and may fail or be interrupted after some blocks."""
 
     def __init__(self, card: "Card", **settings: object) -> None:
         self.card, card.settings = card, settings
@@ -366,7 +366,7 @@ class Stream:
 
 
 class Card:
-    """What padgen uses of sounddevice, over outputs that are none."""
+    """The parts of sounddevice that padgen uses, with outputs that are not real."""
 
     PortAudioError = PortAudioError
 

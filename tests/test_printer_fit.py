@@ -1,4 +1,4 @@
-"""Calibration of a printer from simulated prints, and planning with what it found.
+"""Calibration of a printer from simulated prints, and planning with the calibrated printer.
 
 | figure | reference | tolerance | reason |
 |---|---|---|---|
@@ -34,7 +34,7 @@ def plan_of(text: str = TEXT) -> Plan:
 
 
 def printed_with(plan: Plan, z_mm: float, width_mm: float, log_modulus: float) -> np.ndarray:
-    """ln f of each channel by a plan that is made with these offsets; an independent way round the beam model."""
+    """Return ln f of each channel in a plan made with these offsets, a way round the fit's own model."""
     from padgen.planner.suspensions import BeamShape
     from padgen.planner.taxel_model import TaxelModel, plate_shape
 
@@ -87,7 +87,7 @@ def test_intervals_hold_the_truth():
 
 
 def test_a_plan_for_the_calibrated_printer_meets_its_resonances(tmp_path):
-    """The printer is off by 20 % in f; the next print of the new plan is off by its own spread."""
+    """The printer is off by 20 % in f; the next print of the new plan is off only by its own spread."""
     truth, plan = (0.05, 0.03, 0.1), plan_of()
     found = calibrated(plan, prints(plan, truth, 1, 3))
     (tmp_path / "mine.toml").write_text(printer_toml(plan.spec, found, "mine"))
@@ -138,7 +138,7 @@ def test_bad_printer_files_are_refused(text, sentence, tmp_path):
 
 
 def test_elements_of_beams_as_drawn_are_refused_for_a_calibrated_printer():
-    """They know nothing of the offsets: the plan would be tuned to another printer, unsaid."""
+    """Solids know nothing of the offsets: the plan would silently be tuned to another printer."""
     text = TEXT + 'model = "solid"\nprinter = { name = "fdm-0.4", z_offset_mm = 0.03 }\n'
     with pytest.raises(SpecError, match=r"prints them 0\.03 mm thicker and 0 mm wider; use 'beam'"):
         plan_tuned_to_solid(parse_spec(text))

@@ -1,4 +1,4 @@
-"""What the slicer is told: its profile, the project in the 3MF, the words of other slicers, where the pad lies."""
+"""The slicer's settings: its profile, the project in the 3MF, the names in other slicers, the place on the bed."""
 
 import re
 import zipfile
@@ -92,7 +92,7 @@ def test_a_pad_is_read_as_it_was_modelled_wherever_it_lies_on_the_bed(folder, sm
 
 
 def test_turned_by_180_degrees_a_pad_is_not_the_same(small_plan, small_pad):
-    """Its groove lies where the tray has it, beside the coil of row 0, column 0."""
+    """The groove marks the coil of row 0, column 0, on the pad as on the tray."""
     solid, mark = as_manifold(small_pad.mesh, "pad"), corner_groove(small_plan.spec)
     cut = solid.slice(small_plan.spec.pad.frame_thickness_mm / 2)
     at = np.array([(mark.x0 + mark.x1) / 2, (mark.y0 + mark.y1) / 2 + (mark.y1 - mark.y0) / 4])

@@ -1,4 +1,4 @@
-"""Random specs: whatever is asked, a plan that holds or one sentence, never a traceback."""
+"""Random specs: each gets a plan that holds or a refusal in one sentence, never a traceback."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -21,7 +21,7 @@ QUIET = {"deadline": None, "suppress_health_check": list(HealthCheck), "derandom
 
 @st.composite
 def tables(draw):
-    """Specs that a person might write, most of them feasible."""
+    """Draw specs that a person might write, most of them feasible."""
     low = draw(st.floats(50, 150))
     width, depth = draw(st.floats(25, 130)), draw(st.floats(25, 130))
     printer = draw(st.sampled_from(sorted(catalogue("printer"))))

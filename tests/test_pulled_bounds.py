@@ -26,13 +26,14 @@ CORES_MM, GAPS_MM, OUT, SAGS = (
     np.linspace(0, 0.7, 8),
     np.linspace(0, 0.5, 5),
 )
-"""Cores of a coil of 10 mm, gaps, places over the coil's diameter, and sags over the gap: 1,960 combinations."""
+"""Cores of a coil of 10 mm, gaps, offsets over the coil's diameter, sags over the gap: 1,960 combinations."""
 
 
 def pulled_bounds(thinned: int = 1) -> tuple[int, list[tuple[object, ...]]]:
-    """How many combinations of core, gap, offset and sag have a bound of gap and softening, and which of them break it.
+    """Return how many combinations of parts and places have both bounds, and a list of those that break one.
 
-    Every `thinned`th of `CORES_MM` … `SAGS`, its channel and its drive paper-32's first, moving a tenth of the gap.
+    Every `thinned`th combination of `CORES_MM` … `SAGS` is tried, with the first channel and the drive of paper-32,
+    moving by a tenth of the gap.
     """
     base, broken, bounded = make_plan(load_spec("paper-32")), [], 0
     for core_mm, gap_mm, out, sag in [*product(CORES_MM, GAPS_MM, OUT, SAGS)][::thinned]:
@@ -72,7 +73,7 @@ def pulled_bounds(thinned: int = 1) -> tuple[int, list[tuple[object, ...]]]:
 
 
 def test_no_combination_of_parts_and_places_breaks_the_bounds_of_gap_and_softening():
-    """All 1,960 of them: `python docs/measure_force.py bounds`."""
+    """`python docs/measure_force.py bounds` tries all 1,960 of them."""
     bounded, broken = pulled_bounds(thinned=29)
     assert bounded > 40
     assert broken == []

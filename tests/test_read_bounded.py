@@ -1,4 +1,4 @@
-"""Files are read with a bound, whatever they are."""
+"""Every kind of input file is read with a limit on its size."""
 
 import os
 import threading

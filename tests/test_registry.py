@@ -1,4 +1,4 @@
-"""What may be registered from outside: a suspension with bent beams, defined here, goes through all of padgen."""
+"""Extensions registered from outside: a suspension with bent beams, defined here, passes through all of padgen."""
 
 import csv
 import json
@@ -78,11 +78,11 @@ suspension = {{ topology = "{NAME}" }}
 """
 SERPENTINES = tuple(f"serpentine-{legs}" for legs in (3, 5, 7))
 ALONG = pi / 4 + 0.5
-"""Of a path, what its bends take over how far it lies from the plate's middle."""
+"""Length of path that the bends take, over its distance from the plate's middle."""
 
 
 def arrange(plate, beam, gap_mm):
-    """Two arms, each along the plate and round its end into its middle; one is the other, turned by 180°."""
+    """Arrange two arms, each along the plate and round its end into its middle, the second turned by 180°."""
     aside = plate.width_mm / 2 + gap_mm + beam.width_mm / 2
     into = 2 * gap_mm
     along = beam.length_mm - ALONG * aside - into
@@ -118,13 +118,13 @@ def shortest(plate, gap_mm):
 
 
 def thinned(plate, beam, gap_mm):
-    """The same path, each beam 0.03 mm thinner."""
+    """Arrange the same paths with each beam 0.03 mm narrower."""
     made = arrange(plate, beam, gap_mm)
     return made._replace(beams=tuple(path._replace(width_mm=path.width_mm - 0.03) for path in made.beams))
 
 
 def shifted(plate, beam, gap_mm):
-    """The same width and ends; what lies between the bends is moved out by 0.05 mm."""
+    """Arrange beams of the same width and ends, with the part between the bends moved out by 0.05 mm."""
     made = arrange(plate, beam, gap_mm)
     beams = []
     for path in made.beams:
@@ -159,7 +159,7 @@ def model(plan, channel):
 
 
 def hung_by(plan, topology):
-    """The plan with the beams of another suspension of the same dimensions."""
+    """Return the plan with the beams of another suspension of the same dimensions."""
     return replace(plan, channels=tuple(replace(c, beam=replace(c.beam, topology=topology)) for c in plan.channels))
 
 
@@ -252,9 +252,9 @@ def test_built_as_planned_and_what_is_not_is_found(plan):
 
 
 def test_model_frame_and_solid_agree(plan, tmp_path):
-    """Beam and frame to 0.6 %, what arcs of chords are off by; the solid within the error that the beam model states.
+    """Beam and frame agree to 0.6 %, the error of arcs as chords; the solid within the model's stated error.
 
-    It is solved coarsely, 0.5 % high.
+    The solid is solved coarsely, 0.5 % too high.
     """
     channel = plan.channels[0]
     taxel = model(plan, channel)
@@ -380,7 +380,7 @@ PAD_FORMAT = "toy-points"
 
 
 def write_points(out, job):
-    """The corners of a part, a line each."""
+    """Write the corners of a part, one per line."""
     rows = [f"{x:.3f} {y:.3f} {z:.3f}" for x, y, z in job.part.mesh.vertices_mm]
     path = out.write(f"{job.part.name}.points", f"{job.part.title}, {job.spec_hash[:8]}\n" + "\n".join(rows))
     assert path.read_text().count("\n") == len(rows)
@@ -479,7 +479,7 @@ drive = { scheme = "NAME" }
 
 
 def toy_scheme(spurs):
-    """Plain tones of which a coil without hysteresis would make `spurs` times the spurs."""
+    """Return a scheme of plain tones that makes `spurs` times the usual spurs."""
     alike = {key: getattr(tones, key) for key in ("current_lines_a", "mean_square_a2", "peak_current_a")}
     return SimpleNamespace(
         CURRENT="tones",
@@ -561,7 +561,7 @@ schemes.register("toy-whisper", SimpleNamespace(HAS_PAIR_SPURS=True, pair_square
 
 @pytest.fixture
 def plugin_folder(tmp_path):
-    """A module and a sweep of two variants that needs it; in all but `PADGEN_PLUGINS` as a user has them."""
+    """A folder with a module, and a sweep of two variants that needs it."""
     (tmp_path / "toy_plugin.py").write_text(PLUGIN)
     (tmp_path / "toy.toml").write_text(FOUR.replace("NAME", SCHEME))
     (tmp_path / "two.toml").write_text('name = "two"\nbase = "toy.toml"\n[axes]\nq_min = [30, 31]\n')
@@ -625,7 +625,7 @@ COPPER_MM = 0.035
 
 
 def flat_spirals(coil):
-    """A printed circuit board with half of the turns on either face of it, without a core."""
+    """Return a coil on a printed circuit board, half of its turns on either face, without a core."""
     sizes = coil.outer_diameter_mm * 1e-3, coil.inner_diameter_mm * 1e-3
     tops = 0.0, (COPPER_MM - coil.length_mm) * 1e-3
     return coils.CoilSource(tuple(coils.Winding(*sizes, top, top - COPPER_MM * 1e-3, coil.turns / 2) for top in tops))
@@ -641,7 +641,7 @@ def registered_coil(source):
 
 
 def field_of_spirals(spec, points_m, turns_by=20, arcs=360):
-    """Flux density in T per ampere by Biot and Savart: circles of straight pieces, one for each turn, on two faces."""
+    """Return the flux density in T per A by Biot and Savart, each turn a circle of straight pieces on two faces."""
     coil, field = spec.coil, np.zeros(points_m.shape)
     inner, outer = coil.inner_diameter_mm / 2e3, coil.outer_diameter_mm / 2e3
     angle = np.arange(arcs) * 2 * pi / arcs
@@ -659,7 +659,7 @@ def field_of_spirals(spec, points_m, turns_by=20, arcs=360):
 
 
 def weak_pull(spec, washer, offset_m):
-    """c in N/A² on a washer that is hardly magnetic, ``−χ/2μ0 d/dz ∫B² dV``, from the field by Biot and Savart."""
+    """Return c in N/A² on a weakly magnetic washer, ``−χ/2μ0 d/dz ∫B² dV``, with the field by Biot and Savart."""
     node, weight = np.polynomial.legendre.leggauss(4)
     inner, outer = washer.inner_diameter / 2, washer.outer_diameter / 2
     radius = np.sqrt(inner**2 + (node + 1) / 2 * (outer**2 - inner**2))
@@ -676,7 +676,7 @@ def weak_pull(spec, washer, offset_m):
 
 @pytest.mark.parametrize("offset_mm", [0.0, 3.0])
 def test_a_registered_coil_pulls_as_the_law_of_biot_and_savart_has_it(offset_mm):
-    """To half a per cent: the sum's winding is circles of 20 turns."""
+    """The pulls agree to 0.5 %, since the sum's winding is circles of 20 turns."""
     with registered_coil(flat_spirals):
         spec = parse_spec(FLAT)
         source, washer = magnetic_parts(spec)
@@ -722,7 +722,7 @@ def test_schema_and_refusals_name_the_coils():
 
 
 def test_a_solenoid_of_two_windings_is_the_same_solenoid():
-    """Field solutions of a winding and of the same cut in two, by height or by radius."""
+    """A winding, and the same one cut in two by height or by radius, have the same field solution."""
     pytest.importorskip("ngsolve", exc_type=ImportError)
     from padgen.verify.field_axisymmetric import axisymmetric_force
 

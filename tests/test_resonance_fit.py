@@ -1,4 +1,4 @@
-"""Fits of a resonance against the one that the data were made from.
+"""Fits of a resonance against the one that made the data.
 
 | figure | reference | tolerance | reason |
 |---|---|---|---|
@@ -121,7 +121,7 @@ def test_a_small_second_mode_does_not_pull():
 
 
 def test_a_stiffening_spring_is_flagged():
-    """A bent peak is no resonance of the model: the methods part, and say so."""
+    """A bent peak is no resonance of the model: the two methods disagree, and the fit reports it."""
     x = 20 * (FINE / 80 - 80 / FINE)
     size = 1 / np.sqrt(1 + x * x)
     for _ in range(200):
@@ -284,7 +284,7 @@ def test_bad_decays(y, sentence):
 
 
 def answer(x, rate, hz, q, peak):
-    """Displacement by the receptance at every line of x, twice as long so that nothing comes round."""
+    """Return the displacement by the receptance at every line of x, over twice the time so that nothing wraps round."""
     frequency = np.fft.rfftfreq(2 * len(x), 1 / rate)
     return np.fft.irfft(np.fft.rfft(x, 2 * len(x)) * receptance(frequency, hz, q, peak))[: len(x)]
 
@@ -348,7 +348,7 @@ def test_current_of_a_voltage(inductance):
 
 
 def test_a_low_resonance_in_a_sweep_that_is_mostly_noise():
-    """Two decades above the resonance there is nothing but noise; the fit starts where the magnitude has its peak."""
+    """Two decades above the resonance there is only noise; the fit starts at the peak of the magnitude."""
     frequency = np.geomspace(20, 9000, 1200)
     for seed in range(12):
         rng = np.random.default_rng(seed)
@@ -381,7 +381,7 @@ def test_memory_goes_with_the_record_not_with_q(q):
 
 
 def test_the_circle_of_a_slow_decay_after_a_short_record():
-    """The transform about the resonance alone is what a transform of the whole would be there."""
+    """The transform about the resonance alone equals a transform of the whole record there."""
     x = chirp(1000.0, 3)
     for q in (2e3, 2e5):
         fit = fit_driven(1000.0, x, answer_from_rest(x, 1000.0, 80, q))
@@ -390,7 +390,7 @@ def test_the_circle_of_a_slow_decay_after_a_short_record():
 
 
 def answer_from_rest(x, rate, hz, q):
-    """Displacement by the impulse response, which is not over with the record."""
+    """Return the displacement by an impulse response that outlasts the record."""
     time = np.arange(len(x)) / rate
     own = 2 * np.pi * hz * np.sqrt(1 - 1 / (4 * q * q))
     return np.convolve(x, np.exp(-np.pi * hz / q * time) * np.sin(own * time))[: len(x)]
@@ -416,7 +416,7 @@ def test_a_long_decay_is_fitted_by_its_beginning():
 @pytest.mark.parametrize("near_hz", [None, 75.0])
 @pytest.mark.parametrize("q", [5, 15])
 def test_velocity_is_not_taken_for_displacement(q, near_hz):
-    """The least squares then are a bandwidth off, and the circle is not; the nearest peak has nothing to do with it."""
+    """On velocity the least squares are a bandwidth off and the circle is not, so that the fit is flagged."""
     x = chirp(1000.0, 3, 20.0, 250.0)
     velocity = np.gradient(answer(x, 1000.0, 60, q, 50.0), 1e-3)
     with pytest.raises(SolverError, match=r"one is wrong; check that the data are of displacement|shows no answer"):

@@ -54,7 +54,7 @@ FOUR = (50.0, 70.0, 105.0, 160.0)
 
 @cache
 def plan_of(hz=FOUR, scheme="spur-free", q=30.0, coils=(2, 2), taxels=None, reuse="same", delta_y=5.0, level_um=10.0):
-    """A pad of 25 mm cells with channels at `hz`."""
+    """Plan a pad of 25 mm cells with channels at `hz`."""
     rows, columns = coils
     sets = 2 if reuse == "alternate" else 1
     taxels = taxels or rows * columns * len(hz) // sets
@@ -79,7 +79,7 @@ reuse = "{reuse}"
 
 
 def fits_of(tuning, but=(), error=0.0):
-    """Fits that tell `tuning`, but for the taxels `but`."""
+    """Return fits that agree with `tuning`, without the taxels `but`."""
     return [
         TaxelFit(
             t.id,
@@ -100,7 +100,7 @@ def fits_of(tuning, but=(), error=0.0):
 
 
 def moved(tuning, **hz):
-    """A tuning with other resonances, stiffness moved and mass kept."""
+    """Return a tuning with other resonances, by other stiffness and the same mass."""
     taxels = [
         replace(t, resonance_hz=hz[t.id], response_um_per_a2=t.response_um_per_a2 * (t.resonance_hz / hz[t.id]) ** 2)
         if t.id in hz
@@ -146,7 +146,7 @@ def test_detuned_tones_agree_with_the_yield_of_prints(scheme):
 
 @pytest.mark.parametrize("scheme", ["tones", "biased"])
 def test_on_and_off_are_those_of_the_square_of_the_current(scheme):
-    """Every state's current is squared and Fourier-transformed; no formula of a spur is used."""
+    """Every state's current is squared and Fourier-transformed, without any formula of a spur."""
     samples = 4096
     tone_hz = np.array([400.0, 566.0, 813.0])  # whole periods in a second; even ones, so that halves fit too
     truth = Channels(tone_hz * [1.03, 0.98, 1.05], np.array([8.0, 12.0, 20.0]), np.array([1.0, 1.6, 0.7]))
@@ -282,7 +282,7 @@ def test_a_tuning_survives_its_file():
 
 
 def spoilt(**figures):
-    """The text of a tuning, figures of its first taxel replaced."""
+    """Return the text of a tuning with figures of its first taxel replaced."""
     table = json.loads(tuning_to_json(planned_tuning(plan_of())))
     table["taxels"][0] |= figures
     return json.dumps(table)
@@ -500,7 +500,7 @@ def test_two_taxels_too_close_are_told_with_a_trim_that_parts_them():
     result = retuned(plan, fits_of(truth))
     finding = next(f for f in result.findings if f.code == "retune.close")
     assert finding.where == "coil r0c1"
-    assert "r0c1k0 at 66 Hz hears most of r0c1k1 at 70.0" in finding.message
+    assert "r0c1k0 at 66 Hz is moved most by the tone of r0c1k1 at 70.0" in finding.message
     assert "5.7% apart with a bandwidth of 3.3%" in finding.message
     assert "lower r0c1k0 to" in finding.message
     (trim,) = result.trims

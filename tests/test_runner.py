@@ -1,4 +1,4 @@
-"""The one runner of child processes: what comes back from them, what ends them, and that none is left behind."""
+"""The one runner of child processes: their results, the ways they end, and that none is left behind."""
 
 import ctypes
 import importlib
@@ -61,7 +61,7 @@ def grows():
 
 
 def child_holds(megabytes: int, seconds: float):
-    """A process of the worker's own holds the memory."""
+    """Hold memory in a child of the worker."""
     code = f"import time; held = b'x' * {megabytes * 10**6}; print(1, flush=True); time.sleep({seconds})"
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE) as child:
         child.stdout.readline()
@@ -86,7 +86,7 @@ def prints():
 
 
 def forks_and_dies(path: Path):
-    """What is forked holds all that its parent has open, and would live on."""
+    """Fork a process, which holds all that its parent has open and would live on, and crash."""
     if os.fork() == 0:
         path.write_text(str(os.getpid()))
         time.sleep(60)
@@ -97,7 +97,7 @@ def forks_and_dies(path: Path):
 
 
 def has_family():
-    """Start a child, a worker of a worker that holds Python's lock, and hold it, too."""
+    """Start a child and a nested worker that holds Python's lock, then hold the lock here, too."""
     with Runner() as nested, subprocess.Popen(SLEEPS):
         nested.submit(holds_the_lock)
         while len(psutil.Process().children()) < 2:
@@ -132,7 +132,7 @@ def shared():
 
 @pytest.fixture
 def started():
-    """What processes have been started since, and live."""
+    """A function that returns the living processes started since the test began."""
     before = set(psutil.Process().children(recursive=True))
     return lambda: set(psutil.Process().children(recursive=True)) - before
 
@@ -203,7 +203,7 @@ def test_a_death_is_told_and_another_worker_takes_over(shared, work, sentence):
 
 @pytest.mark.parametrize("line", [True, False])
 def test_what_a_worker_forked_ends_with_it_and_does_not_keep_its_end_from_being_heard(line, tmp_path, monkeypatch):
-    """Also where systems are no help (all but Linux)."""
+    """This holds also without help from the system (all but Linux)."""
     if not line:
         monkeypatch.setattr(runner, "_is_life_line", lambda descriptor: False)
     start = time.monotonic()
@@ -286,7 +286,7 @@ def test_one_thread_and_a_share_of_the_cores():
 
 
 def test_what_has_changed_is_seen(tmp_path, monkeypatch):
-    """Environment, working folder and where modules are found, also in a folder with an odd name."""
+    """Environment, working folder and module path are passed on, also from a folder with an odd name."""
     odd = tmp_path / f"odd{os.pathsep}näme\udcff"
     odd.mkdir()
     (odd / "only_there.py").write_text("def answer(): return 42\n")
@@ -408,7 +408,7 @@ os._exit(0)
     ],
 )
 def test_workers_and_what_they_started_end_with_their_parent(code, end, told):
-    """A worker, its child, and its own worker; both workers hold Python's lock."""
+    """A worker, its child and its own worker end; both workers hold Python's lock."""
     command = [sys.executable, "-c", code]
     with subprocess.Popen(
         command, env=ENVIRONMENT, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True

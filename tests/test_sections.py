@@ -1,4 +1,4 @@
-"""Edges counted, and triangles that pierce each other."""
+"""Counts of edges, and pairs of triangles that pierce each other."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from padgen.solid.topology import intersecting_pairs, topology
 
 
 def test_edges_are_counted(small_pad):
-    """Against a count edge by edge."""
+    """The counts agree with those taken edge by edge."""
     triangles = np.concatenate([small_pad.mesh.triangles[5:60], small_pad.mesh.triangles[5:7], [[1, 2, 3]]])
     triangles[20] = triangles[20, ::-1]
     mesh = Mesh(small_pad.mesh.vertices_mm, triangles)

@@ -88,7 +88,7 @@ def test_eleven_channels(ladder, p, scheme, one_hot, states):
     ],
 )
 def test_largest_counts_in_20_to_1000_hz(q, target_db, counts):
-    """The published table; where it has none we say one: a lone channel has no other to be told from."""
+    """The published table; where it has 0 padgen says 1, since a lone channel has no other to be told from."""
     found = [largest_counts((20, 1000), q, LevelLaw(p), SPUR_FREE, target_db) for p in (0, 1, 2)]
     assert found == counts
 
@@ -129,7 +129,7 @@ def test_eleven_tones_equal_their_2048_states(scheme):
 
 
 def test_worst_state_is_worst():
-    """The named state, by hand: its OFF taxel hears the tones and spurs of those that are on."""
+    """In the named state, by hand, the OFF taxel moves with the tones and spurs of those that are on."""
     which = even([60, 100, 140], p=0)
     figure = all_states(which, TONES)
     assert figure.state == "101"
@@ -149,7 +149,7 @@ def test_taking_turns_is_one_hot():
 
 
 def test_spurs_of_a_bias_of_five_lie_20_db_below_equal_lines():
-    """Two tones of equal force beside B = 5 b: a spur on a third taxel's resonance, of a tenth of its force."""
+    """Two tones of equal force beside B = 5 b make a spur on a third taxel's resonance, of a tenth of their force."""
     resonance = np.array([100.0, 150.0, 250.0])
     level = 1 / resonance**2
     which = channels(resonance, 1e6, level)
@@ -163,7 +163,7 @@ def test_spurs_of_a_bias_of_five_lie_20_db_below_equal_lines():
 
 
 def test_pull_scales_what_a_washer_feels():
-    """A washer pulled twice as strongly feels the other's tone 6 dB louder, and vice versa."""
+    """A washer pulled twice as strongly moves 6 dB more with the other's tone, and vice versa."""
     resonance, level = np.array([60.0, 78.0]), np.array([2.0, 1.0])
     alike, uneven = (channels(resonance, 26, level, pull=pull) for pull in (1.0, np.array([2.0, 1.0])))
     assert tone_energy(uneven, uneven) / tone_energy(alike, alike) == pytest.approx(np.array([[1, 4], [0.25, 1]]))
@@ -178,7 +178,7 @@ def test_one_channel_has_nothing_to_be_told_from():
 
 
 def exact_off_energy(which: Channels, scheme: Scheme, i: int, drivers: Channels | None = None):
-    """The energy of OFF taxel i with all others on, at fifty digits."""
+    """Return the energy of OFF taxel i with all others on, with fifty digits."""
     with mpmath.workdps(50):
         own, own_line, q = (mpmath.mpf(float(part[i])) for part in (which.resonance_hz, which.line, which.q))
         played = drivers or which
@@ -304,7 +304,7 @@ def test_the_order_of_channels_does_not_matter(resonance, q, p, scheme, random):
 @SETTINGS
 @given(frequencies, st.floats(20, 1000), qs, exponents, st.sampled_from(["tones", "spur-free", "time-shared"]))
 def test_adding_a_channel_never_helps(resonance, another, q, p, name):
-    """A louder channel raises the bias of the biased scheme with it, which may help; hence not that one."""
+    """The biased scheme is not tried: a louder channel raises its bias, which may help."""
     more = np.append(resonance, another)
     scheme = Scheme(name)
     assert all_states(even(more, q, p), scheme).db <= all_states(even(resonance, q, p), scheme).db + 1e-9
@@ -327,7 +327,7 @@ FREQUENCIES = np.array([50.0, 80.0, 140.0])  # no spur on any of them
 
 
 def current(scheme, time, phases, headroom):
-    """The current sample by sample, straight from the scheme's definition."""
+    """Return the current sample by sample, from the scheme's definition."""
     angle = 2 * np.pi * FREQUENCIES[:, None] * time + phases[:, None]
     if scheme.name == "tones":
         return (np.sqrt(2 * LINES)[:, None] * np.sin(angle / 2)).sum(0)
@@ -339,7 +339,7 @@ def current(scheme, time, phases, headroom):
 
 @pytest.mark.parametrize("scheme", ALL[:3], ids=SCHEMES[:3])
 def test_currents_make_the_lines_that_are_wanted(scheme):
-    """Square the samples: each channel's line at its resonance, and the stated mean; bounds hold."""
+    """The squared samples have each channel's line at its resonance, and the stated mean; the bounds hold."""
     headroom, rate = 0.05, 65536
     time = np.arange(rate) / rate  # a whole number of periods of every line
     for seed in range(5):

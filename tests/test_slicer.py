@@ -1,4 +1,4 @@
-"""A real slicer's judgement of pads, with the settings that padgen writes beside them (`make slice` runs this)."""
+"""Pads sliced by a real slicer, with the settings that padgen writes beside them (`make slice` runs this)."""
 
 import json
 import shutil
@@ -35,7 +35,7 @@ def program(name, *arguments):
 
 @cache
 def odd_specs():
-    """Small pads with printers, suspensions, washers, plates and gaps by chance, those of them that can be planned."""
+    """Draw small pads with random printers, suspensions, washers, plates and gaps; keep those that can be planned."""
     rng, found = np.random.default_rng(16), {}
     while len(found) < ODD:
         printer, washer = rng.choice(["fdm-0.4", "fdm-0.25"]), rng.choice(["m1.6", "m2", "m2.5", "m3"])
@@ -69,7 +69,7 @@ def fdm_templates():
 
 @cache
 def built(name, folder):
-    """The plan of a template or an odd spec, its folder, the lines of its G-code and where the pad lies on the bed.
+    """Build and slice a template or an odd spec; return its plan, folder, G-code lines and middle on the bed.
 
     The project 3MF is sliced as it is, with nothing set and nothing moved.
     """
@@ -93,7 +93,7 @@ def sliced(request, folder):
 
 
 def around(lines, middle, reach):
-    """The lines that come within `reach` of a place."""
+    """Return the lines that come within `reach` of a place."""
     low, high = np.minimum(lines.start, lines.stop), np.maximum(lines.start, lines.stop)
     near = ((low < middle + reach) & (high > middle - reach)).all(1)
     parts = (getattr(lines, name)[near] for name in ("start", "stop", "width", "height", "layer"))
@@ -101,7 +101,7 @@ def around(lines, middle, reach):
 
 
 def own_axes(plan, taxel, lines, middle):
-    """Ends of lines in the taxel's own axes: the root at x = 0, the washer at y = 0."""
+    """Return the ends of lines in the taxel's own axes: the root at x = 0, the washer at y = 0."""
     channel = plan.channels[taxel.channel]
     cosine, sine = TURNS[channel.site.along]
     sign = -1 if taxel.turned else 1
@@ -112,7 +112,7 @@ def own_axes(plan, taxel, lines, middle):
 
 
 def laid_mm3(plan, taxel, lines, middle, low, high):
-    """Plastic of each line between two corners in the taxel's own axes."""
+    """Return the plastic of each line between two corners in the taxel's own axes."""
     start, stop = own_axes(plan, taxel, lines, middle)
     along, low, high = stop - start, np.array(low, float), np.array(high, float)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -136,11 +136,9 @@ def straight_pieces(plan, channel):
 
 
 def laid_widths(plan, taxel, lines, middle):
-    """Of every layer of every beam's straight pieces: plastic in the middle half over that length and the layer's
-    height, less the planned width; and whatever lies above.
+    """Return the excess width of every layer of every beam, and the plastic above the beams.
 
-    A beam with infill is laid 0.5 mm too wide and too narrow in turn where the zigzags turn, so that the mean is taken
-    of the middle half moved by up to one of them; and of all layers, since their zigzags are rounded to whole lines.
+    The width is that of the plastic in the beam's middle half, less the planned width.
     """
     channel, widths, above = plan.channels[taxel.channel], [], 0.0
     beam, printer = channel.beam, plan.spec.printer
@@ -160,7 +158,7 @@ def laid_widths(plan, taxel, lines, middle):
 
 
 def plate_share(plan, taxel, lines, middle):
-    """Plastic laid in a plate with its boss over what is modelled there."""
+    """Return the plastic laid in a plate with its boss, over the modelled volume."""
     block = plan.arrangement(plan.channels[taxel.channel]).blocks[0]
     low, high = np.array([block.low_x_mm, block.low_y_mm], float), np.array([block.high_x_mm, block.high_y_mm], float)
     plate = plan.plate
@@ -240,7 +238,7 @@ def test_it_is_one_manifold_part(folder, name):
 
 
 def test_profile_and_project_are_the_same_to_the_slicer(folder):
-    """Every line of the profile is known to PrusaSlicer, is taken as it is, and comes with the 3MF as well."""
+    """PrusaSlicer knows every line of the profile, takes it as it is, and finds it in the 3MF as well."""
     _, path, *_ = built("paper-16", folder)
     program(
         "prusa-slicer",
@@ -259,7 +257,7 @@ def test_profile_and_project_are_the_same_to_the_slicer(folder):
 
 
 def test_a_slicer_without_variable_line_width(folder):
-    """Slic3r 1.3 lays every beam in every layer, but only to the next whole line: docs/printing.md advises against."""
+    """Slic3r 1.3 lays every beam in every layer, but in whole lines only: docs/printing.md advises against it."""
     plan, path, _, middle = built("paper-16", folder)
     printer = plan.spec.printer
     same = (path / PROFILE_FILE).read_text().splitlines()

@@ -1,4 +1,4 @@
-"""Solids and the pad made of them: volumes by hand, seams, places, other solvers' view."""
+"""Solids and the pad made of them: volumes by hand, seams, places, and checks by other programs."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ from tests.conftest import FOUR_LINES
 
 
 def volume_by_hand(plan, channel):
-    """Frame less window, beams with flares, blocks, boss with chamfer, less recess."""
+    """Add up frame less window, beams with flares, blocks, and boss with chamfer, less the recess."""
     spec = plan.spec
     made, taxel, pad = plan.arrangement(channel), spec.taxel, spec.pad
     beam = channel.beam
@@ -185,7 +185,7 @@ def test_what_no_kernel_raised_passes_through():
 
 
 def test_what_build123d_imports_late_still_works(tmp_path):
-    """Clusters of scikit-learn, curves of svgpathtools, hulls of scipy."""
+    """Clusters of scikit-learn, curves of svgpathtools and hulls of scipy are fetched when they are used."""
     import sys
 
     made = build123d()

@@ -1,4 +1,4 @@
-"""The spec: what it fills in, what it refuses and how it says so."""
+"""The spec: its defaults, its refusals and their messages."""
 
 import tomllib
 from dataclasses import FrozenInstanceError, fields

@@ -1,4 +1,4 @@
-"""What is kept of taxels and ladders, and by what; known taxels need no CAD kernel, and some parts need none at all."""
+"""Caches of taxels and ladders and their keys: known taxels need no CAD kernel, and some parts never need one."""
 
 import json
 import subprocess
@@ -43,7 +43,7 @@ def no_kernel(*args):
 
 
 def varied(**changes):
-    """The small plan with other values in [pad], or of `width_step_mm`."""
+    """Plan the small pad with other values in [pad], or of `width_step_mm`."""
     lines = "".join(f"{name} = {value}\n" for name, value in changes.items())
     return make_plan(parse_spec(SMALL + lines))
 
@@ -67,7 +67,7 @@ def test_another_layout_has_the_same_taxels(store, small_plan, monkeypatch, chan
 
 
 def test_another_taxel_has_another_key(small_plan):
-    """The same channel in a plan that differs in one thing that its solid is made from."""
+    """The same channel lies in plans that differ in one thing that its solid is made from."""
     channel, plate = small_plan.channels[0], small_plan.plate
     thicker = replace(small_plan.spec, pad=replace(small_plan.spec.pad, frame_thickness_mm=4.2))
     others = {
@@ -236,7 +236,7 @@ def test_an_optimised_ladder_is_searched_once(store, monkeypatch):
     ids=str,
 )
 def test_what_another_ladder_may_come_from_is_in_its_key(store, monkeypatch, change):
-    """Each alone asks for a search of its own."""
+    """Each change alone leads to a search of its own."""
     monkeypatch.setattr(resonances, "_searched", lambda *args: resonances.Optimum((60.0, 90.0), 20.0, "tones"))
     spec = parse_spec(OPTIMISED)
     for changed in (spec, replace(spec, **change)):

@@ -64,7 +64,7 @@ EXACT = 3.0
 
 
 def power_law(order: float, step: float) -> Solved:
-    """An answer that errs by 0.1 step^order."""
+    """Return an answer with the relative error 0.1 step^order."""
     return Solved(np.array([EXACT * (1 + 0.1 * step**order)]), round(1 / step))
 
 
@@ -87,7 +87,7 @@ def prints() -> Solved:
 
 
 def noted(path: Path) -> str:
-    """Leave a mark in a file; what is prepared, or worked with."""
+    """Leave a mark in a file, to count preparations and solutions."""
     with path.open("a") as marks:
         marks.write("x")
     return path.read_text()
@@ -106,7 +106,7 @@ def in_own_process() -> Solved:
 
 
 def extreme_cases():
-    """Each verdict once."""
+    """Yield a case for each verdict."""
 
     def case(name, solve, reference=lambda: np.array([1.0])):
         return ExtremeCase(name, "test", "model", solve, reference, "by hand")
@@ -414,7 +414,7 @@ def test_a_study_leaves_whole_files(paper_plan, tmp_path):
 
 
 def interrupted_at(words: str):
-    """A progress that presses Ctrl-C when it is told of these words."""
+    """Return a progress function that raises Ctrl-C when it is called with these words."""
 
     def progress(step: str) -> None:
         if words in step:
@@ -574,7 +574,7 @@ def test_errors_of_extreme_cases():
 
 
 def test_random_specs_are_planned_or_refused_in_a_sentence():
-    """A few of the list; `padgen study --extreme` plans hundreds and solves some by finite elements."""
+    """A few of the list are tried; `padgen study --extreme` plans hundreds and solves some by finite elements."""
     tables = [random_table(number) for number in range(12)]
     assert tables == [random_table(number) for number in range(12)]
     assert [outcome(table) for table in tables] == [""] * 12
@@ -609,12 +609,12 @@ def test_statics_that_no_pad_survives_are_refused():
 
 
 def solved(name: str):
-    """What the elements say of a case of `solid_cases`, in a process of its own."""
+    """Return the finite-element answer to a case of `solid_cases`, in a process of its own."""
     return next(case for case in solid_cases() if case.name == name).solve()
 
 
 def test_elements_know_their_error():
-    """One of the list; `padgen study --extreme` runs all, and solves the references anew.
+    """One case of the list; `padgen study --extreme` runs all, and solves the references anew.
 
     138.80316 Hz is the block at 3 GPa by elements of order 4 in three layers (`extreme._by_finer`, NGSolve 6.2.2608,
     not extrapolated: good to 1e-3); resonances go with the root of the moduli.

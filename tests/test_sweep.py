@@ -1,4 +1,4 @@
-"""Sweeps: what is varied, which variants that makes, and what is kept of them.
+"""Sweeps: their axes, the variants that these make, and the results that are kept.
 
 | what | must equal | tolerance |
 |---|---|---|
@@ -53,7 +53,7 @@ def counting(tmp_path, monkeypatch):
 
 
 class Inline:
-    """An executor that makes a task when it is submitted."""
+    """An executor that runs a task when it is submitted."""
 
     def submit(self, function, tasks, *rest):
         future = Future()
@@ -161,7 +161,7 @@ def test_a_constraint_on_what_is_varied_by_tables():
 
 
 def test_constraints_see_what_a_varied_field_brings_along():
-    """Another printer brings another default material, another material its own figures."""
+    """Another printer brings another default material, and that its own figures."""
     text = """constraints = ["printer.process == '%s'", "material == '%s'"]\n"""
     text += '[axes]\nprinter = ["fdm-0.4", "resin-0.05"]\n'
     assert [v["printer"] for v in values(text % ("fdm", "pla"))] == ["fdm-0.4"]
@@ -375,7 +375,7 @@ def test_the_index_does_not_depend_on_the_order(tmp_path):
 
 
 def test_real_plans(tmp_path):
-    """Two that can be made, two that no layout meets."""
+    """Two variants have plans; no layout fits the other two."""
     sweep = parse_sweep(HEAD + "[axes]\nq_min = [12, 15]\nresolution = [32, 8]\n")
     events = []
     result = run_sweep(sweep, tmp_path, workers=2, on_event=events.append)
@@ -419,7 +419,7 @@ def test_finished_variants_are_not_run_again(tmp_path, monkeypatch):
 
 
 def test_rows_of_other_inputs_drop_out(tmp_path):
-    """Of variants that a constraint takes away, and of changed ones, though the sweep ends before they are made."""
+    """Rows of removed and of changed variants are dropped, also where the sweep ends before these are made."""
 
     def run(text: str, executor=None):
         result = run_sweep(parse_sweep(NO_FOLDERS + text), tmp_path, executor or Inline())
@@ -465,7 +465,7 @@ def test_a_variant_whose_folder_is_gone_runs_again(tmp_path):
 
 
 def test_what_was_replaced_is_not_kept_when_its_inputs_come_back(tmp_path):
-    """A is done; B's variant writes its folder, but its record is lost; A again must make it anew."""
+    """A is done; B's variant writes its folder but loses its record; A then must make it anew."""
     a, b = (parse_sweep(HEAD + f"[axes]\nq_min = [{q}, 14]\n") for q in (12, 13))
 
     class Lost(Inline):
@@ -527,7 +527,7 @@ def test_another_plan_leaves_nothing_of_the_one_before(tmp_path):
 
 
 def test_folders_that_were_left_out_meanwhile_are_made_anew(tmp_path):
-    """With folders, other values without, and these with folders: each folder has the plan of its row."""
+    """A run with folders, one of other values without, and again the first: each folder has the plan of its row."""
 
     def run(folders: str, resolutions: list[int]) -> list[int | None]:
         text = f"folders = {folders}\n[axes]\nresolution = {resolutions}\n"

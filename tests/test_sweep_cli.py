@@ -40,7 +40,7 @@ def rows(path="out/q/index.csv"):
 
 
 def events(text):
-    """Every line as it was written; a NaN would not be JSON."""
+    """Parse every line of JSON as it was written, refusing NaN."""
     return [json.loads(line, parse_constant=pytest.fail) for line in text.splitlines()]
 
 

@@ -1,7 +1,7 @@
-"""Sweeps over executors that are not ours: a Dask cluster whose processes are killed, SLURM users' executors, threads.
+"""Sweeps over foreign executors: a Dask cluster whose processes are killed, SLURM users' executors, threads.
 
-Real clusters on loopback, with ports of the system's choice. Each variant is made at least once and kept exactly
-once, whatever is killed.
+Clusters are real, on the local host with ports that the system chooses. Each variant is made at least once and kept
+exactly once, whatever is killed.
 """
 
 import csv
@@ -46,7 +46,7 @@ def ran(place: Path) -> list[int]:
 
 
 def check_whole(folder: Path, count: int = COUNT) -> None:
-    """Every variant once, done, in the order of numbers; the journal agrees."""
+    """Check that every variant is done once, in the order of numbers, and that the journal agrees."""
     assert [(int(row["number"]), row["status"]) for row in rows(folder)] == [(i, "done") for i in range(count)]
     assert (folder / "index.jsonl").read_bytes().count(b'"number":') == count
 
@@ -58,7 +58,7 @@ def place(tmp_path, monkeypatch) -> Path:
 
 
 class Cluster:
-    """`dask scheduler` and `dask worker`s, as on the machines of a cluster."""
+    """A Dask scheduler and workers started as on the machines of a cluster."""
 
     def __init__(self, stack: ExitStack, folder: Path) -> None:
         self._stack, self._folder = stack, folder
@@ -113,7 +113,7 @@ class Collector(logging.Handler):
 
 
 def after(count: int, act):
-    """An event listener that acts once, when `count` variants are done."""
+    """Return an event listener that acts once, when `count` variants are done."""
     acted = []
 
     def listen(event) -> None:
@@ -126,7 +126,7 @@ def after(count: int, act):
 
 
 def test_a_worker_is_killed(place):
-    """One with a nanny, which starts another; one without, which stays dead."""
+    """One worker has a nanny, which starts another; one has none and stays dead."""
     with cluster(place / "cluster") as dask:
         dask.worker("a", "--nanny")
         doomed = dask.worker("b", "--no-nanny")
@@ -140,7 +140,7 @@ def test_a_worker_is_killed(place):
 
 
 def test_the_scheduler_is_killed(place, monkeypatch):
-    """The sweep ends with a sentence, keeps what is done and goes on with a new cluster, then without any."""
+    """The sweep ends with a message, keeps its results, and goes on with a new cluster or without any."""
     logged: list[logging.LogRecord] = []
     with cluster(place / "first") as dask:
         dask.worker("a", "--no-nanny")
@@ -192,7 +192,7 @@ def test_a_local_cluster_makes_the_same_index(place):
 
 
 def test_workers_that_would_make_something_else(place, monkeypatch):
-    """No worker at all; one that has no padgen; one that has another."""
+    """Tried are no worker at all, one without padgen, and one with another padgen."""
     bare = place / "bare"
     bare.mkdir()
     (bare / "padgen.py").write_text("raise ModuleNotFoundError(\"No module named 'padgen'\")\n")

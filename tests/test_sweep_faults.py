@@ -161,7 +161,7 @@ def test_ctrl_c(place):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_a_stop_is_not_charged_to_the_variants(place):
-    """Ctrl-Z for longer than a variant may take: the worker, which went on, is asked once more."""
+    """After Ctrl-Z for longer than a variant may take, the worker, which went on, is asked once more."""
     process = parent(place, "brief")
     wait_until(lambda: len(ran(place)) >= 2)
     process.send_signal(signal.SIGSTOP)
@@ -206,7 +206,7 @@ def test_a_folder_that_is_removed_meanwhile_is_told(place):
 
 
 def test_a_killed_run_leaves_no_index_of_what_is_replaced(place):
-    """From the moment that a variant is made over another, index and front tell of none that is gone."""
+    """Once a variant is being replaced, index and front list nothing that is gone."""
     made = run_sweep(sweep(4), place / "out", workers=1, work=sweep_work.counted)
     write_pareto(place / "out", "s", made.overview)
     assert (place / "out" / "pareto.csv").exists()
@@ -230,7 +230,7 @@ def test_an_interrupted_caller_keeps_what_is_done(place):
 
 
 class FullDisk(FileIO):
-    """Takes some lines, then half of one, then none."""
+    """A file that takes some lines, then half of one, then none."""
 
     lines = 0
 
@@ -362,7 +362,7 @@ def test_a_clock_that_jumps_back(place, monkeypatch):
 
 
 def test_an_executor_that_breaks_down_stops_the_sweep(place):
-    """A pool of the caller's whose process is killed takes no more tasks; what is done is kept."""
+    """A caller's pool with a killed process takes no more tasks; the results so far are kept."""
     with ProcessPoolExecutor(1, get_context("spawn")) as pool:
         pool.submit(os.getpid).result()
 
@@ -398,7 +398,7 @@ def test_an_executor_that_cancels(place, error):
 
 
 class Lossy:
-    """Loses every task of some variants; answers like submitit's, whose futures do not call back."""
+    """An executor that loses every task of some variants; like submitit's, its futures have no callbacks."""
 
     def __init__(self, lost):
         self.lost, self.asked = lost, []

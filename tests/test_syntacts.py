@@ -1,4 +1,4 @@
-"""The Syntacts script, run against a model of the library, makes the volts of the written wave."""
+"""The Syntacts script, run against a model of the library, plays the volts of the written wave."""
 
 import re
 import sys
@@ -22,7 +22,7 @@ SMALL = (
 
 
 class Signal:
-    """As in the library: a value at times (m,) since it began, for a length in s."""
+    """A signal as in the library: a value at times (m,) since its start, and a length in s."""
 
     length = np.inf
 
@@ -43,7 +43,7 @@ class Signal:
 
 
 class Pair(Signal):
-    """A sum is as long as the longer, a product as the shorter."""
+    """A sum, as long as the longer signal, or a product, as long as the shorter."""
 
     def __init__(self, a, b, combine, length):
         self.a, self.b, self.combine, self.length = a, b, combine, length(a.length, b.length)
@@ -85,7 +85,7 @@ class Envelope(Signal):
 
 
 class Sequence(Signal):
-    """Sums what plays at a time, both ends of a part included."""
+    """The sum of the parts that play at a time, both ends of each included."""
 
     def __init__(self):
         self.length, self.parts = 0.0, []
@@ -114,7 +114,7 @@ class Repeater(Signal):
 
 
 class Expression(Signal):
-    """Statements of ExprTk, of those that a script uses: ``var a := …; a := …; value``."""
+    """The statements of ExprTk that scripts use: ``var a := …; a := …; value``."""
 
     def __init__(self, text):
         self.text = text
@@ -137,7 +137,7 @@ class Device:
 
 
 class Session:
-    """Notes what is asked of it."""
+    """A session that notes its calls."""
 
     asked: list = []  # noqa: RUF012
     fault = 0
@@ -177,7 +177,7 @@ def run(script: str) -> dict:
 
 
 def rendered(script: str, samples: int) -> np.ndarray:
-    """Volts (samples, coils); time is summed up as the library does."""
+    """Return volts (samples, coils), with time summed up as the library does."""
     time_s = np.concatenate([[0.0], np.cumsum(np.full(samples - 1, 1 / RATE_HZ))])
     scale_v = float(re.search(r"\(a sample of 1\) is (\S+) V", script).group(1))
     signals = run(script)["coil_signals"]()
@@ -189,7 +189,7 @@ def written(drive: PadDrive, shown: Timeline) -> np.ndarray:
 
 
 def error_of(plan: Plan, drive: PadDrive, shown: Timeline) -> float:
-    """Largest difference over the largest voltage."""
+    """Return the largest difference over the largest voltage."""
     wanted = written(drive, shown)
     found = rendered(syntacts_script(plan, drive, shown), len(wanted))
     assert np.abs(wanted).max() > 0.01
@@ -208,7 +208,7 @@ def grey(plan: Plan, count: int = 4) -> np.ndarray:
 @pytest.mark.parametrize("more", ["", 'reuse = "alternate"', "inductance_mh = 0"])
 @pytest.mark.parametrize("scheme", ["tones", "biased", "spur-free", "time-shared"])
 def test_whole_sequences_are_those_of_the_wave(library, scheme, more):
-    """Steady states and transitions, L di/dt of the transitions too, from silence to silence."""
+    """Steady states, transitions and their L di/dt agree, from silence to silence."""
     plan = small(scheme, more)
     drive = make_drive(plan, RATE_HZ)
     assert error_of(plan, drive, timeline(plan, grey(plan))) < 1e-7
@@ -230,7 +230,7 @@ def test_steady_states_go_on_for_ever(library, scheme):
 @pytest.mark.parametrize("ends", ["shown", "silent"])
 @pytest.mark.parametrize("scheme", ["tones", "biased", "spur-free"])
 def test_loops_of_several_frames_have_no_seam(library, scheme, ends):
-    """Three rounds; the library's time, a remainder by then, is not exactly on the samples, nor just before the end."""
+    """In three rounds the library's time, then a remainder, is never exactly on the samples or just before the end."""
     plan = small(scheme)
     drive = make_drive(plan, RATE_HZ)
     levels = grey(plan, 6)
@@ -270,7 +270,7 @@ THREE = SMALL.format(3, "").replace("[pad]", "resonances_hz = [60]\n[pad]")
 
 
 def test_long_sequences_are_grouped_and_silent_coils_play_nothing(library):
-    """40 frames are more parts than a group has."""
+    """40 frames have more parts than a group."""
     plan = make_plan(parse_spec(THREE))
     drive = make_drive(plan, RATE_HZ)
     frames = np.ones((40, 3))
@@ -340,7 +340,7 @@ def test_the_script_says_that_a_device_does_not_open(library, monkeypatch, capsy
 
 
 def test_the_script_plays_nothing_that_the_library_cannot_read(library, monkeypatch):
-    """The library makes no error of an expression that it cannot compile: its value is then no number."""
+    """The library does not report an expression that it cannot compile: its value is then nan."""
     names = script_of(small("spur-free"))
     monkeypatch.setattr(Expression, "at", lambda self, t: np.full(len(t), np.nan))
     with pytest.raises(SystemExit, match="This Syntacts cannot read the expression var x := clamp"):

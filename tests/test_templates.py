@@ -1,4 +1,4 @@
-"""Every template is planned and built, and one physical number of each is right."""
+"""Every template is planned and built, and one physical figure of each is right."""
 
 import json
 from dataclasses import replace
@@ -38,7 +38,7 @@ def paper_32(plan):
 
 
 def paper_pair(plan):
-    """The paper measured 25 and 20 dB; equal masses would give 25.1 and 20.5, theirs differ by 0.1 %."""
+    """The paper measured 25 and 20 dB; equal masses would give 25.1 and 20.5, and the template's differ by 0.1 %."""
     ((first, second),) = plan.selectivity.matrix_db
     strong, weak = first[1], second[0]
     assert (strong, weak) == (pytest.approx(25.1, abs=0.1), pytest.approx(20.5, abs=0.1))
@@ -49,7 +49,7 @@ def paper_pair(plan):
 
 
 def spread_slots(low_hz, high_hz, delta_y, count):
-    """`count` slots of the paper at Q = 15, spread evenly by ratio, the outer ones touching the band's ends."""
+    """Return `count` of the paper's slots at Q = 15 in even ratios, the outer ones touching the band's ends."""
     half = delta_y / (4 * 15)
     low_hz, high_hz = low_hz / (1 - half), high_hz / (1 + half)
     return pytest.approx([low_hz * (high_hz / low_hz) ** (k / (count - 1)) for k in range(count)], rel=2e-3)
@@ -72,7 +72,7 @@ def pad_32(plan):
 
 
 def calibration(plan):
-    """Resonances as Δy = 10 spreads them; thickness and width vary apart, so that each one's error can be told."""
+    """Resonances lie in even ratios; thickness and width vary independently, so that their errors can be told apart."""
     assert resonances(plan) == spread_slots(50, 400, 10, 4)
     beams = [(c.beam.thickness_mm, c.beam.width_mm) for c in plan.channels]
     assert len({t for t, _ in beams}) == 4
@@ -126,7 +126,7 @@ GOLDEN = Path(__file__).parent / "golden"
 
 
 def summary(name):
-    """What a change of emitted geometry or frequency would change."""
+    """Return the figures that any change of emitted geometry or frequency would change."""
     plan = make_plan(load_spec(name))
     pad = build_pad(plan)
     from padgen.solid.mesh import as_manifold

@@ -41,7 +41,7 @@ def test_touched_resonances_are_those_of_the_reference_table(diameter_mm):
 
 
 def test_a_touched_taxel_moves_as_a_coupled_oscillator_in_time():
-    """Skin and taxel integrated as one mass, springs and dampers: decay gives f and Q."""
+    """Skin and taxel are integrated as one system of masses, springs and dampers; the decay gives f and Q."""
     skin, radius, k, m, q = SKINS["low"], 0.5e-3, 400.0, 1.5e-4, 15.0
     hz, touched_q, _ = touched(skin, radius, k, m, q)
     added = 2 * skin.modulus * radius
@@ -96,7 +96,7 @@ def test_a_touched_coil_keeps_what_complex_responses_say(name, which):
 
 
 def test_a_guided_beam_hardens_as_the_exact_beam_under_tension():
-    """Two clamped beams on a guided body; the exact shape under tension: w'''' = (T/EI) w'', T = EA ∫ w'²/2l."""
+    """Two clamped beams on a guided body, by the exact shape under tension: w'''' = (T/EI) w'', T = EA ∫ w'²/2l."""
     e, width, t, length = 3e9, 1e-3, 2e-4, 8e-3
     area, inertia = width * t, width * t**3 / 12
     beams = [
@@ -111,7 +111,7 @@ def test_a_guided_beam_hardens_as_the_exact_beam_under_tension():
     for moved in (3e-5, 1e-4):
 
         def force(tension, moved=moved):
-            """Of one beam with tension T at deflection `moved`: closed form of the guided beam-column."""
+            """Return the closed form of the guided beam-column, with tension T at deflection `moved`."""
             mu = (tension / e / inertia) ** 0.5 * length
             # w(0)=w'(0)=0, w'(l)=0, w(l)=moved: shear V = 12 EI/l³ · φ, φ = (mu³/12)/(mu − 2 tanh(mu/2)).
             return moved * e * inertia / length**3 * mu**3 / (mu - 2 * np.tanh(mu / 2))
@@ -148,7 +148,7 @@ def test_a_bridge_says_what_stretching_costs_and_what_would_do():
 
 
 def test_the_tone_of_small_motions_moves_a_hard_spring_less():
-    """Against the steady state of Duffing's equation in time (first harmonic, within what harmonics leave out)."""
+    """The steady state of Duffing's equation in time agrees within what the first harmonic leaves out."""
     alpha, q, asked, omega = 18.0, 15.0, 0.087, 2 * pi * 70
     run = solve_ivp(
         lambda t, y: [
@@ -186,7 +186,7 @@ def test_large_slopes_stay_within_their_bound():
 
 
 def added_mass_of_a_square(n):
-    """Of a plate of side 1 in a fluid of density 1, by a lattice of n × n vortex rings."""
+    """Return the added mass of a plate of side 1 in a fluid of density 1, by a lattice of n × n vortex rings."""
     centre = (np.arange(n) + 0.5) / n
     x, y = (v.ravel() for v in np.meshgrid(centre, centre, indexing="ij"))
     wash = np.zeros((n * n, n * n))

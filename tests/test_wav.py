@@ -1,4 +1,4 @@
-"""WAV files against two readers and writers that are not ours, and files that are broken."""
+"""WAV files against two foreign readers and writers, and broken files."""
 
 import os
 import struct

@@ -1,4 +1,4 @@
-"""What is written plays what is wanted: lines and spurs of i², transitions, volts against a formula in the open.
+"""Written waveforms: lines and spurs of i², transitions, and volts, against formulas written out here.
 
 Agreement:
 
@@ -54,7 +54,7 @@ TEMPLATES = Path(__file__).parents[1] / "templates"
 
 
 def template(name, scheme=""):
-    """The plan of a template, with a drive of the test's choice instead of its own."""
+    """Plan a template with another drive than its own."""
     lines = (TEMPLATES / f"{name}.toml").read_text().splitlines()
     if scheme:
         own = "[drive]" in lines
@@ -72,7 +72,7 @@ def wide():
 
 @pytest.fixture(scope="module")
 def quads():
-    """Four channels a coil, in every scheme."""
+    """Plans of four channels a coil, in every scheme."""
     return {name: template("quad-64", name) for name in SCHEMES}
 
 
@@ -82,7 +82,7 @@ def pair():
 
 
 def current_a(drive, line, coil, levels, fed, t):
-    """i(t) of a coil, written out as the scheme says, with levels (n, len(t)), for any times."""
+    """Return i(t) of a coil by the scheme's formula, with levels (n, len(t)), at any times."""
     angle = 2 * np.pi * coil.force_hz[:, None] * t + coil.phase_rad[:, None]
     lines = coil.line_a2[:, None] * levels
     if drive.scheme.name == "spur-free":
@@ -99,7 +99,7 @@ def current_a(drive, line, coil, levels, fed, t):
 
 
 def written_out(drive, times, t):
-    """Volts of every coil (len(t), coils) by the formulas, with di/dt by differences of fourth order."""
+    """Return the volts (len(t), coils) by the formulas, with di/dt by differences of fourth order."""
     result = np.zeros((len(t), len(drive.coils)))
     last = len(times.time_s) - 1
     step = 1e-6
@@ -219,7 +219,7 @@ def test_phases_hold_for_ten_minutes(pair):
 
 
 def lines_of(path, drive, report, over=1):
-    """Amplitudes (lines, coils) of i² of one period of a file of volts, by Fourier transforms alone."""
+    """Return amplitudes (lines, coils) of i² of one period of a file of volts, by Fourier transforms alone."""
     read = read_wav(path)
     voltage = read.samples * report.full_scale
     count = len(voltage)
@@ -232,7 +232,7 @@ def lines_of(path, drive, report, over=1):
 
 
 def spur_db(plan, drive, path, levels, depth, over):
-    """The largest unwanted line over the smallest wanted one of its coil, and how far the wanted are off."""
+    """Return the largest unwanted line over its coil's smallest wanted one in dB, and the wanted lines' error."""
     report = write_wave(path, drive, steady(levels, drive.period_s), depth)
     lines = lines_of(path, drive, report, over)
     worst, off = [], []
@@ -342,8 +342,10 @@ def test_on_a_carrier_the_lines_are_the_same(tmp_path, quads):
 
 
 def ringing(plan, drive, times, coil, j):
-    """What taxel j of a coil does from the end of each transition on beside what it does when steady, over its ON
-    amplitude, by exact steps of its mode."""
+    """Return what taxel j adds to its steady motion after the end of each transition, over its ON amplitude.
+
+    It is computed by exact steps of the taxel's mode.
+    """
     t = np.arange(sample_count(drive, times)) / drive.rate_hz
     amperes = np.concatenate([b.samples[:, coil] for b in blocks(drive, times, signal="current")])
     own, channel = drive.coils[coil], plan.channels[plan.taxels[drive.coils[coil].taxels[j]].channel]

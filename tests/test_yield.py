@@ -60,7 +60,7 @@ DB = 1e-9
 def plan_of(
     hz=(50.0, 70.0, 105.0, 160.0), scheme="spur-free", q=30.0, coils=(2, 2), taxels=None, law=1.0, delta_y=10.0
 ) -> Plan:
-    """A pad of 25 mm cells with channels at `hz`."""
+    """Plan a pad of 25 mm cells with channels at `hz`."""
     rows, columns = coils
     taxels = taxels or rows * columns * len(hz)
     plan = make_plan(
@@ -80,7 +80,7 @@ drive = {{ scheme = "{scheme}", level_law = {law} }}
 
 
 def bare(plan: Plan) -> Plan:
-    """The plan without coils around and other modes, so that a coil's closed form is all there is."""
+    """Return the plan without the coils around and other modes, so that a coil's closed form is exact."""
     own = []
     for c in plan.channels:
         k = int(np.argmax(c.mode_shares))
@@ -186,7 +186,7 @@ def test_sigma_of_all_spreads_adds_in_squares():
 
 
 def test_the_field_runs_smoothly_over_the_bed():
-    """Sample covariance of 4000 pads against exp(−d²/L²): its own sampling error of 4 sigma, and all other causes."""
+    """The sample covariance of 4000 pads is exp(−d²/L²) plus that of all other causes, within 4 sigma of sampling."""
     plan = plan_of(coils=(2, 3))
     design, pads = module.design_of(plan, None), 4000
     for spreads in (only(field_z_mm=0.01), USUAL):
@@ -206,7 +206,7 @@ def test_the_field_runs_smoothly_over_the_bed():
 
 
 def test_the_semivariogram_of_measured_beds():
-    """288 public bed meshes (tests/reference/print_spread.md): 20, 47, 75, 92 % of the sill at 20, 40, 60, 80 mm."""
+    """Of 288 public bed meshes (tests/reference/print_spread.md): 20, 47, 75, 92 % of the sill at 20, 40, 60, 80 mm."""
     length = parse_spec('name = "a"\nresolution = 4\nband_hz = [50, 200]\nq_min = 15\n').spread.field_length_mm
     places = np.arange(0, 81, 20.0)
     waves = module._waves(places, length)
@@ -226,7 +226,7 @@ def test_a_coupon_shares_what_is_common_alone():
 
 
 def test_the_papers_five_replicas_are_likely_by_the_typical_spread_and_not_by_a_broad_one():
-    """Ten taxels of five prints answered within f/2Q of their tones (print_spread.md: 15 % likely at Q = 15).
+    """Ten taxels of five prints lay within f/2Q of their tones (print_spread.md: 15 % likely at Q = 15).
 
     The beam is taken as 1 × 1 × 10 mm, since the paper gives none; tones were set by the first print, the bias is off.
     """
@@ -247,7 +247,7 @@ def test_the_papers_five_replicas_are_likely_by_the_typical_spread_and_not_by_a_
 
 
 def lines_of(scheme, tone, force, ratio, state):
-    """Lines of i² as (frequency, amplitude, channel that it belongs to as a harmonic), by multiplying sines out."""
+    """Return lines of i² as (frequency, amplitude, channel whose harmonic it is), by multiplying the sines out."""
     active = np.flatnonzero(state)
     lines = [(tone[j], force[j], None) for j in active]
     if scheme == "tones":
@@ -264,7 +264,7 @@ def lines_of(scheme, tone, force, ratio, state):
 
 
 def states_db(plan, off_by, retuned):
-    """Smallest ON over largest OFF amplitude of a coil with resonances `off_by` times the plan's, by all states."""
+    """Return the smallest ON over largest OFF amplitude in dB of a coil with resonances `off_by` times the plan's."""
     names = ("resonance_hz", "q", "effective_mass_g", "force_constant_n_per_a2")
     planned, q, mass, pull = (np.array([getattr(c, name) for c in plan.channels]) for name in names)
     drive, scheme = plan.spec.drive, plan.selectivity.drive
@@ -525,10 +525,10 @@ def four_lines() -> Plan:
 
 
 def test_the_four_line_spec_prints():
-    """Nine in ten of its re-tuned pads keep what is asked, by a program that knows plan.json and print_spread.md alone.
+    """Nine in ten re-tuned pads keep what was asked, by a program that knows only plan.json and print_spread.md.
 
-    Its rule of exponents, its sampling (0.1 dB of 1000 pads) and its modes, whose answers it adds as amplitudes where
-    the plan adds energies, make it differ by up to half a decibel.
+    It differs by up to half a decibel, by its rule of exponents, its sampling (0.1 dB of 1000 pads) and its modes,
+    whose answers it adds as amplitudes where the plan adds energies.
     """
     plan = four_lines()
     data = json.loads(plan_to_json(plan))
@@ -566,7 +566,7 @@ def test_the_search_against_every_layout(seed):
 
 
 def test_modes_and_leakage_are_counted_once_each():
-    """In the drawing itself: what the plan says of all modes, and of the coils around, add as energies."""
+    """On the pad as drawn, the planned energies of all modes and of the coils around are added."""
     plan = four_lines()
     worst = max(
         10 ** (-plan.selectivity.placed_all_states_db / 10) + 10 ** (-leak / 10) for leak in plan.reuse.retuned_leaks_db
@@ -579,7 +579,7 @@ def test_modes_and_leakage_are_counted_once_each():
 
 
 def test_lines_of_coils_apart_add_as_energies():
-    """Line by line: i_k i_l of tones at f_k and f_l, by hand for three coils; in step their fields add to (Σ b)⁴."""
+    """Lines i_k i_l of tones at f_k and f_l are added by hand for three coils; in step their fields add to (Σ b)⁴."""
     field = np.array([0.3, 0.2, 0.1])
     leak = Leakage(np.outer(field, field)[None], field[None])
     lines = [(field[k] ** 2) ** 2 for k in range(3)]

@@ -1,4 +1,5 @@
-"""Measurements of a print → `Tuning`: what its taxels really are, and what the tones become.
+"""From measurements of a print to its `Tuning`: the real resonance, Q and response of every taxel.
 
-`tuning` is the data that the driver reads; the rest makes it from spectra and time series.
+`tuning` defines the data that the driver reads; the other modules make them from tables, spectra and time series, find
+the tones that suit the print, and judge a pad in a slicer's G-code.
 """

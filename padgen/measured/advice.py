@@ -1,10 +1,10 @@
-"""Trim advice, and the findings of a re-tuned print: what tones cannot mend, coils cannot give, what looks odd.
+"""Trim advice and findings for a re-tuned print: what tones cannot mend, what coils cannot give, what looks odd.
 
-A trim tells which taxels to lower, and by how much, where two came out too close for any tones. Only lowering is
-advised: weight is easily added and a beam easily thinned, the reverse is not. A little weight dm on the plate lowers
-the resonance by ``m ((f/f')² − 1) = dm``, m the effective mass; a beam that is filed by dt follows the sensitivities of
-the beam model, ``f'/f = (1 − dt/t)^s``. The lightest weight on one taxel that brings the coil to what is needed is
-looked for; where none does, taxels are lowered one after the other, each by what helps most."""
+A trim lowers the resonances of named taxels where two came out too close for any tones. Only lowering is advised, since
+weight is easily added and a beam easily thinned, but not the reverse. A weight dm on the plate lowers a resonance f to
+f', ``dm = m ((f/f')² − 1)``, with the effective mass m. Filing a beam of size t by dt follows the sensitivity s of the
+beam model, ``f'/f = (1 − dt/t)^s``. The search takes the lightest weight on one taxel that is enough for the coil.
+Where no single weight is enough, taxels are lowered one after the other, each time by the change that helps most."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -34,18 +34,18 @@ __all__ = [
 ]
 
 SHORT_OF_PLAN_DB = 1.0
-"""Where the plan itself keeps less than asked, a coil is as good as planned down to so much below it."""
+"""Largest loss in dB against the plan that is accepted where the plan itself keeps less than was asked."""
 LARGEST = 0.25
-"""Largest share by which a resonance is to be lowered: 0.8 of the moving mass again."""
+"""Largest share by which a resonance is lowered; it takes a weight of 0.8 times the moving mass."""
 STEPS = 64
-"""Shares that a taxel is tried at: from an eighth of the narrowest bandwidth, each larger by the same factor."""
+"""Number of shares tried for each taxel, from an eighth of the narrowest bandwidth, in even ratios."""
 MOST_STEPS = 4
-"""Taxels of a coil that are lowered at most."""
+"""Most steps in which taxels of one coil are lowered."""
 
 
 @dataclass(frozen=True, slots=True)
 class TrimStep:
-    """One taxel to lower: `add_mg` of weight on its plate, or a beam filed thinner, or narrower, by so much."""
+    """One taxel to lower: by `add_mg` of weight on its plate, or by beams filed thinner or narrower by the mm given."""
 
     id: str
     from_hz: float
@@ -57,7 +57,10 @@ class TrimStep:
 
 @dataclass(frozen=True, slots=True)
 class Trim:
-    """What to do to one coil; `before_db`, `after_db` in all states with re-tuned tones, `needed_db` what is enough."""
+    """The advice for one coil: its steps, and its selectivity in all states with re-tuned tones.
+
+    `before_db` is without the steps, `after_db` with them, `needed_db` would be enough.
+    """
 
     row: int
     column: int
@@ -68,12 +71,12 @@ class Trim:
 
     @property
     def reaches(self) -> bool:
-        """Whether it is enough."""
+        """True where the steps are enough, within rounding."""
         return self.after_db >= self.needed_db - 0.05
 
 
 class _Coil(NamedTuple):
-    """Taxels (n,) of one coil, and what their OFF energies must stay below."""
+    """Taxels (n,) of one coil, and the limit that their OFF energies must stay below."""
 
     plan: Plan
     hz: np.ndarray
@@ -85,7 +88,7 @@ class _Coil(NamedTuple):
 
 
 def needed_db(plan: Plan) -> float:
-    """What a coil must keep to be left alone: what was asked, or, where the plan keeps less, a little below that."""
+    """Return the dB that are enough for a coil: those asked for or, where the plan keeps less, 1 dB below the plan."""
     figures = plan.selectivity
     planned = figures.placed_all_states_db
     if planned is None or planned >= figures.asked_db:
@@ -94,9 +97,10 @@ def needed_db(plan: Plan) -> float:
 
 
 def trims(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> tuple[Trim, ...]:
-    """Advice for every coil that keeps too little after re-tuning; `after` are its figures then.
+    """Return advice for every coil that keeps too little after re-tuning; `after` are the coils' figures then.
 
-    Where nothing tried is enough, what helps most; nothing for a coil that no lowering helps.
+    Where no trim that was tried is enough, the advice is the one that helps most. A coil that no lowering helps gets
+    none.
     """
     need = needed_db(plan)
     short = {(c.row, c.column): c for c in after if c.all_states_db is not None and c.all_states_db < need}
@@ -109,7 +113,7 @@ def trims(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> tuple[Tri
             share = _lowering(_coil(plan, tuning, index, short[place], need))
             hz[index] *= 1 - share
             lowered[place] = share
-    trimmed = _moved(tuning, hz)
+    trimmed = _with_resonances(tuning, hz)
     figures = {(c.row, c.column): c for c in predicted(plan, trimmed, tones_at(plan, trimmed))}
     sensitivity = sensitivities(plan)
     found = []
@@ -122,8 +126,8 @@ def trims(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> tuple[Tri
     return tuple(found)
 
 
-def _moved(tuning: Tuning, hz: np.ndarray) -> Tuning:
-    """The print with more weight on it: the stiffness, and with it the response, stays."""
+def _with_resonances(tuning: Tuning, hz: np.ndarray) -> Tuning:
+    """Return the print with resonances lowered to `hz` by added weight, which leaves stiffness and response alone."""
     taxels = (replace(t, resonance_hz=float(f)) for t, f in zip(tuning.taxels, hz, strict=True))
     return replace(tuning, taxels=tuple(taxels))
 
@@ -140,14 +144,14 @@ def _coil(plan: Plan, tuning: Tuning, index: Sequence[int], figures: CoilFigures
         plan.scheme,
         1.0,
     )
-    # Other modes cost what they cost now.
+    # The other modes are assumed to cost as many dB after the trim as before.
     own_db = -10 * np.log10(_energies(bare, np.zeros((len(index), 1))).max())
     cost = max(own_db - (figures.all_states_db or 0.0), 0.0) if np.isfinite(own_db) else 0.0
     return bare._replace(limit=10 ** (-(need + cost) / 10))
 
 
 def _energies(coil: _Coil, share: np.ndarray) -> np.ndarray:
-    """OFF energies (n, columns) with resonances lowered by shares (n, columns), tones on them."""
+    """Return OFF energies (n, columns) for resonances lowered by shares (n, columns), with tones on the resonances."""
     hz = coil.hz[:, None] * (1 - share)
     line = levels_um(coil.plan, hz.ravel()).reshape(hz.shape) / coil.response[:, None]
     which = Channels(hz, coil.q[:, None], line)
@@ -155,7 +159,7 @@ def _energies(coil: _Coil, share: np.ndarray) -> np.ndarray:
 
 
 def _lowering(coil: _Coil) -> np.ndarray:
-    """Shares (n,) by which to lower the taxels of a coil."""
+    """Search the shares (n,) by which to lower the taxels of a coil."""
     share = np.zeros(len(coil.hz))
     excess = float(_excess(coil, share[:, None])[0])
     for _ in range(MOST_STEPS):
@@ -172,7 +176,7 @@ def _lowering(coil: _Coil) -> np.ndarray:
 
 
 def _excess(coil: _Coil, share: np.ndarray) -> np.ndarray:
-    """By how much OFF energies exceed the limit, summed over taxels (columns,)."""
+    """Return by how much the OFF energies exceed the limit, relative and summed over taxels (columns,)."""
     excess: np.ndarray = np.maximum(_energies(coil, share) / coil.limit - 1, 0.0).sum(0)
     return excess
 
@@ -183,7 +187,7 @@ def _weight_mg(coil: _Coil, share: np.ndarray) -> np.ndarray:
 
 
 def _each_lowered(coil: _Coil, base: np.ndarray) -> np.ndarray:
-    """Shares (n, columns): each taxel in turn lowered further than `base`, others as they are."""
+    """Return shares (n, columns) in which each taxel in turn is lowered further than in `base`, the others not."""
     least = min(1 / (8 * float(coil.q.max())), LARGEST / 8)
     steps = np.geomspace(least, LARGEST, STEPS)
     tried = np.repeat(base[:, None], len(base) * STEPS, 1)
@@ -214,14 +218,14 @@ def _filed_mm(size_mm: float, share: float, sensitivity: float) -> float:
 LOW_Q = 0.8
 """Share of the plan's Q below which a taxel is worth a finding."""
 SIGMAS = 4.0
-"""Print spreads by which a resonance may be off its plan before it looks like another taxel's."""
+"""Number of print spreads beyond which a resonance off its plan looks like another taxel's."""
 COARSE = 0.25
-"""Share of half a bandwidth that the error of a resonance may have."""
+"""Largest error of a resonance, as a share of half its bandwidth, that is not reported."""
 MOST_NAMED = 4
 ROUNDED_DB = 0.05
-"""Largest difference of two figures that are shown alike."""
+"""Largest difference of two figures in dB that print the same."""
 LOWEST_TRIM = 0.85
-"""Largest relative shift of a resonance that glue or a file can make; beyond, a taxel gains a third of its mass."""
+"""Lowest ratio of trimmed to printed resonance that glue or a file can make: a weight of 0.38 times the moving mass."""
 
 
 def judge_print(
@@ -233,7 +237,11 @@ def judge_print(
     schemes_db: Sequence[tuple[str, float | None]],
     trimmed: Sequence[Trim],
 ) -> Iterator[Finding]:
-    """All findings."""
+    """Yield all findings about a measured and re-tuned print.
+
+    `after` and `loads` are each coil's figures and load with the new tones, row by row; `schemes_db` is what every
+    drive scheme would keep; `trimmed` is the trim advice.
+    """
     yield from _unpulled(tuning)
     yield from _close(plan, tuning, after, schemes_db, trimmed)
     yield from _level(plan, after, loads)
@@ -291,15 +299,16 @@ def _pair_text(tuning: Tuning, coil: CoilFigures) -> str:
     taxels = {taxel.id: taxel for taxel in tuning.taxels}
     off, heard = taxels[coil.off], taxels[coil.heard]
     return (
-        f"{off.id} at {number(off.resonance_hz)} Hz hears most of {heard.id} at {number(heard.resonance_hz)} Hz,"
-        f" {abs(off.resonance_hz / heard.resonance_hz - 1):.1%} apart with a bandwidth of {1 / off.q:.1%}"
+        f"{off.id} at {number(off.resonance_hz)} Hz is moved most by the tone of {heard.id} at"
+        f" {number(heard.resonance_hz)} Hz, {abs(off.resonance_hz / heard.resonance_hz - 1):.1%} apart with a"
+        f" bandwidth of {1 / off.q:.1%}"
     )
 
 
 def trim_text(trim: Trim) -> str:
-    """Say in a clause how to mend a coil."""
+    """Return a clause that says how to mend a coil."""
     if any(step.to_hz < LOWEST_TRIM * step.from_hz for step in trim.steps):
-        return "no trim that is a trim would part them; print that pad, or these taxels' cells, again"
+        return "they are too close for any weight or file to part them; print that pad, or these taxels' cells, again"
     steps = " and ".join(_step_text(step) for step in trim.steps)
     reach = "keeps" if trim.reaches else "then keeps no more than"
     return f"{steps}: it {reach} {trim.after_db:.1f} dB; measure again after it"

@@ -1,4 +1,4 @@
-"""Measured data → `TaxelFit`: each measured taxel's resonance, Q and response, with one sigma of each."""
+"""Fits of resonance, Q and response, each with one sigma, to the measured data of every taxel."""
 
 from dataclasses import dataclass
 from math import log
@@ -16,27 +16,27 @@ from padgen.planner.plan import Channel, Plan
 __all__ = ["MethodFit", "TaxelFit", "fit_measured"]
 
 TABLE_HZ_SHARE = 0.05
-"""One sigma of a table's resonance that states none, of its bandwidth: what reading it off a curve leaves."""
+"""One sigma of a resonance from a table that states none, over its bandwidth: the error of reading it off a curve."""
 TABLE_Q_SHARE, PLANNED_Q_SHARE = 0.1, 0.3
-"""One sigma of a table's Q, and of the plan's where the table has none, relative."""
+"""Relative one sigma of a Q from a table, and of the plan's Q where the table has none."""
 TABLE_RESPONSE_SHARE = 0.1
-"""One sigma of a table's response, relative."""
+"""Relative one sigma of a response from a table."""
 QUIET_SHARE = 1e-3
-"""Of the largest i²: below it a coil is silent, whatever noise its record has."""
+"""Share of the largest i² below which a coil counts as silent, whatever noise its record has."""
 BEFORE_S, RINGING_TAUS = 0.1, 12.0
-"""What of the silence before and after is kept."""
+"""Silence that is kept before the coil's turn (s) and after it (ring-up time constants of the planned taxel)."""
 FEWEST_LEFT = 64
 SLOWEST = 5.0
-"""The planned resonance over the sampling rate: a tenth of it, the lowest that a print may have, is then seen."""
+"""Largest planned resonance over the sampling rate. A print's resonance, at least a tenth of it, is then still seen."""
 SAMPLES_OF_PLANNED = 64
-"""Samples of a driven record in a period of the planned resonance that are enough, wherever the print has it."""
+"""Samples per period of the planned resonance that are enough, wherever the print's resonance is."""
 KILO_HZ = 1e-3
 MOST_NAMED = 5
 
 
 @dataclass(frozen=True, slots=True)
 class MethodFit:
-    """What one method made of a taxel's data; errors are one sigma."""
+    """The resonance and Q that one method found in a taxel's data; errors are one sigma."""
 
     method: str
     resonance_hz: float
@@ -47,12 +47,12 @@ class MethodFit:
 
 @dataclass(frozen=True, slots=True)
 class TaxelFit:
-    """The resonance of one measured taxel; `_error` fields are one sigma.
+    """The resonance, Q and response of one measured taxel; `_error` fields are one sigma.
 
     `response_um_per_a2` is the amplitude at resonance per amplitude of the line of i² there, None where the
-    measurement is in relative units. `q_measured` is False where a table left Q out: then it is the plan's,
-    with a wide error. `methods` has the figures of each method (none for a table); the first is the one taken.
-    `agree` is False where they differ by more than their errors. `snr_db` is the peak over the noise of a point.
+    measurement is in relative units. `q_measured` is False where a table left Q out: then Q is the plan's, with a wide
+    error. `methods` has the figures of each method (none for a table); the first method's are used. `agree` is False
+    where the methods differ by more than their errors. `snr_db` is the peak over the noise of one point.
     """
 
     id: str
@@ -69,14 +69,15 @@ class TaxelFit:
 
 
 def fit_measured(measured: Measured, plan: Plan, nearest: bool = False) -> tuple[TaxelFit, ...]:
-    """Fit every measured taxel, in the plan's order; those that were not measured have no entry.
+    """Fit every measured taxel, in the plan's order; taxels that were not measured have no entry.
 
-    With `nearest`, of two comparable peaks the one nearest to the plan is taken; else they are refused.
+    Data with two comparable peaks are refused; with `nearest`, the peak nearest to the plan is taken instead.
 
     Raises
     ------
     FileError
-        The data of a taxel do not show one resonance, or all frequencies look like kHz or like those of the current.
+        The data of a taxel do not show one resonance, or nearly all frequencies look like kHz, mHz, or frequencies of
+        the current.
     """
     channels = {taxel.id: plan.channels[taxel.channel] for taxel in plan.taxels}
     if not measured.stated:
@@ -116,7 +117,7 @@ def _fit(part: Row | Spectrum | Record, channel: Channel, nearest: bool) -> Taxe
 
 
 def _refuse_rate(part: Record, channel: Channel) -> None:
-    """Refuse a record at whose rate no print of the plan could be seen."""
+    """Refuse a record that is too short, or sampled too slowly, to show the resonance of any print of the plan."""
     planned, seconds = channel.resonance_hz, len(part.displacement) / part.rate_hz
     if seconds * planned < 1 or part.rate_hz < planned / SLOWEST:
         raise SolverError(
@@ -126,9 +127,9 @@ def _refuse_rate(part: Record, channel: Channel) -> None:
 
 
 def _thinned(part: Record, channel: Channel) -> tuple[float, np.ndarray, np.ndarray]:
-    """Rate, i² and displacement of a driven record, without what tells no more of a resonance.
+    """Return rate, i² and displacement of a driven record, cut and resampled to what its resonance needs.
 
-    That is silence before the coil's turn, or long after it, and the many samples of a sound card.
+    Silence before the coil's turn and long after it is cut; a rate far above the resonance is lowered.
     """
     square = np.asarray(part.squared_current_a2)
     loud = np.flatnonzero(square > QUIET_SHARE * square.max())
@@ -136,13 +137,13 @@ def _thinned(part: Record, channel: Channel) -> tuple[float, np.ndarray, np.ndar
     start = max(int(loud[0] - BEFORE_S * part.rate_hz), 0) if len(loud) else 0
     stop = int(loud[-1] + rings * part.rate_hz) if len(loud) else len(square)
     both = square[start:stop], part.displacement[start:stop]
-    # The filter is as long as what it thins: of a rate that is wrong by thousands some samples are to be left.
+    # At a rate that is wrong by thousands, at least FEWEST_LEFT samples must be left.
     factor = min(int(part.rate_hz / (SAMPLES_OF_PLANNED * channel.resonance_hz)), len(both[0]) // FEWEST_LEFT)
     if factor < 2:
         return part.rate_hz, *both
     from scipy.signal import resample_poly
 
-    # Without the mean, which ends would ring with.
+    # A mean would make the filter ring at both ends.
     return (part.rate_hz / factor, *(resample_poly(v - v.mean(), 1, factor) for v in both))
 
 
@@ -179,7 +180,7 @@ def _from_fit(taxel: str, fit: ResonanceFit, absolute: bool) -> TaxelFit:
 
 
 def _refuse_units(measured: Measured, channels: dict[str, Channel]) -> None:
-    """Refuse frequencies that are all a thousandth of the plan's, or all half of it."""
+    """Refuse frequencies that are nearly all a thousand times, a thousandth or half of the plan's."""
     roughs = [_rough_hz(part, channels[part.id]) for part in measured.taxels]
     ratios = np.array(
         [rough / channels[part.id].resonance_hz for rough, part in zip(roughs, measured.taxels, strict=True) if rough]
@@ -219,7 +220,7 @@ def _axis(part: Row | Spectrum | Record) -> str:
 
 
 def _rough_hz(part: Row | Spectrum | Record, channel: Channel) -> float:
-    """Where the largest response is; 0 where there is none."""
+    """Return the frequency in Hz of the largest response, 0 where there is none."""
     if isinstance(part, Row):
         return part.resonance_hz
     if isinstance(part, Spectrum):

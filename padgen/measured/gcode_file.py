@@ -1,9 +1,9 @@
-"""Reads G-code a layer at a time: where a slicer lays plastic, and how much of it.
+"""Reader of G-code files, layer by layer: where a slicer lays plastic, and how much.
 
-A file is read in blocks whose moves are worked out by numpy, and no more than a layer is held at once, so that its
-size does not matter. Understood are straight moves and arcs (G0–G3), absolute and relative coordinates and extrusion
-(G90, G91, M82, M83, G92), millimetres and inches (G20, G21), and of comments, where a slicer writes them, the kind and
-the height of what follows. Layers are told by their height, not by comments.
+A file is read in blocks, whose moves numpy works out, and only one layer is held at a time: the file may have any size.
+The reader knows straight moves and arcs (G0–G3), absolute and relative coordinates and extrusion (G90, G91, M82, M83,
+G92), millimetres and inches (G20, G21). From a slicer's comments it takes the kind and the height of the extrusions
+that follow. A new layer begins where the nozzle's height changes, whatever comments say.
 """
 
 import re
@@ -21,16 +21,16 @@ __all__ = ["Layer", "read_layers", "read_settings"]
 
 BLOCK_BYTES = 1 << 22
 END_BYTES = 1 << 18
-"""Bytes of a file's begin and end that are searched for the slicer's settings."""
+"""Bytes at a file's beginning and end that are searched for the slicer's settings."""
 MOST_MOVES = 3_000_000
-"""Extrusions of one layer: with more it is no pad."""
+"""Most extrusions in one layer; no pad has more."""
 CHORD_MM = 0.005
-"""Largest distance of an arc from the chords that stand for it."""
+"""Largest distance of an arc from the chords that replace it."""
 INCH_MM = 25.4
 SAME_Z_MM = 1e-4
-BESIDE = ("SKIRT", "BRIM", "SUPPORT", "PRIME", "WIPE", "CUSTOM", "RAFT")
-"""Kinds of extrusions, as slicers' comments begin or end with them, that are no part of the object."""
-ELSE = (
+NOT_OBJECT = ("SKIRT", "BRIM", "SUPPORT", "PRIME", "WIPE", "CUSTOM", "RAFT")
+"""First words, in slicers' comments, of the kinds of extrusions that are no part of the object."""
+OTHER_FILES = (
     (b"GCDE", "is binary G-code (.bgcode); switch binary G-code off in the slicer and export it as text"),
     (b"PK", "is a 3MF or another archive; slice it first and export G-code"),
     (b"\xff\xfe", "is UTF-16 text; save it as plain text"),
@@ -47,7 +47,7 @@ SLICER = re.compile(
 )
 WORD = re.compile(rb"(?:[A-Z] *[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?\s*)*")
 MOVES, SETS = (0, 1, 2, 3), (20, 21, 82, 83, 90, 91, 92)
-"""Codes that move, and those that change how numbers are meant; of these 82 and 83 are M82 and M83."""
+"""Codes that move, and codes that change what numbers mean: 82 and 83 are M82 and M83, all others are G codes."""
 AXES = {ord(letter): column for column, letter in enumerate("XYZEIJ")}
 
 
@@ -55,8 +55,8 @@ AXES = {ord(letter): column for column, letter in enumerate("XYZEIJ")}
 class Layer:
     """The plastic laid at one height: straight extrusions from `start` to `stop` (n, 2) in mm.
 
-    `area_mm2` (n,) is the cross-section of the plastic, `height_mm` (n,) how high the slicer says that an extrusion is,
-    nan where it says nothing; `top_mm` is the height of the nozzle.
+    `area_mm2` (n,) is the cross-section of the plastic. `height_mm` (n,) is the height of an extrusion as the slicer
+    states it, nan where it states none. `top_mm` is the height of the nozzle.
     """
 
     top_mm: float
@@ -67,17 +67,19 @@ class Layer:
 
     @property
     def volume_mm3(self) -> np.ndarray:
-        """Plastic of each extrusion."""
+        """Volume of the plastic of each extrusion, (n,)."""
         return np.asarray(np.hypot(*(self.stop - self.start).T) * self.area_mm2)
 
 
 def read_settings(path: Path) -> dict[str, str]:
-    """The slicer's settings by its own names, as comments at a file's begin and end have them, and which `slicer`.
+    """Read the slicer's settings, by the slicer's own names, from comments at a file's beginning and end.
+
+    The key ``slicer`` has the slicer's name where the file tells it.
 
     Raises
     ------
     FileError
-        The file is not there, or no text of G-code.
+        The file is not there, or is not G-code as text.
     """
     try:
         if not path.is_file():
@@ -92,12 +94,12 @@ def read_settings(path: Path) -> dict[str, str]:
         raise FileError(f"cannot be read ({told})", str(path)) from error
     if not begin.strip():
         raise FileError("is empty", str(path))
-    for magic, told in ELSE:
+    for magic, told in OTHER_FILES:
         if begin.startswith(magic):
             raise FileError(told, str(path))
     if b"\0" in begin:
         stl = size == 84 + 50 * int.from_bytes(begin[80:84], "little")
-        raise FileError(ELSE[4][1] if stl else "is binary, no text of G-code", str(path))
+        raise FileError(OTHER_FILES[4][1] if stl else "is binary, not G-code as text", str(path))
     found = {key.decode(): value.decode(errors="replace") for key, value in SETTING.findall(begin + b"\n" + end)}
     slicer = SLICER.search(begin)
     return found | ({"slicer": slicer[1].decode()} if slicer else {})
@@ -106,10 +108,12 @@ def read_settings(path: Path) -> dict[str, str]:
 def read_layers(path: Path, filament_mm: float) -> Iterator[Layer]:
     """Read the layers of a file in the order in which they are laid.
 
+    `filament_mm` is the filament's diameter, by which fed lengths become volumes.
+
     Raises
     ------
     FileError
-        A move cannot be read, or a layer has more of them than any pad.
+        A move cannot be read, or a layer has more extrusions than any pad.
     """
     filament_mm2 = np.pi / 4 * filament_mm**2
     state, count = _State(), 0
@@ -139,7 +143,7 @@ def _layer(parts: list[np.ndarray], filament_mm2: float) -> Layer:
 
 
 def _blocks(path: Path) -> Iterator[tuple[int, bytes]]:
-    """Whole lines, some megabytes at a time, and the number of the first."""
+    """Yield blocks of whole lines, some megabytes each, with the number of their first line."""
     number, rest = 1, b""
     with path.open("rb") as file:
         while data := file.read(BLOCK_BYTES):
@@ -154,21 +158,21 @@ def _blocks(path: Path) -> Iterator[tuple[int, bytes]]:
 
 
 class _State:
-    """State of the printer at the end of a block: meaning of numbers and place of the nozzle; the next begins there."""
+    """The printer's state between two blocks of lines: its modes, and the place of the nozzle and of the filament."""
 
     def __init__(self) -> None:
         self.last = dict.fromkeys("XYZE", 0.0)
         self.modes = {"unit": 1.0, "relative": 0.0, "relative_e": 0.0, "beside": 0.0, "height": np.nan}
 
     def kept(self, name: str, sets: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """`values` where something `sets` them, and the last ones in between."""
+        """Return a mode's value in each row: that of `values` in the last row that `sets` it."""
         at = np.maximum.accumulate(np.where(sets, np.arange(len(sets)), -1))
         result = np.where(at < 0, self.modes[name], values[at])
         self.modes[name] = float(result[-1])
         return result
 
     def followed(self, axis: str, given: np.ndarray, relative: np.ndarray) -> np.ndarray:
-        """Return an axis's place in mm after each row, one more row in front, from the words `given` (nan: none)."""
+        """Return an axis's place in mm before the first row and after each row, from the words `given` (nan: none)."""
         is_given = ~np.isnan(given)
         run = np.cumsum(np.where(is_given & relative, given, 0.0))
         at = np.maximum.accumulate(np.where(is_given & ~relative, np.arange(len(given)), -1))
@@ -178,7 +182,7 @@ class _State:
 
 
 def _extrusions(block: bytes, number: int, state: _State, path: Path) -> np.ndarray:
-    """Rows of x, y, x, y, z, length of filament, height in mm, of all moves of a block that lay plastic."""
+    """Return the moves of a block that lay plastic: rows of from x, y, to x, y, z, fed filament and height, in mm."""
     text = np.frombuffer(block, np.uint8)
     ends = np.flatnonzero(text == ord("\n"))
     starts = np.concatenate([[0], ends[:-1] + 1])
@@ -202,7 +206,7 @@ def _extrusions(block: bytes, number: int, state: _State, path: Path) -> np.ndar
     relative = state.kept("relative", (code == 90) | (code == 91), code == 91).astype(bool)
     relative_e = state.kept("relative_e", (code == 82) | (code == 83), code == 83).astype(bool) | relative
     words *= unit[:, None]
-    places = code == 92  # sets where the nozzle is, and moves nothing
+    places = code == 92  # G92 states where the nozzle is, and moves nothing
     x, y, z, e = (
         state.followed(axis, words[:, k], (relative_e if axis == "E" else relative) & ~places)
         for k, axis in enumerate("XYZE")
@@ -223,7 +227,7 @@ def _extrusions(block: bytes, number: int, state: _State, path: Path) -> np.ndar
 
 
 def _codes(text: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    """The number of each line's command where it is one of `MOVES` or `SETS`, else −1."""
+    """Return the number of each line's command where it is one of `MOVES` or `SETS`, else −1."""
     padded = np.concatenate([text, np.full(4, ord("\n"), np.uint8)])
     letter, *digits = (padded[starts + k] for k in range(4))
     one, two, three = ((d - np.uint8(48)).astype(np.int16) for d in digits)
@@ -235,7 +239,10 @@ def _codes(text: np.ndarray, starts: np.ndarray) -> np.ndarray:
 
 
 def _words(text: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.ndarray | None:
-    """The numbers after X, Y, Z, E, I and J of some lines (n, 6), nan where there is none; None if one is no number."""
+    """Return the numbers after X, Y, Z, E, I and J of lines, (n, 6), nan where there is none.
+
+    Return None where the number of any word cannot be read.
+    """
     signs = np.flatnonzero(text == ord(";"))
     comment = np.concatenate([signs, [len(text)]])[np.searchsorted(signs, starts)]
     stops = np.minimum(ends, comment) + 1
@@ -249,7 +256,7 @@ def _words(text: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.ndarray
     line[is_letter] = ord(" ")
     try:
         values = np.fromstring(line.tobytes(), sep=" ")
-    except ValueError:  # something is no number
+    except ValueError:  # a word has no number
         values = np.empty(0)
     if len(values) != len(letters) or not np.isfinite(values).all():
         return None
@@ -262,15 +269,15 @@ def _words(text: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.ndarray
 
 
 def _notes(block: bytes, starts: np.ndarray, state: _State) -> tuple[np.ndarray, np.ndarray]:
-    """Of rows that begin at `starts`: whether they are no part of the object, and their height in mm."""
+    """Read from comments, for rows that begin at `starts`, if they lie beside the object, and their height in mm."""
     beside = np.full(len(starts) + 1, np.nan)
     height = beside.copy()
     for note in NOTE.finditer(block):
-        # Behind the last row it holds for the next block.
+        # A comment behind the last row is kept for the next block.
         row = int(np.searchsorted(starts, note.start()))
         if note[1] in (b"TYPE", b"FEATURE"):
             kind = note[2].decode(errors="replace").upper()
-            beside[row] = any(kind.startswith(word) for word in BESIDE)
+            beside[row] = any(kind.startswith(word) for word in NOT_OBJECT)
         else:
             try:
                 height[row] = float(note[2])
@@ -281,7 +288,10 @@ def _notes(block: bytes, starts: np.ndarray, state: _State) -> tuple[np.ndarray,
 
 
 def _without_arcs(table: np.ndarray, turn: np.ndarray, centre: np.ndarray) -> np.ndarray:
-    """The same extrusions, those that `turn` (−1 clockwise, 1 anticlockwise) about start + `centre` as chords."""
+    """Replace arcs in a table of extrusions by chords; rows with `turn` 0 stay.
+
+    An arc turns clockwise (`turn` −1) or anticlockwise (1) about its start plus `centre` (n, 2), in mm.
+    """
     middle, radius = table[:, :2] + centre, np.maximum(np.hypot(*centre.T), 1e-9)
     begin, end = (np.arctan2(*(table[:, k : k + 2] - middle)[:, ::-1].T) for k in (0, 2))
     sweep = (end - begin) * turn % (2 * np.pi)

@@ -1,9 +1,9 @@
-"""Judges a pad as a slicer lays it: every beam, at which frequency each taxel would resonate, which settings did it.
+"""Judgement of a pad as a slicer lays it: its beams, the taxels' resonances, and the settings that spoil them.
 
-A resonance comes from the plan's own beam model, with the stiffness of the layers that are laid (their widths and
-heights at nodes along the beam, as one stack) and the mass of the plate's plastic; the plan's resonance is scaled by
-what the model makes of the difference. Neglected is what G-code does not tell: how well strands weld, how plastic is
-pressed into the bed; and how far the edges of frame and plate are moved, which changes a beam's length.
+The plan's beam model computes each taxel twice, as drawn and as laid: with the stiffness of the layers that are laid
+(their widths and heights at nodes along the beam, as one stack) and the mass of the plate's plastic. The plan's
+resonance is scaled by the ratio. G-code does not tell how well strands weld and how far plastic is pressed into the
+bed; both are neglected. So is a shift of the edges of frame and plate, which changes a beam's length.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -28,11 +28,11 @@ from padgen.planner.taxel_model import TaxelModel, plate_shape
 __all__ = ["LaidReport", "check_gcode"]
 
 LAID_SHARE = 0.25
-"""Of the planned width: less is no layer of a beam, or a place where one is missing."""
+"""Share of the planned width below which a layer of a beam counts as missing."""
 WIDTH_MM, DEPTH_MM, MASS_SHARE = 0.05, 0.02, 0.02
-"""Differences of a layer's width, of a recess's depth and of a plate's plastic that are told."""
+"""Largest differences of a layer's width, a recess's depth and a plate's plastic that are not reported."""
 CLOSED_MM, NARROW_SHARE = 0.05, 0.5
-"""A gap between beads that counts as closed, and the share of the plan's below which one is told."""
+"""Width below which a gap between beads counts as closed, and share of the planned gap below which it is reported."""
 SETTINGS = {
     "layer_height": ("layer_height",),
     "first_layer_height": ("first_layer_height", "initial_layer_print_height"),
@@ -44,9 +44,9 @@ SETTINGS = {
     "infill": ("fill_density", "sparse_infill_density"),
     "nozzle": ("nozzle_diameter",),
 }
-"""Settings as the plan calls them, and as comments of G-code do."""
+"""Settings by the plan's names, with their names in comments of G-code."""
 NAMED = 3
-"""Taxels that a sentence names."""
+"""Most taxels that a sentence names."""
 
 
 @dataclass(frozen=True)
@@ -59,8 +59,11 @@ class LaidReport:
 
 @dataclass(frozen=True)
 class _LaidModel(TaxelModel):
-    """Taxels (n,) whose beams and plates are laid other than they were drawn: sections of each beam in mm, and the
-    share of the plate's plastic that is laid."""
+    """Beam model of taxels (n,) as they are laid.
+
+    `sections` are the width and thickness (n,) of each beam in mm, `plastic` (n,) the share of the plate's planned
+    plastic that is laid.
+    """
 
     sections: tuple[tuple[np.ndarray, np.ndarray], ...]
     plastic: np.ndarray
@@ -77,8 +80,12 @@ class _LaidModel(TaxelModel):
 
 
 class _Beams(NamedTuple):
-    """One beam of all taxels of a channel (n,): widths (layers, n), layers that are laid, thickness, the section (w, t)
-    that is as stiff and heavy, where it is broken (distance from the root in mm, nan: nowhere) and where a layer is."""
+    """One beam of all taxels (n,) of a channel, as laid.
+
+    `width_mm` and `is_laid` are (layers, n). `section_mm` is the width and thickness (n,) of a rectangle with the same
+    stiffness and mass. `broken_mm` and `thin_mm` are distances from the root at which the whole beam, or one layer, is
+    missing (nan: nowhere).
+    """
 
     width_mm: np.ndarray
     is_laid: np.ndarray
@@ -89,12 +96,12 @@ class _Beams(NamedTuple):
 
 
 def check_gcode(plan: Plan, path: Path) -> LaidReport:
-    """Judge what the G-code in a file lays of the pad of `plan`.
+    """Judge the pad of `plan` as the G-code in a file lays it.
 
     Raises
     ------
     FileError
-        The file is no text of G-code, or does not hold this pad, or not all of it.
+        The file is not G-code as text, or does not hold the whole of this pad.
     """
     settings = read_settings(path)
     laid = laid_pad(plan, path, _numeric(settings.get("filament_diameter", "")))
@@ -120,7 +127,7 @@ def _channels(plan: Plan) -> np.ndarray:
 
 
 def _of(plan: Plan, channel: Channel) -> np.ndarray:
-    """Indices of a channel's taxels."""
+    """Return the indices of a channel's taxels."""
     return np.flatnonzero(_channels(plan) == channel.index)
 
 
@@ -147,7 +154,7 @@ def _beam(plan: Plan, channel: Channel, laid: LaidPad, index: int) -> _Beams:
 
 
 def _plate_mm3(plan: Plan, channel: Channel) -> float:
-    """Plastic of plate and boss as planned."""
+    """Return the planned volume of plate and boss, less the recess, in mm³."""
     plate = plan.plate
     blocks = plan.arrangement(channel).blocks
     volume = sum(float((b.high_x_mm - b.low_x_mm) * (b.high_y_mm - b.low_y_mm) * b.height_mm) for b in blocks)
@@ -159,7 +166,7 @@ def _plate_mm3(plan: Plan, channel: Channel) -> float:
 
 
 def _resonances(plan: Plan, beams: list[list[_Beams]], plastic: np.ndarray) -> np.ndarray:
-    """Resonance in Hz of each taxel as laid, nan where a beam is broken."""
+    """Return the resonance in Hz of each taxel as laid, nan where a beam is broken."""
     result = np.full(len(plan.taxels), np.nan)
     plate = plate_shape(plan.spec)
     for channel, own in zip(plan.channels, beams, strict=True):
@@ -177,7 +184,7 @@ def _resonances(plan: Plan, beams: list[list[_Beams]], plastic: np.ndarray) -> n
 
 
 class _Wrong(NamedTuple):
-    """A setting by the plan's name, as the file has it and as the plan needs it."""
+    """A setting to change: its name in the plan, its value in the file, and the value that the plan needs."""
 
     name: str
     has: str
@@ -185,7 +192,7 @@ class _Wrong(NamedTuple):
 
 
 def _inferred(plan: Plan, laid: LaidPad, beams: list[list[_Beams]]) -> dict[str, str]:
-    """Settings that can be read off what is laid, where no comment tells them."""
+    """Infer settings from the extrusions, for files whose comments do not state them."""
     steps = laid.all_steps_mm.round(4)
     values, counts = np.unique(steps[1:] if len(steps) > 1 else steps, return_counts=True)
     found = {
@@ -202,7 +209,7 @@ def _inferred(plan: Plan, laid: LaidPad, beams: list[list[_Beams]]) -> dict[str,
 
 
 def _wrong(needs: Mapping[str, str], has: Mapping[str, str]) -> dict[str, _Wrong]:
-    """Settings that differ from those that the plan counts on."""
+    """Return the settings that differ from those that the plan counts on."""
     found = {}
     for name in SETTINGS:
         if name not in needs or name not in has:
@@ -216,7 +223,7 @@ def _wrong(needs: Mapping[str, str], has: Mapping[str, str]) -> dict[str, _Wrong
 
 
 def _plain(text: str) -> Any:
-    """A setting's value so that two ways of writing it compare."""
+    """Return a setting's value in one form, so that two ways of writing it compare equal."""
     text = text.split(",")[0].strip().lower()
     for word in ("arachne", "classic"):
         if word in text:
@@ -232,13 +239,13 @@ def _numeric(text: str) -> float | None:
 
 
 def _cause(wrong: Mapping[str, _Wrong], *names: str) -> str:
-    """Name the settings that can have done it, as the end of a sentence."""
+    """Return the end of a sentence that names the wrong settings among `names`, which may be the cause of a fault."""
     told = [f"{w.name} is {w.has}, must be {w.needs}" for name in names if (w := wrong.get(name))]
     return f": {'; '.join(told)}" if told else ""
 
 
 def _told(level: str, code: str, names: Iterable[str], of: str, told: str, cause: str) -> Iterator[Finding]:
-    """A finding that names the first few of those that it is of; none where it is of none."""
+    """Yield one finding that names the first few of `names`, or none where there are no names."""
     names = list(names)
     if names:
         more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
@@ -251,7 +258,7 @@ def _range(values: np.ndarray) -> str:
 
 
 def _of_beams(plan: Plan, beams: list[list[_Beams]], wrong: Mapping[str, _Wrong]) -> Iterator[Finding]:
-    """Find faults of beams: pieces, layers and widths."""
+    """Find faults of beams: missing beams, pieces and layers, wrong thickness and widths."""
     each = [
         (channel.beam, f"{plan.taxels[taxel].id}{f' beam {k + 1}' * (len(own) > 1)}", beam, at)
         for channel, own in zip(plan.channels, beams, strict=True)
@@ -292,7 +299,7 @@ def _of_beams(plan: Plan, beams: list[list[_Beams]], wrong: Mapping[str, _Wrong]
 
 
 def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Mapping[str, _Wrong]) -> Iterator[Finding]:
-    """Find faults of gaps, recesses and plates."""
+    """Find faults of gaps, recesses and plates, taxel by taxel."""
     ids, washer, plate = np.array([t.id for t in plan.taxels]), plan.spec.washer, plan.plate
     of, depth, gap = f"{len(ids)} taxels", plan.plate.recess_depth_mm, laid.gap_mm
     cause = _cause(wrong, "xy_size_compensation", "elephant_foot_compensation", "nozzle", "infill_overlap")
@@ -365,7 +372,7 @@ def _figures(
     has: Mapping[str, str],
     wrong: Mapping[str, _Wrong],
 ) -> dict[str, Any]:
-    """All that was measured, as plain data."""
+    """Return all measured figures as plain data."""
     gram = plan.spec.material.density_g_per_cm3 * G_PER_CM3 * MM**3 / MG
     taxels: list[Any] = [None] * len(plan.taxels)
     for channel, own in zip(plan.channels, beams, strict=True):

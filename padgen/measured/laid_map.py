@@ -1,4 +1,4 @@
-"""Maps of a pad's taxels, in which pieces of a slicer's extrusions are looked up: of which body, where on it.
+"""Maps that tell to which body of a taxel a piece of a slicer's extrusion belongs, and where on the body it lies.
 
 Each distinct taxel has one map (`TaxelMap`), a fine grid over its sub-cell in its own axes; `PadMaps` looks up points
 of all taxels at once.
@@ -16,18 +16,24 @@ __all__ = ["PLATE", "PadMaps", "TaxelMap", "cut", "turned"]
 PIXEL_MM, MOST_PIXELS = 0.02, 400_000
 STATION_MM = 0.4
 GAPS = (0.9, 1.6)
-"""Widths, over the plan's least gap, of what counts as a gap: not the corners where a beam meets what it joins."""
+"""Least and largest width of a gap, over the plan's least gap; corners at a beam's ends are narrower."""
 OPPOSITE = -0.8
-"""Cosine of the angle between the ways to both sides of a gap, at most."""
+"""Largest cosine of the angle between the directions to both sides of a gap."""
 NEAR_MM = 1.2
-"""Largest distance of a bead's middle from the middle of a gap that it borders."""
+"""Largest distance from the middle of a gap to the middle of a bead beside it."""
 NODE_MM, MOST_NODES = 0.5, 16
-"""Distance along a beam at which its width is measured, and the most places."""
+"""Distance between the nodes along a beam at which its width is measured, and the most nodes."""
 FRAME, PLATE, BEAM = 1, 2, 3
 
 
 class TaxelMap:
-    """A grid over a taxel's sub-cell in its own axes: bodies, nodes along beams, stations of gaps, depth in a body."""
+    """A grid over a taxel's sub-cell in its own axes, with the body, beam node, gap station and depth of each pixel.
+
+    `owner` is the nearest body (`FRAME`, `PLATE`, or `BEAM` plus the beam's index), `node` the fractional node number
+    along the beams (−1 off them), `station` the nearest station of a gap (−1: none near), `side` the side of that gap,
+    and `aside_mm` the distance from the gap's middle. `depth_mm` is the depth below the surface of the solid in its
+    lowest layer, negative outside.
+    """
 
     def __init__(self, plan: Plan, channel: Channel) -> None:
         from scipy.ndimage import distance_transform_edt as distance
@@ -82,7 +88,7 @@ class TaxelMap:
         self._gaps(~solid, away, places, sizes.gap_mm)
 
     def _run_mm(self, path: BeamPath) -> tuple[np.ndarray, np.ndarray]:
-        """Points along a beam: how far from its root, and in which pixel."""
+        """Return points along a beam: their distances in mm from its root, and the pixels that they lie in."""
         runs, points, done = [], [], 0.0
         for k, segment in enumerate(path.segments):
             long = float(segment.length_mm)
@@ -96,9 +102,9 @@ class TaxelMap:
         return np.concatenate(runs), at[:, 0] * self.shape[1] + at[:, 1]
 
     def _gaps(self, void: np.ndarray, away: np.ndarray, places: np.ndarray, gap_mm: float) -> None:
-        """Stations along the middle of each gap, and every pixel's distance from the nearest.
+        """Set stations along the middle of each gap, and for pixels near a gap the station, side and distance.
 
-        A gap has its two bodies on opposite sides; a corner where a beam meets what it joins has not.
+        A gap has its two bodies on opposite sides, unlike a corner where a beam meets frame or plate.
         """
         from scipy.ndimage import distance_transform_edt as distance
 
@@ -132,7 +138,7 @@ class TaxelMap:
 
 
 class PadMaps:
-    """The maps of all channels, one after the other, so that points of all taxels are looked up at once."""
+    """The maps of all channels, concatenated, so that points on all taxels are looked up at once."""
 
     owner: np.ndarray
     node: np.ndarray
@@ -161,14 +167,17 @@ class PadMaps:
         self.corner = (self.low - washer)[self.channel]
 
     def cells(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Column and row of the sub-cell of points (…, 2) on the pad, and whether there is one."""
+        """Return the columns and rows of the sub-cells of points (…, 2) on the pad, and where there is a sub-cell."""
         pad, cell, (rows, columns) = self.plan.spec.pad, self.plan.cell, self.places.shape
         column = np.floor((points[..., 0] + pad.width_mm / 2) / cell.width_mm).astype(np.int32)
         row = np.floor((points[..., 1] + pad.depth_mm / 2) / cell.depth_mm).astype(np.int32)
         return column, row, (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
 
     def found(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of points (n, 2) on the pad: taxel (−1: none), place from the washer in the taxel's own axes, and pixel."""
+        """Look up points (n, 2) in mm on the pad.
+
+        Return each one's taxel (−1: none), its place (n, 2) from the washer in the taxel's own axes, and its pixel.
+        """
         column, row, inside = self.cells(points)
         rows, columns = self.places.shape
         taxel = np.where(inside, self.places[row.clip(0, rows - 1), column.clip(0, columns - 1)], -1)
@@ -180,7 +189,7 @@ class PadMaps:
         return taxel, own, self.first[channel] + at[0] * shape[1] + at[1]
 
     def solid_at(self, points: np.ndarray) -> np.ndarray:
-        """Tell at which points (n, 2) the plan has plastic in its lowest layer."""
+        """Return where, among points (n, 2) in mm, the plan has plastic in its lowest layer."""
         spec = self.plan.spec
         taxel, _, pixel = self.found(points)
         half = np.array([spec.pad.width_mm, spec.pad.depth_mm]) / 2
@@ -191,13 +200,16 @@ class PadMaps:
 
 
 def turned(points: np.ndarray, quarters: int) -> np.ndarray:
-    """Points (n, 2) turned anticlockwise by quarter turns."""
+    """Return points (n, 2) turned anticlockwise by quarter turns."""
     cosine, sine = ((1, 0), (0, 1), (-1, 0), (0, -1))[quarters % 4]
     return np.stack([cosine * points[:, 0] - sine * points[:, 1], sine * points[:, 0] + cosine * points[:, 1]], -1)
 
 
 def cut(layer: Layer, piece_mm: float) -> tuple[np.ndarray, np.ndarray]:
-    """Middles (n, 2) of pieces of a layer's extrusions that are no longer than `piece_mm`, and which each is of."""
+    """Cut a layer's extrusions into pieces no longer than `piece_mm`.
+
+    Return the pieces' middles (n, 2) in mm, and the index (n,) of the extrusion that each was cut from.
+    """
     along = layer.stop - layer.start
     count = np.maximum(np.ceil(np.hypot(*along.T) / piece_mm), 1).astype(np.int64)
     line = np.repeat(np.arange(len(count)), count)

@@ -1,8 +1,8 @@
-"""Measures a pad in the G-code that a slicer made of it: where it lies, and each taxel as it is laid.
+"""Measurement of a pad in a slicer's G-code: its place on the bed, and each taxel as it is laid.
 
-Every extrusion is cut into short pieces, and each piece is looked up in a map of its taxel (`TaxelMap`, one a channel):
-of which body it is, how far along a beam it lies, which station of a gap is nearest and how far. So the work
-grows with the length that is laid, and no more than a layer is held.
+Every extrusion is cut into short pieces. Each piece is looked up in a map of its taxel (`TaxelMap`, one per channel),
+which tells its body, its place along a beam, and the nearest station of a gap with its distance. The work grows with
+the length of the extrusions, and only one layer is held at a time.
 """
 
 from collections.abc import Iterator
@@ -21,36 +21,37 @@ from padgen.planner.plan import Plan
 __all__ = ["LaidPad", "Placing", "laid_pad"]
 
 ROUND_EDGES = 1 - np.pi / 4
-"""Excess width of a bead of round edges over the rectangle of its area, per height."""
+"""Excess width of a bead with round edges over a rectangle of the same area and height, over the height."""
 FINE_MM, COARSE_MM = 0.04, 0.2
-"""Pieces of an extrusion where beams and recesses are, and above them."""
+"""Longest pieces of extrusions at the height of beams and recesses, and above it."""
 MOST_PIECES = 1_000_000
-"""Pieces that are looked up at a time."""
+"""Most pieces that are looked up at a time."""
 WITHIN_RECESS_MM = 0.35
-"""Distance from a recess's side beyond which plastic is its roof, and no bead of the side."""
+"""Distance inwards from a recess's side from which plastic counts as its roof, not as a bead of the side."""
 STRAND = 2.0
-"""Over the usual width: an extrusion that would be so much wider than it lies free, a round strand."""
+"""Multiple of the layer's median width above which an extrusion is taken as a free round strand of a bridge."""
 SHIFTS_MM = 0.06 * np.stack(np.meshgrid(np.arange(-1, 2), np.arange(-1, 2)), -1).reshape(-1, 2)
-"""Places about a recess's middle where its washer may lie."""
+"""Shifts from a recess's middle at which the room for its washer is tried."""
 MOST_OTHER = 0.15
-"""Share of a sub-cell or of the border that may be other than planned: ordinary profiles differ on 0.06, other pads on
-0.17 or more."""
+"""Largest share of a sub-cell that may differ from the plan: usual profiles have 0.06, other pads 0.23 or more."""
 LONG_MM = 1.0
-"""Least length of a bead along the pad's edge, and its largest distance within the edge."""
+"""Least length of a bead along the pad's edge, and its largest distance from the edge."""
 ALIKE = 2e-3
-"""Difference of two correlations by rounding: of a pad that looks the same when turned, the smaller turn is taken."""
+"""Difference of correlations that may be rounding; a pad that looks the same when turned then gets the smaller turn."""
 IMAGE_MM, MOST_IMAGE = 0.5, 1000
-"""Pixels of the images that are compared, so many at most along a side of what is searched."""
+"""Pixel size of the images that are compared, and the most pixels along a side of the searched area."""
 WIDEST_MM = 2000.0
 FIRST_LAYERS = 8
-"""Layers in which the pad's lowest is looked for: below it may be a raft or a line that primes the nozzle."""
+"""Layers among which the pad's lowest is searched: a raft, or a line that primes the nozzle, may lie below it."""
 FILAMENTS_MM = (1.75, 2.85)
-"""Diameters that a filament may have of which a file says nothing."""
+"""Diameters that are tried where a file does not state its filament's."""
 
 
 class Placing(NamedTuple):
-    """Place of the pad's centre on the bed in mm, by how many quarter turns the pad is turned, how well what is laid
-    matches the plan (a correlation, 1 at most), and the largest share of a sub-cell or the border that is other."""
+    """The place of the pad's centre on the bed in mm, the pad's quarter turns, and how well the pad matches there.
+
+    `match` is the correlation with the plan (1 at most), `other` the largest share of a sub-cell that differs from it.
+    """
 
     x_mm: float
     y_mm: float
@@ -61,14 +62,15 @@ class Placing(NamedTuple):
 
 @dataclass(frozen=True)
 class LaidPad:
-    """Measure the pad as laid, taxel by taxel in the plan's order; lengths in mm, heights from `bottom_mm` on.
+    """The pad as laid, taxel by taxel in the plan's order; heights are measured from `bottom_mm`.
 
     `areas_mm2` (layers, taxels, nodes) is the cross-section of plastic at nodes along the beams, in layers up to a
-    little above them, `steps_mm` (layers) their heights; `beams` has for each channel and beam the slice of its nodes,
-    evenly from root to tip. `plate_mm3` is the plastic of plate and boss. `recess_mm` is the
-    depth below the lowest strand of the recess's roof, `strand_mm` how high this is; `room_mm` the
-    largest circle about the recess's middle that holds no plastic. `gap_mm` is the narrowest place of the gaps around
-    what moves, `gap_top_mm` at which height. `all_steps_mm` are the heights of all layers, `volume_mm3` all plastic.
+    little above the beams; `steps_mm` (layers,) are these layers' thicknesses. `beams` has for each channel and beam
+    the slice of its nodes, evenly spaced from root to tip. `plate_mm3` is the plastic of plate and boss. `recess_mm` is
+    the depth below the lowest strands of the recess's roof, `strand_mm` the height of these strands, `room_mm` the
+    diameter of the largest circle near the recess's middle that holds no plastic. `gap_mm` is the narrowest gap around
+    plate and beams, `gap_top_mm` its height. `all_steps_mm` are the thicknesses of all layers, `volume_mm3` is all of
+    the pad's plastic.
     """
 
     placing: Placing
@@ -88,9 +90,11 @@ class LaidPad:
 
 
 class _Pieces(NamedTuple):
-    """Pieces of extrusions, by their middles on the pad: volume, outer width and height in mm, the lowest that they
-    reach; `taxel` −1 where none is. `own` (n, 2) is from the washer's axis in the taxel's own axes, `pixel` numbers its
-    map's."""
+    """Pieces (n,) of extrusions within the sub-cells of taxels.
+
+    Volume in mm³, outer width and height in mm, index of the taxel, place `own` (n, 2) of the piece's middle from the
+    washer's axis in the taxel's own axes in mm, and pixel of the maps.
+    """
 
     volume: np.ndarray
     width: np.ndarray
@@ -103,12 +107,13 @@ class _Pieces(NamedTuple):
 def laid_pad(plan: Plan, path: Path, filament_mm: float | None = None) -> LaidPad:
     """Find the pad of `plan` in a file of G-code and measure it, layer by layer.
 
-    Without a filament's diameter that of `FILAMENTS_MM` is taken by which the lowest layer comes out full.
+    Where the filament's diameter is not given, it is the one of `FILAMENTS_MM` with which the lowest layer comes out
+    full.
 
     Raises
     ------
     FileError
-        Nothing is laid, it is not this pad, or it ends before the pad does.
+        The file lays nothing, does not hold this pad, or ends before the pad is whole.
     """
     where, maps = str(path), PadMaps(plan)
     reading = read_layers(path, filament_mm or FILAMENTS_MM[0])
@@ -142,7 +147,10 @@ def laid_pad(plan: Plan, path: Path, filament_mm: float | None = None) -> LaidPa
 
 
 def _placed(maps: PadMaps, layers: Iterator[Layer], where: str) -> tuple[Placing, Layer, float, float]:
-    """The pad's place by its lowest layer, that layer, its height, and how full of plastic it is, 1 as planned."""
+    """Find the pad by its lowest layer; return its place, that layer, the layer's thickness in mm and its fullness.
+
+    The fullness is its plastic over the planned plastic.
+    """
     least, top = 1.0, 0.0
     for _, layer in zip(range(FIRST_LAYERS), layers, strict=False):
         told = float(layer.height_mm[0])
@@ -172,7 +180,7 @@ def _placed(maps: PadMaps, layers: Iterator[Layer], where: str) -> tuple[Placing
 
 
 def _fullness(maps: PadMaps, placing: Placing, layer: Layer, step_mm: float) -> float:
-    """Plastic of the lowest layer over what the plates and frames of the plan's taxels have in it."""
+    """Return the plastic of the lowest layer within the taxels' sub-cells over the planned plastic there."""
     points, line = cut(layer, COARSE_MM)
     points = turned(points - (placing.x_mm, placing.y_mm), -placing.quarters)
     pieces = np.bincount(line, minlength=len(layer.start))
@@ -183,10 +191,10 @@ def _fullness(maps: PadMaps, placing: Placing, layer: Layer, step_mm: float) -> 
 
 
 def _registered(maps: PadMaps, layer: Layer, height_mm: float) -> Placing:
-    """Find where the pad lies, by the correlation of what a layer covers with the plan's lowest cross-section.
+    """Find where the pad lies, by the correlation of a layer's extrusions with the plan's lowest cross-section.
 
-    First on a coarse grid in all quarter turns, by Fourier transforms; then the two best are moved until the beads
-    lie deepest within the plan's bodies, which puts gaps on both sides alike.
+    First all quarter turns are tried on a coarse grid, by Fourier transforms. The two best are then moved until the
+    beads lie deepest within the plan's bodies, which leaves gaps equally wide on both sides.
     """
     pad = maps.plan.spec.pad
     size = np.array([pad.width_mm, pad.depth_mm]) + 2 * pad.border_mm
@@ -196,7 +204,7 @@ def _registered(maps: PadMaps, layer: Layer, height_mm: float) -> Placing:
     volume = layer.volume_mm3 / np.bincount(line, minlength=len(layer.start))
 
     def image(at: np.ndarray, corner: np.ndarray, shape: Any, pixel: float) -> np.ndarray:
-        """Return each pixel's share of plastic, from a corner on."""
+        """Return each pixel's share of plastic; `corner` is the image's lower left corner."""
         index = np.floor((at - corner) / pixel).astype(np.int64)
         inside = ((index >= 0) & (index < shape)).all(1)
         number = index[inside, 0] * shape[1] + index[inside, 1]
@@ -204,7 +212,7 @@ def _registered(maps: PadMaps, layer: Layer, height_mm: float) -> Placing:
         return np.asarray(np.minimum(full, 1.2).reshape(shape))
 
     def planned(pixel: float) -> np.ndarray:
-        """The same of the plan, its centre in the middle."""
+        """Return each pixel's planned share of plastic, with the pad's centre in the middle of the image."""
         shape = np.ceil(size / pixel).astype(np.int64)
         finer = int(np.clip(MOST_IMAGE * 3 // shape.max(), 2, 5))
         axes = (((np.arange(finer * n) + 0.5) / finer - n / 2) * pixel for n in shape)
@@ -250,7 +258,7 @@ def _registered(maps: PadMaps, layer: Layer, height_mm: float) -> Placing:
 
 
 def _off_centre(start: np.ndarray, stop: np.ndarray, half_mm: np.ndarray) -> np.ndarray:
-    """Return the distance (2,) in mm of the middle between beads at opposite edges from the pad's middle."""
+    """Return by how much (2,) in mm the middle between the beads at opposite edges is off the pad's middle."""
     off = np.zeros(2)
     for k in (0, 1):
         along = np.abs(stop[:, k] - start[:, k]) < 1e-3
@@ -267,7 +275,7 @@ def _largest_difference(maps: PadMaps, middles: list[np.ndarray], plan: np.ndarr
     """The largest share of a sub-cell, or of the border, that is laid where the plan has a window, or bare where it
     has plastic.
 
-    `middles` are where the images' pixels lie, along x and y.
+    `middles` are the coordinates of the images' pixels along x and y.
     """
     column, row, inside = maps.cells(np.stack(np.meshgrid(*middles, indexing="ij"), -1))
     number = np.where(inside, row * maps.places.shape[1] + column, maps.places.size).ravel()
@@ -276,13 +284,13 @@ def _largest_difference(maps: PadMaps, middles: list[np.ndarray], plan: np.ndarr
 
 
 def _depth(maps: PadMaps, points: np.ndarray) -> float:
-    """Return the depth of points within the plan's bodies, at most that of the beads of their sides."""
+    """Return the sum of the points' depths in mm within the plan's bodies, each limited to −0.5 … 0.25 mm."""
     taxel, _, pixel = maps.found(points)
     return float(np.clip(maps.depth_mm[pixel[taxel >= 0]], -0.5, 0.25).sum())
 
 
 class _Measuring:
-    """Sums and extremes over the layers that were added."""
+    """A pad that is being measured: sums and extremes over the layers added so far."""
 
     def __init__(self, maps: PadMaps, placing: Placing, bottom_mm: float) -> None:
         self.maps, self.plan, self.placing, self.bottom = maps, maps.plan, placing, bottom_mm
@@ -306,7 +314,7 @@ class _Measuring:
 
     @property
     def is_whole(self) -> bool:
-        """Tell whether the pad's height is reached, but for less than a layer."""
+        """True where the pad's height is reached, within about a layer."""
         return self.top > self.whole_mm - max(self.steps[-1], self.plan.spec.printer.layer_mm) - 0.05
 
     def add(self, layer: Layer, step_mm: float) -> None:
@@ -345,7 +353,7 @@ class _Measuring:
         self.gap = np.minimum(self.gap, gap)
 
     def _pieces(self, layer: Layer, step_mm: float, piece_mm: float) -> Iterator[_Pieces]:
-        """The pieces within the sub-cells of taxels, not too many at a time; adds up the plastic of the whole pad."""
+        """Yield the pieces within the sub-cells of taxels, `MOST_PIECES` or fewer at a time; sum the pad's plastic."""
         height = np.where(np.isnan(layer.height_mm), step_mm, layer.height_mm)
         wide = layer.area_mm2 / height
         strand = np.isnan(layer.height_mm) & (wide > STRAND * np.median(wide))
@@ -370,7 +378,7 @@ class _Measuring:
             )
 
     def _add_recesses(self, pieces: _Pieces, roof: np.ndarray, strands: np.ndarray, room: np.ndarray) -> None:
-        """Add the plastic over each recess, the same times its height, and the room about its middle between beads."""
+        """Add each recess's roof plastic, the same times its height, and the room between beads about its middle."""
         radius, post = self.plan.plate.recess_diameter_mm / 2, self.plan.plate.post_diameter_mm / 2
         near = np.abs(pieces.own).max(1) < radius + 1
         own, taxel, width, height = (part[near] for part in (pieces.own, pieces.taxel, pieces.width, pieces.height))
@@ -384,7 +392,7 @@ class _Measuring:
             np.minimum.at(room[k], taxel[beside], 2 * np.hypot(*(own[beside] - shift).T) - width[beside])
 
     def done(self, filament_mm: float) -> LaidPad:
-        """All that was measured; a recess without a roof is as deep as the pad is high."""
+        """Return all measurements; a recess without a roof is as deep as the pad is high."""
         self.recess[np.isnan(self.recess)] = self.top
         return LaidPad(
             self.placing,

@@ -1,4 +1,4 @@
-"""`Measured`: what a lab gave of a print, as plain data: per taxel a row of a table, a spectrum or a record."""
+"""Measurements of a print as plain data: for each taxel a row of a table, a spectrum or a record in time."""
 
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -8,13 +8,13 @@ import numpy as np
 __all__ = ["LARGEST", "SMALLEST", "Measured", "Record", "Row", "Spectrum", "nearest_id"]
 
 SMALLEST, LARGEST = 1e-30, 1e30
-"""What measured values may be in size; their fourth powers are still numbers. All below is silence."""
+"""Bounds of measured values, whose fourth powers are still floating-point numbers; smaller values count as silence."""
 LONGEST_NAME = 80
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A taxel's line of a table; what was left out is None."""
+    """A taxel's line of a table; values that were left out are None."""
 
     id: str
     where: str
@@ -26,7 +26,10 @@ class Row:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Spectrum:
-    """A taxel's response (n,), complex or a magnitude, over `frequency_hz` (n,); `absolute`: in µm per A² of i²."""
+    """A taxel's response (n,), complex or a magnitude, over `frequency_hz` (n,).
+
+    It is in µm per A² of the line of i² where `absolute`, else relative.
+    """
 
     id: str
     where: str
@@ -37,7 +40,10 @@ class Spectrum:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Record:
-    """A taxel's displacement (n,), in µm where `absolute`; `squared_current_a2` (n,) where it was driven, else None."""
+    """A taxel's displacement (n,) over time, in µm where `absolute`, else relative.
+
+    `squared_current_a2` (n,) is the coil's i², None for a free decay.
+    """
 
     id: str
     where: str
@@ -49,10 +55,10 @@ class Record:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measured:
-    """What was measured, in the order of the plan's taxels, and the IDs of those that were not.
+    """A measurement of a print: the measured taxels in the plan's order, and the IDs of the missing ones.
 
-    `kind` is 'table', 'spectrum', 'decay', 'driven', or 'mixed' (a folder). `stated`: the file says that its
-    frequencies are those meant, so that they need not be near the plan's.
+    `kind` is 'table', 'spectrum', 'decay', 'driven', or 'mixed' (a folder). `stated` is True where the file says what
+    its frequencies are of; then they need not be near the plan's.
     """
 
     kind: str
@@ -63,6 +69,6 @@ class Measured:
 
 
 def nearest_id(name: str, known: tuple[str, ...]) -> str:
-    """The end of a sentence: which of the known names is meant, if any looks like it."""
+    """Return the end of a sentence that names the known name most like `name`, or the first and the last one."""
     close = get_close_matches(name[:LONGEST_NAME], known, 1, 0.5)
     return f"; the nearest is {close[0]!r}" if close else f"; they run from {known[0]!r} to {known[-1]!r}"

@@ -1,9 +1,10 @@
-"""What the taxels of a print do under given tones: ON, OFF and how far apart, of every coil.
+"""Prediction of ON and OFF amplitudes, and of selectivity, of every coil of a print under given tones.
 
-The tones need not lie on the resonances: as planned they do not. All else is as in `padgen.physics.selectivity`: steady
-states, lines of different frequency add as energies, so that an OFF taxel is loudest with all others on, and each
-washer is pulled as strongly as it lies to its coil. All modes of a taxel are counted. They move with its resonance,
-since what a print moves is taken to be the stiffness. What the coils around do is left out, as in a plan's figures.
+The tones need not lie on the print's resonances; the planned tones do not. All else is as in
+`padgen.physics.selectivity`: motion is steady, and lines of different frequency add as energies, so that an OFF taxel
+is loudest with all others on. The washers' unequal distances from the coil and all modes of a taxel are counted. The
+modes move with the taxel's resonance, because a print is taken to change the stiffness and not the mass. The coils
+around are left out, as in a plan's figures.
 """
 
 from collections.abc import Sequence
@@ -39,21 +40,21 @@ __all__ = [
 ]
 
 UNPULLED = 1e-12
-"""Share of the largest response that is as good as none."""
+"""Share of the largest response that replaces a smaller one, so that nothing is divided by zero."""
 
 
 class Tones(NamedTuple):
-    """The wanted lines of i² of all taxels (t,), in the plan's order: frequency in Hz, amplitude in A²."""
+    """The lines of i² that are to move the taxels (t,), in the plan's order: frequency in Hz, amplitude in A²."""
 
     hz: np.ndarray
     line_a2: np.ndarray
 
 
 class Played(NamedTuple):
-    """Energies (n,) of the taxels of a coil over those of their wanted levels.
+    """Energies (n,) of the taxels of a coil, each over the energy of its wanted level.
 
-    `on`: by its own tone alone. `off`: the largest over all states with it OFF. `alone`: the largest with one other
-    channel on. `loudest`: that channel.
+    `on` is by the taxel's own tone alone, `off` the largest over all states in which the taxel is OFF, `alone` the
+    largest with only one other channel on, and `loudest` the index of that channel.
     """
 
     on: np.ndarray
@@ -64,11 +65,12 @@ class Played(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class CoilFigures:
-    """How selective one coil is.
+    """The selectivity of one coil.
 
-    In dB, smallest ON over largest OFF amplitude with one channel on at a time and in all states; None for a coil of
-    one channel. `off` is the taxel that is heard loudest when OFF, `heard` the one whose tone it hears loudest.
-    `smallest_on` is the smallest ON amplitude over what is wanted, `smallest_on_taxel` whose.
+    `one_hot_db` and `all_states_db` are the smallest ON over the largest OFF amplitude, with one channel on at a time
+    and in all states; None for a coil of one channel. `off` is the taxel that moves most when OFF, `heard` the taxel
+    whose tone moves it most. `smallest_on` is the smallest ON amplitude over the wanted one, that of the taxel
+    `smallest_on_taxel`.
     """
 
     row: int
@@ -82,7 +84,7 @@ class CoilFigures:
 
 
 def levels_um(plan: Plan, resonance_hz: np.ndarray) -> np.ndarray:
-    """ON amplitudes (t,) in µm that the plan's level law wants at these resonances."""
+    """Return the ON amplitudes (t,) in µm that the plan's level law gives at these resonances."""
     law = level_law(plan.spec)
     first = np.array([plan.channels[0].resonance_hz])
     levels: np.ndarray = law(resonance_hz) * (plan.spec.drive.level_um / law(first)[0])
@@ -90,7 +92,10 @@ def levels_um(plan: Plan, resonance_hz: np.ndarray) -> np.ndarray:
 
 
 def tones_at(plan: Plan, tuning: Tuning) -> Tones:
-    """Tones on the resonances of `tuning` that move every taxel by its level; no tone for one that no current moves."""
+    """Return tones on the resonances of `tuning` that move every taxel by its level.
+
+    A taxel that no current moves gets a tone of amplitude 0.
+    """
     hz = _of(tuning, "resonance_hz")
     response = _of(tuning, "response_um_per_a2")
     line = np.divide(levels_um(plan, hz), response, out=np.zeros(len(hz)), where=response > 0)
@@ -98,21 +103,21 @@ def tones_at(plan: Plan, tuning: Tuning) -> Tones:
 
 
 def planned_tones(plan: Plan) -> Tones:
-    """The tones and currents of the plan."""
+    """Return the tones of the plan, on the planned resonances."""
     return tones_at(plan, planned_tuning(plan))
 
 
 def one_coil_spec(plan: Plan) -> Spec:
-    """The plan's spec, for the channels of one coil: they are not dealt out to two sets any more."""
+    """Return the plan's spec for the channels of one coil alone, without two sets of channels in turn."""
     spec = plan.spec
     return replace(spec, coil=replace(spec.coil, reuse="same"))
 
 
 def printed_channels(plan: Plan, tuning: Tuning) -> tuple[Channel, ...]:
-    """The taxels of a print as channels, one for each taxel of the plan, for all that judges channels.
+    """Return the taxels of a print as channels, one for each taxel of the plan.
 
-    Masses are the plan's, so that stiffness goes with the resonance squared, sag with its inverse; the response gives
-    the pull. The mean pull's effects are those of the coil that the taxel is over.
+    Masses are the plan's, so stiffness goes with the square of the resonance, and sag with its inverse. The response
+    gives the pull. The effects of the mean pull are those of the coil below the taxel.
     """
     level = levels_um(plan, _of(tuning, "resonance_hz"))
     moved = [
@@ -152,10 +157,10 @@ def _printed(channel: Channel, hz: float, q: float, response_um_per_a2: float, l
 
 
 def played(truth: Channels, tones: Channels, scheme: Scheme, modes: ModalTaxels | None = None) -> Played:
-    """What the taxels `truth` of one coil do under `tones`.
+    """Return the energies of the taxels `truth` of one coil under `tones`.
 
-    ``truth.line`` is what moves a taxel by its wanted level at its own resonance, ``tones.line`` what is played, at
-    ``tones.resonance_hz``. Where the two agree it is `padgen.physics.selectivity.off_energy`.
+    ``truth.line`` is the amplitude of i² (A²) that moves a taxel by its wanted level at its own resonance;
+    ``tones.line`` is played at ``tones.resonance_hz``.
     """
     (made,) = own_lines(tones, scheme)
     own = line_energy(truth, made, modes)
@@ -167,10 +172,10 @@ def played(truth: Channels, tones: Channels, scheme: Scheme, modes: ModalTaxels 
 def predicted(
     plan: Plan, tuning: Tuning, tones: Tones, wanted_um: np.ndarray | None = None, scheme_name: str | None = None
 ) -> tuple[CoilFigures, ...]:
-    """How selective every coil of the print `tuning` is under `tones`, row by row.
+    """Return the selectivity of every coil of the print `tuning` under `tones`, row by row.
 
-    `wanted_um` (t,) are the levels that ON taxels should have (None: the law's, at the print's resonances), the scheme
-    the plan's unless it is named.
+    `wanted_um` (t,) are the levels that ON taxels should have (None: those of the level law at the print's resonances).
+    The drive scheme is the plan's unless another is named.
     """
     scheme = scheme_named(plan.spec, scheme_name or plan.selectivity.drive)
     channels, spec = printed_channels(plan, tuning), one_coil_spec(plan)
@@ -211,7 +216,7 @@ def _figures(
 
 
 def worst_db(coils: Sequence[CoilFigures]) -> float | None:
-    """What a pad keeps in all states: the worst of its coils; None where no coil has two channels."""
+    """Return the worst coil's selectivity in all states in dB, None where no coil has two channels."""
     return min((coil.all_states_db for coil in coils if coil.all_states_db is not None), default=None)
 
 

@@ -1,9 +1,10 @@
-"""Fit a printer to measured prints: offsets of height and width, and the modulus.
+"""Fit of a printer to measured prints: the offsets of height and width of its beams, and the modulus.
 
-A print's measured resonances follow the beam model of beams that are ``z_offset`` thicker and ``width_offset`` wider
-than drawn, of a modulus E, and scatter about it by what `padgen.planner.printed_pads` says of prints, by the
-measurement, and by the model's own error, which all taxels of a channel share. The three are found by generalised
-least squares (Gauss-Newton, since the model bends little over some hundredths of a millimetre).
+The model of a print's resonances is the beam model with beams that are ``z_offset`` thicker and ``width_offset`` wider
+than drawn, and with the modulus E. Measured resonances scatter about it by the spread of prints
+(`padgen.planner.printed_pads`), by the error of the measurement, and by the model's own error, which all taxels of a
+channel share. The three terms are found by generalised least squares, in Gauss-Newton steps, since the model is nearly
+linear over some hundredths of a millimetre.
 """
 
 from collections.abc import Sequence
@@ -21,23 +22,23 @@ __all__ = ["Calibration", "calibrated", "printer_toml"]
 
 TERMS = ("z_offset_mm", "width_offset_mm", "log_modulus")
 WIDTH_BIAS_MM = 0.06
-"""Bias of a width before a calibration: three times a usual XY compensation."""
+"""Assumed bias of a width before a calibration: three times a usual XY compensation."""
 REQUIRED = 0.6
-"""Share of a bias to which a calibration must know it."""
+"""Largest one sigma of a calibrated term, over the term's bias before the calibration."""
 ALIKE = 3e-3
-"""Smallest singular value, of columns of size 1, below which beams do not tell the terms apart."""
+"""Ratio of smallest to largest singular value of normalised columns below which beams cannot tell the terms apart."""
 STEPS, STEP_MM = 8, 1e-3
 SETTLED = 1e-9
 LEAST_LIKELY = 1e-4
-"""Probability of a larger chi-square below which measurements contradict each other, or the model."""
+"""Least probability of a larger chi-square; below it, measurements contradict each other or the model."""
 
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
     """Offsets in mm and modulus in GPa of a printer and a material, with one sigma of each.
 
-    `correlation` (3, 3) is of z offset, width offset and ln E; `chi_square` of `freedom` degrees says how well the
-    measurements agree: about 1 each where the spread is what the spec says.
+    `correlation` (3, 3) is of z offset, width offset and ln E. `chi_square` is about as large as `freedom`, the degrees
+    of freedom, where the measurements scatter as the spec says.
     """
 
     z_offset_mm: float
@@ -54,12 +55,12 @@ class Calibration:
 
 
 def calibrated(plan: Plan, prints: Sequence[Sequence[TaxelFit]]) -> Calibration:
-    """Fit what a printer makes of the beams of `plan` to the measured taxels of its `prints`.
+    """Fit a printer's offsets and modulus to the measured taxels of `prints` of `plan`.
 
     Raises
     ------
     SolverError
-        Too few taxels, taxels that cannot tell the three apart, or measurements that contradict each other.
+        There are too few taxels, they cannot tell the three terms apart, or the measurements contradict each other.
     """
     place = {taxel.id: i for i, taxel in enumerate(plan.taxels)}
     index = [np.array([place[fit.id] for fit in fits]) for fits in prints]
@@ -81,7 +82,7 @@ def calibrated(plan: Plan, prints: Sequence[Sequence[TaxelFit]]) -> Calibration:
         left = np.linalg.solve(lower, measured - value[channel])
         _refuse_alike(weighed)
         step = np.linalg.lstsq(weighed, left, rcond=None)[0]
-        # No beam vanishes, whatever contradicts itself.
+        # Measurements that contradict each other must not make a beam vanish.
         terms = np.clip(terms + step, -farthest, farthest)
         if np.abs(step).max() < SETTLED:
             break
@@ -108,7 +109,7 @@ def calibrated(plan: Plan, prints: Sequence[Sequence[TaxelFit]]) -> Calibration:
 
 
 def _model(plan: Plan, terms: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """ln f (n,) of each channel with such offsets and modulus, and its slopes (n, 3)."""
+    """Return ln f (n,) of each channel with the offsets and modulus `terms` (3,), and its slopes (n, 3)."""
     printer = plan.spec.printer
     sizes = np.array([(c.beam.width_mm, c.beam.thickness_mm, c.beam.length_mm) for c in plan.channels])
     move = np.array([terms[1] - printer.width_offset_mm, terms[0] - printer.z_offset_mm, 0.0])
@@ -122,7 +123,7 @@ def _model(plan: Plan, terms: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         ],
         axis=1,
     )
-    # The channels' own resonances are the plan's, a solved solid's where it has them; the model says how they move.
+    # The resonance as drawn is the plan's, which may be solved by finite elements; the beam model gives the shift.
     drawn = log_resonances(plan, sizes[:, None])[:, 0]
     return np.log([c.resonance_hz for c in plan.channels]) + log_hz[:, 0] - drawn, slope
 
@@ -130,7 +131,10 @@ def _model(plan: Plan, terms: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _scatter(
     plan: Plan, prints: Sequence[Sequence[TaxelFit]], index: Sequence[np.ndarray], channel: np.ndarray
 ) -> np.ndarray:
-    """Covariance of ln f of all that was measured: within a print its spread, over all the model's own error."""
+    """Return the covariance of all measured ln f.
+
+    The spread of prints correlates taxels of one print, the model's own error taxels of one channel.
+    """
     own = covariance(design_of(plan, None), spreads_of(plan.spec))
     model = np.array([c.model_error for c in plan.channels])[channel]
     total = np.where(channel[:, None] == channel, np.outer(model, model), 0.0)
@@ -153,12 +157,12 @@ def _refuse_alike(weighed: np.ndarray) -> None:
 
 
 def _refuse_vague(spec: Spec, sigma: np.ndarray) -> None:
-    """Refuse terms that are known hardly better than before."""
+    """Refuse terms that are known hardly better than before the calibration."""
     bias = spec.spread
     for name, unit, known, before in (
         ("offset of height", "mm", sigma[0], bias.z_bias_mm),
         ("offset of width", "mm", sigma[1], WIDTH_BIAS_MM),
-        ("modulus", "of itself", sigma[2], bias.modulus_bias),
+        ("modulus", "of its value", sigma[2], bias.modulus_bias),
     ):
         if known > REQUIRED * before:
             raise SolverError(
@@ -181,7 +185,7 @@ def _refuse_contradiction(chi_square: float, freedom: int) -> None:
 
 
 def printer_toml(spec: Spec, found: Calibration, name: str) -> str:
-    """The file of a calibrated printer, which a spec names as ``printer = "my-printer.toml"``."""
+    """Return the TOML file of a calibrated printer, which a spec names as ``printer = "my-printer.toml"``."""
     told = f"padgen calibrate: {found.prints} prints, {found.taxels} taxels, chi-square {number(found.chi_square)}"
     printer = replace(
         spec.printer,

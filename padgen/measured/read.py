@@ -1,7 +1,7 @@
-"""What a lab gives of a print → `Measured`: per taxel a row of a table, a spectrum or a record.
+"""Reader of measurements of a print: CSV and WAV files, or a folder of them, into `Measured`.
 
 CSV has one line of headings; lines with ``#`` before it may say ``# unit: …`` and ``# frequency: …``. Columns may
-come in any order, taxels may be left out (they stay as planned), IDs are the plan's, such as ``r0c0k1``.
+come in any order. Taxels may be left out; they stay as planned. IDs are the plan's, such as ``r0c0k1``.
 
 ============  =====================================================================================================
 a table       ``taxel, resonance_hz`` and, where known, ``q``, ``resonance_error_hz`` (one sigma), ``level_um`` with
@@ -15,9 +15,9 @@ WAV           one channel a taxel, in the plan's order: free decays; one more, t
 a folder      of files ``ID.csv`` and ``ID.wav``, each of one taxel, with columns named ``ID…`` or ``response…``
 ============  =====================================================================================================
 
-All frequencies are those of the motion, twice that of a plain tone's current; ``# frequency: drive`` has those of a
-table or of spectra doubled, ``# frequency: motion`` says that they are right however far from the plan's. A record is
-of one coil's taxels, those that its current moves.
+All frequencies are those of the motion, which is twice the frequency of a plain tone's current. ``# frequency: drive``
+doubles those of a table or of spectra; ``# frequency: motion`` says that they are right however far from the plan's. A
+driven record holds taxels of one coil, those that its current moves.
 """
 
 from dataclasses import replace
@@ -37,18 +37,19 @@ from padgen.planner.plan import Plan
 __all__ = ["read_measured", "read_measured_text", "read_records"]
 
 LARGEST_FILE = 1 << 28
-"""Bytes of a file, or of all in a folder."""
+"""Most bytes of a file, or of all files in a folder."""
 
 
 def read_measured(path: Path, plan: Plan, excitation: str = "current") -> Measured:
     """Read a measurement of `plan`'s print: a CSV or WAV file, or a folder of them, one a taxel.
 
-    `excitation` is what the first channel of a WAV with one more than taxels holds: 'current' or 'voltage'.
+    A WAV file with one channel more than taxels has the excitation first; `excitation` says if that is the coil's
+    'current' or 'voltage'.
 
     Raises
     ------
     FileError
-        What cannot be read, or does not hold what the module's table says; with line and column.
+        A file cannot be read, or does not follow the table above; the message names line and column.
     """
     recover(path)
     recover(path.parent)
@@ -134,15 +135,15 @@ def _kind(part: Row | Spectrum | Record) -> str:
 
 
 MOST_SAMPLES = 1 << 25
-"""Samples of a channel: as many as an excitation has at most."""
+"""Most samples of a channel; no excitation of padgen is longer."""
 CLIPPED = 4
-"""Samples at full scale in a row that tell of an overdriven input."""
+"""Number of samples in a row at full scale that count as clipping."""
 
 
 def read_records(
     data: bytes, path: Path, ids: tuple[str, ...], plan: Plan, excitation: str
 ) -> list[Row | Spectrum | Record]:
-    """Records of the taxels `ids` from the bytes of the WAV file `path`, in relative units."""
+    """Return records of the taxels `ids`, in relative units, from the bytes `data` of the WAV file `path`."""
     if excitation not in ("current", "voltage"):
         raise SpecError(f"must be current or voltage, got {excitation!r}", "--excitation")
     where, wave = str(path), read_wav(path, data)
@@ -183,7 +184,10 @@ def _squared_current(column: np.ndarray, rate: float, plan: Plan, excitation: st
 
 
 def _channel(wave: Wave, column: int, where: str) -> np.ndarray:
-    """One channel of the samples, full scale 1, in single precision where that holds it."""
+    """Return one channel of the samples, full scale 1, in single precision where that suffices.
+
+    Clipped samples, and samples that are not finite numbers, are refused.
+    """
     values = wave.channel(column, compact=True)
     if wave.kind == "float":
         bad = ~(np.abs(values) <= LARGEST)
@@ -193,7 +197,7 @@ def _channel(wave: Wave, column: int, where: str) -> np.ndarray:
                 where,
             )
         return values
-    # The last step below full scale, of 24 bits where there are more: converters have no more.
+    # Full scale is the last step below 1. Converters have at most 24 bits, even where files have more.
     full = (values >= 1 - 2.0 ** (1 - min(wave.bits, 24))) | (values == -1)
     run = np.logical_and.reduce([full[k : len(full) - CLIPPED + 1 + k] for k in range(CLIPPED)])
     if run.any():

@@ -1,4 +1,4 @@
-"""Measurements as CSV: tables of resonances, spectra, time series; see `padgen.measured.read` for the columns."""
+"""Reader of measurements in CSV: tables of resonances, spectra, time series; `padgen.measured.read` has the columns."""
 
 import csv
 import re
@@ -29,18 +29,18 @@ UNITS = {"frequency_hz": "um_per_a2", "time_s": "um"}
 RELATIVE = "relative"
 DRIVE, MOTION = "drive", "motion"
 UNEVEN = 0.05
-"""Of a step: how far a time may be off an even one, which rounding in a file explains."""
+"""Largest deviation of a time step from the median step, over the latter; rounding in files explains as much."""
 LARGEST_HZ = 1e6
 LARGEST_Q = 1e9
 MOST_LINES, LONGEST_LINE = 2_000_000, 1 << 22
 LINE_ENDS = "\n\r\v\f\x1c\x1d\x1e\x85\u2028\u2029"
-"""What ``str.splitlines`` takes for the end of a line."""
+"""All characters that ``str.splitlines`` takes for the end of a line."""
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Sheet:
-    """A CSV file: its notes, headings, and the numbered lines of its body."""
+    """A CSV file: its notes (from lines with ``#``), its headings, and the numbered lines of its body."""
 
     where: str
     notes: dict[str, str]
@@ -51,9 +51,9 @@ class _Sheet:
 def read_csv(
     text: str, where: str, ids: tuple[str, ...], plan: Plan, alone: bool
 ) -> tuple[list[Row | Spectrum | Record], bool]:
-    """What a CSV text holds of the taxels `ids`, and whether it states what its frequencies are.
+    """Return the data of the taxels `ids` in a CSV text, and whether it states what its frequencies are of.
 
-    With `alone` it is of the one taxel in `ids`, whose columns may be named 'response'.
+    With `alone` the file belongs to the one taxel in `ids`, whose columns may be named 'response'.
     """
     sheet = _sheet(text, where)
     for kind, read in (("taxel", _table), ("frequency_hz", _spectra), ("time_s", _series)):
@@ -130,7 +130,7 @@ def _is_number(cell: str) -> bool:
 
 
 def _numbers(sheet: _Sheet) -> np.ndarray:
-    """The body (lines, columns), all finite and at most `LARGEST`."""
+    """Return the body as numbers (lines, columns), all of them finite and at most `LARGEST` in size."""
     try:
         values = np.loadtxt([line for _, line in sheet.lines], delimiter=",", comments=None, ndmin=2)
     except ValueError:
@@ -165,7 +165,7 @@ def _number(sheet: _Sheet, line: int, name: str, cell: str) -> float:
 
 
 def _unit(sheet: _Sheet, axis: str) -> bool:
-    """Whether the responses are absolute."""
+    """Return whether the responses are absolute, with the unit of `UNITS`, or relative."""
     unit = sheet.notes.get("unit", RELATIVE)
     if unit not in (UNITS[axis], RELATIVE):
         raise FileError(f"'# unit:' must be {UNITS[axis]} or {RELATIVE}, got {unit!r}", sheet.where)
@@ -295,7 +295,7 @@ def _response(sheet: _Sheet, taxel: str, parts: dict[str, np.ndarray], lines: li
 def _taxel_columns(
     sheet: _Sheet, ids: tuple[str, ...], plan: Plan, own: tuple[str, ...], suffixes: tuple[str, ...]
 ) -> dict[str, dict[str, int]]:
-    """Where each taxel's columns are, by their suffix."""
+    """Return the numbers of each taxel's columns, by their suffix."""
     found: dict[str, dict[str, int]] = {}
     for at, name in enumerate(sheet.names):
         if name in own:

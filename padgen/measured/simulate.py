@@ -1,15 +1,15 @@
-"""A print and its measurement in the computer, so that re-tuning can be tried without a lab.
+"""Simulation of a print and of its measurement, so that re-tuning can be tried without a lab.
 
-The print: resonances as `padgen.planner.printed_pads` draws them from the printer's and the material's spreads; Q and
-pull log-normal with the spreads below, which are assumptions. The measurement: what a probe on each washer would
-record, all modes of the taxel included (they move with its resonance), with white noise `snr_db` below the largest
-value. Coils around and the frame's own motion are left out.
+Resonances of the print are drawn by `padgen.planner.printed_pads` from the printer's and the material's spreads. Q and
+pull are log-normal with the spreads below, which are assumptions. The measurement is the motion that a probe on each
+washer would record: all modes of the taxel, which move with its resonance, and white noise `snr_db` below the largest
+value. The coils around and the frame's own motion are left out.
 
-All taxels of a coil are shaken by a chirp or noise. The force goes with i², so the current is made for i²: a chirp ``i
-= I sin(φ/2)`` gives ``i² = I²/2 (1 − cos φ)``, a chirp of the force with no harmonics, at twice the current's
-frequency; noise is the root of a constant and lines on a comb, as the spur-free drive is. At every frequency the force
-is so large that a taxel of the plan that resonates there moves by its ON amplitude: as its root mean square under
-noise, at most under a chirp."""
+All taxels of a coil are shaken by a chirp or by noise. The force goes with i², so the current is designed by i². A
+chirp ``i = I sin(φ/2)`` gives ``i² = I²/2 (1 − cos φ)``: a chirp of the force without harmonics, at twice the current's
+frequency. Noise is the root of a constant and lines on a comb, as in the spur-free drive. The force at each frequency
+would move a taxel of the plan that resonates there as its ON tone does: with the same root mean square under noise,
+with at most the same amplitude under a chirp."""
 
 import io
 from collections.abc import Callable, Sequence
@@ -40,22 +40,21 @@ __all__ = [
 
 KINDS = ("spectrum", "chirp", "pluck")
 Q_SPREAD = 0.10
-"""Relative spread of Q from taxel to taxel: layers bond, and glue damps, differently. An assumption."""
+"""Relative spread of Q from taxel to taxel, as layers bond and glue damps differently. An assumption."""
 PULL_SPREAD = 0.10
 """Relative spread of the pull: 0.1 mm of gap or half a millimetre of place. An assumption."""
 POINTS_PER_BANDWIDTH = 10
 REACH_BANDWIDTHS = 6
-"""How far a spectrum of a high Q is looked at around each resonance."""
+"""Bandwidths on either side of each resonance at which a spectrum of high Q gets close points."""
 MOST_EVEN = 3000
-"""Points up to which a spectrum is taken evenly in octaves over the whole band."""
+"""Most points of a spectrum that is even in octaves over the whole band."""
 MOST_NUMBERS = 20_000_000
-"""Numbers that a file of a time series may have."""
+"""Most numbers in a file of a time series."""
 RATE_OVER_HIGHEST = 8.0
 
 
 def spreads_for(plan: Plan, sigma: float) -> Spreads:
-    """The plan's spreads, all scaled alike so that the resonances of its taxels scatter by `sigma` (root of the mean
-    square over the taxels)."""
+    """Return the plan's spreads, scaled by one factor so that ln f of its taxels has a root mean square of `sigma`."""
     spreads, design = spreads_of(plan.spec), design_of(plan, None)
     drawn = log_detuning(design, spreads, 0, 0, 2048)[2]
     scale = sigma / float(np.sqrt((drawn**2).mean()))
@@ -63,7 +62,7 @@ def spreads_for(plan: Plan, sigma: float) -> Spreads:
 
 
 def simulate_print(plan: Plan, seed: int, spreads: Spreads | None = None) -> Tuning:
-    """What one print came out as, known exactly; the same seed, the same print."""
+    """Return one simulated print, known exactly; the same seed gives the same print."""
     spreads, design = spreads or spreads_of(plan.spec), design_of(plan, None)
     x = np.exp(np.clip(log_detuning(design, spreads, seed, 0, 1)[2, :, 0], -1.0, 1.0))
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0, 100)))
@@ -78,33 +77,33 @@ def simulate_print(plan: Plan, seed: int, spreads: Spreads | None = None) -> Tun
 
 
 def simulated_measurement(plan: Plan, truth: Tuning, seed: int, kind: str = "spectrum", snr_db: float = 30.0) -> str:
-    """What a lab would write of the print `truth`, as CSV for `padgen.measured.read.read_measured`.
+    """Simulate a lab's measurement of the print `truth`, as CSV for `padgen.measured.read.read_measured`.
 
-    `kind`: 'spectrum', complex amplitude per line of i² over the frequency of the motion; 'chirp', displacement under
-    the excitation of `padgen.driver.excitation`, with the current; 'pluck', the decay after a tap on each taxel, in
-    relative units. `snr_db` is the largest value of a taxel's column over the noise's sigma at each point.
+    The `kind` is 'spectrum' (complex amplitude per line of i² over the frequency of the motion), 'chirp' (displacement
+    under the excitation of `padgen.driver.excitation`, with the current) or 'pluck' (the decay after a tap on each
+    taxel, in relative units). `snr_db` is the largest value of a taxel's column over the noise's sigma at each point.
 
     Raises
     ------
     SpecError
-        An unknown kind, or a time series too long for a file.
+        The kind is unknown, or the time series would be too long for a file.
     """
     if kind not in KINDS:
         raise SpecError(f"must be one of {', '.join(KINDS)}, got {kind!r}", "--kind")
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0, 101)))
-    answer = _answers(plan, truth)
+    response = _responses(plan, truth)
     noise = 10 ** (-snr_db / 20)
-    return {"spectrum": _spectrum, "chirp": _chirp, "pluck": _pluck}[kind](plan, truth, answer, rng, noise)
+    return {"spectrum": _spectrum, "chirp": _chirp, "pluck": _pluck}[kind](plan, truth, response, rng, noise)
 
 
-Answer = Callable[[int, np.ndarray], np.ndarray]
-"""Of taxel i at frequencies in Hz: complex amplitude in µm of the washer per A² of a line of i²."""
+Response = Callable[[int, np.ndarray], np.ndarray]
+"""Function of a taxel's index and frequencies in Hz: the washer's complex amplitude in µm per A² of a line of i²."""
 
 
-def _answers(plan: Plan, truth: Tuning) -> Answer:
+def _responses(plan: Plan, truth: Tuning) -> Response:
     channels = printed_channels(plan, truth)
 
-    def answer(i: int, frequency_hz: np.ndarray) -> np.ndarray:
+    def response(i: int, frequency_hz: np.ndarray) -> np.ndarray:
         channel, tuned = channels[i], truth.taxels[i]
         working = int(np.argmax(channel.mode_shares))
         total = np.zeros(frequency_hz.shape, complex)
@@ -114,14 +113,14 @@ def _answers(plan: Plan, truth: Tuning) -> Answer:
             total += share / channel.pulled_shares[working] / ((1 - s) * (1 + s) + 1j * s / tuned.q)
         return total * (tuned.response_um_per_a2 / tuned.q)
 
-    return answer
+    return response
 
 
-def _spectrum(plan: Plan, truth: Tuning, answer: Answer, rng: np.random.Generator, noise: float) -> str:
+def _spectrum(plan: Plan, truth: Tuning, response: Response, rng: np.random.Generator, noise: float) -> str:
     frequency = _frequencies(plan, truth)
     columns, names = [frequency], ["frequency_hz"]
     for i, taxel in enumerate(truth.taxels):
-        clean = answer(i, frequency)
+        clean = response(i, frequency)
         sigma = noise * np.abs(clean).max() / np.sqrt(2)
         noisy = clean + sigma * (rng.standard_normal(len(clean)) + 1j * rng.standard_normal(len(clean)))
         columns += [noisy.real, noisy.imag]
@@ -130,7 +129,7 @@ def _spectrum(plan: Plan, truth: Tuning, answer: Answer, rng: np.random.Generato
 
 
 def _frequencies(plan: Plan, truth: Tuning) -> np.ndarray:
-    """Frequencies for all taxels: evenly in octaves where that resolves each resonance, else points around each."""
+    """Return the frequencies of a spectrum in Hz: even in octaves, or close around each resonance where Q is high."""
     low, high = _band_hz(plan, truth)
     q = np.array([taxel.q for taxel in truth.taxels])
     even = int(np.ceil(np.log(high / low) * q.max() * POINTS_PER_BANDWIDTH))
@@ -144,27 +143,27 @@ def _frequencies(plan: Plan, truth: Tuning) -> np.ndarray:
 
 
 def _band_hz(plan: Plan, truth: Tuning) -> tuple[float, float]:
-    """The band that is measured: wide enough for a print that came out far off too."""
+    """Return the measured band in Hz, widened where the print came out far off the plan."""
     low, high = measuring_band_hz(plan)
     hz = [taxel.resonance_hz for taxel in truth.taxels]
     return min(low, min(hz) / 2), max(high, max(hz) * 2)
 
 
-def _chirp(plan: Plan, truth: Tuning, answer: Answer, rng: np.random.Generator, noise: float) -> str:
+def _chirp(plan: Plan, truth: Tuning, response: Response, rng: np.random.Generator, noise: float) -> str:
     low, high = _band_hz(plan, truth)
     rate = float(np.ceil(RATE_OVER_HIGHEST * high / 2))
     sweep, ring = sweep_s(plan), ring_s(plan)
     _refuse_long((sweep + ring) * rate * (2 + len(truth.taxels)), "chirp")
     time = np.arange(int((sweep + ring) * rate)) / rate
     current = chirp_current_a(time, sweep, (low, high), shaking_line_a2(plan))[0]
-    # Twice as long, so that what still rings at the end does not come round to the beginning.
+    # Twice as long, so that motion at the end does not wrap round to the beginning.
     size = 2 * len(time)
     force = np.fft.rfft(current**2, size)
     frequency = np.fft.rfftfreq(size, 1 / rate)
-    return _series(truth, time, current, lambda i: np.fft.irfft(force * answer(i, frequency), size), rng, noise)
+    return _series(truth, time, current, lambda i: np.fft.irfft(force * response(i, frequency), size), rng, noise)
 
 
-def _pluck(plan: Plan, truth: Tuning, answer: Answer, rng: np.random.Generator, noise: float) -> str:
+def _pluck(plan: Plan, truth: Tuning, response: Response, rng: np.random.Generator, noise: float) -> str:
     hz = np.array([taxel.resonance_hz for taxel in truth.taxels])
     q = np.array([taxel.q for taxel in truth.taxels])
     rate = float(np.ceil(RATE_OVER_HIGHEST * hz.max()))
@@ -215,25 +214,25 @@ def _csv(names: Sequence[str], columns: Sequence[np.ndarray], head: str) -> str:
 
 
 NARROWEST_MARGIN, WIDEST_MARGIN = 2.0, 3.0
-"""Factors by which the band reaches beyond the channels at least, and at most, for prints that came out far off."""
+"""Least and largest factor by which the band reaches beyond the channels, for prints that came out far off."""
 SIGMAS = 3.0
 SWEEP_WIDTHS, SHORTEST_SWEEP_S = 4.0, 2.0
-"""A sweep lasts at least so many over the narrowest bandwidth f/Q, which a spectrum of it then resolves."""
+"""Least length of a sweep, over the inverse of the narrowest bandwidth f/Q (which it then resolves), and in s."""
 RING_TAUS = 6.0
 """Time constants of silence after the sweep: the slowest taxel is then down to 0.25 %."""
 FADE_PERIODS = 4.0
 CREST_STEPS = 30
 CREST = 1.7
-"""Goal of the noise's constant, over the lines' root mean square."""
+"""Goal for the constant of the noise's i², over the root mean square of its lines."""
 MARGIN = 0.1
-"""Share of the constant that keeps the root off its cusp."""
+"""Share of the constant that is added so that i² stays above 0, where the slope of its root diverges."""
 
 Line = Callable[[np.ndarray], np.ndarray]
-"""Amplitude in A² of the line of i² at frequencies in Hz."""
+"""Function of frequencies in Hz: the amplitude in A² of the line of i² there."""
 
 
 def measuring_band_hz(plan: Plan) -> tuple[float, float]:
-    """Lowest and highest frequency of the motion to measure at: the channels', and a factor on either side."""
+    """Return the lowest and the highest frequency in Hz of the motion to measure: the channels' and a margin."""
     hz = [channel.resonance_hz for channel in plan.channels]
     spread = max(channel.print_spread for channel in plan.channels)
     margin = min(max(NARROWEST_MARGIN, float(np.exp(SIGMAS * spread))), WIDEST_MARGIN)
@@ -241,17 +240,19 @@ def measuring_band_hz(plan: Plan) -> tuple[float, float]:
 
 
 def sweep_s(plan: Plan) -> float:
-    """Seconds of a sweep that resolves the slowest taxel's bandwidth."""
+    """Return the length in s of a sweep that resolves the narrowest bandwidth of the plan's channels."""
     return max(SWEEP_WIDTHS * max(c.q / c.resonance_hz for c in plan.channels), SHORTEST_SWEEP_S)
 
 
 def ring_s(plan: Plan) -> float:
-    """Seconds of silence after a sweep in which the slowest taxel comes to rest."""
+    """Return the seconds of silence after a sweep in which the slowest taxel comes to rest."""
     return RING_TAUS / np.pi * max(c.q / c.resonance_hz for c in plan.channels)
 
 
 def shaking_line_a2(plan: Plan) -> Line:
-    """Lines that move a taxel of the plan by its level, straight between the channels on logarithmic axes.
+    """Return the function that gives the line of i² that would move a taxel of the plan by its level.
+
+    It is exact at the channels' resonances, and straight between them on logarithmic axes.
 
     Raises
     ------
@@ -275,9 +276,10 @@ def shaking_line_a2(plan: Plan) -> Line:
 def chirp_current_a(
     time_s: np.ndarray, seconds: float, band_hz: tuple[float, float], line_a2: Line
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Current in A and its slope in A/s (n,) of a chirp of the force up `band_hz`, evenly in octaves; then silence.
+    """Return the current in A and its slope in A/s, both (n,), of a chirp of the force up through `band_hz`.
 
-    It fades in over four periods of the lowest frequency, at most a tenth of its length, and out likewise.
+    It spends equal times in equal octaves and ends after `seconds`; then there is silence. It fades in over four
+    periods of the lowest frequency, and out over four of the highest, each at most a tenth of its length.
     """
     low, high = band_hz
     rate = np.log(high / low) / seconds
@@ -299,16 +301,16 @@ def chirp_current_a(
 def noise_current_a(
     samples: int, rate_hz: float, band_hz: tuple[float, float], line_a2: Line, q: float, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Current in A and its slope in A/s (samples,) whose square is noise in `band_hz`, from silence to silence.
+    """Return a current in A and its slope in A/s, both (samples,), whose square is noise in `band_hz`.
 
-    Lines on the comb of the record's length, of random phases that are then moved so that the force swings no lower
-    than need be (clipping and restoring the lines: Van der Ouderaa et al. 1988); each as strong as a taxel of quality
-    `q` asks for.
+    It begins and ends in silence. The lines lie on the comb of the record's length and have random phases, which are
+    then moved so that i² needs a small constant (by clipping and restoring the lines: Van der Ouderaa et al. 1988).
+    Together they move a taxel of quality factor `q` with the root mean square of its ON motion.
     """
     frequency = np.fft.rfftfreq(samples, 1 / rate_hz)
     within = (frequency >= band_hz[0]) & (frequency <= band_hz[1])
     amplitude = np.zeros(len(frequency))
-    # A resonator passes the noise power of π f/(2Q): so many lines of the comb add up to one of its own.
+    # A resonator passes the noise power of a bandwidth π f/(2Q): the lines of the comb in it act as one of its own.
     lines = samples / rate_hz * np.pi * frequency[within] / (2 * q)
     amplitude[within] = line_a2(frequency[within]) / np.sqrt(lines)
     phase = _smooth_phases(amplitude, samples, seed)
@@ -340,6 +342,6 @@ def _smooth_phases(amplitude: np.ndarray, samples: int, seed: int) -> np.ndarray
 
 
 def _fade(time: np.ndarray, seconds: float) -> tuple[np.ndarray, np.ndarray]:
-    """The smooth step from 0 to 1 over `seconds`, and its slope per second."""
+    """Return a smooth step from 0 to 1 over `seconds`, and its slope per second."""
     share = np.clip(time / seconds, 0.0, 1.0)
     return share**3 * (10 - 15 * share + 6 * share**2), 30 * share**2 * (1 - share) ** 2 / seconds

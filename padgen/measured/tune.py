@@ -1,15 +1,15 @@
-"""Re-tuning: what was measured of a print → the tones, currents and levels that suit it, and what they will reach.
+"""Re-tuning of a plan to a measured print: new tones, currents and levels, and the selectivity that they will reach.
 
-Each tone goes to its taxel's measured resonance, each current restores the level that the level law wants there. Tones
-beside the resonances were tried and are not worth their current (`docs/measure_retune.py`): hundredths of a dB on most
-coils, and at most 1.3 dB on two taxels that came out too close.
+Each tone moves to its taxel's measured resonance, and each current restores the level that the level law gives there.
+Tones beside the resonances were tried and are not worth their current (`docs/measure_retune.py`): they gain hundredths
+of a dB on most coils, and at most 1.3 dB on two taxels that came out too close.
 
-What the measured taxels tell of the others (`estimated`): most of what a print gets wrong is common to it: the modulus
+`estimated` infers taxels that were not measured from the measured ones. Most errors are common to a print: the modulus
 of the spool, the height of the first layer, the model's own error for each kind of taxel. With the spreads of
-`padgen.planner.printed_pads`, ln of printed over planned resonance is a normal vector with a known covariance K, so
-that the rest follows from the measured ones as the conditional mean, ``K_rm (K_mm + R)⁻¹ y``, with R the variances of
-the measurement, and is known to the conditional variance (Rasmussen and Williams, *Gaussian Processes*, 2006,
-2.23-2.24). A coupon printed beside the pad shares what is common and has no place on the pad."""
+`padgen.planner.printed_pads`, the vector of ln (printed over planned resonance) is normal with a known covariance K.
+The other taxels r then follow from the measured ones m (values y, variances R of the measurement) as the conditional
+mean ``K_rm (K_mm + R)⁻¹ y`` with the conditional variance (Rasmussen and Williams, *Gaussian Processes*, 2006,
+2.23-2.24). A coupon printed beside the pad shares the common errors, but has no place on the pad."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -43,18 +43,18 @@ from padgen.planner.settings import scheme_named
 __all__ = ["Retuned", "RetunedCoil", "estimated", "retuned", "tuning_of"]
 
 DRAWS = 200
-"""Prints that agree with what was measured, within its errors, on which the tones are tried."""
+"""Number of random prints, within the errors of the measurement, on which the new tones are tried."""
 LOW_QUANTILE = 0.05
 MOST_WITH_SPURS = 64
-"""Channels up to which the n³ spurs of a scheme are counted that is not the plan's."""
+"""Most channels for which spurs (n³ of them) are counted for a drive scheme that is not the plan's."""
 
 
 @dataclass(frozen=True, slots=True)
 class RetunedCoil:
-    """One coil: with the planned tones on the print as measured, with the new ones, and what the new ones ask of it.
+    """One coil of the print: its selectivity with the planned tones and with the new ones, and the new tones' load.
 
-    `after_low_db` is what the new tones keep in 95 of 100 prints that agree with the measurement within its errors;
-    None for a coil of one channel.
+    `after_low_db` is the selectivity in all states that 95 of 100 prints exceed with the new tones, prints that differ
+    from the measured one by the errors of the measurement; None for a coil of one channel.
     """
 
     before: CoilFigures
@@ -65,11 +65,12 @@ class RetunedCoil:
 
 @dataclass(frozen=True, slots=True)
 class Retuned:
-    """A print, re-tuned; figures in dB in all states, of the worst coil, None where no coil has two channels.
+    """A print and the tones that suit it.
 
-    `planned_db` is what the plan promised, `asked_db` what was asked, `before_db` what the planned tones keep on the
-    print, `after_db` what the new ones do. `schemes_db` has the same for every drive scheme (None: not computed).
-    `trims` is what glue or a file would do where tones cannot.
+    Figures in dB are the selectivity of the worst coil in all states, None where no coil has two channels: as planned,
+    as asked for, with the planned tones on the print (`before_db`), and with the new ones (`after_db`,
+    `after_low_db`: see `RetunedCoil`). `schemes_db` has `after_db` for every drive scheme (None: not computed).
+    `trims` is advice where tones do not suffice.
     """
 
     name: str
@@ -87,7 +88,7 @@ class Retuned:
 
 
 def tuning_of(plan: Plan, fits: Sequence[TaxelFit]) -> Tuning:
-    """The print that `fits` tell of; taxels that were not measured stay as planned, with the spread of printing."""
+    """Return the print that `fits` were measured on; other taxels stay as planned, with errors of the print spread."""
     by_id = {fit.id: fit for fit in fits}
     taxels = []
     for taxel, planned in zip(plan.taxels, planned_tuning(plan).taxels, strict=True):
@@ -131,8 +132,8 @@ def retuned(
 ) -> Retuned:
     """Re-tune `plan` to the print that `fits` were measured on.
 
-    Taxels that were not measured keep the plan's tones, or get those that the measured ones, and a `coupon` printed
-    beside the pad (fits by channel), make likely (`padgen.measured.tune`).
+    Taxels that were not measured keep the plan's tones. With `estimate_rest` or a `coupon` printed beside the pad (fits
+    by channel) they get tones at their most likely resonances (`estimated`).
 
     Raises
     ------
@@ -185,11 +186,14 @@ def _loads(plan: Plan, tuning: Tuning) -> tuple[CoilLoad, ...]:
 
 
 def _low_db(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> list[float | None]:
-    """What each coil keeps in all but `LOW_QUANTILE` of the prints that agree with the measurement."""
+    """Return for each coil the selectivity in dB that all but `LOW_QUANTILE` of the random prints keep.
+
+    The prints differ from the measured one by the errors of the measurement.
+    """
     rng, scheme = np.random.default_rng(0), plan.scheme
     value = np.array([(t.resonance_hz, t.q, max(t.response_um_per_a2, 1e-300)) for t in tuning.taxels])
     error = np.array([(t.resonance_error_hz, t.q_error, t.response_error) for t in tuning.taxels]) / value
-    # Log-normal, so that nothing becomes negative; the first draw is what was measured.
+    # Errors are log-normal, so that nothing becomes negative; the first draw is the print as measured.
     z = rng.standard_normal((*value.shape, DRAWS)) * (np.arange(DRAWS) > 0)
     hz, q, response = np.moveaxis(value[..., None] * np.exp(np.clip(error[..., None] * z, -20, 20)), 1, 0)
     tones = tones_at(plan, tuning)
@@ -205,7 +209,7 @@ def _low_db(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> list[fl
         own = relative_energy(tones.hz[index, None], hz[index], q[index])
         on = (own * (tones.line_a2[index, None] / truth.line) ** 2).min(0)
         db = 10 * np.log10(on / off)
-        # Other modes are counted by the figure itself; errors take from it what they take from the own modes'.
+        # The draws count the taxels' working modes only. Their loss in dB is taken off the figure with all modes.
         result.append(figures.all_states_db - float(db[0] - np.quantile(db, LOW_QUANTILE)))
     return result
 
@@ -216,9 +220,10 @@ JITTER = 1e-12
 def estimated(
     plan: Plan, tuning: Tuning, fits: Sequence[TaxelFit], coupon: Mapping[int, TaxelFit] | None = None
 ) -> Tuning:
-    """`tuning` with the resonances of unmeasured taxels as `fits` and the `coupon` (fits by channel) make them likely.
+    """Return `tuning` with the most likely resonances of unmeasured taxels, given `fits` and the `coupon`.
 
-    Their Q stays the plan's, their response follows with the plan's mass and pull.
+    `coupon` has fits by channel. Unmeasured taxels keep the plan's Q; their response follows with the plan's mass and
+    pull.
     """
     coupon = coupon or {}
     place = {taxel.id: i for i, taxel in enumerate(plan.taxels)}
@@ -240,11 +245,11 @@ def estimated(
     spread = np.sqrt(np.maximum(spread_of_prints[rest, rest] - (gain * across).sum(1), 0.0))
     taxels = list(tuning.taxels)
     for i, shift, sigma in zip(rest, mean, spread, strict=True):
-        taxels[i] = _moved(plan, i, taxels[i], float(np.exp(shift)), float(sigma))
+        taxels[i] = _at_ratio(plan, i, taxels[i], float(np.exp(shift)), float(sigma))
     return replace(tuning, taxels=tuple(taxels))
 
 
-def _moved(plan: Plan, index: int, taxel: TunedTaxel, ratio: float, sigma: float) -> TunedTaxel:
+def _at_ratio(plan: Plan, index: int, taxel: TunedTaxel, ratio: float, sigma: float) -> TunedTaxel:
     channel = plan.channels[plan.taxels[index].channel]
     hz = channel.resonance_hz * ratio
     response = planned_response_um_per_a2(channel, hz)
@@ -259,9 +264,9 @@ def _moved(plan: Plan, index: int, taxel: TunedTaxel, ratio: float, sigma: float
 
 
 def _covariance(plan: Plan, coupon: np.ndarray) -> np.ndarray:
-    """Covariance of ln f of the pad's taxels and then of a coupon's channels (k,).
+    """Return the covariance of ln f of the pad's taxels, followed by a coupon's channels (k,).
 
-    The printer's biases and the model's own error are in it: the measured taxels tell them as well.
+    It includes the printer's biases and the model's own error, since measured taxels reveal both.
     """
     design, spreads, bias = design_of(plan, None), spreads_of(plan.spec), plan.spec.spread
     spreads = replace(

@@ -1,6 +1,6 @@
-"""A folder of a re-tuned print: its tuning, its drive table, and what was measured and is predicted.
+"""The folder of a re-tuned print: its tuning, its drive table, its measured and its predicted figures.
 
-The table has `drive.csv`'s columns, a row for every taxel, and what was measured beside it.
+The drive table has a row for every taxel, with the columns of `drive.csv`.
 """
 
 from collections.abc import Callable
@@ -41,7 +41,7 @@ Progress = Callable[[str], None]
 
 
 class Simulated(NamedTuple):
-    """A print that the computer made, and what a lab would measure of it, as CSV."""
+    """A simulated print, and its simulated measurement as CSV."""
 
     printed: Tuning
     measured: str
@@ -49,7 +49,7 @@ class Simulated(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class RetunedFolder:
-    """What was written."""
+    """A written folder: its files, the fits and the re-tuned print."""
 
     folder: Path
     files: tuple[str, ...]
@@ -57,12 +57,12 @@ class RetunedFolder:
     result: Retuned
 
     def table(self) -> dict[str, Any]:
-        """All of it as plain data."""
+        """Return folder, files and the re-tuned print as plain data."""
         return {"folder": str(self.folder), "files": list(self.files), **asdict(self.result)}
 
 
 def simulated_print(plan: Plan, seed: int, kind: str, snr_db: float) -> Simulated:
-    """Print `plan` in the computer and measure it, `kind` and `snr_db` as in `simulated_measurement`."""
+    """Simulate a print of `plan` and its measurement; `kind` and `snr_db` are those of `simulated_measurement`."""
     printed = simulate_print(plan, seed)
     return Simulated(printed, simulated_measurement(plan, printed, seed, kind, snr_db))
 
@@ -78,15 +78,15 @@ def write_retuned(
     coupon: str | None = None,
     progress: Progress = lambda step: None,
 ) -> RetunedFolder:
-    """Re-tune `plan` to the file or folder `measured`, or to what was `simulated`, and write what comes of it.
+    """Re-tune `plan` to the file or folder `measured`, or to a `simulated` print, and write the results to `folder`.
 
-    `excitation` and `nearest` are those of `read_measured` and `fit_measured`; with `estimate_rest` taxels that were
-    not measured get the tones that the others, and a measured `coupon`, make likely.
+    `excitation` and `nearest` are those of `read_measured` and `fit_measured`. With `estimate_rest`, or with the file
+    of a measured `coupon`, unmeasured taxels get tones at their most likely resonances.
 
     Raises
     ------
     FileError, SpecError, SolverError
-        What was measured cannot be read, or tells no resonance; nothing is written.
+        The measurement cannot be read, or shows no resonance; nothing is written.
     """
     progress("fitting resonances")
     if simulated is not None:
@@ -122,14 +122,14 @@ def fitted_and_retuned(
     coupon: str | None = None,
     progress: Progress = lambda step: None,
 ) -> tuple[tuple[TaxelFit, ...], Retuned]:
-    """Fit what was `found` of a print, and re-tune its plan; parameters and errors as of `write_retuned`."""
+    """Fit the measurement `found` of a print and re-tune its plan; parameters and errors are `write_retuned`'s."""
     fits = fit_measured(found, plan, nearest)
     progress("re-tuning")
     return fits, retuned(plan, fits, estimate_rest or coupon is not None, _coupon_fits(plan, coupon, nearest))
 
 
 def _coupon_fits(plan: Plan, coupon: str | None, nearest: bool) -> dict[int, TaxelFit] | None:
-    """What was measured on the plan's coupon, by channel."""
+    """Read and fit the measurement of the plan's coupon; return the fits by channel."""
     if coupon is None:
         return None
     strip = coupon_plan(plan)
@@ -138,7 +138,7 @@ def _coupon_fits(plan: Plan, coupon: str | None, nearest: bool) -> dict[int, Tax
 
 
 def _table(plan: Plan, result: Retuned, fits: tuple[TaxelFit, ...]) -> dict[str, Any]:
-    """Everything but the tuning, which has a file of its own."""
+    """Return all results as plain data, but the tuning, which has a file of its own."""
     table = {key: value for key, value in asdict(result).items() if key != "tuning"}
     return {
         **table,
@@ -148,7 +148,7 @@ def _table(plan: Plan, result: Retuned, fits: tuple[TaxelFit, ...]) -> dict[str,
 
 
 class TunedRow(NamedTuple):
-    """A taxel's row, or that of the constant part of a coil's current, where `taxel` is the coil's name."""
+    """A row of the drive table: of a taxel, or of the constant part of a coil's current (`taxel` names the coil)."""
 
     taxel: str
     drive: DriveRow
@@ -156,10 +156,11 @@ class TunedRow(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class MeasuredRow:
-    """A taxel as measured, `_error` one sigma, and the tone that it gets.
+    """A taxel as measured, with its tone; `_error` fields are one sigma.
 
-    `planned_hz` is the plan's resonance, `line_a2` the line of i², `level_um` the ON amplitude. `measured` and
-    `level_measured` tell what of it was measured; the rest is the plan's.
+    `planned_hz` is the planned resonance, `line_a2` the line of i², `level_um` the ON amplitude. `measured` is False
+    where resonance and Q are the plan's or estimated, `level_measured` where the response follows from the plan's mass
+    and pull.
     """
 
     taxel: str
@@ -183,7 +184,7 @@ class MeasuredRow:
 
 
 def tuned_rows(plan: Plan, tuning: Tuning) -> tuple[TunedRow, ...]:
-    """The table: a row per taxel in the plan's order and, where the current has a constant part, one per coil."""
+    """Return the drive table: a row per taxel in the plan's order and, where currents have a constant, one per coil."""
     spec, channels = plan.spec, printed_channels(plan, tuning)
     scheme = plan.scheme
     rows: dict[int, TunedRow] = {}
@@ -198,12 +199,12 @@ def tuned_rows(plan: Plan, tuning: Tuning) -> tuple[TunedRow, ...]:
 
 
 def tuned_drive_csv(plan: Plan, tuning: Tuning) -> str:
-    """The table as CSV."""
+    """Return the drive table as CSV."""
     return table_csv(("taxel", *COLUMNS), ((row.taxel, *astuple(row.drive)) for row in tuned_rows(plan, tuning)))
 
 
 def measured_rows(plan: Plan, tuning: Tuning) -> tuple[MeasuredRow, ...]:
-    """A row per taxel in the plan's order, for people to read."""
+    """Return a row per taxel in the plan's order, for people to read."""
     channels = printed_channels(plan, tuning)
     return tuple(
         MeasuredRow(

@@ -1,4 +1,4 @@
-"""`Tuning`: the taxels of one print as they were measured. Frozen plain data with a JSON round trip."""
+"""`Tuning`, the taxels of one print as measured, as frozen plain data, and its JSON file."""
 
 import json
 from collections.abc import Iterator
@@ -24,27 +24,28 @@ __all__ = [
 ]
 
 LARGEST_FILE, LARGEST_TAXEL = 1 << 22, 1 << 12
-"""Bytes of a file, and those that each taxel adds."""
+"""Most bytes of a file: a fixed number, and more for each taxel."""
 FARTHEST = 10.0
-"""How many times the planned resonance one may be, or the planned one it: farther off another unit was measured."""
+"""Largest ratio of a resonance to the planned one, or the inverse; beyond it, another unit must have been used."""
 LEAST_Q, LARGEST_Q = 0.5, 1e9
 FARTHEST_RESPONSE = 1e6
-"""The same of the response that follows from f and Q with the planned mass and pull, which a print moves by less than
-ten: beyond it, other units."""
+"""Largest ratio of a response, or the inverse, to the one that follows from f and Q with the planned mass and pull.
+
+A print changes it by less than ten; beyond the limit, another unit must have been used.
+"""
 LARGEST_ERROR = 1e6
-"""Times the figure: an error beyond it is none."""
+"""Largest error of a figure, over the figure itself."""
 KINDS = {float: "a number", str: "text", bool: "true or false", list: "a list", dict: "a table"}
-"""What JSON holds, whole numbers read as any others; null is none of them."""
+"""Words for the types of JSON values (whole numbers are read as floats; null has no entry)."""
 
 
 @dataclass(frozen=True, slots=True)
 class TunedTaxel:
-    """One taxel of the print.
+    """One taxel of a print; `_error` fields are one sigma.
 
-    `response_um_per_a2` is its amplitude at its resonance per amplitude of the line of i² there: the pull's
-    force constant times Q over the stiffness. The `_error` fields are one sigma. Where `measured` is False
-    the figures are the plan's; where `level_measured` is False the response follows from f and Q with the
-    plan's mass and pull.
+    `response_um_per_a2` is the amplitude at resonance per amplitude of the line of i² there: the pull's force constant
+    times Q over the stiffness. Where `measured` is False the figures are the plan's or estimated; where
+    `level_measured` is False the response follows from f and Q with the plan's mass and pull.
     """
 
     id: str
@@ -60,16 +61,17 @@ class TunedTaxel:
 
 @dataclass(frozen=True, slots=True)
 class Tuning:
-    """All taxels of a print, in the order of the plan's; `name` is the plan's."""
+    """All taxels of one print, in the plan's order; `name` is the plan's name."""
 
     name: str
     taxels: tuple[TunedTaxel, ...]
 
 
 def planned_response_um_per_a2(channel: Channel, resonance_hz: float | None = None, q: float | None = None) -> float:
-    """Amplitude in µm at resonance per A² of the line of i², of a taxel as planned or of one that came out otherwise.
+    """Return the amplitude in µm at resonance per A² of the line of i², with the planned mass and pull.
 
-    What a print moves is taken to be the stiffness: the mass stays. 0 for a washer that the coil does not pull.
+    `resonance_hz` and `q` are those of a print (None: as planned). A print is taken to change the stiffness and not the
+    mass. The result is 0 for a washer that the coil does not pull.
     """
     hz, quality = resonance_hz or channel.resonance_hz, q or channel.q
     stiffness = channel.stiffness_n_per_m * (hz / channel.resonance_hz) ** 2
@@ -77,7 +79,7 @@ def planned_response_um_per_a2(channel: Channel, resonance_hz: float | None = No
 
 
 def planned_tuning(plan: Plan) -> Tuning:
-    """A print that came out as planned."""
+    """Return the tuning of a print that came out exactly as planned."""
     taxels = []
     for taxel in plan.taxels:
         channel = plan.channels[taxel.channel]
@@ -87,22 +89,22 @@ def planned_tuning(plan: Plan) -> Tuning:
 
 
 def tuning_to_json(tuning: Tuning) -> str:
-    """The tuning as JSON text."""
+    """Return the tuning as JSON text."""
     return json_text(asdict(tuning))
 
 
 def tuning_hash(tuning: Tuning) -> str:
-    """The first 16 digits of the hash of a tuning's file."""
+    """Return the first 16 digits of the hash of a tuning's file."""
     return file_hash(tuning_to_json(tuning).encode())[:16]
 
 
 def read_tuning(path: Path, plan: Plan) -> Tuning:
-    """Read the tuning in a file, for `plan`.
+    """Read the tuning of a print of `plan` from a file.
 
     Raises
     ------
     FileError
-        It cannot be read, or is no tuning of this plan.
+        The file cannot be read, or is no tuning of this plan.
     """
     most = LARGEST_FILE + LARGEST_TAXEL * len(plan.taxels)
     try:
@@ -113,12 +115,12 @@ def read_tuning(path: Path, plan: Plan) -> Tuning:
 
 
 def tuning_from_json(text: str, plan: Plan, where: str = "tuning.json") -> Tuning:
-    """Read a tuning back, for `plan`.
+    """Read the tuning of a print of `plan` from JSON text; `where` names its file in messages.
 
     Raises
     ------
     FileError
-        The text is no tuning, one of another pad, or one with figures that no print has.
+        The text is no tuning, belongs to another pad, or has figures that no print has.
     """
     try:
         table = json.loads(text, parse_int=float)
@@ -147,7 +149,7 @@ def refuse_tuning(tuning: Tuning, plan: Plan, where: str) -> None:
     """
     for tuned, taxel in zip(tuning.taxels, plan.taxels, strict=True):
         for name, value, (low, high), why in _bounded(tuned, plan.channels[taxel.channel]):
-            # Files have ten digits.
+            # The bounds are widened, since files round to ten digits.
             if not low * (1 - 1e-9) <= value <= high * (1 + 1e-9):
                 raise FileError(
                     f"{name} of {tuned.id} must be {at_least(low)} … {at_most(high)}{why}, got {number(value)}", where
@@ -158,7 +160,7 @@ _Bounded = tuple[str, float, tuple[float, float], str]
 
 
 def _bounded(tuned: TunedTaxel, channel: Channel) -> Iterator[_Bounded]:
-    """Each figure of a taxel, its bounds and their reason; one bounds the next."""
+    """Yield the name, value, bounds and their reason of each figure of a taxel."""
     planned = channel.resonance_hz
     around = planned / FARTHEST, planned * FARTHEST
     yield "resonance_hz", tuned.resonance_hz, around, f" Hz (planned: {number(planned)} Hz)"
@@ -184,7 +186,7 @@ def _refuse_other(name: str, count: int, plan: Plan) -> None:
 
 
 def _taxel(entry: Any, due: str, index: int) -> TunedTaxel:
-    """A taxel of the table, which must be the one that is due."""
+    """Return a taxel from its entry in the file, which must have the ID `due`."""
     where = f" of taxel {index + 1}, {due},"
     values = {f.name: _of_kind(entry, f.name, f.type, where) for f in fields(TunedTaxel)}
     if values["id"] != due:
@@ -193,7 +195,7 @@ def _taxel(entry: Any, due: str, index: int) -> TunedTaxel:
 
 
 def _of_kind(table: Any, name: str, kind: Any, of: str = "") -> Any:
-    """An entry of a table, of this kind and no other."""
+    """Return the entry `name` of a table, which must be of the type `kind`."""
     if not isinstance(table, dict):
         raise ValueError(f"{of.strip(' ,').removeprefix('of ') or 'it'} must be a table, it is {_kind_name(table)}")
     if name not in table:

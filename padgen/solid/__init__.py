@@ -1,1 +1,1 @@
-"""Plan → build123d taxels → meshes → one pad → print checks → files."""
+"""From a plan to a solid pad: build123d taxels, their meshes, one pad, print checks and files."""

@@ -1,4 +1,4 @@
-"""What to buy for a pad and the parts beside it."""
+"""The bill of materials of a pad and of the parts beside it."""
 
 import csv
 import io
@@ -13,7 +13,7 @@ __all__ = ["bill_of_materials"]
 
 
 def _screw_text(plan: Plan, tray: bool) -> str:
-    """Which screws: with a tray, of the length that it takes."""
+    """Describe the screws: by their holes, and with a tray also by name and length."""
     pad = plan.spec.pad
     screw = screw_for(pad.hole_diameter_mm, pad.frame_thickness_mm, plan_tray(plan).height_mm) if tray else None
     holes = f"for {number(pad.hole_diameter_mm)} mm holes"
@@ -21,7 +21,10 @@ def _screw_text(plan: Plan, tray: bool) -> str:
 
 
 def bill_of_materials(plan: Plan, plastic_g: float, parts_g: Mapping[str, float] | None = None) -> str:
-    """What to buy, as CSV; `parts_g` is the plastic of parts that are printed beside the pad, by name."""
+    """Return the bill of materials as CSV text.
+
+    `plastic_g` is the pad's plastic in g; `parts_g` that of parts printed beside the pad, by name.
+    """
     spec = plan.spec
     coils = plan.coils.rows * plan.coils.columns
     washer, coil = spec.washer, spec.coil

@@ -1,7 +1,7 @@
-"""The border of a pad (a plate with round corners and screw holes around the lattice of tiles), and washers.
+"""Meshes of a pad's border and of its washers.
 
-Prisms of arcs and lines need no CAD kernel: their triangles come from manifold's triangulation, their
-volume from a formula.
+The border is a plate with round corners and screw holes around the lattice of tiles. Border and washers are prisms
+over arcs and lines, so they need no CAD kernel: manifold triangulates them, and a formula gives the border's volume.
 """
 
 from itertools import pairwise
@@ -20,9 +20,10 @@ __all__ = ["border_mesh", "border_volume_mm3", "prism", "washer_mesh"]
 def border_mesh(
     plan: Plan, shape: tuple[int, int], chord_mm: float, angle_rad: float, groove: Outline | None = None
 ) -> Mesh:
-    """Triangles of the border around `shape` (rows, columns) of tiles; its inner edge has a vertex wherever they meet.
+    """Return the triangles of the border around `shape` (rows, columns) of tiles.
 
-    A `groove` (see `padgen.planner.marks`) is cut from its outside over the whole height.
+    Its inner edge has a vertex wherever two tiles meet. A `groove` (see `padgen.planner.marks`) is cut from its
+    outside over the whole height.
 
     Raises
     ------
@@ -39,7 +40,7 @@ def border_mesh(
 
 
 def washer_mesh(plan: Plan, channel: Channel, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_RAD) -> Mesh:
-    """Triangles of the washer where the glue holds it, against the roof of its recess, in the taxel's own axes."""
+    """Return the triangles of the washer glued to the roof of its recess, in mm in the taxel's own axes."""
     washer, depth = plan.spec.washer, plan.plate.recess_depth_mm
     centre = (float(plan.arrangement(channel).washer_x_mm), 0.0)
     rings = [_circle(centre, washer.outer_diameter_mm, chord_mm, angle_rad)]
@@ -49,7 +50,7 @@ def washer_mesh(plan: Plan, channel: Channel, chord_mm: float = CHORD_MM, angle_
 
 
 def border_volume_mm3(plan: Plan, groove: Outline | None = None) -> float:
-    """Exact volume of the border."""
+    """Return the exact volume of the border in mm³."""
     pad = plan.spec.pad
     cut = 0.0 if groove is None else (groove.x1 - groove.x0) * (groove.y1 - groove.y0) / 2
     whole = (pad.width_mm + 2 * pad.border_mm) * (pad.depth_mm + 2 * pad.border_mm)
@@ -59,7 +60,10 @@ def border_volume_mm3(plan: Plan, groove: Outline | None = None) -> float:
 
 
 def _outside(plan: Plan, chord_mm: float, angle_rad: float, groove: Outline | None) -> np.ndarray:
-    """The outside with its round corners, anticlockwise; a groove reaches outwards as far as inwards."""
+    """Return the outside with its round corners as points (n, 2) in mm, anticlockwise.
+
+    A groove's outline lies half outside the border: the inner half is the notch.
+    """
     pad = plan.spec.pad
     radius = pad.border_mm / 2
     x, y = (v / 2 + pad.border_mm - radius for v in (pad.width_mm, pad.depth_mm))
@@ -69,13 +73,13 @@ def _outside(plan: Plan, chord_mm: float, angle_rad: float, groove: Outline | No
         above, edge = groove.y0 > 0, (groove.y0 + groove.y1) / 2
         within = groove.y0 if above else groove.y1
         notch = [(groove.x0, edge), (groove.x0, within), (groove.x1, within), (groove.x1, edge)]
-        # After the corner at whose end the groove's side begins.
+        # The groove follows the corner at which its side of the border begins.
         parts.insert(1 if above else 3, np.array(notch[::-1] if above else notch))
     return np.concatenate(parts)
 
 
 def _inside(plan: Plan, shape: tuple[int, int]) -> np.ndarray:
-    """The lattice's outline, anticlockwise, a point wherever tiles meet."""
+    """Return the lattice's outline as points (n, 2) in mm, anticlockwise, with a point wherever two tiles meet."""
     pad, (rows, columns) = plan.spec.pad, shape
     half_x, half_y = pad.width_mm / 2, pad.depth_mm / 2
     x, y = np.linspace(-half_x, half_x, columns + 1), np.linspace(-half_y, half_y, rows + 1)
@@ -87,9 +91,10 @@ def _inside(plan: Plan, shape: tuple[int, int]) -> np.ndarray:
 def _arc(
     centre: tuple[float, float], radius: float, start: float, end: float, chord_mm: float, angle_rad: float
 ) -> np.ndarray:
-    """Points (k, 2) on an arc, both ends included, within half of `chord_mm` of it and `angle_rad` apart.
+    """Return points (k, 2) on an arc, both ends included, at most `angle_rad` apart.
 
-    Half, so that a small pad's volume is as near to the exact one as its taxels' are.
+    The chords between them leave the arc by no more than half of `chord_mm`: with all of it, a small pad's volume
+    would be farther from the exact one than its taxels' volumes are.
     """
     step = min(2 * acos(max(1 - chord_mm / 2 / radius, -1.0)), angle_rad)
     angle = np.linspace(start, end, ceil((end - start) / step - 1e-9) + 1)
@@ -97,17 +102,19 @@ def _arc(
 
 
 def _circle(centre: tuple[float, float], diameter: float, chord_mm: float, angle_rad: float) -> np.ndarray:
-    """Points (k, 2) on a circle, anticlockwise."""
+    """Return points (k, 2) on a circle, anticlockwise."""
     return _arc(centre, diameter / 2, 0.0, 2 * pi, chord_mm, angle_rad)[:-1]
 
 
 def prism(rings: list[np.ndarray], low: float, high: float) -> Mesh:
-    """The prism over a polygon with holes, the first ring anticlockwise and the others clockwise.
+    """Return the prism from `low` to `high` mm over a polygon with holes.
+
+    `rings` are points (n, 2) in mm: first the outline, anticlockwise, then the holes, clockwise.
 
     Raises
     ------
     GeometryError
-        It cannot be triangulated: rings meet.
+        The polygon cannot be triangulated: rings meet.
     """
     import manifold3d
 

@@ -1,7 +1,7 @@
-"""Print checks: what a pad's final mesh must hold, as findings.
+"""Print checks of a finished mesh, reported as findings.
 
-Checks of the mesh alone need a printer's limits; with a plan come those that compare what was built
-with what was planned.
+Checks of the mesh alone need a printer's limits only. With a plan, the built dimensions are compared with the planned
+ones, too.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -35,23 +35,23 @@ from padgen.spec import Printer, Spec
 __all__ = ["Report", "check_against", "check_mesh", "check_pad", "told"]
 
 BUILT_MM = 0.01
-"""Largest difference of a built dimension from the planned one."""
+"""Largest allowed difference of a built dimension from the planned one."""
 VOLUME_SHARE = 1e-3
-"""Largest relative difference of the mesh's volume from the exact one."""
+"""Largest allowed relative difference of the mesh's volume from the exact one."""
 FACET_MM = 0.012
-"""What triangles may take off a wall or gap between round faces: the chord, on both sides."""
+"""Most that triangles in place of round faces may take off a wall or a gap."""
 UNCOMPARED = Finding(
     "error", "mesh.intersects", "mesh", "too many of its triangles lie over each other for all of them to be compared"
 )
 MOST_BODIES = 100
-"""Bodies of a mesh whose walls are looked at: with more it is no pad."""
+"""Most bodies of a mesh whose walls are measured; a mesh with more is no pad."""
 Spot = Callable[[Narrow], str]
 APART_MM = 1.0
-"""Steps in the plane: what is too narrow within one is told once, whatever its height."""
+"""Side of a square in the plane within which one narrow place is reported, whatever the heights."""
 SAID = 2
-"""Dimensions of a taxel that are told when more are off."""
+"""Most wrong dimensions that are listed for one taxel."""
 AT_ONCE = 5
-"""Findings of one kind that are listed; the last says how many more there are."""
+"""Most findings of one kind that are listed; one more says how many were left out."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Report:
 
 
 def check_mesh(mesh: Mesh, printer: Printer, density_g_per_cm3: float) -> Report:
-    """The checks that need no plan, against the limits of `printer`."""
+    """Run the checks that need no plan, against the limits of `printer`."""
     state = topology(mesh)
     figures, findings = _whole(mesh, state, printer, density_g_per_cm3)
     pierced = list(_pierced(mesh))
@@ -74,10 +74,10 @@ def check_mesh(mesh: Mesh, printer: Printer, density_g_per_cm3: float) -> Report
 
 
 def check_pad(pad: PadSolid, plan: Plan) -> Report:
-    """All checks of a pad that was built from `plan`.
+    """Run all checks of a pad that was built from `plan`.
 
-    Whether it is closed, one body and of the right volume is seen on the whole mesh. All that tiles and their seams
-    can tell is measured on a sample that has each of them (`sampled`), and the pad's mesh must be made of these tiles.
+    The whole mesh must be closed, one body and of the right volume. Walls, gaps and dimensions are measured on a
+    smaller pad that has every kind of tile and seam (`sampled`); the whole mesh must then consist of the same tiles.
     """
     state = topology(pad.mesh)
     figures, findings = _whole(pad.mesh, state, plan.spec.printer, plan.spec.material.density_g_per_cm3)
@@ -91,10 +91,11 @@ def check_pad(pad: PadSolid, plan: Plan) -> Report:
 
 
 def check_against(mesh: Mesh, pad: PadSolid, plan: Plan) -> Report:
-    """All checks of a mesh from anywhere that is to be the `pad` of `plan`; it must lie as that was built.
+    """Run all checks of a mesh from any program that should equal the `pad` of `plan`, and lies where the pad does.
 
-    What it has of the pad's triangles is proven by them. Where it has others, solids are compared: any difference
-    that a cube of `padgen.solid.compare.SMALLEST_MM` fits into is found, and beams and recesses are measured.
+    Triangles that are the pad's own need no further check. Where the mesh has others, the solids are compared: every
+    difference into which a cube of `padgen.solid.compare.SMALLEST_MM` fits is found, and beams and recesses of the
+    taxels there are measured.
     """
     state, printer = topology(mesh), plan.spec.printer
     figures, findings = _whole(mesh, state, printer, plan.spec.material.density_g_per_cm3)
@@ -112,13 +113,13 @@ def check_against(mesh: Mesh, pad: PadSolid, plan: Plan) -> Report:
 def _whole(
     mesh: Mesh, state: Topology, printer: Printer, density_g_per_cm3: float
 ) -> tuple[dict[str, Any], list[Finding]]:
-    """Figures and findings that only the whole mesh has."""
+    """Return the figures and findings that only the whole mesh can give."""
     findings = [*_closed(mesh, state), *_one_body(state), *_on_bed(mesh, printer)]
     return _shape_figures(mesh, state, density_g_per_cm3), findings
 
 
 def _of_tiles(pad: PadSolid, plan: Plan, closed: bool) -> tuple[dict[str, Any], list[Finding]]:
-    """Measurements of the pad's distinct tiles, and where the pad is `closed` of their seams."""
+    """Check the pad's distinct tiles and, where the pad is `closed`, a sample of it with their seams."""
     findings: list[Finding] = []
     for name, tile in zip([*(f"taxel {c.index}" for c in plan.channels), "frame"], pad.tiles, strict=True):
         findings += [*_pierced(tile.mesh, name), *_within_cell(tile.mesh, plan, name)]
@@ -138,7 +139,7 @@ def _of_tiles(pad: PadSolid, plan: Plan, closed: bool) -> tuple[dict[str, Any], 
 
 
 def _as_planned(plan: Plan, solid: Any, figures: dict[str, Any]) -> list[Finding]:
-    """Built against planned, for every taxel; adds the largest difference to `figures`."""
+    """Compare built with planned dimensions of every taxel; add the largest difference to `figures`."""
     spec = plan.spec
     dimensions = list(measured(plan, solid))
     gaps = [abs(d.built_mm - d.planned_mm) for d in dimensions]
@@ -154,7 +155,7 @@ def _as_planned(plan: Plan, solid: Any, figures: dict[str, Any]) -> list[Finding
 
 
 def _differing(mesh: Mesh, planned: Mesh, plan: Plan) -> tuple[bool, list[Finding]]:
-    """Tell whether all triangles are those planned and, where not, what differs."""
+    """Return whether all triangles are those planned, and findings about where they differ."""
     loose, lost, snapped = loose_triangles(mesh, planned)
     if not loose.any() and not lost.any():
         return True, []
@@ -176,7 +177,7 @@ def _differing(mesh: Mesh, planned: Mesh, plan: Plan) -> tuple[bool, list[Findin
 
 
 def told(off: list[Dimension], found: list[Difference], cells: Cells | None) -> list[Finding]:
-    """One finding for each taxel, or other part, that differs; one for all that differ alike."""
+    """Return one finding per group of taxels (or other parts of the pad) that differ in the same way."""
     dimensions: dict[str, list[str]] = {}
     for d in off:
         built = f"{number(d.built_mm)} mm" if isfinite(d.built_mm) else "missing"
@@ -203,7 +204,11 @@ def told(off: list[Dimension], found: list[Difference], cells: Cells | None) -> 
 
 
 def _washers_enter(spec: Spec, rooms: Iterable[tuple[str, float]], within_mm: float = 0.0) -> Iterator[Finding]:
-    """Catalogues give the largest diameter that a washer may have; other programs' round faces are `within_mm`."""
+    """Find recesses too narrow for the washer and for the plastic that the printer lays too far inwards.
+
+    `rooms` are taxels and their free diameters in mm. The washer's diameter is the largest that its catalogue allows.
+    `within_mm` is forgiven: other programs may cut a round face into coarser triangles.
+    """
     printer, washer = spec.printer, spec.washer
     laid_mm = 2 * printer.xy_compensation_mm + printer.hole_loss_mm
     needed_mm, least_mm = washer.outer_diameter_mm + laid_mm, laid_mm + FACET_MM
@@ -349,13 +354,13 @@ def _manifold(mesh: Mesh) -> tuple[Any, list[Finding]]:
 def _kept_printable(
     vertices_mm: bytes, triangles: bytes, printer: Printer, places: Places
 ) -> tuple[dict[str, Any], list[Finding]]:
-    """Variants of a layout have the same sample again and again."""
+    """Return the result of `_printable`, remembered because variants of a layout have the same sample."""
     corners, sides = np.frombuffer(vertices_mm).copy(), np.frombuffer(triangles, np.int64)
     return _printable(Mesh(corners.reshape(-1, 3), sides.reshape(-1, 3)), printer, places)
 
 
 def _printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[str, Any], list[Finding]]:
-    """Figures and findings of all that a printer sets limits to, with where they are in the pad."""
+    """Measure walls, gaps, overhangs, skins and bridges; return figures and findings, with places in the pad."""
     solid, refused = _manifold(mesh)
     if solid is None:
         return {}, refused
@@ -400,7 +405,7 @@ def _gaps(cuts: list[Section], printer: Printer, spot: Spot) -> Iterator[Finding
 
 
 def _apart(found: Iterable[tuple[Section, Narrow]]) -> Iterator[tuple[Section, Narrow]]:
-    """Of places one above the other the lowest, with its cross-section."""
+    """Yield only the lowest of places that lie above each other, with its cross-section."""
     seen: set[tuple[int, int]] = set()
     for cut, place in found:
         near = round(place.x_mm / APART_MM), round(place.y_mm / APART_MM)
@@ -457,7 +462,7 @@ def _spot(x_mm: float, y_mm: float, z_mm: float) -> str:
 
 
 def _few(findings: Iterable[Finding]) -> Iterator[Finding]:
-    """The first findings of a kind, and how many more there are."""
+    """Yield the first findings of a kind, then one that says how many more there are."""
     listed = list(findings)
     yield from listed[:AT_ONCE]
     if len(listed) > AT_ONCE:

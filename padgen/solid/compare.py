@@ -1,6 +1,6 @@
-"""A mesh against the solid that a plan makes: how it lies, and every difference that a cube of `SMALLEST_MM` fits into.
+"""Comparison of a mesh with the planned one: its pose, and every difference into which a cube of `SMALLEST_MM` fits.
 
-Triangles with the same corners are the same; where others are, the two solids are subtracted from each other.
+Triangles with the same corners are equal. Where triangles differ, the two solids are subtracted from each other.
 """
 
 from collections.abc import Iterator
@@ -18,27 +18,30 @@ from padgen.solid.mesh import Mesh
 __all__ = ["SMALLEST_MM", "Cells", "Difference", "Pose", "differences", "loose_triangles", "pose_of"]
 
 SMALLEST_MM = 0.06
-"""Side of a cube along the axes (2.2e-4 mm³): a difference with room for it is found, wherever it is.
+"""Side of a cube along the axes (2.2e-4 mm³): every difference with room for such a cube is found.
 
-About half a layer, and what coarse chords take off a round recess (0.5 rad at 3.7 mm: 0.058 mm).
+It is about half a layer, and what coarse chords take off a round recess (0.5 rad at 3.7 mm: 0.058 mm).
 """
 SAME_MM = 1e-3
-"""Largest distance of corners that are the same: single precision, or text of a few digits."""
+"""Largest distance of two corners that count as equal, since files hold single precision or few digits."""
 LANDMARK_MM, LANDMARKS = 0.02, 4000
-"""The same of the corners by which a mesh is laid over another, and how many of them."""
+"""Largest distance of two corners that match when a mesh is laid over another, and the most corners compared."""
 CORNER_RAD = 0.8
-"""Least difference of a corner's angles from a whole turn: more than those of a round face's rim."""
+"""Least difference between the sum of the angles at a corner and a whole turn, so that rims of round faces stay out."""
 MARGIN_MM = 0.137
-"""By which the parts that are cut out of both reach beyond their cells: where no faces are."""
+"""Margin around cells when parts are cut out of both solids, so that the cuts fall where no faces are."""
 OUTSIDE_MM = 2e4
 MOST_PIECES = 200
-"""Differences of a kind whose volumes are worked out: of another pad's thousands only some are told."""
+"""Most differences of a kind whose volumes are computed: another pad has thousands, of which few are reported."""
 SCALE = 5e-4
-"""Smallest relative difference in size that is one of scale."""
+"""Smallest relative difference in size that counts as scaling."""
 
 
 class Pose(NamedTuple):
-    """Pose of a mesh: `rows` (3, 3) and `shift_mm` take it to where it was planned, `share` of its corners fit."""
+    """The place and orientation of a mesh, compared with the planned one.
+
+    ``corner @ rows.T + shift_mm`` is where a corner was planned; then `share` of the compared corners match.
+    """
 
     rows: np.ndarray
     shift_mm: np.ndarray
@@ -49,14 +52,14 @@ class Pose(NamedTuple):
     scale: float = 1.0
 
     def laid(self, mesh: Mesh) -> Mesh:
-        """The mesh where it was planned, its triangles outwards as before."""
+        """Return the mesh moved to where it was planned, its triangles facing outwards as before."""
         if not self.shift_mm.any() and np.array_equal(self.rows, np.eye(3)):
             return mesh
         triangles = mesh.triangles[:, ::-1] if np.linalg.det(self.rows) < 0 else mesh.triangles
         return Mesh(mesh.vertices_mm @ self.rows.T + self.shift_mm, triangles)
 
     def findings(self) -> Iterator[Finding]:
-        """Describe the pose in one sentence: as an error where a print would be another."""
+        """Describe the pose in one finding: an error where the print would differ, else a note."""
         x, y, z = (number(round(float(-v), 4)) for v in self.shift_mm)
         turned = f"turned by {number(round(self.turned_deg, 3))}° about z" if self.turned_deg else ""
         said = [turned] if turned else []
@@ -77,7 +80,7 @@ class Pose(NamedTuple):
 
 
 class Cells(NamedTuple):
-    """The lattice in which differences are looked for: edges of columns and rows in mm, and what is in each cell."""
+    """The lattice of cells that differences are sorted into: edges of columns and rows in mm, and each cell's name."""
 
     x_mm: np.ndarray
     y_mm: np.ndarray
@@ -85,7 +88,7 @@ class Cells(NamedTuple):
 
     @classmethod
     def of(cls, plan: Plan) -> "Cells":
-        """The sub-cells of a pad, and around them its border."""
+        """Return the sub-cells of a pad with its border around them."""
         places = np.pad(taxel_places(plan), 1, constant_values=-2)
         names = [*(f"taxel {taxel.id}" for taxel in plan.taxels), "border", "frame"]
         rows, columns = np.array(places.shape) - 1
@@ -109,7 +112,7 @@ class Cells(NamedTuple):
         return reached
 
     def room(self, reached: np.ndarray) -> Any:
-        """The space over and under the cells."""
+        """Return the space over and under the marked cells as a manifold."""
         import manifold3d
 
         x, y = (np.concatenate([[-OUTSIDE_MM], edges, [OUTSIDE_MM]]) for edges in (self.x_mm, self.y_mm))
@@ -121,12 +124,12 @@ class Cells(NamedTuple):
         return manifold3d.Manifold.batch_boolean(boxes, manifold3d.OpType.Add)
 
     def named(self, x_mm: float, y_mm: float) -> str:
-        """Name the part at a place."""
+        """Return the name of the part at a place."""
         return self.names[np.searchsorted(self.y_mm, y_mm)][np.searchsorted(self.x_mm, x_mm)]
 
 
 class Difference(NamedTuple):
-    """A difference that is `more` than planned, or missing: its volume, its middle and its extent, in mm."""
+    """A piece that is `more` than planned (else missing): its volume, its middle and its extent, in mm³ and mm."""
 
     more: bool
     volume_mm3: float
@@ -135,10 +138,11 @@ class Difference(NamedTuple):
 
 
 def pose_of(mesh: Mesh, planned: Mesh) -> Pose:
-    """Find the pose of the mesh against the one that was planned: as it is, or moved, turned, mirrored and scaled.
+    """Find how the mesh lies compared with the planned one: as planned, or moved, turned, mirrored or scaled.
 
-    Only a mesh that is not where it was planned is tried otherwise: by its outline, whose longest side is one of the
-    border's, and by its box. Of all ways that of which most corners of the planned mesh are in it is taken.
+    Other poses are tried only where the mesh does not lie as planned. The longest side of its outline, taken as a side
+    of the border, gives the angle; the boxes of both meshes give scale and shift. The pose with the largest share of
+    matching corners wins.
     """
     from scipy.spatial import ConvexHull, QhullError, cKDTree
 
@@ -182,7 +186,7 @@ def pose_of(mesh: Mesh, planned: Mesh) -> Pose:
 
 
 def _landmarks(mesh: Mesh) -> np.ndarray:
-    """Corners (n, 3) where three flat faces meet: those stay, however round faces are cut into triangles."""
+    """Return corners (n, 3) where three flat faces meet, which do not depend on how round faces are triangulated."""
     corners = mesh.corners_mm
     sides = np.roll(corners, -1, axis=1) - corners
     sides /= np.maximum(np.linalg.norm(sides, axis=2, keepdims=True), 1e-30)
@@ -193,7 +197,10 @@ def _landmarks(mesh: Mesh) -> np.ndarray:
 
 
 def loose_triangles(mesh: Mesh, planned: Mesh) -> tuple[np.ndarray, np.ndarray, Mesh]:
-    """Triangles of each that the other has not, as masks, and the mesh with its corners put on those planned."""
+    """Return masks of the triangles that only one mesh has, and the mesh with its corners moved onto the planned ones.
+
+    The first mask is of the triangles of `mesh`, the second of those of `planned`.
+    """
     from scipy.spatial import cKDTree
 
     _, nearest = cKDTree(planned.vertices_mm).query(mesh.vertices_mm, distance_upper_bound=SAME_MM)
@@ -207,14 +214,17 @@ def loose_triangles(mesh: Mesh, planned: Mesh) -> tuple[np.ndarray, np.ndarray, 
 
 
 def _keys(triangles: np.ndarray, count: int) -> np.ndarray:
-    """One number for each triangle, wherever it begins (of up to two million corners)."""
+    """Return one number per triangle, the same for all three first corners (for up to two million vertices)."""
     first = triangles.argmin(1)[:, None]
     a, b, c = np.take_along_axis(triangles, (first + np.arange(3)) % 3, 1).T
     return np.asarray((a * (count + 1) + b) * (count + 1) + c)
 
 
 def differences(one: Any, other: Any) -> list[Difference]:
-    """Differences of the manifold `one` from the `other`, largest first; see `SMALLEST_MM`."""
+    """Return the pieces in which two manifolds differ, largest first: more in `one`, or missing from it.
+
+    See `SMALLEST_MM` for how small a piece is found.
+    """
     found = []
     for more, part in ((True, one - other), (False, other - one)):
         core = part

@@ -1,4 +1,4 @@
-"""The coupon as a pad of its own, with a groove beside channel 0."""
+"""The solid of the coupon, which is a small pad with a groove beside channel 0."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ __all__ = ["build_coupon", "grooved"]
 
 
 def build_coupon(plan: Plan) -> tuple[Plan, PadSolid]:
-    """The coupon of `plan`: its own plan, by which it is checked, and its solid.
+    """Return the plan of the coupon of `plan`, which it is checked against, and its solid.
 
     Raises
     ------
@@ -25,7 +25,7 @@ def build_coupon(plan: Plan) -> tuple[Plan, PadSolid]:
 
 
 def grooved(plan: Plan, pad: PadSolid, groove: Outline) -> PadSolid:
-    """The `pad` with a `groove` cut from its border over the whole height."""
+    """Return `pad` with a `groove` cut from its border over the whole height."""
     border = Tile(border_mesh(plan, pad.grid.shape, CHORD_MM, ANGLE_RAD, groove), border_volume_mm3(plan, groove))
     volume = pad.volume_mm3 - pad.border.volume_mm3 + border.volume_mm3
     return replace(pad, mesh=assembled(plan, pad.tiles, border, pad.grid), volume_mm3=volume, border=border)

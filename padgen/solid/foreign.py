@@ -1,4 +1,4 @@
-"""Checks of a mesh file from anywhere: read by trimesh or lib3mf, welded, judged."""
+"""Checks of a mesh file that any program may have written: read by trimesh or lib3mf, welded, recognised, judged."""
 
 import io
 from collections.abc import Iterator
@@ -23,14 +23,14 @@ from padgen.spec import Spec
 
 __all__ = ["check_foreign", "read_mesh"]
 
-LEAST_SHARE = 0.2
-"""Share of a part's corners that a mesh has if it is that part."""
-ENOUGH = {"pad": 0.999, "coupon": 0.5, "tray": 0.5, "coupon-tray": 0.0}
-"""The same, less what its size is off, with which no part after this one is tried; for trays a CAD kernel is loaded."""
+LEAST_LIKENESS = 0.2
+"""Least likeness of a mesh to a part (share of the part's corners found, less the difference in size)."""
+SURE_LIKENESS = {"pad": 0.999, "coupon": 0.5, "tray": 0.5, "coupon-tray": 0.0}
+"""Likeness from which no further parts are tried, by part. Trays come last, as they load the CAD kernel."""
 
 
 def read_mesh(path: Path) -> Mesh:
-    """Triangles of an STL, 3MF, OBJ or PLY, welded; all but 3MF are taken as millimetres.
+    """Read an STL, 3MF, OBJ or PLY file as a welded mesh; coordinates of all but 3MF are taken as millimetres.
 
     Raises
     ------
@@ -54,9 +54,9 @@ def read_mesh(path: Path) -> Mesh:
     import trimesh
 
     try:
-        # From memory, so that it opens no other file that this one names.
+        # From memory, so that trimesh opens no other file which this one names.
         part = trimesh.load(io.BytesIO(data), file_type=kind[1:], force="mesh", process=False)
-    except Exception as error:  # trimesh lets through whatever its many readers raise
+    except Exception as error:  # trimesh's readers raise errors of many kinds
         raise MeshFileError(f"is not a mesh that can be read ({error or type(error).__name__})", str(path)) from error
     if not isinstance(part, trimesh.Trimesh) or not len(part.faces):
         raise MeshFileError("holds no triangles", str(path))
@@ -67,7 +67,7 @@ def read_mesh(path: Path) -> Mesh:
 
 
 def _refuse_cut_short(data: bytes, path: Path) -> None:
-    """Binary STL says how many triangles it holds."""
+    """Refuse a binary STL that holds fewer triangles than it states."""
     if len(data) < 84 or data[:5] == b"solid":
         return
     promised, held = int.from_bytes(data[80:84], "little"), (len(data) - 84) // 50
@@ -76,9 +76,9 @@ def _refuse_cut_short(data: bytes, path: Path) -> None:
 
 
 def check_foreign(mesh: Mesh, spec: Spec, plan: Plan | None) -> Report:
-    """Check a mesh against the limits of the spec's printer and, where there is one, against the `plan`.
+    """Check a mesh against the limits of the spec's printer and, where given, against the `plan`.
 
-    What it is (the pad, its coupon, a tray for either), and how it lies, is seen from its corners.
+    Its corners tell which part of the plan it is (the pad, its coupon, or a tray for either) and how it lies.
     """
     printer, density = spec.printer, spec.material.density_g_per_cm3
     limits = {"limits_of": printer.name}
@@ -100,16 +100,16 @@ def check_foreign(mesh: Mesh, spec: Spec, plan: Plan | None) -> Report:
 
 
 def _recognised(mesh: Mesh, plan: Plan) -> tuple[str, Plan, PadSolid | TraySolid, Pose] | None:
-    """Recognise the part of the plan that a mesh is; return its plan, its solid and the mesh's pose, or None."""
-    best, most = None, LEAST_SHARE
+    """Recognise the part that a mesh shows; return its name, plan, solid and the mesh's pose, or None."""
+    best, most = None, LEAST_LIKENESS
     for name, own, planned in _parts(plan):
         pose = pose_of(mesh, planned.mesh)
-        # A coupon is all there in a pad of one coil.
+        # All corners of a coupon are found in a pad of one coil: only the size tells the two apart.
         sizes = [np.sort(np.ptp(each.vertices_mm, axis=0)) for each in (pose.laid(mesh), planned.mesh)]
         likeness = pose.share - min(float(np.abs(sizes[0] / sizes[1] - 1).max()), 0.5)
         if likeness > most:
             best, most = (name, own, planned, pose), likeness
-        if most > ENOUGH[name]:
+        if most > SURE_LIKENESS[name]:
             break
     return best
 

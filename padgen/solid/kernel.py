@@ -1,9 +1,8 @@
-"""The one door to build123d and OCCT: a quicker import, and their errors as `GeometryError`.
+"""Import of build123d and OCCT, made quicker, and their errors as `GeometryError`.
 
-Half of the time that build123d takes to be imported goes into libraries that it needs for a few functions which
-padgen never calls: drawing SVG, optimising curves, hulls, recognising primitives in foreign meshes. While it is
-imported placeholders stand in for them; those functions still work, since a placeholder fetches the real module when
-something of it is used.
+Half of build123d's import time goes into libraries for functions that padgen never calls: drawing SVG, optimising
+curves, hulls, recognising primitives in foreign meshes. During the import, placeholders stand in for these libraries.
+A placeholder fetches the real module when it is used, so the functions still work.
 """
 
 import importlib
@@ -22,7 +21,7 @@ DEFERRED = ("scipy.optimize", "scipy.spatial", "sklearn", "sklearn.cluster", "sv
 
 
 class _Later:
-    """Stands in for a module's function or class until it is called or asked for something."""
+    """Placeholder of a module's function or class, which is imported when the placeholder is first used."""
 
     def __init__(self, module: str, name: str) -> None:
         self._at = module, name
@@ -37,11 +36,11 @@ class _Later:
         return getattr(self._real(), name)
 
     def __or__(self, other: object) -> Any:
-        return self  # in a hint of types only
+        return self  # "A | B" occurs in type hints only
 
 
 class _Deferred(ModuleType):
-    """Stands in for a module of which nothing is used but later."""
+    """Placeholder of a module of which nothing is used while build123d is imported."""
 
     def __getattr__(self, name: str) -> _Later:
         if name.startswith("__"):
@@ -51,7 +50,7 @@ class _Deferred(ModuleType):
 
 @contextmanager
 def _deferred() -> Iterator[None]:
-    """Let imports of `DEFERRED` succeed at once within the block, where they were not imported yet."""
+    """Put placeholders in place of those modules of `DEFERRED` that are not imported yet, within the block."""
     added = [name for name in DEFERRED if name not in sys.modules]
     for name in added:
         sys.modules[name] = _Deferred(name)
@@ -64,7 +63,7 @@ def _deferred() -> Iterator[None]:
 
 @cache
 def build123d() -> Any:
-    """The build123d package, imported at the first call.
+    """Return the build123d package, imported at the first call.
 
     Raises
     ------
@@ -81,7 +80,7 @@ def build123d() -> Any:
 
 
 def _interrupted(error: BaseException | None) -> bool:
-    """Whether an import failed because of Ctrl-C: a library's start-up turns that into an ImportError."""
+    """Return whether an import failed because of Ctrl-C, which a library's start-up turns into an ImportError."""
     while error is not None:
         if isinstance(error, KeyboardInterrupt) or "initialization failed" in str(error):
             return True
@@ -102,7 +101,7 @@ def kernel_errors(what: str) -> Iterator[None]:
 
 
 def _from_kernel(error: Exception) -> bool:
-    """OCCT's exceptions derive from Exception alone; build123d raises Python's own."""
+    """Return whether OCCT (exceptions of its own) or build123d (Python's exceptions) may have raised `error`."""
     if isinstance(error, (RuntimeError, ValueError, TypeError, AttributeError, IndexError)):
         return True
     return type(error).__module__.partition(".")[0] == "OCP"

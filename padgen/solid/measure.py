@@ -1,4 +1,4 @@
-"""Built = planned: dimensions of every taxel measured back from the final mesh by rays."""
+"""Measurement of every taxel's dimensions on the finished mesh, by rays and cross-sections."""
 
 from collections.abc import Callable, Iterator, Sequence
 from math import inf, isfinite, nan
@@ -15,20 +15,20 @@ __all__ = ["Dimension", "distance_to_sides", "measured", "washer_rooms"]
 
 
 STATIONS = (0.4, 0.65, 0.9)
-"""Where along a beam, from the root, width and thickness are measured: outside the flare."""
+"""Shares of a straight beam's length, from the root, at which width and thickness are measured, beyond the flare."""
 HEIGHTS = (0.02, 0.5, 0.98)
-"""Where in a recess, as a share of its depth, the room for a washer is measured: a mouth may be narrower."""
-
-
+"""Shares of a recess's depth at which the room for a washer is measured, since its mouth may be narrower."""
 LARGEST_RECESS = 1.5
-"""Of what diameter a hole is still a recess, in planned ones."""
+"""Largest diameter of a hole that counts as a recess, in planned recess diameters."""
 NEAR_MM = 0.05
-"""How near to the end of an arc a ray along it starts."""
+"""Distance from the end of an arc at which a ray along the arc starts."""
 
 
 class Dimension(NamedTuple):
-    """One measured dimension: which taxel, what, as planned and as built, in mm (nan: not found), and what the
-    triangles of a round face may change it by."""
+    """One measured dimension of a taxel, as planned and as built, in mm (nan where it was not found).
+
+    The triangles of a round face may change it by `facets_mm`.
+    """
 
     taxel: str
     name: str
@@ -38,7 +38,10 @@ class Dimension(NamedTuple):
 
 
 class _Gauge(NamedTuple):
-    """A planned length, the rays (from, to, in own axes) that measure it, and how their runs make it up."""
+    """A planned length in mm, the rays that measure it, and the function that combines their runs to that length.
+
+    `rays` (n, 2, 3) are from and to, in the taxel's axes. A run is the distance in mm from a ray's start to a face.
+    """
 
     name: str
     planned_mm: float
@@ -50,8 +53,8 @@ class _Gauge(NamedTuple):
 def measured(plan: Plan, solid: Any, taxels: Sequence[Taxel] | None = None) -> Iterator[Dimension]:
     """Measure beams, recess and boss of these taxels, or all, on the manifold `solid` of the pad or a part of it.
 
-    A ray runs until it meets a face: from within a beam sideways (width, and that its path is where it was planned),
-    above it on from both ends of its path (length), from below and above onto it (thickness), and up into the recess
+    Each ray runs until it meets a face. Rays go sideways from within a beam (its width and place), above the beam
+    along its path to both ends (length), onto the beam from below and above (thickness), and up into the recess
     (depth). The recess's diameter and place are taken from a cross-section at half its depth.
     """
     gauges = {c.index: _placed(_gauges(plan, c), c) for c in plan.channels}
@@ -69,9 +72,10 @@ def measured(plan: Plan, solid: Any, taxels: Sequence[Taxel] | None = None) -> I
 
 
 def washer_rooms(plan: Plan, solid: Any, taxels: Sequence[Taxel]) -> Iterator[tuple[str, float]]:
-    """For each of these taxels, the diameter of the largest circle about its recess's middle that holds no plastic.
+    """Yield for each taxel its id and the free diameter of its recess in mm, nan where there is no recess.
 
-    A round recess is a polygon in the mesh, whose sides are nearer than its corners; nan where there is none.
+    The free diameter is that of the largest circle about the recess's middle that holds no plastic. In the mesh a
+    round recess is a polygon, whose sides lie nearer to the middle than its corners do.
     """
     cuts = [_holes(plan, solid.slice(plan.plate.recess_depth_mm * share)) for share in HEIGHTS]
     for taxel in taxels:
@@ -81,7 +85,7 @@ def washer_rooms(plan: Plan, solid: Any, taxels: Sequence[Taxel]) -> Iterator[tu
 
 
 def distance_to_sides(outline: np.ndarray, at: np.ndarray) -> float:
-    """Distance from a point (2,) to the sides of a closed outline (n, 2)."""
+    """Return the distance from a point (2,) to the nearest side of a closed outline (n, 2)."""
     start, along = outline - at, np.roll(outline, -1, axis=0) - outline
     share = -np.einsum("ij,ij->i", start, along) / np.maximum(np.einsum("ij,ij->i", along, along), 1e-30)
     nearest = start + np.clip(share, 0, 1)[:, None] * along
@@ -116,7 +120,7 @@ def _section_gauges(path: BeamPath, points: list[PathPoint], lowest_block: float
     across = np.concatenate([_both_ways(at, side) for at, side in zip(inside, sides, strict=True)])
     yield _Gauge("width", width, across, lambda runs: _worst(runs, width, 0.0, 1.0, 1.0))
     if not path.is_straight:
-        # Only where a beam lies on its path does what was planned between its ends count as its length.
+        # The planned length between a bent beam's ends counts as built only if the beam lies on its path.
         yield _Gauge("offset from its path", 0.0, across, lambda runs: _worst(runs, 0.0, 0.0, 0.5, -0.5))
     span = lowest_block + 2
     faces = np.array([[[*at[:2], z], at] for at in inside for z in (-1.0, lowest_block + 1)])
@@ -125,9 +129,10 @@ def _section_gauges(path: BeamPath, points: list[PathPoint], lowest_block: float
 
 
 def _length_gauge(name: str, path: BeamPath, height: float) -> _Gauge:
-    """Back to the frame and on to what moves, from within the first and the last piece, at a `height` above the beam.
+    """Gauge a beam's length by rays back to the frame and forward to the plate, `height` mm above the bed.
 
-    A ray along an arc leaves it: there it starts close to the end.
+    They start within the first and the last segment. A straight ray leaves an arc, so on an arc it starts close to
+    the arc's end.
     """
     length, last = float(path.length_mm), len(path.segments) - 1
     aside = [0.5 if not s.turn_rad else min(NEAR_MM / float(s.length_mm), 0.5) for s in path.segments]
@@ -141,7 +146,7 @@ def _length_gauge(name: str, path: BeamPath, height: float) -> _Gauge:
 
 
 def _worst(runs: list[float], planned: float, span: float, one: float, other: float) -> float:
-    """Of one sum of two runs (with these factors, and `span`) per station, the one farthest from `planned`."""
+    """Return the size farthest from `planned` of one per station: ``span + one * run + other * next run``, in mm."""
     sizes = [span + one * a + other * b for a, b in zip(runs[::2], runs[1::2], strict=True)]
     return max(sizes, key=lambda size: abs(size - planned) if isfinite(size) else inf)
 
@@ -158,14 +163,14 @@ def _recess_gauges(plate: Plate, washer_x: float) -> Iterator[_Gauge]:
 
 
 class _Hole(NamedTuple):
-    """The outline (n, 2) of a hole of a cross-section and its centroid."""
+    """The outline (n, 2) of a hole in a cross-section, and the hole's centroid (2,), in mm."""
 
     outline: np.ndarray
     centre: np.ndarray
 
     @property
     def diameter_mm(self) -> float:
-        """The largest diameter: the corners of a round hole lie on its circle."""
+        """The largest diameter: the corners of a round hole lie on its true circle."""
         return 2 * float(np.hypot(*(self.outline - self.centre).T).max())
 
 
@@ -173,7 +178,7 @@ Holes = dict[tuple[int, int], list[_Hole]]
 
 
 def _holes(plan: Plan, section: Any) -> Holes:
-    """The holes of a cross-section, by the sub-cell that they lie in."""
+    """Return the holes of a cross-section, by the sub-cell that they lie in."""
     holes: Holes = {}
     for contour in section.to_polygons():
         following = np.roll(contour, -1, axis=0)
@@ -189,10 +194,10 @@ def _sub_cell(plan: Plan, x: float, y: float) -> tuple[int, int]:
 
 
 def _hole_around(plan: Plan, holes: Holes, taxel: Taxel) -> _Hole | None:
-    """The hole around a taxel's washer: its recess."""
+    """Return the hole around a taxel's washer, which is its recess, or None."""
     column, row = _sub_cell(plan, taxel.x_mm, taxel.y_mm)
     near = [hole for i in (-1, 0, 1) for j in (-1, 0, 1) for hole in holes.get((column + i, row + j), [])]
-    # The window around a plate may have the same centre as its recess, but is larger: it is none.
+    # The window around a plate may have the same centre as the recess, but it is larger.
     most = LARGEST_RECESS * plan.plate.recess_diameter_mm
     inside = [hole for hole in near if _offset_mm(hole, taxel) < hole.diameter_mm / 2 < most / 2]
     return min(inside, key=lambda hole: hole.diameter_mm, default=None)
@@ -220,6 +225,6 @@ def _coil_axis_mm(plan: Plan, taxel: Taxel) -> tuple[float, float]:
 
 
 def _run_mm(solid: Any, start: np.ndarray, stop: np.ndarray) -> float:
-    """How far a ray runs until it meets a face; nan when it meets none."""
+    """Return the distance in mm from a ray's start to the first face, nan where it meets none."""
     hits = solid.ray_cast(tuple(start), tuple(stop))
     return float(hits[0].distance * np.linalg.norm(stop - start)) if hits else float("nan")

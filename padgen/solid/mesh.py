@@ -1,4 +1,4 @@
-"""Triangles: from a build123d solid to welded arrays, and from there to a manifold."""
+"""Triangle meshes: made from build123d solids, welded, and turned into manifolds."""
 
 from typing import Any, NamedTuple
 
@@ -26,28 +26,29 @@ CHORD_MM = 0.01
 ANGLE_RAD = 0.3
 WELD_MM, FILE_WELD_MM = 1e-6, 1e-5
 AT_ONCE = 500_000
-"""Triangles whose corners are looked at together: those of a large pad would take more memory than all else."""
+"""Triangles that are processed together: the corners of all of a large pad's would take too much memory."""
 LARGEST_MM = 1e4
-"""Coordinates of a file."""
+"""Largest coordinate that a mesh file may hold."""
 
 
 class Mesh(NamedTuple):
-    """Welded triangles: `vertices_mm` (V, 3) float64, `triangles` (T, 3) int64, outward by right hand."""
+    """A triangle mesh: `vertices_mm` (V, 3) float64, `triangles` (T, 3) int64, anticlockwise as seen from outside."""
 
     vertices_mm: np.ndarray
     triangles: np.ndarray
 
     @property
     def corners_mm(self) -> np.ndarray:
-        """Corner coordinates, (T, 3, 3)."""
+        """Coordinates of each triangle's corners in mm, (T, 3, 3)."""
         corners: np.ndarray = self.vertices_mm[self.triangles]
         return corners
 
 
 def tessellated(solid: Any, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_RAD) -> Mesh:
-    """Triangles of a build123d solid within `chord_mm`, absolute, and `angle_rad`; welded.
+    """Triangulate a build123d solid and weld the triangles.
 
-    OCCT is called directly, since build123d's own `mesh` takes the chord relative to the shape.
+    They leave its faces by at most `chord_mm`; neighbours on a round face turn by at most `angle_rad`. OCCT is called
+    directly, since build123d's own `mesh` takes the chord relative to the shape.
     """
     build123d()
     from OCP.BRep import BRep_Tool
@@ -76,8 +77,8 @@ def tessellated(solid: Any, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE
 
 
 def welded(vertices_mm: np.ndarray, triangles: np.ndarray, tolerance_mm: float = WELD_MM) -> Mesh:
-    """Join vertices that agree within `tolerance_mm` and drop triangles that lose a side by it."""
-    # By ranks along each axis, which pack into one number: rows would sort many times as slowly.
+    """Join vertices that round to the same step of `tolerance_mm`, and drop triangles that lose a side by it."""
+    # The ranks along the three axes are packed into one number: sorting rows would be many times slower.
     number = np.zeros(len(vertices_mm), np.int64)
     for axis in vertices_mm.T:
         rank = np.unique(np.round(axis / tolerance_mm).astype(np.int64), return_inverse=True)[1]
@@ -89,27 +90,27 @@ def welded(vertices_mm: np.ndarray, triangles: np.ndarray, tolerance_mm: float =
 
 
 def sound_mesh(vertices_mm: np.ndarray, triangles: np.ndarray, where: str) -> Mesh:
-    """What the file `where` holds, if all of it is there: corners that triangles name, and within bounds.
+    """Return the arrays read from the file `where` as a mesh.
 
     Raises
     ------
     MeshFileError
-        It is not.
+        A triangle names a vertex that does not exist, or a coordinate is beyond `LARGEST_MM` or not a number.
     """
     if not len(vertices_mm) or triangles.min() < 0 or triangles.max() >= len(vertices_mm):
         raise MeshFileError(f"has triangles with corners that are none of its {len(vertices_mm)} vertices", where)
-    if not (np.abs(vertices_mm) <= LARGEST_MM).all():  # nor is what is no number
+    if not (np.abs(vertices_mm) <= LARGEST_MM).all():  # false for nan, too
         raise MeshFileError(f"has coordinates beyond {LARGEST_MM:g} mm, or none at all", where)
     return Mesh(vertices_mm, triangles)
 
 
 def joined(mesh: Mesh, where: str) -> Mesh:
-    """The triangles of a file joined where they touch, in the steps that files have.
+    """Join the triangles read from the file `where` at corners that agree within `FILE_WELD_MM`.
 
     Raises
     ------
     MeshFileError
-        All of them are smaller than such a step.
+        No triangle is larger than that.
     """
     whole = welded(*mesh, FILE_WELD_MM)
     if not len(whole.triangles):
@@ -118,7 +119,7 @@ def joined(mesh: Mesh, where: str) -> Mesh:
 
 
 def signed_volume_mm3(mesh: Mesh) -> float:
-    """Volume by the divergence theorem; negative for a mesh turned inside out."""
+    """Return the volume by the divergence theorem; it is negative for a mesh turned inside out."""
     volume = 0.0
     for some in np.array_split(mesh.triangles, len(mesh.triangles) // AT_ONCE + 1):
         a, b, c = np.moveaxis(mesh.vertices_mm[some], 1, 0)
@@ -127,12 +128,12 @@ def signed_volume_mm3(mesh: Mesh) -> float:
 
 
 def as_manifold(mesh: Mesh, what: str) -> Any:
-    """The mesh as a manifold in double precision.
+    """Return the mesh as a manifold3d solid in double precision.
 
     Raises
     ------
     GeometryError
-        manifold refuses it; the message names `what` and manifold's own status.
+        manifold3d refuses the mesh; the message names `what` and the status that manifold3d gives.
     """
     import manifold3d
 
@@ -148,6 +149,6 @@ def as_manifold(mesh: Mesh, what: str) -> Any:
 
 
 def from_manifold(solid: Any) -> Mesh:
-    """The triangles of a manifold."""
+    """Return the triangles of a manifold3d solid."""
     mesh = solid.to_mesh64()
     return Mesh(np.array(mesh.vert_properties)[:, :3], np.array(mesh.tri_verts).astype(np.int64))

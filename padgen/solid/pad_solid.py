@@ -1,8 +1,8 @@
-"""One pad from its distinct tiles: tiles are placed on a lattice and their seams welded.
+"""Assembly of a pad's mesh: its distinct tiles are placed on a lattice and their seams welded.
 
-A tile is a taxel with the frame of its sub-cell; all tiles are the same rectangle. The faces where
-two tiles meet, or a tile meets the border, are left out and their corner vertices shared: the
-union of face-adjacent solids, in time linear in the number of tiles.
+A tile is a taxel with the frame of its sub-cell; all tiles are the same rectangle. Where two tiles meet, or a tile
+meets the border, the faces are left out and their corner vertices shared. This unites solids that touch face to face,
+in time linear in the number of tiles.
 """
 
 from collections.abc import Sequence
@@ -38,7 +38,7 @@ SEAM_MM = 1e-7
 
 @dataclass(frozen=True)
 class Tile:
-    """A distinct tile: its exact volume and its triangles about the sub-cell's centre, as placed."""
+    """A distinct tile: its triangles about the sub-cell's centre, turned as in the pad, and its exact volume."""
 
     mesh: Mesh
     volume_mm3: float
@@ -60,7 +60,11 @@ class PadSolid:
 
 
 class Places(NamedTuple):
-    """Places of a sample's columns and rows in the pad: their lower ends in it, and the way to the pad's."""
+    """Map from a sample's coordinates to the pad's.
+
+    `columns_mm` and `rows_mm` are the sample's coordinates at which its second, third … column and row of coils begin;
+    the shifts, one per column and row, are added to reach the place in the pad.
+    """
 
     columns_mm: tuple[float, ...] = ()
     column_shifts_mm: tuple[float, ...] = (0.0,)
@@ -68,13 +72,13 @@ class Places(NamedTuple):
     row_shifts_mm: tuple[float, ...] = (0.0,)
 
     def in_pad(self, x_mm: float, y_mm: float) -> tuple[float, float]:
-        """A place of the sample in the pad's coordinates."""
+        """Return a place of the sample in the pad's coordinates."""
         column, row = np.searchsorted(self.columns_mm, x_mm), np.searchsorted(self.rows_mm, y_mm)
         return x_mm + self.column_shifts_mm[column], y_mm + self.row_shifts_mm[row]
 
 
 class Sample(NamedTuple):
-    """A pad with every tile of another one beside every neighbour that it has there, in few coils."""
+    """A pad of few coils that has every kind of tile of a larger pad, beside every neighbour that it has there."""
 
     plan: Plan
     pad: PadSolid
@@ -82,7 +86,7 @@ class Sample(NamedTuple):
 
 
 def build_pad(plan: Plan, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_RAD) -> PadSolid:
-    """Model each distinct taxel once and make the pad of `plan`.
+    """Model each distinct taxel once and assemble the pad of `plan`.
 
     Raises
     ------
@@ -104,7 +108,10 @@ def _of_tiles(plan: Plan, tiles: tuple[Tile, ...], chord_mm: float, angle_rad: f
 
 
 def sampled(plan: Plan, pad: PadSolid) -> Sample:
-    """Leave out the rows and columns of coils that repeat what is beside them already; all measures hold for both."""
+    """Return the pad without the rows and columns of coils that only repeat their neighbours.
+
+    Every dimension that can be measured on the pad can be measured on this sample.
+    """
     coils, spec = plan.coils, plan.spec
     kinds = 2 * pad.grid + turned_grid(plan)
     rows = _unrepeated([part.tobytes() for part in kinds.reshape(coils.rows, -1)])
@@ -136,7 +143,7 @@ def sampled(plan: Plan, pad: PadSolid) -> Sample:
 
 
 def _unrepeated(kinds: Sequence[bytes]) -> list[int]:
-    """Choose those of a row of things with which all pairs of neighbours are still there, with those at its ends."""
+    """Return the indices of the rows (or columns) to keep so that every pair of neighbours, and both ends, remain."""
     kept: list[int] = []
     for index in range(len(kinds)):
         kept.append(index)
@@ -148,14 +155,14 @@ def _unrepeated(kinds: Sequence[bytes]) -> list[int]:
 
 
 def tile_grid(plan: Plan) -> np.ndarray:
-    """Index of the tile at each sub-cell of the pad, (rows, columns) from the lower left."""
+    """Return the index of the tile in each sub-cell of the pad, (rows, columns) from the lower left."""
     places = taxel_places(plan)
     channel = np.array([taxel.channel for taxel in plan.taxels])
     return np.where(places < 0, len(plan.channels), channel[places])
 
 
 def turned_grid(plan: Plan) -> np.ndarray:
-    """Which sub-cells belong to a cell that is turned by 180°, of the shape of `tile_grid`."""
+    """Return a mask (rows, columns) of the sub-cells whose cell is turned by 180°, of the shape of `tile_grid`."""
     cells = np.zeros((plan.coils.rows, plan.coils.columns), dtype=bool)
     for taxel in plan.taxels:
         cells[taxel.coil] = taxel.turned
@@ -163,7 +170,7 @@ def turned_grid(plan: Plan) -> np.ndarray:
 
 
 def assembled(plan: Plan, tiles: Sequence[Tile], border: Tile, grid: np.ndarray) -> Mesh:
-    """Place `tiles` by `grid` within `border` and weld the seams."""
+    """Place `tiles` as `grid` (rows, columns) of their indices says within `border`, and weld the seams."""
     rows, columns = grid.shape
     spec = plan.spec
     x = np.linspace(-spec.pad.width_mm / 2, spec.pad.width_mm / 2, columns + 1)
@@ -178,7 +185,7 @@ def assembled(plan: Plan, tiles: Sequence[Tile], border: Tile, grid: np.ndarray)
             continue
         mesh = turned_mesh(tile.mesh) if around else tile.mesh
         inner, corner, faces = _open_seams(mesh, plan.cell.width_mm / 2, plan.cell.depth_mm / 2, z)
-        # Vertex numbers per place: own ones follow each other, corner ones point into the lattice.
+        # Vertex numbers per place: the tile's own vertices follow each other, corners point into the lattice.
         number = np.empty((len(r), len(inner)), dtype=np.int64)
         place = np.flatnonzero(inner)
         number[:, place] = offset + np.arange(len(r))[:, None] * len(place) + np.arange(len(place))
@@ -198,7 +205,7 @@ def assembled(plan: Plan, tiles: Sequence[Tile], border: Tile, grid: np.ndarray)
 
 
 def turned_mesh(mesh: Mesh) -> Mesh:
-    """A mesh turned by 180° about z, exactly."""
+    """Return the mesh turned by 180° about z, without rounding."""
     return Mesh(mesh.vertices_mm * (-1.0, -1.0, 1.0), mesh.triangles)
 
 
@@ -212,7 +219,7 @@ def _taxel_tile(plan: Plan, index: int, chord_mm: float, angle_rad: float) -> Ti
 
 
 def _known(plan: Plan, channel: Channel, chord_mm: float, angle_rad: float) -> KnownSolid:
-    """The taxel's triangles: modelled once, then from the cache."""
+    """Return the taxel's triangles from the cache, or model the taxel and keep them."""
     key = taxel_key(plan, channel, chord_mm=chord_mm, angle_rad=angle_rad)
 
     def made() -> KnownSolid:
@@ -223,7 +230,7 @@ def _known(plan: Plan, channel: Channel, chord_mm: float, angle_rad: float) -> K
 
 
 def _snapped(vertices: np.ndarray, sides: Outline) -> np.ndarray:
-    """Vertices within rounding of the outline, put on it."""
+    """Return the vertices, those within rounding of the outline moved onto it."""
     snapped = vertices.copy()
     for axis, value in ((0, sides.x0), (0, sides.x1), (1, sides.y0), (1, sides.y1)):
         near = np.abs(snapped[:, axis] - value) < SEAM_MM
@@ -241,7 +248,11 @@ def _bare_tile(plan: Plan) -> Tile:
 
 
 def _open_seams(mesh: Mesh, half_x: float, half_y: float, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Which vertices are inner, the lattice step (0 or 1 per axis) of the others, and the kept triangles."""
+    """Remove the faces of a tile's seams.
+
+    Return a mask of the vertices that are not on its corner edges, the step (V, 3) to the lattice point of those that
+    are (0 or 1 per axis), and the triangles that stay.
+    """
     v = mesh.vertices_mm
     on_x, on_y = np.abs(np.abs(v[:, 0]) - half_x) < SEAM_MM, np.abs(np.abs(v[:, 1]) - half_y) < SEAM_MM
     corner = np.stack([v[:, 0] > 0, v[:, 1] > 0, np.abs(v[:, 2] - z[1]) < SEAM_MM], -1).astype(np.int64)
@@ -251,7 +262,7 @@ def _open_seams(mesh: Mesh, half_x: float, half_y: float, z: np.ndarray) -> tupl
 
 
 def _open_border(mesh: Mesh, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lattice number of the border's vertices (−1 for its own), and the triangles without the inner sides."""
+    """Return the lattice numbers of the border's vertices (-1 off it), and its triangles without the inner sides."""
     v = mesh.vertices_mm
     inside = (np.abs(v[:, 0]) < x[-1] + SEAM_MM) & (np.abs(v[:, 1]) < y[-1] + SEAM_MM)
     step = [np.abs(v[:, i, None] - axis).argmin(1) for i, axis in enumerate((x, y, z))]
@@ -261,14 +272,14 @@ def _open_border(mesh: Mesh, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> tup
 
 
 def _flat(mesh: Mesh) -> np.ndarray:
-    """Triangles in a horizontal plane."""
+    """Return a mask of the triangles that lie in a horizontal plane."""
     height = mesh.corners_mm[..., 2]
     flat: np.ndarray = np.ptp(height, axis=1) < SEAM_MM
     return flat
 
 
 def _compact(mesh: Mesh) -> Mesh:
-    """Drop vertices that no triangle uses: the lattice points within the bare frame all are used."""
+    """Drop the vertices that no triangle uses."""
     used = np.zeros(len(mesh.vertices_mm), dtype=bool)
     used[mesh.triangles] = True
     if used.all():

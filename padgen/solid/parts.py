@@ -1,4 +1,4 @@
-"""Parts beside the pad, made when asked for: the coil tray, the coupon, and a tray for the coupon's coil.
+"""Parts beside the pad, made on request: the coil tray, the coupon, and a tray for the coupon's coil.
 
 Each is modelled, checked and saved like the pad itself.
 """

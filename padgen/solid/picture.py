@@ -1,4 +1,4 @@
-"""Pictures of a mesh: a depth buffer in numpy, so that no window and no graphics driver is needed."""
+"""Pictures of meshes, drawn with a depth buffer in numpy: they need no window and no graphics driver."""
 
 import io
 from typing import NamedTuple
@@ -16,7 +16,7 @@ AMBIENT = 0.24
 
 
 class View(NamedTuple):
-    """Where the picture is taken from: degrees around z from −y, and above the horizon."""
+    """The direction that a picture is taken from: degrees around z from −y, and degrees above the horizon."""
 
     azimuth_deg: float = -35.0
     elevation_deg: float = 38.0
@@ -25,7 +25,7 @@ class View(NamedTuple):
 def picture_png(
     parts: "list[tuple[Mesh, tuple[float, float, float]]]", size_px: tuple[int, int], view: View | None = None
 ) -> bytes:
-    """PNG of meshes with their colours (red, green, blue in 0 … 1), in parallel projection, fitted to the size."""
+    """Draw meshes with their colours (red, green, blue in 0 … 1) as a PNG of this size, in parallel projection."""
     from PIL import Image
 
     oversample = 2
@@ -49,7 +49,7 @@ def picture_png(
             image[pixels[over]] = np.clip(np.array(colour) * shade[:, None], 0, 1)[owner[over]]
     image = image.reshape(height, width, 3)
     steps = range(oversample)
-    # (A mean over two axes takes ten times as long.)
+    # A mean over two axes would take ten times as long.
     image = np.add.reduce([image[i::oversample, j::oversample] for i in steps for j in steps]) / oversample**2
     result = io.BytesIO()
     Image.fromarray((image * 255 + 0.5).astype(np.uint8)).save(result, "PNG", optimize=False)
@@ -57,7 +57,7 @@ def picture_png(
 
 
 def _camera(view: View) -> np.ndarray:
-    """Rows: right, up and towards the viewer."""
+    """Return unit vectors to the right, up and towards the viewer, as rows (3, 3)."""
     a, e = np.radians(view.azimuth_deg), np.radians(view.elevation_deg)
     right = np.array([np.cos(a), np.sin(a), 0])
     toward = np.array([np.sin(a) * np.cos(e), -np.cos(a) * np.cos(e), np.sin(e)])
@@ -65,7 +65,7 @@ def _camera(view: View) -> np.ndarray:
 
 
 def _fit(seen: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
-    """Factors and shifts of right, up and depth that bring points (n, 3) into the picture."""
+    """Return factors (3,) and shifts (3,) that turn right, up and depth of points (n, 3) in mm into pixels."""
     low, high = (np.array([of(seen[:, 0]), of(seen[:, 1])]) for of in (np.min, np.max))
     scale = 0.94 * min(width / (high[0] - low[0]), height / (high[1] - low[1]))
     centre = (low + high) / 2 * scale
@@ -73,7 +73,7 @@ def _fit(seen: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndar
 
 
 def _visible(screen: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pixels that some triangle covers, the index of the nearest one and its depth, by scan lines."""
+    """Return the pixels that any triangle covers, the index of the nearest triangle, and its depth, by scan lines."""
     x, y, z = np.moveaxis(screen, -1, 0)
     # One row per triangle and scan line through pixel centres.
     first = np.clip(np.ceil(y.min(1) - 0.5), 0, height).astype(np.int64)
@@ -98,7 +98,7 @@ def _visible(screen: np.ndarray, width: int, height: int) -> tuple[np.ndarray, n
     depth = _depth_at(x, y, z, owner, column + 0.5, row + 0.5)
     pixel = row * width + column
     order = np.argsort(depth, kind="stable")
-    # Of what is assigned to one place the last stays: the nearest.
+    # Assigned in the order of depth, the nearest triangle comes last and stays.
     seen = np.full(width * height, -1)
     seen[pixel[order]] = owner[order]
     covered = np.flatnonzero(seen >= 0)
@@ -108,7 +108,7 @@ def _visible(screen: np.ndarray, width: int, height: int) -> tuple[np.ndarray, n
 
 
 def _runs(first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """For runs ``first … last``: the index of each one's run, and its step within."""
+    """Expand runs ``first … last`` into single steps: the index of each step's run, and its number within the run."""
     count = np.maximum(last - first + 1, 0)
     index = np.repeat(np.arange(len(count)), count)
     return index, np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count)
@@ -117,7 +117,7 @@ def _runs(first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _depth_at(
     x: np.ndarray, y: np.ndarray, z: np.ndarray, owner: np.ndarray, column: np.ndarray, row: np.ndarray
 ) -> np.ndarray:
-    """Depth of the triangles' planes at pixel centres."""
+    """Return the depth of the planes of the triangles `owner` at pixel centres."""
     ax, ay = x[:, 1] - x[:, 0], y[:, 1] - y[:, 0]
     bx, by = x[:, 2] - x[:, 0], y[:, 2] - y[:, 0]
     za, zb = z[:, 1] - z[:, 0], z[:, 2] - z[:, 0]

@@ -1,8 +1,7 @@
 """Walls, gaps and spans of a part, from its horizontal cross-sections.
 
-A cross-section is opened with a square-cornered offset: what does not come back when it is shrunk
-by r and grown again is narrower than 2 r. Done on the material it finds thin walls, on the empty
-space narrow gaps.
+A cross-section is shrunk by r and grown again by r, with square corners. Whatever is lost is narrower than 2 r: a thin
+wall where this is done to the material, a narrow gap where it is done to the empty space.
 """
 
 from collections.abc import Callable
@@ -25,7 +24,7 @@ __all__ = [
 ]
 
 LEVELS, MOST_HEIGHTS = 16, 100
-"""Cross-sections of a part, and heights of its horizontal faces, that are looked at, from bottom to top."""
+"""Most cross-sections of a part, and most heights of its horizontal faces, that are examined."""
 STEP_MM = 1e-4
 AREA_MM2 = 1e-6
 ROOM_MM = 5.0
@@ -33,14 +32,14 @@ SPLINTER_SHARE = 0.05
 
 
 class Section(NamedTuple):
-    """The part between two heights: `z_mm` of the cut, and the manifold3d cross-section there."""
+    """A horizontal cross-section: the height `z_mm` of the cut and its manifold3d cross-section."""
 
     z_mm: float
     shape: Any
 
 
 class Narrow(NamedTuple):
-    """Something narrower than it may be: where (mm), and the area in mm² that is."""
+    """A place that breaks a limit: its middle in mm, and its area in mm²."""
 
     x_mm: float
     y_mm: float
@@ -49,35 +48,35 @@ class Narrow(NamedTuple):
 
 
 def sections(solid: Any, mesh: Mesh) -> list[Section]:
-    """One cross-section between any two neighbouring heights of the vertices, at most `LEVELS` of them."""
+    """Cut once between any two neighbouring heights of the vertices, at most `LEVELS` times."""
     heights = np.unique(np.round(mesh.vertices_mm[:, 2] / STEP_MM) * STEP_MM)
     if len(heights) > LEVELS + 1:
         heights = np.quantile(heights, np.linspace(0, 1, LEVELS + 1))
     cuts = (Section(float(z), solid.slice(float(z))) for z in (heights[1:] + heights[:-1]) / 2)
-    # Between two bodies one above the other there is nothing.
+    # A cut between two bodies that lie above each other is empty.
     return [cut for cut in cuts if not cut.shape.is_empty()]
 
 
 def narrow_walls(section: Section, limit_mm: float) -> list[Narrow]:
-    """Places where the material is narrower than `limit_mm`."""
+    """Return the places where the material is narrower than `limit_mm`."""
     return _narrow(section.shape, section.z_mm, limit_mm)
 
 
 def narrow_gaps(section: Section, limit_mm: float) -> list[Narrow]:
-    """Places where the empty space within or between parts is narrower than `limit_mm`."""
+    """Return the places where the empty space within or between parts is narrower than `limit_mm`."""
     return _narrow(section.shape, section.z_mm, limit_mm, empty=True)
 
 
 def smallest(section: Section, gaps: bool, bound_mm: float) -> float:
-    """Width in mm of the narrowest wall, or gap, below `bound_mm`; `bound_mm` where none is narrower."""
+    """Return the width in mm of the narrowest wall, or gap, or `bound_mm` where none is narrower than that."""
     return _bisect(lambda width: bool(_narrow(section.shape, section.z_mm, width, gaps)), bound_mm)
 
 
 def unsupported_spans(solid: Any, mesh: Mesh, bound_mm: float) -> tuple[float, Narrow | None]:
-    """Longest span in mm that starts in mid-air, up to `bound_mm`, and where it is.
+    """Return the longest span in mm that is printed over air, up to `bound_mm`, and its place.
 
-    A horizontal face looking down is bridged from what lies beneath its rim; its span is twice the
-    largest distance from there. Beyond `bound_mm` the search stops.
+    A horizontal face that looks down is bridged from the material beneath its rim. Its span is twice the largest
+    distance from that material. The search stops at `bound_mm`.
     """
     worst, where = 0.0, None
     bed = float(mesh.vertices_mm[:, 2].min())
@@ -94,7 +93,7 @@ def unsupported_spans(solid: Any, mesh: Mesh, bound_mm: float) -> tuple[float, N
 
 
 def thin_skins(solid: Any, mesh: Mesh, limit_mm: float) -> list[Narrow]:
-    """Horizontal faces looking up with less than `limit_mm` of material beneath them."""
+    """Return the parts of horizontal faces that look up and have less than `limit_mm` of material beneath them."""
     found = []
     for z in _flat_heights_mm(mesh, up=True):
         surface = solid.slice(z - STEP_MM) - solid.slice(z + STEP_MM)
@@ -104,7 +103,7 @@ def thin_skins(solid: Any, mesh: Mesh, limit_mm: float) -> list[Narrow]:
 
 
 def _beyond(hanging: Any, below: Any, span: float) -> Any:
-    """What of `hanging` is farther than half of `span` from what is `below`."""
+    """Return the part of `hanging` that is farther than half of `span` (mm) from the material `below`."""
     return hanging - below.offset(span / 2, _join("Round"), 2.0, 64)
 
 
@@ -113,7 +112,7 @@ def _spanned(left: Callable[[float], Any], span: float) -> bool:
 
 
 def _flat_heights_mm(mesh: Mesh, up: bool) -> np.ndarray:
-    """Heights of the horizontal faces that look up, or down; `MOST_HEIGHTS` of them where there are more."""
+    """Return the heights of the horizontal faces that look up, or down, at most `MOST_HEIGHTS` of them."""
     corners = mesh.corners_mm
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     flat = (np.ptp(corners[..., 2], axis=1) < STEP_MM) & ((normal[:, 2] > 0) == up)
@@ -123,8 +122,8 @@ def _flat_heights_mm(mesh: Mesh, up: bool) -> np.ndarray:
 
 
 def _narrow(shape: Any, z_mm: float, limit_mm: float, empty: bool = False) -> list[Narrow]:
-    """Where the material is, or the `empty` space around and within it, narrower than `limit_mm`."""
-    # Square corners come back whole; acute ones lose a splinter, which is no wall.
+    """Return the places where the material (or the `empty` space around and within it) is narrower than `limit_mm`."""
+    # Square corners survive; acute ones lose a splinter, which is no wall.
     splinter, half = SPLINTER_SHARE * (limit_mm / 2) ** 2, limit_mm / 2
     filled = _empty(shape) if empty else shape
     lost = filled - filled.offset(-half, _join("Miter")).offset(half * 1.001, _join("Miter"))
@@ -139,14 +138,14 @@ def _where(shape: Any, z_mm: float) -> Narrow:
 
 
 def _empty(shape: Any) -> Any:
-    """The space around and within a cross-section."""
+    """Return the empty space around and within a cross-section."""
     x0, y0, x1, y1 = shape.bounds()
     room = type(shape).square((x1 - x0 + 2 * ROOM_MM, y1 - y0 + 2 * ROOM_MM))
     return room.translate((x0 - ROOM_MM, y0 - ROOM_MM)) - shape
 
 
 def _bisect(narrower: Callable[[float], bool], bound_mm: float) -> float:
-    """Width up to `bound_mm` below which `narrower` is false and above which it is true, within 0.2 %."""
+    """Return the width at which `narrower` turns from false to true, within 0.1 % of `bound_mm`, or `bound_mm`."""
     if not narrower(bound_mm):
         return bound_mm
     low, high = 0.0, bound_mm

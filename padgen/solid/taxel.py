@@ -1,4 +1,4 @@
-"""One taxel as a build123d solid: a pure function of the plan's dimensions.
+"""The build123d solid of one taxel, as a pure function of the plan's dimensions.
 
 Side view through the beam, own axes (x from the root, z from the bed)::
 
@@ -27,11 +27,11 @@ from padgen.solid.kernel import build123d, kernel_errors
 __all__ = ["taxel_solid", "washer_solid"]
 
 LEAST_MM = 1e-6
-"""What is shorter is left out."""
+"""Edges and fillets that are shorter are left out."""
 
 
 def taxel_solid(plan: Plan, channel: Channel) -> Any:
-    """The printed solid of one taxel with the frame of its sub-cell, in its own axes, mm.
+    """Return the printed solid of one taxel with the frame of its sub-cell, in the taxel's own axes, in mm.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def taxel_solid(plan: Plan, channel: Channel) -> Any:
 
 
 def washer_solid(plan: Plan, channel: Channel) -> Any:
-    """The washer where the glue holds it, against the roof of its recess, in the taxel's own axes."""
+    """Return the solid of the washer glued to the roof of its recess, in the taxel's own axes, in mm."""
     washer = plan.spec.washer
     washer_x = float(plan.arrangement(channel).washer_x_mm)
     depth = plan.plate.recess_depth_mm
@@ -72,7 +72,7 @@ def _ring(outer: Outline, window: Outline, height: float) -> Any:
 
 
 def _beam(path: BeamPath, fillet: float) -> Any:
-    """A beam with a flare of radius `fillet` on both sides of its root: the outline beside its path, extruded."""
+    """Extrude the outline on both sides of a beam's path, with a flare of radius `fillet` on each side of its root."""
     b = build123d()
     half = float(path.width_mm) / 2
     edges, ends = [], []
@@ -85,7 +85,7 @@ def _beam(path: BeamPath, fillet: float) -> Any:
 
 
 def _flare(root: PathPoint, side: float, fillet: float) -> list[Any]:
-    """A quarter circle from the wall at the root to where the beam has its width, `side` mm to the left of its path."""
+    """Return the quarter circle that widens a beam at its root, on the side `side` mm to the left of its path."""
     if fillet < LEAST_MM:
         return []
     bow, out = fillet * (1 - 0.5**0.5), copysign(1.0, side)
@@ -96,7 +96,7 @@ def _flare(root: PathPoint, side: float, fillet: float) -> list[Any]:
 
 
 def _side(path: BeamPath, side: float, start: float) -> list[Any]:
-    """Lines and arcs `side` mm to the left of a path, but for its first `start` mm."""
+    """Return the lines and arcs `side` mm to the left of a path, without its first `start` mm."""
     b, edges = build123d(), []
     for k, segment in enumerate(path.segments):
         length, turn = float(segment.length_mm), float(segment.turn_rad)
@@ -115,7 +115,7 @@ def _side(path: BeamPath, side: float, start: float) -> list[Any]:
 
 
 def _boss(plate: Plate, washer_x: float) -> Any:
-    """The touch boss on the plate, with its edge broken."""
+    """Return the touch boss on the plate, its upper edge chamfered."""
     boss = _disc(plate.boss_diameter_mm, washer_x, plate.thickness_mm, plate.boss_top_mm)
     if plate.boss_edge_mm < 1e-6:
         return boss

@@ -1,4 +1,4 @@
-"""Triangles of distinct taxels, kept by what they depend on, so that a known taxel needs no CAD kernel."""
+"""Cache of the triangles of distinct taxels, so that a known taxel needs no CAD kernel."""
 
 import io
 from collections.abc import Callable
@@ -26,7 +26,7 @@ class KnownSolid(NamedTuple):
 
 
 def taxel_key(plan: Plan, channel: Channel, **detail: Any) -> str:
-    """The key of all that the solid of a taxel depends on, and of `detail`."""
+    """Return the cache key of everything that the solid of a taxel depends on, and of `detail`."""
     return cache.key_of(
         {
             **shape_inputs(plan, channel),
@@ -38,7 +38,7 @@ def taxel_key(plan: Plan, channel: Channel, **detail: Any) -> str:
 
 
 def known_solid(key: str) -> KnownSolid | None:
-    """What is kept under `key`, None when there is nothing."""
+    """Return the taxel kept under `key`, or None where there is none or its data are damaged."""
     data = cache.load_bytes(KIND, key)
     if data is None:
         return None
@@ -46,13 +46,13 @@ def known_solid(key: str) -> KnownSolid | None:
         with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
             mesh, volume_mm3 = Mesh(arrays["vertices_mm"], arrays["triangles"]), float(arrays["volume_mm3"])
         whole = _is_whole(mesh) and volume_mm3 > 0
-    except Exception:  # whatever it is, it is no solid
+    except Exception:  # damaged data raise errors of many kinds
         return None
     return KnownSolid(mesh, volume_mm3) if whole else None
 
 
 def _is_whole(mesh: Mesh) -> bool:
-    """Whether these are the arrays of a mesh."""
+    """Return whether the arrays have the types, shapes and indices of a mesh."""
     vertices, triangles = mesh
     if vertices.dtype.kind != "f" or triangles.dtype.kind != "i":
         return False
@@ -62,7 +62,7 @@ def _is_whole(mesh: Mesh) -> bool:
 
 
 def kept_solid(key: str, make: Callable[[], KnownSolid]) -> KnownSolid:
-    """What is kept under `key`, else what `make` makes, which is kept from now on."""
+    """Return the taxel kept under `key`, or make it with `make` and keep it."""
 
     def made() -> KnownSolid:
         solid, data = make(), io.BytesIO()

@@ -1,4 +1,4 @@
-"""What a mesh is, whatever it shows: closed, consistently wound, whole, free of self-intersections."""
+"""Tests of any mesh: closed, consistently wound, in one piece, free of self-intersections."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,16 +13,18 @@ __all__ = ["Topology", "intersecting_pairs", "shells", "topology"]
 
 PAIRS_AT_ONCE = 1_000_000
 MOST_PAIRS, MOST_FOUND = 40_000_000, 100_000
-"""Candidates that are looked at beyond `MANY_PAIRS` a triangle, and pairs found after which the search ends."""
+"""Most candidate pairs beyond `MANY_PAIRS` per triangle, and the number of pairs found that ends the search."""
 MOST_COLUMNS, MOST_CELLS, MANY_PAIRS = 10_000, 16, 100
-"""Columns along a side, those that a triangle spans on average, and candidates for each that ask for wider ones."""
+"""Most columns along a side of the grid, most columns per triangle on average, and the candidates per triangle above
+which wider columns are tried."""
 
 
 @dataclass(frozen=True)
 class Topology:
-    """Counts that are all zero for a printable mesh, but for `shells` (1) and `volume_mm3`.
+    """Counts of what makes a mesh unprintable, all zero for a good one, its `shells` (1 if good) and its volume.
 
-    `first_broken` is a vertex of an edge that breaks it, 0 where there is none.
+    `open_edges` have one triangle, `crowded_edges` more than two, `turned_edges` two that disagree which side is out.
+    `first_broken` is a vertex of one of these edges, 0 where there is none.
     """
 
     open_edges: int
@@ -34,12 +36,12 @@ class Topology:
 
     @property
     def closed(self) -> bool:
-        """Every edge joins two triangles that agree which side is out."""
+        """True where every edge joins two triangles that agree which side is out."""
         return not (self.open_edges or self.crowded_edges or self.turned_edges)
 
 
 def topology(mesh: Mesh) -> Topology:
-    """Count the edges that break a mesh, and its shells."""
+    """Count the edges that are open, crowded or turned, and the shells; measure the volume."""
     counts, forward, lower = _edge_counts(mesh)
     broken = lower[(counts != 2) | (forward != 1)]
     return Topology(
@@ -53,9 +55,12 @@ def topology(mesh: Mesh) -> Topology:
 
 
 def _edge_counts(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of each edge, how many triangles have it, how many of these run along it from its lower vertex; that vertex."""
-    # One sort of whole numbers, the direction in the last digit: with several columns, or for the order, it
-    # would take many times as long.
+    """Return three arrays, one entry per edge.
+
+    They are the number of its triangles, how many of these run along it from its lower vertex number, and that number.
+    """
+    # An edge and its direction (the last bit) are packed into one number: sorting rows, or an argsort, would take many
+    # times as long.
     count = max(len(mesh.vertices_mm), 1)
     sides = np.empty((3, len(mesh.triangles)), np.int64)
     for i, side in enumerate(sides):
@@ -75,7 +80,7 @@ def _edge_counts(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def shells(mesh: Mesh) -> np.ndarray:
-    """Number of the connected shell of each triangle, from 0."""
+    """Return the number of each triangle's connected shell, from 0."""
     label = np.arange(len(mesh.vertices_mm))
     while True:
         least = label[mesh.triangles].min(1)
@@ -91,12 +96,11 @@ def shells(mesh: Mesh) -> np.ndarray:
 
 
 def intersecting_pairs(mesh: Mesh) -> np.ndarray:
-    """Pairs (P, 2) of triangles that pierce each other.
+    """Return the pairs (P, 2) of triangles that pierce each other, no more than about `MOST_FOUND`.
 
-    Triangles pierce when an edge of one passes through the inside of the other; touching and
-    coplanar overlap are left to the checks of closedness and volume. Candidates come from a grid
-    of columns in the plane, so that a flat part costs time linear in its triangles. No more than about
-    `MOST_FOUND` pairs are listed.
+    Triangles pierce when an edge of one passes through the inside of the other. Touching and coplanar overlap are left
+    to the checks of closedness and volume. Candidates come from a grid of columns in the plane, so that the time for a
+    flat part is linear in its triangles.
 
     Raises
     ------
@@ -113,7 +117,7 @@ MOST_KEPT = 50_000
 
 @lru_cache(maxsize=64)
 def _kept_pairs(vertices_mm: bytes, triangles: bytes) -> np.ndarray:
-    """Variants of a pad have the same tiles again and again."""
+    """Return the result of `_intersecting_pairs`, remembered because variants of a pad have the same tiles."""
     mesh = Mesh(np.frombuffer(vertices_mm).reshape(-1, 3), np.frombuffer(triangles, np.int64).reshape(-1, 3))
     pairs = _intersecting_pairs(mesh)
     pairs.setflags(write=False)
@@ -133,7 +137,7 @@ def _intersecting_pairs(mesh: Mesh) -> np.ndarray:
 
 
 def _overlapping(low: np.ndarray, high: np.ndarray) -> Iterator[np.ndarray]:
-    """Pairs of triangles whose boxes overlap, some millions of candidates at a time; some of them twice."""
+    """Yield pairs (P, 2) of triangles whose boxes overlap, from about a million candidates at a time; some twice."""
     owner, partners = _columns(low, high)
     if partners.sum() > MANY_PAIRS * len(low) + MOST_PAIRS:
         raise GeometryError("too many of its triangles lie over each other for all of them to be compared")
@@ -145,17 +149,17 @@ def _overlapping(low: np.ndarray, high: np.ndarray) -> Iterator[np.ndarray]:
         step = np.arange(len(mine)) - np.repeat(np.cumsum(partners[chunk]) - partners[chunk], partners[chunk])
         a, b = owner[mine], owner[mine + 1 + step]
         for axis in (2, 0, 1):
-            # Boxes that only touch hold nothing that passes through: so do all coplanar ones in a horizontal face.
+            # Triangles whose boxes only touch cannot pierce, such as those of one horizontal face.
             overlap = (low[a, axis] < high[b, axis]) & (low[b, axis] < high[a, axis])
             a, b = a[overlap], b[overlap]
         yield np.sort(np.stack([a, b], -1), axis=1)
 
 
 def _columns(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles column by column of a grid in the plane, and how many follow that each is to be compared with.
+    """List the triangles of each column of a grid in the plane, and for each how many of the next ones to compare.
 
-    The columns hold about a dozen triangles each, and are wider where triangles that span many would meet in
-    each of them again.
+    A column holds about a dozen triangles. Columns are wider where many triangles span several columns, since each
+    pair would meet in all of them.
     """
     count, flat = len(low), low[:, 2] == high[:, 2]
     floor, extent = low[:, :2].min(0), np.ptp(np.concatenate([low, high])[:, :2], axis=0)
@@ -171,7 +175,7 @@ def _columns(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]
             column = first[owner, 0] + at % spans[owner, 0]
             row = first[owner, 1] + at // spans[owner, 0]
             key = column * (int(last[:, 1].max()) + 1) + row
-            # Horizontal ones last in their column: of two, neither passes through the other.
+            # Horizontal triangles come last in their column, since two of them never pierce each other.
             order = np.argsort(2 * key + flat[owner], kind="stable")
             owner, key = owner[order], key[order]
             partners = np.searchsorted(key, key, side="right") - np.arange(len(key)) - 1
@@ -185,7 +189,7 @@ def _columns(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def _crosses_plane(corners: np.ndarray, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Whether triangles have corners on both sides of the others' planes, by the margin of `_through`."""
+    """Return where triangles `one` have corners on both sides of the planes of `other`, by the margin of `_through`."""
     p, q, r = np.moveaxis(corners, 1, 0)
     normal = np.cross(q - p, r - p)
     margin = 1e-7 * np.maximum(np.linalg.norm(normal, axis=1), 1e-30)[other]
@@ -195,7 +199,7 @@ def _crosses_plane(corners: np.ndarray, one: np.ndarray, other: np.ndarray) -> n
 
 
 def _pierce(mesh: Mesh, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Whether triangles a and b pierce each other, by all six pairs of an edge and a triangle."""
+    """Return where triangles `a` and `b` pierce each other, by all six pairs of an edge and a triangle."""
     result, corners = np.zeros(len(a), dtype=bool), mesh.corners_mm
     for one, other in ((a, b), (b, a)):
         near = np.flatnonzero(_crosses_plane(corners, one, other))
@@ -209,7 +213,7 @@ def _pierce(mesh: Mesh, a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _through(start: np.ndarray, stop: np.ndarray, face: np.ndarray) -> np.ndarray:
-    """Whether segments pass through the inside of faces, by signed volumes."""
+    """Return where segments (n, 3) to (n, 3) pass through the inside of faces (n, 3, 3), by signed volumes."""
     p, q, r = face[:, 0], face[:, 1], face[:, 2]
     normal = np.cross(q - p, r - p)
     size = np.linalg.norm(normal, axis=1)

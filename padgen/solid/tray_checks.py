@@ -1,4 +1,4 @@
-"""Checks of a tray's mesh: what every print must hold, and its dimensions measured back."""
+"""Checks of a coil tray's mesh: those of every print, and its dimensions compared with the plan."""
 
 from collections.abc import Iterator
 from math import isfinite, nan
@@ -21,9 +21,9 @@ from padgen.spec import Pad, Spec
 __all__ = ["Gauge", "check_tray", "measured_tray"]
 
 BUILT_MM = 0.01
-"""Largest difference of a built height or place from the planned one."""
+"""Largest allowed difference of a built height or depth from the planned one."""
 ROUND_MM = 2 * CHORD_MM + BUILT_MM
-"""The same of a diameter, whose triangles lie within its circle."""
+"""Largest allowed difference of a diameter, whose polygon lies within the true circle."""
 VOLUME_SHARE = 1e-3
 SEAT_RAYS = 3
 AT_ONCE = 5
@@ -32,7 +32,7 @@ BLOCKED_MM3 = 1e-3
 
 
 class Gauge(NamedTuple):
-    """One dimension: of what, planned and built in mm (nan: not found), and what it may be off by."""
+    """One measured dimension: its place and name, planned and built in mm (nan: not found), and the tolerance."""
 
     where: str
     name: str
@@ -42,9 +42,9 @@ class Gauge(NamedTuple):
 
 
 def check_tray(built: TraySolid, plan: Plan, mesh: Mesh | None = None) -> Report:
-    """All checks of a tray that was built for `plan`, or of a `mesh` from anywhere that is to be it.
+    """Run all checks of the tray that was built for `plan`, or of a `mesh` from any program that should equal it.
 
-    Figures are of the mesh, and of the gap as measured.
+    The figures are those of the mesh, and the gap that was measured.
     """
     spec, tray, mesh = plan.spec, built.tray, mesh or built.mesh
     report = check_mesh(mesh, spec.printer, spec.material.density_g_per_cm3)
@@ -53,7 +53,7 @@ def check_tray(built: TraySolid, plan: Plan, mesh: Mesh | None = None) -> Report
     try:
         solid = as_manifold(mesh, "the tray")
     except GeometryError:
-        # The checks of the mesh have said so.
+        # check_mesh has reported it.
         return Report(figures, tuple(findings))
     if mesh is not built.mesh:
         findings += told([], differences(solid, as_manifold(built.mesh, "the tray as planned")), None)
@@ -68,8 +68,8 @@ def check_tray(built: TraySolid, plan: Plan, mesh: Mesh | None = None) -> Report
 def measured_tray(tray: Tray, spec: Spec, solid: Any) -> Iterator[Gauge]:
     """Measure sockets, seats, rim and screw holes of a tray on its manifold.
 
-    Diameters are of the largest circle about the planned axis that holds no material; heights are
-    where rays from above end, in the seat at several places about the axis.
+    A diameter is that of the largest circle about the planned axis that holds no material. A height is where a ray
+    from above ends; a seat's is measured at several places about the axis.
     """
     sockets = _holes(solid, (tray.floor_mm + tray.socket_top_mm) / 2)
     for x, y in tray.coils_mm:
@@ -97,14 +97,14 @@ def _screw_gauges(tray: Tray, solid: Any) -> Iterator[Gauge]:
 
 
 def _seat_places(tray: Tray, spec: Spec, x: float, y: float) -> Iterator[tuple[float, float]]:
-    """Places on a coil's seat, half way between its hole and the coil's rim."""
+    """Yield places on a coil's seat, half way between the seat's hole and the coil's rim."""
     radius = (tray.seat_hole_mm + spec.coil.outer_diameter_mm) / 4
     for angle in 2 * np.pi * np.arange(SEAT_RAYS) / SEAT_RAYS:
         yield x + radius * float(np.cos(angle)), y + radius * float(np.sin(angle))
 
 
 def _rim_places(tray: Tray, spec: Spec) -> Iterator[tuple[float, float]]:
-    """Two places on each side of the rim, beside the corners."""
+    """Yield two places on each side of the rim, near the corners."""
     pad = spec.pad
     x, y = (pad.width_mm + pad.border_mm) / 2, (pad.depth_mm + pad.border_mm) / 2
     inner_x, inner_y = 0.49 * pad.width_mm, 0.49 * pad.depth_mm
@@ -115,14 +115,14 @@ def _rim_places(tray: Tray, spec: Spec) -> Iterator[tuple[float, float]]:
 
 
 def _top(solid: Any, tray: Tray, x: float, y: float) -> float:
-    """Height of the first face below a point above the tray; nan where there is none."""
+    """Return the height in mm of the tray's highest face at a place, nan where there is none."""
     high, low = tray.height_mm + 1.0, -1.0
     hits = solid.ray_cast((x, y, high), (x, y, low))
     return high - float(hits[0].distance) * (high - low) if hits else nan
 
 
 def _holes(solid: Any, z_mm: float) -> list[np.ndarray]:
-    """The outlines (points, 2) of the holes in a cross-section."""
+    """Return the outlines (points, 2) of the holes in a cross-section."""
     holes = []
     for contour in solid.slice(z_mm).to_polygons():
         x, y = contour.T
@@ -132,7 +132,7 @@ def _holes(solid: Any, z_mm: float) -> list[np.ndarray]:
 
 
 def _free_diameter(holes: list[np.ndarray], x: float, y: float) -> float:
-    """Diameter of the largest circle about a point within the hole that lies around it; nan outside of all."""
+    """Return the diameter of the largest circle about a point within the hole around it, nan where there is no hole."""
     at = np.array([x, y])
     for contour in holes:
         if (contour.min(0) < at).all() and (at < contour.max(0)).all():
@@ -141,7 +141,7 @@ def _free_diameter(holes: list[np.ndarray], x: float, y: float) -> float:
 
 
 def _off(gauges: list[Gauge]) -> list[Finding]:
-    """Dimensions that are not as planned: the first of them, and how many more."""
+    """Report the first dimensions that are not as planned, and how many more there are."""
     off = [g for g in gauges if not abs(g.built_mm - g.planned_mm) <= g.within_mm]
     found = [
         Finding(
@@ -159,9 +159,10 @@ def _off(gauges: list[Gauge]) -> list[Finding]:
 
 
 def _gap(plan: Plan, gauges: list[Gauge], figures: dict[str, Any]) -> Iterator[Finding]:
-    """The gap from the mesh: rim over seat, less the coil, and the washer's place in the pad.
+    """Check the gap between coils and washers: rim over seat, less the coil, plus the washer's place in the pad.
 
-    It may differ from the spec's by half a layer, of which `tray_findings` tells, and by what is measured.
+    It is measured on the mesh. It may differ from the spec's gap by half a layer (which `tray_findings` reports) and by
+    `BUILT_MM`.
     """
     spec = plan.spec
     seat = np.array([g.built_mm for g in gauges if g.name == "seat height"])
@@ -182,7 +183,7 @@ def _gap(plan: Plan, gauges: list[Gauge], figures: dict[str, Any]) -> Iterator[F
 
 
 def _free(tray: Tray, spec: Spec, mesh: Mesh, solid: Any) -> Iterator[Finding]:
-    """What must be empty: the coils' places, the room under the pad, and every wire slot."""
+    """Check that the coils' places, the room under the pad and every wire slot are empty."""
     pad = spec.pad
     yield from _coils_fit(tray, spec, solid)
     x, y, z = mesh.vertices_mm.T
@@ -202,7 +203,7 @@ def _free(tray: Tray, spec: Spec, mesh: Mesh, solid: Any) -> Iterator[Finding]:
 
 
 def _coils_fit(tray: Tray, spec: Spec, solid: Any) -> Iterator[Finding]:
-    """Coils put in their places, from just above their seats, must not meet the tray."""
+    """Check that coils in their places, just above their seats, do not meet the tray."""
     import manifold3d
 
     radius, low = spec.coil.outer_diameter_mm / 2, tray.floor_mm + BUILT_MM
@@ -220,7 +221,7 @@ def _coils_fit(tray: Tray, spec: Spec, solid: Any) -> Iterator[Finding]:
 
 
 def _passes(solid: Any, slot: Outline, tray: Tray, pad: Pad) -> bool:
-    """Whether a ray runs along the middle of a slot, from end to end, without meeting the tray."""
+    """Return whether a ray along the middle of a slot, from end to end, does not meet the tray."""
     x, y, z = (slot.x0 + slot.x1) / 2, (slot.y0 + slot.y1) / 2, (tray.socket_top_mm + tray.height_mm) / 2
     along_y = abs(y) > pad.depth_mm / 2
     start, stop = ((x, slot.y0, z), (x, slot.y1, z)) if along_y else ((slot.x0, y, z), (slot.x1, y, z))

@@ -1,4 +1,4 @@
-"""The coil tray as a solid: three extruded layers, grown together. See `padgen.planner.tray` for its section."""
+"""The solid of the coil tray: three extruded layers, fused. `padgen.planner.tray` draws its section."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ __all__ = ["TraySolid", "build_tray", "tray_solid"]
 
 @dataclass(frozen=True)
 class TraySolid:
-    """A tray as planned, its triangles, its build123d solid and that solid's exact volume."""
+    """A coil tray: its plan, its triangles, its build123d solid and the solid's exact volume."""
 
     tray: Tray
     mesh: Mesh
@@ -27,7 +27,7 @@ class TraySolid:
 
 
 def build_tray(plan: Plan, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_RAD) -> TraySolid:
-    """The tray for the coils of `plan`.
+    """Build the tray for the coils of `plan`.
 
     Raises
     ------
@@ -40,7 +40,7 @@ def build_tray(plan: Plan, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_
 
 
 def tray_solid(tray: Tray, pad: Pad, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_RAD) -> TraySolid:
-    """The solid of a `tray` with the outline of `pad`."""
+    """Build the solid of a `tray` with the outline of `pad`."""
     with kernel_errors("the coil tray"):
         floor = _layer(_outside(pad), _seats(tray), 0.0, tray.floor_mm)
         block = _layer(_outside(pad), _sockets(tray), tray.floor_mm, tray.socket_top_mm)
@@ -61,7 +61,7 @@ def _layer(outside: Any, holes: list[Any], low: float, high: float) -> Any:
 
 
 def _outside(pad: Pad) -> Any:
-    """The pad's own outline."""
+    """Return the pad's outline, with its round corners, as a wire."""
     b = build123d()
     wire = b.Wire.make_rect(pad.width_mm + 2 * pad.border_mm, pad.depth_mm + 2 * pad.border_mm)
     return wire.fillet_2d(pad.border_mm / 2, wire.vertices())
@@ -81,7 +81,7 @@ def _sockets(tray: Tray) -> list[Any]:
 
 
 def _socket(tray: Tray, x: float, y: float) -> Any:
-    """A circle with a slot for the leads towards +x +y."""
+    """Return the wire of a coil's socket: a circle with a slot for the leads towards +x +y."""
     b, radius, half = build123d(), tray.socket_diameter_mm / 2, tray.lead.width_mm / 2
     mouth, end = sqrt(radius**2 - half**2), radius + tray.lead.reach_mm
 
@@ -100,7 +100,7 @@ def _socket(tray: Tray, x: float, y: float) -> Any:
 
 
 def _bores(tray: Tray) -> list[Any]:
-    """The holes for the screws, from the rim down."""
+    """Return the cylinders of the screw holes, from the top of the rim down."""
     b, screw = build123d(), tray.screw
     if screw is None:
         return []

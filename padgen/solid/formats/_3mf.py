@@ -1,7 +1,8 @@
-"""3MF: millimetres, name, metadata, thumbnail, written row by row; reading any, by lib3mf, judged before it meets it.
+"""The 3MF format: pads are written with name, metadata and thumbnail; files of any program are read by lib3mf.
 
 A few hundred bytes can ask for 10^38 parts, each a component of the next, and deflate packs a thousandfold. lib3mf
-follows both to the end, so a package is unpacked here within bounds, and how often its parts are placed is counted.
+follows both to the end. So before lib3mf reads a package, it is unpacked here within bounds, and its placed parts are
+counted.
 """
 
 import ctypes
@@ -30,25 +31,25 @@ from padgen.solid.picture import picture_png
 __all__ = ["LARGEST_FILE", "MOST_TRIANGLES", "read_3mf", "threemf_bytes", "write"]
 
 LARGEST_FILE = LARGEST_UNPACKED = 1 << 28
-"""Bytes of a file that holds a mesh, and of a 3MF's parts unpacked."""
+"""Most bytes of a mesh file, and of a 3MF's parts unpacked."""
 MOST_TRIANGLES = 2_000_000
-"""Placed, instances counted each: some times as many as 512 taxels have."""
+"""Most triangles of a mesh file, each instance counted: several times as many as a pad of 512 taxels has."""
 MOST_PARTS, DEEPEST = 50_000, 64
-"""Meshes and components placed, and components within one another."""
+"""Most meshes and components that are placed, and most levels of components within each other."""
 
 PRUSA_CONFIG = "Metadata/Slic3r_PE.config"
 """Path at which PrusaSlicer looks for the settings of a project."""
 Key = tuple[str, str]
-"""An object: the part of the package that it lies in, and its number there."""
+"""The key of an object: the part of the package that holds it, and its number there."""
 
 MODEL = "3D/3dmodel.model"
 OWN = "https://padgen.invalid/2026"
 QUICK = 1
-"""Level of deflate: the others take three times as long for a tenth less."""
+"""Level of deflate: the other levels take three times as long for a file a tenth smaller."""
 ROWS, READ_BYTES = 100_000, 1 << 23
-"""Rows of text written, and bytes read, at once: a large pad's text takes more memory than its mesh."""
+"""Rows of text written, and bytes read, at a time: a large pad's whole text would take more memory than its mesh."""
 _NUMBERS = bytes(c if chr(c) in "0123456789.-" else ord(" ") for c in range(256))
-"""Translates rows of a file to numbers with blanks between."""
+"""Translation table that turns rows of a file into numbers with blanks between."""
 _CONTENT_TYPES = b"""<?xml version="1.0" encoding="UTF-8"?>
 <Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">
 <Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships+xml"/>
@@ -72,7 +73,7 @@ COLOUR = (0.90, 0.88, 0.82)
 
 
 def write(out: OutputFolder, job: ExportJob) -> None:
-    """Add the part's mesh, read back corner by corner, or where it is stored in instances by its volume."""
+    """Add the part's mesh and read it back: compared corner by corner, or by volume where it is stored in instances."""
     name, instances = f"{job.part.name}.3mf", job.instances and job.pad is not None
     path = out.write(name, threemf_bytes(job))
     if instances:
@@ -82,7 +83,7 @@ def write(out: OutputFolder, job: ExportJob) -> None:
 
 
 def threemf_bytes(job: ExportJob) -> bytes:
-    """The part as one named object, or the pad in instances: one mesh per distinct tile, placed many times."""
+    """Return the 3MF package: the part as one object, or the pad as instances of one mesh per distinct tile."""
     parts: dict[str, Iterable[bytes]] = {
         "[Content_Types].xml": [_CONTENT_TYPES],
         "_rels/.rels": [_RELATIONS],
@@ -107,7 +108,7 @@ def threemf_bytes(job: ExportJob) -> bytes:
 
 
 def _model(job: ExportJob) -> Iterator[bytes]:
-    """The package's model, some rows at a time."""
+    """Yield the XML of the package's model, some rows at a time."""
     meta = [f"<metadata name={quoteattr(key)}>{escape(value)}</metadata>" for key, value in _metadata(job).items()]
     yield "\n".join([_MODEL_HEAD, *meta, "<resources>\n"]).encode()
     if job.instances and job.pad is not None:
@@ -131,7 +132,7 @@ def _object(number: int, name: str, mesh: Mesh) -> Iterator[bytes]:
 
 
 def _rows(columns: list[np.ndarray], *between: bytes) -> bytes:
-    """Rows of text from columns of characters (n, width), with texts before, between and after; zeros are left out."""
+    """Join columns of characters (n, width) to rows of text, with `between` around them; zero bytes are left out."""
     count, parts = len(columns[0]), [np.frombuffer(text, np.uint8) for text in between]
     sides = [np.broadcast_to(part, (count, len(part))) for part in parts]
     text = np.concatenate([*(each for pair in zip(sides, columns, strict=False) for each in pair), sides[-1]], 1)
@@ -140,7 +141,7 @@ def _rows(columns: list[np.ndarray], *between: bytes) -> bytes:
 
 
 def _digits(numbers: np.ndarray, width: int) -> np.ndarray:
-    """Whole numbers as characters (n, width), zero in place of leading noughts."""
+    """Return whole numbers as characters (n, width), with zero bytes in place of leading noughts."""
     text, left = np.empty((len(numbers), width), np.uint8), numbers.astype(np.int32)
     for k in reversed(range(width)):
         tens = left // 10
@@ -151,9 +152,9 @@ def _digits(numbers: np.ndarray, width: int) -> np.ndarray:
 
 
 def _decimal(values: np.ndarray) -> np.ndarray:
-    """Coordinates as characters, to the millionth, without noughts at the end."""
+    """Return coordinates as characters (n, width), to the millionth, without noughts at the end."""
     whole, millionths = np.divmod(np.rint(np.abs(values) * 1e6).astype(np.int64), 1_000_000)
-    # With a one before them their noughts stay.
+    # The million added is a leading one, which keeps the noughts behind it.
     behind = _digits(millionths + 1_000_000, 7)
     behind[:, 0] = np.where(millionths, ord("."), 0)
     for k in range(1, 7):
@@ -163,8 +164,8 @@ def _decimal(values: np.ndarray) -> np.ndarray:
 
 
 def _read_plain(path: Path) -> Mesh:
-    """The one mesh of a file as it is written here, without what reading any file takes."""
-    # Each corner's own number stands in its name.
+    """Read the mesh of a file that this module wrote as one object, faster than any 3MF can be read."""
+    # In rows of triangles the digits of v1, v2 and v3 are read as numbers, too: every other number is a vertex.
     kinds = (b"<vertex ", (3, slice(None)), float), (b"<triangle ", (6, slice(1, None, 2)), np.int64)
     found: dict[bytes, list[np.ndarray]] = {row: [np.empty((0, 3), kind)] for row, _, kind in kinds}
     with zipfile.ZipFile(path) as package, package.open(MODEL) as file:
@@ -180,7 +181,7 @@ def _read_plain(path: Path) -> Mesh:
 
 
 def _metadata(job: ExportJob) -> dict[str, str]:
-    """3MF metadata; names of our own carry our namespace, as the format asks."""
+    """Return the 3MF metadata; keys that 3MF does not define carry padgen's namespace, as the format requires."""
     return {
         "Title": job.part.title,
         "Application": f"padgen {__version__}",
@@ -192,9 +193,9 @@ def _metadata(job: ExportJob) -> dict[str, str]:
 
 
 def read_3mf(path: Path, weld: bool = True) -> Mesh:
-    """All triangles of the build items of a 3MF in mm, instances placed, parts joined where they touch.
+    """Read all triangles of the build items of a 3MF in mm, with instances placed, and weld them unless told not to.
 
-    An only item lies about its own origin, wherever it is put on the bed.
+    Where there is only one item, its place on the bed is ignored.
 
     Raises
     ------
@@ -207,16 +208,16 @@ def read_3mf(path: Path, weld: bool = True) -> Mesh:
         model.QueryReader("3mf").ReadFromBuffer((ctypes.c_uint8 * len(data)).from_buffer_copy(data))
     except FileError:
         raise
-    except Exception as error:  # zip, deflate, XML and lib3mf have one each
+    except Exception as error:  # zip, deflate, XML and lib3mf each have exceptions of their own
         raise MeshFileError(f"is not a 3MF that can be read ({error})", str(path)) from error
     parts: list[tuple[np.ndarray, np.ndarray]] = []
     items = model.GetBuildItems()
     while items.MoveNext():
         item = items.GetCurrent()
         matrix = _matrix(item.GetObjectTransform())
-        if items.Count() == 1:  # where it lies on the bed
+        if items.Count() == 1:  # a single item's place on the bed tells nothing
             matrix[3] = 0.0
-        with np.errstate(all="ignore"):  # what no longer is a number is refused
+        with np.errstate(all="ignore"):  # sound_mesh refuses overflows and nan
             _collect(model, item.GetObjectResource(), matrix, parts)
     if not parts:
         raise MeshFileError("holds no triangles", str(path))
@@ -239,12 +240,12 @@ def _lib3mf() -> Any:
 
 @cache
 def _wrapper() -> Any:
-    """The library, loaded once: it looks up a thousand functions."""
+    """Return the lib3mf library, loaded once, since loading looks up a thousand functions."""
     return _lib3mf().Wrapper()
 
 
 def _instances(plan: Plan, pad: PadSolid) -> Generator[bytes, None, int]:
-    """The objects of distinct tiles and border, and the one that places them, whose number is returned."""
+    """Yield the XML of the border, the distinct tiles and the object that places them; return its number."""
     spec, turned = plan.spec, turned_grid(plan)
     yield from _object(1, "border", pad.border.mesh)
     placed, number = ['<component objectid="1"/>'], 1
@@ -288,9 +289,9 @@ def _collect(model: Any, part: Any, matrix: np.ndarray, parts: list[tuple[np.nda
 
 
 def _arrays(mesh: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (V, 3) and triangles (T, 3) of a mesh object, in one copy each.
+    """Return vertices (V, 3) and triangles (T, 3) of a mesh object, copied at once.
 
-    The wrapper's ``GetVertices`` would make a Python object of each.
+    The wrapper's ``GetVertices`` would make a Python object of every vertex.
     """
     lib3mf, wrapper, handle = _lib3mf(), mesh._wrapper, mesh._handle
     vertices = (lib3mf.Position * mesh.GetVertexCount())()
@@ -307,12 +308,12 @@ def _arrays(mesh: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _unpacked(path: Path) -> bytes:
-    """The package with its parts unpacked, so that whoever reads it meets no more than what was judged here.
+    """Return the package stored without compression, after its size and its placed parts were judged.
 
     Raises
     ------
     MeshFileError
-        It is no package, larger than its bounds, or places more than can be checked.
+        The file is no package, exceeds the bounds, or places more than can be checked.
     """
     data, left = io.BytesIO(), LARGEST_UNPACKED
     objects = _Objects(str(path))
@@ -321,13 +322,13 @@ def _unpacked(path: Path) -> bytes:
         zipfile.ZipFile(data, "w", zipfile.ZIP_STORED) as plain,
     ):
         for entry in package.infolist():
-            left -= entry.file_size  # of which no more is read, whatever is there
+            left -= entry.file_size  # zipfile reads no more than this of an entry
             if left < 0:
                 raise MeshFileError(f"holds more than {LARGEST_UNPACKED} bytes unpacked", str(path))
             part = package.read(entry)
             if part.count(b"<") > 2 * MOST_TRIANGLES:
                 raise MeshFileError(f"holds more than {MOST_TRIANGLES} triangles", str(path))
-            if part.lstrip().startswith((b"<", b"\xef\xbb\xbf")):  # whatever its name
+            if part.lstrip().startswith((b"<", b"\xef\xbb\xbf")):  # XML may have any name
                 objects.read(entry.filename, part)
             plain.writestr(zipfile.ZipInfo(entry.filename), part)
     objects.refuse()
@@ -335,7 +336,7 @@ def _unpacked(path: Path) -> bytes:
 
 
 class _Objects:
-    """The objects of a package: how many triangles each has, and which components, how often."""
+    """The objects of a package: each one's number of triangles, its components, and how often each is placed."""
 
     def __init__(self, where: str) -> None:
         self._where = where
@@ -345,7 +346,7 @@ class _Objects:
         self._known: dict[Key, tuple[int, int, int]] = {}
 
     def read(self, name: str, part: bytes) -> None:
-        """Add the objects of a part, XML in UTF-8."""
+        """Add the objects of a part of the package; `name` is its path."""
         own, current = name.lstrip("/"), ("", "")
 
         def started(tag: str, attributes: dict[str, str]) -> None:
@@ -369,8 +370,8 @@ class _Objects:
         parser.Parse(part, True)
 
     def refuse(self) -> None:
-        """Raise `MeshFileError` for more than can be checked."""
-        # Objects that are never placed count as well, as lib3mf looks through each.
+        """Raise `MeshFileError` where more is placed than can be checked."""
+        # Objects that are never placed count as well, since lib3mf reads each of them.
         everything = sum(self._size(key, 0)[1] for key in self._components)
         items = [(times, *self._size(key, 0)) for key, times in self._items.items()]
         if sum(times * parts for times, _, parts, _ in items) > MOST_PARTS or everything > DEEPEST * MOST_PARTS:
@@ -379,7 +380,7 @@ class _Objects:
             raise MeshFileError(f"places more than {MOST_TRIANGLES} triangles", self._where)
 
     def _size(self, key: Key, above: int) -> tuple[int, int, int]:
-        """Of an object: how deep its components go, how many parts it places, and how many triangles."""
+        """Return the depth of an object's components, the number of parts that it places, and of their triangles."""
         known = self._known.get(key)
         if above + (known[0] if known else 0) > DEEPEST:
             raise MeshFileError(f"has components more than {DEEPEST} deep within one another", self._where)
@@ -394,6 +395,6 @@ class _Objects:
 
 
 def _named(own: str, attributes: dict[str, str]) -> Key:
-    """The object that a component or item names, perhaps in another part."""
+    """Return the key of the object that a component or item names; it may be in another part than `own`."""
     path = next((value for name, value in attributes.items() if name.rpartition(":")[2] == "path"), own)
     return path.lstrip("/"), attributes.get("objectid", "")

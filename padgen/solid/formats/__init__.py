@@ -1,7 +1,7 @@
-"""Files of a pad and of the parts beside it, for slicers, viewers and CAD: a format is one file here, found by name.
+"""Pad formats: each file here writes pads and parts in one format for slicers, viewers or CAD, found by its name.
 
-A name that begins with a digit has its file with an underscore before it: ``_3mf.py`` is ``3mf``. Others are added by
-`register`. A format holds to `PadFormat`; what it is to write is its `ExportJob`.
+A format whose name begins with a digit has an underscore before its file's name: ``_3mf.py`` is ``3mf``. Formats from
+elsewhere are added by `register`. A format has the functions of `PadFormat` and is given an `ExportJob`.
 """
 
 from dataclasses import dataclass
@@ -22,17 +22,18 @@ if TYPE_CHECKING:
 __all__ = ["ExportJob", "PadFormat", "Part", "register", "unregister", "verified", "verified_volume"]
 
 REREAD_SHARE = 1e-4
-"""Largest relative difference in volume of a file from the mesh: single precision, many triangles."""
+"""Largest allowed relative difference in volume of a file from the mesh: single precision, many triangles."""
 REREAD_MM = 5e-5
 """Single precision of coordinates up to 500 mm."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """The pad, or a part beside it: `name` of its files, `title` and `description` in them, mesh in mm, and checks.
+    """The pad, or a part beside it, as formats get it.
 
-    `solid` is the build123d solid, None where there is only the mesh; `report` is None for the pad, which is written
-    while it is checked.
+    `name` is that of its files, `title` and `description` are written into them. `mesh` is in mm; `solid` is the
+    build123d solid, None where there is only the mesh. `report` has the checks; it is None for the pad, which is
+    written while it is checked.
     """
 
     name: str
@@ -45,10 +46,10 @@ class Part:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ExportJob:
-    """The `part` that is to be written.
+    """One part to be written, and what a format may need for it.
 
-    `plan` is the pad's and `spec_hash` that of its spec; `pad` has the pad's distinct tiles, None for parts beside it.
-    With `instances` each tile is to be stored once and placed many times, where a format can do so.
+    `plan` is the pad's plan and `spec_hash` that of its spec. `pad` has the pad's distinct tiles; it is None for parts
+    beside the pad. With `instances`, a format that can do so stores each tile once and places it many times.
     """
 
     plan: "Plan"
@@ -59,38 +60,39 @@ class ExportJob:
 
 
 class PadFormat(Protocol):
-    """A format: a module, or any object, with this name."""
+    """A pad format: a module, or any object, with this function."""
 
     def write(self, out: "OutputFolder", job: ExportJob) -> None:
-        """Add the files of the job's part to `out`, read back where that can be; none of a part that it cannot hold.
+        """Add the files of the job's part to `out`, none where the format cannot hold the part.
 
-        It raises GeometryError where a file is not what was to be written; then nothing is kept.
+        Files are read back where that is possible. A file that differs from the part raises GeometryError; then
+        nothing is kept.
         """
 
 
 def register(name: str, pad_format: PadFormat) -> None:
-    """Add a format, which may be asked for from then on.
+    """Add a format under a name, by which it can then be asked for.
 
     Raises
     ------
     SpecError
-        The name is taken or no name, or the format lacks something.
+        The name is taken or not a valid name, or the format lacks a function.
     """
     PAD_FORMATS.register(name, pad_format, PadFormat)
 
 
 def unregister(name: str) -> None:
-    """Take away a format that was registered."""
+    """Remove a format that was registered."""
     PAD_FORMATS.unregister(name)
 
 
 def verified(name: str, mesh: Mesh, written: Mesh) -> None:
-    """Compare what a file holds with the mesh that was written, corner by corner in single precision.
+    """Compare the mesh `written` in file `name` with `mesh`, corner by corner, allowing for single precision.
 
     Raises
     ------
     GeometryError
-        Its triangles differ.
+        The triangles differ.
     """
     if len(mesh.triangles) != len(written.triangles):
         raise GeometryError(

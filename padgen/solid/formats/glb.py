@@ -1,4 +1,4 @@
-"""The pad with its washers as binary glTF, for viewers; parts beside it have none."""
+"""The GLB format: the pad with its washers as binary glTF, for viewers; parts beside the pad are not written."""
 
 from typing import Any
 
@@ -16,13 +16,13 @@ __all__ = ["write"]
 
 
 def write(out: OutputFolder, job: ExportJob) -> None:
-    """Add the pad."""
+    """Add ``pad.glb``; do nothing for parts beside the pad."""
     if job.pad is not None:
         out.write("pad.glb", _glb_bytes(job.plan, job.pad.mesh))
 
 
 def _glb_bytes(plan: Plan, mesh: Mesh) -> bytes:
-    """The pad and its washers as binary glTF, in metres, y up, as viewers expect."""
+    """Return the pad and its washers as binary glTF, in metres with y up, as viewers expect."""
     import trimesh
 
     turn = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], float)

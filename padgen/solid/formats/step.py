@@ -1,4 +1,4 @@
-"""Solids as STEP: of the pad a taxel of each channel with its washer, of trays the whole; a coupon has none."""
+"""The STEP format: one taxel of each channel with its washer for a pad, the whole for a tray, nothing for a coupon."""
 
 import itertools
 import re
@@ -22,11 +22,11 @@ __all__ = ["write", "write_taxel_step"]
 
 STEP_KIND = "taxel-step"
 _UNNAMED = "unnamed taxel of padgen"
-"""In place of the pad's name and the channel's number, in what is kept."""
+"""Placeholder in cached files for the pad's name and the channel's number."""
 
 
 def write(out: OutputFolder, job: ExportJob) -> None:
-    """Add the solids of the pad's taxels, or the part's."""
+    """Add a file per channel of the pad, or the part's solid where it has one."""
     if job.pad is not None:
         for channel in job.plan.channels:
             out.write_by(f"taxel-{channel.index}.step", partial(write_taxel_step, job.plan, channel))
@@ -37,9 +37,9 @@ def write(out: OutputFolder, job: ExportJob) -> None:
 def write_taxel_step(plan: Plan, channel: Channel, path: Path) -> None:
     """Write the STEP file of a channel's taxel.
 
-    Two named solids in the taxel's own axes: ``printed``, the taxel in the frame of its sub-cell, and
-    ``washer`` where the glue holds it. Read back, they must have the same volumes. Kept like the taxel's
-    triangles (`padgen.solid.tile_store`).
+    It has two named solids in the taxel's own axes: ``printed``, the taxel in the frame of its sub-cell, and
+    ``washer``, where the glue holds it. Read back, they must have the same volumes. The file is cached as the taxel's
+    triangles are (`padgen.solid.tile_store`).
     """
     writer = cache.code_hash("solid/formats/step.py")
     key = taxel_key(plan, channel, washer=asdict(plan.spec.washer), step=_UNNAMED, writer=writer)
@@ -56,7 +56,7 @@ def write_taxel_step(plan: Plan, channel: Channel, path: Path) -> None:
 
 
 def _known_step(key: str) -> bytes | None:
-    """The STEP text that is kept, None where that is none."""
+    """Return the cached STEP text, or None where there is none or it is damaged."""
     data = cache.load_bytes(STEP_KIND, key)
     if data is None or not data.startswith(b"ISO-10303-21;") or not data.rstrip().endswith(b"END-ISO-10303-21;"):
         return None
@@ -64,7 +64,7 @@ def _known_step(key: str) -> bytes | None:
 
 
 def _write_step(path: Path, label: str, *solids: Any) -> None:
-    """Write solids under one label, and see that they read back with their volumes."""
+    """Write solids under one label, and check that they are read back with their volumes."""
     b, planned = build123d(), sorted(float(solid.volume) for solid in solids)
     with kernel_errors(path.name):
         whole = b.Compound(children=solids) if len(solids) > 1 else solids[0]
@@ -77,6 +77,6 @@ def _write_step(path: Path, label: str, *solids: Any) -> None:
 
 
 def _renumbered(step: str) -> str:
-    """OCCT numbers the parts of an assembly through all files of a process; number them from 1 in each."""
+    """Number the parts of an assembly from 1, since OCCT goes on counting through all files of a process."""
     count = itertools.count(1)
     return re.sub(r"(NEXT_ASSEMBLY_USAGE_OCCURRENCE\(')\d+'", lambda match: f"{match[1]}{next(count)}'", step)

@@ -1,4 +1,4 @@
-"""A mesh as binary STL."""
+"""The STL format: a mesh as binary STL."""
 
 import numpy as np
 
@@ -13,20 +13,20 @@ _STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("at
 
 
 def write(out: OutputFolder, job: ExportJob) -> None:
-    """Add the part's mesh, read back corner by corner."""
+    """Add the part's mesh, and compare the file with it corner by corner."""
     part = job.part
     name, title = f"{part.name}.stl", f"{__version__} {part.title} {job.spec_hash[:16]}"
     path = out.write(name, stl_bytes(part.mesh, title))
     vertices, triangles = part.mesh
     for k in range(0, len(triangles), AT_ONCE):
-        # The last reads to the file's end, whatever is there.
+        # The last block reads to the file's end, so that surplus triangles are noticed.
         count = AT_ONCE if k + AT_ONCE < len(triangles) else -1
         some = np.fromfile(path, _STL_TRIANGLE, count, offset=84 + k * _STL_TRIANGLE.itemsize)
         verified(name, Mesh(vertices, triangles[k : k + AT_ONCE]), _not_welded(some))
 
 
 def stl_bytes(mesh: Mesh, title: str) -> bytearray:
-    """Binary STL."""
+    """Return the mesh as binary STL."""
     data = bytearray(84 + _STL_TRIANGLE.itemsize * len(mesh.triangles))
     data[:80] = f"padgen {title}".encode("ascii", "replace")[:80].ljust(80)
     data[80:84] = np.uint32(len(mesh.triangles)).tobytes()
@@ -40,7 +40,7 @@ def stl_bytes(mesh: Mesh, title: str) -> bytearray:
 
 
 def stl_mesh(data: bytes) -> Mesh:
-    """The triangles of a binary STL, not welded."""
+    """Return the triangles of a binary STL, not welded."""
     return _not_welded(np.frombuffer(data, _STL_TRIANGLE, offset=84))
 
 
