@@ -289,6 +289,7 @@ depth_mm = 50
 [coil]
 grid = [2, 1]
 reuse = "alternate"
+name = "paper"
 inductance_mh = 0
 """
 

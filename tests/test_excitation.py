@@ -61,7 +61,7 @@ def amplitudes_um(plan, played):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("inductance", [0, 41.7])
 def test_volts_drive_the_current_through_the_coil(kind, inductance):
-    plan = plan_of(coil=f", inductance_mh = {inductance}")
+    plan = plan_of(coil=f", name = 'paper', inductance_mh = {inductance}")
     played = excitation(plan, kind, 64 * 400)
     coil = plan.spec.coil
     assert coil.inductance_mh == inductance

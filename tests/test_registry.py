@@ -619,7 +619,14 @@ q_min = 15
 resonances_hz = [100, 200]
 material = "pla"
 pad = {{ width_mm = 30, depth_mm = 30 }}
-coil = {{ kind = "{COIL}", grid = [1, 1], length_mm = 1.6, turns = 40, core_diameter_mm = 0, gap_mm = 1.5 }}
+[coil]
+name = "paper"
+kind = "{COIL}"
+grid = [1, 1]
+length_mm = 1.6
+turns = 40
+core_diameter_mm = 0
+gap_mm = 1.5
 """
 COPPER_MM = 0.035
 

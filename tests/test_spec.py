@@ -53,6 +53,7 @@ def test_a_new_entry_needs_all_its_fields():
         (BASE.replace("= 4", "= true"), "resolution: must be a whole number, got True"),
         (BASE.replace("= 4", '= "4"'), "resolution: must be a whole number"),
         (BASE.replace("[50, 200]", "[200, 50]"), r"band_hz: must run from low to high.*band_hz = \[50, 200\] would do"),
+        (BASE + "[coil]\ngap_mm = 30\n", "coil.gap_mm: must be at most .* of 10 mm, .*; coil.gap_mm = 10 would do"),
         (BASE.replace("[50, 200]", "[50, 50]"), r"band_hz: must run from low to high, got \[50, 50\] Hz$"),
         (BASE.replace("[50, 200]", "[]"), "band_hz: must be a list of 2 numbers in Hz"),
         (BASE.replace("[50, 200]", "[0, 200]"), r"band_hz\[0\]: must be at least 0.01"),

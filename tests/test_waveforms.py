@@ -155,7 +155,7 @@ def test_volts_are_those_of_the_formula(quads, name, kind):
     assert np.abs(due).max() > 1
 
 
-@pytest.mark.parametrize("text", ["", "[coil]\ninductance_mh = 0\n"])
+@pytest.mark.parametrize("text", ["", "[coil]\nname = 'paper'\ninductance_mh = 0\n"])
 def test_coils_that_differ_are_each_their_own(text):
     # Measured pads: every coil has other frequencies; one coil has a taxel too few, one has none.
     spec = PAIR.replace("resolution = 8", "resolution = 8").replace("[coil]\n", text or "[coil]\n")

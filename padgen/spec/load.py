@@ -234,7 +234,9 @@ def _entry(table: str, value: Any, default: str) -> Any:
         raise SpecError(f"must be a name or a table, got {shown(value)}", table)
     name = overrides.get("name", default)
     given = [key for key in WINDING if key in overrides]
-    if table == "coil" and "name" not in overrides and 0 < len(given) < len(WINDING):
+    # A resistance or an inductance alone is a deviation; more of a winding than that is another coil.
+    other = len(given) > 1 or given == ["turns"]
+    if table == "coil" and "name" not in overrides and other and len(given) < len(WINDING):
         raise SpecError(
             f"must have {', '.join(WINDING)} together, got {', '.join(given)} alone; of a coil that is like a"
             " catalogue's but for that, give its name as well",
