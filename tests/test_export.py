@@ -142,7 +142,7 @@ def test_bill_of_materials(small_plan):
 def test_a_file_that_reads_back_otherwise_is_refused(small_pad):
     good = stl_mesh(stl_bytes(small_pad.mesh, "x"))
     verified("pad.stl", small_pad.mesh, good)
-    with pytest.raises(GeometryError, match="read back it has"):
+    with pytest.raises(GeometryError, match="read back, it has"):
         verified("pad.stl", small_pad.mesh, Mesh(good.vertices_mm, good.triangles[1:]))
     with pytest.raises(GeometryError, match="a corner has moved"):
         verified("pad.stl", small_pad.mesh, Mesh(good.vertices_mm * 1.01, good.triangles))

@@ -282,7 +282,7 @@ BAD_TEXTS = {
     "no current": (table("time_s,current_a,r0c0k0", decays()[0], 0 * decays()[0], decays()[1][0]), "0 throughout"),
     "table column": ("taxel,resonance_hz,Q\nr0c0k0,60,15\n", "a table has no column 'Q'"),
     "table taxel": (HEAD + "r9c0k0,60,15\n", "line 2: 't' has no taxel 'r9c0k0'; the nearest is"),
-    "table twice": (HEAD + "r0c0k0,60,15\nr0c0k0,61,15\n", "line 3 is a second one of r0c0k0"),
+    "table twice": (HEAD + "r0c0k0,60,15\nr0c0k0,61,15\n", "line 3 is a second line of r0c0k0"),
     "table negative": (HEAD + "r0c0k0,-60,15\n", "line 2, column 'resonance_hz' must be above 0"),
     "table empty": (HEAD + "r0c0k0,,15\n", "'resonance_hz' is empty"),
     "table short": (HEAD + "r0c0k0,60\n", "line 2 has 2 columns, the headings 3"),
@@ -302,8 +302,8 @@ def test_bad_texts(plan, name):
 
 WAVES = wav((0.5 * four(decays()[1])).astype(np.float32))
 BAD_WAVES = {
-    "mono": (wav((0.5 * decays()[1][0]).astype(np.float32)), "is mono where 4 are due"),
-    "two": (wav((0.5 * four(decays()[1]))[:, :2].astype(np.float32)), "has 2 channels where 4 are due"),
+    "mono": (wav((0.5 * decays()[1][0]).astype(np.float32)), "is mono, must have 4"),
+    "two": (wav((0.5 * four(decays()[1]))[:, :2].astype(np.float32)), "has 2 channels, must have 4"),
     "cut off": (WAVES[:4000], "is cut off"),
     "cut off within a sample": (WAVES[:4003], "is cut off"),
     "cut off in the head": (WAVES[:30], "is cut off or damaged, not a WAV file"),

@@ -112,7 +112,7 @@ def test_what_does_not_tell_is_refused():
     plan = plan_of()
     with pytest.raises(SolverError, match="3 taxels were measured, at least 4 are needed"):
         calibrated(plan, [prints(plan, (0.0, 0.0, 0.0), 0)[0][:3]])
-    with pytest.raises(SolverError, match=r"offset of width would be known to ± 0\.0\d+ mm, at most ± 0\.036 is"):
+    with pytest.raises(SolverError, match=r"offset of width would be known to ± 0\.0\d+ mm, must be ± 0\.036 at most"):
         calibrated(plan, [prints(plan, (0.0, 0.0, 0.0), 0)[0][:6]])
     wild = prints(plan, (0.0, 0.0, 0.0), 0)[0]
     wild = [replace(fit, resonance_hz=fit.resonance_hz * (1.3 if k % 2 else 0.8)) for k, fit in enumerate(wild)]

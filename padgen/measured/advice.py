@@ -339,8 +339,8 @@ def _level(plan: Plan, after: Sequence[CoilFigures], loads: Sequence[CoilLoad]) 
         "warning",
         "retune.level",
         f"coil r{worst.row}c{worst.column}",
-        f"{number(level)} µm with all channels on ask for {limits[load.reachable_by]}"
-        + (f", {len(beyond)} coils in all ask for too much" if len(beyond) > 1 else "")
+        f"{number(level)} µm with all channels on need {limits[load.reachable_by]}"
+        + (f", {len(beyond)} coils in all need too much" if len(beyond) > 1 else "")
         + (f"; {do}" if do else ""),
     )
 
@@ -359,7 +359,7 @@ def _low_q(plan: Plan, tuning: Tuning) -> Iterator[Finding]:
             _named([tuned.id for tuned in low]),
             f"Q is as low as {number(worst.q)} ({worst.id}), planned: {number(plan.channels[0].q)}; soft glue, a crack"
             f" at a root or a beam that touches the frame would explain it; a spec with q_min = {at_most(worst.q)}"
-            " counts with it",
+            " plans for it",
         )
 
 
@@ -405,9 +405,9 @@ def _coarse(tuning: Tuning) -> Iterator[Finding]:
             "warning",
             "retune.uncertain",
             _named([t.id for t in coarse]),
-            f"the resonance of {worst.id} is known to {number(worst.resonance_error_hz)} Hz, a quarter of half its"
-            f" bandwidth is {number(COARSE * worst.resonance_hz / (2 * worst.q))} Hz; a longer record or less noise"
-            " would do",
+            f"the resonance of {worst.id} is known to ± {number(worst.resonance_error_hz)} Hz, needed:"
+            f" ± {number(COARSE * worst.resonance_hz / (2 * worst.q))} Hz, an eighth of its bandwidth; measure longer"
+            " or with less noise",
         )
 
 

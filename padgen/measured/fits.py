@@ -199,8 +199,9 @@ def _refuse_units(measured: Measured, channels: dict[str, Channel]) -> None:
             raise FileError(f"{shown}: {wrong}", measured.where)
     if _axis(part) != "time" and abs(log(2 * ratio)) < 0.2 and log(1 / ratio) > 2 * spread:
         raise FileError(
-            f"{shown}, half of it as for nearly all taxels: these look like frequencies of the current, which shakes at"
-            " twice its own; say '# frequency: drive' in the first line, or '# frequency: motion' if they are right",
+            f"{shown}, half of it as for nearly all taxels: these look like frequencies of the current, half"
+            " of those of the motion; say '# frequency: drive' in the first line, or '# frequency: motion' if they are"
+            " right",
             measured.where,
         )
 

@@ -166,8 +166,8 @@ def _refuse_vague(spec: Spec, sigma: np.ndarray) -> None:
     ):
         if known > REQUIRED * before:
             raise SolverError(
-                f"the {name} would be known to ± {number(float(known))} {unit}, at most"
-                f" ± {number(REQUIRED * before)} is asked for (± {number(before)} before any calibration); plan with"
+                f"the {name} would be known to ± {number(float(known))} {unit}, must be"
+                f" ± {number(REQUIRED * before)} at most (± {number(before)} before any calibration); plan with"
                 " --model solid, measure more prints, or beams that differ more in thickness and width (padgen build"
                 " calibration)"
             )

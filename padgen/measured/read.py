@@ -153,8 +153,8 @@ def read_records(
     if count not in (due, due + 1):
         what = "is mono" if count == 1 else f"has {count} channels"
         raise FileError(
-            f"{what} where {due} are due, one a taxel{'' if due == 1 else ' in the order of the plan'}"
-            f" (or {due + 1}, the excitation first); some taxels alone go to a folder of files named after them",
+            f"{what}, must have {due}, one for each taxel{'' if due == 1 else ' in the order of the plan'}, or"
+            f" {due + 1}, the excitation first; to give some taxels alone, put files named after them into a folder",
             where,
         )
     if wave.count > MOST_SAMPLES:

@@ -188,7 +188,7 @@ def _table(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Row | Spectr
     for line, raw in sheet.lines:
         row = _row(sheet, line, raw, ids, plan)
         if row.id in rows:
-            raise FileError(f"line {line} is a second one of {row.id}; keep one", sheet.where)
+            raise FileError(f"line {line} is a second line of {row.id}; keep one", sheet.where)
         rows[row.id] = row
     _refuse_swapped(sheet, rows, plan)
     return list(rows.values())

@@ -180,7 +180,7 @@ def _bounded(tuned: TunedTaxel, channel: Channel) -> Iterator[_Bounded]:
 def _refuse_other(name: str, count: int, plan: Plan) -> None:
     if name != plan.name or count != len(plan.taxels):
         raise ValueError(
-            f"it is of {count} taxels of {name!r}, due are the {len(plan.taxels)} of {plan.name!r};"
+            f"it has {count} taxels of {name!r}, must have the {len(plan.taxels)} of {plan.name!r};"
             " padgen retune makes one for this plan"
         )
 

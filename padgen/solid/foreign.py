@@ -89,8 +89,8 @@ def check_foreign(mesh: Mesh, spec: Spec, plan: Plan | None) -> Report:
             "error",
             "built.other",
             "mesh",
-            f"it is nothing that padgen makes of {spec.name}, neither the pad nor its coupon nor a tray; name the spec"
-            " or plan.json that it was built by",
+            f"it is neither the pad {spec.name} nor its coupon nor a tray for either; name the spec or plan.json that"
+            " it was built by",
         )
         return Report(report.figures | limits, (*report.findings, *([] if plan is None else [unknown])))
     name, own, planned, pose = found

@@ -96,14 +96,14 @@ def verified(name: str, mesh: Mesh, written: Mesh) -> None:
     """
     if len(mesh.triangles) != len(written.triangles):
         raise GeometryError(
-            f"read back it has {len(written.triangles)} triangles, written were {len(mesh.triangles)}", name
+            f"read back, it has {len(written.triangles)} triangles, must have {len(mesh.triangles)}", name
         )
     moved = 0.0
     for k in range(0, len(mesh.triangles), AT_ONCE):
         here, there = (each.vertices_mm[each.triangles[k : k + AT_ONCE]] for each in (mesh, written))
         moved = max(moved, float(np.abs(here - there).max()))
     if not moved <= REREAD_MM:
-        raise GeometryError(f"read back a corner has moved by {number(moved)} mm", name)
+        raise GeometryError(f"read back, a corner has moved by {number(moved)} mm", name)
 
 
 def verified_volume(name: str, mesh: Mesh, written: Mesh) -> None:
@@ -116,4 +116,4 @@ def verified_volume(name: str, mesh: Mesh, written: Mesh) -> None:
     """
     before, after = signed_volume_mm3(mesh), signed_volume_mm3(written)
     if not abs(after / before - 1) <= REREAD_SHARE:
-        raise GeometryError(f"read back its volume is {number(after)} mm³, written were {number(before)} mm³", name)
+        raise GeometryError(f"read back, its volume is {number(after)} mm³, must be {number(before)} mm³", name)

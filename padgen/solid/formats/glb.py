@@ -45,7 +45,7 @@ def _glb_bytes(plan: Plan, mesh: Mesh) -> bytes:
     data = scene.export(file_type="glb")
     back = trimesh.load(trimesh.util.wrap_as_stream(data), file_type="glb")
     if len(back.graph.nodes_geometry) != 1 + len(plan.taxels):
-        raise GeometryError("read back it lacks parts", "pad.glb")
+        raise GeometryError("read back, it lacks parts", "pad.glb")
     return bytes(data)
 
 

@@ -73,7 +73,7 @@ def _write_step(path: Path, label: str, *solids: Any) -> None:
         path.write_text(_renumbered(path.read_text()))
         back = sorted(float(solid.volume) for solid in b.import_step(path).solids())
     if len(back) != len(planned) or not np.allclose(back, planned, rtol=1e-6):
-        raise GeometryError(f"read back its solids have {back} mm³, written were {planned} mm³", path.name)
+        raise GeometryError(f"read back, its solids have {back} mm³, must have {planned} mm³", path.name)
 
 
 def _renumbered(step: str) -> str:
