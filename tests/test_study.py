@@ -319,9 +319,11 @@ def test_what_is_prepared_is_made_once(tmp_path):
 def test_caches_of_models_are_emptied_between_runs(monkeypatch):
     from padgen.ladders import isolate
     from padgen.physics import magnetics
+    from padgen.verify.engines import Engine
 
     cached = lru_cache(maxsize=None)(lambda: object())
     monkeypatch.setattr(magnetics, "a_cache", cached, raising=False)
+    monkeypatch.setattr(magnetics, "not_to_be_loaded", Engine("no_such_package"), raising=False)
     cached()
     isolate._run(pickle.dumps((None, int)), ())
     assert cached.cache_info().currsize == 0

@@ -5,7 +5,7 @@ from typing import Any
 
 from padgen.core.errors import EngineMissingError
 
-__all__ = ["engine", "mpmath", "ng", "occ", "require", "sparse"]
+__all__ = ["Engine", "engine", "mpmath", "ng", "occ", "require", "sparse"]
 
 EXTRA = "study"
 
