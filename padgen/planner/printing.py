@@ -178,7 +178,10 @@ def other_slicers_text(plan: Plan) -> str:
     if plan.spec.printer.process != "fdm":
         return heading + "".join(f"{each.name.replace('_', ' ')}: {each.value}\n" for each in settings)
     names = (("Cura", [each.cura for each in settings]), ("OrcaSlicer, Bambu Studio", [each.orca for each in settings]))
-    parts = [f"PrusaSlicer takes all of them from {PROFILE_FILE}. By the names of others, untested:\n"]
+    parts = [
+        f"PrusaSlicer takes all of them from {PROFILE_FILE}. By the names of others (Cura's were tried with CuraEngine"
+        " 4.13, the rest are untested):\n"
+    ]
     for slicer, own in names:
         lines = (
             f"  {name}" + f": {each.value}" * (":" not in name)
