@@ -306,7 +306,7 @@ BAD_TUNINGS = {
         "taxel 1, r0c0k0 must be a table, it is null",
     ),
     "other pad": (json.dumps({**TUNING, "name": "u"}), "has 16 taxels of 'u', must have the 16 of 't'"),
-    "surrogate": ('{"name": "\\ud800", "taxels": []}', "of 0 taxels of '.ud800'"),
+    "surrogate": ('{"name": "\\ud800", "taxels": []}', "has 0 taxels of '.ud800'"),
     "missing": (json.dumps({**TUNING, "taxels": [SECOND, *REST]}), "has 15 taxels of 't', must have the 16"),
     "twice": (json.dumps({**TUNING, "taxels": [FIRST, FIRST, *REST]}), "taxel 2 must be 'r0c0k1', .* it is 'r0c0k0'"),
     "order": (json.dumps({**TUNING, "taxels": [SECOND, FIRST, *REST]}), "taxel 1 must be 'r0c0k0', .* it is 'r0c0k1'"),
