@@ -30,7 +30,7 @@ from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.frame_give import flexibility_bounds
 from padgen.planner.plan import Channel, LeftOut, Plan
 from padgen.planner.pull_modes import coil_modes, heard_modes, pulled_shares, site_wrenches
-from padgen.planner.pulls import magnetic_parts
+from padgen.planner.pulls import magnetic_parts, pull_range
 from padgen.planner.suspensions import Arrangement, BeamShape, PlateShape
 from padgen.planner.taxel_model import TaxelModel
 from padgen.spec import Spec
@@ -405,9 +405,12 @@ def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.nda
     outer, inner = level * np.cos(np.pi / 8), level * np.sin(np.pi / 8)
     swung = [on_mode(static + side)[0] for side in (outer, inner, -inner, -outer)]
     slope = ((swung[0] - swung[3]) * outer + (swung[1] - swung[2]) * inner) / (2 * level**2)
-    softer = np.maximum((slope + doubt) * slack_um, 0)
+    # From table to table the pull steps by as much as it may be off.
+    near = np.maximum(gap_um - static - level, gap_um / LEAST_GAP)
+    step = np.where(pull_range(near * UM) == pull_range((gap_um + level) * UM), 0.0, error)
+    softer = np.maximum((slope + doubt + step * (outer + inner) / level**2) * slack_um, 0)
     meets = (static + level >= gap_um) | (np.array([c.static_um for c in channels]) >= gap_um)
-    forces = np.abs(sum(swung) / 4 - 1) + doubt * (static + BENT * level**2 / gap_um) + rest.jump * unsure
+    forces = np.abs(sum(swung) / 4 - 1) + doubt * (static + BENT * level**2 / gap_um) + rest.jump * unsure + step
     return np.where(meets, inf, forces), np.where(meets | (softer >= 1), inf, 1 - np.sqrt(np.maximum(1 - softer, 0)))
 
 

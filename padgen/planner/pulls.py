@@ -16,7 +16,7 @@ from padgen.physics.pull_table import PullAt, PullTable, brought_table, make_tab
 from padgen.planner.coils import coil_source
 from padgen.spec import Spec
 
-__all__ = ["magnetic_parts", "pulls"]
+__all__ = ["magnetic_parts", "pull_range", "pulls"]
 
 KIND = "pulls"
 CODE = tuple(f"physics/{name}.py" for name in ("coil_field", "pull", "pull_table", "ring_charges", "steel_body"))
@@ -49,10 +49,15 @@ def pulls(spec: Spec, gap_m: np.ndarray, offset_m: np.ndarray) -> PullAt:
             missing[among] = False
 
     answer(_brought(*parts), missing)
-    part = np.floor(np.log(gap_m / LOW) / log(RANGE)).astype(int)
+    part = pull_range(gap_m)
     for offset, k in sorted(set(zip(offset_m[missing].tolist(), part[missing].tolist(), strict=True))):
         answer(_own(*parts, k, offset), (offset_m == offset) & (part == k))
     return PullAt(*result)
+
+
+def pull_range(gap_m: np.ndarray) -> np.ndarray:
+    """Number (n,) of the range that a gap (n,) in m lies in: beyond its ends the pull may be of other tables."""
+    return np.floor(np.log(gap_m / LOW) / log(RANGE)).astype(int)
 
 
 _brought = lru_cache(maxsize=64)(brought_table)
