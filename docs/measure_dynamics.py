@@ -14,8 +14,7 @@ from scipy.integrate import solve_ivp
 from padgen.core.errors import PadgenError
 from padgen.ladders.stages import dynamics_models, dynamics_question
 from padgen.physics.magnetics import impedance
-from padgen.physics.phasor import Tones, tones
-from padgen.physics.propagation import propagate
+from padgen.physics.propagation import Tones, propagate, tones
 from padgen.planner import make_plan
 from padgen.spec import load_spec
 from padgen.verify.coupled import CoupledSystem, from_tones, make_system, scipy_motion, simulate

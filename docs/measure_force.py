@@ -27,7 +27,7 @@ from padgen.core.units import MM
 from padgen.ladders.stages import axisymmetric_pull, charges_pull, paper_pull, three_d_pull
 from padgen.physics.leakage import leakage
 from padgen.physics.magnetics import CoilSource, SteelRing, solenoid
-from padgen.physics.pull_table import BROUGHT, make_table, parts_key, solved_pulls
+from padgen.physics.pull import BROUGHT, make_table, parts_key, solved_pulls
 from padgen.physics.saturation import MILD_STEEL, TEAM_STEEL
 from padgen.planner import make_plan
 from padgen.planner.pulls import magnetic_parts

@@ -11,7 +11,7 @@ import numpy as np
 
 from padgen.core.units import GRAM, MH, MM, UM, decibel
 from padgen.physics.magnetics import impedance
-from padgen.physics.phasor import merged, signal, squared, steady_lines, tones
+from padgen.physics.propagation import merged, signal, squared, steady_lines, tones
 from padgen.physics.resonator import receptance
 from padgen.planner.plan import Plan
 from padgen.verify.coupled import from_tones, make_system, simulate

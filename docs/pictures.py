@@ -11,7 +11,7 @@ from padgen.planner.tray import Tray, washer_underside_mm
 from padgen.solid.mesh import Mesh, as_manifold, from_manifold
 from padgen.solid.pad_solid import build_pad
 from padgen.solid.picture import View, picture_png
-from padgen.solid.tray_solid import build_tray
+from padgen.solid.tray_checks import build_tray
 from padgen.spec import load_spec
 
 HERE = Path(__file__).parent

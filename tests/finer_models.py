@@ -18,18 +18,15 @@ from padgen.physics.beams import EndCompliance, tip_stiffness
 from padgen.physics.bounds import beam_inertia, core_polarisation, saturation_loss, washer_magnetised
 from padgen.physics.coil_field import charged_core, winding_rings
 from padgen.physics.currents import bias_a, current_lines_a
-from padgen.physics.frame import AttachedBody, Frame, divided, frame_modes
-from padgen.physics.frame_element import Element, rectangle
+from padgen.physics.frame import AttachedBody, Element, Frame, divided, frame_modes, rectangle
 from padgen.physics.leakage import leakage
 from padgen.physics.magnetics import MU_0, CoilSource, SteelRing
-from padgen.physics.modal import felt_energy
-from padgen.physics.modes import BeamPlacement, Modes, suspended_modes
-from padgen.physics.pull_table import PullAt
-from padgen.physics.rigid_body import RigidBody
+from padgen.physics.modal import TaxelModes, felt_energy
+from padgen.physics.modes import BeamPlacement, Modes, RigidBody, suspended_modes
+from padgen.physics.pull import PullAt
 from padgen.physics.ring_charges import RingPotential, ring_potential
 from padgen.physics.saturation import saturating
 from padgen.physics.steel_body import SteelBody, fine_rings, steel_body, tube
-from padgen.physics.taxel_modes import TaxelModes
 from padgen.planner.channels import hanging_gap_um
 from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.plan import Channel, Plan

@@ -10,9 +10,9 @@ import pytest
 from padgen.planner import make_plan
 from padgen.planner.tile import to_cell
 from padgen.solid.checks import check_against, check_mesh, check_pad
+from padgen.solid.measure import sections, smallest, unsupported_spans
 from padgen.solid.mesh import Mesh, as_manifold, from_manifold
 from padgen.solid.pad_solid import build_pad
-from padgen.solid.sections import sections, smallest, unsupported_spans
 from padgen.solid.topology import intersecting_pairs, topology
 from padgen.spec import parse_spec
 from tests.conftest import SMALL

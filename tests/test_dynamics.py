@@ -24,8 +24,17 @@ from docs.paper_figures import draw_paper_figures, paper_figures
 from padgen.core.errors import SolverError
 from padgen.ladders.stages import dynamics_models, dynamics_question
 from padgen.physics.magnetics import balanced_deflection, impedance, pull_in_deflection
-from padgen.physics.phasor import Tones, circuit_current, merged, signal, squared, steady_lines, tones
-from padgen.physics.propagation import STATED_ERROR, propagate
+from padgen.physics.propagation import (
+    STATED_ERROR,
+    Tones,
+    circuit_current,
+    merged,
+    propagate,
+    signal,
+    squared,
+    steady_lines,
+    tones,
+)
 from padgen.planner import make_plan
 from padgen.spec import load_spec
 from padgen.verify.coupled import Source, from_tones, make_system, radau, scipy_motion, simulate

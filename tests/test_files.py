@@ -16,6 +16,7 @@ import pytest
 
 import padgen
 from padgen.core import commit, files
+from padgen.core.commit import lock_file, unlock_file
 from padgen.core.errors import FileError
 from padgen.core.files import (
     OutputFolder,
@@ -26,7 +27,6 @@ from padgen.core.files import (
     read_manifest,
     take_away,
 )
-from padgen.core.lock import lock_file, unlock_file
 from padgen.measured.read import read_measured
 from padgen.planner import read_plan
 from padgen.solid.foreign import read_mesh
@@ -579,7 +579,7 @@ def test_of_two_writers_one_is_last_and_whole(tmp_path):
 HOLDER = """
 import sys
 from pathlib import Path
-from padgen.core.lock import lock_file
+from padgen.core.commit import lock_file
 
 print(lock_file(Path(sys.argv[1])) >= 0, flush=True)
 input()

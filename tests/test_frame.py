@@ -19,14 +19,16 @@ from padgen.physics import beam_ends
 from padgen.physics.beams import BeamSection, tip_stiffness
 from padgen.physics.frame import (
     AttachedBody,
+    Element,
     Frame,
     checked_frame_modes,
+    circle,
     divided,
     frame_deflection,
     frame_modes,
+    rectangle,
 )
-from padgen.physics.frame_element import Element, circle, rectangle
-from padgen.physics.rigid_body import RigidBody, box, combine
+from padgen.physics.modes import RigidBody, box, combine
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_frame import taxel_frame
 from padgen.planner.taxel_model import TaxelModel, plate_shape

@@ -32,8 +32,8 @@ from padgen.planner import make_plan, plan_to_json, resonances
 from padgen.planner.plan import Plan
 from padgen.report import plan_text
 from padgen.solid import tile_store
-from padgen.solid.bill import bill_of_materials
 from padgen.solid.foreign import read_mesh
+from padgen.solid.parts import bill_of_materials
 from padgen.solid.topology import intersecting_pairs
 from padgen.spec import catalogue, load_spec, make_spec, parse_spec, template_paths
 from padgen.spec.entries import CATALOGUES

@@ -22,7 +22,9 @@ from padgen.core.errors import number
 from padgen.physics.levels import LevelLaw
 from padgen.physics.modal import (
     LEFT_OUT,
+    UPWARD,
     ModalTaxels,
+    TaxelModes,
     felt_energy,
     felt_gains,
     modal_taxels,
@@ -38,7 +40,6 @@ from padgen.physics.selectivity import (
     one_hot_db,
     tone_energy,
 )
-from padgen.physics.taxel_modes import UPWARD, TaxelModes
 from padgen.planner import judge_modes, make_plan, plan_from_json, plan_to_json
 from padgen.planner.channels import hanging_gap_um, plan_channels, site_pulls
 from padgen.planner.drive_scheme import _resonators, modes_matter, placed_channels, plan_selectivity

@@ -39,9 +39,8 @@ from padgen.physics.magnetics import (
     paper_force_constant,
     solenoid,
 )
-from padgen.physics.modes import BeamPlacement, suspended_modes
+from padgen.physics.modes import BeamPlacement, box, combine, ring, suspended_modes
 from padgen.physics.resonator import natural_frequency, receptance, ring_up_time, rule_stiffness
-from padgen.physics.rigid_body import box, combine, ring
 
 REFERENCE = Path(__file__).parent / "reference"
 TAXELS = json.loads((REFERENCE / "taxel_modes.json").read_text())

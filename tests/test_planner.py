@@ -85,7 +85,7 @@ def test_thickness_is_whole_layers_where_width_does_not_reach():
 
 def test_tune_width_only_is_obeyed_or_refused():
     wide = "resonances_hz = [80, 240, 800]\n[coil]\ngrid = [1, 2]\n[suspension]\ntune = 'width'\n"
-    with pytest.raises(InfeasibleError, match="beams for 80, 240, 800 Hz hold a washer beyond the coil's reach of 6.75 mm"):
+    with pytest.raises(InfeasibleError, match="beams for 80, 240, 800 Hz hold a washer beyond"):
         plan_of(6, 60, 900, wide)
 
 

@@ -24,8 +24,7 @@ import pytest
 from padgen.core.units import MM, UM
 from padgen.physics.coil_field import flux_density
 from padgen.physics.magnetics import MU_0, SteelRing, solenoid
-from padgen.physics.pull import pull
-from padgen.physics.pull_table import OWN_ERROR, brought_table, make_table, solved_pulls
+from padgen.physics.pull import OWN_ERROR, brought_table, make_table, pull, solved_pulls
 from padgen.physics.ring_charges import ring_potential, toroidal
 from padgen.physics.steel_body import cylinder, steel_body, tube
 from padgen.planner import make_plan, pulls

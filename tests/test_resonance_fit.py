@@ -21,10 +21,9 @@ import pytest
 
 from padgen.core.errors import SolverError
 from padgen.physics.circle_fit import CircleFit, circle_resonance, taubin_circle
-from padgen.physics.magnitude_fit import fit_magnitude
+from padgen.physics.magnitude_fit import correlation_factor, fit_magnitude, separable_fit
 from padgen.physics.resonance_fit import current_of_voltage, fit_decay, fit_driven, fit_spectrum
 from padgen.physics.resonance_judge import checked, point_noise
-from padgen.physics.separable_fit import correlation_factor, separable_fit
 
 SWEEP = np.linspace(40.0, 160.0, 100)
 FINE = np.linspace(40.0, 160.0, 200)

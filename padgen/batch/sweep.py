@@ -29,9 +29,9 @@ from padgen.batch.index import INDEX, Journal, write_index
 from padgen.batch.pareto import Overview, overview_of
 from padgen.batch.variant import Record, Task, is_whole, run_task, task_of, writes_folders
 from padgen.core.cache import limit_bytes
+from padgen.core.commit import locked
 from padgen.core.errors import FileError, PadgenError, SpecError
 from padgen.core.files import reason, take_away
-from padgen.core.lock import locked
 from padgen.core.runner import Runner, core_count, refuse_unshared, uninterrupted
 
 __all__ = [

@@ -19,9 +19,9 @@ from pathlib import Path
 from stat import S_ISREG
 from typing import Any, TypeVar
 
+from padgen.core.commit import locked
 from padgen.core.errors import FileError, SpecError
 from padgen.core.files import file_hash, read_bounded, reason
-from padgen.core.lock import locked
 
 __all__ = [
     "CacheInfo",

@@ -27,9 +27,8 @@ from padgen.physics.currents import bias_a
 from padgen.physics.ladder import geometric_ladder
 from padgen.physics.magnetics import impedance, paper_force_constant
 from padgen.physics.optimal_ladder import optimal_ladder
-from padgen.physics.phasor import Tones, signal, squared, steady_lines, tones
-from padgen.physics.propagation import propagate
-from padgen.physics.pull_table import solved_pulls
+from padgen.physics.propagation import Tones, propagate, signal, squared, steady_lines, tones
+from padgen.physics.pull import solved_pulls
 from padgen.physics.selectivity import Channels, Scheme, all_states, channels, one_hot_db
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.pulls import magnetic_parts

@@ -196,8 +196,8 @@ class Pad:
         from padgen.planner.printing import OTHER_SLICERS_FILE, PROFILE_FILE, other_slicers_text, profile_text
 
         plan, pad, beside = self.plan, self.solid, self._beside
-        from padgen.solid.bill import bill_of_materials
         from padgen.solid.formats import ExportJob, Part
+        from padgen.solid.parts import bill_of_materials
 
         inputs = _inputs(plan.spec, formats, instances, self.parts)
         about = f"{len(plan.taxels)} taxels over {plan.coils.rows} x {plan.coils.columns} coils"

@@ -18,7 +18,7 @@ import numpy as np
 from padgen.core import cache
 from padgen.core.errors import EngineMissingError, SolverError, SpecError, number
 from padgen.core.units import G_PER_CM3, GPA, GRAM
-from padgen.physics.taxel_modes import TaxelModes
+from padgen.physics.modal import TaxelModes
 from padgen.planner.layout import room
 from padgen.planner.make import Choice, choose, finish, with_cures
 from padgen.planner.plan import Channel, Plan
@@ -48,7 +48,7 @@ ENGINE = ("ngsolve", "padgen.verify.elasticity")
 """Modules that a solving process loads while the first taxel is modelled."""
 STEEL_GPA, STEEL_POISSON = 200.0, 0.3
 """Elastic constants of the washer, which is forty times stiffer than the print and hardly bends."""
-CODE = ("physics/taxel_modes.py", "planner/arrangement.py", "planner/tile.py", "solid/taxel.py", "verify")
+CODE = ("physics/modal.py", "planner/arrangement.py", "planner/tile.py", "solid/taxel.py", "verify")
 Progress = Callable[[str], None]
 Task = tuple[Channel, int]
 """The channel whose taxel is to be solved, and the first setting to try."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from padgen.core.errors import FileError, SolverError, number
 from padgen.core.units import MS
-from padgen.measured.measurement import Measured, Record, Row, Spectrum
+from padgen.measured.read_csv import Measured, Record, Row, Spectrum
 from padgen.physics.magnitude_fit import fit_magnitude
 from padgen.physics.resonance_fit import fit_decay, fit_driven, fit_spectrum, rough_hz
 from padgen.physics.resonance_judge import ResonanceFit

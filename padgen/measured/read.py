@@ -29,8 +29,7 @@ from padgen.core.errors import FileError, SpecError, at_most
 from padgen.core.files import read_bounded, reason, recover
 from padgen.core.units import MH
 from padgen.core.wav_reader import RIFF, Wave, read_wav
-from padgen.measured.measurement import LARGEST, SMALLEST, Measured, Record, Row, Spectrum, nearest_id
-from padgen.measured.read_csv import read_csv
+from padgen.measured.read_csv import LARGEST, SMALLEST, Measured, Record, Row, Spectrum, nearest_id, read_csv
 from padgen.physics.resonance_fit import current_of_voltage
 from padgen.planner.plan import Plan
 

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 from padgen.core.errors import FileError
 from padgen.core.files import OutputFolder, differs, is_unchanged, json_text
 from padgen.measured.fits import TaxelFit, fit_measured
-from padgen.measured.measurement import Measured
 from padgen.measured.predict import printed_channels
 from padgen.measured.read import read_measured, read_measured_text
+from padgen.measured.read_csv import Measured
 from padgen.measured.simulate import simulate_print, simulated_measurement
 from padgen.measured.tune import Retuned, retuned
 from padgen.measured.tuning import Tuning, tuning_to_json

@@ -2,6 +2,8 @@
 
 A winding is replaced by a magnetisation whose curl is its current; the charge lies on the ends of that magnetisation.
 The core is linear steel (`physics.steel_body`).
+
+Far away a coil is replaced by magnetic poles on its axis.
 """
 
 from functools import lru_cache
@@ -12,7 +14,16 @@ from padgen.physics.magnetics import MU_0, CoilSource, Winding
 from padgen.physics.ring_charges import gauss, ring_potential
 from padgen.physics.steel_body import SteelBody, crowded, cylinder, eights, fine_rings, steel_body
 
-__all__ = ["MOST_RINGS", "charged_core", "coil_rings", "flux_density", "winding_rings"]
+__all__ = [
+    "MOST_RINGS",
+    "charged_core",
+    "coil_poles",
+    "coil_rings",
+    "flux_density",
+    "pole_error",
+    "pole_field",
+    "winding_rings",
+]
 
 MOST_RINGS = 400
 """Most rings across a coil. Nearer to its top than a two-hundredth of its radius the field is less certain."""
@@ -104,3 +115,50 @@ def coil_rings(coil: CoilSource, step: float) -> tuple[np.ndarray, np.ndarray, n
         rings.append(np.stack([radius, height, shares @ core[1]]))
     radius, height, charge = np.concatenate(rings, 1)
     return radius, height, charge
+
+
+@lru_cache(maxsize=64)
+def coil_poles(coil: CoilSource) -> np.ndarray:
+    """Return a coil's poles: charge in A·m per ampere and height in m over its top, shape (poles, 2).
+
+    Each end of a winding is one pole. The core's positive and its negative charges are one pole each, at the mean
+    height of those charges.
+    """
+    poles = []
+    for winding in coil.windings:
+        charge = winding.turns * (np.pi * _radius_square(winding) / 3) / winding.length
+        poles += [(charge, winding.top), (-charge, winding.bottom)]
+    if (core := charged_core(coil)) is not None:
+        height, charges = core[0].height, core[0].area * core[1]
+        for sign in (charges > 0, charges < 0):
+            total = float(charges[sign].sum())
+            poles.append((total, float((charges[sign] * height[sign]).sum()) / total))
+    result = np.array(poles)
+    result.setflags(write=False)
+    return result
+
+
+def pole_field(poles: np.ndarray, height: float, away: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the field (…, 3) in A/m per ampere at `height` in m, and its slope along z.
+
+    `away` (…, 2) in m is the horizontal distance from the coil's axis.
+    """
+    charge, below = poles.T
+    up = np.broadcast_to((height - below)[:, None], (*away.shape[:-1], len(poles), 1))
+    arm = np.concatenate([np.broadcast_to(away[..., None, :], (*up.shape[:-1], 2)), up], -1)
+    square = (arm**2).sum(-1, keepdims=True)
+    weight = charge[:, None] / (4 * np.pi * square**1.5)
+    along = np.array([0.0, 0.0, 1.0]) - 3 * arm * up / square
+    return (weight * arm).sum(-2), (weight * along).sum(-2)
+
+
+def pole_error(coil: CoilSource, distance: np.ndarray) -> np.ndarray:
+    """Return the relative error of `pole_field` at a `distance` (…) in m: the next multipole's, ``¾ ⟨r²⟩/d²``."""
+    square = max((coil.core_diameter / 2) ** 2, *(_radius_square(winding) / 3 for winding in coil.windings))
+    return np.asarray(0.75 * square / distance**2)
+
+
+def _radius_square(winding: Winding) -> float:
+    """Return three times the mean of the squared radius of a winding's turns, in m²."""
+    outer, inner = winding.outer_diameter / 2, winding.inner_diameter / 2
+    return outer**2 + outer * inner + inner**2

@@ -25,7 +25,7 @@ import numpy as np
 
 from padgen.core.errors import SolverError, at_least, at_most, number
 from padgen.physics.circle_fit import circle_resonance
-from padgen.physics.magnitude_fit import fit_magnitude
+from padgen.physics.magnitude_fit import SeparableFit, correlation_factor, fit_magnitude, left_over, separable_fit
 from padgen.physics.resonance_judge import (
     COMPARABLE,
     MOST_VAGUE,
@@ -41,7 +41,6 @@ from padgen.physics.resonance_judge import (
     refuse_no_resonance,
     refuse_two,
 )
-from padgen.physics.separable_fit import SeparableFit, correlation_factor, left_over, separable_fit
 
 __all__ = ["current_of_voltage", "fit_decay", "fit_driven", "fit_spectrum", "rough_hz"]
 

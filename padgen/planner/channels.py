@@ -9,7 +9,7 @@ import numpy as np
 from padgen.core.units import GRAM, MM, MN, MPA, MS, UM, decibel
 from padgen.physics.currents import mean_square_a2
 from padgen.physics.magnetics import balanced_deflection
-from padgen.physics.pull_table import PullAt
+from padgen.physics.pull import PullAt
 from padgen.physics.resonator import ring_up_time
 from padgen.physics.selectivity import Scheme
 from padgen.physics.stretching import level_kept, resonance_rise

@@ -22,9 +22,8 @@ from padgen.physics.bounds import (
     washer_magnetised,
 )
 from padgen.physics.magnetics import impedance
-from padgen.physics.modal import felt_energy
+from padgen.physics.modal import TaxelModes, felt_energy
 from padgen.physics.stretching import resonance_rise
-from padgen.physics.taxel_modes import TaxelModes
 from padgen.planner.channels import hanging_gap_um, site_pulls
 from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.frame_give import flexibility_bounds

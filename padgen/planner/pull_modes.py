@@ -11,9 +11,8 @@ import numpy as np
 
 from padgen.core.units import MM
 from padgen.physics.ladder import slot_half_width
-from padgen.physics.modal import ModalTaxels, felt_gains, modal_taxels, without_quiet_modes
-from padgen.physics.pull_table import PullAt
-from padgen.physics.taxel_modes import TaxelModes
+from padgen.physics.modal import ModalTaxels, TaxelModes, felt_gains, modal_taxels, without_quiet_modes
+from padgen.physics.pull import PullAt
 from padgen.planner.plan import Channel, Plan, Site
 from padgen.planner.taxel_model import TaxelModel, plate_shape, recess_mm
 from padgen.planner.tile import TURNS

@@ -12,7 +12,7 @@ import numpy as np
 
 from padgen.core.units import MM
 from padgen.physics.magnetics import CoilSource, SteelRing
-from padgen.physics.pull_table import PullAt, PullTable, brought_table, make_table, parts_key
+from padgen.physics.pull import PullAt, PullTable, brought_table, make_table, parts_key
 from padgen.planner.coils import coil_source
 from padgen.spec import Spec
 

@@ -5,8 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
+from padgen.physics.modal import TaxelModes
 from padgen.physics.modes import Modes
-from padgen.physics.taxel_modes import TaxelModes
 from padgen.planner.taxel_model import TaxelModel
 from padgen.spec import Spec
 

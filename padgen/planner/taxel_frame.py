@@ -11,9 +11,8 @@ import numpy as np
 
 from padgen.core.units import MM
 from padgen.physics.beams import BeamSection, bend_stiffening, flexibility, piece_twist
-from padgen.physics.frame import AttachedBody, Frame
-from padgen.physics.frame_element import Element, Section, rectangle
-from padgen.physics.rigid_body import RigidBody, box
+from padgen.physics.frame import AttachedBody, Element, Frame, Section, rectangle
+from padgen.physics.modes import RigidBody, box
 from padgen.planner.suspensions import BeamPath, Block, Segment
 from padgen.planner.taxel_model import TaxelModel
 

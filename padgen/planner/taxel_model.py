@@ -16,9 +16,8 @@ from padgen.core.units import G_PER_CM3, GPA, MM
 from padgen.physics.beam_ends import Surroundings, YokeSize, fitted, on_elastic_ends
 from padgen.physics.beam_error import BENT, FLOOR, TALL, Plate, relative_error, uncertain_energies
 from padgen.physics.beams import BeamSection
-from padgen.physics.modes import BeamPlacement, Modes, bending_stress, suspended_modes
+from padgen.physics.modes import BeamPlacement, Modes, RigidBody, bending_stress, box, combine, ring, suspended_modes
 from padgen.physics.resonator import natural_frequency, rule_stiffness
-from padgen.physics.rigid_body import RigidBody, box, combine, ring
 from padgen.physics.stretching import hardening
 from padgen.planner.suspensions import Arrangement, BeamShape, Block, PlateShape, suspension
 from padgen.spec import Spec

@@ -16,19 +16,21 @@ from padgen.core.errors import GeometryError, at_least, number
 from padgen.core.finding import Finding
 from padgen.planner.plan import Plan
 from padgen.solid.compare import SMALLEST_MM, Cells, Difference, differences, loose_triangles
-from padgen.solid.measure import Dimension, measured, washer_rooms
-from padgen.solid.mesh import Mesh, as_manifold
-from padgen.solid.pad_solid import PadSolid, Places, assembled, sampled
-from padgen.solid.sections import (
+from padgen.solid.measure import (
+    Dimension,
     Narrow,
     Section,
+    measured,
     narrow_gaps,
     narrow_walls,
     sections,
     smallest,
     thin_skins,
     unsupported_spans,
+    washer_rooms,
 )
+from padgen.solid.mesh import Mesh, as_manifold
+from padgen.solid.pad_solid import PadSolid, Places, assembled, sampled
 from padgen.solid.topology import MOST_FOUND, Topology, intersecting_pairs, topology
 from padgen.spec import Printer, Spec
 

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from padgen.core.errors import SolverError, number
-from padgen.physics.phasor import Tones, signal
+from padgen.physics.propagation import Tones, signal
 from padgen.verify.engines import engine
 
 __all__ = [

@@ -20,11 +20,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.core.errors import SolverError, number
-from padgen.physics.frame import AttachedBody, Frame, checked_frame_modes, divided
-from padgen.physics.frame_element import Element, rectangle
+from padgen.physics.frame import AttachedBody, Element, Frame, checked_frame_modes, divided, rectangle
 from padgen.physics.magnetics import CoilSource, SteelRing, balanced_deflection, pull_in_deflection, solenoid
-from padgen.physics.pull_table import solved_pulls
-from padgen.physics.rigid_body import RigidBody
+from padgen.physics.modes import RigidBody
+from padgen.physics.pull import solved_pulls
 from padgen.physics.saturation import MILD_STEEL
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape

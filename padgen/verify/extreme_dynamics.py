@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from padgen.physics.magnetics import balanced_deflection, impedance, pull_in_deflection
-from padgen.physics.phasor import Tones, circuit_current, squared, steady_lines, tones
-from padgen.physics.propagation import STATED_ERROR, propagate
+from padgen.physics.propagation import STATED_ERROR, Tones, circuit_current, propagate, squared, steady_lines, tones
 from padgen.verify.coupled import CoupledSystem, Source, from_tones, make_system, scipy_motion, simulate
 from padgen.verify.engines import mpmath
 from padgen.verify.extreme import Answer, ExtremeCase
