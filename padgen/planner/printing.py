@@ -135,7 +135,7 @@ def prusa_profile(spec: Spec) -> dict[str, str]:
         "top_fill_pattern": "monotonic", "bottom_fill_pattern": "monotonic", "top_solid_layers": "3",
         "bottom_solid_layers": "3", "external_perimeters_first": "0", "overhangs": "1", "bridge_flow_ratio": "1",
         "extrusion_multiplier": "1", "gap_fill_enabled": "1", "min_feature_size": "25%", "min_bead_width": "85%",
-        "wall_distribution_count": "1", "wall_transition_length": "100%", "wall_transition_angle": "30",
+        "wall_distribution_count": "1", "wall_transition_length": "100%", "wall_transition_angle": "10",
         "wall_transition_filter_deviation": "25%", "slice_closing_radius": "0.049", "slicing_mode": "regular",
         "resolution": "0", "gcode_resolution": "0.005", "fuzzy_skin": "none", "ironing": "0", "spiral_vase": "0",
         "skirts": "0", "filament_diameter": "1.75",
