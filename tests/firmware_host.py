@@ -80,7 +80,7 @@ PADS: dict[str, tuple[Callable[[], Plan], int, float | None]] = {
 """Pads by name: the function that plans each, its samples a second, its carrier in Hz. Some coils have fewer taxels."""
 
 
-FULL_V = 1000.0
+FULL_V = 2000.0
 """Voltage limit above all that these pads ask for."""
 
 

@@ -16,7 +16,7 @@ from padgen.spec import load_spec, parse_spec
 
 TURNED = (
     'name = "t"\nresolution = 11\nband_hz = [50, 400]\nq_min = 15\n'
-    '[pad]\nwidth_mm = 50\ndepth_mm = 40\n[coil]\ngrid = [2, 2]\nreuse = "alternate"\n'
+    '[pad]\nwidth_mm = 24\ndepth_mm = 40\n[coil]\ngrid = [2, 2]\nreuse = "alternate"\n'
 )
 """Two sets of three channels with cells of odd columns turned and one place empty, shown as 6 x 2."""
 

@@ -62,7 +62,7 @@ SCENES = {
     "quad-64": "quad-64",
     "resin-fine": "resin-fine",
     "strong": two("strong", drive="level_um = 80", coil=", gap_mm = 1.6"),
-    "slow coil": two("slow-coil", coil=", name = 'paper', resistance_ohm = 9, inductance_mh = 60"),
+    "slow coil": two("slow-coil", coil=", resistance_ohm = 9, inductance_mh = 60"),
     "air core, biased": two("air", coil=", core_diameter_mm = 0", drive="scheme = 'biased'"),
     "two sets": TWO.format(
         name="two-sets", q=15, coil=", reuse = 'alternate'", topology="cantilever", drive="scheme = 'biased'"

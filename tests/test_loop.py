@@ -138,7 +138,7 @@ def test_coarse_steps_end_at_the_nearest_beam():
     trial_hz, goal_hz = 64.0, 62.4
     sized = loop.choose(spec).channels[0]
     tried = [loop.Trial(sized, None, log(goal_hz / trial_hz))]
-    assert loop._next(spec, loop.choose(spec), tried, 5e-4) is sized
+    assert loop._next_trial(spec, loop.choose(spec), tried, 5e-4) is sized
 
 
 def test_the_secant_takes_its_slope_from_the_last_two_trials():
@@ -184,7 +184,7 @@ def test_a_solid_less_sure_than_the_beam_leaves_the_beams_figures(monkeypatch):
     ]
     doubts = [f.message for f in plan.findings if f.code == "model.error"]
     assert len(doubts) == 2
-    assert "no better than the beam model" in doubts[0]
+    assert "since finite elements know it no better" in doubts[0]
     assert f"{plan.channels[0].model_error:.2%} and whose figures stay" in doubts[0]
 
 

@@ -100,7 +100,7 @@ def test_a_plan_for_the_calibrated_printer_meets_its_resonances(tmp_path):
     # What the calibration left: its own sigma in ln f of the thinnest beam, four times.
     thin = min(c.beam.thickness_mm for c in again.channels)
     sigma = np.hypot(1.5 * found.z_offset_error_mm / thin, 0.5 * found.modulus_error_gpa / found.modulus_gpa)
-    assert np.abs(real - np.log(1)).max() < 4 * sigma < 0.3
+    assert np.abs(real - np.log(1)).max() < 4 * sigma < 0.4
 
 
 def test_what_does_not_tell_is_refused():

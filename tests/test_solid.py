@@ -44,7 +44,7 @@ def volume_by_hand(plan, channel):
 
 @pytest.mark.parametrize("topology_name", names())
 def test_volume_of_a_taxel_by_hand(topology_name):
-    text = FOUR_LINES.replace("[50, 200]", "[100, 900]") + "resonances_hz = [150, 300]\ncoil = { grid = [1, 2] }\n"
+    text = FOUR_LINES.replace("[50, 200]", "[100, 900]") + "resonances_hz = [150, 300]\ncoil = { grid = [2, 1] }\n"
     text += f"suspension = {{ topology = '{topology_name}' }}\npad = {{ width_mm = 30, depth_mm = 30 }}\n"
     plan = make_plan(parse_spec(text))
     for channel in plan.channels:

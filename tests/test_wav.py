@@ -212,9 +212,9 @@ DATA = (b"data", 4, b"\1\0\2\0")
         (b"", "is empty"),
         (b"RIFF", "is not a WAV file"),
         (b"ID3\4" + b"\0" * 60, "is not a WAV file"),
-        (riff(), "without its format"),
-        (riff(fmt()), "without its samples"),
-        (riff(DATA), "without its format"),
+        (riff(), "it has no format"),
+        (riff(fmt()), "it has no samples"),
+        (riff(DATA), "it has no format"),
         (riff((b"fmt ", 8, b"\0" * 8), DATA), "format of 8 bytes"),
         (riff(fmt(channels=0, frame=2), DATA), "0 channels"),
         (riff(fmt(rate=0), DATA), "at 0 Hz"),
@@ -225,7 +225,7 @@ DATA = (b"data", 4, b"\1\0\2\0")
         (riff(fmt(), (b"data", 400, b"\0" * 4)), "cut off: it has 2 of the 200 samples"),
         (riff(fmt(), (b"data", 3, b"\0" * 4)), "3 bytes of samples, not whole samples"),
         (riff(fmt(), (b"data", 0xFFFFFFFF, b"\0" * 4)), "cut off"),
-        (riff((b"junk", 4000, b"\0" * 4), fmt(), DATA), "without its format"),
+        (riff((b"junk", 4000, b"\0" * 4), fmt(), DATA), "it has no format"),
     ],
 )
 def test_broken_files_are_refused_with_a_sentence(tmp_path, raw, sentence):

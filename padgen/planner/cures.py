@@ -38,8 +38,8 @@ def varied(spec: Spec, cure: Cure) -> Spec:
 def with_tried_cures(plan: Plan, planned: Callable[[Cure], Plan]) -> Plan:
     """Return `plan` with the cures of its findings that hold, each finding's first one, and no others.
 
-    `planned` makes the plan of the spec with a cure. A cure holds where no finding of that kind is left, none of
-    another kind is new or more severe, and what is asked of the selectivity is kept as before.
+    `planned` makes the plan of the spec with a cure. A cure holds where no finding of that kind is left, there are fewer
+    kinds of findings and no more of errors, and what is asked of the selectivity is kept as before.
     """
     proposed: dict[str, list[Cure]] = {}
     for finding in plan.findings:
@@ -81,6 +81,12 @@ def _is_better(plan: Plan, before: dict[str, int], again: Plan, code: str) -> bo
     kept = [inf if p.selectivity.kept_db is None else p.selectivity.kept_db for p in (plan, again)]
     return (
         code not in after
-        and all(after[other] <= before.get(other, 0) for other in after if not other.startswith(COUNTED))
+        and _weight(after) < _weight(before)
         and kept[1] >= min(kept[0], plan.selectivity.asked_db) - LOST_DB
     )
+
+
+def _weight(severities: dict[str, int]) -> tuple[int, int]:
+    """Number of kinds of errors, and of all findings but those that the models have about themselves."""
+    of_the_pad = [level for code, level in severities.items() if not code.startswith("model.")]
+    return of_the_pad.count(LEVELS.index("error")), len(of_the_pad)

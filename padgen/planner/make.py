@@ -12,7 +12,7 @@ import numpy as np
 
 from padgen.core.errors import InfeasibleError, number
 from padgen.core.registry import SUSPENSIONS
-from padgen.core.units import decibel
+from padgen.core.units import MM, UM, decibel
 from padgen.physics.selectivity import Scheme
 from padgen.planner.capacity import channel_limit, coil_capacity, printed_count
 from padgen.planner.channels import driven, force_constants, plan_channels
@@ -211,6 +211,8 @@ def _tried(choice: Choice, least_db: float) -> Tried:
     if at_most < least_db:
         return Tried(at_most)
     channels, selectivity = _driven(choice)
+    if any(c.level_um + c.sag_um + c.static_um >= choice.spec.coil.gap_mm * MM / UM for c in channels):
+        return Tried(-inf)  # a washer would meet its coil
     if selectivity.kept_db is not None:
         at_most = min(at_most, selectivity.kept_db)
     if at_most < least_db:
