@@ -38,8 +38,8 @@ def varied(spec: Spec, cure: Cure) -> Spec:
 def with_tried_cures(plan: Plan, planned: Callable[[Cure], Plan]) -> Plan:
     """Return `plan` with the cures of its findings that hold, each finding's first one, and no others.
 
-    `planned` makes the plan of the spec with a cure. A cure holds where no finding of that kind is left, there are fewer
-    kinds of findings and no more of errors, and what is asked of the selectivity is kept as before.
+    `planned` makes the plan of the spec with a cure. A cure holds where no finding of that kind is left, there are
+    fewer kinds of findings and no more of errors, and what is asked of the selectivity is kept as before.
     """
     proposed: dict[str, list[Cure]] = {}
     for finding in plan.findings:
