@@ -452,7 +452,7 @@ def test_the_command_gives_the_verdict_first_then_what_to_set(tmp_path, capsys, 
         assert words in told
     assert "4 of 4 beams" in told and "[laid.layers]" in told
     assert cli.run(["check", "--gcode", "four.gcode", "--spec", "four.toml", "--verbose"]) == 1
-    assert len(re.findall(r"^ *r0c\dk\d +\S", capsys.readouterr().out, re.M)) == 4
+    assert len(re.findall(r"^ *r0c\dk\d +\d", capsys.readouterr().out, re.M)) == 4
     assert cli.run(["check", "--json", "--gcode", "four.gcode", "--spec", "four.toml"]) == 1
     shown = json.loads(capsys.readouterr().out)
     assert shown["figures"]["slicer"] == "PrusaSlicer 2.5.0" and shown["figures"]["turned_deg"] == 90
