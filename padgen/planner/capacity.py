@@ -1,4 +1,4 @@
-"""How many channels one coil holds: by the paper's bound and by the exact response."""
+"""Count the channels that one coil holds: by the paper's bound, by the exact response, and in printed pads."""
 
 from collections.abc import Callable
 from functools import lru_cache
@@ -18,15 +18,15 @@ __all__ = ["channel_limit", "coil_capacity", "largest_counts", "printed_count", 
 
 WIDEST_HZ = 1e5
 LARGEST_WITH_SPURS = 32
-"""Exact capacities are searched up to here: the spurs of n channels take n³ numbers."""
+"""Largest count of channels that is tried with a drive that makes spurs: the spurs of n channels take n³ numbers."""
 LARGEST = 4096
-"""The same without spurs."""
+"""Largest count of channels that is tried with a drive without spurs."""
 SCANNED = 64
-"""Counts that are tried one by one; beyond, a figure that falls with the count is bisected."""
+"""Counts up to here are tried one by one; above, the largest that holds is found by bisection."""
 
 
 def channel_limit(spec: Spec) -> int:
-    """Channels per coil that the paper's bound allows, at least one.
+    """Return how many channels per coil the paper's bound allows, at least one.
 
     Raises
     ------
@@ -55,18 +55,18 @@ def channel_limit(spec: Spec) -> int:
 
 
 def _band_up_to(spec: Spec, ratio: float) -> dict[str, list[float]]:
-    """The band with its upper end at so many times the lower one, as a cure."""
+    """Return a cure: the band with its upper end moved to `ratio` times the lower end."""
     return {"band_hz": [spec.band_hz[0], float(at_least(spec.band_hz[0] * ratio))]}
 
 
 def _selective_q(spec: Spec) -> list[dict[str, float]]:
-    """A ratio of ON over OFF with which a slot is a third of the band, as a cure."""
+    """Return a cure: the delta_y (ON over OFF) at which a slot takes a third of the band."""
     third = (spec.band_hz[1] / spec.band_hz[0]) ** (1 / 3)
     return [{"delta_y": float(at_most(4 * spec.q_min * (third - 1) / (third + 1)))}]
 
 
 def coil_capacity(spec: Spec, scheme: Scheme, limit: str) -> Capacity:
-    """The plan's `Capacity` with the drive `scheme`; `limit` names what keeps the pad from more."""
+    """Return the plan's `Capacity` with the drive `scheme`; `limit` names what prevents more channels on the pad."""
     paper, law = _paper(spec), level_law(spec)
     states, one_hot = largest_counts(spec.band_hz, spec.q_min, law, scheme, decibel(spec.delta_y))
     ratio = ladder_ratio(spec.q_min, spec.delta_y)
@@ -75,7 +75,7 @@ def coil_capacity(spec: Spec, scheme: Scheme, limit: str) -> Capacity:
 
 
 def searched_to(scheme: Scheme) -> int:
-    """How many channels the all-state capacity of a scheme is searched up to."""
+    """Return the largest count of channels that is tried for the all-state capacity of a scheme."""
     return LARGEST_WITH_SPURS if scheme.has_pair_spurs else LARGEST
 
 
@@ -83,10 +83,10 @@ def searched_to(scheme: Scheme) -> int:
 def largest_counts(
     band_hz: tuple[float, float], q: float, law: LevelLaw, scheme: Scheme, target_db: float, most: int = LARGEST
 ) -> tuple[int, int]:
-    """Most channels on a geometric ladder from one end of the band to the other that keep `target_db`.
+    """Return the most channels that keep a selectivity of `target_db`: (in all states, with one channel on).
 
-    In all states and with one channel on; equal masses. Searched up to `most` channels, in all states
-    of schemes with spurs up to `LARGEST_WITH_SPURS`.
+    The channels have equal masses, on a geometric ladder from one end of the band to the other. Up to `most` channels
+    are tried; with spurs, in all states, up to `LARGEST_WITH_SPURS`.
     """
 
     def one_hot_holds(count: int) -> bool:
@@ -120,10 +120,10 @@ def printed_count(
     followed: float,
     missed: float = 0.0,
 ) -> int:
-    """Most channels on the ladders of `largest_counts` of which `share` of the pads keep `target_db`.
+    """Return the most channels with which a `share` of the printed pads keeps `target_db`, on a geometric ladder.
 
-    By `padgen.physics.selectivity.print_share`: `followed` is the sigma of ln f of each taxel that tones follow,
-    `missed` that which they do not.
+    Computed by `padgen.physics.selectivity.print_share`. `followed` is the sigma of ln f of a taxel that its re-tuned
+    tone follows, `missed` the sigma that the tone does not follow.
     """
 
     def holds(count: int) -> bool:
@@ -135,7 +135,7 @@ def printed_count(
 
 
 def _last(holds: Callable[[int], bool], low: int, high: int) -> int:
-    """Largest count from `low`, which holds, to `high` that holds, for a figure that falls with the count."""
+    """Return the largest count from `low` to `high` that holds; `low` holds, and none above one that fails does."""
     if holds(high):
         return high
     while high - low > 1:
@@ -150,7 +150,7 @@ def _ladder(band_hz: tuple[float, float], count: int, q: float, law: LevelLaw) -
 
 
 def _what_breaks(band_hz: tuple[float, float], count: int, q: float, law: LevelLaw, scheme: Scheme) -> str:
-    """Which line makes `count` channels too many."""
+    """Name the line of the drive that shakes an OFF taxel most when a coil has `count` channels."""
     if count > searched_to(scheme):
         return "none that was tried"
     which = _ladder(band_hz, count, q, law)

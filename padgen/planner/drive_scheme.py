@@ -1,4 +1,4 @@
-"""Which drive scheme a coil gets, and how far OFF taxels then stay below ON taxels."""
+"""Choose a coil's drive scheme, and work out how far OFF taxels then stay below ON taxels."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -24,19 +24,20 @@ if TYPE_CHECKING:
 __all__ = ["modes_matter", "placed_channels", "plan_selectivity"]
 
 MOST_SPELLED_OUT = 16
-"""Channels up to which a plan lists how each hears each."""
+"""Channels per coil up to which a plan lists how much each channel's tone moves every other taxel."""
 UNPULLED = 1e-12
-"""Share of the strongest pull that is as good as none."""
+"""Share of the strongest pull that stands in for no pull at all."""
 MOST_WITH_SPURS = 256
-"""Channels up to which the n³ spurs of a scheme are counted that was not asked for."""
+"""Channels per coil up to which schemes that the spec does not ask for are judged, where they have n³ spurs."""
 Placed = tuple[Channels, ModalTaxels]
 """Channels with each washer's own pull, and all modes of their taxels."""
 
 
 def plan_selectivity(spec: Spec, planned: Sequence[Channel], optimum: "Optimum | None" = None) -> Selectivity:
-    """Choose the drive scheme for the channels of a coil, and judge it.
+    """Choose the drive scheme for the channels of a coil, and return its selectivity.
 
-    With two sets of channels, for the worse one. `optimum` is passed on where it is of the chosen scheme.
+    With two sets of channels, the figures are of the worse one. `optimum`, the figure of optimised resonances, is
+    recorded if it is of the chosen scheme.
     """
     sets = channel_sets(planned, spec.coil.sets)
     alike, bare, asked = ([_resonators(spec, own, which) for own in sets] for which in ("alike", "placed", "asked"))
@@ -81,25 +82,31 @@ def _placed_db(sets: Sequence[Placed], scheme: Scheme) -> float:
 
 
 def _resonators(spec: Spec, planned: Sequence[Channel], which: str) -> Channels:
-    """Channels as printed and pulled 'alike', with each washer's own pull ('placed'), or as the ladder 'asked'."""
+    """Return a coil's channels for the physics; `which` says with what pull and at which resonances.
+
+    'alike': as printed, all washers pulled alike. 'placed': as printed, each washer with its own pull. 'asked': at the
+    target resonances, all washers pulled alike.
+    """
     resonance = np.array([c.target_hz if which == "asked" else c.resonance_hz for c in planned])
     mass = np.array([c.effective_mass_g for c in planned])
     pull = np.array([c.force_constant_n_per_a2 for c in planned])
-    # A washer that the coil does not pull can be moved by no current: as if its own line had to be endless.
+    # No current moves a washer that the coil does not pull: a tiny pull asks for an almost endless current instead.
     pull = np.maximum(pull, UNPULLED * pull.max()) if (pull > 0).any() else np.ones(len(pull))
     q = np.array([c.q for c in planned])
     return channels(resonance, q, level_law(spec)(resonance), mass, pull if which == "placed" else 1.0)
 
 
 def placed_channels(spec: Spec, planned: Sequence[Channel]) -> Channels:
-    """The channels of one coil as printed, with each washer's own pull."""
+    """Return the channels of one coil as printed, with each washer's own pull."""
     return _resonators(spec, planned, "placed")
 
 
 def modes_matter(plan: Plan) -> bool:
-    """Whether a mode lies in another channel's slot, costs selectivity, or would be heard with its peak on any line.
+    """Return whether other modes of the taxels may matter: True if `judge_modes` is to look at them.
 
-    A quick bound: no line is more than twice the largest wanted one, biased no more than 1/(2 `bias_ratio`) of it.
+    They may if a mode lies in another channel's slot, if the modes cost selectivity, or if a line of the drive on a
+    mode's peak could move an OFF taxel by more than 1/Δy of its ON amplitude. The last is a quick bound: no line is
+    more than twice the largest wanted one, or 1/(2 `bias_ratio`) of it in a biased drive.
     """
     if len(plan.sets[0]) < 2:
         return False
@@ -129,7 +136,7 @@ def _figures(
 
 
 def _chosen(spec: Spec, figures: dict[str, SchemeFigures], planned: Sequence[Channel]) -> tuple[str, str]:
-    """Name of the scheme, and why it is this one."""
+    """Return the name of the scheme, and the reason for it in words."""
     if spec.drive.scheme != "auto":
         return spec.drive.scheme, "as the spec asks"
     if len(planned) // spec.coil.sets == 1:
@@ -140,7 +147,7 @@ def _chosen(spec: Spec, figures: dict[str, SchemeFigures], planned: Sequence[Cha
     simplest = simplest_first()
     reached = {name: figures[name].reached_db for name in simplest}
     rates = {rate.scheme: rate.frames_per_s for rate in frame_rates(planned, spec.coil.sets)}
-    # Taking turns is slow, so that it must also be fast enough; the others ring down alike.
+    # A scheme that takes turns is slow, so its frame rate must suffice, too; that of the others is always the same.
     holds = [n for n in simplest if reached[n] >= asked and (rates[n] >= least or not Scheme(n).takes_turns)]
     if holds:
         told = _told(simplest[: simplest.index(holds[0])], reached, rates)
@@ -152,7 +159,7 @@ def _chosen(spec: Spec, figures: dict[str, SchemeFigures], planned: Sequence[Cha
 
 
 def _told(names: Sequence[str], reached: dict[str, float], rates: dict[str, float]) -> str:
-    """What other schemes reach, in brackets."""
+    """Return what other schemes reach, in brackets, or nothing."""
     words = [
         f"{name} {reached[name]:.1f} dB" + (f" at {rates[name]:.2g} frames/s" if Scheme(name).takes_turns else "")
         for name in names
@@ -162,7 +169,7 @@ def _told(names: Sequence[str], reached: dict[str, float], rates: dict[str, floa
 
 
 def _paper_db(spec: Spec, planned: Sequence[Channel]) -> float:
-    """What Eq. 12's slots promise for the closest pair: ``Δy = 4 Q (ρ − 1)/(ρ + 1)``."""
+    """Return the selectivity in dB that the paper's Eq. 12 gives for the closest pair: ``Δy = 4 Q (ρ − 1)/(ρ + 1)``."""
     sets = channel_sets(planned, spec.coil.sets)
     ratio = min(b.resonance_hz / a.resonance_hz for own in sets for a, b in pairwise(own))
     return decibel(4 * spec.q_min * (ratio - 1) / (ratio + 1))

@@ -1,4 +1,4 @@
-"""The sentence for a spec that no pad meets: which limit binds, and the nearest specs that would do."""
+"""Explain why no pad meets a spec: the limit that binds, and the nearest specs that a pad would meet."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
@@ -27,19 +27,19 @@ from padgen.spec import Spec, Suspension, catalogue
 __all__ = ["refusal"]
 
 MOST_NAMED = 4
-"""Cures that a refusal names."""
+"""Most cures that a refusal names."""
 
 
 def refusal(
     spec: Spec, options: list[Layout], limit: int, planned: Callable[[Cure], Any], where: str = "resolution"
 ) -> InfeasibleError:
-    """Return the error that says why none of `options` holds with up to `limit` channels per coil, and what would do.
+    """Return the error that says why none of `options` works with up to `limit` channels per coil, and what would.
 
-    `planned` makes the plan of what was asked with a cure; one whose plan has no error is named.
+    `planned` makes the plan of the original spec with a cure. A cure is named if its plan has no error.
     """
     pad = spec.pad
     wanted = f"{spec.resolution} taxels on {number(pad.width_mm)} x {number(pad.depth_mm)} mm"
-    # Where a pad can be laid out at all, optimised resonances can be had as well.
+    # A cure that makes room for evenly spread resonances makes room for optimised ones, too, and is found faster.
     cures = _cures(replace(spec, spacing="spread") if spec.spacing == "optimised" else spec, limit)
     found = list(islice((cure for cure in cures if _works(planned, cure)), MOST_NAMED))
     nothing = "" if found else "; no single change that was tried would do: washer, printer, beams, pad, taxels"
@@ -100,7 +100,7 @@ def _unreached(spec: Spec, layout: Layout) -> str:
 
 
 def _no_beam(spec: Spec, layout: Layout) -> str:
-    """Why no beam at all fits a sub-cell that has room for the plate."""
+    """Say why no beam at all fits a sub-cell that has room for the plate."""
     space, plate, gap = room(spec, layout), plate_shape(spec), spec.printer.smallest_gap_mm
     spans = []
     for name in allowed(spec.suspension.topology):
@@ -120,7 +120,7 @@ def _no_beam(spec: Spec, layout: Layout) -> str:
 
 
 def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
-    """Changes after which the parts have room: another grid, washer, printer or pad, freer beams, or fewer taxels."""
+    """Yield cures after which the parts have room: another grid, washer, printer or pad, freer beams, fewer taxels."""
     if spec.coil.grid and (found := _holds(spec, limit, {"coil.grid": None})):
         yield {"coil.grid": [found.rows, found.columns]}
     sizes = {name: float(entry["outer_diameter_mm"]) for name, entry in catalogue("washer").items()}
@@ -151,12 +151,12 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
 
 
 def _first(spec: Spec, limit: int, cures: list[Cure]) -> Iterator[Cure]:
-    """The first of `cures` after which the parts have room."""
+    """Yield the first of `cures` after which the parts have room, if there is one."""
     yield from islice((cure for cure in cures if _holds(spec, limit, cure)), 1)
 
 
 def _holds(spec: Spec, limit: int, cure: Cure) -> Layout | None:
-    """The best layout of the spec with a cure, None where it has none."""
+    """Return the best layout of the spec with a cure, or None if no layout has room."""
     try:
         other = varied(spec, cure)
     except SpecError:

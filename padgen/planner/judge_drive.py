@@ -1,4 +1,4 @@
-"""The findings about selectivity, coils and amplifiers."""
+"""Make the findings about selectivity, coils and amplifiers."""
 
 from collections.abc import Iterator
 from itertools import combinations
@@ -15,17 +15,17 @@ from padgen.spec import Spec
 __all__ = ["judge_drive", "lower_level"]
 
 SMALLEST_LEVEL_UM = 1e-4
-"""Smallest that a spec may ask for."""
+"""Smallest level that a spec may ask for."""
 PULL_DB = 1.0
-"""Loss of selectivity by unequal pull that is worth a finding."""
+"""Loss of selectivity by unequal pull up to which there is no finding."""
 SNAPPING_DB = 0.5
-"""Loss of selectivity by printing in steps that is worth a finding."""
+"""Loss of selectivity by printing in steps up to which there is no finding."""
 UNSURE = 0.1
-"""Relative error of a pull that is worth a finding."""
+"""Relative error of a pull up to which there is no finding."""
 
 
 def judge_drive(plan: Plan) -> Iterator[Finding]:
-    """Findings about what is driven how, and how well OFF taxels stay quiet."""
+    """Yield the findings about the drive, its load on coils and amplifiers, and how quiet OFF taxels stay."""
     yield from _selectivity(plan)
     yield from _unequal_pull(plan)
     yield from _snapping(plan)
@@ -65,12 +65,12 @@ def _selectivity(plan: Plan) -> Iterator[Finding]:
 
 
 def _better(plan: Plan) -> tuple[dict[str, Any], ...]:
-    """What may keep what was asked: another scheme for all at once, another grid, or, slow, turns."""
+    """Return cures that may keep the asked selectivity: other drive schemes, those that take turns last, and grids."""
     asked, schemes = (
         plan.selectivity.asked_db,
         sorted(plan.selectivity.schemes, key=lambda s: Scheme(s.scheme).takes_turns),
     )
-    # Turns are slow: with the scheme goes what they leave of the frame rate that is asked for.
+    # Turns are slow: a cure by such a scheme also lowers the asked frame rate to what the scheme reaches.
     slow = {
         rate.scheme: {"drive.least_frames_per_s": float(at_most(rate.frames_per_s))}
         for rate in plan.refresh
@@ -91,7 +91,7 @@ def _unequal_pull(plan: Plan) -> Iterator[Finding]:
     figures, pull = plan.selectivity, [c.force_constant_n_per_a2 for c in plan.channels]
     if figures.one_hot_db is None or figures.placed_one_hot_db is None:
         return
-    # Other modes are in the placed figure, too: pulls that differ by less cannot cost as much.
+    # The placed figure also counts other modes, so the pulls must differ by more than the loss to be its cause.
     if figures.placed_one_hot_db < figures.one_hot_db - PULL_DB and decibel(max(pull) / min(pull)) > PULL_DB:
         yield Finding(
             "warning",
@@ -116,7 +116,7 @@ def _snapping(plan: Plan) -> Iterator[Finding]:
 
 
 def _leak(plan: Plan) -> Iterator[Finding]:
-    """Re-tuned, coils play frequencies of their own; by the driver table they play in step."""
+    """Tell how much the coils around shake an OFF taxel: in step by the driver table, or each re-tuned on its own."""
     step, asked = plan.reuse.leak_db, plan.selectivity.asked_db
     apart = min((db for db in plan.reuse.retuned_leaks_db if db is not None), default=None)
     if step is None or apart is None or step >= asked:
@@ -145,7 +145,7 @@ def _unsure(plan: Plan) -> Iterator[Finding]:
 
 
 def lower_level(spec: Spec, share: float) -> tuple[dict[str, float], ...]:
-    """A `share` of the level as a cure, none where no spec may ask for so little."""
+    """Return a cure: a `share` of the level. Empty where that is below the smallest level that a spec may ask for."""
     level_um = float(at_most(spec.drive.level_um * share))
     return ({"drive.level_um": level_um},) if level_um >= SMALLEST_LEVEL_UM else ()
 
@@ -166,7 +166,7 @@ def _softening(plan: Plan) -> Iterator[Finding]:
 
 
 def _beats(plan: Plan) -> Iterator[Finding]:
-    """Spurs of two channels that fall on one of the two: their sum or difference with it is not a steady level."""
+    """Warn of spurs of two channels that fall on one of the two: spur and tone beat, and the level is not steady."""
     scheme = plan.scheme
     for own in plan.sets if scheme.has_pair_spurs else ():
         for low, high in combinations(own, 2):

@@ -1,4 +1,4 @@
-"""The findings about modes other than a taxel's own: which line of the drive they lie on, and what would clear them."""
+"""Make the findings about taxels' other modes: the line of the drive that each lies on, and changes that avoid it."""
 
 from collections.abc import Iterator, Sequence
 from itertools import islice
@@ -24,19 +24,19 @@ from padgen.spec import Spec
 __all__ = ["Crowd", "crowds", "judge_modes"]
 
 KEPT_DB = 0.05
-"""What a change that clears the modes may cost."""
+"""Loss of selectivity in dB that a cure may cause."""
 MOST_TRIED = 14
 MOVES = (0.95, 1.05, 0.9, 1.1)
 LENGTHS, LAYERS = (0.85, 1.15, 0.7), (1, -1, 2)
-"""How far resonances and lengths are moved, and by how many layers beams are made thicker."""
+"""Cures that are tried: factors of a resonance (`MOVES`) and of beam lengths, and layers added to the thickness."""
 
 
 class Crowd(NamedTuple):
-    """A mode of a channel's taxel within reach of a line of the drive.
+    """A mode of a channel's taxel close to a line of the drive.
 
-    The line moves the taxel, OFF, by `planned` of its ON amplitude, all modes counted; by `at_peak` were this
-    mode's peak on it. `line` says which it is. `costs_db` is what the mode costs of the placed figure in all
-    states, where that was looked for.
+    The line, described by `line`, moves the taxel when OFF by `planned` of its ON amplitude, all modes counted, and by
+    `at_peak` if this mode's peak lay on the line. `costs_db` is the all-state selectivity that the mode costs, 0 where
+    that was not computed.
     """
 
     channel: int
@@ -51,7 +51,10 @@ class Crowd(NamedTuple):
 
 
 class _Lines(NamedTuple):
-    """All lines (l,) of i² that a coil's drive can make, in the unit of `Channels.line`, and by which channels."""
+    """All lines (l,) of i² that a coil's drive can make, in the unit of `Channels.line`.
+
+    `first` and `second` are the channels that make a line (the same one for a tone), `kind` is its index in `KINDS`.
+    """
 
     hz: np.ndarray
     amplitude: np.ndarray
@@ -69,9 +72,10 @@ KINDS = (
 
 
 def crowds(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> list[Crowd]:
-    """Modes within a slot's half width of a line of the drive that may let a taxel, OFF, pass 1/Δy of its ON amplitude.
+    """Return the modes that may spoil the selectivity, each with the line of the drive that moves it most.
 
-    Or that cost more than `MODES_DB`. The loudest line of each mode.
+    These are modes within half a slot of a line that could move the taxel, when OFF, by more than 1/Δy of its ON
+    amplitude, and modes that cost more than `MODES_DB`.
     """
     found = list[Crowd]()
     for own in channel_sets(channels, spec.coil.sets) if len(channels) > spec.coil.sets else ():
@@ -112,7 +116,7 @@ def _near(spec: Spec, own: Sequence[Channel], which: Channels, modes: ModalTaxel
 def _costly(
     own: Sequence[Channel], which: Channels, modes: ModalTaxels, lines: _Lines, scheme: Scheme
 ) -> Iterator[Crowd]:
-    """Modes without which the coil would keep more than `MODES_DB` more."""
+    """Yield the modes of the worst OFF taxel that cost the coil more than `MODES_DB` each."""
     kept = all_states(which, scheme, modes)
     if all_states(which, scheme).db - kept.db <= MODES_DB:
         return
@@ -139,7 +143,7 @@ def _alone(modes: ModalTaxels, i: int, k: int) -> ModalTaxels:
 def _crowd(
     own: Sequence[Channel], which: Channels, modes: ModalTaxels, lines: _Lines, at: tuple[int, int, int]
 ) -> Crowd:
-    """The `Crowd` of taxel, mode and line by their indices."""
+    """Return the `Crowd` for the indices `at` of taxel, mode and line."""
     i, k, line = at
     ratio = float(lines.amplitude[line] / which.line[i])
     hz, line_hz = own[i].modes_hz[k], float(lines.hz[line])
@@ -157,7 +161,7 @@ def _crowd(
 
 
 def judge_modes(plan: Plan) -> Iterator[Finding]:
-    """Findings about modes on lines of the drive, and about what all modes cost."""
+    """Yield findings about modes close to lines of the drive, and about the selectivity that all modes cost."""
     spec = plan.spec
     found = crowds(spec, plan.channels, plan.scheme)
     cures = tuple(_cures(plan, found)) if found else ()
@@ -207,7 +211,7 @@ def _silent(plan: Plan, found: Sequence[Crowd]) -> Iterator[Finding]:
 
 
 def _cures(plan: Plan, found: Sequence[Crowd]) -> Iterator[Cure]:
-    """The first change that clears all modes on the same coils, without losing more than `KEPT_DB` of what is asked."""
+    """Yield the first cure that leaves no crowded mode on the same coils and loses at most `KEPT_DB` of selectivity."""
     least = min(plan.selectivity.kept_db or 0.0, plan.selectivity.asked_db) - KEPT_DB
     for cure in islice(_changes(plan, found), MOST_TRIED):
         try:
@@ -221,7 +225,7 @@ def _cures(plan: Plan, found: Sequence[Crowd]) -> Iterator[Cure]:
 
 
 class _Again(NamedTuple):
-    """Channels of another spec, their drive and what it keeps."""
+    """Channels planned for a changed spec, their drive scheme, and the selectivity that it keeps."""
 
     channels: tuple[Channel, ...]
     scheme: Scheme
@@ -229,7 +233,7 @@ class _Again(NamedTuple):
 
 
 def _planned_again(plan: Plan, varied: Spec) -> _Again | None:
-    """What a `varied` spec makes of the same coils; None where it takes others, or none at all."""
+    """Plan the channels of a `varied` spec; None where it has no layout on the same coils with as many channels."""
     from padgen.planner.capacity import channel_limit
     from padgen.planner.channels import force_constants, plan_channels
     from padgen.planner.drive_scheme import plan_selectivity
@@ -252,7 +256,7 @@ def _planned_again(plan: Plan, varied: Spec) -> _Again | None:
 
 
 def _changes(plan: Plan, found: Sequence[Crowd]) -> Iterator[Cure]:
-    """Changes of the spec that move modes or lines, those first that touch least."""
+    """Yield changes of the spec that move modes or lines, the smallest changes first."""
     spec, channels = plan.spec, plan.channels
     if any(crowd.is_spur for crowd in found):
         for name in reversed(simplest_first()):
@@ -266,7 +270,7 @@ def _changes(plan: Plan, found: Sequence[Crowd]) -> Iterator[Cure]:
                 ]
             }
     if spec.spacing == "optimised" and not spec.resonances_hz:
-        return  # an optimum is sought again for every other suspension
+        return  # other suspensions would each need a new, slow search for the optimum
     for name in allowed("auto"):
         if {c.beam.topology for c in channels} != {name}:
             yield {"suspension.topology": name}
