@@ -353,11 +353,12 @@ class Prints:
 
     The dB are what the spec's `print_share` of the pads reach: `print_db` with every taxel re-tuned, `planned_db` with
     the driver table as it is, `coupon_db` after a measured coupon has shown the error common to the print, `some_db`
-    after some measured taxels have also shown the smooth field over the bed. They are None where nothing moves OFF taxels. Once re-tuned, `good_share` of the pads and `good_taxel_share` of the taxels reach the asked
-    selectivity. The figures are estimated from `pads` simulated pads, with 95 % confidence within `error_db` and
-    `error_share`. `ratio_spread` is the relative sigma of the ratio of a coil's neighbouring resonances, of the worst
-    pair; for a single channel it is of two such taxels. `coil_shares` are the shares of re-tuned prints in which each
-    coil is good, row by row.
+    after some measured taxels have also shown the smooth field over the bed. They are None where nothing moves OFF
+    taxels. Once re-tuned, `good_share` of the pads and `good_taxel_share` of the taxels reach the asked selectivity.
+    The figures are estimated from `pads` simulated pads, with 95 % confidence within `error_db` and `error_share`.
+    `ratio_spread` is the relative sigma of the ratio of a coil's neighbouring resonances, of the worst pair; for a
+    single channel it is of two such taxels. `coil_shares` are the shares of re-tuned prints in which each coil is good,
+    row by row.
     """
 
     print_db: float | None

@@ -1,4 +1,4 @@
-"""Resonance, Q and selectivity of taxels that a finger touches (`padgen.physics.skin`)."""
+"""Estimate resonance, Q and selectivity of taxels that a finger touches (`padgen.physics.skin`)."""
 
 from collections.abc import Iterator, Sequence
 from math import pi
@@ -17,13 +17,16 @@ from padgen.spec import Spec
 __all__ = ["judge_touch", "touched_pads"]
 
 MOST_CHANNELS = 32
-"""Channels of a coil up to which what a touched coil keeps is computed."""
+"""Most channels of a coil for which the selectivity under a finger is computed."""
 DAMPED = 8.0
-"""Times ω τ over which k_skin/k may not rise if Q of 8 is to be left, the rule of thumb of docs/accuracy.md."""
+"""Q that a touched taxel is to keep: by the rule of docs/accuracy.md, if k_skin/k is at most 1/(DAMPED ω τ)."""
 
 
 def touched_pads(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> tuple[Touched, ...]:
-    """The pad with every taxel under low, typical and high skin, driven as planned: own modes, one coil."""
+    """Return the figures of the pad with every taxel under low, typical and high skin, driven as planned.
+
+    Only the taxels' own modes and one coil are counted.
+    """
     sets = channel_sets(channels, spec.coil.sets)
     found = []
     for name, skin in SKINS.items():
@@ -42,7 +45,7 @@ def touched_pads(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> tup
 
 
 def judge_touch(plan: Plan) -> Iterator[Finding]:
-    """A note where typical skin stiffens or damps the softest taxel, with what would keep it as it is."""
+    """Yield a note where typical skin stiffens or damps a taxel too much, with values that would prevent it."""
     skin = SKINS["typical"]
     worst = min(plan.channels, key=lambda c: c.stiffness_n_per_m / _allowed(skin, c.resonance_hz))
     typical = next(t for t in plan.touched if t.skin == "typical")
@@ -70,7 +73,7 @@ def judge_touch(plan: Plan) -> Iterator[Finding]:
 
 
 def _allowed(skin: Skin, hz: float) -> float:
-    """Share of a taxel's stiffness that skin may add: 5 % of its resonance, and Q of about 8."""
+    """Return the share of a taxel's stiffness that skin may add: f then rises by at most 5 %, and Q is at least 8."""
     return min(LOADED, 1 / (DAMPED * 2 * pi * hz * skin.time))
 
 
@@ -80,7 +83,10 @@ def _touched(spec: Spec, skin: Skin, channels: Sequence[Channel]) -> tuple[np.nd
 
 
 def _kept_db(spec: Spec, own: Sequence[Channel], scheme: Scheme, skin: Skin) -> float | None:
-    """Smallest ON over largest OFF level of a touched coil in all states; None for one channel, or very many."""
+    """Return the smallest ON over the largest OFF level in dB of a touched coil in all states.
+
+    None for a single channel, or for more than `MOST_CHANNELS`.
+    """
     if not 2 <= len(own) <= MOST_CHANNELS:
         return None
     planned, (hz, q, stiffer) = placed_channels(spec, own), _touched(spec, skin, own)
