@@ -34,7 +34,7 @@ WIDEST_SHARE = 0.2
 
 
 class Serpentine(NamedTuple):
-    """A beam with an odd number of `legs` across the window; the first and the last leg span half of the others.
+    """A beam with an odd number of `legs` across the window; the first and last reach from its middle to one side.
 
     All bends have the radius that leaves the smallest gap between legs, so that each leg takes up the beam's width and
     one gap along the window.
