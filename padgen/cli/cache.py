@@ -48,17 +48,17 @@ def _info(options: argparse.Namespace) -> int:
     from padgen.core.cache import info
 
     use_cache(options)
-    return _told(options, info(), dropped=False)
+    return _print_cache(options, info(), dropped=False)
 
 
 def _clear(options: argparse.Namespace) -> int:
     from padgen.core.cache import clear
 
     use_cache(options)
-    return _told(options, clear(), dropped=True)
+    return _print_cache(options, clear(), dropped=True)
 
 
-def _told(options: argparse.Namespace, held: Any, dropped: bool) -> int:
+def _print_cache(options: argparse.Namespace, held: Any, dropped: bool) -> int:
     if options.json:
         from dataclasses import asdict
 

@@ -86,7 +86,7 @@ def folder_of(options: argparse.Namespace, name: str) -> Path:
 
 
 def show(text: str) -> None:
-    """Print text for people: control characters shown, sentences wrapped to at most `WIDTH` columns, tables whole."""
+    """Print text for people: control characters escaped, sentences wrapped to at most `WIDTH` columns, tables whole."""
     import textwrap
 
     width = WIDTH

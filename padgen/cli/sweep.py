@@ -57,11 +57,11 @@ def _sweep(options: argparse.Namespace) -> int:
     end_as_by_ctrl_c()
     sweep = load_sweep(options.sweep)
     folder = folder_of(options, sweep.settings.name)
-    with _executor(options.scheduler) as executor, _telling(options, sweep) as tell:
+    with _executor(options.scheduler) as executor, _event_printer(options, sweep) as tell:
         result = run_sweep(sweep, folder, executor, options.jobs, options.resume, options.retry, tell)
     with uninterrupted() if result.interrupted else nullcontext():
         files, note = write_pareto(folder, sweep.settings.name, result.overview)
-        _sum_up(options, (sweep, replace(result, folder=folder), files), note)
+        _print_summary(options, (sweep, replace(result, folder=folder), files), note)
     if result.stopped:
         # Printed after the summary, since finished variants are kept.
         again = "the same command" if options.resume else "the same command without --no-resume"
@@ -70,7 +70,7 @@ def _sweep(options: argparse.Namespace) -> int:
     return CHECK_FAILED if result.failed else DONE
 
 
-def _sum_up(options: argparse.Namespace, told: tuple[Any, ...], note: str) -> None:
+def _print_summary(options: argparse.Namespace, told: tuple[Any, ...], note: str) -> None:
     from padgen.report.sweeps import sweep_table, sweep_text
 
     if options.json:
@@ -84,7 +84,7 @@ def _sum_up(options: argparse.Namespace, told: tuple[Any, ...], note: str) -> No
 
 
 def _executor(address: str | None) -> Any:
-    """Return the executor of the Dask cluster at `address`; without one None, for processes of this machine."""
+    """Return the executor of the Dask cluster at `address`, or None without one: this machine's processes then work."""
     if address is None:
         return nullcontext()
     from padgen.batch.scheduler import connect
@@ -93,7 +93,7 @@ def _executor(address: str | None) -> Any:
 
 
 @contextmanager
-def _telling(options: argparse.Namespace, sweep: Any) -> Iterator[Callable[[Any], None]]:
+def _event_printer(options: argparse.Namespace, sweep: Any) -> Iterator[Callable[[Any], None]]:
     """Give a function that shows events: as lines of JSON, else each failure in a line, with a bar on a terminal."""
     if options.json:
         from padgen.batch.sweep import event_table

@@ -41,7 +41,7 @@ def channel_limit(spec: Spec) -> int:
             "band_hz",
             [_band_up_to(spec, (1 + DRAWN_SHARE) / (1 - DRAWN_SHARE))],
         )
-    count = whole_channels(_paper(spec))
+    count = whole_channels(_paper_capacity(spec))
     if count < 1:
         low, ratio = spec.band_hz[0], ladder_ratio(spec.q_min, spec.delta_y)
         wider = low * ratio <= WIDEST_HZ
@@ -67,10 +67,10 @@ def _selective_q(spec: Spec) -> list[dict[str, float]]:
 
 def coil_capacity(spec: Spec, scheme: Scheme, limit: str) -> Capacity:
     """Return the plan's `Capacity` with the drive `scheme`; `limit` names what prevents more channels on the pad."""
-    paper, law = _paper(spec), level_law(spec)
+    paper, law = _paper_capacity(spec), level_law(spec)
     states, one_hot = largest_counts(spec.band_hz, spec.q_min, law, scheme, decibel(spec.delta_y))
     ratio = ladder_ratio(spec.q_min, spec.delta_y)
-    breaks = _what_breaks(spec.band_hz, states + 1, spec.q_min, law, scheme)
+    breaks = _loudest_line_text(spec.band_hz, states + 1, spec.q_min, law, scheme)
     return Capacity(whole_channels(paper), states, ratio, limit, paper, one_hot, breaks, searched_to(scheme))
 
 
@@ -83,7 +83,7 @@ def searched_to(scheme: Scheme) -> int:
 def largest_counts(
     band_hz: tuple[float, float], q: float, law: LevelLaw, scheme: Scheme, target_db: float, most: int = LARGEST
 ) -> tuple[int, int]:
-    """Return the most channels that keep a selectivity of `target_db`: (in all states, with one channel on).
+    """Return the most channels that keep a selectivity of `target_db` in all states, and the most with one channel on.
 
     The channels have equal masses, on a geometric ladder from one end of the band to the other. Up to `most` channels
     are tried; with spurs, in all states, up to `LARGEST_WITH_SPURS`.
@@ -105,8 +105,8 @@ def largest_counts(
         one_hot = count
     if most <= SCANNED:
         return states, one_hot
-    one_hot = _last(one_hot_holds, SCANNED, most)
-    return (_last(states_hold, SCANNED, one_hot) if states == SCANNED else states), one_hot
+    one_hot = _largest_that_holds(one_hot_holds, SCANNED, most)
+    return (_largest_that_holds(states_hold, SCANNED, one_hot) if states == SCANNED else states), one_hot
 
 
 def printed_count(
@@ -131,11 +131,14 @@ def printed_count(
         return print_share(which, scheme, 10 ** (target_db / 10), coils, followed, missed, share) >= share
 
     most, _ = largest_counts(band_hz, q, law, scheme, target_db)
-    return next((n for n in range(most, 1, -1) if holds(n)), 1) if most <= SCANNED else _last(holds, 1, most)
+    return (
+        next((n for n in range(most, 1, -1) if holds(n)), 1) if most <= SCANNED else _largest_that_holds(holds, 1, most)
+    )
 
 
-def _last(holds: Callable[[int], bool], low: int, high: int) -> int:
-    """Return the largest count from `low` to `high` that holds; `low` holds, and none above one that fails does."""
+def _largest_that_holds(holds: Callable[[int], bool], low: int, high: int) -> int:
+    """Return the largest count from `low` to `high` that holds, by bisection; `low` holds, and above a failing count
+    all fail."""
     if holds(high):
         return high
     while high - low > 1:
@@ -149,7 +152,7 @@ def _ladder(band_hz: tuple[float, float], count: int, q: float, law: LevelLaw) -
     return channels(resonance, q, law(resonance))
 
 
-def _what_breaks(band_hz: tuple[float, float], count: int, q: float, law: LevelLaw, scheme: Scheme) -> str:
+def _loudest_line_text(band_hz: tuple[float, float], count: int, q: float, law: LevelLaw, scheme: Scheme) -> str:
     """Name the line of the drive that shakes an OFF taxel most when a coil has `count` channels."""
     if count > searched_to(scheme):
         return "none that was tried"
@@ -162,5 +165,5 @@ def _what_breaks(band_hz: tuple[float, float], count: int, q: float, law: LevelL
     return f"the {kind} of channels {drivers[0]} and {drivers[1]} on {heard}"
 
 
-def _paper(spec: Spec) -> float:
+def _paper_capacity(spec: Spec) -> float:
     return capacity(*spec.band_hz, spec.q_min, spec.delta_y)

@@ -43,8 +43,8 @@ def plan_selectivity(spec: Spec, planned: Sequence[Channel], optimum: "Optimum |
     alike, bare, asked = ([_resonators(spec, own, which) for own in sets] for which in ("alike", "placed", "asked"))
     placed = [(which, heard_modes(spec, own, which.line)) for own, which in zip(sets, bare, strict=True)]
     lost_db = max(channel.level_loss_db for channel in planned)
-    figures = {name: _figures(spec, alike, placed, name, lost_db) for name in in_order()}
-    name, why = _chosen(spec, figures, planned)
+    figures = {name: _scheme_figures(spec, alike, placed, name, lost_db) for name in in_order()}
+    name, why = _chosen_scheme(spec, figures, planned)
     scheme = scheme_named(spec, name)
     states = min((all_states(which, scheme) for which in alike), key=lambda found: found.db)
     alone = len(sets[0]) < 2
@@ -124,7 +124,7 @@ def _loudest_peak(spec: Spec, own: Sequence[Channel]) -> float:
     return float(peak.max() * line.max()) * max(2.0, 0.5 / spec.drive.bias_ratio)
 
 
-def _figures(
+def _scheme_figures(
     spec: Spec, alike: Sequence[Channels], placed: Sequence[Placed], name: str, lost_db: float
 ) -> SchemeFigures:
     count, scheme = len(alike[0].line), scheme_named(spec, name)
@@ -135,7 +135,7 @@ def _figures(
     return SchemeFigures(name, one_hot, _worst_db(alike, scheme), _placed_db(placed, scheme) - lost_db)
 
 
-def _chosen(spec: Spec, figures: dict[str, SchemeFigures], planned: Sequence[Channel]) -> tuple[str, str]:
+def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Sequence[Channel]) -> tuple[str, str]:
     """Return the name of the scheme, and the reason for it in words."""
     if spec.drive.scheme != "auto":
         return spec.drive.scheme, "as the spec asks"
@@ -147,18 +147,18 @@ def _chosen(spec: Spec, figures: dict[str, SchemeFigures], planned: Sequence[Cha
     simplest = simplest_first()
     reached = {name: figures[name].reached_db for name in simplest}
     rates = {rate.scheme: rate.frames_per_s for rate in frame_rates(planned, spec.coil.sets)}
-    # A scheme that takes turns is slow, so its frame rate must suffice, too; that of the others is always the same.
+    # A scheme that takes turns is slow, so its frame rate must suffice, too; all other schemes share one frame rate.
     holds = [n for n in simplest if reached[n] >= asked and (rates[n] >= least or not Scheme(n).takes_turns)]
     if holds:
-        told = _told(simplest[: simplest.index(holds[0])], reached, rates)
+        told = _reached_text(simplest[: simplest.index(holds[0])], reached, rates)
         return holds[0], f"the simplest that keeps {asked:.1f} dB in all states{told}"
     best = max((n for n in simplest if not Scheme(n).takes_turns), key=lambda name: reached[name])
-    told = _told([name for name in simplest if name != best], reached, rates)
+    told = _reached_text([name for name in simplest if name != best], reached, rates)
     none = f"no drive keeps {asked:.1f} dB in all states at {number(least)} frames/s or more"
     return best, f"{none}; of those that drive all at once it comes nearest{told}"
 
 
-def _told(names: Sequence[str], reached: dict[str, float], rates: dict[str, float]) -> str:
+def _reached_text(names: Sequence[str], reached: dict[str, float], rates: dict[str, float]) -> str:
     """Return what other schemes reach, in brackets, or nothing."""
     words = [
         f"{name} {reached[name]:.1f} dB" + (f" at {rates[name]:.2g} frames/s" if Scheme(name).takes_turns else "")

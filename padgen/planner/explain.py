@@ -121,7 +121,7 @@ def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None
     changes.sort(key=lambda change: _rank(change, spec.print_share))
     limits = tuple(_limits(plan, held, drive))
     capacities = tuple(_capacities(spec))
-    shares, stages = _of_prints(plan)
+    shares, stages = _print_figures(plan)
     return Explanation(held, drive, limits, tuple(changes), capacities, shares, *now_printed, stages)
 
 
@@ -132,7 +132,7 @@ def _rank(change: Change, asked: float) -> tuple[float, ...]:
     return -min(share, asked), short_db, -change.gained, -change.gained_in_band, COSTS.index(change.cost), -print_db
 
 
-def _of_prints(plan: Plan) -> tuple[tuple[float, ...], tuple[int, ...]]:
+def _print_figures(plan: Plan) -> tuple[tuple[float, ...], tuple[int, ...]]:
     """Return `Explanation.channel_shares` and `Explanation.stage_channels`."""
     spec, design, spreads = plan.spec, design_of(plan, None), spreads_of(plan.spec)
     good = printed(design, spreads, plan.prints.pads, 0, STAGES[-1:]).good_prints[0]
@@ -166,7 +166,7 @@ def _capacities(spec: Spec) -> Iterator[CapacityRow]:
 def _channels_held(spec: Spec, grid: tuple[int, int], least: int) -> tuple[int, str]:
     """Return the most channels per coil on `grid` that fit, print, and keep the asked all-state selectivity.
 
-    The second result is the drive scheme of these. Counts up to `least` are tried, larger ones until `PATIENCE` in a
+    The second result is their drive scheme. Counts up to `least` are tried, larger ones until `PATIENCE` in a
     row fail.
     """
     held, drive, failed = 0, spec.drive.scheme, 0
@@ -186,7 +186,7 @@ def _figures(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = Fal
     Without `optimise`, evenly spread resonances stand in for optimised ones, whose search takes long.
     """
     try:
-        other = _narrowed(spec, grid, count, optimise)
+        other = _with_grid(spec, grid, count, optimise)
         sized = next(sized_layouts(other, candidates(other, channel_limit(other))), None)
     except SpecError:
         return None
@@ -198,7 +198,7 @@ def _figures(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = Fal
     return plan_selectivity(other, channels) if pulled else None
 
 
-def _narrowed(spec: Spec, grid: tuple[int, int], count: int, optimise: bool) -> Spec:
+def _with_grid(spec: Spec, grid: tuple[int, int], count: int, optimise: bool) -> Spec:
     other = replace(spec, resolution=grid[0] * grid[1] * count, coil=replace(spec.coil, grid=grid))
     if other.spacing == "optimised" and not optimise:
         other = replace(other, spacing="spread")
@@ -210,7 +210,7 @@ def _narrowed(spec: Spec, grid: tuple[int, int], count: int, optimise: bool) -> 
 def _prints(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = False) -> tuple[float | None, float | None]:
     """Return `Change.good_share` and `Change.print_db` for `count` channels per coil on `grid`."""
     try:
-        plan = make_plan(_narrowed(spec, grid, count, optimise))
+        plan = make_plan(_with_grid(spec, grid, count, optimise))
     except SpecError:
         return None, None
     works = all(finding.level != "error" for finding in plan.findings)

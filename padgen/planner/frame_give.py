@@ -24,17 +24,17 @@ def flexibility_bounds(plan: Plan, clamping: str) -> np.ndarray:
     SolverError
         The clamping is unknown.
     """
-    support, moving = SUPPORTS[_known(clamping)], _moving_kg(plan)
+    support, moving = SUPPORTS[_checked_clamping(clamping)], _moving_kg(plan)
     return np.array([shift_bound(_reaction(plan, c), _ribs(plan, c, clamping), support, moving) for c in plan.channels])
 
 
 def frame_mode_estimate_hz(plan: Plan, clamping: str) -> float:
     """Estimate the lowest bending mode of the frame in Hz, to within a factor of two."""
-    support, moving = SUPPORTS[_known(clamping)], _moving_kg(plan)
+    support, moving = SUPPORTS[_checked_clamping(clamping)], _moving_kg(plan)
     return min(lowest_frame_mode_hz(_ribs(plan, channel, clamping), support, moving) for channel in plan.channels)
 
 
-def _known(clamping: str) -> str:
+def _checked_clamping(clamping: str) -> str:
     if clamping not in SUPPORTS:
         raise SolverError(f"must be one of {', '.join(SUPPORTS)}, got {clamping}", "clamping")
     return clamping

@@ -41,13 +41,13 @@ def refusal(
     wanted = f"{spec.resolution} taxels on {number(pad.width_mm)} x {number(pad.depth_mm)} mm"
     # A cure that makes room for evenly spread resonances makes room for optimised ones, too, and is found faster.
     cures = _cures(replace(spec, spacing="spread") if spec.spacing == "optimised" else spec, limit)
-    found = list(islice((cure for cure in cures if _works(planned, cure)), MOST_NAMED))
+    found = list(islice((cure for cure in cures if _plans_without_error(planned, cure)), MOST_NAMED))
     nothing = "" if found else "; no single change that was tried would do: washer, printer, beams, pad, taxels"
     sentence = f"{wanted} cannot be laid out: {'; '.join(_reasons(spec, options, limit))}{nothing}"
     return InfeasibleError(sentence, where, found)
 
 
-def _works(planned: Callable[[Cure], Any], cure: Cure) -> bool:
+def _plans_without_error(planned: Callable[[Cure], Any], cure: Cure) -> bool:
     try:
         return not any(finding.level == "error" for finding in planned(cure).findings)
     except PadgenError:
@@ -121,19 +121,23 @@ def _no_beam(spec: Spec, layout: Layout) -> str:
 
 def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
     """Yield cures after which the parts have room: another grid, washer, printer or pad, freer beams, fewer taxels."""
-    if spec.coil.grid and (found := _holds(spec, limit, {"coil.grid": None})):
+    if spec.coil.grid and (found := _best_layout(spec, limit, {"coil.grid": None})):
         yield {"coil.grid": [found.rows, found.columns]}
     sizes = {name: float(entry["outer_diameter_mm"]) for name, entry in catalogue("washer").items()}
     smaller = [name for name, size in sizes.items() if size < spec.washer.outer_diameter_mm]
-    yield from _first(spec, limit, [{"washer": name} for name in sorted(smaller, key=lambda name: -sizes[name])])
+    yield from _first_with_room(
+        spec, limit, [{"washer": name} for name in sorted(smaller, key=lambda name: -sizes[name])]
+    )
     printers = catalogue("printer").values()
     finer = [entry for entry in printers if entry["line_width_mm"] < spec.printer.line_width_mm]
-    yield from _first(spec, limit, [{"printer": e["name"]} for e in finer if e["process"] == spec.printer.process])
+    yield from _first_with_room(
+        spec, limit, [{"printer": e["name"]} for e in finer if e["process"] == spec.printer.process]
+    )
     for item in fields(Suspension):
         if getattr(spec.suspension, item.name) != item.default:
-            yield from _first(spec, limit, [{f"suspension.{item.name}": item.default}])
+            yield from _first_with_room(spec, limit, [{f"suspension.{item.name}": item.default}])
     sides = ("width_mm", "depth_mm")
-    yield from _first(
+    yield from _first_with_room(
         spec,
         limit,
         [
@@ -147,15 +151,15 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
     if spec.coil.grid:
         coils = spec.coil.grid[0] * spec.coil.grid[1]
         most = min(limit, (spec.resolution - 1) // coils)
-        yield from _first(spec, limit, [{"resolution": coils * count} for count in range(most, 0, -1)])
+        yield from _first_with_room(spec, limit, [{"resolution": coils * count} for count in range(most, 0, -1)])
 
 
-def _first(spec: Spec, limit: int, cures: list[Cure]) -> Iterator[Cure]:
+def _first_with_room(spec: Spec, limit: int, cures: list[Cure]) -> Iterator[Cure]:
     """Yield the first of `cures` after which the parts have room, if there is one."""
-    yield from islice((cure for cure in cures if _holds(spec, limit, cure)), 1)
+    yield from islice((cure for cure in cures if _best_layout(spec, limit, cure)), 1)
 
 
-def _holds(spec: Spec, limit: int, cure: Cure) -> Layout | None:
+def _best_layout(spec: Spec, limit: int, cure: Cure) -> Layout | None:
     """Return the best layout of the spec with a cure, or None if no layout has room."""
     try:
         other = varied(spec, cure)

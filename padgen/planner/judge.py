@@ -42,7 +42,7 @@ def judge(plan: Plan) -> tuple[Finding, ...]:
     spec = plan.spec
     found = [
         *(found for own in plan.sets for found in _spacing(spec, own)),
-        *_targets(spec, plan.channels),
+        *_off_target(spec, plan.channels),
         *_bed(spec),
         *judge_drive(plan),
         *_prints(plan),
@@ -50,7 +50,7 @@ def judge(plan: Plan) -> tuple[Finding, ...]:
         *_recess(spec),
         *_modes(plan),
         *_mechanics(plan),
-        *_places(plan),
+        *_empty_places(plan),
         *judge_pitch(plan),
         *judge_touch(plan),
         *judge_left_out(spec, plan.left_out),
@@ -73,7 +73,7 @@ def _spacing(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Finding]:
             )
 
 
-def _targets(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Finding]:
+def _off_target(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Finding]:
     """Warn of resonances off their targets by over `SPACING_SHARE` of a slot, and reject those outside the band.
 
     Beams print in steps of width. At a large Q, or where these steps are coarse, a step moves a resonance that far.
@@ -229,11 +229,11 @@ def _mechanics(plan: Plan) -> Iterator[Finding]:
                 f" {number(spec.material.fatigue_stress_mpa)} MPa for long",
                 lower_level(spec, spec.material.fatigue_stress_mpa / channel.root_stress_mpa),
             )
-        if doubt := _doubt(spec, channel):
+        if doubt := _model_doubt(spec, channel):
             yield Finding("warning", "model.error", where, doubt)
 
 
-def _doubt(spec: Spec, channel: Channel) -> str:
+def _model_doubt(spec: Spec, channel: Channel) -> str:
     """Say why the resonance is known less well than asked; empty where it is known well enough."""
     error, asked = channel.model_error, spec.model.tolerance
     if channel.model == "solid":
@@ -309,7 +309,7 @@ def _more_room(spec: Spec, travel_mm: float) -> tuple[dict[str, float], ...]:
     return (*wider, *lower_level(spec, 0.5), *lower_level(spec, 0.1))
 
 
-def _places(plan: Plan) -> Iterator[Finding]:
+def _empty_places(plan: Plan) -> Iterator[Finding]:
     places = plan.coils.rows * plan.coils.columns * len(plan.sets[0])
     if places > len(plan.taxels):
         yield Finding(

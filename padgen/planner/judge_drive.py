@@ -30,7 +30,7 @@ def judge_drive(plan: Plan) -> Iterator[Finding]:
     yield from _unequal_pull(plan)
     yield from _snapping(plan)
     yield from _leak(plan)
-    yield from _unsure(plan)
+    yield from _unsure_pull(plan)
     yield from _limits(plan)
     yield from _softening(plan)
     yield from _beats(plan)
@@ -41,14 +41,14 @@ def _selectivity(plan: Plan) -> Iterator[Finding]:
     figures = plan.selectivity
     kept, one_hot = figures.kept_db, figures.one_hot_db
     if one_hot is None or kept is None:
-        return  # one channel has no other
+        return  # a single channel has no selectivity
     bound = figures.asked_db
     if one_hot < bound:
         yield Finding(
             "warning",
             "selectivity.one_hot",
             "coil",
-            f"with one channel on, an OFF taxel vibrates {_below(one_hot)} than the ON one, asked are"
+            f"with one channel on, an OFF taxel vibrates {_quieter(one_hot)} than the ON one, asked are"
             f" {bound:.1f} dB less",
         )
     if kept < bound:
@@ -58,13 +58,13 @@ def _selectivity(plan: Plan) -> Iterator[Finding]:
             "selectivity.all_states",
             f"state {figures.worst_state}",
             f"in this worst state (lowest channel first, 1 is ON) with drive = {figures.drive!r} an OFF taxel vibrates"
-            f" {_below(kept)} than an ON one{', unequal pull and all modes counted' if placed else ''}, asked are"
+            f" {_quieter(kept)} than an ON one{', unequal pull and all modes counted' if placed else ''}, asked are"
             f" {bound:.1f} dB less",
-            _better(plan),
+            _selectivity_cures(plan),
         )
 
 
-def _better(plan: Plan) -> tuple[dict[str, Any], ...]:
+def _selectivity_cures(plan: Plan) -> tuple[dict[str, Any], ...]:
     """Return cures that may keep the asked selectivity: other drive schemes, those that take turns last, and grids."""
     asked, schemes = (
         plan.selectivity.asked_db,
@@ -83,7 +83,7 @@ def _better(plan: Plan) -> tuple[dict[str, Any], ...]:
     return (*ways, *({"coil.grid": [o.rows, o.columns]} for o in grids))
 
 
-def _below(level_db: float) -> str:
+def _quieter(level_db: float) -> str:
     return f"{abs(level_db):.1f} dB {'less' if level_db >= 0 else 'more'}"
 
 
@@ -98,7 +98,7 @@ def _unequal_pull(plan: Plan) -> Iterator[Finding]:
             "selectivity.pull",
             "coil",
             f"the washer nearest to a coil's axis is pulled {number(max(pull) / min(pull))} times as strongly as the"
-            f" farthest: with one channel on, an OFF taxel vibrates {_below(figures.placed_one_hot_db)} than the ON"
+            f" farthest: with one channel on, an OFF taxel vibrates {_quieter(figures.placed_one_hot_db)} than the ON"
             " one",
         )
 
@@ -122,7 +122,11 @@ def _leak(plan: Plan) -> Iterator[Finding]:
     if step is None or apart is None or step >= asked:
         return
     short = apart < asked
-    kept = f"re-tuned, {_below(apart)}" if short else f"re-tuned {_below(apart)} and by the driver table {_below(step)}"
+    kept = (
+        f"re-tuned, {_quieter(apart)}"
+        if short
+        else f"re-tuned {_quieter(apart)} and by the driver table {_quieter(step)}"
+    )
     yield Finding(
         "warning" if short else "note",
         "coil.leak",
@@ -132,7 +136,7 @@ def _leak(plan: Plan) -> Iterator[Finding]:
     )
 
 
-def _unsure(plan: Plan) -> Iterator[Finding]:
+def _unsure_pull(plan: Plan) -> Iterator[Finding]:
     for channel in plan.channels:
         if channel.force_error > UNSURE:
             yield Finding(

@@ -126,7 +126,7 @@ def _costly(
         gain[kept.off, k] = 0.0
         costs_db = all_states(which, scheme, modes._replace(gain=gain)).db - kept.db
         if costs_db > MODES_DB:
-            heard = felt_energy(_alone(modes, kept.off, k), slice(None), lines.hz)[0] * lines.amplitude**2
+            heard = felt_energy(_single_mode(modes, kept.off, k), slice(None), lines.hz)[0] * lines.amplitude**2
             heard *= (lines.first != kept.off) & (lines.second != kept.off)
             yield _crowd(own, which, modes, lines, (kept.off, k, int(heard.argmax())))._replace(costs_db=costs_db)
 
@@ -136,7 +136,7 @@ def _others(channel: Channel) -> list[int]:
     return [k for k in range(len(channel.modes_hz)) if k != working]
 
 
-def _alone(modes: ModalTaxels, i: int, k: int) -> ModalTaxels:
+def _single_mode(modes: ModalTaxels, i: int, k: int) -> ModalTaxels:
     return ModalTaxels(modes.frequency_hz[[i]][:, [k]], modes.q[[i]], modes.gain[[i]][:, [k]], modes.left_out[[i]])
 
 
@@ -154,7 +154,7 @@ def _crowd(
         hz,
         line_hz,
         KINDS[lines.kind[line]].format(*makers),
-        ratio * float(np.sqrt(felt_energy(_alone(modes, i, k), slice(None), np.array([hz]))[0, 0])),
+        ratio * float(np.sqrt(felt_energy(_single_mode(modes, i, k), slice(None), np.array([hz]))[0, 0])),
         ratio * float(np.sqrt(felt_energy(modes, slice(i, i + 1), np.array([line_hz]))[0, 0])),
         bool(lines.kind[line]),
     )
@@ -165,7 +165,7 @@ def judge_modes(plan: Plan) -> Iterator[Finding]:
     spec = plan.spec
     found = crowds(spec, plan.channels, plan.scheme)
     cures = tuple(_cures(plan, found)) if found else ()
-    yield from _silent(plan, found)
+    yield from _unexcited(plan, found)
     for crowd in found:
         name = mode_names(spec, plan.channels[crowd.channel])[crowd.mode]
         cost = f", and costs {crowd.costs_db:.1f} dB, at most {number(MODES_DB)}" if crowd.costs_db else ""
@@ -196,7 +196,7 @@ def judge_modes(plan: Plan) -> Iterator[Finding]:
         )
 
 
-def _silent(plan: Plan, found: Sequence[Crowd]) -> Iterator[Finding]:
+def _unexcited(plan: Plan, found: Sequence[Crowd]) -> Iterator[Finding]:
     loud = {(crowd.channel, crowd.hz) for crowd in found}
     silent = [(c, other) for c, other in modes_in_slots(plan) if (c.index, c.second_mode_hz) not in loud]
     if silent:

@@ -86,7 +86,7 @@ def candidates(spec: Spec, channel_limit: int) -> list[Layout]:
         if 0 <= rows * columns * channels - wanted < rows * columns
         for layout in _divisions(spec, rows, columns, channels, wanted)
     ]
-    spare = [_spare_mm(spec, layout) for layout in bare]
+    spare = [_margin_bound_mm(spec, layout) for layout in bare]
     least = sorted(spare, reverse=True)[min(len(spare), NEAR_MISSES) - 1] if spare else 0.0
     found = [
         replace(layout, slacks=_slacks(spec, layout))
@@ -119,7 +119,7 @@ def whole_grids(spec: Spec, channel_limit: int) -> Iterator[Layout]:
                 size = layout.sub_width_mm, layout.sub_depth_mm
                 # Many layouts share a size of sub-cell; that their pitch holds the coil is known.
                 if size not in spare:
-                    spare[size] = _spare_mm(spec, layout)
+                    spare[size] = _margin_bound_mm(spec, layout)
                 work += 1
                 if spare[size] >= -SLACK_MM:
                     work += channels
@@ -224,16 +224,16 @@ def _sides_mm(spec: Spec, layout: Layout) -> tuple[float, float]:
     return (width, depth) if layout.beam_axis == "x" else (depth, width)
 
 
-def _spare_mm(spec: Spec, layout: Layout) -> float:
+def _margin_bound_mm(spec: Spec, layout: Layout) -> float:
     """Return an upper bound of a layout's margin in mm, quickly: without the places of its washers."""
-    return min(slack for _, slack in _fits(spec, layout, Room(*_sides_mm(spec, layout))))
+    return min(slack for _, slack in _part_slacks(spec, layout, Room(*_sides_mm(spec, layout))))
 
 
 def _slacks(spec: Spec, layout: Layout) -> tuple[tuple[str, float], ...]:
-    return *_fits(spec, layout, room(spec, layout)), ("reach", _reach_slack_mm(spec, layout))
+    return *_part_slacks(spec, layout, room(spec, layout)), ("reach", _reach_slack_mm(spec, layout))
 
 
-def _fits(spec: Spec, layout: Layout, inside: Room) -> tuple[tuple[str, float], ...]:
+def _part_slacks(spec: Spec, layout: Layout, inside: Room) -> tuple[tuple[str, float], ...]:
     """Return slacks in mm: of the coil in its pitch, and of beam and plate in the room inside a sub-cell."""
     gap, plate = spec.printer.smallest_gap_mm, plate_shape(spec)
     pitch = min(spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows)
@@ -306,7 +306,7 @@ def place(spec: Spec, layout: Layout, centre: tuple[float, float], arrangement: 
     near = np.array([sign * (middle + _clip(-sign * u - middle, slide)) + u, v + _clip(-v, slide_across)])
     far = np.array([sign * middle + u, v])
     far += np.copysign([slide, slide_across], far) * (np.abs(far) > SLACK_MM)
-    washer_u, washer_v = near + _share_to(layout.ring_mm, near, far - near) * (far - near)
+    washer_u, washer_v = near + _share_to_ring(layout.ring_mm, near, far - near) * (far - near)
     origin_u, origin_v = round(float(washer_u) - sign * washer_x_mm, 6), round(float(washer_v), 6)
     washer_u, start = origin_u + sign * washer_x_mm, sign * (origin_u - u)
     along = ("+" if sign > 0 else "-") + layout.beam_axis
@@ -318,7 +318,7 @@ def place(spec: Spec, layout: Layout, centre: tuple[float, float], arrangement: 
     return Site(centre, origin, washer, along, hypot(*washer), round(depth, 6))
 
 
-def _share_to(ring_mm: float, near: np.ndarray, way: np.ndarray) -> float:
+def _share_to_ring(ring_mm: float, near: np.ndarray, way: np.ndarray) -> float:
     """Return the share of `way`, from `near` on, after which the distance from the axis is `ring_mm`; at most 1."""
     short, length = ring_mm**2 - float(near @ near), float(way @ way)
     if short <= 0 or not length:

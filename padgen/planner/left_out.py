@@ -175,7 +175,7 @@ def _size(entry: LeftOut) -> float:
     return inf if entry.bound is None else entry.bound
 
 
-def _worst(term: str, of: str, channels: Sequence[Channel], bound: np.ndarray) -> LeftOut:
+def _worst_channel(term: str, of: str, channels: Sequence[Channel], bound: np.ndarray) -> LeftOut:
     """Return the entry of an effect for the channel with the largest `bound` (n,)."""
     at = int(np.argmax(bound))
     largest = float(bound[at]) if isfinite(bound[at]) else None
@@ -197,7 +197,7 @@ def _inertia(plan: Plan) -> LeftOut:
             np.array([getattr(channels[k], name) for k in own]) for name in ("mode_motions", "modes_hz", "mode_shares")
         )
         bound[own] = beam_inertia(model.placements, motion, model.washer_point_m, hz, shares.argmax(1), *elastic)
-    return replace(_worst("beam inertia", "resonance", channels, bound), computed=not beams)
+    return replace(_worst_channel("beam inertia", "resonance", channels, bound), computed=not beams)
 
 
 def _stretching(plan: Plan) -> LeftOut:
@@ -207,7 +207,7 @@ def _stretching(plan: Plan) -> LeftOut:
     ).T
     pulled = resonance_rise(alpha, level, sag + static)
     bound = pulled - shift + HARDENING_SHARE * pulled
-    return replace(_worst("stretching", "resonance", plan.channels, bound), computed=True)
+    return replace(_worst_channel("stretching", "resonance", plan.channels, bound), computed=True)
 
 
 def _air(plan: Plan) -> Iterator[LeftOut]:
@@ -221,7 +221,7 @@ def _air(plan: Plan) -> Iterator[LeftOut]:
     """
     spec, channels = plan.spec, plan.channels
     below, coil = plan.plate.recess_depth_mm - spec.washer.thickness_mm, spec.coil.outer_diameter_mm / 2 * MM
-    area, plates, square, most, window = np.array([_swept(plan.arrangement(c), c) for c in channels]).T
+    area, plates, square, most, window = np.array([_moving_area(plan.arrangement(c), c) for c in channels]).T
     mass, stiffness, q, sag, offset = np.array(
         [
             (c.effective_mass_g * GRAM, c.stiffness_n_per_m, c.q, c.sag_um + c.static_um, c.site.coil_distance_mm * MM)
@@ -232,12 +232,12 @@ def _air(plan: Plan) -> Iterator[LeftOut]:
     radius = np.sqrt(area / pi)
     film = pi * radius**4 * (1 + 4 * np.log(np.maximum(window / radius, 1)))
     heavier = AIR_KG_PER_M3 * square * (16 / 3 * radius**3 + film / (8 * height)) / mass
-    yield _worst("air's mass", "resonance", channels, 1 - 1 / np.sqrt(1 + heavier))
+    yield _worst_channel("air's mass", "resonance", channels, 1 - 1 / np.sqrt(1 + heavier))
     # The beams may reach over the coil though their middle does not: all of their area is taken to lie over it.
     over = np.minimum(np.sqrt(_common_radius(np.sqrt(plates / pi), coil, offset) ** 2 + (area - plates) / pi), coil)
     film = pi * over**4 * (1 + 4 * np.log(np.maximum(coil / np.maximum(over, 1e-9), 1)))
     damped = 1.5 * AIR_PA_S * film / height**3 * most**2 * q / np.sqrt(stiffness * mass)
-    yield _worst("air's damping", "Q", channels, damped / (1 + damped))
+    yield _worst_channel("air's damping", "Q", channels, damped / (1 + damped))
 
 
 def _common_radius(radius: np.ndarray, other: float, apart: np.ndarray) -> np.ndarray:
@@ -250,7 +250,7 @@ def _common_radius(radius: np.ndarray, other: float, apart: np.ndarray) -> np.nd
     return np.asarray(np.sqrt((halves[0] + halves[1]) / pi))
 
 
-def _swept(arrangement: Arrangement, channel: Channel) -> tuple[float, ...]:
+def _moving_area(arrangement: Arrangement, channel: Channel) -> tuple[float, ...]:
     """Return figures of the moving area of a taxel, with motions over the washer's.
 
     They are the area of blocks and beams and that of the blocks alone in m², the mean square and the largest motion,
@@ -283,24 +283,24 @@ def _large_motion(plan: Plan) -> LeftOut:
     away, level, length = np.array(
         [((c.sag_um + c.static_um) * UM, c.level_um * UM, c.beam.length_mm * MM) for c in plan.channels]
     ).T
-    return _worst("large slopes", "resonance", plan.channels, resonance_rise(SLOPES / length**2, level, away))
+    return _worst_channel("large slopes", "resonance", plan.channels, resonance_rise(SLOPES / length**2, level, away))
 
 
 def _frame(plan: Plan) -> LeftOut:
     """Bound the effect of the flexible frame: screwed down at its corners or, without holes, glued down."""
     bound = flexibility_bounds(plan, "corners" if plan.spec.pad.hole_diameter_mm else "bottom")
-    return _worst("frame", "resonance", plan.channels, bound)
+    return _worst_channel("frame", "resonance", plan.channels, bound)
 
 
 def _far_modes(plan: Plan) -> Iterator[LeftOut]:
     """Bound the modes that `pull_modes.heard_modes` drops, at the tones of a coil's other channels, all on."""
     if not plan.selectivity.modes_left_out:
         return
-    bound = np.concatenate([_unheard(plan.spec, own) for own in plan.sets])
-    yield _worst("far modes", "OFF amplitude", [channel for own in plan.sets for channel in own], bound)
+    bound = np.concatenate([_far_mode_errors(plan.spec, own) for own in plan.sets])
+    yield _worst_channel("far modes", "OFF amplitude", [channel for own in plan.sets for channel in own], bound)
 
 
-def _unheard(spec: Spec, own: Sequence[Channel]) -> np.ndarray:
+def _far_mode_errors(spec: Spec, own: Sequence[Channel]) -> np.ndarray:
     """Bound the relative error (n,) of OFF amplitudes without far modes, by Cauchy's inequality for each component."""
     line, hz = placed_channels(spec, own).line, np.array([channel.resonance_hz for channel in own])
     every, heard = coil_modes(spec, own), heard_modes(spec, own, line)
@@ -335,17 +335,17 @@ def _magnetic(plan: Plan) -> Iterator[LeftOut]:
     core_t, core_chi_n = core_polarisation(coil)
     lost = 2 * saturation_loss(core_t * peak_a / SATURATION_T, core_chi_n)
     lost = lost + saturation_loss(made.polarisation * peak_a / SATURATION_T, made.chi_n)
-    yield _worst("saturation", "force", channels, np.minimum(lost, 1.0))
+    yield _worst_channel("saturation", "force", channels, np.minimum(lost, 1.0))
     drive = np.array([channel.drive_hz for channel in channels])
     eddies = [2 * core_eddies(coil, RESISTIVITY_OHM_M, f) + washer_eddies(washer, RESISTIVITY_OHM_M, f) for f in drive]
-    yield _worst("eddy currents", "force", channels, np.array(eddies))
+    yield _worst_channel("eddy currents", "force", channels, np.array(eddies))
     shielded, middle = np.zeros(len(channels)), (washer.outer_diameter + washer.inner_diameter) / 4
     for own in _sets(channels, spec):
         place = np.array([channels[k].site.washer_mm for k in own]) * MM
         shielded[own] = mutual_shielding(dipole[own], made.field[own], made.share[:, own], place, middle)
     if shielded.any():
-        yield _worst("shielding", "force", channels, shielded)
-    yield from _moving(plan, channels)
+        yield _worst_channel("shielding", "force", channels, shielded)
+    yield from _motion_effects(plan, channels)
 
 
 def _sets(channels: Sequence[Channel], spec: Spec) -> list[list[int]]:
@@ -354,16 +354,16 @@ def _sets(channels: Sequence[Channel], spec: Spec) -> list[list[int]]:
     return [own for kind in range(spec.coil.sets) if (own := [k for k, of in enumerate(kinds) if of == kind])]
 
 
-def _moving(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut]:
+def _motion_effects(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut]:
     """Bound the effects of the washers' motion on force, resonance, current and ring-down."""
     spec = plan.spec
     level, static, ring_down, ring_up = np.array(
         [(c.level_um, c.static_um, c.ring_down_ms, c.ring_up_ms) for c in channels]
     ).T
     nearer, softer = _pulled(plan, channels)
-    yield _worst("gap", "force", channels, nearer)
-    yield _worst("softening", "resonance", channels, softer)
-    yield _worst("motion", "current", channels, _motional(plan, channels))
+    yield _worst_channel("gap", "force", channels, nearer)
+    yield _worst_channel("softening", "resonance", channels, softer)
+    yield _worst_channel("motion", "current", channels, _motional(plan, channels))
     if not plan.scheme.takes_turns and (ring_down > 0).any():
         pull, stiffness, resonance, q = np.array(
             [(c.force_constant_n_per_a2, c.stiffness_n_per_m, c.resonance_hz, c.q) for c in channels]
@@ -371,7 +371,7 @@ def _moving(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut]:
         pulse = pull * (plan.load.current_peak_ma * MA) ** 2 / stiffness / (level * UM)
         lag = spec.coil.inductance_mh * MH / spec.coil.resistance_ohm
         delay = switching_delay(static / level, pulse, resonance, q, np.exp(ring_down / ring_up), lag)
-        yield _worst("switching", "ring-down", channels, np.where(ring_down > 0, delay, 0.0))
+        yield _worst_channel("switching", "ring-down", channels, np.where(ring_down > 0, delay, 0.0))
 
 
 def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.ndarray]:

@@ -108,7 +108,7 @@ def choose(spec: Spec) -> Choice:
     if choice is None:
         from padgen.planner.infeasible import refusal
 
-        decided = next(_decided(spec))
+        decided = next(_decided_specs(spec))
         limit = channel_limit(decided)
         raise refusal(decided, candidates(decided, limit), limit, partial(_planned_with, spec, None))
     return choice
@@ -117,7 +117,7 @@ def choose(spec: Spec) -> Choice:
 def _searched(spec: Spec, quick: bool = False) -> Choice | None:
     found: list[Choice] = []
     known: dict[tuple[str, ...], list[tuple[Layout, tuple[SizedChannel, ...]]]] = {}
-    for decided in _decided(spec):
+    for decided in _decided_specs(spec):
         # The gap changes no beam, and the drive does only where resonances are optimised for it.
         key = (decided.coil.reuse, decided.drive.scheme if spec.spacing == "optimised" else "")
         if key not in known:
@@ -132,7 +132,7 @@ def _searched(spec: Spec, quick: bool = False) -> Choice | None:
     _refuse_unpulled(best)
     limit = channel_limit(best.spec)
     options = candidates(best.spec, limit)
-    limits = _what_limits(best.spec, options, best.layout, limit)
+    limits = _limiting_name(best.spec, options, best.layout, limit)
     return best._replace(runners_up=_runners_up(best.spec, options, best.layout), limits=limits)
 
 
@@ -149,7 +149,7 @@ def _refuse_unpulled(choice: Choice) -> None:
         )
 
 
-def _decided(spec: Spec) -> Iterator[Spec]:
+def _decided_specs(spec: Spec) -> Iterator[Spec]:
     """Yield `spec` with every combination of reuse, drive and gap that it leaves open, the simplest first."""
     coil, drive = spec.coil, spec.drive
     schemes = SCHEMES_TRIED if spec.leaves_layout_free and drive.scheme == "auto" else (drive.scheme,)
@@ -345,7 +345,7 @@ def _option(spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...]) -> Layo
     return LayoutOption(layout.rows, layout.columns, layout.channels, taxels, layout.margin_mm, kept_db)
 
 
-def _what_limits(spec: Spec, options: list[Layout], layout: Layout, limit: int) -> str:
+def _limiting_name(spec: Spec, options: list[Layout], layout: Layout, limit: int) -> str:
     """Name the limit that keeps this pad from more channels per coil, and so from fewer coils."""
     if spec.resonances_hz:
         return "resonances_hz"

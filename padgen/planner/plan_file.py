@@ -75,7 +75,7 @@ def _read(kind: Any, value: Any, where: str, drawn: bool = False) -> Any:
     if kind is Any:  # the value of a field of the spec
         return value
     if value is None and kind is float and not drawn:
-        return None  # a figure without a finite value is written so
+        return None  # JSON has no infinity: a figure without a finite value is written as null
     allowed, what = KINDS[kind]
     if type(value) not in allowed or (kind is float and not _is_finite(value)):
         raise ValueError(f"{where} must be {what}")

@@ -85,7 +85,7 @@ class Gain:
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """Gain by taking one spread away, with the same random numbers for the others."""
+    """Gain when one spread is taken away, with the same random numbers for the others."""
 
     spread: str
     sigma: float

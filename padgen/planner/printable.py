@@ -63,7 +63,7 @@ def printable_beams(spec: Spec, ideal: Sequence[IdealBeam], target_hz: np.ndarra
             for item in ideal
         ]
     options = [_options(spec, item, float(f)) for item, f in zip(ideal, target_hz, strict=True)]
-    chosen = _told_apart(spec, options, target_hz) if not spec.resonances_hz else [0] * len(options)
+    chosen = _most_selective(spec, options, target_hz) if not spec.resonances_hz else [0] * len(options)
     return [BeamShape(*(float(axis[k]) for axis in o.beam)) for o, k in zip(options, chosen, strict=True)]
 
 
@@ -121,7 +121,7 @@ def _lengths_mm(spec: Spec, item: IdealBeam) -> np.ndarray:
     return np.asarray(around[(around >= shortest - 1e-9) & (around <= longest + 1e-9)])
 
 
-def _told_apart(spec: Spec, options: Sequence[_Options], target_hz: np.ndarray) -> list[int]:
+def _most_selective(spec: Spec, options: Sequence[_Options], target_hz: np.ndarray) -> list[int]:
     """Return the index of the beam that each channel takes of its options.
 
     Each begins with the beam nearest to its target. One channel at a time then takes better beams, until the all-state

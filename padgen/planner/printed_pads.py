@@ -238,7 +238,7 @@ def design_of(plan: Plan, places_mm: np.ndarray | None) -> Design:
         q=np.array([c.q for c in plan.channels]),
         mass_g=mass,
         pull=pull if (pull > 0).all() else np.ones(len(mass)),
-        beside=_beside(plan),
+        beside=_added_off_energy(plan),
         kept=float(10 ** (-max(c.level_loss_db for c in plan.channels) / 10)),
         law=level_law(spec),
         scheme=plan.scheme,
@@ -261,7 +261,7 @@ def work(design: Design) -> float:
     return float(len(STAGES) * sum(np.multiply(each, coils)) + 10 * len(design.channel))
 
 
-def _beside(plan: Plan) -> np.ndarray:
+def _added_off_energy(plan: Plan) -> np.ndarray:
     """Return the energy (2, n) that leakage and other modes add to an OFF taxel, over that of its ON state.
 
     The first row is for all coils in step, as by the driver table, the second for re-tuned coils, each at its own
@@ -357,13 +357,13 @@ def _waves(place_mm: np.ndarray, length_mm: float) -> np.ndarray:
     nodes = place_mm
     if count < len(place_mm):
         nodes = np.linspace(place_mm.min() - length_mm, place_mm.max() + length_mm, count)
-    size, shape = np.linalg.eigh(_alike(nodes, nodes, length_mm))
+    size, shape = np.linalg.eigh(_correlation(nodes, nodes, length_mm))
     kept = size > SMALLEST_WAVE * size.max()
-    waves: np.ndarray = _alike(place_mm, nodes, length_mm) @ shape[:, kept] / np.sqrt(size[kept])
+    waves: np.ndarray = _correlation(place_mm, nodes, length_mm) @ shape[:, kept] / np.sqrt(size[kept])
     return waves
 
 
-def _alike(one_mm: np.ndarray, other_mm: np.ndarray, length_mm: float) -> np.ndarray:
+def _correlation(one_mm: np.ndarray, other_mm: np.ndarray, length_mm: float) -> np.ndarray:
     alike: np.ndarray = np.exp(-(((one_mm[:, None] - other_mm) / length_mm) ** 2))
     return alike
 

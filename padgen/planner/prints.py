@@ -26,7 +26,7 @@ NOT_PRINTED = Prints(None, None, None, None, 0.0, 0.0, 0, None, 1.0, 0.0, ())
 def what_prints_keep(plan: Plan, quick: bool = False) -> Prints:
     """Simulate prints of `plan`, always the same ones, until the estimate is sure; with `quick` only a few."""
     design = design_of(plan, None)
-    return _simulated(plan, design, QUICK_PADS, STAGES) if quick else _sure(plan, design, STAGES)
+    return _simulated(plan, design, QUICK_PADS, STAGES) if quick else _simulated_until_sure(plan, design, STAGES)
 
 
 def compared_prints(plan: Plan, least_db: float) -> tuple[float, Prints]:
@@ -42,11 +42,11 @@ def compared_prints(plan: Plan, least_db: float) -> tuple[float, Prints]:
         return paper_db, NOT_PRINTED
     prints = _simulated(plan, design, QUICK_PADS, stages)
     if 0 < prints.good_share < plan.spec.print_share + CLOSE:
-        prints = _sure(plan, design, stages)
+        prints = _simulated_until_sure(plan, design, stages)
     return paper_db, prints
 
 
-def _sure(plan: Plan, design: Design, stages: tuple[str, ...]) -> Prints:
+def _simulated_until_sure(plan: Plan, design: Design, stages: tuple[str, ...]) -> Prints:
     first, most = (int(max(limit / work(design), FEWEST)) for limit in (WORK, MOST_WORK))
     prints = _simulated(plan, design, min(PADS, first), stages)
     unsure = max(prints.error_share / SURE_SHARE, (prints.error_db or 0.0) / SURE_DB) ** 2
@@ -75,13 +75,13 @@ def _simulated(plan: Plan, design: Design, made: int, stages: tuple[str, ...]) -
         good_taxel_share=taxels,
         pads=made,
         error_db=float(kept[-1, high] - kept[-1, low]) / 2 if heard else None,
-        error_share=_half_width(good, made),
+        error_share=_wilson_half_width(good, made),
         ratio_spread=ratio_spread(design, spreads),
         coil_shares=tuple(of_coils.get(divmod(k, columns), 1.0) for k in range(plan.coils.rows * columns)),
     )
 
 
-def _half_width(share: float, made: int) -> float:
+def _wilson_half_width(share: float, made: int) -> float:
     """Return half of Wilson's 95 % interval of a share among `made`."""
     z2 = CONFIDENT**2
     return CONFIDENT * sqrt(share * (1 - share) / made + z2 / (4 * made**2)) / (1 + z2 / made)

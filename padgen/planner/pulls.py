@@ -48,7 +48,7 @@ def pulls(spec: Spec, gap_m: np.ndarray, offset_m: np.ndarray) -> PullAt:
             result[:, among] = table.at(gap_m[among], offset_m[among])
             missing[among] = False
 
-    answer(_brought(*parts), missing)
+    answer(_shipped_table(*parts), missing)
     part = pull_range(gap_m)
     for offset, k in sorted(set(zip(offset_m[missing].tolist(), part[missing].tolist(), strict=True))):
         answer(_own(*parts, k, offset), (offset_m == offset) & (part == k))
@@ -60,7 +60,7 @@ def pull_range(gap_m: np.ndarray) -> np.ndarray:
     return np.floor(np.log(gap_m / LOW) / log(RANGE)).astype(int)
 
 
-_brought = lru_cache(maxsize=64)(brought_table)
+_shipped_table = lru_cache(maxsize=64)(brought_table)
 
 
 @lru_cache(maxsize=1024)

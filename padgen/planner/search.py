@@ -43,7 +43,7 @@ def sized_layouts(spec: Spec, options: Iterable[Layout]) -> Iterator[tuple[Layou
         channels = _beams(spec, layout)
         if channels and _within_reach(spec, layout, channels):
             seen.add(key)
-            yield _evened(spec, layout, channels), channels
+            yield _with_even_pull(spec, layout, channels), channels
 
 
 def _within_reach(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> bool:
@@ -52,13 +52,13 @@ def _within_reach(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]
     return max(site.coil_distance_mm for site in sites) <= coil_reach_mm(spec) + SLACK_MM
 
 
-def _evened(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> Layout:
+def _with_even_pull(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> Layout:
     """Return the layout with near washers moved off the coil's axis, if a more even pull gains over `WORTH_DB`."""
     distances = [site.coil_distance_mm for site in sites_of(spec, layout, channels)]
     if len(channels) < 2 or max(distances) - min(distances) < ALIKE_MM:
         return layout
     rings = [replace(layout, ring_mm=round(share * max(distances), 6)) for share in RINGS]
-    kept_db = [_keeps(spec, ring, channels)[-1] for ring in rings]
+    kept_db = [_selectivity_key(spec, ring, channels)[-1] for ring in rings]
     best = max(range(len(rings)), key=lambda k: kept_db[k])
     return rings[best] if kept_db[best] > kept_db[0] + WORTH_DB else layout
 
@@ -78,7 +78,7 @@ def _beams(spec: Spec, layout: Layout) -> tuple[SizedChannel, ...] | None:
     options = _sized(replace(spec, coil=replace(spec.coil, gap_mm=1.0)), layout.channels, room(spec, layout))
     if len(options) < 2:
         return options[0] if options else None
-    return max(options, key=lambda channels: _keeps(spec, layout, channels))
+    return max(options, key=lambda channels: _selectivity_key(spec, layout, channels))
 
 
 @lru_cache(maxsize=64)
@@ -88,7 +88,7 @@ def _sized(spec: Spec, count: int, space: Room) -> tuple[tuple[SizedChannel, ...
     return tuple(sized if spec.spacing == "optimised" else islice(sized, 1))
 
 
-def _keeps(spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...]) -> tuple[bool, int, float]:
+def _selectivity_key(spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...]) -> tuple[bool, int, float]:
     """Return a sort key: whether the asked selectivity is kept, how simple the drive is, and the dB kept."""
     figures = plan_selectivity(spec, plan_channels(spec, sized, sites_of(spec, layout, sized)))
     kept_db = inf if figures.kept_db is None else figures.kept_db

@@ -23,7 +23,7 @@ def scheme_named(spec: Spec, name: str) -> Scheme:
 
 
 def scheme_for(spec: Spec, resonance_hz: np.ndarray) -> Scheme:
-    """Return the scheme that resonances are chosen for: the spec's own one.
+    """Return the scheme for which resonances are chosen: the one in the spec.
 
     For 'auto' it is plain tones if these keep the asked selectivity, else spur-free.
     """

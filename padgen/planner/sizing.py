@@ -118,13 +118,13 @@ def layer_thicknesses_mm(printer: Printer, largest_mm: float) -> np.ndarray:
 
 def reach(spec: Spec, topology: str, room: Room) -> Reach | None:
     """Return the `Reach` of `topology` in `room`, or None where no such beam fits."""
-    found = _reach(_of_one_taxel(spec), topology, room, SUSPENSIONS.changes)
+    found = _reach(_beam_fields_only(spec), topology, room, SUSPENSIONS.changes)
     # Resonances are exactly proportional to the root of the modulus.
     root = sqrt(spec.material.youngs_modulus_gpa)
     return found and replace(found, resonance_hz=found.resonance_hz * root)
 
 
-def _of_one_taxel(spec: Spec) -> Spec:
+def _beam_fields_only(spec: Spec) -> Spec:
     """Reduce `spec` to the fields that affect a taxel's grid of beams, so that variants share one cached grid.
 
     The modulus becomes 1 GPa, since resonances go with its root.
@@ -188,7 +188,9 @@ def size_channels(spec: Spec, room: Room, resonance_hz: tuple[float, ...]) -> tu
     for tried, channels in enumerate(_solved(spec, _choices(spec, reaches, targets), targets)):
         if channels is None:
             continue
-        if not crowded_modes(spec, channels) and not any(_doubled(spec, channel.model) for channel in channels):
+        if not crowded_modes(spec, channels) and not any(
+            _has_doubled_mode(spec, channel.model) for channel in channels
+        ):
             return channels
         first = first or channels
         if tried >= min(TRIES * len(_STEPS), MOST_BEAMS // len(targets)):
@@ -305,7 +307,7 @@ def _ideal_beams(spec: Spec, choices: list[list[Pick]], targets: np.ndarray) -> 
             np.array([p[0].length_mm[p[2]] for p in chosen]),
         )
         spans = np.array([p[0].width_mm[p[1], p[2], [0, -1]] for p in chosen])
-        beam, found = _width_solved(spec, name, beam, (spans[:, 0], spans[:, 1]), targets[index], group)
+        beam, found = _solve_widths(spec, name, beam, (spans[:, 0], spans[:, 1]), targets[index], group)
         reached = np.abs(found / targets[index] - 1) <= RESONANCE_TOLERANCE
         for k, (c, i, pick) in enumerate(own):
             lengths, width = pick[0].length_mm, (float(spans[k, 0]), float(spans[k, 1]))
@@ -330,7 +332,7 @@ RESONANCE_TOLERANCE = 2e-3
 """Relative error of a resonance up to which a solved width is accepted; rounding to the printer's steps adds to it."""
 
 
-def _width_solved(
+def _solve_widths(
     spec: Spec,
     topology: str,
     beam: BeamShape,
@@ -363,7 +365,7 @@ def _width_solved(
     return beam, TaxelModel(spec, topology, plate, beam).resonance_hz
 
 
-def _doubled(spec: Spec, model: TaxelModel) -> bool:
+def _has_doubled_mode(spec: Spec, model: TaxelModel) -> bool:
     """Return whether another mode of beams with bends lies within the half-power width of the working one.
 
     Without a plane of symmetry two such modes mix.

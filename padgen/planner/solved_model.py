@@ -50,7 +50,7 @@ class SolvedModel(TaxelModel):
     @property
     def sag_m(self) -> np.ndarray:
         """Sag in m of the washer under the weight of the taxel."""
-        return np.asarray(self.beam_model.sag_m / self._stiffer)
+        return np.asarray(self.beam_model.sag_m / self._stiffness_ratio)
 
     @property
     def hardening_per_m2(self) -> np.ndarray:
@@ -59,10 +59,10 @@ class SolvedModel(TaxelModel):
 
     def root_stress_pa(self, level_m: np.ndarray) -> np.ndarray:
         """Return the largest bending stress in Pa of the beams when the washer moves by `level_m`."""
-        return np.asarray(self.beam_model.root_stress_pa(level_m) * self._stiffer)
+        return np.asarray(self.beam_model.root_stress_pa(level_m) * self._stiffness_ratio)
 
     @property
-    def _stiffer(self) -> np.ndarray:
+    def _stiffness_ratio(self) -> np.ndarray:
         return np.asarray(self.stiffness_n_per_m / self.beam_model.stiffness_n_per_m)
 
 

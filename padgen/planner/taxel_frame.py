@@ -95,18 +95,18 @@ class _Builder:
         self.roots.append(nodes[0])
         for (start, end), (low, high) in zip(pairwise(nodes), pairwise(at), strict=True):
             piece = path.segments[int(np.searchsorted(before, (low + high) / 2)) - 1]
-            self.bar(start, end, self._slice(section, (low + high) / 2, piece))
-        self._hinge(section, len(nodes) - 1)
+            self.bar(start, end, self._section_at(section, (low + high) / 2, piece))
+        self._add_hinges(section, len(nodes) - 1)
         return nodes[-1]
 
-    def _hinge(self, section: BeamSection, count: int) -> None:
-        """Give the beam made of the last `count` elements hinges at both ends, as compliant as what holds the ends."""
+    def _add_hinges(self, section: BeamSection, count: int) -> None:
+        """Add hinges at both ends of a beam, the last `count` elements, as compliant as the parts that hold it."""
         parts = flexibility(section, self.modulus, self.poisson)
         root, tip = self.elements[-count], self.elements[-1]
         self.elements[-count] = root._replace(hinge_start=(float(parts.root), float(parts.lateral_root)))
         self.elements[-1] = tip._replace(hinge_end=(float(parts.tip), float(parts.lateral_tip)))
 
-    def _slice(self, section: BeamSection, at: float, piece: Segment) -> Section:
+    def _section_at(self, section: BeamSection, at: float, piece: Segment) -> Section:
         """Return the section at `at` m from the root, on a `piece` of the path.
 
         The compliance of the beam's ends in shear and twist is spread along the beam.
@@ -140,19 +140,19 @@ class _Builder:
             outer = self.node(np.array([middle_x, y, height / 2]))
             self.bar(inner, outer, bar)
             joint.append(inner)
-            bodies.append(AttachedBody(self._bare(outer), (tip, outer)))
+            bodies.append(AttachedBody(self._massless_joint(outer), (tip, outer)))
         fast = self.node(np.array([float(neck.low_x_mm) * MM, 0.0, height / 2]))
         end = self.node(np.array([float(neck.high_x_mm) * MM, 0.0, height / 2]))
         self.bar(fast, end, rectangle(2 * half_neck, height, self.poisson))
-        bodies.append(AttachedBody(self._middle(crossbar, half_neck), (end, *joint)))
+        bodies.append(AttachedBody(self._crossbar_middle(crossbar, half_neck), (end, *joint)))
         return [AttachedBody(self.model.body_of([plate]), (fast,)), *bodies]
 
-    def _middle(self, crossbar: Block, half_neck: float) -> RigidBody:
+    def _crossbar_middle(self, crossbar: Block, half_neck: float) -> RigidBody:
         """Return the middle of the crossbar as a rigid body, as wide as the neck that is attached to it."""
         low, high = float(crossbar.low_x_mm) * MM, float(crossbar.high_x_mm) * MM
         height = float(crossbar.height_mm) * MM
         return box((low, -half_neck, 0.0), (high, half_neck, height), self.density)
 
-    def _bare(self, node: int) -> RigidBody:
+    def _massless_joint(self, node: int) -> RigidBody:
         """Return a body without mass at a node, to join elements there."""
         return RigidBody(np.zeros(()), self.nodes[node], np.zeros((3, 3)))

@@ -84,7 +84,7 @@ def fillet_mm(spec: Spec, arrangement: Arrangement) -> Any:
     return np.clip(np.minimum(arrangement.root_clearance_mm, short), 0, spec.taxel.fillet_mm)
 
 
-def _of_array(method: "Callable[[TaxelModel], np.ndarray]") -> "Callable[[TaxelModel], np.ndarray]":
+def _from_array(method: "Callable[[TaxelModel], np.ndarray]") -> "Callable[[TaxelModel], np.ndarray]":
     """Make a method take its value from the array's model where the taxel belongs to one (`member_of`)."""
 
     @wraps(method)
@@ -168,7 +168,7 @@ class TaxelModel:
             pieces = () if path.is_straight else tuple((s.length_mm * MM, s.turn_rad) for s in path.segments)
             across = self.spec.material.cross_layer_ratio
             bare = BeamSection(width, thickness, path.length_mm * MM, fillet, path=pieces, across=across)
-            section = next((p.section for p in placements if _alike(p.section, bare)), None)
+            section = next((p.section for p in placements if _same_section(p.section, bare)), None)
             if section is None:
                 section = on_elastic_ends(bare, self._surroundings, self.spec.material.poisson_ratio)
             tip = path.corners[-1]
@@ -216,7 +216,7 @@ class TaxelModel:
         return np.stack([x, 0 * x, 0 * x], -1)
 
     @cached_property
-    @_of_array
+    @_from_array
     def compliances(self) -> np.ndarray:
         """Static compliance (…, 6) in m/N that each mode adds to a vertical force at the washer."""
         vertical = self.modes.at_point(self.washer_point_m)[..., 2, :]
@@ -224,31 +224,31 @@ class TaxelModel:
         return vertical**2 / angular**2
 
     @cached_property
-    @_of_array
+    @_from_array
     def working(self) -> np.ndarray:
         """Index (…,) of the working mode: the one that a vertical pull on the washer moves most."""
         return np.asarray(self.compliances.argmax(-1))
 
     @cached_property
-    @_of_array
+    @_from_array
     def resonance_hz(self) -> np.ndarray:
         """Resonance (…,) of the working mode."""
         return _take(self.modes.frequency_hz, self.working)
 
     @cached_property
-    @_of_array
+    @_from_array
     def stiffness_n_per_m(self) -> np.ndarray:
         """Stiffness (…,) of the working mode at the washer."""
         return 1 / _take(self.compliances, self.working)
 
     @cached_property
-    @_of_array
+    @_from_array
     def effective_mass_kg(self) -> np.ndarray:
         """Mass (…,) of the working mode at the washer."""
         return self.stiffness_n_per_m / (2 * np.pi * self.resonance_hz) ** 2
 
     @cached_property
-    @_of_array
+    @_from_array
     def rule_hz(self) -> np.ndarray:
         """Resonance (…,) by the paper's point-mass rule (Eq. 1-2): the whole body at the beam's tip."""
         rule = suspension(self.topology)
@@ -257,7 +257,7 @@ class TaxelModel:
         return np.asarray(natural_frequency(rule.BEAMS * one, self.body.mass))
 
     @cached_property
-    @_of_array
+    @_from_array
     def sag_m(self) -> np.ndarray:
         """Sag (…,) of the washer under the weight of body and beams."""
         return self.modes.sag(self.washer_point_m)
@@ -296,7 +296,7 @@ class TaxelModel:
             return STRAIGHT
         step = np.exp(STEP * np.concatenate([np.eye(3), -np.eye(3)]))
         near = TaxelModel(self.spec, self.topology, self.plate, BeamShape(*(np.array(self.beam) * step).T))
-        # At all sizes the mode is that which is the working one as drawn.
+        # Follow one mode through all sizes: the working one of the drawn beam.
         log_hz = np.log(near.modes.frequency_hz[:, int(self.working)])
         width, thickness, length = (log_hz[:3] - log_hz[3:]) / (2 * STEP)
         return width, thickness, length
@@ -307,7 +307,7 @@ class TaxelModel:
         return np.asarray(self.is_straight & fitted(*(np.asarray(side, float) for side in self.beam)))
 
     @cached_property
-    @_of_array
+    @_from_array
     def mode_errors(self) -> np.ndarray:
         """Relative error (…, 6) within which each mode's frequency most likely lies (`padgen.physics.beam_error`)."""
         modulus, poisson, _ = self.elastic
@@ -324,7 +324,7 @@ class TaxelModel:
         return relative_error(np.asarray(energies), self.modes.frequency_hz, self.working, floor)
 
     @cached_property
-    @_of_array
+    @_from_array
     def stress_pa_per_m(self) -> np.ndarray:
         """Largest bending stress (…,) of the beams in Pa per m of the washer's motion, in the working mode."""
         motion, reference = self._working_motion, self.modes.reference
@@ -339,7 +339,7 @@ class TaxelModel:
         return np.asarray(shape / vertical[..., None])
 
     @cached_property
-    @_of_array
+    @_from_array
     def hardening_per_m2(self) -> np.ndarray:
         """Coefficient α of the working mode's force ``k z (1 + α z²)`` at the washer, by beams that stretch."""
         modes = self.modes
@@ -357,7 +357,7 @@ def _take(values: np.ndarray, index: np.ndarray) -> np.ndarray:
     return result
 
 
-def _alike(one: BeamSection, other: BeamSection) -> bool:
+def _same_section(one: BeamSection, other: BeamSection) -> bool:
     """Return whether two sections are the same except for rounding."""
     if len(one.path) != len(other.path):
         return False

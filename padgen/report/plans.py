@@ -141,7 +141,7 @@ def plan_text(plan: "Plan") -> str:
     bound = (
         f"capacity of a coil: {capacity.paper} channels by the paper's bound ({capacity.paper_unrounded:.2f},"
         f" ratio {number(capacity.ratio)}), {capacity.exact_one_hot} by the exact response with one channel on,"
-        f" {_counted(capacity.exact, capacity.searched_to)} in all states with {figures.drive},"
+        f" {_count_text(capacity.exact, capacity.searched_to)} in all states with {figures.drive},"
         f" {capacity.prints} where {plan.spec.print_share:.0%} of prints are to keep it (ratios of neighbours"
         f" ± {plan.prints.ratio_spread:.1%}); limited by {capacity.limit}"
     )
@@ -174,7 +174,7 @@ def _settings_line(printing: dict[str, str]) -> str:
     return f"print with: {settings}"
 
 
-def _counted(count: int, searched_to: int) -> str:
+def _count_text(count: int, searched_to: int) -> str:
     return f"{count} or more" if count >= searched_to else str(count)
 
 
@@ -211,7 +211,7 @@ def _selectivity_lines(plan: "Plan") -> list[str]:
     law = "equal sensation" if isinstance(figures.level_law, str) else f"amplitude ~ 1/f^{figures.level_law:g}"
     lines = [
         f"selectivity ({law}): {one_hot:.1f} dB with one channel on, {states:.1f} dB in all states"
-        f" of a coil (worst {_short(figures.worst_state)}), asked are {figures.asked_db:.1f} dB (Δy)",
+        f" of a coil (worst {_short_state(figures.worst_state)}), asked are {figures.asked_db:.1f} dB (Δy)",
     ]
     if paper is not None and isfinite(paper):  # the formula has no value for two equal resonances
         lines.append(
@@ -244,7 +244,7 @@ SHOWN_BITS = 24
 SHOWN_MATRIX = 4
 
 
-def _short(state: str) -> str:
+def _short_state(state: str) -> str:
     """Return a state's bits, the middle of many left out."""
     return state if len(state) <= SHOWN_BITS else f"{state[:10]}…{state[-10:]} of {len(state)}"
 
@@ -397,7 +397,7 @@ def explanation_text(explanation: "Explanation") -> str:
     laws = list(dict.fromkeys(row.level_law for row in explanation.capacities))
     by_scheme: dict[str, list[str]] = {}
     for row in explanation.capacities:
-        by_scheme.setdefault(row.scheme, []).append(f"{row.one_hot}, {_counted(row.all_states, row.searched_to)}")
+        by_scheme.setdefault(row.scheme, []).append(f"{row.one_hot}, {_count_text(row.all_states, row.searched_to)}")
     columns = ["drive", *(law if isinstance(law, str) else f"1/f^{law:g}" for law in laws)]
     lines += ["", "most channels in the band, with one on and in all states, by level law:"]
     return "\n".join([*lines, table(columns, [(name, *cells) for name, cells in by_scheme.items()])])

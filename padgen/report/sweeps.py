@@ -39,7 +39,7 @@ def sweep_text(sweep: "Sweep", result: "SweepResult", files: Sequence[str]) -> s
 
 
 def counts_text(event: "Event | SweepResult") -> str:
-    """Return the counts of variants done, refused, failed and left, as far as they are not 0."""
+    """Return the counts of variants done and failed, and of those refused and left if there are any."""
     counts = [f"{event.done} done", f"{event.refused} refused" * bool(event.refused), f"{event.failed} failed"]
     return ", ".join(count for count in [*counts, f"{event.left} left" * bool(event.left)] if count)
 
@@ -86,10 +86,10 @@ def _front_rows(sweep: "Sweep", overview: "Overview") -> tuple[list[str], list[l
         for row in sorted(best)
         for told in (", ".join(best[row]),)
     ]
-    return ["variant", *_short(axes), *(OBJECTIVES[name].heading for name in objectives), "best in"], cells
+    return ["variant", *_short_names(axes), *(OBJECTIVES[name].heading for name in objectives), "best in"], cells
 
 
-def _short(names: Sequence[str]) -> list[str]:
+def _short_names(names: Sequence[str]) -> list[str]:
     """Shorten dotted names to their last parts where these differ."""
     last = [name.rsplit(".", 1)[-1] for name in names]
     count = Counter(last)

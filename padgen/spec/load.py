@@ -177,11 +177,13 @@ def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
         elif not isinstance(value, dict):
             raise SpecError(f"must be the name of its {key} or a table, got {shown(value)}", name)
     parts: dict[str, Any] = {name: build(kind, table.pop(name, {}), name) for name, kind in PLAIN_TABLES.items()}
-    parts["printer"] = _entry("printer", table.pop("printer", {}), DEFAULTS["printer"])
-    parts["material"] = _entry("material", table.pop("material", {}), DEFAULT_MATERIALS[parts["printer"].process])
-    parts["spread"] = _entry("spread", table.pop("spread", {}), spread_of(parts["printer"]))
+    parts["printer"] = _catalogue_entry("printer", table.pop("printer", {}), DEFAULTS["printer"])
+    parts["material"] = _catalogue_entry(
+        "material", table.pop("material", {}), DEFAULT_MATERIALS[parts["printer"].process]
+    )
+    parts["spread"] = _catalogue_entry("spread", table.pop("spread", {}), spread_of(parts["printer"]))
     for name in ("washer", "coil"):
-        parts[name] = _entry(name, table.pop(name, {}), DEFAULTS[name])
+        parts[name] = _catalogue_entry(name, table.pop(name, {}), DEFAULTS[name])
     parts["drive"] = with_threshold(parts["drive"], folder)
     spec: Spec = build(Spec, table, "", parts)
     if not spec.leaves_layout_free:
@@ -228,7 +230,7 @@ def spread_of(printer: Printer) -> str:
     return own if own in catalogue("spread") else f"{DEFAULT_PRINTERS[printer.process]}-typical"
 
 
-def _entry(table: str, value: Any, default: str) -> Any:
+def _catalogue_entry(table: str, value: Any, default: str) -> Any:
     """Return a catalogue entry, given by its name or by a table that may override its fields."""
     kind = CATALOGUES[table][0]
     entries = catalogue(table)
