@@ -97,10 +97,10 @@ def largest_counts(
 
     one_hot = states = 1
     for count in range(2, min(SCANNED, most) + 1):
-        which = _ladder(band_hz, count, q, law)
-        if count <= searched_to(scheme) and all_states(which, scheme).db >= target_db:
+        ladder = _ladder(band_hz, count, q, law)
+        if count <= searched_to(scheme) and all_states(ladder, scheme).db >= target_db:
             states = count
-        if one_hot_db(which, scheme) < target_db:
+        if one_hot_db(ladder, scheme) < target_db:
             return states, one_hot
         one_hot = count
     if most <= SCANNED:
@@ -127,8 +127,8 @@ def printed_count(
     """
 
     def holds(count: int) -> bool:
-        which = _ladder(band_hz, count, q, law)
-        return print_share(which, scheme, 10 ** (target_db / 10), coils, followed, missed, share) >= share
+        ladder = _ladder(band_hz, count, q, law)
+        return print_share(ladder, scheme, 10 ** (target_db / 10), coils, followed, missed, share) >= share
 
     most, _ = largest_counts(band_hz, q, law, scheme, target_db)
     return (
@@ -156,10 +156,10 @@ def _loudest_line_text(band_hz: tuple[float, float], count: int, q: float, law: 
     """Name the line of the drive that shakes an OFF taxel most when a coil has `count` channels."""
     if count > searched_to(scheme):
         return "none that was tried"
-    which = _ladder(band_hz, count, q, law)
-    off = all_states(which, scheme).off
-    drivers, kind = loudest_line(which, scheme, off)
-    heard = f"channel {off} of {count} at {number(float(which.resonance_hz[off]))} Hz"
+    ladder = _ladder(band_hz, count, q, law)
+    off = all_states(ladder, scheme).off
+    drivers, kind = loudest_line(ladder, scheme, off)
+    heard = f"channel {off} of {count} at {number(float(ladder.resonance_hz[off]))} Hz"
     if len(drivers) == 1:
         return f"the {kind} of channel {drivers[0]} on {heard}"
     return f"the {kind} of channels {drivers[0]} and {drivers[1]} on {heard}"

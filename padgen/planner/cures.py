@@ -36,7 +36,7 @@ def varied(spec: Spec, cure: Cure) -> Spec:
 
 
 def with_tried_cures(plan: Plan, planned: Callable[[Cure], Plan]) -> Plan:
-    """Return `plan` with each finding reduced to its first cure that works, or to none.
+    """Return `plan` with each finding's proposed cures reduced to the first that works, or to none.
 
     `planned` makes the plan of the spec with a cure. A cure works where no finding with its code is left, no finding of
     another code is new or more severe, and the asked selectivity is kept as well as before.

@@ -40,22 +40,22 @@ def plan_selectivity(spec: Spec, planned: Sequence[Channel], optimum: "Optimum |
     recorded if it is of the chosen scheme.
     """
     sets = channel_sets(planned, spec.coil.sets)
-    alike, bare, asked = ([_resonators(spec, own, which) for own in sets] for which in ("alike", "placed", "asked"))
-    placed = [(which, heard_modes(spec, own, which.line)) for own, which in zip(sets, bare, strict=True)]
+    alike, bare, asked = ([_resonators(spec, own, kind) for own in sets] for kind in ("alike", "placed", "asked"))
+    placed = [(taxels, heard_modes(spec, own, taxels.line)) for own, taxels in zip(sets, bare, strict=True)]
     lost_db = max(channel.level_loss_db for channel in planned)
     figures = {name: _scheme_figures(spec, alike, placed, name, lost_db) for name in in_order()}
     name, why = _chosen_scheme(spec, figures, planned)
     scheme = scheme_named(spec, name)
-    states = min((all_states(which, scheme) for which in alike), key=lambda found: found.db)
+    states = min((all_states(taxels, scheme) for taxels in alike), key=lambda found: found.db)
     alone = len(sets[0]) < 2
     return Selectivity(
         drive=name,
         level_law="threshold" if spec.drive.threshold_hz else spec.drive.level_law,
-        one_hot_db=None if alone else min(one_hot_db(which, scheme) for which in alike),
+        one_hot_db=None if alone else min(one_hot_db(taxels, scheme) for taxels in alike),
         all_states_db=None if alone else states.db,
         worst_state=states.state,
         asked_db=decibel(spec.delta_y),
-        placed_one_hot_db=None if alone else min(one_hot_db(which, scheme, modes) for which, modes in placed),
+        placed_one_hot_db=None if alone else min(one_hot_db(taxels, scheme, modes) for taxels, modes in placed),
         placed_all_states_db=None if alone else _placed_db(placed, scheme) - lost_db,
         why=why,
         paper_db=None if alone else _paper_db(spec, planned),
@@ -63,37 +63,37 @@ def plan_selectivity(spec: Spec, planned: Sequence[Channel], optimum: "Optimum |
         modes_cost_db=None if alone else _worst_db(bare, scheme) - _placed_db(placed, scheme),
         modes_left_out=max(float(modes.left_out.max()) for _, modes in placed),
         optimum_db=optimum.all_states_db if optimum and optimum.drive == name else None,
-        matrix_db=tuple(_matrix_db(which) for which in alike) if len(sets[0]) <= MOST_SPELLED_OUT else (),
+        matrix_db=tuple(_matrix_db(taxels) for taxels in alike) if len(sets[0]) <= MOST_SPELLED_OUT else (),
         schemes=tuple(figures.values()),
     )
 
 
-def _matrix_db(which: Channels) -> tuple[tuple[float, ...], ...]:
-    below = -10 * np.log10(tone_energy(which, which))
+def _matrix_db(taxels: Channels) -> tuple[tuple[float, ...], ...]:
+    below = -10 * np.log10(tone_energy(taxels, taxels))
     return tuple(tuple(float(value) + 0.0 for value in row) for row in below)
 
 
 def _worst_db(sets: Sequence[Channels], scheme: Scheme) -> float:
-    return min(all_states(which, scheme).db for which in sets)
+    return min(all_states(taxels, scheme).db for taxels in sets)
 
 
 def _placed_db(sets: Sequence[Placed], scheme: Scheme) -> float:
-    return min(all_states(which, scheme, modes).db for which, modes in sets)
+    return min(all_states(taxels, scheme, modes).db for taxels, modes in sets)
 
 
-def _resonators(spec: Spec, planned: Sequence[Channel], which: str) -> Channels:
-    """Return a coil's channels for the physics; `which` says with what pull and at which resonances.
+def _resonators(spec: Spec, planned: Sequence[Channel], kind: str) -> Channels:
+    """Return a coil's channels for the physics; `kind` says with what pull and at kind resonances.
 
     'alike': as printed, all washers pulled alike. 'placed': as printed, each washer with its own pull. 'asked': at the
     target resonances, all washers pulled alike.
     """
-    resonance = np.array([c.target_hz if which == "asked" else c.resonance_hz for c in planned])
+    resonance = np.array([c.target_hz if kind == "asked" else c.resonance_hz for c in planned])
     mass = np.array([c.effective_mass_g for c in planned])
     pull = np.array([c.force_constant_n_per_a2 for c in planned])
     # No current moves a washer that the coil does not pull: a tiny pull asks for an almost endless current instead.
     pull = np.maximum(pull, UNPULLED * pull.max()) if (pull > 0).any() else np.ones(len(pull))
     q = np.array([c.q for c in planned])
-    return channels(resonance, q, level_law(spec)(resonance), mass, pull if which == "placed" else 1.0)
+    return channels(resonance, q, level_law(spec)(resonance), mass, pull if kind == "placed" else 1.0)
 
 
 def placed_channels(spec: Spec, planned: Sequence[Channel]) -> Channels:
@@ -131,7 +131,7 @@ def _scheme_figures(
     cubic = scheme.has_pair_spurs and count > MOST_WITH_SPURS and name != spec.drive.scheme
     if count < 2 or cubic:
         return SchemeFigures(name, None, None, None)
-    one_hot = min(one_hot_db(which, scheme) for which in alike)
+    one_hot = min(one_hot_db(taxels, scheme) for taxels in alike)
     return SchemeFigures(name, one_hot, _worst_db(alike, scheme), _placed_db(placed, scheme) - lost_db)
 
 

@@ -181,9 +181,10 @@ def _channels_held(spec: Spec, grid: tuple[int, int], least: int) -> tuple[int, 
 
 
 def _figures(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = False) -> Selectivity | None:
-    """Return the selectivity of `count` channels per coil on `grid`; None where they do not fit, print or get pulled.
+    """Return the selectivity of `count` channels per coil on `grid`; None where they cannot be made.
 
-    Without `optimise`, evenly spread resonances stand in for optimised ones, whose search takes long.
+    They cannot if they have no room, do not print, or have a washer that its coil does not pull. Without `optimise`,
+    evenly spread resonances stand in for optimised ones, whose search takes long.
     """
     try:
         other = _with_grid(spec, grid, count, optimise)

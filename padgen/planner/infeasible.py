@@ -33,9 +33,9 @@ MOST_NAMED = 4
 def refusal(
     spec: Spec, options: list[Layout], limit: int, planned: Callable[[Cure], Any], where: str = "resolution"
 ) -> InfeasibleError:
-    """Return the error that says why none of `options` works with up to `limit` channels per coil, and what would.
+    """Return the error that says why none of `options` works with up to `limit` channels per coil.
 
-    `planned` makes the plan of the original spec with a cure. A cure is named if its plan has no error.
+    It names cures that work: `planned` makes the plan of the original spec with a cure, and that must have no error.
     """
     pad = spec.pad
     wanted = f"{spec.resolution} taxels on {number(pad.width_mm)} x {number(pad.depth_mm)} mm"
@@ -71,13 +71,13 @@ def _too_many(spec: Spec, limit: int) -> str:
     per_coil = most_channels(spec, limit)
     rows, columns = grid or most_coils(spec)
     coils = rows * columns
-    which = "the grid has" if grid else "there is room for"
+    there_are = "the grid has" if grid else "there is room for"
     band = f"Q = {number(spec.q_min)} in {number(spec.band_hz[0])} … {number(spec.band_hz[1])} Hz"
     if per_coil < limit and not spec.resonances_hz:
         band = "there is no room for more plates at it"
     exact = "exactly" if spec.resonances_hz else "at most"
     return (
-        f"{which} {coils} coils of {number(spec.coil.outer_diameter_mm)} mm, each with {exact} {per_coil} channels"
+        f"{there_are} {coils} coils of {number(spec.coil.outer_diameter_mm)} mm, each with {exact} {per_coil} channels"
         f" ({band}), {coils * per_coil} taxels in all"
     )
 

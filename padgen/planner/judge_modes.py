@@ -79,24 +79,24 @@ def crowds(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> list[Crow
     """
     found = list[Crowd]()
     for own in channel_sets(channels, spec.coil.sets) if len(channels) > spec.coil.sets else ():
-        which, modes = placed_channels(spec, own), coil_modes(spec, own)
-        lines = _lines(which, scheme)
-        near = {(crowd.channel, crowd.mode): crowd for crowd in _near(spec, own, which, modes, lines)}
-        costly = {(crowd.channel, crowd.mode): crowd for crowd in _costly(own, which, modes, lines, scheme)}
+        taxels, modes = placed_channels(spec, own), coil_modes(spec, own)
+        lines = _lines(taxels, scheme)
+        near = {(crowd.channel, crowd.mode): crowd for crowd in _near(spec, own, taxels, modes, lines)}
+        costly = {(crowd.channel, crowd.mode): crowd for crowd in _costly(own, taxels, modes, lines, scheme)}
         found += (near | costly).values()
     return found
 
 
-def _lines(which: Channels, scheme: Scheme) -> _Lines:
+def _lines(taxels: Channels, scheme: Scheme) -> _Lines:
     parts = [
         (hz, np.sqrt(square), made.makers[0], made.makers[-1], np.full(len(hz), first_kind + k))
-        for made, first_kind in zip(scheme_lines(which, scheme), (0, 2), strict=False)
+        for made, first_kind in zip(scheme_lines(taxels, scheme), (0, 2), strict=False)
         for k, (hz, square) in enumerate(zip(made.hz, np.broadcast_to(made.square, made.hz.shape), strict=True))
     ]
     return _Lines(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
-def _near(spec: Spec, own: Sequence[Channel], which: Channels, modes: ModalTaxels, lines: _Lines) -> Iterator[Crowd]:
+def _near(spec: Spec, own: Sequence[Channel], taxels: Channels, modes: ModalTaxels, lines: _Lines) -> Iterator[Crowd]:
     half = slot_half_width(spec.q_min, spec.delta_y)
     order = np.argsort(lines.hz)
     ascending = lines.hz[order]
@@ -108,27 +108,27 @@ def _near(spec: Spec, own: Sequence[Channel], which: Channels, modes: ModalTaxel
             some = some[(lines.first[some] != i) & (lines.second[some] != i)]
             if len(some):
                 line = int(some[lines.amplitude[some].argmax()])
-                crowd = _crowd(own, which, modes, lines, (i, k, line))
+                crowd = _crowd(own, taxels, modes, lines, (i, k, line))
                 if crowd.at_peak > 1 / spec.delta_y:
                     yield crowd
 
 
 def _costly(
-    own: Sequence[Channel], which: Channels, modes: ModalTaxels, lines: _Lines, scheme: Scheme
+    own: Sequence[Channel], taxels: Channels, modes: ModalTaxels, lines: _Lines, scheme: Scheme
 ) -> Iterator[Crowd]:
     """Yield the modes of the worst OFF taxel that cost the coil more than `MODES_DB` each."""
-    kept = all_states(which, scheme, modes)
-    if all_states(which, scheme).db - kept.db <= MODES_DB:
+    kept = all_states(taxels, scheme, modes)
+    if all_states(taxels, scheme).db - kept.db <= MODES_DB:
         return
     channel = own[kept.off]
     for k in _others(channel):
         gain = modes.gain.copy()
         gain[kept.off, k] = 0.0
-        costs_db = all_states(which, scheme, modes._replace(gain=gain)).db - kept.db
+        costs_db = all_states(taxels, scheme, modes._replace(gain=gain)).db - kept.db
         if costs_db > MODES_DB:
             heard = felt_energy(_single_mode(modes, kept.off, k), slice(None), lines.hz)[0] * lines.amplitude**2
             heard *= (lines.first != kept.off) & (lines.second != kept.off)
-            yield _crowd(own, which, modes, lines, (kept.off, k, int(heard.argmax())))._replace(costs_db=costs_db)
+            yield _crowd(own, taxels, modes, lines, (kept.off, k, int(heard.argmax())))._replace(costs_db=costs_db)
 
 
 def _others(channel: Channel) -> list[int]:
@@ -141,11 +141,11 @@ def _single_mode(modes: ModalTaxels, i: int, k: int) -> ModalTaxels:
 
 
 def _crowd(
-    own: Sequence[Channel], which: Channels, modes: ModalTaxels, lines: _Lines, at: tuple[int, int, int]
+    own: Sequence[Channel], taxels: Channels, modes: ModalTaxels, lines: _Lines, at: tuple[int, int, int]
 ) -> Crowd:
     """Return the `Crowd` for the indices `at` of taxel, mode and line."""
     i, k, line = at
-    ratio = float(lines.amplitude[line] / which.line[i])
+    ratio = float(lines.amplitude[line] / taxels.line[i])
     hz, line_hz = own[i].modes_hz[k], float(lines.hz[line])
     makers = own[lines.first[line]].index, own[lines.second[line]].index
     return Crowd(

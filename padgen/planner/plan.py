@@ -421,7 +421,7 @@ class LeftOut:
 
 @dataclass(frozen=True, repr=False)
 class Plan:
-    """The whole plan; every later stage reads this and nothing else.
+    """The plan of a pad; all later stages work from it and from nothing else.
 
     Frozen plain data, the keys of ``plan.json``; `padgen.plan` makes one. Lengths are in mm, frequencies in Hz.
     """
@@ -459,7 +459,7 @@ class Plan:
         return plan_html(self)
 
     def plot(self) -> Any:
-        """Draw the pad, with each coil's share of good prints, and its resonances; a `matplotlib.figure.Figure`."""
+        """Return a `matplotlib.figure.Figure` of the pad, each coil's share of good prints, and the resonances."""
         from padgen.report.plan_view import plan_figure
 
         return plan_figure(self)
@@ -476,7 +476,7 @@ class Plan:
         return channel_sets(self.channels, self.coils.sets)
 
     def arrangement(self, channel: Channel) -> Arrangement:
-        """Beams, blocks and window of a channel's taxel in its own axes."""
+        """Return beams, blocks and window of a channel's taxel in its own axes, in mm."""
         beam, plate = channel.beam, self.plate
         shape = PlateShape(plate.length_mm, plate.width_mm, plate.thickness_mm)
         size = BeamShape(beam.width_mm, beam.thickness_mm, beam.length_mm)
@@ -489,5 +489,5 @@ def channel_sets(channels: Sequence[Channel], sets: int) -> tuple[tuple[Channel,
 
 
 def plan_to_json(plan: Plan) -> str:
-    """The plan as JSON text, keys in the order of the fields; the same plan gives the same bytes."""
+    """Return the plan as JSON text, keys in the order of the fields; the same plan gives the same bytes."""
     return json_text(plan)

@@ -211,6 +211,7 @@ def log_resonances(plan: Plan, sizes_mm: np.ndarray) -> np.ndarray:
 
 
 def places_of_mm(plan: Plan) -> np.ndarray:
+    """Return the places (t, 2) in mm of a plan's taxels, from the pad's centre."""
     return np.array([(taxel.x_mm, taxel.y_mm) for taxel in plan.taxels])
 
 
@@ -223,6 +224,7 @@ def coils_of(plan: Plan) -> dict[tuple[int, int], list[int]]:
 
 
 def design_of(plan: Plan, places_mm: np.ndarray | None) -> Design:
+    """Return all that simulated prints take from a plan, with its taxels at `places_mm` (t, 2) if these are given."""
     spec, sensitivity = plan.spec, sensitivities(plan)
     size = np.array([(c.beam.width_mm, c.beam.thickness_mm, c.beam.length_mm) for c in plan.channels])
     mass = np.array([c.effective_mass_g for c in plan.channels])
@@ -273,9 +275,9 @@ def _added_off_energy(plan: Plan) -> np.ndarray:
     for own in plan.sets:
         if len(own) < 2:
             continue
-        which = placed_channels(plan.spec, own)
-        modes = heard_modes(plan.spec, own, which.line)
-        more = off_energy(which, plan.scheme, modes) - off_energy(which, plan.scheme)
+        taxels = placed_channels(plan.spec, own)
+        modes = heard_modes(plan.spec, own, taxels.line)
+        more = off_energy(taxels, plan.scheme, modes) - off_energy(taxels, plan.scheme)
         total[:, [c.index for c in own]] += np.maximum(more, 0.0)
     return total
 

@@ -125,16 +125,16 @@ def _heard(spec: Spec, scheme: Scheme, channels: Sequence[Channel], steps: int) 
     """
     resonance = np.array([channel.resonance_hz for channel in channels])
     mass = np.array([channel.effective_mass_g for channel in channels])
-    which = resonators(resonance, spec.q_min, level_law(spec)(resonance), mass)
+    taxels = resonators(resonance, spec.q_min, level_law(spec)(resonance), mass)
     sets, tones, spurs, beats = spec.coil.sets, *np.zeros((3, len(channels)))
     for i in range(len(channels)):
-        taxel, other = Channels(*(part[[i]] for part in which)), slice((i + steps) % sets, None, sets)
-        played = Channels(*(part[other] for part in which))
+        taxel, other = Channels(*(part[[i]] for part in taxels)), slice((i + steps) % sets, None, sets)
+        played = Channels(*(part[other] for part in taxels))
         own = [k for k in range(i % sets, len(channels), sets) if k != i]
         tones[i] = tone_energy(taxel, played).sum()
         if scheme.has_pair_spurs:
             spurs[i] = _line_energy(taxel, *pair_lines(played, scheme)[:3])
-        beats[i] = _beat_energy(taxel, Channels(*(part[own] for part in which)), played, scheme, spec.drive.headroom)
+        beats[i] = _beat_energy(taxel, Channels(*(part[own] for part in taxels)), played, scheme, spec.drive.headroom)
     return tones, spurs, beats
 
 

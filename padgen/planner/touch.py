@@ -91,7 +91,7 @@ def _kept_db(spec: Spec, own: Sequence[Channel], scheme: Scheme, skin: Skin) -> 
         return None
     planned, (hz, q, stiffer) = placed_channels(spec, own), _touched(spec, skin, own)
     stiffness = np.array([c.stiffness_n_per_m for c in own])
-    which = Channels(hz, q, planned.line * (stiffer / q) / (stiffness / planned.q))
+    taxels = Channels(hz, q, planned.line * (stiffer / q) / (stiffness / planned.q))
     (made,) = own_lines(planned, scheme)
-    on = line_energy(which, made)[:, 0].diagonal()
-    return decibel(float((on.min() / off_energy(which, scheme, drivers=planned).max()) ** 0.5))
+    on = line_energy(taxels, made)[:, 0].diagonal()
+    return decibel(float((on.min() / off_energy(taxels, scheme, drivers=planned).max()) ** 0.5))

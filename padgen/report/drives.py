@@ -107,13 +107,13 @@ def heard_text(plan: "Plan", heard: "Heard") -> str:
     on, off = heard.on, heard.off
     rows = []
     for channel in plan.channels:
-        which = [k for k, taxel in enumerate(plan.taxels) if taxel.channel == channel.index]
-        played, quiet = on[:, which], off[:, which]
+        indices = [k for k, taxel in enumerate(plan.taxels) if taxel.channel == channel.index]
+        played, quiet = on[:, indices], off[:, indices]
         rows.append(
             (
                 str(channel.index),
                 f"{channel.resonance_hz:.2f}",
-                _span_um(heard.wanted_um[which]),
+                _span_um(heard.wanted_um[indices]),
                 _span_db(played),
                 "" if np.isnan(quiet).all() else f"{20 * np.log10(max(float(np.nanmax(quiet)), 1e-12)):.1f}",
             )

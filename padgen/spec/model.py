@@ -342,7 +342,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class Spec:
-    """The whole spec. `name`, `resolution`, `band_hz` and `q_min` have no default."""
+    """The description of a wanted pad; `name`, `resolution`, `band_hz` and `q_min` have no default."""
 
     name: str = folder_name(doc="name of the pad and of its folder", most=80)
     resolution: int = quantity(unit="taxels", low=1, high=100_000, doc="target number of taxels")
