@@ -21,7 +21,7 @@ LARGEST_WITH_SPURS = 32
 """Largest count of channels that is tried with a drive that makes spurs: the spurs of n channels take n³ numbers."""
 LARGEST = 4096
 """Largest count of channels that is tried with a drive without spurs."""
-SCANNED = 64
+TRIED_SINGLY = 64
 """Counts up to here are tried one by one; above, the largest that holds is found by bisection."""
 
 
@@ -96,17 +96,17 @@ def largest_counts(
         return all_states(_ladder(band_hz, count, q, law), scheme).db >= target_db
 
     one_hot = states = 1
-    for count in range(2, min(SCANNED, most) + 1):
+    for count in range(2, min(TRIED_SINGLY, most) + 1):
         ladder = _ladder(band_hz, count, q, law)
         if count <= searched_to(scheme) and all_states(ladder, scheme).db >= target_db:
             states = count
         if one_hot_db(ladder, scheme) < target_db:
             return states, one_hot
         one_hot = count
-    if most <= SCANNED:
+    if most <= TRIED_SINGLY:
         return states, one_hot
-    one_hot = _largest_that_holds(one_hot_holds, SCANNED, most)
-    return (_largest_that_holds(states_hold, SCANNED, one_hot) if states == SCANNED else states), one_hot
+    one_hot = _largest_that_holds(one_hot_holds, TRIED_SINGLY, most)
+    return (_largest_that_holds(states_hold, TRIED_SINGLY, one_hot) if states == TRIED_SINGLY else states), one_hot
 
 
 def printed_count(
@@ -132,7 +132,9 @@ def printed_count(
 
     most, _ = largest_counts(band_hz, q, law, scheme, target_db)
     return (
-        next((n for n in range(most, 1, -1) if holds(n)), 1) if most <= SCANNED else _largest_that_holds(holds, 1, most)
+        next((n for n in range(most, 1, -1) if holds(n)), 1)
+        if most <= TRIED_SINGLY
+        else _largest_that_holds(holds, 1, most)
     )
 
 

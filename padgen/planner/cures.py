@@ -16,10 +16,10 @@ __all__ = ["Cure", "varied", "with_tried_cures"]
 
 MOST_TRIED = 8
 """Most cures that are tried for one plan."""
-LOST_DB = 0.05
+MOST_LOST_DB = 0.05
 """Loss of the asked selectivity in dB that a cure may cause."""
 
-COUNTED = ("model.", "ladder.", "selectivity.", "coil.leak", "modes.")
+MAY_WORSEN = ("model.", "ladder.", "selectivity.", "coil.leak", "modes.")
 """Beginnings of the codes of findings that a cure may make worse: on a model's accuracy, and on effects that the
 selectivity counts anyway."""
 
@@ -81,6 +81,6 @@ def _is_better(plan: Plan, before: dict[str, int], again: Plan, code: str) -> bo
     kept = [inf if p.selectivity.kept_db is None else p.selectivity.kept_db for p in (plan, again)]
     return (
         code not in after
-        and all(after[other] <= before.get(other, 0) for other in after if not other.startswith(COUNTED))
-        and kept[1] >= min(kept[0], plan.selectivity.asked_db) - LOST_DB
+        and all(after[other] <= before.get(other, 0) for other in after if not other.startswith(MAY_WORSEN))
+        and kept[1] >= min(kept[0], plan.selectivity.asked_db) - MOST_LOST_DB
     )

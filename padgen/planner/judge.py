@@ -24,7 +24,7 @@ SPACING_SHARE = 0.05
 """Share of a slot by which a resonance may be off without a finding."""
 GAPS_TRIED = (1.01, 1.3, 2.0)
 """Wider gaps that are proposed, over three times the travel: farther from the coil a washer is pulled more evenly."""
-STRENGTH = 4.0
+STRENGTH_OVER_FATIGUE = 4.0
 """Breaking stress over fatigue stress: the catalogue's fatigue stress is a quarter of the strength."""
 LARGE_MOTION = 0.25
 """Largest deflection of a beam over its length. The secant stiffness of a cantilever under an end load is then 7 %
@@ -254,7 +254,7 @@ def _statics(spec: Spec, channel: Channel) -> Iterator[Finding]:
     moved_um = channel.sag_um + channel.static_um + channel.level_um
     stress, strength = (
         channel.root_stress_mpa * moved_um / channel.level_um,
-        STRENGTH * spec.material.fatigue_stress_mpa,
+        STRENGTH_OVER_FATIGUE * spec.material.fatigue_stress_mpa,
     )
     if stress > strength:
         yield Finding(

@@ -20,7 +20,7 @@ PULL_DB = 1.0
 """Loss of selectivity by unequal pull up to which there is no finding."""
 SNAPPING_DB = 0.5
 """Loss of selectivity by printing in steps up to which there is no finding."""
-UNSURE = 0.1
+PULL_ERROR = 0.1
 """Relative error of a pull up to which there is no finding."""
 
 
@@ -138,7 +138,7 @@ def _leak(plan: Plan) -> Iterator[Finding]:
 
 def _unsure_pull(plan: Plan) -> Iterator[Finding]:
     for channel in plan.channels:
-        if channel.force_error > UNSURE:
+        if channel.force_error > PULL_ERROR:
             yield Finding(
                 "warning",
                 "coil.unsure",

@@ -43,11 +43,11 @@ RESISTIVITY_OHM_M = 1e-7
 """Resistivity of iron, the best conductor among the materials of cores and washers."""
 LEAST_GAP = 20
 """Gaps are taken to stay above the hanging gap divided by this, so that pulls stay finite."""
-BENT = 2.0
+CURVATURE_ERROR = 2.0
 """Error of the curvature of a pull over its gap, times the gap, over the error of its slope."""
-ROUNDS = 3
+BALANCE_ROUNDS = 3
 """Iterations to balance mean pull and spring."""
-SLOPES = 1.3
+SLOPE_HARDENING = 1.3
 """Relative growth of a beam's stiffness per square of deflection over length: 1.2 by the elastica, a little more where
 its tip is elastically held."""
 AIR_KG_PER_M3, AIR_PA_S = 1.2, 1.8e-5
@@ -279,11 +279,13 @@ def _moving_area(arrangement: Arrangement, channel: Channel) -> tuple[float, ...
 
 
 def _large_motion(plan: Plan) -> LeftOut:
-    """Bound the effect of large slopes beyond linear theory: the secant stiffness grows by `SLOPES` ``(z/l)²``."""
+    """Bound the effect of slopes beyond linear theory: the secant stiffness grows by `SLOPE_HARDENING` ``(z/l)²``."""
     away, level, length = np.array(
         [((c.sag_um + c.static_um) * UM, c.level_um * UM, c.beam.length_mm * MM) for c in plan.channels]
     ).T
-    return _worst_channel("large slopes", "resonance", plan.channels, resonance_rise(SLOPES / length**2, level, away))
+    return _worst_channel(
+        "large slopes", "resonance", plan.channels, resonance_rise(SLOPE_HARDENING / length**2, level, away)
+    )
 
 
 def _frame(plan: Plan) -> LeftOut:
@@ -401,7 +403,7 @@ def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.nda
 
     # The deflection under the mean pull if that did not grow; a few iterations then find the balance.
     slack_um = static * np.maximum(1 - static / gap_um, 0) ** np.maximum(exponent, 0)
-    for _ in range(ROUNDS):
+    for _ in range(BALANCE_ROUNDS):
         pull, doubt = on_mode(static)
         static = slack_um * pull
     # Means over a swing, exact to the seventh order: of the pull, and of its component in phase with the motion.
@@ -413,7 +415,9 @@ def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.nda
     step = np.where(pull_range(near * UM) == pull_range((gap_um + level) * UM), 0.0, error)
     softer = np.maximum((slope + doubt + step * (outer + inner) / level**2) * slack_um, 0)
     meets = (static + level >= gap_um) | (np.array([c.static_um for c in channels]) >= gap_um)
-    forces = np.abs(sum(swung) / 4 - 1) + doubt * (static + BENT * level**2 / gap_um) + rest.jump * unsure + step
+    forces = (
+        np.abs(sum(swung) / 4 - 1) + doubt * (static + CURVATURE_ERROR * level**2 / gap_um) + rest.jump * unsure + step
+    )
     return np.where(meets, inf, forces), np.where(meets | (softer >= 1), inf, 1 - np.sqrt(np.maximum(1 - softer, 0)))
 
 

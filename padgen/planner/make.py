@@ -51,7 +51,7 @@ __all__ = ["Choice", "choose", "finish", "make_plan", "with_cures"]
 RUNNERS_UP = 2
 REUSES, SCHEMES_TRIED, GAPS_MM = ("same", "alternate"), ("auto", "spur-free", "biased"), (1.0, 0.6, 0.4)
 """Values that the search tries where the spec leaves them free, the simplest first: a small gap needs flat coils."""
-FOLDED = 2
+MOST_BENT = 2
 """Layouts that are tried again with serpentine beams where straight ones print too unevenly: most of a second each."""
 _grid = attrgetter("rows", "columns", "channels")
 
@@ -171,8 +171,8 @@ def _best(found: Sequence[Choice]) -> Choice:
         tried.append(one)
     # Layouts that would work if printed exactly are tried with serpentine beams, whose prints differ less.
     if found[0].spec.leaves_layout_free and found[0].spec.suspension.topology == "auto":
-        near = [choice for choice, one in zip(rank, tried, strict=True) if one.share >= 0][:FOLDED]
-        for choice in chain.from_iterable(map(_folded, near)):
+        near = [choice for choice, one in zip(rank, tried, strict=True) if one.share >= 0][:MOST_BENT]
+        for choice in chain.from_iterable(map(_with_bent_beams, near)):
             one = _tried(choice, asked)
             if one.share >= wanted:
                 return choice
@@ -201,7 +201,7 @@ class Tried(NamedTuple):
     print_db: float = -inf
 
 
-def _folded(choice: Choice) -> Iterator[Choice]:
+def _with_bent_beams(choice: Choice) -> Iterator[Choice]:
     """Yield the choice with each family of suspensions (serpentines) that 'auto' does not include."""
     layout = choice.layout
     for kind in SUSPENSIONS.families():

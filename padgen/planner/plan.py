@@ -141,7 +141,7 @@ class Site:
 class Channel:
     """One frequency slot of a coil; channels are numbered from the lowest resonance.
 
-    Drive: `drive_hz` is the frequency of the channel's tone in the current: half the resonance with tones, the
+    Drive: `drive_hz` is the frequency of the channel's line of the current: half the resonance with tones, the
     resonance itself where the current has a constant part. `ring_up_ms` is the time constant, `ring_down_ms` the time
     from ON to quiet.
 

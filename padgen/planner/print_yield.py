@@ -26,10 +26,10 @@ __all__ = ["ChannelSpread", "Cost", "Gain", "Outcome", "PrintYield", "Share", "p
 BUDGET = 5e8
 """Most responses that are computed for all pads together: a few seconds."""
 COST_SHARE, COST_PADS = 20, 2000
-"""The cost of each spread is found on every twentieth pad, but on at least `COST_PADS` pads if there are as many."""
+"""The cost of each spread is found on a twentieth of the pads, but on at least `COST_PADS` if there are as many."""
 OUTCOMES = ("planned", "after_coupon", "after_some", "retuned")
 """Fields of `PrintYield` with an `Outcome`, in the order of `STAGES`."""
-TELLING = {"pads": 0.01, "taxels": 0.01, "median_db": 0.1}
+LEAST_GAINS = {"pads": 0.01, "taxels": 0.01, "median_db": 0.1}
 """Gains up to these are too small to call a spread the costliest."""
 
 
@@ -249,8 +249,8 @@ def _gain(base: Prints, without: Prints, k: int, taxels: int) -> Gain:
 
 
 def _costliest(gains: dict[str, Gain]) -> tuple[str, str]:
-    """Return the spread with the largest gain and its figure: the first in which a gain is above `TELLING`."""
-    for figure, least in TELLING.items():
+    """Return the spread with the largest gain and its figure: the first in which a gain is above `LEAST_GAINS`."""
+    for figure, least in LEAST_GAINS.items():
         value = {name: getattr(gain, figure) or 0.0 for name, gain in gains.items()}
         best = max(value, key=lambda name: value[name])
         if value[best] > least:

@@ -78,7 +78,7 @@ DRAWN, MOST_DRAWN = 1 << 18, 1 << 12
 """Printed taxels, and at most pads, that one stream of random numbers is used for."""
 STEP = 1e-3
 """Relative step of the central differences; its square is their error, 1e-12 over it the rounding error."""
-WORKS = 0.3
+WORKING_SHARE = 0.3
 """Share of the largest compliance above which a mode may be followed as the working one."""
 ROUNDING_DB = 1e-9
 NODES = 6
@@ -204,7 +204,7 @@ def log_resonances(plan: Plan, sizes_mm: np.ndarray) -> np.ndarray:
         # Of compliant modes take the one nearest to the drawn beam's, so that all sizes have the same mode.
         compliance, log_hz = model.compliances, np.log(model.modes.frequency_hz)
         drawn_hz = np.take_along_axis(log_hz[:, :1], model.working[:, :1, None], -1)
-        works = compliance > WORKS * compliance.max(-1, keepdims=True)
+        works = compliance > WORKING_SHARE * compliance.max(-1, keepdims=True)
         nearest = np.where(works, np.abs(log_hz - drawn_hz), inf).argmin(-1)[..., None]
         result[index] = np.take_along_axis(log_hz, nearest, -1)[:, 1:, 0]
     return result

@@ -11,13 +11,13 @@ __all__ = ["NOT_PRINTED", "compared_prints", "what_prints_keep"]
 
 PADS, FEWEST = 1000, 100
 """Pads that are simulated, and the fewest where a pad takes much work."""
-QUICK_PADS, CLOSE = 200, 0.07
+QUICK_PADS, NEAR_SHARE = 200, 0.07
 """Pads for comparing layouts, and three sigma of their good share: more are simulated if it is so near to the asked."""
 SURE_SHARE, SURE_DB = 0.013, 0.2
 """Half intervals above which more pads are simulated; of two hundred plans none is then off by 2 % or 0.3 dB."""
 WORK, MOST_WORK = 4e6, 1.6e7
 """Most responses that are computed at first, and when more pads are simulated."""
-CONFIDENT = 1.96
+SIGMAS_95 = 1.96
 """Half width of a 95 % interval, in sigmas."""
 NOT_PRINTED = Prints(None, None, None, None, 0.0, 0.0, 0, None, 1.0, 0.0, ())
 """Placeholder in a plan whose prints are not simulated yet."""
@@ -41,7 +41,7 @@ def compared_prints(plan: Plan, least_db: float) -> tuple[float, Prints]:
     if paper_db < least_db:
         return paper_db, NOT_PRINTED
     prints = _simulated(plan, design, QUICK_PADS, stages)
-    if 0 < prints.good_share < plan.spec.print_share + CLOSE:
+    if 0 < prints.good_share < plan.spec.print_share + NEAR_SHARE:
         prints = _simulated_until_sure(plan, design, stages)
     return paper_db, prints
 
@@ -64,7 +64,7 @@ def _simulated(plan: Plan, design: Design, made: int, stages: tuple[str, ...]) -
     of_coils = dict(zip([t.coil for t in plan.taxels], (prints.good_coils[-1] / made).tolist(), strict=True))
     dbs: dict[str, float | None] = dict(zip(stages, reached, strict=True)) if heard else {}
     # The quantile lies between these ranks with 95 % confidence (normal approximation of the binomial distribution).
-    away = CONFIDENT * sqrt(made * share * (1 - share))
+    away = SIGMAS_95 * sqrt(made * share * (1 - share))
     low, high = (int(np.clip((1 - share) * made + sign * away, 0, made - 1)) for sign in (-1, 1))
     return Prints(
         print_db=dbs.get("retuned"),
@@ -83,5 +83,5 @@ def _simulated(plan: Plan, design: Design, made: int, stages: tuple[str, ...]) -
 
 def _wilson_half_width(share: float, made: int) -> float:
     """Return half of Wilson's 95 % interval of a share among `made`."""
-    z2 = CONFIDENT**2
-    return CONFIDENT * sqrt(share * (1 - share) / made + z2 / (4 * made**2)) / (1 + z2 / made)
+    z2 = SIGMAS_95**2
+    return SIGMAS_95 * sqrt(share * (1 - share) / made + z2 / (4 * made**2)) / (1 + z2 / made)

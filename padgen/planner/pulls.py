@@ -56,7 +56,7 @@ def pulls(spec: Spec, gap_m: np.ndarray, offset_m: np.ndarray) -> PullAt:
 
 
 def pull_range(gap_m: np.ndarray) -> np.ndarray:
-    """Return the number (n,) of the range that a gap (n,) in m lies in; each range has tables of its own."""
+    """Return the number (n,) of the range of a gap (n,) in m; gaps of different ranges may have different tables."""
     return np.floor(np.log(gap_m / LOW) / log(RANGE)).astype(int)
 
 

@@ -18,8 +18,8 @@ __all__ = ["judge_touch", "touched_pads"]
 
 MOST_CHANNELS = 32
 """Most channels of a coil for which the selectivity under a finger is computed."""
-DAMPED = 8.0
-"""Q that a touched taxel is to keep: by the rule of docs/accuracy.md, if k_skin/k is at most 1/(DAMPED ω τ)."""
+KEPT_Q = 8.0
+"""Q that a touched taxel is to keep: by the rule of docs/accuracy.md, if k_skin/k is at most 1/(KEPT_Q ω τ)."""
 
 
 def touched_pads(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> tuple[Touched, ...]:
@@ -55,7 +55,7 @@ def judge_touch(plan: Plan) -> Iterator[Finding]:
         return
     contact_mm = allowed * worst.stiffness_n_per_m / skin.modulus / MM
     heavy_g = added / allowed / omega**2 / GRAM
-    high_hz = max((added / LOADED / mass) ** 0.5, DAMPED * skin.time * added / mass) / 2 / pi
+    high_hz = max((added / LOADED / mass) ** 0.5, KEPT_Q * skin.time * added / mass) / 2 / pi
     hz, q, kept = typical.resonance_hz[worst.index], typical.q[worst.index], typical.all_states_db
     quieter = (
         ""
@@ -74,7 +74,7 @@ def judge_touch(plan: Plan) -> Iterator[Finding]:
 
 def _allowed(skin: Skin, hz: float) -> float:
     """Return the share of a taxel's stiffness that skin may add: f then rises by at most 5 %, and Q is at least 8."""
-    return min(LOADED, 1 / (DAMPED * 2 * pi * hz * skin.time))
+    return min(LOADED, 1 / (KEPT_Q * 2 * pi * hz * skin.time))
 
 
 def _touched(spec: Spec, skin: Skin, channels: Sequence[Channel]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -340,7 +340,7 @@ def held_line(done: str, findings: Iterable[Finding]) -> str:
 def serious_text(findings: Iterable[Finding], verbose: bool = False) -> str:
     """Return errors and warnings as text, and the number of further findings; with `verbose` all findings.
 
-    Warnings about parts of the prints' selectivity (`IN_PRINTS`) are only counted.
+    Warnings about parts of the prints' selectivity (`COUNTED_IN_PRINTS`) are only counted.
     """
     findings = tuple(findings)
     if verbose:
@@ -348,7 +348,7 @@ def serious_text(findings: Iterable[Finding], verbose: bool = False) -> str:
     ordered = sorted(findings, key=lambda f: -LEVELS.index(f.level))
     serious = [f for f in ordered if f.level != "note"]
     # The verdict has the selectivity that prints keep, and all of these effects are part of it.
-    parts = [f for f in serious if f.level == "warning" and f.code.startswith(IN_PRINTS)]
+    parts = [f for f in serious if f.level == "warning" and f.code.startswith(COUNTED_IN_PRINTS)]
     shown = [f for f in serious if f not in parts]
     lines = [_finding_line(f) for f in shown]
     more = (
@@ -361,7 +361,7 @@ def serious_text(findings: Iterable[Finding], verbose: bool = False) -> str:
     return "\n".join(lines)
 
 
-IN_PRINTS = ("ladder.", "selectivity.", "coil.leak", "modes.")
+COUNTED_IN_PRINTS = ("ladder.", "selectivity.", "coil.leak", "modes.")
 """Beginnings of the codes of findings whose effects are part of the selectivity that prints keep."""
 
 
