@@ -16,10 +16,10 @@ __all__ = ["Cure", "varied", "with_tried_cures"]
 
 MOST_TRIED = 8
 """Most cures that are tried for one plan."""
-MOST_LOST_DB = 0.05
+LOST_DB = 0.05
 """Loss of the asked selectivity in dB that a cure may cause."""
 
-MAY_WORSEN = ("model.", "ladder.", "selectivity.", "coil.leak", "modes.")
+COUNTED = ("model.", "ladder.", "selectivity.", "coil.leak", "modes.")
 """Beginnings of the codes of findings that a cure may make worse: on a model's accuracy, and on effects that the
 selectivity counts anyway."""
 
@@ -36,10 +36,10 @@ def varied(spec: Spec, cure: Cure) -> Spec:
 
 
 def with_tried_cures(plan: Plan, planned: Callable[[Cure], Plan]) -> Plan:
-    """Return `plan` with each finding's proposed cures reduced to the first that works, or to none.
+    """Return `plan` with the cures of its findings that hold, each finding's first one, and no others.
 
-    `planned` makes the plan of the spec with a cure. A cure works where no finding with its code is left, no finding of
-    another code is new or more severe, and the asked selectivity is kept as well as before.
+    `planned` makes the plan of the spec with a cure. A cure holds where no finding of that kind is left, none of
+    another kind is new or more severe, and what is asked of the selectivity is kept as before.
     """
     proposed: dict[str, list[Cure]] = {}
     for finding in plan.findings:
@@ -81,6 +81,6 @@ def _is_better(plan: Plan, before: dict[str, int], again: Plan, code: str) -> bo
     kept = [inf if p.selectivity.kept_db is None else p.selectivity.kept_db for p in (plan, again)]
     return (
         code not in after
-        and all(after[other] <= before.get(other, 0) for other in after if not other.startswith(MAY_WORSEN))
-        and kept[1] >= min(kept[0], plan.selectivity.asked_db) - MOST_LOST_DB
+        and all(after[other] <= before.get(other, 0) for other in after if not other.startswith(COUNTED))
+        and kept[1] >= min(kept[0], plan.selectivity.asked_db) - LOST_DB
     )
