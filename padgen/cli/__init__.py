@@ -1,7 +1,7 @@
-"""The ``padgen`` command: the only place that prints and sets exit codes.
+"""Run the ``padgen`` command; no other room prints or sets exit codes.
 
-Exit codes: 0 done and every check holds; 1 done, but a check fails; 2 bad input or usage. One module a
-command, each with ``add`` (its options) and a function that runs it.
+Exit codes: 0 done and every check holds; 1 done, but a check fails; 2 bad input or usage. Each command has a module
+with ``add``, which declares its options, and a function that runs it.
 """
 
 import argparse
@@ -21,20 +21,20 @@ from padgen.core.errors import LONGEST, EngineMissingError, PadgenError, plain
 __all__ = ["main", "run"]
 
 DEBUG = "PADGEN_DEBUG"
-"""The variable that lets warnings and tracebacks through."""
+"""Environment variable that, when set, shows warnings and tracebacks."""
 COMMANDS = (plan, build, drive, play, retune, calibrate, study, sweep, cache, small)
 
 
 def main() -> NoReturn:
-    """Entry point of the console script."""
-    # Thousands of 6 x 6 matrices gain nothing from threads, and wait for them under load.
+    """Run the console script and end the process with the command's exit code."""
+    # Threads gain nothing on thousands of 6 x 6 matrices, and waiting for them costs time on a busy machine.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if DEBUG not in os.environ and not sys.warnoptions:
-        # Those of libraries are for who writes programs; what they warn of is judged, and said in a sentence.
+        # Warnings of libraries are for programmers; padgen reports problems as findings or refusals.
         warnings.simplefilter("ignore")
-        os.environ["PYTHONWARNINGS"] = "ignore"  # of processes that are started
+        os.environ["PYTHONWARNINGS"] = "ignore"  # for child processes
     for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:  # closed, as some that start programs leave them
+        if getattr(sys, name) is None:  # some programs start others with closed streams
             setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w"))
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -45,7 +45,7 @@ def main() -> NoReturn:
         sys.stderr.flush()
     except OSError:
         code = BAD_INPUT
-    # The CAD kernel takes up to half a second to take itself apart, for nothing.
+    # Skip the interpreter's clean-up, in which the CAD kernel would need up to half a second.
     os._exit(code)
 
 
@@ -63,7 +63,7 @@ def run(arguments: list[str]) -> int:
     except KeyboardInterrupt:
         return _refused("interrupted; files are as they were", "interrupted", as_json)
     except BrokenPipeError:
-        # So that the flush at exit does not meet the closed pipe again.
+        # Redirect standard output, so that the flush at exit does not fail on the closed pipe again.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BAD_INPUT
     except OSError as error:
@@ -95,7 +95,7 @@ def _refused(sentence: str, code: str, as_json: bool) -> int:
 
 
 def _parsed(arguments: list[str]) -> argparse.Namespace:
-    """The options; argparse loses an optional positional that comes after an option."""
+    """Parse the command line; also take an optional positional after an option, which argparse alone does not."""
     parser = _parser(arguments[:1])
     options, rest = parser.parse_known_args(arguments)
     name = getattr(options, "late", None)
@@ -107,14 +107,14 @@ def _parsed(arguments: list[str]) -> argparse.Namespace:
 
 
 class _Parser(argparse.ArgumentParser):
-    """Says what is wrong with the usage in one sentence, as all of padgen does."""
+    """A parser that reports wrong usage in one sentence, like all of padgen's refusals."""
 
     def error(self, message: str) -> NoReturn:
         raise PadgenError(f"{message}; {self.prog} --help tells more", self.prog)
 
 
 class _Completion(argparse.Action):
-    """Print a shell's completion of all commands and options, and end."""
+    """Print a script that completes all commands and options in a shell, and exit."""
 
     def __call__(self, parser: argparse.ArgumentParser, namespace: Any, values: Any, option: str | None = None) -> None:
         try:
@@ -144,7 +144,7 @@ def _parser(asked: list[str]) -> argparse.ArgumentParser:
         help="print what completes padgen's commands and options in bash, zsh, fish or tcsh (needs padgen[completion])",
     )
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    # The options of the others need not be known to run one command.
+    # To start quickly, only the options of the command that is run are declared.
     own = [module for module in COMMANDS if asked == [module.__name__.rpartition(".")[2]]]
     for module in own or COMMANDS:
         module.add(commands)

@@ -1,4 +1,4 @@
-"""``padgen build`` and ``padgen check``."""
+"""The commands ``padgen build`` and ``padgen check``."""
 
 import argparse
 from dataclasses import asdict
@@ -22,7 +22,7 @@ __all__ = ["add"]
 
 
 def add(commands: Any) -> None:
-    """Add the commands."""
+    """Declare the commands and their options."""
     _add_build(commands)
     _add_check(commands)
 

@@ -1,4 +1,4 @@
-"""``padgen cache info`` and ``padgen cache clear``."""
+"""The commands ``padgen cache info`` and ``padgen cache clear``."""
 
 import argparse
 import os
@@ -11,7 +11,7 @@ __all__ = ["add", "add_cache", "use_cache"]
 
 
 def add(commands: Any) -> None:
-    """Add the command."""
+    """Declare the commands and their options."""
     parser = commands.add_parser(
         "cache",
         help="what is kept of earlier runs, and dropping it",
@@ -30,14 +30,14 @@ def add(commands: Any) -> None:
 
 
 def add_cache(parser: argparse.ArgumentParser) -> None:
-    """The option ``--cache``."""
+    """Declare the option ``--cache``."""
     parser.add_argument(
         "--cache", metavar="DIR", help="folder of the cache (default: PADGEN_CACHE, else the user's cache folder)"
     )
 
 
 def use_cache(options: argparse.Namespace) -> None:
-    """Let this process and those that it starts keep results where ``--cache`` says."""
+    """Make this process and its children use the cache folder of ``--cache``, if that is given."""
     from padgen.core.cache import VARIABLE
 
     if options.cache:
@@ -48,17 +48,17 @@ def _info(options: argparse.Namespace) -> int:
     from padgen.core.cache import info
 
     use_cache(options)
-    return _told(options, info(), dropped=False)
+    return _print_cache(options, info(), dropped=False)
 
 
 def _clear(options: argparse.Namespace) -> int:
     from padgen.core.cache import clear
 
     use_cache(options)
-    return _told(options, clear(), dropped=True)
+    return _print_cache(options, clear(), dropped=True)
 
 
-def _told(options: argparse.Namespace, held: Any, dropped: bool) -> int:
+def _print_cache(options: argparse.Namespace, held: Any, dropped: bool) -> int:
     if options.json:
         from dataclasses import asdict
 

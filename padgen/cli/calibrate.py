@@ -1,4 +1,4 @@
-"""``padgen calibrate``."""
+"""The command ``padgen calibrate``."""
 
 import argparse
 from pathlib import Path
@@ -11,7 +11,7 @@ __all__ = ["add"]
 
 
 def add(commands: Any) -> None:
-    """Add the command."""
+    """Declare the command and its options."""
     parser = commands.add_parser(
         "calibrate",
         help="find a printer's offsets and a material's modulus from measured prints",

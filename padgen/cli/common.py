@@ -1,4 +1,4 @@
-"""What several commands share: exit codes, the options of a model and of the output, progress, printing."""
+"""Share exit codes, options, progress and printing between commands."""
 
 import argparse
 import signal
@@ -28,16 +28,16 @@ __all__ = [
 
 DONE, CHECK_FAILED, BAD_INPUT = 0, 1, 2
 WIDTH = 100
-"""Most columns of a text for people."""
+"""Most columns of printed text, tables excepted."""
 
 
 def add_spec(parser: argparse.ArgumentParser) -> None:
-    """The argument SPEC."""
+    """Declare the argument SPEC."""
     parser.add_argument("spec", metavar="SPEC", help="a TOML file, the name of a template, or a plan.json")
 
 
 def add_model(parser: argparse.ArgumentParser) -> None:
-    """Options that say where resonances come from."""
+    """Declare the options that choose the model of the resonances."""
     parser.add_argument(
         "--model",
         metavar="beam|solid",
@@ -53,20 +53,21 @@ def add_model(parser: argparse.ArgumentParser) -> None:
 
 
 def add_verbose(parser: argparse.ArgumentParser, told: str = "all tables and notes") -> None:
-    """The option that asks for all that is known."""
+    """Declare the option ``--verbose``, with `told` as its help."""
     parser.add_argument("--verbose", action="store_true", help=told)
 
 
 def add_output(parser: argparse.ArgumentParser) -> None:
-    """Options of the folder and of what standard output gets."""
+    """Declare the options ``--output`` and ``--json``."""
     parser.add_argument("-o", "--output", metavar="DIR", help="folder of the results (default: out/NAME)")
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
 
 
 def asked_of(options: argparse.Namespace, recorded: bool = True) -> tuple[Any, float | None]:
-    """The spec with the model that the command line asks for, and the tolerance that it asks for, None without.
+    """Return the spec with the model that the command line asks for, and the asked tolerance (None if there is none).
 
-    Where it says nothing of a model, that of the plan in the results' folder is taken, if it is `recorded`.
+    If the command line asks for neither and `recorded` is true, the spec has the model of the plan in the results'
+    folder.
     """
     from padgen.make.planning import recorded_spec, spec_of
 
@@ -79,13 +80,13 @@ def asked_of(options: argparse.Namespace, recorded: bool = True) -> tuple[Any, f
 
 
 def folder_of(options: argparse.Namespace, name: str) -> Path:
-    """Where the results go."""
+    """Return the folder of the results: that of ``--output``, else ``out/NAME``."""
     given = getattr(options, "output", None)
     return Path(given) if given else Path("out") / name
 
 
 def show(text: str) -> None:
-    """Print for people, lines `plain`: sentences wrapped to a terminal, at most to `WIDTH`, and tables whole."""
+    """Print text for people: control characters escaped, sentences wrapped to at most `WIDTH` columns, tables whole."""
     import textwrap
 
     width = WIDTH
@@ -94,24 +95,24 @@ def show(text: str) -> None:
 
         width = min(max(shutil.get_terminal_size().columns, 60), WIDTH)
     for line in map(plain, text.split("\n")):
-        # Columns of a table stand two spaces apart.
+        # A line with two spaces in a row is one of a table.
         whole = len(line) <= width or "  " in line.strip()
         print(line if whole else textwrap.fill(line, width, break_on_hyphens=False, subsequent_indent="  "))
 
 
 def code_of(findings: Any) -> int:
-    """The exit code that findings ask for."""
+    """Return the exit code for findings: `CHECK_FAILED` if one is an error, else `DONE`."""
     return CHECK_FAILED if any(finding.level == "error" for finding in findings) else DONE
 
 
 def end_as_by_ctrl_c() -> None:
-    """Let a request to end (SIGTERM), as by a queue, end this process as Ctrl-C does: what is done is kept."""
+    """Make SIGTERM, as a batch queue sends it, act like Ctrl-C, so that finished results are kept."""
     signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
 
 
 @contextmanager
 def progress_line(log: bool = False) -> Iterator[Any]:
-    """A line that says what is being done, on a terminal; elsewhere nothing or, to `log`, a line for each step."""
+    """Give a function that shows the current step: on one line of a terminal, elsewhere a line each if `log`."""
     if not sys.stderr.isatty():
         yield lambda step: print(plain(step), file=sys.stderr, flush=True) if log else None
         return

@@ -1,4 +1,4 @@
-"""``padgen drive``."""
+"""The command ``padgen drive``."""
 
 import argparse
 from pathlib import Path
@@ -24,7 +24,7 @@ DEFAULT_TABLES, DEFAULT_WAVES = "csv,json", "csv,json,wav"
 
 
 def add(commands: Any) -> None:
-    """Add the command."""
+    """Declare the command and its options."""
     parser = commands.add_parser(
         "drive",
         help="tables, waveforms and firmware that play images on the pad",
@@ -73,7 +73,7 @@ def add(commands: Any) -> None:
 
 
 def add_frames(parser: argparse.ArgumentParser) -> None:
-    """Options that say what is shown."""
+    """Declare the options that choose the state or the frames to show."""
     shown = parser.add_mutually_exclusive_group()
     shown.add_argument(
         "--state",
@@ -96,14 +96,14 @@ def add_frames(parser: argparse.ArgumentParser) -> None:
 
 
 def plan_of(options: argparse.Namespace, progress: Any) -> Any:
-    """The plan as a build makes it."""
+    """Return the plan of SPEC, by the same model as a build."""
     from padgen.make.planning import plan_for
 
     return plan_for(*asked_of(options), progress)
 
 
 def frames_of(options: argparse.Namespace, plan: Any) -> tuple[Any, tuple[str, ...]]:
-    """The frames that were asked for (None: none), and notes about them."""
+    """Return the levels of the asked frames (None if none are asked for), and notes about them."""
     if options.seconds is not None and not 0 < options.seconds < 1e6:
         raise SpecError(f"must be above 0 s and below 1e6 s, got {number(options.seconds)} s", "--seconds")
     if options.state is not None:
@@ -119,7 +119,7 @@ def frames_of(options: argparse.Namespace, plan: Any) -> tuple[Any, tuple[str, .
 
 
 def tuning_of(path: str | None, plan: Any) -> Any:
-    """The tuning in a file, None where none is named."""
+    """Return the tuning in a file, or None without a path."""
     if path is None:
         return None
     from padgen.measured.tuning import read_tuning

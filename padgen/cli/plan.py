@@ -1,4 +1,4 @@
-"""``padgen plan``."""
+"""The command ``padgen plan``."""
 
 import argparse
 import json
@@ -25,7 +25,7 @@ PLOT_FILE = "plan.svg"
 
 
 def add(commands: Any) -> None:
-    """Add the command."""
+    """Declare the command and its options."""
     parser = commands.add_parser("plan", help="search coils, resonances and beams, and say whether the pad works")
     add_spec(parser)
     parser.add_argument(

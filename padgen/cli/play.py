@@ -1,4 +1,4 @@
-"""``padgen play``."""
+"""The command ``padgen play``."""
 
 import argparse
 from typing import Any
@@ -13,7 +13,7 @@ MOST_REPEATS = 10_000
 
 
 def add(commands: Any) -> None:
-    """Add the command."""
+    """Declare the command and its options."""
     parser = commands.add_parser(
         "play",
         help="show frames on a pad: over a serial port, or a WAV file over a sound card",

@@ -1,4 +1,4 @@
-"""``padgen retune``."""
+"""The command ``padgen retune``."""
 
 import argparse
 from typing import Any
@@ -13,7 +13,7 @@ KINDS = ("spectrum", "chirp", "pluck")
 
 
 def add(commands: Any) -> None:
-    """Add the command."""
+    """Declare the command and its options."""
     parser = commands.add_parser(
         "retune",
         help="fit what a print was measured to be, and re-tune tones and levels to it",

@@ -1,4 +1,4 @@
-"""The small commands: ``padgen templates``, ``init`` and ``schema``."""
+"""The small commands ``padgen templates``, ``padgen init`` and ``padgen schema``."""
 
 import argparse
 import json
@@ -15,7 +15,7 @@ SCHEMA_LINES = """#:schema ./padgen.schema.json
 
 
 def add(commands: Any) -> None:
-    """Add the commands."""
+    """Declare the commands and their options."""
     templates = commands.add_parser("templates", help="list the templates, or show one")
     templates.add_argument("name", metavar="NAME", nargs="?")
     templates.set_defaults(command=_templates)

@@ -1,4 +1,4 @@
-"""``padgen study``."""
+"""The command ``padgen study``."""
 
 import argparse
 import sys
@@ -25,7 +25,7 @@ LADDER_NAMES = ("allocation", "structure", "force", "dynamics", "geometry", "pad
 
 
 def add(commands: Any) -> None:
-    """Add the command."""
+    """Declare the command and its options."""
     parser = commands.add_parser(
         "study",
         help="error against run time of every model behind a plan",
@@ -68,7 +68,7 @@ def _study(options: argparse.Namespace) -> int:
         show(text(study))
         show(f"\nwritten to {plain(str(folder))}: {'  '.join(files)}")
     if study.missing:
-        # After the summary, as what was done is kept.
+        # Printed after the summary, since finished results are kept.
         print(f"padgen: stopped: {len(study.missing)} were not run; the files say which", file=sys.stderr)
         return BAD_INPUT
     return DONE if not options.extreme or study.holds else CHECK_FAILED

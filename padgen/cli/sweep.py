@@ -1,4 +1,4 @@
-"""``padgen sweep``."""
+"""The command ``padgen sweep``."""
 
 import argparse
 import sys
@@ -17,7 +17,7 @@ MOST_WORKERS = 1024
 
 
 def add(commands: Any) -> None:
-    """Add the command."""
+    """Declare the command and its options."""
     parser = commands.add_parser(
         "sweep",
         help="many variants of a pad: an index, a folder each, the best of them",
@@ -57,20 +57,20 @@ def _sweep(options: argparse.Namespace) -> int:
     end_as_by_ctrl_c()
     sweep = load_sweep(options.sweep)
     folder = folder_of(options, sweep.settings.name)
-    with _executor(options.scheduler) as executor, _telling(options, sweep) as tell:
+    with _executor(options.scheduler) as executor, _event_printer(options, sweep) as tell:
         result = run_sweep(sweep, folder, executor, options.jobs, options.resume, options.retry, tell)
     with uninterrupted() if result.interrupted else nullcontext():
         files, note = write_pareto(folder, sweep.settings.name, result.overview)
-        _sum_up(options, (sweep, replace(result, folder=folder), files), note)
+        _print_summary(options, (sweep, replace(result, folder=folder), files), note)
     if result.stopped:
-        # After the summary, as what was done is kept.
+        # Printed after the summary, since finished variants are kept.
         again = "the same command" if options.resume else "the same command without --no-resume"
         print(f"padgen: {plain(result.stopped)}; {again} goes on where it stopped", file=sys.stderr)
         return BAD_INPUT
     return CHECK_FAILED if result.failed else DONE
 
 
-def _sum_up(options: argparse.Namespace, told: tuple[Any, ...], note: str) -> None:
+def _print_summary(options: argparse.Namespace, told: tuple[Any, ...], note: str) -> None:
     from padgen.report.sweeps import sweep_table, sweep_text
 
     if options.json:
@@ -84,7 +84,7 @@ def _sum_up(options: argparse.Namespace, told: tuple[Any, ...], note: str) -> No
 
 
 def _executor(address: str | None) -> Any:
-    """A cluster's, or none: processes of this machine."""
+    """Return the executor of the Dask cluster at `address`, or None without one: this machine's processes then work."""
     if address is None:
         return nullcontext()
     from padgen.batch.scheduler import connect
@@ -93,8 +93,8 @@ def _executor(address: str | None) -> Any:
 
 
 @contextmanager
-def _telling(options: argparse.Namespace, sweep: Any) -> Iterator[Callable[[Any], None]]:
-    """What becomes of events: lines of JSON, or a bar on a terminal and a line for each failure."""
+def _event_printer(options: argparse.Namespace, sweep: Any) -> Iterator[Callable[[Any], None]]:
+    """Give a function that shows events: as lines of JSON, else each failure in a line, with a bar on a terminal."""
     if options.json:
         from padgen.batch.sweep import event_table
 
@@ -107,7 +107,7 @@ def _telling(options: argparse.Namespace, sweep: Any) -> Iterator[Callable[[Any]
 
 
 def _line(table: dict[str, Any]) -> None:
-    """Write one line of JSON, whole, at once."""
+    """Print one line of JSON and flush it."""
     from padgen.core.files import json_line
 
     print(json_line(table), flush=True)
@@ -123,7 +123,7 @@ def _failure(sweep: Any, event: Any, write: Callable[[str], None]) -> None:
 
 @contextmanager
 def _bar(sweep: Any) -> Iterator[Callable[[Any], None]]:
-    """A bar on the terminal: variants that have ended, their kinds, the time left; failures above it."""
+    """Give a function that shows events in a bar on the terminal: variants ended, time left, failures above."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 

@@ -1,4 +1,4 @@
-"""The nouns that all suspensions share: what moves, what bends and the window it needs."""
+"""Geometry types that all suspensions share: beam paths, moving blocks, and the window in the frame around them."""
 
 from math import inf
 from typing import Any, NamedTuple
@@ -23,10 +23,10 @@ Number = Any
 
 
 class Room(NamedTuple):
-    """What a sub-cell leaves between its ribs, in mm.
+    """Free space of a sub-cell between its ribs, in mm; the length is along the beams.
 
-    `before_washer_mm` and `behind_washer_mm` limit how far the washer may lie from the wall at the
-    root and from the other end of the window, so that it stays over its coil.
+    So that the washer stays over its coil, it may lie at most `before_washer_mm` from the wall at the root, and at most
+    `behind_washer_mm` from the other end of the window.
     """
 
     length_mm: float
@@ -44,7 +44,7 @@ class PlateShape(NamedTuple):
 
 
 class BeamShape(NamedTuple):
-    """Dimensions that tune a channel, in mm; the length is that of the path."""
+    """Dimensions of a channel's beams, in mm; the length is measured along the beam's path."""
 
     width_mm: Number
     thickness_mm: Number
@@ -52,24 +52,24 @@ class BeamShape(NamedTuple):
 
 
 class Segment(NamedTuple):
-    """A piece of a path: straight, or an arc that turns by `turn_rad` (to the left, if positive) on its length."""
+    """A piece of a path: straight, or an arc that turns by `turn_rad` over its length (positive: to the left)."""
 
     length_mm: Number
     turn_rad: Number = 0.0
 
 
 def arc(radius_mm: Number, turn_deg: Number) -> Segment:
-    """An arc about a centre `radius_mm` away, to the left for a positive turn."""
+    """Return an arc of a radius in mm that turns by an angle in degrees (positive: to the left)."""
     turn = np.radians(turn_deg)
     return Segment(radius_mm * np.abs(turn), turn)
 
 
 class BeamPath(NamedTuple):
-    """A beam, flush with the bottom, along a path of straight pieces and arcs from its root to its tip.
+    """A beam along a path of straight pieces and arcs from its root to its tip, flush with the pad's bottom.
 
     ::
 
-                 tip, on what moves
+                 tip, on the moving body
              |  |
              |  |
         _____/  |     w: width, half of it on each side of the path
@@ -92,25 +92,25 @@ class BeamPath(NamedTuple):
 
     @property
     def is_straight(self) -> bool:
-        """Whether nothing of the path turns."""
+        """True where no segment of the path turns."""
         return not any(np.any(segment.turn_rad) for segment in self.segments)
 
     @property
     def corners(self) -> "list[PathPoint]":
-        """Where segments begin, from the root, and the tip."""
+        """Start points of the segments, from the root on, and the tip."""
         points = [PathPoint(*self.root_mm, *self.direction)]
         for segment in self.segments:
             points.append(points[-1].along(segment))
         return points
 
     def within(self, index: int, share: Number) -> "PathPoint":
-        """The point at a `share` of the length of one segment."""
+        """Return the point at a `share` (0 … 1) of the length of segment `index`."""
         segment = self.segments[index]
         return self.corners[index].along(Segment(share * segment.length_mm, share * segment.turn_rad))
 
 
 class PathPoint(NamedTuple):
-    """A place on a path in mm, and the unit vector along the path there."""
+    """A place on a path in mm, and the unit vector of the path's direction there."""
 
     x_mm: Number
     y_mm: Number
@@ -118,9 +118,9 @@ class PathPoint(NamedTuple):
     along_y: Number
 
     def along(self, segment: Segment) -> "PathPoint":
-        """The point at the end of a segment that begins here."""
+        """Return the point at the end of a segment that begins here."""
         length, turn = segment
-        # The chord of an arc: its length, and half of the turn.
+        # The chord of an arc lies at half of the arc's turn.
         half = turn / 2
         chord, c, s = length * np.sinc(half / np.pi), np.cos(half), np.sin(half)
         x, y = self.along_x, self.along_y
@@ -128,12 +128,12 @@ class PathPoint(NamedTuple):
         return PathPoint(self.x_mm + chord * (c * x - s * y), self.y_mm + chord * (s * x + c * y), *turned)
 
     def beside(self, left_mm: Number) -> tuple[Number, Number]:
-        """The place so far to the left of the path."""
+        """Return the place (x, y) in mm at a distance to the left of the path."""
         return self.x_mm - left_mm * self.along_y, self.y_mm + left_mm * self.along_x
 
 
 class Block(NamedTuple):
-    """A moving block on the bottom, by its corners and its height."""
+    """A moving block that stands on the pad's bottom: the corners of its rectangle and its height."""
 
     low_x_mm: Number
     high_x_mm: Number
@@ -143,8 +143,11 @@ class Block(NamedTuple):
 
 
 class Yoke(NamedTuple):
-    """The yoke from two beams' tips to the plate between: a crossbar, `arm_mm` of it free between beam and neck, wide
-    along the beams, as high as the neck that carries the plate."""
+    """The yoke that joins the tips of two beams to the plate between them: a crossbar, and a neck to the plate.
+
+    `arm_mm` is the free length of the crossbar between a beam and the neck, `bar_width_mm` its width along the beams;
+    crossbar and neck have one height.
+    """
 
     arm_mm: Number
     bar_width_mm: Number
@@ -156,10 +159,9 @@ class Yoke(NamedTuple):
 class Arrangement(NamedTuple):
     """A suspended plate in its own axes: root side at x = 0, window centred in y.
 
-    `window_mm` is (length, width) of the opening in the frame; roots lie on its edge. `washer_x_mm` is
-    the place of washer and boss on y = 0; `root_clearance_mm` the room beside a root
-    that its fillets may take. Where the tips are joined to a `yoke` and not to the plate itself, `blocks` are plate,
-    neck and crossbar.
+    `window_mm` is (length, width) of the opening in the frame; the roots lie on its edge. Washer and boss are at
+    x = `washer_x_mm`, y = 0. A root's fillets may be as large as `root_clearance_mm`. With a `yoke` between beams and
+    plate, `blocks` are plate, neck and crossbar.
     """
 
     beams: tuple[BeamPath, ...]

@@ -1,4 +1,4 @@
-"""How many channels one coil holds: by the paper's bound and by the exact response."""
+"""Count the channels that one coil holds: by the paper's bound, by the exact response, and in printed pads."""
 
 from collections.abc import Callable
 from functools import lru_cache
@@ -18,15 +18,15 @@ __all__ = ["channel_limit", "coil_capacity", "largest_counts", "printed_count", 
 
 WIDEST_HZ = 1e5
 LARGEST_WITH_SPURS = 32
-"""Exact capacities are searched up to here: the spurs of n channels take n³ numbers."""
+"""Largest count of channels that is tried with a drive that makes spurs: the spurs of n channels take n³ numbers."""
 LARGEST = 4096
-"""The same without spurs."""
-SCANNED = 64
-"""Counts that are tried one by one; beyond, a figure that falls with the count is bisected."""
+"""Largest count of channels that is tried with a drive without spurs."""
+TRIED_SINGLY = 64
+"""Counts up to here are tried one by one; above, the largest that holds is found by bisection."""
 
 
 def channel_limit(spec: Spec) -> int:
-    """Channels per coil that the paper's bound allows, at least one.
+    """Return how many channels per coil the paper's bound allows, at least one.
 
     Raises
     ------
@@ -41,7 +41,7 @@ def channel_limit(spec: Spec) -> int:
             "band_hz",
             [_band_up_to(spec, (1 + DRAWN_SHARE) / (1 - DRAWN_SHARE))],
         )
-    count = whole_channels(_paper(spec))
+    count = whole_channels(_paper_capacity(spec))
     if count < 1:
         low, ratio = spec.band_hz[0], ladder_ratio(spec.q_min, spec.delta_y)
         wider = low * ratio <= WIDEST_HZ
@@ -55,27 +55,27 @@ def channel_limit(spec: Spec) -> int:
 
 
 def _band_up_to(spec: Spec, ratio: float) -> dict[str, list[float]]:
-    """The band with its upper end at so many times the lower one, as a cure."""
+    """Return a cure: the band with its upper end moved to `ratio` times the lower end."""
     return {"band_hz": [spec.band_hz[0], float(at_least(spec.band_hz[0] * ratio))]}
 
 
 def _selective_q(spec: Spec) -> list[dict[str, float]]:
-    """A ratio of ON over OFF with which a slot is a third of the band, as a cure."""
+    """Return a cure: the delta_y (ON over OFF) at which a slot takes a third of the band."""
     third = (spec.band_hz[1] / spec.band_hz[0]) ** (1 / 3)
     return [{"delta_y": float(at_most(4 * spec.q_min * (third - 1) / (third + 1)))}]
 
 
 def coil_capacity(spec: Spec, scheme: Scheme, limit: str) -> Capacity:
-    """The plan's `Capacity` with the drive `scheme`; `limit` names what keeps the pad from more."""
-    paper, law = _paper(spec), level_law(spec)
+    """Return the plan's `Capacity` with the drive `scheme`; `limit` names what prevents more channels on the pad."""
+    paper, law = _paper_capacity(spec), level_law(spec)
     states, one_hot = largest_counts(spec.band_hz, spec.q_min, law, scheme, decibel(spec.delta_y))
     ratio = ladder_ratio(spec.q_min, spec.delta_y)
-    breaks = _what_breaks(spec.band_hz, states + 1, spec.q_min, law, scheme)
+    breaks = _loudest_line_text(spec.band_hz, states + 1, spec.q_min, law, scheme)
     return Capacity(whole_channels(paper), states, ratio, limit, paper, one_hot, breaks, searched_to(scheme))
 
 
 def searched_to(scheme: Scheme) -> int:
-    """How many channels the all-state capacity of a scheme is searched up to."""
+    """Return the largest count of channels that is tried for the all-state capacity of a scheme."""
     return LARGEST_WITH_SPURS if scheme.has_pair_spurs else LARGEST
 
 
@@ -83,10 +83,10 @@ def searched_to(scheme: Scheme) -> int:
 def largest_counts(
     band_hz: tuple[float, float], q: float, law: LevelLaw, scheme: Scheme, target_db: float, most: int = LARGEST
 ) -> tuple[int, int]:
-    """Most channels on a geometric ladder from one end of the band to the other that keep `target_db`.
+    """Return the most channels that keep a selectivity of `target_db` in all states, and the most with one channel on.
 
-    In all states and with one channel on; equal masses. Searched up to `most` channels, in all states
-    of schemes with spurs up to `LARGEST_WITH_SPURS`.
+    The channels have equal masses, on a geometric ladder from one end of the band to the other. Up to `most` channels
+    are tried; with spurs, in all states, up to `LARGEST_WITH_SPURS`.
     """
 
     def one_hot_holds(count: int) -> bool:
@@ -96,17 +96,17 @@ def largest_counts(
         return all_states(_ladder(band_hz, count, q, law), scheme).db >= target_db
 
     one_hot = states = 1
-    for count in range(2, min(SCANNED, most) + 1):
-        which = _ladder(band_hz, count, q, law)
-        if count <= searched_to(scheme) and all_states(which, scheme).db >= target_db:
+    for count in range(2, min(TRIED_SINGLY, most) + 1):
+        ladder = _ladder(band_hz, count, q, law)
+        if count <= searched_to(scheme) and all_states(ladder, scheme).db >= target_db:
             states = count
-        if one_hot_db(which, scheme) < target_db:
+        if one_hot_db(ladder, scheme) < target_db:
             return states, one_hot
         one_hot = count
-    if most <= SCANNED:
+    if most <= TRIED_SINGLY:
         return states, one_hot
-    one_hot = _last(one_hot_holds, SCANNED, most)
-    return (_last(states_hold, SCANNED, one_hot) if states == SCANNED else states), one_hot
+    one_hot = _largest_that_holds(one_hot_holds, TRIED_SINGLY, most)
+    return (_largest_that_holds(states_hold, TRIED_SINGLY, one_hot) if states == TRIED_SINGLY else states), one_hot
 
 
 def printed_count(
@@ -120,22 +120,27 @@ def printed_count(
     followed: float,
     missed: float = 0.0,
 ) -> int:
-    """Most channels on the ladders of `largest_counts` of which `share` of the pads keep `target_db`.
+    """Return the most channels with which a `share` of the printed pads keeps `target_db`, on a geometric ladder.
 
-    By `padgen.physics.selectivity.print_share`: `followed` is the sigma of ln f of each taxel that tones follow,
-    `missed` that which they do not.
+    Computed by `padgen.physics.selectivity.print_share`. `followed` is the sigma of ln f of a taxel that its re-tuned
+    tone follows, `missed` the sigma that the tone does not follow.
     """
 
     def holds(count: int) -> bool:
-        which = _ladder(band_hz, count, q, law)
-        return print_share(which, scheme, 10 ** (target_db / 10), coils, followed, missed, share) >= share
+        ladder = _ladder(band_hz, count, q, law)
+        return print_share(ladder, scheme, 10 ** (target_db / 10), coils, followed, missed, share) >= share
 
     most, _ = largest_counts(band_hz, q, law, scheme, target_db)
-    return next((n for n in range(most, 1, -1) if holds(n)), 1) if most <= SCANNED else _last(holds, 1, most)
+    return (
+        next((n for n in range(most, 1, -1) if holds(n)), 1)
+        if most <= TRIED_SINGLY
+        else _largest_that_holds(holds, 1, most)
+    )
 
 
-def _last(holds: Callable[[int], bool], low: int, high: int) -> int:
-    """Largest count from `low`, which holds, to `high` that holds, for a figure that falls with the count."""
+def _largest_that_holds(holds: Callable[[int], bool], low: int, high: int) -> int:
+    """Return the largest count from `low` to `high` that holds, by bisection; `low` holds, and above a failing count
+    all fail."""
     if holds(high):
         return high
     while high - low > 1:
@@ -149,18 +154,18 @@ def _ladder(band_hz: tuple[float, float], count: int, q: float, law: LevelLaw) -
     return channels(resonance, q, law(resonance))
 
 
-def _what_breaks(band_hz: tuple[float, float], count: int, q: float, law: LevelLaw, scheme: Scheme) -> str:
-    """Which line makes `count` channels too many."""
+def _loudest_line_text(band_hz: tuple[float, float], count: int, q: float, law: LevelLaw, scheme: Scheme) -> str:
+    """Name the line of the drive that shakes an OFF taxel most when a coil has `count` channels."""
     if count > searched_to(scheme):
         return "none that was tried"
-    which = _ladder(band_hz, count, q, law)
-    off = all_states(which, scheme).off
-    drivers, kind = loudest_line(which, scheme, off)
-    heard = f"channel {off} of {count} at {number(float(which.resonance_hz[off]))} Hz"
+    ladder = _ladder(band_hz, count, q, law)
+    off = all_states(ladder, scheme).off
+    drivers, kind = loudest_line(ladder, scheme, off)
+    heard = f"channel {off} of {count} at {number(float(ladder.resonance_hz[off]))} Hz"
     if len(drivers) == 1:
         return f"the {kind} of channel {drivers[0]} on {heard}"
     return f"the {kind} of channels {drivers[0]} and {drivers[1]} on {heard}"
 
 
-def _paper(spec: Spec) -> float:
+def _paper_capacity(spec: Spec) -> float:
     return capacity(*spec.band_hz, spec.q_min, spec.delta_y)

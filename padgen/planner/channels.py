@@ -1,4 +1,4 @@
-"""A layout's sized beams → the plan's `Channel`s: levels, forces and what the coil pulls."""
+"""Make the plan's `Channel`s from sized beams: levels, forces, and the coil's pull on each washer."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -23,7 +23,7 @@ from padgen.planner.taxel_model import fillet_mm
 from padgen.spec import Spec
 
 USUAL_DEPTH = 1.01
-"""Over half a rib: up to here the frame is as deep as beams are sized on."""
+"""Depth of the frame behind a root over half a rib, for which beams are sized; up to here no error is added."""
 
 __all__ = [
     "driven",
@@ -37,7 +37,7 @@ __all__ = [
 
 
 def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Site]) -> tuple[Channel, ...]:
-    """The channels of a coil; what depends on the drive scheme is `driven`'s to fill in."""
+    """Return the channels of a coil, before `driven` fills in the fields that depend on the drive scheme."""
     resonance = np.array([float(s.model.resonance_hz) for s in sized])
     level = level_law(spec)(resonance)
     level_um = spec.drive.level_um * level / level[0]
@@ -98,7 +98,7 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
 
 
 def force_constants(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Site]) -> np.ndarray:
-    """The channels' `force_constant_n_per_a2` (n,), without all else that `plan_channels` works out."""
+    """Return the channels' `force_constant_n_per_a2` (n,) alone, faster than by `plan_channels`."""
     sag_um = np.array([float(s.model.sag_m) for s in sized]) / UM
     pulled = site_pulls(spec, sites, hanging_gap_um(spec, sag_um))
     share = pulled_shares([taxel_modes(s.model) for s in sized], site_wrenches(spec, pulled, sites))
@@ -106,25 +106,25 @@ def force_constants(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[S
 
 
 def site_pulls(spec: Spec, sites: Sequence[Site], gap_um: np.ndarray) -> PullAt:
-    """Pulls (n,) on the washers of `sites`, each hanging over a gap (n,) in µm."""
+    """Return the pulls (n,) on the washers of `sites`, each over its own gap (n,) in µm."""
     return pulls(spec, gap_um * UM, np.array([site.coil_distance_mm for site in sites]) * MM)
 
 
 def pull_exponent(pulled: PullAt, gap_um: np.ndarray) -> np.ndarray:
-    """The exponent m (n,) with which pulls fall about their gap, ``c ∝ gap^−m``; 0 for washers that are not pulled."""
+    """Return the exponent m (n,) of ``pull ∝ gap^−m`` about each gap (n,) in µm; 0 for washers that are not pulled."""
     return np.asarray(
         np.divide(-pulled.slope * gap_um * UM, pulled.pull, out=np.zeros(len(gap_um)), where=pulled.pull > 0)
     )
 
 
 def hanging_gap_um(spec: Spec, sag_um: np.ndarray | float) -> np.ndarray:
-    """The gap in µm below a washer that sags; a tenth of the flat pad's where it would sag further."""
+    """Return the gap in µm below a washer that sags by `sag_um`, but at least a tenth of the spec's gap."""
     gap_um = spec.coil.gap_mm * MM / UM
     return np.maximum(gap_um - sag_um, gap_um / 10)
 
 
 def driven(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> tuple[Channel, ...]:
-    """`channels` with what the drive `scheme` decides: frequencies of the current and the mean pull's effects."""
+    """Return `channels` with the frequencies of the current and the effects of the mean pull under `scheme`."""
     sets = channel_sets(channels, spec.coil.sets)
     squares_a2 = [mean_square_a2(scheme, np.array([c.line_a2 for c in own]), spec.drive.headroom) for own in sets]
     result = []
@@ -138,7 +138,7 @@ def driven(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> tuple[Cha
                 channel,
                 drive_hz=channel.resonance_hz if scheme.has_constant else channel.resonance_hz / 2,
                 static_um=gap_um if static_um is None else static_um,
-                # k − dF/dz over k, with F = k z at balance.
+                # With F = k z at balance the stiffness falls by the share (dF/dz)/k, the resonance by half of that.
                 pull_shift=0.0 if static_um is None else exponent * static_um / (gap_um - static_um) / 2,
             )
         )
@@ -146,21 +146,25 @@ def driven(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> tuple[Cha
 
 
 def wanted_line_a2(force_mn: float, force_constant_n_per_a2: float) -> float:
-    """Amplitude in A² of the line of i² that pulls with a force; 0 for a washer that the coil does not pull."""
+    """Return the amplitude in A² of the line of i² that makes a force in mN; 0 for a washer that is not pulled."""
     return force_mn * MN / force_constant_n_per_a2 if force_constant_n_per_a2 > 0 else 0.0
 
 
 def _quiet_ratios(spec: Spec, resonance: np.ndarray, level_um: np.ndarray) -> np.ndarray:
-    """ON amplitude over the one that counts as quiet: the threshold where it is known, else 1/Δy of ON."""
+    """Return the ON amplitude (n,) over the amplitude that counts as quiet.
+
+    Quiet is the detection threshold where the spec has one, else 1/Δy of the ON amplitude.
+    """
     threshold = level_law(spec).threshold_um(resonance)
     ratio: np.ndarray = np.full(len(resonance), spec.delta_y) if threshold is None else level_um / threshold
     return ratio
 
 
 def _deep_frame_errors(sized: Sequence[SizedChannel], sites: Sequence[Site]) -> np.ndarray:
-    """Relative errors (n,) of resonances where the frame behind a root is deeper than half a rib, which beams have.
+    """Return relative errors (n,) of resonances where the frame behind a root is deeper than half a rib.
 
-    Twice what the model makes of the true depth: this covers 96 % of 53 random taxels (docs/accuracy.md).
+    Beams are sized for half a rib. The error is twice the shift that the beam model finds with the true depth; that
+    covers 96 % of 53 random taxels (docs/accuracy.md).
     """
     error, depth = np.zeros(len(sized)), np.array([site.frame_depth_mm for site in sites])
     models = [item.model for item in sized]

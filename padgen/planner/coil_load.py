@@ -1,4 +1,4 @@
-"""What the drive asks of a coil, its amplifier and the beams."""
+"""Load of the drive on a coil, its amplifier and the beams, and the level that these allow."""
 
 from collections.abc import Sequence
 from math import inf
@@ -18,9 +18,9 @@ __all__ = ["coil_load", "pull_in_share"]
 
 
 def coil_load(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> CoilLoad:
-    """Currents, voltage and heat of a coil with all channels on, and the level that every limit allows.
+    """Return currents, voltage and heat of a coil with all channels on, and the largest level that all limits allow.
 
-    With two sets of channels, of the coil that allows less.
+    With two sets of channels, the figures are of the coil that allows the lower level.
     """
     sets = channel_sets(channels, spec.coil.sets)
     return min((_load(spec, own, scheme) for own in sets), key=lambda load: load.reachable_level_um)
@@ -33,7 +33,7 @@ def _load(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> CoilLoad:
     volts = peak_voltage_v(scheme, lines, resonance, coil.resistance_ohm, coil.inductance_mh * MH, headroom)
     loss_w = square_a2 * coil.resistance_ohm
     pull_in = max(pull_in_share(spec, channel, square_a2) for channel in channels)
-    # Factors by which the displacements, and with them the square of the current, may grow.
+    # Factors by which the displacements may grow: the square of the current grows in proportion.
     factors = {
         "voltage": (spec.drive.voltage_limit_v / volts) ** 2 if volts > 0 else inf,
         "copper loss": coil.power_limit_w / loss_w if loss_w > 0 else inf,
@@ -57,21 +57,21 @@ def _load(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> CoilLoad:
 
 
 def pull_in_share(spec: Spec, channel: Channel, square_a2: float) -> float:
-    """Mean pull of a mean square current on a washer, over the one at which it snaps to the coil."""
+    """Return the mean pull on a washer for a mean square current, over the pull at which it snaps to the coil."""
     gap_um = float(hanging_gap_um(spec, channel.sag_um))
     _, largest_um = pull_in_deflection(gap_um, max(channel.pull_exponent, 0.0))
     return _slack_um(channel, square_a2) / largest_um
 
 
 def _slack_um(channel: Channel, square_a2: float) -> float:
-    """What the mean pull at rest would deflect the spring by, did it not grow as the gap closes."""
+    """Return the deflection in µm under the mean pull at rest, as if the pull did not grow while the gap closes."""
     return max(square_a2 * channel.force_constant_n_per_a2, 0.0) / channel.stiffness_n_per_m / UM
 
 
 def _gap_factor(spec: Spec, channel: Channel, square_a2: float) -> float:
-    """How much larger amplitude and pull may be for a third of the gap to hold them and sag; 0 where sag fills it.
+    """Return the factor by which amplitude and mean pull may grow until, with the sag, they fill a third of the gap.
 
-    The pull stays in balance with the spring: short of pull-in.
+    The spring balances the mean pull, so the washer stays short of pull-in. 0 where sag alone fills a third of the gap.
     """
     gap_um, exponent = float(hanging_gap_um(spec, channel.sag_um)), max(channel.pull_exponent, 0.0)
     free_um, slack_um = spec.coil.gap_mm * MM / UM / 3 - channel.sag_um, _slack_um(channel, square_a2)

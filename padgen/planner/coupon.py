@@ -1,9 +1,9 @@
-"""The coupon: a small pad with one taxel of each channel, to measure what the printer makes of them.
+"""Plan the coupon: a small pad with one taxel of each channel, to measure how the printer prints them.
 
-It is one coil's cell of the pad, or two beside each other where two sets of channels alternate: the
-same tiles about the same coil axis, so that one coil drives all of them as it will in the pad. Its
-border is as narrow as the pad's screws allow. It keeps the screws, since a coupon weighs but a few
-times as much as its taxels: lying loose, it would move with them and raise their resonances.
+A coupon is one coil's cell of the pad, or two cells side by side where two sets of channels alternate. The tiles lie
+about the coil's axis as in the pad, so that one coil drives all of them in the same way. The border is as narrow as the
+pad's screws allow. A coupon needs these screws: it weighs only a few times as much as its taxels, and if it lay loose
+it would move with them and raise their resonances.
 """
 
 from dataclasses import replace
@@ -21,17 +21,17 @@ __all__ = ["coil_axis_mm", "coupon_groove", "coupon_plan"]
 SUFFIX = "-coupon"
 LONGEST_NAME = 80
 SMALLEST_PAD_MM = 5.0
-"""The least active area that a spec allows; beyond the cell it is bare frame."""
+"""Smallest side of the active area that a spec allows; what is not cell is plain frame."""
 SMALLEST_BORDER_MM = 1.0
-"""The least that a spec allows."""
+"""Narrowest border that a spec allows."""
 WALL_LINES = 2
 
 
 def coupon_plan(plan: Plan) -> Plan:
-    """The plan of the coupon of `plan`: its channels, plate and cell, without what is about the whole pad.
+    """Return the plan of a coupon for `plan`: the same channels, plate and cell, without figures of the whole pad.
 
-    Taxel ``r0c0k0`` is channel 0. With two sets of channels the second is over the next coil, along x
-    where the pad has columns, else along y. No cell is turned.
+    Taxel ``r0c0k0`` is channel 0. A second set of channels lies over the next coil: along x where the pad has several
+    columns, else along y. No cell is turned.
     """
     coils = _coils(plan)
     step = (0, 1) if plan.coils.columns > 1 else (1, 0)
@@ -54,7 +54,7 @@ def coupon_plan(plan: Plan) -> Plan:
 
 
 def coupon_groove(coupon: Plan) -> Outline:
-    """The groove in the coupon's border that marks channel 0: beside its sub-cell, on the nearer side."""
+    """Return the groove in the coupon's border that marks channel 0, on the side nearer to its sub-cell."""
     first = next(taxel for taxel in coupon.taxels if taxel.channel == 0)
     at_x, at_y = coupon.channels[0].site.centre_mm
     x0, y0 = coil_axis_mm(coupon.coils, *first.coil)
@@ -62,12 +62,12 @@ def coupon_groove(coupon: Plan) -> Outline:
 
 
 def coil_axis_mm(coils: CoilGrid, row: int, column: int) -> tuple[float, float]:
-    """Where a coil's axis is, from the pad's centre."""
+    """Return the place (x, y) in mm of a coil's axis, from the pad's centre."""
     return (column - (coils.columns - 1) / 2) * coils.pitch_x_mm, (row - (coils.rows - 1) / 2) * coils.pitch_y_mm
 
 
 def _coils(plan: Plan) -> CoilGrid:
-    """As few cells as hold all sets of channels and make up the least active area."""
+    """Return the smallest coil grid that holds all sets of channels and makes up the smallest active area."""
     coils, sets = plan.coils, len(plan.sets)
     wide, deep = (sets, 1) if coils.columns > 1 else (1, sets)
     columns = max(wide, ceil(SMALLEST_PAD_MM / coils.pitch_x_mm - SLACK_MM))
@@ -84,7 +84,10 @@ def _spec(plan: Plan, name: str, coils: CoilGrid, taxels: int) -> Spec:
 
 
 def _border_mm(spec: Spec) -> float:
-    """The narrowest with walls of two lines beside the holes and room for the screws' heads, at most the pad's own."""
+    """Return the coupon's border in mm, at most the pad's.
+
+    It is as narrow as walls of two lines beside the holes and room for the screws' heads allow.
+    """
     pad = spec.pad
     walls = 2 * WALL_LINES * spec.printer.line_width_mm
     least = pad.hole_diameter_mm + walls if pad.hole_diameter_mm else max(walls, pad.rib_mm, SMALLEST_BORDER_MM)

@@ -1,4 +1,4 @@
-"""Cures of findings: changes of the spec, each tried by planning the changed spec before it is said."""
+"""Cures of findings: changes of the spec. Each is tried by planning the changed spec before it is suggested."""
 
 from collections.abc import Callable
 from dataclasses import asdict, replace
@@ -15,20 +15,20 @@ from padgen.spec.load import laid_over, spread_of, without_none
 __all__ = ["Cure", "varied", "with_tried_cures"]
 
 MOST_TRIED = 8
-"""Changes that are tried for one plan."""
+"""Most cures that are tried for one plan."""
 LOST_DB = 0.05
-"""What a cure may cost of the selectivity that is asked."""
+"""Loss of the asked selectivity in dB that a cure may cause."""
 
 COUNTED = ("model.", "ladder.", "selectivity.", "coil.leak", "modes.")
-"""Beginnings of the codes of findings that are no harm of their own: what models know of themselves, and what the
-selectivity has in it."""
+"""Beginnings of the codes of findings that a cure may make worse: on a model's accuracy, and on effects that the
+selectivity counts anyway."""
 
 Cure = dict[str, Any]
-"""Fields of the spec by their dotted names, and their values; None leaves a field out."""
+"""New values of fields of the spec, by the fields' dotted names; None removes a field from the spec."""
 
 
 def varied(spec: Spec, cure: Cure) -> Spec:
-    """Return `spec` with the fields of `cure`, as if they stood in its file; raises as `make_spec` does."""
+    """Return `spec` with the fields of `cure` as if they were written in its file; raises as `make_spec` does."""
     table = without_none(asdict(spec))
     if "printer" in cure and table["spread"] == catalogue("spread").get(spread_of(spec.printer)):
         del table["spread"]  # the file leaves it to the printer
@@ -68,7 +68,7 @@ def _planned(planned: Callable[[Cure], Plan], cure: Cure) -> Plan | None:
 
 
 def _severities(plan: Plan) -> dict[str, int]:
-    """How severe the worst finding of each kind is, but for notes."""
+    """Return the severity (index in `LEVELS`) of the worst finding of each code, notes left out."""
     worst: dict[str, int] = {}
     for f in plan.findings:
         if f.level != "note":

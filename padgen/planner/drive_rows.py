@@ -1,4 +1,4 @@
-"""Rows of a drive table: what a channel's line of the current, and the constant part of a coil's, must be."""
+"""Make the rows of a drive table: the current of each channel, and the constant part of a coil's current."""
 
 import cmath
 import csv
@@ -23,11 +23,11 @@ BIAS = "bias"
 
 @dataclass(frozen=True, slots=True)
 class DriveRow:
-    """One channel of the table, or the row of the constant part (channel 'bias', at 0 Hz).
+    """One channel of the drive table, or the row of the current's constant part (channel 'bias', at 0 Hz).
 
-    Amplitudes are peaks, the phase is the voltage's over the current's. The bias row's current is the
-    constant one, biased, and the root of the constant part of i², spur-free; its force is the mean
-    pull on the washer of the coil's lowest channel.
+    Amplitudes are peaks; the phase is that of the voltage ahead of the current. In the bias row of a biased drive the
+    current is the constant current, in that of a spur-free drive the root of the constant part of i². The bias row's
+    force is the mean pull on the washer of the coil's lowest channel.
     """
 
     channel: int | str
@@ -45,11 +45,11 @@ COLUMNS = tuple(f.name for f in fields(DriveRow))
 
 
 def coil_rows(spec: Spec, scheme: Scheme, own: Sequence[Channel]) -> list[DriveRow]:
-    """A row for each of the channels of one coil.
+    """Return a row for each channel of one coil.
 
-    A plain tone of I at f pulls with c I²/2 at 2f; beside a constant current B one of b at r pulls with
-    2 c B b at r; spur-free, the current's peak with this channel alone on is given. A washer that the
-    coil does not pull has an infinite current.
+    A plain tone of amplitude I at f pulls with c I²/2 at 2f. With a constant current B, a tone of amplitude b at r
+    pulls with 2 c B b at r. For a spur-free drive a row has the current's peak with this channel alone on. For a washer
+    that the coil does not pull the current is infinite.
     """
     current = current_lines_a(scheme, np.array([c.line_a2 for c in own]), spec.drive.headroom)
     return [_row(spec, scheme, channel, float(i)) for channel, i in zip(own, current, strict=True)]
@@ -77,7 +77,7 @@ def _row(spec: Spec, scheme: Scheme, channel: Channel, current_a: float) -> Driv
 
 
 def bias_row(spec: Spec, scheme: Scheme, own: Sequence[Channel], name: str = BIAS) -> DriveRow:
-    """The constant part of the current of a coil with the channels `own`."""
+    """Return the row of the constant part of the current of a coil with the channels `own`."""
     lines, resistance = np.array([c.line_a2 for c in own]), spec.coil.resistance_ohm
     square = mean_square_a2(scheme, lines, spec.drive.headroom)
     constant = bias_a(scheme, lines) if scheme.is_biased else sqrt(square)
@@ -86,7 +86,7 @@ def bias_row(spec: Spec, scheme: Scheme, own: Sequence[Channel], name: str = BIA
 
 
 def table_csv(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Rows as CSV, numbers with six digits."""
+    """Return rows as CSV text, numbers with six significant digits."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)

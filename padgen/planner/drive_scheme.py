@@ -1,4 +1,4 @@
-"""Which drive scheme a coil gets, and how far OFF taxels then stay below ON taxels."""
+"""Choose a coil's drive scheme, and work out how far OFF taxels then stay below ON taxels."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -24,37 +24,38 @@ if TYPE_CHECKING:
 __all__ = ["modes_matter", "placed_channels", "plan_selectivity"]
 
 MOST_SPELLED_OUT = 16
-"""Channels up to which a plan lists how each hears each."""
+"""Channels per coil up to which a plan lists how much each channel's tone moves every other taxel."""
 UNPULLED = 1e-12
-"""Share of the strongest pull that is as good as none."""
+"""Share of the strongest pull that stands in for no pull at all."""
 MOST_WITH_SPURS = 256
-"""Channels up to which the n³ spurs of a scheme are counted that was not asked for."""
+"""Channels per coil up to which schemes that the spec does not ask for are judged, where they have n³ spurs."""
 Placed = tuple[Channels, ModalTaxels]
 """Channels with each washer's own pull, and all modes of their taxels."""
 
 
 def plan_selectivity(spec: Spec, planned: Sequence[Channel], optimum: "Optimum | None" = None) -> Selectivity:
-    """Choose the drive scheme for the channels of a coil, and judge it.
+    """Choose the drive scheme for the channels of a coil, and return its selectivity.
 
-    With two sets of channels, for the worse one. `optimum` is passed on where it is of the chosen scheme.
+    With two sets of channels, the figures are of the worse one. `optimum`, the figure of optimised resonances, is
+    recorded if it is of the chosen scheme.
     """
     sets = channel_sets(planned, spec.coil.sets)
-    alike, bare, asked = ([_resonators(spec, own, which) for own in sets] for which in ("alike", "placed", "asked"))
-    placed = [(which, heard_modes(spec, own, which.line)) for own, which in zip(sets, bare, strict=True)]
+    alike, bare, asked = ([_resonators(spec, own, kind) for own in sets] for kind in ("alike", "placed", "asked"))
+    placed = [(taxels, heard_modes(spec, own, taxels.line)) for own, taxels in zip(sets, bare, strict=True)]
     lost_db = max(channel.level_loss_db for channel in planned)
-    figures = {name: _figures(spec, alike, placed, name, lost_db) for name in in_order()}
-    name, why = _chosen(spec, figures, planned)
+    figures = {name: _scheme_figures(spec, alike, placed, name, lost_db) for name in in_order()}
+    name, why = _chosen_scheme(spec, figures, planned)
     scheme = scheme_named(spec, name)
-    states = min((all_states(which, scheme) for which in alike), key=lambda found: found.db)
+    states = min((all_states(taxels, scheme) for taxels in alike), key=lambda found: found.db)
     alone = len(sets[0]) < 2
     return Selectivity(
         drive=name,
         level_law="threshold" if spec.drive.threshold_hz else spec.drive.level_law,
-        one_hot_db=None if alone else min(one_hot_db(which, scheme) for which in alike),
+        one_hot_db=None if alone else min(one_hot_db(taxels, scheme) for taxels in alike),
         all_states_db=None if alone else states.db,
         worst_state=states.state,
         asked_db=decibel(spec.delta_y),
-        placed_one_hot_db=None if alone else min(one_hot_db(which, scheme, modes) for which, modes in placed),
+        placed_one_hot_db=None if alone else min(one_hot_db(taxels, scheme, modes) for taxels, modes in placed),
         placed_all_states_db=None if alone else _placed_db(placed, scheme) - lost_db,
         why=why,
         paper_db=None if alone else _paper_db(spec, planned),
@@ -62,44 +63,50 @@ def plan_selectivity(spec: Spec, planned: Sequence[Channel], optimum: "Optimum |
         modes_cost_db=None if alone else _worst_db(bare, scheme) - _placed_db(placed, scheme),
         modes_left_out=max(float(modes.left_out.max()) for _, modes in placed),
         optimum_db=optimum.all_states_db if optimum and optimum.drive == name else None,
-        matrix_db=tuple(_matrix_db(which) for which in alike) if len(sets[0]) <= MOST_SPELLED_OUT else (),
+        matrix_db=tuple(_matrix_db(taxels) for taxels in alike) if len(sets[0]) <= MOST_SPELLED_OUT else (),
         schemes=tuple(figures.values()),
     )
 
 
-def _matrix_db(which: Channels) -> tuple[tuple[float, ...], ...]:
-    below = -10 * np.log10(tone_energy(which, which))
+def _matrix_db(taxels: Channels) -> tuple[tuple[float, ...], ...]:
+    below = -10 * np.log10(tone_energy(taxels, taxels))
     return tuple(tuple(float(value) + 0.0 for value in row) for row in below)
 
 
 def _worst_db(sets: Sequence[Channels], scheme: Scheme) -> float:
-    return min(all_states(which, scheme).db for which in sets)
+    return min(all_states(taxels, scheme).db for taxels in sets)
 
 
 def _placed_db(sets: Sequence[Placed], scheme: Scheme) -> float:
-    return min(all_states(which, scheme, modes).db for which, modes in sets)
+    return min(all_states(taxels, scheme, modes).db for taxels, modes in sets)
 
 
-def _resonators(spec: Spec, planned: Sequence[Channel], which: str) -> Channels:
-    """Channels as printed and pulled 'alike', with each washer's own pull ('placed'), or as the ladder 'asked'."""
-    resonance = np.array([c.target_hz if which == "asked" else c.resonance_hz for c in planned])
+def _resonators(spec: Spec, planned: Sequence[Channel], kind: str) -> Channels:
+    """Return a coil's channels for the physics; `kind` says with what pull and at kind resonances.
+
+    'alike': as printed, all washers pulled alike. 'placed': as printed, each washer with its own pull. 'asked': at the
+    target resonances, all washers pulled alike.
+    """
+    resonance = np.array([c.target_hz if kind == "asked" else c.resonance_hz for c in planned])
     mass = np.array([c.effective_mass_g for c in planned])
     pull = np.array([c.force_constant_n_per_a2 for c in planned])
-    # A washer that the coil does not pull can be moved by no current: as if its own line had to be endless.
+    # No current moves a washer that the coil does not pull: a tiny pull asks for an almost endless current instead.
     pull = np.maximum(pull, UNPULLED * pull.max()) if (pull > 0).any() else np.ones(len(pull))
     q = np.array([c.q for c in planned])
-    return channels(resonance, q, level_law(spec)(resonance), mass, pull if which == "placed" else 1.0)
+    return channels(resonance, q, level_law(spec)(resonance), mass, pull if kind == "placed" else 1.0)
 
 
 def placed_channels(spec: Spec, planned: Sequence[Channel]) -> Channels:
-    """The channels of one coil as printed, with each washer's own pull."""
+    """Return the channels of one coil as printed, with each washer's own pull."""
     return _resonators(spec, planned, "placed")
 
 
 def modes_matter(plan: Plan) -> bool:
-    """Whether a mode lies in another channel's slot, costs selectivity, or would be heard with its peak on any line.
+    """Return whether other modes of the taxels may matter: True if `judge_modes` is to look at them.
 
-    A quick bound: no line is more than twice the largest wanted one, biased no more than 1/(2 `bias_ratio`) of it.
+    They may if a mode lies in another channel's slot, if the modes cost selectivity, or if a line of the drive on a
+    mode's peak could move an OFF taxel by more than 1/Δy of its ON amplitude. The last is a quick bound: no line is
+    more than twice the largest wanted one, or 1/(2 `bias_ratio`) of it in a biased drive.
     """
     if len(plan.sets[0]) < 2:
         return False
@@ -117,19 +124,19 @@ def _loudest_peak(spec: Spec, own: Sequence[Channel]) -> float:
     return float(peak.max() * line.max()) * max(2.0, 0.5 / spec.drive.bias_ratio)
 
 
-def _figures(
+def _scheme_figures(
     spec: Spec, alike: Sequence[Channels], placed: Sequence[Placed], name: str, lost_db: float
 ) -> SchemeFigures:
     count, scheme = len(alike[0].line), scheme_named(spec, name)
     cubic = scheme.has_pair_spurs and count > MOST_WITH_SPURS and name != spec.drive.scheme
     if count < 2 or cubic:
         return SchemeFigures(name, None, None, None)
-    one_hot = min(one_hot_db(which, scheme) for which in alike)
+    one_hot = min(one_hot_db(taxels, scheme) for taxels in alike)
     return SchemeFigures(name, one_hot, _worst_db(alike, scheme), _placed_db(placed, scheme) - lost_db)
 
 
-def _chosen(spec: Spec, figures: dict[str, SchemeFigures], planned: Sequence[Channel]) -> tuple[str, str]:
-    """Name of the scheme, and why it is this one."""
+def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Sequence[Channel]) -> tuple[str, str]:
+    """Return the name of the scheme, and the reason for it in words."""
     if spec.drive.scheme != "auto":
         return spec.drive.scheme, "as the spec asks"
     if len(planned) // spec.coil.sets == 1:
@@ -140,19 +147,19 @@ def _chosen(spec: Spec, figures: dict[str, SchemeFigures], planned: Sequence[Cha
     simplest = simplest_first()
     reached = {name: figures[name].reached_db for name in simplest}
     rates = {rate.scheme: rate.frames_per_s for rate in frame_rates(planned, spec.coil.sets)}
-    # Taking turns is slow, so that it must also be fast enough; the others ring down alike.
+    # A scheme that takes turns is slow, so its frame rate must suffice, too; all other schemes share one frame rate.
     holds = [n for n in simplest if reached[n] >= asked and (rates[n] >= least or not Scheme(n).takes_turns)]
     if holds:
-        told = _told(simplest[: simplest.index(holds[0])], reached, rates)
+        told = _reached_text(simplest[: simplest.index(holds[0])], reached, rates)
         return holds[0], f"the simplest that keeps {asked:.1f} dB in all states{told}"
     best = max((n for n in simplest if not Scheme(n).takes_turns), key=lambda name: reached[name])
-    told = _told([name for name in simplest if name != best], reached, rates)
+    told = _reached_text([name for name in simplest if name != best], reached, rates)
     none = f"no drive keeps {asked:.1f} dB in all states at {number(least)} frames/s or more"
     return best, f"{none}; of those that drive all at once it comes nearest{told}"
 
 
-def _told(names: Sequence[str], reached: dict[str, float], rates: dict[str, float]) -> str:
-    """What other schemes reach, in brackets."""
+def _reached_text(names: Sequence[str], reached: dict[str, float], rates: dict[str, float]) -> str:
+    """Return what other schemes reach, in brackets, or nothing."""
     words = [
         f"{name} {reached[name]:.1f} dB" + (f" at {rates[name]:.2g} frames/s" if Scheme(name).takes_turns else "")
         for name in names
@@ -162,7 +169,7 @@ def _told(names: Sequence[str], reached: dict[str, float], rates: dict[str, floa
 
 
 def _paper_db(spec: Spec, planned: Sequence[Channel]) -> float:
-    """What Eq. 12's slots promise for the closest pair: ``Δy = 4 Q (ρ − 1)/(ρ + 1)``."""
+    """Return the selectivity in dB that the paper's Eq. 12 gives for the closest pair: ``Δy = 4 Q (ρ − 1)/(ρ + 1)``."""
     sets = channel_sets(planned, spec.coil.sets)
     ratio = min(b.resonance_hz / a.resonance_hz for own in sets for a, b in pairwise(own))
     return decibel(4 * spec.q_min * (ratio - 1) / (ratio + 1))

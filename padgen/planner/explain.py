@@ -1,4 +1,4 @@
-"""Which limit keeps a coil from more channels, what its prints suffer from, and what the cheapest changes would buy."""
+"""Explain a plan: the limits that keep a coil from more channels, and the gain by each change of the spec."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
@@ -27,20 +27,20 @@ from padgen.spec.load import without_none
 __all__ = ["CapacityRow", "Change", "Explanation", "explain_plan"]
 
 MOST_TRIED = 12
-"""Channels per coil that a change is tried up to."""
+"""Most channels per coil that are tried with a change."""
 OPTIMISED_TRIED = 8
-"""Channels per coil up to which it is tried what optimised resonances gain."""
+"""Most channels per coil for which optimised resonances are tried."""
 MOST_IN_BAND = 20
-"""Channels up to which it is counted what a change gains were there room."""
+"""Most channels that are counted in the band, as if there were room for all."""
 PATIENCE = 2
-"""Counts in a row that fail before more channels are given up."""
+"""Counts of channels that fail in a row before larger ones are no longer tried."""
 WORTH_DB, WORTH_SHARE = 0.1, 0.01
 COSTS = ("a line of the spec", "another print", "other parts", "another pad")
 
 
 @dataclass(frozen=True, slots=True)
 class CapacityRow:
-    """Most channels of one coil on a geometric ladder over the band, by drive scheme and level law."""
+    """Most channels of one coil on a geometric ladder over the band, for one drive scheme and level law."""
 
     scheme: str
     level_law: float | str
@@ -51,13 +51,13 @@ class CapacityRow:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """One change of the spec and what it costs.
+    """One change of the spec, its cost in words (one of `COSTS`), and its gain.
 
-    `channels` per coil then keep what was asked, `gained` more than now; `gained_in_band` more would
-    if there were room for all (0 where more are not counted); `gained_db` is added to the all-state
-    figure of the planned number. `drive` is the scheme that `channels` per coil take. Planned anew with
-    the change and as many channels as now, `good_share` of the re-tuned prints keep what is asked, and the
-    asked share of them `print_db`; None where that is no plan without errors, or no taxel hears another.
+    With the change `channels` per coil, driven by the scheme `drive`, keep the asked selectivity: `gained` more than
+    without it. If there were room for all, `gained_in_band` more would (0 where no more are counted). `gained_db` is
+    added to the all-state selectivity of as many channels as planned. A new plan with the change and as many channels
+    has `good_share` of its re-tuned prints keep the asked selectivity, and the asked share of them keep `print_db`;
+    both are None where that plan has errors, the latter also where a coil has one channel.
     """
 
     change: str
@@ -73,11 +73,12 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """`channels` per coil keep what was asked on this grid with `drive`; `limits` say what stops one more.
+    """The limits of a plan's coils, and the changes that would help.
 
-    As planned, `good_share` of the re-tuned prints keep it, and the asked share of them `print_db`, as in `Change`;
-    `channel_shares` (n,) are of the prints in which a taxel of each channel is good. `stage_channels` per coil would
-    print in the band at each of `padgen.planner.printed_pads.STAGES` of knowledge, at the last as `Capacity.prints`.
+    On the plan's grid `channels` per coil, driven by the scheme `drive`, keep the asked selectivity; `limits` say what
+    stops one more. `good_share` and `print_db` are of the plan's re-tuned prints, as in `Change`. `channel_shares` (n,)
+    are the shares of the prints in which a taxel of each channel is good. `stage_channels` are the channels per coil
+    that prints would keep in the band at each of `padgen.planner.printed_pads.STAGES`, the last one `Capacity.prints`.
     """
 
     channels: int
@@ -92,7 +93,7 @@ class Explanation:
 
 
 def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None) -> Explanation:
-    """Try what would help the pad of `plan`, on its own coil grid, with resonances that the search may choose."""
+    """Find the limits of `plan` and try changes of its spec, on the same coil grid; resonances are chosen anew."""
     spec, grid, count = plan.spec, (plan.coils.rows, plan.coils.columns), len(plan.sets[0])
     progress("what stops one more channel")
     least = min(count, MOST_TRIED)
@@ -106,7 +107,7 @@ def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None
         optimise = varied.spacing != spec.spacing and count <= OPTIMISED_TRIED
         figures = _figures(varied, grid, count, optimise) if count <= MOST_TRIED else None
         if figures is None and count <= MOST_TRIED:
-            continue  # The pad itself could not be laid out any more.
+            continue  # with this change the pad cannot be laid out
         channels, scheme = _channels_held(varied, grid, least)
         after = figures.kept_db if figures else None
         gained_db = after - now if after is not None and now is not None else None
@@ -120,19 +121,19 @@ def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None
     changes.sort(key=lambda change: _rank(change, spec.print_share))
     limits = tuple(_limits(plan, held, drive))
     capacities = tuple(_capacities(spec))
-    shares, stages = _of_prints(plan)
+    shares, stages = _print_figures(plan)
     return Explanation(held, drive, limits, tuple(changes), capacities, shares, *now_printed, stages)
 
 
 def _rank(change: Change, asked: float) -> tuple[float, ...]:
-    """Sort by good prints up to the share `asked`, below it by what they keep; then by channels, then by cost."""
+    """Return a sort key: good prints up to the share `asked`, below it their selectivity, then channels, then cost."""
     share, print_db = change.good_share or 0.0, change.print_db or 0.0
     short_db = -print_db if share < asked else 0.0
     return -min(share, asked), short_db, -change.gained, -change.gained_in_band, COSTS.index(change.cost), -print_db
 
 
-def _of_prints(plan: Plan) -> tuple[tuple[float, ...], tuple[int, ...]]:
-    """`Explanation.channel_shares` and `Explanation.stage_channels`."""
+def _print_figures(plan: Plan) -> tuple[tuple[float, ...], tuple[int, ...]]:
+    """Return `Explanation.channel_shares` and `Explanation.stage_channels`."""
     spec, design, spreads = plan.spec, design_of(plan, None), spreads_of(plan.spec)
     good = printed(design, spreads, plan.prints.pads, 0, STAGES[-1:]).good_prints[0]
     shares = np.bincount(design.channel, good) / np.bincount(design.channel) / plan.prints.pads
@@ -145,7 +146,7 @@ def _of_prints(plan: Plan) -> tuple[tuple[float, ...], tuple[int, ...]]:
 
 
 def _channels_in_band(spec: Spec) -> int:
-    """Most channels that band, Q and drive allow, were there room for all; auto drives without spurs."""
+    """Return the most channels that band, Q and drive allow, as if there were room for all; 'auto' is spur-free."""
     name = "spur-free" if spec.drive.scheme == "auto" else spec.drive.scheme
     law, asked_db = level_law(spec), decibel(spec.delta_y)
     return largest_counts(spec.band_hz, spec.q_min, law, scheme_named(spec, name), asked_db, MOST_IN_BAND)[0]
@@ -163,9 +164,10 @@ def _capacities(spec: Spec) -> Iterator[CapacityRow]:
 
 
 def _channels_held(spec: Spec, grid: tuple[int, int], least: int) -> tuple[int, str]:
-    """Most channels per coil on `grid` that have room, print, and keep what was asked in all states, and how.
+    """Return the most channels per coil on `grid` that fit, print, and keep the asked all-state selectivity.
 
-    At least `least` are tried; more until several in a row fail.
+    The second result is their drive scheme. Counts up to `least` are tried, larger ones until `PATIENCE` in a
+    row fail.
     """
     held, drive, failed = 0, spec.drive.scheme, 0
     for count in range(1, MOST_TRIED + 1):
@@ -179,12 +181,13 @@ def _channels_held(spec: Spec, grid: tuple[int, int], least: int) -> tuple[int, 
 
 
 def _figures(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = False) -> Selectivity | None:
-    """Selectivity of `count` channels per coil on `grid`; None where they have no room, do not print or are not pulled.
+    """Return the selectivity of `count` channels per coil on `grid`; None where they cannot be made.
 
-    Unless told to `optimise`, optimised spacing is judged by the evenly spread one: it would take long.
+    They cannot if they have no room, do not print, or have a washer that its coil does not pull. Without `optimise`,
+    evenly spread resonances stand in for optimised ones, whose search takes long.
     """
     try:
-        other = _narrowed(spec, grid, count, optimise)
+        other = _with_grid(spec, grid, count, optimise)
         sized = next(sized_layouts(other, candidates(other, channel_limit(other))), None)
     except SpecError:
         return None
@@ -196,7 +199,7 @@ def _figures(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = Fal
     return plan_selectivity(other, channels) if pulled else None
 
 
-def _narrowed(spec: Spec, grid: tuple[int, int], count: int, optimise: bool) -> Spec:
+def _with_grid(spec: Spec, grid: tuple[int, int], count: int, optimise: bool) -> Spec:
     other = replace(spec, resolution=grid[0] * grid[1] * count, coil=replace(spec.coil, grid=grid))
     if other.spacing == "optimised" and not optimise:
         other = replace(other, spacing="spread")
@@ -206,9 +209,9 @@ def _narrowed(spec: Spec, grid: tuple[int, int], count: int, optimise: bool) -> 
 
 
 def _prints(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = False) -> tuple[float | None, float | None]:
-    """`Change.good_share` and `Change.print_db` of `count` channels per coil on `grid`."""
+    """Return `Change.good_share` and `Change.print_db` for `count` channels per coil on `grid`."""
     try:
-        plan = make_plan(_narrowed(spec, grid, count, optimise))
+        plan = make_plan(_with_grid(spec, grid, count, optimise))
     except SpecError:
         return None, None
     works = all(finding.level != "error" for finding in plan.findings)
@@ -216,7 +219,7 @@ def _prints(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = Fals
 
 
 def _limits(plan: Plan, held: int, drive: str) -> Iterator[str]:
-    """What stops `held` + 1 channels per coil."""
+    """Yield the limits that `held` + 1 channels per coil would break, in words."""
     spec, load = plan.spec, plan.load
     if spec.resonances_hz:
         yield "resonances_hz: the spec lists them; other numbers of channels are taken as free to choose"
@@ -274,7 +277,7 @@ def _room_limits(plan: Plan, more: int) -> Iterator[str]:
 
 
 def _changes(plan: Plan) -> Iterator[tuple[int, str, Spec]]:
-    """Cost (index into `COSTS`), words and spec of what may be tried."""
+    """Yield the changes to try: cost (index into `COSTS`), words, and the changed spec."""
     table = without_none(asdict(plan.spec))
     for cost, words, changed in _tables(plan):
         try:

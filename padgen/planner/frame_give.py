@@ -1,4 +1,4 @@
-"""How far the frame gives under the channels of a plan: the bound of `physics.frame_flexibility`."""
+"""Bound the shift of a plan's resonances by the flexible frame, with `physics.frame_flexibility`."""
 
 from math import hypot
 
@@ -15,24 +15,26 @@ __all__ = ["flexibility_bounds", "frame_mode_estimate_hz"]
 
 
 def flexibility_bounds(plan: Plan, clamping: str) -> np.ndarray:
-    """Largest relative shift (channels,) of each channel's resonance on the real frame, infinite near a frame mode.
+    """Return the largest relative shift (n,) of each channel's resonance on the flexible frame; inf near a frame mode.
+
+    `clamping` is a name in `SUPPORTS`: how the pad is held.
 
     Raises
     ------
     SolverError
         The clamping is unknown.
     """
-    support, moving = SUPPORTS[_known(clamping)], _moving_kg(plan)
+    support, moving = SUPPORTS[_checked_clamping(clamping)], _moving_kg(plan)
     return np.array([shift_bound(_reaction(plan, c), _ribs(plan, c, clamping), support, moving) for c in plan.channels])
 
 
 def frame_mode_estimate_hz(plan: Plan, clamping: str) -> float:
-    """Estimate the lowest bending mode of the frame, to within a factor of two."""
-    support, moving = SUPPORTS[_known(clamping)], _moving_kg(plan)
+    """Estimate the lowest bending mode of the frame in Hz, to within a factor of two."""
+    support, moving = SUPPORTS[_checked_clamping(clamping)], _moving_kg(plan)
     return min(lowest_frame_mode_hz(_ribs(plan, channel, clamping), support, moving) for channel in plan.channels)
 
 
-def _known(clamping: str) -> str:
+def _checked_clamping(clamping: str) -> str:
     if clamping not in SUPPORTS:
         raise SolverError(f"must be one of {', '.join(SUPPORTS)}, got {clamping}", "clamping")
     return clamping
@@ -50,13 +52,17 @@ def _reaction(plan: Plan, channel: Channel) -> TaxelReaction:
 
 
 def _arm_mm(path: BeamPath, washer_x_mm: float) -> float:
-    """How far the washer lies from a root: along the beam, in any direction where it bends."""
+    """Return the distance in mm of the washer from a root: along x for a straight beam, else the direct one."""
     x, y = (float(v) for v in path.root_mm)
     return abs(washer_x_mm - x) if path.is_straight else hypot(washer_x_mm - x, y)
 
 
 def _ribs(plan: Plan, channel: Channel, clamping: str) -> Ribs:
-    """The rib at the root is a half on this side of the seam and no less than the thinnest on the other."""
+    """Return the ribs of the frame around a channel's taxel.
+
+    The rib at the root is made of its part in this sub-cell and, beyond the seam, at least the thinnest wall that this
+    sub-cell has.
+    """
     box, pad, material = outline(plan, channel), plan.spec.pad, plan.spec.material
     length, width = (float(v) for v in plan.arrangement(channel).window_mm)
     walls = (-box.x0, box.x1 - length, width / 2 + box.y1 - width, -box.y0 - width / 2)
@@ -64,7 +70,7 @@ def _ribs(plan: Plan, channel: Channel, clamping: str) -> Ribs:
     plastic = plan.cell.columns * plan.cell.rows * plan.coils.rows * plan.coils.columns * (wide * deep - length * width)
     outside = (pad.width_mm + 2 * pad.border_mm) * (pad.depth_mm + 2 * pad.border_mm) - pad.width_mm * pad.depth_mm
     across = max(pad.width_mm, pad.depth_mm) + 2 * pad.border_mm
-    # A border that is held bends no pad.
+    # A border that is held does not bend: the pad's cross-section is then that within it.
     open_share = 1.0 if clamping == "edges" else max(pad.width_mm, pad.depth_mm) / across
     density = material.density_g_per_cm3 * G_PER_CM3
     return Ribs(

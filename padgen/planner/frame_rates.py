@@ -1,4 +1,4 @@
-"""How fast frames may follow each other."""
+"""Frame rates: how fast one image on the pad may follow another."""
 
 from collections.abc import Sequence
 
@@ -12,16 +12,16 @@ from padgen.planner.plan import Channel, FrameRate, channel_sets
 __all__ = ["frame_rates", "slot_ms", "switch_ms"]
 
 SWITCH_PERIODS = 9.0
-"""Periods of the lowest resonance in a transition: of the mean pull's step it then keeps 1e-4 or less as ringing."""
+"""Periods of the lowest resonance that a transition lasts: at most 1e-4 of the mean pull's step then rings on."""
 SWITCH_BEATS = 2.5
-"""Periods of the beat between neighbouring channels in a transition: what a tone that is switched leaves ringing on its
-neighbour is then 38 dB or more below what the neighbour hears of it when it is steady."""
+"""Periods of the beat between neighbouring channels that a transition lasts: the ringing that a switched tone leaves on
+a neighbouring taxel is then at least 38 dB below the motion that the steady tone makes there."""
 
 
 def switch_ms(channels: Sequence[Channel], sets: int = 1) -> float:
-    """Length in ms of a transition that neither clicks nor shakes a taxel that stays OFF.
+    """Return the length in ms of a transition that neither clicks nor shakes a taxel that stays OFF.
 
-    For a force that is blended by a step which is flat to the fourth derivative at both ends.
+    The force is blended over it by a step that is flat to the fourth derivative at both ends.
     """
     lowest_hz = min(channel.resonance_hz for channel in channels)
     beat_hz = min(_nearest_hz(own) for own in channel_sets(channels, sets))
@@ -29,18 +29,19 @@ def switch_ms(channels: Sequence[Channel], sets: int = 1) -> float:
 
 
 def slot_ms(channels: Sequence[Channel], sets: int = 1) -> float:
-    """Length in ms of a channel's slot when channels of a pad take turns.
+    """Return the length in ms of a channel's time slot when the channels of a pad take turns.
 
-    Twice the slowest taxel's ring-down, or two transitions: ramped up over one half and down over the other, so that
-    neither the tone nor the step of its mean pull sets another taxel swinging.
+    A slot is twice the slowest taxel's ring-down or two transitions, whichever is longer. The force rises over the
+    first half and falls over the second, so that neither the tone nor its mean pull sets another taxel swinging.
     """
     return 2 * max(*(channel.ring_down_ms for channel in channels), switch_ms(channels, sets))
 
 
 def frame_rates(channels: Sequence[Channel], sets: int = 1) -> tuple[FrameRate, ...]:
-    """Frames a second, per scheme, at which what is switched off is quiet before the next frame.
+    """Return the frames per second, for each scheme, at which a taxel switched OFF is quiet before the next frame.
 
-    All at once: a transition and the slowest channel's ring-down. In turns: a slot for every channel of a coil.
+    With all channels at once, a frame takes a transition and the slowest channel's ring-down. In turns, it takes a slot
+    for every channel of a coil.
     """
     together = (switch_ms(channels, sets) + max(channel.ring_down_ms for channel in channels)) * MS
     in_turns = slot_ms(channels, sets) * MS * len(channels) / sets
@@ -49,7 +50,10 @@ def frame_rates(channels: Sequence[Channel], sets: int = 1) -> tuple[FrameRate, 
 
 
 def _nearest_hz(own: Sequence[Channel]) -> float:
-    """The smallest distance between resonances of a coil; closer than a bandwidth they are one and beat no more."""
+    """Return the smallest distance in Hz between resonances of a coil, at least one half-power bandwidth.
+
+    Two resonances within a bandwidth act as one and do not beat.
+    """
     gaps = np.diff(np.sort([channel.resonance_hz for channel in own]))
     bandwidth_hz = min(channel.resonance_hz / channel.q for channel in own)
     return max(float(gaps.min(initial=np.inf)), bandwidth_hz)

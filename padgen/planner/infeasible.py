@@ -1,4 +1,4 @@
-"""The sentence for a spec that no pad meets: which limit binds, and the nearest specs that would do."""
+"""Explain why no pad meets a spec: the limit that binds, and the nearest specs that a pad would meet."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
@@ -27,27 +27,27 @@ from padgen.spec import Spec, Suspension, catalogue
 __all__ = ["refusal"]
 
 MOST_NAMED = 4
-"""Cures that a refusal names."""
+"""Most cures that a refusal names."""
 
 
 def refusal(
     spec: Spec, options: list[Layout], limit: int, planned: Callable[[Cure], Any], where: str = "resolution"
 ) -> InfeasibleError:
-    """Return the error that says why none of `options` holds with up to `limit` channels per coil, and what would do.
+    """Return the error that says why none of `options` works with up to `limit` channels per coil.
 
-    `planned` makes the plan of what was asked with a cure; one whose plan has no error is named.
+    It names cures that work: `planned` makes the plan of the original spec with a cure, and that must have no error.
     """
     pad = spec.pad
     wanted = f"{spec.resolution} taxels on {number(pad.width_mm)} x {number(pad.depth_mm)} mm"
-    # Where a pad can be laid out at all, optimised resonances can be had as well.
+    # A cure that makes room for evenly spread resonances makes room for optimised ones, too, and is found faster.
     cures = _cures(replace(spec, spacing="spread") if spec.spacing == "optimised" else spec, limit)
-    found = list(islice((cure for cure in cures if _works(planned, cure)), MOST_NAMED))
+    found = list(islice((cure for cure in cures if _plans_without_error(planned, cure)), MOST_NAMED))
     nothing = "" if found else "; no single change that was tried would do: washer, printer, beams, pad, taxels"
     sentence = f"{wanted} cannot be laid out: {'; '.join(_reasons(spec, options, limit))}{nothing}"
     return InfeasibleError(sentence, where, found)
 
 
-def _works(planned: Callable[[Cure], Any], cure: Cure) -> bool:
+def _plans_without_error(planned: Callable[[Cure], Any], cure: Cure) -> bool:
     try:
         return not any(finding.level == "error" for finding in planned(cure).findings)
     except PadgenError:
@@ -71,13 +71,13 @@ def _too_many(spec: Spec, limit: int) -> str:
     per_coil = most_channels(spec, limit)
     rows, columns = grid or most_coils(spec)
     coils = rows * columns
-    which = "the grid has" if grid else "there is room for"
+    there_are = "the grid has" if grid else "there is room for"
     band = f"Q = {number(spec.q_min)} in {number(spec.band_hz[0])} … {number(spec.band_hz[1])} Hz"
     if per_coil < limit and not spec.resonances_hz:
         band = "there is no room for more plates at it"
     exact = "exactly" if spec.resonances_hz else "at most"
     return (
-        f"{which} {coils} coils of {number(spec.coil.outer_diameter_mm)} mm, each with {exact} {per_coil} channels"
+        f"{there_are} {coils} coils of {number(spec.coil.outer_diameter_mm)} mm, each with {exact} {per_coil} channels"
         f" ({band}), {coils * per_coil} taxels in all"
     )
 
@@ -100,7 +100,7 @@ def _unreached(spec: Spec, layout: Layout) -> str:
 
 
 def _no_beam(spec: Spec, layout: Layout) -> str:
-    """Why no beam at all fits a sub-cell that has room for the plate."""
+    """Say why no beam at all fits a sub-cell that has room for the plate."""
     space, plate, gap = room(spec, layout), plate_shape(spec), spec.printer.smallest_gap_mm
     spans = []
     for name in allowed(spec.suspension.topology):
@@ -120,20 +120,24 @@ def _no_beam(spec: Spec, layout: Layout) -> str:
 
 
 def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
-    """Changes after which the parts have room: another grid, washer, printer or pad, freer beams, or fewer taxels."""
-    if spec.coil.grid and (found := _holds(spec, limit, {"coil.grid": None})):
+    """Yield cures after which the parts have room: another grid, washer, printer or pad, freer beams, fewer taxels."""
+    if spec.coil.grid and (found := _best_layout(spec, limit, {"coil.grid": None})):
         yield {"coil.grid": [found.rows, found.columns]}
     sizes = {name: float(entry["outer_diameter_mm"]) for name, entry in catalogue("washer").items()}
     smaller = [name for name, size in sizes.items() if size < spec.washer.outer_diameter_mm]
-    yield from _first(spec, limit, [{"washer": name} for name in sorted(smaller, key=lambda name: -sizes[name])])
+    yield from _first_with_room(
+        spec, limit, [{"washer": name} for name in sorted(smaller, key=lambda name: -sizes[name])]
+    )
     printers = catalogue("printer").values()
     finer = [entry for entry in printers if entry["line_width_mm"] < spec.printer.line_width_mm]
-    yield from _first(spec, limit, [{"printer": e["name"]} for e in finer if e["process"] == spec.printer.process])
+    yield from _first_with_room(
+        spec, limit, [{"printer": e["name"]} for e in finer if e["process"] == spec.printer.process]
+    )
     for item in fields(Suspension):
         if getattr(spec.suspension, item.name) != item.default:
-            yield from _first(spec, limit, [{f"suspension.{item.name}": item.default}])
+            yield from _first_with_room(spec, limit, [{f"suspension.{item.name}": item.default}])
     sides = ("width_mm", "depth_mm")
-    yield from _first(
+    yield from _first_with_room(
         spec,
         limit,
         [
@@ -147,16 +151,16 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
     if spec.coil.grid:
         coils = spec.coil.grid[0] * spec.coil.grid[1]
         most = min(limit, (spec.resolution - 1) // coils)
-        yield from _first(spec, limit, [{"resolution": coils * count} for count in range(most, 0, -1)])
+        yield from _first_with_room(spec, limit, [{"resolution": coils * count} for count in range(most, 0, -1)])
 
 
-def _first(spec: Spec, limit: int, cures: list[Cure]) -> Iterator[Cure]:
-    """The first of `cures` after which the parts have room."""
-    yield from islice((cure for cure in cures if _holds(spec, limit, cure)), 1)
+def _first_with_room(spec: Spec, limit: int, cures: list[Cure]) -> Iterator[Cure]:
+    """Yield the first of `cures` after which the parts have room, if there is one."""
+    yield from islice((cure for cure in cures if _best_layout(spec, limit, cure)), 1)
 
 
-def _holds(spec: Spec, limit: int, cure: Cure) -> Layout | None:
-    """The best layout of the spec with a cure, None where it has none."""
+def _best_layout(spec: Spec, limit: int, cure: Cure) -> Layout | None:
+    """Return the best layout of the spec with a cure, or None if no layout has room."""
     try:
         other = varied(spec, cure)
     except SpecError:

@@ -1,4 +1,4 @@
-"""The findings of a plan: what holds only just, what does not, and what would."""
+"""Make the findings of a plan: limits that it breaks or nearly breaks, with proposed cures."""
 
 from collections.abc import Iterator
 from dataclasses import fields
@@ -21,16 +21,16 @@ from padgen.planner.touch import judge_touch
 from padgen.spec import Coil, Spec
 
 SPACING_SHARE = 0.05
-"""Share of a slot by which a resonance may be off before it is worth a finding."""
+"""Share of a slot by which a resonance may be off without a finding."""
 GAPS_TRIED = (1.01, 1.3, 2.0)
-"""Gaps over three times the travel over the gap that there is: a washer farther off is pulled more evenly."""
-STRENGTH = 4.0
-"""Strength over the stress that many cycles allow: the catalogue takes fatigue at a quarter of strength."""
+"""Wider gaps that are proposed, over three times the travel: farther from the coil a washer is pulled more evenly."""
+STRENGTH_OVER_FATIGUE = 4.0
+"""Breaking stress over fatigue stress: the catalogue's fatigue stress is a quarter of the strength."""
 LARGE_MOTION = 0.25
-"""Share of a beam's length that it may bend by: the secant stiffness of a cantilever under an end load is then 7 %
-above the linear theory's (elastica)."""
+"""Largest deflection of a beam over its length. The secant stiffness of a cantilever under an end load is then 7 %
+above that of linear theory (elastica)."""
 LOSS_DB = 0.5
-"""Loss of level by stretching that is worth a finding."""
+"""Loss of level by stretching beams up to which there is no finding."""
 ROUNDING_MM = 1e-6
 LARGEST_GAP_MM = next(item.metadata["high"] for item in fields(Coil) if item.name == "gap_mm")
 
@@ -38,11 +38,11 @@ __all__ = ["judge"]
 
 
 def judge(plan: Plan) -> tuple[Finding, ...]:
-    """All findings of a plan, errors first."""
+    """Return all findings of a plan, errors first."""
     spec = plan.spec
     found = [
         *(found for own in plan.sets for found in _spacing(spec, own)),
-        *_targets(spec, plan.channels),
+        *_off_target(spec, plan.channels),
         *_bed(spec),
         *judge_drive(plan),
         *_prints(plan),
@@ -50,7 +50,7 @@ def judge(plan: Plan) -> tuple[Finding, ...]:
         *_recess(spec),
         *_modes(plan),
         *_mechanics(plan),
-        *_places(plan),
+        *_empty_places(plan),
         *judge_pitch(plan),
         *judge_touch(plan),
         *judge_left_out(spec, plan.left_out),
@@ -73,12 +73,15 @@ def _spacing(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Finding]:
             )
 
 
-def _targets(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Finding]:
-    """Beams are made in steps: at a large Q, or with coarse ones, they are coarser than a slot."""
+def _off_target(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Finding]:
+    """Warn of resonances off their targets by over `SPACING_SHARE` of a slot, and reject those outside the band.
+
+    Beams print in steps of width. At a large Q, or where these steps are coarse, a step moves a resonance that far.
+    """
     share = slot_half_width(spec.q_min, spec.delta_y) * SPACING_SHARE
     for channel in channels:
         miss = abs(channel.resonance_hz / channel.target_hz - 1)
-        # Coarse steps are re-fitted; what they cost is a finding of its own.
+        # With coarse steps the ladder is fitted to the steps; the loss is told by `selectivity.snapping`.
         if miss > share and (spec.resonances_hz or not steps_are_coarse(spec)):
             yield Finding(
                 "warning",
@@ -114,7 +117,7 @@ def _bed(spec: Spec) -> Iterator[Finding]:
 
 
 def _fitting(spec: Spec) -> tuple[dict[str, float], ...]:
-    """The active area that the bed holds, whichever way round."""
+    """Return a cure: the largest active area that fits on the bed, in either orientation."""
     pad, printer = spec.pad, spec.printer
     bed = sorted((printer.bed_x_mm - 2 * pad.border_mm, printer.bed_y_mm - 2 * pad.border_mm))
     sides = bed if pad.width_mm <= pad.depth_mm else bed[::-1]
@@ -124,7 +127,7 @@ def _fitting(spec: Spec) -> tuple[dict[str, float], ...]:
 
 
 def _prints(plan: Plan) -> Iterator[Finding]:
-    """Findings of how many prints work, and of what would have to be measured for it."""
+    """Tell how many prints keep the asked selectivity, and whether every taxel must be measured for that."""
     prints, wanted, asked = plan.prints, plan.spec.print_share, plan.selectivity.asked_db
     if prints.print_db is None or prints.planned_db is None:
         return
@@ -174,7 +177,7 @@ def _modes(plan: Plan) -> Iterator[Finding]:
     for channel in plan.channels:
         if all(path.is_straight for path in plan.arrangement(channel).beams):
             continue
-        # (the working mode's share is 1, the largest)
+        # The working mode's share is 1, all others are smaller.
         others = [hz for hz, share in zip(channel.modes_hz, channel.mode_shares, strict=True) if share < 1]
         near = min(others, key=lambda hz: abs(hz - channel.resonance_hz), default=inf)
         if abs(near / channel.resonance_hz - 1) < 1 / channel.q:
@@ -188,7 +191,7 @@ def _modes(plan: Plan) -> Iterator[Finding]:
             )
     if not modes_matter(plan):
         return
-    # Most plans do without it.
+    # Imported late: most plans do not need it.
     from padgen.planner.judge_modes import judge_modes
 
     yield from judge_modes(plan)
@@ -226,12 +229,12 @@ def _mechanics(plan: Plan) -> Iterator[Finding]:
                 f" {number(spec.material.fatigue_stress_mpa)} MPa for long",
                 lower_level(spec, spec.material.fatigue_stress_mpa / channel.root_stress_mpa),
             )
-        if doubt := _doubt(spec, channel):
+        if doubt := _model_doubt(spec, channel):
             yield Finding("warning", "model.error", where, doubt)
 
 
-def _doubt(spec: Spec, channel: Channel) -> str:
-    """Why the resonance is not known as well as was asked, empty where it is."""
+def _model_doubt(spec: Spec, channel: Channel) -> str:
+    """Say why the resonance is known less well than asked; empty where it is known well enough."""
     error, asked = channel.model_error, spec.model.tolerance
     if channel.model == "solid":
         asked = asked_error(spec)
@@ -247,11 +250,11 @@ def _doubt(spec: Spec, channel: Channel) -> str:
 
 
 def _statics(spec: Spec, channel: Channel) -> Iterator[Finding]:
-    """A taxel that breaks, or leaves what a beam model describes, under its own weight and pull."""
+    """Yield errors for a taxel that breaks, or that bends too far for the beam model, by weight, pull and amplitude."""
     moved_um = channel.sag_um + channel.static_um + channel.level_um
     stress, strength = (
         channel.root_stress_mpa * moved_um / channel.level_um,
-        STRENGTH * spec.material.fatigue_stress_mpa,
+        STRENGTH_OVER_FATIGUE * spec.material.fatigue_stress_mpa,
     )
     if stress > strength:
         yield Finding(
@@ -275,7 +278,7 @@ def _statics(spec: Spec, channel: Channel) -> Iterator[Finding]:
 
 
 def _stretching(spec: Spec, channel: Channel) -> Iterator[Finding]:
-    """Beams that stretch to bend, those of a bridge: the tone of small motions falls short of the level."""
+    """Warn where beams stretch as they bend (bridges), so that a tone planned for small motions misses the level."""
     alpha, sag_mm = channel.hardening_per_mm2, channel.sag_um * UM / MM
     if channel.level_loss_db <= LOSS_DB:
         return
@@ -300,13 +303,13 @@ def _stretching(spec: Spec, channel: Channel) -> Iterator[Finding]:
 
 
 def _more_room(spec: Spec, travel_mm: float) -> tuple[dict[str, float], ...]:
-    """Wider gaps, where the pull is another, and lower levels."""
+    """Return cures for a travel that takes too much of the gap: wider gaps and lower levels."""
     gaps = [float(at_least(3 * travel_mm * factor)) for factor in GAPS_TRIED]
     wider = [{"coil.gap_mm": gap_mm} for gap_mm in gaps if spec.coil.gap_mm < gap_mm <= LARGEST_GAP_MM]
     return (*wider, *lower_level(spec, 0.5), *lower_level(spec, 0.1))
 
 
-def _places(plan: Plan) -> Iterator[Finding]:
+def _empty_places(plan: Plan) -> Iterator[Finding]:
     places = plan.coils.rows * plan.coils.columns * len(plan.sets[0])
     if places > len(plan.taxels):
         yield Finding(

@@ -1,4 +1,4 @@
-"""The findings about selectivity, coils and amplifiers."""
+"""Make the findings about selectivity, coils and amplifiers."""
 
 from collections.abc import Iterator
 from itertools import combinations
@@ -15,22 +15,22 @@ from padgen.spec import Spec
 __all__ = ["judge_drive", "lower_level"]
 
 SMALLEST_LEVEL_UM = 1e-4
-"""Smallest that a spec may ask for."""
+"""Smallest level that a spec may ask for."""
 PULL_DB = 1.0
-"""Loss of selectivity by unequal pull that is worth a finding."""
+"""Loss of selectivity by unequal pull up to which there is no finding."""
 SNAPPING_DB = 0.5
-"""Loss of selectivity by printing in steps that is worth a finding."""
-UNSURE = 0.1
-"""Relative error of a pull that is worth a finding."""
+"""Loss of selectivity by printing in steps up to which there is no finding."""
+PULL_ERROR = 0.1
+"""Relative error of a pull up to which there is no finding."""
 
 
 def judge_drive(plan: Plan) -> Iterator[Finding]:
-    """Findings about what is driven how, and how well OFF taxels stay quiet."""
+    """Yield the findings about the drive, its load on coils and amplifiers, and how quiet OFF taxels stay."""
     yield from _selectivity(plan)
     yield from _unequal_pull(plan)
     yield from _snapping(plan)
     yield from _leak(plan)
-    yield from _unsure(plan)
+    yield from _unsure_pull(plan)
     yield from _limits(plan)
     yield from _softening(plan)
     yield from _beats(plan)
@@ -41,14 +41,14 @@ def _selectivity(plan: Plan) -> Iterator[Finding]:
     figures = plan.selectivity
     kept, one_hot = figures.kept_db, figures.one_hot_db
     if one_hot is None or kept is None:
-        return  # one channel has no other
+        return  # a single channel has no selectivity
     bound = figures.asked_db
     if one_hot < bound:
         yield Finding(
             "warning",
             "selectivity.one_hot",
             "coil",
-            f"with one channel on, an OFF taxel vibrates {_below(one_hot)} than the ON one, asked are"
+            f"with one channel on, an OFF taxel vibrates {_quieter(one_hot)} than the ON one, asked are"
             f" {bound:.1f} dB less",
         )
     if kept < bound:
@@ -58,19 +58,19 @@ def _selectivity(plan: Plan) -> Iterator[Finding]:
             "selectivity.all_states",
             f"state {figures.worst_state}",
             f"in this worst state (lowest channel first, 1 is ON) with drive = {figures.drive!r} an OFF taxel vibrates"
-            f" {_below(kept)} than an ON one{', unequal pull and all modes counted' if placed else ''}, asked are"
+            f" {_quieter(kept)} than an ON one{', unequal pull and all modes counted' if placed else ''}, asked are"
             f" {bound:.1f} dB less",
-            _better(plan),
+            _selectivity_cures(plan),
         )
 
 
-def _better(plan: Plan) -> tuple[dict[str, Any], ...]:
-    """What may keep what was asked: another scheme for all at once, another grid, or, slow, turns."""
+def _selectivity_cures(plan: Plan) -> tuple[dict[str, Any], ...]:
+    """Return cures that may keep the asked selectivity: other drive schemes, those that take turns last, and grids."""
     asked, schemes = (
         plan.selectivity.asked_db,
         sorted(plan.selectivity.schemes, key=lambda s: Scheme(s.scheme).takes_turns),
     )
-    # Turns are slow: with the scheme goes what they leave of the frame rate that is asked for.
+    # Turns are slow: a cure by such a scheme also lowers the asked frame rate to what the scheme reaches.
     slow = {
         rate.scheme: {"drive.least_frames_per_s": float(at_most(rate.frames_per_s))}
         for rate in plan.refresh
@@ -83,7 +83,7 @@ def _better(plan: Plan) -> tuple[dict[str, Any], ...]:
     return (*ways, *({"coil.grid": [o.rows, o.columns]} for o in grids))
 
 
-def _below(level_db: float) -> str:
+def _quieter(level_db: float) -> str:
     return f"{abs(level_db):.1f} dB {'less' if level_db >= 0 else 'more'}"
 
 
@@ -91,14 +91,14 @@ def _unequal_pull(plan: Plan) -> Iterator[Finding]:
     figures, pull = plan.selectivity, [c.force_constant_n_per_a2 for c in plan.channels]
     if figures.one_hot_db is None or figures.placed_one_hot_db is None:
         return
-    # Other modes are in the placed figure, too: pulls that differ by less cannot cost as much.
+    # The placed figure also counts other modes, so the pulls must differ by more than the loss to be its cause.
     if figures.placed_one_hot_db < figures.one_hot_db - PULL_DB and decibel(max(pull) / min(pull)) > PULL_DB:
         yield Finding(
             "warning",
             "selectivity.pull",
             "coil",
             f"the washer nearest to a coil's axis is pulled {number(max(pull) / min(pull))} times as strongly as the"
-            f" farthest: with one channel on, an OFF taxel vibrates {_below(figures.placed_one_hot_db)} than the ON"
+            f" farthest: with one channel on, an OFF taxel vibrates {_quieter(figures.placed_one_hot_db)} than the ON"
             " one",
         )
 
@@ -116,13 +116,17 @@ def _snapping(plan: Plan) -> Iterator[Finding]:
 
 
 def _leak(plan: Plan) -> Iterator[Finding]:
-    """Re-tuned, coils play frequencies of their own; by the driver table they play in step."""
+    """Tell how much the coils around shake an OFF taxel: in step by the driver table, or each re-tuned on its own."""
     step, asked = plan.reuse.leak_db, plan.selectivity.asked_db
     apart = min((db for db in plan.reuse.retuned_leaks_db if db is not None), default=None)
     if step is None or apart is None or step >= asked:
         return
     short = apart < asked
-    kept = f"re-tuned, {_below(apart)}" if short else f"re-tuned {_below(apart)} and by the driver table {_below(step)}"
+    kept = (
+        f"re-tuned, {_quieter(apart)}"
+        if short
+        else f"re-tuned {_quieter(apart)} and by the driver table {_quieter(step)}"
+    )
     yield Finding(
         "warning" if short else "note",
         "coil.leak",
@@ -132,9 +136,9 @@ def _leak(plan: Plan) -> Iterator[Finding]:
     )
 
 
-def _unsure(plan: Plan) -> Iterator[Finding]:
+def _unsure_pull(plan: Plan) -> Iterator[Finding]:
     for channel in plan.channels:
-        if channel.force_error > UNSURE:
+        if channel.force_error > PULL_ERROR:
             yield Finding(
                 "warning",
                 "coil.unsure",
@@ -145,7 +149,7 @@ def _unsure(plan: Plan) -> Iterator[Finding]:
 
 
 def lower_level(spec: Spec, share: float) -> tuple[dict[str, float], ...]:
-    """A `share` of the level as a cure, none where no spec may ask for so little."""
+    """Return a cure: a `share` of the level. Empty where that is below the smallest level that a spec may ask for."""
     level_um = float(at_most(spec.drive.level_um * share))
     return ({"drive.level_um": level_um},) if level_um >= SMALLEST_LEVEL_UM else ()
 
@@ -166,7 +170,7 @@ def _softening(plan: Plan) -> Iterator[Finding]:
 
 
 def _beats(plan: Plan) -> Iterator[Finding]:
-    """Spurs of two channels that fall on one of the two: their sum or difference with it is not a steady level."""
+    """Warn of spurs of two channels that fall on one of the two: spur and tone beat, and the level is not steady."""
     scheme = plan.scheme
     for own in plan.sets if scheme.has_pair_spurs else ():
         for low, high in combinations(own, 2):

@@ -1,4 +1,4 @@
-"""The findings about modes other than a taxel's own: which line of the drive they lie on, and what would clear them."""
+"""Make the findings about taxels' other modes: the line of the drive that each lies on, and changes that avoid it."""
 
 from collections.abc import Iterator, Sequence
 from itertools import islice
@@ -24,19 +24,19 @@ from padgen.spec import Spec
 __all__ = ["Crowd", "crowds", "judge_modes"]
 
 KEPT_DB = 0.05
-"""What a change that clears the modes may cost."""
+"""Loss of selectivity in dB that a cure may cause."""
 MOST_TRIED = 14
 MOVES = (0.95, 1.05, 0.9, 1.1)
 LENGTHS, LAYERS = (0.85, 1.15, 0.7), (1, -1, 2)
-"""How far resonances and lengths are moved, and by how many layers beams are made thicker."""
+"""Cures that are tried: factors of a resonance (`MOVES`) and of beam lengths, and layers added to the thickness."""
 
 
 class Crowd(NamedTuple):
-    """A mode of a channel's taxel within reach of a line of the drive.
+    """A mode of a channel's taxel close to a line of the drive.
 
-    The line moves the taxel, OFF, by `planned` of its ON amplitude, all modes counted; by `at_peak` were this
-    mode's peak on it. `line` says which it is. `costs_db` is what the mode costs of the placed figure in all
-    states, where that was looked for.
+    The line, described by `line`, moves the taxel when OFF by `planned` of its ON amplitude, all modes counted, and by
+    `at_peak` if this mode's peak lay on the line. `costs_db` is the all-state selectivity that the mode costs, 0 where
+    that was not computed.
     """
 
     channel: int
@@ -51,7 +51,10 @@ class Crowd(NamedTuple):
 
 
 class _Lines(NamedTuple):
-    """All lines (l,) of i² that a coil's drive can make, in the unit of `Channels.line`, and by which channels."""
+    """All lines (l,) of i² that a coil's drive can make, in the unit of `Channels.line`.
+
+    `first` and `second` are the channels that make a line (the same one for a tone), `kind` is its index in `KINDS`.
+    """
 
     hz: np.ndarray
     amplitude: np.ndarray
@@ -69,30 +72,31 @@ KINDS = (
 
 
 def crowds(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> list[Crowd]:
-    """Modes within a slot's half width of a line of the drive that may let a taxel, OFF, pass 1/Δy of its ON amplitude.
+    """Return the modes that may spoil the selectivity, each with the line of the drive that moves it most.
 
-    Or that cost more than `MODES_DB`. The loudest line of each mode.
+    These are modes within half a slot of a line that could move the taxel, when OFF, by more than 1/Δy of its ON
+    amplitude, and modes that cost more than `MODES_DB`.
     """
     found = list[Crowd]()
     for own in channel_sets(channels, spec.coil.sets) if len(channels) > spec.coil.sets else ():
-        which, modes = placed_channels(spec, own), coil_modes(spec, own)
-        lines = _lines(which, scheme)
-        near = {(crowd.channel, crowd.mode): crowd for crowd in _near(spec, own, which, modes, lines)}
-        costly = {(crowd.channel, crowd.mode): crowd for crowd in _costly(own, which, modes, lines, scheme)}
+        taxels, modes = placed_channels(spec, own), coil_modes(spec, own)
+        lines = _lines(taxels, scheme)
+        near = {(crowd.channel, crowd.mode): crowd for crowd in _near(spec, own, taxels, modes, lines)}
+        costly = {(crowd.channel, crowd.mode): crowd for crowd in _costly(own, taxels, modes, lines, scheme)}
         found += (near | costly).values()
     return found
 
 
-def _lines(which: Channels, scheme: Scheme) -> _Lines:
+def _lines(taxels: Channels, scheme: Scheme) -> _Lines:
     parts = [
         (hz, np.sqrt(square), made.makers[0], made.makers[-1], np.full(len(hz), first_kind + k))
-        for made, first_kind in zip(scheme_lines(which, scheme), (0, 2), strict=False)
+        for made, first_kind in zip(scheme_lines(taxels, scheme), (0, 2), strict=False)
         for k, (hz, square) in enumerate(zip(made.hz, np.broadcast_to(made.square, made.hz.shape), strict=True))
     ]
     return _Lines(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
-def _near(spec: Spec, own: Sequence[Channel], which: Channels, modes: ModalTaxels, lines: _Lines) -> Iterator[Crowd]:
+def _near(spec: Spec, own: Sequence[Channel], taxels: Channels, modes: ModalTaxels, lines: _Lines) -> Iterator[Crowd]:
     half = slot_half_width(spec.q_min, spec.delta_y)
     order = np.argsort(lines.hz)
     ascending = lines.hz[order]
@@ -104,27 +108,27 @@ def _near(spec: Spec, own: Sequence[Channel], which: Channels, modes: ModalTaxel
             some = some[(lines.first[some] != i) & (lines.second[some] != i)]
             if len(some):
                 line = int(some[lines.amplitude[some].argmax()])
-                crowd = _crowd(own, which, modes, lines, (i, k, line))
+                crowd = _crowd(own, taxels, modes, lines, (i, k, line))
                 if crowd.at_peak > 1 / spec.delta_y:
                     yield crowd
 
 
 def _costly(
-    own: Sequence[Channel], which: Channels, modes: ModalTaxels, lines: _Lines, scheme: Scheme
+    own: Sequence[Channel], taxels: Channels, modes: ModalTaxels, lines: _Lines, scheme: Scheme
 ) -> Iterator[Crowd]:
-    """Modes without which the coil would keep more than `MODES_DB` more."""
-    kept = all_states(which, scheme, modes)
-    if all_states(which, scheme).db - kept.db <= MODES_DB:
+    """Yield the modes of the worst OFF taxel that cost the coil more than `MODES_DB` each."""
+    kept = all_states(taxels, scheme, modes)
+    if all_states(taxels, scheme).db - kept.db <= MODES_DB:
         return
     channel = own[kept.off]
     for k in _others(channel):
         gain = modes.gain.copy()
         gain[kept.off, k] = 0.0
-        costs_db = all_states(which, scheme, modes._replace(gain=gain)).db - kept.db
+        costs_db = all_states(taxels, scheme, modes._replace(gain=gain)).db - kept.db
         if costs_db > MODES_DB:
-            heard = felt_energy(_alone(modes, kept.off, k), slice(None), lines.hz)[0] * lines.amplitude**2
+            heard = felt_energy(_single_mode(modes, kept.off, k), slice(None), lines.hz)[0] * lines.amplitude**2
             heard *= (lines.first != kept.off) & (lines.second != kept.off)
-            yield _crowd(own, which, modes, lines, (kept.off, k, int(heard.argmax())))._replace(costs_db=costs_db)
+            yield _crowd(own, taxels, modes, lines, (kept.off, k, int(heard.argmax())))._replace(costs_db=costs_db)
 
 
 def _others(channel: Channel) -> list[int]:
@@ -132,16 +136,16 @@ def _others(channel: Channel) -> list[int]:
     return [k for k in range(len(channel.modes_hz)) if k != working]
 
 
-def _alone(modes: ModalTaxels, i: int, k: int) -> ModalTaxels:
+def _single_mode(modes: ModalTaxels, i: int, k: int) -> ModalTaxels:
     return ModalTaxels(modes.frequency_hz[[i]][:, [k]], modes.q[[i]], modes.gain[[i]][:, [k]], modes.left_out[[i]])
 
 
 def _crowd(
-    own: Sequence[Channel], which: Channels, modes: ModalTaxels, lines: _Lines, at: tuple[int, int, int]
+    own: Sequence[Channel], taxels: Channels, modes: ModalTaxels, lines: _Lines, at: tuple[int, int, int]
 ) -> Crowd:
-    """The `Crowd` of taxel, mode and line by their indices."""
+    """Return the `Crowd` for the indices `at` of taxel, mode and line."""
     i, k, line = at
-    ratio = float(lines.amplitude[line] / which.line[i])
+    ratio = float(lines.amplitude[line] / taxels.line[i])
     hz, line_hz = own[i].modes_hz[k], float(lines.hz[line])
     makers = own[lines.first[line]].index, own[lines.second[line]].index
     return Crowd(
@@ -150,18 +154,18 @@ def _crowd(
         hz,
         line_hz,
         KINDS[lines.kind[line]].format(*makers),
-        ratio * float(np.sqrt(felt_energy(_alone(modes, i, k), slice(None), np.array([hz]))[0, 0])),
+        ratio * float(np.sqrt(felt_energy(_single_mode(modes, i, k), slice(None), np.array([hz]))[0, 0])),
         ratio * float(np.sqrt(felt_energy(modes, slice(i, i + 1), np.array([line_hz]))[0, 0])),
         bool(lines.kind[line]),
     )
 
 
 def judge_modes(plan: Plan) -> Iterator[Finding]:
-    """Findings about modes on lines of the drive, and about what all modes cost."""
+    """Yield findings about modes close to lines of the drive, and about the selectivity that all modes cost."""
     spec = plan.spec
     found = crowds(spec, plan.channels, plan.scheme)
     cures = tuple(_cures(plan, found)) if found else ()
-    yield from _silent(plan, found)
+    yield from _unexcited(plan, found)
     for crowd in found:
         name = mode_names(spec, plan.channels[crowd.channel])[crowd.mode]
         cost = f", and costs {crowd.costs_db:.1f} dB, at most {number(MODES_DB)}" if crowd.costs_db else ""
@@ -192,7 +196,7 @@ def judge_modes(plan: Plan) -> Iterator[Finding]:
         )
 
 
-def _silent(plan: Plan, found: Sequence[Crowd]) -> Iterator[Finding]:
+def _unexcited(plan: Plan, found: Sequence[Crowd]) -> Iterator[Finding]:
     loud = {(crowd.channel, crowd.hz) for crowd in found}
     silent = [(c, other) for c, other in modes_in_slots(plan) if (c.index, c.second_mode_hz) not in loud]
     if silent:
@@ -207,7 +211,7 @@ def _silent(plan: Plan, found: Sequence[Crowd]) -> Iterator[Finding]:
 
 
 def _cures(plan: Plan, found: Sequence[Crowd]) -> Iterator[Cure]:
-    """The first change that clears all modes on the same coils, without losing more than `KEPT_DB` of what is asked."""
+    """Yield the first cure that leaves no crowded mode on the same coils and loses at most `KEPT_DB` of selectivity."""
     least = min(plan.selectivity.kept_db or 0.0, plan.selectivity.asked_db) - KEPT_DB
     for cure in islice(_changes(plan, found), MOST_TRIED):
         try:
@@ -221,7 +225,7 @@ def _cures(plan: Plan, found: Sequence[Crowd]) -> Iterator[Cure]:
 
 
 class _Again(NamedTuple):
-    """Channels of another spec, their drive and what it keeps."""
+    """Channels planned for a changed spec, their drive scheme, and the selectivity that it keeps."""
 
     channels: tuple[Channel, ...]
     scheme: Scheme
@@ -229,7 +233,7 @@ class _Again(NamedTuple):
 
 
 def _planned_again(plan: Plan, varied: Spec) -> _Again | None:
-    """What a `varied` spec makes of the same coils; None where it takes others, or none at all."""
+    """Plan the channels of a `varied` spec; None where it has no layout on the same coils with as many channels."""
     from padgen.planner.capacity import channel_limit
     from padgen.planner.channels import force_constants, plan_channels
     from padgen.planner.drive_scheme import plan_selectivity
@@ -252,7 +256,7 @@ def _planned_again(plan: Plan, varied: Spec) -> _Again | None:
 
 
 def _changes(plan: Plan, found: Sequence[Crowd]) -> Iterator[Cure]:
-    """Changes of the spec that move modes or lines, those first that touch least."""
+    """Yield changes of the spec that move modes or lines, the smallest changes first."""
     spec, channels = plan.spec, plan.channels
     if any(crowd.is_spur for crowd in found):
         for name in reversed(simplest_first()):
@@ -266,7 +270,7 @@ def _changes(plan: Plan, found: Sequence[Crowd]) -> Iterator[Cure]:
                 ]
             }
     if spec.spacing == "optimised" and not spec.resonances_hz:
-        return  # an optimum is sought again for every other suspension
+        return  # other suspensions would each need a new, slow search for the optimum
     for name in allowed("auto"):
         if {c.beam.topology for c in channels} != {name}:
             yield {"suspension.topology": name}

@@ -1,8 +1,7 @@
-"""Which coil grid, how many channels per coil, and how a cell is divided.
+"""Find layouts: the coil grid, the channels per coil, and how the cell over a coil is divided.
 
-Candidates are ranked before any beam is sized: grids without empty places first, then fewest
-coils, then the most margin in millimetres. A candidate that fails says which limit binds and by
-how much.
+Candidates are ranked before any beam is sized: first grids without empty places, then those with the fewest coils, then
+those with the largest margin in mm. For a candidate without room, `explain` names the limit that binds and by how much.
 """
 
 from collections.abc import Iterable, Iterator
@@ -32,14 +31,15 @@ __all__ = [
 ]
 
 SLACK_MM = 1e-9
-"""Rounding that a slack may be short of zero by."""
+"""Rounding error in mm: a slack may be below zero by so much."""
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """A candidate: `rows` × `columns` coils with `channels` each, a cell of `sub_columns` × `sub_rows`.
+    """A candidate: `rows` × `columns` coils with `channels` each, a cell divided into `sub_columns` × `sub_rows`.
 
-    Washers hang as near to their coil's axis as they can, but not nearer than `ring_mm`.
+    `surplus` counts the places without a taxel. Washers hang as near to their coil's axis as they can, but not nearer
+    than `ring_mm`.
     """
 
     rows: int
@@ -77,7 +77,7 @@ class Layout:
 
 
 def candidates(spec: Spec, channel_limit: int) -> list[Layout]:
-    """All candidate layouts for the spec's resolution, best first, and of broken ones the nearest misses."""
+    """Return the layouts for the spec's resolution, by their rank; of those without room only the nearest misses."""
     wanted = spec.resolution
     bare = [
         layout
@@ -86,7 +86,7 @@ def candidates(spec: Spec, channel_limit: int) -> list[Layout]:
         if 0 <= rows * columns * channels - wanted < rows * columns
         for layout in _divisions(spec, rows, columns, channels, wanted)
     ]
-    spare = [_spare_mm(spec, layout) for layout in bare]
+    spare = [_margin_bound_mm(spec, layout) for layout in bare]
     least = sorted(spare, reverse=True)[min(len(spare), NEAR_MISSES) - 1] if spare else 0.0
     found = [
         replace(layout, slacks=_slacks(spec, layout))
@@ -98,11 +98,11 @@ def candidates(spec: Spec, channel_limit: int) -> list[Layout]:
 
 
 NEAR_MISSES = 200
-"""Layouts without room for their parts that are looked at further: they say what is lacking."""
+"""Layouts without room for their parts that are kept: a refusal explains what they lack."""
 
 
 def whole_grids(spec: Spec, channel_limit: int) -> Iterator[Layout]:
-    """Layouts of fewer taxels than asked that have room for their parts, most taxels first."""
+    """Yield layouts of fewer taxels than asked that have room for their parts, most taxels first."""
     rows_, columns_ = most_coils(spec)
     most = min(spec.resolution - 1, int(spec.pad.width_mm * spec.pad.depth_mm / _plate_mm2(spec)))
     grids: dict[int, list[tuple[int, int, int]]] = {}
@@ -117,8 +117,9 @@ def whole_grids(spec: Spec, channel_limit: int) -> Iterator[Layout]:
         for rows, columns, channels in grids[taxels]:
             for layout in _divisions(spec, rows, columns, channels, taxels):
                 size = layout.sub_width_mm, layout.sub_depth_mm
-                if size not in spare:  # many layouts have one; that their pitch holds the coil is known
-                    spare[size] = _spare_mm(spec, layout)
+                # Many layouts share a size of sub-cell; that their pitch holds the coil is known.
+                if size not in spare:
+                    spare[size] = _margin_bound_mm(spec, layout)
                 work += 1
                 if spare[size] >= -SLACK_MM:
                     work += channels
@@ -129,16 +130,19 @@ def whole_grids(spec: Spec, channel_limit: int) -> Iterator[Layout]:
 
 
 MOST_WORK = 100_000
-"""Layouts of fewer taxels that are looked at, and their places: some seconds."""
+"""Largest number of layouts and of their places that `whole_grids` looks at: some seconds of work."""
 
 
 def _channel_counts(spec: Spec, channel_limit: int) -> Iterable[int]:
-    """Channels per coil worth trying: no more than taxels asked, or plates that the pad or a coil's reach holds."""
+    """Return the counts of channels per coil worth trying.
+
+    There are no more than taxels asked, than plates that the pad holds, or than plates that a coil reaches.
+    """
     if spec.resonances_hz:
         return [len(spec.resonances_hz) // spec.coil.sets]
     plates = spec.pad.width_mm * spec.pad.depth_mm / _plate_side_mm(spec) ** 2
     if not spec.coil.grid:
-        # Each plate holds a washer's axis within the coil's reach, and so lies within a circle wider by its diagonal.
+        # Each plate's washer lies within the coil's reach, so the plate within a circle larger by its diagonal.
         plate = plate_shape(spec)
         circle_mm = coil_reach_mm(spec) + hypot(plate.length_mm, plate.width_mm)
         plates = min(plates, pi * circle_mm**2 / _plate_mm2(spec))
@@ -156,18 +160,21 @@ def _plate_mm2(spec: Spec) -> float:
 
 
 def most_channels(spec: Spec, channel_limit: int) -> int:
-    """Most channels per coil that are worth trying."""
+    """Return the most channels per coil that are worth trying."""
     return max(_channel_counts(spec, channel_limit))
 
 
 def most_coils(spec: Spec) -> tuple[int, int]:
-    """Rows and columns of the largest grid whose pitch holds the coil."""
+    """Return rows and columns of the largest grid whose pitch is at least the coil's diameter."""
     coil = spec.coil.outer_diameter_mm
     return floor(spec.pad.depth_mm / coil + 1e-9), floor(spec.pad.width_mm / coil + 1e-9)
 
 
 def _grids(spec: Spec, coils: int) -> Iterator[tuple[int, int]]:
-    """Grids of at least `coils` coils that hold the coil, each as small as its number of rows allows."""
+    """Yield grids (rows, columns) of at least `coils` coils whose pitch holds the coil; only the spec's, if it has one.
+
+    For each number of rows there is one grid, with as few columns as possible.
+    """
     if spec.coil.grid:
         yield spec.coil.grid
         return
@@ -180,7 +187,7 @@ def _grids(spec: Spec, coils: int) -> Iterator[tuple[int, int]]:
 
 def _divisions(spec: Spec, rows: int, columns: int, channels: int, wanted: int) -> Iterator[Layout]:
     pitch_x, pitch_y = spec.pad.width_mm / columns, spec.pad.depth_mm / rows
-    # Half a plate's side leaves the near misses, which say what is lacking.
+    # Down to half a plate's side, so that near misses remain: a refusal explains what they lack.
     narrowest = _plate_side_mm(spec) / 2
     for sub_columns in range(1, min(channels, max(int(pitch_x / narrowest), 1)) + 1):
         sub_rows = ceil(channels / sub_columns)
@@ -194,11 +201,11 @@ def _divisions(spec: Spec, rows: int, columns: int, channels: int, wanted: int) 
 
 
 def room(spec: Spec, layout: Layout) -> Room:
-    """The room between the ribs of one sub-cell, along and across the beams.
+    """Return the room between the ribs of one sub-cell, along and across the beams.
 
-    Its two limits keep every washer over its coil's winding: with the sub-cell's centre at (u, v)
-    from the coil axis and the root on the side away from it, the washer must not pass the axis, nor
-    stay short of it, by more than the winding reaches there.
+    Its two limits keep every washer over its coil's winding. The sub-cell's centre is at (u, v) from the coil axis,
+    with the root on the side away from the axis; the washer may lie beyond the axis, or short of it, by no more than
+    the winding reaches there.
     """
     length, width = _sides_mm(spec, layout)
     slide = max(width - plate_shape(spec).width_mm, 0) / 2 - spec.printer.smallest_gap_mm
@@ -212,22 +219,22 @@ def room(spec: Spec, layout: Layout) -> Room:
 
 
 def _sides_mm(spec: Spec, layout: Layout) -> tuple[float, float]:
-    """Length and width of a sub-cell between its ribs, along and across the beams."""
+    """Return length and width of a sub-cell between its ribs, in mm along and across the beams."""
     width, depth = layout.sub_width_mm - spec.pad.rib_mm, layout.sub_depth_mm - spec.pad.rib_mm
     return (width, depth) if layout.beam_axis == "x" else (depth, width)
 
 
-def _spare_mm(spec: Spec, layout: Layout) -> float:
-    """What a layout's margin is at most, worked out without its places."""
-    return min(slack for _, slack in _fits(spec, layout, Room(*_sides_mm(spec, layout))))
+def _margin_bound_mm(spec: Spec, layout: Layout) -> float:
+    """Return an upper bound of a layout's margin in mm, quickly: without the places of its washers."""
+    return min(slack for _, slack in _part_slacks(spec, layout, Room(*_sides_mm(spec, layout))))
 
 
 def _slacks(spec: Spec, layout: Layout) -> tuple[tuple[str, float], ...]:
-    return *_fits(spec, layout, room(spec, layout)), ("reach", _reach_slack_mm(spec, layout))
+    return *_part_slacks(spec, layout, room(spec, layout)), ("reach", _reach_slack_mm(spec, layout))
 
 
-def _fits(spec: Spec, layout: Layout, inside: Room) -> tuple[tuple[str, float], ...]:
-    """Slacks of the coil in its pitch, and of beam and plate in the room inside a sub-cell."""
+def _part_slacks(spec: Spec, layout: Layout, inside: Room) -> tuple[tuple[str, float], ...]:
+    """Return slacks in mm: of the coil in its pitch, and of beam and plate in the room inside a sub-cell."""
     gap, plate = spec.printer.smallest_gap_mm, plate_shape(spec)
     pitch = min(spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows)
     lengths, widths = [], []
@@ -243,12 +250,12 @@ def _fits(spec: Spec, layout: Layout, inside: Room) -> tuple[tuple[str, float], 
 
 
 def coil_reach_mm(spec: Spec) -> float:
-    """Farthest that a washer's axis may lie from the coil's for the two to overlap."""
+    """Return the largest distance in mm of a washer's axis from the coil's at which the two overlap."""
     return (spec.coil.outer_diameter_mm + spec.washer.outer_diameter_mm) / 2
 
 
 def _reach_slack_mm(spec: Spec, layout: Layout) -> float:
-    """Slack of the farthest washer to the coil, for plates at the ends of their sub-cells."""
+    """Return the slack in mm of the farthest washer to the coil's reach, with plates slid towards the coil."""
     pocket = recess_mm(spec)[0] / 2 + spec.printer.line_width_mm + spec.printer.smallest_gap_mm + spec.pad.rib_mm / 2
     worst = 0.0
     for x, y in slots(layout):
@@ -261,7 +268,7 @@ def _reach_slack_mm(spec: Spec, layout: Layout) -> float:
 
 
 def slots(layout: Layout) -> list[tuple[float, float]]:
-    """Centres in mm of the sub-cells that hold a channel, from the coil axis, channel 0 first.
+    """Return the centres in mm, from the coil axis, of the sub-cells that hold a channel, channel 0 first.
 
     The highest channels need the most force and lie nearest to the coil.
     """
@@ -283,23 +290,23 @@ def _distances_differ(centres: list[tuple[float, float]]) -> bool:
 
 
 def place(spec: Spec, layout: Layout, centre: tuple[float, float], arrangement: Arrangement) -> Site:
-    """Put a taxel into its sub-cell so that its washer comes as near to the coil axis as the layout's ring lets it.
+    """Put a taxel into its sub-cell so that its washer hangs as near to the coil axis as the layout's ring allows.
 
-    The root lies on the side away from the coil; where the sub-cell is not split along the beams,
-    roots alternate so that the pad stays balanced.
+    The root lies on the side away from the coil. Where the cell is not divided along the beams, the roots lie on
+    alternating sides so that the pad stays balanced.
     """
     window_mm, washer_x_mm = [float(side) for side in arrangement.window_mm], float(arrangement.washer_x_mm)
     across_x = layout.beam_axis == "y"
     u, v = centre[::-1] if across_x else centre
     length, width = _sides_mm(spec, layout)
     sign = -1.0 if u > 1e-9 or (abs(u) <= 1e-9 and v > 1e-9) else 1.0
-    # The window may slide by what the room leaves: towards the coil axis, and from there towards the farthest corner.
+    # The window may slide within the room: to the place nearest to the coil axis, and from there away from it.
     slide, slide_across = (length - window_mm[0]) / 2, (width - window_mm[1]) / 2
     middle = washer_x_mm - window_mm[0] / 2
     near = np.array([sign * (middle + _clip(-sign * u - middle, slide)) + u, v + _clip(-v, slide_across)])
     far = np.array([sign * middle + u, v])
     far += np.copysign([slide, slide_across], far) * (np.abs(far) > SLACK_MM)
-    washer_u, washer_v = near + _share_to(layout.ring_mm, near, far - near) * (far - near)
+    washer_u, washer_v = near + _share_to_ring(layout.ring_mm, near, far - near) * (far - near)
     origin_u, origin_v = round(float(washer_u) - sign * washer_x_mm, 6), round(float(washer_v), 6)
     washer_u, start = origin_u + sign * washer_x_mm, sign * (origin_u - u)
     along = ("+" if sign > 0 else "-") + layout.beam_axis
@@ -311,8 +318,8 @@ def place(spec: Spec, layout: Layout, centre: tuple[float, float], arrangement: 
     return Site(centre, origin, washer, along, hypot(*washer), round(depth, 6))
 
 
-def _share_to(ring_mm: float, near: np.ndarray, way: np.ndarray) -> float:
-    """Share of `way` after which a place that sets out `near` the axis is `ring_mm` from it; all where that is not."""
+def _share_to_ring(ring_mm: float, near: np.ndarray, way: np.ndarray) -> float:
+    """Return the share of `way`, from `near` on, after which the distance from the axis is `ring_mm`; at most 1."""
     short, length = ring_mm**2 - float(near @ near), float(way @ way)
     if short <= 0 or not length:
         return 0.0
@@ -325,7 +332,7 @@ def _clip(value: float, limit: float) -> float:
 
 
 def explain(spec: Spec, layout: Layout) -> str:
-    """One clause: which limit binds this layout, and by how much."""
+    """Return one clause that names the limit that binds this layout, and by how much."""
     kind, slack = layout.binding
     pitch = min(spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows)
     sub = f"{number(layout.sub_width_mm)} x {number(layout.sub_depth_mm)} mm sub-cell"

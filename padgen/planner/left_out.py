@@ -1,4 +1,4 @@
-"""What the plan's models leave out for this pad, and what that may change at most."""
+"""Bound the effects that the plan's models leave out, for one pad."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -37,22 +37,22 @@ from padgen.spec import Spec
 __all__ = ["RUNGS", "judge_left_out", "left_out", "left_out_line"]
 
 SATURATION_T = 1.5
-"""Polarisation at saturation of the least of the steels of cores and washers (ferritic stainless; iron has 2.15 T)."""
+"""Saturation polarisation of the steel of cores and washers that has the least: ferritic stainless (iron: 2.15 T)."""
 RESISTIVITY_OHM_M = 1e-7
-"""Of the best conductor among cores and washers, iron."""
+"""Resistivity of iron, the best conductor among the materials of cores and washers."""
 LEAST_GAP = 20
-"""Share of its gap, one over this, below which no pull is asked for."""
-BENT = 2.0
-"""Over its gap, by how much more a pull's curvature with the gap may be off than its slope."""
-ROUNDS = 3
-
-SLOPES = 1.3
-"""Growth of a beam's stiffness with the square of its deflection over its length: 1.2 by the elastica, a little more
-where its tip gives."""
+"""Gaps are taken to stay above the hanging gap divided by this, so that pulls stay finite."""
+CURVATURE_ERROR = 2.0
+"""Error of the curvature of a pull over its gap, times the gap, over the error of its slope."""
+BALANCE_ROUNDS = 3
+"""Iterations to balance mean pull and spring."""
+SLOPE_HARDENING = 1.3
+"""Relative growth of a beam's stiffness per square of deflection over length: 1.2 by the elastica, a little more where
+its tip is elastically held."""
 AIR_KG_PER_M3, AIR_PA_S = 1.2, 1.8e-5
 """Density and viscosity of air."""
 HARDENING_SHARE = 0.25
-"""Share by which the cubic spring of beams that stretch may be off: 0.22 where their ends give (docs/accuracy.md)."""
+"""Relative error of the cubic spring of beams that stretch: 0.22 where their ends are elastic (docs/accuracy.md)."""
 
 RUNGS = {
     "stretching": "a lower drive.level_um, or beams free to slide at one end",
@@ -70,7 +70,7 @@ RUNGS = {
     "frame": "padgen study --only pad",
     "beam inertia": "--model solid",
 }
-"""Where each term is computed, for those that a plan cannot compute."""
+"""Ways to compute or avoid each effect that a plan leaves out."""
 
 
 INCLUDED = {
@@ -87,7 +87,7 @@ INCLUDED = {
     "glue and fillets": "resonance",
     "whole layers and steps of the printer": "resonance",
 }
-"""Effects that every plan counts, and the figure that has them."""
+"""Effects that every plan counts, and the figure that contains each."""
 UNBOUNDED = {
     "skin": ("resonance of every taxel that is touched", "`touched` has a provisional model"),
     "temperature": ("resonance and current", "measure at the temperature of use"),
@@ -98,16 +98,16 @@ UNBOUNDED = {
     "amplifier's own impedance and bandwidth": ("current", "measure the current"),
     "mutual inductance of coils": ("current", "drive with a current source"),
 }
-"""Effects that nothing in a spec bounds: what they change, and what to do about them."""
+"""Effects that nothing in a spec bounds: what each changes, and what to do about it."""
 STRESSES = "stresses of the print"
-"""They pull beams that cannot shorten tight, which raises the resonance: unbounded, a warning where a spec has such."""
+"""An unbounded effect: shrinkage pulls beams tight that cannot shorten, and raises their resonance. A plan with such
+beams warns of it."""
 
 
 def left_out(plan: Plan) -> tuple[LeftOut, ...]:
-    """Every term that the models of `plan` drop, the largest bound first.
+    """Return every effect that the models of `plan` may leave out: bounded ones, largest first, unbounded, included.
 
-    Each is of the channel where it is largest. What costs nothing is always computed and no entry: the
-    coil's reactance at the tones, the first order of sag, shear of the beams, all channels of a coil.
+    Each bound is of the channel where it is largest.
     """
     found = [
         _inertia(plan),
@@ -129,7 +129,7 @@ def left_out(plan: Plan) -> tuple[LeftOut, ...]:
 
 
 def left_out_line(entries: Sequence[LeftOut], most: int = 3) -> str:
-    """One line for people: the `most` largest of what is left out.
+    """Return one line of text with the `most` largest effects that are left out.
 
     >>> left_out_line([LeftOut("saturation", 0.0031, "1", "force of channel 1", False)])
     'left out: saturation ≤ 0.31 % of the force of channel 1'
@@ -144,7 +144,7 @@ def left_out_line(entries: Sequence[LeftOut], most: int = 3) -> str:
 
 
 def judge_left_out(spec: Spec, entries: Sequence[LeftOut]) -> Iterator[Finding]:
-    """One note of all dropped terms that may change more than `model.tolerance`, and of what computes them."""
+    """Yield a note of the effects left out above `model.tolerance`, and a warning of unbounded stresses."""
     told = [
         f"{entry.term}, {'without a bound' if entry.bound is None else f'up to {percent(entry.bound)}'} of the"
         f" {entry.of} ({RUNGS[entry.term]})"
@@ -174,15 +174,15 @@ def _size(entry: LeftOut) -> float:
     return inf if entry.bound is None else entry.bound
 
 
-def _worst(term: str, of: str, channels: Sequence[Channel], bound: np.ndarray) -> LeftOut:
-    """The entry of the channel with the largest of `bound` (n,)."""
+def _worst_channel(term: str, of: str, channels: Sequence[Channel], bound: np.ndarray) -> LeftOut:
+    """Return the entry of an effect for the channel with the largest `bound` (n,)."""
     at = int(np.argmax(bound))
     largest = float(bound[at]) if isfinite(bound[at]) else None
     return LeftOut(term, largest, "1", f"{of} of channel {channels[at].index}", computed=False)
 
 
 def _inertia(plan: Plan) -> LeftOut:
-    """What condensed beams miss; of resonances that a solid has, what those may be off by."""
+    """Bound the inertia of beams beyond the beam model's; for channels solved as solids it is the solver's error."""
     plate = PlateShape(plan.plate.length_mm, plan.plate.width_mm, plan.plate.thickness_mm)
     material, channels = plan.spec.material, plan.channels
     bound = np.array([channel.model_error for channel in channels])
@@ -196,31 +196,31 @@ def _inertia(plan: Plan) -> LeftOut:
             np.array([getattr(channels[k], name) for k in own]) for name in ("mode_motions", "modes_hz", "mode_shares")
         )
         bound[own] = beam_inertia(model.placements, motion, model.washer_point_m, hz, shares.argmax(1), *elastic)
-    return replace(_worst("beam inertia", "resonance", channels, bound), computed=not beams)
+    return replace(_worst_channel("beam inertia", "resonance", channels, bound), computed=not beams)
 
 
 def _stretching(plan: Plan) -> LeftOut:
-    """What the cubic spring may be off by, and the mean pull's offset that `Channel.level_shift` leaves out."""
+    """Bound the rest of stretching: the cubic spring's error, and the mean pull's offset, not in `level_shift`."""
     alpha, level, sag, static, shift = np.array(
         [(c.hardening_per_mm2 * UM**2 / MM**2, c.level_um, c.sag_um, c.static_um, c.level_shift) for c in plan.channels]
     ).T
     pulled = resonance_rise(alpha, level, sag + static)
     bound = pulled - shift + HARDENING_SHARE * pulled
-    return replace(_worst("stretching", "resonance", plan.channels, bound), computed=True)
+    return replace(_worst_channel("stretching", "resonance", plan.channels, bound), computed=True)
 
 
 def _air(plan: Plan) -> Iterator[LeftOut]:
-    """Air that moves with plate and beams, and is squeezed between them and the coil.
+    """Bound the air's mass that moves with plate and beams, and the damping of the air film above the coil.
 
-    A disc of their area in a wall without end carries ``8/3 ρ a³`` on either side (Rayleigh, Theory of Sound, 302), and
-    a film of height h below it, as wide as the window, R, ``πρ a⁴/(8h) (1 + 4 ln R/a)``; where it lies over a coil of
-    radius R that film damps by ``3πμ a⁴/(2h³) (1 + 4 ln R/a)`` (Stefan 1874; the logarithm is of what flows on from
-    the disc's edge to the coil's). Slots beside the plate only relieve both, and of all shapes and places in a circle
-    a disc in its middle has the most.
+    Plate and beams are taken as a disc of their area, radius a. In an endless wall it carries an air mass of
+    ``8/3 ρ a³`` on each side (Rayleigh, Theory of Sound, 302). A film of height h below, out to the window's radius R,
+    adds ``πρ a⁴/(8h) (1 + 4 ln R/a)``. Over a coil of radius R the film damps by ``3πμ a⁴/(2h³) (1 + 4 ln R/a)``
+    (Stefan 1874; the logarithm is of the flow from the disc's edge to the coil's). Slots beside the plate reduce both;
+    of all shapes and places in a circle a disc in its middle has the largest mass and damping.
     """
     spec, channels = plan.spec, plan.channels
     below, coil = plan.plate.recess_depth_mm - spec.washer.thickness_mm, spec.coil.outer_diameter_mm / 2 * MM
-    area, plates, square, most, window = np.array([_swept(plan.arrangement(c), c) for c in channels]).T
+    area, plates, square, most, window = np.array([_moving_area(plan.arrangement(c), c) for c in channels]).T
     mass, stiffness, q, sag, offset = np.array(
         [
             (c.effective_mass_g * GRAM, c.stiffness_n_per_m, c.q, c.sag_um + c.static_um, c.site.coil_distance_mm * MM)
@@ -231,27 +231,30 @@ def _air(plan: Plan) -> Iterator[LeftOut]:
     radius = np.sqrt(area / pi)
     film = pi * radius**4 * (1 + 4 * np.log(np.maximum(window / radius, 1)))
     heavier = AIR_KG_PER_M3 * square * (16 / 3 * radius**3 + film / (8 * height)) / mass
-    yield _worst("air's mass", "resonance", channels, 1 - 1 / np.sqrt(1 + heavier))
-    # Long parts may reach over the coil though their middle does not: as if all of them did.
+    yield _worst_channel("air's mass", "resonance", channels, 1 - 1 / np.sqrt(1 + heavier))
+    # The beams may reach over the coil though their middle does not: all of their area is taken to lie over it.
     over = np.minimum(np.sqrt(_common_radius(np.sqrt(plates / pi), coil, offset) ** 2 + (area - plates) / pi), coil)
     film = pi * over**4 * (1 + 4 * np.log(np.maximum(coil / np.maximum(over, 1e-9), 1)))
     damped = 1.5 * AIR_PA_S * film / height**3 * most**2 * q / np.sqrt(stiffness * mass)
-    yield _worst("air's damping", "Q", channels, damped / (1 + damped))
+    yield _worst_channel("air's damping", "Q", channels, damped / (1 + damped))
 
 
 def _common_radius(radius: np.ndarray, other: float, apart: np.ndarray) -> np.ndarray:
-    """Radius (n,) of a circle as large as what circles of `radius` (n,) and `other` have in common."""
+    """Return the radius (n,) of a circle with the area that circles of `radius` (n,) and `other`, `apart`, share."""
     apart = np.maximum(apart, 1e-9)
     near = np.clip((apart**2 + radius**2 - other**2) / (2 * apart * radius), -1, 1)
     far = np.clip((apart**2 + other**2 - radius**2) / (2 * apart * other), -1, 1)
-    # Sectors less the triangles between them; one whole circle where the other holds it.
+    # The shared area is two sectors less their triangles, or all of a circle that lies within the other.
     halves = [r**2 * (np.arccos(c) - c * np.sqrt(1 - c**2)) for r, c in ((radius, near), (other, far))]
     return np.asarray(np.sqrt((halves[0] + halves[1]) / pi))
 
 
-def _swept(arrangement: Arrangement, channel: Channel) -> tuple[float, ...]:
-    """Area in m² of all that moves and of its blocks, mean square and largest of its motion over the washer's, and how
-    far its window reaches, in m."""
+def _moving_area(arrangement: Arrangement, channel: Channel) -> tuple[float, ...]:
+    """Return figures of the moving area of a taxel, with motions over the washer's.
+
+    They are the area of blocks and beams and that of the blocks alone in m², the mean square and the largest motion,
+    and the diagonal of the window in m.
+    """
     motion = channel.mode_motions[int(np.argmax(channel.mode_shares))]
 
     def moves(x: float, y: float) -> float:
@@ -268,36 +271,38 @@ def _swept(arrangement: Arrangement, channel: Channel) -> tuple[float, ...]:
     blocks = area
     for path in arrangement.beams:
         own, tip = float(path.width_mm * path.length_mm), path.corners[-1]
-        # A beam that is guided at its tip: 13/35 of the square there.
+        # The mean square of a beam guided at its tip is 13/35 of the square at the tip.
         square += own * 13 / 35 * moves(float(tip.x_mm), float(tip.y_mm)) ** 2
         area += own
     return area * MM**2, blocks * MM**2, square / area, most, float(np.hypot(*arrangement.window_mm)) * MM
 
 
 def _large_motion(plan: Plan) -> LeftOut:
-    """Bound of what beams' slopes change beyond linear theory: the secant stiffness grows by `SLOPES` ``(z/l)²``."""
+    """Bound the effect of slopes beyond linear theory: the secant stiffness grows by `SLOPE_HARDENING` ``(z/l)²``."""
     away, level, length = np.array(
         [((c.sag_um + c.static_um) * UM, c.level_um * UM, c.beam.length_mm * MM) for c in plan.channels]
     ).T
-    return _worst("large slopes", "resonance", plan.channels, resonance_rise(SLOPES / length**2, level, away))
+    return _worst_channel(
+        "large slopes", "resonance", plan.channels, resonance_rise(SLOPE_HARDENING / length**2, level, away)
+    )
 
 
 def _frame(plan: Plan) -> LeftOut:
-    """Resonances on the pad's frame, screwed down at its corners or, without holes, glued down."""
+    """Bound the effect of the flexible frame: screwed down at its corners or, without holes, glued down."""
     bound = flexibility_bounds(plan, "corners" if plan.spec.pad.hole_diameter_mm else "bottom")
-    return _worst("frame", "resonance", plan.channels, bound)
+    return _worst_channel("frame", "resonance", plan.channels, bound)
 
 
 def _far_modes(plan: Plan) -> Iterator[LeftOut]:
-    """What `planner.modes.heard_modes` drops, at the tones of the other channels of a coil, all on."""
+    """Bound the modes that `pull_modes.heard_modes` drops, at the tones of a coil's other channels, all on."""
     if not plan.selectivity.modes_left_out:
         return
-    bound = np.concatenate([_unheard(plan.spec, own) for own in plan.sets])
-    yield _worst("far modes", "OFF amplitude", [channel for own in plan.sets for channel in own], bound)
+    bound = np.concatenate([_far_mode_errors(plan.spec, own) for own in plan.sets])
+    yield _worst_channel("far modes", "OFF amplitude", [channel for own in plan.sets for channel in own], bound)
 
 
-def _unheard(spec: Spec, own: Sequence[Channel]) -> np.ndarray:
-    """Relative error (n,) of OFF amplitudes: by Cauchy's inequality, for each part of the motion that is felt."""
+def _far_mode_errors(spec: Spec, own: Sequence[Channel]) -> np.ndarray:
+    """Bound the relative error (n,) of OFF amplitudes without far modes, by Cauchy's inequality for each component."""
     line, hz = placed_channels(spec, own).line, np.array([channel.resonance_hz for channel in own])
     every, heard = coil_modes(spec, own), heard_modes(spec, own, line)
     kept = np.where(heard.gain.any(-1), heard.frequency_hz, 0.0)
@@ -312,13 +317,13 @@ def _unheard(spec: Spec, own: Sequence[Channel]) -> np.ndarray:
 
 
 def _leakage(plan: Plan) -> Iterator[LeftOut]:
-    """Bound of the error of the leakage in `planner.reuse`."""
+    """Return the bound of the error of the leakage that `planner.reuse` computes."""
     if plan.reuse.leak_db is not None:
         yield LeftOut("leakage", plan.reuse.leak_error, "1", "leak from coil to coil", computed=True)
 
 
 def _magnetic(plan: Plan) -> Iterator[LeftOut]:
-    """The entries about force and current, of the channels that their coil pulls."""
+    """Bound the effects on force and current, for the channels that their coil pulls."""
     spec, channels = plan.spec, [channel for channel in plan.channels if channel.force_constant_n_per_a2 > 0]
     if not channels:
         return
@@ -331,35 +336,35 @@ def _magnetic(plan: Plan) -> Iterator[LeftOut]:
     core_t, core_chi_n = core_polarisation(coil)
     lost = 2 * saturation_loss(core_t * peak_a / SATURATION_T, core_chi_n)
     lost = lost + saturation_loss(made.polarisation * peak_a / SATURATION_T, made.chi_n)
-    yield _worst("saturation", "force", channels, np.minimum(lost, 1.0))
+    yield _worst_channel("saturation", "force", channels, np.minimum(lost, 1.0))
     drive = np.array([channel.drive_hz for channel in channels])
     eddies = [2 * core_eddies(coil, RESISTIVITY_OHM_M, f) + washer_eddies(washer, RESISTIVITY_OHM_M, f) for f in drive]
-    yield _worst("eddy currents", "force", channels, np.array(eddies))
+    yield _worst_channel("eddy currents", "force", channels, np.array(eddies))
     shielded, middle = np.zeros(len(channels)), (washer.outer_diameter + washer.inner_diameter) / 4
     for own in _sets(channels, spec):
         place = np.array([channels[k].site.washer_mm for k in own]) * MM
         shielded[own] = mutual_shielding(dipole[own], made.field[own], made.share[:, own], place, middle)
     if shielded.any():
-        yield _worst("shielding", "force", channels, shielded)
-    yield from _moving(plan, channels)
+        yield _worst_channel("shielding", "force", channels, shielded)
+    yield from _motion_effects(plan, channels)
 
 
 def _sets(channels: Sequence[Channel], spec: Spec) -> list[list[int]]:
-    """Which of `channels` are over one coil, for each kind of coil."""
+    """Return the indices of `channels` over one coil, for each set of channels."""
     kinds = [channel.index % spec.coil.sets for channel in channels]
     return [own for kind in range(spec.coil.sets) if (own := [k for k, of in enumerate(kinds) if of == kind])]
 
 
-def _moving(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut]:
-    """What the washers' own motion changes."""
+def _motion_effects(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut]:
+    """Bound the effects of the washers' motion on force, resonance, current and ring-down."""
     spec = plan.spec
     level, static, ring_down, ring_up = np.array(
         [(c.level_um, c.static_um, c.ring_down_ms, c.ring_up_ms) for c in channels]
     ).T
     nearer, softer = _pulled(plan, channels)
-    yield _worst("gap", "force", channels, nearer)
-    yield _worst("softening", "resonance", channels, softer)
-    yield _worst("motion", "current", channels, _motional(plan, channels))
+    yield _worst_channel("gap", "force", channels, nearer)
+    yield _worst_channel("softening", "resonance", channels, softer)
+    yield _worst_channel("motion", "current", channels, _motional(plan, channels))
     if not plan.scheme.takes_turns and (ring_down > 0).any():
         pull, stiffness, resonance, q = np.array(
             [(c.force_constant_n_per_a2, c.stiffness_n_per_m, c.resonance_hz, c.q) for c in channels]
@@ -367,14 +372,14 @@ def _moving(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut]:
         pulse = pull * (plan.load.current_peak_ma * MA) ** 2 / stiffness / (level * UM)
         lag = spec.coil.inductance_mh * MH / spec.coil.resistance_ohm
         delay = switching_delay(static / level, pulse, resonance, q, np.exp(ring_down / ring_up), lag)
-        yield _worst("switching", "ring-down", channels, np.where(ring_down > 0, delay, 0.0))
+        yield _worst_channel("switching", "ring-down", channels, np.where(ring_down > 0, delay, 0.0))
 
 
 def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.ndarray]:
-    """Relative errors (n,) of force and resonance, for pulls that are taken where the washers hang without current.
+    """Return relative errors (n,) of force and resonance because pulls are taken where washers hang without current.
 
-    The mean pull draws a washer nearer by what balances it, there it swings, and the pull's slope, of force and lever
-    alike, softens the spring. Infinite where nothing balances.
+    In fact the mean pull draws a washer nearer, until the spring balances it, and the washer swings about that place.
+    There the slope of the pull over the gap (of force and lever) softens the spring. Infinite where nothing balances.
     """
     spec, sites = plan.spec, [channel.site for channel in channels]
     sag, static, exponent, level, here, error = np.array(
@@ -385,38 +390,40 @@ def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.nda
     ).T
     gap_um = hanging_gap_um(spec, sag)
     rest = site_pulls(spec, sites, gap_um)
-    # Side force and moment are as unsure as the pull: more by what that does to the force on the mode.
+    # Errors of side force and moment add to the pull's: `error` has all three on the mode, `rest.error` the pull's.
     unsure = error / rest.error / rest.pull
     modes = [TaxelModes(np.array(c.modes_hz), np.array(c.mode_motions)) for c in channels]
 
     def on_mode(nearer_um: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Pull on each working mode over `force_constant_n_per_a2`, and how far its slope is off, per µm."""
+        """Return the pull on each working mode over `force_constant_n_per_a2`, and its slope's error per µm."""
         at = site_pulls(spec, sites, np.maximum(gap_um - nearer_um, gap_um / LEAST_GAP))
         share = pulled_shares(modes, site_wrenches(spec, at, sites))
         return at.pull * share / here, at.slope_off * unsure * UM
 
-    # What the mean pull would deflect, did it not grow; in balance after a few rounds.
+    # The deflection under the mean pull if that did not grow; a few iterations then find the balance.
     slack_um = static * np.maximum(1 - static / gap_um, 0) ** np.maximum(exponent, 0)
-    for _ in range(ROUNDS):
+    for _ in range(BALANCE_ROUNDS):
         pull, doubt = on_mode(static)
         static = slack_um * pull
-    # Means over a swing, exact to the seventh order: of the pull, and of its part in step with the swing.
+    # Means over a swing, exact to the seventh order: of the pull, and of its component in phase with the motion.
     outer, inner = level * np.cos(np.pi / 8), level * np.sin(np.pi / 8)
     swung = [on_mode(static + side)[0] for side in (outer, inner, -inner, -outer)]
     slope = ((swung[0] - swung[3]) * outer + (swung[1] - swung[2]) * inner) / (2 * level**2)
-    # From table to table the pull steps by as much as it may be off.
+    # Between two tables of pulls there may be a step as large as their error.
     near = np.maximum(gap_um - static - level, gap_um / LEAST_GAP)
     step = np.where(pull_range(near * UM) == pull_range((gap_um + level) * UM), 0.0, error)
     softer = np.maximum((slope + doubt + step * (outer + inner) / level**2) * slack_um, 0)
     meets = (static + level >= gap_um) | (np.array([c.static_um for c in channels]) >= gap_um)
-    forces = np.abs(sum(swung) / 4 - 1) + doubt * (static + BENT * level**2 / gap_um) + rest.jump * unsure + step
+    forces = (
+        np.abs(sum(swung) / 4 - 1) + doubt * (static + CURVATURE_ERROR * level**2 / gap_um) + rest.jump * unsure + step
+    )
     return np.where(meets, inf, forces), np.where(meets | (softer >= 1), inf, 1 - np.sqrt(np.maximum(1 - softer, 0)))
 
 
 def _motional(plan: Plan, channels: Sequence[Channel]) -> np.ndarray:
     spec, scheme, bias = plan.spec, plan.scheme, np.zeros(len(channels))
     for own in _sets(channels, spec):
-        # The constant part of the current over the channel's line in it.
+        # The constant part of the current over the channel's own tone in it.
         lines = np.array([channels[k].line_a2 for k in own])
         if scheme.is_biased:
             bias[own] = scheme.bias_ratio * lines.max() / lines

@@ -50,14 +50,17 @@ __all__ = ["Choice", "choose", "finish", "make_plan", "with_cures"]
 
 RUNNERS_UP = 2
 REUSES, SCHEMES_TRIED, GAPS_MM = ("same", "alternate"), ("auto", "spur-free", "biased"), (1.0, 0.6, 0.4)
-"""Values that the search tries where it is free, the simplest first: a smaller gap asks for flatter coils."""
-FOLDED = 2
-"""Layouts whose straight beams print too unlike that are tried with folded ones, most of a second each."""
+"""Values that the search tries where the spec leaves them free, the simplest first: a small gap needs flat coils."""
+MOST_BENT = 2
+"""Layouts that are tried again with serpentine beams where straight ones print too unevenly: most of a second each."""
 _grid = attrgetter("rows", "columns", "channels")
 
 
 class Choice(NamedTuple):
-    """A layout with its beams, the spec with what the search decided, what limits it, and the next best ones."""
+    """A layout with its sized beams, and the spec with every value that the search decided.
+
+    `runners_up` are the next best layouts, `limits` names what prevents more channels per coil.
+    """
 
     spec: Spec
     layout: Layout
@@ -67,26 +70,26 @@ class Choice(NamedTuple):
 
 
 def make_plan(spec: Spec) -> Plan:
-    """Allot resonances and beams for `spec`.
+    """Plan the pad of `spec`.
 
     Raises
     ------
     InfeasibleError
-        No layout holds; the message names the limits of the best candidates and what would do.
+        No layout works; the message names the limits of the best candidates, and changes that were tried and work.
     """
     return with_cures(spec, choose(spec))
 
 
 def with_cures(spec: Spec, choice: Choice) -> Plan:
-    """The plan of a `choice` for `spec`, with the cures of its findings that hold."""
+    """Return the plan of a `choice` for `spec`; its findings keep only cures that were tried and work."""
     return with_tried_cures(finish(choice), partial(_planned_with, spec, choice))
 
 
 def _planned_with(spec: Spec, choice: Choice | None, cure: Cure) -> Plan:
-    """The plan of `spec` with the fields of `cure`, from few prints; raises as `choose` does, without cures.
+    """Return the plan of `spec` with the fields of `cure`, from few simulated prints.
 
-    Another level moves no beam of the `choice` that there is. Where there is none, it is the plan of the first layout
-    that holds, whether or not its prints work.
+    Where `cure` only changes the level, the beams of `choice` are kept. Without a `choice`, the plan is that of the
+    first layout that works, however its prints come out. Raises `InfeasibleError` without cures.
     """
     if choice and set(cure) == {"drive.level_um"}:
         return finish(choice._replace(spec=varied(choice.spec, cure)), quick=True)
@@ -97,15 +100,15 @@ def _planned_with(spec: Spec, choice: Choice | None, cure: Cure) -> Plan:
 
 
 def choose(spec: Spec) -> Choice:
-    """Search the layouts and size the beams: the fewest coils of which as many prints work as asked, else the best.
+    """Search the layouts and size the beams: the fewest coils with which the asked share of prints works.
 
-    Raises as `make_plan` does.
+    If there are none, the choice with the most working prints. Raises as `make_plan` does.
     """
     choice = _searched(spec)
     if choice is None:
         from padgen.planner.infeasible import refusal
 
-        decided = next(_decided(spec))
+        decided = next(_decided_specs(spec))
         limit = channel_limit(decided)
         raise refusal(decided, candidates(decided, limit), limit, partial(_planned_with, spec, None))
     return choice
@@ -114,8 +117,8 @@ def choose(spec: Spec) -> Choice:
 def _searched(spec: Spec, quick: bool = False) -> Choice | None:
     found: list[Choice] = []
     known: dict[tuple[str, ...], list[tuple[Layout, tuple[SizedChannel, ...]]]] = {}
-    for decided in _decided(spec):
-        # Neither the gap nor, but for optimised resonances, the drive changes a beam.
+    for decided in _decided_specs(spec):
+        # The gap changes no beam, and the drive does only where resonances are optimised for it.
         key = (decided.coil.reuse, decided.drive.scheme if spec.spacing == "optimised" else "")
         if key not in known:
             some = sized_layouts(decided, candidates(decided, channel_limit(decided)))
@@ -129,7 +132,7 @@ def _searched(spec: Spec, quick: bool = False) -> Choice | None:
     _refuse_unpulled(best)
     limit = channel_limit(best.spec)
     options = candidates(best.spec, limit)
-    limits = _what_limits(best.spec, options, best.layout, limit)
+    limits = _limiting_name(best.spec, options, best.layout, limit)
     return best._replace(runners_up=_runners_up(best.spec, options, best.layout), limits=limits)
 
 
@@ -146,8 +149,8 @@ def _refuse_unpulled(choice: Choice) -> None:
         )
 
 
-def _decided(spec: Spec) -> Iterator[Spec]:
-    """`spec` with each reuse, drive and gap that is left to the search, the simplest first."""
+def _decided_specs(spec: Spec) -> Iterator[Spec]:
+    """Yield `spec` with every combination of reuse, drive and gap that it leaves open, the simplest first."""
     coil, drive = spec.coil, spec.drive
     schemes = SCHEMES_TRIED if spec.leaves_layout_free and drive.scheme == "auto" else (drive.scheme,)
     reuses = REUSES if coil.reuse == "auto" else (coil.reuse,)
@@ -157,7 +160,7 @@ def _decided(spec: Spec) -> Iterator[Spec]:
 
 
 def _best(found: Sequence[Choice]) -> Choice:
-    """The first of the fewest coils whose prints work; where none do, that of which most prints do."""
+    """Return the choice with the fewest coils whose prints work as asked, else that with the most working prints."""
     asked, wanted = decibel(found[0].spec.delta_y), found[0].spec.print_share
     rank = sorted(found, key=lambda choice: (choice.layout.surplus > 0, choice.layout.coils))
     tried = []
@@ -166,16 +169,16 @@ def _best(found: Sequence[Choice]) -> Choice:
         if one.share >= wanted:
             return choice
         tried.append(one)
-    # Of layouts that would do as drawn, those whose beams may be folded, which print more alike.
+    # Layouts that would work if printed exactly are tried with serpentine beams, whose prints differ less.
     if found[0].spec.leaves_layout_free and found[0].spec.suspension.topology == "auto":
-        near = [choice for choice, one in zip(rank, tried, strict=True) if one.share >= 0][:FOLDED]
-        for choice in chain.from_iterable(map(_folded, near)):
+        near = [choice for choice, one in zip(rank, tried, strict=True) if one.share >= 0][:MOST_BENT]
+        for choice in chain.from_iterable(map(_with_bent_beams, near)):
             one = _tried(choice, asked)
             if one.share >= wanted:
                 return choice
             rank.append(choice)
             tried.append(one)
-    # The most that a choice may keep comes first, so that the others need no prints once it is less than found.
+    # In falling order of their upper bounds: once a bound is below what was found, no print need be simulated.
     chosen, best, least = rank[0], Tried(-inf, -inf, -inf), -inf
     for choice, one in sorted(zip(rank, tried, strict=True), key=lambda item: -item[1].at_most_db):
         if one.at_most_db < least:
@@ -188,15 +191,18 @@ def _best(found: Sequence[Choice]) -> Choice:
 
 
 class Tried(NamedTuple):
-    """The most dB that a choice may keep, as far as it was looked at; the share of its prints that work, their dB."""
+    """Figures of a choice: an upper bound of its selectivity in dB, the share of prints that work, and their dB.
+
+    A negative `share` means that no prints were simulated.
+    """
 
     at_most_db: float
     share: float = -1.0
     print_db: float = -inf
 
 
-def _folded(choice: Choice) -> Iterator[Choice]:
-    """The choice with each family of suspensions that an automatic choice leaves to those who name it."""
+def _with_bent_beams(choice: Choice) -> Iterator[Choice]:
+    """Yield the choice with each family of suspensions (serpentines) that 'auto' does not include."""
     layout = choice.layout
     for kind in SUSPENSIONS.families():
         spec = replace(choice.spec, suspension=replace(choice.spec.suspension, topology=kind))
@@ -206,7 +212,10 @@ def _folded(choice: Choice) -> Iterator[Choice]:
 
 
 def _tried(choice: Choice, least_db: float) -> Tried:
-    """Look at a choice as far as it may keep `least_db`: resonances, then pull and modes, then leakage, then prints."""
+    """Judge a choice in steps of rising cost, and stop once it cannot keep `least_db`.
+
+    The steps are the resonances alone, then pull and modes, then leakage, then simulated prints.
+    """
     at_most = _at_most_db(choice)
     if at_most < least_db:
         return Tried(at_most)
@@ -226,15 +235,15 @@ def _tried(choice: Choice, least_db: float) -> Tried:
 
 
 def _at_most_db(choice: Choice) -> float:
-    """A bound of what the choice keeps, by its resonances alone and the quietest drive."""
+    """Return an upper bound of the selectivity in dB that a choice keeps, by its resonances and the quietest drive."""
     hz = np.array([channel.target_hz for channel in choice.channels])
     return sets_db(choice.spec, hz, np.ones(len(hz)), Scheme("time-shared"))
 
 
 def finish(choice: Choice, quick: bool = False) -> Plan:
-    """The plan of a choice; its channels' beams and models may have been changed since.
+    """Return the plan of a choice, whose beams and models may have been changed since it was made.
 
-    The cures of its findings are proposals, which nobody has tried. Where it is `quick`, few prints are simulated.
+    The cures of its findings are untried proposals. With `quick`, few prints are simulated.
     """
     bare = _assemble(choice, *_driven(choice))
     spec, prints, coils = bare.spec, what_prints_keep(bare, quick), bare.coils.rows * bare.coils.columns
@@ -247,7 +256,7 @@ def finish(choice: Choice, quick: bool = False) -> Plan:
 
 
 def _driven(choice: Choice) -> tuple[tuple[Channel, ...], Selectivity]:
-    """The channels of a choice with the drive that is chosen for them."""
+    """Return the channels of a choice, and the selectivity with the drive that is chosen for them."""
     spec, layout, sized = choice.spec, choice.layout, choice.channels
     bare = plan_channels(spec, sized, sites_of(spec, layout, sized))
     selectivity = plan_selectivity(spec, bare, planned_optimum(spec, layout.channels, room(spec, layout)))
@@ -298,7 +307,7 @@ def _plate(spec: Spec) -> Plate:
 
 
 def _taxels(spec: Spec, layout: Layout, channels: tuple[Channel, ...], turned: str) -> tuple[Taxel, ...]:
-    """All taxels, coil by coil from the first row; surplus places are left out at the last coils."""
+    """Return all taxels, coil by coil from the first row; the last coils have the empty places, one each."""
     pitch_x, pitch_y = spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows
     full = layout.coils - layout.surplus
     sets = channel_sets(channels, spec.coil.sets)
@@ -327,7 +336,7 @@ def _taxels(spec: Spec, layout: Layout, channels: tuple[Channel, ...], turned: s
 
 
 def _runners_up(spec: Spec, options: list[Layout], chosen: Layout) -> tuple[LayoutOption, ...]:
-    """The next layouts that hold as well."""
+    """Return the next best layouts that work as well."""
     others = [option for option in options if _grid(option) != _grid(chosen)]
     return tuple(_option(spec, *sized) for sized in islice(sized_layouts(spec, others), RUNNERS_UP))
 
@@ -338,8 +347,8 @@ def _option(spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...]) -> Layo
     return LayoutOption(layout.rows, layout.columns, layout.channels, taxels, layout.margin_mm, kept_db)
 
 
-def _what_limits(spec: Spec, options: list[Layout], layout: Layout, limit: int) -> str:
-    """Which limit keeps this pad from more channels per coil, and so from fewer coils."""
+def _limiting_name(spec: Spec, options: list[Layout], layout: Layout, limit: int) -> str:
+    """Name the limit that keeps this pad from more channels per coil, and so from fewer coils."""
     if spec.resonances_hz:
         return "resonances_hz"
     if layout.channels >= limit:

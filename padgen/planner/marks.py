@@ -1,4 +1,4 @@
-"""Grooves down the outside of a border: which corner is which, where a part is as long as it is wide."""
+"""Grooves in the outside of a border that mark a corner, so that a square part is not mounted the wrong way round."""
 
 from padgen.planner.tile import Outline
 from padgen.spec import Spec
@@ -9,9 +9,9 @@ WIDTH_MM, DEPTH_MM = 1.5, 1.0
 
 
 def groove(spec: Spec, x_mm: float, above: bool = False) -> Outline:
-    """A groove at `x_mm` in the border's side towards −y, or towards +y where `above`.
+    """Return a groove at `x_mm` in the border's side towards −y, or towards +y with `above`.
 
-    It reaches outwards as far as inwards, so that it can be cut off as it is.
+    The outline reaches outwards as far as inwards, so that it can be subtracted from the border as it is.
     """
     pad = spec.pad
     side = 1 if above else -1
@@ -21,5 +21,5 @@ def groove(spec: Spec, x_mm: float, above: bool = False) -> Outline:
 
 
 def corner_groove(spec: Spec) -> Outline:
-    """The groove beside the corner of the coil in row 0, column 0: where the active area begins, towards −y."""
+    """Return the groove at the corner of the coil in row 0, column 0: where the active area begins, towards −y."""
     return groove(spec, (WIDTH_MM - spec.pad.width_mm) / 2)

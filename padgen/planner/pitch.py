@@ -1,4 +1,4 @@
-"""Evenness of a pad's taxels: distances of neighbouring rows and columns."""
+"""Measure how evenly a pad's taxels are spaced: distances between neighbouring rows and columns."""
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
@@ -10,15 +10,15 @@ from padgen.planner.plan import Pitch, Plan, Taxel
 __all__ = ["judge_pitch", "pitch_of"]
 
 SAME_MM = 0.05
-"""Rows or columns that are no farther apart are one."""
+"""Taxels whose places differ by no more belong to one row or column."""
 LARGEST_RATIO = 1.2
-"""Largest over smallest distance that still feels even."""
+"""Largest over smallest distance up to which taxels feel evenly spaced."""
 HOLE_RATIO = 2.0
-"""From here on a display has holes."""
+"""Largest over smallest distance above which a display has holes."""
 
 
 def pitch_of(taxels: Sequence[Taxel]) -> Pitch:
-    """Smallest and largest distance in mm of neighbouring columns and rows, and the share of crossings taken."""
+    """Return the distances in mm of neighbouring columns and rows, and the share of their crossings with a taxel."""
     columns, rows = (_lines([getattr(t, axis) for t in taxels]) for axis in ("x_mm", "y_mm"))
     x, y = (_steps(lines) for lines in (columns, rows))
     ratio = max((high / low for low, high in (step for step in (x, y) if step)), default=1.0)
@@ -39,7 +39,7 @@ def _steps(lines: list[float]) -> tuple[float, ...]:
 
 
 def judge_pitch(plan: Plan) -> Iterator[Finding]:
-    """A note where the pitch is uneven, a warning where a display would have holes."""
+    """Yield a note where the pitch is uneven, a warning where a display would have holes."""
     pitch = plan.pitch
     if pitch.ratio > LARGEST_RATIO:
         axes = {"columns": pitch.x_mm, "rows": pitch.y_mm}

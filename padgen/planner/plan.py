@@ -1,4 +1,4 @@
-"""`Plan`: what will be made. Frozen plain data with a JSON round trip; the contract between stages."""
+"""Define `Plan`: the pad that will be made, as frozen plain data with a JSON round trip; all later stages read it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -38,14 +38,14 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class Capacity:
-    """Channels of one coil: `paper` by Eq. 12, `exact` by the response in all states with the plan's drive.
+    """Most channels of one coil: `paper` by the paper's Eq. 12, `exact` by the response in all states.
 
-    `paper_unrounded` is Eq. 12 before rounding down, `exact_one_hot` counts one channel on at a
-    time, `ratio` the smallest ratio of neighbours, `limit` what keeps the pad from more, `breaks`
-    the line that makes one channel more than `exact` too many. An `exact` of `searched_to` means that
-    or more. All are of one coil with equal masses and channels evenly in octaves. `prints` are the channels per coil
-    of which `print_share` of the pads keep what is asked, re-tuned, where the ratio of every two neighbours differs
-    from print to print as `Prints.ratio_spread` says; leakage and other modes are not counted.
+    All are for the plan's drive, equal masses, and resonances on a geometric ladder. `paper_unrounded` is Eq. 12 before
+    rounding down, `exact_one_hot` counts one channel on at a time, `ratio` is Eq. 12's ratio of neighbouring
+    resonances. `limit` names what prevents more channels on the pad, `breaks` the line of the drive that makes `exact`
+    + 1 channels too many. An `exact` equal to `searched_to` means that many or more. With `prints` channels,
+    `print_share` of the re-tuned pads keep the asked selectivity when the ratio of neighbours varies from print to
+    print by `Prints.ratio_spread`; leakage and other modes are not counted in it.
     """
 
     paper: int
@@ -61,10 +61,10 @@ class Capacity:
 
 @dataclass(frozen=True, slots=True)
 class CoilGrid:
-    """Coils in rows (along y) and columns (along x); `pitch_mm` is the smaller of the two.
+    """The grid of coils; columns follow each other along x, rows along y. `pitch_mm` is the smaller pitch.
 
-    With two `sets` of channels a coil has every second one: of even numbers where row + column is
-    even, of odd numbers elsewhere.
+    With two `sets` of channels a coil has every second channel: the even ones where row + column is even, the odd ones
+    elsewhere.
     """
 
     rows: int
@@ -77,7 +77,7 @@ class CoilGrid:
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """How the cell over one coil is divided: sub-cells along x and y, their size, the beams' axis."""
+    """Division of the cell over one coil: sub-cells along x (`columns`) and y (`rows`), their size, the beams' axis."""
 
     columns: int
     rows: int
@@ -88,10 +88,10 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Plate:
-    """The moving part, alike on all channels: plate, recess below it, boss above it.
+    """The moving part, the same on all channels: a plate with the washer's recess below and a boss above.
 
-    `boss_top_mm` is above the bed, `post_diameter_mm` 0 where the recess has no centre post;
-    `gap_mm` is kept between all that moves and the frame.
+    `boss_top_mm` is measured from the bed; `post_diameter_mm` is 0 where the recess has no centre post; `gap_mm` is the
+    gap between moving parts and frame.
     """
 
     length_mm: float
@@ -108,7 +108,7 @@ class Plate:
 
 @dataclass(frozen=True, slots=True)
 class Beam:
-    """The beams of one channel; `fillet_mm` at the roots, `count` in parallel."""
+    """The beams of one channel: `count` alike in parallel, with a fillet radius of `fillet_mm` at the roots."""
 
     width_mm: float
     thickness_mm: float
@@ -121,13 +121,12 @@ class Beam:
 
 @dataclass(frozen=True, slots=True)
 class Site:
-    """Where a channel's taxel lies in its cell, seen from the coil axis.
+    """Place of a channel's taxel in its cell, measured from the coil axis.
 
-    The taxel's own axes (beam along +x from the root, see `planner.suspensions`) have their origin
-    at `origin_mm`; `along` is the direction ('+x', '-x', '+y', '-y') of the own x axis. The
-    sub-cell's centre is `centre_mm`, the washer's axis `washer_mm`, `coil_distance_mm` away from the
-    coil's. `frame_depth_mm` is how far the deepest root lies from the side of its sub-cell. In a cell
-    that is turned (`Reuse.turned`) all of it is turned by 180°.
+    The taxel's own axes (beam along +x from the root, see `planner.suspensions`) have their origin at `origin_mm`;
+    `along` is the direction ('+x', '-x', '+y', '-y') of their x axis. The sub-cell's centre is `centre_mm`. The
+    washer's axis is `washer_mm`, at a distance of `coil_distance_mm` from the coil's. `frame_depth_mm` is the distance
+    of the deepest root from the side of its sub-cell. In a turned cell (`Reuse.turned`) all places are turned by 180°.
     """
 
     centre_mm: tuple[float, float]
@@ -140,24 +139,32 @@ class Site:
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """One frequency slot of a coil, lowest first.
+    """One frequency slot of a coil; channels are numbered from the lowest resonance.
 
-    `drive_hz` is the frequency of the channel's line of the current: half the resonance with tones,
-    the resonance itself where the current has a constant part. `ring_up_ms` is the time constant,
-    `ring_down_ms` the time from ON to quiet. `static_um` is the mean pull's deflection with all
-    channels on, where it balances (the whole gap where it does not); the pull falls with the gap as
-    ``gap^-pull_exponent``, which softens the spring and lowers the resonance by `pull_shift`.
-    `mode_shares` are what the modes (k,) add to the static compliance, over the working one, under a vertical pull
-    at the washer's axis, `pulled_shares` by the `pull_wrench` (6,) that there is: N and N m per vertical newton, own
-    axes, about that axis at z = 0. `force_constant_n_per_a2` is the pull on the working mode where the washer hangs,
-    with its pulled share, and may be off by `force_error`, relative; `line_a2`, the force over it, is the amplitude of
-    the wanted line of i², 0 for a washer that the coil does not pull.
-    `mode_motions` (k, 6) are the washer's there, mass-normalised, `rest_motion` (6,) that of unsolved modes per newton.
-    Beams that stretch harden: the working mode's force is ``k z (1 + hardening_per_mm2 z²)``. At its level, about its
-    sag, it resonates higher by the share `level_shift`, and the tone at `resonance_hz` moves it `level_loss_db` less.
-    `model` ('beam' or 'solid') gave the resonance and the modes, which may be off by `model_error` by
-    its own estimate; `beam_error` is how far the beam model's resonance is off the solid's, None where
-    no solid was solved.
+    Drive: `drive_hz` is the frequency of the channel's line of the current: half the resonance with tones, the
+    resonance itself where the current has a constant part. `ring_up_ms` is the time constant, `ring_down_ms` the time
+    from ON to quiet.
+
+    Mean pull: `static_um` is its deflection with all channels on, the whole gap where the spring does not balance it.
+    The pull goes with the gap as ``gap^-pull_exponent``, which softens the spring and lowers the resonance by the share
+    `pull_shift`.
+
+    Modes (k,): `mode_shares` are what each adds to the static compliance under a vertical pull at the washer's axis,
+    over that of the working mode; `pulled_shares` are the same under the real pull. That pull is `pull_wrench` (6,):
+    force and moment (N, N m) per vertical newton, in the taxel's own axes, about the washer's axis at z = 0.
+    `mode_motions` (k, 6) are the mass-normalised motions there, `rest_motion` (6,) that of unsolved modes per newton.
+
+    Force: `force_constant_n_per_a2` is the pull on the working mode where the washer hangs, its pulled share included;
+    its relative error is at most `force_error`. `line_a2`, the force over it, is the amplitude of the wanted line of
+    i², 0 for a washer that the coil does not pull.
+
+    Stretching: beams that stretch harden, so that the working mode's force is ``k z (1 + hardening_per_mm2 z²)``. At
+    its level, about its sag, the taxel resonates higher by the share `level_shift`, and the tone at `resonance_hz`
+    moves it `level_loss_db` less.
+
+    Model: `model` ('beam' or 'solid') gave resonance and modes; its own estimate of their relative error is
+    `model_error`. `beam_error` is how far the beam model's resonance is off the solid's, None where no solid was
+    solved.
     """
 
     index: int
@@ -201,9 +208,9 @@ class Channel:
 
 @dataclass(frozen=True, slots=True)
 class Taxel:
-    """One tactile element: a place on the pad (of boss and washer, from its centre) and a channel.
+    """One tactile element: a channel, and the place of its boss and washer from the pad's centre.
 
-    `turned` tells that its whole cell is turned by 180° about the coil's axis.
+    `turned` is true where its whole cell is turned by 180° about the coil's axis.
     """
 
     id: str
@@ -217,7 +224,7 @@ class Taxel:
 
 @dataclass(frozen=True, slots=True)
 class SchemeFigures:
-    """What a drive scheme would reach with the same channels; None where it was not computed."""
+    """Selectivity that a drive scheme would reach with the same channels; None where it was not computed."""
 
     scheme: str
     one_hot_db: float | None
@@ -226,7 +233,7 @@ class SchemeFigures:
 
     @property
     def reached_db(self) -> float:
-        """What is kept in all states, unequal pull and all modes counted; -inf where it was not computed."""
+        """All-state selectivity in dB with unequal pull and all modes counted; -inf where it was not computed."""
         if self.all_states_db is None or self.placed_all_states_db is None:
             return float("-inf")
         return min(self.all_states_db, self.placed_all_states_db)
@@ -234,18 +241,18 @@ class SchemeFigures:
 
 @dataclass(frozen=True, slots=True)
 class Selectivity:
-    """How far OFF taxels stay below ON taxels with the planned drive; None where one channel has no other.
+    """Distance in dB of OFF taxels below ON taxels with the planned drive; None where a coil has one channel.
 
-    With two sets of channels, of the worse one.
+    With two sets of channels, the figures are of the worse one.
 
-    The first figures take all washers as pulled alike and each taxel as one resonator, as the paper's bound
-    does; the `placed` ones count that a nearer washer feels every tone more, and all modes, by the pull's
-    wrench: what holds is the smaller. `modes_cost_db` is what these cost in all states, `modes_left_out` bounds
-    the relative error of an amplitude by those far from every line. `asked_db` is Δy in dB, `paper_db` what Eq.
-    12 promises for the closest pair, `snapping_db` what it costs in all states that beams print in steps. For
-    equal masses `optimum_db` is what the optimised resonances reach. `level_law` is an exponent or 'threshold'.
-    `matrix_db` has, for each set of channels, how far below its own ON amplitude taxel i (row) is at the tone
-    of channel j; empty for many.
+    `one_hot_db` and `all_states_db` take all washers as pulled alike and each taxel as one resonator, as the paper's
+    bound does. The `placed` figures count that a washer nearer to the coil feels every tone more, and all modes, as the
+    pull's wrench excites them. The smaller of the two holds. The modes cost `modes_cost_db` in all states; those left
+    out, far from every line, change an amplitude by at most the share `modes_left_out`. `asked_db` is Δy in dB,
+    `paper_db` is Eq. 12's figure for the closest pair, `snapping_db` the loss in all states because beams print in
+    steps. `optimum_db` is what the optimised resonances reach with equal masses. `level_law` is an exponent or
+    'threshold'. `matrix_db` has a table for each set of channels: how far below its own ON amplitude taxel i (row) is
+    at the tone of channel j; it is empty for many channels.
     """
 
     drive: str
@@ -267,25 +274,25 @@ class Selectivity:
 
     @property
     def kept_db(self) -> float | None:
-        """What the planned drive keeps in all states, unequal pull and all modes counted; None for one channel."""
+        """All-state selectivity in dB that holds, unequal pull and all modes counted; None for one channel."""
         if self.all_states_db is None or self.placed_all_states_db is None:
             return None
         return min(self.all_states_db, self.placed_all_states_db)
 
     @property
     def placed_own_modes_db(self) -> float | None:
-        """The placed figure in all states with each taxel's own mode alone; None for one channel."""
+        """All-state selectivity in dB with unequal pull, but each taxel's own mode alone; None for one channel."""
         db = self.placed_all_states_db
         return None if db is None else db + (self.modes_cost_db or 0.0)
 
 
 @dataclass(frozen=True, slots=True)
 class CoilLoad:
-    """What the drive asks of one coil and its amplifier with all channels on.
+    """Load of one coil and its amplifier with all channels on.
 
-    `pull_in_share` is the mean pull over the one at which the softest washer snaps to the coil.
-    `reachable_level_um` is the largest `drive.level_um` that every limit allows, `reachable_by` the
-    limit that it meets. `idle_w` is what the constant current of a scheme takes with all taxels OFF.
+    `pull_in_share` is the mean pull over the pull at which the softest washer snaps to the coil. `reachable_level_um`
+    is the largest `drive.level_um` that all limits allow, `reachable_by` the limit that it then meets. `idle_w` is the
+    power that the scheme's constant current takes with all taxels OFF.
     """
 
     current_peak_ma: float
@@ -300,7 +307,7 @@ class CoilLoad:
 
 @dataclass(frozen=True, slots=True)
 class FrameRate:
-    """Frames a second at which an OFF taxel has become quiet, switching included, before the next frame."""
+    """Frames per second at which a taxel that is switched OFF is quiet before the next frame, with one drive scheme."""
 
     scheme: str
     frames_per_s: float
@@ -308,12 +315,13 @@ class FrameRate:
 
 @dataclass(frozen=True, slots=True)
 class Reuse:
-    """What the neighbouring coils, in their worst state, do to a taxel that is OFF.
+    """Leakage: the motion of an OFF taxel by the coils around, in their worst state.
 
-    `turned` names the cells that are turned by 180° so that taxels of one channel are not back to back:
-    'none', 'odd rows' or 'odd columns'. `leaks_db` has how far below its own level each channel (n,) stays,
-    `leak_db` the worst of them, all coils in step. `retuned_leaks_db` is of a print whose coils each play their own
-    taxels' measured frequencies, so that lines add as energies; `leak_error` is what a leakage may be off by, relative.
+    `turned` names the cells that are turned by 180° so that taxels of one channel are not back to back: 'none', 'odd
+    rows' or 'odd columns'. `leaks_db` (n,) is how far each channel's motion stays below its own level when all coils
+    play in step; `leak_db` is the worst of them, of channel `leak_channel`. `retuned_leaks_db` (n,) is of a re-tuned
+    print: each coil plays its own taxels' measured frequencies, so that lines add as energies. `leak_error` is the
+    relative error of a leakage.
     """
 
     leak_db: float | None
@@ -326,10 +334,11 @@ class Reuse:
 
 @dataclass(frozen=True, slots=True)
 class Pitch:
-    """Smallest and largest distance of neighbouring columns (along x) and rows, empty where there is one alone.
+    """Spacing of the taxels: smallest and largest distance of neighbouring columns (`x_mm`) and rows (`y_mm`).
 
-    `ratio` is the largest over the smallest distance, of the worse axis; `taken` the share of the crossings of rows and
-    columns that hold a taxel: 1 in a full grid, 0.5 on a checkerboard.
+    A distance is empty where there is one column or row. `ratio` is the largest over the smallest distance of the worse
+    axis. `taken` is the share of the crossings of rows and columns that have a taxel: 1 in a full grid, 0.5 on a
+    checkerboard.
     """
 
     x_mm: tuple[float, ...]
@@ -340,15 +349,16 @@ class Pitch:
 
 @dataclass(frozen=True, slots=True)
 class Prints:
-    """Selectivity that printed pads keep, untouched: the worst state's ON over OFF, leakage and other modes counted.
+    """Selectivity of untouched printed pads: ON over OFF in the worst state, leakage and other modes counted.
 
-    `print_db` is what the share of pads that the spec asks for (`print_share`) reaches once each taxel is re-tuned;
-    `planned_db` with the driver table as it is, `coupon_db` once a coupon has told what is common to the print,
-    `some_db` once some taxels have told the smooth field over the bed as well. `good_share` of the pads and
-    `good_taxel_share` of the taxels reach what is asked, re-tuned. The dB are None where no taxel hears another.
-    Estimated from `pads` simulated ones: with 95 % confidence within `error_db` and `error_share`.
-    `ratio_spread` is the sigma of the ratio of a coil's neighbouring resonances, relative, of the worst pair; that of
-    one channel is of two such taxels. `coil_shares` are of each coil, row by row: its good prints, re-tuned.
+    The dB are what the spec's `print_share` of the pads reach: `print_db` with every taxel re-tuned, `planned_db` with
+    the driver table as it is, `coupon_db` after a measured coupon has shown the error common to the print, `some_db`
+    after some measured taxels have also shown the smooth field over the bed. They are None where nothing moves OFF
+    taxels. Once re-tuned, `good_share` of the pads and `good_taxel_share` of the taxels reach the asked selectivity.
+    The figures are estimated from `pads` simulated pads, with 95 % confidence within `error_db` and `error_share`.
+    `ratio_spread` is the relative sigma of the ratio of a coil's neighbouring resonances, of the worst pair; for a
+    single channel it is of two such taxels. `coil_shares` are the shares of re-tuned prints in which each coil is good,
+    row by row.
     """
 
     print_db: float | None
@@ -368,8 +378,8 @@ class Prints:
 class Touched:
     """The pad under a finger whose `skin` is 'low', 'typical' or 'high' (`padgen.physics.skin`, provisional).
 
-    Resonance and Q of each channel's taxels, and what a coil driven as planned keeps in all states, own modes alone;
-    None where a coil has one channel or very many.
+    `resonance_hz` and `q` (n,) are of each channel's touched taxels. `all_states_db` is the selectivity of a coil
+    driven as planned, by the taxels' own modes alone; None where a coil has one channel or very many.
     """
 
     skin: str
@@ -381,7 +391,7 @@ class Touched:
 
 @dataclass(frozen=True, slots=True)
 class LayoutOption:
-    """A layout that would do as well; `kept_db` is what it keeps in all states, None for one channel."""
+    """Another layout that works; `kept_db` is its all-state selectivity, None where a coil has one channel."""
 
     rows: int
     columns: int
@@ -393,12 +403,12 @@ class LayoutOption:
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
-    """An effect that the physics knows, and what the plan does about it.
+    """A physical effect, and how the plan treats it.
 
-    Leaving out `term` changes the quantity `of` by at most `bound`, in `unit` ('1': relative); None where no bound
-    holds, since the quantity itself breaks down. Where `computed`, the plan counts it and `bound` is what
-    remains. `status` is 'bounded'; 'included' where a plan counts it whole, and what its model may be off by is in
-    other figures (`bound` None); or 'unbounded' where nothing that a plan knows bounds it.
+    If the plan leaves out `term`, the quantity `of` changes by at most `bound`, in `unit` ('1': relative); None where
+    no bound holds because the quantity itself breaks down. If `computed`, the plan counts the effect and `bound` is the
+    error that remains. `status` is 'bounded'; 'included' where the plan counts all of the effect and other figures have
+    the error of its model (`bound` None); or 'unbounded' where nothing in a plan bounds it.
     """
 
     term: str
@@ -411,7 +421,7 @@ class LeftOut:
 
 @dataclass(frozen=True, repr=False)
 class Plan:
-    """The whole plan; every later stage reads this and nothing else.
+    """The plan of a pad; all later stages work from it and from nothing else.
 
     Frozen plain data, the keys of ``plan.json``; `padgen.plan` makes one. Lengths are in mm, frequencies in Hz.
     """
@@ -449,7 +459,7 @@ class Plan:
         return plan_html(self)
 
     def plot(self) -> Any:
-        """Draw the pad, with each coil's share of good prints, and its resonances; a `matplotlib.figure.Figure`."""
+        """Return a `matplotlib.figure.Figure` of the pad, each coil's share of good prints, and the resonances."""
         from padgen.report.plan_view import plan_figure
 
         return plan_figure(self)
@@ -462,11 +472,11 @@ class Plan:
 
     @property
     def sets(self) -> tuple[tuple[Channel, ...], ...]:
-        """The channels of one coil, for each kind of coil that there is."""
+        """The channels of one coil, for each set of channels (two where sets alternate from coil to coil)."""
         return channel_sets(self.channels, self.coils.sets)
 
     def arrangement(self, channel: Channel) -> Arrangement:
-        """Beams, blocks and window of a channel's taxel in its own axes."""
+        """Return beams, blocks and window of a channel's taxel in its own axes, in mm."""
         beam, plate = channel.beam, self.plate
         shape = PlateShape(plate.length_mm, plate.width_mm, plate.thickness_mm)
         size = BeamShape(beam.width_mm, beam.thickness_mm, beam.length_mm)
@@ -474,10 +484,10 @@ class Plan:
 
 
 def channel_sets(channels: Sequence[Channel], sets: int) -> tuple[tuple[Channel, ...], ...]:
-    """Deal `channels` out in turn."""
+    """Split channels between the sets that alternate from coil to coil: every `sets`-th channel goes to one set."""
     return tuple(tuple(channels[k::sets]) for k in range(sets))
 
 
 def plan_to_json(plan: Plan) -> str:
-    """The plan as JSON text, keys in the order of the fields; the same plan gives the same bytes."""
+    """Return the plan as JSON text, keys in the order of the fields; the same plan gives the same bytes."""
     return json_text(plan)

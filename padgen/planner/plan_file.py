@@ -1,4 +1,4 @@
-"""A `Plan` read back from its JSON: every entry there, of its kind, and what is drawn within bounds."""
+"""Read a `Plan` back from its JSON; refuse missing entries, entries of another kind, and sizes that no pad has."""
 
 import json
 from dataclasses import fields, is_dataclass
@@ -18,7 +18,7 @@ from padgen.spec.load import LARGEST_PLAN, without_none
 __all__ = ["plan_from_json", "read_plan"]
 
 DRAWN = (CoilGrid, Cell, Plate, Beam, Site, Taxel)
-"""Of these no number may be missing, as one may be where a figure has no finite value."""
+"""Parts with sizes that are drawn. Here every number must be finite; in other parts null stands for an infinite one."""
 LARGEST_MM = 1e4
 MAY_BE_0 = ("post_diameter_mm", "boss_edge_mm", "fillet_mm")
 KINDS: dict[Any, tuple[tuple[type, ...], str]] = {
@@ -31,7 +31,7 @@ KINDS: dict[Any, tuple[tuple[type, ...], str]] = {
 
 
 def read_plan(path: Path) -> Plan:
-    """The plan in a file; raises `FileError` when it cannot be read or holds none."""
+    """Return the plan in a file; raises `FileError` if the file cannot be read or holds no plan."""
     try:
         text = read_bounded(path, LARGEST_PLAN, "a plan").decode()
     except UnicodeDecodeError as error:
@@ -40,7 +40,7 @@ def read_plan(path: Path) -> Plan:
 
 
 def plan_from_json(text: str, where: str = "plan.json") -> Plan:
-    """Read a plan back.
+    """Read a plan from its JSON text; `where` names the source in errors.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def plan_from_json(text: str, where: str = "plan.json") -> Plan:
 
 
 def _read(kind: Any, value: Any, where: str, drawn: bool = False) -> Any:
-    """The `value` of an entry as its `kind`; raises `ValueError` when it is another."""
+    """Return the `value` of an entry as its `kind`; raises `ValueError` if it is of another kind."""
     if kind is Spec:
         return make_spec(without_none(_table(value, where)))
     if is_dataclass(kind):
@@ -75,7 +75,7 @@ def _read(kind: Any, value: Any, where: str, drawn: bool = False) -> Any:
     if kind is Any:  # the value of a field of the spec
         return value
     if value is None and kind is float and not drawn:
-        return None  # a figure without a finite value is written so
+        return None  # JSON has no infinity: a figure without a finite value is written as null
     allowed, what = KINDS[kind]
     if type(value) not in allowed or (kind is float and not _is_finite(value)):
         raise ValueError(f"{where} must be {what}")
@@ -107,7 +107,7 @@ def _read_list(kinds: tuple[Any, ...], value: Any, where: str, drawn: bool) -> t
 
 
 def _is_finite(value: float) -> bool:
-    """Whether a number of any size is one that a float can hold."""
+    """Return whether a float can hold a number; JSON may have whole numbers of any size."""
     try:
         return isfinite(value)
     except OverflowError:
@@ -115,7 +115,7 @@ def _is_finite(value: float) -> bool:
 
 
 def _refuse_contradictions(plan: Plan) -> None:
-    """Raise `ValueError` for parts that do not go together, or that nobody can draw."""
+    """Raise `ValueError` for parts that contradict each other or cannot be drawn."""
     if not plan.channels or not plan.taxels:
         raise ValueError("it has no channels or no taxels")
     if not plan.coils.rows > 0 < plan.coils.columns or not 0 < plan.coils.sets <= len(plan.channels):
@@ -138,7 +138,7 @@ def _refuse_contradictions(plan: Plan) -> None:
 
 
 def _refuse_sizes(part: Any, where: str) -> None:
-    """Raise `ValueError` for a number of what is drawn that no pad has; places may be negative, sizes not."""
+    """Raise `ValueError` for a size or place beyond any pad; places may be 0 or negative, sizes not."""
     is_place = isinstance(part, (Site, Taxel))
     for item in fields(part):
         value = getattr(part, item.name)

@@ -1,6 +1,6 @@
-"""How many pads of a plan come out good, before and after re-tuning, and which spread costs most.
+"""Estimate the share of good pads among prints of a plan, before and after re-tuning, and the costliest spread.
 
-What is printed and how it is judged is told in `padgen.planner.printed_pads`.
+`padgen.planner.printed_pads` has the model of a print and judges it.
 """
 
 from dataclasses import astuple, dataclass, replace
@@ -24,21 +24,21 @@ from padgen.planner.printed_pads import (
 __all__ = ["ChannelSpread", "Cost", "Gain", "Outcome", "PrintYield", "Share", "print_yield"]
 
 BUDGET = 5e8
-"""Responses that are computed for all pads together: a few seconds."""
+"""Most responses that are computed for all pads together: a few seconds."""
 COST_SHARE, COST_PADS = 20, 2000
-"""What each spread costs is found on one pad in so many, but on so many pads if there are."""
+"""The cost of each spread is found on a twentieth of the pads, but on at least `COST_PADS` if there are as many."""
 OUTCOMES = ("planned", "after_coupon", "after_some", "retuned")
-"""`Outcome`s in the order of `STAGES`."""
-TELLING = {"pads": 0.01, "taxels": 0.01, "median_db": 0.1}
-"""Gains below these do not tell one spread from another."""
+"""Fields of `PrintYield` with an `Outcome`, in the order of `STAGES`."""
+LEAST_GAINS = {"pads": 0.01, "taxels": 0.01, "median_db": 0.1}
+"""Gains up to these are too small to call a spread the costliest."""
 
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """`good` out of `made`, with a 95 % interval by Wilson.
+    """The share of `good` among `made`, with Wilson's 95 % interval `low` … `high`.
 
-    Taxels of a pad share its drift: where their counts scatter more from pad to pad than independent ones
-    would, the interval is that of as many independent taxels as scatter alike.
+    Taxels of one pad are off together. Where their counts scatter more from pad to pad than independent taxels would,
+    the interval is that of fewer, independent taxels that scatter as much.
     """
 
     good: int
@@ -50,7 +50,7 @@ class Share:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """Yields, and quantiles of the pads' selectivity in dB, a pad's being that of its worst coil.
+    """Shares of good taxels and pads, and quantiles of the pads' selectivity in dB: each that of the pad's worst coil.
 
     90 % of pads reach `reached_by_90_percent_db`. The dB are None where no coil has two channels.
     """
@@ -65,7 +65,7 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class ChannelSpread:
-    """Sigma of a channel's ln f over all prints, and its d ln f / d ln of width, thickness and length."""
+    """Sigma of a channel's ln f over all prints, and its slopes d ln f / d ln of width, thickness and length."""
 
     channel: int
     sigma_f: float
@@ -76,7 +76,7 @@ class ChannelSpread:
 
 @dataclass(frozen=True, slots=True)
 class Gain:
-    """What the yields (of 1) and the pads' median dB would gain."""
+    """Gains of the shares of good pads and taxels (0 … 1) and of the pads' median selectivity in dB."""
 
     pads: float
     taxels: float
@@ -85,7 +85,7 @@ class Gain:
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """What is gained when one spread alone is taken away, with the same random numbers for the others."""
+    """Gain when one spread is taken away, with the same random numbers for the others."""
 
     spread: str
     sigma: float
@@ -95,15 +95,14 @@ class Cost:
 
 @dataclass(frozen=True, slots=True)
 class PrintYield:
-    """What becomes of `pads` printed pads; fewer than `pads_asked` where those were too much work.
+    """Yield of `pads` simulated prints; fewer than `pads_asked` where those were too much work.
 
-    `criterion` says what a good taxel and a good pad are; `nominal_db` is what the drawing itself keeps. `after_coupon`
-    the tones know what is common to a print, `after_some` measured taxels the smooth field as well; `good_prints` has
-    the share of pads in which each taxel (t,) is good once re-tuned. `swapped_share` of the neighbouring channels came
-    out in the other order, `crowded_share` closer than the slots of Eq. 12 are for the asked selectivity. `costs` come
-    from the first `cost_pads` pads;
-    `costliest_*` is the spread that gains most, and by which figure: 'pads', 'taxels' or 'median_db', the first of
-    them that tells; ('none', 'none') where a print without one spread is no better by any.
+    `criterion` says what a good taxel and a good pad are; `nominal_db` is the selectivity of the pad as drawn. In
+    `after_coupon` the tones follow the error common to a print, in `after_some` also the smooth field over the bed.
+    `good_prints` (t,) are the shares of pads in which each taxel is good once re-tuned. Of the neighbouring channels
+    `swapped_share` came out in the other order, `crowded_share` closer than Eq. 12 asks for the wanted selectivity.
+    `costs` come from the first `cost_pads` pads. `costliest_*` is the spread whose absence gains most, and the figure
+    that shows it: the first of 'pads', 'taxels' and 'median_db' that does; ('none', 'none') where none does.
     """
 
     pads: int
@@ -137,14 +136,14 @@ def print_yield(
     places_mm: np.ndarray | None = None,
     budget: float = BUDGET,
 ) -> PrintYield:
-    """Print `plan` so many times; the same `seed` gives the same result to the bit.
+    """Simulate `pads` prints of `plan` and return their yield; the same `seed` gives the same result to the bit.
 
-    `spreads` are the spec's when absent, `places_mm` (taxels, 2) the plan's. `budget` limits the number of
-    pads: it is the number of responses computed, n² for each coil of n channels, n³ where pairs make spurs.
+    Without `spreads` those of the spec are taken, without `places_mm` (taxels, 2) those of the plan. `budget` is the
+    largest number of responses computed, which limits the pads: n² for each coil of n channels, n³ with pair spurs.
 
-    A taxel is good when its ON amplitude over its own loudest OFF amplitude reaches what the plan was asked for, a
-    pad when the selectivity of each of its coils does. A taxel that has a coil to itself has no OFF
-    amplitude to be heard: it is good while its tone still moves it by 1/√2 (−3 dB) of its level.
+    A taxel is good when its ON amplitude over its own largest OFF amplitude reaches the asked selectivity, a pad when
+    the selectivity of each of its coils does. A taxel alone over its coil is good while its tone moves it by at least
+    1/√2 (−3 dB) of its level.
     """
     if pads < 1:
         raise ValueError(f"pads must be at least 1, got {pads}")
@@ -209,7 +208,7 @@ def _outcome(prints: Prints, k: int, taxels: int) -> Outcome:
 
 
 def _independent(shares: np.ndarray, taxels: int) -> int:
-    """Independent taxels whose share scatters as the pads' shares (pads,) do: at least pads, at most taxels."""
+    """Return how many independent taxels scatter as much as the pads' shares (pads,): from pads to pads × taxels."""
     share, pads = float(shares.mean()), len(shares)
     scatter = float(shares.var())
     alike = share * (1 - share) / scatter if scatter > 0 else 1.0
@@ -250,8 +249,8 @@ def _gain(base: Prints, without: Prints, k: int, taxels: int) -> Gain:
 
 
 def _costliest(gains: dict[str, Gain]) -> tuple[str, str]:
-    """Spread and figure of the largest gain, by the first figure in which one stands out."""
-    for figure, least in TELLING.items():
+    """Return the spread with the largest gain and its figure: the first in which a gain is above `LEAST_GAINS`."""
+    for figure, least in LEAST_GAINS.items():
         value = {name: getattr(gain, figure) or 0.0 for name, gain in gains.items()}
         best = max(value, key=lambda name: value[name])
         if value[best] > least:

@@ -1,8 +1,8 @@
-"""Beams in the steps that the printer makes, and the ladder re-fitted to what they give.
+"""Round beams to the steps of the printer, and fit the ladder of resonances to the rounded beams.
 
-Where the steps are fine (variable line width) a width is just rounded. Where they are coarse (whole
-pixels, whole lines) a step moves a resonance by per cents: layers and lengths then help to come near a
-target, and of all the beams near their targets those are taken whose resonances are best told apart.
+Where the steps are fine (variable line width) a width is simply rounded. Where they are coarse (whole pixels, whole
+lines) a step moves a resonance by several per cent. Other layer counts and lengths then help to come near a target; of
+the beams near their targets, the set with the best selectivity is taken.
 """
 
 from collections.abc import Sequence
@@ -19,22 +19,22 @@ from padgen.spec import Spec
 __all__ = ["DRAWN_SHARE", "LENGTH_STEP_MM", "STUBBY", "IdealBeam", "on_grid", "printable_beams", "steps_are_coarse"]
 
 DRAWN_SHARE = 1e-3
-"""What drawing a beam to a micrometre may move a resonance by: 0.05 % on the smallest beam, doubled."""
+"""Relative shift of a resonance by drawing a beam to a micrometre: 0.05 % on the smallest beam, doubled."""
 LENGTH_STEP_MM = 0.05
 COARSE_SHARE = 2e-3
-"""Relative width of half a step from which on rounding moves a resonance by 0.1 %."""
+"""Half a step of width over the width, above which rounding moves a resonance by more than 0.1 %."""
 WIDTHS_TRIED = 2
 LENGTHS_TRIED = 12
 MOST_OPTIONS = 60
 ROUNDS = 8
 STUBBY = 2
-"""Length over thickness below which the beam model is off (docs/accuracy.md), and a longer beam is taken."""
+"""Length over thickness below which the beam model is inaccurate (docs/accuracy.md); longer beams are taken."""
 SLOT_SHARE = 0.5
-"""Share of its slot within which a resonance may move to be better told apart."""
+"""Share of its slot by which a resonance may move from its target for better selectivity."""
 
 
 class IdealBeam(NamedTuple):
-    """A beam for one channel before rounding, with the spans in mm of width and length that its room has."""
+    """A beam for one channel before rounding, with the widths and lengths in mm (from, to) that its room allows."""
 
     topology: str
     beam: BeamShape
@@ -43,7 +43,7 @@ class IdealBeam(NamedTuple):
 
 
 class _Options(NamedTuple):
-    """Printable beams for one channel, the nearest to its target first, with resonances and masses."""
+    """Printable beams (k,) for one channel, the nearest to its target first, with resonances and masses."""
 
     beam: BeamShape
     resonance_hz: np.ndarray
@@ -51,31 +51,31 @@ class _Options(NamedTuple):
 
 
 def steps_are_coarse(spec: Spec) -> bool:
-    """Whether rounding the smallest beam to the printer's steps moves its resonance noticeably."""
+    """Return whether rounding the smallest beam to the printer's steps moves its resonance by over 0.1 %."""
     return spec.printer.width_step_mm / 2 > COARSE_SHARE * spec.printer.smallest_beam_mm
 
 
 def printable_beams(spec: Spec, ideal: Sequence[IdealBeam], target_hz: np.ndarray) -> list[BeamShape]:
-    """Beams that print, for `ideal` ones that resonate at `target_hz` (n,)."""
+    """Return printable beams for the `ideal` ones, which resonate at `target_hz` (n,)."""
     if not steps_are_coarse(spec):
         return [
             item.beam._replace(width_mm=float(on_grid(spec, item.beam.width_mm, item.width_span_mm[1])))
             for item in ideal
         ]
     options = [_options(spec, item, float(f)) for item, f in zip(ideal, target_hz, strict=True)]
-    chosen = _told_apart(spec, options, target_hz) if not spec.resonances_hz else [0] * len(options)
+    chosen = _most_selective(spec, options, target_hz) if not spec.resonances_hz else [0] * len(options)
     return [BeamShape(*(float(axis[k]) for axis in o.beam)) for o, k in zip(options, chosen, strict=True)]
 
 
 def on_grid(spec: Spec, width_mm: float | np.ndarray, widest_mm: float) -> np.ndarray:
-    """The nearest widths in mm that print: the smallest beam and whole steps more, up to what the room holds."""
+    """Return the nearest printable widths in mm: the smallest beam plus whole steps, at most `widest_mm`."""
     smallest, step = spec.printer.smallest_beam_mm, spec.printer.width_step_mm
     most = np.floor((widest_mm - smallest) / step + 1e-6)
     return np.asarray(smallest + np.clip(np.round((np.asarray(width_mm) - smallest) / step), 0, most) * step)
 
 
 def _options(spec: Spec, item: IdealBeam, target_hz: float) -> _Options:
-    """Beams about the ideal one whose resonances lie near the target, at least the nearest."""
+    """Return printable beams around the ideal one whose resonances lie near the target; the nearest one at least."""
     axes = _widths_mm(spec, item), _thicknesses_mm(spec, item), _lengths_mm(spec, item)
     beam = BeamShape(*(axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")))
     slender = min(STUBBY, item.beam.length_mm / item.beam.thickness_mm)
@@ -102,7 +102,10 @@ def _widths_mm(spec: Spec, item: IdealBeam) -> np.ndarray:
 
 
 def _thicknesses_mm(spec: Spec, item: IdealBeam) -> np.ndarray:
-    """A layer or two more, where thicknesses may differ; fewer would print less surely."""
+    """Return the thicknesses to try: as planned and, where they may differ, one and two layers more.
+
+    Fewer layers would print less surely.
+    """
     layer_mm, thickness = spec.printer.layer_mm, item.beam.thickness_mm
     if "thickness" not in spec.suspension.tune or spec.suspension.thickness_mm is not None:
         return np.array([thickness])
@@ -118,9 +121,12 @@ def _lengths_mm(spec: Spec, item: IdealBeam) -> np.ndarray:
     return np.asarray(around[(around >= shortest - 1e-9) & (around <= longest + 1e-9)])
 
 
-def _told_apart(spec: Spec, options: Sequence[_Options], target_hz: np.ndarray) -> list[int]:
-    """Which option each channel takes: the nearest to its target, or, one channel at a time, those that bring
-    the all-state selectivity to what the targets have."""
+def _most_selective(spec: Spec, options: Sequence[_Options], target_hz: np.ndarray) -> list[int]:
+    """Return the index of the beam that each channel takes of its options.
+
+    Each begins with the beam nearest to its target. One channel at a time then takes better beams, until the all-state
+    selectivity reaches that of the targets.
+    """
     scheme = scheme_for(spec, target_hz)
 
     def printed(chosen: list[int]) -> tuple[np.ndarray, np.ndarray]:

@@ -1,8 +1,8 @@
-"""Printing a plan many times over by a Monte-Carlo, and judging every printed coil.
+"""Simulate many prints of a plan (Monte-Carlo) and judge every printed coil.
 
-A print moves resonances, and nothing else is moved here: Q and the masses of the response stay. Each cause is a normal
-number z of the given sigma, its effect ``exp(s z)`` with s = d ln f / d z: log-normal, so that no dimension and
-no resonance becomes negative however large a spread (at the sigma itself it is the linear rule).
+A simulated print differs from the plan only in its resonances; Q and the masses of the response stay. Each cause is a
+normal random number z of the given sigma and multiplies a resonance by ``exp(s z)``, with s = d ln f / d z. So neither
+dimensions nor resonances become negative, however large the spread.
 
 ====================  ==============================  =====================================================
 cause                 acts on                         d ln f
@@ -13,19 +13,22 @@ field z               a taxel, by its place           s_t dt/t
 width, length         a taxel                         s_w dw/w, s_l dl/l
 thickness             a taxel                         s_t dt/t
 glue                  a taxel                         −1/2 dm over the effective mass
-washer                a taxel                         its mass times where its mode has it, by its place
+washer                a taxel                         by the washer's kinetic energy in the mode (`_washer_weight`)
 ====================  ==============================  =====================================================
 
-s_w, s_t, s_l come from the beam model by central differences (the rule says 1/2, 3/2, −3/2). The field is a smooth
-height over the bed, of correlation ``exp(−d²/L²)`` between taxels d apart. A washer lies anywhere in its recess: a
-quarter of the clearance is its sigma along each axis. The biases of a printer are never drawn (`padgen.spec.Spread`).
+s_w, s_t, s_l come from the beam model by central differences (the point-mass rule has 1/2, 3/2, −3/2). The field is a
+smooth error of height over the bed, with a correlation of ``exp(−d²/L²)`` between taxels d apart. A washer may lie
+anywhere in its recess: its sigma along each axis is a quarter of the clearance. The constant offsets of a printer are
+not simulated (`padgen.spec.Spread`).
 
-Every printed coil is judged by the closed form of `padgen.physics.selectivity` over all states, counting the washers'
-unequal distances from the coil: the smallest ON amplitude, that of a taxel alone on, over the largest OFF
-amplitude, that with all others on, the coils around and its other modes adding what they do in the plan. Tones and
-forces are the plan's at first, so that a detuned taxel moves less than planned when it is ON; then each tone goes to
-where the taxel is believed to resonate, and the forces restore the level that the level law gives it there: after the
-coupon what is common is known, after some measured taxels the field as well, after re-tuning each taxel all of it.
+Every printed coil is judged over all states by the closed form of `padgen.physics.selectivity`: the smallest ON
+amplitude (of a taxel on alone) over the largest OFF amplitude (with all others on). The washers' unequal distances from
+the coil are counted; leakage and other modes add what they add in the plan.
+
+There are four stages. In the first, tones and forces are the plan's, so that a detuned taxel moves less than planned
+when ON. In the others each tone is moved to where its taxel is believed to resonate, and forces restore the level that
+the level law gives there: after a coupon the error common to the print is known, after some measured taxels the field
+as well, after re-tuning every taxel's own resonance.
 """
 
 from dataclasses import astuple, dataclass, fields
@@ -70,24 +73,24 @@ __all__ = [
 ]
 
 BLOCK = 1 << 15
-"""Responses that are worked on at a time: what stays in a core's cache."""
+"""Responses that are computed at a time: as many as fit a core's cache."""
 DRAWN, MOST_DRAWN = 1 << 18, 1 << 12
-"""Taxels, and pads at most, that one stream of random numbers is for."""
+"""Printed taxels, and at most pads, that one stream of random numbers is used for."""
 STEP = 1e-3
-"""Relative step of the central differences: their error is its square, that of rounding 1e-12 over it."""
-WORKS = 0.3
-"""Of the largest compliance, from which on a mode works as well as the one that works most."""
+"""Relative step of the central differences; its square is their error, 1e-12 over it the rounding error."""
+WORKING_SHARE = 0.3
+"""Share of the largest compliance above which a mode may be followed as the working one."""
 ROUNDING_DB = 1e-9
 NODES = 6
-"""Nodes of the field in its correlation length; with five the covariance is 1e-6 off."""
+"""Nodes of the field per correlation length; with five the covariance is 1e-6 off."""
 SMALLEST_WAVE = 1e-7
 FARTHEST = 20.0
-"""Largest d ln f: beyond it a taxel is as lost as at it, and powers would overflow."""
+"""Largest change of ln f that is computed: so detuned, a taxel is lost anyway, and larger powers would overflow."""
 
 
 @dataclass(frozen=True, slots=True)
 class Spreads:
-    """One sigma of each cause: `modulus` relative, else in mm or in mg."""
+    """One sigma of each cause: `modulus` relative, the others in the unit of their name."""
 
     modulus: float
     common_z_mm: float
@@ -99,15 +102,15 @@ class Spreads:
     washer_mm: float
 
     def none(self) -> "Spreads":
-        """The same without any spread: prints as drawn."""
+        """Return spreads of zero: all prints are as drawn."""
         return Spreads(*[0.0] * len(NAMES))
 
 
 STAGES = ("planned", "coupon", "some", "retuned")
-"""Stages of knowledge behind the tones: the plan; also what is common to the print; the field; each taxel itself."""
+"""Stages of knowledge about a print: none, the error common to the print, also the field, every taxel's resonance."""
 NAMES = tuple(f.name for f in fields(Spreads))
 OF_A_PRINT = ("modulus", "common_z_mm")
-"""Causes with one number a print; the field has a smooth one, the others one a taxel."""
+"""Causes with one random number per print. The field has a smooth random function, the others a number per taxel."""
 
 
 class Coils(NamedTuple):
@@ -118,12 +121,13 @@ class Coils(NamedTuple):
 
 
 class Design(NamedTuple):
-    """What of a plan a print depends on: channels (n,), taxels (t,), coils by how many channels they have.
+    """All that simulated prints take from a plan: arrays by channel (n,) and by taxel (t,), and the coils.
 
-    `beside` (2, n) is the energy of an OFF taxel by the coils around and by its other modes, over that of its ON state,
-    coils in step and re-tuned,
-    `kept` what an ON taxel keeps of its energy where its beams stretch. `weight` (8, n) is d ln f per unit of each of
-    `Spreads`, `field_length_mm` over which their field goes.
+    `beside` (2, n) is the energy of an OFF taxel by leakage and by its other modes, over that of its ON state: with all
+    coils in step, and re-tuned. `kept` is the share of its energy that an ON taxel keeps where its beams stretch.
+    `need` is the asked energy ratio of ON over OFF. `weight` (8, n) is d ln f per unit of each of `Spreads`;
+    `sensitivity` (n, 3) is d ln f / d ln of width, thickness and length. `field_length_mm` is the field's correlation
+    length.
     """
 
     resonance_hz: np.ndarray
@@ -145,9 +149,12 @@ class Design(NamedTuple):
 
 
 class Prints(NamedTuple):
-    """Results of pads (p,); the first axis is the stages. `ratio` is an energy, inf where nothing moves OFF taxels.
+    """Results of simulated pads (p,), by stage (s,) of knowledge.
 
-    `good_prints` (stages, taxels) counts the pads in which a taxel is good, `good_coils` those in which its coil is.
+    `ratio` (s, p) is the energy of ON over OFF of a pad's worst coil, inf where nothing moves OFF taxels. `good` (s, p)
+    tells if a pad is good, `good_taxels` (s, p) counts its good taxels. `good_prints` (s, t) counts the pads in which a
+    taxel is good, `good_coils` (s, t) those in which its coil is. `square` (n,) sums the squares of the taxels' ln f
+    off the plan. `neighbours` (2,) counts neighbouring channels that changed order, and that came too close.
     """
 
     ratio: np.ndarray
@@ -160,7 +167,7 @@ class Prints(NamedTuple):
 
 
 def spreads_of(spec: Spec) -> Spreads:
-    """The spreads of a spec's prints."""
+    """Return the spreads of a spec's prints."""
     own, taxel = spec.spread, spec.taxel
     return Spreads(
         modulus=own.common_modulus,
@@ -175,7 +182,7 @@ def spreads_of(spec: Spec) -> Spreads:
 
 
 def sensitivities(plan: Plan) -> np.ndarray:
-    """d ln f / d ln of width, thickness and length (n, 3) of every channel, by the beam model."""
+    """Return d ln f / d ln of width, thickness and length (n, 3) of every channel, by the beam model."""
     step = np.exp(STEP * np.concatenate([np.eye(3), -np.eye(3)]))
     sizes = np.array([(c.beam.width_mm, c.beam.thickness_mm, c.beam.length_mm) for c in plan.channels])
     log_hz = log_resonances(plan, sizes[:, None] * step)
@@ -184,28 +191,32 @@ def sensitivities(plan: Plan) -> np.ndarray:
 
 
 def log_resonances(plan: Plan, sizes_mm: np.ndarray) -> np.ndarray:
-    """ln of the resonance (n, k) in Hz of each channel's beams of these widths, thicknesses, lengths (n, k, 3)."""
+    """Return ln of the resonance in Hz (n, k) of each channel with beams of given sizes (n, k, 3) in mm.
+
+    The sizes are width, thickness and length.
+    """
     result = np.empty(sizes_mm.shape[:2])
     for topology in {c.beam.topology for c in plan.channels}:
         index = [c.index for c in plan.channels if c.beam.topology == topology]
         drawn = np.array([(c.beam.width_mm, c.beam.thickness_mm, c.beam.length_mm) for c in plan.channels])[index, None]
         size = np.concatenate([drawn, sizes_mm[index]], axis=1)
         model = TaxelModel(plan.spec, topology, plate_shape(plan.spec), BeamShape(*np.moveaxis(size, -1, 0)))
-        # Of modes that work alike the one nearest to the drawn beam's: which works most must not jump between sizes.
+        # Of compliant modes take the one nearest to the drawn beam's, so that all sizes have the same mode.
         compliance, log_hz = model.compliances, np.log(model.modes.frequency_hz)
         drawn_hz = np.take_along_axis(log_hz[:, :1], model.working[:, :1, None], -1)
-        works = compliance > WORKS * compliance.max(-1, keepdims=True)
+        works = compliance > WORKING_SHARE * compliance.max(-1, keepdims=True)
         nearest = np.where(works, np.abs(log_hz - drawn_hz), inf).argmin(-1)[..., None]
         result[index] = np.take_along_axis(log_hz, nearest, -1)[:, 1:, 0]
     return result
 
 
 def places_of_mm(plan: Plan) -> np.ndarray:
+    """Return the places (t, 2) in mm of a plan's taxels, from the pad's centre."""
     return np.array([(taxel.x_mm, taxel.y_mm) for taxel in plan.taxels])
 
 
 def coils_of(plan: Plan) -> dict[tuple[int, int], list[int]]:
-    """Indices of each coil's taxels, lowest channel first."""
+    """Return the indices of each coil's taxels, lowest channel first, by the coil's row and column."""
     coils: dict[tuple[int, int], list[int]] = {}
     for index, taxel in sorted(enumerate(plan.taxels), key=lambda item: item[1].channel):
         coils.setdefault(taxel.coil, []).append(index)
@@ -213,6 +224,7 @@ def coils_of(plan: Plan) -> dict[tuple[int, int], list[int]]:
 
 
 def design_of(plan: Plan, places_mm: np.ndarray | None) -> Design:
+    """Return all that simulated prints take from a plan, with its taxels at `places_mm` (t, 2) if these are given."""
     spec, sensitivity = plan.spec, sensitivities(plan)
     size = np.array([(c.beam.width_mm, c.beam.thickness_mm, c.beam.length_mm) for c in plan.channels])
     mass = np.array([c.effective_mass_g for c in plan.channels])
@@ -228,7 +240,7 @@ def design_of(plan: Plan, places_mm: np.ndarray | None) -> Design:
         q=np.array([c.q for c in plan.channels]),
         mass_g=mass,
         pull=pull if (pull > 0).all() else np.ones(len(mass)),
-        beside=_beside(plan),
+        beside=_added_off_energy(plan),
         kept=float(10 ** (-max(c.level_loss_db for c in plan.channels) / 10)),
         law=level_law(spec),
         scheme=plan.scheme,
@@ -244,18 +256,18 @@ def design_of(plan: Plan, places_mm: np.ndarray | None) -> Design:
 
 
 def work(design: Design) -> float:
-    """Responses that one pad takes in all stages; the random numbers of a taxel weigh as ten."""
+    """Return the number of responses to compute for one pad in all stages; a taxel's random numbers count as ten."""
     with_pairs = design.scheme.has_pair_spurs
     each = [(n := len(coils.channels)) ** 2 + with_pairs * (n > 2) * n**2 * (n - 1) for coils in design.coils]
     coils = [coils.taxels.shape[1] for coils in design.coils]
     return float(len(STAGES) * sum(np.multiply(each, coils)) + 10 * len(design.channel))
 
 
-def _beside(plan: Plan) -> np.ndarray:
-    """Energy (2, n) that the coils around and the other modes add to an OFF taxel, over that of its ON state.
+def _added_off_energy(plan: Plan) -> np.ndarray:
+    """Return the energy (2, n) that leakage and other modes add to an OFF taxel, over that of its ON state.
 
-    First with all coils in step, as by the driver table; then re-tuned, each coil at its own frequencies. Of a tone at
-    the taxel's own resonance, which those of other coils but come near to.
+    The first row is for all coils in step, as by the driver table, the second for re-tuned coils, each at its own
+    frequencies. Both take the other coils' tones to lie at the taxel's resonance, while they only come near it.
     """
     total = np.zeros((2, len(plan.channels)))
     for row, leaks_db in zip(total, (plan.reuse.leaks_db, plan.reuse.retuned_leaks_db), strict=True):
@@ -263,17 +275,17 @@ def _beside(plan: Plan) -> np.ndarray:
     for own in plan.sets:
         if len(own) < 2:
             continue
-        which = placed_channels(plan.spec, own)
-        modes = heard_modes(plan.spec, own, which.line)
-        more = off_energy(which, plan.scheme, modes) - off_energy(which, plan.scheme)
+        taxels = placed_channels(plan.spec, own)
+        modes = heard_modes(plan.spec, own, taxels.line)
+        more = off_energy(taxels, plan.scheme, modes) - off_energy(taxels, plan.scheme)
         total[:, [c.index for c in own]] += np.maximum(more, 0.0)
     return total
 
 
 def _washer_weight(plan: Plan) -> np.ndarray:
-    """|d ln f| per mm that a channel's washer lies off its recess's middle, whichever way (n,).
+    """Return |d ln f| (n,) per mm that a channel's washer lies off the middle of its recess, in the worst direction.
 
-    By the first order of perturbation: f falls by half of what the washer's kinetic energy in the mode rises.
+    First-order perturbation: the relative fall of f is half of the washer's relative gain of kinetic energy.
     """
     washer = plan.spec.washer
     area = np.pi / 4 * (washer.outer_diameter_mm**2 - washer.inner_diameter_mm**2) * MM**2
@@ -285,9 +297,10 @@ def _washer_weight(plan: Plan) -> np.ndarray:
 
 
 def ratio_spread(design: Design, spreads: Spreads) -> float:
-    """Sigma of the ratio of neighbouring resonances of a coil, relative, of the worst pair of all kinds of coils.
+    """Return the relative sigma of the ratio of neighbouring resonances of a coil, of the worst pair.
 
-    What is common to a print goes with each one's share of it, the field with their distance; for one channel, of two.
+    An error common to a print counts by the difference of the two channels' sensitivities, the field also by the
+    distance of their taxels. For one channel the pair is two taxels of that channel at one place.
     """
     worst = 0.0
     for coils in design.coils:
@@ -300,17 +313,17 @@ def ratio_spread(design: Design, spreads: Spreads) -> float:
 
 
 def missed_spreads(design: Design, spreads: Spreads) -> tuple[float, ...]:
-    """Sigma of ln f of a taxel about its own tone at each of `STAGES`, of the channel where it is largest."""
+    """Return the sigma of ln of a taxel's resonance over its tone at each of `STAGES`, for the worst channel."""
     square = (np.array(astuple(spreads))[:, None] * design.weight) ** 2
     known = (), OF_A_PRINT, (*OF_A_PRINT, "field_z_mm"), NAMES
     return tuple(float(square[[name not in some for name in NAMES]].sum(0).max() ** 0.5) for some in known)
 
 
 def log_detuning(design: Design, spreads: Spreads, seed: int, unit: int, pads: int) -> np.ndarray:
-    """ln of printed over planned resonance (3, taxels, pads): what is common, with the field, with each one's own.
+    """Return ln of printed over planned resonance (3, taxels, pads).
 
-    What is common, the field and what is each taxel's own have a stream of random numbers each, drawn pad by pad: the
-    first pads are the same however many there are.
+    The rows are the error common to a print, this with the field, and this with each taxel's own error. Each of the
+    three errors has a stream of random numbers, drawn pad by pad: the first pads are the same however many there are.
     """
     taxels = len(design.channel)
     weight = np.array(astuple(spreads))[:, None] * design.weight
@@ -327,7 +340,7 @@ def log_detuning(design: Design, spreads: Spreads, seed: int, unit: int, pads: i
 
 
 def _field(design: Design, rng: np.random.Generator, pads: int) -> np.ndarray:
-    """A smooth field of sigma 1 at the taxels (taxels, pads): waves along x times waves along y."""
+    """Draw a smooth random field of sigma 1 at the taxels (taxels, pads): waves along x times waves along y."""
     (x, at_x), (y, at_y) = (np.unique(side, return_inverse=True) for side in design.place_mm.T)
     along, across = (_waves(side, design.field_length_mm) for side in (x, y))
     z = rng.standard_normal((pads, along.shape[1], across.shape[1]))
@@ -337,29 +350,30 @@ def _field(design: Design, rng: np.random.Generator, pads: int) -> np.ndarray:
 
 
 def _waves(place_mm: np.ndarray, length_mm: float) -> np.ndarray:
-    """W (n, k) with ``W Wᵀ`` = exp(−d²/length²) between places (n,), by nodes a sixth of the length apart.
+    """Return W (n, k) with ``W Wᵀ`` = exp(−d²/length²) for places (n,) at distances d.
 
-    Or by the places themselves, where these are fewer: each wave takes a random number of every pad.
+    The waves stand on nodes a sixth of the length apart, or on the places themselves if these are fewer: each wave
+    takes a random number for every pad.
     """
     count = int(np.ptp(place_mm) / length_mm * NODES) + 2 * NODES
     nodes = place_mm
     if count < len(place_mm):
         nodes = np.linspace(place_mm.min() - length_mm, place_mm.max() + length_mm, count)
-    size, shape = np.linalg.eigh(_alike(nodes, nodes, length_mm))
+    size, shape = np.linalg.eigh(_correlation(nodes, nodes, length_mm))
     kept = size > SMALLEST_WAVE * size.max()
-    waves: np.ndarray = _alike(place_mm, nodes, length_mm) @ shape[:, kept] / np.sqrt(size[kept])
+    waves: np.ndarray = _correlation(place_mm, nodes, length_mm) @ shape[:, kept] / np.sqrt(size[kept])
     return waves
 
 
-def _alike(one_mm: np.ndarray, other_mm: np.ndarray, length_mm: float) -> np.ndarray:
+def _correlation(one_mm: np.ndarray, other_mm: np.ndarray, length_mm: float) -> np.ndarray:
     alike: np.ndarray = np.exp(-(((one_mm[:, None] - other_mm) / length_mm) ** 2))
     return alike
 
 
 def covariance(design: Design, spreads: Spreads, coupon: np.ndarray | None = None) -> np.ndarray:
-    """Covariance of ln f of the pad's taxels and then of a coupon's, whose channels (k,) are given.
+    """Return the covariance of ln f of the pad's taxels (t,), followed by those of a coupon with channels (k,).
 
-    The coupon is printed with the pad, somewhere else on the bed: the field there tells nothing.
+    The coupon is printed with the pad, but somewhere else on the bed, so that its field is independent of the pad's.
     """
     apart = [np.exp(-((side[:, None] - side) ** 2) / design.field_length_mm**2) for side in design.place_mm.T]
     taxels, more = len(design.channel), 0 if coupon is None else len(coupon)
@@ -374,7 +388,7 @@ def covariance(design: Design, spreads: Spreads, coupon: np.ndarray | None = Non
 
 
 def printed(design: Design, spreads: Spreads, pads: int, seed: int, stages: tuple[str, ...] = STAGES) -> Prints:
-    """Print and judge, a stream of random numbers after the other, in blocks of bounded memory."""
+    """Simulate `pads` prints and judge them at the given `stages`, in blocks of bounded memory."""
     taxels, count, many = len(design.channel), len(design.q), len(stages)
     beside = design.beside[[int(stage == STAGES[-1]) for stage in stages]]
     unit = max(min(DRAWN // taxels, MOST_DRAWN), 1)
@@ -411,8 +425,9 @@ def _judge(
     prints: Prints,
     block: slice,
 ) -> None:
-    """Enter what `coils` are like in prints `x` (taxels, pads) off, driven by `tones` (stages, taxels, pads).
+    """Judge `coils` in a block of pads, and enter the results into `prints`.
 
+    `x` (taxels, pads) is printed over planned resonance, `tones` (stages, taxels, pads) the tone over the planned one,
     `beside` (stages, n) as in `Design`.
     """
     n, shape = len(coils.channels), (*coils.taxels.shape, x.shape[1])
@@ -421,7 +436,7 @@ def _judge(
     hz = f * x
     for k, tone in enumerate(tones[:, coils.taxels].reshape(len(tones), n, -1)):
         driven = channels(f * tone, q, design.law(f * tone), mass, pull)
-        # What would move a taxel by that level at its own resonance.
+        # The line that would move each taxel by its level at its own resonance.
         taxel = Channels(hz, q, driven.line * (x / tone) ** 2)
         on = (relative_energy(driven.resonance_hz, hz, q) * (driven.line / taxel.line) ** 2).reshape(shape)
         more = beside[k, coils.channels, None, None]

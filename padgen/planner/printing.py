@@ -1,4 +1,4 @@
-"""Slicer settings with which the pad prints as planned: in plain words, PrusaSlicer's and others' names."""
+"""Slicer settings with which the pad prints as planned, by plain names and by those of PrusaSlicer and others."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -19,13 +19,13 @@ __all__ = [
 
 PROFILE_FILE, OTHER_SLICERS_FILE = "pad.ini", "slicer-settings.txt"
 TYPICAL_C = {"pla": (215, 60), "petg": (240, 80), "abs": (250, 100), "pa12": (255, 100)}
-"""Temperatures of nozzle and bed that makers of filament name for each material of the catalogue; pla's for others."""
+"""Typical temperatures of nozzle and bed for materials of the catalogue, by filament makers; others take PLA's."""
 
 
 class Setting(NamedTuple):
-    """A setting by its plain `name` and `value`, as PrusaSlicer has it, and its names in Cura and in Orca and Bambu.
+    """A slicer setting: its plain `name` and `value`, PrusaSlicer's keys and values, its names in Cura and in Orca.
 
-    A name with a colon brings a value of its own; none is empty.
+    A name in Cura or Orca with a colon contains its value; it is empty where the slicer has no such setting.
     """
 
     name: str
@@ -36,7 +36,7 @@ class Setting(NamedTuple):
 
 
 def _settings(spec: Spec) -> list[Setting]:
-    """All settings that beams, plates, recesses or gaps depend on, those first that matter most."""
+    """Return all settings that beams, plates, recesses or gaps depend on, the most important first."""
     printer = spec.printer
     layer, first, line, xy = (
         number(v) for v in (printer.layer_mm, printer.first_layer_mm, printer.line_width_mm, printer.xy_compensation_mm)
@@ -110,7 +110,7 @@ def _settings(spec: Spec) -> list[Setting]:
 
 
 def print_settings(spec: Spec, beams: Sequence[Beam]) -> dict[str, str]:
-    """Slicer settings by plain name, those first that matter most, for the plan, what a build tells and the 3MF."""
+    """Return slicer settings by plain name, the most important first: for the plan, a build's report and the 3MF."""
     return {
         **{setting.name: setting.value for setting in _settings(spec)},
         "printer": spec.printer.name,
@@ -120,16 +120,16 @@ def print_settings(spec: Spec, beams: Sequence[Beam]) -> dict[str, str]:
 
 
 def prusa_profile(spec: Spec) -> dict[str, str]:
-    """PrusaSlicer's settings by its own names, none left to be set; empty for a printer that is not of plastic strands.
+    """Return a complete profile for PrusaSlicer, by its own names; empty for printers that do not lay filament.
 
-    What beams, plates and recesses depend on comes first, then what a printer and its filament typically want.
+    The settings that beams, plates and recesses depend on come first, then those typical of a printer and its filament.
     """
     printer = spec.printer
     if printer.process != "fdm":
         return {}
     profile = {key: value for setting in _settings(spec) for key, value in setting.prusa.items()}
-    # With more than two perimeters the inner ones would hang free over the recesses. The others are PrusaSlicer's own
-    # defaults, named because a user's profile may have others.
+    # With more than two perimeters the inner ones would hang free over the recesses. All further settings are
+    # PrusaSlicer's defaults, written because a user's profile may have other values.
     profile |= {
         "perimeters": "2", "extra_perimeters": "1", "infill_every_layers": "1", "fill_angle": "45",
         "top_fill_pattern": "monotonic", "bottom_fill_pattern": "monotonic", "top_solid_layers": "3",
@@ -152,7 +152,7 @@ def prusa_profile(spec: Spec) -> dict[str, str]:
 
 
 def profile_text(plan: Plan) -> str:
-    """The file that ``prusa-slicer --load`` takes; empty where there is no such profile."""
+    """Return the text of the file for ``prusa-slicer --load``; empty where there is no such profile."""
     spec, profile = plan.spec, prusa_profile(plan.spec)
     notes = {
         "layer_height": f"PrusaSlicer's settings for {plan.name} on {spec.printer.name} in {spec.material.name}, by"
@@ -169,7 +169,7 @@ def profile_text(plan: Plan) -> str:
 
 
 def other_slicers_text(plan: Plan) -> str:
-    """The settings by the names that other slicers give them, to be set by hand."""
+    """Return the settings by other slicers' names, as text for people who set them by hand."""
     heading = (
         f"Settings for {plan.name} on {plan.spec.printer.name}, in the order in which they matter.\n"
         "Print flat, the recesses down, without supports.\n"

@@ -1,6 +1,6 @@
-"""All modes of a plan's taxels, as the pull at each one's own site excites them.
+"""Compute how the coil's pull at each taxel's site excites the taxel's modes.
 
-Written on `TaxelModes`, whichever model they come from.
+The modes are `TaxelModes`, whether from the beam model or from finite elements.
 """
 
 from collections.abc import Sequence
@@ -33,15 +33,15 @@ __all__ = [
 ]
 
 MODES_DB = 1.0
-"""Loss of selectivity by other modes that is worth a finding."""
+"""Loss of selectivity by other modes up to which there is no finding."""
 QUIET_SHARE = 1e-6
-"""Share of the compliance below which a pull at the washer's axis does not excite a mode."""
+"""Share of the static compliance below which a mode counts as not excited by a pull at the washer's axis."""
 NAMES = ("stretch", "lateral", "bending", "torsion", "pitch", "yaw")
-"""What a mode is called by the largest part of the plate's motion: along x, y, z, and about x, y, z."""
+"""Names of modes by the largest part of the plate's motion: along x, y, z, and about x, y, z."""
 
 
 class ModeFields(NamedTuple):
-    """What a `Channel` holds of its modes; see there."""
+    """The fields of a `Channel` about its modes; `Channel` explains them."""
 
     modes_hz: tuple[float, ...]
     mode_shares: tuple[float, ...]
@@ -52,12 +52,12 @@ class ModeFields(NamedTuple):
 
     @property
     def pulled_share(self) -> float:
-        """How much more the pull as it is moves the working mode than a vertical one at the washer's axis."""
+        """Ratio of the working mode's motion under the real pull to that under a vertical pull at the washer's axis."""
         return self.pulled_shares[int(np.argmax(self.mode_shares))]
 
 
 def taxel_modes(model: TaxelModel) -> TaxelModes:
-    """The modes that `model` has: solved ones of a solid as they are, else the six of the beam model."""
+    """Return the modes of `model`: those solved by finite elements if it has them, else the beam model's six."""
     solved: TaxelModes | None = getattr(model, "solved", None)
     if solved is not None:
         return solved
@@ -67,7 +67,7 @@ def taxel_modes(model: TaxelModel) -> TaxelModes:
 
 
 def mode_fields(modes: TaxelModes, wrench: np.ndarray) -> ModeFields:
-    """Modes of one taxel for the plan, its pull having the `wrench` (6,) of `site_wrenches`.
+    """Return the modes of one taxel for the plan; the pull's `wrench` (6,) is that of `site_wrenches`.
 
     Shares are of the working mode's static compliance under a vertical pull at the washer's axis.
     """
@@ -85,7 +85,7 @@ def mode_fields(modes: TaxelModes, wrench: np.ndarray) -> ModeFields:
 
 
 def pulled_shares(modes: Sequence[TaxelModes], wrenches: np.ndarray) -> np.ndarray:
-    """`ModeFields.pulled_share` (n,) of taxels whose pulls have `wrenches` (n, 6)."""
+    """Return `ModeFields.pulled_share` (n,) of taxels whose pulls have `wrenches` (n, 6)."""
     shares = []
     for own, wrench in zip(modes, wrenches, strict=True):
         axial = own.compliances()
@@ -95,10 +95,10 @@ def pulled_shares(modes: Sequence[TaxelModes], wrenches: np.ndarray) -> np.ndarr
 
 
 def force_error(modes: TaxelModes, wrench: np.ndarray, error: float, radius_m: float) -> float:
-    """Relative error of the force on the working mode, its pull having the `wrench` (6,) of `site_wrenches`.
+    """Return the relative error of the force on the working mode; the pull's `wrench` (6,) is that of `site_wrenches`.
 
-    The axial pull has the relative `error`; the side force is off by as much in N, the moment by that at the rim of
-    the washer, `radius_m` from its axis (docs/accuracy.md), each by itself.
+    The axial pull has the relative `error`. The side force is off by as many newtons, the moment by the same force at
+    the rim of the washer, `radius_m` from its axis (docs/accuracy.md). The three errors are independent.
     """
     x, y = wrench[:2] / (np.hypot(*wrench[:2]) or 1.0)
     off = np.array([(0, 0, 1, 0, 0, 0), (x, y, 0, 0, 0, 0), (0, 0, 0, -y * radius_m, x * radius_m, 0)])
@@ -107,17 +107,17 @@ def force_error(modes: TaxelModes, wrench: np.ndarray, error: float, radius_m: f
 
 
 def site_wrenches(spec: Spec, pulled: PullAt, sites: Sequence[Site]) -> np.ndarray:
-    """Wrenches (n, 6) of a newton of pull at each site, in the taxel's own axes, at its washer's axis on z = 0.
+    """Return force and moment (n, 6) per newton of vertical pull at each site, about the washer's axis at z = 0.
 
-    A washer that the coil does not draw down is driven by nothing: its row is (0, 0, 1, 0, 0, 0).
+    They are in N and N m, in the taxel's own axes. A washer that the coil does not pull gets (0, 0, 1, 0, 0, 0).
     """
     wrench = np.tile(np.eye(6)[2], (len(sites), 1))
     for column, part in ((0, pulled.side), (4, pulled.moment)):
         np.divide(part, -pulled.pull, out=wrench[:, column], where=pulled.pull > 0)
-    # On the coil's axis there is no direction, and no side force.
+    # Unit vector away from the coil's axis; zero on the axis, where there is no side force.
     out = np.array([np.divide(site.washer_mm, site.coil_distance_mm or 1.0) for site in sites])
     cosine, sine = np.array([TURNS[site.along] for site in sites]).T
-    # Where 'away from the coil's axis' points in the own axes.
+    # The same vector in the taxel's own axes.
     x, y = cosine * out[:, 0] + sine * out[:, 1], cosine * out[:, 1] - sine * out[:, 0]
     turned = np.empty_like(wrench)
     for a, b in ((0, 1), (3, 4)):
@@ -132,7 +132,7 @@ def site_wrenches(spec: Spec, pulled: PullAt, sites: Sequence[Site]) -> np.ndarr
 
 
 def coil_modes(spec: Spec, channels: Sequence[Channel]) -> ModalTaxels:
-    """All modes of the taxels of one coil, driven at their resonances."""
+    """Return all modes of the taxels of one coil, driven at their resonances."""
     most = max(len(channel.modes_hz) for channel in channels) + 1
     frequency, gain = np.ones((len(channels), most)), np.zeros((len(channels), most, 3))
     radius_m = spec.taxel.boss_diameter_mm / 2 * MM
@@ -147,13 +147,16 @@ def coil_modes(spec: Spec, channels: Sequence[Channel]) -> ModalTaxels:
 
 
 def heard_modes(spec: Spec, channels: Sequence[Channel], line: np.ndarray) -> ModalTaxels:
-    """`coil_modes` without those that no line makes heard; `line` (n,) as in `selectivity.Channels`."""
+    """Return `coil_modes` without modes that no line of the drive excites much; `line` (n,) as in `Channels`."""
     own_hz = np.array([c.resonance_hz for c in channels])
     return without_quiet_modes(coil_modes(spec, channels), own_hz, line, spec.drive.bias_ratio)
 
 
 def modes_in_slots(plan: Plan) -> list[tuple[Channel, Channel]]:
-    """Channels with a second mode in the slot of another, and that; modes that no pull at the washer's axis excites."""
+    """Return pairs of channels: one whose second mode lies in the slot of the other.
+
+    Only modes count that a pull at the washer's axis does not excite.
+    """
     half = slot_half_width(plan.spec.q_min, plan.spec.delta_y)
     return [
         (channel, other)
@@ -164,11 +167,11 @@ def modes_in_slots(plan: Plan) -> list[tuple[Channel, Channel]]:
 
 
 def mode_names(spec: Spec, channel: Channel) -> tuple[str, ...]:
-    """What each mode of a channel is called: the working one bending, the others by the largest part of the plate's
-    motion that has no name yet.
+    """Return a name for each mode of a channel.
 
-    Taken at half the plate's height, near the centre of mass; turns count by the plate's radius of gyration.
-    Beyond six modes all are 'higher' ones.
+    The working mode is 'bending'. The others take, of the names left, that of the largest part of the plate's motion:
+    at half the plate's height, near the centre of mass, with rotations times the plate's radius of gyration. Beyond
+    six, modes are 'higher'.
     """
     plate = plate_shape(spec)
     height, arm = plate.thickness_mm / 2 * MM, plate.length_mm / 12**0.5 * MM

@@ -1,8 +1,8 @@
-"""Pulls of a spec's coil on its washers, wherever a plan asks: from tables that padgen brings, or solved once and kept.
+"""Look up the pull of a spec's coil on its washers: from tables that come with padgen, or solved once and cached.
 
-Tables of all coils and washers of the catalogues lie in ``padgen/physics/pulls.npy`` (`docs/measure_force.py tables`
-makes them). Of other parts each distance from the coil's axis is solved at a few gaps and kept in the cache, over
-ranges that are the same for every spec.
+``padgen/physics/pulls.npy`` has tables of all coils and washers of the catalogues (`docs/measure_force.py tables` makes
+them). For other parts the pull at each distance from the coil's axis is solved at a few gaps and kept in the cache,
+over ranges of gaps that are the same for every spec.
 """
 
 from functools import lru_cache
@@ -21,11 +21,11 @@ __all__ = ["magnetic_parts", "pull_range", "pulls"]
 KIND = "pulls"
 CODE = tuple(f"physics/{name}.py" for name in ("coil_field", "pull", "pull_table", "ring_charges", "steel_body"))
 LOW, RANGE, GAPS = 0.35 * MM, 3, 5
-"""One's own parts are solved over ranges of gaps from `LOW` or a power of `RANGE` times it on, at so many each."""
+"""Parts outside the catalogues are solved at `GAPS` gaps in each range, from `LOW · RANGE^k` to `LOW · RANGE^(k+1)`."""
 
 
 def magnetic_parts(spec: Spec) -> tuple[CoilSource, SteelRing]:
-    """The coil and the washer of a spec in SI units."""
+    """Return the coil and the washer of a spec in SI units."""
     washer = spec.washer
     return (
         coil_source(spec.coil),
@@ -39,7 +39,7 @@ def magnetic_parts(spec: Spec) -> tuple[CoilSource, SteelRing]:
 
 
 def pulls(spec: Spec, gap_m: np.ndarray, offset_m: np.ndarray) -> PullAt:
-    """Pulls (n,) on washers over gaps (n,) in m and so far from the coil's axis, (n,) in m."""
+    """Return the pulls (n,) on washers over gaps (n,) in m, at offsets (n,) in m from the coil's axis."""
     parts = magnetic_parts(spec)
     result, missing = np.empty((len(PullAt._fields), len(gap_m))), np.ones(len(gap_m), bool)
 
@@ -48,7 +48,7 @@ def pulls(spec: Spec, gap_m: np.ndarray, offset_m: np.ndarray) -> PullAt:
             result[:, among] = table.at(gap_m[among], offset_m[among])
             missing[among] = False
 
-    answer(_brought(*parts), missing)
+    answer(_shipped_table(*parts), missing)
     part = pull_range(gap_m)
     for offset, k in sorted(set(zip(offset_m[missing].tolist(), part[missing].tolist(), strict=True))):
         answer(_own(*parts, k, offset), (offset_m == offset) & (part == k))
@@ -56,16 +56,16 @@ def pulls(spec: Spec, gap_m: np.ndarray, offset_m: np.ndarray) -> PullAt:
 
 
 def pull_range(gap_m: np.ndarray) -> np.ndarray:
-    """Number (n,) of the range that a gap (n,) in m lies in: beyond its ends the pull may be of other tables."""
+    """Return the number (n,) of the range of a gap (n,) in m; gaps of different ranges may have different tables."""
     return np.floor(np.log(gap_m / LOW) / log(RANGE)).astype(int)
 
 
-_brought = lru_cache(maxsize=64)(brought_table)
+_shipped_table = lru_cache(maxsize=64)(brought_table)
 
 
 @lru_cache(maxsize=1024)
 def _own(coil: CoilSource, washer: SteelRing, part: int, offset_m: float) -> PullTable:
-    """The pull at one distance over one range of gaps: kept in the cache, since it takes some ten milliseconds."""
+    """Return the pulls at one offset over one range of gaps; cached on disk, since solving takes some ten ms."""
     from padgen.core import cache
 
     low, high, reach = LOW * RANGE**part, LOW * RANGE ** (part + 1), max(offset_m, 1e-9) * sqrt(2)

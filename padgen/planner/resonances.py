@@ -1,4 +1,4 @@
-"""Which resonances the channels of a coil get, within the band and within what a room can print."""
+"""Choose the resonances of a coil's channels, within the band and within the reach of beams that fit and print."""
 
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -19,11 +19,11 @@ __all__ = ["Optimum", "ladders", "optimum", "planned_optimum", "reachable_hz", "
 
 KIND = "ladder"
 CODE = ("physics", "planner/resonances.py", "planner/settings.py")
-"""What an optimum depends on."""
+"""Code on which a cached optimum depends."""
 
 
 class Optimum(NamedTuple):
-    """Resonances in Hz, their all-state figure in dB, and the drive scheme that they are for."""
+    """Optimised resonances in Hz, their all-state selectivity in dB, and the drive scheme that they are for."""
 
     resonances_hz: tuple[float, ...]
     all_states_db: float
@@ -31,13 +31,13 @@ class Optimum(NamedTuple):
 
 
 def slot_band_hz(spec: Spec) -> tuple[float, float]:
-    """Lowest and highest resonance whose whole slot lies in the band, and no rounding of a beam leaves it."""
+    """Return the lowest and highest resonance in Hz whose slot lies in the band, after rounding of the beam, too."""
     half = max(slot_half_width(spec.q_min, spec.delta_y), DRAWN_SHARE)
     return spec.band_hz[0] / (1 - half), spec.band_hz[1] / (1 + half)
 
 
 def reachable_hz(spec: Spec, room: Room) -> tuple[float, float] | None:
-    """Lowest and highest resonance that the allowed suspensions reach in `room`; None for no beam at all."""
+    """Return the lowest and highest resonance in Hz that allowed suspensions reach in `room`; None if no beam fits."""
     spans = [
         item.span_hz for name in allowed(spec.suspension.topology) if (item := reach(spec, name, room)) is not None
     ]
@@ -47,12 +47,12 @@ def reachable_hz(spec: Spec, room: Room) -> tuple[float, float] | None:
 
 
 def ladders(spec: Spec, count: int, room: Room) -> list[tuple[float, ...]]:
-    """Candidate ladders of `count` resonances per set in Hz for a room, the best first.
+    """Return candidate ladders of `count` resonances per set in Hz for a room, the best first.
 
-    Explicit resonances are the only candidate. Otherwise the band's ladder comes first, then the
-    ladder of the part of the band that the room reaches, then the closest one there: each keeps
-    the paper's ratio between neighbours of a set. A second set lies half way between. Optimised, the
-    optimum comes before these.
+    Resonances that the spec lists are the only candidate. Otherwise the first ladder spreads over the whole band, the
+    next over the part of the band that the room reaches, and the last ones are as close as possible at the lower ends.
+    All keep the paper's ratio between neighbours of a set. A second set lies half way between those of the first. With
+    optimised spacing the optimum comes before these.
     """
     if spec.resonances_hz:
         return [spec.resonances_hz]
@@ -71,28 +71,34 @@ def ladders(spec: Spec, count: int, room: Room) -> list[tuple[float, ...]]:
 
 
 def _optimum(spec: Spec, count: int, room: Room) -> Optimum:
-    """The best single set, of a band that leaves room above for a second one, half a step higher."""
+    """Return the optimal single set in a band that leaves room above for a second set, half a step higher."""
     low, high = _span_hz(spec, room)
     return optimum(spec, count, low, high / _half_step(spec, count, low, high))
 
 
 def _half_step(spec: Spec, count: int, low: float, high: float) -> float:
-    """Ratio of a second set to the first: half a step of `count` channels spread from end to end, with both in."""
+    """Return the ratio of the second set to the first (1 for a single set).
+
+    It is half a step of a ladder of `count` channels when both sets together spread from end to end.
+    """
     return float((high / low) ** ((spec.coil.sets - 1) / (2 * count - 1)))
 
 
 def _both_sets(spec: Spec, best: Optimum, half_step: float) -> tuple[float, ...]:
-    """A second set is the first one moved up, by at most `half_step`: by a power law it is as well separated."""
+    """Return the optimum with its second set, if there is one: the first set times at most `half_step`.
+
+    With a power law of levels the second set is as selective as the first.
+    """
     first = np.array(best.resonances_hz)
     if spec.coil.sets == 1:
         return best.resonances_hz
-    # The closest pair of a set is no farther apart than one of an evenly spread set.
+    # The root of the closest ratio is at most half a step, since an evenly spread set has no closer pair.
     closest = float((first[1:] / first[:-1]).min()) ** 0.5 if len(first) > 1 else half_step
     return _rounded(np.stack([first, first * closest], -1).ravel())
 
 
 def _span_hz(spec: Spec, room: Room) -> tuple[float, float]:
-    """The part of the band that the room reaches, or the band where it reaches none of it."""
+    """Return the part of the band in Hz that the room reaches; the whole band where it reaches none of it."""
     found = reachable_hz(spec, room)
     low, high = (spec.band_hz[0], spec.band_hz[1])
     if found:
@@ -101,11 +107,11 @@ def _span_hz(spec: Spec, room: Room) -> tuple[float, float]:
 
 
 def optimum(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
-    """The resonances in a band that the drive scheme of `spec` tells apart best, for equal masses.
+    """Return the resonances in a band with the best selectivity under the drive scheme of `spec`, for equal masses.
 
-    An automatic scheme takes plain tones if a set of resonances keeps what is asked with them, else
-    what is best without spurs, else in turns. A search takes up to a second or two: found ones are kept in the
-    cache, but for a registered scheme's, which may be another the next time.
+    An automatic scheme takes plain tones if resonances are found that keep the asked selectivity with them, else a
+    spur-free drive, else turns. A search takes up to one or two seconds, and its result is kept in the cache. Not so
+    for a registered scheme, whose code may be another the next time.
     """
     searched = _searched if SCHEMES.version(spec.drive.scheme) else _known
     return searched(spec, count, low_hz, high_hz)
@@ -141,7 +147,7 @@ def _known(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
 
 
 def _from_plain(entry: Any, count: int) -> Optimum | None:
-    """The optimum that the cache holds, None where that is none of `count` resonances."""
+    """Return the optimum in a cache entry, or None if the entry is not `count` rising resonances."""
     try:
         hz, reached_db, drive = entry
         ladder = np.array(hz, float)
@@ -173,13 +179,19 @@ def _best(spec: Spec, count: int, low_hz: float, high_hz: float, drive: str) -> 
 
 
 def _tones_can_be_clean(spec: Spec, count: int, low_hz: float, high_hz: float) -> bool:
-    """Whether plain tones can keep what is asked. Where one channel fewer cannot, `count` cannot either."""
+    """Return whether plain tones can keep the asked selectivity with `count` channels.
+
+    Fewer channels are tried first: where these cannot, `count` cannot either.
+    """
     band, asked_db = (low_hz, high_hz), decibel(spec.delta_y)
     return all(_best(spec, fewer, *band, "tones").all_states_db >= asked_db for fewer in range(3, count + 1))
 
 
 def planned_optimum(spec: Spec, count: int, room: Room) -> Optimum | None:
-    """The optimum of the room's band where the resonances are optimised: for equal masses, one set, any beam."""
+    """Return the optimum for the room's band, for equal masses and any beam.
+
+    None where the spec does not ask for optimised resonances, and for two sets or a single channel.
+    """
     if spec.spacing != "optimised" or spec.resonances_hz or spec.coil.sets > 1 or count < 2:
         return None
     return _optimum(spec, count, room)
@@ -203,5 +215,5 @@ def _closest(spec: Spec, count: int, low: float) -> tuple[float, ...]:
 
 
 def _rounded(ladder: np.ndarray) -> tuple[float, ...]:
-    """Nine significant digits, so that the plan stays readable."""
+    """Round to nine significant digits, so that the plan stays readable."""
     return tuple(float(f"{value:.9g}") for value in ladder)

@@ -1,4 +1,4 @@
-"""Frequencies are used again over every coil: what leaks from coil to coil, and how cells are turned."""
+"""Work out the leakage between coils, which all use the same frequencies, and choose the cells to turn."""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -24,16 +24,16 @@ __all__ = ["RINGS", "cell_is_turned", "coil_reuse", "coils_around", "turned_cell
 
 TURNS = ("none", "odd rows", "odd columns")
 RINGS = 5
-"""How many coils away leakage is counted."""
+"""Number of coils, in each direction, up to which leakage is counted."""
 LEAK_ERROR = 0.2
-"""Of leakage by the nearest coils, relative, where cores are no longer than the coils are apart (docs/accuracy.md)."""
+"""Relative error of leakage from the nearest coils if cores are no longer than the pitch (docs/accuracy.md)."""
 
 
 def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], scheme: Scheme) -> Reuse:
-    """Leakage of the coils around in their worst state onto an OFF taxel, a bound.
+    """Bound the leakage of the coils around, in their worst state, onto an OFF taxel.
 
-    Neighbours play in step, so that their fields and not their pulls add; where the own coil is on for
-    its other channels, its field beats with theirs.
+    With the driver table neighbours play in step, so that their fields add. Where the taxel's own coil plays its other
+    channels, its field beats with theirs.
     """
     turned = turned_cells(spec, layout, [channel.site for channel in channels])
     if layout.coils < 2:
@@ -55,7 +55,7 @@ def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], scheme: 
             square = np.abs(leak.mutual[:, some][:, :, some]).sum((1, 2))
             product = np.abs(leak.product[:, some]).sum(1)
             constant = product if scheme.is_biased else 0.0
-            # Spurs and beats of the same channels are of the same frequencies.
+            # Spurs and beats of the same channels have the same frequencies, so that their amplitudes add.
             total += (square + constant) ** 2 * tones + (square * np.sqrt(spurs) + product * np.sqrt(beats)) ** 2
             lines, products = _lines_apart(leak, some, scheme), (leak.product[:, some] ** 2).sum(1)
             own_lines += lines * tones + (np.sqrt(lines * spurs) + np.sqrt(products * beats)) ** 2
@@ -74,17 +74,17 @@ def _leakage(
     grid: tuple[int, int],
     pitch_mm: tuple[float, float],
 ) -> Leakage:
-    """Leakage by the coils around in the order of `coils_around`: that of one layout under every drive."""
+    """Return the leakage of the coils in the order of `coils_around`; it does not depend on the drive."""
     steps = coils_around(*grid)
     at, next_to = steps * np.array(pitch_mm) * MM, np.abs(steps).max(1) == 1
     return leakage(*parts, gap_mm * MM, np.array(washers_mm) * MM, at[next_to], at[~next_to])
 
 
 def _lines_apart(leak: Leakage, some: np.ndarray, scheme: Scheme) -> np.ndarray:
-    """Energy (n,) of the coils' tones where each coil has its own frequencies, over that of a tone of the own coil.
+    """Return the energy (n,) of the tones of coils with different frequencies, over that of the own coil's tone.
 
-    Every coil makes a line then, and of tones alone every two coils one between theirs; lines apart add as energies.
-    With a constant current in all coils each coil's line is made with all of these.
+    Each coil then makes a line of its own, and with plain tones every two coils one more between theirs. Lines of
+    different frequencies add as energies. With constant currents each coil's tone makes its line with all of them.
     """
     mutual = np.abs(leak.mutual[:, some][:, :, some])
     alone = np.einsum("nkk->nk", mutual)
@@ -99,9 +99,10 @@ def _lines_apart(leak: Leakage, some: np.ndarray, scheme: Scheme) -> np.ndarray:
 def _leak_error(
     spec: Spec, layout: Layout, leak: Leakage, away_m: np.ndarray, far: np.ndarray, pitch_mm: np.ndarray
 ) -> float:
-    """Relative error of the leakage: of its model, of coils that are seen as poles, of those too far to be counted.
+    """Return the relative error of the leakage.
 
-    These are left out with a share of the fields that falls with the cube of the distance.
+    It is made of the model's error, that of far coils taken as poles, and that of coils too far to be counted, whose
+    field falls with the cube of the distance.
     """
     doubt = np.where(far, pole_error(magnetic_parts(spec)[0], np.linalg.norm(away_m, axis=-1)), 0.0)
     parts = (np.abs(leak.mutual).sum(1), 2.0), (np.abs(leak.product), 1.0)
@@ -110,44 +111,44 @@ def _leak_error(
     cube = np.linalg.norm(steps * pitch_mm, axis=-1) ** 3
     ring = np.abs(steps).max(-1)
     beyond, counted = ((1 / cube[among]).sum() for among in (ring > RINGS, (ring > 0) & (ring <= RINGS)))
-    # Cores answer each other as dipoles, which they are from farther away than they are long.
+    # The model takes cores that magnetise each other as dipoles, which holds at distances above their length.
     nearest = np.linalg.norm(steps * pitch_mm, axis=-1)[ring > 0].min() * MM
     long = max(magnetic_parts(spec)[0].core_length / nearest, 1.0)
     return float(LEAK_ERROR * long + max(map(np.max, shares)) + 2 * beyond / counted)
 
 
 def _heard(spec: Spec, scheme: Scheme, channels: Sequence[Channel], steps: int) -> tuple[np.ndarray, ...]:
-    """Energies (n,) of OFF taxels, over those of their ON states, were a coil `steps` away their own.
+    """Return energies (n,) of OFF taxels, over their ON states, as if a coil `steps` away were their own.
 
-    By the tones of all its channels; by its pair spurs; and by twice the product of its current with that
-    of the own coil, which plays all channels but the OFF one.
+    The three are by the tones of all channels of that coil, by its pair spurs, and by twice the product of its current
+    with that of the own coil, which plays all channels but the OFF one.
     """
     resonance = np.array([channel.resonance_hz for channel in channels])
     mass = np.array([channel.effective_mass_g for channel in channels])
-    which = resonators(resonance, spec.q_min, level_law(spec)(resonance), mass)
+    taxels = resonators(resonance, spec.q_min, level_law(spec)(resonance), mass)
     sets, tones, spurs, beats = spec.coil.sets, *np.zeros((3, len(channels)))
     for i in range(len(channels)):
-        taxel, other = Channels(*(part[[i]] for part in which)), slice((i + steps) % sets, None, sets)
-        played = Channels(*(part[other] for part in which))
+        taxel, other = Channels(*(part[[i]] for part in taxels)), slice((i + steps) % sets, None, sets)
+        played = Channels(*(part[other] for part in taxels))
         own = [k for k in range(i % sets, len(channels), sets) if k != i]
         tones[i] = tone_energy(taxel, played).sum()
         if scheme.has_pair_spurs:
             spurs[i] = _line_energy(taxel, *pair_lines(played, scheme)[:3])
-        beats[i] = _beat_energy(taxel, Channels(*(part[own] for part in which)), played, scheme, spec.drive.headroom)
+        beats[i] = _beat_energy(taxel, Channels(*(part[own] for part in taxels)), played, scheme, spec.drive.headroom)
     return tones, spurs, beats
 
 
 def _beat_energy(taxel: Channels, own: Channels, other: Channels, scheme: Scheme, headroom: float) -> float:
-    """Energy of twice the product of the currents of the own coil and of another, at worst.
+    """Return the largest energy by twice the product of the currents of the own coil and another.
 
-    Tones and biased: a line at the sum and one at the difference of every two (beside biased's constants,
-    which are the caller's). Spur-free: the own root is at most that of its mean square; the other plays one
-    channel alone, a root with harmonics of ``4√2/(π(4n² − 1)) √a``.
+    With tones or biased currents every two channels make a line at their sum and one at their difference; the caller
+    counts the constant of biased currents. With spur-free currents the own root is at most the root of its mean square;
+    the other coil plays one channel alone, whose root has harmonics of ``4√2/(π(4n² − 1)) √a``.
     """
     if not len(own.line) or scheme.takes_turns:
         return 0.0
     if scheme.has_pair_spurs:
-        # Two channels that both coils play make the same line twice, in step at worst.
+        # If both coils play the same two channels, these make the same line twice, at worst in step.
         twice = 1.0 if set(own.resonance_hz.tolist()).isdisjoint(other.resonance_hz.tolist()) else 2.0
         both = Channels(*(np.concatenate(parts) for parts in zip(own, other, strict=True)))
         a, b = np.indices((len(own.line), len(other.line))).reshape(2, -1)
@@ -160,15 +161,15 @@ def _beat_energy(taxel: Channels, own: Channels, other: Channels, scheme: Scheme
 
 
 def _line_energy(taxel: Channels, hz: np.ndarray, rest: np.ndarray, square: np.ndarray) -> float:
-    """Energy of a taxel under `selectivity.Lines`, over that of its ON state."""
+    """Return the energy of a taxel under lines (as in `selectivity.Lines`), over that of its ON state."""
     response = relative_energy(hz, taxel.resonance_hz[0], taxel.q[0], rest)
     return float((response * square).sum() / taxel.line[0] ** 2)
 
 
 def coils_around(rows: int, columns: int) -> np.ndarray:
-    """Steps (k, 2) along x and y to the coils around one in the middle of the grid, those next to it first.
+    """Return the steps (k, 2) along x and y from a coil in the middle of the grid to those around, the nearest first.
 
-    Of a grid of an even number, around either of the two in its middle; as far as `RINGS`.
+    They reach as far as `RINGS`. With an even number of rows or columns they are those around either middle coil.
     """
     sides = (range(-min(n // 2, RINGS), min(n // 2, RINGS) + 1) for n in (columns, rows))
     steps = [step for step in product(*sides) if step != (0, 0)]
@@ -176,31 +177,31 @@ def coils_around(rows: int, columns: int) -> np.ndarray:
 
 
 def _surroundings(layout: Layout, steps: np.ndarray) -> list[np.ndarray]:
-    """Which of `steps` lead to a coil, for each coil in the middle of the grid."""
+    """Return masks (k,), one for each coil in the middle of the grid: true for `steps` that lead to a coil."""
     spans = [{(-(n // 2), (n - 1) // 2), (-((n - 1) // 2), n // 2)} for n in (layout.columns, layout.rows)]
     low_high = [np.array(span) for span in product(*(sorted(span) for span in spans))]
     return [np.asarray(((steps >= span[:, 0]) & (steps <= span[:, 1])).all(1)) for span in low_high]
 
 
 def turned_cells(spec: Spec, layout: Layout, sites: Sequence[Site]) -> str:
-    """Which cells to turn by 180° so that taxels of one channel lie farthest apart."""
-    # Compared from the shortest distance on; the first of equals.
+    """Choose the cells to turn by 180° so that taxels of one channel lie farthest apart."""
+    # Lists of distances compare by the shortest first; of equal ones, `max` takes the simplest choice.
     return max(TURNS, key=lambda turned: _distances_mm(spec, layout, sites, turned))
 
 
 def cell_is_turned(turned: str, row: int, column: int) -> bool:
-    """Whether the cell of a coil is turned by 180°."""
+    """Return whether the cell of a coil is turned by 180°."""
     return {"none": False, "odd rows": row % 2 == 1, "odd columns": column % 2 == 1}[turned]
 
 
 def _distances_mm(spec: Spec, layout: Layout, sites: Sequence[Site], turned: str) -> list[float]:
-    """Distances of taxels of one channel in neighbouring cells, the shortest first."""
+    """Return the distances in mm of taxels of one channel in neighbouring cells, the shortest first."""
     pitch_x, pitch_y = spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows
     distances = []
     for row, column in ((0, 1), (1, 0), (1, 1), (1, -1)):
         if row >= layout.rows or column >= layout.columns:
             continue
-        # Seen from a cell that is not turned; from one that is, it looks the same turned round.
+        # Measured from a cell that is not turned; from a turned one the distances are the same.
         shift = -2 if cell_is_turned(turned, row, column % 2) else 0
         for site in sites:
             x, y = site.washer_mm

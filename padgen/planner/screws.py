@@ -1,4 +1,4 @@
-"""The screw that a pad's holes are for, and the hole for it in the part below.
+"""Choose the screw for a pad's holes, and the hole for it in the part below.
 
 Sizes by ISO: clearance holes (273, fine), coarse threads (261: tapping drill = diameter − pitch),
 nuts (4032), heads (4762, cylindrical with a hexagon socket), lengths (888). A machine screw cuts its
@@ -11,10 +11,10 @@ __all__ = ["Screw", "screw_for"]
 
 
 class Screw(NamedTuple):
-    """A screw from above through the pad into a part below.
+    """A screw that goes from above through the pad into a part below.
 
-    `head_mm` is the head's diameter; `hole_diameter_mm` and `hole_depth_mm` (from the top) are of the
-    hole in the part below; with a `nut` it is a clearance hole through it.
+    `head_mm` is the head's diameter. `hole_diameter_mm` and `hole_depth_mm` (from the top) are of the hole in the part
+    below: a tapping hole, or, with a `nut`, a clearance hole all through.
     """
 
     name: str
@@ -48,16 +48,16 @@ SIZES = (
 )
 LENGTHS_MM = (2, 2.5, 3, 4, 5, 6, 8, 10, 12, 16, 20, 25, 30, 35, 40, 45, 50, 55, 60, 65, 70)
 GOOD_TURNS, LEAST_TURNS = 2.0, 1.5
-"""How deep a screw should and must hold in plastic, in diameters."""
+"""Wanted and least depth of a screw in plastic, in screw diameters."""
 TIP_MM = 1.0
-"""Depth of a hole beyond the screw, and least floor beneath one that does not go through."""
+"""Depth of a hole beyond the screw's tip, and least floor below a hole that does not go through."""
 
 
 def screw_for(hole_mm: float, clamped_mm: float, below_mm: float) -> Screw | None:
-    """The largest screw that passes a hole of `hole_mm` in a plate of `clamped_mm` on a part `below_mm` high.
+    """Return the largest screw for a hole of `hole_mm` in a plate of `clamped_mm` on a part `below_mm` high.
 
-    It is driven into the part below, or goes through it into a nut where that is too low; None where no
-    metric screw passes the hole.
+    It is driven into the part below or, where that part is too low, goes through it into a nut. None where no metric
+    screw passes the hole.
     """
     passing = [size for size in SIZES if size.clearance_mm <= hole_mm + 1e-9]
     if not passing:

@@ -1,4 +1,4 @@
-"""Layouts that hold, with their beams: room first, then resonances and beams for that room."""
+"""Search layouts that work and size their beams: first the room, then resonances and beams for that room."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -19,15 +19,19 @@ from padgen.spec import Spec
 __all__ = ["sites_of", "sized_layouts"]
 
 RINGS, ALIKE_MM = (0.0, 0.8, 1.0), 0.1
-"""Shares of the farthest washer's distance that the others are kept at, where their distances are not alike."""
+"""Shares of the farthest washer's distance at which the nearer ones are kept, tried where distances differ by more
+than `ALIKE_MM`."""
 WORTH_DB = 0.5
-"""What a ring must gain: farther from the axis a washer takes more current, and hears more of the coils around."""
+"""Least gain by keeping washers off the axis, where they take more current and feel more of the coils around."""
 LAYOUTS_SIZED, CHANNELS_SIZED = 24, 600
-"""Layouts with room whose beams are sized before giving up, and channels in all of them."""
+"""Layouts, and channels in all of them, whose beams are sized before the search gives up."""
 
 
 def sized_layouts(spec: Spec, options: Iterable[Layout]) -> Iterator[tuple[Layout, tuple[SizedChannel, ...]]]:
-    """Those of `options` that hold, in their order, with their beams; one division of each grid and count."""
+    """Yield the `options` that work, in their order, with sized beams.
+
+    Of each grid and count of channels only the first division of the cell that works is taken.
+    """
     seen, tried, sized = set(), 0, 0
     for layout in options:
         key = (layout.rows, layout.columns, layout.channels)
@@ -39,28 +43,28 @@ def sized_layouts(spec: Spec, options: Iterable[Layout]) -> Iterator[tuple[Layou
         channels = _beams(spec, layout)
         if channels and _within_reach(spec, layout, channels):
             seen.add(key)
-            yield _evened(spec, layout, channels), channels
+            yield _with_even_pull(spec, layout, channels), channels
 
 
 def _within_reach(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> bool:
-    """Whether every washer overlaps its coil."""
+    """Return whether every washer overlaps its coil."""
     sites = sites_of(spec, layout, channels)
     return max(site.coil_distance_mm for site in sites) <= coil_reach_mm(spec) + SLACK_MM
 
 
-def _evened(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> Layout:
-    """The layout with the washers near the coil's axis farther from it, where the pull is so much more alike then."""
+def _with_even_pull(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> Layout:
+    """Return the layout with near washers moved off the coil's axis, if a more even pull gains over `WORTH_DB`."""
     distances = [site.coil_distance_mm for site in sites_of(spec, layout, channels)]
     if len(channels) < 2 or max(distances) - min(distances) < ALIKE_MM:
         return layout
     rings = [replace(layout, ring_mm=round(share * max(distances), 6)) for share in RINGS]
-    kept_db = [_keeps(spec, ring, channels)[-1] for ring in rings]
+    kept_db = [_selectivity_key(spec, ring, channels)[-1] for ring in rings]
     best = max(range(len(rings)), key=lambda k: kept_db[k])
     return rings[best] if kept_db[best] > kept_db[0] + WORTH_DB else layout
 
 
 def sites_of(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> tuple[Site, ...]:
-    """Where each channel's taxel lies in its cell."""
+    """Return the place of each channel's taxel in its cell."""
     centres = slots(layout)
     return tuple(
         place(spec, layout, centres[k // spec.coil.sets], channel.model.arrangement)
@@ -69,23 +73,23 @@ def sites_of(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> 
 
 
 def _beams(spec: Spec, layout: Layout) -> tuple[SizedChannel, ...] | None:
-    """Beams for the first ladder that prints; optimised, for the ladder that keeps most as printed and pulled."""
-    # The gap below moves no resonance: one search of beams for all of them.
+    """Return beams for the first ladder that prints; with optimised spacing, for the most selective as printed."""
+    # The gap moves no resonance, so that all gaps share one cached search.
     options = _sized(replace(spec, coil=replace(spec.coil, gap_mm=1.0)), layout.channels, room(spec, layout))
     if len(options) < 2:
         return options[0] if options else None
-    return max(options, key=lambda channels: _keeps(spec, layout, channels))
+    return max(options, key=lambda channels: _selectivity_key(spec, layout, channels))
 
 
 @lru_cache(maxsize=64)
 def _sized(spec: Spec, count: int, space: Room) -> tuple[tuple[SizedChannel, ...], ...]:
-    """Beams for the first of the ladders that prints; optimised, for all of them that do."""
+    """Return beams for the first ladder that prints; with optimised spacing, for all ladders that print."""
     sized = (channels for hz in ladders(spec, count, space) if (channels := size_channels(spec, space, hz)))
     return tuple(sized if spec.spacing == "optimised" else islice(sized, 1))
 
 
-def _keeps(spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...]) -> tuple[bool, int, float]:
-    """Sort key: whether what is asked is kept, with how simple a drive, and how much is kept."""
+def _selectivity_key(spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...]) -> tuple[bool, int, float]:
+    """Return a sort key: whether the asked selectivity is kept, how simple the drive is, and the dB kept."""
     figures = plan_selectivity(spec, plan_channels(spec, sized, sites_of(spec, layout, sized)))
     kept_db = inf if figures.kept_db is None else figures.kept_db
     keeps = kept_db >= figures.asked_db

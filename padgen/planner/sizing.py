@@ -1,8 +1,8 @@
-"""Beams for given resonances: width only where it reaches, else thickness and length as well.
+"""Size beams for given resonances: by width alone where that suffices, else by thickness and length as well.
 
-A grid of thicknesses (whole layers) and lengths (what the room holds) is searched with the beam
-model at a few widths; among the choices that change equally little between channels, the one least
-sensitive to the printer's tolerances wins. The widths are then solved for exactly.
+With the beam model a grid of thicknesses (whole layers), lengths (that the room holds) and a few widths is searched.
+Choices in which few dimensions differ between channels come first, among them those least sensitive to the printer's
+tolerances. The widths are then solved for exactly.
 """
 
 from collections.abc import Iterator, Sequence
@@ -34,7 +34,7 @@ THICKNESSES = 16
 
 @dataclass(frozen=True)
 class SizedChannel:
-    """One channel's beam for `target_hz`; `model` evaluates it."""
+    """One channel's beam for a resonance of `target_hz`, and the model of its taxel."""
 
     target_hz: float
     topology: str
@@ -43,7 +43,7 @@ class SizedChannel:
 
 
 def frequency_spread(beam: BeamShape, spread: Spread, exponents: Exponents = STRAIGHT) -> np.ndarray:
-    """Relative spread of f in prints of a calibrated printer, ``f ∝ w^a t^b l^c`` with `exponents` (a, b, c)."""
+    """Return the relative sigma of f by a calibrated printer, for ``f ∝ w^a t^b l^c`` with `exponents` (a, b, c)."""
     sigmas = spread.width_mm, hypot(spread.common_z_mm, spread.bed_field_mm, spread.thickness_mm), spread.length_mm
     terms = zip(exponents, sigmas, beam, strict=True)
     own = sum((power * sigma / np.asarray(size)) ** 2 for power, sigma, size in terms)
@@ -52,12 +52,11 @@ def frequency_spread(beam: BeamShape, spread: Spread, exponents: Exponents = STR
 
 @dataclass(frozen=True)
 class Reach:
-    """What one topology reaches in one room: a grid of beams with their resonances.
+    """A grid of beams of one topology in one room, with their resonances.
 
-    `thickness_mm` (T,), `length_mm` (L,), `width_mm` (T, L, W), `resonance_hz` (T, L, W), nan where it
-    would be no beam. The width
-    runs from the printer's smallest to what the room holds, and rises with the resonance. `apart` (T, L, W) tells, of
-    beams that go round corners, how far the nearest mode is from the working one, relative.
+    The grid has `thickness_mm` (T,), `length_mm` (L,) and `width_mm` (T, L, W), from the printer's smallest width to
+    the widest that the room holds. `resonance_hz` (T, L, W) rises with the width; it is nan for shapes that are no
+    beam. For beams with bends `apart` (T, L, W) is the relative distance of the nearest mode from the working one.
     """
 
     topology: str
@@ -69,11 +68,11 @@ class Reach:
 
     @cached_property
     def span_hz(self) -> tuple[float, float]:
-        """Lowest and highest resonance."""
+        """Lowest and highest resonance in Hz."""
         return float(np.nanmin(self.resonance_hz)), float(np.nanmax(self.resonance_hz))
 
     def widths_for(self, resonance_hz: np.ndarray) -> np.ndarray:
-        """Widths in mm (n, T, L) that give each of `resonance_hz` (n,); nan where none does."""
+        """Return the widths in mm (n, T, L) that give each of `resonance_hz` (n,); nan where none does."""
         target = np.log(resonance_hz)[:, None, None, None]
         at = np.log(self.resonance_hz)
         width = np.log(self.width_mm)
@@ -87,10 +86,10 @@ class Reach:
         return np.where(np.isfinite(found), np.exp(found), np.nan)
 
     def spread(self, width_mm: np.ndarray, spec: Spec) -> np.ndarray:
-        """Relative spread of prints at widths (n, T, L), inf where there is none.
+        """Return the relative spread of prints (n, T, L) at widths (n, T, L) in mm, inf where the width is nan.
 
-        Of beams that bend, the exponents are those of the grid at its nearest width, and a mode that lies on the
-        working one counts like a spread of 100 %.
+        For beams with bends the exponents are the slopes of the grid at its nearest width, and another mode within the
+        half-power width of the working one adds a spread of 100 %.
         """
         beam = BeamShape(width_mm, self.thickness_mm[:, None], self.length_mm)
         spread = frequency_spread(beam, spec.spread)
@@ -108,29 +107,29 @@ class Reach:
 
 
 def layer_thicknesses_mm(printer: Printer, largest_mm: float) -> np.ndarray:
-    """Thicknesses of whole layers up to `largest_mm`, the thin ones all, the thick ones thinned out."""
+    """Return thicknesses in mm of whole layers up to `largest_mm`: all thin ones, and some of the thick ones."""
     count = int((largest_mm - printer.first_layer_mm) / printer.layer_mm + 1e-9) + 1
     layers = np.arange(printer.smallest_beam_layers, max(count, 1) + 1)
     if len(layers) > THICKNESSES:
-        # (np.unique loads all of numpy.ma.)
+        # Not np.unique, which would load all of numpy.ma.
         layers = np.array(sorted({round(n) for n in np.geomspace(layers[0], layers[-1], THICKNESSES).tolist()}))
     return np.round(printer.first_layer_mm + (layers - 1) * printer.layer_mm, 6)
 
 
 def reach(spec: Spec, topology: str, room: Room) -> Reach | None:
-    """The `Reach` of `topology` in `room`, None where it does not fit at all."""
-    found = _reach(_of_one_taxel(spec), topology, room, SUSPENSIONS.changes)
-    # A resonance goes with the root of the modulus, exactly.
+    """Return the `Reach` of `topology` in `room`, or None where no such beam fits."""
+    found = _reach(_beam_fields_only(spec), topology, room, SUSPENSIONS.changes)
+    # Resonances are exactly proportional to the root of the modulus.
     root = sqrt(spec.material.youngs_modulus_gpa)
     return found and replace(found, resonance_hz=found.resonance_hz * root)
 
 
-def _of_one_taxel(spec: Spec) -> Spec:
-    """`spec` without what a single taxel's grid of beams does not depend on but for the modulus, which is 1 GPa.
+def _beam_fields_only(spec: Spec) -> Spec:
+    """Reduce `spec` to the fields that affect a taxel's grid of beams, so that variants share one cached grid.
 
-    So variants share what is known of it.
+    The modulus becomes 1 GPa, since resonances go with its root.
     """
-    # The topology is an argument of its own, and which dimensions may differ is asked later.
+    # `_reach` has the topology as an argument, and `tune` only matters when a beam is chosen from the grid.
     suspension = replace(spec.suspension, topology=Suspension().topology, tune=Suspension().tune)
     size = Pad(frame_thickness_mm=spec.pad.frame_thickness_mm, rib_mm=spec.pad.rib_mm)
     material = replace(spec.material, youngs_modulus_gpa=1.0)
@@ -154,7 +153,7 @@ def _reach(spec: Spec, topology: str, room: Room, changes: int) -> Reach | None:
     width = np.geomspace(narrowest, max(widest, narrowest * (1 + 1e-6)), WIDTHS)
     thick, long, wide = np.meshgrid(thickness, length, width, indexing="ij", sparse=True)
     model = TaxelModel(spec, topology, plate, BeamShape(wide, thick, long))
-    # Nothing shorter than it is thick is a beam.
+    # A piece shorter than its thickness is no beam.
     resonance = np.where(long >= thick, np.maximum.accumulate(model.resonance_hz, axis=-1), np.nan)
     every = np.broadcast_to(wide, resonance.shape)
     apart = None if model.is_straight else np.sort(np.abs(model.modes.frequency_hz / model.resonance_hz[..., None] - 1))
@@ -174,14 +173,14 @@ def _grid(spec: Spec, shortest: float, longest: float) -> tuple[np.ndarray, np.n
     floor = np.floor(longest / LENGTH_STEP_MM + 1e-6) * LENGTH_STEP_MM
     length = np.linspace(min(shortest, floor), floor, LENGTHS)
     length = np.round(np.round(length / LENGTH_STEP_MM) * LENGTH_STEP_MM, 6)
-    return thickness, length[length > 0]  # the shortest, a gap, may be less than half a step
+    return thickness, length[length > 0]  # a shortest length below half a step is rounded to 0
 
 
 def size_channels(spec: Spec, room: Room, resonance_hz: tuple[float, ...]) -> tuple[SizedChannel, ...] | None:
-    """Beams whose taxels resonate at `resonance_hz` in `room`; None where the room reaches not all.
+    """Return beams whose taxels resonate at `resonance_hz` in `room`; None where some resonance is out of reach.
 
-    The first choice (in the order of `_choices`) whose other modes stay clear of the channels wins;
-    if none does, the first choice at all, and the plan's findings tell.
+    The first choice (in the order of `_choices`) whose other modes lie on no channel wins. If there is none, it is the
+    first choice of all, and the plan's findings warn of the modes.
     """
     targets = np.asarray(resonance_hz)
     reaches = [r for name in allowed(spec.suspension.topology) if (r := reach(spec, name, room)) is not None]
@@ -189,7 +188,9 @@ def size_channels(spec: Spec, room: Room, resonance_hz: tuple[float, ...]) -> tu
     for tried, channels in enumerate(_solved(spec, _choices(spec, reaches, targets), targets)):
         if channels is None:
             continue
-        if not crowded_modes(spec, channels) and not any(_doubled(spec, channel.model) for channel in channels):
+        if not crowded_modes(spec, channels) and not any(
+            _has_doubled_mode(spec, channel.model) for channel in channels
+        ):
             return channels
         first = first or channels
         if tried >= min(TRIES * len(_STEPS), MOST_BEAMS // len(targets)):
@@ -198,13 +199,13 @@ def size_channels(spec: Spec, room: Room, resonance_hz: tuple[float, ...]) -> tu
 
 
 Pick = tuple[Reach, int, int, float]
-"""Reach, index of thickness, index of length, first guess of the width in mm."""
+"""A beam on a grid: its `Reach`, indices of thickness and length, and a first guess of its width in mm."""
 
 _STEPS = ("width", "width+thickness", "width+length", "width+thickness+length")
 
 
 def _choices(spec: Spec, reaches: list[Reach], targets: np.ndarray) -> Iterator[list[Pick]]:
-    """Choices of a beam per channel, those first that change fewest dimensions, then the least sensitive."""
+    """Yield choices of a beam for each channel: those with the fewest different dimensions first, then the robust."""
     tables = []
     for item in reaches:
         width = item.widths_for(targets)
@@ -212,7 +213,7 @@ def _choices(spec: Spec, reaches: list[Reach], targets: np.ndarray) -> Iterator[
         tables.append((item, width, spread))
     allowed, kind = set(spec.suspension.tune.split("+")), spec.suspension.topology
     mixes = len(tables) > 1 and allowed > {"width"}
-    # Members of a family differ in a number: to mix them is to tune one dimension more.
+    # Members of a family differ only in a number, so that mixing them tunes just one more dimension: try this first.
     if mixes and kind != "auto":
         yield from _mixed(tables)
     for step in _STEPS:
@@ -227,8 +228,8 @@ def _choices(spec: Spec, reaches: list[Reach], targets: np.ndarray) -> Iterator[
 
 
 def _ranked(step: str, item: Reach, width: np.ndarray, spread: np.ndarray) -> list[tuple[float, list[Pick]]]:
-    """The best choices of one topology in which only the dimensions of `step` differ, with their worst spread."""
-    # Dimensions that may differ are searched for the best, for each value of those that may not.
+    """Return the best choices of one topology in which only the dimensions of `step` differ, with the worst spread."""
+    # For each value of the dimensions that all channels share, every channel takes its best value of the others.
     free = [axis for axis, name in ((1, "thickness"), (2, "length")) if name in step]
     best = spread.min(axis=tuple(free), keepdims=True) if free else spread
     worst = best.max(0)
@@ -246,7 +247,7 @@ def _ranked(step: str, item: Reach, width: np.ndarray, spread: np.ndarray) -> li
 
 
 def _mixed(tables: list[tuple[Reach, np.ndarray, np.ndarray]]) -> Iterator[list[Pick]]:
-    """One choice in which every channel takes the topology that is least sensitive for it."""
+    """Yield one choice in which every channel takes its topology with the smallest spread, if all can be reached."""
     count = len(tables[0][1])
     picks: list[Pick] = []
     for i in range(count):
@@ -261,15 +262,15 @@ def _mixed(tables: list[tuple[Reach, np.ndarray, np.ndarray]]) -> Iterator[list[
 def _solved(
     spec: Spec, choices: Iterator[list[Pick]], targets: np.ndarray
 ) -> Iterator[tuple[SizedChannel, ...] | None]:
-    """Of each choice the beams that print, None where a target is not reached or two channels would be the same.
+    """Yield the printable beams of each choice; None where a target is not reached or two channels would be the same.
 
-    The first choice does most often. The others are worked out some at a time, which is quicker, where a beam for a
-    printer of coarse steps is not itself searched for.
+    The first choice usually works. The others are computed several at a time, which is faster, unless the printer's
+    steps are coarse: then each beam takes a search of its own.
     """
     at_once, known = 1 if steps_are_coarse(spec) else 2 * TRIES, set[tuple[Any, ...]]()
 
     def is_new(picks: list[Pick]) -> bool:
-        # More freedom often finds the same beams again.
+        # With more dimensions free the same beams are often found again.
         before = len(known)
         known.add(tuple((reach.topology, *rest) for reach, *rest in picks))
         return len(known) > before
@@ -283,16 +284,16 @@ def _solved(
         for own in ideal:
             found = zip(targets[: len(own)].tolist(), models, strict=False)
             channels = tuple(SizedChannel(hz, model.topology, model.beam, model) for hz, model in found)
-            # In steps too coarse for the ladder, two targets may have the same beam.
+            # With steps too coarse for the ladder, two targets may get the same beam.
             apart = all(a.model.resonance_hz < b.model.resonance_hz for a, b in pairwise(channels))
             yield channels if channels and (apart or spec.resonances_hz) else None
         some = list(islice(choices, at_once))
 
 
 def _ideal_beams(spec: Spec, choices: list[list[Pick]], targets: np.ndarray) -> list[list[IdealBeam]]:
-    """The beams of each choice with their widths solved for; none where a target is not reached.
+    """Return the beams of each choice with widths solved for its targets; an empty list where one is not reached.
 
-    Channels of one topology are solved together.
+    The beams of one topology are solved together, which is faster.
     """
     ideal: list[dict[int, IdealBeam]] = [{} for _ in choices]
     every = [(c, i, pick) for c, picks in enumerate(choices) for i, pick in enumerate(picks)]
@@ -306,7 +307,7 @@ def _ideal_beams(spec: Spec, choices: list[list[Pick]], targets: np.ndarray) -> 
             np.array([p[0].length_mm[p[2]] for p in chosen]),
         )
         spans = np.array([p[0].width_mm[p[1], p[2], [0, -1]] for p in chosen])
-        beam, found = _width_solved(spec, name, beam, (spans[:, 0], spans[:, 1]), targets[index], group)
+        beam, found = _solve_widths(spec, name, beam, (spans[:, 0], spans[:, 1]), targets[index], group)
         reached = np.abs(found / targets[index] - 1) <= RESONANCE_TOLERANCE
         for k, (c, i, pick) in enumerate(own):
             lengths, width = pick[0].length_mm, (float(spans[k, 0]), float(spans[k, 1]))
@@ -317,7 +318,7 @@ def _ideal_beams(spec: Spec, choices: list[list[Pick]], targets: np.ndarray) -> 
 
 
 def _models(spec: Spec, names: Sequence[str], beams: Sequence[BeamShape]) -> list[TaxelModel]:
-    """A model of each beam; those of one topology are worked out together, which is quicker."""
+    """Return a model of each beam; those of one topology are computed together, which is faster."""
     plate = plate_shape(spec)
     models: dict[int, TaxelModel] = {}
     for name in dict.fromkeys(names):
@@ -328,10 +329,10 @@ def _models(spec: Spec, names: Sequence[str], beams: Sequence[BeamShape]) -> lis
 
 
 RESONANCE_TOLERANCE = 2e-3
-"""What the search for a width may leave; printing in steps adds to it."""
+"""Relative error of a resonance up to which a solved width is accepted; rounding to the printer's steps adds to it."""
 
 
-def _width_solved(
+def _solve_widths(
     spec: Spec,
     topology: str,
     beam: BeamShape,
@@ -339,9 +340,10 @@ def _width_solved(
     targets: np.ndarray,
     group: np.ndarray,
 ) -> tuple[BeamShape, np.ndarray]:
-    """Beams of solved widths and their resonances: they rise with the width, so a secant in log-log converges.
+    """Solve for widths with which beams resonate at `targets` (k,); return the beams and their resonances in Hz.
 
-    Each `group` of beams is left as it is when all of it is solved.
+    Resonances rise with the width, so that a secant in logarithms of both converges. The beams of a `group` (k,) are
+    kept as they are once all of the group are solved.
     """
     plate = plate_shape(spec)
     slope = np.full(len(targets), 0.5)
@@ -363,19 +365,21 @@ def _width_solved(
     return beam, TaxelModel(spec, topology, plate, beam).resonance_hz
 
 
-def _doubled(spec: Spec, model: TaxelModel) -> bool:
-    """Tell if another mode lies within the half-power width of the working one, on beams with bends: with no plane of
-    symmetry the two mix."""
+def _has_doubled_mode(spec: Spec, model: TaxelModel) -> bool:
+    """Return whether another mode of beams with bends lies within the half-power width of the working one.
+
+    Without a plane of symmetry two such modes mix.
+    """
     hz = np.delete(model.modes.frequency_hz, int(model.working))
     return not model.is_straight and bool((np.abs(hz / model.resonance_hz - 1) < 1 / spec.q_min).any())
 
 
 def crowded_modes(spec: Spec, channels: tuple[SizedChannel, ...]) -> list[tuple[int, float, int, float]]:
-    """Modes that sit on a channel: (channel, its other mode in Hz, channel sat on, response).
+    """Return the modes that lie on another channel: (channel, its mode in Hz, the other channel, response).
 
-    A mode sits on a channel when it lies in that channel's slot and answers its force with more than
-    1/Δy of the taxel's own ON amplitude; the response at the mode's peak is the ratio. Modes that a
-    vertical pull at the washer does not excite cannot.
+    A mode lies on a channel if it is in that channel's slot and that channel's force moves it by more than 1/Δy of the
+    taxel's own ON amplitude. The response is this ratio at the mode's peak. Modes that a vertical pull at the washer
+    does not excite never count.
     """
     half_slot, sets = slot_half_width(spec.q_min, spec.delta_y), spec.coil.sets
     resonance = np.array([float(c.model.resonance_hz) for c in channels])

@@ -1,4 +1,4 @@
-"""A taxel whose modes were solved from the printed solid, in the place of the beam model."""
+"""Model a taxel by modes that finite elements solved for its printed solid, in place of the beam model."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,15 +13,15 @@ from padgen.spec import Spec
 __all__ = ["SolvedModel", "asked_error", "solved_model"]
 
 FINEST = 2e-3
-"""Relative error that finite elements are asked for."""
+"""Smallest relative error of a resonance that finite elements are asked for."""
 
 
 @dataclass(frozen=True)
 class SolvedModel(TaxelModel):
-    """One taxel by 3-D elasticity: `solved` gives its modes, `solver_error` is what they may be off by.
+    """One taxel by 3-D elasticity: `solved` has its modes, `solver_error` their relative error.
 
-    Sag and stress are the beam model's, scaled by the stiffness of the working mode: both go with the
-    bending moment at a beam's root.
+    Sag and stress are the beam model's, scaled by the ratio of the working modes' stiffnesses: both go with the bending
+    moment at a beam's root.
     """
 
     solved: TaxelModes
@@ -39,38 +39,38 @@ class SolvedModel(TaxelModel):
 
     @property
     def error_estimate(self) -> np.ndarray:
-        """What the finite elements may be off by."""
+        """Relative error of the resonance by finite elements."""
         return np.asarray(self.solver_error)
 
     @property
     def beam_error(self) -> float | None:
-        """How far the beam model's resonance is off, relative."""
+        """Relative error of the beam model's resonance, against the solved one."""
         return float(self.beam_model.resonance_hz / self.resonance_hz - 1)
 
     @property
     def sag_m(self) -> np.ndarray:
-        """Sag of the washer under its own weight."""
-        return np.asarray(self.beam_model.sag_m / self._stiffer)
+        """Sag in m of the washer under the weight of the taxel."""
+        return np.asarray(self.beam_model.sag_m / self._stiffness_ratio)
 
     @property
     def hardening_per_m2(self) -> np.ndarray:
-        """Hardening by beams that stretch, the beam model's."""
+        """Hardening in 1/m² by beams that stretch, from the beam model."""
         return self.beam_model.hardening_per_m2
 
     def root_stress_pa(self, level_m: np.ndarray) -> np.ndarray:
-        """Largest bending stress of the beams when the washer moves by `level_m`."""
-        return np.asarray(self.beam_model.root_stress_pa(level_m) * self._stiffer)
+        """Return the largest bending stress in Pa of the beams when the washer moves by `level_m`."""
+        return np.asarray(self.beam_model.root_stress_pa(level_m) * self._stiffness_ratio)
 
     @property
-    def _stiffer(self) -> np.ndarray:
+    def _stiffness_ratio(self) -> np.ndarray:
         return np.asarray(self.stiffness_n_per_m / self.beam_model.stiffness_n_per_m)
 
 
 def solved_model(model: TaxelModel, solved: TaxelModes, solver_error: float) -> SolvedModel:
-    """`model` with its modes replaced."""
+    """Return `model` with its modes replaced by the solved ones."""
     return SolvedModel(model.spec, model.topology, model.plate, model.beam, solved, solver_error)
 
 
 def asked_error(spec: Spec) -> float:
-    """Relative error to which a solid's resonance must be known to count as tuned."""
+    """Return the relative error within which a solid's resonance must be known to count as tuned."""
     return min(FINEST, spec.model.tolerance)

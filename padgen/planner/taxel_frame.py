@@ -1,7 +1,7 @@
-"""A taxel as a frame of elements: beams as they flare, crossbar and neck as beams of their own.
+"""Model a taxel as a frame of beam elements: beams with flared roots, crossbar and neck as flexible beams.
 
-One step above `TaxelModel`, which takes a crossbar as rigid but for its twist, and a beam's mass as
-that of the cubic deflection. Washer and plate stay rigid.
+It is one step more exact than `TaxelModel`, which lets a crossbar only twist and takes a beam's mass from its static
+cubic deflection. Washer and plate stay rigid.
 """
 
 from itertools import pairwise
@@ -21,14 +21,14 @@ __all__ = ["taxel_frame"]
 FLARE_ELEMENTS = 4
 INNER_MOTIONS = 2
 MOST_TURN_RAD = pi / 12
-"""Of an arc within one element: chords are shorter by 0.3 %."""
+"""Largest turn of an arc within one element: its chord is 0.3 % shorter than the arc."""
 
 
 def taxel_frame(model: TaxelModel, elements: int = 4, *, rigid_crossbar: bool = False) -> Frame:
-    """The frame of one taxel in its own axes, in m, with `elements` along each beam beyond its flare.
+    """Return the frame of one taxel in its own axes, in m, with `elements` along each beam beyond its flare.
 
-    The first body is the plate with boss and washer; its modes' `body_motion[:, 0]` is at its centroid.
-    With `rigid_crossbar` crossbar and neck are rigid and the beams' tips give for them, as in `TaxelModel`.
+    The first body is the plate with boss and washer: in the frame's modes `body_motion[:, 0]` is at its centroid. With
+    `rigid_crossbar` crossbar and neck are rigid, and the beams' tips have their compliance instead, as in `TaxelModel`.
     """
     builder = _Builder(model)
     whole = rigid_crossbar or not model.arrangement.yoke
@@ -40,7 +40,7 @@ def taxel_frame(model: TaxelModel, elements: int = 4, *, rigid_crossbar: bool = 
 
 
 def _stations(path: BeamPath, fillet: float, elements: int) -> list[tuple[int, float]]:
-    """Where elements begin and end along a beam, as segment and share of it: some within the flare at the root."""
+    """Return where elements begin and end along a beam: (segment, share of its length), closer in the root's flare."""
     stations: list[tuple[int, float]] = []
     flare = min(fillet / (float(path.segments[0].length_mm) * MM), 1.0)
     for index, segment in enumerate(path.segments):
@@ -54,7 +54,7 @@ def _stations(path: BeamPath, fillet: float, elements: int) -> list[tuple[int, f
 
 
 class _Builder:
-    """Collects nodes and elements of one taxel."""
+    """Collects the nodes and elements of one taxel's frame."""
 
     def __init__(self, model: TaxelModel) -> None:
         self.model = model
@@ -64,23 +64,23 @@ class _Builder:
         self.roots: list[int] = []
 
     def frame(self, bodies: list[AttachedBody]) -> Frame:
-        """All that was collected, with these bodies."""
+        """Return the frame of all collected nodes and elements, with these bodies."""
         return Frame(
             np.array(self.nodes), tuple(self.elements), tuple(bodies), tuple(self.roots), bubbles=INNER_MOTIONS
         )
 
     def node(self, place: np.ndarray) -> int:
-        """A node at `place` (3,) in m; its index."""
+        """Add a node at `place` (3,) in m and return its index."""
         self.nodes.append(np.asarray(place, float))
         return len(self.nodes) - 1
 
     def bar(self, start: int, end: int, section: Section) -> None:
-        """An element of the taxel's material."""
+        """Add an element of the taxel's material between two nodes."""
         shear_modulus = self.modulus / (2 * (1 + self.poisson))
         self.elements.append(Element(start, end, section, self.modulus, shear_modulus, self.density))
 
     def beam(self, index: int, elements: int, *, with_yoke: bool) -> int:
-        """One beam from its root, which is clamped; the index of its tip's node."""
+        """Add one beam, clamped at its root, and return the index of its tip's node."""
         placement, path = self.model.placements[index], self.model.arrangement.beams[index]
         section, places, at = placement.section, [], []
         if not with_yoke:
@@ -94,19 +94,22 @@ class _Builder:
         self.roots.append(nodes[0])
         for (start, end), (low, high) in zip(pairwise(nodes), pairwise(at), strict=True):
             piece = path.segments[int(np.searchsorted(before, (low + high) / 2)) - 1]
-            self.bar(start, end, self._slice(section, (low + high) / 2, piece))
-        self._hinge(section, len(nodes) - 1)
+            self.bar(start, end, self._section_at(section, (low + high) / 2, piece))
+        self._add_hinges(section, len(nodes) - 1)
         return nodes[-1]
 
-    def _hinge(self, section: BeamSection, count: int) -> None:
-        """Let both ends of the last `count` elements, which are a beam's, turn about its axis as much as they give."""
+    def _add_hinges(self, section: BeamSection, count: int) -> None:
+        """Add hinges at both ends of a beam, the last `count` elements, as compliant as the parts that hold it."""
         parts = flexibility(section, self.modulus, self.poisson)
         root, tip = self.elements[-count], self.elements[-1]
         self.elements[-count] = root._replace(hinge_start=(float(parts.root), float(parts.lateral_root)))
         self.elements[-1] = tip._replace(hinge_end=(float(parts.tip), float(parts.lateral_tip)))
 
-    def _slice(self, section: BeamSection, at: float, piece: Segment) -> Section:
-        """The section at `at` from the root, on a `piece`; what the ends give in shear and twist is spread along it."""
+    def _section_at(self, section: BeamSection, at: float, piece: Segment) -> Section:
+        """Return the section at `at` m from the root, on a `piece` of the path.
+
+        The compliance of the beam's ends in shear and twist is spread along the beam.
+        """
         radius = float(section.fillet)
         flare = 2 * (radius - np.sqrt(max(radius**2 - max(radius - at, 0.0) ** 2, 0.0)))
         parts = flexibility(section, self.modulus, self.poisson)
@@ -123,7 +126,7 @@ class _Builder:
         )
 
     def yoke(self, plate: Block, neck: Block, crossbar: Block, tips: list[int]) -> list[AttachedBody]:
-        """Neck and arms of the crossbar between the plate and the beams' tips; the bodies that join them."""
+        """Add neck and crossbar between plate and beams' tips; return the plate and the bodies that join the parts."""
         height = float(crossbar.height_mm) * MM
         middle_x = float(crossbar.low_x_mm + crossbar.high_x_mm) / 2 * MM
         half_neck = float(neck.high_y_mm) * MM
@@ -136,19 +139,19 @@ class _Builder:
             outer = self.node(np.array([middle_x, y, height / 2]))
             self.bar(inner, outer, bar)
             joint.append(inner)
-            bodies.append(AttachedBody(self._bare(outer), (tip, outer)))
+            bodies.append(AttachedBody(self._massless_joint(outer), (tip, outer)))
         fast = self.node(np.array([float(neck.low_x_mm) * MM, 0.0, height / 2]))
         end = self.node(np.array([float(neck.high_x_mm) * MM, 0.0, height / 2]))
         self.bar(fast, end, rectangle(2 * half_neck, height, self.poisson))
-        bodies.append(AttachedBody(self._middle(crossbar, half_neck), (end, *joint)))
+        bodies.append(AttachedBody(self._crossbar_middle(crossbar, half_neck), (end, *joint)))
         return [AttachedBody(self.model.body_of([plate]), (fast,)), *bodies]
 
-    def _middle(self, crossbar: Block, half_neck: float) -> RigidBody:
-        """The crossbar's middle, as wide as the neck that it is fast to."""
+    def _crossbar_middle(self, crossbar: Block, half_neck: float) -> RigidBody:
+        """Return the middle of the crossbar as a rigid body, as wide as the neck that is attached to it."""
         low, high = float(crossbar.low_x_mm) * MM, float(crossbar.high_x_mm) * MM
         height = float(crossbar.height_mm) * MM
         return box((low, -half_neck, 0.0), (high, half_neck, height), self.density)
 
-    def _bare(self, node: int) -> RigidBody:
-        """A joint without mass."""
+    def _massless_joint(self, node: int) -> RigidBody:
+        """Return a body without mass at a node, to join elements there."""
         return RigidBody(np.zeros(()), self.nodes[node], np.zeros((3, 3)))

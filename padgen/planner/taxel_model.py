@@ -1,7 +1,7 @@
-"""The beam model of one taxel: from dimensions in mm to resonance, mass, modes and stress.
+"""Model one taxel by beam theory: from dimensions in mm to resonance, mass, modes and stress.
 
-This is where drawing dimensions become the SI arrays of `padgen.physics`. Everything takes arrays
-of beam shapes, so that a grid of candidates costs one call.
+This module turns dimensions in mm into the SI arrays of `padgen.physics`. Everything takes arrays of beam shapes, so
+that a grid of candidates costs one call.
 """
 
 from collections.abc import Callable, Sequence
@@ -36,14 +36,14 @@ __all__ = [
 THINNEST_WALL_MM = 1e-3
 Exponents = tuple[Any, Any, Any]
 STRAIGHT: Exponents = (0.5, 1.5, -1.5)
-"""Exponents of width, thickness and length that a resonance goes with, of straight beams."""
+"""Exponents a, b, c of a resonance ``f ∝ w^a t^b l^c`` on straight beams (width, thickness, length)."""
 STEP = 1e-3
-"""Relative step of a dimension for exponents."""
+"""Relative step of a dimension for the numerical exponents of bent beams."""
 SAME_M = 1e-15
 
 
 def plate_shape(spec: Spec) -> PlateShape:
-    """The plate: as the spec says, or just the washer recess and one wall around it."""
+    """Return the plate: as the spec says, else the boss or the washer's recess with a wall around, if larger."""
     walled = recess_mm(spec)[0] + 2 * spec.printer.line_width_mm
     taxel = spec.taxel
     return PlateShape(
@@ -54,25 +54,28 @@ def plate_shape(spec: Spec) -> PlateShape:
 
 
 def shortest_mm(spec: Spec, topology: str) -> float:
-    """Length in mm of the shortest beam that fits the plate and that the printer lays as drawn."""
+    """Return the length in mm of the shortest beam that fits the plate and that the printer lays as drawn."""
     least = suspension(topology).shortest(plate_shape(spec), spec.printer.smallest_gap_mm)
     return max(least, spec.printer.shortest_beam_mm)
 
 
 def recess_mm(spec: Spec) -> tuple[float, float]:
-    """Diameter and depth in mm of the recess below the plate."""
+    """Return diameter and depth in mm of the recess in the plate's underside."""
     return spec.washer.outer_diameter_mm + spec.taxel.washer_clearance_mm, spec.recess_depth_mm
 
 
 def post_diameter_mm(spec: Spec) -> float:
-    """Diameter in mm of the centre post, 0 for none."""
+    """Return the diameter in mm of the recess's centre post, 0 where it has none."""
     bore = spec.washer.inner_diameter_mm - spec.taxel.washer_clearance_mm
     return bore if spec.taxel.centre_post and bore >= spec.printer.line_width_mm else 0.0
 
 
 def fillet_mm(spec: Spec, arrangement: Arrangement) -> Any:
-    """Radius in mm of the root fillets: as the spec says, less where the window or a short beam leaves
-    less room (beyond them it must be as long as the printer's shortest), none where a beam begins with an arc."""
+    """Return the radius in mm of the root fillets: the spec's, or less where there is less room.
+
+    The window limits it, and so does a short beam: beyond its fillets it must be as long as the printer's shortest. A
+    beam that begins with an arc has none.
+    """
     first = [path.segments[0] for path in arrangement.beams]
     room = (np.minimum(s.length_mm / 3, s.length_mm - spec.printer.shortest_beam_mm) for s in first)
     straight = (np.where(s.turn_rad, 0.0, own) for s, own in zip(first, room, strict=True))
@@ -80,8 +83,8 @@ def fillet_mm(spec: Spec, arrangement: Arrangement) -> Any:
     return np.clip(np.minimum(arrangement.root_clearance_mm, short), 0, spec.taxel.fillet_mm)
 
 
-def _of_array(method: "Callable[[TaxelModel], np.ndarray]") -> "Callable[[TaxelModel], np.ndarray]":
-    """Take the value of a taxel that belongs to an array from there."""
+def _from_array(method: "Callable[[TaxelModel], np.ndarray]") -> "Callable[[TaxelModel], np.ndarray]":
+    """Make a method take its value from the array's model where the taxel belongs to one (`member_of`)."""
 
     @wraps(method)
     def value(model: "TaxelModel") -> np.ndarray:
@@ -98,9 +101,9 @@ def _of_array(method: "Callable[[TaxelModel], np.ndarray]") -> "Callable[[TaxelM
 class TaxelModel:
     """One taxel, or an array of taxels of one topology, by the beam model.
 
-    `frame_depth_mm` is how deep the frame is behind a root, up to what holds it: half a rib when absent.
-    `member_of` is the model of an array that the taxel belongs to, and its index there: what is dear is worked
-    out for all of an array at once.
+    `frame_depth_mm` is the depth of the frame behind a root up to where it is held, half a rib by default. `member_of`
+    is the model of an array of taxels and this taxel's index in it: slow steps are computed for the whole array at
+    once.
     """
 
     spec: Spec
@@ -112,23 +115,23 @@ class TaxelModel:
 
     @cached_property
     def arrangement(self) -> Arrangement:
-        """Beams, blocks and window in mm."""
+        """Beams, blocks and window of the taxel, in mm."""
         return suspension(self.topology).arrange(
             self.plate, BeamShape(*(np.asarray(v, float) for v in self.beam)), self.spec.printer.smallest_gap_mm
         )
 
     @property
     def plastic_share(self) -> Any:
-        """Plastic of plate and boss over what is drawn of it; 1, since no print is known."""
+        """Plastic in the printed plate and boss over that drawn: 1 here, where nothing is known of a print."""
         return 1.0
 
     @cached_property
     def body(self) -> RigidBody:
-        """What moves as one, without the beams: plate, boss, washer, glue, less the recess."""
+        """The rigid moving body without the beams: plate, boss, washer and glue, less the recess."""
         return self.body_of(self.arrangement.blocks)
 
     def body_of(self, blocks: Sequence[Block]) -> RigidBody:
-        """These `blocks` with boss, washer and glue, less the recess, as one."""
+        """Return one rigid body made of `blocks`, boss, washer and glue, less the recess."""
         spec, taxel = self.spec, self.spec.taxel
         density = spec.material.density_g_per_cm3 * G_PER_CM3 * self.plastic_share
         top = taxel.plate_thickness_mm * MM
@@ -155,7 +158,7 @@ class TaxelModel:
 
     @cached_property
     def placements(self) -> list[BeamPlacement]:
-        """The beams in SI units, where they meet the body."""
+        """The beams in SI units: sections, and places and directions of their tips at the body."""
         fillet = fillet_mm(self.spec, self.arrangement) * MM
         placements: list[BeamPlacement] = []
         for path in self.arrangement.beams:
@@ -164,7 +167,7 @@ class TaxelModel:
             pieces = () if path.is_straight else tuple((s.length_mm * MM, s.turn_rad) for s in path.segments)
             across = self.spec.material.cross_layer_ratio
             bare = BeamSection(width, thickness, path.length_mm * MM, fillet, path=pieces, across=across)
-            section = next((p.section for p in placements if _alike(p.section, bare)), None)
+            section = next((p.section for p in placements if _same_section(p.section, bare)), None)
             if section is None:
                 section = on_elastic_ends(bare, self._surroundings, self.spec.material.poisson_ratio)
             tip = path.corners[-1]
@@ -174,7 +177,7 @@ class TaxelModel:
 
     @cached_property
     def _surroundings(self) -> Surroundings:
-        """The parts that hold the beams' ends."""
+        """Sizes in m of the parts that hold the beams' ends."""
         diameter, depth = recess_mm(self.spec)
         frame = self.spec.pad.rib_mm / 2 if self.frame_depth_mm is None else self.frame_depth_mm
         wall = max((self.plate.length_mm - diameter) / 2, THINNEST_WALL_MM)
@@ -183,7 +186,7 @@ class TaxelModel:
         return Surroundings(frame * MM, wall * MM, depth * MM, diameter / 2 * MM, size)
 
     def beside_yoke(self, section: BeamSection) -> BeamSection:
-        """A beam with what its ends give, but for the yoke that its tip may be joined to."""
+        """Return a beam section with the compliance of its ends, except that of the yoke at its tip."""
         around = self._surroundings._replace(yoke=YokeSize(0.0, 1.0, 1.0, 0.0, 1.0))
         return on_elastic_ends(section, around, self.spec.material.poisson_ratio)
 
@@ -199,7 +202,7 @@ class TaxelModel:
 
     @cached_property
     def modes(self) -> Modes:
-        """All six modes."""
+        """The six modes of the body on its beams."""
         if self.member_of:
             array, index = self.member_of
             return Modes(*(part[index] for part in array.modes))
@@ -207,12 +210,12 @@ class TaxelModel:
 
     @cached_property
     def washer_point_m(self) -> np.ndarray:
-        """Where the pull acts and the finger feels, in m: the washer's axis."""
+        """Place (…, 3) in m of the washer's axis at z = 0, where the pull acts and the finger touches."""
         x = np.asarray(self.arrangement.washer_x_mm * MM)
         return np.stack([x, 0 * x, 0 * x], -1)
 
     @cached_property
-    @_of_array
+    @_from_array
     def compliances(self) -> np.ndarray:
         """Static compliance (…, 6) in m/N that each mode adds to a vertical force at the washer."""
         vertical = self.modes.at_point(self.washer_point_m)[..., 2, :]
@@ -220,49 +223,49 @@ class TaxelModel:
         return vertical**2 / angular**2
 
     @cached_property
-    @_of_array
+    @_from_array
     def working(self) -> np.ndarray:
-        """Index of the mode that the washer's pull moves most: the channel's own."""
+        """Index (…,) of the working mode: the one that a vertical pull on the washer moves most."""
         return np.asarray(self.compliances.argmax(-1))
 
     @cached_property
-    @_of_array
+    @_from_array
     def resonance_hz(self) -> np.ndarray:
-        """Resonance of the working mode."""
+        """Resonance (…,) of the working mode."""
         return _take(self.modes.frequency_hz, self.working)
 
     @cached_property
-    @_of_array
+    @_from_array
     def stiffness_n_per_m(self) -> np.ndarray:
-        """Stiffness of the working mode at the washer."""
+        """Stiffness (…,) of the working mode at the washer."""
         return 1 / _take(self.compliances, self.working)
 
     @cached_property
-    @_of_array
+    @_from_array
     def effective_mass_kg(self) -> np.ndarray:
-        """Mass of the working mode at the washer."""
+        """Mass (…,) of the working mode at the washer."""
         return self.stiffness_n_per_m / (2 * np.pi * self.resonance_hz) ** 2
 
     @cached_property
-    @_of_array
+    @_from_array
     def rule_hz(self) -> np.ndarray:
-        """Resonance by the paper's point-mass rule (Eq. 1-2): all of the body at the beam's tip."""
+        """Resonance (…,) by the paper's point-mass rule (Eq. 1-2): the whole body at the beam's tip."""
         rule = suspension(self.topology)
         width, thickness, length = (np.asarray(v, float) * MM for v in self.beam)
         one = rule_stiffness(self.elastic[0], width, thickness, length, rule.END_FACTOR)
         return np.asarray(natural_frequency(rule.BEAMS * one, self.body.mass))
 
     @cached_property
-    @_of_array
+    @_from_array
     def sag_m(self) -> np.ndarray:
-        """Sag of the washer under the weight of body and beams."""
+        """Sag (…,) of the washer under the weight of body and beams."""
         return self.modes.sag(self.washer_point_m)
 
     @property
     def second_mode(self) -> tuple[float, float]:
-        """Frequency in Hz and share of the static compliance of the mode nearest in ratio to the working one.
+        """Frequency in Hz and share of the static compliance of the mode nearest to the working one; for one taxel.
 
-        Of a single taxel. The share is 0 where a pull at the washer's axis does not excite it.
+        The share is over the working mode's, and 0 where a pull at the washer's axis does not excite the mode.
         """
         working = int(self.working)
         others = [k for k in range(6) if k != working]
@@ -272,40 +275,40 @@ class TaxelModel:
 
     @property
     def beam_error(self) -> float | None:
-        """How far the beam model's resonance is off the solid's; None, since no solid was solved."""
+        """Relative error of the beam model's resonance; None here, where no solid was solved."""
         return None
 
     @property
     def error_estimate(self) -> np.ndarray:
-        """Relative error (…,) within which the resonance is, most likely (`mode_errors`)."""
+        """Relative error (…,) within which the resonance most likely lies (`mode_errors`)."""
         return _take(self.mode_errors, self.working)
 
     @property
     def is_straight(self) -> bool:
-        """Tell whether no beam bends round a corner."""
+        """True where no beam has a bend."""
         return all(path.is_straight for path in self.arrangement.beams)
 
     @property
     def exponents(self) -> Exponents:
-        """Exponents that a single taxel's resonance goes with: the rule's, of beams that bend their own."""
+        """Exponents a, b, c of one taxel's ``f ∝ w^a t^b l^c``: `STRAIGHT`, or numerical where beams have bends."""
         if self.is_straight:
             return STRAIGHT
         step = np.exp(STEP * np.concatenate([np.eye(3), -np.eye(3)]))
         near = TaxelModel(self.spec, self.topology, self.plate, BeamShape(*(np.array(self.beam) * step).T))
-        # The mode that works as drawn is followed.
+        # Follow one mode through all sizes: the working one of the drawn beam.
         log_hz = np.log(near.modes.frequency_hz[:, int(self.working)])
         width, thickness, length = (log_hz[:3] - log_hz[3:]) / (2 * STEP)
         return width, thickness, length
 
     @property
     def in_range(self) -> np.ndarray:
-        """Whether the beams are like those that the model was fitted to (…,); elsewhere solve the solid."""
+        """True (…,) where the beams are within the range that the model was fitted to; elsewhere solve the solid."""
         return np.asarray(self.is_straight & fitted(*(np.asarray(side, float) for side in self.beam)))
 
     @cached_property
-    @_of_array
+    @_from_array
     def mode_errors(self) -> np.ndarray:
-        """Relative error (…, 6) within which each mode's frequency is, most likely (`padgen.physics.beam_error`)."""
+        """Relative error (…, 6) within which each mode's frequency most likely lies (`padgen.physics.beam_error`)."""
         modulus, poisson, _ = self.elastic
         length, width, thickness = (side * MM for side in self.plate)
         roof = max(thickness - recess_mm(self.spec)[1] * MM, thickness / 10)
@@ -320,31 +323,31 @@ class TaxelModel:
         return relative_error(np.asarray(energies), self.modes.frequency_hz, self.working, floor)
 
     @cached_property
-    @_of_array
+    @_from_array
     def stress_pa_per_m(self) -> np.ndarray:
-        """Largest bending stress of the beams over the washer's motion, in the working mode."""
+        """Largest bending stress (…,) of the beams in Pa per m of the washer's motion, in the working mode."""
         motion, reference = self._working_motion, self.modes.reference
         stresses = [bending_stress(beam, motion, reference, *self.elastic[:2]) for beam in self.placements]
         return np.asarray(np.maximum.reduce(stresses))
 
     @cached_property
     def _working_motion(self) -> np.ndarray:
-        """Motion (…, 6) of the body at the modes' reference in the working mode, for 1 m of the washer's."""
+        """Motion (…, 6) of the body at the modes' reference in the working mode, while the washer moves by 1 m."""
         shape = np.take_along_axis(self.modes.shape, self.working[..., None, None], -1)[..., 0]
         vertical = _take(self.modes.at_point(self.washer_point_m)[..., 2, :], self.working)
         return np.asarray(shape / vertical[..., None])
 
     @cached_property
-    @_of_array
+    @_from_array
     def hardening_per_m2(self) -> np.ndarray:
-        """α of the working mode's force ``k z (1 + α z²)`` at the washer, by beams that stretch."""
+        """Coefficient α of the working mode's force ``k z (1 + α z²)`` at the washer, by beams that stretch."""
         modes = self.modes
         scaled = modes.shape / (2 * np.pi * modes.frequency_hz[..., None, :])
         compliance = scaled @ np.swapaxes(scaled, -1, -2)
         return hardening(self.placements, self._working_motion, modes.reference, compliance, self.elastic[:2])
 
     def root_stress_pa(self, level_m: np.ndarray) -> np.ndarray:
-        """Largest bending stress of the beams when the washer moves by `level_m`, in the working mode."""
+        """Return the largest bending stress in Pa of the beams in the working mode, for `level_m` at the washer."""
         return np.asarray(self.stress_pa_per_m * level_m)
 
 
@@ -353,8 +356,8 @@ def _take(values: np.ndarray, index: np.ndarray) -> np.ndarray:
     return result
 
 
-def _alike(one: BeamSection, other: BeamSection) -> bool:
-    """Whether two sections are the same but for rounding."""
+def _same_section(one: BeamSection, other: BeamSection) -> bool:
+    """Return whether two sections are the same except for rounding."""
     if len(one.path) != len(other.path):
         return False
     pairs = zip([*one[:3], *chain(*one.path)], [*other[:3], *chain(*other.path)], strict=True)

@@ -1,4 +1,4 @@
-"""From a taxel's own axes to the pad's, and a tile's outline in its own axes."""
+"""Convert a taxel's own axes to the pad's, and give a tile's outline in its own axes."""
 
 from dataclasses import asdict
 from typing import Any, NamedTuple
@@ -10,11 +10,11 @@ from padgen.planner.plan import Channel, Plan
 __all__ = ["TURNS", "Outline", "outline", "shape_inputs", "taxel_places", "to_cell"]
 
 TURNS = {"+x": (1, 0), "+y": (0, 1), "-x": (-1, 0), "-y": (0, -1)}
-"""Where a taxel's own x axis points, as (cosine, sine): whole quarter turns, exact."""
+"""Direction of a taxel's own x axis as (cosine, sine): exact quarter turns."""
 
 
 def taxel_places(plan: Plan) -> np.ndarray:
-    """Index of the taxel in each sub-cell of the pad, (rows, columns) from the lower left; -1 where none is."""
+    """Return the index of the taxel in each sub-cell of the pad, (rows, columns) from the lower left; -1 for none."""
     cell, coils = plan.cell, plan.coils
     places = np.full((coils.rows * cell.rows, coils.columns * cell.columns), -1)
     for index, taxel in enumerate(plan.taxels):
@@ -35,7 +35,7 @@ class Outline(NamedTuple):
 
 
 def to_cell(points: np.ndarray, channel: Channel) -> np.ndarray:
-    """Turn and shift own (…, ≥2) coordinates in mm to the cell, whose origin is the coil axis."""
+    """Turn and shift points (…, ≥2) in mm from a taxel's own axes to the cell's, whose origin is the coil axis."""
     cosine, sine = TURNS[channel.site.along]
     moved = points.copy()
     moved[..., 0] = cosine * points[..., 0] - sine * points[..., 1] + channel.site.origin_mm[0]
@@ -44,7 +44,7 @@ def to_cell(points: np.ndarray, channel: Channel) -> np.ndarray:
 
 
 def outline(plan: Plan, channel: Channel) -> Outline:
-    """The sub-cell of `channel` in the taxel's own axes, without what rounding adds, so that layouts share taxels."""
+    """Return the sub-cell of `channel` in the taxel's own axes, rounded to 1e-9 mm so that layouts share taxels."""
     cosine, sine = TURNS[channel.site.along]
     x = channel.site.centre_mm[0] - channel.site.origin_mm[0]
     y = channel.site.centre_mm[1] - channel.site.origin_mm[1]
@@ -56,7 +56,7 @@ def outline(plan: Plan, channel: Channel) -> Outline:
 
 
 def shape_inputs(plan: Plan, channel: Channel) -> dict[str, Any]:
-    """All that the solid of a taxel depends on, as plain data, whatever suspension it comes from."""
+    """Return all that the solid of a taxel depends on as plain data, for every kind of suspension."""
     return {
         "plate": asdict(plan.plate),
         "arrangement": _plain(plan.arrangement(channel)),

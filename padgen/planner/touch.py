@@ -1,4 +1,4 @@
-"""Resonance, Q and selectivity of taxels that a finger touches (`padgen.physics.skin`)."""
+"""Estimate resonance, Q and selectivity of taxels that a finger touches (`padgen.physics.skin`)."""
 
 from collections.abc import Iterator, Sequence
 from math import pi
@@ -17,13 +17,16 @@ from padgen.spec import Spec
 __all__ = ["judge_touch", "touched_pads"]
 
 MOST_CHANNELS = 32
-"""Channels of a coil up to which what a touched coil keeps is computed."""
-DAMPED = 8.0
-"""Times ω τ over which k_skin/k may not rise if Q of 8 is to be left, the rule of thumb of docs/accuracy.md."""
+"""Most channels of a coil for which the selectivity under a finger is computed."""
+KEPT_Q = 8.0
+"""Q that a touched taxel is to keep: by the rule of docs/accuracy.md, if k_skin/k is at most 1/(KEPT_Q ω τ)."""
 
 
 def touched_pads(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> tuple[Touched, ...]:
-    """The pad with every taxel under low, typical and high skin, driven as planned: own modes, one coil."""
+    """Return the figures of the pad with every taxel under low, typical and high skin, driven as planned.
+
+    Only the taxels' own modes and one coil are counted.
+    """
     sets = channel_sets(channels, spec.coil.sets)
     found = []
     for name, skin in SKINS.items():
@@ -42,7 +45,7 @@ def touched_pads(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> tup
 
 
 def judge_touch(plan: Plan) -> Iterator[Finding]:
-    """A note where typical skin stiffens or damps the softest taxel, with what would keep it as it is."""
+    """Yield a note where typical skin stiffens or damps a taxel too much, with values that would prevent it."""
     skin = SKINS["typical"]
     worst = min(plan.channels, key=lambda c: c.stiffness_n_per_m / _allowed(skin, c.resonance_hz))
     typical = next(t for t in plan.touched if t.skin == "typical")
@@ -52,7 +55,7 @@ def judge_touch(plan: Plan) -> Iterator[Finding]:
         return
     contact_mm = allowed * worst.stiffness_n_per_m / skin.modulus / MM
     heavy_g = added / allowed / omega**2 / GRAM
-    high_hz = max((added / LOADED / mass) ** 0.5, DAMPED * skin.time * added / mass) / 2 / pi
+    high_hz = max((added / LOADED / mass) ** 0.5, KEPT_Q * skin.time * added / mass) / 2 / pi
     hz, q, kept = typical.resonance_hz[worst.index], typical.q[worst.index], typical.all_states_db
     quieter = (
         ""
@@ -70,8 +73,8 @@ def judge_touch(plan: Plan) -> Iterator[Finding]:
 
 
 def _allowed(skin: Skin, hz: float) -> float:
-    """Share of a taxel's stiffness that skin may add: 5 % of its resonance, and Q of about 8."""
-    return min(LOADED, 1 / (DAMPED * 2 * pi * hz * skin.time))
+    """Return the share of a taxel's stiffness that skin may add: f then rises by at most 5 %, and Q is at least 8."""
+    return min(LOADED, 1 / (KEPT_Q * 2 * pi * hz * skin.time))
 
 
 def _touched(spec: Spec, skin: Skin, channels: Sequence[Channel]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -80,12 +83,15 @@ def _touched(spec: Spec, skin: Skin, channels: Sequence[Channel]) -> tuple[np.nd
 
 
 def _kept_db(spec: Spec, own: Sequence[Channel], scheme: Scheme, skin: Skin) -> float | None:
-    """Smallest ON over largest OFF level of a touched coil in all states; None for one channel, or very many."""
+    """Return the smallest ON over the largest OFF level in dB of a touched coil in all states.
+
+    None for a single channel, or for more than `MOST_CHANNELS`.
+    """
     if not 2 <= len(own) <= MOST_CHANNELS:
         return None
     planned, (hz, q, stiffer) = placed_channels(spec, own), _touched(spec, skin, own)
     stiffness = np.array([c.stiffness_n_per_m for c in own])
-    which = Channels(hz, q, planned.line * (stiffer / q) / (stiffness / planned.q))
+    taxels = Channels(hz, q, planned.line * (stiffer / q) / (stiffness / planned.q))
     (made,) = own_lines(planned, scheme)
-    on = line_energy(which, made)[:, 0].diagonal()
-    return decibel(float((on.min() / off_energy(which, scheme, drivers=planned).max()) ** 0.5))
+    on = line_energy(taxels, made)[:, 0].diagonal()
+    return decibel(float((on.min() / off_energy(taxels, scheme, drivers=planned).max()) ** 0.5))

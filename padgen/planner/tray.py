@@ -1,4 +1,4 @@
-"""The coil tray: a printed part under the pad that holds the coils at their gap. Dimensions as data.
+"""Plan the coil tray, a printed part under the pad that holds the coils at their gap: its dimensions as data.
 
 Section through one coil, the pad on top (heights from the bed on which the tray is printed)::
 
@@ -33,15 +33,15 @@ __all__ = ["LeadSlot", "Tray", "plan_tray", "tray_findings", "washer_underside_m
 
 FLOOR_MM = 2.0
 SOCKET_SHARE = 0.4
-"""Depth of a socket as a share of the coil's length: the rest is room for wires."""
+"""Depth of a socket over the coil's length; beside the rest of the coil there is room for wires."""
 LEAST_SOCKET_LAYERS = 3
 WALL_LINES = 2
 HOLE_SHARE = 0.5
-"""Diameter of the hole in the floor as a share of the coil's."""
+"""Diameter of the hole in the floor over the coil's."""
 LEAD_MM, LEAD_REACH_MM = 2.0, 1.2
 WIRE_SLOT_MM = 4.0
 GAP_SHARE = 0.05
-"""Share of the gap by which layers may change it before it is worth a warning."""
+"""Share of the gap by which rounding to layers may change it without a warning."""
 
 
 class LeadSlot(NamedTuple):
@@ -53,12 +53,11 @@ class LeadSlot(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Tray:
-    """Dimensions of a tray; x, y from the pad's centre, heights from the tray's own bed.
+    """Dimensions of a tray: x and y from the pad's centre, heights from the bed that the tray is printed on.
 
-    `gap_mm` is what the tray gives, `clear_mm` the room between what moves in the pad and the coils, and
-    `groove` marks the corner of the coil in row 0, column 0. `wire_slots` are cut through the rim from
-    the sockets' top upwards, `wires` are the most that run through one of them. `screw` is None for a
-    pad without holes.
+    `gap_mm` is the gap that the tray makes, `clear_mm` the distance of the coils from the pad's moving parts. `groove`
+    marks the corner of the coil in row 0, column 0. `wire_slots` are cut through the rim, from the sockets' top
+    upwards; `wires` is the largest number of wires through one of them. `screw` is None for a pad without holes.
     """
 
     name: str
@@ -80,7 +79,7 @@ class Tray:
 
 
 def plan_tray(plan: Plan) -> Tray:
-    """The tray for the coils of `plan`, one socket for each coil of the grid.
+    """Return the tray for the coils of `plan`, with a socket for each coil of the grid.
 
     Raises
     ------
@@ -124,12 +123,12 @@ def plan_tray(plan: Plan) -> Tray:
 
 
 def washer_underside_mm(plan: Plan) -> float:
-    """How far the glued washers' undersides lie above the pad's."""
+    """Return the height in mm of the glued washers' undersides above the pad's underside."""
     return plan.plate.recess_depth_mm - plan.spec.washer.thickness_mm
 
 
 def tray_findings(plan: Plan, tray: Tray) -> tuple[Finding, ...]:
-    """What the tray's dimensions mean for the pad: a gap that layers change, plates that meet the coils."""
+    """Return findings about a tray: a gap changed by rounding to layers, plates that touch coils, heads on plates."""
     spec, found = plan.spec, []
     off = tray.gap_mm - spec.coil.gap_mm
     if abs(off) > 1e-6:
@@ -160,7 +159,7 @@ def tray_findings(plan: Plan, tray: Tray) -> tuple[Finding, ...]:
 
 
 def _heads(spec: Spec, tray: Tray) -> list[Finding]:
-    """Heads that are wider than border and rib leave room for lie on plates."""
+    """Return a warning where screw heads are wider than border and rib, so that they lie on moving plates."""
     pad, screw = spec.pad, tray.screw
     if screw is None or screw.head_mm <= pad.border_mm + pad.rib_mm + 1e-9:
         return []
@@ -177,12 +176,12 @@ def _heads(spec: Spec, tray: Tray) -> list[Finding]:
 
 
 def _layers(height_mm: float, printer: Printer) -> int:
-    """Layers that make up at least a height."""
+    """Return the smallest number of layers that makes up at least a height."""
     return max(ceil(height_mm / printer.layer_mm - 1e-6), 0)
 
 
 def _layers_near(height_mm: float, printer: Printer) -> int:
-    """Layers that come nearest to a height, the higher of two."""
+    """Return the number of layers that comes nearest to a height, the larger of two."""
     return int(height_mm / printer.layer_mm + 0.5 + 1e-6)
 
 
@@ -221,7 +220,7 @@ def _refuse_pitch(plan: Plan) -> None:
 
 
 def _refuse_gap(plan: Plan, clear_mm: float) -> None:
-    """Refuse coils that would reach the pad's underside."""
+    """Raise `InfeasibleError` where coils would reach the pad's underside."""
     spec = plan.spec
     if clear_mm < spec.printer.layer_mm - 1e-6:
         least = washer_underside_mm(plan) + spec.printer.layer_mm
@@ -234,14 +233,14 @@ def _refuse_gap(plan: Plan, clear_mm: float) -> None:
 
 
 def _corners(spec: Spec) -> tuple[tuple[float, float], ...]:
-    """The pad's corner holes."""
+    """Return the centres (x, y) in mm of the pad's corner holes."""
     pad = spec.pad
     x, y = (pad.width_mm + pad.border_mm) / 2, (pad.depth_mm + pad.border_mm) / 2
     return tuple((sx * x, sy * y) for sx in (-1, 1) for sy in (-1, 1))
 
 
 def _wire_slots(plan: Plan) -> tuple[Outline, ...]:
-    """Slots through the rim at the ends of the lanes between coils; of a single coil, on its sides."""
+    """Return slots through the rim at both ends of the lanes between coils; for one coil, at its two sides."""
     pad, coils = plan.spec.pad, plan.coils
     half_x, half_y = pad.width_mm / 2, pad.depth_mm / 2
     slots = []
@@ -259,6 +258,6 @@ def _wire_slots(plan: Plan) -> tuple[Outline, ...]:
 
 
 def _through(half_mm: float, border_mm: float, side: int) -> tuple[float, float]:
-    """From within the rim to beyond it."""
+    """Return two coordinates in mm across the rim on one side: within the rim, and beyond its outside."""
     low, high = sorted((side * (half_mm - border_mm / 2), side * (half_mm + 1.5 * border_mm)))
     return low, high

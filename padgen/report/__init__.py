@@ -1,4 +1,4 @@
-"""What was made, as text for people. Makes text; the command line prints it."""
+"""Describe plans, builds, drives and prints as text for people; the command line prints it."""
 
 from padgen.report.laid import laid_text
 from padgen.report.plans import (

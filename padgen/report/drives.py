@@ -1,4 +1,4 @@
-"""Driver files and what is heard of them as text for people."""
+"""Describe written drive files, and what a simulated pad hears of them, as text for people."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -23,15 +23,15 @@ if TYPE_CHECKING:
 __all__ = ["driven_table", "driven_text", "excitation_text"]
 
 MOST_MAPPED = 16
-"""Rows and columns of a pad whose taxels are named."""
+"""Most rows and columns of a pad for which the map of taxels is printed."""
 MOST_PICTURES = 4
-"""Frames that are shown as text where all is asked for."""
+"""Most frames that are printed as text with ``--verbose``."""
 
 
 def driven_text(
     plan: "Plan", driven: "Driven", frames: "np.ndarray | None", notes: Sequence[str], verbose: bool = False
 ) -> str:
-    """The verdict on what was written, what it plays, and what is heard of it."""
+    """Return the verdict on a drive's files, what they play, and what a simulated pad hears of them."""
     heard, name = driven.heard, plan.name
     done = f"the drive of {name} is written"
     if heard is not None and heard.selectivity_db is not None:
@@ -52,7 +52,7 @@ def driven_text(
 
 
 def driven_table(driven: "Driven", notes: Sequence[str]) -> dict[str, Any]:
-    """The same as plain data."""
+    """Return the figures of a drive's files as plain data."""
     from padgen.driver.ear import heard_table
 
     return {
@@ -101,19 +101,19 @@ def _wave_text(plan: "Plan", report: "WaveReport") -> str:
 
 
 def heard_text(plan: "Plan", heard: "Heard") -> str:
-    """Levels of taxels that were ON and OFF, and the selectivity that the file achieves."""
+    """Return a table of the levels of ON and OFF taxels that a simulated pad hears of a file."""
     import numpy as np
 
     on, off = heard.on, heard.off
     rows = []
     for channel in plan.channels:
-        which = [k for k, taxel in enumerate(plan.taxels) if taxel.channel == channel.index]
-        played, quiet = on[:, which], off[:, which]
+        indices = [k for k, taxel in enumerate(plan.taxels) if taxel.channel == channel.index]
+        played, quiet = on[:, indices], off[:, indices]
         rows.append(
             (
                 str(channel.index),
                 f"{channel.resonance_hz:.2f}",
-                _span_um(heard.wanted_um[which]),
+                _span_um(heard.wanted_um[indices]),
                 _span_db(played),
                 "" if np.isnan(quiet).all() else f"{20 * np.log10(max(float(np.nanmax(quiet)), 1e-12)):.1f}",
             )
@@ -129,13 +129,13 @@ def heard_text(plan: "Plan", heard: "Heard") -> str:
 
 
 def _span_um(wanted: "np.ndarray") -> str:
-    """One level, or the smallest and the largest where they differ."""
+    """Return levels in µm as text: one, or the smallest and the largest where they differ."""
     low, high = f"{wanted.min():.3g}", f"{wanted.max():.3g}"
     return low if low == high else f"{low} … {high}"
 
 
 def _span_db(levels: "np.ndarray") -> str:
-    """Smallest and largest of what was ON, in dB of what is wanted."""
+    """Return the smallest and the largest ON level as text, in dB over the wanted one."""
     import numpy as np
 
     if np.isnan(levels).all():
@@ -149,7 +149,7 @@ def _share_text(share: float) -> str:
 
 
 def excitation_text(played: "Excitation", folder: "Path", findings: "Sequence[Finding]") -> str:
-    """What an excitation plays, and what to do with it."""
+    """Describe an excitation file, and what to do with it."""
     low, high = played.band_hz
     how = "all coils at once" if played.together else f"the {len(played.coils)} coils one after the other"
     return (

@@ -1,4 +1,4 @@
-"""A pad as a slicer lays it, as text for people."""
+"""Describe, as text for people, the pad that a slicer's G-code would lay."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ __all__ = ["laid_text"]
 
 
 def laid_text(report: Any, file: str, verbose: bool = False) -> str:
-    """Tell the verdict, what to set in the slicer, and what of each channel (`verbose`: of each taxel) would print."""
+    """Return the verdict on a G-code, the settings to change, and a table of each channel (`verbose`: each taxel)."""
     figures = report.figures
     count = {level: sum(f.level == level for f in report.findings) for level in ("error", "warning")}
     verdict = "would print as planned"
@@ -67,7 +67,7 @@ def _row(name: str, taxels: list[dict[str, Any]]) -> tuple[str, ...]:
 
 
 def _span(values: list[float | None], digits: int) -> str:
-    """The smallest and the largest value, with a dash where there is none for some."""
+    """Return the smallest and the largest value as text, and a dash if some are missing."""
     known = [value for value in values if value is not None]
     ends = dict.fromkeys(f"{value:.{digits}f}" for value in (min(known), max(known))) if known else ()
     return " … ".join((*ends, *("-",) * (len(known) < len(values) or not known)))

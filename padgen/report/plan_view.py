@@ -1,4 +1,4 @@
-"""A plan as a picture and as HTML for notebooks: the pad to scale, and the ladder of its resonances."""
+"""Draw a plan as a picture and as HTML for notebooks: the pad to scale, and the ladder of its resonances."""
 
 from html import escape
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,7 @@ LEVEL_COLOURS = {"error": "#c2241a", "warning": "#a86a00", "note": "#666666"}
 HEADINGS = ("channel", "resonance Hz", "drive Hz", "suspension", "beam mm (w × t × l)", "ring-up ms", "level µm")
 LADDER_PX, LADDER_HEIGHT_PX = 560, 46
 MOST_LABELLED = 64
-"""Coils up to which each one's share of prints is written beside it."""
+"""Most coils for which each one's share of good prints is written in its cell."""
 
 
 def plan_figure(plan: "Plan") -> Any:
@@ -24,9 +24,9 @@ def plan_figure(plan: "Plan") -> Any:
     Returns
     -------
     matplotlib.figure.Figure
-        Left: coils (open circles) and bosses, coloured by channel. Each cell says of which share of re-tuned prints its
-        coil keeps what is asked, and is tinted by it, fully where that coil alone misses `print_share`. Right: each
-        channel's slot and resonance.
+        Left: coils (open circles) and bosses, coloured by channel. Each cell shows the share of re-tuned prints in
+        which its coil keeps the asked selectivity. The smaller the share, the stronger its tint, up to full where that
+        coil alone misses `print_share`. Right: each channel's slot and resonance.
     """
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -44,7 +44,7 @@ def plan_figure(plan: "Plan") -> Any:
 
 
 def _shares(count: int) -> list[float]:
-    """Places on a colour map, apart as far as they go, without its palest end."""
+    """Return `count` evenly spaced places on a colour map, without its palest end."""
     return [0.85 * k / max(count - 1, 1) for k in range(count)]
 
 
@@ -97,7 +97,7 @@ def _slot_hz(plan: "Plan", resonance_hz: float) -> tuple[float, float]:
 
 
 def plan_html(plan: "Plan") -> str:
-    """Write the plan as HTML: one line, the ladder, a table of channels, and the findings."""
+    """Return the plan as HTML: one line, the ladder, a table of channels, and the findings."""
     rows = [
         (
             str(c.index),
@@ -120,7 +120,7 @@ def plan_html(plan: "Plan") -> str:
 
 
 def _ladder_svg(plan: "Plan") -> str:
-    """Resonances as lines on a logarithmic axis, each within its slot."""
+    """Return an SVG picture of the resonances as lines on a logarithmic axis, each within its slot."""
     from math import log
 
     slots = [_slot_hz(plan, channel.resonance_hz) for channel in plan.channels]

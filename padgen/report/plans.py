@@ -1,4 +1,4 @@
-"""Plans, builds and findings as text for people."""
+"""Describe plans, builds and findings as text for people."""
 
 from collections.abc import Iterable, Sequence
 from math import isfinite
@@ -28,13 +28,13 @@ __all__ = [
 
 
 def summary_text(plan: "Plan") -> str:
-    """The verdict on a plan, the pad in a line, its channels, and what it takes to drive it."""
+    """Return the verdict on a plan, the pad in a line, a table of its channels, and the power that it takes."""
     lines = [verdict_line(plan), _pad_line(plan), "", _summary_table(plan.channels), "", *_power_lines(plan)]
     return "\n".join(lines)
 
 
 def verdict_line(plan: "Plan") -> str:
-    """Say in one sentence whether prints of the plan work, and by how much."""
+    """Return one sentence that says whether prints of the plan work, and by how much."""
     prints, asked, share = plan.prints, plan.selectivity.asked_db, f"{plan.spec.print_share:.0%} of prints"
     errors = [f for f in plan.findings if f.level == "error"]
     if errors:
@@ -69,7 +69,7 @@ def _pad_line(plan: "Plan") -> str:
 
 
 EVEN = 1.2
-"""Ratio of distances up to which a pitch is called even."""
+"""Largest ratio of distances of neighbouring rows or columns that is called even."""
 
 
 def _summary_table(channels: "Sequence[Channel]") -> str:
@@ -97,7 +97,7 @@ SHOWN_CHANNELS = 12
 
 
 def _power_lines(plan: "Plan") -> list[str]:
-    """Power of the pad, and what its prints keep by how well their resonances are known."""
+    """Return lines on the pad's power, and on its prints' selectivity by what is measured of them."""
     load, prints, count = plan.load, plan.prints, plan.coils.rows * plan.coils.columns
     lines = [
         f"Drive: {plan.selectivity.drive}. All taxels on: {count * load.copper_loss_w:.2g} W in the coils"
@@ -124,7 +124,7 @@ def _power_lines(plan: "Plan") -> list[str]:
 
 
 def plan_text(plan: "Plan") -> str:
-    """All that is known of a plan, as tables to read."""
+    """Return all figures of a plan as tables and lines."""
     from padgen.planner.left_out import left_out_line
 
     pad, coils, capacity, figures = plan.spec.pad, plan.coils, plan.capacity, plan.selectivity
@@ -141,7 +141,7 @@ def plan_text(plan: "Plan") -> str:
     bound = (
         f"capacity of a coil: {capacity.paper} channels by the paper's bound ({capacity.paper_unrounded:.2f},"
         f" ratio {number(capacity.ratio)}), {capacity.exact_one_hot} by the exact response with one channel on,"
-        f" {_counted(capacity.exact, capacity.searched_to)} in all states with {figures.drive},"
+        f" {_count_text(capacity.exact, capacity.searched_to)} in all states with {figures.drive},"
         f" {capacity.prints} where {plan.spec.print_share:.0%} of prints are to keep it (ratios of neighbours"
         f" ± {plan.prints.ratio_spread:.1%}); limited by {capacity.limit}"
     )
@@ -159,7 +159,7 @@ def plan_text(plan: "Plan") -> str:
 
 
 def _touched_line(plan: "Plan") -> str:
-    """What a finger makes of the softest channel and of the selectivity."""
+    """Return a line on the softest channel and the selectivity under a finger."""
     first = plan.channels[0].resonance_hz
     skins = [
         f"{t.skin} skin {t.resonance_hz[0]:.0f} Hz, Q {t.q[0]:.2g}"
@@ -174,12 +174,12 @@ def _settings_line(printing: dict[str, str]) -> str:
     return f"print with: {settings}"
 
 
-def _counted(count: int, searched_to: int) -> str:
+def _count_text(count: int, searched_to: int) -> str:
     return f"{count} or more" if count >= searched_to else str(count)
 
 
 def _drive_lines(plan: "Plan") -> list[str]:
-    """How the coils are driven, how selective that is, and what it asks of coil and amplifier."""
+    """Return lines on the drive scheme, its selectivity, and its load on coil and amplifier."""
     figures, load = plan.selectivity, plan.load
     lines = [f"drive: {figures.drive}, {figures.why}"]
     if figures.one_hot_db is not None:
@@ -197,7 +197,7 @@ def _drive_lines(plan: "Plan") -> list[str]:
 
 
 def _force_line(channels: "Sequence[Channel]") -> list[str]:
-    """How sure the pulls are, and with them the currents, which go with the root."""
+    """Return a line on the errors of pulls and of currents, which go with the root of the pull."""
     errors = [c.force_error for c in channels if c.force_constant_n_per_a2 > 0]
     if not errors:
         return []
@@ -211,9 +211,9 @@ def _selectivity_lines(plan: "Plan") -> list[str]:
     law = "equal sensation" if isinstance(figures.level_law, str) else f"amplitude ~ 1/f^{figures.level_law:g}"
     lines = [
         f"selectivity ({law}): {one_hot:.1f} dB with one channel on, {states:.1f} dB in all states"
-        f" of a coil (worst {_short(figures.worst_state)}), asked are {figures.asked_db:.1f} dB (Δy)",
+        f" of a coil (worst {_short_state(figures.worst_state)}), asked are {figures.asked_db:.1f} dB (Δy)",
     ]
-    if paper is not None and isfinite(paper):  # of two alike it promises nothing
+    if paper is not None and isfinite(paper):  # the formula has no value for two equal resonances
         lines.append(
             f"closest pair of channels: exact {one_hot:.1f} dB with one on and {states:.1f} dB in all states,"
             f" the paper's formula {paper:.1f} dB"
@@ -244,13 +244,13 @@ SHOWN_BITS = 24
 SHOWN_MATRIX = 4
 
 
-def _short(state: str) -> str:
-    """A state's bits, the middle left out when there are many."""
+def _short_state(state: str) -> str:
+    """Return a state's bits, the middle of many left out."""
     return state if len(state) <= SHOWN_BITS else f"{state[:10]}…{state[-10:]} of {len(state)}"
 
 
 def _channel_table(channels: "Sequence[Channel]") -> str:
-    """Where the channels resonate, by which model, and what their drive takes."""
+    """Return the table of the channels: resonance, its model and error, and the drive."""
     rows = [
         (
             str(c.index),
@@ -286,7 +286,7 @@ def _channel_table(channels: "Sequence[Channel]") -> str:
 
 
 def _beam_table(channels: "Sequence[Channel]") -> str:
-    """What is printed, and what it bears."""
+    """Return the table of the channels' beams: sizes, sag, stress and spread of prints."""
     rows = [
         (
             str(c.index),
@@ -305,7 +305,7 @@ def _beam_table(channels: "Sequence[Channel]") -> str:
 
 
 def table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Right-aligned columns under their headings."""
+    """Return a text table of right-aligned columns under their headings."""
     cells = [tuple(headings), *rows]
     widths = [max(len(row[i]) for row in cells) for i in range(len(headings))]
     lines = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in cells]
@@ -314,7 +314,7 @@ def table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def findings_text(findings: Iterable[Finding]) -> str:
-    """Findings, the most severe first."""
+    """Return findings as lines of text, the most severe first."""
     ordered = sorted(findings, key=lambda f: -LEVELS.index(f.level))
     if not ordered:
         return "all checks hold"
@@ -326,7 +326,7 @@ def _finding_line(f: Finding) -> str:
 
 
 def held_line(done: str, findings: Iterable[Finding]) -> str:
-    """Say in one sentence that something is `done`, and how its checks came out."""
+    """Return one sentence that says that something is `done`, and how its checks came out."""
     levels = [f.level for f in findings]
     errors, warnings = (levels.count(level) for level in ("error", "warning"))
     if errors:
@@ -338,14 +338,17 @@ def held_line(done: str, findings: Iterable[Finding]) -> str:
 
 
 def serious_text(findings: Iterable[Finding], verbose: bool = False) -> str:
-    """Errors and warnings, those of one cause once, and how many more there are; all findings where `verbose`."""
+    """Return errors and warnings as text, and the number of further findings; with `verbose` all findings.
+
+    Warnings about parts of the prints' selectivity (`COUNTED_IN_PRINTS`) are only counted.
+    """
     findings = tuple(findings)
     if verbose:
         return findings_text(findings)
     ordered = sorted(findings, key=lambda f: -LEVELS.index(f.level))
     serious = [f for f in ordered if f.level != "note"]
-    # What prints keep has all of these in it, and the verdict says it.
-    parts = [f for f in serious if f.level == "warning" and f.code.startswith(IN_PRINTS)]
+    # The verdict has the selectivity that prints keep, and all of these effects are part of it.
+    parts = [f for f in serious if f.level == "warning" and f.code.startswith(COUNTED_IN_PRINTS)]
     shown = [f for f in serious if f not in parts]
     lines = [_finding_line(f) for f in shown]
     more = (
@@ -358,12 +361,12 @@ def serious_text(findings: Iterable[Finding], verbose: bool = False) -> str:
     return "\n".join(lines)
 
 
-IN_PRINTS = ("ladder.", "selectivity.", "coil.leak", "modes.")
-"""Beginnings of the codes of findings whose effect is part of what prints keep."""
+COUNTED_IN_PRINTS = ("ladder.", "selectivity.", "coil.leak", "modes.")
+"""Beginnings of the codes of findings whose effects are part of the selectivity that prints keep."""
 
 
 def explanation_text(explanation: "Explanation") -> str:
-    """Which limit binds, what the cheapest changes buy, and the capacities by scheme and level law."""
+    """Return the limits that bind, a table of changes and their gains, and capacities by scheme and level law."""
     held = explanation.channels
     keep = "channel per coil keeps" if held == 1 else "channels per coil keep"
     lines = [f"{held} {keep} what was asked (driven {explanation.drive}); one more is stopped by"]
@@ -394,7 +397,7 @@ def explanation_text(explanation: "Explanation") -> str:
     laws = list(dict.fromkeys(row.level_law for row in explanation.capacities))
     by_scheme: dict[str, list[str]] = {}
     for row in explanation.capacities:
-        by_scheme.setdefault(row.scheme, []).append(f"{row.one_hot}, {_counted(row.all_states, row.searched_to)}")
+        by_scheme.setdefault(row.scheme, []).append(f"{row.one_hot}, {_count_text(row.all_states, row.searched_to)}")
     columns = ["drive", *(law if isinstance(law, str) else f"1/f^{law:g}" for law in laws)]
     lines += ["", "most channels in the band, with one on and in all states, by level law:"]
     return "\n".join([*lines, table(columns, [(name, *cells) for name, cells in by_scheme.items()])])
@@ -406,7 +409,7 @@ def _printed_cells(of: "Explanation | Change") -> tuple[str, str]:
 
 
 def yield_text(result: "PrintYield") -> str:
-    """Yields before and after re-tuning, and what each spread costs."""
+    """Return tables of the yields before and after re-tuning, and of the gain without each spread."""
     lines = [f"{result.pads} pads printed in the computer (seed {result.seed}): {result.criterion}"]
     if result.pads < result.pads_asked:
         lines[0] += f"; {result.pads_asked} would have been too much work"
@@ -454,7 +457,7 @@ def _decibels(value: float | None, sign: str = "") -> str:
 
 
 def built_text(built: "Built", verbose: bool = False) -> str:
-    """What a build left, its verdict first."""
+    """Return the verdict on a build, its findings and figures, and the files that it wrote."""
     state = "is up to date" if built.up_to_date else "is built"
     lines = [
         held_line(f"{built.folder.name} {state}", built.findings),
@@ -468,7 +471,7 @@ def built_text(built: "Built", verbose: bool = False) -> str:
 
 
 def figures_text(figures: dict[str, Any]) -> str:
-    """The figures of the checks on one line."""
+    """Return the figures of the checks on one line."""
     parts = []
     if "size_mm" in figures:
         parts.append(" x ".join(number(v) for v in figures["size_mm"]) + " mm")

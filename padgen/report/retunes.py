@@ -1,4 +1,4 @@
-"""Re-tuned prints as text for people."""
+"""Describe re-tuned prints as text for people."""
 
 from typing import TYPE_CHECKING
 
@@ -14,11 +14,11 @@ if TYPE_CHECKING:
 __all__ = ["retuned_text"]
 
 SHOWN_ROWS, MOST_ROWS = 12, 40
-"""Taxels that are shown, and where all is asked for."""
+"""Most taxels in the table, and with ``--verbose``."""
 
 
 def retuned_text(result: "Retuned", taxels: "Sequence[MeasuredRow]", verbose: bool = False) -> str:
-    """Tell what the new tones will reach, and what was measured of all `taxels`."""
+    """Return the selectivity that the new tones will reach, the findings, and a table of the measured `taxels`."""
     measured = [row for row in taxels if row.measured]
     rows = [
         (

@@ -1,4 +1,4 @@
-"""Sweeps and the cache as text for people, and as plain data."""
+"""Describe sweeps and the cache as text for people, and as plain data."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 __all__ = ["cache_text", "counts_text", "seconds_text", "sweep_table", "sweep_text"]
 
 MOST_ROWS = 12
-"""Of a front that is shown whole; of a longer one, the best in each objective."""
+"""Most variants of a Pareto front that are all shown; of a longer front only the best in each objective are."""
 
 
 def sweep_text(sweep: "Sweep", result: "SweepResult", files: Sequence[str]) -> str:
-    """How many variants were made, the best of them, and where everything is."""
+    """Return the counts of a sweep's variants, a table of the best, and where the results are."""
     overview = result.overview
     lines = [
         f"{sweep.settings.name}: {_variants(result.total)}, {counts_text(result)}, in {seconds_text(result.seconds)}"
@@ -39,13 +39,13 @@ def sweep_text(sweep: "Sweep", result: "SweepResult", files: Sequence[str]) -> s
 
 
 def counts_text(event: "Event | SweepResult") -> str:
-    """Variants done, refused, failed and left, those that there are."""
+    """Return the counts of variants done and failed, and of those refused and left if there are any."""
     counts = [f"{event.done} done", f"{event.refused} refused" * bool(event.refused), f"{event.failed} failed"]
     return ", ".join(count for count in [*counts, f"{event.left} left" * bool(event.left)] if count)
 
 
 def seconds_text(seconds: float) -> str:
-    """A time as people read it.
+    """Return a time in s, min or h as text.
 
     >>> seconds_text(3.21), seconds_text(75), seconds_text(7265)
     ('3.2 s', '1 min 15 s', '2 h 01 min')
@@ -72,7 +72,7 @@ def _front_line(overview: "Overview") -> str:
 
 
 def _front_rows(sweep: "Sweep", overview: "Overview") -> tuple[list[str], list[list[str]]]:
-    """Headings and rows of the front: what was varied, what came of it, what it is best in."""
+    """Return headings and rows of the front: varied fields, objectives reached, and the objectives it is best in."""
     from padgen.batch.pareto import OBJECTIVES
 
     axes, objectives = [name for axis in sweep.axes for name in axis.fields], overview.objectives
@@ -86,11 +86,11 @@ def _front_rows(sweep: "Sweep", overview: "Overview") -> tuple[list[str], list[l
         for row in sorted(best)
         for told in (", ".join(best[row]),)
     ]
-    return ["variant", *_short(axes), *(OBJECTIVES[name].heading for name in objectives), "best in"], cells
+    return ["variant", *_short_names(axes), *(OBJECTIVES[name].heading for name in objectives), "best in"], cells
 
 
-def _short(names: Sequence[str]) -> list[str]:
-    """Last parts of dotted names where these tell them apart."""
+def _short_names(names: Sequence[str]) -> list[str]:
+    """Shorten dotted names to their last parts where these differ."""
     last = [name.rsplit(".", 1)[-1] for name in names]
     count = Counter(last)
     return [short if count[short] == 1 else name for short, name in zip(last, names, strict=True)]
@@ -104,7 +104,7 @@ def _cell(text: str) -> str:
 
 
 def sweep_table(sweep: "Sweep", result: "SweepResult", files: Sequence[str]) -> dict[str, Any]:
-    """The same as plain data: the last line of ``--json``."""
+    """Return the summary of a sweep as plain data: the last line of ``--json``."""
     overview = result.overview
     at = {name: overview.header.index(name) for name in ("number", "name")} if overview.rows else {}
     counts = {key: getattr(result, key) for key in ("total", "done", "refused", "failed", "kept", "left", "seconds")}
@@ -132,7 +132,7 @@ def sweep_table(sweep: "Sweep", result: "SweepResult", files: Sequence[str]) -> 
 
 
 def cache_text(held: "CacheInfo", dropped: bool = False) -> str:
-    """What the cache holds, or held before it was cleared."""
+    """Describe the content of the cache, or the content that was dropped from it."""
     if dropped:
         return f"{plain(held.folder)}: {_entries(held.entries)} dropped, {_megabytes(held.bytes)}"
     size = f"{_megabytes(held.bytes)} of {_megabytes(held.limit_bytes)}"

@@ -1,4 +1,4 @@
-"""The spec: what the user asks for, read from TOML and checked field by field."""
+"""Read a spec, the description of the wanted pad, from TOML and check it field by field."""
 
 from padgen.spec.entries import catalogue
 from padgen.spec.load import find_spec, load_spec, make_spec, parse_spec, template_paths

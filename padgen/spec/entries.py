@@ -1,4 +1,4 @@
-"""The catalogues of materials, printers, their spreads, washers and coils."""
+"""Read the catalogues of materials, printers, their spreads, washers and coils."""
 
 import csv
 from dataclasses import fields
@@ -22,7 +22,7 @@ CATALOGUES = {
 
 @cache
 def catalogue(table: str) -> dict[str, dict[str, Any]]:
-    """The entries of one catalogue, by name; numbers are already numbers."""
+    """Return the entries of one catalogue by name, with values of their fields' types."""
     kind, filename = CATALOGUES[table]
     types = {f.name: optional_type(f.type)[0] for f in fields(kind)}
     with open(Path(__file__).with_name("catalogue") / filename, encoding="utf-8", newline="") as lines:

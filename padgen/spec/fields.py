@@ -1,7 +1,6 @@
-"""Fields of a spec: each carries its unit, its bounds and one line of documentation.
+"""Define and check the fields of a spec, each with its unit, bounds and one line of documentation.
 
-The same metadata checks a TOML file, writes the error sentence and makes the JSON schema, so that
-the three cannot disagree.
+The same metadata checks a TOML file, words the error and makes the JSON schema, so that the three always agree.
 """
 
 import types
@@ -28,56 +27,56 @@ __all__ = [
 ]
 
 LONGEST_TEXT = 1000
-"""Characters of a text."""
+"""Most characters of a text."""
 MOST_NUMBERS = 10_000
-"""Entries of a list."""
+"""Most entries of a list."""
 
 
 def quantity(default: Any = MISSING, *, unit: str, low: float, high: float, doc: str, above: bool = False) -> Any:
-    """A number with `unit`, within ``low … high`` (``above``: greater than `low`)."""
+    """Declare a number in `unit`, from `low` to `high`; with `above` it must be greater than `low`."""
     meta = {"unit": unit, "low": low, "high": high, "above": above, "doc": doc}
     return field(default=default, metadata=meta)
 
 
 def numbers(default: Any = MISSING, *, unit: str, low: float, high: float, doc: str, count: int | None = None) -> Any:
-    """A list of numbers (of `count`, or of any length from one), each within ``low … high``."""
+    """Declare a list of numbers in `unit`, each from `low` to `high`: `count` of them, or else one or more."""
     meta = {"unit": unit, "low": low, "high": high, "above": False, "doc": doc, "count": count}
     return field(default=default, metadata=meta)
 
 
 def choice(default: Any = MISSING, *, of: tuple[str, ...] | Callable[[], tuple[str, ...]], doc: str) -> Any:
-    """One of a few words; a function tells those that are known when it is called."""
+    """Declare a choice between words; a function `of` returns them when they are needed, as plugins may add some."""
     return field(default=default, metadata={"choices": of, "doc": doc})
 
 
 def choices(meta: Any) -> tuple[str, ...]:
-    """The words that a field with this metadata may be, none for one that is free."""
+    """Return the words that a field with this metadata allows; empty where any text is allowed."""
     of: Any = meta.get("choices", ())
     return tuple(of() if callable(of) else of)
 
 
 def text(default: Any = MISSING, *, doc: str) -> Any:
-    """A line of text."""
+    """Declare a line of text."""
     return field(default=default, metadata={"doc": doc})
 
 
 def entry_name(*, doc: str) -> Any:
-    """The name of a part, which goes into tables of all kinds: no spreadsheet takes it for a formula."""
+    """Declare the name of a part; it must not begin like a formula, since tables with it are opened in spreadsheets."""
     return field(metadata={"doc": doc, "pattern": r"[^\s=+@-].{0,99}"})
 
 
 def folder_name(*, doc: str, most: int) -> Any:
-    """A name that is a folder's as well, on every system; of `most` characters."""
+    """Declare a name of at most `most` characters that every operating system accepts as a folder's name."""
     pattern = rf"[A-Za-z0-9]([A-Za-z0-9._-]{{0,{most - 2}}}[A-Za-z0-9_-])?"
     return field(metadata={"doc": doc, "pattern": pattern, "reserved": RESERVED})
 
 
 RESERVED = ("con", "prn", "aux", "nul", *(f"{port}{digit}" for port in ("com", "lpt") for digit in range(10)))
-"""Names of devices on Windows, whatever follows after a dot."""
+"""Names of devices on Windows; they stay reserved with any extension after a dot."""
 
 
 def flag(default: bool, *, doc: str) -> Any:
-    """True or false."""
+    """Declare a field that is true or false."""
     return field(default=default, metadata={"doc": doc})
 
 
@@ -114,7 +113,7 @@ def build(kind: type, table: Any, where: str, base: "dict[str, Any] | None" = No
 
 
 def checked(item: "Field[Any]", value: Any, where: str) -> Any:
-    """The value of a field, of its type and within its bounds; raises as `build` does."""
+    """Return the value of a field if it has the field's type and is within its bounds; raises as `build` does."""
     kind, _ = optional_type(item.type)
     if kind is bool:
         return _of_type(bool, value, where, "true or false")
@@ -156,12 +155,12 @@ def _bounded(item: "Field[Any]", value: float, where: str) -> float:
     meta = item.metadata
     low, high, unit = meta["low"], meta["high"], meta["unit"]
     too_low = value <= low if meta["above"] else value < low
-    if not too_low and value <= high:  # false for nan, too
+    if not too_low and value <= high:  # nan fails here, too
         return value if optional_type(item.type)[0] is int else float(value)
     span = f"above {number(low)}" if meta["above"] else f"at least {number(low)}"
     unit = f" {unit}" if unit not in ("", "1") else ""
     nearest = high if value > high else low
-    # Of a list's entry the bounds alone are told.
+    # No cure for a list's entry, nor for a bound that itself is not allowed.
     cures = [] if (meta["above"] and nearest == low) or where.endswith("]") else [{where: nearest}]
     raise SpecError(f"must be {span} and at most {number(high)}{unit}, got {number(value)}{unit}", where, cures)
 

@@ -1,4 +1,4 @@
-"""A `Spec` from a TOML file or from the name of a template, with its catalogue entries filled in."""
+"""Load a `Spec` from a TOML file or a template, and fill in its catalogue entries."""
 
 import json
 from copy import deepcopy
@@ -31,12 +31,12 @@ __all__ = [
 ]
 
 LARGEST_TOML, LARGEST_PLAN = 1 << 20, 1 << 25
-"""Bytes of a spec or sweep, and of a plan.json: one of 100,000 taxels has a third of it."""
+"""Most bytes of a spec or sweep, and of a plan.json; that of 100,000 taxels takes a third of this."""
 DEFAULTS = {"printer": "fdm-0.4", "washer": "iso7092-m1.6", "coil": "paper"}
 CALIBRATED = ("printer", "spread", "material")
-"""Tables of the file of a calibrated printer."""
+"""Tables that the file of a calibrated printer may have."""
 WINDING = ("turns", "resistance_ohm", "inductance_mh")
-"""Fields of a coil that belong together: those of one winding tell nothing of another."""
+"""Fields that describe one winding and so must be given together."""
 DEFAULT_GAP_MM = 1.0
 DEFAULT_MATERIALS = {"fdm": "pla", "resin": "tough-resin"}
 DEFAULT_PRINTERS = {"fdm": "fdm-0.4", "resin": "resin-0.05"}
@@ -44,11 +44,11 @@ PLAIN_TABLES = {"pad": Pad, "taxel": Taxel, "suspension": Suspension, "drive": D
 
 
 SHORTHANDS = {"drive": "scheme", "model": "structure"}
-"""Tables that may be one word, and the field that it is."""
+"""Tables that a spec may give as one word, and the field that this word sets."""
 
 
 def template_paths() -> dict[str, Path]:
-    """The templates by name; in a checkout they lie at the top, in an installed wheel in the package."""
+    """Return the files of the templates by name: at the top of a checkout, inside the package of an installed wheel."""
     here = Path(__file__).resolve().parents[1]
     for folder in (here / "templates", here.parent / "templates"):
         if folder.is_dir():
@@ -57,7 +57,7 @@ def template_paths() -> dict[str, Path]:
 
 
 def find_spec(spec: str) -> Path:
-    """The file that `spec`, a path or the name of a template, means.
+    """Return the file of a spec, given by its path or by the name of a template.
 
     Raises
     ------
@@ -84,13 +84,13 @@ def find_spec(spec: str) -> Path:
 
 
 def load_spec(spec: str) -> Spec:
-    """Read a `Spec` from a path or from the name of a template; a ``plan.json`` stands for the spec of its plan."""
+    """Read a `Spec` from a path or the name of a template; from a ``plan.json``, the spec of that plan."""
     path = find_spec(spec)
     return make_spec(read_table(path, spec), path.parent)
 
 
 def read_table(path: Path, where: str) -> dict[str, Any]:
-    """The tables of a spec's file, TOML or the ``plan.json`` of a pad; errors call it `where`."""
+    """Return the tables of a spec's file, TOML or the ``plan.json`` of a pad; errors name the file `where`."""
     if path.suffix != ".json":
         return read_toml(path, where)
     data = _read(path, LARGEST_PLAN, "a plan.json", where)
@@ -111,22 +111,22 @@ def _read(path: Path, most_bytes: int, what: str, where: str) -> bytes:
 
 
 def without_none(value: Any) -> Any:
-    """Nested tables without their empty entries, as TOML writes them."""
+    """Return nested tables without entries of None, which TOML cannot write."""
     if isinstance(value, dict):
         return {key: without_none(entry) for key, entry in value.items() if entry is not None}
     return value
 
 
 def laid_over(base: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
-    """The table of a spec with other values of dotted fields."""
+    """Return the tables of a spec with `values` set, which are given by the fields' dotted names."""
     table = deepcopy(base)
-    # Whole tables first, so that a catalogue's entry and one of its fields may both be varied.
+    # Whole tables are set first, so that a catalogue entry and one of its fields may both be changed.
     for name, value in sorted(values.items(), key=lambda pair: pair[0].count(".")):
         *path, last = name.split(".")
         inner = table
         for part in path:
             entry = inner.get(part, {})
-            # A catalogue's entry or a scheme may be given as one word.
+            # A catalogue entry or a drive scheme may be given as one word.
             inner[part] = entry if isinstance(entry, dict) else {SHORTHANDS.get(part, "name"): entry}
             inner = inner[part]
         inner[last] = value
@@ -134,7 +134,7 @@ def laid_over(base: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
 
 
 def parse_spec(text: str, where: str = "spec", folder: Path = Path()) -> Spec:
-    """Make a `Spec` from TOML text; `where` names the text in errors, `folder` is where its files lie.
+    """Make a `Spec` from TOML text; `where` names the text in errors, and files that it names lie in `folder`.
 
     Raises
     ------
@@ -145,7 +145,7 @@ def parse_spec(text: str, where: str = "spec", folder: Path = Path()) -> Spec:
 
 
 def read_toml(path: Path, where: str) -> dict[str, Any]:
-    """The tables of a TOML file, which errors call `where`."""
+    """Return the tables of a TOML file; errors name it `where`."""
     try:
         text = _read(path, LARGEST_TOML, "a TOML file", where).decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -154,21 +154,21 @@ def read_toml(path: Path, where: str) -> dict[str, Any]:
 
 
 def parse_toml(text: str, where: str) -> dict[str, Any]:
-    """The tables of TOML text, which errors call `where`."""
+    """Return the tables of TOML text; errors name it `where`."""
     import tomllib
 
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise SpecError(f"is not TOML: {error}", where) from error
-    except ValueError as error:  # a number of thousands of digits
+    except ValueError as error:  # a number with thousands of digits
         raise SpecError(f"is not TOML that can be read: {error}", where) from error
     except RecursionError as error:
         raise SpecError("cannot be read: its values are nested too deeply", where) from error
 
 
 def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
-    """Make a `Spec` from the nested tables of a TOML file; other files that it names lie in `folder`."""
+    """Make a `Spec` from the nested tables of a TOML file; files that the tables name lie in `folder`."""
     table = _with_printer_file(dict(table), folder)
     for name, key in SHORTHANDS.items():
         value = table.get(name, {})
@@ -177,11 +177,13 @@ def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
         elif not isinstance(value, dict):
             raise SpecError(f"must be the name of its {key} or a table, got {shown(value)}", name)
     parts: dict[str, Any] = {name: build(kind, table.pop(name, {}), name) for name, kind in PLAIN_TABLES.items()}
-    parts["printer"] = _entry("printer", table.pop("printer", {}), DEFAULTS["printer"])
-    parts["material"] = _entry("material", table.pop("material", {}), DEFAULT_MATERIALS[parts["printer"].process])
-    parts["spread"] = _entry("spread", table.pop("spread", {}), spread_of(parts["printer"]))
+    parts["printer"] = _catalogue_entry("printer", table.pop("printer", {}), DEFAULTS["printer"])
+    parts["material"] = _catalogue_entry(
+        "material", table.pop("material", {}), DEFAULT_MATERIALS[parts["printer"].process]
+    )
+    parts["spread"] = _catalogue_entry("spread", table.pop("spread", {}), spread_of(parts["printer"]))
     for name in ("washer", "coil"):
-        parts[name] = _entry(name, table.pop(name, {}), DEFAULTS[name])
+        parts[name] = _catalogue_entry(name, table.pop(name, {}), DEFAULTS[name])
     parts["drive"] = with_threshold(parts["drive"], folder)
     spec: Spec = build(Spec, table, "", parts)
     if not spec.leaves_layout_free:
@@ -192,7 +194,7 @@ def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
 
 
 def _with_printer_file(table: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """`table` with what the file of a calibrated printer says, where it names one: printer, spread and material."""
+    """Return `table` with printer, spread and material from the file of a calibrated printer, if it names one."""
     name = table.get("printer")
     if not isinstance(name, str) or not name.endswith(".toml"):
         return table
@@ -208,7 +210,10 @@ def _with_printer_file(table: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 
 def answers(recorded: Spec, asked: Spec) -> bool:
-    """Tell whether the spec of a plan is what was `asked`, but for the model and for what was left to the search."""
+    """Return whether the spec recorded in a plan is the `asked` one.
+
+    The model may differ, and values that `asked` leaves to the search are taken from the plan.
+    """
     own = recorded.coil
     coil = replace(
         asked.coil,
@@ -220,13 +225,13 @@ def answers(recorded: Spec, asked: Spec) -> bool:
 
 
 def spread_of(printer: Printer) -> str:
-    """Name of the catalogue's typical spread for `printer`; that of its process where it has none of its own."""
+    """Return the name of the typical spread of `printer` in the catalogue, or of its process if it has none."""
     own = f"{printer.name}-typical"
     return own if own in catalogue("spread") else f"{DEFAULT_PRINTERS[printer.process]}-typical"
 
 
-def _entry(table: str, value: Any, default: str) -> Any:
-    """A catalogue entry: named by a word, or by a table that may override its fields."""
+def _catalogue_entry(table: str, value: Any, default: str) -> Any:
+    """Return a catalogue entry, given by its name or by a table that may override its fields."""
     kind = CATALOGUES[table][0]
     entries = catalogue(table)
     overrides = {"name": value} if isinstance(value, str) else value
@@ -234,7 +239,7 @@ def _entry(table: str, value: Any, default: str) -> Any:
         raise SpecError(f"must be a name or a table, got {shown(value)}", table)
     name = overrides.get("name", default)
     given = [key for key in WINDING if key in overrides]
-    # A resistance or an inductance alone is a deviation; more of a winding than that is another coil.
+    # A resistance or an inductance alone corrects the catalogue's coil; turns, or two of the three, mean another coil.
     other = len(given) > 1 or given == ["turns"]
     if table == "coil" and "name" not in overrides and other and len(given) < len(WINDING):
         raise SpecError(

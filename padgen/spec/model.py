@@ -1,7 +1,7 @@
-"""`Spec`: what the user asks for. Frozen, every field with unit, bounds and one line of meaning.
+"""Define `Spec`, the description of the wanted pad: frozen, each field with unit, bounds and one line of meaning.
 
-`Material`, `Printer`, `Spread`, `Washer` and `Coil` are catalogue entries: a spec names one and may override
-any of its fields.
+`Material`, `Printer`, `Spread`, `Washer` and `Coil` are catalogue entries: a spec names one and may override any of its
+fields.
 """
 
 from dataclasses import dataclass, field
@@ -25,15 +25,14 @@ __all__ = [
     "Washer",
 ]
 
-"""Explained in `padgen.physics.selectivity`."""
 STRUCTURE_MODELS = ("beam", "solid")
 LAYER_SHARE = 1e-6
-"""Share of a layer by which a height may exceed whole layers, by rounding."""
+"""Share of a layer by which a height may exceed whole layers through rounding."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pad:
-    """The plate that is printed: an active area of cells within a border."""
+    """The printed pad: an active area divided into cells, and a border around it."""
 
     width_mm: float = quantity(50.0, unit="mm", low=5, high=500, doc="active area along x")
     depth_mm: float = quantity(50.0, unit="mm", low=5, high=500, doc="active area along y")
@@ -140,21 +139,21 @@ class Printer:
     source: str = text("", doc="where the figures come from")
 
     def layers_up_to(self, height_mm: float) -> int:
-        """The fewest layers, one or more, that reach a height."""
+        """Return the smallest number of layers, one or more, that reaches a height."""
         return max(ceil((height_mm - self.first_layer_mm) / self.layer_mm - LAYER_SHARE) + 1, 1)
 
     def height_mm(self, layers: int) -> float:
-        """Height of so many layers, the first included."""
+        """Return the height in mm of a number of layers, the first one included."""
         return round(self.first_layer_mm + (layers - 1) * self.layer_mm, 9)
 
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """Spread of prints of one drawing, one sigma of each cause (sources in docs/yield.md).
+    """Spread between prints of one drawing: one sigma of each cause (sources in docs/yield.md).
 
-    A bias is alike in every print of a printer: a calibration or a re-tuning removes it, so that no print is drawn with
-    it. What is common is alike in all beams of a print; the field runs smoothly over the bed; the rest is each taxel's
-    own.
+    A `bias` is the same in every print of a printer. Calibration or re-tuning removes it, so that simulated prints do
+    not have it. A `common` error is the same in all beams of a print, the `field` varies smoothly over the bed, and all
+    others vary from taxel to taxel.
     """
 
     name: str = entry_name(doc="name in the catalogue")
@@ -185,7 +184,7 @@ class Spread:
 
     @property
     def bed_field_mm(self) -> float:
-        """Sigma of the field, of the bed as it is."""
+        """Sigma of the field in mm, for a bed that is meshed or not."""
         return self.field_z_mm if self.bed_meshed else self.unmeshed_field_z_mm
 
 
@@ -204,9 +203,9 @@ class Washer:
 
 @dataclass(frozen=True, slots=True)
 class Coil:
-    """A coil on an optional core, its top at `gap_mm` below the washers of a flat pad.
+    """A coil on an optional core, with its top `gap_mm` below the washers of a pad that does not sag.
 
-    `gap_mm` and `reuse` may be left to the search (None, 'auto'); the spec of a plan has them.
+    `gap_mm` and `reuse` may be left to the search (None, 'auto'); the spec in a plan has the values found.
     """
 
     name: str = entry_name(doc="name in the catalogue")
@@ -241,13 +240,13 @@ class Coil:
 
     @property
     def sets(self) -> int:
-        """Sets of channels that the coils have between them."""
+        """Number of sets of channels: 2 where coils alternate between two sets, else 1."""
         return 2 if self.reuse == "alternate" else 1
 
 
 @dataclass(frozen=True, slots=True)
 class Suspension:
-    """How the plates hang and what of their beams may be tuned."""
+    """The kind of suspension, and the dimensions of its beams that may be tuned."""
 
     topology: str = choice(
         "auto",
@@ -268,7 +267,7 @@ class Suspension:
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """How the coils are driven and how strongly the taxels are to move."""
+    """The drive of the coils, the levels of the taxels, and the amplifier."""
 
     scheme: str = choice(
         "auto",
@@ -315,7 +314,7 @@ class Drive:
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """How well the resonances are to be known (docs/accuracy.md)."""
+    """The model of the resonances and their largest error (docs/accuracy.md)."""
 
     structure: str = choice(
         "auto",
@@ -334,7 +333,7 @@ class Model:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What the pad as a whole may take."""
+    """Limits of the pad as a whole."""
 
     power_w: float | None = quantity(
         None, unit="W", low=1e-4, high=1e6, doc="heat of all coils together with all taxels on; no limit when absent"
@@ -343,7 +342,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class Spec:
-    """The whole spec. `name`, `resolution`, `band_hz` and `q_min` have no default."""
+    """The description of a wanted pad; `name`, `resolution`, `band_hz` and `q_min` have no default."""
 
     name: str = folder_name(doc="name of the pad and of its folder", most=80)
     resolution: int = quantity(unit="taxels", low=1, high=100_000, doc="target number of taxels")
@@ -397,11 +396,11 @@ class Spec:
 
     @property
     def leaves_layout_free(self) -> bool:
-        """Tell whether the search may choose the grid of coils, and with it their gap, reuse and drive."""
+        """True where the search may choose the grid of coils, and with it gap, reuse and drive."""
         return not self.coil.grid and not self.resonances_hz
 
     @property
     def recess_depth_mm(self) -> float:
-        """Depth of the recess below a plate: washer and glue, in whole layers."""
+        """Depth in mm of the recess in a plate's underside: washer and glue, rounded up to whole layers."""
         printer = self.printer
         return printer.height_mm(printer.layers_up_to(self.washer.thickness_mm + self.taxel.glue_gap_mm))

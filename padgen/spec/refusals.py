@@ -1,4 +1,4 @@
-"""What no single field can tell: pairs of fields that contradict each other."""
+"""Refuse specs whose fields contradict each other."""
 
 from itertools import pairwise
 from math import ceil, floor
@@ -14,7 +14,7 @@ __all__ = ["refuse_contradictions"]
 SLACK_MM = 1e-9
 """Rounding by which a sum of fields may exceed its bound."""
 MAGNETIC = 2.0
-"""Relative permeability of a washer from which on a coil pulls it."""
+"""Smallest relative permeability of a washer that counts as magnetic."""
 
 
 def refuse_contradictions(spec: Spec) -> None:
@@ -183,13 +183,13 @@ def _refuse_plate(spec: Spec) -> None:
 
 
 def _thicker(spec: Spec, plate_mm: float) -> list[dict[str, float]]:
-    """Plates so thick, with a frame of the same height where it is lower."""
+    """Return a cure: plates of a thickness in mm, and a frame of the same height if it is lower."""
     frame = {} if plate_mm <= spec.pad.frame_thickness_mm else {"pad.frame_thickness_mm": plate_mm}
     return [{"taxel.plate_thickness_mm": plate_mm, **frame}]
 
 
 def _bridged(spec: Spec) -> list[dict[str, Any]]:
-    """A post in the recess or the largest washer, of those whose roofs can be bridged."""
+    """Return cures for a roof too wide to bridge: the largest washer that is not, or a post in the recess."""
     taxel, washer, most_mm = spec.taxel, spec.washer, spec.printer.longest_bridge_mm
     largest = most_mm - taxel.washer_clearance_mm
     sizes = {
@@ -204,11 +204,12 @@ def _bridged(spec: Spec) -> list[dict[str, Any]]:
 
 
 def _up(value: float) -> float:
-    """The next micrometre that is not below `value`."""
+    """Round mm up to a whole micrometre."""
     return ceil(value * 1e3 - SLACK_MM) / 1e3
 
 
 def _down(value: float) -> float:
+    """Round mm down to a whole micrometre."""
     return floor(value * 1e3 + SLACK_MM) / 1e3
 
 

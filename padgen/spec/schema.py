@@ -1,4 +1,4 @@
-"""The JSON schema of a spec, so that editors complete and check it."""
+"""Make the JSON schema of a spec, with which editors complete and check spec files."""
 
 from dataclasses import MISSING, fields, is_dataclass
 from typing import Any, get_args
@@ -12,7 +12,7 @@ __all__ = ["spec_schema"]
 
 
 def spec_schema() -> dict[str, Any]:
-    """JSON schema (draft 2020-12) of a spec file, made from the fields' own metadata."""
+    """Return the JSON schema (draft 2020-12) of a spec file, made from the fields' metadata."""
     schema = _object(Spec, required=True)
     schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
     schema["title"] = "padgen spec"

@@ -1,4 +1,4 @@
-"""A detection threshold over frequency that the user supplies: a CSV file, or two lists in the spec."""
+"""Read and check the user's curve of detection thresholds over frequency: a CSV file, or two lists in the spec."""
 
 import io
 from dataclasses import fields
@@ -14,18 +14,18 @@ __all__ = ["refuse_threshold", "with_threshold"]
 
 
 LARGEST_FILE = 1 << 20
-"""Bytes of a curve file."""
+"""Most bytes of a file with a curve."""
 
 
 def with_threshold(drive: Drive, folder: Path) -> Drive:
-    """`drive` with the curve of its `threshold_file` in place of the file's name.
+    """Return `drive` with the curve of its `threshold_file` in place of the file's name.
 
     Raises
     ------
     FileError
         The file cannot be read, or a line of it is not two numbers.
     SpecError
-        There is a file and a list as well, or a number is out of bounds.
+        The spec has both a file and a list, or a number is out of bounds.
     """
     name = drive.threshold_file
     if name is None:
@@ -85,7 +85,7 @@ def _number(cell: str) -> float | None:
 
 
 def refuse_threshold(spec: Spec) -> None:
-    """Raise `SpecError` for a curve that is none, or that leaves a part of the band without a threshold."""
+    """Raise `SpecError` for a curve that does not rise in frequency, or does not cover the band."""
     hz, um = spec.drive.threshold_hz, spec.drive.threshold_um
     if hz is None and um is None:
         return

@@ -1,7 +1,7 @@
-"""Kinds of coil, one file each, found by the file's name; others are added by `register`.
+"""Kinds of coil, one file each, named by the file; `register` adds others.
 
-A kind holds to `CoilKind`: it makes of the `[coil]` table of a spec the `CoilSource` that the physics works with,
-coaxial windings round an optional core. Everything else about a coil is the same for every kind.
+A kind follows `CoilKind`: from the `[coil]` table of a spec it makes the `CoilSource` of the physics, coaxial windings
+round an optional core. Everything else about a coil is the same for every kind.
 """
 
 from typing import Protocol
@@ -17,7 +17,7 @@ class CoilKind(Protocol):
     """A kind of coil: a module, or any object, with this name."""
 
     def source(self, coil: Coil) -> CoilSource:
-        """The windings and the core, in m, heights over the top face; may raise SpecError of fields that make none."""
+        """Return windings and core in m, heights from the top face; raise SpecError for fields that make no coil."""
 
 
 def register(name: str, kind: CoilKind) -> None:
@@ -26,23 +26,23 @@ def register(name: str, kind: CoilKind) -> None:
     Raises
     ------
     SpecError
-        The name is taken or no name, or the kind lacks something.
+        The name is taken or not valid, or the kind lacks a member of `CoilKind`.
     """
     COILS.register(name, kind, CoilKind)
 
 
 def unregister(name: str) -> None:
-    """Take away a kind of coil that was registered."""
+    """Remove a registered kind of coil."""
     COILS.unregister(name)
 
 
 def coil_source(coil: Coil) -> CoilSource:
-    """What a spec's coil is to its field.
+    """Return the windings and the core of a spec's coil, in m.
 
     Raises
     ------
     SpecError
-        There is no such kind, or its fields make no coil of it.
+        There is no such kind, or the fields make no coil of this kind.
     """
     kind: CoilKind = COILS.get(coil.kind, "coil.kind")
     return kind.source(coil)

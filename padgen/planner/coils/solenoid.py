@@ -18,7 +18,7 @@ __all__ = ["source"]
 
 
 def source(coil: Coil) -> CoilSource:
-    """The winding and the core, in m."""
+    """Return the winding and the core, in m."""
     return solenoid(
         coil.outer_diameter_mm * MM,
         coil.inner_diameter_mm * MM,

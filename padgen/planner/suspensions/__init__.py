@@ -1,8 +1,8 @@
-"""Suspensions, one file each, found by the file's name; others are added by `register`.
+"""Suspensions, one file each, named by the file; `register` adds others.
 
-A suspension holds to `Suspension`. Planner, solid, finite elements, measuring-back and checks take all they know of
-a taxel's shape from the `Arrangement` that it makes: beams as paths of straight pieces and arcs, blocks, a window.
-Its functions take numbers or arrays, so that one call lays out a whole grid of candidates.
+A suspension follows the protocol `Suspension`. Planner, solid, finite elements and checks know a taxel's shape only by
+the `Arrangement` that the suspension makes: beams as paths of straight pieces and arcs, blocks, a window. Its functions
+take numbers or arrays, so that one call lays out a whole grid of candidates.
 """
 
 from math import inf
@@ -43,28 +43,28 @@ __all__ = [
 class Suspension(Protocol):
     """A kind of suspension: a module, or any object, with these names.
 
-    An `ORDER` may say when the planner tries it, the lowest first; those without one come last, and one of None is
-    planned only where a spec names it.
+    It may have an `ORDER`: the planner tries the lowest first, suspensions without it last, and those with None only
+    where a spec names them.
     """
 
     END_FACTOR: float
-    """c of the point-mass rule ``k = c E w t³/l³`` of one beam."""
+    """Factor c of the point-mass rule ``k = c E w t³/l³`` for one beam."""
     BEAMS: int
-    """How many beams share the load."""
+    """Number of beams that share the load."""
 
     def longest(self, room: Room, plate: PlateShape, gap_mm: float) -> float:
-        """Longest beam in mm that `room` holds, negative when none does."""
+        """Return the length in mm of the longest beam in `room`; negative where no beam fits."""
 
     def widest(self, room: Room, plate: PlateShape, gap_mm: float) -> float:
-        """Widest beam in mm that `room` holds, negative when none does: at any length up to the longest."""
+        """Return the largest width in mm that beams of every length may have in `room`; negative where no beam fits."""
 
     def shortest(self, plate: PlateShape, gap_mm: float) -> float:
-        """Shortest beam in mm."""
+        """Return the length in mm of the shortest beam."""
 
     def arrange(self, plate: PlateShape, beam: BeamShape, gap_mm: float) -> Arrangement:
-        """Beams, blocks and window in mm for one beam shape, or for arrays of them.
+        """Return beams, blocks and window in mm for one beam shape, or for arrays of them.
 
-        Every path is as long as `beam` says; `gap_mm` is kept between all that moves and the frame.
+        Every path has the length of `beam`; `gap_mm` is the gap between moving parts and frame.
         """
 
 
@@ -74,35 +74,38 @@ def register(name: str, suspension: Suspension) -> None:
     Raises
     ------
     SpecError
-        The name is taken or no name, or the suspension lacks something.
+        The name is taken or not valid, or the suspension lacks a member of `Suspension`.
     """
     SUSPENSIONS.register(name, suspension, Suspension)
 
 
 def unregister(name: str) -> None:
-    """Take away a suspension that was registered."""
+    """Remove a registered suspension."""
     SUSPENSIONS.unregister(name)
 
 
 def names() -> tuple[str, ...]:
-    """Names of all suspensions, none of which is imported for it."""
+    """Return the names of all suspensions, without importing them."""
     return SUSPENSIONS.names()
 
 
 def suspension(name: str) -> Suspension:
-    """The suspension of that name.
+    """Return the suspension called `name`.
 
     Raises
     ------
     SpecError
-        There is none.
+        There is none of that name.
     """
     found: Suspension = SUSPENSIONS.get(name, "suspension.topology")
     return found
 
 
 def allowed(topology: str) -> list[str]:
-    """Names that a spec's `topology` stands for: with ``auto`` those with an order, as they are tried."""
+    """Return the names of the suspensions that a spec's `topology` allows, in the order in which they are tried.
+
+    A family such as 'serpentine' allows its members, ``auto`` all whose `ORDER` is not None.
+    """
     if topology in SUSPENSIONS.families():
         return [name for name in names() if name.rpartition("-")[0] == topology]
     if topology != "auto":

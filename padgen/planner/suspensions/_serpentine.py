@@ -1,4 +1,4 @@
-"""A beam in legs across the window, folded in its plane: softer than a straight one as thick, or thicker and as soft.
+"""A beam folded in its plane into legs across the window: softer than a straight beam of the same thickness.
 
 ::
 
@@ -12,8 +12,8 @@
     +----------------------+
     root (x = 0)
 
-The legs twist and bend: a resonance goes with a lower power of the thickness and a higher one of the width than that of
-a straight beam, and so with less of what is common to a print. Sideways the legs are as soft as up and down.
+The legs bend and twist. So the resonance depends less on the thickness and more on the width than that of a straight
+beam, and less on errors common to a print. Sideways the legs are as soft as up and down.
 """
 
 from math import pi
@@ -27,41 +27,41 @@ __all__ = ["BEAMS", "END_FACTOR", "ORDER", "Serpentine"]
 
 ORDER = None
 END_FACTOR = 0.25
-"""Of the same beam, unfolded."""
+"""Factor of the point-mass rule of the same beam, unfolded."""
 BEAMS = 1
 WIDEST_SHARE = 0.2
-"""Of the plate's width: what is wider has no legs to speak of."""
+"""Largest width of the beam over the plate's: a wider beam would have hardly any legs."""
 
 
 class Serpentine(NamedTuple):
-    """A beam with `legs` across the window, an odd number: the first and the last reach from its middle to one side.
+    """A beam with an odd number of `legs` across the window; the first and last reach from its middle to one side.
 
-    All bends have the radius that leaves the smallest gap between legs, so that each leg takes the beam's width and one
-    gap of the window's length.
+    All bends have the radius that leaves the smallest gap between legs, so that each leg takes up the beam's width and
+    one gap along the window.
     """
 
     legs: int
 
     def longest(self, room: Room, plate: PlateShape, gap_mm: float) -> float:
-        """Longest beam in mm: as wide as may be, which bends within less length."""
+        """Return the length in mm of the longest beam of the largest width, which holds for all narrower beams."""
         widest = self.widest(room, plate, gap_mm)
         out = room.width_mm / 2 - gap_mm - widest / 2 - (widest + gap_mm) / 2
         return self._length_mm(out, widest, gap_mm) if widest >= 0 else -1.0
 
     def widest(self, room: Room, plate: PlateShape, gap_mm: float) -> float:
-        """Widest beam in mm: what the plate leaves of the room's length, shared by the legs."""
+        """Return the largest width in mm: the length of the room beside the plate, shared by the legs."""
         if plate.width_mm + 2 * gap_mm > room.width_mm + 1e-9 or plate.length_mm / 2 + gap_mm > room.behind_washer_mm:
             return -1.0
         along = min(room.length_mm - plate.length_mm - gap_mm, room.before_washer_mm - plate.length_mm / 2)
         return min((along - gap_mm) / self.legs - gap_mm, WIDEST_SHARE * plate.width_mm)
 
     def shortest(self, plate: PlateShape, gap_mm: float) -> float:
-        """Shortest beam in mm: of the widest, the first leg is straight for a gap's length."""
+        """Return the shortest length in mm: that at which the widest beam's first leg is straight for one gap."""
         widest = WIDEST_SHARE * plate.width_mm
         return float(self._length_mm((widest + gap_mm) / 2 + gap_mm, widest, gap_mm))
 
     def arrange(self, plate: PlateShape, beam: BeamShape, gap_mm: float) -> Arrangement:
-        """Beams and blocks in mm for one beam shape, or for arrays of them."""
+        """Return beam, block and window in mm for one beam shape, or for arrays of them."""
         radius, zero = (beam.width_mm + gap_mm) / 2 + 0.0 * beam.length_mm, 0.0 * beam.length_mm
         out = (beam.length_mm - self._length_mm(zero, beam.width_mm, gap_mm)) / (2 * (self.legs - 1))
         stub, half, across = Segment(zero + gap_mm / 2), Segment(out - radius), Segment(2 * out)
@@ -81,6 +81,6 @@ class Serpentine(NamedTuple):
         )
 
     def _length_mm(self, out_mm: Any, width_mm: Any, gap_mm: float) -> Any:
-        """Length of a path whose outer bends have their centres `out_mm` off the middle."""
+        """Return the length in mm of a path whose outer bends have their centres `out_mm` from the middle."""
         radius = (width_mm + gap_mm) / 2
         return gap_mm + (self.legs * pi - 2) * radius + 2 * (self.legs - 1) * out_mm

@@ -1,4 +1,4 @@
-"""Two guided beams on opposite sides of the plate: piston motion, for high channels.
+"""Two guided beams on opposite sides of the plate, which moves like a piston: for high resonances.
 
 ::
 
@@ -11,8 +11,8 @@
     +-----------------------------+
     root (x = 0)              root
 
-Stiff in pitch; at large amplitude the beams stretch and harden, and shrinkage of the print
-pretensions them, which raises the resonance.
+The plate is stiff in pitch. At large amplitudes the beams stretch and harden, and shrinkage of the print pulls them
+tight, which raises the resonance.
 """
 
 from typing import Any
@@ -29,22 +29,22 @@ BEAMS = 2
 
 
 def longest(room: Room, plate: PlateShape, gap_mm: float) -> float:
-    """Longest beam in mm."""
+    """Return the length in mm of the longest beam."""
     return min(room.length_mm / 2, room.before_washer_mm, room.behind_washer_mm) - plate.length_mm / 2
 
 
 def widest(room: Room, plate: PlateShape, gap_mm: float) -> float:
-    """Widest beam in mm: the plate's width, or none where the plate does not fit."""
+    """Return the largest width of a beam in mm, the plate's; -1 where the plate does not fit."""
     return plate.width_mm if plate.width_mm + 2 * gap_mm <= room.width_mm + 1e-9 else -1.0
 
 
 def shortest(plate: PlateShape, gap_mm: float) -> float:
-    """Shortest beam in mm."""
+    """Return the length in mm of the shortest beam."""
     return 2 * gap_mm
 
 
 def arrange(plate: PlateShape, beam: BeamShape, gap_mm: float) -> Arrangement:
-    """Beams and blocks in mm for one beam shape, or for arrays of them."""
+    """Return beams, block and window in mm for one beam shape, or for arrays of them."""
     length: Any = beam.length_mm
     half = plate.width_mm / 2
     whole = 2 * length + plate.length_mm

@@ -27,24 +27,24 @@ BEAMS = 1
 
 
 def longest(room: Room, plate: PlateShape, gap_mm: float) -> float:
-    """Longest beam in mm."""
+    """Return the length in mm of the longest beam; -1 where the washer would not stay over its coil."""
     if plate.length_mm / 2 + gap_mm > room.behind_washer_mm:
         return -1.0
     return min(room.length_mm - plate.length_mm - gap_mm, room.before_washer_mm - plate.length_mm / 2)
 
 
 def widest(room: Room, plate: PlateShape, gap_mm: float) -> float:
-    """Widest beam in mm: the plate's width, or none where the plate does not fit."""
+    """Return the largest width of a beam in mm, the plate's; -1 where the plate does not fit."""
     return min(plate.width_mm, room.width_mm - 2 * gap_mm) if _fits(room, plate, gap_mm) else -1.0
 
 
 def shortest(plate: PlateShape, gap_mm: float) -> float:
-    """Shortest beam in mm."""
+    """Return the length in mm of the shortest beam."""
     return 2 * gap_mm
 
 
 def arrange(plate: PlateShape, beam: BeamShape, gap_mm: float) -> Arrangement:
-    """Beams and blocks in mm for one beam shape, or for arrays of them."""
+    """Return beam, block and window in mm for one beam shape, or for arrays of them."""
     length: Any = beam.length_mm
     half = plate.width_mm / 2
     zero = 0.0 * length

@@ -12,9 +12,8 @@
     +-----------------------+
     root (x = 0)
 
-A force at half the beams' length does not turn the tips; the plate reaches further to the root
-side so that the moving mass is centred there too, and then it moves like a piston and its pitch
-mode is not excited.
+A force at half the beams' length does not turn the tips. The plate reaches further to the root side, so that the centre
+of the moving mass is at half the length, too. The plate then moves like a piston and its pitch mode is not excited.
 """
 
 from typing import Any
@@ -31,27 +30,27 @@ BEAMS = 2
 CROSSBAR_MM = 0.8
 CROSSBAR_HEIGHT_MM = 0.8
 CROSSBAR_HEIGHT_PER_BEAM = 2.5
-"""The crossbar is to be rigid beside the beams, and as light as that allows."""
+"""Height of the crossbar over the beams' thickness: much stiffer than the beams, and still light."""
 
 
 def longest(room: Room, plate: PlateShape, gap_mm: float) -> float:
-    """Longest beam in mm."""
+    """Return the length in mm of the longest beam."""
     end = CROSSBAR_MM + gap_mm
     return min(room.length_mm - end, 2 * room.before_washer_mm, 2 * (room.behind_washer_mm - end))
 
 
 def widest(room: Room, plate: PlateShape, gap_mm: float) -> float:
-    """Widest beam in mm: half of what the plate and four gaps leave."""
+    """Return the largest width of a beam in mm: half of the room's width beside the plate and four gaps."""
     return (room.width_mm - plate.width_mm - 4 * gap_mm) / 2
 
 
 def shortest(plate: PlateShape, gap_mm: float) -> float:
-    """Shortest beam in mm: the plate and, at either end, two gaps (one for the fillets)."""
+    """Return the length in mm of the shortest beam: the plate and, at each end, two gaps (one for the fillets)."""
     return plate.length_mm + 4 * gap_mm
 
 
 def arrange(plate: PlateShape, beam: BeamShape, gap_mm: float) -> Arrangement:
-    """Beams and blocks in mm for one beam shape, or for arrays of them."""
+    """Return beams, blocks and window in mm for one beam shape, or for arrays of them."""
     length: Any = beam.length_mm
     zero, half, middle = 0.0 * length, plate.width_mm / 2, length / 2
     y = half + gap_mm + beam.width_mm / 2
@@ -80,7 +79,10 @@ def arrange(plate: PlateShape, beam: BeamShape, gap_mm: float) -> Arrangement:
 
 
 def _reach_to_root_mm(plate: PlateShape, middle: Any, outside: Any, lightness: Any) -> Any:
-    """How far the plate must reach from the washer to the root side to balance neck and crossbar."""
+    """Return the distance in mm that the plate must reach from the washer to the root side to balance the crossbar.
+
+    `outside` is half of the crossbar's length, `lightness` the height of neck and crossbar over the plate's.
+    """
     front = plate.length_mm / 2
     neck = (middle**2 - front**2) / 2
     crossbar = 4 * outside / plate.width_mm * CROSSBAR_MM * (middle + CROSSBAR_MM / 2)

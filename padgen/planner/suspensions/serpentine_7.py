@@ -1,4 +1,4 @@
-"""One beam of seven legs across the window: see `_serpentine`."""
+"""Suspension by one beam of seven legs across the window, by `Serpentine`."""
 
 from padgen.planner.suspensions._serpentine import BEAMS, END_FACTOR, ORDER, Serpentine
 
