@@ -475,14 +475,14 @@ def test_no_beam_is_shorter_than_thick_and_those_beyond_the_model_are_found():
 @pytest.mark.parametrize(
     "extra",
     [
-        "[coil]\ngap_mm = 0.05\n",  # sag alone
-        "[coil]\ngap_mm = 0.5\n[drive]\nlevel_um = 420\n",  # amplitude
-        "[coil]\ngap_mm = 0.3\n[drive]\nlevel_um = 60\nscheme = 'biased'\nbias_ratio = 30\n",  # static pull
-        "[coil]\ngap_mm = 0.7\n[material]\nyoungs_modulus_gpa = 0.01\n[pad]\nwidth_mm = 100\ndepth_mm = 100\n",
+        "gap_mm = 0.05\n",  # sag alone
+        "gap_mm = 0.5\n[drive]\nlevel_um = 420\n",  # amplitude
+        "gap_mm = 0.3\n[drive]\nlevel_um = 60\nscheme = 'biased'\nbias_ratio = 30\n",  # static pull
+        "gap_mm = 0.7\n[material]\nyoungs_modulus_gpa = 0.01\n[pad]\nwidth_mm = 100\ndepth_mm = 100\n",
     ],
 )
 def test_a_washer_that_meets_the_coil_is_an_error(extra):
-    plan = plan_of(4, 15 if "material" in extra else 50, 200, extra)
+    plan = plan_of(4, 15 if "material" in extra else 50, 200, f"[coil]\ngrid = [1, 2]\n{extra}")
     gap_um = plan.spec.coil.gap_mm * 1e3
     travels_um = {f"channel {c.index}": c.sag_um + c.static_um + c.level_um for c in plan.channels}
     assert max(travels_um.values()) >= gap_um

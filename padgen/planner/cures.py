@@ -18,10 +18,8 @@ MOST_TRIED = 8
 """Most cures that are tried for one plan."""
 LOST_DB = 0.05
 """Loss of the asked selectivity in dB that a cure may cause."""
-
 COUNTED = ("model.", "ladder.", "selectivity.", "coil.leak", "modes.")
-"""Beginnings of the codes of findings that a cure may make worse: on a model's accuracy, and on effects that the
-selectivity counts anyway."""
+"""Kinds of findings about the models, or about a loss of selectivity, which is counted in dB anyway."""
 
 Cure = dict[str, Any]
 """New values of fields of the spec, by the fields' dotted names; None removes a field from the spec."""
@@ -38,8 +36,9 @@ def varied(spec: Spec, cure: Cure) -> Spec:
 def with_tried_cures(plan: Plan, planned: Callable[[Cure], Plan]) -> Plan:
     """Return `plan` with the cures of its findings that hold, each finding's first one, and no others.
 
-    `planned` makes the plan of the spec with a cure. A cure holds where no finding of that kind is left, there are
-    fewer kinds of findings and no more of errors, and what is asked of the selectivity is kept as before.
+    `planned` makes the plan of the spec with a cure. A cure holds where no finding of that kind is left and there are no
+    more errors, where there are fewer kinds of findings, or no more of those that are not `COUNTED`, and where as much
+    is kept of the selectivity that is asked.
     """
     proposed: dict[str, list[Cure]] = {}
     for finding in plan.findings:
@@ -79,14 +78,18 @@ def _severities(plan: Plan) -> dict[str, int]:
 def _is_better(plan: Plan, before: dict[str, int], again: Plan, code: str) -> bool:
     after = _severities(again)
     kept = [inf if p.selectivity.kept_db is None else p.selectivity.kept_db for p in (plan, again)]
+    errors, others, kinds = ((of(after), of(before)) for of in (_errors, _others, len))
     return (
         code not in after
-        and _weight(after) < _weight(before)
+        and errors[0] <= errors[1]
+        and (kinds[0] < kinds[1] or others[0] <= others[1])
         and kept[1] >= min(kept[0], plan.selectivity.asked_db) - LOST_DB
     )
 
 
-def _weight(severities: dict[str, int]) -> tuple[int, int]:
-    """Number of kinds of errors, and of all findings but those that the models have about themselves."""
-    of_the_pad = [level for code, level in severities.items() if not code.startswith("model.")]
-    return of_the_pad.count(LEVELS.index("error")), len(of_the_pad)
+def _errors(severities: dict[str, int]) -> int:
+    return list(severities.values()).count(LEVELS.index("error"))
+
+
+def _others(severities: dict[str, int]) -> int:
+    return sum(not code.startswith(COUNTED) for code in severities)
