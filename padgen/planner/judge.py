@@ -137,7 +137,7 @@ def _prints(plan: Plan) -> Iterator[Finding]:
             "print.share",
             "pad",
             f"with every taxel re-tuned, {prints.good_share:.0%} of its prints keep the {asked:.1f} dB of ON over OFF"
-            f" that are asked for, {wanted:.0%} of them {prints.print_db:.1f} dB",
+            f" that are asked for; {wanted:.0%} of all prints keep {prints.print_db:.1f} dB",
         )
     if prints.planned_db < min(asked, prints.print_db):
         yield Finding(
@@ -156,8 +156,8 @@ def _single_layers(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Findin
             "note",
             "beam.single_layer",
             ("channels " if len(single) > 1 else "channel ") + ", ".join(str(c.index) for c in single),
-            f"beams of a single layer of {number(single[0].beam.thickness_mm)} mm come out as thick as the bed is"
-            " level: level it well",
+            f"beams of a single layer of {number(single[0].beam.thickness_mm)} mm are as uneven in thickness as the"
+            " bed is: level it well",
         )
 
 

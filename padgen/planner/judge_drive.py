@@ -123,16 +123,15 @@ def _leak(plan: Plan) -> Iterator[Finding]:
         return
     short = apart < asked
     kept = (
-        f"re-tuned, {_quieter(apart)}"
+        f"re-tuned {_quieter(apart)} than its own coil does when ON"
         if short
-        else f"re-tuned {_quieter(apart)} and by the driver table {_quieter(step)}"
+        else f"re-tuned {_quieter(apart)} than its own coil does when ON ({_quieter(step)} by the driver table)"
     )
     yield Finding(
         "warning" if short else "note",
         "coil.leak",
         f"channel {plan.reuse.leak_channel}",
-        f"in their worst state the coils around shake this taxel, when OFF, {kept} than its own coil would, asked are"
-        f" {asked:.1f} dB less",
+        f"in their worst state the coils around shake this taxel, when it is OFF, {kept}; asked are {asked:.1f} dB less",
     )
 
 

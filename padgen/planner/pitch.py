@@ -50,6 +50,6 @@ def judge_pitch(plan: Plan) -> Iterator[Finding]:
             "warning" if pitch.ratio > HOLE_RATIO else "note",
             "layout.pitch",
             "pad",
-            f"{name} of taxels lie {number(low)} to {number(high)} mm apart, since washers hang as near to their"
-            f" coil's axis as beams and an even pull allow; even would be within 1 : {LARGEST_RATIO:g}",
+            f"{name} of taxels lie {number(low)} to {number(high)} mm apart, a ratio of {number(high / low)};"
+            f" up to {LARGEST_RATIO:g} counts as even. Washers hang as near to their coil's axis as their beams allow",
         )

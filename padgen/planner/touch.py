@@ -67,8 +67,8 @@ def judge_touch(plan: Plan) -> Iterator[Finding]:
         "touch.skin",
         f"channel {worst.index}",
         f"under typical skin (a provisional model) its {number(worst.resonance_hz)} Hz become {hz:.1f} Hz at Q ="
-        f" {q:.2g}{quieter}; a contact {at_most(contact_mm)} mm wide, a moving mass of {at_least(heavy_g)} g or a"
-        f" resonance of {at_least(high_hz)} Hz would keep it within 5 %",
+        f" {q:.2g}{quieter}; the touched resonance would stay within 5 % with a contact {at_most(contact_mm)} mm"
+        f" wide, a moving mass of {at_least(heavy_g)} g or a resonance of {at_least(high_hz)} Hz",
     )
 
 

@@ -43,28 +43,35 @@ def verdict_line(plan: "Plan") -> str:
         return f"{plan.name} works: no taxel hears another."
     if prints.planned_db >= asked:
         return (
-            f"{plan.name} works as printed: with the plan's driver table {share} keep {prints.planned_db:.1f} dB of ON"
-            f" over OFF, asked are {asked:.1f} dB."
+            f"{plan.name} works as printed: driven by the plan's table, ON taxels of {share} vibrate at least"
+            f" {prints.planned_db:.1f} dB more than OFF ones, asked are {asked:.1f} dB."
         )
-    kept = f"{share} keep {prints.print_db:.1f} dB of ON over OFF, asked are {asked:.1f} dB"
+    kept = (
+        f"ON taxels of {share} then vibrate at least {prints.print_db:.1f} dB more than OFF ones, asked are"
+        f" {asked:.1f} dB"
+    )
     if prints.good_share >= plan.spec.print_share:
         return f"{plan.name} works once every taxel is measured and re-tuned: {kept}."
-    return f"{plan.name} does not keep what is asked: even re-tuned, {kept}."
+    return f"{plan.name} falls short of what is asked, even once every taxel is measured and re-tuned: {kept}."
 
 
 def _pad_line(plan: "Plan") -> str:
     pad, coils, pitch = plan.spec.pad, plan.coils, plan.pitch
-    sides = ["-".join(dict.fromkeys(f"{v:.1f}" for v in step)) + " mm" for step in (pitch.x_mm, pitch.y_mm) if step]
+    sides = [
+        f"{name} " + "-".join(dict.fromkeys(f"{v:.1f}" for v in step)) + " mm"
+        for name, step in (("columns", pitch.x_mm), ("rows", pitch.y_mm))
+        if step
+    ]
     even = "even" if pitch.ratio <= EVEN else "uneven"
-    full = "" if pitch.taken > 1 - 1e-9 else f", {pitch.taken:.0%} of the crossings taken"
+    full = "" if pitch.taken > 1 - 1e-9 else f"; {pitch.taken:.0%} of their crossings have a taxel"
     constant = "DC" if plan.scheme.has_constant else "AC or DC"
     return (
         f"{len(plan.taxels)} taxels on {number(pad.width_mm)} x {number(pad.depth_mm)} mm"
-        + (f", {' x '.join(sides)} apart ({even}{full})" if sides else "")
+        + (f", {' and '.join(sides)} apart ({even}{full})" if sides else "")
         + f"; {coils.rows} x {coils.columns} coils of {len(plan.sets[0])}"
         + (" channels, two sets in turn" if coils.sets > 1 else f" channel{'s' * (len(plan.channels) > 1)}")
-        + f", {number(plan.spec.coil.gap_mm)} mm below; {coils.rows * coils.columns} amplifier channels,"
-        f" {constant} coupled."
+        + f", {number(plan.spec.coil.gap_mm)} mm below the washers; {coils.rows * coils.columns} amplifier"
+        f" outputs, {constant} coupled."
     )
 
 
@@ -106,19 +113,22 @@ def _power_lines(plan: "Plan") -> list[str]:
     ]
     if prints.print_db is not None:
         stages = (
-            ("the driver table as it is", prints.planned_db),
-            ("a coupon measured", prints.coupon_db),
-            ("some taxels measured", prints.some_db),
-            ("every taxel measured", prints.print_db),
+            ("nothing", prints.planned_db),
+            ("a coupon", prints.coupon_db),
+            ("a few taxels", prints.some_db),
+            ("every taxel", prints.print_db),
         )
         told = ", ".join(f"{name} {db:.1f}" for name, db in stages if db is not None)
-        lines.append(f"{plan.spec.print_share:.0%} of prints keep, in dB: {told} (± {prints.error_db:.1f}).")
+        lines.append(
+            f"dB that {plan.spec.print_share:.0%} of prints keep, by what of a print is measured: {told}"
+            f" (± {prints.error_db:.1g}, by {prints.pads} prints in the computer)."
+        )
     skin = next((t for t in plan.touched if t.skin == "typical" and t.all_states_db is not None), None)
     if skin:
         lines.append(
-            "That is untouched. Under a finger (typical skin, provisional)"
+            "All this is without a finger. Under typical skin (a provisional model)"
             f" {plan.channels[0].resonance_hz:.0f} Hz become {skin.resonance_hz[0]:.0f} Hz at Q {skin.q[0]:.2g},"
-            f" and a coil keeps {skin.all_states_db:.1f} dB."
+            f" and the worst coil keeps {skin.all_states_db:.1f} dB even as drawn."
         )
     return lines
 
@@ -352,12 +362,12 @@ def serious_text(findings: Iterable[Finding], verbose: bool = False) -> str:
     shown = [f for f in serious if f not in parts]
     lines = [_finding_line(f) for f in shown]
     more = (
-        (len(parts), "warning", " on what prints keep"),
+        (len(parts), "further warning", " on what prints keep"),
         (len(ordered) - len(serious), "note", ""),
     )
     told = [f"{count} {word}{'s' * (count > 1)}{about}" for count, word, about in more if count]
     if told:
-        lines.append(f"{', '.join(told)}, and all details: --verbose.")
+        lines.append(f"--verbose shows {', '.join(told)}, and all details.")
     return "\n".join(lines)
 
 
