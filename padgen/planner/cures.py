@@ -37,8 +37,8 @@ def with_tried_cures(plan: Plan, planned: Callable[[Cure], Plan]) -> Plan:
     """Return `plan` with the cures of its findings that hold, each finding's first one, and no others.
 
     `planned` makes the plan of the spec with a cure. A cure holds where no finding of that kind is left and there are
-    no more errors, where there are fewer kinds of findings, or no more of those that are not `COUNTED`, and where as much
-    is kept of the selectivity that is asked.
+    no more errors; where there are fewer kinds of findings, or no more of those that are not `COUNTED`; and where as
+    much is kept of the selectivity that is asked.
     """
     proposed: dict[str, list[Cure]] = {}
     for finding in plan.findings:

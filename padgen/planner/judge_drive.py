@@ -131,7 +131,8 @@ def _leak(plan: Plan) -> Iterator[Finding]:
         "warning" if short else "note",
         "coil.leak",
         f"channel {plan.reuse.leak_channel}",
-        f"in their worst state the coils around shake this taxel, when it is OFF, {kept}; asked are {asked:.1f} dB less",
+        f"in their worst state the coils around shake this taxel, when it is OFF, {kept};"
+        f" asked are {asked:.1f} dB less",
     )
 
 
