@@ -16,7 +16,7 @@ from padgen.core.units import decibel
 from padgen.planner import Plan, make_plan
 from padgen.planner.capacity import channel_limit
 from padgen.planner.layout import SLACK_MM, candidates
-from padgen.planner.make import Choice, _assemble, _decided, _driven, choose
+from padgen.planner.make import Choice, _assemble, _decided_specs, _driven, choose
 from padgen.planner.printed_pads import STAGES, design_of, printed, spreads_of
 from padgen.planner.search import _beams, _within_reach
 from padgen.spec import Spec, parse_spec
@@ -53,7 +53,7 @@ def kept(plan: Plan, pads: int, seed: int = 1) -> tuple[float, float]:
 
 def every_layout(spec: Spec) -> Iterator[Choice]:
     """Each layout with room, in each of its divisions, under each reuse, drive and gap that the spec leaves free."""
-    for decided in _decided(spec):
+    for decided in _decided_specs(spec):
         for layout in candidates(decided, channel_limit(decided)):
             beams = layout.margin_mm >= -SLACK_MM and _beams(decided, layout)
             if beams and _within_reach(decided, layout, beams):

@@ -150,7 +150,7 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
         yield {"resolution": fewer[0].coils * fewer[0].channels}
     if spec.coil.grid:
         coils = spec.coil.grid[0] * spec.coil.grid[1]
-        most = min(limit, (spec.resolution - 1) // coils)
+        most = min(most_channels(spec, limit), (spec.resolution - 1) // coils)
         yield from _first_with_room(spec, limit, [{"resolution": coils * count} for count in range(most, 0, -1)])
 
 
