@@ -14,7 +14,7 @@ from padgen.spec.load import laid_over, spread_of, without_none
 
 __all__ = ["Cure", "varied", "with_tried_cures"]
 
-MOST_TRIED = 8
+MOST_TRIED = 4
 """Most cures that are tried for one plan."""
 LOST_DB = 0.05
 """Loss of the asked selectivity in dB that a cure may cause."""
