@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+CORES = $(shell env -u OMP_NUM_THREADS -u OMP_THREAD_LIMIT nproc 2>/dev/null || getconf _NPROCESSORS_ONLN 2>/dev/null || echo 2)
 TEMPLATES := $(basename $(notdir $(wildcard templates/*.toml)))
 
 .DEFAULT_GOAL := help
@@ -23,10 +24,11 @@ pad: $(STAMP) ## a 32-taxel pad that prints, into out/pad-32
 	$(BIN)/padgen plan pad-32
 	$(BIN)/padgen build pad-32
 
+# One process more than cores, since some tests wait for others' processes.
 test: $(STAMP) ## the whole test suite (the firmware's need gcc and g++, installed from Debian if missing)
 	@{ command -v $${CC:-cc} && command -v $${CXX:-c++}; } >/dev/null || \
 	  { apt-get update -qq && apt-get install -y -qq --no-install-recommends gcc g++ libc6-dev; }
-	$(BIN)/python -m pytest -n auto --dist loadfile
+	$(BIN)/python -m pytest -n $$(($(CORES) + 1)) --dist loadfile
 
 check: $(STAMP) ## style and types
 	$(BIN)/ruff check .
@@ -39,7 +41,6 @@ format: $(STAMP) ## put the style right
 
 # Sweeps take -j as make was given it, where make tells the number (4.2 and later), else all cores; JOBS=N always holds.
 JOBS = $(patsubst -j%,%,$(filter -j%,$(MAKEFLAGS)))
-CORES = $(shell env -u OMP_NUM_THREADS -u OMP_THREAD_LIMIT nproc 2>/dev/null || getconf _NPROCESSORS_ONLN 2>/dev/null || echo 2)
 
 variants: $(STAMP) ## every template into out/, or SWEEP=file.toml; only what changed, in parallel (-j N)
 ifdef SWEEP

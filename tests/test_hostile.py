@@ -310,7 +310,7 @@ def mutated(rng: random.Random) -> dict:
     return table
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(3))
 def test_specs_from_their_bounds_and_beyond(seed):
     for number_ in range(25):
         table = mutated(random.Random(1000 * seed + number_))

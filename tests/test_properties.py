@@ -57,7 +57,7 @@ def planned(table):
         return None
 
 
-@settings(max_examples=20, **QUIET)
+@settings(max_examples=8, **QUIET)
 @given(tables())
 def test_random_plans_hold_what_they_promise(table):
     plan = planned(table)
