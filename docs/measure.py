@@ -67,8 +67,8 @@ def commands() -> list[str]:
     return [
         *lines,
         "",
-        "Imports are the cost. About half of `import build123d` are scikit-learn, scipy and svgpathtools, which it needs",
-        "for a few functions that padgen never calls; `padgen.solid.kernel` puts these imports off until such a function",
+        "Imports are the cost. About half of `import build123d` are scikit-learn, scipy and svgpathtools, which it",
+        "needs for a few functions that padgen never calls; `padgen.solid.kernel` puts these off until such a function",
         "is called, which pays for all of padgen's own work. Where all taxels are known no CAD kernel is loaded. An",
         "unchanged build imports not even numpy: it compares the manifest's hashes.",
     ]
