@@ -1,4 +1,4 @@
-"""What came of the variants: a journal that is written while they run, and `index.csv`, made from it.
+"""Results of the variants: a journal that is written while they run, and `index.csv`, made from it.
 
 The journal (`index.jsonl`) has one line of JSON a record, each written by one call, so that a crash can tear
 the last one only; a torn line is passed over. It is read when it is opened; of each variant only its place in the

@@ -55,7 +55,7 @@ class Registry(Generic[T]):
         return (*_names_of_files(self._package), *self.registered)
 
     def families(self) -> tuple[str, ...]:
-        """What several names begin with that end with a hyphen and a number, by the alphabet."""
+        """Return the common beginnings of names such as ``NAME-3`` and ``NAME-5``, in alphabetical order."""
         stems = [stem for name in self.names() if (stem := name.rpartition("-"))[2].isdigit()]
         return tuple(sorted({stem for stem, _, _ in stems if sum(stem == other for other, _, _ in stems) > 1}))
 

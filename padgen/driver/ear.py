@@ -455,7 +455,7 @@ class _Alike:
 
 
 MISSED_DB = 0.5
-"""How far an ON taxel may be from its level without a finding."""
+"""Largest error in dB of an ON taxel's level without a finding."""
 
 
 def heard_table(heard: Heard) -> dict[str, Any]:

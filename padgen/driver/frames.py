@@ -1,4 +1,4 @@
-"""What the pad shows: images, tables and states → levels of all taxels in the plan's order.
+"""Read images, tables and states as levels of all taxels, in the plan's order.
 
 Seen from the touch side a pad is an image: row 1 at the top (the largest y), column 1 at the left (the smallest x),
 one pixel for each sub-cell of each coil's cell. A level is a share of a taxel's ON amplitude, 0 … 1. Files of frames:
@@ -55,7 +55,7 @@ MOST_ROWS = 100_000
 """Rows of a frame in a text file: as many as a pad has taxels at most."""
 SIGNS = {"1": 1.0, "#": 1.0, "+": 0.5, "0": 0.0, ".": 0.0, " ": 0.0}
 LUMINANCE = np.array([299, 587, 114])
-"""Of red, green and blue, in thousandths (ITU-R BT.601)."""
+"""Weights of red, green and blue in the luminance, in thousandths (ITU-R BT.601)."""
 
 
 def frame_images(path: Path, check: Check) -> Iterator[np.ndarray]:

@@ -72,7 +72,7 @@ SMALLEST = 1e-100
 GROUP_CHANNELS = 8
 """Channels whose on/off states have their least constants in a table: 256 numbers, 1 KiB, at most."""
 ROUNDING = 1e-6
-"""What `least_constant` may be too small by, over the sum of the lines."""
+"""Largest rounding error of `least_constant`, relative to the sum of the lines."""
 
 
 class Load(NamedTuple):
@@ -316,7 +316,7 @@ def least_constants(
 
 
 NEAR = 1 + 1e-9
-"""What is made to be at a limit is not beyond it by its rounding."""
+"""Factor on a limit up to which an excess is taken as rounding."""
 TRIES = 6
 SMALLEST_LEVEL_UM = 1e-4
 """Smallest that a spec may ask for."""

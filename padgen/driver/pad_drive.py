@@ -96,7 +96,7 @@ class PadDrive:
 
     @property
     def has_constant(self) -> bool:
-        """Whether what the amplifier passes has a part at 0 Hz."""
+        """True where the amplifier must pass a part at 0 Hz."""
         return self.scheme.has_constant and self.carrier_hz is None
 
 
@@ -279,7 +279,7 @@ def _carrier_hz(carrier_hz: float, scheme: Scheme, rate_hz: int, period_s: float
 
 
 RATES_HZ = (48_000, 96_000, 192_000)
-"""Of sound cards; the first that the highest resonance and the root's bends allow is taken."""
+"""Sample rates of sound cards; the first that suits the highest resonance and the root's bends is taken."""
 CONTROLLER_RATES_HZ = (8_000, 12_000, 16_000, 24_000, 32_000, *RATES_HZ)
 """For a microcontroller, which makes every sample anew."""
 SAMPLES_OF_HIGHEST = 16

@@ -232,7 +232,7 @@ try:
     LINE_ERRORS: tuple[type[Exception], type[Exception]] = (OSError, termios.error)
 except ImportError:
     LINE_ERRORS = (OSError, OSError)
-"""What a line raises that is gone: pyserial's own error is an OSError, that of a Unix terminal is not."""
+"""Errors that a lost line raises; pyserial's is an OSError, that of a Unix terminal is not."""
 EXTRA = "play"
 BAUD = 115_200
 BITS_A_BYTE = 10

@@ -17,7 +17,7 @@ __all__ = ["EXTRA", "AudioDevice", "Sounded", "list_devices", "play_wave"]
 
 EXTRA = "play"
 FADE_S = 0.05
-"""What a file that is cut into, or cut off, takes to come and go."""
+"""Time of fading in and out where a file is begun or stopped in its middle."""
 BLOCK_S = 0.25
 
 

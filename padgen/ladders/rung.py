@@ -225,7 +225,7 @@ FASTEST = 0.05
 CLEAR = 3.0
 """Errors are counted for an order when they are so many times the reference's uncertainty."""
 CAUTION = 2.0
-"""What the differences are multiplied by where they do not fall: a guess, and called one."""
+"""Factor on differences that do not fall, to estimate the error: a guess, and reported as one."""
 
 
 class Pick(NamedTuple):

@@ -230,7 +230,7 @@ class ExtremeStudy:
 
     @property
     def holds(self) -> bool:
-        """Whether no case is wrong."""
+        """True where no case is wrong."""
         return all(found.verdict != WRONG for found in self.verdicts)
 
     @property

@@ -37,7 +37,7 @@ __all__ = [
 ]
 
 SMALLEST_STEP = 1e-13
-"""Of the time that is simulated."""
+"""Share of the simulated time."""
 NEAREST = 0.99
 """Share of the gap at which a washer counts as pulled in."""
 TOO_NEAR = 0.9999

@@ -29,7 +29,7 @@ __all__ = [
 
 PRINTED, WASHER, CLAMPED = "printed", "washer", "clamped"
 CLAMPS = ("sides", "bottom", "root")
-"""What is held: the outer vertical faces of the frame, its underside, or the face of smallest x only."""
+"""Clamped faces: the outer vertical faces of the frame, its underside, or the face of smallest x only."""
 REENTRANT_DEG = 190.0
 VOLUME_SHARE = 0.01
 LOST_VOLUME = 1e-9

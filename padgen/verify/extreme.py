@@ -85,7 +85,7 @@ BUBBLES = 6
 MODES = 3
 """Bending modes in the plane up that are compared."""
 NEAR = 1e-4
-"""Where the search for a root starts, on both sides of the guess."""
+"""Relative distance from the guess, on both sides, at which the search for a root starts."""
 UP_SHARE = 1e-3
 """Share of the upward motion above which a mode counts as bending up: the others have none but rounding."""
 
@@ -299,7 +299,7 @@ TOLERANCE = 5e-3
 FINER_ELEMENTS = (4, 3)
 """Order and levels of the reference's elements."""
 FINER_ERROR = 1e-3
-"""What those may be off by: they are not extrapolated."""
+"""Relative error of the finer elements, which are not extrapolated."""
 
 
 class BlockTaxel(NamedTuple):

@@ -29,12 +29,12 @@ __all__ = ["FILE", "MADE_OF", "ORDER", "SCHEME_NUMBERS", "c_header", "firmware_f
 ORDER, MADE_OF, FILE = 2, "host", "pad_drive.h"
 FIRMWARE = Path(__file__).with_name("firmware")
 NAMES = {"README.md": "padgen_firmware.md"}
-"""What files are called in a pad's folder, where they differ."""
+"""Names of files in a pad's folder, where they differ."""
 SCHEME_NUMBERS = {"tones": 0, "spur-free": 1, "biased": 2, "time-shared": 3}
 LEAST_WATCHDOG_S = 1.0
 WATCHDOG_FRAMES = 2
 MOST_SAMPLES = (1 << 32) - 1
-"""What the firmware counts to."""
+"""Largest value of the firmware's counters."""
 TURN = 1 << 32
 NO_TAXEL = 0xFFFF
 

@@ -99,7 +99,7 @@ def sequence(parts):
 
 
 def coil_signal(parts):
-    """What a coil plays, None for silence."""
+    """Return the signal of a coil, None for silence."""
     if not parts:
         return None
     if LOOPS and len(parts) == 1:

@@ -49,7 +49,7 @@ __all__ = [
 ]
 
 BEYOND_LIMIT = "; not to be played: "
-"""What a file's comment has before each limit that the file is beyond."""
+"""Words in a file's comment before each limit that the file exceeds."""
 LARGEST_24 = 1 - 2.0**-23
 """The largest sample that 24 bits hold; the smallest is −1."""
 MOST_CHANNELS = 65535
@@ -171,7 +171,7 @@ SIDECAR, HEARD = "drive-wave.json", "hear.json"
 LARGEST_WAVE = 8e9
 """Bytes of a WAV file."""
 SIGNALS = {"voltage": "V", "current": "A"}
-"""What a file's samples are, and their unit."""
+"""Quantities of a file's samples, and their units."""
 CHECKED_BLOCK = 1 << 12
 """Samples that are compared one by one when a file is read back."""
 
