@@ -217,16 +217,16 @@ def _refuse_beam(spec: Spec) -> None:
     thickness, printer = spec.suspension.thickness_mm, spec.printer
     if thickness is None:
         return
-    layers = (thickness - printer.first_layer_mm) / printer.layer_mm + 1
-    whole = max(round(layers), printer.smallest_beam_layers)
-    if abs(layers - whole) > 1e-6:
+    bound = spec.taxel.plate_thickness_mm - printer.layer_mm
+    layers, most = ((height - printer.first_layer_mm) / printer.layer_mm + 1 for height in (thickness, bound))
+    whole = max(min(round(layers), floor(most + 1e-6)), printer.smallest_beam_layers)
+    if abs(layers - max(round(layers), printer.smallest_beam_layers)) > 1e-6:
         raise SpecError(
             f"must be a whole number of layers (first {number(printer.first_layer_mm)} mm, then"
             f" {number(printer.layer_mm)} mm each), got {number(thickness)} mm",
             "suspension.thickness_mm",
             [{"suspension.thickness_mm": printer.height_mm(whole)}],
         )
-    bound = spec.taxel.plate_thickness_mm - printer.layer_mm
     if thickness > bound + SLACK_MM:
         raise SpecError(
             f"must stay a layer below the plate's thickness, at most {number(bound)} mm, got {number(thickness)} mm",
