@@ -30,7 +30,7 @@ from padgen.physics.pull import pull
 from padgen.physics.selectivity import Scheme
 from padgen.planner import make_plan, plan_from_json, plan_to_json
 from padgen.planner.coil_load import pull_in_share
-from padgen.planner.pulls import magnetic_parts
+from padgen.planner.pull_modes import magnetic_parts
 from padgen.planner.reuse import _heard
 from padgen.solid.checks import check_pad
 from padgen.solid.mesh import as_manifold

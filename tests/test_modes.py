@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from padgen.core.errors import number
-from padgen.physics.levels import LevelLaw
+from padgen.physics.ladder import LevelLaw
 from padgen.physics.modal import (
     LEFT_OUT,
     UPWARD,
@@ -46,9 +46,8 @@ from padgen.planner.drive_scheme import _resonators, modes_matter, placed_channe
 from padgen.planner.judge_modes import crowds
 from padgen.planner.plan import Site
 from padgen.planner.pull_modes import coil_modes, mode_names, site_wrenches, taxel_modes
-from padgen.planner.solved_model import solved_model
 from padgen.planner.suspensions import BeamShape
-from padgen.planner.taxel_model import TaxelModel, plate_shape
+from padgen.planner.taxel_model import TaxelModel, plate_shape, solved_model
 from padgen.spec import load_spec, parse_spec
 from tests.every_state import exhaustive_states_db
 

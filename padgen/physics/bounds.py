@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.physics.beams import BeamSection, bent_slowness, tip_mass
-from padgen.physics.coil_field import charged_core, flux_density
+from padgen.physics.magnetic_charge import charged_core, flux_density
 from padgen.physics.magnetics import CoilSource, SteelRing, flat_spheroid_factor
 from padgen.physics.modes import BeamPlacement, to_tip
 

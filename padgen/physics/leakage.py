@@ -5,10 +5,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.physics.coil_field import charged_core, coil_poles, coil_rings, pole_field, winding_rings
+from padgen.physics.magnetic_charge import (
+    SteelBody,
+    charged_core,
+    coil_poles,
+    coil_rings,
+    fine_rings,
+    pole_field,
+    ring_potential,
+    steel_body,
+    tube,
+    winding_rings,
+)
 from padgen.physics.magnetics import CoilSource, SteelRing
-from padgen.physics.ring_charges import ring_potential
-from padgen.physics.steel_body import SteelBody, fine_rings, steel_body, tube
 
 __all__ = ["Leakage", "leakage"]
 
@@ -52,10 +61,10 @@ def leakage(
     """Return the leakage on washers from the coils around their own.
 
     The washers are at `place` (n, 2) in m from the axis of their own coil, the other coils at `neighbours` and `far`
-    (k, 2). `far` coils are replaced by their poles (`physics.coil_field`) and come last in the result. Every coil with
-    its core magnetises the washer. Neighbours also magnetise the own coil's core, whose field magnetises the washer
-    further; other cores act on each other as dipoles. The force is that of the fields on the washer's charges. The
-    effect of the washer on cores is left out.
+    (k, 2). `far` coils are replaced by their poles (`magnetic_charge.coil_poles`) and come last in the result. Every
+    coil with its core magnetises the washer. Neighbours also magnetise the own coil's core, whose field magnetises the
+    washer further; other cores act on each other as dipoles. The force is that of the fields on the washer's charges.
+    The effect of the washer on cores is left out.
     """
     body = _washer(washer)
     turns = 2 * ORDERS + 2

@@ -1,8 +1,8 @@
 """Pull of a coil with its core on a washer anywhere above it: force, side force and moment, by surface charges.
 
 A winding is replaced by the magnetic charge on the ends of a magnetisation that has its current as curl. Core and
-washer are linear steel (`physics.steel_body`), each expanded in orders round its own axis, and magnetise each other.
-The force on the washer is that of all other charges' field on its charge.
+washer are linear steel (`magnetic_charge.steel_body`), each expanded in orders round its own axis, and magnetise each
+other. The force on the washer is that of all other charges' field on its charge.
 
 Plans interpolate it from tables over ranges of gaps and offsets, with the error of doing so.
 """
@@ -15,10 +15,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.physics.coil_field import MOST_RINGS, charged_core, winding_rings
+from padgen.physics.magnetic_charge import (
+    MOST_RINGS,
+    SteelBody,
+    charged_core,
+    fine_rings,
+    ring_potential,
+    steel_body,
+    tube,
+    winding_rings,
+)
 from padgen.physics.magnetics import MU_0, CoilSource, SteelRing
-from padgen.physics.ring_charges import ring_potential
-from padgen.physics.steel_body import SteelBody, fine_rings, steel_body, tube
 
 __all__ = [
     "BROUGHT",

@@ -14,8 +14,7 @@ from padgen.physics.resonator import ring_up_time
 from padgen.physics.selectivity import Scheme
 from padgen.physics.stretching import level_kept, resonance_rise
 from padgen.planner.plan import Beam, Channel, Site, channel_sets
-from padgen.planner.pull_modes import force_error, mode_fields, pulled_shares, site_wrenches, taxel_modes
-from padgen.planner.pulls import pulls
+from padgen.planner.pull_modes import force_error, mode_fields, pulled_shares, pulls, site_wrenches, taxel_modes
 from padgen.planner.settings import level_law
 from padgen.planner.sizing import SizedChannel, frequency_spread
 from padgen.planner.suspensions import BeamShape

@@ -10,7 +10,7 @@ import numpy as np
 from padgen.core.errors import SpecError, number
 from padgen.core.registry import SUSPENSIONS
 from padgen.core.units import decibel
-from padgen.physics.levels import LevelLaw
+from padgen.physics.ladder import LevelLaw
 from padgen.physics.schemes import in_order
 from padgen.planner.capacity import channel_limit, coil_capacity, largest_counts, printed_count, searched_to
 from padgen.planner.channels import plan_channels

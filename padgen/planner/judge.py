@@ -13,10 +13,10 @@ from padgen.physics.stretching import jump_amplitude, level_kept, resonance_rise
 from padgen.planner.drive_scheme import modes_matter
 from padgen.planner.judge_drive import judge_drive, lower_level
 from padgen.planner.left_out import judge_left_out
-from padgen.planner.pitch import judge_pitch
 from padgen.planner.plan import Channel, Plan
-from padgen.planner.printable import DRAWN_SHARE, steps_are_coarse
-from padgen.planner.solved_model import asked_error
+from padgen.planner.sizing import DRAWN_SHARE, steps_are_coarse
+from padgen.planner.taxel_model import asked_error
+from padgen.planner.tile import judge_pitch
 from padgen.planner.touch import judge_touch
 from padgen.spec import Coil, Spec
 

@@ -8,15 +8,15 @@ from math import hypot
 import numpy as np
 
 from padgen.core.units import MM, decibel
-from padgen.physics.coil_field import pole_error
 from padgen.physics.leakage import Leakage, leakage
+from padgen.physics.magnetic_charge import pole_error
 from padgen.physics.magnetics import CoilSource, SteelRing
 from padgen.physics.resonator import relative_energy
 from padgen.physics.selectivity import Channels, Scheme, pair_lines, tone_energy
 from padgen.physics.selectivity import channels as resonators
 from padgen.planner.layout import Layout
 from padgen.planner.plan import Channel, Reuse, Site
-from padgen.planner.pulls import magnetic_parts
+from padgen.planner.pull_modes import magnetic_parts
 from padgen.planner.settings import level_law
 from padgen.spec import Spec
 
