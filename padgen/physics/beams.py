@@ -488,8 +488,7 @@ class _Plane(NamedTuple):
     def _at_root(self) -> Array:
         # The ends' compliance in twist may be negative (held warping), so `_squared` cannot take its square root.
         first = self.within[..., 0, :, :]
-        held: Array = np.swapaxes(first, -1, -2) @ (self.root[..., None] * first)
-        return held
+        return np.swapaxes(first, -1, -2) @ (self.root[..., None] * first)
 
 
 def _squared(rows: np.ndarray, weight: np.ndarray) -> Array:

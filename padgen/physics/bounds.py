@@ -155,8 +155,7 @@ def _turning(deflection: tuple[Any, ...]) -> Any:
 def _torsion(width: np.ndarray, thickness: np.ndarray) -> np.ndarray:
     """Return a lower bound of the torsion constant in m⁴ of a rectangle a × b: ``a b³/3 (1 − 0.63 b/a)``."""
     a, b = np.maximum(width, thickness), np.minimum(width, thickness)
-    low: np.ndarray = a * b**3 / 3 * (1 - 0.63 * b / a)
-    return low
+    return a * b**3 / 3 * (1 - 0.63 * b / a)
 
 
 def _dynamic(slowness: Any) -> Any:

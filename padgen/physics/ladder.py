@@ -44,15 +44,13 @@ class LevelLaw(NamedTuple):
         threshold = self.threshold_um(resonance_hz)
         if threshold is not None:
             return threshold
-        level: np.ndarray = np.asarray(resonance_hz, float) ** -self.exponent
-        return level
+        return np.asarray(resonance_hz, float) ** -self.exponent
 
     def threshold_um(self, resonance_hz: np.ndarray) -> np.ndarray | None:
         """Return the threshold in µm at `resonance_hz`; None for a power law."""
         if not self.curve_hz:
             return None
-        threshold: np.ndarray = np.exp(np.interp(np.log(resonance_hz), np.log(self.curve_hz), np.log(self.curve_um)))
-        return threshold
+        return np.exp(np.interp(np.log(resonance_hz), np.log(self.curve_hz), np.log(self.curve_um)))
 
 
 def slot_half_width(q: float, delta_y: float) -> float:
@@ -136,8 +134,7 @@ class _Case(NamedTuple):
             energy = tone_energy(which, which)[~np.eye(self.size, dtype=bool)]
         else:
             energy = off_energy(which, self.scheme)
-        log_energy: np.ndarray = np.log(energy)
-        return log_energy
+        return np.log(energy)
 
 
 def optimal_ladder(

@@ -52,8 +52,7 @@ class TaxelModes(NamedTuple):
         The wrench acts on the washer; its vertical part is 1, its moments are in m about the axis' point. The motion is
         that at the axis.
         """
-        both: np.ndarray = self.motion[:, 2] * (self.motion @ wrench) / (2 * np.pi * self.frequency_hz) ** 2
-        return both
+        return self.motion[:, 2] * (self.motion @ wrench) / (2 * np.pi * self.frequency_hz) ** 2
 
     @property
     def working(self) -> int:
@@ -179,5 +178,4 @@ def _response_energy(taxels: ModalTaxels, rows: slice, frequency: np.ndarray, re
     stiff /= scale
     loss /= scale
     real, imaginary = gain @ stiff, gain @ loss
-    energy: np.ndarray = (real * real + imaginary * imaginary).sum(1)
-    return energy
+    return (real * real + imaginary * imaginary).sum(1)

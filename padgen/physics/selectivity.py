@@ -71,8 +71,7 @@ class Scheme(NamedTuple):
     @property
     def kind(self) -> "DriveScheme":
         """The scheme's implementation, from its file or as registered."""
-        found: DriveScheme = SCHEMES.get(self.name, "drive.scheme")
-        return found
+        return SCHEMES.get(self.name, "drive.scheme")
 
     @property
     def has_pair_spurs(self) -> bool:
@@ -165,8 +164,7 @@ def channels(
 def tone_energy(receivers: Channels, drivers: Channels) -> np.ndarray:
     """Return M_ij² (receivers, drivers): the energy of taxel i at the tone of channel j over that when it is ON."""
     response = relative_energy(drivers.resonance_hz, receivers.resonance_hz[:, None], receivers.q[:, None])
-    energy: np.ndarray = response * (drivers.line / receivers.line[:, None]) ** 2
-    return energy
+    return response * (drivers.line / receivers.line[:, None]) ** 2
 
 
 def own_lines(of: Channels, scheme: Scheme, most: int = MANY) -> Iterator[Lines]:
@@ -217,8 +215,7 @@ def pair_lines(
 
 def line_energy(which: Channels, part: Lines, modes: ModalTaxels | None = None) -> np.ndarray:
     """Return the energy (n, k, l) of taxels under lines, over that of their own ON states."""
-    energy: np.ndarray = _line_response(which, part, modes, slice(None)) / which.line[:, None, None] ** 2
-    return energy
+    return _line_response(which, part, modes, slice(None)) / which.line[:, None, None] ** 2
 
 
 def off_energy(
@@ -252,8 +249,7 @@ def off_energy(
             # In a fixed order, so that one coil's result does not depend on the number of other coils.
             heard[:, 0] = join(heard[:, 0], result[own])
             result[own] = join.reduce(heard, 1)
-    energy: np.ndarray = result / which.line**2
-    return energy
+    return result / which.line**2
 
 
 def all_states(which: Channels, scheme: Scheme, modes: ModalTaxels | None = None) -> AllStates:
@@ -360,8 +356,7 @@ def _line_response(which: Channels, part: Lines, modes: ModalTaxels | None, rows
         response = relative_energy(part.hz, hz, q, part.rest)
     else:
         response = felt_energy(modes, rows, part.hz.ravel(), part.rest.ravel()).reshape(-1, *part.hz.shape)
-    energy: np.ndarray = response * part.square
-    return energy
+    return response * part.square
 
 
 def _below_db(energy: float) -> float:

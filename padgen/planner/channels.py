@@ -155,8 +155,7 @@ def _quiet_ratios(spec: Spec, resonance: np.ndarray, level_um: np.ndarray) -> np
     Quiet is the detection threshold where the spec has one, else 1/Δy of the ON amplitude.
     """
     threshold = level_law(spec).threshold_um(resonance)
-    ratio: np.ndarray = np.full(len(resonance), spec.delta_y) if threshold is None else level_um / threshold
-    return ratio
+    return np.full(len(resonance), spec.delta_y) if threshold is None else level_um / threshold
 
 
 def _deep_frame_errors(sized: Sequence[SizedChannel], sites: Sequence[Site]) -> np.ndarray:

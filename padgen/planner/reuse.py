@@ -90,10 +90,8 @@ def _lines_apart(leak: Leakage, some: np.ndarray, scheme: Scheme) -> np.ndarray:
     alone = np.einsum("nkk->nk", mutual)
     if scheme.has_constant:
         constant = np.abs(leak.product[:, some]) if scheme.is_biased else 0.0
-        energy: np.ndarray = ((mutual.sum(1) + constant) ** 2).sum(1)
-        return energy
-    pairs: np.ndarray = 2 * (mutual**2).sum((1, 2)) - (alone**2).sum(1)
-    return pairs
+        return ((mutual.sum(1) + constant) ** 2).sum(1)
+    return 2 * (mutual**2).sum((1, 2)) - (alone**2).sum(1)
 
 
 def _leak_error(

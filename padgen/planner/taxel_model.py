@@ -95,8 +95,7 @@ def _from_array(method: "Callable[[TaxelModel], np.ndarray]") -> "Callable[[Taxe
         if not model.member_of:
             return method(model)
         array, index = model.member_of
-        taken: np.ndarray = getattr(array, method.__name__)[index]
-        return taken
+        return getattr(array, method.__name__)[index]
 
     return value
 
@@ -356,8 +355,7 @@ class TaxelModel:
 
 
 def _take(values: np.ndarray, index: np.ndarray) -> np.ndarray:
-    result: np.ndarray = np.take_along_axis(values, index[..., None], -1)[..., 0]
-    return result
+    return np.take_along_axis(values, index[..., None], -1)[..., 0]
 
 
 def _same_section(one: BeamSection, other: BeamSection) -> bool:

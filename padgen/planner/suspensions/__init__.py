@@ -242,8 +242,7 @@ def suspension(name: str) -> Suspension:
     SpecError
         There is none of that name.
     """
-    found: Suspension = SUSPENSIONS.get(name, "suspension.topology")
-    return found
+    return SUSPENSIONS.get(name, "suspension.topology")
 
 
 def allowed(topology: str) -> list[str]:
