@@ -18,7 +18,6 @@ from padgen.physics.beams import EndCompliance, tip_stiffness
 from padgen.physics.bounds import beam_inertia, core_polarisation, saturation_loss, washer_magnetised
 from padgen.physics.currents import bias_a, current_lines_a
 from padgen.physics.frame import AttachedBody, Element, Frame, divided, frame_modes, rectangle
-from padgen.physics.leakage import leakage
 from padgen.physics.magnetic_charge import (
     RingPotential,
     SteelBody,
@@ -30,9 +29,9 @@ from padgen.physics.magnetic_charge import (
     winding_rings,
 )
 from padgen.physics.magnetics import MU_0, CoilSource, SteelRing
-from padgen.physics.modal import TaxelModes, felt_energy
 from padgen.physics.modes import BeamPlacement, Modes, RigidBody, suspended_modes
-from padgen.physics.pull import PullAt
+from padgen.physics.pull import PullAt, leakage
+from padgen.physics.resonator import TaxelModes, felt_energy
 from padgen.physics.saturation import saturating
 from padgen.planner.channels import hanging_gap_um
 from padgen.planner.drive_scheme import placed_channels

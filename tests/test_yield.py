@@ -31,7 +31,7 @@ import pytest
 from scipy.stats import norm
 
 from padgen.physics.ladder import LevelLaw, geometric_ladder, ladder_ratio
-from padgen.physics.leakage import Leakage
+from padgen.physics.pull import Leakage
 from padgen.physics.resonator import receptance
 from padgen.physics.schemes import in_order
 from padgen.physics.selectivity import Scheme, channels, print_share

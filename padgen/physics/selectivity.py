@@ -15,8 +15,8 @@ All figures are of the steady state: currents are switched in ramps that are slo
 is loudest when all others are on. The worst of 2ⁿ states is therefore one of n (or one pair, where channels take
 turns).
 
-A taxel is one resonator, or all the modes of `padgen.physics.modal`, whose amplitudes add at each line. With modes its
-response to each line differs, but the lines' energies still only add.
+A taxel is one resonator, or several modes (`padgen.physics.resonator`), whose amplitudes add at each line. With modes
+its response to each line differs, but the lines' energies still only add.
 """
 
 from collections.abc import Iterator
@@ -27,8 +27,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from padgen.core.registry import SCHEMES
-from padgen.physics.modal import ModalTaxels, felt_energy
-from padgen.physics.resonator import relative_energy
+from padgen.physics.resonator import ModalTaxels, felt_energy, relative_energy
 
 if TYPE_CHECKING:
     from padgen.physics.schemes import DriveScheme

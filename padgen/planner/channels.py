@@ -9,10 +9,10 @@ import numpy as np
 from padgen.core.units import GRAM, MM, MN, MPA, MS, UM, decibel
 from padgen.physics.currents import mean_square_a2
 from padgen.physics.magnetics import balanced_deflection
+from padgen.physics.modes import level_kept, resonance_rise
 from padgen.physics.pull import PullAt
 from padgen.physics.resonator import ring_up_time
 from padgen.physics.selectivity import Scheme
-from padgen.physics.stretching import level_kept, resonance_rise
 from padgen.planner.plan import Beam, Channel, Site, channel_sets
 from padgen.planner.pull_modes import force_error, mode_fields, pulled_shares, pulls, site_wrenches, taxel_modes
 from padgen.planner.settings import level_law

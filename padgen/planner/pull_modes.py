@@ -18,8 +18,8 @@ import numpy as np
 from padgen.core.units import MM
 from padgen.physics.ladder import slot_half_width
 from padgen.physics.magnetics import CoilSource, SteelRing
-from padgen.physics.modal import ModalTaxels, TaxelModes, felt_gains, modal_taxels, without_quiet_modes
 from padgen.physics.pull import PullAt, PullTable, brought_table, make_table, parts_key
+from padgen.physics.resonator import ModalTaxels, TaxelModes, felt_gains, modal_taxels, without_quiet_modes
 from padgen.planner.coils import coil_source
 from padgen.planner.plan import TURNS, Channel, Plan, Site
 from padgen.planner.taxel_model import TaxelModel, plate_shape, recess_mm

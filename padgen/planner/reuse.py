@@ -8,9 +8,9 @@ from math import hypot
 import numpy as np
 
 from padgen.core.units import MM, decibel
-from padgen.physics.leakage import Leakage, leakage
 from padgen.physics.magnetic_charge import pole_error
 from padgen.physics.magnetics import CoilSource, SteelRing
+from padgen.physics.pull import Leakage, leakage
 from padgen.physics.resonator import relative_energy
 from padgen.physics.selectivity import Channels, Scheme, pair_lines, tone_energy
 from padgen.physics.selectivity import channels as resonators

@@ -16,10 +16,18 @@ import numpy as np
 from padgen.core.units import G_PER_CM3, GPA, MM
 from padgen.physics.beam_error import BENT, FLOOR, TALL, Plate, relative_error, uncertain_energies
 from padgen.physics.beams import BeamSection, Surroundings, YokeSize, fitted, on_elastic_ends
-from padgen.physics.modal import TaxelModes
-from padgen.physics.modes import BeamPlacement, Modes, RigidBody, bending_stress, box, combine, ring, suspended_modes
-from padgen.physics.resonator import natural_frequency, rule_stiffness
-from padgen.physics.stretching import hardening
+from padgen.physics.modes import (
+    BeamPlacement,
+    Modes,
+    RigidBody,
+    bending_stress,
+    box,
+    combine,
+    hardening,
+    ring,
+    suspended_modes,
+)
+from padgen.physics.resonator import TaxelModes, natural_frequency, rule_stiffness
 from padgen.planner.suspensions import Arrangement, BeamShape, Block, PlateShape, suspension
 from padgen.spec import Spec
 
