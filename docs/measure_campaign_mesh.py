@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.planner.arrangement import Arrangement
+from padgen.planner.suspensions import Arrangement
 from padgen.verify.elastic_modes import energy
 
 MM = 1e-3

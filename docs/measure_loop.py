@@ -18,7 +18,7 @@ from typing import Any
 from padgen.core.cache import VARIABLE
 from padgen.make.solid_tuning import plan_tuned_to_solid, solid_taxel
 from padgen.planner import Plan, make_plan
-from padgen.planner.solved_model import FINEST
+from padgen.planner.taxel_model import FINEST
 from padgen.solid.formats.step import write_taxel_step
 from padgen.spec import load_spec, parse_spec, template_paths
 

@@ -19,8 +19,7 @@ import trimesh
 from measure_sweep import BUILDS, beam_pairs
 
 from padgen.planner import Plan, make_plan
-from padgen.planner.plan import Channel
-from padgen.planner.tile import TURNS
+from padgen.planner.plan import TURNS, Channel
 from padgen.solid.mesh import CHORD_MM
 from padgen.solid.pad_solid import build_pad
 from padgen.spec import load_spec

@@ -8,9 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from padgen.physics.ladder import geometric_ladder, paper_ladder
-from padgen.physics.levels import LevelLaw
-from padgen.physics.optimal_ladder import optimal_ladder
+from padgen.physics.ladder import LevelLaw, geometric_ladder, optimal_ladder, paper_ladder
 from padgen.physics.schemes import in_order
 from padgen.physics.selectivity import Channels, Scheme, all_states, channels, one_hot_db
 from padgen.planner import make_plan

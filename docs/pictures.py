@@ -6,8 +6,7 @@ import manifold3d
 import numpy as np
 
 from padgen.planner import Plan, make_plan
-from padgen.planner.coupon import coil_axis_mm
-from padgen.planner.tray import Tray, washer_underside_mm
+from padgen.planner.fixtures import Tray, coil_axis_mm, washer_underside_mm
 from padgen.solid.mesh import Mesh, as_manifold, from_manifold
 from padgen.solid.pad_solid import build_pad
 from padgen.solid.picture import View, picture_png

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from padgen.physics.modal import ModalTaxels
+from padgen.physics.resonator import ModalTaxels
 from padgen.physics.selectivity import Channels, Scheme, line_energy, scheme_lines
 
 

@@ -16,22 +16,27 @@ import padgen.physics.pull as pull_module
 from padgen.core.units import G_PER_CM3, GPA, GRAM, MA, MH, MM, UM
 from padgen.physics.beams import EndCompliance, tip_stiffness
 from padgen.physics.bounds import beam_inertia, core_polarisation, saturation_loss, washer_magnetised
-from padgen.physics.coil_field import charged_core, winding_rings
 from padgen.physics.currents import bias_a, current_lines_a
 from padgen.physics.frame import AttachedBody, Element, Frame, divided, frame_modes, rectangle
-from padgen.physics.leakage import leakage
+from padgen.physics.magnetic_charge import (
+    RingPotential,
+    SteelBody,
+    charged_core,
+    fine_rings,
+    ring_potential,
+    steel_body,
+    tube,
+    winding_rings,
+)
 from padgen.physics.magnetics import MU_0, CoilSource, SteelRing
-from padgen.physics.modal import TaxelModes, felt_energy
 from padgen.physics.modes import BeamPlacement, Modes, RigidBody, suspended_modes
-from padgen.physics.pull import PullAt
-from padgen.physics.ring_charges import RingPotential, ring_potential
+from padgen.physics.pull import PullAt, leakage
+from padgen.physics.resonator import TaxelModes, felt_energy
 from padgen.physics.saturation import saturating
-from padgen.physics.steel_body import SteelBody, fine_rings, steel_body, tube
 from padgen.planner.channels import hanging_gap_um
 from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.plan import Channel, Plan
-from padgen.planner.pull_modes import coil_modes, heard_modes, mode_fields, site_wrenches
-from padgen.planner.pulls import magnetic_parts
+from padgen.planner.pull_modes import coil_modes, heard_modes, magnetic_parts, mode_fields, site_wrenches
 from padgen.planner.reuse import coils_around
 from padgen.planner.suspensions import BeamShape, PlateShape
 from padgen.planner.taxel_model import TaxelModel

@@ -19,18 +19,17 @@ from scipy.signal import lfilter
 
 from padgen.core.errors import FileError, SpecError
 from padgen.driver.tables import drive_json, drive_rows
-from padgen.physics.leakage import leakage
 from padgen.physics.magnetics import (
     SteelRing,
     balanced_deflection,
     impedance,
     pull_in_deflection,
 )
-from padgen.physics.pull import pull
+from padgen.physics.pull import leakage, pull
 from padgen.physics.selectivity import Scheme
 from padgen.planner import make_plan, plan_from_json, plan_to_json
 from padgen.planner.coil_load import pull_in_share
-from padgen.planner.pulls import magnetic_parts
+from padgen.planner.pull_modes import magnetic_parts
 from padgen.planner.reuse import _heard
 from padgen.solid.checks import check_pad
 from padgen.solid.mesh import as_manifold

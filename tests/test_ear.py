@@ -26,9 +26,8 @@ from padgen.driver.formats.wav import wave_json, write_wave
 from padgen.driver.pad_drive import make_drive
 from padgen.driver.waveform import Timeline, blend, ramp_s, steady, timeline
 from padgen.measured.tuning import planned_tuning
-from padgen.physics.modal import felt_energy
 from padgen.physics.propagation import propagate, tones
-from padgen.physics.resonator import relative_energy
+from padgen.physics.resonator import felt_energy, relative_energy
 from padgen.planner import make_plan
 from padgen.planner.channels import hanging_gap_um
 from padgen.planner.drive_scheme import placed_channels

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from padgen.core.errors import SolverError
-from padgen.physics import beam_ends
+from padgen.physics import beams
 from padgen.physics.beams import BeamSection, tip_stiffness
 from padgen.physics.frame import (
     AttachedBody,
@@ -175,7 +175,7 @@ def test_taxel_frame_agrees_with_the_condensed_model(monkeypatch, topology, shap
     The frame's ends turn about the beams' axes and do not give along them.
     """
     for name in ("ROOT_HEIGHT", "TIP_HEIGHT", "BAR_PULL"):
-        monkeypatch.setattr(beam_ends, name, 0.0)
+        monkeypatch.setattr(beams, name, 0.0)
     model = taxel(topology, *shape)
     found = frame_modes(taxel_frame(model, 2, rigid_crossbar=True))
     # Beams have modes of their own between the body's last two.

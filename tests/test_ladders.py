@@ -16,9 +16,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from padgen.physics.ladder import geometric_ladder
-from padgen.physics.levels import LevelLaw
-from padgen.physics.optimal_ladder import optimal_ladder
+from padgen.physics.ladder import LevelLaw, geometric_ladder, optimal_ladder
 from padgen.physics.selectivity import Scheme, all_states, channels, off_energy, one_hot_db
 
 CURVE = LevelLaw(0.0, (20.0, 50.0, 100.0, 250.0, 500.0, 1000.0), (20.0, 5.0, 1.0, 0.1, 0.3, 5.0))

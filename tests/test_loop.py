@@ -20,7 +20,7 @@ from padgen.core.errors import EngineMissingError, SolverError
 from padgen.core.runner import Runner
 from padgen.make import planning
 from padgen.make import solid_tuning as loop
-from padgen.physics.modal import TaxelModes
+from padgen.physics.resonator import TaxelModes
 from padgen.planner import make_plan, plan_from_json, plan_to_json
 from padgen.spec import load_spec, parse_spec
 

@@ -13,14 +13,15 @@
 import json
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import mpmath
 import numpy as np
 import pytest
 
 from padgen.core.errors import number
-from padgen.physics.levels import LevelLaw
-from padgen.physics.modal import (
+from padgen.physics.ladder import LevelLaw
+from padgen.physics.resonator import (
     LEFT_OUT,
     UPWARD,
     ModalTaxels,
@@ -40,15 +41,14 @@ from padgen.physics.selectivity import (
     one_hot_db,
     tone_energy,
 )
-from padgen.planner import judge_modes, make_plan, plan_from_json, plan_to_json
+from padgen.planner import judge, make_plan, plan_from_json, plan_to_json
 from padgen.planner.channels import hanging_gap_um, plan_channels, site_pulls
 from padgen.planner.drive_scheme import _resonators, modes_matter, placed_channels, plan_selectivity
-from padgen.planner.judge_modes import crowds
+from padgen.planner.judge import crowds
 from padgen.planner.plan import Site
 from padgen.planner.pull_modes import coil_modes, mode_names, site_wrenches, taxel_modes
-from padgen.planner.solved_model import solved_model
 from padgen.planner.suspensions import BeamShape
-from padgen.planner.taxel_model import TaxelModel, plate_shape
+from padgen.planner.taxel_model import TaxelModel, plate_shape, solved_model
 from padgen.spec import load_spec, parse_spec
 from tests.every_state import exhaustive_states_db
 
@@ -500,14 +500,19 @@ def test_the_remedy_of_a_crowded_mode_works(crowded_plan):
 @pytest.mark.parametrize("again", ["as crowded", "less selective", "no pad"])
 def test_a_change_that_does_not_help_is_not_offered(crowded_plan, monkeypatch, again):
     straight = tuple(replace(c, pull_wrench=tuple(UPWARD)) for c in crowded_plan.channels)
-    drive, kept = crowded_plan.scheme, crowded_plan.selectivity.kept_db
+    coils, kept = crowded_plan.coils, crowded_plan.selectivity.kept_db
+    layout = SimpleNamespace(rows=coils.rows, columns=coils.columns, channels=len(straight))
+
+    def planned(channels, db):
+        return layout, channels, replace(crowded_plan.selectivity, all_states_db=db, placed_all_states_db=db)
+
     found = {
-        "as crowded": judge_modes._Again(crowded_plan.channels, drive, 40.0),
-        "less selective": judge_modes._Again(straight, drive, min(kept, 20.0) - 0.1),
+        "as crowded": planned(crowded_plan.channels, 40.0),
+        "less selective": planned(straight, min(kept, 20.0) - 0.1),
         "no pad": None,
     }[again]
-    monkeypatch.setattr(judge_modes, "_planned_again", lambda plan, varied: found)
-    assert [f.cures for f in judge_modes.judge_modes(crowded_plan)] == [(), ()]
+    monkeypatch.setattr(judge, "planned_channels", lambda varied: found)
+    assert [f.cures for f in judge.judge_modes(crowded_plan)] == [(), ()]
 
 
 def test_a_mode_on_a_spur_is_named_with_its_makers_and_cleared_by_a_drive(crowded_plan):
@@ -557,7 +562,7 @@ def test_the_quick_look_passes_nothing_over(crowded_plan):
 def test_a_second_mode_in_a_slot_that_nothing_excites_is_a_note(crowded_plan):
     straight = [replace(c, pull_wrench=tuple(UPWARD)) for c in crowded_plan.channels]
     figures = plan_selectivity(crowded_plan.spec, straight)
-    found = list(judge_modes.judge_modes(replace(crowded_plan, channels=tuple(straight), selectivity=figures)))
+    found = list(judge.judge_modes(replace(crowded_plan, channels=tuple(straight), selectivity=figures)))
     assert [(f.level, f.code, f.where) for f in found] == [("note", "modes.near", "channels 1")]
     assert f"1 at {number(lateral_hz(crowded_plan))} Hz on 3" in found[0].message
     assert of(crowded_plan, "modes.near") == []

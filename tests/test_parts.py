@@ -13,9 +13,16 @@ from padgen.core.files import OutputFolder
 from padgen.core.registry import PAD_FORMATS
 from padgen.make.pad import PARTS
 from padgen.planner import make_plan, plan_from_json, plan_to_json
-from padgen.planner.coupon import coil_axis_mm, coupon_groove, coupon_plan
-from padgen.planner.screws import SIZES, screw_for
-from padgen.planner.tray import plan_tray, tray_findings, washer_underside_mm
+from padgen.planner.fixtures import (
+    SIZES,
+    coil_axis_mm,
+    coupon_groove,
+    coupon_plan,
+    plan_tray,
+    screw_for,
+    tray_findings,
+    washer_underside_mm,
+)
 from padgen.solid.checks import check_pad
 from padgen.solid.formats import ExportJob
 from padgen.solid.formats.stl import stl_mesh

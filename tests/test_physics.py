@@ -30,8 +30,8 @@ from padgen.physics.beams import (
     tip_stiffness,
     torsion_constant,
 )
-from padgen.physics.coil_field import flux_density
 from padgen.physics.ladder import capacity, geometric_ladder, ladder_ratio, paper_ladder, whole_channels
+from padgen.physics.magnetic_charge import flux_density
 from padgen.physics.magnetics import (
     SteelRing,
     flat_spheroid_factor,

@@ -9,7 +9,7 @@ from itertools import product
 
 import numpy as np
 
-from padgen.physics.modal import TaxelModes
+from padgen.physics.resonator import TaxelModes
 from padgen.planner import make_plan
 from padgen.planner.channels import driven, hanging_gap_um, pull_exponent, site_pulls, wanted_line_a2
 from padgen.planner.left_out import _pulled

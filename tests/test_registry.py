@@ -32,7 +32,7 @@ from padgen.physics.magnetics import SteelRing, solenoid
 from padgen.physics.pull import pull
 from padgen.physics.schemes import tones
 from padgen.planner import coils, make_plan, plan_from_json, plan_to_json
-from padgen.planner.pulls import magnetic_parts
+from padgen.planner.pull_modes import magnetic_parts
 from padgen.planner.sizing import reach
 from padgen.planner.suspensions import (
     Arrangement,

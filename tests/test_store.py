@@ -12,7 +12,7 @@ import pytest
 
 from padgen.core import cache
 from padgen.planner import make_plan, resonances
-from padgen.planner.marks import groove
+from padgen.planner.tile import groove
 from padgen.solid import pad_solid, tile_store
 from padgen.solid.border import border_mesh, border_volume_mm3, prism, washer_mesh
 from padgen.solid.formats import step

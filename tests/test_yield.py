@@ -30,9 +30,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from padgen.physics.ladder import geometric_ladder, ladder_ratio
-from padgen.physics.leakage import Leakage
-from padgen.physics.levels import LevelLaw
+from padgen.physics.ladder import LevelLaw, geometric_ladder, ladder_ratio
+from padgen.physics.pull import Leakage
 from padgen.physics.resonator import receptance
 from padgen.physics.schemes import in_order
 from padgen.physics.selectivity import Scheme, channels, print_share

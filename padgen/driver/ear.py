@@ -33,7 +33,7 @@ from padgen.core.units import MH, MM, UM
 from padgen.core.wav_reader import Wave
 from padgen.measured.predict import levels_um
 from padgen.measured.tuning import TunedTaxel, Tuning, planned_response_um_per_a2, planned_tuning
-from padgen.physics.modal import TaxelModes, felt_gains
+from padgen.physics.resonator import TaxelModes, felt_gains
 from padgen.physics.selectivity import Scheme
 from padgen.planner.channels import hanging_gap_um
 from padgen.planner.plan import Channel, Plan

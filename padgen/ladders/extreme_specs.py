@@ -18,8 +18,7 @@ import numpy as np
 
 from padgen.core.errors import InfeasibleError, PadgenError
 from padgen.make.planning import plan_for
-from padgen.physics.ladder import capacity, geometric_ladder
-from padgen.physics.levels import LevelLaw
+from padgen.physics.ladder import LevelLaw, capacity, geometric_ladder
 from padgen.physics.selectivity import Channels, Scheme, channels, off_energy
 from padgen.spec import Spec, catalogue, make_spec
 from padgen.spec.fields import choices

@@ -24,14 +24,13 @@ from padgen.core.units import GRAM, MH, MM
 from padgen.ladders.isolate import run_apart
 from padgen.ladders.rung import Ladder, Rung, Scene, Solved, Theory, chosen_channels, distinct_channels, write_steps
 from padgen.physics.currents import bias_a
-from padgen.physics.ladder import geometric_ladder
+from padgen.physics.ladder import geometric_ladder, optimal_ladder
 from padgen.physics.magnetics import impedance, paper_force_constant
-from padgen.physics.optimal_ladder import optimal_ladder
 from padgen.physics.propagation import Tones, propagate, signal, squared, steady_lines, tones
 from padgen.physics.pull import solved_pulls
 from padgen.physics.selectivity import Channels, Scheme, all_states, channels, one_hot_db
 from padgen.planner.plan import Channel, Plan
-from padgen.planner.pulls import magnetic_parts
+from padgen.planner.pull_modes import magnetic_parts
 from padgen.planner.settings import level_law, scheme_named
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape

@@ -15,8 +15,7 @@ import numpy as np
 
 from padgen.core.units import MN, MS, UM
 from padgen.measured.tuning import Tuning, planned_tuning
-from padgen.physics.modal import ModalTaxels
-from padgen.physics.resonator import ring_up_time
+from padgen.physics.resonator import ModalTaxels, ring_up_time
 from padgen.physics.selectivity import Channels, Scheme, line_energy, off_energy, own_lines
 from padgen.planner.channels import driven, wanted_line_a2
 from padgen.planner.plan import Channel, Plan

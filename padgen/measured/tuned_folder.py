@@ -17,8 +17,8 @@ from padgen.measured.read_csv import Measured
 from padgen.measured.simulate import simulate_print, simulated_measurement
 from padgen.measured.tune import Retuned, retuned
 from padgen.measured.tuning import Tuning, tuning_to_json
-from padgen.planner.coupon import coupon_plan
 from padgen.planner.drive_rows import COLUMNS, DriveRow, bias_row, coil_rows, table_csv
+from padgen.planner.fixtures import coupon_plan
 from padgen.planner.plan import Plan, plan_to_json
 from padgen.planner.printed_pads import coils_of
 

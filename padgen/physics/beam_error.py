@@ -2,7 +2,7 @@
 
 A part with the relative uncertainty u that holds the share s of a mode's energy moves the frequency to ``f/√(1 − u
 s)``: by u s/2 to first order (Rayleigh), and by more where one part holds nearly all the energy. Uncertain are the
-fitted compliances (`padgen.physics.beam_ends`) and the effects that the model leaves out. The uncertainties were fitted
+fitted compliances (`padgen.physics.beams`) and the effects that the model leaves out. The uncertainties were fitted
 to the errors of random taxels against 3-D elasticity (`docs/measure_campaign.py`): the error of a working mode is
 within the estimate in about 94 of 100 cases (docs/accuracy.md).
 """

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.physics.beams import BeamSection, bent_slowness, tip_mass
-from padgen.physics.coil_field import charged_core, flux_density
+from padgen.physics.magnetic_charge import charged_core, flux_density
 from padgen.physics.magnetics import CoilSource, SteelRing, flat_spheroid_factor
 from padgen.physics.modes import BeamPlacement, to_tip
 
@@ -155,8 +155,7 @@ def _turning(deflection: tuple[Any, ...]) -> Any:
 def _torsion(width: np.ndarray, thickness: np.ndarray) -> np.ndarray:
     """Return a lower bound of the torsion constant in m⁴ of a rectangle a × b: ``a b³/3 (1 − 0.63 b/a)``."""
     a, b = np.maximum(width, thickness), np.minimum(width, thickness)
-    low: np.ndarray = a * b**3 / 3 * (1 - 0.63 * b / a)
-    return low
+    return a * b**3 / 3 * (1 - 0.63 * b / a)
 
 
 def _dynamic(slowness: Any) -> Any:

@@ -63,8 +63,7 @@ def schroeder_phases(amplitude: np.ndarray) -> np.ndarray:
     """
     power = np.asarray(amplitude, float) ** 2
     before = np.concatenate([[0.0], np.cumsum(power / power.sum())[:-1]])
-    phase: np.ndarray = -2 * np.pi * np.cumsum(before)
-    return phase
+    return -2 * np.pi * np.cumsum(before)
 
 
 def low_crest_phases(harmonic: np.ndarray, amplitude: np.ndarray) -> np.ndarray:
@@ -114,8 +113,7 @@ def waveform(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray, poi
     spectrum = np.zeros((len(lines), points // 2 + 1), complex)
     for j, k in enumerate(harmonic):
         spectrum[:, k] += lines[:, j]
-    wave: np.ndarray = np.fft.irfft(spectrum, points, axis=1, norm="forward")
-    return wave
+    return np.fft.irfft(spectrum, points, axis=1, norm="forward")
 
 
 def _points(harmonic: np.ndarray) -> int:
@@ -146,8 +144,7 @@ def _depths(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray, poin
         half /= 4
         state = np.repeat(state[open_], 4)
         angle = (angle[open_, None] + half * np.array([-3.0, -1.0, 1.0, 3.0])).ravel()
-    depth: np.ndarray = np.maximum(-lowest, 0.0)
-    return depth
+    return np.maximum(-lowest, 0.0)
 
 
 def _least_of_parabola(slope: np.ndarray, curve: np.ndarray, half: float) -> tuple[np.ndarray, np.ndarray]:
@@ -230,8 +227,7 @@ def _smooth_descent(table: np.ndarray, amplitude: np.ndarray, phase: np.ndarray)
         slope[0] = 0.0  # The first phase stays 0, since a shift in time changes nothing.
         return float(np.log(weight.sum())) / SHARPNESS - lowest, slope
 
-    found: np.ndarray = minimize(depth, phase, jac=True, method="L-BFGS-B", options={"maxiter": 40}).x
-    return found
+    return minimize(depth, phase, jac=True, method="L-BFGS-B", options={"maxiter": 40}).x
 
 
 def _dips(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -324,15 +320,13 @@ def comb_period_s(resonance_hz: np.ndarray, q: np.ndarray, step: int, rate_hz: i
 def off_resonance(resonance_hz: np.ndarray, q: np.ndarray, period_s: float, step: int) -> np.ndarray:
     """Return the distance (n,) of the comb's nearest line from each resonance, in half bandwidths."""
     line_hz = on_comb(resonance_hz, period_s, step) / period_s
-    off: np.ndarray = np.abs(line_hz / np.asarray(resonance_hz, float) - 1) * 2 * np.asarray(q, float)
-    return off
+    return np.abs(line_hz / np.asarray(resonance_hz, float) - 1) * 2 * np.asarray(q, float)
 
 
 def on_comb(resonance_hz: np.ndarray, period_s: float, step: int) -> np.ndarray:
     """Return the multiples (n,) of 1/period nearest to the resonances: whole multiples of `step`, at least one."""
     steps = np.rint(np.asarray(resonance_hz, float) * period_s / step).astype(int)
-    multiple: np.ndarray = np.maximum(steps, 1) * step
-    return multiple
+    return np.maximum(steps, 1) * step
 
 
 def _near_enough(

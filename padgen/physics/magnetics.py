@@ -113,8 +113,7 @@ def slack_at(deflection: float, gap: float, exponent: float) -> float:
 
     For a pull ``c I² (g/(g − z))^m`` against a spring this is ``z (1 − z/g)^m``. All in the unit of `gap`.
     """
-    slack: float = deflection * (1 - deflection / gap) ** exponent
-    return slack
+    return deflection * (1 - deflection / gap) ** exponent
 
 
 def pull_in_deflection(gap: float, exponent: float) -> tuple[float, float]:

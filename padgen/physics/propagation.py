@@ -387,8 +387,7 @@ def _add_near(
 
 def _sums(values: np.ndarray, which: np.ndarray, count: int) -> np.ndarray:
     """Return sums (count,) of values (p,) by resonator `which` (p,)."""
-    sums: np.ndarray = np.bincount(which, values.real, count) + 1j * np.bincount(which, values.imag, count)
-    return sums
+    return np.bincount(which, values.real, count) + 1j * np.bincount(which, values.imag, count)
 
 
 def _growth(turn: np.ndarray, weights: np.ndarray, which: np.ndarray, count: int) -> np.ndarray:

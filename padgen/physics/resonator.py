@@ -1,16 +1,45 @@
-"""Formulas of one resonator: frequency, receptance, ring-up (paper Eq. 1-3)."""
+"""Response of one resonator (paper Eq. 1-3), of a taxel with all its modes, and of one that a finger's skin touches.
+
+Each mode of a taxel is a resonator of its own. The pull's wrench along the mode's motion excites it. A finger feels the
+vertical motion of the boss, as the mean square over the boss' disc of radius a: ``z² + a²/4 (θx² + θy²)``, so that
+rolling of the plate counts, too. All modes add as complex amplitudes,
+
+    R(f) = Σ_k g_k / (1 − (f/f_k)² + j f/(f_k Q)),   g_k = (φ_k·W) o(φ_k) / (2π f_k)²,
+
+with the mass-normalised motion φ_k of the washer, the wrench W for one newton of pull, and ``o(φ) = (φ_z, a/2 φ_θx, a/2
+φ_θy)``, three parts whose energies add. (Modal superposition with one loss factor: Ewins, *Modal Testing*, 2nd ed.
+2000, 2.5.) `TaxelModes` is the common result of all rungs of the structure ladder.
+
+Skin is a spring, a damper and a mass beside the taxel's own. A flat contactor of radius a on skin: ``k = 2 E* a``, ``c
+= τ k``, ``m = 4/3 ρ a³`` (contact of a rigid punch with a half-space, Johnson, Contact Mechanics, 3.4). No measurements
+of contactors of 0.5 to 4 mm on glabrous skin were found: the constants are scaled from data on whole finger pads and
+are provisional (docs/accuracy.md lists them).
+"""
 
 from math import pi
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 __all__ = [
+    "LEFT_OUT",
+    "LOADED",
+    "SKINS",
+    "STATIC_HZ",
+    "UPWARD",
+    "ModalTaxels",
+    "Skin",
+    "TaxelModes",
+    "felt_energy",
+    "felt_gains",
+    "modal_taxels",
     "natural_frequency",
     "receptance",
     "relative_energy",
     "ring_up_time",
     "rule_stiffness",
+    "touched",
+    "without_quiet_modes",
 ]
 
 Array = Any
@@ -56,3 +85,182 @@ def relative_energy(frequency: Array, resonance: Array, q: Array, rest: Array = 
 def ring_up_time(resonance: Array, q: Array) -> Array:
     """Return the time constant in s with which a vibration grows and decays, ``Q/(π f)``."""
     return np.asarray(q) / (pi * np.asarray(resonance))
+
+
+DENSITY_KG_PER_M3 = 1100.0
+LOADED = 0.1
+"""Largest stiffness of skin over a taxel's that counts as not loading it; the resonance is then 5 % higher."""
+
+
+class Skin(NamedTuple):
+    """Reduced modulus E* in Pa and time constant τ in s of skin."""
+
+    modulus: float
+    time: float
+
+
+SKINS = {"low": Skin(30e3, 0.4e-3), "typical": Skin(100e3, 1.0e-3), "high": Skin(300e3, 1.6e-3)}
+"""Typical: a finger pad pressed with less than 0.5 N has 1000 N/m and 1.5 N·s/m (Grigorii et al. 2021), over an assumed
+contact radius of 5 mm. Low: E = 25 kPa; high: a margin for firmer touch.
+"""
+
+
+def touched(skin: Skin, radius: float, stiffness: Any, mass: Any, q: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return resonance in Hz, Q and stiffness in N/m of taxels under skin, from those in air.
+
+    All in SI units; `mass` is the effective one, `radius` that of the contact.
+
+    >>> hz, q, k = touched(SKINS["typical"], 1.25e-3, 17.95, 1.45e-4, 15.0)
+    >>> f"{hz:.0f} Hz, Q {q:.1f}, {k:.0f} N/m"
+    '214 Hz, Q 0.8, 268 N/m'
+    """
+    added = 2 * skin.modulus * radius
+    stiffer, heavier = np.asarray(stiffness + added), mass + 4 / 3 * DENSITY_KG_PER_M3 * radius**3
+    damping = np.sqrt(stiffness * mass) / q + skin.time * added
+    return np.sqrt(stiffer / heavier) / (2 * pi), np.sqrt(stiffer * heavier) / damping, stiffer
+
+
+UPWARD = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+"""A vertical unit pull at the washer's axis, as forces and moments."""
+
+
+class TaxelModes(NamedTuple):
+    """Modes of one taxel, lowest first.
+
+    `frequency_hz` (k,); `motion` (k, 6) is the mass-normalised motion of the washer as a body: displacement of the
+    point of its axis on the bed's plane (z = 0, taxel axes) in kg^-½ and rotation in kg^-½/m. All modes together make
+    up the compliance of the washer. A rung that solves for few modes may give the static compliance of the others in
+    `rest` (6, 6), in m/N (rad/(N·m)).
+    """
+
+    frequency_hz: np.ndarray
+    motion: np.ndarray
+    rest: np.ndarray | None = None
+
+    def compliances(self, wrench: np.ndarray = UPWARD) -> np.ndarray:
+        """Return the static compliance (k,) in m/N of each mode, from a `wrench` (6,) to the washer's vertical motion.
+
+        The wrench acts on the washer; its vertical part is 1, its moments are in m about the axis' point. The motion is
+        that at the axis.
+        """
+        return self.motion[:, 2] * (self.motion @ wrench) / (2 * np.pi * self.frequency_hz) ** 2
+
+    @property
+    def working(self) -> int:
+        """Index of the channel's own mode: the one that a vertical pull at the washer's axis moves most."""
+        return int(self.compliances().argmax())
+
+
+STATIC_HZ = 1e30
+"""Frequency of a mode far above all lines: to rounding it responds as a spring."""
+LEFT_OUT = 1e-4
+"""Largest joint amplitude of modes that are left out, over an OFF taxel's amplitude by its own mode."""
+
+
+class ModalTaxels(NamedTuple):
+    """Taxels (n,) with modes (k,), and the felt parts (p,) of their motion.
+
+    `frequency_hz` (n, k); `q` (n,), one for all modes of a taxel. `gain` (n, k, p) is the felt static amplitude of each
+    mode under one newton, over the felt amplitude under one newton at the taxel's own tone; 0 marks an absent mode.
+    `left_out` (n,) bounds the relative error of an OFF taxel's amplitude in its worst state.
+    """
+
+    frequency_hz: np.ndarray
+    q: np.ndarray
+    gain: np.ndarray
+    left_out: np.ndarray
+
+
+def felt_gains(
+    modes: TaxelModes, wrench: np.ndarray, rest_motion: np.ndarray, boss_radius_m: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return frequencies (k + 1,) in Hz and felt static amplitudes (k + 1, 3) in m/N of the modes of one taxel.
+
+    `wrench` (6,) is that of one newton of pull, at the washer's axis on the bed's plane. The last entry is
+    `rest_motion` (6,), the static motion by modes that were not solved for (`TaxelModes.rest`).
+    """
+    push = (modes.motion @ wrench) / (2 * np.pi * modes.frequency_hz) ** 2
+    motion = np.concatenate([modes.motion * push[:, None], rest_motion[None]])
+    return np.append(modes.frequency_hz, STATIC_HZ), motion[:, 2:5] * (1.0, boss_radius_m / 2, boss_radius_m / 2)
+
+
+def modal_taxels(frequency_hz: np.ndarray, gain: np.ndarray, q: np.ndarray, own_hz: np.ndarray) -> ModalTaxels:
+    """Return `ModalTaxels` from felt amplitudes `gain` (n, k, p) and each taxel's own tone `own_hz` (n,).
+
+    The amplitudes of a taxel may have any unit.
+
+    Raises
+    ------
+    ValueError
+        A taxel is not moved by its own tone at all.
+    """
+    bare = ModalTaxels(frequency_hz, np.asarray(q, float), gain, np.zeros(len(gain)))
+    own = felt_energy(bare, slice(None), own_hz[:, None], 0.0)[:, 0]
+    if not (own > 0).all():
+        raise ValueError("a taxel must be moved by its own tone")
+    return bare._replace(gain=gain / np.sqrt(own)[:, None, None])
+
+
+def felt_energy(taxels: ModalTaxels, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0) -> np.ndarray:
+    """Return the energy (rows, lines) of taxels under lines of one newton, over the one at their own tone.
+
+    `frequency` is (lines,), or (rows, lines) for lines of each taxel's own; `rest` is its rounding error, as in
+    `relative_energy`.
+    """
+    mode, gain = taxels.frequency_hz[rows, :, None], taxels.gain[rows].transpose(0, 2, 1)
+    frequency, rest = np.asarray(frequency)[..., None, :], np.asarray(rest)
+    share = frequency / mode
+    # As in `relative_energy`: two subtractions keep a line's exact distance to a mode at large Q.
+    stiff = mode - frequency
+    stiff -= rest[..., None, :] if rest.ndim else rest
+    stiff /= mode
+    stiff *= 1 + share
+    loss = share
+    loss /= taxels.q[rows, None, None]
+    scale = stiff * stiff
+    scale += loss * loss
+    stiff /= scale
+    loss /= scale
+    real, imaginary = gain @ stiff, gain @ loss
+    return (real * real + imaginary * imaginary).sum(1)
+
+
+def without_quiet_modes(
+    taxels: ModalTaxels, own_hz: np.ndarray, line: np.ndarray, bias_ratio: float = 5.0
+) -> ModalTaxels:
+    """Return `taxels` without the modes that stay inaudible in every drive scheme, and with a bound on their effect.
+
+    Amplitudes over lines add to at most Σ|line| · |largest response of the mode| (Minkowski). A mode responds with at
+    most ``Q/√(1−1/(4Q²))``, and above all lines with at most ``1/(1−(f/f_k)²)``, f being the highest possible line,
+    twice the highest tone. The root sum square of all lines (n,) of a scheme is at most twice the sum of the wanted
+    ones; for the biased scheme with a constant below half the tone, 1/`bias_ratio` times that sum.
+    """
+    peak = taxels.q / np.sqrt(1 - 1 / (4 * taxels.q**2))
+    above = 1 - (2 * own_hz.max() / taxels.frequency_hz) ** 2
+    largest = 1 / np.maximum(above, 1 / peak[:, None])
+    size = np.sqrt((taxels.gain**2).sum(-1)) * largest * (max(2.0, 1 / bias_ratio) * line.sum() / line)[:, None]
+    heard = _least_heard(taxels, own_hz, line)
+    order = np.argsort(size, 1)
+    total = np.cumsum(np.take_along_axis(size, order, 1), 1)
+    quiet = total <= LEFT_OUT * heard[:, None]
+    missing = np.where(quiet, total, 0.0).max(1)
+    # The loudest first, so that modes left out of all taxels can be cut off.
+    order, kept = order[:, ::-1], ~quiet[:, ::-1]
+    most = int(kept.sum(1).max())
+    gain = np.take_along_axis(taxels.gain, order[..., None], 1) * kept[..., None]
+    return taxels._replace(
+        frequency_hz=np.take_along_axis(taxels.frequency_hz, order, 1)[:, :most],
+        gain=gain[:, :most],
+        left_out=np.divide(missing, heard, out=np.zeros(len(heard)), where=heard > 0),
+    )
+
+
+def _least_heard(taxels: ModalTaxels, own_hz: np.ndarray, line: np.ndarray) -> np.ndarray:
+    """Return a lower bound (n,) of an OFF taxel's amplitude: at a neighbour's tone, over its own ON amplitude."""
+    if len(line) < 2:
+        return np.zeros(len(line))
+    heard = (
+        np.sqrt(felt_energy(taxels, slice(None), np.roll(own_hz, by)[:, None], 0.0)[:, 0]) * np.roll(line, by) / line
+        for by in (1, -1)
+    )
+    return np.asarray(np.maximum(*heard))

@@ -123,8 +123,7 @@ def root_margin(
 
 def _margin_share(coil: _Coil, margin: float) -> np.ndarray:
     """Return the margin (n,) over each line's amplitude: as the squared frequency, at least `LEAST_SHARE`."""
-    share: np.ndarray = np.maximum(margin * (coil.hz / coil.hz.max()) ** 2, LEAST_SHARE)
-    return share
+    return np.maximum(margin * (coil.hz / coil.hz.max()) ** 2, LEAST_SHARE)
 
 
 def _one_period(k: np.ndarray, line: np.ndarray, phase: np.ndarray, period_s: float, points: int) -> _Sampled:
@@ -150,8 +149,7 @@ def _deepest_piece(
 def _voltage(coil: _Coil, force: np.ndarray, slope: np.ndarray) -> np.ndarray:
     """Return the voltage in V of the root of a force above 0: ``R i + L di/dt``, ``di/dt = F'/(2 i)``."""
     current = np.sqrt(force)
-    volts: np.ndarray = coil.resistance_ohm * current + coil.inductance_h * slope / (2 * current)
-    return volts
+    return coil.resistance_ohm * current + coil.inductance_h * slope / (2 * current)
 
 
 def _together_v(coil: _Coil, seen: _Sampled, margin: float) -> np.ndarray:

@@ -15,8 +15,8 @@ All figures are of the steady state: currents are switched in ramps that are slo
 is loudest when all others are on. The worst of 2ⁿ states is therefore one of n (or one pair, where channels take
 turns).
 
-A taxel is one resonator, or all the modes of `padgen.physics.modal`, whose amplitudes add at each line. With modes its
-response to each line differs, but the lines' energies still only add.
+A taxel is one resonator, or several modes (`padgen.physics.resonator`), whose amplitudes add at each line. With modes
+its response to each line differs, but the lines' energies still only add.
 """
 
 from collections.abc import Iterator
@@ -27,8 +27,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from padgen.core.registry import SCHEMES
-from padgen.physics.modal import ModalTaxels, felt_energy
-from padgen.physics.resonator import relative_energy
+from padgen.physics.resonator import ModalTaxels, felt_energy, relative_energy
 
 if TYPE_CHECKING:
     from padgen.physics.schemes import DriveScheme
@@ -71,8 +70,7 @@ class Scheme(NamedTuple):
     @property
     def kind(self) -> "DriveScheme":
         """The scheme's implementation, from its file or as registered."""
-        found: DriveScheme = SCHEMES.get(self.name, "drive.scheme")
-        return found
+        return SCHEMES.get(self.name, "drive.scheme")
 
     @property
     def has_pair_spurs(self) -> bool:
@@ -165,8 +163,7 @@ def channels(
 def tone_energy(receivers: Channels, drivers: Channels) -> np.ndarray:
     """Return M_ij² (receivers, drivers): the energy of taxel i at the tone of channel j over that when it is ON."""
     response = relative_energy(drivers.resonance_hz, receivers.resonance_hz[:, None], receivers.q[:, None])
-    energy: np.ndarray = response * (drivers.line / receivers.line[:, None]) ** 2
-    return energy
+    return response * (drivers.line / receivers.line[:, None]) ** 2
 
 
 def own_lines(of: Channels, scheme: Scheme, most: int = MANY) -> Iterator[Lines]:
@@ -217,8 +214,7 @@ def pair_lines(
 
 def line_energy(which: Channels, part: Lines, modes: ModalTaxels | None = None) -> np.ndarray:
     """Return the energy (n, k, l) of taxels under lines, over that of their own ON states."""
-    energy: np.ndarray = _line_response(which, part, modes, slice(None)) / which.line[:, None, None] ** 2
-    return energy
+    return _line_response(which, part, modes, slice(None)) / which.line[:, None, None] ** 2
 
 
 def off_energy(
@@ -252,8 +248,7 @@ def off_energy(
             # In a fixed order, so that one coil's result does not depend on the number of other coils.
             heard[:, 0] = join(heard[:, 0], result[own])
             result[own] = join.reduce(heard, 1)
-    energy: np.ndarray = result / which.line**2
-    return energy
+    return result / which.line**2
 
 
 def all_states(which: Channels, scheme: Scheme, modes: ModalTaxels | None = None) -> AllStates:
@@ -360,8 +355,7 @@ def _line_response(which: Channels, part: Lines, modes: ModalTaxels | None, rows
         response = relative_energy(part.hz, hz, q, part.rest)
     else:
         response = felt_energy(modes, rows, part.hz.ravel(), part.rest.ravel()).reshape(-1, *part.hz.shape)
-    energy: np.ndarray = response * part.square
-    return energy
+    return response * part.square
 
 
 def _below_db(energy: float) -> float:

@@ -1,7 +1,6 @@
 """Spec → Plan: capacity, layout, resonances, beams and their verdicts."""
 
 from padgen.planner.make import make_plan
-from padgen.planner.plan import Plan, plan_to_json
-from padgen.planner.plan_file import plan_from_json, read_plan
+from padgen.planner.plan import Plan, plan_from_json, plan_to_json, read_plan
 
 __all__ = ["Plan", "make_plan", "plan_from_json", "plan_to_json", "read_plan"]

@@ -5,13 +5,12 @@ from functools import lru_cache
 
 from padgen.core.errors import SpecError, at_least, at_most, number
 from padgen.core.units import decibel
-from padgen.physics.ladder import capacity, geometric_ladder, ladder_ratio, slot_half_width, whole_channels
-from padgen.physics.levels import LevelLaw
+from padgen.physics.ladder import LevelLaw, capacity, geometric_ladder, ladder_ratio, slot_half_width, whole_channels
 from padgen.physics.selectivity import Channels, Scheme, all_states, channels, loudest_line, one_hot_db, print_share
 from padgen.planner.plan import Capacity
-from padgen.planner.printable import DRAWN_SHARE
 from padgen.planner.resonances import slot_band_hz
 from padgen.planner.settings import level_law
+from padgen.planner.sizing import DRAWN_SHARE
 from padgen.spec import Spec
 
 __all__ = ["channel_limit", "coil_capacity", "largest_counts", "printed_count", "searched_to"]

@@ -9,13 +9,12 @@ import numpy as np
 from padgen.core.units import GRAM, MM, MN, MPA, MS, UM, decibel
 from padgen.physics.currents import mean_square_a2
 from padgen.physics.magnetics import balanced_deflection
+from padgen.physics.modes import level_kept, resonance_rise
 from padgen.physics.pull import PullAt
 from padgen.physics.resonator import ring_up_time
 from padgen.physics.selectivity import Scheme
-from padgen.physics.stretching import level_kept, resonance_rise
 from padgen.planner.plan import Beam, Channel, Site, channel_sets
-from padgen.planner.pull_modes import force_error, mode_fields, pulled_shares, site_wrenches, taxel_modes
-from padgen.planner.pulls import pulls
+from padgen.planner.pull_modes import force_error, mode_fields, pulled_shares, pulls, site_wrenches, taxel_modes
 from padgen.planner.settings import level_law
 from padgen.planner.sizing import SizedChannel, frequency_spread
 from padgen.planner.suspensions import BeamShape
@@ -156,8 +155,7 @@ def _quiet_ratios(spec: Spec, resonance: np.ndarray, level_um: np.ndarray) -> np
     Quiet is the detection threshold where the spec has one, else 1/Δy of the ON amplitude.
     """
     threshold = level_law(spec).threshold_um(resonance)
-    ratio: np.ndarray = np.full(len(resonance), spec.delta_y) if threshold is None else level_um / threshold
-    return ratio
+    return np.full(len(resonance), spec.delta_y) if threshold is None else level_um / threshold
 
 
 def _deep_frame_errors(sized: Sequence[SizedChannel], sites: Sequence[Site]) -> np.ndarray:

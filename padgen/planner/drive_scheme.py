@@ -9,7 +9,7 @@ import numpy as np
 
 from padgen.core.errors import number
 from padgen.core.units import decibel
-from padgen.physics.modal import ModalTaxels
+from padgen.physics.resonator import ModalTaxels
 from padgen.physics.schemes import in_order, simplest_first
 from padgen.physics.selectivity import Channels, Scheme, all_states, channels, one_hot_db, tone_energy
 from padgen.planner.frame_rates import frame_rates

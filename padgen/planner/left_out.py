@@ -22,14 +22,13 @@ from padgen.physics.bounds import (
     washer_magnetised,
 )
 from padgen.physics.magnetics import impedance
-from padgen.physics.modal import TaxelModes, felt_energy
-from padgen.physics.stretching import resonance_rise
+from padgen.physics.modes import resonance_rise
+from padgen.physics.resonator import TaxelModes, felt_energy
 from padgen.planner.channels import hanging_gap_um, site_pulls
 from padgen.planner.drive_scheme import placed_channels
-from padgen.planner.frame_give import flexibility_bounds
+from padgen.planner.frame_flexibility import flexibility_bounds
 from padgen.planner.plan import Channel, LeftOut, Plan
-from padgen.planner.pull_modes import coil_modes, heard_modes, pulled_shares, site_wrenches
-from padgen.planner.pulls import magnetic_parts, pull_range
+from padgen.planner.pull_modes import coil_modes, heard_modes, magnetic_parts, pull_range, pulled_shares, site_wrenches
 from padgen.planner.suspensions import Arrangement, BeamShape, PlateShape
 from padgen.planner.taxel_model import TaxelModel
 from padgen.spec import Spec

@@ -23,7 +23,6 @@ from padgen.planner.frame_rates import frame_rates
 from padgen.planner.judge import judge
 from padgen.planner.layout import Layout, candidates, coil_reach_mm, room
 from padgen.planner.left_out import left_out
-from padgen.planner.pitch import pitch_of
 from padgen.planner.plan import (
     Cell,
     Channel,
@@ -43,6 +42,7 @@ from padgen.planner.search import sites_of, sized_layouts
 from padgen.planner.settings import level_law, scheme_named, sets_db
 from padgen.planner.sizing import SizedChannel
 from padgen.planner.taxel_model import plate_shape, post_diameter_mm, recess_mm
+from padgen.planner.tile import pitch_of
 from padgen.planner.touch import touched_pads
 from padgen.spec import Spec
 

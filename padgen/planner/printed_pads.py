@@ -38,8 +38,7 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.core.units import G_PER_CM3, GRAM, MG, MM
-from padgen.physics.ladder import ladder_ratio
-from padgen.physics.levels import LevelLaw
+from padgen.physics.ladder import LevelLaw, ladder_ratio
 from padgen.physics.resonator import relative_energy
 from padgen.physics.selectivity import Channels, Scheme, channels, off_energy
 from padgen.planner.drive_scheme import placed_channels

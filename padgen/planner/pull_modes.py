@@ -1,21 +1,28 @@
-"""Compute how the coil's pull at each taxel's site excites the taxel's modes.
+"""Look up the coil's pull on the washer at each taxel's site, and compute how it excites the taxel's modes.
+
+``padgen/physics/pulls.npy`` has tables of the pull for all coils and washers of the catalogues (`docs/measure_force.py
+tables` makes them). For other parts the pull at each distance from the coil's axis is solved at a few gaps and kept in
+the cache, over ranges of gaps that are the same for every spec.
 
 The modes are `TaxelModes`, whether from the beam model or from finite elements.
 """
 
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import permutations
+from math import log, sqrt
 from typing import NamedTuple
 
 import numpy as np
 
 from padgen.core.units import MM
 from padgen.physics.ladder import slot_half_width
-from padgen.physics.modal import ModalTaxels, TaxelModes, felt_gains, modal_taxels, without_quiet_modes
-from padgen.physics.pull import PullAt
-from padgen.planner.plan import Channel, Plan, Site
+from padgen.physics.magnetics import CoilSource, SteelRing
+from padgen.physics.pull import PullAt, PullTable, brought_table, make_table, parts_key
+from padgen.physics.resonator import ModalTaxels, TaxelModes, felt_gains, modal_taxels, without_quiet_modes
+from padgen.planner.coils import coil_source
+from padgen.planner.plan import TURNS, Channel, Plan, Site
 from padgen.planner.taxel_model import TaxelModel, plate_shape, recess_mm
-from padgen.planner.tile import TURNS
 from padgen.spec import Spec
 
 __all__ = [
@@ -24,10 +31,13 @@ __all__ = [
     "coil_modes",
     "force_error",
     "heard_modes",
+    "magnetic_parts",
     "mode_fields",
     "mode_names",
     "modes_in_slots",
+    "pull_range",
     "pulled_shares",
+    "pulls",
     "site_wrenches",
     "taxel_modes",
 ]
@@ -187,3 +197,66 @@ def mode_names(spec: Spec, channel: Channel) -> tuple[str, ...]:
         names[mode] = NAMES[kind]
         part[mode], part[:, kind] = -1.0, -1.0
     return tuple(names)
+
+
+KIND = "pulls"
+CODE = ("physics/magnetic_charge.py", "physics/pull.py")
+LOW, RANGE, GAPS = 0.35 * MM, 3, 5
+"""Parts outside the catalogues are solved at `GAPS` gaps in each range, from `LOW · RANGE^k` to `LOW · RANGE^(k+1)`."""
+
+
+def magnetic_parts(spec: Spec) -> tuple[CoilSource, SteelRing]:
+    """Return the coil and the washer of a spec in SI units."""
+    washer = spec.washer
+    return (
+        coil_source(spec.coil),
+        SteelRing(
+            washer.outer_diameter_mm * MM,
+            washer.inner_diameter_mm * MM,
+            washer.thickness_mm * MM,
+            washer.relative_permeability,
+        ),
+    )
+
+
+def pulls(spec: Spec, gap_m: np.ndarray, offset_m: np.ndarray) -> PullAt:
+    """Return the pulls (n,) on washers over gaps (n,) in m, at offsets (n,) in m from the coil's axis."""
+    parts = magnetic_parts(spec)
+    result, missing = np.empty((len(PullAt._fields), len(gap_m))), np.ones(len(gap_m), bool)
+
+    def answer(table: PullTable | None, among: np.ndarray) -> None:
+        if table is not None and (among := among & table.covers(gap_m, offset_m)).any():
+            result[:, among] = table.at(gap_m[among], offset_m[among])
+            missing[among] = False
+
+    answer(_shipped_table(*parts), missing)
+    part = pull_range(gap_m)
+    for offset, k in sorted(set(zip(offset_m[missing].tolist(), part[missing].tolist(), strict=True))):
+        answer(_own(*parts, k, offset), (offset_m == offset) & (part == k))
+    return PullAt(*result)
+
+
+def pull_range(gap_m: np.ndarray) -> np.ndarray:
+    """Return the number (n,) of the range of a gap (n,) in m; gaps of different ranges may have different tables."""
+    return np.floor(np.log(gap_m / LOW) / log(RANGE)).astype(int)
+
+
+_shipped_table = lru_cache(maxsize=64)(brought_table)
+
+
+@lru_cache(maxsize=1024)
+def _own(coil: CoilSource, washer: SteelRing, part: int, offset_m: float) -> PullTable:
+    """Return the pulls at one offset over one range of gaps; cached on disk, since solving takes some ten ms."""
+    from padgen.core import cache
+
+    low, high, reach = LOW * RANGE**part, LOW * RANGE ** (part + 1), max(offset_m, 1e-9) * sqrt(2)
+    key = cache.key_of([parts_key(coil, washer), low, high, reach, GAPS, cache.code_hash(*CODE)])
+    try:
+        known = np.array(cache.load(KIND, key), float).reshape(-1, GAPS)
+        if np.isfinite(known).all():
+            return PullTable(low, high, reach, known[0], known[1:].T[:, None])
+    except (TypeError, ValueError):
+        pass
+    table = make_table(coil, washer, low, high, reach, GAPS, 1)
+    cache.store(KIND, key, [table.scale.tolist(), *table.shape[:, 0].T.tolist()])
+    return table

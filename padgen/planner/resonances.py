@@ -9,9 +9,8 @@ from padgen.core.registry import SCHEMES
 from padgen.core.units import decibel
 from padgen.physics.ladder import geometric_ladder, ladder_ratio, paper_ladder, slot_half_width
 from padgen.physics.selectivity import all_states, channels
-from padgen.planner.printable import DRAWN_SHARE
 from padgen.planner.settings import level_law, scheme_named
-from padgen.planner.sizing import reach
+from padgen.planner.sizing import DRAWN_SHARE, reach
 from padgen.planner.suspensions import Room, allowed
 from padgen.spec import Spec
 
@@ -171,7 +170,7 @@ def _searched(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
 
 @lru_cache(maxsize=256)
 def _best(spec: Spec, count: int, low_hz: float, high_hz: float, drive: str) -> Optimum:
-    from padgen.physics.optimal_ladder import optimal_ladder
+    from padgen.physics.ladder import optimal_ladder
 
     law, scheme = level_law(spec), scheme_named(spec, drive)
     ladder = optimal_ladder(low_hz, high_hz, count, spec.q_min, law, scheme)

@@ -8,15 +8,15 @@ from math import hypot
 import numpy as np
 
 from padgen.core.units import MM, decibel
-from padgen.physics.coil_field import pole_error
-from padgen.physics.leakage import Leakage, leakage
+from padgen.physics.magnetic_charge import pole_error
 from padgen.physics.magnetics import CoilSource, SteelRing
+from padgen.physics.pull import Leakage, leakage
 from padgen.physics.resonator import relative_energy
 from padgen.physics.selectivity import Channels, Scheme, pair_lines, tone_energy
 from padgen.physics.selectivity import channels as resonators
 from padgen.planner.layout import Layout
 from padgen.planner.plan import Channel, Reuse, Site
-from padgen.planner.pulls import magnetic_parts
+from padgen.planner.pull_modes import magnetic_parts
 from padgen.planner.settings import level_law
 from padgen.spec import Spec
 
@@ -90,10 +90,8 @@ def _lines_apart(leak: Leakage, some: np.ndarray, scheme: Scheme) -> np.ndarray:
     alone = np.einsum("nkk->nk", mutual)
     if scheme.has_constant:
         constant = np.abs(leak.product[:, some]) if scheme.is_biased else 0.0
-        energy: np.ndarray = ((mutual.sum(1) + constant) ** 2).sum(1)
-        return energy
-    pairs: np.ndarray = 2 * (mutual**2).sum((1, 2)) - (alone**2).sum(1)
-    return pairs
+        return ((mutual.sum(1) + constant) ** 2).sum(1)
+    return 2 * (mutual**2).sum((1, 2)) - (alone**2).sum(1)
 
 
 def _leak_error(

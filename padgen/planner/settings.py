@@ -4,7 +4,7 @@ import numpy as np
 
 from padgen.core.registry import SCHEMES
 from padgen.core.units import decibel
-from padgen.physics.levels import LevelLaw
+from padgen.physics.ladder import LevelLaw
 from padgen.physics.selectivity import Scheme, all_states, channels
 from padgen.spec import Spec
 

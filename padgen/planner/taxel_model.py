@@ -1,7 +1,8 @@
 """Model one taxel by beam theory: from dimensions in mm to resonance, mass, modes and stress.
 
 This module turns dimensions in mm into the SI arrays of `padgen.physics`. Everything takes arrays of beam shapes, so
-that a grid of candidates costs one call.
+that a grid of candidates costs one call. `SolvedModel` has modes that finite elements solved for the printed solid in
+place of the beam model's.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,24 +14,35 @@ from typing import Any
 import numpy as np
 
 from padgen.core.units import G_PER_CM3, GPA, MM
-from padgen.physics.beam_ends import Surroundings, YokeSize, fitted, on_elastic_ends
 from padgen.physics.beam_error import BENT, FLOOR, TALL, Plate, relative_error, uncertain_energies
-from padgen.physics.beams import BeamSection
-from padgen.physics.modes import BeamPlacement, Modes, RigidBody, bending_stress, box, combine, ring, suspended_modes
-from padgen.physics.resonator import natural_frequency, rule_stiffness
-from padgen.physics.stretching import hardening
+from padgen.physics.beams import BeamSection, Surroundings, YokeSize, fitted, on_elastic_ends
+from padgen.physics.modes import (
+    BeamPlacement,
+    Modes,
+    RigidBody,
+    bending_stress,
+    box,
+    combine,
+    hardening,
+    ring,
+    suspended_modes,
+)
+from padgen.physics.resonator import TaxelModes, natural_frequency, rule_stiffness
 from padgen.planner.suspensions import Arrangement, BeamShape, Block, PlateShape, suspension
 from padgen.spec import Spec
 
 __all__ = [
     "STRAIGHT",
     "Exponents",
+    "SolvedModel",
     "TaxelModel",
+    "asked_error",
     "fillet_mm",
     "plate_shape",
     "post_diameter_mm",
     "recess_mm",
     "shortest_mm",
+    "solved_model",
 ]
 
 THINNEST_WALL_MM = 1e-3
@@ -91,8 +103,7 @@ def _from_array(method: "Callable[[TaxelModel], np.ndarray]") -> "Callable[[Taxe
         if not model.member_of:
             return method(model)
         array, index = model.member_of
-        taken: np.ndarray = getattr(array, method.__name__)[index]
-        return taken
+        return getattr(array, method.__name__)[index]
 
     return value
 
@@ -352,8 +363,7 @@ class TaxelModel:
 
 
 def _take(values: np.ndarray, index: np.ndarray) -> np.ndarray:
-    result: np.ndarray = np.take_along_axis(values, index[..., None], -1)[..., 0]
-    return result
+    return np.take_along_axis(values, index[..., None], -1)[..., 0]
 
 
 def _same_section(one: BeamSection, other: BeamSection) -> bool:
@@ -362,3 +372,67 @@ def _same_section(one: BeamSection, other: BeamSection) -> bool:
         return False
     pairs = zip([*one[:3], *chain(*one.path)], [*other[:3], *chain(*other.path)], strict=True)
     return all(bool((np.abs(a - b) < SAME_M).all()) for a, b in pairs)
+
+
+FINEST = 2e-3
+"""Smallest relative error of a resonance that finite elements are asked for."""
+
+
+@dataclass(frozen=True)
+class SolvedModel(TaxelModel):
+    """One taxel by 3-D elasticity: `solved` has its modes, `solver_error` their relative error.
+
+    Sag and stress are the beam model's, scaled by the ratio of the working modes' stiffnesses: both go with the bending
+    moment at a beam's root.
+    """
+
+    solved: TaxelModes
+    solver_error: float
+
+    @cached_property
+    def beam_model(self) -> TaxelModel:
+        """The beam model of the same taxel."""
+        return TaxelModel(self.spec, self.topology, self.plate, self.beam)
+
+    @cached_property
+    def modes(self) -> Modes:
+        """The solved modes, referred to the washer's axis."""
+        return Modes(self.solved.frequency_hz, self.solved.motion.T, self.washer_point_m)
+
+    @property
+    def error_estimate(self) -> np.ndarray:
+        """Relative error of the resonance by finite elements."""
+        return np.asarray(self.solver_error)
+
+    @property
+    def beam_error(self) -> float | None:
+        """Relative error of the beam model's resonance, against the solved one."""
+        return float(self.beam_model.resonance_hz / self.resonance_hz - 1)
+
+    @property
+    def sag_m(self) -> np.ndarray:
+        """Sag in m of the washer under the weight of the taxel."""
+        return np.asarray(self.beam_model.sag_m / self._stiffness_ratio)
+
+    @property
+    def hardening_per_m2(self) -> np.ndarray:
+        """Hardening in 1/m² by beams that stretch, from the beam model."""
+        return self.beam_model.hardening_per_m2
+
+    def root_stress_pa(self, level_m: np.ndarray) -> np.ndarray:
+        """Return the largest bending stress in Pa of the beams when the washer moves by `level_m`."""
+        return np.asarray(self.beam_model.root_stress_pa(level_m) * self._stiffness_ratio)
+
+    @property
+    def _stiffness_ratio(self) -> np.ndarray:
+        return np.asarray(self.stiffness_n_per_m / self.beam_model.stiffness_n_per_m)
+
+
+def solved_model(model: TaxelModel, solved: TaxelModes, solver_error: float) -> SolvedModel:
+    """Return `model` with its modes replaced by the solved ones."""
+    return SolvedModel(model.spec, model.topology, model.plate, model.beam, solved, solver_error)
+
+
+def asked_error(spec: Spec) -> float:
+    """Return the relative error within which a solid's resonance must be known to count as tuned."""
+    return min(FINEST, spec.model.tolerance)

@@ -22,7 +22,7 @@ def border_mesh(
 ) -> Mesh:
     """Return the triangles of the border around `shape` (rows, columns) of tiles.
 
-    Its inner edge has a vertex wherever two tiles meet. A `groove` (see `padgen.planner.marks`) is cut from its
+    Its inner edge has a vertex wherever two tiles meet. A `groove` (see `padgen.planner.tile`) is cut from its
     outside over the whole height.
 
     Raises

@@ -12,9 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.planner.marks import corner_groove
 from padgen.planner.plan import Channel, Plan
-from padgen.planner.tile import Outline, outline, taxel_places, to_cell
+from padgen.planner.tile import Outline, corner_groove, outline, taxel_places, to_cell
 from padgen.solid.border import border_mesh, border_volume_mm3
 from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, Mesh, tessellated
 from padgen.solid.taxel import taxel_solid

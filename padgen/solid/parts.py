@@ -11,11 +11,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from padgen.core.errors import number
-from padgen.planner.coupon import coupon_groove, coupon_plan
+from padgen.planner.fixtures import coupon_groove, coupon_plan, plan_tray, screw_for
 from padgen.planner.plan import Plan
-from padgen.planner.screws import screw_for
 from padgen.planner.tile import Outline
-from padgen.planner.tray import plan_tray
 from padgen.solid.border import border_mesh, border_volume_mm3
 from padgen.solid.checks import check_pad
 from padgen.solid.formats import Part

@@ -14,7 +14,7 @@ from padgen.solid.mesh import Mesh
 __all__ = ["KnownSolid", "kept_solid", "known_solid", "taxel_key"]
 
 KIND = "taxel-mesh"
-CODE = ("solid/taxel.py", "solid/mesh.py", "planner/arrangement.py", "planner/tile.py")
+CODE = ("solid/taxel.py", "solid/mesh.py", "planner/suspensions/__init__.py", "planner/tile.py")
 PACKAGES = ("build123d", "cadquery-ocp-novtk", "numpy")
 
 

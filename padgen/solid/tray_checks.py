@@ -1,6 +1,6 @@
 """Checks of a coil tray's mesh: those of every print, and its dimensions compared with the plan.
 
-The tray is three extruded layers, fused. `padgen.planner.tray` draws its section.
+The tray is three extruded layers, fused. `padgen.planner.fixtures` draws its section.
 """
 
 from collections.abc import Iterable, Iterator
@@ -12,9 +12,9 @@ import numpy as np
 
 from padgen.core.errors import GeometryError, number
 from padgen.core.finding import Finding
+from padgen.planner.fixtures import Tray, plan_tray, tray_findings, washer_underside_mm
 from padgen.planner.plan import Plan
 from padgen.planner.tile import Outline
-from padgen.planner.tray import Tray, plan_tray, tray_findings, washer_underside_mm
 from padgen.solid.checks import Report, check_mesh, told
 from padgen.solid.compare import differences
 from padgen.solid.kernel import build123d, kernel_errors
@@ -41,7 +41,7 @@ def build_tray(plan: Plan, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_
     Raises
     ------
     InfeasibleError
-        See `padgen.planner.tray.plan_tray`.
+        See `padgen.planner.fixtures.plan_tray`.
     GeometryError
         A kernel refused a part.
     """

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.core.errors import SolverError, number
-from padgen.physics.modal import TaxelModes
+from padgen.physics.resonator import TaxelModes
 from padgen.verify.elastic_mesh import (
     PRINTED,
     WASHER,

@@ -25,8 +25,7 @@ CURRENT, TAKES_TURNS, HAS_PAIR_SPURS = "biased", False, True
 
 def pair_square(scheme: Scheme, a: np.ndarray, b: np.ndarray, strongest: np.ndarray | float) -> np.ndarray:
     """Return the squared product of two tones, which is small beside their products with the constant."""
-    square: np.ndarray = (a * b / (2 * scheme.bias_ratio * strongest)) ** 2
-    return square
+    return (a * b / (2 * scheme.bias_ratio * strongest)) ** 2
 
 
 def mean_square_a2(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.ndarray) -> float:
@@ -37,8 +36,7 @@ def mean_square_a2(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.
 def current_lines_a(scheme: Scheme, line_a2: np.ndarray, headroom: float) -> np.ndarray:
     """Return the peak (n,) in A of each channel's tone."""
     bias = bias_a(scheme, line_a2)
-    tones: np.ndarray = line_a2 / (2 * bias) if bias else np.zeros(len(line_a2))
-    return tones
+    return line_a2 / (2 * bias) if bias else np.zeros(len(line_a2))
 
 
 def peak_current_a(scheme: Scheme, line_a2: np.ndarray, headroom: float) -> float:

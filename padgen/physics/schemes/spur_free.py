@@ -33,8 +33,7 @@ def mean_square_a2(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.
 
 def current_lines_a(scheme: Scheme, line_a2: np.ndarray, headroom: float) -> np.ndarray:
     """Return the peak (n,) in A of the coil's current with each channel alone on."""
-    alone: np.ndarray = np.sqrt((2 + headroom) * line_a2)
-    return alone
+    return np.sqrt((2 + headroom) * line_a2)
 
 
 def peak_current_a(scheme: Scheme, line_a2: np.ndarray, headroom: float) -> float:

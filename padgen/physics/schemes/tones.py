@@ -25,8 +25,7 @@ CURRENT, TAKES_TURNS, HAS_PAIR_SPURS = "tones", False, True
 
 def pair_square(scheme: Scheme, a: np.ndarray, b: np.ndarray, strongest: np.ndarray | float) -> np.ndarray:
     """Return the square of I_a I_b: twice the geometric mean of the wanted lines I²/2."""
-    square: np.ndarray = 4 * (a * b)
-    return square
+    return 4 * (a * b)
 
 
 def mean_square_a2(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.ndarray) -> float:
@@ -36,14 +35,12 @@ def mean_square_a2(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.
 
 def current_lines_a(scheme: Scheme, line_a2: np.ndarray, headroom: float) -> np.ndarray:
     """Return the peak (n,) in A of each channel's tone."""
-    tones: np.ndarray = np.sqrt(2.0 * line_a2)
-    return tones
+    return np.sqrt(2.0 * line_a2)
 
 
 def tone_volts(line_a2: np.ndarray, resonance_hz: np.ndarray, resistance: float, inductance: float) -> np.ndarray:
     """Return the peak voltage (n,) in V of each channel's tone, at half its resonance."""
-    volts: np.ndarray = np.sqrt(2.0 * line_a2) * np.abs(impedance(resistance, inductance, resonance_hz / 2))
-    return volts
+    return np.sqrt(2.0 * line_a2) * np.abs(impedance(resistance, inductance, resonance_hz / 2))
 
 
 def peak_current_a(scheme: Scheme, line_a2: np.ndarray, headroom: float) -> float:

@@ -1,6 +1,6 @@
-"""Plan the coil tray, a printed part under the pad that holds the coils at their gap: its dimensions as data.
+"""Plan the parts that go with a pad, as data: the tray that holds its coils, the coupon that is measured, and screws.
 
-Section through one coil, the pad on top (heights from the bed on which the tray is printed)::
+Section of the tray through one coil, the pad on top (heights from the bed on which the tray is printed)::
 
       screw   |<-- active area -->|
     ===##===+=====pad, beams and plates=====    ---- height: the pad's underside on the rim
@@ -13,23 +13,192 @@ Section through one coil, the pad on top (heights from the bed on which the tray
     +----------------+    +------------    ---- z = 0; a hole to press the coil out again
 
 Washers hang `glue` above the pad's underside, so a coil's top is ``gap − glue`` below the rim.
+
+A coupon is a small pad with one taxel of each channel, to measure how the printer prints them: one coil's cell of the
+pad, or two cells side by side where two sets of channels alternate. The tiles lie about the coil's axis as in the pad,
+so that one coil drives all of them in the same way. The border is as narrow as the pad's screws allow. A coupon needs
+these screws: it weighs only a few times as much as its taxels, and if it lay loose it would move with them and raise
+their resonances.
+
+Screws by ISO: clearance holes (273, fine), coarse threads (261: tapping drill = diameter − pitch), nuts (4032), heads
+(4762, cylindrical with a hexagon socket), lengths (888). A machine screw cuts its own thread in printed plastic when
+driven into a hole of the tapping drill's size.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil
 from typing import NamedTuple
 
 from padgen.core.errors import InfeasibleError, at_least, number
 from padgen.core.finding import Finding
 from padgen.core.units import MM, UM
-from padgen.planner.coupon import coil_axis_mm
-from padgen.planner.marks import corner_groove
-from padgen.planner.plan import Plan
-from padgen.planner.screws import Screw, screw_for
-from padgen.planner.tile import Outline
+from padgen.planner.layout import SLACK_MM
+from padgen.planner.plan import CoilGrid, Plan, Reuse, Taxel
+from padgen.planner.tile import Outline, corner_groove, groove
 from padgen.spec import Printer, Spec
 
-__all__ = ["LeadSlot", "Tray", "plan_tray", "tray_findings", "washer_underside_mm"]
+__all__ = [
+    "LeadSlot",
+    "Screw",
+    "Tray",
+    "coil_axis_mm",
+    "coupon_groove",
+    "coupon_plan",
+    "plan_tray",
+    "screw_for",
+    "tray_findings",
+    "washer_underside_mm",
+]
+
+SUFFIX = "-coupon"
+LONGEST_NAME = 80
+SMALLEST_PAD_MM = 5.0
+"""Smallest side of the active area that a spec allows; what is not cell is plain frame."""
+SMALLEST_BORDER_MM = 1.0
+"""Narrowest border that a spec allows."""
+
+
+def coupon_plan(plan: Plan) -> Plan:
+    """Return the plan of a coupon for `plan`: the same channels, plate and cell, without figures of the whole pad.
+
+    Taxel ``r0c0k0`` is channel 0. A second set of channels lies over the next coil: along x where the pad has several
+    columns, else along y. No cell is turned.
+    """
+    coils = _coils(plan)
+    step = (0, 1) if plan.coils.columns > 1 else (1, 0)
+    taxels = tuple(
+        _taxel(plan, coils, (index * step[0], index * step[1]), k, channel.index)
+        for index, own in enumerate(plan.sets)
+        for k, channel in enumerate(own)
+    )
+    name = plan.name[: LONGEST_NAME - len(SUFFIX)] + SUFFIX
+    return replace(
+        plan,
+        name=name,
+        spec=_spec(plan, name, coils, len(taxels)),
+        coils=coils,
+        taxels=taxels,
+        reuse=Reuse(None, None, "none"),
+        layouts=(),
+        findings=(),
+    )
+
+
+def coupon_groove(coupon: Plan) -> Outline:
+    """Return the groove in the coupon's border that marks channel 0, on the side nearer to its sub-cell."""
+    first = next(taxel for taxel in coupon.taxels if taxel.channel == 0)
+    at_x, at_y = coupon.channels[0].site.centre_mm
+    x0, y0 = coil_axis_mm(coupon.coils, *first.coil)
+    return groove(coupon.spec, x0 + at_x, above=y0 + at_y > SLACK_MM)
+
+
+def coil_axis_mm(coils: CoilGrid, row: int, column: int) -> tuple[float, float]:
+    """Return the place (x, y) in mm of a coil's axis, from the pad's centre."""
+    return (column - (coils.columns - 1) / 2) * coils.pitch_x_mm, (row - (coils.rows - 1) / 2) * coils.pitch_y_mm
+
+
+def _coils(plan: Plan) -> CoilGrid:
+    """Return the smallest coil grid that holds all sets of channels and makes up the smallest active area."""
+    coils, sets = plan.coils, len(plan.sets)
+    wide, deep = (sets, 1) if coils.columns > 1 else (1, sets)
+    columns = max(wide, ceil(SMALLEST_PAD_MM / coils.pitch_x_mm - SLACK_MM))
+    rows = max(deep, ceil(SMALLEST_PAD_MM / coils.pitch_y_mm - SLACK_MM))
+    return replace(coils, rows=rows, columns=columns)
+
+
+def _spec(plan: Plan, name: str, coils: CoilGrid, taxels: int) -> Spec:
+    spec = plan.spec
+    width, depth = coils.columns * coils.pitch_x_mm, coils.rows * coils.pitch_y_mm
+    pad = replace(spec.pad, width_mm=width, depth_mm=depth, border_mm=_border_mm(spec))
+    coil = replace(spec.coil, grid=(coils.rows, coils.columns))
+    return replace(spec, name=name, resolution=taxels, pad=pad, coil=coil)
+
+
+def _border_mm(spec: Spec) -> float:
+    """Return the coupon's border in mm, at most the pad's.
+
+    It is as narrow as walls of two lines beside the holes and room for the screws' heads allow.
+    """
+    pad = spec.pad
+    walls = 2 * WALL_LINES * spec.printer.line_width_mm
+    least = pad.hole_diameter_mm + walls if pad.hole_diameter_mm else max(walls, pad.rib_mm, SMALLEST_BORDER_MM)
+    screw = screw_for(pad.hole_diameter_mm, pad.frame_thickness_mm, pad.frame_thickness_mm)
+    return min(pad.border_mm, round(max(least, screw.head_mm if screw else 0.0), 6))
+
+
+def _taxel(plan: Plan, coils: CoilGrid, coil: tuple[int, int], k: int, channel: int) -> Taxel:
+    x0, y0 = coil_axis_mm(coils, *coil)
+    site = plan.channels[channel].site
+    x, y = site.washer_mm
+    place = round(x0 + x, 6), round(y0 + y, 6)
+    return Taxel(f"r{coil[0]}c{coil[1]}k{k}", coil, channel, *place, site.coil_distance_mm, False)
+
+
+class Screw(NamedTuple):
+    """A screw that goes from above through the pad into a part below.
+
+    `head_mm` is the head's diameter. `hole_diameter_mm` and `hole_depth_mm` (from the top) are of the hole in the part
+    below: a tapping hole, or, with a `nut`, a clearance hole all through.
+    """
+
+    name: str
+    length_mm: float
+    head_mm: float
+    hole_diameter_mm: float
+    hole_depth_mm: float
+    nut: bool
+
+
+class _Size(NamedTuple):
+    name: str
+    diameter_mm: float
+    clearance_mm: float
+    tapping_mm: float
+    nut_mm: float
+    head_mm: float
+
+
+SIZES = (
+    _Size("M1.6", 1.6, 1.7, 1.25, 1.3, 3.0),
+    _Size("M2", 2.0, 2.2, 1.6, 1.6, 3.8),
+    _Size("M2.5", 2.5, 2.7, 2.05, 2.0, 4.5),
+    _Size("M3", 3.0, 3.2, 2.5, 2.4, 5.5),
+    _Size("M4", 4.0, 4.3, 3.3, 3.2, 7.0),
+    _Size("M5", 5.0, 5.3, 4.2, 4.7, 8.5),
+    _Size("M6", 6.0, 6.4, 5.0, 5.2, 10.0),
+    _Size("M8", 8.0, 8.4, 6.75, 6.8, 13.0),
+    _Size("M10", 10.0, 10.5, 8.5, 8.4, 16.0),
+    _Size("M12", 12.0, 13.0, 10.25, 10.8, 18.0),
+)
+LENGTHS_MM = (2, 2.5, 3, 4, 5, 6, 8, 10, 12, 16, 20, 25, 30, 35, 40, 45, 50, 55, 60, 65, 70)
+GOOD_TURNS, LEAST_TURNS = 2.0, 1.5
+"""Wanted and least depth of a screw in plastic, in screw diameters."""
+TIP_MM = 1.0
+"""Depth of a hole beyond the screw's tip, and least floor below a hole that does not go through."""
+
+
+def screw_for(hole_mm: float, clamped_mm: float, below_mm: float) -> Screw | None:
+    """Return the largest screw for a hole of `hole_mm` in a plate of `clamped_mm` on a part `below_mm` high.
+
+    It is driven into the part below or, where that part is too low, goes through it into a nut. None where no metric
+    screw passes the hole.
+    """
+    passing = [size for size in SIZES if size.clearance_mm <= hole_mm + 1e-9]
+    if not passing:
+        return None
+    size = passing[-1]
+    wanted = next(n for n in LENGTHS_MM if n >= clamped_mm + GOOD_TURNS * size.diameter_mm - 1e-9)
+    for length in (n for n in reversed(LENGTHS_MM) if n <= wanted):
+        held = length - clamped_mm
+        if held < LEAST_TURNS * size.diameter_mm - 1e-9:
+            break
+        if held <= below_mm:
+            depth = held + TIP_MM
+            blind = depth + TIP_MM <= below_mm
+            return Screw(size.name, float(length), size.head_mm, size.tapping_mm, depth if blind else below_mm, False)
+    through = next(n for n in LENGTHS_MM if n >= clamped_mm + below_mm + size.nut_mm - 1e-9)
+    return Screw(size.name, float(through), size.head_mm, hole_mm, below_mm, True)
+
 
 FLOOR_MM = 2.0
 SOCKET_SHARE = 0.4
