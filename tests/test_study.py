@@ -20,7 +20,6 @@ import pytest
 from padgen.cli import run
 from padgen.core.errors import PadgenError, SolverError, SpecError
 from padgen.ladders.extreme_specs import outcome, random_table, selectivity_cases, spec_cases
-from padgen.ladders.isolate import measured, run_apart, timed
 from padgen.ladders.rung import (
     MOST_SUBJECTS,
     NOT_RUN,
@@ -34,9 +33,12 @@ from padgen.ladders.rung import (
     chosen_channels,
     distinct_channels,
     judged,
+    measured,
     observed_order,
     picks,
     recommended_row,
+    run_apart,
+    timed,
 )
 from padgen.ladders.stages import LADDERS
 from padgen.ladders.study import (
@@ -317,7 +319,7 @@ def test_what_is_prepared_is_made_once(tmp_path):
 
 
 def test_caches_of_models_are_emptied_between_runs(monkeypatch):
-    from padgen.ladders import isolate
+    from padgen.ladders import rung
     from padgen.physics import magnetics
     from padgen.verify.engines import Engine
 
@@ -325,7 +327,7 @@ def test_caches_of_models_are_emptied_between_runs(monkeypatch):
     monkeypatch.setattr(magnetics, "a_cache", cached, raising=False)
     monkeypatch.setattr(magnetics, "not_to_be_loaded", Engine("no_such_package"), raising=False)
     cached()
-    isolate._run(pickle.dumps((None, int)), ())
+    rung._run(pickle.dumps((None, int)), ())
     assert cached.cache_info().currsize == 0
 
 

@@ -50,7 +50,7 @@ def _sweep(options: argparse.Namespace) -> int:
         raise SpecError("does not go with --scheduler: the cluster has the workers that it has", "--jobs")
     use_cache(options)
     from padgen.batch.definition import load_sweep
-    from padgen.batch.pareto import write_pareto
+    from padgen.batch.index import write_pareto
     from padgen.batch.sweep import run_sweep
     from padgen.core.runner import uninterrupted
 

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from padgen.core.errors import number
 from padgen.core.plots import STYLE, plot_bytes
-from padgen.ladders.isolate import TIMES
-from padgen.ladders.rung import NOT_RUN, TOLERANCES, Judged, Order, Pick, Row, recommended_row
+from padgen.ladders.rung import NOT_RUN, TIMES, TOLERANCES, Judged, Order, Pick, Row, recommended_row
 
 if TYPE_CHECKING:
     from padgen.ladders.study import ExtremeStudy, Study, Verdict

@@ -9,7 +9,7 @@ from padgen.report.plans import table
 
 if TYPE_CHECKING:
     from padgen.batch.definition import Sweep
-    from padgen.batch.pareto import Overview
+    from padgen.batch.index import Overview
     from padgen.batch.sweep import Event, SweepResult
     from padgen.core.cache import CacheInfo
 
@@ -63,7 +63,7 @@ def _variants(count: int) -> str:
 
 
 def _front_line(overview: "Overview") -> str:
-    from padgen.batch.pareto import OBJECTIVES
+    from padgen.batch.index import OBJECTIVES
 
     weighed = ", ".join(OBJECTIVES[name].word for name in overview.objectives)
     told = f"Pareto front over {weighed}: {_variants(len(overview.rows))} that no other beats"
@@ -73,7 +73,7 @@ def _front_line(overview: "Overview") -> str:
 
 def _front_rows(sweep: "Sweep", overview: "Overview") -> tuple[list[str], list[list[str]]]:
     """Return headings and rows of the front: varied fields, objectives reached, and the objectives it is best in."""
-    from padgen.batch.pareto import OBJECTIVES
+    from padgen.batch.index import OBJECTIVES
 
     axes, objectives = [name for axis in sweep.axes for name in axis.fields], overview.objectives
     best: dict[int, list[str]] = {row: [] for row in range(len(overview.rows)) if len(overview.rows) <= MOST_ROWS}

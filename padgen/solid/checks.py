@@ -29,9 +29,8 @@ from padgen.solid.measure import (
     unsupported_spans,
     washer_rooms,
 )
-from padgen.solid.mesh import Mesh, as_manifold
+from padgen.solid.mesh import MOST_FOUND, Mesh, Topology, as_manifold, intersecting_pairs, topology
 from padgen.solid.pad_solid import PadSolid, Places, assembled, sampled
-from padgen.solid.topology import MOST_FOUND, Topology, intersecting_pairs, topology
 from padgen.spec import Printer, Spec
 
 __all__ = ["Report", "check_against", "check_mesh", "check_pad", "told"]

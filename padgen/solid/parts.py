@@ -16,11 +16,10 @@ from padgen.planner.plan import Plan
 from padgen.planner.screws import screw_for
 from padgen.planner.tile import Outline
 from padgen.planner.tray import plan_tray
-from padgen.solid.border import border_mesh, border_volume_mm3
 from padgen.solid.checks import check_pad
 from padgen.solid.formats import Part
 from padgen.solid.mesh import ANGLE_RAD, CHORD_MM
-from padgen.solid.pad_solid import PadSolid, Tile, assembled, build_pad
+from padgen.solid.pad_solid import PadSolid, Tile, assembled, border_mesh, border_volume_mm3, build_pad
 from padgen.solid.tray_checks import build_tray, check_tray
 
 __all__ = ["bill_of_materials", "build_coupon", "build_part", "grooved"]

@@ -21,7 +21,7 @@ from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.planner.tile import TURNS, taxel_places
 from padgen.verify.elastic_mesh import Fineness, meshed
-from padgen.verify.elastic_modes import Elastic, System, assembled, factored, rigid_loads
+from padgen.verify.elasticity import Elastic, System, assembled, factored, rigid_loads
 from padgen.verify.engines import engine, ng, occ
 
 __all__ = [
