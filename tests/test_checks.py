@@ -11,10 +11,11 @@ from padgen.planner import make_plan
 from padgen.planner.tile import to_cell
 from padgen.solid.checks import check_against, check_mesh, check_pad
 from padgen.solid.measure import sections, smallest, unsupported_spans
-from padgen.solid.mesh import Mesh, as_manifold, from_manifold, intersecting_pairs, topology
+from padgen.solid.mesh import Mesh, as_manifold, intersecting_pairs, topology
 from padgen.solid.pad_solid import build_pad
 from padgen.spec import parse_spec
 from tests.conftest import SMALL
+from tests.tampering import from_manifold
 
 PRINTER = parse_spec(SMALL).printer
 

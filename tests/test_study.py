@@ -18,7 +18,8 @@ import numpy as np
 import pytest
 
 from padgen.cli import run
-from padgen.core.errors import PadgenError, SolverError, SpecError
+from padgen.core.display import seconds_text
+from padgen.core.errors import PadgenError, SolverError, SpecError, percent
 from padgen.ladders.extreme_specs import outcome, random_table, selectivity_cases, spec_cases
 from padgen.ladders.rung import (
     MOST_SUBJECTS,
@@ -56,7 +57,7 @@ from padgen.ladders.study import (
     study_json,
     verdict_of,
 )
-from padgen.ladders.text import extreme_picture, extreme_text, percent, seconds_text, study_pictures, study_text
+from padgen.ladders.text import extreme_picture, extreme_text, study_pictures, study_text
 from padgen.verify.extreme import Answer, ExtremeCase, solid_cases
 
 EXACT = 3.0
@@ -397,7 +398,7 @@ def test_the_table_tells_orders_and_refusals(result):
 
 
 def test_words():
-    assert [percent(v) for v in (1.459, 0.1, 0.00012345, inf)] == ["146 %", "10 %", "0.0123 %", "?"]
+    assert [percent(v, 3) for v in (1.459, 0.1, 0.00012345, inf)] == ["146 %", "10 %", "0.0123 %", "?"]
     assert [seconds_text(v) for v in (12.34, 0.0012, 3.4e-6, nan)] == ["12.3 s", "1.2 ms", "3.4 µs", ""]
 
 

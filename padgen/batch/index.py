@@ -28,9 +28,9 @@ import numpy as np
 
 from padgen.batch.definition import Sweep, variant_name
 from padgen.batch.variant import STATUSES, Record
+from padgen.core.display import STYLE, plot_bytes
 from padgen.core.errors import FileError
 from padgen.core.files import OutputFolder, json_line, reason
-from padgen.core.plots import STYLE, plot_bytes
 from padgen.planner.drive_rows import table_csv
 
 __all__ = [

@@ -127,7 +127,8 @@ def _bar(sweep: Any) -> Iterator[Callable[[Any], None]]:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-    from padgen.report.sweeps import counts_text, seconds_text
+    from padgen.core.display import seconds_text
+    from padgen.report.sweeps import counts_text
 
     columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"))
     with Progress(*columns, console=Console(stderr=True, highlight=False), transient=True) as bar:

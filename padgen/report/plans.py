@@ -4,9 +4,9 @@ from collections.abc import Iterable, Sequence
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
+from padgen.core.display import STYLE, table
 from padgen.core.errors import number, plain
 from padgen.core.finding import LEVELS, Finding
-from padgen.core.plots import STYLE
 
 if TYPE_CHECKING:
     from padgen.make.pad import Built
@@ -315,15 +315,6 @@ def _beam_table(channels: "Sequence[Channel]") -> str:
     ]
     headings = ("ch", "suspension", "w x t x l mm", "layers", "sag µm", "root MPa", "print spread %", "off axis mm")
     return table(headings, rows)
-
-
-def table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a text table of right-aligned columns under their headings."""
-    cells = [tuple(headings), *rows]
-    widths = [max(len(row[i]) for row in cells) for i in range(len(headings))]
-    lines = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in cells]
-    lines.insert(1, "  ".join("-" * width for width in widths))
-    return "\n".join(lines)
 
 
 def findings_text(findings: Iterable[Finding]) -> str:

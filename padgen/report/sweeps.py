@@ -4,8 +4,8 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from padgen.core.display import seconds_text, table
 from padgen.core.errors import number, plain
-from padgen.report.plans import table
 
 if TYPE_CHECKING:
     from padgen.batch.definition import Sweep
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from padgen.batch.sweep import Event, SweepResult
     from padgen.core.cache import CacheInfo
 
-__all__ = ["cache_text", "counts_text", "seconds_text", "sweep_table", "sweep_text"]
+__all__ = ["cache_text", "counts_text", "sweep_table", "sweep_text"]
 
 MOST_ROWS = 12
 """Most variants of a Pareto front that are all shown; of a longer front only the best in each objective are."""
@@ -42,20 +42,6 @@ def counts_text(event: "Event | SweepResult") -> str:
     """Return the counts of variants done and failed, and of those refused and left if there are any."""
     counts = [f"{event.done} done", f"{event.refused} refused" * bool(event.refused), f"{event.failed} failed"]
     return ", ".join(count for count in [*counts, f"{event.left} left" * bool(event.left)] if count)
-
-
-def seconds_text(seconds: float) -> str:
-    """Return a time in s, min or h as text.
-
-    >>> seconds_text(3.21), seconds_text(75), seconds_text(7265)
-    ('3.2 s', '1 min 15 s', '2 h 01 min')
-    """
-    if seconds < 10:
-        return f"{seconds:.1f} s"
-    minutes, rest = divmod(round(seconds), 60)
-    if minutes < 60:
-        return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"
-    return f"{minutes // 60} h {minutes % 60:02d} min"
 
 
 def _variants(count: int) -> str:

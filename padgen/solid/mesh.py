@@ -20,7 +20,6 @@ __all__ = [
     "Mesh",
     "Topology",
     "as_manifold",
-    "from_manifold",
     "intersecting_pairs",
     "joined",
     "shells",
@@ -156,12 +155,6 @@ def as_manifold(mesh: Mesh, what: str) -> Any:
     if solid.status() != manifold3d.Error.NoError:
         raise GeometryError(f"{what} is not a manifold ({solid.status().name})")
     return solid
-
-
-def from_manifold(solid: Any) -> Mesh:
-    """Return the triangles of a manifold3d solid."""
-    mesh = solid.to_mesh64()
-    return Mesh(np.array(mesh.vert_properties)[:, :3], np.array(mesh.tri_verts).astype(np.int64))
 
 
 PAIRS_AT_ONCE = 1_000_000

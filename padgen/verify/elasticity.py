@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy import sparse
 
 from padgen.core.errors import SolverError, number
 from padgen.physics.modal import TaxelModes
@@ -26,7 +27,7 @@ from padgen.verify.elastic_mesh import (
     singular_edges,
     taxel_shape,
 )
-from padgen.verify.engines import ng, sparse
+from padgen.verify.engines import ng
 
 __all__ = [
     "LEAN",
