@@ -82,8 +82,7 @@ COLOURED_BY = ("power_w", "selectivity_db", "print_min", "good_pads_retuned", "t
 RATIOS = ("taxels", "power_w", "print_min")
 """Objectives whose axis is logarithmic where the largest is more than `WIDE` times the smallest."""
 WIDE = 20.0
-PANEL_INCHES, MARGIN_INCHES, LEGEND_INCHES = (2.9, 2.3), (0.9, 0.7), 2.9
-TITLE_INCHES = 0.7
+PANEL_INCHES = 2.9, 2.3
 MOST_VECTORS = 1000
 """Points beyond which the SVG holds them as pixels."""
 
@@ -250,83 +249,60 @@ def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
     One panel for every two objectives that differ among variants: coloured is the front, grey what it
     beats, a cross what has error findings. A line joins those that none beats in the panel's two alone.
     """
-    # Objectives with more than one value.
     values = overview.points
-    shown = [i for i, column in enumerate(values.T) if len(np.unique(column[np.isfinite(column)])) > 1]
-    if not len(overview.values) or len(shown) < 2:
+    differ = [i for i, column in enumerate(values.T) if len(np.unique(column[np.isfinite(column)])) > 1]
+    if not len(overview.values) or len(differ) < 2:
         return None
     import matplotlib
+    from matplotlib.figure import Figure
 
-    parts = [overview.values.copy(), overview.beaten.copy(), overview.faulty.copy()]
-    for i, named in enumerate(overview.objectives):
-        finite = np.concatenate([part[np.isfinite(part[:, i]), i] for part in parts])
-        for part in parts if named in UNBOUNDED else ():
-            part[np.isnan(part[:, i]), i] = finite.max() + 0.15 * max(float(np.ptp(finite)), 1.0)
-    title, overview = _title(overview, name), replace(overview, values=parts[0], beaten=parts[1], faulty=parts[2])
+    title, shown = _title(overview, name), _with_places(overview)
+    hue, side = min(differ, key=lambda i: COLOURED_BY.index(overview.objectives[i])), len(differ) - 1
     with matplotlib.rc_context(STYLE):
-        figure, panels = _figure(shown)
-        hue = min(shown, key=lambda i: COLOURED_BY.index(overview.objectives[i]))
-        for (x, y), axis in panels.items():
-            points = _panel(axis, overview, (x, y), hue)
-        for (x, y), axis in panels.items():
-            for which, shows, objective in zip(
-                (axis.xaxis, axis.yaxis), (y == shown[-1], x == shown[0]), (x, y), strict=True
-            ):
-                if _is_wide(overview, objective):
-                    which._set_axes_scale("log")
-                    _round_ticks(which)
-                if shows:
-                    which.set_label_text(_label(overview, objective))
-        wide, high = figure.get_size_inches()
-        left, top = 1 - (LEGEND_INCHES - 0.2) / wide, 1 - TITLE_INCHES / high
-        figure.legend(
-            *panels[shown[0], shown[1]].get_legend_handles_labels(),
-            loc="upper left",
-            bbox_to_anchor=(left, top),
-            frameon=False,
-        )
-        place = figure.add_axes((left + 0.2 / wide, top - 2.1 / high, 0.16 / wide, 1.0 / high))
-        bar = figure.colorbar(points, cax=place)
-        if bar.ax.get_yscale() == "log":
-            _round_ticks(bar.ax.yaxis)
-        bar.set_label(f"colour: {_label(overview, hue)}", fontsize=8)
-        figure.text(0.012, 1 - 0.08 / figure.get_figheight(), title, fontsize=9, va="top")
+        figure = Figure(figsize=(PANEL_INCHES[0] * side + 2.6, PANEL_INCHES[1] * side + 1.2), layout="constrained")
+        axes = figure.subplots(side, side, sharex="col", sharey="row", squeeze=False)
+        for (i, j), axis in np.ndenumerate(axes):
+            axis.set_visible(j <= i)
+            if j <= i:
+                points = _panel(axis, shown, (differ[j], differ[i + 1]), hue)
+        below, beside = [axis.xaxis for axis in axes[-1]], [axis.yaxis for axis in axes[:, 0]]
+        for axis, objective in zip([*below, *beside], [*differ[:-1], *differ[1:]], strict=True):
+            axis.set_label_text(_label(overview, objective))
+            if _is_wide(overview, objective):
+                axis._set_axes_scale("log")
+                axis.set_major_formatter("{x:g}")
+        handles = axes[0, 0].get_legend_handles_labels()
+        figure.legend(*handles, loc="outside right upper", frameon=False)
+        figure.colorbar(points, ax=axes, shrink=0.5, label=f"colour: {_label(overview, hue)}")
+        figure.suptitle(title, x=0.01, ha="left", fontsize=9)
         return plot_bytes(figure, "svg"), plot_bytes(figure, "png")
 
 
-def _figure(shown: list[int]) -> tuple[Any, dict[tuple[int, int], Any]]:
-    """Make the lower triangle of a square of panels by the objectives along x and y, with room for the legend."""
-    from matplotlib.figure import Figure
-
-    side = len(shown) - 1
-    wide = MARGIN_INCHES[0] + side * PANEL_INCHES[0] + (LEGEND_INCHES if side == 1 else 0.2)
-    high = MARGIN_INCHES[1] + side * PANEL_INCHES[1] + TITLE_INCHES
-    figure = Figure(figsize=(wide, high))
-    axes = figure.subplots(side, side, sharex="col", sharey="row", squeeze=False)
-    right = (MARGIN_INCHES[0] + side * PANEL_INCHES[0]) / wide
-    left, bottom, top = MARGIN_INCHES[0] / wide, MARGIN_INCHES[1] / high, 1 - TITLE_INCHES / high
-    figure.subplots_adjust(left, bottom, right, top, wspace=0.06, hspace=0.08)
-    panels = {}
-    for i, row in enumerate(axes):
-        for j, axis in enumerate(row):
-            if j <= i:
-                panels[shown[j], shown[i + 1]] = axis
-            else:
-                axis.set_visible(False)
-    return figure, panels
+def _with_places(overview: Overview) -> Overview:
+    """Return the overview with a place beyond all others for each value that nothing limits."""
+    parts = {name: getattr(overview, name).copy() for name in ("values", "beaten", "faulty")}
+    for i in (overview.objectives.index(name) for name in UNBOUNDED & {*overview.objectives}):
+        finite = overview.points[np.isfinite(overview.points[:, i]), i]
+        for part in parts.values():
+            part[np.isnan(part[:, i]), i] = finite.max() + 0.15 * max(float(np.ptp(finite)), 1.0)
+    return replace(overview, **parts)
 
 
 def _panel(axis: Any, overview: Overview, pair: tuple[int, int], hue: int) -> Any:
     from matplotlib.colors import LogNorm, Normalize
 
     beaten, faulty, front = (points[:, pair] for points in (overview.beaten, overview.faulty, overview.values))
-    _scatter(axis, beaten, "o", 3.0, "#bdbdbd", "beaten by others")
-    _scatter(axis, faulty, "x", 3.5, "#d49a8a", "has error findings")
-    values: np.ndarray = overview.values[:, pair]
-    values = np.unique(values[np.isfinite(values).all(axis=1)], axis=0)
-    edge: np.ndarray = values[front_mask(_scores(values, [overview.objectives[i] for i in pair]))]
+    for points, mark, color, label in (
+        (beaten, "o", "#bdbdbd", "beaten by others"),
+        (faulty, "x", "#d49a8a", "has error findings"),
+    ):
+        many = len(points) > MOST_VECTORS
+        style = {"markersize": 1.5 if many else 3.0, "color": color, "zorder": 1, "rasterized": many}
+        axis.plot(*points.T, mark, **style, label=label if len(points) else None)
+    finite = np.unique(front[np.isfinite(front).all(axis=1)], axis=0)
+    edge: np.ndarray = finite[front_mask(_scores(finite, [overview.objectives[i] for i in pair]))]
     axis.plot(*edge.T, color="#666666", linewidth=0.8, zorder=2, label="best in these two" if len(edge) else None)
-    points = axis.scatter(
+    shown = axis.scatter(
         *front.T,
         s=26 if len(front) < 100 else 9,
         c=overview.values[:, hue],
@@ -341,31 +317,14 @@ def _panel(axis: Any, overview: Overview, pair: tuple[int, int], hue: int) -> An
     )
     axis.grid(alpha=0.25)
     column = overview.header.index("number")
-    places: dict[tuple[float, float], list[str]] = {}
+    places: dict[tuple[float, ...], list[str]] = {}
     for row in dict.fromkeys(overview.best().values()):
-        x, y = overview.values[row, pair].tolist()
-        if np.isfinite([x, y]).all():
-            places.setdefault((x, y), []).append(overview.rows[row][column])
+        if np.isfinite(front[row]).all():
+            places.setdefault(tuple(front[row].tolist()), []).append(overview.rows[row][column])
     for place, numbers in places.items():
         style = {"xytext": (4, 3), "textcoords": "offset points", "fontsize": 7, "zorder": 4}
         axis.annotate(", ".join(numbers), place, **style, bbox={"color": "white", "alpha": 0.6, "pad": 0.3})
-    return points
-
-
-def _scatter(axis: Any, points: np.ndarray, mark: str, size: float, color: str, label: str) -> None:
-    """Draw points behind the front; smaller, and as pixels, where there are many."""
-    many = len(points) > MOST_VECTORS
-    style = {"linestyle": "none", "zorder": 1, "markersize": size / 2 if many else size, "color": color}
-    axis.plot(*points.T, mark, **style, rasterized=many, label=label if len(points) else None)
-
-
-def _round_ticks(axis: Any) -> None:
-    """Write 1, 2, 5, 10, ... at an axis instead of powers."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_formatter(NullFormatter())
+    return shown
 
 
 def _is_wide(overview: Overview, objective: int) -> bool:

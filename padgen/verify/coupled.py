@@ -276,7 +276,7 @@ def _steps(
 def scipy_motion(
     system: CoupledSystem, source: Source, time_s: np.ndarray, method: str = "DOP853", tolerance: float = 3e-14
 ) -> np.ndarray:
-    """Return displacements, velocities and current (2n + 1, k) from rest, driven by a voltage, by scipy's `solve_ivp`."""
+    """Return displacements, velocities and current (2n + 1, k) from rest, driven by a voltage, by scipy."""
     from scipy.integrate import solve_ivp
 
     n, damping = len(system.gap_m), system.angular / system.q
