@@ -8,7 +8,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from padgen.core.plots import STYLE, plot_bytes
+from padgen.core.display import STYLE, plot_bytes
 from padgen.physics.ladder import LevelLaw
 from padgen.physics.schemes import in_order
 from padgen.physics.selectivity import Scheme

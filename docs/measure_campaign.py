@@ -35,7 +35,7 @@ from padgen.planner.suspensions import BeamShape, Room, suspension
 from padgen.planner.taxel_model import TaxelModel, fillet_mm, plate_shape, post_diameter_mm, recess_mm
 from padgen.planner.tile import Outline, outline
 from padgen.spec import Spec, catalogue, make_spec
-from padgen.verify.elastic_modes import Elastic, layered
+from padgen.verify.elasticity import Elastic, layered
 
 SET = Path(__file__).parents[1] / "tests" / "reference" / "taxel_campaign.csv"
 SEED, THIRD = 20261122, 3

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.planner.suspensions import Arrangement
-from padgen.verify.elastic_modes import energy
+from padgen.verify.elasticity import energy
 
 MM = 1e-3
 REACH = 2.0

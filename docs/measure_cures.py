@@ -6,7 +6,8 @@ Prints how many cures of each kind do what they say, and each that does not.
 import sys
 from collections import Counter
 
-from padgen.ladders.extreme_specs import cures_of, random_table
+from padgen.ladders.extreme_specs import random_table
+from tests.test_cures import cures_of
 
 SPECS = 300
 

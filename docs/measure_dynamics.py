@@ -18,7 +18,7 @@ from padgen.physics.propagation import Tones, propagate, tones
 from padgen.planner import make_plan
 from padgen.spec import load_spec
 from padgen.verify.coupled import CoupledSystem, from_tones, make_system, scipy_motion, simulate
-from padgen.verify.extreme_dynamics import dynamics_cases
+from padgen.verify.extreme import dynamics_cases
 
 HERE = Path(__file__).parent
 MASS_KG, GAP_M = 1e-4, 1e-3

@@ -33,8 +33,15 @@ from padgen.planner.pull_modes import magnetic_parts
 from padgen.spec import Coil, Washer, load_spec
 from padgen.spec.fields import build
 from padgen.spec.load import catalogue, template_paths
-from padgen.verify.field_axisymmetric import axisymmetric_force, body_wrench, solve_scalar
-from padgen.verify.field_solid import PlacedWasher, Pull, solid_force, solid_pull
+from padgen.verify.field import (
+    PlacedWasher,
+    Pull,
+    axisymmetric_force,
+    body_wrench,
+    solid_force,
+    solid_pull,
+    solve_scalar,
+)
 from tests.finer_models import many_coils, shielding
 
 REFERENCE = Path(__file__).parents[1] / "tests" / "reference" / "magnetostatics.json"

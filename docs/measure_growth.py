@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from padgen.core.plots import STYLE, plot_bytes
+from padgen.core.display import STYLE, plot_bytes
 from padgen.make.pad import Pad
 from padgen.planner import Plan, make_plan
 from padgen.spec import parse_spec

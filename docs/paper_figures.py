@@ -15,7 +15,6 @@ from padgen.physics.propagation import merged, signal, squared, steady_lines, to
 from padgen.physics.resonator import receptance
 from padgen.planner.plan import Plan
 from padgen.verify.coupled import from_tones, make_system, simulate
-from padgen.verify.engines import engine
 
 __all__ = ["Comparison", "PaperFigures", "Spectrum", "draw_paper_figures", "fitted_q", "paper_figures"]
 
@@ -177,15 +176,12 @@ def _amplifiers() -> list[tuple[str, float, str]]:
 
 
 def draw_paper_figures(figures: PaperFigures, path: Path) -> None:
-    """Draw both figures into an SVG or PNG file, chosen by its name; the same figures give the same bytes.
+    """Draw both figures into an SVG or PNG file, chosen by its name; the same figures give the same bytes."""
+    import matplotlib
 
-    Raises
-    ------
-    EngineMissingError
-        matplotlib is not installed.
-    """
-    engine("matplotlib").use("Agg", force=False)
-    pyplot = engine("matplotlib.pyplot")
+    matplotlib.use("Agg", force=False)
+    from matplotlib import pyplot
+
     settings = {"svg.hashsalt": "padgen", "svg.fonttype": "none", "font.size": 9, "axes.grid": True, "grid.alpha": 0.3}
     with pyplot.rc_context(settings):
         figure, axes = pyplot.subplots(2, 2, figsize=(9.5, 6.6), layout="constrained")

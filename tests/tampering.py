@@ -10,11 +10,24 @@ from padgen.core.errors import PadgenError
 from padgen.planner import make_plan
 from padgen.planner.fixtures import coil_axis_mm
 from padgen.planner.tile import to_cell
-from padgen.solid.mesh import Mesh, as_manifold, from_manifold, welded
+from padgen.solid.mesh import Mesh, as_manifold, welded
 from padgen.solid.pad_solid import assembled, build_pad
 from padgen.spec import catalogue, make_spec
 
 __all__ = ["KINDS", "WAYS", "as_single_precision", "honest", "tampered"]
+
+
+def from_manifold(solid):
+    """Return the triangles of a manifold3d solid."""
+    mesh = solid.to_mesh64()
+    return Mesh(np.array(mesh.vert_properties)[:, :3], np.array(mesh.tri_verts).astype(np.int64))
+
+
+def stl_mesh(data):
+    """Return the triangles of a binary STL, not welded."""
+    triangle = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    corners = np.frombuffer(data, triangle, offset=84)["corners"].reshape(-1, 3)
+    return Mesh(corners, np.arange(len(corners)).reshape(-1, 3))
 
 
 def box(size, centre):

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from padgen.core import cache
-from padgen.core.commit import lock_file
 from padgen.core.errors import SpecError
+from padgen.core.files import lock_file
 
 KEYS = [cache.key_of(n) for n in range(200)]
 

@@ -11,11 +11,11 @@ from padgen.planner import make_plan
 from padgen.planner.tile import to_cell
 from padgen.solid.checks import check_against, check_mesh, check_pad
 from padgen.solid.measure import sections, smallest, unsupported_spans
-from padgen.solid.mesh import Mesh, as_manifold, from_manifold
+from padgen.solid.mesh import Mesh, as_manifold, intersecting_pairs, topology
 from padgen.solid.pad_solid import build_pad
-from padgen.solid.topology import intersecting_pairs, topology
 from padgen.spec import parse_spec
 from tests.conftest import SMALL
+from tests.tampering import from_manifold
 
 PRINTER = parse_spec(SMALL).printer
 
@@ -117,7 +117,7 @@ def test_pierced_tile(small_pad, small_plan):
 
 def test_pierced_pairs_agree_with_trying_all():
     """The grid of columns finds the same pairs as a comparison of every box with every other."""
-    from padgen.solid.topology import _overlapping, _pierce
+    from padgen.solid.mesh import _overlapping, _pierce
 
     seed = np.random.default_rng(1)
     vertices = seed.uniform(0, 5, (90, 1, 3)) + seed.uniform(-1.2, 1.2, (90, 3, 3))

@@ -13,14 +13,13 @@ from padgen.solid.compare import SMALLEST_MM, differences, loose_triangles, pose
 from padgen.solid.foreign import check_foreign
 from padgen.solid.formats import _3mf
 from padgen.solid.formats._3mf import read_3mf
-from padgen.solid.mesh import Mesh, as_manifold, from_manifold
+from padgen.solid.mesh import Mesh, as_manifold, topology
 from padgen.solid.pad_solid import build_pad, sampled, turned_grid
 from padgen.solid.parts import build_coupon
-from padgen.solid.topology import topology
 from padgen.solid.tray_checks import build_tray
 from padgen.spec import parse_spec
 from tests.conftest import FOUR_LINES, SMALL
-from tests.tampering import KINDS, WAYS, as_single_precision, box, honest, tampered
+from tests.tampering import KINDS, WAYS, as_single_precision, box, from_manifold, honest, tampered
 
 # Of the taxel that was changed, or of what is beside it: a lump in a gap may lie in the next cell.
 ELSEWHERE = {"lump", "hair", "filled", "widened", "slot", "channels", "part", "triangles", "hole", "1"}

@@ -5,15 +5,52 @@ from dataclasses import replace
 
 import pytest
 
-from padgen.core.errors import SpecError, cured
+from padgen.core.errors import InfeasibleError, PadgenError, SpecError, cured
 from padgen.core.finding import Finding
-from padgen.ladders.extreme_specs import cures_of, random_table
+from padgen.ladders.extreme_specs import random_table
 from padgen.planner import cures, make_plan, plan_from_json, plan_to_json
 from padgen.spec import make_spec
+from padgen.spec.load import laid_over, without_none
 
 SPECS = (0, 3, 4, 6, 7, 13, 15, 21, 22, 23, 26, 27, 42, 44, 52, 55, 56, 60, 61, 62, 63, 78, 83, 88, 112)
 """Others take seconds: `docs/measure_cures.py` has three hundred."""
 BASE = {"name": "cured", "resolution": 4, "band_hz": [50, 200], "q_min": 15}
+
+
+def cures_of(table):
+    """Return ``(what it cures, fault)`` of each cure that the answer to a spec names; no fault where the cure works.
+
+    A refusal's fields are refused no more by that field; where no pad could be laid out, the plan has no error then.
+    Of a finding's none of its kind is left.
+    """
+    answer = _answer(table, {})
+    if isinstance(answer, PadgenError):
+        return [(answer.where, _fault(answer, _answer(table, cure))) for cure in answer.cures]
+    told = {finding.code: finding.cures for finding in answer.findings if finding.cures}
+    return [(code, _left(code, _answer(table, cure))) for code, cures in told.items() for cure in cures]
+
+
+def _answer(table, cure):
+    """Return the plan of a spec with a cure applied, or its refusal."""
+    try:
+        return make_plan(make_spec(without_none(laid_over(table, cure))))
+    except PadgenError as error:
+        return error
+
+
+def _fault(refusal, answer):
+    if isinstance(answer, PadgenError):
+        again = answer.where == refusal.where or isinstance(refusal, InfeasibleError)
+        return f"is refused: {answer}" if again else ""
+    errors = [finding.message for finding in answer.findings if finding.level == "error"]
+    return errors[0] if errors and isinstance(refusal, InfeasibleError) else ""
+
+
+def _left(code, answer):
+    if isinstance(answer, PadgenError):
+        return f"is refused: {answer}"
+    left = [finding.message for finding in answer.findings if finding.code == code and finding.level != "note"]
+    return left[0] if left else ""
 
 
 def test_every_cure_of_random_specs_does_what_it_says():

@@ -38,7 +38,7 @@ from padgen.physics.propagation import (
 from padgen.planner import make_plan
 from padgen.spec import load_spec
 from padgen.verify.coupled import Source, from_tones, make_system, radau, scipy_motion, simulate
-from padgen.verify.extreme_dynamics import dynamics_cases, exact_displacement
+from padgen.verify.extreme import dynamics_cases, exact_displacement
 
 MASS, GAP = 1e-4, 1e-3
 HZ = np.array([20.0, 63.0, 200.0, 1000.0])

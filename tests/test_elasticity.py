@@ -26,8 +26,21 @@ from padgen.verify.elastic_mesh import (
     meshed,
     taxel_shape,
 )
-from padgen.verify.elastic_modes import accurate, assembled, eigenmodes, factored, rigid_loads, stiffness_pa
-from padgen.verify.elasticity import Elastic, Orthotropy, SolidModes, SolidTaxel, converged_modes, layered, solve_modes
+from padgen.verify.elasticity import (
+    Elastic,
+    Orthotropy,
+    SolidModes,
+    SolidTaxel,
+    accurate,
+    assembled,
+    converged_modes,
+    eigenmodes,
+    factored,
+    layered,
+    rigid_loads,
+    solve_modes,
+    stiffness_pa,
+)
 
 REFERENCE = json.loads((Path(__file__).parent / "reference" / "taxel_modes.json").read_text())
 POLYMER, STEEL = Elastic(3e9, 0.36, 1240.0), Elastic(200e9, 0.3, 7900.0)

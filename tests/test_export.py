@@ -18,13 +18,14 @@ from padgen.make.pad import Pad, parse_formats, up_to_date
 from padgen.solid.checks import check_pad
 from padgen.solid.formats import ExportJob, Part, verified
 from padgen.solid.formats._3mf import read_3mf, threemf_bytes
-from padgen.solid.formats.stl import stl_bytes, stl_mesh
+from padgen.solid.formats.stl import stl_bytes
 from padgen.solid.kernel import build123d
 from padgen.solid.mesh import Mesh, signed_volume_mm3
 from padgen.solid.parts import bill_of_materials
 from padgen.solid.picture import View, picture_png
 from padgen.spec import parse_spec
 from tests.conftest import SMALL
+from tests.tampering import stl_mesh
 
 ALL = ("3mf", "glb", "step", "stl")
 

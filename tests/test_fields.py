@@ -22,8 +22,15 @@ from padgen.ladders.stages import axisymmetric_pull, charges_pull, paper_pull, t
 from padgen.physics.magnetics import SteelRing, solenoid
 from padgen.physics.saturation import MILD_STEEL, TEAM_STEEL, BHCurve, saturating
 from padgen.verify.extreme import Answer, force_cases, planned_pull, random_pull
-from padgen.verify.field_axisymmetric import axisymmetric_force, body_wrench, solve_scalar
-from padgen.verify.field_solid import PlacedWasher, Pull, solid_force, solid_pull
+from padgen.verify.field import (
+    PlacedWasher,
+    Pull,
+    axisymmetric_force,
+    body_wrench,
+    solid_force,
+    solid_pull,
+    solve_scalar,
+)
 from tests.finer_models import shielding
 
 MAGNETS = json.loads((Path(__file__).parent / "reference" / "magnetostatics.json").read_text())

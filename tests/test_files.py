@@ -15,17 +15,18 @@ from types import SimpleNamespace
 import pytest
 
 import padgen
-from padgen.core import commit, files
-from padgen.core.commit import lock_file, unlock_file
+from padgen.core import files
 from padgen.core.errors import FileError
 from padgen.core.files import (
     OutputFolder,
     differs,
     file_hash,
     is_current,
+    lock_file,
     read_bounded,
     read_manifest,
     take_away,
+    unlock_file,
 )
 from padgen.measured.read import read_measured
 from padgen.planner import read_plan
@@ -124,7 +125,7 @@ def test_a_manifest_of_builds_alone_still_counts(tmp_path):
 
 def test_a_folder_is_taken_away_with_what_a_killed_run_left(tmp_path):
     put(tmp_path / "out", plan_json=PLAN_A)
-    (tmp_path / "out" / commit.LOCK).touch()
+    (tmp_path / "out" / files.LOCK).touch()
     (tmp_path / "out" / ".partial-4194305").mkdir()  # above the largest process number
     take_away(tmp_path / "out")
     assert not (tmp_path / "out").exists()
@@ -421,7 +422,7 @@ def test_a_process_that_is_killed_while_it_puts_back_does_no_harm(tmp_path):
         folder = copied(tmp_path / str(at))
         if not killed(at, lambda folder=folder: new_build(folder)):
             break
-        if (folder / commit.JOURNAL).exists():
+        if (folder / files.JOURNAL).exists():
             torn += 1
             calls = next(call for call in count() if not killed(call, lambda folder=folder: enter(folder)))
             assert calls > 5 and seen(folder) == old and not hidden(folder)
@@ -507,13 +508,13 @@ def test_without_locks_a_torn_folder_is_put_back_where_its_process_is_gone(tmp_p
 
     folder, old = torn(tmp_path)
     monkeypatch.setattr("fcntl.flock", none)
-    journal, living = (folder / commit.JOURNAL).read_text(), child("input()")
+    journal, living = (folder / files.JOURNAL).read_text(), child("input()")
     (aside,) = folder.glob(".partial-*")
-    (folder / commit.JOURNAL).write_text(journal.replace(aside.name, f".partial-{living.pid}"))
+    (folder / files.JOURNAL).write_text(journal.replace(aside.name, f".partial-{living.pid}"))
     with pytest.raises(FileError, match="another process is writing into it"):
         enter(folder)
     living.communicate("\n")
-    (folder / commit.JOURNAL).write_text(journal)
+    (folder / files.JOURNAL).write_text(journal)
     enter(folder)
     assert seen(folder) == old
 
@@ -535,7 +536,7 @@ def test_a_tampered_journal_is_none(tmp_path, text):
     folder, victim = tmp_path / "out", tmp_path / "victim.txt"
     (folder / ".partial-1").mkdir(parents=True)
     victim.write_text("mine")
-    (folder / commit.JOURNAL).write_text(text.replace("HASH", file_hash(b"mine")))
+    (folder / files.JOURNAL).write_text(text.replace("HASH", file_hash(b"mine")))
     put(folder, plan_json=PLAN_A)
     assert victim.read_text() == "mine" and seen(folder).keys() == {"plan.json", "manifest.json"}
 
@@ -579,7 +580,7 @@ def test_of_two_writers_one_is_last_and_whole(tmp_path):
 HOLDER = """
 import sys
 from pathlib import Path
-from padgen.core.commit import lock_file
+from padgen.core.files import lock_file
 
 print(lock_file(Path(sys.argv[1])) >= 0, flush=True)
 input()
@@ -587,13 +588,13 @@ input()
 
 
 def test_a_folder_that_another_process_writes_into_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(commit, "PATIENCE_S", 0.05)
+    monkeypatch.setattr(files, "PATIENCE_S", 0.05)
     put(tmp_path, plan_json=PLAN_A)
-    holder = child(HOLDER, tmp_path / commit.LOCK)
+    holder = child(HOLDER, tmp_path / files.LOCK)
     assert holder.stdout.readline() == "True\n"
     with pytest.raises(FileError, match="another process is writing into it; try again"):
         put(tmp_path, plan_json=PLAN_B)
-    assert texts(tmp_path) == {"plan.json": PLAN_A, commit.LOCK: ""}
+    assert texts(tmp_path) == {"plan.json": PLAN_A, files.LOCK: ""}
     holder.send_signal(signal.SIGKILL)
     holder.communicate()
     put(tmp_path, plan_json=PLAN_B)
@@ -611,7 +612,7 @@ def test_where_there_are_no_locks_one_writes_without(tmp_path, monkeypatch):
 
 def test_a_lock_is_no_way_out_of_a_folder(tmp_path):
     (tmp_path / "out").mkdir()
-    (tmp_path / "out" / commit.LOCK).symlink_to(tmp_path / "outside")
+    (tmp_path / "out" / files.LOCK).symlink_to(tmp_path / "outside")
     put(tmp_path / "out", plan_json=PLAN_A)
     assert not (tmp_path / "outside").exists()
 

@@ -31,14 +31,13 @@ from padgen.physics.ladder import capacity
 from padgen.planner import make_plan, plan_to_json, resonances
 from padgen.planner.plan import Plan
 from padgen.report import plan_text
-from padgen.solid import tile_store
+from padgen.solid import taxel
 from padgen.solid.foreign import read_mesh
+from padgen.solid.mesh import intersecting_pairs
 from padgen.solid.parts import bill_of_materials
-from padgen.solid.topology import intersecting_pairs
 from padgen.spec import catalogue, load_spec, make_spec, parse_spec, template_paths
-from padgen.spec.entries import CATALOGUES
 from padgen.spec.fields import optional_type
-from padgen.spec.load import PLAIN_TABLES, SHORTHANDS
+from padgen.spec.load import CATALOGUES, PLAIN_TABLES, SHORTHANDS
 from padgen.spec.model import Spec
 
 BASE = 'name = "a"\nresolution = 4\nband_hz = [50, 200]\nq_min = 15\n'
@@ -741,9 +740,9 @@ WRONG = [
 @pytest.mark.parametrize("data", WRONG, ids=numbered())
 def test_entries_that_do_not_fit_count_as_absent(entries, data):
     key = cache.key_of("a")
-    for kind in (tile_store.KIND, "b"):
+    for kind in (taxel.KIND, "b"):
         cache.store_bytes(kind, key, data)
-    assert tile_store.known_solid(key) is None
+    assert taxel.known_solid(key) is None
     assert resonances._from_plain(cache.load("b", key), 2) is None
     assert modes_from_plain(cache.load("b", key)) is None
 
@@ -769,8 +768,8 @@ def test_solids_that_are_none_count_as_absent(entries, arrays):
     for tables, found in ((good, True), ({**good, **arrays}, False)):
         data = io.BytesIO()
         np.savez(data, allow_pickle=True, **tables)
-        cache.store_bytes(tile_store.KIND, key, data.getvalue())
-        assert (tile_store.known_solid(key) is not None) == found
+        cache.store_bytes(taxel.KIND, key, data.getvalue())
+        assert (taxel.known_solid(key) is not None) == found
 
 
 def test_an_entry_that_is_no_file_is_absent(entries):

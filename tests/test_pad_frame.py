@@ -25,7 +25,7 @@ from padgen.planner import Plan, make_plan
 from padgen.planner.frame_flexibility import flexibility_bounds, frame_around
 from padgen.spec import parse_spec
 from padgen.verify.elastic_mesh import meshed
-from padgen.verify.elastic_modes import Elastic, assembled, eigenmodes, factored
+from padgen.verify.elasticity import Elastic, assembled, eigenmodes, factored
 from padgen.verify.pad_frame import (
     CLAMPINGS,
     HELD,

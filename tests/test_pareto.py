@@ -6,8 +6,8 @@ import io
 import numpy as np
 import pytest
 
-from padgen.batch import pareto
-from padgen.batch.pareto import BLOCK, COLOURED_BY, OBJECTIVES, front_mask, overview_of, pareto_csv, write_pareto
+from padgen.batch import index
+from padgen.batch.index import BLOCK, COLOURED_BY, OBJECTIVES, front_mask, overview_of, pareto_csv, write_pareto
 from padgen.batch.variant import Record
 
 HEADER = ("number", "name", "status", "taxels", "selectivity_db", "power_w", "sentence", "seconds")
@@ -89,8 +89,8 @@ def test_blocks_and_thinning_change_nothing_on_the_front(monkeypatch):
     rng = np.random.default_rng(3)
     rows = [row(i, *rng.random(3), errors=int(rng.random() < 0.3)) for i in range(700)]
     whole = overview(rows)
-    monkeypatch.setattr(pareto, "CHUNK", 13)
-    monkeypatch.setattr(pareto, "MOST_DRAWN", 50)
+    monkeypatch.setattr(index, "CHUNK", 13)
+    monkeypatch.setattr(index, "MOST_DRAWN", 50)
     parts = overview(rows)
     assert parts.rows == whole.rows
     assert (parts.values == whole.values).all()

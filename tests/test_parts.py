@@ -25,14 +25,14 @@ from padgen.planner.fixtures import (
 )
 from padgen.solid.checks import check_pad
 from padgen.solid.formats import ExportJob
-from padgen.solid.formats.stl import stl_mesh
 from padgen.solid.kernel import build123d
-from padgen.solid.mesh import Mesh, as_manifold, from_manifold, signed_volume_mm3
+from padgen.solid.mesh import Mesh, as_manifold, signed_volume_mm3
 from padgen.solid.pad_solid import build_pad
 from padgen.solid.parts import build_coupon, build_part
 from padgen.solid.tray_checks import build_tray, check_tray, tray_solid
 from padgen.spec import load_spec, parse_spec, template_paths
 from tests.conftest import FOUR_LINES
+from tests.tampering import from_manifold, stl_mesh
 
 GRID = FOUR_LINES.replace("resolution = 4", "resolution = 8") + "[pad]\nwidth_mm = 25\ndepth_mm = 25\n"
 COILS = GRID + "[coil]\ngrid = [2, 2]\n"

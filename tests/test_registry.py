@@ -56,8 +56,7 @@ from padgen.solid.formats.step import write_taxel_step
 from padgen.solid.measure import measured
 from padgen.solid.mesh import as_manifold
 from padgen.solid.pad_solid import build_pad
-from padgen.solid.taxel import taxel_solid
-from padgen.solid.tile_store import taxel_key
+from padgen.solid.taxel import taxel_key, taxel_solid
 from padgen.spec import parse_spec
 from padgen.spec.schema import spec_schema
 from padgen.verify.elasticity import solve_modes
@@ -731,7 +730,7 @@ def test_schema_and_refusals_name_the_coils():
 def test_a_solenoid_of_two_windings_is_the_same_solenoid():
     """A winding, and the same one cut in two by height or by radius, have the same field solution."""
     pytest.importorskip("ngsolve", exc_type=ImportError)
-    from padgen.verify.field_axisymmetric import axisymmetric_force
+    from padgen.verify.field import axisymmetric_force
 
     whole = solenoid(10e-3, 4e-3, 10e-3, 1000, 4e-3, 1000)
     stacked = (coils.Winding(10e-3, 4e-3, 0.0, -3e-3, 300), coils.Winding(10e-3, 4e-3, -3e-3, -10e-3, 700))

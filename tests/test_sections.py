@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from padgen.solid.mesh import Mesh
-from padgen.solid.topology import intersecting_pairs, topology
+from padgen.solid.mesh import Mesh, intersecting_pairs, topology
 
 
 def test_edges_are_counted(small_pad):

@@ -10,10 +10,9 @@ from padgen.planner import make_plan
 from padgen.planner.suspensions import names
 from padgen.planner.tile import outline, to_cell
 from padgen.solid.kernel import _interrupted, build123d, kernel_errors
-from padgen.solid.mesh import as_manifold, signed_volume_mm3, tessellated, welded
+from padgen.solid.mesh import as_manifold, signed_volume_mm3, tessellated, topology, welded
 from padgen.solid.pad_solid import build_pad, tile_grid
 from padgen.solid.taxel import taxel_solid, washer_solid
-from padgen.solid.topology import topology
 from padgen.spec import parse_spec
 from tests.conftest import FOUR_LINES
 

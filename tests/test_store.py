@@ -13,10 +13,10 @@ import pytest
 from padgen.core import cache
 from padgen.planner import make_plan, resonances
 from padgen.planner.tile import groove
-from padgen.solid import pad_solid, tile_store
-from padgen.solid.border import border_mesh, border_volume_mm3, prism, washer_mesh
+from padgen.solid import pad_solid, taxel
 from padgen.solid.formats import step
 from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, as_manifold, signed_volume_mm3, tessellated
+from padgen.solid.pad_solid import border_mesh, border_volume_mm3, prism, washer_mesh
 from padgen.solid.taxel import washer_solid
 from padgen.spec import parse_spec
 from padgen.spec.model import Drive
@@ -50,7 +50,7 @@ def varied(**changes):
 
 def test_a_known_taxel_is_not_modelled_again(store, small_plan, monkeypatch):
     first = pad_solid.build_pad(small_plan)
-    assert len(entry_paths(store, tile_store.KIND)) == len(small_plan.channels)
+    assert len(entry_paths(store, taxel.KIND)) == len(small_plan.channels)
     monkeypatch.setattr(pad_solid, "taxel_solid", no_kernel)
     again = pad_solid.build_pad(small_plan)
     assert np.array_equal(again.mesh.vertices_mm, first.mesh.vertices_mm)
@@ -75,29 +75,29 @@ def test_another_taxel_has_another_key(small_plan):
         "outline": replace(small_plan, cell=replace(small_plan.cell, width_mm=small_plan.cell.width_mm + 0.1)),
         "recess": replace(small_plan, plate=replace(plate, recess_depth_mm=plate.recess_depth_mm + 0.05)),
     }
-    keys = {name: tile_store.taxel_key(plan, channel) for name, plan in others.items()}
-    assert len({tile_store.taxel_key(small_plan, channel), *keys.values()}) == 1 + len(others), keys
+    keys = {name: taxel.taxel_key(plan, channel) for name, plan in others.items()}
+    assert len({taxel.taxel_key(small_plan, channel), *keys.values()}) == 1 + len(others), keys
 
 
 def test_the_key_has_the_beam_the_fineness_and_the_versions(small_plan, monkeypatch):
     channel = small_plan.channels[0]
-    key = tile_store.taxel_key(small_plan, channel)
+    key = taxel.taxel_key(small_plan, channel)
     wider = replace(channel, beam=replace(channel.beam, width_mm=channel.beam.width_mm + 1e-3))
-    assert tile_store.taxel_key(small_plan, wider) != key
-    assert tile_store.taxel_key(small_plan, channel, chord_mm=0.01) != key
-    assert tile_store.taxel_key(replace(small_plan, name="other"), channel) == key
+    assert taxel.taxel_key(small_plan, wider) != key
+    assert taxel.taxel_key(small_plan, channel, chord_mm=0.01) != key
+    assert taxel.taxel_key(replace(small_plan, name="other"), channel) == key
     monkeypatch.setattr(cache, "version", lambda name: "another")
-    assert tile_store.taxel_key(small_plan, channel) != key
+    assert taxel.taxel_key(small_plan, channel) != key
 
 
 @pytest.mark.parametrize("data", [b"", b"PK\x03\x04", b"\x93NUMPY", b"no arrays"])
 def test_an_entry_that_holds_no_mesh_is_modelled_again(store, small_plan, data):
     before = pad_solid.build_pad(small_plan)
-    for path in entry_paths(store, tile_store.KIND):
-        cache.store_bytes(tile_store.KIND, path.stem, data)
-        assert tile_store.known_solid(path.stem) is None
+    for path in entry_paths(store, taxel.KIND):
+        cache.store_bytes(taxel.KIND, path.stem, data)
+        assert taxel.known_solid(path.stem) is None
     assert pad_solid.build_pad(small_plan).volume_mm3 == before.volume_mm3
-    assert all(tile_store.known_solid(path.stem) for path in entry_paths(store, tile_store.KIND))
+    assert all(taxel.known_solid(path.stem) for path in entry_paths(store, taxel.KIND))
 
 
 def test_a_kept_step_has_the_pads_name_and_the_channels_number(store, small_plan, tmp_path, monkeypatch):

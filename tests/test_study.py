@@ -18,9 +18,9 @@ import numpy as np
 import pytest
 
 from padgen.cli import run
-from padgen.core.errors import PadgenError, SolverError, SpecError
+from padgen.core.display import seconds_text
+from padgen.core.errors import PadgenError, SolverError, SpecError, percent
 from padgen.ladders.extreme_specs import outcome, random_table, selectivity_cases, spec_cases
-from padgen.ladders.isolate import measured, run_apart, timed
 from padgen.ladders.rung import (
     MOST_SUBJECTS,
     NOT_RUN,
@@ -34,9 +34,12 @@ from padgen.ladders.rung import (
     chosen_channels,
     distinct_channels,
     judged,
+    measured,
     observed_order,
     picks,
     recommended_row,
+    run_apart,
+    timed,
 )
 from padgen.ladders.stages import LADDERS
 from padgen.ladders.study import (
@@ -54,7 +57,7 @@ from padgen.ladders.study import (
     study_json,
     verdict_of,
 )
-from padgen.ladders.text import extreme_picture, extreme_text, percent, seconds_text, study_pictures, study_text
+from padgen.ladders.text import extreme_picture, extreme_text, study_pictures, study_text
 from padgen.verify.extreme import Answer, ExtremeCase, solid_cases
 
 EXACT = 3.0
@@ -317,7 +320,7 @@ def test_what_is_prepared_is_made_once(tmp_path):
 
 
 def test_caches_of_models_are_emptied_between_runs(monkeypatch):
-    from padgen.ladders import isolate
+    from padgen.ladders import rung
     from padgen.physics import magnetics
     from padgen.verify.engines import Engine
 
@@ -325,7 +328,7 @@ def test_caches_of_models_are_emptied_between_runs(monkeypatch):
     monkeypatch.setattr(magnetics, "a_cache", cached, raising=False)
     monkeypatch.setattr(magnetics, "not_to_be_loaded", Engine("no_such_package"), raising=False)
     cached()
-    isolate._run(pickle.dumps((None, int)), ())
+    rung._run(pickle.dumps((None, int)), ())
     assert cached.cache_info().currsize == 0
 
 
@@ -395,7 +398,7 @@ def test_the_table_tells_orders_and_refusals(result):
 
 
 def test_words():
-    assert [percent(v) for v in (1.459, 0.1, 0.00012345, inf)] == ["146 %", "10 %", "0.0123 %", "?"]
+    assert [percent(v, 3) for v in (1.459, 0.1, 0.00012345, inf)] == ["146 %", "10 %", "0.0123 %", "?"]
     assert [seconds_text(v) for v in (12.34, 0.0012, 3.4e-6, nan)] == ["12.3 s", "1.2 ms", "3.4 µs", ""]
 
 

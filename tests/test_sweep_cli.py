@@ -17,7 +17,7 @@ from padgen import cli
 from padgen.batch.definition import RANGE_KEYS, STAGES, Limits, Sample, Settings
 from padgen.batch.sweep import core_count
 from padgen.core import cache
-from padgen.report.sweeps import seconds_text
+from padgen.core.display import seconds_text
 from tests.conftest import SMALL
 from tests.test_cli import HEAVY, loaded_after
 
@@ -212,7 +212,7 @@ def test_a_bad_limit_of_the_cache_is_told(kept, capsys, monkeypatch):
 
 @pytest.mark.parametrize(
     ("seconds", "text"),
-    [(0.04, "0.0 s"), (9.94, "9.9 s"), (59.6, "1 min 00 s"), (75, "1 min 15 s"), (7265, "2 h 01 min")],
+    [(0.04, "40 ms"), (9.94, "9.94 s"), (59.6, "59.6 s"), (75, "1 min 15 s"), (7265, "2 h 01 min")],
 )
 def test_times_as_people_read_them(seconds, text):
     assert seconds_text(seconds) == text

@@ -29,7 +29,7 @@ from pathlib import Path
 import pytest
 
 from padgen.batch.definition import parse_sweep
-from padgen.batch.pareto import write_pareto
+from padgen.batch.index import write_pareto
 from padgen.batch.sweep import run_sweep, sole_sweep
 from padgen.batch.variant import run_task
 from padgen.core import cache

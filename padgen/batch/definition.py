@@ -22,9 +22,8 @@ from padgen.core.errors import FileError, PadgenError, SpecError, number, shown
 from padgen.core.files import reason
 from padgen.core.registry import PAD_FORMATS, USUAL_FORMATS, names_in
 from padgen.spec import Spec, find_spec, make_spec
-from padgen.spec.entries import CATALOGUES, catalogue
 from padgen.spec.fields import build, checked, choice, flag, folder_name, optional_type, quantity, text, unknown_name
-from padgen.spec.load import laid_over, parse_toml, read_table, read_toml, without_none
+from padgen.spec.load import CATALOGUES, catalogue, laid_over, parse_toml, read_table, read_toml, without_none
 
 __all__ = [
     "METHODS",

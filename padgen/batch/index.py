@@ -1,29 +1,359 @@
-"""Results of the variants: a journal that is written while they run, and `index.csv`, made from it.
+"""Results of the variants: a journal written while they run, `index.csv` made from it, and the Pareto front.
 
 The journal (`index.jsonl`) has one line of JSON a record, each written by one call, so that a crash can tear
 the last one only; a torn line is passed over. It is read when it is opened; of each variant only its place in the
 journal, its state and 64 bits of its key are held in memory, 17 bytes, however large its record is.
+
+The front has the variants that no other one beats: as good in every objective and better in one; equals stay, all of
+them. Rows come in one pass: memory holds the front, one block of rows and a thinned rest, however many there are. The
+same figures give the same bytes of file and picture.
 """
 
 import csv
 import json
 import os
 from array import array
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import fields
+from dataclasses import dataclass, fields, replace
 from io import FileIO
+from itertools import islice
+from math import nan
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from padgen.batch.definition import Sweep, variant_name
-from padgen.batch.pareto import PARETO_FILES, Overview, overview_of
 from padgen.batch.variant import STATUSES, Record
+from padgen.core.display import STYLE, plot_bytes
 from padgen.core.errors import FileError
 from padgen.core.files import OutputFolder, json_line, reason
+from padgen.planner.drive_rows import table_csv
 
-__all__ = ["COLUMNS", "INDEX", "JOURNAL", "Journal", "write_index"]
+__all__ = [
+    "BLOCK",
+    "COLUMNS",
+    "INDEX",
+    "JOURNAL",
+    "OBJECTIVES",
+    "PARETO_FILES",
+    "Journal",
+    "Objective",
+    "Overview",
+    "front_mask",
+    "overview_of",
+    "pareto_csv",
+    "write_index",
+    "write_pareto",
+]
+
+
+class Objective(NamedTuple):
+    """One objective of a front: whether the most or the least of it is best, and its word, heading and axis label."""
+
+    best: str
+    word: str
+    heading: str
+    axis: str
+
+
+OBJECTIVES = {
+    "taxels": Objective("most", "taxels", "taxels", "taxels"),
+    "selectivity_db": Objective("most", "selectivity", "selectivity dB", "selectivity, dB"),
+    "good_pads_retuned": Objective("most", "yield", "good prints", "good prints, re-tuned"),
+    "power_w": Objective("least", "power", "copper loss W", "copper loss, W"),
+    "print_min": Objective("least", "print time", "print min", "print time, min"),
+}
+"""By column of the index, where a stage has it."""
+UNBOUNDED = frozenset({"selectivity_db"})
+"""Empty where nothing limits it (one channel a coil has no other to disturb), so that empty is the best."""
+PARETO_FILES = ("pareto.csv", "pareto.svg", "pareto.png")
+LEFT_OUT = ("status", "sentence", "seconds", "peak_memory_mb")
+"""Columns of the index that the front's file does not have: the same for all, or not the same twice."""
+BLOCK = CHUNK = 512
+MOST_DRAWN = 20_000
+"""Points besides the front that are kept for the picture; beyond, every second, fourth, ... one."""
+MOST_REFUSED = 3
+COLOURED_BY = ("power_w", "selectivity_db", "print_min", "good_pads_retuned", "taxels")
+"""The first of these that differs among variants tells apart the front's points by colour."""
+RATIOS = ("taxels", "power_w", "print_min")
+"""Objectives whose axis is logarithmic where the largest is more than `WIDE` times the smallest."""
+WIDE = 20.0
+PANEL_INCHES = 2.9, 2.3
+MOST_VECTORS = 1000
+"""Points beyond which the SVG holds them as pixels."""
+
+
+@dataclass(frozen=True)
+class Overview:
+    """Summary of a sweep's index, with its Pareto front.
+
+    Attributes
+    ----------
+    header, rows : the index's columns, and its rows on the front in the order of their numbers.
+    objectives : those with a value in any row; columns of `values` (front), `beaten` and `faulty`, not a
+        number where a row has none. `beaten` and `faulty` (made, with error findings) are thinned.
+    counts : variants by status; `with_errors` of the made ones have error findings.
+    of_faulty : the front is of variants with error findings, since there is none without.
+    refused : name and sentence of the first few.
+    """
+
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    objectives: tuple[str, ...]
+    values: np.ndarray
+    beaten: np.ndarray
+    faulty: np.ndarray
+    counts: dict[str, int]
+    with_errors: int
+    of_faulty: bool
+    refused: tuple[tuple[str, str], ...]
+
+    @property
+    def points(self) -> np.ndarray:
+        """The objectives of all that were made, as far as they were kept."""
+        return np.concatenate([self.values, self.beaten, self.faulty])
+
+    def best(self) -> dict[str, int]:
+        """Return by objective in which variants differ the row of the front that is best in it; of equals the first."""
+        if not self.rows:
+            return {}
+        scores, every = (_scores(values, self.objectives) for values in (self.values, self.points))
+        differ = every.min(0) < every.max(0)
+        return {name: int(np.argmax(scores[:, i])) for i, name in enumerate(self.objectives) if differ[i]}
+
+
+def front_mask(scores: np.ndarray) -> np.ndarray:
+    """Tell which rows of `scores` (variants, objectives; more is better) no other row beats.
+
+    Rows are compared in lexicographic order, best first, so that only what is already on the front can
+    beat the next: of the order of rows times front, in blocks.
+    """
+    losses, back = np.unique(-np.asarray(scores, dtype=float), axis=0, return_inverse=True)
+    on_front = np.zeros(len(losses), dtype=bool)
+    for start in range(0, len(losses), BLOCK):
+        block = losses[start : start + BLOCK]
+        open_ = np.flatnonzero(_as_good(losses[:start][on_front[:start]], block) == 0)
+        # Rows are distinct, so each is as good as itself once.
+        on_front[start + open_[_as_good(block[open_], block[open_]) == 1]] = True
+    return np.asarray(on_front[back.reshape(-1)])
+
+
+def _as_good(others: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Count for each of `rows` how many of `others` lose no more in any objective."""
+    good = np.ones((len(rows), len(others)), dtype=bool)
+    for own, other in zip(rows.T, others.T, strict=True):
+        good &= other[None, :] <= own[:, None]
+    return np.asarray(good.sum(axis=1))
+
+
+def _scores(values: np.ndarray, objectives: Sequence[str]) -> np.ndarray:
+    """Return values with a sign that makes more better, and infinities where there are none."""
+    signs = [1.0 if OBJECTIVES[name].best == "most" else -1.0 for name in objectives]
+    empty = [np.inf if name in UNBOUNDED else -np.inf for name in objectives]
+    return np.where(np.isnan(values), empty, values * signs)
+
+
+class _Pool:
+    """Points of one kind, taken in block by block: the front so far with its rows, the rest thinned."""
+
+    def __init__(self, objectives: Sequence[str]) -> None:
+        self.objectives = tuple(objectives)
+        self.rows: list[tuple[str, ...]] = []
+        self.front = self.rest = np.empty((0, len(objectives)))
+        self.stride = 1
+
+    def add(self, pairs: Sequence[tuple[Record, tuple[str, ...]]]) -> None:
+        """Take in some records with their rows."""
+        if not pairs:
+            return
+        figures = [[record.figures.get(name) for name in self.objectives] for record, _ in pairs]
+        values = np.array([[v if isinstance(v, (int, float)) else nan for v in row] for row in figures], dtype=float)
+        rows, together = [*self.rows, *(row for _, row in pairs)], np.concatenate([self.front, values])
+        kept = front_mask(_scores(together, self.objectives))
+        self.rows, self.front = [rows[i] for i in np.flatnonzero(kept)], together[kept]
+        self.rest = np.concatenate([self.rest, together[~kept][:: self.stride]])
+        while len(self.rest) > MOST_DRAWN:
+            self.rest, self.stride = self.rest[::2], 2 * self.stride
+
+
+def overview_of(header: tuple[str, ...], pairs: Iterable[tuple[Record, tuple[str, ...]]]) -> Overview:
+    """Go once through records with their rows of the index, whose columns `header` names."""
+    names = [name for name in OBJECTIVES if name in header]
+    clean, faulty = _Pool(names), _Pool(names)
+    counts: Counter[str] = Counter()
+    refused: list[tuple[str, str]] = []
+    with_errors = 0
+    left = iter(pairs)
+    while chunk := list(islice(left, CHUNK)):
+        counts.update(record.status for record, _ in chunk)
+        told = [(row[header.index("name")], record.sentence) for record, row in chunk if record.status == "refused"]
+        refused += told[: MOST_REFUSED - len(refused)]
+        clean.add([pair for pair in chunk if pair[0].status == "done" and not pair[0].errors])
+        erring = [pair for pair in chunk if pair[0].status == "done" and pair[0].errors]
+        faulty.add(erring)
+        with_errors += len(erring)
+    of_faulty = not clean.rows and bool(faulty.rows)
+    front = faulty if of_faulty else clean
+    apart = np.concatenate([faulty.front, faulty.rest])[: 0 if of_faulty else None]
+    has = np.isfinite(np.concatenate([front.front, front.rest, apart])).any(axis=0)
+    return Overview(
+        header,
+        tuple(front.rows),
+        tuple(name for name, some in zip(names, has, strict=True) if some),
+        front.front[:, has],
+        front.rest[:, has],
+        apart[:, has],
+        dict(counts),
+        with_errors,
+        of_faulty,
+        tuple(refused),
+    )
+
+
+def pareto_csv(overview: Overview) -> str:
+    """Write the front's rows, and what each is best in; the same index gives the same bytes."""
+    columns = [i for i, name in enumerate(overview.header) if name not in LEFT_OUT]
+    rows, best = [], overview.best()
+    for index, row in enumerate(overview.rows):
+        rows.append([*(row[i] for i in columns), " ".join(name for name, which in best.items() if which == index)])
+    return table_csv([*(overview.header[i] for i in columns), "best_in"], rows)
+
+
+def write_pareto(folder: Path, name: str, overview: Overview) -> tuple[tuple[str, ...], str]:
+    """Write the front of a sweep beside its index; the files' names, and why there is no picture, if so.
+
+    Raises
+    ------
+    FileError
+        It cannot be written.
+    """
+    files, note = {"pareto.csv": pareto_csv(overview).encode()}, ""
+    if pictures := _pictures(overview, name):
+        files |= dict(zip(PARETO_FILES[1:], pictures, strict=True))
+    elif len(overview.rows) + len(overview.beaten) > 1:
+        note = "there is no picture of the front, as variants differ in one objective at most"
+    with OutputFolder(folder) as out:
+        for file_name, data in files.items():
+            out.write(file_name, data)
+        out.commit(remove=PARETO_FILES)
+    return tuple(files), note
+
+
+def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
+    """Draw the front as SVG and PNG; None where fewer than two objectives differ.
+
+    One panel for every two objectives that differ among variants: coloured is the front, grey what it
+    beats, a cross what has error findings. A line joins those that none beats in the panel's two alone.
+    """
+    values = overview.points
+    differ = [i for i, column in enumerate(values.T) if len(np.unique(column[np.isfinite(column)])) > 1]
+    if not len(overview.values) or len(differ) < 2:
+        return None
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    title, shown = _title(overview, name), _with_places(overview)
+    hue, side = min(differ, key=lambda i: COLOURED_BY.index(overview.objectives[i])), len(differ) - 1
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(PANEL_INCHES[0] * side + 2.6, PANEL_INCHES[1] * side + 1.2), layout="constrained")
+        axes = figure.subplots(side, side, sharex="col", sharey="row", squeeze=False)
+        for (i, j), axis in np.ndenumerate(axes):
+            axis.set_visible(j <= i)
+            if j <= i:
+                points = _panel(axis, shown, (differ[j], differ[i + 1]), hue)
+        below, beside = [axis.xaxis for axis in axes[-1]], [axis.yaxis for axis in axes[:, 0]]
+        for axis, objective in zip([*below, *beside], [*differ[:-1], *differ[1:]], strict=True):
+            axis.set_label_text(_label(overview, objective))
+            if _is_wide(overview, objective):
+                axis._set_axes_scale("log")
+                axis.set_major_formatter("{x:g}")
+        handles = axes[0, 0].get_legend_handles_labels()
+        figure.legend(*handles, loc="outside right upper", frameon=False)
+        figure.colorbar(points, ax=axes, shrink=0.5, label=f"colour: {_label(overview, hue)}")
+        figure.suptitle(title, x=0.01, ha="left", fontsize=9)
+        return plot_bytes(figure, "svg"), plot_bytes(figure, "png")
+
+
+def _with_places(overview: Overview) -> Overview:
+    """Return the overview with a place beyond all others for each value that nothing limits."""
+    parts = {name: getattr(overview, name).copy() for name in ("values", "beaten", "faulty")}
+    for i in (overview.objectives.index(name) for name in UNBOUNDED & {*overview.objectives}):
+        finite = overview.points[np.isfinite(overview.points[:, i]), i]
+        for part in parts.values():
+            part[np.isnan(part[:, i]), i] = finite.max() + 0.15 * max(float(np.ptp(finite)), 1.0)
+    return replace(overview, **parts)
+
+
+def _panel(axis: Any, overview: Overview, pair: tuple[int, int], hue: int) -> Any:
+    from matplotlib.colors import LogNorm, Normalize
+
+    beaten, faulty, front = (points[:, pair] for points in (overview.beaten, overview.faulty, overview.values))
+    for points, mark, color, label in (
+        (beaten, "o", "#bdbdbd", "beaten by others"),
+        (faulty, "x", "#d49a8a", "has error findings"),
+    ):
+        many = len(points) > MOST_VECTORS
+        style = {"markersize": 1.5 if many else 3.0, "color": color, "zorder": 1, "rasterized": many}
+        axis.plot(*points.T, mark, **style, label=label if len(points) else None)
+    finite = np.unique(front[np.isfinite(front).all(axis=1)], axis=0)
+    edge: np.ndarray = finite[front_mask(_scores(finite, [overview.objectives[i] for i in pair]))]
+    axis.plot(*edge.T, color="#666666", linewidth=0.8, zorder=2, label="best in these two" if len(edge) else None)
+    shown = axis.scatter(
+        *front.T,
+        s=26 if len(front) < 100 else 9,
+        c=overview.values[:, hue],
+        norm=(LogNorm if _is_wide(overview, hue) else Normalize)(),
+        cmap="viridis",
+        edgecolors="black",
+        linewidths=0.5 if len(front) < 100 else 0.2,
+        zorder=3,
+        plotnonfinite=True,
+        rasterized=len(front) > MOST_VECTORS,
+        label="Pareto front" + ", all with error findings" * overview.of_faulty,
+    )
+    axis.grid(alpha=0.25)
+    column = overview.header.index("number")
+    places: dict[tuple[float, ...], list[str]] = {}
+    for row in dict.fromkeys(overview.best().values()):
+        if np.isfinite(front[row]).all():
+            places.setdefault(tuple(front[row].tolist()), []).append(overview.rows[row][column])
+    for place, numbers in places.items():
+        style = {"xytext": (4, 3), "textcoords": "offset points", "fontsize": 7, "zorder": 4}
+        axis.annotate(", ".join(numbers), place, **style, bbox={"color": "white", "alpha": 0.6, "pad": 0.3})
+    return shown
+
+
+def _is_wide(overview: Overview, objective: int) -> bool:
+    """Tell whether the values of an objective spread over ratios, so that a logarithmic axis shows them better."""
+    finite = overview.points[:, objective]
+    finite = finite[np.isfinite(finite)]
+    wide = finite.size and finite.min() > 0 and finite.max() > WIDE * finite.min()
+    return bool(wide and overview.objectives[objective] in RATIOS)
+
+
+def _label(overview: Overview, objective: int) -> str:
+    name = overview.objectives[objective]
+    return f"{OBJECTIVES[name].axis}\n({'more' if OBJECTIVES[name].best == 'most' else 'less'} is better)"
+
+
+def _title(overview: Overview, name: str) -> str:
+    front = "1 is" if len(overview.rows) == 1 else f"{len(overview.rows)} are"
+    rest = f" ({overview.with_errors} with error findings)" * bool(overview.with_errors)
+    count = overview.counts.get("done", 0)
+    made = "1 variant" if count == 1 else f"{count} variants"
+    lines = [
+        f"{name}: {made} made{rest}, {front} on the Pareto front",
+        "numbers: variants that are best in an objective",
+    ]
+    for objective, column in zip(overview.objectives, overview.points.T, strict=True):
+        if objective in UNBOUNDED and np.isnan(column).any():
+            lines.append(f"{OBJECTIVES[objective].axis}: nothing limits it for the farthest")
+    return "\n".join(lines)
+
 
 INDEX, JOURNAL = "index.csv", "index.jsonl"
 COLUMNS = (

@@ -25,13 +25,11 @@ from threading import Lock
 from typing import Any
 
 from padgen.batch.definition import Limits, Sweep, Variant, count_points, variant_name, variants
-from padgen.batch.index import INDEX, Journal, write_index
-from padgen.batch.pareto import Overview, overview_of
+from padgen.batch.index import INDEX, Journal, Overview, overview_of, write_index
 from padgen.batch.variant import Record, Task, is_whole, run_task, task_of, writes_folders
 from padgen.core.cache import limit_bytes
-from padgen.core.commit import locked
 from padgen.core.errors import FileError, PadgenError, SpecError
-from padgen.core.files import reason, take_away
+from padgen.core.files import locked, reason, take_away
 from padgen.core.runner import Runner, core_count, refuse_unshared, uninterrupted
 
 __all__ = [

@@ -20,7 +20,7 @@ from padgen.core.files import (
 from padgen.core.registry import PAD_FORMATS, names_in, plugin_code
 from padgen.make.planning import plan_for
 from padgen.spec import make_spec
-from padgen.spec.threshold import LARGEST_FILE
+from padgen.spec.load import LARGEST_FILE
 
 if TYPE_CHECKING:
     from padgen.core.finding import Finding

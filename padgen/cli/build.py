@@ -12,6 +12,7 @@ from padgen.cli.common import (
     asked_of,
     code_of,
     folder_of,
+    print_json,
     progress_line,
     show,
 )
@@ -73,7 +74,6 @@ def _add_check(commands: Any) -> None:
 
 
 def _build(options: argparse.Namespace) -> int:
-    from padgen.core.files import json_text
     from padgen.make.pad import Pad, parse_formats, parse_parts
 
     spec, tolerance = asked_of(options)
@@ -82,7 +82,7 @@ def _build(options: argparse.Namespace) -> int:
         pad = Pad(spec, parts, tolerance, progress=progress)
         built = pad.save(folder_of(options, spec.name), formats, options.instances, options.force)
     if options.json:
-        print(json_text({**asdict(built), "folder": str(built.folder)}), end="")
+        print_json({**asdict(built), "folder": str(built.folder)})
     else:
         from padgen.report import built_text
 
@@ -101,9 +101,7 @@ def _check(options: argparse.Namespace) -> int:
             options.mesh or options.gcode, options.spec or None, gcode=options.mesh is None, progress=progress
         )
     if options.json:
-        from padgen.core.files import json_text
-
-        print(json_text(asdict(report)), end="")
+        print_json(asdict(report))
     else:
         from padgen.report import figures_text, held_line, laid_text, serious_text
 

@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from padgen.cli.common import DONE, show
+from padgen.cli.common import DONE, print_json, show
 
 __all__ = ["add", "add_cache", "use_cache"]
 
@@ -62,10 +62,8 @@ def _print_cache(options: argparse.Namespace, held: Any, dropped: bool) -> int:
     if options.json:
         from dataclasses import asdict
 
-        from padgen.core.files import json_text
-
         kinds = {kind: {"entries": entries, "bytes": size} for kind, (entries, size) in held.kinds.items()}
-        print(json_text({**asdict(held), "kinds": kinds, "cleared": dropped}), end="")
+        print_json({**asdict(held), "kinds": kinds, "cleared": dropped})
     else:
         from padgen.report.sweeps import cache_text
 

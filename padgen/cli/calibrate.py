@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from padgen.cli.common import DONE, add_model, add_spec, asked_of, progress_line, show
+from padgen.cli.common import DONE, add_model, add_spec, asked_of, print_json, progress_line, show
 from padgen.core.errors import SpecError, plain
 
 __all__ = ["add"]
@@ -42,7 +42,7 @@ def _calibrate(options: argparse.Namespace) -> int:
     if path.suffix != ".toml":
         raise SpecError(f"must be a file of the kind my-printer.toml, got {options.output!r}", "--output")
     from padgen.api import calibrate
-    from padgen.core.files import OutputFolder, json_text
+    from padgen.core.files import OutputFolder
     from padgen.make.planning import plan_for
     from padgen.measured.printer_fit import printer_toml
 
@@ -55,7 +55,7 @@ def _calibrate(options: argparse.Namespace) -> int:
         out.write(path.name, printer_toml(plan.spec, found, path.stem))
         out.commit()
     if options.json:
-        print(json_text(found), end="")
+        print_json(found)
         return DONE
     show(
         f"beams print {found.z_offset_mm:.4f} ± {found.z_offset_error_mm:.4f} mm thicker and"

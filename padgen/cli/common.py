@@ -22,6 +22,7 @@ __all__ = [
     "code_of",
     "end_as_by_ctrl_c",
     "folder_of",
+    "print_json",
     "progress_line",
     "show",
 ]
@@ -98,6 +99,13 @@ def show(text: str) -> None:
         # A line with two spaces in a row is one of a table.
         whole = len(line) <= width or "  " in line.strip()
         print(line if whole else textwrap.fill(line, width, break_on_hyphens=False, subsequent_indent="  "))
+
+
+def print_json(table: Any) -> None:
+    """Print plain data or dataclasses as one JSON object."""
+    from padgen.core.files import json_text
+
+    print(json_text(table), end="")
 
 
 def code_of(findings: Any) -> int:

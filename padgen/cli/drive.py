@@ -12,6 +12,7 @@ from padgen.cli.common import (
     asked_of,
     code_of,
     folder_of,
+    print_json,
     progress_line,
     show,
 )
@@ -161,9 +162,7 @@ def _drive(options: argparse.Namespace) -> int:
     from padgen.report.drives import driven_table, driven_text
 
     if options.json:
-        from padgen.core.files import json_text
-
-        print(json_text(driven_table(driven, notes)), end="")
+        print_json(driven_table(driven, notes))
     else:
         show(driven_text(plan, driven, frames, notes, options.verbose))
     return code_of(driven.findings)
@@ -205,12 +204,10 @@ def _excite(options: argparse.Namespace) -> int:
             plan, folder, options.excite, options.rate, options.depth, options.seconds, options.together
         )
     if options.json:
-        from padgen.core.files import json_text
-
         names = ("kind", "rate_hz", "band_hz", "sweep_s", "together", "level_share", "copper_loss_w")
         figures = {name: value for name, value in asdict(played).items() if name in names}
         figures["findings"] = [asdict(finding) for finding in findings]
-        print(json_text({"folder": str(folder), "files": ["excitation.wav", "excitation.json"], **figures}), end="")
+        print_json({"folder": str(folder), "files": ["excitation.wav", "excitation.json"], **figures})
     else:
         from padgen.report.drives import excitation_text
 

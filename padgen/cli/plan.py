@@ -79,7 +79,7 @@ def _plan(options: argparse.Namespace) -> int:
         if printed:
             out.write(YIELD_FILE, json_text(asdict(printed)))
         if options.plot:
-            from padgen.core.plots import plot_bytes
+            from padgen.core.display import plot_bytes
 
             out.write(PLOT_FILE, plot_bytes(plan.plot(), "svg"))
         stale = out.commit()

@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from padgen.cli.common import DONE, add_model, progress_line, show
+from padgen.cli.common import DONE, add_model, print_json, progress_line, show
 from padgen.cli.drive import add_frames, frames_of, plan_of, tuning_of
 from padgen.core.errors import SpecError, plain
 
@@ -65,7 +65,7 @@ def _serial(options: argparse.Namespace) -> int:
         played = play_frames(options.port, plan, repeated, options.seconds, tuning=tuning, baud=options.baud, told=told)
     figures = {"frames": played.frames, "resent": played.resent, "seconds": played.seconds}
     if options.json:
-        _print_json({"port": options.port, **figures, "notes": list(notes)})
+        print_json({"port": options.port, **figures, "notes": list(notes)})
         return DONE
     lost = f"; {played.resent} messages were lost on the line and sent again" if played.resent else ""
     frames_shown = "1 frame" if played.frames == 1 else f"{played.frames} frames"
@@ -88,14 +88,8 @@ def _audio(options: argparse.Namespace) -> int:
 
         played = play_wave(Path(options.spec), options.audio or None, options.repeat, told)
     if options.json:
-        _print_json({"device": played.device.name, "seconds": played.seconds, "late_blocks": played.missed})
+        print_json({"device": played.device.name, "seconds": played.seconds, "late_blocks": played.missed})
         return DONE
     late = f"; {played.missed} blocks came too late, and were heard as gaps" if played.missed else ""
     show(f"played {played.seconds:.1f} s on {plain(played.device.name)}{late}")
     return DONE
-
-
-def _print_json(table: dict[str, Any]) -> None:
-    from padgen.core.files import json_text
-
-    print(json_text(table), end="")

@@ -3,7 +3,17 @@
 import argparse
 from typing import Any
 
-from padgen.cli.common import add_model, add_output, add_spec, add_verbose, code_of, folder_of, progress_line, show
+from padgen.cli.common import (
+    add_model,
+    add_output,
+    add_spec,
+    add_verbose,
+    code_of,
+    folder_of,
+    print_json,
+    progress_line,
+    show,
+)
 from padgen.cli.drive import plan_of
 from padgen.core.errors import SpecError, plain
 
@@ -63,8 +73,6 @@ def add(commands: Any) -> None:
 def _retune(options: argparse.Namespace) -> int:
     if (options.measured is None) == (options.simulate is None):
         raise SpecError("needs MEASURED, a file or a folder, or --simulate SEED, and not both", "padgen retune")
-    if options.excitation not in ("current", "voltage"):
-        raise SpecError(f"must be current or voltage, got {options.excitation!r}", "--excitation")
     from padgen.measured.tuned_folder import write_retuned
 
     with progress_line() as progress:
@@ -83,9 +91,7 @@ def _retune(options: argparse.Namespace) -> int:
             progress,
         )
     if options.json:
-        from padgen.core.files import json_text
-
-        print(json_text(written.table()), end="")
+        print_json(written.table())
     else:
         from padgen.measured.tuned_folder import measured_rows
         from padgen.report.retunes import retuned_text

@@ -50,7 +50,7 @@ def _sweep(options: argparse.Namespace) -> int:
         raise SpecError("does not go with --scheduler: the cluster has the workers that it has", "--jobs")
     use_cache(options)
     from padgen.batch.definition import load_sweep
-    from padgen.batch.pareto import write_pareto
+    from padgen.batch.index import write_pareto
     from padgen.batch.sweep import run_sweep
     from padgen.core.runner import uninterrupted
 
@@ -127,7 +127,8 @@ def _bar(sweep: Any) -> Iterator[Callable[[Any], None]]:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-    from padgen.report.sweeps import counts_text, seconds_text
+    from padgen.core.display import seconds_text
+    from padgen.report.sweeps import counts_text
 
     columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"))
     with Progress(*columns, console=Console(stderr=True, highlight=False), transient=True) as bar:

@@ -19,9 +19,8 @@ from pathlib import Path
 from stat import S_ISREG
 from typing import Any, TypeVar
 
-from padgen.core.commit import locked
 from padgen.core.errors import FileError, SpecError
-from padgen.core.files import file_hash, read_bounded, reason
+from padgen.core.files import file_hash, locked, read_bounded, reason
 
 __all__ = [
     "CacheInfo",

@@ -15,7 +15,7 @@ Findings (`padgen.core.finding`) are verdicts on a pad that was made; an excepti
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from math import ceil, floor, log10
+from math import ceil, floor, isfinite, log10
 from typing import Any
 from unicodedata import category
 
@@ -167,13 +167,13 @@ def number(value: float) -> str:
     return shown(value) if isinstance(value, int) else f"{value:.5g}"
 
 
-def percent(share: float) -> str:
-    """Write a share as per cent with two significant digits.
+def percent(share: float, digits: int = 2) -> str:
+    """Write a share as per cent with some significant digits, ``?`` where it is unknown.
 
     >>> percent(0.0031), percent(0.02)
     ('0.31 %', '2 %')
     """
-    return f"{number(float(f'{share * 100:.2g}'))} %"
+    return f"{number(float(f'{share * 100:.{digits}g}'))} %" if isfinite(share) else "?"
 
 
 def at_least(value: float) -> str:

@@ -40,14 +40,14 @@ NAME = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
 class Registry(Generic[T]):
     """The extensions of one `kind`: the modules of `package`, and registered objects.
 
-    ``time_shared.py`` is ``time-shared``, and ``_3mf.py`` is ``3mf``. `reserved` names have another meaning where a
-    name is given. `changes` counts registrations, for keys of caches in memory: a name may later belong to another
-    object.
+    `protocol` is the name in `package` of the class whose members each of them has. ``time_shared.py`` is ``time-
+    shared``, and ``_3mf.py`` is ``3mf``. `reserved` names have another meaning where a name is given. `changes`
+    counts registrations, for keys of caches in memory: a name may later belong to another object.
     """
 
-    def __init__(self, kind: str, package: str, reserved: tuple[str, ...] = ()) -> None:
+    def __init__(self, kind: str, package: str, protocol: str, reserved: tuple[str, ...] = ()) -> None:
         self.kind, self.reserved, self.changes = kind, reserved, 0
-        self._package = package
+        self._package, self._protocol = package, protocol
         self._registered: dict[str, T] = {}
 
     def names(self) -> tuple[str, ...]:
@@ -59,8 +59,8 @@ class Registry(Generic[T]):
         stems = [stem for name in self.names() if (stem := name.rpartition("-"))[2].isdigit()]
         return tuple(sorted({stem for stem, _, _ in stems if sum(stem == other for other, _, _ in stems) > 1}))
 
-    def register(self, name: str, thing: T, protocol: type) -> None:
-        """Add `thing`, which has the names of `protocol`, under `name`; `unregister` removes it.
+    def register(self, name: str, thing: T) -> None:
+        """Add `thing`, which has the names of the protocol, under `name`; `unregister` removes it.
 
         Raises
         ------
@@ -71,6 +71,7 @@ class Registry(Generic[T]):
             raise SpecError(f"the name of a {self.kind} must be small letters and digits with hyphens, got {name!r}")
         if name in self.reserved or name in self.names():
             raise SpecError(f"there is a {self.kind} {name!r} already; take another name")
+        protocol = getattr(import_module(self._package), self._protocol)
         wanted = [*protocol.__annotations__, *(key for key in vars(protocol) if not key.startswith("_"))]
         missing = [key for key in wanted if not hasattr(thing, key)]
         if missing:
@@ -201,15 +202,15 @@ def _nearest(name: str, known: list[str]) -> str:
     return f"did you mean {near[0]!r}?" if near else ""
 
 
-SUSPENSIONS: Registry[Any] = Registry("suspension", "padgen.planner.suspensions", reserved=("auto",))
+SUSPENSIONS: Registry[Any] = Registry("suspension", "padgen.planner.suspensions", "Suspension", reserved=("auto",))
 """Modules or objects with the names of `padgen.planner.suspensions.Suspension`."""
-FORMATS: Registry[Any] = Registry("drive format", "padgen.driver.formats")
+FORMATS: Registry[Any] = Registry("drive format", "padgen.driver.formats", "DriveFormat")
 """Modules or objects with the names of `padgen.driver.formats.DriveFormat`."""
-PAD_FORMATS: Registry[Any] = Registry("pad format", "padgen.solid.formats")
+PAD_FORMATS: Registry[Any] = Registry("pad format", "padgen.solid.formats", "PadFormat")
 """Modules or objects with the names of `padgen.solid.formats.PadFormat`."""
 USUAL_FORMATS = ("stl", "3mf", "step")
 """Formats of `PAD_FORMATS` in which a pad is saved by default."""
-SCHEMES: Registry[Any] = Registry("drive scheme", "padgen.physics.schemes", reserved=("auto",))
+SCHEMES: Registry[Any] = Registry("drive scheme", "padgen.physics.schemes", "DriveScheme", reserved=("auto",))
 """Modules or objects with the names of `padgen.physics.schemes.DriveScheme`."""
-COILS: Registry[Any] = Registry("kind of coil", "padgen.planner.coils")
+COILS: Registry[Any] = Registry("kind of coil", "padgen.planner.coils", "CoilKind")
 """Modules or objects with the names of `padgen.planner.coils.CoilKind`."""

@@ -5,7 +5,7 @@ lines that all but meet; each figure is held to the same formula in 60 digits, a
 for."""
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass
 from functools import partial
 from math import nan
@@ -16,17 +16,16 @@ from typing import Any
 
 import numpy as np
 
-from padgen.core.errors import InfeasibleError, PadgenError
+from padgen.core.errors import PadgenError
 from padgen.make.planning import plan_for
 from padgen.physics.ladder import LevelLaw, capacity, geometric_ladder
 from padgen.physics.selectivity import Channels, Scheme, channels, off_energy
 from padgen.spec import Spec, catalogue, make_spec
 from padgen.spec.fields import choices
-from padgen.spec.load import laid_over, without_none
 from padgen.verify.engines import mpmath
 from padgen.verify.extreme import FINER_ELEMENTS, FINER_ERROR, Answer, ExtremeCase
 
-__all__ = ["cures_of", "outcome", "random_table", "selectivity_cases", "spec_cases"]
+__all__ = ["outcome", "random_table", "selectivity_cases", "spec_cases"]
 
 GROUPS, IN_GROUP = 8, 50
 SOLIDS = (0, 1, 9, 11, 30, 37)
@@ -170,55 +169,14 @@ def outcome(table: dict[str, Any]) -> str:
     A plan that finds an error in itself, as where a coil does not pull its washer, may have infinite figures.
     """
     try:
-        plan = _answer(table)
+        plan = plan_for(make_spec(table))
+    except PadgenError as error:
+        return "its refusal is no sentence" if "\n" in str(error) or len(str(error)) > LONGEST_SENTENCE else ""
     except Exception as error:
         return f"{type(error).__name__}: {error}"
-    if isinstance(plan, PadgenError):
-        return "its refusal is no sentence" if "\n" in str(plan) or len(str(plan)) > LONGEST_SENTENCE else ""
     honest = any(finding.level == "error" for finding in plan.findings)
     lost = re.search(r"(\w+)\W+(nan|inf)\b", repr(vars(plan)))
     return f"{lost[1]} is no number" if lost and not honest else ""
-
-
-def cures_of(table: dict[str, Any]) -> list[tuple[str, str]]:
-    """Each cure that the answer to a spec names, as ``(what it cures, fault)``: no fault where it does what it says.
-
-    A refusal's fields are refused no more by that field; where no pad could be laid out, the plan has no error then.
-    Of a finding's none of its kind is left.
-    """
-    answer = _answer(table)
-    if isinstance(answer, PadgenError):
-        return [(answer.where, _fault(answer, _answer(_with(table, cure)))) for cure in answer.cures]
-    told = {finding.code: finding.cures for finding in answer.findings if finding.cures}
-    return [(code, _left(code, _answer(_with(table, cure)))) for code, cures in told.items() for cure in cures]
-
-
-def _answer(table: dict[str, Any]) -> Any:
-    """The plan of a spec, or its refusal."""
-    try:
-        return plan_for(make_spec(table))
-    except PadgenError as error:
-        return error
-
-
-def _with(table: dict[str, Any], cure: Mapping[str, Any]) -> dict[str, Any]:
-    changed: dict[str, Any] = without_none(laid_over(table, dict(cure)))
-    return changed
-
-
-def _fault(refusal: PadgenError, answer: Any) -> str:
-    if isinstance(answer, PadgenError):
-        again = answer.where == refusal.where or isinstance(refusal, InfeasibleError)
-        return f"is refused: {answer}" if again else ""
-    errors = [finding.message for finding in answer.findings if finding.level == "error"]
-    return errors[0] if errors and isinstance(refusal, InfeasibleError) else ""
-
-
-def _left(code: str, answer: Any) -> str:
-    if isinstance(answer, PadgenError):
-        return f"is refused: {answer}"
-    left = [finding.message for finding in answer.findings if finding.code == code and finding.level != "note"]
-    return left[0] if left else ""
 
 
 DIGITS = 60

@@ -24,9 +24,9 @@ from padgen.core.errors import SolverError, SpecError, number
 from padgen.core.files import OutputFolder, file_hash, json_text
 from padgen.core.registry import names_in
 from padgen.core.runner import refuse_unshared, uninterrupted
-from padgen.ladders.isolate import TIMES, apart, measured, timed
 from padgen.ladders.rung import (
     NOT_RUN,
+    TIMES,
     TOLERANCES,
     Judged,
     Ladder,
@@ -34,9 +34,12 @@ from padgen.ladders.rung import (
     Pick,
     Row,
     Scene,
+    apart,
     judged,
+    measured,
     picks,
     recommended_row,
+    timed,
 )
 from padgen.ladders.stages import LADDERS
 from padgen.planner.drive_rows import table_csv
@@ -73,7 +76,7 @@ SETS = (
     ("padgen.verify.extreme", "structure_cases"),
     ("padgen.verify.extreme", "solid_cases"),
     ("padgen.verify.extreme", "force_cases"),
-    ("padgen.verify.extreme_dynamics", "dynamics_cases"),
+    ("padgen.verify.extreme", "dynamics_cases"),
     ("padgen.ladders.extreme_specs", "selectivity_cases"),
     ("padgen.ladders.extreme_specs", "spec_cases"),
 )

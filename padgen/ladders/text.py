@@ -5,10 +5,9 @@ from collections.abc import Iterable, Sequence
 from math import ceil, floor, isfinite, isnan, log10
 from typing import TYPE_CHECKING, Any
 
-from padgen.core.errors import number
-from padgen.core.plots import STYLE, plot_bytes
-from padgen.ladders.isolate import TIMES
-from padgen.ladders.rung import NOT_RUN, TOLERANCES, Judged, Order, Pick, Row, recommended_row
+from padgen.core.display import STYLE, plot_bytes, seconds_text, table
+from padgen.core.errors import percent
+from padgen.ladders.rung import NOT_RUN, TIMES, TOLERANCES, Judged, Order, Pick, Row, recommended_row
 
 if TYPE_CHECKING:
     from padgen.ladders.study import ExtremeStudy, Study, Verdict
@@ -17,9 +16,7 @@ __all__ = [
     "extreme_picture",
     "extreme_text",
     "ladder_text",
-    "percent",
     "picks_text",
-    "seconds_text",
     "study_figure",
     "study_pictures",
     "study_text",
@@ -46,11 +43,11 @@ def ladder_text(result: Judged, tolerances: Sequence[float] = TOLERANCES) -> str
     ladder = result.ladder
     unit = f", {ladder.unit}" if ladder.unit else ""
     lines = [f"{ladder.name}, {ladder.subject}: {ladder.quantity}{unit}"]
-    lines.append(_table(HEADINGS, [_table_row(result, i, tolerances) for i in range(len(result.rows))], left=2))
-    reference = "" if result.reference is None else f" (the reference is good to {percent(result.uncertainty)})"
+    lines.append(table(HEADINGS, [_table_row(result, i, tolerances) for i in range(len(result.rows))], left=2))
+    reference = "" if result.reference is None else f" (the reference is good to {percent(result.uncertainty, 3)})"
     lines.append(f"{result.why}{reference}")
     if not result.converged and result.reference is not None:
-        lines.append(f"nothing is recommended below {percent(result.uncertainty)}")
+        lines.append(f"nothing is recommended below {percent(result.uncertainty, 3)}")
     lines += [_order(order) for order in result.orders]
     noted = [row for row in result.rows if row.measured.note and row.measured is not NOT_RUN]
     lines += [f"{row.rung.model}, {row.rung.resolution}: {row.measured.note}" for row in noted]
@@ -60,7 +57,7 @@ def ladder_text(result: Judged, tolerances: Sequence[float] = TOLERANCES) -> str
 def _table_row(result: Judged, index: int, tolerances: Sequence[float]) -> tuple[str, ...]:
     row = result.rows[index]
     own = row.measured
-    holds = ", ".join(percent(tol) for tol in tolerances if recommended_row(result, tol) == index)
+    holds = ", ".join(percent(tol, 3) for tol in tolerances if recommended_row(result, tol) == index)
     if own.values is None:
         return (row.rung.model, row.rung.resolution, "", "", "not run" if own is NOT_RUN else "no answer", "", "", "")
     value = f"{own.values.ravel()[0]:.7g}" if own.values.size == 1 else f"{own.values.size} values"
@@ -69,7 +66,7 @@ def _table_row(result: Judged, index: int, tolerances: Sequence[float]) -> tuple
         row.rung.resolution,
         str(own.unknowns or ""),
         value,
-        "?" if isnan(row.error) else f"≤ {percent(row.at_most)}" if row.is_bound else percent(row.error),
+        "?" if isnan(row.error) else f"≤ {percent(row.at_most, 3)}" if row.is_bound else percent(row.error, 3),
         seconds_text(own.seconds),
         f"{own.memory_mb:.1f}",
         holds,
@@ -87,9 +84,9 @@ def picks_text(picks: Iterable[Pick]) -> str:
     rows = []
     for pick in picks:
         rung = f"{pick.model}, {pick.resolution}" if pick.model else "none is known to hold"
-        cost = (seconds_text(pick.seconds), percent(pick.at_most)) if pick.model else ("", "")
-        rows.append((pick.ladder, percent(pick.tolerance), rung, *cost))
-    return "recommended rungs\n" + _table(("ladder", "for", "rung", "run time", "error at most"), rows, left=3)
+        cost = (seconds_text(pick.seconds), percent(pick.at_most, 3)) if pick.model else ("", "")
+        rows.append((pick.ladder, percent(pick.tolerance, 3), rung, *cost))
+    return "recommended rungs\n" + table(("ladder", "for", "rung", "run time", "error at most"), rows, left=3)
 
 
 def extreme_text(study: "ExtremeStudy") -> str:
@@ -99,7 +96,7 @@ def extreme_text(study: "ExtremeStudy") -> str:
         errors = _power(found.error), _power(found.stated_error), seconds_text(found.seconds)
         rest = _power(found.residual), _power(found.condition), found.verdict
         rows.append((found.domain, found.case, found.model, *errors, *rest))
-    lines = [_table(EXTREME_HEADINGS, rows, left=3)]
+    lines = [table(EXTREME_HEADINGS, rows, left=3)]
     lines += [f"{found.verdict}: {found.domain}, {found.case}: {found.note}" for found in study.verdicts if found.note]
     counts = Counter(found.verdict for found in study.verdicts)
     told = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
@@ -108,39 +105,6 @@ def extreme_text(study: "ExtremeStudy") -> str:
 
 def _power(value: float) -> str:
     return f"{value:.2g}" if isfinite(value) else ""
-
-
-def percent(share: float) -> str:
-    """Write a share in percent, with two significant digits, three from 100 %."""
-    if not isfinite(share):
-        return "?"
-    value = 100 * share
-    return f"{value:.3g} %" if value < 1000 else f"{value:.2g} %"
-
-
-def seconds_text(seconds: float) -> str:
-    """Write a time with the unit that suits it."""
-    if not isfinite(seconds):
-        return ""
-    for unit, size in (("s", 1.0), ("ms", 1e-3)):
-        if seconds >= size:
-            return f"{number(float(f'{seconds / size:.3g}'))} {unit}"
-    return f"{number(float(f'{seconds / 1e-6:.3g}'))} µs"
-
-
-def _table(headings: Sequence[str], rows: Iterable[Sequence[str]], left: int) -> str:
-    """Write columns under their headings, the first `left` of them flush left."""
-    cells = [tuple(headings), *(tuple(row) for row in rows)]
-    widths = [max(len(row[i]) for row in cells) for i in range(len(headings))]
-    lines = [
-        "  ".join(
-            cell.ljust(width) if i < left else cell.rjust(width)
-            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in cells
-    ]
-    lines.insert(1, "  ".join("-" * width for width in widths))
-    return "\n".join(lines)
 
 
 COLOURS = ("#1f5fa8", "#c2571a", "#2f8a4c", "#7b3fa0", "#a8851f", "#3a9aa8", "#8a4c2f", "#666666")
@@ -247,7 +211,7 @@ def _rings(axis: Any, results: Sequence[Judged], tolerances: Sequence[float]) ->
         for tolerance in tolerances:
             index = recommended_row(result, tolerance)
             if index is not None and _shown(result.rows[index]):
-                held.setdefault(index, []).append(percent(tolerance))
+                held.setdefault(index, []).append(percent(tolerance, 3))
         for index, names in held.items():
             place = _place(result.rows[index])
             axis.plot(*place, "o", color="black", markerfacecolor="none", markersize=12, zorder=2)

@@ -11,8 +11,8 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from padgen.core.commit import recover
 from padgen.core.errors import PadgenError, SolverError, SpecError
+from padgen.core.files import recover
 from padgen.spec import Spec, find_spec, load_spec, make_spec
 from padgen.spec.load import answers, laid_over, without_none
 

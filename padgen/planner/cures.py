@@ -9,8 +9,7 @@ from padgen.core.errors import PadgenError, cured
 from padgen.core.finding import LEVELS
 from padgen.planner.plan import Plan
 from padgen.spec import Spec, make_spec
-from padgen.spec.entries import catalogue
-from padgen.spec.load import laid_over, spread_of, without_none
+from padgen.spec.load import catalogue, laid_over, spread_of, without_none
 
 __all__ = ["Cure", "varied", "with_tried_cures"]
 

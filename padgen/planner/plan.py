@@ -468,13 +468,13 @@ class Plan:
         )
 
     def _repr_html_(self) -> str:
-        from padgen.report.plan_view import plan_html
+        from padgen.report.plans import plan_html
 
         return plan_html(self)
 
     def plot(self) -> Any:
         """Return a `matplotlib.figure.Figure` of the pad, each coil's share of good prints, and the resonances."""
-        from padgen.report.plan_view import plan_figure
+        from padgen.report.plans import plan_figure
 
         return plan_figure(self)
 

@@ -4,9 +4,10 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from padgen.core.display import table
 from padgen.core.errors import number, plain
 from padgen.physics.selectivity import Scheme
-from padgen.report.plans import findings_text, held_line, serious_text, table
+from padgen.report.plans import findings_text, held_line, serious_text
 
 if TYPE_CHECKING:
     from pathlib import Path

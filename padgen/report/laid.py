@@ -2,8 +2,8 @@
 
 from typing import Any
 
+from padgen.core.display import table
 from padgen.core.errors import number, plain
-from padgen.report.plans import table
 
 __all__ = ["laid_text"]
 

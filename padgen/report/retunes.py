@@ -2,8 +2,9 @@
 
 from typing import TYPE_CHECKING
 
+from padgen.core.display import table
 from padgen.core.errors import number
-from padgen.report.plans import held_line, serious_text, table
+from padgen.report.plans import held_line, serious_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

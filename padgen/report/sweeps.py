@@ -4,16 +4,16 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from padgen.core.display import seconds_text, table
 from padgen.core.errors import number, plain
-from padgen.report.plans import table
 
 if TYPE_CHECKING:
     from padgen.batch.definition import Sweep
-    from padgen.batch.pareto import Overview
+    from padgen.batch.index import Overview
     from padgen.batch.sweep import Event, SweepResult
     from padgen.core.cache import CacheInfo
 
-__all__ = ["cache_text", "counts_text", "seconds_text", "sweep_table", "sweep_text"]
+__all__ = ["cache_text", "counts_text", "sweep_table", "sweep_text"]
 
 MOST_ROWS = 12
 """Most variants of a Pareto front that are all shown; of a longer front only the best in each objective are."""
@@ -44,26 +44,12 @@ def counts_text(event: "Event | SweepResult") -> str:
     return ", ".join(count for count in [*counts, f"{event.left} left" * bool(event.left)] if count)
 
 
-def seconds_text(seconds: float) -> str:
-    """Return a time in s, min or h as text.
-
-    >>> seconds_text(3.21), seconds_text(75), seconds_text(7265)
-    ('3.2 s', '1 min 15 s', '2 h 01 min')
-    """
-    if seconds < 10:
-        return f"{seconds:.1f} s"
-    minutes, rest = divmod(round(seconds), 60)
-    if minutes < 60:
-        return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"
-    return f"{minutes // 60} h {minutes % 60:02d} min"
-
-
 def _variants(count: int) -> str:
     return "1 variant" if count == 1 else f"{count} variants"
 
 
 def _front_line(overview: "Overview") -> str:
-    from padgen.batch.pareto import OBJECTIVES
+    from padgen.batch.index import OBJECTIVES
 
     weighed = ", ".join(OBJECTIVES[name].word for name in overview.objectives)
     told = f"Pareto front over {weighed}: {_variants(len(overview.rows))} that no other beats"
@@ -73,7 +59,7 @@ def _front_line(overview: "Overview") -> str:
 
 def _front_rows(sweep: "Sweep", overview: "Overview") -> tuple[list[str], list[list[str]]]:
     """Return headings and rows of the front: varied fields, objectives reached, and the objectives it is best in."""
-    from padgen.batch.pareto import OBJECTIVES
+    from padgen.batch.index import OBJECTIVES
 
     axes, objectives = [name for axis in sweep.axes for name in axis.fields], overview.objectives
     best: dict[int, list[str]] = {row: [] for row in range(len(overview.rows)) if len(overview.rows) <= MOST_ROWS}

@@ -29,12 +29,11 @@ from padgen.solid.measure import (
     unsupported_spans,
     washer_rooms,
 )
-from padgen.solid.mesh import Mesh, as_manifold
+from padgen.solid.mesh import MOST_FOUND, Mesh, Topology, as_manifold, intersecting_pairs, topology
 from padgen.solid.pad_solid import PadSolid, Places, assembled, sampled
-from padgen.solid.topology import MOST_FOUND, Topology, intersecting_pairs, topology
 from padgen.spec import Printer, Spec
 
-__all__ = ["Report", "check_against", "check_mesh", "check_pad", "told"]
+__all__ = ["Report", "check_against", "check_mesh", "check_pad", "few", "told", "volume_findings"]
 
 BUILT_MM = 0.01
 """Largest allowed difference of a built dimension from the planned one."""
@@ -84,7 +83,7 @@ def check_pad(pad: PadSolid, plan: Plan) -> Report:
     state = topology(pad.mesh)
     figures, findings = _whole(pad.mesh, state, plan.spec.printer, plan.spec.material.density_g_per_cm3)
     own_figures, own = _of_tiles(pad, plan, state.closed)
-    findings += [*_volume(state.volume_mm3, pad.volume_mm3), *own]
+    findings += [*volume_findings(state.volume_mm3, pad.volume_mm3), *own]
     if state.closed and own_figures["measured_taxels"] < len(plan.taxels):
         placed = assembled(plan, pad.tiles, pad.border, pad.grid)
         if not all(np.array_equal(a, b) for a, b in zip(placed, pad.mesh, strict=True)):
@@ -150,9 +149,9 @@ def _as_planned(plan: Plan, solid: Any, figures: dict[str, Any]) -> list[Finding
     off = [d for d in dimensions if not abs(d.built_mm - d.planned_mm) <= BUILT_MM + d.facets_mm]
     return [
         *told(off, [], None),
-        *_few(_washers_enter(spec, washer_rooms(plan, solid, plan.taxels))),
-        *_few(_washers_sink_in(spec, dimensions)),
-        *_few(_lines_and_layers(spec.printer, dimensions)),
+        *few(_washers_enter(spec, washer_rooms(plan, solid, plan.taxels))),
+        *few(_washers_sink_in(spec, dimensions)),
+        *few(_lines_and_layers(spec.printer, dimensions)),
     ]
 
 
@@ -175,7 +174,7 @@ def _differing(mesh: Mesh, planned: Mesh, plan: Plan) -> tuple[bool, list[Findin
     within_mm = [BUILT_MM, BUILT_MM + SMALLEST_MM]
     off = [d for d in measured(plan, one, taxels) if not abs(d.built_mm - d.planned_mm) <= within_mm[d.facets_mm > 0]]
     found, rooms = differences(one, other), washer_rooms(plan, one, taxels)
-    return False, [*told(off, found, cells), *_few(_washers_enter(plan.spec, rooms, SMALLEST_MM))]
+    return False, [*told(off, found, cells), *few(_washers_enter(plan.spec, rooms, SMALLEST_MM))]
 
 
 def told(off: list[Dimension], found: list[Difference], cells: Cells | None) -> list[Finding]:
@@ -202,7 +201,7 @@ def told(off: list[Dimension], found: list[Difference], cells: Cells | None) -> 
             said = [*said, f"{piece.volume_mm3:.2g} mm³ are {what} near ({x}, {y}, {z}) mm, over {extent} mm"]
         more = f"; so are {', '.join(others[:AT_ONCE])}{' and others' * (len(others) > AT_ONCE)}" if others else ""
         findings.append(Finding("error", "built.planned", first, "; ".join(said) + more))
-    return list(_few(findings))
+    return list(few(findings))
 
 
 def _washers_enter(spec: Spec, rooms: Iterable[tuple[str, float]], within_mm: float = 0.0) -> Iterator[Finding]:
@@ -334,8 +333,9 @@ def _on_bed(mesh: Mesh, printer: Printer) -> Iterator[Finding]:
         )
 
 
-def _volume(built: float, exact: float) -> Iterator[Finding]:
-    if abs(built / exact - 1) > VOLUME_SHARE:
+def volume_findings(built: float, exact: float) -> Iterator[Finding]:
+    """Report a volume in mm³ that is not the exact one."""
+    if not abs(built / exact - 1) <= VOLUME_SHARE:
         yield Finding(
             "error",
             "mesh.volume",
@@ -380,7 +380,7 @@ def _printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[str, 
 
     kinds = [_walls(cuts, printer, spot), _gaps(cuts, printer, spot), _overhangs(mesh, printer, spot)]
     kinds += [_skins(solid, mesh, printer, spot), _bridges(place, span, printer, spot)]
-    return figures, [finding for kind in kinds for finding in _few(kind)]
+    return figures, [finding for kind in kinds for finding in few(kind)]
 
 
 def _walls(cuts: list[Section], printer: Printer, spot: Spot) -> Iterator[Finding]:
@@ -463,7 +463,7 @@ def _spot(x_mm: float, y_mm: float, z_mm: float) -> str:
     return f"({number(x_mm)}, {number(y_mm)}, {number(z_mm)}) mm"
 
 
-def _few(findings: Iterable[Finding]) -> Iterator[Finding]:
+def few(findings: Iterable[Finding]) -> Iterator[Finding]:
     """Yield the first findings of a kind, then one that says how many more there are."""
     listed = list(findings)
     yield from listed[:AT_ONCE]

@@ -1,5 +1,11 @@
-"""Triangle meshes: made from build123d solids, welded, and turned into manifolds."""
+"""Triangle meshes: made from solids, welded, turned into manifolds, and tested.
 
+The tests are of any mesh: closed, consistently wound, in one piece, free of self-intersections.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,12 +18,15 @@ __all__ = [
     "AT_ONCE",
     "CHORD_MM",
     "Mesh",
+    "Topology",
     "as_manifold",
-    "from_manifold",
+    "intersecting_pairs",
     "joined",
+    "shells",
     "signed_volume_mm3",
     "sound_mesh",
     "tessellated",
+    "topology",
     "welded",
 ]
 
@@ -148,7 +157,220 @@ def as_manifold(mesh: Mesh, what: str) -> Any:
     return solid
 
 
-def from_manifold(solid: Any) -> Mesh:
-    """Return the triangles of a manifold3d solid."""
-    mesh = solid.to_mesh64()
-    return Mesh(np.array(mesh.vert_properties)[:, :3], np.array(mesh.tri_verts).astype(np.int64))
+PAIRS_AT_ONCE = 1_000_000
+MOST_PAIRS, MOST_FOUND = 40_000_000, 100_000
+"""Most candidate pairs beyond `MANY_PAIRS` per triangle, and the number of pairs found that ends the search."""
+MOST_COLUMNS, MOST_CELLS, MANY_PAIRS = 10_000, 16, 100
+"""Most columns along a side of the grid, most columns per triangle on average, and the candidates per triangle above
+which wider columns are tried."""
+
+
+@dataclass(frozen=True)
+class Topology:
+    """Counts of what makes a mesh unprintable, all zero for a good one, its `shells` (1 if good) and its volume.
+
+    `open_edges` have one triangle, `crowded_edges` more than two, `turned_edges` two that disagree which side is out.
+    `first_broken` is a vertex of one of these edges, 0 where there is none.
+    """
+
+    open_edges: int
+    crowded_edges: int
+    turned_edges: int
+    shells: int
+    volume_mm3: float
+    first_broken: int
+
+    @property
+    def closed(self) -> bool:
+        """True where every edge joins two triangles that agree which side is out."""
+        return not (self.open_edges or self.crowded_edges or self.turned_edges)
+
+
+def topology(mesh: Mesh) -> Topology:
+    """Count the edges that are open, crowded or turned, and the shells; measure the volume."""
+    counts, forward, lower = _edge_counts(mesh)
+    broken = lower[(counts != 2) | (forward != 1)]
+    return Topology(
+        open_edges=int((counts == 1).sum()),
+        crowded_edges=int((counts > 2).sum()),
+        turned_edges=int(((counts == 2) & (forward != 1)).sum()),
+        shells=int(shells(mesh).max()) + 1 if len(mesh.triangles) else 0,
+        volume_mm3=signed_volume_mm3(mesh),
+        first_broken=int(broken[0]) if len(broken) else 0,
+    )
+
+
+def _edge_counts(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return three arrays, one entry per edge.
+
+    They are the number of its triangles, how many of these run along it from its lower vertex number, and that number.
+    """
+    # An edge and its direction (the last bit) are packed into one number: sorting rows, or an argsort, would take many
+    # times as long.
+    count = max(len(mesh.vertices_mm), 1)
+    sides = np.empty((3, len(mesh.triangles)), np.int64)
+    for i, side in enumerate(sides):
+        a, b = mesh.triangles[:, i], mesh.triangles[:, i - 2]
+        np.minimum(a, b, out=side)
+        side *= count
+        side += np.maximum(a, b)
+        side *= 2
+        side += a < b
+    key = sides.ravel()
+    key.sort()
+    forward = (key & 1).astype(np.int32)
+    key >>= 1
+    start = np.flatnonzero(np.append(True, key[1:] != key[:-1])) if len(key) else np.empty(0, np.int64)
+    counts = np.diff(np.append(start, len(key)))
+    return counts, np.add.reduceat(forward, start) if len(key) else counts, key[start] // count
+
+
+def shells(mesh: Mesh) -> np.ndarray:
+    """Return the number of each triangle's connected shell, from 0."""
+    label = np.arange(len(mesh.vertices_mm))
+    while True:
+        least = label[mesh.triangles].min(1)
+        new = label.copy()
+        for corner in mesh.triangles.T:
+            np.minimum.at(new, corner, least)
+        new = new[new]
+        if np.array_equal(new, label):
+            break
+        label = new
+    _, number = np.unique(label[mesh.triangles[:, 0]], return_inverse=True)
+    return np.asarray(number)
+
+
+def intersecting_pairs(mesh: Mesh) -> np.ndarray:
+    """Return the pairs (P, 2) of triangles that pierce each other, no more than about `MOST_FOUND`.
+
+    Triangles pierce when an edge of one passes through the inside of the other. Touching and coplanar overlap are left
+    to the checks of closedness and volume. Candidates come from a grid of columns in the plane, so that the time for a
+    flat part is linear in its triangles.
+
+    Raises
+    ------
+    GeometryError
+        There are more candidates than can be looked at.
+    """
+    if len(mesh.triangles) > MOST_KEPT:
+        return _intersecting_pairs(mesh)
+    return _kept_pairs(mesh.vertices_mm.astype(float).tobytes(), mesh.triangles.astype(np.int64).tobytes())
+
+
+MOST_KEPT = 50_000
+
+
+@lru_cache(maxsize=64)
+def _kept_pairs(vertices_mm: bytes, triangles: bytes) -> np.ndarray:
+    """Return the result of `_intersecting_pairs`, remembered because variants of a pad have the same tiles."""
+    mesh = Mesh(np.frombuffer(vertices_mm).reshape(-1, 3), np.frombuffer(triangles, np.int64).reshape(-1, 3))
+    pairs = _intersecting_pairs(mesh)
+    pairs.setflags(write=False)
+    return pairs
+
+
+def _intersecting_pairs(mesh: Mesh) -> np.ndarray:
+    corners = mesh.corners_mm
+    low, high = corners.min(1), corners.max(1)
+    found: list[np.ndarray] = []
+    for pairs in _overlapping(low, high):
+        found.append(pairs[_pierce(mesh, *pairs.T)])
+        if sum(len(pairs) for pairs in found) > MOST_FOUND:
+            break
+    pairs = np.concatenate(found) if found else np.empty((0, 2), dtype=np.int64)
+    return np.unique(pairs, axis=0)
+
+
+def _overlapping(low: np.ndarray, high: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield pairs (P, 2) of triangles whose boxes overlap, from about a million candidates at a time; some twice."""
+    owner, partners = _columns(low, high)
+    if partners.sum() > MANY_PAIRS * len(low) + MOST_PAIRS:
+        raise GeometryError("too many of its triangles lie over each other for all of them to be compared")
+    stops = np.searchsorted(
+        np.cumsum(partners), np.arange(PAIRS_AT_ONCE, partners.sum() + PAIRS_AT_ONCE, PAIRS_AT_ONCE)
+    )
+    for chunk in np.split(np.arange(len(owner)), np.unique(np.minimum(stops + 1, len(owner)))):
+        mine = np.repeat(chunk, partners[chunk])
+        step = np.arange(len(mine)) - np.repeat(np.cumsum(partners[chunk]) - partners[chunk], partners[chunk])
+        a, b = owner[mine], owner[mine + 1 + step]
+        for axis in (2, 0, 1):
+            # Triangles whose boxes only touch cannot pierce, such as those of one horizontal face.
+            overlap = (low[a, axis] < high[b, axis]) & (low[b, axis] < high[a, axis])
+            a, b = a[overlap], b[overlap]
+        yield np.sort(np.stack([a, b], -1), axis=1)
+
+
+def _columns(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """List the triangles of each column of a grid in the plane, and for each how many of the next ones to compare.
+
+    A column holds about a dozen triangles. Columns are wider where many triangles span several columns, since each
+    pair would meet in all of them.
+    """
+    count, flat = len(low), low[:, 2] == high[:, 2]
+    floor, extent = low[:, :2].min(0), np.ptp(np.concatenate([low, high])[:, :2], axis=0)
+    side = max(float(np.sqrt(extent.prod() / max(count / 12, 1))), float(extent.max()) / MOST_COLUMNS, 1e-9)
+    best: tuple[np.ndarray, np.ndarray] | None = None
+    while True:
+        first, last = (((v[:, :2] - floor) // side).astype(np.int64) for v in (low, high))
+        spans = last - first + 1
+        cells = spans.prod(1)
+        if cells.sum() <= MOST_CELLS * count:
+            owner = np.repeat(np.arange(count), cells)
+            at = np.arange(len(owner)) - np.repeat(np.cumsum(cells) - cells, cells)
+            column = first[owner, 0] + at % spans[owner, 0]
+            row = first[owner, 1] + at // spans[owner, 0]
+            key = column * (int(last[:, 1].max()) + 1) + row
+            # Horizontal triangles come last in their column, since two of them never pierce each other.
+            order = np.argsort(2 * key + flat[owner], kind="stable")
+            owner, key = owner[order], key[order]
+            partners = np.searchsorted(key, key, side="right") - np.arange(len(key)) - 1
+            partners[flat[owner]] = 0
+            if best and best[1].sum() <= partners.sum():
+                return best
+            best = owner, partners
+            if partners.sum() <= MANY_PAIRS * count:
+                return best
+        side *= 2
+
+
+def _crosses_plane(corners: np.ndarray, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Return where triangles `one` have corners on both sides of the planes of `other`, by the margin of `_through`."""
+    p, q, r = np.moveaxis(corners, 1, 0)
+    normal = np.cross(q - p, r - p)
+    margin = 1e-7 * np.maximum(np.linalg.norm(normal, axis=1), 1e-30)[other]
+    above = [np.einsum("ij,ij->i", corner[one] - p[other], normal[other]) for corner in (p, q, r)]
+    result: np.ndarray = (np.minimum.reduce(above) < -margin) & (np.maximum.reduce(above) > margin)
+    return result
+
+
+def _pierce(mesh: Mesh, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return where triangles `a` and `b` pierce each other, by all six pairs of an edge and a triangle."""
+    result, corners = np.zeros(len(a), dtype=bool), mesh.corners_mm
+    for one, other in ((a, b), (b, a)):
+        near = np.flatnonzero(_crosses_plane(corners, one, other))
+        one, other = one[near], other[near]
+        face = mesh.triangles[other]
+        for i, j in ((0, 1), (1, 2), (2, 0)):
+            start, stop = mesh.triangles[one, i], mesh.triangles[one, j]
+            shared = ((face == start[:, None]) | (face == stop[:, None])).any(1)
+            result[near] |= ~shared & _through(mesh.vertices_mm[start], mesh.vertices_mm[stop], corners[other])
+    return result
+
+
+def _through(start: np.ndarray, stop: np.ndarray, face: np.ndarray) -> np.ndarray:
+    """Return where segments (n, 3) to (n, 3) pass through the inside of faces (n, 3, 3), by signed volumes."""
+    p, q, r = face[:, 0], face[:, 1], face[:, 2]
+    normal = np.cross(q - p, r - p)
+    size = np.linalg.norm(normal, axis=1)
+    margin = 1e-7 * np.maximum(size, 1e-30)
+    above = np.einsum("ij,ij->i", start - p, normal)
+    below = np.einsum("ij,ij->i", stop - p, normal)
+    crosses = (np.minimum(above, below) < -margin) & (np.maximum(above, below) > margin)
+    along = stop - start
+    turns = [np.einsum("ij,ij->i", np.cross(v - start, w - start), along) for v, w in ((p, q), (q, r), (r, p))]
+    bound = 1e-7 * size * np.linalg.norm(along, axis=1)
+    inside = np.minimum.reduce(turns) > bound
+    outside = np.maximum.reduce(turns) < -bound
+    result: np.ndarray = crosses & (inside | outside)
+    return result

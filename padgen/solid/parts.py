@@ -5,20 +5,18 @@ Each is modelled, checked and saved like the pad itself.
 The coupon is a small pad with a groove beside channel 0. The bill of materials counts the pad and these parts.
 """
 
-import csv
-import io
 from collections.abc import Mapping
 from dataclasses import replace
 
 from padgen.core.errors import number
+from padgen.planner.drive_rows import table_csv
 from padgen.planner.fixtures import coupon_groove, coupon_plan, plan_tray, screw_for
 from padgen.planner.plan import Plan
 from padgen.planner.tile import Outline
-from padgen.solid.border import border_mesh, border_volume_mm3
 from padgen.solid.checks import check_pad
 from padgen.solid.formats import Part
 from padgen.solid.mesh import ANGLE_RAD, CHORD_MM
-from padgen.solid.pad_solid import PadSolid, Tile, assembled, build_pad
+from padgen.solid.pad_solid import PadSolid, Tile, assembled, border_mesh, border_volume_mm3, build_pad
 from padgen.solid.tray_checks import build_tray, check_tray
 
 __all__ = ["bill_of_materials", "build_coupon", "build_part", "grooved"]
@@ -81,7 +79,6 @@ def bill_of_materials(plan: Plan, plastic_g: float, parts_g: Mapping[str, float]
     coils = plan.coils.rows * plan.coils.columns
     washer, coil = spec.washer, spec.coil
     rows = [
-        ("item", "quantity", "unit", "what"),
         (
             "washer",
             len(plan.taxels),
@@ -100,6 +97,4 @@ def bill_of_materials(plan: Plan, plastic_g: float, parts_g: Mapping[str, float]
         *(("plastic", f"{grams:.2f}", "g", f"{name}: at full infill") for name, grams in (parts_g or {}).items()),
         ("screw", 4 if spec.pad.hole_diameter_mm else 0, "pieces", _screw_text(plan, "tray" in (parts_g or {}))),
     ]
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(rows)
-    return text.getvalue()
+    return table_csv(("item", "quantity", "unit", "what"), rows)

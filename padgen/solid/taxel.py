@@ -1,4 +1,4 @@
-"""The build123d solid of one taxel, as a pure function of the plan's dimensions.
+"""The build123d solid of one taxel, as a pure function of the plan's dimensions; known ones come from the cache.
 
 Side view through the beam, own axes (x from the root, z from the bed)::
 
@@ -12,19 +12,26 @@ Side view through the beam, own axes (x from the root, z from the bed)::
     ####==+-+  +-+  ####   ---- z = 0
     root  ^beam
 
-Top view: see the sketches in `padgen.planner.suspensions`.
+Top view: see the sketches in `padgen.planner.suspensions`. The cache has the triangles, so that a known taxel needs no
+CAD kernel.
 """
 
+import io
+from collections.abc import Callable
 from math import copysign
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from padgen.core import cache
 from padgen.core.errors import GeometryError, number
 from padgen.planner.plan import Channel, Plan, Plate
 from padgen.planner.suspensions import BeamPath, PathPoint, Segment
-from padgen.planner.tile import Outline, outline
+from padgen.planner.tile import Outline, outline, shape_inputs
 from padgen.solid.kernel import build123d, kernel_errors
+from padgen.solid.mesh import Mesh
 
-__all__ = ["taxel_solid", "washer_solid"]
+__all__ = ["KnownSolid", "kept_solid", "known_solid", "taxel_key", "taxel_solid", "washer_solid"]
 
 LEAST_MM = 1e-6
 """Edges and fillets that are shorter are left out."""
@@ -152,3 +159,64 @@ def _only_solid(shape: Any, channel: Channel) -> Any:
             f"the taxel of channel {channel.index} came out as {len(solids)} solids, must be one valid solid"
         )
     return solids[0]
+
+
+KIND = "taxel-mesh"
+CODE = ("solid/taxel.py", "solid/mesh.py", "planner/suspensions/__init__.py", "planner/tile.py")
+PACKAGES = ("build123d", "cadquery-ocp-novtk", "numpy")
+
+
+class KnownSolid(NamedTuple):
+    """Triangles of a taxel in its own axes, and its exact volume."""
+
+    mesh: Mesh
+    volume_mm3: float
+
+
+def taxel_key(plan: Plan, channel: Channel, **detail: Any) -> str:
+    """Return the cache key of everything that the solid of a taxel depends on, and of `detail`."""
+    return cache.key_of(
+        {
+            **shape_inputs(plan, channel),
+            "code": cache.code_hash(*CODE),
+            "versions": [cache.version(name) for name in PACKAGES],
+            **detail,
+        }
+    )
+
+
+def known_solid(key: str) -> KnownSolid | None:
+    """Return the taxel kept under `key`, or None where there is none or its data are damaged."""
+    data = cache.load_bytes(KIND, key)
+    if data is None:
+        return None
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
+            mesh, volume_mm3 = Mesh(arrays["vertices_mm"], arrays["triangles"]), float(arrays["volume_mm3"])
+        whole = _is_whole(mesh) and volume_mm3 > 0
+    except Exception:  # damaged data raise errors of many kinds
+        return None
+    return KnownSolid(mesh, volume_mm3) if whole else None
+
+
+def _is_whole(mesh: Mesh) -> bool:
+    """Return whether the arrays have the types, shapes and indices of a mesh."""
+    vertices, triangles = mesh
+    if vertices.dtype.kind != "f" or triangles.dtype.kind != "i":
+        return False
+    if vertices.shape[1:] != (3,) or triangles.shape[1:] != (3,) or not len(triangles):
+        return False
+    return bool(np.isfinite(vertices).all() and triangles.min() >= 0 and triangles.max() < len(vertices))
+
+
+def kept_solid(key: str, make: Callable[[], KnownSolid]) -> KnownSolid:
+    """Return the taxel kept under `key`, or make it with `make` and keep it."""
+
+    def made() -> KnownSolid:
+        solid, data = make(), io.BytesIO()
+        mesh = solid.mesh
+        np.savez(data, vertices_mm=mesh.vertices_mm, triangles=mesh.triangles, volume_mm3=solid.volume_mm3)
+        cache.store_bytes(KIND, key, data.getvalue())
+        return solid
+
+    return cache.once(KIND, key, lambda: known_solid(key), made)

@@ -15,11 +15,11 @@ from padgen.core.finding import Finding
 from padgen.planner.fixtures import Tray, plan_tray, tray_findings, washer_underside_mm
 from padgen.planner.plan import Plan
 from padgen.planner.tile import Outline
-from padgen.solid.checks import Report, check_mesh, told
+from padgen.solid.checks import Report, check_mesh, few, told, volume_findings
 from padgen.solid.compare import differences
 from padgen.solid.kernel import build123d, kernel_errors
 from padgen.solid.measure import distance_to_sides
-from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, Mesh, as_manifold, signed_volume_mm3, tessellated
+from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, Mesh, as_manifold, tessellated
 from padgen.spec import Pad, Spec
 
 __all__ = ["Gauge", "TraySolid", "build_tray", "check_tray", "measured_tray", "tray_solid"]
@@ -50,10 +50,14 @@ def build_tray(plan: Plan, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_
 
 def tray_solid(tray: Tray, pad: Pad, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_RAD) -> TraySolid:
     """Build the solid of a `tray` with the outline of `pad`."""
+    b = build123d()
     with kernel_errors("the coil tray"):
-        floor = _layer(_outside(pad), _seats(tray), 0.0, tray.floor_mm)
-        block = _layer(_outside(pad), _sockets(tray), tray.floor_mm, tray.socket_top_mm)
-        rim = _layer(_outside(pad), [_inside(pad)], tray.socket_top_mm, tray.height_mm)
+        seats = [b.Wire.make_circle(tray.seat_hole_mm / 2, b.Plane((x, y, 0))) for x, y in tray.coils_mm]
+        sockets = [_socket(tray, x, y) for x, y in tray.coils_mm]
+        floor = _layer(_outside(pad), seats, 0.0, tray.floor_mm)
+        block = _layer(_outside(pad), sockets, tray.floor_mm, tray.socket_top_mm)
+        within = b.Wire.make_rect(pad.width_mm, pad.depth_mm)
+        rim = _layer(_outside(pad), [within], tray.socket_top_mm, tray.height_mm)
         walls = rim.cut(*_prisms(tray.wire_slots, tray.socket_top_mm, tray.height_mm))
         whole = floor.fuse(block, *walls.solids()).cut(*_prisms([tray.groove], 0.0, tray.height_mm), *_bores(tray))
         solids = whole.solids()
@@ -74,19 +78,6 @@ def _outside(pad: Pad) -> Any:
     b = build123d()
     wire = b.Wire.make_rect(pad.width_mm + 2 * pad.border_mm, pad.depth_mm + 2 * pad.border_mm)
     return wire.fillet_2d(pad.border_mm / 2, wire.vertices())
-
-
-def _inside(pad: Pad) -> Any:
-    return build123d().Wire.make_rect(pad.width_mm, pad.depth_mm)
-
-
-def _seats(tray: Tray) -> list[Any]:
-    b = build123d()
-    return [b.Wire.make_circle(tray.seat_hole_mm / 2, b.Plane((x, y, 0))) for x, y in tray.coils_mm]
-
-
-def _sockets(tray: Tray) -> list[Any]:
-    return [_socket(tray, x, y) for x, y in tray.coils_mm]
 
 
 def _socket(tray: Tray, x: float, y: float) -> Any:
@@ -132,9 +123,7 @@ BUILT_MM = 0.01
 """Largest allowed difference of a built height or depth from the planned one."""
 ROUND_MM = 2 * CHORD_MM + BUILT_MM
 """Largest allowed difference of a diameter, whose polygon lies within the true circle."""
-VOLUME_SHARE = 1e-3
 SEAT_RAYS = 3
-AT_ONCE = 5
 COIL_SIDES = 64
 BLOCKED_MM3 = 1e-3
 
@@ -157,7 +146,11 @@ def check_tray(built: TraySolid, plan: Plan, mesh: Mesh | None = None) -> Report
     spec, tray, mesh = plan.spec, built.tray, mesh or built.mesh
     report = check_mesh(mesh, spec.printer, spec.material.density_g_per_cm3)
     figures = {**report.figures, "exact_volume_mm3": built.volume_mm3}
-    findings = [*tray_findings(plan, tray), *report.findings, *_volume(mesh, built.volume_mm3)]
+    findings = [
+        *tray_findings(plan, tray),
+        *report.findings,
+        *volume_findings(report.figures["volume_mm3"], built.volume_mm3),
+    ]
     try:
         solid = as_manifold(mesh, "the tray")
     except GeometryError:
@@ -166,7 +159,7 @@ def check_tray(built: TraySolid, plan: Plan, mesh: Mesh | None = None) -> Report
     if mesh is not built.mesh:
         findings += told([], differences(solid, as_manifold(built.mesh, "the tray as planned")), None)
     gauges = list(measured_tray(tray, spec, solid))
-    findings += [*_off(gauges), *_gap(plan, gauges, figures), *_free(tray, spec, mesh, solid)]
+    findings += [*few(_off(gauges)), *_gap(plan, gauges, figures), *_free(tray, spec, mesh, solid)]
     off = [abs(g.built_mm - g.planned_mm) for g in gauges if isfinite(g.built_mm) and g.within_mm == BUILT_MM]
     figures["largest_difference_from_plan_mm"] = max(off, default=None)
     figures["measured_dimensions"] = len(gauges)
@@ -248,22 +241,13 @@ def _free_diameter(holes: list[np.ndarray], x: float, y: float) -> float:
     return nan
 
 
-def _off(gauges: list[Gauge]) -> list[Finding]:
-    """Report the first dimensions that are not as planned, and how many more there are."""
-    off = [g for g in gauges if not abs(g.built_mm - g.planned_mm) <= g.within_mm]
-    found = [
-        Finding(
-            "error",
-            "tray.built",
-            g.where,
-            f"its {g.name} is {number(g.built_mm) + ' mm' if isfinite(g.built_mm) else 'missing'}, planned are"
-            f" {number(g.planned_mm)} mm within {number(g.within_mm)} mm",
-        )
-        for g in off[:AT_ONCE]
-    ]
-    if len(off) > AT_ONCE:
-        found.append(Finding("error", "tray.built", "elsewhere", f"{len(off) - AT_ONCE} more like the last"))
-    return found
+def _off(gauges: list[Gauge]) -> Iterator[Finding]:
+    """Report the dimensions that are not as planned."""
+    for g in gauges:
+        if not abs(g.built_mm - g.planned_mm) <= g.within_mm:
+            built = f"{number(g.built_mm)} mm" if isfinite(g.built_mm) else "missing"
+            planned = f"{number(g.planned_mm)} mm within {number(g.within_mm)} mm"
+            yield Finding("error", "tray.built", g.where, f"its {g.name} is {built}, planned are {planned}")
 
 
 def _gap(plan: Plan, gauges: list[Gauge], figures: dict[str, Any]) -> Iterator[Finding]:
@@ -334,15 +318,3 @@ def _passes(solid: Any, slot: Outline, tray: Tray, pad: Pad) -> bool:
     along_y = abs(y) > pad.depth_mm / 2
     start, stop = ((x, slot.y0, z), (x, slot.y1, z)) if along_y else ((slot.x0, y, z), (slot.x1, y, z))
     return not solid.ray_cast(start, stop)
-
-
-def _volume(mesh: Mesh, exact_mm3: float) -> Iterator[Finding]:
-    volume = signed_volume_mm3(mesh)
-    if not abs(volume / exact_mm3 - 1) <= VOLUME_SHARE:
-        yield Finding(
-            "error",
-            "mesh.volume",
-            "mesh",
-            f"its volume is {number(volume)} mm³, the solid's is {number(exact_mm3)} mm³,"
-            f" within {VOLUME_SHARE:.1%}; a finer chord would do",
-        )

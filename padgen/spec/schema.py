@@ -3,9 +3,8 @@
 from dataclasses import MISSING, fields, is_dataclass
 from typing import Any, get_args
 
-from padgen.spec.entries import CATALOGUES, catalogue
 from padgen.spec.fields import choices, optional_type
-from padgen.spec.load import SHORTHANDS
+from padgen.spec.load import CATALOGUES, SHORTHANDS, catalogue
 from padgen.spec.model import Spec
 
 __all__ = ["spec_schema"]

@@ -22,7 +22,6 @@ from numpy.polynomial import legendre
 
 from padgen.core.errors import SolverError, number
 from padgen.physics.propagation import Tones, signal
-from padgen.verify.engines import engine
 
 __all__ = [
     "Collocation",
@@ -277,13 +276,9 @@ def _steps(
 def scipy_motion(
     system: CoupledSystem, source: Source, time_s: np.ndarray, method: str = "DOP853", tolerance: float = 3e-14
 ) -> np.ndarray:
-    """Return displacements, velocities and current (2n + 1, k) from rest, driven by a voltage, by scipy's `solve_ivp`.
+    """Return displacements, velocities and current (2n + 1, k) from rest, driven by a voltage, by scipy."""
+    from scipy.integrate import solve_ivp
 
-    Raises
-    ------
-    EngineMissingError
-        scipy is not installed.
-    """
     n, damping = len(system.gap_m), system.angular / system.q
 
     def rates(t: float, y: np.ndarray) -> np.ndarray:
@@ -295,8 +290,7 @@ def scipy_motion(
 
     scale = np.concatenate([system.gap_m, system.gap_m * system.angular, [1e-3]])
     span, at_rest = (0.0, float(time_s[-1])), np.zeros(2 * n + 1)
-    solve = engine("scipy.integrate").solve_ivp
-    found = solve(rates, span, at_rest, method, time_s, rtol=tolerance, atol=1e-3 * tolerance * scale).y
+    found = solve_ivp(rates, span, at_rest, method, time_s, rtol=tolerance, atol=1e-3 * tolerance * scale).y
     return np.concatenate([found[:-1], [found[-1] / system.inductance(found[:n])]])
 
 

@@ -1,17 +1,23 @@
-"""The `solid` rung of the structure ladder: one taxel's modes by 3-D elasticity on the STEP file that is built.
+"""One taxel's modes by 3-D elasticity on the STEP file that is built: the `solid` rung of the structure ladder.
 
-NGSolve must not be imported into a process that has loaded build123d: call these functions in a
-process of their own (they can be pickled).
+NGSolve must not be imported into a process that has loaded build123d: call `solve_modes` and `converged_modes` in a
+process of their own (they can be pickled). Meshes are in mm, matrices in N/m and kg.
+
+A frame, a plate and a washer hardly bend. The error of a frequency is at most the energy of the parts that are solved
+crudely, so edges are refined by their share of it in every mode asked for (`edge_energy_shares`).
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy import sparse
 
 from padgen.core.errors import SolverError, number
 from padgen.physics.resonator import TaxelModes
 from padgen.verify.elastic_mesh import (
+    CLAMPED,
     PRINTED,
     WASHER,
     Fineness,
@@ -21,24 +27,375 @@ from padgen.verify.elastic_mesh import (
     singular_edges,
     taxel_shape,
 )
-from padgen.verify.elastic_modes import (
-    LEAN,
-    Eigen,
-    Elastic,
-    Orthotropy,
-    System,
-    accurate,
-    assembled,
-    edge_energy_shares,
-    eigenmodes,
-    energy_shares,
-    factored,
-    layered,
-    rigid_loads,
-)
 from padgen.verify.engines import ng
 
-__all__ = ["SETTINGS", "Elastic", "Orthotropy", "SolidModes", "SolidTaxel", "converged_modes", "layered", "solve_modes"]
+__all__ = [
+    "LEAN",
+    "RESIDUAL_LIMIT",
+    "SETTINGS",
+    "Eigen",
+    "Elastic",
+    "Factored",
+    "Orthotropy",
+    "SolidModes",
+    "SolidTaxel",
+    "System",
+    "accurate",
+    "assembled",
+    "converged_modes",
+    "edge_energy_shares",
+    "eigenmodes",
+    "energy",
+    "energy_shares",
+    "factored",
+    "layered",
+    "rigid_loads",
+    "solve_modes",
+    "stiffness_pa",
+]
+
+
+class Orthotropy(NamedTuple):
+    """Constants along x, y and z, as layered prints have: moduli (Ex, Ey, Ez) and shear moduli
+    (Gyz, Gzx, Gxy) in Pa, and Poisson ratios (ν_yz, ν_zx, ν_xy), ν_ij = −ε_j/ε_i under σ_i."""
+
+    modulus_pa: tuple[float, float, float]
+    shear_pa: tuple[float, float, float]
+    poisson: tuple[float, float, float]
+
+
+class Elastic(NamedTuple):
+    """A linear elastic material. With `axes` given, they replace `modulus_pa` and `poisson`."""
+
+    modulus_pa: float
+    poisson: float
+    density_kg_per_m3: float
+    axes: Orthotropy | None = None
+
+
+def layered(material: Elastic, ratio: float) -> Elastic:
+    """Return `material` printed in layers across z, where its modulus and shear moduli are `ratio` of those along."""
+    if ratio == 1:
+        return material
+    e, nu = material.modulus_pa, material.poisson
+    shear = e / 2 / (1 + nu)
+    # Pulled along a layer it narrows as before; ν_zx E_x = ν_xz E_z.
+    axes = Orthotropy((e, e, ratio * e), (ratio * shear, ratio * shear, shear), (nu, ratio * nu, nu))
+    return material._replace(axes=axes)
+
+
+def stiffness_pa(material: Elastic) -> np.ndarray:
+    """Return the stiffness (6, 6) in Pa for engineering strains in the order xx, yy, zz, yz, zx, xy (Voigt).
+
+    Raises
+    ------
+    SolverError
+        The constants belong to no stable material: strain energy or density would be negative.
+    """
+    e, nu = material.modulus_pa, material.poisson
+    if material.density_kg_per_m3 <= 0:
+        raise SolverError(f"density must be above 0, got {number(material.density_kg_per_m3)} kg/m³")
+    if material.axes is None:
+        if e <= 0 or not -1 < nu < 0.5:
+            raise SolverError(f"needs E > 0 and -1 < ν < 0.5, got {number(e)} Pa and {number(nu)}, e.g. 0.36")
+        axes = Orthotropy((e,) * 3, (e / 2 / (1 + nu),) * 3, (nu,) * 3)
+    else:
+        axes = material.axes
+    ex, ey, ez = axes.modulus_pa
+    yz, zx, xy = axes.poisson
+    if min(*axes.modulus_pa, *axes.shear_pa) <= 0:
+        raise SolverError(f"moduli must be above 0, got {axes.modulus_pa} and {axes.shear_pa} Pa")
+    compliance = np.diag([1 / ex, 1 / ey, 1 / ez, *(1 / g for g in axes.shear_pa)])
+    for i, j, coupling in ((0, 1, xy / ex), (1, 2, yz / ey), (0, 2, zx / ez)):
+        compliance[i, j] = compliance[j, i] = -coupling
+    if np.linalg.eigvalsh(compliance / np.abs(compliance).max())[0] <= 0:
+        raise SolverError("Poisson ratios too large for the moduli: strain energy must be positive in every direction")
+    stiffness = np.linalg.inv(compliance)
+    return np.asarray((stiffness + stiffness.T) / 2)
+
+
+RESIDUAL_LIMIT = 1e-4
+"""The eigenvalue is off by its square."""
+SETTLED = 1e-3
+"""Relative change of an eigenvalue from block to block, above which one that is lower may still turn up."""
+ENERGY_LOST = 1e-8
+"""Share of the energy that rounding may cost a static answer."""
+LEAN = 2
+"""Order of the elements that hold little energy."""
+SPARE = 2
+BLOCKS = 12
+MM = 1e-3
+
+
+class System(NamedTuple):
+    """Matrices of an elastic solid, acting on vectors (n,) of its unknowns.
+
+    `space`: NGSolve's space, of three components at a node (`blocks`) or one component after the
+    other; `stiffness`: its matrix in N/m; `mass`: scipy CSR (n/3, n/3) in kg, the same for each
+    component; `free` (n,): not held.
+    """
+
+    space: Any
+    stiffness: Any
+    mass: Any
+    free: np.ndarray
+    blocks: bool = True
+
+    def stiffness_times(self, vectors: np.ndarray) -> np.ndarray:
+        """Return K v of (n,) or (n, k), in N."""
+        into, out = self.stiffness.CreateColVector(), self.stiffness.CreateColVector()
+        columns = [_applied(self.stiffness, into, out, column) for column in np.atleast_2d(vectors.T)]
+        return np.array(columns).T if vectors.ndim == 2 else columns[0]
+
+    def mass_times(self, vectors: np.ndarray) -> np.ndarray:
+        """Return M v of (n,) or (n, k)."""
+        nodes = self.mass.shape[0]
+        if self.blocks:
+            return np.asarray(self.mass @ vectors.reshape(nodes, -1)).reshape(vectors.shape)
+        return np.concatenate([self.mass @ part for part in vectors.reshape(3, nodes, *vectors.shape[1:])])
+
+    def diagonal(self) -> np.ndarray:
+        """Return the diagonal (n,) of the stiffness."""
+        values, columns, starts = (np.asarray(part) for part in self.stiffness.CSR())
+        kind, values = ("bsr_matrix", values.reshape(-1, 3, 3)) if self.blocks else ("csr_matrix", values)
+        return np.asarray(getattr(sparse, kind)((values, columns, starts)).diagonal())
+
+
+class Eigen(NamedTuple):
+    """`frequency_hz` (k,) rising, `shape` (n, k) mass-normalised, `residual` the largest of the modes."""
+
+    frequency_hz: np.ndarray
+    shape: np.ndarray
+    residual: float
+
+
+def assembled(
+    mesh: Any,
+    materials: Mapping[str, Elastic],
+    order: int,
+    clamped: str = CLAMPED,
+    blocks: bool = True,
+    flat: str | None = None,
+    rich: np.ndarray | None = None,
+    volume_mm3: Mapping[str, float] | None = None,
+) -> System:
+    """Stiffness and mass of `mesh` (mm) with elements of `order`; `materials` by name of solid, `clamped`
+    the name of the faces held, `flat` of those that only slide in x and y (a plane of symmetry).
+    `blocks` is 1.6 times faster, but loses a foil's stiffness by rounding (`accurate`) and knows no `flat`.
+    Only elements of `rich` (elements,) have that order if it is given, the others `LEAN`; needs `blocks`.
+    What a solid of known `volume_mm3` lacks where the mesh cuts its curves is made up for by density.
+
+    The mesh is curved to the lowest order: elements curved more than their order cannot turn without
+    strain (f₁ came out four times too high).
+    """
+    mesh.Curve(order if rich is None else LEAN)
+    scalar = ng.H1(mesh, order=order)
+    if blocks and flat is None:
+        space = ng.H1(mesh, order=order, dim=3, dirichlet=clamped)
+        if rich is not None:
+            _thin((scalar, space), mesh, order, rich)
+    else:
+        blocks, slides = False, {"dirichletz": f"{clamped}|{flat}"} if flat else {}
+        space = ng.VectorH1(mesh, order=order, dirichlet=clamped, **slides)
+    (u, v), (a, b) = space.TnT(), scalar.TnT()
+    stiffness, mass = ng.BilinearForm(space, symmetric=True), ng.BilinearForm(scalar, symmetric=True)
+    for name, material in materials.items():
+        where = ng.dx(definedon=mesh.Materials(name))
+        stiffness += energy(material, u, v) * where
+        whole = volume_mm3[name] / ng.Integrate(1.0, mesh.Materials(name)) if volume_mm3 else 1.0
+        mass += MM**3 * whole * material.density_kg_per_m3 * a * b * where
+    stiffness.Assemble()
+    mass.Assemble()
+    values, columns, starts = (np.array(part) for part in mass.mat.CSR())
+    free = np.array(list(space.FreeDofs()), bool)
+    lumps = sparse.csr_matrix((values, columns, starts))
+    return System(space, stiffness.mat, lumps, np.repeat(free, 3) if blocks else free, blocks)
+
+
+def _thin(spaces: tuple[Any, ...], mesh: Any, order: int, rich: np.ndarray) -> None:
+    """Lower spaces of `order` to `LEAN` at edges, faces and insides that belong to no element of `rich`."""
+    counts = {ng.EDGE: mesh.nedge, ng.FACE: mesh.nface, ng.CELL: mesh.ne}
+    # The edges and faces that layers have split are numbered still; at order 1 they have no unknowns.
+    orders = {kind: np.ones(count, int) for kind, count in counts.items()}
+    for place in [*np.flatnonzero(~rich), *np.flatnonzero(rich)]:
+        element = mesh[ng.ElementId(ng.VOL, int(place))]
+        own = order if rich[place] else LEAN
+        orders[ng.EDGE][[edge.nr for edge in element.edges]] = own
+        orders[ng.FACE][[face.nr for face in element.faces]] = own
+        orders[ng.CELL][place] = own
+    for kind, wanted in orders.items():
+        for place in np.flatnonzero(wanted != order):
+            node, own = ng.NodeId(kind, int(place)), int(wanted[place])
+            for space in spaces:
+                space.SetOrder(node, own)
+    for space in spaces:
+        space.UpdateDofTables()
+        space.FinalizeUpdate()
+
+
+def energy(material: Elastic, u: Any, v: Any) -> Any:
+    """Return the integrand in mm of the stiffness: displacements in m, coordinates in mm."""
+    stiffness = stiffness_pa(material)
+    # du/dx has 1/mm, the volume mm³: Pa · 1e6/m² · 1e-9 m³.
+    if material.axes is None:
+        shear, lame = MM * stiffness[5, 5], MM * stiffness[0, 1]
+        du, dv = ng.Grad(u), ng.Grad(v)
+        return 2 * shear * ng.InnerProduct(ng.Sym(du), ng.Sym(dv)) + lame * ng.Trace(du) * ng.Trace(dv)
+    voigt = ng.CoefficientFunction(tuple((MM * stiffness).ravel().tolist()), dims=(6, 6))
+    return ng.InnerProduct(voigt * _strain(u), _strain(v))
+
+
+def _strain(u: Any) -> Any:
+    """Return the engineering strain in Voigt's order."""
+    g = ng.Grad(u)
+    return ng.CoefficientFunction((g[0, 0], g[1, 1], g[2, 2], g[1, 2] + g[2, 1], g[0, 2] + g[2, 0], g[0, 1] + g[1, 0]))
+
+
+class Factored(NamedTuple):
+    """``K⁻¹`` on all unknowns, zero where held: call it with a load (n,) in N, get (n,) in m."""
+
+    inverse: Any
+    into: Any
+    out: Any
+
+    def __call__(self, load: np.ndarray) -> np.ndarray:
+        return _applied(self.inverse, self.into, self.out, load)
+
+
+def factored(system: System) -> Factored:
+    """Factor the stiffness by Cholesky.
+
+    Raises
+    ------
+    SolverError
+        It is not positive definite: the solid is not held.
+    """
+    try:
+        inverse = system.stiffness.Inverse(system.space.FreeDofs(), inverse="sparsecholesky")
+    except Exception as error:
+        raise SolverError("the stiffness matrix cannot be factored: the solid is not held", "elasticity") from error
+    return Factored(inverse, system.stiffness.CreateColVector(), system.stiffness.CreateColVector())
+
+
+def accurate(system: System, solve: Factored, loads: np.ndarray, answers: np.ndarray) -> bool:
+    """Tell whether `answers` (n, k) to `loads` (n, k) hold: for the softest, by the energy of its correction.
+
+    The inverses of 3 × 3 pivots in NGSolve's Cholesky lose soft directions when the stiffnesses of a
+    solid lie more than about 1e8 apart, without a word.
+    """
+    work = np.einsum("ik,ik->k", loads, answers)
+    softest = int(work.argmax())
+    left = (loads[:, softest] - system.stiffness_times(answers[:, softest])) * system.free
+    return bool(abs(left @ solve(left)) <= ENERGY_LOST * work[softest])
+
+
+def _applied(matrix: Any, into: Any, out: Any, vector: np.ndarray) -> np.ndarray:
+    into.FV().NumPy()[:] = np.asarray(vector).ravel()
+    out.data = matrix * into
+    return np.array(out.FV().NumPy())
+
+
+def eigenmodes(system: System, solve: Factored, modes: int, start: np.ndarray | None = None) -> Eigen:
+    """Return the lowest `modes` of ``K x = (2πf)² M x`` by block Lanczos on K⁻¹ M from `start` (n, b).
+
+    Static answers to loads on the washer are a good start: two blocks more do. Each block is
+    orthogonal to all before; Rayleigh–Ritz on all of them, until no λ moves by `SETTLED` and all residuals are below
+    `RESIDUAL_LIMIT`.
+
+    Raises
+    ------
+    SolverError
+        More modes than unknowns are asked for, or no convergence.
+    """
+    unknowns = int(system.free.sum())
+    if modes >= unknowns:
+        raise SolverError(f"has {unknowns} unknowns, too few for {modes} modes", "elasticity")
+    block = start
+    if block is None:  # answers to inertia of irregular motions, always the same: no mode is orthogonal to them
+        wave = np.cos(np.outer(np.arange(system.free.size), np.sqrt(np.arange(2, 2 + modes + SPARE))))
+        block = np.array([solve(load) for load in system.mass_times(wave).T]).T
+    basis = stiff = np.zeros((system.free.size, 0))
+    values, residual = np.full(modes, np.inf), np.inf
+    for _ in range(BLOCKS):
+        for _ in range(2):  # M-orthonormal to the basis and in itself; twice, as rounding asks for
+            block = block - basis @ (basis.T @ system.mass_times(block))
+            size, turn = np.linalg.eigh(block.T @ system.mass_times(block))
+            kept = size > size[-1] * np.finfo(float).eps * len(size)
+            block = block @ (turn[:, kept] / np.sqrt(size[kept]))
+        basis, stiff = np.hstack((basis, block)), np.hstack((stiff, system.stiffness_times(block)))
+        square, part = np.linalg.eigh(basis[system.free].T @ stiff[system.free])
+        if len(square) >= modes:
+            moved, values = np.abs(values / square[:modes] - 1).max(), square[:modes]
+            if moved < SETTLED:
+                shape = basis @ part[:, :modes]
+                # |D^-½ (K x − λ M x)| / |x|_K, D the diagonal of K
+                left = (stiff @ part[:, :modes] - system.mass_times(shape) * values)[system.free]
+                bent = (left**2 / system.diagonal()[system.free, None]).sum(0)
+                residual = float(np.sqrt(bent / values).max()) if values[0] > 0 else np.inf
+                if residual < RESIDUAL_LIMIT:
+                    return Eigen(np.sqrt(values) / (2 * np.pi), shape, residual)
+        block = np.array([solve(load) for load in system.mass_times(block).T]).T
+    raise SolverError(
+        f"the eigenvalue solver leaves a residual of {residual:.1e} after {BLOCKS} blocks, must be below"
+        f" {RESIDUAL_LIMIT}",
+        "elasticity",
+    )
+
+
+def rigid_loads(
+    system: System, solid: str, density_kg_per_m3: float, x_mm: float, y_mm: float = 0.0, z_mm: float = 0.0
+) -> np.ndarray:
+    """Loads (n, 6) on the named solid, spread over its volume, for unit forces in N and moments in N·m
+    about the point (`x_mm`, `y_mm`, `z_mm`).
+
+    Their transpose takes a displacement to the solid's mean motion as a body, in m and rad: the
+    mass-weighted least-squares fit.
+    """
+    mesh, where = system.space.mesh, ng.dx(definedon=system.space.mesh.Materials(solid))
+    x, y, z = MM * (ng.x - x_mm), MM * (ng.y - y_mm), MM * (ng.z - z_mm)
+    turns = [(0, -z, y), (z, 0, -x), (-y, x, 0)]
+    fields = [ng.CoefficientFunction(f) for f in [(1, 0, 0), (0, 1, 0), (0, 0, 1), *turns]]
+    weight = MM**3 * density_kg_per_m3
+    v = system.space.TestFunction()
+    loads = []
+    for field in fields:
+        form = ng.LinearForm(system.space)
+        form += weight * ng.InnerProduct(field, v) * where
+        form.Assemble()
+        loads.append(np.array(form.vec.FV().NumPy()))
+    products = ng.CoefficientFunction(tuple(weight * ng.InnerProduct(a, b) for a in fields for b in fields))
+    gram = np.array(ng.Integrate(products, mesh, definedon=mesh.Materials(solid))).reshape(6, 6)
+    return np.asarray(np.linalg.solve(gram, np.array(loads)).T)
+
+
+def energy_shares(system: System, materials: Mapping[str, Elastic], eigen: Eigen) -> np.ndarray:
+    """Return the share (elements, k) of each element in the strain energy of each mode; columns sum to 1."""
+    mesh = system.space.mesh
+    field = ng.GridFunction(system.space)
+    density = mesh.MaterialCF({name: energy(material, field, field) for name, material in materials.items()})
+    shares = []
+    for shape in eigen.shape.T:
+        field.vec.FV().NumPy()[:] = shape
+        held = np.array(ng.Integrate(density, mesh, element_wise=True).NumPy())
+        shares.append(held / held.sum())
+    return np.array(shares).T
+
+
+def edge_energy_shares(netgen_mesh: Any, shares: np.ndarray) -> dict[str, float]:
+    """Return the largest share over the modes of the tetrahedra along each named edge of the solid."""
+    nodes = netgen_mesh.Elements3D().NumPy()["nodes"][:, :4].astype(np.int64)
+    segments = netgen_mesh.Elements1D().NumPy()
+    ends = np.sort(segments["nodes"][:, :2].astype(np.int64), axis=1)
+    stride = int(nodes.max()) + 1
+    one, other = np.triu_indices(4, 1)
+    pairs = np.minimum(nodes[:, one], nodes[:, other]) * stride + np.maximum(nodes[:, one], nodes[:, other])
+    found: dict[str, float] = {}
+    for index in np.unique(segments["index"]):
+        own = ends[segments["index"] == index]
+        along = np.isin(pairs, own[:, 0] * stride + own[:, 1]).any(1)
+        name = netgen_mesh.GetCD2Name(int(index) - 1)
+        found[name] = max(found.get(name, 0.0), float(shares[along].sum(0).max()))
+    return found
 
 
 class Setting(NamedTuple):

@@ -5,7 +5,7 @@ from typing import Any
 
 from padgen.core.errors import EngineMissingError
 
-__all__ = ["Engine", "engine", "mpmath", "ng", "occ", "require", "sparse"]
+__all__ = ["Engine", "mpmath", "ng", "occ", "require"]
 
 EXTRA = "study"
 
@@ -16,27 +16,19 @@ def require(name: str) -> None:
         raise _missing(name, "it is not installed")
 
 
-def engine(name: str) -> Any:
-    """Import the optional package `name`.
-
-    Raises
-    ------
-    EngineMissingError
-        It is not installed, or cannot be loaded; the message names the extra that brings it.
-    """
-    try:
-        return importlib.import_module(name)
-    except ImportError as error:
-        raise _missing(name, str(error)) from error
-
-
 def _missing(name: str, why: str) -> EngineMissingError:
     package = name.partition(".")[0]
     return EngineMissingError(f"needs the package {package} ({why}); pip install 'padgen[{EXTRA}]' brings it", "model")
 
 
 class Engine:
-    """An optional package that is imported when one of its names is first asked for; raises as `engine` does."""
+    """An optional package that is imported when one of its names is first asked for.
+
+    Raises
+    ------
+    EngineMissingError
+        It is not installed, or cannot be loaded; the message names the extra that brings it.
+    """
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -44,7 +36,10 @@ class Engine:
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):  # who looks at all modules' names must not load it
             raise AttributeError(name)
-        return getattr(engine(self._name), name)
+        try:
+            return getattr(importlib.import_module(self._name), name)
+        except ImportError as error:
+            raise _missing(self._name, str(error)) from error
 
 
-ng, occ, mpmath, sparse = (Engine(name) for name in ("ngsolve", "netgen.occ", "mpmath", "scipy.sparse"))
+ng, occ, mpmath = (Engine(name) for name in ("ngsolve", "netgen.occ", "mpmath"))

@@ -21,8 +21,8 @@ from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.planner.tile import taxel_places
 from padgen.verify.elastic_mesh import Fineness, meshed
-from padgen.verify.elastic_modes import Elastic, System, assembled, factored, rigid_loads
-from padgen.verify.engines import engine, ng, occ
+from padgen.verify.elasticity import Elastic, System, assembled, factored, rigid_loads
+from padgen.verify.engines import ng, occ
 
 __all__ = [
     "CLAMPINGS",
@@ -182,6 +182,8 @@ def _on_frame(plan: Plan, system: System) -> PadModes:
 
 def coupled_modes(stiffness: np.ndarray, mass: np.ndarray, taxels: Sequence[Hung]) -> PadModes:
     """Return modes of `taxels` on a frame of `stiffness` and `mass` (n, n)."""
+    from scipy.linalg import eigh
+
     frame = slice(0, len(mass))
     size = len(mass) + 6 * len(taxels)
     whole, heavy, pulls = np.zeros((size, size)), np.zeros((size, size)), np.zeros((len(taxels), size))
@@ -194,7 +196,7 @@ def coupled_modes(stiffness: np.ndarray, mass: np.ndarray, taxels: Sequence[Hung
             whole[own, own] += beam
             whole[own, frame] -= beam @ root
             whole[frame, own] -= (beam @ root).T
-    square, vectors = engine("scipy.linalg").eigh(whole, heavy)
+    square, vectors = eigh(whole, heavy)
     return PadModes(square, pulls @ vectors)
 
 

@@ -75,20 +75,7 @@ class DriveFormat(Protocol):
         """Add all its files to `out`; may raise SpecError: then nothing is kept."""
 
 
-def register(name: str, drive_format: DriveFormat) -> None:
-    """Add a format, which may be asked for from then on.
-
-    Raises
-    ------
-    SpecError
-        The name is taken or no name, or the format lacks something.
-    """
-    FORMATS.register(name, drive_format, DriveFormat)
-
-
-def unregister(name: str) -> None:
-    """Take away a format that was registered."""
-    FORMATS.unregister(name)
+register, unregister = FORMATS.register, FORMATS.unregister
 
 
 def in_order(names: Iterable[str]) -> dict[str, DriveFormat]:

@@ -63,20 +63,7 @@ class DriveScheme(Protocol):
         """Return an upper bound in V of the coil's voltage: all peaks at one moment."""
 
 
-def register(name: str, scheme: DriveScheme) -> None:
-    """Add a scheme, which specs may name from then on and ``auto`` tries.
-
-    Raises
-    ------
-    SpecError
-        The name is taken or malformed, or the scheme lacks a name of `DriveScheme`.
-    """
-    SCHEMES.register(name, scheme, DriveScheme)
-
-
-def unregister(name: str) -> None:
-    """Remove a registered scheme."""
-    SCHEMES.unregister(name)
+register, unregister = SCHEMES.register, SCHEMES.unregister
 
 
 def in_order() -> tuple[str, ...]:

@@ -20,20 +20,7 @@ class CoilKind(Protocol):
         """Return windings and core in m, heights from the top face; raise SpecError for fields that make no coil."""
 
 
-def register(name: str, kind: CoilKind) -> None:
-    """Add a kind of coil, which specs may name from then on.
-
-    Raises
-    ------
-    SpecError
-        The name is taken or not valid, or the kind lacks a member of `CoilKind`.
-    """
-    COILS.register(name, kind, CoilKind)
-
-
-def unregister(name: str) -> None:
-    """Remove a registered kind of coil."""
-    COILS.unregister(name)
+register, unregister = COILS.register, COILS.unregister
 
 
 def coil_source(coil: Coil) -> CoilSource:

@@ -213,20 +213,7 @@ class Suspension(Protocol):
         """
 
 
-def register(name: str, suspension: Suspension) -> None:
-    """Add a suspension, which specs may name from then on and ``auto`` tries.
-
-    Raises
-    ------
-    SpecError
-        The name is taken or not valid, or the suspension lacks a member of `Suspension`.
-    """
-    SUSPENSIONS.register(name, suspension, Suspension)
-
-
-def unregister(name: str) -> None:
-    """Remove a registered suspension."""
-    SUSPENSIONS.unregister(name)
+register, unregister = SUSPENSIONS.register, SUSPENSIONS.unregister
 
 
 def names() -> tuple[str, ...]:

@@ -70,20 +70,7 @@ class PadFormat(Protocol):
         """
 
 
-def register(name: str, pad_format: PadFormat) -> None:
-    """Add a format under a name, by which it can then be asked for.
-
-    Raises
-    ------
-    SpecError
-        The name is taken or not a valid name, or the format lacks a function.
-    """
-    PAD_FORMATS.register(name, pad_format, PadFormat)
-
-
-def unregister(name: str) -> None:
-    """Remove a format that was registered."""
-    PAD_FORMATS.unregister(name)
+register, unregister = PAD_FORMATS.register, PAD_FORMATS.unregister
 
 
 def verified(name: str, mesh: Mesh, written: Mesh) -> None:

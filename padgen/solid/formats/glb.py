@@ -8,9 +8,9 @@ from padgen.core.errors import GeometryError
 from padgen.core.files import OutputFolder
 from padgen.planner.plan import Plan
 from padgen.planner.tile import to_cell
-from padgen.solid.border import washer_mesh
 from padgen.solid.formats import ExportJob
 from padgen.solid.mesh import Mesh
+from padgen.solid.pad_solid import washer_mesh
 
 __all__ = ["write"]
 

@@ -15,8 +15,7 @@ from padgen.core.files import OutputFolder
 from padgen.planner.plan import Channel, Plan
 from padgen.solid.formats import ExportJob
 from padgen.solid.kernel import build123d, kernel_errors
-from padgen.solid.taxel import taxel_solid, washer_solid
-from padgen.solid.tile_store import taxel_key
+from padgen.solid.taxel import taxel_key, taxel_solid, washer_solid
 
 __all__ = ["write", "write_taxel_step"]
 
@@ -39,7 +38,7 @@ def write_taxel_step(plan: Plan, channel: Channel, path: Path) -> None:
 
     It has two named solids in the taxel's own axes: ``printed``, the taxel in the frame of its sub-cell, and
     ``washer``, where the glue holds it. Read back, they must have the same volumes. The file is cached as the taxel's
-    triangles are (`padgen.solid.tile_store`).
+    triangles are (`padgen.solid.taxel`).
     """
     writer = cache.code_hash("solid/formats/step.py")
     key = taxel_key(plan, channel, washer=asdict(plan.spec.washer), step=_UNNAMED, writer=writer)

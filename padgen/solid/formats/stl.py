@@ -7,7 +7,7 @@ from padgen.core.files import OutputFolder
 from padgen.solid.formats import ExportJob, verified
 from padgen.solid.mesh import AT_ONCE, Mesh
 
-__all__ = ["stl_bytes", "stl_mesh", "write"]
+__all__ = ["stl_bytes", "write"]
 
 _STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
@@ -37,11 +37,6 @@ def stl_bytes(mesh: Mesh, title: str) -> bytearray:
         some["normal"] = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
         some["corners"] = corners
     return data
-
-
-def stl_mesh(data: bytes) -> Mesh:
-    """Return the triangles of a binary STL, not welded."""
-    return _not_welded(np.frombuffer(data, _STL_TRIANGLE, offset=84))
 
 
 def _not_welded(triangles: np.ndarray) -> Mesh:
