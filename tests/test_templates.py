@@ -20,7 +20,7 @@ from padgen.solid.pad_solid import build_pad
 from padgen.spec import load_spec, template_paths
 
 sys.path.append(str(Path(__file__).parents[1] / "docs"))
-from measure_yield import kept  # noqa: E402
+from measure_yield import kept
 
 TEMPLATES = sorted(template_paths())
 PRINTS = 4000
