@@ -1,7 +1,8 @@
 """Measures what docs/yield.md reports of the plan's estimate and of the search. Prints Markdown.
 
-`python docs/measure_yield.py [SPECS]`: random specs whose plan's estimate is compared with 40,000 simulated pads of
-another seed, and as many small ones of which every layout is planned; an hour for 200.
+python docs/measure_yield.py templates    each template's estimate against 40,000 simulated pads of another seed
+python docs/measure_yield.py [SPECS]      the same of random specs, and as many small ones of which every layout is
+                                          planned; an hour for 200
 """
 
 import random
@@ -19,9 +20,12 @@ from padgen.planner.layout import SLACK_MM, candidates
 from padgen.planner.make import Choice, _assemble, _decided_specs, _driven, choose
 from padgen.planner.printed_pads import STAGES, design_of, printed, spreads_of
 from padgen.planner.search import _beams, _within_reach
-from padgen.spec import Spec, parse_spec
+from padgen.spec import Spec, load_spec, parse_spec
+from padgen.spec.load import template_paths
 
 SPECS, PADS, SMALL_PADS = 200, 40_000, 4000
+MOST_TAXELS = 5_120_000
+"""Printed taxels of a template at most: 10,000 pads of `big-512`, whose share is then good to 1 % (two sigma)."""
 PRINTERS = ("fdm-0.4", "fdm-0.4", "fdm-0.25", "resin-0.05")
 
 
@@ -80,6 +84,23 @@ def shortfall(spec: Spec, pads: int) -> tuple[float, int, int]:
     return spec.print_share - share, order(chosen)[1] - fewest[1] if order(chosen) > fewest else 0, len(found)
 
 
+def off_by(plan: Plan, share: float, db: float) -> tuple[float, float]:
+    """Return by how much the plan's estimate of dB and share is more than a Monte-Carlo's."""
+    told = plan.prints
+    return 0.0 if told.print_db is None or not np.isfinite(db) else told.print_db - db, told.good_share - share
+
+
+def templates() -> list[str]:
+    text = ["| template | asked, dB | keep, dB | off | pads, % | off | prints |", "|---|---|---|---|---|---|---|"]
+    for name in template_paths():
+        plan = make_plan(load_spec(name))
+        share, db = kept(plan, min(PADS, MOST_TAXELS // len(plan.taxels)))
+        off_db, off_share = off_by(plan, share, db)
+        figures = f"{db:.2f} | {off_db:+.2f} | {100 * share:.2f} | {100 * off_share:+.2f} | {plan.prints.pads:,}"
+        text.append(f"| {name} | {plan.selectivity.asked_db:.0f} | {figures} |")
+    return text
+
+
 def estimates(specs: int) -> list[str]:
     seed, off = 0, list[tuple[float, ...]]()
     while len(off) < specs:
@@ -90,8 +111,7 @@ def estimates(specs: int) -> list[str]:
             continue
         share, db = kept(plan, PADS)
         told = plan.prints
-        off_db = 0.0 if told.print_db is None or not np.isfinite(db) else told.print_db - db
-        off.append((off_db, told.good_share - share, told.error_db or 0.0, told.error_share))
+        off.append((*off_by(plan, share, db), told.error_db or 0.0, told.error_share))
         print(seed, plan.name, told.pads, *(f"{value:.4f}" for value in (*off[-1], share, db)), file=sys.stderr)
     db, share, error_db, error_share = np.abs(np.array(off)).T
     rows = [("print_db, dB", db, error_db, 0.01), ("share of good pads, %", 100 * share, 100 * error_share, 1e-9)]
@@ -129,6 +149,9 @@ def searches(specs: int) -> list[str]:
 
 
 if __name__ == "__main__":
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else SPECS
+    asked = sys.argv[1] if len(sys.argv) > 1 else str(SPECS)
+    if asked == "templates":
+        raise SystemExit(print("\n".join(templates())))
+    count = int(asked)
     for part in (estimates, searches):
         print("\n".join(["", *part(count)]), flush=True)

@@ -6,7 +6,8 @@
 | median stated over median true error | 5 | an error that is stated too wide says nothing |
 | other modes below ten times the working one | 85 % | lateral, torsion, pitch |
 | a taxel solved anew by tetrahedra on its STEP | 0.5 % | another mesh, another geometry kernel, other elements |
-| serpentines, working modes and others | 90 % within what is stated, medians 1 and 1.6 % | bends by theory |
+| serpentines, working modes | all within what is stated, median 1 %, stated 4 times that | bends by theory |
+| their other modes | 95 % within what is stated | same |
 """
 
 import sys
@@ -113,37 +114,34 @@ def test_layers_that_hold_less_well_are_counted():
     assert np.mean(blind) > 1.5 * np.mean(known)
 
 
-def serpentines(rows):
-    """Compare serpentines' modes, with the frame's true depth, as plans do for the error that they state."""
-    return [
-        one
-        for row in rows
-        for one in campaign.compared(row, frame_depth_mm=-row["x0_mm"] if campaign.is_deep(row) else None)
-    ]
-
-
-def test_serpentines_are_as_far_off_as_they_state():
-    """The floor was chosen on two thirds of them; nothing was fitted to bends, their twist or their warping."""
-    assert {row["topology"] for row in SERPENTINES} == set(campaign.BENT)
-    assert len(SERPENTINES) >= 40
-    for apart in (False, True):
-        found = serpentines([row for row in SERPENTINES if campaign.held_out(row) is apart])
-        own = working(found)
-        assert len(own) > 10
-        assert covered(own) >= 0.9
-        assert covered([one for one in found if not one.working and one.ratio < campaign.NEAR]) >= 0.9
-        assert np.median([abs(one.error) for one in own]) < 0.01
-        assert np.median([one.stated for one in own]) < 0.016
+@pytest.mark.parametrize("later", [False, True])
+def test_serpentines_are_as_far_off_as_they_state(later):
+    """What is stated was chosen on the earlier ones; 24 were solved after that."""
+    rows = [row for row in SERPENTINES if (row["number"] >= campaign.LATER_FROM) is later]
+    assert len(rows) >= 24
+    assert {row["topology"] for row in rows} == set(campaign.BENT)
+    found = campaign.compared_as_planned(rows)
+    own = working(found)
+    assert len(own) == len(rows)
+    assert covered(own) == 1
+    assert covered([one for one in found if not one.working and one.ratio < campaign.NEAR]) >= 0.95
+    middle, stated = (np.median(np.abs([getattr(one, key) for one in own])) for key in ("error", "stated"))
+    assert middle < 0.01
+    assert stated < 4 * middle
 
 
 def test_bends_are_stiffer_than_their_axis_and_hold_tall_legs(monkeypatch):
     """Without either correction the model's errors are more than twice as large."""
-    usual = np.mean([abs(one.error) for one in working(serpentines(SERPENTINES))])
+
+    def error():
+        return np.mean([abs(one.error) for one in working(campaign.compared_as_planned(SERPENTINES[::3]))])
+
+    usual = error()
     with monkeypatch.context() as without:
         without.setattr(beams, "bend_stiffening", lambda curved: 1.0 + 0.0 * curved)
-        assert np.mean([abs(one.error) for one in working(serpentines(SERPENTINES))]) > 2 * usual
+        assert error() > 2 * usual
     monkeypatch.setattr(beams, "piece_twist", lambda straight, warping: 1.0)
-    assert np.mean([abs(one.error) for one in working(serpentines(SERPENTINES))]) > 2 * usual
+    assert error() > 2 * usual
 
 
 def test_a_taxel_solved_anew():

@@ -104,7 +104,7 @@ def test_cures_in_words():
     cure = {"coil.reuse": "same", "taxel.centre_post": True, "band_hz": [50.0, 70.5]}
     words = "coil.reuse = 'same' with taxel.centre_post = true with band_hz = [50, 70.5]"
     assert cured("no", [cure]) == f"no; {words} would do"
-    assert cured("no", [{"material": None}, {"q_min": 1.5}]) == "no; no material, or q_min = 1.5, would do"
+    assert cured("no", [{"material": None}, {"q_min": 1.5}]) == "no; leaving out material, or q_min = 1.5, would do"
     assert cured("no", []) == "no"
 
 

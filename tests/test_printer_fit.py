@@ -118,6 +118,12 @@ def test_what_does_not_tell_is_refused():
     wild = [replace(fit, resonance_hz=fit.resonance_hz * (1.3 if k % 2 else 0.8)) for k, fit in enumerate(wild)]
     with pytest.raises(SolverError, match=r"times as far from any one printer as prints differ \(chi-square"):
         calibrated(plan, [wild])
+    # All 1.3 times as high as drawn, as of another pad: it fits, with a modulus that no such material has.
+    high = [replace(fit, resonance_hz=fit.resonance_hz * 1.3) for fit in prints(plan, (0.0, 0.0, 0.0), 0)[0]]
+    with pytest.raises(SolverError, match=r"the modulus would be off by \+0\.\d+ of its value, expected is ± 0\.1 "):
+        calibrated(plan, [high])
+    with pytest.raises(SolverError, match="the same measurement was given as two prints"):
+        calibrated(plan, prints(plan, (0.0, 0.0, 0.0), 0) * 2)
 
 
 @pytest.mark.parametrize(

@@ -125,7 +125,7 @@ def cured(sentence: str, cures: Sequence[Mapping[str, Any]]) -> str:
     """End a `sentence` with the changes of a spec that do, as the lines of its file.
 
     >>> cured("too much", [{"coil.grid": [2, 2], "washer": "iso7092-m2"}, {"coil.gap_mm": None}])
-    "too much; coil.grid = [2, 2] with washer = 'iso7092-m2', or no coil.gap_mm, would do"
+    "too much; coil.grid = [2, 2] with washer = 'iso7092-m2', or leaving out coil.gap_mm, would do"
     """
     ways = [" with ".join(_line(*field) for field in cure.items()) for cure in cures]
     comma = "," * (len(ways) > 1)
@@ -134,7 +134,7 @@ def cured(sentence: str, cures: Sequence[Mapping[str, Any]]) -> str:
 
 def _line(key: str, value: Any) -> str:
     if value is None:
-        return f"no {key}"
+        return f"leaving out {key}"
     if isinstance(value, list):
         return f"{key} = [{', '.join(_toml(entry) for entry in value)}]"
     return f"{key} = {_toml(value)}"

@@ -31,6 +31,9 @@ STEPS, STEP_MM = 8, 1e-3
 SETTLED = 1e-9
 LEAST_LIKELY = 1e-4
 """Least probability of a larger chi-square; below it, measurements contradict each other or the model."""
+FARTHEST_SIGMAS = 5.0
+"""Largest change of a term, over its bias before the calibration and its error: beyond it, another pad was measured."""
+SAME_PAD = "is this the plan that was printed, with this printer and material?"
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,13 +63,16 @@ def calibrated(plan: Plan, prints: Sequence[Sequence[TaxelFit]]) -> Calibration:
     Raises
     ------
     SolverError
-        There are too few taxels, they cannot tell the three terms apart, or the measurements contradict each other.
+        There are too few taxels, they cannot tell the three terms apart, or the measurements contradict each other, or
+        are of another pad or printer.
     """
     place = {taxel.id: i for i, taxel in enumerate(plan.taxels)}
     index = [np.array([place[fit.id] for fit in fits]) for fits in prints]
     measured = np.log([fit.resonance_hz for fits in prints for fit in fits])
     if len(measured) <= len(TERMS):
         raise SolverError(f"{len(measured)} taxels were measured, at least {len(TERMS) + 1} are needed")
+    if len({tuple(fit.resonance_hz for fit in fits) for fits in prints}) < len(prints):
+        raise SolverError("the same measurement was given as two prints; give each print once")
     channel = np.array([taxel.channel for taxel in plan.taxels])[np.concatenate(index)]
     scatter = _scatter(plan, prints, index, channel)
     lower = np.linalg.cholesky(scatter)
@@ -76,11 +82,13 @@ def calibrated(plan: Plan, prints: Sequence[Sequence[TaxelFit]]) -> Calibration:
         min(sides) for sides in zip(*((c.beam.thickness_mm, c.beam.width_mm) for c in plan.channels), strict=True)
     )
     farthest = np.array([thinnest / 2, narrowest / 2, 3.0])
-    for _ in range(STEPS):
+    for k in range(STEPS):
         value, slope = _model(plan, terms)
         weighed = np.linalg.solve(lower, slope[channel])
         left = np.linalg.solve(lower, measured - value[channel])
-        _refuse_alike(weighed)
+        if k == 0:  # by the beams as drawn: measurements of another pad lead far away from them
+            _refuse_alike(weighed)
+            _refuse_vague(plan.spec, np.sqrt(np.diag(np.linalg.inv(weighed.T @ weighed))))
         step = np.linalg.lstsq(weighed, left, rcond=None)[0]
         # Measurements that contradict each other must not make a beam vanish.
         terms = np.clip(terms + step, -farthest, farthest)
@@ -88,10 +96,10 @@ def calibrated(plan: Plan, prints: Sequence[Sequence[TaxelFit]]) -> Calibration:
             break
     spread = np.linalg.inv(weighed.T @ weighed)
     sigma = np.sqrt(np.diag(spread))
-    _refuse_vague(plan.spec, sigma)
     rest = left - weighed @ step
     chi_square, freedom = float(rest @ rest), len(measured) - len(TERMS)
     _refuse_contradiction(chi_square, freedom)
+    _refuse_far(plan.spec, terms - start, sigma)
     modulus = plan.spec.material.youngs_modulus_gpa * float(np.exp(terms[2]))
     return Calibration(
         z_offset_mm=float(terms[0]),
@@ -151,25 +159,42 @@ def _refuse_alike(weighed: np.ndarray) -> None:
     size = np.linalg.svd(weighed / np.linalg.norm(weighed, axis=0), compute_uv=False)
     if not size[-1] > ALIKE * size[0]:
         raise SolverError(
-            "beams that are all as thick, or all as wide, cannot tell height, width and modulus apart; measure a pad"
-            " whose channels differ in both (padgen build calibration)"
+            "the beams that were measured differ too little in thickness and width to tell height, width and modulus"
+            " apart; measure a pad whose channels differ in both (padgen build calibration)"
         )
+
+
+def _before(spec: Spec) -> tuple[tuple[str, str, float], ...]:
+    """Return name, unit and bias of each term before the calibration."""
+    bias = spec.spread
+    return (
+        ("offset of height", "mm", bias.z_bias_mm),
+        ("offset of width", "mm", WIDTH_BIAS_MM),
+        ("modulus", "of its value", bias.modulus_bias),
+    )
 
 
 def _refuse_vague(spec: Spec, sigma: np.ndarray) -> None:
     """Refuse terms that are known hardly better than before the calibration."""
-    bias = spec.spread
-    for name, unit, known, before in (
-        ("offset of height", "mm", sigma[0], bias.z_bias_mm),
-        ("offset of width", "mm", sigma[1], WIDTH_BIAS_MM),
-        ("modulus", "of its value", sigma[2], bias.modulus_bias),
-    ):
+    for (name, unit, before), known in zip(_before(spec), sigma.tolist(), strict=True):
         if known > REQUIRED * before:
             raise SolverError(
-                f"the {name} would be known to ± {number(float(known))} {unit}, must be"
+                f"the {name} would be known to ± {number(known)} {unit}, must be"
                 f" ± {number(REQUIRED * before)} at most (± {number(before)} before any calibration); plan with"
                 " --model solid, measure more prints, or beams that differ more in thickness and width (padgen build"
                 " calibration)"
+            )
+
+
+def _refuse_far(spec: Spec, change: np.ndarray, sigma: np.ndarray) -> None:
+    """Refuse terms that no printer of this kind has: another pad may fit as well, with absurd terms."""
+    for (name, unit, before), far, known in zip(_before(spec), change.tolist(), sigma.tolist(), strict=True):
+        most = FARTHEST_SIGMAS * float(np.hypot(before, known))
+        if abs(far) > most:
+            off = float(np.expm1(far)) if name == "modulus" else far
+            raise SolverError(
+                f"the {name} would be off by {off:+.5g} {unit}, expected is ± {number(before)} and at most"
+                f" {FARTHEST_SIGMAS:g} times that: {SAME_PAD}"
             )
 
 
@@ -179,8 +204,7 @@ def _refuse_contradiction(chi_square: float, freedom: int) -> None:
     if chi2.sf(chi_square, freedom) < LEAST_LIKELY:
         raise SolverError(
             f"the measurements lie {number((chi_square / freedom) ** 0.5)} times as far from any one printer as prints"
-            f" differ (chi-square {number(chi_square)} of {freedom}): is this the plan that was printed, with this"
-            " printer and material?"
+            f" differ (chi-square {number(chi_square)} of {freedom}): {SAME_PAD}"
         )
 
 

@@ -11,10 +11,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.physics.beams import BeamSection, EndCompliance, Flexibility, flexibility, root_load, tip_stiffness
+from padgen.physics.beams import (
+    BeamSection,
+    EndCompliance,
+    Flexibility,
+    flexibility,
+    root_load,
+    sharp_energies,
+    tip_stiffness,
+)
 from padgen.physics.modes import BeamPlacement, Modes
 
-__all__ = ["BENT", "FLOOR", "TALL", "UNCERTAINTY", "Plate", "relative_error", "uncertain_energies"]
+__all__ = ["BENT", "FLOOR", "UNCERTAINTY", "Plate", "relative_error", "uncertain_energies"]
 
 Array = Any
 
@@ -29,10 +37,6 @@ BENT = 0.013
 """Floor for beams that bend round corners, from serpentines (docs/accuracy.md). Modes where the beams themselves swing,
 far above the working one, may be off by more (`padgen.physics.bounds.beam_inertia`).
 """
-TALL = 0.04
-"""Added to `BENT`, times thickness (over the root of `BeamSection.across`) over the longest straight piece: tall legs
-act as plates.
-"""
 UNCERTAINTY = {
     "root": 0.47,
     "tip": 0.097,
@@ -44,9 +48,12 @@ UNCERTAINTY = {
     "lateral shear": 1.1,
     "twist": 0.54,
     "plate": 0.2,
+    "bends": 0.7,
+    "warping": 0.4,
 }
-"""Relative uncertainty of each flexibility, in the order of `uncertain_energies`."""
-
+"""Relative uncertainty of each flexibility, in the order of `uncertain_energies`; the last two are `sharp_energies`."""
+PLATE = list(UNCERTAINTY).index("plate")
+"""Place of the plate among them."""
 
 MOST_SOFTER = 0.8
 """Largest share of all flexibility that is taken as missing."""
@@ -87,6 +94,7 @@ def uncertain_energies(beam: BeamPlacement, modes: Modes, modulus: float, poisso
         parts.lateral_end_shear * side**2,
         parts.twist * np.minimum(np.maximum(width, thickness) / length, 1) * about_x**2,
         _beside_modes(plate.length / (modulus * plate_inertia)) * about_y**2,
+        *(sharp_energies(section, load, modulus, poisson) if path else (0.0 * up, 0.0 * up)),
     ]
     return np.stack(np.broadcast_arrays(*energies), -1)
 
@@ -100,7 +108,7 @@ def relative_error(
     plate yield along and across the beam, and the beams' inertia. Their estimate is larger accordingly.
     """
     share = energies / (2 * np.pi * frequency_hz[..., None]) ** 2 / 2
-    share[..., -1] /= 1 + share[..., -1]  # first order in the plate's share would overrate a very flexible plate
+    share[..., PLATE] /= 1 + share[..., PLATE]  # first order in the plate's share would overrate a very flexible plate
     moved = np.sqrt(((np.array(list(UNCERTAINTY.values())) * share) ** 2).sum(-1))
     at = np.asarray(working)[..., None]
     ratio = frequency_hz / np.take_along_axis(frequency_hz, at, -1)

@@ -47,6 +47,7 @@ __all__ = [
     "on_elastic_ends",
     "piece_twist",
     "root_load",
+    "sharp_energies",
     "sliced",
     "tip_mass",
     "tip_stiffness",
@@ -89,28 +90,34 @@ def sliced(path: Sequence[tuple[Array, Array]], width: Array, fillet: Array) -> 
     `path` holds length in m and turn (left positive) of each piece. The `width` flares at the root by two quarter
     circles of radius `fillet`, on the first piece.
     """
-    width, fillet = np.asarray(width, float), np.asarray(fillet, float)
-    pieces = [(np.asarray(length, float), np.asarray(turn, float), 0.0 * fillet) for length, turn in path]
+    width, fillet = (np.asarray(v, float)[..., None] for v in (width, fillet))
+    pieces = [(*(np.asarray(v, float)[..., None] for v in piece), 0.0 * fillet) for piece in path]
     if (fillet > 0).any():
         pieces[:1] = [(fillet, 0.0 * fillet, fillet), (pieces[0][0] - fillet, pieces[0][1], 0.0 * fillet)]
-    places: list[list[Array]] = [[0.0 * width, 0.0 * width, 0.0 * width, width + 2 * fillet, *_NO_PIECE]]
-    x, y, heading = (0.0 * width for _ in range(3))
+    shape = np.broadcast_shapes(*(v.shape for v in (width, *(v for piece in pieces for v in piece))))[:-1]
+
+    def places(*values: Array, count: int = 1) -> np.ndarray:
+        whole = np.empty((len(values), *shape, count))
+        for part, value in zip(whole, values, strict=True):
+            part[...] = value
+        return whole
+
+    found = [places(0.0, 0.0, 0.0, width + 2 * fillet, *_NO_PIECE)]
+    x, y, heading = found[0][:3]
     counts = []
     for length, turn, flare in pieces:
         counts.append(4 + int(np.ceil(2 * np.abs(turn).max())))
-        share, _ = _gauss(counts[-1])
+        at = np.append(_gauss(counts[-1])[0], 1.0)
         piece = length, np.abs(turn) * width / (2 * np.maximum(length, SHORTEST_M)), np.where(turn, np.inf, length)
-        for at in (*share, 1.0):
-            half = turn * at / 2
-            chord = length * at * np.sinc(half / np.pi)
-            flared = 2 * (flare - np.sqrt(np.maximum(flare**2 - np.maximum(flare - length * at, 0) ** 2, 0)))
-            across = x + chord * np.cos(heading + half), y + chord * np.sin(heading + half)
-            places.append([*across, heading + turn * at, width + flared, *piece])
-        x, y, heading = places.pop()[:3]
-    places.append([x, y, heading, width, *_NO_PIECE])
-    shape = np.broadcast_shapes(*(np.shape(value) for place in places for value in place))
-    whole = np.array([[np.broadcast_to(value, shape) for value in place] for place in places])
-    x, y, heading, wide, share, curved, straight = np.moveaxis(whole, 0, -1)
+        half = turn * at / 2
+        chord = length * at * np.sinc(half / np.pi)
+        flared = 2 * (flare - np.sqrt(np.maximum(flare**2 - np.maximum(flare - length * at, 0) ** 2, 0)))
+        across = x + chord * np.cos(heading + half), y + chord * np.sin(heading + half)
+        whole = places(*across, heading + turn * at, width + flared, *piece, count=len(at))
+        found.append(whole[..., :-1])
+        x, y, heading = whole[:3, ..., -1:]
+    found.append(places(x, y, heading, width, *_NO_PIECE))
+    x, y, heading, wide, share, curved, straight = np.concatenate(found, -1)
     # Turn from the root's axes to the tip's.
     turned = heading[..., -1:]
     x, y = x - x[..., -1:], y - y[..., -1:]
@@ -171,6 +178,8 @@ def _running(counts: tuple[int, ...]) -> np.ndarray:
     return matrix
 
 
+MOST_CURVED = 0.98
+"""Largest width over twice a bend's radius at which the series of its stiffness is summed; it diverges at 1."""
 HELD_MOST = 0.85
 """Largest share of a beam's twist that ends may remove by holding its warping."""
 
@@ -551,6 +560,24 @@ def piece_twist(straight: Array, warping: Array) -> Array:
     """Return the twist of a straight piece of a bent beam over that of one with free ends (`EndCompliance.warping`)."""
     pieces = np.maximum(straight, SHORTEST_M) / np.maximum(warping, SHORTEST_M)
     return 1 - np.tanh(pieces) / pieces
+
+
+def sharp_energies(section: BeamSection, load: np.ndarray, modulus: Array, poisson: Array) -> tuple[Array, Array]:
+    """Return twice the energies (…) in J that two laws of bent beams leave in doubt, for a `load` (…, 6) on the tip.
+
+    The first is what the rest of the series of `bend_stiffening` would take from bending and twist of the bends. The
+    second is what twist would add to the straight pieces, were their ends free to warp (`piece_twist`).
+    """
+    up, _ = _planes(section, modulus, poisson)
+    slices = up.slices
+    inside = np.einsum("...kij,...j->...ki", up.within, load[..., _UP])
+    energy = inside**2 * up.compliance * slices.running[-1][:, None]
+    curved = np.minimum(slices.curved, MOST_CURVED)
+    whole = np.arctanh(curved) / np.maximum(curved, SHORTEST_M)
+    rest = np.where(curved > 0, whole / bend_stiffening(curved) - 1, 0)
+    twisted = piece_twist(slices.straight, np.asarray(section.ends.warping)[..., None])
+    freed = 1 / np.maximum(twisted, SHORTEST_M) - 1
+    return (rest * energy[..., 1:].sum(-1)).sum(-1), (freed * energy[..., 1]).sum(-1)
 
 
 def _plane(

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from padgen.core.units import G_PER_CM3, GPA, MM
-from padgen.physics.beam_error import BENT, FLOOR, TALL, Plate, relative_error, uncertain_energies
+from padgen.physics.beam_error import BENT, FLOOR, Plate, relative_error, uncertain_energies
 from padgen.physics.beams import BeamSection, Surroundings, YokeSize, fitted, on_elastic_ends
 from padgen.physics.modes import (
     BeamPlacement,
@@ -325,12 +325,7 @@ class TaxelModel:
         roof = max(thickness - recess_mm(self.spec)[1] * MM, thickness / 10)
         plate = Plate(length, width, roof)
         energies = sum(uncertain_energies(beam, self.modes, modulus, poisson, plate) for beam in self.placements)
-        floor: Any = FLOOR
-        if not self.is_straight:
-            pieces = [s.length_mm for path in self.arrangement.beams for s in path.segments if not np.any(s.turn_rad)]
-            longest = np.maximum.reduce(np.broadcast_arrays(*pieces))
-            tall = np.asarray(self.beam.thickness_mm) / self.spec.material.cross_layer_ratio**0.5
-            floor = np.hypot(BENT, TALL * tall / longest)[..., None]
+        floor = FLOOR if self.is_straight else BENT
         return relative_error(np.asarray(energies), self.modes.frequency_hz, self.working, floor)
 
     @cached_property
