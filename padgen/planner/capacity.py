@@ -22,7 +22,7 @@ LARGEST_WITH_SPURS = 32
 LARGEST = 4096
 """Largest count of channels that is tried with a drive without spurs."""
 TRIED_SINGLY = 64
-"""Counts up to here are tried one by one; above, the largest that holds is found by bisection."""
+"""Counts up to here are tried one by one; above, the largest that holds is found in doubling and halving steps."""
 
 
 def channel_limit(spec: Spec) -> int:
@@ -139,13 +139,15 @@ def printed_count(
 
 
 def _largest_that_holds(holds: Callable[[int], bool], low: int, high: int) -> int:
-    """Return the largest count from `low` to `high` that holds, by bisection; `low` holds, and above a failing count
-    all fail."""
-    if holds(high):
-        return high
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (middle, high) if holds(middle) else (low, middle)
+    """Return the largest count from `low` to `high` that holds; `low` holds, and above a failing count all fail.
+
+    The steps up from `low` double until one fails, and then halve: the work grows with the square of a count or faster.
+    """
+    step, failing = 1, high + 1
+    while failing - low > 1:
+        tried = min(low + step, high) if failing > high else (low + failing) // 2
+        low, failing = (tried, failing) if holds(tried) else (low, tried)
+        step *= 2
     return low
 
 
