@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from padgen.physics.magnetics import MU_0, CoilSource, Winding
-from padgen.physics.ring_charges import gauss, ring_potential
+from padgen.physics.ring_charges import RingPotential, gauss, ring_potential
 from padgen.physics.steel_body import SteelBody, crowded, cylinder, eights, fine_rings, steel_body
 
 __all__ = [
@@ -22,12 +22,13 @@ __all__ = [
     "flux_density",
     "pole_error",
     "pole_field",
+    "rings_potential",
     "winding_rings",
 ]
 
 MOST_RINGS = 400
 """Most rings across a coil. Nearer to its top than a two-hundredth of its radius the field is less certain."""
-AT_ONCE = 4096
+AT_ONCE = 8192
 """Pairs of a point and a ring computed together: few enough for a processor's cache."""
 
 
@@ -93,17 +94,23 @@ def flux_density(coil: CoilSource, radius: np.ndarray, height: np.ndarray) -> tu
 
     `radius` and `height` are arrays of one shape, in m.
     """
-    radius, height = np.broadcast_arrays(np.asarray(radius, float), np.asarray(height, float))
+    height = np.asarray(height, float)
     step = max(float(height.min(initial=np.inf)) / 2, coil.outer_diameter / MOST_RINGS)
-    at_radius, at_height, charge = coil_rings(coil, step)
-    points, slopes = np.stack([radius.ravel(), height.ravel()])[..., None], np.empty((2, radius.size, len(charge)))
+    _, along_r, along_z = rings_potential(coil_rings(coil, step), radius, height)
+    return -MU_0 * along_r, -MU_0 * along_z
+
+
+def rings_potential(
+    rings: tuple[np.ndarray, np.ndarray, np.ndarray], radius: np.ndarray, height: np.ndarray
+) -> RingPotential:
+    """Return the potential of charged rings, as from `coil_rings`, and its slopes, at points in m whose arrays broadcast."""
+    at_radius, at_height, charge = rings
+    points = np.stack([side.ravel() for side in np.broadcast_arrays(radius, height)])[..., None]
     some = max(AT_ONCE // len(charge), 1)
-    for first in range(0, radius.size, some):
-        own = slice(first, first + some)
-        _, along_r, along_z = ring_potential(points[0, own], points[1, own], at_radius, at_height, 0, at_ring=False)
-        slopes[:, own] = along_r[0], along_z[0]
-    radial, axial = -MU_0 * (slopes.reshape(2, *radius.shape, len(charge)) @ charge)
-    return radial, axial
+    blocks = (points[:, first : first + some] for first in range(0, points.shape[1], some))
+    each = [ring_potential(*block, at_radius, at_height, 0, at_ring=False) for block in blocks]
+    shape = np.broadcast_shapes(np.shape(radius), np.shape(height))
+    return RingPotential(*(np.concatenate([one[0] @ charge for one in part]).reshape(shape) for part in zip(*each)))
 
 
 @lru_cache(maxsize=16)
@@ -144,12 +151,15 @@ def pole_field(poles: np.ndarray, height: float, away: np.ndarray) -> tuple[np.n
     `away` (…, 2) in m is the horizontal distance from the coil's axis.
     """
     charge, below = poles.T
-    up = np.broadcast_to((height - below)[:, None], (*away.shape[:-1], len(poles), 1))
-    arm = np.concatenate([np.broadcast_to(away[..., None, :], (*up.shape[:-1], 2)), up], -1)
-    square = (arm**2).sum(-1, keepdims=True)
-    weight = charge[:, None] / (4 * np.pi * square**1.5)
-    along = np.array([0.0, 0.0, 1.0]) - 3 * arm * up / square
-    return (weight * arm).sum(-2), (weight * along).sum(-2)
+    up = height - below
+    square = (away**2).sum(-1)[..., None] + up**2
+    weight = charge / (4 * np.pi * square * np.sqrt(square))
+    turning = 3 * weight * up / square
+    field, slope = (
+        np.concatenate([away * across.sum(-1, keepdims=True), along.sum(-1, keepdims=True)], -1)
+        for across, along in ((weight, weight * up), (-turning, weight - turning * up))
+    )
+    return field, slope
 
 
 def pole_error(coil: CoilSource, distance: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.physics.coil_field import charged_core, coil_poles, coil_rings, pole_field, winding_rings
+from padgen.physics.coil_field import charged_core, coil_poles, coil_rings, pole_field, rings_potential, winding_rings
 from padgen.physics.magnetics import CoilSource, SteelRing
 from padgen.physics.ring_charges import ring_potential
 from padgen.physics.steel_body import SteelBody, fine_rings, steel_body, tube
@@ -128,10 +128,8 @@ def _coil_potential(
     rings: tuple[np.ndarray, np.ndarray, np.ndarray], away: np.ndarray, height: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the potential of a coil's rings and its slope along z, at points `away` (…, 2) in m from its axis."""
-    radius, at, charge = rings
-    rho = np.hypot(away[..., 0], away[..., 1])
-    of = ring_potential(rho[..., None], np.broadcast_to(height, rho.shape)[..., None], radius, at, 0, at_ring=False)
-    return of.value[0] @ charge, of.along_z[0] @ charge
+    value, _, along_z = rings_potential(rings, np.hypot(away[..., 0], away[..., 1]), height)
+    return value, along_z
 
 
 def _fourier_parts(value: np.ndarray, slope: np.ndarray, angle: np.ndarray) -> _Parts:
