@@ -15,6 +15,7 @@ from padgen.physics.ring_charges import RingPotential, gauss, ring_potential
 from padgen.physics.steel_body import SteelBody, crowded, cylinder, eights, fine_rings, steel_body
 
 __all__ = [
+    "CORE_ORDERS",
     "MOST_RINGS",
     "charged_core",
     "coil_poles",
@@ -26,6 +27,8 @@ __all__ = [
     "winding_rings",
 ]
 
+CORE_ORDERS = 1
+"""Highest order round the axis of a core in its neighbours' fields."""
 MOST_RINGS = 400
 """Most rings across a coil. Nearer to its top than a two-hundredth of its radius the field is less certain."""
 AT_ONCE = 8192
@@ -33,7 +36,7 @@ AT_ONCE = 8192
 
 
 @lru_cache(maxsize=32)
-def charged_core(coil: CoilSource, top: int = 12, orders: int = 0) -> tuple[SteelBody, np.ndarray] | None:
+def charged_core(coil: CoilSource, top: int = 12, orders: int = CORE_ORDERS) -> tuple[SteelBody, np.ndarray] | None:
     """Return the core and the charge per dt at its nodes in A per ampere (`SteelBody`); None without a core.
 
     `top` is the number of nodes on its upper face, `orders` the highest order round its axis.

@@ -5,7 +5,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.physics.coil_field import charged_core, coil_poles, coil_rings, pole_field, rings_potential, winding_rings
+from padgen.physics.coil_field import (
+    CORE_ORDERS,
+    charged_core,
+    coil_poles,
+    coil_rings,
+    pole_field,
+    rings_potential,
+    winding_rings,
+)
 from padgen.physics.magnetics import CoilSource, SteelRing
 from padgen.physics.ring_charges import ring_potential
 from padgen.physics.steel_body import SteelBody, fine_rings, steel_body, tube
@@ -14,8 +22,6 @@ __all__ = ["Leakage", "leakage"]
 
 FACE, RIM, ORDERS = 5, 3, 2
 """Nodes on each face and each rim of a washer, and highest order round its axis; few, to save time."""
-CORE_ORDERS = 1
-"""Highest order round the axis of a core in its neighbours' fields."""
 STEP = 1.0
 """Largest distance between rings that face the washer, over the gap."""
 
@@ -144,7 +150,7 @@ def _core_charge(
     coil: CoilSource, neighbours: np.ndarray, far: np.ndarray | None
 ) -> tuple[SteelBody, np.ndarray] | None:
     """Return the own coil's core and its charge (k, parts, nodes) in the neighbours' fields; None without a core."""
-    charged = charged_core(coil, orders=CORE_ORDERS)
+    charged = charged_core(coil)
     if charged is None:
         return None
     core = charged[0]

@@ -378,17 +378,14 @@ def _nodes(count: int) -> np.ndarray:
     return np.asarray(np.cos((np.arange(count) + 0.5) * np.pi / count))
 
 
-def _chebyshev(x: np.ndarray, count: int, kind: int = 1) -> np.ndarray:
-    """Return Chebyshev polynomials (n, count) of the first or second kind at x (n,)."""
-    twice = 2 * x
-    values = [np.ones(len(x)), kind * x]
-    for _ in range(2, count):
-        values.append(twice * values[-1] - values[-2])
-    return np.stack(values[:count], -1)
+def _chebyshev(x: np.ndarray, count: int) -> np.ndarray:
+    """Return Chebyshev polynomials (n, count) of the first kind at x (n,) in −1 … 1."""
+    return np.asarray(np.cos(np.arange(count) * np.arccos(np.clip(x, -1, 1))[:, None]))
 
 
 def _chebyshev_slopes(x: np.ndarray, count: int) -> np.ndarray:
     """Return slopes (n, count) of the polynomials of the first kind: k times the second kind's of one order less."""
-    slopes = np.arange(count) * np.ones((len(x), 1))
-    slopes[:, 1:] *= _chebyshev(x, count - 1, kind=2)
-    return slopes
+    second = [np.zeros(len(x)), np.ones(len(x))]
+    for _ in range(2, count):
+        second.append(2 * x * second[-1] - second[-2])
+    return np.arange(count) * np.stack(second[:count], -1)

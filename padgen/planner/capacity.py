@@ -95,18 +95,15 @@ def largest_counts(
     def states_hold(count: int) -> bool:
         return all_states(_ladder(band_hz, count, q, law), scheme).db >= target_db
 
-    one_hot = states = 1
-    for count in range(2, min(TRIED_SINGLY, most) + 1):
-        ladder = _ladder(band_hz, count, q, law)
-        if count <= searched_to(scheme) and all_states(ladder, scheme).db >= target_db:
-            states = count
-        if one_hot_db(ladder, scheme) < target_db:
-            return states, one_hot
-        one_hot = count
-    if most <= TRIED_SINGLY:
-        return states, one_hot
-    one_hot = _largest_that_holds(one_hot_holds, TRIED_SINGLY, most)
-    return (_largest_that_holds(states_hold, TRIED_SINGLY, one_hot) if states == TRIED_SINGLY else states), one_hot
+    singly = min(TRIED_SINGLY, most)
+    one_hot = next((count - 1 for count in range(2, singly + 1) if not one_hot_holds(count)), singly)
+    # From above, since no count keeps more in all states than with one channel on.
+    states = next((count for count in range(min(one_hot, searched_to(scheme)), 1, -1) if states_hold(count)), 1)
+    if one_hot == TRIED_SINGLY:
+        one_hot = _largest_that_holds(one_hot_holds, TRIED_SINGLY, most)
+        if states == TRIED_SINGLY:
+            states = _largest_that_holds(states_hold, TRIED_SINGLY, one_hot)
+    return states, one_hot
 
 
 def printed_count(
