@@ -32,6 +32,7 @@ import numpy as np
 from padgen.physics.magnetics import MU_0, CoilSource, Winding
 
 __all__ = [
+    "CORE_ORDERS",
     "MOST_RINGS",
     "RingPotential",
     "Side",
@@ -48,6 +49,7 @@ __all__ = [
     "pole_error",
     "pole_field",
     "ring_potential",
+    "rings_potential",
     "steel_body",
     "toroidal",
     "tube",
@@ -326,14 +328,16 @@ def fine_rings(body: SteelBody, step: float) -> tuple[np.ndarray, np.ndarray, np
     return radius, height, np.concatenate(shares)
 
 
+CORE_ORDERS = 1
+"""Highest order round the axis of a core in its neighbours' fields."""
 MOST_RINGS = 400
 """Most rings across a coil. Nearer to its top than a two-hundredth of its radius the field is less certain."""
-AT_ONCE = 4096
+AT_ONCE = 8192
 """Pairs of a point and a ring computed together: few enough for a processor's cache."""
 
 
 @lru_cache(maxsize=32)
-def charged_core(coil: CoilSource, top: int = 12, orders: int = 0) -> tuple[SteelBody, np.ndarray] | None:
+def charged_core(coil: CoilSource, top: int = 12, orders: int = CORE_ORDERS) -> tuple[SteelBody, np.ndarray] | None:
     """Return the core and the charge per dt at its nodes in A per ampere (`SteelBody`); None without a core.
 
     `top` is the number of nodes on its upper face, `orders` the highest order round its axis.
@@ -394,17 +398,26 @@ def flux_density(coil: CoilSource, radius: np.ndarray, height: np.ndarray) -> tu
 
     `radius` and `height` are arrays of one shape, in m.
     """
-    radius, height = np.broadcast_arrays(np.asarray(radius, float), np.asarray(height, float))
+    height = np.asarray(height, float)
     step = max(float(height.min(initial=np.inf)) / 2, coil.outer_diameter / MOST_RINGS)
-    at_radius, at_height, charge = coil_rings(coil, step)
-    points, slopes = np.stack([radius.ravel(), height.ravel()])[..., None], np.empty((2, radius.size, len(charge)))
+    _, along_r, along_z = rings_potential(coil_rings(coil, step), radius, height)
+    return -MU_0 * along_r, -MU_0 * along_z
+
+
+def rings_potential(
+    rings: tuple[np.ndarray, np.ndarray, np.ndarray], radius: np.ndarray, height: np.ndarray
+) -> RingPotential:
+    """Return the potential of charged rings (`coil_rings`) and its slopes, at points in m of broadcast arrays."""
+    at_radius, at_height, charge = rings
+    points = np.stack([side.ravel() for side in np.broadcast_arrays(radius, height)])[..., None]
     some = max(AT_ONCE // len(charge), 1)
-    for first in range(0, radius.size, some):
-        own = slice(first, first + some)
-        _, along_r, along_z = ring_potential(points[0, own], points[1, own], at_radius, at_height, 0, at_ring=False)
-        slopes[:, own] = along_r[0], along_z[0]
-    radial, axial = -MU_0 * (slopes.reshape(2, *radius.shape, len(charge)) @ charge)
-    return radial, axial
+    each = [
+        ring_potential(points[0, first : first + some], points[1, first : first + some], at_radius, at_height, 0, False)
+        for first in range(0, points.shape[1], some)
+    ]
+    shape = np.broadcast_shapes(np.shape(radius), np.shape(height))
+    parts = [np.concatenate([one[0] @ charge for one in part]) for part in zip(*each, strict=True)]
+    return RingPotential(*(part.reshape(shape) for part in parts))
 
 
 @lru_cache(maxsize=16)
@@ -445,12 +458,15 @@ def pole_field(poles: np.ndarray, height: float, away: np.ndarray) -> tuple[np.n
     `away` (…, 2) in m is the horizontal distance from the coil's axis.
     """
     charge, below = poles.T
-    up = np.broadcast_to((height - below)[:, None], (*away.shape[:-1], len(poles), 1))
-    arm = np.concatenate([np.broadcast_to(away[..., None, :], (*up.shape[:-1], 2)), up], -1)
-    square = (arm**2).sum(-1, keepdims=True)
-    weight = charge[:, None] / (4 * np.pi * square**1.5)
-    along = np.array([0.0, 0.0, 1.0]) - 3 * arm * up / square
-    return (weight * arm).sum(-2), (weight * along).sum(-2)
+    up = height - below
+    square = (away**2).sum(-1)[..., None] + up**2
+    weight = charge / (4 * np.pi * square * np.sqrt(square))
+    turning = 3 * weight * up / square
+    field, slope = (
+        np.concatenate([away * across.sum(-1, keepdims=True), along.sum(-1, keepdims=True)], -1)
+        for across, along in ((weight, weight * up), (-turning, weight - turning * up))
+    )
+    return field, slope
 
 
 def pole_error(coil: CoilSource, distance: np.ndarray) -> np.ndarray:

@@ -257,15 +257,17 @@ def jump_amplitude(alpha: float, q: float) -> float:
     return sqrt(32 / (9 * sqrt(3) * alpha * q)) if alpha > 0 else float("inf")
 
 
-def level_kept(alpha: float, q: float, amplitude: float, offset: float = 0.0) -> float:
+def level_kept(alpha: Any, q: float, amplitude: Any, offset: Any = 0.0) -> Any:
     """Return the amplitude over the wanted one when a tone stays at the resonance of small motions.
 
     It is 1 without hardening; otherwise the root y of ``y² ((2 Q rise(y))² + 1) = 1``, which is unique since the tone
     lies below the resonance.
     """
-    low, high = 0.0, 1.0
+    high = np.ones(np.broadcast(alpha, amplitude, offset).shape)
+    low = np.zeros_like(high)
     for _ in range(BISECTIONS):
         share = (low + high) / 2
         off = 2 * q * resonance_rise(alpha, share * amplitude, offset)
-        low, high = (low, share) if share**2 * (off**2 + 1) > 1 else (share, high)
+        above = share**2 * (off**2 + 1) > 1
+        low, high = np.where(above, low, share), np.where(above, share, high)
     return high

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.physics.magnetic_charge import (
+    CORE_ORDERS,
     MOST_RINGS,
     SteelBody,
     charged_core,
@@ -25,6 +26,7 @@ from padgen.physics.magnetic_charge import (
     fine_rings,
     pole_field,
     ring_potential,
+    rings_potential,
     steel_body,
     tube,
     winding_rings,
@@ -393,26 +395,21 @@ def _nodes(count: int) -> np.ndarray:
     return np.asarray(np.cos((np.arange(count) + 0.5) * np.pi / count))
 
 
-def _chebyshev(x: np.ndarray, count: int, kind: int = 1) -> np.ndarray:
-    """Return Chebyshev polynomials (n, count) of the first or second kind at x (n,)."""
-    twice = 2 * x
-    values = [np.ones(len(x)), kind * x]
-    for _ in range(2, count):
-        values.append(twice * values[-1] - values[-2])
-    return np.stack(values[:count], -1)
+def _chebyshev(x: np.ndarray, count: int) -> np.ndarray:
+    """Return Chebyshev polynomials (n, count) of the first kind at x (n,) in −1 … 1."""
+    return np.asarray(np.cos(np.arange(count) * np.arccos(np.clip(x, -1, 1))[:, None]))
 
 
 def _chebyshev_slopes(x: np.ndarray, count: int) -> np.ndarray:
     """Return slopes (n, count) of the polynomials of the first kind: k times the second kind's of one order less."""
-    slopes = np.arange(count) * np.ones((len(x), 1))
-    slopes[:, 1:] *= _chebyshev(x, count - 1, kind=2)
-    return slopes
+    second = [np.zeros(len(x)), np.ones(len(x))]
+    for _ in range(2, count):
+        second.append(2 * x * second[-1] - second[-2])
+    return np.arange(count) * np.stack(second[:count], -1)
 
 
 FACE, RIM, ORDERS = 5, 3, 2
 """Nodes on each face and each rim of a washer, and highest order round its axis; few, to save time."""
-CORE_ORDERS = 1
-"""Highest order round the axis of a core in its neighbours' fields."""
 COARSE_STEP = 1.0
 """Largest distance between rings that face the washer, over the gap, for leakage."""
 
@@ -519,10 +516,8 @@ def _coil_potential(
     rings: tuple[np.ndarray, np.ndarray, np.ndarray], away: np.ndarray, height: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the potential of a coil's rings and its slope along z, at points `away` (…, 2) in m from its axis."""
-    radius, at, charge = rings
-    rho = np.hypot(away[..., 0], away[..., 1])
-    of = ring_potential(rho[..., None], np.broadcast_to(height, rho.shape)[..., None], radius, at, 0, at_ring=False)
-    return of.value[0] @ charge, of.along_z[0] @ charge
+    value, _, along_z = rings_potential(rings, np.hypot(away[..., 0], away[..., 1]), height)
+    return value, along_z
 
 
 def _fourier_parts(value: np.ndarray, slope: np.ndarray, angle: np.ndarray) -> _Parts:
@@ -537,7 +532,7 @@ def _core_charge(
     coil: CoilSource, neighbours: np.ndarray, far: np.ndarray | None
 ) -> tuple[SteelBody, np.ndarray] | None:
     """Return the own coil's core and its charge (k, parts, nodes) in the neighbours' fields; None without a core."""
-    charged = charged_core(coil, orders=CORE_ORDERS)
+    charged = charged_core(coil)
     if charged is None:
         return None
     core = charged[0]

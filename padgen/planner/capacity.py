@@ -21,7 +21,7 @@ LARGEST_WITH_SPURS = 32
 LARGEST = 4096
 """Largest count of channels that is tried with a drive without spurs."""
 TRIED_SINGLY = 64
-"""Counts up to here are tried one by one; above, the largest that holds is found by bisection."""
+"""Counts up to here are tried one by one; above, the largest that holds is found in doubling and halving steps."""
 
 
 def channel_limit(spec: Spec) -> int:
@@ -94,18 +94,15 @@ def largest_counts(
     def states_hold(count: int) -> bool:
         return all_states(_ladder(band_hz, count, q, law), scheme).db >= target_db
 
-    one_hot = states = 1
-    for count in range(2, min(TRIED_SINGLY, most) + 1):
-        ladder = _ladder(band_hz, count, q, law)
-        if count <= searched_to(scheme) and all_states(ladder, scheme).db >= target_db:
-            states = count
-        if one_hot_db(ladder, scheme) < target_db:
-            return states, one_hot
-        one_hot = count
-    if most <= TRIED_SINGLY:
-        return states, one_hot
-    one_hot = _largest_that_holds(one_hot_holds, TRIED_SINGLY, most)
-    return (_largest_that_holds(states_hold, TRIED_SINGLY, one_hot) if states == TRIED_SINGLY else states), one_hot
+    singly = min(TRIED_SINGLY, most)
+    one_hot = next((count - 1 for count in range(2, singly + 1) if not one_hot_holds(count)), singly)
+    # From above, since no count keeps more in all states than with one channel on.
+    states = next((count for count in range(min(one_hot, searched_to(scheme)), 1, -1) if states_hold(count)), 1)
+    if one_hot == TRIED_SINGLY:
+        one_hot = _largest_that_holds(one_hot_holds, TRIED_SINGLY, most)
+        if states == TRIED_SINGLY:
+            states = _largest_that_holds(states_hold, TRIED_SINGLY, one_hot)
+    return states, one_hot
 
 
 def printed_count(
@@ -138,13 +135,15 @@ def printed_count(
 
 
 def _largest_that_holds(holds: Callable[[int], bool], low: int, high: int) -> int:
-    """Return the largest count from `low` to `high` that holds, by bisection; `low` holds, and above a failing count
-    all fail."""
-    if holds(high):
-        return high
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (middle, high) if holds(middle) else (low, middle)
+    """Return the largest count from `low` to `high` that holds; `low` holds, and above a failing count all fail.
+
+    The steps up from `low` double until one fails, and then halve: the work grows with the square of a count or faster.
+    """
+    step, failing = 1, high + 1
+    while failing - low > 1:
+        tried = min(low + step, high) if failing > high else (low + failing) // 2
+        low, failing = (tried, failing) if holds(tried) else (low, tried)
+        step *= 2
     return low
 
 

@@ -40,7 +40,9 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
     resonance = np.array([float(s.model.resonance_hz) for s in sized])
     level = level_law(spec)(resonance)
     level_um = spec.drive.level_um * level / level[0]
-    sag_um = np.array([float(s.model.sag_m) for s in sized]) / UM
+    sag_m, alpha = np.array([(float(s.model.sag_m), float(s.model.hardening_per_m2)) for s in sized]).T
+    sag_um, level_m = sag_m / UM, level_um * UM
+    rise, kept = resonance_rise(alpha, level_m, sag_m), level_kept(alpha, spec.q_min, level_m, sag_m)
     pulled = site_pulls(spec, sites, hanging_gap_um(spec, sag_um))
     exponent = pull_exponent(pulled, hanging_gap_um(spec, sag_um))
     wrench = site_wrenches(spec, pulled, sites)
@@ -56,7 +58,6 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
         modes = mode_fields(moving, wrench[i])
         force_mn = float(level_um[i]) * UM * stiffness / spec.q_min / MN
         force_constant = float(pulled.pull[i]) * modes.pulled_share
-        alpha, level_m, sag_m = float(item.model.hardening_per_m2), float(level_um[i]) * UM, float(item.model.sag_m)
         channels.append(
             Channel(
                 index=i,
@@ -74,10 +75,10 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
                 second_mode_hz=item.model.second_mode[0],
                 second_mode_share=item.model.second_mode[1],
                 **modes._asdict(),
-                sag_um=sag_m / UM,
-                hardening_per_mm2=alpha * MM**2,
-                level_shift=float(resonance_rise(alpha, level_m, sag_m)),
-                level_loss_db=-decibel(level_kept(alpha, spec.q_min, level_m, sag_m)),
+                sag_um=float(sag_um[i]),
+                hardening_per_mm2=float(alpha[i]) * MM**2,
+                level_shift=float(rise[i]),
+                level_loss_db=-decibel(float(kept[i])),
                 root_stress_mpa=float(item.model.root_stress_pa(level_um[i] * UM)) / MPA,
                 print_spread=float(frequency_spread(item.beam, spec.spread, item.model.exponents)),
                 force_mn=force_mn,

@@ -292,7 +292,7 @@ def _stretching(spec: Spec, channel: Channel) -> Iterator[Finding]:
     low, high = 0.0, channel.level_um
     for _ in range(30):
         level = (low + high) / 2
-        kept = level_kept(alpha, channel.q, level * UM / MM, sag_mm)
+        kept = float(level_kept(alpha, channel.q, level * UM / MM, sag_mm))
         low, high = (low, level) if -decibel(kept) > LOSS_DB else (level, high)
     sagged_hz = channel.resonance_hz * (1 + resonance_rise(alpha, 0.0, sag_mm))
     sags = "" if low > 0 else f"; its sag alone raises it to {number(sagged_hz)} Hz: re-tune it"

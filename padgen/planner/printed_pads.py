@@ -71,7 +71,7 @@ __all__ = [
     "work",
 ]
 
-BLOCK = 1 << 15
+BLOCK = 1 << 16
 """Responses that are computed at a time: as many as fit a core's cache."""
 DRAWN, MOST_DRAWN = 1 << 18, 1 << 12
 """Printed taxels, and at most pads, that one stream of random numbers is used for."""
@@ -390,6 +390,7 @@ def printed(design: Design, spreads: Spreads, pads: int, seed: int, stages: tupl
     """Simulate `pads` prints and judge them at the given `stages`, in blocks of bounded memory."""
     taxels, count, many = len(design.channel), len(design.q), len(stages)
     beside = design.beside[[int(stage == STAGES[-1]) for stage in stages]]
+    known = [STAGES.index(stage) for stage in stages]
     unit = max(min(DRAWN // taxels, MOST_DRAWN), 1)
     step = max(BLOCK // taxels, 1)
     prints = Prints(
@@ -404,14 +405,12 @@ def printed(design: Design, spreads: Spreads, pads: int, seed: int, stages: tupl
     for number in range(-(-pads // unit)):
         log_x = log_detuning(design, spreads, seed, number, min(unit, pads - number * unit))
         prints.square[:] += np.bincount(design.channel, (log_x[2] ** 2).sum(1), count)
-        known = np.concatenate([np.zeros((1, *log_x.shape[1:])), log_x])
-        tone, x = (np.exp(np.clip(part, -FARTHEST, FARTHEST)) for part in (known, log_x[2]))
-        tone = tone[[STAGES.index(stage) for stage in stages]]
-        for first in range(0, x.shape[1], step):
-            part = slice(first, first + step)
-            block = slice(number * unit + first, number * unit + min(first + step, x.shape[1]))
+        for first in range(0, log_x.shape[2], step):
+            x = np.exp(np.clip(log_x[:, :, first : first + step], -FARTHEST, FARTHEST))
+            tones = np.concatenate([np.ones((1, *x.shape[1:])), x])[known]
+            block = slice(number * unit + first, number * unit + first + x.shape[2])
             for coils in design.coils:
-                _judge(design, coils, x[:, part], tone[:, :, part], beside, prints, block)
+                _judge(design, coils, x[2], tones, beside, prints, block)
     return prints
 
 
