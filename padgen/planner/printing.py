@@ -90,7 +90,11 @@ def _settings(spec: Spec) -> list[Setting]:
         Setting(
             "infill",
             "100 %",
-            {"fill_density": "100%", "fill_pattern": "rectilinear"},
+            {
+                "fill_density": "100%", "fill_pattern": "concentric", "top_fill_pattern": "concentric",
+                "bottom_fill_pattern": "concentric", "solid_infill_below_area": "0", "top_solid_layers": "1",
+                "bottom_solid_layers": "1",
+            },
             "Infill Density",
             "Sparse infill density",
         ),
@@ -132,8 +136,7 @@ def prusa_profile(spec: Spec) -> dict[str, str]:
     # PrusaSlicer's defaults, written because a user's profile may have other values.
     profile |= {
         "perimeters": "2", "extra_perimeters": "1", "infill_every_layers": "1", "fill_angle": "45",
-        "top_fill_pattern": "monotonic", "bottom_fill_pattern": "monotonic", "top_solid_layers": "3",
-        "bottom_solid_layers": "3", "external_perimeters_first": "0", "overhangs": "1", "bridge_flow_ratio": "1",
+        "external_perimeters_first": "0", "overhangs": "1", "bridge_flow_ratio": "1",
         "extrusion_multiplier": "1", "gap_fill_enabled": "1", "min_feature_size": "25%", "min_bead_width": "85%",
         "wall_distribution_count": "1", "wall_transition_length": "100%", "wall_transition_angle": "10",
         "wall_transition_filter_deviation": "25%", "slice_closing_radius": "0.049", "slicing_mode": "regular",

@@ -15,7 +15,7 @@ import numpy as np
 from padgen.core.errors import GeometryError, at_least, number
 from padgen.core.finding import Finding
 from padgen.planner.plan import Plan
-from padgen.solid.compare import SMALLEST_MM, Cells, Difference, differences, loose_triangles
+from padgen.solid.compare import SMALLEST_MM, Cells, Difference, cut_anew, differences, loose_triangles
 from padgen.solid.measure import (
     Dimension,
     Narrow,
@@ -94,9 +94,9 @@ def check_pad(pad: PadSolid, plan: Plan) -> Report:
 def check_against(mesh: Mesh, pad: PadSolid, plan: Plan) -> Report:
     """Run all checks of a mesh from any program that should equal the `pad` of `plan`, and lies where the pad does.
 
-    Triangles that are the pad's own need no further check. Where the mesh has others, the solids are compared: every
-    difference into which a cube of `padgen.solid.compare.SMALLEST_MM` fits is found, and beams and recesses of the
-    taxels there are measured.
+    Triangles that are the pad's own, or its faces cut anew, need no further check. Where the mesh has others, the
+    solids are compared: every difference into which a cube of `padgen.solid.compare.SMALLEST_MM` fits is found, and
+    beams and recesses of the taxels there are measured.
     """
     state, printer = topology(mesh), plan.spec.printer
     figures, findings = _whole(mesh, state, printer, plan.spec.material.density_g_per_cm3)
@@ -156,9 +156,9 @@ def _as_planned(plan: Plan, solid: Any, figures: dict[str, Any]) -> list[Finding
 
 
 def _differing(mesh: Mesh, planned: Mesh, plan: Plan) -> tuple[bool, list[Finding]]:
-    """Return whether all triangles are those planned, and findings about where they differ."""
+    """Return whether all faces are those planned, and findings about where they differ."""
     loose, lost, snapped = loose_triangles(mesh, planned)
-    if not loose.any() and not lost.any():
+    if cut_anew(snapped.corners_mm[loose], planned.corners_mm[lost]):
         return True, []
     cells = Cells.of(plan)
     reached = cells.within(np.concatenate([snapped.corners_mm[loose], planned.corners_mm[lost]]))
