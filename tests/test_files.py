@@ -551,7 +551,7 @@ from padgen.core.files import OutputFolder
 folder, letter = Path(sys.argv[1]), sys.argv[2]
 print("ready", flush=True)
 input()
-for _ in range(60):
+for _ in range(20):
     with OutputFolder(folder) as out:
         for k in range(25):
             out.write(f"{k}.csv", letter)
