@@ -400,9 +400,10 @@ def test_where_a_call_fails_the_folder_is_the_old_or_the_new_one(tmp_path, caplo
 
 @commits
 def test_where_a_process_is_killed_the_folder_is_the_old_or_the_new_one(tmp_path, before, commit_):
+    """Killed before every second call that changes the disk; `test_where_a_call_fails…` tries all."""
     copied, old, new = states(tmp_path, before, commit_)
     ends = []
-    for at in count():
+    for at in count(step=2):
         folder = copied(tmp_path / str(at))
         if not killed(at, lambda folder=folder: commit_(folder)):
             break

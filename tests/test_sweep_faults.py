@@ -40,8 +40,12 @@ from tests.sweep_work import Inline
 HEAD = 'name = "s"\nbase = "paper-32"\nfolders = false\n'
 
 
-def sweep(count: int = 8, more: str = "", time_s: float = 60):
-    return parse_sweep(f"{HEAD}{more}\n[axes]\nq_min = {[10 + i for i in range(count)]}\n[limits]\ntime_s = {time_s}\n")
+def table(count: int = 8, more: str = "", time_s: float = 60) -> str:
+    return f"{HEAD}{more}\n[axes]\nq_min = {[10 + i for i in range(count)]}\n[limits]\ntime_s = {time_s}\n"
+
+
+def sweep(*arguments):
+    return parse_sweep(table(*arguments))
 
 
 def rows(folder: Path) -> list[dict[str, str]]:
@@ -106,18 +110,18 @@ def test_whatever_python_breaks_down_with(place):
 PARENT = """
 import sys
 from pathlib import Path
+from padgen.batch.definition import parse_sweep
 from padgen.batch.sweep import run_sweep
 from tests import sweep_work
-from tests.test_sweep_faults import sweep
-asked = sweep(40, time_s=1 if sys.argv[2] == "brief" else 60)
-result = run_sweep(asked, Path(sys.argv[1]), workers=2, work=getattr(sweep_work, sys.argv[2]))
+folder, work, table = sys.argv[1:]
+result = run_sweep(parse_sweep(table), Path(folder), workers=2, work=getattr(sweep_work, work))
 print("stopped:", result.stopped, result.interrupted, flush=True)
 """
 
 
 def parent(place: Path, work: str) -> subprocess.Popen:
     env = os.environ | {"PYTHONPATH": os.pathsep.join([".", *sys.path])}
-    command = [sys.executable, "-c", PARENT, str(place / "out"), work]
+    command = [sys.executable, "-c", PARENT, place / "out", work, table(40, "", 1 if work == "brief" else 60)]
     return subprocess.Popen(command, env=env, stdout=subprocess.PIPE, cwd=Path(__file__).parents[1], text=True)
 
 
