@@ -158,13 +158,6 @@ def test_retune_and_drive_a_print(work):
     assert pg.drive(plan, state="10", tuning="r/tuning.json").tuning == read
 
 
-def test_a_study_measures_and_draws(paper_plan):
-    study = pg.study(paper_plan, only=["allocation"])
-    assert {judged.ladder.name for judged in study.ladders} == {"allocation"}
-    assert repr(study) == "<Study paper-32: allocation>"
-    assert len(study.plot().axes) >= 1
-
-
 def test_a_sweep_is_a_table(work):
     swept = pg.sweep("tiny.toml", q_min=[15, 20], coil={"gap_mm": (1.0, 1.5, 2.0)}, workers=1)
     rows = swept.table()

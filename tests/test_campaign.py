@@ -131,7 +131,7 @@ def test_serpentines_are_as_far_off_as_they_state(later):
 
 
 def test_bends_are_stiffer_than_their_axis_and_hold_tall_legs(monkeypatch):
-    """Without either correction the model's errors are more than twice as large."""
+    """Without either correction the model's errors on every third serpentine are more than twice as large."""
 
     def error():
         return np.mean([abs(one.error) for one in working(campaign.compared_as_planned(SERPENTINES[::3]))])

@@ -180,7 +180,7 @@ def with_clearance(clearance_mm, printer="fdm-0.4"):
     return make_plan(parse_spec(SMALL.replace("[pad]", f"{text}[pad]")))
 
 
-@pytest.mark.parametrize("printer", ["fdm-0.4", "fdm-0.25", "resin-0.05"])
+@pytest.mark.parametrize("printer", ["fdm-0.4", "resin-0.05"])
 def test_a_washer_enters_what_is_laid_around_it(printer):
     """A polygon's sides are nearer to its middle than its corners, and a slicer lays some plastic beyond them."""
     plan = with_clearance(0.0, printer)

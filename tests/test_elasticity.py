@@ -1,6 +1,6 @@
 """3-D elasticity of one taxel, and of solids with published modes.
 
-NGSolve and build123d cannot share a process: one child makes STEP files, another solves them.
+NGSolve and build123d cannot share a process: this one makes STEP files, a child solves them.
 """
 
 import json
@@ -49,7 +49,7 @@ RING_MM3 = np.pi * (2.0**2 - 1.0**2) * 0.5
 
 
 def write_steps(folder: Path) -> None:
-    """Write the STEP files of taxel_modes.json and some bad ones, in a process with build123d."""
+    """Write the STEP files of taxel_modes.json and some bad ones."""
     import build123d as b
 
     def block(x0: float, x1: float, width: float, height: float) -> Any:
@@ -76,8 +76,7 @@ def write_steps(folder: Path) -> None:
 @pytest.fixture(scope="module")
 def steps(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("steps")
-    with ProcessPoolExecutor(1, get_context("spawn")) as maker:
-        maker.submit(write_steps, folder).result()
+    write_steps(folder)
     return folder
 
 

@@ -283,17 +283,14 @@ def test_the_ladder_climbs():
     assert three_d_pull(pulled, 3, 1).values == pytest.approx([truth], rel=0.015)
 
 
-def test_pull_on_a_neighbours_washer():
+def test_pull_on_a_neighbours_washer(off_axis):
     """A lone coil pulls a washer 9.5 mm off its axis as surface charges say, far less than its own washer."""
-
-    def ratio(order):
-        far, own = (Pull(COIL, WASHER, MM, offset) for offset in (9.5 * MM, 3 * MM))
-        return float(solid_pull(far, order).wrench[0, 2] / solid_pull(own, order).wrench[0, 2])
-
+    far = Pull(COIL, WASHER, MM, 9.5 * MM)
     charges = [planned_pull(COIL, WASHER, MM, x).values[0] for x in (9.5 * MM, 3 * MM)]
     with pytest.raises(SolverError, match="drowns in the field's own error"):
-        ratio(2)
-    assert ratio(3) == pytest.approx(charges[0] / charges[1], rel=0.1)
+        solid_pull(far, 2)
+    ratio = solid_pull(far, 3).wrench[0, 2] * AMPERE**2 / off_axis.wrench[0, 2]
+    assert ratio == pytest.approx(charges[0] / charges[1], rel=0.1)
 
 
 # --- extreme cases ---------------------------------------------------------------------------------------
@@ -313,8 +310,8 @@ def test_extreme_cases_are_right(case):
 
 
 def test_random_pulls_are_what_a_spec_allows():
-    pulls = [random_pull(number) for number in range(50)]
-    assert pulls == [random_pull(number) for number in range(50)]
+    pulls = [random_pull(number) for number in range(15)]
+    assert pulls == [random_pull(number) for number in range(15)]
     for pull in pulls:
         assert 2e-4 <= pull.gap_m <= 5e-3 and 0 <= pull.offset_m <= 15e-3
         assert 0 <= pull.coil.core_diameter <= min(20e-3, *(w.inner_diameter for w in pull.coil.windings))

@@ -684,8 +684,8 @@ def test_meshes_that_are_judged_all_the_same(tmp_path, capsys, name, triangles, 
 
 def test_a_soup_of_triangles_pierces_itself(tmp_path):
     rng = np.random.default_rng(13)
-    (tmp_path / "a.stl").write_bytes(stl(rng.uniform(0, 10, (1500, 3, 3))))
-    assert len(intersecting_pairs(read_mesh(tmp_path / "a.stl"))) > 10_000
+    (tmp_path / "a.stl").write_bytes(stl(rng.uniform(0, 10, (700, 3, 3))))
+    assert len(intersecting_pairs(read_mesh(tmp_path / "a.stl"))) > 2000
 
 
 @pytest.mark.parametrize("suffix", ["stl", "obj", "ply", "3mf"])

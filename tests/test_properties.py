@@ -57,7 +57,7 @@ def planned(table):
         return None
 
 
-@settings(max_examples=8, **QUIET)
+@settings(max_examples=5, **QUIET)
 @given(tables())
 def test_random_plans_hold_what_they_promise(table):
     plan = planned(table)
@@ -89,7 +89,7 @@ def test_random_plans_hold_what_they_promise(table):
     assert all(abs(t.x_mm) < half[0] and abs(t.y_mm) < half[1] for t in plan.taxels)
 
 
-@settings(max_examples=3, **QUIET)
+@settings(max_examples=2, **QUIET)
 @given(tables().filter(lambda table: planned(table) is not None))
 def test_random_pads_pass_their_checks(table):
     plan = planned(table)

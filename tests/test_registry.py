@@ -575,7 +575,7 @@ def padgen_in(folder, plugins, *arguments):
 
 def test_workers_know_what_a_plugin_registers_and_its_code_is_part_of_the_inputs(plugin_folder):
     def swept(say):
-        ran = padgen_in(plugin_folder, "toy_plugin", "sweep", "two.toml", "-j", "2", "--json")
+        ran = padgen_in(plugin_folder, "toy_plugin", "sweep", "two.toml", "-j", "1", "--json")
         assert ran.returncode == 0, ran.stderr
         return json.loads(ran.stdout.splitlines()[-1])[say]
 

@@ -16,7 +16,6 @@ import os
 import sys
 import time
 from collections import Counter
-from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -26,12 +25,13 @@ import pytest
 from padgen.batch import index
 from padgen.batch.definition import count_points, load_sweep, parse_expression, parse_sweep, variant_table, variants
 from padgen.batch.sweep import Event, event_table, run_sweep
-from padgen.batch.variant import plan_figures
+from padgen.batch.variant import plan_figures, run_task
 from padgen.core.errors import FileError, SpecError
 from padgen.core.files import OutputFolder
 from padgen.core.runner import memory_mb
 from padgen.spec import catalogue
 from tests import sweep_work
+from tests.sweep_work import Inline
 
 HEAD = 'name = "s"\nbase = "paper-32"\n'
 NO_FOLDERS = HEAD + "folders = false\n"
@@ -50,15 +50,6 @@ def rows(folder: Path) -> list[dict[str, str]]:
 def counting(tmp_path, monkeypatch):
     monkeypatch.setenv(sweep_work.PLACE, str(tmp_path))
     return lambda: Counter((tmp_path / "ran").read_text().split()) if (tmp_path / "ran").exists() else Counter()
-
-
-class Inline:
-    """An executor that runs a task when it is submitted."""
-
-    def submit(self, function, tasks, *rest):
-        future = Future()
-        future.set_result([sweep_work.tiny(task) for task in tasks])
-        return future
 
 
 # What is varied
@@ -175,7 +166,7 @@ def test_constraints_see_what_a_varied_field_brings_along():
 def test_a_variant_that_is_no_spec_is_kept_to_say_why(tmp_path):
     axes = '[axes]\nprinter = ["fdm-0.4", "resin-0.05"]\nmaterial = ["pla"]\nq_min = [10, 12]'
     text = f'constraints = ["q_min > 11"]\n{axes}'
-    assert run_sweep(parse_sweep(NO_FOLDERS + text), tmp_path, workers=1).total == 2
+    assert run_sweep(parse_sweep(NO_FOLDERS + text), tmp_path, Inline(run_task)).total == 2
     assert [row["status"] for row in rows(tmp_path)] == ["done", "refused"]
     assert "material" in rows(tmp_path)[1]["sentence"]
 
@@ -393,7 +384,7 @@ def test_real_plans(tmp_path):
 
 def test_yields(tmp_path):
     sweep = parse_sweep(HEAD + 'stage = "yield"\npads = 50\n[axes]\nq_min = [12]\n')
-    assert run_sweep(sweep, tmp_path, workers=1).done == 1
+    assert run_sweep(sweep, tmp_path, Inline(run_task)).done == 1
     assert 0 <= float(rows(tmp_path)[0]["good_pads_retuned"]) <= 1
     assert (tmp_path / "s-00000" / "yield.json").exists()
 
@@ -403,7 +394,7 @@ def test_finished_variants_are_not_run_again(tmp_path, monkeypatch):
 
     def run(axis: str, **options):
         return run_sweep(
-            parse_sweep(NO_FOLDERS + f"[axes]\nq_min = {axis}\n"), out, workers=1, work=sweep_work.counted, **options
+            parse_sweep(NO_FOLDERS + f"[axes]\nq_min = {axis}\n"), out, Inline(sweep_work.counted), **options
         )
 
     assert run("[10, 11, 12]").kept == 0
@@ -442,7 +433,7 @@ def test_a_changed_stage_code_or_curve_runs_again(tmp_path, monkeypatch):
 
     def run(more: str = ""):
         text = f'name = "s"\nbase = "base.toml"\nfolders = false\n{more}[axes]\nq_min = [10]\n'
-        run_sweep(parse_sweep(text, folder=tmp_path), tmp_path / "out", workers=1, work=sweep_work.counted)
+        run_sweep(parse_sweep(text, folder=tmp_path), tmp_path / "out", Inline(sweep_work.counted))
         return ran()["0"]
 
     (tmp_path / "curve.csv").write_text("50,1\n200,2\n")
@@ -457,10 +448,10 @@ def test_a_changed_stage_code_or_curve_runs_again(tmp_path, monkeypatch):
 
 def test_a_variant_whose_folder_is_gone_runs_again(tmp_path):
     sweep = parse_sweep(HEAD + "[axes]\nq_min = [12, 13]\n")
-    run_sweep(sweep, tmp_path, workers=1)
+    run_sweep(sweep, tmp_path, Inline(run_task))
     (tmp_path / "s-00001" / "plan.json").unlink()
     (tmp_path / "s-00001" / ".partial-999999999").mkdir()
-    assert run_sweep(sweep, tmp_path, workers=1).kept == 1
+    assert run_sweep(sweep, tmp_path, Inline(run_task)).kept == 1
     assert {path.name for path in (tmp_path / "s-00001").iterdir()} == {"manifest.json", "plan.json"}
 
 
@@ -472,10 +463,10 @@ def test_what_was_replaced_is_not_kept_when_its_inputs_come_back(tmp_path):
         def submit(self, function, tasks, *rest):
             raise RuntimeError("lost")
 
-    assert run_sweep(a, tmp_path, workers=1).done == 2
+    assert run_sweep(a, tmp_path, Inline(run_task)).done == 2
     assert run_sweep(b, tmp_path, Lost()).left == 1
     assert [row["number"] for row in rows(tmp_path)] == ["1"]
-    again = run_sweep(a, tmp_path, workers=1)
+    again = run_sweep(a, tmp_path, Inline(run_task))
     assert (again.kept, again.done) == (1, 2)
 
 
@@ -518,7 +509,7 @@ def test_made_anew_the_index_keeps_what_is_still_true_until_it_is_replaced(tmp_p
 
 def test_another_plan_leaves_nothing_of_the_one_before(tmp_path):
     def made(more: str) -> set[str]:
-        run_sweep(parse_sweep(HEAD + f"pads = 20\n{more}"), tmp_path, workers=1)
+        run_sweep(parse_sweep(HEAD + f"pads = 20\n{more}"), tmp_path, Inline(run_task))
         return {path.name for path in (tmp_path / "s-00000").iterdir()} - {"manifest.json"}
 
     assert made('stage = "yield"\n[axes]\nq_min = [15]') == {"plan.json", "yield.json"}
@@ -531,7 +522,7 @@ def test_folders_that_were_left_out_meanwhile_are_made_anew(tmp_path):
 
     def run(folders: str, resolutions: list[int]) -> list[int | None]:
         text = f"folders = {folders}\n[axes]\nresolution = {resolutions}\n"
-        run_sweep(parse_sweep(HEAD + text), tmp_path, workers=1)
+        run_sweep(parse_sweep(HEAD + text), tmp_path, Inline(run_task))
         plans = [tmp_path / f"s-0000{k}" / "plan.json" for k in range(2)]
         return [json.loads(path.read_text())["spec"]["resolution"] if path.exists() else None for path in plans]
 
@@ -540,14 +531,15 @@ def test_folders_that_were_left_out_meanwhile_are_made_anew(tmp_path):
     assert run("true", [30, 26]) == [30, 26]
 
 
-@pytest.mark.parametrize(("stage", "name"), [("yield", "yield.json"), ("build", "pad.stl"), ("build", "manifest.json")])
-def test_a_variant_that_has_lost_a_file_runs_again(tmp_path, stage, name):
+@pytest.mark.parametrize(("stage", "names"), [("yield", ["yield.json"]), ("build", ["pad.stl", "manifest.json"])])
+def test_a_variant_that_has_lost_a_file_runs_again(tmp_path, stage, names):
     text = f'{HEAD}stage = "{stage}"\nformats = "stl"\npads = 20\n[axes]\nq_min = [15]\n'
-    run_sweep(parse_sweep(text), tmp_path, workers=1)
-    assert run_sweep(parse_sweep(text), tmp_path, workers=1).kept == 1
-    (tmp_path / "s-00000" / name).unlink()
-    assert run_sweep(parse_sweep(text), tmp_path, workers=1).kept == 0
-    assert (tmp_path / "s-00000" / name).exists()
+    run_sweep(parse_sweep(text), tmp_path, Inline(run_task))
+    for name in names:
+        assert run_sweep(parse_sweep(text), tmp_path, Inline(run_task)).kept == 1
+        (tmp_path / "s-00000" / name).unlink()
+        assert run_sweep(parse_sweep(text), tmp_path, Inline(run_task)).kept == 0
+        assert (tmp_path / "s-00000" / name).exists()
 
 
 def test_a_constraint_that_breaks_late_leaves_nothing(tmp_path):
@@ -564,7 +556,7 @@ def test_a_refused_variant_keeps_no_older_files(tmp_path):
         out.commit()
     (tmp_path / "s-00000" / "mine.txt").touch()
     (tmp_path / "s-00000" / "pad.3mf").write_text("mine, too")
-    run_sweep(parse_sweep(HEAD + "[axes]\nresolution = [8]\n"), tmp_path, workers=1)
+    run_sweep(parse_sweep(HEAD + "[axes]\nresolution = [8]\n"), tmp_path, Inline(run_task))
     assert rows(tmp_path)[0]["status"] == "refused"
     assert {path.name for path in (tmp_path / "s-00000").iterdir()} == {"mine.txt", "pad.3mf"}
 
@@ -572,21 +564,21 @@ def test_a_refused_variant_keeps_no_older_files(tmp_path):
 def test_a_limit_of_the_cache_that_is_none_is_refused_at_once(tmp_path, monkeypatch):
     monkeypatch.setenv("PADGEN_CACHE_MB", "much")
     with pytest.raises(SpecError, match="PADGEN_CACHE_MB"):
-        run_sweep(parse_sweep(HEAD + "[axes]\nq_min = [12]\n"), tmp_path / "out", workers=1)
+        run_sweep(parse_sweep(HEAD + "[axes]\nq_min = [12]\n"), tmp_path / "out", Inline(run_task))
     assert not (tmp_path / "out").exists()
 
 
 def test_a_users_index_makes_room_and_is_kept(tmp_path):
     (tmp_path / "index.csv").write_text("mine")
     for _ in range(2):
-        run_sweep(parse_sweep(NO_FOLDERS + "[axes]\nq_min = [12]\n"), tmp_path, workers=1)
+        run_sweep(parse_sweep(NO_FOLDERS + "[axes]\nq_min = [12]\n"), tmp_path, Inline(run_task))
     assert (tmp_path / "index.csv.old").read_text() == "mine"
     assert len(rows(tmp_path)) == 1 and not (tmp_path / "index.csv.old2").exists()
 
 
 def test_a_refused_variant_keeps_no_older_plan(tmp_path):
     for resolution, there in ((32, True), (8, False)):
-        run_sweep(parse_sweep(HEAD + f"[axes]\nresolution = [{resolution}]\n"), tmp_path, workers=1)
+        run_sweep(parse_sweep(HEAD + f"[axes]\nresolution = [{resolution}]\n"), tmp_path, Inline(run_task))
         status = rows(tmp_path)[0]["status"]
         assert (tmp_path / "s-00000" / "plan.json").exists() == there == (status == "done")
 
@@ -595,17 +587,17 @@ def test_failed_variants_are_told_again_and_tried_with_retry(tmp_path, monkeypat
     ran, out = counting(tmp_path, monkeypatch), tmp_path / "out"
     sweep = parse_sweep(NO_FOLDERS + "[axes]\nq_min = [10, 11, 12]\n")
     (tmp_path / "broken").touch()
-    assert run_sweep(sweep, out, workers=1, work=sweep_work.failing).failed == 1
+    assert run_sweep(sweep, out, Inline(sweep_work.failing)).failed == 1
     (tmp_path / "broken").unlink()
     events = []
-    result = run_sweep(sweep, out, workers=1, work=sweep_work.failing, on_event=events.append)
+    result = run_sweep(sweep, out, Inline(sweep_work.failing), on_event=events.append)
     assert (result.failed, result.kept, ran()["1"]) == (1, 3, 1)
     assert [(e.kind, e.reused, e.record and e.record.sentence) for e in events] == [
         ("start", False, None),
         ("failed", True, "it is broken"),
         ("end", False, None),
     ]
-    result = run_sweep(sweep, out, workers=1, work=sweep_work.failing, retry=True)
+    result = run_sweep(sweep, out, Inline(sweep_work.failing), retry=True)
     assert (result.done, result.kept, ran()) == (3, 2, {"0": 1, "1": 2, "2": 1})
 
 

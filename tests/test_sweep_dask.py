@@ -25,6 +25,7 @@ from padgen.batch import scheduler
 from padgen.batch.definition import parse_sweep
 from padgen.batch.scheduler import connect, fingerprint
 from padgen.batch.sweep import run_sweep
+from padgen.batch.variant import run_task
 from padgen.core.errors import EngineMissingError, PadgenError
 from tests import sweep_work
 
@@ -70,6 +71,7 @@ class Cluster:
 
     def _start(self, name: str, *arguments: str, path: str = str(ROOT)) -> subprocess.Popen:
         env = os.environ | {"PYTHONPATH": path, "DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "5s"}
+        env[sweep_work.PLACE] = str(self._folder)
         with open(self._folder / name, "w") as log:
             process = subprocess.Popen(
                 [sys.executable, "-m", "dask", name.partition("-")[0], *arguments],
@@ -125,74 +127,11 @@ def after(count: int, act):
     return listen
 
 
-def test_a_worker_is_killed(place):
-    """One worker has a nanny, which starts another; one has none and stays dead."""
-    with cluster(place / "cluster") as dask:
-        dask.worker("a", "--nanny")
-        doomed = dask.worker("b", "--no-nanny")
-        with connect(dask.address, 20) as executor:
-            listen = after(8, lambda: os.kill(doomed.pid, signal.SIGKILL))
-            result = run_sweep(sweep(), place / "out", executor, work=sweep_work.slow, on_event=listen)
-    assert listen.acted and doomed.returncode == -signal.SIGKILL
-    assert (result.done, result.failed, result.left, result.stopped) == (COUNT, 0, 0, "")
-    check_whole(place / "out")
-    assert set(ran(place)) == set(range(COUNT))
+def test_workers_that_would_make_something_else_or_are_killed(place):
+    """Tried are no worker at all, one with another padgen, one that is killed and one without padgen.
 
-
-def test_the_scheduler_is_killed(place, monkeypatch):
-    """The sweep ends with a message, keeps its results, and goes on with a new cluster or without any."""
-    logged: list[logging.LogRecord] = []
-    with cluster(place / "first") as dask:
-        dask.worker("a", "--no-nanny")
-        monkeypatch.setattr(logging.getLogger("distributed.client"), "handlers", [Collector(logged)])
-        with connect(dask.address, 20) as executor:
-            listen = after(5, lambda: os.kill(dask.scheduler.pid, signal.SIGKILL))
-            start = time.monotonic()
-            first = run_sweep(sweep(), place / "out", executor, work=sweep_work.slow, on_event=listen)
-            assert time.monotonic() - start < 60
-    assert first.stopped == f"executor: has ended (scheduler {dask.address}: the connection to it was lost)"
-    assert 5 <= first.done < COUNT and first.done + first.left == COUNT and not first.failed
-    assert len(rows(place / "out")) == first.done
-    assert not logged, "a sentence tells of it, no traceback of Dask's"
-    with cluster(place / "second") as dask:
-        dask.worker("a", "--no-nanny")
-
-        def interrupt() -> None:
-            raise KeyboardInterrupt
-
-        with connect(dask.address, 20) as executor:
-            listen = after(first.done + 5, interrupt)
-            second = run_sweep(sweep(), place / "out", executor, work=sweep_work.slow, on_event=listen)
-    assert second.interrupted and second.kept == first.done and first.done + 5 <= second.done < COUNT
-    last = run_sweep(sweep(), place / "out", workers=2, work=sweep_work.slow)
-    assert (last.kept, last.done, last.left) == (second.done, COUNT, 0)
-    check_whole(place / "out")
-
-
-def test_a_local_cluster_makes_the_same_index(place):
-    distributed = pytest.importorskip("distributed", reason=FOREIGN)
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
-    ) as local:
-        with connect(local.scheduler_address, 20) as executor:
-            result = run_sweep(sweep(6, ""), place / "out", executor)
-        assert (result.done, result.left, result.stopped) == (6, 0, "")
-        # A caller's own executor of the same cluster, in bigger tasks; what is there already is kept.
-        with distributed.Client(local) as client:
-            again = run_sweep(sweep(12, ""), place / "out", client.get_executor(pure=False), chunk=3)
-    assert (again.kept, again.done) == (6, 12)
-    here = run_sweep(sweep(12, ""), place / "here", workers=1)
-    assert here.done == 12
-    measured = ("seconds", "peak_memory_mb")
-    there, mine = (
-        [{k: v for k, v in row.items() if k not in measured} for row in rows(place / f)] for f in ("out", "here")
-    )
-    assert there == mine
-    assert (place / "out/s-00003/plan.json").read_bytes() == (place / "here/s-00003/plan.json").read_bytes()
-
-
-def test_workers_that_would_make_something_else(place, monkeypatch):
-    """Tried are no worker at all, one without padgen, and one with another padgen."""
+    The first has a nanny, which would start another; that which is killed has none and stays dead.
+    """
     bare = place / "bare"
     bare.mkdir()
     (bare / "padgen.py").write_text("raise ModuleNotFoundError(\"No module named 'padgen'\")\n")
@@ -200,7 +139,7 @@ def test_workers_that_would_make_something_else(place, monkeypatch):
         sentence = rf"scheduler {dask.address}: has no worker; dask worker {dask.address} starts one"
         with pytest.raises(PadgenError, match=sentence), connect(dask.address, 0.5):
             pass
-        dask.worker("good", "--no-nanny")
+        dask.worker("a", "--nanny")
         for name, other, sentence in (
             (
                 "numpy",
@@ -211,18 +150,70 @@ def test_workers_that_would_make_something_else(place, monkeypatch):
             ("padgen", "0123", r"worker tcp://\S+: has another padgen than this machine; install the same one on both"),
         ):
             mine = fingerprint() | {name: other}
-            monkeypatch.setattr(scheduler, "fingerprint", lambda mine=mine: mine)
-            with pytest.raises(PadgenError, match=sentence), connect(dask.address, 20):
-                pass
-            monkeypatch.undo()
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr(scheduler, "fingerprint", lambda mine=mine: mine)
+                with pytest.raises(PadgenError, match=sentence), connect(dask.address, 20):
+                    pass
+        doomed = dask.worker("b", "--no-nanny")
+        with connect(dask.address, 20) as executor:
+            listen = after(8, lambda: os.kill(doomed.pid, signal.SIGKILL))
+            result = run_sweep(sweep(), place / "out", executor, work=sweep_work.slow, on_event=listen)
         worker = dask.worker("bare", "--no-nanny", "--name", "bare", path=str(bare))
         with pytest.raises(
             PadgenError, match=r"worker tcp://\S+: cannot import padgen \(ModuleNotFoundError: No module"
         ):
-            for _ in range(100):  # until the second has come
+            for _ in range(100):  # until it has come
                 with connect(dask.address, 20):
                     time.sleep(0.1)
         assert worker.poll() is None
+    assert listen.acted and doomed.returncode == -signal.SIGKILL
+    assert (result.done, result.failed, result.left, result.stopped) == (COUNT, 0, 0, "")
+    check_whole(place / "out")
+    assert set(ran(place / "cluster")) == set(range(COUNT))
+
+
+def test_a_cluster_makes_the_same_index_until_its_scheduler_is_killed(place, monkeypatch):
+    """The sweep ends with a message, keeps its results, and goes on with a cluster or without any."""
+    distributed = pytest.importorskip("distributed", reason=FOREIGN)
+    logged: list[logging.LogRecord] = []
+
+    def interrupt() -> None:
+        raise KeyboardInterrupt
+
+    with cluster(place / "cluster") as dask:
+        dask.worker("a", "--no-nanny")
+        with connect(dask.address, 20) as executor:
+            result = run_sweep(sweep(6, ""), place / "there", executor)
+            assert (result.done, result.left, result.stopped) == (6, 0, "")
+            listen = after(5, interrupt)
+            first = run_sweep(sweep(), place / "out", executor, work=sweep_work.slow, on_event=listen)
+        assert first.interrupted and 5 <= first.done < COUNT
+        # A caller's own executor of the same cluster, in bigger tasks; what is there already is kept.
+        with distributed.Client(dask.address) as client:
+            again = run_sweep(sweep(12, ""), place / "there", client.get_executor(pure=False), chunk=3)
+        assert (again.kept, again.done) == (6, 12)
+        monkeypatch.setattr(logging.getLogger("distributed.client"), "handlers", [Collector(logged)])
+        with connect(dask.address, 20) as executor:
+            listen = after(first.done + 5, lambda: os.kill(dask.scheduler.pid, signal.SIGKILL))
+            start = time.monotonic()
+            second = run_sweep(sweep(), place / "out", executor, work=sweep_work.slow, on_event=listen)
+            assert time.monotonic() - start < 60
+    assert second.stopped == f"executor: has ended (scheduler {dask.address}: the connection to it was lost)"
+    assert second.kept == first.done and first.done + 5 <= second.done < COUNT
+    assert second.done + second.left == COUNT and not second.failed
+    assert len(rows(place / "out")) == second.done
+    assert not logged, "a sentence tells of it, no traceback of Dask's"
+    last = run_sweep(sweep(), place / "out", workers=2, work=sweep_work.slow)
+    assert (last.kept, last.done, last.left) == (second.done, COUNT, 0)
+    check_whole(place / "out")
+    here = run_sweep(sweep(12, ""), place / "here", sweep_work.Inline(run_task))
+    assert here.done == 12
+    measured = ("seconds", "peak_memory_mb")
+    there, mine = (
+        [{k: v for k, v in row.items() if k not in measured} for row in rows(place / f)] for f in ("there", "here")
+    )
+    assert there == mine
+    assert (place / "there/s-00003/plan.json").read_bytes() == (place / "here/s-00003/plan.json").read_bytes()
 
 
 @pytest.mark.parametrize(

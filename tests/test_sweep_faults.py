@@ -35,12 +35,17 @@ from padgen.batch.variant import run_task
 from padgen.core import cache
 from padgen.core.errors import FileError
 from tests import sweep_work
+from tests.sweep_work import Inline
 
 HEAD = 'name = "s"\nbase = "paper-32"\nfolders = false\n'
 
 
-def sweep(count: int = 8, more: str = "", time_s: float = 60):
-    return parse_sweep(f"{HEAD}{more}\n[axes]\nq_min = {[10 + i for i in range(count)]}\n[limits]\ntime_s = {time_s}\n")
+def table(count: int = 8, more: str = "", time_s: float = 60) -> str:
+    return f"{HEAD}{more}\n[axes]\nq_min = {[10 + i for i in range(count)]}\n[limits]\ntime_s = {time_s}\n"
+
+
+def sweep(*arguments):
+    return parse_sweep(table(*arguments))
 
 
 def rows(folder: Path) -> list[dict[str, str]]:
@@ -105,18 +110,18 @@ def test_whatever_python_breaks_down_with(place):
 PARENT = """
 import sys
 from pathlib import Path
+from padgen.batch.definition import parse_sweep
 from padgen.batch.sweep import run_sweep
 from tests import sweep_work
-from tests.test_sweep_faults import sweep
-asked = sweep(40, time_s=1 if sys.argv[2] == "brief" else 60)
-result = run_sweep(asked, Path(sys.argv[1]), workers=2, work=getattr(sweep_work, sys.argv[2]))
+folder, work, table = sys.argv[1:]
+result = run_sweep(parse_sweep(table), Path(folder), workers=2, work=getattr(sweep_work, work))
 print("stopped:", result.stopped, result.interrupted, flush=True)
 """
 
 
 def parent(place: Path, work: str) -> subprocess.Popen:
     env = os.environ | {"PYTHONPATH": os.pathsep.join([".", *sys.path])}
-    command = [sys.executable, "-c", PARENT, str(place / "out"), work]
+    command = [sys.executable, "-c", PARENT, place / "out", work, table(40, "", 1 if work == "brief" else 60)]
     return subprocess.Popen(command, env=env, stdout=subprocess.PIPE, cwd=Path(__file__).parents[1], text=True)
 
 
@@ -189,10 +194,10 @@ def test_sigterm_ends_the_command_as_ctrl_c_does(place, tmp_path):
 
 def test_a_full_disk_stops_the_sweep_and_fails_no_variant(place):
     (place / "full").touch()
-    result = run_sweep(sweep(8), place / "out", workers=1, work=sweep_work.full)
+    result = run_sweep(sweep(8), place / "out", Inline(sweep_work.full))
     assert "No space left on device" in result.stopped and (result.done, result.failed, result.left) == (3, 0, 5)
     (place / "full").unlink()
-    result = run_sweep(sweep(8), place / "out", workers=1, work=sweep_work.full)
+    result = run_sweep(sweep(8), place / "out", Inline(sweep_work.full))
     assert (result.done, result.kept, result.stopped) == (8, 3, "")
 
 
@@ -202,12 +207,12 @@ def test_a_folder_that_is_removed_meanwhile_is_told(place):
             shutil.rmtree(place / "out")
 
     with pytest.raises(FileError, match=r"index\.jsonl: was removed while the sweep ran"):
-        run_sweep(sweep(8), place / "out", workers=1, work=sweep_work.counted, on_event=remove)
+        run_sweep(sweep(8), place / "out", Inline(sweep_work.counted), on_event=remove)
 
 
 def test_a_killed_run_leaves_no_index_of_what_is_replaced(place):
     """Once a variant is being replaced, index and front list nothing that is gone."""
-    made = run_sweep(sweep(4), place / "out", workers=1, work=sweep_work.counted)
+    made = run_sweep(sweep(4), place / "out", Inline(sweep_work.counted))
     write_pareto(place / "out", "s", made.overview)
     assert (place / "out" / "pareto.csv").exists()
     seen = []
@@ -215,7 +220,7 @@ def test_a_killed_run_leaves_no_index_of_what_is_replaced(place):
     def look(event):
         seen.append((event.kind, len(rows(place / "out")), (place / "out" / "pareto.csv").exists()))
 
-    run_sweep(sweep(4, "stage = 'yield'"), place / "out", workers=1, work=sweep_work.counted, on_event=look)
+    run_sweep(sweep(4, "stage = 'yield'"), place / "out", Inline(sweep_work.counted), on_event=look)
     assert seen[0] == ("start", 0, False)
 
 
@@ -249,20 +254,20 @@ def test_disk_full(place, monkeypatch):
     FullDisk.lines = 0
     monkeypatch.setattr(index, "FileIO", FullDisk)
     with pytest.raises(FileError, match=r"index.jsonl: cannot be written \(No space left on device\)"):
-        run_sweep(sweep(), place / "out", workers=1, work=sweep_work.tiny)
+        run_sweep(sweep(), place / "out", Inline(sweep_work.tiny))
     assert [row["number"] for row in rows(place / "out")] == ["0", "1", "2", "3"]
     assert (place / "out" / "index.jsonl").read_bytes().endswith(b"}\n")
     monkeypatch.undo()
-    assert run_sweep(sweep(), place / "out", workers=1, work=sweep_work.tiny).kept == 4
+    assert run_sweep(sweep(), place / "out", Inline(sweep_work.tiny)).kept == 4
 
 
 def test_the_index_cannot_be_written(place):
     (place / "out" / "index.csv" / "in the way").mkdir(parents=True)
     with pytest.raises(FileError, match=r"index.csv: cannot be written"):
-        run_sweep(sweep(2), place / "out", workers=1, work=sweep_work.tiny)
+        run_sweep(sweep(2), place / "out", Inline(sweep_work.tiny))
     (place / "out" / "index.csv" / "in the way").rmdir()
     (place / "out" / "index.csv").rmdir()
-    assert run_sweep(sweep(2), place / "out", workers=1, work=sweep_work.tiny).kept == 2
+    assert run_sweep(sweep(2), place / "out", Inline(sweep_work.tiny)).kept == 2
     assert not list((place / "out").glob(".index*"))
 
 
@@ -270,7 +275,7 @@ def test_the_index_cannot_be_written(place):
 def test_a_folder_that_cannot_be_written(place, folder):
     (place / "file").write_text("in the way")
     with pytest.raises(FileError, match=r"out|file") as error:
-        run_sweep(sweep(2), place / folder, workers=1, work=sweep_work.tiny)
+        run_sweep(sweep(2), place / folder, Inline(sweep_work.tiny))
     assert "cannot be written to (" in str(error.value)
 
 
@@ -278,7 +283,7 @@ def test_a_variant_whose_folder_cannot_be_written(place):
     real = parse_sweep('name = "s"\nbase = "paper-32"\n[axes]\nq_min = [10, 12]\n')
     (place / "out").mkdir()
     (place / "out" / "s-00000").write_text("in the way")
-    result = run_sweep(real, place / "out", workers=1)
+    result = run_sweep(real, place / "out", Inline(run_task))
     assert (result.done, result.failed) == (1, 1)
     assert rows(place / "out")[0]["sentence"].startswith(f"{place}/out/s-00000: cannot be written to (")
 
@@ -289,12 +294,12 @@ def test_two_sweeps_into_one_folder(place):
     with pytest.raises(
         FileError, match=rf"another sweep writes into it \(process {first.pid} on .* since 20..-"
     ) as error:
-        run_sweep(sweep(40), place / "out", workers=1, work=sweep_work.counted)
+        run_sweep(sweep(40), place / "out", Inline(sweep_work.counted))
     assert "wait until it has ended" in str(error.value)
     (place / "go").touch()
     first.communicate()
     assert sorted(ran(place)) == list(range(40)), "the second made nothing"
-    assert run_sweep(sweep(40), place / "out", workers=1, work=sweep_work.counted).kept == 40
+    assert run_sweep(sweep(40), place / "out", Inline(sweep_work.counted)).kept == 40
 
 
 def test_the_lock_where_the_system_has_none(tmp_path, monkeypatch):
@@ -317,36 +322,27 @@ def test_the_lock_where_the_system_has_none(tmp_path, monkeypatch):
     "junk", [b'{"number": 2, "key": "ab', b"\n", b"null\n", b'{"number": 7}\n', b"\xff\xfe\n", b"[1]"]
 )
 def test_a_torn_journal(place, junk):
-    run_sweep(sweep(4), place / "out", workers=1, work=sweep_work.counted)
+    run_sweep(sweep(4), place / "out", Inline(sweep_work.counted))
     with open(place / "out" / "index.jsonl", "ab") as file:
         file.write(junk)
-    result = run_sweep(sweep(6), place / "out", workers=1, work=sweep_work.counted)
+    result = run_sweep(sweep(6), place / "out", Inline(sweep_work.counted))
     assert (result.kept, result.done) == (4, 6)
     assert sorted(ran(place)) == list(range(6))
-    result = run_sweep(sweep(6), place / "out", workers=1, work=sweep_work.counted)
+    result = run_sweep(sweep(6), place / "out", Inline(sweep_work.counted))
     assert (result.kept, len(rows(place / "out"))) == (6, 6)
-
-
-class Here:
-    """An executor that makes variants in this process, where the CAD kernel is loaded."""
-
-    def submit(self, function, tasks, *rest):
-        future = Future()
-        future.set_result([run_task(task) for task in tasks])
-        return future
 
 
 def test_a_spoiled_cache_entry_costs_nothing(place, monkeypatch):
     monkeypatch.setenv(cache.VARIABLE, str(place / "cache"))
     text = 'name = "s"\nbase = "paper-32"\nstage = "build"\nformats = "stl"\n[axes]\nq_min = [10]\n'
-    run_sweep(parse_sweep(text), place / "out", Here())
+    run_sweep(parse_sweep(text), place / "out", Inline(run_task))
     first = (place / "out" / "s-00000" / "pad.stl").read_bytes()
     entries = [path for path in (place / "cache").rglob("*") if path.is_file()]
     for path in entries:
         data = bytearray(path.read_bytes())
         data[len(data) // 2] ^= 0xFF
         path.write_bytes(data)
-    result = run_sweep(parse_sweep(text), place / "out2", Here())
+    result = run_sweep(parse_sweep(text), place / "out2", Inline(run_task))
     assert entries and result.done == 1
     assert (place / "out2" / "s-00000" / "pad.stl").read_bytes() == first
 
