@@ -31,17 +31,13 @@ PER_CYCLE = 8
 """Fewest points of a grid in one cycle of the highest line."""
 BLOCK = 1 << 19
 """Points of waveforms computed at a time."""
-DRAWS = 256
+DRAWS = 1024
 """Random sets of phases that are tried as starts."""
-STARTS = 8
-"""Largest number of starts, each descended from as it is and after a smooth descent."""
+STARTS = 16
+"""Largest number of starts."""
 SAMPLES = 4096
-"""Most angles used by a smooth descent and by the choice of the starts."""
-SHARPNESS = 30.0
-"""Sharpness of the smooth maximum, over 1/Σ A: dips within a few hundredths of the deepest count."""
-FEW = 4
-"""Up to this many lines smooth descents gain nothing and are left out."""
-FIRST_STEPS, LAST_STEPS, BEST = 4, 25, 2
+"""Most angles used by the choice of the starts."""
+FIRST_STEPS, LAST_STEPS, BEST = 4, 25, 3
 """Linear programs from every start, then more from the BEST starts."""
 WITHIN, MOST_DIPS = 0.1, 200
 """Dips that a linear program includes: within this share of Σ A of the deepest, and at most MOST_DIPS."""
@@ -195,7 +191,7 @@ def _second_phase(low: int, high: int) -> float:
 
 
 def _starts(harmonic: np.ndarray, amplitude: np.ndarray) -> list[np.ndarray]:
-    """Return phases to descend from: Schroeder's and the best random ones, as they are and after a smooth descent."""
+    """Return phases to descend from: Schroeder's and the best random ones."""
     count, points = len(harmonic), _points(harmonic)
     random = np.random.default_rng(0)
     draws = np.concatenate([schroeder_phases(amplitude)[None], random.uniform(0, 2 * np.pi, (DRAWS, count))])
@@ -205,29 +201,8 @@ def _starts(harmonic: np.ndarray, amplitude: np.ndarray) -> list[np.ndarray]:
     table = np.hstack([np.cos(angle), np.sin(angle)])
     depth = -(table @ np.hstack([amplitude * np.cos(draws), -amplitude * np.sin(draws)]).T).min(0)
     depth[0] = 0.0  # Schroeder's phases always rank first.
-    few = min(STARTS, count - 1, max(LONG // (2 * points), FEWEST))
-    best = draws[np.argsort(depth, kind="stable")[:few]]
-    if count <= FEW:
-        return list(best)
-    return [*best, *(_smooth_descent(table, amplitude, phase) for phase in best)]
-
-
-def _smooth_descent(table: np.ndarray, amplitude: np.ndarray, phase: np.ndarray) -> np.ndarray:
-    """Return phases near `phase` that minimise the log-sum-exp of the depth at the table's angles."""
-    from scipy.optimize import minimize
-
-    count = len(amplitude)
-
-    def depth(phase: np.ndarray) -> tuple[float, np.ndarray]:
-        wave = table @ np.concatenate([amplitude * np.cos(phase), -amplitude * np.sin(phase)])
-        lowest = float(wave.min())
-        weight = np.exp(SHARPNESS * (lowest - wave))
-        mean = (weight @ table) / weight.sum()
-        slope = amplitude * (np.sin(phase) * mean[:count] + np.cos(phase) * mean[count:])
-        slope[0] = 0.0  # The first phase stays 0, since a shift in time changes nothing.
-        return float(np.log(weight.sum())) / SHARPNESS - lowest, slope
-
-    return minimize(depth, phase, jac=True, method="L-BFGS-B", options={"maxiter": 40}).x
+    few = min(STARTS, 2 * count, max(LONG // (2 * points), FEWEST))
+    return list(draws[np.argsort(depth, kind="stable")[:few]])
 
 
 def _dips(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
