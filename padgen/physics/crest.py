@@ -7,9 +7,11 @@ repeats and can be looped.
 """
 
 from functools import lru_cache
-from typing import NamedTuple
+from operator import attrgetter
 
 import numpy as np
+
+from padgen.physics.minimax import Box, Descent, descend
 
 __all__ = [
     "EXACT",
@@ -151,17 +153,7 @@ def _least_of_parabola(slope: np.ndarray, curve: np.ndarray, half: float) -> tup
     return move, slope * move + curve * move**2 / 2
 
 
-class _Descent(NamedTuple):
-    """State of a descent: phases (n,), the dips' depths (m,) and slopes (m, n) by the phases, the trust region."""
-
-    phase: np.ndarray
-    depth: np.ndarray
-    slope: np.ndarray
-    trust: float
-
-    @property
-    def deepest(self) -> float:
-        return float(self.depth.max())
+_largest = attrgetter("largest")
 
 
 @lru_cache(maxsize=4096)
@@ -172,11 +164,14 @@ def _phases(harmonic: tuple[int, ...], amplitude: tuple[float, ...]) -> tuple[fl
     if len(harmonic) == 2:
         return 0.0, _second_phase(*harmonic)
     k, a = np.array(harmonic), np.array(amplitude) / sum(amplitude)
-    starts = _starts(k, a)
-    begun = [_descend(k, a, _Descent(start, *_dips(k, a, start), TRUST), FIRST_STEPS) for start in starts]
-    begun.sort(key=lambda descent: descent.deepest)
-    ended = [_descend(k, a, descent, LAST_STEPS) for descent in begun[:BEST]]
-    best = min(ended, key=lambda descent: descent.deepest).phase
+    # The first phase stays 0, since a shift in time changes nothing.
+    free = np.append(0.0, np.full(len(k) - 1, np.inf))
+
+    def improved(at: Descent, steps: int) -> Descent:
+        return descend(lambda phase: _dips(k, a, phase), at, Box(-free, free), steps, SETTLED)
+
+    begun = sorted((improved(Descent(start, np.inf, TRUST), FIRST_STEPS) for start in _starts(k, a)), key=_largest)
+    best = min((improved(descent, LAST_STEPS) for descent in begun[:BEST]), key=_largest).place
     # Later digits may differ between machines, and have no effect on the depth.
     return tuple(np.round(best % (2 * np.pi), 6).tolist())
 
@@ -219,33 +214,6 @@ def _dips(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray) -> tup
         angle = angle + _least_of_parabola(slope, curve, 2 * half)[0]
     line = np.outer(angle, harmonic) + phase
     return -(np.cos(line) @ amplitude), amplitude * np.sin(line)
-
-
-def _descend(harmonic: np.ndarray, amplitude: np.ndarray, at: _Descent, steps: int) -> _Descent:
-    """Minimise the deepest dip by linear programs in a trust region (Madsen, J. Inst. Maths Applics 16 (1975) 321)."""
-    for _ in range(steps):
-        move, promised = _best_move(at)
-        if promised < SETTLED:
-            break
-        phase = at.phase + move
-        depth, slope = _dips(harmonic, amplitude, phase)
-        gained = at.deepest - float(depth.max())
-        trust = at.trust * (2.0 if gained > 0.7 * promised else 0.25 if gained < 0.2 * promised else 1.0)
-        at = _Descent(phase, depth, slope, trust) if gained > 0 else at._replace(trust=trust)
-    return at
-
-
-def _best_move(at: _Descent) -> tuple[np.ndarray, float]:
-    """Return the best move (n,) of the phases by a linear program, and the predicted decrease of the deepest dip."""
-    from scipy.optimize import linprog
-
-    count = len(at.phase)
-    above = np.hstack([at.slope, -np.ones((len(at.depth), 1))])
-    bounds = [(0.0, 0.0)] + [(-at.trust, at.trust)] * (count - 1) + [(None, None)]
-    found = linprog(np.eye(count + 1)[-1], A_ub=above, b_ub=-at.depth, bounds=bounds, method="highs")
-    if found.x is None:
-        return np.zeros(count), 0.0
-    return found.x[:count], at.deepest - float(found.x[count])
 
 
 MOST_OFF = 0.1
