@@ -12,7 +12,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from padgen.planner import make_plan
-from padgen.planner.frame_flexibility import flexibility_bounds
+from padgen.planner.left_out import flexibility_bounds
 from padgen.spec import load_spec
 from padgen.verify.pad_frame import CLAMPINGS, central_taxels, pad_modes, shift
 from tests.finer_models import crosstalk_db

@@ -219,14 +219,14 @@ LACKS = {
 @pytest.mark.parametrize("name", SCENES)
 def test_frame(name):
     """The entry is the bound that test_pad_frame compares with the whole pad, of the worst channel."""
-    from padgen.planner.frame_flexibility import flexibility_bounds
+    from padgen.planner.left_out import flexibility_bounds
 
     bound = flexibility_bounds(scene(name)[1], "corners").max()
     assert entry(name, "frame").bound == (pytest.approx(bound, rel=1e-9) if np.isfinite(bound) else None)
 
 
 def test_frame_without_holes_is_glued_down():
-    from padgen.planner.frame_flexibility import flexibility_bounds
+    from padgen.planner.left_out import flexibility_bounds
 
     spec, plan = scene("paper-32")
     glued = replace(spec, pad=replace(spec.pad, hole_diameter_mm=0.0))

@@ -22,7 +22,7 @@ import pytest
 from padgen.core.errors import SolverError
 from padgen.core.units import G_PER_CM3, GPA
 from padgen.planner import Plan, make_plan
-from padgen.planner.frame_flexibility import flexibility_bounds, frame_around
+from padgen.planner.left_out import flexibility_bounds, frame_around
 from padgen.spec import parse_spec
 from padgen.verify.elastic_mesh import meshed
 from padgen.verify.elasticity import Elastic, assembled, eigenmodes, factored

@@ -28,6 +28,7 @@ __all__ = [
     "PadgenError",
     "SolverError",
     "SpecError",
+    "as_lines",
     "at_least",
     "at_most",
     "cured",
@@ -127,9 +128,14 @@ def cured(sentence: str, cures: Sequence[Mapping[str, Any]]) -> str:
     >>> cured("too much", [{"coil.grid": [2, 2], "washer": "iso7092-m2"}, {"coil.gap_mm": None}])
     "too much; coil.grid = [2, 2] with washer = 'iso7092-m2', or leaving out coil.gap_mm, would do"
     """
-    ways = [" with ".join(_line(*field) for field in cure.items()) for cure in cures]
+    ways = [as_lines(cure) for cure in cures]
     comma = "," * (len(ways) > 1)
     return f"{sentence}; {', or '.join(ways)}{comma} would do" if ways else sentence
+
+
+def as_lines(cure: Mapping[str, Any]) -> str:
+    """Return a change of a spec, fields by their dotted names, as the lines of its file, in words."""
+    return " with ".join(_line(*field) for field in cure.items())
 
 
 def _line(key: str, value: Any) -> str:

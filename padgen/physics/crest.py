@@ -7,9 +7,11 @@ repeats and can be looped.
 """
 
 from functools import lru_cache
-from typing import NamedTuple
+from operator import attrgetter
 
 import numpy as np
+
+from padgen.physics.minimax import Box, Descent, descend
 
 __all__ = [
     "EXACT",
@@ -31,17 +33,13 @@ PER_CYCLE = 8
 """Fewest points of a grid in one cycle of the highest line."""
 BLOCK = 1 << 19
 """Points of waveforms computed at a time."""
-DRAWS = 256
+DRAWS = 1024
 """Random sets of phases that are tried as starts."""
-STARTS = 8
-"""Largest number of starts, each descended from as it is and after a smooth descent."""
+STARTS = 16
+"""Largest number of starts."""
 SAMPLES = 4096
-"""Most angles used by a smooth descent and by the choice of the starts."""
-SHARPNESS = 30.0
-"""Sharpness of the smooth maximum, over 1/Σ A: dips within a few hundredths of the deepest count."""
-FEW = 4
-"""Up to this many lines smooth descents gain nothing and are left out."""
-FIRST_STEPS, LAST_STEPS, BEST = 4, 25, 2
+"""Most angles used by the choice of the starts."""
+FIRST_STEPS, LAST_STEPS, BEST = 4, 25, 3
 """Linear programs from every start, then more from the BEST starts."""
 WITHIN, MOST_DIPS = 0.1, 200
 """Dips that a linear program includes: within this share of Σ A of the deepest, and at most MOST_DIPS."""
@@ -155,17 +153,7 @@ def _least_of_parabola(slope: np.ndarray, curve: np.ndarray, half: float) -> tup
     return move, slope * move + curve * move**2 / 2
 
 
-class _Descent(NamedTuple):
-    """State of a descent: phases (n,), the dips' depths (m,) and slopes (m, n) by the phases, the trust region."""
-
-    phase: np.ndarray
-    depth: np.ndarray
-    slope: np.ndarray
-    trust: float
-
-    @property
-    def deepest(self) -> float:
-        return float(self.depth.max())
+_largest = attrgetter("largest")
 
 
 @lru_cache(maxsize=4096)
@@ -176,11 +164,14 @@ def _phases(harmonic: tuple[int, ...], amplitude: tuple[float, ...]) -> tuple[fl
     if len(harmonic) == 2:
         return 0.0, _second_phase(*harmonic)
     k, a = np.array(harmonic), np.array(amplitude) / sum(amplitude)
-    starts = _starts(k, a)
-    begun = [_descend(k, a, _Descent(start, *_dips(k, a, start), TRUST), FIRST_STEPS) for start in starts]
-    begun.sort(key=lambda descent: descent.deepest)
-    ended = [_descend(k, a, descent, LAST_STEPS) for descent in begun[:BEST]]
-    best = min(ended, key=lambda descent: descent.deepest).phase
+    # The first phase stays 0, since a shift in time changes nothing.
+    free = np.append(0.0, np.full(len(k) - 1, np.inf))
+
+    def improved(at: Descent, steps: int) -> Descent:
+        return descend(lambda phase: _dips(k, a, phase), at, Box(-free, free), steps, SETTLED)
+
+    begun = sorted((improved(Descent(start, np.inf, TRUST), FIRST_STEPS) for start in _starts(k, a)), key=_largest)
+    best = min((improved(descent, LAST_STEPS) for descent in begun[:BEST]), key=_largest).place
     # Later digits may differ between machines, and have no effect on the depth.
     return tuple(np.round(best % (2 * np.pi), 6).tolist())
 
@@ -195,7 +186,7 @@ def _second_phase(low: int, high: int) -> float:
 
 
 def _starts(harmonic: np.ndarray, amplitude: np.ndarray) -> list[np.ndarray]:
-    """Return phases to descend from: Schroeder's and the best random ones, as they are and after a smooth descent."""
+    """Return phases to descend from: Schroeder's and the best random ones."""
     count, points = len(harmonic), _points(harmonic)
     random = np.random.default_rng(0)
     draws = np.concatenate([schroeder_phases(amplitude)[None], random.uniform(0, 2 * np.pi, (DRAWS, count))])
@@ -205,29 +196,8 @@ def _starts(harmonic: np.ndarray, amplitude: np.ndarray) -> list[np.ndarray]:
     table = np.hstack([np.cos(angle), np.sin(angle)])
     depth = -(table @ np.hstack([amplitude * np.cos(draws), -amplitude * np.sin(draws)]).T).min(0)
     depth[0] = 0.0  # Schroeder's phases always rank first.
-    few = min(STARTS, count - 1, max(LONG // (2 * points), FEWEST))
-    best = draws[np.argsort(depth, kind="stable")[:few]]
-    if count <= FEW:
-        return list(best)
-    return [*best, *(_smooth_descent(table, amplitude, phase) for phase in best)]
-
-
-def _smooth_descent(table: np.ndarray, amplitude: np.ndarray, phase: np.ndarray) -> np.ndarray:
-    """Return phases near `phase` that minimise the log-sum-exp of the depth at the table's angles."""
-    from scipy.optimize import minimize
-
-    count = len(amplitude)
-
-    def depth(phase: np.ndarray) -> tuple[float, np.ndarray]:
-        wave = table @ np.concatenate([amplitude * np.cos(phase), -amplitude * np.sin(phase)])
-        lowest = float(wave.min())
-        weight = np.exp(SHARPNESS * (lowest - wave))
-        mean = (weight @ table) / weight.sum()
-        slope = amplitude * (np.sin(phase) * mean[:count] + np.cos(phase) * mean[count:])
-        slope[0] = 0.0  # The first phase stays 0, since a shift in time changes nothing.
-        return float(np.log(weight.sum())) / SHARPNESS - lowest, slope
-
-    return minimize(depth, phase, jac=True, method="L-BFGS-B", options={"maxiter": 40}).x
+    few = min(STARTS, 2 * count, max(LONG // (2 * points), FEWEST))
+    return list(draws[np.argsort(depth, kind="stable")[:few]])
 
 
 def _dips(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -244,33 +214,6 @@ def _dips(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray) -> tup
         angle = angle + _least_of_parabola(slope, curve, 2 * half)[0]
     line = np.outer(angle, harmonic) + phase
     return -(np.cos(line) @ amplitude), amplitude * np.sin(line)
-
-
-def _descend(harmonic: np.ndarray, amplitude: np.ndarray, at: _Descent, steps: int) -> _Descent:
-    """Minimise the deepest dip by linear programs in a trust region (Madsen, J. Inst. Maths Applics 16 (1975) 321)."""
-    for _ in range(steps):
-        move, promised = _best_move(at)
-        if promised < SETTLED:
-            break
-        phase = at.phase + move
-        depth, slope = _dips(harmonic, amplitude, phase)
-        gained = at.deepest - float(depth.max())
-        trust = at.trust * (2.0 if gained > 0.7 * promised else 0.25 if gained < 0.2 * promised else 1.0)
-        at = _Descent(phase, depth, slope, trust) if gained > 0 else at._replace(trust=trust)
-    return at
-
-
-def _best_move(at: _Descent) -> tuple[np.ndarray, float]:
-    """Return the best move (n,) of the phases by a linear program, and the predicted decrease of the deepest dip."""
-    from scipy.optimize import linprog
-
-    count = len(at.phase)
-    above = np.hstack([at.slope, -np.ones((len(at.depth), 1))])
-    bounds = [(0.0, 0.0)] + [(-at.trust, at.trust)] * (count - 1) + [(None, None)]
-    found = linprog(np.eye(count + 1)[-1], A_ub=above, b_ub=-at.depth, bounds=bounds, method="highs")
-    if found.x is None:
-        return np.zeros(count), 0.0
-    return found.x[:count], at.deepest - float(found.x[count])
 
 
 MOST_OFF = 0.1

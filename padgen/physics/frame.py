@@ -36,7 +36,6 @@ __all__ = [
     "element_axes",
     "element_mass_root",
     "element_root",
-    "frame_deflection",
     "frame_modes",
     "rectangle",
 ]
@@ -341,23 +340,6 @@ def checked_frame_modes(frame: Frame, count: int = 6) -> tuple[FrameModes, np.nd
     rough, fine = (frame_modes(frame._replace(bubbles=frame.bubbles + k), count) for k in (0, 1))
     change = np.abs(rough.frequency_hz / fine.frequency_hz - 1)
     return fine, change + ROUNDING * np.sqrt(fine.condition)
-
-
-def frame_deflection(frame: Frame, load: np.ndarray) -> np.ndarray:
-    """Return the static motion (n + b, 6) of nodes and bodies under a `load` (n + b, 6) in N and N·m.
-
-    Loads of bodies act at their centroids.
-
-    Raises
-    ------
-    SolverError
-        The frame is a mechanism.
-    """
-    free = _motions(frame)
-    factor, scale, _ = _stiffness_factor(frame, free)
-    scaled = (free / scale)[: _outer(frame)]
-    moved = np.linalg.solve(factor, np.linalg.solve(factor.T, scaled.T @ np.asarray(load, float).ravel()))
-    return np.asarray((scaled @ moved).reshape(-1, 6))
 
 
 def _outer(frame: Frame) -> int:

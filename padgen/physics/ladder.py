@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from padgen.physics.minimax import Box, Descent, descend
 from padgen.physics.selectivity import Scheme, all_states, channels, off_energy, tone_energy
 
 __all__ = [
@@ -191,10 +192,7 @@ def _search_by_exchange(case: _Case, work: float) -> np.ndarray:
 
 
 def _descend(case: _Case, start: np.ndarray, programs: int) -> np.ndarray:
-    """Return log resonances (n,) near `start` (n,) that minimise the largest log energy.
-
-    Sequential linear programming with a trust region that is a box.
-    """
+    """Return log resonances (n,) near `start` (n,) that minimise the largest log energy."""
     spacing = (case.high - case.low) / (case.size - 1)
     # The step of the differences: far below a resonance's width, far above the rounding of a logarithm.
     aside = min(1e-5, 1e-2 / case.q)
@@ -205,39 +203,6 @@ def _descend(case: _Case, start: np.ndarray, programs: int) -> np.ndarray:
         return now[:, 0], (above - below) / (2 * aside)
 
     # Two channels of a start may coincide; this moves them apart.
-    here, reach = start + 2 * CLOSEST * (np.linspace(case.low, case.high, case.size) - start), spacing / 4
-    energy, slope = lines(here)
-    for _ in range(programs):
-        step, promised = _best_step(case, here, energy, slope, reach)
-        if promised < SETTLED or reach < TIGHTEST * spacing:
-            break
-        there = np.clip(here + step, case.low, case.high)
-        trial = lines(there)
-        kept = (energy.max() - trial[0].max()) / promised
-        if kept > 0:
-            here, (energy, slope) = there, trial
-        reach *= 2 if kept > 0.75 else 1 if kept > 0.25 else 0.3
-    return np.asarray(here)
-
-
-def _best_step(
-    case: _Case, here: np.ndarray, energy: np.ndarray, slope: np.ndarray, reach: float
-) -> tuple[np.ndarray, float]:
-    """Return the step (n,) within `reach` that most lowers the linearised largest log energy, and its decrease."""
-    from scipy.optimize import linprog
-
-    count, gaps = len(here), np.diff(here)
-    closest = min(CLOSEST * (case.high - case.low) / (count - 1), gaps.min())
-    # Only energies that could become the largest.
-    swing = reach * np.abs(slope).sum(1)
-    near = energy + swing >= (energy - swing).max()
-    # In units of the reach, so that the program is scaled alike each time.
-    order = (np.eye(count) - np.eye(count, k=1))[:-1] * reach
-    matrix = np.block([[slope[near] * reach, -np.ones((near.sum(), 1))], [order, np.zeros((count - 1, 1))]])
-    limit = np.concatenate([energy.max() - energy[near], gaps - closest])
-    lower, upper = np.maximum(-1, (case.low - here) / reach), np.minimum(1, (case.high - here) / reach)
-    bounds = np.column_stack([np.append(lower, -np.inf), np.append(upper, 0.0)])
-    result = linprog(np.append(np.zeros(count), 1.0), A_ub=matrix, b_ub=limit, bounds=bounds, method="highs")
-    if result.x is None:
-        return np.zeros(count), 0.0
-    return np.asarray(result.x[:-1] * reach), -float(result.x[-1])
+    apart = start + 2 * CLOSEST * (np.linspace(case.low, case.high, case.size) - start)
+    box = Box(np.full(case.size, case.low), np.full(case.size, case.high), CLOSEST * spacing)
+    return descend(lines, Descent(apart, inf, spacing / 4), box, programs, SETTLED, TIGHTEST * spacing).place

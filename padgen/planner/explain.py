@@ -1,26 +1,25 @@
 """Explain a plan: the limits that keep a coil from more channels, and the gain by each change of the spec."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from math import inf
-from typing import Any
 
 import numpy as np
 
-from padgen.core.errors import SpecError, number
+from padgen.core.errors import SpecError, as_lines, number
 from padgen.core.registry import SUSPENSIONS
 from padgen.core.units import decibel
 from padgen.physics.ladder import LevelLaw
 from padgen.physics.schemes import in_order
 from padgen.planner.capacity import coil_capacity, largest_counts, printed_count, searched_to
+from padgen.planner.cures import Cure, varied
 from padgen.planner.layout import SLACK_MM, candidates, explain
 from padgen.planner.make import make_plan
 from padgen.planner.plan import Plan, Selectivity
 from padgen.planner.printed_pads import STAGES, design_of, missed_spreads, printed, spreads_of
 from padgen.planner.search import planned_channels, sized_layouts
 from padgen.planner.settings import level_law, scheme_named
-from padgen.spec import Spec, catalogue, make_spec
-from padgen.spec.load import without_none
+from padgen.spec import Spec, catalogue
 
 __all__ = ["CapacityRow", "Change", "Explanation", "explain_plan"]
 
@@ -49,7 +48,7 @@ class CapacityRow:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """One change of the spec, its cost in words (one of `COSTS`), and its gain.
+    """One change of the spec as lines of its file, its cost (one of `COSTS`), and its gain.
 
     With the change `channels` per coil, driven by the scheme `drive`, keep the asked selectivity: `gained` more than
     without it. If there were room for all, `gained_in_band` more would (0 where no more are counted). `gained_db` is
@@ -100,18 +99,23 @@ def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None
     now = planned.kept_db if planned else None
     share_now, print_now_db = now_printed = _prints(spec, grid, count)
     changes = []
-    for cost, words, varied in _changes(plan):
-        progress(words)
-        optimise = varied.spacing != spec.spacing and count <= OPTIMISED_TRIED
-        figures = _figures(varied, grid, count, optimise) if count <= MOST_TRIED else None
+    for cost, cure in _changes(plan):
+        try:
+            changed = varied(spec, cure)
+        except SpecError:
+            continue
+        progress(as_lines(cure))
+        optimise = changed.spacing != spec.spacing and count <= OPTIMISED_TRIED
+        figures = _figures(changed, grid, count, optimise) if count <= MOST_TRIED else None
         if figures is None and count <= MOST_TRIED:
             continue  # with this change the pad cannot be laid out
-        channels, scheme = _channels_held(varied, grid, least)
+        channels, scheme = _channels_held(changed, grid, least)
         after = figures.kept_db if figures else None
         gained_db = after - now if after is not None and now is not None else None
-        more_in_band = 0 if in_band >= MOST_IN_BAND else _channels_in_band(varied) - in_band
-        prints = _prints(varied, grid, count, optimise) if figures else (None, None)
-        change = Change(words, COSTS[cost], channels, scheme, channels - held, more_in_band, gained_db, *prints)
+        more_in_band = 0 if in_band >= MOST_IN_BAND else _channels_in_band(changed) - in_band
+        prints = _prints(changed, grid, count, optimise) if figures else (None, None)
+        gains = channels - held, more_in_band, gained_db, *prints
+        change = Change(as_lines(cure), COSTS[cost], channels, scheme, *gains)
         more_db = max(gained_db or 0.0, (prints[1] or -inf) - (print_now_db or inf))
         prints_more = (prints[0] or 0.0) - (share_now or 0.0) > WORTH_SHARE
         if prints_more or change.gained > 0 or (change.gained == 0 and (more_in_band > 0 or more_db > WORTH_DB)):
@@ -268,57 +272,41 @@ def _room_limits(plan: Plan, more: int) -> Iterator[str]:
         yield f"printable beams: no set of beams in the sub-cells reaches {more} resonances in {band}"
 
 
-def _changes(plan: Plan) -> Iterator[tuple[int, str, Spec]]:
-    """Yield the changes to try: cost (index into `COSTS`), words, and the changed spec."""
-    table = without_none(asdict(plan.spec))
-    for cost, words, changed in _tables(plan):
-        try:
-            yield cost, words, make_spec(without_none({**table, **changed}))
-        except SpecError:
-            continue
-
-
-def _tables(plan: Plan) -> Iterator[tuple[int, str, dict[str, Any]]]:
+def _changes(plan: Plan) -> Iterator[tuple[int, Cure]]:
+    """Yield the changes to try, each with its cost (index into `COSTS`)."""
     spec, weakest = plan.spec, max(plan.channels, key=lambda channel: channel.print_spread)
-    drive, (low, high) = asdict(spec.drive), spec.band_hz
+    low, high = spec.band_hz
     if spec.resonances_hz:
-        yield 0, "no resonances_hz, so that the search spreads them", {"resonances_hz": None}
+        yield 0, {"resonances_hz": None}
     for name in in_order():
         if name != plan.selectivity.drive:
-            yield 0, f"drive = {name!r}", {"drive": {**drive, "scheme": name}}
+            yield 0, {"drive.scheme": name}
     for spacing in ("spread", "optimised"):
         if spec.spacing not in (spacing, "optimised"):
-            yield 0, f"spacing = {spacing!r}", {"spacing": spacing}
+            yield 0, {"spacing": spacing}
     for law in (0.0, 1.0, 2.0):
         if law != spec.drive.level_law and not spec.drive.threshold_hz:
-            yield 0, f"drive.level_law = {law:g}", {"drive": {**drive, "level_law": law}}
-    yield 0, f"delta_y {number(spec.delta_y)} → {number(spec.delta_y * 0.7)}", {"delta_y": spec.delta_y * 0.7}
+            yield 0, {"drive.level_law": law}
+    yield 0, {"delta_y": float(number(spec.delta_y * 0.7))}
     for factor in (1.25, 1.5, 2.0):
-        q = round(spec.q_min * factor, 1)
-        yield 1, f"Q {number(spec.q_min)} → {number(q)} (a material with less damping)", {"q_min": q}
+        yield 1, {"q_min": round(spec.q_min * factor, 1)}
     for key, default in (("topology", "auto"), ("tune", "width+thickness+length")):
         if getattr(spec.suspension, key) != default:
-            yield 0, f"suspension.{key} = {default!r}", {"suspension": {**asdict(spec.suspension), key: default}}
+            yield 0, {f"suspension.{key}": default}
     for name in SUSPENSIONS.names():
         if name not in (spec.suspension.topology, weakest.beam.topology):
-            yield 0, f"suspension.topology = {name!r}", {"suspension": {**asdict(spec.suspension), "topology": name}}
-    thicker = number(round(weakest.beam.thickness_mm + spec.printer.layer_mm, 6))
-    beams = {**asdict(spec.suspension), "thickness_mm": float(thicker)}
-    yield 0, f"suspension.thickness_mm = {thicker} (a layer more than channel {weakest.index})", {"suspension": beams}
+            yield 0, {"suspension.topology": name}
+    yield 0, {"suspension.thickness_mm": round(weakest.beam.thickness_mm + spec.printer.layer_mm, 6)}
     if not spec.spread.bed_meshed:
-        yield 1, "bed_meshed = true (mesh the bed first)", {"spread": {**asdict(spec.spread), "bed_meshed": True}}
-    yield 1, f"band from {number(low * 1.25)} Hz, for thicker beams", {"band_hz": (low * 1.25, high)}
-    for factor in (1.5, 2.0):
-        yield 1, f"band up to {number(high * factor)} Hz", {"band_hz": (low, high * factor)}
-        yield 1, f"band from {number(low / factor)} Hz", {"band_hz": (low / factor, high)}
+        yield 1, {"spread.bed_meshed": True}
+    for lowest, highest in (1.25, 1), (1, 1.5), (1 / 1.5, 1), (1, 2), (1 / 2, 1):
+        yield 1, {"band_hz": [float(number(low * lowest)), float(number(high * highest))]}
     for printer in catalogue("printer").values():
         if printer["line_width_mm"] < spec.printer.line_width_mm and printer["process"] == spec.printer.process:
-            yield 1, f"printer {printer['name']}", {"printer": printer}
+            yield 1, {"printer": printer["name"]}
     for washer in catalogue("washer").values():
         if washer["outer_diameter_mm"] < spec.washer.outer_diameter_mm:
-            yield 2, f"washer {washer['name']} ({number(washer['outer_diameter_mm'])} mm)", {"washer": washer}
-    pad = asdict(spec.pad)
+            yield 2, {"washer": washer["name"]}
     for percent in (120, 150):
-        sides = {key: round(pad[key] * percent / 100, 1) for key in ("width_mm", "depth_mm")}
-        words = f"a pad of {number(sides['width_mm'])} x {number(sides['depth_mm'])} mm over the same coils"
-        yield 3, words, {"pad": {**pad, **sides}}
+        sides = ("width_mm", "depth_mm")
+        yield 3, {f"pad.{side}": round(getattr(spec.pad, side) * percent / 100, 1) for side in sides}

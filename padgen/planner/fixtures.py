@@ -35,7 +35,7 @@ from padgen.core.units import MM, UM
 from padgen.planner.layout import SLACK_MM
 from padgen.planner.plan import CoilGrid, Plan, Reuse, Taxel
 from padgen.planner.tile import Outline, corner_groove, groove
-from padgen.spec import Printer, Spec
+from padgen.spec import Spec
 
 __all__ = [
     "LeadSlot",
@@ -260,13 +260,15 @@ def plan_tray(plan: Plan) -> Tray:
     printer, coil, pad = spec.printer, spec.coil, spec.pad
     _refuse_coil(spec)
     _refuse_pitch(plan)
-    floor = printer.first_layer_mm + _layers(FLOOR_MM - printer.first_layer_mm, printer) * printer.layer_mm
-    below = _layers_near(coil.length_mm + spec.coil.gap_mm - washer_underside_mm(plan), printer)
-    height = round(floor + below * printer.layer_mm, 6)
+    # Whole layers: enough for the floor, and as near as they come to the height above it.
+    floor_layers = max(ceil((FLOOR_MM - printer.first_layer_mm) / printer.layer_mm - 1e-6), 0)
+    floor = printer.first_layer_mm + floor_layers * printer.layer_mm
+    layers = int((coil.length_mm + coil.gap_mm - washer_underside_mm(plan)) / printer.layer_mm + 0.5 + 1e-6)
+    height = round(floor + layers * printer.layer_mm, 6)
     clear = round(height - floor - coil.length_mm, 6)
     _refuse_gap(plan, clear)
     depth = max(int(SOCKET_SHARE * coil.length_mm / printer.layer_mm + 1e-9), LEAST_SOCKET_LAYERS) * printer.layer_mm
-    holes = _corners(spec) if pad.hole_diameter_mm else ()
+    x, y = (pad.width_mm + pad.border_mm) / 2, (pad.depth_mm + pad.border_mm) / 2
     screw = screw_for(pad.hole_diameter_mm, pad.frame_thickness_mm, height)
     slots = _wire_slots(plan)
     return Tray(
@@ -285,7 +287,7 @@ def plan_tray(plan: Plan) -> Tray:
         ),
         wire_slots=slots,
         wires=ceil(2 * plan.coils.rows * plan.coils.columns / len(slots)),
-        holes_mm=holes if screw else (),
+        holes_mm=tuple((sx * x, sy * y) for sx in (-1, 1) for sy in (-1, 1)) if screw else (),
         screw=screw,
         groove=corner_groove(spec),
     )
@@ -323,35 +325,19 @@ def tray_findings(plan: Plan, tray: Tray) -> tuple[Finding, ...]:
                 f" {at_least(travel + washer_underside_mm(plan) + spec.printer.layer_mm)} mm would do",
             )
         )
-    found += _heads(spec, tray)
-    return tuple(found)
-
-
-def _heads(spec: Spec, tray: Tray) -> list[Finding]:
-    """Return a warning where screw heads are wider than border and rib, so that they lie on moving plates."""
     pad, screw = spec.pad, tray.screw
-    if screw is None or screw.head_mm <= pad.border_mm + pad.rib_mm + 1e-9:
-        return []
-    return [
-        Finding(
-            "warning",
-            "tray.screw",
-            "border",
-            f"the {number(screw.head_mm)} mm head of an {screw.name} screw reaches over the moving plates, the border"
-            f" is {number(pad.border_mm)} mm and the rib {number(pad.rib_mm)} mm; a border of"
-            f" {number(screw.head_mm - pad.rib_mm)} mm would do, or smaller holes",
+    if screw is not None and screw.head_mm > pad.border_mm + pad.rib_mm + 1e-9:  # heads lie on moving plates
+        found.append(
+            Finding(
+                "warning",
+                "tray.screw",
+                "border",
+                f"the {number(screw.head_mm)} mm head of an {screw.name} screw reaches over the moving plates, the"
+                f" border is {number(pad.border_mm)} mm and the rib {number(pad.rib_mm)} mm; a border of"
+                f" {number(screw.head_mm - pad.rib_mm)} mm would do, or smaller holes",
+            )
         )
-    ]
-
-
-def _layers(height_mm: float, printer: Printer) -> int:
-    """Return the smallest number of layers that makes up at least a height."""
-    return max(ceil(height_mm / printer.layer_mm - 1e-6), 0)
-
-
-def _layers_near(height_mm: float, printer: Printer) -> int:
-    """Return the number of layers that comes nearest to a height, the larger of two."""
-    return int(height_mm / printer.layer_mm + 0.5 + 1e-6)
+    return tuple(found)
 
 
 def _refuse_coil(spec: Spec) -> None:
@@ -399,13 +385,6 @@ def _refuse_gap(plan: Plan, clear_mm: float) -> None:
             f" {number(spec.coil.gap_mm)} mm",
             "coil.gap_mm",
         )
-
-
-def _corners(spec: Spec) -> tuple[tuple[float, float], ...]:
-    """Return the centres (x, y) in mm of the pad's corner holes."""
-    pad = spec.pad
-    x, y = (pad.width_mm + pad.border_mm) / 2, (pad.depth_mm + pad.border_mm) / 2
-    return tuple((sx * x, sy * y) for sx in (-1, 1) for sy in (-1, 1))
 
 
 def _wire_slots(plan: Plan) -> tuple[Outline, ...]:

@@ -4,9 +4,9 @@ Reading refuses missing entries, entries of another kind, and sizes that no pad 
 """
 
 import json
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, is_dataclass
-from math import isfinite
 from pathlib import Path
 from types import UnionType
 from typing import Any, get_args, get_origin
@@ -509,7 +509,7 @@ def plan_to_json(plan: Plan) -> str:
 
 DRAWN = (CoilGrid, Cell, Plate, Beam, Site, Taxel)
 """Parts with sizes that are drawn. Here every number must be finite; in other parts null stands for an infinite one."""
-LARGEST_MM = 1e4
+LARGEST_MM, LARGEST_FLOAT = 1e4, sys.float_info.max
 MAY_BE_0 = ("post_diameter_mm", "boss_edge_mm", "fillet_mm")
 KINDS: dict[Any, tuple[tuple[type, ...], str]] = {
     str: ((str,), "text"),
@@ -567,7 +567,7 @@ def _read(kind: Any, value: Any, where: str, drawn: bool = False) -> Any:
     if value is None and kind is float and not drawn:
         return None  # JSON has no infinity: a figure without a finite value is written as null
     allowed, what = KINDS[kind]
-    if type(value) not in allowed or (kind is float and not _is_finite(value)):
+    if type(value) not in allowed or (kind is float and not abs(value) <= LARGEST_FLOAT):
         raise ValueError(f"{where} must be {what}")
     return value if value is None else kind(value)
 
@@ -594,14 +594,6 @@ def _read_list(kinds: tuple[Any, ...], value: Any, where: str, drawn: bool) -> t
         raise ValueError(f"{where} must be a list" + ("" if endless else f" of {len(kinds)}"))
     each = [kinds[0]] * len(value) if endless else kinds
     return tuple(_read(k, entry, f"{where}[{i}]", drawn) for i, (k, entry) in enumerate(zip(each, value, strict=True)))
-
-
-def _is_finite(value: float) -> bool:
-    """Return whether a float can hold a number; JSON may have whole numbers of any size."""
-    try:
-        return isfinite(value)
-    except OverflowError:
-        return False
 
 
 def _refuse_contradictions(plan: Plan) -> None:
