@@ -10,8 +10,8 @@ from padgen.planner.coupon import coil_axis_mm
 from padgen.planner.tray import Tray, washer_underside_mm
 from padgen.solid.mesh import Mesh, as_manifold
 from padgen.solid.pad_solid import build_pad
+from padgen.solid.parts import build_tray
 from padgen.solid.picture import View, picture_png
-from padgen.solid.tray_checks import build_tray
 from padgen.spec import load_spec
 from tests.tampering import from_manifold
 

@@ -273,7 +273,7 @@ def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
                 axis.set_major_formatter("{x:g}")
         handles = axes[0, 0].get_legend_handles_labels()
         figure.legend(*handles, loc="outside right upper", frameon=False)
-        figure.colorbar(points, ax=axes, shrink=0.5, label=f"colour: {_label(overview, hue)}")
+        figure.colorbar(points, ax=axes, shrink=0.5, format="{x:g}", label=f"colour: {_label(overview, hue)}")
         figure.suptitle(title, x=0.01, ha="left", fontsize=9)
         return plot_bytes(figure, "svg"), plot_bytes(figure, "png")
 

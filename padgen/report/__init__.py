@@ -1,6 +1,6 @@
 """Describe plans, builds, drives and prints as text for people; the command line prints it."""
 
-from padgen.report.laid import laid_text
+from padgen.report.measured_prints import laid_text
 from padgen.report.plans import (
     built_text,
     explanation_text,

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from padgen.planner.coupon import coil_axis_mm
 from padgen.planner.plan import Channel, Plan, Plate, Taxel
 from padgen.planner.suspensions import BeamPath, PathPoint
 from padgen.planner.tile import to_cell
@@ -75,14 +76,17 @@ def measured(plan: Plan, solid: Any, taxels: Sequence[Taxel] | None = None) -> I
     along its path to both ends (length), onto the beam from below and above (thickness), and up into the recess
     (depth). The recess's diameter and place are taken from a cross-section at half its depth.
     """
-    gauges = {c.index: _placed(_gauges(plan, c), c) for c in plan.channels}
+    gauges = {
+        channel.index: [gauge._replace(rays=to_cell(gauge.rays, channel)) for gauge in _gauges(plan, channel)]
+        for channel in plan.channels
+    }
     recesses = _holes(plan, solid.slice(plan.plate.recess_depth_mm / 2))
     for taxel in plan.taxels if taxels is None else taxels:
         hole = _hole_around(plan, recesses, taxel)
         built, offset = (nan, nan) if hole is None else (hole.diameter_mm, _offset_mm(hole, taxel))
         yield Dimension(taxel.id, "recess diameter", plan.plate.recess_diameter_mm, built)
         yield Dimension(taxel.id, "recess centre offset", 0.0, offset)
-        centre = np.array([*_coil_axis_mm(plan, taxel), 0.0])
+        centre = np.array([*coil_axis_mm(plan.coils, *taxel.coil), 0.0])
         around = np.array([-1.0, -1.0, 1.0]) if taxel.turned else np.ones(3)
         for gauge in gauges[taxel.channel]:
             runs = [_run_mm(solid, *(ray * around + centre)) for ray in gauge.rays]
@@ -135,7 +139,7 @@ def _section_gauges(path: BeamPath, points: list[PathPoint], lowest_block: float
     width, thickness = float(path.width_mm), float(path.thickness_mm)
     inside = [np.array([p.x_mm, p.y_mm, thickness / 2], float) for p in points]
     sides = [width * np.array([-p.along_y, p.along_x, 0.0], float) for p in points]
-    across = np.concatenate([_both_ways(at, side) for at, side in zip(inside, sides, strict=True)])
+    across = np.array([[at, at + way] for at, side in zip(inside, sides, strict=True) for way in (side, -side)])
     yield _Gauge("width", width, across, lambda runs: _worst(runs, width, 0.0, 1.0, 1.0))
     if not path.is_straight:
         # The planned length between a bent beam's ends counts as built only if the beam lies on its path.
@@ -223,23 +227,6 @@ def _hole_around(plan: Plan, holes: Holes, taxel: Taxel) -> _Hole | None:
 
 def _offset_mm(hole: _Hole, taxel: Taxel) -> float:
     return float(np.hypot(*(hole.centre - (taxel.x_mm, taxel.y_mm))))
-
-
-def _both_ways(start: np.ndarray, reach: np.ndarray) -> np.ndarray:
-    return np.array([[start, start + reach], [start, start - reach]])
-
-
-def _placed(gauges: Iterator[_Gauge], channel: Channel) -> list[_Gauge]:
-    return [gauge._replace(rays=to_cell(gauge.rays, channel)) for gauge in gauges]
-
-
-def _coil_axis_mm(plan: Plan, taxel: Taxel) -> tuple[float, float]:
-    row, column = taxel.coil
-    coils = plan.coils
-    return (
-        (column - (coils.columns - 1) / 2) * coils.pitch_x_mm,
-        (row - (coils.rows - 1) / 2) * coils.pitch_y_mm,
-    )
 
 
 def _run_mm(solid: Any, start: np.ndarray, stop: np.ndarray) -> float:

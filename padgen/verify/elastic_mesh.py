@@ -161,25 +161,21 @@ def _coarse_meshes(shape: Any, fineness: Fineness, where: str) -> Iterator[tuple
     for factor, grading in ((1.0, 1.0), (0.8, 1.0), (1.0, 0.8), (0.7, 0.8), (0.8, 0.6)):
         attempt = fineness._replace(factor=factor * fineness.factor, grading=grading * fineness.grading)
         try:
-            try:
-                # Netgen's own threads made meshing 10 times slower on a busy machine.
-                mesh = occ.OCCGeometry(shape).GenerateMesh(
-                    maxh=attempt.largest_mm,
-                    grading=attempt.grading,
-                    curvaturesafety=attempt.curvature,
-                    segmentsperedge=attempt.per_edge,
-                    parallel_meshing=False,
-                )
-            except Exception as error:
-                why = f"Netgen cannot mesh it ({_first_line(error)}): a part is thinner than it resolves"
-                raise SolverError(why, where) from error
-            if mesh.ne == 0:
-                raise SolverError("Netgen's mesh of it is empty: a part is thinner than it resolves", where)
-            mesh = mesh
-        except SolverError as error:
-            failure = failure or error
-        else:
+            # Netgen's own threads made meshing 10 times slower on a busy machine.
+            mesh = occ.OCCGeometry(shape).GenerateMesh(
+                maxh=attempt.largest_mm,
+                grading=attempt.grading,
+                curvaturesafety=attempt.curvature,
+                segmentsperedge=attempt.per_edge,
+                parallel_meshing=False,
+            )
+            why = "" if mesh.ne else "Netgen's mesh of it is empty"
+        except Exception as error:
+            why = f"Netgen cannot mesh it ({_first_line(error)})"
+        if not why:
             yield mesh, attempt
+        elif not failure:
+            failure = SolverError(f"{why}: a part is thinner than it resolves", where)
     if failure:
         raise failure
 
