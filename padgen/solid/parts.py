@@ -1,8 +1,8 @@
 """Parts beside the pad, made on request: the coil tray, the coupon, and a tray for the coupon's coil.
 
 Each is modelled, checked and saved like the pad itself. The coupon is a small pad with a groove beside channel 0. The
-tray is three extruded layers, fused (`padgen.planner.tray` draws its section); its dimensions are compared with the plan.
-The bill of materials counts the pad and these parts.
+tray is three extruded layers, fused (`padgen.planner.tray` draws its section); its dimensions are compared with the
+plan. The bill of materials counts the pad and these parts.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
