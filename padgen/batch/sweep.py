@@ -341,11 +341,12 @@ def run_sweep(
     with sole_sweep(folder), Journal(folder, numbers) as journal, processes as own:
         run = _Run(sweep, folder, journal, on_event)
         if own:
-            own.prepare(0 if journal.lines else min(count, numbers))
             window = Window(own.threads, AHEAD * count, partial(make_variants, own), work, sweep.limits)
         else:
             window = Window(executor, FOREIGN_AHEAD, run_tasks, work, sweep.limits)
         run.survey(resume, retry)
+        if own:
+            own.prepare(min(count, sum(state >= TO_RUN for state in run.todo)))
         if TO_REPLACE in run.todo:
             # So that a killed run leaves no index of what is not there any more.
             write_index(journal, sweep, folder)
@@ -374,7 +375,6 @@ def run_sweep(
                     try:
                         journal.refuse_removed()
                         overview = write_index(journal, sweep, folder, take)
-                        journal.compact()
                     except FileError as error:
                         if not stopped:
                             raise

@@ -19,7 +19,7 @@ from padgen.spec.load import answers, laid_over, without_none
 if TYPE_CHECKING:
     from padgen.planner.plan import Plan
 
-__all__ = ["plan_for", "plan_to_compare", "recorded_spec", "spec_of"]
+__all__ = ["plan_for", "plan_to_compare", "recorded_spec", "spec_of", "with_found_layout"]
 
 PLAN = "plan.json"
 
@@ -61,8 +61,17 @@ def recorded_spec(spec: Spec, folder: Path) -> Spec:
 
     The spec stays as it is where it names a model itself, or where the plan is of another spec.
     """
-    if spec.model.structure != "auto":
-        return spec
+    return spec if spec.model.structure != "auto" else _as_recorded(spec, folder)
+
+
+def with_found_layout(spec: Spec, folder: Path) -> Spec:
+    """Return `spec` with the layout that a search found, where the plan in `folder` was made from the same spec."""
+    recorded = _as_recorded(spec, folder) if spec.leaves_layout_free else spec
+    return recorded if recorded.model == spec.model else spec
+
+
+def _as_recorded(spec: Spec, folder: Path) -> Spec:
+    """Return the spec that the plan in `folder` records where it answers `spec`, else `spec`."""
     try:
         recorded = load_spec(str(folder / PLAN))
     except PadgenError:  # there is no plan
