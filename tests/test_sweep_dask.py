@@ -150,7 +150,7 @@ def test_the_scheduler_is_killed(place, monkeypatch):
             start = time.monotonic()
             first = run_sweep(sweep(), place / "out", executor, work=sweep_work.slow, on_event=listen)
             assert time.monotonic() - start < 60
-    assert first.stopped == f"executor: has ended (scheduler {dask.address}: the connection to it was lost)"
+    assert first.stopped == "executor: has ended (it was shut down, or the connection to it was lost)"
     assert 5 <= first.done < COUNT and first.done + first.left == COUNT and not first.failed
     assert len(rows(place / "out")) == first.done
     assert not logged, "a sentence tells of it, no traceback of Dask's"

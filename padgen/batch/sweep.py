@@ -136,7 +136,9 @@ def records_of(future: Any, tasks: list[Task]) -> list[Record]:
     cancelled = getattr(sys.modules.get("asyncio"), "CancelledError", CancelledError)
     try:
         records = future.result()
-    except (CancelledError, cancelled, BrokenExecutor, PadgenError) as error:
+    except (CancelledError, cancelled) as error:
+        raise StoppedError("has ended (it was shut down, or the connection to it was lost)", "executor") from error
+    except (BrokenExecutor, PadgenError) as error:
         raise StoppedError(f"has ended ({told(error)})", "executor") from error
     except Exception as error:
         raise LostError(told(error)) from error
@@ -278,7 +280,7 @@ class SweepTable:
         return dict(Counter(row["status"] for row in self.rows))
 
     def table(self) -> list[dict[str, Any]]:
-        """A dict for each variant: name, status, sentence, the varied fields and the figures, with their units."""
+        """Return a dict for each variant: name, status, sentence, varied fields and figures, with their units."""
         return [dict(row) for row in self.rows]
 
     def __repr__(self) -> str:

@@ -24,8 +24,7 @@ __all__ = [
     "Section",
     "distance_to_sides",
     "measured",
-    "narrow_gaps",
-    "narrow_walls",
+    "narrow",
     "sections",
     "smallest",
     "thin_skins",
@@ -269,19 +268,20 @@ def sections(solid: Any, mesh: Mesh) -> list[Section]:
     return [cut for cut in cuts if not cut.shape.is_empty()]
 
 
-def narrow_walls(section: Section, limit_mm: float) -> list[Narrow]:
-    """Return the places where the material is narrower than `limit_mm`."""
-    return _narrow(section.shape, section.z_mm, limit_mm)
-
-
-def narrow_gaps(section: Section, limit_mm: float) -> list[Narrow]:
-    """Return the places where the empty space within or between parts is narrower than `limit_mm`."""
-    return _narrow(section.shape, section.z_mm, limit_mm, empty=True)
+def narrow(section: Section, limit_mm: float, gaps: bool = False) -> list[Narrow]:
+    """Return the places where the material, or with `gaps` the empty space around and within it, is too narrow."""
+    # Square corners survive; acute ones lose a splinter, which is no wall.
+    splinter, half = SPLINTER_SHARE * (limit_mm / 2) ** 2, limit_mm / 2
+    filled = _empty(section.shape) if gaps else section.shape
+    lost = filled - filled.offset(-half, _join("Miter")).offset(half * 1.001, _join("Miter"))
+    if lost.area() < splinter:
+        return []
+    return [_where(piece, section.z_mm) for piece in lost.decompose() if piece.area() > splinter]
 
 
 def smallest(section: Section, gaps: bool, bound_mm: float) -> float:
     """Return the width in mm of the narrowest wall, or gap, or `bound_mm` where none is narrower than that."""
-    return _bisect(lambda width: bool(_narrow(section.shape, section.z_mm, width, gaps)), bound_mm)
+    return _bisect(lambda width: bool(narrow(section, width, gaps)), bound_mm)
 
 
 def unsupported_spans(solid: Any, mesh: Mesh, bound_mm: float) -> tuple[float, Narrow | None]:
@@ -331,17 +331,6 @@ def _flat_heights_mm(mesh: Mesh, up: bool) -> np.ndarray:
     heights = np.unique(np.round(corners[flat][:, 0, 2] / STEP_MM) * STEP_MM)
     chosen = np.linspace(0, len(heights) - 1, MOST_HEIGHTS).round().astype(int)
     return np.asarray(heights[chosen] if len(heights) > MOST_HEIGHTS else heights)
-
-
-def _narrow(shape: Any, z_mm: float, limit_mm: float, empty: bool = False) -> list[Narrow]:
-    """Return the places where the material (or the `empty` space around and within it) is narrower than `limit_mm`."""
-    # Square corners survive; acute ones lose a splinter, which is no wall.
-    splinter, half = SPLINTER_SHARE * (limit_mm / 2) ** 2, limit_mm / 2
-    filled = _empty(shape) if empty else shape
-    lost = filled - filled.offset(-half, _join("Miter")).offset(half * 1.001, _join("Miter"))
-    if lost.area() < splinter:
-        return []
-    return [_where(piece, z_mm) for piece in lost.decompose() if piece.area() > splinter]
 
 
 def _where(shape: Any, z_mm: float) -> Narrow:

@@ -53,9 +53,10 @@ USUAL = Fineness()
 
 
 def taxel_shape(step: Path, washer_volume_mm3: float, where: str = "") -> Any:
-    """The two solids of a STEP file glued into one shape that shares faces; solids are named
-    ``printed`` and ``washer``, told apart by volume because names do not survive the import.
-    Refusals begin with `where`, with the file where that is empty.
+    """Glue the two solids of a STEP file into one shape that shares faces.
+
+    They are named ``printed`` and ``washer``, told apart by volume because names do not survive the import. Refusals
+    begin with `where`, with the file where that is empty.
 
     Raises
     ------
@@ -99,7 +100,7 @@ def _xyz(point: Any) -> tuple[float, float, float]:
 
 
 def clamped_shape(shape: Any, clamp: str) -> Any:
-    """The same shape with the faces that `clamp` (of `CLAMPS`) holds named ``clamped``.
+    """Return the shape with the faces that `clamp` (of `CLAMPS`) holds named ``clamped``.
 
     Raises
     ------
@@ -126,10 +127,10 @@ def _lies_at(face: Any, axis: int, place: float, near: float) -> bool:
 
 
 def meshed(shape: Any, fineness: Fineness = USUAL, where: str = "taxel", layered: set[str] | None = None) -> Any:
-    """NGSolve mesh of `shape` (see `clamped_shape`), with layers along the edges named in `layered`, all
-    singular ones by default; not curved yet.
+    """Return the NGSolve mesh of `shape` (see `clamped_shape`), not curved yet.
 
-    Where Netgen fails, or its layers leave an element without volume, slightly other meshes are tried.
+    It has layers along the edges named in `layered`, all singular ones by default. Where Netgen fails, or its layers
+    leave an element without volume, slightly other meshes are tried.
 
     Raises
     ------
