@@ -49,7 +49,6 @@ from padgen.ladders.study import (
     judged_error,
     named_cases,
     parse_only,
-    parse_tolerance,
     relative_error,
     run_extreme,
     run_study,

@@ -11,7 +11,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from padgen.core.errors import PadgenError, SolverError, SpecError
+from padgen.core.errors import PadgenError, SolverError, SpecError, number
 from padgen.core.files import recover
 from padgen.spec import Spec, find_spec, load_spec, make_spec
 from padgen.spec.load import answers, laid_over, without_none
@@ -19,7 +19,7 @@ from padgen.spec.load import answers, laid_over, without_none
 if TYPE_CHECKING:
     from padgen.planner.plan import Plan
 
-__all__ = ["plan_for", "plan_to_compare", "recorded_spec", "spec_of", "with_found_layout"]
+__all__ = ["parse_tolerance", "plan_for", "plan_to_compare", "recorded_spec", "spec_of", "with_found_layout"]
 
 PLAN = "plan.json"
 
@@ -54,6 +54,26 @@ def _by_dotted_name(fields: Mapping[str, Any]) -> dict[str, Any]:
             {f"{name}.{key}": entry for key, entry in value.items()} if isinstance(value, Mapping) else {name: value}
         )
     return flat
+
+
+def parse_tolerance(text: str) -> float:
+    """Read a relative error such as '1%' or '0.01'.
+
+    Raises
+    ------
+    SpecError
+        It is no number, or not above 0 and at most 1.
+    """
+    plain = text.strip()
+    share = plain.endswith("%")
+    try:
+        value = float(plain.removesuffix("%")) / (100 if share else 1)
+    except ValueError:
+        raise SpecError(f"must be a relative error such as 1% or 0.01, got {text!r}", "--tolerance") from None
+    if not 0 < value <= 1:
+        nearest = "; the nearest that would do is 100%" if value > 1 else ", e.g. 1%"
+        raise SpecError(f"must be above 0 and at most 1 (100 %), got {number(value)}{nearest}", "--tolerance")
+    return value
 
 
 def recorded_spec(spec: Spec, folder: Path) -> Spec:
