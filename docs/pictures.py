@@ -9,8 +9,8 @@ from padgen.planner import Plan, make_plan
 from padgen.planner.fixtures import Tray, coil_axis_mm, washer_underside_mm
 from padgen.solid.mesh import Mesh, as_manifold
 from padgen.solid.pad_solid import build_pad
+from padgen.solid.parts import build_tray
 from padgen.solid.picture import View, picture_png
-from padgen.solid.tray_checks import build_tray
 from padgen.spec import load_spec
 from tests.tampering import from_manifold
 

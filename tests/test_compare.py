@@ -15,8 +15,7 @@ from padgen.solid.formats import _3mf
 from padgen.solid.formats._3mf import read_3mf
 from padgen.solid.mesh import Mesh, as_manifold, topology
 from padgen.solid.pad_solid import build_pad, sampled, turned_grid
-from padgen.solid.parts import build_coupon
-from padgen.solid.tray_checks import build_tray
+from padgen.solid.parts import build_coupon, build_tray
 from padgen.spec import parse_spec
 from tests.conftest import FOUR_LINES, SMALL
 from tests.tampering import KINDS, WAYS, as_single_precision, box, from_manifold, honest, tampered

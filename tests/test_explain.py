@@ -17,7 +17,7 @@ from padgen.planner import explain, make_plan
 from padgen.planner.cures import varied
 from padgen.planner.explain import CapacityRow, _changes, _channels_held, _limits, explain_plan
 from padgen.planner.print_yield import print_yield
-from padgen.report import explanation_text, plan_text, yield_text
+from padgen.report.plans import explanation_text, plan_text, yield_text
 from padgen.spec import load_spec, make_spec, parse_spec
 from padgen.spec.load import without_none
 

@@ -30,7 +30,7 @@ from padgen.make.solid_tuning import _from_plain as modes_from_plain
 from padgen.physics.ladder import capacity
 from padgen.planner import make_plan, plan_to_json, resonances
 from padgen.planner.plan import Plan
-from padgen.report import plan_text
+from padgen.report.plans import plan_text
 from padgen.solid import taxel
 from padgen.solid.foreign import read_mesh
 from padgen.solid.mesh import intersecting_pairs

@@ -28,8 +28,7 @@ from padgen.solid.formats import ExportJob
 from padgen.solid.kernel import build123d
 from padgen.solid.mesh import Mesh, as_manifold, signed_volume_mm3
 from padgen.solid.pad_solid import build_pad
-from padgen.solid.parts import build_coupon, build_part
-from padgen.solid.tray_checks import build_tray, check_tray, tray_solid
+from padgen.solid.parts import build_coupon, build_part, build_tray, check_tray, tray_solid
 from padgen.spec import load_spec, parse_spec, template_paths
 from tests.conftest import FOUR_LINES
 from tests.tampering import from_manifold, stl_mesh

@@ -19,7 +19,7 @@ from padgen.planner.make import choose, finish
 from padgen.planner.sizing import SizedChannel, crowded_modes, reach
 from padgen.planner.suspensions import BeamShape, PlateShape, Room, allowed, names, suspension
 from padgen.planner.taxel_model import TaxelModel, plate_shape
-from padgen.report import plan_text
+from padgen.report.plans import plan_text
 from padgen.spec import load_spec, make_spec, parse_spec, template_paths
 from padgen.spec.load import without_none
 

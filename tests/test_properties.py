@@ -10,7 +10,7 @@ from padgen.core.errors import PadgenError
 from padgen.physics.ladder import slot_half_width
 from padgen.planner import make_plan, plan_from_json, plan_to_json
 from padgen.planner.sizing import steps_are_coarse
-from padgen.report import plan_text
+from padgen.report.plans import plan_text
 from padgen.solid.checks import check_pad
 from padgen.solid.pad_solid import build_pad
 from padgen.spec import catalogue, make_spec

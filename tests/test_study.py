@@ -50,7 +50,6 @@ from padgen.ladders.study import (
     judged_error,
     named_cases,
     parse_only,
-    parse_tolerance,
     relative_error,
     run_extreme,
     run_study,
@@ -59,6 +58,7 @@ from padgen.ladders.study import (
     verdict_of,
 )
 from padgen.ladders.text import extreme_picture, extreme_text, study_pictures, study_text
+from padgen.make.planning import parse_tolerance
 from padgen.verify.extreme import Answer, ExtremeCase, solid_cases
 
 EXACT = 3.0

@@ -22,7 +22,6 @@ from types import SimpleNamespace
 
 import pytest
 
-from padgen.batch import index
 from padgen.batch.definition import count_points, load_sweep, parse_expression, parse_sweep, variant_table, variants
 from padgen.batch.sweep import Event, event_table, run_sweep
 from padgen.batch.variant import plan_figures, run_task
@@ -599,16 +598,6 @@ def test_failed_variants_are_told_again_and_tried_with_retry(tmp_path, monkeypat
     ]
     result = run_sweep(sweep, out, Inline(sweep_work.failing), retry=True)
     assert (result.done, result.kept, ran()) == (3, 2, {"0": 1, "1": 2, "2": 1})
-
-
-def test_a_journal_of_many_runs_is_compacted(tmp_path, monkeypatch):
-    monkeypatch.setattr(index, "WASTE", 3)
-    sweep = parse_sweep(NO_FOLDERS + "[axes]\nq_min = [10, 11]\n")
-    for _ in range(4):
-        run_sweep(sweep, tmp_path, Inline(), resume=False)
-        # Twice what is in use, and the waste.
-        assert (tmp_path / "index.jsonl").read_bytes().count(b"\n") <= 2 * 2 + 3
-    assert run_sweep(sweep, tmp_path, Inline()).kept == 2
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")

@@ -198,7 +198,7 @@ def test_a_cluster_makes_the_same_index_until_its_scheduler_is_killed(place, mon
             start = time.monotonic()
             second = run_sweep(sweep(), place / "out", executor, work=sweep_work.slow, on_event=listen)
             assert time.monotonic() - start < 60
-    assert second.stopped == f"executor: has ended (scheduler {dask.address}: the connection to it was lost)"
+    assert second.stopped == "executor: has ended (it was shut down, or the connection to it was lost)"
     assert second.kept == first.done and first.done + 5 <= second.done < COUNT
     assert second.done + second.left == COUNT and not second.failed
     assert len(rows(place / "out")) == second.done

@@ -273,7 +273,7 @@ def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
                 axis.set_major_formatter("{x:g}")
         handles = axes[0, 0].get_legend_handles_labels()
         figure.legend(*handles, loc="outside right upper", frameon=False)
-        figure.colorbar(points, ax=axes, shrink=0.5, label=f"colour: {_label(overview, hue)}")
+        figure.colorbar(points, ax=axes, shrink=0.5, format="{x:g}", label=f"colour: {_label(overview, hue)}")
         figure.suptitle(title, x=0.01, ha="left", fontsize=9)
         return plot_bytes(figure, "svg"), plot_bytes(figure, "png")
 
@@ -362,8 +362,6 @@ COLUMNS = (
 )
 """Before and after the varied fields and the figures; all but the last two are the same in every run."""
 NOWHERE, FORGOTTEN = -1, "forgotten"
-WASTE = 1000
-"""Lines that later ones have replaced which a journal may hold, beyond as many as are in use."""
 NAMES = tuple(f.name for f in fields(Record))
 
 
@@ -388,7 +386,7 @@ class Journal:
         self._offsets = array("q", [NOWHERE]) * numbers
         self._keys = array("Q", [0]) * numbers
         self._states = bytearray(numbers)
-        self.lines = self._end = 0
+        self._end = 0
 
     def __enter__(self) -> "Journal":
         try:
@@ -399,7 +397,6 @@ class Journal:
                 number = found.number if isinstance(found, Record) else found
                 if number is not None and 0 <= number < self.numbers:
                     self._note(number, found if isinstance(found, Record) else None, self._end)
-                self.lines += found is not None
                 self._end += len(line)
             if not line.endswith(b"\n"):
                 self._end += self._file.write(b"\n")
@@ -451,20 +448,6 @@ class Journal:
                 return
         raise FileError("was removed while the sweep ran", str(self.path))
 
-    def compact(self) -> None:
-        """Drop the lines that later ones have replaced, when they are many; the last that is done with a journal."""
-        if self.lines <= 2 * sum(map(bool, self._states)) + WASTE:
-            return
-        aside = self.path.with_name(f".{JOURNAL}.aside")
-        with suppress(OSError):  # it can wait until there is room
-            try:
-                with aside.open("wb") as file:
-                    file.writelines(self._line(offset) for offset in self._offsets if offset != NOWHERE)
-                self.__exit__(None, None, None)  # Windows replaces no open file
-                aside.replace(self.path)
-            finally:
-                aside.unlink(missing_ok=True)
-
     def _add_line(self, table: dict[str, Any]) -> int:
         """Write a line, by one call that is not buffered, so that a crash can tear the last one only; its offset."""
         offset, data = self._end, (json_line(table) + "\n").encode()
@@ -478,7 +461,6 @@ class Journal:
                 self._file.truncate(offset)
             raise FileError(f"cannot be written ({reason(error)})", str(self.path)) from error
         self._end += len(data)
-        self.lines += 1
         return offset
 
     def _line(self, offset: int) -> bytes:

@@ -73,7 +73,8 @@ def connect(address: str, timeout_s: float = TIMEOUT_S) -> Iterator[Executor]:
                             PLUGINS: f"other modules in {PLUGINS} than this machine; name the same ones on both",
                         }.get(name, f"{name} {answer.get(name)}, this machine {mine}; install the same version on both")
                         raise PadgenError(f"has {other}", place)
-            yield _Cluster(client, where)
+            # Not pure: a task that was lost is run again, not answered from what is known of it.
+            yield client.get_executor(pure=False)
         finally:
             with suppress(Exception):  # the scheduler may be gone; what it said is told already
                 client.close(timeout=2)
@@ -94,34 +95,6 @@ def _quiet() -> Iterator[None]:
         yield
     finally:
         logger.setLevel(before)
-
-
-class _Cluster(Executor):
-    """Dask's executor, whose cancelled tasks tell why."""
-
-    def __init__(self, client: Any, where: str) -> None:
-        # Not pure: a task that was lost is run again, not answered from what is known of it.
-        self._executor, self._where = client.get_executor(pure=False), where
-
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Hand a task over."""
-        inner: Future[Any] = self._executor.submit(fn, *args, **kwargs)
-        outer: Future[Any] = Future()
-
-        def pass_on(inner: Future[Any]) -> None:
-            if not outer.set_running_or_notify_cancel():
-                return
-            if inner.cancelled():
-                outer.set_exception(PadgenError("the connection to it was lost", self._where))
-            elif error := inner.exception():
-                outer.set_exception(error)
-            else:
-                outer.set_result(inner.result())
-
-        # Only one of the two ever cancels by itself: the caller the outer one, a lost scheduler the inner one.
-        outer.add_done_callback(lambda outer: inner.cancel() if outer.cancelled() else None)
-        inner.add_done_callback(pass_on)
-        return outer
 
 
 def _client(dask: Any, address: str, timeout_s: float, where: str) -> Any:

@@ -136,7 +136,9 @@ def records_of(future: Any, tasks: list[Task]) -> list[Record]:
     cancelled = getattr(sys.modules.get("asyncio"), "CancelledError", CancelledError)
     try:
         records = future.result()
-    except (CancelledError, cancelled, BrokenExecutor, PadgenError) as error:
+    except (CancelledError, cancelled) as error:
+        raise StoppedError("has ended (it was shut down, or the connection to it was lost)", "executor") from error
+    except (BrokenExecutor, PadgenError) as error:
         raise StoppedError(f"has ended ({told(error)})", "executor") from error
     except Exception as error:
         raise LostError(told(error)) from error
@@ -278,7 +280,7 @@ class SweepTable:
         return dict(Counter(row["status"] for row in self.rows))
 
     def table(self) -> list[dict[str, Any]]:
-        """A dict for each variant: name, status, sentence, the varied fields and the figures, with their units."""
+        """Return a dict for each variant: name, status, sentence, varied fields and figures, with their units."""
         return [dict(row) for row in self.rows]
 
     def __repr__(self) -> str:
@@ -341,11 +343,12 @@ def run_sweep(
     with sole_sweep(folder), Journal(folder, numbers) as journal, processes as own:
         run = _Run(sweep, folder, journal, on_event)
         if own:
-            own.prepare(0 if journal.lines else min(count, numbers))
             window = Window(own.threads, AHEAD * count, partial(make_variants, own), work, sweep.limits)
         else:
             window = Window(executor, FOREIGN_AHEAD, run_tasks, work, sweep.limits)
         run.survey(resume, retry)
+        if own:
+            own.prepare(min(count, sum(state >= TO_RUN for state in run.todo)))
         if TO_REPLACE in run.todo:
             # So that a killed run leaves no index of what is not there any more.
             write_index(journal, sweep, folder)
@@ -374,7 +377,6 @@ def run_sweep(
                     try:
                         journal.refuse_removed()
                         overview = write_index(journal, sweep, folder, take)
-                        journal.compact()
                     except FileError as error:
                         if not stopped:
                             raise

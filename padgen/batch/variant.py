@@ -20,7 +20,7 @@ from padgen.core.files import (
 from padgen.core.registry import PAD_FORMATS, names_in, plugin_code
 from padgen.make.planning import plan_for
 from padgen.spec import make_spec
-from padgen.spec.load import LARGEST_FILE
+from padgen.spec.load import LARGEST_CURVE
 
 if TYPE_CHECKING:
     from padgen.core.finding import Finding
@@ -111,7 +111,7 @@ def _threshold(table: dict[str, Any], folder: Path) -> str:
     if not isinstance(name, str):
         return ""
     try:
-        return file_hash(read_bounded(folder / name, LARGEST_FILE, "a threshold"))
+        return file_hash(read_bounded(folder / name, LARGEST_CURVE, "a threshold"))
     except FileError:
         return "cannot be read"
 

@@ -84,7 +84,7 @@ def _build(options: argparse.Namespace) -> int:
     if options.json:
         print_json({**asdict(built), "folder": str(built.folder)})
     else:
-        from padgen.report import built_text
+        from padgen.report.plans import built_text
 
         show(built_text(built, options.verbose))
         show(f"next: print it, then padgen drive {plain(options.spec)} --state all --hear")
@@ -103,7 +103,8 @@ def _check(options: argparse.Namespace) -> int:
     if options.json:
         print_json(asdict(report))
     else:
-        from padgen.report import figures_text, held_line, laid_text, serious_text
+        from padgen.report.measured_prints import laid_text
+        from padgen.report.plans import figures_text, held_line, serious_text
 
         if options.mesh is None:
             show(laid_text(report, options.gcode, options.verbose))

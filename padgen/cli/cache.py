@@ -19,14 +19,11 @@ def add(commands: Any) -> None:
         " in a folder, at most PADGEN_CACHE_MB megabytes (1024); those that were used longest ago go first.",
     )
     actions = parser.add_subparsers(title="actions", required=True, metavar="ACTION")
-    for name, told, run in (
-        ("info", "where it is, and how much it holds", _info),
-        ("clear", "drop everything in it", _clear),
-    ):
+    for name, told in (("info", "where it is, and how much it holds"), ("clear", "drop everything in it")):
         action = actions.add_parser(name, help=told, description=told)
         add_cache(action)
         action.add_argument("--json", action="store_true", help="one JSON object on standard output")
-        action.set_defaults(command=run)
+        action.set_defaults(command=_cache, action=name)
 
 
 def add_cache(parser: argparse.ArgumentParser) -> None:
@@ -44,21 +41,12 @@ def use_cache(options: argparse.Namespace) -> None:
         os.environ[VARIABLE] = str(Path(options.cache).absolute())
 
 
-def _info(options: argparse.Namespace) -> int:
-    from padgen.core.cache import info
+def _cache(options: argparse.Namespace) -> int:
+    from padgen.core import cache
 
     use_cache(options)
-    return _print_cache(options, info(), dropped=False)
-
-
-def _clear(options: argparse.Namespace) -> int:
-    from padgen.core.cache import clear
-
-    use_cache(options)
-    return _print_cache(options, clear(), dropped=True)
-
-
-def _print_cache(options: argparse.Namespace, held: Any, dropped: bool) -> int:
+    dropped = options.action == "clear"
+    held = cache.clear() if dropped else cache.info()
     if options.json:
         from dataclasses import asdict
 

@@ -70,12 +70,10 @@ def asked_of(options: argparse.Namespace, recorded: bool = True) -> tuple[Any, f
     If the command line asks for neither and `recorded` is true, the spec has the model of the plan in the results'
     folder.
     """
-    from padgen.make.planning import recorded_spec, spec_of
+    from padgen.make.planning import parse_tolerance, recorded_spec, spec_of
 
     spec = spec_of(options.spec, {"model": {"structure": options.model}} if options.model is not None else None)
     if options.tolerance is not None:
-        from padgen.ladders.study import parse_tolerance
-
         return spec, parse_tolerance(options.tolerance)
     return recorded_spec(spec, folder_of(options, spec.name)) if recorded and options.model is None else spec, None
 

@@ -96,7 +96,7 @@ def _plan(options: argparse.Namespace) -> int:
 
 
 def _print_plan(plan: Any, explanation: Any, printed: Any, verbose: bool) -> None:
-    from padgen.report import explanation_text, plan_text, serious_text, summary_text, yield_text
+    from padgen.report.plans import explanation_text, plan_text, serious_text, summary_text, yield_text
 
     show(summary_text(plan))
     if verbose:

@@ -94,7 +94,7 @@ def _retune(options: argparse.Namespace) -> int:
         print_json(written.table())
     else:
         from padgen.measured.tuned_folder import measured_rows
-        from padgen.report.retunes import retuned_text
+        from padgen.report.measured_prints import retuned_text
 
         show(retuned_text(written.result, measured_rows(plan, written.result.tuning), options.verbose))
         place = plain(str(written.folder))

@@ -75,9 +75,9 @@ def _study(options: argparse.Namespace) -> int:
 
 
 def _ladders(options: argparse.Namespace) -> Any:
-    from padgen.ladders.study import STUDY_FILES, parse_only, parse_tolerance, run_study
+    from padgen.ladders.study import STUDY_FILES, parse_only, run_study
     from padgen.ladders.text import study_text
-    from padgen.make.planning import plan_for, recorded_spec, spec_of
+    from padgen.make.planning import parse_tolerance, plan_for, recorded_spec, spec_of
 
     tolerance = None if options.tolerance is None else parse_tolerance(options.tolerance)
     only, spec = parse_only(options.only), spec_of(options.spec)

@@ -333,7 +333,7 @@ def observed_order(steps: Sequence[float], differences: Sequence[float]) -> floa
     """Return the order q of answers ``v + C h^q`` at `steps` (n,), from the `differences` (n − 1,) of neighbours.
 
     Of the last two differences that are more than rounding: ``(h₁^q − h₂^q)/(h₂^q − h₃^q) = d₁/d₂``,
-    by bisection in 0.01 … 20; None where there are no two or no such q.
+    a root in 0.01 … 20; None where there are no two or no such q.
     """
     last = next((k for k in range(len(differences) - 1, 0, -1) if differences[k] > 10 * ROUNDING), None)
     if last is None or not all(isfinite(d) and d > 0 for d in differences[last - 1 : last + 1]):
@@ -348,10 +348,9 @@ def observed_order(steps: Sequence[float], differences: Sequence[float]) -> floa
     low, high = 0.01, 20.0
     if not ratio(low) < wanted < ratio(high):
         return None
-    for _ in range(60):
-        order = (low + high) / 2
-        low, high = (order, high) if ratio(order) < wanted else (low, order)
-    return (low + high) / 2
+    from scipy.optimize import brentq
+
+    return float(brentq(lambda order: ratio(order) - wanted, low, high))
 
 
 def recommended_row(result: Judged, tolerance: float) -> int | None:

@@ -523,8 +523,10 @@ FRAME_ENGINE = ("ngsolve", "netgen.occ", "scipy.linalg", "padgen.verify.pad_fram
 
 
 def pad_ladders(scene: Scene) -> Iterator[Ladder]:
-    """One ladder: for each channel the resonance of its taxel nearest to the pad's centre, the frame held by its
-    screws or, without holes, glued down."""
+    """Yield one ladder: for each channel the resonance of its taxel nearest to the pad's centre.
+
+    The frame is held by its screws or, without holes, glued down.
+    """
     plan, clamping = scene.plan, "corners" if scene.plan.spec.pad.hole_diameter_mm else "bottom"
     rungs = [Rung("clamped sub-cell", "no frame around it", partial(planned_hz, plan))]
     rungs += [

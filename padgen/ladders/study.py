@@ -20,7 +20,7 @@ import numpy as np
 
 from padgen import __version__
 from padgen.core.cache import version
-from padgen.core.errors import SolverError, SpecError, number
+from padgen.core.errors import SolverError
 from padgen.core.files import OutputFolder, file_hash, json_text
 from padgen.core.registry import names_in
 from padgen.core.runner import refuse_unshared, uninterrupted
@@ -42,6 +42,7 @@ from padgen.ladders.rung import (
     timed,
 )
 from padgen.ladders.stages import LADDERS
+from padgen.make.planning import parse_tolerance
 from padgen.planner.drive_rows import table_csv
 from padgen.verify.extreme import Answer, ExtremeCase
 
@@ -62,7 +63,6 @@ __all__ = [
     "missing_rungs",
     "named_cases",
     "parse_only",
-    "parse_tolerance",
     "relative_error",
     "run_extreme",
     "run_ladders",
@@ -251,26 +251,6 @@ def parse_only(text: str | None) -> tuple[str, ...]:
         A name is no ladder's; the message has the nearest that is.
     """
     return tuple(LADDERS) if text is None else names_in(text, LADDERS, "--only")
-
-
-def parse_tolerance(text: str) -> float:
-    """Read a relative error such as '1%' or '0.01'.
-
-    Raises
-    ------
-    SpecError
-        It is no number, or not above 0 and at most 1.
-    """
-    plain = text.strip()
-    share = plain.endswith("%")
-    try:
-        value = float(plain.removesuffix("%")) / (100 if share else 1)
-    except ValueError:
-        raise SpecError(f"must be a relative error such as 1% or 0.01, got {text!r}", "--tolerance") from None
-    if not 0 < value <= 1:
-        nearest = "; the nearest that would do is 100%" if value > 1 else ", e.g. 1%"
-        raise SpecError(f"must be above 0 and at most 1 (100 %), got {number(value)}{nearest}", "--tolerance")
-    return value
 
 
 def measured_study(

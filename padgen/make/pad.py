@@ -12,13 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from padgen.core.cache import code_hash, versions
-from padgen.core.errors import PadgenError
 from padgen.core.files import OutputFolder, built_files, differs, file_hash, is_current, json_text
 from padgen.core.finding import Finding
 from padgen.core.registry import PAD_FORMATS, SCHEMES, SUSPENSIONS, USUAL_FORMATS, names_in
-from padgen.make.planning import plan_for
-from padgen.spec import Spec, load_spec
-from padgen.spec.load import answers
+from padgen.make.planning import plan_for, with_found_layout
+from padgen.spec import Spec
 
 if TYPE_CHECKING:
     from padgen.planner.plan import Plan
@@ -60,7 +58,7 @@ def up_to_date(
     spec: Spec, folder: Path, formats: tuple[str, ...], instances: bool, parts: tuple[str, ...] = ()
 ) -> Built | None:
     """Return the build in `folder` if none of its inputs has changed, else None."""
-    inputs = _inputs(_with_found_layout(spec, folder), formats, instances, parts)
+    inputs = _inputs(with_found_layout(spec, folder), formats, instances, parts)
     # No hash covers the code of registered extensions.
     if inputs["registered"] or not is_current(folder, inputs):
         return None
@@ -71,17 +69,6 @@ def up_to_date(
         return Built(folder, tuple(built_files(folder)), checks["figures"], findings, printing, True)
     except (OSError, ValueError, TypeError, KeyError, RecursionError):  # the manifest was made by somebody else
         return None
-
-
-def _with_found_layout(spec: Spec, folder: Path) -> Spec:
-    """Return `spec` with the layout that a search found, where the plan in `folder` was made from the same spec."""
-    if not spec.leaves_layout_free:
-        return spec
-    try:
-        recorded = load_spec(str(folder / "plan.json"))
-    except PadgenError:  # there is no plan
-        return spec
-    return recorded if recorded.model == spec.model and answers(recorded, spec) else spec
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -11,7 +11,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from padgen.core.errors import PadgenError, SolverError, SpecError
+from padgen.core.errors import PadgenError, SolverError, SpecError, number
 from padgen.core.files import recover
 from padgen.spec import Spec, find_spec, load_spec, make_spec
 from padgen.spec.load import answers, laid_over, without_none
@@ -19,7 +19,7 @@ from padgen.spec.load import answers, laid_over, without_none
 if TYPE_CHECKING:
     from padgen.planner.plan import Plan
 
-__all__ = ["plan_for", "plan_to_compare", "recorded_spec", "spec_of"]
+__all__ = ["parse_tolerance", "plan_for", "plan_to_compare", "recorded_spec", "spec_of", "with_found_layout"]
 
 PLAN = "plan.json"
 
@@ -56,13 +56,42 @@ def _by_dotted_name(fields: Mapping[str, Any]) -> dict[str, Any]:
     return flat
 
 
+def parse_tolerance(text: str) -> float:
+    """Read a relative error such as '1%' or '0.01'.
+
+    Raises
+    ------
+    SpecError
+        It is no number, or not above 0 and at most 1.
+    """
+    plain = text.strip()
+    share = plain.endswith("%")
+    try:
+        value = float(plain.removesuffix("%")) / (100 if share else 1)
+    except ValueError:
+        raise SpecError(f"must be a relative error such as 1% or 0.01, got {text!r}", "--tolerance") from None
+    if not 0 < value <= 1:
+        nearest = "; the nearest that would do is 100%" if value > 1 else ", e.g. 1%"
+        raise SpecError(f"must be above 0 and at most 1 (100 %), got {number(value)}{nearest}", "--tolerance")
+    return value
+
+
 def recorded_spec(spec: Spec, folder: Path) -> Spec:
     """Return `spec` with the model that the plan in `folder` records.
 
     The spec stays as it is where it names a model itself, or where the plan is of another spec.
     """
-    if spec.model.structure != "auto":
-        return spec
+    return spec if spec.model.structure != "auto" else _as_recorded(spec, folder)
+
+
+def with_found_layout(spec: Spec, folder: Path) -> Spec:
+    """Return `spec` with the layout that a search found, where the plan in `folder` was made from the same spec."""
+    recorded = _as_recorded(spec, folder) if spec.leaves_layout_free else spec
+    return recorded if recorded.model == spec.model else spec
+
+
+def _as_recorded(spec: Spec, folder: Path) -> Spec:
+    """Return the spec that the plan in `folder` records where it answers `spec`, else `spec`."""
     try:
         recorded = load_spec(str(folder / PLAN))
     except PadgenError:  # there is no plan

@@ -145,18 +145,15 @@ def _span_db(levels: "np.ndarray") -> str:
     return f"{low:+.2f} … {high:+.2f}"
 
 
-def _share_text(share: float) -> str:
-    return "" if share >= 1 else f", times {number(share)}"
-
-
 def excitation_text(played: "Excitation", folder: "Path", findings: "Sequence[Finding]") -> str:
     """Describe an excitation file, and what to do with it."""
     low, high = played.band_hz
     how = "all coils at once" if played.together else f"the {len(played.coils)} coils one after the other"
+    share = "" if played.level_share >= 1 else f", times {number(played.level_share)}"
     return (
         f"excitation.wav: a {played.kind} of the force from {number(low)} to {number(high)} Hz,"
         f" {number(played.sweep_s)} s and silence, {how}, {number(played.seconds)} s in all at {played.rate_hz} Hz;"
-        f" taxels are shaken at their planned levels{_share_text(played.level_share)}\n"
+        f" taxels are shaken at their planned levels{share}\n"
         "record each taxel's motion with the current or voltage beside it, and give the recording to padgen retune\n"
         + "".join(f"{findings_text([finding])}\n" for finding in findings)
         + f"written to {plain(str(folder))}: excitation.wav, excitation.json"

@@ -1,6 +1,6 @@
 """Describe plans, builds and findings to people: as text, as a picture, and as HTML for notebooks."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from padgen.make.pad import Built
     from padgen.planner.explain import Change, Explanation
     from padgen.planner.plan import Channel, Plan
-    from padgen.planner.print_yield import PrintYield, Share
+    from padgen.planner.print_yield import PrintYield
 
 __all__ = [
     "built_text",
@@ -83,26 +83,57 @@ EVEN = 1.2
 
 
 def _summary_table(channels: "Sequence[Channel]") -> str:
-    rows: list[Sequence[str]] = [
-        (
-            str(c.index),
-            f"{c.resonance_hz:.2f}",
-            f"{100 * c.model_error:.2g}",
-            f"{100 * c.print_spread:.1f}",
-            f"{c.drive_hz:.2f}",
-            c.beam.topology,
-            f"{c.beam.width_mm:.3f} x {c.beam.thickness_mm:.2f} x {c.beam.length_mm:.2f}",
-            str(c.beam.layers),
-            f"{c.level_um:.2f}",
-        )
-        for c in channels
-    ]
-    if len(rows) > SHOWN_CHANNELS:
-        rows[SHOWN_CHANNELS // 2 : -SHOWN_CHANNELS // 2] = [("…", *[""] * (len(rows[0]) - 1))]
-    heads = ("ch", "f Hz", "± %", "prints ± %", "drive Hz", "suspension", "beam w x t x l mm", "layers", "level µm")
-    return table(heads, rows)
+    """Return the table of the channels, those in the middle of many left out."""
+    if len(channels) <= SHOWN_CHANNELS:
+        return _channels_table(channels, SUMMARY)
+    lines = _channels_table(channels, SUMMARY).split("\n")
+    lines[2 + SHOWN_CHANNELS // 2 : -SHOWN_CHANNELS // 2] = [" …"]
+    return "\n".join(lines)
 
 
+def _channels_table(channels: "Sequence[Channel]", names: Sequence[str]) -> str:
+    """Return a table of the channels with the columns of these names."""
+    return table(names, [[COLUMNS[name](channel) for name in names] for channel in channels])
+
+
+COLUMNS: "dict[str, Callable[[Channel], str]]" = {
+    "ch": lambda c: str(c.index),
+    "f Hz": lambda c: f"{c.resonance_hz:.2f}",
+    "by": lambda c: c.model if c.beam_error is None else f"{c.model} (beam {c.beam_error:+.1%})",
+    "± %": lambda c: f"{100 * c.model_error:.2g}",
+    "prints ± %": lambda c: f"{100 * c.print_spread:.1f}",
+    "drive Hz": lambda c: f"{c.drive_hz:.2f}",
+    "rule Hz": lambda c: f"{c.rule_hz:.1f}",
+    "2nd Hz": lambda c: f"{c.second_mode_hz:.1f}",
+    "m mg": lambda c: f"{1e3 * c.effective_mass_g:.1f}",
+    "k N/m": lambda c: number(c.stiffness_n_per_m),
+    "ring-up ms": lambda c: f"{c.ring_up_ms:.1f}",
+    "level µm": lambda c: f"{c.level_um:.2f}",
+    "force µN": lambda c: f"{1e3 * c.force_mn:.2f}",
+    "suspension": lambda c: c.beam.topology,
+    "beam w x t x l mm": lambda c: f"{c.beam.width_mm:.3f} x {c.beam.thickness_mm:.2f} x {c.beam.length_mm:.2f}",
+    "layers": lambda c: str(c.beam.layers),
+    "sag µm": lambda c: f"{c.sag_um:.1f}",
+    "root MPa": lambda c: f"{c.root_stress_mpa:.3f}",
+    "off axis mm": lambda c: f"{c.site.coil_distance_mm:.2f}",
+}
+"""The columns of the tables of channels, by heading."""
+SUMMARY = ("ch", "f Hz", "± %", "prints ± %", "drive Hz", "suspension", "beam w x t x l mm", "layers", "level µm")
+MOTION = (
+    "ch",
+    "f Hz",
+    "by",
+    "± %",
+    "drive Hz",
+    "rule Hz",
+    "2nd Hz",
+    "m mg",
+    "k N/m",
+    "ring-up ms",
+    "level µm",
+    "force µN",
+)
+BEAMS = ("ch", "suspension", "beam w x t x l mm", "layers", "sag µm", "root MPa", "prints ± %", "off axis mm")
 SHOWN_CHANNELS = 12
 
 
@@ -158,8 +189,16 @@ def plan_text(plan: "Plan") -> str:
         f" {capacity.prints} where {plan.spec.print_share:.0%} of prints are to keep it (ratios of neighbours"
         f" ± {plan.prints.ratio_spread:.1%}); limited by {capacity.limit}"
     )
-    lines = [head, bound, "", _channel_table(plan.channels), "", _beam_table(plan.channels), "", *_drive_lines(plan)]
-    lines.append(_touched_line(plan))
+    lines = [
+        head,
+        bound,
+        "",
+        _channels_table(plan.channels, MOTION),
+        "",
+        _channels_table(plan.channels, BEAMS),
+        "",
+        *_drive_lines(plan),
+    ]
     if plan.layouts:
         others = ", ".join(
             f"{o.rows} x {o.columns} coils with {o.channels} channels"
@@ -222,9 +261,12 @@ def _selectivity_lines(plan: "Plan") -> list[str]:
     figures = plan.selectivity
     states, one_hot, paper = figures.all_states_db or 0.0, figures.one_hot_db or 0.0, figures.paper_db
     law = "equal sensation" if isinstance(figures.level_law, str) else f"amplitude ~ 1/f^{figures.level_law:g}"
+    worst = figures.worst_state
+    if len(worst) > SHOWN_BITS:
+        worst = f"{worst[:10]}…{worst[-10:]} of {len(worst)}"
     lines = [
         f"selectivity ({law}): {one_hot:.1f} dB with one channel on, {states:.1f} dB in all states"
-        f" of a coil (worst {_short_state(figures.worst_state)}), asked are {figures.asked_db:.1f} dB (Δy)",
+        f" of a coil (worst {worst}), asked are {figures.asked_db:.1f} dB (Δy)",
     ]
     if paper is not None and isfinite(paper):  # the formula has no value for two equal resonances
         lines.append(
@@ -255,66 +297,6 @@ def _selectivity_lines(plan: "Plan") -> list[str]:
 SHOWN_DB = 0.05
 SHOWN_BITS = 24
 SHOWN_MATRIX = 4
-
-
-def _short_state(state: str) -> str:
-    """Return a state's bits, the middle of many left out."""
-    return state if len(state) <= SHOWN_BITS else f"{state[:10]}…{state[-10:]} of {len(state)}"
-
-
-def _channel_table(channels: "Sequence[Channel]") -> str:
-    """Return the table of the channels: resonance, its model and error, and the drive."""
-    rows = [
-        (
-            str(c.index),
-            f"{c.resonance_hz:.2f}",
-            c.model if c.beam_error is None else f"{c.model} (beam {c.beam_error:+.1%})",
-            f"{c.model_error * 100:.2g}",
-            f"{c.drive_hz:.2f}",
-            f"{c.rule_hz:.1f}",
-            f"{c.second_mode_hz:.1f}",
-            f"{c.effective_mass_g * 1e3:.1f}",
-            number(c.stiffness_n_per_m),
-            f"{c.ring_up_ms:.1f}",
-            f"{c.level_um:.2f}",
-            f"{c.force_mn * 1e3:.2f}",
-        )
-        for c in channels
-    ]
-    headings = (
-        "ch",
-        "f Hz",
-        "by",
-        "± %",
-        "drive Hz",
-        "rule Hz",
-        "2nd Hz",
-        "m mg",
-        "k N/m",
-        "ring-up ms",
-        "level µm",
-        "force µN",
-    )
-    return table(headings, rows)
-
-
-def _beam_table(channels: "Sequence[Channel]") -> str:
-    """Return the table of the channels' beams: sizes, sag, stress and spread of prints."""
-    rows = [
-        (
-            str(c.index),
-            c.beam.topology,
-            f"{c.beam.width_mm:.3f} x {c.beam.thickness_mm:.2f} x {c.beam.length_mm:.2f}",
-            str(c.beam.layers),
-            f"{c.sag_um:.1f}",
-            f"{c.root_stress_mpa:.3f}",
-            f"{c.print_spread * 100:.0f}",
-            f"{c.site.coil_distance_mm:.2f}",
-        )
-        for c in channels
-    ]
-    headings = ("ch", "suspension", "w x t x l mm", "layers", "sag µm", "root MPa", "print spread %", "off axis mm")
-    return table(headings, rows)
 
 
 def findings_text(findings: Iterable[Finding]) -> str:
@@ -420,7 +402,9 @@ def yield_text(result: "PrintYield") -> str:
     rows = []
     for name, outcome in (("tones as planned", result.planned), ("re-tuned to each print", result.retuned)):
         decibels = (outcome.q05_db, outcome.median_db, outcome.q95_db, outcome.reached_by_90_percent_db)
-        rows.append((name, *(_percent(share) for share in (outcome.taxels, outcome.pads)), *map(_decibels, decibels)))
+        of = outcome.taxels, outcome.pads
+        shares = (f"{100 * s.share:.2f} % ({100 * s.low:.2f} … {100 * s.high:.2f})" for s in of)
+        rows.append((name, *shares, *map(_decibels, decibels)))
     lines += [
         "",
         table(
@@ -450,10 +434,6 @@ def yield_text(result: "PrintYield") -> str:
             f" {result.asked_db:.1f} dB: read the dB columns, or ask for less (delta_y)"
         )
     return "\n".join(lines)
-
-
-def _percent(share: "Share") -> str:
-    return f"{100 * share.share:.2f} % ({100 * share.low:.2f} … {100 * share.high:.2f})"
 
 
 def _decibels(value: float | None, sign: str = "") -> str:
@@ -519,6 +499,7 @@ def plan_figure(plan: "Plan") -> Any:
         coil alone misses `print_share`. Right: each channel's slot and resonance.
     """
     import matplotlib
+    import numpy as np
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -526,20 +507,18 @@ def plan_figure(plan: "Plan") -> Any:
         figure = Figure(figsize=(9.5, 4.6), layout="constrained")
         FigureCanvasAgg(figure)
         pad, ladder = figure.subplots(1, 2, width_ratios=(1, 1))
-        colours = [matplotlib.colormaps["viridis"](share) for share in _shares(len(plan.channels))]
+        # The colour map without its palest end.
+        colours = matplotlib.colormaps["viridis"](np.linspace(0, 0.85, len(plan.channels)))
         _draw_pad(pad, plan, colours)
         _draw_ladder(ladder, plan, colours)
         figure.suptitle(repr(plan).strip("<>"), fontsize=10)
     return figure
 
 
-def _shares(count: int) -> list[float]:
-    """Return `count` evenly spaced places on a colour map, without its palest end."""
-    return [0.85 * k / max(count - 1, 1) for k in range(count)]
-
-
-def _draw_pad(axis: Any, plan: "Plan", colours: list[Any]) -> None:
+def _draw_pad(axis: Any, plan: "Plan", colours: Any) -> None:
     from matplotlib.patches import Circle, Rectangle
+
+    from padgen.planner.fixtures import coil_axis_mm
 
     pad, coils = plan.spec.pad, plan.coils
     for grow, style in ((2 * pad.border_mm, "-"), (0.0, ":")):
@@ -547,10 +526,7 @@ def _draw_pad(axis: Any, plan: "Plan", colours: list[Any]) -> None:
         axis.add_patch(Rectangle((-wide / 2, -deep / 2), wide, deep, fill=False, linestyle=style, color="#444444"))
     for row in range(coils.rows):
         for column in range(coils.columns):
-            centre = (
-                (column - (coils.columns - 1) / 2) * coils.pitch_x_mm,
-                (row - (coils.rows - 1) / 2) * coils.pitch_y_mm,
-            )
+            centre = coil_axis_mm(coils, row, column)
             corner = centre[0] - coils.pitch_x_mm / 2, centre[1] - coils.pitch_y_mm / 2
             share = plan.prints.coil_shares[row * coils.columns + column]
             tint = 0.6 * min((1 - share) / (1 - plan.spec.print_share), 1.0)
@@ -568,7 +544,7 @@ def _draw_pad(axis: Any, plan: "Plan", colours: list[Any]) -> None:
     axis.autoscale_view()
 
 
-def _draw_ladder(axis: Any, plan: "Plan", colours: list[Any]) -> None:
+def _draw_ladder(axis: Any, plan: "Plan", colours: Any) -> None:
     for channel, colour in zip(plan.channels, colours, strict=True):
         low, high = _slot_hz(plan, channel.resonance_hz)
         axis.barh(channel.index, high - low, left=low, height=0.7, color=colour, alpha=0.3)

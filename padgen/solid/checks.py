@@ -21,8 +21,7 @@ from padgen.solid.measure import (
     Narrow,
     Section,
     measured,
-    narrow_gaps,
-    narrow_walls,
+    narrow,
     sections,
     smallest,
     thin_skins,
@@ -378,32 +377,22 @@ def _printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[str, 
     def spot(at: Narrow) -> str:
         return _spot(*places.in_pad(at.x_mm, at.y_mm), at.z_mm)
 
-    kinds = [_walls(cuts, printer, spot), _gaps(cuts, printer, spot), _overhangs(mesh, printer, spot)]
-    kinds += [_skins(solid, mesh, printer, spot), _bridges(place, span, printer, spot)]
+    kinds = [_too_narrow(cuts, gaps, printer, spot) for gaps in (False, True)]
+    kinds += [_overhangs(mesh, printer, spot), _skins(solid, mesh, printer, spot), _bridges(place, span, printer, spot)]
     return figures, [finding for kind in kinds for finding in few(kind)]
 
 
-def _walls(cuts: list[Section], printer: Printer, spot: Spot) -> Iterator[Finding]:
-    limit = min(printer.line_width_mm, printer.smallest_beam_mm)
-    for cut, place in _apart((each, place) for each in cuts for place in narrow_walls(each, limit - FACET_MM)):
-        yield Finding(
-            "error",
-            "print.wall",
-            spot(place),
-            f"a wall is thinner than {number(limit)} mm, the least that {printer.name} lays (at this height down to"
-            f" {number(smallest(cut, False, limit))} mm)",
-        )
-
-
-def _gaps(cuts: list[Section], printer: Printer, spot: Spot) -> Iterator[Finding]:
-    limit = printer.smallest_gap_mm
-    for _, place in _apart((each, place) for each in cuts for place in narrow_gaps(each, limit - FACET_MM)):
-        yield Finding(
-            "error",
-            "print.gap",
-            spot(place),
-            f"a gap is narrower than {number(limit)} mm, the least that {printer.name} keeps open",
-        )
+def _too_narrow(cuts: list[Section], gaps: bool, printer: Printer, spot: Spot) -> Iterator[Finding]:
+    """Find walls, or gaps, that are thinner than the printer lays or keeps open."""
+    limit = printer.smallest_gap_mm if gaps else min(printer.line_width_mm, printer.smallest_beam_mm)
+    for cut, place in _apart((each, place) for each in cuts for place in narrow(each, limit - FACET_MM, gaps)):
+        told = f"a gap is narrower than {number(limit)} mm, the least that {printer.name} keeps open"
+        if not gaps:
+            told = (
+                f"a wall is thinner than {number(limit)} mm, the least that {printer.name} lays (at this height down to"
+                f" {number(smallest(cut, False, limit))} mm)"
+            )
+        yield Finding("error", "print.gap" if gaps else "print.wall", spot(place), told)
 
 
 def _apart(found: Iterable[tuple[Section, Narrow]]) -> Iterator[tuple[Section, Narrow]]:

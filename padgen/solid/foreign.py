@@ -16,8 +16,7 @@ from padgen.solid.compare import Pose, pose_of
 from padgen.solid.formats._3mf import LARGEST_FILE, MOST_TRIANGLES, read_3mf
 from padgen.solid.mesh import Mesh, joined, sound_mesh
 from padgen.solid.pad_solid import PadSolid, build_pad
-from padgen.solid.parts import build_coupon
-from padgen.solid.tray_checks import TraySolid, build_tray, check_tray
+from padgen.solid.parts import TraySolid, build_coupon, build_tray, check_tray
 from padgen.spec import Spec
 
 __all__ = ["check_foreign", "read_mesh"]

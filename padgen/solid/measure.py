@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from padgen.planner.fixtures import coil_axis_mm
 from padgen.planner.plan import Channel, Plan, Plate, Taxel
 from padgen.planner.suspensions import BeamPath, PathPoint
 from padgen.planner.tile import to_cell
@@ -23,8 +24,7 @@ __all__ = [
     "Section",
     "distance_to_sides",
     "measured",
-    "narrow_gaps",
-    "narrow_walls",
+    "narrow",
     "sections",
     "smallest",
     "thin_skins",
@@ -75,14 +75,17 @@ def measured(plan: Plan, solid: Any, taxels: Sequence[Taxel] | None = None) -> I
     along its path to both ends (length), onto the beam from below and above (thickness), and up into the recess
     (depth). The recess's diameter and place are taken from a cross-section at half its depth.
     """
-    gauges = {c.index: _placed(_gauges(plan, c), c) for c in plan.channels}
+    gauges = {
+        channel.index: [gauge._replace(rays=to_cell(gauge.rays, channel)) for gauge in _gauges(plan, channel)]
+        for channel in plan.channels
+    }
     recesses = _holes(plan, solid.slice(plan.plate.recess_depth_mm / 2))
     for taxel in plan.taxels if taxels is None else taxels:
         hole = _hole_around(plan, recesses, taxel)
         built, offset = (nan, nan) if hole is None else (hole.diameter_mm, _offset_mm(hole, taxel))
         yield Dimension(taxel.id, "recess diameter", plan.plate.recess_diameter_mm, built)
         yield Dimension(taxel.id, "recess centre offset", 0.0, offset)
-        centre = np.array([*_coil_axis_mm(plan, taxel), 0.0])
+        centre = np.array([*coil_axis_mm(plan.coils, *taxel.coil), 0.0])
         around = np.array([-1.0, -1.0, 1.0]) if taxel.turned else np.ones(3)
         for gauge in gauges[taxel.channel]:
             runs = [_run_mm(solid, *(ray * around + centre)) for ray in gauge.rays]
@@ -135,7 +138,7 @@ def _section_gauges(path: BeamPath, points: list[PathPoint], lowest_block: float
     width, thickness = float(path.width_mm), float(path.thickness_mm)
     inside = [np.array([p.x_mm, p.y_mm, thickness / 2], float) for p in points]
     sides = [width * np.array([-p.along_y, p.along_x, 0.0], float) for p in points]
-    across = np.concatenate([_both_ways(at, side) for at, side in zip(inside, sides, strict=True)])
+    across = np.array([[at, at + way] for at, side in zip(inside, sides, strict=True) for way in (side, -side)])
     yield _Gauge("width", width, across, lambda runs: _worst(runs, width, 0.0, 1.0, 1.0))
     if not path.is_straight:
         # The planned length between a bent beam's ends counts as built only if the beam lies on its path.
@@ -225,23 +228,6 @@ def _offset_mm(hole: _Hole, taxel: Taxel) -> float:
     return float(np.hypot(*(hole.centre - (taxel.x_mm, taxel.y_mm))))
 
 
-def _both_ways(start: np.ndarray, reach: np.ndarray) -> np.ndarray:
-    return np.array([[start, start + reach], [start, start - reach]])
-
-
-def _placed(gauges: Iterator[_Gauge], channel: Channel) -> list[_Gauge]:
-    return [gauge._replace(rays=to_cell(gauge.rays, channel)) for gauge in gauges]
-
-
-def _coil_axis_mm(plan: Plan, taxel: Taxel) -> tuple[float, float]:
-    row, column = taxel.coil
-    coils = plan.coils
-    return (
-        (column - (coils.columns - 1) / 2) * coils.pitch_x_mm,
-        (row - (coils.rows - 1) / 2) * coils.pitch_y_mm,
-    )
-
-
 def _run_mm(solid: Any, start: np.ndarray, stop: np.ndarray) -> float:
     """Return the distance in mm from a ray's start to the first face, nan where it meets none."""
     hits = solid.ray_cast(tuple(start), tuple(stop))
@@ -282,19 +268,20 @@ def sections(solid: Any, mesh: Mesh) -> list[Section]:
     return [cut for cut in cuts if not cut.shape.is_empty()]
 
 
-def narrow_walls(section: Section, limit_mm: float) -> list[Narrow]:
-    """Return the places where the material is narrower than `limit_mm`."""
-    return _narrow(section.shape, section.z_mm, limit_mm)
-
-
-def narrow_gaps(section: Section, limit_mm: float) -> list[Narrow]:
-    """Return the places where the empty space within or between parts is narrower than `limit_mm`."""
-    return _narrow(section.shape, section.z_mm, limit_mm, empty=True)
+def narrow(section: Section, limit_mm: float, gaps: bool = False) -> list[Narrow]:
+    """Return the places where the material, or with `gaps` the empty space around and within it, is too narrow."""
+    # Square corners survive; acute ones lose a splinter, which is no wall.
+    splinter, half = SPLINTER_SHARE * (limit_mm / 2) ** 2, limit_mm / 2
+    filled = _empty(section.shape) if gaps else section.shape
+    lost = filled - filled.offset(-half, _join("Miter")).offset(half * 1.001, _join("Miter"))
+    if lost.area() < splinter:
+        return []
+    return [_where(piece, section.z_mm) for piece in lost.decompose() if piece.area() > splinter]
 
 
 def smallest(section: Section, gaps: bool, bound_mm: float) -> float:
     """Return the width in mm of the narrowest wall, or gap, or `bound_mm` where none is narrower than that."""
-    return _bisect(lambda width: bool(_narrow(section.shape, section.z_mm, width, gaps)), bound_mm)
+    return _bisect(lambda width: bool(narrow(section, width, gaps)), bound_mm)
 
 
 def unsupported_spans(solid: Any, mesh: Mesh, bound_mm: float) -> tuple[float, Narrow | None]:
@@ -344,17 +331,6 @@ def _flat_heights_mm(mesh: Mesh, up: bool) -> np.ndarray:
     heights = np.unique(np.round(corners[flat][:, 0, 2] / STEP_MM) * STEP_MM)
     chosen = np.linspace(0, len(heights) - 1, MOST_HEIGHTS).round().astype(int)
     return np.asarray(heights[chosen] if len(heights) > MOST_HEIGHTS else heights)
-
-
-def _narrow(shape: Any, z_mm: float, limit_mm: float, empty: bool = False) -> list[Narrow]:
-    """Return the places where the material (or the `empty` space around and within it) is narrower than `limit_mm`."""
-    # Square corners survive; acute ones lose a splinter, which is no wall.
-    splinter, half = SPLINTER_SHARE * (limit_mm / 2) ** 2, limit_mm / 2
-    filled = _empty(shape) if empty else shape
-    lost = filled - filled.offset(-half, _join("Miter")).offset(half * 1.001, _join("Miter"))
-    if lost.area() < splinter:
-        return []
-    return [_where(piece, z_mm) for piece in lost.decompose() if piece.area() > splinter]
 
 
 def _where(shape: Any, z_mm: float) -> Narrow:

@@ -1,25 +1,347 @@
 """Parts beside the pad, made on request: the coil tray, the coupon, and a tray for the coupon's coil.
 
-Each is modelled, checked and saved like the pad itself.
-
-The coupon is a small pad with a groove beside channel 0. The bill of materials counts the pad and these parts.
+Each is modelled, checked and saved like the pad itself. The coupon is a small pad with a groove beside channel 0. The
+tray is three extruded layers, fused (`padgen.planner.tray` draws its section); its dimensions are compared with the
+plan. The bill of materials counts the pad and these parts.
 """
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from math import isfinite, nan, sqrt
+from typing import Any, NamedTuple
 
-from padgen.core.errors import number
+import numpy as np
+
+from padgen.core.errors import GeometryError, number
+from padgen.core.finding import Finding
 from padgen.planner.drive_rows import table_csv
-from padgen.planner.fixtures import coupon_groove, coupon_plan, plan_tray, screw_for
+from padgen.planner.fixtures import (
+    Tray,
+    coupon_groove,
+    coupon_plan,
+    plan_tray,
+    screw_for,
+    tray_findings,
+    washer_underside_mm,
+)
 from padgen.planner.plan import Plan
 from padgen.planner.tile import Outline
-from padgen.solid.checks import check_pad
+from padgen.solid.checks import Report, check_mesh, check_pad, few, told, volume_findings
+from padgen.solid.compare import differences
 from padgen.solid.formats import Part
-from padgen.solid.mesh import ANGLE_RAD, CHORD_MM
+from padgen.solid.kernel import build123d, kernel_errors
+from padgen.solid.measure import distance_to_sides
+from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, Mesh, as_manifold, tessellated
 from padgen.solid.pad_solid import PadSolid, Tile, assembled, border_mesh, border_volume_mm3, build_pad
-from padgen.solid.tray_checks import build_tray, check_tray
+from padgen.spec import Pad, Spec
 
-__all__ = ["bill_of_materials", "build_coupon", "build_part", "grooved"]
+__all__ = [
+    "Gauge",
+    "TraySolid",
+    "bill_of_materials",
+    "build_coupon",
+    "build_part",
+    "build_tray",
+    "check_tray",
+    "grooved",
+    "measured_tray",
+    "tray_solid",
+]
+
+
+@dataclass(frozen=True)
+class TraySolid:
+    """A coil tray: its plan, its triangles, its build123d solid and the solid's exact volume."""
+
+    tray: Tray
+    mesh: Mesh
+    volume_mm3: float
+    solid: Any
+
+
+def build_tray(plan: Plan, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_RAD) -> TraySolid:
+    """Build the tray for the coils of `plan`.
+
+    Raises
+    ------
+    InfeasibleError
+        See `padgen.planner.tray.plan_tray`.
+    GeometryError
+        A kernel refused a part.
+    """
+    return tray_solid(plan_tray(plan), plan.spec.pad, chord_mm, angle_rad)
+
+
+def tray_solid(tray: Tray, pad: Pad, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_RAD) -> TraySolid:
+    """Build the solid of a `tray` with the outline of `pad`."""
+    b = build123d()
+    with kernel_errors("the coil tray"):
+        seats = [b.Wire.make_circle(tray.seat_hole_mm / 2, b.Plane((x, y, 0))) for x, y in tray.coils_mm]
+        sockets = [_socket(tray, x, y) for x, y in tray.coils_mm]
+        floor = _layer(_outside(pad), seats, 0.0, tray.floor_mm)
+        block = _layer(_outside(pad), sockets, tray.floor_mm, tray.socket_top_mm)
+        within = b.Wire.make_rect(pad.width_mm, pad.depth_mm)
+        rim = _layer(_outside(pad), [within], tray.socket_top_mm, tray.height_mm)
+        walls = rim.cut(*_prisms(tray.wire_slots, tray.socket_top_mm, tray.height_mm))
+        whole = floor.fuse(block, *walls.solids()).cut(*_prisms([tray.groove], 0.0, tray.height_mm), *_bores(tray))
+        solids = whole.solids()
+    if len(solids) != 1 or not solids[0].is_valid:
+        raise GeometryError(f"the coil tray came out as {len(solids)} solids, must be one valid solid")
+    (solid,) = solids
+    return TraySolid(tray, tessellated(solid, chord_mm, angle_rad), float(solid.volume), solid)
+
+
+def _layer(outside: Any, holes: list[Any], low: float, high: float) -> Any:
+    b = build123d()
+    solid = b.Solid.extrude(b.Face(outside, holes), b.Vector(0, 0, high - low))
+    return solid.moved(b.Location((0, 0, low)))
+
+
+def _outside(pad: Pad) -> Any:
+    """Return the pad's outline, with its round corners, as a wire."""
+    b = build123d()
+    wire = b.Wire.make_rect(pad.width_mm + 2 * pad.border_mm, pad.depth_mm + 2 * pad.border_mm)
+    return wire.fillet_2d(pad.border_mm / 2, wire.vertices())
+
+
+def _socket(tray: Tray, x: float, y: float) -> Any:
+    """Return the wire of a coil's socket: a circle with a slot for the leads towards +x +y."""
+    b, radius, half = build123d(), tray.socket_diameter_mm / 2, tray.lead.width_mm / 2
+    mouth, end = sqrt(radius**2 - half**2), radius + tray.lead.reach_mm
+
+    def at(along: float, across: float) -> Any:
+        turn = sqrt(0.5)
+        return b.Vector(x + turn * (along - across), y + turn * (along + across))
+
+    edges = [
+        b.Edge.make_three_point_arc(at(mouth, half), at(-radius, 0.0), at(mouth, -half)),
+        b.Edge.make_line(at(mouth, -half), at(end, -half)),
+        b.Edge.make_line(at(end, -half), at(end, half)),
+        b.Edge.make_line(at(end, half), at(mouth, half)),
+    ]
+    (wire,) = b.Wire.combine(edges)
+    return wire
+
+
+def _bores(tray: Tray) -> list[Any]:
+    """Return the cylinders of the screw holes, from the top of the rim down."""
+    b, screw = build123d(), tray.screw
+    if screw is None:
+        return []
+    low = tray.height_mm - screw.hole_depth_mm
+    return [
+        b.Solid.make_cylinder(screw.hole_diameter_mm / 2, screw.hole_depth_mm, b.Plane((x, y, low)))
+        for x, y in tray.holes_mm
+    ]
+
+
+def _prisms(outlines: Iterable[Outline], low: float, high: float) -> list[Any]:
+    b = build123d()
+    return [
+        b.Solid.make_box(sides.x1 - sides.x0, sides.y1 - sides.y0, high - low, b.Plane((sides.x0, sides.y0, low)))
+        for sides in outlines
+    ]
+
+
+BUILT_MM = 0.01
+"""Largest allowed difference of a built height or depth from the planned one."""
+ROUND_MM = 2 * CHORD_MM + BUILT_MM
+"""Largest allowed difference of a diameter, whose polygon lies within the true circle."""
+SEAT_RAYS = 3
+COIL_SIDES = 64
+BLOCKED_MM3 = 1e-3
+
+
+class Gauge(NamedTuple):
+    """One measured dimension: its place and name, planned and built in mm (nan: not found), and the tolerance."""
+
+    where: str
+    name: str
+    planned_mm: float
+    built_mm: float
+    within_mm: float = BUILT_MM
+
+
+def check_tray(built: TraySolid, plan: Plan, mesh: Mesh | None = None) -> Report:
+    """Run all checks of the tray that was built for `plan`, or of a `mesh` from any program that should equal it.
+
+    The figures are those of the mesh, and the gap that was measured.
+    """
+    spec, tray, mesh = plan.spec, built.tray, mesh or built.mesh
+    report = check_mesh(mesh, spec.printer, spec.material.density_g_per_cm3)
+    figures = {**report.figures, "exact_volume_mm3": built.volume_mm3}
+    findings = [
+        *tray_findings(plan, tray),
+        *report.findings,
+        *volume_findings(report.figures["volume_mm3"], built.volume_mm3),
+    ]
+    try:
+        solid = as_manifold(mesh, "the tray")
+    except GeometryError:
+        # check_mesh has reported it.
+        return Report(figures, tuple(findings))
+    if mesh is not built.mesh:
+        findings += told([], differences(solid, as_manifold(built.mesh, "the tray as planned")), None)
+    gauges = list(measured_tray(tray, spec, solid))
+    findings += [*few(_off(gauges)), *_gap(plan, gauges, figures), *_free(tray, spec, mesh, solid)]
+    off = [abs(g.built_mm - g.planned_mm) for g in gauges if isfinite(g.built_mm) and g.within_mm == BUILT_MM]
+    figures["largest_difference_from_plan_mm"] = max(off, default=None)
+    figures["measured_dimensions"] = len(gauges)
+    return Report(figures, tuple(findings))
+
+
+def measured_tray(tray: Tray, spec: Spec, solid: Any) -> Iterator[Gauge]:
+    """Measure sockets, seats, rim and screw holes of a tray on its manifold.
+
+    A diameter is that of the largest circle about the planned axis that holds no material. A height is where a ray
+    from above ends; a seat's is measured at several places about the axis.
+    """
+    sockets = _holes(solid, (tray.floor_mm + tray.socket_top_mm) / 2)
+    for x, y in tray.coils_mm:
+        where = f"the socket at ({number(x)}, {number(y)}) mm"
+        yield Gauge(where, "socket diameter", tray.socket_diameter_mm, _free_diameter(sockets, x, y), ROUND_MM)
+        yield from (
+            Gauge(where, "seat height", tray.floor_mm, _top(solid, tray, *at)) for at in _seat_places(tray, spec, x, y)
+        )
+    for x, y in _rim_places(tray, spec):
+        yield Gauge(f"the rim at ({number(x)}, {number(y)}) mm", "rim height", tray.height_mm, _top(solid, tray, x, y))
+    yield from _screw_gauges(tray, solid)
+
+
+def _screw_gauges(tray: Tray, solid: Any) -> Iterator[Gauge]:
+    screw = tray.screw
+    if screw is None:
+        return
+    holes = _holes(solid, tray.height_mm - screw.hole_depth_mm / 2)
+    for x, y in tray.holes_mm:
+        where = f"the screw hole at ({number(x)}, {number(y)}) mm"
+        yield Gauge(where, "hole diameter", screw.hole_diameter_mm, _free_diameter(holes, x, y), ROUND_MM)
+        low = _top(solid, tray, x, y)
+        bottom = low if isfinite(low) else 0.0
+        yield Gauge(where, "hole depth", screw.hole_depth_mm, tray.height_mm - bottom)
+
+
+def _seat_places(tray: Tray, spec: Spec, x: float, y: float) -> Iterator[tuple[float, float]]:
+    """Yield places on a coil's seat, half way between the seat's hole and the coil's rim."""
+    radius = (tray.seat_hole_mm + spec.coil.outer_diameter_mm) / 4
+    for angle in 2 * np.pi * np.arange(SEAT_RAYS) / SEAT_RAYS:
+        yield x + radius * float(np.cos(angle)), y + radius * float(np.sin(angle))
+
+
+def _rim_places(tray: Tray, spec: Spec) -> Iterator[tuple[float, float]]:
+    """Yield two places on each side of the rim, near the corners."""
+    pad = spec.pad
+    x, y = (pad.width_mm + pad.border_mm) / 2, (pad.depth_mm + pad.border_mm) / 2
+    inner_x, inner_y = 0.49 * pad.width_mm, 0.49 * pad.depth_mm
+    for side in (-1, 1):
+        for along in (-1, 1):
+            yield along * inner_x, side * y
+            yield side * x, along * inner_y
+
+
+def _top(solid: Any, tray: Tray, x: float, y: float) -> float:
+    """Return the height in mm of the tray's highest face at a place, nan where there is none."""
+    high, low = tray.height_mm + 1.0, -1.0
+    hits = solid.ray_cast((x, y, high), (x, y, low))
+    return high - float(hits[0].distance) * (high - low) if hits else nan
+
+
+def _holes(solid: Any, z_mm: float) -> list[np.ndarray]:
+    """Return the outlines (points, 2) of the holes in a cross-section."""
+    holes = []
+    for contour in solid.slice(z_mm).to_polygons():
+        x, y = contour.T
+        if np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)) < 0:
+            holes.append(contour)
+    return holes
+
+
+def _free_diameter(holes: list[np.ndarray], x: float, y: float) -> float:
+    """Return the diameter of the largest circle about a point within the hole around it, nan where there is no hole."""
+    at = np.array([x, y])
+    for contour in holes:
+        if (contour.min(0) < at).all() and (at < contour.max(0)).all():
+            return 2 * distance_to_sides(contour, at)
+    return nan
+
+
+def _off(gauges: list[Gauge]) -> Iterator[Finding]:
+    """Report the dimensions that are not as planned."""
+    for g in gauges:
+        if not abs(g.built_mm - g.planned_mm) <= g.within_mm:
+            built = f"{number(g.built_mm)} mm" if isfinite(g.built_mm) else "missing"
+            planned = f"{number(g.planned_mm)} mm within {number(g.within_mm)} mm"
+            yield Finding("error", "tray.built", g.where, f"its {g.name} is {built}, planned are {planned}")
+
+
+def _gap(plan: Plan, gauges: list[Gauge], figures: dict[str, Any]) -> Iterator[Finding]:
+    """Check the gap between coils and washers: rim over seat, less the coil, plus the washer's place in the pad.
+
+    It is measured on the mesh. It may differ from the spec's gap by half a layer (which `tray_findings` reports) and by
+    `BUILT_MM`.
+    """
+    spec = plan.spec
+    seat = np.array([g.built_mm for g in gauges if g.name == "seat height"])
+    rim = np.array([g.built_mm for g in gauges if g.name == "rim height"])
+    offset = washer_underside_mm(plan) - spec.coil.length_mm
+    low, high = float(rim.min() - seat.max()) + offset, float(rim.max() - seat.min()) + offset
+    figures["gap_mm"] = [low, high]
+    within = spec.printer.layer_mm / 2 + BUILT_MM
+    worst = low if not abs(low - spec.coil.gap_mm) <= abs(high - spec.coil.gap_mm) else high
+    if not abs(worst - spec.coil.gap_mm) <= within:
+        yield Finding(
+            "error",
+            "tray.gap",
+            "mesh",
+            f"its sockets give a gap of {number(worst) + ' mm' if isfinite(worst) else 'unknown size'}, planned are"
+            f" {number(spec.coil.gap_mm)} mm within {number(within)} mm",
+        )
+
+
+def _free(tray: Tray, spec: Spec, mesh: Mesh, solid: Any) -> Iterator[Finding]:
+    """Check that the coils' places, the room under the pad and every wire slot are empty."""
+    pad = spec.pad
+    yield from _coils_fit(tray, spec, solid)
+    x, y, z = mesh.vertices_mm.T
+    inside = (np.abs(x) < pad.width_mm / 2 - BUILT_MM) & (np.abs(y) < pad.depth_mm / 2 - BUILT_MM)
+    highest = float(z[inside].max(initial=0.0))
+    if highest > tray.coil_top_mm + BUILT_MM:
+        yield Finding(
+            "error",
+            "tray.room",
+            "mesh",
+            f"under the pad it rises to {number(highest)} mm, the coils' tops are at {number(tray.coil_top_mm)} mm",
+        )
+    for slot in tray.wire_slots:
+        if not _passes(solid, slot, tray, pad):
+            at = f"({number((slot.x0 + slot.x1) / 2)}, {number((slot.y0 + slot.y1) / 2)}) mm"
+            yield Finding("error", "tray.wires", f"the slot at {at}", "no wire passes from the sockets to the outside")
+
+
+def _coils_fit(tray: Tray, spec: Spec, solid: Any) -> Iterator[Finding]:
+    """Check that coils in their places, just above their seats, do not meet the tray."""
+    import manifold3d
+
+    radius, low = spec.coil.outer_diameter_mm / 2, tray.floor_mm + BUILT_MM
+    coil = manifold3d.Manifold.cylinder(tray.coil_top_mm - low, radius, radius, COIL_SIDES)
+    coils = manifold3d.Manifold.compose([coil.translate((x, y, low)) for x, y in tray.coils_mm])
+    blocked = [part for part in (coils ^ solid).decompose() if part.volume() > BLOCKED_MM3]
+    if blocked:
+        x0, y0, z0, x1, y1, z1 = blocked[0].bounding_box()
+        yield Finding(
+            "error",
+            "tray.coil",
+            f"({number((x0 + x1) / 2)}, {number((y0 + y1) / 2)}, {number((z0 + z1) / 2)}) mm",
+            f"material lies where a coil stands; {len(blocked)} such places, must be 0",
+        )
+
+
+def _passes(solid: Any, slot: Outline, tray: Tray, pad: Pad) -> bool:
+    """Return whether a ray along the middle of a slot, from end to end, does not meet the tray."""
+    x, y, z = (slot.x0 + slot.x1) / 2, (slot.y0 + slot.y1) / 2, (tray.socket_top_mm + tray.height_mm) / 2
+    along_y = abs(y) > pad.depth_mm / 2
+    start, stop = ((x, slot.y0, z), (x, slot.y1, z)) if along_y else ((slot.x0, y, z), (slot.x1, y, z))
+    return not solid.ray_cast(start, stop)
 
 
 def build_coupon(plan: Plan) -> tuple[Plan, PadSolid]:

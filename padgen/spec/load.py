@@ -7,6 +7,7 @@ frequency is a CSV file, or two lists in the spec.
 import csv
 import io
 import json
+from collections.abc import Iterator, Sequence
 from copy import deepcopy
 from dataclasses import fields, replace
 from functools import cache
@@ -62,167 +63,157 @@ MAGNETIC = 2.0
 
 def refuse_contradictions(spec: Spec) -> None:
     """Raise `SpecError` for the first contradiction between fields of `spec`."""
-    _refuse_band(spec)
-    _refuse_parts(spec)
-    _refuse_taxel(spec)
-    _refuse_plate(spec)
-    _refuse_beam(spec)
+    for rules in (_band_rules, _parts_rules, _taxel_rules, _plate_rules, _beam_rules):
+        for holds, where, sentence, cures in rules(spec):
+            if not holds:
+                raise SpecError(sentence, where, cures)
     refuse_threshold(spec)
 
 
-def _refuse_band(spec: Spec) -> None:
+Rule = tuple[bool, str, str, Sequence[dict[str, Any]]]
+"""Whether a rule holds; the field that it is about, the sentence and the cures where it does not."""
+
+
+def _band_rules(spec: Spec) -> Iterator[Rule]:
     low, high = spec.band_hz
-    if not low < high:
-        raise SpecError(
-            f"must run from low to high, got [{number(low)}, {number(high)}] Hz",
-            "band_hz",
-            [{"band_hz": [high, low]}] if low > high else (),
-        )
-    bound = spec.delta_y / 4
-    if spec.q_min <= bound:
-        raise SpecError(
-            f"must be above delta_y/4 = {number(bound)} for a coil to hold any channel, got {number(spec.q_min)}",
-            "q_min",
-            [{"delta_y": float(at_most(2 * spec.q_min))}],
-        )
-    if spec.coil.sets > 1 and spec.coil.grid == (1, 1):
-        raise SpecError(
-            "'alternate' needs coils to alternate with, coil.grid is [1, 1]", "coil.reuse", [{"coil.reuse": "same"}]
-        )
-    tones = spec.resonances_hz or ()
-    if len(tones) % spec.coil.sets:
-        raise SpecError(
-            f"must be an even number with coil.reuse = 'alternate', which gives its two sets one each in turn,"
-            f" got {len(tones)}",
-            "resonances_hz",
-        )
+    yield (
+        low < high,
+        "band_hz",
+        f"must run from low to high, got [{number(low)}, {number(high)}] Hz",
+        [{"band_hz": [high, low]}] if low > high else (),
+    )
+    bound, tones = spec.delta_y / 4, spec.resonances_hz or ()
+    yield (
+        spec.q_min > bound,
+        "q_min",
+        f"must be above delta_y/4 = {number(bound)} for a coil to hold any channel, got {number(spec.q_min)}",
+        [{"delta_y": float(at_most(2 * spec.q_min))}],
+    )
+    yield (
+        spec.coil.sets == 1 or spec.coil.grid != (1, 1),
+        "coil.reuse",
+        "'alternate' needs coils to alternate with, coil.grid is [1, 1]",
+        [{"coil.reuse": "same"}],
+    )
+    yield (
+        len(tones) % spec.coil.sets == 0,
+        "resonances_hz",
+        "must be an even number with coil.reuse = 'alternate', which gives its two sets one each in turn,"
+        f" got {len(tones)}",
+        (),
+    )
     for lower, upper in pairwise(tones):
-        if not lower < upper:
-            raise SpecError(
-                f"must rise from channel to channel, got {number(lower)} before {number(upper)} Hz", "resonances_hz"
-            )
+        told = f"must rise from channel to channel, got {number(lower)} before {number(upper)} Hz"
+        yield lower < upper, "resonances_hz", told, ()
     for tone in tones:
-        if not low <= tone <= high:
-            raise SpecError(
-                f"must lie in the band of {number(low)} … {number(high)} Hz, got {number(tone)} Hz",
-                "resonances_hz",
-                [{"band_hz": [min(low, tones[0]), max(high, tones[-1])]}],
-            )
-
-
-def _refuse_parts(spec: Spec) -> None:
-    if spec.material.process != spec.printer.process:
-        raise SpecError(
-            f"{spec.material.name!r} is for {spec.material.process} printers, but printer"
-            f" {spec.printer.name!r} is {spec.printer.process}",
-            "material",
-            [{"material": None}],
-        )
-    if spec.spread.process != spec.printer.process:
-        raise SpecError(
-            f"{spec.spread.name!r} is of {spec.spread.process} prints, but printer {spec.printer.name!r} is"
-            f" {spec.printer.process}",
-            "spread",
-            [{"spread": None}],
-        )
-    washer, coil = spec.washer, spec.coil
-    if washer.relative_permeability < MAGNETIC:
-        raise SpecError(
-            f"{washer.name!r} is not magnetic (relative permeability {number(washer.relative_permeability)});"
-            " take plain steel or a ferritic or martensitic stainless steel",
-            "washer",
-        )
-    for where, inner, outer in (
-        ("washer", washer.inner_diameter_mm, washer.outer_diameter_mm),
-        ("coil", coil.inner_diameter_mm, coil.outer_diameter_mm),
-    ):
-        if not inner < outer:
-            raise SpecError(
-                f"must be below the outer diameter of {number(outer)} mm, got {number(inner)} mm",
-                f"{where}.inner_diameter_mm",
-            )
-    if coil.gap_mm and coil.gap_mm > coil.outer_diameter_mm:
-        raise SpecError(
-            f"must be at most the coil's outer diameter of {number(coil.outer_diameter_mm)} mm, beyond which it hardly"
-            f" pulls a washer, got {number(coil.gap_mm)} mm",
-            "coil.gap_mm",
-            [{"coil.gap_mm": coil.outer_diameter_mm}],
-        )
-    if coil.core_diameter_mm > coil.inner_diameter_mm:
-        raise SpecError(
-            f"must fit the winding's bore of {number(coil.inner_diameter_mm)} mm,"
-            f" got {number(coil.core_diameter_mm)} mm",
-            "coil.core_diameter_mm",
-            [{"coil.core_diameter_mm": coil.inner_diameter_mm}],
+        yield (
+            low <= tone <= high,
+            "resonances_hz",
+            f"must lie in the band of {number(low)} … {number(high)} Hz, got {number(tone)} Hz",
+            [{"band_hz": [min(low, tones[0]), max(high, tones[-1])]}],
         )
 
 
-def _refuse_taxel(spec: Spec) -> None:
+def _parts_rules(spec: Spec) -> Iterator[Rule]:
+    material, spread, printer, washer, coil = spec.material, spec.spread, spec.printer, spec.washer, spec.coil
+    yield (
+        material.process == printer.process,
+        "material",
+        f"{material.name!r} is for {material.process} printers, but printer {printer.name!r} is {printer.process}",
+        [{"material": None}],
+    )
+    yield (
+        spread.process == printer.process,
+        "spread",
+        f"{spread.name!r} is of {spread.process} prints, but printer {printer.name!r} is {printer.process}",
+        [{"spread": None}],
+    )
+    yield (
+        washer.relative_permeability >= MAGNETIC,
+        "washer",
+        f"{washer.name!r} is not magnetic (relative permeability {number(washer.relative_permeability)});"
+        " take plain steel or a ferritic or martensitic stainless steel",
+        (),
+    )
+    for where, part in (("washer", washer), ("coil", coil)):
+        inner, outer = part.inner_diameter_mm, part.outer_diameter_mm
+        told = f"must be below the outer diameter of {number(outer)} mm, got {number(inner)} mm"
+        yield inner < outer, f"{where}.inner_diameter_mm", told, ()
+    yield (
+        not coil.gap_mm or coil.gap_mm <= coil.outer_diameter_mm,
+        "coil.gap_mm",
+        f"must be at most the coil's outer diameter of {number(coil.outer_diameter_mm)} mm, beyond which it hardly"
+        f" pulls a washer, got {number(coil.gap_mm or 0)} mm",
+        [{"coil.gap_mm": coil.outer_diameter_mm}],
+    )
+    yield (
+        coil.core_diameter_mm <= coil.inner_diameter_mm,
+        "coil.core_diameter_mm",
+        f"must fit the winding's bore of {number(coil.inner_diameter_mm)} mm, got {number(coil.core_diameter_mm)} mm",
+        [{"coil.core_diameter_mm": coil.inner_diameter_mm}],
+    )
+
+
+def _taxel_rules(spec: Spec) -> Iterator[Rule]:
     taxel, pad, printer = spec.taxel, spec.pad, spec.printer
-    depth = spec.recess_depth_mm
-    roof = 2 * printer.layer_mm
-    if depth + roof > taxel.plate_thickness_mm + SLACK_MM:
-        raise SpecError(
-            f"must be at least {number(depth + roof)} mm (washer {number(spec.washer.thickness_mm)} mm,"
-            f" glue {number(taxel.glue_gap_mm)} mm, up to whole layers, two layers of roof),"
-            f" got {number(taxel.plate_thickness_mm)} mm",
-            "taxel.plate_thickness_mm",
-            _thicker(spec, round(depth + roof, 6)),
-        )
-    if taxel.plate_thickness_mm > pad.frame_thickness_mm + SLACK_MM:
-        raise SpecError(
-            f"must not exceed the frame's thickness of {number(pad.frame_thickness_mm)} mm,"
-            f" got {number(taxel.plate_thickness_mm)} mm",
-            "taxel.plate_thickness_mm",
-            [{"pad.frame_thickness_mm": taxel.plate_thickness_mm}],
-        )
+    least = spec.recess_depth_mm + 2 * printer.layer_mm
+    yield (
+        least <= taxel.plate_thickness_mm + SLACK_MM,
+        "taxel.plate_thickness_mm",
+        f"must be at least {number(least)} mm (washer {number(spec.washer.thickness_mm)} mm,"
+        f" glue {number(taxel.glue_gap_mm)} mm, up to whole layers, two layers of roof),"
+        f" got {number(taxel.plate_thickness_mm)} mm",
+        _thicker(spec, round(least, 6)),
+    )
+    yield (
+        taxel.plate_thickness_mm <= pad.frame_thickness_mm + SLACK_MM,
+        "taxel.plate_thickness_mm",
+        f"must not exceed the frame's thickness of {number(pad.frame_thickness_mm)} mm,"
+        f" got {number(taxel.plate_thickness_mm)} mm",
+        [{"pad.frame_thickness_mm": taxel.plate_thickness_mm}],
+    )
     boss_height = pad.frame_thickness_mm - taxel.plate_thickness_mm + taxel.boss_protrusion_mm
     edge_bound = min(taxel.boss_diameter_mm / 2, boss_height) * 0.9
-    if taxel.boss_edge_mm > edge_bound + SLACK_MM:
-        raise SpecError(
-            f"must be at most {number(edge_bound)} mm on a boss of {number(taxel.boss_diameter_mm)} mm diameter"
-            f" and {number(boss_height)} mm height, got {number(taxel.boss_edge_mm)} mm",
-            "taxel.boss_edge_mm",
-            [{"taxel.boss_edge_mm": _down(edge_bound)}],
-        )
-    if pad.rib_mm < printer.line_width_mm - SLACK_MM:
-        raise SpecError(
-            f"must be at least a line of {number(printer.line_width_mm)} mm, the thinnest wall of {printer.name},"
-            f" got {number(pad.rib_mm)} mm",
-            "pad.rib_mm",
-            [{"pad.rib_mm": printer.line_width_mm}],
-        )
-    if pad.hole_diameter_mm and pad.hole_diameter_mm + 2 * printer.line_width_mm > pad.border_mm + SLACK_MM:
-        most = pad.border_mm - 2 * printer.line_width_mm
-        raise SpecError(
-            f"must leave a line of wall on both sides in the border of {number(pad.border_mm)} mm, at most"
-            f" {number(max(most, 0.0))} mm, got {number(pad.hole_diameter_mm)} mm",
-            "pad.hole_diameter_mm",
-            [{"pad.hole_diameter_mm": _down(most) if most > 0 else 0}],
-        )
+    yield (
+        taxel.boss_edge_mm <= edge_bound + SLACK_MM,
+        "taxel.boss_edge_mm",
+        f"must be at most {number(edge_bound)} mm on a boss of {number(taxel.boss_diameter_mm)} mm diameter"
+        f" and {number(boss_height)} mm height, got {number(taxel.boss_edge_mm)} mm",
+        [{"taxel.boss_edge_mm": _down(edge_bound)}],
+    )
+    yield (
+        pad.rib_mm >= printer.line_width_mm - SLACK_MM,
+        "pad.rib_mm",
+        f"must be at least a line of {number(printer.line_width_mm)} mm, the thinnest wall of {printer.name},"
+        f" got {number(pad.rib_mm)} mm",
+        [{"pad.rib_mm": printer.line_width_mm}],
+    )
+    most = pad.border_mm - 2 * printer.line_width_mm
+    yield (
+        not pad.hole_diameter_mm or pad.hole_diameter_mm <= most + SLACK_MM,
+        "pad.hole_diameter_mm",
+        f"must leave a line of wall on both sides in the border of {number(pad.border_mm)} mm, at most"
+        f" {number(max(most, 0.0))} mm, got {number(pad.hole_diameter_mm)} mm",
+        [{"pad.hole_diameter_mm": _down(most) if most > 0 else 0}],
+    )
 
 
-def _refuse_plate(spec: Spec) -> None:
+def _plate_rules(spec: Spec) -> Iterator[Rule]:
     taxel, printer = spec.taxel, spec.printer
     recess = spec.washer.outer_diameter_mm + taxel.washer_clearance_mm
     span = (recess - spec.washer.inner_diameter_mm) / 2 if taxel.centre_post else recess
     if span > printer.longest_bridge_mm + SLACK_MM:
-        raise SpecError(
-            f"{spec.washer.name!r} needs a recess whose roof spans {number(span)} mm, {printer.name} bridges"
-            f" {number(printer.longest_bridge_mm)} mm",
-            "washer",
-            _bridged(spec),
-        )
-    walled = spec.washer.outer_diameter_mm + taxel.washer_clearance_mm + 2 * spec.printer.line_width_mm
-    bound = max(walled, taxel.boss_diameter_mm)
+        told = f"{spec.washer.name!r} needs a recess whose roof spans {number(span)} mm, {printer.name} bridges"
+        yield False, "washer", f"{told} {number(printer.longest_bridge_mm)} mm", _bridged(spec)
+    bound = max(recess + 2 * printer.line_width_mm, taxel.boss_diameter_mm)
     for name, value in (("plate_length_mm", taxel.plate_length_mm), ("plate_width_mm", taxel.plate_width_mm)):
-        if value is not None and value < bound - SLACK_MM:
-            raise SpecError(
-                f"must be at least {number(bound)} mm for the washer {spec.washer.name} in its walls and the boss,"
-                f" got {number(value)} mm",
-                f"taxel.{name}",
-                [{f"taxel.{name}": _up(bound)}],
-            )
+        yield (
+            value is None or value >= bound - SLACK_MM,
+            f"taxel.{name}",
+            f"must be at least {number(bound)} mm for the washer {spec.washer.name} in its walls and the boss,"
+            f" got {number(value or 0)} mm",
+            [{f"taxel.{name}": _up(bound)}],
+        )
 
 
 def _thicker(spec: Spec, plate_mm: float) -> list[dict[str, float]]:
@@ -256,29 +247,29 @@ def _down(value: float) -> float:
     return floor(value * 1e3 + SLACK_MM) / 1e3
 
 
-def _refuse_beam(spec: Spec) -> None:
+def _beam_rules(spec: Spec) -> Iterator[Rule]:
     thickness, printer = spec.suspension.thickness_mm, spec.printer
     if thickness is None:
         return
     bound = spec.taxel.plate_thickness_mm - printer.layer_mm
     layers, most = ((height - printer.first_layer_mm) / printer.layer_mm + 1 for height in (thickness, bound))
     whole = max(min(round(layers), floor(most + 1e-6)), printer.smallest_beam_layers)
-    if abs(layers - max(round(layers), printer.smallest_beam_layers)) > 1e-6:
-        raise SpecError(
-            f"must be a whole number of layers (first {number(printer.first_layer_mm)} mm, then"
-            f" {number(printer.layer_mm)} mm each), got {number(thickness)} mm",
-            "suspension.thickness_mm",
-            [{"suspension.thickness_mm": printer.height_mm(whole)}],
-        )
-    if thickness > bound + SLACK_MM:
-        raise SpecError(
-            f"must stay a layer below the plate's thickness, at most {number(bound)} mm, got {number(thickness)} mm",
-            "suspension.thickness_mm",
-            _thicker(spec, round(thickness + printer.layer_mm, 6)),
-        )
+    yield (
+        abs(layers - max(round(layers), printer.smallest_beam_layers)) <= 1e-6,
+        "suspension.thickness_mm",
+        f"must be a whole number of layers (first {number(printer.first_layer_mm)} mm, then"
+        f" {number(printer.layer_mm)} mm each), got {number(thickness)} mm",
+        [{"suspension.thickness_mm": printer.height_mm(whole)}],
+    )
+    yield (
+        thickness <= bound + SLACK_MM,
+        "suspension.thickness_mm",
+        f"must stay a layer below the plate's thickness, at most {number(bound)} mm, got {number(thickness)} mm",
+        _thicker(spec, round(thickness + printer.layer_mm, 6)),
+    )
 
 
-LARGEST_FILE = 1 << 20
+LARGEST_CURVE = 1 << 20
 """Most bytes of a file with a curve."""
 
 
@@ -313,7 +304,7 @@ def _text(folder: Path, name: str) -> str:
     path = folder / name
     where = f"{_WHERE} {str(path)!r}"
     try:
-        return read_bounded(path, LARGEST_FILE, "a threshold").decode("utf-8-sig")
+        return read_bounded(path, LARGEST_CURVE, "a threshold").decode("utf-8-sig")
     except FileError as error:
         missing = isinstance(error.__cause__, FileNotFoundError)
         raise FileError("there is no such file" if missing else error.message, where) from error
@@ -361,13 +352,9 @@ def refuse_threshold(spec: Spec) -> None:
         )
     if len(hz) < 2:
         raise SpecError(f"must have two points or more, got {len(hz)}", where)
-    for (low, high), value in zip(pairwise(hz), um, strict=False):
-        if not 0 < low < high:
+    for low, high in pairwise(hz):
+        if not low < high:
             raise SpecError(f"must be positive and rise, got {number(low)} before {number(high)} Hz", where)
-        if not 0 < value < float("inf"):
-            raise SpecError(f"must be positive, got {number(value)} µm at {number(low)} Hz", "drive.threshold_um")
-    if not 0 < um[-1] < float("inf"):
-        raise SpecError(f"must be positive, got {number(um[-1])} µm at {number(hz[-1])} Hz", "drive.threshold_um")
     low, high = spec.band_hz
     if hz[0] > low or hz[-1] < high:
         common = max(low, hz[0]), min(high, hz[-1])

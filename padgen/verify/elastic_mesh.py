@@ -53,9 +53,10 @@ USUAL = Fineness()
 
 
 def taxel_shape(step: Path, washer_volume_mm3: float, where: str = "") -> Any:
-    """The two solids of a STEP file glued into one shape that shares faces; solids are named
-    ``printed`` and ``washer``, told apart by volume because names do not survive the import.
-    Refusals begin with `where`, with the file where that is empty.
+    """Glue the two solids of a STEP file into one shape that shares faces.
+
+    They are named ``printed`` and ``washer``, told apart by volume because names do not survive the import. Refusals
+    begin with `where`, with the file where that is empty.
 
     Raises
     ------
@@ -99,7 +100,7 @@ def _xyz(point: Any) -> tuple[float, float, float]:
 
 
 def clamped_shape(shape: Any, clamp: str) -> Any:
-    """The same shape with the faces that `clamp` (of `CLAMPS`) holds named ``clamped``.
+    """Return the shape with the faces that `clamp` (of `CLAMPS`) holds named ``clamped``.
 
     Raises
     ------
@@ -126,10 +127,10 @@ def _lies_at(face: Any, axis: int, place: float, near: float) -> bool:
 
 
 def meshed(shape: Any, fineness: Fineness = USUAL, where: str = "taxel", layered: set[str] | None = None) -> Any:
-    """NGSolve mesh of `shape` (see `clamped_shape`), with layers along the edges named in `layered`, all
-    singular ones by default; not curved yet.
+    """Return the NGSolve mesh of `shape` (see `clamped_shape`), not curved yet.
 
-    Where Netgen fails, or its layers leave an element without volume, slightly other meshes are tried.
+    It has layers along the edges named in `layered`, all singular ones by default. Where Netgen fails, or its layers
+    leave an element without volume, slightly other meshes are tried.
 
     Raises
     ------
@@ -161,25 +162,21 @@ def _coarse_meshes(shape: Any, fineness: Fineness, where: str) -> Iterator[tuple
     for factor, grading in ((1.0, 1.0), (0.8, 1.0), (1.0, 0.8), (0.7, 0.8), (0.8, 0.6)):
         attempt = fineness._replace(factor=factor * fineness.factor, grading=grading * fineness.grading)
         try:
-            try:
-                # Netgen's own threads made meshing 10 times slower on a busy machine.
-                mesh = occ.OCCGeometry(shape).GenerateMesh(
-                    maxh=attempt.largest_mm,
-                    grading=attempt.grading,
-                    curvaturesafety=attempt.curvature,
-                    segmentsperedge=attempt.per_edge,
-                    parallel_meshing=False,
-                )
-            except Exception as error:
-                why = f"Netgen cannot mesh it ({_first_line(error)}): a part is thinner than it resolves"
-                raise SolverError(why, where) from error
-            if mesh.ne == 0:
-                raise SolverError("Netgen's mesh of it is empty: a part is thinner than it resolves", where)
-            mesh = mesh
-        except SolverError as error:
-            failure = failure or error
-        else:
+            # Netgen's own threads made meshing 10 times slower on a busy machine.
+            mesh = occ.OCCGeometry(shape).GenerateMesh(
+                maxh=attempt.largest_mm,
+                grading=attempt.grading,
+                curvaturesafety=attempt.curvature,
+                segmentsperedge=attempt.per_edge,
+                parallel_meshing=False,
+            )
+            why = "" if mesh.ne else "Netgen's mesh of it is empty"
+        except Exception as error:
+            why = f"Netgen cannot mesh it ({_first_line(error)})"
+        if not why:
             yield mesh, attempt
+        elif not failure:
+            failure = SolverError(f"{why}: a part is thinner than it resolves", where)
     if failure:
         raise failure
 

@@ -179,11 +179,12 @@ def assembled(
     rich: np.ndarray | None = None,
     volume_mm3: Mapping[str, float] | None = None,
 ) -> System:
-    """Stiffness and mass of `mesh` (mm) with elements of `order`; `materials` by name of solid, `clamped`
-    the name of the faces held, `flat` of those that only slide in x and y (a plane of symmetry).
-    `blocks` is 1.6 times faster, but loses a foil's stiffness by rounding (`accurate`) and knows no `flat`.
-    Only elements of `rich` (elements,) have that order if it is given, the others `LEAN`; needs `blocks`.
-    What a solid of known `volume_mm3` lacks where the mesh cuts its curves is made up for by density.
+    """Assemble stiffness and mass of `mesh` (mm) with elements of `order`.
+
+    `materials` are by name of solid, `clamped` is the name of the faces held, `flat` of those that only slide in x and
+    y (a plane of symmetry). `blocks` is 1.6 times faster, but loses a foil's stiffness by rounding (`accurate`) and
+    knows no `flat`. Only elements of `rich` (elements,) have that order if it is given, the others `LEAN`; needs
+    `blocks`. What a solid of known `volume_mm3` lacks where the mesh cuts its curves is made up for by density.
 
     The mesh is curved to the lowest order: elements curved more than their order cannot turn without
     strain (f₁ came out four times too high).
@@ -345,10 +346,9 @@ def eigenmodes(system: System, solve: Factored, modes: int, start: np.ndarray | 
 def rigid_loads(
     system: System, solid: str, density_kg_per_m3: float, x_mm: float, y_mm: float = 0.0, z_mm: float = 0.0
 ) -> np.ndarray:
-    """Loads (n, 6) on the named solid, spread over its volume, for unit forces in N and moments in N·m
-    about the point (`x_mm`, `y_mm`, `z_mm`).
+    """Return loads (n, 6) on the named solid, spread over its volume, for unit forces and moments about a point.
 
-    Their transpose takes a displacement to the solid's mean motion as a body, in m and rad: the
+    They are in N and N·m. Their transpose takes a displacement to the solid's mean motion as a body, in m and rad: the
     mass-weighted least-squares fit.
     """
     mesh, where = system.space.mesh, ng.dx(definedon=system.space.mesh.Materials(solid))
@@ -545,8 +545,11 @@ def converged_modes(taxel: SolidTaxel, tolerance: float = 1e-3, modes: int = 6, 
 
 
 def _rich(mesh: Any, shares: np.ndarray, working: int) -> np.ndarray:
-    """Elements (n,) to solve by higher orders: those that hold all but little of each mode's energy `shares` (n, k),
-    and all that touch them, where a stiff element has no energy because it cannot follow."""
+    """Mark the elements (n,) to solve by higher orders.
+
+    They are those that hold all but little of each mode's energy `shares` (n, k), and all that touch them, where a
+    stiff element has no energy because it cannot follow.
+    """
     poor = np.full(shares.shape[1], POOR_OTHERS)
     poor[working] = POOR
     order = shares.argsort(0)

@@ -98,8 +98,11 @@ def _turn(plan: Plan, taxel: Taxel) -> np.ndarray:
 
 
 def _frame_solid(plan: Plan, clamping: str) -> Any:
-    """Netgen's shape of the frame in mm, from the pad's centre: the pieces of rib behind the roots, named
-    ``root<taxel>-<beam>``, and all else; side faces of sub-cells are named ``seam``, what is held ``held``."""
+    """Return Netgen's shape of the frame in mm, from the pad's centre.
+
+    Its solids are the pieces of rib behind the roots, named ``root<taxel>-<beam>``, and all else; side faces of
+    sub-cells are named ``seam``, what is held ``held``.
+    """
     pad = plan.spec.pad
     height, half = pad.frame_thickness_mm, np.array([pad.width_mm, pad.depth_mm]) / 2
     outer = half + pad.border_mm

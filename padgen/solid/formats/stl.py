@@ -22,7 +22,9 @@ def write(out: OutputFolder, job: ExportJob) -> None:
         # The last block reads to the file's end, so that surplus triangles are noticed.
         count = AT_ONCE if k + AT_ONCE < len(triangles) else -1
         some = np.fromfile(path, _STL_TRIANGLE, count, offset=84 + k * _STL_TRIANGLE.itemsize)
-        verified(name, Mesh(vertices, triangles[k : k + AT_ONCE]), _not_welded(some))
+        corners = some["corners"].reshape(-1, 3)
+        read = Mesh(corners, np.arange(len(corners)).reshape(-1, 3))
+        verified(name, Mesh(vertices, triangles[k : k + AT_ONCE]), read)
 
 
 def stl_bytes(mesh: Mesh, title: str) -> bytearray:
@@ -37,8 +39,3 @@ def stl_bytes(mesh: Mesh, title: str) -> bytearray:
         some["normal"] = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
         some["corners"] = corners
     return data
-
-
-def _not_welded(triangles: np.ndarray) -> Mesh:
-    corners = triangles["corners"].reshape(-1, 3)
-    return Mesh(corners, np.arange(len(corners)).reshape(-1, 3))
