@@ -538,7 +538,8 @@ def _draw_pad(axis: Any, plan: "Plan", colours: Any) -> None:
     for taxel in plan.taxels:
         boss = Circle((taxel.x_mm, taxel.y_mm), plan.plate.boss_diameter_mm / 2, color=colours[taxel.channel])
         axis.add_patch(boss)
-    title = f"touch side: bosses over coils, prints that keep {plan.selectivity.asked_db:.1f} dB there"
+    keeps = f"which a coil keeps {plan.selectivity.asked_db:.1f} dB (redder: fewer)"
+    title = f"touch side: bosses over coils; share of prints in\n{keeps}"
     axis.set(xlabel="x, mm", ylabel="y, mm", title=title)
     axis.set_aspect("equal")
     axis.autoscale_view()
