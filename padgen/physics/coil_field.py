@@ -106,12 +106,12 @@ def flux_density(coil: CoilSource, radius: np.ndarray, height: np.ndarray) -> tu
 def rings_potential(
     rings: tuple[np.ndarray, np.ndarray, np.ndarray], radius: np.ndarray, height: np.ndarray
 ) -> RingPotential:
-    """Return the potential of charged rings, as from `coil_rings`, and its slopes, at points in m (arrays broadcast)."""
+    """Return the potential of charged rings, as from `coil_rings`, and its slopes, at points in m that broadcast."""
     at_radius, at_height, charge = rings
     points = np.stack([side.ravel() for side in np.broadcast_arrays(radius, height)])[..., None]
     some, count = max(AT_ONCE // len(charge), 1), points.shape[1]
     blocks = (points[:, first : first + some] for first in range(0, max(count, 1), some))
-    each = [ring_potential(*block, at_radius, at_height, 0, at_ring=False) for block in blocks]
+    each = [ring_potential(block[0], block[1], at_radius, at_height, 0, at_ring=False) for block in blocks]
     parts = (np.concatenate([part[0] @ charge for part in one]) for one in zip(*each, strict=True))
     return RingPotential(*(part.reshape(np.broadcast_shapes(np.shape(radius), np.shape(height))) for part in parts))
 
