@@ -407,17 +407,14 @@ def flux_density(coil: CoilSource, radius: np.ndarray, height: np.ndarray) -> tu
 def rings_potential(
     rings: tuple[np.ndarray, np.ndarray, np.ndarray], radius: np.ndarray, height: np.ndarray
 ) -> RingPotential:
-    """Return the potential of charged rings (`coil_rings`) and its slopes, at points in m of broadcast arrays."""
+    """Return the potential of charged rings, as from `coil_rings`, and its slopes, at points in m that broadcast."""
     at_radius, at_height, charge = rings
     points = np.stack([side.ravel() for side in np.broadcast_arrays(radius, height)])[..., None]
-    some = max(AT_ONCE // len(charge), 1)
-    each = [
-        ring_potential(points[0, first : first + some], points[1, first : first + some], at_radius, at_height, 0, False)
-        for first in range(0, points.shape[1], some)
-    ]
-    shape = np.broadcast_shapes(np.shape(radius), np.shape(height))
-    parts = [np.concatenate([one[0] @ charge for one in part]) for part in zip(*each, strict=True)]
-    return RingPotential(*(part.reshape(shape) for part in parts))
+    some, count = max(AT_ONCE // len(charge), 1), points.shape[1]
+    blocks = (points[:, first : first + some] for first in range(0, max(count, 1), some))
+    each = [ring_potential(block[0], block[1], at_radius, at_height, 0, at_ring=False) for block in blocks]
+    parts = (np.concatenate([part[0] @ charge for part in one]) for one in zip(*each, strict=True))
+    return RingPotential(*(part.reshape(np.broadcast_shapes(np.shape(radius), np.shape(height))) for part in parts))
 
 
 @lru_cache(maxsize=16)

@@ -33,17 +33,20 @@ Placed = tuple[Channels, ModalTaxels]
 """Channels with each washer's own pull, and all modes of their taxels."""
 
 
-def plan_selectivity(spec: Spec, planned: Sequence[Channel], optimum: "Optimum | None" = None) -> Selectivity:
+def plan_selectivity(
+    spec: Spec, planned: Sequence[Channel], optimum: "Optimum | None" = None, asked_only: bool = False
+) -> Selectivity:
     """Choose the drive scheme for the channels of a coil, and return its selectivity.
 
     With two sets of channels, the figures are of the worse one. `optimum`, the figure of optimised resonances, is
-    recorded if it is of the chosen scheme.
+    recorded if it is of the chosen scheme. With `asked_only`, no other schemes are judged than the spec asks for.
     """
     sets = channel_sets(planned, spec.coil.sets)
     alike, bare, asked = ([_resonators(spec, own, kind) for own in sets] for kind in ("alike", "placed", "asked"))
     placed = [(taxels, heard_modes(spec, own, taxels.line)) for own, taxels in zip(sets, bare, strict=True)]
     lost_db = max(channel.level_loss_db for channel in planned)
-    figures = {name: _scheme_figures(spec, alike, placed, name, lost_db) for name in in_order()}
+    names = (spec.drive.scheme,) if asked_only and spec.drive.scheme != "auto" else in_order()
+    figures = {name: _scheme_figures(spec, alike, placed, name, lost_db) for name in names}
     name, why = _chosen_scheme(spec, figures, planned)
     scheme = scheme_named(spec, name)
     states = min((all_states(taxels, scheme) for taxels in alike), key=lambda found: found.db)

@@ -407,10 +407,10 @@ def printed(design: Design, spreads: Spreads, pads: int, seed: int, stages: tupl
         prints.square[:] += np.bincount(design.channel, (log_x[2] ** 2).sum(1), count)
         for first in range(0, log_x.shape[2], step):
             x = np.exp(np.clip(log_x[:, :, first : first + step], -FARTHEST, FARTHEST))
-            tones = np.concatenate([np.ones((1, *x.shape[1:])), x])[known]
+            tones = [np.ones_like(x[0]), *x]
             block = slice(number * unit + first, number * unit + first + x.shape[2])
             for coils in design.coils:
-                _judge(design, coils, x[2], tones, beside, prints, block)
+                _judge(design, coils, x[2], [tones[k] for k in known], beside, prints, block)
     return prints
 
 
@@ -418,25 +418,26 @@ def _judge(
     design: Design,
     coils: Coils,
     x: np.ndarray,
-    tones: np.ndarray,
+    tones: list[np.ndarray],
     beside: np.ndarray,
     prints: Prints,
     block: slice,
 ) -> None:
     """Judge `coils` in a block of pads, and enter the results into `prints`.
 
-    `x` (taxels, pads) is printed over planned resonance, `tones` (stages, taxels, pads) the tone over the planned one,
-    `beside` (stages, n) as in `Design`.
+    `x` (taxels, pads) is printed over planned resonance, `tones` the same shape for each stage, the tone over the
+    planned one, `beside` (stages, n) as in `Design`.
     """
     n, shape = len(coils.channels), (*coils.taxels.shape, x.shape[1])
     x = x[coils.taxels].reshape(n, -1)
     f, q, mass, pull = (v[coils.channels, None] for v in (design.resonance_hz, design.q, design.mass_g, design.pull))
     hz = f * x
-    for k, tone in enumerate(tones[:, coils.taxels].reshape(len(tones), n, -1)):
-        driven = channels(f * tone, q, design.law(f * tone), mass, pull)
+    for k, tone in enumerate(tones):
+        tone_hz = f * tone[coils.taxels].reshape(n, -1)
+        driven, rise = channels(tone_hz, q, design.law(tone_hz), mass, pull), (hz / tone_hz) ** 2
         # The line that would move each taxel by its level at its own resonance.
-        taxel = Channels(hz, q, driven.line * (x / tone) ** 2)
-        on = (relative_energy(driven.resonance_hz, hz, q) * (driven.line / taxel.line) ** 2).reshape(shape)
+        taxel = Channels(hz, q, driven.line * rise)
+        on = (relative_energy(tone_hz, hz, q) / rise**2).reshape(shape)
         more = beside[k, coils.channels, None, None]
         off = more + (off_energy(taxel, design.scheme, drivers=driven).reshape(shape) if n > 1 else 0.0 * on)
         good = design.kept * on >= np.maximum(design.need * off, 0.5 if n == 1 else 0.0)

@@ -91,7 +91,7 @@ def _sized(spec: Spec, count: int, space: Room) -> tuple[tuple[SizedChannel, ...
 
 def _selectivity_key(spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...]) -> tuple[bool, int, float]:
     """Return a sort key: whether the asked selectivity is kept, how simple the drive is, and the dB kept."""
-    figures = plan_selectivity(spec, plan_channels(spec, sized, sites_of(spec, layout, sized)))
+    figures = plan_selectivity(spec, plan_channels(spec, sized, sites_of(spec, layout, sized)), asked_only=True)
     kept_db = inf if figures.kept_db is None else figures.kept_db
     keeps = kept_db >= figures.asked_db
     return keeps, -simplest_first().index(figures.drive) if keeps else 0, kept_db
