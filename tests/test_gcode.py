@@ -247,9 +247,7 @@ def test_the_pad_is_found_wherever_it_lies(plan, tmp_path, quarters):
     assert figures["centre_mm"] == pytest.approx([31.37, 208.11], abs=0.01)
 
 
-@pytest.mark.parametrize(
-    "how", [{"unit": 25.4}, {"footer": "G92 E0\nM104 S0"}, {"relative": True, "unit": 25.4}]
-)
+@pytest.mark.parametrize("how", [{"unit": 25.4}, {"footer": "G92 E0\nM104 S0"}, {"relative": True, "unit": 25.4}])
 def test_dialects_say_the_same(plan, usual, tmp_path, how):
     """The same moves in other dialects, one without comments, give the same figures."""
     other = check_gcode(plan, Hand(plan, quarters=1, notes=False).file(tmp_path, **how)).figures
