@@ -307,7 +307,7 @@ def test_shielding_of_two_is_a_dipoles():
 # Random specs, some of those of `docs/measure_left_out.py random`.
 
 
-@pytest.mark.parametrize("number", [1, 23, 51, 125, 367])
+@pytest.mark.parametrize("number", [1, 23, 125, 367])
 def test_bounds_of_random_specs_hold(number):
     """Specs: a washer over a wide film, an edge in the side force, bridges that stretch and sag, four on a coil."""
     plan = finish(choose(make_spec(random_table(number))))
