@@ -17,8 +17,9 @@ from padgen.core.units import G_PER_CM3, GPA, MH, UM
 from padgen.ladders.extreme_specs import random_table
 from padgen.physics.bounds import beam_inertia, core_eddies, motional_voltage, mutual_shielding, washer_eddies
 from padgen.physics.magnetics import MU_0, SteelRing, impedance, solenoid
-from padgen.planner import Plan, make_plan
+from padgen.planner import Plan
 from padgen.planner.left_out import RUNGS, judge_left_out, left_out, left_out_line
+from padgen.planner.make import choose, finish
 from padgen.planner.plan import LeftOut, Reuse
 from padgen.planner.suspensions import BeamShape, PlateShape
 from padgen.planner.taxel_model import TaxelModel
@@ -75,7 +76,7 @@ SCENES = {
 def scene(name: str) -> tuple[Spec, Plan]:
     text = SCENES.get(name, name)
     spec = parse_spec(text) if "\n" in text else load_spec(text)
-    return spec, make_plan(spec)
+    return spec, finish(choose(spec))
 
 
 def entry(name: str, term: str) -> LeftOut:
@@ -306,10 +307,10 @@ def test_shielding_of_two_is_a_dipoles():
 # Random specs, some of those of `docs/measure_left_out.py random`.
 
 
-@pytest.mark.parametrize("number", [1, 23, 51, 125, 367])
+@pytest.mark.parametrize("number", [1, 23, 125, 367])
 def test_bounds_of_random_specs_hold(number):
     """Specs: a washer over a wide film, an edge in the side force, bridges that stretch and sag, four on a coil."""
-    plan = make_plan(make_spec(random_table(number)))
+    plan = finish(choose(make_spec(random_table(number))))
     bounds = {e.term: e.bound for e in left_out(plan) if e.status == "bounded"}
     quick = {**TRUE, "leakage": true_leakage}
     compared = 0

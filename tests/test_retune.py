@@ -44,7 +44,7 @@ from padgen.measured.tuning import (
 from padgen.physics.resonator import receptance
 from padgen.physics.schemes import in_order
 from padgen.physics.selectivity import Channels, Scheme, off_energy
-from padgen.planner import make_plan
+from padgen.planner.make import choose, finish
 from padgen.planner.printed_pads import Spreads, design_of, log_detuning, sensitivities
 from padgen.spec import parse_spec
 
@@ -58,8 +58,7 @@ def plan_of(hz=FOUR, scheme="spur-free", q=30.0, coils=(2, 2), taxels=None, reus
     rows, columns = coils
     sets = 2 if reuse == "alternate" else 1
     taxels = taxels or rows * columns * len(hz) // sets
-    return make_plan(
-        parse_spec(f"""
+    spec = parse_spec(f"""
 name = "t"
 resolution = {taxels}
 band_hz = [{min(hz) * 0.7}, {max(hz) * 1.4}]
@@ -75,7 +74,7 @@ inner_diameter_mm = 10
 core_diameter_mm = 10
 reuse = "{reuse}"
 """)
-    )
+    return finish(choose(spec))
 
 
 def fits_of(tuning, but=(), error=0.0):
@@ -740,6 +739,7 @@ def test_time_series_are_fitted_too(kind):
     ],
 )
 def test_measurements_that_cannot_be_made_are_refused(q, kind, sentence):
-    plan = plan_of(hz=(60.0, 90.0, 150.0), q=q, coils=(1, 1))
+    plan = plan_of(hz=(60.0, 90.0, 150.0), coils=(1, 1))
+    sharp = replace(plan, channels=tuple(replace(channel, q=q) for channel in plan.channels))
     with pytest.raises(SpecError, match=sentence):
-        simulated_measurement(plan, planned_tuning(plan), 0, kind)
+        simulated_measurement(sharp, planned_tuning(sharp), 0, kind)
