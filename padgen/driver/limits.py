@@ -22,7 +22,6 @@ from padgen.core.finding import Finding
 from padgen.core.units import MM, UM
 from padgen.driver.excitation import Excitation
 from padgen.driver.pad_drive import (
-    CARRIER_OVER_RESONANCE,
     CONTROLLER_RATES_HZ,
     RATES_HZ,
     CoilDrive,
@@ -37,11 +36,12 @@ from padgen.driver.waveform import Timeline, blocks, is_fed, ramp_s, timeline
 from padgen.measured.predict import printed_channels
 from padgen.measured.tuning import Tuning, planned_tuning
 from padgen.physics.crest import least_constant
-from padgen.physics.currents import current_lines_a, mean_square_a2, peak_current_a
+from padgen.physics.currents import current_lines_a, mean_square_a2, on_carrier_v, peak_current_a
 from padgen.physics.magnetics import balanced_deflection, impedance
 from padgen.planner.channels import hanging_gap_um
 from padgen.planner.coil_load import pull_in_share
 from padgen.planner.plan import Channel, Plan
+from padgen.planner.settings import CARRIER_OVER_RESONANCE
 
 __all__ = [
     "Load",
@@ -189,7 +189,7 @@ def _root_bound_v(drive: PadDrive, coil: CoilDrive, states: np.ndarray, constant
 def _on_carrier(drive: PadDrive, volts: np.ndarray, root: np.ndarray) -> np.ndarray:
     """Return the envelope of the voltage of ``√2 root cos 2πf_c t``, with `volts` those of the root alone."""
     assert drive.carrier_hz is not None
-    return np.asarray(np.sqrt(2) * np.hypot(volts, 2 * np.pi * drive.carrier_hz * drive.inductance_h * root))
+    return on_carrier_v(volts, root, drive.inductance_h, drive.carrier_hz)
 
 
 # ---- Peaks ---------------------------------------------------------------------------------------------------------

@@ -6,12 +6,13 @@ from math import inf
 import numpy as np
 
 from padgen.core.units import MA, MH, MM, UM
-from padgen.physics.currents import mean_square_a2, peak_current_a, peak_voltage_v
+from padgen.physics.currents import mean_square_a2, on_carrier_v, peak_current_a, peak_voltage_v
 from padgen.physics.magnetics import pull_in_deflection, slack_at
 from padgen.physics.selectivity import Scheme
 from padgen.physics.stretching import jump_amplitude
 from padgen.planner.channels import hanging_gap_um
 from padgen.planner.plan import Channel, CoilLoad, channel_sets
+from padgen.planner.settings import carrier_hz
 from padgen.spec import Spec
 
 __all__ = ["coil_load", "pull_in_share"]
@@ -23,14 +24,19 @@ def coil_load(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> CoilLo
     With two sets of channels, the figures are of the coil that allows the lower level.
     """
     sets = channel_sets(channels, spec.coil.sets)
-    return min((_load(spec, own, scheme) for own in sets), key=lambda load: load.reachable_level_um)
+    carrier = carrier_hz(spec, scheme, max(c.resonance_hz for c in channels))
+    return min((_load(spec, own, scheme, carrier) for own in sets), key=lambda load: load.reachable_level_um)
 
 
-def _load(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> CoilLoad:
+def _load(spec: Spec, channels: Sequence[Channel], scheme: Scheme, carrier: float | None) -> CoilLoad:
     coil, headroom = spec.coil, spec.drive.headroom
     lines, resonance = np.array([(c.line_a2, c.resonance_hz) for c in channels]).T
     square_a2 = mean_square_a2(scheme, lines, headroom)
     volts = peak_voltage_v(scheme, lines, resonance, coil.resistance_ohm, coil.inductance_mh * MH, headroom)
+    peak_a = peak_current_a(scheme, lines, headroom)
+    if carrier is not None:
+        volts = float(on_carrier_v(volts, peak_a, coil.inductance_mh * MH, carrier))
+        peak_a *= 2**0.5
     loss_w = square_a2 * coil.resistance_ohm
     pull_in = max(pull_in_share(spec, channel, square_a2) for channel in channels)
     # Factors by which the displacements may grow: the square of the current grows in proportion.
@@ -41,11 +47,13 @@ def _load(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> CoilLoad:
         "stretching": min(jump_amplitude(c.hardening_per_mm2, c.q) * MM / UM / c.level_um for c in channels),
         "root stress": spec.material.fatigue_stress_mpa / max(c.root_stress_mpa for c in channels),
     }
+    if spec.amplifier and peak_a > 0:
+        factors["amplifier's current"] = (spec.amplifier.current_a / peak_a) ** 2
     if min(c.force_constant_n_per_a2 for c in channels) <= 0:
         factors["pull"] = 0.0
     tightest = min(factors, key=lambda name: factors[name])
     return CoilLoad(
-        current_peak_ma=peak_current_a(scheme, lines, headroom) / MA,
+        current_peak_ma=peak_a / MA,
         current_rms_ma=square_a2**0.5 / MA,
         voltage_peak_v=volts,
         copper_loss_w=loss_w,

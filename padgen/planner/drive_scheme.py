@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from padgen.core.errors import number
-from padgen.core.units import decibel
+from padgen.core.units import MA, decibel
 from padgen.physics.modal import ModalTaxels
 from padgen.physics.schemes import in_order, simplest_first
 from padgen.physics.selectivity import Channels, Scheme, all_states, channels, one_hot_db, tone_energy
+from padgen.planner.coil_load import coil_load
 from padgen.planner.frame_rates import frame_rates
 from padgen.planner.plan import Channel, Plan, SchemeFigures, Selectivity, channel_sets
 from padgen.planner.pull_modes import MODES_DB, coil_modes, heard_modes, modes_in_slots
-from padgen.planner.settings import level_law, scheme_named
+from padgen.planner.settings import level_law, passes, scheme_named
 from padgen.spec import Spec
 
 if TYPE_CHECKING:
@@ -144,7 +145,7 @@ def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Seque
     if len(planned) // spec.coil.sets == 2:
         return "tones", "plain tones are the simplest, and no third taxel is there for their spurs to fall on"
     asked, least = decibel(spec.delta_y), spec.drive.least_frames_per_s
-    simplest = simplest_first()
+    simplest = _playable(spec, planned)
     reached = {name: figures[name].reached_db for name in simplest}
     rates = {rate.scheme: rate.frames_per_s for rate in frame_rates(planned, spec.coil.sets)}
     # A scheme that takes turns is slow, so its frame rate must suffice, too; all other schemes share one frame rate.
@@ -156,6 +157,16 @@ def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Seque
     told = _reached_text([name for name in simplest if name != best], reached, rates)
     none = f"no drive keeps {asked:.1f} dB in all states at {number(least)} frames/s or more"
     return best, f"{none}; of those that drive all at once it comes nearest{told}"
+
+
+def _playable(spec: Spec, planned: Sequence[Channel]) -> list[str]:
+    """Return the schemes that the amplifier can play, the simplest first: those within its volts and amperes, if any."""
+    names, amplifier = [n for n in simplest_first() if passes(spec, scheme_named(spec, n))], spec.amplifier
+    if amplifier is None:
+        return names
+    loads = {n: coil_load(spec, planned, scheme_named(spec, n)) for n in names}
+    limit_v, limit_ma = spec.drive.voltage_limit_v, amplifier.current_a / MA
+    return [n for n, of in loads.items() if of.voltage_peak_v <= limit_v and of.current_peak_ma <= limit_ma] or names
 
 
 def _reached_text(names: Sequence[str], reached: dict[str, float], rates: dict[str, float]) -> str:

@@ -15,6 +15,7 @@ from padgen.planner.layout import (
     explain,
     most_channels,
     most_coils,
+    most_outputs,
     room,
     whole_grids,
 )
@@ -43,7 +44,10 @@ def refusal(
     cures = _cures(replace(spec, spacing="spread") if spec.spacing == "optimised" else spec, limit)
     found = list(islice((cure for cure in cures if _plans_without_error(planned, cure)), MOST_NAMED))
     nothing = "" if found else "; no single change that was tried would do: washer, printer, beams, pad, taxels"
-    sentence = f"{wanted} cannot be laid out: {'; '.join(_reasons(spec, options, limit))}{nothing}"
+    reasons = _reasons(spec, options, limit)
+    if spec.amplifier and options:
+        reasons.append(f"the amplifier {spec.amplifier.name} has {spec.amplifier.channels} channels, one for each coil")
+    sentence = f"{wanted} cannot be laid out: {'; '.join(reasons)}{nothing}"
     return InfeasibleError(sentence, where, found)
 
 
@@ -70,8 +74,10 @@ def _too_many(spec: Spec, limit: int) -> str:
     grid = spec.coil.grid
     per_coil = most_channels(spec, limit)
     rows, columns = grid or most_coils(spec)
-    coils = rows * columns
+    coils = int(min(rows * columns, most_outputs(spec)))
     there_are = "the grid has" if grid else "there is room for"
+    if spec.amplifier and coils < rows * columns:
+        there_are = f"the amplifier {spec.amplifier.name} has channels for"
     band = f"Q = {number(spec.q_min)} in {number(spec.band_hz[0])} … {number(spec.band_hz[1])} Hz"
     if per_coil < limit and not spec.resonances_hz:
         band = "there is no room for more plates at it"
@@ -123,6 +129,7 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
     """Yield cures after which the parts have room: another grid, washer, printer or pad, freer beams, fewer taxels."""
     if spec.coil.grid and (found := _best_layout(spec, limit, {"coil.grid": None})):
         yield {"coil.grid": [found.rows, found.columns]}
+    yield from _amplifier_cures(spec, limit)
     sizes = {name: float(entry["outer_diameter_mm"]) for name, entry in catalogue("washer").items()}
     smaller = [name for name, size in sizes.items() if size < spec.washer.outer_diameter_mm]
     yield from _first_with_room(
@@ -152,6 +159,21 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
         coils = spec.coil.grid[0] * spec.coil.grid[1]
         most = min(most_channels(spec, limit), (spec.resolution - 1) // coils)
         yield from _first_with_room(spec, limit, [{"resolution": coils * count} for count in range(most, 0, -1)])
+
+
+def _amplifier_cures(spec: Spec, limit: int) -> Iterator[Cure]:
+    """Yield cures where an amplifier has too few channels: as many as it takes, one of the catalogue, larger coils."""
+    free = replace(spec, amplifier=None)
+    found = next(sized_layouts(free, candidates(free, limit)), None) if spec.amplifier else None
+    if spec.amplifier and found and found[0].coils > spec.amplifier.channels:
+        coils, coupling = found[0].coils, spec.amplifier.coupling
+        yield {"amplifier.channels": coils}
+        enough = [e for e in catalogue("amplifier").values() if e["channels"] >= coils and e["coupling"] == coupling]
+        yield from ({"amplifier": e["name"]} for e in sorted(enough, key=lambda e: int(e["channels"]))[:1])
+    if spec.amplifier:
+        sizes = {name: float(entry["outer_diameter_mm"]) for name, entry in catalogue("coil").items()}
+        larger = sorted((n for n in sizes if sizes[n] > spec.coil.outer_diameter_mm), key=lambda n: sizes[n])
+        yield from _first_with_room(spec, limit, [{"coil": name} for name in larger])
 
 
 def _first_with_room(spec: Spec, limit: int, cures: list[Cure]) -> Iterator[Cure]:

@@ -6,7 +6,7 @@ from typing import Any
 
 from padgen.core.errors import at_least, at_most, number
 from padgen.core.finding import Finding
-from padgen.core.units import decibel
+from padgen.core.units import MA, decibel
 from padgen.physics.ladder import slot_half_width
 from padgen.physics.selectivity import Scheme
 from padgen.planner.plan import Plan
@@ -212,6 +212,16 @@ def _limits(plan: Plan) -> Iterator[Finding]:
             f"{number(level)} µm with all channels on take up to {number(load.voltage_peak_v)} V, the amplifier has"
             f" {number(volts)} V",
             lower_level(spec, (volts / load.voltage_peak_v) ** 2),
+        )
+    if spec.amplifier and load.current_peak_ma * MA > spec.amplifier.current_a:
+        peak_a, most_a = load.current_peak_ma * MA, spec.amplifier.current_a
+        yield Finding(
+            "warning",
+            "coil.current",
+            "coil",
+            f"{number(level)} µm with all channels on take up to {number(peak_a)} A, the amplifier has"
+            f" {number(most_a)} A",
+            lower_level(spec, (most_a / peak_a) ** 2),
         )
     if load.copper_loss_w > watts:
         yield Finding(

@@ -40,7 +40,7 @@ from padgen.planner.prints import NOT_PRINTED, compared_prints, what_prints_keep
 from padgen.planner.resonances import planned_optimum
 from padgen.planner.reuse import cell_is_turned, coil_reuse
 from padgen.planner.search import sites_of, sized_layouts
-from padgen.planner.settings import level_law, scheme_named, sets_db
+from padgen.planner.settings import level_law, passes, scheme_named, sets_db
 from padgen.planner.sizing import SizedChannel
 from padgen.planner.taxel_model import plate_shape, post_diameter_mm, recess_mm
 from padgen.planner.touch import touched_pads
@@ -153,6 +153,7 @@ def _decided_specs(spec: Spec) -> Iterator[Spec]:
     """Yield `spec` with every combination of reuse, drive and gap that it leaves open, the simplest first."""
     coil, drive = spec.coil, spec.drive
     schemes = SCHEMES_TRIED if spec.leaves_layout_free and drive.scheme == "auto" else (drive.scheme,)
+    schemes = tuple(name for name in schemes if name == "auto" or passes(spec, scheme_named(spec, name)))
     reuses = REUSES if coil.reuse == "auto" else (coil.reuse,)
     gaps = (coil.gap_mm,) if coil.gap_mm else GAPS_MM
     for reuse, scheme, gap_mm in product(reuses, schemes, gaps):

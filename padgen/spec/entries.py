@@ -1,4 +1,4 @@
-"""Read the catalogues of materials, printers, their spreads, washers and coils."""
+"""Read the catalogues of materials, printers, their spreads, washers, coils and amplifiers."""
 
 import csv
 from dataclasses import fields
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from padgen.spec.fields import optional_type
-from padgen.spec.model import Coil, Material, Printer, Spread, Washer
+from padgen.spec.model import Amplifier, Coil, Material, Printer, Spread, Washer
 
 __all__ = ["CATALOGUES", "catalogue"]
 
@@ -17,6 +17,7 @@ CATALOGUES = {
     "spread": (Spread, "spreads.csv"),
     "washer": (Washer, "washers.csv"),
     "coil": (Coil, "coils.csv"),
+    "amplifier": (Amplifier, "amplifiers.csv"),
 }
 
 

@@ -33,6 +33,8 @@ __all__ = [
 LARGEST_TOML, LARGEST_PLAN = 1 << 20, 1 << 25
 """Most bytes of a spec or sweep, and of a plan.json; that of 100,000 taxels takes a third of this."""
 DEFAULTS = {"printer": "fdm-0.4", "washer": "iso7092-m1.6", "coil": "paper"}
+OWN_AMPLIFIER = "own"
+"""Name of an amplifier that a spec gives none."""
 CALIBRATED = ("printer", "spread", "material")
 """Tables that the file of a calibrated printer may have."""
 WINDING = ("turns", "resistance_ohm", "inductance_mh")
@@ -176,6 +178,7 @@ def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
             table[name] = {key: value}
         elif not isinstance(value, dict):
             raise SpecError(f"must be the name of its {key} or a table, got {shown(value)}", name)
+    drive = table.get("drive", {})
     parts: dict[str, Any] = {name: build(kind, table.pop(name, {}), name) for name, kind in PLAIN_TABLES.items()}
     parts["printer"] = _catalogue_entry("printer", table.pop("printer", {}), DEFAULTS["printer"])
     parts["material"] = _catalogue_entry(
@@ -184,6 +187,10 @@ def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
     parts["spread"] = _catalogue_entry("spread", table.pop("spread", {}), spread_of(parts["printer"]))
     for name in ("washer", "coil"):
         parts[name] = _catalogue_entry(name, table.pop(name, {}), DEFAULTS[name])
+    if (amplifier := table.pop("amplifier", None)) is not None:
+        parts["amplifier"] = amplifier = _catalogue_entry("amplifier", amplifier, OWN_AMPLIFIER)
+        limit_v = min(drive.get("voltage_limit_v", amplifier.voltage_v), amplifier.voltage_v)
+        parts["drive"] = replace(parts["drive"], voltage_limit_v=limit_v)
     parts["drive"] = with_threshold(parts["drive"], folder)
     spec: Spec = build(Spec, table, "", parts)
     if not spec.leaves_layout_free:
@@ -251,7 +258,7 @@ def _catalogue_entry(table: str, value: Any, default: str) -> Any:
         raise SpecError(f"must be text, got {shown(name)}", f"{table}.name")
     if name in entries:
         return build(kind, overrides, table, entries[name])
-    required = {f.name for f in fields(kind)} & set(entries[default]) - {"source"}
-    if required <= set(overrides) | {"name"}:
-        return build(kind, overrides, table)
+    required = {f.name for f in fields(kind)} & set(next(iter(entries.values()))) - {"source"}
+    if required <= set(overrides) | {"name"} or name == OWN_AMPLIFIER:
+        return build(kind, {"name": name, **overrides}, table)
     raise unknown_name(name, list(entries), table, f"{table}.name")

@@ -5,6 +5,7 @@ from math import ceil, floor
 from typing import Any
 
 from padgen.core.errors import SpecError, at_most, number
+from padgen.core.registry import SCHEMES
 from padgen.spec.entries import catalogue
 from padgen.spec.model import Spec
 from padgen.spec.threshold import refuse_threshold
@@ -81,6 +82,13 @@ def _refuse_parts(spec: Spec) -> None:
             f" {spec.printer.process}",
             "spread",
             [{"spread": None}],
+        )
+    scheme, amplifier = spec.drive.scheme, spec.amplifier
+    if amplifier and amplifier.coupling == "AC" and scheme != "auto" and SCHEMES.get(scheme).CURRENT == "biased":
+        raise SpecError(
+            f"{scheme!r} has a constant current, which the AC-coupled amplifier {amplifier.name!r} does not pass",
+            "drive.scheme",
+            [{"drive.scheme": "auto"}, {"amplifier.coupling": "DC"}],
         )
     washer, coil = spec.washer, spec.coil
     if washer.relative_permeability < MAGNETIC:
