@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from padgen import cli
-from padgen.core.errors import SpecError
+from padgen.core.errors import InfeasibleError, SpecError
 from padgen.core.wav_reader import read_wav
 from padgen.driver import limits, pad_drive, sound_card
 from padgen.driver.drive_folder import Drive, Driven, write_excitation
@@ -28,7 +28,9 @@ from padgen.driver.pad_drive import CONTROLLER_RATES_HZ, RATES_HZ, drive_at, mak
 from padgen.driver.serial_line import frame_message
 from padgen.driver.waveform import Timeline, ramp_s, steady, timeline, volts
 from padgen.measured.tuning import planned_tuning
-from padgen.planner import Plan, make_plan
+from padgen.planner import Plan, make_plan, plan_to_json, read_plan
+from padgen.planner.coil_load import fitting_amplifiers
+from padgen.planner.cures import varied
 from padgen.spec import load_spec, parse_spec
 
 from .firmware_host import compiled, feed
@@ -372,3 +374,100 @@ def test_a_carrier_that_cannot_be_is_refused_with_its_bounds(tmp_path, formats, 
         in written(planned("", "scheme = 'spur-free'"), tmp_path / "o", "c", "", carrier_hz=float(low)).files
     )
     assert float(high) > float(low)
+
+
+# ---- Amplifiers ----------------------------------------------------------------------------------------------------
+
+EIGHT = (
+    'name = "eight"\nresolution = {taxels}\nband_hz = [50, 400]\nq_min = 15\ndelta_y = 5\nprinter = "fdm-0.25"\n'
+    "[pad]\nwidth_mm = 60\ndepth_mm = 60\nrib_mm = 0.6\n"
+    '[amplifier]\nchannels = {channels}\ncoupling = "{coupling}"\nvoltage_v = {volts}\ncurrent_a = {amperes}\n'
+)
+
+
+def amplified(taxels=64, channels=16, coupling="AC", volts=10, amperes=0.5, more="") -> str:
+    return EIGHT.format(taxels=taxels, channels=channels, coupling=coupling, volts=volts, amperes=amperes) + more
+
+
+def test_too_few_channels_are_refused_with_what_was_tried_and_does():
+    spec = parse_spec(amplified(channels=8))
+    with pytest.raises(InfeasibleError, match=r"8 channels, one for each coil; .* would do") as error:
+        make_plan(spec)
+    assert [set(cure) for cure in error.value.cures] == [{"amplifier.channels"}, {"resolution"}]
+    for cure in error.value.cures:
+        plan = make_plan(varied(spec, cure))
+        assert not plan.scheme.has_constant
+        assert plan.coils.rows * plan.coils.columns <= plan.spec.amplifier.channels
+        assert plan.load.voltage_peak_v <= 10 and plan.load.current_peak_ma <= 500
+        assert plan.prints.good_share >= plan.spec.print_share
+    with pytest.raises(InfeasibleError, match=r"has channels for 8 coils .* amplifier.channels = 16 would do"):
+        make_plan(parse_spec(amplified(channels=8, more="[coil]\ngrid = [4, 4]\n")))
+
+
+def test_what_an_amplifier_lacks_is_told_with_a_level_that_fits():
+    for limit_v, amperes, code in ((1, 0.5, "coil.voltage"), (30, 0.01, "coil.current")):
+        spec = parse_spec(amplified(16, 4, "DC", limit_v, amperes, "[coil]\ngrid = [2, 2]\n"))
+        (finding,) = (f for f in make_plan(spec).findings if f.code == code)
+        lower = make_plan(varied(spec, finding.cures[0]))
+        assert code not in {f.code for f in lower.findings}
+        assert lower.load.voltage_peak_v <= limit_v and lower.load.current_peak_ma <= 1e3 * amperes
+
+
+def test_a_spur_free_drive_is_carried_through_an_amplifier_without_direct_current(tmp_path):
+    grid = "[coil]\ngrid = [2, 2]\n[drive]\nscheme = 'spur-free'\n"
+    plan = make_plan(parse_spec(amplified(16, 4, "AC", 60, more=grid)))
+    frames = np.stack([np.ones(16), state_frame(plan, "0101")[0]])
+    driven = Drive(plan, frames, held=True, rate_hz=48_000).save_folder(tmp_path / "o", ["csv", "wav", "c"])
+    assert not [f for f in driven.findings if f.level == "error" or f.code == "wave.dc"]
+    wave = read_wav(tmp_path / "o" / "drive.wav")
+    volts_out = wave.read() * driven.report.full_scale
+    assert np.abs(volts_out.mean(0)).max() < 1e-5 * np.abs(volts_out).max()
+    assert np.abs(volts_out).max() <= plan.load.voltage_peak_v
+    coil, omega = plan.spec.coil, 2 * np.pi * np.fft.rfftfreq(len(volts_out), 1 / wave.rate_hz)[:, None]
+    lines = np.fft.rfft(volts_out, axis=0) / (coil.resistance_ohm + 1j * omega * coil.inductance_mh * 1e-3)
+    current = np.fft.irfft(lines, len(volts_out), axis=0)
+    assert 0.5 < 1e3 * np.abs(current).max() / plan.load.current_peak_ma <= 1
+    rows = (tmp_path / "o" / "drive.csv").read_text().splitlines()
+    assert len(rows) == 5 and "bias" not in rows[-1]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_plan_asks_more_of_an_amplifier_than_it_has_without_saying_so(seed):
+    rng = np.random.default_rng(seed)
+    coupling, limit_v, amperes = ("AC", "DC")[seed % 2], float(rng.choice([1.5, 5, 40])), float(rng.choice([0.03, 1]))
+    grid = "[coil]\ngrid = [2, 2]\n"
+    plan = make_plan(parse_spec(amplified(int(rng.choice([8, 12, 16])), 4, coupling, limit_v, amperes, grid)))
+    codes = {f.code for f in plan.findings}
+    assert coupling == "DC" or not plan.scheme.is_biased
+    assert (plan.load.voltage_peak_v > limit_v) == ("coil.voltage" in codes)
+    assert (plan.load.current_peak_ma > 1e3 * amperes) == ("coil.current" in codes)
+
+
+def test_an_amplifier_is_a_table_of_its_own(tmp_path):
+    spec = parse_spec(amplified(volts=12))
+    assert spec.drive.voltage_limit_v == 12 and spec.amplifier.name == "own"
+    assert parse_spec(amplified(volts=12, more="[drive]\nvoltage_limit_v = 5\n")).drive.voltage_limit_v == 5
+    assert parse_spec(amplified(volts=12, more="[drive]\nvoltage_limit_v = 25\n")).drive.voltage_limit_v == 12
+    assert varied(spec, {"amplifier.voltage_v": 20.0}).drive.voltage_limit_v == 20
+    assert "amplifier" not in json.loads(plan_to_json(planned()))["spec"]
+    made = make_plan(spec)
+    (tmp_path / "plan.json").write_text(plan_to_json(made))
+    assert read_plan(tmp_path / "plan.json").spec == made.spec
+    bare = FOUR.split("[pad]")[0]
+    catalogued = parse_spec(bare + '[amplifier]\nname = "tpa3116d2"\nchannels = 16')
+    assert catalogued.amplifier.coupling == "AC" and catalogued.amplifier.channels == 16
+    for text, sentence in (
+        ("[amplifier]\nchannels = 8", "amplifier.coupling: is missing"),
+        ('amplifier = "none"', "there is no amplifier 'none'"),
+        ('[amplifier]\nname = "tpa3116d2"\n[drive]\nscheme = "biased"', "which the AC-coupled amplifier 'tpa3116d2'"),
+    ):
+        with pytest.raises(SpecError, match=sentence):
+            parse_spec(bare + text)
+
+
+def test_amplifiers_of_the_catalogue_are_named_where_they_suffice():
+    tones, biased = planned(drive="scheme = 'tones'"), planned(drive="scheme = 'biased'")
+    assert fitting_amplifiers(biased) == {"opa548": 4, "opa549": 4}  # the others pass no direct current
+    assert fitting_amplifiers(tones) == {"opa548": 4, "opa549": 4, "tpa3116d2": 2, "max98400a": 2}
+    loud = planned("power_limit_w = 1e4", "scheme = 'tones'\nlevel_um = 400\nvoltage_limit_v = 1e5")
+    assert loud.load.voltage_peak_v > 25.9 and not fitting_amplifiers(loud)

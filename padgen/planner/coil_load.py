@@ -1,6 +1,7 @@
 """Load of the drive on a coil, its amplifier and the beams, and the level that these allow."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import inf
 
 import numpy as np
@@ -11,11 +12,11 @@ from padgen.physics.magnetics import pull_in_deflection, slack_at
 from padgen.physics.selectivity import Scheme
 from padgen.physics.stretching import jump_amplitude
 from padgen.planner.channels import hanging_gap_um
-from padgen.planner.plan import Channel, CoilLoad, channel_sets
-from padgen.planner.settings import carrier_hz
-from padgen.spec import Spec
+from padgen.planner.plan import Channel, CoilLoad, Plan, channel_sets
+from padgen.planner.settings import carrier_hz, passes
+from padgen.spec import Amplifier, Spec, catalogue
 
-__all__ = ["coil_load", "pull_in_share"]
+__all__ = ["coil_load", "fitting_amplifiers", "is_fed", "pull_in_share"]
 
 
 def coil_load(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> CoilLoad:
@@ -62,6 +63,24 @@ def _load(spec: Spec, channels: Sequence[Channel], scheme: Scheme, carrier: floa
         reachable_level_um=spec.drive.level_um * factors[tightest],
         reachable_by=tightest,
     )
+
+
+def fitting_amplifiers(plan: Plan) -> dict[str, int]:
+    """Return the amplifiers of the catalogue that can play all channels of a plan, and how many of each it takes."""
+    coils, fitting = plan.coils.rows * plan.coils.columns, {}
+    for name, entry in catalogue("amplifier").items():
+        drive = replace(plan.spec.drive, voltage_limit_v=entry["voltage_v"])
+        spec = replace(plan.spec, amplifier=Amplifier(**entry), drive=drive)
+        if passes(spec, plan.scheme) and is_fed(spec, coil_load(spec, plan.channels, plan.scheme)):
+            fitting[name] = -(-coils // int(entry["channels"]))
+    return fitting
+
+
+def is_fed(spec: Spec, load: CoilLoad) -> bool:
+    """Return whether the spec's amplifier, if there is one, has the volts and amperes of a load."""
+    own = spec.amplifier
+    enough_v = load.voltage_peak_v <= spec.drive.voltage_limit_v
+    return own is None or (enough_v and load.current_peak_ma * MA <= own.current_a)
 
 
 def pull_in_share(spec: Spec, channel: Channel, square_a2: float) -> float:

@@ -44,14 +44,12 @@ class DriveRow:
 COLUMNS = tuple(f.name for f in fields(DriveRow))
 
 
-def coil_rows(
-    spec: Spec, scheme: Scheme, own: Sequence[Channel], carrier_hz: float | None = None
-) -> list[DriveRow]:
+def coil_rows(spec: Spec, scheme: Scheme, own: Sequence[Channel], carrier_hz: float | None = None) -> list[DriveRow]:
     """Return a row for each channel of one coil.
 
     A plain tone of amplitude I at f pulls with c I²/2 at 2f. With a constant current B, a tone of amplitude b at r
-    pulls with 2 c B b at r. For a spur-free drive a row has the current's peak with this channel alone on, on a carrier if there is one. For a washer
-    that the coil does not pull the current is infinite.
+    pulls with 2 c B b at r. For a spur-free drive a row has the current's peak with this channel alone on, on its
+    carrier if there is one. For a washer that the coil does not pull the current is infinite.
     """
     current = current_lines_a(scheme, np.array([c.line_a2 for c in own]), spec.drive.headroom)
     return [_row(spec, scheme, channel, float(i), carrier_hz) for channel, i in zip(own, current, strict=True)]

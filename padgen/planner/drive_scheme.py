@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from padgen.core.errors import number
-from padgen.core.units import MA, decibel
+from padgen.core.units import decibel
 from padgen.physics.modal import ModalTaxels
 from padgen.physics.schemes import in_order, simplest_first
 from padgen.physics.selectivity import Channels, Scheme, all_states, channels, one_hot_db, tone_energy
-from padgen.planner.coil_load import coil_load
+from padgen.planner.coil_load import coil_load, is_fed
 from padgen.planner.frame_rates import frame_rates
 from padgen.planner.plan import Channel, Plan, SchemeFigures, Selectivity, channel_sets
 from padgen.planner.pull_modes import MODES_DB, coil_modes, heard_modes, modes_in_slots
@@ -153,20 +153,22 @@ def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Seque
     if holds:
         told = _reached_text(simplest[: simplest.index(holds[0])], reached, rates)
         return holds[0], f"the simplest that keeps {asked:.1f} dB in all states{told}"
-    best = max((n for n in simplest if not Scheme(n).takes_turns), key=lambda name: reached[name])
+    slow = [name for name in simplest if reached[name] >= asked] if spec.amplifier else []
+    if slow:
+        return slow[0], f"of the schemes that the amplifier plays the only kind that keeps {asked:.1f} dB in all states"
+    together = [name for name in simplest if not Scheme(name).takes_turns]
+    best = max(together or simplest, key=lambda name: reached[name])
     told = _reached_text([name for name in simplest if name != best], reached, rates)
     none = f"no drive keeps {asked:.1f} dB in all states at {number(least)} frames/s or more"
     return best, f"{none}; of those that drive all at once it comes nearest{told}"
 
 
 def _playable(spec: Spec, planned: Sequence[Channel]) -> list[str]:
-    """Return the schemes that the amplifier can play, the simplest first: those within its volts and amperes, if any."""
-    names, amplifier = [n for n in simplest_first() if passes(spec, scheme_named(spec, n))], spec.amplifier
-    if amplifier is None:
+    """Return the schemes that the amplifier can play, the simplest first: if any are, those within its limits."""
+    names = [name for name in simplest_first() if passes(spec, scheme_named(spec, name))]
+    if spec.amplifier is None:
         return names
-    loads = {n: coil_load(spec, planned, scheme_named(spec, n)) for n in names}
-    limit_v, limit_ma = spec.drive.voltage_limit_v, amplifier.current_a / MA
-    return [n for n, of in loads.items() if of.voltage_peak_v <= limit_v and of.current_peak_ma <= limit_ma] or names
+    return [n for n in names if is_fed(spec, coil_load(spec, planned, scheme_named(spec, n)))] or names
 
 
 def _reached_text(names: Sequence[str], reached: dict[str, float], rates: dict[str, float]) -> str:

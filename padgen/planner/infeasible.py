@@ -27,6 +27,8 @@ from padgen.spec import Spec, Suspension, catalogue
 
 __all__ = ["refusal"]
 
+FEWER = 3
+"""Smaller counts of taxels that are tried for an amplifier."""
 MOST_NAMED = 4
 """Most cures that a refusal names."""
 
@@ -42,7 +44,12 @@ def refusal(
     wanted = f"{spec.resolution} taxels on {number(pad.width_mm)} x {number(pad.depth_mm)} mm"
     # A cure that makes room for evenly spread resonances makes room for optimised ones, too, and is found faster.
     cures = _cures(replace(spec, spacing="spread") if spec.spacing == "optimised" else spec, limit)
-    found = list(islice((cure for cure in cures if _plans_without_error(planned, cure)), MOST_NAMED))
+    found: list[Cure] = []
+    for cure in cures:
+        if all(set(cure) != set(other) for other in found) and _plans_without_error(planned, cure):
+            found.append(cure)
+        if len(found) == MOST_NAMED:
+            break
     nothing = "" if found else "; no single change that was tried would do: washer, printer, beams, pad, taxels"
     reasons = _reasons(spec, options, limit)
     if spec.amplifier and options:
@@ -53,9 +60,12 @@ def refusal(
 
 def _plans_without_error(planned: Callable[[Cure], Any], cure: Cure) -> bool:
     try:
-        return not any(finding.level == "error" for finding in planned(cure).findings)
+        plan = planned(cure)
     except PadgenError:
         return False
+    # What an amplifier plays may be too little: a plan for it must also keep what is asked.
+    kept = plan.selectivity.kept_db if plan.spec.amplifier else None
+    return not any(f.level == "error" for f in plan.findings) and (kept is None or kept >= plan.selectivity.asked_db)
 
 
 def _reasons(spec: Spec, options: list[Layout], limit: int) -> list[str]:
@@ -83,7 +93,8 @@ def _too_many(spec: Spec, limit: int) -> str:
         band = "there is no room for more plates at it"
     exact = "exactly" if spec.resonances_hz else "at most"
     return (
-        f"{there_are} {coils} coils of {number(spec.coil.outer_diameter_mm)} mm, each with {exact} {per_coil} channels"
+        f"{there_are} {coils} coil{'s' * (coils > 1)} of {number(spec.coil.outer_diameter_mm)} mm, each with {exact}"
+        f" {per_coil} channels"
         f" ({band}), {coils * per_coil} taxels in all"
     )
 
@@ -152,9 +163,10 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
             for percent in (110, 120, 130, 150, 175, 200)
         ],
     )
-    fewer = None if spec.coil.grid else next(sized_layouts(spec, whole_grids(spec, limit)), None)
-    if fewer:
-        yield {"resolution": fewer[0].coils * fewer[0].channels}
+    # The most taxels that have room are named; of those that an amplifier can play, the most that keep what is asked.
+    whole = () if spec.coil.grid else sized_layouts(spec, whole_grids(spec, limit))
+    fewer = dict.fromkeys(layout.coils * layout.channels for layout, _ in islice(whole, None if spec.amplifier else 1))
+    yield from ({"resolution": count} for count in islice(fewer, FEWER))
     if spec.coil.grid:
         coils = spec.coil.grid[0] * spec.coil.grid[1]
         most = min(most_channels(spec, limit), (spec.resolution - 1) // coils)
@@ -162,14 +174,11 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
 
 
 def _amplifier_cures(spec: Spec, limit: int) -> Iterator[Cure]:
-    """Yield cures where an amplifier has too few channels: as many as it takes, one of the catalogue, larger coils."""
+    """Yield cures where an amplifier has too few channels: as many as it takes, or larger coils of the catalogue."""
     free = replace(spec, amplifier=None)
     found = next(sized_layouts(free, candidates(free, limit)), None) if spec.amplifier else None
-    if spec.amplifier and found and found[0].coils > spec.amplifier.channels:
-        coils, coupling = found[0].coils, spec.amplifier.coupling
-        yield {"amplifier.channels": coils}
-        enough = [e for e in catalogue("amplifier").values() if e["channels"] >= coils and e["coupling"] == coupling]
-        yield from ({"amplifier": e["name"]} for e in sorted(enough, key=lambda e: int(e["channels"]))[:1])
+    if found and found[0].coils > most_outputs(spec):
+        yield {"amplifier.channels": found[0].coils}
     if spec.amplifier:
         sizes = {name: float(entry["outer_diameter_mm"]) for name, entry in catalogue("coil").items()}
         larger = sorted((n for n in sizes if sizes[n] > spec.coil.outer_diameter_mm), key=lambda n: sizes[n])

@@ -35,6 +35,7 @@ def judge_drive(plan: Plan) -> Iterator[Finding]:
     yield from _softening(plan)
     yield from _beats(plan)
     yield from _imperceptible(plan)
+    yield from _slow(plan)
 
 
 def _selectivity(plan: Plan) -> Iterator[Finding]:
@@ -198,6 +199,21 @@ def _imperceptible(plan: Plan) -> Iterator[Finding]:
             "channels " + ", ".join(str(channel.index) for channel in silent),
             f"{number(drive.level_um)} µm on channel 0 are not above the detection threshold: nobody feels it",
             tuple({"drive.level_um": float(at_least(drive.level_um * factor))} for factor in (1.01, 2, 5)),
+        )
+
+
+def _slow(plan: Plan) -> Iterator[Finding]:
+    """Warn where no scheme that the amplifier plays is fast enough."""
+    rate, least = {f.scheme: f.frames_per_s for f in plan.refresh}[plan.selectivity.drive], plan.spec.drive
+    if plan.spec.amplifier and least.scheme == "auto" and rate < least.least_frames_per_s:
+        yield Finding(
+            "warning",
+            "drive.slow",
+            "drive",
+            f"{plan.selectivity.drive} shows {number(rate)} frames/s, drive.least_frames_per_s asks for"
+            f" {number(least.least_frames_per_s)}; the amplifier {plan.spec.amplifier.name} plays nothing faster that"
+            " keeps what is asked",
+            ({"drive.least_frames_per_s": float(at_most(rate))}, {"amplifier.coupling": "DC"}),
         )
 
 

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from padgen.core.errors import number
+from padgen.planner.coil_load import fitting_amplifiers
 from padgen.planner.coupon import coupon_groove, coupon_plan
 from padgen.planner.plan import Plan
 from padgen.planner.screws import screw_for
@@ -101,6 +102,22 @@ def bill_of_materials(plan: Plan, plastic_g: float, parts_g: Mapping[str, float]
         ("plastic", f"{plastic_g:.2f}", "g", f"pad: {spec.material.name} on {spec.printer.name}"),
         *(("plastic", f"{grams:.2f}", "g", f"{name}: at full infill") for name, grams in (parts_g or {}).items()),
         ("screw", 4 if spec.pad.hole_diameter_mm else 0, "pieces", _screw_text(plan, "tray" in (parts_g or {}))),
+    ]
+    own, load, fitting = spec.amplifier, plan.load, fitting_amplifiers(plan)
+    some = (
+        f"{own.name}: {own.channels} channels" if own else "; or ".join(f"{n} x {name}" for name, n in fitting.items())
+    )
+    asked = f"{number(load.voltage_peak_v)} V and {number(load.current_peak_ma)} mA peak each"
+    glue_mg = f", {number(spec.taxel.glue_mg)} mg each" if spec.taxel.glue_mg else ""
+    rows += [
+        ("amplifier channel", coils, "pieces", f"{asked}{'' if some == '' else f' ({some})'}"),
+        (
+            "wire",
+            2 * coils,
+            "leads",
+            f"two from each coil to its amplifier channel: {number(load.current_rms_ma)} mA rms",
+        ),
+        ("glue", len(plan.taxels), "drops", f"one under each washer{glue_mg}"),
     ]
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows(rows)

@@ -2,9 +2,10 @@
 
 from padgen.spec.entries import catalogue
 from padgen.spec.load import find_spec, load_spec, make_spec, parse_spec, template_paths
-from padgen.spec.model import Coil, Drive, Material, Pad, Printer, Spec, Spread, Suspension, Taxel, Washer
+from padgen.spec.model import Amplifier, Coil, Drive, Material, Pad, Printer, Spec, Spread, Suspension, Taxel, Washer
 
 __all__ = [
+    "Amplifier",
     "Coil",
     "Drive",
     "Material",

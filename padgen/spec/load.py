@@ -35,6 +35,9 @@ LARGEST_TOML, LARGEST_PLAN = 1 << 20, 1 << 25
 DEFAULTS = {"printer": "fdm-0.4", "washer": "iso7092-m1.6", "coil": "paper"}
 OWN_AMPLIFIER = "own"
 """Name of an amplifier that a spec gives none."""
+CARRIED_HEADROOM = 1.0
+"""Spur-free headroom where an AC-coupled amplifier needs a carrier: lines about it have less room, so bends are blunter
+(the largest margin that `padgen.physics.root_margin` tries)."""
 CALIBRATED = ("printer", "spread", "material")
 """Tables that the file of a calibrated printer may have."""
 WINDING = ("turns", "resistance_ohm", "inductance_mh")
@@ -190,7 +193,10 @@ def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
     if (amplifier := table.pop("amplifier", None)) is not None:
         parts["amplifier"] = amplifier = _catalogue_entry("amplifier", amplifier, OWN_AMPLIFIER)
         limit_v = min(drive.get("voltage_limit_v", amplifier.voltage_v), amplifier.voltage_v)
-        parts["drive"] = replace(parts["drive"], voltage_limit_v=limit_v)
+        headroom = parts["drive"].headroom
+        if amplifier.coupling == "AC":
+            headroom = max(headroom, CARRIED_HEADROOM)
+        parts["drive"] = replace(parts["drive"], voltage_limit_v=limit_v, headroom=headroom)
     parts["drive"] = with_threshold(parts["drive"], folder)
     spec: Spec = build(Spec, table, "", parts)
     if not spec.leaves_layout_free:

@@ -1,7 +1,7 @@
 """Define `Spec`, the description of the wanted pad: frozen, each field with unit, bounds and one line of meaning.
 
-`Material`, `Printer`, `Spread`, `Washer`, `Coil` and `Amplifier` are catalogue entries: a spec names one and may override any of its
-fields.
+`Material`, `Printer`, `Spread`, `Washer`, `Coil` and `Amplifier` are catalogue entries: a spec names one and may
+override any of its fields.
 """
 
 from dataclasses import dataclass, field
