@@ -206,6 +206,8 @@ def drive(
     *,
     state: str | None = None,
     frames: Any = None,
+    text: str | None = None,
+    pattern: str | None = None,
     seconds: float | None = None,
     loop: bool = False,
     rate_hz: int | None = None,
@@ -224,6 +226,10 @@ def drive(
         One state on every coil, lowest channel first: '0110', levels as '0,0.5,1,0', or 'all', one after the other.
     frames : path, list of paths or array, optional
         Images of the pad, one pixel per taxel, or levels (k, taxels) in 0 ... 1.
+    text : str, optional
+        Letters of 5 x 7 taxels, which scroll where they do not fit.
+    pattern : {'each', 'rows', 'columns', 'checkerboard', 'sweep'}, optional
+        A built-in sequence of frames; 'each' plays one taxel after the other, to check the wiring.
     seconds : float, optional
         Duration of each frame; by default from the plan's frame rate.
     loop : bool
@@ -260,7 +266,7 @@ def drive(
 
     if isinstance(tuning, (str, Path)):
         tuning = read_tuning(tuning, plan)
-    levels = levels_of(plan, state, frames)
+    levels = levels_of(plan, state, frames, text, pattern)
     held = state is not None
     return Drive(plan, levels, seconds, held, loop, rate_hz, signal, carrier_hz, tuning, progress)
 

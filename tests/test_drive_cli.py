@@ -70,6 +70,19 @@ def test_frames_are_played_at_the_planned_rate(work, capsys):
     assert told["wave"]["seconds"] > 2 / rate
 
 
+def test_a_new_pad_is_checked_by_pattern_and_by_what_was_felt(work, capsys):
+    assert cli.run(["drive", "paper-32", "--pattern", "each", "-o", "o"]) == 0
+    assert "--wiring" in capsys.readouterr().out
+    keyframes = json.loads((work / "o" / "drive-wave.json").read_text())["keyframes"]
+    assert [frame["levels"].index(1.0) for frame in keyframes[1:-1:2]] == [*range(32)]
+    (work / "felt.csv").write_text("r0c0k0,r0c1k0\nr0c1k0,r0c0k0\n")
+    assert cli.run(["drive", "paper-32", "--wiring", "felt.csv"]) == 1
+    assert "coil r0c0 and coil r0c1: are swapped" in capsys.readouterr().out
+    (work / "felt.csv").write_text("r0c0k0,r0c0k0\n")
+    assert cli.run(["drive", "paper-32", "--wiring", "felt.csv", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["findings"][0]["code"] == "wiring.untried"
+
+
 def test_every_format_is_written_twice_alike(work):
     formats = "csv,json,wav,c,hjif,syntacts"
     for folder in ("a", "b"):
@@ -196,6 +209,9 @@ def test_a_measured_table_is_enough(work, capsys):
         (["drive", "paper-32", "--together"], "--excite"),
         (["drive", "paper-32", "--seconds", "1"], "--state or --frames"),
         (["drive", "paper-32", "--depth", "float"], "--state or --frames"),
+        (["drive", "paper-32", "--text", "A", "--pattern", "each"], "not allowed with"),
+        (["drive", "paper-32", "--pattern", "eahc"], "did you mean 'each'"),
+        (["drive", "paper-32", "--wiring", "none.csv"], "none.csv: cannot be read"),
         (["drive", "paper-32", "--state", "10", "--seconds", "99999"], "GB"),
         (["drive", "paper-32", "--excite", "chirp", "--rate", "0"], "at least"),
         (["drive", "paper-32", "--state", "\u0661\u0660"], "2 digits"),

@@ -1,6 +1,7 @@
 """Images, tables and states become levels of taxels at their places."""
 
 import os
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from PIL import Image
 from padgen.core.errors import FileError, SpecError
 from padgen.driver import frames as frames_module
 from padgen.driver.frames import frames_text, read_frames, state_frame, taxel_grid
+from padgen.driver.patterns import pattern_frames, text_frames, wiring_findings
 from padgen.planner import Plan, make_plan
 from padgen.spec import load_spec, parse_spec
 
@@ -394,3 +396,103 @@ def test_vast_texts_are_no_frames(plan, tmp_path):
     path.write_text("1\n" * 100_001)
     with pytest.raises(FileError, match="has a frame of more than 100000 rows"):
         read_frames(path, plan)
+
+
+# ---- Text, patterns, wiring ----------------------------------------------------------------------------------------
+
+
+def test_a_letter_is_drawn_as_wide_and_high_as_whole_taxels_allow():
+    """Each mark of the letter R is looked for where it must be, on pads that hold it once and more times as large."""
+    for name, size, at in (("quad-64", (1, 1), (0, 1)), ("big-512", (4, 2), (2, 3))):
+        plan = make_plan(load_spec(name))
+        (levels,) = text_frames(plan, "r")
+        image = seen(plan, levels)[at[0] :, at[1] :][: 7 * size[0] : size[0], : 5 * size[1] : size[1]]
+        drawn = ["".join(".#"[int(v)] for v in row) for row in image]
+        assert drawn[0] == drawn[3] == "####." and drawn[4:] == ["#.#..", "#..#.", "#...#"], drawn
+        assert levels.sum() == image.sum() * size[0] * size[1]
+
+
+def test_text_scrolls_where_it_does_not_fit(paper_plan):
+    quad = make_plan(load_spec("quad-64"))
+    long = text_frames(quad, "\u00e9i!")
+    assert len(long) == 3 * 6 - 1 - 8 + 1
+    views = [seen(quad, frame) for frame in long]
+    assert all(np.array_equal(a[:, 1:], b[:, :-1]) for a, b in pairwise(views))
+    assert np.array_equal(text_frames(paper_plan, "I "), text_frames(paper_plan, "i "))
+    grey = text_frames(paper_plan, "E")
+    assert grey.min() == 0 and grey.max() == 1 and ((grey > 0) & (grey < 1)).any()
+    assert grey.sum() == pytest.approx(18 * 4 / 5)  # 18 pixels of 4/5 of a column each
+
+
+def test_patterns_are_on_everywhere_once(plan):
+    grid = taxel_grid(plan)
+    for name, count in (("each", 11), ("rows", 6), ("columns", 2), ("checkerboard", 2)):
+        frames = pattern_frames(plan, name)
+        assert len(frames) == count and (frames.sum(0) == 1).all(), name
+    assert np.array_equal(pattern_frames(plan, "each"), np.eye(11))
+    first = pattern_frames(plan, "rows")[0]
+    assert {k for k in grid[0].tolist() if k >= 0} == set(np.flatnonzero(first).tolist())
+    sweep = pattern_frames(plan, "sweep")
+    assert len(sweep) == sum(grid.shape) and (sweep.max(0) == 1).all() and set(np.unique(sweep)) == {0, 0.5, 1}
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [("\u20ac", "'€' is none of the signs"), (" ", "must have a letter"), ("A" * 10**6, "at most")],
+)
+def test_text_that_cannot_be_drawn_is_refused(plan, text, sentence):
+    with pytest.raises(SpecError, match=sentence):
+        text_frames(plan, text)
+
+
+def felt(plan: Plan, path, place) -> list:
+    """Return the findings where the amplifier channel of each coil is connected to the coil `place` (None: to none)."""
+    known = {taxel.id for taxel in plan.taxels}
+    rows = ["played,felt"]
+    for taxel in plan.taxels:
+        at = place(*taxel.coil)
+        got = "" if at is None else f"r{at[0]}c{at[1]}{taxel.id[taxel.id.index('k') :]}"
+        rows.append(f"{taxel.id},{got if got in known else ''}")
+    path.write_text("\n".join(rows))
+    return wiring_findings(plan, path)
+
+
+@pytest.mark.parametrize(
+    ("place", "told"),
+    [
+        (lambda r, c: (r, c), []),
+        (lambda r, c: (3 - r, 3 - c), ["coils: are all connected in the opposite order"]),
+        (lambda r, c: (r, 3 - c), ["coils: are all connected with left and right exchanged"]),
+        (lambda r, c: (3 - r, c), ["coils: are all connected with the first row of coils at the top"]),
+        (lambda r, c: (c, r), ["coils: are all connected column by column"]),
+        (
+            lambda r, c: {(0, 1): (2, 3), (2, 3): (0, 1), (3, 3): None}.get((r, c), (r, c)),
+            ["coil r3c3: nothing was felt", "coil r0c1 and coil r2c3: are swapped"],
+        ),
+        (
+            lambda r, c: {(0, 0): (0, 1), (0, 1): (0, 2), (0, 2): (0, 0)}.get((r, c), (r, c)),
+            [f"coil r0c{k}: its amplifier channel is connected to coil r0c{(k + 1) % 3}" for k in range(3)],
+        ),
+    ],
+)
+def test_swapped_coils_are_found_by_what_was_felt(paper_plan, tmp_path, place, told):
+    found = [f"{f.where}: {f.message}" for f in felt(paper_plan, tmp_path / "felt.csv", place) if f.level == "error"]
+    assert len(found) == len(told) and all(map(str.startswith, found, told)), found
+
+
+def test_what_was_felt_at_other_taxels_or_is_no_table(paper_plan, tmp_path):
+    path = tmp_path / "felt.csv"
+    path.write_text("r0c0k0,r0c0k1\nr0c1k0,r0c1k0\nr0c1k1,\nr0c2k0,r0c3k0\nr0c2k1,r1c2k1\n")
+    found = {f.code: f for f in wiring_findings(paper_plan, path)}
+    assert set(found) == {"wiring.taxel", "wiring.silent", "wiring.mixed", "wiring.untried"}
+    assert found["wiring.silent"].message.startswith("1 of its 2 taxels were not felt")
+    assert "13 of them" in found["wiring.untried"].message
+    for text, sentence in (
+        ("r0c0k0,r0c0k9", "row 1: there is no taxel 'r0c0k9'"),
+        ("played,felt\nr0c0k0", "row 2: must have the taxel that was played"),
+        ("", "has no rows"),
+        ("played,felt", "has no rows"),
+    ):
+        path.write_text(text)
+        with pytest.raises(FileError, match=sentence):
+            wiring_findings(paper_plan, path)

@@ -55,7 +55,7 @@ from padgen.ladders.study import (
     study_json,
     verdict_of,
 )
-from padgen.ladders.text import extreme_picture, extreme_text, percent, study_pictures, study_text
+from padgen.ladders.text import extreme_picture, extreme_text, study_pictures, study_text
 from padgen.make.planning import parse_tolerance
 from padgen.verify.extreme import solid_cases
 from tests.study_work import (

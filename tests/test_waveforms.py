@@ -472,12 +472,6 @@ def test_nothing_is_clipped_above_the_limit(tmp_path, pair, depth):
     assert report.peak == pytest.approx(top, rel=1e-12)
     assert 2 < report.peak < report.full_scale == 5.0
     np.testing.assert_allclose(read_wav(tmp_path / "a.wav").samples * 5, played(drive, times), atol=5 * 2.0**-23)
-    (finding,) = (f for f in report.findings if f.code == "wave.voltage")
-    assert finding.level == "error" and "above drive.voltage_limit_v = 2 V" in finding.message
-    # The level that it names does fit.
-    level = float(finding.message.split("level_um of ")[1].split()[0])
-    lower = replace(drive, coils=tuple(replace(c, line_a2=c.line_a2 * level / drive.level_um) for c in drive.coils))
-    assert np.abs(played(lower, times)).max() <= 2.0
 
 
 @pytest.mark.parametrize("name", SCHEMES)

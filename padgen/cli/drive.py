@@ -19,7 +19,7 @@ from padgen.cli.common import (
 from padgen.core.errors import SpecError, number
 from padgen.core.registry import FORMATS
 
-__all__ = ["add", "add_frames", "frames_of", "plan_of", "tuning_of"]
+__all__ = ["SHOWN", "add", "add_frames", "frames_of", "plan_of", "shows", "tuning_of"]
 
 DEFAULT_TABLES, DEFAULT_WAVES = "csv,json", "csv,json,wav"
 
@@ -67,14 +67,23 @@ def add(commands: Any) -> None:
         "--excite", metavar="chirp|noise", help="write only a file that shakes every taxel, to measure it by"
     )
     parser.add_argument("--together", action="store_true", help="with --excite: all coils at once, not in turn")
+    parser.add_argument(
+        "--wiring",
+        metavar="FILE",
+        help="write nothing, and say which coils are swapped: a CSV of the taxels played,felt with --pattern each",
+    )
     add_verbose(parser, "all notes")
     add_model(parser)
     add_output(parser)
     parser.set_defaults(command=_drive)
 
 
+SHOWN = ("state", "frames", "text", "pattern")
+"""Options that say what is shown."""
+
+
 def add_frames(parser: argparse.ArgumentParser) -> None:
-    """Declare the options that choose the state or the frames to show."""
+    """Declare the options that choose what to show: `SHOWN`."""
     shown = parser.add_mutually_exclusive_group()
     shown.add_argument(
         "--state",
@@ -86,6 +95,12 @@ def add_frames(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         nargs="+",
         help="images of the pad, a pixel a taxel: PNG, CSV, NPY, text, or folders of them",
+    )
+    shown.add_argument("--text", metavar="TEXT", help="letters of 5 x 7 taxels, which scroll where they do not fit")
+    shown.add_argument(
+        "--pattern",
+        metavar="NAME",
+        help="each (taxel in turn, to check a new pad's wiring), rows, columns, checkerboard or sweep",
     )
     parser.add_argument(
         "--seconds",
@@ -107,16 +122,21 @@ def frames_of(options: argparse.Namespace, plan: Any) -> tuple[Any, tuple[str, .
     """Return the levels of the asked frames (None if none are asked for), and notes about them."""
     if options.seconds is not None and not 0 < options.seconds < 1e6:
         raise SpecError(f"must be above 0 s and below 1e6 s, got {number(options.seconds)} s", "--seconds")
-    if options.state is not None:
-        from padgen.driver.frames import state_frame
-
-        return state_frame(plan, options.state), ()
     if options.frames is not None:
         from padgen.driver.frames import read_frames
 
         frames = read_frames(options.frames, plan)
         return frames.levels, frames.notes
-    return None, ()
+    from padgen.driver.drive_folder import levels_of
+
+    note = "taxels are played in the plan's order, coil by coil; what was felt instead goes to --wiring as played,felt"
+    notes = (note,) if options.pattern == "each" else ()
+    return levels_of(plan, options.state, text=options.text, pattern=options.pattern), notes
+
+
+def shows(options: argparse.Namespace) -> bool:
+    """Tell whether something to show is asked for."""
+    return any(getattr(options, name) is not None for name in SHOWN)
 
 
 def tuning_of(path: str | None, plan: Any) -> Any:
@@ -135,6 +155,8 @@ def _drive(options: argparse.Namespace) -> int:
         raise SpecError(f"must be one of {', '.join(DEPTHS)}, got {options.depth!r}", "--depth")
     if options.excite is not None:
         return _excite(options)
+    if options.wiring is not None:
+        return _wiring(options)
     from padgen.driver.drive_folder import Drive, parse_formats
 
     _refuse(options)
@@ -171,14 +193,32 @@ def _drive(options: argparse.Namespace) -> int:
 def _refuse(options: argparse.Namespace) -> None:
     if options.signal not in ("voltage", "current"):
         raise SpecError(f"must be voltage or current, got {options.signal!r}", "--signal")
-    shown = options.state is not None or options.frames is not None
     for name, default in (("depth", "24"), ("signal", "voltage")):
-        if not shown and getattr(options, name) != default:
+        if not shows(options) and getattr(options, name) != default:
             raise SpecError("is of a WAV; add --state or --frames", f"--{name}")
     if options.gap and not options.hear:
         raise SpecError("is about how the file is listened to; add --hear", "--gap")
     if options.together:
         raise SpecError("is for --excite", "--together")
+
+
+def _wiring(options: argparse.Namespace) -> int:
+    from padgen.driver.patterns import wiring_findings
+    from padgen.report.plans import findings_text, held_line
+
+    with progress_line() as progress:
+        plan = plan_of(options, progress)
+    findings = wiring_findings(plan, Path(options.wiring))
+    if options.json:
+        from dataclasses import asdict
+
+        from padgen.core.files import json_text
+
+        print(json_text({"findings": [asdict(finding) for finding in findings]}), end="")
+    else:
+        show(held_line(f"What was felt of {plan.name} is compared with its wiring", findings))
+        show(findings_text(findings))
+    return code_of(findings)
 
 
 def _excite(options: argparse.Namespace) -> int:
@@ -187,9 +227,7 @@ def _excite(options: argparse.Namespace) -> int:
     from padgen.driver.drive_folder import write_excitation
 
     given = [
-        f"--{name}"
-        for name in ("formats", "state", "frames", "carrier", "tuning")
-        if getattr(options, name) is not None
+        f"--{name}" for name in ("formats", *SHOWN, "carrier", "tuning", "wiring") if getattr(options, name) is not None
     ]
     given += [f"--{name}" for name in ("loop", "hear", "gap") if getattr(options, name)]
     if options.signal != "voltage":

@@ -4,7 +4,7 @@ import argparse
 from typing import Any
 
 from padgen.cli.common import DONE, add_model, print_json, progress_line, show
-from padgen.cli.drive import add_frames, frames_of, plan_of, tuning_of
+from padgen.cli.drive import SHOWN, add_frames, frames_of, plan_of, shows, tuning_of
 from padgen.core.errors import SpecError, plain
 
 __all__ = ["add"]
@@ -51,7 +51,7 @@ def _serial(options: argparse.Namespace) -> int:
 
     from padgen.driver.serial_line import play_frames
 
-    if options.state is None and options.frames is None:
+    if not shows(options):
         raise SpecError("needs something to show; add --state or --frames", "--port")
     with progress_line() as progress:
         plan = plan_of(options, progress)
@@ -78,7 +78,7 @@ def _audio(options: argparse.Namespace) -> int:
 
     from padgen.driver.sound_card import play_wave
 
-    given = [f"--{name}" for name in ("state", "frames", "seconds", "tuning") if getattr(options, name) is not None]
+    given = [f"--{name}" for name in (*SHOWN, "seconds", "tuning") if getattr(options, name) is not None]
     if given:
         raise SpecError(f"plays a WAV file of padgen drive as it is; {given[0]} goes with padgen drive", "--audio")
     with progress_line() as progress:

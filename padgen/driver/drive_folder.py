@@ -24,6 +24,7 @@ from padgen.driver.formats.wav import BEYOND_LIMIT, WaveReport, WavWriter
 from padgen.driver.frames import read_frames, state_frame
 from padgen.driver.limits import excitation_load, judge_limits, judge_load
 from padgen.driver.pad_drive import RATES_HZ, PadDrive
+from padgen.driver.patterns import pattern_frames, text_frames
 from padgen.driver.waveform import Timeline, ramp_s, steady, timeline
 from padgen.measured.tuning import Tuning
 from padgen.physics.resonator import ring_up_time
@@ -178,18 +179,26 @@ DEFAULT_TABLES, DEFAULT_WAVES = ("csv", "json"), ("csv", "json", "wav")
 """Formats where none is named: without and with something to show."""
 
 
-def levels_of(plan: Plan, state: str | None, frames: Any) -> np.ndarray | None:
-    """Return levels (k, taxels) in 0 … 1 of a state, of files of images, or as given; None without either.
+def levels_of(
+    plan: Plan, state: str | None, frames: Any = None, text: str | None = None, pattern: str | None = None
+) -> np.ndarray | None:
+    """Return levels (k, taxels) in 0 … 1 of the one of these that is given; None without any.
 
     Raises
     ------
     SpecError, FileError
-        Both are given, or the pad cannot show them.
+        Two are given, or the pad cannot show it.
     """
-    if state is not None and frames is not None:
-        raise SpecError("is a state or frames, not both", "state")
+    given = {"state": state, "frames": frames, "text": text, "pattern": pattern}
+    named = [name for name, value in given.items() if value is not None]
+    if len(named) > 1:
+        raise SpecError(f"does not go together with {named[1]}: one of {', '.join(given)} is shown", named[0])
     if state is not None:
         return state_frame(plan, state)
+    if text is not None:
+        return text_frames(plan, text)
+    if pattern is not None:
+        return pattern_frames(plan, pattern)
     if frames is None:
         return None
     if isinstance(frames, (str, Path)) or all(isinstance(frame, (str, Path)) for frame in frames):

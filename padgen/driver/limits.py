@@ -12,7 +12,7 @@ slope adds is bounded.
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import lru_cache
-from math import ceil
+from math import ceil, cos, inf, pi
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +22,6 @@ from padgen.core.finding import Finding
 from padgen.core.units import MM, UM
 from padgen.driver.excitation import Excitation
 from padgen.driver.pad_drive import (
-    CARRIER_OVER_RESONANCE,
     CONTROLLER_RATES_HZ,
     RATES_HZ,
     CoilDrive,
@@ -37,11 +36,13 @@ from padgen.driver.waveform import Timeline, blocks, is_fed, ramp_s, timeline
 from padgen.measured.predict import printed_channels
 from padgen.measured.tuning import Tuning, planned_tuning
 from padgen.physics.crest import least_constant
-from padgen.physics.currents import current_lines_a, mean_square_a2, peak_current_a
+from padgen.physics.currents import current_lines_a, mean_square_a2, on_carrier_v
 from padgen.physics.magnetics import balanced_deflection, impedance
+from padgen.physics.resonator import HAND_LIMIT_M_PER_S2, weighted_acceleration
 from padgen.planner.channels import hanging_gap_um
 from padgen.planner.coil_load import pull_in_share
 from padgen.planner.plan import Channel, Plan
+from padgen.planner.settings import CARRIER_OVER_RESONANCE
 
 __all__ = [
     "Load",
@@ -53,11 +54,12 @@ __all__ = [
     "least_constants",
     "load_of",
     "refuse_frames",
-    "voltage_finding",
 ]
 
 PER_CYCLE = 32
-"""Points in a cycle of the highest line where a peak is looked for: what lies between two is at most 0.5 % above."""
+"""Points in a cycle of the highest line where a peak is looked for."""
+BETWEEN = 1 / cos(pi / PER_CYCLE)
+"""Factor by which a sum of lines is larger between those points, at most (Ehlich and Zeller, Math. Z. 86 (1964) 41)."""
 STEEPEST = 630 / 256
 """Largest slope of the blend between two frames, over one transition."""
 MOST_CHANNELS = 12
@@ -76,13 +78,18 @@ ROUNDING = 1e-6
 
 
 class Load(NamedTuple):
-    """The most that is asked: V of any coil, mean i² (coils,) in A² of the warmest state, level (taxels,) in 0 … 1.
+    """The most that is asked, of any coil where nothing else is said.
 
-    `peak_v` is a bound wherever that keeps the limit, and within 3 % of what is put out where it does not.
+    `peak_v` in V and `peak_a` in A; mean i² in A² of the warmest state of each coil, `square_a2` (coils,), and of all
+    coils together, `total_a2`; `level` (taxels,) in 0 … 1. The mean of the warmest state bounds the heat of any burst,
+    whatever the coil's thermal time constant. A peak is a bound wherever that keeps the limit, and within 3 % of what
+    is put out where it does not.
     """
 
     peak_v: float
+    peak_a: float
     square_a2: np.ndarray
+    total_a2: float
     level: np.ndarray
 
 
@@ -98,14 +105,24 @@ def load_of(plan: Plan, drive: PadDrive, shown: Timeline | None = None) -> Load:
     ramp = ramp_s(plan)
     if shown is None:
         asked = [_any(drive, coil) for coil in drive.coils]
-        level = np.ones(len(plan.taxels))
+        level, total_a2 = np.ones(len(plan.taxels)), sum(own.square_a2 for own in asked)
     else:
-        asked = [_shown(drive, coil, shown) for coil in drive.coils]
-        level = shown.levels.max(0)
-    peak_v = max(_bound_v(drive, coil, own, ramp) for coil, own in zip(drive.coils, asked, strict=True))
+        squares = np.stack([_squares_a2(drive, coil, shown) for coil in drive.coils])
+        level, total_a2 = shown.levels.max(0), float(squares.sum(0).max())
+        pairs = zip(drive.coils, squares.max(1).tolist(), strict=True)
+        asked = [_Asked(level[coil.taxels], square_a2) for coil, square_a2 in pairs]
+    each = list(zip(drive.coils, asked, strict=True))
+    peak_v = max(_bound_v(drive, coil, own, ramp) for coil, own in each)
     if peak_v > drive.voltage_limit_v:
-        peak_v = _shown_v(drive, shown) if shown is not None else _any_v(drive, ramp)
-    return Load(peak_v, np.array([own.square_a2 for own in asked]), level)
+        peak_v = _shown_peak(drive, shown, "voltage") if shown is not None else _any_v(drive, ramp)
+    peak_a = max(_bound_a(drive, coil, own) for coil, own in each)
+    if shown is not None and peak_a > _limit_a(plan):
+        peak_a = _shown_peak(drive, shown, "current")
+    return Load(peak_v, peak_a, np.array([own.square_a2 for own in asked]), total_a2, level)
+
+
+def _limit_a(plan: Plan) -> float:
+    return plan.spec.amplifier.current_a if plan.spec.amplifier else inf
 
 
 def excitation_load(plan: Plan, played: Excitation) -> Load:
@@ -124,21 +141,23 @@ def excitation_load(plan: Plan, played: Excitation) -> Load:
             part = np.pad(part, (0, len(window) - len(part))) * window
             finer = np.fft.irfft(np.fft.rfft(part), FINER * len(window)) * FINER
             reached = max(reached, float(np.abs(finer[FINER * OVERLAP : -FINER * OVERLAP]).max()))
-    return Load(reached, squares, np.full(len(plan.taxels), played.level_share))
+    peak_a = float(np.abs(played.current_a).max(initial=0.0)) * BETWEEN
+    total_a2 = float(squares.sum() if played.together else squares.max())
+    return Load(reached, peak_a, squares, total_a2, np.full(len(plan.taxels), played.level_share))
 
 
-def _shown(drive: PadDrive, coil: CoilDrive, timeline: Timeline) -> _Asked:
+def _squares_a2(drive: PadDrive, coil: CoilDrive, timeline: Timeline) -> np.ndarray:
+    """Return the mean of i² (k,) in A² of a coil at each keyframe, as if it were held."""
     levels = timeline.levels[:, coil.taxels]
     if not len(coil.taxels):
-        return _Asked(levels.max(0), 0.0)
+        return np.zeros(len(levels))
     if drive.scheme.is_root:
-        square = constant_a2(drive, coil, levels)
-    elif drive.scheme.is_biased:
+        return constant_a2(drive, coil, levels)
+    if drive.scheme.is_biased:
         fed = np.array([is_fed(timeline, key) for key in range(len(levels))])
-        square = fed * (coil.bias_a**2 + ((levels * current_lines_a(drive.scheme, coil.line_a2)) ** 2).sum(1) / 2)
-    else:
-        square = levels @ coil.line_a2
-    return _Asked(levels.max(0), float(square.max()))
+        tones = levels * current_lines_a(drive.scheme, coil.line_a2)
+        return np.asarray(fed * (coil.bias_a**2 + (tones**2).sum(1) / 2))
+    return np.asarray(levels @ coil.line_a2)
 
 
 def _any(drive: PadDrive, coil: CoilDrive) -> _Asked:
@@ -169,12 +188,17 @@ def _bound_v(drive: PadDrive, coil: CoilDrive, asked: _Asked, ramp: float) -> fl
 
 def _ramp_v(drive: PadDrive, coil: CoilDrive, asked: _Asked, ramp: float) -> float:
     """Bound what the slope of the blend adds: the current's peak times L and the blend's steepest slope."""
+    return drive.inductance_h * _bound_a(drive, coil, asked) * STEEPEST / ramp
+
+
+def _bound_a(drive: PadDrive, coil: CoilDrive, asked: _Asked) -> float:
+    """Bound a coil's current at all times: all its lines at their peaks at once."""
     if drive.scheme.is_root:
         square = asked.square_a2 + float(asked.level @ coil.line_a2)
-        current = float(np.sqrt(square if drive.carrier_hz is None else 2 * square))
-    else:
-        current = peak_current_a(drive.scheme, coil.line_a2, 0.0)
-    return drive.inductance_h * current * STEEPEST / ramp
+        return float(np.sqrt(square if drive.carrier_hz is None else 2 * square))
+    share = asked.level if drive.scheme.is_biased else np.sqrt(asked.level)
+    tones = share * current_lines_a(drive.scheme, coil.line_a2)
+    return float(coil.bias_a + (tones.max(initial=0.0) if drive.scheme.takes_turns else tones.sum()))
 
 
 def _root_bound_v(drive: PadDrive, coil: CoilDrive, states: np.ndarray, constant_a2: np.ndarray) -> np.ndarray:
@@ -189,18 +213,19 @@ def _root_bound_v(drive: PadDrive, coil: CoilDrive, states: np.ndarray, constant
 def _on_carrier(drive: PadDrive, volts: np.ndarray, root: np.ndarray) -> np.ndarray:
     """Return the envelope of the voltage of ``√2 root cos 2πf_c t``, with `volts` those of the root alone."""
     assert drive.carrier_hz is not None
-    return np.asarray(np.sqrt(2) * np.hypot(volts, 2 * np.pi * drive.carrier_hz * drive.inductance_h * root))
+    return on_carrier_v(volts, root, drive.inductance_h, drive.carrier_hz)
 
 
 # ---- Peaks ---------------------------------------------------------------------------------------------------------
 
 
-def _shown_v(drive: PadDrive, timeline: Timeline) -> float:
-    """Return the largest voltage of a timeline, between the samples too."""
+def _shown_peak(drive: PadDrive, timeline: Timeline, signal: str) -> float:
+    """Return the largest voltage or current of a timeline, between the samples too."""
     highest_hz = max(float(coil.force_hz.max(initial=0.0)) for coil in drive.coils) + (drive.carrier_hz or 0.0)
     finer = int(np.ceil(PER_CYCLE * highest_hz / drive.rate_hz))
     fine = replace(drive, rate_hz=max(finer, 1) * drive.rate_hz)
-    return max(float(np.abs(block.samples).max(initial=0.0)) for block in blocks(fine, timeline, periods=True))
+    played = blocks(fine, timeline, signal=signal, periods=True)
+    return max(float(np.abs(block.samples).max(initial=0.0)) for block in played) * BETWEEN
 
 
 def _any_v(drive: PadDrive, ramp: float) -> float:
@@ -228,7 +253,7 @@ def _steady_v(drive: PadDrive, coil: CoilDrive) -> float:
         volts = abs(amplitude) * np.cos(angle + np.angle(amplitude))
         above, below = above + np.maximum(volts, 0.0), below + np.minimum(volts, 0.0)
     bias_v = drive.resistance_ohm * coil.bias_a
-    return max(bias_v + float(above.max()), -bias_v - float(below.min()))
+    return max(bias_v + BETWEEN * float(above.max()), -bias_v - BETWEEN * float(below.min()))
 
 
 def _points(harmonic: np.ndarray) -> int:
@@ -257,7 +282,7 @@ def _roots_v(drive: PadDrive, coil: CoilDrive) -> float:
         volts = drive.resistance_ohm * root + drive.inductance_h * (states[part] @ sine) / (2 * root)
         if drive.carrier_hz is not None:
             volts = _on_carrier(drive, volts, root)
-        peak = max(peak, float(np.abs(volts[states[part].any(1)]).max(initial=0.0)))
+        peak = max(peak, BETWEEN * float(np.abs(volts[states[part].any(1)]).max(initial=0.0)))
     return peak
 
 
@@ -355,58 +380,64 @@ def judge_load(
     cure: str = "",
 ) -> Iterator[Finding]:
     """Yield errors about a load; `limit_v` None is the spec's, `cure` ends every sentence."""
+    for code, sentence, _ in _exceeded(
+        plan, load, tuning, plan.spec.drive.voltage_limit_v if limit_v is None else limit_v
+    ):
+        yield Finding("error", code, where, sentence + cure)
+
+
+def _exceeded(plan: Plan, load: Load, tuning: Tuning | None, limit_v: float) -> Iterator[tuple[str, str, float]]:
+    """Yield each limit that a load exceeds: its code, a sentence, and the share of the level that would keep it."""
     spec = plan.spec
-    limit_v = spec.drive.voltage_limit_v if limit_v is None else limit_v
+    coil, power_w, limit_a = spec.coil, spec.limits.power_w, _limit_a(plan)
     if load.peak_v > limit_v * NEAR:
-        yield voltage_finding(where, load.peak_v, limit_v, cure)
-    loss_w = float(load.square_a2.max(initial=0.0)) * spec.coil.resistance_ohm
-    if loss_w > spec.coil.power_limit_w * NEAR:
-        yield Finding(
-            "error",
-            "coil.heat",
-            where,
-            f"takes {number(loss_w)} W of copper loss in its warmest state, above coil.power_limit_w ="
-            f" {number(spec.coil.power_limit_w)} W{cure}",
-        )
-    spec, columns = plan.spec, plan.coils.columns
-    share, travel_um = 0.0, 0.0
-    seen: dict[tuple[Channel, float, float], tuple[float, float]] = {}
+        told = f"peaks at {number(load.peak_v)} V, above drive.voltage_limit_v = {number(limit_v)} V"
+        yield "wave.voltage", told, (limit_v / load.peak_v) ** 2
+    if load.peak_a > limit_a * NEAR:
+        told = f"peaks at {number(load.peak_a)} A, above amplifier.current_a = {number(limit_a)} A"
+        yield "wave.current", told, (limit_a / load.peak_a) ** 2
+    loss_w, total_w = (
+        coil.resistance_ohm * float(square) for square in (load.square_a2.max(initial=0.0), load.total_a2)
+    )
+    if loss_w > coil.power_limit_w * NEAR:
+        told = f"takes {number(loss_w)} W of copper loss in its warmest state, above coil.power_limit_w ="
+        yield "coil.heat", f"{told} {number(coil.power_limit_w)} W", coil.power_limit_w / loss_w
+    if power_w is not None and total_w > power_w * NEAR:
+        told = f"takes {number(total_w)} W in all coils together, above limits.power_w = {number(power_w)} W"
+        yield "limits.power", told, power_w / total_w
+    seen: dict[tuple[Channel, float, float], tuple[float, ...]] = {}
     channels = printed_channels(plan, tuning or planned_tuning(plan))
     for taxel, channel, level in zip(plan.taxels, channels, load.level.tolist(), strict=True):
-        square_a2 = float(load.square_a2[taxel.coil[0] * columns + taxel.coil[1]])
+        square_a2 = float(load.square_a2[taxel.coil[0] * plan.coils.columns + taxel.coil[1]])
         if (key := (channel, square_a2, level)) not in seen:
             gap_um = float(hanging_gap_um(spec, channel.sag_um))
-            own = pull_in_share(spec, channel, square_a2)
             slack_um = max(square_a2 * channel.force_constant_n_per_a2, 0.0) / channel.stiffness_n_per_m / UM
             static_um = balanced_deflection(slack_um, gap_um, max(channel.pull_exponent, 0.0)) or 0.0
-            seen[key] = own, channel.sag_um + static_um + level * channel.level_um
-        share, travel_um = max(share, seen[key][0]), max(travel_um, seen[key][1])
+            seen[key] = (
+                pull_in_share(spec, channel, square_a2),
+                channel.sag_um + static_um + level * channel.level_um,
+                level * channel.root_stress_mpa,
+                weighted_acceleration(channel.resonance_hz, level * channel.level_um * UM),
+            )
+    share, travel_um, stress_mpa, at_hand = np.max(list(seen.values()), axis=0).tolist()
+    third_um, bears_mpa = coil.gap_mm * MM / UM / 3, spec.material.fatigue_stress_mpa
     if share >= 1:
-        yield Finding(
-            "error",
-            "coil.pull_in",
-            where,
-            f"pulls a washer {number(share)} times as strongly as it takes to snap to the coil{cure}",
-        )
-    third_um = spec.coil.gap_mm * MM / UM / 3
+        yield "coil.pull_in", f"pulls a washer {number(share)} times as strongly as it takes to snap to the coil", 0.7
     if share < 1 and travel_um > third_um:
-        yield Finding(
-            "error",
-            "gap.travel",
-            where,
-            f"moves a washer by {number(travel_um * UM / MM)} mm, sag and static pull with it; a third of the gap is"
-            f" {number(third_um * UM / MM)} mm{cure}",
+        told = f"moves a washer by {number(travel_um * UM / MM)} mm, sag and static pull with it; a third of the gap is"
+        yield "gap.travel", f"{told} {number(third_um * UM / MM)} mm", 0.7
+    if stress_mpa > bears_mpa * NEAR:
+        told = f"bends a beam to {number(stress_mpa)} MPa at its root, above material.fatigue_stress_mpa ="
+        yield "beam.fatigue", f"{told} {number(bears_mpa)} MPa", bears_mpa / stress_mpa
+    if at_hand > HAND_LIMIT_M_PER_S2 * NEAR:
+        told = (
+            f"shakes a finger by {number(at_hand)} m/s², weighted by ISO 5349-1, above the {HAND_LIMIT_M_PER_S2:g} m/s²"
         )
-
-
-def voltage_finding(where: str, peak_v: float, limit_v: float, cure: str) -> Finding:
-    """Make the error of a voltage above the amplifier's."""
-    return Finding(
-        "error",
-        "wave.voltage",
-        where,
-        f"peaks at {number(peak_v)} V, above drive.voltage_limit_v = {number(limit_v)} V{cure}",
-    )
+        yield (
+            "skin.level",
+            f"{told} that Directive 2002/44/EC allows for eight hours a day",
+            HAND_LIMIT_M_PER_S2 / at_hand,
+        )
 
 
 def _level_text(plan: Plan, drive: PadDrive, shown: Timeline | None, tuning: Tuning | None, load: Load) -> str:
@@ -414,11 +445,8 @@ def _level_text(plan: Plan, drive: PadDrive, shown: Timeline | None, tuning: Tun
     spec = plan.spec
     level = spec.drive.level_um
     for _ in range(TRIES):
-        loss_w = float(load.square_a2.max()) * spec.coil.resistance_ohm
         # All currents go with the root of the level.
-        factor = (drive.voltage_limit_v / max(load.peak_v, 1e-9)) ** 2
-        factor = min(factor, spec.coil.power_limit_w / max(loss_w, 1e-9))
-        text = at_most(level * (factor if factor < 1 else 0.7))
+        text = at_most(level * min(share for *_, share in _exceeded(plan, load, tuning, drive.voltage_limit_v)))
         level = float(text)
         if level < SMALLEST_LEVEL_UM:
             break
@@ -426,7 +454,7 @@ def _level_text(plan: Plan, drive: PadDrive, shown: Timeline | None, tuning: Tun
         other = make_drive(
             lower, drive.rate_hz, tuning, carrier_hz=drive.carrier_hz, bandwidth_hz=spec.drive.bandwidth_hz
         )
-        load = load_of(lower, other, shown)
+        plan, load = lower, load_of(lower, other, shown)
         if not any(judge_load("", lower, load, tuning, drive.voltage_limit_v)):
             return f"; drive.level_um of {text} would fit it"
     return "; no lower drive.level_um that was tried would fit it"

@@ -24,9 +24,10 @@ from padgen.physics.root_margin import ALIAS_DB, RootMargin, root_margin
 from padgen.physics.selectivity import Scheme
 from padgen.planner.plan import Plan
 from padgen.planner.printed_pads import coils_of
+from padgen.planner.settings import CARRIER_OVER_RESONANCE
+from padgen.planner.settings import carrier_hz as planned_carrier_hz
 
 __all__ = [
-    "CARRIER_OVER_RESONANCE",
     "CONTROLLER_RATES_HZ",
     "HIGHEST_RATE_HZ",
     "RATES_HZ",
@@ -44,8 +45,6 @@ __all__ = [
 HIGHEST_RATE_HZ = 1_000_000
 RATE_OVER_RESONANCE = 8
 """Samples in a period of the highest resonance: the fewest."""
-CARRIER_OVER_RESONANCE = 5
-"""The carrier over the highest resonance: at twice the carrier a pull of i² is then ten times above every taxel."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -293,14 +292,19 @@ def drive_at(
     tuning: Tuning | None = None,
     carrier_hz: float | None = None,
 ) -> PadDrive:
-    """Make the drive at `rate_hz`, or where that is None at the first of `rates_hz` that will do."""
+    """Make the drive at `rate_hz`, or where that is None at the first of `rates_hz` that will do.
+
+    `carrier_hz` None: on the carrier that the spec's amplifier needs, if it needs one.
+    """
+    highest = highest_hz(plan, tuning)
+    if carrier_hz is None:
+        carrier_hz = planned_carrier_hz(plan.spec, plan.scheme, highest)
 
     def made(rate: int) -> PadDrive:
         return make_drive(plan, rate, tuning=tuning, carrier_hz=carrier_hz, bandwidth_hz=plan.spec.drive.bandwidth_hz)
 
     if rate_hz is not None:
         return made(rate_hz)
-    highest = highest_hz(plan, tuning)
     least = SAMPLES_OF_HIGHEST * highest
     if carrier_hz is not None:
         # One that no rate carries is refused with the bounds of the highest.

@@ -21,6 +21,7 @@ from padgen.physics.selectivity import Scheme
 from padgen.planner.drive_rows import BIAS, COLUMNS, DriveRow, bias_row, coil_rows, table_csv
 from padgen.planner.frame_rates import slot_ms
 from padgen.planner.plan import Channel, Plan
+from padgen.planner.settings import carrier_hz
 
 __all__ = ["coil_states", "drive_csv", "drive_json", "drive_rows"]
 
@@ -77,15 +78,18 @@ def _spurs(scheme: Scheme, own: tuple[Channel, ...], on: list[Channel]) -> Itera
 
 def drive_rows(plan: Plan) -> tuple[DriveRow, ...]:
     """Return the table: a row per channel and, where the current has a constant part, its row."""
-    spec = plan.spec
-    scheme = plan.scheme
+    spec, scheme, carrier = plan.spec, plan.scheme, _carrier_hz(plan)
     rows: dict[int | str, DriveRow] = {}
     constant: list[DriveRow] = []
     for kind, own in enumerate(plan.sets):
-        rows |= {row.channel: row for row in coil_rows(spec, scheme, own)}
-        if scheme.has_constant:
+        rows |= {row.channel: row for row in coil_rows(spec, scheme, own, carrier)}
+        if scheme.has_constant and carrier is None:
             constant.append(bias_row(spec, scheme, own, BIAS if len(plan.sets) == 1 else f"{BIAS} of set {kind}"))
     return (*(rows[c.index] for c in plan.channels), *constant)
+
+
+def _carrier_hz(plan: Plan) -> float | None:
+    return carrier_hz(plan.spec, plan.scheme, max(channel.resonance_hz for channel in plan.channels))
 
 
 def drive_csv(plan: Plan) -> str:
@@ -156,6 +160,9 @@ def _recipe(plan: Plan, kind: int) -> dict[str, Any]:
         recipe["b_a"] = tones_a
     else:
         recipe["I_a"] = tones_a
+    if carrier := _carrier_hz(plan):
+        recipe["carrier_hz"] = carrier
+        recipe["formula"] += ", times sqrt(2) cos(2 pi carrier_hz t)"
     if scheme.takes_turns:
         recipe["slot_ms"] = slot_ms(plan.channels, plan.coils.sets)
         recipe["ramp_ms"] = slot_ms(plan.channels, plan.coils.sets) / 2

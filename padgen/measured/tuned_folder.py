@@ -21,6 +21,7 @@ from padgen.planner.drive_rows import COLUMNS, DriveRow, bias_row, coil_rows, ta
 from padgen.planner.fixtures import coupon_plan
 from padgen.planner.plan import Plan, plan_to_json
 from padgen.planner.printed_pads import coils_of
+from padgen.planner.settings import carrier_hz
 
 __all__ = [
     "MeasuredRow",
@@ -187,13 +188,14 @@ def tuned_rows(plan: Plan, tuning: Tuning) -> tuple[TunedRow, ...]:
     """Return the drive table: a row per taxel in the plan's order and, where currents have a constant, one per coil."""
     spec, channels = plan.spec, printed_channels(plan, tuning)
     scheme = plan.scheme
+    carrier = carrier_hz(spec, scheme, max(taxel.resonance_hz for taxel in tuning.taxels))
     rows: dict[int, TunedRow] = {}
     constant = []
     for (row, column), index in sorted(coils_of(plan).items()):
         own = [channels[i] for i in index]
-        for i, found in zip(index, coil_rows(spec, scheme, own), strict=True):
+        for i, found in zip(index, coil_rows(spec, scheme, own, carrier), strict=True):
             rows[i] = TunedRow(plan.taxels[i].id, found)
-        if scheme.has_constant:
+        if scheme.has_constant and carrier is None:
             constant.append(TunedRow(f"r{row}c{column}", bias_row(spec, scheme, own)))
     return (*(rows[i] for i in range(len(plan.taxels))), *constant)
 

@@ -13,6 +13,7 @@ __all__ = [
     "current_lines_a",
     "formula",
     "mean_square_a2",
+    "on_carrier_v",
     "peak_current_a",
     "peak_voltage_v",
     "root_voltage_v",
@@ -61,6 +62,13 @@ def peak_voltage_v(
 ) -> float:
     """Return an upper bound in V of the coil's voltage: all peaks at one moment."""
     return scheme.kind.peak_voltage_v(scheme, line_a2, resonance_hz, resistance, inductance, headroom)
+
+
+def on_carrier_v(
+    volts: np.ndarray | float, root_a: np.ndarray | float, inductance: float, carrier_hz: float
+) -> np.ndarray:
+    """Return the envelope in V of the voltage of ``√2 root cos 2πf_c t``; `volts` are those of the root alone."""
+    return np.asarray(np.sqrt(2) * np.hypot(volts, 2 * np.pi * carrier_hz * inductance * root_a))
 
 
 def root_voltage_v(line_a2: float, resonance_hz: float, resistance: float, inductance: float, headroom: float) -> float:

@@ -16,12 +16,13 @@ of contactors of 0.5 to 4 mm on glabrous skin were found: the constants are scal
 are provisional (docs/accuracy.md lists them).
 """
 
-from math import pi
+from math import pi, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
 
 __all__ = [
+    "HAND_LIMIT_M_PER_S2",
     "LEFT_OUT",
     "LOADED",
     "SKINS",
@@ -39,6 +40,7 @@ __all__ = [
     "ring_up_time",
     "rule_stiffness",
     "touched",
+    "weighted_acceleration",
     "without_quiet_modes",
 ]
 
@@ -264,3 +266,22 @@ def _least_heard(taxels: ModalTaxels, own_hz: np.ndarray, line: np.ndarray) -> n
         for by in (1, -1)
     )
     return np.asarray(np.maximum(*heard))
+
+
+HAND_LIMIT_M_PER_S2 = 5.0
+"""Daily exposure of a hand to vibration over eight hours, weighted: limit of Directive 2002/44/EC, article 3."""
+
+
+def weighted_acceleration(hz: float, amplitude_m: float) -> float:
+    """Return the root mean square of the acceleration in m/s² of a sine, weighted as ISO 5349-1:2001, annex A, does.
+
+    Above 16 Hz the weight falls as 1/f, so that the figure goes with the velocity.
+
+    >>> [round(weighted_acceleration(hz, sqrt(2) / (2 * pi * hz) ** 2), 3) for hz in (6.3, 16, 125)]  # of 1 m/s²
+    [0.727, 0.894, 0.127]
+    """
+    s = 2j * pi * hz
+    low, high, turn = 2 * pi * 10**0.8, 2 * pi * 10**3.1, 100.0
+    band = s**2 / (s**2 + sqrt(2) * low * s + low**2) * high**2 / (s**2 + sqrt(2) * high * s + high**2)
+    weight = abs(band * (s + turn) * turn / (s**2 + turn * s / 0.64 + turn**2))
+    return weight * abs(s) ** 2 * amplitude_m / sqrt(2)

@@ -29,6 +29,9 @@ def varied(spec: Spec, cure: Cure) -> Spec:
     table = without_none(asdict(spec))
     if "printer" in cure and table["spread"] == catalogue("spread").get(spread_of(spec.printer)):
         del table["spread"]  # the file leaves it to the printer
+    own = spec.amplifier
+    if own and any(name.startswith("amplifier") for name in cure) and spec.drive.voltage_limit_v == own.voltage_v:
+        del table["drive"]["voltage_limit_v"]  # the file leaves it to the amplifier
     return make_spec(without_none(laid_over(table, cure)))
 
 

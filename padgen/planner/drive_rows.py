@@ -10,7 +10,7 @@ from math import degrees, inf, sqrt
 import numpy as np
 
 from padgen.core.units import MA, MH, MN
-from padgen.physics.currents import bias_a, current_lines_a, mean_square_a2, root_voltage_v
+from padgen.physics.currents import bias_a, current_lines_a, mean_square_a2, on_carrier_v, root_voltage_v
 from padgen.physics.magnetics import impedance
 from padgen.physics.selectivity import Scheme
 from padgen.planner.plan import Channel
@@ -44,18 +44,18 @@ class DriveRow:
 COLUMNS = tuple(f.name for f in fields(DriveRow))
 
 
-def coil_rows(spec: Spec, scheme: Scheme, own: Sequence[Channel]) -> list[DriveRow]:
+def coil_rows(spec: Spec, scheme: Scheme, own: Sequence[Channel], carrier_hz: float | None = None) -> list[DriveRow]:
     """Return a row for each channel of one coil.
 
     A plain tone of amplitude I at f pulls with c I²/2 at 2f. With a constant current B, a tone of amplitude b at r
-    pulls with 2 c B b at r. For a spur-free drive a row has the current's peak with this channel alone on. For a washer
-    that the coil does not pull the current is infinite.
+    pulls with 2 c B b at r. For a spur-free drive a row has the current's peak with this channel alone on, on its
+    carrier if there is one. For a washer that the coil does not pull the current is infinite.
     """
     current = current_lines_a(scheme, np.array([c.line_a2 for c in own]), spec.drive.headroom)
-    return [_row(spec, scheme, channel, float(i)) for channel, i in zip(own, current, strict=True)]
+    return [_row(spec, scheme, channel, float(i), carrier_hz) for channel, i in zip(own, current, strict=True)]
 
 
-def _row(spec: Spec, scheme: Scheme, channel: Channel, current_a: float) -> DriveRow:
+def _row(spec: Spec, scheme: Scheme, channel: Channel, current_a: float, carrier_hz: float | None) -> DriveRow:
     resistance, inductance = spec.coil.resistance_ohm, spec.coil.inductance_mh * MH
     z = complex(impedance(resistance, inductance, channel.drive_hz))
     volts = current_a * abs(z)
@@ -63,6 +63,9 @@ def _row(spec: Spec, scheme: Scheme, channel: Channel, current_a: float) -> Driv
         current_a = volts = inf
     elif scheme.is_root:
         volts = root_voltage_v(channel.line_a2, channel.resonance_hz, resistance, inductance, spec.drive.headroom)
+        if carrier_hz is not None:
+            volts = float(on_carrier_v(volts, current_a, inductance, carrier_hz))
+            current_a *= sqrt(2)
     return DriveRow(
         channel.index,
         channel.resonance_hz,

@@ -12,10 +12,11 @@ from padgen.core.units import decibel
 from padgen.physics.resonator import ModalTaxels
 from padgen.physics.schemes import in_order, simplest_first
 from padgen.physics.selectivity import Channels, Scheme, all_states, channels, one_hot_db, tone_energy
+from padgen.planner.coil_load import coil_load, is_fed
 from padgen.planner.frame_rates import frame_rates
 from padgen.planner.plan import Channel, Plan, SchemeFigures, Selectivity, channel_sets
 from padgen.planner.pull_modes import MODES_DB, coil_modes, heard_modes, modes_in_slots
-from padgen.planner.settings import level_law, scheme_named
+from padgen.planner.settings import level_law, passes, scheme_named
 from padgen.spec import Spec
 
 if TYPE_CHECKING:
@@ -147,7 +148,7 @@ def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Seque
     if len(planned) // spec.coil.sets == 2:
         return "tones", "plain tones are the simplest, and no third taxel is there for their spurs to fall on"
     asked, least = decibel(spec.delta_y), spec.drive.least_frames_per_s
-    simplest = simplest_first()
+    simplest = _playable(spec, planned)
     reached = {name: figures[name].reached_db for name in simplest}
     rates = {rate.scheme: rate.frames_per_s for rate in frame_rates(planned, spec.coil.sets)}
     # A scheme that takes turns is slow, so its frame rate must suffice, too; all other schemes share one frame rate.
@@ -155,10 +156,22 @@ def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Seque
     if holds:
         told = _reached_text(simplest[: simplest.index(holds[0])], reached, rates)
         return holds[0], f"the simplest that keeps {asked:.1f} dB in all states{told}"
-    best = max((n for n in simplest if not Scheme(n).takes_turns), key=lambda name: reached[name])
+    slow = [name for name in simplest if reached[name] >= asked] if spec.amplifier else []
+    if slow:
+        return slow[0], f"of the schemes that the amplifier plays the only kind that keeps {asked:.1f} dB in all states"
+    together = [name for name in simplest if not Scheme(name).takes_turns]
+    best = max(together or simplest, key=lambda name: reached[name])
     told = _reached_text([name for name in simplest if name != best], reached, rates)
     none = f"no drive keeps {asked:.1f} dB in all states at {number(least)} frames/s or more"
     return best, f"{none}; of those that drive all at once it comes nearest{told}"
+
+
+def _playable(spec: Spec, planned: Sequence[Channel]) -> list[str]:
+    """Return the schemes that the amplifier can play, the simplest first: if any are, those within its limits."""
+    names = [name for name in simplest_first() if passes(spec, scheme_named(spec, name))]
+    if spec.amplifier is None:
+        return names
+    return [n for n in names if is_fed(spec, coil_load(spec, planned, scheme_named(spec, n)))] or names
 
 
 def _reached_text(names: Sequence[str], reached: dict[str, float], rates: dict[str, float]) -> str:

@@ -15,6 +15,7 @@ from padgen.planner.layout import (
     explain,
     most_channels,
     most_coils,
+    most_outputs,
     room,
     whole_grids,
 )
@@ -26,6 +27,8 @@ from padgen.spec import Spec, Suspension, catalogue
 
 __all__ = ["refusal"]
 
+FEWER = 3
+"""Smaller counts of taxels that are tried for an amplifier."""
 MOST_NAMED = 4
 """Most cures that a refusal names."""
 
@@ -41,17 +44,28 @@ def refusal(
     wanted = f"{spec.resolution} taxels on {number(pad.width_mm)} x {number(pad.depth_mm)} mm"
     # A cure that makes room for evenly spread resonances makes room for optimised ones, too, and is found faster.
     cures = _cures(replace(spec, spacing="spread") if spec.spacing == "optimised" else spec, limit)
-    found = list(islice((cure for cure in cures if _plans_without_error(planned, cure)), MOST_NAMED))
+    found: list[Cure] = []
+    for cure in cures:
+        if all(set(cure) != set(other) for other in found) and _plans_without_error(planned, cure):
+            found.append(cure)
+        if len(found) == MOST_NAMED:
+            break
     nothing = "" if found else "; no single change that was tried would do: washer, printer, beams, pad, taxels"
-    sentence = f"{wanted} cannot be laid out: {'; '.join(_reasons(spec, options, limit))}{nothing}"
+    reasons = _reasons(spec, options, limit)
+    if spec.amplifier and options:
+        reasons.append(f"the amplifier {spec.amplifier.name} has {spec.amplifier.channels} channels, one for each coil")
+    sentence = f"{wanted} cannot be laid out: {'; '.join(reasons)}{nothing}"
     return InfeasibleError(sentence, where, found)
 
 
 def _plans_without_error(planned: Callable[[Cure], Any], cure: Cure) -> bool:
     try:
-        return not any(finding.level == "error" for finding in planned(cure).findings)
+        plan = planned(cure)
     except PadgenError:
         return False
+    # What an amplifier plays may be too little: a plan for it must also keep what is asked.
+    kept = plan.selectivity.kept_db if plan.spec.amplifier else None
+    return not any(f.level == "error" for f in plan.findings) and (kept is None or kept >= plan.selectivity.asked_db)
 
 
 def _reasons(spec: Spec, options: list[Layout], limit: int) -> list[str]:
@@ -70,14 +84,17 @@ def _too_many(spec: Spec, limit: int) -> str:
     grid = spec.coil.grid
     per_coil = most_channels(spec, limit)
     rows, columns = grid or most_coils(spec)
-    coils = rows * columns
+    coils = int(min(rows * columns, most_outputs(spec)))
     there_are = "the grid has" if grid else "there is room for"
+    if spec.amplifier and coils < rows * columns:
+        there_are = f"the amplifier {spec.amplifier.name} has channels for"
     band = f"Q = {number(spec.q_min)} in {number(spec.band_hz[0])} … {number(spec.band_hz[1])} Hz"
     if per_coil < limit and not spec.resonances_hz:
         band = "there is no room for more plates at it"
     exact = "exactly" if spec.resonances_hz else "at most"
     return (
-        f"{there_are} {coils} coils of {number(spec.coil.outer_diameter_mm)} mm, each with {exact} {per_coil} channels"
+        f"{there_are} {coils} coil{'s' * (coils > 1)} of {number(spec.coil.outer_diameter_mm)} mm, each with {exact}"
+        f" {per_coil} channels"
         f" ({band}), {coils * per_coil} taxels in all"
     )
 
@@ -123,6 +140,7 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
     """Yield cures after which the parts have room: another grid, washer, printer or pad, freer beams, fewer taxels."""
     if spec.coil.grid and (found := _best_layout(spec, limit, {"coil.grid": None})):
         yield {"coil.grid": [found.rows, found.columns]}
+    yield from _amplifier_cures(spec, limit)
     sizes = {name: float(entry["outer_diameter_mm"]) for name, entry in catalogue("washer").items()}
     smaller = [name for name, size in sizes.items() if size < spec.washer.outer_diameter_mm]
     yield from _first_with_room(
@@ -145,13 +163,26 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
             for percent in (110, 120, 130, 150, 175, 200)
         ],
     )
-    fewer = None if spec.coil.grid else next(sized_layouts(spec, whole_grids(spec, limit)), None)
-    if fewer:
-        yield {"resolution": fewer[0].coils * fewer[0].channels}
+    # The most taxels that have room are named; of those that an amplifier can play, the most that keep what is asked.
+    whole = () if spec.coil.grid else sized_layouts(spec, whole_grids(spec, limit))
+    fewer = dict.fromkeys(layout.coils * layout.channels for layout, _ in islice(whole, None if spec.amplifier else 1))
+    yield from ({"resolution": count} for count in islice(fewer, FEWER))
     if spec.coil.grid:
         coils = spec.coil.grid[0] * spec.coil.grid[1]
         most = min(most_channels(spec, limit), (spec.resolution - 1) // coils)
         yield from _first_with_room(spec, limit, [{"resolution": coils * count} for count in range(most, 0, -1)])
+
+
+def _amplifier_cures(spec: Spec, limit: int) -> Iterator[Cure]:
+    """Yield cures where an amplifier has too few channels: as many as it takes, or larger coils of the catalogue."""
+    free = replace(spec, amplifier=None)
+    found = next(sized_layouts(free, candidates(free, limit)), None) if spec.amplifier else None
+    if found and found[0].coils > most_outputs(spec):
+        yield {"amplifier.channels": found[0].coils}
+    if spec.amplifier:
+        sizes = {name: float(entry["outer_diameter_mm"]) for name, entry in catalogue("coil").items()}
+        larger = sorted((n for n in sizes if sizes[n] > spec.coil.outer_diameter_mm), key=lambda n: sizes[n])
+        yield from _first_with_room(spec, limit, [{"coil": name} for name in larger])
 
 
 def _first_with_room(spec: Spec, limit: int, cures: list[Cure]) -> Iterator[Cure]:

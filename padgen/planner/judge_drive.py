@@ -6,7 +6,7 @@ from typing import Any
 
 from padgen.core.errors import at_least, at_most, number
 from padgen.core.finding import Finding
-from padgen.core.units import decibel
+from padgen.core.units import MA, decibel
 from padgen.physics.ladder import slot_half_width
 from padgen.physics.selectivity import Scheme
 from padgen.planner.plan import Plan
@@ -35,6 +35,7 @@ def judge_drive(plan: Plan) -> Iterator[Finding]:
     yield from _softening(plan)
     yield from _beats(plan)
     yield from _imperceptible(plan)
+    yield from _slow(plan)
 
 
 def _selectivity(plan: Plan) -> Iterator[Finding]:
@@ -201,6 +202,21 @@ def _imperceptible(plan: Plan) -> Iterator[Finding]:
         )
 
 
+def _slow(plan: Plan) -> Iterator[Finding]:
+    """Warn where no scheme that the amplifier plays is fast enough."""
+    rate, least = {f.scheme: f.frames_per_s for f in plan.refresh}[plan.selectivity.drive], plan.spec.drive
+    if plan.spec.amplifier and least.scheme == "auto" and rate < least.least_frames_per_s:
+        yield Finding(
+            "warning",
+            "drive.slow",
+            "drive",
+            f"{plan.selectivity.drive} shows {number(rate)} frames/s, drive.least_frames_per_s asks for"
+            f" {number(least.least_frames_per_s)}; the amplifier {plan.spec.amplifier.name} plays nothing faster that"
+            " keeps what is asked",
+            ({"drive.least_frames_per_s": float(at_most(rate))}, {"amplifier.coupling": "DC"}),
+        )
+
+
 def _limits(plan: Plan) -> Iterator[Finding]:
     spec, load, level = plan.spec, plan.load, plan.spec.drive.level_um
     volts, watts = spec.drive.voltage_limit_v, spec.coil.power_limit_w
@@ -212,6 +228,16 @@ def _limits(plan: Plan) -> Iterator[Finding]:
             f"{number(level)} µm with all channels on take up to {number(load.voltage_peak_v)} V, the amplifier has"
             f" {number(volts)} V",
             lower_level(spec, (volts / load.voltage_peak_v) ** 2),
+        )
+    if spec.amplifier and load.current_peak_ma * MA > spec.amplifier.current_a:
+        peak_a, most_a = load.current_peak_ma * MA, spec.amplifier.current_a
+        yield Finding(
+            "warning",
+            "coil.current",
+            "coil",
+            f"{number(level)} µm with all channels on take up to {number(peak_a)} A, the amplifier has"
+            f" {number(most_a)} A",
+            lower_level(spec, (most_a / peak_a) ** 2),
         )
     if load.copper_loss_w > watts:
         yield Finding(

@@ -24,6 +24,7 @@ __all__ = [
     "explain",
     "most_channels",
     "most_coils",
+    "most_outputs",
     "place",
     "room",
     "slots",
@@ -108,7 +109,7 @@ def whole_grids(spec: Spec, channel_limit: int) -> Iterator[Layout]:
     grids: dict[int, list[tuple[int, int, int]]] = {}
     for channels in _channel_counts(spec, channel_limit):
         for rows in range(1, rows_ + 1):
-            for columns in range(1, min(columns_, most // (rows * channels)) + 1):
+            for columns in range(1, int(min(columns_, most // (rows * channels), most_outputs(spec) // rows)) + 1):
                 grids.setdefault(rows * columns * channels, []).append((rows, columns, channels))
     spare: dict[tuple[float, float], float] = {}
     work = 0
@@ -170,18 +171,24 @@ def most_coils(spec: Spec) -> tuple[int, int]:
     return floor(spec.pad.depth_mm / coil + 1e-9), floor(spec.pad.width_mm / coil + 1e-9)
 
 
+def most_outputs(spec: Spec) -> float:
+    """Return the most coils that the spec's amplifier has channels for; infinity without one."""
+    return spec.amplifier.channels if spec.amplifier else inf
+
+
 def _grids(spec: Spec, coils: int) -> Iterator[tuple[int, int]]:
     """Yield grids (rows, columns) of at least `coils` coils whose pitch holds the coil; only the spec's, if it has one.
 
     For each number of rows there is one grid, with as few columns as possible.
     """
     if spec.coil.grid:
-        yield spec.coil.grid
+        if spec.coil.grid[0] * spec.coil.grid[1] <= most_outputs(spec):
+            yield spec.coil.grid
         return
     most_rows, most_columns = most_coils(spec)
     for rows in range(1, min(coils, most_rows) + 1):
         columns = ceil(coils / rows)
-        if spec.coil.sets <= rows * columns and columns <= most_columns:
+        if spec.coil.sets <= rows * columns <= most_outputs(spec) and columns <= most_columns:
             yield rows, columns
 
 

@@ -16,7 +16,7 @@ from padgen.core.units import MM, UM, decibel
 from padgen.physics.selectivity import Scheme
 from padgen.planner.capacity import channel_limit, coil_capacity, printed_count
 from padgen.planner.channels import driven, force_constants, plan_channels
-from padgen.planner.coil_load import coil_load
+from padgen.planner.coil_load import coil_load, is_fed
 from padgen.planner.cures import Cure, varied, with_tried_cures
 from padgen.planner.drive_scheme import plan_selectivity
 from padgen.planner.frame_rates import frame_rates
@@ -39,7 +39,7 @@ from padgen.planner.prints import NOT_PRINTED, compared_prints, what_prints_keep
 from padgen.planner.resonances import planned_optimum
 from padgen.planner.reuse import cell_is_turned, coil_reuse
 from padgen.planner.search import sites_of, sized_layouts
-from padgen.planner.settings import level_law, scheme_named, sets_db
+from padgen.planner.settings import level_law, passes, scheme_named, sets_db
 from padgen.planner.sizing import SizedChannel
 from padgen.planner.taxel_model import plate_shape, post_diameter_mm, recess_mm
 from padgen.planner.tile import pitch_of
@@ -156,7 +156,8 @@ def _decided_specs(spec: Spec) -> Iterator[Spec]:
     reuses = REUSES if coil.reuse == "auto" else (coil.reuse,)
     gaps = (coil.gap_mm,) if coil.gap_mm else GAPS_MM
     for reuse, scheme, gap_mm in product(reuses, schemes, gaps):
-        yield replace(spec, coil=replace(coil, reuse=reuse, gap_mm=gap_mm), drive=replace(drive, scheme=scheme))
+        if scheme == "auto" or passes(spec, scheme_named(spec, scheme)):
+            yield replace(spec, coil=replace(coil, reuse=reuse, gap_mm=gap_mm), drive=replace(drive, scheme=scheme))
 
 
 def _best(found: Sequence[Choice]) -> Choice:
@@ -222,6 +223,9 @@ def _tried(choice: Choice, least_db: float) -> Tried:
     channels, selectivity = _driven(choice)
     if any(c.level_um + c.sag_um + c.static_um >= choice.spec.coil.gap_mm * MM / UM for c in channels):
         return Tried(-inf)  # a washer would meet its coil
+    scheme = scheme_named(choice.spec, selectivity.drive)
+    if choice.spec.amplifier and not is_fed(choice.spec, coil_load(choice.spec, channels, scheme)):
+        return Tried(-inf)
     if selectivity.kept_db is not None:
         at_most = min(at_most, selectivity.kept_db)
     if at_most < least_db:

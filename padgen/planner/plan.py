@@ -504,7 +504,9 @@ def channel_sets(channels: Sequence[Channel], sets: int) -> tuple[tuple[Channel,
 
 def plan_to_json(plan: Plan) -> str:
     """Return the plan as JSON text, keys in the order of the fields; the same plan gives the same bytes."""
-    return json_text(plan)
+    table = {name: getattr(plan, name) for name in Plan.__dataclass_fields__}
+    known = (name for name in Spec.__dataclass_fields__ if name != "amplifier" or plan.spec.amplifier)
+    return json_text({**table, "spec": {name: getattr(plan.spec, name) for name in known}})
 
 
 DRAWN = (CoilGrid, Cell, Plate, Beam, Site, Taxel)

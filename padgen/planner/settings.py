@@ -2,13 +2,14 @@
 
 import numpy as np
 
+from padgen.core.errors import at_least
 from padgen.core.registry import SCHEMES
 from padgen.core.units import decibel
 from padgen.physics.ladder import LevelLaw
 from padgen.physics.selectivity import Scheme, all_states, channels
 from padgen.spec import Spec
 
-__all__ = ["level_law", "scheme_for", "scheme_named", "sets_db"]
+__all__ = ["CARRIER_OVER_RESONANCE", "carrier_hz", "level_law", "passes", "scheme_for", "scheme_named", "sets_db"]
 
 
 def level_law(spec: Spec) -> LevelLaw:
@@ -20,6 +21,21 @@ def level_law(spec: Spec) -> LevelLaw:
 def scheme_named(spec: Spec, name: str) -> Scheme:
     """Return the drive scheme called `name` with the settings of `spec`."""
     return Scheme(name, spec.drive.bias_ratio, SCHEMES.version(name))
+
+
+CARRIER_OVER_RESONANCE = 5
+"""The carrier over the highest resonance: at twice the carrier a pull of i² is then ten times above every taxel."""
+
+
+def carrier_hz(spec: Spec, scheme: Scheme, highest_hz: float) -> float | None:
+    """Return the carrier on which an AC-coupled amplifier plays a spur-free scheme; None where none is needed."""
+    needed = spec.amplifier is not None and spec.amplifier.coupling == "AC" and scheme.is_root
+    return float(at_least(CARRIER_OVER_RESONANCE * highest_hz)) if needed else None
+
+
+def passes(spec: Spec, scheme: Scheme) -> bool:
+    """Return whether the spec's amplifier can play a scheme; one that is AC coupled passes no constant current."""
+    return spec.amplifier is None or spec.amplifier.coupling == "DC" or not scheme.is_biased
 
 
 def scheme_for(spec: Spec, resonance_hz: np.ndarray) -> Scheme:

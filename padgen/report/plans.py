@@ -59,6 +59,8 @@ def verdict_line(plan: "Plan") -> str:
 
 
 def _pad_line(plan: "Plan") -> str:
+    from padgen.planner.settings import carrier_hz
+
     pad, coils, pitch = plan.spec.pad, plan.coils, plan.pitch
     sides = [
         f"{name} " + "-".join(dict.fromkeys(f"{v:.1f}" for v in step)) + " mm"
@@ -67,14 +69,15 @@ def _pad_line(plan: "Plan") -> str:
     ]
     even = "even" if pitch.ratio <= EVEN else "uneven"
     full = "" if pitch.taken > 1 - 1e-9 else f"; {pitch.taken:.0%} of their crossings have a taxel"
-    constant = "DC" if plan.scheme.has_constant else "AC or DC"
+    carrier = carrier_hz(plan.spec, plan.scheme, plan.channels[-1].resonance_hz)
+    constant = "DC" if plan.scheme.has_constant and carrier is None else "AC or DC"
     return (
         f"{len(plan.taxels)} taxels on {number(pad.width_mm)} x {number(pad.depth_mm)} mm"
         + (f", {' and '.join(sides)} apart ({even}{full})" if sides else "")
         + f"; {coils.rows} x {coils.columns} coils of {len(plan.sets[0])}"
         + (" channels, two sets in turn" if coils.sets > 1 else f" channel{'s' * (len(plan.channels) > 1)}")
         + f", {number(plan.spec.coil.gap_mm)} mm below the washers; {coils.rows * coils.columns} amplifier"
-        f" outputs, {constant} coupled."
+        f" outputs, {constant} coupled{'' if carrier is None else f', on a carrier of {number(carrier)} Hz'}."
     )
 
 
@@ -232,6 +235,8 @@ def _count_text(count: int, searched_to: int) -> str:
 
 def _drive_lines(plan: "Plan") -> list[str]:
     """Return lines on the drive scheme, its selectivity, and its load on coil and amplifier."""
+    from padgen.planner.coil_load import fitting_amplifiers
+
     figures, load = plan.selectivity, plan.load
     lines = [f"drive: {figures.drive}, {figures.why}"]
     if figures.one_hot_db is not None:
@@ -244,6 +249,8 @@ def _drive_lines(plan: "Plan") -> list[str]:
         f"a coil with all channels on: {load.current_rms_ma:.1f} mA rms, up to {load.current_peak_ma:.1f} mA and"
         f" {load.voltage_peak_v:.2f} V, {load.copper_loss_w:.3f} W; every limit allows"
         f" {number(load.reachable_level_um)} µm on channel 0 ({load.reachable_by}){leak}",
+        "amplifiers of the catalogue that drive it: "
+        + (", ".join(f"{count} x {name}" for name, count in fitting_amplifiers(plan).items()) or "none"),
         *_force_line(plan.channels),
     ]
 

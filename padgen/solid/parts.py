@@ -14,6 +14,7 @@ import numpy as np
 
 from padgen.core.errors import GeometryError, number
 from padgen.core.finding import Finding
+from padgen.planner.coil_load import fitting_amplifiers
 from padgen.planner.drive_rows import table_csv
 from padgen.planner.fixtures import (
     Tray,
@@ -418,5 +419,21 @@ def bill_of_materials(plan: Plan, plastic_g: float, parts_g: Mapping[str, float]
         ("plastic", f"{plastic_g:.2f}", "g", f"pad: {spec.material.name} on {spec.printer.name}"),
         *(("plastic", f"{grams:.2f}", "g", f"{name}: at full infill") for name, grams in (parts_g or {}).items()),
         ("screw", 4 if spec.pad.hole_diameter_mm else 0, "pieces", _screw_text(plan, "tray" in (parts_g or {}))),
+    ]
+    own, load, fitting = spec.amplifier, plan.load, fitting_amplifiers(plan)
+    some = (
+        f"{own.name}: {own.channels} channels" if own else "; or ".join(f"{n} x {name}" for name, n in fitting.items())
+    )
+    asked = f"{number(load.voltage_peak_v)} V and {number(load.current_peak_ma)} mA peak each"
+    glue_mg = f", {number(spec.taxel.glue_mg)} mg each" if spec.taxel.glue_mg else ""
+    rows += [
+        ("amplifier channel", coils, "pieces", f"{asked}{'' if some == '' else f' ({some})'}"),
+        (
+            "wire",
+            2 * coils,
+            "leads",
+            f"two from each coil to its amplifier channel: {number(load.current_rms_ma)} mA rms",
+        ),
+        ("glue", len(plan.taxels), "drops", f"one under each washer{glue_mg}"),
     ]
     return table_csv(("item", "quantity", "unit", "what"), rows)

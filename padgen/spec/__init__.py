@@ -1,9 +1,10 @@
 """Read a spec, the description of the wanted pad, from TOML and check it field by field."""
 
 from padgen.spec.load import catalogue, find_spec, load_spec, make_spec, parse_spec, template_paths
-from padgen.spec.model import Coil, Drive, Material, Pad, Printer, Spec, Spread, Suspension, Taxel, Washer
+from padgen.spec.model import Amplifier, Coil, Drive, Material, Pad, Printer, Spec, Spread, Suspension, Taxel, Washer
 
 __all__ = [
+    "Amplifier",
     "Coil",
     "Drive",
     "Material",

@@ -18,8 +18,10 @@ from typing import Any
 
 from padgen.core.errors import FileError, SpecError, at_most, number, shown
 from padgen.core.files import read_bounded, reason, recover
+from padgen.core.registry import SCHEMES
 from padgen.spec.fields import build, optional_type, unknown_name
 from padgen.spec.model import (
+    Amplifier,
     Coil,
     Drive,
     Limits,
@@ -128,6 +130,14 @@ def _parts_rules(spec: Spec) -> Iterator[Rule]:
         f"{spread.name!r} is of {spread.process} prints, but printer {printer.name!r} is {printer.process}",
         [{"spread": None}],
     )
+    scheme, amplifier = spec.drive.scheme, spec.amplifier
+    if amplifier and amplifier.coupling == "AC" and scheme != "auto":
+        yield (
+            SCHEMES.get(scheme).CURRENT != "biased",
+            "drive.scheme",
+            f"{scheme!r} has a constant current, which the AC-coupled amplifier {amplifier.name!r} does not pass",
+            [{"drive.scheme": "auto"}, {"amplifier.coupling": "DC"}],
+        )
     yield (
         washer.relative_permeability >= MAGNETIC,
         "washer",
@@ -371,6 +381,7 @@ CATALOGUES = {
     "spread": (Spread, "spreads.csv"),
     "washer": (Washer, "washers.csv"),
     "coil": (Coil, "coils.csv"),
+    "amplifier": (Amplifier, "amplifiers.csv"),
 }
 
 
@@ -387,6 +398,11 @@ def catalogue(table: str) -> dict[str, dict[str, Any]]:
 LARGEST_TOML, LARGEST_PLAN = 1 << 20, 1 << 25
 """Most bytes of a spec or sweep, and of a plan.json; that of 100,000 taxels takes a third of this."""
 DEFAULTS = {"printer": "fdm-0.4", "washer": "iso7092-m1.6", "coil": "paper"}
+OWN_AMPLIFIER = "own"
+"""Name of an amplifier that a spec gives none."""
+CARRIED_HEADROOM = 1.0
+"""Spur-free headroom where an AC-coupled amplifier needs a carrier: lines about it have less room, so bends are blunter
+(the largest margin that `padgen.physics.root_margin` tries)."""
 CALIBRATED = ("printer", "spread", "material")
 """Tables that the file of a calibrated printer may have."""
 WINDING = ("turns", "resistance_ohm", "inductance_mh")
@@ -530,6 +546,7 @@ def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
             table[name] = {key: value}
         elif not isinstance(value, dict):
             raise SpecError(f"must be the name of its {key} or a table, got {shown(value)}", name)
+    drive = table.get("drive", {})
     parts: dict[str, Any] = {name: build(kind, table.pop(name, {}), name) for name, kind in PLAIN_TABLES.items()}
     parts["printer"] = _catalogue_entry("printer", table.pop("printer", {}), DEFAULTS["printer"])
     parts["material"] = _catalogue_entry(
@@ -538,6 +555,13 @@ def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
     parts["spread"] = _catalogue_entry("spread", table.pop("spread", {}), spread_of(parts["printer"]))
     for name in ("washer", "coil"):
         parts[name] = _catalogue_entry(name, table.pop(name, {}), DEFAULTS[name])
+    if (amplifier := table.pop("amplifier", None)) is not None:
+        parts["amplifier"] = amplifier = _catalogue_entry("amplifier", amplifier, OWN_AMPLIFIER)
+        limit_v = min(drive.get("voltage_limit_v", amplifier.voltage_v), amplifier.voltage_v)
+        headroom = parts["drive"].headroom
+        if amplifier.coupling == "AC":
+            headroom = max(headroom, CARRIED_HEADROOM)
+        parts["drive"] = replace(parts["drive"], voltage_limit_v=limit_v, headroom=headroom)
     parts["drive"] = with_threshold(parts["drive"], folder)
     spec: Spec = build(Spec, table, "", parts)
     if not spec.leaves_layout_free:
@@ -605,7 +629,7 @@ def _catalogue_entry(table: str, value: Any, default: str) -> Any:
         raise SpecError(f"must be text, got {shown(name)}", f"{table}.name")
     if name in entries:
         return build(kind, overrides, table, entries[name])
-    required = {f.name for f in fields(kind)} & set(entries[default]) - {"source"}
-    if required <= set(overrides) | {"name"}:
-        return build(kind, overrides, table)
+    required = {f.name for f in fields(kind)} & set(next(iter(entries.values()))) - {"source"}
+    if required <= set(overrides) | {"name"} or name == OWN_AMPLIFIER:
+        return build(kind, {"name": name, **overrides}, table)
     raise unknown_name(name, list(entries), table, f"{table}.name")

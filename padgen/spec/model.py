@@ -1,7 +1,7 @@
 """Define `Spec`, the description of the wanted pad: frozen, each field with unit, bounds and one line of meaning.
 
-`Material`, `Printer`, `Spread`, `Washer` and `Coil` are catalogue entries: a spec names one and may override any of its
-fields.
+`Material`, `Printer`, `Spread`, `Washer`, `Coil` and `Amplifier` are catalogue entries: a spec names one and may
+override any of its fields.
 """
 
 from dataclasses import dataclass, field
@@ -11,6 +11,7 @@ from padgen.core.registry import COILS, SCHEMES, SUSPENSIONS
 from padgen.spec.fields import choice, entry_name, flag, folder_name, numbers, quantity, text
 
 __all__ = [
+    "Amplifier",
     "Coil",
     "Drive",
     "Limits",
@@ -245,6 +246,18 @@ class Coil:
 
 
 @dataclass(frozen=True, slots=True)
+class Amplifier:
+    """An amplifier with a channel for each coil, or a sound card or board that drives coils by itself."""
+
+    name: str = entry_name(doc="name in the catalogue, or of your own")
+    channels: int = quantity(unit="channels", low=1, high=100_000, doc="outputs, one for each coil")
+    coupling: str = choice(of=("AC", "DC"), doc="AC: no direct current passes; DC: it does")
+    voltage_v: float = quantity(unit="V", low=0.01, high=1e5, doc="largest voltage at a coil, peak")
+    current_a: float = quantity(unit="A", low=1e-4, high=1e4, doc="largest current of a channel, peak")
+    source: str = text("", doc="where the figures come from")
+
+
+@dataclass(frozen=True, slots=True)
 class Suspension:
     """The kind of suspension, and the dimensions of its beams that may be tuned."""
 
@@ -301,7 +314,11 @@ class Drive:
         1.0, unit="1/s", low=0, high=1e6, doc="fewest frames per second for which auto lets channels take turns"
     )
     voltage_limit_v: float = quantity(
-        30.0, unit="V", low=0.01, high=1e5, doc="peak voltage of the amplifier that feeds a coil"
+        30.0,
+        unit="V",
+        low=0.01,
+        high=1e5,
+        doc="peak voltage of the amplifier that feeds a coil; at most that of [amplifier], where there is one",
     )
     bandwidth_hz: float | None = quantity(
         None,
@@ -389,6 +406,7 @@ class Spec:
     spread: Spread = field(kw_only=True)
     washer: Washer = field(kw_only=True)
     coil: Coil = field(kw_only=True)
+    amplifier: Amplifier | None = None
     suspension: Suspension = field(default_factory=Suspension)
     drive: Drive = field(default_factory=Drive)
     model: Model = field(default_factory=Model)

@@ -29,7 +29,8 @@ def spec_schema() -> dict[str, Any]:
 
 def _object(kind: Any, required: bool = False) -> dict[str, Any]:
     properties = {
-        item.name: _object(item.type) if is_dataclass(item.type) else _property(item) for item in fields(kind)
+        item.name: _object(inner) if is_dataclass(inner := optional_type(item.type)[0]) else _property(item)
+        for item in fields(kind)
     }
     schema: dict[str, Any] = {"type": "object", "additionalProperties": False, "properties": properties}
     if required:

@@ -23,7 +23,7 @@ from padgen.core.finding import Finding
 from padgen.core.wav_reader import EXTENSIBLE, FLOAT, IN_DS64, PCM, SUBFORMAT, read_wav
 from padgen.driver.ear import hear, heard_table
 from padgen.driver.formats import DriveJob
-from padgen.driver.limits import carrier_text, voltage_finding
+from padgen.driver.limits import carrier_text
 from padgen.driver.pad_drive import PadDrive, coil_lines
 from padgen.driver.waveform import Timeline, blocks, sample_count
 from padgen.measured.tuning import Tuning, tuning_hash
@@ -256,14 +256,14 @@ def write_wave(
     timeline: Timeline,
     depth: str = "24",
     signal: str = "voltage",
-    judged: Sequence[Finding] | None = None,
+    judged: Sequence[Finding] = (),
     carrier: str = "",
 ) -> WaveReport:
     """Write a WAV file, one channel per coil, read it back and compare.
 
     Sample 1 is the amplifier's limit, or the next round value where the voltage goes above it: nothing is clipped.
-    `judged` is what `padgen.driver.limits` found of the timeline (None: the samples' voltage alone is judged); where it
-    found anything, the file's comment says so. `carrier` is a clause about carriers for a current with a constant part.
+    `judged` is what `padgen.driver.limits` found of the timeline; where it found anything, the file's comment says so.
+    `carrier` is a clause about carriers for a current with a constant part.
 
     Raises
     ------
@@ -291,16 +291,11 @@ def write_wave(
                 "frames",
             )
     scale = full_scale(drive, signal)
-    beyond = "".join(f"{BEYOND_LIMIT}{finding.message}" for finding in judged or ())
+    beyond = "".join(f"{BEYOND_LIMIT}{finding.message}" for finding in judged)
     tally = _write(path, drive, timeline, depth, signal, scale, beyond)
     if tally.peak > scale * LARGEST_24:
         scale = _round_up(tally.peak / LARGEST_24)
         tally = _write(path, drive, timeline, depth, signal, scale, beyond)
-    if judged is None and signal == "voltage" and tally.peak > drive.voltage_limit_v:
-        # All currents go with the root of the level.
-        level = at_most(drive.level_um * (drive.voltage_limit_v / tally.peak) ** 2)
-        cure = f"; drive.level_um of {level} would fit it"
-        judged = (voltage_finding(path.name, tally.peak, drive.voltage_limit_v, cure),)
     count = sample_count(drive, timeline)
     wave = read_wav(path)
     said = wave.rate_hz, wave.channels, wave.count, wave.kind, wave.bits
@@ -331,7 +326,7 @@ def write_wave(
         scheme=drive.scheme.name,
         carrier_hz=drive.carrier_hz,
         alias_db=drive.alias_db,
-        findings=(*(judged or ()), *_findings(path.name, drive, carrier)),
+        findings=(*judged, *_findings(path.name, drive, carrier)),
     )
 
 
