@@ -1,7 +1,7 @@
 """Comparison of a mesh with the planned one: its pose, and every difference into which a cube of `SMALLEST_MM` fits.
 
-Triangles with the same corners are equal. Where triangles differ but cover the same places of the same planes, a
-program has only cut the faces anew. All else is found by subtracting the two solids from each other.
+Triangles with the same corners are equal. Where triangles differ but cover the same places of the same planes, another
+program only cut the faces anew. All else is found by subtracting the two solids from each other.
 """
 
 from collections.abc import Iterator
