@@ -8,7 +8,6 @@ import numpy as np
 from padgen.core.errors import FileError, SolverError, number
 from padgen.core.units import MS
 from padgen.measured.read_csv import Measured, Record, Row, Spectrum
-from padgen.physics.magnitude_fit import fit_magnitude
 from padgen.physics.resonance_fit import fit_decay, fit_driven, fit_spectrum, rough_hz
 from padgen.physics.resonance_judge import ResonanceFit
 from padgen.planner.plan import Channel, Plan
@@ -106,13 +105,12 @@ def _fit(part: Row | Spectrum | Record, channel: Channel, nearest: bool) -> Taxe
     if isinstance(part, Row):
         return _from_row(part, channel)
     if isinstance(part, Spectrum):
-        fit = fit_spectrum if np.iscomplexobj(part.response) else fit_magnitude
-        return _from_fit(part.id, fit(part.frequency_hz, part.response, near), part.absolute)
+        return _from_fit(part.id, fit_spectrum(part.frequency_hz, part.response, near), part.absolute)
     _refuse_rate(part, channel)
     if part.squared_current_a2 is None:
         return _from_fit(part.id, fit_decay(part.rate_hz, part.displacement, near), False)
     rate_hz, square, moved = _thinned(part, channel)
-    driven = fit_driven(rate_hz, square, moved, near)
+    driven = fit_driven(rate_hz, square, moved, near, ring_s=channel.ring_up_ms * MS)
     return _from_fit(part.id, driven, part.absolute)
 
 

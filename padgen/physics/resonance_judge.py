@@ -12,8 +12,10 @@ from padgen.physics.circle_fit import CircleFit
 
 __all__ = [
     "COMPARABLE",
+    "LEAST_GAIN",
     "MOST_VAGUE",
     "ResonanceFit",
+    "Seen",
     "checked",
     "point_noise",
     "refuse_bad_record",
@@ -54,6 +56,14 @@ amplitude.
 """
 
 
+class Seen(NamedTuple):
+    """What a fit has seen, to be drawn: responses (n,) over frequency in Hz, measured and of the model."""
+
+    frequency_hz: np.ndarray
+    data: np.ndarray
+    model: np.ndarray
+
+
 class ResonanceFit(NamedTuple):
     """One resonance, by two methods.
 
@@ -77,6 +87,7 @@ class ResonanceFit(NamedTuple):
     check_q_error: float
     agree: bool
     others: tuple[tuple[float, float], ...]
+    seen: Seen | None = None
 
 
 def checked(
