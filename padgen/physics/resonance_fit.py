@@ -416,20 +416,19 @@ def _solve(lines: Lines, start: np.ndarray, power: int, extra: np.ndarray | None
     return _Solved(lines, theta, factors, basis, residual, noise, more)
 
 
+def _slopes(fit: _Solved, power: int) -> np.ndarray:
+    """Return the slopes (n, p) of the fitted data over ln f₀ and ln Q of each mode, by differences."""
+    steps = np.diag(np.stack([STEP / fit.modes[:, 1], STEP + 0 * fit.modes[:, 1]], 1).ravel())
+    there, back = ([_basis(fit.lines, fit.theta + sign * d, power, fit.extra) @ fit.factors for d in steps] for sign in (1, -1))
+    return (np.stack(there, 1) - np.stack(back, 1)) / (2 * steps.sum(0))
+
+
 def _covariance(fit: _Solved, power: int) -> np.ndarray:
     """Return the covariance of theta, then of the factors' real and of their imaginary parts, by the linear rule.
 
     The residual of each line is its own measure of noise, so that noise of any colour counts where it is.
     """
-    q = np.repeat(fit.modes[:, 1], 2)
-    step = STEP * np.where(np.arange(len(q)) % 2 == 0, 1 / q, 1.0)
-    slopes = [
-        (_basis(fit.lines, fit.theta + d, power, fit.extra) - _basis(fit.lines, fit.theta - d, power, fit.extra))
-        @ fit.factors
-        / (2 * d.sum())
-        for d in np.diag(step)
-    ]
-    columns = np.concatenate([np.stack(slopes, 1), fit.basis, 1j * fit.basis], 1)
+    columns = np.concatenate([_slopes(fit, power), fit.basis, 1j * fit.basis], 1)
     norm = np.linalg.norm(columns, axis=0)
     columns = columns / np.where(norm > 0, norm, 1)
     inverse = np.linalg.pinv((columns.conj().T @ columns).real, rcond=1e-13, hermitian=True)
@@ -525,14 +524,14 @@ def _chosen(peaks: list[_Peak], near_hz: float | None) -> _Peak:
 def _fit_peaks(lines: Lines, peaks: list[_Peak], near_hz: float | None, power: int | None) -> _Solved:
     """Fit the chosen one of `peaks`, with the others in its neighbourhood and what stands out of the residual."""
     own = _chosen(peaks, near_hz)
-    start = np.log([own.hz, own.q])
-    for peak in peaks:
-        if peak is not own and abs(_detuning(np.array(peak.hz), own.hz, own.q)) < REACH:
-            start = np.append(start, np.log([peak.hz, peak.q]))
-    n = power or 0
+    start, n = np.log([own.hz, own.q]), power or 0
+    others = [peak for peak in peaks if peak is not own]
+    close = [abs(_detuning(np.array(peak.hz), own.hz, own.q)) < REACH for peak in others]
+    start = np.append(start, [np.log([p.hz, p.q]) for p, near in zip(others, close, strict=True) if near])
     for _ in range(3):
         local = lines.around(*np.exp(start[:2]))
-        fit = _solve(local, start, n)
+        far = [local.inputs[0] * _mode(local.frequency, p.hz, p.q, n) for p, near in zip(others, close, strict=True) if not near]
+        fit = _solve(local, start, n, np.array(far).reshape(-1, len(local.data)).T)
         if np.abs(fit.theta[:2] - start[:2]).max() < 0.05 / np.exp(start[1]):
             break
         start = fit.theta
@@ -562,8 +561,11 @@ def _extended(fit: _Solved, power: int) -> _Solved | None:
         hz, q, _ = _start(lines, fit.residual, power, [])
         if hz:
             tried.append((np.append(fit.theta, np.log([hz, q])), fit.extra))
-        if lines.slow is not None and not any(np.array_equal(lines.slow, c) for c in fit.extra.T):
-            tried.append((fit.theta, np.concatenate([fit.extra, lines.slow[:, None]], 1)))
+        # In noise, a response that drifts is none that the model has; in a sweep it is, of a slightly other damping.
+        if lines.slow is not None:
+            left = _projected(np.concatenate([fit.basis, _slopes(fit, power)], 1), lines.slow)
+            if np.linalg.norm(left) > 0.5 * np.linalg.norm(lines.slow):
+                tried.append((fit.theta, np.concatenate([fit.extra, lines.slow[:, None]], 1)))
     for theta, extra in tried:
         more = _solve(lines, theta, power, extra)
         if (fit.cost - more.cost) > WORTH * more.noise**2 / 2 and _is_apart(more, step):
