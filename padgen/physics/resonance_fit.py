@@ -43,13 +43,13 @@ from padgen.physics.resonance_judge import (
     rough_peak,
 )
 
-__all__ = ["current_of_voltage", "fit_decay", "fit_driven", "fit_spectrum", "rough_hz"]
+__all__ = ["SENSORS", "current_of_voltage", "fit_decay", "fit_driven", "fit_spectrum", "rough_hz"]
 
 REACH = 10.0
 """Largest |Q (s − 1/s)| of fitted lines: five bandwidths on either side."""
 FEWEST_LINES, MOST_LINES = 14, 3000
 LEAST_Q, LARGEST_Q = 0.55, 1e7
-MOST_MODES, MOST_EXTRA = 4, 8
+MOST_MODES, MOST_HUM = 4, 8
 SMOOTHED = (1, 5, 25, 125)
 """Numbers of points over which a response is averaged to find its peak in noise."""
 WORTH = 30.0
@@ -64,6 +64,10 @@ QUIET_SHARE, BEFORE_S, RINGING_TAUS = 1e-3, 0.1, 12.0
 """Share of the largest i² below which a coil is silent; kept silence before (s) and after it (time constants)."""
 DECAY_TAUS, DECAY_PERIODS, FEWEST_PERIODS = 15.0, 10.0, 4.0
 FEWEST_SAMPLES = 64
+SEEN, WIDE = 5.0, 0.6
+"""Least response over its noise, and least range of ln f, from which the kind of sensor is recognised."""
+SENSORS = ("displacement", "velocity", "acceleration")
+"""Kinds of sensors, by the power of the frequency."""
 FILLED = 6
 """Rounds in which clipped samples are replaced by the model's."""
 STEP = 1e-5
@@ -73,7 +77,8 @@ STEP = 1e-5
 class Lines(NamedTuple):
     """Measured lines: `data` (n,) over `frequency` (n,) in Hz, and the inputs (m, n) that make them.
 
-    A record lasts `seconds` (0 for a spectrum); `slow` (n,) is the transform of the response times the time.
+    A record lasts `seconds` (0 for a spectrum); `slow` (n,) is the transform of the response times the time. `noise`
+    is that of a line where it is known.
     """
 
     frequency: np.ndarray
@@ -81,11 +86,17 @@ class Lines(NamedTuple):
     inputs: np.ndarray
     seconds: float = 0.0
     slow: np.ndarray | None = None
+    noise: float = 0.0
+
+    @property
+    def step_hz(self) -> float:
+        """Distance of a record's lines in Hz, or the largest of a spectrum's."""
+        return 1 / self.seconds if self.seconds else float(np.diff(self.frequency).max())
 
     def at(self, keep: np.ndarray) -> "Lines":
         """Return the lines of the indices `keep`."""
         slow = None if self.slow is None else self.slow[keep]
-        return Lines(self.frequency[keep], self.data[keep], self.inputs[:, keep], self.seconds, slow)
+        return Lines(self.frequency[keep], self.data[keep], self.inputs[:, keep], self.seconds, slow, self.noise)
 
     def around(self, hz: float, q: float) -> "Lines":
         """Return the lines within `REACH` of a resonance, thinned to `MOST_LINES`."""
@@ -141,18 +152,19 @@ def fit_spectrum(
     data = given if np.iscomplexobj(given) else _with_phase(frequency, given)
     lines = Lines(frequency, np.asarray(data, complex), np.ones((1, len(data))))
     peaks = _peaks(lines, power or 0)
-    fit = _fit_peaks(lines, peaks, near_hz, power)
-    hz, q = fit.modes[0]
     noise = point_noise(given)
+    n = _recognised(lines._replace(noise=noise), peaks, near_hz, power)
+    fit = _fit_peaks(lines, peaks, near_hz, n or 0)
+    hz, q = fit.modes[0]
     refuse_no_peak(abs(fit.factors[0]), max(fit.noise, 1e-300), _gain(fit, noise), frequency, np.abs(given))
     refuse_edge(frequency[0], frequency[-1], hz, q)
     if np.iscomplexobj(given):
-        _refuse_phase(lines, fit, power or 0)
+        _refuse_phase(lines, fit, n or 0)
     refuse_no_resonance(np.abs(fit.lines.data), fit.noise, noise, hz)
     refuse_few(frequency, hz, q)
     if not np.iscomplexobj(given):
-        fit = _polished(fit, np.abs(given)[np.isin(frequency, fit.lines.frequency)])
-    return _result(fit, peaks, near_hz, power, np.iscomplexobj(given))
+        fit = _polished(fit, np.abs(given)[np.isin(frequency, fit.lines.frequency)], n or 0)
+    return _result(lines, fit, peaks, near_hz, n, np.iscomplexobj(given))
 
 
 def fit_driven(
@@ -163,10 +175,12 @@ def fit_driven(
     power: int | None = None,
     ring_s: float | None = None,
     clipped: np.ndarray | None = None,
+    exact: bool = False,
 ) -> ResonanceFit:
     """Fit the `response` (n,) to `squared_current` (n,); `peak` is per unit of a line of the latter.
 
-    `ring_s` is about the time constant of the resonance; `clipped` (n,) marks samples of the response without value.
+    `power` is as in `fit_spectrum`. `ring_s` is about the time constant of the resonance; `clipped` (n,) marks samples
+    of the response at the end of their scale. With `exact` the peak nearest to `near_hz` is taken however small it is.
 
     Raises
     ------
@@ -187,25 +201,25 @@ def fit_driven(
     x, y, held = _shifted(_lag(rate_hz, x, y, _chosen(peaks, near_hz)), x, y, held)
     gated, low, high = _gated(rate_hz, x, y, rings)
     peaks = _peaks(gated, power or 0)
+    n = _recognised(gated, peaks, near_hz, power)
     for _ in range(FILLED if held.any() else 1):
         lines = _record_lines(rate_hz, y, x)
-        fit = _fit_peaks(lines, peaks, near_hz, power)
+        fit = _fit_peaks(lines, peaks, near_hz, n or 0, exact)
         spectrum = np.fft.rfft(y)
-        places = np.round(fit.lines.frequency * fit.lines.seconds).astype(int)
-        spectrum[places] = fit.basis @ fit.factors
-        y[held] = np.fft.irfft(spectrum, len(y))[held]
+        spectrum[np.round(fit.lines.frequency * fit.lines.seconds).astype(int)] = fit.basis @ fit.factors
+        model = np.fft.irfft(spectrum, len(y))[held]
+        y[held] = np.sign(y[held]) * np.maximum(np.abs(y[held]), np.sign(y[held]) * model)
     hz, q = fit.modes[0]
     _refuse_short(len(y) / rate_hz, hz)
-    if not _gain(fit) >= LEAST_GAIN:
-        raise SolverError(
-            "shows no answer to the excitation: the best one is no more than noise makes by chance; excite more, check"
-            " that the first channel is the excitation and the sensor is on this taxel, or leave this taxel out"
-        )
+    _refuse_hidden(fit, "answer to the excitation", "excite more, check that the first channel is the excitation (and"
+        " that it passes direct current if that is noise) and that the sensor is on this taxel")
     refuse_edge(low, high, hz, q, "the excited band", "the excitation", rate_hz / len(y))
-    return _result(fit, peaks, near_hz, power)
+    return _result(lines, fit, peaks, near_hz, n)
 
 
-def fit_decay(rate_hz: float, response: np.ndarray, near_hz: float | None = None) -> ResonanceFit:
+def fit_decay(
+    rate_hz: float, response: np.ndarray, near_hz: float | None = None, exact: bool = False
+) -> ResonanceFit:
     """Fit the free decay in `response` (n,), of any sensor, after its largest value.
 
     Raises
@@ -230,14 +244,10 @@ def fit_decay(rate_hz: float, response: np.ndarray, near_hz: float | None = None
         if seconds * rate_hz >= 0.9 * len(y):
             break
         y = y[: max(int(seconds * rate_hz), FEWEST_SAMPLES)]
-    fit = _fit_peaks(lines, peaks, near_hz, 0)
+    fit = _fit_peaks(lines, peaks, near_hz, 0, exact)
     _refuse_short(len(y) / rate_hz, float(fit.modes[0, 0]))
-    if not _gain(fit) >= LEAST_GAIN:
-        raise SolverError(
-            "shows no free decay: the best one is no more than noise makes by chance; pluck harder, or leave this taxel"
-            " out"
-        )
-    return _result(fit, peaks, near_hz, 0)
+    _refuse_hidden(fit, "free decay", "pluck harder")
+    return _result(lines, fit, peaks, near_hz, 0)
 
 
 def rough_hz(rate_hz: float, response: np.ndarray, squared_current: np.ndarray | None = None) -> float:
@@ -332,7 +342,34 @@ def _gated(rate: float, x: np.ndarray, y: np.ndarray, rings: float) -> tuple[Lin
     frequency = np.fft.fftfreq(2 * len(kept), 1 / rate)[: len(kept)]
     data = np.fft.fft(kept, 2 * len(kept))[: len(kept)] * np.exp(2j * np.pi * frequency * before / rate)
     inside = np.flatnonzero((frequency >= cross.low / 1.1) & (frequency <= 1.1 * cross.high) & (frequency > 0))
-    return Lines(frequency, data, np.ones((1, len(data)))).at(inside), cross.low, cross.high
+    away = np.roll(impulse, len(impulse) // 2)[: len(impulse) // 4]
+    noise = float(np.sqrt(np.mean(np.abs(away) ** 2) * len(kept)))
+    return Lines(frequency, data, np.ones((1, len(data))), noise=noise).at(inside), cross.low, cross.high
+
+
+def _recognised(lines: Lines, peaks: list[_Peak], near_hz: float | None, power: int | None) -> int | None:
+    """Return the power of the frequency by which a response differs from that of a displacement: 0, 1, 2 or None.
+
+    It is the slope of the response over the first peak's on logarithmic axes, where other peaks and noise are small.
+    Refuses a stated `power` that is another.
+    """
+    own, *others = sorted(peaks, key=lambda p: p is not _chosen(peaks, near_hz))
+    s = lines.frequency / own.hz
+    alone = own.size * np.abs(_mode(lines.frequency, own.hz, own.q, power or 0)) / s ** (power or 0)
+    good = (np.abs(lines.data) > SEEN * lines.noise) & (s > 1 / 3) & (s < 3)
+    for other in others:
+        good &= other.size * np.abs(_mode(lines.frequency, other.hz, other.q, 0)) < 0.3 * alone
+    log = np.log(s[good])
+    if len(log) < FEWEST_LINES or np.ptp(log) < WIDE:
+        return power
+    slope = float(np.polyfit(log, np.log(np.abs(lines.data[good]) / alone[good]), 1)[0])
+    nearest = int(np.clip(round(slope), 0, 2))
+    if power is not None and abs(slope - power) > 0.7:
+        raise SolverError(
+            f"is said to be of {SENSORS[power]}, but looks like {SENSORS[nearest]}: it grows with the {slope:.1f}th power"
+            " of frequency over that of a displacement; state the sensor (--sensor), or none"
+        )
+    return power if power is not None or abs(slope - nearest) > 0.4 else nearest
 
 
 def _largest(y: np.ndarray) -> int:
@@ -347,6 +384,14 @@ def _refuse_short(seconds: float, hz: float) -> None:
         raise SolverError(
             f"holds {number(float(seconds * hz))} periods of {number(hz)} Hz; record at least"
             f" {at_least(FEWEST_PERIODS / hz)} s"
+        )
+
+
+def _refuse_hidden(fit: _Solved, what: str, cure: str) -> None:
+    """Refuse a record in which no motion stands out of the noise."""
+    if not _gain(fit) >= LEAST_GAIN:
+        raise SolverError(
+            f"shows no {what}: the best one is no more than noise makes by chance; {cure}, or leave this taxel out"
         )
 
 
@@ -459,11 +504,8 @@ def _correlation(residual: np.ndarray) -> float:
 
 
 def _gain(fit: _Solved, least_noise: float = 0.0) -> float:
-    """Return the decrease of the sum of squares by all modes, in variances of a part of a line."""
-    inputs, modes = len(fit.lines.inputs), len(fit.theta) // 2
-    shapes = (fit.basis.shape[1] - fit.extra.shape[1]) // inputs
-    own = np.arange(fit.basis.shape[1])
-    smooth = (own >= inputs * shapes) | (own % shapes >= modes)
+    """Return the decrease of the sum of squares by the modes' first columns, in variances of a part of a line."""
+    smooth = np.arange(fit.basis.shape[1]) >= len(fit.modes)
     plain = _projected(fit.basis[:, smooth], fit.lines.data)
     taken = float(np.vdot(plain, plain).real) - fit.cost
     return taken / max(max(fit.noise, least_noise) ** 2 / 2, np.finfo(float).tiny)
@@ -515,101 +557,120 @@ def _peaks(lines: Lines, power: int) -> list[_Peak]:
     return found
 
 
-def _chosen(peaks: list[_Peak], near_hz: float | None) -> _Peak:
-    """Return the largest peak, or, of comparable ones, the one nearest to `near_hz`."""
-    tall = [peak for peak in peaks if peak.size >= COMPARABLE * max(p.size for p in peaks)]
+def _chosen(peaks: list[_Peak], near_hz: float | None, exact: bool = False) -> _Peak:
+    """Return the largest peak, or, of comparable ones (with `exact` of all), the one nearest to `near_hz`."""
+    least = 0.0 if exact else COMPARABLE * max(p.size for p in peaks)
+    tall = [peak for peak in peaks if peak.size >= least]
     return min(tall, key=lambda p: -p.size if near_hz is None else abs(np.log(p.hz / near_hz)))
 
 
-def _fit_peaks(lines: Lines, peaks: list[_Peak], near_hz: float | None, power: int | None) -> _Solved:
+def _fit_peaks(
+    lines: Lines, peaks: list[_Peak], near_hz: float | None, power: int, exact: bool = False
+) -> _Solved:
     """Fit the chosen one of `peaks`, with the others in its neighbourhood and what stands out of the residual."""
-    own = _chosen(peaks, near_hz)
-    start, n = np.log([own.hz, own.q]), power or 0
+    own = _chosen(peaks, near_hz, exact)
+    start = np.log([own.hz, own.q])
     others = [peak for peak in peaks if peak is not own]
-    close = [abs(_detuning(np.array(peak.hz), own.hz, own.q)) < REACH for peak in others]
-    start = np.append(start, [np.log([p.hz, p.q]) for p, near in zip(others, close, strict=True) if near])
+    far = [p for p in others if abs(_detuning(np.array(p.hz), own.hz, own.q)) >= REACH]
     for _ in range(3):
         local = lines.around(*np.exp(start[:2]))
-        far = [local.inputs[0] * _mode(local.frequency, p.hz, p.q, n) for p, near in zip(others, close, strict=True) if not near]
-        fit = _solve(local, start, n, np.array(far).reshape(-1, len(local.data)).T)
+        wings = [local.inputs[0] * _mode(local.frequency, p.hz, p.q, power) for p in far]
+        fit = _solve(local, start, power, np.array(wings).reshape(-1, len(local.data)).T)
         if np.abs(fit.theta[:2] - start[:2]).max() < 0.05 / np.exp(start[1]):
             break
         start = fit.theta
-    if power is None and len(lines.inputs) + (not lines.seconds) == 2:
-        n = 0
-    for _ in range(MOST_EXTRA):
-        more = _extended(fit, n)
+    for peak in others:
+        fit = _without_hum(fit, power)
+        if peak not in far:
+            fit = _better(fit, np.append(fit.theta, np.log([peak.hz, peak.q])), power, fit.extra) or fit
+    for _ in range(MOST_MODES):
+        more = _extended(_without_hum(fit, power), power)
+        if more is None:
+            break
+        fit = more
+    return _without_hum(fit, power)
+
+
+def _without_hum(fit: _Solved, power: int) -> _Solved:
+    """Return the fit with those mains lines in the model that stand out of the residual."""
+    lines = fit.lines
+    for _ in range(MOST_HUM):
+        size = np.abs(fit.residual)
+        hum = size * _mains(lines)
+        if hum.max() <= 3.5 * np.median(size) / np.sqrt(np.log(2)):
+            break
+        line = _line_columns(lines, lines.frequency[hum.argmax()])
+        more = _better(fit, fit.theta, power, np.concatenate([fit.extra, line], 1))
         if more is None:
             break
         fit = more
     return fit
 
 
-def _extended(fit: _Solved, power: int) -> _Solved | None:
-    """Return a better fit, with a mains line, a further mode or a drift in the model; None where none is worth it."""
-    lines, size = fit.lines, np.abs(fit.residual)
-    if fit.noise < SMALLEST_NOISE * np.abs(lines.data).max() or len(size) < fit.basis.shape[1] + 6:
+def _better(fit: _Solved, theta: np.ndarray, power: int, extra: np.ndarray) -> _Solved | None:
+    """Return a fit with more modes or columns; None where it is not worth them, or a mode is not resolved."""
+    if len(fit.residual) < fit.basis.shape[1] + 6:
         return None
-    middle = float(np.median(size)) / np.sqrt(np.log(2))
-    step = 1 / lines.seconds if lines.seconds else float(np.diff(lines.frequency).max())
-    hum = _mains(lines.frequency, step)
-    tried = []
-    if hum.any() and (size * hum).max() > 3.5 * middle:
-        hz = lines.frequency[(size * hum).argmax()]
-        tried.append((fit.theta, np.concatenate([fit.extra, _line_columns(lines, hz, step)], 1)))
-    elif size.max() > middle * np.sqrt(np.log(len(size)) + 4) or _correlation(fit.residual) > 1:
-        hz, q, _ = _start(lines, fit.residual, power, [])
-        if hz:
-            tried.append((np.append(fit.theta, np.log([hz, q])), fit.extra))
-        # In noise, a response that drifts is none that the model has; in a sweep it is, of a slightly other damping.
-        if lines.slow is not None:
-            left = _projected(np.concatenate([fit.basis, _slopes(fit, power)], 1), lines.slow)
-            if np.linalg.norm(left) > 0.5 * np.linalg.norm(lines.slow):
-                tried.append((fit.theta, np.concatenate([fit.extra, lines.slow[:, None]], 1)))
-    for theta, extra in tried:
-        more = _solve(lines, theta, power, extra)
-        if (fit.cost - more.cost) > WORTH * more.noise**2 / 2 and _is_apart(more, step):
-            return more
-    return None
-
-
-def _mains(frequency: np.ndarray, step: float) -> np.ndarray:
-    """Return whether lines (n,) are at a multiple of a mains frequency."""
-    near = np.zeros(len(frequency), bool)
-    for mains in MAINS_HZ:
-        off = np.abs(frequency - mains * np.maximum(np.round(frequency / mains), 1))
-        near |= off < np.maximum(MAINS_OFF * frequency, 1.01 * step)
-    return near
-
-
-def _line_columns(lines: Lines, hz: float, step: float) -> np.ndarray:
-    """Return columns (n, k) of a line at about `hz` that may waver: three neighbouring sines; of a spectrum a point."""
-    if not lines.seconds:
-        return np.asarray(lines.frequency == hz, float)[:, None]
-    away = (hz - lines.frequency)[:, None] / step + np.array([-0.5, 0.0, 0.5])
-    return np.asarray(np.sinc(away) * np.exp(1j * np.pi * away) * np.abs(lines.data).max())
-
-
-def _is_apart(fit: _Solved, step: float) -> bool:
-    """Return whether all modes are resolved, inside the lines, and apart from each other."""
-    hz, q = fit.modes.T
+    more = _solve(fit.lines, theta, power, extra)
+    hz, q = more.modes.T
+    step = fit.lines.step_hz
     width = np.maximum(hz / q, step)
     near = np.abs(hz[:, None] - hz) <= 0.5 * np.maximum.outer(width, width)
     inside = (hz > fit.lines.frequency[0] - width) & (hz < fit.lines.frequency[-1] + width)
-    return bool(near.sum() == len(hz) and inside.all() and (hz / q > 0.3 * step)[1:].all())
+    apart = near.sum() == len(hz) and inside.all() and (hz / q > 0.3 * step)[1:].all()
+    own = np.abs(more.theta[0] - fit.theta[0]) < 0.5 / q[0]
+    return more if apart and own and fit.cost - more.cost > WORTH * more.noise**2 / 2 else None
+
+
+def _extended(fit: _Solved, power: int) -> _Solved | None:
+    """Return a better fit, with a further mode or a drift in the model; None where none is worth it."""
+    lines, size = fit.lines, np.abs(fit.residual)
+    if fit.noise < SMALLEST_NOISE * np.abs(lines.data).max():
+        return None
+    middle = float(np.median(size)) / np.sqrt(np.log(2))
+    if size.max() < middle * np.sqrt(np.log(len(size)) + 4) and _correlation(fit.residual) == 1:
+        return None
+    hz, q, _ = _start(lines, fit.residual, power, [])
+    more = _better(fit, np.append(fit.theta, np.log([hz, q])), power, fit.extra) if hz else None
+    if more is None and lines.slow is not None:
+        # In noise, a response that drifts is none that the model has; in a sweep it is, of a slightly other damping.
+        left = _projected(np.concatenate([fit.basis, _slopes(fit, power)], 1), lines.slow)
+        if np.linalg.norm(left) > 0.5 * np.linalg.norm(lines.slow):
+            more = _better(fit, fit.theta, power, np.concatenate([fit.extra, lines.slow[:, None]], 1))
+    return more
+
+
+def _mains(lines: Lines) -> np.ndarray:
+    """Return whether lines (n,) are at a multiple of a mains frequency."""
+    off = [np.abs(lines.frequency - hz * np.maximum(np.round(lines.frequency / hz), 1)) for hz in MAINS_HZ]
+    return np.asarray(np.minimum(*off) < np.maximum(MAINS_OFF * lines.frequency, 1.01 * lines.step_hz))
+
+
+def _line_columns(lines: Lines, hz: float) -> np.ndarray:
+    """Return columns (n, k) of a line at about `hz` that may waver: three neighbouring sines; of a spectrum a point."""
+    if not lines.seconds:
+        return np.asarray(lines.frequency == hz, float)[:, None]
+    away = (hz - lines.frequency)[:, None] / lines.step_hz + np.array([-0.5, 0.0, 0.5])
+    return np.asarray(np.sinc(away) * np.exp(1j * np.pi * away) * np.abs(lines.data).max())
 
 
 def _result(
-    fit: _Solved, peaks: list[_Peak], near_hz: float | None, power: int | None, phased: bool = True
+    lines: Lines, fit: _Solved, peaks: list[_Peak], near_hz: float | None, power: int | None, phased: bool = True
 ) -> ResonanceFit:
     """Return the fit's figures beside the circle's, which is fitted to the data without all other terms."""
     n = power or 0
     hz, q = fit.modes[0]
     peak = float(abs(fit.factors[0]))
-    unit = peak / max((p.size for p in peaks if abs(np.log(p.hz / hz)) < 1 / q), default=peak)
-    others = tuple((p.hz, p.size * unit) for p in peaks if abs(np.log(p.hz / hz)) > 0.5 / q)
+    sizes = np.abs(fit.factors[: len(fit.modes)])
+    others = [(float(f), float(size)) for (f, _), size in zip(fit.modes[1:], sizes[1:], strict=True)]
+    for far in peaks:
+        # A peak of the first look counts where the record itself shows it.
+        if all(abs(np.log(far.hz / f)) > 1 / far.q for f in fit.modes[:, 0]):
+            seen = _fit_peaks(lines, peaks, far.hz, n, exact=True)
+            if _gain(seen) > LEAST_GAIN and abs(np.log(seen.modes[0, 0] / far.hz)) < 1 / far.q:
+                others.append((float(seen.modes[0, 0]), float(abs(seen.factors[0]))))
     if near_hz is None:
-        refuse_two(hz, peak, others)
+        refuse_two(hz, peak, tuple(others))
     covariance = _covariance(fit, n)
     sigma = np.sqrt(np.diag(covariance))
     count = len(fit.factors)
@@ -625,10 +686,11 @@ def _result(
         circle = circle_resonance(
             lines.frequency[strong], (alone / drive)[strong] / s**n, hz, q, 1 / (np.abs(drive[strong]) * s**n)
         )
-    seen = Seen(lines.frequency[strong], (lines.data / drive)[strong], ((lines.data - fit.residual) / drive)[strong])
+    drawn = Seen(lines.frequency[strong], (lines.data / drive)[strong], ((lines.data - fit.residual) / drive)[strong])
     errors = float(hz * sigma[0]), float(q * sigma[1]), peak_error
     noise = fit.noise / float(np.abs(drive).mean())
-    return checked((float(hz), float(q), peak), errors, noise, "circle", circle, others)._replace(seen=seen)
+    found = checked((float(hz), float(q), peak), errors, noise, "circle", circle, tuple(others))
+    return found._replace(seen=drawn, power=power)
 
 
 # Spectra
@@ -644,12 +706,12 @@ def _with_phase(frequency: np.ndarray, size: np.ndarray) -> np.ndarray:
     return np.asarray(size * np.exp(1j * np.interp(frequency, even, phase)))
 
 
-def _polished(fit: _Solved, size: np.ndarray) -> _Solved:
+def _polished(fit: _Solved, size: np.ndarray, power: int) -> _Solved:
     """Return the fit of magnitudes `size` (n,) from a complex one, with phases that are the model's."""
     for _ in range(60):
         model = fit.basis @ fit.factors
         data = size * np.exp(1j * np.angle(model))
-        fit = _solve(fit.lines._replace(data=data), fit.theta, 0, fit.extra)
+        fit = _solve(fit.lines._replace(data=data), fit.theta, power, fit.extra)
     return fit
 
 

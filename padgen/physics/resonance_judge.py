@@ -70,7 +70,8 @@ class ResonanceFit(NamedTuple):
     Fields ending in `_error` are one sigma; `peak` is the amplitude at resonance in the unit of the data. `noise` is
     that of a point; for a driven record, that of a sample over its largest response. Fields starting with `check_` are
     the results of the second method, `check` ('' where it could not be used); `agree` says whether the two agree.
-    `others` are further peaks (Hz, amplitude).
+    `others` are further peaks (Hz, amplitude). `power` is 0, 1 or 2 for displacement, velocity or acceleration, None
+    where this is neither stated nor recognised.
     """
 
     resonance_hz: float
@@ -88,6 +89,7 @@ class ResonanceFit(NamedTuple):
     agree: bool
     others: tuple[tuple[float, float], ...]
     seen: Seen | None = None
+    power: int | None = None
 
 
 def checked(
