@@ -28,7 +28,6 @@ from padgen.physics.circle_fit import circle_resonance
 from padgen.physics.resonance_judge import (
     COMPARABLE,
     LEAST_GAIN,
-    MOST_VAGUE,
     ResonanceFit,
     Seen,
     checked,
@@ -43,7 +42,7 @@ from padgen.physics.resonance_judge import (
     rough_peak,
 )
 
-__all__ = ["SENSORS", "current_of_voltage", "fit_decay", "fit_driven", "fit_spectrum", "rough_hz"]
+__all__ = ["SENSORS", "current_of_voltage", "fit_decay", "fit_driven", "fit_spectrum", "looked_at", "rough_hz"]
 
 REACH = 10.0
 """Largest |Q (s − 1/s)| of fitted lines: five bandwidths on either side."""
@@ -64,12 +63,20 @@ QUIET_SHARE, BEFORE_S, RINGING_TAUS = 1e-3, 0.1, 12.0
 """Share of the largest i² below which a coil is silent; kept silence before (s) and after it (time constants)."""
 DECAY_TAUS, DECAY_PERIODS, FEWEST_PERIODS = 15.0, 10.0, 4.0
 FEWEST_SAMPLES = 64
+NO_ANSWER = (
+    "shows no answer to the excitation: the best one is no more than noise makes by chance; excite more, check that the"
+    " first channel is the excitation (and, of noise, that it passes direct current) and that the sensor is on this"
+    " taxel, or leave this taxel out"
+)
+NO_DECAY = (
+    "shows no free decay: the best one is no more than noise makes by chance; pluck harder, or leave this taxel out"
+)
 SEEN, WIDE = 5.0, 0.6
 """Least response over its noise, and least range of ln f, from which the kind of sensor is recognised."""
 SENSORS = ("displacement", "velocity", "acceleration")
 """Kinds of sensors, by the power of the frequency."""
-FILLED = 6
-"""Rounds in which clipped samples are replaced by the model's."""
+FILLED, FASTER = 20, 1.8
+"""Rounds in which clipped samples are moved to the model, and the step of each over the way there (below 2)."""
 STEP = 1e-5
 """Step of a parameter over its scale, in finite differences."""
 
@@ -101,7 +108,7 @@ class Lines(NamedTuple):
     def around(self, hz: float, q: float) -> "Lines":
         """Return the lines within `REACH` of a resonance, thinned to `MOST_LINES`."""
         away = np.abs(_detuning(self.frequency, hz, q))
-        keep = np.flatnonzero(away <= max(REACH, float(np.sort(away)[: FEWEST_LINES][-1])))
+        keep = np.flatnonzero(away <= max(REACH, float(np.sort(away)[:FEWEST_LINES][-1])))
         return self.at(keep[:: -(-len(keep) // MOST_LINES)])
 
 
@@ -197,28 +204,31 @@ def fit_driven(
     loud = np.flatnonzero(np.abs(x) > QUIET_SHARE * np.abs(x).max())
     part = slice(max(int(loud[0] - BEFORE_S * rate_hz), 0), int(loud[-1] + RINGING_TAUS * rings * rate_hz))
     x, y, held = x[part], y[part], held[part]
+    if len(x) < FEWEST_SAMPLES:
+        raise SolverError(NO_ANSWER)
     peaks = _peaks(_gated(rate_hz, x, y, rings)[0], power or 0)
     x, y, held = _shifted(_lag(rate_hz, x, y, _chosen(peaks, near_hz)), x, y, held)
     gated, low, high = _gated(rate_hz, x, y, rings)
     peaks = _peaks(gated, power or 0)
     n = _recognised(gated, peaks, near_hz, power)
-    for _ in range(FILLED if held.any() else 1):
-        lines = _record_lines(rate_hz, y, x)
-        fit = _fit_peaks(lines, peaks, near_hz, n or 0, exact)
-        spectrum = np.fft.rfft(y)
-        spectrum[np.round(fit.lines.frequency * fit.lines.seconds).astype(int)] = fit.basis @ fit.factors
-        model = np.fft.irfft(spectrum, len(y))[held]
-        y[held] = np.sign(y[held]) * np.maximum(np.abs(y[held]), np.sign(y[held]) * model)
+    lines = _record_lines(rate_hz, y, x)
+    fit = _fit_peaks(lines, peaks, near_hz, n or 0, exact)
+    for _ in range(FILLED if held.any() else 0):
+        fit, y = _filled(fit, rate_hz, x, y, held, n or 0)
     hz, q = fit.modes[0]
     _refuse_short(len(y) / rate_hz, hz)
-    _refuse_hidden(fit, "answer to the excitation", "excite more, check that the first channel is the excitation (and"
-        " that it passes direct current if that is noise) and that the sensor is on this taxel")
+    if not _gain(fit) >= LEAST_GAIN:
+        raise SolverError(NO_ANSWER)
     refuse_edge(low, high, hz, q, "the excited band", "the excitation", rate_hz / len(y))
     return _result(lines, fit, peaks, near_hz, n)
 
 
 def fit_decay(
-    rate_hz: float, response: np.ndarray, near_hz: float | None = None, exact: bool = False
+    rate_hz: float,
+    response: np.ndarray,
+    near_hz: float | None = None,
+    exact: bool = False,
+    clipped: np.ndarray | None = None,
 ) -> ResonanceFit:
     """Fit the free decay in `response` (n,), of any sensor, after its largest value.
 
@@ -235,7 +245,10 @@ def fit_decay(
             f"is largest {number(first / rate_hz)} s into a record of {number(len(y) / rate_hz)} s: a free decay starts"
             " at its largest value; if there was an excitation, add it as a column"
         )
+    if clipped is not None and clipped[first:].any():
+        first += int(np.flatnonzero(clipped[first:])[-1]) + 1
     y = y[first:]
+    refuse_bad_record(y)
     for _ in range(3):
         lines = _record_lines(rate_hz, y)
         peaks = _peaks(lines, 0)
@@ -246,17 +259,25 @@ def fit_decay(
         y = y[: max(int(seconds * rate_hz), FEWEST_SAMPLES)]
     fit = _fit_peaks(lines, peaks, near_hz, 0, exact)
     _refuse_short(len(y) / rate_hz, float(fit.modes[0, 0]))
-    _refuse_hidden(fit, "free decay", "pluck harder")
-    return _result(lines, fit, peaks, near_hz, 0)
+    if not _gain(fit) >= LEAST_GAIN:
+        raise SolverError(NO_DECAY)
+    return _result(lines, fit, peaks, near_hz, None)
+
+
+def looked_at(rate_hz: float, response: np.ndarray, squared_current: np.ndarray | None = None) -> Seen:
+    """Return the response over frequency of a record as it is, without a fit: of a decay the transform."""
+    if squared_current is None or np.ptp(squared_current) == 0:
+        lines = _record_lines(rate_hz, response[_largest(response) :])
+    else:
+        lines = _gated(rate_hz, squared_current, response, len(response) / rate_hz / 8)[0]
+    return Seen(lines.frequency, lines.data, None)
 
 
 def rough_hz(rate_hz: float, response: np.ndarray, squared_current: np.ndarray | None = None) -> float:
     """Estimate the resonance in Hz: the largest velocity per excitation, or the largest line of a free decay."""
-    if squared_current is None:
-        lines = _record_lines(rate_hz, response[_largest(response) :])
-        return float(lines.frequency[np.abs(lines.data).argmax()])
-    lines = _gated(rate_hz, squared_current, response, len(response) / rate_hz / 8)[0]
-    return float(lines.frequency[(np.abs(lines.data) * lines.frequency).argmax()])
+    seen = looked_at(rate_hz, response, squared_current)
+    weight = 1.0 if squared_current is None else seen.frequency_hz
+    return float(seen.frequency_hz[(np.abs(seen.data) * weight).argmax()])
 
 
 def current_of_voltage(rate_hz: float, voltage: np.ndarray, resistance: float, inductance: float) -> np.ndarray:
@@ -366,8 +387,8 @@ def _recognised(lines: Lines, peaks: list[_Peak], near_hz: float | None, power: 
     nearest = int(np.clip(round(slope), 0, 2))
     if power is not None and abs(slope - power) > 0.7:
         raise SolverError(
-            f"is said to be of {SENSORS[power]}, but looks like {SENSORS[nearest]}: it grows with the {slope:.1f}th power"
-            " of frequency over that of a displacement; state the sensor (--sensor), or none"
+            f"is said to be of {SENSORS[power]}, but looks like {SENSORS[nearest]}: over that of a displacement it"
+            f" grows with the frequency to the power of {slope:.1f}; state the sensor that was used (--sensor), or none"
         )
     return power if power is not None or abs(slope - nearest) > 0.4 else nearest
 
@@ -384,14 +405,6 @@ def _refuse_short(seconds: float, hz: float) -> None:
         raise SolverError(
             f"holds {number(float(seconds * hz))} periods of {number(hz)} Hz; record at least"
             f" {at_least(FEWEST_PERIODS / hz)} s"
-        )
-
-
-def _refuse_hidden(fit: _Solved, what: str, cure: str) -> None:
-    """Refuse a record in which no motion stands out of the noise."""
-    if not _gain(fit) >= LEAST_GAIN:
-        raise SolverError(
-            f"shows no {what}: the best one is no more than noise makes by chance; {cure}, or leave this taxel out"
         )
 
 
@@ -464,18 +477,23 @@ def _solve(lines: Lines, start: np.ndarray, power: int, extra: np.ndarray | None
 def _slopes(fit: _Solved, power: int) -> np.ndarray:
     """Return the slopes (n, p) of the fitted data over ln f₀ and ln Q of each mode, by differences."""
     steps = np.diag(np.stack([STEP / fit.modes[:, 1], STEP + 0 * fit.modes[:, 1]], 1).ravel())
-    there, back = ([_basis(fit.lines, fit.theta + sign * d, power, fit.extra) @ fit.factors for d in steps] for sign in (1, -1))
+    there, back = (
+        [_basis(fit.lines, fit.theta + sign * d, power, fit.extra) @ fit.factors for d in steps] for sign in (1, -1)
+    )
     return (np.stack(there, 1) - np.stack(back, 1)) / (2 * steps.sum(0))
 
 
-def _covariance(fit: _Solved, power: int) -> np.ndarray:
+def _covariance(fit: _Solved, power: int, phased: bool) -> np.ndarray:
     """Return the covariance of theta, then of the factors' real and of their imaginary parts, by the linear rule.
 
     The residual of each line is its own measure of noise, so that noise of any colour counts where it is.
     """
     columns = np.concatenate([_slopes(fit, power), fit.basis, 1j * fit.basis], 1)
+    if not phased:  # the part along the model alone was measured
+        columns = (columns * np.exp(-1j * np.angle(fit.lines.data))[:, None]).real
     norm = np.linalg.norm(columns, axis=0)
-    columns = columns / np.where(norm > 0, norm, 1)
+    norm = np.where(norm > 0, norm, 1)
+    columns = columns / norm
     inverse = np.linalg.pinv((columns.conj().T @ columns).real, rcond=1e-13, hermitian=True)
     count = len(fit.residual)
     plain = fit.noise**2 / 2 * inverse
@@ -554,7 +572,28 @@ def _peaks(lines: Lines, power: int) -> list[_Peak]:
             break
         found.append(_Peak(float(hz), float(q), float(abs(fit.factors[0] * fit.lines.inputs[0].mean()))))
         rest = rest - fit.factors[0] * lines.inputs[0] * _mode(lines.frequency, hz, q, power)
+    if not found:
+        raise SolverError("shows no resonance; excite more, or leave this taxel out")
     return found
+
+
+def _filled(
+    fit: _Solved, rate: float, x: np.ndarray, y: np.ndarray, held: np.ndarray, power: int
+) -> tuple[_Solved, np.ndarray]:
+    """Return the fit with the clipped samples `held` of y moved towards the model, outwards only, and the new y.
+
+    Errors are widened by the share of the model's energy that these samples have, since nothing was measured there.
+    """
+    spectrum, places = np.fft.rfft(y), np.round(fit.lines.frequency * fit.lines.seconds).astype(int)
+    alone = np.zeros_like(spectrum)
+    alone[places] = spectrum[places] = fit.basis @ fit.factors
+    step = np.fft.irfft(spectrum, len(y))[held] - y[held]
+    motion = np.fft.irfft(alone, len(y)) ** 2
+    there = y.copy()
+    there[held] += np.where(step * y[held] > 0, FASTER * step, 0)
+    more = _solve(_record_lines(rate, there, x).at(places - 1), fit.theta, power, fit.extra)
+    wider = 1 / np.sqrt(max(1 - motion[held].sum() / motion.sum(), 0.1))
+    return more._replace(noise=wider * more.noise, residual=wider * more.residual), there
 
 
 def _chosen(peaks: list[_Peak], near_hz: float | None, exact: bool = False) -> _Peak:
@@ -564,9 +603,7 @@ def _chosen(peaks: list[_Peak], near_hz: float | None, exact: bool = False) -> _
     return min(tall, key=lambda p: -p.size if near_hz is None else abs(np.log(p.hz / near_hz)))
 
 
-def _fit_peaks(
-    lines: Lines, peaks: list[_Peak], near_hz: float | None, power: int, exact: bool = False
-) -> _Solved:
+def _fit_peaks(lines: Lines, peaks: list[_Peak], near_hz: float | None, power: int, exact: bool = False) -> _Solved:
     """Fit the chosen one of `peaks`, with the others in its neighbourhood and what stands out of the residual."""
     own = _chosen(peaks, near_hz, exact)
     start = np.log([own.hz, own.q])
@@ -671,7 +708,7 @@ def _result(
                 others.append((float(seen.modes[0, 0]), float(abs(seen.factors[0]))))
     if near_hz is None:
         refuse_two(hz, peak, tuple(others))
-    covariance = _covariance(fit, n)
+    covariance = _covariance(fit, n, phased)
     sigma = np.sqrt(np.diag(covariance))
     count = len(fit.factors)
     place = len(fit.theta) + np.array([0, count])
@@ -707,12 +744,33 @@ def _with_phase(frequency: np.ndarray, size: np.ndarray) -> np.ndarray:
 
 
 def _polished(fit: _Solved, size: np.ndarray, power: int) -> _Solved:
-    """Return the fit of magnitudes `size` (n,) from a complex one, with phases that are the model's."""
-    for _ in range(60):
-        model = fit.basis @ fit.factors
-        data = size * np.exp(1j * np.angle(model))
-        fit = _solve(fit.lines._replace(data=data), fit.theta, power, fit.extra)
-    return fit
+    """Return the fit of magnitudes `size` (n,) from a complex one; the phases of its data are the model's.
+
+    A magnitude in complex noise of rms N is on average larger by ``N²/4|H|`` (S. O. Rice, Bell Syst. Tech. J. 24,
+    1945).
+    """
+    from scipy.optimize import least_squares
+
+    count, scale, lines = len(fit.theta), np.ones(len(fit.theta)), fit.lines
+    scale[::2] = 1 / fit.modes[:, 1]
+    most = float(size.max())
+
+    def model(v: np.ndarray) -> np.ndarray:
+        one, two = v[count:].reshape(2, -1) * most
+        return _basis(lines, fit.theta + scale * v[:count], power, fit.extra) @ (one + 1j * two)
+
+    start = np.concatenate([np.zeros(count), fit.factors.real / most, fit.factors.imag / most])
+    noise, data, found = 0.0, size, start
+    for _ in range(2):
+        data = size - noise**2 / (4 * np.maximum(np.abs(model(found)), noise or 1.0))
+        found = least_squares(lambda v, d=data: (np.abs(model(v)) - d) / most, found, method="lm", max_nfev=1000).x
+        left = max(len(size) - len(found) + 1, 1)
+        noise = float(np.sqrt(2 * np.sum((np.abs(model(found)) - data) ** 2) / left))
+    one, two = found[count:].reshape(2, -1) * most
+    theta, whole = fit.theta + scale * found[:count], model(found)
+    turned = lines._replace(data=data * np.exp(1j * np.angle(whole)))
+    basis = _basis(lines, theta, power, fit.extra)
+    return _Solved(turned, theta, one + 1j * two, basis, turned.data - whole, noise, fit.extra)
 
 
 def _refuse_phase(lines: Lines, fit: _Solved, power: int) -> None:

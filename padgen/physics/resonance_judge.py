@@ -57,11 +57,11 @@ amplitude.
 
 
 class Seen(NamedTuple):
-    """What a fit has seen, to be drawn: responses (n,) over frequency in Hz, measured and of the model."""
+    """Responses (n,) over frequency in Hz, to be drawn: measured, and of the model (None where there is no fit)."""
 
     frequency_hz: np.ndarray
     data: np.ndarray
-    model: np.ndarray
+    model: np.ndarray | None
 
 
 class ResonanceFit(NamedTuple):
