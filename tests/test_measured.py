@@ -81,8 +81,8 @@ def decays():
     return time, [own + 0.02 * rng.standard_normal(len(time)) for own in y]
 
 
-def driven():
-    """Return time, current, and both taxels' displacement in µm, by the receptance at every line of i²."""
+def driven(power=0):
+    """Return time, current, and both taxels' motion (its `power`-th derivative), by the receptance at lines of i²."""
     time = np.arange(int(3 * RATE)) / RATE
     phase = 2 * np.pi * (10 * time + 20 * time**2)
     current = 0.2 * np.sin(phase / 2 + 0.1) * np.minimum(1, 10 * (3 - time))
@@ -90,7 +90,8 @@ def driven():
     rng, moved = np.random.default_rng(4), []
     for hz, q, response in PRINT.values():
         s = frequency / hz
-        y = np.fft.irfft(np.fft.rfft(current**2, 2 * len(time)) * response / (q * (1 - s * s) + 1j * s))[: len(time)]
+        answer = response / (q * (1 - s * s) + 1j * s) * (2j * np.pi * frequency) ** power
+        y = np.fft.irfft(np.fft.rfft(current**2, 2 * len(time)) * answer)[: len(time)]
         moved.append(y + 0.03 * np.abs(y).max() * rng.standard_normal(len(y)))
     return time, current, moved
 
@@ -488,10 +489,8 @@ def test_damaged_bytes_of_measurements_end_in_a_sentence_or_a_fit(plan, tmp_path
 @pytest.mark.parametrize("power", [1, 2])
 def test_the_sensor_is_recognised_or_told(plan, power):
     """The slope of ω or ω² over the response is told apart; an absolute level is that of displacement."""
-    time, current, moved = driven()
+    time, current, moved = driven(power)
     unit, sensor = [("um_per_s", "velocity"), ("um_per_s2", "acceleration")][power - 1]
-    for _ in range(power):
-        moved = [np.gradient(y, 1 / RATE) for y in moved]
     text = table("time_s,current_a,r0c0k0,r0c0k1", time, current, *moved)
     found = fit_measured(read_measured_text(text, plan), plan)
     assert [fit.sensor for fit in found] == [sensor, sensor]

@@ -21,7 +21,7 @@ import pytest
 
 from padgen.core.errors import SolverError
 from padgen.physics.circle_fit import CircleFit, circle_resonance, taubin_circle
-from padgen.physics.magnitude_fit import correlation_factor, fit_magnitude, separable_fit
+
 from padgen.physics.resonance_fit import current_of_voltage, fit_decay, fit_driven, fit_spectrum
 from padgen.physics.resonance_judge import checked, point_noise
 
@@ -91,7 +91,7 @@ def test_magnitude_alone():
     for _ in range(50):
         hz = 80 * np.exp(0.05 * rng.standard_normal())
         size = np.abs(receptance(FINE, hz, 15, 2.0, 0.01, -0.005) + noise(rng, len(FINE), 2 / 31.6))
-        fit = fit_magnitude(FINE, size)
+        fit = fit_spectrum(FINE, size)
         off.append(abs(fit.resonance_hz / hz - 1))
         pull.append(pulls(fit, hz, 15, 2.0))
         agreed += fit.agree
@@ -105,7 +105,7 @@ def test_magnitudes_know_their_noise_floor():
     frequency = np.linspace(20, 320, 1500)
     mean = np.zeros(2)
     for _ in range(8):
-        fit = fit_magnitude(frequency, np.abs(receptance(frequency, 80, 15) + noise(rng, 1500, 0.25)))
+        fit = fit_spectrum(frequency, np.abs(receptance(frequency, 80, 15) + noise(rng, 1500, 0.25)))
         mean += np.array([(fit.q - 15) / fit.q_error, fit.noise / 0.25 - 1]) / 8
     assert abs(mean[0]) < 1.2
     assert abs(mean[1]) < 0.05
@@ -129,6 +129,7 @@ def test_a_stiffening_spring_is_flagged():
     assert not fit_spectrum(FINE, bent + noise(np.random.default_rng(3), len(FINE), 0.01)).agree
 
 
+from padgen.physics.resonance_fit import _correlation as correlation_factor
 NOISE = noise(np.random.default_rng(5), len(FINE), 0.03)
 TWO = receptance(FINE, 70, 20) + receptance(FINE, 110, 20, 0.8)
 BAD = {
@@ -160,7 +161,7 @@ def test_bad_spectra(name):
 def test_bad_magnitudes(name):
     data, sentence = BAD[name]
     with pytest.raises(SolverError, match=sentence):
-        fit_magnitude(FINE, np.abs(data))
+        fit_spectrum(FINE, np.abs(data))
 
 
 def test_bad_frequencies():
@@ -170,7 +171,7 @@ def test_bad_frequencies():
         fit_spectrum(FINE[:5], NOISE[:5])
 
 
-@pytest.mark.parametrize("fit", [fit_spectrum, lambda f, h, near: fit_magnitude(f, np.abs(h), near)])
+@pytest.mark.parametrize("fit", [fit_spectrum, lambda f, h, near: fit_spectrum(f, np.abs(h), near)])
 def test_nearest_of_two_peaks(fit):
     assert fit(FINE, TWO + NOISE, 75.0).resonance_hz == pytest.approx(70, rel=0.01)
     assert fit(FINE, TWO + NOISE, 105.0).resonance_hz == pytest.approx(110, rel=0.01)
@@ -400,7 +401,7 @@ def test_records_and_spectra_that_are_too_long_are_refused_at_once():
     with pytest.raises(SolverError, match=r"lasts 3000 s; at most 2097 s of it can be fitted: cut it"):
         fit_driven(1000.0, x, x)
     frequency = np.linspace(1, 100, 200_000)
-    for fit in (fit_spectrum, fit_magnitude):
+    for fit in (fit_spectrum, fit_spectrum):
         with pytest.raises(SolverError, match="has 200000 frequencies, at most 131072 are fitted"):
             fit(frequency, np.abs(receptance(frequency, 50, 15)))
 

@@ -71,12 +71,13 @@ NO_ANSWER = (
 NO_DECAY = (
     "shows no free decay: the best one is no more than noise makes by chance; pluck harder, or leave this taxel out"
 )
-SEEN, WIDE = 5.0, 0.6
+SEEN, WIDE = 3.0, 0.6
 """Least response over its noise, and least range of ln f, from which the kind of sensor is recognised."""
 SENSORS = ("displacement", "velocity", "acceleration")
 """Kinds of sensors, by the power of the frequency."""
-FILLED, FASTER = 20, 1.8
-"""Rounds in which clipped samples are moved to the model, and the step of each over the way there (below 2)."""
+FILLED, FASTER, GUESSED = 20, 1.8, 0.25
+"""Rounds in which clipped samples are moved to the model, the step of each over the way there (below 2), and
+one sigma of what this changes, over the change."""
 STEP = 1e-5
 """Step of a parameter over its scale, in finite differences."""
 
@@ -213,14 +214,16 @@ def fit_driven(
     n = _recognised(gated, peaks, near_hz, power)
     lines = _record_lines(rate_hz, y, x)
     fit = _fit_peaks(lines, peaks, near_hz, n or 0, exact)
+    first = fit.theta[:2]
     for _ in range(FILLED if held.any() else 0):
         fit, y = _filled(fit, rate_hz, x, y, held, n or 0)
+    guessed = GUESSED * np.abs(fit.theta[:2] - first)
     hz, q = fit.modes[0]
     _refuse_short(len(y) / rate_hz, hz)
     if not _gain(fit) >= LEAST_GAIN:
         raise SolverError(NO_ANSWER)
     refuse_edge(low, high, hz, q, "the excited band", "the excitation", rate_hz / len(y))
-    return _result(lines, fit, peaks, near_hz, n)
+    return _result(lines, fit, peaks, near_hz, n, guessed=guessed)
 
 
 def fit_decay(
@@ -580,20 +583,15 @@ def _peaks(lines: Lines, power: int) -> list[_Peak]:
 def _filled(
     fit: _Solved, rate: float, x: np.ndarray, y: np.ndarray, held: np.ndarray, power: int
 ) -> tuple[_Solved, np.ndarray]:
-    """Return the fit with the clipped samples `held` of y moved towards the model, outwards only, and the new y.
-
-    Errors are widened by the share of the model's energy that these samples have, since nothing was measured there.
-    """
-    spectrum, places = np.fft.rfft(y), np.round(fit.lines.frequency * fit.lines.seconds).astype(int)
-    alone = np.zeros_like(spectrum)
-    alone[places] = spectrum[places] = fit.basis @ fit.factors
+    """Return the fit with the clipped samples `held` of y moved towards the model, outwards only, and the new y."""
+    places = np.round(fit.lines.frequency * fit.lines.seconds).astype(int)
+    spectrum = np.fft.rfft(y)
+    spectrum[places] = fit.basis @ fit.factors
     step = np.fft.irfft(spectrum, len(y))[held] - y[held]
-    motion = np.fft.irfft(alone, len(y)) ** 2
     there = y.copy()
     there[held] += np.where(step * y[held] > 0, FASTER * step, 0)
     more = _solve(_record_lines(rate, there, x).at(places - 1), fit.theta, power, fit.extra)
-    wider = 1 / np.sqrt(max(1 - motion[held].sum() / motion.sum(), 0.1))
-    return more._replace(noise=wider * more.noise, residual=wider * more.residual), there
+    return more, there
 
 
 def _chosen(peaks: list[_Peak], near_hz: float | None, exact: bool = False) -> _Peak:
@@ -692,7 +690,13 @@ def _line_columns(lines: Lines, hz: float) -> np.ndarray:
 
 
 def _result(
-    lines: Lines, fit: _Solved, peaks: list[_Peak], near_hz: float | None, power: int | None, phased: bool = True
+    lines: Lines,
+    fit: _Solved,
+    peaks: list[_Peak],
+    near_hz: float | None,
+    power: int | None,
+    phased: bool = True,
+    guessed: np.ndarray | float = 0.0,
 ) -> ResonanceFit:
     """Return the fit's figures beside the circle's, which is fitted to the data without all other terms."""
     n = power or 0
@@ -709,7 +713,7 @@ def _result(
     if near_hz is None:
         refuse_two(hz, peak, tuple(others))
     covariance = _covariance(fit, n, phased)
-    sigma = np.sqrt(np.diag(covariance))
+    sigma = np.hypot(np.sqrt(np.diag(covariance))[:2], guessed)
     count = len(fit.factors)
     place = len(fit.theta) + np.array([0, count])
     along = np.array([fit.factors[0].real, fit.factors[0].imag]) / peak
