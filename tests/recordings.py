@@ -128,7 +128,9 @@ def recorded(
         for k, share in ((1, 1.0), (2, 0.3), (3, 0.5), (5, 0.3), (7, 0.2)):
             motion += hum * share * np.cos(2 * np.pi * (k * own * time + rng.uniform()))
     if coloured:
-        lines = rng.standard_normal((2, len(time) // 2 + 1)) / np.sqrt(np.maximum(np.fft.rfftfreq(len(time), 1 / rate), 1))
+        lines = rng.standard_normal((2, len(time) // 2 + 1)) / np.sqrt(
+            np.maximum(np.fft.rfftfreq(len(time), 1 / rate), 1)
+        )
         red = np.fft.irfft(lines[0] + 1j * lines[1], len(time))
         motion += coloured * red / red.std()
     reference = None if current is None else CubicSpline(inner, current)(time)
@@ -139,5 +141,7 @@ def recorded(
         top = np.quantile(np.abs(motion), 1 - clipped)
         motion = np.clip(motion / top, -1, 1)
     if bits:
-        motion = np.clip(np.round(motion / np.abs(motion).max() * 2 ** (bits - 1)) / 2 ** (bits - 1), -1, 1 - 2.0 ** (1 - bits))
+        motion = np.clip(
+            np.round(motion / np.abs(motion).max() * 2 ** (bits - 1)) / 2 ** (bits - 1), -1, 1 - 2.0 ** (1 - bits)
+        )
     return Recording(rate, reference, motion * 1.0)

@@ -32,8 +32,8 @@ from padgen.core.errors import FileError, SpecError, at_most, number
 from padgen.core.files import read_bounded, reason, recover
 from padgen.core.units import MH
 from padgen.core.wav_reader import RIFF, Wave, read_wav
-from padgen.measured.read_csv import LARGEST, SMALLEST, Measured, Record, Row, Spectrum, nearest_id, read_csv
-from padgen.physics.resonance_fit import SENSORS, current_of_voltage
+from padgen.measured.read_csv import LARGEST, SMALLEST, Measured, Record, Row, Spectrum, lowering, nearest_id, read_csv
+from padgen.physics.resonance_fit import MOST_SAMPLES, SENSORS, current_of_voltage
 from padgen.planner.plan import Plan
 
 __all__ = ["read_measured", "read_measured_text", "read_records"]
@@ -163,10 +163,6 @@ def _kind(part: Row | Spectrum | Record) -> str:
 
 READ_SAMPLES = 1 << 20
 """Samples of all channels that are read at a time."""
-MOST_SAMPLES = 1 << 20
-"""Most samples of a channel after lowering its rate."""
-SAMPLES_OF_PLANNED, FEWEST_LEFT = 40, 64
-"""Samples per period of the highest planned resonance that are kept, and the fewest of a record."""
 MOST_CLIPPED = 0.05
 """Largest share of clipped samples with which a record can be fitted."""
 
@@ -193,8 +189,7 @@ def read_records(
             f" heard {ids[0].partition('k')[0]}.wav",
             where,
         )
-    highest = max(plan.channels[taxel.channel].resonance_hz for taxel in plan.taxels if taxel.id in ids)
-    factor = max(min(int(wave.rate_hz / (SAMPLES_OF_PLANNED * highest)), wave.count // FEWEST_LEFT), 1)
+    factor = lowering(wave.rate_hz, wave.count, ids, plan)
     rate = wave.rate_hz / factor
     if wave.count // factor > MOST_SAMPLES:
         raise FileError(

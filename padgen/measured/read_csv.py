@@ -16,7 +16,7 @@ from padgen.core.units import MH
 from padgen.physics.resonance_fit import SENSORS, current_of_voltage
 from padgen.planner.plan import Plan
 
-__all__ = ["LARGEST", "SMALLEST", "Measured", "Record", "Row", "Spectrum", "nearest_id", "read_csv"]
+__all__ = ["LARGEST", "SMALLEST", "Measured", "Record", "Row", "Spectrum", "lowering", "nearest_id", "read_csv"]
 
 SMALLEST, LARGEST = 1e-30, 1e30
 """Bounds of measured values, whose fourth powers are still floating-point numbers; smaller values count as silence."""
@@ -89,6 +89,16 @@ def nearest_id(name: str, known: tuple[str, ...]) -> str:
     """Return the end of a sentence that names the known name most like `name`, or the first and the last one."""
     close = get_close_matches(name[:LONGEST_NAME], known, 1, 0.5)
     return f"; the nearest is {close[0]!r}" if close else f"; they run from {known[0]!r} to {known[-1]!r}"
+
+
+SAMPLES_OF_PLANNED, FEWEST_LEFT = 40, 64
+"""Samples per period of the highest planned resonance that are kept, and the fewest of a record."""
+
+
+def lowering(rate_hz: float, count: int, ids: tuple[str, ...], plan: Plan) -> int:
+    """Return the number of samples of a record of `count` whose mean is enough for the taxels `ids`."""
+    highest = max(plan.channels[taxel.channel].resonance_hz for taxel in plan.taxels if taxel.id in ids)
+    return max(min(int(rate_hz / (SAMPLES_OF_PLANNED * highest)), count // FEWEST_LEFT), 1)
 
 
 TABLE = ("taxel", "resonance_hz", "q", "resonance_error_hz", "level_um", "line_a2")
@@ -424,6 +434,8 @@ def _series(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Row | Spect
     told = _unit(sheet, "time_s")
     values = _numbers(sheet)
     rate = _rate_hz(sheet, values)
+    factor = lowering(rate, len(values), tuple(columns), plan)
+    values, rate = values[: len(values) // factor * factor].reshape(-1, factor, values.shape[1]).mean(1), rate / factor
     squared = _squared_current(sheet, values, rate, plan)
     return [
         Record(taxel, f"{sheet.where}, {taxel}", rate, values[:, parts[""]], squared, *told)

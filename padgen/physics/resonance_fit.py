@@ -3,8 +3,7 @@
 A driven record, the record of a free decay and a spectrum are fitted by one model in frequency, within some bandwidths
 of the resonance:
 
-    Y(f) = X (Σ g sⁿ / (Q (1 − s²) + j s) + a + b u) + (Σ c sⁿ / (Q (1 − s²) + j s) + d + e u),
-    s = f/f₀, u = (s − 1/s)/2
+    Y(f) = X sⁿ (Σ g / (Q (1 − s²) + j s) + a + b/s²) + sⁿ (Σ c / (Q (1 − s²) + j s) + d + e/s²),   s = f/f₀
 
 X is the transform of i²; the second bracket has the free vibration at the record's ends. A decay has that bracket
 alone, a spectrum the first with X = 1. All factors are complex: g is any scale, phase and polarity, a and b stand for
@@ -23,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import SolverError, at_least, number
+from padgen.core.errors import SolverError, at_least, at_most, number
 from padgen.physics.circle_fit import circle_resonance
 from padgen.physics.resonance_judge import (
     COMPARABLE,
@@ -42,7 +41,16 @@ from padgen.physics.resonance_judge import (
     rough_peak,
 )
 
-__all__ = ["SENSORS", "current_of_voltage", "fit_decay", "fit_driven", "fit_spectrum", "looked_at", "rough_hz"]
+__all__ = [
+    "MOST_SAMPLES",
+    "SENSORS",
+    "current_of_voltage",
+    "fit_decay",
+    "fit_driven",
+    "fit_spectrum",
+    "looked_at",
+    "rough_hz",
+]
 
 REACH = 10.0
 """Largest |Q (s − 1/s)| of fitted lines: five bandwidths on either side."""
@@ -62,7 +70,8 @@ EXCITED = 1e-3
 QUIET_SHARE, BEFORE_S, RINGING_TAUS = 1e-3, 0.1, 12.0
 """Share of the largest i² below which a coil is silent; kept silence before (s) and after it (time constants)."""
 DECAY_TAUS, DECAY_PERIODS, FEWEST_PERIODS = 15.0, 10.0, 4.0
-FEWEST_SAMPLES = 64
+FEWEST_SAMPLES, MOST_SAMPLES = 64, 1 << 20
+"""Fewest and most samples of a driven record; of a decay the first quarter of the latter are used."""
 NO_ANSWER = (
     "shows no answer to the excitation: the best one is no more than noise makes by chance; excite more, check that the"
     " first channel is the excitation (and, of noise, that it passes direct current) and that the sensor is on this"
@@ -158,16 +167,16 @@ def fit_spectrum(
     frequency, given = np.asarray(frequency_hz, float), np.asarray(response)
     refuse_bad_spectrum(frequency, given)
     data = given if np.iscomplexobj(given) else _with_phase(frequency, given)
-    lines = Lines(frequency, np.asarray(data, complex), np.ones((1, len(data))))
-    peaks = _peaks(lines, power or 0)
     noise = point_noise(given)
-    n = _recognised(lines._replace(noise=noise), peaks, near_hz, power)
+    lines = Lines(frequency, np.asarray(data, complex), np.ones((1, len(data))), noise=noise)
+    peaks = _peaks(lines, power or 0)
+    n = _recognised(lines, peaks, near_hz, power)
     fit = _fit_peaks(lines, peaks, near_hz, n or 0)
     hz, q = fit.modes[0]
-    refuse_no_peak(abs(fit.factors[0]), max(fit.noise, 1e-300), _gain(fit, noise), frequency, np.abs(given))
-    refuse_edge(frequency[0], frequency[-1], hz, q)
     if np.iscomplexobj(given):
         _refuse_phase(lines, fit, n or 0)
+    refuse_no_peak(abs(fit.factors[0]), max(fit.noise, 1e-300), _gain(fit), frequency, np.abs(given))
+    refuse_edge(frequency[0], frequency[-1], hz, q)
     refuse_no_resonance(np.abs(fit.lines.data), fit.noise, noise, hz)
     refuse_few(frequency, hz, q)
     if not np.iscomplexobj(given):
@@ -199,6 +208,11 @@ def fit_driven(
     refuse_bad_record(y)
     if np.ptp(x) == 0:
         raise SolverError("the excitation does not change; leave its column out for a free decay")
+    if len(y) > MOST_SAMPLES:
+        raise SolverError(
+            f"lasts {number(len(y) / rate_hz)} s; at most {at_most(MOST_SAMPLES / rate_hz)} s of it can be fitted: cut"
+            " it to the part in which the excitation passes the resonance and the response rings"
+        )
     held = np.zeros(len(y), bool) if clipped is None else clipped
     rings = ring_s or len(y) / rate_hz / 8
     x, y, held = _shifted(_lag(rate_hz, x, y), x, y, held)
@@ -250,7 +264,7 @@ def fit_decay(
         )
     if clipped is not None and clipped[first:].any():
         first += int(np.flatnonzero(clipped[first:])[-1]) + 1
-    y = y[first:]
+    y = y[first : first + MOST_SAMPLES // 4]
     refuse_bad_record(y)
     for _ in range(3):
         lines = _record_lines(rate_hz, y)
@@ -424,12 +438,15 @@ def _mode(frequency: np.ndarray, hz: float, q: float, power: int) -> np.ndarray:
 
 
 def _basis(lines: Lines, theta: np.ndarray, power: int, extra: np.ndarray) -> np.ndarray:
-    """Return the model's columns (n, k): for each input the modes, of peak 1, a constant and a slope; then `extra`."""
-    centre = lines.frequency[len(lines.frequency) // 2]
-    u = (lines.frequency / centre - centre / lines.frequency) / 2
-    shapes = [*(_mode(lines.frequency, hz, q, power) for hz, q in np.exp(theta.reshape(-1, 2))), u**0, u]
+    """Return the model's columns (n, k): for each input the modes, of peak 1, and far modes; then `extra`."""
+    s = lines.frequency / lines.frequency[len(lines.frequency) // 2]
+    shapes = [
+        *(_mode(lines.frequency, hz, q, power) for hz, q in np.exp(theta.reshape(-1, 2))),
+        s**power,
+        s ** (power - 2),
+    ]
     if lines.seconds and len(lines.inputs) == 1:
-        shapes.append(u * u)
+        shapes.append(s ** (power - 1))
     return np.concatenate([np.stack([x * shape for x in lines.inputs for shape in shapes], 1), extra], 1)
 
 
@@ -524,12 +541,12 @@ def _correlation(residual: np.ndarray) -> float:
     return 1.0 if rho < 2 / np.sqrt(len(residual)) else float(min(np.sqrt((1 + rho) / max(1 - rho, 1e-3)), 10.0))
 
 
-def _gain(fit: _Solved, least_noise: float = 0.0) -> float:
+def _gain(fit: _Solved) -> float:
     """Return the decrease of the sum of squares by the modes' first columns, in variances of a part of a line."""
     smooth = np.arange(fit.basis.shape[1]) >= len(fit.modes)
     plain = _projected(fit.basis[:, smooth], fit.lines.data)
     taken = float(np.vdot(plain, plain).real) - fit.cost
-    return taken / max(max(fit.noise, least_noise) ** 2 / 2, np.finfo(float).tiny)
+    return taken / max(max(fit.noise, fit.lines.noise) ** 2 / 2, np.finfo(float).tiny)
 
 
 def _start(lines: Lines, rest: np.ndarray, power: int, found: list[_Peak]) -> tuple[float, float, float]:
@@ -761,7 +778,7 @@ def _polished(fit: _Solved, size: np.ndarray, power: int) -> _Solved:
 
     def model(v: np.ndarray) -> np.ndarray:
         one, two = v[count:].reshape(2, -1) * most
-        return _basis(lines, fit.theta + scale * v[:count], power, fit.extra) @ (one + 1j * two)
+        return _basis(lines, fit.theta + scale * np.clip(v[:count], -9, 9), power, fit.extra) @ (one + 1j * two)
 
     start = np.concatenate([np.zeros(count), fit.factors.real / most, fit.factors.imag / most])
     noise, data, found = 0.0, size, start
@@ -779,20 +796,23 @@ def _polished(fit: _Solved, size: np.ndarray, power: int) -> _Solved:
 
 def _refuse_phase(lines: Lines, fit: _Solved, power: int) -> None:
     """Refuse a phase that rises through the peak, or that shows no resonance."""
-    if fit.noise < 0.05 * np.abs(fit.lines.data).max():
+    largest = float(np.abs(lines.data).max())
+    if fit.noise < 0.05 * largest:
         return
-    turned = lines._replace(data=lines.data.conj())
-    peaks = _peaks(turned, power)
-    other = _fit_peaks(turned, peaks, None, power)
-    if other.noise < 0.5 * fit.noise:
-        raise SolverError(
-            f"the phase rises through the peak at {number(float(other.modes[0, 0]))} Hz, where that of a"
-            " displacement falls by 180°: negate the phase or the imaginary part, or swap real and imaginary parts"
-        )
-    alone = lines._replace(data=_with_phase(lines.frequency, np.abs(lines.data)))
-    other = _fit_peaks(alone, _peaks(alone, power), None, power)
-    if other.noise < 0.5 * fit.noise:
-        raise SolverError(
-            f"the magnitude has a peak at {number(float(other.modes[0, 0]))} Hz, but the phase does not fall by 180°"
-            " there as at a resonance; check that it is in degrees and of this taxel, or leave it out"
-        )
+    alone = _with_phase(lines.frequency, np.abs(lines.data))
+    for data, what in (
+        (
+            lines.data.conj(),
+            "the phase rises through the peak at {}, where that of a displacement falls by 180°: negate the phase or the"
+            " imaginary part, or swap real and imaginary parts",
+        ),
+        (
+            alone,
+            "the magnitude has a peak at {}, but the phase does not fall by 180° there as at a resonance; check that it"
+            " is in degrees and of this taxel, or leave it out",
+        ),
+    ):
+        other = lines._replace(data=data)
+        found = _fit_peaks(other, _peaks(other, power), None, power)
+        if found.noise < 0.5 * fit.noise and abs(found.factors[0]) > 0.5 * largest:
+            raise SolverError(what.format(f"{number(float(found.modes[0, 0]))} Hz"))
