@@ -81,8 +81,8 @@ def decays():
     return time, [own + 0.02 * rng.standard_normal(len(time)) for own in y]
 
 
-def driven():
-    """Return time, current, and both taxels' displacement in µm, by the receptance at every line of i²."""
+def driven(power=0):
+    """Return time, current, and both taxels' motion (its `power`-th derivative), by the receptance at lines of i²."""
     time = np.arange(int(3 * RATE)) / RATE
     phase = 2 * np.pi * (10 * time + 20 * time**2)
     current = 0.2 * np.sin(phase / 2 + 0.1) * np.minimum(1, 10 * (3 - time))
@@ -90,7 +90,8 @@ def driven():
     rng, moved = np.random.default_rng(4), []
     for hz, q, response in PRINT.values():
         s = frequency / hz
-        y = np.fft.irfft(np.fft.rfft(current**2, 2 * len(time)) * response / (q * (1 - s * s) + 1j * s))[: len(time)]
+        answer = response / (q * (1 - s * s) + 1j * s) * (2j * np.pi * frequency) ** power
+        y = np.fft.irfft(np.fft.rfft(current**2, 2 * len(time)) * answer)[: len(time)]
         moved.append(y + 0.03 * np.abs(y).max() * rng.standard_normal(len(y)))
     return time, current, moved
 
@@ -268,7 +269,7 @@ BAD_TEXTS = {
     "no taxel": (table("frequency_hz", FREQUENCY), "has no taxel's column, such as 'r0c0k0'"),
     "re alone": (GOOD.replace("r0c0k0", "r0c0k0_re"), "r0c0k0 must have one column .* it has r0c0k0_re"),
     "negative": (line_of(GOOD, 4, lambda x: x.split(",")[0] + ",-3"), "line 4, column 'r0c0k0' is a magnitude .* -3"),
-    "unit": ("# unit: mm\n" + GOOD, "'# unit:' must be um_per_a2 or relative, got 'mm'"),
+    "unit": ("# unit: mm\n" + GOOD, "'# unit:' must be um_per_a2, .* or relative, got 'mm'"),
     "frequency note": ("# frequency: khz\n" + GOOD, "must be drive or motion, got 'khz'"),
     "khz": (table("frequency_hz,r0c0k0", FREQUENCY / 1000, np.abs(spectrum("r0c0k0", FREQUENCY))), "look like kHz"),
     "edge": (
@@ -439,7 +440,7 @@ def test_places_that_hold_no_measurement(plan, tmp_path, monkeypatch):
     os.mkfifo(tmp_path / "pipe")
     for place, sentence in (
         (tmp_path / "r0c0k0.wav", "too large for a measurement: at most 268435456 bytes"),
-        (tmp_path, "too large for a folder of measurements: at most 268435456 bytes"),
+        (tmp_path, "too large for a measurement: at most 268435456 bytes"),
         (tmp_path / "pipe", "did not end within"),
         (Path("/dev/zero"), "it is a device"),
         (tmp_path / ("a" * 5000), "name too long"),
@@ -485,10 +486,15 @@ def test_damaged_bytes_of_measurements_end_in_a_sentence_or_a_fit(plan, tmp_path
             fit_measured(read_measured(path, plan), plan)
 
 
-@pytest.mark.parametrize("nearest", [False, True])
-def test_velocity_is_refused_whichever_peak_is_meant(plan, nearest):
-    time, current, moved = driven()
-    velocity = [np.gradient(y, 1 / RATE) for y in moved]
-    text = table("time_s,current_a,r0c0k0,r0c0k1", time, current, *velocity)
-    with pytest.raises(FileError, match=r"one is wrong; check that the data are of displacement|shows no answer"):
-        fit_measured(read_measured_text(text, plan), plan, nearest)
+@pytest.mark.parametrize("power", [1, 2])
+def test_the_sensor_is_recognised_or_told(plan, power):
+    """The slope of ω or ω² over the response is told apart; an absolute level is that of displacement."""
+    time, current, moved = driven(power)
+    unit, sensor = [("um_per_s", "velocity"), ("um_per_s2", "acceleration")][power - 1]
+    text = table("time_s,current_a,r0c0k0,r0c0k1", time, current, *moved)
+    found = fit_measured(read_measured_text(text, plan), plan)
+    assert [fit.sensor for fit in found] == [sensor, sensor]
+    check(found, absolute=False)
+    check(fit_measured(read_measured_text(f"# unit: {unit}\n{text}", plan), plan), absolute=True)
+    with pytest.raises(FileError, match=f"is said to be of displacement, but looks like {sensor}"):
+        fit_measured(read_measured_text(f"# sensor: displacement\n{text}", plan), plan)

@@ -1,6 +1,7 @@
 """Fits of resonance, Q and response, each with one sigma, to the measured data of every taxel."""
 
 from dataclasses import dataclass
+from itertools import combinations
 from math import log
 
 import numpy as np
@@ -8,12 +9,11 @@ import numpy as np
 from padgen.core.errors import FileError, SolverError, number
 from padgen.core.units import MS
 from padgen.measured.read_csv import Measured, Record, Row, Spectrum
-from padgen.physics.magnitude_fit import fit_magnitude
-from padgen.physics.resonance_fit import fit_decay, fit_driven, fit_spectrum, rough_hz
-from padgen.physics.resonance_judge import ResonanceFit
+from padgen.physics.resonance_fit import SENSORS, fit_decay, fit_driven, fit_spectrum, looked_at, rough_hz
+from padgen.physics.resonance_judge import ResonanceFit, Seen
 from padgen.planner.plan import Channel, Plan
 
-__all__ = ["MethodFit", "TaxelFit", "fit_measured"]
+__all__ = ["Curve", "MethodFit", "TaxelFit", "fit_measured", "fitted"]
 
 TABLE_HZ_SHARE = 0.05
 """One sigma of a resonance from a table that states none, over its bandwidth: the error of reading it off a curve."""
@@ -21,15 +21,14 @@ TABLE_Q_SHARE, PLANNED_Q_SHARE = 0.1, 0.3
 """Relative one sigma of a Q from a table, and of the plan's Q where the table has none."""
 TABLE_RESPONSE_SHARE = 0.1
 """Relative one sigma of a response from a table."""
-QUIET_SHARE = 1e-3
-"""Share of the largest i² below which a coil counts as silent, whatever noise its record has."""
-BEFORE_S, RINGING_TAUS = 0.1, 12.0
-"""Silence that is kept before the coil's turn (s) and after it (ring-up time constants of the planned taxel)."""
-FEWEST_LEFT = 64
 SLOWEST = 5.0
 """Largest planned resonance over the sampling rate. A print's resonance, at least a tenth of it, is then still seen."""
-SAMPLES_OF_PLANNED = 64
-"""Samples per period of the planned resonance that are enough, wherever the print's resonance is."""
+SHARED_PEAK = 0.05
+"""Least peak of a taxel in a record of its whole coil, over the largest."""
+CLEAR = 4.0
+"""Least difference of two ways to name the peaks in such a record, in variances of the print's spread."""
+ALONE_SPREAD = 0.05
+"""Relative one sigma of a resonance from what the print's others have in common."""
 KILO_HZ = 1e-3
 MOST_NAMED = 5
 
@@ -52,7 +51,8 @@ class TaxelFit:
     `response_um_per_a2` is the amplitude at resonance per amplitude of the line of i² there, None where the
     measurement is in relative units. `q_measured` is False where a table left Q out: then Q is the plan's, with a wide
     error. `methods` has the figures of each method (none for a table); the first method's are used. `agree` is False
-    where the methods differ by more than their errors. `snr_db` is the peak over the noise of one point.
+    where the methods differ by more than their errors. `snr_db` is the peak over the noise of one point. `sensor` is
+    what the data are of, as stated or recognised, '' where that is unknown.
     """
 
     id: str
@@ -66,6 +66,16 @@ class TaxelFit:
     agree: bool
     snr_db: float | None
     methods: tuple[MethodFit, ...]
+    sensor: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Curve:
+    """What a fit has seen of a taxel, to be drawn; `cause` says why it was refused, '' where it was fitted."""
+
+    id: str
+    seen: Seen
+    cause: str
 
 
 def fit_measured(measured: Measured, plan: Plan, nearest: bool = False) -> tuple[TaxelFit, ...]:
@@ -79,18 +89,42 @@ def fit_measured(measured: Measured, plan: Plan, nearest: bool = False) -> tuple
         The data of a taxel do not show one resonance, or nearly all frequencies look like kHz, mHz, or frequencies of
         the current.
     """
+    fits, _, refused = fitted(measured, plan, nearest)
+    if refused is not None:
+        raise refused
+    return fits
+
+
+def fitted(
+    measured: Measured, plan: Plan, nearest: bool = False
+) -> tuple[tuple[TaxelFit, ...], tuple[Curve, ...], FileError | None]:
+    """Return the fits of `fit_measured`, what they have seen, and the error that it raises, if any.
+
+    Raises
+    ------
+    FileError
+        Nearly all frequencies look like kHz, mHz, or frequencies of the current.
+    """
     channels = {taxel.id: plan.channels[taxel.channel] for taxel in plan.taxels}
     if not measured.stated:
         _refuse_units(measured, channels)
-    fits, refused = [], []
+    fits: dict[str, TaxelFit] = {}
+    curves, refused = [], []
     for part in measured.taxels:
         try:
-            fits.append(_fit(part, channels[part.id], nearest))
+            for taxel, near_hz in _heard(part, plan, nearest):
+                if isinstance(part, Row):
+                    fits[taxel] = _from_row(part, channels[taxel])
+                    continue
+                fit = _fit(part, channels[taxel], near_hz)
+                fits[taxel] = _from_fit(taxel, fit, part)
+                if fit.seen is not None:
+                    curves.append(Curve(taxel, fit.seen, ""))
         except SolverError as error:
             refused.append((part, error))
-    if refused:
-        raise _refusal(refused)
-    return tuple(fits)
+            curves.append(Curve(part.id, _seen(part), error.message))
+    ordered = tuple(fits[taxel.id] for taxel in plan.taxels if taxel.id in fits)
+    return ordered, tuple(curves), _refusal(refused) if refused else None
 
 
 def _refusal(refused: list[tuple[Row | Spectrum | Record, SolverError]]) -> FileError:
@@ -101,19 +135,58 @@ def _refusal(refused: list[tuple[Row | Spectrum | Record, SolverError]]) -> File
     return FileError(error.message + rest, part.where)
 
 
-def _fit(part: Row | Spectrum | Record, channel: Channel, nearest: bool) -> TaxelFit:
-    near = channel.resonance_hz if nearest else None
-    if isinstance(part, Row):
-        return _from_row(part, channel)
+def _fit(part: Spectrum | Record, channel: Channel, near_hz: float | None) -> ResonanceFit:
     if isinstance(part, Spectrum):
-        fit = fit_spectrum if np.iscomplexobj(part.response) else fit_magnitude
-        return _from_fit(part.id, fit(part.frequency_hz, part.response, near), part.absolute)
+        return fit_spectrum(part.frequency_hz, part.response, near_hz, part.power)
     _refuse_rate(part, channel)
-    if part.squared_current_a2 is None:
-        return _from_fit(part.id, fit_decay(part.rate_hz, part.displacement, near), False)
-    rate_hz, square, moved = _thinned(part, channel)
-    driven = fit_driven(rate_hz, square, moved, near)
-    return _from_fit(part.id, driven, part.absolute)
+    square, moved, exact = part.squared_current_a2, part.displacement, bool(part.shared)
+    if square is None:
+        return fit_decay(part.rate_hz, moved, near_hz, exact, part.clipped)
+    ring_s = channel.ring_up_ms * MS
+    return fit_driven(part.rate_hz, square, moved, near_hz, part.power, ring_s, part.clipped, exact)
+
+
+def _heard(part: Row | Spectrum | Record, plan: Plan, nearest: bool) -> list[tuple[str, float | None]]:
+    """Return the taxels that a part of a measurement is of, each with the frequency in Hz near which it is sought.
+
+    Peaks in a record of a whole coil go to its taxels in their planned order, so that they are off the plan by about
+    one factor; some may be missing, and peaks may be left over.
+
+    Raises
+    ------
+    SolverError
+        Two ways to name the peaks are about as likely.
+    """
+    channel = {taxel.id: plan.channels[taxel.channel] for taxel in plan.taxels}
+    if isinstance(part, Row | Spectrum) or not part.shared:
+        return [(part.id, channel[part.id].resonance_hz if nearest else None)]
+    planned = sorted((channel[taxel].resonance_hz, taxel) for taxel in part.shared)
+    first = _fit(part, channel[planned[0][1]], planned[0][0])
+    peaks = [(first.resonance_hz, first.peak), *first.others]
+    found = sorted(hz for hz, size in peaks if size > SHARED_PEAK * max(p[1] for p in peaks))
+    count = min(len(found), len(planned))
+    ways = []
+    for own in combinations(found, count):
+        for taxels in combinations(planned, count):
+            off = np.log(np.array(own) / [hz for hz, _ in taxels])
+            common = float(off.mean()) / channel[taxels[0][1]].print_spread
+            likely = common**2 + float(((off - off.mean()) ** 2).sum()) / ALONE_SPREAD**2
+            ways.append((likely, [(taxel, hz) for hz, (_, taxel) in zip(own, taxels, strict=True)]))
+    ways.sort(key=lambda way: way[0])
+    if len(ways) > 1 and ways[1][0] - ways[0][0] < CLEAR and len(found) < len(planned):
+        raise SolverError(
+            f"shows {len(found)} resonances ({', '.join(f'{number(hz)} Hz' for hz in found)}) of {len(planned)} taxels,"
+            " and it is not clear which are missing; record these alone, each in a file of its name"
+        )
+    return ways[0][1]
+
+
+def _seen(part: Row | Spectrum | Record) -> Seen:
+    """Return what can be drawn of data that could not be fitted."""
+    if isinstance(part, Spectrum):
+        return Seen(part.frequency_hz, part.response, None)
+    assert isinstance(part, Record)
+    return looked_at(part.rate_hz, part.displacement, part.squared_current_a2)
 
 
 def _refuse_rate(part: Record, channel: Channel) -> None:
@@ -124,27 +197,6 @@ def _refuse_rate(part: Record, channel: Channel) -> None:
             f"lasts {number(seconds)} s at {number(part.rate_hz)} samples a second, in which {number(planned)} Hz, as"
             " planned, cannot be seen: is the sampling rate right?"
         )
-
-
-def _thinned(part: Record, channel: Channel) -> tuple[float, np.ndarray, np.ndarray]:
-    """Return rate, i² and displacement of a driven record, cut and resampled to what its resonance needs.
-
-    Silence before the coil's turn and long after it is cut; a rate far above the resonance is lowered.
-    """
-    square = np.asarray(part.squared_current_a2)
-    loud = np.flatnonzero(square > QUIET_SHARE * square.max())
-    rings = RINGING_TAUS * channel.ring_up_ms * MS
-    start = max(int(loud[0] - BEFORE_S * part.rate_hz), 0) if len(loud) else 0
-    stop = int(loud[-1] + rings * part.rate_hz) if len(loud) else len(square)
-    both = square[start:stop], part.displacement[start:stop]
-    # At a rate that is wrong by thousands, at least FEWEST_LEFT samples must be left.
-    factor = min(int(part.rate_hz / (SAMPLES_OF_PLANNED * channel.resonance_hz)), len(both[0]) // FEWEST_LEFT)
-    if factor < 2:
-        return part.rate_hz, *both
-    from scipy.signal import resample_poly
-
-    # A mean would make the filter ring at both ends.
-    return (part.rate_hz / factor, *(resample_poly(v - v.mean(), 1, factor) for v in both))
 
 
 def _from_row(row: Row, channel: Channel) -> TaxelFit:
@@ -158,21 +210,23 @@ def _from_row(row: Row, channel: Channel) -> TaxelFit:
     return TaxelFit(row.id, row.resonance_hz, error, q, q_error, response, response_error, measured, True, None, ())
 
 
-def _from_fit(taxel: str, fit: ResonanceFit, absolute: bool) -> TaxelFit:
+def _from_fit(taxel: str, fit: ResonanceFit, part: Spectrum | Record) -> TaxelFit:
     own = MethodFit("least squares", fit.resonance_hz, fit.resonance_error_hz, fit.q, fit.q_error)
     check = MethodFit(fit.check, fit.check_resonance_hz, fit.check_resonance_error_hz, fit.check_q, fit.check_q_error)
+    unit = (2 * np.pi * fit.resonance_hz) ** (fit.power or 0)
     return TaxelFit(
         taxel,
         fit.resonance_hz,
         fit.resonance_error_hz,
         fit.q,
         fit.q_error,
-        fit.peak if absolute else None,
-        fit.peak_error if absolute else None,
+        fit.peak / unit if part.absolute else None,
+        fit.peak_error / unit if part.absolute else None,
         True,
         fit.agree,
         float(20 * np.log10(fit.peak / fit.noise)) if fit.noise > 0 else None,
         (own, check) if fit.check else (own,),
+        "" if fit.power is None else SENSORS[fit.power],
     )
 
 
@@ -226,7 +280,5 @@ def _rough_hz(part: Row | Spectrum | Record, channel: Channel) -> float:
         return part.resonance_hz
     if isinstance(part, Spectrum):
         return float(part.frequency_hz[int((np.abs(part.response) * part.frequency_hz).argmax())])
-    if part.squared_current_a2 is None or np.ptp(part.displacement) == 0:
-        return rough_hz(part.rate_hz, part.displacement)
-    rate_hz, square, moved = _thinned(part, channel)
-    return rough_hz(rate_hz, moved, square)
+    square = None if np.ptp(part.displacement) == 0 else part.squared_current_a2
+    return rough_hz(part.rate_hz, part.displacement, square)

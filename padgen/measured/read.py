@@ -1,36 +1,39 @@
-"""Reader of measurements of a print: CSV and WAV files, or a folder of them, into `Measured`.
+"""Reader of measurements of a print: CSV and WAV files, one, several or a folder of them, into `Measured`.
 
-CSV has one line of headings; lines with ``#`` before it may say ``# unit: …`` and ``# frequency: …``. Columns may
-come in any order. Taxels may be left out; they stay as planned. IDs are the plan's, such as ``r0c0k1``.
+CSV has one line of headings; lines with ``#`` before it may say ``# unit: …``, ``# sensor: …`` and ``# frequency: …``.
+Columns may come in any order. Taxels may be left out; they stay as planned. IDs are the plan's, such as ``r0c0k1``.
 
 ============  =====================================================================================================
 a table       ``taxel, resonance_hz`` and, where known, ``q``, ``resonance_error_hz`` (one sigma), ``level_um`` with
               ``line_a2``: the amplitude at resonance, and of the line of i² that made it; cells of these may be empty
 spectra       ``frequency_hz`` and per taxel ``ID`` or ``ID_mag`` (magnitude), ``ID_db``, either with ``ID_deg``, or
               ``ID_re`` and ``ID_im``; ``# unit: um_per_a2`` where it is µm per A² of the line of i², else relative
-time series   ``time_s`` in even steps, ``ID`` (displacement), and ``current_a`` or ``voltage_v`` of the coil where it
+time series   ``time_s`` in even steps, ``ID`` (the sensor), and ``current_a`` or ``voltage_v`` of the coil where it
               was driven; without these a free decay; ``# unit: um`` where it is µm, else relative
 WAV           one channel a taxel, in the plan's order: free decays; one more, the first: the coil's current (or, by
               `excitation`, voltage); relative
-a folder      of files ``ID.csv`` and ``ID.wav``, each of one taxel, with columns named ``ID…`` or ``response…``
+by name       files ``ID.csv`` and ``ID.wav``, each of one taxel, with columns named ``ID…`` or ``response…``; a WAV
+              named after a coil, as ``r0c1.wav``, with one channel of motion in which all of its taxels are heard
 ============  =====================================================================================================
 
 All frequencies are those of the motion, which is twice the frequency of a plain tone's current. ``# frequency: drive``
 doubles those of a table or of spectra; ``# frequency: motion`` says that they are right however far from the plan's. A
-driven record holds taxels of one coil, those that its current moves.
+driven record holds taxels of one coil, those that its current moves. WAV files are read in blocks; a rate far above
+what the taxels need is lowered by means over some samples, of current and motion alike.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from padgen.core.errors import FileError, SpecError, at_most
+from padgen.core.errors import FileError, SpecError, at_most, number
 from padgen.core.files import read_bounded, reason, recover
 from padgen.core.units import MH
 from padgen.core.wav_reader import RIFF, Wave, read_wav
-from padgen.measured.read_csv import LARGEST, SMALLEST, Measured, Record, Row, Spectrum, nearest_id, read_csv
-from padgen.physics.resonance_fit import current_of_voltage
+from padgen.measured.read_csv import LARGEST, SMALLEST, Measured, Record, Row, Spectrum, lowering, nearest_id, read_csv
+from padgen.physics.resonance_fit import MOST_SAMPLES, SENSORS, current_of_voltage
 from padgen.planner.plan import Plan
 
 __all__ = ["read_measured", "read_measured_text", "read_records"]
@@ -39,30 +42,46 @@ LARGEST_FILE = 1 << 28
 """Most bytes of a file, or of all files in a folder."""
 
 
-def read_measured(path: Path, plan: Plan, excitation: str = "current") -> Measured:
-    """Read a measurement of `plan`'s print: a CSV or WAV file, or a folder of them, one a taxel.
+def read_measured(
+    path: Path | Sequence[Path], plan: Plan, excitation: str = "current", sensor: str | None = None
+) -> Measured:
+    """Read a measurement of `plan`'s print: a CSV or WAV file, several that are named after taxels, or a folder.
 
     A WAV file with one channel more than taxels has the excitation first; `excitation` says if that is the coil's
-    'current' or 'voltage'.
+    'current' or 'voltage'. `sensor` is 'displacement', 'velocity' or 'acceleration' where the files do not say.
 
     Raises
     ------
     FileError
         A file cannot be read, or does not follow the table above; the message names line and column.
     """
-    recover(path)
-    recover(path.parent)
-    try:
-        is_folder, is_there = path.is_dir(), path.exists()
-    except OSError as error:  # a name that no file can have
-        raise FileError(f"cannot be read ({reason(error)})", str(path)) from error
-    if not is_there:
-        raise FileError("there is no such file or folder", str(path))
-    if is_folder:
-        return _read_folder(path, plan, excitation)
-    ids = tuple(taxel.id for taxel in plan.taxels)
-    data = read_bounded(path, LARGEST_FILE, "a measurement")
-    return _ordered(*_read(data, path, ids, plan, excitation, False), str(path), plan)
+    if excitation not in ("current", "voltage"):
+        raise SpecError(f"must be current or voltage, got {excitation!r}", "--excitation")
+    if sensor not in (*SENSORS, None):
+        raise SpecError(f"must be {', '.join(SENSORS)}, got {sensor!r}", "--sensor")
+    paths = [path] if isinstance(path, Path) else [*path]
+    for each in paths:
+        recover(each)
+        recover(each.parent)
+        try:
+            is_folder, is_there = each.is_dir(), each.exists()
+        except OSError as error:  # a name that no file can have
+            raise FileError(f"cannot be read ({reason(error)})", str(each)) from error
+        if not is_there:
+            raise FileError("there is no such file or folder", str(each))
+    alone = paths[0]
+    named = len(paths) == 1 and _taxels_of(alone, plan)
+    if len(paths) > 1 or is_folder or named:
+        where = str(alone if len(paths) == 1 else alone.parent)
+        found, stated = _read_named(_files(alone) if is_folder else paths, plan, excitation, where)
+    else:
+        where, ids = str(alone), tuple(taxel.id for taxel in plan.taxels)
+        data = read_bounded(alone, LARGEST_FILE, "a measurement")
+        found, stated = _read(data, alone, ids, plan, excitation, False)
+    if sensor is not None:
+        power = SENSORS.index(sensor)
+        found = [p if isinstance(p, Row) or p.power is not None else replace(p, power=power) for p in found]
+    return _ordered(found, stated, where, plan)
 
 
 def read_measured_text(text: str, plan: Plan, where: str = "measured.csv") -> Measured:
@@ -75,38 +94,47 @@ def read_measured_text(text: str, plan: Plan, where: str = "measured.csv") -> Me
 Found = tuple[list[Row | Spectrum | Record], bool]
 
 
-def _read(data: bytes, path: Path, ids: tuple[str, ...], plan: Plan, excitation: str, alone: bool) -> Found:
+def _read(data: bytes, path: Path, ids: tuple[str, ...], plan: Plan, excitation: str, named: bool) -> Found:
     where = str(path)
     if data[:4] in RIFF or path.suffix.lower() in (".wav", ".wave"):
-        return read_records(data, path, ids, plan, excitation), False
+        return read_records(data, path, ids, plan, excitation, named), False
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise FileError(f"is neither WAV nor CSV: byte {error.start} is not UTF-8 text", where) from error
-    return read_csv(text, where, ids, plan, alone)
+    return read_csv(text, where, ids, plan, named and len(ids) == 1)
 
 
-def _read_folder(folder: Path, plan: Plan, excitation: str) -> Measured:
+def _taxels_of(path: Path, plan: Plan) -> tuple[str, ...]:
+    """Return the taxels that a file is named after: one, all of a coil, or none."""
+    return tuple(t.id for t in plan.taxels if path.stem in (t.id, f"r{t.coil[0]}c{t.coil[1]}"))
+
+
+def _read_named(files: Sequence[Path], plan: Plan, excitation: str, where: str) -> Found:
+    """Read files that are named after taxels or coils."""
     ids = tuple(taxel.id for taxel in plan.taxels)
     found: dict[str, Row | Spectrum | Record] = {}
     stated, left = [], LARGEST_FILE
-    for path in _files(folder):
-        where = str(path)
-        if path.stem not in ids:
+    for path in files:
+        own = _taxels_of(path, plan)
+        if not own:
             end = nearest_id(path.stem, ids)
-            raise FileError(f"must be named after a taxel of {plan.name!r}, {path.stem!r} is none{end}", where)
-        if path.stem in found:
-            raise FileError(f"is a second file of {path.stem}, beside {found[path.stem].where}; keep one", where)
-        data = read_bounded(path, left, "a folder of measurements")
+            raise FileError(f"must be named after a taxel of {plan.name!r}, {path.stem!r} is none{end}", str(path))
+        data = read_bounded(path, left, "a measurement" if len(files) == 1 else "a folder of measurements")
         left -= len(data)
-        part, told = _read(data, path, (path.stem,), plan, excitation, True)
-        if isinstance(part[0], Row):
-            raise FileError("is a table, which has all taxels in one file; give that file, not the folder", where)
-        found[path.stem] = replace(part[0], where=where)
+        parts, told = _read(data, path, own, plan, excitation, True)
+        for part in parts:
+            if isinstance(part, Row):
+                raise FileError(
+                    "is a table, which has all taxels in one file; give that file, not the folder", str(path)
+                )
+            if part.id in found:
+                raise FileError(f"is a second file of {part.id}, beside {found[part.id].where}; keep one", str(path))
+            found[part.id] = replace(part, where=str(path)) if len(own) == 1 else part
         stated.append(told)
     if not found:
-        raise FileError(f"holds no CSV or WAV file named after a taxel, such as {ids[0]}.csv", str(folder))
-    return _ordered(list(found.values()), all(stated), str(folder), plan)
+        raise FileError(f"holds no CSV or WAV file named after a taxel, such as {ids[0]}.csv", where)
+    return list(found.values()), all(stated)
 
 
 def _files(folder: Path) -> list[Path]:
@@ -133,46 +161,61 @@ def _kind(part: Row | Spectrum | Record) -> str:
     return "decay" if part.squared_current_a2 is None else "driven"
 
 
-MOST_SAMPLES = 1 << 25
-"""Most samples of a channel; no excitation of padgen is longer."""
-CLIPPED = 4
-"""Number of samples in a row at full scale that count as clipping."""
+READ_SAMPLES = 1 << 20
+"""Samples of all channels that are read at a time."""
+MOST_CLIPPED = 0.05
+"""Largest share of clipped samples with which a record can be fitted."""
 
 
 def read_records(
-    data: bytes, path: Path, ids: tuple[str, ...], plan: Plan, excitation: str
+    data: bytes, path: Path, ids: tuple[str, ...], plan: Plan, excitation: str, named: bool = False
 ) -> list[Row | Spectrum | Record]:
-    """Return records of the taxels `ids`, in relative units, from the bytes `data` of the WAV file `path`."""
-    if excitation not in ("current", "voltage"):
-        raise SpecError(f"must be current or voltage, got {excitation!r}", "--excitation")
+    """Return records of the taxels `ids`, in relative units, from the bytes `data` of the WAV file `path`.
+
+    A file that is `named` after a coil has all of its taxels in one channel.
+    """
     where, wave = str(path), read_wav(path, data)
-    count, due, rate = wave.channels, len(ids), float(wave.rate_hz)
+    count, due = wave.channels, len(ids)
     if not wave.count:
         raise FileError(f"holds 0 samples at {wave.rate_hz} Hz: nothing was recorded", where)
+    coils = {taxel.coil for taxel in plan.taxels if taxel.id in ids}
+    shared = ids if len(coils) == 1 < due and count < due + named else ()
+    due = 1 if shared else due
     if count not in (due, due + 1):
         what = "is mono" if count == 1 else f"has {count} channels"
         raise FileError(
             f"{what}, must have {due}, one for each taxel{'' if due == 1 else ' in the order of the plan'}, or"
-            f" {due + 1}, the excitation first; to give some taxels alone, put files named after them into a folder",
+            f" {due + 1}, the excitation first; name a file of one taxel {ids[0]}.wav, one in which all of a coil are"
+            f" heard {ids[0].partition('k')[0]}.wav",
             where,
         )
-    if wave.count > MOST_SAMPLES:
+    factor = lowering(wave.rate_hz, wave.count, ids, plan)
+    rate = wave.rate_hz / factor
+    if wave.count // factor > MOST_SAMPLES:
         raise FileError(
-            f"has {wave.count} samples a channel, at most {MOST_SAMPLES}, {at_most(MOST_SAMPLES / rate)} s, are read;"
-            " cut it to where the taxels move",
+            f"lasts {number(wave.seconds)} s, at most {at_most(MOST_SAMPLES / rate)} s are read; cut it to the part in"
+            " which the excitation passes the resonance and the response rings",
             where,
         )
+    columns, held = _averaged(wave, factor, where)
     driven = count == due + 1
-    columns = [_channel(wave, column, where) for column in range(count)]
-    squared = _squared_current(columns[0], rate, plan, excitation, where) if driven else None
+    squared = _squared_current(columns[:, 0], rate, plan, excitation, where) if driven else None
     return [
-        Record(taxel, f"{where}, channel {k + 1 + driven} ({taxel})", rate, columns[k + driven], squared, False)
-        for k, taxel in enumerate(ids)
+        Record(
+            taxel,
+            f"{where}, channel {k + 1 + driven} ({'coil of ' * bool(shared)}{taxel})",
+            rate,
+            columns[:, k + driven],
+            squared,
+            False,
+            clipped=held[:, k + driven] if held[:, k + driven].any() else None,
+            shared=shared,
+        )
+        for k, taxel in enumerate(ids[:due])
     ]
 
 
 def _squared_current(column: np.ndarray, rate: float, plan: Plan, excitation: str, where: str) -> np.ndarray:
-    column = column.astype(float)
     if np.ptp(column**2) < SMALLEST:
         raise FileError("channel 1, the excitation, does not change; leave it out for free decays", where)
     if excitation == "voltage":
@@ -182,27 +225,37 @@ def _squared_current(column: np.ndarray, rate: float, plan: Plan, excitation: st
     return np.asarray(column**2)
 
 
-def _channel(wave: Wave, column: int, where: str) -> np.ndarray:
-    """Return one channel of the samples, full scale 1, in single precision where that suffices.
+def _averaged(wave: Wave, factor: int, where: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return means over `factor` samples of all channels (n, channels), and where clipped samples are among them.
 
-    Clipped samples, and samples that are not finite numbers, are refused.
+    Samples that are not finite numbers, and channels with more than `MOST_CLIPPED` clipped ones, are refused.
     """
-    values = wave.channel(column, compact=True)
-    if wave.kind == "float":
+    step = max(READ_SAMPLES // (factor * wave.channels), 1) * factor
+    last, means, marks, peak = wave.count // factor * factor, [], [], 0.0
+    # Full scale is the last step below 1. Converters have at most 24 bits, even where files have more.
+    top = 1.0 if wave.kind == "float" else 1 - 2.0 ** (1 - min(wave.bits, 24))
+    for start in range(0, last, step):
+        values = wave.read(start, min(start + step, last))
         bad = ~(np.abs(values) <= LARGEST)
         if bad.any():
+            at, column = (int(k[0]) for k in np.nonzero(bad))
             raise FileError(
-                f"channel {column + 1} has no finite number at sample {bad.argmax() + 1}, or one beyond {LARGEST:g}",
+                f"channel {column + 1} has no finite number at sample {start + at + 1}, or one beyond {LARGEST:g}",
                 where,
             )
-        return values
-    # Full scale is the last step below 1. Converters have at most 24 bits, even where files have more.
-    full = (values >= 1 - 2.0 ** (1 - min(wave.bits, 24))) | (values == -1)
-    run = np.logical_and.reduce([full[k : len(full) - CLIPPED + 1 + k] for k in range(CLIPPED)])
-    if run.any():
+        full = (values == -1) | ((values == top) if wave.kind == "float" else (values >= top))
+        means.append(values.reshape(-1, factor, wave.channels).mean(1))
+        marks.append(full.reshape(-1, factor, wave.channels).mean(1))
+        peak = max(peak, float(np.abs(values).max()))
+    # Floats that go beyond 1 have no scale to be at the end of.
+    clipped = np.concatenate(marks) * (peak <= 1)
+    share = clipped.mean(0)
+    worst = int(share.argmax())
+    if share[worst] > MOST_CLIPPED:
         raise FileError(
-            f"channel {column + 1} is clipped at sample {run.argmax() + 1} ({CLIPPED} or more at full scale in a row);"
-            " lower the input's gain",
+            f"channel {worst + 1} is clipped at sample {factor * int((clipped[:, worst] > 0).argmax()) + 1}:"
+            f" {share[worst]:.0%} of its samples are at full scale, at most {MOST_CLIPPED:.0%} may be; lower the"
+            " input's gain",
             where,
         )
-    return values
+    return np.concatenate(means), clipped > 0

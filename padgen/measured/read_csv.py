@@ -13,10 +13,10 @@ import numpy as np
 
 from padgen.core.errors import FileError, number
 from padgen.core.units import MH
-from padgen.physics.resonance_fit import current_of_voltage
+from padgen.physics.resonance_fit import SENSORS, current_of_voltage
 from padgen.planner.plan import Plan
 
-__all__ = ["LARGEST", "SMALLEST", "Measured", "Record", "Row", "Spectrum", "nearest_id", "read_csv"]
+__all__ = ["LARGEST", "SMALLEST", "Measured", "Record", "Row", "Spectrum", "lowering", "nearest_id", "read_csv"]
 
 SMALLEST, LARGEST = 1e-30, 1e30
 """Bounds of measured values, whose fourth powers are still floating-point numbers; smaller values count as silence."""
@@ -39,7 +39,8 @@ class Row:
 class Spectrum:
     """A taxel's response (n,), complex or a magnitude, over `frequency_hz` (n,).
 
-    It is in µm per A² of the line of i² where `absolute`, else relative.
+    It is in µm (µm/s, µm/s²) per A² of the line of i² where `absolute`, else relative. `power` is 0 for displacement, 1
+    for velocity, 2 for acceleration, None where the file does not say.
     """
 
     id: str
@@ -47,13 +48,15 @@ class Spectrum:
     frequency_hz: np.ndarray
     response: np.ndarray
     absolute: bool
+    power: int | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Record:
-    """A taxel's displacement (n,) over time, in µm where `absolute`, else relative.
+    """A taxel's motion (n,) over time, in µm (µm/s, µm/s²) where `absolute`, else relative; `power` as of `Spectrum`.
 
-    `squared_current_a2` (n,) is the coil's i², None for a free decay.
+    `squared_current_a2` (n,) is the coil's i², None for a free decay. `clipped` (n,) marks samples of the motion at the
+    ends of the scale. `shared` names all taxels that a record of a whole coil may hold; `id` is the first of them.
     """
 
     id: str
@@ -62,6 +65,9 @@ class Record:
     displacement: np.ndarray
     squared_current_a2: np.ndarray | None
     absolute: bool
+    power: int | None = None
+    clipped: np.ndarray | None = None
+    shared: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,6 +91,16 @@ def nearest_id(name: str, known: tuple[str, ...]) -> str:
     return f"; the nearest is {close[0]!r}" if close else f"; they run from {known[0]!r} to {known[-1]!r}"
 
 
+SAMPLES_OF_PLANNED, FEWEST_LEFT = 40, 64
+"""Samples per period of the highest planned resonance that are kept, and the fewest of a record."""
+
+
+def lowering(rate_hz: float, count: int, ids: tuple[str, ...], plan: Plan) -> int:
+    """Return the number of samples of a record of `count` whose mean is enough for the taxels `ids`."""
+    highest = max(plan.channels[taxel.channel].resonance_hz for taxel in plan.taxels if taxel.id in ids)
+    return max(min(int(rate_hz / (SAMPLES_OF_PLANNED * highest)), count // FEWEST_LEFT), 1)
+
+
 TABLE = ("taxel", "resonance_hz", "q", "resonance_error_hz", "level_um", "line_a2")
 PARTS = {
     frozenset({""}): "mag",
@@ -95,7 +111,11 @@ PARTS = {
     frozenset({"db", "deg"}): "db",
     frozenset({"re", "im"}): "re",
 }
-UNITS = {"frequency_hz": "um_per_a2", "time_s": "um"}
+UNITS = {
+    "frequency_hz": ("um_per_a2", "um_per_s_per_a2", "um_per_s2_per_a2"),
+    "time_s": ("um", "um_per_s", "um_per_s2"),
+}
+"""Units of displacement, velocity and acceleration."""
 RELATIVE = "relative"
 DRIVE, MOTION = "drive", "motion"
 UNEVEN = 0.05
@@ -154,7 +174,7 @@ def _sheet(text: str, where: str) -> _Sheet:
         if len(raw) > LONGEST_LINE:
             raise FileError(f"line {line} has {len(raw)} characters, at most {LONGEST_LINE} are read", where)
         if raw.lstrip().startswith("#"):
-            note = re.match(r"#\s*(unit|frequency)\s*:\s*(\S+)\s*$", raw.strip(), re.IGNORECASE)
+            note = re.match(r"#\s*(unit|frequency|sensor)\s*:\s*(\S+)\s*$", raw.strip(), re.IGNORECASE)
             if note and heading is None:
                 notes[note[1].lower()] = note[2].lower()
         elif heading is None:
@@ -234,12 +254,16 @@ def _number(sheet: _Sheet, line: int, name: str, cell: str) -> float:
     return value
 
 
-def _unit(sheet: _Sheet, axis: str) -> bool:
-    """Return whether the responses are absolute, with the unit of `UNITS`, or relative."""
-    unit = sheet.notes.get("unit", RELATIVE)
-    if unit not in (UNITS[axis], RELATIVE):
-        raise FileError(f"'# unit:' must be {UNITS[axis]} or {RELATIVE}, got {unit!r}", sheet.where)
-    return unit != RELATIVE
+def _unit(sheet: _Sheet, axis: str) -> tuple[bool, int | None]:
+    """Return whether the responses are absolute, with a unit of `UNITS`, and the power that the file states."""
+    unit, sensor = sheet.notes.get("unit", RELATIVE), sheet.notes.get("sensor")
+    if unit not in (*UNITS[axis], RELATIVE):
+        raise FileError(f"'# unit:' must be {', '.join(UNITS[axis])} or {RELATIVE}, got {unit!r}", sheet.where)
+    if sensor not in (*SENSORS, None):
+        raise FileError(f"'# sensor:' must be {', '.join(SENSORS)}, got {sensor!r}", sheet.where)
+    if unit != RELATIVE:
+        return True, UNITS[axis].index(unit)
+    return False, None if sensor is None else SENSORS.index(sensor)
 
 
 # Tables
@@ -323,7 +347,7 @@ def _refuse_swapped(sheet: _Sheet, rows: dict[str, Row], plan: Plan) -> None:
 
 def _spectra(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Row | Spectrum | Record]:
     columns = _taxel_columns(sheet, ids, plan, ("frequency_hz",), ("re", "im", "mag", "db", "deg"))
-    absolute = _unit(sheet, "frequency_hz")
+    told = _unit(sheet, "frequency_hz")
     values = _numbers(sheet)
     axis = sheet.names.index("frequency_hz")
     lines = [line for line, _ in sheet.lines]
@@ -335,7 +359,7 @@ def _spectra(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Row | Spec
     found: list[Row | Spectrum | Record] = []
     for taxel, parts in columns.items():
         response = _response(sheet, taxel, {part: values[:, at] for part, at in parts.items()}, lines)
-        found.append(Spectrum(taxel, f"{sheet.where}, {taxel}", factor * frequency, response, absolute))
+        found.append(Spectrum(taxel, f"{sheet.where}, {taxel}", factor * frequency, response, *told))
     return found
 
 
@@ -407,12 +431,14 @@ def _series(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Row | Spect
     columns = _taxel_columns(sheet, ids, plan, own, ())
     if "current_a" in sheet.names and "voltage_v" in sheet.names:
         raise FileError("has both 'current_a' and 'voltage_v'; leave one out, best the voltage", sheet.where)
-    absolute = _unit(sheet, "time_s")
+    told = _unit(sheet, "time_s")
     values = _numbers(sheet)
     rate = _rate_hz(sheet, values)
+    factor = lowering(rate, len(values), tuple(columns), plan)
+    values, rate = values[: len(values) // factor * factor].reshape(-1, factor, values.shape[1]).mean(1), rate / factor
     squared = _squared_current(sheet, values, rate, plan)
     return [
-        Record(taxel, f"{sheet.where}, {taxel}", rate, values[:, parts[""]], squared, absolute)
+        Record(taxel, f"{sheet.where}, {taxel}", rate, values[:, parts[""]], squared, *told)
         for taxel, parts in columns.items()
     ]
 

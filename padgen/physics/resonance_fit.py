@@ -1,22 +1,21 @@
 """Fit one resonance to measured data: frequency, Q and peak response, with one sigma of each.
 
-The data are a spectrum, a record of the response to a known excitation, or a record of a free decay. All are fitted by
-one model in frequency; a record by its Fourier transform:
+A driven record, the record of a free decay and a spectrum are fitted by one model in frequency, within some bandwidths
+of the resonance:
 
-    Y(f) = X Σ P / (Q (1 − s²) + j s) + a X + b X/s² + Σ free decays,   s = f/f₀
+    Y(f) = X sⁿ (Σ g / (Q (1 − s²) + j s) + a + b/s²) + sⁿ (Σ c / (Q (1 − s²) + j s) + d + e/s²),   s = f/f₀
 
-X is the transform of i², 1 for a spectrum and 0 for a free decay. a and b are contributions of modes far above and
-below (D. J. Ewins, Modal Testing, 2nd ed. 2000, ch. 4). P, a, b are complex for a spectrum (any phase of the sensor).
-The vibration of a mode at a record's start and at its end is a free decay of the mode's pole, whose transform is ``(1 −
-e^{λT})/(1 − e^{(λ − jω)/rate})``; records need therefore be neither silent at their ends nor periodic. A drift is a
-pole at 0.
+X is the transform of i²; the second bracket has the free vibration at the record's ends. A decay has that bracket
+alone, a spectrum the first with X = 1. All factors are complex: g is any scale, phase and polarity, a and b stand for
+far modes (D. J. Ewins, Modal Testing, 2nd ed. 2000, ch. 4), and to first order for all that changes slowly over the
+resonance: a gain that drifts during a sweep, a high-pass, a rest of delay, another kind of sensor. n is 0 for
+displacement, 1 for velocity, 2 for acceleration. Factors enter linearly and are projected out (G. Golub, V. Pereyra,
+SIAM J. Numer. Anal. 10, 1973, 413-432), so that scipy's least squares search for f₀ and Q only.
 
-The first method is least squares in all lines near the resonance. Further peaks that stand out of the residual become
-modes of the model, so that a small one does not distort the taxel's own. The second method, as a check, is the circle
-of `padgen.physics.circle_fit`. Magnitudes without phase are fitted by `padgen.physics.magnitude_fit`.
-
-Noise is assumed equal and independent at all lines; where the residual is correlated, the errors are widened
-(`correlation_factor`). Tested from Q = 2 to 10⁴, at 20 to 60 dB, in `tests/test_resonance_fit.py`.
+What else is in the data is added as columns where it stands out of the residual: mains lines and their harmonics, a
+second mode, and in a record a gain or clock that drifts. Delay between excitation and response is found first, from the
+impulse response. Clipped samples are replaced by the model's. As a check the circle of `padgen.physics.circle_fit` is
+fitted too.
 """
 
 from typing import NamedTuple
@@ -25,168 +24,237 @@ import numpy as np
 
 from padgen.core.errors import SolverError, at_least, at_most, number
 from padgen.physics.circle_fit import circle_resonance
-from padgen.physics.magnitude_fit import SeparableFit, correlation_factor, fit_magnitude, left_over, separable_fit
 from padgen.physics.resonance_judge import (
     COMPARABLE,
-    MOST_VAGUE,
+    LEAST_GAIN,
     ResonanceFit,
+    Seen,
     checked,
     point_noise,
     refuse_bad_record,
     refuse_bad_spectrum,
     refuse_edge,
     refuse_few,
-    refuse_hidden,
     refuse_no_peak,
     refuse_no_resonance,
     refuse_two,
+    rough_peak,
 )
 
-__all__ = ["current_of_voltage", "fit_decay", "fit_driven", "fit_spectrum", "rough_hz"]
+__all__ = [
+    "MOST_SAMPLES",
+    "SENSORS",
+    "current_of_voltage",
+    "fit_decay",
+    "fit_driven",
+    "fit_spectrum",
+    "looked_at",
+    "rough_hz",
+]
 
-MOST_MODES = 4
+REACH = 10.0
+"""Largest |Q (s − 1/s)| of fitted lines: five bandwidths on either side."""
+FEWEST_LINES, MOST_LINES = 14, 3000
 LEAST_Q, LARGEST_Q = 0.55, 1e7
+MOST_MODES, MOST_HUM = 4, 8
 SMOOTHED = (1, 5, 25, 125)
-"""Numbers of lines over which a response is averaged to find its peak in noise."""
-TRIED_Q = 12
-WORTH = 40.0
-"""Least decrease of the sum of squares by a further mode, in variances."""
+"""Numbers of points over which a response is averaged to find its peak in noise."""
+WORTH = 30.0
+"""Least decrease of the sum of squares by a further column or mode, in variances."""
+MAINS_HZ, MAINS_OFF = (50.0, 60.0), 4e-3
+"""Frequencies of the mains, and the largest relative deviation of a line from their multiples."""
 SMALLEST_NOISE = 1e-9
 """Noise over the largest response that counts as rounding only."""
-LONGEST, LONGEST_DECAY = 1 << 21, 1 << 20
-"""Most samples used of a driven record and of a decay."""
-MOST_LINES = 1 << 16
-"""Most lines that are fitted; more would take minutes and gigabytes."""
-BELOW, ABOVE, LEAST_ABOVE = 1 / 8, 12.0, 3.0
-"""Lowest and highest line of a record that is fitted, over the resonance; the highest is LEAST_ABOVE for too many
-lines.
-"""
-DECAY_TAUS, DECAY_PERIODS = 8.0, 10.0
-"""Fitted length of a decay in time constants, and its minimum in periods; the rest is noise."""
-FEWEST_PERIODS = 4.0
 EXCITED = 1e-3
 """Power density at the edge of the excited band, over its largest."""
-ROUGH_BAND = 64.0
-"""Frequency that stands for the resonance in the first look for the excited band, in steps of a record's lines."""
-MARGIN = 1.25
-"""Factor by which lines are fitted beyond the excited band, to show a resonance outside of it."""
+QUIET_SHARE, BEFORE_S, RINGING_TAUS = 1e-3, 0.1, 12.0
+"""Share of the largest i² below which a coil is silent; kept silence before (s) and after it (time constants)."""
+DECAY_TAUS, DECAY_PERIODS, FEWEST_PERIODS = 15.0, 10.0, 4.0
+FEWEST_SAMPLES, MOST_SAMPLES = 64, 1 << 20
+"""Fewest and most samples of a driven record; of a decay the first quarter of the latter are used."""
+NO_ANSWER = (
+    "shows no answer to the excitation: the best one is no more than noise makes by chance; excite more, check that the"
+    " first channel is the excitation (and, of noise, that it passes direct current) and that the sensor is on this"
+    " taxel, or leave this taxel out"
+)
+NO_DECAY = (
+    "shows no free decay: the best one is no more than noise makes by chance; pluck harder, or leave this taxel out"
+)
+SEEN, WIDE = 3.0, 0.6
+"""Least response over its noise, and least range of ln f, from which the kind of sensor is recognised."""
+SENSORS = ("displacement", "velocity", "acceleration")
+"""Kinds of sensors, by the power of the frequency."""
+FILLED, FASTER, GUESSED = 20, 1.8, 0.25
+"""Rounds in which clipped samples are moved to the model, the step of each over the way there (below 2), and
+one sigma of what this changes, over the change."""
+STEP = 1e-5
+"""Step of a parameter over its scale, in finite differences."""
 
 
 class Lines(NamedTuple):
-    """Measured lines: `data` (n,) over `frequency` (n,) in Hz; `excitation` (n,), None for a free decay.
+    """Measured lines: `data` (n,) over `frequency` (n,) in Hz, and the inputs (m, n) that make them.
 
-    `rate_hz` and the number of `samples` are those of a record, 0 for a spectrum.
+    A record lasts `seconds` (0 for a spectrum); `slow` (n,) is the transform of the response times the time. `noise`
+    is that of a line where it is known.
     """
 
     frequency: np.ndarray
     data: np.ndarray
-    excitation: np.ndarray | None
-    rate_hz: float = 0.0
-    samples: int = 0
-
-    def between(self, low: float, high: float) -> "Lines":
-        """Return the lines from `low` to `high` Hz."""
-        keep = (self.frequency >= low) & (self.frequency <= high)
-        excitation = None if self.excitation is None else self.excitation[keep]
-        return self._replace(frequency=self.frequency[keep], data=self.data[keep], excitation=excitation)
-
-    def own_columns(self, mode: int) -> np.ndarray:
-        """Return the indices of a mode's columns in the basis: of its driven response, or of its free decay."""
-        driven = self.samples and self.excitation is not None
-        return np.array([3 * mode]) if driven else 2 * mode + np.arange(2)
+    inputs: np.ndarray
+    seconds: float = 0.0
+    slow: np.ndarray | None = None
+    noise: float = 0.0
 
     @property
     def step_hz(self) -> float:
-        """Distance of a record's lines in Hz; 0 for a spectrum."""
-        return self.rate_hz / self.samples if self.samples else 0.0
+        """Distance of a record's lines in Hz, or the largest of a spectrum's."""
+        return 1 / self.seconds if self.seconds else float(np.diff(self.frequency).max())
+
+    def at(self, keep: np.ndarray) -> "Lines":
+        """Return the lines of the indices `keep`."""
+        slow = None if self.slow is None else self.slow[keep]
+        return Lines(self.frequency[keep], self.data[keep], self.inputs[:, keep], self.seconds, slow, self.noise)
+
+    def around(self, hz: float, q: float) -> "Lines":
+        """Return the lines within `REACH` of a resonance, thinned to `MOST_LINES`."""
+        away = np.abs(_detuning(self.frequency, hz, q))
+        keep = np.flatnonzero(away <= max(REACH, float(np.sort(away)[:FEWEST_LINES][-1])))
+        return self.at(keep[:: -(-len(keep) // MOST_LINES)])
 
 
-class Mode(NamedTuple):
-    """The chosen resonance of a fit: its index, frequency in Hz, Q and peak; and the other peaks (Hz, amplitude)."""
+class _Solved(NamedTuple):
+    """A fit of `lines`: ln f₀ and ln Q of each mode in `theta`, factors of the columns, complex residual, noise of a
+    line (rms), and the covariance of theta, then of the factors' real and imaginary parts."""
 
-    place: int
+    lines: Lines
+    theta: np.ndarray
+    factors: np.ndarray
+    basis: np.ndarray
+    residual: np.ndarray
+    noise: float
+    extra: np.ndarray
+
+    @property
+    def modes(self) -> np.ndarray:
+        """Frequency in Hz and Q of each mode, (m, 2)."""
+        return np.asarray(np.exp(self.theta.reshape(-1, 2)))
+
+    @property
+    def cost(self) -> float:
+        """Sum of the residual's squares."""
+        return float(np.vdot(self.residual, self.residual).real)
+
+
+class _Peak(NamedTuple):
     hz: float
     q: float
-    peak: float
-    others: tuple[tuple[float, float], ...]
+    size: float
 
 
-def fit_spectrum(frequency_hz: np.ndarray, response: np.ndarray, near_hz: float | None = None) -> ResonanceFit:
-    """Fit a complex `response` (n,) over rising `frequency_hz` (n,).
+def fit_spectrum(
+    frequency_hz: np.ndarray, response: np.ndarray, near_hz: float | None = None, power: int | None = None
+) -> ResonanceFit:
+    """Fit a `response` (n,), complex or a magnitude, over rising `frequency_hz` (n,).
 
-    Of several comparable peaks the one nearest to `near_hz` is taken; without `near_hz` they are refused.
+    Of several comparable peaks the one nearest to `near_hz` is taken; without `near_hz` they are refused. `power` is 0
+    for displacement, 1 for velocity, 2 for acceleration, None where it is to be recognised.
 
     Raises
     ------
     SolverError
         No peak, one at an end of the sweep, two comparable ones, too few points in it, or a phase that rises.
     """
-    frequency, data = np.asarray(frequency_hz, float), np.asarray(response, complex)
-    refuse_bad_spectrum(frequency, data)
-    lines = Lines(frequency, data, np.ones(len(data)))
-    fit = _fit_modes(lines, _peak_candidates(lines))
-    _refuse_phase(lines, fit)
-    mode = _chosen_mode(lines, fit, near_hz)
-    noise = point_noise(data)
-    refuse_no_peak(mode.peak, fit.noise, _gain(lines, fit), frequency, np.abs(data))
-    refuse_no_resonance(np.abs(data), fit.noise, noise, mode.hz)
-    refuse_edge(frequency[0], frequency[-1], mode.hz, mode.q)
-    refuse_few(frequency, mode.hz, mode.q)
-    inside = tuple(other for other in mode.others if frequency[0] < other[0] < frequency[-1])
-    return _with_circle_check(lines, fit, mode._replace(others=inside), fit.noise, near_hz)
+    frequency, given = np.asarray(frequency_hz, float), np.asarray(response)
+    refuse_bad_spectrum(frequency, given)
+    data = given if np.iscomplexobj(given) else _with_phase(frequency, given)
+    noise = point_noise(given)
+    lines = Lines(frequency, np.asarray(data, complex), np.ones((1, len(data))), noise=noise)
+    peaks = _peaks(lines, power or 0)
+    n = _recognised(lines, peaks, near_hz, power)
+    fit = _fit_peaks(lines, peaks, near_hz, n or 0)
+    hz, q = fit.modes[0]
+    if np.iscomplexobj(given):
+        _refuse_phase(lines, fit, n or 0)
+    refuse_no_peak(abs(fit.factors[0]), max(fit.noise, 1e-300), _gain(fit), frequency, np.abs(given))
+    refuse_edge(frequency[0], frequency[-1], hz, q)
+    refuse_no_resonance(np.abs(fit.lines.data), fit.noise, noise, hz)
+    refuse_few(frequency, hz, q)
+    if not np.iscomplexobj(given):
+        fit = _polished(fit, np.abs(given)[np.isin(frequency, fit.lines.frequency)], n or 0)
+    return _result(lines, fit, peaks, near_hz, n, np.iscomplexobj(given))
 
 
 def fit_driven(
-    rate_hz: float, squared_current: np.ndarray, displacement: np.ndarray, near_hz: float | None = None
+    rate_hz: float,
+    squared_current: np.ndarray,
+    response: np.ndarray,
+    near_hz: float | None = None,
+    power: int | None = None,
+    ring_s: float | None = None,
+    clipped: np.ndarray | None = None,
+    exact: bool = False,
 ) -> ResonanceFit:
-    """Fit the response `displacement` (n,) to `squared_current` (n,); `peak` is per unit of a line of the latter.
+    """Fit the `response` (n,) to `squared_current` (n,); `peak` is per unit of a line of the latter.
 
-    `near_hz` is the planned resonance, where the search starts; all of the excited band is searched.
+    `power` is as in `fit_spectrum`. `ring_s` is about the time constant of the resonance; `clipped` (n,) marks samples
+    of the response at the end of their scale. With `exact` the peak nearest to `near_hz` is taken however small it is.
 
     Raises
     ------
     SolverError
         No response, two comparable resonances, a resonance at an end of the excited band, or too short a record.
     """
-    x, y = np.asarray(squared_current, float), np.asarray(displacement, float)
+    x, y = np.asarray(squared_current, float), np.array(response, float)
     refuse_bad_record(y)
     if np.ptp(x) == 0:
         raise SolverError("the excitation does not change; leave its column out for a free decay")
-    _refuse_long(len(y), LONGEST, rate_hz)
-    low, high, _ = _excited_band(rate_hz, x, ROUGH_BAND * rate_hz / len(x))
-    whole = _lines_of(rate_hz, y, x).between(low / MARGIN, high * MARGIN)
-    starts = _peak_candidates(whole)
-    if near_hz is not None and near_hz < 0.4 * rate_hz:
-        starts.append(near_hz)
-    lines = whole.between(BELOW * min(starts), ABOVE * max(starts))
-    if len(lines.data) > MOST_LINES:
-        lines = whole.between(BELOW * min(starts), LEAST_ABOVE * max(starts))
-        _refuse_long(len(lines.data), MOST_LINES, len(lines.data) * lines.step_hz)
-    fit = _fit_modes(lines, starts)
-    mode = _chosen_mode(lines, fit, near_hz)
-    _refuse_short(len(y) / rate_hz, mode.hz)
-    own = 3 * mode.place + np.arange(3)
-    spectrum = np.zeros(len(y) // 2 + 1, dtype=complex)
-    first = round(lines.frequency[0] / lines.step_hz)
-    spectrum[first : first + len(lines.data)] = _basis(lines, fit.theta)[:, own] @ fit.coefficients[own]
-    answer = float(np.abs(np.fft.irfft(spectrum, len(y))).max())
-    noise = _sample_noise(lines, fit)
-    refuse_hidden(answer, noise, _gain(lines, fit), "answer to the excitation")
-    lower, upper, step = _excited_band(rate_hz, x, mode.hz)
-    # The finer look may mistake drift for excitation, and the coarser one is uncertain by its step.
-    refuse_edge(max(low + step, lower), max(high, upper), mode.hz, mode.q, "the excited band", "the excitation", step)
-    return _with_circle_check(lines, fit, mode, noise * mode.peak / answer, near_hz)
+    if len(y) > MOST_SAMPLES:
+        raise SolverError(
+            f"lasts {number(len(y) / rate_hz)} s; at most {at_most(MOST_SAMPLES / rate_hz)} s of it can be fitted: cut"
+            " it to the part in which the excitation passes the resonance and the response rings"
+        )
+    held = np.zeros(len(y), bool) if clipped is None else clipped
+    rings = ring_s or len(y) / rate_hz / 8
+    x, y, held = _shifted(_lag(rate_hz, x, y), x, y, held)
+    loud = np.flatnonzero(np.abs(x) > QUIET_SHARE * np.abs(x).max())
+    part = slice(max(int(loud[0] - BEFORE_S * rate_hz), 0), int(loud[-1] + RINGING_TAUS * rings * rate_hz))
+    x, y, held = x[part], y[part], held[part]
+    if len(x) < FEWEST_SAMPLES:
+        raise SolverError(NO_ANSWER)
+    peaks = _peaks(_gated(rate_hz, x, y, rings)[0], power or 0)
+    x, y, held = _shifted(_lag(rate_hz, x, y, _chosen(peaks, near_hz)), x, y, held)
+    gated, low, high = _gated(rate_hz, x, y, rings)
+    peaks = _peaks(gated, power or 0)
+    n = _recognised(gated, peaks, near_hz, power)
+    lines = _record_lines(rate_hz, y, x)
+    fit = _fit_peaks(lines, peaks, near_hz, n or 0, exact)
+    first = fit.theta[:2]
+    for _ in range(FILLED if held.any() else 0):
+        fit, y = _filled(fit, rate_hz, x, y, held, n or 0)
+    guessed = GUESSED * np.abs(fit.theta[:2] - first)
+    hz, q = fit.modes[0]
+    _refuse_short(len(y) / rate_hz, hz)
+    if not _gain(fit) >= LEAST_GAIN:
+        raise SolverError(NO_ANSWER)
+    refuse_edge(low, high, hz, q, "the excited band", "the excitation", rate_hz / len(y))
+    return _result(lines, fit, peaks, near_hz, n, guessed=guessed)
 
 
-def fit_decay(rate_hz: float, displacement: np.ndarray, near_hz: float | None = None) -> ResonanceFit:
-    """Fit the free decay in `displacement` (n,) after its largest value; `peak` is about its amplitude there.
+def fit_decay(
+    rate_hz: float,
+    response: np.ndarray,
+    near_hz: float | None = None,
+    exact: bool = False,
+    clipped: np.ndarray | None = None,
+) -> ResonanceFit:
+    """Fit the free decay in `response` (n,), of any sensor, after its largest value.
 
     Raises
     ------
     SolverError
         No decay, two comparable sines in it (unless `near_hz` selects one), or too short a record.
     """
-    y = np.asarray(displacement, float)
+    y = np.asarray(response, float)
     refuse_bad_record(y)
     first = _largest(y)
     if first > 0.8 * len(y):
@@ -194,25 +262,39 @@ def fit_decay(rate_hz: float, displacement: np.ndarray, near_hz: float | None = 
             f"is largest {number(first / rate_hz)} s into a record of {number(len(y) / rate_hz)} s: a free decay starts"
             " at its largest value; if there was an excitation, add it as a column"
         )
-    y = y[first : first + LONGEST_DECAY]
-    whole = _lines_of(rate_hz, y)
-    hz, q = _start(whole.between(0, ABOVE * _peak_candidates(whole)[0]), _peak_candidates(whole)[:1])
-    seconds = max(min(DECAY_TAUS * q / (np.pi * hz), MOST_LINES / (ABOVE * hz)), DECAY_PERIODS / hz)
-    y = y[: int(seconds * rate_hz) + 1]
-    _refuse_short(len(y) / rate_hz, hz)
-    lines = _lines_of(rate_hz, y).between(BELOW * hz, ABOVE * hz)
-    fit = _fit_modes(lines, [hz])
-    mode = _chosen_mode(lines, fit, near_hz)
-    noise = _sample_noise(lines, fit)
-    refuse_hidden(mode.peak, noise, _gain(lines, fit), "free decay")
-    return _with_circle_check(lines, fit, mode, noise, near_hz)
+    if clipped is not None and clipped[first:].any():
+        first += int(np.flatnonzero(clipped[first:])[-1]) + 1
+    y = y[first : first + MOST_SAMPLES // 4]
+    refuse_bad_record(y)
+    for _ in range(3):
+        lines = _record_lines(rate_hz, y)
+        peaks = _peaks(lines, 0)
+        hz, q, _ = peaks[0]
+        seconds = max(DECAY_TAUS * q / (np.pi * hz), DECAY_PERIODS / hz)
+        if seconds * rate_hz >= 0.9 * len(y):
+            break
+        y = y[: max(int(seconds * rate_hz), FEWEST_SAMPLES)]
+    fit = _fit_peaks(lines, peaks, near_hz, 0, exact)
+    _refuse_short(len(y) / rate_hz, float(fit.modes[0, 0]))
+    if not _gain(fit) >= LEAST_GAIN:
+        raise SolverError(NO_DECAY)
+    return _result(lines, fit, peaks, near_hz, None)
 
 
-def rough_hz(rate_hz: float, displacement: np.ndarray, squared_current: np.ndarray | None = None) -> float:
+def looked_at(rate_hz: float, response: np.ndarray, squared_current: np.ndarray | None = None) -> Seen:
+    """Return the response over frequency of a record as it is, without a fit: of a decay the transform."""
+    if squared_current is None or np.ptp(squared_current) == 0:
+        lines = _record_lines(rate_hz, response[_largest(response) :])
+    else:
+        lines = _gated(rate_hz, squared_current, response, len(response) / rate_hz / 8)[0]
+    return Seen(lines.frequency, lines.data, None)
+
+
+def rough_hz(rate_hz: float, response: np.ndarray, squared_current: np.ndarray | None = None) -> float:
     """Estimate the resonance in Hz: the largest velocity per excitation, or the largest line of a free decay."""
-    if squared_current is not None:
-        return _peak_candidates(_lines_of(rate_hz, displacement, squared_current))[0]
-    return _peak_candidates(_lines_of(rate_hz, displacement[_largest(displacement) :][:LONGEST_DECAY]))[0]
+    seen = looked_at(rate_hz, response, squared_current)
+    weight = 1.0 if squared_current is None else seen.frequency_hz
+    return float(seen.frequency_hz[(np.abs(seen.data) * weight).argmax()])
 
 
 def current_of_voltage(rate_hz: float, voltage: np.ndarray, resistance: float, inductance: float) -> np.ndarray:
@@ -231,204 +313,107 @@ def current_of_voltage(rate_hz: float, voltage: np.ndarray, resistance: float, i
     return np.concatenate([settled[:1], lfilter([1.0], [1.0, -np.exp(z)], inputs, zi=[np.exp(z) * settled[0]])[0]])
 
 
-def _lines_of(rate: float, y: np.ndarray, x: np.ndarray | None = None) -> Lines:
+# Records
+
+
+def _record_lines(rate: float, y: np.ndarray, x: np.ndarray | None = None) -> Lines:
     """Return the lines of a record, without its mean."""
-    data, excitation = (None if v is None else np.fft.rfft(v - v.mean(dtype=float))[1:-1] for v in (y, x))
-    assert data is not None
-    return Lines(np.fft.rfftfreq(len(y), 1 / rate)[1:-1], data, excitation, rate, len(y))
+    level = y - y.mean()
+    slow = np.fft.rfft(level * np.linspace(-0.5, 0.5, len(y)))[1:-1] if x is not None else None
+    data = np.fft.rfft(level)[1:-1]
+    size = np.full(len(data), np.sqrt(np.mean(np.abs(data) ** 2)) or 1.0, complex)
+    inputs = [size] if x is None else [np.fft.rfft(x - x.mean())[1:-1], size]
+    return Lines(np.fft.rfftfreq(len(y), 1 / rate)[1:-1], data, np.array(inputs), len(y) / rate, slow)
+
+
+class _Cross(NamedTuple):
+    """The response per excitation over circular frequencies (n,), the excited band alone, whose ends in Hz follow."""
+
+    frequency: np.ndarray
+    response: np.ndarray
+    low: float
+    high: float
+
+
+def _cross(rate: float, x: np.ndarray, y: np.ndarray) -> _Cross:
+    """Return the transfer function from x to y, twice the record long so that lags of either sign stay apart."""
+    from scipy.fft import next_fast_len
+    from scipy.ndimage import uniform_filter1d
+
+    size = next_fast_len(2 * len(x))
+    one, two = (np.fft.rfft(v - v.mean(), size) for v in (x, y))
+    power = uniform_filter1d(np.abs(one) ** 2, max(size // 2000, 3))
+    floor = EXCITED * power[2:].max()
+    frequency = np.fft.fftfreq(size, 1 / rate)
+    band = np.flatnonzero(power[2:-1] > floor) + 2
+    response = np.zeros(size, complex)
+    inside = slice(band[0], band[-1] + 1)
+    response[inside] = two[inside] * one[inside].conj() / (np.abs(one[inside]) ** 2 + floor)
+    return _Cross(frequency, response, float(frequency[band[0]]), float(frequency[band[-1]]))
+
+
+def _lag(rate: float, x: np.ndarray, y: np.ndarray, mode: _Peak | None = None) -> int:
+    """Return the delay of y after x in samples: where the impulse response, or a mode in it, begins."""
+    cross = _cross(rate, x, y)
+    inside = cross.response != 0
+    matched = np.zeros(len(inside), complex)
+    own = np.ones(inside.sum()) if mode is None else _mode(cross.frequency[inside], mode.hz, mode.q, 0).conj()
+    matched[inside] = cross.response[inside] * own
+    lag = int(np.abs(np.fft.ifft(matched)).argmax())
+    return lag - len(inside) * (lag > len(inside) // 2)
+
+
+def _shifted(lag: int, x: np.ndarray, *late: np.ndarray) -> list[np.ndarray]:
+    """Return x and the signals that are `lag` samples late, without the delay."""
+    start, end = max(lag, 0), max(-lag, 0)
+    count = len(x) - abs(lag)
+    return [x[end : end + count], *(v[start : start + count] for v in late)]
+
+
+def _gated(rate: float, x: np.ndarray, y: np.ndarray, rings: float) -> tuple[Lines, float, float]:
+    """Return the response by the impulse response's beginning, for some eight time constants, and the excited band."""
+    cross = _cross(rate, x, y)
+    impulse = np.fft.ifft(cross.response)
+    after = min(max(int(8 * rings * rate), FEWEST_SAMPLES), len(impulse) // 4)
+    before = max(after // 16, 4)
+    kept = np.roll(impulse, before)[: before + after] * np.clip(np.linspace(4, 0, before + after), 0, 1)
+    frequency = np.fft.fftfreq(2 * len(kept), 1 / rate)[: len(kept)]
+    data = np.fft.fft(kept, 2 * len(kept))[: len(kept)] * np.exp(2j * np.pi * frequency * before / rate)
+    inside = np.flatnonzero((frequency >= cross.low / 1.1) & (frequency <= 1.1 * cross.high) & (frequency > 0))
+    away = np.roll(impulse, len(impulse) // 2)[: len(impulse) // 4]
+    noise = float(np.sqrt(np.mean(np.abs(away) ** 2) * len(kept)))
+    return Lines(frequency, data, np.ones((1, len(data))), noise=noise).at(inside), cross.low, cross.high
+
+
+def _recognised(lines: Lines, peaks: list[_Peak], near_hz: float | None, power: int | None) -> int | None:
+    """Return the power of the frequency by which a response differs from that of a displacement: 0, 1, 2 or None.
+
+    It is the slope of the response over the first peak's on logarithmic axes, where other peaks and noise are small.
+    Refuses a stated `power` that is another.
+    """
+    own, *others = sorted(peaks, key=lambda p: p is not _chosen(peaks, near_hz))
+    s = lines.frequency / own.hz
+    alone = own.size * np.abs(_mode(lines.frequency, own.hz, own.q, power or 0)) / s ** (power or 0)
+    good = (np.abs(lines.data) > SEEN * lines.noise) & (s > 1 / 3) & (s < 3)
+    for other in others:
+        good &= other.size * np.abs(_mode(lines.frequency, other.hz, other.q, 0)) < 0.3 * alone
+    log = np.log(s[good])
+    if len(log) < FEWEST_LINES or np.ptp(log) < WIDE:
+        return power
+    slope = float(np.polyfit(log, np.log(np.abs(lines.data[good]) / alone[good]), 1)[0])
+    nearest = int(np.clip(round(slope), 0, 2))
+    if power is not None and abs(slope - power) > 0.7:
+        raise SolverError(
+            f"is said to be of {SENSORS[power]}, but looks like {SENSORS[nearest]}: over that of a displacement it"
+            f" grows with the frequency to the power of {slope:.1f}; state the sensor that was used (--sensor), or none"
+        )
+    return power if power is not None or abs(slope - nearest) > 0.4 else nearest
 
 
 def _largest(y: np.ndarray) -> int:
     """Return the index at which a signal is farthest from its mean."""
     middle = y.mean(dtype=float)
     return max(int(y.argmax()), int(y.argmin()), key=lambda k: abs(float(y[k]) - middle))
-
-
-def _peak_candidates(lines: Lines) -> list[float]:
-    """Return frequencies in Hz to start at: the largest averaged mobility and the largest explained power."""
-    from scipy.ndimage import uniform_filter1d
-
-    data, found = lines.data, [float(lines.frequency[np.abs(lines.data).argmax()])]
-    if lines.excitation is None:
-        return found
-    cross, power = data * lines.excitation.conj(), np.abs(lines.excitation) ** 2
-    sizes = [points for points in SMOOTHED if points <= max(len(data) // 4, 1)]
-    if lines.samples:
-        sizes, found = [max(len(data) // 1000, 3)], []
-    for points in sizes:
-        over = np.abs(uniform_filter1d(cross, points, mode="constant"))
-        under = np.maximum(uniform_filter1d(power, points, mode="constant"), 0)
-        under += EXCITED * under.max()
-        found += [float(lines.frequency[size.argmax()]) for size in (over / under * lines.frequency, over**2 / under)]
-    return found
-
-
-def _start(lines: Lines, tops: list[float], before: np.ndarray | None = None) -> np.ndarray:
-    """Return frequency in Hz and Q of the mode, tried at `tops`, that leaves least beside the modes `before`."""
-    finest = lines.step_hz / 10 or float(np.diff(lines.frequency).min())
-    kept: list[float] = []
-    for hz in tops:
-        if all(abs(hz - other) > max(finest, 1e-3 * hz) for other in kept):
-            kept.append(hz)
-    tried = [(hz, q) for hz in kept for q in np.geomspace(1.0, max(2 * hz / finest, 4.0), TRIED_Q)]
-    known = np.empty(0) if before is None else before
-    left = [np.linalg.norm(left_over(_basis(lines, np.append(known, np.log(each))), lines.data)) for each in tried]
-    return np.array(tried[int(np.argmin(left))])
-
-
-def _fit_modes(lines: Lines, tops: list[float]) -> SeparableFit:
-    """Fit modes one after the other, at the peaks of the residual, as long as each is worth its parameters."""
-    fit = _least_squares(lines, np.log(_start(lines, tops)))
-    for _ in range(MOST_MODES - 1):
-        numbers = (len(fit.covariance) + 5) / 2
-        rounding = fit.noise < SMALLEST_NOISE * np.abs(lines.data).max()
-        if rounding or len(lines.data) < numbers or not _has_structure(fit):
-            break
-        start = _start(lines, _peak_candidates(lines._replace(data=fit.residual)), fit.theta)
-        more = _least_squares(lines, np.concatenate([fit.theta, np.log(start)]))
-        if not _is_better(lines, fit, more):
-            break
-        fit = more
-    return fit
-
-
-def _least_squares(lines: Lines, start: np.ndarray) -> SeparableFit:
-    """Fit all modes together, from `start` in ln f₀ and ln Q of each."""
-    low, high = lines.frequency[0] / 3, lines.frequency[-1] * (1 if lines.samples else 3)
-    bounds = tuple(np.tile(np.log(pair), len(start) // 2) for pair in ((low, LEAST_Q), (high, LARGEST_Q)))
-    scale = np.ones(len(start))
-    scale[::2] = np.exp(-start[1::2])
-    return separable_fit(lambda theta: _basis(lines, theta), lines.data, start, scale, (bounds[0], bounds[1]))
-
-
-def _basis(lines: Lines, theta: np.ndarray) -> np.ndarray:
-    """Return the columns of each mode, of peak 1, then of far modes and a drift; their factors are real."""
-    frequency, x, columns = lines.frequency, lines.excitation, []
-    for hz, q in np.exp(theta.reshape(-1, 2)):
-        s = frequency / hz
-        if x is not None:
-            answer = x / (q * (1 - s) * (1 + s) + 1j * s)
-            columns += [answer] if lines.samples else [answer, 1j * answer]
-        if lines.samples:
-            pole = 2 * np.pi * hz * complex(-1 / (2 * q), np.sqrt(1 - 1 / (4 * q * q)))
-            one, other = (_free(lines, p) for p in (pole, pole.conjugate()))
-            columns += [(one + other) / 2, (one - other) / 2j]
-    if x is not None:
-        share = frequency[0] * frequency[-1] / frequency**2
-        far = [x, x * share]
-        columns += [*far, x / share] if lines.samples else [*far, 1j * far[0], 1j * far[1]]
-    if lines.samples:
-        columns.append(1 / np.expm1(-2j * np.pi * frequency / lines.rate_hz))
-    return np.stack(columns, axis=1).astype(complex)
-
-
-def _free(lines: Lines, pole: complex) -> np.ndarray:
-    """Return the transform (n,) of the samples of e^{λt} from the start of a record to its end."""
-    z = (pole - 2j * np.pi * lines.frequency) / lines.rate_hz
-    return np.asarray(np.expm1(pole * lines.samples / lines.rate_hz) / np.expm1(z))
-
-
-def _has_structure(fit: SeparableFit) -> bool:
-    """Return whether the residual stands out of white noise somewhere, or is correlated between neighbours."""
-    highest = float(np.abs(fit.residual).max()) ** 2
-    # The square of complex noise exceeds m times its mean with probability exp(-m).
-    return highest > fit.noise**2 * (np.log(len(fit.residual)) + 4) or correlation_factor(fit.residual) > 1
-
-
-def _is_better(lines: Lines, fit: SeparableFit, more: SeparableFit) -> bool:
-    """Return whether a further mode is worth its four parameters, resolved, and apart from the others."""
-    before, after = (float(np.linalg.norm(f.residual)) ** 2 for f in (fit, more))
-    if before - after < WORTH * more.noise**2 / 2:
-        return False
-    hz, q = np.exp(more.theta.reshape(-1, 2)).T
-    width = np.maximum(hz / q, lines.step_hz)
-    near = np.abs(hz[:, None] - hz) <= 0.5 * np.maximum.outer(width, width)
-    resolved = lines.samples or ((np.abs(lines.frequency[:, None] - hz) <= width).sum(0) >= 3).all()
-    placed = np.sqrt(np.diag(more.covariance))[: 2 * len(hz) : 2] <= MOST_VAGUE / q
-    return bool(resolved and placed.all() and near.sum() == len(hz))
-
-
-def _chosen_mode(lines: Lines, fit: SeparableFit, near_hz: float | None) -> Mode:
-    """Return the largest mode; with `near_hz`, the nearest to it among modes of comparable size."""
-    hz, q = np.exp(fit.theta.reshape(-1, 2)).T
-    peak = np.array([np.linalg.norm(fit.coefficients[lines.own_columns(k)]) for k in range(len(hz))])
-    away = -peak if near_hz is None else np.abs(np.log(hz / near_hz))
-    main = int(np.where(peak >= COMPARABLE * peak.max(), away, np.inf).argmin())
-    others = tuple((float(hz[k]), float(peak[k])) for k in range(len(hz)) if k != main)
-    return Mode(main, float(hz[main]), float(q[main]), float(peak[main]), others)
-
-
-def _gain(lines: Lines, fit: SeparableFit) -> float:
-    """Return the decrease of the sum of squares by all modes, in variances of the real or imaginary part of a point."""
-    plain = left_over(_basis(lines, np.empty(0)), lines.data)
-    taken = float(np.linalg.norm(plain)) ** 2 - float(np.linalg.norm(fit.residual)) ** 2
-    return taken / max(fit.noise**2 / 2, np.finfo(float).tiny)
-
-
-def _sample_noise(lines: Lines, fit: SeparableFit) -> float:
-    """Return the root mean square noise of a record's samples in the band of the fitted lines."""
-    return fit.noise * float(np.sqrt(2 * len(lines.data))) / lines.samples
-
-
-def _with_circle_check(
-    lines: Lines, fit: SeparableFit, mode: Mode, noise: float, near_hz: float | None
-) -> ResonanceFit:
-    """Return the least-squares result beside the circle's, which is fitted to the data without all other terms."""
-    if near_hz is None:
-        refuse_two(mode.hz, mode.peak, mode.others)
-    widened, own = correlation_factor(fit.residual), lines.own_columns(mode.place)
-    sigma = widened * np.sqrt(np.diag(fit.covariance))
-    along, place = fit.coefficients[own] / mode.peak, len(fit.theta) + own
-    peak_error = widened * float(np.sqrt(along @ fit.covariance[np.ix_(place, place)] @ along))
-    alone, spread = fit.residual + _basis(lines, fit.theta)[:, own] @ fit.coefficients[own], np.ones(1)
-    frequency = lines.frequency
-    if lines.excitation is not None:
-        strong = np.abs(lines.excitation) > EXCITED * np.abs(lines.excitation).max()
-        spread = 1 / np.abs(lines.excitation[strong])
-        frequency, alone = frequency[strong], alone[strong] / lines.excitation[strong]
-    circle = circle_resonance(frequency, alone, mode.hz, mode.q, spread, lines.excitation is None)
-    errors = float(mode.hz * sigma[2 * mode.place]), float(mode.q * sigma[2 * mode.place + 1])
-    return checked((mode.hz, mode.q, mode.peak), (*errors, peak_error), noise, "circle", circle, mode.others)
-
-
-def _excited_band(rate: float, x: np.ndarray, hz: float) -> tuple[float, float, float]:
-    """Return the ends in Hz of the band with the squared current's power, and the resolution in Hz."""
-    from scipy.signal import welch
-
-    frequency, power = welch(x - x.mean(), rate, nperseg=min(len(x), max(int(8 * rate / hz), 64)))
-    band = frequency[power > EXCITED * power[1:].max()]
-    return float(band[band > 0].min()), float(band.max()), float(frequency[1])
-
-
-def _refuse_phase(lines: Lines, fit: SeparableFit) -> None:
-    """Refuse a phase that rises through the peak, or that shows no resonance."""
-    if fit.noise < 0.05 * np.abs(lines.data).max():
-        return
-    turned = lines._replace(data=lines.data.conj())
-    other = _least_squares(turned, np.log(_start(turned, _peak_candidates(turned))))
-    if other.noise < 0.5 * fit.noise:
-        raise SolverError(
-            f"the phase rises through the peak at {number(float(np.exp(other.theta[0])))} Hz, where that of a"
-            " displacement falls by 180°: negate the phase or the imaginary part, or swap real and imaginary parts"
-        )
-    try:
-        alone = fit_magnitude(lines.frequency, np.abs(lines.data))
-    except SolverError:
-        return
-    if alone.noise < 0.5 * fit.noise:
-        raise SolverError(
-            f"the magnitude has a peak at {number(alone.resonance_hz)} Hz, but the phase does not fall by 180°"
-            " there as at a resonance; check that it is in degrees and of this taxel, or leave it out"
-        )
-
-
-def _refuse_long(count: int, most: int, rate: float) -> None:
-    """Refuse more samples or lines than are fitted."""
-    if count > most:
-        raise SolverError(
-            f"lasts {number(count / rate)} s; at most {at_most(most / rate)} s of it can be fitted: cut it to the part"
-            " in which the excitation passes the resonance and the response rings"
-        )
 
 
 def _refuse_short(seconds: float, hz: float) -> None:
@@ -438,3 +423,396 @@ def _refuse_short(seconds: float, hz: float) -> None:
             f"holds {number(float(seconds * hz))} periods of {number(hz)} Hz; record at least"
             f" {at_least(FEWEST_PERIODS / hz)} s"
         )
+
+
+# The fit
+
+
+def _detuning(frequency: np.ndarray, hz: float, q: float) -> np.ndarray:
+    return np.asarray(q * (frequency / hz - hz / frequency))
+
+
+def _mode(frequency: np.ndarray, hz: float, q: float, power: int) -> np.ndarray:
+    s = frequency / hz
+    return np.asarray(s**power / (q * (1 - s) * (1 + s) + 1j * s))
+
+
+def _basis(lines: Lines, theta: np.ndarray, power: int, extra: np.ndarray) -> np.ndarray:
+    """Return the model's columns (n, k): for each input the modes, of peak 1, and far modes; then `extra`."""
+    s = lines.frequency / lines.frequency[len(lines.frequency) // 2]
+    shapes = [
+        *(_mode(lines.frequency, hz, q, power) for hz, q in np.exp(theta.reshape(-1, 2))),
+        s**power,
+        s ** (power - 2),
+    ]
+    if lines.seconds and len(lines.inputs) == 1:
+        shapes.append(s ** (power - 1))
+    return np.concatenate([np.stack([x * shape for x in lines.inputs for shape in shapes], 1), extra], 1)
+
+
+def _projected(basis: np.ndarray, data: np.ndarray) -> np.ndarray:
+    """Return the residual (n,) of `data` after the columns of `basis`."""
+    norm = np.linalg.norm(basis, axis=0)
+    q = np.linalg.qr(basis / np.where(norm > 0, norm, 1))[0]
+    return np.asarray(data - q @ (q.conj().T @ data))
+
+
+def _parts(values: np.ndarray) -> np.ndarray:
+    return np.concatenate([values.real, values.imag])
+
+
+def _solve(lines: Lines, start: np.ndarray, power: int, extra: np.ndarray | None = None) -> _Solved:
+    """Minimise the residual of `lines` over ln f₀ and ln Q of each mode, from `start`."""
+    from scipy.optimize import least_squares
+
+    more = np.zeros((len(lines.data), 0)) if extra is None else extra
+    size = float(np.linalg.norm(lines.data)) or 1.0
+    low = np.tile(np.log([lines.frequency[0] / 1.5, LEAST_Q]), len(start) // 2)
+    high = np.tile(np.log([lines.frequency[-1] * 1.5, LARGEST_Q]), len(start) // 2)
+    first = np.clip(start, low + 1e-9, high - 1e-9)
+    scale = np.ones(len(start))
+    scale[::2] = np.exp(-first[1::2])
+    found = least_squares(
+        lambda v: _parts(_projected(_basis(lines, first + scale * v, power, more), lines.data)) / size,
+        np.zeros(len(first)),
+        "3-point",
+        ((low - first) / scale, (high - first) / scale),
+        x_scale="jac",
+        ftol=1e-12,
+        xtol=1e-10,
+        gtol=None,
+        max_nfev=40,
+    )
+    theta = first + scale * found.x
+    basis = _basis(lines, theta, power, more)
+    norm = np.linalg.norm(basis, axis=0)
+    norm = np.where(norm > 0, norm, 1)
+    factors = np.linalg.lstsq(basis / norm, lines.data, rcond=1e-12)[0] / norm
+    residual = lines.data - basis @ factors
+    left = max(2 * len(lines.data) - len(theta) - 2 * len(factors), 1)
+    noise = float(np.sqrt(2 * np.vdot(residual, residual).real / left))
+    return _Solved(lines, theta, factors, basis, residual, noise, more)
+
+
+def _slopes(fit: _Solved, power: int) -> np.ndarray:
+    """Return the slopes (n, p) of the fitted data over ln f₀ and ln Q of each mode, by differences."""
+    steps = np.diag(np.stack([STEP / fit.modes[:, 1], STEP + 0 * fit.modes[:, 1]], 1).ravel())
+    there, back = (
+        [_basis(fit.lines, fit.theta + sign * d, power, fit.extra) @ fit.factors for d in steps] for sign in (1, -1)
+    )
+    return (np.stack(there, 1) - np.stack(back, 1)) / (2 * steps.sum(0))
+
+
+def _covariance(fit: _Solved, power: int, phased: bool) -> np.ndarray:
+    """Return the covariance of theta, then of the factors' real and of their imaginary parts, by the linear rule.
+
+    The residual of each line is its own measure of noise, so that noise of any colour counts where it is.
+    """
+    columns = np.concatenate([_slopes(fit, power), fit.basis, 1j * fit.basis], 1)
+    if not phased:  # the part along the model alone was measured
+        columns = (columns * np.exp(-1j * np.angle(fit.lines.data))[:, None]).real
+    norm = np.linalg.norm(columns, axis=0)
+    norm = np.where(norm > 0, norm, 1)
+    columns = columns / norm
+    inverse = np.linalg.pinv((columns.conj().T @ columns).real, rcond=1e-13, hermitian=True)
+    count = len(fit.residual)
+    plain = fit.noise**2 / 2 * inverse
+    if fit.lines.seconds and count > 4 * len(inverse):
+        scores = (columns.conj() * fit.residual[:, None]).real
+        meat = scores.T @ scores
+        for lag, share in ((1, 0.67), (2, 0.33)):
+            across = scores[lag:].T @ scores[:-lag]
+            meat += share * (across + across.T)
+        robust = inverse @ meat @ inverse * (count / (count - len(inverse) / 2))
+        bigger = np.sqrt(np.maximum(np.diag(robust) / np.maximum(np.diag(plain), 1e-300), 1.0))
+        plain = plain * np.outer(bigger, bigger)
+    else:
+        plain = plain * _correlation(fit.residual) ** 2
+    return plain / np.outer(norm, norm)
+
+
+def _correlation(residual: np.ndarray) -> float:
+    """Return the factor by which correlated noise widens the errors of a fit: 1 for white noise, at most 10.
+
+    For a first-order process of lag-one correlation ρ it is √((1+ρ)/(1−ρ)); ρ within two sigma of 0 counts as 0.
+    """
+    power = float(np.vdot(residual, residual).real)
+    rho = float(np.vdot(residual[:-1], residual[1:]).real) / power if power > 0 else 0.0
+    return 1.0 if rho < 2 / np.sqrt(len(residual)) else float(min(np.sqrt((1 + rho) / max(1 - rho, 1e-3)), 10.0))
+
+
+def _gain(fit: _Solved) -> float:
+    """Return the decrease of the sum of squares by the modes' first columns, in variances of a part of a line."""
+    smooth = np.arange(fit.basis.shape[1]) >= len(fit.modes)
+    plain = _projected(fit.basis[:, smooth], fit.lines.data)
+    taken = float(np.vdot(plain, plain).real) - fit.cost
+    return taken / max(max(fit.noise, fit.lines.noise) ** 2 / 2, np.finfo(float).tiny)
+
+
+def _start(lines: Lines, rest: np.ndarray, power: int, found: list[_Peak]) -> tuple[float, float, float]:
+    """Return frequency in Hz, Q, and explained power of the mode that explains most of `rest` (n,)."""
+    from scipy.ndimage import uniform_filter1d
+
+    tried = []
+    free = np.ones(len(rest), bool)
+    for hz, q, _ in found:
+        free &= np.abs(_detuning(lines.frequency, hz, q)) > 2
+    part = lines._replace(data=rest).at(np.flatnonzero(free))
+    if len(part.data) < FEWEST_LINES:
+        return 0.0, 1.0, 0.0
+    for points in SMOOTHED:
+        if points > max(len(part.data) // 4, 1):
+            continue
+        smooth = np.abs(uniform_filter1d(part.data.real, points) + 1j * uniform_filter1d(part.data.imag, points))
+        for size in (smooth, smooth * part.frequency) if points == 1 else (smooth,):
+            hz, width = rough_peak(part.frequency, size)
+            tried += [(hz, min(max(hz / max(width, 1e-9 * hz) * k, LEAST_Q), LARGEST_Q)) for k in (0.5, 1, 2, 5)]
+    best = 0.0, 1.0, 0.0
+    for hz, q in tried:
+        local = part.around(hz, q)
+        basis = _basis(local, np.log([hz, q]), power, np.zeros((len(local.data), 0)))
+        with_mode, without = _projected(basis, local.data), _projected(basis[:, 1:], local.data)
+        taken = float(np.vdot(without, without).real - np.vdot(with_mode, with_mode).real)
+        best = max(best, (hz, q, taken), key=lambda each: each[2])
+    return best
+
+
+def _peaks(lines: Lines, power: int) -> list[_Peak]:
+    """Return the modes in a spectrum, a gated response or the transform of a decay, most powerful first."""
+    rest, found, step = lines.data.copy(), list[_Peak](), float(np.diff(lines.frequency).min())
+    for _ in range(MOST_MODES):
+        hz, q, taken = _start(lines, rest, power, found)
+        if taken <= 0:
+            break
+        fit = _solve(lines._replace(data=rest).around(hz, q), np.log([hz, q]), power)
+        fit = _solve(lines._replace(data=rest).around(*fit.modes[0]), fit.theta, power)
+        hz, q = fit.modes[0]
+        inside = lines.frequency[0] < hz < lines.frequency[-1] and hz / q > step / 2
+        if found and (not inside or _gain(fit) < LEAST_GAIN or abs(fit.factors[0]) < 0.05 * found[0].size):
+            break
+        found.append(_Peak(float(hz), float(q), float(abs(fit.factors[0] * fit.lines.inputs[0].mean()))))
+        rest = rest - fit.factors[0] * lines.inputs[0] * _mode(lines.frequency, hz, q, power)
+    if not found:
+        raise SolverError("shows no resonance; excite more, or leave this taxel out")
+    return found
+
+
+def _filled(
+    fit: _Solved, rate: float, x: np.ndarray, y: np.ndarray, held: np.ndarray, power: int
+) -> tuple[_Solved, np.ndarray]:
+    """Return the fit with the clipped samples `held` of y moved towards the model, outwards only, and the new y."""
+    places = np.round(fit.lines.frequency * fit.lines.seconds).astype(int)
+    spectrum = np.fft.rfft(y)
+    spectrum[places] = fit.basis @ fit.factors
+    step = np.fft.irfft(spectrum, len(y))[held] - y[held]
+    there = y.copy()
+    there[held] += np.where(step * y[held] > 0, FASTER * step, 0)
+    more = _solve(_record_lines(rate, there, x).at(places - 1), fit.theta, power, fit.extra)
+    return more, there
+
+
+def _chosen(peaks: list[_Peak], near_hz: float | None, exact: bool = False) -> _Peak:
+    """Return the largest peak, or, of comparable ones (with `exact` of all), the one nearest to `near_hz`."""
+    least = 0.0 if exact else COMPARABLE * max(p.size for p in peaks)
+    tall = [peak for peak in peaks if peak.size >= least]
+    return min(tall, key=lambda p: -p.size if near_hz is None else abs(np.log(p.hz / near_hz)))
+
+
+def _fit_peaks(lines: Lines, peaks: list[_Peak], near_hz: float | None, power: int, exact: bool = False) -> _Solved:
+    """Fit the chosen one of `peaks`, with the others in its neighbourhood and what stands out of the residual."""
+    own = _chosen(peaks, near_hz, exact)
+    start = np.log([own.hz, own.q])
+    others = [peak for peak in peaks if peak is not own]
+    far = [p for p in others if abs(_detuning(np.array(p.hz), own.hz, own.q)) >= REACH]
+    for _ in range(3):
+        local = lines.around(*np.exp(start[:2]))
+        wings = [local.inputs[0] * _mode(local.frequency, p.hz, p.q, power) for p in far]
+        fit = _solve(local, start, power, np.array(wings).reshape(-1, len(local.data)).T)
+        if np.abs(fit.theta[:2] - start[:2]).max() < 0.05 / np.exp(start[1]):
+            break
+        start = fit.theta
+    for peak in others:
+        fit = _without_hum(fit, power)
+        if peak not in far:
+            fit = _better(fit, np.append(fit.theta, np.log([peak.hz, peak.q])), power, fit.extra) or fit
+    for _ in range(MOST_MODES):
+        more = _extended(_without_hum(fit, power), power)
+        if more is None:
+            break
+        fit = more
+    return _without_hum(fit, power)
+
+
+def _without_hum(fit: _Solved, power: int) -> _Solved:
+    """Return the fit with those mains lines in the model that stand out of the residual."""
+    lines = fit.lines
+    for _ in range(MOST_HUM):
+        size = np.abs(fit.residual)
+        hum = size * _mains(lines)
+        if hum.max() <= 3.5 * np.median(size) / np.sqrt(np.log(2)):
+            break
+        line = _line_columns(lines, lines.frequency[hum.argmax()])
+        more = _better(fit, fit.theta, power, np.concatenate([fit.extra, line], 1))
+        if more is None:
+            break
+        fit = more
+    return fit
+
+
+def _better(fit: _Solved, theta: np.ndarray, power: int, extra: np.ndarray) -> _Solved | None:
+    """Return a fit with more modes or columns; None where it is not worth them, or a mode is not resolved."""
+    if len(fit.residual) < fit.basis.shape[1] + 6:
+        return None
+    more = _solve(fit.lines, theta, power, extra)
+    hz, q = more.modes.T
+    step = fit.lines.step_hz
+    width = np.maximum(hz / q, step)
+    near = np.abs(hz[:, None] - hz) <= 0.5 * np.maximum.outer(width, width)
+    inside = (hz > fit.lines.frequency[0] - width) & (hz < fit.lines.frequency[-1] + width)
+    apart = near.sum() == len(hz) and inside.all() and (hz / q > 0.3 * step)[1:].all()
+    own = np.abs(more.theta[0] - fit.theta[0]) < 0.5 / q[0]
+    return more if apart and own and fit.cost - more.cost > WORTH * more.noise**2 / 2 else None
+
+
+def _extended(fit: _Solved, power: int) -> _Solved | None:
+    """Return a better fit, with a further mode or a drift in the model; None where none is worth it."""
+    lines, size = fit.lines, np.abs(fit.residual)
+    if fit.noise < SMALLEST_NOISE * np.abs(lines.data).max():
+        return None
+    middle = float(np.median(size)) / np.sqrt(np.log(2))
+    if size.max() < middle * np.sqrt(np.log(len(size)) + 4) and _correlation(fit.residual) == 1:
+        return None
+    hz, q, _ = _start(lines, fit.residual, power, [])
+    more = _better(fit, np.append(fit.theta, np.log([hz, q])), power, fit.extra) if hz else None
+    if more is None and lines.slow is not None:
+        # In noise, a response that drifts is none that the model has; in a sweep it is, of a slightly other damping.
+        left = _projected(np.concatenate([fit.basis, _slopes(fit, power)], 1), lines.slow)
+        if np.linalg.norm(left) > 0.5 * np.linalg.norm(lines.slow):
+            more = _better(fit, fit.theta, power, np.concatenate([fit.extra, lines.slow[:, None]], 1))
+    return more
+
+
+def _mains(lines: Lines) -> np.ndarray:
+    """Return whether lines (n,) are at a multiple of a mains frequency."""
+    off = [np.abs(lines.frequency - hz * np.maximum(np.round(lines.frequency / hz), 1)) for hz in MAINS_HZ]
+    return np.asarray(np.minimum(*off) < np.maximum(MAINS_OFF * lines.frequency, 1.01 * lines.step_hz))
+
+
+def _line_columns(lines: Lines, hz: float) -> np.ndarray:
+    """Return columns (n, k) of a line at about `hz` that may waver: three neighbouring sines; of a spectrum a point."""
+    if not lines.seconds:
+        return np.asarray(lines.frequency == hz, float)[:, None]
+    away = (hz - lines.frequency)[:, None] / lines.step_hz + np.array([-0.5, 0.0, 0.5])
+    return np.asarray(np.sinc(away) * np.exp(1j * np.pi * away) * np.abs(lines.data).max())
+
+
+def _result(
+    lines: Lines,
+    fit: _Solved,
+    peaks: list[_Peak],
+    near_hz: float | None,
+    power: int | None,
+    phased: bool = True,
+    guessed: np.ndarray | float = 0.0,
+) -> ResonanceFit:
+    """Return the fit's figures beside the circle's, which is fitted to the data without all other terms."""
+    n = power or 0
+    hz, q = fit.modes[0]
+    peak = float(abs(fit.factors[0]))
+    sizes = np.abs(fit.factors[: len(fit.modes)])
+    others = [(float(f), float(size)) for (f, _), size in zip(fit.modes[1:], sizes[1:], strict=True)]
+    for far in peaks:
+        # A peak of the first look counts where the record itself shows it.
+        if all(abs(np.log(far.hz / f)) > 1 / far.q for f in fit.modes[:, 0]):
+            seen = _fit_peaks(lines, peaks, far.hz, n, exact=True)
+            if _gain(seen) > LEAST_GAIN and abs(np.log(seen.modes[0, 0] / far.hz)) < 1 / far.q:
+                others.append((float(seen.modes[0, 0]), float(abs(seen.factors[0]))))
+    if near_hz is None:
+        refuse_two(hz, peak, tuple(others))
+    covariance = _covariance(fit, n, phased)
+    sigma = np.hypot(np.sqrt(np.diag(covariance))[:2], guessed)
+    count = len(fit.factors)
+    place = len(fit.theta) + np.array([0, count])
+    along = np.array([fit.factors[0].real, fit.factors[0].imag]) / peak
+    peak_error = float(np.sqrt(along @ covariance[np.ix_(place, place)] @ along))
+    lines, drive = fit.lines, fit.lines.inputs[0]
+    strong = np.abs(drive) > EXCITED * np.abs(drive).max()
+    alone = fit.residual + fit.basis[:, 0] * fit.factors[0]
+    s = lines.frequency[strong] / hz
+    circle = None
+    if phased:
+        circle = circle_resonance(
+            lines.frequency[strong], (alone / drive)[strong] / s**n, hz, q, 1 / (np.abs(drive[strong]) * s**n)
+        )
+    drawn = Seen(lines.frequency[strong], (lines.data / drive)[strong], ((lines.data - fit.residual) / drive)[strong])
+    errors = float(hz * sigma[0]), float(q * sigma[1]), peak_error
+    noise = fit.noise / float(np.abs(drive).mean())
+    found = checked((float(hz), float(q), peak), errors, noise, "circle", circle, tuple(others))
+    return found._replace(seen=drawn, power=power)
+
+
+# Spectra
+
+
+def _with_phase(frequency: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Return a magnitude (n,) with the phase of a minimum-phase response, by the Hilbert transform of its logarithm."""
+    from scipy.signal import hilbert
+
+    even = np.geomspace(frequency[0], frequency[-1], 4 * len(frequency))
+    log = np.interp(even, frequency, np.log(np.maximum(size, 1e-6 * size.max())))
+    phase = -np.imag(hilbert(np.concatenate([log[::-1], log, log[::-1]])))[len(even) : 2 * len(even)]
+    return np.asarray(size * np.exp(1j * np.interp(frequency, even, phase)))
+
+
+def _polished(fit: _Solved, size: np.ndarray, power: int) -> _Solved:
+    """Return the fit of magnitudes `size` (n,) from a complex one; the phases of its data are the model's.
+
+    A magnitude in complex noise of rms N is on average larger by ``N²/4|H|`` (S. O. Rice, Bell Syst. Tech. J. 24,
+    1945).
+    """
+    from scipy.optimize import least_squares
+
+    count, scale, lines = len(fit.theta), np.ones(len(fit.theta)), fit.lines
+    scale[::2] = 1 / fit.modes[:, 1]
+    most = float(size.max())
+
+    def model(v: np.ndarray) -> np.ndarray:
+        one, two = v[count:].reshape(2, -1) * most
+        return _basis(lines, fit.theta + scale * np.clip(v[:count], -9, 9), power, fit.extra) @ (one + 1j * two)
+
+    start = np.concatenate([np.zeros(count), fit.factors.real / most, fit.factors.imag / most])
+    noise, data, found = 0.0, size, start
+    for _ in range(2):
+        data = size - noise**2 / (4 * np.maximum(np.abs(model(found)), noise or 1.0))
+        found = least_squares(lambda v, d=data: (np.abs(model(v)) - d) / most, found, method="lm", max_nfev=1000).x
+        left = max(len(size) - len(found) + 1, 1)
+        noise = float(np.sqrt(2 * np.sum((np.abs(model(found)) - data) ** 2) / left))
+    one, two = found[count:].reshape(2, -1) * most
+    theta, whole = fit.theta + scale * found[:count], model(found)
+    turned = lines._replace(data=data * np.exp(1j * np.angle(whole)))
+    basis = _basis(lines, theta, power, fit.extra)
+    return _Solved(turned, theta, one + 1j * two, basis, turned.data - whole, noise, fit.extra)
+
+
+def _refuse_phase(lines: Lines, fit: _Solved, power: int) -> None:
+    """Refuse a phase that rises through the peak, or that shows no resonance."""
+    largest = float(np.abs(lines.data).max())
+    if fit.noise < 0.05 * largest:
+        return
+    alone = _with_phase(lines.frequency, np.abs(lines.data))
+    for data, what in (
+        (
+            lines.data.conj(),
+            "the phase rises through the peak at {}, where that of a displacement falls by 180°: negate the phase or the"
+            " imaginary part, or swap real and imaginary parts",
+        ),
+        (
+            alone,
+            "the magnitude has a peak at {}, but the phase does not fall by 180° there as at a resonance; check that it"
+            " is in degrees and of this taxel, or leave it out",
+        ),
+    ):
+        other = lines._replace(data=data)
+        found = _fit_peaks(other, _peaks(other, power), None, power)
+        if found.noise < 0.5 * fit.noise and abs(found.factors[0]) > 0.5 * largest:
+            raise SolverError(what.format(f"{number(float(found.modes[0, 0]))} Hz"))

@@ -12,8 +12,10 @@ from padgen.physics.circle_fit import CircleFit
 
 __all__ = [
     "COMPARABLE",
+    "LEAST_GAIN",
     "MOST_VAGUE",
     "ResonanceFit",
+    "Seen",
     "checked",
     "point_noise",
     "refuse_bad_record",
@@ -54,13 +56,22 @@ amplitude.
 """
 
 
+class Seen(NamedTuple):
+    """Responses (n,) over frequency in Hz, to be drawn: measured, and of the model (None where there is no fit)."""
+
+    frequency_hz: np.ndarray
+    data: np.ndarray
+    model: np.ndarray | None
+
+
 class ResonanceFit(NamedTuple):
     """One resonance, by two methods.
 
     Fields ending in `_error` are one sigma; `peak` is the amplitude at resonance in the unit of the data. `noise` is
     that of a point; for a driven record, that of a sample over its largest response. Fields starting with `check_` are
     the results of the second method, `check` ('' where it could not be used); `agree` says whether the two agree.
-    `others` are further peaks (Hz, amplitude).
+    `others` are further peaks (Hz, amplitude). `power` is 0, 1 or 2 for displacement, velocity or acceleration, None
+    where this is neither stated nor recognised.
     """
 
     resonance_hz: float
@@ -77,6 +88,8 @@ class ResonanceFit(NamedTuple):
     check_q_error: float
     agree: bool
     others: tuple[tuple[float, float], ...]
+    seen: Seen | None = None
+    power: int | None = None
 
 
 def checked(
