@@ -12,7 +12,7 @@ from padgen.planner.drive_scheme import plan_selectivity
 from padgen.planner.layout import SLACK_MM, Layout, coil_reach_mm, place, room, slots
 from padgen.planner.plan import Site
 from padgen.planner.resonances import ladders
-from padgen.planner.sizing import SizedChannel, size_channels
+from padgen.planner.sizing import SizedChannel, beams_for_resonances
 from padgen.planner.suspensions import Room
 from padgen.spec import Spec
 
@@ -84,7 +84,7 @@ def _beams(spec: Spec, layout: Layout) -> tuple[SizedChannel, ...] | None:
 @lru_cache(maxsize=64)
 def _sized(spec: Spec, count: int, space: Room) -> tuple[tuple[SizedChannel, ...], ...]:
     """Return beams for the first ladder that prints; with optimised spacing, for all ladders that print."""
-    sized = (channels for hz in ladders(spec, count, space) if (channels := size_channels(spec, space, hz)))
+    sized = (channels for hz in ladders(spec, count, space) if (channels := beams_for_resonances(spec, space, hz)))
     return tuple(sized if spec.spacing == "optimised" else islice(sized, 1))
 
 
