@@ -17,7 +17,9 @@ from hypothesis import strategies as st
 
 from padgen.physics import crest, root_margin
 from padgen.physics.crest import (
+    ALIAS_DB,
     EXACT,
+    LEAST_SHARE,
     LONGEST_S,
     MOST_OFF,
     SHORTEST_S,
@@ -30,7 +32,6 @@ from padgen.physics.crest import (
     waveform,
 )
 from padgen.physics.resonator import relative_energy
-from padgen.physics.root_margin import ALIAS_DB, LEAST_SHARE
 
 SETTINGS = settings(max_examples=60, deadline=None, derandomize=True)
 OHM, HENRY = 62.9, 41.7e-3
