@@ -1,4 +1,4 @@
-"""Estimate resonance, Q and selectivity of taxels that a finger touches (`padgen.physics.resonator`)."""
+"""Estimate resonance, Q and selectivity of taxels that a finger touches (`padgen.physics.skin`)."""
 
 from collections.abc import Iterator, Sequence
 from math import pi
