@@ -7,14 +7,15 @@ import numpy as np
 
 from padgen.physics import crest
 from padgen.physics.crest import (
+    RootMargin,
     comb_period_s,
     least_constant,
     low_crest_phases,
     off_resonance,
+    root_margin,
     schroeder_phases,
     waveform,
 )
-from padgen.physics.root_margin import RootMargin, root_margin
 
 LOW_HZ, HIGH_HZ = 20.0, 1000.0
 FRAMES_S = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)

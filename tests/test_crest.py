@@ -15,9 +15,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from padgen.physics import crest, root_margin
+from padgen.physics import crest
 from padgen.physics.crest import (
+    ALIAS_DB,
     EXACT,
+    LEAST_SHARE,
     LONGEST_S,
     MOST_OFF,
     SHORTEST_S,
@@ -30,7 +32,6 @@ from padgen.physics.crest import (
     waveform,
 )
 from padgen.physics.resonator import relative_energy
-from padgen.physics.root_margin import ALIAS_DB, LEAST_SHARE
 
 SETTINGS = settings(max_examples=60, deadline=None, derandomize=True)
 OHM, HENRY = 62.9, 41.7e-3
@@ -276,7 +277,7 @@ def test_a_long_comb_gains_little():
 
 def margin(k, line, *, rate=48000, period=0.5, henry=HENRY, limit=30.0, bandwidth=None):
     phase = low_crest_phases(k, line)
-    return phase, root_margin.root_margin(
+    return phase, crest.root_margin(
         k,
         line,
         phase,
@@ -342,7 +343,7 @@ def test_margin_follows_the_amplifier():
     assert margin(k, line, bandwidth=1e6)[1].share[-1] == at_48.share[-1]
     # Half a decade above the highest line nothing keeps it: the largest margin, and what is reached is said.
     hopeless = margin(k, line, bandwidth=3000)[1]
-    assert hopeless.share[-1] == root_margin.MOST_SHARE and hopeless.alias_db > ALIAS_DB
+    assert hopeless.share[-1] == crest.MOST_SHARE and hopeless.alias_db > ALIAS_DB
     assert margin(k, line, henry=0.0)[1].alias_db <= ALIAS_DB
 
 
@@ -370,7 +371,7 @@ def test_margin_keeps_the_voltage_limit_where_it_can():
 def test_a_long_period_is_judged_by_a_piece(monkeypatch):
     k, line = even(5, 1.25), np.full(5, 1e-3)
     whole = margin(k, line, period=1.25)[1]
-    monkeypatch.setattr(root_margin, "MOST_SAMPLES", 1 << 16)
+    monkeypatch.setattr(crest, "MOST_SAMPLES", 1 << 16)
     piece = margin(k, line, period=1.25)[1]
     assert piece.share[-1] == pytest.approx(whole.share[-1], rel=0.05)
     assert piece.alias_db == pytest.approx(whole.alias_db, abs=1)
@@ -384,7 +385,7 @@ def test_no_line_is_without_a_margin():
 
 
 def test_a_silent_coil_needs_no_margin():
-    found = root_margin.root_margin(
+    found = crest.root_margin(
         np.array([3, 5]),
         np.zeros(2),
         np.zeros(2),

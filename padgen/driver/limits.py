@@ -38,7 +38,7 @@ from padgen.measured.tuning import Tuning, planned_tuning
 from padgen.physics.crest import least_constant
 from padgen.physics.currents import current_lines_a, mean_square_a2, on_carrier_v
 from padgen.physics.magnetics import balanced_deflection, impedance
-from padgen.physics.resonator import HAND_LIMIT_M_PER_S2, weighted_acceleration
+from padgen.physics.skin import HAND_LIMIT_M_PER_S2, weighted_acceleration
 from padgen.planner.channels import hanging_gap_um
 from padgen.planner.coil_load import pull_in_share
 from padgen.planner.plan import Channel, Plan

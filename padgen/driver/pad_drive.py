@@ -17,10 +17,17 @@ from padgen.core.errors import SpecError, at_least, number
 from padgen.core.units import MH
 from padgen.measured.predict import levels_um
 from padgen.measured.tuning import Tuning, planned_tuning
-from padgen.physics.crest import comb_period_s, least_constant, low_crest_phases, on_comb
+from padgen.physics.crest import (
+    ALIAS_DB,
+    RootMargin,
+    comb_period_s,
+    least_constant,
+    low_crest_phases,
+    on_comb,
+    root_margin,
+)
 from padgen.physics.currents import bias_a, current_lines_a
 from padgen.physics.resonator import relative_energy
-from padgen.physics.root_margin import ALIAS_DB, RootMargin, root_margin
 from padgen.physics.selectivity import Scheme
 from padgen.planner.plan import Plan
 from padgen.planner.printed_pads import coils_of

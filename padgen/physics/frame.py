@@ -383,7 +383,7 @@ def _stiffness_factor(frame: Frame, free: np.ndarray) -> tuple[np.ndarray, np.nd
 
     Each degree of freedom is scaled by its own stiffness, so that metres and radians become comparable.
     """
-    root = _stacked_root(frame) @ free
+    root = np.concatenate([_placed(frame, k, element_root) for k in range(len(frame.elements))]) @ free
     scale = np.linalg.norm(root, axis=0)
     if not (scale > 0).all():
         raise SolverError("the frame is a mechanism: part of it is not held; clamp more nodes")
@@ -397,11 +397,6 @@ def _stiffness_factor(frame: Frame, free: np.ndarray) -> tuple[np.ndarray, np.nd
             " nodes, or use fewer elements"
         )
     return factor, scale, float((size[0] / size[-1]) ** 2)
-
-
-def _stacked_root(frame: Frame) -> np.ndarray:
-    """Return the square root (r, …) of the stiffness of all elements, over all motions."""
-    return np.concatenate([_placed(frame, k, element_root) for k in range(len(frame.elements))])
 
 
 def _mass_root(frame: Frame, free: np.ndarray) -> np.ndarray:

@@ -112,7 +112,8 @@ def pull(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> Pull
 def _solve(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> Pull:
     """Return the pull with enough nodes, and its doubt from a solution with fewer."""
     fine = _fineness(coil, washer, gap, offset)
-    enough, fewer = (_pull_with_nodes(nodes, coil, washer, gap, offset) for nodes in (fine, _fewer(fine)))
+    coarse = _Fineness(*(ceil(FEWER * count) for count in fine))
+    enough, fewer = (_pull_with_nodes(nodes, coil, washer, gap, offset) for nodes in (fine, coarse))
     return enough._replace(doubt=enough.doubt + abs(enough.axial - fewer.axial))
 
 
@@ -191,11 +192,6 @@ def _fineness(coil: CoilSource, washer: SteelRing, gap: float, offset: float) ->
         wanted += [3 + 1.3 * rim / (near + 0.15e-3), 3 + 1.2 * min(offset, core + rim) / (near + 0.3e-3)]
     counts = [min(ceil(count), most) for count, most in zip(wanted, MOST, strict=False)]
     return _Fineness(*[*counts, 0, 0][: len(MOST)])
-
-
-def _fewer(fine: _Fineness) -> _Fineness:
-    """Return the smaller numbers of nodes for the comparison."""
-    return _Fineness(*(ceil(FEWER * count) for count in fine))
 
 
 @lru_cache(maxsize=32)

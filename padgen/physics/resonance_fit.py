@@ -803,8 +803,8 @@ def _refuse_phase(lines: Lines, fit: _Solved, power: int) -> None:
     for data, what in (
         (
             lines.data.conj(),
-            "the phase rises through the peak at {}, where that of a displacement falls by 180°: negate the phase or the"
-            " imaginary part, or swap real and imaginary parts",
+            "the phase rises through the peak at {}, where that of a displacement falls by 180°: negate the phase or"
+            " the imaginary part, or swap real and imaginary parts",
         ),
         (
             alone,

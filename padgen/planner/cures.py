@@ -80,18 +80,13 @@ def _severities(plan: Plan) -> dict[str, int]:
 def _is_better(plan: Plan, before: dict[str, int], again: Plan, code: str) -> bool:
     after = _severities(again)
     kept = [inf if p.selectivity.kept_db is None else p.selectivity.kept_db for p in (plan, again)]
-    errors, others, kinds = ((of(after), of(before)) for of in (_errors, _others, len))
+    errors, others = [], []
+    for severities in (after, before):
+        errors.append(list(severities.values()).count(LEVELS.index("error")))
+        others.append(sum(not code.startswith(COUNTED) for code in severities))
     return (
         code not in after
         and errors[0] <= errors[1]
-        and (kinds[0] < kinds[1] or others[0] <= others[1])
+        and (len(after) < len(before) or others[0] <= others[1])
         and kept[1] >= min(kept[0], plan.selectivity.asked_db) - LOST_DB
     )
-
-
-def _errors(severities: dict[str, int]) -> int:
-    return list(severities.values()).count(LEVELS.index("error"))
-
-
-def _others(severities: dict[str, int]) -> int:
-    return sum(not code.startswith(COUNTED) for code in severities)

@@ -11,13 +11,15 @@ from padgen.core.registry import SUSPENSIONS
 from padgen.core.units import decibel
 from padgen.physics.ladder import LevelLaw
 from padgen.physics.schemes import in_order
-from padgen.planner.capacity import coil_capacity, largest_counts, printed_count, searched_to
+from padgen.planner.capacity import channel_limit, coil_capacity, largest_counts, printed_count, searched_to
+from padgen.planner.channels import plan_channels
 from padgen.planner.cures import Cure, varied
+from padgen.planner.drive_scheme import plan_selectivity
 from padgen.planner.layout import SLACK_MM, candidates, explain
 from padgen.planner.make import make_plan
 from padgen.planner.plan import Plan, Selectivity
 from padgen.planner.printed_pads import STAGES, design_of, missed_spreads, printed, spreads_of
-from padgen.planner.search import planned_channels, sized_layouts
+from padgen.planner.search import sites_of, sized_layouts
 from padgen.planner.settings import level_law, scheme_named
 from padgen.spec import Spec, catalogue
 
@@ -189,10 +191,16 @@ def _figures(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = Fal
     evenly spread resonances stand in for optimised ones, whose search takes long.
     """
     try:
-        found = planned_channels(_with_grid(spec, grid, count, optimise))
+        other = _with_grid(spec, grid, count, optimise)
+        sized = next(sized_layouts(other, candidates(other, channel_limit(other))), None)
     except SpecError:
         return None
-    return found and found[2]
+    if sized is None:
+        return None
+    layout, beams = sized
+    channels = plan_channels(other, beams, sites_of(other, layout, beams))
+    pulled = all(channel.force_constant_n_per_a2 > 0 for channel in channels)
+    return plan_selectivity(other, channels) if pulled else None
 
 
 def _with_grid(spec: Spec, grid: tuple[int, int], count: int, optimise: bool) -> Spec:

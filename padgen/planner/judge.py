@@ -2,13 +2,13 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import fields
-from itertools import islice, pairwise
+from itertools import pairwise
 from math import inf
 from typing import NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import SpecError, at_least, number, percent
+from padgen.core.errors import at_least, number, percent
 from padgen.core.finding import LEVELS, Finding
 from padgen.core.units import MM, UM, decibel
 from padgen.physics.ladder import ladder_ratio, slot_half_width
@@ -16,14 +16,12 @@ from padgen.physics.modes import jump_amplitude, level_kept, resonance_rise
 from padgen.physics.resonator import ModalTaxels, felt_energy
 from padgen.physics.schemes import simplest_first
 from padgen.physics.selectivity import Channels, Scheme, all_states, scheme_lines
-from padgen.planner.cures import Cure, varied
+from padgen.planner.cures import Cure
 from padgen.planner.drive_scheme import modes_matter, placed_channels
 from padgen.planner.judge_drive import judge_drive, lower_level
 from padgen.planner.left_out import judge_left_out
 from padgen.planner.plan import Channel, Plan, channel_sets
 from padgen.planner.pull_modes import MODES_DB, coil_modes, mode_names, modes_in_slots
-from padgen.planner.search import planned_channels
-from padgen.planner.settings import scheme_named
 from padgen.planner.sizing import DRAWN_SHARE, steps_are_coarse
 from padgen.planner.suspensions import allowed
 from padgen.planner.taxel_model import asked_error
@@ -329,12 +327,8 @@ def _empty_places(plan: Plan) -> Iterator[Finding]:
         )
 
 
-KEPT_DB = 0.05
-"""Loss of selectivity in dB that a cure may cause."""
-MOST_TRIED = 14
-MOVES = (0.95, 1.05, 0.9, 1.1)
-LENGTHS, LAYERS = (0.85, 1.15, 0.7), (1, -1, 2)
-"""Cures that are tried: factors of a resonance (`MOVES`) and of beam lengths, and layers added to the thickness."""
+MOVES = (0.95, 1.05, 0.9)
+"""Factors of the resonance of a channel whose taxel has a mode on a line of the drive, proposed as cures."""
 
 
 class Crowd(NamedTuple):
@@ -470,7 +464,7 @@ def judge_modes(plan: Plan) -> Iterator[Finding]:
     """Yield findings about modes close to lines of the drive, and about the selectivity that all modes cost."""
     spec = plan.spec
     found = crowds(spec, plan.channels, plan.scheme)
-    cures = tuple(_cures(plan, found)) if found else ()
+    cures = tuple(_changes(plan, found)) if found else ()
     yield from _unexcited(plan, found)
     for crowd in found:
         name = mode_names(spec, plan.channels[crowd.channel])[crowd.mode]
@@ -516,28 +510,6 @@ def _unexcited(plan: Plan, found: Sequence[Crowd]) -> Iterator[Finding]:
         )
 
 
-def _cures(plan: Plan, found: Sequence[Crowd]) -> Iterator[Cure]:
-    """Yield the first cure that leaves no crowded mode on the same coils and loses at most `KEPT_DB` of selectivity."""
-    least = min(plan.selectivity.kept_db or 0.0, plan.selectivity.asked_db) - KEPT_DB
-    for cure in islice(_changes(plan, found), MOST_TRIED):
-        try:
-            changed = varied(plan.spec, cure)
-        except SpecError:
-            continue
-        if (again := planned_channels(changed)) is None:
-            continue
-        layout, channels, figures = again
-        on_same_coils = (layout.rows, layout.columns, layout.channels) == (
-            plan.coils.rows,
-            plan.coils.columns,
-            len(plan.sets[0]),
-        )
-        keeps = figures.kept_db is None or figures.kept_db >= least
-        if on_same_coils and keeps and not crowds(changed, channels, scheme_named(changed, figures.drive)):
-            yield cure
-            return
-
-
 def _changes(plan: Plan, found: Sequence[Crowd]) -> Iterator[Cure]:
     """Yield changes of the spec that move modes or lines, the smallest changes first."""
     spec, channels = plan.spec, plan.channels
@@ -558,9 +530,4 @@ def _changes(plan: Plan, found: Sequence[Crowd]) -> Iterator[Cure]:
         if {c.beam.topology for c in channels} != {name}:
             yield {"suspension.topology": name}
     if len({c.beam.thickness_mm for c in channels}) == 1:
-        for layers in LAYERS:
-            thickness = round(channels[0].beam.thickness_mm + layers * spec.printer.layer_mm, 6)
-            if thickness >= spec.printer.first_layer_mm:
-                yield {"suspension.thickness_mm": thickness}
-    for factor in LENGTHS:
-        yield {"suspension.length_mm": round(max(c.beam.length_mm for c in channels) * factor, 1)}
+        yield {"suspension.thickness_mm": round(channels[0].beam.thickness_mm + spec.printer.layer_mm, 6)}

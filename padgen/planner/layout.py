@@ -288,12 +288,9 @@ def slots(layout: Layout) -> list[tuple[float, float]]:
         for c in range(layout.sub_columns)
     ]
     nearest = sorted(centres, key=lambda at: (round(hypot(*at), 6), at[1], at[0]))[: layout.channels]
-    return nearest[::-1] if _distances_differ(nearest) else sorted(nearest, key=lambda at: (at[1], at[0]))
-
-
-def _distances_differ(centres: list[tuple[float, float]]) -> bool:
-    distances = [hypot(*at) for at in centres]
-    return max(distances) - min(distances) > 1e-6
+    if hypot(*nearest[-1]) - hypot(*nearest[0]) > 1e-6:
+        return nearest[::-1]
+    return sorted(nearest, key=lambda at: (at[1], at[0]))
 
 
 def place(spec: Spec, layout: Layout, centre: tuple[float, float], arrangement: Arrangement) -> Site:

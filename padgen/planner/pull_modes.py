@@ -117,9 +117,10 @@ def force_error(modes: TaxelModes, wrench: np.ndarray, error: float, radius_m: f
 
 
 def site_wrenches(spec: Spec, pulled: PullAt, sites: Sequence[Site]) -> np.ndarray:
-    """Return force and moment (n, 6) per newton of vertical pull at each site, about the washer's axis at z = 0.
+    """Return the wrench (n, 6), force and moment, of the pull at each site per newton of its vertical part.
 
-    They are in N and N m, in the taxel's own axes. A washer that the coil does not pull gets (0, 0, 1, 0, 0, 0).
+    It is in N and N m, about the washer's axis at z = 0, in the taxel's own axes. A washer that the coil does not pull
+    gets (0, 0, 1, 0, 0, 0).
     """
     wrench = np.tile(np.eye(6)[2], (len(sites), 1))
     for column, part in ((0, pulled.side), (4, pulled.moment)):

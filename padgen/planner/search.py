@@ -7,17 +7,16 @@ from itertools import islice
 from math import inf
 
 from padgen.physics.schemes import simplest_first
-from padgen.planner.capacity import channel_limit
 from padgen.planner.channels import plan_channels
 from padgen.planner.drive_scheme import plan_selectivity
-from padgen.planner.layout import SLACK_MM, Layout, candidates, coil_reach_mm, place, room, slots
-from padgen.planner.plan import Channel, Selectivity, Site
+from padgen.planner.layout import SLACK_MM, Layout, coil_reach_mm, place, room, slots
+from padgen.planner.plan import Site
 from padgen.planner.resonances import ladders
-from padgen.planner.sizing import SizedChannel, size_channels
+from padgen.planner.sizing import SizedChannel, beams_for_resonances
 from padgen.planner.suspensions import Room
 from padgen.spec import Spec
 
-__all__ = ["planned_channels", "sites_of", "sized_layouts"]
+__all__ = ["sites_of", "sized_layouts"]
 
 RINGS, ALIKE_MM = (0.0, 0.8, 1.0), 0.1
 """Shares of the farthest washer's distance at which the nearer ones are kept, tried where distances differ by more
@@ -85,7 +84,7 @@ def _beams(spec: Spec, layout: Layout) -> tuple[SizedChannel, ...] | None:
 @lru_cache(maxsize=64)
 def _sized(spec: Spec, count: int, space: Room) -> tuple[tuple[SizedChannel, ...], ...]:
     """Return beams for the first ladder that prints; with optimised spacing, for all ladders that print."""
-    sized = (channels for hz in ladders(spec, count, space) if (channels := size_channels(spec, space, hz)))
+    sized = (channels for hz in ladders(spec, count, space) if (channels := beams_for_resonances(spec, space, hz)))
     return tuple(sized if spec.spacing == "optimised" else islice(sized, 1))
 
 
@@ -95,18 +94,3 @@ def _selectivity_key(spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...]
     kept_db = inf if figures.kept_db is None else figures.kept_db
     keeps = kept_db >= figures.asked_db
     return keeps, -simplest_first().index(figures.drive) if keeps else 0, kept_db
-
-
-def planned_channels(spec: Spec) -> tuple[Layout, tuple[Channel, ...], Selectivity] | None:
-    """Return the best layout for `spec`, its channels and their selectivity.
-
-    None where no layout works, or where a coil does not pull one of its washers.
-    """
-    sized = next(sized_layouts(spec, candidates(spec, channel_limit(spec))), None)
-    if sized is None:
-        return None
-    layout, beams = sized
-    channels = plan_channels(spec, beams, sites_of(spec, layout, beams))
-    if any(channel.force_constant_n_per_a2 <= 0 for channel in channels):
-        return None
-    return layout, channels, plan_selectivity(spec, channels)

@@ -34,12 +34,12 @@ __all__ = [
     "IdealBeam",
     "Reach",
     "SizedChannel",
+    "beams_for_resonances",
     "crowded_modes",
     "frequency_spread",
     "on_grid",
     "printable_beams",
     "reach",
-    "size_channels",
     "steps_are_coarse",
 ]
 
@@ -325,7 +325,7 @@ def _grid(spec: Spec, shortest: float, longest: float) -> tuple[np.ndarray, np.n
     return thickness, length[length > 0]  # a shortest length below half a step is rounded to 0
 
 
-def size_channels(spec: Spec, room: Room, resonance_hz: tuple[float, ...]) -> tuple[SizedChannel, ...] | None:
+def beams_for_resonances(spec: Spec, room: Room, resonance_hz: tuple[float, ...]) -> tuple[SizedChannel, ...] | None:
     """Return beams whose taxels resonate at `resonance_hz` in `room`; None where some resonance is out of reach.
 
     The first choice (in the order of `_choices`) whose other modes lie on no channel wins. If there is none, it is the

@@ -139,7 +139,8 @@ class _Builder:
             outer = self.node(np.array([middle_x, y, height / 2]))
             self.bar(inner, outer, bar)
             joint.append(inner)
-            bodies.append(AttachedBody(self._massless_joint(outer), (tip, outer)))
+            joined = RigidBody(np.zeros(()), self.nodes[outer], np.zeros((3, 3)))  # without mass
+            bodies.append(AttachedBody(joined, (tip, outer)))
         fast = self.node(np.array([float(neck.low_x_mm) * MM, 0.0, height / 2]))
         end = self.node(np.array([float(neck.high_x_mm) * MM, 0.0, height / 2]))
         self.bar(fast, end, rectangle(2 * half_neck, height, self.poisson))
@@ -151,7 +152,3 @@ class _Builder:
         low, high = float(crossbar.low_x_mm) * MM, float(crossbar.high_x_mm) * MM
         height = float(crossbar.height_mm) * MM
         return box((low, -half_neck, 0.0), (high, half_neck, height), self.density)
-
-    def _massless_joint(self, node: int) -> RigidBody:
-        """Return a body without mass at a node, to join elements there."""
-        return RigidBody(np.zeros(()), self.nodes[node], np.zeros((3, 3)))
