@@ -57,6 +57,7 @@ from padgen.ladders.study import (
     verdict_of,
 )
 from padgen.ladders.text import extreme_picture, extreme_text, study_pictures, study_text
+from padgen.make.planning import parse_tolerance
 from padgen.verify.extreme import Answer, ExtremeCase, solid_cases
 
 EXACT = 3.0

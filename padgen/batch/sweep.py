@@ -348,7 +348,7 @@ def run_sweep(
             window = Window(executor, FOREIGN_AHEAD, run_tasks, work, sweep.limits)
         run.survey(resume, retry)
         if own:
-            own.prepare(min(count, sum(state >= TO_RUN for state in run.todo)))
+            own.prepare(min(count, run.todo.count(TO_RUN) + run.todo.count(TO_REPLACE)))
         if TO_REPLACE in run.todo:
             # So that a killed run leaves no index of what is not there any more.
             write_index(journal, sweep, folder)
