@@ -189,7 +189,7 @@ def dynamics_question(plan: Plan, after_s: float | None = None, coil_set: int = 
 
 
 def dynamics_models(question: DynamicsQuestion) -> Iterator[tuple[str, str, int, Callable[[], Answer]]]:
-    """Yield model, resolution, unknowns and what answers, coarsest first; the coupled one with ever finer tolerances.
+    """Yield model, resolution, unknowns and the function that solves it: coarsest first, the coupled one last.
 
     Answers are displacements (n, k) in m; they can be sent to another process.
     """

@@ -619,7 +619,7 @@ def _many_oscillators() -> ExtremeCase:
 
 
 def _refined(system: CoupledSystem, voltage: Tones, times: np.ndarray) -> Answer:
-    """Make a coupled run; it states ten times what a finer one with other stages differs by."""
+    """Return a coupled run; its stated error is ten times its difference from a finer run with other stages."""
     source = from_tones("voltage", voltage)
     run = simulate(system, source, times, tolerance=COUPLED_TOLERANCE)
     fine = simulate(system, source, times, tolerance=COUPLED_TOLERANCE / 100, stages=14).displacement_m
