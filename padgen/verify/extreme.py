@@ -33,7 +33,7 @@ from padgen.spec import catalogue, make_spec
 from padgen.verify.coupled import CoupledSystem, Source, from_tones, make_system, scipy_motion, simulate
 from padgen.verify.elasticity import Elastic, SolidTaxel, converged_modes, solve_modes
 from padgen.verify.engines import mpmath, occ
-from padgen.verify.field import Pull, axisymmetric_force, solid_pull
+from padgen.verify.field_solid import Pull, axisymmetric_force, solid_pull
 
 __all__ = [
     "Answer",
