@@ -33,7 +33,7 @@ from padgen.planner.pull_modes import magnetic_parts
 from padgen.spec import Coil, Washer, load_spec
 from padgen.spec.fields import build
 from padgen.spec.load import catalogue, template_paths
-from padgen.verify.field import (
+from padgen.verify.field_solid import (
     PlacedWasher,
     Pull,
     axisymmetric_force,

@@ -41,7 +41,7 @@ from padgen.planner.reuse import coils_around
 from padgen.planner.suspensions import BeamShape, PlateShape
 from padgen.planner.taxel_model import TaxelModel
 from padgen.spec import Spec
-from padgen.verify.field import PlacedWasher, Pull, solid_force
+from padgen.verify.field_solid import PlacedWasher, Pull, solid_force
 from padgen.verify.pad_frame import PadModes, peak_hz
 
 MOST_CHANNELS = 4
@@ -634,7 +634,7 @@ def gap_m(plan: Plan) -> float:
 
 def saturation_on_axis(coil: CoilSource, washer: SteelRing, gap: float, current_a: float) -> tuple[float, float]:
     """Return bound and loss of force with saturating steels (Froehlich), on one coarse mesh, whose error cancels."""
-    from padgen.verify.field import axisymmetric_force
+    from padgen.verify.field_solid import axisymmetric_force
 
     core = saturating("core", coil.core_permeability, SATURATION_T) if coil.has_core else None
     steel = saturating("washer", washer.permeability, SATURATION_T)
@@ -656,7 +656,7 @@ def true_saturation(plan: Plan) -> tuple[float, float]:
 
 def true_saturation_aside(plan: Plan, order: int = 3) -> float:
     """Solve the loss in three dimensions, with the washer of the first channel at its place."""
-    from padgen.verify.field import PlacedWasher, solid_force
+    from padgen.verify.field_solid import PlacedWasher, solid_force
 
     coil, washer = magnetic_parts(plan.spec)
     current, offset = plan.load.current_peak_ma * MA, plan.channels[0].site.coil_distance_mm * MM
@@ -675,7 +675,7 @@ def eddy_forces(coil: CoilSource, washer: SteelRing, gap: float, hz: float, resi
     """Return phasors of the force at twice `hz`, without and with eddy currents, by the axisymmetric ``A = r w``."""
     import ngsolve as ng
 
-    from padgen.verify.field import _curl, _half_plane, wound
+    from padgen.verify.field_solid import _curl, _half_plane, wound
 
     mesh, far = _half_plane(coil, washer, gap, 2)
     space, radius = ng.H1(mesh, order=4, complex=True), ng.x
@@ -715,7 +715,7 @@ def true_eddy_currents(plan: Plan) -> float:
 
 def true_shielding(plan: Plan, order: int = 3, levels: int = 0) -> float | None:
     """Compare the pull on a coil's first washer with the pull after the other washers became air, on the same mesh."""
-    from padgen.verify.field import PlacedWasher, solid_force
+    from padgen.verify.field_solid import PlacedWasher, solid_force
 
     coil, washer = magnetic_parts(plan.spec)
     gap, air = gap_m(plan), washer._replace(permeability=1 + 1e-9)

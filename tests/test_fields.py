@@ -22,7 +22,7 @@ from padgen.ladders.stages import axisymmetric_pull, charges_pull, paper_pull, t
 from padgen.physics.magnetics import SteelRing, solenoid
 from padgen.physics.saturation import MILD_STEEL, TEAM_STEEL, BHCurve, saturating
 from padgen.verify.extreme import Answer, force_cases, planned_pull, random_pull
-from padgen.verify.field import (
+from padgen.verify.field_solid import (
     PlacedWasher,
     Pull,
     axisymmetric_force,

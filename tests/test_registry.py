@@ -730,7 +730,7 @@ def test_schema_and_refusals_name_the_coils():
 def test_a_solenoid_of_two_windings_is_the_same_solenoid():
     """A winding, and the same one cut in two by height or by radius, have the same field solution."""
     pytest.importorskip("ngsolve", exc_type=ImportError)
-    from padgen.verify.field import axisymmetric_force
+    from padgen.verify.field_solid import axisymmetric_force
 
     whole = solenoid(10e-3, 4e-3, 10e-3, 1000, 4e-3, 1000)
     stacked = (coils.Winding(10e-3, 4e-3, 0.0, -3e-3, 300), coils.Winding(10e-3, 4e-3, -3e-3, -10e-3, 700))

@@ -125,7 +125,7 @@ def _where(text: str) -> str:
 
 
 def _refuse(node: ast.expr, spec: Spec, where: str) -> None:
-    """Raise for what is no condition."""
+    """Raise `SpecError` unless the node is a condition's: fields, comparisons, arithmetic, and, or, not."""
     name = _dotted(node)
     if name is not None:
         _field(name, spec, where)
@@ -473,7 +473,7 @@ def _is_plain(value: Any, depth: int = 0) -> bool:
 
 
 def _spec_field(name: str) -> "Field[Any]":
-    """Return a field of a spec, or a whole table, by its dotted name; refuse what cannot be varied."""
+    """Return a field of a spec, or a whole table, by its dotted name; raise where it cannot be varied."""
     where, kind = f"axes.{name}", Spec
     if name in ("name", "padgen"):
         raise SpecError("cannot be varied: each variant is named after the sweep and its number", where)

@@ -215,7 +215,7 @@ def overview_of(header: tuple[str, ...], pairs: Iterable[tuple[Record, tuple[str
 
 
 def pareto_csv(overview: Overview) -> str:
-    """Write the front's rows, and what each is best in; the same index gives the same bytes."""
+    """Return the front as CSV: its rows of the index, each with the objectives in which it is best."""
     columns = [i for i, name in enumerate(overview.header) if name not in LEFT_OUT]
     rows, best = [], overview.best()
     for index, row in enumerate(overview.rows):
@@ -432,8 +432,8 @@ class Journal:
         """Leave a variant out from now on."""
         self._note(number, None, NOWHERE)
 
-    def disown(self, number: int) -> None:
-        """Let no later run take what is known of a variant for true, as its folder is about to change."""
+    def invalidate(self, number: int) -> None:
+        """Invalidate the record of a variant, also for later runs, as its folder is about to change."""
         self._add_line({FORGOTTEN: number})
         self.forget(number)
 
@@ -442,7 +442,7 @@ class Journal:
         return (self.record(number) for number in range(self.numbers) if self._states[number])
 
     def refuse_removed(self) -> None:
-        """Raise if the journal is not where it was any more: what it holds would be lost."""
+        """Raise `FileError` if the journal's file was removed or replaced, since its records would be lost."""
         with suppress(OSError):
             if os.path.samestat(os.fstat(self._file.fileno()), self.path.stat()):
                 return
@@ -522,7 +522,7 @@ def _cell(value: Any) -> str:
 
 
 def _parsed(line: bytes) -> Record | int | None:
-    """Read the record of a line, or the number of one that it takes back; None when it is torn or not one of ours."""
+    """Return the record in a line, or the number of an invalidated one; None where the line holds neither."""
     try:
         table = json.loads(line)
         if isinstance(table.get(FORGOTTEN), int):

@@ -105,7 +105,7 @@ def _client(dask: Any, address: str, timeout_s: float, where: str) -> Any:
 
     def opened() -> Any:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # on versions: `_refuse_others` tells
+            warnings.simplefilter("ignore")  # about versions, which `connect` compares
             return dask.Client(address, timeout=timeout_s, set_as_default=False, name="padgen")
 
     late = f"does not answer within {number(timeout_s)} s; is it running?"

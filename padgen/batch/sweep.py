@@ -113,7 +113,7 @@ class Window:
         return None
 
     def rest(self) -> Iterator[tuple[Any, list[Task]]]:
-        """Yield what is finished without having been taken; cancel the others."""
+        """Yield the finished futures that were not taken, with their tasks; cancel the others."""
         for future, tasks in self.pending.values():
             if future.done():
                 yield future, tasks
@@ -191,7 +191,7 @@ def _made_one(runner: Runner, task: Task, work: Work, limits: Limits) -> Record:
 
 
 def broken(task: Task, sentence: str, seconds: float | None = None, memory_mb: float | None = None) -> Record:
-    """Make the record of a variant whose worker cannot tell any more what happened."""
+    """Return the record of a variant whose worker broke down or was lost."""
     return Record(task.number, task.key, "failed", sentence, task.values, {}, 0, 0, (), seconds, memory_mb)
 
 
@@ -243,7 +243,7 @@ class Event(Counts):
 
 
 def event_table(event: Event) -> dict[str, Any]:
-    """Turn an event into plain data, for one line of JSON; of the record what a reader of the stream needs."""
+    """Return an event as plain data for one line of JSON, with the fields `TOLD` of its record."""
     table = {"kind": event.kind, **vars(event)}
     record = table.pop("record")
     if record is None:
@@ -348,7 +348,7 @@ def run_sweep(
             window = Window(executor, FOREIGN_AHEAD, run_tasks, work, sweep.limits)
         run.survey(resume, retry)
         if own:
-            own.prepare(min(count, sum(state >= TO_RUN for state in run.todo)))
+            own.prepare(min(count, run.todo.count(TO_RUN) + run.todo.count(TO_REPLACE)))
         if TO_REPLACE in run.todo:
             # So that a killed run leaves no index of what is not there any more.
             write_index(journal, sweep, folder)
@@ -475,12 +475,12 @@ class _Run:
         """Yield the variants that are to be made, as they are asked for."""
         for variant in variants(self.sweep):
             if self.todo[variant.number] == TO_REPLACE:
-                self.journal.disown(variant.number)
+                self.journal.invalidate(variant.number)
             if self.todo[variant.number] >= TO_RUN:
                 yield task_of(self.sweep, variant, self.folder)
 
     def keep(self, record: Record) -> None:
-        """Take in what came of a variant."""
+        """Add the record of a variant to the journal and to the counts."""
         if self.todo[record.number] < TO_RUN:
             return  # told twice: an executor ran its task again
         if any(full in record.sentence for full in DISK_FULL):
@@ -494,7 +494,7 @@ class _Run:
         self.tell(record.status, record)
 
     def tell(self, kind: str, record: Record | None = None, reused: bool = False) -> None:
-        """Tell the caller; the time that is left goes by what variants have taken so far."""
+        """Report an event to the caller; the time left is estimated from the variants made so far."""
         told = self.told
         eta_s = told["left"] * told["seconds"] / self._ended if self._ended else None
         self._on_event(Event(**told, kind=kind, eta_s=eta_s, record=record, reused=reused))

@@ -2,12 +2,12 @@
 
 import io
 from collections.abc import Iterable, Sequence
-from math import isfinite
+from math import isfinite, isnan
 from typing import Any
 
 from padgen.core.errors import number
 
-__all__ = ["STYLE", "plot_bytes", "seconds_text", "table"]
+__all__ = ["STYLE", "plot_bytes", "seconds_text", "span_text", "table"]
 
 STYLE = {"svg.hashsalt": "padgen", "svg.fonttype": "path", "font.size": 9, "font.family": "DejaVu Sans"}
 
@@ -30,6 +30,18 @@ def table(headings: Sequence[str], rows: Iterable[Sequence[str]], left: int = 0)
         lines.append("  ".join(cell.ljust(n) if i < left else cell.rjust(n) for i, (cell, n) in sized).rstrip())
     lines.insert(1, "  ".join("-" * width for width in widths))
     return "\n".join(lines)
+
+
+def span_text(values: Iterable[float | None], form: str) -> str:
+    """Return the smallest and the largest of some numbers as text, one where they are written alike.
+
+    None and not a number are left out; empty where nothing else is there.
+
+    >>> span_text([2.0, None, 1.5], ".2f"), span_text([1.001, 1.002], ".2f"), span_text([], ".1f")
+    ('1.50 … 2.00', '1.00', '')
+    """
+    known = [value for value in values if value is not None and not isnan(value)]
+    return " … ".join(dict.fromkeys(f"{end(known):{form}}" for end in (min, max) if known))
 
 
 def seconds_text(seconds: float) -> str:

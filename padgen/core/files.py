@@ -404,15 +404,15 @@ def json_text(table: Any) -> str:
     so that they read back unchanged. Takes plain data and dataclasses. Same layout as ``json.dumps`` with an indent of
     1, but faster.
     """
-    return _whole(_json(table, "\n", False)) + "\n"
+    return _escaped(_json(table, "\n", False)) + "\n"
 
 
 def json_line(table: Any) -> str:
     """Return JSON on one line in the same form, for streams and journals; values that are no plain data become text."""
-    return _whole(json.dumps(_plain(table), ensure_ascii=False))
+    return _escaped(json.dumps(_plain(table), ensure_ascii=False))
 
 
-def _whole(text: str) -> str:
+def _escaped(text: str) -> str:
     """Escape lone surrogates in JSON, which names of files may contain but no file can."""
     try:
         text.encode()

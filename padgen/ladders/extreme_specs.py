@@ -164,7 +164,7 @@ DRAWN = [
 
 
 def outcome(table: dict[str, Any]) -> str:
-    """Return what is wrong with the answer to a spec: nothing where it is a plan of finite figures, or one sentence.
+    """Return the fault of the answer to a spec, empty where it is a plan of finite figures or one sentence.
 
     A plan that finds an error in itself, as where a coil does not pull its washer, may have infinite figures.
     """
@@ -214,11 +214,11 @@ def _case(name: str, model: str, value: Callable[[], float], stated: float, exac
 
 def _energy(name: str, band_hz: tuple[float, float], count: int, q: float, scheme: str, off: int) -> ExtremeCase:
     def value() -> float:
-        return float(off_energy(_which(band_hz, count, q), Scheme(scheme))[off])
+        return float(off_energy(_even_channels(band_hz, count, q), Scheme(scheme))[off])
 
     def exact() -> Any:
-        which = _which(band_hz, count, q)
-        hz, line = ([mpmath.mpf(float(v)) for v in part] for part in (which.resonance_hz, which.line))
+        own = _even_channels(band_hz, count, q)
+        hz, line = ([mpmath.mpf(float(v)) for v in part] for part in (own.resonance_hz, own.line))
         return _summed(hz, line, mpmath.mpf(q), Scheme(scheme), off)
 
     return _case(name, scheme, value, (PER_LINE + float(np.log2(count))) * ROUNDING, exact)
@@ -233,7 +233,7 @@ def _capacity(q: float, delta_y: float) -> ExtremeCase:
     return _case(name, "Eq. 12", lambda: capacity(20.0, 1000.0, q, delta_y), 8 * ROUNDING, exact)
 
 
-def _which(band_hz: tuple[float, float], count: int, q: float) -> Channels:
+def _even_channels(band_hz: tuple[float, float], count: int, q: float) -> Channels:
     resonance_hz = geometric_ladder(*band_hz, count)
     return channels(resonance_hz, q, LevelLaw(1.0)(resonance_hz))
 

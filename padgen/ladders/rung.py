@@ -256,7 +256,7 @@ class Pick(NamedTuple):
 
 
 def judged(ladder: Ladder, measured: Sequence[Measured]) -> Judged:
-    """Compare what the rungs of a ladder gave, in its order."""
+    """Return errors, orders of convergence and the reference of a ladder from its measured rungs, in its order."""
     line = [i for i, rung in enumerate(ladder.rungs) if rung.series == ladder.reference]
     solved = [i for i in line if measured[i].values is not None]
     reference = solved[-1] if solved else None

@@ -46,7 +46,7 @@ from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.spec import Spec
 from padgen.verify.coupled import CoupledSystem, Source, from_tones, make_system, simulate
 from padgen.verify.extreme import Answer
-from padgen.verify.field import Pull, solid_pull
+from padgen.verify.field_solid import Pull, solid_pull
 
 __all__ = [
     "LADDERS",
@@ -188,7 +188,7 @@ def dynamics_question(plan: Plan, after_s: float | None = None, coil_set: int = 
 
 
 def dynamics_models(question: DynamicsQuestion) -> Iterator[tuple[str, str, int, Callable[[], Answer]]]:
-    """Yield model, resolution, unknowns and what answers, coarsest first; the coupled one with ever finer tolerances.
+    """Yield model, resolution, unknowns and the function that solves it: coarsest first, the coupled one last.
 
     Answers are displacements (n, k) in m; they can be sent to another process.
     """
@@ -369,7 +369,7 @@ AXISYMMETRIC = ((3, 1), (4, 2), (5, 3), (6, 4))
 SOLID = ((2, 1), (3, 2), (4, 3))
 """(order, levels of refinement at the edges of steel): both are refined at a time."""
 COAXIAL, OFF_AXIS = "axisymmetric field", "3-D field"
-FIELD_ENGINE = ("ngsolve", "netgen.occ", "netgen.geom2d", "scipy.sparse.linalg", "padgen.verify.field")
+FIELD_ENGINE = ("ngsolve", "netgen.occ", "netgen.geom2d", "scipy.sparse.linalg", "padgen.verify.field_solid")
 LEAST_OFFSET_MM = 1e-3
 
 
@@ -422,7 +422,7 @@ def charges_pull(pull: Pull) -> Solved:
 
 def axisymmetric_pull(pull: Pull, order: int, levels: int) -> Solved:
     """Return the pull by elements of `order` in the half plane, the middle of what two potentials say."""
-    from padgen.verify.field import axisymmetric_force
+    from padgen.verify.field_solid import axisymmetric_force
 
     found = axisymmetric_force(pull.coil, pull.washer, pull.gap_m, pull.current_a, order=order, levels=levels)
     return Solved(np.array([-found.force_n / pull.current_a**2]), found.unknowns, found.residual)

@@ -140,14 +140,14 @@ def _cases(module: str, function: str) -> list[ExtremeCase]:
 
 
 def _asked(module: str, function: str, place: int, what: str) -> Answer:
-    """Ask, in a process of its own, what a case's model ('solve') or its 'reference' answers; refusals are raised."""
+    """Return the answer of a case's model ('solve') or of its 'reference'; run in a process of its own."""
     answer = getattr(_cases(module, function)[place], what)()
     answer = answer if isinstance(answer, Answer) else Answer(answer, 0.0)
     return answer._replace(values=np.atleast_1d(np.asarray(answer.values)))
 
 
 def verdict_of(named: Named, limit_s: float = LIMIT_S) -> Verdict:
-    """Run a case and its reference, and compare; what the reference itself is off by is allowed for."""
+    """Run a case and its reference, and compare them, allowing for the reference's own error."""
     where, case = named[:3], named.case
     say: Callable[..., Verdict] = partial(Verdict, case.domain, case.name, case.model, source=case.source)
     answer = timed(partial(_asked, *where, "solve"), limit_s=limit_s, budget_s=0.5, most_runs=3)
@@ -178,7 +178,7 @@ def relative_error(values: np.ndarray, reference: np.ndarray) -> float:
 
 
 def judged_error(error: float, stated: float, allowed: float = 0.0) -> tuple[str, str]:
-    """Judge an error beside what was stated, `allowed` being the reference's own; tell why where it is not 'right'."""
+    """Return the verdict on an error beside the stated one (plus `allowed`, the reference's), and why if wrong."""
     if isnan(error):
         return WRONG, "the answer is not a number, or not of the reference's shape"
     if not isfinite(stated):

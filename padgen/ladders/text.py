@@ -93,8 +93,8 @@ def extreme_text(study: "ExtremeStudy") -> str:
     """Write the table of cases, then what is refused or wrong, sentence by sentence."""
     rows = []
     for found in study.verdicts:
-        errors = _power(found.error), _power(found.stated_error), seconds_text(found.seconds)
-        rest = _power(found.residual), _power(found.condition), found.verdict
+        errors = _two_digits(found.error), _two_digits(found.stated_error), seconds_text(found.seconds)
+        rest = _two_digits(found.residual), _two_digits(found.condition), found.verdict
         rows.append((found.domain, found.case, found.model, *errors, *rest))
     lines = [table(EXTREME_HEADINGS, rows, left=3)]
     lines += [f"{found.verdict}: {found.domain}, {found.case}: {found.note}" for found in study.verdicts if found.note]
@@ -103,7 +103,7 @@ def extreme_text(study: "ExtremeStudy") -> str:
     return "\n".join([*lines, TIMES, f"{len(study.verdicts)} cases: {told}"])
 
 
-def _power(value: float) -> str:
+def _two_digits(value: float) -> str:
     return f"{value:.2g}" if isfinite(value) else ""
 
 

@@ -142,10 +142,10 @@ HARDENING_SHARE = 0.25
 
 RUNGS = {
     "stretching": "a lower drive.level_um, or beams free to slide at one end",
-    "saturation": "a field solution with the steel's B-H curve (padgen.verify.field)",
+    "saturation": "a field solution with the steel's B-H curve (padgen.verify.field_solid)",
     "eddy currents": "a force measured at the drive frequency, or a laminated or ferrite core",
-    "shielding": "a field solution with all washers (padgen.verify.field)",
-    "gap": "a field solution over the gap (padgen.verify.field)",
+    "shielding": "a field solution with all washers (padgen.verify.field_solid)",
+    "gap": "a field solution over the gap (padgen.verify.field_solid)",
     "softening": "padgen study --only dynamics",
     "motion": "padgen study --only dynamics",
     "switching": "a coupled run over the switching (padgen.verify.coupled); wait that much longer between frames",

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from padgen.core.display import table
+from padgen.core.display import span_text, table
 from padgen.core.errors import number, plain
 from padgen.physics.selectivity import Scheme
 from padgen.report.plans import findings_text, held_line, serious_text
@@ -114,8 +114,8 @@ def heard_text(plan: "Plan", heard: "Heard") -> str:
             (
                 str(channel.index),
                 f"{channel.resonance_hz:.2f}",
-                _span_um(heard.wanted_um[indices]),
-                _span_db(played),
+                span_text(heard.wanted_um[indices], ".3g"),
+                span_text(20 * np.log10(np.maximum(played, 1e-12)).ravel(), "+.2f"),
                 "" if np.isnan(quiet).all() else f"{20 * np.log10(max(float(np.nanmax(quiet)), 1e-12)):.1f}",
             )
         )
@@ -127,22 +127,6 @@ def heard_text(plan: "Plan", heard: "Heard") -> str:
     leak = plan.reuse.leak_db
     text += ")" if leak is None else f", the plan has their leakage at {-leak:.1f} dB or less)"
     return text
-
-
-def _span_um(wanted: "np.ndarray") -> str:
-    """Return levels in µm as text: one, or the smallest and the largest where they differ."""
-    low, high = f"{wanted.min():.3g}", f"{wanted.max():.3g}"
-    return low if low == high else f"{low} … {high}"
-
-
-def _span_db(levels: "np.ndarray") -> str:
-    """Return the smallest and the largest ON level as text, in dB over the wanted one."""
-    import numpy as np
-
-    if np.isnan(levels).all():
-        return ""
-    low, high = (20 * np.log10(max(float(v), 1e-12)) for v in (np.nanmin(levels), np.nanmax(levels)))
-    return f"{low:+.2f} … {high:+.2f}"
 
 
 def excitation_text(played: "Excitation", folder: "Path", findings: "Sequence[Finding]") -> str:

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
-from padgen.core.display import table
+from padgen.core.display import span_text, table
 from padgen.core.errors import number, plain
 from padgen.report.plans import held_line, serious_text
 
@@ -75,9 +75,8 @@ def _row(name: str, taxels: list[dict[str, Any]]) -> tuple[str, ...]:
 
 def _span(values: list[float | None], digits: int) -> str:
     """Return the smallest and the largest value as text, and a dash if some are missing."""
-    known = [value for value in values if value is not None]
-    ends = dict.fromkeys(f"{value:.{digits}f}" for value in (min(known), max(known))) if known else ()
-    return " … ".join((*ends, *("-",) * (len(known) < len(values) or not known)))
+    missing = "-" if not values or None in values else ""
+    return " … ".join(filter(None, (span_text(values, f".{digits}f"), missing)))
 
 
 SHOWN_ROWS, MOST_ROWS = 12, 40

@@ -167,7 +167,7 @@ which wider columns are tried."""
 
 @dataclass(frozen=True)
 class Topology:
-    """Counts of what makes a mesh unprintable, all zero for a good one, its `shells` (1 if good) and its volume.
+    """Counts of a mesh's faulty edges, all zero for a good one, its `shells` (1 if good) and its volume.
 
     `open_edges` have one triangle, `crowded_edges` more than two, `turned_edges` two that disagree which side is out.
     `first_broken` is a vertex of one of these edges, 0 where there is none.

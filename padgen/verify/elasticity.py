@@ -563,7 +563,7 @@ def _rich(mesh: Any, shares: np.ndarray, working: int) -> np.ndarray:
 
 
 def _extrapolated(coarser: SolidModes, found: SolidModes) -> SolidModes:
-    """Add to `found` what higher orders than its own would still add, judged by the step from `coarser`."""
+    """Return `found` extrapolated to higher orders than its own, by the step from `coarser`, with its error."""
     working, other = found.modes.working, coarser.modes.working
     change = coarser.modes.frequency_hz / found.modes.frequency_hz - 1
     change[working] = coarser.modes.frequency_hz[other] / found.modes.frequency_hz[working] - 1

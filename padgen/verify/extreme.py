@@ -33,7 +33,7 @@ from padgen.spec import catalogue, make_spec
 from padgen.verify.coupled import CoupledSystem, Source, from_tones, make_system, scipy_motion, simulate
 from padgen.verify.elasticity import Elastic, SolidTaxel, converged_modes, solve_modes
 from padgen.verify.engines import mpmath, occ
-from padgen.verify.field import Pull, axisymmetric_force, solid_pull
+from padgen.verify.field_solid import Pull, axisymmetric_force, solid_pull
 
 __all__ = [
     "Answer",
@@ -619,7 +619,7 @@ def _many_oscillators() -> ExtremeCase:
 
 
 def _refined(system: CoupledSystem, voltage: Tones, times: np.ndarray) -> Answer:
-    """Make a coupled run; it states ten times what a finer one with other stages differs by."""
+    """Return a coupled run; its stated error is ten times its difference from a finer run with other stages."""
     source = from_tones("voltage", voltage)
     run = simulate(system, source, times, tolerance=COUPLED_TOLERANCE)
     fine = simulate(system, source, times, tolerance=COUPLED_TOLERANCE / 100, stages=14).displacement_m

@@ -95,13 +95,10 @@ def threemf_bytes(job: ExportJob) -> bytes:
         lines = ("; settings for PrusaSlicer", *(f"; {key} = {value}" for key, value in profile.items()), "")
         parts[PRUSA_CONFIG] = ["\n".join(lines).encode()]
     data = io.BytesIO()
-    with zipfile.ZipFile(data, "w") as package:
+    # Entries are dated 1980-01-01, the earliest that a zip knows.
+    with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED, compresslevel=QUICK) as package:
         for name, texts in parts.items():
-            # Dated 1980-01-01, the earliest that a zip knows.
-            entry = zipfile.ZipInfo(name)
-            entry.compress_type, entry.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
-            entry._compresslevel = QUICK  # type: ignore[attr-defined]
-            with package.open(entry, "w") as file:
+            with package.open(name, "w") as file:
                 for text in texts:
                     file.write(text)
     return data.getvalue()
@@ -123,44 +120,17 @@ def _model(job: ExportJob) -> Iterator[bytes]:
 
 def _object(number: int, name: str, mesh: Mesh) -> Iterator[bytes]:
     yield f'<object id="{number}" name={quoteattr(name)} type="model">\n<mesh>\n<vertices>\n'.encode()
-    for some in np.array_split(mesh.vertices_mm, len(mesh.vertices_mm) // ROWS + 1):
-        yield _rows([_decimal(axis) for axis in some.T], b'<vertex x="', b'" y="', b'" z="', b'"/>\n')
+    # To the millionth, without negative noughts.
+    yield from _rows(np.round(mesh.vertices_mm, 6) + 0.0, '<vertex x="%.6f" y="%.6f" z="%.6f"/>\n')
     yield b"</vertices>\n<triangles>\n"
-    for some in np.array_split(mesh.triangles, len(mesh.triangles) // ROWS + 1):
-        yield _rows([_digits(corner, 8) for corner in some.T], b'<triangle v1="', b'" v2="', b'" v3="', b'"/>\n')
+    yield from _rows(mesh.triangles, '<triangle v1="%d" v2="%d" v3="%d"/>\n')
     yield b"</triangles>\n</mesh>\n</object>\n"
 
 
-def _rows(columns: list[np.ndarray], *between: bytes) -> bytes:
-    """Join columns of characters (n, width) to rows of text, with `between` around them; zero bytes are left out."""
-    count, parts = len(columns[0]), [np.frombuffer(text, np.uint8) for text in between]
-    sides = [np.broadcast_to(part, (count, len(part))) for part in parts]
-    text = np.concatenate([*(each for pair in zip(sides, columns, strict=False) for each in pair), sides[-1]], 1)
-    written: bytes = text[text != 0].tobytes()
-    return written
-
-
-def _digits(numbers: np.ndarray, width: int) -> np.ndarray:
-    """Return whole numbers as characters (n, width), with zero bytes in place of leading noughts."""
-    text, left = np.empty((len(numbers), width), np.uint8), numbers.astype(np.int32)
-    for k in reversed(range(width)):
-        tens = left // 10
-        text[:, k] = left - 10 * tens + ord("0")
-        text[(left == 0) & (k < width - 1), k] = 0
-        left = tens
-    return text
-
-
-def _decimal(values: np.ndarray) -> np.ndarray:
-    """Return coordinates as characters (n, width), to the millionth, without noughts at the end."""
-    whole, millionths = np.divmod(np.rint(np.abs(values) * 1e6).astype(np.int64), 1_000_000)
-    # The million added is a leading one, which keeps the noughts behind it.
-    behind = _digits(millionths + 1_000_000, 7)
-    behind[:, 0] = np.where(millionths, ord("."), 0)
-    for k in range(1, 7):
-        behind[millionths % 10 ** (7 - k) == 0, k] = 0
-    minus = np.where((values < 0) & (whole + millionths > 0), ord("-"), 0).astype(np.uint8)
-    return np.concatenate([minus[:, None], _digits(whole, 5), behind], 1)
+def _rows(numbers: np.ndarray, row: str) -> Iterator[bytes]:
+    """Yield the numbers (n, 3) as text, each three in a `row`; some rows at a time."""
+    for some in np.array_split(numbers, len(numbers) // ROWS + 1):
+        yield (row * len(some) % tuple(some.ravel().tolist())).encode()
 
 
 def _read_plain(path: Path) -> Mesh:

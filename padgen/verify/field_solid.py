@@ -173,7 +173,7 @@ def minimise(form: Any, space: Any, solution: Any) -> tuple[float, int]:
 
 
 def _line_search(form: Any, solution: Any, step: Any, trial: Any, expected: float) -> bool:
-    """Go along −step as far as the energy falls by a share of what the slope promises; False if nowhere."""
+    """Move along −step to where the energy falls by a share of the expected fall; return False if nowhere."""
     energy, share = float(form.Energy(solution.vec)), 1.0
     while share > 1e-6:
         trial.data = solution.vec - share * step
