@@ -210,7 +210,7 @@ def _starts(harmonic: np.ndarray, amplitude: np.ndarray) -> list[np.ndarray]:
     table = np.hstack([np.cos(angle), np.sin(angle)])
     depth = -(table @ np.hstack([amplitude * np.cos(draws), -amplitude * np.sin(draws)]).T).min(0)
     depth[0] = 0.0  # Schroeder's phases always rank first.
-    few = min(STARTS, 2 * count, max(LONG // (2 * points), FEWEST))
+    few = min(STARTS, 2 * (count - 1), max(LONG // (2 * points), FEWEST))
     return list(draws[np.argsort(depth, kind="stable")[:few]])
 
 
