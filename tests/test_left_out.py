@@ -381,9 +381,8 @@ def test_line():
     assert left_out_line(entries, most=1) == f"{switching}; 1 more, each less"
     finding = next(judge_left_out(scene("paper-32")[0], entries))
     assert "ignored effects above 2 % (model.tolerance)" in finding.message
-    assert finding.message.endswith(
-        f": switching, without a bound of the ring-down of channel 0 ({RUNGS['switching']})"
-    )
+    cause, cure = RUNGS["switching"]
+    assert finding.message.endswith(f": {cause}: an unknown share of the ring-down of channel 0 ({cure})")
 
 
 def test_one_coil_leaks_nothing_and_one_channel_has_no_neighbour():

@@ -141,22 +141,22 @@ HARDENING_SHARE = 0.25
 """Relative error of the cubic spring of beams that stretch: 0.22 where their ends are elastic (docs/accuracy.md)."""
 
 RUNGS = {
-    "stretching": "a lower drive.level_um, or beams free to slide at one end",
-    "saturation": "a field solution with the steel's B-H curve (padgen.verify.field_solid)",
-    "eddy currents": "a force measured at the drive frequency, or a laminated or ferrite core",
-    "shielding": "a field solution with all washers (padgen.verify.field_solid)",
-    "gap": "a field solution over the gap (padgen.verify.field_solid)",
-    "softening": "padgen study --only dynamics",
-    "motion": "padgen study --only dynamics",
-    "switching": "a coupled run over the switching (padgen.verify.coupled); wait that much longer between frames",
-    "air's mass": "re-tune: it is the same for every taxel",
-    "air's damping": "a wider gap, or a measured Q",
-    "large slopes": "a lower drive.level_um, or beams that sag less",
-    "far modes": "padgen.planner.pull_modes.coil_modes",
-    "frame": "padgen study --only pad",
-    "beam inertia": "--model solid",
+    "stretching": ("beams stretch as they bend", "a lower drive.level_um, or beams free to slide at one end"),
+    "saturation": ("the steel saturates", "measure the level"),
+    "eddy currents": ("eddy currents in core and washers", "measure the level, or take a laminated or ferrite core"),
+    "shielding": ("washers shield each other from the coil", "measure the level"),
+    "gap": ("the pull changes as a washer swings", "a lower drive.level_um or a wider coil.gap_mm"),
+    "softening": ("the coil's pull softens the spring", "padgen study --only dynamics"),
+    "motion": ("moving washers induce a voltage", "padgen study --only dynamics"),
+    "switching": ("the last pull still moves a taxel that is switched off", "leave that much more time between frames"),
+    "air's mass": ("air moves along", "re-tune: it is the same for every taxel"),
+    "air's damping": ("air damps", "a wider gap, or a measured Q"),
+    "large slopes": ("beams bend far", "a lower drive.level_um, or beams that sag less"),
+    "far modes": ("modes far from the drive", "more distance between resonances"),
+    "frame": ("the frame gives way", "padgen study --only pad"),
+    "beam inertia": ("the beams' own mass", "--model solid"),
 }
-"""Ways to compute or avoid each effect that a plan leaves out."""
+"""Each effect that a plan leaves out in plain words, and a way to compute or avoid it."""
 
 
 INCLUDED = {
@@ -232,8 +232,8 @@ def left_out_line(entries: Sequence[LeftOut], most: int = 3) -> str:
 def judge_left_out(spec: Spec, entries: Sequence[LeftOut]) -> Iterator[Finding]:
     """Yield a note of the effects left out above `model.tolerance`, and a warning of unbounded stresses."""
     told = [
-        f"{entry.term}, {'without a bound' if entry.bound is None else f'up to {percent(entry.bound)}'} of the"
-        f" {entry.of} ({RUNGS[entry.term]})"
+        f"{RUNGS[entry.term][0]}: {'an unknown share' if entry.bound is None else f'up to {percent(entry.bound)}'} of the"
+        f" {entry.of} ({RUNGS[entry.term][1]})"
         for entry in entries
         if _size(entry) > spec.model.tolerance and not entry.computed and entry.status == "bounded"
     ]
