@@ -364,7 +364,7 @@ def test_findings_are_of_terms_above_the_tolerance():
         large = [e for e in entries if not e.computed and (e.bound or 9.0) > tolerance]
         assert len(found) == bool(large)
         assert all(f.level == "note" and f.code == "model.left_out" for f in found)
-        assert all(f"{e.term}, " in found[0].message for e in large)
+        assert all(f"{RUNGS[e.term][0]}: " in found[0].message for e in large)
     computed = [replace(e, computed=True) for e in entries]
     assert not list(judge_left_out(spec, computed))
     assert left_out_line(computed) == "left out: nothing"

@@ -232,8 +232,8 @@ def left_out_line(entries: Sequence[LeftOut], most: int = 3) -> str:
 def judge_left_out(spec: Spec, entries: Sequence[LeftOut]) -> Iterator[Finding]:
     """Yield a note of the effects left out above `model.tolerance`, and a warning of unbounded stresses."""
     told = [
-        f"{RUNGS[entry.term][0]}: {'an unknown share' if entry.bound is None else f'up to {percent(entry.bound)}'} of the"
-        f" {entry.of} ({RUNGS[entry.term][1]})"
+        f"{RUNGS[entry.term][0]}: {'an unknown share' if entry.bound is None else f'up to {percent(entry.bound)}'} of"
+        f" the {entry.of} ({RUNGS[entry.term][1]})"
         for entry in entries
         if _size(entry) > spec.model.tolerance and not entry.computed and entry.status == "bounded"
     ]
