@@ -518,6 +518,9 @@ def test_a_spur_free_drive_is_carried_through_an_amplifier_without_direct_curren
     lines = np.fft.rfft(volts_out, axis=0) / (coil.resistance_ohm + 1j * omega * coil.inductance_mh * 1e-3)
     current = np.fft.irfft(lines, len(volts_out), axis=0)
     assert 0.5 < 1e3 * np.abs(current).max() / plan.load.current_peak_ma <= 1
+    with pytest.raises(SpecError, match="of noise has a constant part"):
+        excitation(plan, "noise", 8000)
+    assert abs(excitation(plan, "chirp", 8000).voltage_v.mean()) < 0.01
     rows = (tmp_path / "o" / "drive.csv").read_text().splitlines()
     assert len(rows) == 5 and "bias" not in rows[-1]
 
