@@ -543,6 +543,7 @@ def test_an_amplifier_is_a_table_of_its_own(tmp_path):
     assert parse_spec(amplified(volts=12, more="[drive]\nvoltage_limit_v = 5\n")).drive.voltage_limit_v == 5
     assert parse_spec(amplified(volts=12, more="[drive]\nvoltage_limit_v = 25\n")).drive.voltage_limit_v == 12
     assert varied(spec, {"amplifier.voltage_v": 20.0}).drive.voltage_limit_v == 20
+    assert varied(spec, {"amplifier.coupling": "DC"}) == parse_spec(amplified(volts=12, coupling="DC"))
     assert "amplifier" not in json.loads(plan_to_json(planned()))["spec"]
     made = make_plan(spec)
     (tmp_path / "plan.json").write_text(plan_to_json(made))

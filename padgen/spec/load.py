@@ -15,6 +15,7 @@ from padgen.spec.refusals import refuse_contradictions
 from padgen.spec.threshold import with_threshold
 
 __all__ = [
+    "CARRIED_HEADROOM",
     "SHORTHANDS",
     "answers",
     "find_spec",
