@@ -35,6 +35,7 @@ from padgen.planner.cures import varied
 from padgen.spec import Amplifier, Coil, load_spec, parse_spec
 
 from .firmware_host import compiled, feed
+from .hjif_reader import read_hjif
 from .test_play import Card
 from .test_syntacts import library, rendered  # noqa: F401
 
@@ -325,7 +326,7 @@ def test_no_file_exceeds_what_is_judged_of_it(tmp_path, name):
     drive = drive_at(plan, RATES_HZ, 48_000)
     turns = plan.scheme.takes_turns
     each_s = None if turns else ramp_s(plan) + drive.period_s
-    Drive(plan, frames, each_s, rate_hz=48_000).save_folder(tmp_path / "o", ["wav"], depth="float")
+    Drive(plan, frames, each_s, rate_hz=48_000).save_folder(tmp_path / "o", ["wav", "hjif"], depth="float")
     shown = timeline(plan, frames, each_s)
     load, ohm = load_of(plan, drive, shown), plan.spec.coil.resistance_ohm
     volt, ampere = integrated(tmp_path / "o", plan.spec.coil)
@@ -341,6 +342,9 @@ def test_no_file_exceeds_what_is_judged_of_it(tmp_path, name):
     ):
         assert least * judged <= found <= 1.001 * judged
     assert (watt.max(0) <= 1.001 * ohm * load.square_a2).all()
+    haptics = read_hjif((tmp_path / "o" / "drive.hjif").read_text())
+    reached = [channel.level.max(initial=0.0) for channel in haptics.channels]
+    np.testing.assert_allclose(reached, load.level, atol=1e-6)
 
 
 @pytest.mark.parametrize(
