@@ -332,9 +332,6 @@ def test_parts_go_with_a_pad_and_its_bill(work):
     assert {"tray.stl", "coupon.stl", "pad.stl"} <= set(names(work / "o"))
     bill = (work / "o/bom.csv").read_text()
     assert "tray: at full infill" in bill and "M3 x " in bill
-    counts = {row.split(",")[0]: row.split(",")[1] for row in bill.splitlines() if not row.startswith("plastic")}
-    assert int(counts["wire"]) == 2 * int(counts["coil"]) == 2 * int(counts["amplifier channel"])
-    assert counts["glue"] == counts["washer"] and "x opa548" in bill
     checks = json.loads((work / "o/checks.json").read_text())
     assert set(checks["figures"]["parts"]) == {"tray", "coupon"}
     assert cli.run(["build", "tiny.toml", "--formats", "stl", "-o", "o"]) in (0, 1)

@@ -35,6 +35,7 @@ from padgen.planner.cures import varied
 from padgen.spec import Amplifier, Coil, load_spec, parse_spec
 
 from .firmware_host import compiled, feed
+from .hjif_reader import read_hjif
 from .test_play import Card
 from .test_syntacts import library, rendered  # noqa: F401
 
@@ -325,7 +326,7 @@ def test_no_file_exceeds_what_is_judged_of_it(tmp_path, name):
     drive = drive_at(plan, RATES_HZ, 48_000)
     turns = plan.scheme.takes_turns
     each_s = None if turns else ramp_s(plan) + drive.period_s
-    Drive(plan, frames, each_s, rate_hz=48_000).save_folder(tmp_path / "o", ["wav"], depth="float")
+    Drive(plan, frames, each_s, rate_hz=48_000).save_folder(tmp_path / "o", ["wav", "hjif"], depth="float")
     shown = timeline(plan, frames, each_s)
     load, ohm = load_of(plan, drive, shown), plan.spec.coil.resistance_ohm
     volt, ampere = integrated(tmp_path / "o", plan.spec.coil)
@@ -341,6 +342,9 @@ def test_no_file_exceeds_what_is_judged_of_it(tmp_path, name):
     ):
         assert least * judged <= found <= 1.001 * judged
     assert (watt.max(0) <= 1.001 * ohm * load.square_a2).all()
+    haptics = read_hjif((tmp_path / "o" / "drive.hjif").read_text())
+    reached = [channel.level.max(initial=0.0) for channel in haptics.channels]
+    np.testing.assert_allclose(reached, load.level, atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -518,6 +522,9 @@ def test_a_spur_free_drive_is_carried_through_an_amplifier_without_direct_curren
     lines = np.fft.rfft(volts_out, axis=0) / (coil.resistance_ohm + 1j * omega * coil.inductance_mh * 1e-3)
     current = np.fft.irfft(lines, len(volts_out), axis=0)
     assert 0.5 < 1e3 * np.abs(current).max() / plan.load.current_peak_ma <= 1
+    with pytest.raises(SpecError, match="of noise has a constant part"):
+        excitation(plan, "noise", 8000)
+    assert abs(excitation(plan, "chirp", 8000).voltage_v.mean()) < 0.01
     rows = (tmp_path / "o" / "drive.csv").read_text().splitlines()
     assert len(rows) == 5 and "bias" not in rows[-1]
 
@@ -540,6 +547,7 @@ def test_an_amplifier_is_a_table_of_its_own(tmp_path):
     assert parse_spec(amplified(volts=12, more="[drive]\nvoltage_limit_v = 5\n")).drive.voltage_limit_v == 5
     assert parse_spec(amplified(volts=12, more="[drive]\nvoltage_limit_v = 25\n")).drive.voltage_limit_v == 12
     assert varied(spec, {"amplifier.voltage_v": 20.0}).drive.voltage_limit_v == 20
+    assert varied(spec, {"amplifier.coupling": "DC"}) == parse_spec(amplified(volts=12, coupling="DC"))
     assert "amplifier" not in json.loads(plan_to_json(planned()))["spec"]
     made = make_plan(spec)
     (tmp_path / "plan.json").write_text(plan_to_json(made))

@@ -192,7 +192,7 @@ def levels_of(
     given = {"state": state, "frames": frames, "text": text, "pattern": pattern}
     named = [name for name, value in given.items() if value is not None]
     if len(named) > 1:
-        raise SpecError(f"does not go together with {named[1]}: one of {', '.join(given)} is shown", named[0])
+        raise SpecError(f"and {named[1]} are given; one of {', '.join(given)} is shown, not both", named[0])
     if state is not None:
         return state_frame(plan, state)
     if text is not None:

@@ -93,6 +93,13 @@ def excitation(
     """
     if kind not in KINDS:
         raise SpecError(f"must be one of {', '.join(KINDS)}, got {kind!r}", "--excite")
+    amplifier = plan.spec.amplifier
+    if kind == "noise" and amplifier and amplifier.coupling == "AC":
+        raise SpecError(
+            f"of noise has a constant part, which the AC-coupled amplifier {amplifier.name!r} does not pass; chirp has"
+            " none",
+            "--excite",
+        )
     band = measuring_band_hz(plan)
     least = SAMPLES_OF_HIGHEST * band[1]
     if not rate_hz >= least:
@@ -132,6 +139,7 @@ def excitation(
         1.0,
         (VOLTAGE_SHARE * spec.drive.voltage_limit_v / float(np.abs(volts).max())) ** 2,
         spec.coil.power_limit_w / (square * spec.coil.resistance_ohm),
+        (VOLTAGE_SHARE * amplifier.current_a / float(np.abs(current).max())) ** 2 if amplifier else 1.0,
         max(planned / square, 1e-6),
     )
     factor = share**0.5

@@ -7,7 +7,8 @@ fit and keep it nearly square in mm; on a pad of fewer than 7 rows or 5 columns 
 import csv
 import unicodedata
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -95,8 +96,8 @@ def text_frames(plan: Plan, text: str) -> np.ndarray:
     drawn = _scaled(_scaled(pixels, wide).T, high).T
     spare = [max(free, 0) for free in np.subtract(grid.shape, drawn.shape)]
     drawn = np.pad(drawn, [(free // 2, free - free // 2) for free in spare])
-    places = range(drawn.shape[1] - grid.shape[1] + 1)
-    return _levels(plan, len(places), (drawn[:, at : at + grid.shape[1]] for at in places), "--text")
+    windows = (drawn[:, at : at + columns] for at in range(drawn.shape[1] - columns + 1))
+    return _levels(plan, windows, "--text")
 
 
 def _pixel(rows: int, columns: int, aspect: float) -> tuple[float, float]:
@@ -118,35 +119,18 @@ def _scaled(pixels: np.ndarray, size: float) -> np.ndarray:
     return np.asarray(np.round(np.diff(up_to) * size, 9))
 
 
-def _each(grid: np.ndarray) -> Iterator[np.ndarray]:
-    return (grid == index for index in range(int(grid.max()) + 1))
-
-
-def _rows(grid: np.ndarray) -> Iterator[np.ndarray]:
-    return (np.broadcast_to(np.arange(len(grid))[:, None] == row, grid.shape) for row in range(len(grid)))
-
-
-def _columns(grid: np.ndarray) -> Iterator[np.ndarray]:
-    return (image.T for image in _rows(grid.T))
-
-
-def _checkerboard(grid: np.ndarray) -> Iterator[np.ndarray]:
-    return (np.indices(grid.shape).sum(0) % 2 == odd for odd in (0, 1))
-
-
-def _sweep(grid: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield a soft bar that goes from left to right, then one from top to bottom."""
-    for axis in (1, 0):
-        for at in range(grid.shape[axis]):
-            yield np.maximum(1 - np.abs(np.indices(grid.shape)[axis] - at) / 2, 0.0)
+def _bars(grid: np.ndarray, axis: int, half_width: float) -> Iterator[np.ndarray]:
+    """Yield a bar across the pad at each row (axis 0) or column (axis 1), fading out on both sides."""
+    place = np.indices(grid.shape)[axis]
+    return (np.maximum(1 - np.abs(place - at) / half_width, 0.0) for at in range(grid.shape[axis]))
 
 
 PATTERNS: dict[str, Callable[[np.ndarray], Iterator[np.ndarray]]] = {
-    "each": _each,
-    "rows": _rows,
-    "columns": _columns,
-    "checkerboard": _checkerboard,
-    "sweep": _sweep,
+    "each": lambda grid: (grid == index for index in range(int(grid.max()) + 1)),
+    "rows": lambda grid: _bars(grid, 0, 1),
+    "columns": lambda grid: _bars(grid, 1, 1),
+    "checkerboard": lambda grid: (np.indices(grid.shape).sum(0) % 2 == odd for odd in (0, 1)),
+    "sweep": lambda grid: chain(_bars(grid, 1, 2), _bars(grid, 0, 2)),
 }
 """Images (rows, columns) of each pattern for the grid of a pad's taxels; 'each' goes in the plan's order, by coils."""
 
@@ -155,22 +139,21 @@ def pattern_frames(plan: Plan, name: str) -> np.ndarray:
     """Return levels (k, taxels) in 0 … 1 of the pattern called `name`; raises SpecError where there is none."""
     if name not in PATTERNS:
         raise unknown_name(name, list(PATTERNS), "pattern", "--pattern")
-    grid = taxel_grid(plan)
-    rows, columns = grid.shape
-    count = {"each": len(plan.taxels), "rows": rows, "columns": columns, "checkerboard": 2, "sweep": rows + columns}
-    return _levels(plan, count[name], PATTERNS[name](grid), "--pattern")
+    return _levels(plan, PATTERNS[name](taxel_grid(plan)), "--pattern")
 
 
-def _levels(plan: Plan, count: int, images: Iterator[np.ndarray], where: str) -> np.ndarray:
-    """Return `count` images of the pad as levels (count, taxels); raises SpecError where they are too many."""
-    if count * len(plan.taxels) > MOST_LEVELS:
-        most = MOST_LEVELS // len(plan.taxels)
-        raise SpecError(f"takes {count} frames; of {len(plan.taxels)} taxels at most {most} are held at once", where)
-    grid = taxel_grid(plan)
-    levels = np.zeros((count, len(plan.taxels)))
-    for frame, image in zip(levels, images, strict=True):
-        frame[grid[grid >= 0]] = image[grid >= 0]
-    return levels
+def _levels(plan: Plan, images: Iterable[np.ndarray], where: str) -> np.ndarray:
+    """Return images of the pad as levels (k, taxels); raises SpecError where they are too many."""
+    grid, most = taxel_grid(plan), MOST_LEVELS // len(plan.taxels)
+    frames: list[np.ndarray] = []
+    for image in images:
+        if len(frames) == most:
+            raise SpecError(
+                f"takes more than {most} frames of {len(plan.taxels)} taxels, which are held at once", where
+            )
+        frames.append(np.zeros(len(plan.taxels)))
+        frames[-1][grid[grid >= 0]] = image[grid >= 0]
+    return np.stack(frames)
 
 
 Coil = tuple[int, int]

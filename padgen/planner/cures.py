@@ -9,7 +9,7 @@ from padgen.core.errors import PadgenError, cured
 from padgen.core.finding import LEVELS
 from padgen.planner.plan import Plan
 from padgen.spec import Spec, make_spec
-from padgen.spec.load import catalogue, laid_over, spread_of, without_none
+from padgen.spec.load import CARRIED_HEADROOM, catalogue, laid_over, spread_of, without_none
 
 __all__ = ["Cure", "varied", "with_tried_cures"]
 
@@ -30,8 +30,11 @@ def varied(spec: Spec, cure: Cure) -> Spec:
     if "printer" in cure and table["spread"] == catalogue("spread").get(spread_of(spec.printer)):
         del table["spread"]  # the file leaves it to the printer
     own = spec.amplifier
-    if own and any(name.startswith("amplifier") for name in cure) and spec.drive.voltage_limit_v == own.voltage_v:
-        del table["drive"]["voltage_limit_v"]  # the file leaves it to the amplifier
+    if own and any(name.startswith("amplifier") for name in cure):
+        # What the file leaves to the amplifier is left to the other one.
+        for name, value in (("voltage_limit_v", own.voltage_v), ("headroom", CARRIED_HEADROOM)):
+            if table["drive"][name] == value:
+                del table["drive"][name]
     return make_spec(without_none(laid_over(table, cure)))
 
 

@@ -217,47 +217,31 @@ def _slow(plan: Plan) -> Iterator[Finding]:
         )
 
 
+EXCEEDED = {
+    "coil.voltage": "channels on take up to {} V, the amplifier has {} V",
+    "coil.current": "channels on take up to {} A, the amplifier has {} A",
+    "coil.heat": "channels on heat each coil with {} W, it bears {} W",
+    "limits.power": "taxels on take {} W in all coils, limits.power_w allows {} W",
+}
+"""What is said of a load and its limit, by the code of the finding."""
+
+
 def _limits(plan: Plan) -> Iterator[Finding]:
-    spec, load, level = plan.spec, plan.load, plan.spec.drive.level_um
-    volts, watts = spec.drive.voltage_limit_v, spec.coil.power_limit_w
-    if load.voltage_peak_v > volts:
-        yield Finding(
-            "warning",
-            "coil.voltage",
-            "coil",
-            f"{number(level)} µm with all channels on take up to {number(load.voltage_peak_v)} V, the amplifier has"
-            f" {number(volts)} V",
-            lower_level(spec, (volts / load.voltage_peak_v) ** 2),
-        )
-    if spec.amplifier and load.current_peak_ma * MA > spec.amplifier.current_a:
-        peak_a, most_a = load.current_peak_ma * MA, spec.amplifier.current_a
-        yield Finding(
-            "warning",
-            "coil.current",
-            "coil",
-            f"{number(level)} µm with all channels on take up to {number(peak_a)} A, the amplifier has"
-            f" {number(most_a)} A",
-            lower_level(spec, (most_a / peak_a) ** 2),
-        )
-    if load.copper_loss_w > watts:
-        yield Finding(
-            "warning",
-            "coil.heat",
-            "coil",
-            f"{number(level)} µm with all channels on heat each coil with {number(load.copper_loss_w)} W, it bears"
-            f" {number(watts)} W",
-            lower_level(spec, watts / load.copper_loss_w),
-        )
-    total_w, most_w = load.copper_loss_w * plan.coils.rows * plan.coils.columns, spec.limits.power_w
-    if most_w is not None and total_w > most_w:
-        yield Finding(
-            "warning",
-            "limits.power",
-            "pad",
-            f"{number(level)} µm with all taxels on take {number(total_w)} W in all coils, limits.power_w allows"
-            f" {number(most_w)} W",
-            lower_level(spec, most_w / total_w),
-        )
+    spec, load, coils = plan.spec, plan.load, plan.coils.rows * plan.coils.columns
+    most_a = spec.amplifier.current_a if spec.amplifier else None
+    # What is asked, the limit, and the power of it with which the level goes.
+    loads = {
+        "coil.voltage": (load.voltage_peak_v, spec.drive.voltage_limit_v, 2),
+        "coil.current": (load.current_peak_ma * MA, most_a, 2),
+        "coil.heat": (load.copper_loss_w, spec.coil.power_limit_w, 1),
+        "limits.power": (load.copper_loss_w * coils, spec.limits.power_w, 1),
+    }
+    for code, (asked, most, power) in loads.items():
+        if most is not None and asked > most:
+            told = EXCEEDED[code].format(number(asked), number(most))
+            where = "pad" if code == "limits.power" else "coil"
+            cures = lower_level(spec, (most / asked) ** power)
+            yield Finding("warning", code, where, f"{number(spec.drive.level_um)} µm with all {told}", cures)
     if load.pull_in_share >= 1:
         yield Finding(
             "error",

@@ -37,6 +37,7 @@ from padgen.spec.model import (
 )
 
 __all__ = [
+    "CARRIED_HEADROOM",
     "CATALOGUES",
     "SHORTHANDS",
     "answers",
@@ -546,7 +547,7 @@ def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
             table[name] = {key: value}
         elif not isinstance(value, dict):
             raise SpecError(f"must be the name of its {key} or a table, got {shown(value)}", name)
-    drive = table.get("drive", {})
+    limited = "voltage_limit_v" in table.get("drive", {})
     parts: dict[str, Any] = {name: build(kind, table.pop(name, {}), name) for name, kind in PLAIN_TABLES.items()}
     parts["printer"] = _catalogue_entry("printer", table.pop("printer", {}), DEFAULTS["printer"])
     parts["material"] = _catalogue_entry(
@@ -557,7 +558,7 @@ def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
         parts[name] = _catalogue_entry(name, table.pop(name, {}), DEFAULTS[name])
     if (amplifier := table.pop("amplifier", None)) is not None:
         parts["amplifier"] = amplifier = _catalogue_entry("amplifier", amplifier, OWN_AMPLIFIER)
-        limit_v = min(drive.get("voltage_limit_v", amplifier.voltage_v), amplifier.voltage_v)
+        limit_v = min(parts["drive"].voltage_limit_v if limited else amplifier.voltage_v, amplifier.voltage_v)
         headroom = parts["drive"].headroom
         if amplifier.coupling == "AC":
             headroom = max(headroom, CARRIED_HEADROOM)
