@@ -3,10 +3,11 @@
 A driven record, the record of a free decay and a spectrum are fitted by one model in frequency, within some bandwidths
 of the resonance:
 
-    Y(f) = X sⁿ (Σ g / (Q (1 − s²) + j s) + a + b/s²) + sⁿ (Σ c / (Q (1 − s²) + j s) + d + e/s²),   s = f/f₀
+    Y(f) = X (Σ g sⁿ / (Q (1 − s²) + j s) + a + b u) + (Σ c sⁿ / (Q (1 − s²) + j s) + d + e u),
+    s = f/f₀, u = s − 1/s
 
 X is the transform of i²; the second bracket has the free vibration at the record's ends. A decay has that bracket
-alone, a spectrum the first with X = 1. All factors are complex: g is any scale, phase and polarity, a and b stand for
+alone, a spectrum the first with X = 1 and ``a sⁿ + b sⁿ⁻²``. All factors are complex: g is any scale, phase and polarity, a and b stand for
 far modes (D. J. Ewins, Modal Testing, 2nd ed. 2000, ch. 4), and to first order for all that changes slowly over the
 resonance: a gain that drifts during a sweep, a high-pass, a rest of delay, another kind of sensor. n is 0 for
 displacement, 1 for velocity, 2 for acceleration. Factors enter linearly and are projected out (G. Golub, V. Pereyra,
@@ -54,6 +55,8 @@ __all__ = [
 
 REACH = 10.0
 """Largest |Q (s − 1/s)| of fitted lines: five bandwidths on either side."""
+LEAST_SHARE = 0.05
+"""Smallest further peak, over the largest."""
 FEWEST_LINES, MOST_LINES = 14, 3000
 LEAST_Q, LARGEST_Q = 0.55, 1e7
 MOST_MODES, MOST_HUM = 4, 8
@@ -63,6 +66,8 @@ WORTH = 30.0
 """Least decrease of the sum of squares by a further column or mode, in variances."""
 MAINS_HZ, MAINS_OFF = (50.0, 60.0), 4e-3
 """Frequencies of the mains, and the largest relative deviation of a line from their multiples."""
+MOST_MISFIT = 2.5
+"""Largest residual of a spectrum, over the scatter of its points, that needs no remark."""
 SMALLEST_NOISE = 1e-9
 """Noise over the largest response that counts as rounding only."""
 EXCITED = 1e-3
@@ -80,7 +85,7 @@ NO_ANSWER = (
 NO_DECAY = (
     "shows no free decay: the best one is no more than noise makes by chance; pluck harder, or leave this taxel out"
 )
-SEEN, WIDE = 3.0, 0.6
+SEEN, WIDE = 6.0, 0.6
 """Least response over its noise, and least range of ln f, from which the kind of sensor is recognised."""
 SENSORS = ("displacement", "velocity", "acceleration")
 """Kinds of sensors, by the power of the frequency."""
@@ -175,7 +180,7 @@ def fit_spectrum(
     hz, q = fit.modes[0]
     if np.iscomplexobj(given):
         _refuse_phase(lines, fit, n or 0)
-    refuse_no_peak(abs(fit.factors[0]), max(fit.noise, 1e-300), _gain(fit), frequency, np.abs(given))
+    refuse_no_peak(abs(fit.factors[0]), max(fit.noise, noise, 1e-300), _gain(fit), frequency, np.abs(given))
     refuse_edge(frequency[0], frequency[-1], hz, q)
     refuse_no_resonance(np.abs(fit.lines.data), fit.noise, noise, hz)
     refuse_few(frequency, hz, q)
@@ -440,13 +445,11 @@ def _mode(frequency: np.ndarray, hz: float, q: float, power: int) -> np.ndarray:
 def _basis(lines: Lines, theta: np.ndarray, power: int, extra: np.ndarray) -> np.ndarray:
     """Return the model's columns (n, k): for each input the modes, of peak 1, and far modes; then `extra`."""
     s = lines.frequency / lines.frequency[len(lines.frequency) // 2]
-    shapes = [
-        *(_mode(lines.frequency, hz, q, power) for hz, q in np.exp(theta.reshape(-1, 2))),
-        s**power,
-        s ** (power - 2),
-    ]
-    if lines.seconds and len(lines.inputs) == 1:
-        shapes.append(s ** (power - 1))
+    shapes = [_mode(lines.frequency, hz, q, power) for hz, q in np.exp(theta.reshape(-1, 2))]
+    if lines.seconds:
+        shapes += [(s - 1 / s) ** k for k in range(2 + (len(lines.inputs) == 1))]
+    else:
+        shapes += [s**power, s ** (power - 2)]
     return np.concatenate([np.stack([x * shape for x in lines.inputs for shape in shapes], 1), extra], 1)
 
 
@@ -472,18 +475,13 @@ def _solve(lines: Lines, start: np.ndarray, power: int, extra: np.ndarray | None
     first = np.clip(start, low + 1e-9, high - 1e-9)
     scale = np.ones(len(start))
     scale[::2] = np.exp(-first[1::2])
-    found = least_squares(
-        lambda v: _parts(_projected(_basis(lines, first + scale * v, power, more), lines.data)) / size,
-        np.zeros(len(first)),
-        "3-point",
-        ((low - first) / scale, (high - first) / scale),
-        x_scale="jac",
-        ftol=1e-12,
-        xtol=1e-10,
-        gtol=None,
-        max_nfev=40,
-    )
-    theta = first + scale * found.x
+
+    def off(v: np.ndarray) -> np.ndarray:
+        theta = np.clip(first + scale * v, low, high)
+        return _parts(_projected(_basis(lines, theta, power, more), lines.data)) / size
+
+    found = least_squares(off, np.zeros(len(first)), method="lm", ftol=1e-11, xtol=1e-9, max_nfev=200)
+    theta = np.clip(first + scale * found.x, low, high)
     basis = _basis(lines, theta, power, more)
     norm = np.linalg.norm(basis, axis=0)
     norm = np.where(norm > 0, norm, 1)
@@ -508,7 +506,7 @@ def _covariance(fit: _Solved, power: int, phased: bool) -> np.ndarray:
 
     The residual of each line is its own measure of noise, so that noise of any colour counts where it is.
     """
-    columns = np.concatenate([_slopes(fit, power), fit.basis, 1j * fit.basis], 1)
+    columns = np.concatenate([_slopes(fit, power), fit.basis, *([1j * fit.basis] if phased else [])], 1)
     if not phased:  # the part along the model alone was measured
         columns = (columns * np.exp(-1j * np.angle(fit.lines.data))[:, None]).real
     norm = np.linalg.norm(columns, axis=0)
@@ -579,19 +577,20 @@ def _start(lines: Lines, rest: np.ndarray, power: int, found: list[_Peak]) -> tu
 
 def _peaks(lines: Lines, power: int) -> list[_Peak]:
     """Return the modes in a spectrum, a gated response or the transform of a decay, most powerful first."""
-    rest, found, step = lines.data.copy(), list[_Peak](), float(np.diff(lines.frequency).min())
+    rest, step = lines.data.copy(), float(np.diff(lines.frequency).min())
+    found, passed = list[_Peak](), list[_Peak]()
     for _ in range(MOST_MODES):
-        hz, q, taken = _start(lines, rest, power, found)
+        hz, q, taken = _start(lines, rest, power, passed)
         if taken <= 0:
             break
-        fit = _solve(lines._replace(data=rest).around(hz, q), np.log([hz, q]), power)
-        fit = _solve(lines._replace(data=rest).around(*fit.modes[0]), fit.theta, power)
-        hz, q = fit.modes[0]
-        inside = lines.frequency[0] < hz < lines.frequency[-1] and hz / q > step / 2
-        if found and (not inside or _gain(fit) < LEAST_GAIN or abs(fit.factors[0]) < 0.05 * found[0].size):
-            break
-        found.append(_Peak(float(hz), float(q), float(abs(fit.factors[0] * fit.lines.inputs[0].mean()))))
-        rest = rest - fit.factors[0] * lines.inputs[0] * _mode(lines.frequency, hz, q, power)
+        for _ in range(2):
+            fit = _solve(lines._replace(data=rest).around(hz, q), np.log([hz, q]), power)
+            hz, q = fit.modes[0]
+        passed.append(_Peak(float(hz), float(q), float(abs(fit.factors[0] * fit.lines.inputs[0].mean()))))
+        inside = lines.frequency[0] < hz < lines.frequency[-1] and hz / q > 1.5 * step
+        if not found or (inside and _gain(fit) > LEAST_GAIN and passed[-1].size > LEAST_SHARE * found[0].size):
+            found.append(passed[-1])
+            rest = rest - fit.factors[0] * lines.inputs[0] * _mode(lines.frequency, hz, q, power)
     if not found:
         raise SolverError("shows no resonance; excite more, or leave this taxel out")
     return found
@@ -670,7 +669,8 @@ def _better(fit: _Solved, theta: np.ndarray, power: int, extra: np.ndarray) -> _
     near = np.abs(hz[:, None] - hz) <= 0.5 * np.maximum.outer(width, width)
     inside = (hz > fit.lines.frequency[0] - width) & (hz < fit.lines.frequency[-1] + width)
     apart = near.sum() == len(hz) and inside.all() and (hz / q > 0.3 * step)[1:].all()
-    own = np.abs(more.theta[0] - fit.theta[0]) < 0.5 / q[0]
+    size = np.abs(more.factors[: len(hz)]) / np.abs(fit.factors[0])
+    own = np.abs(more.theta[0] - fit.theta[0]) < 0.5 / q[0] and 0.5 < size[0] < 2 and (size[1:] < 2).all()
     return more if apart and own and fit.cost - more.cost > WORTH * more.noise**2 / 2 else None
 
 
@@ -725,14 +725,20 @@ def _result(
         # A peak of the first look counts where the record itself shows it.
         if all(abs(np.log(far.hz / f)) > 1 / far.q for f in fit.modes[:, 0]):
             seen = _fit_peaks(lines, peaks, far.hz, n, exact=True)
-            if _gain(seen) > LEAST_GAIN and abs(np.log(seen.modes[0, 0] / far.hz)) < 1 / far.q:
+            inside = np.abs(_detuning(seen.lines.frequency, *seen.modes[0])) < 1
+            largest = np.abs(seen.lines.data / seen.lines.inputs[0])[inside].max(initial=0.0)
+            if (
+                abs(seen.factors[0]) < 1.5 * largest
+                and _gain(seen) > LEAST_GAIN
+                and abs(np.log(seen.modes[0, 0] / far.hz)) < 1 / far.q
+            ):
                 others.append((float(seen.modes[0, 0]), float(abs(seen.factors[0]))))
     if near_hz is None:
         refuse_two(hz, peak, tuple(others))
     covariance = _covariance(fit, n, phased)
     sigma = np.hypot(np.sqrt(np.diag(covariance))[:2], guessed)
     count = len(fit.factors)
-    place = len(fit.theta) + np.array([0, count])
+    place = len(fit.theta) + np.array([0, count * phased])
     along = np.array([fit.factors[0].real, fit.factors[0].imag]) / peak
     peak_error = float(np.sqrt(along @ covariance[np.ix_(place, place)] @ along))
     lines, drive = fit.lines, fit.lines.inputs[0]
@@ -748,7 +754,9 @@ def _result(
     errors = float(hz * sigma[0]), float(q * sigma[1]), peak_error
     noise = fit.noise / float(np.abs(drive).mean())
     found = checked((float(hz), float(q), peak), errors, noise, "circle", circle, tuple(others))
-    return found._replace(seen=drawn, power=power)
+    # A residual far above the scatter of neighbouring points is of another form.
+    agree = found.agree and not 0 < MOST_MISFIT * lines.noise < fit.noise
+    return found._replace(seen=drawn, power=power, agree=agree)
 
 
 # Spectra
@@ -777,21 +785,21 @@ def _polished(fit: _Solved, size: np.ndarray, power: int) -> _Solved:
     most = float(size.max())
 
     def model(v: np.ndarray) -> np.ndarray:
-        one, two = v[count:].reshape(2, -1) * most
-        return _basis(lines, fit.theta + scale * np.clip(v[:count], -9, 9), power, fit.extra) @ (one + 1j * two)
+        whole = _basis(lines, fit.theta + scale * np.clip(v[:count], -9, 9), power, fit.extra) @ (v[count:] * most)
+        return np.asarray(whole)
 
-    start = np.concatenate([np.zeros(count), fit.factors.real / most, fit.factors.imag / most])
-    noise, data, found = 0.0, size, start
+    # Far modes are without damping: all factors are real, up to one phase.
+    found = np.concatenate([np.zeros(count), (fit.factors * np.exp(-1j * np.angle(fit.factors[0]))).real / most])
+    noise, data = 0.0, size
     for _ in range(2):
         data = size - noise**2 / (4 * np.maximum(np.abs(model(found)), noise or 1.0))
         found = least_squares(lambda v, d=data: (np.abs(model(v)) - d) / most, found, method="lm", max_nfev=1000).x
-        left = max(len(size) - len(found) + 1, 1)
+        left = max(len(size) - len(found), 1)
         noise = float(np.sqrt(2 * np.sum((np.abs(model(found)) - data) ** 2) / left))
-    one, two = found[count:].reshape(2, -1) * most
     theta, whole = fit.theta + scale * found[:count], model(found)
     turned = lines._replace(data=data * np.exp(1j * np.angle(whole)))
     basis = _basis(lines, theta, power, fit.extra)
-    return _Solved(turned, theta, one + 1j * two, basis, turned.data - whole, noise, fit.extra)
+    return _Solved(turned, theta, found[count:] * most, basis, turned.data - whole, noise, fit.extra)
 
 
 def _refuse_phase(lines: Lines, fit: _Solved, power: int) -> None:
@@ -803,8 +811,8 @@ def _refuse_phase(lines: Lines, fit: _Solved, power: int) -> None:
     for data, what in (
         (
             lines.data.conj(),
-            "the phase rises through the peak at {}, where that of a displacement falls by 180°: negate the phase or the"
-            " imaginary part, or swap real and imaginary parts",
+            "the phase rises through the peak at {}, where that of a displacement falls by 180°: negate the phase or"
+            " the imaginary part, or swap real and imaginary parts",
         ),
         (
             alone,
@@ -814,5 +822,6 @@ def _refuse_phase(lines: Lines, fit: _Solved, power: int) -> None:
     ):
         other = lines._replace(data=data)
         found = _fit_peaks(other, _peaks(other, power), None, power)
-        if found.noise < 0.5 * fit.noise and abs(found.factors[0]) > 0.5 * largest:
-            raise SolverError(what.format(f"{number(float(found.modes[0, 0]))} Hz"))
+        hz, inside = found.modes[0, 0], lines.frequency[[0, -1]]
+        if max(found.noise, lines.noise) < 0.5 * fit.noise and inside[0] < hz < inside[1]:
+            raise SolverError(what.format(f"{number(float(hz))} Hz"))
