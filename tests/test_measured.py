@@ -493,5 +493,5 @@ def test_the_level_of_any_sensor_is_that_of_displacement(plan, power):
     check(fit_measured(read_measured_text(text, plan), plan), absolute=False)
     unit = ("um_per_s", "um_per_s2")[power - 1]
     check(fit_measured(read_measured_text(f"# unit: {unit}\n{text}", plan), plan), absolute=True)
-    with pytest.raises(FileError, match="is said to be of displacement, but looks like"):
-        fit_measured(read_measured_text(f"# sensor: displacement\n{text}", plan), plan)
+    with pytest.raises(FileError, match="must be displacement, velocity, acceleration, got 'ear'"):
+        read_measured_text(f"# sensor: ear\n{text}", plan)

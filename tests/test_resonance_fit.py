@@ -21,7 +21,6 @@ import pytest
 
 from padgen.core.errors import SolverError
 from padgen.physics.circle_fit import CircleFit, circle_resonance, taubin_circle
-
 from padgen.physics.resonance_fit import _correlation, current_of_voltage, fit_decay, fit_driven, fit_spectrum
 from padgen.physics.resonance_judge import checked, point_noise
 

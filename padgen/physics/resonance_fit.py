@@ -7,7 +7,8 @@ of the resonance:
     s = f/f₀, u = s − 1/s
 
 X is the transform of i²; the second bracket has the free vibration at the record's ends. A decay has that bracket
-alone, a spectrum the first with X = 1 and ``a sⁿ + b sⁿ⁻²``. All factors are complex: g is any scale, phase and polarity, a and b stand for
+alone, a spectrum the first with X = 1 and ``a sⁿ + b sⁿ⁻²``.
+All factors are complex: g is any scale, phase and polarity, a and b stand for
 far modes (D. J. Ewins, Modal Testing, 2nd ed. 2000, ch. 4), and to first order for all that changes slowly over the
 resonance: a gain that drifts during a sweep, a high-pass, a rest of delay, another kind of sensor. n is 0 for
 displacement, 1 for velocity, 2 for acceleration. Factors enter linearly and are projected out (G. Golub, V. Pereyra,
@@ -19,6 +20,7 @@ impulse response. Clipped samples are replaced by the model's. As a check the ci
 fitted too.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -53,8 +55,8 @@ __all__ = [
     "rough_hz",
 ]
 
-REACH = 10.0
-"""Largest |Q (s − 1/s)| of fitted lines: five bandwidths on either side."""
+REACH, CLOSE_REACH = 10.0, 4.0
+"""Largest |Q (s − 1/s)| of fitted lines, five bandwidths on either side; and about another mode among them."""
 LEAST_SHARE = 0.05
 """Smallest further peak, over the largest."""
 FEWEST_LINES, MOST_LINES = 14, 3000
@@ -85,7 +87,7 @@ NO_ANSWER = (
 NO_DECAY = (
     "shows no free decay: the best one is no more than noise makes by chance; pluck harder, or leave this taxel out"
 )
-SEEN, WIDE = 6.0, 0.6
+SEEN, WIDE = 6.0, 0.2
 """Least response over its noise, and least range of ln f, from which the kind of sensor is recognised."""
 SENSORS = ("displacement", "velocity", "acceleration")
 """Kinds of sensors, by the power of the frequency."""
@@ -120,10 +122,13 @@ class Lines(NamedTuple):
         slow = None if self.slow is None else self.slow[keep]
         return Lines(self.frequency[keep], self.data[keep], self.inputs[:, keep], self.seconds, slow, self.noise)
 
-    def around(self, hz: float, q: float) -> "Lines":
-        """Return the lines within `REACH` of a resonance, thinned to `MOST_LINES`."""
+    def around(self, hz: float, q: float, close: Sequence["_Peak"] = ()) -> "Lines":
+        """Return the lines within `REACH` of a resonance and near those `close` to it, thinned to `MOST_LINES`."""
         away = np.abs(_detuning(self.frequency, hz, q))
-        keep = np.flatnonzero(away <= max(REACH, float(np.sort(away)[:FEWEST_LINES][-1])))
+        inside = away <= max(REACH, float(np.sort(away)[:FEWEST_LINES][-1]))
+        for peak in close:
+            inside |= np.abs(_detuning(self.frequency, peak.hz, peak.q)) <= CLOSE_REACH
+        keep = np.flatnonzero(inside)
         return self.at(keep[:: -(-len(keep) // MOST_LINES)])
 
 
@@ -176,11 +181,13 @@ def fit_spectrum(
     lines = Lines(frequency, np.asarray(data, complex), np.ones((1, len(data))), noise=noise)
     peaks = _peaks(lines, power or 0)
     n = _recognised(lines, peaks, near_hz, power)
-    fit = _fit_peaks(lines, peaks, near_hz, n or 0)
+    fit = _fit_peaks(lines, peaks, near_hz, n or 0, alone=not np.iscomplexobj(given))
     hz, q = fit.modes[0]
     if np.iscomplexobj(given):
         _refuse_phase(lines, fit, n or 0)
-    refuse_no_peak(abs(fit.factors[0]), max(fit.noise, noise, 1e-300), _gain(fit), frequency, np.abs(given))
+    # A peak of one or two points is more easily made by noise.
+    gain = _gain(fit) / (4 if hz / q < 1.5 * fit.lines.step_hz else 1)
+    refuse_no_peak(abs(fit.factors[0]), max(fit.noise, noise, 1e-300), gain, frequency, np.abs(given))
     refuse_edge(frequency[0], frequency[-1], hz, q)
     refuse_no_resonance(np.abs(fit.lines.data), fit.noise, noise, hz)
     refuse_few(frequency, hz, q)
@@ -393,26 +400,23 @@ def _gated(rate: float, x: np.ndarray, y: np.ndarray, rings: float) -> tuple[Lin
 def _recognised(lines: Lines, peaks: list[_Peak], near_hz: float | None, power: int | None) -> int | None:
     """Return the power of the frequency by which a response differs from that of a displacement: 0, 1, 2 or None.
 
-    It is the slope of the response over the first peak's on logarithmic axes, where other peaks and noise are small.
-    Refuses a stated `power` that is another.
+    It is the slope of the response over the first peak's on logarithmic axes, above and below it, where other peaks and
+    noise are small. A stated `power` is believed.
     """
+    if power is not None:
+        return power
     own, *others = sorted(peaks, key=lambda p: p is not _chosen(peaks, near_hz))
     s = lines.frequency / own.hz
-    alone = own.size * np.abs(_mode(lines.frequency, own.hz, own.q, power or 0)) / s ** (power or 0)
+    alone = own.size * np.abs(_mode(lines.frequency, own.hz, own.q, 0))
     good = (np.abs(lines.data) > SEEN * lines.noise) & (s > 1 / 3) & (s < 3)
     for other in others:
         good &= other.size * np.abs(_mode(lines.frequency, other.hz, other.q, 0)) < 0.3 * alone
-    log = np.log(s[good])
-    if len(log) < FEWEST_LINES or np.ptp(log) < WIDE:
-        return power
-    slope = float(np.polyfit(log, np.log(np.abs(lines.data[good]) / alone[good]), 1)[0])
-    nearest = int(np.clip(round(slope), 0, 2))
-    if power is not None and abs(slope - power) > 0.7:
-        raise SolverError(
-            f"is said to be of {SENSORS[power]}, but looks like {SENSORS[nearest]}: over that of a displacement it"
-            f" grows with the frequency to the power of {slope:.1f}; state the sensor that was used (--sensor), or none"
-        )
-    return power if power is not None or abs(slope - nearest) > 0.4 else nearest
+    found = set()
+    for side in (s < 1, s > 1):
+        log, over = np.log(s[good & side]), np.log(np.abs(lines.data) / alone)[good & side]
+        slope = float(np.polyfit(log, over, 1)[0]) if len(log) > 3 and np.ptp(log) > WIDE else np.nan
+        found |= {n for n in range(3) if abs(slope - n) < 0.4} or {None}
+    return found.pop() if len(found) == 1 else None
 
 
 def _largest(y: np.ndarray) -> int:
@@ -617,29 +621,38 @@ def _chosen(peaks: list[_Peak], near_hz: float | None, exact: bool = False) -> _
     return min(tall, key=lambda p: -p.size if near_hz is None else abs(np.log(p.hz / near_hz)))
 
 
-def _fit_peaks(lines: Lines, peaks: list[_Peak], near_hz: float | None, power: int, exact: bool = False) -> _Solved:
-    """Fit the chosen one of `peaks`, with the others in its neighbourhood and what stands out of the residual."""
+def _fit_peaks(
+    lines: Lines, peaks: list[_Peak], near_hz: float | None, power: int, exact: bool = False, alone: bool = False
+) -> _Solved:
+    """Fit the chosen one of `peaks`, if not `alone` with its neighbours and what else stands out of the residual."""
     own = _chosen(peaks, near_hz, exact)
     start = np.log([own.hz, own.q])
     others = [peak for peak in peaks if peak is not own]
     far = [p for p in others if abs(_detuning(np.array(p.hz), own.hz, own.q)) >= REACH]
+    close = [] if alone else [p for p in others if p not in far]
     for _ in range(3):
-        local = lines.around(*np.exp(start[:2]))
+        local = lines.around(*np.exp(start[:2]), close)
         wings = [local.inputs[0] * _mode(local.frequency, p.hz, p.q, power) for p in far]
         fit = _solve(local, start, power, np.array(wings).reshape(-1, len(local.data)).T)
         if np.abs(fit.theta[:2] - start[:2]).max() < 0.05 / np.exp(start[1]):
             break
         start = fit.theta
-    for peak in others:
+    for peak in close:
         fit = _without_hum(fit, power)
-        if peak not in far:
-            fit = _better(fit, np.append(fit.theta, np.log([peak.hz, peak.q])), power, fit.extra) or fit
+        fit = _better(fit, np.append(fit.theta, np.log([peak.hz, peak.q])), power, fit.extra) or fit
+    if alone:
+        return _without_hum(fit, power)
     for _ in range(MOST_MODES):
         more = _extended(_without_hum(fit, power), power)
         if more is None:
             break
         fit = more
-    return _without_hum(fit, power)
+    fit = _without_hum(fit, power)
+    first = int(np.abs(np.log(fit.modes[:, 0] / near_hz)).argmin()) if exact and near_hz else 0
+    if first:
+        order = [first, *(k for k in range(len(fit.modes)) if k != first)]
+        fit = _solve(fit.lines, fit.theta.reshape(-1, 2)[order].ravel(), power, fit.extra)
+    return fit
 
 
 def _without_hum(fit: _Solved, power: int) -> _Solved:
