@@ -68,6 +68,8 @@ WORTH = 30.0
 """Least decrease of the sum of squares by a further column or mode, in variances."""
 MAINS_HZ, MAINS_OFF = (50.0, 60.0), 4e-3
 """Frequencies of the mains, and the largest relative deviation of a line from their multiples."""
+SPARE = 20.0
+"""Lines in a bandwidth from which those beside a mains line are left out."""
 MOST_MISFIT = 2.5
 """Largest residual of a spectrum, over the scatter of its points, that needs no remark."""
 SMALLEST_NOISE = 1e-9
@@ -91,9 +93,14 @@ SEEN, WIDE = 6.0, 0.2
 """Least response over its noise, and least range of ln f, from which the kind of sensor is recognised."""
 SENSORS = ("displacement", "velocity", "acceleration")
 """Kinds of sensors, by the power of the frequency."""
-FILLED, FASTER, GUESSED = 20, 1.8, 0.25
-"""Rounds in which clipped samples are moved to the model, the step of each over the way there (below 2), and
-one sigma of what this changes, over the change."""
+FILLED, FASTER = 20, 1.8
+"""Rounds in which clipped samples are moved to the model, and the step of each over the way there (below 2)."""
+GUESSED, BENT = 0.25, 0.1
+"""One sigma of what this changes, over the change; of a frequency also over half the bandwidth's change."""
+LATE_S, CLOCK, DRIFT = 5e-3, 6e-5, 0.03
+"""Delay (s) from which reference and sensor may have clocks of their own, and one sigma of their ratio; one sigma of a
+gain's drift during a sweep, which looks like damping: Q is off by this over the record's time constants.
+"""
 STEP = 1e-5
 """Step of a parameter over its scale, in finite differences."""
 
@@ -227,14 +234,16 @@ def fit_driven(
         )
     held = np.zeros(len(y), bool) if clipped is None else clipped
     rings = ring_s or len(y) / rate_hz / 8
-    x, y, held = _shifted(_lag(rate_hz, x, y), x, y, held)
+    first_lag = _lag(rate_hz, x, y)
+    x, y, held = _shifted(first_lag, x, y, held)
     loud = np.flatnonzero(np.abs(x) > QUIET_SHARE * np.abs(x).max())
     part = slice(max(int(loud[0] - BEFORE_S * rate_hz), 0), int(loud[-1] + RINGING_TAUS * rings * rate_hz))
     x, y, held = x[part], y[part], held[part]
     if len(x) < FEWEST_SAMPLES:
         raise SolverError(NO_ANSWER)
     peaks = _peaks(_gated(rate_hz, x, y, rings)[0], power or 0)
-    x, y, held = _shifted(_lag(rate_hz, x, y, _chosen(peaks, near_hz)), x, y, held)
+    second_lag = _lag(rate_hz, x, y, _chosen(peaks, near_hz))
+    x, y, held = _shifted(second_lag, x, y, held)
     gated, low, high = _gated(rate_hz, x, y, rings)
     peaks = _peaks(gated, power or 0)
     n = _recognised(gated, peaks, near_hz, power)
@@ -243,8 +252,15 @@ def fit_driven(
     first = fit.theta[:2]
     for _ in range(FILLED if held.any() else 0):
         fit, y = _filled(fit, rate_hz, x, y, held, n or 0)
-    guessed = GUESSED * np.abs(fit.theta[:2] - first)
     hz, q = fit.modes[0]
+    late = abs(first_lag + second_lag) > LATE_S * rate_hz
+    bent = np.abs(fit.theta[:2] - first)
+    guessed = np.array(
+        [
+            np.hypot(GUESSED * bent[0] + BENT * bent[1] / (2 * q), CLOCK * late),
+            np.hypot(GUESSED * bent[1], DRIFT * q / (np.pi * hz * fit.lines.seconds)),
+        ]
+    )
     _refuse_short(len(y) / rate_hz, hz)
     if not _gain(fit) >= LEAST_GAIN:
         raise SolverError(NO_ANSWER)
@@ -303,10 +319,9 @@ def looked_at(rate_hz: float, response: np.ndarray, squared_current: np.ndarray 
 
 
 def rough_hz(rate_hz: float, response: np.ndarray, squared_current: np.ndarray | None = None) -> float:
-    """Estimate the resonance in Hz: the largest velocity per excitation, or the largest line of a free decay."""
+    """Estimate the resonance in Hz: the largest velocity, per excitation where there is one."""
     seen = looked_at(rate_hz, response, squared_current)
-    weight = 1.0 if squared_current is None else seen.frequency_hz
-    return float(seen.frequency_hz[(np.abs(seen.data) * weight).argmax()])
+    return float(seen.frequency_hz[(np.abs(seen.data) * seen.frequency_hz).argmax()])
 
 
 def current_of_voltage(rate_hz: float, voltage: np.ndarray, resistance: float, inductance: float) -> np.ndarray:
@@ -663,7 +678,8 @@ def _without_hum(fit: _Solved, power: int) -> _Solved:
         hum = size * _mains(lines)
         if hum.max() <= 3.5 * np.median(size) / np.sqrt(np.log(2)):
             break
-        line = _line_columns(lines, lines.frequency[hum.argmax()])
+        hz, q = fit.modes[0]
+        line = _line_columns(lines, lines.frequency[hum.argmax()], hz / q)
         more = _better(fit, fit.theta, power, np.concatenate([fit.extra, line], 1))
         if more is None:
             break
@@ -711,12 +727,18 @@ def _mains(lines: Lines) -> np.ndarray:
     return np.asarray(np.minimum(*off) < np.maximum(MAINS_OFF * lines.frequency, 1.01 * lines.step_hz))
 
 
-def _line_columns(lines: Lines, hz: float) -> np.ndarray:
-    """Return columns (n, k) of a line at about `hz` that may waver: three neighbouring sines; of a spectrum a point."""
+def _line_columns(lines: Lines, hz: float, width_hz: float) -> np.ndarray:
+    """Return columns (n, k) of a line at about `hz` that may waver: neighbouring sines; of a spectrum a point.
+
+    Where a resonance of `width_hz` has lines to spare, the nearest ones are left out altogether.
+    """
     if not lines.seconds:
         return np.asarray(lines.frequency == hz, float)[:, None]
     away = (hz - lines.frequency)[:, None] / lines.step_hz + np.array([-0.5, 0.0, 0.5])
-    return np.asarray(np.sinc(away) * np.exp(1j * np.pi * away) * np.abs(lines.data).max())
+    sines = np.sinc(away) * np.exp(1j * np.pi * away)
+    near = np.abs(away[:, 1:2] - np.array([-2, -1, 1, 2])) < 0.5
+    spared = near[:, near.any(0)] if width_hz > SPARE * lines.step_hz else near[:, :0]
+    return np.asarray(np.concatenate([sines, spared], 1) * np.abs(lines.data).max())
 
 
 def _result(
