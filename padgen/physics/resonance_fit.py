@@ -57,8 +57,8 @@ __all__ = [
 
 REACH, CLOSE_REACH = 10.0, 4.0
 """Largest |Q (s − 1/s)| of fitted lines, five bandwidths on either side; and about another mode among them."""
-LEAST_SHARE = 0.05
-"""Smallest further peak, over the largest."""
+LEAST_SHARE, FURTHER_Q = 0.05, 1.0
+"""Smallest further peak, over the largest, and its smallest Q: a broader one is no mode, but a slope of the whole."""
 FEWEST_LINES, MOST_LINES = 14, 3000
 LEAST_Q, LARGEST_Q = 0.55, 1e7
 MOST_MODES, MOST_HUM = 4, 8
@@ -97,7 +97,7 @@ FILLED, FASTER = 20, 1.8
 """Rounds in which clipped samples are moved to the model, and the step of each over the way there (below 2)."""
 GUESSED, BENT = 0.25, 0.1
 """One sigma of what this changes, over the change; of a frequency also over half the bandwidth's change."""
-LATE_S, CLOCK, DRIFT = 5e-3, 6e-5, 0.03
+LATE_S, CLOCK, DRIFT = 5e-3, 7e-5, 0.03
 """Delay (s) from which reference and sensor may have clocks of their own, and one sigma of their ratio; one sigma of a
 gain's drift during a sweep, which looks like damping: Q is off by this over the record's time constants.
 """
@@ -606,7 +606,9 @@ def _peaks(lines: Lines, power: int) -> list[_Peak]:
             fit = _solve(lines._replace(data=rest).around(hz, q), np.log([hz, q]), power)
             hz, q = fit.modes[0]
         passed.append(_Peak(float(hz), float(q), float(abs(fit.factors[0] * fit.lines.inputs[0].mean()))))
-        inside = lines.frequency[0] < hz < lines.frequency[-1] and hz / q > 1.5 * step
+        inside = lines.frequency[0] < hz < lines.frequency[-1] and hz / q > 1.5 * step and q > FURTHER_Q
+        near = np.abs(_detuning(lines.frequency, hz, q)) < 1
+        inside &= abs(fit.factors[0]) < 1.5 * np.abs(rest / lines.inputs[0])[near].max(initial=0.0)
         if not found or (inside and _gain(fit) > LEAST_GAIN and passed[-1].size > LEAST_SHARE * found[0].size):
             found.append(passed[-1])
             rest = rest - fit.factors[0] * lines.inputs[0] * _mode(lines.frequency, hz, q, power)
