@@ -6,6 +6,7 @@
 
 import sys
 import tempfile
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from time import process_time
@@ -13,7 +14,6 @@ from time import process_time
 import numpy as np
 
 from padgen.core.errors import PadgenError
-
 from padgen.measured.fits import TaxelFit, fit_measured
 from padgen.measured.predict import CoilFigures, levels_um, planned_tones, predicted, tones_at, worst_db
 from padgen.measured.read import read_measured, read_measured_text
@@ -29,7 +29,7 @@ from padgen.planner.settings import scheme_named
 from padgen.spec import load_spec
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from tests.recordings import KINDS, recorded  # noqa: E402
+from tests.recordings import KINDS, recorded
 
 PRINTS = 1000
 SIGMA = 0.08
@@ -226,20 +226,16 @@ def shifted(plan: Plan, truth: Tuning, scheme: Scheme) -> tuple[float, float, fl
     return base, best - base, float(10 * np.log10(tried(by)[1].sum() / line.sum()))
 
 
-def recordings(count: int) -> list[str]:
-    """Return errors, coverage and run time of fits to recordings of one taxel, f and Q spread by 15 % and 25 %."""
-    lines = [
-        "| excitation, disturbance | fitted | error of f, median, worst | of Q, median, worst |"
-        " within 1.96 sigma, f, Q | s |",
-        "|---|---|---|---|---|---|",
-    ]
+def recordings(count: int) -> Iterator[str]:
+    """Yield errors, coverage and run time of fits to recordings of one taxel, f and Q spread by 15 % and 25 %."""
+    yield "| excitation, disturbance | fitted | error of f, median, worst | of Q | within 1.96 sigma, f, Q | s |"
+    yield "|---|---|---|---|---|---|"
     plan = plan_of("paper-32")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "r0c0k0.wav"
         for excitation in ("chirp", "noise", "pluck"):
             for kind, how in KINDS.items():
-                lines.append(f"| {excitation}, {kind} | {recorded_row(plan, path, excitation, how, count)} |")
-    return lines
+                yield f"| {excitation}, {kind} | {recorded_row(plan, path, excitation, how, count)} |"
 
 
 def recorded_row(plan: Plan, path: Path, excitation: str, how: dict, count: int) -> str:
@@ -273,7 +269,8 @@ def recorded_row(plan: Plan, path: Path, excitation: str, how: dict, count: int)
 
 def main() -> None:
     if sys.argv[1:2] == ["recordings"]:
-        print(*recordings(int(sys.argv[2]) if len(sys.argv) > 2 else 60), sep="\n")
+        for line in recordings(int(sys.argv[2]) if len(sys.argv) > 2 else 60):
+            print(line, flush=True)
         return
     prints = int(sys.argv[1]) if len(sys.argv) > 1 else PRINTS
     tried = {name: Tried(plan_of(name), prints) for name in ("paper-32", "quad-64")}

@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.core.errors import SolverError, at_least, at_most, number
-from padgen.physics.circle_fit import circle_resonance
+from padgen.physics.circle_fit import circle_resonance, detuning
 from padgen.physics.resonance_judge import (
     COMPARABLE,
     LEAST_GAIN,
@@ -131,10 +131,10 @@ class Lines(NamedTuple):
 
     def around(self, hz: float, q: float, close: Sequence["_Peak"] = ()) -> "Lines":
         """Return the lines within `REACH` of a resonance and near those `close` to it, thinned to `MOST_LINES`."""
-        away = np.abs(_detuning(self.frequency, hz, q))
+        away = np.abs(detuning(self.frequency, hz, q))
         inside = away <= max(REACH, float(np.sort(away)[:FEWEST_LINES][-1]))
         for peak in close:
-            inside |= np.abs(_detuning(self.frequency, peak.hz, peak.q)) <= CLOSE_REACH
+            inside |= np.abs(detuning(self.frequency, peak.hz, peak.q)) <= CLOSE_REACH
         keep = np.flatnonzero(inside)
         return self.at(keep[:: -(-len(keep) // MOST_LINES)])
 
@@ -239,8 +239,6 @@ def fit_driven(
     loud = np.flatnonzero(np.abs(x) > QUIET_SHARE * np.abs(x).max())
     part = slice(max(int(loud[0] - BEFORE_S * rate_hz), 0), int(loud[-1] + RINGING_TAUS * rings * rate_hz))
     x, y, held = x[part], y[part], held[part]
-    if len(x) < FEWEST_SAMPLES:
-        raise SolverError(NO_ANSWER)
     peaks = _peaks(_gated(rate_hz, x, y, rings)[0], power or 0)
     second_lag = _lag(rate_hz, x, y, _chosen(peaks, near_hz))
     x, y, held = _shifted(second_lag, x, y, held)
@@ -373,6 +371,10 @@ def _cross(rate: float, x: np.ndarray, y: np.ndarray) -> _Cross:
     floor = EXCITED * power[2:].max()
     frequency = np.fft.fftfreq(size, 1 / rate)
     band = np.flatnonzero(power[2:-1] > floor) + 2
+    if len(band) < 2:
+        raise SolverError(
+            "the excitation has no band of frequencies; sweep it, or leave its column out for a free decay"
+        )
     response = np.zeros(size, complex)
     inside = slice(band[0], band[-1] + 1)
     response[inside] = two[inside] * one[inside].conj() / (np.abs(one[inside]) ** 2 + floor)
@@ -394,7 +396,10 @@ def _shifted(lag: int, x: np.ndarray, *late: np.ndarray) -> list[np.ndarray]:
     """Return x and the signals that are `lag` samples late, without the delay."""
     start, end = max(lag, 0), max(-lag, 0)
     count = len(x) - abs(lag)
-    return [x[end : end + count], *(v[start : start + count] for v in late)]
+    kept = [x[end : end + count], *(v[start : start + count] for v in late)]
+    if count < FEWEST_SAMPLES or not (np.ptp(kept[0]) and np.ptp(kept[1])):
+        raise SolverError(NO_ANSWER)
+    return kept
 
 
 def _gated(rate: float, x: np.ndarray, y: np.ndarray, rings: float) -> tuple[Lines, float, float]:
@@ -426,9 +431,9 @@ def _recognised(lines: Lines, peaks: list[_Peak], near_hz: float | None, power: 
     good = (np.abs(lines.data) > SEEN * lines.noise) & (s > 1 / 3) & (s < 3)
     for other in others:
         good &= other.size * np.abs(_mode(lines.frequency, other.hz, other.q, 0)) < 0.3 * alone
-    found = set()
+    found: set[int | None] = set()
     for side in (s < 1, s > 1):
-        log, over = np.log(s[good & side]), np.log(np.abs(lines.data) / alone)[good & side]
+        log, over = np.log(s[good & side]), np.log((np.abs(lines.data) / alone)[good & side])
         slope = float(np.polyfit(log, over, 1)[0]) if len(log) > 3 and np.ptp(log) > WIDE else np.nan
         found |= {n for n in range(3) if abs(slope - n) < 0.4} or {None}
     return found.pop() if len(found) == 1 else None
@@ -450,10 +455,6 @@ def _refuse_short(seconds: float, hz: float) -> None:
 
 
 # The fit
-
-
-def _detuning(frequency: np.ndarray, hz: float, q: float) -> np.ndarray:
-    return np.asarray(q * (frequency / hz - hz / frequency))
 
 
 def _mode(frequency: np.ndarray, hz: float, q: float, power: int) -> np.ndarray:
@@ -517,7 +518,7 @@ def _slopes(fit: _Solved, power: int) -> np.ndarray:
     there, back = (
         [_basis(fit.lines, fit.theta + sign * d, power, fit.extra) @ fit.factors for d in steps] for sign in (1, -1)
     )
-    return (np.stack(there, 1) - np.stack(back, 1)) / (2 * steps.sum(0))
+    return np.asarray((np.stack(there, 1) - np.stack(back, 1)) / (2 * steps.sum(0)))
 
 
 def _covariance(fit: _Solved, power: int, phased: bool) -> np.ndarray:
@@ -545,7 +546,7 @@ def _covariance(fit: _Solved, power: int, phased: bool) -> np.ndarray:
         plain = plain * np.outer(bigger, bigger)
     else:
         plain = plain * _correlation(fit.residual) ** 2
-    return plain / np.outer(norm, norm)
+    return np.asarray(plain / np.outer(norm, norm))
 
 
 def _correlation(residual: np.ndarray) -> float:
@@ -573,7 +574,7 @@ def _start(lines: Lines, rest: np.ndarray, power: int, found: list[_Peak]) -> tu
     tried = []
     free = np.ones(len(rest), bool)
     for hz, q, _ in found:
-        free &= np.abs(_detuning(lines.frequency, hz, q)) > 2
+        free &= np.abs(detuning(lines.frequency, hz, q)) > 2
     part = lines._replace(data=rest).at(np.flatnonzero(free))
     if len(part.data) < FEWEST_LINES:
         return 0.0, 1.0, 0.0
@@ -596,6 +597,8 @@ def _start(lines: Lines, rest: np.ndarray, power: int, found: list[_Peak]) -> tu
 
 def _peaks(lines: Lines, power: int) -> list[_Peak]:
     """Return the modes in a spectrum, a gated response or the transform of a decay, most powerful first."""
+    if len(lines.data) < FEWEST_LINES:
+        raise SolverError("is too short to show a resonance; record longer")
     rest, step = lines.data.copy(), float(np.diff(lines.frequency).min())
     found, passed = list[_Peak](), list[_Peak]()
     for _ in range(MOST_MODES):
@@ -607,7 +610,7 @@ def _peaks(lines: Lines, power: int) -> list[_Peak]:
             hz, q = fit.modes[0]
         passed.append(_Peak(float(hz), float(q), float(abs(fit.factors[0] * fit.lines.inputs[0].mean()))))
         inside = lines.frequency[0] < hz < lines.frequency[-1] and hz / q > 1.5 * step and q > FURTHER_Q
-        near = np.abs(_detuning(lines.frequency, hz, q)) < 1
+        near = np.abs(detuning(lines.frequency, hz, q)) < 1
         inside &= abs(fit.factors[0]) < 1.5 * np.abs(rest / lines.inputs[0])[near].max(initial=0.0)
         if not found or (inside and _gain(fit) > LEAST_GAIN and passed[-1].size > LEAST_SHARE * found[0].size):
             found.append(passed[-1])
@@ -645,10 +648,11 @@ def _fit_peaks(
     own = _chosen(peaks, near_hz, exact)
     start = np.log([own.hz, own.q])
     others = [peak for peak in peaks if peak is not own]
-    far = [p for p in others if abs(_detuning(np.array(p.hz), own.hz, own.q)) >= REACH]
+    far = [p for p in others if abs(detuning(np.array(p.hz), own.hz, own.q)) >= REACH]
     close = [] if alone else [p for p in others if p not in far]
     for _ in range(3):
-        local = lines.around(*np.exp(start[:2]), close)
+        hz, q = np.exp(start[:2])
+        local = lines.around(hz, q, close)
         wings = [local.inputs[0] * _mode(local.frequency, p.hz, p.q, power) for p in far]
         fit = _solve(local, start, power, np.array(wings).reshape(-1, len(local.data)).T)
         if np.abs(fit.theta[:2] - start[:2]).max() < 0.05 / np.exp(start[1]):
@@ -762,7 +766,7 @@ def _result(
         # A peak of the first look counts where the record itself shows it.
         if all(abs(np.log(far.hz / f)) > 1 / far.q for f in fit.modes[:, 0]):
             seen = _fit_peaks(lines, peaks, far.hz, n, exact=True)
-            inside = np.abs(_detuning(seen.lines.frequency, *seen.modes[0])) < 1
+            inside = np.abs(detuning(seen.lines.frequency, *seen.modes[0])) < 1
             largest = np.abs(seen.lines.data / seen.lines.inputs[0])[inside].max(initial=0.0)
             if (
                 abs(seen.factors[0]) < 1.5 * largest
