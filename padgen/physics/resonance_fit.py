@@ -82,7 +82,7 @@ DECAY_TAUS, DECAY_PERIODS, FEWEST_PERIODS = 15.0, 10.0, 4.0
 FEWEST_SAMPLES, MOST_SAMPLES = 64, 1 << 20
 """Fewest and most samples of a driven record; of a decay the first quarter of the latter are used."""
 NO_ANSWER = (
-    "shows no answer to the excitation: the best one is no more than noise makes by chance; excite more, check that the"
+    "shows no answer to the excitation: the best one is hidden in what does not follow it; excite more, check that the"
     " first channel is the excitation (and, of noise, that it passes direct current) and that the sensor is on this"
     " taxel, or leave this taxel out"
 )
@@ -95,7 +95,7 @@ SENSORS = ("displacement", "velocity", "acceleration")
 """Kinds of sensors, by the power of the frequency."""
 FILLED, FASTER = 20, 1.8
 """Rounds in which clipped samples are moved to the model, and the step of each over the way there (below 2)."""
-GUESSED, BENT = 0.25, 0.1
+GUESSED, BENT = 0.25, 0.2
 """One sigma of what this changes, over the change; of a frequency also over half the bandwidth's change."""
 LATE_S, CLOCK, DRIFT = 5e-3, 7e-5, 0.03
 """Delay (s) from which reference and sensor may have clocks of their own, and one sigma of their ratio; one sigma of a
@@ -237,8 +237,10 @@ def fit_driven(
     first_lag = _lag(rate_hz, x, y)
     x, y, held = _shifted(first_lag, x, y, held)
     loud = np.flatnonzero(np.abs(x) > QUIET_SHARE * np.abs(x).max())
-    part = slice(max(int(loud[0] - BEFORE_S * rate_hz), 0), int(loud[-1] + RINGING_TAUS * rings * rate_hz))
-    x, y, held = x[part], y[part], held[part]
+    start = max(int(loud[0] - BEFORE_S * rate_hz), 0)
+    count = min(int(loud[-1] + RINGING_TAUS * rings * rate_hz), len(x)) - start
+    count -= count % (1 << max(count.bit_length() - 10, 0))  # a length whose Fourier transform is quick
+    x, y, held = (v[start : start + count] for v in (x, y, held))
     peaks = _peaks(_gated(rate_hz, x, y, rings)[0], power or 0)
     second_lag = _lag(rate_hz, x, y, _chosen(peaks, near_hz))
     x, y, held = _shifted(second_lag, x, y, held)
@@ -248,7 +250,7 @@ def fit_driven(
     lines = _record_lines(rate_hz, y, x)
     fit = _fit_peaks(lines, peaks, near_hz, n or 0, exact)
     first = fit.theta[:2]
-    for _ in range(FILLED if held.any() else 0):
+    for _ in range(min(FILLED, 4 * MOST_SAMPLES // len(y)) if held.any() else 0):
         fit, y = _filled(fit, rate_hz, x, y, held, n or 0)
     hz, q = fit.modes[0]
     late = abs(first_lag + second_lag) > LATE_S * rate_hz
@@ -260,7 +262,9 @@ def fit_driven(
         ]
     )
     _refuse_short(len(y) / rate_hz, hz)
-    if not _gain(fit) >= LEAST_GAIN:
+    near = np.abs(detuning(fit.lines.frequency, hz, q)) < 1
+    answer = (fit.basis[:, 0] * fit.factors[0])[near]
+    if not _gain(fit) >= LEAST_GAIN or np.linalg.norm(answer) < np.linalg.norm(fit.residual[near]):
         raise SolverError(NO_ANSWER)
     refuse_edge(low, high, hz, q, "the excited band", "the excitation", rate_hz / len(y))
     return _result(lines, fit, peaks, near_hz, n, guessed=guessed)
@@ -304,7 +308,9 @@ def fit_decay(
     _refuse_short(len(y) / rate_hz, float(fit.modes[0, 0]))
     if not _gain(fit) >= LEAST_GAIN:
         raise SolverError(NO_DECAY)
-    return _result(lines, fit, peaks, near_hz, None)
+    q = float(fit.modes[0, 1])
+    drift = DRIFT * q / (np.pi * float(fit.modes[0, 0]) * fit.lines.seconds)
+    return _result(lines, fit, peaks, near_hz, None, guessed=np.array([0.0, drift]))
 
 
 def looked_at(rate_hz: float, response: np.ndarray, squared_current: np.ndarray | None = None) -> Seen:
@@ -500,7 +506,7 @@ def _solve(lines: Lines, start: np.ndarray, power: int, extra: np.ndarray | None
         theta = np.clip(first + scale * v, low, high)
         return _parts(_projected(_basis(lines, theta, power, more), lines.data)) / size
 
-    found = least_squares(off, np.zeros(len(first)), method="lm", ftol=1e-11, xtol=1e-9, max_nfev=200)
+    found = least_squares(off, np.zeros(len(first)), method="lm", ftol=1e-11, xtol=1e-9, max_nfev=100)
     theta = np.clip(first + scale * found.x, low, high)
     basis = _basis(lines, theta, power, more)
     norm = np.linalg.norm(basis, axis=0)
@@ -837,7 +843,7 @@ def _polished(fit: _Solved, size: np.ndarray, power: int) -> _Solved:
         found = least_squares(lambda v, d=data: (np.abs(model(v)) - d) / most, found, method="lm", max_nfev=1000).x
         left = max(len(size) - len(found), 1)
         noise = float(np.sqrt(2 * np.sum((np.abs(model(found)) - data) ** 2) / left))
-    theta, whole = fit.theta + scale * found[:count], model(found)
+    theta, whole = fit.theta + scale * np.clip(found[:count], -9, 9), model(found)
     turned = lines._replace(data=data * np.exp(1j * np.angle(whole)))
     basis = _basis(lines, theta, power, fit.extra)
     return _Solved(turned, theta, found[count:] * most, basis, turned.data - whole, noise, fit.extra)
