@@ -164,7 +164,7 @@ def _kind(part: Row | Spectrum | Record) -> str:
 READ_SAMPLES = 1 << 20
 """Samples of all channels that are read at a time."""
 FEW_FULL, MOST_CLIPPED = 3.5, 0.05
-"""Number of samples at full scale up to which a channel is not clipped, and largest share with which it can be fitted."""
+"""Number of samples at full scale up to which a channel is not clipped, and the largest share that can be fitted."""
 
 
 def read_records(
