@@ -1,16 +1,22 @@
 """Measure the figures of docs/retune.md, on how well a measured print is re-tuned, and print Markdown.
 
 `python docs/measure_retune.py [PRINTS]`; 1,000 prints of two pads take a while, mostly for the fits.
+`python docs/measure_retune.py recordings [COUNT]` measures the fits of disturbed recordings (`tests/recordings.py`).
 """
 
 import sys
+import tempfile
+from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
+from time import process_time
 
 import numpy as np
 
+from padgen.core.errors import PadgenError
 from padgen.measured.fits import TaxelFit, fit_measured
 from padgen.measured.predict import CoilFigures, levels_um, planned_tones, predicted, tones_at, worst_db
-from padgen.measured.read import read_measured_text
+from padgen.measured.read import read_measured, read_measured_text
 from padgen.measured.simulate import simulate_print, simulated_measurement, spreads_for
 from padgen.measured.tune import estimated, tuning_of
 from padgen.measured.tuning import TunedTaxel, Tuning
@@ -21,6 +27,9 @@ from padgen.planner.print_yield import print_yield
 from padgen.planner.printed_pads import coils_of
 from padgen.planner.settings import scheme_named
 from padgen.spec import load_spec
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from tests.recordings import KINDS, recorded
 
 PRINTS = 1000
 SIGMA = 0.08
@@ -217,7 +226,52 @@ def shifted(plan: Plan, truth: Tuning, scheme: Scheme) -> tuple[float, float, fl
     return base, best - base, float(10 * np.log10(tried(by)[1].sum() / line.sum()))
 
 
+def recordings(count: int) -> Iterator[str]:
+    """Yield errors, coverage and run time of fits to recordings of one taxel, f and Q spread by 15 % and 25 %."""
+    yield "| excitation, disturbance | fitted | error of f, median, worst | of Q | within 1.96 sigma, f, Q | s |"
+    yield "|---|---|---|---|---|---|"
+    plan = plan_of("paper-32")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "r0c0k0.wav"
+        for excitation in ("chirp", "noise", "pluck"):
+            for kind, how in KINDS.items():
+                yield f"| {excitation}, {kind} | {recorded_row(plan, path, excitation, how, count)} |"
+
+
+def recorded_row(plan: Plan, path: Path, excitation: str, how: dict, count: int) -> str:
+    errors, pulls, seconds = [], [], 0.0
+    for seed in range(count):
+        rng = np.random.default_rng(seed)
+        true = np.array([60 * np.exp(0.15 * rng.standard_normal()), 15 * np.exp(0.25 * rng.standard_normal())])
+        length = 3.0 if excitation == "pluck" else 8.0
+        made = recorded(
+            rng, (true[0],), (true[1],), excitation=excitation, seconds=length, mains=(50.0, 60.0)[seed % 2], **how
+        )
+        path.write_bytes(made.wav())
+        start = process_time()
+        try:
+            (fit,) = fit_measured(read_measured(path, plan), plan)
+            found, sigma = np.array([(fit.resonance_hz, fit.q), (fit.resonance_error_hz, fit.q_error)])
+            errors.append(np.abs(found / true - 1))
+            pulls.append(np.abs(found - true) / sigma)
+        except PadgenError:
+            pass
+        seconds += process_time() - start
+    if not errors:
+        return f"0 of {count} | | | | {seconds / count:.2f}"
+    middle, worst = np.median(errors, axis=0), np.max(errors, axis=0)
+    within = (np.array(pulls) < 1.96).mean(0)
+    return (
+        f"{len(errors)} of {count} | {middle[0]:.3%}, {worst[0]:.2%} | {middle[1]:.1%}, {worst[1]:.1%} |"
+        f" {within[0]:.0%}, {within[1]:.0%} | {seconds / count:.2f}"
+    )
+
+
 def main() -> None:
+    if sys.argv[1:2] == ["recordings"]:
+        for line in recordings(int(sys.argv[2]) if len(sys.argv) > 2 else 60):
+            print(line, flush=True)
+        return
     prints = int(sys.argv[1]) if len(sys.argv) > 1 else PRINTS
     tried = {name: Tried(plan_of(name), prints) for name in ("paper-32", "quad-64")}
     for kind in ("chirp", "pluck"):

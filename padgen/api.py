@@ -280,9 +280,10 @@ def read_tuning(path: "str | Path", plan: "Plan") -> "Tuning":
 
 def retune(
     plan: "Plan",
-    measured: "str | Path",
+    measured: "str | Path | Sequence[str | Path]",
     *,
     excitation: str = "current",
+    sensor: str | None = None,
     nearest: bool = False,
     estimate_rest: bool = False,
     coupon: "str | Path | None" = None,
@@ -293,10 +294,12 @@ def retune(
     ----------
     plan : Plan
         The printed plan.
-    measured : path
-        A CSV (resonances, spectra or time series), a WAV, or a folder of these with one file per taxel.
+    measured : path, or sequence of paths
+        A CSV (resonances, spectra or time series), a WAV, several of these or a folder of them, named after taxels.
     excitation : {'current', 'voltage'}
         Quantity in the first channel of a WAV that has one channel more than taxels.
+    sensor : {'displacement', 'velocity', 'acceleration'}, optional
+        Quantity that was measured, where the files do not say; by default recognised where that is possible.
     nearest : bool
         Of two peaks of similar size, take the one nearer to the plan's resonance.
     estimate_rest : bool
@@ -318,8 +321,9 @@ def retune(
     from padgen.measured.read import read_measured
     from padgen.measured.tuned_folder import fitted_and_retuned
 
-    found = read_measured(Path(measured), plan, excitation)
-    return fitted_and_retuned(plan, found, nearest, estimate_rest, None if coupon is None else str(coupon))[1]
+    paths = [Path(each) for each in ([measured] if isinstance(measured, str | Path) else measured)]
+    found = read_measured(paths, plan, excitation, sensor)
+    return fitted_and_retuned(plan, found, nearest, estimate_rest, None if coupon is None else str(coupon))
 
 
 def calibrate(plan: "Plan", measured: "Sequence[str | Path]") -> "Calibration":

@@ -1,8 +1,7 @@
 """Recordings of a shaken or plucked taxel as a bench makes them; shares no code with padgen.
 
-Each mode ``x'' + (ω/Q) x' + ω² x = ω² F`` is integrated exactly for a force that is straight between samples
-(first-order hold). Recorded times have their own clock, delay and rate; hum, drift, noise, a high-pass, clipping and
-steps follow.
+Each mode ``x'' + (ω/Q) x' + ω² x = ω² F`` is integrated exactly for a force that is straight between samples. Recorded
+times have their own clock, delay and rate; hum, drift, noise, a high-pass, clipping and steps follow.
 """
 
 import io

@@ -95,12 +95,15 @@ def _refused(sentence: str, code: str, as_json: bool) -> int:
 
 
 def _parsed(arguments: list[str]) -> argparse.Namespace:
-    """Parse the command line; also take an optional positional after an option, which argparse alone does not."""
+    """Parse the command line; also take optional positionals after an option, which argparse alone does not."""
     parser = _parser(arguments[:1])
     options, rest = parser.parse_known_args(arguments)
     name = getattr(options, "late", None)
-    if name and getattr(options, name) is None and len(rest) == 1 and not rest[0].startswith("-"):
-        setattr(options, name, rest.pop())
+    if name and not getattr(options, name) and rest and not any(each.startswith("-") for each in rest):
+        several = isinstance(getattr(options, name), list)
+        if several or len(rest) == 1:
+            setattr(options, name, rest if several else rest[0])
+            rest = []
     if rest:
         parser.error(f"unrecognized arguments: {' '.join(rest)}")
     return options

@@ -28,14 +28,16 @@ def add(commands: Any) -> None:
         "retune",
         help="fit what a print was measured to be, and re-tune tones and levels to it",
         description="Fit resonance, Q and level of every taxel that was measured, and write the tones that suit the"
-        " print: tuning.json (for padgen drive --tuning), drive-tuned.csv, retune.json.",
+        " print: tuning.json (for padgen drive --tuning), drive-tuned.csv, retune.json; and tuning.png, the data with"
+        " their fits, which is also written where a taxel cannot be fitted.",
     )
     add_spec(parser)
     parser.add_argument(
         "measured",
         metavar="MEASURED",
-        nargs="?",
-        help="a CSV (resonances, spectra or time series), a WAV, or a folder of them, one taxel a file",
+        nargs="*",
+        help="a CSV (resonances, spectra or time series) or a WAV (the coil's current and the sensor; or a pluck), or"
+        " several or a folder of them, each named after its taxel or coil",
     )
     parser.add_argument("--coupon", metavar="FILE", help="what was measured on the coupon printed beside the pad")
     parser.add_argument(
@@ -51,6 +53,11 @@ def add(commands: Any) -> None:
         default="current",
         metavar="current|voltage",
         help="what the first channel of a WAV holds, where it has one more than taxels (default: current)",
+    )
+    parser.add_argument(
+        "--sensor",
+        metavar="displacement|velocity|acceleration",
+        help="what was measured (default: as the files say, or as recognised)",
     )
     parser.add_argument(
         "--simulate", metavar="SEED", type=int, help="measure a pad that the computer prints, to try the loop"
@@ -71,7 +78,7 @@ def add(commands: Any) -> None:
 
 
 def _retune(options: argparse.Namespace) -> int:
-    if (options.measured is None) == (options.simulate is None):
+    if bool(options.measured) == (options.simulate is not None):
         raise SpecError("needs MEASURED, a file or a folder, or --simulate SEED, and not both", "padgen retune")
     from padgen.measured.tuned_folder import write_retuned
 
@@ -85,6 +92,7 @@ def _retune(options: argparse.Namespace) -> int:
             options.measured,
             simulated,
             options.excitation,
+            options.sensor,
             options.nearest,
             options.estimate_rest,
             options.coupon,

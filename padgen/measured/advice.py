@@ -250,6 +250,11 @@ def judge_print(
     yield from _far(plan, tuning)
     yield from _coarse(tuning)
     yield from _disagree(fits)
+    for sensor in ("velocity", "acceleration"):
+        own = [fit.id for fit in fits if fit.sensor == sensor]
+        if own:
+            told = f"the data are taken to be of {sensor}, as stated or by their slope over frequency"
+            yield Finding("note", "retune.sensor", _named(own), told)
     yield from _unmeasured(plan, tuning)
 
 

@@ -165,7 +165,7 @@ def _heard(part: Row | Spectrum | Record, plan: Plan, nearest: bool) -> list[tup
     peaks = [(first.resonance_hz, first.peak), *first.others]
     found = sorted(hz for hz, size in peaks if size > SHARED_PEAK * max(p[1] for p in peaks))
     count = min(len(found), len(planned))
-    ways = []
+    ways: list[tuple[float, list[tuple[str, float | None]]]] = []
     for own in combinations(found, count):
         for taxels in combinations(planned, count):
             off = np.log(np.array(own) / [hz for hz, _ in taxels])

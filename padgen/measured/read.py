@@ -163,8 +163,8 @@ def _kind(part: Row | Spectrum | Record) -> str:
 
 READ_SAMPLES = 1 << 20
 """Samples of all channels that are read at a time."""
-MOST_CLIPPED = 0.05
-"""Largest share of clipped samples with which a record can be fitted."""
+FEW_FULL, MOST_CLIPPED = 3.5, 0.05
+"""Number of samples at full scale up to which a channel is not clipped, and the largest share that can be fitted."""
 
 
 def read_records(
@@ -247,8 +247,9 @@ def _averaged(wave: Wave, factor: int, where: str) -> tuple[np.ndarray, np.ndarr
         means.append(values.reshape(-1, factor, wave.channels).mean(1))
         marks.append(full.reshape(-1, factor, wave.channels).mean(1))
         peak = max(peak, float(np.abs(values).max()))
-    # Floats that go beyond 1 have no scale to be at the end of.
+    # Floats that go beyond 1 have no scale to be at the end of; a single sample at 1 is one that was scaled to it.
     clipped = np.concatenate(marks) * (peak <= 1)
+    clipped = clipped * (factor * clipped.sum(0) > FEW_FULL)
     share = clipped.mean(0)
     worst = int(share.argmax())
     if share[worst] > MOST_CLIPPED:

@@ -3,20 +3,21 @@
 The drive table has a row for every taxel, with the columns of `drive.csv`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from padgen.core.errors import FileError
 from padgen.core.files import OutputFolder, differs, is_unchanged, json_text
-from padgen.measured.fits import TaxelFit, fit_measured
+from padgen.measured.fits import TaxelFit, fit_measured, fitted
 from padgen.measured.predict import printed_channels
 from padgen.measured.read import read_measured, read_measured_text
 from padgen.measured.read_csv import Measured
 from padgen.measured.simulate import simulate_print, simulated_measurement
 from padgen.measured.tune import Retuned, retuned
 from padgen.measured.tuning import Tuning, tuning_to_json
+from padgen.measured.tuning_picture import tuning_picture
 from padgen.planner.drive_rows import COLUMNS, DriveRow, bias_row, coil_rows, table_csv
 from padgen.planner.fixtures import coupon_plan
 from padgen.planner.plan import Plan, plan_to_json
@@ -36,8 +37,7 @@ __all__ = [
     "write_retuned",
 ]
 
-MEASURED = "measured.csv"
-PRINTED = "printed.json"
+MEASURED, PRINTED, PICTURE = "measured.csv", "printed.json", "tuning.png"
 Progress = Callable[[str], None]
 
 
@@ -71,23 +71,24 @@ def simulated_print(plan: Plan, seed: int, kind: str, snr_db: float) -> Simulate
 def write_retuned(
     plan: Plan,
     folder: Path,
-    measured: str | None,
+    measured: Sequence[str],
     simulated: Simulated | None = None,
     excitation: str = "current",
+    sensor: str | None = None,
     nearest: bool = False,
     estimate_rest: bool = False,
     coupon: str | None = None,
     progress: Progress = lambda step: None,
 ) -> RetunedFolder:
-    """Re-tune `plan` to the file or folder `measured`, or to a `simulated` print, and write the results to `folder`.
+    """Re-tune `plan` to the files or the folder `measured`, or to a `simulated` print; write the results to `folder`.
 
-    `excitation` and `nearest` are those of `read_measured` and `fit_measured`. With `estimate_rest`, or with the file
-    of a measured `coupon`, unmeasured taxels get tones at their most likely resonances.
+    `excitation`, `sensor` and `nearest` are those of `read_measured` and `fit_measured`. With `estimate_rest`, or with
+    the file of a measured `coupon`, unmeasured taxels get tones at their most likely resonances.
 
     Raises
     ------
     FileError, SpecError, SolverError
-        The measurement cannot be read, or shows no resonance; nothing is written.
+        The measurement cannot be read, or shows no resonance; nothing is written, but in the latter case a picture.
     """
     progress("fitting resonances")
     if simulated is not None:
@@ -98,9 +99,19 @@ def write_retuned(
             )
         found = read_measured_text(simulated.measured, plan)
     else:
-        found = read_measured(Path(measured or ""), plan, excitation)
-    fits, result = fitted_and_retuned(plan, found, nearest, estimate_rest, coupon, progress)
-    files = {
+        found = read_measured([Path(each) for each in measured], plan, excitation, sensor)
+    fits, curves, refused = fitted(found, plan, nearest)
+    drawn = {PICTURE: tuning_picture(curves)} if curves else {}
+    if refused is not None:
+        if drawn:
+            with OutputFolder(folder) as out:
+                out.write(PICTURE, drawn[PICTURE])
+                out.commit()
+            raise FileError(f"{refused.message}; its data are drawn in {folder / PICTURE}", refused.where)
+        raise refused
+    progress("re-tuning")
+    result = _retuned(plan, fits, nearest, estimate_rest, coupon)
+    files: dict[str, str | bytes] = {
         "plan.json": plan_to_json(plan),
         "tuning.json": tuning_to_json(result.tuning),
         "drive-tuned.csv": tuned_drive_csv(plan, result.tuning),
@@ -108,6 +119,7 @@ def write_retuned(
     }
     if simulated is not None:
         files |= {MEASURED: simulated.measured, PRINTED: tuning_to_json(simulated.printed)}
+    files |= drawn
     with OutputFolder(folder) as out:
         for name, text in files.items():
             out.write(name, text)
@@ -116,17 +128,14 @@ def write_retuned(
 
 
 def fitted_and_retuned(
-    plan: Plan,
-    found: Measured,
-    nearest: bool = False,
-    estimate_rest: bool = False,
-    coupon: str | None = None,
-    progress: Progress = lambda step: None,
-) -> tuple[tuple[TaxelFit, ...], Retuned]:
+    plan: Plan, found: Measured, nearest: bool = False, estimate_rest: bool = False, coupon: str | None = None
+) -> Retuned:
     """Fit the measurement `found` of a print and re-tune its plan; parameters and errors are `write_retuned`'s."""
-    fits = fit_measured(found, plan, nearest)
-    progress("re-tuning")
-    return fits, retuned(plan, fits, estimate_rest or coupon is not None, _coupon_fits(plan, coupon, nearest))
+    return _retuned(plan, fit_measured(found, plan, nearest), nearest, estimate_rest, coupon)
+
+
+def _retuned(plan: Plan, fits: tuple[TaxelFit, ...], nearest: bool, estimate_rest: bool, coupon: str | None) -> Retuned:
+    return retuned(plan, fits, estimate_rest or coupon is not None, _coupon_fits(plan, coupon, nearest))
 
 
 def _coupon_fits(plan: Plan, coupon: str | None, nearest: bool) -> dict[int, TaxelFit] | None:

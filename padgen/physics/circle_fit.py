@@ -3,17 +3,16 @@
 Near a resonance with viscous damping the mobility ``s H = −j P / (1 + j x)``, ``x = Q (s − 1/s)``, s = f/f₀, runs on a
 circle of diameter P through the origin. Far modes add a constant, which only shifts the circle. Seen from its centre
 the angle is ``φ₀ − 2 arctan x`` (C. C. Kennedy, C. D. P. Pancu, J. Aeronaut. Sci. 14, 1947, 603-625). (With hysteretic
-damping the receptance H itself would be a circle; over one bandwidth the two differ by 1/Q.) The transform of a free
-decay is a circle with ``x = (f − f_d)/h``, f_d its frequency and h half its bandwidth. The circle is fitted by the
-method of G. Taubin (IEEE Trans. PAMI 13, 1991, 1115-1138), which noise does not shrink as it does the plain algebraic
-fit.
+damping the receptance H itself would be a circle; over one bandwidth the two differ by 1/Q.) The circle is fitted by
+the method of G. Taubin (IEEE Trans. PAMI 13, 1991, 1115-1138), which noise does not shrink as it does the plain
+algebraic fit.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-__all__ = ["CircleFit", "circle_resonance", "taubin_circle"]
+__all__ = ["CircleFit", "circle_resonance", "detuning", "taubin_circle"]
 
 WIDEST_ARC = 2.5
 """Largest |x| of the points that are fitted; larger where fewer than `FEWEST` points would remain."""
@@ -57,37 +56,32 @@ def circle_resonance(
     start_hz: float,
     start_q: float,
     sigma: np.ndarray | float = 1.0,
-    decay: bool = False,
 ) -> CircleFit | None:
-    """Fit the circle of a complex `response` (n,) near `start_hz`; None where too few points determine it.
+    """Fit the circle of a receptance `response` (n,) near `start_hz`; None where too few points determine it.
 
-    `sigma` is the relative size of each point's noise. With `decay` the response is the transform of a free decay,
-    otherwise a receptance.
+    `sigma` is the relative size of each point's noise.
     """
     if len(frequency_hz) < FEWEST:
         return None
     sigma, fit = np.broadcast_to(np.asarray(sigma, float), frequency_hz.shape), None
     hz, q = start_hz, start_q
     for _ in range(2):
-        away = np.abs(_detuning(frequency_hz, hz, q, decay))
+        away = np.abs(detuning(frequency_hz, hz, q))
         arc = away <= max(WIDEST_ARC, float(np.sort(away)[FEWEST - 1]))
-        factor = np.ones(arc.sum()) if decay else frequency_hz[arc] / hz
-        fit = _fit_angle(frequency_hz[arc], response[arc] * factor, hz, q, sigma[arc] * factor, decay)
+        s = frequency_hz[arc] / hz
+        fit = _fit_angle(frequency_hz[arc], response[arc] * s, hz, q, sigma[arc] * s)
         if fit is None:
             break
         hz, q = fit.resonance_hz, fit.q
     return fit
 
 
-def _detuning(frequency: np.ndarray, hz: float, q: float, decay: bool) -> np.ndarray:
+def detuning(frequency: np.ndarray, hz: float, q: float) -> np.ndarray:
     """Return x (n,) of the phase ``−2 arctan x``."""
-    s = frequency / hz
-    return np.asarray(2 * q * s - np.sqrt(max(4 * q * q - 1, 0.0)) if decay else q * (s - 1 / s))
+    return np.asarray(q * (frequency / hz - hz / frequency))
 
 
-def _fit_angle(
-    frequency: np.ndarray, points: np.ndarray, hz: float, q: float, sigma: np.ndarray, decay: bool
-) -> CircleFit | None:
+def _fit_angle(frequency: np.ndarray, points: np.ndarray, hz: float, q: float, sigma: np.ndarray) -> CircleFit | None:
     from scipy.optimize import least_squares
 
     centre, radius = taubin_circle(points, sigma**-2)
@@ -97,7 +91,7 @@ def _fit_angle(
     angle, width = np.angle(arm), 1 / q
 
     def off(theta: np.ndarray) -> np.ndarray:
-        x = _detuning(frequency, hz * np.exp(theta[1] * width), q * np.exp(theta[2]), decay)
+        x = detuning(frequency, hz * np.exp(theta[1] * width), q * np.exp(theta[2]))
         return np.asarray(np.angle(np.exp(1j * (angle - theta[0] + 2 * np.arctan(x)))) / sigma)
 
     start = np.array([angle[np.abs(frequency - hz).argmin()], 0.0, 0.0])

@@ -3,10 +3,12 @@
 A driven record, the record of a free decay and a spectrum are fitted by one model in frequency, within some bandwidths
 of the resonance:
 
-    Y(f) = X sⁿ (Σ g / (Q (1 − s²) + j s) + a + b/s²) + sⁿ (Σ c / (Q (1 − s²) + j s) + d + e/s²),   s = f/f₀
+    Y(f) = X (Σ g sⁿ / (Q (1 − s²) + j s) + a + b u) + (Σ c sⁿ / (Q (1 − s²) + j s) + d + e u),
+    s = f/f₀, u = s − 1/s
 
 X is the transform of i²; the second bracket has the free vibration at the record's ends. A decay has that bracket
-alone, a spectrum the first with X = 1. All factors are complex: g is any scale, phase and polarity, a and b stand for
+alone, a spectrum the first with X = 1 and ``a sⁿ + b sⁿ⁻²``.
+All factors are complex: g is any scale, phase and polarity, a and b stand for
 far modes (D. J. Ewins, Modal Testing, 2nd ed. 2000, ch. 4), and to first order for all that changes slowly over the
 resonance: a gain that drifts during a sweep, a high-pass, a rest of delay, another kind of sensor. n is 0 for
 displacement, 1 for velocity, 2 for acceleration. Factors enter linearly and are projected out (G. Golub, V. Pereyra,
@@ -18,12 +20,13 @@ impulse response. Clipped samples are replaced by the model's. As a check the ci
 fitted too.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from padgen.core.errors import SolverError, at_least, at_most, number
-from padgen.physics.circle_fit import circle_resonance
+from padgen.physics.circle_fit import circle_resonance, detuning
 from padgen.physics.resonance_judge import (
     COMPARABLE,
     LEAST_GAIN,
@@ -52,8 +55,10 @@ __all__ = [
     "rough_hz",
 ]
 
-REACH = 10.0
-"""Largest |Q (s − 1/s)| of fitted lines: five bandwidths on either side."""
+REACH, CLOSE_REACH = 10.0, 4.0
+"""Largest |Q (s − 1/s)| of fitted lines, five bandwidths on either side; and about another mode among them."""
+LEAST_SHARE, FURTHER_Q = 0.05, 1.0
+"""Smallest further peak, over the largest, and its smallest Q: a broader one is no mode, but a slope of the whole."""
 FEWEST_LINES, MOST_LINES = 14, 3000
 LEAST_Q, LARGEST_Q = 0.55, 1e7
 MOST_MODES, MOST_HUM = 4, 8
@@ -63,6 +68,10 @@ WORTH = 30.0
 """Least decrease of the sum of squares by a further column or mode, in variances."""
 MAINS_HZ, MAINS_OFF = (50.0, 60.0), 4e-3
 """Frequencies of the mains, and the largest relative deviation of a line from their multiples."""
+SPARE = 20.0
+"""Lines in a bandwidth from which those beside a mains line are left out."""
+MOST_MISFIT = 2.5
+"""Largest residual of a spectrum, over the scatter of its points, that needs no remark."""
 SMALLEST_NOISE = 1e-9
 """Noise over the largest response that counts as rounding only."""
 EXCITED = 1e-3
@@ -73,20 +82,25 @@ DECAY_TAUS, DECAY_PERIODS, FEWEST_PERIODS = 15.0, 10.0, 4.0
 FEWEST_SAMPLES, MOST_SAMPLES = 64, 1 << 20
 """Fewest and most samples of a driven record; of a decay the first quarter of the latter are used."""
 NO_ANSWER = (
-    "shows no answer to the excitation: the best one is no more than noise makes by chance; excite more, check that the"
+    "shows no answer to the excitation: the best one is hidden in what does not follow it; excite more, check that the"
     " first channel is the excitation (and, of noise, that it passes direct current) and that the sensor is on this"
     " taxel, or leave this taxel out"
 )
 NO_DECAY = (
     "shows no free decay: the best one is no more than noise makes by chance; pluck harder, or leave this taxel out"
 )
-SEEN, WIDE = 3.0, 0.6
+SEEN, WIDE = 6.0, 0.2
 """Least response over its noise, and least range of ln f, from which the kind of sensor is recognised."""
 SENSORS = ("displacement", "velocity", "acceleration")
 """Kinds of sensors, by the power of the frequency."""
-FILLED, FASTER, GUESSED = 20, 1.8, 0.25
-"""Rounds in which clipped samples are moved to the model, the step of each over the way there (below 2), and
-one sigma of what this changes, over the change."""
+FILLED, FASTER = 20, 1.8
+"""Rounds in which clipped samples are moved to the model, and the step of each over the way there (below 2)."""
+GUESSED, BENT = 0.25, 0.2
+"""One sigma of what this changes, over the change; of a frequency also over half the bandwidth's change."""
+LATE_S, CLOCK, DRIFT = 5e-3, 7e-5, 0.03
+"""Delay (s) from which reference and sensor may have clocks of their own, and one sigma of their ratio; one sigma of a
+gain's drift during a sweep, which looks like damping: Q is off by this over the record's time constants.
+"""
 STEP = 1e-5
 """Step of a parameter over its scale, in finite differences."""
 
@@ -115,10 +129,13 @@ class Lines(NamedTuple):
         slow = None if self.slow is None else self.slow[keep]
         return Lines(self.frequency[keep], self.data[keep], self.inputs[:, keep], self.seconds, slow, self.noise)
 
-    def around(self, hz: float, q: float) -> "Lines":
-        """Return the lines within `REACH` of a resonance, thinned to `MOST_LINES`."""
-        away = np.abs(_detuning(self.frequency, hz, q))
-        keep = np.flatnonzero(away <= max(REACH, float(np.sort(away)[:FEWEST_LINES][-1])))
+    def around(self, hz: float, q: float, close: Sequence["_Peak"] = ()) -> "Lines":
+        """Return the lines within `REACH` of a resonance and near those `close` to it, thinned to `MOST_LINES`."""
+        away = np.abs(detuning(self.frequency, hz, q))
+        inside = away <= max(REACH, float(np.sort(away)[:FEWEST_LINES][-1]))
+        for peak in close:
+            inside |= np.abs(detuning(self.frequency, peak.hz, peak.q)) <= CLOSE_REACH
+        keep = np.flatnonzero(inside)
         return self.at(keep[:: -(-len(keep) // MOST_LINES)])
 
 
@@ -171,11 +188,13 @@ def fit_spectrum(
     lines = Lines(frequency, np.asarray(data, complex), np.ones((1, len(data))), noise=noise)
     peaks = _peaks(lines, power or 0)
     n = _recognised(lines, peaks, near_hz, power)
-    fit = _fit_peaks(lines, peaks, near_hz, n or 0)
+    fit = _fit_peaks(lines, peaks, near_hz, n or 0, alone=not np.iscomplexobj(given))
     hz, q = fit.modes[0]
     if np.iscomplexobj(given):
         _refuse_phase(lines, fit, n or 0)
-    refuse_no_peak(abs(fit.factors[0]), max(fit.noise, 1e-300), _gain(fit), frequency, np.abs(given))
+    # A peak of one or two points is more easily made by noise.
+    gain = _gain(fit) / (4 if hz / q < 1.5 * fit.lines.step_hz else 1)
+    refuse_no_peak(abs(fit.factors[0]), max(fit.noise, noise, 1e-300), gain, frequency, np.abs(given))
     refuse_edge(frequency[0], frequency[-1], hz, q)
     refuse_no_resonance(np.abs(fit.lines.data), fit.noise, noise, hz)
     refuse_few(frequency, hz, q)
@@ -215,26 +234,37 @@ def fit_driven(
         )
     held = np.zeros(len(y), bool) if clipped is None else clipped
     rings = ring_s or len(y) / rate_hz / 8
-    x, y, held = _shifted(_lag(rate_hz, x, y), x, y, held)
+    first_lag = _lag(rate_hz, x, y)
+    x, y, held = _shifted(first_lag, x, y, held)
     loud = np.flatnonzero(np.abs(x) > QUIET_SHARE * np.abs(x).max())
-    part = slice(max(int(loud[0] - BEFORE_S * rate_hz), 0), int(loud[-1] + RINGING_TAUS * rings * rate_hz))
-    x, y, held = x[part], y[part], held[part]
-    if len(x) < FEWEST_SAMPLES:
-        raise SolverError(NO_ANSWER)
+    start = max(int(loud[0] - BEFORE_S * rate_hz), 0)
+    count = min(int(loud[-1] + RINGING_TAUS * rings * rate_hz), len(x)) - start
+    count -= count % (1 << max(count.bit_length() - 10, 0))  # a length whose Fourier transform is quick
+    x, y, held = (v[start : start + count] for v in (x, y, held))
     peaks = _peaks(_gated(rate_hz, x, y, rings)[0], power or 0)
-    x, y, held = _shifted(_lag(rate_hz, x, y, _chosen(peaks, near_hz)), x, y, held)
+    second_lag = _lag(rate_hz, x, y, _chosen(peaks, near_hz))
+    x, y, held = _shifted(second_lag, x, y, held)
     gated, low, high = _gated(rate_hz, x, y, rings)
     peaks = _peaks(gated, power or 0)
     n = _recognised(gated, peaks, near_hz, power)
     lines = _record_lines(rate_hz, y, x)
     fit = _fit_peaks(lines, peaks, near_hz, n or 0, exact)
     first = fit.theta[:2]
-    for _ in range(FILLED if held.any() else 0):
+    for _ in range(min(FILLED, 4 * MOST_SAMPLES // len(y)) if held.any() else 0):
         fit, y = _filled(fit, rate_hz, x, y, held, n or 0)
-    guessed = GUESSED * np.abs(fit.theta[:2] - first)
     hz, q = fit.modes[0]
+    late = abs(first_lag + second_lag) > LATE_S * rate_hz
+    bent = np.abs(fit.theta[:2] - first)
+    guessed = np.array(
+        [
+            np.hypot(GUESSED * bent[0] + BENT * bent[1] / (2 * q), CLOCK * late),
+            np.hypot(GUESSED * bent[1], DRIFT * q / (np.pi * hz * fit.lines.seconds)),
+        ]
+    )
     _refuse_short(len(y) / rate_hz, hz)
-    if not _gain(fit) >= LEAST_GAIN:
+    near = np.abs(detuning(fit.lines.frequency, hz, q)) < 1
+    answer = (fit.basis[:, 0] * fit.factors[0])[near]
+    if not _gain(fit) >= LEAST_GAIN or np.linalg.norm(answer) < np.linalg.norm(fit.residual[near]):
         raise SolverError(NO_ANSWER)
     refuse_edge(low, high, hz, q, "the excited band", "the excitation", rate_hz / len(y))
     return _result(lines, fit, peaks, near_hz, n, guessed=guessed)
@@ -278,7 +308,9 @@ def fit_decay(
     _refuse_short(len(y) / rate_hz, float(fit.modes[0, 0]))
     if not _gain(fit) >= LEAST_GAIN:
         raise SolverError(NO_DECAY)
-    return _result(lines, fit, peaks, near_hz, None)
+    q = float(fit.modes[0, 1])
+    drift = DRIFT * q / (np.pi * float(fit.modes[0, 0]) * fit.lines.seconds)
+    return _result(lines, fit, peaks, near_hz, None, guessed=np.array([0.0, drift]))
 
 
 def looked_at(rate_hz: float, response: np.ndarray, squared_current: np.ndarray | None = None) -> Seen:
@@ -291,10 +323,9 @@ def looked_at(rate_hz: float, response: np.ndarray, squared_current: np.ndarray 
 
 
 def rough_hz(rate_hz: float, response: np.ndarray, squared_current: np.ndarray | None = None) -> float:
-    """Estimate the resonance in Hz: the largest velocity per excitation, or the largest line of a free decay."""
+    """Estimate the resonance in Hz: the largest velocity, per excitation where there is one."""
     seen = looked_at(rate_hz, response, squared_current)
-    weight = 1.0 if squared_current is None else seen.frequency_hz
-    return float(seen.frequency_hz[(np.abs(seen.data) * weight).argmax()])
+    return float(seen.frequency_hz[(np.abs(seen.data) * seen.frequency_hz).argmax()])
 
 
 def current_of_voltage(rate_hz: float, voltage: np.ndarray, resistance: float, inductance: float) -> np.ndarray:
@@ -346,6 +377,10 @@ def _cross(rate: float, x: np.ndarray, y: np.ndarray) -> _Cross:
     floor = EXCITED * power[2:].max()
     frequency = np.fft.fftfreq(size, 1 / rate)
     band = np.flatnonzero(power[2:-1] > floor) + 2
+    if len(band) < 2:
+        raise SolverError(
+            "the excitation has no band of frequencies; sweep it, or leave its column out for a free decay"
+        )
     response = np.zeros(size, complex)
     inside = slice(band[0], band[-1] + 1)
     response[inside] = two[inside] * one[inside].conj() / (np.abs(one[inside]) ** 2 + floor)
@@ -367,7 +402,10 @@ def _shifted(lag: int, x: np.ndarray, *late: np.ndarray) -> list[np.ndarray]:
     """Return x and the signals that are `lag` samples late, without the delay."""
     start, end = max(lag, 0), max(-lag, 0)
     count = len(x) - abs(lag)
-    return [x[end : end + count], *(v[start : start + count] for v in late)]
+    kept = [x[end : end + count], *(v[start : start + count] for v in late)]
+    if count < FEWEST_SAMPLES or not (np.ptp(kept[0]) and np.ptp(kept[1])):
+        raise SolverError(NO_ANSWER)
+    return kept
 
 
 def _gated(rate: float, x: np.ndarray, y: np.ndarray, rings: float) -> tuple[Lines, float, float]:
@@ -388,26 +426,23 @@ def _gated(rate: float, x: np.ndarray, y: np.ndarray, rings: float) -> tuple[Lin
 def _recognised(lines: Lines, peaks: list[_Peak], near_hz: float | None, power: int | None) -> int | None:
     """Return the power of the frequency by which a response differs from that of a displacement: 0, 1, 2 or None.
 
-    It is the slope of the response over the first peak's on logarithmic axes, where other peaks and noise are small.
-    Refuses a stated `power` that is another.
+    It is the slope of the response over the first peak's on logarithmic axes, above and below it, where other peaks and
+    noise are small. A stated `power` is believed.
     """
+    if power is not None:
+        return power
     own, *others = sorted(peaks, key=lambda p: p is not _chosen(peaks, near_hz))
     s = lines.frequency / own.hz
-    alone = own.size * np.abs(_mode(lines.frequency, own.hz, own.q, power or 0)) / s ** (power or 0)
+    alone = own.size * np.abs(_mode(lines.frequency, own.hz, own.q, 0))
     good = (np.abs(lines.data) > SEEN * lines.noise) & (s > 1 / 3) & (s < 3)
     for other in others:
         good &= other.size * np.abs(_mode(lines.frequency, other.hz, other.q, 0)) < 0.3 * alone
-    log = np.log(s[good])
-    if len(log) < FEWEST_LINES or np.ptp(log) < WIDE:
-        return power
-    slope = float(np.polyfit(log, np.log(np.abs(lines.data[good]) / alone[good]), 1)[0])
-    nearest = int(np.clip(round(slope), 0, 2))
-    if power is not None and abs(slope - power) > 0.7:
-        raise SolverError(
-            f"is said to be of {SENSORS[power]}, but looks like {SENSORS[nearest]}: over that of a displacement it"
-            f" grows with the frequency to the power of {slope:.1f}; state the sensor that was used (--sensor), or none"
-        )
-    return power if power is not None or abs(slope - nearest) > 0.4 else nearest
+    found: set[int | None] = set()
+    for side in (s < 1, s > 1):
+        log, over = np.log(s[good & side]), np.log((np.abs(lines.data) / alone)[good & side])
+        slope = float(np.polyfit(log, over, 1)[0]) if len(log) > 3 and np.ptp(log) > WIDE else np.nan
+        found |= {n for n in range(3) if abs(slope - n) < 0.4} or {None}
+    return found.pop() if len(found) == 1 else None
 
 
 def _largest(y: np.ndarray) -> int:
@@ -428,10 +463,6 @@ def _refuse_short(seconds: float, hz: float) -> None:
 # The fit
 
 
-def _detuning(frequency: np.ndarray, hz: float, q: float) -> np.ndarray:
-    return np.asarray(q * (frequency / hz - hz / frequency))
-
-
 def _mode(frequency: np.ndarray, hz: float, q: float, power: int) -> np.ndarray:
     s = frequency / hz
     return np.asarray(s**power / (q * (1 - s) * (1 + s) + 1j * s))
@@ -440,13 +471,11 @@ def _mode(frequency: np.ndarray, hz: float, q: float, power: int) -> np.ndarray:
 def _basis(lines: Lines, theta: np.ndarray, power: int, extra: np.ndarray) -> np.ndarray:
     """Return the model's columns (n, k): for each input the modes, of peak 1, and far modes; then `extra`."""
     s = lines.frequency / lines.frequency[len(lines.frequency) // 2]
-    shapes = [
-        *(_mode(lines.frequency, hz, q, power) for hz, q in np.exp(theta.reshape(-1, 2))),
-        s**power,
-        s ** (power - 2),
-    ]
-    if lines.seconds and len(lines.inputs) == 1:
-        shapes.append(s ** (power - 1))
+    shapes = [_mode(lines.frequency, hz, q, power) for hz, q in np.exp(theta.reshape(-1, 2))]
+    if lines.seconds:
+        shapes += [(s - 1 / s) ** k for k in range(2 + (len(lines.inputs) == 1))]
+    else:
+        shapes += [s**power, s ** (power - 2)]
     return np.concatenate([np.stack([x * shape for x in lines.inputs for shape in shapes], 1), extra], 1)
 
 
@@ -472,18 +501,13 @@ def _solve(lines: Lines, start: np.ndarray, power: int, extra: np.ndarray | None
     first = np.clip(start, low + 1e-9, high - 1e-9)
     scale = np.ones(len(start))
     scale[::2] = np.exp(-first[1::2])
-    found = least_squares(
-        lambda v: _parts(_projected(_basis(lines, first + scale * v, power, more), lines.data)) / size,
-        np.zeros(len(first)),
-        "3-point",
-        ((low - first) / scale, (high - first) / scale),
-        x_scale="jac",
-        ftol=1e-12,
-        xtol=1e-10,
-        gtol=None,
-        max_nfev=40,
-    )
-    theta = first + scale * found.x
+
+    def off(v: np.ndarray) -> np.ndarray:
+        theta = np.clip(first + scale * v, low, high)
+        return _parts(_projected(_basis(lines, theta, power, more), lines.data)) / size
+
+    found = least_squares(off, np.zeros(len(first)), method="lm", ftol=1e-11, xtol=1e-9, max_nfev=100)
+    theta = np.clip(first + scale * found.x, low, high)
     basis = _basis(lines, theta, power, more)
     norm = np.linalg.norm(basis, axis=0)
     norm = np.where(norm > 0, norm, 1)
@@ -500,7 +524,7 @@ def _slopes(fit: _Solved, power: int) -> np.ndarray:
     there, back = (
         [_basis(fit.lines, fit.theta + sign * d, power, fit.extra) @ fit.factors for d in steps] for sign in (1, -1)
     )
-    return (np.stack(there, 1) - np.stack(back, 1)) / (2 * steps.sum(0))
+    return np.asarray((np.stack(there, 1) - np.stack(back, 1)) / (2 * steps.sum(0)))
 
 
 def _covariance(fit: _Solved, power: int, phased: bool) -> np.ndarray:
@@ -508,7 +532,7 @@ def _covariance(fit: _Solved, power: int, phased: bool) -> np.ndarray:
 
     The residual of each line is its own measure of noise, so that noise of any colour counts where it is.
     """
-    columns = np.concatenate([_slopes(fit, power), fit.basis, 1j * fit.basis], 1)
+    columns = np.concatenate([_slopes(fit, power), fit.basis, *([1j * fit.basis] if phased else [])], 1)
     if not phased:  # the part along the model alone was measured
         columns = (columns * np.exp(-1j * np.angle(fit.lines.data))[:, None]).real
     norm = np.linalg.norm(columns, axis=0)
@@ -528,7 +552,7 @@ def _covariance(fit: _Solved, power: int, phased: bool) -> np.ndarray:
         plain = plain * np.outer(bigger, bigger)
     else:
         plain = plain * _correlation(fit.residual) ** 2
-    return plain / np.outer(norm, norm)
+    return np.asarray(plain / np.outer(norm, norm))
 
 
 def _correlation(residual: np.ndarray) -> float:
@@ -556,7 +580,7 @@ def _start(lines: Lines, rest: np.ndarray, power: int, found: list[_Peak]) -> tu
     tried = []
     free = np.ones(len(rest), bool)
     for hz, q, _ in found:
-        free &= np.abs(_detuning(lines.frequency, hz, q)) > 2
+        free &= np.abs(detuning(lines.frequency, hz, q)) > 2
     part = lines._replace(data=rest).at(np.flatnonzero(free))
     if len(part.data) < FEWEST_LINES:
         return 0.0, 1.0, 0.0
@@ -579,19 +603,24 @@ def _start(lines: Lines, rest: np.ndarray, power: int, found: list[_Peak]) -> tu
 
 def _peaks(lines: Lines, power: int) -> list[_Peak]:
     """Return the modes in a spectrum, a gated response or the transform of a decay, most powerful first."""
-    rest, found, step = lines.data.copy(), list[_Peak](), float(np.diff(lines.frequency).min())
+    if len(lines.data) < FEWEST_LINES:
+        raise SolverError("is too short to show a resonance; record longer")
+    rest, step = lines.data.copy(), float(np.diff(lines.frequency).min())
+    found, passed = list[_Peak](), list[_Peak]()
     for _ in range(MOST_MODES):
-        hz, q, taken = _start(lines, rest, power, found)
+        hz, q, taken = _start(lines, rest, power, passed)
         if taken <= 0:
             break
-        fit = _solve(lines._replace(data=rest).around(hz, q), np.log([hz, q]), power)
-        fit = _solve(lines._replace(data=rest).around(*fit.modes[0]), fit.theta, power)
-        hz, q = fit.modes[0]
-        inside = lines.frequency[0] < hz < lines.frequency[-1] and hz / q > step / 2
-        if found and (not inside or _gain(fit) < LEAST_GAIN or abs(fit.factors[0]) < 0.05 * found[0].size):
-            break
-        found.append(_Peak(float(hz), float(q), float(abs(fit.factors[0] * fit.lines.inputs[0].mean()))))
-        rest = rest - fit.factors[0] * lines.inputs[0] * _mode(lines.frequency, hz, q, power)
+        for _ in range(2):
+            fit = _solve(lines._replace(data=rest).around(hz, q), np.log([hz, q]), power)
+            hz, q = fit.modes[0]
+        passed.append(_Peak(float(hz), float(q), float(abs(fit.factors[0] * fit.lines.inputs[0].mean()))))
+        inside = lines.frequency[0] < hz < lines.frequency[-1] and hz / q > 1.5 * step and q > FURTHER_Q
+        near = np.abs(detuning(lines.frequency, hz, q)) < 1
+        inside &= abs(fit.factors[0]) < 1.5 * np.abs(rest / lines.inputs[0])[near].max(initial=0.0)
+        if not found or (inside and _gain(fit) > LEAST_GAIN and passed[-1].size > LEAST_SHARE * found[0].size):
+            found.append(passed[-1])
+            rest = rest - fit.factors[0] * lines.inputs[0] * _mode(lines.frequency, hz, q, power)
     if not found:
         raise SolverError("shows no resonance; excite more, or leave this taxel out")
     return found
@@ -618,29 +647,39 @@ def _chosen(peaks: list[_Peak], near_hz: float | None, exact: bool = False) -> _
     return min(tall, key=lambda p: -p.size if near_hz is None else abs(np.log(p.hz / near_hz)))
 
 
-def _fit_peaks(lines: Lines, peaks: list[_Peak], near_hz: float | None, power: int, exact: bool = False) -> _Solved:
-    """Fit the chosen one of `peaks`, with the others in its neighbourhood and what stands out of the residual."""
+def _fit_peaks(
+    lines: Lines, peaks: list[_Peak], near_hz: float | None, power: int, exact: bool = False, alone: bool = False
+) -> _Solved:
+    """Fit the chosen one of `peaks`, if not `alone` with its neighbours and what else stands out of the residual."""
     own = _chosen(peaks, near_hz, exact)
     start = np.log([own.hz, own.q])
     others = [peak for peak in peaks if peak is not own]
-    far = [p for p in others if abs(_detuning(np.array(p.hz), own.hz, own.q)) >= REACH]
+    far = [p for p in others if abs(detuning(np.array(p.hz), own.hz, own.q)) >= REACH]
+    close = [] if alone else [p for p in others if p not in far]
     for _ in range(3):
-        local = lines.around(*np.exp(start[:2]))
+        hz, q = np.exp(start[:2])
+        local = lines.around(hz, q, close)
         wings = [local.inputs[0] * _mode(local.frequency, p.hz, p.q, power) for p in far]
         fit = _solve(local, start, power, np.array(wings).reshape(-1, len(local.data)).T)
         if np.abs(fit.theta[:2] - start[:2]).max() < 0.05 / np.exp(start[1]):
             break
         start = fit.theta
-    for peak in others:
+    for peak in close:
         fit = _without_hum(fit, power)
-        if peak not in far:
-            fit = _better(fit, np.append(fit.theta, np.log([peak.hz, peak.q])), power, fit.extra) or fit
+        fit = _better(fit, np.append(fit.theta, np.log([peak.hz, peak.q])), power, fit.extra) or fit
+    if alone:
+        return _without_hum(fit, power)
     for _ in range(MOST_MODES):
         more = _extended(_without_hum(fit, power), power)
         if more is None:
             break
         fit = more
-    return _without_hum(fit, power)
+    fit = _without_hum(fit, power)
+    first = int(np.abs(np.log(fit.modes[:, 0] / near_hz)).argmin()) if exact and near_hz else 0
+    if first:
+        order = [first, *(k for k in range(len(fit.modes)) if k != first)]
+        fit = _solve(fit.lines, fit.theta.reshape(-1, 2)[order].ravel(), power, fit.extra)
+    return fit
 
 
 def _without_hum(fit: _Solved, power: int) -> _Solved:
@@ -651,7 +690,8 @@ def _without_hum(fit: _Solved, power: int) -> _Solved:
         hum = size * _mains(lines)
         if hum.max() <= 3.5 * np.median(size) / np.sqrt(np.log(2)):
             break
-        line = _line_columns(lines, lines.frequency[hum.argmax()])
+        hz, q = fit.modes[0]
+        line = _line_columns(lines, lines.frequency[hum.argmax()], hz / q)
         more = _better(fit, fit.theta, power, np.concatenate([fit.extra, line], 1))
         if more is None:
             break
@@ -670,7 +710,8 @@ def _better(fit: _Solved, theta: np.ndarray, power: int, extra: np.ndarray) -> _
     near = np.abs(hz[:, None] - hz) <= 0.5 * np.maximum.outer(width, width)
     inside = (hz > fit.lines.frequency[0] - width) & (hz < fit.lines.frequency[-1] + width)
     apart = near.sum() == len(hz) and inside.all() and (hz / q > 0.3 * step)[1:].all()
-    own = np.abs(more.theta[0] - fit.theta[0]) < 0.5 / q[0]
+    size = np.abs(more.factors[: len(hz)]) / np.abs(fit.factors[0])
+    own = np.abs(more.theta[0] - fit.theta[0]) < 0.5 / q[0] and 0.5 < size[0] < 2 and (size[1:] < 2).all()
     return more if apart and own and fit.cost - more.cost > WORTH * more.noise**2 / 2 else None
 
 
@@ -698,12 +739,18 @@ def _mains(lines: Lines) -> np.ndarray:
     return np.asarray(np.minimum(*off) < np.maximum(MAINS_OFF * lines.frequency, 1.01 * lines.step_hz))
 
 
-def _line_columns(lines: Lines, hz: float) -> np.ndarray:
-    """Return columns (n, k) of a line at about `hz` that may waver: three neighbouring sines; of a spectrum a point."""
+def _line_columns(lines: Lines, hz: float, width_hz: float) -> np.ndarray:
+    """Return columns (n, k) of a line at about `hz` that may waver: neighbouring sines; of a spectrum a point.
+
+    Where a resonance of `width_hz` has lines to spare, the nearest ones are left out altogether.
+    """
     if not lines.seconds:
         return np.asarray(lines.frequency == hz, float)[:, None]
     away = (hz - lines.frequency)[:, None] / lines.step_hz + np.array([-0.5, 0.0, 0.5])
-    return np.asarray(np.sinc(away) * np.exp(1j * np.pi * away) * np.abs(lines.data).max())
+    sines = np.sinc(away) * np.exp(1j * np.pi * away)
+    near = np.abs(away[:, 1:2] - np.array([-2, -1, 1, 2])) < 0.5
+    spared = near[:, near.any(0)] if width_hz > SPARE * lines.step_hz else near[:, :0]
+    return np.asarray(np.concatenate([sines, spared], 1) * np.abs(lines.data).max())
 
 
 def _result(
@@ -725,14 +772,20 @@ def _result(
         # A peak of the first look counts where the record itself shows it.
         if all(abs(np.log(far.hz / f)) > 1 / far.q for f in fit.modes[:, 0]):
             seen = _fit_peaks(lines, peaks, far.hz, n, exact=True)
-            if _gain(seen) > LEAST_GAIN and abs(np.log(seen.modes[0, 0] / far.hz)) < 1 / far.q:
+            inside = np.abs(detuning(seen.lines.frequency, *seen.modes[0])) < 1
+            largest = np.abs(seen.lines.data / seen.lines.inputs[0])[inside].max(initial=0.0)
+            if (
+                abs(seen.factors[0]) < 1.5 * largest
+                and _gain(seen) > LEAST_GAIN
+                and abs(np.log(seen.modes[0, 0] / far.hz)) < 1 / far.q
+            ):
                 others.append((float(seen.modes[0, 0]), float(abs(seen.factors[0]))))
     if near_hz is None:
         refuse_two(hz, peak, tuple(others))
     covariance = _covariance(fit, n, phased)
     sigma = np.hypot(np.sqrt(np.diag(covariance))[:2], guessed)
     count = len(fit.factors)
-    place = len(fit.theta) + np.array([0, count])
+    place = len(fit.theta) + np.array([0, count * phased])
     along = np.array([fit.factors[0].real, fit.factors[0].imag]) / peak
     peak_error = float(np.sqrt(along @ covariance[np.ix_(place, place)] @ along))
     lines, drive = fit.lines, fit.lines.inputs[0]
@@ -748,7 +801,9 @@ def _result(
     errors = float(hz * sigma[0]), float(q * sigma[1]), peak_error
     noise = fit.noise / float(np.abs(drive).mean())
     found = checked((float(hz), float(q), peak), errors, noise, "circle", circle, tuple(others))
-    return found._replace(seen=drawn, power=power)
+    # A residual far above the scatter of neighbouring points is of another form.
+    agree = found.agree and not 0 < MOST_MISFIT * lines.noise < fit.noise
+    return found._replace(seen=drawn, power=power, agree=agree)
 
 
 # Spectra
@@ -777,21 +832,21 @@ def _polished(fit: _Solved, size: np.ndarray, power: int) -> _Solved:
     most = float(size.max())
 
     def model(v: np.ndarray) -> np.ndarray:
-        one, two = v[count:].reshape(2, -1) * most
-        return _basis(lines, fit.theta + scale * np.clip(v[:count], -9, 9), power, fit.extra) @ (one + 1j * two)
+        whole = _basis(lines, fit.theta + scale * np.clip(v[:count], -9, 9), power, fit.extra) @ (v[count:] * most)
+        return np.asarray(whole)
 
-    start = np.concatenate([np.zeros(count), fit.factors.real / most, fit.factors.imag / most])
-    noise, data, found = 0.0, size, start
+    # Far modes are without damping: all factors are real, up to one phase.
+    found = np.concatenate([np.zeros(count), (fit.factors * np.exp(-1j * np.angle(fit.factors[0]))).real / most])
+    noise, data = 0.0, size
     for _ in range(2):
         data = size - noise**2 / (4 * np.maximum(np.abs(model(found)), noise or 1.0))
         found = least_squares(lambda v, d=data: (np.abs(model(v)) - d) / most, found, method="lm", max_nfev=1000).x
-        left = max(len(size) - len(found) + 1, 1)
+        left = max(len(size) - len(found), 1)
         noise = float(np.sqrt(2 * np.sum((np.abs(model(found)) - data) ** 2) / left))
-    one, two = found[count:].reshape(2, -1) * most
-    theta, whole = fit.theta + scale * found[:count], model(found)
+    theta, whole = fit.theta + scale * np.clip(found[:count], -9, 9), model(found)
     turned = lines._replace(data=data * np.exp(1j * np.angle(whole)))
     basis = _basis(lines, theta, power, fit.extra)
-    return _Solved(turned, theta, one + 1j * two, basis, turned.data - whole, noise, fit.extra)
+    return _Solved(turned, theta, found[count:] * most, basis, turned.data - whole, noise, fit.extra)
 
 
 def _refuse_phase(lines: Lines, fit: _Solved, power: int) -> None:
@@ -814,5 +869,6 @@ def _refuse_phase(lines: Lines, fit: _Solved, power: int) -> None:
     ):
         other = lines._replace(data=data)
         found = _fit_peaks(other, _peaks(other, power), None, power)
-        if found.noise < 0.5 * fit.noise and abs(found.factors[0]) > 0.5 * largest:
-            raise SolverError(what.format(f"{number(float(found.modes[0, 0]))} Hz"))
+        hz, inside = found.modes[0, 0], lines.frequency[[0, -1]]
+        if max(found.noise, lines.noise) < 0.5 * fit.noise and inside[0] < hz < inside[1]:
+            raise SolverError(what.format(f"{number(float(hz))} Hz"))

@@ -22,7 +22,6 @@ __all__ = [
     "refuse_bad_spectrum",
     "refuse_edge",
     "refuse_few",
-    "refuse_hidden",
     "refuse_no_peak",
     "refuse_no_resonance",
     "refuse_two",
@@ -122,8 +121,7 @@ def checked(
             raise SolverError(
                 f"least squares find {number(hz)} Hz with a Q of {number(q)}, the {name}"
                 f" {number(check.resonance_hz)} Hz with a Q of {number(check.q)}: one is wrong; check that the data are"
-                " of displacement, not of velocity or acceleration, and of one resonance, and that no voltage is read"
-                " as a current (--excitation voltage)"
+                " of one resonance, and that no voltage is read as a current (--excitation voltage)"
             )
     method = name if check else ""
     return ResonanceFit(hz, errors[0], q, errors[1], peak, errors[2], noise, method, *seen, agree, others)
@@ -161,21 +159,6 @@ def _refuse_numbers(values: np.ndarray, point: str, everywhere: str) -> None:
         raise SolverError(f"is {number(float(values.real[0]))} {everywhere}: nothing was measured here")
 
 
-def refuse_hidden(peak: float, noise: float, gain: float, what: str) -> None:
-    """Refuse a record whose motion is hidden in the noise of its samples; `gain` is as in `refuse_no_peak`."""
-    if peak < LEAST_PEAK * noise or gain < LEAST_GAIN:
-        raise SolverError(
-            f"shows no {what}: the best one {_too_weak(peak, noise, 'sample')}; excite more, or leave this taxel out"
-        )
-
-
-def _too_weak(peak: float, noise: float, point: str) -> str:
-    """Return the words for a peak that does not stand out of the noise of a `point` ('point' or 'sample')."""
-    if peak >= LEAST_PEAK * noise:
-        return "is no more than noise makes by chance"
-    return f"is {20 * np.log10(max(peak / noise, 1e-3)):.1f} dB above the noise of a {point}, where 6 dB are needed"
-
-
 def refuse_no_peak(peak: float, noise: float, gain: float, frequency_hz: np.ndarray, size: np.ndarray) -> None:
     """Refuse a peak that does not stand out; `gain` is its decrease of the sum of squares, in variances."""
     low, high = float(frequency_hz[0]), float(frequency_hz[-1])
@@ -189,9 +172,12 @@ def refuse_no_peak(peak: float, noise: float, gain: float, frequency_hz: np.ndar
         if away < ends and size[place] > 3 * np.median(size):
             hz = number(float(frequency_hz[place]))
             raise SolverError(f"the response is largest at the {end} end of the sweep, {hz} Hz, without a peak; {cure}")
+    weak = "is no more than noise makes by chance"
+    if peak < LEAST_PEAK * noise:
+        weak = f"is {20 * np.log10(max(peak / noise, 1e-3)):.1f} dB above the noise of a point, where 6 dB are needed"
     raise SolverError(
-        f"shows no resonance between {number(low)} and {number(high)} Hz: the best one"
-        f" {_too_weak(peak, noise, 'point')}; excite more, average longer, or leave this taxel out"
+        f"shows no resonance between {number(low)} and {number(high)} Hz: the best one {weak};"
+        " excite more, average longer, or leave this taxel out"
     )
 
 

@@ -1,0 +1,101 @@
+"""Recordings of a bench, by a generator of its own, are fitted through WAV files as a user gives them.
+
+| figure | reference | tolerance | reason |
+|---|---|---|---|
+| f | the generator's | 0.3 %, 1 % of a noisy pluck | the bar is 1 % at worst |
+| Q | the generator's | 10 % | the bar |
+| both | the generator's | 4.5 sigma, and 0.01 % of f | two clocks differ by as much |
+"""
+
+import numpy as np
+import pytest
+
+from padgen import cli
+from padgen.core.errors import FileError
+from padgen.measured.fits import fit_measured, fitted
+from padgen.measured.read import read_measured
+from padgen.measured.tuning_picture import tuning_picture
+from padgen.planner import make_plan
+from padgen.spec import parse_spec
+from tests.recordings import KINDS, recorded
+
+TEXT = """
+name = "t"
+resolution = 4
+band_hz = [42, 126]
+q_min = 15
+delta_y = 5
+resonances_hz = [60, 90]
+pad = { width_mm = 50, depth_mm = 25 }
+coil = { grid = [1, 2], outer_diameter_mm = 24, inner_diameter_mm = 10, core_diameter_mm = 10 }
+"""
+SOME = {"noise": ("hum", "drift", "clock"), "pluck": ("hum", "AC coupling", "coloured noise", "16 bits, 1 % clipped")}
+
+
+@pytest.fixture(scope="module")
+def plan():
+    return make_plan(parse_spec(TEXT))
+
+
+def written(folder, name, **how):
+    (folder / f"{name}.wav").write_bytes(recorded(np.random.default_rng(5), **how).wav())
+
+
+@pytest.mark.parametrize(
+    ("excitation", "kind"), [("chirp", k) for k in KINDS] + [(e, k) for e, kinds in SOME.items() for k in kinds]
+)
+def test_disturbed_recordings(plan, tmp_path, excitation, kind):
+    hz, q = 66.6, 12.3
+    written(tmp_path, "r0c0k0", hz=(hz,), q=(q,), excitation=excitation, **{"rate": 4000, **KINDS[kind]})
+    (fit,) = fit_measured(read_measured(tmp_path / "r0c0k0.wav", plan), plan)
+    noisy = excitation == "pluck" and kind == "coloured noise"
+    assert fit.resonance_hz == pytest.approx(hz, rel=1e-2 if noisy else 3e-3)
+    assert fit.q == pytest.approx(q, rel=0.1)
+    assert abs(fit.resonance_hz - hz) < 4.5 * fit.resonance_error_hz + 1e-4 * hz
+    assert abs(fit.q - q) < 4.5 * fit.q_error
+    known = ("displacement", "velocity", "acceleration")[KINDS[kind].get("sensor", 0)]
+    assert fit.sensor in ("", known)
+    if excitation == "chirp" and kind in ("plain", "velocity", "acceleration"):
+        assert fit.sensor == known
+
+
+@pytest.mark.parametrize("excitation", ["chirp", "pluck"])
+@pytest.mark.parametrize(("hz", "size"), [((63.0, 99.0), (1, 0.4)), ((70.0, 82.0), (1, 1)), ((62.0,), (1,))])
+def test_both_taxels_of_a_coil_in_one_recording(plan, tmp_path, excitation, hz, size):
+    q = (14.0, 18.0)[: len(hz)]
+    written(tmp_path, "r0c1", hz=hz, q=q, size=size, excitation=excitation, rate=4000, hum=0.02)
+    found = fit_measured(read_measured([tmp_path / "r0c1.wav"], plan), plan)
+    assert [fit.id for fit in found] == ["r0c1k0", "r0c1k1"][: len(hz)]
+    assert [fit.resonance_hz for fit in found] == pytest.approx(hz, rel=2e-3)
+    assert [fit.q for fit in found] == pytest.approx(q, rel=0.05)
+
+
+def test_a_peak_of_unknown_taxel_is_refused(plan, tmp_path):
+    written(tmp_path, "r0c1", hz=(74.0,), q=(15.0,), rate=4000)
+    with pytest.raises(FileError, match=r"shows 1 resonances \(7[34].* Hz\) of 2 taxels, and it is not clear which"):
+        fit_measured(read_measured(tmp_path / "r0c1.wav", plan), plan)
+
+
+def test_refused_data_are_drawn(plan, tmp_path, capsys):
+    noise = recorded(np.random.default_rng(1), rate=2000)
+    noise = noise._replace(motion=np.random.default_rng(2).standard_normal(len(noise.motion)))
+    path = tmp_path / "r0c0k1.wav"
+    path.write_bytes(noise.wav())
+    written(tmp_path, "r0c0k0", rate=2000)
+    spec, out = tmp_path / "t.toml", tmp_path / "out"
+    spec.write_text(TEXT)
+    command = ["retune", str(spec), str(path), str(tmp_path / "r0c0k0.wav"), "-o", str(out)]
+    assert cli.run(command) == 2
+    assert "shows no answer to the excitation" in capsys.readouterr().err
+    assert sorted(p.name for p in out.iterdir()) == ["manifest.json", "tuning.png"]
+    path.unlink()
+    assert cli.run(["retune", str(spec), str(tmp_path / "r0c0k0.wav"), "-o", str(out)]) in (0, 1)
+    assert {"tuning.json", "tuning.png"} <= {p.name for p in out.iterdir()}
+
+
+def test_the_same_data_give_the_same_picture(plan, tmp_path):
+    written(tmp_path, "r0c0k0", rate=2000)
+    curves = [fitted(read_measured(tmp_path, plan), plan)[1] for _ in range(2)]
+    one, two = (tuning_picture(each) for each in curves)
+    assert one == two
+    assert one.startswith(b"\x89PNG")
