@@ -238,6 +238,15 @@ def test_codes_of_a_converter(pad: Host):
 LIMIT_V = 2.0
 
 
+def spoiled(header: str, table: str, entry: str) -> str:
+    """Return a header with all numbers of a table replaced, the checksum with them."""
+    declared, entries = header.split(f"static const float {table}")
+    own, rest = entries.split(";", 1)
+    numbers = re.sub(r"-?\d+\.?\d*(e[-+]?\d+)?f", entry, own)
+    assert numbers != own
+    return sealed(f"#include <math.h>\n{declared}static const float {table}{numbers};{rest}")
+
+
 @pytest.mark.parametrize(("scheme", "table", "entry"), [
     ("tones", "padgen_line_a2", "1e9f"),
     ("tones", "padgen_line_a2", "-1e3f"),
@@ -252,16 +261,9 @@ LIMIT_V = 2.0
     ("biased", "padgen_line_a2", "INFINITY"),
 ])  # fmt: skip
 def test_whatever_the_tables_hold_no_volt_is_beyond_the_limit(tmp_path: Path, scheme: str, table: str, entry: str):
-    def spoiled(header: str) -> str:
-        declared, entries = header.split(f"static const float {table}")
-        own, rest = entries.split(";", 1)
-        numbers = re.sub(r"-?\d+\.?\d*(e[-+]?\d+)?f", entry, own)
-        assert numbers != own
-        return sealed(f"#include <math.h>\n{declared}static const float {table}{numbers};{rest}")
-
     plan = drum(scheme, 14, scheme)
     drive = replace(make_drive(plan, 16_000), voltage_limit_v=LIMIT_V)
-    pad = compiled(plan, drive, tmp_path, spoiled)
+    pad = compiled(plan, drive, tmp_path, lambda header: spoiled(header, table, entry))
     grey = frame_message(np.random.default_rng(2).integers(0, 256, 14) / 255, 1)
     each = f"run {pad.number('PADGEN_STEP_SAMPLES') + 2000}\n"
     run = pad.run(pad.hello + feed(frame_message(np.ones(14), 0)) + each + feed(grey) + each)
@@ -335,6 +337,14 @@ def test_what_is_asked_for_long_is_held_at_what_is_borne(tmp_path: Path, name: s
     # The answers say so: a third to two thirds of the voltage, the warmest coil within the last sixty-fourth.
     assert (faults, given) == (0, pytest.approx(130, abs=55))
     assert warmest >= 248 or spec.limits.power_w
+
+
+@pytest.mark.parametrize(("coil_w", "power_w"), [(0.05, None), (0.001, None), (1.0, 0.004)])
+def test_a_pad_that_bears_next_to_nothing_is_stopped_in_time(tmp_path: Path, coil_w: float, power_w: float | None):
+    """A few samples at the voltage's limit would be too much, and so would be what the field still holds by then."""
+    pad = compiled(*limited("biased", coil_w, power_w), tmp_path, lambda h: spoiled(h, "padgen_line_a2", "1e9f"))
+    meter = metered(pad, shown_for_long(pad, 0.5))
+    assert 0.5 < max(meter.heat[0], meter.total) < 1.0 + 2e-4
 
 
 def test_heat_within_the_limit_takes_nothing_back(tmp_path: Path):
