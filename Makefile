@@ -7,7 +7,7 @@ CORES = $(shell env -u OMP_NUM_THREADS -u OMP_THREAD_LIMIT nproc 2>/dev/null || 
 TEMPLATES := $(basename $(notdir $(wildcard templates/*.toml)))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup pad test check format variants slice goldens performance selectivity accuracy waveforms pictures clean $(TEMPLATES:%=variant-%)
+.PHONY: help setup pad test soak check format variants slice goldens performance selectivity accuracy waveforms pictures clean $(TEMPLATES:%=variant-%)
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -29,6 +29,9 @@ test: $(STAMP) ## the whole test suite (the firmware's need gcc and g++, install
 	@{ command -v $${CC:-cc} && command -v $${CXX:-c++}; } >/dev/null || \
 	  { apt-get update -qq && apt-get install -y -qq --no-install-recommends gcc g++ libc6-dev; }
 	$(BIN)/python -m pytest -n $$(($(CORES) + 1)) --dist loadfile
+
+soak: $(STAMP) ## throw random bytes and damaged sessions at the firmware (a quarter of an hour)
+	$(BIN)/python -m pytest -m soak tests/test_firmware.py
 
 check: $(STAMP) ## style and types
 	$(BIN)/ruff check .

@@ -3,19 +3,22 @@
 import os
 import shutil
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
-from padgen.driver.formats.c import FILE, c_header, firmware_files
+from padgen.driver.formats.c import FILE, HEAT_S, c_header, firmware_files
 from padgen.driver.pad_drive import PadDrive, make_drive
-from padgen.driver.serial_line import Kind, Message, decode, encode, plan_hash
+from padgen.driver.serial_line import Kind, Message, decode, encode, frame_message, plan_hash
 from padgen.planner import Plan, make_plan
 from padgen.spec import load_spec, parse_spec
+from padgen.spec.model import Amplifier, Limits
 
+SANITIZED = ["-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all"]
 STRICT = ["-O1", "-Wall", "-Wextra", "-Werror", "-pedantic"]
 
 DRUM = """
@@ -170,13 +173,137 @@ def host(name: str, folders: pytest.TempPathFactory) -> Host:
     return _compiled[name]
 
 
-def compiled(plan: Plan, drive: PadDrive, folder: Path, header: Callable[[str], str] = str) -> Host:
+def compiled(
+    plan: Plan, drive: PadDrive, folder: Path, header: Callable[[str], str] = str, options: Sequence[str] = ()
+) -> Host:
     """Compile the firmware of a drive in a folder, with its header changed by `header`."""
     for name, data in firmware_files().items():
         (folder / name).write_bytes(data)
     (folder / FILE).write_text(header(c_header(plan, drive)))
     sources = sorted(path.name for path in folder.glob("*.c"))
-    command = [compiler("CC", "cc", "gcc"), "-std=c99", *STRICT, *sources, "-lm", "-o", "padgen_host"]
+    command = [compiler("CC", "cc", "gcc"), "-std=c99", *STRICT, *options, *sources, "-lm", "-o", "padgen_host"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return Host(plan, drive, folder)
+
+
+def limited(
+    name: str, coil_w: float, power_w: float | None = None, current_a: float | None = None
+) -> tuple[Plan, PadDrive]:
+    """Return one of `PADS` whose coils bear `coil_w`, all of them `power_w`, its amplifier `current_a`; and its drive."""
+    make, rate_hz, carrier_hz = PADS[name]
+    plan = make()
+    spec = plan.spec
+    amplifier = None
+    if current_a is not None:
+        amplifier = Amplifier("bench", len(plan.taxels), "DC", spec.drive.voltage_limit_v, current_a)
+    coil = replace(spec.coil, power_limit_w=coil_w)
+    plan = replace(plan, spec=replace(spec, coil=coil, limits=Limits(power_w), amplifier=amplifier))
+    return plan, make_drive(plan, rate_hz, carrier_hz=carrier_hz)
+
+
+class Meter:
+    """What voltages do to coils, by filters at four times their rate: independent of the firmware's own account.
+
+    `heat` is the largest of any coil over its limit, if its time constant is the shortest that the firmware assumes, and
+    if it is one of `slower_s`; `total` that of all coils over the pad's limit.
+    """
+
+    FINER = 4
+
+    def __init__(self, host: Host, slower_s: Sequence[float] = (HEAT_S, 60.0)) -> None:
+        spec, drive, self.coils = host.plan.spec, host.drive, len(host.drive.coils)
+        self.ohm, self.limit_w = spec.coil.resistance_ohm, spec.coil.power_limit_w
+        lag_s = spec.coil.inductance_mh * 1e-3 / self.ohm
+        self.left = np.exp(-1 / (lag_s * drive.rate_hz * self.FINER)) if lag_s else 0.0
+        self.shortest_s = 2.0 ** host.number("PADGEN_HEAT_SHIFT") / drive.rate_hz
+        self.stays = [np.exp(-1 / (tau * drive.rate_hz)) for tau in (self.shortest_s, *slower_s)]
+        self.pad_w = spec.limits.power_w or self.coils * self.limit_w
+        self.current = np.zeros((1, self.coils))
+        self.warm = [np.zeros((1, self.coils)) for _ in self.stays]
+        self.volts = self.amperes = self.total = 0.0
+        self.heat = [0.0] * len(self.stays)
+        self.samples = 0
+        self.last = np.zeros(self.coils)
+
+    def take(self, volts: np.ndarray) -> None:
+        """Go on by voltages (samples, coils)."""
+        if not len(volts):
+            return
+        before = self.current
+        fed = np.repeat(volts, self.FINER, axis=0) / self.ohm
+        amperes, _ = lfilter([1 - self.left], [1, -self.left], fed, axis=0, zi=self.left * before)
+        self.current = amperes[-1:]
+        squares = np.concatenate([before**2, amperes**2])
+        means = (squares[1:] + squares[:-1]) / 2 if self.left else squares[1:]
+        lost_w = self.ohm * means.reshape(-1, self.FINER, self.coils).mean(1)
+        for k, stays in enumerate(self.stays):
+            warm, _ = lfilter([1 - stays], [1, -stays], lost_w / self.limit_w, axis=0, zi=stays * self.warm[k])
+            self.warm[k] = warm[-1:]
+            self.heat[k] = max(self.heat[k], float(warm.max()))
+            self.total = max(self.total, float(warm.sum(1).max()) * self.limit_w / self.pad_w)
+        self.volts = max(self.volts, float(np.abs(volts).max()))
+        self.amperes = max(self.amperes, float(np.abs(amperes).max()))
+        self.samples += len(volts)
+        self.last = volts[-1]
+
+
+def metered(host: Host, script: str, *options: str) -> Meter:
+    """Run a script of any length, its voltages read by a `Meter` as they come."""
+    meter, pipe = Meter(host), host.folder / "pipe"
+    if not pipe.exists():
+        os.mkfifo(pipe)
+    command = [host.program, "script", "--volts", pipe, "--log", host.folder / "log", *options]
+    (host.folder / "script").write_text(script)
+    with (host.folder / "script").open() as lines, (host.folder / "answers").open("w") as answers:
+        running = subprocess.Popen(command, stdin=lines, stdout=answers, stderr=subprocess.PIPE, text=True)
+        with pipe.open("rb") as volts:
+            while block := volts.read(4 * meter.coils << 14):
+                meter.take(np.frombuffer(block, np.float32).reshape(-1, meter.coils).astype(float))
+        _, said = running.communicate()
+    assert running.returncode == 0, said
+    return meter
+
+
+def noise(rng: np.random.Generator, count: int, rate_hz: int) -> Iterator[str]:
+    """Yield random bytes as fast as the line brings them, a real message among them now and then."""
+    for start in range(0, count, 1000):
+        some = rng.integers(0, 256, min(1000, count - start), dtype=np.uint8)
+        # More zeros than chance has, so that there are packets of all lengths.
+        some[rng.random(len(some)) < rng.choice([0.0, 0.02, 0.2])] = 0
+        yield feed(some.tobytes()) + f"run {len(some) * 10 * rate_hz // 115_200}\n"
+
+
+def sessions(host: Host, rng: np.random.Generator, count: int) -> Iterator[str]:
+    """Yield sessions: messages in order, some of them damaged, forged, doubled or cut, with time and resets between."""
+    taxels, rate, due = len(host.plan.taxels), host.drive.rate_hz, 0
+    for _ in range(count):
+        if rng.random() < 0.3:
+            yield "reset\n"
+            due = 0
+        yield host.hello
+        for _ in range(rng.integers(1, 9)):
+            levels = rng.choice([1.0, 0.0, 0.5], taxels) if rng.random() < 0.4 else np.ones(taxels)
+            kind = rng.choice([Kind.FRAME, Kind.PING, Kind.SILENCE, Kind.HELLO], p=[0.7, 0.2, 0.05, 0.05])
+            message = frame_message(levels, due) if kind == Kind.FRAME else Message(int(kind), 0)
+            packet = bytearray(encode(message))
+            change, place = rng.integers(0, 20), int(rng.integers(0, len(packet)))
+            if change == 0:
+                packet[place] ^= 1 << rng.integers(0, 8)
+            elif change == 1:
+                del packet[place : place + rng.integers(1, 9)]
+            elif change == 2:
+                packet[place:place] = rng.bytes(rng.integers(1, 9))
+            elif change == 3:
+                packet += bytes(packet)
+            elif change == 4:
+                packet = bytearray(rng.bytes(rng.integers(1, 3 * taxels)))
+            elif change == 5:
+                forged = Message(int(rng.integers(0, 256)), due, rng.bytes(rng.integers(0, taxels + 9)))
+                packet = bytearray(encode(forged))
+            away = "away" if rng.random() < 0.03 else "run"
+            if kind == Kind.FRAME:
+                # Frames are refused while one waits: those that may be due now are tried too.
+                packet += b"".join(encode(frame_message(levels, max(due + k, 0))) for k in (-2, -1, 1))
+                due += 1
+            yield feed(bytes(packet)) + f"{away} {int(rng.exponential(0.12) * rate)}\n"

@@ -10,6 +10,8 @@
 
 import re
 import subprocess
+import time
+from collections.abc import Callable
 from dataclasses import replace
 from math import ceil
 from pathlib import Path
@@ -19,7 +21,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from padgen.driver.formats.c import SCHEME_NUMBERS, firmware_files
+from padgen.driver.formats.c import SCHEME_NUMBERS, c_header, firmware_files, sealed
 from padgen.driver.pad_drive import constant_a2, make_drive
 from padgen.driver.serial_line import (
     HOLD_WATCHDOGS,
@@ -37,7 +39,22 @@ from padgen.driver.serial_line import (
 )
 from padgen.driver.waveform import Timeline, frame_s, ramp_s, volts
 
-from .firmware_host import PADS, STRICT, Host, Run, compiled, compiler, drum, feed, host
+from .firmware_host import (
+    PADS,
+    SANITIZED,
+    STRICT,
+    Host,
+    Run,
+    compiled,
+    compiler,
+    drum,
+    feed,
+    host,
+    limited,
+    metered,
+    noise,
+    sessions,
+)
 
 SILENCE = Message(Kind.SILENCE, 0)
 SMALL = "spur-free"
@@ -221,6 +238,15 @@ def test_codes_of_a_converter(pad: Host):
 LIMIT_V = 2.0
 
 
+def spoiled(header: str, table: str, entry: str) -> str:
+    """Return a header with all numbers of a table replaced, the checksum with them."""
+    declared, entries = header.split(f"static const float {table}")
+    own, rest = entries.split(";", 1)
+    numbers = re.sub(r"-?\d+\.?\d*(e[-+]?\d+)?f", entry, own)
+    assert numbers != own
+    return sealed(f"#include <math.h>\n{declared}static const float {table}{numbers};{rest}")
+
+
 @pytest.mark.parametrize(("scheme", "table", "entry"), [
     ("tones", "padgen_line_a2", "1e9f"),
     ("tones", "padgen_line_a2", "-1e3f"),
@@ -235,16 +261,9 @@ LIMIT_V = 2.0
     ("biased", "padgen_line_a2", "INFINITY"),
 ])  # fmt: skip
 def test_whatever_the_tables_hold_no_volt_is_beyond_the_limit(tmp_path: Path, scheme: str, table: str, entry: str):
-    def spoiled(header: str) -> str:
-        declared, entries = header.split(f"static const float {table}")
-        own, rest = entries.split(";", 1)
-        numbers = re.sub(r"-?\d+\.?\d*(e[-+]?\d+)?f", entry, own)
-        assert numbers != own
-        return f"#include <math.h>\n{declared}static const float {table}{numbers};{rest}"
-
     plan = drum(scheme, 14, scheme)
     drive = replace(make_drive(plan, 16_000), voltage_limit_v=LIMIT_V)
-    pad = compiled(plan, drive, tmp_path, spoiled)
+    pad = compiled(plan, drive, tmp_path, lambda header: spoiled(header, table, entry))
     grey = frame_message(np.random.default_rng(2).integers(0, 256, 14) / 255, 1)
     each = f"run {pad.number('PADGEN_STEP_SAMPLES') + 2000}\n"
     run = pad.run(pad.hello + feed(frame_message(np.ones(14), 0)) + each + feed(grey) + each)
@@ -259,6 +278,164 @@ def test_volts_are_cut_at_the_limit_and_nowhere_else(pad: Host, tmp_path: Path):
     whole = played(pad, levels, each).volts
     assert np.abs(whole).max() > 1.2 * LIMIT_V
     assert np.array_equal(played(cut, levels, each).volts, np.clip(whole, -LIMIT_V, LIMIT_V))
+
+
+@pytest.mark.parametrize(("changed", "said"), [
+    ("HEADER 1", "are of different versions"),
+    ("VOLTAGE_LIMIT_UV 30000001", "PADGEN_VOLTAGE_LIMIT_UV must be"),
+    ("CURRENT_LIMIT_UA 900000000", "PADGEN_CURRENT_LIMIT_UA must be"),
+    ("PAD_LIMIT_UW 16000000", "PADGEN_PAD_LIMIT_UW must be"),
+    ("START_SAMPLES 10u", "PADGEN_START_SAMPLES must be"),
+    ("STEP_SAMPLES 1u", "PADGEN_STEP_SAMPLES must be"),
+    ("FRAME_SAMPLES 1u", "PADGEN_FRAME_SAMPLES must hold"),
+    ("WATCHDOG_SAMPLES 12000u", "PADGEN_WATCHDOG_SAMPLES must be"),
+    ("HOLD_SAMPLES 4294967295u", "PADGEN_HOLD_SAMPLES must be"),
+])  # fmt: skip
+def test_a_header_beyond_the_limits_does_not_compile(tmp_path: Path, changed: str, said: str):
+    name = changed.split()[0]
+    plan, drive = limited("quick", 0.5)
+    text = re.sub(rf"#define PADGEN_{name} \S+", f"#define PADGEN_{changed}", c_header(plan, drive))
+    files = {**firmware_files(), "pad_drive.h": text.encode()}
+    for kept in ("pad_drive.h", "padgen_drive.h"):
+        (tmp_path / kept).write_bytes(files[kept])
+    command = [compiler("CC", "cc", "gcc"), "-std=c99", "-fsyntax-only", "padgen_drive.h"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    errors = [line for line in done.stderr.splitlines() if "#error" in line and "error:" in line]
+    assert done.returncode and len(errors) == 1 and said in errors[0]
+
+
+OVERDRIVEN = {
+    "one": lambda: limited("one", 2.4e-3),
+    "spur-free": lambda: limited("spur-free", 0.5),
+    "biased": lambda: limited("biased", 0.5, 1.2, 0.35),
+}
+"""Pads that ask for 3 to 5 times the heat that coils bear: tones; beyond the volts too; beyond amperes and all coils' heat."""
+
+
+def shown_for_long(pad: Host, seconds: float) -> str:
+    """Return a script that keeps all taxels on by new frames."""
+    hold, taxels = pad.number("PADGEN_HOLD_SAMPLES"), len(pad.plan.taxels)
+    times = ceil(seconds * pad.drive.rate_hz / hold)
+    return pad.hello + "".join(feed(frame_message(np.ones(taxels), k)) + pad.wait(hold) for k in range(times))
+
+
+@pytest.mark.parametrize("name", OVERDRIVEN)
+def test_what_is_asked_for_long_is_held_at_what_is_borne(tmp_path: Path, name: str):
+    """By the filters of `Meter`, which are off by 2e-4 at most: a current between samples bends by (R dt/L)²/192."""
+    pad = compiled(*OVERDRIVEN[name](), tmp_path)
+    spec = pad.plan.spec
+    meter = metered(pad, shown_for_long(pad, 12.0))
+    answers, _ = decode(bytes.fromhex("".join(re.findall("send (.*)", (tmp_path / "answers").read_text()))))
+    _, _, faults, warmest, given = answers[-1].payload  # type: ignore[union-attr]
+    assert meter.volts <= spec.drive.voltage_limit_v
+    # The limit is reached and not passed: what the pad can do, it does.
+    assert 0.98 < max(meter.heat[0], meter.total) < 1.0 + 2e-4
+    assert max(meter.heat[1:]) < meter.heat[0]
+    assert meter.total < 1.0 + 2e-4
+    if spec.amplifier is not None:
+        assert 0.999 < meter.amperes / spec.amplifier.current_a < 1.001
+    # The answers say so: a third to two thirds of the voltage, the warmest coil within the last sixty-fourth.
+    assert (faults, given) == (0, pytest.approx(130, abs=55))
+    assert warmest >= 248 or spec.limits.power_w
+
+
+@pytest.mark.parametrize(("coil_w", "power_w"), [(0.05, None), (0.001, None), (1.0, 0.004)])
+def test_a_pad_that_bears_next_to_nothing_is_stopped_in_time(tmp_path: Path, coil_w: float, power_w: float | None):
+    """A few samples at the voltage's limit would be too much, and so would be what the field still holds by then."""
+    pad = compiled(*limited("biased", coil_w, power_w), tmp_path, lambda h: spoiled(h, "padgen_line_a2", "1e9f"))
+    meter = metered(pad, shown_for_long(pad, 0.5))
+    assert 0.5 < max(meter.heat[0], meter.total) < 1.0 + 2e-4
+
+
+def test_heat_within_the_limit_takes_nothing_back(tmp_path: Path):
+    folders = [tmp_path / "near", tmp_path / "far"]
+    for folder in folders:
+        folder.mkdir()
+    # Copper loss of 0.98 of the limit, and of 0.024.
+    pad, cool = (compiled(*limited("one", watt), folder) for watt, folder in zip((0.0123, 0.5), folders, strict=True))
+    script = shown_for_long(pad, 1.0)
+    runs = [own.run(script.replace(pad.hello, own.hello), "--boot", "1") for own in (pad, cool)]
+    assert np.abs(runs[0].volts).max() > 1.0
+    assert np.array_equal(runs[0].volts, runs[1].volts)
+
+
+def test_a_board_that_starts_anew_is_silent_and_its_coils_as_warm_as_they_may_be(tmp_path: Path):
+    pad = compiled(*OVERDRIVEN["spur-free"](), tmp_path)
+    taxels = len(pad.plan.taxels)
+    rest, ramp = pad.number("PADGEN_START_SAMPLES"), pad.number("PADGEN_RAMP_SAMPLES")
+    assert rest / pad.drive.rate_hz < 0.2
+    frame = pad.hello + feed(frame_message(np.ones(taxels), 0))
+    run = pad.run((frame + f"run {rest + ramp}\nreset\n") * 2, "--boot", "1")
+    for start in (0, rest + ramp):
+        own = run.volts[start : start + rest + ramp]
+        assert not own[:rest].any() and own[rest:].any()
+    kinds = [a.kind for a in run.answers if a]
+    assert kinds == [Kind.GREETING, Kind.ACK] * 2
+    # Whoever resets it as often as they can does not get it warmer either.
+    again = "".join(frame + f"run {rest + 6 * ramp}\nreset\n" for _ in range(20))
+    assert 0.95 < metered(pad, shown_for_long(pad, 4.0) + again).heat[0] < 1.0 + 2e-4
+
+
+def test_a_main_program_that_hangs_leaves_it_silent(pad: Host):
+    dog, ramp = pad.number("PADGEN_WATCHDOG_SAMPLES"), pad.number("PADGEN_RAMP_SAMPLES")
+    shown = pad.hello + feed(frame_message(np.ones(16), 0)) + f"run {ramp}\n"
+    run = pad.run(shown + f"away {dog + ramp + 200}\nrun {2 * ramp}\n")
+    assert run.volts[ramp + dog - 200 : ramp + dog].any()
+    hung = run.volts[ramp + dog + ramp + 2 : ramp + dog + ramp + 200]
+    assert not hung.any()
+    # It goes in a ramp and comes back in one.
+    steps = np.abs(np.diff(run.volts, axis=0))
+    assert steps[ramp + dog :].max() <= 1.05 * steps[ramp : ramp + dog].max()
+    assert run.volts[-200:].any()
+
+
+@pytest.mark.parametrize(("spoil", "faults"), [
+    (lambda text: re.sub(r"(line_a2.*\n\{)", r"\g<1>9", text), 1),
+    (lambda text: text + "\n#undef PADGEN_VOLTAGE_LIMIT_V\n#define PADGEN_VOLTAGE_LIMIT_V (-30.0f)\n", 2),
+    (lambda text: text + "\n#include <math.h>\n#define sqrtf(x) (1.5f * (x))\n", 4),
+])  # fmt: skip
+def test_a_self_test_that_fails_keeps_it_silent_and_is_told(tmp_path: Path, spoil: Callable[[str], str], faults: int):
+    pad = compiled(*limited("quick", 0.5), tmp_path, spoil)
+    frame = feed(frame_message(np.ones(16), 0))
+    run = pad.run(pad.hello + frame + "run 4000\n" + feed(Message(Kind.PING, 5)))
+    met, refused, pinged = run.answers
+    assert greeting(met).faults == faults and pinged.payload[2] == faults  # type: ignore[arg-type, union-attr]
+    assert refusal(refused).reason == Reason.FAULT  # type: ignore[arg-type]
+    assert not run.volts.any() and not run.begun
+
+
+@pytest.mark.parametrize("name", [
+    "biased", *[pytest.param(name, marks=pytest.mark.soak) for name in OVERDRIVEN]
+])  # fmt: skip
+def test_no_bytes_on_the_line_harm_it(
+    tmp_path: Path, name: str, request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str]
+):
+    """Noise and damaged sessions on a board compiled with sanitizers, its voltages by `Meter`."""
+    soaked = request.node.get_closest_marker("soak") is not None
+    count, bytes_count = (10_000, 10_000_000) if soaked else (20, 10_000)
+    pad, rng = compiled(*OVERDRIVEN[name](), tmp_path, options=SANITIZED), np.random.default_rng(19)
+    spec, rate = pad.plan.spec, pad.drive.rate_hz
+    rest = pad.number("PADGEN_WATCHDOG_SAMPLES") + 2 * pad.number("PADGEN_STEP_SAMPLES")
+    began = time.monotonic()
+    told = []
+    scripts = {"sessions": sessions(pad, rng, count), "random bytes": noise(rng, bytes_count, rate)}
+    for kind, script in scripts.items():
+        meter = metered(pad, shown_for_long(pad, 1.0) + "".join(script) + f"run {rest}\n")
+        assert meter.volts <= spec.drive.voltage_limit_v
+        assert max(*meter.heat, meter.total) < 1.0 + 2e-4
+        assert meter.amperes < 1.001 * (spec.amplifier.current_a if spec.amplifier else np.inf)
+        assert not meter.last.any()
+        log = (tmp_path / "log").read_text()
+        assert log.splitlines()[-2].startswith("silent")
+        told.append(
+            f"{kind}: {meter.samples / rate:.0f} s, {log.count('frame')} frames, {meter.volts:.2f} V,"
+            f" {meter.amperes:.3f} A, heat {meter.heat[0]:.4f}, of all coils {meter.total:.4f}"
+        )
+    if soaked:
+        with capsys.disabled():
+            print(
+                f"\n{name}: {count} sessions, {bytes_count} bytes, {time.monotonic() - began:.0f} s", *told, sep="\n  "
+            )
 
 
 @pads("biased", "spur-free", "time-shared")

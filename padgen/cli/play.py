@@ -63,11 +63,13 @@ def _serial(options: argparse.Namespace) -> int:
             progress(f"frame {shown} of {len(repeated)}")
 
         played = play_frames(options.port, plan, repeated, options.seconds, tuning=tuning, baud=options.baud, told=told)
-    figures = {"frames": played.frames, "resent": played.resent, "seconds": played.seconds}
+    figures = {"frames": played.frames, "resent": played.resent, "seconds": played.seconds, "given": played.given}
     if options.json:
         print_json({"port": options.port, **figures, "notes": list(notes)})
         return DONE
     lost = f"; {played.resent} messages were lost on the line and sent again" if played.resent else ""
+    warm = f"; coils were as warm as they bear, and got down to {played.given:.0%} of their voltage"
+    lost += warm if played.given < 1 else ""
     frames_shown = "1 frame" if played.frames == 1 else f"{played.frames} frames"
     show("\n".join([f"showed {frames_shown} in {played.seconds:.1f} s on {plain(options.port)}{lost}", *notes]))
     return DONE

@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import IntEnum, IntFlag
 from hashlib import sha256
 from importlib import import_module
 from math import ceil
@@ -60,6 +60,8 @@ HEAD, TAIL = struct.Struct("<BBH"), struct.Struct("<I")
 GREETING = struct.Struct(f"<{HASH_BYTES}sHHBBHIIIII")
 REFUSAL = struct.Struct("<BBH")
 GREETING_BYTES = GREETING.size
+GIVEN = 4
+"""Where an ACK has the share of the voltage that is given."""
 LONGEST_BLOCK = 254
 HOLD_WATCHDOGS = 8
 """Times of the watchdog that a frame is held for, whatever else than a new frame comes."""
@@ -97,6 +99,7 @@ class Reason(IntEnum):
     DUPLICATE = 6
     ORDER = 7
     BUSY = 8
+    FAULT = 9
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +113,7 @@ class Message:
 
 
 class Greeting(NamedTuple):
-    """A device's account of itself; times as its samples make them."""
+    """A device's account of itself; times as its samples make them, `faults` as `Fault` (0 from an older firmware)."""
 
     plan_hash: bytes
     taxels: int
@@ -123,6 +126,15 @@ class Greeting(NamedTuple):
     least_frame_us: int
     watchdog_ms: int
     silence_ms: int
+    faults: int = 0
+
+
+class Fault(IntFlag):
+    """What a device's self-test found; what it plays is silence then."""
+
+    TABLES = 1
+    CLAMP = 2
+    ARITHMETIC = 4
 
 
 class Refusal(NamedTuple):
@@ -173,7 +185,7 @@ def greeting(message: Message) -> Greeting:
     """
     if len(message.payload) < GREETING.size:
         raise ValueError(f"a greeting has {GREETING.size} bytes, got {len(message.payload)}")
-    return Greeting(*GREETING.unpack_from(message.payload))
+    return Greeting(*GREETING.unpack_from(message.payload), *message.payload[GREETING.size : GREETING.size + 1])
 
 
 def refusal(message: Message) -> Refusal:
@@ -250,12 +262,16 @@ READ_BYTES = 4096
 
 @dataclass(frozen=True, slots=True)
 class Played:
-    """The result of playing: `resent` messages were sent again, since the line had lost or changed them."""
+    """The result of playing: `resent` messages were sent again, since the line had lost or changed them.
+
+    `given` is the smallest share of its voltage that a coil was given, below 1 where it was as warm as it bears.
+    """
 
     device: Greeting
     frames: int
     resent: int
     seconds: float
+    given: float
 
 
 def serial_ports() -> list[str]:
@@ -319,7 +335,7 @@ def play_frames(
         except BaseException:
             link.silence_if_it_can()
             raise
-        return Played(device, len(frames), link.resent, time.monotonic() - began)
+        return Played(device, len(frames), link.resent, time.monotonic() - began, link.given / FULL_LEVEL)
 
 
 def _seconds(count: int, baud: int) -> float:
@@ -330,7 +346,7 @@ class _Link:
     """The computer's end of a line that is open."""
 
     def __init__(self, line: Any, port: str, reply_s: float) -> None:
-        self.resent = 0
+        self.resent, self.given = 0, FULL_LEVEL
         self._line, self._port, self._reply_s = line, port, reply_s
         self._rest = b""
         self._tag = 0
@@ -361,6 +377,11 @@ class _Link:
                 f"holds another pad or print ({device.taxels} taxels, {device.plan_hash.hex()}) than"
                 f" {plan.name!r} ({len(plan.taxels)} taxels, {wanted.hex()}); {cure}, or name its tuning (--tuning)",
                 self._port,
+            )
+        if device.faults:
+            found = ", ".join(fault.name.lower() for fault in Fault if fault & device.faults)  # type: ignore[union-attr]
+            raise FileError(
+                f"found its {found or 'self'} wrong when it tested itself, and stays silent; {cure}", self._port
             )
         self._device = device
         return self._device
@@ -456,6 +477,8 @@ class _Link:
             answer = self._once(message)
             if answer is None:
                 continue
+            if answer.kind == Kind.ACK:
+                self.given = min([self.given, *answer.payload[GIVEN : GIVEN + 1]])
             if answer.kind == Kind.ACK or refusal(answer).reason in expected:
                 return answer
             raise FileError(self._refused(refusal(answer).reason), self._port)

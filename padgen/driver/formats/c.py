@@ -5,11 +5,13 @@ most rate/2³³: 0.003 mHz at 24 kHz. They begin anew with every period of the c
 after an hour as after the first period no phase is off by more than period_samples/2³³ of a turn.
 """
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from math import ceil, pi
+from math import ceil, exp, expm1, floor, inf, log2, pi
 from pathlib import Path
 from textwrap import fill
+from zlib import crc32
 
 import numpy as np
 
@@ -33,6 +35,17 @@ NAMES = {"README.md": "padgen_firmware.md"}
 SCHEME_NUMBERS = {"tones": 0, "spur-free": 1, "biased": 2, "time-shared": 3}
 LEAST_WATCHDOG_S = 1.0
 WATCHDOG_FRAMES = 2
+HEADER = 2
+"""Version of what header and firmware expect of each other."""
+HEAT_S = 10.0
+"""Thermal time constant of a coil, no longer than that of any that is likely.
+
+A winding half of copper (3.4 MJ/(m³ K)) in still air (at most 25 W/(m² K): Incropera et al., Fundamentals of Heat and
+Mass Transfer, 7th ed. 2011, table 1.1), as wide as long, has 3.4e6/2 · d/6 / 25: 113 s where d is 10 mm; a tenth of it is
+left for what flows off through the core. Shorter is safe: with first-order lags the heat of a slower coil is a weighted
+mean of the past heat of a quicker one, and no higher.
+"""
+MICRO, SMALL = 1e-6, 1e-4
 MOST_SAMPLES = (1 << 32) - 1
 """Largest value of the firmware's counters."""
 TURN = 1 << 32
@@ -101,7 +114,22 @@ def c_header(plan: Plan, drive: PadDrive, tuning: Tuning | None = None) -> str:
     ]
     if drive.scheme.is_root:
         parts += _constant_tables(kinds)
-    return "\n".join([*parts, "#endif\n"])
+    return sealed("\n".join([*parts, "#endif\n"]))
+
+
+def sealed(header: str) -> str:
+    """Add, or write anew, the list of a header's tables and the CRC-32 of their bytes, lowest first."""
+    header = re.sub(r"#define PADGEN_TABLES.*\n", "", header)
+    names, crc = [], 0
+    for kind, name, entries in re.findall(r"static const (\w+) (\w+)[^=]*=\s*(\{.*?\});", header, re.DOTALL):
+        words = re.findall(r"[\w.+-]+", re.sub(r"/\*.*?\*/", "", entries, flags=re.DOTALL))
+        is_float = kind == "float"
+        numbers = [float(word.rstrip("f")) if is_float else int(word.rstrip("u"), 0) for word in words]
+        kind_of = np.dtype(np.float32 if is_float else kind.removesuffix("_t")).newbyteorder("<")
+        crc = crc32(np.array(numbers, kind_of).tobytes(), crc)
+        names.append(f"of({name})")
+    lines = f"#define PADGEN_TABLES(of) {' '.join(names)}\n#define PADGEN_TABLES_CRC 0x{crc:08x}u\n"
+    return header.removesuffix("#endif\n") + lines + "#endif\n"
 
 
 def _kind(coil: CoilDrive, slots: Iterable[int]) -> _Kind:
@@ -126,6 +154,7 @@ def _defines(plan: Plan, drive: PadDrive, kinds: Sequence[_Kind]) -> str:
     channels = _channels(kinds)
     lines = {
         **{f"PADGEN_{_upper(scheme)}": number for scheme, number in SCHEME_NUMBERS.items()},
+        "PADGEN_HEADER": HEADER,
         "PADGEN_SCHEME": f"PADGEN_{_upper(_played_as(drive.scheme))}",
         "PADGEN_TAKES_TURNS": int(turns),
         "PADGEN_RATE_HZ": f"{rate}u",
@@ -142,13 +171,55 @@ def _defines(plan: Plan, drive: PadDrive, kinds: Sequence[_Kind]) -> str:
         "PADGEN_TAXELS": len(plan.taxels),
         "PADGEN_RESISTANCE_OHM": _float(drive.resistance_ohm),
         "PADGEN_INDUCTANCE_H": _float(drive.inductance_h),
-        "PADGEN_VOLTAGE_LIMIT_V": _float(drive.voltage_limit_v),
+        **_limits(plan, drive),
         "PADGEN_HAS_CARRIER": int(drive.carrier_hz is not None),
         "PADGEN_CARRIER_HZ": _float(drive.carrier_hz or 0.0),
         "PADGEN_CARRIER_INCREMENT": f"{_turns((drive.carrier_hz or 0.0) / rate)}u",
         "PADGEN_GROUP_CHANNELS": group_channels(channels),
     }
     return "".join(f"#define {key} {value}\n" for key, value in lines.items())
+
+
+def _limits(plan: Plan, drive: PadDrive) -> dict[str, int | str]:
+    """Return what coil and amplifier bear, and how a sample's voltage moves a coil's current and heat.
+
+    With x = exp(−R dt/L) and u = v/R the current goes from b to a = u + (b − u) x, and the mean of its square is
+    u² + 2 u (b − u) (1 − x)/k + (b − u)² (1 − x²)/(2k), k = R dt/L: written in a and b, a sum of terms alike in size.
+    """
+    spec, rate = plan.spec, drive.rate_hz
+    resistance, inductance = drive.resistance_ohm, drive.inductance_h
+    volts = max(floor(drive.voltage_limit_v / MICRO + SMALL), 1)
+    reached = ceil(1.001 * drive.voltage_limit_v / resistance / MICRO)
+    amplifier_v, amplifier_a = volts, reached
+    if spec.amplifier:
+        amplifier_v = max(volts, floor(spec.amplifier.voltage_v / MICRO + SMALL))
+        amplifier_a = floor(spec.amplifier.current_a / MICRO + SMALL)
+    coil_uw = floor(spec.coil.power_limit_w / MICRO + SMALL)
+    pad_uw = len(drive.coils) * coil_uw
+    if spec.limits.power_w is not None:
+        pad_uw = min(pad_uw, floor(spec.limits.power_w / MICRO + SMALL))
+    shift = floor(log2(HEAT_S * rate))
+    k = resistance / (inductance * rate) if inductance else inf
+    x, rise = exp(-k), -expm1(-k)
+    first, second = (0.0, 0.0) if k == inf else (2 * rise / k, -expm1(-2 * k) / (2 * k))
+    mean = (1 - first + second, first * (1 + x) - 2 * x - 2 * second, x * x - first * x + second)
+    after, both, before = (part / rise**2 for part in mean) if k > SMALL else (1 / 3, 1 / 3, 1 / 3)
+    return {
+        "PADGEN_VOLTAGE_LIMIT_UV": volts,
+        "PADGEN_AMPLIFIER_UV": amplifier_v,
+        "PADGEN_VOLTAGE_LIMIT_V": "(PADGEN_VOLTAGE_LIMIT_UV / 1000000.0f)",
+        "PADGEN_CURRENT_LIMIT_UA": min(reached, amplifier_a),
+        "PADGEN_AMPLIFIER_UA": amplifier_a,
+        "PADGEN_CURRENT_LIMIT_A": "(PADGEN_CURRENT_LIMIT_UA / 1000000.0f)",
+        "PADGEN_COIL_LIMIT_UW": coil_uw,
+        "PADGEN_PAD_LIMIT_UW": pad_uw,
+        "PADGEN_HEAT_SHIFT": shift,
+        "PADGEN_START_SAMPLES": f"{ceil((1 << shift) / 63)}u",
+        "PADGEN_CURRENT_RISE": _float(rise),
+        "PADGEN_SQUARE_AFTER": _float(after),
+        "PADGEN_SQUARE_BOTH": _float(both),
+        "PADGEN_SQUARE_BEFORE": _float(before),
+    }
 
 
 def _played_as(scheme: Scheme) -> str:

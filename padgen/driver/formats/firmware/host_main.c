@@ -1,6 +1,7 @@
 /* The firmware on a computer, to try a pad without a microcontroller and to test it (POSIX).
  *
- *   padgen_host script   reads commands: "feed HEX" bytes that come over the line, "run N" samples that pass
+ *   padgen_host script   reads commands: "feed HEX" bytes that come over the line, "run N" samples that pass,
+ *                        "away N" samples that pass without the main program, "reset" the board starts anew
  *   padgen_host line     speaks the protocol over standard input and output, in real time
  *   padgen_host pty      the same over a pseudo-terminal, whose name it prints: a port for `padgen play`
  *
@@ -9,6 +10,7 @@
  *          --log FILE     what began when: "begin SAMPLE frame LEVELS", "begin SAMPLE silence", "silent SAMPLE"
  *          --speed X      so many times faster than real time
  *          --next N       the sequence number that is due first
+ *          --boot 1       from the start-up silence on, else with coils that are cold and the silence over
  * Ends with the line (or SIGTERM), as soon as the pad is silent; exit code 1 if it is not in time.
  */
 #define _XOPEN_SOURCE 600
@@ -79,11 +81,19 @@ static void tell(host *h) {
     h->was_silent = silent;
 }
 
-static void run(host *h, unsigned long samples) {
+static void start(host *h) {
+    memset(&h->drive, 0xa5, sizeof h->drive); /* whatever the memory holds */
+    memset(&h->link, 0xa5, sizeof h->link);
+    padgen_start(&h->drive);
+    padgen_link_start(&h->link, &h->drive, answer, h);
+    h->begun = 0;
+}
+
+static void run(host *h, unsigned long samples, int attended) {
     float volts[PADGEN_COILS];
     unsigned coil;
     while (samples--) {
-        padgen_link_tick(&h->link, 1);
+        if (attended) padgen_link_tick(&h->link, 1);
         padgen_next(&h->drive, volts);
         for (coil = 0; coil < PADGEN_COILS; coil++) {
             if (volts[coil] > h->peak_v) h->peak_v = volts[coil];
@@ -111,7 +121,11 @@ static int script(host *h) {
             for (; digit(at[0]) >= 0 && digit(at[1]) >= 0; at += 2)
                 padgen_link_byte(&h->link, (uint8_t)(digit(at[0]) * 16 + digit(at[1])));
         } else if (strncmp(line, "run ", 4) == 0) {
-            run(h, strtoul(line + 4, NULL, 10));
+            run(h, strtoul(line + 4, NULL, 10), 1);
+        } else if (strncmp(line, "away ", 5) == 0) {
+            run(h, strtoul(line + 5, NULL, 10), 0);
+        } else if (strncmp(line, "reset", 5) == 0) {
+            start(h);
         } else {
             fprintf(stderr, "padgen_host: no command: %s", line);
             return 2;
@@ -149,7 +163,7 @@ static void serve(host *h, int in, double speed, int ends) {
         due += (now - last) * speed * PADGEN_RATE_HZ;
         last = now;
         if (due > most) due = most;
-        run(h, (unsigned long)due);
+        run(h, (unsigned long)due, 1);
         due -= (double)(unsigned long)due;
     }
 }
@@ -170,8 +184,8 @@ static int pseudo_terminal(void) {
 static int fall_silent(host *h) {
     const unsigned long most = PADGEN_WATCHDOG_SAMPLES + 4ul * PADGEN_STEP_SAMPLES;
     unsigned long k;
-    for (k = 0; k < most && padgen_state(&h->drive) != PADGEN_SILENT; k++) run(h, 1);
-    run(h, 1);
+    for (k = 0; k < most && padgen_state(&h->drive) != PADGEN_SILENT; k++) run(h, 1, 1);
+    run(h, 1, 1);
     return padgen_state(&h->drive) == PADGEN_SILENT ? 0 : 1;
 }
 
@@ -179,17 +193,24 @@ int main(int count, char **words) {
     static host h;
     const char *mode = count > 1 ? words[1] : "";
     double speed = 1.0;
-    int k, code = 0, line;
+    int k, code = 0, line, boots = 0;
     h.log = stderr;
     h.was_silent = 1;
-    padgen_start(&h.drive);
-    padgen_link_start(&h.link, &h.drive, answer, &h);
+    start(&h);
     for (k = 2; k + 1 < count; k += 2) {
         if (strcmp(words[k], "--volts") == 0) h.volts = fopen(words[k + 1], "wb");
         else if (strcmp(words[k], "--log") == 0) h.log = fopen(words[k + 1], "w");
         else if (strcmp(words[k], "--skip") == 0) h.skip = strtoull(words[k + 1], NULL, 10);
         else if (strcmp(words[k], "--speed") == 0) speed = atof(words[k + 1]);
         else if (strcmp(words[k], "--next") == 0) h.link.next_sequence = (uint16_t)atol(words[k + 1]);
+        else if (strcmp(words[k], "--boot") == 0) boots = atoi(words[k + 1]);
+    }
+    if (!boots) {
+        h.drive.rest = 0;
+        memset(h.drive.heat, 0, sizeof h.drive.heat);
+        memset(h.drive.warmth, 0, sizeof h.drive.warmth);
+        h.drive.pad_warmth = 0.0f;
+        h.drive.pad_heat = 0;
     }
     signal(SIGPIPE, SIG_IGN);
     signal(SIGTERM, stop);
@@ -205,7 +226,7 @@ int main(int count, char **words) {
         serve(&h, line, speed, 0);
         code = fall_silent(&h);
     } else {
-        fprintf(stderr, "use: padgen_host script|line|pty [--volts FILE] [--log FILE] [--speed X] [--next N]\n");
+        fprintf(stderr, "use: padgen_host script|line|pty [--volts FILE] [--log FILE] [--speed X] [--next N] [--boot 1]\n");
         return 2;
     }
     if (h.log) fprintf(h.log, "peak %.6g\n", (double)h.peak_v);

@@ -86,17 +86,11 @@ static void restart_phases(padgen_drive *drive) {
     drive->sample = 0;
 }
 
-void padgen_start(padgen_drive *drive) {
-    memset(drive, 0, sizeof *drive);
-    drive->to = 1;
-    drive->next = 2;
-    drive->step = PADGEN_STEP_SAMPLES;
-    drive->silent = 1;
-    restart_phases(drive);
-}
+void padgen_attend(padgen_drive *drive) { drive->away = 0; }
 
 int padgen_show(padgen_drive *drive, const uint8_t level[PADGEN_TAXELS]) {
-    if (drive->waiting != NOTHING) return 0;
+    padgen_attend(drive);
+    if (drive->waiting != NOTHING || drive->faults) return 0;
     memcpy(drive->level[drive->next], level, PADGEN_TAXELS);
     drive->playing[drive->next] = 1;
     prepare(drive, drive->next);
@@ -287,15 +281,81 @@ static void step_phases(padgen_drive *drive) {
         for (j = 0; j < padgen_kind_channels[kind]; j++) drive->phase[kind][j] += padgen_increment[kind][j];
 }
 
-/* What the amplifier may be asked for, whatever the tables and levels hold; what is no number is silence. */
-static float within_limit(float volts) {
-    if (volts >= PADGEN_VOLTAGE_LIMIT_V) return PADGEN_VOLTAGE_LIMIT_V;
-    if (volts <= -PADGEN_VOLTAGE_LIMIT_V) return -PADGEN_VOLTAGE_LIMIT_V;
-    return volts == volts ? volts : 0.0f;
+/* ---- Limits ---------------------------------------------------------------------------------------------- */
+
+/* Between -most and most, whatever the tables and levels hold; what is no number is silence. */
+static float within(float value, float most) {
+    if (value >= most) return most;
+    if (value <= -most) return -most;
+    return value == value ? value : 0.0f;
+}
+
+static const float coil_limit_w = PADGEN_COIL_LIMIT_UW / 1000000.0f, pad_limit_w = PADGEN_PAD_LIMIT_UW / 1000000.0f;
+static const float constant_samples = (float)(UINT32_C(1) << PADGEN_HEAT_SHIFT);
+
+/* What is given of all that is asked where the heat is such a share of its limit: no more at the limit itself. */
+static float given_at(float warmth) {
+    const float room = 64.0f * (1.0f - warmth);
+    return room > 0.0f ? within(room, 1.0f) : 0.0f;
+}
+
+/* A sample later, `share` being what is lost in it over what is lost at the limit; rounded to the warm side. */
+static uint32_t warmed(uint32_t heat, float share) {
+    const uint32_t limit = UINT32_C(1) << 31;
+    const float more = share * (2147483648.0f / constant_samples);
+    heat -= heat >> PADGEN_HEAT_SHIFT;
+    if (more > 0.0f) heat += more < 1073741824.0f ? (uint32_t)more + 1 : UINT32_C(1) << 30;
+    return heat < limit ? heat : limit;
+}
+
+/* Take back what a coil does not bear of a voltage, and follow its current and heat, as if the converter held the voltage
+ * for the sample. Warmth w is heat h and the field's energy, both over what is lost at the limit P in a time constant T:
+ * it grows by the electrical energy v i dt / (P T) and falls by h dt / T. A sample brings at most |v| max|i| dt, which
+ * `room_w` keeps below (1 - w) P T: so w, and with it the heat, never goes beyond 1. */
+static float bear(padgen_drive *drive, unsigned coil, float volts, float pad_share, float pad_room_w) {
+    const float before = drive->current_a[coil], share = given_at(drive->warmth[coil]);
+    const float least = share < pad_share ? share : pad_share;
+    const float coil_room_w = (1.0f - drive->warmth[coil]) * coil_limit_w * constant_samples;
+    const float room_w = coil_room_w < pad_room_w ? coil_room_w : pad_room_w;
+    const float above = PADGEN_RESISTANCE_OHM * (before + (PADGEN_CURRENT_LIMIT_A - before) / PADGEN_CURRENT_RISE);
+    const float below = PADGEN_RESISTANCE_OHM * (before - (PADGEN_CURRENT_LIMIT_A + before) / PADGEN_CURRENT_RISE);
+    float most_w, after, lost_w, field_w;
+    volts = least * within(volts, PADGEN_VOLTAGE_LIMIT_V);
+    if (volts > above) volts = above;
+    if (volts < below) volts = below;
+    after = PADGEN_CURRENT_RISE / PADGEN_RESISTANCE_OHM * (volts < 0.0f ? -volts : volts);
+    most_w = (volts < 0.0f ? -volts : volts) * ((before < 0.0f ? -before : before) + after);
+    if (most_w > room_w) volts *= room_w > 0.0f ? room_w / most_w : 0.0f;
+    after = (1.0f - PADGEN_CURRENT_RISE) * before + PADGEN_CURRENT_RISE / PADGEN_RESISTANCE_OHM * volts;
+    if (after < 1e-18f && after > -1e-18f) after = 0.0f;
+    lost_w = PADGEN_RESISTANCE_OHM * (PADGEN_SQUARE_AFTER * after * after + PADGEN_SQUARE_BOTH * after * before +
+                                      PADGEN_SQUARE_BEFORE * before * before);
+    field_w = after * after * (PADGEN_INDUCTANCE_H * (float)PADGEN_RATE_HZ / 2.0f) / constant_samples;
+    drive->current_a[coil] = after;
+    drive->heat[coil] = warmed(drive->heat[coil], lost_w / coil_limit_w);
+    drive->warmth[coil] = (float)drive->heat[coil] / 2147483648.0f + field_w / coil_limit_w;
+    drive->lost_w += lost_w;
+    drive->field_w += field_w;
+    if (least < drive->given) drive->given = least;
+    return volts;
+}
+
+/* Whether the main program is there: from 1 to 0 in a ramp where it is not, and back. */
+static float awake(padgen_drive *drive) {
+    const float step = 1.0f / (float)PADGEN_RAMP_SAMPLES;
+    if (drive->away < PADGEN_WATCHDOG_SAMPLES) drive->away++;
+    if (drive->away < PADGEN_WATCHDOG_SAMPLES) return within(drive->awake + step, 1.0f);
+    return drive->awake > step ? drive->awake - step : 0.0f;
 }
 
 void padgen_next(padgen_drive *drive, float volts[PADGEN_COILS]) {
     unsigned kind, coil;
+    float share, room_w;
+    if (drive->rest > 0 || drive->faults) {
+        for (coil = 0; coil < PADGEN_COILS; coil++) volts[coil] = 0.0f;
+        if (drive->rest > 0) drive->rest--;
+        return;
+    }
     turn_over(drive);
     if (drive->silent) {
         for (coil = 0; coil < PADGEN_COILS; coil++) volts[coil] = 0.0f;
@@ -308,8 +368,98 @@ void padgen_next(padgen_drive *drive, float volts[PADGEN_COILS]) {
 #endif
         for (coil = 0; coil < PADGEN_COILS; coil++) {
             const moving i = current(drive, coil, now);
-            volts[coil] = within_limit(PADGEN_RESISTANCE_OHM * i.value + PADGEN_INDUCTANCE_H * i.slope);
+            volts[coil] = PADGEN_RESISTANCE_OHM * i.value + PADGEN_INDUCTANCE_H * i.slope;
         }
     }
+    drive->awake = awake(drive);
+    share = given_at(drive->pad_warmth);
+    if (drive->awake < share) share = drive->awake;
+    room_w = (1.0f - drive->pad_warmth) * pad_limit_w * constant_samples / (float)PADGEN_COILS;
+    drive->given = 1.0f;
+    drive->lost_w = drive->field_w = 0.0f;
+    for (coil = 0; coil < PADGEN_COILS; coil++) volts[coil] = bear(drive, coil, volts[coil], share, room_w);
+    drive->pad_heat = warmed(drive->pad_heat, drive->lost_w / pad_limit_w);
+    drive->pad_warmth = (float)drive->pad_heat / 2147483648.0f + drive->field_w / pad_limit_w;
     step_phases(drive);
+}
+
+/* ---- Start ----------------------------------------------------------------------------------------------- */
+
+uint32_t padgen_crc32(uint32_t before, const void *bytes, size_t count) {
+    static const uint32_t table[16] = { /* four bits at a time */
+        UINT32_C(0x00000000), UINT32_C(0x1db71064), UINT32_C(0x3b6e20c8), UINT32_C(0x26d930ac),
+        UINT32_C(0x76dc4190), UINT32_C(0x6b6b51f4), UINT32_C(0x4db26158), UINT32_C(0x5005713c),
+        UINT32_C(0xedb88320), UINT32_C(0xf00f9344), UINT32_C(0xd6d6a3e8), UINT32_C(0xcb61b38c),
+        UINT32_C(0x9b64c2b0), UINT32_C(0x86d3d2d4), UINT32_C(0xa00ae278), UINT32_C(0xbdbdf21c),
+    };
+    const uint8_t *at = bytes;
+    uint32_t rest = ~before;
+    while (count--) {
+        rest ^= *at++;
+        rest = table[rest & 15] ^ (rest >> 4);
+        rest = table[rest & 15] ^ (rest >> 4);
+    }
+    return ~rest;
+}
+
+/* All at such a share of 2^31 of their heat, and without current. */
+static void set_heat(padgen_drive *drive, uint32_t heat) {
+    unsigned coil;
+    memset(drive->current_a, 0, sizeof drive->current_a);
+    for (coil = 0; coil < PADGEN_COILS; coil++) {
+        drive->heat[coil] = heat;
+        drive->warmth[coil] = (float)heat / 2147483648.0f;
+    }
+    drive->pad_heat = heat;
+    drive->pad_warmth = (float)heat / 2147483648.0f;
+}
+
+static int near(float value, float wanted) { return value - wanted < 1e-5f && wanted - value < 1e-5f; }
+
+/* What is volatile here the compiler cannot work out beforehand, nor with options by which nothing is no number. */
+static uint8_t self_test(padgen_drive *drive) {
+    static const float limit_v = PADGEN_VOLTAGE_LIMIT_V;
+    volatile uint32_t last = UINT32_MAX;
+    volatile float huge = 3e38f, two = 2.0f, none;
+    uint32_t sum = 0;
+    uint8_t faults = 0;
+    float first, after;
+#define PADGEN_SUM(table) sum = padgen_crc32(sum, table, sizeof table);
+    PADGEN_TABLES(PADGEN_SUM)
+    if (sum != PADGEN_TABLES_CRC) faults |= PADGEN_TABLES_FAULT;
+
+    none = huge * huge;
+    if (within(none, limit_v) != limit_v || padgen_code(-none, 1.0f, 16) != -32767) faults |= PADGEN_CLAMP_FAULT;
+    none -= none;
+    if (within(none, limit_v) != 0.0f || padgen_code(none, 1.0f, 16) != 0) faults |= PADGEN_CLAMP_FAULT;
+    set_heat(drive, UINT32_C(1) << 31);
+    if (bear(drive, 0, huge, 1.0f, huge) != 0.0f) faults |= PADGEN_CLAMP_FAULT;
+    if (drive->heat[0] != (UINT32_C(1) << 31) - (UINT32_C(1) << (31 - PADGEN_HEAT_SHIFT)))
+        faults |= PADGEN_ARITHMETIC_FAULT;
+    set_heat(drive, 0);
+    first = bear(drive, 0, huge, 1.0f, huge);
+    after = drive->current_a[0];
+    if (!(first > 0.0f && first <= limit_v && after > 0.0f && after <= 1.000001f * PADGEN_CURRENT_LIMIT_A))
+        faults |= PADGEN_CLAMP_FAULT;
+    if (drive->heat[0] == 0 || drive->warmth[0] > 1.0f) faults |= PADGEN_ARITHMETIC_FAULT;
+    if (last + 1 != 0 || !near(sqrtf(two) * sqrtf(two), 2.0f)) faults |= PADGEN_ARITHMETIC_FAULT;
+    if (!near(sine(last / 4 + 1), 1.0f) || !near(sine(last / 4 * 3 + 3), -1.0f) || !near(sine(last / 8), 0.70710678f))
+        faults |= PADGEN_ARITHMETIC_FAULT;
+    return faults;
+}
+
+void padgen_start(padgen_drive *drive) {
+    uint8_t faults;
+    memset(drive, 0, sizeof *drive);
+    faults = self_test(drive);
+    memset(drive, 0, sizeof *drive);
+    drive->faults = faults;
+    drive->to = 1;
+    drive->next = 2;
+    drive->step = PADGEN_STEP_SAMPLES;
+    drive->silent = 1;
+    drive->rest = PADGEN_START_SAMPLES;
+    drive->awake = drive->given = 1.0f;
+    set_heat(drive, UINT32_C(63) << 25);
+    restart_phases(drive);
 }

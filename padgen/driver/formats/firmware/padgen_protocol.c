@@ -4,25 +4,8 @@
 #include <string.h>
 
 enum { HELLO = 1, FRAME = 2, FRAME_BITS = 3, SILENCE = 4, PING = 5, GREETING = 129, ACK = 130, NAK = 131 };
-enum { DAMAGED = 1, VERSION = 2, KIND = 3, LENGTH = 4, STRANGER = 5, DUPLICATE = 6, ORDER = 7, BUSY = 8 };
-enum { HEAD = 4, TAIL = 4, GREETING_BYTES = 40, LONGEST_ANSWER = HEAD + GREETING_BYTES + TAIL };
-
-/* CRC-32 as in Ethernet and zlib, four bits at a time. */
-static uint32_t checksum(const uint8_t *bytes, size_t count) {
-    static const uint32_t table[16] = {
-        UINT32_C(0x00000000), UINT32_C(0x1db71064), UINT32_C(0x3b6e20c8), UINT32_C(0x26d930ac),
-        UINT32_C(0x76dc4190), UINT32_C(0x6b6b51f4), UINT32_C(0x4db26158), UINT32_C(0x5005713c),
-        UINT32_C(0xedb88320), UINT32_C(0xf00f9344), UINT32_C(0xd6d6a3e8), UINT32_C(0xcb61b38c),
-        UINT32_C(0x9b64c2b0), UINT32_C(0x86d3d2d4), UINT32_C(0xa00ae278), UINT32_C(0xbdbdf21c),
-    };
-    uint32_t rest = UINT32_C(0xffffffff);
-    while (count--) {
-        rest ^= *bytes++;
-        rest = table[rest & 15] ^ (rest >> 4);
-        rest = table[rest & 15] ^ (rest >> 4);
-    }
-    return ~rest;
-}
+enum { DAMAGED = 1, VERSION = 2, KIND = 3, LENGTH = 4, STRANGER = 5, DUPLICATE = 6, ORDER = 7, BUSY = 8, FAULT = 9 };
+enum { HEAD = 4, TAIL = 4, GREETING_BYTES = 41, LONGEST_ANSWER = HEAD + GREETING_BYTES + TAIL };
 
 static uint8_t *put(uint8_t *at, uint32_t value, unsigned bytes) {
     while (bytes--) {
@@ -47,7 +30,7 @@ static void send_packet(padgen_link *link, uint8_t *packet, unsigned payload, un
     packet[0] = PADGEN_PROTOCOL_VERSION;
     packet[1] = (uint8_t)kind;
     put(packet + 2, sequence, 2);
-    put(packet + count, checksum(packet, count), 4);
+    put(packet + count, padgen_crc32(0, packet, count), 4);
     count += TAIL;
     line[0] = 0;
     for (k = 0; k < count; k++) {
@@ -63,10 +46,18 @@ static void send_packet(padgen_link *link, uint8_t *packet, unsigned payload, un
 }
 
 static void acknowledge(padgen_link *link, unsigned kind, uint32_t sequence) {
+    const padgen_drive *drive = link->drive;
     uint8_t packet[LONGEST_ANSWER];
+    uint32_t most = 0;
+    unsigned coil;
+    for (coil = 0; coil < PADGEN_COILS; coil++)
+        if (drive->heat[coil] > most) most = drive->heat[coil];
     packet[HEAD] = (uint8_t)kind;
-    packet[HEAD + 1] = (uint8_t)padgen_state(link->drive);
-    send_packet(link, packet, 2, ACK, sequence);
+    packet[HEAD + 1] = (uint8_t)padgen_state(drive);
+    packet[HEAD + 2] = drive->faults;
+    packet[HEAD + 3] = (uint8_t)((most >> 16) * 255 >> 15);
+    packet[HEAD + 4] = (uint8_t)(drive->given * 255.0f);
+    send_packet(link, packet, 5, ACK, sequence);
 }
 
 static void refuse(padgen_link *link, unsigned kind, uint32_t sequence, unsigned reason) {
@@ -96,6 +87,7 @@ static void greet(padgen_link *link, uint32_t sequence) {
     at = put(at, parts_of_s(least, 1000000), 4);
     at = put(at, parts_of_s(PADGEN_WATCHDOG_SAMPLES, 1000), 4);
     at = put(at, parts_of_s(longest, 1000), 4);
+    *at++ = link->drive->faults;
     send_packet(link, packet, (unsigned)(at - packet) - HEAD, GREETING, sequence);
 }
 
@@ -107,7 +99,9 @@ static void frame(padgen_link *link, unsigned kind, uint16_t sequence, const uin
     const uint16_t behind = (uint16_t)(link->next_sequence - sequence);
     uint8_t level[PADGEN_TAXELS];
     unsigned k;
-    if (!link->greeted) {
+    if (link->drive->faults) {
+        refuse(link, kind, sequence, FAULT);
+    } else if (!link->greeted) {
         refuse(link, kind, sequence, STRANGER);
     } else if (count != due) {
         refuse(link, kind, sequence, LENGTH);
@@ -142,7 +136,7 @@ static void message(padgen_link *link) {
     const unsigned kind = packet[1];
     uint16_t sequence;
     if (link->broken || link->left || count < HEAD + TAIL ||
-        get(packet + count - TAIL, 4) != checksum(packet, count - TAIL)) {
+        get(packet + count - TAIL, 4) != padgen_crc32(0, packet, count - TAIL)) {
         refuse(link, 0, 0, DAMAGED);
         return;
     }
@@ -203,6 +197,7 @@ static int runs_out(uint32_t *count, uint32_t samples, uint32_t most) {
 void padgen_link_tick(padgen_link *link, uint32_t samples) {
     const int lost = runs_out(&link->quiet, samples, PADGEN_WATCHDOG_SAMPLES);
     const int stale = runs_out(&link->held, samples, PADGEN_HOLD_SAMPLES);
+    padgen_attend(link->drive);
     if (lost || stale) padgen_silence(link->drive);
 }
 
