@@ -159,7 +159,8 @@ class SweepTable:
         """Return the voltage (n,), straight between the rows in frequency and amplitude."""
         at = np.arange(ceil(self.seconds * rate_hz)) / (self.seconds * rate_hz) * (len(self.hz) - 1)
         rows = np.arange(len(self.hz))
-        turns = np.cumsum(np.interp(at, rows, self.hz)) / rate_hz
+        hz = np.interp(at, rows, self.hz)
+        turns = (np.cumsum(hz) - hz) / rate_hz
         return np.asarray(np.interp(at, rows, self.volts) * np.sin(2 * np.pi * turns))
 
 
