@@ -84,7 +84,8 @@ class Bench:
         """
         plan, sink = self.plan, self.sink
         row, column = next(t.coil for t in plan.taxels if name in (t.id, t.id.partition("k")[0]))
-        coil, coils = row * plan.coils.columns + column, plan.coils.rows * plan.coils.columns
+        coil = row * plan.coils.columns + column
+        outputs = 1 if self.by_hand else plan.coils.rows * plan.coils.columns
         played: np.ndarray | None = None
         chirp = excitation(plan, "chirp", self.rate_hz, sweep_s(plan) * (1 if sink is None else LONGER**attempt))
         beyond = next(judge_load("", plan, excitation_load(plan, chirp)), None)
@@ -96,8 +97,7 @@ class Bench:
             current, seconds = current_of_voltage(self.rate_hz, volts, ohms, henries), ring_s(plan) + LATE_S
         else:
             current, seconds = chirp.current_a, len(chirp.current_a) / self.rate_hz + LATE_S
-            played = np.zeros((len(current), 1 if self.by_hand else coils), np.float32)
-            played[:, 0 if self.by_hand else coil] = chirp.voltage_v / plan.spec.drive.voltage_limit_v
+            played = chirp.voltage_v / plan.spec.drive.voltage_limit_v
 
         def by_firmware() -> None:
             told(f"{name}: the firmware plays its sweep")
@@ -106,8 +106,17 @@ class Bench:
         def heard_for(done: float) -> None:
             told(f"{name}: {done:.1f} s of {max(done, seconds):.1f} s")
 
-        begin = by_firmware if sink is None else None
-        heard = recorded(self.source, self.rate_hz, seconds, sink, played, begin, heard_for)
+        heard = recorded(
+            self.source,
+            self.rate_hz,
+            seconds,
+            sink,
+            played,
+            outputs,
+            min(coil, outputs - 1),
+            by_firmware if sink is None else None,
+            heard_for,
+        )
         told(f"{name}: fitting")
         path = self.folder / RECORDED / TRIED / f"{name}.wav"
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -143,7 +143,7 @@ def excitation(
     )
 
 
-SWEEP_ROWS, SHORTEST_S = 129, 0.1
+SWEEP_ROWS, SHORTEST_S = 65, 0.1
 """Rows of the firmware's table, and the length in s of a silent sweep."""
 
 

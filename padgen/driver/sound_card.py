@@ -189,13 +189,16 @@ def recorded(
     seconds: float,
     sink: AudioDevice | None = None,
     played: np.ndarray | None = None,
+    outputs: int = 1,
+    channel: int = 0,
     begin: Callable[[], None] | None = None,
     told: Callable[[float], None] = lambda seconds: None,
 ) -> np.ndarray:
-    """Record the first channel of an input for some seconds, as (n,), while `played` (k, channels) sounds on `sink`.
+    """Record the first channel of an input for some seconds, as (n,), while `played` (k,) sounds on a `sink`.
 
-    Where there is `begin`, it is called once the input runs, and the seconds count from its end. `told` hears how many
-    are recorded. An interrupt fades out what is played, and is raised again.
+    It sounds on one `channel` of `outputs`, the others are silent. Where there is `begin`, it is called once the input
+    runs, and the seconds count from its end. `told` hears how many are recorded. An interrupt fades out what is played,
+    and is raised again.
 
     Raises
     ------
@@ -205,7 +208,7 @@ def recorded(
         Samples were lost.
     """
     sound, over, stopped, lost = _sounddevice(), Event(), Event(), Event()
-    sounds = np.zeros((0, 1)) if played is None else played
+    sounds = np.zeros(0) if played is None else played
     heard: list[np.ndarray] = []
     wanted, done = round(seconds * rate_hz), 0
     count = wanted if begin is None else sys.maxsize
@@ -213,13 +216,13 @@ def recorded(
     def block(samples: np.ndarray, *more: Any) -> None:
         nonlocal done
         *out, _, _, status = more
-        if status:
+        if status.input_overflow or status.output_underflow:
             lost.set()
         heard.append(samples[:, 0].copy())
         for sounding in out:
             part = sounds[done : done + len(samples)]
             sounding[:] = 0
-            sounding[: len(part)] = part
+            sounding[: len(part), channel] = part
             if stopped.is_set():
                 sounding *= blend(np.linspace(1, 0, len(samples)))[:, None]
         done += len(samples)
@@ -231,7 +234,7 @@ def recorded(
         if sink is None:
             stream = sound.InputStream(device=source.index, channels=1, **settings)
         else:
-            both, channels = (source.index, sink.index), (1, sounds.shape[1])
+            both, channels = (source.index, sink.index), (1, outputs)
             stream = sound.Stream(device=both, channels=channels, **settings)
         with stream:
             try:
