@@ -17,7 +17,7 @@ from padgen.cli.common import (
 from padgen.cli.drive import plan_of
 from padgen.core.errors import SpecError, plain
 
-__all__ = ["add"]
+__all__ = ["add", "tell"]
 
 KINDS = ("spectrum", "chirp", "pluck")
 
@@ -98,6 +98,11 @@ def _retune(options: argparse.Namespace) -> int:
             options.coupon,
             progress,
         )
+    return tell(options, plan, written)
+
+
+def tell(options: argparse.Namespace, plan: Any, written: Any) -> int:
+    """Print what a re-tuned folder holds, and return the exit code."""
     if options.json:
         print_json(written.table())
     else:

@@ -7,6 +7,7 @@ all channels together ask for."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import ceil
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from padgen.measured.simulate import (
 from padgen.physics.currents import mean_square_a2
 from padgen.planner.plan import Plan
 
-__all__ = ["KINDS", "Excitation", "excitation"]
+__all__ = ["KINDS", "Excitation", "SweepTable", "excitation", "sweep_table"]
 
 KINDS = ("chirp", "noise")
 VOLTAGE_SHARE = 0.9
@@ -148,3 +149,42 @@ def excitation(
     return Excitation(
         kind, rate_hz, band, swept / rate_hz, together, places, current * factor, volts * factor, share, loss_w
     )
+
+
+SWEEP_ROWS, SHORTEST_S = 65, 0.1
+"""Rows of the firmware's table, and the length in s of a silent sweep."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SweepTable:
+    """A sweep as the firmware plays it: frequency `hz` and amplitude `volts` of the voltage, in even steps of time."""
+
+    seconds: float
+    hz: np.ndarray
+    volts: np.ndarray
+
+    def voltage_v(self, rate_hz: float) -> np.ndarray:
+        """Return the voltage (n,), straight between the rows in frequency and amplitude."""
+        at = np.arange(ceil(self.seconds * rate_hz)) / (self.seconds * rate_hz) * (len(self.hz) - 1)
+        rows = np.arange(len(self.hz))
+        hz = np.interp(at, rows, self.hz)
+        turns = (np.cumsum(hz) - hz) / rate_hz
+        return np.asarray(np.interp(at, rows, self.volts) * np.sin(2 * np.pi * turns))
+
+
+def sweep_table(plan: Plan) -> SweepTable:
+    """Return the sweep by which the firmware measures one coil's taxels, as strong as the chirp.
+
+    It is silent where nothing can be measured.
+    """
+    low, high = measuring_band_hz(plan)
+    try:
+        share = excitation(plan, "chirp", ceil(SAMPLES_OF_HIGHEST * high)).level_share
+        hz = np.geomspace(low, high, SWEEP_ROWS)
+        line = share * shaking_line_a2(plan)(hz)
+    except SpecError:
+        return SweepTable(SHORTEST_S, np.zeros(2), np.zeros(2))
+    coil = plan.spec.coil
+    ohms = np.hypot(coil.resistance_ohm, np.pi * hz * coil.inductance_mh * MH)
+    fade = np.clip(np.minimum(np.arange(SWEEP_ROWS), np.arange(SWEEP_ROWS)[::-1]) / 4, 0, 1)
+    return SweepTable(sweep_s(plan), hz / 2, ohms * np.sqrt(2 * line) * fade)

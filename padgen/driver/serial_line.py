@@ -24,6 +24,7 @@ from zlib import crc32
 import numpy as np
 
 from padgen.core.errors import EngineMissingError, FileError, SpecError, at_least, number
+from padgen.driver.excitation import sweep_table
 from padgen.driver.limits import refuse_frames
 from padgen.driver.waveform import timeline
 from padgen.measured.tuning import Tuning, tuning_to_json
@@ -44,6 +45,7 @@ __all__ = [
     "State",
     "decode",
     "encode",
+    "excite",
     "frame_message",
     "greeting",
     "plan_hash",
@@ -58,7 +60,7 @@ FULL_LEVEL = 255
 SEQUENCES = 1 << 16
 HEAD, TAIL = struct.Struct("<BBH"), struct.Struct("<I")
 GREETING = struct.Struct(f"<{HASH_BYTES}sHHBBHIIIII")
-REFUSAL = struct.Struct("<BBH")
+REFUSAL, COIL = struct.Struct("<BBH"), struct.Struct("<H")
 GREETING_BYTES = GREETING.size
 GIVEN = 4
 """Where an ACK has the share of the voltage that is given."""
@@ -75,6 +77,7 @@ class Kind(IntEnum):
     FRAME_BITS = 3
     SILENCE = 4
     PING = 5
+    EXCITE = 6
     GREETING = 129
     ACK = 130
     NAK = 131
@@ -338,6 +341,34 @@ def play_frames(
         return Played(device, len(frames), link.resent, time.monotonic() - began, link.given / FULL_LEVEL)
 
 
+def excite(
+    port: str,
+    plan: Plan,
+    coil: int,
+    *,
+    tuning: Tuning | None = None,
+    baud: int = BAUD,
+    reply_s: float = LEAST_REPLY_S,
+    greet_s: float = GREET_S,
+) -> None:
+    """Let the device play its sweep on a coil, row by row, and wait for the end.
+
+    Raises
+    ------
+    FileError, EngineMissingError
+        As `play_frames` does.
+    """
+    with _opened(port, baud) as line:
+        link = _Link(line, port, reply_s)
+        with link.closing_in("the sweep"):
+            link.greet(plan, tuning, greet_s)
+            try:
+                link.sweep(coil, sweep_table(plan).seconds)
+            except BaseException:
+                link.silence_if_it_can()
+                raise
+
+
 def _seconds(count: int, baud: int) -> float:
     return count * BITS_A_BYTE / baud
 
@@ -411,6 +442,11 @@ class _Link:
             self._ask(Message(Kind.SILENCE, self._next_tag()))
             self._wait_for(lambda state: state == State.SILENT)
 
+    def sweep(self, coil: int, seconds: float) -> None:
+        """Play a coil's sweep to its end."""
+        self._ask(Message(Kind.EXCITE, self._next_tag(), COIL.pack(coil)))
+        self._wait_for(lambda state: state == State.SILENT, 2 * seconds)
+
     def silence_if_it_can(self) -> None:
         """Silence, on the way out with an error that matters more than another one."""
         with suppress(*LINE_ERRORS, FileError):
@@ -457,9 +493,9 @@ class _Link:
             time.sleep(pause)
             self._state()
 
-    def _wait_for(self, reached: Callable[[int], bool]) -> None:
+    def _wait_for(self, reached: Callable[[int], bool], longest_s: float = 0.0) -> None:
         assert self._device is not None
-        longest_s = max(self._device.silence_ms * 1e-3, 2e-6 * self._device.least_frame_us)
+        longest_s = max(longest_s, self._device.silence_ms * 1e-3, 2e-6 * self._device.least_frame_us)
         end = time.monotonic() + longest_s + TRIES * self._reply_s
         while not reached(self._state()):
             if time.monotonic() > end:
@@ -488,6 +524,8 @@ class _Link:
         )
 
     def _refused(self, reason: int) -> str:
+        if reason == Reason.KIND:
+            return "the device's firmware is an older one; write it anew with padgen drive --formats c, and compile it"
         if reason in (Reason.STRANGER, Reason.ORDER):
             return "the device began anew while it played: was it reset, or does another program use its port?"
         name = Reason(reason).name.lower() if reason in list(Reason) else str(reason)

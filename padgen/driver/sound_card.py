@@ -1,9 +1,11 @@
-"""A multichannel WAV through a sound card, one channel a coil."""
+"""A multichannel WAV through a sound card, one channel a coil, and recordings of what its inputs hear meanwhile."""
 
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -13,17 +15,19 @@ from padgen.core.wav_reader import Wave, read_wav
 from padgen.driver.formats.wav import BEYOND_LIMIT
 from padgen.driver.waveform import blend
 
-__all__ = ["EXTRA", "AudioDevice", "Sounded", "list_devices", "play_wave"]
+__all__ = ["EXTRA", "AudioDevice", "Sounded", "audio_device", "list_devices", "play_wave", "recorded"]
 
 EXTRA = "play"
 FADE_S = 0.05
 """Time of fading in and out where a file is begun or stopped in its middle."""
 BLOCK_S = 0.25
+LOOK_S, LATE, FEWEST_LOOKS = 0.1, 2, 50
+"""Seconds between two looks at a recording; the share of its length, and the looks more, after which it is given up."""
 
 
 @dataclass(frozen=True, slots=True)
 class AudioDevice:
-    """An output of the computer; `is_default` where none was named."""
+    """An output, or an input, of the computer; `is_default` where none was named."""
 
     index: int
     name: str
@@ -43,8 +47,8 @@ class Sounded:
     missed: int
 
 
-def list_devices() -> list[AudioDevice]:
-    """Return all outputs.
+def list_devices(kind: str = "output") -> list[AudioDevice]:
+    """Return all outputs, or with `kind` 'input' all inputs.
 
     Raises
     ------
@@ -53,10 +57,10 @@ def list_devices() -> list[AudioDevice]:
     """
     sound = _sounddevice()
     try:
-        default = int(sound.query_devices(kind="output")["index"])
+        default = int(sound.query_devices(kind=kind)["index"])
     except (ValueError, sound.PortAudioError):
         default = -1
-    devices = [_device(entry, default) for entry in sound.query_devices()]
+    devices = [_device(entry, default, kind) for entry in sound.query_devices()]
     return [device for device in devices if device.channels > 0]
 
 
@@ -88,8 +92,7 @@ def play_wave(
     _, *beyond = wave.comment.split(BEYOND_LIMIT)
     if beyond:
         raise SpecError(f"is not played: it {beyond[0]}", str(path))
-    sound = _sounddevice()
-    chosen = _chosen(sound, device)
+    sound, chosen = _sounddevice(), audio_device(device)
     named = f"{chosen.name} (device {chosen.index})"
     if wave.channels > chosen.channels:
         raise SpecError(
@@ -151,24 +154,109 @@ def _around(wave: Wave, start: int, count: int) -> np.ndarray:
     return np.concatenate([first, wave.read(0, count - len(first))])
 
 
-def _chosen(sound: Any, device: int | str | None) -> AudioDevice:
-    """Find the device that is meant: by number, by a part of its name, or the first choice."""
+def audio_device(device: int | str | None, kind: str = "output", where: str = "--audio") -> AudioDevice:
+    """Find the output, or the input, that is meant: by number, by a part of its name, or the first choice.
+
+    Raises
+    ------
+    SpecError
+        There is none; the sentence has those that there are, and begins with the option `where`.
+    EngineMissingError
+        sounddevice or its library PortAudio is not installed.
+    """
+    sound = _sounddevice()
     if isinstance(device, str) and device.isdigit():
         device = int(device)
     try:
-        return _device(sound.query_devices(device, "output"), -1 if device is not None else None)
+        return _device(sound.query_devices(device, kind), -1 if device is not None else None, kind)
     except (ValueError, sound.PortAudioError) as error:
-        there = "; ".join(f"{d.index} {d.name} ({d.channels} channels)" for d in list_devices()) or "none"
-        named = "no output device was found" if device is None else f"no output device {device!r}"
+        there = "; ".join(f"{d.index} {d.name} ({d.channels} channels)" for d in list_devices(kind)) or "none"
+        named = f"no {kind} device was found" if device is None else f"no {kind} device {device!r}"
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise SpecError(f"{named} ({reason}); there are: {there}", "--audio") from error
+        raise SpecError(f"{named} ({reason}); there are: {there}", where) from error
 
 
-def _device(entry: Any, default: int | None) -> AudioDevice:
+def _device(entry: Any, default: int | None, kind: str) -> AudioDevice:
     """Read a device as sounddevice tells of it; `default` is the number of the first choice, None if this is it."""
     index = int(entry["index"])
-    rate, channels = float(entry["default_samplerate"]), int(entry["max_output_channels"])
+    rate, channels = float(entry["default_samplerate"]), int(entry[f"max_{kind}_channels"])
     return AudioDevice(index, str(entry["name"]), channels, rate, default is None or index == default)
+
+
+def recorded(
+    source: AudioDevice,
+    rate_hz: int,
+    seconds: float,
+    sink: AudioDevice | None = None,
+    played: np.ndarray | None = None,
+    outputs: int = 1,
+    channel: int = 0,
+    begin: Callable[[], None] | None = None,
+    told: Callable[[float], None] = lambda seconds: None,
+) -> np.ndarray:
+    """Record the first channel of an input for some seconds, as (n,), while `played` (k,) sounds on a `sink`.
+
+    It sounds on one `channel` of `outputs`, the others are silent. Where there is `begin`, it is called once the input
+    runs, and the seconds count from its end. `told` hears how many are recorded. An interrupt fades out what is played,
+    and is raised again.
+
+    Raises
+    ------
+    SpecError
+        The devices do not run at this rate, or not together.
+    FileError
+        Samples were lost.
+    """
+    sound, over, stopped, lost = _sounddevice(), Event(), Event(), Event()
+    sounds = np.zeros(0) if played is None else played
+    heard: list[np.ndarray] = []
+    wanted, done = round(seconds * rate_hz), 0
+    count = wanted if begin is None else sys.maxsize
+
+    def block(samples: np.ndarray, *more: Any) -> None:
+        nonlocal done
+        *out, _, _, status = more
+        if status.input_overflow or status.output_underflow:
+            lost.set()
+        heard.append(samples[:, 0].copy())
+        for sounding in out:
+            part = sounds[done : done + len(samples)]
+            sounding[:] = 0
+            sounding[: len(part), channel] = part
+            if stopped.is_set():
+                sounding *= blend(np.linspace(1, 0, len(samples)))[:, None]
+        done += len(samples)
+        if done >= count or stopped.is_set():
+            raise sound.CallbackStop
+
+    settings = {"samplerate": rate_hz, "dtype": "float32", "callback": block, "finished_callback": over.set}
+    try:
+        if sink is None:
+            stream = sound.InputStream(device=source.index, channels=1, **settings)
+        else:
+            both, channels = (source.index, sink.index), (1, outputs)
+            stream = sound.Stream(device=both, channels=channels, **settings)
+        with stream:
+            try:
+                if begin is not None:
+                    begin()
+                    count = done + wanted
+                for _ in range(int(LATE * seconds / LOOK_S) + FEWEST_LOOKS):
+                    if over.wait(LOOK_S):
+                        break
+                    told(done / rate_hz)
+            except BaseException:
+                stopped.set()
+                over.wait(1.0)
+                raise
+    except (ValueError, sound.PortAudioError) as error:
+        names = source.name if sink is None else f"{sink.name} and {source.name}"
+        raise SpecError(f"{names} cannot record at {rate_hz} Hz ({error})", "--record") from error
+    if done < count:
+        raise FileError("stopped before the recording was over; is it still connected?", source.name)
+    if lost.is_set():
+        raise FileError("samples were lost; close other programs, or take a lower --rate", source.name)
+    return np.concatenate(heard)[:count].astype(float)
 
 
 def _sounddevice() -> Any:

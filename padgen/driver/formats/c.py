@@ -17,6 +17,7 @@ import numpy as np
 
 from padgen.core.errors import SpecError
 from padgen.core.files import OutputFolder
+from padgen.driver.excitation import SweepTable, sweep_table
 from padgen.driver.formats import DriveJob
 from padgen.driver.limits import group_channels, judge_limits, least_constants
 from padgen.driver.pad_drive import CONTROLLER_RATES_HZ, CoilDrive, PadDrive
@@ -111,6 +112,7 @@ def c_header(plan: Plan, drive: PadDrive, tuning: Tuning | None = None) -> str:
         _table("uint8_t padgen_plan_hash[8]", [f"0x{byte:02x}" for byte in plan_hash(plan, tuning)]),
         *_pad_tables(plan, drive, kinds, of_coil),
         *_kind_tables(drive, kinds),
+        *_sweep(sweep_table(plan), drive.rate_hz),
     ]
     if drive.scheme.is_root:
         parts += _constant_tables(kinds)
@@ -289,6 +291,13 @@ def _constant_tables(kinds: Sequence[_Kind]) -> Iterable[str]:
         of_groups = [*least, *[(0.0,) * (1 << size)] * (groups - len(least))]
         rows.append("{" + ",\n".join(_braces([_float_above(a2) for a2 in states]) for states in of_groups) + "},")
     yield _rows(f"float padgen_least_a2[PADGEN_KINDS][PADGEN_GROUPS][{1 << size}]", rows)
+
+
+def _sweep(table: SweepTable, rate_hz: int) -> Iterable[str]:
+    """Yield the sweep that measures a coil's taxels: frequencies and amplitudes in even steps of time."""
+    yield f"#define PADGEN_SWEEP_SAMPLES {ceil(table.seconds * rate_hz)}u\n#define PADGEN_SWEEP_ROWS {len(table.hz)}\n"
+    rows = [f"{{{_float(hz)}, {_float(volts)}}}," for hz, volts in zip(table.hz, table.volts, strict=True)]
+    yield _rows("float padgen_sweep[PADGEN_SWEEP_ROWS][2]", rows)
 
 
 def _turns(turns: float) -> int:

@@ -90,7 +90,7 @@ void padgen_attend(padgen_drive *drive) { drive->away = 0; }
 
 int padgen_show(padgen_drive *drive, const uint8_t level[PADGEN_TAXELS]) {
     padgen_attend(drive);
-    if (drive->waiting != NOTHING || drive->faults) return 0;
+    if (drive->waiting != NOTHING || drive->sweep_left || drive->faults) return 0;
     memcpy(drive->level[drive->next], level, PADGEN_TAXELS);
     drive->playing[drive->next] = 1;
     prepare(drive, drive->next);
@@ -101,6 +101,7 @@ int padgen_show(padgen_drive *drive, const uint8_t level[PADGEN_TAXELS]) {
 
 void padgen_silence(padgen_drive *drive) {
     const uint8_t waiting = drive->waiting;
+    drive->sweep_stops = 1;
     if (waiting == SILENCE || (waiting == NOTHING && !drive->playing[drive->to])) return;
     drive->waiting = NOTHING; /* from here on the interrupt leaves `next` alone */
     PADGEN_BARRIER();
@@ -112,9 +113,21 @@ void padgen_silence(padgen_drive *drive) {
 }
 
 int padgen_state(const padgen_drive *drive) {
-    if (drive->waiting != NOTHING) return PADGEN_SWITCHING;
+    if (drive->waiting != NOTHING || drive->sweep_left) return PADGEN_SWITCHING;
     if (drive->silent) return PADGEN_SILENT;
     return PADGEN_TAKES_TURNS || drive->step >= PADGEN_STEP_SAMPLES ? PADGEN_HOLDING : PADGEN_SWITCHING;
+}
+
+int padgen_excite(padgen_drive *drive, uint16_t coil) {
+    padgen_attend(drive);
+    if (coil >= PADGEN_COILS || drive->faults || padgen_state(drive) != PADGEN_SILENT) return 0;
+    drive->sweep_coil = coil;
+    drive->sweep_phase = 0;
+    drive->sweep_gain = 1.0f;
+    drive->sweep_stops = 0;
+    PADGEN_BARRIER();
+    drive->sweep_left = PADGEN_SWEEP_SAMPLES;
+    return 1;
 }
 
 static void begin(padgen_drive *drive) {
@@ -348,6 +361,20 @@ static float awake(padgen_drive *drive) {
     return drive->awake > step ? drive->awake - step : 0.0f;
 }
 
+/* The next sample of a sweep, whose frequency and amplitude are straight between the table's rows. */
+static float swept(padgen_drive *drive) {
+    const float rows = (float)(PADGEN_SWEEP_ROWS - 1) / (float)PADGEN_SWEEP_SAMPLES;
+    const float at = rows * (float)(PADGEN_SWEEP_SAMPLES - drive->sweep_left);
+    const unsigned row = at < (float)(PADGEN_SWEEP_ROWS - 2) ? (unsigned)at : PADGEN_SWEEP_ROWS - 2;
+    const float *here = padgen_sweep[row], *next = padgen_sweep[row + 1], share = at - (float)row;
+    const float volts = (here[1] + share * (next[1] - here[1])) * drive->sweep_gain * sine(drive->sweep_phase);
+    drive->sweep_phase += (uint32_t)(4294967296.0f / PADGEN_RATE_HZ * (here[0] + share * (next[0] - here[0])));
+    drive->sweep_left--;
+    if (drive->sweep_stops) drive->sweep_gain -= 50.0f / PADGEN_RATE_HZ;
+    if (drive->sweep_gain <= 0.0f) drive->sweep_left = 0;
+    return volts;
+}
+
 void padgen_next(padgen_drive *drive, float volts[PADGEN_COILS]) {
     unsigned kind, coil;
     float share, room_w;
@@ -359,6 +386,7 @@ void padgen_next(padgen_drive *drive, float volts[PADGEN_COILS]) {
     turn_over(drive);
     if (drive->silent) {
         for (coil = 0; coil < PADGEN_COILS; coil++) volts[coil] = 0.0f;
+        if (drive->sweep_left) volts[drive->sweep_coil] = swept(drive);
     } else {
         const blend now = blend_now(drive);
         for (kind = 0; kind < PADGEN_KINDS; kind++) make_waves(drive, kind);

@@ -75,6 +75,11 @@ typedef struct {
     uint32_t carrier_phase;
     uint32_t sample; /* within the period */
     uint32_t step, slot; /* samples since the transition, or the slot, began */
+    volatile uint32_t sweep_left; /* samples of a sweep that are still to come */
+    uint32_t sweep_phase;
+    volatile uint16_t sweep_coil;
+    volatile uint8_t sweep_stops; /* it fades out, to end before its time */
+    float sweep_gain;
     uint32_t rest; /* samples of silence that are left of the start */
     float current_a[PADGEN_COILS]; /* in each coil, after the last sample */
     uint32_t heat[PADGEN_COILS]; /* of each coil; 2^31 is its limit */
@@ -106,6 +111,10 @@ int padgen_show(padgen_drive *drive, const uint8_t level[PADGEN_TAXELS]);
 
 /* Ramp to silence, as soon as the present transition (time-shared: slot) is over; a waiting frame is dropped. */
 void padgen_silence(padgen_drive *drive);
+
+/* Shake the taxels of one coil by a sweep, so that they can be measured; 0 where the pad is not silent, and nothing was
+ * done. It ends by itself, or by padgen_silence. */
+int padgen_excite(padgen_drive *drive, uint16_t coil);
 
 /* Voltages of all coils for the next sample, to be called PADGEN_RATE_HZ times a second. None is ever beyond
  * PADGEN_VOLTAGE_LIMIT_V, nor makes more current or heat than is borne: where a state asks for more, it gets less. */

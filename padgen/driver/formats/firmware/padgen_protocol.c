@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-enum { HELLO = 1, FRAME = 2, FRAME_BITS = 3, SILENCE = 4, PING = 5, GREETING = 129, ACK = 130, NAK = 131 };
+enum { HELLO = 1, FRAME = 2, FRAME_BITS = 3, SILENCE = 4, PING = 5, EXCITE = 6, GREETING = 129, ACK = 130, NAK = 131 };
 enum { DAMAGED = 1, VERSION = 2, KIND = 3, LENGTH = 4, STRANGER = 5, DUPLICATE = 6, ORDER = 7, BUSY = 8, FAULT = 9 };
 enum { HEAD = 4, TAIL = 4, GREETING_BYTES = 41, LONGEST_ANSWER = HEAD + GREETING_BYTES + TAIL };
 
@@ -130,6 +130,21 @@ static void hello(padgen_link *link, uint16_t sequence, const uint8_t *payload, 
     greet(link, sequence);
 }
 
+static void excite(padgen_link *link, uint16_t sequence, const uint8_t *payload, unsigned count) {
+    if (link->drive->faults) {
+        refuse(link, EXCITE, sequence, FAULT);
+    } else if (!link->greeted) {
+        refuse(link, EXCITE, sequence, STRANGER);
+    } else if (count != 2 || get(payload, 2) >= PADGEN_COILS) {
+        refuse(link, EXCITE, sequence, LENGTH);
+    } else if (!padgen_excite(link->drive, (uint16_t)get(payload, 2))) {
+        refuse(link, EXCITE, sequence, BUSY);
+    } else {
+        link->held = PADGEN_HOLD_SAMPLES; /* a sweep ends by itself */
+        acknowledge(link, EXCITE, sequence);
+    }
+}
+
 static void message(padgen_link *link) {
     const uint8_t *packet = link->packet;
     const unsigned count = link->length;
@@ -150,6 +165,8 @@ static void message(padgen_link *link) {
         hello(link, sequence, packet + HEAD, count - HEAD - TAIL);
     } else if (kind == FRAME || kind == FRAME_BITS) {
         frame(link, kind, sequence, packet + HEAD, count - HEAD - TAIL);
+    } else if (kind == EXCITE) {
+        excite(link, sequence, packet + HEAD, count - HEAD - TAIL);
     } else if (kind == SILENCE || kind == PING) {
         if (kind == SILENCE) padgen_silence(link->drive);
         acknowledge(link, kind, sequence);
