@@ -81,6 +81,8 @@ QUIET_SHARE, BEFORE_S, RINGING_TAUS = 1e-3, 0.1, 12.0
 DECAY_TAUS, DECAY_PERIODS, FEWEST_PERIODS = 15.0, 10.0, 4.0
 FEWEST_SAMPLES, MOST_SAMPLES = 64, 1 << 20
 """Fewest and most samples of a driven record; of a decay the first quarter of the latter are used."""
+ANSWERING = 3.0
+"""Largest |Q (s − 1/s)| within which the answer of a driven resonance must exceed what is left."""
 NO_ANSWER = (
     "shows no answer to the excitation: the best one is hidden in what does not follow it; excite more, check that the"
     " first channel is the excitation (and, of noise, that it passes direct current) and that the sensor is on this"
@@ -262,7 +264,7 @@ def fit_driven(
         ]
     )
     _refuse_short(len(y) / rate_hz, hz)
-    near = np.abs(detuning(fit.lines.frequency, hz, q)) < 1
+    near = np.abs(detuning(fit.lines.frequency, hz, q)) < ANSWERING
     answer = (fit.basis[:, 0] * fit.factors[0])[near]
     if not _gain(fit) >= LEAST_GAIN or np.linalg.norm(answer) < np.linalg.norm(fit.residual[near]):
         raise SolverError(NO_ANSWER)
