@@ -380,7 +380,9 @@ class _Link:
             )
         if device.faults:
             found = ", ".join(fault.name.lower() for fault in Fault if fault & device.faults)  # type: ignore[union-attr]
-            raise FileError(f"found its {found or 'self'} wrong when it tested itself, and stays silent; {cure}", self._port)
+            raise FileError(
+                f"found its {found or 'self'} wrong when it tested itself, and stays silent; {cure}", self._port
+            )
         self._device = device
         return self._device
 
