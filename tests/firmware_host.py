@@ -190,7 +190,7 @@ def compiled(
 def limited(
     name: str, coil_w: float, power_w: float | None = None, current_a: float | None = None
 ) -> tuple[Plan, PadDrive]:
-    """Return one of `PADS` whose coils bear `coil_w`, all of them `power_w`, its amplifier `current_a`; and its drive."""
+    """Return one of `PADS` whose coils bear `coil_w`, all of them `power_w`, its amplifier `current_a`; and a drive."""
     make, rate_hz, carrier_hz = PADS[name]
     plan = make()
     spec = plan.spec
@@ -205,8 +205,8 @@ def limited(
 class Meter:
     """What voltages do to coils, by filters at four times their rate: independent of the firmware's own account.
 
-    `heat` is the largest of any coil over its limit, if its time constant is the shortest that the firmware assumes, and
-    if it is one of `slower_s`; `total` that of all coils over the pad's limit.
+    `heat` is the largest of any coil over its limit, if its time constant is the shortest that the firmware assumes,
+    and if it is one of `slower_s`; `total` that of all coils over the pad's limit.
     """
 
     FINER = 4
@@ -265,9 +265,13 @@ def metered(host: Host, script: str, *options: str) -> Meter:
     return meter
 
 
-def noise(rng: np.random.Generator, count: int, rate_hz: int) -> Iterator[str]:
-    """Yield random bytes as fast as the line brings them, a real message among them now and then."""
+def noise(host: Host, rng: np.random.Generator, count: int, due: int) -> Iterator[str]:
+    """Yield random bytes as fast as the line brings them, now and then a frame among them, `due` the first of these."""
+    taxels, rate_hz = len(host.plan.taxels), host.drive.rate_hz
     for start in range(0, count, 1000):
+        if start % 40_000 == 0:
+            yield host.hello + feed(frame_message(np.ones(taxels), due))
+            due += 1
         some = rng.integers(0, 256, min(1000, count - start), dtype=np.uint8)
         # More zeros than chance has, so that there are packets of all lengths.
         some[rng.random(len(some)) < rng.choice([0.0, 0.02, 0.2])] = 0

@@ -309,7 +309,8 @@ OVERDRIVEN = {
     "spur-free": lambda: limited("spur-free", 0.5),
     "biased": lambda: limited("biased", 0.5, 1.2, 0.35),
 }
-"""Pads that ask for 3 to 5 times the heat that coils bear: tones; beyond the volts too; beyond amperes and all coils' heat."""
+"""Pads that ask for 3 to 5 times the heat that coils bear; the second for more volts too, the third for more amperes
+and more heat of all coils."""
 
 
 def shown_for_long(pad: Host, seconds: float) -> str:
@@ -418,7 +419,7 @@ def test_no_bytes_on_the_line_harm_it(
     rest = pad.number("PADGEN_WATCHDOG_SAMPLES") + 2 * pad.number("PADGEN_STEP_SAMPLES")
     began = time.monotonic()
     told = []
-    scripts = {"sessions": sessions(pad, rng, count), "random bytes": noise(rng, bytes_count, rate)}
+    scripts = {"sessions": sessions(pad, rng, count), "random bytes": noise(pad, rng, bytes_count, 1)}
     for kind, script in scripts.items():
         meter = metered(pad, shown_for_long(pad, 1.0) + "".join(script) + f"run {rest}\n")
         assert meter.volts <= spec.drive.voltage_limit_v
@@ -723,16 +724,16 @@ def test_example_of_the_page_is_what_the_encoder_makes():
     first[[0, 2, 15]] = 1.0
     assert packets[0] == encode(Message(Kind.HELLO, 1, pad))
     (met,), _ = decode(packets[1])
-    assert greeting(met) == (pad, 16, 16, 1, 0, 0, 8000, 133334, 133334, 1000, 267)
+    assert greeting(met) == (pad, 16, 16, 1, 0, 0, 8000, 133334, 133334, 1000, 267, 0)
     assert packets[2] == encode(frame_message(first, 0))
-    assert packets[3] == encode(Message(Kind.ACK, 0, bytes([Kind.FRAME_BITS, State.SWITCHING])))
+    assert packets[3] == encode(Message(Kind.ACK, 0, bytes([Kind.FRAME_BITS, State.SWITCHING, 0, 251, 255])))
     assert packets[4] == encode(frame_message(np.array([1, 128 / 255] + [0] * 14), 1))
     (refused,), _ = decode(packets[5])
     assert refusal(refused) == (Kind.FRAME, Reason.BUSY, 1)
     assert packets[6] == encode(Message(Kind.PING, 2))
-    assert packets[7] == encode(Message(Kind.ACK, 2, bytes([Kind.PING, State.HOLDING])))
+    assert packets[7] == encode(Message(Kind.ACK, 2, bytes([Kind.PING, State.HOLDING, 0, 231, 255])))
     assert packets[8] == encode(Message(Kind.SILENCE, 3))
-    assert packets[9] == encode(Message(Kind.ACK, 3, bytes([Kind.SILENCE, State.SWITCHING])))
+    assert packets[9] == encode(Message(Kind.ACK, 3, bytes([Kind.SILENCE, State.SWITCHING, 0, 231, 255])))
     assert len(packets) == 10
 
 

@@ -1,6 +1,7 @@
 """Playing to the compiled firmware over a good, a bad and a lost line, and through a sound card."""
 
 import os
+import re
 import select
 import subprocess
 import threading
@@ -22,7 +23,7 @@ from padgen.driver.serial_line import VERSION, Kind, Message, decode, encode, pl
 from padgen.driver.sound_card import list_devices, play_wave
 from padgen.driver.waveform import ramp_s
 
-from .firmware_host import Host, host
+from .firmware_host import Host, compiled, host
 
 SPEED = 20
 """Speed of the firmware's samples over real time; on a busy machine they pass more slowly."""
@@ -159,6 +160,22 @@ def test_a_frame_that_lasts_longer_than_one_is_held_is_sent_again(pad: Host, mon
         log = line.finish()
     assert shown(log) == np.repeat(np.rint(frames * 255).astype(int), 3, axis=0).tolist()
     assert (heard[0], heard[-1]) == (1, 2)
+
+
+def test_what_the_device_takes_back_is_told(pad: Host, tmp_path: Path):
+    lower = re.compile(r"(COIL|PAD)_LIMIT_UW \d+")
+    warm = compiled(pad.plan, pad.drive, tmp_path, lambda text: lower.sub(r"\1_LIMIT_UW 9000", text))
+    given = []
+    for one in (pad, warm):
+        with relayed(one, speed=1) as line:
+            given.append(play_frames(line.port, pad.plan, np.ones((4, 16)), 0.1, reply_s=1.0).given)
+    assert given[0] == 1.0 and 0.01 < given[1] < 0.9
+
+
+def test_a_device_whose_self_test_fails_is_not_played_on(pad: Host, tmp_path: Path):
+    spoiled = compiled(pad.plan, pad.drive, tmp_path, lambda text: re.sub(r"(line_a2.*\n\{)", r"\g<1>9", text))
+    with relayed(spoiled) as line, pytest.raises(FileError, match="found its tables wrong when it tested itself"):
+        play_frames(line.port, pad.plan, numbered(2), FRAME_S, reply_s=1.0)
 
 
 def test_it_is_silent_when_playing_ends(pad: Host):

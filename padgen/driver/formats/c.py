@@ -42,8 +42,8 @@ HEAT_S = 10.0
 """Thermal time constant of a coil, no longer than that of any that is likely.
 
 A winding half of copper (3.4 MJ/(m³ K)) in still air (at most 25 W/(m² K): Incropera et al., Fundamentals of Heat and
-Mass Transfer, 7th ed. 2011, table 1.1), as wide as long, has 3.4e6/2 · d/6 / 25: 113 s where d is 10 mm; a tenth of it is
-left for what flows off through the core. Shorter is safe: with first-order lags the heat of a slower coil is a weighted
+Mass Transfer, 7th ed. 2011, table 1.1), as wide as long, has 3.4e6/2 · d/6 / 25: 113 s where d is 10 mm. Through core
+and board ten times as much may flow off. Shorter is safe: with first-order lags the heat of a slower coil is a weighted
 mean of the past heat of a quicker one, and no higher.
 """
 MICRO, SMALL = 1e-6, 1e-4

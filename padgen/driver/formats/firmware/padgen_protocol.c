@@ -5,7 +5,7 @@
 
 enum { HELLO = 1, FRAME = 2, FRAME_BITS = 3, SILENCE = 4, PING = 5, EXCITE = 6, GREETING = 129, ACK = 130, NAK = 131 };
 enum { DAMAGED = 1, VERSION = 2, KIND = 3, LENGTH = 4, STRANGER = 5, DUPLICATE = 6, ORDER = 7, BUSY = 8, FAULT = 9 };
-enum { HEAD = 4, TAIL = 4, GREETING_BYTES = 41, LONGEST_ANSWER = HEAD + GREETING_BYTES + TAIL };
+enum { HEAD = 4, TAIL = 4, GREETING_BYTES = 37, LONGEST_ANSWER = HEAD + GREETING_BYTES + TAIL };
 
 static uint8_t *put(uint8_t *at, uint32_t value, unsigned bytes) {
     while (bytes--) {
