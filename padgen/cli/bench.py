@@ -66,7 +66,7 @@ def _bench(options: argparse.Namespace) -> int:
     try:
         for name in left:
             _measure(options, session, name)
-    except KeyboardInterrupt as error:
+    except (KeyboardInterrupt, EOFError) as error:
         kept = sum(map(session.is_kept, names))
         told = f"stopped with {kept} of {len(names)} recorded; the same command goes on with the others"
         raise FileError(told, str(folder)) from error
@@ -109,7 +109,8 @@ def _is_ready(session: Any, name: str, attempt: int) -> bool:
     wired = f"coil {coil} at output 1, " if session.by_hand else ""
     sensor = f"where all taxels of {name} are heard" if name == coil else f"at {name}"
     repeats = "repeats" if attempt else "records"
-    return input(f"{wired}sensor {sensor}: Enter {repeats}, s leaves it out ").strip().lower() != "s"
+    print(f"{wired}sensor {sensor}: Enter {repeats}, s leaves it out ", end="", file=sys.stderr, flush=True)
+    return input().strip().lower() != "s"
 
 
 def _say(options: argparse.Namespace, text: str) -> None:

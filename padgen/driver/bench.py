@@ -21,7 +21,7 @@ from padgen.driver.serial_line import BAUD, excite
 from padgen.driver.sound_card import AudioDevice, audio_device, recorded
 from padgen.measured.fits import TaxelFit, fit_measured
 from padgen.measured.read import read_measured
-from padgen.measured.simulate import ring_s, sweep_s
+from padgen.measured.simulate import measuring_band_hz, ring_s, sweep_s
 from padgen.measured.tuning import Tuning
 from padgen.physics.resonance_fit import current_of_voltage
 from padgen.planner.plan import Plan, plan_to_json
@@ -32,8 +32,10 @@ RECORDED, TRIED = "recorded", "tried"
 """Folder of the recordings, and in it that of those which could not be fitted."""
 LATE_S = 0.5
 """Longest time by which what is heard may come after what is played."""
-BELOW_FULL = 0.99
-"""Largest value of the current in a file, which would else look clipped."""
+BELOW_FULL, FULL = 0.99, 0.9999
+"""Largest value of the current in a file, which would else look clipped; the value from which an input is."""
+KEPT = 16
+"""Least samples in a file, over periods of the highest frequency that is measured."""
 LONGER = 2.0
 """Factor on a sweep's length with each repetition."""
 Told = Callable[[str], None]
@@ -120,11 +122,16 @@ class Bench:
         told(f"{name}: fitting")
         path = self.folder / RECORDED / TRIED / f"{name}.wav"
         path.parent.mkdir(parents=True, exist_ok=True)
-        columns = np.zeros((max(len(heard), len(current)), 2))
-        columns[: len(current), 0] = current * (BELOW_FULL / np.abs(current).max())
-        columns[: len(heard), 1] = np.clip(heard, -1, 1)
-        with WavWriter(path, self.rate_hz, 2, len(columns), "float") as file:
-            file.write(columns)
+        # Means over some samples are enough, and do not fill the disk; one that was clipped stays so.
+        most = int(self.rate_hz / (KEPT * measuring_band_hz(plan)[1]))
+        step = max((k for k in range(1, most + 1) if self.rate_hz % k == 0), default=1)
+        parts = np.zeros((max(len(heard), len(current)) // step + 1, step, 2))
+        parts.reshape(-1, 2)[: len(current), 0] = current * (BELOW_FULL / np.abs(current).max())
+        parts.reshape(-1, 2)[: len(heard), 1] = heard
+        kept, clipped = parts.mean(1), np.abs(parts[..., 1]).max(1) >= FULL
+        kept[clipped, 1] = np.sign(kept[clipped, 1])
+        with WavWriter(path, self.rate_hz // step, 2, len(kept), "float") as file:
+            file.write(kept)
         try:
             fits = fit_measured(read_measured([path], plan), plan, nearest)
         except FileError as error:
