@@ -30,7 +30,7 @@ test: $(STAMP) ## the whole test suite (the firmware's need gcc and g++, install
 	  { apt-get update -qq && apt-get install -y -qq --no-install-recommends gcc g++ libc6-dev; }
 	$(BIN)/python -m pytest -n $$(($(CORES) + 1)) --dist loadfile
 
-soak: $(STAMP) ## throw random bytes and damaged sessions at the firmware (five minutes)
+soak: $(STAMP) ## throw random bytes and damaged sessions at the firmware (eight minutes)
 	$(BIN)/python -m pytest -m soak tests/test_firmware.py
 
 check: $(STAMP) ## style and types

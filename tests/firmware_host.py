@@ -5,6 +5,7 @@ import shutil
 import subprocess
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -48,12 +49,14 @@ grid = [2, 2]
 """
 
 
+@cache
 def drum(name: str, taxels: int, drive: str, inductance_mh: float = 61, more: str = "") -> Plan:
     """Plan a pad over four large coils, with any scheme and with empty places."""
     text = f'name = "{name}"\n' + DRUM.format(taxels=taxels, drive=drive, inductance_mh=inductance_mh, more=more)
     return make_plan(parse_spec(text))
 
 
+@cache
 def quick() -> Plan:
     """Plan a pad of one channel, so high that frames may be short."""
     return make_plan(parse_spec(QUICK))

