@@ -7,7 +7,7 @@ from typing import Any
 from padgen.cli.common import add_model, add_output, add_spec, add_verbose, folder_of, progress_line, show
 from padgen.cli.drive import plan_of, tuning_of
 from padgen.cli.retune import tell
-from padgen.core.errors import EngineMissingError, FileError, SolverError, SpecError, number, plain
+from padgen.core.errors import EngineMissingError, FileError, SolverError, SpecError, plain
 
 __all__ = ["add"]
 
@@ -95,8 +95,8 @@ def _measure(options: argparse.Namespace, session: Any, name: str) -> None:
         for fit in fits:
             _say(
                 options,
-                f"{fit.id}  {number(fit.resonance_hz)} ± {number(fit.resonance_error_hz)} Hz,"
-                f" Q {number(fit.q)} ± {number(fit.q_error)}",
+                f"{fit.id}  {fit.resonance_hz:.2f} ± {fit.resonance_error_hz:.1g} Hz,"
+                f" Q {fit.q:.1f} ± {fit.q_error:.1g}",
             )
         return
 
