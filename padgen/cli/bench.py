@@ -7,7 +7,7 @@ from typing import Any
 from padgen.cli.common import add_model, add_output, add_spec, add_verbose, folder_of, progress_line, show
 from padgen.cli.drive import plan_of, tuning_of
 from padgen.cli.retune import tell
-from padgen.core.errors import EngineMissingError, FileError, SolverError, SpecError, number, plain
+from padgen.core.errors import EngineMissingError, FileError, SolverError, SpecError, plain
 
 __all__ = ["add"]
 
@@ -52,7 +52,7 @@ def _bench(options: argparse.Namespace) -> int:
         plan = plan_of(options, progress)
     folder, tuning = folder_of(options, plan.name), tuning_of(options.tuning, plan)
     session = bench(plan, folder, options.device, options.record, options.rate, options.port, options.baud, tuning)
-    if session.sink and session.by_hand and not sys.stdin.isatty():
+    if session.sink and session.by_hand and not _asks():
         raise SpecError(
             f"{session.sink.name} has {session.sink.channels} output channels for"
             f" {plan.coils.rows * plan.coils.columns} coils; run this in a terminal, which asks to connect one coil"
@@ -73,7 +73,7 @@ def _bench(options: argparse.Namespace) -> int:
     if not any(map(session.is_kept, names)):
         raise FileError("has no recording that shows a resonance; nothing is re-tuned", str(folder / RECORDED))
     with progress_line() as progress:
-        written = write_retuned(plan, folder, str(folder / RECORDED), nearest=options.nearest, progress=progress)
+        written = write_retuned(plan, folder, [str(folder / RECORDED)], nearest=options.nearest, progress=progress)
     return tell(options, plan, written)
 
 
@@ -95,15 +95,20 @@ def _measure(options: argparse.Namespace, session: Any, name: str) -> None:
         for fit in fits:
             _say(
                 options,
-                f"{fit.id}  {number(fit.resonance_hz)} ± {number(fit.resonance_error_hz)} Hz,"
-                f" Q {number(fit.q)} ± {number(fit.q_error)}",
+                f"{fit.id}  {fit.resonance_hz:.2f} ± {fit.resonance_error_hz:.1g} Hz,"
+                f" Q {fit.q:.1f} ± {fit.q_error:.1g}",
             )
         return
 
 
+def _asks() -> bool:
+    """Tell whether there is somebody at a terminal to ask."""
+    return sys.stdin is not None and sys.stdin.isatty()
+
+
 def _is_ready(session: Any, name: str, attempt: int) -> bool:
     """Ask at a terminal whether sensor and coil are in place; elsewhere they are."""
-    if not sys.stdin.isatty():
+    if not _asks():
         return True
     coil = name.partition("k")[0]
     wired = f"coil {coil} at output 1, " if session.by_hand else ""
