@@ -391,8 +391,8 @@ LONG_S = 6.0
 """A run that takes longer is not repeated, a shorter one at least once."""
 MODELS = ("padgen.physics", "padgen.planner", "padgen.verify")
 TIMES = (
-    f"run times are the best of 2 to {MOST_RUNS} runs (of one run if it takes over {LONG_S:g} s) on one thread, with empty"
-    " caches, without starting Python and imports"
+    f"run times are the best of 2 to {MOST_RUNS} runs (of one run if it takes over {LONG_S:g} s) on one thread, with"
+    " empty caches, without starting Python and imports"
 )
 
 

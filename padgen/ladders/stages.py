@@ -533,7 +533,9 @@ def pad_ladders(scene: Scene) -> Iterator[Ladder]:
     plan, clamping = scene.plan, "corners" if scene.plan.spec.pad.hole_diameter_mm else "bottom"
     rungs = [Rung("clamped sub-cell", "no frame around it", partial(planned_hz, plan))]
     rungs += [
-        Rung(ON_FRAME, f"order-{order} elements", partial(pad_hz, plan, clamping, order), ON_FRAME, imports=FRAME_ENGINE)
+        Rung(
+            ON_FRAME, f"order-{order} elements", partial(pad_hz, plan, clamping, order), ON_FRAME, imports=FRAME_ENGINE
+        )
         for order in ORDERS
     ]
     yield Ladder(

@@ -506,7 +506,7 @@ def _unexcited(plan: Plan, found: Sequence[Crowd]) -> Iterator[Finding]:
             "modes.near",
             "channels " + ", ".join(str(index) for index in dict.fromkeys(c.index for c, _ in silent)),
             f"further modes lie in other channels' slots ({listed}); the coil's pull moves them by less than"
-            f" {number(1 / plan.spec.delta_y)} of the ON amplitude, but would by more if a washer were glued off its place",
+            f" {number(1 / plan.spec.delta_y)} of the ON amplitude; a washer glued off its place would move them more",
         )
 
 
