@@ -476,7 +476,7 @@ def figures_text(figures: dict[str, Any]) -> str:
         ("smallest_wall_mm", "mm smallest wall"),
         ("smallest_gap_mm", "mm smallest gap"),
         ("longest_bridge_mm", "mm longest bridge"),
-        ("largest_difference_from_plan_mm", "mm off the plan at most"),
+        ("largest_difference_from_plan_mm", "mm largest difference from the plan"),
     ):
         value = figures.get(key)
         if value is not None:
