@@ -352,7 +352,7 @@ def test_largest_first_and_plain(name):
     assert [LeftOut(**e) for e in read] == list(entries)
     line = left_out_line(entries)
     first = next(e.term for e in entries if not e.computed)
-    assert line.startswith(f"left out: {first} ") and line.endswith("more, each less")
+    assert line.startswith(f"ignored effects: {RUNGS[first][0]}: ") and line.endswith("more, each less")
 
 
 def test_findings_are_of_terms_above_the_tolerance():
@@ -367,7 +367,7 @@ def test_findings_are_of_terms_above_the_tolerance():
         assert all(f"{RUNGS[e.term][0]}: " in found[0].message for e in large)
     computed = [replace(e, computed=True) for e in entries]
     assert not list(judge_left_out(spec, computed))
-    assert left_out_line(computed) == "left out: nothing"
+    assert left_out_line(computed) == "ignored effects: none"
 
 
 def test_line():
@@ -376,12 +376,13 @@ def test_line():
         LeftOut("gap", 0.25, "1", "force of channel 0", computed=True),
         LeftOut("motion", 3.456e-6, "1", "current of channel 2", computed=False),
     ]
-    switching = "left out: switching without a bound of the ring-down of channel 0"
-    assert left_out_line(entries) == f"{switching}; motion ≤ 0.00035 % of the current of channel 2"
+    cause, cure = RUNGS["switching"]
+    switching = f"ignored effects: {cause}: an unknown share of the ring-down of channel 0"
+    motion = f"{RUNGS['motion'][0]}: up to 0.00035 % of the current of channel 2"
+    assert left_out_line(entries) == f"{switching}; {motion}"
     assert left_out_line(entries, most=1) == f"{switching}; 1 more, each less"
     finding = next(judge_left_out(scene("paper-32")[0], entries))
     assert "ignored effects above 2 % (model.tolerance)" in finding.message
-    cause, cure = RUNGS["switching"]
     assert finding.message.endswith(f": {cause}: an unknown share of the ring-down of channel 0 ({cure})")
 
 

@@ -23,7 +23,7 @@ from padgen.physics import beams
 from padgen.physics.beams import (
     BeamSection,
     EndCompliance,
-    bent_slowness,
+    largest_inverse_square,
     largest_stress,
     root_load,
     tip_mass,
@@ -253,7 +253,7 @@ def test_mass_of_a_slender_straight_path_is_the_cubics():
     assert parted == pytest.approx(whole, rel=2e-6, abs=1e-15 * whole.max())
     bending, *_, stretch, _ = rigidities(slender)
     # Dunkerley's sum for a clamped beam: l^4/420, beside 1/500.6 of its lowest mode.
-    lowest = bent_slowness(slender._replace(path=((8 * MM, 0.0),)), E, NU, 1240.0)
+    lowest = largest_inverse_square(slender._replace(path=((8 * MM, 0.0),)), E, NU, 1240.0)
     assert lowest == pytest.approx(1240.0 * stretch / E * slender.length**4 / 420 / bending, rel=1e-4)
 
 

@@ -182,7 +182,7 @@ def test_an_error_that_cannot_be_told_from_the_references_own_is_a_bound():
     values = (1.5, 1.004, 1.0, 1.001)
     result = judged(ladder(rungs_of((1, 0.5, 0.25, 0.125))), [known(v) for v in values])
     assert [row.is_bound for row in result.rows] == [False, False, True, True]
-    assert "≤" in study_text(_study(result)).splitlines()[6]
+    assert "≤" in study_text(_study(result)).splitlines()[7]
 
 
 def test_errors_are_relative_to_the_largest_or_to_each():
@@ -341,6 +341,7 @@ def test_the_table_tells_orders_and_refusals(result):
     text = study_text(_study(result))
     assert "order of convergence, fine: 2.00 observed, 2 in theory (by design)" in text
     assert "gone, : refused: it is gone" in text
+    assert "memory  quickest for\n" in text
 
 
 def test_words():

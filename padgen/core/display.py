@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Iterable, Sequence
+from itertools import chain, zip_longest
 from math import isfinite, isnan
 from typing import Any
 
@@ -21,14 +22,26 @@ def plot_bytes(figure: Any, kind: str) -> bytes:
 
 
 def table(headings: Sequence[str], rows: Iterable[Sequence[str]], left: int = 0) -> str:
-    """Return a text table of columns under their headings, the first `left` of them flush left, the others right."""
-    cells = [tuple(headings), *rows]
-    widths = [max(len(row[i]) for row in cells) for i in range(len(headings))]
+    """Return a text table of columns under their headings, the first `left` of them flush left, the others right.
+
+    Headings and cells may have several lines; a heading's last one stands right above the rule.
+
+    >>> print(table(["name", "level\\nµm"], [["a\\n b", "1.5"]], left=1))
+          level
+    name     µm
+    ----  -----
+    a       1.5
+     b
+    """
+    deep = max(heading.count("\n") for heading in headings)
+    cells = [["\n" * (deep - heading.count("\n")) + heading for heading in headings], *rows]
+    split = [list(zip_longest(*(cell.split("\n") for cell in row), fillvalue="")) for row in cells]
+    widths = [max(len(line[i]) for row in split for line in row) for i in range(len(headings))]
     lines = []
-    for row in cells:
-        sized = enumerate(zip(row, widths, strict=True))
+    for line in chain.from_iterable(split):
+        sized = enumerate(zip(line, widths, strict=True))
         lines.append("  ".join(cell.ljust(n) if i < left else cell.rjust(n) for i, (cell, n) in sized).rstrip())
-    lines.insert(1, "  ".join("-" * width for width in widths))
+    lines.insert(deep + 1, "  ".join("-" * width for width in widths))
     return "\n".join(lines)
 
 

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import SolverError
+from padgen.core.errors import SolverError, percent
 from padgen.core.runner import Answer, Runner, peak_mb, reset_peak
 from padgen.planner.plan import Channel, Plan
 
@@ -148,7 +148,7 @@ class Rung:
 
 @dataclass(frozen=True)
 class Ladder:
-    """The rungs that answer one question about one `subject`, coarse to fine.
+    """Models (rungs), coarse to fine, that answer one question about one `subject`.
 
     The last three rungs of the series `reference` are what the others are measured against. Errors
     are relative to each value (`relative_to` = "each") or to the largest one ("largest"). `before` is called
@@ -285,14 +285,14 @@ def _uncertainty(ladder: Ladder, measured: Sequence[Measured], solved: Sequence[
         return inf, False, f"no rung of '{ladder.reference}' has an answer, so that there is no reference"
     name = f"{ladder.rungs[solved[-1]].model}, {ladder.rungs[solved[-1]].resolution}"
     if len(solved) < 3:
-        return inf, False, f"not shown to be converged: two refinements to {name} are missing"
+        return inf, False, f"the reference {name} is not shown to be converged: it needs two coarser ones"
     first, second = (_distance(ladder, measured[a], measured[b]) for a, b in pairwise(solved[-3:]))
-    said = f"the last two refinements to {name} changed it by {first:.2g} and {second:.2g}"
+    said = f"the last two refinements changed it by {percent(first)} and {percent(second)}"
     ratio = second / first if first > 0 else inf
     if second <= ROUNDING or ratio <= SLOWEST:
         left = second * max(1.0, ratio / (1 - ratio)) if ratio <= SLOWEST else second
-        return max(left, FASTEST * first, ROUNDING), True, said
-    return CAUTION * max(first, second), False, f"not shown to be converged: {said}"
+        return max(left, FASTEST * first, ROUNDING), True, f"the reference is {name}: {said}"
+    return CAUTION * max(first, second), False, f"the reference is {name}, which is not shown to be converged: {said}"
 
 
 def _distance(ladder: Ladder, one: Measured, other: Measured, to: Measured | None = None) -> float:
@@ -391,8 +391,8 @@ LONG_S = 6.0
 """A run that takes longer is not repeated, a shorter one at least once."""
 MODELS = ("padgen.physics", "padgen.planner", "padgen.verify")
 TIMES = (
-    f"run times are the best of 2 to {MOST_RUNS} runs (of one where that takes over {LONG_S:g} s), on one thread, with"
-    " empty caches, in a process of its own that has started and imported what it needs: a first call takes longer"
+    f"run times are the best of 2 to {MOST_RUNS} runs (of one run if it takes over {LONG_S:g} s) on one thread, with"
+    " empty caches, without starting Python and imports"
 )
 
 

@@ -252,7 +252,7 @@ def allocation_ladders(scene: Scene) -> Iterator[Ladder]:
         return
     solve = (spec, drive, count)
     rungs = [
-        Rung("paper's bound", "Eq. 12", partial(bound_promise, *solve)),
+        Rung("paper's bound", "slots of Eq. 12", partial(bound_promise, *solve)),
         Rung("exact response", "one channel on", partial(even_ratio, *solve, True)),
         Rung("exact response", "all states", partial(even_ratio, *solve, False)),
     ]
@@ -268,8 +268,8 @@ def allocation_ladders(scene: Scene) -> Iterator[Ladder]:
         "",
         tuple(rungs),
         "optimised",
-        note="the first three are of resonances evenly in octaves: what they lack is what another choice would gain;"
-        " a search proves nothing: docs/selectivity.md compares it with what has been proven",
+        note="the first three are of resonances spread evenly in octaves, the others of the best that a search finds;"
+        " docs/selectivity.md compares these with what has been proven",
     )
 
 
@@ -367,7 +367,8 @@ def exact_volumes(tolerance: float, solids: list[Any]) -> Solved:
 
 AXISYMMETRIC = ((3, 1), (4, 2), (5, 3), (6, 4))
 SOLID = ((2, 1), (3, 2), (4, 3))
-"""(order, levels of refinement at the edges of steel): both are refined at a time."""
+"""(order of the elements, refinements of the mesh at the edges of steel): both grow at a time."""
+ORDER_NOTE = "the order is that of the polynomials in an element, and the mesh is refined at the edges"
 COAXIAL, OFF_AXIS = "axisymmetric field", "3-D field"
 FIELD_ENGINE = ("ngsolve", "netgen.occ", "netgen.geom2d", "scipy.sparse.linalg", "padgen.verify.field_solid")
 LEAST_OFFSET_MM = 1e-3
@@ -388,7 +389,7 @@ def force_ladders(scene: Scene) -> Iterator[Ladder]:
             "N/A²",
             tuple(_force_rungs(pull)),
             OFF_AXIS if offset else COAXIAL,
-            note="steel is linear, with the catalogue's permeability",
+            note=f"steel is linear, with the catalogue's permeability; {ORDER_NOTE} of steel",
         )
 
 
@@ -405,7 +406,8 @@ def _force_rungs(pull: Pull) -> Iterator[Rung]:
 
 
 def _resolution(order: int, levels: int) -> str:
-    return f"p = {order}, {levels} level{'s' * (levels != 1)}"
+    times = ("not refined", "refined once", f"refined {levels} times")[min(levels, 2)]
+    return f"order-{order} elements, {times}"
 
 
 def paper_pull(pull: Pull) -> Solved:
@@ -456,19 +458,20 @@ def structure_ladders(scene: Scene) -> Iterator[Ladder]:
             tuple(_structure_rungs(scene, channel)),
             REFERENCE,
             theory=THEORY,
+            note=f"{ORDER_NOTE} that hold much energy",
             before=None if place else partial(run_apart, write_steps, scene),
         )
 
 
 def _structure_rungs(scene: Scene, channel: Channel) -> Iterator[Rung]:
     spec, plan = scene.plan.spec, scene.plan
-    yield Rung("rule", "point mass", partial(rule_hz, spec, channel))
-    yield Rung("beam", "6 motions of a rigid body", partial(beam_hz, spec, channel))
+    yield Rung("rule", "the paper's point mass", partial(rule_hz, spec, channel))
+    yield Rung("beam", "rigid plate, 6 degrees of freedom", partial(beam_hz, spec, channel))
     for elements in ELEMENTS:
         solve = partial(frame_hz, spec, channel, elements, False)
         yield Rung("frame", f"{elements} element{'s' * (elements > 1)} a beam", solve, FRAME, 1 / elements, FRAMES)
     solve = partial(frame_hz, spec, channel, FULL, True)
-    yield Rung("frame", f"{FULL} elements with inner motions", solve, imports=FRAMES)
+    yield Rung("frame", f"{FULL} higher-order elements a beam", solve, imports=FRAMES)
     step = scene.step(channel)
     for order, levels in GRADED:
         solve = partial(graded_hz, plan, channel, step, order, levels)
@@ -530,7 +533,9 @@ def pad_ladders(scene: Scene) -> Iterator[Ladder]:
     plan, clamping = scene.plan, "corners" if scene.plan.spec.pad.hole_diameter_mm else "bottom"
     rungs = [Rung("clamped sub-cell", "no frame around it", partial(planned_hz, plan))]
     rungs += [
-        Rung(ON_FRAME, f"frame p = {order}", partial(pad_hz, plan, clamping, order), ON_FRAME, imports=FRAME_ENGINE)
+        Rung(
+            ON_FRAME, f"order-{order} elements", partial(pad_hz, plan, clamping, order), ON_FRAME, imports=FRAME_ENGINE
+        )
         for order in ORDERS
     ]
     yield Ladder(

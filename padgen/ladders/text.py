@@ -22,7 +22,8 @@ __all__ = [
     "study_text",
 ]
 
-HEADINGS = ("model", "resolution", "unknowns", "value", "error", "run time", "memory MB", "recommended for")
+HEADINGS = ("model", "unknowns", "value", "error", "run time", "memory\nMB", "quickest for\nan error of")
+WIDEST_MODEL = 36
 EXTREME_HEADINGS = ("domain", "case", "model", "error", "stated", "run time", "residual", "condition", "verdict")
 
 
@@ -43,8 +44,8 @@ def ladder_text(result: Judged, tolerances: Sequence[float] = TOLERANCES) -> str
     ladder = result.ladder
     unit = f", {ladder.unit}" if ladder.unit else ""
     lines = [f"{ladder.name}, {ladder.subject}: {ladder.quantity}{unit}"]
-    lines.append(table(HEADINGS, [_table_row(result, i, tolerances) for i in range(len(result.rows))], left=2))
-    reference = "" if result.reference is None else f" (the reference is good to {percent(result.uncertainty, 3)})"
+    lines.append(table(HEADINGS, [_table_row(result, i, tolerances) for i in range(len(result.rows))], left=1))
+    reference = "" if result.reference is None else f" (so it is known to ± {percent(result.uncertainty, 3)})"
     lines.append(f"{result.why}{reference}")
     if not result.converged and result.reference is not None:
         lines.append(f"nothing is recommended below {percent(result.uncertainty, 3)}")
@@ -57,19 +58,22 @@ def ladder_text(result: Judged, tolerances: Sequence[float] = TOLERANCES) -> str
 def _table_row(result: Judged, index: int, tolerances: Sequence[float]) -> tuple[str, ...]:
     row = result.rows[index]
     own = row.measured
-    holds = ", ".join(percent(tol, 3) for tol in tolerances if recommended_row(result, tol) == index)
+    # A rung that is the quickest for two errors is so for those in between.
+    holds = sorted({tol for tol in tolerances if recommended_row(result, tol) == index}, reverse=True)
+    model = f"{row.rung.model}, {row.rung.resolution}"
+    if len(model) > WIDEST_MODEL:
+        model = model.replace(", ", ",\n  ", 1)
     if own.values is None:
-        return (row.rung.model, row.rung.resolution, "", "", "not run" if own is NOT_RUN else "no answer", "", "", "")
+        return (model, "", "", "not run" if own is NOT_RUN else "no answer", "", "", "")
     value = f"{own.values.ravel()[0]:.7g}" if own.values.size == 1 else f"{own.values.size} values"
     return (
-        row.rung.model,
-        row.rung.resolution,
+        model,
         str(own.unknowns or ""),
         value,
         "?" if isnan(row.error) else f"≤ {percent(row.at_most, 3)}" if row.is_bound else percent(row.error, 3),
         seconds_text(own.seconds),
         f"{own.memory_mb:.1f}",
-        holds,
+        " … ".join(dict.fromkeys(percent(end, 3) for end in (holds[0], holds[-1]))) if holds else "",
     )
 
 

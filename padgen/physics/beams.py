@@ -38,10 +38,10 @@ __all__ = [
     "Surroundings",
     "YokeSize",
     "bend_stiffening",
-    "bent_slowness",
     "columns",
     "fitted",
     "flexibility",
+    "largest_inverse_square",
     "largest_stress",
     "matrices",
     "on_elastic_ends",
@@ -128,14 +128,20 @@ def sliced(path: Sequence[tuple[Array, Array]], width: Array, fillet: Array) -> 
 
 
 def within_up(slices: Slices) -> np.ndarray:
-    """Return shear force, twist and bending moment at each slice per unit load on the tip: up, about x, about y."""
+    """Return the loads at each slice per unit load on the tip, as matrices (…, 3, 3).
+
+    Rows: shear force, twist, bending moment. Columns: force up, moment about x, moment about y.
+    """
     x, y, cosine, sine, zero = slices.x, slices.y, slices.cosine, slices.sine, 0.0 * slices.x
     twist, bending = [sine * x - cosine * y, cosine, sine], [cosine * x + sine * y, -sine, cosine]
     return matrices([1 + zero, zero, zero], twist, bending)
 
 
 def within_side(slices: Slices) -> np.ndarray:
-    """Return pull, shear force and bending moment at each slice per unit load on the tip: along, sideways, about z."""
+    """Return the loads at each slice per unit load on the tip, as matrices (…, 3, 3).
+
+    Rows: pull, shear force, bending moment. Columns: force along x, force along y, moment about z.
+    """
     x, y, cosine, sine, zero = slices.x, slices.y, slices.cosine, slices.sine, 0.0 * slices.x
     return matrices([cosine, sine, zero], [-sine, cosine, zero], [y, -x, 1 + zero])
 
@@ -359,10 +365,10 @@ def tip_mass(section: BeamSection, density: float, poisson: Array = 0.3) -> np.n
     return mass
 
 
-def bent_slowness(section: BeamSection, modulus: Array, poisson: Array, density: float) -> Array:
-    """Return an upper bound of 1/ω² in s² for the lowest mode of a bent beam held at both ends.
+def largest_inverse_square(section: BeamSection, modulus: Array, poisson: Array, density: float) -> Array:
+    """Return an upper bound in s² of 1/ω², the inverse square of the lowest angular frequency, of a bent beam.
 
-    It is Dunkerley's sum over slices.
+    The beam is held at both ends. The bound is Dunkerley's sum over slices.
     """
     slowness = []
     for plane in _planes(section, modulus, poisson):

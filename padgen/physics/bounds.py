@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.physics.beams import BeamSection, bent_slowness, tip_mass
+from padgen.physics.beams import BeamSection, largest_inverse_square, tip_mass
 from padgen.physics.magnetic_charge import charged_core, flux_density
 from padgen.physics.magnetics import CoilSource, SteelRing, flat_spheroid_factor
 from padgen.physics.modes import BeamPlacement, to_tip
@@ -95,7 +95,7 @@ def _missed_energy(
     if section.path:
         # The mass of a bent beam includes rotary inertia, compliance of its ends and shear already.
         energy = np.einsum("...i,...ij,...j->...", tip, tip_mass(section, density, poisson), tip)
-        more = energy * _dynamic(square * bent_slowness(section, modulus, poisson, density))
+        more = energy * _dynamic(square * largest_inverse_square(section, modulus, poisson, density))
         return 0.0 * energy, 0.0 * energy, more
     width, thickness, length = (np.asarray(v, float) for v in section[:3])
     # Stiffness across the layers is a lower bound for upward shear and twist.

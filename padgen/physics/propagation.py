@@ -84,7 +84,7 @@ def tones(
 
 
 def turns(frequency_hz: np.ndarray, time_s: np.ndarray) -> np.ndarray:
-    """Return the cycles of a tone since its last whole period, in [−½, ½], of ``frequency × time``.
+    """Return frequency × time less the nearest whole number, in [−½, ½]: the phase of a tone in cycles.
 
     The product is computed to 106 bits before whole periods are dropped, since 2π f t of a long time has no digits left
     otherwise.

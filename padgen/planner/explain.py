@@ -50,7 +50,7 @@ class CapacityRow:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """One change of the spec as lines of its file, its cost (one of `COSTS`), and its gain.
+    """A change of the spec that was tried: the lines to write into its file, the cost (one of `COSTS`), and the gain.
 
     With the change `channels` per coil, driven by the scheme `drive`, keep the asked selectivity: `gained` more than
     without it. If there were room for all, `gained_in_band` more would (0 where no more are counted). `gained_db` is
@@ -226,7 +226,7 @@ def _limits(plan: Plan, held: int, drive: str) -> Iterator[str]:
     """Yield the limits that `held` + 1 channels per coil would break, in words."""
     spec, load = plan.spec, plan.load
     if spec.resonances_hz:
-        yield "resonances_hz: the spec lists them; other numbers of channels are taken as free to choose"
+        yield "resonances_hz: the spec lists them; for other numbers of channels padgen chooses them"
     if held >= MOST_TRIED:
         yield f"nothing up to {MOST_TRIED} channels per coil, beyond which none were tried"
         return
@@ -250,8 +250,8 @@ def _selectivity_limits(plan: Plan, more: int, drive: str) -> Iterator[str]:
         listed = more * spec.coil.sets == len(spec.resonances_hz or ())
         where = "at the listed resonances" if listed else f"with {spec.spacing!r} spacing"
         yield (
-            f"selectivity: {more} channels per coil {where} and {found.drive} keep {found.kept_db:.1f} dB in all"
-            f" states, asked are {found.asked_db:.1f} dB"
+            f"selectivity: {more} channels per coil {where}, driven {found.drive}, keep {found.kept_db:.1f} dB in"
+            f" all states, asked are {found.asked_db:.1f} dB"
         )
     if more > capacity.paper:
         yield (

@@ -500,13 +500,13 @@ def _unexcited(plan: Plan, found: Sequence[Crowd]) -> Iterator[Finding]:
     loud = {(crowd.channel, crowd.hz) for crowd in found}
     silent = [(c, other) for c, other in modes_in_slots(plan) if (c.index, c.second_mode_hz) not in loud]
     if silent:
-        listed = ", ".join(f"{c.index} at {number(c.second_mode_hz)} Hz on {o.index}" for c, o in silent)
+        listed = ", ".join(f"of {c.index} at {number(c.second_mode_hz)} Hz in the slot of {o.index}" for c, o in silent)
         yield Finding(
             "note",
             "modes.near",
             "channels " + ", ".join(str(index) for index in dict.fromkeys(c.index for c, _ in silent)),
-            f"a second mode lies in another channel's slot ({listed}); the coil's pull excites it too little to pass"
-            f" {number(1 / plan.spec.delta_y)} of the ON amplitude, a washer glued off its place would excite it more",
+            f"further modes lie in other channels' slots ({listed}); the coil's pull moves them by less than"
+            f" {number(1 / plan.spec.delta_y)} of the ON amplitude; a washer glued off its place would move them more",
         )
 
 

@@ -218,25 +218,25 @@ def left_out_line(entries: Sequence[LeftOut], most: int = 3) -> str:
     """Return one line of text with the `most` largest effects that are left out.
 
     >>> left_out_line([LeftOut("saturation", 0.0031, "1", "force of channel 1", False)])
-    'left out: saturation ≤ 0.31 % of the force of channel 1'
+    'ignored effects: the steel saturates: up to 0.31 % of the force of channel 1'
     """
-    dropped = [entry for entry in entries if not entry.computed and entry.status == "bounded"]
-    words = [
-        f"{entry.term} {'without a bound' if entry.bound is None else f'≤ {percent(entry.bound)}'} of the {entry.of}"
-        for entry in dropped[:most]
-    ]
+    dropped = _ignored(entries)
     rest = f"; {len(dropped) - most} more, each less" if len(dropped) > most else ""
-    return f"left out: {'; '.join(words)}{rest}" if words else "left out: nothing"
+    return f"ignored effects: {'; '.join(map(_told, dropped[:most])) or 'none'}{rest}"
+
+
+def _ignored(entries: Sequence[LeftOut]) -> list[LeftOut]:
+    return [entry for entry in entries if not entry.computed and entry.status == "bounded"]
+
+
+def _told(entry: LeftOut) -> str:
+    share = "an unknown share" if entry.bound is None else f"up to {percent(entry.bound)}"
+    return f"{RUNGS[entry.term][0]}: {share} of the {entry.of}"
 
 
 def judge_left_out(spec: Spec, entries: Sequence[LeftOut]) -> Iterator[Finding]:
     """Yield a note of the effects left out above `model.tolerance`, and a warning of unbounded stresses."""
-    told = [
-        f"{RUNGS[entry.term][0]}: {'an unknown share' if entry.bound is None else f'up to {percent(entry.bound)}'} of"
-        f" the {entry.of} ({RUNGS[entry.term][1]})"
-        for entry in entries
-        if _size(entry) > spec.model.tolerance and not entry.computed and entry.status == "bounded"
-    ]
+    told = [f"{_told(e)} ({RUNGS[e.term][1]})" for e in _ignored(entries) if _size(e) > spec.model.tolerance]
     if any(entry.term == STRESSES for entry in entries):
         yield Finding(
             "warning",

@@ -354,14 +354,14 @@ def _option(spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...]) -> Layo
 def _limiting_name(spec: Spec, options: list[Layout], layout: Layout, limit: int) -> str:
     """Name the limit that keeps this pad from more channels per coil, and so from fewer coils."""
     if spec.resonances_hz:
-        return "resonances_hz"
+        return "the listed resonances_hz"
     if layout.channels >= limit:
         return "band and Q"
-    if layout.coils == 1 or spec.coil.grid:
-        return "resolution"
+    if spec.coil.grid and layout.coils > 1:
+        return "coil.grid"
     more = [o for o in options if o.channels > layout.channels and o.coils < layout.coils]
     if not more:
-        return "resolution"
+        return "the number of taxels asked for (resolution)"
     nearest = max(more, key=lambda o: o.margin_mm)
     return LIMITS[nearest.binding[0]] if nearest.margin_mm < 0 else "resonances that print"
 

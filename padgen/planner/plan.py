@@ -503,7 +503,7 @@ def channel_sets(channels: Sequence[Channel], sets: int) -> tuple[tuple[Channel,
 
 
 def plan_to_json(plan: Plan) -> str:
-    """Return the plan as JSON text, keys in the order of the fields; the same plan gives the same bytes."""
+    """Return the plan as JSON text: its fields in their order, the same bytes for the same plan."""
     table = {name: getattr(plan, name) for name in Plan.__dataclass_fields__}
     known = (name for name in Spec.__dataclass_fields__ if name != "amplifier" or plan.spec.amplifier)
     return json_text({**table, "spec": {name: getattr(plan.spec, name) for name in known}})

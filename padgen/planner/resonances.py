@@ -22,7 +22,7 @@ CODE = ("physics", "planner/resonances.py", "planner/settings.py")
 
 
 class Optimum(NamedTuple):
-    """Optimised resonances in Hz, their all-state selectivity in dB, and the drive scheme that they are for."""
+    """The resonances in Hz that a search found best for a drive scheme, and their selectivity in all states in dB."""
 
     resonances_hz: tuple[float, ...]
     all_states_db: float

@@ -71,7 +71,7 @@ def _map_text(plan: "Plan") -> str:
 
     if max(taxel_grid(plan).shape) > MOST_MAPPED:
         return ""
-    return f"pixels of an image of this pad, seen from the touch side:\n{map_text(plan)}\n"
+    return f"the taxel at each pixel of an image, seen from the touch side:\n{map_text(plan)}\n"
 
 
 def _frames_line(plan: "Plan", frames: "np.ndarray", most: int) -> str:
@@ -88,9 +88,10 @@ def _wave_text(plan: "Plan", report: "WaveReport") -> str:
     depth = "24 bit" if report.depth == "24" else "32-bit float"
     told = [
         f"drive.wav: {report.seconds:.3g} s of {len(report.rms_current_a)} channels (coils row by row) at"
-        f" {report.rate_hz} Hz, {depth}, {report.scheme}; sample 1 is {number(report.full_scale)} {unit},"
-        f" the peak {number(report.peak)} {unit}",
-        f"coils: {number(1e3 * max(report.rms_current_a))} mA rms, {number(max(report.copper_loss_w))} W at most",
+        f" {report.rate_hz} Hz, {depth}, driven {report.scheme}; a sample of 1 stands for"
+        f" {number(report.full_scale)} {unit}, the largest is {number(report.peak)} {unit}",
+        f"each coil takes at most {number(1e3 * max(report.rms_current_a))} mA rms and"
+        f" {number(max(report.copper_loss_w))} W",
     ]
     if report.loss_over_tones is not None and Scheme(report.scheme).has_constant:
         told[-1] += f"; copper loss {number(report.loss_over_tones)} times that of plain tones with the same force"

@@ -94,9 +94,10 @@ def _summary_table(channels: "Sequence[Channel]") -> str:
     return "\n".join(lines)
 
 
-def _channels_table(channels: "Sequence[Channel]", names: Sequence[str]) -> str:
-    """Return a table of the channels with the columns of these names."""
-    return table(names, [[COLUMNS[name](channel) for name in names] for channel in channels])
+def _channels_table(channels: "Sequence[Channel]", names: Sequence[str], narrow: bool = False) -> str:
+    """Return a table of the channels with the columns of these names, headings in two lines where `narrow`."""
+    headings = [name.replace(" ", "\n", 1) if narrow else name for name in names]
+    return table(headings, [[COLUMNS[name](channel) for name in names] for channel in channels])
 
 
 COLUMNS: "dict[str, Callable[[Channel], str]]" = {
@@ -106,37 +107,26 @@ COLUMNS: "dict[str, Callable[[Channel], str]]" = {
     "± %": lambda c: f"{100 * c.model_error:.2g}",
     "prints ± %": lambda c: f"{100 * c.print_spread:.1f}",
     "drive Hz": lambda c: f"{c.drive_hz:.2f}",
-    "rule Hz": lambda c: f"{c.rule_hz:.1f}",
-    "2nd Hz": lambda c: f"{c.second_mode_hz:.1f}",
+    "point mass Hz": lambda c: f"{c.rule_hz:.1f}",
+    "nearest mode Hz": lambda c: f"{c.second_mode_hz:.1f}",
     "m mg": lambda c: f"{1e3 * c.effective_mass_g:.1f}",
     "k N/m": lambda c: number(c.stiffness_n_per_m),
     "ring-up ms": lambda c: f"{c.ring_up_ms:.1f}",
-    "level µm": lambda c: f"{c.level_um:.2f}",
-    "force µN": lambda c: f"{1e3 * c.force_mn:.2f}",
+    "level µm peak": lambda c: f"{c.level_um:.2f}",
+    "force µN peak": lambda c: f"{1e3 * c.force_mn:.2f}",
     "suspension": lambda c: c.beam.topology,
     "beam w x t x l mm": lambda c: f"{c.beam.width_mm:.3f} x {c.beam.thickness_mm:.2f} x {c.beam.length_mm:.2f}",
     "layers": lambda c: str(c.beam.layers),
     "sag µm": lambda c: f"{c.sag_um:.1f}",
-    "root MPa": lambda c: f"{c.root_stress_mpa:.3f}",
+    "MPa at level": lambda c: f"{c.root_stress_mpa:.3f}",
     "off axis mm": lambda c: f"{c.site.coil_distance_mm:.2f}",
 }
 """The columns of the tables of channels, by heading."""
-SUMMARY = ("ch", "f Hz", "± %", "prints ± %", "drive Hz", "suspension", "beam w x t x l mm", "layers", "level µm")
-MOTION = (
-    "ch",
-    "f Hz",
-    "by",
-    "± %",
-    "drive Hz",
-    "rule Hz",
-    "2nd Hz",
-    "m mg",
-    "k N/m",
-    "ring-up ms",
-    "level µm",
-    "force µN",
-)
-BEAMS = ("ch", "suspension", "beam w x t x l mm", "layers", "sag µm", "root MPa", "prints ± %", "off axis mm")
+SHAPE = ("suspension", "beam w x t x l mm", "layers")
+SUMMARY = ("ch", "f Hz", "± %", "prints ± %", "drive Hz", *SHAPE, "level µm peak")
+MODES = ("ch", "f Hz", "by", "± %", "point mass Hz", "nearest mode Hz")
+MOTION = (*MODES, "drive Hz", "ring-up ms", "level µm peak", "force µN peak")
+BEAMS = ("ch", *SHAPE, "m mg", "k N/m", "prints ± %", "sag µm", "MPa at level", "off axis mm")
 SHOWN_CHANNELS = 12
 
 
@@ -149,15 +139,10 @@ def _power_lines(plan: "Plan") -> list[str]:
         f" idle: {count * load.idle_w:.2g} W."
     ]
     if prints.print_db is not None:
-        stages = (
-            ("nothing", prints.planned_db),
-            ("a coupon", prints.coupon_db),
-            ("a few taxels", prints.some_db),
-            ("every taxel", prints.print_db),
-        )
-        told = ", ".join(f"{name} {db:.1f}" for name, db in stages if db is not None)
+        figures = prints.planned_db, prints.coupon_db, prints.some_db, prints.print_db
+        told = "; ".join(f"{stage} {db:.1f}" for stage, db in zip(STAGES, figures, strict=True) if db is not None)
         lines.append(
-            f"dB that {plan.spec.print_share:.0%} of prints keep, by what of a print is measured: {told}"
+            f"ON over OFF that {plan.spec.print_share:.0%} of prints keep, in dB: {told}"
             f" (± {prints.error_db:.1g}, by {prints.pads} prints in the computer)."
         )
     skin = next((t for t in plan.touched if t.skin == "typical" and t.all_states_db is not None), None)
@@ -168,6 +153,10 @@ def _power_lines(plan: "Plan") -> list[str]:
             f" and the worst coil keeps {skin.all_states_db:.1f} dB even as drawn."
         )
     return lines
+
+
+STAGES = ("driven as planned", "with a coupon measured", "with a few taxels measured", "with every taxel measured")
+"""The stages of measuring a print, in words: those of `padgen.planner.printed_pads.STAGES`."""
 
 
 def plan_text(plan: "Plan") -> str:
@@ -183,22 +172,23 @@ def plan_text(plan: "Plan") -> str:
     head = (
         f"{plan.name}: {len(plan.taxels)} taxels on {number(pad.width_mm)} x {number(pad.depth_mm)} mm,"
         f" {coils.rows} x {coils.columns} coils at {pitch} mm, {channels} per coil"
-        + (", of even and of odd number in turn" if coils.sets > 1 else "")
+        + (": one coil those of even number, the next those of odd number" if coils.sets > 1 else "")
     )
     bound = (
-        f"capacity of a coil: {capacity.paper} channels by the paper's bound ({capacity.paper_unrounded:.2f},"
-        f" ratio {number(capacity.ratio)}), {capacity.exact_one_hot} by the exact response with one channel on,"
-        f" {_count_text(capacity.exact, capacity.searched_to)} in all states with {figures.drive},"
-        f" {capacity.prints} where {plan.spec.print_share:.0%} of prints are to keep it (ratios of neighbours"
-        f" ± {plan.prints.ratio_spread:.1%}); limited by {capacity.limit}"
+        f"channels that a coil could have in this band: {capacity.paper} by the paper's bound"
+        f" ({capacity.paper_unrounded:.2f} before rounding; each resonance {number(capacity.ratio)} times the one"
+        f" below); {capacity.exact_one_hot} by the exact response with one channel on;"
+        f" {_count_text(capacity.exact, capacity.searched_to)} in all on/off states, driven {figures.drive};"
+        f" {capacity.prints} if {plan.spec.print_share:.0%} of prints are to keep what is asked (a print changes the"
+        f" ratio of two neighbours by ± {plan.prints.ratio_spread:.1%}). It has {count}, limited by {capacity.limit}."
     )
     lines = [
         head,
         bound,
         "",
-        _channels_table(plan.channels, MOTION),
+        _channels_table(plan.channels, MOTION, narrow=True),
         "",
-        _channels_table(plan.channels, BEAMS),
+        _channels_table(plan.channels, BEAMS, narrow=True),
         "",
         *_drive_lines(plan),
     ]
@@ -225,8 +215,10 @@ def _touched_line(plan: "Plan") -> str:
 
 
 def _settings_line(printing: dict[str, str]) -> str:
-    settings = ", ".join(f"{key.replace('_', ' ')} {value}" for key, value in printing.items())
-    return f"print with: {settings}"
+    settings = {key.replace("_", " "): value for key, value in printing.items()}
+    printer, material, layers = (settings.pop(key) for key in ("printer", "material", "beam layers"))
+    told = ", ".join(f"{key} {value}" for key, value in settings.items())
+    return f"print with: {told}; on the printer {printer}, in {material}; the beams have {layers} layers"
 
 
 def _count_text(count: int, searched_to: int) -> str:
@@ -242,13 +234,14 @@ def _drive_lines(plan: "Plan") -> list[str]:
     if figures.one_hot_db is not None:
         lines += _selectivity_lines(plan)
     frames = ", ".join(f"{rate.scheme} {number(round(rate.frames_per_s, 2))}" for rate in plan.refresh)
-    leak = "" if plan.reuse.leak_db is None else f"; the coils around leak {-plan.reuse.leak_db:.1f} dB"
+    if plan.reuse.leak_db is not None:
+        lines.append(f"the coils around move an OFF taxel to at most {-plan.reuse.leak_db:.1f} dB of its ON level")
     return [
         *lines,
-        f"frames per second until an OFF taxel is quiet: {frames}",
+        f"frames per second, if OFF taxels are to fall quiet (1/Δy of their ON level) in between: {frames}",
         f"a coil with all channels on: {load.current_rms_ma:.1f} mA rms, up to {load.current_peak_ma:.1f} mA and"
-        f" {load.voltage_peak_v:.2f} V, {load.copper_loss_w:.3f} W; every limit allows"
-        f" {number(load.reachable_level_um)} µm on channel 0 ({load.reachable_by}){leak}",
+        f" {load.voltage_peak_v:.2f} V, {load.copper_loss_w:.3f} W; largest level of channel 0:"
+        f" {number(load.reachable_level_um)} µm, limited by {load.reachable_by}",
         "amplifiers of the catalogue that drive it: "
         + (", ".join(f"{count} x {name}" for name, count in fitting_amplifiers(plan).items()) or "none"),
         *_force_line(plan.channels),
@@ -267,13 +260,13 @@ def _force_line(channels: "Sequence[Channel]") -> list[str]:
 def _selectivity_lines(plan: "Plan") -> list[str]:
     figures = plan.selectivity
     states, one_hot, paper = figures.all_states_db or 0.0, figures.one_hot_db or 0.0, figures.paper_db
-    law = "equal sensation" if isinstance(figures.level_law, str) else f"amplitude ~ 1/f^{figures.level_law:g}"
+    law = "equal sensation" if isinstance(figures.level_law, str) else f"levels fall as 1/f^{figures.level_law:g}"
     worst = figures.worst_state
     if len(worst) > SHOWN_BITS:
         worst = f"{worst[:10]}…{worst[-10:]} of {len(worst)}"
     lines = [
         f"selectivity ({law}): {one_hot:.1f} dB with one channel on, {states:.1f} dB in all states"
-        f" of a coil (worst {worst}), asked are {figures.asked_db:.1f} dB (Δy)",
+        f" of a coil (worst state: {worst}); asked (delta_y): {figures.asked_db:.1f} dB",
     ]
     if paper is not None and isfinite(paper):  # the formula has no value for two equal resonances
         lines.append(
@@ -364,17 +357,16 @@ def explanation_text(explanation: "Explanation") -> str:
     keep = "channel per coil keeps" if held == 1 else "channels per coil keep"
     lines = [f"{held} {keep} what was asked (driven {explanation.drive}); one more is stopped by"]
     lines += [f"  - {limit}" for limit in explanation.limits] or ["  - nothing that was tried"]
-    shares = ", ".join(f"{k} {share:.1%}" for k, share in enumerate(explanation.channel_shares))
-    lines.append(f"prints in which a taxel is good once re-tuned, by channel: {shares}")
-    words = ("the driver table", "a coupon", "some taxels", "every taxel")
-    stages = ", ".join(f"{n} by {known}" for known, n in zip(words, explanation.stage_channels, strict=True))
-    lines.append(f"channels per coil that would print in the band, by what is measured: {stages}")
+    shares = ", ".join(f"{share:.1%} on channel {k}" for k, share in enumerate(explanation.channel_shares))
+    lines.append(f"prints in which a re-tuned taxel keeps what was asked: {shares}")
+    stages = "; ".join(f"{stage} {n}" for stage, n in zip(STAGES, explanation.stage_channels, strict=True))
+    lines.append(f"channels that a coil could have in this band if prints are to keep what was asked: {stages}")
     if explanation.changes:
         rows = [("as it is", "", *_printed_cells(explanation), "", "", "")]
         rows += [
             (
-                change.change,
-                change.cost,
+                change.change.replace(" with ", "\n  with "),
+                change.cost.split()[-1],
                 *_printed_cells(change),
                 f"{change.gained:+d} ({change.drive})" if change.gained else "",
                 f"{change.gained_in_band:+d}" if change.gained_in_band else "",
@@ -385,15 +377,26 @@ def explanation_text(explanation: "Explanation") -> str:
         lines += [
             "",
             "what one change buys:",
-            table(("change", "costs", "prints", "keep dB", "channels", "if there were room", "gain dB"), rows),
+            table(EXPLAINED, rows, left=2),
         ]
     laws = list(dict.fromkeys(row.level_law for row in explanation.capacities))
     by_scheme: dict[str, list[str]] = {}
     for row in explanation.capacities:
         by_scheme.setdefault(row.scheme, []).append(f"{row.one_hot}, {_count_text(row.all_states, row.searched_to)}")
     columns = ["drive", *(law if isinstance(law, str) else f"1/f^{law:g}" for law in laws)]
-    lines += ["", "most channels in the band, with one on and in all states, by level law:"]
+    lines += ["", "most channels in the band by level law, with one channel on and in all on/off states:"]
     return "\n".join([*lines, table(columns, [(name, *cells) for name, cells in by_scheme.items()])])
+
+
+EXPLAINED = (
+    "change",
+    "costs\na new",
+    "good\nprints",
+    "prints\nkeep dB",
+    "more\nchannels",
+    "more by\nband\nalone",
+    "gain\nas drawn\ndB",
+)
 
 
 def _printed_cells(of: "Explanation | Change") -> tuple[str, str]:
@@ -462,7 +465,7 @@ def built_text(built: "Built", verbose: bool = False) -> str:
 
 
 def figures_text(figures: dict[str, Any]) -> str:
-    """Return the figures of the checks on one line."""
+    """Return a mesh's measured figures (size, triangles, mass of plastic, smallest wall …) as one line."""
     parts = []
     if "size_mm" in figures:
         parts.append(" x ".join(number(v) for v in figures["size_mm"]) + " mm")
@@ -473,7 +476,7 @@ def figures_text(figures: dict[str, Any]) -> str:
         ("smallest_wall_mm", "mm smallest wall"),
         ("smallest_gap_mm", "mm smallest gap"),
         ("longest_bridge_mm", "mm longest bridge"),
-        ("largest_difference_from_plan_mm", "mm off the plan at most"),
+        ("largest_difference_from_plan_mm", "mm largest difference from the plan"),
     ):
         value = figures.get(key)
         if value is not None:
@@ -489,7 +492,7 @@ def figures_text(figures: dict[str, Any]) -> str:
 
 
 LEVEL_COLOURS = {"error": "#c2241a", "warning": "#a86a00", "note": "#666666"}
-HEADINGS = ("channel", "resonance Hz", "drive Hz", "suspension", "beam mm (w × t × l)", "ring-up ms", "level µm")
+HEADINGS = ("channel", "resonance Hz", "drive Hz", "suspension", "beam mm (w × t × l)", "ring-up ms", "level µm peak")
 LADDER_PX, LADDER_HEIGHT_PX = 560, 46
 MOST_LABELLED = 64
 """Most coils for which each one's share of good prints is written in its cell."""

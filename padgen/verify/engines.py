@@ -11,7 +11,7 @@ EXTRA = "study"
 
 
 def require(name: str) -> None:
-    """Raise `EngineMissingError` if the optional package `name` is not installed; does not load it."""
+    """Raise `EngineMissingError` if the optional package `name` is not installed, without importing it."""
     if importlib.util.find_spec(name) is None:
         raise _missing(name, "it is not installed")
 
