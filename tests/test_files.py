@@ -478,7 +478,7 @@ def test_a_disk_that_does_not_come_back_is_put_right_when_it_is_there_again(tmp_
         lambda folder: read_plan(folder / "plan.json"),
         lambda folder: find_spec(str(folder / "plan.json")),
         lambda folder: read_mesh(folder / "pad.stl"),
-        lambda folder: read_measured(folder, SimpleNamespace(name="a", taxels=[SimpleNamespace(id="a")])),
+        lambda folder: read_measured(folder, SimpleNamespace(name="a", taxels=[SimpleNamespace(id="a", coil=(0, 0))])),
         lambda folder: read_bounded(folder / "tuning.json", 1000, "a tuning"),
         lambda folder: differs(folder, "plan.json", PLAN_A),
         lambda folder: read_manifest(folder),
