@@ -66,6 +66,8 @@ SMOOTHED = (1, 5, 25, 125)
 """Numbers of points over which a response is averaged to find its peak in noise."""
 WORTH = 30.0
 """Least decrease of the sum of squares by a further column or mode, in variances."""
+CENTRES = np.linspace(-1, 1, 41)
+"""Distances, in lines, from a mains line that stands out to the sines that may have made it."""
 MAINS_HZ, MAINS_OFF = (50.0, 60.0), 4e-3
 """Frequencies of the mains, and the largest relative deviation of a line from their multiples."""
 SPARE = 20.0
@@ -99,9 +101,10 @@ FILLED, FASTER = 20, 1.8
 """Rounds in which clipped samples are moved to the model, and the step of each over the way there (below 2)."""
 GUESSED, BENT = 0.25, 0.2
 """One sigma of what this changes, over the change; of a frequency also over half the bandwidth's change."""
-LATE_S, CLOCK, DRIFT = 5e-3, 7e-5, 0.03
-"""Delay (s) from which reference and sensor may have clocks of their own, and one sigma of their ratio; one sigma of a
-gain's drift during a sweep, which looks like damping: Q is off by this over the record's time constants.
+LATE_S, CLOCK, DRIFT = 5e-3, 100e-6 * (2 / 3) ** 0.5, 0.03
+"""Delay (s) from which reference and sensor may have clocks of their own, as a pluck and the player have; one sigma of
+their ratio, each being anywhere within 100 ppm; one sigma of a gain's drift during a sweep, which looks like damping: Q
+is off by this over the record's time constants.
 """
 STEP = 1e-5
 """Step of a parameter over its scale, in finite differences."""
@@ -312,7 +315,7 @@ def fit_decay(
         raise SolverError(NO_DECAY)
     q = float(fit.modes[0, 1])
     drift = DRIFT * q / (np.pi * float(fit.modes[0, 0]) * fit.lines.seconds)
-    return _result(lines, fit, peaks, near_hz, None, guessed=np.array([0.0, drift]))
+    return _result(lines, fit, peaks, near_hz, None, guessed=np.array([CLOCK, drift]))
 
 
 def looked_at(rate_hz: float, response: np.ndarray, squared_current: np.ndarray | None = None) -> Seen:
@@ -693,7 +696,7 @@ def _without_hum(fit: _Solved, power: int) -> _Solved:
         if hum.max() <= 3.5 * np.median(size) / np.sqrt(np.log(2)):
             break
         hz, q = fit.modes[0]
-        line = _line_columns(lines, lines.frequency[hum.argmax()], hz / q)
+        line = _line_columns(fit, power, int(hum.argmax()), hz / q)
         more = _better(fit, fit.theta, power, np.concatenate([fit.extra, line], 1))
         if more is None:
             break
@@ -741,18 +744,29 @@ def _mains(lines: Lines) -> np.ndarray:
     return np.asarray(np.minimum(*off) < np.maximum(MAINS_OFF * lines.frequency, 1.01 * lines.step_hz))
 
 
-def _line_columns(lines: Lines, hz: float, width_hz: float) -> np.ndarray:
-    """Return columns (n, k) of a line at about `hz` that may waver: neighbouring sines; of a spectrum a point.
+def _line_columns(fit: _Solved, power: int, place: int, width_hz: float) -> np.ndarray:
+    """Return columns (n, k) of a line near the `place`-th one that may waver; of a spectrum that point.
 
-    Where a resonance of `width_hz` has lines to spare, the nearest ones are left out altogether.
+    They are neighbouring sines about that one which explains most of what neither the model nor its slopes do. Where a
+    resonance of `width_hz` has lines to spare, the nearest ones are left out altogether.
     """
+    lines = fit.lines
+    hz = lines.frequency[place]
     if not lines.seconds:
         return np.asarray(lines.frequency == hz, float)[:, None]
-    away = (hz - lines.frequency)[:, None] / lines.step_hz + np.array([-0.5, 0.0, 0.5])
-    sines = np.sinc(away) * np.exp(1j * np.pi * away)
-    near = np.abs(away[:, 1:2] - np.array([-2, -1, 1, 2])) < 0.5
+    away = (hz - lines.frequency)[:, None] / lines.step_hz
+    known = np.concatenate([fit.basis, _slopes(fit, power)], 1)
+    sines = _projected(known, _sines(away + CENTRES))
+    centre = CENTRES[(np.abs(sines.conj().T @ fit.residual) / np.linalg.norm(sines, axis=0)).argmax()]
+    near = np.abs(away - np.array([-2, -1, 1, 2])) < 0.5
     spared = near[:, near.any(0)] if width_hz > SPARE * lines.step_hz else near[:, :0]
-    return np.asarray(np.concatenate([sines, spared], 1) * np.abs(lines.data).max())
+    waver = _sines(away + centre + np.array([-0.5, 0.0, 0.5]))
+    return np.asarray(np.concatenate([waver, spared], 1) * np.abs(lines.data).max())
+
+
+def _sines(away: np.ndarray) -> np.ndarray:
+    """Return the transform of a sine that is `away` lines from each line, of a record of one."""
+    return np.asarray(np.sinc(away) * np.exp(1j * np.pi * away))
 
 
 def _result(
