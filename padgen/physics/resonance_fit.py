@@ -97,10 +97,8 @@ SEEN, WIDE = 6.0, 0.2
 """Least response over its noise, and least range of ln f, from which the kind of sensor is recognised."""
 SENSORS = ("displacement", "velocity", "acceleration")
 """Kinds of sensors, by the power of the frequency."""
-FILLED, FASTER = 20, 1.8
-"""Rounds in which clipped samples are moved to the model, and the step of each over the way there (below 2)."""
-GUESSED, BENT = 0.25, 0.2
-"""One sigma of what this changes, over the change; of a frequency also over half the bandwidth's change."""
+FILLED, MOST_CAPS = 4, 400
+"""Rounds in which clipped crests are fitted, and the number of their heights: of more, neighbours share one."""
 LATE_S, CLOCK, DRIFT = 5e-3, 100e-6 * (2 / 3) ** 0.5, 0.03
 """Delay (s) from which reference and sensor may have clocks of their own, as a pluck and the player have; one sigma of
 their ratio, each being anywhere within 100 ppm; one sigma of a gain's drift during a sweep, which looks like damping: Q
@@ -155,6 +153,7 @@ class _Solved(NamedTuple):
     residual: np.ndarray
     noise: float
     extra: np.ndarray
+    caps: np.ndarray | None = None
 
     @property
     def modes(self) -> np.ndarray:
@@ -252,20 +251,18 @@ def fit_driven(
     gated, low, high = _gated(rate_hz, x, y, rings)
     peaks = _peaks(gated, power or 0)
     n = _recognised(gated, peaks, near_hz, power)
-    lines = _record_lines(rate_hz, y, x)
+    lines, clean = _record_lines(rate_hz, y, x), y
+    if held.any():
+        own = _chosen(peaks, near_hz, exact)
+        first = _solve(lines.around(own.hz, own.q), np.log([own.hz, own.q]), n or 0)
+        clean = _filled(first, rate_hz, x, y, held, n or 0)[1]
+        lines = _record_lines(rate_hz, clean, x)
     fit = _fit_peaks(lines, peaks, near_hz, n or 0, exact)
-    first = fit.theta[:2]
-    for _ in range(min(FILLED, 4 * MOST_SAMPLES // len(y)) if held.any() else 0):
-        fit, y = _filled(fit, rate_hz, x, y, held, n or 0)
+    if held.any():
+        fit, clean = _filled(fit, rate_hz, x, y, held, n or 0)
     hz, q = fit.modes[0]
     late = abs(first_lag + second_lag) > LATE_S * rate_hz
-    bent = np.abs(fit.theta[:2] - first)
-    guessed = np.array(
-        [
-            np.hypot(GUESSED * bent[0] + BENT * bent[1] / (2 * q), CLOCK * late),
-            np.hypot(GUESSED * bent[1], DRIFT * q / (np.pi * hz * fit.lines.seconds)),
-        ]
-    )
+    guessed = np.array([CLOCK * late, DRIFT * q / (np.pi * hz * fit.lines.seconds)])
     _refuse_short(len(y) / rate_hz, hz)
     near = np.abs(detuning(fit.lines.frequency, hz, q)) < ANSWERING
     answer = (fit.basis[:, 0] * fit.factors[0])[near]
@@ -532,18 +529,27 @@ def _slopes(fit: _Solved, power: int) -> np.ndarray:
     return np.asarray((np.stack(there, 1) - np.stack(back, 1)) / (2 * steps.sum(0)))
 
 
+def _real_columns(fit: _Solved, power: int, phased: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Return slopes over all real parameters, caps last, and the inverse of their prior variances, in noise's."""
+    caps = np.zeros((len(fit.residual), 0)) if fit.caps is None else fit.caps
+    columns = np.concatenate([_slopes(fit, power), fit.basis, *([1j * fit.basis] if phased else []), caps], 1)
+    prior = np.zeros(columns.shape[1])
+    prior[len(prior) - caps.shape[1] :] = fit.noise**2 / 2
+    return columns, prior
+
+
 def _covariance(fit: _Solved, power: int, phased: bool) -> np.ndarray:
     """Return the covariance of theta, then of the factors' real and of their imaginary parts, by the linear rule.
 
     The residual of each line is its own measure of noise, so that noise of any colour counts where it is.
     """
-    columns = np.concatenate([_slopes(fit, power), fit.basis, *([1j * fit.basis] if phased else [])], 1)
+    columns, prior = _real_columns(fit, power, phased)
     if not phased:  # the part along the model alone was measured
         columns = (columns * np.exp(-1j * np.angle(fit.lines.data))[:, None]).real
     norm = np.linalg.norm(columns, axis=0)
     norm = np.where(norm > 0, norm, 1)
     columns = columns / norm
-    inverse = np.linalg.pinv((columns.conj().T @ columns).real, rcond=1e-13, hermitian=True)
+    inverse = np.linalg.pinv((columns.conj().T @ columns).real + np.diag(prior / norm**2), rcond=1e-13, hermitian=True)
     count = len(fit.residual)
     plain = fit.noise**2 / 2 * inverse
     if fit.lines.seconds and count > 4 * len(inverse):
@@ -634,15 +640,32 @@ def _peaks(lines: Lines, power: int) -> list[_Peak]:
 def _filled(
     fit: _Solved, rate: float, x: np.ndarray, y: np.ndarray, held: np.ndarray, power: int
 ) -> tuple[_Solved, np.ndarray]:
-    """Return the fit with the clipped samples `held` of y moved towards the model, outwards only, and the new y."""
+    """Return the fit with a cap on each crest of which the samples `held` were clipped, and y with these caps.
+
+    Caps are parabolas. Their heights, about as large as y or less, are found with all else by least squares.
+    """
     places = np.round(fit.lines.frequency * fit.lines.seconds).astype(int)
-    spectrum = np.fft.rfft(y)
-    spectrum[places] = fit.basis @ fit.factors
-    step = np.fft.irfft(spectrum, len(y))[held] - y[held]
-    there = y.copy()
-    there[held] += np.where(step * y[held] > 0, FASTER * step, 0)
-    more = _solve(_record_lines(rate, there, x).at(places - 1), fit.theta, power, fit.extra)
-    return more, there
+    at, turn = np.flatnonzero(held), -2j * np.pi * places / len(y)
+    crests = np.split(at, np.flatnonzero(np.diff(at) > rate / (4 * fit.modes[0, 0])) + 1)
+    shapes, count = np.zeros(len(y)), min(len(crests), MOST_CAPS)
+    own, caps = np.zeros(len(y), int), np.zeros((len(places), count), complex)
+    for k, crest in enumerate(crests):
+        middle, half = (crest[0] + crest[-1]) / 2, (crest[-1] - crest[0] + 2) / 2
+        shapes[crest] = np.abs(y).max() * np.sign(y[crest].sum()) * (1 - ((crest - middle) / half) ** 2)
+        own[crest] = k * count // len(crests)
+        caps[:, own[crest[0]]] -= np.exp(turn * middle) * (np.exp(np.outer(turn, crest - middle)) @ shapes[crest])
+    heights = np.zeros(count)
+    for _ in range(FILLED):
+        columns, prior = _real_columns(fit._replace(caps=caps), power, True)
+        seen = (columns.conj().T @ fit.residual).real
+        seen[-count:] -= prior[-count:] * heights
+        norm = np.sqrt((np.abs(columns) ** 2).sum(0) + prior)
+        square = (columns.conj().T @ columns).real + np.diag(prior)
+        step = np.linalg.lstsq(square / np.outer(norm, norm), seen / norm, rcond=1e-13)[0] / norm
+        heights = heights + step[-count:]
+        there = y + heights[own] * shapes
+        fit = _solve(_record_lines(rate, there, x).at(places - 1), fit.theta, power, fit.extra)
+    return fit._replace(caps=caps), there
 
 
 def _chosen(peaks: list[_Peak], near_hz: float | None, exact: bool = False) -> _Peak:
