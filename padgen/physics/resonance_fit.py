@@ -261,15 +261,18 @@ def fit_driven(
     if held.any():
         fit, clean = _filled(fit, rate_hz, x, y, held, n or 0)
     hz, q = fit.modes[0]
-    late = abs(first_lag + second_lag) > LATE_S * rate_hz
-    guessed = np.array([CLOCK * late, DRIFT * q / (np.pi * hz * fit.lines.seconds)])
+    clock = CLOCK if abs(first_lag + second_lag) > LATE_S * rate_hz else 0.0
+    drift = DRIFT * float(q / (np.pi * hz * fit.lines.seconds))
     _refuse_short(len(y) / rate_hz, hz)
-    near = np.abs(detuning(fit.lines.frequency, hz, q)) < ANSWERING
-    answer = (fit.basis[:, 0] * fit.factors[0])[near]
-    if not _gain(fit) >= LEAST_GAIN or np.linalg.norm(answer) < np.linalg.norm(fit.residual[near]):
+    # Of noise, a mode that is narrower than the answer takes chance lines: the answer is sought over the planned width.
+    local = lines.around(hz, min(q, np.pi * hz * rings))
+    near = np.abs(detuning(local.frequency, hz, min(q, np.pi * hz * rings))) < ANSWERING
+    answer = local.inputs[0] * (_mode(local.frequency, hz, q, n or 0) * fit.factors[0])
+    left = _projected(_basis(local, fit.theta, n or 0, np.zeros((len(near), 0))), local.data)
+    if not _gain(fit) >= LEAST_GAIN or np.linalg.norm(answer[near]) < np.linalg.norm(left[near]):
         raise SolverError(NO_ANSWER)
     refuse_edge(low, high, hz, q, "the excited band", "the excitation", rate_hz / len(y))
-    return _result(lines, fit, peaks, near_hz, n, guessed=guessed)
+    return _result(lines, fit, peaks, near_hz, n, clock=clock, drift=drift)
 
 
 def fit_decay(
@@ -312,7 +315,7 @@ def fit_decay(
         raise SolverError(NO_DECAY)
     q = float(fit.modes[0, 1])
     drift = DRIFT * q / (np.pi * float(fit.modes[0, 0]) * fit.lines.seconds)
-    return _result(lines, fit, peaks, near_hz, None, guessed=np.array([CLOCK, drift]))
+    return _result(lines, fit, peaks, near_hz, None, clock=CLOCK, drift=drift)
 
 
 def looked_at(rate_hz: float, response: np.ndarray, squared_current: np.ndarray | None = None) -> Seen:
@@ -646,7 +649,8 @@ def _filled(
     """
     places = np.round(fit.lines.frequency * fit.lines.seconds).astype(int)
     at, turn = np.flatnonzero(held), -2j * np.pi * places / len(y)
-    crests = np.split(at, np.flatnonzero(np.diff(at) > rate / (4 * fit.modes[0, 0])) + 1)
+    other = (np.diff(at) > rate / (4 * fit.modes[0, 0])) | (np.diff(np.sign(y[at])) != 0)
+    crests = np.split(at, np.flatnonzero(other) + 1)
     shapes, count = np.zeros(len(y)), min(len(crests), MOST_CAPS)
     own, caps = np.zeros(len(y), int), np.zeros((len(places), count), complex)
     for k, crest in enumerate(crests):
@@ -799,9 +803,13 @@ def _result(
     near_hz: float | None,
     power: int | None,
     phased: bool = True,
-    guessed: np.ndarray | float = 0.0,
+    clock: float = 0.0,
+    drift: float = 0.0,
 ) -> ResonanceFit:
-    """Return the fit's figures beside the circle's, which is fitted to the data without all other terms."""
+    """Return the fit's figures beside the circle's, which is fitted to the data without all other terms.
+
+    `clock` is one sigma of the time's scale, which all methods have in common, and `drift` what a gain's adds to ln Q.
+    """
     n = power or 0
     hz, q = fit.modes[0]
     peak = float(abs(fit.factors[0]))
@@ -822,7 +830,7 @@ def _result(
     if near_hz is None:
         refuse_two(hz, peak, tuple(others))
     covariance = _covariance(fit, n, phased)
-    sigma = np.hypot(np.sqrt(np.diag(covariance))[:2], guessed)
+    sigma = np.sqrt(np.diag(covariance))[:2]
     count = len(fit.factors)
     place = len(fit.theta) + np.array([0, count * phased])
     along = np.array([fit.factors[0].real, fit.factors[0].imag]) / peak
@@ -837,12 +845,13 @@ def _result(
             lines.frequency[strong], (alone / drive)[strong] / s**n, hz, q, 1 / (np.abs(drive[strong]) * s**n)
         )
     drawn = Seen(lines.frequency[strong], (lines.data / drive)[strong], ((lines.data - fit.residual) / drive)[strong])
-    errors = float(hz * sigma[0]), float(q * sigma[1]), peak_error
+    errors = float(hz * sigma[0]), float(q * np.hypot(sigma[1], drift)), peak_error
     noise = fit.noise / float(np.abs(drive).mean())
     found = checked((float(hz), float(q), peak), errors, noise, "circle", circle, tuple(others))
     # A residual far above the scatter of neighbouring points is of another form.
     agree = found.agree and not 0 < MOST_MISFIT * lines.noise < fit.noise
-    return found._replace(seen=drawn, power=power, agree=agree)
+    error_hz = float(hz * np.hypot(sigma[0], clock))
+    return found._replace(seen=drawn, power=power, agree=agree, resonance_error_hz=error_hz)
 
 
 # Spectra
