@@ -264,12 +264,9 @@ def fit_driven(
     clock = CLOCK if abs(first_lag + second_lag) > LATE_S * rate_hz else 0.0
     drift = DRIFT * float(q / (np.pi * hz * fit.lines.seconds))
     _refuse_short(len(y) / rate_hz, hz)
-    # Of noise, a mode that is narrower than the answer takes chance lines: the answer is sought over the planned width.
-    local = lines.around(hz, min(q, np.pi * hz * rings))
-    near = np.abs(detuning(local.frequency, hz, min(q, np.pi * hz * rings))) < ANSWERING
-    answer = local.inputs[0] * (_mode(local.frequency, hz, q, n or 0) * fit.factors[0])
-    left = _projected(_basis(local, fit.theta, n or 0, np.zeros((len(near), 0))), local.data)
-    if not _gain(fit) >= LEAST_GAIN or np.linalg.norm(answer[near]) < np.linalg.norm(left[near]):
+    near = np.abs(detuning(fit.lines.frequency, hz, q)) < ANSWERING
+    answer = (fit.basis[:, 0] * fit.factors[0])[near]
+    if not _gain(fit) >= LEAST_GAIN or np.linalg.norm(answer) < np.linalg.norm(fit.residual[near]):
         raise SolverError(NO_ANSWER)
     refuse_edge(low, high, hz, q, "the excited band", "the excitation", rate_hz / len(y))
     return _result(lines, fit, peaks, near_hz, n, clock=clock, drift=drift)
@@ -408,7 +405,9 @@ def _shifted(lag: int, x: np.ndarray, *late: np.ndarray) -> list[np.ndarray]:
     start, end = max(lag, 0), max(-lag, 0)
     count = len(x) - abs(lag)
     kept = [x[end : end + count], *(v[start : start + count] for v in late)]
-    if count < FEWEST_SAMPLES or not (np.ptp(kept[0]) and np.ptp(kept[1])):
+    # A delay that leaves the answer to most of the excitation outside the record is one that chance has made.
+    heard = count >= FEWEST_SAMPLES and np.sum(kept[0] ** 2) > np.sum(x**2) / 2
+    if not heard or not (np.ptp(kept[0]) and np.ptp(kept[1])):
         raise SolverError(NO_ANSWER)
     return kept
 
