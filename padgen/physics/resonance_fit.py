@@ -16,8 +16,8 @@ SIAM J. Numer. Anal. 10, 1973, 413-432), so that scipy's least squares search fo
 
 What else is in the data is added as columns where it stands out of the residual: mains lines and their harmonics, a
 second mode, and in a record a gain or clock that drifts. Delay between excitation and response is found first, from the
-impulse response. Clipped crests get caps, whose heights are fitted too. As a check the circle of `padgen.physics.circle_fit` is
-fitted too.
+impulse response. Clipped crests get caps, whose heights are fitted too. As a check the circle of
+`padgen.physics.circle_fit` is fitted.
 """
 
 from collections.abc import Sequence
