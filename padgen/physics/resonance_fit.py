@@ -247,6 +247,8 @@ def fit_driven(
     x, y, held = (v[start : start + count] for v in (x, y, held))
     peaks = _peaks(_gated(rate_hz, x, y, rings)[0], power or 0)
     second_lag = _lag(rate_hz, x, y, _chosen(peaks, near_hz))
+    if abs(second_lag) > RINGING_TAUS * rings * rate_hz:  # no part of the response that began at the first
+        raise SolverError(NO_ANSWER)
     x, y, held = _shifted(second_lag, x, y, held)
     gated, low, high = _gated(rate_hz, x, y, rings)
     peaks = _peaks(gated, power or 0)
