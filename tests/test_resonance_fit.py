@@ -245,9 +245,10 @@ def test_free_decay(q, seconds):
         pull.append([(fit.resonance_hz - hz) / fit.resonance_error_hz, (fit.q - q) / fit.q_error])
         assert fit.agree
     f_pull, q_pull = (rms(column) for column in np.transpose(pull))
-    assert 0.4 < f_pull < 1.7
-    # A gain that drifts looks like damping, all the more in a record that ends before the decay does.
-    assert (0.4 if q < 1e3 else 0.0) < q_pull < 1.7
+    # The recorder's clock, and a gain that drifts as damping does, count for more where a decay is long.
+    least = 0.4 if q < 1e3 else 0.0
+    assert least < f_pull < 1.7
+    assert least < q_pull < 1.7
 
 
 def test_clean_decay_beside_a_second_mode_before_a_quiet_start():

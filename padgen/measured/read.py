@@ -232,8 +232,9 @@ def _averaged(wave: Wave, factor: int, where: str) -> tuple[np.ndarray, np.ndarr
     """
     step = max(READ_SAMPLES // (factor * wave.channels), 1) * factor
     last, means, marks, peak = wave.count // factor * factor, [], [], 0.0
-    # Full scale is the last step below 1. Converters have at most 24 bits, even where files have more.
-    top = 1.0 if wave.kind == "float" else 1 - 2.0 ** (1 - min(wave.bits, 24))
+    # Full scale is the last step below 1. Converters have at most 24 bits, even where files have more, and floats may
+    # have been made of 16 bits.
+    top = 1 - 2.0 ** (1 - (16 if wave.kind == "float" else min(wave.bits, 24)))
     for start in range(0, last, step):
         values = wave.read(start, min(start + step, last))
         bad = ~(np.abs(values) <= LARGEST)
@@ -243,7 +244,7 @@ def _averaged(wave: Wave, factor: int, where: str) -> tuple[np.ndarray, np.ndarr
                 f"channel {column + 1} has no finite number at sample {start + at + 1}, or one beyond {LARGEST:g}",
                 where,
             )
-        full = (values == -1) | ((values == top) if wave.kind == "float" else (values >= top))
+        full = (values == -1) | (values >= top)
         means.append(values.reshape(-1, factor, wave.channels).mean(1))
         marks.append(full.reshape(-1, factor, wave.channels).mean(1))
         peak = max(peak, float(np.abs(values).max()))

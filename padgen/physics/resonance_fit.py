@@ -16,8 +16,8 @@ SIAM J. Numer. Anal. 10, 1973, 413-432), so that scipy's least squares search fo
 
 What else is in the data is added as columns where it stands out of the residual: mains lines and their harmonics, a
 second mode, and in a record a gain or clock that drifts. Delay between excitation and response is found first, from the
-impulse response. Clipped samples are replaced by the model's. As a check the circle of `padgen.physics.circle_fit` is
-fitted too.
+impulse response. Clipped crests get caps, whose heights are fitted too. As a check the circle of
+`padgen.physics.circle_fit` is fitted.
 """
 
 from collections.abc import Sequence
@@ -66,6 +66,8 @@ SMOOTHED = (1, 5, 25, 125)
 """Numbers of points over which a response is averaged to find its peak in noise."""
 WORTH = 30.0
 """Least decrease of the sum of squares by a further column or mode, in variances."""
+CENTRES = np.linspace(-1, 1, 41)
+"""Distances, in lines, from a mains line that stands out to the sines that may have made it."""
 MAINS_HZ, MAINS_OFF = (50.0, 60.0), 4e-3
 """Frequencies of the mains, and the largest relative deviation of a line from their multiples."""
 SPARE = 20.0
@@ -95,13 +97,12 @@ SEEN, WIDE = 6.0, 0.2
 """Least response over its noise, and least range of ln f, from which the kind of sensor is recognised."""
 SENSORS = ("displacement", "velocity", "acceleration")
 """Kinds of sensors, by the power of the frequency."""
-FILLED, FASTER = 20, 1.8
-"""Rounds in which clipped samples are moved to the model, and the step of each over the way there (below 2)."""
-GUESSED, BENT = 0.25, 0.2
-"""One sigma of what this changes, over the change; of a frequency also over half the bandwidth's change."""
-LATE_S, CLOCK, DRIFT = 5e-3, 7e-5, 0.03
-"""Delay (s) from which reference and sensor may have clocks of their own, and one sigma of their ratio; one sigma of a
-gain's drift during a sweep, which looks like damping: Q is off by this over the record's time constants.
+FILLED, MOST_CAPS = 4, 400
+"""Rounds in which clipped crests are fitted, and the number of their heights: of more, neighbours share one."""
+LATE_S, CLOCK, DRIFT = 5e-3, 100e-6 * (2 / 3) ** 0.5, 0.03
+"""Delay (s) from which reference and sensor may have clocks of their own, as a pluck and the player have; one sigma of
+their ratio, each being anywhere within 100 ppm; one sigma of a gain's drift during a sweep, which looks like damping: Q
+is off by this over the record's time constants.
 """
 STEP = 1e-5
 """Step of a parameter over its scale, in finite differences."""
@@ -152,6 +153,7 @@ class _Solved(NamedTuple):
     residual: np.ndarray
     noise: float
     extra: np.ndarray
+    caps: np.ndarray | None = None
 
     @property
     def modes(self) -> np.ndarray:
@@ -245,31 +247,31 @@ def fit_driven(
     x, y, held = (v[start : start + count] for v in (x, y, held))
     peaks = _peaks(_gated(rate_hz, x, y, rings)[0], power or 0)
     second_lag = _lag(rate_hz, x, y, _chosen(peaks, near_hz))
+    if abs(second_lag) > RINGING_TAUS * rings * rate_hz:  # no part of the response that began at the first
+        raise SolverError(NO_ANSWER)
     x, y, held = _shifted(second_lag, x, y, held)
     gated, low, high = _gated(rate_hz, x, y, rings)
     peaks = _peaks(gated, power or 0)
     n = _recognised(gated, peaks, near_hz, power)
-    lines = _record_lines(rate_hz, y, x)
+    lines, clean = _record_lines(rate_hz, y, x), y
+    if held.any():
+        own = _chosen(peaks, near_hz, exact)
+        first = _solve(lines.around(own.hz, own.q), np.log([own.hz, own.q]), n or 0)
+        clean = _filled(first, rate_hz, x, y, held, n or 0)[1]
+        lines = _record_lines(rate_hz, clean, x)
     fit = _fit_peaks(lines, peaks, near_hz, n or 0, exact)
-    first = fit.theta[:2]
-    for _ in range(min(FILLED, 4 * MOST_SAMPLES // len(y)) if held.any() else 0):
-        fit, y = _filled(fit, rate_hz, x, y, held, n or 0)
+    if held.any():
+        fit, clean = _filled(fit, rate_hz, x, y, held, n or 0)
     hz, q = fit.modes[0]
-    late = abs(first_lag + second_lag) > LATE_S * rate_hz
-    bent = np.abs(fit.theta[:2] - first)
-    guessed = np.array(
-        [
-            np.hypot(GUESSED * bent[0] + BENT * bent[1] / (2 * q), CLOCK * late),
-            np.hypot(GUESSED * bent[1], DRIFT * q / (np.pi * hz * fit.lines.seconds)),
-        ]
-    )
+    clock = CLOCK if abs(first_lag + second_lag) > LATE_S * rate_hz else 0.0
+    drift = DRIFT * float(q / (np.pi * hz * fit.lines.seconds))
     _refuse_short(len(y) / rate_hz, hz)
     near = np.abs(detuning(fit.lines.frequency, hz, q)) < ANSWERING
     answer = (fit.basis[:, 0] * fit.factors[0])[near]
     if not _gain(fit) >= LEAST_GAIN or np.linalg.norm(answer) < np.linalg.norm(fit.residual[near]):
         raise SolverError(NO_ANSWER)
     refuse_edge(low, high, hz, q, "the excited band", "the excitation", rate_hz / len(y))
-    return _result(lines, fit, peaks, near_hz, n, guessed=guessed)
+    return _result(lines, fit, peaks, near_hz, n, clock=clock, drift=drift)
 
 
 def fit_decay(
@@ -312,7 +314,7 @@ def fit_decay(
         raise SolverError(NO_DECAY)
     q = float(fit.modes[0, 1])
     drift = DRIFT * q / (np.pi * float(fit.modes[0, 0]) * fit.lines.seconds)
-    return _result(lines, fit, peaks, near_hz, None, guessed=np.array([0.0, drift]))
+    return _result(lines, fit, peaks, near_hz, None, clock=CLOCK, drift=drift)
 
 
 def looked_at(rate_hz: float, response: np.ndarray, squared_current: np.ndarray | None = None) -> Seen:
@@ -405,7 +407,9 @@ def _shifted(lag: int, x: np.ndarray, *late: np.ndarray) -> list[np.ndarray]:
     start, end = max(lag, 0), max(-lag, 0)
     count = len(x) - abs(lag)
     kept = [x[end : end + count], *(v[start : start + count] for v in late)]
-    if count < FEWEST_SAMPLES or not (np.ptp(kept[0]) and np.ptp(kept[1])):
+    # A delay that leaves the answer to most of the excitation outside the record is one that chance has made.
+    heard = count >= FEWEST_SAMPLES and np.sum(kept[0] ** 2) > np.sum(x**2) / 2
+    if not heard or not (np.ptp(kept[0]) and np.ptp(kept[1])):
         raise SolverError(NO_ANSWER)
     return kept
 
@@ -529,18 +533,27 @@ def _slopes(fit: _Solved, power: int) -> np.ndarray:
     return np.asarray((np.stack(there, 1) - np.stack(back, 1)) / (2 * steps.sum(0)))
 
 
+def _real_columns(fit: _Solved, power: int, phased: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Return slopes over all real parameters, caps last, and the inverse of their prior variances, in noise's."""
+    caps = np.zeros((len(fit.residual), 0)) if fit.caps is None else fit.caps
+    columns = np.concatenate([_slopes(fit, power), fit.basis, *([1j * fit.basis] if phased else []), caps], 1)
+    prior = np.zeros(columns.shape[1])
+    prior[len(prior) - caps.shape[1] :] = fit.noise**2 / 2
+    return columns, prior
+
+
 def _covariance(fit: _Solved, power: int, phased: bool) -> np.ndarray:
     """Return the covariance of theta, then of the factors' real and of their imaginary parts, by the linear rule.
 
     The residual of each line is its own measure of noise, so that noise of any colour counts where it is.
     """
-    columns = np.concatenate([_slopes(fit, power), fit.basis, *([1j * fit.basis] if phased else [])], 1)
+    columns, prior = _real_columns(fit, power, phased)
     if not phased:  # the part along the model alone was measured
         columns = (columns * np.exp(-1j * np.angle(fit.lines.data))[:, None]).real
     norm = np.linalg.norm(columns, axis=0)
     norm = np.where(norm > 0, norm, 1)
     columns = columns / norm
-    inverse = np.linalg.pinv((columns.conj().T @ columns).real, rcond=1e-13, hermitian=True)
+    inverse = np.linalg.pinv((columns.conj().T @ columns).real + np.diag(prior / norm**2), rcond=1e-13, hermitian=True)
     count = len(fit.residual)
     plain = fit.noise**2 / 2 * inverse
     if fit.lines.seconds and count > 4 * len(inverse):
@@ -631,15 +644,33 @@ def _peaks(lines: Lines, power: int) -> list[_Peak]:
 def _filled(
     fit: _Solved, rate: float, x: np.ndarray, y: np.ndarray, held: np.ndarray, power: int
 ) -> tuple[_Solved, np.ndarray]:
-    """Return the fit with the clipped samples `held` of y moved towards the model, outwards only, and the new y."""
+    """Return the fit with a cap on each crest of which the samples `held` were clipped, and y with these caps.
+
+    Caps are parabolas. Their heights, about as large as y or less, are found with all else by least squares.
+    """
     places = np.round(fit.lines.frequency * fit.lines.seconds).astype(int)
-    spectrum = np.fft.rfft(y)
-    spectrum[places] = fit.basis @ fit.factors
-    step = np.fft.irfft(spectrum, len(y))[held] - y[held]
-    there = y.copy()
-    there[held] += np.where(step * y[held] > 0, FASTER * step, 0)
-    more = _solve(_record_lines(rate, there, x).at(places - 1), fit.theta, power, fit.extra)
-    return more, there
+    at, turn = np.flatnonzero(held), -2j * np.pi * places / len(y)
+    other = (np.diff(at) > rate / (4 * fit.modes[0, 0])) | (np.diff(np.sign(y[at])) != 0)
+    crests = np.split(at, np.flatnonzero(other) + 1)
+    shapes, count = np.zeros(len(y)), min(len(crests), MOST_CAPS)
+    own, caps = np.zeros(len(y), int), np.zeros((len(places), count), complex)
+    for k, crest in enumerate(crests):
+        middle, half = (crest[0] + crest[-1]) / 2, (crest[-1] - crest[0] + 2) / 2
+        shapes[crest] = np.abs(y).max() * np.sign(y[crest].sum()) * (1 - ((crest - middle) / half) ** 2)
+        own[crest] = k * count // len(crests)
+        caps[:, own[crest[0]]] -= np.exp(turn * middle) * (np.exp(np.outer(turn, crest - middle)) @ shapes[crest])
+    heights = np.zeros(count)
+    for _ in range(FILLED):
+        columns, prior = _real_columns(fit._replace(caps=caps), power, True)
+        seen = (columns.conj().T @ fit.residual).real
+        seen[-count:] -= prior[-count:] * heights
+        norm = np.sqrt((np.abs(columns) ** 2).sum(0) + prior)
+        square = (columns.conj().T @ columns).real + np.diag(prior)
+        step = np.linalg.lstsq(square / np.outer(norm, norm), seen / norm, rcond=1e-13)[0] / norm
+        heights = heights + step[-count:]
+        there = y + heights[own] * shapes
+        fit = _solve(_record_lines(rate, there, x).at(places - 1), fit.theta, power, fit.extra)
+    return fit._replace(caps=caps), there
 
 
 def _chosen(peaks: list[_Peak], near_hz: float | None, exact: bool = False) -> _Peak:
@@ -693,7 +724,7 @@ def _without_hum(fit: _Solved, power: int) -> _Solved:
         if hum.max() <= 3.5 * np.median(size) / np.sqrt(np.log(2)):
             break
         hz, q = fit.modes[0]
-        line = _line_columns(lines, lines.frequency[hum.argmax()], hz / q)
+        line = _line_columns(fit, power, int(hum.argmax()), hz / q)
         more = _better(fit, fit.theta, power, np.concatenate([fit.extra, line], 1))
         if more is None:
             break
@@ -741,18 +772,29 @@ def _mains(lines: Lines) -> np.ndarray:
     return np.asarray(np.minimum(*off) < np.maximum(MAINS_OFF * lines.frequency, 1.01 * lines.step_hz))
 
 
-def _line_columns(lines: Lines, hz: float, width_hz: float) -> np.ndarray:
-    """Return columns (n, k) of a line at about `hz` that may waver: neighbouring sines; of a spectrum a point.
+def _line_columns(fit: _Solved, power: int, place: int, width_hz: float) -> np.ndarray:
+    """Return columns (n, k) of a line near the `place`-th one that may waver; of a spectrum that point.
 
-    Where a resonance of `width_hz` has lines to spare, the nearest ones are left out altogether.
+    They are neighbouring sines about that one which explains most of what neither the model nor its slopes do. Where a
+    resonance of `width_hz` has lines to spare, the nearest ones are left out altogether.
     """
+    lines = fit.lines
+    hz = lines.frequency[place]
     if not lines.seconds:
         return np.asarray(lines.frequency == hz, float)[:, None]
-    away = (hz - lines.frequency)[:, None] / lines.step_hz + np.array([-0.5, 0.0, 0.5])
-    sines = np.sinc(away) * np.exp(1j * np.pi * away)
-    near = np.abs(away[:, 1:2] - np.array([-2, -1, 1, 2])) < 0.5
+    away = (hz - lines.frequency)[:, None] / lines.step_hz
+    known = np.concatenate([fit.basis, _slopes(fit, power)], 1)
+    sines = _projected(known, _sines(away + CENTRES))
+    centre = CENTRES[(np.abs(sines.conj().T @ fit.residual) / np.linalg.norm(sines, axis=0)).argmax()]
+    near = np.abs(away - np.array([-2, -1, 1, 2])) < 0.5
     spared = near[:, near.any(0)] if width_hz > SPARE * lines.step_hz else near[:, :0]
-    return np.asarray(np.concatenate([sines, spared], 1) * np.abs(lines.data).max())
+    waver = _sines(away + centre + np.array([-0.5, 0.0, 0.5]))
+    return np.asarray(np.concatenate([waver, spared], 1) * np.abs(lines.data).max())
+
+
+def _sines(away: np.ndarray) -> np.ndarray:
+    """Return the transform of a sine that is `away` lines from each line, of a record of one."""
+    return np.asarray(np.sinc(away) * np.exp(1j * np.pi * away))
 
 
 def _result(
@@ -762,9 +804,13 @@ def _result(
     near_hz: float | None,
     power: int | None,
     phased: bool = True,
-    guessed: np.ndarray | float = 0.0,
+    clock: float = 0.0,
+    drift: float = 0.0,
 ) -> ResonanceFit:
-    """Return the fit's figures beside the circle's, which is fitted to the data without all other terms."""
+    """Return the fit's figures beside the circle's, which is fitted to the data without all other terms.
+
+    `clock` is one sigma of the time's scale, which all methods have in common, and `drift` what a gain's adds to ln Q.
+    """
     n = power or 0
     hz, q = fit.modes[0]
     peak = float(abs(fit.factors[0]))
@@ -785,7 +831,7 @@ def _result(
     if near_hz is None:
         refuse_two(hz, peak, tuple(others))
     covariance = _covariance(fit, n, phased)
-    sigma = np.hypot(np.sqrt(np.diag(covariance))[:2], guessed)
+    sigma = np.sqrt(np.diag(covariance))[:2]
     count = len(fit.factors)
     place = len(fit.theta) + np.array([0, count * phased])
     along = np.array([fit.factors[0].real, fit.factors[0].imag]) / peak
@@ -800,12 +846,13 @@ def _result(
             lines.frequency[strong], (alone / drive)[strong] / s**n, hz, q, 1 / (np.abs(drive[strong]) * s**n)
         )
     drawn = Seen(lines.frequency[strong], (lines.data / drive)[strong], ((lines.data - fit.residual) / drive)[strong])
-    errors = float(hz * sigma[0]), float(q * sigma[1]), peak_error
+    errors = float(hz * sigma[0]), float(q * np.hypot(sigma[1], drift)), peak_error
     noise = fit.noise / float(np.abs(drive).mean())
     found = checked((float(hz), float(q), peak), errors, noise, "circle", circle, tuple(others))
     # A residual far above the scatter of neighbouring points is of another form.
     agree = found.agree and not 0 < MOST_MISFIT * lines.noise < fit.noise
-    return found._replace(seen=drawn, power=power, agree=agree)
+    error_hz = float(hz * np.hypot(sigma[0], clock))
+    return found._replace(seen=drawn, power=power, agree=agree, resonance_error_hz=error_hz)
 
 
 # Spectra
