@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from padgen.core.errors import SpecError
 from padgen.make.pad import Pad, parse_parts
 from padgen.make.planning import plan_for, plan_to_compare, spec_of
+from padgen.planner.plan import Plan
 from padgen.spec import Spec, make_spec
 
 if TYPE_CHECKING:
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from padgen.measured.printer_fit import Calibration
     from padgen.measured.tune import Retuned
     from padgen.measured.tuning import Tuning
-    from padgen.planner.plan import Plan
     from padgen.solid.checks import Report
 
 __all__ = [
@@ -143,8 +143,8 @@ def build(
     4
     """
     named = parse_parts(",".join(parts))
-    if hasattr(plan, "channels"):
-        return Pad(plan.spec, named, given=plan, progress=progress)  # type: ignore[union-attr,arg-type]
+    if isinstance(plan, Plan):
+        return Pad(plan.spec, named, given=plan, progress=progress)
     return Pad(spec_of(plan), named, progress=progress)
 
 
@@ -390,8 +390,8 @@ def study(
     """
     from padgen.ladders.study import measured_study, parse_only
 
-    made = plan if hasattr(plan, "channels") else plan_for(spec_of(plan), progress=progress)
-    return measured_study(made, parse_only(None if only is None else ",".join(only)), tolerance, progress)  # type: ignore[arg-type]
+    made = plan if isinstance(plan, Plan) else plan_for(spec_of(plan), progress=progress)
+    return measured_study(made, parse_only(None if only is None else ",".join(only)), tolerance, progress)
 
 
 def sweep(

@@ -34,6 +34,18 @@ KINDS = {
 }  # fmt: skip
 """Disturbances by name, as arguments of `recorded`."""
 
+TWO_COILS = """
+name = "t"
+resolution = 4
+band_hz = [42, 126]
+q_min = 15
+delta_y = 5
+resonances_hz = [60, 90]
+pad = { width_mm = 50, depth_mm = 25 }
+coil = { grid = [1, 2], outer_diameter_mm = 24, inner_diameter_mm = 10, core_diameter_mm = 10 }
+"""
+"""Spec of two coils of two channels, at 60 and 90 Hz."""
+
 
 class Recording(NamedTuple):
     """Sampling rate, the excitation's current (None for a free decay) and the sensor's signal, both relative."""

@@ -29,6 +29,7 @@ from padgen.measured.simulate import simulated_measurement
 from padgen.measured.tuning import planned_tuning
 from padgen.planner import Plan, make_plan
 from padgen.spec import parse_spec
+from tests.recordings import TWO_COILS
 
 RATE = 2000.0
 PRINT = {"r0c0k0": (62.0, 14.0, 900.0), "r0c0k1": (91.0, 17.0, 400.0)}
@@ -38,18 +39,7 @@ PRINT = {"r0c0k0": (62.0, 14.0, 900.0), "r0c0k1": (91.0, 17.0, 400.0)}
 @pytest.fixture(scope="module")
 def plan() -> Plan:
     """A plan of two coils of two channels, at 60 and 90 Hz."""
-    return make_plan(
-        parse_spec("""
-name = "t"
-resolution = 4
-band_hz = [42, 126]
-q_min = 15
-delta_y = 5
-resonances_hz = [60, 90]
-pad = { width_mm = 50, depth_mm = 25 }
-coil = { grid = [1, 2], outer_diameter_mm = 24, inner_diameter_mm = 10, core_diameter_mm = 10 }
-""")
-    )
+    return make_plan(parse_spec(TWO_COILS))
 
 
 def spectrum(taxel, frequency):

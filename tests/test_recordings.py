@@ -17,24 +17,14 @@ from padgen.measured.read import read_measured
 from padgen.measured.tuning_picture import tuning_picture
 from padgen.planner import make_plan
 from padgen.spec import parse_spec
-from tests.recordings import KINDS, recorded
+from tests.recordings import KINDS, TWO_COILS, recorded
 
-TEXT = """
-name = "t"
-resolution = 4
-band_hz = [42, 126]
-q_min = 15
-delta_y = 5
-resonances_hz = [60, 90]
-pad = { width_mm = 50, depth_mm = 25 }
-coil = { grid = [1, 2], outer_diameter_mm = 24, inner_diameter_mm = 10, core_diameter_mm = 10 }
-"""
 SOME = {"noise": ("hum", "drift", "clock"), "pluck": ("hum", "AC coupling", "coloured noise", "16 bits, 1 % clipped")}
 
 
 @pytest.fixture(scope="module")
 def plan():
-    return make_plan(parse_spec(TEXT))
+    return make_plan(parse_spec(TWO_COILS))
 
 
 def written(folder, name, **how):
@@ -87,7 +77,7 @@ def test_refused_data_are_drawn(plan, tmp_path, capsys):
     path.write_bytes(noise.wav())
     written(tmp_path, "r0c0k0", rate=2000)
     spec, out = tmp_path / "t.toml", tmp_path / "out"
-    spec.write_text(TEXT)
+    spec.write_text(TWO_COILS)
     command = ["retune", str(spec), str(path), str(tmp_path / "r0c0k0.wav"), "-o", str(out)]
     assert cli.run(command) == 2
     assert "shows no answer to the excitation" in capsys.readouterr().err

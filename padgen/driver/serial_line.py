@@ -63,7 +63,7 @@ GREETING = struct.Struct(f"<{HASH_BYTES}sHHBBHIIIII")
 REFUSAL, COIL = struct.Struct("<BBH"), struct.Struct("<H")
 GREETING_BYTES = GREETING.size
 GIVEN = 4
-"""Where an ACK has the share of the voltage that is given."""
+"""Place, among the bytes of an ACK, of the share of the voltage that is given."""
 LONGEST_BLOCK = 254
 HOLD_WATCHDOGS = 8
 """Times of the watchdog that a frame is held for, whatever else than a new frame comes."""
@@ -133,7 +133,7 @@ class Greeting(NamedTuple):
 
 
 class Fault(IntFlag):
-    """What a device's self-test found; what it plays is silence then."""
+    """Faults that a device's self-test may find; with any of them it stays silent."""
 
     TABLES = 1
     CLAMP = 2
@@ -410,7 +410,7 @@ class _Link:
                 self._port,
             )
         if device.faults:
-            found = ", ".join(fault.name.lower() for fault in Fault if fault & device.faults)  # type: ignore[union-attr]
+            found = ", ".join(str(fault.name).lower() for fault in Fault if fault & device.faults)
             raise FileError(
                 f"found its {found or 'self'} wrong when it tested itself, and stays silent; {cure}", self._port
             )

@@ -71,7 +71,7 @@ class TaxelFit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Curve:
-    """What a fit has seen of a taxel, to be drawn; `cause` says why it was refused, '' where it was fitted."""
+    """Measured data of a taxel and their fit, to be drawn; `cause` is why it was refused, '' where it was fitted."""
 
     id: str
     seen: Seen

@@ -223,7 +223,7 @@ EXCEEDED = {
     "coil.heat": "channels on heat each coil with {} W, it bears {} W",
     "limits.power": "taxels on take {} W in all coils, limits.power_w allows {} W",
 }
-"""What is said of a load and its limit, by the code of the finding."""
+"""Sentences about a load and its limit, by the code of the finding."""
 
 
 def _limits(plan: Plan) -> Iterator[Finding]:

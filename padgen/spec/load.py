@@ -74,7 +74,7 @@ def refuse_contradictions(spec: Spec) -> None:
 
 
 Rule = tuple[bool, str, str, Sequence[dict[str, Any]]]
-"""Whether a rule holds; the field that it is about, the sentence and the cures where it does not."""
+"""A rule of a spec: true if it holds, its field, and the sentence and cures to say if it does not hold."""
 
 
 def _band_rules(spec: Spec) -> Iterator[Rule]:

@@ -150,7 +150,7 @@ class Printer:
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """How far prints of one drawing differ: the standard deviation of each cause (sources in docs/yield.md).
+    """Spread between prints of one drawing: the standard deviation of each cause (sources in docs/yield.md).
 
     A `bias` is the same in every print of a printer. Calibration or re-tuning removes it, so that simulated prints do
     not have it. A `common` error is the same in all beams of a print, the `field` varies smoothly over the bed, and all
