@@ -19,8 +19,17 @@ from typing import Any
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from padgen.verify.elastic_mesh import PRINTED, WASHER, clamped_shape, coarse_mesh, taxel_shape
-from padgen.verify.elasticity import SolidModes, SolidTaxel, converged_modes, solve_modes
+from padgen.verify.elasticity import (
+    PRINTED,
+    WASHER,
+    SolidModes,
+    SolidTaxel,
+    clamped_shape,
+    coarse_mesh,
+    converged_modes,
+    solve_modes,
+    taxel_shape,
+)
 from tests.test_elasticity import POLYMER, REFERENCE, RING_MM3, STEEL, off_reference, write_steps
 
 RUNS = 3

@@ -16,7 +16,6 @@ import padgen.physics.pull as pull_module
 from padgen.core.units import G_PER_CM3, GPA, GRAM, MA, MH, MM, UM
 from padgen.physics.beams import EndCompliance, tip_stiffness
 from padgen.physics.bounds import beam_inertia, core_polarisation, saturation_loss, washer_magnetised
-from padgen.physics.currents import bias_a, current_lines_a
 from padgen.physics.frame import AttachedBody, Element, Frame, divided, frame_modes, rectangle
 from padgen.physics.magnetic_charge import (
     RingPotential,
@@ -28,11 +27,11 @@ from padgen.physics.magnetic_charge import (
     tube,
     winding_rings,
 )
-from padgen.physics.magnetics import MU_0, CoilSource, SteelRing
+from padgen.physics.magnetics import MU_0, CoilSource, SteelRing, saturating
 from padgen.physics.modes import BeamPlacement, Modes, RigidBody, suspended_modes
 from padgen.physics.pull import PullAt, leakage
 from padgen.physics.resonator import TaxelModes, felt_energy
-from padgen.physics.saturation import saturating
+from padgen.physics.schemes import bias_a, current_lines_a
 from padgen.planner.channels import hanging_gap_um
 from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.plan import Channel, Plan

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from padgen.core.errors import SolverError
+from padgen.ladders.extreme import Answer, ExtremeCase
 from padgen.ladders.rung import Solved
-from padgen.verify.extreme import Answer, ExtremeCase
 
 EXACT = 3.0
 

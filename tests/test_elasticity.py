@@ -15,31 +15,29 @@ import numpy as np
 import pytest
 
 from padgen.core.errors import SolverError
-from padgen.verify.elastic_mesh import (
+from padgen.verify.elasticity import (
     CLAMPED,
     PRINTED,
     WASHER,
-    Fineness,
-    clamped_shape,
-    coarse_mesh,
-    edge_angles,
-    meshed,
-    taxel_shape,
-)
-from padgen.verify.elasticity import (
     Elastic,
+    Fineness,
     Orthotropy,
     SolidModes,
     SolidTaxel,
     accurate,
     assembled,
+    clamped_shape,
+    coarse_mesh,
     converged_modes,
+    edge_angles,
     eigenmodes,
     factored,
     layered,
+    meshed,
     rigid_loads,
     solve_modes,
     stiffness_pa,
+    taxel_shape,
 )
 
 REFERENCE = json.loads((Path(__file__).parent / "reference" / "taxel_modes.json").read_text())

@@ -18,10 +18,9 @@ import numpy as np
 import pytest
 
 from padgen.core.errors import SolverError, SpecError
+from padgen.ladders.extreme import Answer, force_cases, planned_pull, random_pull
 from padgen.ladders.stages import axisymmetric_pull, charges_pull, paper_pull, three_d_pull
-from padgen.physics.magnetics import SteelRing, solenoid
-from padgen.physics.saturation import MILD_STEEL, TEAM_STEEL, BHCurve, saturating
-from padgen.verify.extreme import Answer, force_cases, planned_pull, random_pull
+from padgen.physics.magnetics import MILD_STEEL, TEAM_STEEL, BHCurve, SteelRing, saturating, solenoid
 from padgen.verify.field_solid import (
     PlacedWasher,
     Pull,

@@ -24,8 +24,7 @@ from padgen.core.units import G_PER_CM3, GPA
 from padgen.planner import Plan, make_plan
 from padgen.planner.left_out import flexibility_bounds, frame_around
 from padgen.spec import parse_spec
-from padgen.verify.elastic_mesh import meshed
-from padgen.verify.elasticity import Elastic, assembled, eigenmodes, factored
+from padgen.verify.elasticity import Elastic, assembled, eigenmodes, factored, meshed
 from padgen.verify.pad_frame import (
     CLAMPINGS,
     HELD,

@@ -21,6 +21,7 @@ import numpy as np
 
 from padgen.core.errors import SolverError, number
 from padgen.core.units import GRAM, MH, MM
+from padgen.ladders.extreme import Answer
 from padgen.ladders.rung import (
     Ladder,
     Rung,
@@ -32,11 +33,11 @@ from padgen.ladders.rung import (
     run_apart,
     write_steps,
 )
-from padgen.physics.currents import bias_a
 from padgen.physics.ladder import geometric_ladder, optimal_ladder
 from padgen.physics.magnetics import impedance, paper_force_constant
 from padgen.physics.propagation import Tones, propagate, signal, squared, steady_lines, tones
 from padgen.physics.pull import solved_pulls
+from padgen.physics.schemes import bias_a
 from padgen.physics.selectivity import Channels, Scheme, all_states, channels, one_hot_db
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.pull_modes import magnetic_parts
@@ -45,7 +46,6 @@ from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.spec import Spec
 from padgen.verify.coupled import CoupledSystem, Source, from_tones, make_system, simulate
-from padgen.verify.extreme import Answer
 from padgen.verify.field_solid import Pull, solid_pull
 
 __all__ = [

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.physics.minimax import Box, Descent, descend
+from padgen.physics.ladder import Box, Descent, descend
 
 __all__ = [
     "ALIAS_DB",

@@ -17,9 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.core.errors import SolverError, SpecError, number
-from padgen.physics.magnetics import CoilSource, SteelRing
-from padgen.physics.saturation import BHCurve
-from padgen.verify.engines import ng, occ
+from padgen.physics.magnetics import BHCurve, CoilSource, SteelRing
+from padgen.verify import ng, occ
 
 __all__ = [
     "WIDEST",

@@ -20,9 +20,8 @@ from padgen.planner.plan import TURNS, Plan, Taxel
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.planner.tile import taxel_places
-from padgen.verify.elastic_mesh import Fineness, meshed
-from padgen.verify.elasticity import Elastic, System, assembled, factored, rigid_loads
-from padgen.verify.engines import ng, occ
+from padgen.verify import ng, occ
+from padgen.verify.elasticity import Elastic, Fineness, System, assembled, factored, meshed, rigid_loads
 
 __all__ = [
     "CLAMPINGS",
