@@ -275,7 +275,7 @@ def test_a_run_that_takes_too_many_steps_is_refused():
 @pytest.mark.parametrize("name", ["paper-pair", "triple-48"])
 def test_every_rung_errs_by_no_more_than_it_states(name):
     question = dynamics_question(make_plan(load_spec(name)), 0.3)
-    answers = [(model, resolution, solve()) for model, resolution, _, solve in dynamics_models(question)]
+    answers = [(model, resolution, solve()) for model, resolution, solve in dynamics_models(question)]
     assert [model for model, _, _ in answers[:3]] == ["phasor", "exponential", "coupled"]
     finest = answers[-1][2].values
     for model, resolution, answer in answers:
@@ -303,7 +303,7 @@ def test_every_drive_makes_its_current(pair_plan):
             assert lines.amplitude[0] == pytest.approx((1 + plan.spec.drive.headroom) * asked)
         # Motion changes the coil's inductance by 1e-5 or so: what the circuit then misses is of that size.
         assert run.current_a**2 == pytest.approx(square, abs=1e-4 * square.max())
-        pickle.loads(pickle.dumps(list(dynamics_models(question))[1][3]))()
+        pickle.loads(pickle.dumps(list(dynamics_models(question))[1][2]))()
     with pytest.raises(SolverError):
         dynamics_question(pair_plan, -1.0)
 

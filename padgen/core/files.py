@@ -27,7 +27,6 @@ from dataclasses import asdict, dataclass, is_dataclass
 from errno import EDQUOT, EIO, ENOSPC
 from hashlib import file_digest, sha256
 from itertools import count, takewhile
-from json.encoder import encode_basestring
 from math import isfinite
 from pathlib import Path
 from threading import Thread
@@ -401,64 +400,34 @@ def json_text(table: Any) -> str:
     """Return JSON in the form of all files: numbers with ten significant digits, null for NaN and infinity.
 
     Ten digits agree between platforms. An entry called `spec` is input, not a result: its numbers are written in full,
-    so that they read back unchanged. Takes plain data and dataclasses. Same layout as ``json.dumps`` with an indent of
-    1, but faster.
+    so that they read back unchanged. Takes plain data and dataclasses; other values become text.
     """
-    return _escaped(_json(table, "\n", False)) + "\n"
+    return _escaped(json.dumps(_plain(table), indent=1, ensure_ascii=False)) + "\n"
 
 
 def json_line(table: Any) -> str:
-    """Return JSON on one line in the same form, for streams and journals; values that are no plain data become text."""
+    """Return the same JSON on one line, for streams and journals."""
     return _escaped(json.dumps(_plain(table), ensure_ascii=False))
 
 
 def _escaped(text: str) -> str:
     """Escape lone surrogates in JSON, which names of files may contain but no file can."""
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        return "".join(f"\\u{ord(sign):04x}" if "\ud800" <= sign <= "\udfff" else sign for sign in text)
-    return text
+    return text.encode(errors="backslashreplace").decode()
 
 
-def _plain(value: Any) -> Any:
-    """Return a value as plain data with rounded numbers."""
-    if isinstance(value, dict):
-        return {str(key): _plain(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(entry) for entry in value]
+def _plain(value: Any, in_full: bool = False) -> Any:
+    """Return a value as plain data, its numbers rounded or `in_full`."""
     if isinstance(value, float):
-        return float(f"{value:.10g}") if isfinite(value) else None
+        return (value if in_full else float(f"{value:.10g}")) if isfinite(value) else None
     if value is None or isinstance(value, (bool, int, str)):
         return value
-    return _plain(value.item()) if hasattr(value, "item") else str(value)
-
-
-def _json(value: Any, line: str, in_full: bool) -> str:
-    """Return the JSON of a value, its numbers rounded or `in_full`; `line` is a line break with its indent."""
-    if isinstance(value, float):
-        return float.__repr__(value if in_full else float(f"{value:.10g}")) if isfinite(value) else "null"
-    if isinstance(value, str):
-        return encode_basestring(value)
-    if type(value) is int:
-        return int.__repr__(value)
     if isinstance(value, (list, tuple)):
-        inner = line + " "
-        return (
-            f"[{inner}{f',{inner}'.join([_json(entry, inner, in_full) for entry in value])}{line}]" if value else "[]"
-        )
-    if isinstance(value, dict) or is_dataclass(value):
-        entries = (
-            value if isinstance(value, dict) else {name: getattr(value, name) for name in value.__dataclass_fields__}
-        )
-        inner = line + " "
-        pairs = [f"{_key(key)}: {_json(entry, inner, in_full or key == SPEC)}" for key, entry in entries.items()]
-        return f"{{{inner}{f',{inner}'.join(pairs)}{line}}}" if pairs else "{}"
-    return json.dumps(value)
-
-
-def _key(key: Any) -> str:
-    return encode_basestring(key if isinstance(key, str) else json.dumps(key))
+        return [_plain(entry, in_full) for entry in value]
+    if is_dataclass(value):
+        value = {name: getattr(value, name) for name in value.__dataclass_fields__}
+    if isinstance(value, dict):
+        return {str(key): _plain(entry, in_full or key == SPEC) for key, entry in value.items()}
+    return _plain(value.item()) if hasattr(value, "item") else str(value)
 
 
 def file_hash(data: bytes | bytearray) -> str:

@@ -26,12 +26,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.core.errors import PadgenError, SolverError, number
+from padgen.ladders.rung import Solved
+from padgen.ladders.stages import axisymmetric_pull, charges_pull, three_d_pull
 from padgen.make.planning import plan_for
 from padgen.physics.frame import AttachedBody, Element, Frame, checked_frame_modes, divided, rectangle
 from padgen.physics.ladder import LevelLaw, capacity, geometric_ladder
 from padgen.physics.magnetics import (
     MILD_STEEL,
-    CoilSource,
     SteelRing,
     balanced_deflection,
     impedance,
@@ -40,7 +41,6 @@ from padgen.physics.magnetics import (
 )
 from padgen.physics.modes import RigidBody
 from padgen.physics.propagation import STATED_ERROR, Tones, circuit_current, propagate, squared, steady_lines, tones
-from padgen.physics.pull import solved_pulls
 from padgen.physics.selectivity import Channels, Scheme, channels, off_energy
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
@@ -49,10 +49,9 @@ from padgen.spec.fields import choices
 from padgen.verify import mpmath, occ
 from padgen.verify.coupled import CoupledSystem, Source, from_tones, make_system, scipy_motion, simulate
 from padgen.verify.elasticity import Elastic, SolidTaxel, converged_modes, solve_modes
-from padgen.verify.field_solid import Pull, axisymmetric_force, solid_pull
+from padgen.verify.field_solid import Pull
 
 __all__ = [
-    "Answer",
     "BlockTaxel",
     "Cantilever",
     "ExtremeCase",
@@ -63,7 +62,6 @@ __all__ = [
     "force_cases",
     "frame_answer",
     "outcome",
-    "planned_pull",
     "random_pull",
     "random_table",
     "selectivity_cases",
@@ -74,31 +72,19 @@ __all__ = [
 ]
 
 
-class Answer(NamedTuple):
-    """A model's answer: `values` of any shape and the relative error that it states itself.
-
-    `residual` and `condition` are of the linear or eigen problem behind it, nan where there is none.
-    """
-
-    values: np.ndarray
-    stated_error: float
-    residual: float = float("nan")
-    condition: float = float("nan")
-
-
 @dataclass(frozen=True)
 class ExtremeCase:
     """One case: the answer of padgen (or its refusal by raising a `PadgenError`), and what is true.
 
     Relative errors are of the largest entry of `values`. `reference` is analytic, of many digits, or a finer
-    solve (`source` says which); as an `Answer` it has an error of its own, which is allowed for.
+    solve (`source` says which); as an `Solved` it has an error of its own, which is allowed for.
     """
 
     name: str
     domain: str
     model: str
-    solve: Callable[[], Answer]
-    reference: Callable[[], np.ndarray | Answer]
+    solve: Callable[[], Solved]
+    reference: Callable[[], np.ndarray | Solved]
     source: str
 
 
@@ -141,7 +127,7 @@ class Cantilever(NamedTuple):
         return self.tip_mass * (self.gyration * self.length) ** 2
 
 
-def frame_answer(beam: Cantilever) -> Answer:
+def frame_answer(beam: Cantilever) -> Solved:
     """Return bending frequencies up by the frame, lowest first; motions across, along and about the axis are held.
 
     Raises
@@ -162,7 +148,7 @@ def frame_answer(beam: Cantilever) -> Answer:
     modes, error = checked_frame_modes(frame, 5 * MODES)
     motion = np.abs(modes.node_motion) * np.repeat([1.0, beam.length], 3)
     up = motion[..., 2].max(1) > UP_SHARE * motion.max((1, 2))
-    return Answer(modes.frequency_hz[up][:MODES], float(error[up][:MODES].max()), modes.residual, modes.condition)
+    return Solved(modes.frequency_hz[up][:MODES], float(error[up][:MODES].max()), modes.residual, modes.condition)
 
 
 def exact_frequencies(beam: Cantilever, guess_hz: np.ndarray) -> np.ndarray:
@@ -246,7 +232,7 @@ _TAXELS: tuple[tuple[str, str, BeamShape, tuple[float, ...], str, float], ...] =
 washer; working resonance in Hz by 3-D elasticity (docs/measure_beams.py)."""
 
 
-def beam_answer(topology: str, beam: BeamShape, figures: tuple[float, ...], washer: str) -> Answer:
+def beam_answer(topology: str, beam: BeamShape, figures: tuple[float, ...], washer: str) -> Solved:
     """Return the working resonance of one of the taxels by the beam model.
 
     Raises
@@ -276,7 +262,7 @@ def beam_answer(topology: str, beam: BeamShape, figures: tuple[float, ...], wash
             f"a beam of {number(length)} mm is too short beside its width of {number(width)} and thickness of"
             f" {number(thickness)} mm for the beam model: solve the solid"
         )
-    return Answer(np.array([float(model.resonance_hz)]), float(model.error_estimate))
+    return Solved(np.array([float(model.resonance_hz)]), float(model.error_estimate))
 
 
 def _cantilevers() -> Iterator[tuple[str, Cantilever]]:
@@ -353,19 +339,19 @@ class BlockTaxel(NamedTuple):
         return SolidTaxel(step, printed, self.washer, volume, middle, clamp="root", name=name)
 
 
-def solid_answer(taxel: BlockTaxel) -> Answer:
+def solid_answer(taxel: BlockTaxel) -> Solved:
     """Return the working resonance in Hz, and its error, by the elements that tune plans."""
     with TemporaryDirectory() as folder:
         found = converged_modes(taxel.written(Path(folder)), TOLERANCE)
     working = found.modes.working
-    return Answer(found.modes.frequency_hz[[working]], float(found.error[working]), found.residual)
+    return Solved(found.modes.frequency_hz[[working]], float(found.error[working]), found.residual)
 
 
-def _by_finer(taxel: BlockTaxel, scale: float = 1.0) -> Answer:
+def _by_finer(taxel: BlockTaxel, scale: float = 1.0) -> Solved:
     """Solve by elements of `FINER_ELEMENTS`; return the resonance times `scale`."""
     with TemporaryDirectory() as folder:
         found = solve_modes(taxel.written(Path(folder)), *FINER_ELEMENTS)
-    return Answer(scale * found.modes.frequency_hz[[found.modes.working]], FINER_ERROR)
+    return Solved(scale * found.modes.frequency_hz[[found.modes.working]], FINER_ERROR)
 
 
 def solid_cases() -> Iterator[ExtremeCase]:
@@ -403,7 +389,8 @@ def solid_cases() -> Iterator[ExtremeCase]:
 COIL = solenoid(10e-3, 4e-3, 10e-3, 1000, 4e-3, 1000)
 WASHER = SteelRing(4e-3, 2e-3, 0.5e-3, 1000)
 """The reference problem of tests/reference/magnetostatics.json."""
-FINER_FIELD = {"order": 7, "levels": 6}
+FINER_FIELD = 7, 6
+"""Order and levels of the elements of the axisymmetric reference."""
 HIGHER = 4
 RANDOM = 12
 """Coils, washers and places drawn from what a spec allows."""
@@ -458,59 +445,39 @@ def random_pull(index: int) -> Pull:
     return Pull(coil, SteelRing._make([*sizes, ring["relative_permeability"]]), 2e-4 * 25 ** draw(), 15e-3 * draw())
 
 
-def planned_pull(coil: CoilSource, washer: SteelRing, gap_m: float, offset_m: float) -> Answer:
-    """Return the pull over the current's square by which plans are made, and the error that it states."""
-    found = solved_pulls(coil, washer, np.array([gap_m]), np.array([offset_m]))
-    return Answer(found.pull, float(found.error[0]))
-
-
 def _planned_case(name: str, pull: Pull) -> ExtremeCase:
-    solve = partial(planned_pull, pull.coil, pull.washer, pull.gap_m, pull.offset_m)
+    reference, source = partial(axisymmetric_pull, pull), "axisymmetric field, with its error"
     if pull.offset_m:
-        return ExtremeCase(name, "force", "plan", solve, partial(_off_axis, pull), "3-D field, with its own error")
-    return ExtremeCase(name, "force", "plan", solve, partial(_axisymmetric, pull), "axisymmetric field, with its error")
+        reference, source = partial(_off_axis, pull), "3-D field, with its own error"
+    return ExtremeCase(name, "force", "plan", partial(charges_pull, pull), reference, source)
 
 
 def _axisymmetric_case(name: str, pull: Pull) -> ExtremeCase:
     source = "the same by elements of order 7 and six refinements, with its own error"
-    finer = partial(_axisymmetric, pull, **FINER_FIELD)
-    return ExtremeCase(name, "force", "axisymmetric", partial(_axisymmetric, pull), finer, source)
-
-
-def _axisymmetric(pull: Pull, **fineness: int) -> Answer:
-    """Return the bracket's middle over the current's square; of a finer solution the scalar potential's answer."""
-    solved = axisymmetric_force(
-        pull.coil, pull.washer, pull.gap_m, pull.current_a, pull.core_steel, pull.washer_steel, **fineness
-    )
-    force_n = solved.scalar_n if fineness else solved.force_n
-    return Answer(np.array([-force_n / pull.current_a**2]), solved.error, solved.residual)
+    solve, finer = partial(axisymmetric_pull, pull), partial(axisymmetric_pull, pull, *FINER_FIELD, scalar=True)
+    return ExtremeCase(name, "force", "axisymmetric", solve, finer, source)
 
 
 def _solid_case(name: str, pull: Pull) -> ExtremeCase:
     source = "axisymmetric field, with its own error"
-    return ExtremeCase(name, "force", "3-D", partial(_solid_field, pull), partial(_axisymmetric, pull), source)
+    return ExtremeCase(name, "force", "3-D", partial(three_d_pull, pull), partial(axisymmetric_pull, pull), source)
 
 
-def _off_axis(pull: Pull) -> Answer:
+def _off_axis(pull: Pull) -> Solved:
     """Solve the 3-D field; by a higher order where a weak pull drowns in the usual one's own error."""
     try:
-        return _solid_field(pull)
+        return three_d_pull(pull)
     except SolverError:
-        return _solid_field(pull, HIGHER)
-
-
-def _solid_field(pull: Pull, order: int = 3) -> Answer:
-    found = solid_pull(pull, order)
-    return Answer(np.array([-float(found.wrench[0, 2]) / pull.current_a**2]), found.error, found.residual)
+        return three_d_pull(pull, HIGHER)
 
 
 def _near_pull_in(share: float) -> ExtremeCase:
     """Make a case of a pull c ∝ 1/gap², whose pull-in is at a third of the gap; below it the balance solves a cubic."""
     gap_m = 1e-3
 
-    def solve() -> Answer:
+    def solve() -> Solved:
         slack = share * pull_in_deflection(gap_m, 2.0)[1]
-        return Answer(np.array([balanced_deflection(slack, gap_m, 2.0)], float), 1e-6)
+        return Solved(np.array([balanced_deflection(slack, gap_m, 2.0)], float), 1e-6)
 
     # z (g − z)² = share · 4 g³/27; the smallest root in closed form.
     root = gap_m * (2 / 3 + 2 / 3 * np.cos(np.arccos(2 * share - 1) / 3 + 2 * pi / 3))
@@ -581,7 +548,7 @@ def exact_displacement(frequency_hz: float, q: float, mass_kg: float, force: Ton
 
 
 def _case(
-    name: str, model: str, solve: Callable[[], Answer], reference: Callable[[], np.ndarray], source: str = MANY_DIGITS
+    name: str, model: str, solve: Callable[[], Solved], reference: Callable[[], np.ndarray], source: str = MANY_DIGITS
 ) -> ExtremeCase:
     return ExtremeCase(name, "dynamics", model, solve, reference, source)
 
@@ -592,8 +559,8 @@ def _over_largest(values: np.ndarray) -> np.ndarray:
 
 
 def _propagated(name: str, hz: np.ndarray, q: Any, mass: Any, force: Tones, times: np.ndarray) -> ExtremeCase:
-    def solve() -> Answer:
-        return Answer(_over_largest(propagate(hz, q, mass, force, times)), 10 * STATED_ERROR)
+    def solve() -> Solved:
+        return Solved(_over_largest(propagate(hz, q, mass, force, times)), 10 * STATED_ERROR)
 
     def exact() -> np.ndarray:
         own = zip(*np.broadcast_arrays(hz, q, mass), strict=True)
@@ -614,9 +581,9 @@ def _phasor_near_resonance() -> ExtremeCase:
         moved = mp.mpf(1e-5) / bracket
         return np.array([float(moved.real), float(moved.imag)])
 
-    def solve() -> Answer:
+    def solve() -> Solved:
         line = steady_lines(np.array([hz]), q, MASS_KG, force)[0, 0]
-        return Answer(np.array([line.real, line.imag]), STATED_ERROR)
+        return Solved(np.array([line.real, line.imag]), STATED_ERROR)
 
     return _case("steady state at Q = 1e7, 1e-9 Hz off resonance", "phasor", solve, exact)
 
@@ -627,9 +594,9 @@ def _many_oscillators() -> ExtremeCase:
     force, seen = tones(hz[::32], 1e-5, np.arange(64)), np.linspace(0, len(hz) - 1, 16).astype(int)
     times, static = np.linspace(0, 10, 201)[1:], 1e-5 / (MASS_KG * (2 * np.pi * hz[seen]) ** 2)
 
-    def solve() -> Answer:
+    def solve() -> Solved:
         moved = propagate(hz, 1e6, MASS_KG, force, times)
-        return Answer(moved[seen, -1] / static, 10 * STATED_ERROR)
+        return Solved(moved[seen, -1] / static, 10 * STATED_ERROR)
 
     def exact() -> np.ndarray:
         return np.asarray([exact_displacement(f, 1e6, MASS_KG, force, 10.0) for f in hz[seen]] / static)
@@ -638,14 +605,14 @@ def _many_oscillators() -> ExtremeCase:
     return _case(name, "exponential", solve, exact, f"{MANY_DIGITS}, 16 of them")
 
 
-def _refined(system: CoupledSystem, voltage: Tones, times: np.ndarray) -> Answer:
+def _refined(system: CoupledSystem, voltage: Tones, times: np.ndarray) -> Solved:
     """Return a coupled run; its stated error is ten times its difference from a finer run with other stages."""
     source = from_tones("voltage", voltage)
     run = simulate(system, source, times, tolerance=COUPLED_TOLERANCE)
     fine = simulate(system, source, times, tolerance=COUPLED_TOLERANCE / 100, stages=14).displacement_m
     largest = np.abs(fine).max(1, keepdims=True)
     off = float(np.abs((run.displacement_m - fine) / largest).max())
-    return Answer(run.displacement_m / largest, 10 * off + 1e-11, run.residual)
+    return Solved(run.displacement_m / largest, 10 * off + 1e-11, run.residual)
 
 
 def _circuit_and_taxel(constant_s: float) -> ExtremeCase:
@@ -692,10 +659,10 @@ def _pull_in() -> Iterator[ExtremeCase]:
     stiffness = MASS_KG * (2 * np.pi * hz) ** 2
     largest = stiffness * pull_in_deflection(GAP_M, exponent)[1]
 
-    def highest(q: float, pull: float, times: np.ndarray, stated: float) -> Answer:
+    def highest(q: float, pull: float, times: np.ndarray, stated: float) -> Solved:
         system = make_system(hz, q, MASS_KG, pull, exponent, GAP_M)
         motion = simulate(system, direct, times, tolerance=COUPLED_TOLERANCE)
-        return Answer(motion.displacement_m.max(keepdims=True) / GAP_M, stated, motion.residual)
+        return Solved(motion.displacement_m.max(keepdims=True) / GAP_M, stated, motion.residual)
 
     balance = balanced_deflection(0.99 * largest / stiffness, GAP_M, exponent) or float("nan")
     cases = (("99", balance / GAP_M, "balance in closed form"), ("101", float("nan"), "there is none"))
@@ -759,28 +726,28 @@ def spec_cases() -> Iterator[ExtremeCase]:
         yield ExtremeCase(name, "specs", "plan", partial(_refused, table), told, source)
 
 
-def _group(first: int) -> Answer:
+def _group(first: int) -> Solved:
     """Count how many of a group's specs are answered wrongly; raise with the first of them."""
     found = {number: outcome(random_table(number)) for number in range(first, first + IN_GROUP)}
     wrong = [f"random {number}: {fault}" for number, fault in found.items() if fault]
     if wrong:
         raise ValueError(f"{len(wrong)} of {IN_GROUP} are wrong: {'; '.join(wrong[:3])}")
-    return Answer(np.array([0.0]), 0.0)
+    return Solved(np.array([0.0]), 0.0)
 
 
-def _refused(table: dict[str, Any]) -> Answer:
+def _refused(table: dict[str, Any]) -> Solved:
     """Return 1 for a plan that has found an error; a refusal is raised."""
     plan = plan_for(make_spec(table))
-    return Answer(np.array([float(any(finding.level == "error" for finding in plan.findings))]), 0.0)
+    return Solved(np.array([float(any(finding.level == "error" for finding in plan.findings))]), 0.0)
 
 
-def _beam(number: int) -> Answer:
+def _beam(number: int) -> Solved:
     """Return the lowest resonance by the plan's model, which states some of its standard deviations."""
     channel = plan_for(make_spec(random_table(number, 0))).channels[0]
-    return Answer(np.array([channel.resonance_hz]), channel.model_error)
+    return Solved(np.array([channel.resonance_hz]), channel.model_error)
 
 
-def _solid(number: int, setting: tuple[int, int] | None, error: float) -> Answer:
+def _solid(number: int, setting: tuple[int, int] | None, error: float) -> Solved:
     """Return the same of the printed solid, by elements of a setting that err by `error`, or by the tuning ones."""
     from padgen.make.solid_tuning import solid_taxel
     from padgen.solid.formats.step import write_taxel_step  # before NGSolve, which brings another OCCT
@@ -794,7 +761,7 @@ def _solid(number: int, setting: tuple[int, int] | None, error: float) -> Answer
         found = solve_modes(taxel, *setting) if setting else converged_modes(taxel, SOLID_TOLERANCE)
     working = found.modes.working
     stated = error if setting else float(found.error[working])
-    return Answer(found.modes.frequency_hz[[working]], stated, found.residual)
+    return Solved(found.modes.frequency_hz[[working]], stated, found.residual)
 
 
 def random_table(number: int, most_odd: int = MOST_ODD) -> dict[str, Any]:
@@ -893,7 +860,7 @@ def _selectivity_case(
             return np.array([float(exact())])
 
     source = f"the same sums in {SUM_DIGITS} digits (mpmath)"
-    return ExtremeCase(name, "selectivity", model, lambda: Answer(np.array([value()]), stated), reference, source)
+    return ExtremeCase(name, "selectivity", model, lambda: Solved(np.array([value()]), stated), reference, source)
 
 
 def _energy(name: str, band_hz: tuple[float, float], count: int, q: float, scheme: str, off: int) -> ExtremeCase:

@@ -5,7 +5,6 @@ what was measured until then; before the first rung's end it leaves everything a
 (`run_extreme`) run one process each, too, and each model is held to the error that it states.
 """
 
-import importlib
 import json
 import tempfile
 from collections import Counter
@@ -15,18 +14,26 @@ from dataclasses import asdict, astuple, dataclass, fields
 from functools import partial
 from math import ceil, floor, isfinite, isnan, log10, nan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from padgen import __version__
 from padgen.core.cache import version
 from padgen.core.display import STYLE, plot_bytes, seconds_text, table
-from padgen.core.errors import SolverError, percent
+from padgen.core.errors import percent
 from padgen.core.files import OutputFolder, file_hash, json_text
 from padgen.core.registry import names_in
 from padgen.core.runner import refuse_unshared, uninterrupted
-from padgen.ladders.extreme import Answer, ExtremeCase
+from padgen.ladders.extreme import (
+    ExtremeCase,
+    dynamics_cases,
+    force_cases,
+    selectivity_cases,
+    solid_cases,
+    spec_cases,
+    structure_cases,
+)
 from padgen.ladders.rung import (
     NOT_RUN,
     TIMES,
@@ -38,6 +45,7 @@ from padgen.ladders.rung import (
     Pick,
     Row,
     Scene,
+    Solved,
     apart,
     judged,
     measured,
@@ -58,7 +66,6 @@ __all__ = [
     "SETS",
     "STUDY_FILES",
     "ExtremeStudy",
-    "Named",
     "Study",
     "Verdict",
     "extreme_picture",
@@ -82,26 +89,17 @@ __all__ = [
     "verdict_of",
 ]
 
-SETS = (
-    ("padgen.ladders.extreme", "structure_cases"),
-    ("padgen.ladders.extreme", "solid_cases"),
-    ("padgen.ladders.extreme", "force_cases"),
-    ("padgen.ladders.extreme", "dynamics_cases"),
-    ("padgen.ladders.extreme", "selectivity_cases"),
-    ("padgen.ladders.extreme", "spec_cases"),
+CaseSet = Callable[[], Iterable[ExtremeCase]]
+SETS: tuple[CaseSet, ...] = (
+    structure_cases,
+    solid_cases,
+    force_cases,
+    dynamics_cases,
+    selectivity_cases,
+    spec_cases,
 )
-"""Modules and their functions that yield `ExtremeCase`s."""
 LIMIT_S = 300.0
 RIGHT, REFUSED, WRONG, UNCHECKED, MISSING = "right", "refused", "WRONG", "unchecked", "not run"
-
-
-class Named(NamedTuple):
-    """A case and where it comes from: the case itself need not pickle."""
-
-    module: str
-    function: str
-    place: int
-    case: ExtremeCase
 
 
 @dataclass(frozen=True)
@@ -125,57 +123,33 @@ class Verdict:
     note: str = ""
 
 
-def named_cases(sets: tuple[tuple[str, str], ...] = SETS) -> list[Named]:
-    """List all cases of `sets`.
-
-    Raises
-    ------
-    EngineMissingError
-        A package that the set's own references need is not installed.
-    SolverError
-        A set cannot be listed.
-    """
-    found: list[Named] = []
-    for module, function in sets:
-        try:
-            cases = _cases(module, function)
-        except ImportError as error:
-            raise SolverError(f"the set of extreme cases cannot be loaded ({error})", module) from error
-        found += [Named(module, function, place, case) for place, case in enumerate(cases)]
-    return found
+def named_cases(sets: Sequence[CaseSet] = SETS) -> list[tuple[CaseSet, int, ExtremeCase]]:
+    """List all cases of `sets`, each with its set and its place there: the case itself need not pickle."""
+    return [(cases, place, case) for cases in sets for place, case in enumerate(cases())]
 
 
-def _cases(module: str, function: str) -> list[ExtremeCase]:
-    return list(getattr(importlib.import_module(module), function)())
-
-
-def _asked(module: str, function: str, place: int, what: str) -> Answer:
+def _asked(cases: CaseSet, place: int, what: str) -> Solved:
     """Return the answer of a case's model ('solve') or of its 'reference'; run in a process of its own."""
-    answer = getattr(_cases(module, function)[place], what)()
-    answer = answer if isinstance(answer, Answer) else Answer(answer, 0.0)
+    answer = getattr(list(cases())[place], what)()
+    answer = answer if isinstance(answer, Solved) else Solved(answer, 0.0)
     return answer._replace(values=np.atleast_1d(np.asarray(answer.values)))
 
 
-def verdict_of(named: Named, limit_s: float = LIMIT_S) -> Verdict:
-    """Run a case and its reference, and compare them, allowing for the reference's own error."""
-    where, case = named[:3], named.case
+def verdict_of(named: tuple[CaseSet, int, ExtremeCase], limit_s: float = LIMIT_S) -> Verdict:
+    """Run a case of `named_cases` and its reference, and compare them, allowing for the reference's own error."""
+    *where, case = named
     say: Callable[..., Verdict] = partial(Verdict, case.domain, case.name, case.model, source=case.source)
     answer = timed(partial(_asked, *where, "solve"), limit_s=limit_s, budget_s=0.5, most_runs=3)
     if answer.kind != "value":
         return say(verdict=REFUSED if answer.kind == "refused" else WRONG, note=answer.sentence)
-    values, stated, residual, condition = answer.value.value
-    say = partial(
-        say,
-        stated_error=float(stated),
-        seconds=answer.value.seconds,
-        residual=float(residual),
-        condition=float(condition),
-    )
+    found: Solved = answer.value.value
+    stated, *figures = (float(figure) for figure in found[1:4])
+    say = partial(say, stated_error=stated, seconds=answer.value.seconds, residual=figures[0], condition=figures[1])
     truth = apart(_asked, *where, "reference", limit_s=limit_s)
     if truth.kind != "value":
         return say(verdict=UNCHECKED, note=f"no reference: {truth.sentence}")
-    error = relative_error(values, truth.value.values)
-    verdict, note = judged_error(error, float(stated), float(truth.value.stated_error))
+    error = relative_error(found.values, truth.value.values)
+    verdict, note = judged_error(error, stated, float(truth.value.stated_error))
     return say(error=error, verdict=verdict, note=note)
 
 
@@ -343,9 +317,7 @@ def run_ladders(ladders: Sequence[Ladder], progress: Progress = lambda step: Non
     ]
 
 
-def run_extreme(
-    folder: Path, progress: Progress = lambda step: None, sets: tuple[tuple[str, str], ...] = SETS
-) -> ExtremeStudy:
+def run_extreme(folder: Path, progress: Progress = lambda step: None, sets: Sequence[CaseSet] = SETS) -> ExtremeStudy:
     """Hold every model to what it states in its extreme cases, and write `EXTREME_FILES` into `folder`.
 
     Interrupted (Ctrl-C), the cases that were left are 'not run'.
@@ -362,7 +334,7 @@ def run_extreme(
         verdicts = [Verdict(case.domain, case.name, case.model, source=case.source) for *_, case in cases]
         with suppress(KeyboardInterrupt):
             for place, named in enumerate(cases):
-                progress(f"case {place + 1} of {len(cases)}: {named.case.domain}, {named.case.name}")
+                progress(f"case {place + 1} of {len(cases)}: {named[-1].domain}, {named[-1].name}")
                 verdicts[place] = verdict_of(named)
         study = ExtremeStudy(folder, EXTREME_FILES, tuple(verdicts))
         if len(study.missing) == len(cases) > 0:

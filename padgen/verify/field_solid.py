@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import SolverError, SpecError, number
+from padgen.core.errors import SolverError, number
 from padgen.physics.magnetics import BHCurve, CoilSource, SteelRing
 from padgen.verify import ng, occ
 
@@ -31,7 +31,6 @@ __all__ = [
     "Steel",
     "axisymmetric_force",
     "body_wrench",
-    "check_parts",
     "coil_cells",
     "minimise",
     "solid_force",
@@ -91,8 +90,6 @@ def solve_scalar(
 
     Raises
     ------
-    SpecError
-        A permeability that is not above 0.
     SolverError
         Newton's method does not bring the residual down to 1e-8 of the first.
     """
@@ -103,7 +100,7 @@ def solve_scalar(
     extra = 2 if mesh.dim == 2 else 1
     for name in dict.fromkeys(mesh.GetMaterials()):
         region = ng.dx(definedon=mesh.Materials(name), bonus_intorder=extra)
-        form += ng.Variation(weight * _energy_density(steels.get(name, 1.0), field, name) * region)
+        form += ng.Variation(weight * _energy_density(steels.get(name, 1.0), field) * region)
     form += ng.Variation(weight * MU_0 / far_radius_mm * trial**2 * ng.ds("far", bonus_intorder=2))
     potential = ng.GridFunction(space)
     if start is None and order > 1 and any(isinstance(steel, BHCurve) for steel in steels.values()):
@@ -124,14 +121,12 @@ def solve_scalar(
     )
 
 
-def _energy_density(steel: Steel, field: Any, name: str, of_flux: bool = False) -> Any:
+def _energy_density(steel: Steel, field: Any, of_flux: bool = False) -> Any:
     """Return the co-energy in J/m³ of a field H in A/m, or the energy of a flux density B in T."""
     square = ng.InnerProduct(field, field)
     if isinstance(steel, BHCurve):
         along, across = (axis.tolist() for axis in (steel.samples()[::-1] if of_flux else steel.samples()))
         return ng.BSpline(2, [0.0, *along], across).Integrate()(ng.sqrt(square + (1e-6 * along[1]) ** 2))
-    if not steel > 0:
-        raise SpecError(f"the permeability must be above 0, got {number(steel)}", name)
     return square / (2 * MU_0 * steel) if of_flux else MU_0 * steel / 2 * square
 
 
@@ -273,13 +268,10 @@ def axisymmetric_force(
 
     Raises
     ------
-    SpecError
-        A dimension that is not above 0, or a core that does not fit its bore.
     SolverError
         The parts cannot be meshed, Newton's method does not converge, or the two potentials differ by more
         than a fifth (a washer very far away).
     """
-    check_parts(coil, washer, gap_m)
     mesh, far_mm = _half_plane(coil, washer, gap_m, levels)
     steels: dict[str, Steel] = {
         "core": core_steel or coil.core_permeability,
@@ -299,36 +291,6 @@ def axisymmetric_force(
             " a smaller gap, a higher order or surface charges would do"
         )
     return force
-
-
-def check_parts(coil: CoilSource, washer: SteelRing, gap_m: float) -> None:
-    """Refuse dimensions that make no coil or no washer.
-
-    Raises
-    ------
-    SpecError
-        Names the dimension, its bound and its value.
-    """
-    above_zero = {
-        "coil.gap": gap_m,
-        "washer.thickness": washer.thickness,
-        "washer.inner_diameter": washer.inner_diameter,
-    }
-    inside = [("washer.inner_diameter", washer.inner_diameter, washer.outer_diameter)]
-    if coil.core_diameter:
-        above_zero["coil.core_length"] = coil.core_length
-    for winding in coil.windings:
-        above_zero |= {"coil.length": winding.length, "coil.inner_diameter": winding.inner_diameter}
-        inside += [
-            ("coil.core_diameter", coil.core_diameter, winding.inner_diameter * (1 + 1e-9)),
-            ("coil.inner_diameter", winding.inner_diameter, winding.outer_diameter),
-        ]
-    for where, value in above_zero.items():
-        if not value > 0:
-            raise SpecError(f"must be above 0 m, got {number(value)} m", where)
-    for where, inner, outer in inside:
-        if not 0 <= inner < outer:
-            raise SpecError(f"must be at least 0 and below {number(outer)} m, got {number(inner)} m", where)
 
 
 def _half_plane(coil: CoilSource, washer: SteelRing, gap_m: float, levels: int) -> tuple[Any, float]:
@@ -425,7 +387,7 @@ def _by_vector(
     form = ng.BilinearForm(space, symmetric=True, condense=True)
     for name in dict.fromkeys(mesh.GetMaterials()):
         region = ng.dx(definedon=mesh.Materials(name), bonus_intorder=4)
-        form += ng.Variation(weight * _energy_density(steels.get(name, 1.0), flux, name, of_flux=True) * region)
+        form += ng.Variation(weight * _energy_density(steels.get(name, 1.0), flux, of_flux=True) * region)
     form += ng.Variation(-weight * density * radius * trial * ng.dx(bonus_intorder=4))
     far = weight * (radius * trial) ** 2 / (2 * MU_0 * far_mm)
     form += ng.Variation(far * ng.ds("far", bonus_intorder=4))
@@ -485,13 +447,10 @@ def solid_force(
 
     Raises
     ------
-    SpecError
-        No washer, washers that overlap, or a dimension that makes no part.
     SolverError
         The parts cannot be meshed, Newton's method does not converge, or the force's own error is more than a
         fifth of it (a washer far away).
     """
-    _check(coil, washers)
     half = all(abs(w.y_m) < 1e-9 for w in washers)
     mesh, far_mm = _mesh(coil, washers, half, levels, size)
     steels: dict[str, Steel] = {f"washer{i}": w.steel or w.ring.permeability for i, w in enumerate(washers)}
@@ -526,22 +485,6 @@ def solid_force(
 
 def _foot_mm(washer: PlacedWasher) -> tuple[float, float, float]:
     return 1e3 * washer.x_m, 1e3 * washer.y_m, 1e3 * washer.gap_m
-
-
-def _check(coil: CoilSource, washers: Sequence[PlacedWasher]) -> None:
-    if not washers:
-        raise SpecError("needs at least one washer, got none", "washers")
-    for w in washers:
-        check_parts(coil, w.ring, w.gap_m)
-    for i, one in enumerate(washers):
-        for other in washers[i + 1 :]:
-            apart = float(np.hypot(one.x_m - other.x_m, one.y_m - other.y_m))
-            least = (one.ring.outer_diameter + other.ring.outer_diameter) / 2
-            above = max(one.gap_m - other.gap_m - other.ring.thickness, other.gap_m - one.gap_m - one.ring.thickness)
-            if apart <= least and above <= 0:
-                raise SpecError(
-                    f"two washers must be more than {number(least)} m apart, got {number(apart)} m", "washers"
-                )
 
 
 def _mesh(coil: CoilSource, washers: Sequence[PlacedWasher], half: bool, levels: int, size: float) -> tuple[Any, float]:
