@@ -176,7 +176,9 @@ def _phases(harmonic: tuple[int, ...], amplitude: tuple[float, ...]) -> tuple[fl
     if len(harmonic) == 1:
         return (0.0,)
     if len(harmonic) == 2:
-        return 0.0, _second_phase(*harmonic)
+        # The two angles run along lines of offset k₂θ₁ − k₁θ₂ in the plane, 2π apart. The dips lie near (π, π), and the
+        # best offset, for any amplitudes, is π away from that point: phase 0, and π if both harmonics are odd.
+        return 0.0, float(np.pi) if harmonic[0] % 2 and harmonic[1] % 2 else 0.0
     k, a = np.array(harmonic), np.array(amplitude) / sum(amplitude)
     # The first phase stays 0, since a shift in time changes nothing.
     free = np.append(0.0, np.full(len(k) - 1, np.inf))
@@ -188,15 +190,6 @@ def _phases(harmonic: tuple[int, ...], amplitude: tuple[float, ...]) -> tuple[fl
     best = min((improved(descent, LAST_STEPS) for descent in begun[:BEST]), key=_largest).place
     # Later digits may differ between machines, and have no effect on the depth.
     return tuple(np.round(best % (2 * np.pi), 6).tolist())
-
-
-def _second_phase(low: int, high: int) -> float:
-    """Return the best phase of the second of two lines, for any amplitudes.
-
-    The two angles run along lines of offset k₂θ₁ − k₁θ₂ in the plane, 2π apart. The dips lie near (π, π), and the best
-    offset is π away from that point. Phase 0 gives this unless both harmonics are odd, and phase π if they are.
-    """
-    return float(np.pi) if low % 2 and high % 2 else 0.0
 
 
 def _starts(harmonic: np.ndarray, amplitude: np.ndarray) -> list[np.ndarray]:

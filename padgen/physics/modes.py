@@ -25,7 +25,6 @@ from padgen.core.units import GRAVITY_M_PER_S2
 from padgen.physics.beams import (
     BeamSection,
     EndCompliance,
-    Flexibility,
     flexibility,
     largest_stress,
     root_load,
@@ -353,11 +352,13 @@ def uncertain_energies(beam: BeamPlacement, modes: Modes, modulus: float, poisso
     at_tip = (about_y - ends.tip_height * along) ** 2
     mount = parts.tip * ends.mount / np.where(ends.tip, ends.tip, 1.0)
     plate_inertia = plate.width * plate.thickness**3 / 12
+    up0, up1, up2 = parts.up
+    bent = up2 * up**2 - 2 * up1 * up * about_y + up0 * about_y**2
     energies = [
         parts.root * (root_y - ends.root_height * along) ** 2,
         (parts.tip - mount) * at_tip,
         mount * at_tip,
-        0.0 * up if path else (ends.stiffening - 1) * _bending(parts, up, about_y),
+        0.0 * up if path else (ends.stiffening - 1) * bent,
         parts.lateral_root * root_z**2,
         parts.lateral_tip * about_z**2,
         parts.end_shear * up**2,
@@ -385,12 +386,6 @@ def relative_error(
     others = np.hypot(OTHERS * moved, np.maximum(OTHERS_FLOOR + OTHERS_RISE * ratio, floor))
     own = 1 / np.sqrt(1 - np.minimum(2 * moved, MOST_SOFTER)) - 1
     return np.asarray(np.where(np.arange(6) == at, np.hypot(own, floor), others))
-
-
-def _bending(parts: Flexibility, up: Array, about_y: Array) -> Array:
-    """Return twice the energy of vertical bending under a force `up` and a moment `about_y` on the tip."""
-    up0, up1, up2 = parts.up
-    return up2 * up**2 - 2 * up1 * up * about_y + up0 * about_y**2
 
 
 def _beside_modes(value: Array) -> np.ndarray:

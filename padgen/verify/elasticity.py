@@ -142,17 +142,16 @@ def clamped_shape(shape: Any, clamp: str) -> Any:
     low, high = (np.array(_xyz(corner)) for corner in printed.bounding_box)
     sides = {"sides": ((0, low), (0, high), (1, low), (1, high)), "bottom": ((2, low),), "root": ((0, low),)}[clamp]
     near = 1e-5 * float((high - low).max())
-    held = [face for face in printed.faces if any(_lies_at(face, axis, bound[axis], near) for axis, bound in sides)]
+    held = []
+    for face in printed.faces:
+        ends = np.array([_xyz(corner) for corner in face.bounding_box])
+        if any((abs(ends[:, axis] - bound[axis]) < near).all() for axis, bound in sides):
+            held.append(face)
     if not held:
         raise SolverError(f"has no face to clamp by its {clamp}", "taxel")
     for face in held:
         face.name = CLAMPED
     return shape
-
-
-def _lies_at(face: Any, axis: int, place: float, near: float) -> bool:
-    low, high = (_xyz(corner)[axis] for corner in face.bounding_box)
-    return abs(low - place) < near and abs(high - place) < near
 
 
 def meshed(shape: Any, fineness: Fineness = USUAL, where: str = "taxel", layered: set[str] | None = None) -> Any:
