@@ -51,12 +51,9 @@ __all__ = [
     "has_hash",
     "held",
     "is_current",
-    "is_entry",
     "is_unchanged",
-    "is_under_way",
     "json_line",
     "json_text",
-    "keep_aside",
     "lock_file",
     "locked",
     "move_all",
@@ -217,7 +214,9 @@ def _move_back(path: Path, moves: Moves) -> None:
             if not os.path.lexists(aside / name) and has_hash(place, moves.new.get(name, "")):
                 place.replace(aside / name)
             elif old is not None:
-                keep_aside(place)
+                there = free_name(place)
+                place.replace(there)
+                say_kept(place, there)
         if old is not None:
             old.replace(place)
     _sync_folder(path)
@@ -277,12 +276,6 @@ def remove_aside(folder: Path) -> None:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def is_under_way(path: Path, aside: str) -> bool:
-    """Return whether the files in the folder `aside` are needed to undo a commit."""
-    moves = _read_journal(path)
-    return moves is not None and moves.aside == aside
-
-
 def _read_journal(path: Path) -> Moves | None:
     """Return the journal in a folder, None where there is none or it is not padgen's."""
     try:
@@ -305,11 +298,6 @@ def read_json_table(file: Path) -> dict[str, Any]:
     return table if isinstance(table, dict) else {}
 
 
-def is_entry(name: str, known: object) -> bool:
-    """Return whether `name` is the plain name of a file and `known` a hash."""
-    return PLAIN_NAME.fullmatch(name) is not None and isinstance(known, str) and HASH.fullmatch(known) is not None
-
-
 def has_hash(path: Path, known: str) -> bool:
     """Return whether `path` is a file, not a link, with this hash."""
     try:
@@ -325,13 +313,6 @@ def free_name(path: Path) -> Path:
     """Return a free name for a user's file: its name with .old, .old2, ... appended."""
     names = (path.with_name(f"{path.name}.old{number if number > 1 else ''}") for number in count(1))
     return next(name for name in names if not os.path.lexists(name))
-
-
-def keep_aside(path: Path) -> None:
-    """Rename a user's file to make room for an output of the same name."""
-    there = free_name(path)
-    path.replace(there)
-    say_kept(path, there)
 
 
 def say_kept(path: Path, there: Path) -> None:
@@ -469,7 +450,8 @@ class OutputFolder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if not is_under_way(self.path, self._aside.name):  # else its files are needed to undo the commit
+        moves = _read_journal(self.path)
+        if not moves or moves.aside != self._aside.name:  # else its files are needed to undo the commit
             remove_aside(self._aside)
         if kind is not None:
             with suppress(OSError):
@@ -569,9 +551,9 @@ def read_manifest(path: Path) -> dict[str, Any]:
     recover(path)
     manifest = read_json_table(path / MANIFEST)
     files = manifest.get("files")
-    if not isinstance(files, dict) or not all(
-        is_entry(name, known) and name.lower() != MANIFEST for name, known in files.items()
-    ):
+    if not isinstance(files, dict) or any(not PLAIN_NAME.fullmatch(name) or name.lower() == MANIFEST for name in files):
+        return {}
+    if not all(isinstance(known, str) and HASH.fullmatch(known) for known in files.values()):
         return {}
     # Before version 0.2 only builds wrote manifests.
     built = manifest.setdefault("built", list(files) if "inputs" in manifest else [])

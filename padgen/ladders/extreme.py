@@ -151,21 +151,19 @@ def frame_answer(beam: Cantilever) -> Solved:
     return Solved(modes.frequency_hz[up][:MODES], float(error[up][:MODES].max()), modes.residual, modes.condition)
 
 
-def exact_frequencies(beam: Cantilever, guess_hz: np.ndarray) -> np.ndarray:
-    """Return roots of Timoshenko's frequency equation nearest to `guess_hz`, in forty digits.
+def exact_frequencies(beam: Cantilever, guess_hz: np.ndarray | None = None) -> np.ndarray:
+    """Return roots of Timoshenko's frequency equation nearest to `guess_hz`, or to the frame's, in forty digits.
 
     The state (deflection, rotation, moment, shear) is carried along the beam by the exponential of
     its equations (Huang, J. Appl. Mech. 28, 1961, in the form of a transfer matrix).
     """
+    found, equation = [], partial(_frequency_equation, beam)
     with mpmath.workdps(DIGITS):
-        return np.array([float(_root(beam, guess)) for guess in guess_hz])
-
-
-def _root(beam: Cantilever, guess_hz: float) -> Any:
-    start = 2 * mpmath.pi * mpmath.mpf(float(guess_hz))
-    around = (start * (1 - NEAR), start * (1 + NEAR))
-    found = mpmath.findroot(partial(_frequency_equation, beam), around, tol=1e-25, verify=False)
-    return found / (2 * mpmath.pi)
+        for guess in frame_answer(beam).values if guess_hz is None else guess_hz:
+            start = 2 * mpmath.pi * mpmath.mpf(float(guess))
+            root = mpmath.findroot(equation, (start * (1 - NEAR), start * (1 + NEAR)), tol=1e-25, verify=False)
+            found.append(float(root / (2 * mpmath.pi)))
+    return np.array(found)
 
 
 def _frequency_equation(beam: Cantilever, angular: Any) -> Any:
@@ -287,16 +285,12 @@ def structure_cases() -> Iterator[ExtremeCase]:
     """Yield all cases of the structure ladder's beam rungs."""
     source = "roots of Timoshenko's frequency equation, forty digits"
     for name, beam in _cantilevers():
-        solve, reference = partial(frame_answer, beam), partial(_reference, beam)
+        solve, reference = partial(frame_answer, beam), partial(exact_frequencies, beam)
         yield ExtremeCase(name, "structure", "frame", solve, reference, source)
     source = "3-D elasticity of the printed solid, order 3, 0.3 %"
     for name, topology, shape, figures, washer, hz in _TAXELS:
         solve = partial(beam_answer, topology, shape, figures, washer)
         yield ExtremeCase(f"taxel: {name}", "structure", "beam", solve, partial(np.array, [hz]), source)
-
-
-def _reference(beam: Cantilever) -> np.ndarray:
-    return exact_frequencies(beam, frame_answer(beam).values)
 
 
 STEEL = Elastic(200e9, 0.3, 7850.0)

@@ -50,6 +50,7 @@ __all__ = [
     "measured",
     "observed_order",
     "picks",
+    "recommended_for",
     "recommended_row",
     "run_apart",
     "run_timed",
@@ -354,6 +355,12 @@ def recommended_row(result: Judged, tolerance: float) -> int | None:
     """Return the index of the quickest row whose error is at most `tolerance`, None where none is known to be."""
     held = [i for i, row in enumerate(result.rows) if _holds(row, tolerance)]
     return min(held, key=lambda i: result.rows[i].measured.seconds, default=None)
+
+
+def recommended_for(result: Judged, tolerances: Sequence[float]) -> list[list[float]]:
+    """Return for each row the tolerances for which it is the `recommended_row`."""
+    best = [recommended_row(result, tolerance) for tolerance in tolerances]
+    return [[tol for tol, at in zip(tolerances, best, strict=True) if at == i] for i in range(len(result.rows))]
 
 
 def _holds(row: Row, tolerance: float) -> bool:

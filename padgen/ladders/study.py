@@ -50,7 +50,7 @@ from padgen.ladders.rung import (
     judged,
     measured,
     picks,
-    recommended_row,
+    recommended_for,
     timed,
 )
 from padgen.ladders.stages import LADDERS
@@ -401,12 +401,11 @@ def study_csv(results: Sequence[Judged], tolerances: Sequence[float] = TOLERANCE
     rows = []
     for result in results:
         ladder = result.ladder
-        for index, row in enumerate(result.rows):
+        for row, holds in zip(result.rows, recommended_for(result, tolerances), strict=True):
             table, values = _rung(row), row.measured.values
             table |= {"ladder": ladder.name, **{name: getattr(ladder, name) for name in HEAD}}
             table["values"] = "" if values is None else " ".join(f"{v:.10g}" for v in values.ravel())
-            holds = [f"{tol:g}" for tol in tolerances if recommended_row(result, tol) == index]
-            table["recommended_for"] = " ".join(holds)
+            table["recommended_for"] = " ".join(f"{tolerance:g}" for tolerance in holds)
             rows.append([table[name] for name in COLUMNS])
     return _csv(COLUMNS, rows)
 
@@ -482,7 +481,8 @@ def ladder_text(result: Judged, tolerances: Sequence[float] = TOLERANCES) -> str
     ladder = result.ladder
     unit = f", {ladder.unit}" if ladder.unit else ""
     lines = [f"{ladder.name}, {ladder.subject}: {ladder.quantity}{unit}"]
-    lines.append(table(HEADINGS, [_table_row(result, i, tolerances) for i in range(len(result.rows))], left=1))
+    holds = recommended_for(result, sorted(tolerances, reverse=True))
+    lines.append(table(HEADINGS, [_table_row(*row) for row in zip(result.rows, holds, strict=True)], left=1))
     reference = "" if result.reference is None else f" (so it is known to ± {percent(result.uncertainty, 3)})"
     lines.append(f"{result.why}{reference}")
     if not result.converged and result.reference is not None:
@@ -493,11 +493,8 @@ def ladder_text(result: Judged, tolerances: Sequence[float] = TOLERANCES) -> str
     return "\n".join([*lines, *([ladder.note] if ladder.note else [])])
 
 
-def _table_row(result: Judged, index: int, tolerances: Sequence[float]) -> tuple[str, ...]:
-    row = result.rows[index]
+def _table_row(row: Row, holds: Sequence[float]) -> tuple[str, ...]:
     own = row.measured
-    # A rung that is the quickest for two errors is so for those in between.
-    holds = sorted({tol for tol in tolerances if recommended_row(result, tol) == index}, reverse=True)
     model = f"{row.rung.model}, {row.rung.resolution}"
     if len(model) > WIDEST_MODEL:
         model = model.replace(", ", ",\n  ", 1)
@@ -511,6 +508,7 @@ def _table_row(result: Judged, index: int, tolerances: Sequence[float]) -> tuple
         "?" if isnan(row.error) else f"≤ {percent(row.at_most, 3)}" if row.is_bound else percent(row.error, 3),
         seconds_text(own.seconds),
         f"{own.memory_mb:.1f}",
+        # A rung that is the quickest for two errors is so for those in between.
         " … ".join(dict.fromkeys(percent(end, 3) for end in (holds[0], holds[-1]))) if holds else "",
     )
 
@@ -618,26 +616,33 @@ def _figure(count: int) -> tuple[Any, list[Any]]:
 
 def _panel(axis: Any, ladder: str, results: Sequence[Judged], tolerances: Sequence[float]) -> None:
     models = list(dict.fromkeys(row.rung.model for result in results for row in result.rows))
-    drawn = [(result, i) for result in results for i, row in enumerate(result.rows) if _shown(row)]
+    drawn = [
+        (result, row, holds)
+        for result in results
+        for row, holds in zip(result.rows, recommended_for(result, tolerances), strict=True)
+        if isfinite(row.error) and isfinite(row.measured.seconds) and isfinite(row.at_most)
+    ]
     axis.set_title(f"{ladder}: {results[0].ladder.quantity}")
     if not drawn:
         axis.text(0.5, 0.5, "no reference, so no errors", ha="center", va="center", transform=axis.transAxes)
         axis.set_axis_off()
         return
-    for result, i in drawn:
-        row = result.rows[i]
+    for result, row, holds in drawn:
         colour = COLOURS[models.index(row.rung.model) % len(COLOURS)]
         mark = MARKS[results.index(result) % len(MARKS)]
         # What cannot be told from the reference's own error is hollow: the error is at most this.
         fill = "white" if row.is_bound else colour
         axis.plot(*_place(row), mark, color=colour, markerfacecolor=fill, markersize=6, zorder=3)
-    _rings(axis, results, tolerances)
-    for model in dict.fromkeys(result.rows[i].rung.model for result, i in drawn):
+        if names := [percent(tolerance, 3) for tolerance in holds]:
+            axis.plot(*_place(row), "o", color="black", markerfacecolor="none", markersize=12, zorder=2)
+            right = {"xytext": (8, 5), "textcoords": "offset points", "fontsize": 7, "zorder": 4}
+            axis.annotate(", ".join(names), _place(row), **right, bbox={"color": "white", "alpha": 0.7, "pad": 0.5})
+    for model in dict.fromkeys(row.rung.model for _, row, _ in drawn):
         colour = COLOURS[models.index(model) % len(COLOURS)]
         axis.plot([], [], "o", color=colour, label=model)
     for index, result in enumerate(results if len(results) > 1 else ()):
         axis.plot([], [], MARKS[index % len(MARKS)], color="#444444", label=result.ladder.subject)
-    places = [_place(result.rows[i]) for result, i in drawn]
+    places = [_place(row) for _, row, _ in drawn]
     axis.set(xscale="log", yscale="log", xlabel="run time, s", ylabel="relative error (hollow: at most)")
     axis.set(xlim=_decades([x for x, _ in places]), ylim=_decades([y for _, y in places] + list(tolerances)))
     for tolerance in tolerances:
@@ -646,29 +651,10 @@ def _panel(axis: Any, ladder: str, results: Sequence[Judged], tolerances: Sequen
     axis.legend(frameon=False, fontsize=8)
 
 
-def _rings(axis: Any, results: Sequence[Judged], tolerances: Sequence[float]) -> None:
-    """Ring each recommended rung and write the tolerances that it is for beside it."""
-    for result in results:
-        held: dict[int, list[str]] = {}
-        for tolerance in tolerances:
-            index = recommended_row(result, tolerance)
-            if index is not None and _shown(result.rows[index]):
-                held.setdefault(index, []).append(percent(tolerance, 3))
-        for index, names in held.items():
-            place = _place(result.rows[index])
-            axis.plot(*place, "o", color="black", markerfacecolor="none", markersize=12, zorder=2)
-            right = {"xytext": (8, 5), "textcoords": "offset points", "fontsize": 7, "zorder": 4}
-            axis.annotate(", ".join(names), place, **right, bbox={"color": "white", "alpha": 0.7, "pad": 0.5})
-
-
 def _decades(values: Sequence[float]) -> tuple[float, float]:
     """Return whole decades around `values`, so that every axis has labels."""
     low, high = (10.0 ** round_(log10(value)) for round_, value in ((floor, min(values)), (ceil, max(values))))
     return (low / 2, high * 3) if high > low else (low / 2, high * 10)
-
-
-def _shown(row: Row) -> bool:
-    return isfinite(row.error) and isfinite(row.measured.seconds) and isfinite(row.at_most)
 
 
 def _place(row: Row) -> tuple[float, float]:

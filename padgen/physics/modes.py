@@ -164,7 +164,8 @@ def suspended_modes(
         The stiffness is not positive definite: a beam of no length or thickness.
     """
     stiffness: Any = 0.0
-    mass: Any = _body_mass(body)
+    mass: Any = np.zeros((*np.shape(body.mass), 6, 6))
+    mass[..., [0, 1, 2], [0, 1, 2]], mass[..., 3:, 3:] = body.mass[..., None], body.inertia
     known: dict[int, tuple[np.ndarray, np.ndarray]] = {}
     for beam in beams:
         # Most beams share a section, and with it the matrices.
@@ -178,7 +179,14 @@ def suspended_modes(
         carried = np.swapaxes(carry, -1, -2)
         stiffness = stiffness + carried @ at_tip @ carry
         mass = mass + carried @ tip_masses @ carry
-    return _eigen(stiffness, mass, body.centroid)
+    # Of the flexibility form M φ = (1/ω²) K φ the largest values are the lowest modes, which are exact to rounding
+    # however far above them the stiffest mode is.
+    root = np.linalg.inv(np.linalg.cholesky(stiffness))
+    rooted = np.swapaxes(root, -1, -2)
+    symmetric = root @ mass @ rooted
+    inverse, vectors = np.linalg.eigh((symmetric + np.swapaxes(symmetric, -1, -2)) / 2)
+    angular = 1 / np.sqrt(np.maximum(inverse[..., ::-1], 1e-300))
+    return Modes(angular / (2 * np.pi), rooted @ vectors[..., ::-1] * angular[..., None, :], body.centroid)
 
 
 def bending_stress(
@@ -188,14 +196,6 @@ def bending_stress(
     tip = to_tip(beam, reference) @ displacement[..., None]
     load = (tip_stiffness(beam.section, modulus, poisson) @ tip)[..., 0]
     return np.asarray(largest_stress(beam.section, load))
-
-
-def _body_mass(body: RigidBody) -> np.ndarray:
-    """Return the mass matrix (…, 6, 6) of a rigid body about its centroid."""
-    mass = np.zeros((*np.shape(body.mass), 6, 6))
-    mass[..., [0, 1, 2], [0, 1, 2]] = body.mass[..., None]
-    mass[..., 3:, 3:] = body.inertia
-    return mass
 
 
 def to_tip(beam: BeamPlacement, reference: np.ndarray) -> np.ndarray:
@@ -213,19 +213,6 @@ def to_tip(beam: BeamPlacement, reference: np.ndarray) -> np.ndarray:
     carry[..., 1, 3], carry[..., 1, 4], carry[..., 1, 5] = -c * z, -s * z, c * x + s * y
     carry[..., 2, 3], carry[..., 2, 4] = y, -x
     return carry
-
-
-def _eigen(stiffness: np.ndarray, mass: np.ndarray, reference: np.ndarray) -> Modes:
-    """Solve the flexibility form M φ = (1/ω²) K φ for the modes.
-
-    Its largest values are the lowest modes, which are exact to rounding however far above them the stiffest mode is.
-    """
-    root = np.linalg.inv(np.linalg.cholesky(stiffness))
-    rooted = np.swapaxes(root, -1, -2)
-    symmetric = root @ mass @ rooted
-    inverse, vectors = np.linalg.eigh((symmetric + np.swapaxes(symmetric, -1, -2)) / 2)
-    angular = 1 / np.sqrt(np.maximum(inverse[..., ::-1], 1e-300))
-    return Modes(angular / (2 * np.pi), rooted @ vectors[..., ::-1] * angular[..., None, :], reference)
 
 
 RELIEVED = 1e-9

@@ -91,7 +91,10 @@ def pull(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> Pull
     less certain where the forces on parts of the washer nearly cancel. At gaps too small for the nodes the pull is
     extrapolated in the logarithm of the gap, and all of that change counts as doubt.
     """
-    least = _least_gap(coil, washer, offset)
+    # A 200th of the coil's radius, or more for wide steel.
+    wide = max(washer.outer_diameter - washer.inner_diameter, coil.core_diameter) / 2
+    square = (wide / MOST_ACROSS) ** 2 - _nearest(coil, washer, 0.0, offset) ** 2
+    least = max(coil.outer_diameter / MOST_RINGS, float(np.sqrt(max(square, 0.0))))
     if gap >= least:
         return _solve(coil, washer, gap, offset)
     at, further = (np.array(_solve(coil, washer, least * share, offset)) for share in (1.0, FURTHER))
@@ -163,13 +166,6 @@ def _nearest(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> 
     core, rim, bore = coil.core_diameter / 2, washer.outer_diameter / 2, washer.inner_diameter / 2
     beside = max(offset - rim - core, bore - core - offset, 0.0) if coil.has_core else 0.0
     return float(np.hypot(gap, beside))
-
-
-def _least_gap(coil: CoilSource, washer: SteelRing, offset: float) -> float:
-    """Return the least gap in m at which a pull can be solved: a 200th of the coil's radius, or more for wide steel."""
-    least, beside = coil.outer_diameter / MOST_RINGS, _nearest(coil, washer, 0.0, offset)
-    wide = max(washer.outer_diameter - washer.inner_diameter, coil.core_diameter) / 2
-    return max(least, float(np.sqrt(max((wide / MOST_ACROSS) ** 2 - beside**2, 0.0))))
 
 
 def _fineness(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> tuple[int, ...]:

@@ -645,15 +645,13 @@ class SolidTaxel(NamedTuple):
 
 
 class SolidModes(NamedTuple):
-    """Modes by elements of `order` on `elements` with `unknowns`; `residual` of the worst mode;
+    """Modes by elements of `order` with `unknowns`; `residual` of the worst mode;
     `error` (k,) estimated relative error of each frequency,
     nan where there is no second order to compare with; `setting` that of `SETTINGS` which was solved last."""
 
     modes: TaxelModes
     order: int
-    levels: int
     unknowns: int
-    elements: int
     residual: float
     error: np.ndarray
     setting: int = 0
@@ -791,9 +789,7 @@ def _result(answer: tuple[System, np.ndarray, np.ndarray, Eigen], setting: Setti
     return SolidModes(
         TaxelModes(eigen.frequency_hz, motion, loads.T @ answers - modal),
         setting.order,
-        setting.levels,
         int(system.free.sum()),
-        system.space.mesh.ne,
         eigen.residual,
         np.full(len(eigen.frequency_hz), np.nan),
     )

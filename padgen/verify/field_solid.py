@@ -58,7 +58,6 @@ class ScalarField(NamedTuple):
     weight: Any
     unknowns: int
     residual: float
-    steps: int
     order: int
 
 
@@ -108,17 +107,8 @@ def solve_scalar(
         start = solve_scalar(mesh, source, steels, far_radius_mm, order - 1, weight)
     if start is not None:
         potential.Set(start.potential)
-    residual, steps = minimise(form, space, potential)
-    return ScalarField(
-        mesh=mesh,
-        potential=potential,
-        field=source - ng.grad(potential),
-        weight=weight,
-        unknowns=space.ndof,
-        residual=residual,
-        steps=steps,
-        order=order,
-    )
+    residual = minimise(form, space, potential)
+    return ScalarField(mesh, potential, source - ng.grad(potential), weight, space.ndof, residual, order)
 
 
 def _energy_density(steel: Steel, field: Any, of_flux: bool = False) -> Any:
@@ -130,8 +120,8 @@ def _energy_density(steel: Steel, field: Any, of_flux: bool = False) -> Any:
     return square / (2 * MU_0 * steel) if of_flux else MU_0 * steel / 2 * square
 
 
-def minimise(form: Any, space: Any, solution: Any) -> tuple[float, int]:
-    """Minimise the convex energy `form` (statically condensed) from `solution` on; residual and Newton steps.
+def minimise(form: Any, space: Any, solution: Any) -> float:
+    """Minimise the convex energy `form` (statically condensed) from `solution` on; return the residual.
 
     Raises
     ------
@@ -141,14 +131,14 @@ def minimise(form: Any, space: Any, solution: Any) -> tuple[float, int]:
     slope, step, trial = (solution.vec.CreateVector() for _ in range(3))
     free = ng.Projector(space.FreeDofs(), True)
     first, residual = 0.0, 1.0
-    for count in range(STEPS):
+    for _ in range(STEPS):
         form.Apply(solution.vec, slope)
         free.Project(slope)
         size = float(slope.Norm())
         first = first or size
         residual = size / first if first else 0.0
         if residual <= RESIDUAL:
-            return residual, count
+            return residual
         form.AssembleLinearization(solution.vec)
         inverse = form.mat.Inverse(space.FreeDofs(True), inverse="sparsecholesky")
         outer = slope.CreateVector()
@@ -159,10 +149,10 @@ def minimise(form: Any, space: Any, solution: Any) -> tuple[float, int]:
         if not _line_search(form, solution, step, trial, expected=float(ng.InnerProduct(slope, step))):
             break
     if residual <= 100 * RESIDUAL:  # the energy has no more digits to lose
-        return residual, count
+        return residual
     raise SolverError(
-        f"the magnetic field did not converge: after {count + 1} Newton steps the residual is"
-        f" {number(residual)} of the first, it must be {number(RESIDUAL)}"
+        f"the magnetic field did not converge: Newton's steps leave a residual of {number(residual)} of the first, it"
+        f" must be {number(RESIDUAL)}"
     )
 
 
@@ -392,9 +382,9 @@ def _by_vector(
     far = weight * (radius * trial) ** 2 / (2 * MU_0 * far_mm)
     form += ng.Variation(far * ng.ds("far", bonus_intorder=4))
     potential = ng.GridFunction(space)
-    residual, steps = minimise(form, space, potential)
+    residual = minimise(form, space, potential)
     field = _curl(potential) / MU_0  # right in air, where the stress is taken
-    return ScalarField(mesh, potential, field, weight, space.ndof, residual, steps, order)
+    return ScalarField(mesh, potential, field, weight, space.ndof, residual, order)
 
 
 def _curl(w: Any) -> Any:
