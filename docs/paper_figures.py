@@ -11,10 +11,11 @@ import numpy as np
 
 from padgen.core.units import GRAM, MH, MM, UM, decibel
 from padgen.physics.magnetics import impedance
-from padgen.physics.propagation import merged, signal, squared, steady_lines, tones
+from padgen.physics.propagation import signal, squared, steady_lines, tones
 from padgen.physics.resonator import receptance
 from padgen.planner.plan import Plan
 from padgen.verify.coupled import from_tones, make_system, simulate
+from tests.finer_models import merged
 
 __all__ = ["Comparison", "PaperFigures", "Spectrum", "draw_paper_figures", "fitted_q", "paper_figures"]
 

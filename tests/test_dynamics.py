@@ -29,7 +29,6 @@ from padgen.physics.propagation import (
     STATED_ERROR,
     Tones,
     circuit_current,
-    merged,
     propagate,
     signal,
     squared,
@@ -39,6 +38,7 @@ from padgen.physics.propagation import (
 from padgen.planner import make_plan
 from padgen.spec import load_spec
 from padgen.verify.coupled import Source, from_tones, make_system, radau, scipy_motion, simulate
+from tests.finer_models import merged
 
 MASS, GAP = 1e-4, 1e-3
 HZ = np.array([20.0, 63.0, 200.0, 1000.0])

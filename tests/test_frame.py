@@ -22,8 +22,8 @@ from padgen.physics.frame import (
     AttachedBody,
     Element,
     Frame,
+    Section,
     checked_frame_modes,
-    circle,
     divided,
     frame_modes,
     rectangle,
@@ -36,6 +36,13 @@ from padgen.spec import parse_spec
 
 STEEL = (200e9, 200e9 / 2.6, 8000.0)
 SPEC = parse_spec('name = "a"\nresolution = 1\nband_hz = [20, 2000]\nq_min = 15\n')
+
+
+def circle(diameter: float, poisson: float) -> Section:
+    """Return the section of a solid circle, `diameter` in m; the shear coefficient is Cowper's (1966)."""
+    inertia = np.pi * diameter**4 / 64
+    shear = 6 * (1 + poisson) / (7 + 6 * poisson)
+    return Section(np.pi * diameter**2 / 4, inertia, inertia, 2 * inertia, shear, shear)
 
 
 def frame_deflection(of, load):

@@ -25,6 +25,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, is_dataclass
 from errno import EDQUOT, EIO, ENOSPC
+from functools import partial
 from hashlib import file_digest, sha256
 from itertools import count, takewhile
 from math import isfinite
@@ -118,20 +119,17 @@ def lock_file(path: Path) -> int:
 
 def unlock_file(path: Path, file: int) -> None:
     """Release a lock of `lock_file`, and remove its file."""
-    if sys.platform == "win32":
-        os.close(file)
-        with suppress(OSError):  # Windows keeps files that are open, such as one that another process has locked
-            path.unlink()
+    steps: list[Callable[[], object]] = [path.unlink, partial(os.close, file)]
+    if sys.platform == "win32":  # which keeps files that are open, such as one that another process has locked
+        steps.reverse()
     else:
         import fcntl
 
+        # Closing alone would leave the lock with processes forked meanwhile.
+        steps.insert(1, partial(fcntl.flock, file, fcntl.LOCK_UN))
+    for step in steps:
         with suppress(OSError):
-            path.unlink()
-        with suppress(OSError):
-            # Closing alone would leave the lock with processes forked meanwhile.
-            fcntl.flock(file, fcntl.LOCK_UN)
-        with suppress(OSError):
-            os.close(file)
+            step()
 
 
 def _lock(file: int) -> None:

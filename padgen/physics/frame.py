@@ -31,7 +31,6 @@ __all__ = [
     "Section",
     "bubble_count",
     "checked_frame_modes",
-    "circle",
     "divided",
     "element_axes",
     "element_mass_root",
@@ -92,13 +91,6 @@ def rectangle(width: float, thickness: float, poisson: float, across: float = 1.
     shear = 10 * (1 + poisson) / (12 + 11 * poisson)
     area, torsion = width * thickness, float(torsion_constant(width, thickness, across))
     return Section(area, area * thickness**2 / 12, area * width**2 / 12, torsion, shear * across, shear)
-
-
-def circle(diameter: float, poisson: float) -> Section:
-    """Return the section of a solid circle, `diameter` in m; the shear coefficient is Cowper's (1966)."""
-    inertia = np.pi * diameter**4 / 64
-    shear = 6 * (1 + poisson) / (7 + 6 * poisson)
-    return Section(np.pi * diameter**2 / 4, inertia, inertia, 2 * inertia, shear, shear)
 
 
 def element_axes(start: np.ndarray, end: np.ndarray, up: Array) -> np.ndarray:

@@ -31,7 +31,6 @@ __all__ = [
     "STATED_ERROR",
     "Tones",
     "circuit_current",
-    "merged",
     "propagate",
     "signal",
     "squared",
@@ -132,17 +131,6 @@ def circuit_current(voltage: Tones, resistance: float, inductance: float, initia
         np.append(np.zeros(len(size)), resistance / inductance),
         np.append(voltage.rest_hz, 0.0),
     )
-
-
-def merged(wave: Tones) -> Tones:
-    """Add up the tones of one frequency and decay, lowest frequency first; `wave` has amplitudes (m,)."""
-    key = np.stack([wave.frequency_hz, wave.rest_hz, wave.decay_per_s])
-    unique, where = np.unique(key, axis=1, return_inverse=True)
-    phasor = np.zeros(unique.shape[1], complex)
-    np.add.at(phasor, where.ravel(), wave.amplitude * np.exp(1j * wave.phase_rad))
-    still = (unique[0] == 0) & (unique[1] == 0)
-    phasor[still] = phasor[still].real  # a tone of 0 Hz is the constant A cos φ
-    return Tones(unique[0], np.abs(phasor), np.angle(phasor), unique[2], unique[1])
 
 
 def steady_lines(
