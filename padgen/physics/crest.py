@@ -333,12 +333,8 @@ class RootMargin(NamedTuple):
     constant: float
 
 
-class _Sampled(NamedTuple):
-    """A sum of lines in A² at samples, its slope in A²/s, and the window of its spectrum."""
-
-    force: np.ndarray
-    slope: np.ndarray
-    window: np.ndarray
+_Sampled = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""A sum of lines in A² at samples, its slope in A²/s, and the window of its spectrum."""
 
 
 class _Coil(NamedTuple):
@@ -385,7 +381,7 @@ def root_margin(
         k / period_s,
         line,
         float(least_constant(k, line, phase)[0]),
-        coarse if whole else _deepest_piece(k, line, phase, period_s, FINER * rate_hz, coarse.force),
+        coarse if whole else _deepest_piece(k, line, phase, period_s, FINER * rate_hz, coarse[0]),
         coarse,
         FINER * rate_hz,
         min(rate_hz / 2, bandwidth_hz or np.inf),
@@ -408,7 +404,7 @@ def _one_period(k: np.ndarray, line: np.ndarray, phase: np.ndarray, period_s: fl
     """Return one period of all lines."""
     omega = 2 * np.pi * k / period_s
     force = waveform(k, line[None], phase, points)[0]
-    return _Sampled(force, waveform(k, (omega * line)[None], phase + np.pi / 2, points)[0], np.ones(points))
+    return force, waveform(k, (omega * line)[None], phase + np.pi / 2, points)[0], np.ones(points)
 
 
 def _deepest_piece(
@@ -421,7 +417,7 @@ def _deepest_piece(
         angle = omega * time + start
         force += a * np.cos(angle)
         slope -= omega * a * np.sin(angle)
-    return _Sampled(force, slope, np.kaiser(PIECE, WINDOW))
+    return force, slope, np.kaiser(PIECE, WINDOW)
 
 
 def _voltage(coil: _Coil, force: np.ndarray, slope: np.ndarray) -> np.ndarray:
@@ -432,7 +428,8 @@ def _voltage(coil: _Coil, force: np.ndarray, slope: np.ndarray) -> np.ndarray:
 
 def _together_v(coil: _Coil, seen: _Sampled, margin: float) -> np.ndarray:
     """Return the voltage (samples,) in V with all channels on."""
-    return _voltage(coil, coil.least + _margin_share(coil, margin) @ coil.line + seen.force, seen.slope)
+    force, slope, _ = seen
+    return _voltage(coil, coil.least + _margin_share(coil, margin) @ coil.line + force, slope)
 
 
 def _alone_v(coil: _Coil, margin: float) -> np.ndarray:
@@ -446,7 +443,7 @@ def _alone_v(coil: _Coil, margin: float) -> np.ndarray:
 
 def _together_db(coil: _Coil, margin: float) -> float:
     """Return the voltage above the amplifier's band over its largest line in dB, with all channels on."""
-    window = coil.spectrum.window
+    window = coil.spectrum[2]
     energy = np.abs(np.fft.rfft(_together_v(coil, coil.spectrum, margin) * window)) ** 2
     hz = np.arange(len(energy)) * (coil.finer_hz / len(window))
     # The constant's lobe is left out; it ends below half of the lowest line.

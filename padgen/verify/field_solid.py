@@ -310,14 +310,19 @@ def _half_plane(coil: CoilSource, washer: SteelRing, gap_m: float, levels: int) 
     for vertex in shape.vertices:
         if any(r > 0 and np.hypot(vertex.p.x - r, vertex.p.y - z) < 1e-6 * r for r, z in corners):
             vertex.hpref = 1
+    return _meshed(shape, levels, dim=2, maxh=far / 4, grading=0.3), far
+
+
+def _meshed(shape: Any, levels: int, dim: int, **sizes: Any) -> Any:
+    """Return the curved mesh of a shape, refined `levels` times where it is marked."""
     try:
-        mesh = ng.Mesh(occ.OCCGeometry(shape, dim=2).GenerateMesh(maxh=far / 4, grading=0.3))
+        mesh = ng.Mesh(occ.OCCGeometry(shape, dim=dim).GenerateMesh(**sizes))
     except Exception as error:  # netgen raises its own and the geometry kernel's types
-        raise SolverError(f"coil and washer could not be meshed ({error}); the gap is {number(low)} mm") from error
+        raise SolverError(f"coil and washers could not be meshed ({error})") from error
     if levels:
         mesh.RefineHP(levels, SHRINK)
     mesh.Curve(3)
-    return mesh, far
+    return mesh
 
 
 def coil_cells(coil: CoilSource) -> list[tuple[str, float, float, float, float]]:
@@ -498,15 +503,8 @@ def _mesh(coil: CoilSource, washers: Sequence[PlacedWasher], half: bool, levels:
     if half:
         shape *= occ.Box(occ.Pnt(-2 * far, 0, -2 * far), occ.Pnt(2 * far, 2 * far, 2 * far))
     _mark_edges(shape, coil, washers)
-    try:
-        grown = occ.OCCGeometry(shape).GenerateMesh(maxh=far / 3, grading=0.5, parallel_meshing=False, optsteps3d=3)
-    except Exception as error:  # netgen raises its own and the geometry kernel's types
-        raise SolverError(f"coil and washers could not be meshed ({error})") from error
-    mesh = ng.Mesh(grown)
-    if levels:
-        mesh.RefineHP(levels, SHRINK)
-    mesh.Curve(3)
-    return mesh, far
+    sizes = {"maxh": far / 3, "grading": 0.5, "parallel_meshing": False, "optsteps3d": 3}
+    return _meshed(shape, levels, dim=3, **sizes), far
 
 
 def _coil_parts(coil: CoilSource) -> list[Any]:
