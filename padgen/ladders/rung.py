@@ -268,10 +268,10 @@ def judged(ladder: Ladder, measured: Sequence[Measured]) -> Judged:
     if line and solved and solved[-1] != line[-1]:
         why += f"; finer ones have no answer ({measured[line[-1]].note})"
     rows = []
-    for rung, own in zip(ladder.rungs, measured, strict=True):
-        error = inf if reference is None else _distance(ladder, own, measured[reference])
-        known = (error, error + uncertainty, error <= uncertainty) if isfinite(error) else ()
-        rows.append(Row(rung, own, *known))
+    for rung, figures in zip(ladder.rungs, measured, strict=True):
+        error = inf if reference is None else _distance(ladder, figures, measured[reference])
+        row = Row(rung, figures, error, error + uncertainty, error <= uncertainty)
+        rows.append(row if isfinite(error) else Row(rung, figures))
     names = dict.fromkeys(row.rung.series for row in rows if row.rung.series and not isnan(row.rung.step))
     found = []
     for name in names:
@@ -452,10 +452,11 @@ def measured(rung: Rung) -> Measured:
     answer = timed(rung.solve, rung.imports, rung.limit_s, prepare=rung.prepare)
     if answer.kind != "value":
         return Measured(note="refused: " * (answer.kind == "refused") + answer.sentence)
-    solved, *figures = answer.value
+    found: Timed = answer.value
+    solved: Solved = found.value
     values = np.atleast_1d(np.asarray(solved.values, float))
     known, note = (values, "") if np.isfinite(values).all() else (None, "its answer is not a number")
-    return Measured(known, int(solved.unknowns), float(solved.residual), *figures, note)
+    return Measured(known, int(solved.unknowns), float(solved.residual), *found[1:], note)
 
 
 def run_timed(pickled: bytes, budget_s: float, most_runs: int) -> Timed:

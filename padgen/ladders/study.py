@@ -137,15 +137,15 @@ def _asked(cases: CaseSet, place: int, what: str) -> Solved:
 
 def verdict_of(named: tuple[CaseSet, int, ExtremeCase], limit_s: float = LIMIT_S) -> Verdict:
     """Run a case of `named_cases` and its reference, and compare them, allowing for the reference's own error."""
-    *where, case = named
+    cases, place, case = named
     say: Callable[..., Verdict] = partial(Verdict, case.domain, case.name, case.model, source=case.source)
-    answer = timed(partial(_asked, *where, "solve"), limit_s=limit_s, budget_s=0.5, most_runs=3)
+    answer = timed(partial(_asked, cases, place, "solve"), limit_s=limit_s, budget_s=0.5, most_runs=3)
     if answer.kind != "value":
         return say(verdict=REFUSED if answer.kind == "refused" else WRONG, note=answer.sentence)
     found: Solved = answer.value.value
     stated, *figures = (float(figure) for figure in found[1:4])
     say = partial(say, stated_error=stated, seconds=answer.value.seconds, residual=figures[0], condition=figures[1])
-    truth = apart(_asked, *where, "reference", limit_s=limit_s)
+    truth = apart(_asked, cases, place, "reference", limit_s=limit_s)
     if truth.kind != "value":
         return say(verdict=UNCHECKED, note=f"no reference: {truth.sentence}")
     error = relative_error(found.values, truth.value.values)

@@ -428,8 +428,8 @@ def leakage(
     height = (body.height + gap)[:, None]
     own = _coil_potential(coil_rings(coil, COARSE_STEP * gap), points[:, None], height)
     near = _coil_potential(_coarse_rings(coil), points[:, None] - neighbours[:, None, None], height)
-    both = (np.concatenate(pair, 1) for pair in zip(own, near, strict=True))
-    value, slope = _fourier_parts(*both, angle)
+    both = [np.concatenate(pair, 1) for pair in zip(own, near, strict=True)]
+    value, slope = _fourier_parts(both[0], both[1], angle)
     if far is not None and len(far):
         # Fields of far coils change linearly over the washer.
         up, across = body.height - washer.thickness / 2, body.radius
