@@ -12,13 +12,13 @@ from paper_figures import PaperFigures, draw_paper_figures, paper_figures
 from scipy.integrate import solve_ivp
 
 from padgen.core.errors import PadgenError
+from padgen.ladders.extreme import dynamics_cases
 from padgen.ladders.stages import dynamics_models, dynamics_question
 from padgen.physics.magnetics import impedance
 from padgen.physics.propagation import Tones, propagate, tones
 from padgen.planner import make_plan
 from padgen.spec import load_spec
 from padgen.verify.coupled import CoupledSystem, from_tones, make_system, scipy_motion, simulate
-from padgen.verify.extreme import dynamics_cases
 
 HERE = Path(__file__).parent
 MASS_KG, GAP_M = 1e-4, 1e-3
@@ -149,12 +149,12 @@ def ladders() -> list[str]:
         plan = make_plan(load_spec(name))
         title = f"{name} ({plan.selectivity.drive}, {plan.selectivity.worst_state})"
         solved = [(*head, *cpu_s(solve)) for *head, solve in dynamics_models(dynamics_question(plan))]
-        finest = solved[-1][3].values
-        for model, resolution, unknowns, found, seconds in solved:
+        finest = solved[-1][2].values
+        for model, resolution, found, seconds in solved:
             error = (np.abs(found.values - finest).max(1) / np.abs(finest).max(1)).max()
             residual = "" if np.isnan(found.residual) else f"{found.residual:.0e}"
             figures = (f"{error:.0e}" if error else "finest", f"{found.stated_error:.0e}", f"{seconds:.2g}", residual)
-            lines.append(row(title, f"{model}, {resolution}", unknowns, *figures))
+            lines.append(row(title, f"{model}, {resolution}", found.unknowns, *figures))
             title = ""
     return lines
 

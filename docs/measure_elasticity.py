@@ -19,8 +19,18 @@ from typing import Any
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from padgen.verify.elastic_mesh import PRINTED, WASHER, clamped_shape, coarse_mesh, taxel_shape
-from padgen.verify.elasticity import SolidModes, SolidTaxel, converged_modes, solve_modes
+from padgen.verify.elasticity import (
+    PRINTED,
+    SETTINGS,
+    WASHER,
+    SolidModes,
+    SolidTaxel,
+    clamped_shape,
+    coarse_mesh,
+    converged_modes,
+    solve_modes,
+    taxel_shape,
+)
 from tests.test_elasticity import POLYMER, REFERENCE, RING_MM3, STEEL, off_reference, write_steps
 
 RUNS = 3
@@ -66,7 +76,7 @@ def estimates(folder: Path) -> list[str]:
         for tolerance in (1e-2, 3e-3, 3e-4):
             seconds, found = quickest(converged_modes, taxel(folder, name), tolerance)
             off, estimate = 100 * off_reference(found, name)[0], 100 * found.error[0]
-            asked = f"{name} | {tolerance:g} | {found.order}, {found.levels}"
+            asked = f"{name} | {tolerance:g} | {found.order}, {SETTINGS[found.setting].levels}"
             rows.append(f"| {asked} | {off:.4f} | {estimate:.4f} | {seconds:.2f} |")
     return rows
 

@@ -25,9 +25,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from padgen.core.errors import SolverError
 from padgen.core.units import MM
 from padgen.ladders.stages import axisymmetric_pull, charges_pull, paper_pull, three_d_pull
-from padgen.physics.magnetics import CoilSource, SteelRing, solenoid
+from padgen.physics.magnetics import MILD_STEEL, TEAM_STEEL, CoilSource, SteelRing, solenoid
 from padgen.physics.pull import BROUGHT, leakage, make_table, parts_key, solved_pulls
-from padgen.physics.saturation import MILD_STEEL, TEAM_STEEL
 from padgen.planner import make_plan
 from padgen.planner.pull_modes import magnetic_parts
 from padgen.spec import Coil, Washer, load_spec

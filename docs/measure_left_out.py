@@ -25,7 +25,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from padgen.core.errors import PadgenError
 from padgen.core.units import UM
-from padgen.ladders.extreme_specs import random_table
+from padgen.ladders.extreme import random_table
 from padgen.make.planning import plan_for
 from padgen.physics.bounds import core_eddies
 from padgen.planner.layout import Layout

@@ -13,7 +13,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from padgen.core.errors import PadgenError
-from padgen.ladders.extreme_specs import random_table
+from padgen.ladders.extreme import random_table
 from padgen.planner import make_plan
 from padgen.spec import load_spec, make_spec, template_paths
 from tests.test_limits import judged_and_found

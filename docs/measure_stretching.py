@@ -43,7 +43,7 @@ def secants(taxel: Any, forces_n: list[float]) -> list[tuple[float, float]]:
     """Return the washer's displacement in m and secant stiffness in N/m under each force, in a process of its own."""
     import ngsolve as ngs
 
-    from padgen.verify.elastic_mesh import CLAMPED, PRINTED, WASHER, clamped_shape, coarse_mesh, taxel_shape
+    from padgen.verify.elasticity import CLAMPED, PRINTED, WASHER, clamped_shape, coarse_mesh, taxel_shape
 
     shape = clamped_shape(taxel_shape(taxel.step, taxel.washer_volume_mm3), taxel.clamp)
     mesh = ngs.Mesh(coarse_mesh(shape))

@@ -4,17 +4,20 @@ The pair (60 and 78 Hz over one coil of 62.9 Ω and 41.7 mH) is the template *pa
 Fig. 3 is about each taxel's response over frequency, Fig. 6 about spectra in the states 10, 01, 11.
 """
 
+import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
 from padgen.core.units import GRAM, MH, MM, UM, decibel
 from padgen.physics.magnetics import impedance
-from padgen.physics.propagation import merged, signal, squared, steady_lines, tones
+from padgen.physics.propagation import signal, squared, steady_lines, tones
 from padgen.physics.resonator import receptance
 from padgen.planner.plan import Plan
 from padgen.verify.coupled import from_tones, make_system, simulate
+from tests.finer_models import merged
 
 __all__ = ["Comparison", "PaperFigures", "Spectrum", "draw_paper_figures", "fitted_q", "paper_figures"]
 

@@ -16,7 +16,6 @@ import padgen.physics.pull as pull_module
 from padgen.core.units import G_PER_CM3, GPA, GRAM, MA, MH, MM, UM
 from padgen.physics.beams import EndCompliance, tip_stiffness
 from padgen.physics.bounds import beam_inertia, core_polarisation, saturation_loss, washer_magnetised
-from padgen.physics.currents import bias_a, current_lines_a
 from padgen.physics.frame import AttachedBody, Element, Frame, divided, frame_modes, rectangle
 from padgen.physics.magnetic_charge import (
     RingPotential,
@@ -28,11 +27,12 @@ from padgen.physics.magnetic_charge import (
     tube,
     winding_rings,
 )
-from padgen.physics.magnetics import MU_0, CoilSource, SteelRing
+from padgen.physics.magnetics import MU_0, CoilSource, SteelRing, saturating
 from padgen.physics.modes import BeamPlacement, Modes, RigidBody, suspended_modes
+from padgen.physics.propagation import Tones
 from padgen.physics.pull import PullAt, leakage
 from padgen.physics.resonator import TaxelModes, felt_energy
-from padgen.physics.saturation import saturating
+from padgen.physics.schemes import bias_a, current_lines_a
 from padgen.planner.channels import hanging_gap_um
 from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.plan import Channel, Plan
@@ -879,3 +879,14 @@ def crosstalk_db(plan: Plan, modes: PadModes, driven: int) -> np.ndarray:
     q = plan.channels[plan.taxels[driven].channel].q
     amplitude = np.abs(modes.receptance(driven, np.array([peak_hz(plan, modes, driven)]), q)[0])
     return np.asarray(20 * np.log10(amplitude[driven] / amplitude))
+
+
+def merged(wave: Tones) -> Tones:
+    """Add up the tones of one frequency and decay, lowest frequency first; `wave` has amplitudes (m,)."""
+    key = np.stack([wave.frequency_hz, wave.rest_hz, wave.decay_per_s])
+    unique, where = np.unique(key, axis=1, return_inverse=True)
+    phasor = np.zeros(unique.shape[1], complex)
+    np.add.at(phasor, where.ravel(), wave.amplitude * np.exp(1j * wave.phase_rad))
+    still = (unique[0] == 0) & (unique[1] == 0)
+    phasor[still] = phasor[still].real  # a tone of 0 Hz is the constant A cos φ
+    return Tones(unique[0], np.abs(phasor), np.angle(phasor), unique[2], unique[1])

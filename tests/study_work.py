@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 
 from padgen.core.errors import SolverError
+from padgen.ladders.extreme import ExtremeCase
 from padgen.ladders.rung import Solved
-from padgen.verify.extreme import Answer, ExtremeCase
 
 EXACT = 3.0
 
 
 def power_law(order: float, step: float) -> Solved:
     """Return an answer with the relative error 0.1 step^order."""
-    return Solved(np.array([EXACT * (1 + 0.1 * step**order)]), round(1 / step))
+    return Solved(np.array([EXACT * (1 + 0.1 * step**order)]), unknowns=round(1 / step))
 
 
 def refuses() -> Solved:
@@ -53,7 +53,7 @@ def nothing() -> Solved:
 
 
 def in_own_process() -> Solved:
-    return Solved(np.array([float(os.getpid())]), len(sys.argv[1]))
+    return Solved(np.array([float(os.getpid())]), unknowns=len(sys.argv[1]))
 
 
 def extreme_cases():
@@ -62,13 +62,13 @@ def extreme_cases():
     def case(name, solve, reference=lambda: np.array([1.0])):
         return ExtremeCase(name, "test", "model", solve, reference, "by hand")
 
-    yield case("right", lambda: Answer(np.array([1.001]), 0.01, 1e-9, 10.0))
+    yield case("right", lambda: Solved(np.array([1.001]), 0.01, 1e-9, 10.0))
     yield case("refused", refuses)
-    yield case("wrong", lambda: Answer(np.array([1.1]), 0.01))
-    yield case("no number", lambda: Answer(np.array([nan]), 0.01))
-    yield case("states nothing", lambda: Answer(np.array([1.0]), inf))
+    yield case("wrong", lambda: Solved(np.array([1.1]), 0.01))
+    yield case("no number", lambda: Solved(np.array([nan]), 0.01))
+    yield case("states nothing", lambda: Solved(np.array([1.0]), inf))
     yield case("dies", lambda: os.abort())
-    yield case("no reference", lambda: Answer(np.array([1.0]), 0.01), refuses)
+    yield case("no reference", lambda: Solved(np.array([1.0]), 0.01), refuses)
 
 
-OWN_CASES = (("tests.study_work", "extreme_cases"),)
+OWN_CASES = (extreme_cases,)

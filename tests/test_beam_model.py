@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from padgen.physics.beam_error import UNCERTAINTY, relative_error
+from padgen.physics.modes import UNCERTAINTY, relative_error
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.spec import load_spec, make_spec, parse_spec

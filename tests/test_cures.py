@@ -7,7 +7,7 @@ import pytest
 
 from padgen.core.errors import InfeasibleError, PadgenError, SpecError, cured
 from padgen.core.finding import Finding
-from padgen.ladders.extreme_specs import random_table
+from padgen.ladders.extreme import random_table
 from padgen.planner import cures, make_plan, plan_from_json, plan_to_json
 from padgen.spec import make_spec
 from padgen.spec.load import laid_over, without_none

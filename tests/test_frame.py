@@ -15,14 +15,15 @@ import numpy as np
 import pytest
 
 from padgen.core.errors import SolverError
+from padgen.ladders.extreme import Cantilever, exact_frequencies, frame_answer, structure_cases
 from padgen.physics import beams, frame
 from padgen.physics.beams import BeamSection, tip_stiffness
 from padgen.physics.frame import (
     AttachedBody,
     Element,
     Frame,
+    Section,
     checked_frame_modes,
-    circle,
     divided,
     frame_modes,
     rectangle,
@@ -32,10 +33,16 @@ from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_frame import taxel_frame
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.spec import parse_spec
-from padgen.verify.extreme import Cantilever, exact_frequencies, frame_answer, structure_cases
 
 STEEL = (200e9, 200e9 / 2.6, 8000.0)
 SPEC = parse_spec('name = "a"\nresolution = 1\nband_hz = [20, 2000]\nq_min = 15\n')
+
+
+def circle(diameter: float, poisson: float) -> Section:
+    """Return the section of a solid circle, `diameter` in m; the shear coefficient is Cowper's (1966)."""
+    inertia = np.pi * diameter**4 / 64
+    shear = 6 * (1 + poisson) / (7 + 6 * poisson)
+    return Section(np.pi * diameter**2 / 4, inertia, inertia, 2 * inertia, shear, shear)
 
 
 def frame_deflection(of, load):

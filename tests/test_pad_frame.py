@@ -19,13 +19,11 @@ from multiprocessing import get_context
 import numpy as np
 import pytest
 
-from padgen.core.errors import SolverError
 from padgen.core.units import G_PER_CM3, GPA
 from padgen.planner import Plan, make_plan
 from padgen.planner.left_out import flexibility_bounds, frame_around
 from padgen.spec import parse_spec
-from padgen.verify.elastic_mesh import meshed
-from padgen.verify.elasticity import Elastic, assembled, eigenmodes, factored
+from padgen.verify.elasticity import Elastic, assembled, eigenmodes, factored, meshed
 from padgen.verify.pad_frame import (
     CLAMPINGS,
     HELD,
@@ -156,8 +154,3 @@ def test_the_estimate_of_the_frames_own_mode_is_low(plan, worker):
         lowest = worker(bare_frame_hz, plan, clamping)
         assert lowest / 10 < min(frame_around(plan, c, clamping).mode_hz for c in plan.channels) < lowest
     assert frame_around(plan, plan.channels[0], "bottom").mode_hz == float("inf")
-
-
-def test_an_unknown_clamping_is_refused(plan):
-    with pytest.raises(SolverError, match="must be one of"):
-        pad_modes(plan, "glued", 2)

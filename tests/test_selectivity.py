@@ -18,9 +18,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from padgen.physics.currents import bias_a, current_lines_a, mean_square_a2, peak_current_a, peak_voltage_v
 from padgen.physics.ladder import LevelLaw, geometric_ladder, paper_ladder
-from padgen.physics.schemes import in_order
+from padgen.physics.schemes import bias_a, current_lines_a, in_order, mean_square_a2, peak_current_a, peak_voltage_v
 from padgen.physics.selectivity import (
     Channels,
     Scheme,

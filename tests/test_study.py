@@ -20,7 +20,7 @@ import padgen as pg
 from padgen.cli import run
 from padgen.core.display import seconds_text
 from padgen.core.errors import PadgenError, SolverError, SpecError, percent
-from padgen.ladders.extreme_specs import outcome, random_table, selectivity_cases, spec_cases
+from padgen.ladders.extreme import outcome, random_table, selectivity_cases, solid_cases, spec_cases
 from padgen.ladders.rung import (
     MOST_SUBJECTS,
     NOT_RUN,
@@ -45,6 +45,8 @@ from padgen.ladders.study import (
     STUDY_FILES,
     Study,
     Verdict,
+    extreme_picture,
+    extreme_text,
     judged_error,
     named_cases,
     parse_only,
@@ -53,11 +55,11 @@ from padgen.ladders.study import (
     run_study,
     study_csv,
     study_json,
+    study_pictures,
+    study_text,
     verdict_of,
 )
-from padgen.ladders.text import extreme_picture, extreme_text, study_pictures, study_text
 from padgen.make.planning import parse_tolerance
-from padgen.verify.extreme import solid_cases
 from tests.study_work import (
     EXACT,
     OWN_CASES,
@@ -268,7 +270,7 @@ def test_what_is_prepared_is_made_once(tmp_path):
 def test_caches_of_models_are_emptied_between_runs(monkeypatch):
     from padgen.ladders import rung
     from padgen.physics import magnetics
-    from padgen.verify.engines import Engine
+    from padgen.verify import Engine
 
     cached = lru_cache(maxsize=None)(lambda: object())
     monkeypatch.setattr(magnetics, "a_cache", cached, raising=False)
@@ -535,18 +537,18 @@ def test_random_specs_are_planned_or_refused_in_a_sentence():
 
 
 def test_a_wrong_plan_of_a_random_spec_is_found(monkeypatch):
-    from padgen.ladders import extreme_specs
+    from padgen.ladders import extreme
 
     table = {"name": "a", "resolution": 2, "band_hz": [50, 200], "q_min": 15}
-    plan = extreme_specs.plan_for(extreme_specs.make_spec(table))
+    plan = extreme.plan_for(extreme.make_spec(table))
     lost = replace(plan, channels=(replace(plan.channels[0], sag_um=nan), *plan.channels[1:]))
-    monkeypatch.setattr(extreme_specs, "plan_for", lambda spec: lost)
+    monkeypatch.setattr(extreme, "plan_for", lambda spec: lost)
     assert outcome(table) == "sag_um is no number"
 
     def breaks(spec):
         raise ZeroDivisionError("by nothing")
 
-    monkeypatch.setattr(extreme_specs, "plan_for", breaks)
+    monkeypatch.setattr(extreme, "plan_for", breaks)
     assert outcome(table) == "ZeroDivisionError: by nothing"
     with pytest.raises(ValueError, match="are wrong: random "):
         next(spec_cases()).solve()

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 import padgen as pg
 from padgen.physics.beams import BeamSection
 from padgen.physics.modes import BeamPlacement, hardening, jump_amplitude, level_kept
-from padgen.physics.skin import SKINS, touched
+from padgen.physics.resonator import SKINS, touched
 from padgen.planner import make_plan, plan_from_json, plan_to_json
 from padgen.spec import parse_spec
 

@@ -42,7 +42,7 @@ from padgen.driver.waveform import (
     volts,
 )
 from padgen.measured.tuning import planned_tuning
-from padgen.physics.currents import formula
+from padgen.physics.schemes import formula
 from padgen.planner import make_plan
 from padgen.spec import load_spec, parse_spec
 

@@ -75,8 +75,7 @@ def _study(options: argparse.Namespace) -> int:
 
 
 def _ladders(options: argparse.Namespace) -> Any:
-    from padgen.ladders.study import STUDY_FILES, parse_only, run_study
-    from padgen.ladders.text import study_text
+    from padgen.ladders.study import STUDY_FILES, parse_only, run_study, study_text
     from padgen.make.planning import parse_tolerance, plan_for, recorded_spec, spec_of
 
     tolerance = None if options.tolerance is None else parse_tolerance(options.tolerance)
@@ -88,8 +87,7 @@ def _ladders(options: argparse.Namespace) -> Any:
 
 
 def _extreme(options: argparse.Namespace) -> Any:
-    from padgen.ladders.study import run_extreme
-    from padgen.ladders.text import extreme_text
+    from padgen.ladders.study import extreme_text, run_extreme
 
     with progress_line(log=True) as progress:
         study = run_extreme(folder_of(options, "extreme"), progress)

@@ -191,10 +191,9 @@ def trim(most_bytes: int | None = None) -> int:
     most = limit_bytes() if most_bytes is None else most_bytes
     entries = sorted(_entries(), key=lambda entry: entry[1:])
     total, dropped = sum(size for _, _, size in entries), 0
-    if total <= most:
-        return 0
+    enough = most if total <= most else KEPT_SHARE * most
     for path, _, size in entries:
-        if total <= KEPT_SHARE * most:
+        if total <= enough:
             break
         with suppress(OSError):
             path.unlink(missing_ok=True)
@@ -204,20 +203,13 @@ def trim(most_bytes: int | None = None) -> int:
 
 def info() -> CacheInfo:
     """Return the contents of the cache."""
-    kinds: dict[str, tuple[int, int]] = {}
+    kinds: dict[str, list[int]] = {}
     for path, _, size in _entries():
-        if path.suffix == CLAIM:
-            continue
-        kind = path.relative_to(folder()).parts[0]
-        entries, total = kinds.get(kind, (0, 0))
-        kinds[kind] = (entries + 1, total + size)
-    return CacheInfo(
-        str(folder()),
-        limit_bytes(),
-        sum(entries for entries, _ in kinds.values()),
-        sum(total for _, total in kinds.values()),
-        dict(sorted(kinds.items())),
-    )
+        if path.suffix != CLAIM:
+            kinds.setdefault(path.parts[-3], []).append(size)
+    counted = {kind: (len(sizes), sum(sizes)) for kind, sizes in sorted(kinds.items())}
+    entries, total = (sum(part) for part in zip((0, 0), *counted.values(), strict=True))
+    return CacheInfo(str(folder()), limit_bytes(), entries, total, counted)
 
 
 def clear() -> CacheInfo:
@@ -233,9 +225,9 @@ def clear() -> CacheInfo:
         try:
             path.unlink(missing_ok=True)
         except OSError as error:
-            stays = path, error
+            stays = FileError(f"cannot be removed ({reason(error)})", str(path))
     if stays:
-        raise FileError(f"cannot be removed ({reason(stays[1])})", str(stays[0])) from stays[1]
+        raise stays
     return before
 
 

@@ -135,21 +135,16 @@ def cured(sentence: str, cures: Sequence[Mapping[str, Any]]) -> str:
 
 def as_lines(cure: Mapping[str, Any]) -> str:
     """Return a change of a spec, fields by their dotted names, as the lines of its file, in words."""
-    return " with ".join(_line(*field) for field in cure.items())
-
-
-def _line(key: str, value: Any) -> str:
-    if value is None:
-        return f"leaving out {key}"
-    if isinstance(value, list):
-        return f"{key} = [{', '.join(_toml(entry) for entry in value)}]"
-    return f"{key} = {_toml(value)}"
+    lines = (f"leaving out {key}" if value is None else f"{key} = {_toml(value)}" for key, value in cure.items())
+    return " with ".join(lines)
 
 
 def _toml(value: Any) -> str:
-    return (
-        f"{value:.10g}" if isinstance(value, float) else str(value).lower() if isinstance(value, bool) else repr(value)
-    )
+    if isinstance(value, list):
+        return f"[{', '.join(map(_toml, value))}]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:.10g}" if isinstance(value, float) else repr(value)
 
 
 def shown(value: Any) -> str:

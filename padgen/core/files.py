@@ -25,9 +25,9 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, is_dataclass
 from errno import EDQUOT, EIO, ENOSPC
+from functools import partial
 from hashlib import file_digest, sha256
 from itertools import count, takewhile
-from json.encoder import encode_basestring
 from math import isfinite
 from pathlib import Path
 from threading import Thread
@@ -52,12 +52,9 @@ __all__ = [
     "has_hash",
     "held",
     "is_current",
-    "is_entry",
     "is_unchanged",
-    "is_under_way",
     "json_line",
     "json_text",
-    "keep_aside",
     "lock_file",
     "locked",
     "move_all",
@@ -122,20 +119,17 @@ def lock_file(path: Path) -> int:
 
 def unlock_file(path: Path, file: int) -> None:
     """Release a lock of `lock_file`, and remove its file."""
-    if sys.platform == "win32":
-        os.close(file)
-        with suppress(OSError):  # Windows keeps files that are open, such as one that another process has locked
-            path.unlink()
+    steps: list[Callable[[], object]] = [path.unlink, partial(os.close, file)]
+    if sys.platform == "win32":  # which keeps files that are open, such as one that another process has locked
+        steps.reverse()
     else:
         import fcntl
 
+        # Closing alone would leave the lock with processes forked meanwhile.
+        steps.insert(1, partial(fcntl.flock, file, fcntl.LOCK_UN))
+    for step in steps:
         with suppress(OSError):
-            path.unlink()
-        with suppress(OSError):
-            # Closing alone would leave the lock with processes forked meanwhile.
-            fcntl.flock(file, fcntl.LOCK_UN)
-        with suppress(OSError):
-            os.close(file)
+            step()
 
 
 def _lock(file: int) -> None:
@@ -218,7 +212,9 @@ def _move_back(path: Path, moves: Moves) -> None:
             if not os.path.lexists(aside / name) and has_hash(place, moves.new.get(name, "")):
                 place.replace(aside / name)
             elif old is not None:
-                keep_aside(place)
+                there = free_name(place)
+                place.replace(there)
+                say_kept(place, there)
         if old is not None:
             old.replace(place)
     _sync_folder(path)
@@ -278,12 +274,6 @@ def remove_aside(folder: Path) -> None:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def is_under_way(path: Path, aside: str) -> bool:
-    """Return whether the files in the folder `aside` are needed to undo a commit."""
-    moves = _read_journal(path)
-    return moves is not None and moves.aside == aside
-
-
 def _read_journal(path: Path) -> Moves | None:
     """Return the journal in a folder, None where there is none or it is not padgen's."""
     try:
@@ -306,11 +296,6 @@ def read_json_table(file: Path) -> dict[str, Any]:
     return table if isinstance(table, dict) else {}
 
 
-def is_entry(name: str, known: object) -> bool:
-    """Return whether `name` is the plain name of a file and `known` a hash."""
-    return PLAIN_NAME.fullmatch(name) is not None and isinstance(known, str) and HASH.fullmatch(known) is not None
-
-
 def has_hash(path: Path, known: str) -> bool:
     """Return whether `path` is a file, not a link, with this hash."""
     try:
@@ -326,13 +311,6 @@ def free_name(path: Path) -> Path:
     """Return a free name for a user's file: its name with .old, .old2, ... appended."""
     names = (path.with_name(f"{path.name}.old{number if number > 1 else ''}") for number in count(1))
     return next(name for name in names if not os.path.lexists(name))
-
-
-def keep_aside(path: Path) -> None:
-    """Rename a user's file to make room for an output of the same name."""
-    there = free_name(path)
-    path.replace(there)
-    say_kept(path, there)
 
 
 def say_kept(path: Path, there: Path) -> None:
@@ -401,64 +379,34 @@ def json_text(table: Any) -> str:
     """Return JSON in the form of all files: numbers with ten significant digits, null for NaN and infinity.
 
     Ten digits agree between platforms. An entry called `spec` is input, not a result: its numbers are written in full,
-    so that they read back unchanged. Takes plain data and dataclasses. Same layout as ``json.dumps`` with an indent of
-    1, but faster.
+    so that they read back unchanged. Takes plain data and dataclasses; other values become text.
     """
-    return _escaped(_json(table, "\n", False)) + "\n"
+    return _escaped(json.dumps(_plain(table), indent=1, ensure_ascii=False)) + "\n"
 
 
 def json_line(table: Any) -> str:
-    """Return JSON on one line in the same form, for streams and journals; values that are no plain data become text."""
+    """Return the same JSON on one line, for streams and journals."""
     return _escaped(json.dumps(_plain(table), ensure_ascii=False))
 
 
 def _escaped(text: str) -> str:
     """Escape lone surrogates in JSON, which names of files may contain but no file can."""
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        return "".join(f"\\u{ord(sign):04x}" if "\ud800" <= sign <= "\udfff" else sign for sign in text)
-    return text
+    return text.encode(errors="backslashreplace").decode()
 
 
-def _plain(value: Any) -> Any:
-    """Return a value as plain data with rounded numbers."""
-    if isinstance(value, dict):
-        return {str(key): _plain(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(entry) for entry in value]
+def _plain(value: Any, in_full: bool = False) -> Any:
+    """Return a value as plain data, its numbers rounded or `in_full`."""
     if isinstance(value, float):
-        return float(f"{value:.10g}") if isfinite(value) else None
+        return (value if in_full else float(f"{value:.10g}")) if isfinite(value) else None
     if value is None or isinstance(value, (bool, int, str)):
         return value
-    return _plain(value.item()) if hasattr(value, "item") else str(value)
-
-
-def _json(value: Any, line: str, in_full: bool) -> str:
-    """Return the JSON of a value, its numbers rounded or `in_full`; `line` is a line break with its indent."""
-    if isinstance(value, float):
-        return float.__repr__(value if in_full else float(f"{value:.10g}")) if isfinite(value) else "null"
-    if isinstance(value, str):
-        return encode_basestring(value)
-    if type(value) is int:
-        return int.__repr__(value)
     if isinstance(value, (list, tuple)):
-        inner = line + " "
-        return (
-            f"[{inner}{f',{inner}'.join([_json(entry, inner, in_full) for entry in value])}{line}]" if value else "[]"
-        )
-    if isinstance(value, dict) or is_dataclass(value):
-        entries = (
-            value if isinstance(value, dict) else {name: getattr(value, name) for name in value.__dataclass_fields__}
-        )
-        inner = line + " "
-        pairs = [f"{_key(key)}: {_json(entry, inner, in_full or key == SPEC)}" for key, entry in entries.items()]
-        return f"{{{inner}{f',{inner}'.join(pairs)}{line}}}" if pairs else "{}"
-    return json.dumps(value)
-
-
-def _key(key: Any) -> str:
-    return encode_basestring(key if isinstance(key, str) else json.dumps(key))
+        return [_plain(entry, in_full) for entry in value]
+    if is_dataclass(value):
+        value = {name: getattr(value, name) for name in value.__dataclass_fields__}
+    if isinstance(value, dict):
+        return {str(key): _plain(entry, in_full or key == SPEC) for key, entry in value.items()}
+    return _plain(value.item()) if hasattr(value, "item") else str(value)
 
 
 def file_hash(data: bytes | bytearray) -> str:
@@ -500,7 +448,8 @@ class OutputFolder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if not is_under_way(self.path, self._aside.name):  # else its files are needed to undo the commit
+        moves = _read_journal(self.path)
+        if not moves or moves.aside != self._aside.name:  # else its files are needed to undo the commit
             remove_aside(self._aside)
         if kind is not None:
             with suppress(OSError):
@@ -600,9 +549,9 @@ def read_manifest(path: Path) -> dict[str, Any]:
     recover(path)
     manifest = read_json_table(path / MANIFEST)
     files = manifest.get("files")
-    if not isinstance(files, dict) or not all(
-        is_entry(name, known) and name.lower() != MANIFEST for name, known in files.items()
-    ):
+    if not isinstance(files, dict) or any(not PLAIN_NAME.fullmatch(name) or name.lower() == MANIFEST for name in files):
+        return {}
+    if not all(isinstance(known, str) and HASH.fullmatch(known) for known in files.values()):
         return {}
     # Before version 0.2 only builds wrote manifests.
     built = manifest.setdefault("built", list(files) if "inputs" in manifest else [])

@@ -169,7 +169,10 @@ class Runner:
 
     def _idle_or_new(self) -> "_Worker":
         """Return an idle worker that was started under the present conditions, or start a new one."""
-        conditions = _conditions(self._imports)
+        folder = None
+        with suppress(OSError):  # it was removed
+            folder = Path.cwd()
+        conditions = dict(os.environ), folder, [entry for entry in sys.path if isinstance(entry, str)], self._imports
         with self._lock:
             while self._idle:
                 worker = self._idle.pop()
@@ -202,7 +205,10 @@ class Runner:
 
 
 class _Worker:
-    """The parent's side of one worker, which is started under `conditions` (`_conditions`)."""
+    """The parent's side of one worker.
+
+    It is started under `conditions`: environment, working folder, module path, modules to load.
+    """
 
     def __init__(self, conditions: tuple[Any, ...], cores: int) -> None:
         self.conditions = conditions
@@ -266,16 +272,23 @@ class _Worker:
                 # One look counts for a few at most, since this process may have been stopped meanwhile.
                 now = perf_counter()
                 spent_s, looked = spent_s + min(now - looked, MOST_LOOKS * WATCH_S), now
-                if answer := _excess(spent_s, time_s, peak, most_mb):
-                    self.kill()
-                    return replace(answer, seconds=now - start, peak_mb=peak or None)
-                continue
+                if spent_s > time_s:
+                    limit, said = "time_s", f"took longer than {number(time_s)} s"
+                elif peak > most_mb:
+                    limit, said = "memory_mb", f"took more than {number(most_mb)} MB"
+                else:
+                    continue
+                self.kill()
+                return Answer("failed", None, SolverError(said), now - start, peak or None, limit)
             if message is None:
                 if self.rested and not taken:
                     return None
                 return Answer("failed", None, SolverError(self._cause_of_end()), perf_counter() - start, peak or None)
             if taken:
-                answer = _unpickled(message)
+                try:
+                    answer: Answer = pickle.loads(message)
+                except Exception as error:
+                    return _broken(error)
                 return replace(answer, peak_mb=max(peak, answer.peak_mb or 0.0) or None)
             taken = True
 
@@ -443,27 +456,10 @@ def _end_family(pid: int) -> None:
             process.kill()
 
 
-def _excess(seconds: float, time_s: float, used_mb: float, most_mb: float) -> Answer | None:
-    """Return the answer for an exceeded limit, None within the limits."""
-    if seconds > time_s:
-        return Answer("failed", error=SolverError(f"took longer than {number(time_s)} s"), limit="time_s")
-    if used_mb > most_mb:
-        return Answer("failed", error=SolverError(f"took more than {number(most_mb)} MB"), limit="memory_mb")
-    return None
-
-
 def _broken(error: BaseException) -> Answer:
     """Return the answer for an exception that is not a `PadgenError`."""
     text = "not enough memory for it" if isinstance(error, MemoryError) else " ".join(str(error).split())
     return Answer("failed", error=SolverError(f"broke down ({type(error).__name__}: {text}".rstrip(": ") + ")"))
-
-
-def _conditions(imports: tuple[str, ...]) -> tuple[Any, ...]:
-    """Return a worker's starting conditions: environment, working folder, module path, modules to load."""
-    folder = None
-    with suppress(OSError):  # it was removed
-        folder = Path.cwd()
-    return dict(os.environ), folder, [entry for entry in sys.path if isinstance(entry, str)], imports
 
 
 def _is_life_line(descriptor: int) -> bool:
@@ -551,12 +547,3 @@ def _received(stream: IO[bytes]) -> bytes | None:
     head = stream.read(HEAD)
     data = stream.read(int.from_bytes(head, "little"))
     return data if len(head) == HEAD and len(data) == int.from_bytes(head, "little") else None
-
-
-def _unpickled(message: bytes) -> Answer:
-    """Return the answer that was sent, or a failed one where it cannot be unpickled."""
-    try:
-        answer: Answer = pickle.loads(message)
-        return answer
-    except Exception as error:
-        return _broken(error)

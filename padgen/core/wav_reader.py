@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO
 
 import numpy as np
 
@@ -27,14 +27,6 @@ IN_DS64 = 0xFFFFFFFF
 SPOILT = "is cut off or damaged, not a WAV file that can be read: it"
 READ_BYTES = 1 << 22
 MOST_CHUNKS = 1000
-
-
-class _Chunk(NamedTuple):
-    """A chunk of a file: its name, the start of its data, and their stated size in bytes."""
-
-    name: bytes
-    start: int
-    size: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,17 +61,17 @@ class Wave:
 
     def read(self, start: int = 0, stop: int | None = None) -> np.ndarray:
         """Return samples (s, channels) from `start` up to, not including, `stop`, as doubles."""
-        return self._unpacked(self._raw()[start:stop])
-
-    def channel(self, index: int, compact: bool = False) -> np.ndarray:
-        """Return the samples (count,) of one channel as doubles.
-
-        With `compact` they are single floats where these hold the samples exactly.
-        """
-        raw = self._raw()
-        starts = range(0, self.count, READ_BYTES)
-        parts = [self._unpacked(raw[i : i + READ_BYTES, index], compact) for i in starts]
-        return np.concatenate(parts) if parts else np.zeros(0)
+        raw = self._raw()[start:stop]
+        if self.big_endian:
+            raw = raw[..., ::-1]
+        if self.kind == "float":
+            return np.ascontiguousarray(raw).view(f"<f{self.width}")[..., 0].astype(float)
+        if self.bits <= 8:  # samples of up to 8 bits are unsigned
+            return (raw[..., 0].astype(float) - 128) / 128
+        word = 4 if self.width <= 4 else 8
+        whole = np.zeros((*raw.shape[:-1], word), np.uint8)
+        whole[..., word - self.width :] = raw
+        return whole.view(f"<i{word}")[..., 0] / 2.0 ** (8 * word - 1)
 
     def data(self) -> Iterator[bytes]:
         """Return the samples' bytes in the file, in blocks."""
@@ -95,21 +87,6 @@ class Wave:
         if self.held is None:
             return np.memmap(self.path, np.uint8, "r", self.offset, shape)
         return np.ndarray(shape, np.uint8, self.held, self.offset)
-
-    def _unpacked(self, raw: np.ndarray, compact: bool = False) -> np.ndarray:
-        """Return the bytes (…, width) of samples as floats."""
-        if self.big_endian:
-            raw = raw[..., ::-1]
-        if self.kind == "float":
-            floats = np.ascontiguousarray(raw).view(f"<f{self.width}")[..., 0]
-            return floats.astype("f4" if compact and self.width == 4 else "f8")
-        if self.bits <= 8:  # samples of up to 8 bits are unsigned
-            return (raw[..., 0].astype("f4" if compact else "f8") - 128) / 128
-        word = 4 if self.width <= 4 else 8
-        whole = np.zeros((*raw.shape[:-1], word), np.uint8)
-        whole[..., word - self.width :] = raw
-        single = compact and not whole[..., : word - 3].any()
-        return whole.view(f"<i{word}")[..., 0].astype("f4" if single else "f8") / 2.0 ** (8 * word - 1)
 
 
 def read_wav(path: Path, data: bytes | None = None) -> Wave:
@@ -139,33 +116,33 @@ def _read(path: Path, file: BinaryIO, size: int, held: bytes | None) -> Wave:
         raise FileError("is not a WAV file that can be read (RIFF, RIFX or RF64)" if size else "is empty", where)
     order = ">" if head[:4] == b"RIFX" else "<"
     parts: dict[bytes, bytes] = {}
-    data: _Chunk | None = None
-    for count, chunk in enumerate(_chunks(file, size, order)):
+    data: tuple[int, int] | None = None
+    for count, (name, start, length) in enumerate(_chunks(file, size, order)):
         if count >= MOST_CHUNKS:
             raise FileError(f"is damaged: a WAV file has a few parts, this one more than {MOST_CHUNKS}", where)
-        if chunk.name == b"data":
-            data = data or chunk
-        elif chunk.name in (b"fmt ", b"LIST") and chunk.name not in parts:
-            file.seek(chunk.start)
-            parts[chunk.name] = file.read(min(chunk.size, 1 << 16))
+        if name == b"data":
+            data = data or (start, length)
+        elif name in (b"fmt ", b"LIST") and name not in parts:
+            file.seek(start)
+            parts[name] = file.read(min(length, 1 << 16))
     if b"fmt " not in parts or data is None:
         raise FileError(f"{SPOILT} has no {'format' if b'fmt ' not in parts else 'samples'}", where)
     rate_hz, channels, kind, bits, width = _format(parts[b"fmt "], order, where)
-    said, frame = data.size, channels * width
-    if said > size - data.start:
-        there = max(size - data.start, 0) // frame
+    (offset, said), frame = data, channels * width
+    if said > size - offset:
+        there = max(size - offset, 0) // frame
         raise FileError(
             f"is cut off: it has {there} of the {said // frame} samples that it states; copy or write it again", where
         )
     if said % frame:
         raise FileError(f"has {said} bytes of samples, not whole samples of {frame} bytes", where)
     comment = _comment(parts.get(b"LIST", b""), order)
-    return Wave(path, rate_hz, channels, said // frame, kind, bits, width, order == ">", comment, data.start, held)
+    return Wave(path, rate_hz, channels, said // frame, kind, bits, width, order == ">", comment, offset, held)
 
 
-def _chunks(file: BinaryIO, size: int, order: str) -> Iterator[_Chunk]:
-    """Yield the chunks of a file, with sizes from `ds64` where they are there."""
-    start, in_64 = 12, 0
+def _chunks(file: BinaryIO, size: int, order: str, start: int = 12) -> Iterator[tuple[bytes, int, int]]:
+    """Yield name, start and stated size in bytes of a file's chunks, sizes from `ds64` where they are there."""
+    in_64 = 0
     while start + 8 <= size:
         file.seek(start)
         name, length = struct.unpack(f"{order}4sI", file.read(8))
@@ -174,7 +151,7 @@ def _chunks(file: BinaryIO, size: int, order: str) -> Iterator[_Chunk]:
             in_64 = struct.unpack("<QQ", sizes)[1] if len(sizes) == 16 else 0
         if name == b"data" and length == IN_DS64 and in_64:
             length = in_64
-        yield _Chunk(name, start + 8, length)
+        yield name, start + 8, length
         start += 8 + length + length % 2
 
 
@@ -202,10 +179,7 @@ def _format(data: bytes, order: str, where: str) -> tuple[int, int, str, int, in
 
 def _comment(data: bytes, order: str) -> str:
     """Return the comment of an INFO list, empty where there is none."""
-    at = 4
-    while data[:4] == b"INFO" and at + 8 <= len(data):
-        name, length = struct.unpack(f"{order}4sI", data[at : at + 8])
+    for name, start, length in _chunks(BytesIO(data), len(data), order, 4) if data[:4] == b"INFO" else ():
         if name == b"ICMT":
-            return data[at + 8 : at + 8 + length].rstrip(b"\0").decode("utf-8", "replace")
-        at += 8 + length + length % 2
+            return data[start : start + length].rstrip(b"\0").decode("utf-8", "replace")
     return ""

@@ -21,7 +21,7 @@ from padgen.measured.simulate import (
     shaking_line_a2,
     sweep_s,
 )
-from padgen.physics.currents import mean_square_a2
+from padgen.physics.schemes import mean_square_a2
 from padgen.planner.plan import Plan
 
 __all__ = ["KINDS", "Excitation", "SweepTable", "excitation", "sweep_table"]

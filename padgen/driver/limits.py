@@ -36,9 +36,9 @@ from padgen.driver.waveform import Timeline, blocks, is_fed, ramp_s, timeline
 from padgen.measured.predict import printed_channels
 from padgen.measured.tuning import Tuning, planned_tuning
 from padgen.physics.crest import least_constant
-from padgen.physics.currents import current_lines_a, mean_square_a2, on_carrier_v
 from padgen.physics.magnetics import balanced_deflection, impedance
-from padgen.physics.skin import HAND_LIMIT_M_PER_S2, weighted_acceleration
+from padgen.physics.resonator import HAND_LIMIT_M_PER_S2, weighted_acceleration
+from padgen.physics.schemes import current_lines_a, mean_square_a2, on_carrier_v
 from padgen.planner.channels import hanging_gap_um
 from padgen.planner.coil_load import pull_in_share
 from padgen.planner.plan import Channel, Plan

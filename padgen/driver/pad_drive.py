@@ -26,8 +26,8 @@ from padgen.physics.crest import (
     on_comb,
     root_margin,
 )
-from padgen.physics.currents import bias_a, current_lines_a
 from padgen.physics.resonator import relative_energy
+from padgen.physics.schemes import bias_a, current_lines_a
 from padgen.physics.selectivity import Scheme
 from padgen.planner.plan import Plan
 from padgen.planner.printed_pads import coils_of

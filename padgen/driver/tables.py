@@ -16,7 +16,7 @@ from padgen.core.errors import number
 from padgen.core.files import json_text
 from padgen.core.units import MN
 from padgen.driver.frames import LARGEST_TABLE, taxel_grid
-from padgen.physics.currents import bias_a, current_lines_a, formula, mean_square_a2
+from padgen.physics.schemes import bias_a, current_lines_a, formula, mean_square_a2
 from padgen.physics.selectivity import Scheme
 from padgen.planner.drive_rows import BIAS, COLUMNS, DriveRow, bias_row, coil_rows, table_csv
 from padgen.planner.frame_rates import slot_ms

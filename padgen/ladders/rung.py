@@ -16,7 +16,7 @@ import pickle
 import sys
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import pairwise
 from math import inf, isfinite, isnan, log, nan
 from pathlib import Path
@@ -50,6 +50,7 @@ __all__ = [
     "measured",
     "observed_order",
     "picks",
+    "recommended_for",
     "recommended_row",
     "run_apart",
     "run_timed",
@@ -102,14 +103,17 @@ def write_steps(scene: Scene) -> None:
 
 
 class Solved(NamedTuple):
-    """A rung's answer: `values` of any shape, how many `unknowns` it solved for, the `residual` if it knows one.
+    """A model's answer: `values` of any shape, the relative error that it states itself, where it does.
 
-    `unknowns` is 0 for a formula.
+    `residual` and `condition` are of the linear or eigen problem behind it, nan where there is none; `unknowns` is how
+    many it solved for, 0 for a formula.
     """
 
     values: np.ndarray
-    unknowns: int = 0
+    stated_error: float = nan
     residual: float = nan
+    condition: float = nan
+    unknowns: int = 0
 
 
 class Theory(NamedTuple):
@@ -263,7 +267,11 @@ def judged(ladder: Ladder, measured: Sequence[Measured]) -> Judged:
     uncertainty, converged, why = _uncertainty(ladder, measured, solved)
     if line and solved and solved[-1] != line[-1]:
         why += f"; finer ones have no answer ({measured[line[-1]].note})"
-    rows = tuple(_row(ladder, measured, i, reference, uncertainty) for i in range(len(ladder.rungs)))
+    rows = []
+    for rung, figures in zip(ladder.rungs, measured, strict=True):
+        error = inf if reference is None else _distance(ladder, figures, measured[reference])
+        row = Row(rung, figures, error, error + uncertainty, error <= uncertainty)
+        rows.append(row if isfinite(error) else Row(rung, figures))
     names = dict.fromkeys(row.rung.series for row in rows if row.rung.series and not isnan(row.rung.step))
     found = []
     for name in names:
@@ -276,7 +284,7 @@ def judged(ladder: Ladder, measured: Sequence[Measured]) -> Judged:
             gaps = [_distance(ladder, a.measured, b.measured, own[-1].measured) for a, b in pairwise(own)]
             order = observed_order(steps, gaps)
         found.append(Order(name, order, theory))
-    return Judged(ladder, rows, reference, uncertainty, converged, why, tuple(found))
+    return Judged(ladder, tuple(rows), reference, uncertainty, converged, why, tuple(found))
 
 
 def _uncertainty(ladder: Ladder, measured: Sequence[Measured], solved: Sequence[int]) -> tuple[float, bool, str]:
@@ -308,16 +316,6 @@ def _distance(ladder: Ladder, one: Measured, other: Measured, to: Measured | Non
     with np.errstate(divide="ignore", invalid="ignore"):
         relative = np.where(difference > 0, difference / scale, 0.0)
     return float(relative.max(initial=0.0))
-
-
-def _row(ladder: Ladder, measured: Sequence[Measured], index: int, reference: int | None, uncertainty: float) -> Row:
-    rung, own = ladder.rungs[index], measured[index]
-    if reference is None or own.values is None:
-        return Row(rung, own)
-    error = 0.0 if index == reference else _distance(ladder, own, measured[reference])
-    if not isfinite(error):
-        return Row(rung, own)
-    return Row(rung, own, error, error + uncertainty, error <= uncertainty)
 
 
 def _order_of_errors(steps: Sequence[float], errors: Sequence[float], uncertainty: float) -> float | None:
@@ -357,6 +355,12 @@ def recommended_row(result: Judged, tolerance: float) -> int | None:
     """Return the index of the quickest row whose error is at most `tolerance`, None where none is known to be."""
     held = [i for i, row in enumerate(result.rows) if _holds(row, tolerance)]
     return min(held, key=lambda i: result.rows[i].measured.seconds, default=None)
+
+
+def recommended_for(result: Judged, tolerances: Sequence[float]) -> list[list[float]]:
+    """Return for each row the tolerances for which it is the `recommended_row`."""
+    best = [recommended_row(result, tolerance) for tolerance in tolerances]
+    return [[tol for tol, at in zip(tolerances, best, strict=True) if at == i] for i in range(len(result.rows))]
 
 
 def _holds(row: Row, tolerance: float) -> bool:
@@ -445,25 +449,14 @@ def timed(
 
 def measured(rung: Rung) -> Measured:
     """Run a rung and measure it; a refusal or a crash is a `Measured` with its sentence."""
-    import numpy as np
-
     answer = timed(rung.solve, rung.imports, rung.limit_s, prepare=rung.prepare)
     if answer.kind != "value":
         return Measured(note="refused: " * (answer.kind == "refused") + answer.sentence)
     found: Timed = answer.value
-    solved = found.value
-    own = Measured(
-        np.atleast_1d(np.asarray(solved.values, float)),
-        int(solved.unknowns),
-        float(solved.residual),
-        found.seconds,
-        found.cpu_seconds,
-        found.runs,
-        found.memory_mb,
-    )
-    if own.values is not None and np.isfinite(own.values).all():
-        return own
-    return replace(own, values=None, note="its answer is not a number")
+    solved: Solved = found.value
+    values = np.atleast_1d(np.asarray(solved.values, float))
+    known, note = (values, "") if np.isfinite(values).all() else (None, "its answer is not a number")
+    return Measured(known, int(solved.unknowns), float(solved.residual), *found[1:], note)
 
 
 def run_timed(pickled: bytes, budget_s: float, most_runs: int) -> Timed:
@@ -475,11 +468,10 @@ def run_timed(pickled: bytes, budget_s: float, most_runs: int) -> Timed:
         before = peak_mb() or 0.0
         value, *times = _run(pickled, made)
         memory = max((peak_mb() or 0.0) - before, 0.0)
-        walls, cpus = ([time_] for time_ in times)
+        walls, cpus = ([seconds] for seconds in times)
         while len(walls) < most_runs and (len(walls) < 2 or sum(walls) < budget_s) and min(walls) < LONG_S:
-            _, wall, cpu = _run(pickled, made)
-            walls.append(wall)
-            cpus.append(cpu)
+            _, *times = _run(pickled, made)
+            walls, cpus = [*walls, times[0]], [*cpus, times[1]]
     except MemoryError as error:
         raise SolverError("the machine has not enough memory for it") from error
     return Timed(value, min(walls), min(cpus), len(walls), memory)

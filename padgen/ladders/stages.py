@@ -32,11 +32,11 @@ from padgen.ladders.rung import (
     run_apart,
     write_steps,
 )
-from padgen.physics.currents import bias_a
 from padgen.physics.ladder import geometric_ladder, optimal_ladder
 from padgen.physics.magnetics import impedance, paper_force_constant
 from padgen.physics.propagation import Tones, propagate, signal, squared, steady_lines, tones
 from padgen.physics.pull import solved_pulls
+from padgen.physics.schemes import bias_a
 from padgen.physics.selectivity import Channels, Scheme, all_states, channels, one_hot_db
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.pull_modes import magnetic_parts
@@ -45,8 +45,7 @@ from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.spec import Spec
 from padgen.verify.coupled import CoupledSystem, Source, from_tones, make_system, simulate
-from padgen.verify.extreme import Answer
-from padgen.verify.field_solid import Pull, solid_pull
+from padgen.verify.field_solid import Pull, axisymmetric_force, solid_pull
 
 __all__ = [
     "LADDERS",
@@ -73,7 +72,6 @@ __all__ = [
     "paper_pull",
     "planned_hz",
     "rule_hz",
-    "solved",
     "structure_ladders",
     "taxel_solids",
     "three_d_pull",
@@ -136,18 +134,12 @@ def dynamics_ladders(scene: Scene) -> Iterator[Ladder]:
             f"displacement {first:.4g} … {last:.4g} ms after switching on",
             "m",
             tuple(
-                Rung(model, resolution, partial(solved, solve, unknowns), FINEST if model == FINEST else "")
-                for model, resolution, unknowns, solve in dynamics_models(question)
+                Rung(model, resolution, solve, FINEST if model == FINEST else "")
+                for model, resolution, solve in dynamics_models(question)
             ),
             FINEST,
             note="errors are of the largest displacement; the coupled model refines its tolerance",
         )
-
-
-def solved(solve: Callable[[], Answer], unknowns: int) -> Solved:
-    """Turn the answer of one of the `dynamics_models` into a `Solved`."""
-    answer = solve()
-    return Solved(answer.values, unknowns, answer.residual)
 
 
 def dynamics_question(plan: Plan, after_s: float | None = None, coil_set: int = 0) -> DynamicsQuestion:
@@ -187,36 +179,35 @@ def dynamics_question(plan: Plan, after_s: float | None = None, coil_set: int = 
     return DynamicsQuestion(system, scheme, current, squared(current) if current else wanted, times)
 
 
-def dynamics_models(question: DynamicsQuestion) -> Iterator[tuple[str, str, int, Callable[[], Answer]]]:
-    """Yield model, resolution, unknowns and the function that solves it: coarsest first, the coupled one last.
+def dynamics_models(question: DynamicsQuestion) -> Iterator[tuple[str, str, Callable[[], Solved]]]:
+    """Yield model, resolution and the function that solves it: coarsest first, the coupled one last.
 
     Answers are displacements (n, k) in m; they can be sent to another process.
     """
-    n = len(question.system.frequency_hz)
-    yield "phasor", "steady state", n, partial(_phasor, question)
-    yield "exponential", "exact, linear", 2 * n, partial(_exponential, question)
+    yield "phasor", "steady state", partial(_phasor, question)
+    yield "exponential", "exact, linear", partial(_exponential, question)
     for tolerance in COUPLED_TOLERANCES:
-        yield FINEST, f"tolerance {tolerance:g}", 2 * n + 1, partial(_coupled, question, tolerance)
+        yield FINEST, f"tolerance {tolerance:g}", partial(_coupled, question, tolerance)
 
 
-def _phasor(question: DynamicsQuestion) -> Answer:
+def _phasor(question: DynamicsQuestion) -> Solved:
     system, force = question.system, question.force
     lines = steady_lines(system.frequency_hz, system.q, system.mass_kg, force)
     moved = (lines @ np.exp(2j * np.pi * (force.frequency_hz + force.rest_hz)[:, None] * question.time_s)).real
     transient = np.exp(-np.pi * system.frequency_hz / system.q * question.time_s[0]).max()
-    return Answer(moved, float(transient) + _acting_back(question, moved))
+    return Solved(moved, float(transient) + _acting_back(question, moved), unknowns=len(moved))
 
 
-def _exponential(question: DynamicsQuestion) -> Answer:
+def _exponential(question: DynamicsQuestion) -> Solved:
     system = question.system
     moved = propagate(system.frequency_hz, system.q, system.mass_kg, question.force, question.time_s)
-    return Answer(moved, _acting_back(question, moved))
+    return Solved(moved, _acting_back(question, moved), unknowns=2 * len(moved))
 
 
-def _coupled(question: DynamicsQuestion, tolerance: float) -> Answer:
+def _coupled(question: DynamicsQuestion, tolerance: float) -> Solved:
     motion = simulate(question.system, question.voltage, question.time_s, question.initial_a, tolerance)
     # Steps add up: a hundred periods of a root's corners came to 1.2 tolerances.
-    return Answer(motion.displacement_m, 10 * tolerance, motion.residual)
+    return Solved(motion.displacement_m, 10 * tolerance, motion.residual, unknowns=2 * len(motion.displacement_m) + 1)
 
 
 def _acting_back(question: DynamicsQuestion, moved: np.ndarray) -> float:
@@ -297,7 +288,7 @@ def _resonators(spec: Spec, resonance_hz: np.ndarray) -> Channels:
 
 
 def _as_ratio(decibel: float, count: int) -> Solved:
-    return Solved(np.array([10 ** (decibel / 20)]), count)
+    return Solved(np.array([10 ** (decibel / 20)]), unknowns=count)
 
 
 CHORDS_MM = (0.04, 0.01, 0.0025, 0.000625, 0.00015625)
@@ -346,7 +337,9 @@ def mesh_volumes(chord_mm: float, angle_rad: float, solids: list[Any]) -> Solved
     from padgen.solid.mesh import signed_volume_mm3, tessellated
 
     meshes = [tessellated(solid, chord_mm, angle_rad) for solid in solids]
-    return Solved(np.array([signed_volume_mm3(mesh) for mesh in meshes]), sum(len(m.triangles) for m in meshes))
+    return Solved(
+        np.array([signed_volume_mm3(mesh) for mesh in meshes]), unknowns=sum(len(m.triangles) for m in meshes)
+    )
 
 
 def exact_volumes(tolerance: float, solids: list[Any]) -> Solved:
@@ -362,7 +355,7 @@ def exact_volumes(tolerance: float, solids: list[Any]) -> Solved:
             found = GProp_GProps()
             BRepGProp.VolumeProperties_s(solid.wrapped, found, tolerance)
             volumes.append(float(found.Mass()))
-    return Solved(np.array(volumes), sum(len(solid.faces()) for solid in solids))
+    return Solved(np.array(volumes), unknowns=sum(len(solid.faces()) for solid in solids))
 
 
 AXISYMMETRIC = ((3, 1), (4, 2), (5, 3), (6, 4))
@@ -419,21 +412,26 @@ def paper_pull(pull: Pull) -> Solved:
 def charges_pull(pull: Pull) -> Solved:
     """Return the pull by surface charges on core and washer, which know no saturation: the plan's own."""
     found = solved_pulls(pull.coil, pull.washer, np.array([pull.gap_m]), np.array([pull.offset_m]))
-    return Solved(found.pull)
+    return Solved(found.pull, float(found.error[0]))
 
 
-def axisymmetric_pull(pull: Pull, order: int, levels: int) -> Solved:
-    """Return the pull by elements of `order` in the half plane, the middle of what two potentials say."""
-    from padgen.verify.field_solid import axisymmetric_force
+def axisymmetric_pull(pull: Pull, order: int = 5, levels: int = 4, scalar: bool = False) -> Solved:
+    """Return the pull by elements of `order` in the half plane, the middle of what two potentials say.
 
-    found = axisymmetric_force(pull.coil, pull.washer, pull.gap_m, pull.current_a, order=order, levels=levels)
-    return Solved(np.array([-found.force_n / pull.current_a**2]), found.unknowns, found.residual)
+    With `scalar`, what the scalar potential says alone.
+    """
+    steels = pull.core_steel, pull.washer_steel
+    found = axisymmetric_force(pull.coil, pull.washer, pull.gap_m, pull.current_a, *steels, order=order, levels=levels)
+    force_n = found.scalar_n if scalar else found.force_n
+    answer = np.array([-force_n / pull.current_a**2])
+    return Solved(answer, found.error, found.residual, unknowns=found.unknowns)
 
 
-def three_d_pull(pull: Pull, order: int, levels: int) -> Solved:
+def three_d_pull(pull: Pull, order: int = 3, levels: int = 1) -> Solved:
     """Return the pull by elements of `order` in space."""
     found = solid_pull(pull, order, levels)
-    return Solved(np.array([-float(found.wrench[0, 2]) / pull.current_a**2]), found.unknowns, found.residual)
+    answer = np.array([-float(found.wrench[0, 2]) / pull.current_a**2])
+    return Solved(answer, found.error, found.residual, unknowns=found.unknowns)
 
 
 GRADED = ((2, 0), (2, 1), (3, 1), (3, 2), (4, 3), (5, 4))
@@ -491,7 +489,7 @@ def rule_hz(spec: Spec, channel: Channel) -> Solved:
 
 def beam_hz(spec: Spec, channel: Channel) -> Solved:
     """Return the resonance by the model that plans are made with."""
-    return Solved(np.array([_model(spec, channel).resonance_hz]), 6)
+    return Solved(np.array([_model(spec, channel).resonance_hz]), unknowns=6)
 
 
 def frame_hz(spec: Spec, channel: Channel, elements: int, inner: bool) -> Solved:
@@ -508,7 +506,7 @@ def frame_hz(spec: Spec, channel: Channel, elements: int, inner: bool) -> Solved
     vertical = plate[:, 2] + plate[:, 3] * arm[1] - plate[:, 4] * arm[0]
     working = int(np.abs(vertical / modes.frequency_hz).argmax())
     unknowns = 6 * (len(frame.nodes) - len(frame.clamped))
-    return Solved(modes.frequency_hz[[working]], unknowns, modes.residual)
+    return Solved(modes.frequency_hz[[working]], residual=modes.residual, unknowns=unknowns)
 
 
 def graded_hz(plan: Plan, channel: Channel, step: Path, order: int, levels: int) -> Solved:
@@ -517,7 +515,9 @@ def graded_hz(plan: Plan, channel: Channel, step: Path, order: int, levels: int)
     from padgen.verify.elasticity import solve_modes
 
     found = solve_modes(solid_taxel(plan, channel, step), order, levels)
-    return Solved(np.array([found.modes.frequency_hz[found.modes.working]]), found.unknowns, found.residual)
+    return Solved(
+        np.array([found.modes.frequency_hz[found.modes.working]]), residual=found.residual, unknowns=found.unknowns
+    )
 
 
 ORDERS = (2, 3, 4)
@@ -561,7 +561,7 @@ def pad_hz(plan: Plan, clamping: str, order: int) -> Solved:
 
     modes, held = pad_modes(plan, clamping, order)
     moved = [1 + shift(plan, modes, held, taxel) for taxel in central_taxels(plan)]
-    return Solved(planned_hz(plan).values * moved, modes.unknowns)
+    return Solved(planned_hz(plan).values * moved, unknowns=modes.unknowns)
 
 
 LADDERS: dict[str, Callable[[Scene], Iterable[Ladder]]] = {

@@ -5,25 +5,35 @@ what was measured until then; before the first rung's end it leaves everything a
 (`run_extreme`) run one process each, too, and each model is held to the error that it states.
 """
 
-import importlib
 import json
 import tempfile
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, astuple, dataclass, fields
 from functools import partial
-from math import isfinite, isnan, nan
+from math import ceil, floor, isfinite, isnan, log10, nan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from padgen import __version__
 from padgen.core.cache import version
-from padgen.core.errors import SolverError
+from padgen.core.display import STYLE, plot_bytes, seconds_text, table
+from padgen.core.errors import percent
 from padgen.core.files import OutputFolder, file_hash, json_text
 from padgen.core.registry import names_in
 from padgen.core.runner import refuse_unshared, uninterrupted
+from padgen.ladders.extreme import (
+    ExtremeCase,
+    dynamics_cases,
+    force_cases,
+    selectivity_cases,
+    solid_cases,
+    spec_cases,
+    structure_cases,
+)
 from padgen.ladders.rung import (
     NOT_RUN,
     TIMES,
@@ -31,20 +41,21 @@ from padgen.ladders.rung import (
     Judged,
     Ladder,
     Measured,
+    Order,
     Pick,
     Row,
     Scene,
+    Solved,
     apart,
     judged,
     measured,
     picks,
-    recommended_row,
+    recommended_for,
     timed,
 )
 from padgen.ladders.stages import LADDERS
 from padgen.make.planning import parse_tolerance
 from padgen.planner.drive_rows import table_csv
-from padgen.verify.extreme import Answer, ExtremeCase
 
 if TYPE_CHECKING:
     from padgen.planner.plan import Plan
@@ -55,43 +66,40 @@ __all__ = [
     "SETS",
     "STUDY_FILES",
     "ExtremeStudy",
-    "Named",
     "Study",
     "Verdict",
+    "extreme_picture",
+    "extreme_text",
     "judged_error",
+    "ladder_text",
     "measured_study",
     "missing_rungs",
     "named_cases",
     "parse_only",
+    "picks_text",
     "relative_error",
     "run_extreme",
     "run_ladders",
     "run_study",
     "study_csv",
+    "study_figure",
     "study_json",
+    "study_pictures",
+    "study_text",
     "verdict_of",
 ]
 
-SETS = (
-    ("padgen.verify.extreme", "structure_cases"),
-    ("padgen.verify.extreme", "solid_cases"),
-    ("padgen.verify.extreme", "force_cases"),
-    ("padgen.verify.extreme", "dynamics_cases"),
-    ("padgen.ladders.extreme_specs", "selectivity_cases"),
-    ("padgen.ladders.extreme_specs", "spec_cases"),
+CaseSet = Callable[[], Iterable[ExtremeCase]]
+SETS: tuple[CaseSet, ...] = (
+    structure_cases,
+    solid_cases,
+    force_cases,
+    dynamics_cases,
+    selectivity_cases,
+    spec_cases,
 )
-"""Modules and their functions that yield `ExtremeCase`s."""
 LIMIT_S = 300.0
 RIGHT, REFUSED, WRONG, UNCHECKED, MISSING = "right", "refused", "WRONG", "unchecked", "not run"
-
-
-class Named(NamedTuple):
-    """A case and where it comes from: the case itself need not pickle."""
-
-    module: str
-    function: str
-    place: int
-    case: ExtremeCase
 
 
 @dataclass(frozen=True)
@@ -115,57 +123,33 @@ class Verdict:
     note: str = ""
 
 
-def named_cases(sets: tuple[tuple[str, str], ...] = SETS) -> list[Named]:
-    """List all cases of `sets`.
-
-    Raises
-    ------
-    EngineMissingError
-        A package that the set's own references need is not installed.
-    SolverError
-        A set cannot be listed.
-    """
-    found: list[Named] = []
-    for module, function in sets:
-        try:
-            cases = _cases(module, function)
-        except ImportError as error:
-            raise SolverError(f"the set of extreme cases cannot be loaded ({error})", module) from error
-        found += [Named(module, function, place, case) for place, case in enumerate(cases)]
-    return found
+def named_cases(sets: Sequence[CaseSet] = SETS) -> list[tuple[CaseSet, int, ExtremeCase]]:
+    """List all cases of `sets`, each with its set and its place there: the case itself need not pickle."""
+    return [(cases, place, case) for cases in sets for place, case in enumerate(cases())]
 
 
-def _cases(module: str, function: str) -> list[ExtremeCase]:
-    return list(getattr(importlib.import_module(module), function)())
-
-
-def _asked(module: str, function: str, place: int, what: str) -> Answer:
+def _asked(cases: CaseSet, place: int, what: str) -> Solved:
     """Return the answer of a case's model ('solve') or of its 'reference'; run in a process of its own."""
-    answer = getattr(_cases(module, function)[place], what)()
-    answer = answer if isinstance(answer, Answer) else Answer(answer, 0.0)
+    answer = getattr(list(cases())[place], what)()
+    answer = answer if isinstance(answer, Solved) else Solved(answer, 0.0)
     return answer._replace(values=np.atleast_1d(np.asarray(answer.values)))
 
 
-def verdict_of(named: Named, limit_s: float = LIMIT_S) -> Verdict:
-    """Run a case and its reference, and compare them, allowing for the reference's own error."""
-    where, case = named[:3], named.case
+def verdict_of(named: tuple[CaseSet, int, ExtremeCase], limit_s: float = LIMIT_S) -> Verdict:
+    """Run a case of `named_cases` and its reference, and compare them, allowing for the reference's own error."""
+    cases, place, case = named
     say: Callable[..., Verdict] = partial(Verdict, case.domain, case.name, case.model, source=case.source)
-    answer = timed(partial(_asked, *where, "solve"), limit_s=limit_s, budget_s=0.5, most_runs=3)
+    answer = timed(partial(_asked, cases, place, "solve"), limit_s=limit_s, budget_s=0.5, most_runs=3)
     if answer.kind != "value":
         return say(verdict=REFUSED if answer.kind == "refused" else WRONG, note=answer.sentence)
-    values, stated, residual, condition = answer.value.value
-    say = partial(
-        say,
-        stated_error=float(stated),
-        seconds=answer.value.seconds,
-        residual=float(residual),
-        condition=float(condition),
-    )
-    truth = apart(_asked, *where, "reference", limit_s=limit_s)
+    found: Solved = answer.value.value
+    stated, *figures = (float(figure) for figure in found[1:4])
+    say = partial(say, stated_error=stated, seconds=answer.value.seconds, residual=figures[0], condition=figures[1])
+    truth = apart(_asked, cases, place, "reference", limit_s=limit_s)
     if truth.kind != "value":
         return say(verdict=UNCHECKED, note=f"no reference: {truth.sentence}")
-    error = relative_error(values, truth.value.values)
-    verdict, note = judged_error(error, float(stated), float(truth.value.stated_error))
+    error = relative_error(found.values, truth.value.values)
+    verdict, note = judged_error(error, stated, float(truth.value.stated_error))
     return say(error=error, verdict=verdict, note=note)
 
 
@@ -218,8 +202,6 @@ class Study:
 
     def plot(self) -> Any:
         """Draw every rung's error against its run time; a `matplotlib.figure.Figure`."""
-        from padgen.ladders.text import study_figure
-
         return study_figure(self.ladders, self.tolerances, self.name)
 
 
@@ -304,8 +286,6 @@ def run_study(
         study = measured_study(plan, only, tolerance, progress)
         with uninterrupted():
             progress("drawing")
-            from padgen.ladders.text import study_pictures
-
             pictures = study_pictures(study.ladders, study.tolerances, study.name)
             texts = (
                 study_csv(study.ladders, study.tolerances),
@@ -337,9 +317,7 @@ def run_ladders(ladders: Sequence[Ladder], progress: Progress = lambda step: Non
     ]
 
 
-def run_extreme(
-    folder: Path, progress: Progress = lambda step: None, sets: tuple[tuple[str, str], ...] = SETS
-) -> ExtremeStudy:
+def run_extreme(folder: Path, progress: Progress = lambda step: None, sets: Sequence[CaseSet] = SETS) -> ExtremeStudy:
     """Hold every model to what it states in its extreme cases, and write `EXTREME_FILES` into `folder`.
 
     Interrupted (Ctrl-C), the cases that were left are 'not run'.
@@ -356,15 +334,13 @@ def run_extreme(
         verdicts = [Verdict(case.domain, case.name, case.model, source=case.source) for *_, case in cases]
         with suppress(KeyboardInterrupt):
             for place, named in enumerate(cases):
-                progress(f"case {place + 1} of {len(cases)}: {named.case.domain}, {named.case.name}")
+                progress(f"case {place + 1} of {len(cases)}: {named[-1].domain}, {named[-1].name}")
                 verdicts[place] = verdict_of(named)
         study = ExtremeStudy(folder, EXTREME_FILES, tuple(verdicts))
         if len(study.missing) == len(cases) > 0:
             raise KeyboardInterrupt
         with uninterrupted():
             progress("drawing")
-            from padgen.ladders.text import extreme_picture
-
             table = {**_about(), "stopped": bool(study.missing), "cases": verdicts}
             texts = _csv(EXTREME_COLUMNS, [astuple(found) for found in verdicts]), json_text(table)
             _commit(out, EXTREME_FILES, (*texts, extreme_picture(verdicts)))
@@ -425,12 +401,11 @@ def study_csv(results: Sequence[Judged], tolerances: Sequence[float] = TOLERANCE
     rows = []
     for result in results:
         ladder = result.ladder
-        for index, row in enumerate(result.rows):
+        for row, holds in zip(result.rows, recommended_for(result, tolerances), strict=True):
             table, values = _rung(row), row.measured.values
             table |= {"ladder": ladder.name, **{name: getattr(ladder, name) for name in HEAD}}
             table["values"] = "" if values is None else " ".join(f"{v:.10g}" for v in values.ravel())
-            holds = [f"{tol:g}" for tol in tolerances if recommended_row(result, tol) == index]
-            table["recommended_for"] = " ".join(holds)
+            table["recommended_for"] = " ".join(f"{tolerance:g}" for tolerance in holds)
             rows.append([table[name] for name in COLUMNS])
     return _csv(COLUMNS, rows)
 
@@ -482,3 +457,205 @@ def _rung(row: Row) -> dict[str, Any]:
         "values": None if own.values is None else own.values.tolist(),
         "note": own.note,
     }
+
+
+HEADINGS = ("model", "unknowns", "value", "error", "run time", "memory\nMB", "quickest for\nan error of")
+WIDEST_MODEL = 36
+EXTREME_HEADINGS = ("domain", "case", "model", "error", "stated", "run time", "residual", "condition", "verdict")
+
+
+def study_text(study: "Study") -> str:
+    """Write all ladders of which something was run, the recommended rungs, what times are, and what was not run."""
+    parts, stopped = [], []
+    for result in study.ladders:
+        left, every = sum(row.measured is NOT_RUN for row in result.rows), len(result.rows)
+        if left:
+            stopped.append(f"not run: {left} of {every} rungs of {result.ladder.name}, {result.ladder.subject}")
+        if left < every:
+            parts.append(ladder_text(result, study.tolerances))
+    return "\n\n".join([*parts, picks_text(study.picks), "\n".join([TIMES, *stopped])])
+
+
+def ladder_text(result: Judged, tolerances: Sequence[float] = TOLERANCES) -> str:
+    """Write one ladder as a table, what it was measured against, and the orders of convergence."""
+    ladder = result.ladder
+    unit = f", {ladder.unit}" if ladder.unit else ""
+    lines = [f"{ladder.name}, {ladder.subject}: {ladder.quantity}{unit}"]
+    holds = recommended_for(result, sorted(tolerances, reverse=True))
+    lines.append(table(HEADINGS, [_table_row(*row) for row in zip(result.rows, holds, strict=True)], left=1))
+    reference = "" if result.reference is None else f" (so it is known to ± {percent(result.uncertainty, 3)})"
+    lines.append(f"{result.why}{reference}")
+    if not result.converged and result.reference is not None:
+        lines.append(f"nothing is recommended below {percent(result.uncertainty, 3)}")
+    lines += [_order(order) for order in result.orders]
+    noted = [row for row in result.rows if row.measured.note and row.measured is not NOT_RUN]
+    lines += [f"{row.rung.model}, {row.rung.resolution}: {row.measured.note}" for row in noted]
+    return "\n".join([*lines, *([ladder.note] if ladder.note else [])])
+
+
+def _table_row(row: Row, holds: Sequence[float]) -> tuple[str, ...]:
+    own = row.measured
+    model = f"{row.rung.model}, {row.rung.resolution}"
+    if len(model) > WIDEST_MODEL:
+        model = model.replace(", ", ",\n  ", 1)
+    if own.values is None:
+        return (model, "", "", "not run" if own is NOT_RUN else "no answer", "", "", "")
+    value = f"{own.values.ravel()[0]:.7g}" if own.values.size == 1 else f"{own.values.size} values"
+    return (
+        model,
+        str(own.unknowns or ""),
+        value,
+        "?" if isnan(row.error) else f"≤ {percent(row.at_most, 3)}" if row.is_bound else percent(row.error, 3),
+        seconds_text(own.seconds),
+        f"{own.memory_mb:.1f}",
+        # A rung that is the quickest for two errors is so for those in between.
+        " … ".join(dict.fromkeys(percent(end, 3) for end in (holds[0], holds[-1]))) if holds else "",
+    )
+
+
+def _order(order: Order) -> str:
+    observed = "not observed" if order.observed is None else f"{order.observed:.2f} observed"
+    theory = "" if order.theory is None else f", {order.theory.order:g} in theory ({order.theory.why})"
+    return f"order of convergence, {order.series}: {observed}{theory}"
+
+
+def picks_text(picks: Iterable[Pick]) -> str:
+    """Write the recommended rung of each ladder for each tolerance."""
+    rows = []
+    for pick in picks:
+        rung = f"{pick.model}, {pick.resolution}" if pick.model else "none is known to hold"
+        cost = (seconds_text(pick.seconds), percent(pick.at_most, 3)) if pick.model else ("", "")
+        rows.append((pick.ladder, percent(pick.tolerance, 3), rung, *cost))
+    return "recommended rungs\n" + table(("ladder", "for", "rung", "run time", "error at most"), rows, left=3)
+
+
+def extreme_text(study: "ExtremeStudy") -> str:
+    """Write the table of cases, then what is refused or wrong, sentence by sentence."""
+    rows = []
+    for found in study.verdicts:
+        errors = _two_digits(found.error), _two_digits(found.stated_error), seconds_text(found.seconds)
+        rest = _two_digits(found.residual), _two_digits(found.condition), found.verdict
+        rows.append((found.domain, found.case, found.model, *errors, *rest))
+    lines = [table(EXTREME_HEADINGS, rows, left=3)]
+    lines += [f"{found.verdict}: {found.domain}, {found.case}: {found.note}" for found in study.verdicts if found.note]
+    counts = Counter(found.verdict for found in study.verdicts)
+    told = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
+    return "\n".join([*lines, TIMES, f"{len(study.verdicts)} cases: {told}"])
+
+
+def _two_digits(value: float) -> str:
+    return f"{value:.2g}" if isfinite(value) else ""
+
+
+COLOURS = ("#1f5fa8", "#c2571a", "#2f8a4c", "#7b3fa0", "#a8851f", "#3a9aa8", "#8a4c2f", "#666666")
+MARKS = ("o", "s", "D", "^", "v", "P", "X", "*")
+VERDICT_COLOURS = {"right": "#2f8a4c", "WRONG": "#c2241a", "unchecked": "#a8851f", "refused": "#666666"}
+PANEL_INCHES = (5.6, 4.2)
+LEAST = 1e-13
+"""Errors below are drawn here."""
+
+
+def study_pictures(results: Sequence[Judged], tolerances: Sequence[float], name: str) -> tuple[bytes, bytes]:
+    """Return the plot of `study_figure` as SVG and PNG."""
+    import matplotlib
+
+    with matplotlib.rc_context(STYLE):
+        figure = study_figure(results, tolerances, name)
+        return plot_bytes(figure, "svg"), plot_bytes(figure, "png")
+
+
+def study_figure(results: Sequence[Judged], tolerances: Sequence[float], name: str) -> Any:
+    """Draw every rung's error against its run time, recommended ones ringed; a `matplotlib.figure.Figure`."""
+    import matplotlib
+
+    with matplotlib.rc_context(STYLE):
+        panels: dict[str, list[Judged]] = {}
+        for result in results:
+            panels.setdefault(result.ladder.name, []).append(result)
+        figure, axes = _figure(max(len(panels), 1))
+        for axis, (ladder, own) in zip(axes, panels.items(), strict=False):
+            _panel(axis, ladder, own, tolerances)
+        figure.suptitle(f"{name}: error against run time\nringed: the quickest rung for a tolerance", fontsize=10)
+    return figure
+
+
+def extreme_picture(verdicts: Sequence["Verdict"]) -> bytes:
+    """Draw error against stated error of the extreme cases, as SVG: right are those below the diagonal."""
+    import matplotlib
+
+    with matplotlib.rc_context(STYLE):
+        figure, (axis,) = _figure(1)
+        axis.plot([LEAST, 10], [LEAST, 10], color="#888888", linewidth=1)
+        domains = list(dict.fromkeys(found.domain for found in verdicts))
+        for found in verdicts:
+            if isfinite(found.error) and isfinite(found.stated_error):
+                place = (max(found.stated_error, LEAST), max(found.error, LEAST))
+                mark = MARKS[domains.index(found.domain) % len(MARKS)]
+                axis.plot(*place, mark, color=VERDICT_COLOURS[found.verdict], markersize=5, linestyle="none")
+        for index, domain in enumerate(domains):
+            axis.plot([], [], MARKS[index % len(MARKS)], color="#444444", linestyle="none", label=domain)
+        axis.set(xscale="log", yscale="log", xlabel="stated relative error", ylabel="relative error")
+        axis.set_title("extreme cases: green below the line is right, red is worse than stated")
+        if domains:
+            axis.legend(frameon=False)
+        axis.grid(alpha=0.25)
+        return plot_bytes(figure, "svg")
+
+
+def _figure(count: int) -> tuple[Any, list[Any]]:
+    from matplotlib.figure import Figure
+
+    columns = min(count, 2)
+    rows = -(-count // columns)
+    figure = Figure(figsize=(PANEL_INCHES[0] * columns, PANEL_INCHES[1] * rows + 0.4), layout="constrained")
+    axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
+    for spare in axes[count:]:
+        spare.set_axis_off()
+    return figure, axes[:count]
+
+
+def _panel(axis: Any, ladder: str, results: Sequence[Judged], tolerances: Sequence[float]) -> None:
+    models = list(dict.fromkeys(row.rung.model for result in results for row in result.rows))
+    drawn = [
+        (result, row, holds)
+        for result in results
+        for row, holds in zip(result.rows, recommended_for(result, tolerances), strict=True)
+        if isfinite(row.error) and isfinite(row.measured.seconds) and isfinite(row.at_most)
+    ]
+    axis.set_title(f"{ladder}: {results[0].ladder.quantity}")
+    if not drawn:
+        axis.text(0.5, 0.5, "no reference, so no errors", ha="center", va="center", transform=axis.transAxes)
+        axis.set_axis_off()
+        return
+    for result, row, holds in drawn:
+        colour = COLOURS[models.index(row.rung.model) % len(COLOURS)]
+        mark = MARKS[results.index(result) % len(MARKS)]
+        # What cannot be told from the reference's own error is hollow: the error is at most this.
+        fill = "white" if row.is_bound else colour
+        axis.plot(*_place(row), mark, color=colour, markerfacecolor=fill, markersize=6, zorder=3)
+        if names := [percent(tolerance, 3) for tolerance in holds]:
+            axis.plot(*_place(row), "o", color="black", markerfacecolor="none", markersize=12, zorder=2)
+            right = {"xytext": (8, 5), "textcoords": "offset points", "fontsize": 7, "zorder": 4}
+            axis.annotate(", ".join(names), _place(row), **right, bbox={"color": "white", "alpha": 0.7, "pad": 0.5})
+    for model in dict.fromkeys(row.rung.model for _, row, _ in drawn):
+        colour = COLOURS[models.index(model) % len(COLOURS)]
+        axis.plot([], [], "o", color=colour, label=model)
+    for index, result in enumerate(results if len(results) > 1 else ()):
+        axis.plot([], [], MARKS[index % len(MARKS)], color="#444444", label=result.ladder.subject)
+    places = [_place(row) for _, row, _ in drawn]
+    axis.set(xscale="log", yscale="log", xlabel="run time, s", ylabel="relative error (hollow: at most)")
+    axis.set(xlim=_decades([x for x, _ in places]), ylim=_decades([y for _, y in places] + list(tolerances)))
+    for tolerance in tolerances:
+        axis.axhline(tolerance, color="#888888", linewidth=0.8, linestyle=(0, (2, 4)), zorder=1)
+    axis.grid(alpha=0.2)
+    axis.legend(frameon=False, fontsize=8)
+
+
+def _decades(values: Sequence[float]) -> tuple[float, float]:
+    """Return whole decades around `values`, so that every axis has labels."""
+    low, high = (10.0 ** round_(log10(value)) for round_, value in ((floor, min(values)), (ceil, max(values))))
+    return (low / 2, high * 3) if high > low else (low / 2, high * 10)
+
+
+def _place(row: Row) -> tuple[float, float]:
+    return max(row.measured.seconds, 1e-7), max(row.at_most if row.is_bound else row.error, LEAST)

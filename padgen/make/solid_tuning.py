@@ -237,7 +237,7 @@ class TaxelSolver:
         """Return the runner; its processes load the engine while this one loads the CAD kernel."""
         if self._runner is None:
             from padgen.core.runner import Runner, core_count
-            from padgen.verify.engines import require
+            from padgen.verify import require
 
             require("ngsolve")
             workers = min(tasks, core_count(), WORKERS)

@@ -288,25 +288,25 @@ def flexibility(section: BeamSection, modulus: Array, poisson: Array) -> Flexibi
     ends = section.ends
     shear_modulus = modulus / (2 * (1 + poisson))
     sheared = 10 * (1 + poisson) / (12 + 11 * poisson) * shear_modulus
-    flare = _flared(section)
     plate_like = modulus * ends.stiffening
     bending = modulus * width * thickness**3 / 12
     lateral = modulus * thickness * width**3 / 12
     area, torsion = width * thickness, torsion_constant(width, thickness, section.across)
+    (up0, up1, up2), (side0, side1, side2), inverse_area, inverse_torsion = _flared(section)
     return Flexibility(
-        (flare.vertical[0] / plate_like, flare.vertical[1] / plate_like, flare.vertical[2] / plate_like),
-        (flare.lateral[0] / modulus, flare.lateral[1] / modulus, flare.lateral[2] / modulus),
+        (up0 / plate_like, up1 / plate_like, up2 / plate_like),
+        (side0 / modulus, side1 / modulus, side2 / modulus),
         ends.root / bending,
         ends.tip / bending,
         ends.lateral_root / lateral,
         ends.lateral_tip / lateral,
-        flare.inverse_area / (sheared * section.across),
-        flare.inverse_area / sheared,
+        inverse_area / (sheared * section.across),
+        inverse_area / sheared,
         ends.shear / (area * sheared),
         ends.lateral_shear / (area * sheared),
-        flare.inverse_torsion / shear_modulus,
-        np.maximum(ends.twist / torsion, -HELD_MOST * flare.inverse_torsion) / shear_modulus,
-        (flare.inverse_area + ends.stretch / area) / modulus,
+        inverse_torsion / shear_modulus,
+        np.maximum(ends.twist / torsion, -HELD_MOST * inverse_torsion) / shear_modulus,
+        (inverse_area + ends.stretch / area) / modulus,
     )
 
 
@@ -335,7 +335,10 @@ def tip_stiffness(section: BeamSection, modulus: Array, poisson: Array) -> np.nd
     side0, side1, side2 = parts.side
     root, tip = parts.lateral_root, parts.lateral_tip
     bend = side2 + root * length**2 + parts.lateral_shear + parts.lateral_end_shear
-    _fill_pair(stiffness, 1, 5, bend, side1 + root * length, side0 + root + tip)
+    turned, both = side0 + root + tip, side1 + root * length
+    determinant = bend * turned - both**2
+    stiffness[..., 1, 1], stiffness[..., 5, 5] = turned / determinant, bend / determinant
+    stiffness[..., 1, 5] = stiffness[..., 5, 1] = -both / determinant
     return stiffness
 
 
@@ -417,20 +420,12 @@ def largest_stress(section: BeamSection, load: np.ndarray) -> Array:
     return np.maximum.reduce(np.broadcast_arrays(*stresses))
 
 
-class _Flared(NamedTuple):
-    """Integrals of the section along a beam, without its moduli.
+def _flared(section: BeamSection) -> tuple[list[Array], list[Array], Array, Array]:
+    """Return the integrals of a beam whose width flares at the root, without its moduli.
 
-    `vertical` and `lateral` are ∫ (l−s)^p ds/I for p = 0, 1, 2; the others ∫ ds/A and ∫ ds/J.
+    ∫ (l−s)^p ds/I for p = 0, 1, 2 of vertical and of lateral bending, then ∫ ds/A and ∫ ds/J; by Gauss points within
+    the flare.
     """
-
-    vertical: list[Array]
-    lateral: list[Array]
-    inverse_area: Array
-    inverse_torsion: Array
-
-
-def _flared(section: BeamSection) -> _Flared:
-    """Return the integrals of a beam whose width flares at the root, by Gauss points within the flare."""
     width, thickness, length, fillet = (np.asarray(v, float) for v in section[:4])
     across = np.asarray(section.across, float)
     start = np.minimum(fillet, length)
@@ -447,21 +442,13 @@ def _flared(section: BeamSection) -> _Flared:
             terms, run = terms * arm, run * straight
         return found
 
-    return _Flared(
+    return (
         moments(flared * t**3 / 12, width * thickness**3 / 12),
         moments(t * flared**3 / 12, thickness * width**3 / 12),
         (weight / (flared * t)).sum(-1) + straight / (width * thickness),
         (weight / torsion_constant(flared, t, across[..., None])).sum(-1)
         + straight / torsion_constant(width, thickness, across),
     )
-
-
-def _fill_pair(matrix: np.ndarray, i: int, j: int, ii: Array, ij: Array, jj: Array) -> None:
-    """Put the inverse of the 2 × 2 flexibility [[ii, ij], [ij, jj]] at rows and columns i, j."""
-    determinant = ii * jj - ij**2
-    matrix[..., i, i] = jj / determinant
-    matrix[..., j, j] = ii / determinant
-    matrix[..., i, j] = matrix[..., j, i] = -ij / determinant
 
 
 _UP, _SIDE = [2, 3, 4], [0, 1, 5]

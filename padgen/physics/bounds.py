@@ -121,7 +121,8 @@ def _missed_energy(
         shear_doubt = shear_doubt + 0.5 * energy * sheared / (1 + sheared)
         doubt = doubt + energy * _dynamic(square * slow)
     along = line * length / 3
-    polar, twist = (width**2 + thickness**2) / 12, _torsion(width, thickness) * shear_modulus
+    polar, (a, b) = (width**2 + thickness**2) / 12, (np.maximum(width, thickness), np.minimum(width, thickness))
+    twist = a * b**3 / 3 * (1 - 0.63 * b / a) * shear_modulus  # a lower bound of the torsion constant
     wave = square * (length / pi) ** 2
     doubt = doubt + along * tip[..., 0] ** 2 * _dynamic(wave * density / modulus)
     doubt = doubt + along * polar * tip[..., 3] ** 2 * _dynamic(wave * line * polar / twist)
@@ -150,12 +151,6 @@ def _turning(deflection: tuple[Any, ...]) -> Any:
     """Return ∫ w'² of a cubic with w = 0 at the root, from its `_deflections`."""
     a, w, b = deflection
     return (36 * w**2 - 6 * w * (a + b) + 4 * (a**2 + b**2) - 2 * a * b) / 30
-
-
-def _torsion(width: np.ndarray, thickness: np.ndarray) -> np.ndarray:
-    """Return a lower bound of the torsion constant in m⁴ of a rectangle a × b: ``a b³/3 (1 − 0.63 b/a)``."""
-    a, b = np.maximum(width, thickness), np.minimum(width, thickness)
-    return a * b**3 / 3 * (1 - 0.63 * b / a)
 
 
 def _dynamic(slowness: Any) -> Any:

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.physics.minimax import Box, Descent, descend
+from padgen.physics.ladder import Box, Descent, descend
 
 __all__ = [
     "ALIAS_DB",
@@ -176,7 +176,9 @@ def _phases(harmonic: tuple[int, ...], amplitude: tuple[float, ...]) -> tuple[fl
     if len(harmonic) == 1:
         return (0.0,)
     if len(harmonic) == 2:
-        return 0.0, _second_phase(*harmonic)
+        # The two angles run along lines of offset k₂θ₁ − k₁θ₂ in the plane, 2π apart. The dips lie near (π, π), and the
+        # best offset, for any amplitudes, is π away from that point: phase 0, and π if both harmonics are odd.
+        return 0.0, float(np.pi) if harmonic[0] % 2 and harmonic[1] % 2 else 0.0
     k, a = np.array(harmonic), np.array(amplitude) / sum(amplitude)
     # The first phase stays 0, since a shift in time changes nothing.
     free = np.append(0.0, np.full(len(k) - 1, np.inf))
@@ -188,15 +190,6 @@ def _phases(harmonic: tuple[int, ...], amplitude: tuple[float, ...]) -> tuple[fl
     best = min((improved(descent, LAST_STEPS) for descent in begun[:BEST]), key=_largest).place
     # Later digits may differ between machines, and have no effect on the depth.
     return tuple(np.round(best % (2 * np.pi), 6).tolist())
-
-
-def _second_phase(low: int, high: int) -> float:
-    """Return the best phase of the second of two lines, for any amplitudes.
-
-    The two angles run along lines of offset k₂θ₁ − k₁θ₂ in the plane, 2π apart. The dips lie near (π, π), and the best
-    offset is π away from that point. Phase 0 gives this unless both harmonics are odd, and phase π if they are.
-    """
-    return float(np.pi) if low % 2 and high % 2 else 0.0
 
 
 def _starts(harmonic: np.ndarray, amplitude: np.ndarray) -> list[np.ndarray]:
@@ -340,12 +333,8 @@ class RootMargin(NamedTuple):
     constant: float
 
 
-class _Sampled(NamedTuple):
-    """A sum of lines in A² at samples, its slope in A²/s, and the window of its spectrum."""
-
-    force: np.ndarray
-    slope: np.ndarray
-    window: np.ndarray
+_Sampled = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""A sum of lines in A² at samples, its slope in A²/s, and the window of its spectrum."""
 
 
 class _Coil(NamedTuple):
@@ -392,7 +381,7 @@ def root_margin(
         k / period_s,
         line,
         float(least_constant(k, line, phase)[0]),
-        coarse if whole else _deepest_piece(k, line, phase, period_s, FINER * rate_hz, coarse.force),
+        coarse if whole else _deepest_piece(k, line, phase, period_s, FINER * rate_hz, coarse[0]),
         coarse,
         FINER * rate_hz,
         min(rate_hz / 2, bandwidth_hz or np.inf),
@@ -415,7 +404,7 @@ def _one_period(k: np.ndarray, line: np.ndarray, phase: np.ndarray, period_s: fl
     """Return one period of all lines."""
     omega = 2 * np.pi * k / period_s
     force = waveform(k, line[None], phase, points)[0]
-    return _Sampled(force, waveform(k, (omega * line)[None], phase + np.pi / 2, points)[0], np.ones(points))
+    return force, waveform(k, (omega * line)[None], phase + np.pi / 2, points)[0], np.ones(points)
 
 
 def _deepest_piece(
@@ -428,7 +417,7 @@ def _deepest_piece(
         angle = omega * time + start
         force += a * np.cos(angle)
         slope -= omega * a * np.sin(angle)
-    return _Sampled(force, slope, np.kaiser(PIECE, WINDOW))
+    return force, slope, np.kaiser(PIECE, WINDOW)
 
 
 def _voltage(coil: _Coil, force: np.ndarray, slope: np.ndarray) -> np.ndarray:
@@ -439,7 +428,8 @@ def _voltage(coil: _Coil, force: np.ndarray, slope: np.ndarray) -> np.ndarray:
 
 def _together_v(coil: _Coil, seen: _Sampled, margin: float) -> np.ndarray:
     """Return the voltage (samples,) in V with all channels on."""
-    return _voltage(coil, coil.least + _margin_share(coil, margin) @ coil.line + seen.force, seen.slope)
+    force, slope, _ = seen
+    return _voltage(coil, coil.least + _margin_share(coil, margin) @ coil.line + force, slope)
 
 
 def _alone_v(coil: _Coil, margin: float) -> np.ndarray:
@@ -453,7 +443,7 @@ def _alone_v(coil: _Coil, margin: float) -> np.ndarray:
 
 def _together_db(coil: _Coil, margin: float) -> float:
     """Return the voltage above the amplifier's band over its largest line in dB, with all channels on."""
-    window = coil.spectrum.window
+    window = coil.spectrum[2]
     energy = np.abs(np.fft.rfft(_together_v(coil, coil.spectrum, margin) * window)) ** 2
     hz = np.arange(len(energy)) * (coil.finer_hz / len(window))
     # The constant's lobe is left out; it ends below half of the lowest line.

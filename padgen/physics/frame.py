@@ -14,7 +14,7 @@ addition an element may have inner motions, polynomials that vanish at its ends 
 Analysis, 1991, chapter 3), with which few elements give many digits.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,7 +31,6 @@ __all__ = [
     "Section",
     "bubble_count",
     "checked_frame_modes",
-    "circle",
     "divided",
     "element_axes",
     "element_mass_root",
@@ -94,13 +93,6 @@ def rectangle(width: float, thickness: float, poisson: float, across: float = 1.
     return Section(area, area * thickness**2 / 12, area * width**2 / 12, torsion, shear * across, shear)
 
 
-def circle(diameter: float, poisson: float) -> Section:
-    """Return the section of a solid circle, `diameter` in m; the shear coefficient is Cowper's (1966)."""
-    inertia = np.pi * diameter**4 / 64
-    shear = 6 * (1 + poisson) / (7 + 6 * poisson)
-    return Section(np.pi * diameter**2 / 4, inertia, inertia, 2 * inertia, shear, shear)
-
-
 def element_axes(start: np.ndarray, end: np.ndarray, up: Array) -> np.ndarray:
     """Return the element's axes as rows (3, 3)."""
     x = (end - start) / np.linalg.norm(end - start)
@@ -121,85 +113,55 @@ def element_root(element: Element, length: float, bubbles: int = 0) -> np.ndarra
     motions of degrees up to `bubbles` + 1. The two groups do no work on each other, since the static deflection needs
     forces at the ends alone.
     """
-    section = element.section
+    section, modulus, shear_modulus = element.section, element.modulus, element.shear_modulus
     root = np.zeros((6, 12))
-    root[0, [0, 6]] = np.array([-1.0, 1.0]) * np.sqrt(element.modulus * section.area / length)
-    root[1, [3, 9]] = np.array([-1.0, 1.0]) * np.sqrt(element.shear_modulus * section.torsion / length)
+    root[0, [0, 6]] = np.array([-1.0, 1.0]) * np.sqrt(modulus * section.area / length)
+    root[1, [3, 9]] = np.array([-1.0, 1.0]) * np.sqrt(shear_modulus * section.torsion / length)
     for plane in (0, 1):
         stiffness = np.linalg.inv(_bending_flexibility(element, length, plane, hinged=True))
         root[2 + 2 * plane : 4 + 2 * plane] = np.linalg.cholesky(stiffness).T @ _from_chord(length, plane)
-    return _block_diagonal(root, _inner_root(element, length, bubbles))
+    strains = []
+    for _, weight, value, slope in _inner_motions(bubbles, bubbles + 2):
+        each = np.sqrt(weight / length)
+        strains += [each * np.sqrt(modulus * section.area) * slope[0]]
+        strains += [each * np.sqrt(shear_modulus * section.torsion) * slope[1]]
+        for shift, (inertia, shear) in zip((2, 4), section.planes, strict=True):
+            # Rotations are multiplied by the length, so that all inner motions are lengths.
+            strains += [each / length * np.sqrt(modulus * inertia) * slope[shift + 1]]
+            strains += [each * np.sqrt(shear * shear_modulus * section.area) * (slope[shift] - value[shift + 1])]
+    inner = np.array(strains)
+    return np.block([[root, np.zeros((6, inner.shape[1]))], [np.zeros((len(inner), 12)), inner]])
 
 
 def element_mass_root(element: Element, length: float, bubbles: int = 0) -> np.ndarray:
     """Return the square root of the consistent mass in element axes, shape (r, 12 + m), as `element_root`."""
-    section = element.section
+    area, (up, across) = element.section.area, (inertia for inertia, _ in element.section.planes)
     rows = []
-    points, weights = np.polynomial.legendre.leggauss(bubbles + 4)
-    for s, weight in zip((points + 1) / 2, weights / 2, strict=True):
-        inner = _bubbles(bubbles, s)
-        each = np.sqrt(element.density * length * weight)
-        for k, (start, inertia) in enumerate(((0, section.area), (3, section.inertia_up + section.inertia_across))):
-            ends = np.zeros(12)
-            ends[[start, start + 6]] = 1 - s, s
-            rows.append(each * np.sqrt(inertia) * np.r_[ends, _inner(bubbles, k, inner.shift[:bubbles])])
-        for plane, (inertia, _) in enumerate(section.planes):
-            shift, turn = _shapes(element, length, plane, s)
-            rows.append(each * np.sqrt(section.area) * np.r_[shift, _inner(bubbles, 2 + 2 * plane, inner.shift)])
-            rows.append(
-                each * np.sqrt(inertia) * np.r_[turn, _inner(bubbles, 3 + 2 * plane, inner.shift[:bubbles] / length)]
-            )
-    return np.array(rows)
+    for s, weight, value, _ in _inner_motions(bubbles, bubbles + 4):
+        ends = np.zeros((6, 12))
+        ends[0, [0, 6]] = ends[1, [3, 9]] = 1 - s, s
+        for plane in (0, 1):
+            ends[2 + 2 * plane : 4 + 2 * plane] = _shapes(element, length, plane, s)
+        value[[3, 5]] /= length
+        size = np.sqrt(element.density * length * weight * np.array([area, up + across, area, up, area, across]))
+        rows.append(size[:, None] * np.hstack([ends, value]))
+    return np.concatenate(rows)
 
 
-class _Bubbles(NamedTuple):
-    """Values and derivatives (by the share of the length) of polynomials of degree 2 … that vanish at both ends."""
+def _inner_motions(bubbles: int, points: int) -> Iterator[tuple[float, float, np.ndarray, np.ndarray]]:
+    """Yield share of the length and weight of Gauss points, and values and slopes (6, m) of the inner motions there.
 
-    shift: np.ndarray
-    slope: np.ndarray
-
-
-def _bubbles(bubbles: int, s: float) -> _Bubbles:
-    """Return integrated Legendre polynomials at the share `s` of the length: `bubbles` + 1 of them, or none for 0."""
-    count = bubbles + 1 if bubbles else 0
-    legendre = np.polynomial.legendre.legvander(np.array([2 * s - 1]), count + 1)[0]
-    order = np.arange(1, count + 1)
-    return _Bubbles((legendre[2:] - legendre[:-2]) / (2 * (2 * order + 1)), legendre[1 : count + 1])
-
-
-def _inner(bubbles: int, kind: int, values: np.ndarray) -> np.ndarray:
-    """Place `values` among an element's inner motions: stretch, twist, then shift and turn of each plane."""
-    sizes = [bubbles, bubbles, bubbles + 1, bubbles, bubbles + 1, bubbles]
-    row = np.zeros(bubble_count(bubbles))
-    if bubbles:
-        row[sum(sizes[:kind]) : sum(sizes[: kind + 1])] = values
-    return row
-
-
-def _inner_root(element: Element, length: float, bubbles: int) -> np.ndarray:
-    """Return the square root of the inner motions' stiffness, with one row per strain and Gauss point."""
-    section, shear_modulus = element.section, element.shear_modulus
-    rows = []
-    points, weights = np.polynomial.legendre.leggauss(bubbles + 2)
-    for s, weight in zip((points + 1) / 2, weights / 2, strict=True):
-        inner = _bubbles(bubbles, s)
-        each = np.sqrt(weight / length)
-        few = inner.slope[:bubbles]
-        rows.append(each * np.sqrt(element.modulus * section.area) * _inner(bubbles, 0, few))
-        rows.append(each * np.sqrt(shear_modulus * section.torsion) * _inner(bubbles, 1, few))
-        for plane, (inertia, shear) in enumerate(section.planes):
-            # Rotations are multiplied by the length, so that all inner motions are lengths.
-            rows.append(each / length * np.sqrt(element.modulus * inertia) * _inner(bubbles, 3 + 2 * plane, few))
-            gap = _inner(bubbles, 2 + 2 * plane, inner.slope) - _inner(bubbles, 3 + 2 * plane, inner.shift[:bubbles])
-            rows.append(each * np.sqrt(shear * shear_modulus * section.area) * gap)
-    return np.array(rows)
-
-
-def _block_diagonal(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    whole = np.zeros((len(first) + len(second), first.shape[1] + second.shape[1]))
-    whole[: len(first), : first.shape[1]] = first
-    whole[len(first) :, first.shape[1] :] = second
-    return whole
+    Rows: stretch, twist, then shift and turn of each plane. The motions are integrated Legendre polynomials, of degree
+    2 … and 0 at both ends; slopes are by the share of the length.
+    """
+    sizes = [bubbles, bubbles, bubbles + 1, bubbles, bubbles + 1, bubbles] if bubbles else [0] * 6
+    row, order = np.repeat(np.eye(6), sizes, axis=1), np.arange(1, bubbles + 2)
+    each = np.concatenate([np.arange(size) for size in sizes])
+    nodes, weights = np.polynomial.legendre.leggauss(points)
+    for node, weight in zip(nodes, weights, strict=True):
+        legendre = np.polynomial.legendre.legvander(np.array([node]), bubbles + 2)[0]
+        value = (legendre[2:] - legendre[:-2]) / (2 * (2 * order + 1))
+        yield (node + 1) / 2, weight / 2, row * value[each], row * legendre[order][each]
 
 
 def _shear_ratio(element: Element, length: float, plane: int) -> float:
@@ -360,7 +322,10 @@ def _motions(frame: Frame) -> np.ndarray:
         for node in attached.nodes:
             place = slice(6 * node, 6 * node + 6)
             ties[place] = 0
-            ties[place, 6 * (count + k) : 6 * (count + k) + 6] = _carry(frame.nodes[node] - attached.body.centroid)
+            x, y, z = frame.nodes[node] - attached.body.centroid
+            carry = np.eye(6)
+            carry[:3, 3:] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
+            ties[place, 6 * (count + k) : 6 * (count + k) + 6] = carry
             led |= set(range(6 * node, 6 * node + 6))
     clamped = {6 * node + k for node in frame.clamped for k in range(6)} | {6 * n + k for n, k in frame.held}
     if led & clamped:
@@ -368,14 +333,6 @@ def _motions(frame: Frame) -> np.ndarray:
     used = {6 * n + k for e in frame.elements for n in (e.start, e.end) for k in range(6)}
     others = set(range(6 * count, rows + inner))
     return ties[:, sorted(((used - led) | others) - clamped)]
-
-
-def _carry(arm: np.ndarray) -> np.ndarray:
-    """Return the matrix (6, 6) from the motion of a body's reference to that of a point at `arm` in m from it."""
-    x, y, z = arm
-    carry = np.eye(6)
-    carry[:3, 3:] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
-    return carry
 
 
 def _stiffness_factor(frame: Frame, free: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:

@@ -25,13 +25,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import SolverError, number
+from padgen.core.errors import SolverError
 
 __all__ = [
     "STATED_ERROR",
     "Tones",
     "circuit_current",
-    "merged",
     "propagate",
     "signal",
     "squared",
@@ -64,22 +63,11 @@ def tones(
     decay_per_s: object = 0.0,
     rest_hz: object = 0.0,
 ) -> Tones:
-    """Return `Tones` from values that broadcast to (m,); amplitudes may be (n, m).
-
-    Raises
-    ------
-    SolverError
-        A number is not finite, or a frequency or a decay is negative.
-    """
+    """Return `Tones` from values that broadcast to (m,); amplitudes may be (n, m)."""
     size = np.atleast_1d(np.asarray(amplitude, float))
     parts = (np.asarray(v, float) for v in (frequency_hz, phase_rad, decay_per_s, rest_hz))
     _, frequency, phase, decay, rest = np.broadcast_arrays(np.zeros(size.shape[-1]), *parts)
     size = np.broadcast_to(size, (*size.shape[:-1], len(frequency)))
-    for name, values in (("frequencies", frequency), ("decays", decay)):
-        if not (np.isfinite(values).all() and (values >= 0).all()):
-            raise SolverError(f"the {name} of tones must be finite and at least 0, got {number(float(values.min()))}")
-    if not all(np.isfinite(v).all() for v in (size, phase, rest)):
-        raise SolverError("amplitudes and phases of tones must be finite")
     return Tones(frequency, size, phase, decay, rest)
 
 
@@ -131,16 +119,7 @@ def circuit_current(voltage: Tones, resistance: float, inductance: float, initia
 
     It has one tone for each of the voltage, and the transient. At times much shorter than L/R the tones cancel: they
     are exact to 1e-16 of the largest tone, not of their sum.
-
-    Raises
-    ------
-    SolverError
-        R or L is not positive, or the voltage has decaying tones.
     """
-    if not (resistance > 0 and inductance > 0) or voltage.decay_per_s.any():
-        raise SolverError(
-            f"a circuit must have R and L above 0 and steady tones, got {number(resistance)} Ω, {number(inductance)} H"
-        )
     angular = 2 * np.pi * (voltage.frequency_hz + voltage.rest_hz)
     size = voltage.amplitude / np.hypot(resistance, angular * inductance)
     phase = voltage.phase_rad - np.arctan2(angular * inductance, resistance)
@@ -152,17 +131,6 @@ def circuit_current(voltage: Tones, resistance: float, inductance: float, initia
         np.append(np.zeros(len(size)), resistance / inductance),
         np.append(voltage.rest_hz, 0.0),
     )
-
-
-def merged(wave: Tones) -> Tones:
-    """Add up the tones of one frequency and decay, lowest frequency first; `wave` has amplitudes (m,)."""
-    key = np.stack([wave.frequency_hz, wave.rest_hz, wave.decay_per_s])
-    unique, where = np.unique(key, axis=1, return_inverse=True)
-    phasor = np.zeros(unique.shape[1], complex)
-    np.add.at(phasor, where.ravel(), wave.amplitude * np.exp(1j * wave.phase_rad))
-    still = (unique[0] == 0) & (unique[1] == 0)
-    phasor[still] = phasor[still].real  # a tone of 0 Hz is the constant A cos φ
-    return Tones(unique[0], np.abs(phasor), np.angle(phasor), unique[2], unique[1])
 
 
 def steady_lines(
@@ -205,43 +173,21 @@ EXACT_Q = 10.0
 
 
 class _Poles(NamedTuple):
-    """Resonators (n,).
+    """The poles s₁ and s₂ of resonators (n,).
 
     `alpha` is the decay rate in 1/s; `square` is ``((s₁ − s₂)/2)²`` and `root` the root of its size; `over` marks
-    overdamped ones. The damped frequency is the sum of two doubles, `cycles_hz` and `cycles_rest_hz`; `slow` and `fast`
-    are the decay rates of overdamped resonators.
+    overdamped ones. The damped frequency, 0 where overdamped, is the sum of two doubles, `hz` and `rest_hz`; `slow` and
+    `fast` are the decay rates of e^(s₁t) and e^(s₂t).
     """
 
     alpha: np.ndarray
     square: np.ndarray
     root: np.ndarray
     over: np.ndarray
-    cycles_hz: np.ndarray
-    cycles_rest_hz: np.ndarray
+    hz: np.ndarray
+    rest_hz: np.ndarray
     slow: np.ndarray
     fast: np.ndarray
-
-
-class _Driven(NamedTuple):
-    """Tones on resonators, (n, m).
-
-    The exponents a (m,), ``a − s₁`` and ``a − s₂``, the smaller of their sizes, and the force over mass as a phasor.
-    """
-
-    exponent: np.ndarray
-    first: np.ndarray
-    second: np.ndarray
-    nearest: np.ndarray
-    phasor: np.ndarray
-
-
-class _Free(NamedTuple):
-    """Free motions (n, k): e^(s₁t), e^(s₂t), the motion from a unit velocity and from a unit displacement."""
-
-    first: np.ndarray
-    second: np.ndarray
-    push: np.ndarray
-    keep: np.ndarray
 
 
 def propagate(
@@ -255,25 +201,21 @@ def propagate(
 
     `force` is in N; its amplitudes are (m,), the same for all, or (n, m). Q may be any number above 0 or infinity.
     Memory O(nk + nm); O(nmk) multiplications, in matrix products.
-
-    Raises
-    ------
-    SolverError
-        Frequency, Q or mass not above 0, or a time below 0 or not finite.
     """
     own, quality, mass = np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, float)) for v in (frequency_hz, q, mass_kg)))
     time = np.atleast_1d(np.asarray(time_s, float))
-    for name, values in (("frequency", own), ("Q", quality), ("mass", mass)):
-        if not (values > 0).all() or (name != "Q" and not np.isfinite(values).all()):
-            raise SolverError(f"the {name} of a resonator must be above 0, got {number(float(values.min()))}")
-    if not (np.isfinite(time) & (time >= 0)).all():
-        raise SolverError(f"times must be finite and at least 0 s, got {number(float(time.min()))} s")
-    poles = _poles(own, quality)
-    driven = _driven(poles, force, mass)
-    order = np.argsort(time, kind="stable")
+    poles, order = _poles(own, quality), np.argsort(time, kind="stable")
+    # The exponents a − s₁ and a − s₂ (n, m); frequencies are subtracted first, which keeps their digits.
+    hz, rest_hz = poles.hz[:, None], poles.rest_hz[:, None]
+    turning = [(force.frequency_hz + sign * hz) + (force.rest_hz + sign * rest_hz) for sign in (-1, 1)]
+    first, second = (
+        rate[:, None] - force.decay_per_s + 2j * np.pi * part
+        for rate, part in zip((poles.slow, poles.fast), turning, strict=True)
+    )
+    phasor = force.amplitude / mass[:, None] * np.exp(1j * force.phase_rad)
     moved = np.empty((len(own), len(time)))
-    for part in _blocks(time[order], max(driven.phasor.shape)):
-        moved[:, order[part]] = _move(poles, driven, force, time[order[part]])
+    for part in _blocks(time[order], max(phasor.shape)):
+        moved[:, order[part]] = _move(poles, (first, second), phasor, force, time[order[part]])
     return moved
 
 
@@ -291,98 +233,76 @@ def _poles(own: np.ndarray, q: np.ndarray) -> _Poles:
     half = 1 / (2 * q)
     finite = np.where(np.isfinite(q), q, 1.0)
     square = omega**2 * np.where(np.isfinite(q), (1 - 2 * finite) * half * ((1 + 2 * finite) * half), -1.0)
-    root = np.sqrt(np.abs(square))
-    over = square > 0
-    fast = np.where(over, alpha + root, 1.0)
+    root, over, exact = np.sqrt(np.abs(square)), square > 0, q >= EXACT_Q
+    fast = np.where(over, alpha + root, alpha)
     share = np.minimum(half, 1.0) ** 2
     shortfall = own * share / (1 + np.sqrt(1 - share))
-    exact = q >= EXACT_Q
-    return _Poles(
-        alpha=alpha,
-        square=square,
-        root=root,
-        over=over,
-        cycles_hz=np.where(exact, own, root / (2 * np.pi)),
-        cycles_rest_hz=np.where(exact, -shortfall, 0.0),
-        slow=np.where(over, omega**2 / fast, 0.0),
-        fast=fast,
-    )
+    hz = np.where(over, 0.0, np.where(exact, own, root / (2 * np.pi)))
+    slow = np.divide(omega**2, fast, out=alpha.copy(), where=over)
+    return _Poles(alpha, square, root, over, hz, np.where(exact, -shortfall, 0.0), slow, fast)
 
 
-def _free(poles: _Poles, time: np.ndarray) -> _Free:
-    """Return the free motions at times (k,)."""
-    alpha, root, over = poles.alpha[:, None], poles.root[:, None], poles.over[:, None]
-    cycles = turns(poles.cycles_hz[:, None], time) + poles.cycles_rest_hz[:, None] * time
-    angle, fade = 2 * np.pi * np.where(over, 0.0, cycles), np.exp(-alpha * time)
-    crawl, dash = np.exp(-poles.slow[:, None] * time), np.exp(-poles.fast[:, None] * time)
-    lone = np.where(root > 0, root, 1.0)
+def _move(
+    poles: _Poles, turns_by: tuple[np.ndarray, np.ndarray], phasor: np.ndarray, force: Tones, time: np.ndarray
+) -> np.ndarray:
+    """Return the displacement (n, k) at the times of one block.
+
+    `turns_by` are the exponents ``a − s₁`` and ``a − s₂`` (n, m), `phasor` (n, m) is the force over the mass.
+    """
+    # Free motions (n, k): e^(s₁t), e^(s₂t), then the motions from a unit velocity and from a unit displacement.
+    alpha, root, over, slow, fast = (v[:, None] for v in (poles.alpha, poles.root, poles.over, poles.slow, poles.fast))
+    angle = 2 * np.pi * (turns(poles.hz[:, None], time) + poles.rest_hz[:, None] * time)
+    modes = np.exp(-slow * time + 1j * angle), np.exp(-fast * time - 1j * angle)
+    lone, fade = np.where(root > 0, root, 1.0), np.exp(-alpha * time)
     swing = np.where(root > 0, np.sin(angle) / lone, time) * fade
-    push = np.where(over, crawl * -np.expm1(-2 * root * time) / (2 * lone), swing)
-    middle = np.where(over, (crawl + dash) / 2, np.cos(angle) * fade)
-    first = np.where(over, crawl, fade * np.exp(1j * angle))
-    return _Free(first, np.where(over, dash, first.conj()), push, middle + alpha * push)
-
-
-def _driven(poles: _Poles, force: Tones, mass: np.ndarray) -> _Driven:
-    """Return detunings and initial phasors; frequencies are subtracted first, which keeps their digits."""
-    hz, rest_hz, over = poles.cycles_hz[:, None], poles.cycles_rest_hz[:, None], poles.over[:, None]
-    alpha, slow, fast = (rate[:, None] for rate in (poles.alpha, poles.slow, poles.fast))
-    own_hz = force.frequency_hz + force.rest_hz
-    below = np.where(over, own_hz, (force.frequency_hz - hz) + (force.rest_hz - rest_hz))
-    above = np.where(over, own_hz, (force.frequency_hz + hz) + (force.rest_hz + rest_hz))
-    first = np.where(over, slow, alpha) - force.decay_per_s + 2j * np.pi * below
-    second = np.where(over, fast, alpha) - force.decay_per_s + 2j * np.pi * above
-    return _Driven(
-        exponent=-force.decay_per_s + 2j * np.pi * own_hz,
-        first=first,
-        second=second,
-        nearest=np.minimum(np.abs(first), np.abs(second)),
-        phasor=force.amplitude / mass[:, None] * np.exp(1j * force.phase_rad),
-    )
-
-
-def _move(poles: _Poles, driven: _Driven, force: Tones, time: np.ndarray) -> np.ndarray:
-    """Return the displacement (n, k) at the times of one block."""
-    free = _free(poles, time)
-    near = driven.nearest * time[0] < 1
-    steady = np.divide(driven.phasor, driven.first * driven.second, out=np.zeros(near.shape, complex), where=~near)
-    moved = -free.keep * steady.real.sum(-1)[:, None] - free.push * (steady * driven.exponent).real.sum(-1)[:, None]
+    push = np.where(over, np.exp(-slow * time) * -np.expm1(-2 * root * time) / (2 * lone), swing)
+    keep = (modes[0] + modes[1]).real / 2 + alpha * push
+    exponent = -force.decay_per_s + 2j * np.pi * (force.frequency_hz + force.rest_hz)
+    first, second = turns_by
+    near = np.minimum(np.abs(first), np.abs(second)) * time[0] < 1
+    steady = np.divide(phasor, first * second, out=np.zeros(near.shape, complex), where=~near)
+    moved = -keep * steady.real.sum(-1)[:, None] - push * (steady * exponent).real.sum(-1)[:, None]
     if near.any():
-        _add_near(moved, steady, near, poles, driven, free, time)
+        which, tone = np.nonzero(near)
+        pairs = phasor[near], exponent[tone], (first[near], second[near])
+        moved, steady[near] = _with_near(moved, poles, which, *pairs, modes, time)
     cycles = turns(force.frequency_hz[:, None], time) + force.rest_hz[:, None] * time
     carrier = np.exp(-force.decay_per_s[:, None] * time + 2j * np.pi * cycles)
     return np.asarray(moved + steady.real @ carrier.real - steady.imag @ carrier.imag)
 
 
-def _add_near(
+def _with_near(
     moved: np.ndarray,
-    steady: np.ndarray,
-    near: np.ndarray,
     poles: _Poles,
-    driven: _Driven,
-    free: _Free,
+    which: np.ndarray,
+    phasor: np.ndarray,
+    exponent: np.ndarray,
+    detunings: tuple[np.ndarray, np.ndarray],
+    modes: tuple[np.ndarray, np.ndarray],
     time: np.ndarray,
-) -> None:
-    """Add the `near` pairs (n, m) to `moved`, and their part that goes as the tones to `steady`."""
-    which, tone = np.nonzero(near)
-    phasor, exponent, last = driven.phasor[which, tone], driven.exponent[tone], float(time[-1])
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return `moved` (n, k) with the pairs (p,) of a resonator and a near tone, and their part that goes as the tones.
+
+    `which` are the resonators, `detunings` the exponents ``a − s₁`` and ``a − s₂``.
+    """
+    count, last = len(moved), float(time[-1])
     gap = np.where(poles.over, 2 * poles.root, 2j * poles.root)[which]
     apart = np.abs(gap) * time[0] >= 1
     close = ~apart
-    reach = (exponent + poles.alpha[which]) * last
     fade = np.exp(-poles.alpha[:, None] * time) * time**2
     at = time / last if last else time
-    series = _series(reach[close], (poles.square * last**2)[which[close]], phasor[close], which[close], len(steady))
-    moved += fade * _polynomial(series.real, at)
-    for sign, detuning, mode in ((1, driven.first, free.first), (-1, driven.second, free.second)):
-        turn = detuning[which, tone]
+    reach = (exponent + poles.alpha[which]) * last
+    series = _series(reach[close], (poles.square * last**2)[which[close]], phasor[close], which[close], count)
+    moved = moved + fade * _polynomial(series.real, at)
+    steady = np.zeros(phasor.shape, complex)
+    for sign, turn, mode in zip((1, -1), detunings, modes, strict=True):
         slow, quick = apart & (np.abs(turn) * time[0] < 1), apart & (np.abs(turn) * time[0] >= 1)
         shares = sign * np.divide(phasor, gap, out=np.zeros(phasor.shape, complex), where=apart)
         plain = np.divide(shares, turn, out=np.zeros(phasor.shape, complex), where=quick)
-        steady[which, tone] += plain
-        moved -= (_sums(plain, which, len(steady))[:, None] * mode).real
-        grown = _growth(turn[slow] * last, shares[slow], which[slow], len(steady))
-        moved += (mode * time * _polynomial(grown, at)).real
+        steady += plain
+        grown = _growth(turn[slow] * last, shares[slow], which[slow], count)
+        moved = moved + (mode * (time * _polynomial(grown, at) - _sums(plain, which, count)[:, None])).real
+    return moved, steady
 
 
 def _sums(values: np.ndarray, which: np.ndarray, count: int) -> np.ndarray:

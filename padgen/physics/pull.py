@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
 from padgen.physics.magnetic_charge import (
     CORE_ORDERS,
@@ -83,15 +84,6 @@ class Pull(NamedTuple):
     dipole: float
 
 
-class _Fineness(NamedTuple):
-    """Numbers of nodes for a pair at one place, on faces of washer and core, and orders round the axes of both."""
-
-    face: int
-    top: int
-    orders: int
-    core_orders: int
-
-
 def pull(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> Pull:
     """Return the pull of a coil on a washer `gap` m over its top face and `offset` m off its axis.
 
@@ -99,7 +91,10 @@ def pull(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> Pull
     less certain where the forces on parts of the washer nearly cancel. At gaps too small for the nodes the pull is
     extrapolated in the logarithm of the gap, and all of that change counts as doubt.
     """
-    least = _least_gap(coil, washer, offset)
+    # A 200th of the coil's radius, or more for wide steel.
+    wide = max(washer.outer_diameter - washer.inner_diameter, coil.core_diameter) / 2
+    square = (wide / MOST_ACROSS) ** 2 - _nearest(coil, washer, 0.0, offset) ** 2
+    least = max(coil.outer_diameter / MOST_RINGS, float(np.sqrt(max(square, 0.0))))
     if gap >= least:
         return _solve(coil, washer, gap, offset)
     at, further = (np.array(_solve(coil, washer, least * share, offset)) for share in (1.0, FURTHER))
@@ -112,18 +107,19 @@ def pull(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> Pull
 def _solve(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> Pull:
     """Return the pull with enough nodes, and its doubt from a solution with fewer."""
     fine = _fineness(coil, washer, gap, offset)
-    coarse = _Fineness(*(ceil(FEWER * count) for count in fine))
+    coarse = tuple(ceil(FEWER * count) for count in fine)
     enough, fewer = (_pull_with_nodes(nodes, coil, washer, gap, offset) for nodes in (fine, coarse))
     return enough._replace(doubt=enough.doubt + abs(enough.axial - fewer.axial))
 
 
-def _pull_with_nodes(fine: _Fineness, coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> Pull:
-    """Return the pull solved with the given numbers of nodes and orders."""
+def _pull_with_nodes(fine: tuple[int, ...], coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> Pull:
+    """Return the pull solved with the numbers of nodes and orders that `_fineness` gives."""
+    face, top, orders, core_orders = fine
     near = _nearest(coil, washer, gap, offset)
     finest = coil.outer_diameter / MOST_RINGS
-    core = charged_core(coil, fine.top, fine.core_orders)
-    body = _washer(washer, (fine.face, RIM_NODES), fine.orders)
-    turns = 1 if offset == 0 else fine.orders + 3
+    core = charged_core(coil, top, core_orders)
+    body = _washer(washer, (face, RIM_NODES), orders)
+    turns = 1 if offset == 0 else orders + 3
     angle = (np.arange(turns) + 0.5) * np.pi / turns
     arm = body.radius[:, None] * np.cos(angle)
     x, y = offset + arm, body.radius[:, None] * np.sin(angle)
@@ -133,7 +129,7 @@ def _pull_with_nodes(fine: _Fineness, coil: CoilSource, washer: SteelRing, gap: 
     radius, height, charge = winding_rings(coil.windings, max(STEP * gap, finest))
     of = ring_potential(rho[..., None], z[..., None], radius, height, 0, at_ring=False)
     potential, along_r, along_z, across = *(part[0] @ charge for part in of), np.zeros(x.shape)
-    order = np.arange(fine.orders + 1)
+    order = np.arange(orders + 1)
     cosines = np.cos(order[:, None] * angle)
     project = cosines / turns / _mean_square(len(order))[:, None]
     if core is None:
@@ -141,12 +137,12 @@ def _pull_with_nodes(fine: _Fineness, coil: CoilSource, washer: SteelRing, gap: 
     else:
         steel, own = core
         radius, height, shares = fine_rings(steel, max(STEP * near, finest))
-        of = ring_potential(rho[..., None], z[..., None], radius, height, fine.core_orders, at_ring=False)
+        of = ring_potential(rho[..., None], z[..., None], radius, height, core_orders, at_ring=False)
         charge = shares @ own
         potential, along_r, along_z = (
             a + part[0] @ charge for a, part in zip((potential, along_r, along_z), of, strict=True)
         )
-        order = np.arange(fine.core_orders + 1)[:, None, None]
+        order = np.arange(core_orders + 1)[:, None, None]
         cosine, sine = np.cos(order * around), np.sin(order * around)
         at_nodes = (of.value @ shares) * cosine[..., None]
         drawn, back = _mutual_charges(body, steel, at_nodes, project, project @ potential.T)
@@ -172,15 +168,11 @@ def _nearest(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> 
     return float(np.hypot(gap, beside))
 
 
-def _least_gap(coil: CoilSource, washer: SteelRing, offset: float) -> float:
-    """Return the least gap in m at which a pull can be solved: a 200th of the coil's radius, or more for wide steel."""
-    least, beside = coil.outer_diameter / MOST_RINGS, _nearest(coil, washer, 0.0, offset)
-    wide = max(washer.outer_diameter - washer.inner_diameter, coil.core_diameter) / 2
-    return max(least, float(np.sqrt(max((wide / MOST_ACROSS) ** 2 - beside**2, 0.0))))
+def _fineness(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> tuple[int, ...]:
+    """Return how many nodes resolve one gap's width, within bounds of time.
 
-
-def _fineness(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> _Fineness:
-    """Return the numbers of nodes that resolve one gap's width, within bounds of time."""
+    They are those on faces of washer and core, then the orders round the axes of both.
+    """
     width, rim, core = (
         (washer.outer_diameter - washer.inner_diameter) / 2,
         washer.outer_diameter / 2,
@@ -191,7 +183,7 @@ def _fineness(coil: CoilSource, washer: SteelRing, gap: float, offset: float) ->
     if offset:
         wanted += [3 + 1.3 * rim / (near + 0.15e-3), 3 + 1.2 * min(offset, core + rim) / (near + 0.3e-3)]
     counts = [min(ceil(count), most) for count, most in zip(wanted, MOST, strict=False)]
-    return _Fineness(*[*counts, 0, 0][: len(MOST)])
+    return tuple([*counts, 0, 0][: len(MOST)])
 
 
 @lru_cache(maxsize=32)
@@ -300,8 +292,10 @@ class PullTable(NamedTuple):
         """
         per_log = 2 / log(self.high / self.low)
         along = np.log(gap / self.low) * per_log - 1
-        basis, slopes = _chebyshev(along, len(self.scale)), _chebyshev_slopes(along, len(self.scale))
-        across = _chebyshev(2 * (offset / self.reach) ** 2 - 1, self.shape.shape[1])
+        count = len(self.scale)
+        basis = chebyshev.chebvander(along, count - 1)
+        slopes = chebyshev.chebvander(along, max(count - 2, 0)) @ chebyshev.chebder(np.eye(count))
+        across = chebyshev.chebvander(2 * (offset / self.reach) ** 2 - 1, self.shape.shape[1] - 1)
         size = np.exp(basis @ self.scale)
         coefficients = np.einsum("ijk,nj->nik", self.shape, across)
         axial, side, moment, doubt, dipole = size * np.einsum("nik,ni->kn", coefficients, basis)
@@ -313,7 +307,7 @@ class PullTable(NamedTuple):
         jump = size * tails
         lost = jump + np.abs(doubt)
         # The error of a polynomial's slope is larger by about its number of coefficients.
-        steep = lost * len(self.scale) * per_log / gap
+        steep = lost * count * per_log / gap
         x = offset / self.reach
         return _with_errors(axial, side * x, moment * x, slope, lost, jump, steep, dipole)
 
@@ -322,7 +316,7 @@ def make_table(
     coil: CoilSource, washer: SteelRing, low: float, high: float, reach: float, gaps: int, offsets: int
 ) -> PullTable:
     """Solve the pull at `gaps` times `offsets` places and return the table; a single offset is `reach` over √2."""
-    at_gap, at_offset = _nodes(gaps), _nodes(offsets)
+    at_gap, at_offset = chebyshev.chebpts1(gaps), chebyshev.chebpts1(offsets)
     gap = low * (high / low) ** ((at_gap + 1) / 2)
     offset = reach * np.sqrt((at_offset + 1) / 2)
     solved = np.array([[pull(coil, washer, float(g), float(d)) for d in offset] for g in gap])
@@ -330,7 +324,7 @@ def make_table(
     x = offset / reach
     shape = np.stack([axial, side / x, moment / x, doubt, dipole], -1)
     scale = np.sqrt((axial**2).mean(1)) + 1e-30
-    transforms = [np.linalg.inv(_chebyshev(at, len(at))) for at in (at_gap, at_offset)]
+    transforms = [np.linalg.inv(chebyshev.chebvander(at, len(at) - 1)) for at in (at_gap, at_offset)]
     coefficients = np.einsum("ig,jd,gdk->ijk", *transforms, shape / scale[:, None, None], optimize=True)
     return PullTable(low, high, reach, transforms[0] @ np.log(scale), coefficients)
 
@@ -386,24 +380,6 @@ def _with_errors(
     return PullAt(-axial, side, moment, -slope, error, jump, steep + OWN_ERROR * np.abs(slope), dipole)
 
 
-def _nodes(count: int) -> np.ndarray:
-    """Return the Chebyshev nodes (count,) in −1 … 1."""
-    return np.asarray(np.cos((np.arange(count) + 0.5) * np.pi / count))
-
-
-def _chebyshev(x: np.ndarray, count: int) -> np.ndarray:
-    """Return Chebyshev polynomials (n, count) of the first kind at x (n,) in −1 … 1."""
-    return np.asarray(np.cos(np.arange(count) * np.arccos(np.clip(x, -1, 1))[:, None]))
-
-
-def _chebyshev_slopes(x: np.ndarray, count: int) -> np.ndarray:
-    """Return slopes (n, count) of the polynomials of the first kind: k times the second kind's of one order less."""
-    second = [np.zeros(len(x)), np.ones(len(x))]
-    for _ in range(2, count):
-        second.append(2 * x * second[-1] - second[-2])
-    return np.arange(count) * np.stack(second[:count], -1)
-
-
 FACE, RIM, ORDERS = 5, 3, 2
 """Nodes on each face and each rim of a washer, and highest order round its axis; few, to save time."""
 COARSE_STEP = 1.0
@@ -421,14 +397,11 @@ class Leakage(NamedTuple):
     product: np.ndarray
 
 
-class _Parts(NamedTuple):
-    """Fourier parts (…, parts, j) of a potential and of its slope along z at the nodes (j,) of a body of revolution.
+_Parts = tuple[np.ndarray, np.ndarray]
+"""Fourier parts (…, parts, j) of a potential and of its slope along z at the nodes (j,) of a body of revolution.
 
-    The parts are the constant round the body's axis, then cos φ, sin φ, cos 2φ …
-    """
-
-    value: np.ndarray
-    slope: np.ndarray
+The parts are the constant round the body's axis, then cos φ, sin φ, cos 2φ …
+"""
 
 
 def leakage(
@@ -455,31 +428,31 @@ def leakage(
     height = (body.height + gap)[:, None]
     own = _coil_potential(coil_rings(coil, COARSE_STEP * gap), points[:, None], height)
     near = _coil_potential(_coarse_rings(coil), points[:, None] - neighbours[:, None, None], height)
-    value, slope = (np.concatenate(pair, 1) for pair in zip(own, near, strict=True))
-    parts = _fourier_parts(value, slope, angle)
+    both = [np.concatenate(pair, 1) for pair in zip(own, near, strict=True)]
+    value, slope = _fourier_parts(both[0], both[1], angle)
     if far is not None and len(far):
         # Fields of far coils change linearly over the washer.
         up, across = body.height - washer.thickness / 2, body.radius
         flux = pole_field(coil_poles(coil), gap + washer.thickness / 2, place[:, None] - far)
         field, change = (v[..., None] for v in flux)
-        beyond = np.zeros((2, len(place), len(far), *parts.value.shape[2:]))
+        beyond = np.zeros((2, len(place), len(far), *value.shape[2:]))
         beyond[0, :, :, 0], beyond[1, :, :, 0] = -field[:, :, 2] * up, -field[:, :, 2] - change[:, :, 2] * up
         beyond[:, :, :, 1:3] = -np.stack([field, change])[:, :, :, :2] * across
-        parts = _Parts(*(np.concatenate(pair, 1) for pair in zip(parts, beyond, strict=True)))
+        value, slope = (np.concatenate(pair, 1) for pair in zip((value, slope), beyond, strict=True))
     if (drawn := _core_charge(coil, neighbours, far)) is not None:
         core, charge = drawn
         of_core = _core_field(core, charge, points, height, angle, COARSE_STEP * gap)
-        for part, more in zip(parts, of_core, strict=True):
+        for part, more in zip((value, slope), of_core, strict=True):
             part[:, 1:] += more
         echo = _effective_currents(
             coil, core, np.concatenate([np.zeros((1, 2)), neighbours, *([] if far is None else [far])])
         )
-        parts = _Parts(*((echo.T @ part.reshape(*part.shape[:2], -1)).reshape(part.shape) for part in parts))
-    order = (np.arange(parts.value.shape[2]) + 1) // 2
-    on_washer = (body.response[order] @ parts.value[..., None])[..., 0]
+        value, slope = ((echo.T @ part.reshape(*part.shape[:2], -1)).reshape(part.shape) for part in (value, slope))
+    order = (np.arange(value.shape[2]) + 1) // 2
+    on_washer = (body.response[order] @ value[..., None])[..., 0]
     weight = body.area * np.where(order == 0, 1.0, 0.5)[:, None]
-    shape = len(place), parts.value.shape[1], -1
-    pulled = (on_washer * weight).reshape(shape) @ np.swapaxes(parts.slope.reshape(shape), 1, 2)
+    shape = len(place), value.shape[1], -1
+    pulled = (on_washer * weight).reshape(shape) @ np.swapaxes(slope.reshape(shape), 1, 2)
     pulled = (pulled + np.swapaxes(pulled, 1, 2)) / 2
     alone = np.where(pulled[:, :1, :1] == 0, np.inf, pulled[:, :1, :1])
     return Leakage(pulled[:, 1:, 1:] / alone, pulled[:, 0, 1:] / alone[:, 0])
@@ -521,7 +494,7 @@ def _fourier_parts(value: np.ndarray, slope: np.ndarray, angle: np.ndarray) -> _
     order = np.arange(1, len(angle) // 2)[:, None]
     waves = 2 * np.stack([np.cos(order * angle), np.sin(order * angle)], 1).reshape(-1, len(angle))
     waves = np.concatenate([np.ones((1, len(angle))), waves]) / len(angle)
-    return _Parts(*(np.swapaxes(part @ waves.T, -1, -2) for part in (value, slope)))
+    return np.swapaxes(value @ waves.T, -1, -2), np.swapaxes(slope @ waves.T, -1, -2)
 
 
 def _core_charge(

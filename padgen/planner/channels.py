@@ -7,11 +7,11 @@ from math import log
 import numpy as np
 
 from padgen.core.units import GRAM, MM, MN, MPA, MS, UM, decibel
-from padgen.physics.currents import mean_square_a2
 from padgen.physics.magnetics import balanced_deflection
 from padgen.physics.modes import level_kept, resonance_rise
 from padgen.physics.pull import PullAt
 from padgen.physics.resonator import ring_up_time
+from padgen.physics.schemes import mean_square_a2
 from padgen.physics.selectivity import Scheme
 from padgen.planner.plan import Beam, Channel, Site, channel_sets
 from padgen.planner.pull_modes import force_error, mode_fields, pulled_shares, pulls, site_wrenches, taxel_modes

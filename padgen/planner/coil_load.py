@@ -7,9 +7,9 @@ from math import inf
 import numpy as np
 
 from padgen.core.units import MA, MH, MM, UM
-from padgen.physics.currents import mean_square_a2, on_carrier_v, peak_current_a, peak_voltage_v
 from padgen.physics.magnetics import pull_in_deflection, slack_at
 from padgen.physics.modes import jump_amplitude
+from padgen.physics.schemes import mean_square_a2, on_carrier_v, peak_current_a, peak_voltage_v
 from padgen.physics.selectivity import Scheme
 from padgen.planner.channels import hanging_gap_um
 from padgen.planner.plan import Channel, CoilLoad, Plan, channel_sets

@@ -10,8 +10,8 @@ from math import degrees, inf, sqrt
 import numpy as np
 
 from padgen.core.units import MA, MH, MN
-from padgen.physics.currents import bias_a, current_lines_a, mean_square_a2, on_carrier_v, root_voltage_v
 from padgen.physics.magnetics import impedance
+from padgen.physics.schemes import bias_a, current_lines_a, mean_square_a2, on_carrier_v, root_voltage_v
 from padgen.physics.selectivity import Scheme
 from padgen.planner.plan import Channel
 from padgen.spec import Spec

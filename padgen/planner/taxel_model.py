@@ -14,18 +14,22 @@ from typing import Any
 import numpy as np
 
 from padgen.core.units import G_PER_CM3, GPA, MM
-from padgen.physics.beam_error import BENT, FLOOR, Plate, relative_error, uncertain_energies
 from padgen.physics.beams import BeamSection, Surroundings, YokeSize, fitted, on_elastic_ends
 from padgen.physics.modes import (
+    BENT,
+    FLOOR,
     BeamPlacement,
     Modes,
+    Plate,
     RigidBody,
     bending_stress,
     box,
     combine,
     hardening,
+    relative_error,
     ring,
     suspended_modes,
+    uncertain_energies,
 )
 from padgen.physics.resonator import TaxelModes, natural_frequency, rule_stiffness
 from padgen.planner.suspensions import Arrangement, BeamShape, Block, PlateShape, suspension
@@ -319,7 +323,7 @@ class TaxelModel:
     @cached_property
     @_from_array
     def mode_errors(self) -> np.ndarray:
-        """Relative error (…, 6) within which each mode's frequency most likely lies (`padgen.physics.beam_error`)."""
+        """Relative error (…, 6) within which each mode's frequency most likely lies (`padgen.physics.modes`)."""
         modulus, poisson, _ = self.elastic
         length, width, thickness = (side * MM for side in self.plate)
         roof = max(thickness - recess_mm(self.spec)[1] * MM, thickness / 10)

@@ -1,4 +1,4 @@
-"""Estimate resonance, Q and selectivity of taxels that a finger touches (`padgen.physics.skin`)."""
+"""Estimate resonance, Q and selectivity of taxels that a finger touches (`padgen.physics.resonator`)."""
 
 from collections.abc import Iterator, Sequence
 from math import pi
@@ -8,8 +8,8 @@ import numpy as np
 from padgen.core.errors import at_least, at_most, number
 from padgen.core.finding import Finding
 from padgen.core.units import GRAM, MM, decibel
+from padgen.physics.resonator import LOADED, SKINS, Skin, touched
 from padgen.physics.selectivity import Channels, Scheme, line_energy, off_energy, own_lines
-from padgen.physics.skin import LOADED, SKINS, Skin, touched
 from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.plan import Channel, Plan, Touched, channel_sets
 from padgen.spec import Spec

@@ -5,9 +5,13 @@ process of their own (they can be pickled). Meshes are in mm, matrices in N/m an
 
 A frame, a plate and a washer hardly bend. The error of a frequency is at most the energy of the parts that are solved
 crudely, so edges are refined by their share of it in every mode asked for (`edge_energy_shares`).
+
+Meshing: STEP → glued B-rep → tetrahedra, refined geometrically at singular edges. Stress is singular along re-entrant
+edges and where a clamp ends; the error sits there. Netgen lays shrinking layers of prisms round the edges marked, which
+restores the order of the elements.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,43 +20,254 @@ from scipy import sparse
 
 from padgen.core.errors import SolverError, number
 from padgen.physics.resonator import TaxelModes
-from padgen.verify.elastic_mesh import (
-    CLAMPED,
-    PRINTED,
-    WASHER,
-    Fineness,
-    clamped_shape,
-    coarse_mesh,
-    meshed,
-    singular_edges,
-    taxel_shape,
-)
-from padgen.verify.engines import ng
+from padgen.verify import ng, occ
 
 __all__ = [
+    "CLAMPED",
+    "CLAMPS",
     "LEAN",
+    "PRINTED",
     "RESIDUAL_LIMIT",
     "SETTINGS",
+    "WASHER",
     "Eigen",
     "Elastic",
     "Factored",
+    "Fineness",
     "Orthotropy",
     "SolidModes",
     "SolidTaxel",
     "System",
     "accurate",
     "assembled",
+    "clamped_shape",
+    "coarse_mesh",
     "converged_modes",
+    "edge_angles",
     "edge_energy_shares",
     "eigenmodes",
     "energy",
     "energy_shares",
     "factored",
     "layered",
+    "meshed",
     "rigid_loads",
+    "singular_edges",
     "solve_modes",
     "stiffness_pa",
+    "taxel_shape",
 ]
+
+PRINTED, WASHER, CLAMPED = "printed", "washer", "clamped"
+CLAMPS = ("sides", "bottom", "root")
+"""Clamped faces: the outer vertical faces of the frame, its underside, or the face of smallest x only."""
+REENTRANT_DEG = 190.0
+VOLUME_SHARE = 0.01
+LOST_VOLUME = 1e-9
+
+
+class Fineness(NamedTuple):
+    """How fine a mesh is: `levels` of layers round singular edges, each `factor` as thick as the last,
+    in tetrahedra of at most `largest_mm` and `per_face` times the root of a face's area, that grow by
+    `grading` (0 slow, 1 fast); `curvature` elements to a radius, `per_edge` at least along an edge."""
+
+    levels: int = 2
+    factor: float = 0.25
+    largest_mm: float = 1e3
+    grading: float = 0.5
+    curvature: float = 1.0
+    per_edge: float = 0.3
+    per_face: float = 1.0
+
+
+USUAL = Fineness()
+
+
+def taxel_shape(step: Path, washer_volume_mm3: float, where: str = "") -> Any:
+    """Glue the two solids of a STEP file into one shape that shares faces.
+
+    They are named ``printed`` and ``washer``, told apart by volume because names do not survive the import. Refusals
+    begin with `where`, with the file where that is empty.
+
+    Raises
+    ------
+    SolverError
+        The file cannot be read, does not hold two solids with volume, none of them is the washer,
+        or the washer does not touch the printed part.
+    """
+    where = where or str(step)
+    if not step.is_file():
+        raise SolverError("there is no such STEP file", where)
+    try:
+        solids = list(occ.OCCGeometry(str(step)).shape.solids)
+    except Exception as error:
+        raise SolverError(f"cannot be read as STEP ({_first_line(error)})", where) from error
+    volumes = [solid.mass for solid in solids]
+    if len(solids) != 2 or min(volumes) <= 0:
+        raise SolverError(f"must hold two solids, printed part and washer, holds {len(solids)}", where)
+    misfit = [abs(volume / washer_volume_mm3 - 1) for volume in volumes]
+    if min(misfit) > VOLUME_SHARE:
+        found = " and ".join(f"{number(v)} mm³" for v in volumes)
+        raise SolverError(
+            f"none of its solids is the washer of {number(washer_volume_mm3)} mm³, they have {found}", where
+        )
+    washer = int(np.argmin(misfit))
+    solids[washer].name, solids[1 - washer].name = WASHER, PRINTED
+    shape = occ.Glue(solids)
+    if len(shape.solids) != len(solids):
+        raise SolverError("its solids overlap: washer and printed part must touch by faces only", where)
+    if len({_place(face) for solid in shape.solids for face in solid.faces}) == sum(len(s.faces) for s in shape.solids):
+        raise SolverError("the washer does not touch the printed part: it must sit against the recess' roof", where)
+    return shape
+
+
+def _place(face: Any) -> tuple[float, ...]:
+    low, high = face.bounding_box
+    return tuple(round(v, 6) for v in (*_xyz(low), *_xyz(high), face.mass))
+
+
+def _xyz(point: Any) -> tuple[float, float, float]:
+    return point.x, point.y, point.z
+
+
+def clamped_shape(shape: Any, clamp: str) -> Any:
+    """Return the shape with the faces that `clamp` (of `CLAMPS`) holds named ``clamped``.
+
+    Raises
+    ------
+    SolverError
+        No face lies there.
+    """
+    printed = next(solid for solid in shape.solids if solid.name == PRINTED)
+    low, high = (np.array(_xyz(corner)) for corner in printed.bounding_box)
+    sides = {"sides": ((0, low), (0, high), (1, low), (1, high)), "bottom": ((2, low),), "root": ((0, low),)}[clamp]
+    near = 1e-5 * float((high - low).max())
+    held = []
+    for face in printed.faces:
+        ends = np.array([_xyz(corner) for corner in face.bounding_box])
+        if any((abs(ends[:, axis] - bound[axis]) < near).all() for axis, bound in sides):
+            held.append(face)
+    if not held:
+        raise SolverError(f"has no face to clamp by its {clamp}", "taxel")
+    for face in held:
+        face.name = CLAMPED
+    return shape
+
+
+def meshed(shape: Any, fineness: Fineness = USUAL, where: str = "taxel", layered: set[str] | None = None) -> Any:
+    """Return the NGSolve mesh of `shape` (see `clamped_shape`), not curved yet.
+
+    It has layers along the edges named in `layered`, all singular ones by default. Where Netgen fails, or its layers
+    leave an element without volume, slightly other meshes are tried.
+
+    Raises
+    ------
+    SolverError
+        Netgen cannot mesh it, e.g. a beam thinner than it resolves.
+    """
+    if layered is None:
+        layered = singular_edges(shape, coarse_mesh(shape, fineness, where))
+    _mark(shape.edges, layered)
+    for coarse, attempt in _coarse_meshes(shape, fineness, where):
+        mesh = ng.Mesh(coarse)
+        if not fineness.levels:
+            return mesh
+        volume = _volumes(mesh).sum()
+        mesh.RefineHP(attempt.levels, attempt.factor)
+        straight = _volumes(mesh)
+        mesh.Curve(2)
+        if bool(abs(straight.sum() / volume - 1) < LOST_VOLUME and min(straight.min(), _volumes(mesh).min()) > 0):
+            return mesh
+    raise SolverError("layers round its edges tear the mesh: a part is thinner than the mesh resolves", where)
+
+
+def _coarse_meshes(shape: Any, fineness: Fineness, where: str) -> Iterator[tuple[Any, Fineness]]:
+    """Yield Netgen's meshes of `shape`, and how fine each is: as asked, then slightly other ones; at least one."""
+    failure: SolverError | None = None
+    for face in shape.faces:
+        # Long thin faces bend: no element longer than a share of a square of the same area.
+        face.maxh = min(fineness.largest_mm, fineness.per_face * face.mass**0.5)
+    for factor, grading in ((1.0, 1.0), (0.8, 1.0), (1.0, 0.8), (0.7, 0.8), (0.8, 0.6)):
+        attempt = fineness._replace(factor=factor * fineness.factor, grading=grading * fineness.grading)
+        try:
+            # Netgen's own threads made meshing 10 times slower on a busy machine.
+            mesh = occ.OCCGeometry(shape).GenerateMesh(
+                maxh=attempt.largest_mm,
+                grading=attempt.grading,
+                curvaturesafety=attempt.curvature,
+                segmentsperedge=attempt.per_edge,
+                parallel_meshing=False,
+            )
+            why = "" if mesh.ne else "Netgen's mesh of it is empty"
+        except Exception as error:
+            why = f"Netgen cannot mesh it ({_first_line(error)})"
+        if not why:
+            yield mesh, attempt
+        elif not failure:
+            failure = SolverError(f"{why}: a part is thinner than it resolves", where)
+    if failure:
+        raise failure
+
+
+def _volumes(mesh: Any) -> np.ndarray:
+    """Return volumes in mm³ of the elements."""
+    return np.asarray(ng.Integrate(1.0, mesh, element_wise=True).NumPy())
+
+
+def coarse_mesh(shape: Any, fineness: Fineness = USUAL, where: str = "taxel") -> Any:
+    """Mesh `shape` by Netgen without layers; name the edges of the shape ``edge0``, ``edge1``, …"""
+    for place, edge in enumerate(shape.edges):
+        edge.name = f"edge{place}"
+    _mark(shape.edges, set())
+    mesh, _ = next(_coarse_meshes(shape, fineness, where))
+    return mesh
+
+
+def singular_edges(shape: Any, mesh: Any) -> set[str]:
+    """Return names of the edges where stress is singular: re-entrant ones and those of clamped faces."""
+    clamped = {edge.name for face in shape.faces if face.name == CLAMPED for edge in face.edges}
+    return clamped | {name for name, angle in edge_angles(mesh).items() if angle > REENTRANT_DEG}
+
+
+def _mark(edges: Iterable[Any], singular: set[str]) -> None:
+    for edge in edges:
+        edge.hpref = 1.0 if edge.name in singular else 0.0
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).strip().splitlines() or [type(error).__name__])[0]
+
+
+def edge_angles(mesh: Any) -> dict[str, float]:
+    """Return the angle in degrees that the material fills at each named edge, over 180 where it is re-entrant.
+
+    Measured on the triangles of the outer surface of a Netgen surface mesh; inner edges of a glued
+    shape, where no outer surface meets, are left out.
+    """
+    points, triangles = mesh.Coordinates(), mesh.Elements2D().NumPy()
+    corner, face = triangles["nodes"][:, :3] - 1, triangles["index"]
+    sides = [(mesh.FaceDescriptor(k + 1).domin, mesh.FaceDescriptor(k + 1).domout) for k in range(face.max())]
+    domain = np.array(sides)[face - 1]
+    outer = (domain == 0).any(1)
+    corner = np.where((domain[:, :1] == 0), corner[:, ::-1], corner)[outer]
+    normal = np.cross(points[corner[:, 1]] - points[corner[:, 0]], points[corner[:, 2]] - points[corner[:, 0]])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    neighbours: dict[frozenset[int], list[int]] = {}
+    for k, nodes in enumerate(corner.tolist()):
+        for a in range(3):
+            neighbours.setdefault(frozenset((nodes[a], nodes[a - 1])), []).append(k)
+    angles: dict[str, float] = {}
+    for segment in mesh.Elements1D().NumPy():
+        ends = frozenset((segment["nodes"][:2] - 1).tolist())
+        pair = neighbours.get(ends, [])
+        if len(pair) == 2:
+            name = mesh.GetCD2Name(int(segment["index"]) - 1)
+            one, other = normal[pair[0]], normal[pair[1]]
+            (apex,) = set(corner[pair[1]].tolist()) - ends
+            above = one @ (points[apex] - points[next(iter(ends))])
+            turn = np.degrees(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other))
+            angles[name] = max(angles.get(name, 0.0), float(180 + turn if above > 0 else 180 - turn))
+    return angles
 
 
 class Orthotropy(NamedTuple):
@@ -85,31 +300,13 @@ def layered(material: Elastic, ratio: float) -> Elastic:
 
 
 def stiffness_pa(material: Elastic) -> np.ndarray:
-    """Return the stiffness (6, 6) in Pa for engineering strains in the order xx, yy, zz, yz, zx, xy (Voigt).
-
-    Raises
-    ------
-    SolverError
-        The constants belong to no stable material: strain energy or density would be negative.
-    """
+    """Return the stiffness (6, 6) in Pa for engineering strains in the order xx, yy, zz, yz, zx, xy (Voigt)."""
     e, nu = material.modulus_pa, material.poisson
-    if material.density_kg_per_m3 <= 0:
-        raise SolverError(f"density must be above 0, got {number(material.density_kg_per_m3)} kg/m³")
-    if material.axes is None:
-        if e <= 0 or not -1 < nu < 0.5:
-            raise SolverError(f"needs E > 0 and -1 < ν < 0.5, got {number(e)} Pa and {number(nu)}, e.g. 0.36")
-        axes = Orthotropy((e,) * 3, (e / 2 / (1 + nu),) * 3, (nu,) * 3)
-    else:
-        axes = material.axes
-    ex, ey, ez = axes.modulus_pa
-    yz, zx, xy = axes.poisson
-    if min(*axes.modulus_pa, *axes.shear_pa) <= 0:
-        raise SolverError(f"moduli must be above 0, got {axes.modulus_pa} and {axes.shear_pa} Pa")
+    axes = material.axes or Orthotropy((e,) * 3, (e / 2 / (1 + nu),) * 3, (nu,) * 3)
+    (ex, ey, ez), (yz, zx, xy) = axes.modulus_pa, axes.poisson
     compliance = np.diag([1 / ex, 1 / ey, 1 / ez, *(1 / g for g in axes.shear_pa)])
     for i, j, coupling in ((0, 1, xy / ex), (1, 2, yz / ey), (0, 2, zx / ez)):
         compliance[i, j] = compliance[j, i] = -coupling
-    if np.linalg.eigvalsh(compliance / np.abs(compliance).max())[0] <= 0:
-        raise SolverError("Poisson ratios too large for the moduli: strain energy must be positive in every direction")
     stiffness = np.linalg.inv(compliance)
     return np.asarray((stiffness + stiffness.T) / 2)
 
@@ -423,7 +620,7 @@ POOR, POOR_OTHERS = 0.01, 0.2
 
 class SolidTaxel(NamedTuple):
     """One taxel to solve: a STEP file in mm with two solids, printed part and washer, bonded where they
-    touch. `glue_kg` is carried by the washer. `clamp` is one of `elastic_mesh.CLAMPS`. Refusals call it by its `name`,
+    touch. `glue_kg` is carried by the washer. `clamp` is one of `CLAMPS`. Refusals call it by its `name`,
     by its file where it has none."""
 
     step: Path
@@ -448,15 +645,13 @@ class SolidTaxel(NamedTuple):
 
 
 class SolidModes(NamedTuple):
-    """Modes by elements of `order` on `elements` with `unknowns`; `residual` of the worst mode;
+    """Modes by elements of `order` with `unknowns`; `residual` of the worst mode;
     `error` (k,) estimated relative error of each frequency,
     nan where there is no second order to compare with; `setting` that of `SETTINGS` which was solved last."""
 
     modes: TaxelModes
     order: int
-    levels: int
     unknowns: int
-    elements: int
     residual: float
     error: np.ndarray
     setting: int = 0
@@ -465,23 +660,6 @@ class SolidModes(NamedTuple):
     def working_error(self) -> float:
         """Estimated relative error of the working mode's frequency."""
         return float(self.error[self.modes.working])
-
-
-class _Draft(NamedTuple):
-    """A taxel's solid and the edges that its modes, solved on a coarse mesh, strain."""
-
-    taxel: SolidTaxel
-    shape: Any
-    layered: set[str]
-
-
-class _Answer(NamedTuple):
-    """`loads` (n, 6) on the washer, the static `answers` (n, 6) to them, and the modes."""
-
-    system: System
-    loads: np.ndarray
-    answers: np.ndarray
-    eigen: Eigen
 
 
 def solve_modes(taxel: SolidTaxel, order: int = 3, levels: int = 2, modes: int = 6) -> SolidModes:
@@ -494,11 +672,8 @@ def solve_modes(taxel: SolidTaxel, order: int = 3, levels: int = 2, modes: int =
     SolverError
         The STEP file does not hold a taxel, cannot be meshed, or the solver does not converge.
     """
-    if order < 2 or levels < 0 or modes < 1:
-        raise SolverError(f"needs order ≥ 2, levels ≥ 0 and modes ≥ 1, got {order}, {levels} and {modes}", "elasticity")
-    draft = _drafted(taxel)
-    setting = Setting(order, levels)
-    return _result(_answered(draft, _layered(draft, setting), order, modes), setting)
+    setting, (shape, layered) = Setting(order, levels), _drafted(taxel)
+    return _result(_answered(taxel, shape, _layered(taxel, shape, layered, setting), order, modes), setting)
 
 
 def converged_modes(taxel: SolidTaxel, tolerance: float = 1e-3, modes: int = 6, first: int = 0) -> SolidModes:
@@ -514,23 +689,21 @@ def converged_modes(taxel: SolidTaxel, tolerance: float = 1e-3, modes: int = 6, 
     Raises
     ------
     SolverError
-        As `solve_modes`; no such tolerance.
+        As `solve_modes`.
     """
-    if not 0 < tolerance < 1:
-        raise SolverError(f"must lie between 0 and 1, got {number(tolerance)}, e.g. 0.001", "tolerance")
     known, before = None, None
-    draft = _drafted(taxel)
+    shape, layered = _drafted(taxel)
     for place, setting in enumerate(SETTINGS[first:], first):
         try:
             if before != setting[1:]:
-                mesh, before = _layered(draft, setting), setting[1:]
-                lean = _answered(draft, mesh, LEAN, modes)
+                mesh, before = _layered(taxel, shape, layered, setting), setting[1:]
+                lean = _answered(taxel, shape, mesh, LEAN, modes)
                 found = _result(lean, setting._replace(order=LEAN))
-                shares = energy_shares(lean.system, taxel.materials, lean.eigen)
+                shares = energy_shares(lean[0], taxel.materials, lean[-1])
                 rich = _rich(mesh, shares, found.modes.working)
             for order in range(found.order + 1, setting.order + 1):
                 coarser = found
-                found = _result(_answered(draft, mesh, order, modes, rich), setting._replace(order=order))
+                found = _result(_answered(taxel, shape, mesh, order, modes, rich), setting._replace(order=order))
         except SolverError:
             if known is None:
                 raise
@@ -573,28 +746,31 @@ def _extrapolated(coarser: SolidModes, found: SolidModes) -> SolidModes:
     return found._replace(modes=modes, error=error)
 
 
-def _drafted(taxel: SolidTaxel) -> _Draft:
+def _drafted(taxel: SolidTaxel) -> tuple[Any, set[str]]:
+    """Return a taxel's solid, and names of the edges that its modes, solved on a coarse mesh, strain."""
     ng.SetNumThreads(1)
     shape = clamped_shape(taxel_shape(taxel.step, taxel.washer_volume_mm3, taxel.where), taxel.clamp)
     mesh = coarse_mesh(shape, where=taxel.where)
     singular = singular_edges(shape, mesh)
-    draft = _Draft(taxel, shape, set())
-    answer = _answered(draft, ng.Mesh(mesh), LEAN, 6)
-    shares = edge_energy_shares(mesh, energy_shares(answer.system, taxel.materials, answer.eigen))
+    system, *_, eigen = _answered(taxel, shape, ng.Mesh(mesh), LEAN, 6)
+    shares = edge_energy_shares(mesh, energy_shares(system, taxel.materials, eigen))
     worst = max((shares.get(edge, 0.0) for edge in singular), default=0.0)
-    return draft._replace(layered={edge for edge in singular if shares.get(edge, 0.0) > EDGE_RATIO * worst})
+    return shape, {edge for edge in singular if shares.get(edge, 0.0) > EDGE_RATIO * worst}
 
 
-def _layered(draft: _Draft, setting: Setting) -> Any:
-    fineness = Fineness(levels=setting.levels, per_face=setting.per_face)
-    return meshed(draft.shape, fineness, draft.taxel.where, draft.layered)
+def _layered(taxel: SolidTaxel, shape: Any, layered: set[str], setting: Setting) -> Any:
+    return meshed(shape, Fineness(levels=setting.levels, per_face=setting.per_face), taxel.where, layered)
 
 
-def _answered(draft: _Draft, mesh: Any, order: int, modes: int, rich: np.ndarray | None = None) -> _Answer:
-    """Solve statics and modes, in blocks where rounding allows; elsewhere every element is `rich`."""
-    taxel = draft.taxel
+def _answered(
+    taxel: SolidTaxel, shape: Any, mesh: Any, order: int, modes: int, rich: np.ndarray | None = None
+) -> tuple[System, np.ndarray, np.ndarray, Eigen]:
+    """Solve statics and modes, in blocks where rounding allows; elsewhere every element is `rich`.
+
+    Returns the system, loads (n, 6) on the washer, the static answers (n, 6) to them, and the modes.
+    """
     density = taxel.materials[WASHER].density_kg_per_m3
-    volumes = {solid.name: solid.mass for solid in draft.shape.solids}
+    volumes = {solid.name: solid.mass for solid in shape.solids}
     for blocks in (True, False):
         of_order = rich if blocks else None
         system = assembled(mesh, taxel.materials, order, blocks=blocks, rich=of_order, volume_mm3=volumes)
@@ -602,23 +778,18 @@ def _answered(draft: _Draft, mesh: Any, order: int, modes: int, rich: np.ndarray
         solve = factored(system)
         answers = np.array([solve(load) for load in loads.T]).T
         if accurate(system, solve, loads, answers):
-            break
-    else:
-        raise SolverError("stiff and soft parts lie too far apart for double precision", taxel.where)
-    eigen = eigenmodes(system, solve, modes, answers)
-    return _Answer(system, loads, answers, eigen)
+            return system, loads, answers, eigenmodes(system, solve, modes, answers)
+    raise SolverError("stiff and soft parts lie too far apart for double precision", taxel.where)
 
 
-def _result(answer: _Answer, setting: Setting) -> SolidModes:
+def _result(answer: tuple[System, np.ndarray, np.ndarray, Eigen], setting: Setting) -> SolidModes:
     system, loads, answers, eigen = answer
     motion = eigen.shape.T @ loads
     modal = motion.T @ (motion / (2 * np.pi * eigen.frequency_hz[:, None]) ** 2)
     return SolidModes(
         TaxelModes(eigen.frequency_hz, motion, loads.T @ answers - modal),
         setting.order,
-        setting.levels,
         int(system.free.sum()),
-        system.space.mesh.ne,
         eigen.residual,
         np.full(len(eigen.frequency_hz), np.nan),
     )

@@ -16,10 +16,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import SolverError, SpecError, number
-from padgen.physics.magnetics import CoilSource, SteelRing
-from padgen.physics.saturation import BHCurve
-from padgen.verify.engines import ng, occ
+from padgen.core.errors import SolverError, number
+from padgen.physics.magnetics import BHCurve, CoilSource, SteelRing
+from padgen.verify import ng, occ
 
 __all__ = [
     "WIDEST",
@@ -32,7 +31,6 @@ __all__ = [
     "Steel",
     "axisymmetric_force",
     "body_wrench",
-    "check_parts",
     "coil_cells",
     "minimise",
     "solid_force",
@@ -60,7 +58,6 @@ class ScalarField(NamedTuple):
     weight: Any
     unknowns: int
     residual: float
-    steps: int
     order: int
 
 
@@ -92,8 +89,6 @@ def solve_scalar(
 
     Raises
     ------
-    SpecError
-        A permeability that is not above 0.
     SolverError
         Newton's method does not bring the residual down to 1e-8 of the first.
     """
@@ -104,7 +99,7 @@ def solve_scalar(
     extra = 2 if mesh.dim == 2 else 1
     for name in dict.fromkeys(mesh.GetMaterials()):
         region = ng.dx(definedon=mesh.Materials(name), bonus_intorder=extra)
-        form += ng.Variation(weight * _energy_density(steels.get(name, 1.0), field, name) * region)
+        form += ng.Variation(weight * _energy_density(steels.get(name, 1.0), field) * region)
     form += ng.Variation(weight * MU_0 / far_radius_mm * trial**2 * ng.ds("far", bonus_intorder=2))
     potential = ng.GridFunction(space)
     if start is None and order > 1 and any(isinstance(steel, BHCurve) for steel in steels.values()):
@@ -112,32 +107,21 @@ def solve_scalar(
         start = solve_scalar(mesh, source, steels, far_radius_mm, order - 1, weight)
     if start is not None:
         potential.Set(start.potential)
-    residual, steps = minimise(form, space, potential)
-    return ScalarField(
-        mesh=mesh,
-        potential=potential,
-        field=source - ng.grad(potential),
-        weight=weight,
-        unknowns=space.ndof,
-        residual=residual,
-        steps=steps,
-        order=order,
-    )
+    residual = minimise(form, space, potential)
+    return ScalarField(mesh, potential, source - ng.grad(potential), weight, space.ndof, residual, order)
 
 
-def _energy_density(steel: Steel, field: Any, name: str, of_flux: bool = False) -> Any:
+def _energy_density(steel: Steel, field: Any, of_flux: bool = False) -> Any:
     """Return the co-energy in J/m³ of a field H in A/m, or the energy of a flux density B in T."""
     square = ng.InnerProduct(field, field)
     if isinstance(steel, BHCurve):
         along, across = (axis.tolist() for axis in (steel.samples()[::-1] if of_flux else steel.samples()))
         return ng.BSpline(2, [0.0, *along], across).Integrate()(ng.sqrt(square + (1e-6 * along[1]) ** 2))
-    if not steel > 0:
-        raise SpecError(f"the permeability must be above 0, got {number(steel)}", name)
     return square / (2 * MU_0 * steel) if of_flux else MU_0 * steel / 2 * square
 
 
-def minimise(form: Any, space: Any, solution: Any) -> tuple[float, int]:
-    """Minimise the convex energy `form` (statically condensed) from `solution` on; residual and Newton steps.
+def minimise(form: Any, space: Any, solution: Any) -> float:
+    """Minimise the convex energy `form` (statically condensed) from `solution` on; return the residual.
 
     Raises
     ------
@@ -147,14 +131,14 @@ def minimise(form: Any, space: Any, solution: Any) -> tuple[float, int]:
     slope, step, trial = (solution.vec.CreateVector() for _ in range(3))
     free = ng.Projector(space.FreeDofs(), True)
     first, residual = 0.0, 1.0
-    for count in range(STEPS):
+    for _ in range(STEPS):
         form.Apply(solution.vec, slope)
         free.Project(slope)
         size = float(slope.Norm())
         first = first or size
         residual = size / first if first else 0.0
         if residual <= RESIDUAL:
-            return residual, count
+            return residual
         form.AssembleLinearization(solution.vec)
         inverse = form.mat.Inverse(space.FreeDofs(True), inverse="sparsecholesky")
         outer = slope.CreateVector()
@@ -165,10 +149,10 @@ def minimise(form: Any, space: Any, solution: Any) -> tuple[float, int]:
         if not _line_search(form, solution, step, trial, expected=float(ng.InnerProduct(slope, step))):
             break
     if residual <= 100 * RESIDUAL:  # the energy has no more digits to lose
-        return residual, count
+        return residual
     raise SolverError(
-        f"the magnetic field did not converge: after {count + 1} Newton steps the residual is"
-        f" {number(residual)} of the first, it must be {number(RESIDUAL)}"
+        f"the magnetic field did not converge: Newton's steps leave a residual of {number(residual)} of the first, it"
+        f" must be {number(RESIDUAL)}"
     )
 
 
@@ -274,13 +258,10 @@ def axisymmetric_force(
 
     Raises
     ------
-    SpecError
-        A dimension that is not above 0, or a core that does not fit its bore.
     SolverError
         The parts cannot be meshed, Newton's method does not converge, or the two potentials differ by more
         than a fifth (a washer very far away).
     """
-    check_parts(coil, washer, gap_m)
     mesh, far_mm = _half_plane(coil, washer, gap_m, levels)
     steels: dict[str, Steel] = {
         "core": core_steel or coil.core_permeability,
@@ -300,36 +281,6 @@ def axisymmetric_force(
             " a smaller gap, a higher order or surface charges would do"
         )
     return force
-
-
-def check_parts(coil: CoilSource, washer: SteelRing, gap_m: float) -> None:
-    """Refuse dimensions that make no coil or no washer.
-
-    Raises
-    ------
-    SpecError
-        Names the dimension, its bound and its value.
-    """
-    above_zero = {
-        "coil.gap": gap_m,
-        "washer.thickness": washer.thickness,
-        "washer.inner_diameter": washer.inner_diameter,
-    }
-    inside = [("washer.inner_diameter", washer.inner_diameter, washer.outer_diameter)]
-    if coil.core_diameter:
-        above_zero["coil.core_length"] = coil.core_length
-    for winding in coil.windings:
-        above_zero |= {"coil.length": winding.length, "coil.inner_diameter": winding.inner_diameter}
-        inside += [
-            ("coil.core_diameter", coil.core_diameter, winding.inner_diameter * (1 + 1e-9)),
-            ("coil.inner_diameter", winding.inner_diameter, winding.outer_diameter),
-        ]
-    for where, value in above_zero.items():
-        if not value > 0:
-            raise SpecError(f"must be above 0 m, got {number(value)} m", where)
-    for where, inner, outer in inside:
-        if not 0 <= inner < outer:
-            raise SpecError(f"must be at least 0 and below {number(outer)} m, got {number(inner)} m", where)
 
 
 def _half_plane(coil: CoilSource, washer: SteelRing, gap_m: float, levels: int) -> tuple[Any, float]:
@@ -359,14 +310,19 @@ def _half_plane(coil: CoilSource, washer: SteelRing, gap_m: float, levels: int) 
     for vertex in shape.vertices:
         if any(r > 0 and np.hypot(vertex.p.x - r, vertex.p.y - z) < 1e-6 * r for r, z in corners):
             vertex.hpref = 1
+    return _meshed(shape, levels, dim=2, maxh=far / 4, grading=0.3), far
+
+
+def _meshed(shape: Any, levels: int, dim: int, **sizes: Any) -> Any:
+    """Return the curved mesh of a shape, refined `levels` times where it is marked."""
     try:
-        mesh = ng.Mesh(occ.OCCGeometry(shape, dim=2).GenerateMesh(maxh=far / 4, grading=0.3))
+        mesh = ng.Mesh(occ.OCCGeometry(shape, dim=dim).GenerateMesh(**sizes))
     except Exception as error:  # netgen raises its own and the geometry kernel's types
-        raise SolverError(f"coil and washer could not be meshed ({error}); the gap is {number(low)} mm") from error
+        raise SolverError(f"coil and washers could not be meshed ({error})") from error
     if levels:
         mesh.RefineHP(levels, SHRINK)
     mesh.Curve(3)
-    return mesh, far
+    return mesh
 
 
 def coil_cells(coil: CoilSource) -> list[tuple[str, float, float, float, float]]:
@@ -426,14 +382,14 @@ def _by_vector(
     form = ng.BilinearForm(space, symmetric=True, condense=True)
     for name in dict.fromkeys(mesh.GetMaterials()):
         region = ng.dx(definedon=mesh.Materials(name), bonus_intorder=4)
-        form += ng.Variation(weight * _energy_density(steels.get(name, 1.0), flux, name, of_flux=True) * region)
+        form += ng.Variation(weight * _energy_density(steels.get(name, 1.0), flux, of_flux=True) * region)
     form += ng.Variation(-weight * density * radius * trial * ng.dx(bonus_intorder=4))
     far = weight * (radius * trial) ** 2 / (2 * MU_0 * far_mm)
     form += ng.Variation(far * ng.ds("far", bonus_intorder=4))
     potential = ng.GridFunction(space)
-    residual, steps = minimise(form, space, potential)
+    residual = minimise(form, space, potential)
     field = _curl(potential) / MU_0  # right in air, where the stress is taken
-    return ScalarField(mesh, potential, field, weight, space.ndof, residual, steps, order)
+    return ScalarField(mesh, potential, field, weight, space.ndof, residual, order)
 
 
 def _curl(w: Any) -> Any:
@@ -486,13 +442,10 @@ def solid_force(
 
     Raises
     ------
-    SpecError
-        No washer, washers that overlap, or a dimension that makes no part.
     SolverError
         The parts cannot be meshed, Newton's method does not converge, or the force's own error is more than a
         fifth of it (a washer far away).
     """
-    _check(coil, washers)
     half = all(abs(w.y_m) < 1e-9 for w in washers)
     mesh, far_mm = _mesh(coil, washers, half, levels, size)
     steels: dict[str, Steel] = {f"washer{i}": w.steel or w.ring.permeability for i, w in enumerate(washers)}
@@ -529,22 +482,6 @@ def _foot_mm(washer: PlacedWasher) -> tuple[float, float, float]:
     return 1e3 * washer.x_m, 1e3 * washer.y_m, 1e3 * washer.gap_m
 
 
-def _check(coil: CoilSource, washers: Sequence[PlacedWasher]) -> None:
-    if not washers:
-        raise SpecError("needs at least one washer, got none", "washers")
-    for w in washers:
-        check_parts(coil, w.ring, w.gap_m)
-    for i, one in enumerate(washers):
-        for other in washers[i + 1 :]:
-            apart = float(np.hypot(one.x_m - other.x_m, one.y_m - other.y_m))
-            least = (one.ring.outer_diameter + other.ring.outer_diameter) / 2
-            above = max(one.gap_m - other.gap_m - other.ring.thickness, other.gap_m - one.gap_m - one.ring.thickness)
-            if apart <= least and above <= 0:
-                raise SpecError(
-                    f"two washers must be more than {number(least)} m apart, got {number(apart)} m", "washers"
-                )
-
-
 def _mesh(coil: CoilSource, washers: Sequence[PlacedWasher], half: bool, levels: int, size: float) -> tuple[Any, float]:
     """Return the mesh in mm and the far sphere's radius in mm."""
     length = 1e3 * coil.length
@@ -566,15 +503,8 @@ def _mesh(coil: CoilSource, washers: Sequence[PlacedWasher], half: bool, levels:
     if half:
         shape *= occ.Box(occ.Pnt(-2 * far, 0, -2 * far), occ.Pnt(2 * far, 2 * far, 2 * far))
     _mark_edges(shape, coil, washers)
-    try:
-        grown = occ.OCCGeometry(shape).GenerateMesh(maxh=far / 3, grading=0.5, parallel_meshing=False, optsteps3d=3)
-    except Exception as error:  # netgen raises its own and the geometry kernel's types
-        raise SolverError(f"coil and washers could not be meshed ({error})") from error
-    mesh = ng.Mesh(grown)
-    if levels:
-        mesh.RefineHP(levels, SHRINK)
-    mesh.Curve(3)
-    return mesh, far
+    sizes = {"maxh": far / 3, "grading": 0.5, "parallel_meshing": False, "optsteps3d": 3}
+    return _meshed(shape, levels, dim=3, **sizes), far
 
 
 def _coil_parts(coil: CoilSource) -> list[Any]:

@@ -28,7 +28,7 @@ from padgen.driver.pad_drive import PadDrive, coil_lines
 from padgen.driver.waveform import Timeline, blocks, sample_count
 from padgen.measured.tuning import Tuning, tuning_hash
 from padgen.physics.crest import ALIAS_DB
-from padgen.physics.currents import peak_current_a
+from padgen.physics.schemes import peak_current_a
 from padgen.planner.plan import Plan
 
 __all__ = [

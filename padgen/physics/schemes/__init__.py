@@ -3,21 +3,33 @@
 A scheme has the names of `DriveScheme`: the demands of its current on coil and amplifier, and the lines of its squared
 current beside the wanted ones. `line_a2` (n,) are the amplitudes in A² of the wanted lines of i², one per channel.
 `scheme` is the `padgen.physics.selectivity.Scheme` with the spec's settings. `headroom` is the share by which the
-spur-free force's constant exceeds the sum of the lines.
+spur-free force's constant exceeds the sum of the lines. Functions here are of a coil with all channels on.
 """
 
 from collections.abc import Callable
 from math import inf
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from padgen.core.registry import SCHEMES
+from padgen.physics.selectivity import Scheme
 
-if TYPE_CHECKING:
-    from padgen.physics.selectivity import Scheme
-
-__all__ = ["DriveScheme", "in_order", "register", "simplest_first", "unregister"]
+__all__ = [
+    "DriveScheme",
+    "bias_a",
+    "current_lines_a",
+    "formula",
+    "in_order",
+    "mean_square_a2",
+    "on_carrier_v",
+    "peak_current_a",
+    "peak_voltage_v",
+    "register",
+    "root_voltage_v",
+    "simplest_first",
+    "unregister",
+]
 
 
 class DriveScheme(Protocol):
@@ -36,24 +48,24 @@ class DriveScheme(Protocol):
     HAS_PAIR_SPURS: bool
     """True where two channels together make unwanted lines of i²."""
 
-    def pair_square(self, scheme: "Scheme", a: np.ndarray, b: np.ndarray, strongest: np.ndarray | float) -> np.ndarray:
+    def pair_square(self, scheme: Scheme, a: np.ndarray, b: np.ndarray, strongest: np.ndarray | float) -> np.ndarray:
         """Return the squared amplitude of the spurs of two channels with the wanted lines a and b.
 
         `strongest` is the line that sets the bias.
         """
 
-    def mean_square_a2(self, scheme: "Scheme", line_a2: np.ndarray, headroom: float, on: np.ndarray) -> float:
+    def mean_square_a2(self, scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.ndarray) -> float:
         """Return the mean of i² in A² with the channels `on` (n,)."""
 
-    def current_lines_a(self, scheme: "Scheme", line_a2: np.ndarray, headroom: float) -> np.ndarray:
+    def current_lines_a(self, scheme: Scheme, line_a2: np.ndarray, headroom: float) -> np.ndarray:
         """Return the peak current (n,) in A of each channel."""
 
-    def peak_current_a(self, scheme: "Scheme", line_a2: np.ndarray, headroom: float) -> float:
+    def peak_current_a(self, scheme: Scheme, line_a2: np.ndarray, headroom: float) -> float:
         """Return an upper bound in A of the current: all peaks at one moment."""
 
     def peak_voltage_v(
         self,
-        scheme: "Scheme",
+        scheme: Scheme,
         line_a2: np.ndarray,
         resonance_hz: np.ndarray,
         resistance: float,
@@ -78,3 +90,64 @@ def simplest_first() -> tuple[str, ...]:
 
 def _sorted(key: Callable[[Any], Any]) -> tuple[str, ...]:
     return tuple(sorted(SCHEMES.names(), key=lambda name: key(SCHEMES.get(name))))
+
+
+FORMULAS = {
+    "root": "i(t) = sqrt(a0 + sum over ON channels of a_j cos(2 pi resonance_hz_j t))",
+    "biased": "i(t) = B + sum over ON channels of b_j sin(2 pi resonance_hz_j t)",
+    "tones": "i(t) = sum over ON channels of I_j sin(2 pi drive_hz_j t)",
+    "turns": "i(t) = I_j sin(2 pi drive_hz_j t) in the slot of each ON channel j, one after the other",
+}
+"""The formula of each kind of current: a_j are `line_a2`, B is `bias_a`, b_j and I_j are `current_lines_a`."""
+
+
+def formula(scheme: Scheme) -> str:
+    """Return the formula of a coil's current over time, as text."""
+    return FORMULAS["turns" if scheme.takes_turns else scheme.kind.CURRENT]
+
+
+def bias_a(scheme: Scheme, line_a2: np.ndarray) -> float:
+    """Return the constant current B in A of the biased scheme: `bias_ratio` times its largest tone ``b = a/(2B)``."""
+    return float(np.sqrt(scheme.bias_ratio * line_a2.max(initial=0.0) / 2))
+
+
+def mean_square_a2(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.ndarray | None = None) -> float:
+    """Return the mean of i² in A² with the channels `on` (n,), or with all.
+
+    Times R it is the copper loss; times a force constant it is the mean pull.
+    """
+    playing = np.ones(len(line_a2), dtype=bool) if on is None else on
+    return scheme.kind.mean_square_a2(scheme, line_a2, headroom, playing)
+
+
+def current_lines_a(scheme: Scheme, line_a2: np.ndarray, headroom: float = 0.0) -> np.ndarray:
+    """Return the peak current (n,) in A of each channel's tone; spur-free, of the coil with that channel alone on."""
+    return scheme.kind.current_lines_a(scheme, line_a2, headroom)
+
+
+def peak_current_a(scheme: Scheme, line_a2: np.ndarray, headroom: float) -> float:
+    """Return an upper bound in A of the current: all peaks at one moment."""
+    return scheme.kind.peak_current_a(scheme, line_a2, headroom)
+
+
+def peak_voltage_v(
+    scheme: Scheme, line_a2: np.ndarray, resonance_hz: np.ndarray, resistance: float, inductance: float, headroom: float
+) -> float:
+    """Return an upper bound in V of the coil's voltage: all peaks at one moment."""
+    return scheme.kind.peak_voltage_v(scheme, line_a2, resonance_hz, resistance, inductance, headroom)
+
+
+def on_carrier_v(
+    volts: np.ndarray | float, root_a: np.ndarray | float, inductance: float, carrier_hz: float
+) -> np.ndarray:
+    """Return the envelope in V of the voltage of ``√2 root cos 2πf_c t``; `volts` are those of the root alone."""
+    return np.asarray(np.sqrt(2) * np.hypot(volts, 2 * np.pi * carrier_hz * inductance * root_a))
+
+
+def root_voltage_v(line_a2: float, resonance_hz: float, resistance: float, inductance: float, headroom: float) -> float:
+    """Return the peak in V of ``R i + L di/dt`` for ``i² = a (1 + h + cos 2π r t)``: one spur-free channel on."""
+    # Samples crowd at the sharpest bend of the current, which is √h wide.
+    phase = np.pi + 2 * np.pi * np.sinh(np.linspace(-4, 4, 4001)) / (2 * np.sinh(4))
+    current = np.sqrt(line_a2 * np.maximum(headroom + 2 * np.cos(phase / 2) ** 2, 1e-30))
+    slope = -line_a2 * np.sin(phase) * 2 * np.pi * resonance_hz / (2 * current)
+    return float((resistance * current + inductance * slope).max())

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from padgen.physics.currents import bias_a
 from padgen.physics.magnetics import impedance
+from padgen.physics.schemes import bias_a
 from padgen.physics.selectivity import Scheme
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""Stiff and extreme cases of beams, solids, forces and motion: what each model says, what is true, whether it knew.
+"""Stiff and extreme cases of every model, and of whole plans: what each says, what is true, whether it knew.
 
 Structure: foils and blocks, ribbons and blades, feathers and anvils at the tip: the frame of Timoshenko elements
 against the roots of the frequency equation in forty digits, and the beam model of taxels against 3-D elasticity of
@@ -7,12 +7,17 @@ steel ring glued below it, the beam's root held, written as STEP and solved as a
 finer elements, or the same with all moduli scaled. Force: the plan's pull, fields near and far, saturated, of any
 permeability; pull-in. Dynamics: arithmetic in forty digits on formulas that cancel freely, energy and balance in
 closed form, or a solver of another kind at its finest setting.
+
+Specs are drawn from the whole space of specs and planned end to end: of each comes a plan of finite figures, or one
+sentence. Selectivity has a Q up to 1e7, thousands of channels, lines that all but meet; each figure is held to the same
+formula in 60 digits, at the frequencies that the doubles stand for.
 """
 
+import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from functools import partial
-from math import pi, sqrt
+from math import nan, pi, sqrt
 from pathlib import Path
 from random import Random
 from tempfile import TemporaryDirectory
@@ -20,23 +25,33 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import SolverError, number
+from padgen.core.errors import PadgenError, SolverError, number
+from padgen.ladders.rung import Solved
+from padgen.ladders.stages import axisymmetric_pull, charges_pull, three_d_pull
+from padgen.make.planning import plan_for
 from padgen.physics.frame import AttachedBody, Element, Frame, checked_frame_modes, divided, rectangle
-from padgen.physics.magnetics import CoilSource, SteelRing, balanced_deflection, impedance, pull_in_deflection, solenoid
+from padgen.physics.ladder import LevelLaw, capacity, geometric_ladder
+from padgen.physics.magnetics import (
+    MILD_STEEL,
+    SteelRing,
+    balanced_deflection,
+    impedance,
+    pull_in_deflection,
+    solenoid,
+)
 from padgen.physics.modes import RigidBody
 from padgen.physics.propagation import STATED_ERROR, Tones, circuit_current, propagate, squared, steady_lines, tones
-from padgen.physics.pull import solved_pulls
-from padgen.physics.saturation import MILD_STEEL
+from padgen.physics.selectivity import Channels, Scheme, channels, off_energy
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
-from padgen.spec import catalogue, make_spec
+from padgen.spec import Spec, catalogue, make_spec
+from padgen.spec.fields import choices
+from padgen.verify import mpmath, occ
 from padgen.verify.coupled import CoupledSystem, Source, from_tones, make_system, scipy_motion, simulate
 from padgen.verify.elasticity import Elastic, SolidTaxel, converged_modes, solve_modes
-from padgen.verify.engines import mpmath, occ
-from padgen.verify.field_solid import Pull, axisymmetric_force, solid_pull
+from padgen.verify.field_solid import Pull
 
 __all__ = [
-    "Answer",
     "BlockTaxel",
     "Cantilever",
     "ExtremeCase",
@@ -46,24 +61,15 @@ __all__ = [
     "exact_frequencies",
     "force_cases",
     "frame_answer",
-    "planned_pull",
+    "outcome",
     "random_pull",
+    "random_table",
+    "selectivity_cases",
     "solid_answer",
     "solid_cases",
+    "spec_cases",
     "structure_cases",
 ]
-
-
-class Answer(NamedTuple):
-    """A model's answer: `values` of any shape and the relative error that it states itself.
-
-    `residual` and `condition` are of the linear or eigen problem behind it, nan where there is none.
-    """
-
-    values: np.ndarray
-    stated_error: float
-    residual: float = float("nan")
-    condition: float = float("nan")
 
 
 @dataclass(frozen=True)
@@ -71,14 +77,14 @@ class ExtremeCase:
     """One case: the answer of padgen (or its refusal by raising a `PadgenError`), and what is true.
 
     Relative errors are of the largest entry of `values`. `reference` is analytic, of many digits, or a finer
-    solve (`source` says which); as an `Answer` it has an error of its own, which is allowed for.
+    solve (`source` says which); as an `Solved` it has an error of its own, which is allowed for.
     """
 
     name: str
     domain: str
     model: str
-    solve: Callable[[], Answer]
-    reference: Callable[[], np.ndarray | Answer]
+    solve: Callable[[], Solved]
+    reference: Callable[[], np.ndarray | Solved]
     source: str
 
 
@@ -121,7 +127,7 @@ class Cantilever(NamedTuple):
         return self.tip_mass * (self.gyration * self.length) ** 2
 
 
-def frame_answer(beam: Cantilever) -> Answer:
+def frame_answer(beam: Cantilever) -> Solved:
     """Return bending frequencies up by the frame, lowest first; motions across, along and about the axis are held.
 
     Raises
@@ -142,24 +148,22 @@ def frame_answer(beam: Cantilever) -> Answer:
     modes, error = checked_frame_modes(frame, 5 * MODES)
     motion = np.abs(modes.node_motion) * np.repeat([1.0, beam.length], 3)
     up = motion[..., 2].max(1) > UP_SHARE * motion.max((1, 2))
-    return Answer(modes.frequency_hz[up][:MODES], float(error[up][:MODES].max()), modes.residual, modes.condition)
+    return Solved(modes.frequency_hz[up][:MODES], float(error[up][:MODES].max()), modes.residual, modes.condition)
 
 
-def exact_frequencies(beam: Cantilever, guess_hz: np.ndarray) -> np.ndarray:
-    """Return roots of Timoshenko's frequency equation nearest to `guess_hz`, in forty digits.
+def exact_frequencies(beam: Cantilever, guess_hz: np.ndarray | None = None) -> np.ndarray:
+    """Return roots of Timoshenko's frequency equation nearest to `guess_hz`, or to the frame's, in forty digits.
 
     The state (deflection, rotation, moment, shear) is carried along the beam by the exponential of
     its equations (Huang, J. Appl. Mech. 28, 1961, in the form of a transfer matrix).
     """
+    found, equation = [], partial(_frequency_equation, beam)
     with mpmath.workdps(DIGITS):
-        return np.array([float(_root(beam, guess)) for guess in guess_hz])
-
-
-def _root(beam: Cantilever, guess_hz: float) -> Any:
-    start = 2 * mpmath.pi * mpmath.mpf(float(guess_hz))
-    around = (start * (1 - NEAR), start * (1 + NEAR))
-    found = mpmath.findroot(partial(_frequency_equation, beam), around, tol=1e-25, verify=False)
-    return found / (2 * mpmath.pi)
+        for guess in frame_answer(beam).values if guess_hz is None else guess_hz:
+            start = 2 * mpmath.pi * mpmath.mpf(float(guess))
+            root = mpmath.findroot(equation, (start * (1 - NEAR), start * (1 + NEAR)), tol=1e-25, verify=False)
+            found.append(float(root / (2 * mpmath.pi)))
+    return np.array(found)
 
 
 def _frequency_equation(beam: Cantilever, angular: Any) -> Any:
@@ -226,7 +230,7 @@ _TAXELS: tuple[tuple[str, str, BeamShape, tuple[float, ...], str, float], ...] =
 washer; working resonance in Hz by 3-D elasticity (docs/measure_beams.py)."""
 
 
-def beam_answer(topology: str, beam: BeamShape, figures: tuple[float, ...], washer: str) -> Answer:
+def beam_answer(topology: str, beam: BeamShape, figures: tuple[float, ...], washer: str) -> Solved:
     """Return the working resonance of one of the taxels by the beam model.
 
     Raises
@@ -256,7 +260,7 @@ def beam_answer(topology: str, beam: BeamShape, figures: tuple[float, ...], wash
             f"a beam of {number(length)} mm is too short beside its width of {number(width)} and thickness of"
             f" {number(thickness)} mm for the beam model: solve the solid"
         )
-    return Answer(np.array([float(model.resonance_hz)]), float(model.error_estimate))
+    return Solved(np.array([float(model.resonance_hz)]), float(model.error_estimate))
 
 
 def _cantilevers() -> Iterator[tuple[str, Cantilever]]:
@@ -281,16 +285,12 @@ def structure_cases() -> Iterator[ExtremeCase]:
     """Yield all cases of the structure ladder's beam rungs."""
     source = "roots of Timoshenko's frequency equation, forty digits"
     for name, beam in _cantilevers():
-        solve, reference = partial(frame_answer, beam), partial(_reference, beam)
+        solve, reference = partial(frame_answer, beam), partial(exact_frequencies, beam)
         yield ExtremeCase(name, "structure", "frame", solve, reference, source)
     source = "3-D elasticity of the printed solid, order 3, 0.3 %"
     for name, topology, shape, figures, washer, hz in _TAXELS:
         solve = partial(beam_answer, topology, shape, figures, washer)
         yield ExtremeCase(f"taxel: {name}", "structure", "beam", solve, partial(np.array, [hz]), source)
-
-
-def _reference(beam: Cantilever) -> np.ndarray:
-    return exact_frequencies(beam, frame_answer(beam).values)
 
 
 STEEL = Elastic(200e9, 0.3, 7850.0)
@@ -333,19 +333,19 @@ class BlockTaxel(NamedTuple):
         return SolidTaxel(step, printed, self.washer, volume, middle, clamp="root", name=name)
 
 
-def solid_answer(taxel: BlockTaxel) -> Answer:
+def solid_answer(taxel: BlockTaxel) -> Solved:
     """Return the working resonance in Hz, and its error, by the elements that tune plans."""
     with TemporaryDirectory() as folder:
         found = converged_modes(taxel.written(Path(folder)), TOLERANCE)
     working = found.modes.working
-    return Answer(found.modes.frequency_hz[[working]], float(found.error[working]), found.residual)
+    return Solved(found.modes.frequency_hz[[working]], float(found.error[working]), found.residual)
 
 
-def _by_finer(taxel: BlockTaxel, scale: float = 1.0) -> Answer:
+def _by_finer(taxel: BlockTaxel, scale: float = 1.0) -> Solved:
     """Solve by elements of `FINER_ELEMENTS`; return the resonance times `scale`."""
     with TemporaryDirectory() as folder:
         found = solve_modes(taxel.written(Path(folder)), *FINER_ELEMENTS)
-    return Answer(scale * found.modes.frequency_hz[[found.modes.working]], FINER_ERROR)
+    return Solved(scale * found.modes.frequency_hz[[found.modes.working]], FINER_ERROR)
 
 
 def solid_cases() -> Iterator[ExtremeCase]:
@@ -355,15 +355,13 @@ def solid_cases() -> Iterator[ExtremeCase]:
     def case(name: str, taxel: BlockTaxel, reference: Callable[[], Any], source: str) -> ExtremeCase:
         return ExtremeCase(name, "solid", "elements", partial(solid_answer, taxel), reference, source)
 
-    for step in (0.05, 1e-3):
-        taxel = plain._replace(step_mm=step)
-        yield case(f"a sliver of {1e3 * step:g} µm under the beam", taxel, partial(_by_finer, taxel), same)
+    taxels = {f"a sliver of {1e3 * step:g} µm under the beam": plain._replace(step_mm=step) for step in (0.05, 1e-3)}
     for aspect in (1e2, 1e3, 1e4):
-        taxel = plain._replace(length=10.0, thickness=10.0 / aspect)
-        yield case(f"a beam {aspect:g} times as long as thick", taxel, partial(_by_finer, taxel), same)
-    for poisson in (0.0, 0.49, 0.499):
-        taxel = plain._replace(poisson=poisson)
-        yield case(f"Poisson's ratio {poisson:g}", taxel, partial(_by_finer, taxel), same)
+        taxels[f"a beam {aspect:g} times as long as thick"] = plain._replace(length=10.0, thickness=10.0 / aspect)
+    taxels |= {f"Poisson's ratio {poisson:g}": plain._replace(poisson=poisson) for poisson in (0.0, 0.49, 0.499)}
+    taxels["modulus 1e+12 Pa under steel"] = plain._replace(modulus=1e12)
+    for name, taxel in taxels.items():
+        yield case(name, taxel, partial(_by_finer, taxel), same)
     for modulus in (1e3, 1e6):
         # Beside steel the print is soft: only the root of its modulus counts.
         reference = partial(_by_finer, plain._replace(modulus=1e7), sqrt(modulus / 1e7))
@@ -376,14 +374,13 @@ def solid_cases() -> Iterator[ExtremeCase]:
         yield case(
             f"modulus {modulus:g} Pa, steel in proportion", taxel, partial(_by_finer, plain, sqrt(share)), source
         )
-    taxel = plain._replace(modulus=1e12)
-    yield case("modulus 1e+12 Pa under steel", taxel, partial(_by_finer, taxel), same)
 
 
 COIL = solenoid(10e-3, 4e-3, 10e-3, 1000, 4e-3, 1000)
 WASHER = SteelRing(4e-3, 2e-3, 0.5e-3, 1000)
 """The reference problem of tests/reference/magnetostatics.json."""
-FINER_FIELD = {"order": 7, "levels": 6}
+FINER_FIELD = 7, 6
+"""Order and levels of the elements of the axisymmetric reference."""
 HIGHER = 4
 RANDOM = 12
 """Coils, washers and places drawn from what a spec allows."""
@@ -438,59 +435,39 @@ def random_pull(index: int) -> Pull:
     return Pull(coil, SteelRing._make([*sizes, ring["relative_permeability"]]), 2e-4 * 25 ** draw(), 15e-3 * draw())
 
 
-def planned_pull(coil: CoilSource, washer: SteelRing, gap_m: float, offset_m: float) -> Answer:
-    """Return the pull over the current's square by which plans are made, and the error that it states."""
-    found = solved_pulls(coil, washer, np.array([gap_m]), np.array([offset_m]))
-    return Answer(found.pull, float(found.error[0]))
-
-
 def _planned_case(name: str, pull: Pull) -> ExtremeCase:
-    solve = partial(planned_pull, pull.coil, pull.washer, pull.gap_m, pull.offset_m)
+    reference, source = partial(axisymmetric_pull, pull), "axisymmetric field, with its error"
     if pull.offset_m:
-        return ExtremeCase(name, "force", "plan", solve, partial(_off_axis, pull), "3-D field, with its own error")
-    return ExtremeCase(name, "force", "plan", solve, partial(_axisymmetric, pull), "axisymmetric field, with its error")
+        reference, source = partial(_off_axis, pull), "3-D field, with its own error"
+    return ExtremeCase(name, "force", "plan", partial(charges_pull, pull), reference, source)
 
 
 def _axisymmetric_case(name: str, pull: Pull) -> ExtremeCase:
     source = "the same by elements of order 7 and six refinements, with its own error"
-    finer = partial(_axisymmetric, pull, **FINER_FIELD)
-    return ExtremeCase(name, "force", "axisymmetric", partial(_axisymmetric, pull), finer, source)
-
-
-def _axisymmetric(pull: Pull, **fineness: int) -> Answer:
-    """Return the bracket's middle over the current's square; of a finer solution the scalar potential's answer."""
-    solved = axisymmetric_force(
-        pull.coil, pull.washer, pull.gap_m, pull.current_a, pull.core_steel, pull.washer_steel, **fineness
-    )
-    force_n = solved.scalar_n if fineness else solved.force_n
-    return Answer(np.array([-force_n / pull.current_a**2]), solved.error, solved.residual)
+    solve, finer = partial(axisymmetric_pull, pull), partial(axisymmetric_pull, pull, *FINER_FIELD, scalar=True)
+    return ExtremeCase(name, "force", "axisymmetric", solve, finer, source)
 
 
 def _solid_case(name: str, pull: Pull) -> ExtremeCase:
     source = "axisymmetric field, with its own error"
-    return ExtremeCase(name, "force", "3-D", partial(_solid_field, pull), partial(_axisymmetric, pull), source)
+    return ExtremeCase(name, "force", "3-D", partial(three_d_pull, pull), partial(axisymmetric_pull, pull), source)
 
 
-def _off_axis(pull: Pull) -> Answer:
+def _off_axis(pull: Pull) -> Solved:
     """Solve the 3-D field; by a higher order where a weak pull drowns in the usual one's own error."""
     try:
-        return _solid_field(pull)
+        return three_d_pull(pull)
     except SolverError:
-        return _solid_field(pull, HIGHER)
-
-
-def _solid_field(pull: Pull, order: int = 3) -> Answer:
-    found = solid_pull(pull, order)
-    return Answer(np.array([-float(found.wrench[0, 2]) / pull.current_a**2]), found.error, found.residual)
+        return three_d_pull(pull, HIGHER)
 
 
 def _near_pull_in(share: float) -> ExtremeCase:
     """Make a case of a pull c ∝ 1/gap², whose pull-in is at a third of the gap; below it the balance solves a cubic."""
     gap_m = 1e-3
 
-    def solve() -> Answer:
+    def solve() -> Solved:
         slack = share * pull_in_deflection(gap_m, 2.0)[1]
-        return Answer(np.array([balanced_deflection(slack, gap_m, 2.0)], float), 1e-6)
+        return Solved(np.array([balanced_deflection(slack, gap_m, 2.0)], float), 1e-6)
 
     # z (g − z)² = share · 4 g³/27; the smallest root in closed form.
     root = gap_m * (2 / 3 + 2 / 3 * np.cos(np.arccos(2 * share - 1) / 3 + 2 * pi / 3))
@@ -561,7 +538,7 @@ def exact_displacement(frequency_hz: float, q: float, mass_kg: float, force: Ton
 
 
 def _case(
-    name: str, model: str, solve: Callable[[], Answer], reference: Callable[[], np.ndarray], source: str = MANY_DIGITS
+    name: str, model: str, solve: Callable[[], Solved], reference: Callable[[], np.ndarray], source: str = MANY_DIGITS
 ) -> ExtremeCase:
     return ExtremeCase(name, "dynamics", model, solve, reference, source)
 
@@ -572,8 +549,8 @@ def _over_largest(values: np.ndarray) -> np.ndarray:
 
 
 def _propagated(name: str, hz: np.ndarray, q: Any, mass: Any, force: Tones, times: np.ndarray) -> ExtremeCase:
-    def solve() -> Answer:
-        return Answer(_over_largest(propagate(hz, q, mass, force, times)), 10 * STATED_ERROR)
+    def solve() -> Solved:
+        return Solved(_over_largest(propagate(hz, q, mass, force, times)), 10 * STATED_ERROR)
 
     def exact() -> np.ndarray:
         own = zip(*np.broadcast_arrays(hz, q, mass), strict=True)
@@ -587,16 +564,15 @@ def _phasor_near_resonance() -> ExtremeCase:
     force = tones(hz + 1e-9, 1e-5)
 
     def exact() -> np.ndarray:
-        mp = mpmath.mp.clone()
-        mp.dps = DIGITS
-        own, at = mp.mpf(hz), mp.mpf(float(force.frequency_hz[0]))
-        bracket = 4 * mp.pi**2 * mp.mpf(MASS_KG) * mp.mpc(own**2 - at**2, at * own / mp.mpf(q))
-        moved = mp.mpf(1e-5) / bracket
-        return np.array([float(moved.real), float(moved.imag)])
+        with mpmath.workdps(DIGITS):
+            own, at = mpmath.mpf(hz), mpmath.mpf(float(force.frequency_hz[0]))
+            bracket = mpmath.mpc(own**2 - at**2, at * own / mpmath.mpf(q))
+            moved = complex(mpmath.mpf(1e-5) / (4 * mpmath.pi**2 * mpmath.mpf(MASS_KG) * bracket))
+        return np.array([moved.real, moved.imag])
 
-    def solve() -> Answer:
+    def solve() -> Solved:
         line = steady_lines(np.array([hz]), q, MASS_KG, force)[0, 0]
-        return Answer(np.array([line.real, line.imag]), STATED_ERROR)
+        return Solved(np.array([line.real, line.imag]), STATED_ERROR)
 
     return _case("steady state at Q = 1e7, 1e-9 Hz off resonance", "phasor", solve, exact)
 
@@ -607,9 +583,9 @@ def _many_oscillators() -> ExtremeCase:
     force, seen = tones(hz[::32], 1e-5, np.arange(64)), np.linspace(0, len(hz) - 1, 16).astype(int)
     times, static = np.linspace(0, 10, 201)[1:], 1e-5 / (MASS_KG * (2 * np.pi * hz[seen]) ** 2)
 
-    def solve() -> Answer:
+    def solve() -> Solved:
         moved = propagate(hz, 1e6, MASS_KG, force, times)
-        return Answer(moved[seen, -1] / static, 10 * STATED_ERROR)
+        return Solved(moved[seen, -1] / static, 10 * STATED_ERROR)
 
     def exact() -> np.ndarray:
         return np.asarray([exact_displacement(f, 1e6, MASS_KG, force, 10.0) for f in hz[seen]] / static)
@@ -618,14 +594,14 @@ def _many_oscillators() -> ExtremeCase:
     return _case(name, "exponential", solve, exact, f"{MANY_DIGITS}, 16 of them")
 
 
-def _refined(system: CoupledSystem, voltage: Tones, times: np.ndarray) -> Answer:
+def _refined(system: CoupledSystem, voltage: Tones, times: np.ndarray) -> Solved:
     """Return a coupled run; its stated error is ten times its difference from a finer run with other stages."""
     source = from_tones("voltage", voltage)
     run = simulate(system, source, times, tolerance=COUPLED_TOLERANCE)
     fine = simulate(system, source, times, tolerance=COUPLED_TOLERANCE / 100, stages=14).displacement_m
     largest = np.abs(fine).max(1, keepdims=True)
     off = float(np.abs((run.displacement_m - fine) / largest).max())
-    return Answer(run.displacement_m / largest, 10 * off + 1e-11, run.residual)
+    return Solved(run.displacement_m / largest, 10 * off + 1e-11, run.residual)
 
 
 def _circuit_and_taxel(constant_s: float) -> ExtremeCase:
@@ -672,10 +648,10 @@ def _pull_in() -> Iterator[ExtremeCase]:
     stiffness = MASS_KG * (2 * np.pi * hz) ** 2
     largest = stiffness * pull_in_deflection(GAP_M, exponent)[1]
 
-    def highest(q: float, pull: float, times: np.ndarray, stated: float) -> Answer:
+    def highest(q: float, pull: float, times: np.ndarray, stated: float) -> Solved:
         system = make_system(hz, q, MASS_KG, pull, exponent, GAP_M)
         motion = simulate(system, direct, times, tolerance=COUPLED_TOLERANCE)
-        return Answer(motion.displacement_m.max(keepdims=True) / GAP_M, stated, motion.residual)
+        return Solved(motion.displacement_m.max(keepdims=True) / GAP_M, stated, motion.residual)
 
     balance = balanced_deflection(0.99 * largest / stiffness, GAP_M, exponent) or float("nan")
     cases = (("99", balance / GAP_M, "balance in closed form"), ("101", float("nan"), "there is none"))
@@ -687,3 +663,236 @@ def _pull_in() -> Iterator[ExtremeCase]:
     solve = partial(highest, np.inf, share * stiffness * GAP_M / 8, times, 1e-6)
     turning, name = (1 - np.sqrt(1 - share)) / 2, "undamped, let go of at 99.9 % of what pulls it in"
     yield _case(name, "coupled", solve, partial(np.full, (1, 1), turning), "conservation of energy")
+
+
+GROUPS, IN_GROUP = 8, 50
+SOLIDS = (0, 1, 9, 11, 30, 37)
+"""Random specs of which a taxel is solved by finite elements, too: feasible ones of every topology."""
+SOLID_TOLERANCE = 3e-3
+QUICK, QUICK_ERROR = (3, 1), 3e-3
+"""Order and levels of elements that a beam model is held against, and what they may be off by."""
+MOST_ODD = 4
+"""Fields, at most, that are drawn from all that they may be, the others being of the catalogues or usual."""
+LONGEST_SENTENCE = 1000
+IMPOSSIBLE: dict[str, dict[str, Any]] = {
+    "a washer that sags by 10 mm over a gap of 1 mm": {"resonances_hz": [5.0], "band_hz": [4, 6], "resolution": 1},
+    "a washer that rests on its coil by its weight": {"coil": {"gap_mm": 0.05}, "resonances_hz": [60.0, 120.0]},
+    # Tones, or fewer channels over a coil, pull less: the search would take those, and that pad does survive.
+    "a level of half the gap": {
+        "drive": {"level_um": 500.0, "scheme": "biased"},
+        "coil": {"grid": [1, 1], "gap_mm": 1.0},
+    },
+    "a level of twice the gap": {"drive": {"level_um": 2000.0}},
+}
+FREE = (
+    "resolution",
+    "threshold_file",
+    "threshold_hz",
+    "threshold_um",
+    "resonances_hz",
+    "structure",
+    "name",
+    "source",
+    "power_w",
+)
+"""Fields of the spec that are not drawn among the odd ones: without bounds, or drawn always."""
+
+
+def spec_cases() -> Iterator[ExtremeCase]:
+    """Yield groups of random specs, taxels of some of them by finite elements, and statics that no pad survives."""
+    for first in range(0, GROUPS * IN_GROUP, IN_GROUP):
+        name, source = f"random {first} … {first + IN_GROUP - 1}", "a plan of finite figures, or one sentence"
+        yield ExtremeCase(name, "specs", "plan", partial(_group, first), partial(np.array, [0.0]), source)
+    for place in SOLIDS:
+        quick, source = partial(_solid, place, QUICK, QUICK_ERROR), f"elements of order {QUICK[0]}, {QUICK_ERROR:.1%}"
+        yield ExtremeCase(f"taxel of random {place}", "specs", "beam", partial(_beam, place), quick, source)
+    converged, finer = partial(_solid, SOLIDS[1], None, nan), partial(_solid, SOLIDS[1], FINER_ELEMENTS, FINER_ERROR)
+    source = f"elements of order {FINER_ELEMENTS[0]}, {FINER_ELEMENTS[1]} layers"
+    yield ExtremeCase(f"taxel of random {SOLIDS[1]}", "specs", "elements", converged, finer, source)
+    for name, fields_ in IMPOSSIBLE.items():
+        table = {"name": "impossible", "resolution": 4, "band_hz": [50, 200], "q_min": 15, **fields_}
+        told, source = partial(np.array, [1.0]), "an error or a refusal, since no pad can be so"
+        yield ExtremeCase(name, "specs", "plan", partial(_refused, table), told, source)
+
+
+def _group(first: int) -> Solved:
+    """Count how many of a group's specs are answered wrongly; raise with the first of them."""
+    found = {number: outcome(random_table(number)) for number in range(first, first + IN_GROUP)}
+    wrong = [f"random {number}: {fault}" for number, fault in found.items() if fault]
+    if wrong:
+        raise ValueError(f"{len(wrong)} of {IN_GROUP} are wrong: {'; '.join(wrong[:3])}")
+    return Solved(np.array([0.0]), 0.0)
+
+
+def _refused(table: dict[str, Any]) -> Solved:
+    """Return 1 for a plan that has found an error; a refusal is raised."""
+    plan = plan_for(make_spec(table))
+    return Solved(np.array([float(any(finding.level == "error" for finding in plan.findings))]), 0.0)
+
+
+def _beam(number: int) -> Solved:
+    """Return the lowest resonance by the plan's model, which states some of its standard deviations."""
+    channel = plan_for(make_spec(random_table(number, 0))).channels[0]
+    return Solved(np.array([channel.resonance_hz]), channel.model_error)
+
+
+def _solid(number: int, setting: tuple[int, int] | None, error: float) -> Solved:
+    """Return the same of the printed solid, by elements of a setting that err by `error`, or by the tuning ones."""
+    from padgen.make.solid_tuning import solid_taxel
+    from padgen.solid.formats.step import write_taxel_step  # before NGSolve, which brings another OCCT
+    from padgen.verify.elasticity import converged_modes, solve_modes
+
+    plan = plan_for(make_spec(random_table(number, 0)))
+    with TemporaryDirectory() as folder:
+        step = Path(folder) / "taxel.step"
+        write_taxel_step(plan, plan.channels[0], step)
+        taxel = solid_taxel(plan, plan.channels[0], step)
+        found = solve_modes(taxel, *setting) if setting else converged_modes(taxel, SOLID_TOLERANCE)
+    working = found.modes.working
+    stated = error if setting else float(found.error[working])
+    return Solved(found.modes.frequency_hz[[working]], stated, found.residual)
+
+
+def random_table(number: int, most_odd: int = MOST_ODD) -> dict[str, Any]:
+    """Draw spec number `number`, as a table; the same on every machine."""
+    random = Random(number)
+    draw = random.random
+    low, side_mm = 10 * 20 ** draw(), 30 * 5 ** draw()
+    material, made = random.choice(sorted(catalogue("material").items()))
+    printers = [name for name, entry in sorted(catalogue("printer").items()) if entry["process"] == made["process"]]
+    table: dict[str, Any] = {
+        "name": f"random-{number}",
+        "resolution": 1 + int((side_mm / 12) ** 2 * draw()),
+        "band_hz": [low, low * 2 * 10 ** draw()],
+        "q_min": 3 * 30 ** draw(),
+        "material": material,
+        "printer": random.choice(printers),
+        "washer": random.choice(sorted(catalogue("washer"))),
+        "pad": {"width_mm": side_mm, "depth_mm": side_mm},
+        "suspension": {"topology": random.choice(["auto", "cantilever", "folded", "bridge"])},
+    }
+    for _ in range(int(draw() * (most_odd + 1))):
+        name, item = random.choice(DRAWN)
+        meta = item.metadata
+        if known := choices(meta):
+            value: Any = random.choice(known)
+        elif meta["low"] > 0:
+            value = meta["low"] * (meta["high"] / meta["low"]) ** draw()
+        else:
+            value = meta["high"] * draw() ** 4
+        entry = table.setdefault(name, {}) if name else table
+        if isinstance(entry, str):
+            entry = table[name] = {"name": entry}
+        entry[item.name] = int(value) if item.type == "int" or item.type is int else value
+    return table
+
+
+def _is_drawn(item: Any) -> bool:
+    single = "low" in item.metadata and "count" not in item.metadata
+    return item.name not in FREE and (single or bool(choices(item.metadata)))
+
+
+DRAWN = [
+    (name, item)
+    for name, table in [("", Spec), *((part.name, part.type) for part in fields(Spec) if is_dataclass(part.type))]
+    for item in fields(table)
+    if _is_drawn(item)
+]
+"""The tables of a spec ("" is the top level) and their fields, those that have bounds or choices."""
+
+
+def outcome(table: dict[str, Any]) -> str:
+    """Return the fault of the answer to a spec, empty where it is a plan of finite figures or one sentence.
+
+    A plan that finds an error in itself, as where a coil does not pull its washer, may have infinite figures.
+    """
+    try:
+        plan = plan_for(make_spec(table))
+    except PadgenError as error:
+        return "its refusal is no sentence" if "\n" in str(error) or len(str(error)) > LONGEST_SENTENCE else ""
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+    honest = any(finding.level == "error" for finding in plan.findings)
+    lost = re.search(r"(\w+)\W+(nan|inf)\b", repr(vars(plan)))
+    return f"{lost[1]} is no number" if lost and not honest else ""
+
+
+SUM_DIGITS = 60
+ROUNDING = float(np.finfo(float).eps)
+PER_LINE = 16
+"""Roundings that one line's energy may take, and one more for each time that the sum doubles."""
+
+
+def selectivity_cases() -> Iterator[ExtremeCase]:
+    """Yield the energy of one OFF taxel in the worst state of the others, and the paper's capacity."""
+    for q in (1.0, 15.0, 1e3, 1e5, 1e7):
+        yield _energy(f"32 channels in 20 … 1000 Hz, Q = {q:g}", (20.0, 1000.0), 32, q, "spur-free", 16)
+    wide = "of 2,048 channels over 10⁴ in frequency, Q ="
+    for q, off in ((1.0, 1023), (1e7, 0), (1e7, 1023), (1e7, 2047)):
+        yield _energy(f"number {off} {wide} {q:g}", (0.1, 1000.0), 2048, q, "spur-free", off)
+    for scheme in ("tones", "biased"):
+        for off in (0, 31, 63):
+            name = f"number {off} of 64 channels with spurs, Q = 1e7"
+            yield _energy(name, (20.0, 1000.0), 64, 1e7, scheme, off)
+    for scheme in ("tones", "spur-free"):
+        name = "8 channels within 1e-9 of each other, Q = 1e7"
+        yield _energy(name, (100.0, 100.0 * (1 + 1e-9)), 8, 1e7, scheme, 4)
+    for q, delta_y in ((15.0, 10.0), (1e7, 10.0), (1e7, 1e-3), (1.0, 3.9999)):
+        yield _capacity(q, delta_y)
+
+
+def _selectivity_case(
+    name: str, model: str, value: Callable[[], float], stated: float, exact: Callable[[], Any]
+) -> ExtremeCase:
+    def reference() -> np.ndarray:
+        with mpmath.workdps(SUM_DIGITS):
+            return np.array([float(exact())])
+
+    source = f"the same sums in {SUM_DIGITS} digits (mpmath)"
+    return ExtremeCase(name, "selectivity", model, lambda: Solved(np.array([value()]), stated), reference, source)
+
+
+def _energy(name: str, band_hz: tuple[float, float], count: int, q: float, scheme: str, off: int) -> ExtremeCase:
+    def value() -> float:
+        return float(off_energy(_even_channels(band_hz, count, q), Scheme(scheme))[off])
+
+    def exact() -> Any:
+        own = _even_channels(band_hz, count, q)
+        hz, line = ([mpmath.mpf(float(v)) for v in part] for part in (own.resonance_hz, own.line))
+        return _summed(hz, line, mpmath.mpf(q), Scheme(scheme), off)
+
+    return _selectivity_case(name, scheme, value, (PER_LINE + float(np.log2(count))) * ROUNDING, exact)
+
+
+def _capacity(q: float, delta_y: float) -> ExtremeCase:
+    def exact() -> Any:
+        share = mpmath.mpf(delta_y) / (4 * mpmath.mpf(q))
+        return mpmath.log(mpmath.mpf(1000) / 20) / mpmath.log((1 + share) / (1 - share))
+
+    name = f"channels in 20 … 1000 Hz, Q = {q:g}, Δy = {delta_y:g}"
+    return _selectivity_case(name, "Eq. 12", lambda: capacity(20.0, 1000.0, q, delta_y), 8 * ROUNDING, exact)
+
+
+def _even_channels(band_hz: tuple[float, float], count: int, q: float) -> Channels:
+    resonance_hz = geometric_ladder(*band_hz, count)
+    return channels(resonance_hz, q, LevelLaw(1.0)(resonance_hz))
+
+
+def _summed(hz: list[Any], line: list[Any], q: Any, scheme: Scheme, off: int) -> Any:
+    def heard(frequency: Any, amplitude: Any) -> Any:
+        share = frequency / hz[off]
+        return (amplitude / line[off]) ** 2 / ((q * (1 - share**2)) ** 2 + share**2)
+
+    others = [j for j in range(len(hz)) if j != off]
+    total = sum(heard(hz[j], line[j]) for j in others)
+    if not scheme.has_pair_spurs:
+        return total
+    half = 2 if scheme.name == "tones" else 1
+    biased = 2 * mpmath.mpf(scheme.bias_ratio) * max(line)
+    for place, a in enumerate(others):
+        if scheme.is_biased:
+            total += heard(2 * hz[a], line[a] ** 2 / (2 * biased))
+        for b in others[place + 1 :]:
+            both = 2 * mpmath.sqrt(line[a] * line[b]) if scheme.name == "tones" else line[a] * line[b] / biased
+            total += heard((hz[a] + hz[b]) / half, both) + heard(abs(hz[a] - hz[b]) / half, both)
+    return total
