@@ -40,9 +40,8 @@ from padgen.physics.currents import current_lines_a, mean_square_a2, on_carrier_
 from padgen.physics.magnetics import balanced_deflection, impedance
 from padgen.physics.skin import HAND_LIMIT_M_PER_S2, weighted_acceleration
 from padgen.planner.channels import hanging_gap_um
-from padgen.planner.coil_load import pull_in_share
-from padgen.planner.plan import Channel, Plan
-from padgen.planner.settings import CARRIER_OVER_RESONANCE
+from padgen.planner.drive_scheme import pull_in_share
+from padgen.planner.plan import CARRIER_OVER_RESONANCE, Channel, Plan
 
 __all__ = [
     "Load",

@@ -7,9 +7,8 @@ from padgen.core.errors import SpecError, at_least, at_most, number
 from padgen.core.units import decibel
 from padgen.physics.ladder import LevelLaw, capacity, geometric_ladder, ladder_ratio, slot_half_width, whole_channels
 from padgen.physics.selectivity import Channels, Scheme, all_states, channels, loudest_line, one_hot_db, print_share
-from padgen.planner.plan import Capacity
-from padgen.planner.resonances import slot_band_hz
-from padgen.planner.settings import level_law
+from padgen.planner.plan import Capacity, level_law
+from padgen.planner.search import slot_band_hz
 from padgen.planner.sizing import DRAWN_SHARE
 from padgen.spec import Spec
 

@@ -1,6 +1,10 @@
-"""Choose a coil's drive scheme, and work out how far OFF taxels then stay below ON taxels."""
+"""Choose a coil's drive scheme, and work out how far OFF taxels then stay below ON taxels.
+
+With it come the frame rate, and the load on coil, amplifier and beams with the level that these allow.
+"""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from math import inf
 from typing import TYPE_CHECKING
@@ -8,21 +12,186 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from padgen.core.errors import number
-from padgen.core.units import decibel
+from padgen.core.units import MA, MH, MM, MS, UM, decibel
+from padgen.physics.currents import mean_square_a2, on_carrier_v, peak_current_a, peak_voltage_v
+from padgen.physics.magnetics import pull_in_deflection, slack_at
+from padgen.physics.modes import jump_amplitude
 from padgen.physics.resonator import ModalTaxels
 from padgen.physics.schemes import in_order, simplest_first
 from padgen.physics.selectivity import Channels, Scheme, all_states, channels, one_hot_db, tone_energy
-from padgen.planner.coil_load import coil_load, is_fed
-from padgen.planner.frame_rates import frame_rates
-from padgen.planner.plan import Channel, Plan, SchemeFigures, Selectivity, channel_sets
-from padgen.planner.pull_modes import MODES_DB, coil_modes, heard_modes, modes_in_slots
-from padgen.planner.settings import level_law, passes, scheme_named
-from padgen.spec import Spec
+from padgen.planner.channels import MODES_DB, coil_modes, hanging_gap_um, heard_modes, modes_in_slots
+from padgen.planner.plan import (
+    Channel,
+    CoilLoad,
+    FrameRate,
+    Plan,
+    SchemeFigures,
+    Selectivity,
+    carrier_hz,
+    channel_sets,
+    level_law,
+    passes,
+    scheme_named,
+)
+from padgen.spec import Amplifier, Spec, catalogue
 
 if TYPE_CHECKING:
-    from padgen.planner.resonances import Optimum
+    from padgen.planner.search import Optimum
 
-__all__ = ["modes_matter", "placed_channels", "plan_selectivity"]
+__all__ = [
+    "coil_load",
+    "fitting_amplifiers",
+    "frame_rates",
+    "is_fed",
+    "modes_matter",
+    "placed_channels",
+    "plan_selectivity",
+    "pull_in_share",
+    "slot_ms",
+    "switch_ms",
+]
+
+
+SWITCH_PERIODS = 9.0
+"""Periods of the lowest resonance that a transition lasts: at most 1e-4 of the mean pull's step then rings on."""
+SWITCH_BEATS = 2.5
+"""Periods of the beat between neighbouring channels that a transition lasts: the ringing that a switched tone leaves on
+a neighbouring taxel is then at least 38 dB below the motion that the steady tone makes there."""
+
+
+def switch_ms(channels: Sequence[Channel], sets: int = 1) -> float:
+    """Return the length in ms of a transition that neither clicks nor shakes a taxel that stays OFF.
+
+    The force is blended over it by a step that is flat to the fourth derivative at both ends.
+    """
+    lowest_hz = min(channel.resonance_hz for channel in channels)
+    beat_hz = min(_nearest_hz(own) for own in channel_sets(channels, sets))
+    return max(SWITCH_PERIODS / lowest_hz, SWITCH_BEATS / beat_hz) / MS
+
+
+def slot_ms(channels: Sequence[Channel], sets: int = 1) -> float:
+    """Return the length in ms of a channel's time slot when the channels of a pad take turns.
+
+    A slot is twice the slowest taxel's ring-down or two transitions, whichever is longer. The force rises over the
+    first half and falls over the second, so that neither the tone nor its mean pull sets another taxel swinging.
+    """
+    return 2 * max(*(channel.ring_down_ms for channel in channels), switch_ms(channels, sets))
+
+
+def frame_rates(channels: Sequence[Channel], sets: int = 1) -> tuple[FrameRate, ...]:
+    """Return the frames per second, for each scheme, at which a taxel switched OFF is quiet before the next frame.
+
+    With all channels at once, a frame takes a transition and the slowest channel's ring-down. In turns, it takes a slot
+    for every channel of a coil.
+    """
+    together = (switch_ms(channels, sets) + max(channel.ring_down_ms for channel in channels)) * MS
+    in_turns = slot_ms(channels, sets) * MS * len(channels) / sets
+    times = {name: in_turns if Scheme(name).takes_turns else together for name in in_order()}
+    return tuple(FrameRate(name, 1 / time) for name, time in times.items())
+
+
+def _nearest_hz(own: Sequence[Channel]) -> float:
+    """Return the smallest distance in Hz between resonances of a coil, at least one half-power bandwidth.
+
+    Two resonances within a bandwidth act as one and do not beat.
+    """
+    gaps = np.diff(np.sort([channel.resonance_hz for channel in own]))
+    bandwidth_hz = min(channel.resonance_hz / channel.q for channel in own)
+    return max(float(gaps.min(initial=np.inf)), bandwidth_hz)
+
+
+def coil_load(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> CoilLoad:
+    """Return currents, voltage and heat of a coil with all channels on, and the largest level that all limits allow.
+
+    With two sets of channels, the figures are of the coil that allows the lower level.
+    """
+    sets = channel_sets(channels, spec.coil.sets)
+    carrier = carrier_hz(spec, scheme, max(c.resonance_hz for c in channels))
+    return min((_load(spec, own, scheme, carrier) for own in sets), key=lambda load: load.reachable_level_um)
+
+
+def _load(spec: Spec, channels: Sequence[Channel], scheme: Scheme, carrier: float | None) -> CoilLoad:
+    coil, headroom = spec.coil, spec.drive.headroom
+    lines, resonance = np.array([(c.line_a2, c.resonance_hz) for c in channels]).T
+    square_a2 = mean_square_a2(scheme, lines, headroom)
+    volts = peak_voltage_v(scheme, lines, resonance, coil.resistance_ohm, coil.inductance_mh * MH, headroom)
+    peak_a = peak_current_a(scheme, lines, headroom)
+    if carrier is not None:
+        volts = float(on_carrier_v(volts, peak_a, coil.inductance_mh * MH, carrier))
+        peak_a *= 2**0.5
+    loss_w = square_a2 * coil.resistance_ohm
+    pull_in = max(pull_in_share(spec, channel, square_a2) for channel in channels)
+    # Factors by which the displacements may grow: the square of the current grows in proportion.
+    factors = {
+        "voltage": (spec.drive.voltage_limit_v / volts) ** 2 if volts > 0 else inf,
+        "copper loss": coil.power_limit_w / loss_w if loss_w > 0 else inf,
+        "gap": min(_gap_factor(spec, channel, square_a2) for channel in channels),
+        "stretching": min(jump_amplitude(c.hardening_per_mm2, c.q) * MM / UM / c.level_um for c in channels),
+        "root stress": spec.material.fatigue_stress_mpa / max(c.root_stress_mpa for c in channels),
+    }
+    if spec.amplifier and peak_a > 0:
+        factors["amplifier's current"] = (spec.amplifier.current_a / peak_a) ** 2
+    if min(c.force_constant_n_per_a2 for c in channels) <= 0:
+        factors["pull"] = 0.0
+    tightest = min(factors, key=lambda name: factors[name])
+    return CoilLoad(
+        current_peak_ma=peak_a / MA,
+        current_rms_ma=square_a2**0.5 / MA,
+        voltage_peak_v=volts,
+        copper_loss_w=loss_w,
+        idle_w=mean_square_a2(scheme, lines, headroom, np.zeros(len(lines), bool)) * coil.resistance_ohm,
+        pull_in_share=pull_in,
+        reachable_level_um=spec.drive.level_um * factors[tightest],
+        reachable_by=tightest,
+    )
+
+
+def fitting_amplifiers(plan: Plan) -> dict[str, int]:
+    """Return the amplifiers of the catalogue that can play all channels of a plan, and how many of each it takes."""
+    coils, fitting = plan.coils.rows * plan.coils.columns, {}
+    for name, entry in catalogue("amplifier").items():
+        drive = replace(plan.spec.drive, voltage_limit_v=entry["voltage_v"])
+        spec = replace(plan.spec, amplifier=Amplifier(**entry), drive=drive)
+        if passes(spec, plan.scheme) and is_fed(spec, coil_load(spec, plan.channels, plan.scheme)):
+            fitting[name] = -(-coils // int(entry["channels"]))
+    return fitting
+
+
+def is_fed(spec: Spec, load: CoilLoad) -> bool:
+    """Return whether the spec's amplifier, if there is one, has the volts and amperes of a load."""
+    own = spec.amplifier
+    enough_v = load.voltage_peak_v <= spec.drive.voltage_limit_v
+    return own is None or (enough_v and load.current_peak_ma * MA <= own.current_a)
+
+
+def pull_in_share(spec: Spec, channel: Channel, square_a2: float) -> float:
+    """Return the mean pull on a washer for a mean square current, over the pull at which it snaps to the coil."""
+    gap_um = float(hanging_gap_um(spec, channel.sag_um))
+    _, largest_um = pull_in_deflection(gap_um, max(channel.pull_exponent, 0.0))
+    return _slack_um(channel, square_a2) / largest_um
+
+
+def _slack_um(channel: Channel, square_a2: float) -> float:
+    """Return the deflection in µm under the mean pull at rest, as if the pull did not grow while the gap closes."""
+    return max(square_a2 * channel.force_constant_n_per_a2, 0.0) / channel.stiffness_n_per_m / UM
+
+
+def _gap_factor(spec: Spec, channel: Channel, square_a2: float) -> float:
+    """Return the factor by which amplitude and mean pull may grow until, with the sag, they fill a third of the gap.
+
+    The spring balances the mean pull, so the washer stays short of pull-in. 0 where sag alone fills a third of the gap.
+    """
+    gap_um, exponent = float(hanging_gap_um(spec, channel.sag_um)), max(channel.pull_exponent, 0.0)
+    free_um, slack_um = spec.coil.gap_mm * MM / UM / 3 - channel.sag_um, _slack_um(channel, square_a2)
+    if free_um <= 0 or slack_um <= 0:
+        return max(free_um, 0.0) / channel.level_um
+    low, high = 0.0, min(free_um, pull_in_deflection(gap_um, exponent)[0])
+    for _ in range(60):
+        static_um = (low + high) / 2
+        grown = slack_at(static_um, gap_um, exponent) / slack_um
+        low, high = (static_um, high) if grown * channel.level_um + static_um < free_um else (low, static_um)
+    return slack_at(low, gap_um, exponent) / slack_um
+
 
 MOST_SPELLED_OUT = 16
 """Channels per coil up to which a plan lists how much each channel's tone moves every other taxel."""

@@ -17,10 +17,9 @@ from padgen.planner.cures import Cure, varied
 from padgen.planner.drive_scheme import plan_selectivity
 from padgen.planner.layout import SLACK_MM, candidates, explain
 from padgen.planner.make import make_plan
-from padgen.planner.plan import Plan, Selectivity
+from padgen.planner.plan import Plan, Selectivity, level_law, scheme_named
 from padgen.planner.printed_pads import STAGES, design_of, missed_spreads, printed, spreads_of
 from padgen.planner.search import sites_of, sized_layouts
-from padgen.planner.settings import level_law, scheme_named
 from padgen.spec import Spec, catalogue
 
 __all__ = ["CapacityRow", "Change", "Explanation", "explain_plan"]

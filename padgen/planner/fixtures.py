@@ -32,9 +32,8 @@ from typing import NamedTuple
 from padgen.core.errors import InfeasibleError, at_least, number
 from padgen.core.finding import Finding
 from padgen.core.units import MM, UM
-from padgen.planner.layout import SLACK_MM
+from padgen.planner.layout import SLACK_MM, Outline, corner_groove, groove
 from padgen.planner.plan import CoilGrid, Plan, Reuse, Taxel
-from padgen.planner.tile import Outline, corner_groove, groove
 from padgen.spec import Spec
 
 __all__ = [

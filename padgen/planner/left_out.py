@@ -3,6 +3,8 @@
 The frame's flexibility is bounded by hand formulas. A taxel's resonance is planned with the four sides of its sub-cell
 held. The real frame yields in two ways: the rib at the beams' root twists, and the pad bends as a plate. In series with
 a spring of stiffness k a compliance c lowers the resonance by k c/2.
+
+A finger is not bounded but estimated: resonance, Q and selectivity of touched taxels by `padgen.physics.skin`.
 """
 
 from collections.abc import Iterator, Sequence
@@ -13,9 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import percent
+from padgen.core.errors import at_least, at_most, number, percent
 from padgen.core.finding import Finding
-from padgen.core.units import G_PER_CM3, GPA, GRAM, MA, MH, MM, UM
+from padgen.core.units import G_PER_CM3, GPA, GRAM, MA, MH, MM, UM, decibel
 from padgen.physics.bounds import (
     beam_inertia,
     core_eddies,
@@ -30,16 +32,37 @@ from padgen.physics.bounds import (
 from padgen.physics.magnetics import impedance
 from padgen.physics.modes import resonance_rise
 from padgen.physics.resonator import TaxelModes, felt_energy
-from padgen.planner.channels import hanging_gap_um, site_pulls
+from padgen.physics.selectivity import Channels, Scheme, line_energy, off_energy, own_lines
+from padgen.physics.skin import LOADED, SKINS, Skin, touched
+from padgen.planner.channels import (
+    coil_modes,
+    hanging_gap_um,
+    heard_modes,
+    magnetic_parts,
+    pull_range,
+    pulled_shares,
+    site_pulls,
+    site_wrenches,
+)
 from padgen.planner.drive_scheme import placed_channels
-from padgen.planner.plan import Channel, LeftOut, Plan
-from padgen.planner.pull_modes import coil_modes, heard_modes, magnetic_parts, pull_range, pulled_shares, site_wrenches
+from padgen.planner.layout import outline
+from padgen.planner.plan import Channel, LeftOut, Plan, Touched, channel_sets
 from padgen.planner.suspensions import Arrangement, BeamShape, PlateShape
 from padgen.planner.taxel_model import TaxelModel
-from padgen.planner.tile import outline
 from padgen.spec import Spec
 
-__all__ = ["RUNGS", "FrameAround", "flexibility_bounds", "frame_around", "judge_left_out", "left_out", "left_out_line"]
+__all__ = [
+    "RUNGS",
+    "FrameAround",
+    "flexibility_bounds",
+    "frame_around",
+    "judge_left_out",
+    "judge_touch",
+    "left_out",
+    "left_out_line",
+    "touched_pads",
+]
+
 
 RIB_MARGIN, PLATE_MARGIN = 2.5, 2.5
 """Factors for effects outside the formulas: compliance of the joint, lateral bending of the rib, unequal supports, and
@@ -520,3 +543,84 @@ def _motional(plan: Plan, channels: Sequence[Channel]) -> np.ndarray:
     ).T
     at = partial(impedance, spec.coil.resistance_ohm, spec.coil.inductance_mh * MH)
     return motional_voltage(pull, level_m, resonance, drive, bias, at)
+
+
+MOST_CHANNELS = 32
+"""Most channels of a coil for which the selectivity under a finger is computed."""
+KEPT_Q = 8.0
+"""Q that a touched taxel is to keep: by the rule of docs/accuracy.md, if k_skin/k is at most 1/(KEPT_Q ω τ)."""
+
+
+def touched_pads(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> tuple[Touched, ...]:
+    """Return the figures of the pad with every taxel under low, typical and high skin, driven as planned.
+
+    Only the taxels' own modes and one coil are counted.
+    """
+    sets = channel_sets(channels, spec.coil.sets)
+    found = []
+    for name, skin in SKINS.items():
+        hz, q, _ = _touched(spec, skin, channels)
+        kept_db = [_kept_db(spec, own, scheme, skin) for own in sets]
+        found.append(
+            Touched(
+                skin=name,
+                skin_stiffness_n_per_m=2 * skin.modulus * spec.taxel.boss_diameter_mm / 2 * MM,
+                resonance_hz=tuple(hz.tolist()),
+                q=tuple(q.tolist()),
+                all_states_db=None if None in kept_db else min(db for db in kept_db if db is not None),
+            )
+        )
+    return tuple(found)
+
+
+def judge_touch(plan: Plan) -> Iterator[Finding]:
+    """Yield a note where typical skin stiffens or damps a taxel too much, with values that would prevent it."""
+    skin = SKINS["typical"]
+    worst = min(plan.channels, key=lambda c: c.stiffness_n_per_m / _allowed(skin, c.resonance_hz))
+    typical = next(t for t in plan.touched if t.skin == "typical")
+    added, omega, mass = typical.skin_stiffness_n_per_m, 2 * pi * worst.resonance_hz, worst.effective_mass_g * GRAM
+    allowed = _allowed(skin, worst.resonance_hz)
+    if added <= allowed * worst.stiffness_n_per_m:
+        return
+    contact_mm = allowed * worst.stiffness_n_per_m / skin.modulus / MM
+    heavy_g = added / allowed / omega**2 / GRAM
+    high_hz = max((added / LOADED / mass) ** 0.5, KEPT_Q * skin.time * added / mass) / 2 / pi
+    hz, q, kept = typical.resonance_hz[worst.index], typical.q[worst.index], typical.all_states_db
+    quieter = (
+        ""
+        if kept is None
+        else f", and OFF taxels vibrate {abs(kept):.1f} dB {'less' if kept > 0 else 'more'} than ON ones"
+    )
+    yield Finding(
+        "note",
+        "touch.skin",
+        f"channel {worst.index}",
+        f"under typical skin (a provisional model) its {number(worst.resonance_hz)} Hz become {hz:.1f} Hz at Q ="
+        f" {q:.2g}{quieter}; the touched resonance would stay within 5 % with a contact {at_most(contact_mm)} mm"
+        f" wide, a moving mass of {at_least(heavy_g)} g or a resonance of {at_least(high_hz)} Hz",
+    )
+
+
+def _allowed(skin: Skin, hz: float) -> float:
+    """Return the share of a taxel's stiffness that skin may add: f then rises by at most 5 %, and Q is at least 8."""
+    return min(LOADED, 1 / (KEPT_Q * 2 * pi * hz * skin.time))
+
+
+def _touched(spec: Spec, skin: Skin, channels: Sequence[Channel]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    stiffness, mass_g, q = np.array([(c.stiffness_n_per_m, c.effective_mass_g, c.q) for c in channels]).T
+    return touched(skin, spec.taxel.boss_diameter_mm / 2 * MM, stiffness, mass_g * GRAM, q)
+
+
+def _kept_db(spec: Spec, own: Sequence[Channel], scheme: Scheme, skin: Skin) -> float | None:
+    """Return the smallest ON over the largest OFF level in dB of a touched coil in all states.
+
+    None for a single channel, or for more than `MOST_CHANNELS`.
+    """
+    if not 2 <= len(own) <= MOST_CHANNELS:
+        return None
+    planned, (hz, q, stiffer) = placed_channels(spec, own), _touched(spec, skin, own)
+    stiffness = np.array([c.stiffness_n_per_m for c in own])
+    taxels = Channels(hz, q, planned.line * (stiffer / q) / (stiffness / planned.q))
+    (made,) = own_lines(planned, scheme)
+    on = line_energy(taxels, made)[:, 0].diagonal()
+    return decibel(float((on.min() / off_energy(taxels, scheme, drivers=planned).max()) ** 0.5))

@@ -16,13 +16,11 @@ from padgen.core.units import MM, UM, decibel
 from padgen.physics.selectivity import Scheme
 from padgen.planner.capacity import channel_limit, coil_capacity, printed_count
 from padgen.planner.channels import driven, force_constants, plan_channels
-from padgen.planner.coil_load import coil_load, is_fed
 from padgen.planner.cures import Cure, varied, with_tried_cures
-from padgen.planner.drive_scheme import plan_selectivity
-from padgen.planner.frame_rates import frame_rates
+from padgen.planner.drive_scheme import coil_load, frame_rates, is_fed, plan_selectivity
 from padgen.planner.judge import judge
-from padgen.planner.layout import Layout, candidates, coil_reach_mm, room
-from padgen.planner.left_out import left_out
+from padgen.planner.layout import Layout, candidates, coil_reach_mm, pitch_of, room
+from padgen.planner.left_out import left_out, touched_pads
 from padgen.planner.plan import (
     Cell,
     Channel,
@@ -33,17 +31,17 @@ from padgen.planner.plan import (
     Selectivity,
     Taxel,
     channel_sets,
+    level_law,
+    passes,
+    scheme_named,
+    sets_db,
 )
+from padgen.planner.printed_pads import NOT_PRINTED, compared_prints, what_prints_keep
 from padgen.planner.printing import print_settings
-from padgen.planner.prints import NOT_PRINTED, compared_prints, what_prints_keep
-from padgen.planner.resonances import planned_optimum
 from padgen.planner.reuse import cell_is_turned, coil_reuse
-from padgen.planner.search import sites_of, sized_layouts
-from padgen.planner.settings import level_law, passes, scheme_named, sets_db
+from padgen.planner.search import planned_optimum, sites_of, sized_layouts
 from padgen.planner.sizing import SizedChannel
 from padgen.planner.taxel_model import plate_shape, post_diameter_mm, recess_mm
-from padgen.planner.tile import pitch_of
-from padgen.planner.touch import touched_pads
 from padgen.spec import Spec
 
 __all__ = ["Choice", "choose", "finish", "make_plan", "with_cures"]
@@ -106,7 +104,7 @@ def choose(spec: Spec) -> Choice:
     """
     choice = _searched(spec)
     if choice is None:
-        from padgen.planner.infeasible import refusal
+        from padgen.planner.cures import refusal
 
         decided = next(_decided_specs(spec))
         limit = channel_limit(decided)

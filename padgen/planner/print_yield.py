@@ -13,7 +13,7 @@ from padgen.planner.printed_pads import (
     NAMES,
     STAGES,
     Design,
-    Prints,
+    Simulated,
     Spreads,
     design_of,
     printed,
@@ -194,7 +194,7 @@ def _criterion(plan: Plan, design: Design) -> str:
     return f"{asked}, {alone}" if 1 in counts else asked
 
 
-def _outcome(prints: Prints, k: int, taxels: int) -> Outcome:
+def _outcome(prints: Simulated, k: int, taxels: int) -> Outcome:
     pads = prints.ratio.shape[1]
     good = prints.good_taxels[k]
     dbs: list[float | None] = [None] * 4
@@ -222,7 +222,7 @@ def _share(good: int, made: int, independent: int) -> Share:
     return Share(good, made, good / made, float(interval.low), float(interval.high))
 
 
-def _channel_spreads(design: Design, prints: Prints, pads: int) -> tuple[ChannelSpread, ...]:
+def _channel_spreads(design: Design, prints: Simulated, pads: int) -> tuple[ChannelSpread, ...]:
     count = np.bincount(design.channel, minlength=len(design.q)) * pads
     sigma = np.sqrt(prints.square / count)
     return tuple(
@@ -239,7 +239,7 @@ def _costs(design: Design, spreads: Spreads, pads: int, seed: int) -> tuple[Cost
     return tuple(costs)
 
 
-def _gain(base: Prints, without: Prints, k: int, taxels: int) -> Gain:
+def _gain(base: Simulated, without: Simulated, k: int, taxels: int) -> Gain:
     median = np.median(without.ratio[k]), np.median(base.ratio[k])
     return Gain(
         float(without.good[k].mean() - base.good[k].mean()),

@@ -14,10 +14,9 @@ from padgen.physics.pull import Leakage, leakage
 from padgen.physics.resonator import relative_energy
 from padgen.physics.selectivity import Channels, Scheme, pair_lines, tone_energy
 from padgen.physics.selectivity import channels as resonators
+from padgen.planner.channels import magnetic_parts
 from padgen.planner.layout import Layout
-from padgen.planner.plan import Channel, Reuse, Site
-from padgen.planner.pull_modes import magnetic_parts
-from padgen.planner.settings import level_law
+from padgen.planner.plan import Channel, Reuse, Site, level_law
 from padgen.spec import Spec
 
 __all__ = ["RINGS", "cell_is_turned", "coil_reuse", "coils_around", "turned_cells"]

@@ -1,22 +1,240 @@
-"""Search layouts that work and size their beams: first the room, then resonances and beams for that room."""
+"""Search layouts that work: first the room, then resonances within the band and the reach of beams, then the beams."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import lru_cache
 from itertools import islice
 from math import inf
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from padgen.core.registry import SCHEMES
+from padgen.core.units import decibel
+from padgen.physics.ladder import geometric_ladder, ladder_ratio, paper_ladder, slot_half_width
 from padgen.physics.schemes import simplest_first
+from padgen.physics.selectivity import all_states, channels
 from padgen.planner.channels import plan_channels
 from padgen.planner.drive_scheme import plan_selectivity
 from padgen.planner.layout import SLACK_MM, Layout, coil_reach_mm, place, room, slots
-from padgen.planner.plan import Site
-from padgen.planner.resonances import ladders
-from padgen.planner.sizing import SizedChannel, beams_for_resonances
-from padgen.planner.suspensions import Room
+from padgen.planner.plan import Site, level_law, scheme_named
+from padgen.planner.sizing import DRAWN_SHARE, SizedChannel, beams_for_resonances, reach
+from padgen.planner.suspensions import Room, allowed
 from padgen.spec import Spec
 
-__all__ = ["sites_of", "sized_layouts"]
+__all__ = [
+    "Optimum",
+    "ladders",
+    "optimum",
+    "planned_optimum",
+    "reachable_hz",
+    "sites_of",
+    "sized_layouts",
+    "slot_band_hz",
+]
+
+
+KIND = "ladder"
+CODE = ("physics", "planner/search.py", "planner/plan.py")
+"""Code on which a cached optimum depends."""
+
+
+class Optimum(NamedTuple):
+    """The resonances in Hz that a search found best for a drive scheme, and their selectivity in all states in dB."""
+
+    resonances_hz: tuple[float, ...]
+    all_states_db: float
+    drive: str
+
+
+def slot_band_hz(spec: Spec) -> tuple[float, float]:
+    """Return the lowest and highest resonance in Hz whose slot lies in the band, after rounding of the beam, too."""
+    half = max(slot_half_width(spec.q_min, spec.delta_y), DRAWN_SHARE)
+    return spec.band_hz[0] / (1 - half), spec.band_hz[1] / (1 + half)
+
+
+def reachable_hz(spec: Spec, room: Room) -> tuple[float, float] | None:
+    """Return the lowest and highest resonance in Hz that allowed suspensions reach in `room`; None if no beam fits."""
+    spans = [
+        item.span_hz for name in allowed(spec.suspension.topology) if (item := reach(spec, name, room)) is not None
+    ]
+    if not spans:
+        return None
+    return min(low for low, _ in spans), max(high for _, high in spans)
+
+
+def ladders(spec: Spec, count: int, room: Room) -> list[tuple[float, ...]]:
+    """Return candidate ladders of `count` resonances per set in Hz for a room, the best first.
+
+    Resonances that the spec lists are the only candidate. Otherwise the first ladder spreads over the whole band, the
+    next over the part of the band that the room reaches, and the last ones are as close as possible at the lower ends.
+    All keep the paper's ratio between neighbours of a set. A second set lies half way between those of the first. With
+    optimised spacing the optimum comes before these.
+    """
+    if spec.resonances_hz:
+        return [spec.resonances_hz]
+    low, high = slot_band_hz(spec)
+    found = reachable_hz(spec, room)
+    spans = [(low, high)]
+    if found:
+        spans.append((max(low, found[0] * 1.01), min(high, found[1] / 1.01)))
+    options = [_ladder(spec, count, *span) for span in spans]
+    options += [_closest(spec, count, span[0]) for span in spans]
+    unique = dict.fromkeys(option for option in options if option and option[-1] <= high * (1 + 1e-8))
+    if spec.spacing == "optimised":
+        half_step = _half_step(spec, count, *_span_hz(spec, room))
+        return [_both_sets(spec, _optimum(spec, count, room), half_step), *unique]
+    return list(unique)
+
+
+def _optimum(spec: Spec, count: int, room: Room) -> Optimum:
+    """Return the optimal single set in a band that leaves room above for a second set, half a step higher."""
+    low, high = _span_hz(spec, room)
+    return optimum(spec, count, low, high / _half_step(spec, count, low, high))
+
+
+def _half_step(spec: Spec, count: int, low: float, high: float) -> float:
+    """Return the ratio of the second set to the first (1 for a single set).
+
+    It is half a step of a ladder of `count` channels when both sets together spread from end to end.
+    """
+    return float((high / low) ** ((spec.coil.sets - 1) / (2 * count - 1)))
+
+
+def _both_sets(spec: Spec, best: Optimum, half_step: float) -> tuple[float, ...]:
+    """Return the optimum with its second set, if there is one: the first set times at most `half_step`.
+
+    With a power law of levels the second set is as selective as the first.
+    """
+    first = np.array(best.resonances_hz)
+    if spec.coil.sets == 1:
+        return best.resonances_hz
+    # The root of the closest ratio is at most half a step, since an evenly spread set has no closer pair.
+    closest = float((first[1:] / first[:-1]).min()) ** 0.5 if len(first) > 1 else half_step
+    return _rounded(np.stack([first, first * closest], -1).ravel())
+
+
+def _span_hz(spec: Spec, room: Room) -> tuple[float, float]:
+    """Return the part of the band in Hz that the room reaches; the whole band where it reaches none of it."""
+    found = reachable_hz(spec, room)
+    low, high = (spec.band_hz[0], spec.band_hz[1])
+    if found:
+        low, high = max(low, found[0] * 1.01), min(high, found[1] / 1.01)
+    return (low, high) if low < high else spec.band_hz
+
+
+def optimum(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
+    """Return the resonances in a band with the best selectivity under the drive scheme of `spec`, for equal masses.
+
+    An automatic scheme takes plain tones if resonances are found that keep the asked selectivity with them, else a
+    spur-free drive, else turns. A search takes up to one or two seconds, and its result is kept in the cache. Not so
+    for a registered scheme, whose code may be another the next time.
+    """
+    searched = _searched if SCHEMES.version(spec.drive.scheme) else _known
+    return searched(spec, count, low_hz, high_hz)
+
+
+@lru_cache(maxsize=64)
+def _known(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
+    from padgen.core import cache
+
+    drive = spec.drive
+    key = cache.key_of(
+        {
+            "band_hz": (low_hz, high_hz),
+            "count": count,
+            "q": spec.q_min,
+            "delta_y": spec.delta_y,
+            "scheme": (drive.scheme, drive.bias_ratio),
+            "law": (drive.level_law, drive.threshold_hz, drive.threshold_um),
+            "code": cache.code_hash(*CODE),
+            "versions": [cache.version(name) for name in ("numpy", "scipy")],
+        }
+    )
+
+    def kept() -> Optimum | None:
+        return _from_plain(cache.load(KIND, key), count)
+
+    def made() -> Optimum:
+        best = _searched(spec, count, low_hz, high_hz)
+        cache.store(KIND, key, best)
+        return best
+
+    return cache.once(KIND, key, kept, made)
+
+
+def _from_plain(entry: Any, count: int) -> Optimum | None:
+    """Return the optimum in a cache entry, or None if the entry is not `count` rising resonances."""
+    try:
+        hz, reached_db, drive = entry
+        ladder = np.array(hz, float)
+        known = Optimum(tuple(ladder.tolist()), float(reached_db), str(drive))
+    except (OverflowError, TypeError, ValueError):
+        return None
+    rises = ladder.shape == (count,) and ladder[0] > 0 and bool((np.diff(ladder) > 0).all())
+    return known if rises and np.isfinite([*ladder, reached_db]).all() else None
+
+
+def _searched(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
+    if spec.drive.scheme != "auto":
+        return _best(spec, count, low_hz, high_hz, spec.drive.scheme)
+    clean = count > 2 and _tones_can_be_clean(spec, count, low_hz, high_hz)
+    best = _best(spec, count, low_hz, high_hz, "tones" if clean else "spur-free")
+    if best.all_states_db < decibel(spec.delta_y):
+        turns = _best(spec, count, low_hz, high_hz, "time-shared")
+        best = turns if turns.all_states_db >= decibel(spec.delta_y) else best
+    return best
+
+
+@lru_cache(maxsize=256)
+def _best(spec: Spec, count: int, low_hz: float, high_hz: float, drive: str) -> Optimum:
+    from padgen.physics.ladder import optimal_ladder
+
+    law, scheme = level_law(spec), scheme_named(spec, drive)
+    ladder = optimal_ladder(low_hz, high_hz, count, spec.q_min, law, scheme)
+    return Optimum(_rounded(ladder), all_states(channels(ladder, spec.q_min, law(ladder)), scheme).db, drive)
+
+
+def _tones_can_be_clean(spec: Spec, count: int, low_hz: float, high_hz: float) -> bool:
+    """Return whether plain tones can keep the asked selectivity with `count` channels.
+
+    Fewer channels are tried first: where these cannot, `count` cannot either.
+    """
+    band, asked_db = (low_hz, high_hz), decibel(spec.delta_y)
+    return all(_best(spec, fewer, *band, "tones").all_states_db >= asked_db for fewer in range(3, count + 1))
+
+
+def planned_optimum(spec: Spec, count: int, room: Room) -> Optimum | None:
+    """Return the optimum for the room's band, for equal masses and any beam.
+
+    None where the spec does not ask for optimised resonances, and for two sets or a single channel.
+    """
+    if spec.spacing != "optimised" or spec.resonances_hz or spec.coil.sets > 1 or count < 2:
+        return None
+    return _optimum(spec, count, room)
+
+
+def _ladder(spec: Spec, count: int, low: float, high: float) -> tuple[float, ...] | None:
+    if spec.spacing == "closest":
+        return _closest(spec, count, low)
+    sets = spec.coil.sets
+    span = ladder_ratio(spec.q_min, spec.delta_y) ** ((count * sets - 1) / sets)
+    if high < low * span * (1 - 1e-9):
+        return None
+    return _rounded(geometric_ladder(low, max(high, low * span), count * sets))
+
+
+def _closest(spec: Spec, count: int, low: float) -> tuple[float, ...]:
+    sets, half = spec.coil.sets, slot_half_width(spec.q_min, spec.delta_y)
+    first = paper_ladder(low * (1 - half), count, spec.q_min, spec.delta_y)
+    step = ladder_ratio(spec.q_min, spec.delta_y) ** (1 / sets)
+    return _rounded(np.stack([first * step**k for k in range(sets)], -1).ravel())
+
+
+def _rounded(ladder: np.ndarray) -> tuple[float, ...]:
+    """Round to nine significant digits, so that the plan stays readable."""
+    return tuple(float(f"{value:.9g}") for value in ladder)
+
 
 RINGS, ALIKE_MM = (0.0, 0.8, 1.0), 0.1
 """Shares of the farthest washer's distance at which the nearer ones are kept, tried where distances differ by more

@@ -21,7 +21,7 @@ import numpy as np
 from padgen.core.registry import SUSPENSIONS
 from padgen.physics.ladder import slot_half_width
 from padgen.physics.selectivity import channels as resonators
-from padgen.planner.settings import level_law, scheme_for, sets_db
+from padgen.planner.plan import level_law, scheme_for, sets_db
 from padgen.planner.suspensions import BeamShape, Room, allowed, suspension
 from padgen.planner.taxel_model import STRAIGHT, Exponents, TaxelModel, plate_shape, shortest_mm
 from padgen.spec import Printer, Spec, Spread

@@ -1,7 +1,8 @@
 """Load a `Spec` from a TOML file or a template, fill in its catalogue entries, and refuse contradictions.
 
 The catalogues hold materials, printers, their spreads, washers and coils. The user's curve of detection thresholds over
-frequency is a CSV file, or two lists in the spec.
+frequency is a CSV file, or two lists in the spec. The fields also make the JSON schema, with which editors complete and
+check spec files.
 """
 
 import csv
@@ -9,17 +10,17 @@ import io
 import json
 from collections.abc import Iterator, Sequence
 from copy import deepcopy
-from dataclasses import fields, replace
+from dataclasses import MISSING, fields, is_dataclass, replace
 from functools import cache
 from itertools import pairwise
 from math import ceil, floor
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from padgen.core.errors import FileError, SpecError, at_most, number, shown
 from padgen.core.files import read_bounded, reason, recover
 from padgen.core.registry import SCHEMES
-from padgen.spec.fields import build, optional_type, unknown_name
+from padgen.spec.fields import build, choices, optional_type, unknown_name
 from padgen.spec.model import (
     Amplifier,
     Coil,
@@ -52,11 +53,13 @@ __all__ = [
     "read_toml",
     "refuse_contradictions",
     "refuse_threshold",
+    "spec_schema",
     "spread_of",
     "template_paths",
     "with_threshold",
     "without_none",
 ]
+
 
 SLACK_MM = 1e-9
 """Rounding by which a sum of fields may exceed its bound."""
@@ -634,3 +637,59 @@ def _catalogue_entry(table: str, value: Any, default: str) -> Any:
     if required <= set(overrides) | {"name"} or name == OWN_AMPLIFIER:
         return build(kind, {"name": name, **overrides}, table)
     raise unknown_name(name, list(entries), table, f"{table}.name")
+
+
+def spec_schema() -> dict[str, Any]:
+    """Return the JSON schema (draft 2020-12) of a spec file, made from the fields' metadata."""
+    schema = _object(Spec, required=True)
+    schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
+    schema["title"] = "padgen spec"
+    for name in CATALOGUES:
+        entry = schema["properties"][name]
+        entry["properties"]["name"]["examples"] = sorted(catalogue(name))
+        word = {"type": "string", "enum": sorted(catalogue(name))}
+        schema["properties"][name] = {"anyOf": [word, entry], "description": f"{name}: a catalogue name or a table"}
+    for name, key in SHORTHANDS.items():
+        entry = schema["properties"][name]
+        word = {"type": "string", "enum": entry["properties"][key]["enum"]}
+        schema["properties"][name] = {"anyOf": [word, entry], "description": f"{name}: its {key} or a table"}
+    return schema
+
+
+def _object(kind: Any, required: bool = False) -> dict[str, Any]:
+    properties = {
+        item.name: _object(inner) if is_dataclass(inner := optional_type(item.type)[0]) else _property(item)
+        for item in fields(kind)
+    }
+    schema: dict[str, Any] = {"type": "object", "additionalProperties": False, "properties": properties}
+    if required:
+        schema["required"] = [f.name for f in fields(kind) if f.default is MISSING and not is_dataclass(f.type)]
+    return schema
+
+
+def _property(item: Any) -> dict[str, Any]:
+    meta, kind = item.metadata, optional_type(item.type)[0]
+    unit = meta.get("unit", "")
+    description = meta["doc"] + (f" ({unit})" if unit not in ("", "1") else "")
+    schema = {**_type(kind, meta), "description": description}
+    if item.default is not MISSING and item.default is not None:
+        schema["default"] = item.default
+    return schema
+
+
+def _type(kind: Any, meta: Any) -> dict[str, Any]:
+    if kind in (int, float):
+        low = "exclusiveMinimum" if meta["above"] else "minimum"
+        return {"type": "integer" if kind is int else "number", low: meta["low"], "maximum": meta["high"]}
+    if kind is bool:
+        return {"type": "boolean"}
+    if kind is str:
+        schema: dict[str, Any] = {"type": "string"}
+        if known := choices(meta):
+            schema["enum"] = list(known)
+        if meta.get("pattern"):
+            schema["pattern"] = f"^{meta['pattern']}$"
+        return schema
+    count = meta["count"]
+    sizes = {"minItems": count, "maxItems": count} if count else {"minItems": 1}
+    return {"type": "array", "items": _type(get_args(kind)[0], meta), **sizes}

@@ -16,10 +16,10 @@ from padgen.core.errors import SolverError
 from padgen.core.units import G_PER_CM3, GPA, MM
 from padgen.physics.beams import tip_stiffness
 from padgen.physics.modes import to_tip
+from padgen.planner.layout import taxel_places
 from padgen.planner.plan import TURNS, Plan, Taxel
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
-from padgen.planner.tile import taxel_places
 from padgen.verify.elastic_mesh import Fineness, meshed
 from padgen.verify.elasticity import Elastic, System, assembled, factored, rigid_loads
 from padgen.verify.engines import ng, occ
