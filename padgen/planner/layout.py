@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.core.errors import number
-from padgen.core.finding import Finding
 from padgen.planner.plan import TURNS, Channel, Pitch, Plan, Site, Taxel
 from padgen.planner.suspensions import Arrangement, Room, allowed, suspension
 from padgen.planner.taxel_model import plate_shape, recess_mm, shortest_mm
@@ -28,7 +27,6 @@ __all__ = [
     "corner_groove",
     "explain",
     "groove",
-    "judge_pitch",
     "most_channels",
     "most_coils",
     "most_outputs",
@@ -454,10 +452,6 @@ def corner_groove(spec: Spec) -> Outline:
 
 SAME_MM = 0.05
 """Taxels whose places differ by no more belong to one row or column."""
-LARGEST_RATIO = 1.2
-"""Largest over smallest distance up to which taxels feel evenly spaced."""
-HOLE_RATIO = 2.0
-"""Largest over smallest distance above which a display has holes."""
 
 
 def pitch_of(taxels: Sequence[Taxel]) -> Pitch:
@@ -479,20 +473,3 @@ def _lines(places_mm: list[float]) -> list[float]:
 def _steps(lines: list[float]) -> tuple[float, ...]:
     steps = [round(b - a, 3) for a, b in pairwise(lines)]
     return (min(steps), max(steps)) if steps else ()
-
-
-def judge_pitch(plan: Plan) -> Iterator[Finding]:
-    """Yield a note where the pitch is uneven, a warning where a display would have holes."""
-    pitch = plan.pitch
-    if pitch.ratio > LARGEST_RATIO:
-        axes = {"columns": pitch.x_mm, "rows": pitch.y_mm}
-        name, (low, high) = max(
-            ((name, step) for name, step in axes.items() if step), key=lambda item: item[1][1] / item[1][0]
-        )
-        yield Finding(
-            "warning" if pitch.ratio > HOLE_RATIO else "note",
-            "layout.pitch",
-            "pad",
-            f"{name} of taxels lie {number(low)} to {number(high)} mm apart, a ratio of {number(high / low)};"
-            f" up to {LARGEST_RATIO:g} counts as even. Washers hang as near to their coil's axis as their beams allow",
-        )
