@@ -10,7 +10,6 @@ from math import inf
 from typing import Any
 
 from padgen.core.errors import InfeasibleError, PadgenError, SpecError, cured, number
-from padgen.core.finding import LEVELS
 from padgen.planner.layout import (
     SLACK_MM,
     Layout,
@@ -68,13 +67,16 @@ def with_tried_cures(plan: Plan, planned: Callable[[Cure], Plan]) -> Plan:
     proposed: dict[str, list[Cure]] = {}
     for finding in plan.findings:
         proposed.setdefault(finding.code, []).extend(finding.cures)
-    before, known, holds = _severities(plan), list[tuple[Cure, Plan | None]](), dict[str, list[Cure]]()
+    known, holds = list[tuple[Cure, Plan | None]](), dict[str, list[Cure]]()
     for code, cures in proposed.items():
         for cure in cures:
             if cure not in (tried for tried, _ in known) and len(known) < MOST_TRIED:
-                known.append((cure, _planned(planned, cure)))
+                try:
+                    known.append((cure, planned(cure)))
+                except PadgenError:
+                    known.append((cure, None))
             again = next((made for tried, made in known if tried == cure), None)
-            if again and _is_better(plan, before, again, code):
+            if again and _is_better(plan, again, code):
                 holds[code] = [cure]
                 break
     findings = (
@@ -84,33 +86,15 @@ def with_tried_cures(plan: Plan, planned: Callable[[Cure], Plan]) -> Plan:
     return replace(plan, findings=tuple(findings))
 
 
-def _planned(planned: Callable[[Cure], Plan], cure: Cure) -> Plan | None:
-    try:
-        return planned(cure)
-    except PadgenError:
-        return None
-
-
-def _severities(plan: Plan) -> dict[str, int]:
-    """Return the severity (index in `LEVELS`) of the worst finding of each code, notes left out."""
-    worst: dict[str, int] = {}
-    for f in plan.findings:
-        if f.level != "note":
-            worst[f.code] = max(worst.get(f.code, 0), LEVELS.index(f.level))
-    return worst
-
-
-def _is_better(plan: Plan, before: dict[str, int], again: Plan, code: str) -> bool:
-    after = _severities(again)
+def _is_better(plan: Plan, again: Plan, code: str) -> bool:
+    before, after = ({f.code for f in p.findings if f.level != "note"} for p in (plan, again))
+    errors = [len({f.code for f in p.findings if f.level == "error"}) for p in (plan, again)]
+    others = [sum(not kind.startswith(COUNTED) for kind in kinds) for kinds in (before, after)]
     kept = [inf if p.selectivity.kept_db is None else p.selectivity.kept_db for p in (plan, again)]
-    errors, others = [], []
-    for severities in (after, before):
-        errors.append(list(severities.values()).count(LEVELS.index("error")))
-        others.append(sum(not code.startswith(COUNTED) for code in severities))
     return (
         code not in after
-        and errors[0] <= errors[1]
-        and (len(after) < len(before) or others[0] <= others[1])
+        and errors[1] <= errors[0]
+        and (len(after) < len(before) or others[1] <= others[0])
         and kept[1] >= min(kept[0], plan.selectivity.asked_db) - LOST_DB
     )
 
@@ -128,13 +112,21 @@ def refusal(
 
     It names cures that work: `planned` makes the plan of the original spec with a cure, and that must have no error.
     """
-    pad = spec.pad
-    wanted = f"{spec.resolution} taxels on {number(pad.width_mm)} x {number(pad.depth_mm)} mm"
-    # A cure that makes room for evenly spread resonances makes room for optimised ones, too, and is found faster.
-    cures = _cures(replace(spec, spacing="spread") if spec.spacing == "optimised" else spec, limit)
+
+    def holds(cure: Cure) -> bool:
+        try:
+            plan = planned(cure)
+        except PadgenError:
+            return False
+        # What an amplifier plays may be too little: a plan for it must also keep what is asked.
+        kept = plan.selectivity.kept_db if plan.spec.amplifier else None
+        enough = kept is None or kept >= plan.selectivity.asked_db
+        return enough and all(f.level != "error" for f in plan.findings)
+
     found: list[Cure] = []
-    for cure in cures:
-        if all(set(cure) != set(other) for other in found) and _plans_without_error(planned, cure):
+    # A cure that makes room for evenly spread resonances makes room for optimised ones, too, and is found faster.
+    for cure in _cures(replace(spec, spacing="spread") if spec.spacing == "optimised" else spec, limit):
+        if all(set(cure) != set(other) for other in found) and holds(cure):
             found.append(cure)
         if len(found) == MOST_NAMED:
             break
@@ -142,18 +134,8 @@ def refusal(
     reasons = _reasons(spec, options, limit)
     if spec.amplifier and options:
         reasons.append(f"the amplifier {spec.amplifier.name} has {spec.amplifier.channels} channels, one for each coil")
-    sentence = f"{wanted} cannot be laid out: {'; '.join(reasons)}{nothing}"
-    return InfeasibleError(sentence, where, found)
-
-
-def _plans_without_error(planned: Callable[[Cure], Any], cure: Cure) -> bool:
-    try:
-        plan = planned(cure)
-    except PadgenError:
-        return False
-    # What an amplifier plays may be too little: a plan for it must also keep what is asked.
-    kept = plan.selectivity.kept_db if plan.spec.amplifier else None
-    return not any(f.level == "error" for f in plan.findings) and (kept is None or kept >= plan.selectivity.asked_db)
+    wanted = f"{spec.resolution} taxels on {number(spec.pad.width_mm)} x {number(spec.pad.depth_mm)} mm"
+    return InfeasibleError(f"{wanted} cannot be laid out: {'; '.join(reasons)}{nothing}", where, found)
 
 
 def _reasons(spec: Spec, options: list[Layout], limit: int) -> list[str]:
@@ -162,10 +144,8 @@ def _reasons(spec: Spec, options: list[Layout], limit: int) -> list[str]:
     best = sorted(options, key=lambda layout: -layout.margin_mm)
     if best[0].margin_mm >= -SLACK_MM:
         return [_unreached(spec, best[0])]
-    kinds: dict[str, Layout] = {}
-    for layout in best:
-        kinds.setdefault(layout.binding[0], layout)
-    return [explain(spec, layout) for layout in list(kinds.values())[:2]]
+    nearest = {layout.binding[0]: layout for layout in reversed(best)}  # the best of each kind
+    return [explain(spec, layout) for layout in sorted(nearest.values(), key=best.index)[:2]]
 
 
 def _too_many(spec: Spec, limit: int) -> str:
@@ -189,68 +169,56 @@ def _too_many(spec: Spec, limit: int) -> str:
 
 def _unreached(spec: Spec, layout: Layout) -> str:
     space = room(spec, layout)
-    found = reachable_hz(spec, space)
-    wanted = ladders(spec, layout.channels, space)
+    found, wanted = reachable_hz(spec, space), ladders(spec, layout.channels, space)
+    cell = f"the {number(layout.sub_width_mm)} x {number(layout.sub_depth_mm)} mm sub-cell"
+    grid = f"the {layout.rows} x {layout.columns} grid"
+    if not found:  # no beam at all fits a sub-cell that has room for the plate
+        plate, gap, length_mm = plate_shape(spec), spec.printer.smallest_gap_mm, spec.suspension.length_mm
+        spans = [
+            f"{name}: lengths of {number(shortest_mm(spec, name))} …"
+            f" {number(suspension(name).longest(space, plate, gap))} mm, widths of"
+            f" {number(spec.printer.smallest_beam_mm)} … {number(suspension(name).widest(space, plate, gap))} mm"
+            for name in allowed(spec.suspension.topology)
+        ]
+        own = f", asked is suspension.length_mm = {number(length_mm)}" if length_mm else ""
+        return f"{cell} of {grid} holds no such beam ({'; '.join(spans)}){own}"
     asked = ", ".join(number(f) for f in wanted[0]) if wanted else "none in the band"
-    if not found:
-        return _no_beam(spec, layout)
-    grid = f"{layout.channels} channels per coil on the {layout.rows} x {layout.columns} grid"
     if wanted and found[0] <= wanted[0][0] and wanted[0][-1] <= found[1]:
         reach = number(coil_reach_mm(spec))
-        return f"{grid}: beams for {asked} Hz hold a washer beyond the coil's reach of {reach} mm from its axis"
-    return (
-        f"{grid}: the {number(layout.sub_width_mm)} x {number(layout.sub_depth_mm)} mm sub-cell can be printed for"
-        f" {number(found[0])} … {number(found[1])} Hz, asked are {asked} Hz"
-    )
-
-
-def _no_beam(spec: Spec, layout: Layout) -> str:
-    """Say why no beam at all fits a sub-cell that has room for the plate."""
-    space, plate, gap = room(spec, layout), plate_shape(spec), spec.printer.smallest_gap_mm
-    spans = []
-    for name in allowed(spec.suspension.topology):
-        shape = suspension(name)
-        longest, widest = shape.longest(space, plate, gap), shape.widest(space, plate, gap)
-        spans.append(
-            f"{name}: lengths of {number(shortest_mm(spec, name))} … {number(longest)} mm,"
-            f" widths of {number(spec.printer.smallest_beam_mm)} … {number(widest)} mm"
-        )
-    asked = (
-        f", asked is suspension.length_mm = {number(spec.suspension.length_mm)}" if spec.suspension.length_mm else ""
-    )
-    return (
-        f"the {number(layout.sub_width_mm)} x {number(layout.sub_depth_mm)} mm sub-cell of the {layout.rows} x"
-        f" {layout.columns} grid holds no such beam ({'; '.join(spans)}){asked}"
-    )
+        told = f"beams for {asked} Hz hold a washer beyond the coil's reach of {reach} mm from its axis"
+    else:
+        told = f"{cell} can be printed for {number(found[0])} … {number(found[1])} Hz, asked are {asked} Hz"
+    return f"{layout.channels} channels per coil on {grid}: {told}"
 
 
 def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
-    """Yield cures after which the parts have room: another grid, washer, printer or pad, freer beams, fewer taxels."""
+    """Yield cures after which the parts have room: another grid, washer, printer or pad, freer beams, fewer taxels.
+
+    Of the cures of a kind it is the first with room.
+    """
     if spec.coil.grid and (found := _best_layout(spec, limit, {"coil.grid": None})):
         yield {"coil.grid": [found.rows, found.columns]}
-    yield from _amplifier_cures(spec, limit)
-    sizes = {name: float(entry["outer_diameter_mm"]) for name, entry in catalogue("washer").items()}
-    smaller = [name for name, size in sizes.items() if size < spec.washer.outer_diameter_mm]
-    yield from _first_with_room(
-        spec, limit, [{"washer": name} for name in sorted(smaller, key=lambda name: -sizes[name])]
-    )
-    printers = catalogue("printer").values()
-    finer = [entry for entry in printers if entry["line_width_mm"] < spec.printer.line_width_mm]
-    yield from _first_with_room(
-        spec, limit, [{"printer": e["name"]} for e in finer if e["process"] == spec.printer.process]
-    )
-    for item in fields(Suspension):
-        if getattr(spec.suspension, item.name) != item.default:
-            yield from _first_with_room(spec, limit, [{f"suspension.{item.name}": item.default}])
-    sides = ("width_mm", "depth_mm")
-    yield from _first_with_room(
-        spec,
-        limit,
-        [
-            {f"pad.{side}": round(getattr(spec.pad, side) * percent / 100, 1) for side in sides}
-            for percent in (110, 120, 130, 150, 175, 200)
-        ],
-    )
+    ways: list[list[Cure]] = []
+    if spec.amplifier:
+        free = replace(spec, amplifier=None)
+        sized = next(sized_layouts(free, candidates(free, limit)), None)
+        if sized and sized[0].coils > most_outputs(spec):
+            yield {"amplifier.channels": sized[0].coils}
+        larger = _part_sizes("coil", above=spec.coil.outer_diameter_mm)
+        ways.append([{"coil": name} for name in sorted(larger, key=lambda name: larger[name])])
+    smaller = _part_sizes("washer", below=spec.washer.outer_diameter_mm)
+    ways.append([{"washer": name} for name in sorted(smaller, key=lambda name: -smaller[name])])
+    finer = [e for e in catalogue("printer").values() if e["line_width_mm"] < spec.printer.line_width_mm]
+    ways.append([{"printer": e["name"]} for e in finer if e["process"] == spec.printer.process])
+    ways += [
+        [{f"suspension.{item.name}": item.default}]
+        for item in fields(Suspension)
+        if getattr(spec.suspension, item.name) != item.default
+    ]
+    sides = {"pad.width_mm": spec.pad.width_mm, "pad.depth_mm": spec.pad.depth_mm}
+    ways.append([{k: round(v * more / 100, 1) for k, v in sides.items()} for more in (110, 120, 130, 150, 175, 200)])
+    for way in ways:
+        yield from islice((cure for cure in way if _best_layout(spec, limit, cure)), 1)
     # The most taxels that have room are named; of those that an amplifier can play, the most that keep what is asked.
     whole = () if spec.coil.grid else sized_layouts(spec, whole_grids(spec, limit))
     fewer = dict.fromkeys(layout.coils * layout.channels for layout, _ in islice(whole, None if spec.amplifier else 1))
@@ -258,24 +226,14 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
     if spec.coil.grid:
         coils = spec.coil.grid[0] * spec.coil.grid[1]
         most = min(most_channels(spec, limit), (spec.resolution - 1) // coils)
-        yield from _first_with_room(spec, limit, [{"resolution": coils * count} for count in range(most, 0, -1)])
+        each = ({"resolution": coils * count} for count in range(most, 0, -1))
+        yield from islice((cure for cure in each if _best_layout(spec, limit, cure)), 1)
 
 
-def _amplifier_cures(spec: Spec, limit: int) -> Iterator[Cure]:
-    """Yield cures where an amplifier has too few channels: as many as it takes, or larger coils of the catalogue."""
-    free = replace(spec, amplifier=None)
-    found = next(sized_layouts(free, candidates(free, limit)), None) if spec.amplifier else None
-    if found and found[0].coils > most_outputs(spec):
-        yield {"amplifier.channels": found[0].coils}
-    if spec.amplifier:
-        sizes = {name: float(entry["outer_diameter_mm"]) for name, entry in catalogue("coil").items()}
-        larger = sorted((n for n in sizes if sizes[n] > spec.coil.outer_diameter_mm), key=lambda n: sizes[n])
-        yield from _first_with_room(spec, limit, [{"coil": name} for name in larger])
-
-
-def _first_with_room(spec: Spec, limit: int, cures: list[Cure]) -> Iterator[Cure]:
-    """Yield the first of `cures` after which the parts have room, if there is one."""
-    yield from islice((cure for cure in cures if _best_layout(spec, limit, cure)), 1)
+def _part_sizes(kind: str, above: float = 0.0, below: float = inf) -> dict[str, float]:
+    """Return the outer diameters in mm of a catalogue's parts between two others, by name."""
+    sizes = {name: float(entry["outer_diameter_mm"]) for name, entry in catalogue(kind).items()}
+    return {name: size for name, size in sizes.items() if above < size < below}
 
 
 def _best_layout(spec: Spec, limit: int, cure: Cure) -> Layout | None:

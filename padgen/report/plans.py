@@ -528,7 +528,7 @@ def plan_figure(plan: "Plan") -> Any:
 def _draw_pad(axis: Any, plan: "Plan", colours: Any) -> None:
     from matplotlib.patches import Circle, Rectangle
 
-    from padgen.planner.fixtures import coil_axis_mm
+    from padgen.planner.layout import coil_axis_mm
 
     pad, coils = plan.spec.pad, plan.coils
     for grow, style in ((2 * pad.border_mm, "-"), (0.0, ":")):
