@@ -15,11 +15,10 @@ import numpy as np
 from padgen.core.errors import PadgenError
 from padgen.core.units import decibel
 from padgen.planner import Plan, make_plan
-from padgen.planner.capacity import channel_limit
 from padgen.planner.layout import SLACK_MM, candidates
 from padgen.planner.make import Choice, _assemble, _decided_specs, _driven, choose
 from padgen.planner.printed_pads import STAGES, design_of, printed, spreads_of
-from padgen.planner.search import _beams, _within_reach
+from padgen.planner.search import _beams, _within_reach, channel_limit
 from padgen.spec import Spec, load_spec, parse_spec
 from padgen.spec.load import template_paths
 

@@ -34,9 +34,8 @@ from padgen.physics.pull import PullAt, leakage
 from padgen.physics.resonator import TaxelModes, felt_energy
 from padgen.physics.saturation import saturating
 from padgen.planner.channels import coil_modes, hanging_gap_um, heard_modes, magnetic_parts, mode_fields, site_wrenches
-from padgen.planner.drive_scheme import placed_channels
+from padgen.planner.drive_scheme import coils_around, placed_channels
 from padgen.planner.plan import Channel, Plan
-from padgen.planner.reuse import coils_around
 from padgen.planner.suspensions import BeamShape, PlateShape
 from padgen.planner.taxel_model import TaxelModel
 from padgen.spec import Spec

@@ -34,7 +34,7 @@ from padgen.planner.coils import coil_source
 from padgen.planner.plan import TURNS, Beam, Channel, Plan, Site, channel_sets, level_law
 from padgen.planner.sizing import SizedChannel, frequency_spread
 from padgen.planner.suspensions import BeamShape
-from padgen.planner.taxel_model import TaxelModel, fillet_mm, plate_shape, recess_mm
+from padgen.planner.taxel_model import SolvedModel, TaxelModel, fillet_mm, plate_shape, recess_mm
 from padgen.spec import Spec
 
 __all__ = [
@@ -88,12 +88,10 @@ class ModeFields(NamedTuple):
 
 def taxel_modes(model: TaxelModel) -> TaxelModes:
     """Return the modes of `model`: those solved by finite elements if it has them, else the beam model's six."""
-    solved: TaxelModes | None = getattr(model, "solved", None)
-    if solved is not None:
-        return solved
-    modes = model.modes
-    motion = np.concatenate([modes.at_point(model.washer_point_m), modes.shape[3:]]).T
-    return TaxelModes(modes.frequency_hz, motion)
+    if isinstance(model, SolvedModel):
+        return model.solved
+    motion = np.concatenate([model.modes.at_point(model.washer_point_m), model.modes.shape[3:]]).T
+    return TaxelModes(model.modes.frequency_hz, motion)
 
 
 def mode_fields(modes: TaxelModes, wrench: np.ndarray) -> ModeFields:
@@ -116,12 +114,8 @@ def mode_fields(modes: TaxelModes, wrench: np.ndarray) -> ModeFields:
 
 def pulled_shares(modes: Sequence[TaxelModes], wrenches: np.ndarray) -> np.ndarray:
     """Return `ModeFields.pulled_share` (n,) of taxels whose pulls have `wrenches` (n, 6)."""
-    shares = []
-    for own, wrench in zip(modes, wrenches, strict=True):
-        axial = own.compliances()
-        working = axial.argmax()
-        shares.append(own.compliances(wrench)[working] / axial[working])
-    return np.array(shares)
+    pairs = zip(modes, wrenches, strict=True)
+    return np.array([own.compliances(wrench)[own.working] / own.compliances()[own.working] for own, wrench in pairs])
 
 
 def force_error(modes: TaxelModes, wrench: np.ndarray, error: float, radius_m: float) -> float:
@@ -229,15 +223,8 @@ LOW, RANGE, GAPS = 0.35 * MM, 3, 5
 def magnetic_parts(spec: Spec) -> tuple[CoilSource, SteelRing]:
     """Return the coil and the washer of a spec in SI units."""
     washer = spec.washer
-    return (
-        coil_source(spec.coil),
-        SteelRing(
-            washer.outer_diameter_mm * MM,
-            washer.inner_diameter_mm * MM,
-            washer.thickness_mm * MM,
-            washer.relative_permeability,
-        ),
-    )
+    sizes = (v * MM for v in (washer.outer_diameter_mm, washer.inner_diameter_mm, washer.thickness_mm))
+    return coil_source(spec.coil), SteelRing(*sizes, washer.relative_permeability)
 
 
 def pulls(spec: Spec, gap_m: np.ndarray, offset_m: np.ndarray) -> PullAt:
@@ -289,8 +276,8 @@ USUAL_DEPTH = 1.01
 
 def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Site]) -> tuple[Channel, ...]:
     """Return the channels of a coil, before `driven` fills in the fields that depend on the drive scheme."""
-    resonance = np.array([float(s.model.resonance_hz) for s in sized])
-    level = level_law(spec)(resonance)
+    law, resonance = level_law(spec), np.array([float(s.model.resonance_hz) for s in sized])
+    level, threshold_um = law(resonance), law.threshold_um(resonance)
     level_um = spec.drive.level_um * level / level[0]
     sag_m, alpha = np.array([(float(s.model.sag_m), float(s.model.hardening_per_m2)) for s in sized]).T
     sag_um, level_m = sag_m / UM, level_um * UM
@@ -299,13 +286,14 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
     exponent = pull_exponent(pulled, hanging_gap_um(spec, sag_um))
     wrench = site_wrenches(spec, pulled, sites)
     tau_ms = ring_up_time(resonance, spec.q_min) / MS
-    quiet = _quiet_ratios(spec, resonance, level_um)
+    # The ON amplitude over what counts as quiet: the detection threshold where the spec has one, else 1/Δy of it.
+    quiet = np.full(len(resonance), spec.delta_y) if threshold_um is None else level_um / threshold_um
     deep_error = _deep_frame_errors(sized, sites)
-    radius_m = spec.washer.outer_diameter_mm / 2 * MM
+    radius_m, printer = spec.washer.outer_diameter_mm / 2 * MM, spec.printer
     channels = []
     for i, (item, site) in enumerate(zip(sized, sites, strict=True)):
-        stiffness = float(item.model.stiffness_n_per_m)
-        beam_error = item.model.beam_error
+        stiffness, beam_error = float(item.model.stiffness_n_per_m), item.model.beam_error
+        width, thickness, length = (float(v) for v in item.beam)
         moving = taxel_modes(item.model)
         modes = mode_fields(moving, wrench[i])
         force_mn = float(level_um[i]) * UM * stiffness / spec.q_min / MN
@@ -316,7 +304,15 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
                 resonance_hz=float(resonance[i]),
                 drive_hz=float(resonance[i]) / 2,
                 q=spec.q_min,
-                beam=_beam(spec, item),
+                beam=Beam(
+                    width_mm=width,
+                    thickness_mm=thickness,
+                    length_mm=length,
+                    topology=item.topology,
+                    fillet_mm=float(fillet_mm(spec, item.model.arrangement)),
+                    count=len(item.model.arrangement.beams),
+                    layers=round((thickness - printer.first_layer_mm) / printer.layer_mm) + 1,
+                ),
                 effective_mass_g=float(item.model.effective_mass_kg) / GRAM,
                 stiffness_n_per_m=stiffness,
                 ring_up_ms=float(tau_ms[i]),
@@ -385,30 +381,17 @@ def driven(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> tuple[Cha
         pull_n = squares_a2[channel.index % len(sets)] * channel.force_constant_n_per_a2
         slack_um, exponent = pull_n / channel.stiffness_n_per_m / UM, max(channel.pull_exponent, 0.0)
         static_um = balanced_deflection(slack_um, gap_um, exponent)
-        result.append(
-            replace(
-                channel,
-                drive_hz=channel.resonance_hz if scheme.has_constant else channel.resonance_hz / 2,
-                static_um=gap_um if static_um is None else static_um,
-                # With F = k z at balance the stiffness falls by the share (dF/dz)/k, the resonance by half of that.
-                pull_shift=0.0 if static_um is None else exponent * static_um / (gap_um - static_um) / 2,
-            )
-        )
+        # With F = k z at balance the stiffness falls by the share (dF/dz)/k, the resonance by half of that.
+        shift = 0.0 if static_um is None else exponent * static_um / (gap_um - static_um) / 2
+        static_um = gap_um if static_um is None else static_um
+        drive_hz = channel.resonance_hz if scheme.has_constant else channel.resonance_hz / 2
+        result.append(replace(channel, drive_hz=drive_hz, static_um=static_um, pull_shift=shift))
     return tuple(result)
 
 
 def wanted_line_a2(force_mn: float, force_constant_n_per_a2: float) -> float:
     """Return the amplitude in A² of the line of i² that makes a force in mN; 0 for a washer that is not pulled."""
     return force_mn * MN / force_constant_n_per_a2 if force_constant_n_per_a2 > 0 else 0.0
-
-
-def _quiet_ratios(spec: Spec, resonance: np.ndarray, level_um: np.ndarray) -> np.ndarray:
-    """Return the ON amplitude (n,) over the amplitude that counts as quiet.
-
-    Quiet is the detection threshold where the spec has one, else 1/Δy of the ON amplitude.
-    """
-    threshold = level_law(spec).threshold_um(resonance)
-    return np.full(len(resonance), spec.delta_y) if threshold is None else level_um / threshold
 
 
 def _deep_frame_errors(sized: Sequence[SizedChannel], sites: Sequence[Site]) -> np.ndarray:
@@ -426,17 +409,3 @@ def _deep_frame_errors(sized: Sequence[SizedChannel], sites: Sequence[Site]) -> 
         true = replace(models[own[0]], beam=beam, frame_depth_mm=depth[own], member_of=None)
         error[own] = 2 * np.abs(true.resonance_hz / [models[i].resonance_hz for i in own] - 1)
     return error
-
-
-def _beam(spec: Spec, item: SizedChannel) -> Beam:
-    printer = spec.printer
-    width, thickness, length = (float(v) for v in item.beam)
-    return Beam(
-        width_mm=width,
-        thickness_mm=thickness,
-        length_mm=length,
-        topology=item.topology,
-        fillet_mm=float(fillet_mm(spec, item.model.arrangement)),
-        count=len(item.model.arrangement.beams),
-        layers=round((thickness - printer.first_layer_mm) / printer.layer_mm) + 1,
-    )

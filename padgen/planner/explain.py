@@ -13,7 +13,6 @@ from padgen.core.registry import SUSPENSIONS
 from padgen.core.units import decibel
 from padgen.physics.ladder import LevelLaw
 from padgen.physics.schemes import in_order
-from padgen.planner.capacity import channel_limit, coil_capacity, largest_counts, printed_count, searched_to
 from padgen.planner.channels import plan_channels
 from padgen.planner.cures import Cure, varied
 from padgen.planner.drive_scheme import plan_selectivity
@@ -21,7 +20,15 @@ from padgen.planner.layout import SLACK_MM, candidates, explain
 from padgen.planner.make import make_plan
 from padgen.planner.plan import Plan, Selectivity, level_law, scheme_named
 from padgen.planner.printed_pads import STAGES, design_of, missed_spreads, printed, spreads_of
-from padgen.planner.search import sites_of, sized_layouts
+from padgen.planner.search import (
+    channel_limit,
+    coil_capacity,
+    largest_counts,
+    printed_count,
+    searched_to,
+    sites_of,
+    sized_layouts,
+)
 from padgen.spec import Spec, catalogue
 
 __all__ = ["CapacityRow", "Change", "Explanation", "explain_plan"]

@@ -426,7 +426,7 @@ def _far_mode_errors(spec: Spec, own: Sequence[Channel]) -> np.ndarray:
 
 
 def _leakage(plan: Plan) -> Iterator[LeftOut]:
-    """Return the bound of the error of the leakage that `planner.reuse` computes."""
+    """Return the bound of the error of the leakage that `planner.drive_scheme` computes."""
     if plan.reuse.leak_db is not None:
         yield LeftOut("leakage", plan.reuse.leak_error, "1", "leak from coil to coil", computed=True)
 

@@ -14,10 +14,9 @@ from padgen.core.errors import InfeasibleError, number
 from padgen.core.registry import SUSPENSIONS
 from padgen.core.units import MM, UM, decibel
 from padgen.physics.selectivity import Scheme
-from padgen.planner.capacity import channel_limit, coil_capacity, printed_count
 from padgen.planner.channels import driven, force_constants, plan_channels
 from padgen.planner.cures import Cure, refusal, varied, with_tried_cures
-from padgen.planner.drive_scheme import coil_load, frame_rates, is_fed, plan_selectivity
+from padgen.planner.drive_scheme import cell_is_turned, coil_load, coil_reuse, frame_rates, is_fed, plan_selectivity
 from padgen.planner.judge import judge
 from padgen.planner.layout import Layout, candidates, coil_reach_mm, pitch_of, placed_taxel, room
 from padgen.planner.left_out import left_out, touched_pads
@@ -38,8 +37,7 @@ from padgen.planner.plan import (
 )
 from padgen.planner.printed_pads import NOT_PRINTED, compared_prints, what_prints_keep
 from padgen.planner.printing import print_settings
-from padgen.planner.reuse import cell_is_turned, coil_reuse
-from padgen.planner.search import planned_optimum, sites_of, sized_layouts
+from padgen.planner.search import channel_limit, coil_capacity, planned_optimum, printed_count, sites_of, sized_layouts
 from padgen.planner.sizing import SizedChannel
 from padgen.planner.taxel_model import plate_shape, post_diameter_mm, recess_mm
 from padgen.spec import Spec

@@ -30,7 +30,7 @@ when ON. In the others each tone is moved to where its taxel is believed to reso
 the level law gives there: after a coupon the error common to the print is known, after some measured taxels the field
 as well, after re-tuning every taxel's own resonance.
 
-Estimate quickly the selectivity of printed pads from few prints of `padgen.planner.printed_pads`, with the error.
+`what_prints_keep` estimates the selectivity of printed pads from few prints, with the error.
 """
 
 from dataclasses import astuple, dataclass, fields
@@ -190,8 +190,7 @@ def sensitivities(plan: Plan) -> np.ndarray:
     step = np.exp(STEP * np.concatenate([np.eye(3), -np.eye(3)]))
     sizes = np.array([(c.beam.width_mm, c.beam.thickness_mm, c.beam.length_mm) for c in plan.channels])
     log_hz = log_resonances(plan, sizes[:, None] * step)
-    slopes: np.ndarray = (log_hz[:, :3] - log_hz[:, 3:]) / (2 * STEP)
-    return slopes
+    return np.asarray((log_hz[:, :3] - log_hz[:, 3:]) / (2 * STEP))
 
 
 def log_resonances(plan: Plan, sizes_mm: np.ndarray) -> np.ndarray:
@@ -296,8 +295,7 @@ def _washer_weight(plan: Plan) -> np.ndarray:
     mass = area * washer.thickness_mm * MM * washer.density_g_per_cm3 * G_PER_CM3
     motion = np.array([c.mode_motions[int(np.argmax(c.mode_shares))] for c in plan.channels])
     up, tilt = motion[:, 2], motion[:, 3:5]
-    weight: np.ndarray = mass * np.abs(up) * np.hypot(*tilt.T) * MM
-    return weight
+    return np.asarray(mass * np.abs(up) * np.hypot(*tilt.T) * MM)
 
 
 def ratio_spread(design: Design, spreads: Spreads) -> float:
@@ -349,8 +347,7 @@ def _field(design: Design, rng: np.random.Generator, pads: int) -> np.ndarray:
     along, across = (_waves(side, design.field_length_mm) for side in (x, y))
     z = rng.standard_normal((pads, along.shape[1], across.shape[1]))
     grid = along @ z @ across.T
-    field: np.ndarray = grid[:, at_x, at_y].T
-    return field
+    return np.asarray(grid[:, at_x, at_y].T)
 
 
 def _waves(place_mm: np.ndarray, length_mm: float) -> np.ndarray:
@@ -359,19 +356,13 @@ def _waves(place_mm: np.ndarray, length_mm: float) -> np.ndarray:
     The waves stand on nodes a sixth of the length apart, or on the places themselves if these are fewer: each wave
     takes a random number for every pad.
     """
-    count = int(np.ptp(place_mm) / length_mm * NODES) + 2 * NODES
-    nodes = place_mm
+    count, nodes = int(np.ptp(place_mm) / length_mm * NODES) + 2 * NODES, place_mm
     if count < len(place_mm):
         nodes = np.linspace(place_mm.min() - length_mm, place_mm.max() + length_mm, count)
-    size, shape = np.linalg.eigh(_correlation(nodes, nodes, length_mm))
+    among_nodes, to_nodes = (np.exp(-(((at[:, None] - nodes) / length_mm) ** 2)) for at in (nodes, place_mm))
+    size, shape = np.linalg.eigh(among_nodes)
     kept = size > SMALLEST_WAVE * size.max()
-    waves: np.ndarray = _correlation(place_mm, nodes, length_mm) @ shape[:, kept] / np.sqrt(size[kept])
-    return waves
-
-
-def _correlation(one_mm: np.ndarray, other_mm: np.ndarray, length_mm: float) -> np.ndarray:
-    alike: np.ndarray = np.exp(-(((one_mm[:, None] - other_mm) / length_mm) ** 2))
-    return alike
+    return np.asarray(to_nodes @ shape[:, kept] / np.sqrt(size[kept]))
 
 
 def covariance(design: Design, spreads: Spreads, coupon: np.ndarray | None = None) -> np.ndarray:
@@ -508,30 +499,24 @@ def _simulated(plan: Plan, design: Design, made: int, stages: tuple[str, ...]) -
     prints, share = printed(design, spreads, made, 0, stages), plan.spec.print_share
     kept = np.sort(10 * np.log10(np.maximum(prints.ratio, np.finfo(float).tiny)), axis=1)
     reached = kept[:, min(int((1 - share) * made), made - 1)].tolist()
-    good = float(prints.good[-1].mean())
-    taxels = float(prints.good_taxels[-1].mean()) / len(plan.taxels)
-    heard = bool(np.isfinite(kept).all())
+    good, heard = float(prints.good[-1].mean()), bool(np.isfinite(kept).all())
     of_coils = dict(zip([t.coil for t in plan.taxels], (prints.good_coils[-1] / made).tolist(), strict=True))
     dbs: dict[str, float | None] = dict(zip(stages, reached, strict=True)) if heard else {}
     # The quantile lies between these ranks with 95 % confidence (normal approximation of the binomial distribution).
     away = SIGMAS_95 * sqrt(made * share * (1 - share))
     low, high = (int(np.clip((1 - share) * made + sign * away, 0, made - 1)) for sign in (-1, 1))
+    z2 = SIGMAS_95**2
     return Prints(
         print_db=dbs.get("retuned"),
         planned_db=dbs.get("planned"),
         coupon_db=dbs.get("coupon"),
         some_db=dbs.get("some"),
         good_share=good,
-        good_taxel_share=taxels,
+        good_taxel_share=float(prints.good_taxels[-1].mean()) / len(plan.taxels),
         pads=made,
         error_db=float(kept[-1, high] - kept[-1, low]) / 2 if heard else None,
-        error_share=_wilson_half_width(good, made),
+        # Half of Wilson's 95 % interval.
+        error_share=SIGMAS_95 * sqrt(good * (1 - good) / made + z2 / (4 * made**2)) / (1 + z2 / made),
         ratio_spread=ratio_spread(design, spreads),
         coil_shares=tuple(of_coils.get(divmod(k, columns), 1.0) for k in range(plan.coils.rows * columns)),
     )
-
-
-def _wilson_half_width(share: float, made: int) -> float:
-    """Return half of Wilson's 95 % interval of a share among `made`."""
-    z2 = SIGMAS_95**2
-    return SIGMAS_95 * sqrt(share * (1 - share) / made + z2 / (4 * made**2)) / (1 + z2 / made)
