@@ -218,16 +218,18 @@ def left_out(plan: Plan) -> tuple[LeftOut, ...]:
 
     Each bound is of the channel where it is largest.
     """
+    # The pad is screwed down at its corners or, without holes, glued down.
+    frame = flexibility_bounds(plan, "corners" if plan.spec.pad.hole_diameter_mm else "bottom")
     found = [
         _inertia(plan),
-        _stretching(plan),
+        *_bending(plan),
         *_air(plan),
-        _large_motion(plan),
-        _frame(plan),
+        _worst_channel("frame", "resonance", plan.channels, frame),
         *_far_modes(plan),
-        *_leakage(plan),
         *_magnetic(plan),
     ]
+    if plan.reuse.leak_db is not None:
+        found.append(LeftOut("leakage", plan.reuse.leak_error, "1", "leak from coil to coil", computed=True))
     found.sort(key=lambda entry: -_size(entry))
     whole = [LeftOut(term, None, "1", of, True, "included") for term, of in INCLUDED.items()]
     free = [LeftOut(term, None, "1", of, False, "unbounded") for term, (of, _) in UNBOUNDED.items()]
@@ -308,14 +310,21 @@ def _inertia(plan: Plan) -> LeftOut:
     return replace(_worst_channel("beam inertia", "resonance", channels, bound), computed=not beams)
 
 
-def _stretching(plan: Plan) -> LeftOut:
-    """Bound the rest of stretching: the cubic spring's error, and the mean pull's offset, not in `level_shift`."""
+def _bending(plan: Plan) -> Iterator[LeftOut]:
+    """Bound what beams do that bend far.
+
+    Of stretching it is the cubic spring's error, and the mean pull's offset, which is not in `level_shift`; of slopes
+    beyond linear theory, the secant stiffness that grows by `SLOPE_HARDENING` ``(z/l)²``.
+    """
     alpha, level, sag, static, shift = np.array(
         [(c.hardening_per_mm2 * UM**2 / MM**2, c.level_um, c.sag_um, c.static_um, c.level_shift) for c in plan.channels]
     ).T
     pulled = resonance_rise(alpha, level, sag + static)
     bound = pulled - shift + HARDENING_SHARE * pulled
-    return replace(_worst_channel("stretching", "resonance", plan.channels, bound), computed=True)
+    yield replace(_worst_channel("stretching", "resonance", plan.channels, bound), computed=True)
+    length = np.array([c.beam.length_mm * MM for c in plan.channels])
+    sloping = resonance_rise(SLOPE_HARDENING / length**2, level * UM, (sag + static) * UM)
+    yield _worst_channel("large slopes", "resonance", plan.channels, sloping)
 
 
 def _air(plan: Plan) -> Iterator[LeftOut]:
@@ -386,49 +395,28 @@ def _moving_area(arrangement: Arrangement, channel: Channel) -> tuple[float, ...
     return area * MM**2, blocks * MM**2, square / area, most, float(np.hypot(*arrangement.window_mm)) * MM
 
 
-def _large_motion(plan: Plan) -> LeftOut:
-    """Bound the effect of slopes beyond linear theory: the secant stiffness grows by `SLOPE_HARDENING` ``(z/l)²``."""
-    away, level, length = np.array(
-        [((c.sag_um + c.static_um) * UM, c.level_um * UM, c.beam.length_mm * MM) for c in plan.channels]
-    ).T
-    return _worst_channel(
-        "large slopes", "resonance", plan.channels, resonance_rise(SLOPE_HARDENING / length**2, level, away)
-    )
-
-
-def _frame(plan: Plan) -> LeftOut:
-    """Bound the effect of the flexible frame: screwed down at its corners or, without holes, glued down."""
-    bound = flexibility_bounds(plan, "corners" if plan.spec.pad.hole_diameter_mm else "bottom")
-    return _worst_channel("frame", "resonance", plan.channels, bound)
-
-
 def _far_modes(plan: Plan) -> Iterator[LeftOut]:
-    """Bound the modes that `pull_modes.heard_modes` drops, at the tones of a coil's other channels, all on."""
+    """Bound the modes that `heard_modes` drops, at the tones of a coil's other channels, all on.
+
+    The bound is the relative error of OFF amplitudes, by Cauchy's inequality for each component.
+    """
     if not plan.selectivity.modes_left_out:
         return
-    bound = np.concatenate([_far_mode_errors(plan.spec, own) for own in plan.sets])
-    yield _worst_channel("far modes", "OFF amplitude", [channel for own in plan.sets for channel in own], bound)
-
-
-def _far_mode_errors(spec: Spec, own: Sequence[Channel]) -> np.ndarray:
-    """Bound the relative error (n,) of OFF amplitudes without far modes, by Cauchy's inequality for each component."""
-    line, hz = placed_channels(spec, own).line, np.array([channel.resonance_hz for channel in own])
-    every, heard = coil_modes(spec, own), heard_modes(spec, own, line)
-    kept = np.where(heard.gain.any(-1), heard.frequency_hz, 0.0)
-    dropped = every.gain * ~(every.frequency_hz[..., None] == kept[:, None]).any(-1)[..., None]
-    weight = (line / line[:, None]) ** 2 * ~np.eye(len(line), dtype=bool)
-    amplitude, more = np.zeros(len(line)), np.zeros(len(line))
-    for part in range(dropped.shape[-1]):
-        taxels = heard._replace(gain=heard.gain[..., [part]]), every._replace(gain=dropped[..., [part]])
-        known, missed = (np.maximum((felt_energy(t, slice(None), hz) * weight).sum(1), 0.0) for t in taxels)
-        amplitude, more = amplitude + known, more + 2 * np.sqrt(known * missed) + missed
-    return np.divide(more, 2 * amplitude, out=np.zeros(len(line)), where=amplitude > 0)
-
-
-def _leakage(plan: Plan) -> Iterator[LeftOut]:
-    """Return the bound of the error of the leakage that `planner.drive_scheme` computes."""
-    if plan.reuse.leak_db is not None:
-        yield LeftOut("leakage", plan.reuse.leak_error, "1", "leak from coil to coil", computed=True)
+    bounds = []
+    for own in plan.sets:
+        line, hz = placed_channels(plan.spec, own).line, np.array([channel.resonance_hz for channel in own])
+        every, heard = coil_modes(plan.spec, own), heard_modes(plan.spec, own, line)
+        kept = np.where(heard.gain.any(-1), heard.frequency_hz, 0.0)
+        dropped = every.gain * ~(every.frequency_hz[..., None] == kept[:, None]).any(-1)[..., None]
+        weight = (line / line[:, None]) ** 2 * ~np.eye(len(line), dtype=bool)
+        amplitude, more = np.zeros(len(line)), np.zeros(len(line))
+        for part in range(dropped.shape[-1]):
+            taxels = heard._replace(gain=heard.gain[..., [part]]), every._replace(gain=dropped[..., [part]])
+            known, missed = (np.maximum((felt_energy(t, slice(None), hz) * weight).sum(1), 0.0) for t in taxels)
+            amplitude, more = amplitude + known, more + 2 * np.sqrt(known * missed) + missed
+        bounds.append(np.divide(more, 2 * amplitude, out=np.zeros(len(line)), where=amplitude > 0))
+    channels = [channel for own in plan.sets for channel in own]
+    yield _worst_channel("far modes", "OFF amplitude", channels, np.concatenate(bounds))
 
 
 def _magnetic(plan: Plan) -> Iterator[LeftOut]:
