@@ -72,12 +72,9 @@ def slot_band_hz(spec: Spec) -> tuple[float, float]:
 
 def reachable_hz(spec: Spec, room: Room) -> tuple[float, float] | None:
     """Return the lowest and highest resonance in Hz that allowed suspensions reach in `room`; None if no beam fits."""
-    spans = [
-        item.span_hz for name in allowed(spec.suspension.topology) if (item := reach(spec, name, room)) is not None
-    ]
-    if not spans:
-        return None
-    return min(low for low, _ in spans), max(high for _, high in spans)
+    found = (reach(spec, name, room) for name in allowed(spec.suspension.topology))
+    spans = [item.span_hz for item in found if item is not None]
+    return (min(low for low, _ in spans), max(high for _, high in spans)) if spans else None
 
 
 def ladders(spec: Spec, count: int, room: Room) -> list[tuple[float, ...]]:
@@ -123,9 +120,9 @@ def _both_sets(spec: Spec, best: Optimum, half_step: float) -> tuple[float, ...]
 
     With a power law of levels the second set is as selective as the first.
     """
-    first = np.array(best.resonances_hz)
     if spec.coil.sets == 1:
         return best.resonances_hz
+    first = np.array(best.resonances_hz)
     # The root of the closest ratio is at most half a step, since an evenly spread set has no closer pair.
     closest = float((first[1:] / first[:-1]).min()) ** 0.5 if len(first) > 1 else half_step
     return _rounded(np.stack([first, first * closest], -1).ravel())
@@ -133,10 +130,8 @@ def _both_sets(spec: Spec, best: Optimum, half_step: float) -> tuple[float, ...]
 
 def _span_hz(spec: Spec, room: Room) -> tuple[float, float]:
     """Return the part of the band in Hz that the room reaches; the whole band where it reaches none of it."""
-    found = reachable_hz(spec, room)
-    low, high = (spec.band_hz[0], spec.band_hz[1])
-    if found:
-        low, high = max(low, found[0] * 1.01), min(high, found[1] / 1.01)
+    found = reachable_hz(spec, room) or (0.0, float("inf"))
+    low, high = max(spec.band_hz[0], found[0] * 1.01), min(spec.band_hz[1], found[1] / 1.01)
     return (low, high) if low < high else spec.band_hz
 
 
@@ -193,13 +188,15 @@ def _from_plain(entry: Any, count: int) -> Optimum | None:
 
 
 def _searched(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
+    band, asked_db = (low_hz, high_hz), decibel(spec.delta_y)
     if spec.drive.scheme != "auto":
-        return _best(spec, count, low_hz, high_hz, spec.drive.scheme)
-    clean = count > 2 and _tones_can_be_clean(spec, count, low_hz, high_hz)
-    best = _best(spec, count, low_hz, high_hz, "tones" if clean else "spur-free")
-    if best.all_states_db < decibel(spec.delta_y):
-        turns = _best(spec, count, low_hz, high_hz, "time-shared")
-        best = turns if turns.all_states_db >= decibel(spec.delta_y) else best
+        return _best(spec, count, *band, spec.drive.scheme)
+    # Where fewer channels cannot keep the asked selectivity with plain tones, more cannot either.
+    clean = all(_best(spec, fewer, *band, "tones").all_states_db >= asked_db for fewer in range(3, count + 1))
+    best = _best(spec, count, *band, "tones" if clean and count > 2 else "spur-free")
+    if best.all_states_db < asked_db:
+        turns = _best(spec, count, *band, "time-shared")
+        best = turns if turns.all_states_db >= asked_db else best
     return best
 
 
@@ -210,15 +207,6 @@ def _best(spec: Spec, count: int, low_hz: float, high_hz: float, drive: str) -> 
     law, scheme = level_law(spec), scheme_named(spec, drive)
     ladder = optimal_ladder(low_hz, high_hz, count, spec.q_min, law, scheme)
     return Optimum(_rounded(ladder), all_states(channels(ladder, spec.q_min, law(ladder)), scheme).db, drive)
-
-
-def _tones_can_be_clean(spec: Spec, count: int, low_hz: float, high_hz: float) -> bool:
-    """Return whether plain tones can keep the asked selectivity with `count` channels.
-
-    Fewer channels are tried first: where these cannot, `count` cannot either.
-    """
-    band, asked_db = (low_hz, high_hz), decibel(spec.delta_y)
-    return all(_best(spec, fewer, *band, "tones").all_states_db >= asked_db for fewer in range(3, count + 1))
 
 
 def planned_optimum(spec: Spec, count: int, room: Room) -> Optimum | None:
@@ -276,15 +264,11 @@ def sized_layouts(spec: Spec, options: Iterable[Layout]) -> Iterator[tuple[Layou
             break
         tried, sized = tried + 1, sized + layout.channels
         channels = _beams(spec, layout)
-        if channels and _within_reach(spec, layout, channels):
+        # Every washer must overlap its coil.
+        reach_mm = coil_reach_mm(spec) + SLACK_MM
+        if channels and all(site.coil_distance_mm <= reach_mm for site in sites_of(spec, layout, channels)):
             seen.add(key)
             yield _with_even_pull(spec, layout, channels), channels
-
-
-def _within_reach(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> bool:
-    """Return whether every washer overlaps its coil."""
-    sites = sites_of(spec, layout, channels)
-    return max(site.coil_distance_mm for site in sites) <= coil_reach_mm(spec) + SLACK_MM
 
 
 def _with_even_pull(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> Layout:
@@ -348,36 +332,30 @@ def channel_limit(spec: Spec) -> int:
     SpecError
         The band does not hold a single slot.
     """
-    low, high = slot_band_hz(spec)
-    if low > high and slot_half_width(spec.q_min, spec.delta_y) < DRAWN_SHARE:
+    lowest, (low, high) = slot_band_hz(spec)[0], spec.band_hz
+    if lowest > slot_band_hz(spec)[1] and slot_half_width(spec.q_min, spec.delta_y) < DRAWN_SHARE:
+        wider = low * ((1 + DRAWN_SHARE) / (1 - DRAWN_SHARE))
         raise SpecError(
-            f"is narrower than beams can be drawn, to {2 * DRAWN_SHARE:.1%}, got {spec.band_hz[0]:.9g} …"
-            f" {spec.band_hz[1]:.9g} Hz",
+            f"is narrower than beams can be drawn, to {2 * DRAWN_SHARE:.1%}, got {low:.9g} … {high:.9g} Hz",
             "band_hz",
-            [_band_up_to(spec, (1 + DRAWN_SHARE) / (1 - DRAWN_SHARE))],
+            [{"band_hz": [low, float(at_least(wider))]}],
         )
     count = whole_channels(_paper_capacity(spec))
     if count < 1:
-        low, ratio = spec.band_hz[0], ladder_ratio(spec.q_min, spec.delta_y)
-        wider = low * ratio <= WIDEST_HZ
+        ratio, third = ladder_ratio(spec.q_min, spec.delta_y), (high / low) ** (1 / 3)
+        # A wider band or, where there is none, the ON over OFF at which a slot takes a third of the band.
+        cure = (
+            {"band_hz": [low, float(at_least(low * (ratio * 1.001)))]}
+            if low * ratio <= WIDEST_HZ
+            else {"delta_y": float(at_most(4 * spec.q_min * (third - 1) / (third + 1)))}
+        )
         raise SpecError(
             f"holds no channel: at Q = {spec.q_min:g} one slot needs a band of 1 : {ratio:.4g},"
-            f" got {number(low)} … {number(spec.band_hz[1])} Hz",
+            f" got {number(low)} … {number(high)} Hz",
             "band_hz",
-            [_band_up_to(spec, ratio * 1.001)] if wider else _selective_q(spec),
+            [cure],
         )
     return count
-
-
-def _band_up_to(spec: Spec, ratio: float) -> dict[str, list[float]]:
-    """Return a cure: the band with its upper end moved to `ratio` times the lower end."""
-    return {"band_hz": [spec.band_hz[0], float(at_least(spec.band_hz[0] * ratio))]}
-
-
-def _selective_q(spec: Spec) -> list[dict[str, float]]:
-    """Return a cure: the delta_y (ON over OFF) at which a slot takes a third of the band."""
-    third = (spec.band_hz[1] / spec.band_hz[0]) ** (1 / 3)
-    return [{"delta_y": float(at_most(4 * spec.q_min * (third - 1) / (third + 1)))}]
 
 
 def coil_capacity(spec: Spec, scheme: Scheme, limit: str) -> Capacity:
@@ -475,10 +453,8 @@ def _loudest_line_text(band_hz: tuple[float, float], count: int, q: float, law: 
     ladder = _ladder(band_hz, count, q, law)
     off = all_states(ladder, scheme).off
     drivers, kind = loudest_line(ladder, scheme, off)
-    heard = f"channel {off} of {count} at {number(float(ladder.resonance_hz[off]))} Hz"
-    if len(drivers) == 1:
-        return f"the {kind} of channel {drivers[0]} on {heard}"
-    return f"the {kind} of channels {drivers[0]} and {drivers[1]} on {heard}"
+    makers = f"channel {drivers[0]}" if len(drivers) == 1 else f"channels {drivers[0]} and {drivers[1]}"
+    return f"the {kind} of {makers} on channel {off} of {count} at {number(float(ladder.resonance_hz[off]))} Hz"
 
 
 def _paper_capacity(spec: Spec) -> float:
